@@ -1,0 +1,1 @@
+//! The frame loop: sub-steps, statistics, the cache written as it goes.

@@ -1,0 +1,80 @@
+//! The hair cache: how a bake is laid out as USD files, and how it is read back.
+//!
+//! `hair.usda` (root), `hair.topology.usdc` (all that does not move), `hair.manifest.usda` (clip
+//! manifest), `hair.1001.usdc` … (one file a frame) and `manifest.json`. Arrays here are in the
+//! cache's own unit and axes, as they stand in the files.
+
+/// What does not change over a bake.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Header {
+    /// Metres in one scene unit.
+    pub metres_per_unit: f64,
+    /// `true` for Z up, `false` for Y up.
+    pub z_up: bool,
+    /// Frames a second.
+    pub fps: f64,
+    /// First and last frame of the shot; a handle frame lies before and after.
+    pub frames: (i32, i32),
+    /// Render strands; `None` where only guides are written.
+    pub hair: Option<CurveSet>,
+    /// Guides.
+    pub guides: CurveSet,
+    /// Colliders, for the validator and the preview.
+    pub colliders: Vec<ColliderMesh>,
+}
+
+/// Curves that do not change over a bake. `n` curves, `N` points in all.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CurveSet {
+    /// Points of each curve; `n`.
+    pub counts: Vec<i32>,
+    /// Points in rest space; `N`.
+    pub rest: Vec<[f32; 3]>,
+    /// Diameter at each point; `N`.
+    pub widths: Vec<f32>,
+    /// Unique id of each curve; `n`.
+    pub id: Vec<i32>,
+    /// Group of each curve; `n`.
+    pub group: Vec<i32>,
+    /// 1 for a simulated guide, 0 for an interpolated strand; `n`.
+    pub guide: Vec<i32>,
+    /// Texture coordinate of each root; `n`.
+    pub root_uv: Vec<[f32; 2]>,
+}
+
+/// A collider as triangles in the rest space of its body (analytic shapes tessellated on the outside).
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ColliderMesh {
+    /// Prim name.
+    pub name: String,
+    /// Vertices.
+    pub points: Vec<[f32; 3]>,
+    /// Vertex indices, three a triangle.
+    pub triangles: Vec<[i32; 3]>,
+}
+
+/// What changes from frame to frame.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Frame {
+    /// Frame number.
+    pub frame: i32,
+    /// Render strands, where the header has them.
+    pub hair: Option<CurveFrame>,
+    /// Guides.
+    pub guides: CurveFrame,
+    /// Rest space to world on the head, column-vector convention: `world = head · rest`.
+    pub head: [[f64; 4]; 4],
+    /// The same for each collider of the header.
+    pub colliders: Vec<[[f64; 4]; 4]>,
+}
+
+/// Curves at one frame.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CurveFrame {
+    /// Points, world space.
+    pub points: Vec<[f32; 3]>,
+    /// Velocities, scene units per second.
+    pub velocities: Vec<[f32; 3]>,
+    /// Lowest and highest corner of the points grown by half the widths.
+    pub extent: [[f32; 3]; 2],
+}

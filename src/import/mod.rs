@@ -1,0 +1,1 @@
+//! Plain strands and motion tracks made into `groom.json` and `anim.json`.

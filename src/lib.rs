@@ -1,0 +1,23 @@
+//! Offline hair baker: grooms and head tracks in, Cosserat rods in wisps, USD curve caches out.
+//!
+//! The modules follow the way of the data: [`import`] makes scenes from plain strands, [`scene`] is
+//! the validated input, [`bake`] runs the frames over [`rod`], [`wisp`] and [`contact`], [`strands`]
+//! turns guides into render strands, [`cache`] lays them out as USD through [`usd`], [`report`]
+//! shows the result, and [`cli`] is the only module that prints. `docs/theory.md` holds the equations.
+
+pub mod bake;
+pub mod cache;
+pub mod cli;
+pub mod contact;
+pub mod error;
+pub mod import;
+pub mod math;
+pub mod report;
+pub mod rod;
+pub mod sample;
+pub mod scene;
+pub mod strands;
+pub mod usd;
+pub mod wisp;
+
+pub use error::{Error, Problem, Result};

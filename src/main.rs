@@ -1,0 +1,5 @@
+//! `hairbake`: see [`hairbake::cli`].
+
+fn main() -> std::process::ExitCode {
+    hairbake::cli::main()
+}

@@ -1,0 +1,1 @@
+//! Kirchhoff rods in curvature-and-twist coordinates.

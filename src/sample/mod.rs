@@ -1,0 +1,1 @@
+//! Procedural grooms and head motions.

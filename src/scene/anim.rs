@@ -1,0 +1,145 @@
+//! The animation: bodies on tracks, colliders, wind, forces, settings. SI units, Y up, world space.
+
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use std::path::PathBuf;
+
+pub use super::keyed::Keyed;
+pub use super::track::Track;
+
+/// An animation, validated.
+#[derive(Debug, Clone)]
+pub struct Anim {
+    /// Frames a second of the bake.
+    pub fps: f64,
+    /// First and last frame, inclusive.
+    pub frames: (i32, i32),
+    /// Index into [`Anim::bodies`] of the body that carries the groom.
+    pub head: usize,
+    /// Rigid bodies; at least the head.
+    pub bodies: Vec<Body>,
+    /// What the hair collides with.
+    pub colliders: Vec<Collider>,
+    /// Gravity, m/s².
+    pub gravity: Vector3<f64>,
+    /// Wind fields; their velocities add.
+    pub wind: Vec<Wind>,
+    /// Uniform accelerations over time, m/s², added to gravity.
+    pub forces: Vec<Keyed>,
+    /// Simulation settings.
+    pub settings: Settings,
+}
+
+/// A rigid body on a track. A point p of rest space is at `pose(t) · rest⁻¹ · p` in the world;
+/// [`Track::pose`] already includes the `rest⁻¹`.
+#[derive(Debug, Clone)]
+pub struct Body {
+    /// Name.
+    pub name: String,
+    /// Rest space to world, over time.
+    pub track: Track,
+}
+
+/// Something the hair cannot enter.
+#[derive(Debug, Clone)]
+pub struct Collider {
+    /// Name, unique; a valid USD prim name.
+    pub name: String,
+    /// Body that carries it, index into [`Anim::bodies`].
+    pub body: usize,
+    /// Its shape, in the rest space of its body.
+    pub shape: Shape,
+    /// Coulomb friction coefficient, or `None` to take the strand's own.
+    pub friction: Option<f64>,
+    /// Distance kept between the shape and the strands, m.
+    pub thickness: f64,
+}
+
+/// Shape of a collider, metres, rest space of its body.
+#[derive(Debug, Clone)]
+pub enum Shape {
+    /// Triangles, open or closed.
+    Mesh(TriMesh),
+    /// Ball.
+    Sphere {
+        /// Centre.
+        centre: Vector3<f64>,
+        /// Radius.
+        radius: f64,
+    },
+    /// Cylinder with round ends.
+    Capsule {
+        /// Ends of the axis.
+        ends: [Vector3<f64>; 2],
+        /// Radius.
+        radius: f64,
+    },
+    /// Ellipsoid.
+    Ellipsoid {
+        /// Centre.
+        centre: Vector3<f64>,
+        /// Semi-axes.
+        radii: Vector3<f64>,
+        /// Orientation of the axes.
+        rotation: UnitQuaternion<f64>,
+    },
+    /// Half-space below a plane.
+    Plane {
+        /// A point of the plane.
+        point: Vector3<f64>,
+        /// Unit normal, away from the solid side.
+        normal: Vector3<f64>,
+    },
+}
+
+/// A triangle mesh.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct TriMesh {
+    /// The file it came from.
+    pub file: PathBuf,
+    /// Vertices, m.
+    pub vertices: Vec<Vector3<f64>>,
+    /// Vertex indices, counter-clockwise seen from outside; none degenerate.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// A wind field: a uniform velocity over time plus gusts.
+#[derive(Debug, Clone)]
+pub struct Wind {
+    /// Mean velocity over time, m/s.
+    pub velocity: Keyed,
+    /// Root-mean-square speed of the gusts, m/s; 0 = steady.
+    pub gust_speed: f64,
+    /// Size of the gusts, m.
+    pub gust_length: f64,
+    /// Seed of the gusts.
+    pub seed: u32,
+}
+
+/// Simulation settings; the command line may override them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// Steps of the solver in one frame.
+    pub substeps: u32,
+    /// Simulated time before the first frame, s, in which the groom settles and overlaps are worked out.
+    pub preroll: f64,
+    /// Strain nodes on a guide that belongs to no wisp of the groom's own.
+    pub nodes: u32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings { substeps: 8, preroll: 1.0, nodes: 8 }
+    }
+}
+
+impl Anim {
+    /// Time of a frame, s: frame 0 is at 0.
+    pub fn time(&self, frame: f64) -> f64 {
+        frame / self.fps
+    }
+
+    /// World pose of rest space on the head at time `t`, s.
+    pub fn head_pose(&self, t: f64) -> Isometry3<f64> {
+        self.bodies[self.head].track.pose(t)
+    }
+}

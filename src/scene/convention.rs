@@ -1,0 +1,59 @@
+//! Units and up axis of a file, and the way to the inside convention (metres, Y up) and back.
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// Which axis of a file points up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum UpAxis {
+    /// Y up, right-handed (USD, Maya, glTF).
+    #[default]
+    Y,
+    /// Z up, right-handed (Blender, Houdini exports, survey data).
+    Z,
+}
+
+/// Length unit and up axis of a file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Convention {
+    /// Metres in one scene unit (0.01 for centimetres).
+    pub metres_per_unit: f64,
+    /// Up axis.
+    pub up: UpAxis,
+}
+
+impl Default for Convention {
+    fn default() -> Self {
+        Convention { metres_per_unit: 1.0, up: UpAxis::Y }
+    }
+}
+
+impl Convention {
+    /// Rotation from the file's axes to Y up (−90° about x for Z up).
+    pub fn to_y_up(&self) -> UnitQuaternion<f64> {
+        match self.up {
+            UpAxis::Y => UnitQuaternion::identity(),
+            UpAxis::Z => UnitQuaternion::from_axis_angle(&Vector3::x_axis(), -std::f64::consts::FRAC_PI_2),
+        }
+    }
+
+    /// A position or displacement of the file, in metres, Y up.
+    pub fn length_in(&self, v: Vector3<f64>) -> Vector3<f64> {
+        self.to_y_up() * v * self.metres_per_unit
+    }
+
+    /// The way back: metres, Y up, to the file's unit and axes.
+    pub fn length_out(&self, v: Vector3<f64>) -> Vector3<f64> {
+        self.to_y_up().inverse() * v / self.metres_per_unit
+    }
+
+    /// A direction, or a vector already in SI units, turned to Y up.
+    pub fn direction_in(&self, v: Vector3<f64>) -> Vector3<f64> {
+        self.to_y_up() * v
+    }
+
+    /// An orientation given in the file's axes, turned to Y up (conjugation by [`Self::to_y_up`]).
+    pub fn rotation_in(&self, q: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        let a = self.to_y_up();
+        a * q * a.inverse()
+    }
+}

@@ -1,0 +1,1 @@
+//! Render strands from guide strands, in strain space.

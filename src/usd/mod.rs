@@ -1,0 +1,1 @@
+//! USD files: the crate (usdc) writer and reader. Knows arrays and attributes, not hair.

@@ -1,0 +1,1 @@
+//! The wisp hierarchy made rods: which rod elements exist now.
