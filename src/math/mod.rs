@@ -1,1 +1,5 @@
 //! Small mathematics shared by the solver: rigid motions, dense kernels. Imports nothing of ours.
+
+pub mod cholesky;
+pub mod se3;
+pub mod spline;
