@@ -1,0 +1,321 @@
+//! What does not change of a rod: its natural shape cut into Magnus sub-steps, its stiffness, its mass.
+
+use crate::math::se3::{self, Pose, Twist};
+use crate::math::spline::ArcSpline;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+/// Most that the natural shape turns in one sub-step, rad. The Magnus series converges below π; below 0.7 its
+/// fourth-order error is under the rounding of a written point for natural curls.
+pub const MAX_SUBSTEP_TURN: f64 = 0.7;
+
+/// Gauss points of a sub-step, as fractions of it: ½ ∓ √3/6.
+pub(super) const GAUSS: [f64; 2] = [0.211_324_865_405_187_13, 0.788_675_134_594_812_9];
+
+/// One Magnus sub-step of the natural shape.
+#[derive(Debug, Clone)]
+pub(super) struct Step {
+    /// Element (between nodes `element` and `element + 1`) that holds it.
+    pub element: usize,
+    /// Length h, m.
+    pub h: f64,
+    /// Exponent of the natural shape: exact, so that the natural shape is met to rounding at q = 0.
+    pub natural: Twist,
+    /// Natural strain at the two Gauss points, 1/m.
+    pub strain: [Vector3<f64>; 2],
+    /// Hat functions of the left node at the two Gauss points; the right node's are one minus these.
+    pub left: [f64; 2],
+}
+
+/// What a rod is made from. SI units, rest space.
+#[derive(Debug, Clone)]
+pub struct RodSource<'a> {
+    /// Points of the centre line, root first.
+    pub points: &'a [Vector3<f64>],
+    /// Root frame (columns d1, d2, d3); `None` takes any frame around the root tangent. Its d3 is used as the
+    /// clamp direction where given.
+    pub root_frame: Option<UnitQuaternion<f64>>,
+    /// Arc-length fractions of the strain nodes, from 0 to 1.
+    pub arc: &'a [f64],
+    /// (E I1, E I2, G J), N·m².
+    pub stiffness: [f64; 3],
+    /// ρ S, kg/m.
+    pub line_density: f64,
+    /// Kelvin-Voigt relaxation time, s.
+    pub damping: f64,
+    /// Constant natural strain, 1/m; `None` takes the shape of `points` as natural.
+    pub natural: Option<Vector3<f64>>,
+    /// Longest sub-step, m: bounds the chord error of the polyline that contact sees.
+    pub max_step: f64,
+}
+
+/// A rod: everything about it that does not change over a bake.
+#[derive(Debug, Clone)]
+pub struct Rod {
+    /// Arc lengths of the strain nodes, m.
+    pub nodes: Vec<f64>,
+    /// Root pose in rest space.
+    pub root: Pose,
+    /// (E I1, E I2, G J), N·m².
+    pub stiffness: [f64; 3],
+    /// Kelvin-Voigt relaxation time, s.
+    pub damping: f64,
+    /// ρ S, kg/m.
+    pub line_density: f64,
+    /// Arc length that each point stands for in integrals along the rod (composite Simpson), m; one per point.
+    pub weight: Vec<f64>,
+    /// Generalised force of natural pre-bending, N·m²; see [`Rod::support`]. Zero unless asked for.
+    pub prebend: Vec<f64>,
+    /// Starting deviation: the groom's shape as seen from the natural one, 1/m.
+    pub start: Vec<f64>,
+    pub(super) steps: Vec<Step>,
+    /// Hat-function mass matrix ∫ N_i N_j ds, m: diagonal, and next to it.
+    pub(super) hat: Vec<[f64; 2]>,
+}
+
+impl Rod {
+    /// Builds a rod; `None` where the points are fewer than two or do not differ.
+    pub fn new(source: &RodSource) -> Option<Rod> {
+        let spline = ArcSpline::through(source.points)?;
+        let length = spline.length();
+        let nodes: Vec<f64> = source.arc.iter().map(|u| u * length).collect();
+        let root = root_pose(source, &spline);
+        let turning = |a: f64, b: f64| match source.natural {
+            Some(w) => w.norm() * (b - a),
+            None => {
+                // The sharpest of a few samples, times the length: an upper estimate of the turn.
+                (0..=8).map(|i| spline.at(a + (b - a) * i as f64 / 8.0).curvature.norm()).fold(0.0, f64::max) * (b - a)
+            }
+        };
+        let mut steps = Vec::new();
+        let mut weight = vec![0.0];
+        let mut frame = root.r;
+        let mut deviation = Vec::new();
+        for (element, node) in nodes.windows(2).enumerate() {
+            let l = node[1] - node[0];
+            // Simpson's rule needs an even number.
+            let pairs =
+                (turning(node[0], node[1]) / MAX_SUBSTEP_TURN).max(l / source.max_step).max(2.0) / 2.0;
+            let n = 2 * pairs.ceil() as usize;
+            let h = l / n as f64;
+            for k in 0..n {
+                let a = node[0] + h * k as f64;
+                let drawn = DrawnStep::new(&spline, &mut frame, a, h);
+                let left = GAUSS.map(|g| 1.0 - (k as f64 + g) / n as f64);
+                let (natural, strain) = match source.natural {
+                    None => (drawn.exponent, drawn.strain),
+                    Some(w) => (Twist::new(w * h, Vector3::z() * h), [w; 2]),
+                };
+                deviation.push(drawn.strain.map(|w| w - source.natural.unwrap_or(w)));
+                steps.push(Step { element, h, natural, strain, left });
+                if k % 2 == 0 {
+                    let last = weight.len() - 1;
+                    weight[last] += h / 3.0;
+                    weight.extend([4.0 * h / 3.0, h / 3.0]);
+                }
+            }
+        }
+        let free = nodes.len() - 1;
+        let mut rod = Rod {
+            root,
+            stiffness: source.stiffness,
+            damping: source.damping,
+            line_density: source.line_density,
+            weight,
+            prebend: vec![0.0; 3 * free],
+            start: vec![0.0; 3 * free],
+            hat: hat_matrix(&nodes),
+            nodes,
+            steps,
+        };
+        if source.natural.is_some() {
+            rod.start = rod.project(&deviation);
+        }
+        Some(rod)
+    }
+
+    /// Arc length L, m.
+    pub fn length(&self) -> f64 {
+        self.nodes[self.nodes.len() - 1]
+    }
+
+    /// Number of unknowns: three at every node but the tip, where a free end has no deviation.
+    pub fn unknowns(&self) -> usize {
+        3 * (self.nodes.len() - 1)
+    }
+
+    /// Number of points of the polyline: one more than there are sub-steps.
+    pub fn points(&self) -> usize {
+        self.steps.len() + 1
+    }
+
+    /// Arc length of each point, m.
+    pub fn arc_lengths(&self) -> Vec<f64> {
+        let mut s = vec![0.0];
+        for step in &self.steps {
+            s.push(s[s.len() - 1] + step.h);
+        }
+        s
+    }
+
+    /// y += a · (elastic stiffness matrix ∫ N_i K N_j ds) x.
+    pub(super) fn add_elastic(&self, a: f64, x: &[f64], y: &mut [f64]) {
+        let n = x.len() / 3;
+        for i in 0..n {
+            for c in 0..3 {
+                let mut s = self.hat[i][0] * x[3 * i + c];
+                if i > 0 {
+                    s += self.hat[i - 1][1] * x[3 * (i - 1) + c];
+                }
+                if i + 1 < n {
+                    s += self.hat[i][1] * x[3 * (i + 1) + c];
+                }
+                y[3 * i + c] += a * self.stiffness[c] * s;
+            }
+        }
+    }
+
+    /// Hat-function coefficients closest (L2) to a strain given at the Gauss points of every sub-step, with none
+    /// at the tip.
+    fn project(&self, strain: &[[Vector3<f64>; 2]]) -> Vec<f64> {
+        let n = self.nodes.len() - 1;
+        let mut rhs = vec![Vector3::zeros(); n + 1];
+        for (step, w) in self.steps.iter().zip(strain) {
+            for g in 0..2 {
+                rhs[step.element] += w[g] * (step.left[g] * step.h / 2.0);
+                rhs[step.element + 1] += w[g] * ((1.0 - step.left[g]) * step.h / 2.0);
+            }
+        }
+        self.solve_hat(&mut rhs[..n]);
+        rhs[..n].iter().flat_map(|w| [w.x, w.y, w.z]).collect()
+    }
+
+    /// Solves the hat mass matrix (tridiagonal) in place.
+    fn solve_hat(&self, rhs: &mut [Vector3<f64>]) {
+        let n = rhs.len();
+        let mut diag: Vec<f64> = self.hat[..n].iter().map(|m| m[0]).collect();
+        for i in 1..n {
+            let f = self.hat[i - 1][1] / diag[i - 1];
+            diag[i] -= f * self.hat[i - 1][1];
+            let prev = rhs[i - 1];
+            rhs[i] -= prev * f;
+        }
+        for i in (0..n).rev() {
+            if i + 1 < n {
+                let next = rhs[i + 1];
+                rhs[i] -= next * self.hat[i][1];
+            }
+            rhs[i] /= diag[i];
+        }
+    }
+
+    /// Pre-bends the natural shape so that the generalised load `load` (such as gravity's at the groom's pose) is
+    /// carried by elasticity with the groom's shape unchanged: the natural strain is moved by K⁻¹ load, no more than
+    /// `limit`, 1/m, at any node.
+    pub fn support(&mut self, load: &[f64], limit: f64) {
+        let mut moved: Vec<Vector3<f64>> = load
+            .chunks_exact(3)
+            .map(|f| Vector3::new(f[0] / self.stiffness[0], f[1] / self.stiffness[1], f[2] / self.stiffness[2]))
+            .collect();
+        self.solve_hat(&mut moved);
+        let bounded: Vec<f64> = moved
+            .iter()
+            .flat_map(|w| {
+                let w = w * (limit / w.norm().max(limit));
+                [w.x, w.y, w.z]
+            })
+            .collect();
+        self.prebend.fill(0.0);
+        let mut out = std::mem::take(&mut self.prebend);
+        self.add_elastic(1.0, &bounded, &mut out);
+        self.prebend = out;
+    }
+}
+
+/// One sub-step of the drawn curve.
+struct DrawnStep {
+    exponent: Twist,
+    strain: [Vector3<f64>; 2],
+}
+
+impl DrawnStep {
+    /// Measures the curve over [a, a + h] and carries `frame` along it without twist.
+    fn new(spline: &ArcSpline, frame: &mut Matrix3<f64>, a: f64, h: f64) -> Self {
+        let start = Pose { r: *frame, p: spline.at(a).x };
+        let mut strain = [Vector3::zeros(); 2];
+        let mut at = a;
+        let mut advance = |to: f64, frame: &mut Matrix3<f64>| {
+            // Several short reflections: the transport's error is of fourth order in their length.
+            for i in 1..=2 {
+                let (from, next) = (spline.at(at), spline.at(at + (to - at) * i as f64 / 2.0));
+                *frame = double_reflection(frame, &from, &next);
+            }
+            at = to;
+            spline.at(to).curvature
+        };
+        for (g, w) in GAUSS.iter().zip(&mut strain) {
+            // d3' = κ2 d1 − κ1 d2.
+            let bend = advance(a + g * h, frame);
+            *w = Vector3::new(-bend.dot(&frame.column(1)), bend.dot(&frame.column(0)), 0.0);
+        }
+        advance(a + h, frame);
+        let end = Pose { r: *frame, p: spline.at(a + h).x };
+        DrawnStep { exponent: se3::log(&start.inverse().compose(&end)), strain }
+    }
+}
+
+/// Rotation-minimising transport of a frame between two points of a curve (Wang, Jüttler, Zheng & Liu 2008).
+fn double_reflection(
+    frame: &Matrix3<f64>,
+    from: &crate::math::spline::CurvePoint,
+    to: &crate::math::spline::CurvePoint,
+) -> Matrix3<f64> {
+    let v1 = to.x - from.x;
+    let c1 = v1.norm_squared();
+    let reflect = |a: Vector3<f64>, v: &Vector3<f64>, c: f64| if c > 0.0 { a - v * (2.0 / c * v.dot(&a)) } else { a };
+    let d1 = reflect(frame.column(0).into(), &v1, c1);
+    let t = reflect(from.tangent, &v1, c1);
+    let v2 = to.tangent - t;
+    let d1 = reflect(d1, &v2, v2.norm_squared());
+    let d1 = (d1 - to.tangent * to.tangent.dot(&d1)).normalize();
+    Matrix3::from_columns(&[d1, to.tangent.cross(&d1), to.tangent])
+}
+
+fn root_pose(source: &RodSource, spline: &ArcSpline) -> Pose {
+    let at = spline.at(0.0);
+    let r = match source.root_frame {
+        // A clamp direction that is not the drawn tangent is honoured for a given natural strain; for a drawn
+        // natural shape the drawn tangent is the clamp's.
+        Some(q) if source.natural.is_some() => q.to_rotation_matrix().into_inner(),
+        Some(q) => around(&at.tangent, &(q * Vector3::x())),
+        None => {
+            // The axis least along the tangent keeps the frame well-conditioned.
+            let t = at.tangent.abs();
+            let axis = if t.x <= t.y && t.x <= t.z {
+                Vector3::x()
+            } else if t.y <= t.z {
+                Vector3::y()
+            } else {
+                Vector3::z()
+            };
+            around(&at.tangent, &axis)
+        }
+    };
+    Pose { r, p: at.x }
+}
+
+/// The frame with d3 = `tangent` and d1 as near to `axis` as may be.
+fn around(tangent: &Vector3<f64>, axis: &Vector3<f64>) -> Matrix3<f64> {
+    let d2 = tangent.cross(axis).try_normalize(1e-9).unwrap_or_else(|| {
+        let q = UnitQuaternion::rotation_between(&Vector3::z(), tangent).unwrap_or_else(|| {
+            UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI)
+        });
+        q * Vector3::y()
+    });
+    Matrix3::from_columns(&[d2.cross(tangent), d2, *tangent])
+}
+
+/// ∫ N_i N_i ds and ∫ N_i N_{i+1} ds for every node.
+fn hat_matrix(nodes: &[f64]) -> Vec<[f64; 2]> {
+    let l = |i: usize| nodes[i + 1] - nodes[i];
+    (0..nodes.len() - 1).map(|i| [(l(i) + if i > 0 { l(i - 1) } else { 0.0 }) / 3.0, l(i) / 6.0]).collect()
+}
