@@ -28,6 +28,11 @@ pub fn factor(a: &mut [f64], n: usize) -> bool {
 /// Solves L Lᵀ x = b in place, with `a` from [`factor`].
 pub fn solve(a: &[f64], n: usize, b: &mut [f64]) {
     solve_lower(a, n, b);
+    solve_upper(a, n, b);
+}
+
+/// Solves Lᵀ x = b in place, with `a` from [`factor`].
+pub fn solve_upper(a: &[f64], n: usize, b: &mut [f64]) {
     for j in (0..n).rev() {
         b[j] *= a[j * n + j];
         let x = b[j];

@@ -148,6 +148,11 @@ impl Rod {
         self.steps.len() + 1
     }
 
+    /// Length of the longest sub-step, m.
+    pub fn longest_step(&self) -> f64 {
+        self.steps.iter().map(|s| s.h).fold(0.0, f64::max)
+    }
+
     /// Arc length of each point, m.
     pub fn arc_lengths(&self) -> Vec<f64> {
         let mut s = vec![0.0];

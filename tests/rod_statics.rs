@@ -1,0 +1,80 @@
+//! Statics of the rod against theory: the cantilever under its own weight.
+
+use hairbake::rod::newton::Solver;
+use hairbake::rod::potential::Load;
+use hairbake::rod::{Rod, RodSource, Shape};
+use nalgebra::Vector3;
+
+/// Tip (reach, drop) in lengths of the heavy elastica at Γ = ρSgL³/EI: θ'' = −Γ(1 − s) cos θ, θ(0) = 0, θ'(1) = 0.
+const ELASTICA: [(f64, f64, f64); 5] = [
+    (0.1, 0.999911, 0.012498),
+    (1.0, 0.991246, 0.123471),
+    (10.0, 0.656354, 0.700200),
+    (100.0, 0.159223, 0.937524),
+    (1000.0, 0.045986, 0.981141),
+];
+
+fn cantilever(gamma: f64, nodes: usize, grading: f64) -> (f64, f64) {
+    let (l, ei, g) = (0.25, 7.8e-9, 9.81);
+    let arc: Vec<f64> = (0..nodes).map(|i| (i as f64 / (nodes - 1) as f64).powf(grading)).collect();
+    let rod = Rod::new(&RodSource {
+        points: &[Vector3::zeros(), Vector3::x() * l],
+        root_frame: None,
+        arc: &arc,
+        stiffness: [ei, ei, 3.6e-9],
+        line_density: gamma * ei / (g * l * l * l),
+        damping: 0.0,
+        natural: None,
+        max_step: l,
+    })
+    .unwrap();
+    let n = rod.points();
+    let mut q = vec![0.0; rod.unknowns()];
+    let mut solver = Solver::default();
+    // Inertia fades: a step of 1000 s is statics. From straight, in a few steps, as a bake would settle.
+    for h in [0.1, 0.1, 0.1, 1000.0, 1000.0] {
+        let mut at = Shape::default();
+        at.update(&rod, &rod.root.r, &q);
+        let x: Vec<_> = (0..n).map(|k| at.x(k)).collect();
+        let load = Load {
+            h,
+            gravity: Vector3::y() * -g,
+            inertial: x.clone(),
+            previous: x,
+            air: vec![Vector3::zeros(); n],
+            tangent: vec![Vector3::x(); n],
+            drag: vec![0.0; n],
+            q: q.clone(),
+        };
+        let outcome = solver.minimise(&rod, &rod.root.r, &load, &mut q);
+        assert!(outcome.converged, "Γ = {gamma}, {nodes} nodes, h = {h}: {outcome:?}");
+    }
+    let tip = solver.shape.x(n - 1) / l;
+    (tip.x, -tip.y)
+}
+
+/// Distance of the tip from theory, in lengths.
+fn error(gamma: f64, nodes: usize, grading: f64) -> f64 {
+    let (_, reach, drop) = *ELASTICA.iter().find(|e| e.0 == gamma).unwrap();
+    let (x, y) = cantilever(gamma, nodes, grading);
+    (x - reach).hypot(y - drop)
+}
+
+#[test]
+fn cantilever_meets_the_elastica_with_eight_nodes() {
+    for gamma in [0.1, 1.0, 10.0, 100.0] {
+        let e = error(gamma, 8, 1.5);
+        println!("Γ = {gamma}, 8 nodes: tip off by {e:.1e} L");
+        assert!(e < 1e-4, "Γ = {gamma}: {e:.2e}");
+    }
+    // A boundary layer of L/√Γ at the clamp, thinner than the first element.
+    let e = error(1000.0, 8, 1.5);
+    assert!(e < 1e-3, "Γ = 1000: {e:.2e}");
+}
+
+#[test]
+fn refinement_is_of_fourth_order() {
+    // Equal elements: the order is a statement on uniform refinement. 16 against 8 elements.
+    let ratio = error(100.0, 9, 1.0) / error(100.0, 17, 1.0);
+    assert!(ratio > 12.0, "{ratio}");
+}
