@@ -1,0 +1,136 @@
+//! The air: wind with gusts, and how much of it reaches a strand inside the bulk of the hair.
+
+use crate::scene::Groom;
+use crate::scene::anim::Wind;
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
+
+/// Drag per length and speed of one isolated hair across the flow, N·s/m²: 0.92 · 4πμ of air at 20 °C, which meets
+/// the drag coefficient of a cylinder at Re = 5 (about 4; Tritton 1959). The dependence on the radius is
+/// logarithmic and left out.
+pub const ISOLATED_DRAG: f64 = 2.07e-4;
+
+/// Length of hair in a volume at which half of the air's grip is lost, m/m³: hairs 3 mm apart.
+const HALF_SHIELDED: f64 = 1e5;
+
+/// Edge of the cells in which the hair's density is counted, m.
+const CELL: f64 = 0.01;
+
+/// Length of hair per volume in the groom's rest pose, on a grid.
+#[derive(Debug, Default)]
+pub struct Bulk {
+    cells: BTreeMap<[i64; 3], f64>,
+}
+
+impl Bulk {
+    /// Counts the groom's guides, each as the hairs it stands for.
+    pub fn new<'a>(polylines: impl Iterator<Item = (&'a [Vector3<f64>], f64)>) -> Self {
+        let mut bulk = Bulk::default();
+        for (points, hairs) in polylines {
+            for w in points.windows(2) {
+                let share = (w[1] - w[0]).norm() * hairs / (CELL * CELL * CELL);
+                for (cell, part) in corners(&((w[0] + w[1]) * 0.5)) {
+                    *bulk.cells.entry(cell).or_default() += share * part;
+                }
+            }
+        }
+        bulk
+    }
+
+    /// Share of the free air's grip that is lost at a point of rest space, 0..1.
+    pub fn shielded(&self, p: &Vector3<f64>) -> f64 {
+        let density: f64 =
+            corners(p).map(|(cell, part)| part * self.cells.get(&cell).copied().unwrap_or(0.0)).into_iter().sum();
+        density / (density + HALF_SHIELDED)
+    }
+}
+
+/// The eight cells around a point and their trilinear shares.
+fn corners(p: &Vector3<f64>) -> [([i64; 3], f64); 8] {
+    let u = p / CELL;
+    let base = u.map(f64::floor);
+    let f = u - base;
+    std::array::from_fn(|i| {
+        let bit = |c: usize| (i >> c) & 1;
+        let part = |c: usize| if bit(c) == 1 { f[c] } else { 1.0 - f[c] };
+        (std::array::from_fn(|c| base[c] as i64 + bit(c) as i64), part(0) * part(1) * part(2))
+    })
+}
+
+/// Velocity of the air at a point of the world, m/s, at time `t`, s.
+pub fn velocity(wind: &[Wind], x: &Vector3<f64>, t: f64) -> Vector3<f64> {
+    wind.iter().map(|w| w.velocity.at(t) + gust(w, x, t)).sum()
+}
+
+/// A divergence-free sum of plane waves carried with the mean wind (Kraichnan 1970): smooth in space and time.
+fn gust(wind: &Wind, x: &Vector3<f64>, t: f64) -> Vector3<f64> {
+    const WAVES: u32 = 12;
+    if wind.gust_speed == 0.0 {
+        return Vector3::zeros();
+    }
+    let k0 = std::f64::consts::TAU / wind.gust_length;
+    let mean = wind.velocity.at(t);
+    // Frozen turbulence (Taylor 1938), plus the eddies' own turnover.
+    let carried = x - mean * t;
+    let mut sum = Vector3::zeros();
+    for i in 0..WAVES {
+        let draw = |j: u32| unit_draw(wind.seed, i * 8 + j);
+        let sphere = |a: f64, b: f64| {
+            let (z, phi) = (2.0 * a - 1.0, std::f64::consts::TAU * b);
+            let r = (1.0 - z * z).max(0.0).sqrt();
+            Vector3::new(r * phi.cos(), r * phi.sin(), z)
+        };
+        let direction = sphere(draw(0), draw(1));
+        let k = direction * (k0 * (0.5 + 1.5 * draw(2)));
+        let across = direction.cross(&sphere(draw(3), draw(4)));
+        let phase = k.dot(&carried) + wind.gust_speed * k0 * t * draw(5) + std::f64::consts::TAU * draw(6);
+        sum += across * phase.cos();
+    }
+    // ⟨|direction × u|²⟩ = 2/3 and ⟨cos²⟩ = 1/2 make the sum's mean square WAVES/3.
+    sum * (wind.gust_speed * (3.0 / f64::from(WAVES)).sqrt())
+}
+
+/// A number in 0..1 from a seed and an index (SplitMix64, Steele et al. 2014).
+fn unit_draw(seed: u32, index: u32) -> f64 {
+    let mut z = (u64::from(seed) << 32 | u64::from(index)).wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// Drag per length and speed at points of rest space of a strand of the groom's material `material`, N·s/m².
+pub fn drag(groom: &Groom, bulk: &Bulk, material: usize, p: &Vector3<f64>) -> f64 {
+    let m = &groom.materials[material];
+    ISOLATED_DRAG * m.drag * (1.0 - m.shielding * bulk.shielded(p))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::anim::Keyed;
+
+    #[test]
+    fn gusts_have_the_speed_asked_for_and_mean_nothing() {
+        let wind = Wind { velocity: Keyed::constant(Vector3::x() * 2.0), gust_speed: 1.5, gust_length: 0.3, seed: 7 };
+        let n = 40_000;
+        let (mut mean, mut square) = (Vector3::zeros(), 0.0);
+        for i in 0..n {
+            let r = |j| unit_draw(99, i * 4 + j) * 20.0;
+            let u = velocity(std::slice::from_ref(&wind), &Vector3::new(r(0), r(1), r(2)), r(3)) - Vector3::x() * 2.0;
+            mean += u / f64::from(n);
+            square += u.norm_squared() / f64::from(n);
+        }
+        assert!(mean.norm() < 0.05, "{mean}");
+        assert!((square.sqrt() - 1.5).abs() < 0.3, "{}", square.sqrt());
+    }
+
+    #[test]
+    fn a_lone_strand_is_free_and_the_bulk_is_shielded() {
+        let line: Vec<_> = (0..20).map(|i| Vector3::new(0.05, 0.01 * f64::from(i), 0.05)).collect();
+        let lone = Bulk::new([(&line[..], 1.0)].into_iter());
+        let thick = Bulk::new([(&line[..], 1000.0)].into_iter());
+        assert!(lone.shielded(&line[5]) < 0.1);
+        assert!(thick.shielded(&line[5]) > 0.9);
+        assert_eq!(thick.shielded(&Vector3::new(1.0, 1.0, 1.0)), 0.0);
+    }
+}

@@ -1,0 +1,143 @@
+//! How a render strand follows a guide: the guide's deviation, seen in the strand's frame and summed over the stretch
+//! between the middles of two edges.
+
+use super::GuideMotion;
+use crate::math::se3::{self, Pose};
+use crate::rod::{Rod, Shape};
+use nalgebra::{Matrix3, Vector3};
+
+/// A guide at rest.
+pub(super) struct RestGuide {
+    nodes: Vec<f64>,
+    arc: Vec<f64>,
+    pose: Vec<Pose>,
+    root: Vector3<f64>,
+}
+
+impl RestGuide {
+    pub fn new(rod: &Rod) -> Self {
+        let mut shape = Shape::default();
+        shape.update(rod, &rod.root.r, &vec![0.0; rod.unknowns()]);
+        RestGuide { nodes: rod.nodes.clone(), arc: rod.arc_lengths(), pose: shape.pose, root: rod.root.p }
+    }
+
+    pub fn root(&self) -> Vector3<f64> {
+        self.root
+    }
+
+    /// Material frame at arc length `s`, held past the tip.
+    fn frame(&self, s: f64) -> Matrix3<f64> {
+        let last = self.arc.len() - 1;
+        let i = self.arc.partition_point(|&a| a <= s).clamp(1, last) - 1;
+        let u = ((s - self.arc[i]) / (self.arc[i + 1] - self.arc[i])).clamp(0.0, 1.0);
+        let (a, b) = (self.pose[i].r, self.pose[i + 1].r);
+        a * se3::exp_so3(&(se3::log_so3(&(a.transpose() * b)) * u))
+    }
+
+    /// ∫ N_i ds over [a, b] for every node but the tip's, as far as the guide reaches: (first node, integrals).
+    fn shares(&self, a: f64, b: f64) -> (usize, Vec<f64>) {
+        let n = self.nodes.len() - 1;
+        let mut first = None;
+        let mut shares = Vec::new();
+        for i in 0..n {
+            let mut sum = 0.0;
+            if i > 0 {
+                sum += ramp(self.nodes[i - 1], self.nodes[i], a, b);
+            }
+            // The falling side is the rising one seen from the other end.
+            sum += ramp(-self.nodes[i + 1], -self.nodes[i], -b, -a);
+            if sum > 0.0 {
+                first.get_or_insert(i);
+                shares.push(sum);
+            } else if first.is_some() {
+                break;
+            }
+        }
+        (first.unwrap_or(0), shares)
+    }
+}
+
+/// ∫ (s − s0)/(s1 − s0) ds over the part of [a, b] in [s0, s1].
+fn ramp(s0: f64, s1: f64, a: f64, b: f64) -> f64 {
+    let (a, b) = (a.max(s0), b.min(s1));
+    if b <= a { 0.0 } else { (b - a) * (0.5 * (a + b) - s0) / (s1 - s0) }
+}
+
+/// How one strand follows one guide. Entry `j` of `align` and `first` is for the turn into edge `j`.
+#[derive(Debug, Clone)]
+pub(super) struct Follow {
+    /// Index of the guide.
+    pub guide: usize,
+    /// Cosine and sine of the angle about the tangent from the guide's frame to the strand's, times the weight.
+    align: Vec<[f64; 2]>,
+    /// Weight of the twist, which no alignment turns.
+    weight: f64,
+    /// First node, and where its integrals start in `share`.
+    first: Vec<(u32, u32)>,
+    /// Integrals of the hat functions, m.
+    share: Vec<f64>,
+}
+
+impl Follow {
+    /// `frames`, `turn` and `length` are the strand's edges at rest.
+    pub fn new(
+        guide: usize,
+        weight: f64,
+        rest: &RestGuide,
+        frames: &[Matrix3<f64>],
+        turn: &[Vector3<f64>],
+        length: &[f64],
+    ) -> Self {
+        let mut follow = Follow { guide, align: Vec::new(), weight, first: Vec::new(), share: Vec::new() };
+        let (mut middle, mut vertex) = (0.0, 0.0);
+        for j in 0..length.len() {
+            let next = vertex + length[j] / 2.0;
+            let (node, shares) = rest.shares(middle, next);
+            follow.first.push((node as u32, follow.share.len() as u32));
+            follow.share.extend(shares);
+            // The strand's frame at the vertex, half way between the two edges'.
+            let own = frames[j] * se3::exp_so3(&(turn[j] * -0.5));
+            let its = rest.frame(vertex);
+            let a = own.transpose() * transport(&its.column(2).into(), &own.column(2).into()) * its;
+            follow.align.push([a[(0, 0)] * weight, a[(1, 0)] * weight]);
+            middle = next;
+            vertex += length[j];
+        }
+        follow.first.push((0, follow.share.len() as u32));
+        follow
+    }
+
+    /// Weighted turn added into edge `j`, in the strand's frame, and its rate.
+    pub fn deviation(&self, j: usize, motion: &GuideMotion) -> (Vector3<f64>, Vector3<f64>) {
+        let (node, start) = self.first[j];
+        let shares = &self.share[start as usize..self.first[j + 1].1 as usize];
+        let sum = |q: &[f64]| {
+            let mut s = Vector3::zeros();
+            for (n, a) in q[3 * node as usize..].chunks_exact(3).zip(shares) {
+                s += Vector3::new(n[0], n[1], n[2]) * *a;
+            }
+            let [c, k] = self.align[j];
+            Vector3::new(c * s.x - k * s.y, k * s.x + c * s.y, self.weight * s.z)
+        };
+        (sum(motion.q), sum(motion.rate))
+    }
+}
+
+/// The smallest rotation that takes unit vector `a` to unit vector `b`.
+pub(super) fn transport(a: &Vector3<f64>, b: &Vector3<f64>) -> Matrix3<f64> {
+    let (v, c) = (a.cross(b), a.dot(b));
+    if c < -1.0 + 1e-12 {
+        // Opposite: half a turn about any axis across.
+        let axis = any_frame(a).column(0).into_owned();
+        return axis * axis.transpose() * 2.0 - Matrix3::identity();
+    }
+    let h = se3::hat(&v);
+    Matrix3::identity() + h + h * h / (1.0 + c)
+}
+
+/// Some frame with third column `t`.
+pub(super) fn any_frame(t: &Vector3<f64>) -> Matrix3<f64> {
+    let axis = if t.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
+    let d2 = t.cross(&axis).normalize();
+    Matrix3::from_columns(&[d2.cross(t), d2, *t])
+}
