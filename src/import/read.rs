@@ -1,0 +1,303 @@
+//! A strand file made into clean strands in metres, Y up: format by its ending, unit and axes given or guessed, strands
+//! that are none left out and counted.
+
+use super::fault::Faults;
+use super::{hair, tfx};
+use crate::scene::{Convention, Curves, UpAxis};
+use crate::{Error, Result};
+use nalgebra::Vector3;
+use std::collections::BTreeSet;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// Shortest strand that is kept, m.
+pub const SHORTEST: f64 = 1e-3;
+/// Neighbouring vertices closer than this are one, m: single-precision files cannot tell them apart.
+const SAME_POINT: f64 = 1e-6;
+/// Sizes (diagonal of the bounding box) that a head of hair may have, m.
+const HEAD_OF_HAIR: [f64; 2] = [0.1, 2.0];
+
+/// A file of an import and how to bring it into groom space (metres, Y up, where the head was modelled).
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Source {
+    /// The file.
+    pub path: PathBuf,
+    /// Metres in one unit of the file; `None` to guess.
+    pub metres_per_unit: Option<f64>,
+    /// Its up axis; `None` for the format's own (Z for .hair, Y for all others).
+    pub up: Option<UpAxis>,
+    /// Added to every point after conversion, m, Y up.
+    pub offset: Vector3<f64>,
+}
+
+impl Source {
+    /// A file whose unit is to be guessed, not moved.
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        Source { path: path.into(), ..Source::default() }
+    }
+
+    /// The same file with a known unit.
+    pub fn in_units(self, metres_per_unit: f64) -> Self {
+        Source { metres_per_unit: Some(metres_per_unit), ..self }
+    }
+}
+
+/// Strands as a file has them, in its unit and axes.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct PlainStrands {
+    pub(super) curves: Curves,
+    /// What an artist should know about the file.
+    pub(super) notes: Vec<String>,
+}
+
+/// What was found in a strand file.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct SourceReport {
+    /// The file.
+    pub path: PathBuf,
+    /// Strands in it.
+    pub read: usize,
+    /// Strands kept.
+    pub kept: usize,
+    /// Left out: a coordinate that is not a finite number.
+    pub not_finite: usize,
+    /// Left out: shorter than [`SHORTEST`] or without two distinct vertices.
+    pub degenerate: usize,
+    /// Left out: every vertex equal to an earlier strand's.
+    pub copies: usize,
+    /// Vertices left out because they coincide with the one before.
+    pub merged_vertices: usize,
+    /// Length of the kept strands, m: shortest, mean, longest.
+    pub length: [f64; 3],
+    /// Largest ratio of the longest to the shortest segment of one strand.
+    pub segment_ratio: f64,
+    /// Unit and up axis used.
+    pub convention: Convention,
+    /// Guesses made and oddities met.
+    pub notes: Vec<String>,
+}
+
+/// Reads a strand file. Errors: unreadable file, unknown ending, damaged file, no usable strand, unit that cannot be
+/// guessed.
+pub fn strands(source: &Source) -> Result<(Curves, SourceReport)> {
+    let path = &source.path;
+    let parse = match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+        Some("tfx") => tfx::parse,
+        Some("hair") => hair::parse,
+        _ => {
+            let mut faults = Faults::of(path);
+            faults.push(
+                "",
+                "a name of unknown ending",
+                ".tfx or .hair",
+                "rename the file or export one of these formats",
+            );
+            return Err(faults.into_error());
+        }
+    };
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let PlainStrands { curves, mut notes } = parse(path, &bytes)?;
+    drop(bytes);
+    let convention = convention(source, &curves.points, &mut notes)?;
+    let mut report =
+        SourceReport { path: path.clone(), read: curves.len(), convention, notes, ..Default::default() };
+    let mut curves = curves;
+    for p in &mut curves.points {
+        *p = convention.length_in(*p) + source.offset;
+    }
+    let curves = clean(&curves, &mut report);
+    if curves.is_empty() {
+        let mut faults = Faults::of(path);
+        faults.push(
+            "strands",
+            format!(
+                "{} strands: {} not finite, {} shorter than {} mm",
+                report.read,
+                report.not_finite,
+                report.degenerate,
+                SHORTEST * 1e3
+            ),
+            "one usable strand or more",
+            "check the unit (--units): a groom in metres read as millimetres is all too short",
+        );
+        return Err(faults.into_error());
+    }
+    Ok((curves, report))
+}
+
+/// Unit and up axis of a strand file: as given, else guessed from the size of the hair, and the guess noted.
+fn convention(source: &Source, points: &[Vector3<f64>], notes: &mut Vec<String>) -> Result<Convention> {
+    let z_up_format = has_ending(&source.path, "hair");
+    let up = source.up.unwrap_or(if z_up_format { UpAxis::Z } else { UpAxis::Y });
+    if let Some(metres_per_unit) = source.metres_per_unit {
+        if !(metres_per_unit > 0.0 && metres_per_unit.is_finite()) {
+            let mut faults = Faults::of(&source.path);
+            faults.push(
+                "units",
+                format!("{metres_per_unit} m"),
+                "a positive length",
+                "give --units as m, cm, mm, in, ft or metres in a unit",
+            );
+            return Err(faults.into_error());
+        }
+        return Ok(Convention { metres_per_unit, up });
+    }
+    let finite = || points.iter().filter(|p| p.iter().all(|x| x.is_finite()));
+    let low = finite().fold(Vector3::repeat(f64::INFINITY), |a, p| a.inf(p));
+    let high = finite().fold(Vector3::repeat(f64::NEG_INFINITY), |a, p| a.sup(p));
+    let size = (high - low).norm();
+    for (name, metres_per_unit) in [("metres", 1.0), ("centimetres", 0.01), ("millimetres", 0.001)] {
+        let metres = size * metres_per_unit;
+        if (HEAD_OF_HAIR[0]..=HEAD_OF_HAIR[1]).contains(&metres) {
+            notes.push(format!(
+                "unit guessed: {name}, which make the hair {metres:.2} m across (give --units to overrule)"
+            ));
+            return Ok(Convention { metres_per_unit, up });
+        }
+    }
+    let mut faults = Faults::of(&source.path);
+    faults.push(
+        "units",
+        format!(
+            "hair {size:.3} units across: not {} to {} m in m, cm or mm",
+            HEAD_OF_HAIR[0], HEAD_OF_HAIR[1]
+        ),
+        "a unit given, or a size from which it can be guessed",
+        "give --units (m, cm, mm, in, ft, or metres in a unit)",
+    );
+    Err(faults.into_error())
+}
+
+fn has_ending(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending))
+}
+
+/// The usable strands of `curves` (metres), without coincident neighbours; the others counted in `report`. Ids stay
+/// those of the file, so that a strand can be traced back.
+fn clean(curves: &Curves, report: &mut SourceReport) -> Curves {
+    let mut kept = Curves { offsets: vec![0], ..Curves::default() };
+    let mut seen = BTreeSet::new();
+    let (mut sum, mut shortest, mut longest) = (0.0, f64::INFINITY, 0.0_f64);
+    for c in 0..curves.len() {
+        let points = curves.curve(c);
+        if points.iter().any(|p| p.iter().any(|x| !x.is_finite())) {
+            report.not_finite += 1;
+            continue;
+        }
+        let mut distinct: Vec<Vector3<f64>> = Vec::with_capacity(points.len());
+        for p in points {
+            if distinct.last().is_none_or(|last| (p - last).norm() > SAME_POINT) {
+                distinct.push(*p);
+            }
+        }
+        let segments: Vec<f64> = distinct.windows(2).map(|p| (p[1] - p[0]).norm()).collect();
+        let length: f64 = segments.iter().sum();
+        if segments.is_empty() || length < SHORTEST {
+            report.degenerate += 1;
+            continue;
+        }
+        let bits: Vec<[u64; 3]> = distinct.iter().map(|p| [p.x, p.y, p.z].map(f64::to_bits)).collect();
+        if !seen.insert(bits) {
+            report.copies += 1;
+            continue;
+        }
+        report.merged_vertices += points.len() - distinct.len();
+        let longest_segment = segments.iter().copied().fold(0.0, f64::max);
+        let ratio = longest_segment / segments.iter().copied().fold(f64::INFINITY, f64::min);
+        report.segment_ratio = report.segment_ratio.max(ratio);
+        (sum, shortest, longest) = (sum + length, shortest.min(length), longest.max(length));
+        kept.points.extend(distinct);
+        kept.offsets.push(kept.points.len());
+        kept.id.push(curves.id[c]);
+        kept.group.push(curves.group[c]);
+        kept.root_uv.push(curves.root_uv[c]);
+    }
+    report.kept = kept.len();
+    report.length = [shortest, sum / kept.len().max(1) as f64, longest];
+    kept
+}
+
+impl fmt::Display for SourceReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [shortest, mean, longest] = self.length.map(|l| l * 100.0);
+        write!(f, "{}: {} strands, {} kept", self.path.display(), self.read, self.kept)?;
+        for (count, why) in [
+            (self.degenerate, "shorter than 1 mm"),
+            (self.not_finite, "with NaN or infinity"),
+            (self.copies, "copies of another"),
+        ] {
+            if count > 0 {
+                write!(f, ", {count} left out ({why})")?;
+            }
+        }
+        writeln!(f)?;
+        writeln!(
+            f,
+            "  length {shortest:.1} to {longest:.1} cm, mean {mean:.1}; longest/shortest segment in a strand up to {:.1}",
+            self.segment_ratio
+        )?;
+        if self.merged_vertices > 0 {
+            writeln!(f, "  {} vertices on top of the one before left out", self.merged_vertices)?;
+        }
+        self.notes.iter().try_for_each(|note| writeln!(f, "  {note}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn curves(strands: &[&[[f64; 3]]]) -> Curves {
+        let mut out = Curves { offsets: vec![0], ..Curves::default() };
+        for (i, strand) in strands.iter().enumerate() {
+            out.points.extend(strand.iter().map(|&p| Vector3::from(p)));
+            out.offsets.push(out.points.len());
+            out.id.push(i as i32);
+            out.group.push(0);
+            out.root_uv.push([0.0; 2]);
+        }
+        out
+    }
+
+    #[test]
+    fn strands_that_are_none_are_counted_by_reason() {
+        let good: &[[f64; 3]] = &[[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, -0.1, 0.0], [0.0, -0.15, 0.0]];
+        let point: &[[f64; 3]] = &[[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]];
+        let short: &[[f64; 3]] = &[[1.0, 0.0, 0.0], [1.0, 0.0005, 0.0]];
+        let nan: &[[f64; 3]] = &[[0.0, 0.0, 0.0], [f64::NAN, 0.0, 0.0]];
+        let mut report = SourceReport::default();
+        let kept = clean(&curves(&[point, good, short, nan, good]), &mut report);
+        assert_eq!(kept.id, [1]);
+        assert_eq!(kept.offsets, [0, 3]);
+        assert_eq!(
+            (report.degenerate, report.not_finite, report.copies, report.merged_vertices),
+            (2, 1, 1, 1)
+        );
+        assert!((report.segment_ratio - 2.0).abs() < 1e-12);
+        assert_eq!(report.kept, 1);
+    }
+
+    #[test]
+    fn unit_is_guessed_from_size_and_said() {
+        let across = |size: f64| {
+            let mut notes = Vec::new();
+            let points = [Vector3::zeros(), Vector3::new(0.0, size, 0.0)];
+            convention(&Source::new("a.tfx"), &points, &mut notes).map(|c| (c.metres_per_unit, notes))
+        };
+        let (metres, notes) = across(40.0).unwrap();
+        assert_eq!(metres, 0.01);
+        assert!(notes[0].contains("centimetres") && notes[0].contains("0.40 m"));
+        assert_eq!(across(0.4).unwrap().0, 1.0);
+        assert_eq!(across(400.0).unwrap().0, 0.001);
+        assert!(matches!(across(1e6), Err(Error::BadInput(_))));
+    }
+
+    #[test]
+    fn hair_files_are_z_up_unless_told() {
+        let points = [Vector3::zeros(), Vector3::x()];
+        let up = |source: &Source| convention(source, &points, &mut Vec::new()).unwrap().up;
+        assert_eq!(up(&Source::new("a.hair")), UpAxis::Z);
+        assert_eq!(up(&Source { up: Some(UpAxis::Y), ..Source::new("a.hair") }), UpAxis::Y);
+        assert_eq!(up(&Source::new("a.tfx")), UpAxis::Y);
+    }
+}

@@ -1,0 +1,129 @@
+//! Strands brought to an even spacing along a smooth curve through their vertices.
+
+use crate::math::spline::ArcSpline;
+use crate::scene::Curves;
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+/// Where the vertices of resampled strands lie. The root and tip stay where they are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Resample {
+    /// As in the file.
+    Keep,
+    /// This many on each strand, evenly spaced.
+    Vertices(usize),
+    /// Evenly spaced at this distance or a little less, m.
+    Spacing(f64),
+}
+
+/// Most vertices a resampled strand may have.
+const MOST_VERTICES: f64 = 4096.0;
+
+/// How far resampling changed the strands.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ResampleError {
+    /// Length of the new polyline against the smooth curve's, relative: mean and largest.
+    pub length: [f64; 2],
+    /// Distance from the vertices of the file to the new polyline, m: mean and largest.
+    pub distance: [f64; 2],
+}
+
+/// Resamples every strand; neighbouring vertices must be distinct.
+pub fn resample(curves: &Curves, to: Resample) -> (Curves, ResampleError) {
+    let strand = |c: usize| -> (Vec<Vector3<f64>>, f64, Vec<f64>) {
+        let points = curves.curve(c);
+        let Some(spline) = ArcSpline::through(points) else { return (points.to_vec(), 0.0, vec![0.0]) };
+        let length = spline.length();
+        let vertices = match to {
+            Resample::Keep => return (points.to_vec(), 1.0 - polyline_length(points) / length, vec![0.0]),
+            Resample::Vertices(n) => n.max(2),
+            Resample::Spacing(step) => 1 + (length / step).ceil().clamp(1.0, MOST_VERTICES) as usize,
+        };
+        let at = |v: usize| spline.at(length * v as f64 / (vertices - 1) as f64).x;
+        let mut even: Vec<_> = (0..vertices).map(at).collect();
+        even[vertices - 1] = points[points.len() - 1];
+        let off = points.iter().map(|p| distance_to_polyline(p, &even)).collect();
+        let error = 1.0 - polyline_length(&even) / length;
+        (even, error, off)
+    };
+    let made: Vec<_> = (0..curves.len()).into_par_iter().map(strand).collect();
+    let mut out = Curves {
+        offsets: vec![0],
+        points: Vec::new(),
+        id: curves.id.clone(),
+        group: curves.group.clone(),
+        root_uv: curves.root_uv.clone(),
+    };
+    let mut error = ResampleError::default();
+    let mut vertices = 0;
+    for (points, length_error, off) in made {
+        out.points.extend(points);
+        out.offsets.push(out.points.len());
+        error.length[0] += length_error.abs() / curves.len() as f64;
+        error.length[1] = error.length[1].max(length_error.abs());
+        vertices += off.len();
+        for d in off {
+            error.distance[0] += d;
+            error.distance[1] = error.distance[1].max(d);
+        }
+    }
+    error.distance[0] /= vertices.max(1) as f64;
+    (out, error)
+}
+
+fn polyline_length(points: &[Vector3<f64>]) -> f64 {
+    points.windows(2).map(|p| (p[1] - p[0]).norm()).sum()
+}
+
+fn distance_to_polyline(p: &Vector3<f64>, line: &[Vector3<f64>]) -> f64 {
+    let to_segment = |ab: &[Vector3<f64>]| {
+        let along = ab[1] - ab[0];
+        let u = ((p - ab[0]).dot(&along) / along.norm_squared().max(1e-300)).clamp(0.0, 1.0);
+        (p - ab[0] - along * u).norm()
+    };
+    line.windows(2).map(to_segment).fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn arc(parameters: impl Iterator<Item = f64>) -> Curves {
+        let points: Vec<_> = parameters.map(|t| Vector3::new(0.1 * t.cos(), 0.1 * t.sin(), 0.0)).collect();
+        Curves {
+            offsets: vec![0, points.len()],
+            points,
+            id: vec![7],
+            group: vec![0],
+            root_uv: vec![[0.5; 2]],
+        }
+    }
+
+    #[test]
+    fn uneven_vertices_become_even_and_stay_on_the_curve() {
+        let uneven = arc((0..24).map(|i| 1.5 * (f64::from(i) / 23.0).powi(2)));
+        let (even, error) = resample(&uneven, Resample::Vertices(20));
+        let steps: Vec<_> = even.points.windows(2).map(|p| (p[1] - p[0]).norm()).collect();
+        assert!(steps.iter().all(|s| (s - steps[0]).abs() < 1e-3 * steps[0]), "{steps:?}");
+        assert!(even.points.iter().all(|p| (p.norm() - 0.1).abs() < 1e-5));
+        assert!(error.length[1] > 0.0 && error.length[1] < 1e-3, "{error:?}");
+        assert!(error.distance[1] > 0.0 && error.distance[1] < 1e-4, "{error:?}");
+        assert_eq!((even.id[0], even.root_uv[0]), (7, [0.5; 2]));
+    }
+
+    #[test]
+    fn error_falls_with_more_vertices_and_spacing_bounds_the_step() {
+        let uneven = arc((0..12).map(|i| 0.2 * f64::from(i)));
+        let error = |n| resample(&uneven, Resample::Vertices(n)).1.length[1];
+        assert!(error(10) / error(20) > 3.5);
+        let (spaced, _) = resample(&uneven, Resample::Spacing(0.01));
+        assert!(spaced.points.windows(2).all(|p| (p[1] - p[0]).norm() <= 0.01 + 1e-12));
+        assert_eq!(spaced.len(), 1);
+    }
+
+    #[test]
+    fn keep_keeps() {
+        let uneven = arc((0..5).map(f64::from));
+        assert_eq!(resample(&uneven, Resample::Keep).0, uneven);
+    }
+}

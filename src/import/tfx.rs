@@ -1,0 +1,188 @@
+//! TressFX 4 strands (`.tfx`; AMD, MIT, header of `TressFXAsset.h`).
+//!
+//! A 160-byte header (f32 version, u32 strands, u32 vertices a strand, u32 offset of the positions, u32 offset of the
+//! root texture coordinates, unused words), strands × vertices × (x, y, z, w) f32, root first, then 2 f32 a strand.
+
+use super::bytes::{f32_at, point_at, u32_at};
+use super::fault::Faults;
+use super::read::PlainStrands;
+use crate::Result;
+use crate::scene::Curves;
+use std::path::Path;
+
+const HEADER: usize = 160;
+const VERSION: f32 = 4.0;
+
+/// Reads the strands in a .tfx file's bytes, in the file's unit and axes. Root coordinates may be absent (offset 0) or cut
+/// short: what is missing is (0, 0) and noted. Errors: every fault of the header and sizes, at once.
+pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
+    let mut faults = Faults::of(file);
+    if bytes.len() < HEADER {
+        faults.push(
+            "header",
+            format!("the file ends after {} bytes", bytes.len()),
+            format!("at least {HEADER} bytes"),
+            "export the strands again; the copy may have been cut short",
+        );
+        return Err(faults.into_error());
+    }
+    let version = f32_at(bytes, 0);
+    if version != VERSION {
+        faults.push(
+            "header.version",
+            format!("{version}"),
+            "4.0 (f32, little endian)",
+            "export with a TressFX 4 exporter, or check that this is a .tfx file",
+        );
+    }
+    let [strands, vertices, position_offset, uv_offset] = [4, 8, 12, 16].map(|at| u32_at(bytes, at) as usize);
+    if strands == 0 {
+        faults.push(
+            "header.strands",
+            "0",
+            "1 or more",
+            "the export holds no strand: select the hair before exporting",
+        );
+    }
+    if vertices < 2 {
+        faults.push(
+            "header.vertices_per_strand",
+            vertices.to_string(),
+            "2 or more",
+            "export with 16 or 32 vertices a strand",
+        );
+    }
+    if position_offset < HEADER {
+        faults.push(
+            "header.position_offset",
+            position_offset.to_string(),
+            format!("{HEADER} or more"),
+            "the header is damaged: export again",
+        );
+    }
+    let need = strands.checked_mul(vertices).and_then(|n| n.checked_mul(16));
+    let end = need.and_then(|n| n.checked_add(position_offset));
+    if end.is_none_or(|end| end > bytes.len()) {
+        faults.push(
+            "positions",
+            format!("{strands} strands of {vertices} vertices in a file of {} bytes", bytes.len()),
+            match end {
+                Some(end) => format!("at least {end} bytes"),
+                None => "a size that fits in memory".into(),
+            },
+            "the file was cut short or its header is damaged: copy or export it again",
+        );
+    }
+    faults.check()?;
+
+    let count = strands * vertices;
+    let points = (0..count).map(|i| point_at(bytes, position_offset + 16 * i)).collect();
+    let mut notes = Vec::new();
+    let whole = bytes.len().saturating_sub(uv_offset) / 8;
+    let with_uv = if uv_offset < HEADER { 0 } else { whole.min(strands) };
+    if with_uv == 0 {
+        notes.push("no root texture coordinates".into());
+    } else if with_uv < strands {
+        notes.push(format!("root texture coordinates of the last {} strands are cut off", strands - with_uv));
+    }
+    let mut root_uv: Vec<[f32; 2]> =
+        (0..with_uv).map(|i| [0, 4].map(|k| f32_at(bytes, uv_offset + 8 * i + k))).collect();
+    root_uv.resize(strands, [0.0; 2]);
+    Ok(PlainStrands {
+        curves: Curves {
+            offsets: (0..=strands).map(|i| i * vertices).collect(),
+            points,
+            id: (0..strands as i32).collect(),
+            group: vec![0; strands],
+            root_uv,
+        },
+        notes,
+    })
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::Error;
+    use proptest::prelude::*;
+
+    /// A well-formed file of straight strands of `vertices` points, hanging from a row of roots.
+    pub(crate) fn file(strands: u32, vertices: u32, uv: Option<usize>) -> Vec<u8> {
+        let mut out = vec![0; HEADER];
+        out[0..4].copy_from_slice(&VERSION.to_le_bytes());
+        out[4..8].copy_from_slice(&strands.to_le_bytes());
+        out[8..12].copy_from_slice(&vertices.to_le_bytes());
+        out[12..16].copy_from_slice(&160u32.to_le_bytes());
+        for s in 0..strands {
+            for v in 0..vertices {
+                for x in [0.01 * s as f32, -0.02 * v as f32, 0.0, 1.0] {
+                    out.extend(x.to_le_bytes());
+                }
+            }
+        }
+        if let Some(count) = uv {
+            let offset = out.len() as u32;
+            out[16..20].copy_from_slice(&offset.to_le_bytes());
+            (0..count).for_each(|i| {
+                out.extend((i as f32 / 8.0).to_le_bytes());
+                out.extend(0.25f32.to_le_bytes());
+            });
+        }
+        out
+    }
+
+    #[test]
+    fn reads_points_and_uv() {
+        let read = parse(Path::new("a.tfx"), &file(3, 4, Some(3))).unwrap();
+        assert_eq!(read.curves.offsets, [0, 4, 8, 12]);
+        assert!((read.curves.curve(1)[2].y + 0.04).abs() < 1e-8);
+        assert_eq!(read.curves.root_uv[2], [0.25, 0.25]);
+        assert!(read.notes.is_empty());
+    }
+
+    #[test]
+    fn uv_may_be_absent_or_cut_short() {
+        let absent = parse(Path::new("a.tfx"), &file(3, 4, None)).unwrap();
+        assert_eq!(absent.curves.root_uv, [[0.0; 2]; 3]);
+        let cut = parse(Path::new("a.tfx"), &file(3, 4, Some(2))).unwrap();
+        assert_eq!(cut.curves.root_uv[1], [0.125, 0.25]);
+        assert_eq!(cut.curves.root_uv[2], [0.0; 2]);
+        assert!(cut.notes[0].contains("last 1 strands"));
+    }
+
+    #[test]
+    fn every_fault_of_the_header_in_one_report() {
+        let mut bytes = file(3, 4, None);
+        bytes[0..4].copy_from_slice(&3.0f32.to_le_bytes());
+        bytes[8..12].copy_from_slice(&1u32.to_le_bytes());
+        bytes[12..16].copy_from_slice(&9999u32.to_le_bytes());
+        let Err(Error::BadInput(problems)) = parse(Path::new("a.tfx"), &bytes) else { panic!("accepted") };
+        let keys: Vec<_> = problems.iter().map(|p| p.key.as_str()).collect();
+        assert_eq!(keys, ["header.version", "header.vertices_per_strand", "positions"]);
+        assert!(problems.iter().all(|p| !p.remedy.is_empty() && !p.allowed.is_empty()));
+    }
+
+    #[test]
+    fn huge_counts_take_no_memory() {
+        let mut bytes = file(1, 2, None);
+        bytes[4..12].fill(0xff);
+        assert!(matches!(parse(Path::new("a.tfx"), &bytes), Err(Error::BadInput(_))));
+    }
+
+    proptest! {
+        #[test]
+        fn mutated_files_never_panic(
+            edits in prop::collection::vec((0usize..300, any::<u8>()), 0..12), cut in 0usize..400,
+        ) {
+            let mut bytes = file(3, 3, Some(3));
+            for (at, value) in edits {
+                let at = at % bytes.len();
+                bytes[at] = value;
+            }
+            bytes.truncate(cut);
+            if let Ok(read) = parse(Path::new("a.tfx"), &bytes) {
+                prop_assert_eq!(read.curves.points.len(), *read.curves.offsets.last().unwrap());
+            }
+        }
+    }
+}
