@@ -40,7 +40,7 @@ fn local(step: &Step, q: &[f64]) -> [Vector3<f64>; 2] {
 }
 
 /// Magnus exponent ψ of a step: the natural one, corrected for the deviation δ at the Gauss points
-/// (`docs/theory.md` eq. 3.4).
+/// (`docs/theory.md` eq. 3.2).
 fn exponent(step: &Step, d: &[Vector3<f64>; 2]) -> Twist {
     let (h, k) = (step.h, COMMUTATOR * step.h * step.h);
     let [a1, a2] = &step.strain;
@@ -49,7 +49,7 @@ fn exponent(step: &Step, d: &[Vector3<f64>; 2]) -> Twist {
     Twist::new(step.natural.w + w, step.natural.v + Vector3::new(e.y, -e.x, 0.0) * k)
 }
 
-/// How a rod's shape moves with its unknowns: the world twists T and S of `docs/theory.md` §3.3, about the root.
+/// How a rod's shape moves with its unknowns: the world twists T and S of `docs/theory.md` §3.4, about the root.
 #[derive(Debug, Clone, Default)]
 pub struct Sensitivity {
     /// For every sub-step, the twist that each of its six unknowns (left node, right node) gives, by that

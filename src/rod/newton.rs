@@ -41,6 +41,13 @@ pub struct Solver {
 }
 
 impl Solver {
+    /// Φ at `q`, J.
+    pub fn energy(&mut self, rod: &Rod, root: &Matrix3<f64>, load: &Load, q: &[f64]) -> f64 {
+        self.scratch.resize(q.len(), 0.0);
+        self.trial.update(rod, root, q);
+        energy(rod, load, &self.trial, q, &mut self.scratch)
+    }
+
     /// Minimises Φ from `q` (the start) in place. `root` is the root frame at the end of the step, world axes.
     /// Afterwards [`Solver::shape`] is the shape at the result.
     pub fn minimise(&mut self, rod: &Rod, root: &Matrix3<f64>, load: &Load, q: &mut [f64]) -> Outcome {

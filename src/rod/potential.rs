@@ -125,7 +125,7 @@ impl Composite {
     }
 
     /// Momentum-like response to twist `t`, and the geometric couple C of the forces carried along
-    /// (`docs/theory.md` eq. 4.6).
+    /// (`docs/theory.md` eq. 4.2).
     fn respond(&self, t: &Twist) -> (Twist, Vector3<f64>) {
         let m = Twist::new(self.tt * t.w + self.tp * t.v, self.tp.tr_mul(&t.w) + self.pp * t.v);
         let c = t.v.cross(&self.force) + self.moment * t.w - t.w * self.moment.trace();

@@ -1,0 +1,177 @@
+//! One guide in motion: its state, and one implicit step of it.
+
+use super::air;
+use crate::math::se3::Pose;
+use crate::rod::newton::{Outcome, Solver};
+use crate::rod::potential::Load;
+use crate::rod::{Rod, Shape};
+use crate::scene::anim::Wind;
+use nalgebra::{Isometry3, Vector3};
+
+/// How often a step is halved before a solve that does not converge is kept and reported.
+const MAX_HALVINGS: u32 = 5;
+
+/// A guide and where it is.
+#[derive(Debug, Clone)]
+pub struct Guide {
+    /// The rod.
+    pub rod: Rod,
+    /// Drag per length and speed at each point, N·s/m².
+    pub drag: Vec<f64>,
+    /// Unknowns now, and one and two sub-steps ago, 1/m.
+    pub q: [Vec<f64>; 3],
+    /// Points, m, world.
+    pub x: Vec<Vector3<f64>>,
+    /// Velocity of each point, m/s.
+    pub v: Vec<Vector3<f64>>,
+    /// Tangent at each point.
+    pub tangent: Vec<Vector3<f64>>,
+    /// Rate of the unknowns over the last solve, 1/(m·s): the start of the next one.
+    rate: Vec<f64>,
+}
+
+/// What one step of a guide did.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct StepRecord {
+    /// Newton steps taken, over all solves.
+    pub iterations: u32,
+    /// Times the step was cut in half.
+    pub halvings: u32,
+    /// Solves that were kept without having converged.
+    pub unconverged: u32,
+}
+
+/// What surrounds the guides: motion and air.
+pub struct Surroundings<'a> {
+    /// Rest space of the head to world at a time, s.
+    pub head: &'a (dyn Fn(f64) -> Isometry3<f64> + Sync),
+    /// Gravity plus uniform force fields at a time, m/s².
+    pub gravity: &'a (dyn Fn(f64) -> Vector3<f64> + Sync),
+    /// Wind fields.
+    pub wind: &'a [Wind],
+}
+
+impl Surroundings<'_> {
+    /// World pose of a root that has pose `rest` in rest space, at time `t`, s.
+    pub fn root(&self, rest: &Pose, t: f64) -> Pose {
+        let head = (self.head)(t);
+        let r = head.rotation.to_rotation_matrix();
+        Pose { r: r.matrix() * rest.r, p: r * rest.p + head.translation.vector }
+    }
+}
+
+/// Workspace of the steps of one thread.
+#[derive(Debug, Default)]
+pub struct Workspace {
+    solver: Solver,
+    load: Load,
+    q: Vec<f64>,
+}
+
+impl Guide {
+    /// The guide in the groom's pose at time `t`, s, carried rigidly by the head; `h` is the sub-step, s.
+    pub fn new(rod: Rod, drag: Vec<f64>, around: &Surroundings, t: f64, h: f64) -> Self {
+        let q = rod.start.clone();
+        let mut shape = Shape::default();
+        let mut place = |t: f64| -> Vec<Pose> {
+            let root = around.root(&rod.root, t);
+            shape.update(&rod, &root.r, &q);
+            shape.pose.iter().map(|g| Pose { r: g.r, p: g.p + root.p }).collect()
+        };
+        let (now, before) = (place(t), place(t - h));
+        let v = now.iter().zip(&before).map(|(a, b)| (a.p - b.p) / h).collect();
+        Guide {
+            x: now.iter().map(|g| g.p).collect(),
+            tangent: now.iter().map(|g| g.r.column(2).into()).collect(),
+            v,
+            rate: vec![0.0; q.len()],
+            q: [q.clone(), q.clone(), q],
+            drag,
+            rod,
+        }
+    }
+
+    /// Moves the guide from time `t0` to `t1`, s: one sub-step, halved where the solver asks for it.
+    pub fn advance(&mut self, around: &Surroundings, t0: f64, t1: f64, work: &mut Workspace) -> StepRecord {
+        let [now, one, two] = &mut self.q;
+        two.copy_from_slice(one);
+        one.copy_from_slice(now);
+        let mut record = StepRecord::default();
+        self.advance_part(around, t0, t1, 0, work, &mut record);
+        record
+    }
+
+    fn advance_part(
+        &mut self,
+        around: &Surroundings,
+        t0: f64,
+        t1: f64,
+        depth: u32,
+        work: &mut Workspace,
+        record: &mut StepRecord,
+    ) {
+        let root = self.prepare(around, t0, t1, work);
+        let outcome = self.solve(&root, work);
+        record.iterations += outcome.iterations;
+        if !outcome.converged {
+            if depth < MAX_HALVINGS {
+                record.halvings += 1;
+                let middle = 0.5 * (t0 + t1);
+                self.advance_part(around, t0, middle, depth + 1, work, record);
+                self.advance_part(around, middle, t1, depth + 1, work, record);
+                return;
+            }
+            record.unconverged += 1;
+        }
+        self.commit(&root, t1 - t0, work);
+    }
+
+    /// Fills the load of a step and returns the root's pose at its end.
+    fn prepare(&self, around: &Surroundings, t0: f64, t1: f64, work: &mut Workspace) -> Pose {
+        let (h, root) = (t1 - t0, around.root(&self.rod.root, t1));
+        let load = &mut work.load;
+        load.h = h;
+        load.gravity = (around.gravity)(t1);
+        load.inertial.clear();
+        load.inertial.extend(self.x.iter().zip(&self.v).map(|(x, v)| x + v * h - root.p));
+        load.previous.clear();
+        load.previous.extend(self.x.iter().map(|x| x - root.p));
+        load.air.clear();
+        load.air.extend(self.x.iter().map(|x| air::velocity(around.wind, x, t1)));
+        load.tangent.clone_from(&self.tangent);
+        load.drag.clone_from(&self.drag);
+        load.q.clone_from(&self.q[0]);
+        root
+    }
+
+    /// Minimises the step's potential from the better of two starts: where the rod was, and where its rate takes it.
+    fn solve(&self, root: &Pose, work: &mut Workspace) -> Outcome {
+        let (q, load) = (&mut work.q, &work.load);
+        q.clear();
+        q.extend(self.q[0].iter().zip(&self.rate).map(|(q, r)| q + r * load.h));
+        let ahead = work.solver.energy(&self.rod, &root.r, load, q);
+        if !(ahead <= work.solver.energy(&self.rod, &root.r, load, &self.q[0])) {
+            q.copy_from_slice(&self.q[0]);
+        }
+        work.solver.minimise(&self.rod, &root.r, load, q)
+    }
+
+    fn commit(&mut self, root: &Pose, h: f64, work: &Workspace) {
+        for ((rate, q), new) in self.rate.iter_mut().zip(&mut self.q[0]).zip(&work.q) {
+            *rate = (new - *q) / h;
+            *q = *new;
+        }
+        for (k, g) in work.solver.shape.pose.iter().enumerate() {
+            let x = root.p + g.p;
+            self.v[k] = (x - self.x[k]) / h;
+            self.x[k] = x;
+            self.tangent[k] = g.r.column(2).into();
+        }
+    }
+
+    /// Rate of the unknowns now, 1/(m·s), of second order in the sub-step `h`, s.
+    pub fn rate(&self, h: f64) -> Vec<f64> {
+        let [now, one, two] = &self.q;
+        (0..now.len()).map(|i| (3.0 * now[i] - 4.0 * one[i] + two[i]) / (2.0 * h)).collect()
+    }
+}

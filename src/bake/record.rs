@@ -1,0 +1,81 @@
+//! What a frame of the bake did: the figures of the manifest and the report.
+
+use super::guide::{Guide, StepRecord};
+use crate::strands::HeadMotion;
+use serde::Serialize;
+
+/// Figures of one frame. The same for any number of threads; timings are kept apart.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct FrameRecord {
+    /// Frame number.
+    pub frame: i32,
+    /// Newton steps per guide and sub-step, mean.
+    pub newton_mean: f64,
+    /// Newton steps of the worst guide and sub-step.
+    pub newton_max: u32,
+    /// Steps that were cut in half for the solver's sake.
+    pub halvings: u32,
+    /// Ids of guides with a solve that was kept without having converged.
+    pub unconverged: Vec<i32>,
+    /// Speed of the guides' points relative to the head, mean, m/s.
+    pub speed_mean_m_s: f64,
+    /// The same, 95th percentile.
+    pub speed_p95_m_s: f64,
+    /// The same, largest.
+    pub speed_max_m_s: f64,
+    /// Largest relative change of the arc length of a segment of a guide (cubic through its ends and tangents).
+    pub length_drift: f64,
+}
+
+impl FrameRecord {
+    /// Adds the records of one sub-step, one per guide; `ids` are the guides' ids.
+    pub fn add(&mut self, records: &[StepRecord], ids: &[i32], substeps: u32) {
+        let n = (records.len() * substeps as usize).max(1) as f64;
+        for (r, id) in records.iter().zip(ids) {
+            self.newton_mean += f64::from(r.iterations) / n;
+            self.newton_max = self.newton_max.max(r.iterations);
+            self.halvings += r.halvings;
+            if r.unconverged > 0 && !self.unconverged.contains(id) {
+                self.unconverged.push(*id);
+            }
+        }
+    }
+
+    /// Fills the figures of the state at the end of the frame.
+    pub fn close(&mut self, guides: &[Guide], head: &HeadMotion) {
+        let mut speeds: Vec<f64> = Vec::new();
+        for g in guides {
+            for (x, v) in g.x.iter().zip(&g.v).skip(1) {
+                let carried = head.velocity + head.spin.cross(&(x - head.translation));
+                speeds.push((v - carried).norm());
+            }
+            self.length_drift = self.length_drift.max(length_drift(g));
+        }
+        speeds.sort_by(f64::total_cmp);
+        if let Some(&max) = speeds.last() {
+            self.speed_max_m_s = max;
+            self.speed_mean_m_s = speeds.iter().sum::<f64>() / speeds.len() as f64;
+            self.speed_p95_m_s = speeds[(speeds.len() - 1) * 95 / 100];
+        }
+    }
+}
+
+/// Largest relative difference between the arc length of a segment and its length at rest.
+fn length_drift(g: &Guide) -> f64 {
+    let s = g.rod.arc_lengths();
+    let mut worst: f64 = 0.0;
+    for k in 0..s.len() - 1 {
+        let h = s[k + 1] - s[k];
+        let (a, b) = (g.x[k], g.x[k + 1]);
+        let (ta, tb) = (g.tangent[k] * h, g.tangent[k + 1] * h);
+        // Length of the cubic Hermite segment by three-point Gauss quadrature.
+        let speed = |u: f64| {
+            let (d, e, f) = (6.0 * u * (1.0 - u), 1.0 - 4.0 * u + 3.0 * u * u, 3.0 * u * u - 2.0 * u);
+            ((b - a) * d + ta * e + tb * f).norm()
+        };
+        let r = 0.5 * 0.6_f64.sqrt();
+        let length = (5.0 * speed(0.5 - r) + 8.0 * speed(0.5) + 5.0 * speed(0.5 + r)) / 18.0;
+        worst = worst.max((length / h - 1.0).abs());
+    }
+    worst
+}

@@ -1,0 +1,123 @@
+//! All guides in time: the groom's pose settled in a pre-roll, then sub-step by sub-step.
+
+use super::air::{self, Bulk};
+use super::guide::{Guide, StepRecord, Surroundings, Workspace};
+use crate::rod::{Rod, Sensitivity, Shape};
+use crate::scene::{Anim, Groom};
+use crate::wisp::{self, GuideRod};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+/// Longest sub-step of a rod, m: keeps the polyline that contact sees within a tenth of a millimetre of the curve on
+/// a head (a 10 cm radius of curvature).
+const MAX_STEP: f64 = 0.01;
+
+/// The guides of a groom in motion.
+pub struct Simulation<'a> {
+    anim: &'a Anim,
+    /// The guides, in the groom's order.
+    pub guides: Vec<Guide>,
+    /// Leaf wisp of each guide: (tree, wisp).
+    pub leaves: Vec<(u32, u32)>,
+    /// Sub-steps taken since the start of the pre-roll.
+    taken: i64,
+    /// Sub-steps of the pre-roll.
+    preroll: i64,
+}
+
+impl<'a> Simulation<'a> {
+    /// The groom at the start of its pre-roll. `groom` must have its trees.
+    pub fn new(groom: &Groom, anim: &'a Anim) -> Self {
+        let step = 1.0 / (anim.fps * f64::from(anim.settings.substeps));
+        let preroll = (anim.settings.preroll / step).ceil() as i64;
+        let rods = wisp::rods(groom, MAX_STEP);
+        let bulk = Bulk::new(rods.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
+        let leaves = rods.iter().map(|r| (r.leaf.0 as u32, r.leaf.1 as u32)).collect();
+        let mut simulation = Simulation { anim, guides: Vec::new(), leaves, taken: 0, preroll };
+        let t = simulation.time();
+        simulation.guides = simulation.around(|around| {
+            rods.into_par_iter().map(|mut r| start(groom, anim, &bulk, &mut r, around, t, step)).collect()
+        });
+        simulation
+    }
+
+    /// Length of a sub-step, s.
+    pub fn step(&self) -> f64 {
+        1.0 / (self.anim.fps * f64::from(self.anim.settings.substeps))
+    }
+
+    /// Time now, s. The pre-roll ends one frame before the first, on the handle frame.
+    pub fn time(&self) -> f64 {
+        self.time_after(self.taken)
+    }
+
+    fn time_after(&self, taken: i64) -> f64 {
+        let substeps = i64::from(self.anim.settings.substeps);
+        let first = (i64::from(self.anim.frames.0) - 1) * substeps;
+        (first + taken - self.preroll) as f64 / (self.anim.fps * substeps as f64)
+    }
+
+    /// Advances to a frame not before the handle frame; one record per guide and sub-step is passed to `each`, in order.
+    pub fn run_to(&mut self, frame: i32, mut each: impl FnMut(&[StepRecord])) {
+        let substeps = i64::from(self.anim.settings.substeps);
+        let target = self.preroll + (i64::from(frame) - i64::from(self.anim.frames.0) + 1) * substeps;
+        while self.taken < target {
+            let (t0, t1) = (self.time_after(self.taken), self.time_after(self.taken + 1));
+            let mut guides = std::mem::take(&mut self.guides);
+            let records: Vec<StepRecord> = self.around(|around| {
+                guides
+                    .par_iter_mut()
+                    .with_min_len(4)
+                    .map_init(Workspace::default, |work, guide| guide.advance(around, t0, t1, work))
+                    .collect()
+            });
+            self.guides = guides;
+            self.taken += 1;
+            each(&records);
+        }
+    }
+
+    fn around<T>(&self, f: impl FnOnce(&Surroundings) -> T) -> T {
+        let anim = self.anim;
+        f(&Surroundings {
+            head: &|t| anim.head_pose(t),
+            gravity: &|t| anim.gravity + anim.forces.iter().map(|k| k.at(t)).sum::<Vector3<f64>>(),
+            wind: &anim.wind,
+        })
+    }
+}
+
+/// One guide at rest on the head: pre-bent against gravity as its material asks, and shielded from the air.
+fn start(
+    groom: &Groom,
+    anim: &Anim,
+    bulk: &Bulk,
+    r: &mut GuideRod,
+    around: &Surroundings,
+    t: f64,
+    step: f64,
+) -> Guide {
+    let mut shape = Shape::default();
+    let start = r.rod.start.clone();
+    shape.update(&r.rod, &r.rod.root.r, &start);
+    let sag_free = groom.materials[r.material].sag_free;
+    if sag_free > 0.0 {
+        let weight = gravity_load(&r.rod, &shape, &start, &(anim.gravity * sag_free));
+        r.rod.support(&weight, wisp::PREBEND_LIMIT);
+    }
+    let drag = (0..r.rod.points())
+        .map(|k| air::drag(groom, bulk, r.material, &(shape.x(k) + r.rod.root.p)))
+        .collect();
+    Guide::new(r.rod.clone(), drag, around, t, step)
+}
+
+/// Generalised force of gravity `g`, m/s², on a rod at unknowns `q`, N·m².
+fn gravity_load(rod: &Rod, shape: &Shape, q: &[f64], g: &Vector3<f64>) -> Vec<f64> {
+    let mut sensitivity = Sensitivity::default();
+    sensitivity.update(rod, shape, q);
+    let mut load = vec![0.0; rod.unknowns()];
+    for k in 1..rod.points() {
+        sensitivity.add_row(k, &shape.x(k), g, rod.weight[k] * rod.line_density, &mut load);
+    }
+    load
+}
