@@ -3,6 +3,22 @@
 //! `hair.usda` (root), `hair.topology.usdc` (all that does not move), `hair.manifest.usda` (clip
 //! manifest), `hair.1001.usdc` … (one file a frame) and `manifest.json`. Arrays here are in the
 //! cache's own unit and axes, as they stand in the files.
+//!
+//! [`Writer`] writes a cache and [`Reader`] reads it back. `manifest.json` is written last, so a folder
+//! without it holds an unfinished bake.
+
+mod check;
+mod file;
+mod layout;
+mod manifest;
+mod reader;
+mod writer;
+
+pub use file::{FileRecord, sha256, write_file};
+pub use layout::{CLIP_MANIFEST, MANIFEST, ROOT, TOPOLOGY, frame_file_name};
+pub use manifest::{FrameRecord, InputRecord, Manifest, Summary};
+pub use reader::Reader;
+pub use writer::Writer;
 
 /// What does not change over a bake.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -15,12 +31,24 @@ pub struct Header {
     pub fps: f64,
     /// First and last frame of the shot; a handle frame lies before and after.
     pub frames: (i32, i32),
+    /// How the curves run between their points.
+    pub basis: Basis,
     /// Render strands; `None` where only guides are written.
     pub hair: Option<CurveSet>,
     /// Guides.
     pub guides: CurveSet,
     /// Colliders, for the validator and the preview.
     pub colliders: Vec<ColliderMesh>,
+}
+
+/// Basis of the cubic curves, both pinned at their ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Basis {
+    /// Through the points.
+    #[default]
+    CatmullRom,
+    /// Smoother, within the hull of the points.
+    Bspline,
 }
 
 /// Curves that do not change over a bake. `n` curves, `N` points in all.
@@ -45,7 +73,7 @@ pub struct CurveSet {
 /// A collider as triangles in the rest space of its body (analytic shapes tessellated on the outside).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ColliderMesh {
-    /// Prim name.
+    /// Prim name. What is no identifier is turned into one in the files; see [`Writer::create`].
     pub name: String,
     /// Vertices.
     pub points: Vec<[f32; 3]>,

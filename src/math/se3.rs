@@ -85,8 +85,24 @@ impl Coefficients {
             // Truncation below 1e-16 at t = 1/4.
             let series = |k: [f64; 7]| k.iter().rev().fold(0.0, |acc, &ck| acc * t + ck);
             Coefficients {
-                a: series([1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362880.0, -1.0 / 39916800.0, 1.0 / 6227020800.0]),
-                b: series([0.5, -1.0 / 24.0, 1.0 / 720.0, -1.0 / 40320.0, 1.0 / 3628800.0, -1.0 / 479001600.0, 1.0 / 87178291200.0]),
+                a: series([
+                    1.0,
+                    -1.0 / 6.0,
+                    1.0 / 120.0,
+                    -1.0 / 5040.0,
+                    1.0 / 362880.0,
+                    -1.0 / 39916800.0,
+                    1.0 / 6227020800.0,
+                ]),
+                b: series([
+                    0.5,
+                    -1.0 / 24.0,
+                    1.0 / 720.0,
+                    -1.0 / 40320.0,
+                    1.0 / 3628800.0,
+                    -1.0 / 479001600.0,
+                    1.0 / 87178291200.0,
+                ]),
                 c: series([
                     1.0 / 6.0,
                     -1.0 / 120.0,
@@ -139,7 +155,8 @@ pub fn exp_so3(phi: &Vector3<f64>) -> Matrix3<f64> {
 /// The rotation vector of R, |φ| ≤ π.
 pub fn log_so3(r: &Matrix3<f64>) -> Vector3<f64> {
     // Through the quaternion: well-conditioned at every angle, π included.
-    nalgebra::UnitQuaternion::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(*r)).scaled_axis()
+    nalgebra::UnitQuaternion::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(*r))
+        .scaled_axis()
 }
 
 /// exp ξ.

@@ -108,8 +108,9 @@ impl ArcSpline {
     fn span_length(&self, i: usize, t: f64) -> f64 {
         // Two five-point panels: 1e-9 relative on the curliest strands seen.
         let (t0, half) = (self.t[i], (t - self.t[i]) / 4.0);
-        let panel =
-            |c: f64| GAUSS5.iter().map(|&(x, w)| w * self.derivatives(i, c + half * x).1.norm()).sum::<f64>() * half;
+        let panel = |c: f64| {
+            GAUSS5.iter().map(|&(x, w)| w * self.derivatives(i, c + half * x).1.norm()).sum::<f64>() * half
+        };
         panel(t0 + half) + panel(t0 + 3.0 * half)
     }
 }
@@ -164,7 +165,8 @@ mod tests {
         let c = pitch / std::f64::consts::TAU;
         let curve = |a: f64| Vector3::new(r * a.cos(), r * a.sin(), c * a);
         let n = 200;
-        let points: Vec<_> = (0..=n).map(|i| curve(turns * std::f64::consts::TAU * i as f64 / n as f64)).collect();
+        let points: Vec<_> =
+            (0..=n).map(|i| curve(turns * std::f64::consts::TAU * i as f64 / n as f64)).collect();
         let spline = ArcSpline::through(&points).unwrap();
         let length = turns * std::f64::consts::TAU * (r * r + c * c).sqrt();
         assert!((spline.length() - length).abs() < 1e-6 * length, "{}", spline.length() / length - 1.0);

@@ -1,1 +1,8 @@
-//! USD files: the crate (usdc) writer and reader. Knows arrays and attributes, not hair.
+//! USD layers: one model ([`Layer`]), two encodings, crate (usdc, [`crate_file`]) and text (usda,
+//! [`text`]). Knows prims, attributes and arrays, not hair.
+
+pub mod crate_file;
+mod layer;
+pub mod text;
+
+pub use layer::{Attribute, Layer, Metadata, Prim, Specifier, Value};

@@ -1,0 +1,65 @@
+//! Sizes that must agree with each other, on the way out (a bug of ours) and on the way in (damage).
+
+use super::{ColliderMesh, CurveFrame, CurveSet, Frame, Header};
+
+impl Header {
+    /// What does not fit together, in words.
+    pub(super) fn check(&self) -> Result<(), String> {
+        for curves in self.hair.iter().chain([&self.guides]) {
+            curves.check()?;
+        }
+        self.colliders.iter().try_for_each(ColliderMesh::check)
+    }
+}
+
+impl CurveSet {
+    fn check(&self) -> Result<(), String> {
+        if let Some(count) = self.counts.iter().find(|&&count| count < 2) {
+            return Err(format!("a curve of {count} points"));
+        }
+        let points: i64 = self.counts.iter().map(|&count| i64::from(count)).sum();
+        let (n, points) = (self.counts.len(), usize::try_from(points).unwrap_or_default());
+        same("rest points", self.rest.len(), points)?;
+        same("widths", self.widths.len(), points)?;
+        same("ids", self.id.len(), n)?;
+        same("groups", self.group.len(), n)?;
+        same("guide flags", self.guide.len(), n)?;
+        same("root coordinates", self.root_uv.len(), n)
+    }
+}
+
+impl ColliderMesh {
+    fn check(&self) -> Result<(), String> {
+        let n = self.points.len();
+        let outside =
+            self.triangles.as_flattened().iter().find(|&&i| !usize::try_from(i).is_ok_and(|i| i < n));
+        match outside {
+            Some(i) => Err(format!("collider {}: vertex {i} of {n}", self.name)),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Frame {
+    /// What does not fit to the header, in words.
+    pub(super) fn check(&self, header: &Header) -> Result<(), String> {
+        if self.hair.is_some() != header.hair.is_some() {
+            return Err("render strands in the frame or in the header, but not in both".into());
+        }
+        for (frame, curves) in self.hair.iter().zip(&header.hair).chain([(&self.guides, &header.guides)]) {
+            frame.check(curves)?;
+        }
+        same("collider transforms", self.colliders.len(), header.colliders.len())
+    }
+}
+
+impl CurveFrame {
+    fn check(&self, curves: &CurveSet) -> Result<(), String> {
+        same("points", self.points.len(), curves.rest.len())?;
+        same("velocities", self.velocities.len(), curves.rest.len())
+    }
+}
+
+fn same(what: &str, found: usize, expected: usize) -> Result<(), String> {
+    if found == expected { Ok(()) } else { Err(format!("{found} {what} where {expected} are expected")) }
+}

@@ -1,0 +1,61 @@
+//! Writing a file so that it is there whole or not at all, whatever happens.
+
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::fs::{File, Permissions};
+use std::io::{self, Write};
+use std::path::Path;
+
+/// A file of a cache, as the manifest lists it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FileRecord {
+    /// Name, relative to the cache's folder.
+    pub file: String,
+    /// SHA-256 of its bytes, lower-case hexadecimal.
+    pub sha256: String,
+    /// Its length, bytes.
+    pub bytes: u64,
+}
+
+/// SHA-256 of `bytes`, lower-case hexadecimal.
+pub fn sha256(bytes: &[u8]) -> String {
+    hex(Sha256::digest(bytes).as_slice())
+}
+
+/// Writes the parts one after the other to a temporary file in the same folder, and renames it to `path`
+/// once it is on the disk. Two processes that write the same path at once do each other no harm.
+///
+/// # Errors
+/// [`Error::Io`] with `path`; then no temporary file is left, and what `path` held before is untouched.
+pub fn write_file(path: &Path, parts: &[impl AsRef<[u8]>]) -> Result<FileRecord> {
+    try_write_file(path, parts).map_err(|e| Error::io(path, e))
+}
+
+fn try_write_file(path: &Path, parts: &[impl AsRef<[u8]>]) -> io::Result<FileRecord> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut temp = tempfile::Builder::new();
+    temp.prefix(".").suffix(".tmp");
+    // A temporary file is private by default; a cache is for others to read, as far as umask allows.
+    #[cfg(unix)]
+    temp.permissions(<Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666));
+    let mut temp = temp.tempfile_in(folder)?;
+    let mut hasher = Sha256::new();
+    let mut bytes = 0;
+    for part in parts {
+        let part = part.as_ref();
+        hasher.update(part);
+        bytes += part.len() as u64;
+        temp.write_all(part)?;
+    }
+    temp.as_file().sync_all()?;
+    temp.persist(path)?;
+    // The name itself is only safe once the folder is on the disk.
+    File::open(folder)?.sync_all()?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(FileRecord { file: name, sha256: hex(hasher.finalize().as_slice()), bytes })
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}

@@ -1,0 +1,290 @@
+//! Where everything stands in the USD layers of a cache.
+//!
+//! The same [`skeleton`] and the same [`animated`] declarations go into topology, clip manifest and
+//! frames, because an attribute that a clip holds but the clip manifest lacks resolves to nothing,
+//! without an error.
+
+use super::{Basis, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
+use crate::usd::{Attribute, Layer, Metadata, Prim, Specifier, Value};
+use std::borrow::Cow;
+
+/// Root layer: the one to open or to reference.
+pub const ROOT: &str = "hair.usda";
+/// Layer of all that does not move.
+pub const TOPOLOGY: &str = "hair.topology.usdc";
+/// Clip manifest: declares every attribute that the frame files animate.
+pub const CLIP_MANIFEST: &str = "hair.manifest.usda";
+/// The cache's own manifest, written last.
+pub const MANIFEST: &str = "manifest.json";
+
+/// Digits to which frame numbers are filled up; `####` in the clip template.
+const FRAME_DIGITS: usize = 4;
+/// Brown hair under neutral light, linear.
+const HAIR_COLOUR: [f32; 3] = [0.16, 0.075, 0.035];
+/// Guides stand out from the strands.
+const GUIDE_COLOUR: [f32; 3] = [0.9, 0.45, 0.05];
+/// Pale skin.
+const COLLIDER_COLOUR: [f32; 3] = [0.55, 0.42, 0.36];
+
+/// File of a frame, as USD's clip template `hair.####.usdc` resolves it: filled up with zeros to four
+/// characters, the sign among them (frame −1 is `hair.00-1.usdc`).
+pub fn frame_file_name(frame: i32) -> String {
+    format!("hair.{:0>FRAME_DIGITS$}.usdc", frame.to_string())
+}
+
+/// The frame of a file, where its name is one of [`frame_file_name`].
+pub(super) fn frame_of_file_name(name: &str) -> Option<i32> {
+    let digits = name.strip_prefix("hair.")?.strip_suffix(".usdc")?;
+    let frame = match digits.trim_start_matches('0') {
+        "" => 0,
+        number => number.parse().ok()?,
+    };
+    (frame_file_name(frame) == name).then_some(frame)
+}
+
+/// Frames on disk: the shot's and one handle before and after, so that the first and the last shutter
+/// have motion.
+pub(super) fn frames_with_handles(header: &Header) -> std::ops::RangeInclusive<i32> {
+    header.frames.0.saturating_sub(1)..=header.frames.1.saturating_add(1)
+}
+
+pub(super) fn up_axis(header: &Header) -> &'static str {
+    if header.z_up { "Z" } else { "Y" }
+}
+
+/// Prim names of the colliders: every other character than ASCII letters, digits and `_` becomes `_`,
+/// and a name that was there already gets a number.
+pub(super) fn collider_prim_names(header: &Header) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for ColliderMesh { name, .. } in &header.colliders {
+        let mut stem: String =
+            name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+        if stem.is_empty() || stem.starts_with(|c: char| c.is_ascii_digit()) {
+            stem.insert(0, '_');
+        }
+        let mut name = stem.clone();
+        let mut number = 2;
+        while names.contains(&name) {
+            name = format!("{stem}_{number}");
+            number += 1;
+        }
+        names.push(name);
+    }
+    names
+}
+
+/// A part of the cache that moves.
+#[derive(Clone, Copy)]
+enum Part {
+    Head,
+    Hair,
+    Guides,
+    Collider(usize),
+}
+
+/// `hair.usda`.
+pub(super) fn root_layer(header: &Header) -> Layer<'static> {
+    let handles = frames_with_handles(header);
+    let clips = vec![
+        ("templateAssetPath".into(), Value::string(&format!("./hair.{}.usdc", "#".repeat(FRAME_DIGITS)))),
+        ("templateStartTime".into(), Value::Double((*handles.start()).into())),
+        ("templateEndTime".into(), Value::Double((*handles.end()).into())),
+        ("templateStride".into(), Value::Double(1.0)),
+        ("primPath".into(), Value::string("/groom")),
+        ("manifestAssetPath".into(), Value::Asset(format!("./{CLIP_MANIFEST}"))),
+    ];
+    let mut groom = Prim::new(Specifier::Over, "", "groom");
+    groom
+        .metadata
+        .push(("clips".into(), Value::Dictionary(vec![("default".into(), Value::Dictionary(clips))])));
+    Layer { metadata: stage_metadata(header), sub_layers: vec![format!("./{TOPOLOGY}")], prims: vec![groom] }
+}
+
+/// `hair.topology.usdc`.
+pub(super) fn topology_layer(header: &Header) -> Layer<'_> {
+    let mut groom = skeleton(header, Specifier::Def, |part| {
+        let mut attributes = match part {
+            Part::Head => transform_order(),
+            Part::Hair => {
+                header.hair.as_ref().map(|c| curves(c, header.basis, HAIR_COLOUR)).unwrap_or_default()
+            }
+            Part::Guides => curves(&header.guides, header.basis, GUIDE_COLOUR),
+            Part::Collider(i) => collider(&header.colliders[i]),
+        };
+        attributes.extend(animated(part));
+        attributes
+    });
+    groom.metadata.push(("kind".into(), Value::token("component")));
+    for child in &mut groom.children {
+        if matches!(child.name.as_str(), "guides" | "colliders") {
+            child.attributes.push(uniform_token("purpose", "guide"));
+        }
+    }
+    Layer { metadata: stage_metadata(header), sub_layers: Vec::new(), prims: vec![groom] }
+}
+
+/// `hair.manifest.usda`.
+pub(super) fn clip_manifest_layer(header: &Header) -> Layer<'static> {
+    let groom = skeleton(header, Specifier::Over, animated);
+    Layer { prims: vec![groom], ..Layer::default() }
+}
+
+/// One frame file; points and velocities are borrowed.
+pub(super) fn frame_layer<'a>(header: &Header, frame: &'a Frame) -> Layer<'a> {
+    let time = f64::from(frame.frame);
+    let groom = skeleton(header, Specifier::Over, |part| {
+        let values = match part {
+            Part::Head => vec![transform(&frame.head)],
+            Part::Hair => frame.hair.as_ref().map(moving_curves).unwrap_or_default(),
+            Part::Guides => moving_curves(&frame.guides),
+            Part::Collider(i) => vec![transform(&frame.colliders[i])],
+        };
+        animated(part)
+            .into_iter()
+            .zip(values)
+            .map(|(attribute, value)| attribute.with_sample(time, value))
+            .collect()
+    });
+    Layer { metadata: stage_metadata(header), sub_layers: Vec::new(), prims: vec![groom] }
+}
+
+fn stage_metadata(header: &Header) -> Metadata<'static> {
+    let creator = Value::string(concat!("hairbake ", env!("CARGO_PKG_VERSION")));
+    [
+        ("customLayerData", Value::Dictionary(vec![("creator".into(), creator)])),
+        ("defaultPrim", Value::token("groom")),
+        ("metersPerUnit", Value::Double(header.metres_per_unit)),
+        ("upAxis", Value::token(up_axis(header))),
+        ("timeCodesPerSecond", Value::Double(header.fps)),
+        ("framesPerSecond", Value::Double(header.fps)),
+        ("startTimeCode", Value::Double(header.frames.0.into())),
+        ("endTimeCode", Value::Double(header.frames.1.into())),
+    ]
+    .map(|(name, value)| (name.to_string(), value))
+    .into()
+}
+
+/// `/groom` and all below it; prims of an `over` have no type.
+fn skeleton<'a>(
+    header: &Header,
+    specifier: Specifier,
+    attributes: impl Fn(Part) -> Vec<Attribute<'a>>,
+) -> Prim<'a> {
+    let prim = |type_name: &str, name: &str, part: Option<Part>| {
+        let type_name = if specifier == Specifier::Def { type_name } else { "" };
+        let mut prim = Prim::new(specifier, type_name, name);
+        prim.attributes = part.map(&attributes).unwrap_or_default();
+        prim
+    };
+    let mut groom = prim("Xform", "groom", None);
+    groom.children.push(prim("Xform", "head", Some(Part::Head)));
+    if header.hair.is_some() {
+        groom.children.push(prim("BasisCurves", "hair", Some(Part::Hair)));
+    }
+    groom.children.push(prim("BasisCurves", "guides", Some(Part::Guides)));
+    if !header.colliders.is_empty() {
+        let mut colliders = prim("Scope", "colliders", None);
+        let names = collider_prim_names(header);
+        colliders.children =
+            names.iter().enumerate().map(|(i, name)| prim("Mesh", name, Some(Part::Collider(i)))).collect();
+        groom.children.push(colliders);
+    }
+    groom
+}
+
+/// Declarations of what the frame files hold, in the order of [`frame_layer`]'s values.
+fn animated(part: Part) -> Vec<Attribute<'static>> {
+    match part {
+        Part::Head | Part::Collider(_) => vec![Attribute::new("xformOp:transform", "matrix4d")],
+        Part::Hair | Part::Guides => vec![
+            Attribute::new("points", "point3f[]"),
+            Attribute::new("velocities", "vector3f[]"),
+            Attribute::new("extent", "float3[]"),
+        ],
+    }
+}
+
+fn moving_curves(curves: &CurveFrame) -> Vec<Value<'_>> {
+    let arrays: [&[[f32; 3]]; 3] = [&curves.points, &curves.velocities, &curves.extent];
+    arrays.map(|array| Value::Float3s(Cow::Borrowed(array))).into()
+}
+
+/// USD multiplies row vectors from the left, so its matrices are the transposed ones.
+fn transform(matrix: &[[f64; 4]; 4]) -> Value<'static> {
+    Value::Matrix4d(transposed(matrix))
+}
+
+pub(super) fn transposed(matrix: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {
+    std::array::from_fn(|row| std::array::from_fn(|column| matrix[column][row]))
+}
+
+fn curves(curves: &CurveSet, basis: Basis, colour: [f32; 3]) -> Vec<Attribute<'_>> {
+    let ints = |values| Value::Ints(Cow::Borrowed(values));
+    let basis = match basis {
+        Basis::CatmullRom => "catmullRom",
+        Basis::Bspline => "bspline",
+    };
+    vec![
+        uniform_token("type", "cubic"),
+        uniform_token("basis", basis),
+        // Curves reach their first and last point without doubled or phantom points.
+        uniform_token("wrap", "pinned"),
+        Attribute::new("curveVertexCounts", "int[]").with_default(ints(&curves.counts)),
+        interpolated("widths", "float[]", "vertex", Value::Floats(Cow::Borrowed(&curves.widths))),
+        display_colour(colour),
+        interpolated("primvars:groom_id", "int[]", "uniform", ints(&curves.id)),
+        interpolated("primvars:groom_group_id", "int[]", "uniform", ints(&curves.group)),
+        interpolated("primvars:groom_guide", "int[]", "uniform", ints(&curves.guide)),
+        interpolated(
+            "primvars:groom_root_uv",
+            "texCoord2f[]",
+            "uniform",
+            Value::Float2s(Cow::Borrowed(&curves.root_uv)),
+        ),
+        interpolated("primvars:rest", "point3f[]", "vertex", Value::Float3s(Cow::Borrowed(&curves.rest))),
+    ]
+}
+
+fn collider(mesh: &ColliderMesh) -> Vec<Attribute<'_>> {
+    let mut attributes = vec![
+        Attribute::new("points", "point3f[]").with_default(Value::Float3s(Cow::Borrowed(&mesh.points))),
+        Attribute::new("faceVertexCounts", "int[]")
+            .with_default(Value::Ints(vec![3; mesh.triangles.len()].into())),
+        Attribute::new("faceVertexIndices", "int[]")
+            .with_default(Value::Ints(Cow::Borrowed(mesh.triangles.as_flattened()))),
+        Attribute::new("extent", "float3[]")
+            .with_default(Value::Float3s(bounds(&mesh.points).to_vec().into())),
+        uniform_token("subdivisionScheme", "none"),
+        Attribute::new("doubleSided", "bool").uniform().with_default(Value::Bool(true)),
+        display_colour(COLLIDER_COLOUR),
+    ];
+    attributes.extend(transform_order());
+    attributes
+}
+
+/// Lowest and highest corner.
+fn bounds(points: &[[f32; 3]]) -> [[f32; 3]; 2] {
+    let Some(&first) = points.first() else { return [[0.0; 3]; 2] };
+    points.iter().fold([first; 2], |[low, high], p| {
+        [std::array::from_fn(|i| low[i].min(p[i])), std::array::from_fn(|i| high[i].max(p[i]))]
+    })
+}
+
+fn transform_order() -> Vec<Attribute<'static>> {
+    let order = Value::Tokens(vec!["xformOp:transform".into()]);
+    vec![Attribute::new("xformOpOrder", "token[]").uniform().with_default(order)]
+}
+
+fn display_colour(colour: [f32; 3]) -> Attribute<'static> {
+    interpolated("primvars:displayColor", "color3f[]", "constant", Value::Float3s(vec![colour].into()))
+}
+
+fn uniform_token(name: &str, token: &str) -> Attribute<'static> {
+    Attribute::new(name, "token").uniform().with_default(Value::token(token))
+}
+
+fn interpolated<'a>(name: &str, type_name: &str, interpolation: &str, value: Value<'a>) -> Attribute<'a> {
+    Attribute::new(name, type_name)
+        .with_default(value)
+        .with_metadata("interpolation", Value::token(interpolation))
+}

@@ -1,0 +1,232 @@
+//! Reading a cache back.
+
+use super::layout::{MANIFEST, TOPOLOGY, frame_file_name, frame_of_file_name, transposed};
+use super::{Basis, ColliderMesh, CurveFrame, CurveSet, Frame, Header, Manifest};
+use crate::usd::{Layer, Value, crate_file};
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// A cache on disk, finished or not.
+#[derive(Debug)]
+pub struct Reader {
+    dir: PathBuf,
+    header: Header,
+    frames: Vec<i32>,
+}
+
+impl Reader {
+    /// Opens the cache in `dir`: reads its topology and lists its frames.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where there is none or it cannot be read; [`Error::Damaged`] where the topology is no
+    /// crate file or does not hold what a cache holds.
+    pub fn open(dir: &Path) -> Result<Self> {
+        let header = Source::open(dir.join(TOPOLOGY))?.header()?;
+        Ok(Reader { dir: dir.to_path_buf(), header, frames: frames_on_disk(dir)? })
+    }
+
+    /// What does not change.
+    pub fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// Frames that have a file, in order, handles included.
+    pub fn frames(&self) -> &[i32] {
+        &self.frames
+    }
+
+    /// Reads one frame.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where its file is missing or cannot be read; [`Error::Damaged`] where it is no crate
+    /// file, lacks an attribute, or does not fit to the header.
+    pub fn read_frame(&self, frame: i32) -> Result<Frame> {
+        Source::open(self.dir.join(frame_file_name(frame)))?.frame(&self.header, frame)
+    }
+
+    /// Reads `manifest.json`, which an unfinished cache does not have.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where it is missing or cannot be read; [`Error::Damaged`] where it is no manifest.
+    pub fn read_manifest(&self) -> Result<Manifest> {
+        let path = self.dir.join(MANIFEST);
+        let bytes = std::fs::read(&path).map_err(|e| Error::io(&path, e))?;
+        serde_json::from_slice(&bytes).map_err(|e| Error::Damaged { path, what: e.to_string() })
+    }
+}
+
+/// Frames that have a file in `dir`, in order.
+pub(super) fn frames_on_disk(dir: &Path) -> Result<Vec<i32>> {
+    let mut frames = Vec::new();
+    for entry in std::fs::read_dir(dir).map_err(|e| Error::io(dir, e))? {
+        let entry = entry.map_err(|e| Error::io(dir, e))?;
+        frames.extend(entry.file_name().to_str().and_then(frame_of_file_name));
+    }
+    frames.sort_unstable();
+    Ok(frames)
+}
+
+/// A layer whose values are taken out one by one.
+struct Source {
+    path: PathBuf,
+    layer: Layer<'static>,
+}
+
+impl Source {
+    fn open(path: PathBuf) -> Result<Self> {
+        let bytes = std::fs::read(&path).map_err(|e| Error::io(&path, e))?;
+        let layer = crate_file::decode(&path, &bytes)?;
+        Ok(Source { path, layer })
+    }
+
+    fn header(mut self) -> Result<Header> {
+        let metres_per_unit = self.stage_number("metersPerUnit")?;
+        let fps = self.stage_number("timeCodesPerSecond")?;
+        let frames = (self.stage_number("startTimeCode")? as i32, self.stage_number("endTimeCode")? as i32);
+        let z_up = self.layer.metadata.iter().any(|(name, v)| name == "upAxis" && *v == Value::token("Z"));
+        let basis = match self.take("/groom/guides", "basis", None, text)?.as_str() {
+            "bspline" => Basis::Bspline,
+            _ => Basis::CatmullRom,
+        };
+        let hair = match self.layer.prim_mut("/groom/hair") {
+            Some(_) => Some(self.curves("/groom/hair")?),
+            None => None,
+        };
+        let guides = self.curves("/groom/guides")?;
+        let names = self
+            .layer
+            .prim_mut("/groom/colliders")
+            .map(|scope| scope.children.iter().map(|mesh| mesh.name.clone()).collect::<Vec<_>>());
+        let colliders =
+            names.unwrap_or_default().into_iter().map(|name| self.collider(name)).collect::<Result<_>>()?;
+        let header = Header { metres_per_unit, z_up, fps, frames, basis, hair, guides, colliders };
+        header.check().map_err(|what| self.damaged(what))?;
+        Ok(header)
+    }
+
+    fn frame(mut self, header: &Header, number: i32) -> Result<Frame> {
+        let hair = match &header.hair {
+            Some(_) => Some(self.moving_curves("/groom/hair", number)?),
+            None => None,
+        };
+        let guides = self.moving_curves("/groom/guides", number)?;
+        let head = self.transform("/groom/head", number)?;
+        let colliders = super::layout::collider_prim_names(header)
+            .iter()
+            .map(|name| self.transform(&format!("/groom/colliders/{name}"), number))
+            .collect::<Result<_>>()?;
+        let frame = Frame { frame: number, hair, guides, head, colliders };
+        frame.check(header).map_err(|what| self.damaged(what))?;
+        Ok(frame)
+    }
+
+    fn curves(&mut self, prim: &str) -> Result<CurveSet> {
+        Ok(CurveSet {
+            counts: self.take(prim, "curveVertexCounts", None, ints)?,
+            rest: self.take(prim, "primvars:rest", None, float3s)?,
+            widths: self.take(prim, "widths", None, floats)?,
+            id: self.take(prim, "primvars:groom_id", None, ints)?,
+            group: self.take(prim, "primvars:groom_group_id", None, ints)?,
+            guide: self.take(prim, "primvars:groom_guide", None, ints)?,
+            root_uv: self.take(prim, "primvars:groom_root_uv", None, float2s)?,
+        })
+    }
+
+    fn collider(&mut self, name: String) -> Result<ColliderMesh> {
+        let prim = format!("/groom/colliders/{name}");
+        let indices = self.take(&prim, "faceVertexIndices", None, ints)?;
+        let (triangles, rest) = indices.as_chunks::<3>();
+        if !rest.is_empty() {
+            return Err(self.damaged(format!("{prim} is not made of triangles")));
+        }
+        Ok(ColliderMesh {
+            points: self.take(&prim, "points", None, float3s)?,
+            triangles: triangles.to_vec(),
+            name,
+        })
+    }
+
+    fn moving_curves(&mut self, prim: &str, frame: i32) -> Result<CurveFrame> {
+        Ok(CurveFrame {
+            points: self.take(prim, "points", Some(frame), float3s)?,
+            velocities: self.take(prim, "velocities", Some(frame), float3s)?,
+            extent: self.take(prim, "extent", Some(frame), |v| float3s(v)?.try_into().ok())?,
+        })
+    }
+
+    fn transform(&mut self, prim: &str, frame: i32) -> Result<[[f64; 4]; 4]> {
+        self.take(prim, "xformOp:transform", Some(frame), |value| match value {
+            Value::Matrix4d(rows) => Some(transposed(&rows)),
+            _ => None,
+        })
+    }
+
+    /// Takes the sample of an attribute at `frame`, or its default.
+    fn take<T>(
+        &mut self,
+        prim: &str,
+        name: &str,
+        frame: Option<i32>,
+        convert: impl Fn(Value<'static>) -> Option<T>,
+    ) -> Result<T> {
+        let attribute = self.layer.prim_mut(prim).and_then(|prim| prim.attribute_mut(name));
+        let value = attribute.and_then(|attribute| match frame {
+            None => attribute.default.take(),
+            Some(frame) => {
+                let at = attribute.samples.iter().position(|(time, _)| *time == f64::from(frame))?;
+                Some(attribute.samples.swap_remove(at).1)
+            }
+        });
+        value.and_then(convert).ok_or_else(|| {
+            let at = frame.map(|f| format!(" at frame {f}")).unwrap_or_default();
+            self.damaged(format!("{prim}.{name} has no value of the right type{at}"))
+        })
+    }
+
+    fn stage_number(&self, name: &str) -> Result<f64> {
+        let value = self.layer.metadata.iter().find(|(n, _)| n == name).map(|(_, value)| value);
+        match value {
+            Some(Value::Double(number)) => Ok(*number),
+            _ => Err(self.damaged(format!("it has no {name}"))),
+        }
+    }
+
+    fn damaged(&self, what: String) -> Error {
+        Error::Damaged { path: self.path.clone(), what }
+    }
+}
+
+fn text(value: Value<'static>) -> Option<String> {
+    match value {
+        Value::Token(text) => Some(text),
+        _ => None,
+    }
+}
+
+fn ints(value: Value<'static>) -> Option<Vec<i32>> {
+    match value {
+        Value::Ints(v) => Some(v.into_owned()),
+        _ => None,
+    }
+}
+
+fn floats(value: Value<'static>) -> Option<Vec<f32>> {
+    match value {
+        Value::Floats(v) => Some(v.into_owned()),
+        _ => None,
+    }
+}
+
+fn float2s(value: Value<'static>) -> Option<Vec<[f32; 2]>> {
+    match value {
+        Value::Float2s(v) => Some(v.into_owned()),
+        _ => None,
+    }
+}
+
+fn float3s(value: Value<'static>) -> Option<Vec<[f32; 3]>> {
+    match value {
+        Value::Float3s(v) => Some(v.into_owned()),
+        _ => None,
+    }
+}

@@ -1,0 +1,426 @@
+//! Writer: one pass over a [`Layer`], values first, tables after them.
+
+use super::integers::{compress, compress_ints};
+use super::{
+    BOOTSTRAP_LEN, FIELD_SET_END, Jump, LIST_OP_PREPENDED, MAGIC, MIN_COMPRESSED_INTS, SECTION_NAME_LEN,
+    VERSION, ValueRep, kind, spec,
+};
+use crate::usd::{Attribute, Layer, Prim, Specifier, Value};
+use bytemuck::NoUninit;
+use std::borrow::Cow;
+use std::collections::HashMap;
+
+/// Arrays at least this long, bytes, are borrowed from the layer and not copied.
+const BORROWED_LEN: usize = 4096;
+
+/// The bytes of the crate file as consecutive parts, large arrays borrowed from the layer.
+/// Equal layers give equal bytes. Text is cut at a NUL, which the format cannot hold.
+pub fn encode<'a>(layer: &'a Layer<'_>) -> Vec<Cow<'a, [u8]>> {
+    let mut encoder = Encoder { flushed: BOOTSTRAP_LEN, ..Encoder::default() };
+    // The name of `/` is the empty token. It stands first because a property's token index is stored
+    // negated, so that index 0 must never name a property.
+    encoder.tokens.index("");
+    encoder.pseudo_root(layer);
+    encoder.finish()
+}
+
+/// Name of a section and what writes it.
+type Section<'a> = (&'static str, fn(&mut Encoder<'a>));
+
+#[derive(Default)]
+struct Encoder<'a> {
+    /// Finished parts and their length, the bootstrap counted.
+    parts: Vec<Cow<'a, [u8]>>,
+    flushed: usize,
+    /// The part under way.
+    buffer: Vec<u8>,
+    tokens: Tokens,
+    strings: Vec<u32>,
+    string_index: HashMap<u32, u32>,
+    fields: Vec<(u32, ValueRep)>,
+    field_index: HashMap<(u32, ValueRep), u32>,
+    field_sets: Vec<u32>,
+    field_set_index: HashMap<Vec<u32>, u32>,
+    /// Element token (negated for a property) and jump of each path, in pre-order.
+    paths: Vec<(i32, i32)>,
+    /// Field set and kind of the spec at each path: every path of ours has one.
+    specs: Vec<(u32, u32)>,
+}
+
+#[derive(Default)]
+struct Tokens {
+    /// All tokens so far, each ended by a NUL.
+    text: Vec<u8>,
+    indices: HashMap<String, u32>,
+}
+
+impl Tokens {
+    fn index(&mut self, token: &str) -> u32 {
+        let token = token.split('\0').next().unwrap_or_default();
+        if let Some(&index) = self.indices.get(token) {
+            return index;
+        }
+        let index = self.indices.len() as u32;
+        self.text.extend_from_slice(token.as_bytes());
+        self.text.push(0);
+        self.indices.insert(token.to_string(), index);
+        index
+    }
+}
+
+impl<'a> Encoder<'a> {
+    fn pseudo_root(&mut self, layer: &'a Layer<'_>) {
+        let path = self.open_path(0);
+        let mut fields = self.metadata(&layer.metadata);
+        if !layer.sub_layers.is_empty() {
+            let rep = self.string_vector(&layer.sub_layers);
+            fields.push(self.field("subLayers", rep));
+            let rep = self.identity_offsets(layer.sub_layers.len());
+            fields.push(self.field("subLayerOffsets", rep));
+        }
+        self.name_list("primChildren", layer.prims.iter().map(|p| p.name.as_str()), &mut fields);
+        self.spec(path, fields, spec::PSEUDO_ROOT);
+        self.children(&[], &layer.prims);
+        self.close_path(path, false);
+    }
+
+    fn prim(&mut self, prim: &'a Prim<'_>, has_sibling: bool) {
+        let token = self.tokens.index(&prim.name) as i32;
+        let path = self.open_path(token);
+        let specifier = match prim.specifier {
+            Specifier::Def => 0,
+            Specifier::Over => 1,
+            Specifier::Class => 2,
+        };
+        let mut fields = vec![self.field("specifier", ValueRep::inlined(kind::SPECIFIER, specifier))];
+        if !prim.type_name.is_empty() {
+            fields.push(self.token_field("typeName", &prim.type_name));
+        }
+        fields.extend(self.metadata(&prim.metadata));
+        self.name_list("properties", prim.attributes.iter().map(|a| a.name.as_str()), &mut fields);
+        self.name_list("primChildren", prim.children.iter().map(|c| c.name.as_str()), &mut fields);
+        self.spec(path, fields, spec::PRIM);
+        self.children(&prim.attributes, &prim.children);
+        self.close_path(path, has_sibling);
+    }
+
+    fn children(&mut self, attributes: &'a [Attribute<'_>], prims: &'a [Prim<'_>]) {
+        for (i, attribute) in attributes.iter().enumerate() {
+            self.attribute(attribute, i + 1 < attributes.len() || !prims.is_empty());
+        }
+        for (i, prim) in prims.iter().enumerate() {
+            self.prim(prim, i + 1 < prims.len());
+        }
+    }
+
+    fn attribute(&mut self, attribute: &'a Attribute<'_>, has_sibling: bool) {
+        let token = self.tokens.index(&attribute.name) as i32;
+        let path = self.open_path(-token);
+        let mut fields = vec![
+            self.field("custom", ValueRep::inlined(kind::BOOL, 0)),
+            self.token_field("typeName", &attribute.type_name),
+            self.field("variability", ValueRep::inlined(kind::VARIABILITY, attribute.uniform.into())),
+        ];
+        fields.extend(self.metadata(&attribute.metadata));
+        if let Some(value) = &attribute.default {
+            let rep = self.value(value);
+            fields.push(self.field("default", rep));
+        }
+        if !attribute.samples.is_empty() {
+            let rep = self.time_samples(&attribute.samples);
+            fields.push(self.field("timeSamples", rep));
+        }
+        self.spec(path, fields, spec::ATTRIBUTE);
+        self.close_path(path, has_sibling);
+    }
+
+    /// Reserves the entry of a path; its subtree comes next, then [`Self::close_path`].
+    fn open_path(&mut self, element: i32) -> usize {
+        self.paths.push((element, Jump::Leaf.code()));
+        self.paths.len() - 1
+    }
+
+    fn close_path(&mut self, path: usize, has_sibling: bool) {
+        let subtree = self.paths.len() - path;
+        let jump = match (subtree > 1, has_sibling) {
+            (false, false) => Jump::Leaf,
+            (false, true) => Jump::Sibling,
+            (true, false) => Jump::Child,
+            (true, true) => Jump::Both(subtree as i32),
+        };
+        self.paths[path].1 = jump.code();
+    }
+
+    fn spec(&mut self, path: usize, mut fields: Vec<u32>, kind: u32) {
+        debug_assert_eq!(path, self.specs.len(), "specs stand in the order of their paths");
+        fields.push(FIELD_SET_END);
+        let start = self.field_sets.len() as u32;
+        let set = *self.field_set_index.entry(fields).or_insert_with_key(|fields| {
+            self.field_sets.extend_from_slice(fields);
+            start
+        });
+        self.specs.push((set, kind));
+    }
+
+    fn metadata(&mut self, metadata: &'a [(String, Value<'_>)]) -> Vec<u32> {
+        let mut fields = Vec::with_capacity(metadata.len());
+        for (name, value) in metadata {
+            let rep = self.value(value);
+            fields.push(self.field(name, rep));
+        }
+        fields
+    }
+
+    fn name_list<'n>(&mut self, field: &str, names: impl Iterator<Item = &'n str>, fields: &mut Vec<u32>) {
+        let tokens: Vec<u32> = names.map(|name| self.tokens.index(name)).collect();
+        if !tokens.is_empty() {
+            let rep = ValueRep::at(kind::TOKEN_VECTOR, self.counted(&tokens));
+            fields.push(self.field(field, rep));
+        }
+    }
+
+    fn token_field(&mut self, name: &str, token: &str) -> u32 {
+        let rep = ValueRep::inlined(kind::TOKEN, self.tokens.index(token));
+        self.field(name, rep)
+    }
+
+    fn field(&mut self, name: &str, rep: ValueRep) -> u32 {
+        let field = (self.tokens.index(name), rep);
+        *self.field_index.entry(field).or_insert_with(|| {
+            self.fields.push(field);
+            self.fields.len() as u32 - 1
+        })
+    }
+
+    fn string(&mut self, text: &str) -> u32 {
+        let token = self.tokens.index(text);
+        *self.string_index.entry(token).or_insert_with(|| {
+            self.strings.push(token);
+            self.strings.len() as u32 - 1
+        })
+    }
+
+    fn value(&mut self, value: &'a Value<'_>) -> ValueRep {
+        match value {
+            Value::Bool(b) => ValueRep::inlined(kind::BOOL, (*b).into()),
+            Value::Int(i) => ValueRep::inlined(kind::INT, i.cast_unsigned()),
+            Value::Float(f) => ValueRep::inlined(kind::FLOAT, f.to_bits()),
+            Value::Double(d) if f64::from(*d as f32) == *d => {
+                ValueRep::inlined(kind::DOUBLE, (*d as f32).to_bits())
+            }
+            Value::Double(d) => {
+                let offset = self.align();
+                self.put(*d);
+                ValueRep::at(kind::DOUBLE, offset)
+            }
+            Value::String(text) => ValueRep::inlined(kind::STRING, self.string(text)),
+            Value::Token(text) => ValueRep::inlined(kind::TOKEN, self.tokens.index(text)),
+            Value::Asset(text) => ValueRep::inlined(kind::ASSET, self.tokens.index(text)),
+            Value::Matrix4d(rows) => {
+                let offset = self.align();
+                self.put(*rows);
+                ValueRep::at(kind::MATRIX4D, offset)
+            }
+            Value::Ints(ints) if ints.len() >= MIN_COMPRESSED_INTS => {
+                let offset = self.align();
+                self.put(ints.len() as u64);
+                self.put_compressed_ints(ints.iter().copied());
+                ValueRep(ValueRep::array(kind::INT, offset).0 | ValueRep::COMPRESSED)
+            }
+            Value::Ints(ints) => self.array(kind::INT, ints),
+            Value::Floats(floats) => self.array(kind::FLOAT, floats),
+            Value::Float2s(floats) => self.array(kind::FLOAT2, floats),
+            Value::Float3s(floats) => self.array(kind::FLOAT3, floats),
+            Value::Tokens(texts) if texts.is_empty() => ValueRep::array(kind::TOKEN, 0),
+            Value::Tokens(texts) => {
+                let tokens = self.token_indices(texts);
+                ValueRep::array(kind::TOKEN, self.counted(&tokens))
+            }
+            Value::Dictionary(entries) => self.dictionary(entries),
+            Value::PrependedTokens(texts) => {
+                let tokens = self.token_indices(texts);
+                let offset = self.align();
+                self.put(LIST_OP_PREPENDED);
+                self.put(tokens.len() as u64);
+                self.buffer.extend_from_slice(bytemuck::cast_slice(&tokens));
+                ValueRep::at(kind::TOKEN_LIST_OP, offset)
+            }
+        }
+    }
+
+    fn token_indices(&mut self, texts: &[String]) -> Vec<u32> {
+        texts.iter().map(|text| self.tokens.index(text)).collect()
+    }
+
+    fn array<T: NoUninit>(&mut self, kind: u8, items: &'a [T]) -> ValueRep {
+        if items.is_empty() {
+            return ValueRep::array(kind, 0);
+        }
+        let offset = self.align();
+        self.put(items.len() as u64);
+        let bytes: &'a [u8] = bytemuck::cast_slice(items);
+        if bytes.len() < BORROWED_LEN {
+            self.buffer.extend_from_slice(bytes);
+        } else {
+            self.flush();
+            self.flushed += bytes.len();
+            self.parts.push(Cow::Borrowed(bytes));
+        }
+        ValueRep::array(kind, offset)
+    }
+
+    fn dictionary(&mut self, entries: &'a [(String, Value<'_>)]) -> ValueRep {
+        if entries.is_empty() {
+            return ValueRep::inlined(kind::DICTIONARY, 0);
+        }
+        let entries: Vec<_> =
+            entries.iter().map(|(key, value)| (self.string(key), self.value(value))).collect();
+        let offset = self.align();
+        self.put(entries.len() as u64);
+        for (key, rep) in entries {
+            self.put(key);
+            self.put_rep_next();
+            self.put(rep.0);
+        }
+        ValueRep::at(kind::DICTIONARY, offset)
+    }
+
+    fn time_samples(&mut self, samples: &'a [(f64, Value<'_>)]) -> ValueRep {
+        let times: Vec<f64> = samples.iter().map(|(time, _)| *time).collect();
+        let times = ValueRep::at(kind::DOUBLE_VECTOR, self.counted(&times));
+        let reps: Vec<u64> = samples.iter().map(|(_, value)| self.value(value).0).collect();
+        let offset = self.align();
+        self.put_rep_next();
+        self.put(times.0);
+        self.put_rep_next();
+        self.put(reps.len() as u64);
+        self.buffer.extend_from_slice(bytemuck::cast_slice(&reps));
+        ValueRep::at(kind::TIME_SAMPLES, offset)
+    }
+
+    /// The distance from here to where a nested value's representation stands: right behind.
+    fn put_rep_next(&mut self) {
+        self.put(size_of::<i64>() as i64);
+    }
+
+    fn string_vector(&mut self, texts: &[String]) -> ValueRep {
+        let strings: Vec<u32> = texts.iter().map(|text| self.string(text)).collect();
+        ValueRep::at(kind::STRING_VECTOR, self.counted(&strings))
+    }
+
+    /// Sublayer offsets (offset, scale) that leave times as they are.
+    fn identity_offsets(&mut self, count: usize) -> ValueRep {
+        ValueRep::at(kind::LAYER_OFFSET_VECTOR, self.counted(&vec![[0.0f64, 1.0]; count]))
+    }
+
+    /// Writes a count and that many items; returns the offset.
+    fn counted<T: NoUninit>(&mut self, items: &[T]) -> u64 {
+        let offset = self.align();
+        self.put(items.len() as u64);
+        self.buffer.extend_from_slice(bytemuck::cast_slice(items));
+        offset
+    }
+
+    fn put<T: NoUninit>(&mut self, value: T) {
+        self.buffer.extend_from_slice(bytemuck::bytes_of(&value));
+    }
+
+    fn put_compressed_ints(&mut self, ints: impl Iterator<Item = i32> + Clone) {
+        self.put_sized(&compress_ints(ints));
+    }
+
+    fn put_sized(&mut self, bytes: &[u8]) {
+        self.put(bytes.len() as u64);
+        self.buffer.extend_from_slice(bytes);
+    }
+
+    /// Fills up to a multiple of 8 and returns the offset in the file.
+    fn align(&mut self) -> u64 {
+        let padding = self.position().wrapping_neg() % 8;
+        self.buffer.resize(self.buffer.len() + padding, 0);
+        self.position() as u64
+    }
+
+    fn position(&self) -> usize {
+        self.flushed + self.buffer.len()
+    }
+
+    fn flush(&mut self) {
+        self.flushed += self.buffer.len();
+        self.parts.push(Cow::Owned(std::mem::take(&mut self.buffer)));
+    }
+
+    fn finish(mut self) -> Vec<Cow<'a, [u8]>> {
+        let writers: [Section<'a>; 6] = [
+            ("TOKENS", Self::tokens_section),
+            ("STRINGS", Self::strings_section),
+            ("FIELDS", Self::fields_section),
+            ("FIELDSETS", Self::field_sets_section),
+            ("PATHS", Self::paths_section),
+            ("SPECS", Self::specs_section),
+        ];
+        let sections = writers.map(|(name, write)| {
+            let start = self.position() as u64;
+            write(&mut self);
+            (name, start, self.position() as u64 - start)
+        });
+        let contents = self.position() as u64;
+        self.put(sections.len() as u64);
+        for (name, start, size) in sections {
+            let mut padded = [0; SECTION_NAME_LEN];
+            padded[..name.len()].copy_from_slice(name.as_bytes());
+            self.put(padded);
+            self.put([start, size]);
+        }
+        self.flush();
+
+        let mut bootstrap = vec![0; BOOTSTRAP_LEN];
+        bootstrap[..8].copy_from_slice(MAGIC);
+        bootstrap[8..11].copy_from_slice(&VERSION);
+        bootstrap[16..24].copy_from_slice(&contents.to_le_bytes());
+        self.parts.insert(0, Cow::Owned(bootstrap));
+        self.parts
+    }
+
+    fn tokens_section(&mut self) {
+        let tokens = std::mem::take(&mut self.tokens);
+        self.put([tokens.indices.len() as u64, tokens.text.len() as u64]);
+        self.put_sized(&compress(&tokens.text));
+    }
+
+    fn strings_section(&mut self) {
+        self.put(self.strings.len() as u64);
+        self.buffer.extend_from_slice(bytemuck::cast_slice(&self.strings));
+    }
+
+    fn fields_section(&mut self) {
+        let fields = std::mem::take(&mut self.fields);
+        self.put(fields.len() as u64);
+        self.put_compressed_ints(fields.iter().map(|(token, _)| token.cast_signed()));
+        let reps: Vec<u64> = fields.iter().map(|(_, rep)| rep.0).collect();
+        self.put_sized(&compress(bytemuck::cast_slice(&reps)));
+    }
+
+    fn field_sets_section(&mut self) {
+        let sets = std::mem::take(&mut self.field_sets);
+        self.put(sets.len() as u64);
+        self.put_compressed_ints(sets.iter().map(|field| field.cast_signed()));
+    }
+
+    fn paths_section(&mut self) {
+        let paths = std::mem::take(&mut self.paths);
+        // How many paths there are, and how many of them the tree holds: all.
+        self.put([paths.len() as u64; 2]);
+        self.put_compressed_ints(0..paths.len() as i32);
+        self.put_compressed_ints(paths.iter().map(|(element, _)| *element));
+        self.put_compressed_ints(paths.iter().map(|(_, jump)| *jump));
+    }
+
+    fn specs_section(&mut self) {
+        let specs = std::mem::take(&mut self.specs);
+        self.put(specs.len() as u64);
+        self.put_compressed_ints(0..specs.len() as i32);
+        self.put_compressed_ints(specs.iter().map(|(set, _)| set.cast_signed()));
+        self.put_compressed_ints(specs.iter().map(|(_, kind)| kind.cast_signed()));
+    }
+}

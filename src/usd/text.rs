@@ -1,0 +1,185 @@
+//! Text (usda) encoding of a [`Layer`].
+
+use super::{Attribute, Layer, Metadata, Prim, Specifier, Value};
+use std::fmt::Write;
+
+/// The layer as usda text.
+pub fn encode(layer: &Layer) -> String {
+    let mut out = Text { text: "#usda 1.0\n".into(), depth: 0 };
+    if !layer.metadata.is_empty() || !layer.sub_layers.is_empty() {
+        out.line("(");
+        out.depth += 1;
+        out.metadata(&layer.metadata);
+        if !layer.sub_layers.is_empty() {
+            out.line(&format!("subLayers = {}", list(&layer.sub_layers, |p| asset(p))));
+        }
+        out.depth -= 1;
+        out.line(")");
+    }
+    for prim in &layer.prims {
+        out.text.push('\n');
+        out.prim(prim);
+    }
+    out.text
+}
+
+struct Text {
+    text: String,
+    depth: usize,
+}
+
+impl Text {
+    fn line(&mut self, line: &str) {
+        // Writing to a String cannot fail.
+        let _ = writeln!(self.text, "{:1$}{line}", "", 4 * self.depth);
+    }
+
+    fn prim(&mut self, prim: &Prim) {
+        let specifier = match prim.specifier {
+            Specifier::Def => "def",
+            Specifier::Over => "over",
+            Specifier::Class => "class",
+        };
+        let space = if prim.type_name.is_empty() { "" } else { " " };
+        let head = format!("{specifier}{space}{} {}", prim.type_name, quoted(&prim.name));
+        self.with_metadata(&head, &prim.metadata);
+        self.line("{");
+        self.depth += 1;
+        for attribute in &prim.attributes {
+            self.attribute(attribute);
+        }
+        for child in &prim.children {
+            self.prim(child);
+        }
+        self.depth -= 1;
+        self.line("}");
+    }
+
+    fn attribute(&mut self, a: &Attribute) {
+        let variability = if a.uniform { "uniform " } else { "" };
+        let declaration = format!("{variability}{} {}", a.type_name, a.name);
+        // Metadata may stand once only; it goes with the first statement that names the attribute.
+        let first = match &a.default {
+            Some(value) => format!("{declaration} = {}", value_text(value, self.depth)),
+            None => declaration.clone(),
+        };
+        if a.default.is_some() || a.samples.is_empty() || !a.metadata.is_empty() {
+            self.with_metadata(&first, &a.metadata);
+        }
+        if !a.samples.is_empty() {
+            self.line(&format!("{declaration}.timeSamples = {{"));
+            for (time, value) in &a.samples {
+                self.line(&format!("    {time}: {},", value_text(value, self.depth)));
+            }
+            self.line("}");
+        }
+    }
+
+    fn with_metadata(&mut self, head: &str, metadata: &Metadata) {
+        if metadata.is_empty() {
+            self.line(head);
+        } else {
+            self.line(&format!("{head} ("));
+            self.depth += 1;
+            self.metadata(metadata);
+            self.depth -= 1;
+            self.line(")");
+        }
+    }
+
+    fn metadata(&mut self, metadata: &Metadata) {
+        for (name, value) in metadata {
+            let text = value_text(value, self.depth);
+            self.line(&match (name.as_str(), value) {
+                ("comment", _) => text,
+                ("documentation", _) => format!("doc = {text}"),
+                (_, Value::PrependedTokens(_)) => format!("prepend {name} = {text}"),
+                _ => format!("{name} = {text}"),
+            });
+        }
+    }
+}
+
+/// Type name before a key of a dictionary.
+fn dictionary_type(value: &Value) -> &'static str {
+    match value {
+        Value::Bool(_) => "bool",
+        Value::Int(_) => "int",
+        Value::Float(_) => "float",
+        Value::Double(_) => "double",
+        Value::String(_) => "string",
+        Value::Token(_) => "token",
+        Value::Asset(_) => "asset",
+        Value::Matrix4d(_) => "matrix4d",
+        Value::Ints(_) => "int[]",
+        Value::Floats(_) => "float[]",
+        Value::Float2s(_) => "float2[]",
+        Value::Float3s(_) => "float3[]",
+        Value::Tokens(_) | Value::PrependedTokens(_) => "token[]",
+        Value::Dictionary(_) => "dictionary",
+    }
+}
+
+/// A value as text; `depth` is the indentation of the line that it ends on (dictionaries take several).
+fn value_text(value: &Value, depth: usize) -> String {
+    match value {
+        Value::Bool(b) => b.to_string(),
+        Value::Int(i) => i.to_string(),
+        Value::Float(f) => f.to_string(),
+        Value::Double(d) => d.to_string(),
+        Value::String(s) | Value::Token(s) => quoted(s),
+        Value::Asset(path) => asset(path),
+        Value::Matrix4d(rows) => format!("( {} )", rows.map(|row| tuple(&row)).join(", ")),
+        Value::Ints(v) => list(v, i32::to_string),
+        Value::Floats(v) => list(v, f32::to_string),
+        Value::Float2s(v) => list(v, |x| tuple(x)),
+        Value::Float3s(v) => list(v, |x| tuple(x)),
+        Value::Tokens(v) | Value::PrependedTokens(v) => list(v, |s| quoted(s)),
+        Value::Dictionary(entries) => {
+            let mut out = String::from("{\n");
+            for (key, value) in entries {
+                let text = value_text(value, depth + 1);
+                // Writing to a String cannot fail.
+                let _ = writeln!(
+                    out,
+                    "{:indent$}{} {} = {text}",
+                    "",
+                    dictionary_type(value),
+                    quoted(key),
+                    indent = 4 * (depth + 1),
+                );
+            }
+            let _ = write!(out, "{:1$}}}", "", 4 * depth);
+            out
+        }
+    }
+}
+
+fn list<T>(items: &[T], item: impl Fn(&T) -> String) -> String {
+    format!("[{}]", items.iter().map(item).collect::<Vec<_>>().join(", "))
+}
+
+fn tuple<T: ToString>(items: &[T]) -> String {
+    format!("({})", items.iter().map(T::to_string).collect::<Vec<_>>().join(", "))
+}
+
+fn asset(path: &str) -> String {
+    format!("@{path}@")
+}
+
+fn quoted(text: &str) -> String {
+    let mut out = String::with_capacity(text.len() + 2);
+    out.push('"');
+    for c in text.chars() {
+        match c {
+            '"' => out.push_str("\\\""),
+            '\\' => out.push_str("\\\\"),
+            '\n' => out.push_str("\\n"),
+            '\r' => out.push_str("\\r"),
+            '\t' => out.push_str("\\t"),
+            _ => out.push(c),
+        }
+    }
+    out.push('"');
+    out
+}

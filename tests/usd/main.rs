@@ -1,0 +1,5 @@
+//! Crate files and caches: written, read back, and opened by usd-core.
+
+mod cache;
+mod python;
+mod sample;
