@@ -27,18 +27,15 @@ const GUIDE_COLOUR: [f32; 3] = [0.9, 0.45, 0.05];
 const COLLIDER_COLOUR: [f32; 3] = [0.55, 0.42, 0.36];
 
 /// File of a frame, as USD's clip template `hair.####.usdc` resolves it: filled up with zeros to four
-/// characters, the sign among them (frame −1 is `hair.00-1.usdc`).
+/// characters, the sign among them (frame −1 is `hair.-001.usdc`).
 pub fn frame_file_name(frame: i32) -> String {
-    format!("hair.{:0>FRAME_DIGITS$}.usdc", frame.to_string())
+    format!("hair.{frame:0FRAME_DIGITS$}.usdc")
 }
 
 /// The frame of a file, where its name is one of [`frame_file_name`].
 pub(super) fn frame_of_file_name(name: &str) -> Option<i32> {
     let digits = name.strip_prefix("hair.")?.strip_suffix(".usdc")?;
-    let frame = match digits.trim_start_matches('0') {
-        "" => 0,
-        number => number.parse().ok()?,
-    };
+    let frame = digits.parse().ok()?;
     (frame_file_name(frame) == name).then_some(frame)
 }
 

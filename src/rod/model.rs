@@ -83,7 +83,8 @@ impl Rod {
             Some(w) => w.norm() * (b - a),
             None => {
                 // The sharpest of a few samples, times the length: an upper estimate of the turn.
-                (0..=8).map(|i| spline.at(a + (b - a) * i as f64 / 8.0).curvature.norm()).fold(0.0, f64::max) * (b - a)
+                (0..=8).map(|i| spline.at(a + (b - a) * i as f64 / 8.0).curvature.norm()).fold(0.0, f64::max)
+                    * (b - a)
             }
         };
         let mut steps = Vec::new();
@@ -219,7 +220,9 @@ impl Rod {
     pub fn support(&mut self, load: &[f64], limit: f64) {
         let mut moved: Vec<Vector3<f64>> = load
             .chunks_exact(3)
-            .map(|f| Vector3::new(f[0] / self.stiffness[0], f[1] / self.stiffness[1], f[2] / self.stiffness[2]))
+            .map(|f| {
+                Vector3::new(f[0] / self.stiffness[0], f[1] / self.stiffness[1], f[2] / self.stiffness[2])
+            })
             .collect();
         self.solve_hat(&mut moved);
         let bounded: Vec<f64> = moved
@@ -276,7 +279,8 @@ fn double_reflection(
 ) -> Matrix3<f64> {
     let v1 = to.x - from.x;
     let c1 = v1.norm_squared();
-    let reflect = |a: Vector3<f64>, v: &Vector3<f64>, c: f64| if c > 0.0 { a - v * (2.0 / c * v.dot(&a)) } else { a };
+    let reflect =
+        |a: Vector3<f64>, v: &Vector3<f64>, c: f64| if c > 0.0 { a - v * (2.0 / c * v.dot(&a)) } else { a };
     let d1 = reflect(frame.column(0).into(), &v1, c1);
     let t = reflect(from.tangent, &v1, c1);
     let v2 = to.tangent - t;
@@ -311,9 +315,8 @@ fn root_pose(source: &RodSource, spline: &ArcSpline) -> Pose {
 /// The frame with d3 = `tangent` and d1 as near to `axis` as may be.
 fn around(tangent: &Vector3<f64>, axis: &Vector3<f64>) -> Matrix3<f64> {
     let d2 = tangent.cross(axis).try_normalize(1e-9).unwrap_or_else(|| {
-        let q = UnitQuaternion::rotation_between(&Vector3::z(), tangent).unwrap_or_else(|| {
-            UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI)
-        });
+        let q = UnitQuaternion::rotation_between(&Vector3::z(), tangent)
+            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
         q * Vector3::y()
     });
     Matrix3::from_columns(&[d2.cross(tangent), d2, *tangent])

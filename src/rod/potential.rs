@@ -193,8 +193,8 @@ pub fn gradient_hessian(
                 // Sub-steps before this one against this one, both ways round; then this one with itself.
                 let ba = pair(&before[a], &own[b]) - before[a].w.dot(&couple[b]);
                 let ab = pair(&before[b], &own[a]) - before[b].w.dot(&couple[a]);
-                let same = pair(&step[a], &own[b])
-                    - 0.5 * (step[a].w.dot(&couple[b]) + step[b].w.dot(&couple[a]));
+                let same =
+                    pair(&step[a], &own[b]) - 0.5 * (step[a].w.dot(&couple[b]) + step[b].w.dot(&couple[a]));
                 hessian[(first + a) * n + first + b] += ba + ab + same;
             }
         }
@@ -242,7 +242,8 @@ mod tests {
 
     /// A load with every term switched on.
     fn load(rod: &Rod, h: f64) -> Load {
-        let wave = |k: usize, a: f64| Vector3::new((a + k as f64).sin(), (2.0 * a + k as f64).cos(), a.sin()) * 0.01;
+        let wave =
+            |k: usize, a: f64| Vector3::new((a + k as f64).sin(), (2.0 * a + k as f64).cos(), a.sin()) * 0.01;
         let n = rod.points();
         Load {
             h,

@@ -113,7 +113,9 @@ impl Interpolator {
             cut.push((strand, p0, v0));
             (p, v) = (p1, v1);
         }
-        cut.into_par_iter().with_min_len(64).for_each(|(strand, p, v)| strand.evaluate(head, guides, to_scene, p, v));
+        cut.into_par_iter()
+            .with_min_len(64)
+            .for_each(|(strand, p, v)| strand.evaluate(head, guides, to_scene, p, v));
     }
 }
 
@@ -131,7 +133,9 @@ impl Strand {
                 None => follow::any_frame(&direction),
                 Some(last) => follow::transport(&last.column(2).into(), &direction) * last,
             };
-            turn.push(frames.last().map_or(Vector3::zeros(), |last| se3::log_so3(&(last.transpose() * frame))));
+            turn.push(
+                frames.last().map_or(Vector3::zeros(), |last| se3::log_so3(&(last.transpose() * frame))),
+            );
             frames.push(frame);
         }
         // Roots closer than this to a guide's follow that guide alone, smoothly.
@@ -193,7 +197,11 @@ mod tests {
         (0..n)
             .map(|i| {
                 let a = i as f64 / (n - 1) as f64 * 6.0;
-                Vector3::new(0.01 * ((a + phase).cos() - phase.cos()), -0.03 * a, 0.01 * ((a + phase).sin() - phase.sin()))
+                Vector3::new(
+                    0.01 * ((a + phase).cos() - phase.cos()),
+                    -0.03 * a,
+                    0.01 * ((a + phase).sin() - phase.sin()),
+                )
             })
             .collect()
     }
@@ -232,7 +240,13 @@ mod tests {
         c
     }
 
-    fn run(c: &Curves, rods: &[&Rod], q: &[Vec<f64>], rate: &[Vec<f64>], head: &HeadMotion) -> [Vec<[f32; 3]>; 2] {
+    fn run(
+        c: &Curves,
+        rods: &[&Rod],
+        q: &[Vec<f64>],
+        rate: &[Vec<f64>],
+        head: &HeadMotion,
+    ) -> [Vec<[f32; 3]>; 2] {
         let guides: Vec<_> = rods.iter().map(|r| (*r, LEAF)).collect();
         let interpolator = Interpolator::new(c, &vec![LEAF; c.len()], &guides);
         let motion: Vec<_> = q.iter().zip(rate).map(|(q, rate)| GuideMotion { q, rate }).collect();

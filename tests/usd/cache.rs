@@ -45,6 +45,8 @@ fn usd_core_resolves_every_value_at_every_frame() {
     let cases = [
         ("shot", Header { frames: (1001, 1004), ..sample::header(true) }),
         ("bspline_z_up", Header { basis: Basis::Bspline, z_up: true, ..sample::header(false) }),
+        ("from_frame_0", Header { frames: (0, 2), ..sample::header(true) }),
+        ("negative_frames", Header { frames: (-12, -9), ..sample::header(true) }),
         ("five_digits", Header { frames: (9998, 10001), ..sample::header(true) }),
     ];
     let dir = python::folder("caches");
