@@ -1,0 +1,213 @@
+//! One picture: strands and meshes lit and handed to the rasteriser.
+
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use super::camera::{Axes, Camera};
+use super::light::{Depths, Rgb, Volume, scatter};
+use super::raster::{self, Ribbon, Triangle};
+use super::strand::{self, Piece};
+use crate::cache::CurveSet;
+use crate::report::Image;
+
+/// How a set of curves is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Style {
+    /// Hair at its own width.
+    Hair,
+    /// Flat colours by group, never thinner than can be seen.
+    Guides,
+}
+
+/// Curves to draw, in the space of the pictures.
+pub struct Strands<'a> {
+    /// What does not move.
+    pub set: &'a CurveSet,
+    /// All points.
+    pub points: Vec<Vector3<f32>>,
+    /// How it is drawn.
+    pub style: Style,
+    /// Factor on all widths.
+    pub width_scale: f32,
+}
+
+/// A collider to draw, in the space of the pictures.
+pub struct Mesh<'a> {
+    /// Vertices.
+    pub points: Vec<Vector3<f32>>,
+    /// Vertex indices, three a triangle, all within `points`.
+    pub triangles: &'a [[i32; 3]],
+}
+
+/// Cells along the longest side of the shading volume.
+const CELLS: usize = 88;
+/// Optical depth of a mesh's surface: dark, but soft at its border.
+const SOLID: f32 = 3.0;
+/// Part of the extinction that darkens: light scattered forward goes on through hair of this colour.
+const GAIN: f32 = 0.55;
+
+/// Draws one picture of `size` pixels, `fine` times supersampled; `camera` works in fine pixels.
+pub fn draw(camera: &Camera, size: (u32, u32), fine: u32, strands: &[Strands], meshes: &[Mesh]) -> Image {
+    let cut: Vec<Vec<Piece>> =
+        strands.iter().map(|s| strand::pieces(s.set, &s.points, camera, fine as f32)).collect();
+    let light = Lighting::new(camera.axes, strands, &cut, meshes);
+    let each = strands.iter().zip(&cut);
+    let ribbons: Vec<Ribbon> = each
+        .flat_map(|(s, pieces)| {
+            pieces.par_iter().map(|p| ribbon(s, p, camera, fine, &light)).collect::<Vec<_>>()
+        })
+        .collect();
+    let triangles: Vec<Triangle> = meshes.iter().flat_map(|m| lit_triangles(m, camera, &light)).collect();
+    raster::draw(size, fine, backdrop, &triangles, &ribbons)
+}
+
+struct Light {
+    direction: Vector3<f32>,
+    colour: Rgb,
+    depths: Depths,
+}
+
+struct Lighting {
+    volume: Volume,
+    lights: Vec<Light>,
+    /// How much of the sky each cell sees.
+    sky: Depths,
+}
+
+impl Lighting {
+    /// Key light over the viewer's left shoulder, a cooler rim light from behind on the right, and a sky.
+    fn new(axes: Axes, strands: &[Strands], cut: &[Vec<Piece>], meshes: &[Mesh]) -> Self {
+        let finite = |p: &&Vector3<f32>| p.iter().all(|x| x.is_finite());
+        let points = || strands.iter().flat_map(|s| s.points.iter().filter(finite));
+        let low = points().fold(Vector3::repeat(f32::INFINITY), |a, p| a.inf(p));
+        let high = points().fold(Vector3::repeat(f32::NEG_INFINITY), |a, p| a.sup(p));
+        let mut volume = Volume::new(low, high, CELLS);
+        for (s, pieces) in strands.iter().zip(cut) {
+            for p in pieces {
+                volume.add((p.from + p.to) * 0.5, (p.to - p.from).norm() * p.width * s.width_scale);
+            }
+        }
+        for mesh in meshes {
+            for t in mesh.triangles {
+                block(&mut volume, t.map(|i| mesh.points[i as usize]));
+            }
+        }
+        let lamp = |right: f32, up: f32, back: f32, colour: [f32; 3]| {
+            let direction = axes.vector(Vector3::new(right, up, back)).normalize();
+            Light { direction, colour: colour.into(), depths: volume.depths(direction) }
+        };
+        let lights = vec![lamp(-0.6, 0.7, 0.6, [1.9, 1.8, 1.66]), lamp(0.65, 0.5, -0.6, [0.9, 1.0, 1.15])];
+        let up = Vector3::y();
+        let mut sky = vec![up];
+        sky.extend((0..6).map(|k| {
+            let (s, c) = (std::f32::consts::FRAC_PI_3 * k as f32).sin_cos();
+            Vector3::new(c, if k % 2 == 0 { 0.6 } else { -0.1 }, s).normalize()
+        }));
+        let sky = volume.openness(&sky, GAIN);
+        Lighting { volume, lights, sky }
+    }
+
+    /// Light arriving at `p` from each lamp, as (direction, colour), and from the sky.
+    fn arriving(&self, p: Vector3<f32>) -> (impl Iterator<Item = (Vector3<f32>, Rgb)> + '_, Rgb) {
+        let lamps = self
+            .lights
+            .iter()
+            .map(move |l| (l.direction, l.colour * (-GAIN * self.volume.at(&l.depths, p)).exp()));
+        (lamps, Rgb::new(0.52, 0.56, 0.62) * self.volume.at(&self.sky, p))
+    }
+}
+
+/// Makes a triangle block light in the cells that it crosses.
+fn block(volume: &mut Volume, [a, b, c]: [Vector3<f32>; 3]) {
+    let (u, v) = (b - a, c - a);
+    let longest = u.norm().max(v.norm()).max((c - b).norm());
+    // Far larger triangles are floors and walls, whose shadow the preview can do without.
+    let n = (longest / volume.cell()).ceil().clamp(1.0, 128.0) as usize;
+    let area = 0.5 * u.cross(&v).norm() / (n * n) as f32;
+    for i in 0..n {
+        for j in 0..n {
+            // Centroids of the n² like triangles: those upright, then, mirrored, those upside down.
+            let (s, t) = ((i as f32 + 1.0 / 3.0) / n as f32, (j as f32 + 1.0 / 3.0) / n as f32);
+            let (s, t) = if i + j < n { (s, t) } else { (1.0 - t, 1.0 - s) };
+            volume.add(a + u * s + v * t, SOLID * area);
+        }
+    }
+}
+
+fn ribbon(strands: &Strands, p: &Piece, camera: &Camera, fine: u32, light: &Lighting) -> Ribbon {
+    let curve = p.curve as usize;
+    let middle = (p.from + p.to) * 0.5;
+    let tangent = (p.to - p.from).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+    let viewer = (camera.eye - middle).normalize();
+    let (tint, tilt) = match strands.style {
+        Style::Guides => (group_colour(strands.set.group.get(curve).copied().unwrap_or(0)), 0.0),
+        Style::Hair => own_look(strands.set.id[curve]),
+    };
+    let (lamps, sky) = light.arriving(middle);
+    let lit: Rgb = lamps.map(|(l, c)| scatter(tangent, l, viewer, tint, tilt).component_mul(&c)).sum();
+    let scale = camera.focal * 0.5 * (p.ends[0].inverse_depth + p.ends[1].inverse_depth);
+    let seen = p.width * strands.width_scale * scale;
+    let width = match strands.style {
+        Style::Hair => seen,
+        Style::Guides => seen.max(1.3 * fine as f32),
+    };
+    Ribbon { ends: p.ends, width, colour: lit + tint.component_mul(&sky) }
+}
+
+/// Colour and tilt of a strand's highlights: chestnut, each strand a little its own.
+fn own_look(id: i32) -> (Rgb, f32) {
+    let [a, b, c] = noise(id as u32);
+    let tint = Rgb::new(0.165, 0.083, 0.044).lerp(&Rgb::new(0.085, 0.04, 0.022), a);
+    (tint * (0.75 + 0.5 * b), 0.09 * (c - 0.5))
+}
+
+/// A hue for each group, as far from the last as the golden ratio puts it.
+fn group_colour(group: i32) -> Rgb {
+    let hue = (f64::from(group) * 0.618_033_988_749_895).rem_euclid(1.0) as f32;
+    Rgb::from_fn(|k, _| {
+        let x = (hue * 6.0 + [0.0, 4.0, 2.0][k]).rem_euclid(6.0);
+        0.12 + 0.6 * ((x - 3.0).abs() - 1.0).clamp(0.0, 1.0).powi(2)
+    })
+}
+
+/// Three numbers in [0, 1) from an id (the finaliser of SplitMix64, Steele et al. 2014).
+fn noise(id: u32) -> [f32; 3] {
+    let mut x = u64::from(id).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^= x >> 31;
+    [0, 20, 40].map(|shift| (x >> shift & 0xf_ffff) as f32 / (1u32 << 20) as f32)
+}
+
+/// Triangles of a mesh in a neutral clay, lit softly at the vertices.
+fn lit_triangles(mesh: &Mesh, camera: &Camera, light: &Lighting) -> Vec<Triangle> {
+    let clay = Rgb::new(0.40, 0.335, 0.30);
+    let mut normals = vec![Vector3::zeros(); mesh.points.len()];
+    for t in mesh.triangles {
+        let [a, b, c] = t.map(|i| mesh.points[i as usize]);
+        t.iter().for_each(|i| normals[*i as usize] += (b - a).cross(&(c - a)));
+    }
+    let colour = |(p, n): (&Vector3<f32>, &Vector3<f32>)| {
+        let n = n.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+        // A step off the surface, out of its own shadow.
+        let (lamps, sky) = light.arriving(p + n * (2.0 * light.volume.cell()));
+        let lit: Rgb = lamps.map(|(l, c)| c * (0.25 + 0.75 * n.dot(&l)).max(0.0) * 0.6).sum();
+        (lit + sky).component_mul(&clay)
+    };
+    let colours: Vec<Rgb> = mesh.points.par_iter().zip(&normals).map(colour).collect();
+    let seen: Vec<_> = mesh.points.iter().map(|p| camera.project(*p)).collect();
+    let triangle = |t: &[i32; 3]| {
+        let [a, b, c] = t.map(|i| i as usize);
+        Some(Triangle {
+            corners: [seen[a]?, seen[b]?, seen[c]?],
+            colours: [colours[a], colours[b], colours[c]],
+        })
+    };
+    mesh.triangles.iter().filter_map(triangle).collect()
+}
+
+/// A quiet grey, lighter above and in the middle.
+fn backdrop(u: f32, v: f32) -> Rgb {
+    let fall = 1.0 - 0.5 * ((u - 0.5).powi(2) + (v - 0.45).powi(2));
+    Rgb::new(0.40, 0.43, 0.47).lerp(&Rgb::new(0.21, 0.225, 0.25), v) * fall
+}

@@ -1,0 +1,232 @@
+//! Whole pictures: a small head of hair made here, drawn and read back.
+
+use super::*;
+use crate::cache::ColliderMesh;
+
+struct Memory {
+    header: Header,
+    frames: Vec<Frame>,
+}
+
+impl Shot for Memory {
+    fn path(&self) -> &Path {
+        Path::new("shot")
+    }
+    fn header(&self) -> &Header {
+        &self.header
+    }
+    fn frame(&self, number: i32) -> Result<Frame> {
+        Ok(self.frames[(number - self.header.frames.0) as usize].clone())
+    }
+}
+
+/// `n` strands of `POINTS` points that hang from a half sphere, moving sideways from frame to frame.
+fn head_of_hair(n: usize, frames: i32) -> Memory {
+    const POINTS: usize = 6;
+    let mut set = CurveSet { counts: vec![POINTS as i32; n], ..CurveSet::default() };
+    for i in 0..n {
+        let (height, turn) = ((i as f32 + 0.5) / n as f32, i as f32 * 2.4);
+        let ring = (1.0 - height * height).sqrt();
+        for k in 0..POINTS {
+            let k = k as f32;
+            let out = 0.1 + 0.004 * k;
+            set.rest.push([out * ring * turn.cos(), out * height - 0.002 * k * k, out * ring * turn.sin()]);
+        }
+    }
+    set.widths = vec![3e-4; n * POINTS];
+    set.id = (0..n as i32).collect();
+    set.group = (0..n as i32).map(|i| i % 7).collect();
+    set.guide = vec![0; n];
+    let head = ColliderMesh {
+        name: "head".into(),
+        points: vec![[-0.05, -0.05, 0.0], [0.05, -0.05, 0.0], [0.0, 0.05, 0.0]],
+        triangles: vec![[0, 1, 2]],
+    };
+    let frame = |k: i32| {
+        let shift = 0.3 * k as f32;
+        let points: Vec<[f32; 3]> = set.rest.iter().map(|p| [p[0] + shift, p[1], p[2]]).collect();
+        let mut motion = [[0.0; 4]; 4];
+        (0..4).for_each(|i| motion[i][i] = 1.0);
+        motion[0][3] = f64::from(shift);
+        Frame {
+            frame: 1001 + k,
+            hair: Some(CurveFrame { points, ..CurveFrame::default() }),
+            head: motion,
+            colliders: vec![motion],
+            ..Frame::default()
+        }
+    };
+    let frames: Vec<Frame> = (0..frames).map(frame).collect();
+    let range = (1001, 1000 + frames.len() as i32);
+    let header = Header {
+        metres_per_unit: 1.0,
+        fps: 24.0,
+        frames: range,
+        hair: Some(set),
+        colliders: vec![head],
+        ..Header::default()
+    };
+    Memory { header, frames }
+}
+
+fn small() -> Options {
+    Options { size: (96, 80), supersampling: 2, ..Options::default() }
+}
+
+#[test]
+fn frames_are_spread_evenly_with_both_ends() {
+    assert_eq!(spread((1001, 1100), 4), [1001, 1034, 1067, 1100]);
+    assert_eq!(spread((5, 7), 12), [5, 6, 7]);
+    assert_eq!(spread((5, 9), 1), [5]);
+    assert_eq!(spread((-2, -2), 3), [-2]);
+}
+
+#[test]
+fn the_same_picture_on_one_thread_and_on_four() {
+    let shot = head_of_hair(300, 2);
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| sheet(&shot, &small(), &[1001, 1002]).unwrap())
+    };
+    assert_eq!(on(1), on(4));
+}
+
+#[test]
+fn hair_fills_the_picture_and_the_camera_follows_it() {
+    let shot = head_of_hair(400, 2);
+    let bare = |follow| {
+        let renderer = Renderer::new(&shot, Options { follow, ..small() }, &[1001, 1002]).unwrap();
+        [renderer.render(1001).unwrap(), renderer.render(1002).unwrap()]
+    };
+    // Redder than blue is hair; the backdrop is bluish.
+    let columns_of_hair = |image: &Image| {
+        let hair = |x: u32| {
+            (0..image.height).any(|y| {
+                let [r, _, b] = image.get(x, y);
+                r > b
+            })
+        };
+        (0..image.width).filter(|x| hair(*x)).collect::<Vec<_>>()
+    };
+    let [first, second] = bare(Follow::Position);
+    // Equal but for the rounding of single-precision world positions.
+    let (a, b) = (columns_of_hair(&first), columns_of_hair(&second));
+    assert!(a[0].abs_diff(b[0]) <= 1 && a.len() > 40, "{a:?} {b:?}");
+    let [first, second] = bare(Follow::World);
+    assert!(columns_of_hair(&second)[0] > columns_of_hair(&first)[0] + 20);
+}
+
+#[test]
+fn z_up_and_y_up_caches_look_alike() {
+    let y_up = head_of_hair(200, 1);
+    let mut z_up = head_of_hair(200, 1);
+    z_up.header.z_up = true;
+    let turn = |p: &mut [f32; 3]| *p = [p[0], -p[2], p[1]];
+    z_up.frames[0].hair.iter_mut().flat_map(|h| &mut h.points).for_each(turn);
+    z_up.header.hair.iter_mut().flat_map(|h| &mut h.rest).for_each(turn);
+    z_up.header.colliders.iter_mut().flat_map(|c| &mut c.points).for_each(turn);
+    for follow in [Follow::Position, Follow::Head] {
+        let options = Options { follow, ..small() };
+        let (a, b) = (sheet(&y_up, &options, &[1001]).unwrap(), sheet(&z_up, &options, &[1001]).unwrap());
+        let off = a.rgb.iter().zip(&b.rgb).filter(|(a, b)| a.abs_diff(**b) > 3).count();
+        assert!(off * 200 < a.rgb.len(), "{off} of {} values differ", a.rgb.len());
+    }
+}
+
+#[test]
+fn guides_are_drawn_wide_enough_to_see() {
+    let mut shot = head_of_hair(30, 1);
+    shot.header.guides = shot.header.hair.take().unwrap();
+    shot.header.guides.widths.fill(1e-6);
+    shot.frames[0].guides = shot.frames[0].hair.take().unwrap();
+    shot.header.colliders.clear();
+    shot.frames[0].colliders.clear();
+    let image = Renderer::new(&shot, small(), &[1001]).unwrap().render(1001).unwrap();
+    let vivid = image.rgb.chunks_exact(3).filter(|p| p.iter().max().unwrap() - p.iter().min().unwrap() > 60);
+    assert!(vivid.count() > 100);
+}
+
+#[test]
+fn an_animation_reads_back_frame_for_frame() {
+    let shot = head_of_hair(150, 3);
+    let frames = [1001, 1002, 1003];
+    let mut bytes = Vec::new();
+    animate(&shot, &small(), &frames, 24.0, &mut bytes).unwrap();
+    let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
+    assert_eq!(reader.info().animation_control().unwrap().num_frames, 3);
+    let renderer = Renderer::new(&shot, small(), &frames).unwrap();
+    for frame in frames {
+        let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut rgb).unwrap();
+        assert_eq!(rgb, renderer.render(frame).unwrap().rgb);
+        let control = reader.info().frame_control().unwrap();
+        assert_eq!(f64::from(control.delay_num) / f64::from(control.delay_den), 1.0 / 24.0);
+    }
+}
+
+#[test]
+fn a_sheet_is_a_png_of_all_its_cells() {
+    let shot = head_of_hair(50, 5);
+    let page = sheet(&shot, &small(), &[1001, 1002, 1003, 1004, 1005]).unwrap();
+    let bytes = page.to_png().unwrap();
+    let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
+    assert_eq!((reader.info().width, reader.info().height), (2 * 100 + 4, 3 * 84 + 4));
+    let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut rgb).unwrap();
+    assert_eq!(rgb, page.rgb);
+}
+
+#[test]
+fn a_cache_without_curves_is_refused() {
+    let mut shot = head_of_hair(0, 1);
+    let error = sheet(&shot, &small(), &[1001]).unwrap_err();
+    assert_eq!(error.exit_code(), 65);
+    let Error::BadInput(problems) = error else { panic!("{error}") };
+    assert!(problems[0].what.contains("no render strands"), "{}", problems[0].what);
+    shot.header.hair = None;
+    assert!(sheet(&shot, &small(), &[1001]).is_err());
+}
+
+#[test]
+fn arrays_that_do_not_fit_are_damage_not_a_panic() {
+    type Fault = fn(&mut Memory);
+    let faults: [Fault; 7] = [
+        |s| s.frames[0].hair.as_mut().unwrap().points.truncate(7),
+        |s| s.frames[0].hair = None,
+        |s| s.header.hair.as_mut().unwrap().widths.truncate(7),
+        |s| s.header.hair.as_mut().unwrap().counts[0] = -3,
+        |s| s.header.colliders[0].triangles[0][2] = 3,
+        |s| s.frames[0].colliders.clear(),
+        |s| s.frames[0].hair.as_mut().unwrap().points.fill([f32::NAN; 3]),
+    ];
+    for fault in faults {
+        let mut shot = head_of_hair(20, 1);
+        fault(&mut shot);
+        let error = sheet(&shot, &small(), &[1001]).unwrap_err();
+        assert!(matches!(error, Error::Damaged { .. }), "{error}");
+    }
+}
+
+#[test]
+fn a_few_points_that_are_no_numbers_leave_the_rest_visible() {
+    let mut shot = head_of_hair(100, 1);
+    shot.frames[0].hair.as_mut().unwrap().points[30] = [f32::NAN, f32::INFINITY, 0.0];
+    let image = sheet(&shot, &small(), &[1001]).unwrap();
+    assert!(image.rgb.iter().any(|c| *c > 60));
+}
+
+#[test]
+fn options_out_of_range_are_usage_errors() {
+    let shot = head_of_hair(10, 1);
+    let wrong = [
+        Options { size: (0, 10), ..small() },
+        Options { supersampling: 0, ..small() },
+        Options { fov_deg: f64::NAN, ..small() },
+        Options { width_scale: 0.0, ..small() },
+        Options { azimuth_deg: f64::INFINITY, ..small() },
+    ];
+    for options in wrong {
+        assert!(matches!(sheet(&shot, &options, &[1001]), Err(Error::Usage(_))), "{options:?}");
+    }
+    assert!(matches!(sheet(&shot, &small(), &[]), Err(Error::Usage(_))));
+}
