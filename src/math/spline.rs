@@ -1,6 +1,6 @@
-//! C2 cubic splines through points of space, and their arc length.
+//! C2 cubic splines through points, and their arc length.
 
-use nalgebra::Vector3;
+use nalgebra::{SVector, Vector3};
 
 /// Nodes and weights of the five-point Gauss-Legendre rule on [−1, 1].
 const GAUSS5: [(f64, f64); 5] = [
@@ -11,15 +11,54 @@ const GAUSS5: [(f64, f64); 5] = [
     (0.906_179_845_938_664, 0.236_926_885_056_189_1),
 ];
 
-/// The interpolating cubic spline with not-a-knot ends (de Boor 1978, ch. IV) through points, parametrised by
-/// chord length, with a table of its arc length.
+/// The interpolating cubic spline with not-a-knot ends (de Boor 1978, ch. IV) through points of `D` numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CubicSpline<const D: usize> {
+    /// Parameter of each point, increasing.
+    t: Vec<f64>,
+    points: Vec<SVector<f64, D>>,
+    /// Second derivative at each point.
+    second: Vec<SVector<f64, D>>,
+}
+
+impl<const D: usize> CubicSpline<D> {
+    /// The spline through `points` at the parameters `t`: as many as points, increasing, at least one. Fewer
+    /// than four points give the polynomial through them.
+    pub fn through(t: Vec<f64>, points: Vec<SVector<f64, D>>) -> Self {
+        let second = not_a_knot(&t, &points);
+        CubicSpline { t, points, second }
+    }
+
+    /// Parameters of the points.
+    pub fn knots(&self) -> &[f64] {
+        &self.t
+    }
+
+    /// Value, first and second derivative at parameter `t`, clamped to the knots.
+    pub fn at(&self, t: f64) -> [SVector<f64, D>; 3] {
+        let n = self.t.len();
+        if n == 1 {
+            return [self.points[0], SVector::zeros(), SVector::zeros()];
+        }
+        let i = self.t.partition_point(|&k| k <= t).clamp(1, n - 1) - 1;
+        self.in_span(i, t.clamp(self.t[0], self.t[n - 1]))
+    }
+
+    /// The same where `t` lies in span `i`, between knots `i` and `i + 1`.
+    fn in_span(&self, i: usize, t: f64) -> [SVector<f64, D>; 3] {
+        let h = self.t[i + 1] - self.t[i];
+        let (a, b) = ((self.t[i + 1] - t) / h, (t - self.t[i]) / h);
+        let (p0, p1, m0, m1) = (&self.points[i], &self.points[i + 1], &self.second[i], &self.second[i + 1]);
+        let x = p0 * a + p1 * b + (m0 * (a * a * a - a) + m1 * (b * b * b - b)) * (h * h / 6.0);
+        let d1 = (p1 - p0) / h + (m1 * (3.0 * b * b - 1.0) - m0 * (3.0 * a * a - 1.0)) * (h / 6.0);
+        [x, d1, m0 * a + m1 * b]
+    }
+}
+
+/// A [`CubicSpline`] in space, parametrised by chord length, with a table of its arc length.
 #[derive(Debug, Clone)]
 pub struct ArcSpline {
-    /// Parameter of each point.
-    t: Vec<f64>,
-    points: Vec<Vector3<f64>>,
-    /// Second derivative at each point.
-    second: Vec<Vector3<f64>>,
+    cubic: CubicSpline<3>,
     /// Arc length up to each point, m.
     arc: Vec<f64>,
 }
@@ -59,10 +98,10 @@ impl ArcSpline {
         if p.len() < 2 {
             return None;
         }
-        let second = not_a_knot(&t, &p);
-        let mut spline = ArcSpline { t, points: p, second, arc: vec![0.0] };
-        for i in 0..spline.t.len() - 1 {
-            let l = spline.arc[i] + spline.span_length(i, spline.t[i + 1]);
+        let mut spline = ArcSpline { cubic: CubicSpline::through(t, p), arc: vec![0.0] };
+        let knots = spline.cubic.t.len();
+        for i in 0..knots - 1 {
+            let l = spline.arc[i] + spline.span_length(i, spline.cubic.t[i + 1]);
             spline.arc.push(l);
         }
         Some(spline)
@@ -75,51 +114,44 @@ impl ArcSpline {
 
     /// The point at arc length `s`, m, clamped to the curve.
     pub fn at(&self, s: f64) -> CurvePoint {
-        let n = self.t.len();
+        let t = &self.cubic.t;
+        let n = t.len();
         let i = self.arc.partition_point(|&a| a <= s).clamp(1, n - 1) - 1;
-        let (t0, t1) = (self.t[i], self.t[i + 1]);
+        let (t0, t1) = (t[i], t[i + 1]);
         let target = s.clamp(0.0, self.length()) - self.arc[i];
         let mut t = t0 + (t1 - t0) * target / (self.arc[i + 1] - self.arc[i]);
         // Newton on a monotone function; four rounds reach rounding from the linear guess.
         for _ in 0..8 {
-            let speed = self.derivatives(i, t).1.norm();
+            let speed = self.cubic.in_span(i, t)[1].norm();
             let step = (self.span_length(i, t) - target) / speed;
             t = (t - step).clamp(t0, t1);
             if step.abs() <= 1e-14 * (t1 - t0) {
                 break;
             }
         }
-        let (x, d1, d2) = self.derivatives(i, t);
+        let [x, d1, d2] = self.cubic.in_span(i, t);
         let speed = d1.norm();
         let tangent = d1 / speed;
         CurvePoint { x, tangent, curvature: (d2 - tangent * tangent.dot(&d2)) / (speed * speed) }
     }
 
-    fn derivatives(&self, i: usize, t: f64) -> (Vector3<f64>, Vector3<f64>, Vector3<f64>) {
-        let h = self.t[i + 1] - self.t[i];
-        let (a, b) = ((self.t[i + 1] - t) / h, (t - self.t[i]) / h);
-        let (p0, p1, m0, m1) = (&self.points[i], &self.points[i + 1], &self.second[i], &self.second[i + 1]);
-        let x = p0 * a + p1 * b + (m0 * (a * a * a - a) + m1 * (b * b * b - b)) * (h * h / 6.0);
-        let d1 = (p1 - p0) / h + (m1 * (3.0 * b * b - 1.0) - m0 * (3.0 * a * a - 1.0)) * (h / 6.0);
-        (x, d1, m0 * a + m1 * b)
-    }
-
     /// Arc length from the start of span `i` to parameter `t`.
     fn span_length(&self, i: usize, t: f64) -> f64 {
         // Two five-point panels: 1e-9 relative on the curliest strands seen.
-        let (t0, half) = (self.t[i], (t - self.t[i]) / 4.0);
+        let t0 = self.cubic.t[i];
+        let half = (t - t0) / 4.0;
         let panel = |c: f64| {
-            GAUSS5.iter().map(|&(x, w)| w * self.derivatives(i, c + half * x).1.norm()).sum::<f64>() * half
+            GAUSS5.iter().map(|&(x, w)| w * self.cubic.in_span(i, c + half * x)[1].norm()).sum::<f64>() * half
         };
         panel(t0 + half) + panel(t0 + 3.0 * half)
     }
 }
 
 /// Second derivatives at the knots of the not-a-knot cubic spline.
-fn not_a_knot(t: &[f64], p: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+fn not_a_knot<const D: usize>(t: &[f64], p: &[SVector<f64, D>]) -> Vec<SVector<f64, D>> {
     let n = t.len();
-    if n == 2 {
-        return vec![Vector3::zeros(); 2];
+    if n <= 2 {
+        return vec![SVector::zeros(); n];
     }
     let h = |i: usize| t[i + 1] - t[i];
     let slope = |i: usize| (p[i + 1] - p[i]) / h(i);
@@ -130,7 +162,7 @@ fn not_a_knot(t: &[f64], p: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     let mut diag: Vec<f64> = (1..n - 1).map(|i| 2.0 * (h(i - 1) + h(i))).collect();
     let mut upper: Vec<f64> = (1..n - 1).map(h).collect();
     let mut lower: Vec<f64> = (1..n - 1).map(|i| h(i - 1)).collect();
-    let mut m: Vec<Vector3<f64>> = (1..n - 1).map(|i| (slope(i) - slope(i - 1)) * 6.0).collect();
+    let mut m: Vec<SVector<f64, D>> = (1..n - 1).map(|i| (slope(i) - slope(i - 1)) * 6.0).collect();
     let k = n - 2;
     let (r0, r1) = (h(0) / h(1), h(n - 2) / h(n - 3));
     diag[0] += h(0) * (1.0 + r0);

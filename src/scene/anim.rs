@@ -1,10 +1,14 @@
 //! The animation: bodies on tracks, colliders, wind, forces, settings. SI units, Y up, world space.
 
+pub mod file;
+pub(super) mod read;
+
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use std::path::PathBuf;
 
 pub use super::keyed::Keyed;
 pub use super::track::Track;
+pub use file::AnimFile;
 
 /// An animation, validated.
 #[derive(Debug, Clone)]

@@ -1,9 +1,12 @@
 //! Units and up axis of a file, and the way to the inside convention (metres, Y up) and back.
 
 use nalgebra::{UnitQuaternion, Vector3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// Which axis of a file points up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
 pub enum UpAxis {
     /// Y up, right-handed (USD, Maya, glTF).
     #[default]
@@ -55,5 +58,15 @@ impl Convention {
     pub fn rotation_in(&self, q: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
         let a = self.to_y_up();
         a * q * a.inverse()
+    }
+
+    /// An orientation whose columns are directions in the file's axes, turned to Y up: the columns turn.
+    pub fn frame_in(&self, q: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        self.to_y_up() * q
+    }
+
+    /// The way back of [`Self::frame_in`].
+    pub fn frame_out(&self, q: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        self.to_y_up().inverse() * q
     }
 }

@@ -1,6 +1,11 @@
 //! The groom: strand materials, the hierarchy of generalised cylinders (GC, "wisps"), guides and
 //! render strands. All lengths in metres, Y up, in rest space (the space the head mesh was modelled in).
 
+mod default_trees;
+pub mod file;
+pub(super) mod read;
+mod write;
+
 use super::Convention;
 use nalgebra::{UnitQuaternion, Vector3};
 

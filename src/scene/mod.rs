@@ -3,10 +3,98 @@
 
 pub mod anim;
 pub mod convention;
+mod document;
 pub mod groom;
 pub mod keyed;
+mod mesh;
 pub mod track;
 
-pub use anim::{Anim, Body, Collider, Settings, Shape, TriMesh};
+pub use anim::{Anim, AnimFile, Body, Collider, Settings, Shape, TriMesh};
 pub use convention::{Convention, UpAxis};
+pub use document::array::{Array, BufferFile, ElementType, View};
 pub use groom::{Curves, Groom, Group, Guides, Material, RodSection, Section, Strands, Tree, Wisp};
+
+use crate::error::{Error, Problem, Result};
+use document::Document;
+use std::path::Path;
+
+/// A public file format.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// `groom.json`
+    Groom,
+    /// `anim.json`
+    Anim,
+}
+
+/// Reads and checks a groom. Errors: [`Error::Io`] if the file cannot be read, [`Error::BadInput`] with
+/// every fault found.
+pub fn load_groom(path: &Path) -> Result<Groom> {
+    groom_of(Document::open(path)?, path)
+}
+
+/// Reads and checks an animation and the files it names. Errors: as [`load_groom`].
+pub fn load_anim(path: &Path) -> Result<Anim> {
+    anim_of(Document::open(path)?)
+}
+
+/// Reads and checks a groom and its animation; the faults of both are in one report.
+pub fn load(groom: &Path, anim: &Path) -> Result<(Groom, Anim)> {
+    match (load_groom(groom), load_anim(anim)) {
+        (Ok(groom), Ok(anim)) => Ok((groom, anim)),
+        (Err(Error::BadInput(mut problems)), Err(Error::BadInput(others))) => {
+            problems.extend(others);
+            Err(Error::BadInput(problems))
+        }
+        (Err(e), _) | (_, Err(e)) => Err(e),
+    }
+}
+
+/// Every problem of the files, grooms and animations in any order, told apart by their `format`.
+/// Errors: [`Error::Io`] if one cannot be read.
+pub fn check(paths: &[&Path]) -> Result<Vec<Problem>> {
+    let mut problems = Vec::new();
+    for path in paths {
+        let checked = Document::open(path).and_then(|doc| match doc.text_at("format") {
+            Some("hairbake-anim") => anim_of(doc).map(drop),
+            Some("hairbake-groom") => groom_of(doc, path).map(drop),
+            other => Err(Error::BadInput(vec![Problem {
+                file: path.to_path_buf(),
+                span: None,
+                key: "format".into(),
+                what: other.map_or("is missing".into(), |name| format!("is \"{name}\"")),
+                allowed: "\"hairbake-groom\" or \"hairbake-anim\"".into(),
+                remedy: "set \"format\"".into(),
+            }])),
+        });
+        match checked {
+            Ok(()) => {}
+            Err(Error::BadInput(found)) => problems.extend(found),
+            Err(e) => return Err(e),
+        }
+    }
+    Ok(problems)
+}
+
+/// The JSON Schema of a format.
+pub fn schema(format: Format) -> String {
+    let schema = match format {
+        Format::Groom => schemars::schema_for!(groom::file::GroomFile),
+        Format::Anim => schemars::schema_for!(anim::file::AnimFile),
+    };
+    document::pretty(&schema.to_value())
+}
+
+fn groom_of(mut doc: Document, path: &Path) -> Result<Groom> {
+    let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let groom = doc.parse().and_then(|file| groom::read::groom(file, &stem, &mut doc));
+    doc.finish(groom, groom::read::DEPENDS)
+}
+
+fn anim_of(mut doc: Document) -> Result<Anim> {
+    let anim = doc.parse().and_then(|file| anim::read::anim(file, &mut doc));
+    doc.finish(anim, anim::read::DEPENDS)
+}
+
+#[cfg(test)]
+mod tests;

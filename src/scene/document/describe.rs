@@ -1,0 +1,118 @@
+//! Words for values and for what a JSON Schema admits.
+
+use serde_json::Value;
+
+/// `schema`, or what it refers to in the shared definitions.
+pub fn resolve<'a>(defs: &'a Value, schema: &'a Value) -> &'a Value {
+    match schema["$ref"].as_str().and_then(|r| r.rsplit('/').next()) {
+        Some(name) => &defs[name],
+        None => schema,
+    }
+}
+
+/// The forms among which a schema chooses, if it does.
+pub fn branches(schema: &Value) -> Option<&Vec<Value>> {
+    schema["anyOf"].as_array().or_else(|| schema["oneOf"].as_array())
+}
+
+/// What a schema admits.
+pub fn describe(defs: &Value, schema: &Value) -> String {
+    let schema = resolve(defs, schema);
+    if let Some(branches) = branches(schema) {
+        return alternatives(defs, branches);
+    }
+    if let Some(constant) = schema.get("const") {
+        return constant.to_string();
+    }
+    if let Some(all) = schema["enum"].as_array() {
+        return all.iter().map(Value::to_string).collect::<Vec<_>>().join(", ");
+    }
+    let name = match &schema["type"] {
+        Value::Array(names) => names.first().and_then(Value::as_str),
+        name => name.as_str(),
+    };
+    match name.unwrap_or("any value") {
+        name @ ("number" | "integer") => match range(schema) {
+            Some(range) => format!("{name} {range}"),
+            None => name.into(),
+        },
+        "array" => {
+            let of = describe(defs, &schema["items"]);
+            match schema["minItems"].as_u64() {
+                Some(n) if schema["maxItems"].as_u64() == Some(n) => format!("array of {n} × {of}"),
+                _ => format!("array of {of}"),
+            }
+        }
+        "object" => {
+            let tag = &schema["properties"]["type"]["const"];
+            if !tag.is_null() {
+                return format!("{{ \"type\": {tag} … }}");
+            }
+            let names: Vec<String> = schema["properties"]
+                .as_object()
+                .into_iter()
+                .flatten()
+                .map(|(n, _)| format!("\"{n}\""))
+                .collect();
+            format!("object {{ {} }}", names.join(", "))
+        }
+        other => other.into(),
+    }
+}
+
+/// What any of several schemas admits.
+pub fn alternatives(defs: &Value, branches: &[Value]) -> String {
+    let mut all: Vec<String> = branches.iter().map(|b| describe(defs, b)).filter(|a| a != "null").collect();
+    all.dedup();
+    all.join(" or ")
+}
+
+/// The bounds of a number, as an interval.
+pub fn range(schema: &Value) -> Option<String> {
+    let bound = |name: &str| schema[name].as_f64();
+    let low = bound("minimum").map(|b| format!("{b} ≤ "));
+    let high = bound("maximum").map(|b| format!(" ≤ {b}"));
+    if low.is_none() && high.is_none() {
+        return None;
+    }
+    Some(format!("{}x{}", low.unwrap_or_default(), high.unwrap_or_default()))
+}
+
+/// A value found, shortened.
+pub fn show(value: &Value) -> String {
+    match value {
+        Value::Array(elements) => format!("an array of {} elements", elements.len()),
+        Value::Object(_) => "an object".into(),
+        Value::String(text) if text.chars().count() > 40 => {
+            format!("\"{}…\"", text.chars().take(40).collect::<String>())
+        }
+        other => other.to_string(),
+    }
+}
+
+/// The one of `names` that `word` is most likely a misspelling of.
+pub fn nearest<'a>(word: &str, names: &[&'a str]) -> Option<&'a str> {
+    let word: Vec<char> = word.to_lowercase().chars().take(64).collect();
+    let scored = names.iter().map(|name| {
+        let chars: Vec<char> = name.chars().collect();
+        // A unit left off or the word cut short is as likely as a slip of the finger.
+        let starts = word.len() >= 3 && (chars.starts_with(&word) || word.starts_with(&chars));
+        (if starts { 0 } else { edit_distance(&word, &chars) }, *name)
+    });
+    scored.min().filter(|(distance, name)| *distance <= name.len().max(3) / 3).map(|(_, name)| name)
+}
+
+/// Levenshtein distance.
+fn edit_distance(a: &[char], b: &[char]) -> usize {
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.iter().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, y) in b.iter().enumerate() {
+            let substituted = diagonal + usize::from(x != y);
+            diagonal = row[j + 1];
+            row[j + 1] = substituted.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}

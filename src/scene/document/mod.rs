@@ -1,0 +1,241 @@
+//! A JSON input: its value, and every fault found in it with its place in the text.
+//!
+//! The `serde` structs of a format are its one description. Their JSON Schema (schemars) checks the
+//! shape of a file here ([`conform`]), serde then reads it, and the reader of the format adds the faults
+//! that only meaning shows. Places in the text are worked out at the end, and only if there is a fault
+//! ([`locate`]).
+
+pub mod array;
+mod conform;
+mod describe;
+mod locate;
+mod pretty;
+
+use crate::error::{Error, Problem, Result};
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use std::fmt;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+pub use pretty::pretty;
+
+/// Largest file that is read, bytes: a limit against memory without bound, far above any real groom.
+const MAX_BYTES: u64 = 1 << 34;
+
+/// One step of a [`Key`].
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Step {
+    /// Property of an object.
+    Name(String),
+    /// Element of an array.
+    Index(usize),
+}
+
+/// Where in a file: the way from its root to a value.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Key(pub Vec<Step>);
+
+impl Key {
+    /// A path of property names joined by dots.
+    pub fn at(path: &str) -> Self {
+        Key(path.split('.').map(|name| Step::Name(name.into())).collect())
+    }
+
+    /// The property `name` of this place.
+    pub fn name(&self, name: &str) -> Self {
+        self.with(Step::Name(name.into()))
+    }
+
+    /// Element `i` of this place.
+    pub fn index(&self, i: usize) -> Self {
+        self.with(Step::Index(i))
+    }
+
+    fn with(&self, step: Step) -> Self {
+        let mut key = self.clone();
+        key.0.push(step);
+        key
+    }
+
+    /// Name of the section of the file it lies in; empty for the root.
+    fn section(&self) -> &str {
+        match self.0.first() {
+            Some(Step::Name(name)) => name,
+            _ => "",
+        }
+    }
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, step) in self.0.iter().enumerate() {
+            match step {
+                Step::Name(name) if i == 0 => write!(f, "{name}")?,
+                Step::Name(name) => write!(f, ".{name}")?,
+                Step::Index(i) => write!(f, "[{i}]")?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A [`Problem`] before its place in the text is known.
+#[derive(Debug, Clone, PartialEq)]
+struct Fault {
+    key: Key,
+    what: String,
+    allowed: String,
+    remedy: String,
+}
+
+/// Faults found so far in a file, and problems of the files it names.
+#[derive(Debug, Default)]
+pub struct Faults {
+    list: Vec<Fault>,
+    elsewhere: Vec<Problem>,
+}
+
+impl Faults {
+    /// Adds a fault: where, what is wrong (with the value found), what is allowed, what to do.
+    pub fn add(
+        &mut self,
+        key: &Key,
+        what: impl Into<String>,
+        allowed: impl Into<String>,
+        remedy: impl Into<String>,
+    ) {
+        self.list.push(Fault {
+            key: key.clone(),
+            what: what.into(),
+            allowed: allowed.into(),
+            remedy: remedy.into(),
+        });
+    }
+
+    /// Adds a fault unless `found` elements are what the place must hold; says whether they are.
+    pub fn expect_len(&mut self, key: &Key, found: usize, wanted: usize, one_per: &str) -> bool {
+        if found != wanted {
+            self.add(
+                key,
+                format!("has {found} elements where {wanted} belong"),
+                format!("one per {one_per}: {wanted}"),
+                "make the lengths agree",
+            );
+        }
+        found == wanted
+    }
+
+    /// Adds the problems of another file.
+    pub fn add_elsewhere(&mut self, problems: Vec<Problem>) {
+        self.elsewhere.extend(problems);
+    }
+
+    /// Number of faults so far.
+    pub fn len(&self) -> usize {
+        self.list.len() + self.elsewhere.len()
+    }
+}
+
+/// A JSON file being read.
+pub struct Document {
+    path: PathBuf,
+    text: Vec<u8>,
+    value: Value,
+    /// Sections from which a value of a wrong type was left out, to read on.
+    mended: Vec<String>,
+    /// How many of the faults are about shape.
+    shape_faults: usize,
+    /// Faults found so far.
+    pub faults: Faults,
+}
+
+impl Document {
+    /// Reads and parses `path`. Errors: [`Error::Io`], or [`Error::BadInput`] where it is not JSON.
+    pub fn open(path: &Path) -> Result<Self> {
+        let text = read_file(path).map_err(|e| Error::io(path, e))?;
+        let value = serde_json::from_slice(&text).map_err(|e| {
+            Error::BadInput(vec![Problem {
+                file: path.into(),
+                span: Some((locate::offset(&text, e.line(), e.column()), 1)),
+                key: String::new(),
+                what: format!("is not JSON: {e}"),
+                allowed: "strict JSON: no comments, no trailing commas, no NaN or Infinity".into(),
+                remedy: "mend the place shown, or write the file with a JSON library".into(),
+            }])
+        })?;
+        Ok(Document {
+            path: path.into(),
+            text,
+            value,
+            mended: Vec::new(),
+            shape_faults: 0,
+            faults: Faults::default(),
+        })
+    }
+
+    /// The folder that relative file names start from.
+    pub fn folder(&self) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).to_path_buf()
+    }
+
+    /// The value of a string property at the root.
+    pub fn text_at(&self, name: &str) -> Option<&str> {
+        self.value.get(name)?.as_str()
+    }
+
+    /// Checks the file against the schema of `T` and reads it. All faults of shape are noted; optional
+    /// values of a wrong type are left out, so that the reader can go on and find faults of meaning too.
+    /// `None` if a required value is wrong or missing.
+    pub fn parse<T: DeserializeOwned + JsonSchema>(&mut self) -> Option<T> {
+        let schema = schemars::schema_for!(T).to_value();
+        for key in conform::check(&self.value, &schema, &mut self.faults) {
+            conform::remove(&mut self.value, &key);
+            self.mended.push(key.section().into());
+        }
+        self.shape_faults = self.faults.len();
+        match serde_path_to_error::deserialize(std::mem::take(&mut self.value)) {
+            Ok(file) => Some(file),
+            Err(e) => {
+                if self.faults.len() == 0 {
+                    let what = e.inner().to_string();
+                    self.faults.add(&locate::key(e.path()), what, "see the schema", "correct the value");
+                }
+                None
+            }
+        }
+    }
+
+    /// The value read, or every fault with its place in the text. Where a value of a wrong type was left
+    /// out to read on, what else seems wrong in that section may not be, and is not told; the same holds
+    /// for the sections that build on it: `depends` lists `(section, section that it builds on)`.
+    pub fn finish<T>(mut self, value: Option<T>, depends: &[(&str, &str)]) -> Result<T> {
+        let hidden = |section: &str| {
+            self.mended.iter().any(|m| m == section || depends.contains(&(section, m.as_str())))
+        };
+        let mut faults = std::mem::take(&mut self.faults.list);
+        let meaning = faults.split_off(self.shape_faults.min(faults.len()));
+        faults.extend(meaning.into_iter().filter(|f| !hidden(f.key.section())));
+        let mut problems = locate::problems(&self.path, &self.text, faults);
+        problems.extend(self.faults.elsewhere);
+        match value {
+            Some(value) if problems.is_empty() => Ok(value),
+            _ => Err(Error::BadInput(problems)),
+        }
+    }
+}
+
+/// Reads a plain file whole. Refuses what is not a plain file (a pipe would hang) and what is too large.
+pub fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
+    let meta = std::fs::metadata(path)?;
+    if !meta.is_file() {
+        return Err(std::io::Error::other("not a plain file"));
+    }
+    if meta.len() > MAX_BYTES {
+        return Err(std::io::Error::other(format!("{} bytes, more than {MAX_BYTES}", meta.len())));
+    }
+    let mut bytes = Vec::with_capacity(meta.len() as usize);
+    std::fs::File::open(path)?.take(MAX_BYTES).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
