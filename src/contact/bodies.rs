@@ -1,0 +1,223 @@
+//! The bodies of a scene, the polylines that meet them, and the memory that spares repeated searches.
+
+use super::shape::{Feature, Shape, SurfacePoint};
+use crate::scene::{Collider, Shape as SceneShape};
+use nalgebra::{Isometry3, Vector3};
+
+/// One rigid body.
+#[derive(Debug)]
+pub struct Body {
+    /// Its surface, in its own frame.
+    pub shape: Shape,
+    /// Coulomb friction coefficient, or `None` to take the strand's own.
+    pub friction: Option<f64>,
+}
+
+/// All bodies; queries take `&self` and may run on many threads.
+#[derive(Debug, Default)]
+pub struct Bodies {
+    /// The bodies, in the scene's order.
+    pub bodies: Vec<Body>,
+}
+
+/// Poses of a body over a sub-step, body frame to world.
+#[derive(Debug, Clone, Copy)]
+pub struct Motion {
+    /// At the start.
+    pub start: Isometry3<f64>,
+    /// At the end.
+    pub end: Isometry3<f64>,
+}
+
+/// A polyline that moves over a sub-step; `n` vertices, root first, world frame, m.
+#[derive(Debug, Clone, Copy)]
+pub struct Polyline<'a> {
+    /// Vertices at the start.
+    pub x0: &'a [Vector3<f64>],
+    /// Candidate vertices at the end.
+    pub x1: &'a [Vector3<f64>],
+    /// Distance to keep from the surface of body b at vertex k, m, at `b * n + k`; linear along a segment. Negative for
+    /// points that are being brought out of the body, −∞ where contact with that body is not wanted: a segment with an
+    /// end at −∞ is exempt.
+    pub clearance: &'a [f64],
+}
+
+/// A place where a polyline must keep its distance from a body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// Segment of the polyline, from vertex `segment` to the next.
+    pub segment: usize,
+    /// Place on the segment, 0..=1.
+    pub u: f64,
+    /// Index of the body.
+    pub body: usize,
+    /// Where on the body.
+    pub feature: Feature,
+    /// Unit normal, out of the body, world, at the end of the sub-step.
+    pub normal: Vector3<f64>,
+    /// The body's material point, world, at the start and at the end of the sub-step; their difference over the sub-step
+    /// is its velocity.
+    pub point: [Vector3<f64>; 2],
+    /// n·(x1(u) − point[1]) − d(u), m; negative where the clearance is violated.
+    pub gap: f64,
+    /// Friction coefficient of the body, or `None` to take the strand's own.
+    pub friction: Option<f64>,
+}
+
+/// Buffers and memory of one polyline, reused from step to step. Its memory never changes a result: it only spares
+/// searches whose answer it proves to be "nothing near".
+#[derive(Debug, Clone, Default)]
+pub struct Workspace {
+    /// Vertices at start and end in the frame of the body at hand.
+    pub(super) local: [Vec<Vector3<f64>>; 2],
+    /// Triangles near the segment at hand.
+    pub(super) triangles: Vec<u32>,
+    /// One per body and segment.
+    pub(super) remembered: Vec<Remembered>,
+}
+
+/// Where a segment was when it was last seen far from a body, body frame, and how far.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Remembered {
+    ends: [Vector3<f64>; 2],
+    /// Lower bound of the distance of every point of the segment to the surface, m; 0 when nothing is known.
+    distance: f64,
+}
+
+impl Default for Remembered {
+    fn default() -> Self {
+        Remembered { ends: [Vector3::zeros(); 2], distance: 0.0 }
+    }
+}
+
+impl Remembered {
+    /// The segment at `ends` and its least distance, bounded by that of its middle.
+    fn look(shape: &Shape, ends: [Vector3<f64>; 2], farther_than: f64) -> Self {
+        let half = 0.5 * (ends[1] - ends[0]).norm();
+        // A search has no use beyond a few steps' motion, and costs more the farther it goes.
+        let horizon = half + 8.0 * farther_than;
+        let middle = 0.5 * (ends[0] + ends[1]);
+        let distance = match shape {
+            // Contacts with a convex shape are found at any depth: only outside is far.
+            Shape::Convex(convex) => convex.closest(&middle).distance,
+            Shape::Mesh(mesh) => mesh.closest(&middle, horizon).map_or(horizon, |s| s.distance.abs()),
+        };
+        // The margin keeps the bound a bound under rounding.
+        Remembered { ends, distance: (distance - half) * (1.0 - 1e-9) - 1e-12 }
+    }
+
+    /// Whether the segment is surely `reach` or more away at all of `positions`, and anywhere between them: no point of it
+    /// can have come closer than the farther-moved end has moved.
+    fn far(&self, positions: &[[Vector3<f64>; 2]], reach: f64) -> bool {
+        let moved = positions
+            .iter()
+            .flat_map(|x| [(x[0] - self.ends[0]).norm_squared(), (x[1] - self.ends[1]).norm_squared()])
+            .fold(0.0, f64::max);
+        let spare = self.distance - reach;
+        spare > 0.0 && moved < spare * spare
+    }
+}
+
+impl Workspace {
+    /// Moves the polyline into the frame of a body.
+    pub(super) fn enter(&mut self, line: &Polyline, motion: &Motion) {
+        let poses = [motion.start.inverse(), motion.end.inverse()];
+        for ((local, world), pose) in self.local.iter_mut().zip([line.x0, line.x1]).zip(poses) {
+            local.clear();
+            local.extend(world.iter().map(|x| pose.rotation * x + pose.translation.vector));
+        }
+    }
+
+    /// Makes room for `bodies` times `segments`; forgets all if the numbers changed.
+    pub(super) fn size(&mut self, bodies: usize, segments: usize) {
+        if self.remembered.len() != bodies * segments {
+            self.remembered.clear();
+            self.remembered.resize(bodies * segments, Remembered::default());
+        }
+    }
+
+    /// Whether the segment in `slot` surely keeps `reach` from the surface of `shape` at all of `positions`, body frame, and
+    /// between them: from memory, or by one new look.
+    pub(super) fn surely_far(
+        &mut self,
+        shape: &Shape,
+        slot: usize,
+        positions: &[[Vector3<f64>; 2]],
+        reach: f64,
+    ) -> bool {
+        let memory = &mut self.remembered[slot];
+        if memory.far(positions, reach) {
+            return true;
+        }
+        *memory = Remembered::look(shape, positions[0], reach);
+        memory.far(positions, reach)
+    }
+}
+
+impl Bodies {
+    /// The colliders' shapes, each in its rest space.
+    pub fn new(colliders: &[Collider]) -> Self {
+        let body = |c: &Collider| Body { shape: Shape::from(&c.shape), friction: c.friction };
+        Bodies { bodies: colliders.iter().map(body).collect() }
+    }
+
+    /// From shapes alone, friction left to the strands.
+    pub fn from_shapes(shapes: &[SceneShape]) -> Self {
+        let body = |shape| Body { shape: Shape::from(shape), friction: None };
+        Bodies { bodies: shapes.iter().map(body).collect() }
+    }
+
+    /// Number of bodies.
+    pub fn len(&self) -> usize {
+        self.bodies.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.bodies.is_empty()
+    }
+
+    /// Closest point of a body, all in its own frame; `None` beyond `max_distance`.
+    pub fn closest(&self, body: usize, p: &Vector3<f64>, max_distance: f64) -> Option<SurfacePoint> {
+        self.bodies[body].shape.closest(p, max_distance)
+    }
+
+    /// Whether a point, in the body's own frame, is inside it. For a mesh this costs O(triangles): for set-up only.
+    pub fn inside(&self, body: usize, p: &Vector3<f64>) -> bool {
+        self.bodies[body].shape.inside(p)
+    }
+}
+
+/// A contact found in the frame of a body.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Found {
+    pub segment: usize,
+    pub u: f64,
+    pub feature: Feature,
+    pub normal: Vector3<f64>,
+    pub point: Vector3<f64>,
+}
+
+impl Found {
+    /// The contact in the world, its gap measured at the end of the step.
+    pub fn into_world(self, body: usize, friction: Option<f64>, motion: &Motion, line: &Polyline) -> Contact {
+        let Found { segment: k, u, feature, normal, point } = self;
+        let to_world = |pose: &Isometry3<f64>| pose.rotation * point + pose.translation.vector;
+        let point = [to_world(&motion.start), to_world(&motion.end)];
+        let normal = motion.end.rotation * normal;
+        let x = line.x1[k] + (line.x1[k + 1] - line.x1[k]) * u;
+        let gap = normal.dot(&(x - point[1])) - clearance_at(line, body, k, u);
+        Contact { segment: k, u, body, feature, normal, point, gap, friction }
+    }
+}
+
+/// Clearance of a body at a place on a segment, m.
+pub(super) fn clearance_at(line: &Polyline, body: usize, k: usize, u: f64) -> f64 {
+    let d = &line.clearance[body * line.x0.len()..][k..=k + 1];
+    // 0 · ∞ has no value: an end takes its own number.
+    match u {
+        0.0 => d[0],
+        1.0 => d[1],
+        _ => d[0] + (d[1] - d[0]) * u,
+    }
+}

@@ -1,0 +1,205 @@
+//! Discrete contacts: where a polyline, at the end of a step, is near a body or in it.
+//!
+//! A contact is a local minimum of the distance over both the segment and the surface. Outside, that is a pair whose
+//! direction lies in the normal cone of the surface's feature. Vertices of the polyline are always tried, so that a long
+//! segment at rest is held at both its ends; inner points of segments add contacts at convex edges and vertices of a mesh
+//! and at the closest point of a convex shape.
+//!
+//! Inside, the side matters more than the distance: behind a thin part the closest surface is the wrong one. A contact is
+//! taken where the start of the step was on the outer side of its plane; failing that, if the start was itself inside,
+//! at the closest surface. Behind a mesh this holds to a depth of reach + |clearance|; what went deeper, or right through,
+//! is left to [`ccd`](super::ccd).
+
+use super::bodies::{Bodies, Contact, Found, Motion, Polyline, Workspace, clearance_at};
+use super::distance::{closest_on_triangle, segment_segment};
+use super::mesh::{Bounds, Mesh};
+use super::shape::{Convex, Feature, Shape, SurfacePoint};
+use nalgebra::Vector3;
+
+/// Inner points nearer to an end of their segment than this, as a fraction, are left to the vertex there.
+const END: f64 = 1e-6;
+
+impl Bodies {
+    /// Appends to `out` the contacts of `line` at the end of the step whose gap is below `reach` (m, positive), body by
+    /// body, root to tip.
+    pub fn candidates(
+        &self,
+        motions: &[Motion],
+        line: &Polyline,
+        reach: f64,
+        work: &mut Workspace,
+        out: &mut Vec<Contact>,
+    ) {
+        let n = line.x0.len();
+        let segments = n.saturating_sub(1);
+        work.size(self.len(), segments);
+        for (b, (body, motion)) in self.bodies.iter().zip(motions).enumerate() {
+            let d = &line.clearance[b * n..(b + 1) * n];
+            work.enter(line, motion);
+            for k in 0..segments {
+                let Some(keep) = largest(d[k], d[k + 1]) else { continue };
+                let near = reach + keep;
+                let [x0, x1] = [&work.local[0], &work.local[1]].map(|x| [x[k], x[k + 1]]);
+                if work.surely_far(&body.shape, b * segments + k, &[x1], near) {
+                    continue;
+                }
+                let finder = Finder { line, body: b, segment: k, x0, x1, near, reach };
+                let emit = |found: Found| out.push(found.into_world(b, body.friction, motion, line));
+                match &body.shape {
+                    Shape::Convex(convex) => finder.on_convex(convex, emit),
+                    Shape::Mesh(mesh) => {
+                        work.triangles.clear();
+                        mesh.triangles_in(&Bounds::around(&x1, near), &mut work.triangles);
+                        finder.on_mesh(mesh, &work.triangles, emit);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The larger of two clearances in absolute value, or `None` where neither is finite.
+pub(super) fn largest(a: f64, b: f64) -> Option<f64> {
+    [a, b].into_iter().filter(|d| d.is_finite()).map(f64::abs).reduce(f64::max)
+}
+
+/// One segment in the frame of one body.
+struct Finder<'a> {
+    line: &'a Polyline<'a>,
+    body: usize,
+    segment: usize,
+    x0: [Vector3<f64>; 2],
+    x1: [Vector3<f64>; 2],
+    /// Distance from the surface, m, within which every triangle is at hand; nothing farther is a contact with a mesh.
+    near: f64,
+    reach: f64,
+}
+
+impl Finder<'_> {
+    /// Vertices that this segment speaks for: its far end, and the root for the first.
+    fn vertices(&self) -> impl Iterator<Item = f64> {
+        (if self.segment == 0 { 0 } else { 1 }..2).map(f64::from).filter(|&u| self.clearance(u).is_finite())
+    }
+
+    fn clearance(&self, u: f64) -> f64 {
+        clearance_at(self.line, self.body, self.segment, u)
+    }
+
+    fn start(&self, u: f64) -> Vector3<f64> {
+        self.x0[0].lerp(&self.x0[1], u)
+    }
+
+    fn end(&self, u: f64) -> Vector3<f64> {
+        self.x1[0].lerp(&self.x1[1], u)
+    }
+
+    fn found(&self, u: f64, s: &SurfacePoint) -> Found {
+        Found { segment: self.segment, u, feature: s.feature, normal: s.normal, point: s.point }
+    }
+
+    fn within_reach(&self, u: f64, s: &SurfacePoint) -> bool {
+        s.distance - self.clearance(u) < self.reach
+    }
+
+    /// Whether the start of the step was on the outer side of the contact's plane.
+    fn came_from_outside(&self, u: f64, s: &SurfacePoint) -> bool {
+        s.normal.dot(&(self.start(u) - s.point)) >= 0.0
+    }
+
+    fn on_convex(&self, shape: &Convex, mut emit: impl FnMut(Found)) {
+        let right_side = |u: f64, s: &SurfacePoint| {
+            s.distance >= 0.0 || self.came_from_outside(u, s) || shape.closest(&self.start(u)).distance < 0.0
+        };
+        let (u, inner) = shape.closest_to_segment(&self.x1[0], &self.x1[1]);
+        if (END..1.0 - END).contains(&u) && self.within_reach(u, &inner) && right_side(u, &inner) {
+            emit(self.found(u, &inner));
+        }
+        for u in self.vertices() {
+            let s = shape.closest(&self.end(u));
+            if self.within_reach(u, &s) && right_side(u, &s) {
+                emit(self.found(u, &s));
+            }
+        }
+    }
+
+    fn on_mesh(&self, mesh: &Mesh, triangles: &[u32], mut emit: impl FnMut(Found)) {
+        if triangles.is_empty() {
+            return;
+        }
+        self.inner_points_on_mesh(mesh, triangles, &mut emit);
+        for u in self.vertices() {
+            self.vertex_on_mesh(mesh, triangles, u, &mut emit);
+        }
+    }
+
+    fn inner_points_on_mesh(&self, mesh: &Mesh, triangles: &[u32], emit: &mut impl FnMut(Found)) {
+        for &t in triangles {
+            for e in mesh.edges_owned_by(t) {
+                let edge = mesh.edge(e);
+                let (u, v) = segment_segment([&self.x1[0], &self.x1[1]], edge);
+                if !(END..1.0 - END).contains(&u) {
+                    continue;
+                }
+                let x = self.end(u);
+                let feature = match v {
+                    0.0 | 1.0 => match mesh.vertex_owned_by(e, v == 1.0) {
+                        Some(vertex) => Feature::Vertex(vertex),
+                        None => continue,
+                    },
+                    _ => Feature::Edge(e),
+                };
+                let s = mesh.signed(&x, &edge[0].lerp(edge[1], v), feature);
+                let accepted = self.within_reach(u, &s)
+                    && s.distance > -self.near
+                    && mesh.supports(feature, &s.normal)
+                    && (s.distance >= 0.0
+                        || (self.came_from_outside(u, &s)
+                            && mesh.closest(&x, 2.0 * self.near).is_some_and(|c| c.distance < 0.0)));
+                if accepted {
+                    emit(self.found(u, &s));
+                }
+            }
+        }
+    }
+
+    fn vertex_on_mesh(&self, mesh: &Mesh, triangles: &[u32], u: f64, emit: &mut impl FnMut(Found)) {
+        let x = self.end(u);
+        let closest_on = |t: u32| {
+            let (point, part) = closest_on_triangle(&x, mesh.triangle(t));
+            (part, mesh.signed(&x, &point, mesh.feature(t, part)))
+        };
+        let mut closest: Option<SurfacePoint> = None;
+        let mut shallowest: Option<SurfacePoint> = None;
+        let shallower = |s: &SurfacePoint, than: &Option<SurfacePoint>| {
+            than.is_none_or(|other| s.distance.abs() < other.distance.abs())
+        };
+        for &t in triangles {
+            let (part, s) = closest_on(t);
+            let local_minimum = mesh.owns(t, part) && mesh.supports(s.feature, &s.normal);
+            if s.distance >= 0.0 && local_minimum && self.within_reach(u, &s) {
+                emit(self.found(u, &s));
+            }
+            if s.distance < 0.0
+                && local_minimum
+                && self.came_from_outside(u, &s)
+                && shallower(&s, &shallowest)
+            {
+                shallowest = Some(s);
+            }
+            if shallower(&s, &closest) {
+                closest = Some(s);
+            }
+        }
+        let Some(closest) = closest.filter(|s| s.distance < 0.0 && s.distance > -self.near) else { return };
+        let start_inside = || {
+            let start = self.start(u);
+            let enough = 2.0 * ((x - start).norm() + self.near);
+            mesh.closest(&start, enough).is_some_and(|s| s.distance < 0.0)
+        };
+        let taken =
+            if self.came_from_outside(u, &closest) || start_inside() { Some(closest) } else { shallowest };
+        if let Some(s) = taken.filter(|s| s.distance > -self.near && self.within_reach(u, s)) {
+            emit(self.found(u, &s));
+        }
+    }
+}

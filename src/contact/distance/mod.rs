@@ -1,0 +1,9 @@
+//! Distances between points, segments, triangles and ellipsoids, in one frame, metres.
+
+mod ellipsoid;
+mod segment;
+mod triangle;
+
+pub use ellipsoid::closest_on_ellipsoid;
+pub use segment::{closest_on_segment, segment_segment};
+pub use triangle::{Pair, Part, closest_on_triangle, segment_triangle};

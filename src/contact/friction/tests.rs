@@ -1,0 +1,190 @@
+use super::*;
+use crate::contact::tests::Random;
+use nalgebra::Vector2;
+use proptest::prelude::*;
+
+impl Random {
+    /// Symmetric positive definite, eigenvalues from 1e-3 up.
+    fn mobility(&mut self, spread: f64) -> Matrix3<f64> {
+        let stretch = Matrix3::from_diagonal(&Vector3::from_fn(|_, _| spread.powf(self.next())));
+        let m = Matrix3::from_fn(|_, _| self.next()) * stretch;
+        m * m.transpose() + Matrix3::identity() * 1e-3
+    }
+}
+
+/// All solutions of one contact, by enumeration: take-off, stick, and every direction of slip, scanned and bisected.
+fn enumerate(w: &Matrix3<f64>, q: &Vector3<f64>, mu: f64) -> Vec<Vector3<f64>> {
+    let mut solutions = Vec::new();
+    if q.x >= 0.0 {
+        solutions.push(Vector3::zeros());
+    }
+    if let Some(r) = w.lu().solve(&-q)
+        && r.yz().norm() <= mu * r.x
+    {
+        solutions.push(r);
+    }
+    // Slip against direction e(θ): r_N = −q_N / den; all multiplied by den, so that nothing is infinite where den = 0.
+    // u_T is opposite to e where their cross product vanishes and their dot product is negative.
+    let slip = |theta: f64| {
+        let e = Vector2::new(theta.cos(), theta.sin());
+        let direction = Vector3::new(1.0, mu * e.x, mu * e.y);
+        let den = (w.row(0) * direction).x;
+        let u = (w * direction * -q.x + q * den).yz();
+        (e.x * u.y - e.y * u.x, e.dot(&u), den, direction * (-q.x / den))
+    };
+    let count = 2000;
+    for k in 0..count {
+        let angle = |x: f64| x / count as f64 * std::f64::consts::TAU;
+        let (mut lo, mut hi) = (angle(k as f64), angle(k as f64 + 1.0));
+        let side = slip(lo).0 > 0.0;
+        if (slip(hi).0 > 0.0) == side {
+            continue;
+        }
+        for _ in 0..80 {
+            let mid = 0.5 * (lo + hi);
+            if (slip(mid).0 > 0.0) == side { lo = mid } else { hi = mid }
+        }
+        let (_, along, den, r) = slip(lo);
+        if along / den <= 0.0 && r.x >= 0.0 {
+            solutions.push(r);
+        }
+    }
+    solutions
+}
+
+#[test]
+fn local_solve_agrees_with_enumeration() {
+    let mut random = Random(1);
+    let mut kinds = [0; 3];
+    for k in 0..5000 {
+        let w = random.mobility(if k % 2 == 0 { 1.0 } else { 10.0 });
+        let q = random.vector();
+        let mu = (random.next() + 1.0) * if k % 3 == 0 { 1.0 } else { 0.3 } + 0.01;
+        let r = solve_local(&w, &q, mu);
+        let found = enumerate(&w, &q, mu);
+        let error = found.iter().map(|s| (s - r).norm()).fold(f64::INFINITY, f64::min);
+        assert!(error <= 1e-10 * (1.0 + r.norm()), "case {k}: {r:?} is not among {found:?} {w:?} {q:?} {mu}");
+        let slack = mu * r.x - r.yz().norm();
+        kinds[if r.x == 0.0 {
+            0
+        } else if slack > 1e-9 {
+            1
+        } else {
+            2
+        }] += 1;
+    }
+    assert!(kinds.iter().all(|&n| n > 200), "every case must occur: {kinds:?}");
+}
+
+/// One contact of `problem` fulfils the law: cone, no penetration, complementarity, slip against friction.
+fn check_law(problem: &Problem, r: &[f64], tolerance: f64) {
+    for i in 0..problem.len() {
+        let u = problem.velocity(r, i);
+        let r = Vector3::from_column_slice(&r[3 * i..3 * i + 3]);
+        let mu = problem.mu[i];
+        assert!(r.x >= 0.0 && r.yz().norm() <= mu * r.x * (1.0 + 1e-12) + tolerance);
+        assert!(u.x >= -tolerance, "penetrates: {u}");
+        assert!((u.x * r.x).abs() <= tolerance, "pushes while apart: {u} {r}");
+        let sliding = u.yz() * r.yz().norm() + r.yz() * u.yz().norm();
+        assert!(sliding.norm() <= tolerance, "friction is not against the slip: {u} {r}");
+        assert!((mu * r.x - r.yz().norm()) * u.yz().norm() <= tolerance, "slips inside the cone: {u} {r}");
+    }
+}
+
+/// A contact problem with W = M Mᵀ of full or lower rank: `contacts` on a body of `freedoms`.
+fn system(random: &mut Random, contacts: usize, freedoms: usize) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+    let n = 3 * contacts;
+    let jacobian: Vec<f64> = (0..n * freedoms).map(|_| random.next()).collect();
+    let row = |i: usize| &jacobian[i * freedoms..(i + 1) * freedoms];
+    let mut w = vec![0.0; n * n];
+    for i in 0..n {
+        for j in 0..n {
+            w[i * n + j] = row(i).iter().zip(row(j)).map(|(a, b)| a * b).sum();
+        }
+    }
+    // b = J v keeps problems of low rank solvable: pushing back along v always opens all contacts.
+    let v: Vec<f64> = (0..freedoms).map(|_| random.next()).collect();
+    let b = (0..n).map(|i| row(i).iter().zip(&v).map(|(a, b)| a * b).sum()).collect();
+    let mu = (0..contacts).map(|_| 0.2 + 0.1 * random.next()).collect();
+    (w, b, mu)
+}
+
+#[test]
+fn gauss_seidel_fulfils_the_law_at_every_contact() {
+    let mut random = Random(7);
+    for contacts in [1, 2, 5, 12] {
+        for _ in 0..20 {
+            let (w, b, mu) = system(&mut random, contacts, 4 * contacts + 3);
+            let problem = Problem { w: &w, b: &b, mu: &mu };
+            let mut r = vec![0.0; 3 * contacts];
+            let outcome = solve(&problem, Tolerance { residual: 1e-12, sweeps: 5000 }, &mut r);
+            assert!(outcome.residual <= 1e-12, "{contacts} contacts: {outcome:?}");
+            check_law(&problem, &r, 1e-9);
+        }
+    }
+}
+
+#[test]
+fn more_contacts_than_freedoms_still_converge() {
+    let mut random = Random(11);
+    for _ in 0..20 {
+        let (w, b, mu) = system(&mut random, 10, 12);
+        let problem = Problem { w: &w, b: &b, mu: &mu };
+        let mut r = vec![0.0; 30];
+        let outcome = solve(&problem, Tolerance { residual: 1e-8, sweeps: 20_000 }, &mut r);
+        assert!(outcome.residual <= 1e-8, "{outcome:?}");
+        check_law(&problem, &r, 1e-5);
+    }
+}
+
+#[test]
+fn a_warm_start_at_the_solution_needs_no_sweep() {
+    let (w, b, mu) = system(&mut Random(3), 6, 30);
+    let problem = Problem { w: &w, b: &b, mu: &mu };
+    let mut r = vec![0.0; 18];
+    assert!(solve(&problem, Tolerance::default(), &mut r).sweeps > 0);
+    assert!(r.iter().any(|&x| x > 0.0));
+    assert_eq!(solve(&problem, Tolerance::default(), &mut r).sweeps, 0);
+}
+
+#[test]
+fn a_block_on_an_incline_holds_below_the_angle_of_friction_and_slides_above() {
+    let (mass, gravity, step, mu) = (2.0, 9.81, 0.01, 0.4);
+    let w: Vec<f64> = (Matrix3::identity() / mass).iter().copied().collect();
+    for (angle, slides) in [(0.99 * f64::atan(mu), false), (1.01 * f64::atan(mu), true)] {
+        let b = [-gravity * angle.cos() * step, gravity * angle.sin() * step, 0.0];
+        let problem = Problem { w: &w, b: &b, mu: &[mu] };
+        let mut r = [0.0; 3];
+        solve(&problem, Tolerance::default(), &mut r);
+        let u = problem.velocity(&r, 0);
+        let acceleration = if slides { gravity * (angle.sin() - mu * angle.cos()) } else { 0.0 };
+        assert!((r[0] - mass * gravity * angle.cos() * step).abs() < 1e-12);
+        assert!((u.y / step - acceleration).abs() < 1e-10, "{} against {acceleration}", u.y / step);
+        assert!((-r[1]).min(mu * r[0]) > 0.0);
+    }
+}
+
+#[test]
+fn immovable_contacts_are_left_alone() {
+    let problem = Problem { w: &[0.0; 9], b: &[-1.0, 0.0, 0.0], mu: &[0.3] };
+    let mut r = [0.0; 3];
+    let outcome = solve(&problem, Tolerance::default(), &mut r);
+    assert_eq!((r, outcome.residual), ([0.0; 3], 0.0));
+}
+
+proptest! {
+    #[test]
+    fn projection_is_the_nearest_point_of_the_cone(
+        v in prop::array::uniform3(-2.0f64..2.0), p in prop::array::uniform3(-2.0f64..2.0), mu in 0.01f64..2.0
+    ) {
+        let v = Vector3::from(v);
+        let nearest = project_on_cone(v, mu);
+        prop_assert!(nearest.yz().norm() <= mu * nearest.x + 1e-12);
+        let mut other = Vector3::from(p);
+        other.x = other.x.abs();
+        let scale = (mu * other.x / other.yz().norm()).min(1.0);
+        other.y *= scale;
+        other.z *= scale;
+        prop_assert!((v - nearest).norm() <= (v - other).norm() + 1e-12);
+    }
+}

@@ -1,0 +1,245 @@
+//! Triangle mesh as a solid: signed distance by angle-weighted pseudonormals (J. A. Baerentzen & H. Aanaes, "Signed
+//! distance computation using the angle weighted pseudonormal", 2005), winding number (A. Jacobson et al., "Robust
+//! inside-outside segmentation using generalized winding numbers", 2013).
+
+mod topology;
+
+use super::distance::{Part, closest_on_triangle};
+use super::shape::{Feature, SurfacePoint};
+use nalgebra::Vector3;
+use parry3d_f64::bounding_volume::Aabb;
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
+use topology::Topology;
+
+/// Below this length, m, a difference of coordinates is rounding and has no direction.
+const ROUNDING: f64 = 1e-12;
+
+/// An axis-aligned box.
+#[derive(Debug, Clone, Copy)]
+pub struct Bounds {
+    /// Lower corner.
+    pub min: Vector3<f64>,
+    /// Upper corner.
+    pub max: Vector3<f64>,
+}
+
+impl Bounds {
+    /// The box of some points, grown by `margin` on all sides.
+    pub fn around<'a>(points: impl IntoIterator<Item = &'a Vector3<f64>>, margin: f64) -> Self {
+        let mut min = Vector3::repeat(f64::INFINITY);
+        let mut max = -min;
+        for p in points {
+            min = min.inf(p);
+            max = max.sup(p);
+        }
+        Bounds { min: min.add_scalar(-margin), max: max.add_scalar(margin) }
+    }
+
+    fn meets(&self, node: &BvhNode) -> bool {
+        let (lo, hi) = (node.mins(), node.maxs());
+        lo.x <= self.max.x
+            && lo.y <= self.max.y
+            && lo.z <= self.max.z
+            && hi.x >= self.min.x
+            && hi.y >= self.min.y
+            && hi.z >= self.min.z
+    }
+}
+
+/// A triangle mesh, open or closed, with a bounding volume hierarchy over its triangles.
+///
+/// Where the closest feature is on an open border the point counts as outside: it is beside the sheet, not behind it.
+#[derive(Debug)]
+pub struct Mesh {
+    topology: Topology,
+    face_normals: Vec<Vector3<f64>>,
+    edge_normals: Vec<Vector3<f64>>,
+    vertex_normals: Vec<Vector3<f64>>,
+    edge_on_border: Vec<bool>,
+    vertex_on_border: Vec<bool>,
+    bvh: Bvh,
+}
+
+impl Mesh {
+    /// From a triangle soup, m, body frame; welded and wound consistently (see [`Topology::new`]).
+    pub fn new(vertices: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Self {
+        let topology = Topology::new(vertices, triangles);
+        let zero = Vector3::zeros();
+        let mut edge_normals = vec![zero; topology.edges.len()];
+        let mut vertex_normals = vec![zero; topology.vertices.len()];
+        let mut face_normals = Vec::with_capacity(topology.triangles.len());
+        for (t, edges) in topology.triangles.iter().zip(&topology.triangle_edges) {
+            let v = t.map(|i| topology.vertices[i as usize]);
+            let n = (v[1] - v[0]).cross(&(v[2] - v[0])).normalize();
+            for i in 0..3 {
+                edge_normals[edges[i] as usize] += n;
+                let corner = (v[(i + 1) % 3] - v[i]).angle(&(v[(i + 2) % 3] - v[i]));
+                vertex_normals[t[i] as usize] += n * corner;
+            }
+            face_normals.push(n);
+        }
+        let unit = |n: &mut Vector3<f64>| *n = n.try_normalize(0.0).unwrap_or(zero);
+        edge_normals.iter_mut().for_each(unit);
+        vertex_normals.iter_mut().for_each(unit);
+        let edge_on_border: Vec<bool> =
+            (0..topology.edges.len()).map(|e| topology.edge_triangles.get(e as u32).len() == 1).collect();
+        let mut vertex_on_border = vec![false; topology.vertices.len()];
+        for (ends, _) in topology.edges.iter().zip(&edge_on_border).filter(|(_, border)| **border) {
+            ends.iter().for_each(|&v| vertex_on_border[v as usize] = true);
+        }
+        let boxes: Vec<Aabb> = topology
+            .triangles
+            .iter()
+            .map(|t| {
+                let b = Bounds::around(t.iter().map(|&i| &topology.vertices[i as usize]), 0.0);
+                Aabb::new(b.min.into(), b.max.into())
+            })
+            .collect();
+        let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
+        Mesh { topology, face_normals, edge_normals, vertex_normals, edge_on_border, vertex_on_border, bvh }
+    }
+
+    /// Number of triangles kept.
+    pub fn triangle_count(&self) -> usize {
+        self.topology.triangles.len()
+    }
+
+    /// Corners of a triangle.
+    pub fn triangle(&self, t: u32) -> [&Vector3<f64>; 3] {
+        self.topology.triangles[t as usize].map(|i| &self.topology.vertices[i as usize])
+    }
+
+    /// Position of a vertex.
+    pub fn vertex(&self, v: u32) -> &Vector3<f64> {
+        &self.topology.vertices[v as usize]
+    }
+
+    /// Ends of an edge.
+    pub fn edge(&self, e: u32) -> [&Vector3<f64>; 2] {
+        self.topology.edges[e as usize].map(|i| &self.topology.vertices[i as usize])
+    }
+
+    /// A part of a triangle as a feature of the mesh.
+    pub fn feature(&self, triangle: u32, part: Part) -> Feature {
+        let t = triangle as usize;
+        match part {
+            Part::Vertex(i) => Feature::Vertex(self.topology.triangles[t][i]),
+            Part::Edge(i) => Feature::Edge(self.topology.triangle_edges[t][i]),
+            Part::Face => Feature::Face(triangle),
+        }
+    }
+
+    /// Whether triangle `t` is the first of those that share its part `part`: each feature is owned once.
+    pub fn owns(&self, t: u32, part: Part) -> bool {
+        let topology = &self.topology;
+        match self.feature(t, part) {
+            Feature::Edge(e) => topology.edge_triangles.get(e)[0] == t,
+            Feature::Vertex(v) => topology.vertex_triangles.get(v)[0] == t,
+            Feature::Face(_) | Feature::Smooth => true,
+        }
+    }
+
+    /// The edges owned by a triangle.
+    pub fn edges_owned_by(&self, t: u32) -> impl Iterator<Item = u32> {
+        let edges = &self.topology.triangle_edges[t as usize];
+        edges.iter().copied().filter(move |&e| self.topology.edge_triangles.get(e)[0] == t)
+    }
+
+    /// The first or last end of edge `e`, if `e` is the first edge of that vertex.
+    pub fn vertex_owned_by(&self, e: u32, last: bool) -> Option<u32> {
+        let v = self.topology.edges[e as usize][usize::from(last)];
+        (self.topology.vertex_edges.get(v)[0] == e).then_some(v)
+    }
+
+    /// Pseudonormal of a feature: unit (zero only where faces cancel), outward.
+    pub fn pseudonormal(&self, feature: Feature) -> Vector3<f64> {
+        match feature {
+            Feature::Face(i) => self.face_normals[i as usize],
+            Feature::Edge(i) => self.edge_normals[i as usize],
+            Feature::Vertex(i) => self.vertex_normals[i as usize],
+            Feature::Smooth => Vector3::zeros(),
+        }
+    }
+
+    /// Whether a feature lies on an open border.
+    pub fn on_border(&self, feature: Feature) -> bool {
+        match feature {
+            Feature::Edge(i) => self.edge_on_border[i as usize],
+            Feature::Vertex(i) => self.vertex_on_border[i as usize],
+            Feature::Face(_) | Feature::Smooth => false,
+        }
+    }
+
+    /// Whether `normal` at `point` of `feature` lies in the feature's normal cone: no triangle there rises above the plane
+    /// through `point`, so that the point is a local minimum of the distance over the surface.
+    pub fn supports(&self, feature: Feature, normal: &Vector3<f64>) -> bool {
+        let below = |from: &Vector3<f64>, others: &[u32]| {
+            others.iter().all(|&o| {
+                let d = self.vertex(o) - from;
+                normal.dot(&d) <= 1e-9 * d.norm()
+            })
+        };
+        match feature {
+            Feature::Face(_) | Feature::Smooth => true,
+            Feature::Edge(e) => below(self.edge(e)[0], self.topology.edge_opposite.get(e)),
+            Feature::Vertex(v) => below(self.vertex(v), self.topology.ring.get(v)),
+        }
+    }
+
+    /// Signed distance, outward normal and side of `p` as seen from `point` on `feature`.
+    pub fn signed(&self, p: &Vector3<f64>, point: &Vector3<f64>, feature: Feature) -> SurfacePoint {
+        let offset = p - point;
+        let distance = offset.norm();
+        let pseudonormal = self.pseudonormal(feature);
+        let outside = self.on_border(feature) || offset.dot(&pseudonormal) >= 0.0;
+        let sign = if outside { 1.0 } else { -1.0 };
+        let normal = if distance > ROUNDING { offset * (sign / distance) } else { pseudonormal };
+        SurfacePoint { distance: sign * distance, normal, point: *point, feature }
+    }
+
+    /// Closest surface point to `p`, or `None` where it is `max_distance` away or more.
+    pub fn closest(&self, p: &Vector3<f64>, max_distance: f64) -> Option<SurfacePoint> {
+        let box_distance2 = |node: &BvhNode, _| {
+            let (lo, hi) = (node.mins(), node.maxs());
+            let gap = |x: f64, lo: f64, hi: f64| (lo - x).max(x - hi).max(0.0);
+            let (dx, dy, dz) = (gap(p.x, lo.x, hi.x), gap(p.y, lo.y, hi.y), gap(p.z, lo.z, hi.z));
+            dx * dx + dy * dy + dz * dz
+        };
+        let (triangle, (_, point, part)) = self
+            .bvh
+            .find_best(max_distance * max_distance, box_distance2, |t, _| {
+                let (point, part) = closest_on_triangle(p, self.triangle(t));
+                Some(Nearest((p - point).norm_squared(), point, part))
+            })
+            .map(|(t, Nearest(d, point, part))| (t, (d, point, part)))?;
+        Some(self.signed(p, &point, self.feature(triangle, part)))
+    }
+
+    /// Triangles whose boxes meet `bounds`, appended to `out` in the order of the hierarchy.
+    pub fn triangles_in(&self, bounds: &Bounds, out: &mut Vec<u32>) {
+        out.extend(self.bvh.leaves(|node| bounds.meets(node)));
+    }
+
+    /// Generalised winding number of the mesh about `p`: 1 inside a closed mesh, 0 outside, in between where it is open.
+    /// Sum of the triangles' solid angles (A. Van Oosterom & J. Strackee 1983) over 4π.
+    pub fn winding_number(&self, p: &Vector3<f64>) -> f64 {
+        let half_angles: f64 = (0..self.triangle_count() as u32)
+            .map(|t| {
+                let [a, b, c] = self.triangle(t).map(|v| v - p);
+                let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
+                let det = a.dot(&b.cross(&c));
+                det.atan2(la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb)
+            })
+            .sum();
+        half_angles / (2.0 * std::f64::consts::PI)
+    }
+}
+
+/// Squared distance, point and part, ordered by the first.
+struct Nearest(f64, Vector3<f64>, Part);
+
+impl parry3d_f64::partitioning::BvhLeafCost for Nearest {
+    fn cost(&self) -> f64 {
+        self.0
+    }
+}

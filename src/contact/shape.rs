@@ -1,0 +1,176 @@
+//! Signed distance of one body in its own frame: exact closest point, outward normal.
+
+use super::distance::{closest_on_ellipsoid, closest_on_segment};
+use super::mesh::Mesh;
+use crate::scene::Shape as SceneShape;
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// Which part of a body's surface a point lies on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Feature {
+    /// The smooth surface of a convex shape.
+    Smooth,
+    /// A triangle of a mesh.
+    Face(u32),
+    /// An edge of a mesh.
+    Edge(u32),
+    /// A vertex of a mesh.
+    Vertex(u32),
+}
+
+/// The point of a surface closest to a query point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfacePoint {
+    /// Signed distance, m; negative inside.
+    pub distance: f64,
+    /// Unit outward direction of increasing distance at the query point.
+    pub normal: Vector3<f64>,
+    /// The closest point, body frame.
+    pub point: Vector3<f64>,
+    /// Where on the surface it lies.
+    pub feature: Feature,
+}
+
+/// A convex shape given by a formula; its signed distance is a convex function.
+#[derive(Debug, Clone)]
+pub enum Convex {
+    /// All points within `radius` of a segment; a sphere where the ends coincide.
+    Capsule {
+        /// Ends of the axis.
+        ends: [Vector3<f64>; 2],
+        /// Radius, m.
+        radius: f64,
+    },
+    /// Ellipsoid.
+    Ellipsoid {
+        /// Centre.
+        centre: Vector3<f64>,
+        /// Semi-axes, m.
+        radii: Vector3<f64>,
+        /// Orientation of the axes.
+        rotation: UnitQuaternion<f64>,
+    },
+    /// Half-space below a plane.
+    Plane {
+        /// A point of the plane.
+        point: Vector3<f64>,
+        /// Unit normal, out of the solid.
+        normal: Vector3<f64>,
+    },
+}
+
+/// A body's surface.
+#[derive(Debug)]
+pub enum Shape {
+    /// A convex formula.
+    Convex(Convex),
+    /// Triangles.
+    Mesh(Box<Mesh>),
+}
+
+impl From<&SceneShape> for Shape {
+    fn from(shape: &SceneShape) -> Self {
+        match *shape {
+            SceneShape::Sphere { centre, radius } => {
+                Shape::Convex(Convex::Capsule { ends: [centre, centre], radius })
+            }
+            SceneShape::Capsule { ends, radius } => Shape::Convex(Convex::Capsule { ends, radius }),
+            SceneShape::Ellipsoid { centre, radii, rotation } => {
+                Shape::Convex(Convex::Ellipsoid { centre, radii, rotation })
+            }
+            SceneShape::Plane { point, normal } => Shape::Convex(Convex::Plane { point, normal }),
+            SceneShape::Mesh(ref mesh) => Shape::Mesh(Box::new(Mesh::new(&mesh.vertices, &mesh.triangles))),
+        }
+    }
+}
+
+impl Convex {
+    /// Closest surface point to `p`, body frame. The solid lies in the half-space below the plane through it.
+    pub fn closest(&self, p: &Vector3<f64>) -> SurfacePoint {
+        let (distance, normal, point) = match self {
+            Convex::Capsule { ends: [a, b], radius } => {
+                let axis_point = a + (b - a) * closest_on_segment(p, a, b);
+                let normal = (p - axis_point).try_normalize(0.0).unwrap_or_else(|| across(&(b - a)));
+                ((p - axis_point).norm() - radius, normal, axis_point + normal * *radius)
+            }
+            Convex::Ellipsoid { centre, radii, rotation } => {
+                let local = rotation.inverse() * (p - centre);
+                let x = closest_on_ellipsoid(&local, radii);
+                // The gradient of the quadric, not p − x, which loses its digits near the surface.
+                let gradient = x.component_div(radii).component_div(radii);
+                let normal = gradient.normalize();
+                ((local - x).dot(&normal), rotation * normal, centre + rotation * x)
+            }
+            Convex::Plane { point, normal } => {
+                let distance = normal.dot(&(p - point));
+                (distance, *normal, p - normal * distance)
+            }
+        };
+        SurfacePoint { distance, normal, point, feature: Feature::Smooth }
+    }
+
+    /// Parameter of the point of segment `ab` of least signed distance, and the surface point closest to it.
+    ///
+    /// The distance is convex along the segment, so the zero of its slope is bracketed and found by regula falsi with
+    /// the Illinois modification (Dowell & Jarratt 1971), bisecting where the slope jumps.
+    pub fn closest_to_segment(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> (f64, SurfacePoint) {
+        let d = b - a;
+        let tolerance = 1e-12 * d.norm();
+        let (mut lo, mut hi) = (0.0, 1.0);
+        let start = self.closest(a);
+        let mut slope_lo = start.normal.dot(&d);
+        if slope_lo >= -tolerance {
+            return (0.0, start);
+        }
+        let end = self.closest(b);
+        let mut slope_hi = end.normal.dot(&d);
+        if slope_hi <= tolerance {
+            return (1.0, end);
+        }
+        let mut best = (0.0, start);
+        for k in 0..60 {
+            let u = if k % 3 == 2 {
+                0.5 * (lo + hi)
+            } else {
+                (lo * slope_hi - hi * slope_lo) / (slope_hi - slope_lo)
+            };
+            let at = self.closest(&(a + d * u));
+            best = (u, at);
+            let slope = at.normal.dot(&d);
+            if slope.abs() <= tolerance || hi - lo < 1e-15 {
+                break;
+            }
+            if slope < 0.0 {
+                (lo, slope_lo) = (u, slope);
+                slope_hi *= 0.5;
+            } else {
+                (hi, slope_hi) = (u, slope);
+                slope_lo *= 0.5;
+            }
+        }
+        best
+    }
+}
+
+impl Shape {
+    /// Closest surface point to `p`, body frame, or `None` where it is `max_distance` away or more.
+    pub fn closest(&self, p: &Vector3<f64>, max_distance: f64) -> Option<SurfacePoint> {
+        match self {
+            Shape::Convex(convex) => Some(convex.closest(p)).filter(|s| s.distance.abs() < max_distance),
+            Shape::Mesh(mesh) => mesh.closest(p, max_distance),
+        }
+    }
+
+    /// Whether `p`, body frame, is inside the solid. For a mesh by its winding number: O(triangles), for set-up only.
+    pub fn inside(&self, p: &Vector3<f64>) -> bool {
+        match self {
+            Shape::Convex(convex) => convex.closest(p).distance < 0.0,
+            Shape::Mesh(mesh) => mesh.winding_number(p) > 0.5,
+        }
+    }
+}
+
+/// A unit vector across `axis`; any one for an axis of no length.
+fn across(axis: &Vector3<f64>) -> Vector3<f64> {
+    axis.cross(&Vector3::ith(axis.iamin(), 1.0)).try_normalize(0.0).unwrap_or_else(Vector3::y)
+}
