@@ -1,16 +1,17 @@
 //! Plain strands and motion tracks made into `groom.json` and `anim.json`.
 //!
-//! [`groom`]: strand files ([`read`]) are cleaned and resampled, guides chosen, the GC hierarchy built over them
-//! ([`hierarchy`]), render strands attached or grown, and the result measured ([`fidelity`]).
+//! [`groom`]: strand files are cleaned, guides chosen and resampled, the GC hierarchy built over them, render strands attached or
+//! grown, and the result measured.
 
+mod build;
 mod bytes;
 mod cluster;
 mod fault;
-pub mod fidelity;
+mod fidelity;
 mod groom;
-pub mod grow;
+mod grow;
 mod hair;
-pub mod hierarchy;
+mod hierarchy;
 mod read;
 #[cfg(test)]
 mod real_data;
@@ -19,9 +20,12 @@ mod scalp;
 mod sections;
 mod tfx;
 
-pub use groom::{GroomOptions, GroomReport, groom};
+pub use build::{BuildOptions, BuildReport};
+pub use fidelity::{Curl, LevelFit};
+pub use groom::{ALL_GUIDES, CHOSEN_GUIDES, GroomOptions, GroomReport, groom};
 pub use grow::Growth;
 pub use hierarchy::Depth;
 pub use read::{SHORTEST, Source, SourceReport};
 pub use resample::{Resample, ResampleError};
+
 pub use scalp::{OFF_SCALP, RootReport};

@@ -21,14 +21,14 @@ fn data(file: &str) -> Option<PathBuf> {
 fn sintel_grows_to_its_own_number_of_strands() {
     let Some(path) = data("grooms/sintel_guides_228x32_cm.tfx") else { return };
     let (groom, report) = groom(&GroomOptions::new(Source::new(path))).unwrap();
-    assert_eq!(report.counts, [228, 114, 11_400]);
+    assert_eq!(report.fit.counts, [228, 114, 11_400]);
     assert_eq!(groom.convention.metres_per_unit, 0.01);
     let leaves: Vec<_> = groom.trees.iter().flat_map(|t| &t.wisps).filter(|w| !w.guides.is_empty()).collect();
     assert!(leaves.iter().all(|w| w.guides.len() <= 3));
-    assert!(report.guide_error.length[1] < 0.005, "{report}");
+    assert!(report.fit.guide_error.length[1] < 0.005, "{report}");
     assert!(
-        report.levels[1].of_length < 0.08
-            && report.levels[1].distance[0] < 0.5 * report.levels[0].distance[0],
+        report.fit.levels[1].of_length < 0.08
+            && report.fit.levels[1].distance[0] < 0.5 * report.fit.levels[0].distance[0],
         "{report}"
     );
 }
@@ -43,7 +43,7 @@ fn dense_strands_in_metres_join_guides_in_centimetres() {
     assert_eq!(groom.strands.curves.len(), 11_400);
     let hairs: u32 = groom.trees.iter().map(|t| t.wisps[0].strand_count).sum();
     assert!((11_400..11_400 + 228).contains(&hairs), "{hairs}");
-    assert!(report.levels[1].inside > 0.8, "{report}");
+    assert!(report.fit.levels[1].inside > 0.8, "{report}");
 }
 
 #[test]

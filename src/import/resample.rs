@@ -4,6 +4,7 @@ use crate::math::spline::ArcSpline;
 use crate::scene::Curves;
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use std::fmt;
 
 /// Where the vertices of resampled strands lie. The root and tip stay where they are.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,6 +27,19 @@ pub struct ResampleError {
     pub length: [f64; 2],
     /// Distance from the vertices of the file to the new polyline, m: mean and largest.
     pub distance: [f64; 2],
+}
+
+impl fmt::Display for ResampleError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "length off by {:.3} % on average, {:.2} % at most; vertices by {:.3} mm, {:.2} mm at most",
+            self.length[0] * 100.0,
+            self.length[1] * 100.0,
+            self.distance[0] * 1e3,
+            self.distance[1] * 1e3
+        )
+    }
 }
 
 /// Resamples every strand; neighbouring vertices must be distinct.

@@ -12,7 +12,7 @@ use std::fmt;
 pub const OFF_SCALP: f64 = 2e-3;
 
 /// A head mesh, ready for the nearest point.
-pub(super) struct Scalp(Surface);
+pub(crate) struct Scalp(Surface);
 
 /// The point of the scalp nearest to a place.
 pub(super) struct Foot {
@@ -39,7 +39,7 @@ pub struct RootReport {
 
 impl Scalp {
     /// `None` where the mesh holds no triangle.
-    pub(super) fn new(mesh: &TriMesh) -> Option<Self> {
+    pub(crate) fn new(mesh: &TriMesh) -> Option<Self> {
         let vertices = mesh.vertices.iter().map(|v| Vector::new(v.x, v.y, v.z)).collect();
         Surface::with_flags(vertices, mesh.triangles.clone(), TriMeshFlags::ORIENTED).ok().map(Scalp)
     }
