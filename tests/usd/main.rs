@@ -1,5 +1,6 @@
 //! Crate files and caches: written, read back, and opened by usd-core.
 
 mod cache;
+mod layers;
 mod python;
 mod sample;
