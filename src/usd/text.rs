@@ -1,7 +1,7 @@
 //! Text (usda) encoding of a [`Layer`].
 
 use super::{Attribute, Layer, Metadata, Prim, Specifier, Value};
-use std::fmt::Write;
+use std::fmt::{Debug, Write};
 
 /// The layer as usda text.
 pub fn encode(layer: &Layer) -> String {
@@ -69,7 +69,7 @@ impl Text {
         if !a.samples.is_empty() {
             self.line(&format!("{declaration}.timeSamples = {{"));
             for (time, value) in &a.samples {
-                self.line(&format!("    {time}: {},", value_text(value, self.depth)));
+                self.line(&format!("    {time:?}: {},", value_text(value, self.depth)));
             }
             self.line("}");
         }
@@ -125,13 +125,13 @@ fn value_text(value: &Value, depth: usize) -> String {
     match value {
         Value::Bool(b) => b.to_string(),
         Value::Int(i) => i.to_string(),
-        Value::Float(f) => f.to_string(),
-        Value::Double(d) => d.to_string(),
+        Value::Float(f) => number(f),
+        Value::Double(d) => number(d),
         Value::String(s) | Value::Token(s) => quoted(s),
         Value::Asset(path) => asset(path),
         Value::Matrix4d(rows) => format!("( {} )", rows.map(|row| tuple(&row)).join(", ")),
         Value::Ints(v) => list(v, i32::to_string),
-        Value::Floats(v) => list(v, f32::to_string),
+        Value::Floats(v) => list(v, number),
         Value::Float2s(v) => list(v, |x| tuple(x)),
         Value::Float3s(v) => list(v, |x| tuple(x)),
         Value::Tokens(v) | Value::PrependedTokens(v) => list(v, |s| quoted(s)),
@@ -159,8 +159,14 @@ fn list<T>(items: &[T], item: impl Fn(&T) -> String) -> String {
     format!("[{}]", items.iter().map(item).collect::<Vec<_>>().join(", "))
 }
 
-fn tuple<T: ToString>(items: &[T]) -> String {
-    format!("({})", items.iter().map(T::to_string).collect::<Vec<_>>().join(", "))
+fn tuple(items: &[impl Debug]) -> String {
+    format!("({})", items.iter().map(number).collect::<Vec<_>>().join(", "))
+}
+
+/// The shortest digits that read back as the same float. `Debug` knows exponents, `Display` does not,
+/// and USD warns of integers that do not fit.
+fn number(float: &impl Debug) -> String {
+    format!("{float:?}")
 }
 
 fn asset(path: &str) -> String {

@@ -29,9 +29,10 @@ pub(super) fn decompress(block: &[u8], max_len: usize) -> Result<Vec<u8>, String
 
 /// Codes and compresses integers.
 pub(super) fn compress_ints(ints: impl Iterator<Item = i32> + Clone) -> Vec<u8> {
-    let mut previous = 0;
+    let mut previous = 0i32;
     let deltas: Vec<i32> = ints.map(|i| i.wrapping_sub(std::mem::replace(&mut previous, i))).collect();
-    let common = commonest(&deltas);
+    // USD reads no commonest difference where there are no integers.
+    let Some(common) = commonest(&deltas) else { return compress(&[]) };
 
     let mut coded = Vec::with_capacity(max_coded_len(deltas.len()));
     coded.extend_from_slice(&common.to_le_bytes());
@@ -57,6 +58,9 @@ pub(super) fn compress_ints(ints: impl Iterator<Item = i32> + Clone) -> Vec<u8> 
 /// The inverse of [`compress_ints`]. `count` comes from the file: memory for the integers is only taken
 /// once the decompressed bytes are known to hold a code for each.
 pub(super) fn decompress_ints(block: &[u8], count: usize) -> Result<Vec<i32>, String> {
+    if count == 0 {
+        return Ok(Vec::new());
+    }
     let coded = decompress(block, max_coded_len(count))?;
     let too_short = || format!("{count} integers do not fit in {} bytes", coded.len());
     let (common, rest) = coded.split_first_chunk::<4>().ok_or_else(too_short)?;
@@ -84,15 +88,14 @@ pub(super) fn max_coded_len(count: usize) -> usize {
 }
 
 /// The commonest value; the largest of those that are equally common, so that the bytes are determined.
-fn commonest(deltas: &[i32]) -> i32 {
+fn commonest(deltas: &[i32]) -> Option<i32> {
     let mut counts: HashMap<i32, usize> = HashMap::new();
-    let mut best = (0, 0);
-    for &delta in deltas {
+    let counted = deltas.iter().map(|&delta| {
         let count = counts.entry(delta).or_insert(0);
         *count += 1;
-        best = best.max((*count, delta));
-    }
-    best.1
+        (*count, delta)
+    });
+    counted.max().map(|(_, delta)| delta)
 }
 
 fn take<const N: usize>(bytes: &mut &[u8]) -> Option<[u8; N]> {
