@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom
+from pxr import Sdf, Tf, Usd, UsdGeom
 
 ROOT_LAYER = "hair.usda"
 RECORD = "manifest.json"
@@ -71,6 +71,12 @@ class Mesh:
     triangles: np.ndarray
     """Vertex indices, `T × 3`."""
 
+    @property
+    def sound(self) -> bool:
+        """Whether there are triangles, all of whose vertices exist."""
+        within = len(self.triangles) and self.triangles.min() >= 0 and self.triangles.max() < len(self.points)
+        return bool(within and np.isfinite(self.points).all())
+
 
 @dataclass(frozen=True)
 class Clip:
@@ -104,24 +110,28 @@ class Cache:
         self.fps = self.stage.GetTimeCodesPerSecond()
         self.metres_per_unit = UsdGeom.GetStageMetersPerUnit(self.stage)
         self.clip = self._read_clip()
+        self.declared = self._read_declared()
+        """Paths of the attributes in the clip manifest, or None if it cannot be read."""
         self.curves = [self._read_curves(path) for path in (HAIR, GUIDES) if self.stage.GetPrimAtPath(path)]
         self.colliders = [self._read_mesh(prim) for prim in self._collider_prims()]
 
     def frame_path(self, frame: int) -> Path:
-        """File of one frame."""
-        return self.directory / f"hair.{frame:04d}.usdc"
+        """File of one frame, its number filled up to four characters as USD's clip template does (-1 is `00-1`)."""
+        return self.directory / f"hair.{str(frame).rjust(4, '0')}.usdc"
 
     def animated(self) -> list[str]:
         """Paths of the attributes that every frame's file must hold."""
         paths = [f"{curves.path}.{name}" for curves in self.curves for name in ("points", "velocities", "extent")]
         return paths + [f"{path}.{TRANSFORM}" for path in [HEAD, *(mesh.path for mesh in self.colliders)]]
 
-    def manifest_layer(self) -> Sdf.Layer | None:
-        """The clip manifest, if it can be opened."""
+    def _read_declared(self) -> set[str] | None:
+        if self.clip is None or not (self.directory / self.clip.manifest).is_file():
+            return None
         try:
-            return Sdf.Layer.FindOrOpen(str(self.directory / self.clip.manifest)) if self.clip else None
+            layer = Sdf.Layer.OpenAsAnonymous(str(self.directory / self.clip.manifest))
         except Tf.ErrorException:
             return None
+        return attributes(layer)
 
     def _read_record(self) -> dict:
         path = self.directory / RECORD
@@ -190,34 +200,28 @@ class FrameFile:
 
 
 def read_frame(cache: Cache, frame: int) -> FrameFile:
-    """Reads one frame's file. Raises `Unreadable` if it is missing or damaged."""
+    """Reads one frame's file whole. Raises `Unreadable` if it is missing or damaged."""
     path = cache.frame_path(frame)
     if not path.is_file():
         raise Unreadable("no such file")
     times, values = {}, {}
-
-    def visit(spec_path: Sdf.Path) -> None:
-        if not spec_path.IsPropertyPath():
-            return
-        name = str(spec_path)
-        times[name] = list(layer.ListTimeSamplesForPath(spec_path))
-        if float(frame) in times[name]:
-            values[name] = as_array(layer.QueryTimeSample(spec_path, float(frame)))
-
     try:
         # Anonymous, so that the layer and its memory go when this function returns.
         layer = Sdf.Layer.OpenAsAnonymous(str(path))
-        layer.Traverse(Sdf.Path.absoluteRootPath, visit)
+        for name in sorted(attributes(layer)):
+            times[name] = list(layer.ListTimeSamplesForPath(name))
+            if float(frame) in times[name]:
+                values[name] = np.array(layer.QueryTimeSample(name, float(frame)))
     except Tf.ErrorException as error:
         raise Unreadable(f"damaged: {error.args[0] if error.args else error}") from error
     return FrameFile(frame, times, values)
 
 
-def as_array(value) -> np.ndarray:
-    """A USD value as a copy in numpy; matrices are 4 × 4, for row vectors, as USD has them."""
-    if isinstance(value, Gf.Matrix4d):
-        return np.array([list(row) for row in value])
-    return np.array(value)
+def attributes(layer: Sdf.Layer) -> set[str]:
+    """Paths of all attributes that a layer holds."""
+    paths = set()
+    layer.Traverse(Sdf.Path.absoluteRootPath, lambda path: paths.add(str(path)) if path.IsPropertyPath() else None)
+    return paths
 
 
 def array(value, dtype, dimensions: int) -> np.ndarray:

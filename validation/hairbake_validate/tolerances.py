@@ -3,17 +3,20 @@
 Lengths are in metres and speeds in metres per second; the checks convert from the cache's own unit.
 """
 
+# Widths (diameters) of hair and fur in metres: 17-180 µm on people, more on creatures and for strands thickened to stand for several.
+WIDTH_M = (5e-6, 2e-3)
+
 # Segment lengths of render strands: chord against rest chord, relative, beyond the rounding of the
 # coordinates to 32 bits. Strands are inextensible by construction; 1e-4 is what the eye and a
 # length-preserving groom tool can never see.
 SEGMENT_DRIFT = 1e-4
 
-# Guides lie on smooth inextensible curves, so arcs keep their length and chords do not. The arc is that
-# of the cubic through four neighbouring points. On circles and helices its relative error is below
-# ARC_ERROR_PER_TURN4 × φ⁴, with φ the angle the curve turns over one segment (measured, see
-# tests/test_geometry.py); GUIDE_SEGMENT_DRIFT is what is asked beyond that.
+# Guides lie on smooth inextensible curves, so arcs keep their length and chords do not. The arc is that of the cubic through
+# four neighbouring points. Its relative error is below ARC_ERROR × κ²(κ² + τ²)s⁴ for curvature κ, torsion τ and the longest
+# segment s of the four points; measured on helices of all kinds at 0.0264, see tests/test_geometry.py.
+# GUIDE_SEGMENT_DRIFT is what is asked beyond that, for strands whose curvature changes within four points, as in contact.
+ARC_ERROR = 0.03
 GUIDE_SEGMENT_DRIFT = 1e-3
-ARC_ERROR_PER_TURN4 = 2e-2
 
 # The whole length of a guide: the errors of its arcs partly cancel, so less is let pass.
 GUIDE_LENGTH_DRIFT = 5e-4

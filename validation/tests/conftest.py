@@ -97,11 +97,10 @@ class CacheBuilder:
             "hairbake": "0.1.0",
             "inputs": [{"role": "groom", "file": "groom.json", "sha256": "0" * 64}],
             "settings": {},
-            "files": {name: self._sha256(self.path(name)) for name in names},
+            "layers": [self._file_record(self.path(name)) for name in names],
             "frames": [
-                {"frame": frame, "file": self.frame(frame).name, "sha256": self._sha256(self.frame(frame)), "figures": {"seconds": 0.1}}
+                {"frame": frame, **self._file_record(self.frame(frame)), "figures": {"contacts": 3}}
                 for frame in HANDLES
-                if self.frame(frame).exists()
             ],
         }
         self.path("manifest.json").write_text(json.dumps(record, indent=2))
@@ -134,8 +133,9 @@ class CacheBuilder:
         self.edit(self.frame(frame).name, rewrite)
 
     @staticmethod
-    def _sha256(path: Path) -> str:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+    def _file_record(path: Path) -> dict:
+        data = path.read_bytes() if path.exists() else b""
+        return {"file": path.name, "sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)}
 
     def _write_topology(self) -> None:
         stage = Usd.Stage.CreateNew(str(self.path("hair.topology.usdc")))

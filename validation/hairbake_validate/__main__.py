@@ -1,0 +1,60 @@
+"""Command line: `python -m hairbake_validate OUT_DIR`."""
+
+import argparse
+import json
+import os
+import re
+import sys
+from pathlib import Path
+
+from .cache import Unreadable
+from .run import CHECKS, validate
+
+
+def frame_range(text: str) -> range:
+    """`A-B` or one frame, both ends included."""
+    match = re.fullmatch(r"(-?\d+)(?:-(-?\d+))?", text)
+    if not match:
+        raise argparse.ArgumentTypeError(f"{text!r} is no frame or range of frames such as 1001-1010")
+    first = int(match[1])
+    return range(first, int(match[2] or first) + 1)
+
+
+def list_checks() -> str:
+    """Every check with its tolerance."""
+    return "\n".join(
+        f"{check.id:<22} {check.severity.value:<8} {f'{check.tolerance:g} {check.unit}' if check.tolerance else '':<20} {check.description}"
+        for check in CHECKS
+    )
+
+
+def main() -> int:
+    """Runs the checks; 0 passed, 1 failed, 2 wrong usage or no readable cache."""
+    parser = argparse.ArgumentParser(prog="hairbake_validate", description="Checks a hair cache.")
+    parser.add_argument("directory", type=Path, nargs="?", help="folder of the cache")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the report as JSON")
+    parser.add_argument("--frames", type=frame_range, metavar="A-B", help="look at the curves of these frames only")
+    parser.add_argument("--quick", action="store_true", help="look at the curves of a few frames, and at no checksum")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: one for each core)")
+    parser.add_argument("--list", action="store_true", help="print the checks and their tolerances, and stop")
+    arguments = parser.parse_args()
+    if arguments.list:
+        print(list_checks())
+        return 0
+    if arguments.directory is None:
+        parser.error("the folder of a cache is needed")
+    if arguments.jobs < 1:
+        parser.error("--jobs must be at least 1")
+    try:
+        report = validate(arguments.directory, arguments.frames, arguments.quick, arguments.jobs)
+        if arguments.json:
+            arguments.json.write_text(json.dumps(report.as_json(), indent=2) + "\n", encoding="utf-8")
+    except (Unreadable, OSError) as error:
+        print(f"hairbake_validate: {error}", file=sys.stderr)
+        return 2
+    print(report.as_text())
+    return 0 if report.passed else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,117 @@
+"""A frame with its neighbours, and what all frames are compared with."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .cache import GUIDES, HEAD, TRANSFORM, Cache, FrameFile, Mesh, Unreadable, read_frame
+from .collider import Collider
+from .geometry import Arcs, arc_lengths, inverse_rigid, transformed
+
+
+@dataclass
+class Ground:
+    """What frames are compared with, worked out once: it travels to every process."""
+
+    rest_arcs: Arcs | None = None
+    """Arcs of the guides at rest."""
+    colliders: list[tuple[Mesh, Collider]] = field(default_factory=list)
+    outside: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
+    """Points outside a collider at rest, by curves' and collider's path: the rest pose as the head carries it to the
+    first frame, against the collider where it is then."""
+
+    @classmethod
+    def of(cls, cache: Cache) -> "Ground":
+        """Builds it from the static layers and the first frame that can be read."""
+        ground = cls()
+        sound = [curves for curves in cache.curves if curves.sound]
+        for curves in sound:
+            if curves.path == GUIDES:
+                ground.rest_arcs = arc_lengths(curves.rest, curves.counts)
+        values = first_values(cache)
+        head = values.get(f"{HEAD}.{TRANSFORM}")
+        for mesh in cache.colliders:
+            matrix = values.get(f"{mesh.path}.{TRANSFORM}")
+            if head is None or matrix is None or not mesh.sound:
+                continue
+            collider = Collider(mesh.points, mesh.triangles)
+            ground.colliders.append((mesh, collider))
+            for curves in sound:
+                there = transformed(transformed(curves.rest, head), inverse_rigid(matrix))
+                ground.outside[curves.path, mesh.path] = collider.depth(there) == 0
+        return ground
+
+
+def first_values(cache: Cache) -> dict[str, np.ndarray]:
+    """Moving values of the first frame whose file can be read."""
+    for frame in cache.frames:
+        try:
+            return read_frame(cache, frame).values
+        except Unreadable:
+            continue
+    return {}
+
+
+class Window:
+    """Frames around `frame`, read as they are asked for and kept while they are near."""
+
+    def __init__(self, cache: Cache, ground: Ground):
+        self.cache = cache
+        self.ground = ground
+        self.frame = cache.frames[0]
+        self._files: dict[int, FrameFile | str] = {}
+        self._shapes = {f"{path}.{TRANSFORM}": (4, 4) for path in self.bodies()}
+        for curves in cache.curves:
+            if curves.sound:
+                points = (len(curves.rest), 3)
+                self._shapes |= {f"{curves.path}.{name}": points for name in ("points", "velocities")}
+                self._shapes[f"{curves.path}.extent"] = (2, 3)
+
+    def move_to(self, frame: int) -> None:
+        """Makes `frame` the middle one."""
+        self.frame = frame
+        self._files = {number: file for number, file in self._files.items() if abs(number - frame) <= 2}
+
+    def bodies(self) -> list[str]:
+        """Paths of head and colliders."""
+        return [HEAD, *(mesh.path for mesh in self.cache.colliders)]
+
+    def shape(self, path: str) -> tuple[int, ...] | None:
+        """Shape that an attribute's value must have, if the topology says so."""
+        return self._shapes.get(path)
+
+    @property
+    def file(self) -> FrameFile | None:
+        """The middle frame's file, unless it is missing or damaged."""
+        file = self._read(self.frame)
+        return file if isinstance(file, FrameFile) else None
+
+    @property
+    def fault(self) -> str:
+        """Why there is no file."""
+        file = self._read(self.frame)
+        return file if isinstance(file, str) else ""
+
+    def values(self) -> list[tuple[str, np.ndarray]]:
+        """Paths and values of the middle frame's file."""
+        return sorted(self.file.values.items()) if self.file else []
+
+    def get(self, prim: str, name: str, offset: int = 0) -> np.ndarray | None:
+        """A value of the frame `offset` from the middle, if it is there, has its shape and is finite."""
+        frame = self.frame + offset
+        if frame not in self.cache.frames:
+            return None
+        file = self._read(frame)
+        path = f"{prim}.{name}"
+        value = file.values.get(path) if isinstance(file, FrameFile) else None
+        if value is None or value.shape != self.shape(path) or not np.isfinite(value).all():
+            return None
+        return value
+
+    def _read(self, frame: int) -> FrameFile | str:
+        if frame not in self._files:
+            try:
+                self._files[frame] = read_frame(self.cache, frame)
+            except Unreadable as error:
+                self._files[frame] = str(error)
+        return self._files[frame]

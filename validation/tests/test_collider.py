@@ -1,0 +1,45 @@
+"""Signed distance against closed forms."""
+
+import numpy as np
+import pytest
+from conftest import RADIUS, sphere_mesh
+
+from hairbake_validate.collider import Collider
+
+BOX = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 0.5)])
+BOX_TRIANGLES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 7, 5], [4, 6, 7], [0, 5, 1], [0, 4, 5], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+)
+
+
+def box_depth(points):
+    return np.maximum(0, np.minimum(points, BOX.max(0) - points).min(axis=1))
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2], [2, 1, 0]])
+def test_box_is_exact_whichever_way_it_is_wound(order):
+    points = np.random.default_rng(1).uniform(-0.5, 2.5, (4000, 3))
+    depth = Collider(BOX, BOX_TRIANGLES[:, order]).depth(points)
+    assert (depth > 0).sum() > 50
+    np.testing.assert_allclose(depth, box_depth(points), atol=1e-12)
+
+
+def test_split_vertices_are_joined():
+    points = np.random.default_rng(2).uniform(-0.2, 2.2, (2000, 3))
+    loose = Collider(BOX[BOX_TRIANGLES].reshape(-1, 3), np.arange(36).reshape(-1, 3))
+    np.testing.assert_allclose(loose.depth(points), box_depth(points), atol=1e-12)
+
+
+def test_sphere_within_its_facets():
+    points = np.random.default_rng(3).uniform(-RADIUS, RADIUS, (3000, 3))
+    depth = Collider(*sphere_mesh()).depth(points)
+    exact = np.maximum(0, RADIUS - np.linalg.norm(points, axis=1))
+    sagitta = RADIUS * (1 - np.cos(np.pi / 8) * np.cos(np.pi / 12))
+    assert (depth <= exact + 1e-12).all()
+    assert (exact - depth).max() <= sagitta
+
+
+def test_open_sheet_has_an_inside_below_and_none_beyond_its_rim():
+    sheet = Collider(np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
+    points = np.array([[0.5, 0.4, -0.01], [0.5, 0.4, 0.01], [-0.02, 0.4, -0.01]])
+    np.testing.assert_allclose(sheet.depth(points), [0.01, 0, 0], atol=1e-12)

@@ -1,0 +1,559 @@
+"""Every fault that the validator claims to catch, injected into a good cache: exactly its own check must fail."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import CURVES, FPS, GUIDE_COUNT, POINTS, CacheBuilder, head_matrix, transform
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+
+from hairbake_validate.run import CHECKS, validate
+
+FAULTS = []
+MIDDLE = 1003
+HAIR, GUIDES, SKULL = "/groom/hair", "/groom/guides", "/groom/colliders/skull"
+
+
+def fault(check: str):
+    """Registers an injected fault under the check that must catch it."""
+
+    def register(inject):
+        FAULTS.append(pytest.param(check, inject, id=f"{check}-{inject.__name__}"))
+        return inject
+
+    return register
+
+
+def set_extent(cache: CacheBuilder, frame: int, path: str) -> None:
+    """Makes the extent fit the points again after a test has moved them."""
+    layer = Sdf.Layer.OpenAsAnonymous(str(cache.frame(frame)))
+    points = np.array(layer.QueryTimeSample(f"{path}.points", float(frame)))
+    cache.edit_array(frame, f"{path}.extent", lambda _: np.stack([points.min(0) - 4e-5, points.max(0) + 4e-5]))
+
+
+def move_points(cache: CacheBuilder, frame: int, path: str, change) -> None:
+    """Changes points, given and returned as `curves × POINTS × 3`, and keeps the extent right."""
+
+    def reshaped(points):
+        return change(points.reshape(-1, POINTS, 3).astype(float)).reshape(-1, 3).astype(np.float32)
+
+    cache.edit_array(frame, f"{path}.points", reshaped)
+    set_extent(cache, frame, path)
+
+
+def turned(curve: np.ndarray, axis: np.ndarray, angle: float) -> np.ndarray:
+    """A curve turned about its root: lengths and root stay."""
+    x, y, z = axis / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    rotation = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return curve[0] + (curve - curve[0]) @ rotation.T
+
+
+# Files
+
+
+@fault("record")
+def wrong_version(cache):
+    cache.record(lambda record: record.update(version=2))
+
+
+@fault("record")
+def no_settings(cache):
+    cache.record(lambda record: record.pop("settings"))
+
+
+@fault("record")
+def input_without_hash(cache):
+    cache.record(lambda record: record["inputs"][0].pop("sha256"))
+
+
+@fault("record")
+def frame_without_entry(cache):
+    cache.record(lambda record: record["frames"].pop(2))
+
+
+@fault("record")
+def frame_with_two_entries(cache):
+    cache.record(lambda record: record["frames"].append(record["frames"][0]))
+
+
+@fault("figures")
+def no_figures(cache):
+    cache.record(lambda record: record["frames"][2].update(figures={}))
+
+
+@fault("figures")
+def infinite_figure(cache):
+    cache.record(lambda record: record["frames"][2].update(figures={"depth": float("inf")}))
+
+
+@fault("checksums")
+def flipped_bit(cache):
+    layer = Sdf.Layer.OpenAsAnonymous(str(cache.frame(MIDDLE)))
+    points = np.array(layer.QueryTimeSample(f"{HAIR}.points", float(MIDDLE)))
+    data = bytearray(cache.frame(MIDDLE).read_bytes())
+    data[data.index(points.tobytes()[:48])] ^= 1
+    cache.frame(MIDDLE).write_bytes(bytes(data))
+
+
+@fault("checksums")
+def static_layer_changed(cache):
+    with cache.path("hair.usda").open("a") as file:
+        file.write("\n")
+
+
+@fault("checksums")
+def layer_without_checksum(cache):
+    cache.record(lambda record: record["layers"].pop())
+
+
+@fault("temporaries")
+def temporary_left(cache):
+    cache.path(".aB3xY.tmp").write_bytes(b"")
+
+
+@fault("temporaries")
+def frame_of_a_longer_bake(cache):
+    cache.path("hair.1020.usdc").write_bytes(cache.frame(MIDDLE).read_bytes())
+
+
+# Stage
+
+
+@fault("framework")
+def sublayer_missing(cache):
+    cache.edit("hair.usda", lambda layer: layer.subLayerPaths.append("./nothing.usdc"))
+
+
+@fault("framework")
+def gprim_below_a_gprim(cache):
+    cache.edit_topology(lambda stage: UsdGeom.Sphere.Define(stage, f"{SKULL}/eye").CreateExtentAttr([(-1, -1, -1), (1, 1, 1)]))
+
+
+@fault("metadata")
+def no_default_prim(cache):
+    cache.edit("hair.usda", lambda layer: layer.ClearDefaultPrim())
+
+
+@fault("metadata")
+def units_left_to_fallback(cache):
+    cache.edit("hair.usda", lambda layer: layer.pseudoRoot.ClearInfo("metersPerUnit"))
+    cache.edit("hair.topology.usdc", lambda layer: layer.pseudoRoot.ClearInfo("metersPerUnit"))
+
+
+@fault("metadata")
+def no_up_axis(cache):
+    cache.edit("hair.usda", lambda layer: layer.pseudoRoot.ClearInfo("upAxis"))
+
+
+@fault("metadata")
+def frame_rates_differ(cache):
+    cache.edit("hair.usda", lambda layer: setattr(layer, "framesPerSecond", 30.0))
+
+
+@fault("scale")
+def wrong_units(cache):
+    cache.edit("hair.usda", lambda layer: layer.pseudoRoot.SetInfo("metersPerUnit", 0.01))
+
+
+@fault("prims")
+def no_kind(cache):
+    cache.edit_topology(lambda stage: Usd.ModelAPI(stage.GetPrimAtPath("/groom")).SetKind(""))
+
+
+@fault("prims")
+def guides_would_render(cache):
+    cache.edit_topology(lambda stage: UsdGeom.Imageable(stage.GetPrimAtPath(GUIDES)).GetPurposeAttr().Set("default"))
+
+
+@fault("prims")
+def collider_would_render(cache):
+    cache.edit_topology(lambda stage: UsdGeom.Imageable(stage.GetPrimAtPath(SKULL)).GetPurposeAttr().Set("default"))
+
+
+@fault("prims")
+def linear_curves(cache):
+    cache.edit_topology(lambda stage: UsdGeom.BasisCurves(stage.GetPrimAtPath(HAIR)).GetTypeAttr().Set("linear"))
+
+
+@fault("prims")
+def transform_above_world_points(cache):
+    cache.edit_topology(lambda stage: UsdGeom.Xformable(stage.GetPrimAtPath(HAIR)).AddTranslateOp().Set(Gf.Vec3d(0, 1, 0)))
+
+
+@fault("topology")
+def counts_off_by_one(cache):
+    counts = [POINTS] * (CURVES - 1) + [POINTS - 1]
+
+    def change(stage):
+        curves = UsdGeom.BasisCurves(stage.GetPrimAtPath(HAIR))
+        curves.GetCurveVertexCountsAttr().Set(counts)
+        curves.GetWidthsAttr().Set([8e-5] * sum(counts))
+
+    cache.edit_topology(change)
+
+
+@fault("topology")
+def index_without_point(cache):
+    def change(stage):
+        attribute = UsdGeom.Mesh(stage.GetPrimAtPath(SKULL)).GetFaceVertexIndicesAttr()
+        attribute.Set([9999, *list(attribute.Get())[1:]])
+
+    cache.edit_topology(change)
+
+
+def set_primvar(cache: CacheBuilder, name: str, change) -> None:
+    cache.edit_topology(lambda stage: change(UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(HAIR)).GetPrimvar(name)))
+
+
+@fault("primvars")
+def short_primvar(cache):
+    set_primvar(cache, "groom_group_id", lambda primvar: primvar.Set([0] * (CURVES - 1)))
+
+
+@fault("primvars")
+def primvar_of_wrong_interpolation(cache):
+    set_primvar(cache, "groom_root_uv", lambda primvar: primvar.SetInterpolation("vertex"))
+
+
+@fault("primvars")
+def primvar_missing(cache):
+    cache.edit_topology(lambda stage: stage.GetPrimAtPath(HAIR).RemoveProperty("primvars:groom_guide"))
+
+
+@fault("primvars")
+def varying_widths(cache):
+    cache.edit_topology(lambda stage: UsdGeom.BasisCurves(stage.GetPrimAtPath(HAIR)).SetWidthsInterpolation("varying"))
+
+
+@fault("primvars")
+def short_widths(cache):
+    cache.edit_topology(lambda stage: UsdGeom.BasisCurves(stage.GetPrimAtPath(HAIR)).GetWidthsAttr().Set([8e-5] * CURVES))
+
+
+@fault("ids")
+def duplicate_id(cache):
+    set_primvar(cache, "groom_id", lambda primvar: primvar.Set([0, *range(CURVES - 1)]))
+
+
+@fault("clips")
+def clips_without_handle(cache):
+    cache.edit("hair.usda", lambda layer: edit_clips(layer, "templateEndTime", 1006.0))
+
+
+@fault("clips")
+def clip_manifest_missing(cache):
+    cache.edit("hair.usda", lambda layer: edit_clips(layer, "manifestAssetPath", Sdf.AssetPath("./none.usda")))
+
+
+@fault("clips")
+def wrong_template(cache):
+    cache.edit("hair.usda", lambda layer: edit_clips(layer, "templateAssetPath", "hair.####.usdc"))
+
+
+def edit_clips(layer: Sdf.Layer, key: str, value) -> None:
+    clips = dict(layer.GetPrimAtPath("/groom").GetInfo("clips"))
+    clips["default"] = {**clips["default"], key: value}
+    layer.GetPrimAtPath("/groom").SetInfo("clips", clips)
+
+
+@fault("resolution")
+def stronger_opinion_hides_the_clips(cache):
+    def change(layer):
+        prim = Sdf.CreatePrimInLayer(layer, GUIDES)
+        Sdf.AttributeSpec(prim, "points", Sdf.ValueTypeNames.Point3fArray)
+        layer.GetAttributeAtPath(f"{GUIDES}.points").default = Vt.Vec3fArray(GUIDE_COUNT * POINTS)
+
+    cache.edit("hair.usda", change)
+
+
+# Frames
+
+
+@fault("frames")
+def missing_frame(cache):
+    cache.frame(MIDDLE).unlink()
+    cache.seal()
+
+
+@fault("frames")
+def no_handle_frame(cache):
+    cache.frame(1007).unlink()
+    cache.seal()
+
+
+@fault("frames")
+def truncated_file(cache):
+    data = cache.frame(MIDDLE).read_bytes()
+    cache.frame(MIDDLE).write_bytes(data[: len(data) // 2])
+    cache.seal()
+
+
+@fault("frames")
+def wrong_time(cache):
+    def change(layer):
+        value = layer.QueryTimeSample(f"{HAIR}.velocities", float(MIDDLE))
+        layer.EraseTimeSample(f"{HAIR}.velocities", float(MIDDLE))
+        layer.SetTimeSample(f"{HAIR}.velocities", MIDDLE + 0.5, value)
+
+    cache.edit(cache.frame(MIDDLE).name, change)
+
+
+@fault("frames")
+def second_time(cache):
+    def change(layer):
+        value = layer.QueryTimeSample(f"{HAIR}.points", float(MIDDLE))
+        layer.SetTimeSample(f"{HAIR}.points", MIDDLE + 1.0, value)
+
+    cache.edit(cache.frame(MIDDLE).name, change)
+
+
+@fault("coverage")
+def attribute_missing_from_the_manifest(cache):
+    def change(layer):
+        prim = layer.GetPrimAtPath(HAIR)
+        del prim.properties["velocities"]
+
+    cache.edit("hair.manifest.usda", change)
+
+
+@fault("sizes")
+def one_point_short(cache):
+    cache.edit_array(MIDDLE, f"{HAIR}.points", lambda points: points[:-1])
+
+
+@fault("sizes")
+def no_velocities(cache):
+    cache.edit_array(MIDDLE, f"{GUIDES}.velocities", lambda velocities: velocities[:0])
+
+
+@fault("finite")
+def nan_point(cache):
+    def change(points):
+        points[17, 1] = np.nan
+        return points
+
+    cache.edit_array(MIDDLE, f"{HAIR}.points", change)
+
+
+@fault("finite")
+def infinite_velocity(cache):
+    def change(velocities):
+        velocities[3, 0] = np.inf
+        return velocities
+
+    cache.edit_array(MIDDLE, f"{GUIDES}.velocities", change)
+
+
+@fault("rigid")
+def scaled_collider(cache):
+    matrix = head_matrix((MIDDLE - 1001) / FPS)
+    matrix[:3, :3] *= 1.00001
+    cache.edit(
+        cache.frame(MIDDLE).name,
+        lambda layer: layer.SetTimeSample(f"{SKULL}.xformOp:transform", float(MIDDLE), Gf.Matrix4d(*matrix.ravel().tolist())),
+    )
+
+
+@fault("extent")
+def shrunken_extent(cache):
+    cache.edit_array(MIDDLE, f"{HAIR}.extent", lambda box: box * 0.99 + box.mean(0, keepdims=True) * 0.01)
+
+
+@fault("extent")
+def extent_without_widths(cache):
+    cache.edit_array(MIDDLE, f"{HAIR}.extent", lambda box: box + np.array([[4e-5], [-4e-5]], np.float32))
+
+
+@fault("roots")
+def moved_root(cache):
+    def change(curves):
+        curves[5] += [0, 2e-5, 0]
+        return curves
+
+    move_points(cache, MIDDLE, HAIR, change)
+
+
+@fault("roots")
+def moved_guide(cache):
+    def change(curves):
+        curves[1] += [0, 2e-5, 0]
+        return curves
+
+    move_points(cache, MIDDLE, GUIDES, change)
+
+
+@fault("segments")
+def stretched_segment(cache):
+    def change(curves):
+        curves[4, 4:] += 5e-4 * (curves[4, 4] - curves[4, 3])
+        return curves
+
+    move_points(cache, MIDDLE, HAIR, change)
+
+
+@fault("guide_segments")
+def shifted_point_of_a_guide(cache):
+    def change(curves):
+        curves[1, 4] += 0.01 * (curves[1, 5] - curves[1, 4])
+        return curves
+
+    move_points(cache, MIDDLE, GUIDES, change)
+
+
+@fault("guide_length")
+def stretched_guide(cache):
+    def change(curves):
+        curves[1] = curves[1, 0] + 1.0009 * (curves[1] - curves[1, 0])
+        return curves
+
+    move_points(cache, MIDDLE, GUIDES, change)
+
+
+
+
+def push_in(cache: CacheBuilder, path: str) -> None:
+    """Pushes a curve into the collider in all frames but the first, over which the start is judged; slowly, so that it is no jump."""
+    for frame in range(1001, 1008):
+        share = (frame - 1000) / 7
+
+        def change(curves, share=share):
+            curve = curves[0].copy()
+            axis = np.cross(curve[1] - curve[0], curve[-1] - curve[-2])
+            curves[0] = turned(curve, axis, np.pi * (1 - np.cos(np.pi * share)) / 2 * 1.0)
+            return curves
+
+        move_points(cache, frame, path, change)
+
+
+@fault("hair_penetration")
+def strand_pushed_into_the_collider(cache):
+    push_in(cache, HAIR)
+
+
+@fault("guide_penetration")
+def guide_pushed_into_the_collider(cache):
+    push_in(cache, GUIDES)
+
+
+# Motion
+
+
+def scale_velocities(cache: CacheBuilder, factor: float) -> None:
+    for frame in range(1000, 1008):
+        cache.edit_array(frame, f"{HAIR}.velocities", lambda velocities: velocities * np.float32(factor))
+
+
+@fault("velocities")
+def velocities_per_frame(cache):
+    scale_velocities(cache, 1 / FPS)
+
+
+@fault("velocities")
+def velocities_backwards(cache):
+    scale_velocities(cache, -1)
+
+
+@fault("velocities")
+def velocities_in_centimetres(cache):
+    scale_velocities(cache, 100)
+
+
+@fault("velocities")
+def velocities_of_the_neighbouring_frame(cache):
+    def velocities(frame):
+        layer = Sdf.Layer.OpenAsAnonymous(str(cache.frame(frame)))
+        return np.array(layer.QueryTimeSample(f"{HAIR}.velocities", float(frame)))
+
+    late = {frame: velocities(frame - 1) for frame in range(1001, 1008)}
+    for frame, value in late.items():
+        cache.edit_array(frame, f"{HAIR}.velocities", lambda _, value=value: value)
+
+
+@fault("spikes")
+def one_frame_pop(cache):
+    def change(curves):
+        curves[7] = turned(curves[7], np.array([0, 1.0, 0]), 0.6)
+        return curves
+
+    move_points(cache, MIDDLE, HAIR, change)
+
+
+@fault("spikes")
+def jump_that_stays(cache):
+    def change(curves):
+        curves[7] = turned(curves[7], np.array([0, 1.0, 0]), 0.6)
+        return curves
+
+    for frame in range(MIDDLE, 1008):
+        move_points(cache, frame, HAIR, change)
+
+
+def broken(report) -> set[str]:
+    return {check for check, outcome in report.outcomes.items() if outcome.status != "pass"}
+
+
+def test_good_cache_passes(good_cache):
+    report = validate(good_cache.directory)
+    assert broken(report) == set(), report.as_text()
+
+
+@pytest.mark.parametrize("check, inject", FAULTS)
+def test_fault_fails_its_own_check(good_cache, check, inject):
+    inject(good_cache)
+    report = validate(good_cache.directory)
+    assert broken(report) == {check}, report.as_text()
+    assert report.passed == (report.outcomes[check].status == "warn")
+
+
+def test_every_check_has_a_fault():
+    assert {param.values[0] for param in FAULTS} == {check.id for check in CHECKS}
+
+
+def run(*arguments) -> subprocess.CompletedProcess:
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[1])}
+    return subprocess.run([sys.executable, "-m", "hairbake_validate", *map(str, arguments)], capture_output=True, text=True, env=environment)
+
+
+def test_program_passes_a_good_cache(good_cache, tmp_path):
+    done = run(good_cache.directory, "--json", tmp_path / "report.json")
+    assert (done.returncode, done.stderr) == (0, "")
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["passed"] and len(report["checks"]) == len(CHECKS)
+
+
+def test_program_names_the_place_of_a_fault(good_cache, tmp_path):
+    stretched_segment(good_cache)
+    done = run(good_cache.directory, "--json", tmp_path / "report.json")
+    assert done.returncode == 1
+    assert "FAILED" in done.stdout
+    checks = {check["id"]: check for check in json.loads((tmp_path / "report.json").read_text())["checks"]}
+    found = checks["segments"]
+    assert (found["status"], found["frame"], found["prim"], found["curve"]) == ("fail", MIDDLE, HAIR, 4)
+    assert found["worst"] == pytest.approx(5e-4, rel=0.05)
+    assert all(check["status"] == "pass" for name, check in checks.items() if name != "segments")
+
+
+@pytest.mark.parametrize("arguments", [[], ["/nonexistent"], ["x", "--frames", "first"], ["x", "--jobs", "0"]])
+def test_program_exits_2_on_wrong_usage(arguments):
+    done = run(*arguments)
+    assert done.returncode == 2
+    assert done.stderr
+
+
+def test_frames_outside_the_choice_are_not_looked_at(good_cache):
+    stretched_segment(good_cache)
+    assert validate(good_cache.directory, frames=range(1005, 1007)).passed
+    assert not validate(good_cache.directory, frames=range(1003, 1004)).passed
+
+
+def test_quick_run_skips_checksums_and_misses_no_file(good_cache):
+    static_layer_changed(good_cache)
+    report = validate(good_cache.directory, quick=True)
+    assert report.passed and report.outcomes["checksums"].status == "skip"
+    good_cache.frame(1004).unlink()
+    assert not validate(good_cache.directory, frames=range(1001, 1002), quick=True).passed
