@@ -36,13 +36,14 @@ class Collider:
         if volume < 0:
             triangles, corners = triangles[:, ::-1], corners[:, ::-1]
         self.corners = np.ascontiguousarray(corners)
+        self.middles = self.corners.mean(axis=1)
+        self.radii = np.linalg.norm(self.corners - self.middles[:, None], axis=2).max(axis=1)
         self.normals = pseudonormals(triangles, self.corners, len(points))
         # A margin, so that flat meshes have a space on both sides.
         self.size = 1.1 * (points.max(0) - points.min(0)).max()
         self.origin = centre - self.size / 2
         # Cells much smaller than the triangles would gain nothing.
-        edge = np.median(np.linalg.norm(self.corners[:, 1] - self.corners[:, 0], axis=1))
-        self.levels = int(np.clip(np.ceil(np.log2(self.size / edge)), 2, DEEPEST))
+        self.levels = int(np.clip(np.ceil(np.log2(2 * self.size / np.median(self.radii))), 2, DEEPEST))
         self._build()
 
     def depth(self, points: np.ndarray) -> np.ndarray:
@@ -71,6 +72,7 @@ class Collider:
             side = self.size / 2**level
             half_diagonal = np.sqrt(3) / 2 * side
             centres = self.origin + (cells + 0.5) * side
+            candidates, count = self._within_spheres(centres, candidates, count, 2 * half_diagonal)
             start = np.cumsum(count) - count
             self.candidates = candidates
             distance, signed = self._nearest(centres, start, count)
@@ -98,6 +100,16 @@ class Collider:
         self.count = np.concatenate(counts)
         self.start = np.cumsum(self.count) - self.count
         self.clear = np.concatenate(clear)
+
+    def _within_spheres(
+        self, centres: np.ndarray, candidates: np.ndarray, count: np.ndarray, slack: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Drops candidates whose bounding spheres show that they are `slack` farther from the centre than another."""
+        cell_of = np.repeat(np.arange(len(count)), count)
+        offset = np.linalg.norm(centres[cell_of] - self.middles[candidates], axis=1)
+        nearest = np.minimum.reduceat(offset, np.cumsum(count) - count)
+        keep = offset - self.radii[candidates] <= np.repeat(nearest + slack, count)
+        return candidates[keep], np.bincount(cell_of[keep], minlength=len(count))
 
     def _mark(self, cells: np.ndarray, level: int, first: int) -> None:
         """Notes leaves `first`, `first + 1`, … in the finest grid."""
