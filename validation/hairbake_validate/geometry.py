@@ -9,7 +9,8 @@ from . import tolerances
 
 def transformed(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Points (`N × 3`) under a matrix for row vectors, as USD has them."""
-    return points @ matrix[:3, :3] + matrix[3, :3]
+    # Not `@`: a threaded BLAS is many times slower on so thin a product when the processes share the cores.
+    return np.einsum("ni,ij->nj", points, matrix[:3, :3]) + matrix[3, :3]
 
 
 def inverse_rigid(matrix: np.ndarray) -> np.ndarray:
