@@ -22,10 +22,11 @@ def frame_range(text: str) -> range:
 
 def list_checks() -> str:
     """Every check with its tolerance."""
-    return "\n".join(
-        f"{check.id:<22} {check.severity.value:<8} {f'{check.tolerance:g} {check.unit}' if check.tolerance else '':<20} {check.description}"
-        for check in CHECKS
-    )
+    lines = []
+    for check in CHECKS:
+        tolerance = f"{check.tolerance:g} {check.unit}" if check.tolerance else ""
+        lines.append(f"{check.id:<18} {check.severity.value:<8} {tolerance:<20} {check.description}")
+    return "\n".join(lines)
 
 
 def main() -> int:
@@ -33,9 +34,19 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="hairbake_validate", description="Checks a hair cache.")
     parser.add_argument("directory", type=Path, nargs="?", help="folder of the cache")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the report as JSON")
-    parser.add_argument("--frames", type=frame_range, metavar="A-B", help="look at the curves of these frames only")
-    parser.add_argument("--quick", action="store_true", help="look at the curves of a few frames, and at no checksum")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: one for each core)")
+    parser.add_argument(
+        "--frames", type=frame_range, metavar="A-B", help="look at the curves of these frames only"
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="look at the curves of a few frames, and at no checksum"
+    )
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="processes (default: one for each core)",
+    )
     parser.add_argument("--list", action="store_true", help="print the checks and their tolerances, and stop")
     arguments = parser.parse_args()
     if arguments.list:

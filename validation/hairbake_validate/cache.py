@@ -41,7 +41,12 @@ class Curves:
     def sound(self) -> bool:
         """Whether the arrays agree, so that points can be told apart by curve."""
         total = int(self.counts.sum())
-        return bool(len(self.counts) and self.counts.min() >= 2 and self.rest.shape == (total, 3) and np.isfinite(self.rest).all())
+        return bool(
+            len(self.counts)
+            and self.counts.min() >= 2
+            and self.rest.shape == (total, 3)
+            and np.isfinite(self.rest).all()
+        )
 
     @property
     def starts(self) -> np.ndarray:
@@ -121,7 +126,9 @@ class Cache:
 
     def animated(self) -> list[str]:
         """Paths of the attributes that every frame's file must hold."""
-        paths = [f"{curves.path}.{name}" for curves in self.curves for name in ("points", "velocities", "extent")]
+        paths = [
+            f"{curves.path}.{name}" for curves in self.curves for name in ("points", "velocities", "extent")
+        ]
         return paths + [f"{path}.{TRANSFORM}" for path in [HEAD, *(mesh.path for mesh in self.colliders)]]
 
     def _read_declared(self) -> set[str] | None:
@@ -184,7 +191,9 @@ class Cache:
         return Mesh(
             path=str(prim.GetPath()),
             points=array(mesh.GetPointsAttr().Get(), np.float64, 2),
-            triangles=indices.reshape(-1, 3) if (counts == 3).all() and len(indices) == 3 * len(counts) else np.empty((0, 3), int),
+            triangles=indices.reshape(-1, 3)
+            if (counts == 3).all() and len(indices) == 3 * len(counts)
+            else np.empty((0, 3), int),
         )
 
 
@@ -220,7 +229,9 @@ def read_frame(cache: Cache, frame: int) -> FrameFile:
 def attributes(layer: Sdf.Layer) -> set[str]:
     """Paths of all attributes that a layer holds."""
     paths = set()
-    layer.Traverse(Sdf.Path.absoluteRootPath, lambda path: paths.add(str(path)) if path.IsPropertyPath() else None)
+    layer.Traverse(
+        Sdf.Path.absoluteRootPath, lambda path: paths.add(str(path)) if path.IsPropertyPath() else None
+    )
     return paths
 
 

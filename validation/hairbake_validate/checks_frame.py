@@ -6,32 +6,54 @@ import numpy as np
 
 from . import tolerances
 from .cache import GUIDES, HAIR, HEAD, TRANSFORM, Curves
-from .geometry import arc_lengths, inverse_rigid, spacing, transformed
+from .geometry import Arcs, arc_lengths, spacing, transformed
 from .report import Check, Finding
 from .window import Window
 
-FRAMES = Check("frames", "every frame and handle frame has a readable file with all attributes, each with its own time only")
+FRAMES = Check(
+    "frames",
+    "every frame and handle frame has a readable file with all attributes, each with its own time only",
+)
 COVERAGE = Check("coverage", "the clip manifest declares every attribute that the frame files hold")
 SIZES = Check("sizes", "points, velocities and extents have the size that the topology asks for")
 FINITE = Check("finite", "no value is NaN or infinite")
 RIGID = Check("rigid", "transforms of head and colliders are rigid", 1e-9, "(1)")
 EXTENT = Check("extent", "the extent holds the points and half their widths", tolerances.EXTENT_EXCESS_M, "m")
 ROOTS = Check("roots", "every root is its rest point on the head transform", tolerances.ROOT_OFFSET_M, "m")
-SEGMENTS = Check("segments", "segments of render strands keep their rest length", tolerances.SEGMENT_DRIFT, "relative")
-GUIDE_SEGMENTS = Check("guide_segments", "arcs between points of a guide keep their rest length", tolerances.GUIDE_SEGMENT_DRIFT, "relative")
-GUIDE_LENGTH = Check("guide_length", "guides keep their whole length", tolerances.GUIDE_LENGTH_DRIFT, "relative")
+SEGMENTS = Check(
+    "segments", "segments of render strands keep their rest length", tolerances.SEGMENT_DRIFT, "relative"
+)
+GUIDE_SEGMENTS = Check(
+    "guide_segments",
+    "arcs between points of a guide keep their rest length",
+    tolerances.GUIDE_SEGMENT_DRIFT,
+    "relative",
+)
+GUIDE_LENGTH = Check(
+    "guide_length", "guides keep their whole length", tolerances.GUIDE_LENGTH_DRIFT, "relative"
+)
 GUIDE_PENETRATION = Check(
-    "guide_penetration", "no point of a guide that was outside a collider is inside", tolerances.GUIDE_PENETRATION_M, "m"
+    "guide_penetration",
+    "no point of a guide that was outside a collider is inside",
+    tolerances.GUIDE_PENETRATION_M,
+    "m",
 )
 HAIR_PENETRATION = Check(
-    "hair_penetration", "no point of a render strand that was outside a collider is inside", tolerances.HAIR_PENETRATION_M, "m"
+    "hair_penetration",
+    "no point of a render strand that was outside a collider is inside",
+    tolerances.HAIR_PENETRATION_M,
+    "m",
 )
 
 
 def frames(window: Window) -> Iterator[Finding]:
     """The file itself. A missing one is interpolated over in silence by every application."""
     if window.file is None:
-        yield Finding(FRAMES, message=f"{window.cache.frame_path(window.frame).name}: {window.fault}", frame=window.frame)
+        yield Finding(
+            FRAMES,
+            message=f"{window.cache.frame_path(window.frame).name}: {window.fault}",
+            frame=window.frame,
+        )
         return
     for path in window.cache.animated():
         times = window.file.times.get(path)
@@ -62,7 +84,11 @@ def finite(window: Window) -> Iterator[Finding]:
     for path, value in window.values():
         bad = np.flatnonzero(~np.isfinite(value).reshape(len(value), -1).all(axis=1)) if len(value) else []
         if len(bad):
-            yield Finding(FINITE, message=f"{path} is not finite at {len(bad)} places, first at {bad[0]}", frame=window.frame)
+            yield Finding(
+                FINITE,
+                message=f"{path} is not finite at {len(bad)} places, first at {bad[0]}",
+                frame=window.frame,
+            )
 
 
 def rigid(window: Window) -> Iterator[Finding]:
@@ -71,7 +97,9 @@ def rigid(window: Window) -> Iterator[Finding]:
         matrix = window.get(path, TRANSFORM)
         if matrix is not None:
             rotation = matrix[:3, :3]
-            error = max(np.abs(rotation @ rotation.T - np.eye(3)).max(), np.abs(matrix[:, 3] - [0, 0, 0, 1]).max())
+            error = max(
+                np.abs(rotation @ rotation.T - np.eye(3)).max(), np.abs(matrix[:, 3] - [0, 0, 0, 1]).max()
+            )
             yield Finding(RIGID, float(error), frame=window.frame, prim=path)
 
 
@@ -121,7 +149,9 @@ def guide_segments(window: Window) -> Iterator[Finding]:
     for curves, rest, now, rounding in guide_arcs(window):
         floor = rounding + rest.error + now.error
         drift = np.zeros(len(curves.rest))
-        drift[curves.segments] = np.maximum(0, np.abs(now.length - rest.length) - floor) / np.maximum(rest.length, rounding)
+        drift[curves.segments] = np.maximum(0, np.abs(now.length - rest.length) - floor) / np.maximum(
+            rest.length, rounding
+        )
         yield worst(window, GUIDE_SEGMENTS, curves, drift)
 
 
@@ -130,11 +160,15 @@ def guide_length(window: Window) -> Iterator[Finding]:
     for curves, rest, now, rounding in guide_arcs(window):
         first = np.cumsum(curves.counts - 1) - (curves.counts - 1)
         total = np.add.reduceat(rest.length, first)
-        drift = np.abs(np.add.reduceat(now.length, first) - total) - np.add.reduceat(rest.error + now.error + rounding, first)
-        yield worst(window, GUIDE_LENGTH, curves, np.maximum(0, drift) / np.maximum(total, rounding), per_curve=True)
+        drift = np.abs(np.add.reduceat(now.length, first) - total) - np.add.reduceat(
+            rest.error + now.error + rounding, first
+        )
+        yield worst(
+            window, GUIDE_LENGTH, curves, np.maximum(0, drift) / np.maximum(total, rounding), per_curve=True
+        )
 
 
-def guide_arcs(window: Window):
+def guide_arcs(window: Window) -> Iterator[tuple[Curves, Arcs, Arcs, float]]:
     """Guides with the arcs of rest and frame, and the rounding of an arc."""
     for curves in window.cache.curves:
         points = window.get(curves.path, "points")
@@ -165,11 +199,13 @@ def penetration(window: Window, path: str, check: Check) -> Iterator[Finding]:
                 continue
             outside = np.flatnonzero(window.ground.outside[curves.path, mesh.path])
             depth = np.zeros(len(points))
-            depth[outside] = collider.depth(transformed(points[outside], inverse_rigid(matrix)))
+            depth[outside] = collider.depth(transformed(points[outside], np.linalg.inv(matrix)))
             yield worst(window, check, curves, depth * window.cache.metres_per_unit)
 
 
-def worst(window: Window, check: Check, curves: Curves, values: np.ndarray, per_curve: bool = False) -> Finding:
+def worst(
+    window: Window, check: Check, curves: Curves, values: np.ndarray, per_curve: bool = False
+) -> Finding:
     """The largest of the values, one a point or one a curve."""
     at = int(np.argmax(values))
     curve = at if per_curve else int(np.searchsorted(curves.starts, at, side="right")) - 1

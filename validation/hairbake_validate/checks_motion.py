@@ -6,17 +6,24 @@ import numpy as np
 
 from . import tolerances
 from .cache import HEAD, TRANSFORM
-from .geometry import inverse_rigid, transformed
+from .geometry import transformed
 from .report import Check, Finding
 from .window import Window
 
-VELOCITIES = Check("velocities", "velocities integrate to the displacement of the points", tolerances.VELOCITY_RESIDUAL, "of RMS speed")
-SPIKES = Check("spikes", "no curve jumps for one frame or between two, seen from the head", tolerances.SPIKE_M, "m")
+VELOCITIES = Check(
+    "velocities",
+    "velocities integrate to the displacement of the points",
+    tolerances.VELOCITY_RESIDUAL,
+    "of RMS speed",
+)
+SPIKES = Check(
+    "spikes", "no curve jumps for one frame or between two, seen from the head", tolerances.SPIKE_M, "m"
+)
 
 
 def velocities(window: Window) -> Iterator[Finding]:
-    """Simpson's rule: p(+1) − p(−1) = (v(−1) + 4 v(0) + v(+1)) / 3 frame intervals. The median over the points finds a
-    wrong unit, sign or frame and is blind to single points that hit something within the two frames."""
+    """Simpson's rule: p(+1) − p(−1) = (v(−1) + 4 v(0) + v(+1)) / 3 frame intervals. The median over the points
+    finds a wrong unit, sign or frame and is blind to single points that hit something within the two frames."""
     floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
     for curves in window.cache.curves:
         before, after = (window.get(curves.path, "points", offset) for offset in (-1, 1))
@@ -31,8 +38,8 @@ def velocities(window: Window) -> Iterator[Finding]:
 
 
 def spikes(window: Window) -> Iterator[Finding]:
-    """A jump throws the second difference one way and, a frame later, the other way; acceleration by forces or an impact does
-    not. Each curve's largest jump counts if it stands out of the frame's median over the curves."""
+    """A jump throws the second difference one way and, a frame later, the other way; acceleration by forces or an
+    impact does not. Each curve's largest jump counts if it stands out of the frame's median over the curves."""
     for curves in window.cache.curves:
         seen = [in_head(window, curves.path, offset) for offset in (-1, 0, 1, 2)]
         if any(points is None for points in seen):
@@ -44,13 +51,19 @@ def spikes(window: Window) -> Iterator[Finding]:
         jump = np.maximum.reduceat(np.minimum(size, np.maximum(0, back)), curves.starts)
         jump[jump <= tolerances.SPIKE_OVER_MEDIAN * np.median(jump)] = 0
         at = int(np.argmax(jump))
-        yield Finding(SPIKES, float(jump[at]) * window.cache.metres_per_unit, frame=window.frame, prim=curves.path, curve=at)
+        yield Finding(
+            SPIKES,
+            float(jump[at]) * window.cache.metres_per_unit,
+            frame=window.frame,
+            prim=curves.path,
+            curve=at,
+        )
 
 
 def in_head(window: Window, path: str, offset: int) -> np.ndarray | None:
     """Points of a frame in the head's space, f64."""
     points, head = window.get(path, "points", offset), window.get(HEAD, TRANSFORM, offset)
-    return None if points is None or head is None else transformed(points, inverse_rigid(head))
+    return None if points is None or head is None else transformed(points, np.linalg.inv(head))
 
 
 MOTION: dict[Check, Callable[[Window], Iterator[Finding]]] = {VELOCITIES: velocities, SPIKES: spikes}

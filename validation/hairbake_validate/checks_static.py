@@ -9,14 +9,25 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation
 
 from . import tolerances
-from .cache import GROOM, GUIDES, HAIR, HEAD, RECORD, ROOT_LAYER, Cache, Unreadable, read_frame
+from .cache import (
+    GROOM,
+    GUIDES,
+    HAIR,
+    HEAD,
+    RECORD,
+    ROOT_LAYER,
+    Cache,
+    Unreadable,
+    read_frame,
+)
 from .report import Check, Finding, Severity
 
 TEMPORARY = re.compile(r"^\.|\.tmp|\.part$|~$")
 FRAME_FILE = re.compile(r"hair\.0*(-?\d+)\.usdc")
 
-# Pixar's validators that are left out: the first two take the template of the clips for the path of a file (missing layers
-# are found by the validator of composition, missing frames by ours), the last two look at what `metadata` does.
+# Pixar's validators that are left out: the first two take the template of the clips for the path of a file
+# (missing layers are found by the validator of composition, missing frames by ours), the last two look at what
+# `metadata` does.
 LEFT_OUT = {
     "usdUtilsValidators:UsdzPackageValidator",
     "usdUtilsValidators:MissingReferenceValidator",
@@ -24,14 +35,21 @@ LEFT_OUT = {
     "usdGeomValidators:StageMetadataChecker",
 }
 
-RECORD_CHECK = Check("record", "manifest.json names format, version, inputs, settings, layers and every frame once")
+RECORD_CHECK = Check(
+    "record", "manifest.json names format, version, inputs, settings, layers and every frame once"
+)
 CHECKSUMS = Check("checksums", "every file has the sha256 that manifest.json gives")
 FIGURES = Check("figures", "manifest.json holds finite figures for every frame")
 TEMPORARIES = Check("temporaries", "no temporary files, and no frame files outside the range, are left")
 FRAMEWORK = Check("framework", "Pixar's UsdValidation validators find neither errors nor warnings")
-METADATA = Check("metadata", "default prim, units, up axis, one frame a time code, and a frame range are authored")
+METADATA = Check(
+    "metadata", "default prim, units, up axis, one frame a time code, and a frame range are authored"
+)
 SCALE = Check("scale", "widths are those of hair in the stage's unit", severity=Severity.WARNING)
-PRIMS = Check("prims", "prims have the types, kinds, purposes and curve tokens of a hair cache, and curves stand in world space")
+PRIMS = Check(
+    "prims",
+    "prims have the types, kinds, purposes and curve tokens of a hair cache, and curves stand in world space",
+)
 TOPOLOGY = Check("topology", "curve and face counts agree with their points, and every index exists")
 PRIMVARS = Check("primvars", "primvars have their type, interpolation and size")
 IDS = Check("ids", "groom_id is unique")
@@ -56,7 +74,9 @@ def record(cache: Cache) -> Iterator[Finding]:
     for frame in sorted(set(cache.frames) - set(frames)):
         yield Finding(RECORD_CHECK, message="no entry in frames", frame=frame)
     for frame in (frame for frame in frames if frame not in cache.frames or frames.count(frame) > 1):
-        yield Finding(RECORD_CHECK, message=f"{RECORD}: entry for frame {frame} is out of the range or twice there")
+        yield Finding(
+            RECORD_CHECK, message=f"{RECORD}: entry for frame {frame} is out of the range or twice there"
+        )
 
 
 def recorded(cache: Cache, key: str) -> list[dict]:
@@ -79,8 +99,14 @@ def checksums(cache: Cache) -> Iterator[Finding]:
         with path.open("rb") as file:
             found = hashlib.file_digest(file, "sha256").hexdigest()
         if found != digest:
-            yield Finding(CHECKSUMS, message=f"{name}: sha256 is {found[:12]}…, recorded {str(digest)[:12]}…", frame=frame)
-    static = {path.name for path in cache.directory.glob("hair*.usd[ac]") if not FRAME_FILE.fullmatch(path.name)}
+            yield Finding(
+                CHECKSUMS,
+                message=f"{name}: sha256 is {found[:12]}…, recorded {str(digest)[:12]}…",
+                frame=frame,
+            )
+    static = {
+        path.name for path in cache.directory.glob("hair*.usd[ac]") if not FRAME_FILE.fullmatch(path.name)
+    }
     for name in sorted(static - set(expected)):
         yield Finding(CHECKSUMS, message=f"{name}: no checksum recorded")
 
@@ -111,7 +137,10 @@ def framework(cache: Cache) -> Iterator[Finding]:
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     chosen = [validator for validator in validators if validator.GetMetadata().name not in LEFT_OUT]
     for error in UsdValidation.ValidationContext(chosen).Validate(cache.stage):
-        if error.GetType() in (UsdValidation.ValidationErrorType.Error, UsdValidation.ValidationErrorType.Warn):
+        if error.GetType() in (
+            UsdValidation.ValidationErrorType.Error,
+            UsdValidation.ValidationErrorType.Warn,
+        ):
             yield Finding(FRAMEWORK, message=f"{error.GetName()}: {error.GetMessage()}")
 
 
@@ -127,10 +156,14 @@ def metadata(cache: Cache) -> Iterator[Finding]:
     if not stage.HasAuthoredMetadata("timeCodesPerSecond") or not stage.GetTimeCodesPerSecond() > 0:
         yield Finding(METADATA, message="timeCodesPerSecond is not authored or not above 0")
     if stage.GetFramesPerSecond() != stage.GetTimeCodesPerSecond():
-        yield Finding(METADATA, message=f"framesPerSecond {stage.GetFramesPerSecond()} is not timeCodesPerSecond {stage.GetTimeCodesPerSecond()}")
+        yield Finding(METADATA, message="framesPerSecond is not timeCodesPerSecond")
     start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
-    if not stage.HasAuthoredTimeCodeRange() or not (start == round(start) and end == round(end) and start <= end):
-        yield Finding(METADATA, message=f"startTimeCode {start} and endTimeCode {end} are no range of whole frames")
+    if not stage.HasAuthoredTimeCodeRange() or not (
+        start == round(start) and end == round(end) and start <= end
+    ):
+        yield Finding(
+            METADATA, message=f"startTimeCode {start} and endTimeCode {end} are no range of whole frames"
+        )
 
 
 def scale(cache: Cache) -> Iterator[Finding]:
@@ -141,7 +174,11 @@ def scale(cache: Cache) -> Iterator[Finding]:
     for curves in cache.curves:
         width = float(np.median(curves.widths)) * cache.metres_per_unit if len(curves.widths) else low
         if not low <= width <= high:
-            yield Finding(SCALE, message=f"median width is {width:.3g} m, hair has {low:.0e} to {high:.0e} m", prim=curves.path)
+            yield Finding(
+                SCALE,
+                message=f"median width is {width:.3g} m, hair has {low:.0e} to {high:.0e} m",
+                prim=curves.path,
+            )
 
 
 def prims(cache: Cache) -> Iterator[Finding]:
@@ -165,7 +202,9 @@ def prims(cache: Cache) -> Iterator[Finding]:
             yield Finding(PRIMS, message=f"purpose is not {purpose}", prim=path)
         tokens = (curves.GetTypeAttr().Get(), curves.GetWrapAttr().Get())
         if tokens != ("cubic", "pinned") or curves.GetBasisAttr().Get() not in ("catmullRom", "bspline"):
-            yield Finding(PRIMS, message=f"type and wrap are {tokens}, basis {curves.GetBasisAttr().Get()}", prim=path)
+            yield Finding(
+                PRIMS, message=f"type and wrap are {tokens}, basis {curves.GetBasisAttr().Get()}", prim=path
+            )
         if UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(cache.first) != Gf.Matrix4d(1):
             yield Finding(PRIMS, message="points are not in world space: the prim has a transform", prim=path)
     for mesh in cache.colliders:
@@ -179,10 +218,18 @@ def topology(cache: Cache) -> Iterator[Finding]:
         if not len(curves.counts) or curves.counts.min() < 2:
             yield Finding(TOPOLOGY, message="no curves, or one of fewer than 2 points", prim=curves.path)
         elif curves.counts.sum() != len(curves.rest):
-            yield Finding(TOPOLOGY, message=f"curveVertexCounts sum to {curves.counts.sum()}, rest holds {len(curves.rest)} points", prim=curves.path)
+            yield Finding(
+                TOPOLOGY,
+                message=f"curveVertexCounts sum to {curves.counts.sum()}, rest holds {len(curves.rest)} points",
+                prim=curves.path,
+            )
     for mesh in cache.colliders:
         if not mesh.sound:
-            yield Finding(TOPOLOGY, message="no triangles, an index without a point, or points that are not finite", prim=mesh.path)
+            yield Finding(
+                TOPOLOGY,
+                message="no triangles, an index without a point, or points that are not finite",
+                prim=mesh.path,
+            )
 
 
 def primvars(cache: Cache) -> Iterator[Finding]:
@@ -198,7 +245,9 @@ def primvars(cache: Cache) -> Iterator[Finding]:
         prim = cache.stage.GetPrimAtPath(curves.path)
         total, each = int(curves.counts.sum()), len(curves.counts)
         api = UsdGeom.PrimvarsAPI(prim)
-        wanted = [(name, kind, "uniform", each) for name, kind in per_curve.items()] + [("rest", types.Point3fArray, "vertex", None)]
+        wanted = [(name, kind, "uniform", each) for name, kind in per_curve.items()] + [
+            ("rest", types.Point3fArray, "vertex", None)
+        ]
         for name, kind, interpolation, size in wanted:
             primvar = api.GetPrimvar(name)
             if not primvar or not primvar.HasValue():
@@ -206,14 +255,28 @@ def primvars(cache: Cache) -> Iterator[Finding]:
                 continue
             found = (primvar.GetTypeName(), primvar.GetInterpolation())
             if found != (kind, interpolation):
-                yield Finding(PRIMVARS, message=f"{name} is {found[0]}, {found[1]}, not {kind}, {interpolation}", prim=curves.path)
+                yield Finding(
+                    PRIMVARS,
+                    message=f"{name} is {found[0]}, {found[1]}, not {kind}, {interpolation}",
+                    prim=curves.path,
+                )
             # The size of the rest points is the topology's own check.
             if size is not None and len(primvar.Get()) != size:
-                yield Finding(PRIMVARS, message=f"{name} has {len(primvar.Get())} values for {size} curves", prim=curves.path)
+                yield Finding(
+                    PRIMVARS,
+                    message=f"{name} has {len(primvar.Get())} values for {size} curves",
+                    prim=curves.path,
+                )
         if UsdGeom.BasisCurves(prim).GetWidthsInterpolation() != "vertex":
-            yield Finding(PRIMVARS, message="widths are not vertex (varying with pinned curves misrenders)", prim=curves.path)
+            yield Finding(
+                PRIMVARS,
+                message="widths are not vertex (varying with pinned curves misrenders)",
+                prim=curves.path,
+            )
         if len(curves.widths) != total:
-            yield Finding(PRIMVARS, message=f"{len(curves.widths)} widths for {total} points", prim=curves.path)
+            yield Finding(
+                PRIMVARS, message=f"{len(curves.widths)} widths for {total} points", prim=curves.path
+            )
         elif not (np.isfinite(curves.widths) & (curves.widths > 0)).all():
             yield Finding(PRIMVARS, message="widths are not all above 0", prim=curves.path)
         if not np.isfinite(curves.rest).all():
@@ -228,7 +291,12 @@ def ids(cache: Cache) -> Iterator[Finding]:
         seen, count = np.unique(values, return_counts=True)
         for value in seen[count > 1]:
             at = int(np.flatnonzero(values == value)[1])
-            yield Finding(IDS, message=f"groom_id {value} is there {count[seen == value][0]} times", prim=curves.path, curve=at)
+            yield Finding(
+                IDS,
+                message=f"groom_id {value} is there {count[seen == value][0]} times",
+                prim=curves.path,
+                curve=at,
+            )
 
 
 def clips(cache: Cache) -> Iterator[Finding]:
@@ -240,7 +308,8 @@ def clips(cache: Cache) -> Iterator[Finding]:
     if (clip.start, clip.end, clip.stride) != (cache.frames[0], cache.frames[-1], 1):
         yield Finding(
             CLIPS,
-            message=f"clips run from {clip.start} to {clip.end} by {clip.stride}, the range and its handles from {cache.frames[0]} to {cache.frames[-1]} by 1",
+            message=f"clips run from {clip.start} to {clip.end} by {clip.stride}, "
+            f"the range with its handles from {cache.frames[0]} to {cache.frames[-1]} by 1",
         )
     if (clip.template, clip.prim_path) != ("./hair.####.usdc", GROOM):
         yield Finding(CLIPS, message=f"template {clip.template}, primPath {clip.prim_path}")
@@ -265,7 +334,9 @@ def resolution(cache: Cache) -> Iterator[Finding]:
             continue
         for path in sorted(set(file.values) & cache.declared):
             attribute = cache.stage.GetAttributeAtPath(path)
-            if not attribute or not np.array_equal(np.array(attribute.Get(frame)), file.values[path], equal_nan=True):
+            if not attribute or not np.array_equal(
+                np.array(attribute.Get(frame)), file.values[path], equal_nan=True
+            ):
                 yield Finding(RESOLUTION, message=f"{path} does not resolve to the file's value", frame=frame)
 
 
@@ -283,4 +354,5 @@ STATIC: dict[Check, Callable[[Cache], Iterator[Finding]]] = {
     CLIPS: clips,
     RESOLUTION: resolution,
 }
-"""The static checks and what carries them out, in the order of the report; checksums apart, for they take reading all bytes."""
+"""The static checks and what carries them out, in the order of the report; checksums
+stand apart, for they read every byte."""

@@ -1,12 +1,15 @@
 """Signed distance from many points to one rigid triangle mesh, exact wherever a point may be inside.
 
-An octree in the mesh's own space is built once. A leaf that the surface may touch, or that lies inside, keeps the
-triangles that can be closest to any of its points; all else is known to be outside. Distance to a set is
-1-Lipschitz: with d the distance of a cell's centre and r the cell's half diagonal, the surface passes through the cell only if d ≤ r, and
-only triangles within d + 2r of the centre can be closest to a point of the cell.
+An octree in the mesh's own space is built once. A leaf that the surface may touch, or that lies inside,
+keeps the triangles that can be closest to any of its points; all else is known to be outside. Distance to a
+set is 1-Lipschitz: with d the distance of a cell's centre and r the cell's half diagonal, the surface
+passes through the cell only if d ≤ r, and only triangles within d + 2r of the centre can be closest to a
+point of the cell.
 
-The sign is that of the angle-weighted pseudonormal of the closest feature (Bærentzen & Aanæs 2005), exact for closed meshes. Points closest
-to the rim of an open mesh count as outside.
+The sign is that of the angle-weighted pseudonormal of the closest feature (Bærentzen & Aanæs 2005), exact
+for closed meshes. Points closest to the rim of an open mesh count as outside, and so do points deep in a
+head whose closest surface is that of an eyeball: what counts for hair is the way through the skin, which
+the sign sees.
 """
 
 import numpy as np
@@ -32,7 +35,9 @@ class Collider:
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
         triangles, corners = triangles[area > 0], corners[area > 0]
         centre = (points.min(0) + points.max(0)) / 2
-        volume = np.einsum("ij,ij->i", corners[:, 0] - centre, np.cross(corners[:, 1] - centre, corners[:, 2] - centre)).sum()
+        volume = np.einsum(
+            "ij,ij->i", corners[:, 0] - centre, np.cross(corners[:, 1] - centre, corners[:, 2] - centre)
+        ).sum()
         if volume < 0:
             triangles, corners = triangles[:, ::-1], corners[:, ::-1]
         self.corners = np.ascontiguousarray(corners)
@@ -118,7 +123,9 @@ class Collider:
         x, y, z = (cells[:, None] * block + offsets).reshape(-1, 3).T
         self.leaf[x, y, z] = np.repeat(np.arange(first, first + len(cells)), len(offsets))
 
-    def _nearest(self, points: np.ndarray, start: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _nearest(
+        self, points: np.ndarray, start: np.ndarray, count: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Distance of every pair of a point and one of its candidates, and each point's signed distance."""
         distances, signed = [], []
         total = np.cumsum(count)
@@ -126,14 +133,18 @@ class Collider:
         while low < len(points):
             base = total[low] - count[low]
             high = max(low + 1, int(np.searchsorted(total, base + PAIRS, side="right")))
-            pair_distance, point_signed = self._nearest_block(points[low:high], start[low:high], count[low:high])
+            pair_distance, point_signed = self._nearest_block(
+                points[low:high], start[low:high], count[low:high]
+            )
             distances.append(pair_distance)
             signed.append(point_signed)
             low = high
         empty = np.empty(0)
         return np.concatenate([empty, *distances]), np.concatenate([empty, *signed])
 
-    def _nearest_block(self, points: np.ndarray, start: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _nearest_block(
+        self, points: np.ndarray, start: np.ndarray, count: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         point_of = np.repeat(np.arange(len(points)), count)
         begin = np.cumsum(count) - count
         triangle = self.candidates[np.arange(len(point_of)) + np.repeat(start - begin, count)]
@@ -188,7 +199,9 @@ def pseudonormals(triangles: np.ndarray, corners: np.ndarray, vertices: int) -> 
     for k in range(3):
         to_next = corners[:, (k + 1) % 3] - corners[:, k]
         to_last = corners[:, (k + 2) % 3] - corners[:, k]
-        cosine = np.einsum("ij,ij->i", to_next, to_last) / (np.linalg.norm(to_next, axis=1) * np.linalg.norm(to_last, axis=1))
+        cosine = np.einsum("ij,ij->i", to_next, to_last) / (
+            np.linalg.norm(to_next, axis=1) * np.linalg.norm(to_last, axis=1)
+        )
         np.add.at(vertex_normal, triangles[:, k], np.arccos(np.clip(cosine, -1, 1))[:, None] * face)
     vertex_normal[unique[uses == 1].ravel()] = 0
     normals[:, 4:7] = vertex_normal[triangles]

@@ -13,11 +13,6 @@ def transformed(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     return np.einsum("ni,ij->nj", points, matrix[:3, :3]) + matrix[3, :3]
 
 
-def inverse_rigid(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of a transform; exact division, so that one that is not quite rigid stays right."""
-    return np.linalg.inv(matrix)
-
-
 def spacing(values: np.ndarray) -> float:
     """Distance of neighbouring 32-bit floats at the largest of the values: twice the rounding of any of them."""
     return float(np.spacing(np.float32(np.abs(values).max())))
@@ -79,13 +74,16 @@ def derivative(u: np.ndarray, p: np.ndarray, at: np.ndarray) -> np.ndarray:
     for j in range(k):
         others = [i for i in range(k) if i != j]
         scale = np.prod([u[:, j] - u[:, i] for i in others], axis=0)
-        slope = sum(np.prod([at - u[:, i] for i in others if i != skipped] or [np.ones(len(u))], axis=0) for skipped in others)
+        slope = sum(
+            np.prod([at - u[:, i] for i in others if i != skipped] or [np.ones(len(u))], axis=0)
+            for skipped in others
+        )
         total += (slope / scale)[:, None] * p[:, j]
     return total
 
 
 def third_derivative(u: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Size of the third derivative of the cubics through `p` (`n × 4 × 3`) at `u` (`n × 4`): κ√(κ² + τ²) for curvature κ and
-    torsion τ, where they vary slowly."""
+    """Size of the third derivative of the cubics through `p` (`n × 4 × 3`) at `u` (`n × 4`): κ√(κ² + τ²) for
+    curvature κ and torsion τ, where they vary slowly."""
     scales = [np.prod([u[:, j] - u[:, i] for i in range(4) if i != j], axis=0) for j in range(4)]
     return 6 * np.linalg.norm(sum(p[:, j] / scales[j][:, None] for j in range(4)), axis=1)

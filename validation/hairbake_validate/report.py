@@ -139,12 +139,16 @@ class Report:
             elif worst:
                 measure = f"{worst.value:.3g} of {check.tolerance:.3g} {check.unit}"
             place = worst.place() if worst else ""
-            lines.append(f"{outcome.status:<5} {check.id:<22} {measure:<32} {place}".rstrip())
+            lines.append(f"{outcome.status:<5} {check.id:<18} {measure:<32} {place}".rstrip())
             lines += [f"        {describe(finding)}" for finding in outcome.broken[:SHOWN]]
             if len(outcome.broken) > SHOWN:
                 lines.append(f"        and {len(outcome.broken) - SHOWN} more")
         counts = [outcome.status for outcome in self.outcomes.values()]
-        tally = ", ".join(f"{counts.count(status)} {status}" for status in ("pass", "warn", "fail", "skip") if status in counts)
+        tally = ", ".join(
+            f"{counts.count(status)} {status}"
+            for status in ("pass", "warn", "fail", "skip")
+            if status in counts
+        )
         lines.append(f"{self.cache}: {'passed' if self.passed else 'FAILED'} ({tally})")
         return "\n".join(lines)
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from .cache import Cache
-from .checks_frame import FRAME
+from .checks_frame import FRAME, FRAMES
 from .checks_motion import MOTION
 from .checks_static import CHECKSUMS, STATIC, checksums
 from .report import Check, Finding, Report
@@ -19,6 +19,9 @@ CHUNK = 16
 
 QUICK = 5
 """Frames at each of start, middle and end that a quick run looks at."""
+
+worker_window: Window
+"""The window of a worker process."""
 
 
 def validate(directory: Path, frames: range | None = None, quick: bool = False, jobs: int = 1) -> Report:
@@ -42,8 +45,10 @@ def validate(directory: Path, frames: range | None = None, quick: bool = False, 
     report.ran([*FRAME, *MOTION])
     for findings in over_frames(cache, ground, chosen, jobs):
         report.add(findings)
-    missing = [frame for frame in cache.frames if frame not in chosen and not cache.frame_path(frame).is_file()]
-    report.add([Finding(next(iter(FRAME)), message="no such file", frame=frame) for frame in missing])
+    missing = [
+        frame for frame in cache.frames if frame not in chosen and not cache.frame_path(frame).is_file()
+    ]
+    report.add([Finding(FRAMES, message="no such file", frame=frame) for frame in missing])
     return report
 
 

@@ -3,47 +3,50 @@
 Lengths are in metres and speeds in metres per second; the checks convert from the cache's own unit.
 """
 
-# Widths (diameters) of hair and fur in metres: 17-180 µm on people, more on creatures and for strands thickened to stand for several.
+# Widths (diameters) of hair and fur in metres: 17-180 µm on people, more on creatures and for strands
+# thickened to stand for several.
 WIDTH_M = (5e-6, 2e-3)
 
 # Segment lengths of render strands: chord against rest chord, relative, beyond the rounding of the
-# coordinates to 32 bits. Strands are inextensible by construction; 1e-4 is what the eye and a
-# length-preserving groom tool can never see.
+# coordinates to 32 bits. Strands are inextensible by construction; 1e-4 is what the eye and a length-
+# preserving groom tool can never see.
 SEGMENT_DRIFT = 1e-4
 
-# Guides lie on smooth inextensible curves, so arcs keep their length and chords do not. The arc is that of the cubic through
-# four neighbouring points. Its relative error is below ARC_ERROR × κ²(κ² + τ²)s⁴ for curvature κ, torsion τ and the longest
-# segment s of the four points; measured on helices of all kinds at 0.0264, see tests/test_geometry.py.
-# GUIDE_SEGMENT_DRIFT is what is asked beyond that, for strands whose curvature changes within four points, as in contact.
+# Guides lie on smooth inextensible curves, so arcs keep their length and chords do not. The arc is that
+# of the cubic through four neighbouring points. Its relative error is below ARC_ERROR × κ²(κ² + τ²)s⁴ for
+# curvature κ, torsion τ and the longest segment s of the four points; measured on helices of all kinds at
+# 0.0264, see tests/test_geometry.py. GUIDE_SEGMENT_DRIFT is what is asked beyond that, for strands whose
+# curvature changes within four points, as in contact.
 ARC_ERROR = 0.03
 GUIDE_SEGMENT_DRIFT = 1e-3
 
 # The whole length of a guide: the errors of its arcs partly cancel, so less is let pass.
 GUIDE_LENGTH_DRIFT = 5e-4
 
-# A root off the head transform, beyond the rounding of rest and world coordinates. Nothing physical
-# moves a root, so this only keeps clear of the rounding of the transform's own product.
+# A root off the head transform, beyond the rounding of rest and world coordinates. Nothing physical moves
+# a root, so this only keeps clear of the rounding of the transform's own product.
 ROOT_OFFSET_M = 1e-6
 
 # Points outside the extent, beyond one rounding of its corners.
 EXTENT_EXCESS_M = 1e-6
 
-# Median over points of the velocity residual, relative to the frame's root mean square speed. The residual is that of
-# Simpson's rule over two frame intervals: its own error is (ωh)⁴/180, 0.1 % for a 2.5 Hz shake at
-# 24 frames a second and 2 % at 5 Hz. Solvers that return the last substep's mean velocity add ω·h/16.
-# Velocities per frame, of the wrong sign, or of the neighbouring frame give 0.3 and more.
+# Median over points of the velocity residual, relative to the frame's root mean square speed. The
+# residual is that of Simpson's rule over two frame intervals: its own error is (ωh)⁴/180, 0.1 % for a 2.5
+# Hz shake at 24 frames a second and 2 % at 5 Hz. Solvers that return the last substep's mean velocity add
+# ω·h/16. Velocities per frame, of the wrong sign, or of the neighbouring frame give 0.3 and more.
 VELOCITY_RESIDUAL = 0.15
 # Frames slower than this are compared with this speed: a still groom has rounding for a velocity.
 VELOCITY_FLOOR_M_S = 0.02
 
 # A one-frame jump, seen from the head: |second difference| at two neighbouring frames with opposite
-# directions, which smooth motion below 6 Hz does not have at 24 frames a second. It counts when it is both long in
-# itself and far above what the other curves of the frame do.
+# directions, which smooth motion below 6 Hz does not have at 24 frames a second. It counts when it is
+# both long in itself and far above what the other curves of the frame do.
 SPIKE_M = 0.02
 SPIKE_OVER_MEDIAN = 20.0
 
-# Penetration of a collider by a point that was outside it in the rest pose. Guides are kept outside by continuous
-# collision detection: half a millimetre allows for the facets of a sphere or capsule and for the rounding of points. Render strands are
-# interpolated between guides and meet no collider of their own.
+# Penetration of a collider by a point that was outside it in the rest pose. Guides are kept outside by
+# continuous collision detection: half a millimetre allows for the facets of a sphere or capsule and for
+# the rounding of points. Render strands are interpolated between guides and meet no collider of their
+# own.
 GUIDE_PENETRATION_M = 5e-4
 HAIR_PENETRATION_M = 2e-3

@@ -4,9 +4,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .cache import GUIDES, HEAD, TRANSFORM, Cache, FrameFile, Mesh, Unreadable, read_frame
+from .cache import (
+    GUIDES,
+    HEAD,
+    TRANSFORM,
+    Cache,
+    FrameFile,
+    Mesh,
+    Unreadable,
+    read_frame,
+)
 from .collider import Collider
-from .geometry import Arcs, arc_lengths, inverse_rigid, transformed
+from .geometry import Arcs, arc_lengths, transformed
 
 
 @dataclass
@@ -37,7 +46,7 @@ class Ground:
             collider = Collider(mesh.points, mesh.triangles)
             ground.colliders.append((mesh, collider))
             for curves in sound:
-                there = transformed(transformed(curves.rest, head), inverse_rigid(matrix))
+                there = transformed(transformed(curves.rest, head), np.linalg.inv(matrix))
                 ground.outside[curves.path, mesh.path] = collider.depth(there) == 0
         return ground
 

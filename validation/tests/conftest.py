@@ -54,7 +54,12 @@ def sphere_mesh() -> tuple[np.ndarray, np.ndarray]:
     polar = np.pi * np.arange(1, rings) / rings
     turn = 2 * np.pi * np.arange(sectors) / sectors
     ring = np.stack(
-        [np.outer(np.sin(polar), np.cos(turn)), np.outer(np.cos(polar), np.ones(sectors)), np.outer(np.sin(polar), np.sin(turn))], axis=-1
+        [
+            np.outer(np.sin(polar), np.cos(turn)),
+            np.outer(np.cos(polar), np.ones(sectors)),
+            np.outer(np.sin(polar), np.sin(turn)),
+        ],
+        axis=-1,
     )
     points = RADIUS * np.concatenate([[[0, 1, 0]], ring.reshape(-1, 3), [[0, -1, 0]]])
     last, triangles = len(points) - 1, []
@@ -172,8 +177,12 @@ class CacheBuilder:
         types, uniform = Sdf.ValueTypeNames, "uniform"
         primvars.CreatePrimvar("groom_id", types.IntArray, uniform).Set(list(range(count)))
         primvars.CreatePrimvar("groom_group_id", types.IntArray, uniform).Set([0] * count)
-        primvars.CreatePrimvar("groom_guide", types.IntArray, uniform).Set([int(path.endswith("guides"))] * count)
-        primvars.CreatePrimvar("groom_root_uv", types.TexCoord2fArray, uniform).Set([Gf.Vec2f(0.5, i / count) for i in range(count)])
+        primvars.CreatePrimvar("groom_guide", types.IntArray, uniform).Set(
+            [int(path.endswith("guides"))] * count
+        )
+        primvars.CreatePrimvar("groom_root_uv", types.TexCoord2fArray, uniform).Set(
+            [Gf.Vec2f(0.5, i / count) for i in range(count)]
+        )
         rest = rest_points(count).reshape(-1, 3).astype(np.float32)
         primvars.CreatePrimvar("rest", types.Point3fArray, "vertex").Set(Vt.Vec3fArray.FromNumpy(rest))
 
@@ -188,8 +197,14 @@ class CacheBuilder:
         types = Sdf.ValueTypeNames
         paths = {}
         for path in self.counts:
-            paths |= {f"{path}.points": types.Point3fArray, f"{path}.velocities": types.Vector3fArray, f"{path}.extent": types.Float3Array}
-        return paths | {f"{path}.xformOp:transform": types.Matrix4d for path in ("/groom/head", "/groom/colliders/skull")}
+            paths |= {
+                f"{path}.points": types.Point3fArray,
+                f"{path}.velocities": types.Vector3fArray,
+                f"{path}.extent": types.Float3Array,
+            }
+        return paths | {
+            f"{path}.xformOp:transform": types.Matrix4d for path in ("/groom/head", "/groom/colliders/skull")
+        }
 
     def _write_root(self) -> None:
         layer = Sdf.Layer.CreateNew(str(self.path("hair.usda")))
@@ -223,12 +238,17 @@ class CacheBuilder:
 
         for path, count in self.counts.items():
             rest = rest_points(count)
-            points, before, after = (transform(rest, head_matrix(t)) for t in (time, time - step, time + step))
+            points, before, after = (
+                transform(rest, head_matrix(t)) for t in (time, time - step, time + step)
+            )
             points = points.reshape(-1, 3).astype(np.float32)
             velocities = ((after - before) / (2 * step)).reshape(-1, 3).astype(np.float32)
             put(f"{path}.points", Vt.Vec3fArray.FromNumpy(points))
             put(f"{path}.velocities", Vt.Vec3fArray.FromNumpy(velocities))
-            put(f"{path}.extent", Vt.Vec3fArray.FromNumpy(np.stack([points.min(0) - 4e-5, points.max(0) + 4e-5])))
+            put(
+                f"{path}.extent",
+                Vt.Vec3fArray.FromNumpy(np.stack([points.min(0) - 4e-5, points.max(0) + 4e-5])),
+            )
         for path in ("/groom/head", "/groom/colliders/skull"):
             put(f"{path}.xformOp:transform", Gf.Matrix4d(*head_matrix(time).ravel().tolist()))
         layer.Save()

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from hairbake_validate.cache import Cache, Unreadable, read_frame
 
 

@@ -3,12 +3,24 @@
 import numpy as np
 import pytest
 from conftest import RADIUS, sphere_mesh
-
 from hairbake_validate.collider import Collider
 
 BOX = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 0.5)])
 BOX_TRIANGLES = np.array(
-    [[0, 1, 3], [0, 3, 2], [4, 7, 5], [4, 6, 7], [0, 5, 1], [0, 4, 5], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    [
+        [0, 1, 3],
+        [0, 3, 2],
+        [4, 7, 5],
+        [4, 6, 7],
+        [0, 5, 1],
+        [0, 4, 5],
+        [2, 3, 7],
+        [2, 7, 6],
+        [0, 2, 6],
+        [0, 6, 4],
+        [1, 5, 7],
+        [1, 7, 3],
+    ]
 )
 
 
@@ -40,6 +52,8 @@ def test_sphere_within_its_facets():
 
 
 def test_open_sheet_has_an_inside_below_and_none_beyond_its_rim():
-    sheet = Collider(np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
+    sheet = Collider(
+        np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
+    )
     points = np.array([[0.5, 0.4, -0.01], [0.5, 0.4, 0.01], [-0.02, 0.4, -0.01]])
     np.testing.assert_allclose(sheet.depth(points), [0.01, 0, 0], atol=1e-12)

@@ -8,10 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import CURVES, FPS, GUIDE_COUNT, POINTS, CacheBuilder, head_matrix, transform
-from pxr import Gf, Sdf, Usd, UsdGeom, Vt
-
+from conftest import (
+    CURVES,
+    FPS,
+    GUIDE_COUNT,
+    POINTS,
+    CacheBuilder,
+    head_matrix,
+)
 from hairbake_validate.run import CHECKS, validate
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 FAULTS = []
 MIDDLE = 1003
@@ -32,7 +38,9 @@ def set_extent(cache: CacheBuilder, frame: int, path: str) -> None:
     """Makes the extent fit the points again after a test has moved them."""
     layer = Sdf.Layer.OpenAsAnonymous(str(cache.frame(frame)))
     points = np.array(layer.QueryTimeSample(f"{path}.points", float(frame)))
-    cache.edit_array(frame, f"{path}.extent", lambda _: np.stack([points.min(0) - 4e-5, points.max(0) + 4e-5]))
+    cache.edit_array(
+        frame, f"{path}.extent", lambda _: np.stack([points.min(0) - 4e-5, points.max(0) + 4e-5])
+    )
 
 
 def move_points(cache: CacheBuilder, frame: int, path: str, change) -> None:
@@ -131,7 +139,9 @@ def sublayer_missing(cache):
 
 @fault("framework")
 def gprim_below_a_gprim(cache):
-    cache.edit_topology(lambda stage: UsdGeom.Sphere.Define(stage, f"{SKULL}/eye").CreateExtentAttr([(-1, -1, -1), (1, 1, 1)]))
+    cache.edit_topology(
+        lambda stage: UsdGeom.Sphere.Define(stage, f"{SKULL}/eye").CreateExtentAttr([(-1, -1, -1), (1, 1, 1)])
+    )
 
 
 @fault("metadata")
@@ -167,22 +177,30 @@ def no_kind(cache):
 
 @fault("prims")
 def guides_would_render(cache):
-    cache.edit_topology(lambda stage: UsdGeom.Imageable(stage.GetPrimAtPath(GUIDES)).GetPurposeAttr().Set("default"))
+    cache.edit_topology(
+        lambda stage: UsdGeom.Imageable(stage.GetPrimAtPath(GUIDES)).GetPurposeAttr().Set("default")
+    )
 
 
 @fault("prims")
 def collider_would_render(cache):
-    cache.edit_topology(lambda stage: UsdGeom.Imageable(stage.GetPrimAtPath(SKULL)).GetPurposeAttr().Set("default"))
+    cache.edit_topology(
+        lambda stage: UsdGeom.Imageable(stage.GetPrimAtPath(SKULL)).GetPurposeAttr().Set("default")
+    )
 
 
 @fault("prims")
 def linear_curves(cache):
-    cache.edit_topology(lambda stage: UsdGeom.BasisCurves(stage.GetPrimAtPath(HAIR)).GetTypeAttr().Set("linear"))
+    cache.edit_topology(
+        lambda stage: UsdGeom.BasisCurves(stage.GetPrimAtPath(HAIR)).GetTypeAttr().Set("linear")
+    )
 
 
 @fault("prims")
 def transform_above_world_points(cache):
-    cache.edit_topology(lambda stage: UsdGeom.Xformable(stage.GetPrimAtPath(HAIR)).AddTranslateOp().Set(Gf.Vec3d(0, 1, 0)))
+    cache.edit_topology(
+        lambda stage: UsdGeom.Xformable(stage.GetPrimAtPath(HAIR)).AddTranslateOp().Set(Gf.Vec3d(0, 1, 0))
+    )
 
 
 @fault("topology")
@@ -227,12 +245,16 @@ def primvar_missing(cache):
 
 @fault("primvars")
 def varying_widths(cache):
-    cache.edit_topology(lambda stage: UsdGeom.BasisCurves(stage.GetPrimAtPath(HAIR)).SetWidthsInterpolation("varying"))
+    cache.edit_topology(
+        lambda stage: UsdGeom.BasisCurves(stage.GetPrimAtPath(HAIR)).SetWidthsInterpolation("varying")
+    )
 
 
 @fault("primvars")
 def short_widths(cache):
-    cache.edit_topology(lambda stage: UsdGeom.BasisCurves(stage.GetPrimAtPath(HAIR)).GetWidthsAttr().Set([8e-5] * CURVES))
+    cache.edit_topology(
+        lambda stage: UsdGeom.BasisCurves(stage.GetPrimAtPath(HAIR)).GetWidthsAttr().Set([8e-5] * CURVES)
+    )
 
 
 @fault("ids")
@@ -247,7 +269,9 @@ def clips_without_handle(cache):
 
 @fault("clips")
 def clip_manifest_missing(cache):
-    cache.edit("hair.usda", lambda layer: edit_clips(layer, "manifestAssetPath", Sdf.AssetPath("./none.usda")))
+    cache.edit(
+        "hair.usda", lambda layer: edit_clips(layer, "manifestAssetPath", Sdf.AssetPath("./none.usda"))
+    )
 
 
 @fault("clips")
@@ -355,7 +379,9 @@ def scaled_collider(cache):
     matrix[:3, :3] *= 1.00001
     cache.edit(
         cache.frame(MIDDLE).name,
-        lambda layer: layer.SetTimeSample(f"{SKULL}.xformOp:transform", float(MIDDLE), Gf.Matrix4d(*matrix.ravel().tolist())),
+        lambda layer: layer.SetTimeSample(
+            f"{SKULL}.xformOp:transform", float(MIDDLE), Gf.Matrix4d(*matrix.ravel().tolist())
+        ),
     )
 
 
@@ -414,17 +440,16 @@ def stretched_guide(cache):
     move_points(cache, MIDDLE, GUIDES, change)
 
 
-
-
 def push_in(cache: CacheBuilder, path: str) -> None:
-    """Pushes a curve into the collider in all frames but the first, over which the start is judged; slowly, so that it is no jump."""
+    """Turns a curve about its root into the collider, in all frames but the first, from which on points are
+    judged; gently, so that it is no jump."""
     for frame in range(1001, 1008):
         share = (frame - 1000) / 7
 
         def change(curves, share=share):
             curve = curves[0].copy()
             axis = np.cross(curve[1] - curve[0], curve[-1] - curve[-2])
-            curves[0] = turned(curve, axis, np.pi * (1 - np.cos(np.pi * share)) / 2 * 1.0)
+            curves[0] = turned(curve, axis, np.pi * (1 - np.cos(np.pi * share)) / 2)
             return curves
 
         move_points(cache, frame, path, change)
@@ -516,7 +541,12 @@ def test_every_check_has_a_fault():
 
 def run(*arguments) -> subprocess.CompletedProcess:
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[1])}
-    return subprocess.run([sys.executable, "-m", "hairbake_validate", *map(str, arguments)], capture_output=True, text=True, env=environment)
+    return subprocess.run(
+        [sys.executable, "-m", "hairbake_validate", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        env=environment,
+    )
 
 
 def test_program_passes_a_good_cache(good_cache, tmp_path):
@@ -538,11 +568,21 @@ def test_program_names_the_place_of_a_fault(good_cache, tmp_path):
     assert all(check["status"] == "pass" for name, check in checks.items() if name != "segments")
 
 
-@pytest.mark.parametrize("arguments", [[], ["/nonexistent"], ["x", "--frames", "first"], ["x", "--jobs", "0"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["/nonexistent"], ["x", "--frames", "first"], ["x", "--jobs", "0"]]
+)
 def test_program_exits_2_on_wrong_usage(arguments):
     done = run(*arguments)
     assert done.returncode == 2
     assert done.stderr
+
+
+def test_processes_find_what_one_finds(good_cache, monkeypatch):
+    one_frame_pop(good_cache)
+    stretched_guide(good_cache)
+    alone = validate(good_cache.directory).as_json()
+    monkeypatch.setattr("hairbake_validate.run.CHUNK", 3)
+    assert validate(good_cache.directory, jobs=2).as_json() == alone
 
 
 def test_frames_outside_the_choice_are_not_looked_at(good_cache):

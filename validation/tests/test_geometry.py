@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from hairbake_validate.geometry import arc_lengths, equal_arc_lengths, spacing
 
 
@@ -33,7 +32,9 @@ def test_arcs_beat_chords():
 
 def test_curves_of_any_size_stay_in_order():
     counts = np.array([2, 5, 3, 5])
-    points = np.concatenate([(k + 1) * np.outer(np.arange(count), [1.0, 0, 0]) for k, count in enumerate(counts)])
+    points = np.concatenate(
+        [(k + 1) * np.outer(np.arange(count), [1.0, 0, 0]) for k, count in enumerate(counts)]
+    )
     np.testing.assert_allclose(arc_lengths(points, counts).length, np.repeat([1.0, 2, 3, 4], counts - 1))
 
 

@@ -1,0 +1,83 @@
+"""A whole bake, as a user runs it, must pass the validator."""
+
+import json
+import os
+import subprocess
+
+import numpy as np
+import pytest
+from hairbake_validate.run import validate
+
+HAIRBAKE = os.environ.get("HAIRBAKE", "")
+RADIUS, LENGTH, POINTS, GUIDES, STRANDS_A_GUIDE = 0.1, 0.15, 12, 24, 3
+
+
+def hairbake(*arguments) -> subprocess.CompletedProcess:
+    return subprocess.run([HAIRBAKE, *map(str, arguments)], capture_output=True, text=True)
+
+
+def can_bake() -> bool:
+    return bool(HAIRBAKE) and os.path.exists(HAIRBAKE) and "GROOM" in hairbake("--help").stdout
+
+
+def strands(count: int, twist: float) -> np.ndarray:
+    """Arcs that leave the upper half of a ball and bend down; `count × POINTS × 3`."""
+    index = np.arange(count)
+    azimuth, height = 2.4 * index + twist, 0.3 + 0.6 * (index + 0.5) / count
+    out = np.stack(
+        [np.sqrt(1 - height**2) * np.cos(azimuth), height, np.sqrt(1 - height**2) * np.sin(azimuth)], axis=1
+    )
+    down = np.cross(np.cross(out, [0.0, -1.0, 0.0]), out)
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    angle = np.linspace(0, 1.0, POINTS)
+    along, across = LENGTH * np.sin(angle), LENGTH * (1 - np.cos(angle))
+    return RADIUS * out[:, None] + along[:, None] * out[:, None] + across[:, None] * down[:, None]
+
+
+def rounded(points: np.ndarray) -> list:
+    return points.reshape(-1, 3).round(9).tolist()
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """groom.json and anim.json: a ball with short hair that shakes and travels."""
+    wisps = np.tile(np.arange(GUIDES), STRANDS_A_GUIDE)
+    groom = {
+        "format": "hairbake-groom",
+        "version": 1,
+        "guides": {"vertices": POINTS, "points": rounded(strands(GUIDES, 0.0))},
+        "strands": {
+            "vertices": POINTS,
+            "points": rounded(
+                np.concatenate([strands(GUIDES, 0.02 * (k + 1)) for k in range(STRANDS_A_GUIDE)])
+            ),
+            "wisp": wisps.tolist(),
+        },
+    }
+    # Samples before the first and after the last frame, for pre-roll and handles.
+    time = np.arange(-4, 17) / 24
+    half = 0.25 * np.sin(2 * np.pi * 1.5 * time)
+    track = {
+        "first_frame": 997,
+        "translation": [[0.05 * float(np.sin(4 * t)), 1.6, 0.2 * float(t)] for t in time],
+        "rotation_wxyz": [[float(np.cos(h)), 0.0, float(np.sin(h)), 0.0] for h in half],
+    }
+    anim = {
+        "format": "hairbake-anim",
+        "version": 1,
+        "fps": 24,
+        "frames": [1001, 1012],
+        "bodies": [{"name": "head", "track": track}],
+        "colliders": [{"name": "skull", "shape": {"type": "sphere", "centre": [0, 0, 0], "radius": RADIUS}}],
+    }
+    (tmp_path / "groom.json").write_text(json.dumps(groom))
+    (tmp_path / "anim.json").write_text(json.dumps(anim))
+    return tmp_path
+
+
+@pytest.mark.skipif(not can_bake(), reason="HAIRBAKE names no binary that can bake")
+def test_bake_passes_the_validator(scene):
+    done = hairbake(scene / "groom.json", scene / "anim.json", "-o", scene / "out")
+    assert done.returncode == 0, done.stderr
+    report = validate(scene / "out")
+    assert all(outcome.status == "pass" for outcome in report.outcomes.values()), report.as_text()
