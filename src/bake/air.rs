@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn gusts_have_the_speed_asked_for_and_mean_nothing() {
         let wind = Wind { velocity: Keyed::constant(Vector3::x() * 2.0), gust_speed: 1.5, gust_length: 0.3, seed: 7 };
-        let n = 40_000;
+        let n = 40_000_u32;
         let (mut mean, mut square) = (Vector3::zeros(), 0.0);
         for i in 0..n {
             let r = |j| unit_draw(99, i * 4 + j) * 20.0;

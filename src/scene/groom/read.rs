@@ -87,7 +87,7 @@ fn materials(files: &[MaterialFile], faults: &mut Faults) -> Vec<Material> {
 
 fn groups(files: &[GroupFile], materials: &[Material], faults: &mut Faults) -> Vec<Group> {
     let width = |m: &Material| [2.0 * m.section.a1.max(m.section.a2); 2];
-    let mut group = |(i, file): (usize, &GroupFile)| {
+    let group = |(i, file): (usize, &GroupFile)| {
         let found = match &file.material {
             MaterialRef::Index(index) => Some(*index as usize).filter(|&index| index < materials.len()),
             MaterialRef::Name(name) => materials.iter().position(|m| m.name == *name),
