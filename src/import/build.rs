@@ -132,7 +132,8 @@ pub(crate) fn build(
         guides: &guide_sections,
         hairs: &hairs,
         footprint: &footprint,
-        strands: strands.map(|_| (&strand_sections, follows.as_slice())),
+        strands: &strand_sections,
+        follows: &follows,
     };
     let trees = hierarchy::build(&nested, &arc, &members);
     let leaf_of = leaf_of_guides(&trees, guides.len());

@@ -15,6 +15,8 @@ const LEAF_GUIDES: usize = 3;
 const BRANCHING: usize = 5;
 /// Neighbours whose spacing gives a guide's own share of space.
 const NEIGHBOURS: usize = 4;
+/// Most room of a guide, as a multiple of the median over all guides at the same section.
+const WIDEST: f64 = 1.5;
 /// Smallest radius of a wisp, m.
 const THINNEST: f64 = 1e-4;
 
@@ -75,7 +77,13 @@ pub(super) fn footprints(guides: &Sections, features: &Features) -> Vec<f64> {
             })
             .collect::<Vec<f64>>()
     };
-    (0..n).into_par_iter().flat_map_iter(row).collect()
+    let mut room: Vec<f64> = (0..n).into_par_iter().flat_map_iter(row).collect();
+    // A guide whose neighbours part from it would else fill the gap with stray hairs.
+    for k in 0..guides.count {
+        let most = WIDEST * percentile((0..n).map(|i| room[i * guides.count + k]).collect(), 0.5);
+        (0..n).for_each(|i| room[i * guides.count + k] = room[i * guides.count + k].min(most));
+    }
+    room
 }
 
 /// Length of the part of `d` square to the unit vector `t`.
@@ -91,17 +99,17 @@ pub(super) struct Members<'a> {
     pub(super) hairs: &'a [u32],
     /// Room of each guide ([`footprints`]).
     pub(super) footprint: &'a [f64],
-    /// Known strands and the guide each follows; empty if there are none.
-    pub(super) strands: Option<(&'a Sections, &'a [u32])>,
+    /// The render strands in sections; may be none.
+    pub(super) strands: &'a Sections,
+    /// The guide that each of them follows.
+    pub(super) follows: &'a [u32],
 }
 
-/// Builds the trees of nested guide sets: centres are the members' mean, radii hold 95 % of the members (or, without known
-/// strands, all of the guides' room), frames are rotation-minimising along the centre line.
+/// Builds the trees of nested guide sets: centres are the members' mean, radii hold 95 % of the members (or, where no
+/// strand follows, all of the guides' room), frames are rotation-minimising along the centre line.
 pub(super) fn build(levels: &[Vec<(u32, Vec<u32>)>], arc: &[f64], members: &Members) -> Vec<Tree> {
     let mut of_guide: Vec<Vec<u32>> = vec![Vec::new(); members.guides.len()];
-    if let Some((_, follows)) = members.strands {
-        follows.iter().enumerate().for_each(|(strand, &g)| of_guide[g as usize].push(strand as u32));
-    }
+    members.follows.iter().enumerate().for_each(|(strand, &g)| of_guide[g as usize].push(strand as u32));
     let leaf_level = levels.len() - 1;
     let wisps: Vec<Vec<Wisp>> = levels
         .iter()
@@ -146,11 +154,8 @@ impl Members<'_> {
     fn wisp(&self, guides: &[u32], of_guide: &[Vec<u32>], arc: &[f64]) -> Wisp {
         let m = self.guides.count;
         let mut rows: Vec<&[Vector3<f64>]> = guides.iter().map(|&g| self.guides.points(g as usize)).collect();
-        if let Some((strands, _)) = self.strands {
-            rows.extend(
-                guides.iter().flat_map(|&g| &of_guide[g as usize]).map(|&s| strands.points(s as usize)),
-            );
-        }
+        let strands = guides.iter().flat_map(|&g| &of_guide[g as usize]);
+        rows.extend(strands.map(|&s| self.strands.points(s as usize)));
         let centre: Vec<Vector3<f64>> =
             (0..m).map(|k| rows.iter().map(|row| row[k]).sum::<Vector3<f64>>() / rows.len() as f64).collect();
         let line = CentreLine::through(&centre, arc);
@@ -202,4 +207,108 @@ pub(super) fn percentile(mut values: Vec<f64>, share: f64) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     let rank = (share * values.len() as f64).ceil() as usize;
     values[rank.clamp(1, values.len()) - 1]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::sections::default_arc;
+    use crate::scene::Curves;
+
+    /// Straight strands hanging from a square lattice of roots, `side` × `side`, 1 cm apart.
+    fn lattice(side: usize) -> Sections {
+        let n = side * side;
+        let points = (0..n).flat_map(|i| {
+            let (x, z) = ((i % side) as f64 * 0.01, (i / side) as f64 * 0.01);
+            (0..5).map(move |v| Vector3::new(x, -0.05 * f64::from(v), z))
+        });
+        let curves = Curves {
+            offsets: (0..=n).map(|i| 5 * i).collect(),
+            points: points.collect(),
+            id: (0..n as i32).collect(),
+            group: vec![0; n],
+            root_uv: vec![[0.0; 2]; n],
+        };
+        Sections::of(&curves, &default_arc(4))
+    }
+
+    fn nested(sections: &Sections, depth: Depth) -> Vec<Vec<(u32, Vec<u32>)>> {
+        let features = Features::of(sections, &default_arc(4), 0.2);
+        nest(&features, &vec![1.0; sections.len()], depth)
+    }
+
+    #[test]
+    fn room_is_half_the_spacing() {
+        let sections = lattice(6);
+        let features = Features::of(&sections, &default_arc(4), 0.2);
+        let room = footprints(&sections, &features);
+        // Inside the lattice all four neighbours are 1 cm away; a corner has two farther ones.
+        assert!((room[(2 * 6 + 2) * 4] - 0.005).abs() < 1e-9);
+        assert!(room.iter().all(|r| (0.005 - 1e-9..0.0075).contains(r)));
+    }
+
+    #[test]
+    fn levels_nest_and_leaves_hold_one_to_three_guides() {
+        let sections = lattice(10);
+        for (levels, coarse) in [(1, None), (2, None), (3, None), (2, Some(7))] {
+            let nested = nested(&sections, Depth { levels, coarse, leaves: None });
+            assert_eq!(nested.len(), levels);
+            assert!(
+                nested[levels - 1].len() >= 50 && nested[levels - 1].iter().all(|w| w.1.len() <= LEAF_GUIDES)
+            );
+            if let Some(coarse) = coarse {
+                assert_eq!(nested[0].len(), coarse);
+            }
+            for (above, below) in nested.iter().zip(&nested[1..]) {
+                for (parent, guides) in below {
+                    assert!(guides.iter().all(|g| above[*parent as usize].1.contains(g)));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_tree_holds_its_strands() {
+        let sections = lattice(8);
+        let nested = nested(&sections, Depth { levels: 2, coarse: Some(4), leaves: None });
+        let none = Sections { count: 4, point: vec![], tangent: vec![], length: vec![] };
+        let members = Members {
+            guides: &sections,
+            hairs: &[3; 64],
+            footprint: &[0.005; 256],
+            strands: &none,
+            follows: &[],
+        };
+        let trees = build(&nested, &default_arc(4), &members);
+        assert_eq!(trees.len(), 4);
+        for tree in &trees {
+            let coarse = &tree.wisps[0];
+            assert!(coarse.parent.is_none() && coarse.guides.is_empty());
+            assert!((coarse.length - 0.2).abs() < 1e-9);
+            let leaves = &tree.wisps[1..];
+            assert!(leaves.iter().all(|w| w.parent == Some(0)));
+            assert_eq!(leaves.iter().map(|w| w.strand_count).sum::<u32>(), coarse.strand_count);
+            assert_eq!(
+                coarse.strand_count as usize,
+                3 * leaves.iter().map(|w| w.guides.len()).sum::<usize>()
+            );
+            for wisp in &tree.wisps {
+                let guides = if wisp.guides.is_empty() {
+                    leaves.iter().flat_map(|w| &w.guides).collect()
+                } else {
+                    wisp.guides.iter().collect::<Vec<_>>()
+                };
+                for (k, section) in wisp.sections.iter().enumerate() {
+                    assert!(
+                        (section.frame * Vector3::z() + Vector3::y()).norm() < 1e-9,
+                        "frames follow the hair"
+                    );
+                    for &&g in &guides {
+                        let d = (sections.points(g as usize)[k] - section.centre).norm();
+                        assert!(d + 0.005 <= section.radius + 1e-9);
+                    }
+                }
+            }
+        }
+    }
 }

@@ -20,6 +20,7 @@ mod scalp;
 mod sections;
 mod tfx;
 
+pub(crate) use build::build;
 pub use build::{BuildOptions, BuildReport};
 pub use fidelity::{Curl, LevelFit};
 pub use groom::{ALL_GUIDES, CHOSEN_GUIDES, GroomOptions, GroomReport, groom};
@@ -28,4 +29,5 @@ pub use hierarchy::Depth;
 pub use read::{SHORTEST, Source, SourceReport};
 pub use resample::{Resample, ResampleError};
 
+pub(crate) use scalp::Scalp;
 pub use scalp::{OFF_SCALP, RootReport};

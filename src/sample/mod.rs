@@ -1,1 +1,81 @@
 //! Procedural grooms and head motions.
+//!
+//! [`groom`] makes one of four hair styles on a simple head; [`head`] is that head.
+
+mod comb;
+pub mod head;
+mod style;
+
+use crate::import::{BuildOptions, BuildReport, Depth, Growth, Resample, Scalp, build};
+use crate::scene::{Convention, Groom};
+pub use style::Style;
+
+/// How large a sample is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Size {
+    /// Leaf wisps, of one guide each; `None` for those of the paper's table.
+    pub wisps: Option<usize>,
+    /// Render strands, to the nearest multiple of the wisps.
+    pub strands: usize,
+    /// Rounds of division of the head mesh.
+    pub head_rounds: usize,
+}
+
+impl Default for Size {
+    fn default() -> Self {
+        Size { wisps: None, strands: 8000, head_rounds: 4 }
+    }
+}
+
+/// The groom of a style, m, Y up, and how well its hierarchy represents it.
+pub fn groom(style: Style, size: Size) -> (Groom, BuildReport) {
+    let cut = style.cut();
+    let wisps = size.wisps.unwrap_or(cut.wisps).max(1);
+    let guides = comb::guides(&cut, wisps);
+    let options = BuildOptions {
+        guide_vertices: Resample::Vertices(cut.vertices[0]),
+        growth: Growth {
+            per_guide: (size.strands as f64 / wisps as f64).round() as usize,
+            vertices: cut.vertices[1],
+            shorter: 0.12,
+            clump: 0.5,
+        },
+        depth: Depth { levels: cut.levels, coarse: None, leaves: Some(wisps) },
+        sections: cut.sections,
+        ..BuildOptions::default()
+    };
+    let scalp = Scalp::new(&head::mesh(size.head_rounds));
+    build(&style.to_string(), Convention::default(), &guides, None, scalp.as_ref(), &options)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hair_grows_from_the_scalp_keeps_out_of_the_head_and_off_the_face() {
+        for style in Style::ALL {
+            let (groom, _) = groom(style, Size { wisps: Some(80), strands: 160, head_rounds: 3 });
+            let guides = &groom.guides.curves;
+            assert_eq!((guides.len(), groom.strands.curves.len()), (80, 160));
+            for g in 0..guides.len() {
+                let points = guides.curve(g);
+                assert!(head::height(points[0]).0.abs() < 1e-6, "{style}: root of {g}");
+                let deepest = points.iter().map(|&x| head::height(x).0).fold(0.0, f64::min);
+                assert!(deepest > -0.004, "{style}: guide {g} {deepest} m inside");
+                let on_face = |x: &&nalgebra::Vector3<f64>| x.z > 0.09 && x.x.abs() < 0.04 && x.y < 0.17;
+                assert_eq!(points.iter().find(on_face), None, "{style}: guide {g}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_style_has_the_wisps_of_its_table() {
+        let (groom, report) = groom(Style::Long, Size { strands: 0, head_rounds: 1, ..Size::default() });
+        let leaves: usize =
+            groom.trees.iter().flat_map(|t| &t.wisps).filter(|w| !w.guides.is_empty()).count();
+        assert_eq!(leaves * groom.trees[0].arc.len(), Style::Long.nodes());
+        assert_eq!(report.levels.len(), 3);
+        assert!(groom.strands.curves.is_empty());
+    }
+}

@@ -1,0 +1,144 @@
+//! Guides grown out of the scalp, combed from a parting, falling round the head and cut at a hem.
+
+use super::head;
+use super::style::Cut;
+use crate::math::frame::rotation_minimising;
+use crate::math::spline::ArcSpline;
+use crate::scene::Curves;
+use nalgebra::Vector3;
+use std::f64::consts::{PI, TAU};
+
+/// The golden angle, rad: points of a Fibonacci sphere are this far apart in azimuth.
+const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+/// Step of a hair's growth, m.
+const STEP: f64 = 0.003;
+/// Length over which a hair bends into the way it is combed, m.
+const BEND: f64 = 0.022;
+/// Place of the parting, m to the left of the middle.
+const PARTING: f64 = 0.022;
+
+/// Guides of a cut, `count` of them, m, rest space.
+pub(super) fn guides(cut: &Cut, count: usize) -> Curves {
+    let mut out = Curves { offsets: vec![0], ..Curves::default() };
+    for (i, d) in scalp(count).into_iter().enumerate() {
+        let run = run(d, cut, i as u64);
+        let curled = curl(&run, cut, i as u64);
+        out.points.extend(curled);
+        out.offsets.push(out.points.len());
+        out.id.push(i as i32);
+        out.group.push(0);
+        let (azimuth, elevation) = (d.x.atan2(d.z), d.y.asin());
+        out.root_uv.push([(0.5 + azimuth / TAU) as f32, (0.5 + elevation / PI) as f32]);
+    }
+    out
+}
+
+/// Lowest elevation, rad, at which hair grows, by azimuth from the face.
+fn hairline(azimuth: f64) -> f64 {
+    // From the forehead over the temple and the ear to the nape.
+    const LINE: [(f64, f64); 6] =
+        [(0.0, 0.78), (0.55, 0.72), (1.0, 0.42), (1.55, 0.22), (2.1, -0.25), (PI, -0.55)];
+    let k = LINE.iter().position(|&(a, _)| azimuth <= a).unwrap_or(LINE.len() - 1).max(1);
+    let ((a0, e0), (a1, e1)) = (LINE[k - 1], LINE[k]);
+    e0 + (e1 - e0) * (azimuth - a0) / (a1 - a0)
+}
+
+/// `count` directions spread evenly over the scalp: a Fibonacci sphere with as many points as it takes.
+fn scalp(count: usize) -> Vec<Vector3<f64>> {
+    let on_scalp = |points: usize| -> Vec<Vector3<f64>> {
+        (0..points)
+            .map(|i| {
+                let y = 1.0 - (2.0 * i as f64 + 1.0) / points as f64;
+                let (sin, cos) = (i as f64 * GOLDEN_ANGLE).sin_cos();
+                let level = (1.0 - y * y).sqrt();
+                Vector3::new(level * sin, y, level * cos)
+            })
+            .filter(|d| d.y.asin() > hairline(d.x.abs().atan2(d.z)))
+            .collect()
+    };
+    let mut points = count;
+    loop {
+        let mut found = on_scalp(points);
+        if found.len() >= count {
+            found.truncate(count);
+            return found;
+        }
+        points += (count - found.len()).max(1);
+    }
+}
+
+/// The run of a hair from the direction `d`, without curls.
+fn run(d: Vector3<f64>, cut: &Cut, seed: u64) -> Vec<Vector3<f64>> {
+    let root = head::point(d);
+    let (_, up) = head::height(root);
+    let side = if root.x < PARTING { -1.0 } else { 1.0 };
+    // Hair from higher up lies over hair from below.
+    let layer = 0.002 + 0.010 * (d.y + 0.5).max(0.0) * (0.7 + 0.6 * random(seed, 0)) + cut.curl_radius;
+    let length = cut.longest * (0.86 + 0.14 * random(seed, 1));
+    let hem = cut.hem + 0.03 * (random(seed, 2) - 0.5);
+    let stray = Vector3::from_fn(|k, _| random(seed, 3 + k as u64) - 0.5) * 0.16;
+
+    let mut x = root;
+    let mut along = (up * 0.75 + combed(root, side) * 0.8 + stray).normalize();
+    let mut out = vec![x];
+    let steps = (length / STEP).round() as usize;
+    for step in 1..=steps {
+        let grown = step as f64 * STEP;
+        let mut way = combed(x, side) + stray;
+        let (height, away) = head::height(x);
+        let clearance = layer * (grown / 0.03).min(1.0);
+        if height < clearance + 0.01 {
+            // Slide along what is below, and rise to the layer.
+            way -= away * way.dot(&away).min(0.0);
+            way += away * (3.0 * (clearance - height) / 0.01).clamp(-0.4, 1.2);
+        }
+        along =
+            (along + (way.try_normalize(1e-9).unwrap_or(along) - along) * (STEP / BEND).min(1.0)).normalize();
+        x += along * STEP;
+        let (height, away) = head::height(x);
+        // Never inside: a hair that dips is lifted back to a breadth above.
+        let least = clearance.min(0.0015);
+        if height < least {
+            x += away * (least - height);
+        }
+        out.push(x);
+        if x.y < hem && step >= 8 {
+            break;
+        }
+    }
+    out
+}
+
+/// The direction in which hair is combed at `x`: away from the parting and back off the face, then down.
+fn combed(x: Vector3<f64>, side: f64) -> Vector3<f64> {
+    let from = x - head::CENTRE;
+    let top = ((from.y - 0.03) / 0.07).clamp(0.0, 1.0);
+    let front = ((from.z - 0.01) / 0.06).clamp(0.0, 1.0);
+    let face = front * (1.0 - ((from.x.abs() - 0.045) / 0.05).clamp(0.0, 1.0));
+    Vector3::new(side * (1.1 * top + 1.2 * face), -1.0, -0.35 * top * front - 0.9 * face - 0.25 * front)
+}
+
+/// The run wound into a curl that opens from the root; straight hair has a slight wave.
+fn curl(run: &[Vector3<f64>], cut: &Cut, seed: u64) -> Vec<Vector3<f64>> {
+    let Some(spline) = ArcSpline::through(run) else { return run.to_vec() };
+    let vertices = cut.vertices[0];
+    let s: Vec<f64> = (0..vertices).map(|v| spline.length() * v as f64 / (vertices - 1) as f64).collect();
+    let phase = TAU * random(seed, 6);
+    let radius = cut.curl_radius * (0.75 + 0.5 * random(seed, 7));
+    let pitch = cut.curl_pitch * (0.85 + 0.3 * random(seed, 8));
+    let wind = |(frame, &s): (&nalgebra::UnitQuaternion<f64>, &f64)| {
+        let open = (s / (1.5 * cut.curl_pitch).min(0.05)).min(1.0);
+        let open = open * open * (3.0 - 2.0 * open);
+        let (sin, cos) = (phase + TAU * s / pitch).sin_cos();
+        spline.at(s).x + frame * Vector3::new(cos, sin, 0.0) * (radius * open)
+    };
+    rotation_minimising(&spline, &s).iter().zip(&s).map(wind).collect()
+}
+
+/// A number in [0, 1) from a seed and a stream (SplitMix64: Steele, Lea & Flood 2014).
+fn random(seed: u64, stream: u64) -> f64 {
+    let mut z = (seed << 8 | stream).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    (z ^ (z >> 31)) as f64 / 2.0_f64.powi(64)
+}
