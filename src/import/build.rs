@@ -5,7 +5,7 @@ use super::grow::{self, Growth};
 use super::hierarchy::{self, Depth, Members};
 use super::resample::{Resample, ResampleError, resample};
 use super::scalp::Scalp;
-use super::sections::{Features, Sections, default_arc, nearest};
+use super::sections::{Features, Sections, nearest};
 use crate::scene::{Convention, Curves, Groom, Group, Guides, Material, Strands, Tree};
 use crate::{Error, Result};
 use std::fmt;
@@ -98,7 +98,7 @@ pub(crate) fn build(
     scalp: Option<&Scalp>,
     options: &BuildOptions,
 ) -> (Groom, BuildReport) {
-    let arc = default_arc(options.sections);
+    let arc = Tree::default_arc(options.sections);
     let (guides, guide_error) = resample(guides, options.guide_vertices);
     let guide_sections = Sections::of(&guides, &arc);
     let mean_length = guide_sections.length.iter().sum::<f64>() / guides.len() as f64;

@@ -4,8 +4,8 @@ use super::build::{BuildOptions, BuildReport, build};
 use super::cluster::{Space, divide, medoid};
 use super::read::{self, Source, SourceReport};
 use super::scalp::{RootReport, Scalp};
-use super::sections::{Features, Sections, default_arc};
-use crate::scene::{Curves, Groom, TriMesh};
+use super::sections::{Features, Sections};
+use crate::scene::{Curves, Groom, Tree, TriMesh};
 use crate::{Error, Result};
 use nalgebra::Vector3;
 use std::fmt;
@@ -97,7 +97,7 @@ fn choose_guides(input: &Curves, count: Option<usize>, sections: usize, mean_len
     if wanted >= input.len() {
         return input.clone();
     }
-    let arc = default_arc(sections);
+    let arc = Tree::default_arc(sections);
     let features = Features::of(&Sections::of(input, &arc), &arc, mean_length);
     let weight = vec![1.0; input.len()];
     let space = Space { features: &features, weight: &weight };

@@ -122,13 +122,13 @@ fn interpolate(at: &[f64], values: &[f64], x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::sections::default_arc;
+    use crate::scene::Tree;
 
     fn one_guide(at: impl Fn(f64) -> Vector3<f64>) -> (Curves, Sections, Vec<f64>) {
         let points: Vec<_> = (0..=64).map(|i| at(f64::from(i) / 64.0)).collect();
         let curves =
             Curves { offsets: vec![0, 65], points, id: vec![4], group: vec![0], root_uv: vec![[0.5, 0.25]] };
-        let arc = default_arc(6);
+        let arc = Tree::default_arc(6);
         (curves.clone(), Sections::of(&curves, &arc), arc)
     }
 

@@ -212,7 +212,6 @@ pub(super) fn percentile(mut values: Vec<f64>, share: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::sections::default_arc;
     use crate::scene::Curves;
 
     /// Straight strands hanging from a square lattice of roots, `side` × `side`, 1 cm apart.
@@ -229,18 +228,18 @@ mod tests {
             group: vec![0; n],
             root_uv: vec![[0.0; 2]; n],
         };
-        Sections::of(&curves, &default_arc(4))
+        Sections::of(&curves, &Tree::default_arc(4))
     }
 
     fn nested(sections: &Sections, depth: Depth) -> Vec<Vec<(u32, Vec<u32>)>> {
-        let features = Features::of(sections, &default_arc(4), 0.2);
+        let features = Features::of(sections, &Tree::default_arc(4), 0.2);
         nest(&features, &vec![1.0; sections.len()], depth)
     }
 
     #[test]
     fn room_is_half_the_spacing() {
         let sections = lattice(6);
-        let features = Features::of(&sections, &default_arc(4), 0.2);
+        let features = Features::of(&sections, &Tree::default_arc(4), 0.2);
         let room = footprints(&sections, &features);
         // Inside the lattice all four neighbours are 1 cm away; a corner has two farther ones.
         assert!((room[(2 * 6 + 2) * 4] - 0.005).abs() < 1e-9);
@@ -279,7 +278,7 @@ mod tests {
             strands: &none,
             follows: &[],
         };
-        let trees = build(&nested, &default_arc(4), &members);
+        let trees = build(&nested, &Tree::default_arc(4), &members);
         assert_eq!(trees.len(), 4);
         for tree in &trees {
             let coarse = &tree.wisps[0];

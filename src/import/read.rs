@@ -95,7 +95,7 @@ pub fn strands(source: &Source) -> Result<(Curves, SourceReport)> {
             return Err(faults.into_error());
         }
     };
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let bytes = crate::scene::read_file(path).map_err(|e| Error::io(path, e))?;
     let PlainStrands { curves, mut notes } = parse(path, &bytes)?;
     drop(bytes);
     let convention = convention(source, &curves.points, &mut notes)?;

@@ -129,8 +129,3 @@ pub(super) fn nearest(from: &Features, to: &Features) -> Vec<u32> {
     };
     (0..from.len()).into_par_iter().map(|i| nearest_to(from.row(i))).collect()
 }
-
-/// Default arc-length fractions of `m` sections, (k/(m − 1))^1.5: closer at the root, where hair turns away from the scalp.
-pub(super) fn default_arc(m: usize) -> Vec<f64> {
-    (0..m).map(|k| (k as f64 / (m - 1) as f64).powf(1.5)).collect()
-}

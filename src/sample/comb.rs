@@ -95,18 +95,20 @@ fn run(d: Vector3<f64>, cut: &Cut, seed: u64) -> Vec<Vector3<f64>> {
         along =
             (along + (way.try_normalize(1e-9).unwrap_or(along) - along) * (STEP / BEND).min(1.0)).normalize();
         x += along * STEP;
-        let (height, away) = head::height(x);
-        // Never inside: a hair that dips is lifted back to a breadth above.
-        let least = clearance.min(0.0015);
-        if height < least {
-            x += away * (least - height);
-        }
+        x = lifted(x, grown);
         out.push(x);
         if x.y < hem && step >= 8 {
             break;
         }
     }
     out
+}
+
+/// A point of a hair, `grown` m from its root, that has dipped into the body brought back to a hair's layer above it.
+fn lifted(x: Vector3<f64>, grown: f64) -> Vector3<f64> {
+    let (height, away) = head::height(x);
+    let least = 0.0015 * (grown / 0.01).min(1.0);
+    x + away * (least - height).max(0.0)
 }
 
 /// The direction in which hair is combed at `x`: away from the parting and back off the face, then down.
@@ -130,7 +132,7 @@ fn curl(run: &[Vector3<f64>], cut: &Cut, seed: u64) -> Vec<Vector3<f64>> {
         let open = (s / (1.5 * cut.curl_pitch).min(0.05)).min(1.0);
         let open = open * open * (3.0 - 2.0 * open);
         let (sin, cos) = (phase + TAU * s / pitch).sin_cos();
-        spline.at(s).x + frame * Vector3::new(cos, sin, 0.0) * (radius * open)
+        lifted(spline.at(s).x + frame * Vector3::new(cos, sin, 0.0) * (radius * open), s)
     };
     rotation_minimising(&spline, &s).iter().zip(&s).map(wind).collect()
 }

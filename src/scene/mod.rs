@@ -16,6 +16,7 @@ pub use groom::{Curves, Groom, Group, Guides, Material, RodSection, Section, Str
 
 use crate::error::{Error, Problem, Result};
 use document::Document;
+pub(crate) use document::read_file;
 use std::path::Path;
 
 /// A public file format.
