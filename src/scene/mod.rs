@@ -7,6 +7,7 @@ mod document;
 pub mod groom;
 pub mod keyed;
 mod mesh;
+mod shape_mesh;
 pub mod track;
 
 pub use anim::{Anim, AnimFile, Body, Collider, Settings, Shape, TriMesh};
