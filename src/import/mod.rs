@@ -1,7 +1,7 @@
 //! Plain strands and motion tracks made into `groom.json` and `anim.json`.
 //!
 //! [`groom`]: strand files are cleaned, guides chosen and resampled, the GC hierarchy built over them, render strands attached or
-//! grown, and the result measured.
+//! grown, and the result measured. [`track`]: a motion file becomes an animation.
 
 mod build;
 mod bytes;
@@ -19,6 +19,7 @@ mod resample;
 mod scalp;
 mod sections;
 mod tfx;
+mod track;
 
 pub(crate) use build::build;
 pub use build::{BuildOptions, BuildReport};
@@ -26,8 +27,9 @@ pub use fidelity::{Curl, LevelFit};
 pub use groom::{ALL_GUIDES, CHOSEN_GUIDES, GroomOptions, GroomReport, groom};
 pub use grow::Growth;
 pub use hierarchy::Depth;
-pub use read::{SHORTEST, Source, SourceReport};
+pub use read::{SHORTEST, Source, SourceReport, mesh};
 pub use resample::{Resample, ResampleError};
+pub use track::{Mesh, Rest, TrackOptions, TrackReport, root_centroid, track};
 
 pub(crate) use scalp::Scalp;
 pub use scalp::{OFF_SCALP, RootReport};

@@ -3,7 +3,7 @@
 
 use super::fault::Faults;
 use super::{hair, tfx};
-use crate::scene::{Convention, Curves, UpAxis};
+use crate::scene::{Convention, Curves, TriMesh, UpAxis};
 use crate::{Error, Result};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
@@ -40,6 +40,37 @@ impl Source {
     pub fn in_units(self, metres_per_unit: f64) -> Self {
         Source { metres_per_unit: Some(metres_per_unit), ..self }
     }
+}
+
+/// Sizes (diagonal of the bounding box) that the mesh of a head or a body may have, m.
+const BODY: [f64; 2] = [0.15, 3.0];
+
+/// Reads a mesh (Wavefront OBJ) for a scalp or a collider; its unit, if not given, is guessed from its size. Returns it in
+/// metres, Y up, with its offset applied, the convention used and what is worth saying. Errors: a file that cannot be read or holds no
+/// triangle, a unit that cannot be guessed.
+pub fn mesh(source: &Source) -> Result<(TriMesh, Convention, Vec<String>)> {
+    let fault = |what: String| {
+        let mut faults = Faults::of(&source.path);
+        faults.push(
+            "",
+            what,
+            "a Wavefront OBJ file with triangles",
+            "export the mesh again, or correct the path",
+        );
+        faults.into_error()
+    };
+    let up = source.up.unwrap_or_default();
+    let (mut mesh, degenerate) =
+        TriMesh::load_obj(&source.path, &Convention { metres_per_unit: 1.0, up }).map_err(fault)?;
+    let mut notes = Vec::new();
+    let convention = convention(source, &mesh.vertices, BODY, &mut notes)?;
+    for x in &mut mesh.vertices {
+        *x = *x * convention.metres_per_unit + source.offset;
+    }
+    if degenerate > 0 {
+        notes.push(format!("{degenerate} triangles of no area left out"));
+    }
+    Ok((mesh, convention, notes))
 }
 
 /// Strands as a file has them, in its unit and axes.
@@ -98,7 +129,7 @@ pub fn strands(source: &Source) -> Result<(Curves, SourceReport)> {
     let bytes = crate::scene::read_file(path).map_err(|e| Error::io(path, e))?;
     let PlainStrands { curves, mut notes } = parse(path, &bytes)?;
     drop(bytes);
-    let convention = convention(source, &curves.points, &mut notes)?;
+    let convention = convention(source, &curves.points, HEAD_OF_HAIR, &mut notes)?;
     let mut report =
         SourceReport { path: path.clone(), read: curves.len(), convention, notes, ..Default::default() };
     let mut curves = curves;
@@ -125,8 +156,14 @@ pub fn strands(source: &Source) -> Result<(Curves, SourceReport)> {
     Ok((curves, report))
 }
 
-/// Unit and up axis of a strand file: as given, else guessed from the size of the hair, and the guess noted.
-fn convention(source: &Source, points: &[Vector3<f64>], notes: &mut Vec<String>) -> Result<Convention> {
+/// Unit and up axis of a file: as given, else guessed from the size of what it holds, which may be `sizes` m across, and the guess
+/// noted.
+fn convention(
+    source: &Source,
+    points: &[Vector3<f64>],
+    sizes: [f64; 2],
+    notes: &mut Vec<String>,
+) -> Result<Convention> {
     let z_up_format = has_ending(&source.path, "hair");
     let up = source.up.unwrap_or(if z_up_format { UpAxis::Z } else { UpAxis::Y });
     if let Some(metres_per_unit) = source.metres_per_unit {
@@ -148,9 +185,9 @@ fn convention(source: &Source, points: &[Vector3<f64>], notes: &mut Vec<String>)
     let size = (high - low).norm();
     for (name, metres_per_unit) in [("metres", 1.0), ("centimetres", 0.01), ("millimetres", 0.001)] {
         let metres = size * metres_per_unit;
-        if (HEAD_OF_HAIR[0]..=HEAD_OF_HAIR[1]).contains(&metres) {
+        if (sizes[0]..=sizes[1]).contains(&metres) {
             notes.push(format!(
-                "unit guessed: {name}, which make the hair {metres:.2} m across (give --units to overrule)"
+                "unit guessed: {name}, which make it {metres:.2} m across (give --units to overrule)"
             ));
             return Ok(Convention { metres_per_unit, up });
         }
@@ -282,7 +319,8 @@ mod tests {
         let across = |size: f64| {
             let mut notes = Vec::new();
             let points = [Vector3::zeros(), Vector3::new(0.0, size, 0.0)];
-            convention(&Source::new("a.tfx"), &points, &mut notes).map(|c| (c.metres_per_unit, notes))
+            convention(&Source::new("a.tfx"), &points, HEAD_OF_HAIR, &mut notes)
+                .map(|c| (c.metres_per_unit, notes))
         };
         let (metres, notes) = across(40.0).unwrap();
         assert_eq!(metres, 0.01);
@@ -295,7 +333,7 @@ mod tests {
     #[test]
     fn hair_files_are_z_up_unless_told() {
         let points = [Vector3::zeros(), Vector3::x()];
-        let up = |source: &Source| convention(source, &points, &mut Vec::new()).unwrap().up;
+        let up = |source: &Source| convention(source, &points, HEAD_OF_HAIR, &mut Vec::new()).unwrap().up;
         assert_eq!(up(&Source::new("a.hair")), UpAxis::Z);
         assert_eq!(up(&Source { up: Some(UpAxis::Y), ..Source::new("a.hair") }), UpAxis::Y);
         assert_eq!(up(&Source::new("a.tfx")), UpAxis::Y);

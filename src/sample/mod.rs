@@ -1,13 +1,19 @@
 //! Procedural grooms and head motions.
 //!
-//! [`groom`] makes one of four hair styles on a simple head; [`head`] is that head.
+//! [`groom`] makes one of four hair styles on a simple head, [`Motion`] moves that head, and [`write`] puts all of it into a
+//! folder that can be baked.
 
 mod comb;
 pub mod head;
+mod motion;
 mod style;
 
 use crate::import::{BuildOptions, BuildReport, Depth, Growth, Resample, Scalp, build};
+use crate::scene::write_file;
 use crate::scene::{Convention, Groom};
+use crate::{Error, Result};
+pub use motion::Motion;
+use std::path::Path;
 pub use style::Style;
 
 /// How large a sample is.
@@ -48,6 +54,20 @@ pub fn groom(style: Style, size: Size) -> (Groom, BuildReport) {
     build(&style.to_string(), Convention::default(), &guides, None, scalp.as_ref(), &options)
 }
 
+/// Writes a sample into `folder`, which is made if need be: `groom.json` and `groom.bin`, `head.obj`, and an animation for each
+/// motion (`shake.json`, `turn.json`). Errors: [`Error::Io`].
+pub fn write(style: Style, size: Size, folder: &Path) -> Result<BuildReport> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    let (groom, report) = groom(style, size);
+    groom.write(&folder.join("groom.json"))?;
+    let head = folder.join("head.obj");
+    write_file(&head, head::obj(&head::mesh(size.head_rounds)).as_bytes())?;
+    for motion in Motion::ALL {
+        motion.anim().write(&folder.join(format!("{motion}.json")))?;
+    }
+    Ok(report)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -77,5 +97,20 @@ mod tests {
         assert_eq!(leaves * groom.trees[0].arc.len(), Style::Long.nodes());
         assert_eq!(report.levels.len(), 3);
         assert!(groom.strands.curves.is_empty());
+    }
+
+    #[test]
+    fn a_written_sample_is_a_sound_scene() {
+        let folder = tempfile::tempdir().unwrap();
+        let size = Size { wisps: Some(40), strands: 200, head_rounds: 3 };
+        write(Style::ShortCurly, size, folder.path()).unwrap();
+        for motion in Motion::ALL {
+            let anim = folder.path().join(format!("{motion}.json"));
+            let (groom, anim) = crate::scene::load(&folder.path().join("groom.json"), &anim).unwrap();
+            assert_eq!((groom.guides.curves.len(), groom.strands.curves.len()), (40, 200));
+            assert_eq!(anim.colliders.len(), 3);
+            let turned = anim.head_pose(anim.time(1001.0) + 0.5).rotation.scaled_axis().y;
+            assert!((turned - motion.yaw(0.5)).abs() < 1e-4, "{turned}");
+        }
     }
 }

@@ -17,6 +17,8 @@ pub use groom::{Curves, Groom, Group, Guides, Material, RodSection, Section, Str
 
 use crate::error::{Error, Problem, Result};
 use document::Document;
+pub(crate) use anim::read::motion;
+pub(crate) use document::array::write_file;
 pub(crate) use document::read_file;
 use std::path::Path;
 

@@ -2,14 +2,14 @@
 
 use super::file::*;
 use super::{Anim, Body, Collider, Keyed, Settings, Shape, Track, TriMesh, Wind};
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::scene::Convention;
 use crate::scene::document::array::Buffers;
 use crate::scene::document::{Document, Faults, Key};
 use crate::scene::groom::read::unit_quaternions;
 use crate::scene::track::{self, Samples};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Gravity where none is given, m/s².
 const GRAVITY: f64 = 9.81;
@@ -19,6 +19,20 @@ const MAX_NAMED: usize = 8;
 /// Sections of the file and those that they build on.
 pub const DEPENDS: &[(&str, &str)] =
     &[("bodies", "buffers"), ("bodies", "fps"), ("head", "bodies"), ("colliders", "bodies")];
+
+/// Reads a motion file: what stands in it, and its poses in metres, Y up. Errors: as [`crate::scene::load_anim`].
+pub(crate) fn motion(path: &Path) -> Result<(MotionFile, Vec<Isometry3<f64>>)> {
+    let mut doc = Document::open(path)?;
+    let read = doc.parse().and_then(|file: MotionFile| {
+        let convention = Convention { metres_per_unit: file.units.metres(), up: file.up_axis.into() };
+        let wxyz: Vec<_> = file.frames.iter().map(|f| f.rotation_quat_wxyz).collect();
+        let rotation = unit_quaternions(&wxyz, &Key::at("frames"), &mut doc.faults)?;
+        let pose = |(f, q): (&MotionFrame, UnitQuaternion<f64>)| convention.pose_in(f.translation.into(), q);
+        let poses = file.frames.iter().zip(rotation).map(pose).collect();
+        Some((file, poses))
+    });
+    doc.finish(read, &[])
+}
 
 /// The animation that `file` describes; `None` only where faults were noted.
 pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
@@ -237,19 +251,8 @@ impl Reader<'_> {
     /// Rate and poses of a motion file; its faults are reported at their places in it.
     fn motion_file(&mut self, key: &Key, name: &str) -> Option<(f64, Vec<Isometry3<f64>>)> {
         let path = self.folder.join(name);
-        let read = Document::open(&path).and_then(|mut doc| {
-            let poses = doc.parse().and_then(|file: MotionFile| {
-                let convention = Convention { metres_per_unit: file.units.metres(), up: file.up_axis.into() };
-                let wxyz: Vec<_> = file.frames.iter().map(|f| f.rotation_quat_wxyz).collect();
-                let rotation = unit_quaternions(&wxyz, &Key::at("frames"), &mut doc.faults)?;
-                let pose =
-                    |(f, q): (&MotionFrame, UnitQuaternion<f64>)| convention.pose_in(f.translation.into(), q);
-                Some((file.fps, file.frames.iter().zip(rotation).map(pose).collect()))
-            });
-            doc.finish(poses, &[])
-        });
-        match read {
-            Ok(motion) => return Some(motion),
+        match motion(&path) {
+            Ok((file, poses)) => return Some((file.fps, poses)),
             Err(Error::BadInput(problems)) => self.faults.add_elsewhere(problems),
             Err(e) => self.faults.add(
                 &key.name("file"),
