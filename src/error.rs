@@ -1,5 +1,9 @@
 //! The library's one error type and its exit codes.
 
+mod render;
+
+pub use render::render;
+
 use std::path::{Path, PathBuf};
 
 /// One fault found in an input, with all a person needs to mend it.

@@ -47,12 +47,12 @@ impl TriMesh {
             }
         }
         if let Some(i) = mesh.vertices.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
-            return Err(format!("has a vertex that is not finite, the {}th used", i + 1));
+            return Err(format!("has a vertex that is not finite: number {} of those used", i + 1));
         }
         if mesh.triangles.is_empty() {
             return Err(match degenerate {
                 0 => "holds no triangle".into(),
-                n => format!("holds no triangle of any area, only {n} degenerate ones"),
+                n => format!("holds no triangle of any area (without area: {n})"),
             });
         }
         Ok((mesh, degenerate))

@@ -16,10 +16,10 @@ pub use document::array::{Array, BufferFile, ElementType, View};
 pub use groom::{Curves, Groom, Group, Guides, Material, RodSection, Section, Strands, Tree, Wisp};
 
 use crate::error::{Error, Problem, Result};
-use document::Document;
 pub(crate) use anim::read::motion;
 pub(crate) use document::array::write_file;
 pub(crate) use document::read_file;
+use document::{Document, Key};
 use std::path::Path;
 
 /// A public file format.
@@ -59,25 +59,26 @@ pub fn load(groom: &Path, anim: &Path) -> Result<(Groom, Anim)> {
 pub fn check(paths: &[&Path]) -> Result<Vec<Problem>> {
     let mut problems = Vec::new();
     for path in paths {
-        let checked = Document::open(path).and_then(|doc| match doc.text_at("format") {
-            Some("hairbake-anim") => anim_of(doc).map(drop),
-            Some("hairbake-groom") => groom_of(doc, path).map(drop),
-            other => Err(Error::BadInput(vec![Problem {
-                file: path.to_path_buf(),
-                span: None,
-                key: "format".into(),
-                what: other.map_or("is missing".into(), |name| format!("is \"{name}\"")),
-                allowed: "\"hairbake-groom\" or \"hairbake-anim\"".into(),
-                remedy: "set \"format\"".into(),
-            }])),
-        });
-        match checked {
+        match Document::open(path).and_then(|doc| check_one(doc, path)) {
             Ok(()) => {}
             Err(Error::BadInput(found)) => problems.extend(found),
             Err(e) => return Err(e),
         }
     }
     Ok(problems)
+}
+
+fn check_one(mut doc: Document, path: &Path) -> Result<()> {
+    match doc.text_at("format") {
+        Some("hairbake-anim") => anim_of(doc).map(drop),
+        Some("hairbake-groom") => groom_of(doc, path).map(drop),
+        other => {
+            let what = other.map_or("is missing".into(), |name| format!("is \"{name}\""));
+            let allowed = "\"hairbake-groom\" or \"hairbake-anim\"";
+            doc.faults.add(&Key::at("format"), what, allowed, "set \"format\"");
+            doc.finish(None, &[])
+        }
+    }
 }
 
 /// The JSON Schema of a format.

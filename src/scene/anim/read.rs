@@ -254,12 +254,13 @@ impl Reader<'_> {
         match motion(&path) {
             Ok((file, poses)) => return Some((file.fps, poses)),
             Err(Error::BadInput(problems)) => self.faults.add_elsewhere(problems),
-            Err(e) => self.faults.add(
+            Err(Error::Io { source, .. }) => self.faults.add(
                 &key.name("file"),
-                format!("\"{name}\" cannot be read: {e}"),
+                format!("\"{name}\" cannot be read: {source}"),
                 "a readable motion file",
                 "correct the path; it starts from the folder of this file",
             ),
+            Err(e) => self.faults.add(&key.name("file"), e.to_string(), "a motion file", "correct the path"),
         }
         None
     }
@@ -289,7 +290,7 @@ impl Reader<'_> {
                 // Longer gaps are no tracker's drop-out, and filling them would invent motion.
                 2..=30 if pops == Pops::Bridge => continue,
                 _ => (
-                    format!("is {} after {}: {} samples are missing", pair[1], pair[0], gap - 1),
+                    format!("is {} after {}: a gap, samples missing: {}", pair[1], pair[0], gap - 1),
                     format!("{}", i64::from(pair[0]) + 1),
                     "fill the gap, or set \"pops\": \"bridge\" to bridge gaps of up to 29 samples",
                 ),

@@ -1,7 +1,7 @@
 //! Checks a JSON value against the JSON Schema of its format and notes every fault, not just the first.
 //! Covers the keywords that schemars emits for our structs, nothing else.
 
-use super::describe::{branches, describe, nearest, range, resolve, show};
+use super::describe::{alternatives, branches, describe, nearest, range, resolve, show};
 use super::{Faults, Key, Step};
 use serde_json::Value;
 
@@ -82,27 +82,21 @@ impl<'a> Walk<'a> {
                 self.faults.list.extend(faults.list);
                 self.removable.extend(removable);
             }
-            None => {
-                let mut allowed: Vec<String> =
-                    branches.iter().map(|b| describe(self.defs, b)).filter(|a| a != "null").collect();
-                allowed.dedup();
-                // An object with a tag of its own is wrong in the tag.
-                let tag = value.get("type").filter(|_| allowed.iter().all(|a| a.starts_with("{ \"type\"")));
-                match tag {
-                    Some(tag) => {
-                        let key = self.key.name("type");
-                        self.faults.add(
-                            &key,
-                            format!("is {}", show(tag)),
-                            allowed.join(", "),
-                            "use one of these",
-                        );
-                        self.note_removable();
-                    }
-                    None => self.wrong(format!("is {}", show(value)), allowed.join(" or ")),
-                }
-            }
+            None => self.no_branch(value, branches),
         }
+    }
+
+    /// A value that none of several forms admits. Where a tag tells them apart the tag is at fault.
+    fn no_branch(&mut self, value: &Value, branches: &'a [Value]) {
+        let tags: Vec<&Value> =
+            branches.iter().map(|b| &resolve(self.defs, b)["properties"]["type"]["const"]).collect();
+        if !value.is_object() || tags.iter().any(|tag| tag.is_null()) {
+            return self.wrong(format!("is {}", show(value)), alternatives(self.defs, branches));
+        }
+        let allowed = tags.iter().map(|tag| tag.to_string()).collect::<Vec<_>>().join(", ");
+        let what = value.get("type").map_or("is missing".into(), |tag| format!("is {}", show(tag)));
+        self.note_removable();
+        self.faults.add(&self.key.name("type"), what, allowed, "use one of these");
     }
 
     /// Whether the type, the constant, the enumeration and the tag of `schema` admit `value`.

@@ -70,12 +70,18 @@ pub fn alternatives(defs: &Value, branches: &[Value]) -> String {
 /// The bounds of a number, as an interval.
 pub fn range(schema: &Value) -> Option<String> {
     let bound = |name: &str| schema[name].as_f64();
-    let low = bound("minimum").map(|b| format!("{b} ≤ "));
-    let high = bound("maximum").map(|b| format!(" ≤ {b}"));
-    if low.is_none() && high.is_none() {
-        return None;
+    match (bound("minimum"), bound("maximum")) {
+        (None, None) => None,
+        (Some(low), None) => Some(format!("{} or more", number(low))),
+        (None, Some(high)) => Some(format!("{} or less", number(high))),
+        (Some(low), Some(high)) if low == high => Some(number(low)),
+        (Some(low), Some(high)) => Some(format!("{} to {}", number(low), number(high))),
     }
-    Some(format!("{}x{}", low.unwrap_or_default(), high.unwrap_or_default()))
+}
+
+/// A number, with an exponent where it would be long.
+fn number(x: f64) -> String {
+    if x != 0.0 && !(1e-3..1e5).contains(&x.abs()) { format!("{x:e}") } else { format!("{x}") }
 }
 
 /// A value found, shortened.

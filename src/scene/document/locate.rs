@@ -32,9 +32,10 @@ fn span(root: &ast::Value, key: &Key) -> (usize, usize) {
     let mut whole = value.range();
     let mut opening = (whole.start, whole.start + 1);
     for step in &key.0 {
+        // Of a name given twice the last counts, as when reading.
         let next = match (value, step) {
             (ast::Value::Object(object), Step::Name(name)) => {
-                object.properties.iter().find(|p| p.name.as_str() == name).map(|p| {
+                object.properties.iter().rfind(|p| p.name.as_str() == name).map(|p| {
                     let name_end = p.value.range().start;
                     (&p.value, p.range, (p.range.start, name_end))
                 })

@@ -119,7 +119,7 @@ impl Faults {
         if found != wanted {
             self.add(
                 key,
-                format!("has {found} elements where {wanted} belong"),
+                format!("holds {found} where {wanted} belong"),
                 format!("one per {one_per}: {wanted}"),
                 "make the lengths agree",
             );

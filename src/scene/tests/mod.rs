@@ -2,7 +2,9 @@
 #![allow(clippy::print_stderr)] // A skipped test says so.
 
 mod anim;
+mod faults;
 mod groom;
+mod schemas;
 
 use std::path::{Path, PathBuf};
 
