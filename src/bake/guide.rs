@@ -1,6 +1,9 @@
 //! One guide in motion: its state, and one implicit step of it.
 
 use super::air;
+use super::clearance::Clearance;
+use super::touch::{Touch, TouchWork};
+use crate::contact::{Bodies, Motion, Polyline};
 use crate::math::se3::Pose;
 use crate::rod::newton::{Outcome, Solver};
 use crate::rod::potential::Load;
@@ -11,11 +14,18 @@ use nalgebra::{Isometry3, Vector3};
 /// How often a step is halved before a solve that does not converge is kept and reported.
 const MAX_HALVINGS: u32 = 5;
 
+/// How often a step is halved before a motion that still crosses a surface is cut short.
+const MAX_CONTACT_HALVINGS: u32 = 2;
+
 /// A guide and where it is.
 #[derive(Debug, Clone)]
 pub struct Guide {
     /// The rod.
     pub rod: Rod,
+    /// What each point keeps from each body.
+    pub clearance: Clearance,
+    /// Friction coefficient of the strand.
+    pub friction: f64,
     /// Drag per length and speed at each point, N·s/m².
     pub drag: Vec<f64>,
     /// Unknowns now, and one and two sub-steps ago, 1/m.
@@ -28,6 +38,8 @@ pub struct Guide {
     pub tangent: Vec<Vector3<f64>>,
     /// Rate of the unknowns over the last solve, 1/(m·s): the start of the next one.
     rate: Vec<f64>,
+    /// Where the bodies were last seen.
+    memory: crate::contact::Workspace,
 }
 
 /// What one step of a guide did.
@@ -39,6 +51,18 @@ pub struct StepRecord {
     pub halvings: u32,
     /// Solves that were kept without having converged.
     pub unconverged: u32,
+    /// Contacts found, in the last solve.
+    pub found: u32,
+    /// Contacts that push, in the last solve.
+    pub active: u32,
+    /// Rounds of contact, at most.
+    pub rounds: u32,
+    /// Relative residual of the reactions, largest.
+    pub residual: f64,
+    /// Deepest point inside a body, m; 0 where there is none.
+    pub penetration: f64,
+    /// Solves whose motion was cut short at a surface.
+    pub shortened: u32,
 }
 
 /// What surrounds the guides: motion and air.
@@ -49,6 +73,12 @@ pub struct Surroundings<'a> {
     pub gravity: &'a (dyn Fn(f64) -> Vector3<f64> + Sync),
     /// Wind fields.
     pub wind: &'a [Wind],
+    /// What the guides collide with.
+    pub bodies: &'a Bodies,
+    /// Rest space of a body of `bodies` to world at a time, s.
+    pub body: &'a (dyn Fn(usize, f64) -> Isometry3<f64> + Sync),
+    /// Progress (0..=1) of bringing out what starts inside a body, at a time, s.
+    pub brought_out: &'a (dyn Fn(f64) -> f64 + Sync),
 }
 
 impl Surroundings<'_> {
@@ -66,11 +96,23 @@ pub struct Workspace {
     solver: Solver,
     load: Load,
     q: Vec<f64>,
+    motions: Vec<Motion>,
+    clearance: Vec<f64>,
+    touch: TouchWork,
 }
 
 impl Guide {
-    /// The guide in the groom's pose at time `t`, s, carried rigidly by the head; `h` is the sub-step, s.
-    pub fn new(rod: Rod, drag: Vec<f64>, around: &Surroundings, t: f64, h: f64) -> Self {
+    /// The guide in the groom's pose at time `t`, s, carried rigidly by the head; `h` is the sub-step, s, and `thickness`, m,
+    /// what is kept from each body.
+    pub fn new(
+        rod: Rod,
+        drag: Vec<f64>,
+        friction: f64,
+        thickness: &[f64],
+        around: &Surroundings,
+        t: f64,
+        h: f64,
+    ) -> Self {
         let q = rod.start.clone();
         let mut shape = Shape::default();
         let mut place = |t: f64| -> Vec<Pose> {
@@ -79,15 +121,19 @@ impl Guide {
             shape.pose.iter().map(|g| Pose { r: g.r, p: g.p + root.p }).collect()
         };
         let (now, before) = (place(t), place(t - h));
-        let v = now.iter().zip(&before).map(|(a, b)| (a.p - b.p) / h).collect();
+        let x: Vec<Vector3<f64>> = now.iter().map(|g| g.p).collect();
+        let poses: Vec<_> = (0..around.bodies.len()).map(|b| (around.body)(b, t)).collect();
         Guide {
-            x: now.iter().map(|g| g.p).collect(),
+            clearance: Clearance::new(around.bodies, &poses, thickness, &x),
+            x,
             tangent: now.iter().map(|g| g.r.column(2).into()).collect(),
-            v,
+            v: now.iter().zip(&before).map(|(a, b)| (a.p - b.p) / h).collect(),
             rate: vec![0.0; q.len()],
             q: [q.clone(), q.clone(), q],
+            friction,
             drag,
             rod,
+            memory: crate::contact::Workspace::default(),
         }
     }
 
@@ -113,17 +159,73 @@ impl Guide {
         let root = self.prepare(around, t0, t1, work);
         let outcome = self.solve(&root, work);
         record.iterations += outcome.iterations;
+        let clear = outcome.converged && self.touch(around, &root, t0, t1, work, record);
+        let most = if outcome.converged { MAX_CONTACT_HALVINGS } else { MAX_HALVINGS };
+        if !clear && depth < most {
+            record.halvings += 1;
+            let middle = 0.5 * (t0 + t1);
+            self.advance_part(around, t0, middle, depth + 1, work, record);
+            self.advance_part(around, middle, t1, depth + 1, work, record);
+            return;
+        }
         if !outcome.converged {
-            if depth < MAX_HALVINGS {
-                record.halvings += 1;
-                let middle = 0.5 * (t0 + t1);
-                self.advance_part(around, t0, middle, depth + 1, work, record);
-                self.advance_part(around, middle, t1, depth + 1, work, record);
-                return;
-            }
             record.unconverged += 1;
+        } else if !clear {
+            record.shortened += 1;
+            self.shorten(around, &root, work);
         }
         self.commit(&root, t1 - t0, work);
+    }
+
+    /// Resolves contact over a step; `false` where the motion still crosses a surface.
+    fn touch(
+        &mut self,
+        around: &Surroundings,
+        root: &Pose,
+        t0: f64,
+        t1: f64,
+        work: &mut Workspace,
+        record: &mut StepRecord,
+    ) -> bool {
+        if around.bodies.is_empty() {
+            return true;
+        }
+        work.motions.clear();
+        work.motions.extend(
+            (0..around.bodies.len()).map(|b| Motion { start: (around.body)(b, t0), end: (around.body)(b, t1) }),
+        );
+        self.clearance.at((around.brought_out)(t1), &mut work.clearance);
+        let touch = Touch {
+            rod: &self.rod,
+            bodies: around.bodies,
+            motions: &work.motions,
+            clearance: &work.clearance,
+            x0: &self.x,
+            friction: self.friction,
+            root,
+            load: &work.load,
+        };
+        touch.resolve(&mut work.q, &mut work.solver, &mut self.memory, &mut work.touch, record)
+    }
+
+    /// Cuts the motion of the unknowns short so that no surface is crossed: the last resort. On a body that carries the
+    /// root, no motion of the unknowns is no motion at all.
+    fn shorten(&mut self, around: &Surroundings, root: &Pose, work: &mut Workspace) {
+        let goal = work.q.clone();
+        let mut x1 = self.x.clone();
+        for share in [0.5, 0.25, 0.125, 0.0] {
+            for ((q, a), b) in work.q.iter_mut().zip(&self.q[0]).zip(&goal) {
+                *q = a + share * (b - a);
+            }
+            work.solver.shape.update(&self.rod, &root.r, &work.q);
+            for (x, g) in x1.iter_mut().zip(&work.solver.shape.pose) {
+                *x = g.p + root.p;
+            }
+            let line = Polyline { x0: &self.x, x1: &x1, clearance: &work.clearance };
+            if around.bodies.advance_limit(&work.motions, &line, &mut self.memory) >= 1.0 {
+                break;
+            }
+        }
     }
 
     /// Fills the load of a step and returns the root's pose at its end.

@@ -1,5 +1,116 @@
 //! The frame loop: sub-steps, statistics, the cache written as it goes.
 
 pub mod air;
+mod clearance;
 pub mod guide;
+pub mod output;
+pub mod record;
 pub mod simulation;
+mod touch;
+
+use crate::Result;
+use crate::cache::{self, InputRecord, Manifest};
+use crate::scene::{Anim, Groom};
+use output::Output;
+use record::FrameRecord;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+use simulation::Simulation;
+use std::path::Path;
+use std::time::Instant;
+
+/// Wall-clock time of the stages of one frame, s. Kept out of the cache: it changes from run to run.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct StageSeconds {
+    /// Sub-steps of the guides.
+    pub simulate: f64,
+    /// Render strands from guides.
+    pub interpolate: f64,
+    /// Encoding and writing the frame file.
+    pub write: f64,
+}
+
+/// What a bake did, frame by frame, handle frames included.
+#[derive(Debug, Clone, Default)]
+pub struct BakeSummary {
+    /// Figures of each frame.
+    pub frames: Vec<FrameRecord>,
+    /// Time that each frame took.
+    pub seconds: Vec<StageSeconds>,
+    /// Time of the pre-roll, s.
+    pub preroll_seconds: f64,
+    /// The manifest as written.
+    pub manifest: Option<Manifest>,
+}
+
+/// Bakes `groom` on `anim` into the folder `out`, frame by frame; `progress` is told each frame that is on disk, and how
+/// many of how many that makes.
+///
+/// # Errors
+/// [`crate::Error::Io`] where a file cannot be written.
+pub fn bake(
+    groom: Groom,
+    anim: &Anim,
+    inputs: Vec<InputRecord>,
+    out: &Path,
+    mut progress: impl FnMut(&FrameRecord, usize, usize),
+) -> Result<BakeSummary> {
+    let groom = &groom.with_default_trees(anim.settings.nodes);
+    let mut simulation = Simulation::new(groom, anim);
+    let output = Output::new(groom, anim, &simulation);
+    let writer = cache::Writer::create(out, output.header())?;
+    let mut manifest = Manifest::new(output.header());
+    manifest.inputs = inputs;
+    manifest.settings = settings(anim);
+
+    let ids = &groom.guides.curves.id;
+    let mut summary = BakeSummary::default();
+    let (first, last) = (anim.frames.0 - 1, anim.frames.1 + 1);
+    let total = (last - first + 1) as usize;
+    for (i, frame) in (first..=last).enumerate() {
+        let mut record = FrameRecord { frame, ..FrameRecord::default() };
+        let start = Instant::now();
+        simulation.run_to(frame, |steps| record.add(steps, ids, anim.settings.substeps));
+        let simulated = start.elapsed().as_secs_f64();
+        record.close(&simulation.guides, &output::head_motion(anim, simulation.time()));
+        let start = Instant::now();
+        let arrays = output.frame(frame, &simulation);
+        let interpolate = start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        let file = writer.write_frame(&arrays)?;
+        let write = start.elapsed().as_secs_f64();
+        manifest.frames.push(cache::FrameRecord { frame, file, figures: figures(&record) });
+        // The first frame's steps are the pre-roll's.
+        let simulate = if i == 0 {
+            summary.preroll_seconds = simulated;
+            0.0
+        } else {
+            simulated
+        };
+        summary.seconds.push(StageSeconds { simulate, interpolate, write });
+        progress(&record, i + 1, total);
+        summary.frames.push(record);
+    }
+    summary.manifest = Some(writer.finish(manifest)?);
+    Ok(summary)
+}
+
+/// The settings of a bake as the manifest holds them.
+fn settings(anim: &Anim) -> Value {
+    json!({
+        "substeps": anim.settings.substeps,
+        "preroll_s": anim.settings.preroll,
+        "nodes": anim.settings.nodes,
+        "gravity_m_s2": [anim.gravity.x, anim.gravity.y, anim.gravity.z],
+    })
+}
+
+fn figures(record: &FrameRecord) -> Map<String, Value> {
+    match serde_json::to_value(record) {
+        Ok(Value::Object(mut map)) => {
+            map.remove("frame");
+            map
+        }
+        _ => Map::new(),
+    }
+}

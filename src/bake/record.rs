@@ -17,6 +17,18 @@ pub struct FrameRecord {
     pub halvings: u32,
     /// Ids of guides with a solve that was kept without having converged.
     pub unconverged: Vec<i32>,
+    /// Places where a guide is at a body, found at the last sub-step of the frame.
+    pub contacts_found: u32,
+    /// Those of them that push.
+    pub contacts_active: u32,
+    /// Rounds of contact, most of any guide and sub-step.
+    pub contact_rounds: u32,
+    /// Relative residual of the reactions, largest.
+    pub contact_residual: f64,
+    /// Deepest point inside a body that is not exempt, m; 0 where there is none.
+    pub penetration_m: f64,
+    /// Solves whose motion was cut short at a surface.
+    pub shortened: u32,
     /// Speed of the guides' points relative to the head, mean, m/s.
     pub speed_mean_m_s: f64,
     /// The same, 95th percentile.
@@ -31,10 +43,17 @@ impl FrameRecord {
     /// Adds the records of one sub-step, one per guide; `ids` are the guides' ids.
     pub fn add(&mut self, records: &[StepRecord], ids: &[i32], substeps: u32) {
         let n = (records.len() * substeps as usize).max(1) as f64;
+        (self.contacts_found, self.contacts_active) = (0, 0);
         for (r, id) in records.iter().zip(ids) {
             self.newton_mean += f64::from(r.iterations) / n;
             self.newton_max = self.newton_max.max(r.iterations);
             self.halvings += r.halvings;
+            self.contacts_found += r.found;
+            self.contacts_active += r.active;
+            self.contact_rounds = self.contact_rounds.max(r.rounds);
+            self.contact_residual = self.contact_residual.max(r.residual);
+            self.penetration_m = self.penetration_m.max(r.penetration);
+            self.shortened += r.shortened;
             if r.unconverged > 0 && !self.unconverged.contains(id) {
                 self.unconverged.push(*id);
             }

@@ -2,6 +2,7 @@
 
 use super::air::{self, Bulk};
 use super::guide::{Guide, StepRecord, Surroundings, Workspace};
+use crate::contact::Bodies;
 use crate::rod::{Rod, Sensitivity, Shape};
 use crate::scene::{Anim, Groom};
 use crate::wisp::{self, GuideRod};
@@ -15,6 +16,7 @@ const MAX_STEP: f64 = 0.01;
 /// The guides of a groom in motion.
 pub struct Simulation<'a> {
     anim: &'a Anim,
+    bodies: Bodies,
     /// The guides, in the groom's order.
     pub guides: Vec<Guide>,
     /// Leaf wisp of each guide: (tree, wisp).
@@ -33,7 +35,8 @@ impl<'a> Simulation<'a> {
         let rods = wisp::rods(groom, MAX_STEP);
         let bulk = Bulk::new(rods.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
         let leaves = rods.iter().map(|r| (r.leaf.0 as u32, r.leaf.1 as u32)).collect();
-        let mut simulation = Simulation { anim, guides: Vec::new(), leaves, taken: 0, preroll };
+        let bodies = Bodies::new(&anim.colliders);
+        let mut simulation = Simulation { anim, bodies, guides: Vec::new(), leaves, taken: 0, preroll };
         let t = simulation.time();
         simulation.guides = simulation.around(|around| {
             rods.into_par_iter().map(|mut r| start(groom, anim, &bulk, &mut r, around, t, step)).collect()
@@ -79,7 +82,15 @@ impl<'a> Simulation<'a> {
 
     fn around<T>(&self, f: impl FnOnce(&Surroundings) -> T) -> T {
         let anim = self.anim;
+        let out = self.time_after(self.preroll);
         f(&Surroundings {
+            bodies: &self.bodies,
+            body: &|b, t| anim.bodies[anim.colliders[b].body].track.pose(t),
+            brought_out: &|t| match anim.settings.preroll {
+                // Half of the pre-roll to come out, half to settle.
+                p if p > 0.0 => ((t - out + p) / (0.5 * p)).clamp(0.0, 1.0),
+                _ => 1.0,
+            },
             head: &|t| anim.head_pose(t),
             gravity: &|t| anim.gravity + anim.forces.iter().map(|k| k.at(t)).sum::<Vector3<f64>>(),
             wind: &anim.wind,
@@ -108,7 +119,9 @@ fn start(
     let drag = (0..r.rod.points())
         .map(|k| air::drag(groom, bulk, r.material, &(shape.x(k) + r.rod.root.p)))
         .collect();
-    Guide::new(r.rod.clone(), drag, around, t, step)
+    let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
+    let friction = groom.materials[r.material].friction;
+    Guide::new(r.rod.clone(), drag, friction, &thickness, around, t, step)
 }
 
 /// Generalised force of gravity `g`, m/s², on a rod at unknowns `q`, N·m².

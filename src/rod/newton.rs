@@ -92,7 +92,7 @@ impl Solver {
     /// Linearises Φ at `q`, whose shape is [`Solver::shape`]: fills [`Solver::sensitivity`], [`Solver::factor`], and
     /// [`Solver::direction`] with L⁻¹(−gradient). Where the Hessian is indefinite the geometric stiffness is left
     /// out. `false` only if a number is not finite.
-    fn linearise(&mut self, rod: &Rod, load: &Load, q: &[f64]) -> bool {
+    pub fn linearise(&mut self, rod: &Rod, load: &Load, q: &[f64]) -> bool {
         let n = q.len();
         self.sensitivity.update(rod, &self.shape, q);
         self.direction.resize(n, 0.0);
@@ -117,17 +117,6 @@ impl Solver {
             }
         }
         false
-    }
-
-    /// Linearises Φ at `q` and completes the Newton direction; as [`Solver::minimise`] does in each of its steps.
-    /// `false` only if a number is not finite.
-    pub fn newton_direction(&mut self, rod: &Rod, root: &Matrix3<f64>, load: &Load, q: &[f64]) -> bool {
-        self.shape.update(rod, root, q);
-        let fine = self.linearise(rod, load, q);
-        if fine {
-            cholesky::solve_upper(&self.factor, q.len(), &mut self.direction);
-        }
-        fine
     }
 
     /// Moves `q` by the current direction (no further than the Magnus series allows) and updates the shape;

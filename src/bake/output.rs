@@ -1,0 +1,187 @@
+//! From the simulation's state to the arrays of the cache, in the groom's own unit and axes.
+
+use super::simulation::Simulation;
+use crate::cache::{ColliderMesh, CurveFrame, CurveSet, Frame, Header};
+use crate::rod::{Rod, Sensitivity, Shape};
+use crate::scene::{Anim, Convention, Curves, Groom, UpAxis};
+use crate::strands::{GuideMotion, HeadMotion, Interpolator};
+use nalgebra::{Isometry3, Matrix3, Matrix4, Vector3};
+use rayon::prelude::*;
+
+/// What the cache holds of a bake, and how its arrays come from the guides.
+pub struct Output<'a> {
+    anim: &'a Anim,
+    convention: Convention,
+    strands: Option<Interpolator>,
+    header: Header,
+}
+
+impl<'a> Output<'a> {
+    /// Prepares the output of `simulation`.
+    pub fn new(groom: &Groom, anim: &'a Anim, simulation: &Simulation) -> Self {
+        let convention = groom.convention;
+        let rods: Vec<(&Rod, (u32, u32))> =
+            simulation.guides.iter().map(|g| &g.rod).zip(simulation.leaves.iter().copied()).collect();
+        let hair = (!groom.strands.curves.is_empty())
+            .then(|| curve_set(groom, &groom.strands.curves, groom.strands.curves.points.clone(), 0));
+        let header = Header {
+            metres_per_unit: convention.metres_per_unit,
+            z_up: convention.up == UpAxis::Z,
+            fps: anim.fps,
+            frames: anim.frames,
+            hair,
+            guides: guide_set(groom, &rods),
+            colliders: anim
+                .colliders
+                .iter()
+                .map(|c| {
+                    let (vertices, triangles) = match &c.shape { crate::scene::Shape::Mesh(m) => (m.vertices.clone(), m.triangles.clone()), _ => (vec![], vec![]) };
+                    ColliderMesh {
+                        name: c.name.clone(),
+                        points: vertices.iter().map(|v| single(&convention.length_out(*v))).collect(),
+                        triangles: triangles.iter().map(|t| t.map(|i| i as i32)).collect(),
+                    }
+                })
+                .collect(),
+            ..Header::default()
+        };
+        let strands = (!groom.strands.curves.is_empty())
+            .then(|| Interpolator::new(&groom.strands.curves, &groom.strands.leaf, &rods));
+        Output { anim, convention, strands, header }
+    }
+
+    /// The cache's header.
+    pub fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// The cache's arrays at the simulation's time, which must be that of `frame`.
+    pub fn frame(&self, frame: i32, simulation: &Simulation) -> Frame {
+        let t = self.anim.time(f64::from(frame));
+        let head = head_motion(self.anim, t);
+        let to_scene = self.convention.to_y_up().inverse().to_rotation_matrix().into_inner()
+            / self.convention.metres_per_unit;
+        let rates: Vec<Vec<f64>> = simulation.guides.iter().map(|g| g.rate(simulation.step())).collect();
+        let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
+            let motion: Vec<GuideMotion> =
+                simulation.guides.iter().zip(&rates).map(|(g, rate)| GuideMotion { q: &g.q[0], rate }).collect();
+            let mut points = vec![[0.0; 3]; set.rest.len()];
+            let mut velocities = vec![[0.0; 3]; set.rest.len()];
+            strands.evaluate(&head, &motion, &to_scene, &mut points, &mut velocities);
+            CurveFrame { extent: extent(&points, &set.widths), points, velocities }
+        });
+        Frame {
+            frame,
+            hair,
+            guides: self.guides(simulation, &rates, &head, &to_scene),
+            head: self.matrix(&self.anim.head_pose(t)),
+            colliders: self
+                .anim
+                .colliders
+                .iter()
+                .map(|c| self.matrix(&self.anim.bodies[c.body].track.pose(t)))
+                .collect(),
+        }
+    }
+
+    fn guides(
+        &self,
+        simulation: &Simulation,
+        rates: &[Vec<f64>],
+        head: &HeadMotion,
+        to_scene: &Matrix3<f64>,
+    ) -> CurveFrame {
+        let per_guide: Vec<Vec<([f32; 3], [f32; 3])>> = simulation
+            .guides
+            .par_iter()
+            .zip(rates)
+            .map(|(guide, rate)| {
+                let (mut shape, mut sensitivity) = (Shape::default(), Sensitivity::default());
+                shape.update(&guide.rod, &(head.rotation * guide.rod.root.r), &guide.q[0]);
+                sensitivity.update(&guide.rod, &shape, &guide.q[0]);
+                let (root, speed) = head.carry(&guide.rod.root.p);
+                (0..guide.rod.points())
+                    .map(|k| {
+                        let arm = shape.x(k);
+                        let v = speed + head.spin.cross(&arm) + sensitivity.velocity(k, &arm, rate);
+                        (single(&(to_scene * (root + arm))), single(&(to_scene * v)))
+                    })
+                    .collect()
+            })
+            .collect();
+        let (points, velocities): (Vec<_>, Vec<_>) = per_guide.into_iter().flatten().unzip();
+        CurveFrame { extent: extent(&points, &self.header.guides.widths), points, velocities }
+    }
+
+    /// A rest-to-world pose in the cache's unit and axes.
+    fn matrix(&self, pose: &Isometry3<f64>) -> [[f64; 4]; 4] {
+        let axes = self.convention.to_y_up();
+        let rotation = axes.inverse() * pose.rotation * axes;
+        let mut m: Matrix4<f64> = rotation.to_homogeneous();
+        m.fixed_view_mut::<3, 1>(0, 3).copy_from(&self.convention.length_out(pose.translation.vector));
+        std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)]))
+    }
+}
+
+/// Pose of the head at `t`, s, and its velocity by central differences of the (smooth) track.
+pub fn head_motion(anim: &Anim, t: f64) -> HeadMotion {
+    let delta = 1e-4;
+    let (now, after, before) = (anim.head_pose(t), anim.head_pose(t + delta), anim.head_pose(t - delta));
+    HeadMotion {
+        rotation: now.rotation.to_rotation_matrix().into_inner(),
+        translation: now.translation.vector,
+        spin: (after.rotation * before.rotation.inverse()).scaled_axis() / (2.0 * delta),
+        velocity: (after.translation.vector - before.translation.vector) / (2.0 * delta),
+    }
+}
+
+/// The guides as the rods see them: points at the ends of their sub-steps.
+fn guide_set(groom: &Groom, rods: &[(&Rod, (u32, u32))]) -> CurveSet {
+    let mut curves = Curves { offsets: vec![0], points: Vec::new(), ..groom.guides.curves.clone() };
+    for (rod, _) in rods {
+        let mut shape = Shape::default();
+        shape.update(rod, &rod.root.r, &rod.start);
+        curves.points.extend(shape.pose.iter().map(|g| g.p + rod.root.p));
+        curves.offsets.push(curves.points.len());
+    }
+    let points = std::mem::take(&mut curves.points);
+    curve_set(groom, &curves, points, 1)
+}
+
+fn curve_set(groom: &Groom, curves: &Curves, points: Vec<Vector3<f64>>, guide: i32) -> CurveSet {
+    let out = &groom.convention;
+    let mut widths = Vec::with_capacity(points.len());
+    for (c, w) in curves.offsets.windows(2).enumerate() {
+        let [root, tip] = groom.groups[curves.group[c] as usize].width;
+        let last = (w[1] - w[0] - 1).max(1) as f64;
+        widths.extend((0..w[1] - w[0]).map(|k| {
+            let u = k as f64 / last;
+            ((root + (tip - root) * u) / out.metres_per_unit) as f32
+        }));
+    }
+    CurveSet {
+        counts: curves.offsets.windows(2).map(|w| (w[1] - w[0]) as i32).collect(),
+        rest: points.iter().map(|p| single(&out.length_out(*p))).collect(),
+        widths,
+        id: curves.id.clone(),
+        group: curves.group.iter().map(|g| *g as i32).collect(),
+        guide: vec![guide; curves.len()],
+        root_uv: curves.root_uv.clone(),
+    }
+}
+
+/// Lowest and highest corner of the points, each grown by half its width.
+fn extent(points: &[[f32; 3]], widths: &[f32]) -> [[f32; 3]; 2] {
+    let mut e = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+    for (p, w) in points.iter().zip(widths) {
+        for c in 0..3 {
+            e[0][c] = e[0][c].min(p[c] - 0.5 * w);
+            e[1][c] = e[1][c].max(p[c] + 0.5 * w);
+        }
+    }
+    e
+}
+
+fn single(v: &Vector3<f64>) -> [f32; 3] {
+    [v.x as f32, v.y as f32, v.z as f32]
+}

@@ -1,0 +1,212 @@
+//! Contact of one guide with the bodies, within one step: find, solve for reactions, move, look again.
+//!
+//! `docs/theory.md` §5. The bodies move as they will whatever the hair does, so every guide is a problem of its own.
+
+use super::guide::StepRecord;
+use crate::contact::{Bodies, Contact, Motion, Polyline, Problem, Tolerance, friction};
+use crate::math::cholesky::{dot, solve_lower, solve_upper};
+use crate::math::se3::Pose;
+use crate::rod::Rod;
+use crate::rod::newton::Solver;
+use crate::rod::potential::Load;
+use nalgebra::Vector3;
+
+/// Surfaces nearer than this to a strand at the end of a step are in the contact problem, m.
+const REACH: f64 = 1e-3;
+
+/// Times that contacts are looked for, solved and moved in one step.
+const MAX_ROUNDS: u32 = 12;
+
+/// Violation of a clearance that is as good as none, m: a hundredth of the thickness of a fine hair.
+const GAP_TOLERANCE: f64 = 1e-6;
+
+/// Motion of a point between rounds that is as good as none, m.
+const MOVE_TOLERANCE: f64 = 1e-6;
+
+/// Contacts of one strand in one problem; beyond it the deepest are kept and the others wait for the next round.
+const MAX_CONTACTS: usize = 64;
+
+/// When the reactions are good enough: their residual multiplies displacements of a step, some 0.1 mm.
+const TOLERANCE: Tolerance = Tolerance { residual: 1e-7, sweeps: 300 };
+
+/// The problem of one guide in one step.
+pub(super) struct Touch<'a> {
+    pub rod: &'a Rod,
+    pub bodies: &'a Bodies,
+    pub motions: &'a [Motion],
+    /// Clearance at body b and point k, at `b * points + k`, m.
+    pub clearance: &'a [f64],
+    /// Points at the start of the step, world, m.
+    pub x0: &'a [Vector3<f64>],
+    /// Friction coefficient of the strand, where the body has none.
+    pub friction: f64,
+    /// Root at the end of the step, world.
+    pub root: &'a Pose,
+    pub load: &'a Load,
+}
+
+/// Buffers of [`Touch::resolve`].
+#[derive(Debug, Default)]
+pub(super) struct TouchWork {
+    x1: Vec<Vector3<f64>>,
+    contacts: Vec<Contact>,
+    impacts: Vec<Contact>,
+    /// L⁻¹Jᵀ, a row for each contact and direction.
+    rows: Vec<f64>,
+    delassus: Vec<f64>,
+    free: Vec<f64>,
+    mu: Vec<f64>,
+    reaction: Vec<f64>,
+    /// Places of the last reactions, for a warm start: (body, segment), as `reaction`.
+    places: Vec<(usize, usize)>,
+    last: Vec<f64>,
+}
+
+impl Touch<'_> {
+    /// Brings `q`, whose shape the solver holds, out of all bodies. `false` where the motion still crosses a surface.
+    pub fn resolve(
+        &self,
+        q: &mut [f64],
+        solver: &mut Solver,
+        memory: &mut crate::contact::Workspace,
+        work: &mut TouchWork,
+        record: &mut StepRecord,
+    ) -> bool {
+        work.last.clear();
+        work.places.clear();
+        for round in 0..MAX_ROUNDS {
+            let first_impact = self.find(solver, memory, work);
+            let worst = work.contacts.iter().map(|c| c.gap).fold(0.0, f64::min);
+            if round == 0 {
+                record.found = work.contacts.len() as u32;
+            }
+            let fits = worst >= -GAP_TOLERANCE && first_impact >= 1.0;
+            if work.contacts.is_empty() || (round == 0 && fits) {
+                self.note(work, record);
+                return true;
+            }
+            record.rounds = record.rounds.max(round + 1);
+            if !solver.linearise(self.rod, self.load, q) {
+                return false;
+            }
+            self.assemble(solver, work);
+            self.react(solver, work, record);
+            let moved = solver.advance(self.rod, &self.root.r, q);
+            if moved <= MOVE_TOLERANCE && fits {
+                break;
+            }
+        }
+        let clear = self.find(solver, memory, work) >= 1.0;
+        if std::env::var("DBG").is_ok() && (!clear || record.rounds >= MAX_ROUNDS) {
+            println!("--- stuck clear {clear} n {} contacts {}", self.rod.unknowns(), work.contacts.len());
+            for c in &work.contacts { println!("  seg {} u {:.3} body {} feat {:?} gap {:.3e} d {:.3e} {:.3e} n {:.2?} r {:?}", c.segment, c.u, c.body, c.feature, c.gap, self.clearance[c.segment], self.clearance[c.segment+1], c.normal.as_slice(), work.places.iter().position(|p| *p == (c.body, c.segment)).map(|i| &work.last[3*i..3*i+3])); }
+        }
+        self.note(work, record);
+        clear
+    }
+
+    /// Contacts at the solver's shape, with the impacts on the way there; returns the time of the first impact.
+    fn find(&self, solver: &Solver, memory: &mut crate::contact::Workspace, work: &mut TouchWork) -> f64 {
+        work.x1.clear();
+        work.x1.extend(solver.shape.pose.iter().map(|g| g.p + self.root.p));
+        let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
+        work.contacts.clear();
+        work.impacts.clear();
+        self.bodies.candidates(self.motions, &line, REACH, memory, &mut work.contacts);
+        let first = self.bodies.impacts(self.motions, &line, memory, &mut work.impacts);
+        let seen = work.contacts.len();
+        for impact in work.impacts.drain(..) {
+            let known = work.contacts[..seen].iter().any(|c| {
+                c.body == impact.body && c.segment.abs_diff(impact.segment) <= 1 && c.normal.dot(&impact.normal) > 0.5
+            });
+            if !known {
+                work.contacts.push(impact);
+            }
+        }
+        if work.contacts.len() > MAX_CONTACTS {
+            work.contacts.sort_by(|a, b| a.gap.total_cmp(&b.gap));
+            work.contacts.truncate(MAX_CONTACTS);
+            work.contacts.sort_by(|a, b| (a.body, a.segment).cmp(&(b.body, b.segment)).then(a.u.total_cmp(&b.u)));
+        }
+        first
+    }
+
+    /// The Delassus matrix and the free displacements, in the frame (normal, tangents) of each contact.
+    fn assemble(&self, solver: &Solver, work: &mut TouchWork) {
+        let (n, c) = (self.rod.unknowns(), work.contacts.len());
+        work.rows.clear();
+        work.rows.resize(3 * c * n, 0.0);
+        work.free.clear();
+        work.mu.clear();
+        for (i, contact) in work.contacts.iter().enumerate() {
+            let (k, u) = (contact.segment, contact.u);
+            let at = |x: &[Vector3<f64>]| x[k] * (1.0 - u) + x[k + 1] * u;
+            let slip = at(&work.x1) - at(self.x0) - (contact.point[1] - contact.point[0]);
+            let [t1, t2] = tangents(&contact.normal);
+            for (j, d) in [contact.normal, t1, t2].iter().enumerate() {
+                let row = &mut work.rows[(3 * i + j) * n..(3 * i + j + 1) * n];
+                solver.sensitivity.add_row(k, &solver.shape.x(k), d, 1.0 - u, row);
+                solver.sensitivity.add_row(k + 1, &solver.shape.x(k + 1), d, u, row);
+                solve_lower(&solver.factor, n, row);
+                let now = if j == 0 { contact.gap } else { slip.dot(d) };
+                work.free.push(now + dot(row, &solver.direction));
+            }
+            work.mu.push(contact.friction.unwrap_or(self.friction));
+        }
+        work.delassus.clear();
+        work.delassus.resize(9 * c * c, 0.0);
+        for a in 0..3 * c {
+            for b in 0..=a {
+                let w = dot(&work.rows[a * n..(a + 1) * n], &work.rows[b * n..(b + 1) * n]);
+                work.delassus[a * 3 * c + b] = w;
+                work.delassus[b * 3 * c + a] = w;
+            }
+        }
+    }
+
+    /// Solves for the reactions and completes the solver's direction with them.
+    fn react(&self, solver: &mut Solver, work: &mut TouchWork, record: &mut StepRecord) {
+        let n = self.rod.unknowns();
+        work.reaction.clear();
+        for contact in &work.contacts {
+            let place = (contact.body, contact.segment);
+            let warm = work.places.iter().position(|p| *p == place);
+            work.reaction.extend(warm.map_or([0.0; 3], |i| [work.last[3 * i], 0.0, 0.0]));
+        }
+        let problem = Problem { w: &work.delassus, b: &work.free, mu: &work.mu };
+        let outcome = friction::solve(&problem, TOLERANCE, &mut work.reaction);
+        record.residual = record.residual.max(outcome.residual);
+        for (row, r) in work.rows.chunks_exact(n).zip(&work.reaction) {
+            if *r != 0.0 {
+                for (d, a) in solver.direction.iter_mut().zip(row) {
+                    *d += a * r;
+                }
+            }
+        }
+        solve_upper(&solver.factor, n, &mut solver.direction);
+        work.places.clear();
+        work.places.extend(work.contacts.iter().map(|c| (c.body, c.segment)));
+        work.last.clone_from(&work.reaction);
+    }
+
+    /// Notes what the step ended with.
+    fn note(&self, work: &TouchWork, record: &mut StepRecord) {
+        record.active = work.last.chunks_exact(3).filter(|r| r[0] > 0.0).count() as u32;
+        let n = self.x0.len();
+        for c in &work.contacts {
+            let d = &self.clearance[c.body * n..];
+            let keep = d[c.segment] * (1.0 - c.u) + d[c.segment + 1] * c.u;
+            // Points on their way out of a body are not at fault.
+            if keep >= 0.0 {
+                record.penetration = record.penetration.max(-(c.gap + keep));
+            }
+        }
+    }
+}
+
+/// Two unit vectors across `n`.
+fn tangents(n: &Vector3<f64>) -> [Vector3<f64>; 2] {
+    let axis = if n.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
+    let t1 = n.cross(&axis).normalize();
+    [t1, n.cross(&t1)]
+}
