@@ -25,6 +25,11 @@ impl Reader {
         Ok(Reader { dir: dir.to_path_buf(), header, frames: frames_on_disk(dir)? })
     }
 
+    /// The cache's folder.
+    pub fn dir(&self) -> &Path {
+        &self.dir
+    }
+
     /// What does not change.
     pub fn header(&self) -> &Header {
         &self.header

@@ -44,28 +44,53 @@ pub fn draw_number(image: &mut Image, number: i32, x: u32, y: u32, scale: u32, c
     }
 }
 
+/// Reads `n` characters back by comparing the dots of each place with every glyph.
+#[cfg(test)]
+pub fn read_number(image: &Image, x: u32, y: u32, scale: u32, n: usize, colour: [u8; 3]) -> String {
+    let dot = |i: usize, row: usize, column: usize| {
+        image.get(x + (i * ADVANCE + column) as u32 * scale, y + row as u32 * scale) == colour
+    };
+    let matches = |i: usize, c: &char| {
+        let rows = glyph(*c).unwrap();
+        (0..HEIGHT).all(|r| (0..WIDTH).all(|k| dot(i, r, k) == (rows[r] >> (WIDTH - 1 - k) & 1 == 1)))
+    };
+    (0..n).filter_map(|i| "0123456789-".chars().find(|c| matches(i, c))).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Reads digits back by comparing the dots of each cell with every glyph.
-    fn read(image: &Image, x: u32, y: u32, scale: u32, n: usize) -> String {
-        let dot = |i: usize, row: usize, column: usize| {
-            image.get(x + (i * ADVANCE + column) as u32 * scale, y + row as u32 * scale) == [255; 3]
-        };
-        let matches = |i: usize, c: &char| {
-            let rows = glyph(*c).unwrap();
-            (0..HEIGHT).all(|r| (0..WIDTH).all(|k| dot(i, r, k) == (rows[r] >> (WIDTH - 1 - k) & 1 == 1)))
-        };
-        (0..n).filter_map(|i| "0123456789-".chars().find(|c| matches(i, c))).collect()
-    }
 
     #[test]
     fn numbers_read_back() {
         for number in [1001, -23, 456, 7890] {
             let mut image = Image::new(80, 30);
             draw_number(&mut image, number, 3, 4, 2, [255; 3]);
-            assert_eq!(read(&image, 3, 4, 2, number.to_string().len()), number.to_string());
+            let text = number.to_string();
+            assert_eq!(read_number(&image, 3, 4, 2, text.len(), [255; 3]), text);
+        }
+    }
+
+    /// Two digits drawn by hand: the table read upside down or mirrored would not match.
+    #[test]
+    fn digits_stand_upright() {
+        let art = [
+            "  #   ### ",
+            " ##  #   #",
+            "  #      #",
+            "  #     # ",
+            "  #    #  ",
+            "  #   #   ",
+            " ### #####",
+        ];
+        let mut image = Image::new(11, 7);
+        draw_number(&mut image, 12, 0, 0, 1, [255; 3]);
+        for (y, row) in art.iter().enumerate() {
+            for (x, dot) in row.chars().enumerate() {
+                // The art leaves out the empty column between the two.
+                let x = if x < WIDTH { x } else { x + 1 };
+                assert_eq!(image.get(x as u32, y as u32) == [255; 3], dot == '#', "dot {x}, {y}");
+            }
         }
     }
 

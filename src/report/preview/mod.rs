@@ -13,7 +13,7 @@ use nalgebra::{Matrix4, Vector3};
 
 use super::font;
 use super::picture::{Animation, Image};
-use crate::cache::{CurveFrame, CurveSet, Frame, Header};
+use crate::cache::{CurveFrame, CurveSet, Frame, Header, Reader};
 use crate::error::{Error, Problem, Result};
 use camera::{Axes, Framing};
 
@@ -28,6 +28,18 @@ pub trait Shot {
     /// # Errors
     /// As its storage fails.
     fn frame(&self, number: i32) -> Result<Frame>;
+}
+
+impl Shot for Reader {
+    fn path(&self) -> &Path {
+        self.dir()
+    }
+    fn header(&self) -> &Header {
+        self.header()
+    }
+    fn frame(&self, number: i32) -> Result<Frame> {
+        self.read_frame(number)
+    }
 }
 
 /// Factor on the widths of strands that have to let guides be seen.
@@ -171,7 +183,14 @@ impl<'a, S: Shot> Renderer<'a, S> {
                 let guides = std::ptr::eq(set, &self.shot.header().guides);
                 let style = if guides { scene::Style::Guides } else { scene::Style::Hair };
                 let thinned = if self.curves == Curves::Both && !guides { THINNED } else { 1.0 };
-                scene::Strands { set, points, style, width_scale: self.options.width_scale as f32 * thinned }
+                let basis = self.shot.header().basis;
+                scene::Strands {
+                    set,
+                    basis,
+                    points,
+                    style,
+                    width_scale: self.options.width_scale as f32 * thinned,
+                }
             })
             .collect();
         Ok(scene::draw(&camera, self.options.size, fine, &strands, &meshes))

@@ -7,7 +7,7 @@ use super::camera::{Axes, Camera};
 use super::light::{Depths, Rgb, Volume, scatter};
 use super::raster::{self, Ribbon, Triangle};
 use super::strand::{self, Piece};
-use crate::cache::CurveSet;
+use crate::cache::{Basis, CurveSet};
 use crate::report::Image;
 
 /// How a set of curves is drawn.
@@ -23,6 +23,8 @@ pub enum Style {
 pub struct Strands<'a> {
     /// What does not move.
     pub set: &'a CurveSet,
+    /// How the curves run between their points.
+    pub basis: Basis,
     /// All points.
     pub points: Vec<Vector3<f32>>,
     /// How it is drawn.
@@ -49,7 +51,7 @@ const GAIN: f32 = 0.55;
 /// Draws one picture of `size` pixels, `fine` times supersampled; `camera` works in fine pixels.
 pub fn draw(camera: &Camera, size: (u32, u32), fine: u32, strands: &[Strands], meshes: &[Mesh]) -> Image {
     let cut: Vec<Vec<Piece>> =
-        strands.iter().map(|s| strand::pieces(s.set, &s.points, camera, fine as f32)).collect();
+        strands.iter().map(|s| strand::pieces(s.set, s.basis, &s.points, camera, fine as f32)).collect();
     let light = Lighting::new(camera.axes, strands, &cut, meshes);
     let each = strands.iter().zip(&cut);
     let ribbons: Vec<Ribbon> = each
@@ -137,21 +139,28 @@ fn block(volume: &mut Volume, [a, b, c]: [Vector3<f32>; 3]) {
 fn ribbon(strands: &Strands, p: &Piece, camera: &Camera, fine: u32, light: &Lighting) -> Ribbon {
     let curve = p.curve as usize;
     let middle = (p.from + p.to) * 0.5;
-    let tangent = (p.to - p.from).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
-    let viewer = (camera.eye - middle).normalize();
-    let (tint, tilt) = match strands.style {
-        Style::Guides => (group_colour(strands.set.group.get(curve).copied().unwrap_or(0)), 0.0),
-        Style::Hair => own_look(strands.set.id[curve]),
+    let colour = match strands.style {
+        Style::Hair => {
+            let tangent = (p.to - p.from).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+            let viewer = (camera.eye - middle).normalize();
+            let (tint, tilt) = own_look(strands.set.id[curve]);
+            let (lamps, sky) = light.arriving(middle);
+            let lit: Rgb =
+                lamps.map(|(l, c)| scatter(tangent, l, viewer, tint, tilt).component_mul(&c)).sum();
+            lit + tint.component_mul(&sky)
+        }
+        Style::Guides => {
+            let group = strands.set.group.get(curve).copied().unwrap_or(0);
+            group_colour(group) * (0.4 + 0.6 * light.volume.at(&light.sky, middle))
+        }
     };
-    let (lamps, sky) = light.arriving(middle);
-    let lit: Rgb = lamps.map(|(l, c)| scatter(tangent, l, viewer, tint, tilt).component_mul(&c)).sum();
     let scale = camera.focal * 0.5 * (p.ends[0].inverse_depth + p.ends[1].inverse_depth);
     let seen = p.width * strands.width_scale * scale;
     let width = match strands.style {
         Style::Hair => seen,
         Style::Guides => seen.max(1.3 * fine as f32),
     };
-    Ribbon { ends: p.ends, width, colour: lit + tint.component_mul(&sky) }
+    Ribbon { ends: p.ends, width, colour }
 }
 
 /// Colour and tilt of a strand's highlights: chestnut, each strand a little its own.

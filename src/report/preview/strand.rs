@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::camera::{Camera, Projected};
-use crate::cache::CurveSet;
+use crate::cache::{Basis, CurveSet};
 
 /// A straight piece of a strand in the space of the pictures.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,10 +26,16 @@ const REACH: f32 = 4.0;
 /// Most pieces between two points of a curve, whatever the picture's size.
 const MOST: f32 = 32.0;
 
-/// Cuts cubic, pinned Catmull-Rom curves (phantom end points 2·p₀ − p₁, as UsdGeomBasisCurves has them)
-/// into pieces of at most [`REACH`] pixels; `pixel` is the side of a final pixel in the camera's own.
-/// Pieces with an end before the camera are left out.
-pub fn pieces(set: &CurveSet, points: &[Vector3<f32>], camera: &Camera, pixel: f32) -> Vec<Piece> {
+/// Cuts cubic, pinned curves (phantom end points 2·p₀ − p₁, as UsdGeomBasisCurves has them) into pieces of
+/// about [`REACH`] pixels; `pixel` is the side of a final pixel in the camera's own. Pieces with an end
+/// before the camera are left out.
+pub fn pieces(
+    set: &CurveSet,
+    basis: Basis,
+    points: &[Vector3<f32>],
+    camera: &Camera,
+    pixel: f32,
+) -> Vec<Piece> {
     let starts = set.counts.iter().scan(0, |end, n| {
         let start = *end;
         *end += *n as usize;
@@ -37,40 +43,62 @@ pub fn pieces(set: &CurveSet, points: &[Vector3<f32>], camera: &Camera, pixel: f
     });
     let ranges: Vec<_> = starts.collect();
     let cut = |(curve, range): (usize, &std::ops::Range<usize>)| {
-        one_curve(curve as u32, &points[range.clone()], &set.widths[range.clone()], camera, pixel)
+        one_curve(curve as u32, basis, &points[range.clone()], &set.widths[range.clone()], camera, pixel)
     };
     let each: Vec<Vec<Piece>> = ranges.par_iter().enumerate().map(cut).collect();
     each.concat()
 }
 
-fn one_curve(curve: u32, points: &[Vector3<f32>], widths: &[f32], camera: &Camera, pixel: f32) -> Vec<Piece> {
+fn one_curve(
+    curve: u32,
+    basis: Basis,
+    points: &[Vector3<f32>],
+    widths: &[f32],
+    camera: &Camera,
+    pixel: f32,
+) -> Vec<Piece> {
     let mut pieces = Vec::new();
     let seen: Vec<_> = points.iter().map(|p| camera.project(*p)).collect();
     for i in 1..points.len() {
         let (Some(start), Some(end)) = (seen[i - 1], seen[i]) else { continue };
         let chord = (end.x - start.x).hypot(end.y - start.y) / pixel;
         let n = (chord / REACH).ceil().clamp(1.0, MOST);
-        let (mut from, mut before) = (points[i - 1], start);
-        for k in 1..=n as u32 {
+        let mut last = None;
+        for k in 0..=n as u32 {
             let t = k as f32 / n;
-            let to = span(points, i, t);
-            let Some(after) = camera.project(to) else { break };
-            let width = widths[i - 1] + (widths[i] - widths[i - 1]) * (t - 0.5 / n);
-            pieces.push(Piece { from, to, ends: [before, after], width, curve });
-            (from, before) = (to, after);
+            let to = span(basis, points, i, t);
+            let after = camera.project(to);
+            if let (Some((from, Some(before))), Some(after)) = (last, after) {
+                let width = widths[i - 1] + (widths[i] - widths[i - 1]) * (t - 0.5 / n);
+                pieces.push(Piece { from, to, ends: [before, after], width, curve });
+            }
+            last = Some((to, after));
         }
     }
     pieces
 }
 
-/// The Catmull-Rom curve between points `i − 1` (t = 0) and `i` (t = 1).
-fn span(points: &[Vector3<f32>], i: usize, t: f32) -> Vector3<f32> {
+/// The curve between points `i − 1` (t = 0) and `i` (t = 1).
+fn span(basis: Basis, points: &[Vector3<f32>], i: usize, t: f32) -> Vector3<f32> {
     let (p1, p2) = (points[i - 1], points[i]);
     let p0 = if i >= 2 { points[i - 2] } else { p1 * 2.0 - p2 };
     let p3 = points.get(i + 1).copied().unwrap_or(p2 * 2.0 - p1);
-    let (m1, m2) = ((p2 - p0) * 0.5, (p3 - p1) * 0.5);
     let (t2, t3) = (t * t, t * t * t);
-    p1 * (2.0 * t3 - 3.0 * t2 + 1.0) + m1 * (t3 - 2.0 * t2 + t) + p2 * (3.0 * t2 - 2.0 * t3) + m2 * (t3 - t2)
+    let weights = match basis {
+        Basis::CatmullRom => [
+            0.5 * (2.0 * t2 - t - t3),
+            0.5 * (2.0 - 5.0 * t2 + 3.0 * t3),
+            0.5 * (t + 4.0 * t2 - 3.0 * t3),
+            0.5 * (t3 - t2),
+        ],
+        Basis::Bspline => [
+            (1.0 - t).powi(3) / 6.0,
+            (4.0 - 6.0 * t2 + 3.0 * t3) / 6.0,
+            (1.0 + 3.0 * t + 3.0 * t2 - 3.0 * t3) / 6.0,
+            t3 / 6.0,
+        ],
+    };
+    p0 * weights[0] + p1 * weights[1] + p2 * weights[2] + p3 * weights[3]
 }
 
 #[cfg(test)]
@@ -81,6 +109,7 @@ mod tests {
 
     #[test]
     fn a_parabola_is_kept_and_the_points_are_met() {
+        let span = |points: &[_], i, t| super::span(Basis::CatmullRom, points, i, t);
         let f = |x: f32| Vector3::new(x, x * x, 0.5 - x);
         let points: Vec<_> = (0..5).map(|i| f(i as f32)).collect();
         for i in 2..4 {
@@ -92,6 +121,17 @@ mod tests {
         assert_relative_eq!(span(&points, 4, 1.0), points[4]);
     }
 
+    /// A cubic B-spline turns the points of x² into x² + 1/3, and starts and ends at its pinned points.
+    #[test]
+    fn a_b_spline_is_pinned_and_smooths() {
+        let f = |x: f32| Vector3::new(x, x * x, 0.0);
+        let points: Vec<_> = (0..5).map(|i| f(i as f32)).collect();
+        let shifted = f(1.4) + Vector3::new(0.0, 1.0 / 3.0, 0.0);
+        assert_relative_eq!(span(Basis::Bspline, &points, 2, 0.4), shifted, epsilon = 1e-5);
+        assert_relative_eq!(span(Basis::Bspline, &points, 1, 0.0), points[0], epsilon = 1e-5);
+        assert_relative_eq!(span(Basis::Bspline, &points, 4, 1.0), points[4], epsilon = 1e-5);
+    }
+
     #[test]
     fn two_points_make_a_straight_line_in_short_pieces() {
         let points = [Vector3::zeros(), Vector3::new(0.0, 1.0, 0.0)];
@@ -99,9 +139,10 @@ mod tests {
         let mut framing = Framing::default();
         points.iter().for_each(|p| framing.add(*p));
         let camera = framing.camera(Axes::looking(0.0, 0.0), Vector3::zeros(), 30.0, (100, 100));
-        let all = pieces(&set, &[Vector3::zeros(), points[0], points[1]], &camera, 1.0);
+        let points = [Vector3::zeros(), points[0], points[1]];
+        let all = pieces(&set, Basis::default(), &points, &camera, 1.0);
         assert_eq!(all.len(), (100.0f32 / 1.06 / REACH).ceil() as usize);
         assert!(all.iter().all(|p| p.curve == 2 && p.from.x == 0.0));
-        assert_eq!(all.last().unwrap().to, points[1]);
+        assert_eq!(all.last().unwrap().to, points[2]);
     }
 }

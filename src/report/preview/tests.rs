@@ -168,6 +168,11 @@ fn an_animation_reads_back_frame_for_frame() {
 fn a_sheet_is_a_png_of_all_its_cells() {
     let shot = head_of_hair(50, 5);
     let page = sheet(&shot, &small(), &[1001, 1002, 1003, 1004, 1005]).unwrap();
+    // Cells of 100 by 84 pixels with their gaps; labels stand 5 from the left and 12 from the bottom.
+    for (k, frame) in (1001..=1005).enumerate() {
+        let (x, y) = (4 + k as u32 % 2 * 100 + 5, 4 + k as u32 / 2 * 84 + 80 - 12);
+        assert_eq!(font::read_number(&page, x, y, 1, 4, [245; 3]), frame.to_string());
+    }
     let bytes = page.to_png().unwrap();
     let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
     assert_eq!((reader.info().width, reader.info().height), (2 * 100 + 4, 3 * 84 + 4));

@@ -1,0 +1,315 @@
+//! The report of a bake: `report.html`, one file with everything in it, and `report.json`, its data.
+
+use std::fmt::Write;
+
+use serde::Serialize;
+
+use super::plot::{self, Axis, Line, Plot, Scale};
+use super::text::{base64, escape, figure};
+use crate::error::{Error, Result};
+
+/// What a bake has to tell. All per-frame values stand in the order of `frames`; a frame without a value
+/// holds NaN, which becomes `null` in JSON.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct BakeReport {
+    /// Name of the shot.
+    pub title: String,
+    /// What was asked for, as (name, value with unit).
+    pub settings: Vec<(String, String)>,
+    /// Frame numbers.
+    pub frames: Vec<i32>,
+    /// What a frame's time went to, in seconds a frame.
+    pub stages: Vec<Series>,
+    /// Everything else that was measured.
+    pub charts: Vec<Chart>,
+    /// What the reader has to know.
+    pub warnings: Vec<String>,
+    /// Pictures of the shot.
+    pub pictures: Vec<Picture>,
+}
+
+/// One value a frame.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Series {
+    /// Such as `mean` or `deepest`.
+    pub name: String,
+    /// One value a frame.
+    pub values: Vec<f64>,
+}
+
+/// Quantities of one kind and unit, drawn in one plot.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Chart {
+    /// The quantity, such as `Strand speed`.
+    pub name: String,
+    /// Its unit; empty for a count.
+    pub unit: String,
+    /// What a good value is, or how it was measured.
+    pub note: String,
+    /// Whether the plot's axis is logarithmic.
+    pub logarithmic: bool,
+    /// What is drawn.
+    pub series: Vec<Series>,
+}
+
+/// A picture in the report.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Picture {
+    /// What it shows.
+    pub caption: String,
+    /// MIME type, such as `image/png` (APNG too).
+    pub media_type: String,
+    /// The file; not repeated in the JSON.
+    #[serde(skip)]
+    pub bytes: Vec<u8>,
+}
+
+const STYLE: &str = include_str!("style.css");
+
+impl BakeReport {
+    /// The data as JSON, pictures left out.
+    ///
+    /// # Errors
+    /// [`Error::Internal`] where a series is not as long as the frames.
+    pub fn to_json(&self) -> Result<String> {
+        self.check()?;
+        serde_json::to_string_pretty(self).map_err(|e| Error::Internal(format!("report.json: {e}")))
+    }
+
+    /// The page, with plots and pictures inside; it needs no script and no network.
+    ///
+    /// # Errors
+    /// [`Error::Internal`] where a series is not as long as the frames.
+    pub fn to_html(&self) -> Result<String> {
+        self.check()?;
+        let title = escape(&self.title);
+        let mut page = format!(
+            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"/>\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\
+             <title>{title}</title><style>{STYLE}</style></head>\n<body><h1>{title}</h1>\n"
+        );
+        page.push_str(&self.lead());
+        if !self.warnings.is_empty() {
+            let items: String = self.warnings.iter().map(|w| format!("<li>{}</li>", escape(w))).collect();
+            add(
+                &mut page,
+                format_args!("<section class=\"warnings\"><h2>Warnings</h2><ul>{items}</ul></section>\n"),
+            );
+        }
+        for p in &self.pictures {
+            let (caption, kind) = (escape(&p.caption), escape(&p.media_type));
+            let data = base64(&p.bytes);
+            add(
+                &mut page,
+                format_args!(
+                    "<figure class=\"picture\"><img alt=\"{caption}\" src=\"data:{kind};base64,{data}\"/>\
+                     <figcaption>{caption}</figcaption></figure>\n"
+                ),
+            );
+        }
+        page.push_str("<div class=\"charts\">\n");
+        let time = Chart {
+            name: "Time by stage".into(),
+            unit: "s".into(),
+            note: "Wall-clock seconds of each frame, one stage on top of the other.".into(),
+            logarithmic: false,
+            series: self.stages.clone(),
+        };
+        for (chart, stacked) in std::iter::once((&time, true)).chain(self.charts.iter().map(|c| (c, false))) {
+            if !chart.series.is_empty() {
+                page.push_str(&self.card(chart, stacked));
+            }
+        }
+        page.push_str("</div>\n");
+        page.push_str(&settings(&self.settings));
+        page.push_str("</body></html>\n");
+        Ok(page)
+    }
+
+    /// One line on the whole bake.
+    fn lead(&self) -> String {
+        let total: f64 = self.stages.iter().flat_map(|s| &s.values).filter(|v| v.is_finite()).sum();
+        match (self.frames.first(), self.frames.last()) {
+            (Some(first), Some(last)) => {
+                let n = self.frames.len();
+                let (whole, each) = (figure(total), figure(total / n as f64));
+                format!(
+                    "<p class=\"lead\">Frames {first} to {last} ({n}), {whole} s in all, {each} s a frame.</p>\n"
+                )
+            }
+            _ => "<p class=\"lead\">No frame was baked.</p>\n".into(),
+        }
+    }
+
+    fn card(&self, chart: &Chart, stacked: bool) -> String {
+        let line = |s: &Series| {
+            let points = self.frames.iter().zip(&s.values).map(|(f, v)| (f64::from(*f), *v));
+            Line { name: s.name.clone(), points: points.collect() }
+        };
+        let scale = if chart.logarithmic { Scale::Log } else { Scale::Linear };
+        let plot = Plot {
+            title: chart.name.clone(),
+            x: Axis { label: "frame".into(), ..Axis::default() },
+            y: Axis { label: chart.unit.clone(), scale },
+            lines: chart.series.iter().map(line).collect(),
+            stacked,
+            dots: self.frames.len() == 1,
+        };
+        let (name, note, svg) = (escape(&chart.name), escape(&chart.note), plot.to_svg());
+        let unit = if chart.unit.is_empty() { String::new() } else { format!(" ({})", escape(&chart.unit)) };
+        let rows: String = chart.series.iter().enumerate().map(|(i, s)| self.row(i, s)).collect();
+        format!(
+            "<section class=\"card\"><h2>{name}{unit}</h2><p>{note}</p>{svg}\
+             <table><thead><tr><th></th><th>mean</th><th>least</th><th>most</th><th>at frame</th></tr></thead>\
+             <tbody>{rows}</tbody></table></section>\n"
+        )
+    }
+
+    fn row(&self, i: usize, series: &Series) -> String {
+        let known = || self.frames.iter().zip(&series.values).filter(|(_, v)| v.is_finite());
+        let mean = known().map(|(_, v)| v).sum::<f64>() / known().count() as f64;
+        let least = known().map(|(_, v)| *v).fold(f64::NAN, f64::min);
+        // The first of equal frames, so that a series that is always zero points at its start.
+        let most = known().rev().max_by(|a, b| a.1.total_cmp(b.1));
+        let (most, frame) = most.map_or((f64::NAN, String::new()), |(f, v)| (*v, f.to_string()));
+        let (name, colour) = (escape(&series.name), plot::colour(i));
+        format!(
+            "<tr><th><i style=\"background:{colour}\"></i>{name}</th><td>{}</td><td>{}</td><td>{}</td><td>{frame}</td></tr>",
+            figure(mean),
+            figure(least),
+            figure(most)
+        )
+    }
+
+    /// Every series has one value a frame.
+    fn check(&self) -> Result<()> {
+        let n = self.frames.len();
+        let all = self.stages.iter().chain(self.charts.iter().flat_map(|c| &c.series));
+        match all.into_iter().find(|s| s.values.len() != n) {
+            Some(s) => {
+                let found = s.values.len();
+                Err(Error::Internal(format!("series {:?} has {found} values for {n} frames", s.name)))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+fn settings(settings: &[(String, String)]) -> String {
+    if settings.is_empty() {
+        return String::new();
+    }
+    let rows: String = settings
+        .iter()
+        .map(|(k, v)| format!("<tr><th>{}</th><td>{}</td></tr>", escape(k), escape(v)))
+        .collect();
+    format!(
+        "<section class=\"card settings\"><h2>Settings</h2><table><tbody>{rows}</tbody></table></section>\n"
+    )
+}
+
+fn add(text: &mut String, arguments: std::fmt::Arguments<'_>) {
+    text.write_fmt(arguments).expect("writing to a String cannot fail");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::Image;
+    use crate::report::text::check_markup;
+
+    fn sample() -> BakeReport {
+        let series = |name: &str, f: fn(f64) -> f64| Series {
+            name: name.into(),
+            values: (0..48).map(|i| f(f64::from(i))).collect(),
+        };
+        BakeReport {
+            title: "Shot <12> & \"turn\"".into(),
+            settings: vec![("substeps".into(), "8".into()), ("track".into(), "<b>.json".into())],
+            frames: (1001..1049).collect(),
+            stages: vec![series("solve", |i| 0.1 + 0.02 * (i * 0.3).sin()), series("write", |_| 0.012)],
+            charts: vec![
+                Chart {
+                    name: "Strand speed".into(),
+                    unit: "m/s".into(),
+                    note: "Points of guides > 1 mm/s.".into(),
+                    logarithmic: false,
+                    series: vec![
+                        series("mean", |i| (i * 0.2).sin().abs()),
+                        series("max", |i| 3.0 * (i * 0.2).sin().abs()),
+                    ],
+                },
+                Chart {
+                    name: "Stretch".into(),
+                    logarithmic: true,
+                    series: vec![series("largest", |i| if i == 7.0 { f64::NAN } else { 1e-9 * (1.0 + i) })],
+                    ..Chart::default()
+                },
+            ],
+            warnings: vec!["3 strands <short> of contact".into()],
+            pictures: vec![Picture {
+                caption: "Frames 1001–1048".into(),
+                media_type: "image/png".into(),
+                bytes: Image::new(4, 4).to_png().unwrap(),
+            }],
+        }
+    }
+
+    #[test]
+    fn the_page_is_well_formed_and_holds_everything() {
+        let report = sample();
+        let page = report.to_html().unwrap();
+        check_markup(&page).unwrap();
+        for chart in &report.charts {
+            assert!(page.contains(&format!("<h2>{}", chart.name)));
+            for s in &chart.series {
+                assert!(page.contains(&format!("</i>{}</th>", s.name)), "{}", s.name);
+            }
+        }
+        assert!(page.contains("</i>solve</th>") && page.contains("Time by stage"));
+        assert!(page.contains("&lt;b&gt;.json") && page.contains("3 strands &lt;short&gt;"));
+        assert!(page.contains(&base64(&report.pictures[0].bytes)));
+        assert_eq!(page.matches("<svg").count(), 3);
+        assert!(!page.contains("NaN"));
+    }
+
+    #[test]
+    fn tables_give_the_extremes_and_where_they_are() {
+        let mut report = sample();
+        report.charts = vec![Chart {
+            series: vec![Series { name: "depth".into(), values: vec![f64::NAN; 48] }],
+            ..Chart::default()
+        }];
+        report.charts[0].series[0].values[3] = 2.5;
+        report.charts[0].series[0].values[9] = 0.5;
+        let page = report.to_html().unwrap();
+        assert!(page.contains("</i>depth</th><td>1.5</td><td>0.5</td><td>2.5</td><td>1004</td>"));
+    }
+
+    #[test]
+    fn json_holds_the_same_numbers_and_null_for_none() {
+        let report = sample();
+        let json: serde_json::Value = serde_json::from_str(&report.to_json().unwrap()).unwrap();
+        let values = &json["charts"][1]["series"][0]["values"];
+        assert!(values[7].is_null());
+        assert_eq!(values[8].as_f64(), Some(report.charts[1].series[0].values[8]));
+        assert_eq!(json["frames"][47], 1048);
+        assert!(json["pictures"][0].get("bytes").is_none());
+    }
+
+    #[test]
+    fn a_series_of_the_wrong_length_is_refused() {
+        let mut report = sample();
+        report.stages[1].values.pop();
+        let error = report.to_html().unwrap_err().to_string();
+        assert!(error.contains("\"write\" has 47 values for 48 frames"), "{error}");
+        assert!(report.to_json().is_err());
+    }
+
+    #[test]
+    fn an_empty_report_is_still_a_page() {
+        let page = BakeReport::default().to_html().unwrap();
+        check_markup(&page).unwrap();
+        assert!(page.contains("No frame was baked"));
+    }
+}
