@@ -1,4 +1,4 @@
-//! An image of eight-bit sRGB pixels, and the files it is written to: PNG, and APNG for a shot.
+//! An image of eight-bit sRGB pixels, and the files it is written to: PNG, and APNG or GIF for a shot.
 
 use std::io::Write;
 
@@ -59,25 +59,53 @@ impl Image {
     }
 }
 
-/// Writes pictures of one size, one after another, as an animated PNG that loops for ever.
-/// Viewers that know no animation show the first picture.
+/// How an animation is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Format {
+    /// Animated PNG: all colours, every browser; viewers that know no animation show the first picture.
+    #[default]
+    Apng,
+    /// GIF: 256 colours a picture, hundredths of a second, every viewer.
+    Gif,
+}
+
+/// Writes pictures of one size, one after another, as an animation that loops for ever.
 pub struct Animation<W: Write> {
-    writer: png::Writer<W>,
+    writer: Writer<W>,
+    size: (u32, u32),
+    fps: f64,
+    pushed: u32,
+}
+
+enum Writer<W: Write> {
+    Apng(Box<png::Writer<W>>),
+    Gif(Box<gif::Encoder<W>>),
 }
 
 impl<W: Write> Animation<W> {
-    /// Begins an animation of exactly `frames` pictures of `width` by `height` pixels, each shown for
-    /// 1/`fps` seconds.
+    /// Begins an animation of exactly `frames` pictures of `size` pixels, each shown for 1/`fps` seconds.
     ///
     /// # Errors
     /// [`Error::Internal`] for no frame, no pixel, or a failing writer.
-    pub fn new(out: W, (width, height): (u32, u32), frames: u32, fps: f64) -> Result<Self> {
-        let mut encoder = encoder(out, width, height);
-        encoder.set_animated(frames, 0).map_err(encoding)?;
-        // The delay is a fraction of two 16-bit numbers; 1/60000 s divides 24, 25, 30, 50, 60 and 120 fps.
-        let ticks = (60_000.0 / fps).round().clamp(1.0, f64::from(u16::MAX)) as u16;
-        encoder.set_frame_delay(ticks, 60_000).map_err(encoding)?;
-        Ok(Animation { writer: encoder.write_header().map_err(encoding)? })
+    pub fn new(out: W, format: Format, size: (u32, u32), frames: u32, fps: f64) -> Result<Self> {
+        let writer = match format {
+            Format::Apng => {
+                let mut encoder = encoder(out, size.0, size.1);
+                encoder.set_animated(frames, 0).map_err(encoding)?;
+                // The delay is a fraction of two 16-bit numbers; 1/60000 s divides 24, 25, 30, 50, 60 and 120 fps.
+                let ticks = (60_000.0 / fps).round().clamp(1.0, f64::from(u16::MAX)) as u16;
+                encoder.set_frame_delay(ticks, 60_000).map_err(encoding)?;
+                Writer::Apng(Box::new(encoder.write_header().map_err(encoding)?))
+            }
+            Format::Gif => {
+                let side = |n: u32| u16::try_from(n).map_err(encoding);
+                let mut encoder =
+                    gif::Encoder::new(out, side(size.0)?, side(size.1)?, &[]).map_err(encoding)?;
+                encoder.set_repeat(gif::Repeat::Infinite).map_err(encoding)?;
+                Writer::Gif(Box::new(encoder))
+            }
+        };
+        Ok(Animation { writer, size, fps, pushed: 0 })
     }
 
     /// Adds the next picture.
@@ -85,7 +113,22 @@ impl<W: Write> Animation<W> {
     /// # Errors
     /// [`Error::Internal`] for a picture of another size or one too many, or a failing writer.
     pub fn push(&mut self, image: &Image) -> Result<()> {
-        self.writer.write_image_data(&image.rgb).map_err(encoding)
+        if (image.width, image.height) != self.size {
+            return Err(encoding("its size is not the animation's"));
+        }
+        let k = self.pushed;
+        self.pushed += 1;
+        match &mut self.writer {
+            Writer::Apng(writer) => writer.write_image_data(&image.rgb).map_err(encoding),
+            Writer::Gif(encoder) => {
+                // Rounded times, not rounded delays, so that the whole lasts as long as the shot.
+                let time = |k: u32| (100.0 * f64::from(k) / self.fps).round();
+                let (width, height) = (image.width as u16, image.height as u16);
+                let mut frame = gif::Frame::from_rgb_speed(width, height, &image.rgb, 10);
+                frame.delay = (time(k + 1) - time(k)) as u16;
+                encoder.write_frame(&frame).map_err(encoding)
+            }
+        }
     }
 
     /// Ends the file.
@@ -93,7 +136,10 @@ impl<W: Write> Animation<W> {
     /// # Errors
     /// [`Error::Internal`] where pictures are missing, or for a failing writer.
     pub fn finish(self) -> Result<()> {
-        self.writer.finish().map_err(encoding)
+        match self.writer {
+            Writer::Apng(writer) => writer.finish().map_err(encoding),
+            Writer::Gif(encoder) => encoder.into_inner().map(drop).map_err(encoding),
+        }
     }
 }
 
@@ -104,6 +150,6 @@ fn encoder<W: Write>(out: W, width: u32, height: u32) -> png::Encoder<'static, W
     encoder
 }
 
-fn encoding(error: png::EncodingError) -> Error {
+fn encoding(error: impl std::fmt::Display) -> Error {
     Error::Internal(format!("the picture cannot be encoded: {error}"))
 }

@@ -12,7 +12,7 @@ use std::path::Path;
 use nalgebra::{Matrix4, Vector3};
 
 use super::font;
-use super::picture::{Animation, Image};
+use super::picture::{Animation, Format, Image};
 use crate::cache::{CurveFrame, CurveSet, Frame, Header, Reader};
 use crate::error::{Error, Problem, Result};
 use camera::{Axes, Framing};
@@ -345,13 +345,20 @@ pub fn sheet(shot: &impl Shot, options: &Options, frames: &[i32]) -> Result<Imag
     Ok(page)
 }
 
-/// Writes `frames` as an animated PNG, each shown for 1/`fps` seconds.
+/// Writes `frames` as an animation, each shown for 1/`fps` seconds.
 ///
 /// # Errors
 /// As [`Renderer::new`] and [`Renderer::render`]; [`Error::Internal`] where `out` fails.
-pub fn animate(shot: &impl Shot, options: &Options, frames: &[i32], fps: f64, out: impl Write) -> Result<()> {
+pub fn animate(
+    shot: &impl Shot,
+    options: &Options,
+    frames: &[i32],
+    fps: f64,
+    format: Format,
+    out: impl Write,
+) -> Result<()> {
     let renderer = Renderer::new(shot, options.clone(), frames)?;
-    let mut animation = Animation::new(out, options.size, frames.len() as u32, fps)?;
+    let mut animation = Animation::new(out, format, options.size, frames.len() as u32, fps)?;
     for frame in frames {
         animation.push(&renderer.render(*frame)?)?;
     }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::cache::ColliderMesh;
+use crate::report::picture::Format;
 
 struct Memory {
     header: Header,
@@ -151,7 +152,7 @@ fn an_animation_reads_back_frame_for_frame() {
     let shot = head_of_hair(150, 3);
     let frames = [1001, 1002, 1003];
     let mut bytes = Vec::new();
-    animate(&shot, &small(), &frames, 24.0, &mut bytes).unwrap();
+    animate(&shot, &small(), &frames, 24.0, Format::Apng, &mut bytes).unwrap();
     let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
     assert_eq!(reader.info().animation_control().unwrap().num_frames, 3);
     let renderer = Renderer::new(&shot, small(), &frames).unwrap();
@@ -162,6 +163,29 @@ fn an_animation_reads_back_frame_for_frame() {
         let control = reader.info().frame_control().unwrap();
         assert_eq!(f64::from(control.delay_num) / f64::from(control.delay_den), 1.0 / 24.0);
     }
+}
+
+#[test]
+fn a_gif_keeps_the_pictures_but_for_its_palette_and_lasts_as_long_as_the_shot() {
+    let shot = head_of_hair(150, 4);
+    let frames = [1001, 1002, 1003, 1004];
+    let mut bytes = Vec::new();
+    animate(&shot, &small(), &frames, 24.0, Format::Gif, &mut bytes).unwrap();
+    let mut options = gif::DecodeOptions::new();
+    options.set_color_output(gif::ColorOutput::RGBA);
+    let mut reader = options.read_info(bytes.as_slice()).unwrap();
+    let renderer = Renderer::new(&shot, small(), &frames).unwrap();
+    let mut time = 0;
+    for frame in frames {
+        let read = reader.read_next_frame().unwrap().unwrap();
+        time += read.delay;
+        let drawn = renderer.render(frame).unwrap().rgb;
+        let off = |(a, b): (&[u8], &[u8])| (0..3).map(|k| u32::from(a[k].abs_diff(b[k]))).sum::<u32>();
+        let sum: u32 = read.buffer.chunks(4).zip(drawn.chunks(3)).map(off).sum();
+        assert!(f64::from(sum) / (drawn.len() as f64) < 4.0, "mean difference of a value");
+    }
+    assert_eq!(time, 17, "4/24 s in hundredths");
+    assert!(reader.read_next_frame().unwrap().is_none());
 }
 
 #[test]
