@@ -47,3 +47,53 @@ impl Keyed {
         chord(i - 1).zip_map(&chord(i), |p, q| if p * q > 0.0 { 2.0 * p * q / (p + q) } else { 0.0 })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use proptest::prelude::*;
+
+    fn keyed(values: &[(f64, f64)]) -> Keyed {
+        let (times, values) = values.iter().map(|&(t, x)| (t, Vector3::new(x, -x, 1.0))).unzip();
+        Keyed { times, values }
+    }
+
+    #[test]
+    fn meets_its_keys_and_holds_beyond_them() {
+        let wind = keyed(&[(0.0, 1.0), (1.0, 4.0), (1.5, 2.0), (4.0, 2.0)]);
+        for (t, value) in wind.times.iter().zip(&wind.values) {
+            assert_relative_eq!(wind.at(*t), *value, epsilon = 1e-15);
+        }
+        assert_eq!(wind.at(-9.0), wind.values[0]);
+        assert_eq!(wind.at(9.0), wind.values[3]);
+        assert_eq!(Keyed::constant(Vector3::x()).at(3.0), Vector3::x());
+    }
+
+    #[test]
+    fn is_twice_differentiable_at_its_keys() {
+        let wind = keyed(&[(0.0, 1.0), (1.0, 2.0), (1.5, 4.0), (4.0, 5.0)]);
+        let h = 1e-4;
+        for &key in &wind.times {
+            let second = |t: f64| (wind.at(t + h) - wind.at(t) * 2.0 + wind.at(t - h)) / (h * h);
+            let first = |t: f64| (wind.at(t + h) - wind.at(t - h)) / (2.0 * h);
+            assert!((first(key + 2.0 * h) - first(key - 2.0 * h)).norm() < 1e-2);
+            assert!((second(key + 2.0 * h) - second(key - 2.0 * h)).norm() < 0.5);
+        }
+        assert!((wind.at(1.0 + h) - wind.at(1.0 - h)).norm() > h, "it moves through the key");
+    }
+
+    proptest! {
+        #[test]
+        fn never_overshoots(x in proptest::collection::vec(-9.0..9.0, 2..8), gaps in proptest::collection::vec(0.01..3.0, 8), u in 0.0..1.0) {
+            let mut t = 0.0;
+            let keys: Vec<(f64, f64)> = x.iter().zip(gaps).map(|(&x, gap)| { t += gap; (t, x) }).collect();
+            let wind = keyed(&keys);
+            for pair in keys.windows(2) {
+                let (low, high) = (pair[0].1.min(pair[1].1), pair[0].1.max(pair[1].1));
+                let value = wind.at(pair[0].0 + u * (pair[1].0 - pair[0].0)).x;
+                prop_assert!((low - 1e-9..=high + 1e-9).contains(&value));
+            }
+        }
+    }
+}

@@ -156,3 +156,6 @@ fn align_signs(points: &mut [Coordinates], weights: &[f64]) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

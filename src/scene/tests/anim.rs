@@ -1,6 +1,8 @@
+use super::super::track::Track;
 use super::super::*;
 use super::{file, shared_data};
-use nalgebra::{Isometry3, Vector3};
+use approx::assert_relative_eq;
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 const SMALLEST: &str = r#"{ "format": "hairbake-anim", "version": 1, "fps": 24, "frames": [1, 48] }"#;
 
@@ -44,4 +46,97 @@ fn real_tracks_load_clean_with_defaults() {
         tracks += 1;
     }
     assert!(tracks >= 5);
+}
+
+/// What the solver feels of a track is its second difference. Raw mocap at 120 Hz shows the solver many times
+/// the acceleration of the head; filtered, what is left is its motion.
+#[test]
+fn noise_of_a_real_track_is_not_turned_into_force() {
+    let Some(data) = shared_data() else { return };
+    let text = std::fs::read_to_string(data.join("motion/cmu_01_01_jump_turn_120fps.json")).unwrap();
+    let motion: anim::file::MotionFile = serde_json::from_str(&text).unwrap();
+    let poses: Vec<Isometry3<f64>> = motion
+        .frames
+        .iter()
+        .map(|f| {
+            let [w, x, y, z] = f.rotation_quat_wxyz;
+            let q = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
+            Isometry3::from_parts(Vector3::from(f.translation).into(), q)
+        })
+        .collect();
+    let samples = track::Samples { start: 0.0, rate: motion.fps, poses, bridged: vec![] };
+    // Peak linear and angular acceleration by central differences over one sample at each sample.
+    let peaks = |smoothing: f64| {
+        let track = Track::through(&samples, smoothing, &Isometry3::identity());
+        let h = 1.0 / samples.rate;
+        let mut peak = [0.0_f64; 2];
+        for i in 1..samples.poses.len() - 1 {
+            let [a, b, c] = [-1.0, 0.0, 1.0].map(|k| track.pose((i as f64 + k) * h));
+            let linear = (a.translation.vector - b.translation.vector * 2.0 + c.translation.vector) / (h * h);
+            let angular =
+                ((c.rotation / b.rotation).scaled_axis() - (b.rotation / a.rotation).scaled_axis()) / (h * h);
+            peak = [peak[0].max(linear.norm()), peak[1].max(angular.norm())];
+        }
+        peak
+    };
+    let (raw, smooth) = (peaks(0.0), peaks(12.0));
+    assert!(raw[0] > 190.0 && raw[1] > 1700.0);
+    // 28 m/s² and 103 rad/s² are left of 195 and 1783.
+    assert!(smooth[0] < 35.0 && smooth[1] < 130.0, "{smooth:?}");
+}
+
+/// A pop and a gap in a track are bridged if asked; the head stays where its neighbours put it.
+#[test]
+fn pops_and_gaps_are_bridged_or_kept_on_request() {
+    let scene = |pops: &str| {
+        let samples: Vec<String> = (0..12)
+            .map(|i| if i == 5 { "[0.5, 0, 0]".into() } else { format!("[0, {}, 0]", 0.01 * f64::from(i)) })
+            .collect();
+        let numbers =
+            if pops == "bridge" { "[0,1,2,3,4,5,6,7,8,10,11,12]" } else { "[0,1,2,3,4,5,6,7,8,9,10,11]" };
+        let track =
+            format!(r#"{{ "pops": "{pops}", "frames": {numbers}, "translation": [{}] }}"#, samples.join(","));
+        SMALLEST
+            .replace("[1, 48]", "[0, 11]")
+            .replace(" }", &format!(r#", "bodies": [{{ "name": "head", "track": {track} }}] }}"#))
+    };
+    let x = |pops: &str, frame: f64| {
+        let (_folder, path) = file("anim.json", &scene(pops));
+        let anim = load_anim(&path).unwrap();
+        anim.head_pose(anim.time(frame)).translation.vector
+    };
+    assert_relative_eq!(x("keep", 5.0), Vector3::new(0.5, 0.0, 0.0), epsilon = 1e-9);
+    assert_relative_eq!(x("bridge", 5.0), Vector3::new(0.0, 0.05, 0.0), epsilon = 1e-6);
+    // Sample 9 is missing and those after it move by 0.01 less than their number.
+    assert!((x("bridge", 9.0).y - 0.085).abs() < 0.003);
+    let (_folder, path) = file("anim.json", &scene("error"));
+    assert!(matches!(load_anim(&path), Err(Error::BadInput(problems)) if problems.len() == 1));
+}
+
+/// The same scene in centimetres, Z up, and in metres, Y up, is the same scene.
+#[test]
+fn units_and_axes_make_no_difference() {
+    let scene = |unit: &str, up: &str, p: &str, quaternion: &str, gravity: &str, normal: &str| {
+        format!(
+            r#"{{ "format": "hairbake-anim", "version": 1, "metres_per_unit": {unit}, "up_axis": "{up}", "fps": 24,
+  "frames": [0, 0], "gravity_m_s2": {gravity},
+  "bodies": [{{ "name": "head", "track": {{ "translation": [{p}], "rotation_wxyz": [{quaternion}],
+    "rest": {{ "translation": {p} }} }} }}],
+  "colliders": [{{ "name": "ground", "shape": {{ "type": "plane", "point": {p}, "normal": {normal} }} }}] }}"#
+        )
+    };
+    let load = |text: String| {
+        let (_folder, path) = file("anim.json", &text);
+        load_anim(&path).unwrap()
+    };
+    let a = load(scene("1", "y", "[0.1, 1.6, -0.3]", "[0.6, 0, 0.8, 0]", "[0, -9, 1]", "[0, 1, 0]"));
+    let b = load(scene("0.01", "z", "[10, 30, 160]", "[0.6, 0, 0, 0.8]", "[0, -1, -9]", "[0, 0, 2]"));
+    assert_relative_eq!(a.gravity, b.gravity, epsilon = 1e-12);
+    assert_relative_eq!(a.head_pose(0.0), b.head_pose(0.0), epsilon = 1e-12);
+    let plane = |anim: &Anim| match anim.colliders[0].shape {
+        Shape::Plane { point, normal } => (point, normal),
+        _ => panic!("a plane was given"),
+    };
+    assert_relative_eq!(plane(&a).0, plane(&b).0, epsilon = 1e-12);
+    assert_relative_eq!(plane(&a).1, plane(&b).1, epsilon = 1e-12);
 }

@@ -3,7 +3,9 @@
 
 mod anim;
 mod faults;
+mod fuzz;
 mod groom;
+mod mesh;
 mod schemas;
 
 use std::path::{Path, PathBuf};

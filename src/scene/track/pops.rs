@@ -57,7 +57,8 @@ fn jump(n: usize, i: usize, limit: f64, distance: &impl Fn(usize, usize) -> f64)
     let mut alone = false;
     if i + 1 < n {
         let back = distance(i, i + 1);
-        let across = distance(i - 1, i + 1);
+        // The neighbours are two steps apart.
+        let across = distance(i - 1, i + 1) / 2.0;
         alone = back.min(size) > CONTRAST * across;
         around = around.max(if alone { across } else { back });
         if alone && i + 2 < n {

@@ -1,0 +1,258 @@
+use super::smooth::{stiffness, whittaker};
+use super::*;
+use approx::assert_relative_eq;
+use nalgebra::Vector1;
+use proptest::prelude::*;
+
+/// A head that nods, turns and walks; smooth.
+fn motion(t: f64) -> Isometry3<f64> {
+    let rotation = UnitQuaternion::from_euler_angles(0.4 * (3.0 * t).sin(), 2.0 * t, 0.2 * (5.0 * t).cos());
+    Isometry3::from_parts(
+        Translation3::new(1.2 * t, 1.6 + 0.03 * (11.0 * t).sin(), 0.1 * (4.0 * t).cos()),
+        rotation,
+    )
+}
+
+fn samples(start: f64, rate: f64, n: usize) -> Samples {
+    let poses = (0..n).map(|i| motion(start + i as f64 / rate)).collect();
+    Samples { start, rate, poses, bridged: Vec::new() }
+}
+
+fn distance(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
+    (a.translation.vector - b.translation.vector).norm() + a.rotation.angle_to(&b.rotation)
+}
+
+fn rest() -> Isometry3<f64> {
+    Isometry3::new(Vector3::new(0.1, 1.5, -0.2), Vector3::new(0.3, -0.2, 0.5))
+}
+
+#[test]
+fn sampled_without_filter_meets_its_samples() {
+    let samples = samples(-0.5, 24.0, 40);
+    let track = Track::through(&samples, 0.0, &Isometry3::identity());
+    for (i, pose) in samples.poses.iter().enumerate() {
+        assert!(distance(&track.pose(-0.5 + i as f64 / 24.0), pose) < 1e-7);
+    }
+}
+
+#[test]
+fn error_between_samples_is_of_fourth_order() {
+    let error = |rate: f64| {
+        let track = Track::through(&samples(0.0, rate, 2 * rate as usize + 1), 0.0, &Isometry3::identity());
+        (0..1999)
+            .map(|i| f64::from(i) / 1000.0)
+            .map(|t| distance(&track.pose(t), &motion(t)))
+            .fold(0.0, f64::max)
+    };
+    let order = (error(24.0) / error(48.0)).log2();
+    assert!(error(24.0) < 2e-3, "{}", error(24.0));
+    assert!((3.5..4.7).contains(&order), "order {order}");
+}
+
+#[test]
+fn rest_pose_is_taken_out() {
+    let track = Track::through(&samples(0.0, 60.0, 30), 0.0, &rest());
+    let t = 0.25;
+    assert!(distance(&track.pose(t), &(motion(t) * rest().inverse())) < 1e-5);
+    // Where the joint lies in rest space is carried to where it is in the world.
+    let joint = nalgebra::Point3::from(rest().translation.vector);
+    assert_relative_eq!((track.pose(t) * joint).coords, motion(t).translation.vector, epsilon = 1e-5);
+}
+
+#[test]
+fn twist_is_the_derivative_of_the_pose() {
+    let track = Track::through(&samples(0.0, 30.0, 61), 12.0, &rest());
+    let h = 1e-5;
+    // Inside, at a sample, while coming to rest on either side, and at rest.
+    for t in [0.01, 0.777, 1.0, -0.05, -0.3, 2.05, 2.3, 9.0] {
+        let (a, b) = (track.pose(t - h), track.pose(t + h));
+        let (angular, linear) = track.twist(t);
+        let difference = (b.translation.vector - a.translation.vector) / (2.0 * h);
+        assert_relative_eq!(linear, difference, epsilon = 1e-7);
+        assert_relative_eq!(angular, (b.rotation / a.rotation).scaled_axis() / (2.0 * h), epsilon = 1e-7);
+    }
+    assert!(track.twist(1.0).0.norm() > 0.5 && track.twist(1.0).1.norm() > 0.5);
+}
+
+/// No jump of velocity anywhere and a bounded change of acceleration: at samples, at the ends, where it stops.
+#[test]
+fn velocity_and_acceleration_are_continuous() {
+    let track = Track::through(&samples(0.0, 24.0, 25), 0.0, &rest());
+    let velocity = |t: f64| track.twist(t);
+    let acceleration = |t: f64, side: f64| {
+        let h = side * 1e-6;
+        ((velocity(t + h).1 - velocity(t).1) / h, (velocity(t + h).0 - velocity(t).0) / h)
+    };
+    for knot in (0..=24).map(|i| f64::from(i) / 24.0).chain([-EASE, -COAST, 1.0 + EASE, 1.0 + COAST]) {
+        let ((a, alpha), (b, beta)) = (acceleration(knot, -1.0), acceleration(knot, 1.0));
+        assert!((a - b).norm() < 1e-2 && (alpha - beta).norm() < 1e-2, "{knot}: {}", (a - b).norm());
+    }
+}
+
+#[test]
+fn comes_to_rest_beyond_its_ends() {
+    let track = Track::through(&samples(0.0, 24.0, 25), 0.0, &Isometry3::identity());
+    for (end, away) in [(0.0, -1.0), (1.0, 1.0)] {
+        let stop = end + away * COAST;
+        assert_eq!(track.twist(stop + away * 3.0), (Vector3::zeros(), Vector3::zeros()));
+        assert!(distance(&track.pose(stop), &track.pose(stop + away * 100.0)) < 1e-12);
+        assert!(distance(&track.pose(stop), &track.pose(end)) < 1.5);
+    }
+}
+
+#[test]
+fn few_samples_are_enough() {
+    for n in 1..6 {
+        let track = Track::through(&samples(0.0, 60.0, n), 12.0, &Isometry3::identity());
+        assert!(distance(&track.pose(0.0), &motion(0.0)) < 0.02, "{n}");
+        assert_eq!(track.span().is_some(), n > 1);
+    }
+}
+
+/// Filter and spline give the same motion in any frames: g · track(q) · k = track(g · q · k).
+#[test]
+fn does_not_depend_on_the_frames_chosen() {
+    let (g, k) =
+        (Isometry3::rotation(Vector3::new(2.0, -1.0, 0.4)), Isometry3::rotation(Vector3::new(0.0, 0.0, 3.0)));
+    let plain = samples(0.0, 30.0, 30);
+    let mut turned = plain.clone();
+    for pose in &mut turned.poses {
+        *pose = g * *pose * k;
+    }
+    let (plain, turned) = [plain, turned].map(|s| Track::through(&s, 12.0, &Isometry3::identity())).into();
+    for t in [0.1, 0.33, 0.5] {
+        assert!(distance(&(g * plain.pose(t) * k), &turned.pose(t)) < 1e-7);
+    }
+}
+
+#[test]
+fn filter_passes_half_at_its_cutoff_and_all_below() {
+    let gain = |f: f64| {
+        let n = 4000;
+        let wave: Vec<_> =
+            (0..n).map(|i| Vector1::new((std::f64::consts::TAU * f * f64::from(i)).cos())).collect();
+        let smooth = whittaker(&wave, &vec![1.0; wave.len()], stiffness(0.1));
+        let (from, to) = (1000, 3000);
+        let product =
+            |a: &[Vector1<f64>], b: &[Vector1<f64>]| (from..to).map(|i| a[i].x * b[i].x).sum::<f64>();
+        product(&smooth, &wave) / product(&wave, &wave)
+    };
+    assert_relative_eq!(gain(0.1), 0.5, epsilon = 1e-3);
+    assert!(gain(0.05) > 0.98 && gain(0.2) < 0.03, "{} {}", gain(0.05), gain(0.2));
+}
+
+/// Against the dense normal equations.
+#[test]
+fn filter_solves_its_normal_equations() {
+    let n = 12;
+    let y: Vec<_> = (0..n).map(|i| Vector1::new(((i * i) as f64 * 0.7).sin())).collect();
+    let weights: Vec<f64> = (0..n).map(|i| if i == 4 || i == 5 { 0.0 } else { 1.0 }).collect();
+    let lambda = 2.5;
+    let mut a = nalgebra::DMatrix::<f64>::from_diagonal(&weights.clone().into());
+    for r in 0..n - 3 {
+        let d = [-1.0, 3.0, -3.0, 1.0];
+        for (i, j) in (0..4).flat_map(|i| (0..4).map(move |j| (i, j))) {
+            a[(r + i, r + j)] += lambda * d[i] * d[j];
+        }
+    }
+    let rhs = nalgebra::DVector::from_iterator(n, y.iter().zip(&weights).map(|(y, w)| y.x * w));
+    let dense = a.cholesky().unwrap().solve(&rhs);
+    for (z, dense) in whittaker(&y, &weights, lambda).iter().zip(dense.iter()) {
+        assert_relative_eq!(z.x, *dense, epsilon = 1e-12);
+    }
+}
+
+#[test]
+fn quadratics_pass_the_filter_to_the_ends_and_across_gaps() {
+    let y: Vec<_> =
+        (0..50).map(|i| Vector1::new(3.0 - 0.2 * f64::from(i) + 0.05 * f64::from(i * i))).collect();
+    let mut weights = vec![1.0; 50];
+    weights[20..25].fill(0.0);
+    let mut gapped = y.clone();
+    gapped[20..25].fill(Vector1::new(1e6));
+    for (z, y) in whittaker(&gapped, &weights, stiffness(0.05)).iter().zip(&y) {
+        assert_relative_eq!(z.x, y.x, epsilon = 1e-7);
+    }
+}
+
+fn pops_after(rate: f64, change: impl Fn(usize, &mut Isometry3<f64>)) -> Vec<Pop> {
+    let mut samples = samples(0.0, rate, 60);
+    for (i, pose) in samples.poses.iter_mut().enumerate() {
+        change(i, pose);
+    }
+    find_pops(&samples.poses, rate)
+}
+
+#[test]
+fn pops_are_found_and_motion_is_not() {
+    for rate in [24.0, 30.0, 60.0, 120.0] {
+        assert_eq!(pops_after(rate, |_, _| {}), []);
+        let spike = pops_after(rate, |i, p| {
+            if i == 30 {
+                p.translation.vector.y += 0.3
+            }
+        });
+        assert_eq!(
+            spike.iter().map(|p| (p.sample, p.alone, p.angular)).collect::<Vec<_>>(),
+            [(30, true, false)]
+        );
+        let step = pops_after(rate, |i, p| {
+            if i >= 30 {
+                p.translation.vector.z += 0.3
+            }
+        });
+        assert_eq!(
+            step.iter().map(|p| (p.sample, p.alone, p.angular)).collect::<Vec<_>>(),
+            [(30, false, false)]
+        );
+        let turn = pops_after(rate, |i, p| {
+            if i == 30 {
+                p.rotation *= UnitQuaternion::from_euler_angles(0.0, 2.2, 0.0)
+            }
+        });
+        assert_eq!(
+            turn.iter().map(|p| (p.sample, p.alone, p.angular)).collect::<Vec<_>>(),
+            [(30, true, true)]
+        );
+    }
+    // A sprint of 12 m/s with stride, and a head thrown round at 25 rad/s, are motion.
+    let fast: Vec<_> = (0..60)
+        .map(|i| f64::from(i) / 24.0)
+        .map(|t| {
+            Isometry3::new(Vector3::new(12.0 * t, 0.05 * (18.0 * t).sin(), 0.0), Vector3::y() * (25.0 * t))
+        })
+        .collect();
+    assert_eq!(find_pops(&fast, 24.0), []);
+}
+
+#[test]
+fn bridged_samples_take_their_place_between_their_neighbours() {
+    for cutoff in [0.0, 12.0] {
+        let sound = samples(0.0, 60.0, 40);
+        let mut popped = sound.clone();
+        popped.poses[17].translation.vector.x += 0.5;
+        popped.poses[17].rotation *= UnitQuaternion::from_euler_angles(0.0, 2.2, 0.0);
+        popped.bridged = vec![17];
+        let [sound, popped] = [sound, popped].map(|s| Track::through(&s, cutoff, &Isometry3::identity()));
+        let t = 17.0 / 60.0;
+        assert!(distance(&sound.pose(t), &popped.pose(t)) < 2e-3, "{cutoff}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn poses_stay_finite(
+        numbers in proptest::collection::vec((-5.0..5.0, -5.0..5.0, -3.0..3.0, -3.0..3.0), 1..20),
+        cutoff in 0.0..40.0,
+        t in -3.0..5.0,
+    ) {
+        let poses = numbers
+            .iter()
+            .map(|&(x, y, a, b)| Isometry3::new(Vector3::new(x, y, a), Vector3::new(a, b, x)))
+            .collect();
+        let track = Track::through(&Samples { start: 0.0, rate: 24.0, poses, bridged: vec![] }, cutoff, &rest());
+        let (angular, linear) = track.twist(t);
+        prop_assert!(track.pose(t).to_homogeneous().iter().all(|x| x.is_finite()));
+        prop_assert!(angular.iter().chain(linear.iter()).all(|x| x.is_finite()));
+    }
+}
