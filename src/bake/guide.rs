@@ -38,6 +38,8 @@ pub struct Guide {
     pub tangent: Vec<Vector3<f64>>,
     /// Rate of the unknowns over the last solve, 1/(m·s): the start of the next one.
     rate: Vec<f64>,
+    /// Whether points are still being brought out of a body.
+    coming_out: bool,
     /// Where the bodies were last seen.
     memory: crate::contact::Workspace,
 }
@@ -123,8 +125,10 @@ impl Guide {
         let (now, before) = (place(t), place(t - h));
         let x: Vec<Vector3<f64>> = now.iter().map(|g| g.p).collect();
         let poses: Vec<_> = (0..around.bodies.len()).map(|b| (around.body)(b, t)).collect();
+        let clearance = Clearance::new(around.bodies, &poses, thickness, &x);
         Guide {
-            clearance: Clearance::new(around.bodies, &poses, thickness, &x),
+            coming_out: clearance.counts().1 > 0,
+            clearance,
             x,
             tangent: now.iter().map(|g| g.r.column(2).into()).collect(),
             v: now.iter().zip(&before).map(|(a, b)| (a.p - b.p) / h).collect(),
@@ -144,6 +148,11 @@ impl Guide {
         one.copy_from_slice(now);
         let mut record = StepRecord::default();
         self.advance_part(around, t0, t1, 0, work, &mut record);
+        if self.coming_out && (around.brought_out)(t1) >= 1.0 {
+            self.coming_out = false;
+            let stuck: Vec<_> = work.touch.violated().collect();
+            self.clearance.arrive(&stuck, self.x.len());
+        }
         record
     }
 

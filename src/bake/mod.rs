@@ -70,7 +70,7 @@ pub fn bake(
     for (i, frame) in (first..=last).enumerate() {
         let mut record = FrameRecord { frame, ..FrameRecord::default() };
         let start = Instant::now();
-        simulation.run_to(frame, |steps| record.add(steps, ids, anim.settings.substeps));
+        simulation.run_to(frame, |steps| record.add(steps, ids));
         let simulated = start.elapsed().as_secs_f64();
         record.close(&simulation.guides, &output::head_motion(anim, simulation.time()));
         let start = Instant::now();

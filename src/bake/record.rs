@@ -9,6 +9,8 @@ use serde::Serialize;
 pub struct FrameRecord {
     /// Frame number.
     pub frame: i32,
+    /// Sub-steps of all guides that led to this frame.
+    pub solves: u64,
     /// Newton steps per guide and sub-step, mean.
     pub newton_mean: f64,
     /// Newton steps of the worst guide and sub-step.
@@ -41,11 +43,12 @@ pub struct FrameRecord {
 
 impl FrameRecord {
     /// Adds the records of one sub-step, one per guide; `ids` are the guides' ids.
-    pub fn add(&mut self, records: &[StepRecord], ids: &[i32], substeps: u32) {
-        let n = (records.len() * substeps as usize).max(1) as f64;
+    pub fn add(&mut self, records: &[StepRecord], ids: &[i32]) {
         (self.contacts_found, self.contacts_active) = (0, 0);
         for (r, id) in records.iter().zip(ids) {
-            self.newton_mean += f64::from(r.iterations) / n;
+            self.solves += 1;
+            // A running mean.
+            self.newton_mean += (f64::from(r.iterations) - self.newton_mean) / self.solves as f64;
             self.newton_max = self.newton_max.max(r.iterations);
             self.halvings += r.halvings;
             self.contacts_found += r.found;
