@@ -27,7 +27,7 @@ pub use fidelity::{Curl, LevelFit};
 pub use groom::{ALL_GUIDES, CHOSEN_GUIDES, GroomOptions, GroomReport, groom};
 pub use grow::Growth;
 pub use hierarchy::Depth;
-pub use read::{SHORTEST, Source, SourceReport, mesh};
+pub use read::{ReadMesh, SHORTEST, Source, SourceReport, mesh};
 pub use resample::{Resample, ResampleError};
 pub use track::{Mesh, Rest, TrackOptions, TrackReport, root_centroid, track};
 

@@ -45,10 +45,20 @@ impl Source {
 /// Sizes (diagonal of the bounding box) that the mesh of a head or a body may have, m.
 const BODY: [f64; 2] = [0.15, 3.0];
 
-/// Reads a mesh (Wavefront OBJ) for a scalp or a collider; its unit, if not given, is guessed from its size. Returns it in
-/// metres, Y up, with its offset applied, the convention used and what is worth saying. Errors: a file that cannot be read or holds no
+/// A mesh that was read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReadMesh {
+    /// The mesh, m, Y up, with the offset of its source applied.
+    pub mesh: TriMesh,
+    /// Unit and up axis of the file.
+    pub convention: Convention,
+    /// Guesses made and oddities met.
+    pub notes: Vec<String>,
+}
+
+/// Reads a mesh (Wavefront OBJ) for a scalp or a collider; its unit, if not given, is guessed from its size. Errors: a file that cannot be read or holds no
 /// triangle, a unit that cannot be guessed.
-pub fn mesh(source: &Source) -> Result<(TriMesh, Convention, Vec<String>)> {
+pub fn mesh(source: &Source) -> Result<ReadMesh> {
     let fault = |what: String| {
         let mut faults = Faults::of(&source.path);
         faults.push(
@@ -70,7 +80,7 @@ pub fn mesh(source: &Source) -> Result<(TriMesh, Convention, Vec<String>)> {
     if degenerate > 0 {
         notes.push(format!("{degenerate} triangles of no area left out"));
     }
-    Ok((mesh, convention, notes))
+    Ok(ReadMesh { mesh, convention, notes })
 }
 
 /// Strands as a file has them, in its unit and axes.

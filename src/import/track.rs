@@ -1,7 +1,7 @@
 //! A motion file and the meshes that move with it, made into an animation.
 
 use super::fault::Faults;
-use super::read::{self, Source};
+use super::read::{self, ReadMesh, Source};
 use crate::scene::anim::file::{BodyFile, ColliderFile, Pops, PoseFile, ShapeFile, TrackFile};
 use crate::scene::track::find_pops;
 use crate::scene::{AnimFile, Convention, Groom, motion};
@@ -175,7 +175,7 @@ pub fn track(options: &TrackOptions) -> Result<(AnimFile, TrackReport)> {
             ..TrackFile::default()
         }),
     }];
-    for (mesh, (convention, notes)) in options.colliders.iter().zip(meshes) {
+    for (mesh, ReadMesh { convention, notes, .. }) in options.colliders.iter().zip(meshes) {
         report.notes.extend(notes.into_iter().map(|note| format!("{}: {note}", mesh.source.path.display())));
         anim.colliders.push(ColliderFile {
             name: mesh.name.clone(),
@@ -194,10 +194,7 @@ pub fn track(options: &TrackOptions) -> Result<(AnimFile, TrackReport)> {
 }
 
 /// The motion and the meshes, or the problems of all of them in one report.
-fn all_problems<M, T>(
-    motion: Result<M>,
-    meshes: Vec<Result<(T, Convention, Vec<String>)>>,
-) -> Result<(M, Vec<(Convention, Vec<String>)>)> {
+fn all_problems<M>(motion: Result<M>, meshes: Vec<Result<ReadMesh>>) -> Result<(M, Vec<ReadMesh>)> {
     let mut problems = Vec::new();
     let mut read = Vec::with_capacity(meshes.len());
     let motion = match motion {
@@ -210,10 +207,7 @@ fn all_problems<M, T>(
     for mesh in meshes {
         match mesh {
             Err(Error::BadInput(found)) => problems.extend(found),
-            other => {
-                let (_, convention, notes) = other?;
-                read.push((convention, notes));
-            }
+            other => read.push(other?),
         }
     }
     match motion {

@@ -93,3 +93,18 @@ impl<'b> Cursor<'b> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_that_share_their_bytes_cannot_ask_for_memory_without_end() {
+        let bytes = vec![0u8; 1 << 20];
+        let source = Source::new(&bytes);
+        let budget = source.budget.get();
+        let read =
+            (0..10_000).take_while(|_| source.at(0).unwrap().items::<u8>(1 << 20, &source).is_ok()).count();
+        assert_eq!(read, budget >> 20);
+    }
+}
