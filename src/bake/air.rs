@@ -39,8 +39,10 @@ impl Bulk {
 
     /// Share of the free air's grip that is lost at a point of rest space, 0..1.
     pub fn shielded(&self, p: &Vector3<f64>) -> f64 {
-        let density: f64 =
-            corners(p).map(|(cell, part)| part * self.cells.get(&cell).copied().unwrap_or(0.0)).into_iter().sum();
+        let density: f64 = corners(p)
+            .map(|(cell, part)| part * self.cells.get(&cell).copied().unwrap_or(0.0))
+            .into_iter()
+            .sum();
         density / (density + HALF_SHIELDED)
     }
 }
@@ -111,12 +113,18 @@ mod tests {
 
     #[test]
     fn gusts_have_the_speed_asked_for_and_mean_nothing() {
-        let wind = Wind { velocity: Keyed::constant(Vector3::x() * 2.0), gust_speed: 1.5, gust_length: 0.3, seed: 7 };
+        let wind = Wind {
+            velocity: Keyed::constant(Vector3::x() * 2.0),
+            gust_speed: 1.5,
+            gust_length: 0.3,
+            seed: 7,
+        };
         let n = 40_000_u32;
         let (mut mean, mut square) = (Vector3::zeros(), 0.0);
         for i in 0..n {
             let r = |j| unit_draw(99, i * 4 + j) * 20.0;
-            let u = velocity(std::slice::from_ref(&wind), &Vector3::new(r(0), r(1), r(2)), r(3)) - Vector3::x() * 2.0;
+            let u = velocity(std::slice::from_ref(&wind), &Vector3::new(r(0), r(1), r(2)), r(3))
+                - Vector3::x() * 2.0;
             mean += u / f64::from(n);
             square += u.norm_squared() / f64::from(n);
         }

@@ -74,7 +74,8 @@ impl Clearance {
         depth: &[f64],
     ) -> Vec<Contact> {
         let motions: Vec<Motion> = pose.iter().map(|p| Motion { start: *p, end: *p }).collect();
-        let touching: Vec<f64> = depth.iter().map(|d| if *d > 0.0 { f64::NEG_INFINITY } else { 0.0 }).collect();
+        let touching: Vec<f64> =
+            depth.iter().map(|d| if *d > 0.0 { f64::NEG_INFINITY } else { 0.0 }).collect();
         let line = Polyline { x0: x, x1: x, clearance: &touching };
         let reach = 2.0 * thickness.iter().copied().fold(0.0, f64::max);
         let mut found = Vec::new();
@@ -85,7 +86,9 @@ impl Clearance {
     /// Clearances when `share` (0..=1) of the way out has been gone.
     pub fn at(&self, share: f64, out: &mut Vec<f64>) {
         out.clear();
-        out.extend(self.from.iter().zip(&self.to).map(|(a, b)| if a == b { *a } else { a + share * (b - a) }));
+        out.extend(
+            self.from.iter().zip(&self.to).map(|(a, b)| if a == b { *a } else { a + share * (b - a) }),
+        );
     }
 
     /// Points that are exempt, and points that are being brought out.

@@ -3,7 +3,7 @@
 use super::air;
 use super::clearance::Clearance;
 use super::touch::{Touch, TouchWork};
-use crate::contact::{Bodies, Motion, Polyline};
+use crate::contact::{Bodies, Motion};
 use crate::math::se3::Pose;
 use crate::rod::newton::{Outcome, Solver};
 use crate::rod::potential::Load;
@@ -36,6 +36,8 @@ pub struct Guide {
     pub v: Vec<Vector3<f64>>,
     /// Tangent at each point.
     pub tangent: Vec<Vector3<f64>>,
+    /// Lengths of the segments at the start, as [`Guide::segment_lengths`] measures them, m.
+    lengths: Vec<f64>,
     /// Rate of the unknowns over the last solve, 1/(m·s): the start of the next one.
     rate: Vec<f64>,
     /// Whether points are still being brought out of a body.
@@ -126,7 +128,8 @@ impl Guide {
         let x: Vec<Vector3<f64>> = now.iter().map(|g| g.p).collect();
         let poses: Vec<_> = (0..around.bodies.len()).map(|b| (around.body)(b, t)).collect();
         let clearance = Clearance::new(around.bodies, &poses, thickness, &x);
-        Guide {
+        let mut guide = Guide {
+            lengths: Vec::new(),
             coming_out: clearance.counts().1 > 0,
             clearance,
             x,
@@ -138,7 +141,9 @@ impl Guide {
             drag,
             rod,
             memory: crate::contact::Workspace::default(),
-        }
+        };
+        guide.lengths = guide.segment_lengths();
+        guide
     }
 
     /// Moves the guide from time `t0` to `t1`, s: one sub-step, halved where the solver asks for it.
@@ -168,7 +173,7 @@ impl Guide {
         let root = self.prepare(around, t0, t1, work);
         let outcome = self.solve(&root, work);
         record.iterations += outcome.iterations;
-        let clear = outcome.converged && self.touch(around, &root, t0, t1, work, record);
+        let clear = outcome.converged && self.touch(around, &root, t0, t1, work);
         let most = if outcome.converged { MAX_CONTACT_HALVINGS } else { MAX_HALVINGS };
         if !clear && depth < most {
             record.halvings += 1;
@@ -183,25 +188,19 @@ impl Guide {
             record.shortened += 1;
             self.shorten(around, &root, work);
         }
+        work.touch.noted.enter(record);
         self.commit(&root, t1 - t0, work);
     }
 
     /// Resolves contact over a step; `false` where the motion still crosses a surface.
-    fn touch(
-        &mut self,
-        around: &Surroundings,
-        root: &Pose,
-        t0: f64,
-        t1: f64,
-        work: &mut Workspace,
-        record: &mut StepRecord,
-    ) -> bool {
+    fn touch(&mut self, around: &Surroundings, root: &Pose, t0: f64, t1: f64, work: &mut Workspace) -> bool {
         if around.bodies.is_empty() {
             return true;
         }
         work.motions.clear();
         work.motions.extend(
-            (0..around.bodies.len()).map(|b| Motion { start: (around.body)(b, t0), end: (around.body)(b, t1) }),
+            (0..around.bodies.len())
+                .map(|b| Motion { start: (around.body)(b, t0), end: (around.body)(b, t1) }),
         );
         self.clearance.at((around.brought_out)(t1), &mut work.clearance);
         let touch = Touch {
@@ -214,24 +213,29 @@ impl Guide {
             root,
             load: &work.load,
         };
-        touch.resolve(&mut work.q, &mut work.solver, &mut self.memory, &mut work.touch, record)
+        touch.resolve(&mut work.q, &mut work.solver, &mut self.memory, &mut work.touch)
     }
 
     /// Cuts the motion of the unknowns short so that no surface is crossed: the last resort. On a body that carries the
     /// root, no motion of the unknowns is no motion at all.
     fn shorten(&mut self, around: &Surroundings, root: &Pose, work: &mut Workspace) {
         let goal = work.q.clone();
-        let mut x1 = self.x.clone();
         for share in [0.5, 0.25, 0.125, 0.0] {
             for ((q, a), b) in work.q.iter_mut().zip(&self.q[0]).zip(&goal) {
                 *q = a + share * (b - a);
             }
             work.solver.shape.update(&self.rod, &root.r, &work.q);
-            for (x, g) in x1.iter_mut().zip(&work.solver.shape.pose) {
-                *x = g.p + root.p;
-            }
-            let line = Polyline { x0: &self.x, x1: &x1, clearance: &work.clearance };
-            if around.bodies.advance_limit(&work.motions, &line, &mut self.memory) >= 1.0 {
+            let touch = Touch {
+                rod: &self.rod,
+                bodies: around.bodies,
+                motions: &work.motions,
+                clearance: &work.clearance,
+                x0: &self.x,
+                friction: self.friction,
+                root,
+                load: &work.load,
+            };
+            if touch.look(&work.solver, &mut self.memory, &mut work.touch) {
                 break;
             }
         }
@@ -284,5 +288,28 @@ impl Guide {
     pub fn rate(&self, h: f64) -> Vec<f64> {
         let [now, one, two] = &self.q;
         (0..now.len()).map(|i| (3.0 * now[i] - 4.0 * one[i] + two[i]) / (2.0 * h)).collect()
+    }
+
+    /// Largest relative change of the length of a segment since the start.
+    pub fn length_drift(&self) -> f64 {
+        let now = self.segment_lengths();
+        now.iter().zip(&self.lengths).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max)
+    }
+
+    /// Arc length of each segment, m: of the cubic through its ends with their tangents, by three-point Gauss quadrature.
+    fn segment_lengths(&self) -> Vec<f64> {
+        let s = self.rod.arc_lengths();
+        (0..s.len() - 1)
+            .map(|k| {
+                let (h, chord) = (s[k + 1] - s[k], self.x[k + 1] - self.x[k]);
+                let (ta, tb) = (self.tangent[k] * h, self.tangent[k + 1] * h);
+                let speed = |u: f64| {
+                    let (d, e, f) = (6.0 * u * (1.0 - u), 1.0 - 4.0 * u + 3.0 * u * u, 3.0 * u * u - 2.0 * u);
+                    (chord * d + ta * e + tb * f).norm()
+                };
+                let r = 0.5 * 0.6_f64.sqrt();
+                (5.0 * speed(0.5 - r) + 8.0 * speed(0.5) + 5.0 * speed(0.5 + r)) / 18.0
+            })
+            .collect()
     }
 }

@@ -35,11 +35,11 @@ impl<'a> Output<'a> {
                 .colliders
                 .iter()
                 .map(|c| {
-                    let (vertices, triangles) = match &c.shape { crate::scene::Shape::Mesh(m) => (m.vertices.clone(), m.triangles.clone()), _ => (vec![], vec![]) };
+                    let mesh = c.shape.tessellate();
                     ColliderMesh {
                         name: c.name.clone(),
-                        points: vertices.iter().map(|v| single(&convention.length_out(*v))).collect(),
-                        triangles: triangles.iter().map(|t| t.map(|i| i as i32)).collect(),
+                        points: mesh.vertices.iter().map(|v| single(&convention.length_out(*v))).collect(),
+                        triangles: mesh.triangles.iter().map(|t| t.map(|i| i as i32)).collect(),
                     }
                 })
                 .collect(),
@@ -63,8 +63,12 @@ impl<'a> Output<'a> {
             / self.convention.metres_per_unit;
         let rates: Vec<Vec<f64>> = simulation.guides.iter().map(|g| g.rate(simulation.step())).collect();
         let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
-            let motion: Vec<GuideMotion> =
-                simulation.guides.iter().zip(&rates).map(|(g, rate)| GuideMotion { q: &g.q[0], rate }).collect();
+            let motion: Vec<GuideMotion> = simulation
+                .guides
+                .iter()
+                .zip(&rates)
+                .map(|(g, rate)| GuideMotion { q: &g.q[0], rate })
+                .collect();
             let mut points = vec![[0.0; 3]; set.rest.len()];
             let mut velocities = vec![[0.0; 3]; set.rest.len()];
             strands.evaluate(&head, &motion, &to_scene, &mut points, &mut velocities);

@@ -37,7 +37,7 @@ pub struct FrameRecord {
     pub speed_p95_m_s: f64,
     /// The same, largest.
     pub speed_max_m_s: f64,
-    /// Largest relative change of the arc length of a segment of a guide (cubic through its ends and tangents).
+    /// Largest relative change of the arc length of a segment of a guide since the start.
     pub length_drift: f64,
 }
 
@@ -71,7 +71,7 @@ impl FrameRecord {
                 let carried = head.velocity + head.spin.cross(&(x - head.translation));
                 speeds.push((v - carried).norm());
             }
-            self.length_drift = self.length_drift.max(length_drift(g));
+            self.length_drift = self.length_drift.max(g.length_drift());
         }
         speeds.sort_by(f64::total_cmp);
         if let Some(&max) = speeds.last() {
@@ -80,24 +80,4 @@ impl FrameRecord {
             self.speed_p95_m_s = speeds[(speeds.len() - 1) * 95 / 100];
         }
     }
-}
-
-/// Largest relative difference between the arc length of a segment and its length at rest.
-fn length_drift(g: &Guide) -> f64 {
-    let s = g.rod.arc_lengths();
-    let mut worst: f64 = 0.0;
-    for k in 0..s.len() - 1 {
-        let h = s[k + 1] - s[k];
-        let (a, b) = (g.x[k], g.x[k + 1]);
-        let (ta, tb) = (g.tangent[k] * h, g.tangent[k + 1] * h);
-        // Length of the cubic Hermite segment by three-point Gauss quadrature.
-        let speed = |u: f64| {
-            let (d, e, f) = (6.0 * u * (1.0 - u), 1.0 - 4.0 * u + 3.0 * u * u, 3.0 * u * u - 2.0 * u);
-            ((b - a) * d + ta * e + tb * f).norm()
-        };
-        let r = 0.5 * 0.6_f64.sqrt();
-        let length = (5.0 * speed(0.5 - r) + 8.0 * speed(0.5) + 5.0 * speed(0.5 + r)) / 18.0;
-        worst = worst.max((length / h - 1.0).abs());
-    }
-    worst
 }

@@ -23,6 +23,9 @@ const GAP_TOLERANCE: f64 = 1e-5;
 /// Motion of a point between rounds that is as good as none, m.
 const MOVE_TOLERANCE: f64 = 5e-6;
 
+/// Rounds after which a step that violates nothing is not asked to come to rest on every facet.
+const SETTLING_ROUNDS: u32 = 2;
+
 /// Contacts of one strand in one problem; beyond it the deepest are kept and the others wait for the next round.
 const MAX_CONTACTS: usize = 64;
 
@@ -60,12 +63,36 @@ pub(super) struct TouchWork {
     /// Places of the last reactions, for a warm start: (body, segment), as `reaction`.
     places: Vec<(usize, usize)>,
     last: Vec<f64>,
+    /// Impacts met in any round of this step.
+    sticky: Vec<Contact>,
+    pub(super) noted: Noted,
 }
 
 impl TouchWork {
     /// Contacts of the last [`Touch::resolve`] that are violated by more than a hair's breadth: (body, segment).
     pub(super) fn violated(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         self.contacts.iter().filter(|c| c.gap < -1e-4).map(|c| (c.body, c.segment))
+    }
+}
+
+/// What a step ended with, in contact.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Noted {
+    found: u32,
+    active: u32,
+    rounds: u32,
+    residual: f64,
+    penetration: f64,
+}
+
+impl Noted {
+    /// Enters these figures in the record of the step.
+    pub(super) fn enter(&self, record: &mut StepRecord) {
+        record.found = self.found;
+        record.active = self.active;
+        record.rounds = record.rounds.max(self.rounds);
+        record.residual = record.residual.max(self.residual);
+        record.penetration = record.penetration.max(self.penetration);
     }
 }
 
@@ -77,39 +104,29 @@ impl Touch<'_> {
         solver: &mut Solver,
         memory: &mut crate::contact::Workspace,
         work: &mut TouchWork,
-        record: &mut StepRecord,
     ) -> bool {
         work.last.clear();
         work.places.clear();
-        for round in 0..MAX_ROUNDS {
-            let first_impact = self.find(solver, memory, work);
+        work.sticky.clear();
+        work.noted = Noted::default();
+        let mut moved = f64::INFINITY;
+        for round in 0..=MAX_ROUNDS {
+            let clear = self.find(solver, memory, work) >= 1.0;
             let worst = work.contacts.iter().map(|c| c.gap).fold(0.0, f64::min);
-            if round == 0 {
-                record.found = work.contacts.len() as u32;
+            let settled = moved <= MOVE_TOLERANCE || round == 0 || round > SETTLING_ROUNDS;
+            if round == MAX_ROUNDS || (clear && settled && worst >= -GAP_TOLERANCE) {
+                self.note(work);
+                return clear;
             }
-            let fits = worst >= -GAP_TOLERANCE && first_impact >= 1.0;
-            if work.contacts.is_empty() || (round == 0 && fits) {
-                self.note(work, record);
-                return true;
-            }
-            record.rounds = record.rounds.max(round + 1);
+            work.noted.rounds = round + 1;
             if !solver.linearise(self.rod, self.load, q) {
                 return false;
             }
             self.assemble(solver, work);
-            self.react(solver, work, record);
-            let moved = solver.advance(self.rod, &self.root.r, q);
-            if moved <= MOVE_TOLERANCE && (fits || round > 2) {
-                break;
-            }
+            self.react(solver, work);
+            moved = solver.advance(self.rod, &self.root.r, q);
         }
-        let clear = self.find(solver, memory, work) >= 1.0;
-        if std::env::var("DBG").is_ok() && (!clear || record.rounds >= MAX_ROUNDS) {
-            println!("--- stuck clear {clear} n {} contacts {}", self.rod.unknowns(), work.contacts.len());
-            for c in &work.contacts { println!("  seg {} u {:.3} body {} feat {:?} gap {:.3e} d {:.3e} {:.3e} n {:.2?} r {:?}", c.segment, c.u, c.body, c.feature, c.gap, self.clearance[c.segment], self.clearance[c.segment+1], c.normal.as_slice(), work.places.iter().position(|p| *p == (c.body, c.segment)).map(|i| &work.last[3*i..3*i+3])); }
-        }
-        self.note(work, record);
-        clear
+        false
     }
 
     /// Contacts at the solver's shape, with the impacts on the way there; returns the time of the first impact.
@@ -121,19 +138,29 @@ impl Touch<'_> {
         work.impacts.clear();
         self.bodies.candidates(self.motions, &line, REACH, memory, &mut work.contacts);
         let first = self.bodies.impacts(self.motions, &line, memory, &mut work.impacts);
-        let seen = work.contacts.len();
+        // An impact once averted is out of sight; forgotten, it would come back in the round after.
         for impact in work.impacts.drain(..) {
+            work.sticky
+                .retain(|c| (c.body, c.segment, c.feature) != (impact.body, impact.segment, impact.feature));
+            work.sticky.push(impact);
+        }
+        let seen = work.contacts.len();
+        for impact in &mut work.sticky {
+            impact.gap = line.gap(impact);
             let known = work.contacts[..seen].iter().any(|c| {
-                c.body == impact.body && c.segment.abs_diff(impact.segment) <= 1 && c.normal.dot(&impact.normal) > 0.5
+                c.body == impact.body
+                    && c.segment.abs_diff(impact.segment) <= 1
+                    && c.normal.dot(&impact.normal) > 0.5
             });
             if !known {
-                work.contacts.push(impact);
+                work.contacts.push(*impact);
             }
         }
         if work.contacts.len() > MAX_CONTACTS {
             work.contacts.sort_by(|a, b| a.gap.total_cmp(&b.gap));
             work.contacts.truncate(MAX_CONTACTS);
-            work.contacts.sort_by(|a, b| (a.body, a.segment).cmp(&(b.body, b.segment)).then(a.u.total_cmp(&b.u)));
+            work.contacts
+                .sort_by(|a, b| (a.body, a.segment).cmp(&(b.body, b.segment)).then(a.u.total_cmp(&b.u)));
         }
         first
     }
@@ -172,7 +199,7 @@ impl Touch<'_> {
     }
 
     /// Solves for the reactions and completes the solver's direction with them.
-    fn react(&self, solver: &mut Solver, work: &mut TouchWork, record: &mut StepRecord) {
+    fn react(&self, solver: &mut Solver, work: &mut TouchWork) {
         let n = self.rod.unknowns();
         work.reaction.clear();
         for contact in &work.contacts {
@@ -182,7 +209,7 @@ impl Touch<'_> {
         }
         let problem = Problem { w: &work.delassus, b: &work.free, mu: &work.mu };
         let outcome = friction::solve(&problem, TOLERANCE, &mut work.reaction);
-        record.residual = record.residual.max(outcome.residual);
+        work.noted.residual = outcome.residual;
         for (row, r) in work.rows.chunks_exact(n).zip(&work.reaction) {
             if *r != 0.0 {
                 for (d, a) in solver.direction.iter_mut().zip(row) {
@@ -197,17 +224,31 @@ impl Touch<'_> {
     }
 
     /// Notes what the step ended with.
-    fn note(&self, work: &TouchWork, record: &mut StepRecord) {
-        record.active = work.last.chunks_exact(3).filter(|r| r[0] > 0.0).count() as u32;
-        let n = self.x0.len();
+    fn note(&self, work: &mut TouchWork) {
+        work.noted.found = work.contacts.len() as u32;
+        work.noted.active = work.last.chunks_exact(3).filter(|r| r[0] > 0.0).count() as u32;
+        work.noted.penetration = 0.0;
+        let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
         for c in &work.contacts {
-            let d = &self.clearance[c.body * n..];
-            let keep = d[c.segment] * (1.0 - c.u) + d[c.segment + 1] * c.u;
+            let keep = line.kept_at(c);
             // Points on their way out of a body are not at fault.
             if keep >= 0.0 {
-                record.penetration = record.penetration.max(-(c.gap + keep));
+                work.noted.penetration = work.noted.penetration.max(-(c.gap + keep));
             }
         }
+    }
+
+    /// Looks at the solver's shape once more and notes it, without moving anything.
+    pub fn look(
+        &self,
+        solver: &Solver,
+        memory: &mut crate::contact::Workspace,
+        work: &mut TouchWork,
+    ) -> bool {
+        work.sticky.clear();
+        let clear = self.find(solver, memory, work) >= 1.0;
+        self.note(work);
+        clear
     }
 }
 

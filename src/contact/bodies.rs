@@ -211,6 +211,20 @@ impl Found {
     }
 }
 
+impl Polyline<'_> {
+    /// Gap of `contact` with the vertices as they are now at the end of the step, m.
+    pub fn gap(&self, contact: &Contact) -> f64 {
+        let k = contact.segment;
+        let x = self.x1[k] + (self.x1[k + 1] - self.x1[k]) * contact.u;
+        contact.normal.dot(&(x - contact.point[1])) - self.kept_at(contact)
+    }
+
+    /// Clearance at the place of `contact`, m.
+    pub fn kept_at(&self, contact: &Contact) -> f64 {
+        clearance_at(self, contact.body, contact.segment, contact.u)
+    }
+}
+
 /// Clearance of a body at a place on a segment, m.
 pub(super) fn clearance_at(line: &Polyline, body: usize, k: usize, u: f64) -> f64 {
     let d = &line.clearance[body * line.x0.len()..][k..=k + 1];
