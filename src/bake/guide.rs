@@ -40,8 +40,6 @@ pub struct Guide {
     lengths: Vec<f64>,
     /// Rate of the unknowns over the last solve, 1/(m·s): the start of the next one.
     rate: Vec<f64>,
-    /// Whether points are still being brought out of a body.
-    coming_out: bool,
     /// Where the bodies were last seen.
     memory: crate::contact::Workspace,
 }
@@ -83,6 +81,8 @@ pub struct Surroundings<'a> {
     pub body: &'a (dyn Fn(usize, f64) -> Isometry3<f64> + Sync),
     /// Progress (0..=1) of bringing out what starts inside a body, at a time, s.
     pub brought_out: &'a (dyn Fn(f64) -> f64 + Sync),
+    /// Whether a time, s, is still in the pre-roll.
+    pub settling: &'a (dyn Fn(f64) -> bool + Sync),
 }
 
 impl Surroundings<'_> {
@@ -130,7 +130,6 @@ impl Guide {
         let clearance = Clearance::new(around.bodies, &poses, thickness, &x);
         let mut guide = Guide {
             lengths: Vec::new(),
-            coming_out: clearance.counts().1 > 0,
             clearance,
             x,
             tangent: now.iter().map(|g| g.r.column(2).into()).collect(),
@@ -153,9 +152,10 @@ impl Guide {
         one.copy_from_slice(now);
         let mut record = StepRecord::default();
         self.advance_part(around, t0, t1, 0, work, &mut record);
-        if self.coming_out && (around.brought_out)(t1) >= 1.0 {
-            self.coming_out = false;
-            let stuck: Vec<_> = work.touch.violated().collect();
+        if (around.brought_out)(t1) >= 1.0 && (around.settling)(t1) {
+            // What half a pre-roll has not worked out is drawn in a knot with the body, and stays so.
+            let knotted = record.shortened > 0 || self.clearance.counts().1 > 0;
+            let stuck: Vec<_> = work.touch.blocked().filter(|_| knotted).collect();
             self.clearance.arrive(&stuck, self.x.len());
         }
         record

@@ -119,17 +119,23 @@ impl Solver {
         false
     }
 
-    /// Moves `q` by the current direction (no further than the Magnus series allows) and updates the shape;
-    /// returns the largest displacement of a point, m.
-    pub fn advance(&mut self, rod: &Rod, root: &Matrix3<f64>, q: &mut [f64]) -> f64 {
-        let t = self.longest(rod);
-        for (q, d) in q.iter_mut().zip(&self.direction) {
-            *q += t * d;
+    /// Moves `q` along the current direction, no further than the Magnus series allows and no point by more than about `most`,
+    /// m; updates the shape and returns the largest displacement, m.
+    pub fn advance(&mut self, rod: &Rod, root: &Matrix3<f64>, q: &mut [f64], most: f64) -> f64 {
+        let mut t = self.longest(rod);
+        loop {
+            for ((new, q), d) in self.trial_q.iter_mut().zip(&*q).zip(&self.direction) {
+                *new = q + t * d;
+            }
+            self.trial.update(rod, root, &self.trial_q);
+            let moved = self.moved();
+            if moved <= most {
+                q.copy_from_slice(&self.trial_q);
+                std::mem::swap(&mut self.shape, &mut self.trial);
+                return moved;
+            }
+            t *= 0.9 * most / moved;
         }
-        self.trial.update(rod, root, q);
-        let moved = self.moved();
-        std::mem::swap(&mut self.shape, &mut self.trial);
-        moved
     }
 
     /// Share of the direction, at most 1, that turns no sub-step by more than [`MAX_TURN`].
