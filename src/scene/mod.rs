@@ -5,6 +5,7 @@ pub mod anim;
 pub mod convention;
 mod document;
 pub mod groom;
+mod inputs;
 pub mod keyed;
 mod mesh;
 mod shape_mesh;
@@ -14,6 +15,7 @@ pub use anim::{Anim, AnimFile, Body, Collider, Settings, Shape, TriMesh};
 pub use convention::{Convention, UpAxis};
 pub use document::array::{Array, BufferFile, ElementType, View};
 pub use groom::{Curves, Groom, Group, Guides, Material, RodSection, Section, Strands, Tree, Wisp};
+pub use inputs::inputs;
 
 use crate::error::{Error, Problem, Result};
 pub(crate) use anim::read::motion;

@@ -185,6 +185,12 @@ impl Document {
         self.value.get(name)?.as_str()
     }
 
+    /// The files that the elements of the root's array `list` name at `place`, a JSON pointer.
+    pub fn named_files(&self, list: &str, place: &str) -> Vec<PathBuf> {
+        let elements = self.value.get(list).and_then(Value::as_array).into_iter().flatten();
+        elements.filter_map(|e| Some(self.folder().join(e.pointer(place)?.as_str()?))).collect()
+    }
+
     /// Checks the file against the schema of `T` and reads it. All faults of shape are noted; optional
     /// values of a wrong type are left out, so that the reader can go on and find faults of meaning too.
     /// `None` if a required value is wrong or missing.
