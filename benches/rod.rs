@@ -38,12 +38,17 @@ fn shake(nodes: usize, max_step: f64, rate: u32) -> u32 {
     let h = 1.0 / f64::from(rate);
     let mut guide = Guide::new(rod, drag, &around, 0.0, h);
     let mut work = Workspace::default();
-    (0..rate).map(|i| guide.advance(&around, f64::from(i) * h, f64::from(i + 1) * h, &mut work).iterations).sum()
+    (0..rate)
+        .map(|i| guide.advance(&around, f64::from(i) * h, f64::from(i + 1) * h, &mut work).iterations)
+        .sum()
 }
 
 #[divan::bench(args = [(8, 25), (8, 96), (8, 192), (16, 192)])]
 fn second_of_shaking_coarse(bencher: divan::Bencher, (nodes, rate): (usize, u32)) {
-    println!("{nodes} nodes, {rate} steps: {:.2} Newton steps a step", f64::from(shake(nodes, 1.0, rate)) / f64::from(rate));
+    println!(
+        "{nodes} nodes, {rate} steps: {:.2} Newton steps a step",
+        f64::from(shake(nodes, 1.0, rate)) / f64::from(rate)
+    );
     bencher.bench(|| shake(nodes, 1.0, rate));
 }
 

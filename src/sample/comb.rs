@@ -134,13 +134,10 @@ fn curl(run: &[Vector3<f64>], cut: &Cut, seed: u64) -> Vec<Vector3<f64>> {
         let (sin, cos) = (phase + TAU * s / pitch).sin_cos();
         lifted(spline.at(s).x + frame * Vector3::new(cos, sin, 0.0) * (radius * open), s)
     };
-    rotation_minimising(&spline, &s).iter().zip(&s).map(wind).collect()
+    rotation_minimising(&spline, &s, None).iter().zip(&s).map(wind).collect()
 }
 
-/// A number in [0, 1) from a seed and a stream (SplitMix64: Steele, Lea & Flood 2014).
+/// The random number number `stream` of the hair `seed`, in [0, 1).
 fn random(seed: u64, stream: u64) -> f64 {
-    let mut z = (seed << 8 | stream).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    (z ^ (z >> 31)) as f64 / 2.0_f64.powi(64)
+    crate::math::random::unit(0, seed << 8 | stream)
 }

@@ -8,8 +8,8 @@ pub mod head;
 mod motion;
 mod style;
 
+use crate::file::write_file;
 use crate::import::{BuildOptions, BuildReport, Depth, Growth, Resample, Scalp, build};
-use crate::scene::write_file;
 use crate::scene::{Convention, Groom};
 use crate::{Error, Result};
 pub use motion::Motion;
@@ -61,7 +61,7 @@ pub fn write(style: Style, size: Size, folder: &Path) -> Result<BuildReport> {
     let (groom, report) = groom(style, size);
     groom.write(&folder.join("groom.json"))?;
     let head = folder.join("head.obj");
-    write_file(&head, head::obj(&head::mesh(size.head_rounds)).as_bytes())?;
+    write_file(&head, &[head::obj(&head::mesh(size.head_rounds))])?;
     for motion in Motion::ALL {
         motion.anim().write(&folder.join(format!("{motion}.json")))?;
     }

@@ -1,7 +1,7 @@
 //! Triangle meshes from Wavefront OBJ files.
 
-use super::document::read_file;
 use super::{Convention, TriMesh};
+use crate::file::read_file;
 use nalgebra::Vector3;
 use std::path::Path;
 

@@ -19,8 +19,6 @@ pub use inputs::inputs;
 
 use crate::error::{Error, Problem, Result};
 pub(crate) use anim::read::motion;
-pub(crate) use document::array::write_file;
-pub(crate) use document::read_file;
 use document::{Document, Key};
 use std::path::Path;
 

@@ -2,6 +2,7 @@
 
 use super::file::*;
 use super::{Curves, Groom, Group, Guides, Material, RodSection, Section, Strands, Tree, Wisp};
+use crate::math::polyline;
 use crate::scene::Convention;
 use crate::scene::document::array::{Array, Buffers, Element};
 use crate::scene::document::{Document, Faults, Key};
@@ -283,10 +284,7 @@ impl Reader<'_> {
     }
 
     fn not_zero_length(&mut self, key: &Key, curves: &Curves) {
-        let degenerate = |c: &usize| {
-            let points = curves.curve(*c);
-            points.windows(2).map(|w| (w[1] - w[0]).norm()).sum::<f64>() <= f64::MIN_POSITIVE
-        };
+        let degenerate = |c: &usize| polyline::length(curves.curve(*c)) <= f64::MIN_POSITIVE;
         let all: Vec<usize> = (0..curves.len()).filter(degenerate).collect();
         for &c in all.iter().take(MAX_NAMED) {
             let what = format!("curve {c} (id {}) has zero length: its points coincide", curves.id[c]);
