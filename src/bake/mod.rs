@@ -46,7 +46,7 @@ pub struct BakeSummary {
 /// Name and checksum of every file that a bake of the scene reads. Errors: files that cannot be read.
 pub fn inputs(groom: &Path, anim: &Path) -> Result<Vec<InputRecord>> {
     let record = |(role, path): (&str, PathBuf)| {
-        let bytes = crate::scene::read_file(&path).map_err(|e| Error::io(&path, e))?;
+        let bytes = crate::file::read_file(&path).map_err(|e| Error::io(&path, e))?;
         let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Ok(InputRecord { role: role.into(), file, sha256: cache::sha256(&bytes) })
     };
