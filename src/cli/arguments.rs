@@ -17,8 +17,9 @@ const STYLES: Styles = Styles::styled()
 
 const EXAMPLES: &str = "\
 Examples:
-  Bake the included sample and look at it:
-      hairbake samples/short/groom.json samples/short/shake.json -o out
+  Make a sample, bake it and look at it:
+      hairbake sample short -o short
+      hairbake short/groom.json short/shake.json -o out
       xdg-open out/sheet.png
   Bring in a groom, its head and a head track, then bake:
       hairbake import groom hair.tfx --units cm --head bust.obj:cm -o shot/groom.json

@@ -17,8 +17,8 @@ pub enum Progress {
     Bar(ProgressBar),
     /// In a log.
     Lines {
-        /// When the bake began.
-        start: Instant,
+        /// When the first frame was done: the pre-roll before it says nothing about those to come.
+        first: Option<Instant>,
         /// When the last line was said.
         said: Option<Instant>,
     },
@@ -34,7 +34,7 @@ impl Progress {
             bar.enable_steady_tick(Duration::from_millis(100));
             Progress::Bar(bar)
         } else {
-            Progress::Lines { start: Instant::now(), said: None }
+            Progress::Lines { first: None, said: None }
         }
     }
 
@@ -52,15 +52,19 @@ impl Progress {
                 bar.set_position(done as u64);
                 bar.set_message(format!("frame {}, {} contacts", record.frame, record.contacts_active));
             }
-            Progress::Lines { start, said } => {
+            Progress::Lines { first, said } => {
                 let now = Instant::now();
+                let first = *first.get_or_insert(now);
                 if done < total && said.is_some_and(|last| now - last < INTERVAL) {
                     return;
                 }
                 *said = Some(now);
-                let pace = (now - *start).as_secs_f64() / done as f64;
+                let pace = match done {
+                    0 | 1 => String::new(),
+                    _ => format!("{:.3} s/frame, ", (now - first).as_secs_f64() / (done - 1) as f64),
+                };
                 console::say(&format!(
-                    "frame {} ({done} of {total}), {pace:.3} s/frame, {} contacts",
+                    "frame {} ({done} of {total}), {pace}{} contacts",
                     record.frame, record.contacts_active
                 ));
             }

@@ -119,7 +119,7 @@ mod tests {
         let committed = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/short");
         let (read, _) =
             crate::scene::load(&committed.join("groom.json"), &committed.join("shake.json")).unwrap();
-        let size = Size { wisps: Some(64), strands: 512, head_rounds: 3 };
+        let size = Size { wisps: Some(88), strands: 970, head_rounds: 3 };
         let (made, _) = groom(Style::Short, size);
         assert_eq!(read.trees.len(), made.trees.len());
         let off =
