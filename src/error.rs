@@ -82,7 +82,10 @@ impl Error {
         Error::Io { path: path.as_ref().to_path_buf(), source }
     }
 
-    /// [`Error::BadInput`] with all `problems`, if there is any.
+    /// `Ok` if there are no `problems`.
+    ///
+    /// # Errors
+    /// [`Error::BadInput`] with all of them.
     pub fn unless_none(problems: Vec<Problem>) -> Result<()> {
         if problems.is_empty() { Ok(()) } else { Err(Error::BadInput(problems)) }
     }

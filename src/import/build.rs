@@ -45,7 +45,9 @@ impl Default for BuildOptions {
 }
 
 impl BuildOptions {
-    /// Errors: options out of range, all of them.
+    ///
+    /// # Errors
+    /// Options out of range, all of them.
     pub(super) fn check(&self) -> Result<()> {
         let mut wrong = Vec::new();
         let mut need = |ok: bool, what: &str| {

@@ -13,8 +13,11 @@ const HEADER: usize = 128;
 const HAS_SEGMENTS: u32 = 1;
 const HAS_POINTS: u32 = 2;
 
-/// Reads the strands in a .hair file's bytes, in the file's unit and axes; thickness, transparency and colour are passed
-/// over. Errors: every fault of the header and sizes, at once.
+/// Reads the strands in a .hair file's bytes, in the file's unit and axes; thickness, transparency and colour
+/// are passed over.
+///
+/// # Errors
+/// Every fault of the header and sizes, at once.
 pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
     if bytes.len() < HEADER || &bytes[0..4] != b"HAIR" {
         return Err(Problem::new(

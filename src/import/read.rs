@@ -34,11 +34,6 @@ impl Source {
     pub fn new(path: impl Into<PathBuf>) -> Self {
         Source { path: path.into(), ..Source::default() }
     }
-
-    /// The same file with a known unit.
-    pub fn in_units(self, metres_per_unit: f64) -> Self {
-        Source { metres_per_unit: Some(metres_per_unit), ..self }
-    }
 }
 
 /// Sizes (diagonal of the bounding box) that the mesh of a head or a body may have, m.
@@ -55,8 +50,10 @@ pub struct ReadMesh {
     pub notes: Vec<String>,
 }
 
-/// Reads a mesh (Wavefront OBJ) for a scalp or a collider; its unit, if not given, is guessed from its size. Errors: a file that cannot be read or holds no
-/// triangle, a unit that cannot be guessed.
+/// Reads a mesh (Wavefront OBJ) for a scalp or a collider; its unit, if not given, is guessed from its size.
+///
+/// # Errors
+/// A file that cannot be read or holds no triangle, a unit that cannot be guessed.
 pub fn mesh(source: &Source) -> Result<ReadMesh> {
     let fault = |what: String| {
         Error::from(Problem::new(
@@ -116,8 +113,10 @@ pub struct SourceReport {
     pub notes: Vec<String>,
 }
 
-/// Reads a strand file. Errors: unreadable file, unknown ending, damaged file, no usable strand, unit that cannot be
-/// guessed.
+/// Reads a strand file.
+///
+/// # Errors
+/// Unreadable file, unknown ending, damaged file, no usable strand, unit that cannot be guessed.
 pub fn strands(source: &Source) -> Result<(Curves, SourceReport)> {
     let path = &source.path;
     let parse = match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {

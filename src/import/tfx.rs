@@ -12,8 +12,11 @@ use std::path::Path;
 const HEADER: usize = 160;
 const VERSION: f32 = 4.0;
 
-/// Reads the strands in a .tfx file's bytes, in the file's unit and axes. Root coordinates may be absent (offset 0) or cut
-/// short: what is missing is (0, 0) and noted. Errors: every fault of the header and sizes, at once.
+/// Reads the strands in a .tfx file's bytes, in the file's unit and axes. Root coordinates may be absent
+/// (offset 0) or cut short: what is missing is (0, 0) and noted.
+///
+/// # Errors
+/// Every fault of the header and sizes, at once.
 pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
     if bytes.len() < HEADER {
         return Err(Problem::new(

@@ -121,8 +121,11 @@ pub fn root_centroid(groom: &Groom) -> Vector3<f64> {
     (0..guides.len()).map(|c| guides.curve(c)[0]).sum::<Vector3<f64>>() / guides.len().max(1) as f64
 }
 
-/// Makes an animation of a motion file. Its first sample lies on the first frame; unit and up axis stay the file's.
-/// Errors: files that cannot be read or are faulty, options out of range.
+/// Makes an animation of a motion file. Its first sample lies on the first frame; unit and up axis stay the
+/// file's.
+///
+/// # Errors
+/// Files that cannot be read or are faulty, options out of range.
 pub fn track(options: &TrackOptions) -> Result<(AnimFile, TrackReport)> {
     if !(1.0..=1000.0).contains(&options.fps) {
         return Err(Error::Usage(format!("{} frames a second: 1 to 1000 are possible", options.fps)));

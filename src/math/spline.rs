@@ -87,8 +87,9 @@ impl ArcSpline {
                 None => t.push(0.0),
                 Some(last) => {
                     let d = (x - last).norm();
-                    // Below this the chord parametrisation loses its digits.
-                    if !(d > span * 1e-9) {
+                    // Below this the chord parametrisation loses its digits; false for NaN too.
+                    let distinct = d > span * 1e-9;
+                    if !distinct {
                         continue;
                     }
                     t.push(t[t.len() - 1] + d);

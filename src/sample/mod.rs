@@ -54,8 +54,11 @@ pub fn groom(style: Style, size: Size) -> (Groom, BuildReport) {
     build(&style.to_string(), Convention::default(), &guides, None, scalp.as_ref(), &options)
 }
 
-/// Writes a sample into `folder`, which is made if need be: `groom.json` and `groom.bin`, `head.obj`, and an animation for each
-/// motion (`shake.json`, `turn.json`). Errors: [`Error::Io`].
+/// Writes a sample into `folder`, which is made if need be: `groom.json` and `groom.bin`, `head.obj`, and an
+/// animation for each motion (`shake.json`, `turn.json`).
+///
+/// # Errors
+/// [`Error::Io`].
 pub fn write(style: Style, size: Size, folder: &Path) -> Result<BuildReport> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let (groom, report) = groom(style, size);

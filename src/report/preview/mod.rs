@@ -1,8 +1,8 @@
 //! Pictures of a cache without a GPU: a contact sheet and an animation, in seconds.
 
-pub mod camera;
-pub mod light;
-pub mod raster;
+mod camera;
+mod light;
+mod raster;
 mod scene;
 mod strand;
 

@@ -298,6 +298,9 @@ impl AnimFile {
     }
 
     /// Writes the file as JSON, whole or not at all. Relative file names in it start from its folder.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`].
     pub fn write(&self, path: &Path) -> Result<()> {
         document::write(path, self)
     }

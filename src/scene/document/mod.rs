@@ -14,6 +14,7 @@ mod value;
 
 use crate::error::{Error, Problem, Result};
 use crate::file::{read_file, write_file};
+use nalgebra::{Quaternion, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -22,6 +23,9 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 pub use pretty::pretty;
+
+/// Faults of one kind at one place that are reported one by one.
+pub const MAX_NAMED: usize = 8;
 
 /// One step of a [`Key`].
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -126,6 +130,20 @@ impl Faults {
         found == wanted
     }
 
+    /// The quaternions (w, x, y, z) of the array at `key`, of about unit length, normalised; `None`, with the faults added,
+    /// where some are not.
+    pub fn unit_quaternions(&mut self, key: &Key, wxyz: &[[f64; 4]]) -> Option<Vec<UnitQuaternion<f64>>> {
+        let norm = |q: &[f64; 4]| q.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let bad = || wxyz.iter().enumerate().filter(|(_, q)| !(0.9..=1.1).contains(&norm(q)));
+        for (i, q) in bad().take(MAX_NAMED) {
+            let what = format!("is {q:?}, of length {:.3}", norm(q));
+            let allowed = "unit quaternions (w, x, y, z), length 0.9 to 1.1";
+            self.add(&key.index(i), what, allowed, "write unit quaternions, w first");
+        }
+        let unit = |&[w, x, y, z]: &[f64; 4]| UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+        bad().next().is_none().then(|| wxyz.iter().map(unit).collect())
+    }
+
     /// Adds the problems of another file.
     pub fn add_elsewhere(&mut self, problems: Vec<Problem>) {
         self.elsewhere.extend(problems);
@@ -151,7 +169,10 @@ pub struct Document {
 }
 
 impl Document {
-    /// Reads and parses `path`. Errors: [`Error::Io`], or [`Error::BadInput`] where it is not JSON.
+    /// Reads and parses `path`.
+    ///
+    /// # Errors
+    /// [`Error::Io`], or [`Error::BadInput`] where it is not JSON.
     pub fn open(path: &Path) -> Result<Self> {
         let text = read_file(path).map_err(|e| Error::io(path, e))?;
         let (value, repeated) = value::parse(&text).map_err(|e| {
@@ -229,7 +250,10 @@ impl Document {
     }
 }
 
-/// Writes `value` as JSON for people at `path`, whole or not at all. Errors: [`Error::Io`].
+/// Writes `value` as JSON for people at `path`, whole or not at all.
+///
+/// # Errors
+/// [`Error::Io`].
 pub fn write(path: &Path, value: &impl Serialize) -> Result<()> {
     let value = serde_json::to_value(value).map_err(|e| Error::Internal(e.to_string()))?;
     write_file(path, &[pretty(&value)]).map(drop)

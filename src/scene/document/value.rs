@@ -1,16 +1,16 @@
 //! JSON text to its value, with the names that stand twice in one object: of those serde_json would keep the last and
 //! say nothing.
 
-use super::{Key, Step};
+use super::{Key, MAX_NAMED, Step};
 use serde::Deserializer;
 use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};
 use std::fmt;
 
-/// Repeated names that are reported one by one.
-const MAX_REPEATED: usize = 8;
-
-/// The value of a JSON text, and the keys that it gives again. Errors: text that is not JSON.
+/// The value of a JSON text, and the keys that it gives again.
+///
+/// # Errors
+/// Text that is not JSON.
 pub fn parse(text: &[u8]) -> serde_json::Result<(Value, Vec<Key>)> {
     let (mut key, mut repeated) = (Key::default(), Vec::new());
     let mut deserializer = serde_json::Deserializer::from_slice(text);
@@ -87,7 +87,7 @@ impl<'de> Visitor<'de> for Place<'_> {
         let mut map = Map::new();
         while let Some(name) = properties.next_key::<String>()? {
             self.key.0.push(Step::Name(name.clone()));
-            if map.contains_key(&name) && self.repeated.len() < MAX_REPEATED {
+            if map.contains_key(&name) && self.repeated.len() < MAX_NAMED {
                 self.repeated.push(self.key.clone());
             }
             let value = properties.next_value_seed(self.inside())?;

@@ -12,6 +12,9 @@ impl Groom {
     /// Writes the groom in its own unit and axes as JSON at `path`, with long arrays in a binary file of
     /// the same stem (`groom.json`, `groom.bin`): guides and wisps as f64, render strands as f32. Each
     /// file is written whole or not at all.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`].
     pub fn write(&self, path: &Path) -> Result<()> {
         let mut packer = Packer::default();
         let mut file = self.to_file(&mut packer);
