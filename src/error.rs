@@ -23,6 +23,26 @@ pub struct Problem {
     pub remedy: String,
 }
 
+impl Problem {
+    /// A problem of `file` with no place in a text.
+    pub fn new(
+        file: &Path,
+        key: impl Into<String>,
+        what: impl Into<String>,
+        allowed: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        Problem {
+            file: file.to_path_buf(),
+            span: None,
+            key: key.into(),
+            what: what.into(),
+            allowed: allowed.into(),
+            remedy: remedy.into(),
+        }
+    }
+}
+
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -62,6 +82,14 @@ impl Error {
         Error::Io { path: path.as_ref().to_path_buf(), source }
     }
 
+    /// `Ok` if there are no `problems`.
+    ///
+    /// # Errors
+    /// [`Error::BadInput`] with all of them.
+    pub fn unless_none(problems: Vec<Problem>) -> Result<()> {
+        if problems.is_empty() { Ok(()) } else { Err(Error::BadInput(problems)) }
+    }
+
     /// The process exit code: 64 usage, 65 bad input, 70 internal, 74 I/O.
     pub fn exit_code(&self) -> u8 {
         match self {
@@ -70,6 +98,12 @@ impl Error {
             Error::Internal(_) => 70,
             Error::Io { .. } => 74,
         }
+    }
+}
+
+impl From<Problem> for Error {
+    fn from(problem: Problem) -> Self {
+        Error::BadInput(vec![problem])
     }
 }
 

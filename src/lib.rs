@@ -10,6 +10,7 @@ pub mod cache;
 pub mod cli;
 pub mod contact;
 pub mod error;
+mod file;
 pub mod import;
 pub mod math;
 pub mod report;
@@ -17,6 +18,8 @@ pub mod rod;
 pub mod sample;
 pub mod scene;
 pub mod strands;
+#[cfg(test)]
+mod test_data;
 pub mod usd;
 pub mod wisp;
 

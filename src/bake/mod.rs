@@ -8,15 +8,15 @@ pub mod record;
 pub mod simulation;
 mod touch;
 
-use crate::Result;
 use crate::cache::{self, InputRecord, Manifest};
 use crate::scene::{Anim, Groom};
+use crate::{Error, Result};
 use output::Output;
 use record::FrameRecord;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use simulation::Simulation;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Wall-clock time of the stages of one frame, s. Kept out of the cache: it changes from run to run.
@@ -41,6 +41,16 @@ pub struct BakeSummary {
     pub preroll_seconds: f64,
     /// The manifest as written.
     pub manifest: Option<Manifest>,
+}
+
+/// Name and checksum of every file that a bake of the scene reads. Errors: files that cannot be read.
+pub fn inputs(groom: &Path, anim: &Path) -> Result<Vec<InputRecord>> {
+    let record = |(role, path): (&str, PathBuf)| {
+        let bytes = crate::file::read_file(&path).map_err(|e| Error::io(&path, e))?;
+        let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(InputRecord { role: role.into(), file, sha256: cache::sha256(&bytes) })
+    };
+    crate::scene::inputs(groom, anim)?.into_iter().map(record).collect()
 }
 
 /// Bakes `groom` on `anim` into the folder `out`, frame by frame; `progress` is told each frame that is on disk, and how
@@ -91,6 +101,7 @@ pub fn bake(
         progress(&record, i + 1, total);
         summary.frames.push(record);
     }
+    manifest.totals = totals(&summary.frames);
     summary.manifest = Some(writer.finish(manifest)?);
     Ok(summary)
 }
@@ -105,12 +116,31 @@ fn settings(anim: &Anim) -> Value {
     })
 }
 
+/// Figures over all frames: the worst of each, and the sums of what should be rare.
+fn totals(frames: &[FrameRecord]) -> Map<String, Value> {
+    let worst = |of: fn(&FrameRecord) -> f64| frames.iter().map(of).fold(0.0, f64::max);
+    let sum = |of: fn(&FrameRecord) -> u32| frames.iter().map(of).map(u64::from).sum::<u64>();
+    let totals = json!({
+        "penetration_m": worst(|f| f.penetration_m),
+        "length_drift": worst(|f| f.length_drift),
+        "speed_max_m_s": worst(|f| f.speed_max_m_s),
+        "contact_residual": worst(|f| f.contact_residual),
+        "unconverged": sum(|f| f.unconverged.len() as u32),
+        "shortened": sum(|f| f.shortened),
+        "halvings": sum(|f| f.halvings),
+    });
+    object(totals)
+}
+
 fn figures(record: &FrameRecord) -> Map<String, Value> {
-    match serde_json::to_value(record) {
-        Ok(Value::Object(mut map)) => {
-            map.remove("frame");
-            map
-        }
+    let mut figures = object(json!(record));
+    figures.remove("frame");
+    figures
+}
+
+fn object(value: Value) -> Map<String, Value> {
+    match value {
+        Value::Object(map) => map,
         _ => Map::new(),
     }
 }

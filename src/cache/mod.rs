@@ -8,13 +8,12 @@
 //! without it holds an unfinished bake.
 
 mod check;
-mod file;
 mod layout;
 mod manifest;
 mod reader;
 mod writer;
 
-pub use file::{FileRecord, sha256, write_file};
+pub use crate::file::{FileRecord, sha256, write_file};
 pub use layout::{CLIP_MANIFEST, MANIFEST, ROOT, TOPOLOGY, frame_file_name};
 pub use manifest::{FrameRecord, InputRecord, Manifest, Summary};
 pub use reader::Reader;

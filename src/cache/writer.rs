@@ -1,7 +1,8 @@
 //! Writing a cache.
 
 use super::layout::{self, CLIP_MANIFEST, MANIFEST, ROOT, TOPOLOGY, frame_file_name, frames_with_handles};
-use super::{FileRecord, Frame, Header, Manifest, write_file};
+use super::{FileRecord, Frame, Header, Manifest};
+use crate::file::write_file;
 use crate::usd::{Layer, crate_file, text};
 use crate::{Error, Result};
 use std::io::ErrorKind;

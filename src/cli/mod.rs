@@ -1,8 +1,85 @@
-//! The command line. The only module that prints.
+//! The command line. The only module that prints: data on standard output, all else on standard error.
 
+mod arguments;
+mod bake;
+mod check;
+mod console;
+mod import;
+mod preview;
+mod progress;
+mod sample;
+mod shell;
+mod summary;
+mod validate;
+mod values;
+
+use crate::error::{Error, Result, render};
+use arguments::{Arguments, Command};
+use clap::Parser;
+use std::io::IsTerminal;
 use std::process::ExitCode;
+
+/// Exit code of wrong usage.
+const USAGE: u8 = 64;
 
 /// Runs the program on the process's own arguments.
 pub fn main() -> ExitCode {
-    ExitCode::SUCCESS
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(message) => {
+            // A closed output is no reason to fail; there is nobody to tell.
+            let _ = message.print();
+            return if message.use_stderr() { ExitCode::from(USAGE) } else { ExitCode::SUCCESS };
+        }
+    };
+    console::log(arguments.quiet);
+    match run(arguments) {
+        Ok(code) => code,
+        Err(error) => {
+            report(&error);
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+fn run(arguments: Arguments) -> Result<ExitCode> {
+    let Arguments { bake, command, threads, quiet } = arguments;
+    start_threads(threads)?;
+    match command {
+        None => match bake {
+            Some(options) => bake::run(options.resolve()?, quiet)?,
+            None => return Err(Error::Usage("GROOM and ANIM, or a command, are needed: see --help".into())),
+        },
+        Some(Command::Check { files }) => check::check(&files)?,
+        Some(Command::Schema { format }) => check::schema(format)?,
+        Some(Command::Import { what }) => import::run(what)?,
+        Some(Command::Sample(options)) => sample::run(&options)?,
+        Some(Command::Preview(options)) => preview::run(&options)?,
+        Some(Command::Validate(options)) => return validate::run(&options),
+        Some(Command::Completions { shell }) => shell::completions(shell)?,
+        Some(Command::Man) => shell::man()?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Starts as many worker threads as asked for: by option, by hairbake's own variable (clap reads both), or by that of the render
+/// farm's queue; else one for each core that the process may use.
+fn start_threads(asked: Option<usize>) -> Result<()> {
+    let of_queue = |name: &str| std::env::var(name).ok()?.parse().ok().filter(|n| *n > 0);
+    let threads = asked.or_else(|| of_queue("CUE_THREADS")).or_else(|| of_queue("SLURM_CPUS_PER_TASK"));
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.unwrap_or(0))
+        .build_global()
+        .map_err(|e| Error::Internal(format!("starting threads: {e}")))
+}
+
+/// Tells why the program stops.
+fn report(error: &Error) {
+    if let Error::BadInput(problems) = error {
+        let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+        console::say(render(problems, colour).trim_end());
+        console::say(&format!("hairbake: {error}; nothing written"));
+    } else {
+        console::say(&format!("hairbake: {error}"));
+    }
 }

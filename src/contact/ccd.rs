@@ -38,28 +38,7 @@ impl Bodies {
         work: &mut Workspace,
         out: &mut Vec<Contact>,
     ) -> f64 {
-        let mut first = 1.0;
-        self.each_impact(motions, line, work, |time, contact| {
-            first = f64::min(first, time);
-            out.push(contact);
-        });
-        first
-    }
-
-    /// Fraction of the step, in 0..=1, over which `line` may move without crossing any body: the last resort of a solver.
-    pub fn advance_limit(&self, motions: &[Motion], line: &Polyline, work: &mut Workspace) -> f64 {
-        let mut first = 1.0;
-        self.each_impact(motions, line, work, |time, _| first = f64::min(first, time));
-        first
-    }
-
-    fn each_impact(
-        &self,
-        motions: &[Motion],
-        line: &Polyline,
-        work: &mut Workspace,
-        mut hit: impl FnMut(f64, Contact),
-    ) {
+        let mut first: f64 = 1.0;
         let n = line.x0.len();
         let segments = n.saturating_sub(1);
         work.size(self.len(), segments);
@@ -95,10 +74,12 @@ impl Bodies {
                         normal: closest.normal,
                         point: closest.point,
                     };
-                    hit(time, found.into_world(b, body.friction, motion, line));
+                    first = first.min(time);
+                    out.push(found.into_world(b, body.friction, motion, line));
                 }
             }
         }
+        first
     }
 }
 

@@ -5,20 +5,20 @@
 //! pose(0)⁻¹ x0 to pose(1)⁻¹ x1. Against the true screw motion of a body that turns by α in the sub-step this errs by
 //! at most r (1 − cos α/2) at distance r from its axis: 2 µm at 0.1 m and 0.7°, and it is the same path at both ends.
 //!
-//! - [`distance`]: points, segments, triangles, ellipsoids.
-//! - [`shape`], [`mesh`]: signed distance, closest point and normal of a body in its own frame.
-//! - [`bodies`]: all bodies of a scene, and the workspace that carries closest pairs from step to step.
-//! - [`candidates`]: contacts near the end of the step.
-//! - [`ccd`]: first impacts on the way there.
+//! - `distance`: points, segments, triangles, ellipsoids.
+//! - `shape`, `mesh`: signed distance, closest point and normal of a body in its own frame.
+//! - `bodies`: all bodies of a scene, and the workspace that carries closest pairs from step to step.
+//! - `candidates`: contacts near the end of the step.
+//! - `ccd`: first impacts on the way there.
 //! - [`friction`]: Signorini's condition with Coulomb's cone, solved to a stated residual.
 
-pub mod bodies;
-pub mod candidates;
-pub mod ccd;
-pub mod distance;
+mod bodies;
+mod candidates;
+mod ccd;
+mod distance;
 pub mod friction;
-pub mod mesh;
-pub mod shape;
+mod mesh;
+mod shape;
 
 pub use bodies::{Bodies, Body, Contact, Motion, Polyline, Workspace};
 pub use friction::{Outcome, Problem, Tolerance, solve};

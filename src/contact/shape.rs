@@ -1,7 +1,9 @@
 //! Signed distance of one body in its own frame: exact closest point, outward normal.
 
-use super::distance::{closest_on_ellipsoid, closest_on_segment};
+use super::distance::closest_on_ellipsoid;
 use super::mesh::Mesh;
+use crate::math::frame::any_frame;
+use crate::math::polyline::closest_on_segment;
 use crate::scene::Shape as SceneShape;
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -170,7 +172,7 @@ impl Shape {
     }
 }
 
-/// A unit vector across `axis`; any one for an axis of no length.
+/// Some unit vector across `axis`; for an axis of no length, any.
 fn across(axis: &Vector3<f64>) -> Vector3<f64> {
-    axis.cross(&Vector3::ith(axis.iamin(), 1.0)).try_normalize(0.0).unwrap_or_else(Vector3::y)
+    axis.try_normalize(0.0).map_or_else(Vector3::y, |tangent| any_frame(&tangent).column(1).into())
 }

@@ -45,7 +45,9 @@ impl Default for BuildOptions {
 }
 
 impl BuildOptions {
-    /// Errors: options out of range, all of them.
+    ///
+    /// # Errors
+    /// Options out of range, all of them.
     pub(super) fn check(&self) -> Result<()> {
         let mut wrong = Vec::new();
         let mut need = |ok: bool, what: &str| {
@@ -166,7 +168,7 @@ pub(crate) fn build(
 
 /// Width at root and tip, m, with which `strands` cover as much as 100,000 hairs of 80 µm, within reason.
 fn covering_width(strands: usize) -> [f64; 2] {
-    let root = (8e-5 * (1e5 / strands.max(1) as f64).sqrt()).clamp(8e-5, 6e-4);
+    let root = (8e-5 * (1e5 / strands.max(1) as f64).sqrt()).clamp(8e-5, 1e-3);
     [root, 0.3 * root]
 }
 

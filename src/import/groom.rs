@@ -60,7 +60,10 @@ pub struct GroomReport {
     pub warnings: Vec<String>,
 }
 
-/// Makes a groom of strand files. Errors: files that cannot be read or are damaged, options out of range.
+/// Makes a groom of strand files.
+///
+/// # Errors
+/// Files that cannot be read or are damaged, options out of range.
 pub fn groom(options: &GroomOptions) -> Result<(Groom, GroomReport)> {
     options.build.check()?;
     if options.guide_count == Some(0) {

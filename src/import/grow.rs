@@ -68,7 +68,7 @@ pub(super) fn grow(
             let start = points.len();
             let along: Vec<f64> = (0..vertices).map(|v| fraction(v) * cut).collect();
             let on_run: Vec<f64> = along.iter().map(|a| a * run.length()).collect();
-            for (frame, &a) in rotation_minimising(&run, &on_run).iter().zip(&along) {
+            for (frame, &a) in rotation_minimising(&run, &on_run, None).iter().zip(&along) {
                 let radius = share * interpolate(arc, room, a) * (1.0 - clump * a);
                 let offset = Vector3::new(angle.cos(), angle.sin(), 0.0) * radius;
                 points.push(spline.at(a * spline.length()).x + frame * offset);

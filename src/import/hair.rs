@@ -4,76 +4,82 @@
 //! arrays the flags name, in order: segments (u16 a strand), points (3 f32), thickness, transparency (f32 a point), colour (3 f32).
 
 use super::bytes::{point_at, u16_at, u32_at};
-use super::fault::Faults;
 use super::read::PlainStrands;
-use crate::Result;
 use crate::scene::Curves;
+use crate::{Error, Problem, Result};
 use std::path::Path;
 
 const HEADER: usize = 128;
 const HAS_SEGMENTS: u32 = 1;
 const HAS_POINTS: u32 = 2;
 
-/// Reads the strands in a .hair file's bytes, in the file's unit and axes; thickness, transparency and colour are passed
-/// over. Errors: every fault of the header and sizes, at once.
+/// Reads the strands in a .hair file's bytes, in the file's unit and axes; thickness, transparency and colour
+/// are passed over.
+///
+/// # Errors
+/// Every fault of the header and sizes, at once.
 pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
-    let mut faults = Faults::of(file);
     if bytes.len() < HEADER || &bytes[0..4] != b"HAIR" {
-        faults.push(
+        return Err(Problem::new(
+            file,
             "header",
             format!("{} bytes that do not start with a header", bytes.len()),
             format!("\"HAIR\" and {HEADER} bytes of header or more"),
             "check that this is a .hair file of Cem Yuksel's format, whole",
-        );
-        return Err(faults.into_error());
+        )
+        .into());
     }
+    let mut faults = Vec::new();
     let [strands, points, flags, default_segments] = [4, 8, 12, 16].map(|at| u32_at(bytes, at));
     let (strands, points) = (strands as usize, points as usize);
     if strands == 0 {
-        faults.push("header.strands", "0", "1 or more", "export again with strands");
+        faults.push(Problem::new(file, "header.strands", "0", "1 or more", "export again with strands"));
     }
     if flags & HAS_POINTS == 0 {
-        faults.push(
+        faults.push(Problem::new(
+            file,
             "header.flags",
             format!("{flags:#x}"),
             "bit 1 set (the file has points)",
             "export with points",
-        );
+        ));
     }
     let listed = flags & HAS_SEGMENTS != 0;
     let points_at = HEADER + if listed { strands.saturating_mul(2) } else { 0 };
     let need = points.checked_mul(12).and_then(|n| n.checked_add(points_at));
     if need.is_none_or(|need| need > bytes.len()) {
-        faults.push(
+        faults.push(Problem::new(
+            file,
             "points",
             format!("{strands} strands with {points} points in a file of {} bytes", bytes.len()),
             need.map_or("a size that fits in memory".into(), |n| format!("at least {n} bytes")),
             "the file was cut short or its header is damaged: copy or export it again",
-        );
+        ));
     }
     if strands > points {
-        faults.push(
+        faults.push(Problem::new(
+            file,
             "header.points",
             format!("{points} points for {strands} strands"),
             "one point a strand or more",
             "the header is damaged: export again",
-        );
+        ));
     }
     // The sizes fit in the file from here on, or the report is made before they are used.
-    faults.check()?;
-    let mut faults = Faults::of(file);
+    Error::unless_none(faults)?;
     let segments =
         |s: usize| if listed { u16_at(bytes, HEADER + 2 * s) as usize } else { default_segments as usize };
     let sum = (0..strands).try_fold(0usize, |sum, s| sum.checked_add(segments(s).checked_add(1)?));
     if sum != Some(points) {
-        faults.push(
+        return Err(Problem::new(
+            file,
             if listed { "segments" } else { "header.default_segments" },
             sum.map_or("more points than can be counted".into(), |n| format!("strands of {n} points in all")),
             format!("{points} points, as the header says"),
             "the header is damaged: export again",
-        );
+        )
+        .into());
     }
-    faults.check()?;
 
     let mut offsets = Vec::with_capacity(strands + 1);
     offsets.push(0);

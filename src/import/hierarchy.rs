@@ -195,7 +195,7 @@ impl CentreLine {
                 // The spline leaves out centres that coincide, so places on it are found by the fractions.
                 let length = spline.length();
                 let s: Vec<f64> = arc.iter().map(|a| a * length).collect();
-                CentreLine { length, frame: rotation_minimising(&spline, &s) }
+                CentreLine { length, frame: rotation_minimising(&spline, &s, None) }
             }
             None => CentreLine { length: 0.0, frame: vec![UnitQuaternion::identity(); centre.len()] },
         }

@@ -6,7 +6,6 @@
 mod build;
 mod bytes;
 mod cluster;
-mod fault;
 mod fidelity;
 mod groom;
 mod grow;

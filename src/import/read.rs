@@ -1,10 +1,9 @@
 //! A strand file made into clean strands in metres, Y up: format by its ending, unit and axes given or guessed, strands
 //! that are none left out and counted.
 
-use super::fault::Faults;
 use super::{hair, tfx};
 use crate::scene::{Convention, Curves, TriMesh, UpAxis};
-use crate::{Error, Result};
+use crate::{Error, Problem, Result};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 use std::fmt;
@@ -35,11 +34,6 @@ impl Source {
     pub fn new(path: impl Into<PathBuf>) -> Self {
         Source { path: path.into(), ..Source::default() }
     }
-
-    /// The same file with a known unit.
-    pub fn in_units(self, metres_per_unit: f64) -> Self {
-        Source { metres_per_unit: Some(metres_per_unit), ..self }
-    }
 }
 
 /// Sizes (diagonal of the bounding box) that the mesh of a head or a body may have, m.
@@ -56,18 +50,19 @@ pub struct ReadMesh {
     pub notes: Vec<String>,
 }
 
-/// Reads a mesh (Wavefront OBJ) for a scalp or a collider; its unit, if not given, is guessed from its size. Errors: a file that cannot be read or holds no
-/// triangle, a unit that cannot be guessed.
+/// Reads a mesh (Wavefront OBJ) for a scalp or a collider; its unit, if not given, is guessed from its size.
+///
+/// # Errors
+/// A file that cannot be read or holds no triangle, a unit that cannot be guessed.
 pub fn mesh(source: &Source) -> Result<ReadMesh> {
     let fault = |what: String| {
-        let mut faults = Faults::of(&source.path);
-        faults.push(
+        Error::from(Problem::new(
+            &source.path,
             "",
             what,
             "a Wavefront OBJ file with triangles",
             "export the mesh again, or correct the path",
-        );
-        faults.into_error()
+        ))
     };
     let up = source.up.unwrap_or_default();
     let (mut mesh, degenerate) =
@@ -118,25 +113,27 @@ pub struct SourceReport {
     pub notes: Vec<String>,
 }
 
-/// Reads a strand file. Errors: unreadable file, unknown ending, damaged file, no usable strand, unit that cannot be
-/// guessed.
+/// Reads a strand file.
+///
+/// # Errors
+/// Unreadable file, unknown ending, damaged file, no usable strand, unit that cannot be guessed.
 pub fn strands(source: &Source) -> Result<(Curves, SourceReport)> {
     let path = &source.path;
     let parse = match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
         Some("tfx") => tfx::parse,
         Some("hair") => hair::parse,
         _ => {
-            let mut faults = Faults::of(path);
-            faults.push(
+            return Err(Problem::new(
+                path,
                 "",
                 "a name of unknown ending",
                 ".tfx or .hair",
                 "rename the file or export one of these formats",
-            );
-            return Err(faults.into_error());
+            )
+            .into());
         }
     };
-    let bytes = crate::scene::read_file(path).map_err(|e| Error::io(path, e))?;
+    let bytes = crate::file::read_file(path).map_err(|e| Error::io(path, e))?;
     let PlainStrands { curves, mut notes } = parse(path, &bytes)?;
     drop(bytes);
     let convention = convention(source, &curves.points, HEAD_OF_HAIR, &mut notes)?;
@@ -148,8 +145,8 @@ pub fn strands(source: &Source) -> Result<(Curves, SourceReport)> {
     }
     let curves = clean(&curves, &mut report);
     if curves.is_empty() {
-        let mut faults = Faults::of(path);
-        faults.push(
+        return Err(Problem::new(
+            path,
             "strands",
             format!(
                 "{} strands: {} not finite, {} shorter than {} mm",
@@ -160,8 +157,8 @@ pub fn strands(source: &Source) -> Result<(Curves, SourceReport)> {
             ),
             "one usable strand or more",
             "check the unit (--units): a groom in metres read as millimetres is all too short",
-        );
-        return Err(faults.into_error());
+        )
+        .into());
     }
     Ok((curves, report))
 }
@@ -178,14 +175,14 @@ fn convention(
     let up = source.up.unwrap_or(if z_up_format { UpAxis::Z } else { UpAxis::Y });
     if let Some(metres_per_unit) = source.metres_per_unit {
         if !(metres_per_unit > 0.0 && metres_per_unit.is_finite()) {
-            let mut faults = Faults::of(&source.path);
-            faults.push(
+            return Err(Problem::new(
+                &source.path,
                 "units",
                 format!("{metres_per_unit} m"),
                 "a positive length",
                 "give --units as m, cm, mm, in, ft or metres in a unit",
-            );
-            return Err(faults.into_error());
+            )
+            .into());
         }
         return Ok(Convention { metres_per_unit, up });
     }
@@ -202,8 +199,8 @@ fn convention(
             return Ok(Convention { metres_per_unit, up });
         }
     }
-    let mut faults = Faults::of(&source.path);
-    faults.push(
+    Err(Problem::new(
+        &source.path,
         "units",
         format!(
             "hair {size:.3} units across: not {} to {} m in m, cm or mm",
@@ -211,8 +208,8 @@ fn convention(
         ),
         "a unit given, or a size from which it can be guessed",
         "give --units (m, cm, mm, in, ft, or metres in a unit)",
-    );
-    Err(faults.into_error())
+    )
+    .into())
 }
 
 fn has_ending(path: &Path, ending: &str) -> bool {

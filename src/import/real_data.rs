@@ -1,25 +1,12 @@
 //! The importer on real grooms, where they are at hand.
 
 use super::{GroomOptions, Source, groom};
+use crate::test_data::shared_data;
 use nalgebra::Vector3;
-use std::path::PathBuf;
-
-/// A file of the real inputs; a test that finds none says that it is skipped.
-#[allow(clippy::print_stderr)]
-fn data(file: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("HAIRBAKE_DATA").map(PathBuf::from);
-    let path =
-        folder.unwrap_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data")).join(file);
-    if !path.exists() {
-        eprintln!("skipped: {} is not there", path.display());
-        return None;
-    }
-    Some(path)
-}
 
 #[test]
 fn sintel_grows_to_its_own_number_of_strands() {
-    let Some(path) = data("grooms/sintel_guides_228x32_cm.tfx") else { return };
+    let Some(path) = shared_data("grooms/sintel_guides_228x32_cm.tfx") else { return };
     let (groom, report) = groom(&GroomOptions::new(Source::new(path))).unwrap();
     assert_eq!(report.fit.counts, [228, 114, 11_400]);
     assert_eq!(groom.convention.metres_per_unit, 0.01);
@@ -35,8 +22,8 @@ fn sintel_grows_to_its_own_number_of_strands() {
 
 #[test]
 fn dense_strands_in_metres_join_guides_in_centimetres() {
-    let Some(guides) = data("grooms/sintel_guides_228x32_cm.tfx") else { return };
-    let Some(strands) = data("grooms/sintel_full_11400x16_m.tfx") else { return };
+    let Some(guides) = shared_data("grooms/sintel_guides_228x32_cm.tfx") else { return };
+    let Some(strands) = shared_data("grooms/sintel_full_11400x16_m.tfx") else { return };
     let mut options = GroomOptions::new(Source::new(guides));
     options.strands = Some(Source { offset: Vector3::new(0.0, -1.2, 0.0), ..Source::new(strands) });
     let (groom, report) = groom(&options).unwrap();
@@ -48,7 +35,7 @@ fn dense_strands_in_metres_join_guides_in_centimetres() {
 
 #[test]
 fn ratboy_gets_guides_chosen_from_his_strands() {
-    let Some(path) = data("grooms/ratboy_mane_2228x32_m.tfx") else { return };
+    let Some(path) = shared_data("grooms/ratboy_mane_2228x32_m.tfx") else { return };
     let (groom, report) = groom(&GroomOptions::new(Source::new(path))).unwrap();
     assert_eq!(groom.guides.curves.len(), super::groom::CHOSEN_GUIDES);
     assert_eq!(report.sources[0].degenerate, 9);

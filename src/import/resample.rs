@@ -1,5 +1,6 @@
 //! Strands brought to an even spacing along a smooth curve through their vertices.
 
+use crate::math::polyline;
 use crate::math::spline::ArcSpline;
 use crate::scene::Curves;
 use nalgebra::Vector3;
@@ -49,15 +50,15 @@ pub fn resample(curves: &Curves, to: Resample) -> (Curves, ResampleError) {
         let Some(spline) = ArcSpline::through(points) else { return (points.to_vec(), 0.0, vec![0.0]) };
         let length = spline.length();
         let vertices = match to {
-            Resample::Keep => return (points.to_vec(), 1.0 - polyline_length(points) / length, vec![0.0]),
+            Resample::Keep => return (points.to_vec(), 1.0 - polyline::length(points) / length, vec![0.0]),
             Resample::Vertices(n) => n.max(2),
             Resample::Spacing(step) => 1 + (length / step).ceil().clamp(1.0, MOST_VERTICES) as usize,
         };
         let at = |v: usize| spline.at(length * v as f64 / (vertices - 1) as f64).x;
         let mut even: Vec<_> = (0..vertices).map(at).collect();
         even[vertices - 1] = points[points.len() - 1];
-        let off = points.iter().map(|p| distance_to_polyline(p, &even)).collect();
-        let error = 1.0 - polyline_length(&even) / length;
+        let off = points.iter().map(|p| polyline::distance(p, &even)).collect();
+        let error = 1.0 - polyline::length(&even) / length;
         (even, error, off)
     };
     let made: Vec<_> = (0..curves.len()).into_par_iter().map(strand).collect();
@@ -83,19 +84,6 @@ pub fn resample(curves: &Curves, to: Resample) -> (Curves, ResampleError) {
     }
     error.distance[0] /= vertices.max(1) as f64;
     (out, error)
-}
-
-fn polyline_length(points: &[Vector3<f64>]) -> f64 {
-    points.windows(2).map(|p| (p[1] - p[0]).norm()).sum()
-}
-
-fn distance_to_polyline(p: &Vector3<f64>, line: &[Vector3<f64>]) -> f64 {
-    let to_segment = |ab: &[Vector3<f64>]| {
-        let along = ab[1] - ab[0];
-        let u = ((p - ab[0]).dot(&along) / along.norm_squared().max(1e-300)).clamp(0.0, 1.0);
-        (p - ab[0] - along * u).norm()
-    };
-    line.windows(2).map(to_segment).fold(f64::INFINITY, f64::min)
 }
 
 #[cfg(test)]

@@ -4,66 +4,74 @@
 //! root texture coordinates, unused words), strands × vertices × (x, y, z, w) f32, root first, then 2 f32 a strand.
 
 use super::bytes::{f32_at, point_at, u32_at};
-use super::fault::Faults;
 use super::read::PlainStrands;
-use crate::Result;
 use crate::scene::Curves;
+use crate::{Error, Problem, Result};
 use std::path::Path;
 
 const HEADER: usize = 160;
 const VERSION: f32 = 4.0;
 
-/// Reads the strands in a .tfx file's bytes, in the file's unit and axes. Root coordinates may be absent (offset 0) or cut
-/// short: what is missing is (0, 0) and noted. Errors: every fault of the header and sizes, at once.
+/// Reads the strands in a .tfx file's bytes, in the file's unit and axes. Root coordinates may be absent
+/// (offset 0) or cut short: what is missing is (0, 0) and noted.
+///
+/// # Errors
+/// Every fault of the header and sizes, at once.
 pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
-    let mut faults = Faults::of(file);
     if bytes.len() < HEADER {
-        faults.push(
+        return Err(Problem::new(
+            file,
             "header",
             format!("the file ends after {} bytes", bytes.len()),
             format!("at least {HEADER} bytes"),
             "export the strands again; the copy may have been cut short",
-        );
-        return Err(faults.into_error());
+        )
+        .into());
     }
+    let mut faults = Vec::new();
     let version = f32_at(bytes, 0);
     if version != VERSION {
-        faults.push(
+        faults.push(Problem::new(
+            file,
             "header.version",
             format!("{version}"),
             "4.0 (f32, little endian)",
             "export with a TressFX 4 exporter, or check that this is a .tfx file",
-        );
+        ));
     }
     let [strands, vertices, position_offset, uv_offset] = [4, 8, 12, 16].map(|at| u32_at(bytes, at) as usize);
     if strands == 0 {
-        faults.push(
+        faults.push(Problem::new(
+            file,
             "header.strands",
             "0",
             "1 or more",
             "the export holds no strand: select the hair before exporting",
-        );
+        ));
     }
     if vertices < 2 {
-        faults.push(
+        faults.push(Problem::new(
+            file,
             "header.vertices_per_strand",
             vertices.to_string(),
             "2 or more",
             "export with 16 or 32 vertices a strand",
-        );
+        ));
     }
     if position_offset < HEADER {
-        faults.push(
+        faults.push(Problem::new(
+            file,
             "header.position_offset",
             position_offset.to_string(),
             format!("{HEADER} or more"),
             "the header is damaged: export again",
-        );
+        ));
     }
     let need = strands.checked_mul(vertices).and_then(|n| n.checked_mul(16));
     let end = need.and_then(|n| n.checked_add(position_offset));
     if end.is_none_or(|end| end > bytes.len()) {
-        faults.push(
+        faults.push(Problem::new(
+            file,
             "positions",
             format!("{strands} strands of {vertices} vertices in a file of {} bytes", bytes.len()),
             match end {
@@ -71,9 +79,9 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
                 None => "a size that fits in memory".into(),
             },
             "the file was cut short or its header is damaged: copy or export it again",
-        );
+        ));
     }
-    faults.check()?;
+    Error::unless_none(faults)?;
 
     let count = strands * vertices;
     let points = (0..count).map(|i| point_at(bytes, position_offset + 16 * i)).collect();

@@ -1,11 +1,10 @@
 //! A motion file and the meshes that move with it, made into an animation.
 
-use super::fault::Faults;
 use super::read::{self, ReadMesh, Source};
 use crate::scene::anim::file::{BodyFile, ColliderFile, Pops, PoseFile, ShapeFile, TrackFile};
 use crate::scene::track::find_pops;
 use crate::scene::{AnimFile, Convention, Groom, motion};
-use crate::{Error, Result};
+use crate::{Error, Problem, Result};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::fmt;
 use std::path::{Component, Path, PathBuf};
@@ -122,8 +121,11 @@ pub fn root_centroid(groom: &Groom) -> Vector3<f64> {
     (0..guides.len()).map(|c| guides.curve(c)[0]).sum::<Vector3<f64>>() / guides.len().max(1) as f64
 }
 
-/// Makes an animation of a motion file. Its first sample lies on the first frame; unit and up axis stay the file's.
-/// Errors: files that cannot be read or are faulty, options out of range.
+/// Makes an animation of a motion file. Its first sample lies on the first frame; unit and up axis stay the
+/// file's.
+///
+/// # Errors
+/// Files that cannot be read or are faulty, options out of range.
 pub fn track(options: &TrackOptions) -> Result<(AnimFile, TrackReport)> {
     if !(1.0..=1000.0).contains(&options.fps) {
         return Err(Error::Usage(format!("{} frames a second: 1 to 1000 are possible", options.fps)));
@@ -217,14 +219,14 @@ fn all_problems<M>(motion: Result<M>, meshes: Vec<Result<ReadMesh>>) -> Result<(
 }
 
 fn frames_fault(options: &TrackOptions, frames: [i32; 2], last: i32) -> Error {
-    let mut faults = Faults::of(&options.motion);
-    faults.push(
+    Problem::new(
+        &options.motion,
         "frames",
         format!("frames {} to {} asked for", frames[0], frames[1]),
         format!("a range that starts at {0} ends at {0} to {last}, where the track ends", frames[0]),
         "shorten the range with --frames, or export a longer track",
-    );
-    faults.into_error()
+    )
+    .into()
 }
 
 /// The way from `folder` to `path`, with forward slashes, as it stands in a file.

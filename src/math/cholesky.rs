@@ -16,8 +16,9 @@ pub fn factor(a: &mut [f64], n: usize) -> bool {
             row[k] = s * above[k * n + k];
         }
         let d = row[j] - dot(&row[..j], &row[..j]);
-        // Also refuses NaN.
-        if !(d > row[j].abs() * 1e-14) {
+        // False for NaN too.
+        let positive = d > row[j].abs() * 1e-14;
+        if !positive {
             return false;
         }
         row[j] = 1.0 / d.sqrt();

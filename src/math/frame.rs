@@ -1,5 +1,6 @@
 //! Frames along curves: columns d1, d2, d3, with d3 the tangent.
 
+use super::se3::hat;
 use super::spline::{ArcSpline, CurvePoint};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -20,19 +21,43 @@ pub fn double_reflection(frame: &Matrix3<f64>, from: &CurvePoint, to: &CurvePoin
     Matrix3::from_columns(&[d1, to.tangent.cross(&d1), to.tangent])
 }
 
-/// A frame around a unit tangent: d1 square to the axis least along the tangent, which keeps it well-conditioned.
-pub fn around(tangent: &Vector3<f64>) -> Matrix3<f64> {
-    let mut axis = Vector3::zeros();
-    axis[tangent.iamin()] = 1.0;
-    let d2 = tangent.cross(&axis).normalize();
+/// The smallest rotation that takes unit vector `a` to unit vector `b`; half a turn about some axis across where
+/// they are opposite.
+pub fn transport(a: &Vector3<f64>, b: &Vector3<f64>) -> Matrix3<f64> {
+    let (v, c) = (a.cross(b), a.dot(b));
+    if c < -1.0 + 1e-12 {
+        let axis = any_frame(a).column(0).into_owned();
+        return axis * axis.transpose() * 2.0 - Matrix3::identity();
+    }
+    let h = hat(&v);
+    Matrix3::identity() + h + h * h / (1.0 + c)
+}
+
+/// Some frame around a unit tangent: d1 as near as may be to the coordinate axis least along the tangent, which keeps
+/// it well-conditioned.
+pub fn any_frame(tangent: &Vector3<f64>) -> Matrix3<f64> {
+    let d2 = tangent.cross(&Vector3::ith(tangent.iamin(), 1.0)).normalize();
     Matrix3::from_columns(&[d2.cross(tangent), d2, *tangent])
 }
 
-/// Rotation-minimising frames at increasing arc lengths `s`, m, of a curve.
-pub fn rotation_minimising(curve: &ArcSpline, s: &[f64]) -> Vec<UnitQuaternion<f64>> {
+/// The frame around a unit tangent with d1 as near to the vector `axis` as may be; some frame where they are parallel.
+pub fn frame_towards(tangent: &Vector3<f64>, axis: &Vector3<f64>) -> Matrix3<f64> {
+    match tangent.cross(axis).try_normalize(1e-9) {
+        Some(d2) => Matrix3::from_columns(&[d2.cross(tangent), d2, *tangent]),
+        None => any_frame(tangent),
+    }
+}
+
+/// Rotation-minimising frames at increasing arc lengths `s`, m, of a curve. The first has d1 as near to `axis` as may
+/// be, or is any where that is `None`.
+pub fn rotation_minimising(
+    curve: &ArcSpline,
+    s: &[f64],
+    axis: Option<&Vector3<f64>>,
+) -> Vec<UnitQuaternion<f64>> {
     let Some(&first) = s.first() else { return Vec::new() };
     let mut at = curve.at(first);
-    let mut frame = around(&at.tangent);
+    let mut frame = axis.map_or_else(|| any_frame(&at.tangent), |axis| frame_towards(&at.tangent, axis));
     let mut last = first;
     s.iter()
         .map(|&next| {
@@ -52,12 +77,33 @@ mod tests {
     use super::*;
     use std::f64::consts::TAU;
 
+    fn tangents() -> [Vector3<f64>; 4] {
+        [Vector3::x(), -Vector3::y(), Vector3::z(), Vector3::new(1.0, -2.0, 0.5).normalize()]
+    }
+
     #[test]
-    fn around_is_a_rotation_for_any_tangent() {
-        for t in [Vector3::x(), -Vector3::y(), Vector3::z(), Vector3::new(1.0, -2.0, 0.5).normalize()] {
-            let frame = around(&t);
-            assert!((frame.transpose() * frame - Matrix3::identity()).norm() < 1e-14);
-            assert!((frame.determinant() - 1.0).abs() < 1e-14 && (frame.column(2) - t).norm() < 1e-15);
+    fn frames_are_rotations_for_any_tangent_and_axis() {
+        for t in tangents() {
+            for frame in
+                [any_frame(&t), frame_towards(&t, &Vector3::new(0.3, 0.1, 2.0)), frame_towards(&t, &t)]
+            {
+                assert!((frame.transpose() * frame - Matrix3::identity()).norm() < 1e-14);
+                assert!((frame.determinant() - 1.0).abs() < 1e-14 && (frame.column(2) - t).norm() < 1e-15);
+            }
+        }
+        let frame = frame_towards(&Vector3::z(), &Vector3::new(2.0, 0.0, 5.0));
+        assert!((frame.column(0) - Vector3::x()).norm() < 1e-15);
+    }
+
+    #[test]
+    fn transport_takes_the_shortest_way() {
+        for a in tangents() {
+            for b in tangents().into_iter().chain([-a]) {
+                let turn = transport(&a, &b);
+                assert!((turn * a - b).norm() < 1e-14);
+                let angle = Rotation3::from_matrix_unchecked(turn).angle();
+                assert!((angle - a.angle(&b)).abs() < 1e-7, "{angle}");
+            }
         }
     }
 
@@ -70,7 +116,7 @@ mod tests {
         let curve = ArcSpline::through(&points).unwrap();
         let step = curve.length() / 96.0;
         let s: Vec<f64> = (16..=80).map(|i| f64::from(i) * step).collect();
-        let frames = rotation_minimising(&curve, &s);
+        let frames = rotation_minimising(&curve, &s, None);
         let turn = frames[0].angle_to(&frames[64]);
         let climb = rise / r.hypot(rise);
         let expected = TAU * (1.0 - climb);

@@ -1,5 +1,6 @@
 //! C2 cubic splines through points, and their arc length.
 
+use super::polyline;
 use nalgebra::{SVector, Vector3};
 
 /// Nodes and weights of the five-point Gauss-Legendre rule on [−1, 1].
@@ -80,14 +81,15 @@ impl ArcSpline {
     pub fn through(points: &[Vector3<f64>]) -> Option<Self> {
         let mut p: Vec<Vector3<f64>> = Vec::with_capacity(points.len());
         let mut t: Vec<f64> = Vec::with_capacity(points.len());
-        let span = points.windows(2).map(|w| (w[1] - w[0]).norm()).sum::<f64>();
+        let span = polyline::length(points);
         for &x in points {
             match p.last() {
                 None => t.push(0.0),
                 Some(last) => {
                     let d = (x - last).norm();
-                    // Below this the chord parametrisation loses its digits.
-                    if !(d > span * 1e-9) {
+                    // Below this the chord parametrisation loses its digits; false for NaN too.
+                    let distinct = d > span * 1e-9;
+                    if !distinct {
                         continue;
                     }
                     t.push(t[t.len() - 1] + d);

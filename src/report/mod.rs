@@ -1,11 +1,11 @@
 //! Pictures, plots and the report of a bake.
 
 mod bake_report;
-pub mod font;
+mod font;
 pub mod picture;
-pub mod plot;
+mod plot;
 pub mod preview;
-pub mod text;
+mod text;
 
 pub use bake_report::{BakeReport, Chart, Picture, Series};
 pub use picture::Image;

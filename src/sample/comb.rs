@@ -37,7 +37,7 @@ pub(super) fn guides(cut: &Cut, count: usize) -> Curves {
 fn hairline(azimuth: f64) -> f64 {
     // From the forehead over the temple and the ear to the nape.
     const LINE: [(f64, f64); 6] =
-        [(0.0, 0.78), (0.55, 0.72), (1.0, 0.42), (1.55, 0.22), (2.1, -0.25), (PI, -0.55)];
+        [(0.0, 0.60), (0.55, 0.58), (1.0, 0.40), (1.55, 0.22), (2.1, -0.25), (PI, -0.55)];
     let k = LINE.iter().position(|&(a, _)| azimuth <= a).unwrap_or(LINE.len() - 1).max(1);
     let ((a0, e0), (a1, e1)) = (LINE[k - 1], LINE[k]);
     e0 + (e1 - e0) * (azimuth - a0) / (a1 - a0)
@@ -79,7 +79,7 @@ fn run(d: Vector3<f64>, cut: &Cut, seed: u64) -> Vec<Vector3<f64>> {
     let stray = Vector3::from_fn(|k, _| random(seed, 3 + k as u64) - 0.5) * 0.16;
 
     let mut x = root;
-    let mut along = (up * 0.75 + combed(root, side) * 0.8 + stray).normalize();
+    let mut along = (up * 1.2 + combed(root, side) * 0.5 + stray).normalize();
     let mut out = vec![x];
     let steps = (length / STEP).round() as usize;
     for step in 1..=steps {
@@ -134,13 +134,10 @@ fn curl(run: &[Vector3<f64>], cut: &Cut, seed: u64) -> Vec<Vector3<f64>> {
         let (sin, cos) = (phase + TAU * s / pitch).sin_cos();
         lifted(spline.at(s).x + frame * Vector3::new(cos, sin, 0.0) * (radius * open), s)
     };
-    rotation_minimising(&spline, &s).iter().zip(&s).map(wind).collect()
+    rotation_minimising(&spline, &s, None).iter().zip(&s).map(wind).collect()
 }
 
-/// A number in [0, 1) from a seed and a stream (SplitMix64: Steele, Lea & Flood 2014).
+/// The random number number `stream` of the hair `seed`, in [0, 1).
 fn random(seed: u64, stream: u64) -> f64 {
-    let mut z = (seed << 8 | stream).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    (z ^ (z >> 31)) as f64 / 2.0_f64.powi(64)
+    crate::math::random::unit(0, seed << 8 | stream)
 }

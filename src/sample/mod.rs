@@ -8,8 +8,8 @@ pub mod head;
 mod motion;
 mod style;
 
+use crate::file::write_file;
 use crate::import::{BuildOptions, BuildReport, Depth, Growth, Resample, Scalp, build};
-use crate::scene::write_file;
 use crate::scene::{Convention, Groom};
 use crate::{Error, Result};
 pub use motion::Motion;
@@ -54,14 +54,17 @@ pub fn groom(style: Style, size: Size) -> (Groom, BuildReport) {
     build(&style.to_string(), Convention::default(), &guides, None, scalp.as_ref(), &options)
 }
 
-/// Writes a sample into `folder`, which is made if need be: `groom.json` and `groom.bin`, `head.obj`, and an animation for each
-/// motion (`shake.json`, `turn.json`). Errors: [`Error::Io`].
+/// Writes a sample into `folder`, which is made if need be: `groom.json` and `groom.bin`, `head.obj`, and an
+/// animation for each motion (`shake.json`, `turn.json`).
+///
+/// # Errors
+/// [`Error::Io`].
 pub fn write(style: Style, size: Size, folder: &Path) -> Result<BuildReport> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let (groom, report) = groom(style, size);
     groom.write(&folder.join("groom.json"))?;
     let head = folder.join("head.obj");
-    write_file(&head, head::obj(&head::mesh(size.head_rounds)).as_bytes())?;
+    write_file(&head, &[head::obj(&head::mesh(size.head_rounds))])?;
     for motion in Motion::ALL {
         motion.anim().write(&folder.join(format!("{motion}.json")))?;
     }
@@ -119,7 +122,7 @@ mod tests {
         let committed = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/short");
         let (read, _) =
             crate::scene::load(&committed.join("groom.json"), &committed.join("shake.json")).unwrap();
-        let size = Size { wisps: Some(64), strands: 512, head_rounds: 3 };
+        let size = Size { wisps: Some(88), strands: 970, head_rounds: 3 };
         let (made, _) = groom(Style::Short, size);
         assert_eq!(read.trees.len(), made.trees.len());
         let off =

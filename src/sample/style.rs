@@ -68,7 +68,7 @@ impl Style {
                 hem: 0.02,
                 curl_radius: 0.0012,
                 curl_pitch: 0.05,
-                vertices: [24, 16],
+                vertices: [16, 9],
             },
             Style::ShortCurly => Cut {
                 wisps: 491,

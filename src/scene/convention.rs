@@ -1,6 +1,6 @@
 //! Units and up axis of a file, and the way to the inside convention (metres, Y up) and back.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -58,6 +58,11 @@ impl Convention {
     pub fn rotation_in(&self, q: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
         let a = self.to_y_up();
         a * q * a.inverse()
+    }
+
+    /// A pose given in the file's unit and axes, in metres, Y up.
+    pub fn pose_in(&self, translation: Vector3<f64>, rotation: UnitQuaternion<f64>) -> Isometry3<f64> {
+        Isometry3::from_parts(self.length_in(translation).into(), self.rotation_in(rotation))
     }
 
     /// An orientation whose columns are directions in the file's axes, turned to Y up: the columns turn.

@@ -1,13 +1,16 @@
 //! Triangle meshes from Wavefront OBJ files.
 
-use super::document::read_file;
 use super::{Convention, TriMesh};
+use crate::file::read_file;
 use nalgebra::Vector3;
 use std::path::Path;
 
 impl TriMesh {
     /// Reads an OBJ file whose lengths and axes follow `convention`; polygons are split into triangles, and
-    /// triangles of no area are dropped and counted. Returns the mesh and that count. Errors: what is wrong, in words.
+    /// triangles of no area are dropped and counted. Returns the mesh and that count.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
     pub fn load_obj(path: &Path, convention: &Convention) -> Result<(TriMesh, usize), String> {
         let bytes = read_file(path).map_err(|e| format!("cannot be read: {e}"))?;
         let options = tobj::LoadOptions {

@@ -2,23 +2,23 @@
 //! [`Groom`] and [`Anim`] here, with every fault of a file reported at once.
 
 pub mod anim;
-pub mod convention;
+mod convention;
 mod document;
 pub mod groom;
-pub mod keyed;
+mod inputs;
+mod keyed;
 mod mesh;
 mod shape_mesh;
-pub mod track;
+pub(crate) mod track;
 
 pub use anim::{Anim, AnimFile, Body, Collider, Settings, Shape, TriMesh};
 pub use convention::{Convention, UpAxis};
 pub use document::array::{Array, BufferFile, ElementType, View};
 pub use groom::{Curves, Groom, Group, Guides, Material, RodSection, Section, Strands, Tree, Wisp};
+pub use inputs::inputs;
 
 use crate::error::{Error, Problem, Result};
 pub(crate) use anim::read::motion;
-pub(crate) use document::array::write_file;
-pub(crate) use document::read_file;
 use document::{Document, Key};
 use std::path::Path;
 
@@ -31,18 +31,26 @@ pub enum Format {
     Anim,
 }
 
-/// Reads and checks a groom. Errors: [`Error::Io`] if the file cannot be read, [`Error::BadInput`] with
-/// every fault found.
+/// Reads and checks a groom.
+///
+/// # Errors
+/// [`Error::Io`] if the file cannot be read, [`Error::BadInput`] with every fault found.
 pub fn load_groom(path: &Path) -> Result<Groom> {
     groom_of(Document::open(path)?, path)
 }
 
-/// Reads and checks an animation and the files it names. Errors: as [`load_groom`].
+/// Reads and checks an animation and the files it names.
+///
+/// # Errors
+/// As [`load_groom`].
 pub fn load_anim(path: &Path) -> Result<Anim> {
     anim_of(Document::open(path)?)
 }
 
-/// Reads and checks a groom and its animation; the faults of both are in one report.
+/// Reads and checks a groom and its animation.
+///
+/// # Errors
+/// As [`load_groom`]; the faults of both are in one report.
 pub fn load(groom: &Path, anim: &Path) -> Result<(Groom, Anim)> {
     match (load_groom(groom), load_anim(anim)) {
         (Ok(groom), Ok(anim)) => Ok((groom, anim)),
@@ -55,7 +63,9 @@ pub fn load(groom: &Path, anim: &Path) -> Result<(Groom, Anim)> {
 }
 
 /// Every problem of the files, grooms and animations in any order, told apart by their `format`.
-/// Errors: [`Error::Io`] if one cannot be read.
+///
+/// # Errors
+/// [`Error::Io`] if one cannot be read.
 pub fn check(paths: &[&Path]) -> Result<Vec<Problem>> {
     let mut problems = Vec::new();
     for path in paths {

@@ -1,7 +1,8 @@
 //! Triangles of any collider, for caches and pictures.
 
 use super::{Shape, TriMesh};
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use crate::math::frame::transport;
+use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::{PI, TAU};
 
 /// Rings from pole to pole of a round shape; even, so that one is the equator.
@@ -39,12 +40,7 @@ impl Shape {
 
 /// Rotation that takes y to `direction`, identity for a vector of no length.
 fn pole_towards(direction: &Vector3<f64>) -> Matrix3<f64> {
-    let half_turn = || Rotation3::from_axis_angle(&Vector3::x_axis(), PI);
-    match direction.norm() {
-        0.0 => Matrix3::identity(),
-        // `rotation_between` knows no axis for opposite vectors.
-        _ => Rotation3::rotation_between(&Vector3::y(), direction).unwrap_or_else(half_turn).into_inner(),
-    }
+    direction.try_normalize(0.0).map_or_else(Matrix3::identity, |pole| transport(&Vector3::y(), &pole))
 }
 
 /// A circumscribed unit sphere under the linear map `axes`, its upper half at `centres[0]`, its lower at `centres[1]`.

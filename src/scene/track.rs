@@ -12,7 +12,7 @@ mod smooth;
 use crate::math::spline::CubicSpline;
 use nalgebra::{Isometry3, Quaternion, SVector, Translation3, UnitQuaternion, Vector3, Vector4};
 
-pub use pops::{Pop, find_pops};
+pub use pops::find_pops;
 
 /// Time in which the velocity at an end of the track dies away beyond it, s.
 const COAST: f64 = 0.5;

@@ -5,5 +5,5 @@ mod segment;
 mod triangle;
 
 pub use ellipsoid::closest_on_ellipsoid;
-pub use segment::{closest_on_segment, segment_segment};
-pub use triangle::{Pair, Part, closest_on_triangle, segment_triangle};
+pub use segment::segment_segment;
+pub use triangle::{Part, closest_on_triangle, segment_triangle};

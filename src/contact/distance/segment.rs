@@ -2,13 +2,6 @@
 
 use nalgebra::Vector3;
 
-/// Parameter in 0..=1 of the point of segment `ab` closest to `p`; 0 for a segment of no length.
-pub fn closest_on_segment(p: &Vector3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
-    let d = b - a;
-    let len2 = d.norm_squared();
-    if len2 > 0.0 { ((p - a).dot(&d) / len2).clamp(0.0, 1.0) } else { 0.0 }
-}
-
 /// Parameters (s, t), each in 0..=1, of the closest points of segments `p` and `q`.
 ///
 /// The unconstrained minimiser of |p(s) − q(t)|² is clamped in s, then in t, then s is taken again for that t, which is

@@ -54,7 +54,7 @@ fn enumerate(w: &Matrix3<f64>, q: &Vector3<f64>, mu: f64) -> Vec<Vector3<f64>> {
 
 #[test]
 fn local_solve_agrees_with_enumeration() {
-    let mut random = Random(1);
+    let mut random = Random::new(1);
     let mut kinds = [0; 3];
     for k in 0..5000 {
         let w = random.mobility(if k % 2 == 0 { 1.0 } else { 10.0 });
@@ -111,7 +111,7 @@ fn system(random: &mut Random, contacts: usize, freedoms: usize) -> (Vec<f64>, V
 
 #[test]
 fn gauss_seidel_fulfils_the_law_at_every_contact() {
-    let mut random = Random(7);
+    let mut random = Random::new(7);
     for contacts in [1, 2, 5, 12] {
         for _ in 0..20 {
             let (w, b, mu) = system(&mut random, contacts, 4 * contacts + 3);
@@ -126,7 +126,7 @@ fn gauss_seidel_fulfils_the_law_at_every_contact() {
 
 #[test]
 fn more_contacts_than_freedoms_still_converge() {
-    let mut random = Random(11);
+    let mut random = Random::new(11);
     for _ in 0..20 {
         let (w, b, mu) = system(&mut random, 10, 12);
         let problem = Problem { w: &w, b: &b, mu: &mu };
@@ -139,7 +139,7 @@ fn more_contacts_than_freedoms_still_converge() {
 
 #[test]
 fn a_warm_start_at_the_solution_needs_no_sweep() {
-    let (w, b, mu) = system(&mut Random(3), 6, 30);
+    let (w, b, mu) = system(&mut Random::new(3), 6, 30);
     let problem = Problem { w: &w, b: &b, mu: &mu };
     let mut r = vec![0.0; 18];
     assert!(solve(&problem, Tolerance::default(), &mut r).sweeps > 0);

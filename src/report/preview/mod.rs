@@ -1,8 +1,8 @@
 //! Pictures of a cache without a GPU: a contact sheet and an animation, in seconds.
 
-pub mod camera;
-pub mod light;
-pub mod raster;
+mod camera;
+mod light;
+mod raster;
 mod scene;
 mod strand;
 
@@ -240,14 +240,14 @@ impl<'a, S: Shot> Renderer<'a, S> {
             }
         }
         if roots.is_empty() {
-            return Err(Error::BadInput(vec![Problem {
-                file: self.shot.path().to_path_buf(),
-                span: None,
-                key: String::new(),
-                what: format!("the cache holds no {} to draw", self.curves.noun()),
-                allowed: "at least one curve with a point".into(),
-                remedy: "bake with render strands or guides, or ask for the other kind of curves".into(),
-            }]));
+            let problem = Problem::new(
+                self.shot.path(),
+                "",
+                format!("the cache holds no {} to draw", self.curves.noun()),
+                "at least one curve with a point",
+                "bake with render strands or guides, or ask for the other kind of curves",
+            );
+            return Err(problem.into());
         }
         Ok(roots)
     }

@@ -8,6 +8,7 @@ use super::light::{Depths, Rgb, Volume, scatter};
 use super::raster::{self, Ribbon, Triangle};
 use super::strand::{self, Piece};
 use crate::cache::{Basis, CurveSet};
+use crate::math::random;
 use crate::report::Image;
 
 /// How a set of curves is drawn.
@@ -179,12 +180,9 @@ fn group_colour(group: i32) -> Rgb {
     })
 }
 
-/// Three numbers in [0, 1) from an id (the finaliser of SplitMix64, Steele et al. 2014).
+/// Three random numbers in [0, 1) for an id.
 fn noise(id: u32) -> [f32; 3] {
-    let mut x = u64::from(id).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^= x >> 31;
+    let x = random::bits(0, u64::from(id));
     [0, 20, 40].map(|shift| (x >> shift & 0xf_ffff) as f32 / (1u32 << 20) as f32)
 }
 

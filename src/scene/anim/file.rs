@@ -1,11 +1,11 @@
 //! `anim.json` as it stands in the file: the one description of the format. Its JSON Schema is derived
 //! from here; the doc comments are the schema's descriptions.
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::scene::anim::Settings;
 use crate::scene::convention::UpAxis;
-use crate::scene::document::array::{Array, BufferFile, write_file};
-use crate::scene::document::pretty;
+use crate::scene::document;
+use crate::scene::document::array::{Array, BufferFile};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -298,9 +298,11 @@ impl AnimFile {
     }
 
     /// Writes the file as JSON, whole or not at all. Relative file names in it start from its folder.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`].
     pub fn write(&self, path: &Path) -> Result<()> {
-        let value = serde_json::to_value(self).map_err(|e| Error::Internal(e.to_string()))?;
-        write_file(path, pretty(&value).as_bytes())
+        document::write(path, self)
     }
 }
 

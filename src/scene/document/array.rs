@@ -1,10 +1,10 @@
 //! Arrays of numbers in a file: in the JSON itself, or in a binary buffer beside it (as glTF does).
 
-use super::{Faults, Key, read_file};
-use crate::error::{Error, Result};
+use super::{Faults, Key};
+use crate::error::Result;
+use crate::file::{read_file, sha256, write_file};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 use std::path::{Component, Path};
 
 /// Faulty elements of one array that are reported one by one.
@@ -296,10 +296,6 @@ fn read_buffer(file: &BufferFile, folder: &Path) -> std::result::Result<Vec<u8>,
     Ok(bytes)
 }
 
-fn sha256(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
-}
-
 /// Collects arrays for a file: short ones stay in the JSON, long ones go to a binary buffer.
 #[derive(Debug, Default)]
 pub struct Packer {
@@ -343,25 +339,7 @@ impl Packer {
             return Ok(Vec::new());
         }
         let buffer = path.with_extension("bin");
-        let uri = buffer.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        write_file(&buffer, &self.bytes)?;
-        Ok(vec![BufferFile { uri, bytes: self.bytes.len() as u64, sha256: Some(sha256(&self.bytes)) }])
+        let written = write_file(&buffer, &[self.bytes])?;
+        Ok(vec![BufferFile { uri: written.file, bytes: written.bytes, sha256: Some(written.sha256) }])
     }
-}
-
-/// Writes a file whole or not at all: to a temporary name in its folder, then renamed.
-pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let write = || {
-        let mut builder = tempfile::Builder::new();
-        // A temporary file is private by default; what is written here is for everyone the umask admits.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let mut file = builder.prefix(".hairbake-").tempfile_in(folder)?;
-        std::io::Write::write_all(&mut file, bytes)?;
-        file.as_file().sync_all()?;
-        file.persist(path).map_err(|e| e.error)?;
-        Ok(())
-    };
-    write().map_err(|e| Error::io(path, e))
 }

@@ -2,11 +2,8 @@
 //! Covers the keywords that schemars emits for our structs, nothing else.
 
 use super::describe::{alternatives, branches, describe, nearest, range, resolve, show};
-use super::{Faults, Key, Step};
+use super::{Faults, Key, MAX_NAMED, Step};
 use serde_json::Value;
-
-/// After this many faults in one array the rest of it is not looked at.
-const MAX_PER_ARRAY: usize = 8;
 
 /// Notes in `faults` all that `schema` forbids in `value`. Returns the optional properties that hold a
 /// value of a wrong type: without them the rest can still be read.
@@ -138,7 +135,7 @@ impl<'a> Walk<'a> {
                 self.key.0.push(Step::Index(i));
                 self.value(element, items);
                 self.key.0.pop();
-                if self.faults.len() - before >= MAX_PER_ARRAY {
+                if self.faults.len() - before >= MAX_NAMED {
                     break;
                 }
             }

@@ -15,12 +15,8 @@ pub fn problems(file: &Path, text: &[u8], faults: Vec<Fault>) -> Vec<Problem> {
     let parsed = jsonc_parser::parse_to_ast(text, &Default::default(), &Default::default());
     let root = parsed.ok().and_then(|p| p.value);
     let problem = |fault: Fault| Problem {
-        file: file.into(),
         span: root.as_ref().map(|root| first_line(text, span(root, &fault.key))),
-        key: fault.key.to_string(),
-        what: fault.what,
-        allowed: fault.allowed,
-        remedy: fault.remedy,
+        ..Problem::new(file, fault.key.to_string(), fault.what, fault.allowed, fault.remedy)
     };
     faults.into_iter().map(problem).collect()
 }

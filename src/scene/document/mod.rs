@@ -10,19 +10,22 @@ mod conform;
 mod describe;
 mod locate;
 mod pretty;
+mod value;
 
 use crate::error::{Error, Problem, Result};
+use crate::file::{read_file, write_file};
+use nalgebra::{Quaternion, UnitQuaternion};
 use schemars::JsonSchema;
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::fmt;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 pub use pretty::pretty;
 
-/// Largest file that is read, bytes: a limit against memory without bound, far above any real groom.
-const MAX_BYTES: u64 = 1 << 34;
+/// Faults of one kind at one place that are reported one by one.
+pub const MAX_NAMED: usize = 8;
 
 /// One step of a [`Key`].
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -127,6 +130,20 @@ impl Faults {
         found == wanted
     }
 
+    /// The quaternions (w, x, y, z) of the array at `key`, of about unit length, normalised; `None`, with the faults added,
+    /// where some are not.
+    pub fn unit_quaternions(&mut self, key: &Key, wxyz: &[[f64; 4]]) -> Option<Vec<UnitQuaternion<f64>>> {
+        let norm = |q: &[f64; 4]| q.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let bad = || wxyz.iter().enumerate().filter(|(_, q)| !(0.9..=1.1).contains(&norm(q)));
+        for (i, q) in bad().take(MAX_NAMED) {
+            let what = format!("is {q:?}, of length {:.3}", norm(q));
+            let allowed = "unit quaternions (w, x, y, z), length 0.9 to 1.1";
+            self.add(&key.index(i), what, allowed, "write unit quaternions, w first");
+        }
+        let unit = |&[w, x, y, z]: &[f64; 4]| UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+        bad().next().is_none().then(|| wxyz.iter().map(unit).collect())
+    }
+
     /// Adds the problems of another file.
     pub fn add_elsewhere(&mut self, problems: Vec<Problem>) {
         self.elsewhere.extend(problems);
@@ -152,27 +169,28 @@ pub struct Document {
 }
 
 impl Document {
-    /// Reads and parses `path`. Errors: [`Error::Io`], or [`Error::BadInput`] where it is not JSON.
+    /// Reads and parses `path`.
+    ///
+    /// # Errors
+    /// [`Error::Io`], or [`Error::BadInput`] where it is not JSON.
     pub fn open(path: &Path) -> Result<Self> {
         let text = read_file(path).map_err(|e| Error::io(path, e))?;
-        let value = serde_json::from_slice(&text).map_err(|e| {
-            Error::BadInput(vec![Problem {
-                file: path.into(),
-                span: Some((locate::offset(&text, e.line(), e.column()), 1)),
-                key: String::new(),
-                what: format!("is not JSON: {e}"),
-                allowed: "strict JSON: no comments, no trailing commas, no NaN or Infinity".into(),
-                remedy: "mend the place shown, or write the file with a JSON library".into(),
-            }])
+        let (value, repeated) = value::parse(&text).map_err(|e| {
+            let place = (locate::offset(&text, e.line(), e.column()), 1);
+            let problem = Problem::new(
+                path,
+                "",
+                format!("is not JSON: {e}"),
+                "strict JSON: no comments, no trailing commas, no NaN or Infinity",
+                "mend the place shown, or write the file with a JSON library",
+            );
+            Error::from(Problem { span: Some(place), ..problem })
         })?;
-        Ok(Document {
-            path: path.into(),
-            text,
-            value,
-            mended: Vec::new(),
-            shape_faults: 0,
-            faults: Faults::default(),
-        })
+        let mut faults = Faults::default();
+        for key in &repeated {
+            faults.add(key, "is given twice", "each key of an object once", "keep one of the two");
+        }
+        Ok(Document { path: path.into(), text, value, mended: Vec::new(), shape_faults: 0, faults })
     }
 
     /// The folder that relative file names start from.
@@ -183,6 +201,12 @@ impl Document {
     /// The value of a string property at the root.
     pub fn text_at(&self, name: &str) -> Option<&str> {
         self.value.get(name)?.as_str()
+    }
+
+    /// The files that the elements of the root's array `list` name at `place`, a JSON pointer.
+    pub fn named_files(&self, list: &str, place: &str) -> Vec<PathBuf> {
+        let elements = self.value.get(list).and_then(Value::as_array).into_iter().flatten();
+        elements.filter_map(|e| Some(self.folder().join(e.pointer(place)?.as_str()?))).collect()
     }
 
     /// Checks the file against the schema of `T` and reads it. All faults of shape are noted; optional
@@ -226,16 +250,11 @@ impl Document {
     }
 }
 
-/// Reads a plain file whole. Refuses what is not a plain file (a pipe would hang) and what is too large.
-pub fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
-    let meta = std::fs::metadata(path)?;
-    if !meta.is_file() {
-        return Err(std::io::Error::other("not a plain file"));
-    }
-    if meta.len() > MAX_BYTES {
-        return Err(std::io::Error::other(format!("{} bytes, more than {MAX_BYTES}", meta.len())));
-    }
-    let mut bytes = Vec::with_capacity(meta.len() as usize);
-    std::fs::File::open(path)?.take(MAX_BYTES).read_to_end(&mut bytes)?;
-    Ok(bytes)
+/// Writes `value` as JSON for people at `path`, whole or not at all.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn write(path: &Path, value: &impl Serialize) -> Result<()> {
+    let value = serde_json::to_value(value).map_err(|e| Error::Internal(e.to_string()))?;
+    write_file(path, &[pretty(&value)]).map(drop)
 }

@@ -2,9 +2,9 @@
 
 use super::file::*;
 use super::{Curves, Groom, Material, RodSection};
-use crate::error::{Error, Result};
-use crate::scene::document::array::{Packer, write_file};
-use crate::scene::document::pretty;
+use crate::error::Result;
+use crate::scene::document;
+use crate::scene::document::array::Packer;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::path::Path;
 
@@ -12,12 +12,14 @@ impl Groom {
     /// Writes the groom in its own unit and axes as JSON at `path`, with long arrays in a binary file of
     /// the same stem (`groom.json`, `groom.bin`): guides and wisps as f64, render strands as f32. Each
     /// file is written whole or not at all.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`].
     pub fn write(&self, path: &Path) -> Result<()> {
         let mut packer = Packer::default();
         let mut file = self.to_file(&mut packer);
         file.buffers = packer.write(path)?;
-        let value = serde_json::to_value(&file).map_err(|e| Error::Internal(e.to_string()))?;
-        write_file(path, pretty(&value).as_bytes())
+        document::write(path, &file)
     }
 
     fn to_file(&self, packer: &mut Packer) -> GroomFile {

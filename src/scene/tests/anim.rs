@@ -1,6 +1,7 @@
 use super::super::track::Track;
 use super::super::*;
-use super::{file, shared_data};
+use super::file;
+use crate::test_data::shared_data;
 use approx::assert_relative_eq;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
@@ -19,9 +20,9 @@ fn a_static_clamp_is_an_animation() {
 /// Every real track loads as it is, by reference to its file.
 #[test]
 fn real_tracks_load_clean_with_defaults() {
-    let Some(data) = shared_data() else { return };
+    let Some(motions) = shared_data("motion") else { return };
     let mut tracks = 0;
-    for entry in std::fs::read_dir(data.join("motion")).unwrap() {
+    for entry in std::fs::read_dir(motions).unwrap() {
         let track = entry.unwrap().path().canonicalize().unwrap();
         let text = std::fs::read_to_string(&track).unwrap();
         let motion: anim::file::MotionFile = serde_json::from_str(&text).unwrap();
@@ -52,8 +53,8 @@ fn real_tracks_load_clean_with_defaults() {
 /// the acceleration of the head; filtered, what is left is its motion.
 #[test]
 fn noise_of_a_real_track_is_not_turned_into_force() {
-    let Some(data) = shared_data() else { return };
-    let text = std::fs::read_to_string(data.join("motion/cmu_01_01_jump_turn_120fps.json")).unwrap();
+    let Some(track) = shared_data("motion/cmu_01_01_jump_turn_120fps.json") else { return };
+    let text = std::fs::read_to_string(track).unwrap();
     let motion: anim::file::MotionFile = serde_json::from_str(&text).unwrap();
     let poses: Vec<Isometry3<f64>> = motion
         .frames

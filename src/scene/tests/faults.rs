@@ -26,9 +26,8 @@ fn groom(root: &str, guides: &str) -> String {
 }
 
 fn anim(root: &str) -> String {
-    format!(
-        "{{\n  \"format\": \"hairbake-anim\",\n  \"version\": 1,\n  \"fps\": 24,\n  \"frames\": [0, 3],\n  {root}\n}}\n"
-    )
+    let frames = if root.starts_with("\"frames\"") { "" } else { "  \"frames\": [0, 3],\n" };
+    format!("{{\n  \"format\": \"hairbake-anim\",\n  \"version\": 1,\n  \"fps\": 24,\n{frames}  {root}\n}}\n")
 }
 
 macro_rules! groom_fault {
@@ -45,6 +44,7 @@ mod in_groom {
     use super::*;
     groom_fault! {
         unknown_key: r#""materials": [{ "yung_modulus_pa": 1e9, "colour": 3 }]"#, "";
+        keys_given_twice: r#""name": "a", "materials": [{ "drag": 1, "drag": 2 }], "name": "b""#, r#""id": [1, 2], "id": [3, 3]"#;
         wrong_type: r#""materials": [{ "density_kg_m3": "heavy" }], "up_axis": "x""#, "";
         out_of_range: r#""materials": [{ "young_modulus_pa": 3.89, "section": { "radius_m": 40 }, "shielding": 1.5 }]"#, "";
         section_of_two_kinds: r#""materials": [{ "section": { "radius_m": 4e-5, "semi_axes_m": [1e-5, 2e-5] } }]"#, "";

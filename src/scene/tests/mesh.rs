@@ -1,5 +1,6 @@
 use super::super::*;
-use super::{file, shared_data};
+use super::file;
+use crate::test_data::shared_data;
 use approx::assert_relative_eq;
 use nalgebra::Vector3;
 
@@ -19,10 +20,10 @@ fn polygons_are_split_and_degenerate_triangles_dropped() {
 
 #[test]
 fn real_heads_load() {
-    let Some(data) = shared_data() else { return };
+    let Some(heads) = shared_data("heads") else { return };
     let load = |name: &str, metres_per_unit: f64| {
         let convention = Convention { metres_per_unit, up: UpAxis::Y };
-        TriMesh::load_obj(&data.join("heads").join(name), &convention).unwrap().0
+        TriMesh::load_obj(&heads.join(name), &convention).unwrap().0
     };
     assert_eq!(load("sintel_bust_m.obj", 1.0).triangles.len(), 5952);
     assert_eq!(load("sintel_bust_cm.obj", 0.01).triangles.len(), 5952);

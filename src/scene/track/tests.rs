@@ -1,3 +1,4 @@
+use super::pops::Pop;
 use super::smooth::{stiffness, whittaker};
 use super::*;
 use approx::assert_relative_eq;

@@ -1,24 +1,43 @@
-//! Writing a file so that it is there whole or not at all, whatever happens.
+//! Files: read within bounds, written whole or not at all, told by their checksum.
 
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fs::{File, Permissions};
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::path::Path;
 
+/// Largest file that is read, bytes: a limit against memory without bound, far above any real input.
+const MAX_BYTES: u64 = 1 << 34;
 /// Bytes hashed and then written at a time: few enough that writing finds them in the processor's cache.
 const BLOCK_LEN: usize = 256 << 10;
 
-/// A file of a cache, as the manifest lists it.
+/// A file that was written; the manifest of a cache lists its files so.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileRecord {
-    /// Name, relative to the cache's folder.
+    /// Name, without its folder.
     pub file: String,
     /// SHA-256 of its bytes, lower-case hexadecimal.
     pub sha256: String,
     /// Its length, bytes.
     pub bytes: u64,
+}
+
+/// Reads a plain file whole.
+///
+/// # Errors
+/// What the system says; also for what is no plain file (a pipe would hang) and for what is too large.
+pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
+    let meta = std::fs::metadata(path)?;
+    if !meta.is_file() {
+        return Err(io::Error::other("not a plain file"));
+    }
+    if meta.len() > MAX_BYTES {
+        return Err(io::Error::other(format!("{} bytes, more than {MAX_BYTES}", meta.len())));
+    }
+    let mut bytes = Vec::with_capacity(meta.len() as usize);
+    File::open(path)?.take(MAX_BYTES).read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 /// SHA-256 of `bytes`, lower-case hexadecimal.
@@ -39,7 +58,7 @@ fn try_write_file(path: &Path, parts: &[impl AsRef<[u8]>]) -> io::Result<FileRec
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut temp = tempfile::Builder::new();
     temp.prefix(".").suffix(".tmp");
-    // A temporary file is private by default; a cache is for others to read, as far as umask allows.
+    // A temporary file is private by default; what is written here is for others to read, as far as umask allows.
     #[cfg(unix)]
     temp.permissions(<Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666));
     let mut temp = temp.tempfile_in(folder)?;

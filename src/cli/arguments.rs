@@ -1,0 +1,111 @@
+//! The command line as it is typed.
+
+use super::bake::BakeArguments;
+use super::import::Import;
+use super::preview::PreviewArguments;
+use super::sample::SampleArguments;
+use super::validate::ValidateArguments;
+use clap::builder::styling::{AnsiColor, Styles};
+use clap::{Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+const STYLES: Styles = Styles::styled()
+    .header(AnsiColor::Green.on_default().bold())
+    .usage(AnsiColor::Green.on_default().bold())
+    .literal(AnsiColor::Cyan.on_default().bold())
+    .placeholder(AnsiColor::Cyan.on_default());
+
+const EXAMPLES: &str = "\
+Examples:
+  Make a sample, bake it and look at it:
+      hairbake sample short -o short
+      hairbake short/groom.json short/shake.json -o out
+      xdg-open out/sheet.png
+  Bring in a groom, its head and a head track, then bake:
+      hairbake import groom hair.tfx --units cm --head bust.obj:cm -o shot/groom.json
+      hairbake import track walk.json --groom shot/groom.json --collider bust.obj:cm -o shot/anim.json
+      hairbake check shot/groom.json shot/anim.json
+      hairbake shot/groom.json shot/anim.json -o shot/cache
+  Try a few frames first, with half of the steps:
+      hairbake shot/groom.json shot/anim.json -o /tmp/try --frames 1001-1012 --substeps 4
+
+Exit codes:
+  0 done   64 wrong usage   65 bad input   70 internal error   74 reading or writing failed";
+
+/// Bakes hair: a groom on a moving head becomes a USD curve cache
+///
+/// Simulates the guides of a groom as elastic rods on a moving head, keeps them out of the body, interpolates the render strands,
+/// and writes one USD file a frame with a root layer, a manifest, a report and a contact sheet.
+#[derive(Debug, Parser)]
+#[command(
+    name = "hairbake",
+    version,
+    styles = STYLES,
+    after_help = EXAMPLES,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    subcommand_help_heading = "Other commands",
+    disable_help_subcommand = true
+)]
+pub struct Arguments {
+    #[command(flatten)]
+    pub bake: Option<BakeArguments>,
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// Worker threads; they steer the speed, never the result [default: CUE_THREADS, SLURM_CPUS_PER_TASK, or one a core]
+    #[arg(long, global = true, value_name = "N", env = "HAIRBAKE_THREADS", value_parser = threads, help_heading = "General")]
+    pub threads: Option<usize>,
+    /// Say nothing on standard error but errors
+    #[arg(long, short, global = true, help_heading = "General")]
+    pub quiet: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Report every fault of grooms and animations, with the place underlined
+    Check {
+        /// groom.json and anim.json files, in any order
+        #[arg(required = true)]
+        files: Vec<PathBuf>,
+    },
+    /// Print the JSON Schema of a file format
+    Schema { format: SchemaFormat },
+    /// Make groom.json of strands, or anim.json of a head track
+    Import {
+        #[command(subcommand)]
+        what: Import,
+    },
+    /// Write a sample: a groom on a simple head, with a head-shake and a turn
+    Sample(SampleArguments),
+    /// Draw pictures of a cache: a contact sheet, an animation
+    Preview(PreviewArguments),
+    /// Check a cache with Pixar's own USD: files, curves, penetration, motion
+    Validate(ValidateArguments),
+    /// Print a completion script for a shell
+    Completions { shell: clap_complete::Shell },
+    /// Print the manual page (roff)
+    Man,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum SchemaFormat {
+    /// groom.json
+    Groom,
+    /// anim.json
+    Anim,
+}
+
+fn threads(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|n| (1..=4096).contains(n)).ok_or_else(|| "a number from 1 to 4096".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Arguments::command().debug_assert();
+    }
+}

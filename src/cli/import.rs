@@ -1,0 +1,328 @@
+//! `hairbake import`: grooms and tracks of other programs.
+
+use super::{console, values};
+use crate::error::{Error, Result};
+use crate::import::{
+    self, BuildOptions, Depth, GroomOptions, Growth, Mesh, Resample, Rest, Source, TrackOptions,
+};
+use crate::scene::anim::file::Pops;
+use crate::scene::{Material, RodSection, UpAxis, load_groom};
+use clap::{Args, Subcommand, ValueEnum};
+use nalgebra::Vector3;
+use std::path::{Path, PathBuf};
+
+const GROOM_EXAMPLES: &str = "\
+Examples:
+  hairbake import groom guides.tfx --head bust.obj:cm -o shot/groom.json
+  hairbake import groom guides_cm.tfx --strands full_m.tfx:m --head bust_m.obj:m -o shot/groom.json
+  hairbake import groom straight.hair --guides 300 --levels 3 --diameter 90 -o shot/groom.json";
+
+const TRACK_EXAMPLES: &str = "\
+Examples:
+  hairbake import track walk.json --groom shot/groom.json --collider bust.obj:cm -o shot/anim.json
+  hairbake import track mocap.json --pivot 0,1.62,0.02 --fps 24 --frames 1001-1240 --rest first -o shot/anim.json";
+
+#[derive(Debug, Subcommand)]
+pub enum Import {
+    /// Make groom.json of strands: TressFX .tfx or Cem Yuksel .hair
+    Groom(Box<GroomArguments>),
+    /// Make anim.json of a head track and the meshes that the hair collides with
+    Track(Box<TrackArguments>),
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = GROOM_EXAMPLES)]
+pub struct GroomArguments {
+    /// Strands: guides are taken from them; where there are more than guides, they are the render strands too
+    strands: PathBuf,
+    /// File to write; long arrays go into a .bin beside it
+    #[arg(long, short, value_name = "FILE")]
+    output: PathBuf,
+    /// Name of the groom [default: that of the file]
+    #[arg(long)]
+    name: Option<String>,
+
+    /// Unit of the strands: m, cm, mm, in, ft or metres in a unit [default: guessed from their size]
+    #[arg(long, value_parser = values::units, help_heading = "Space")]
+    units: Option<f64>,
+    /// Axis of the strands that points up, y or z [default: z for .hair, else y]
+    #[arg(long, value_name = "AXIS", value_parser = values::up_axis, help_heading = "Space")]
+    up: Option<UpAxis>,
+    /// Moves all strands to where the head was modelled, m, Y up
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = values::vector, allow_hyphen_values = true, hide_default_value = true, help_heading = "Space")]
+    offset: Vector3<f64>,
+    /// Head mesh (OBJ) that the hair grows on: tells where the roots lie, and roots grown strands on it
+    #[arg(long, value_name = "FILE[:UNITS][:UP]", value_parser = values::source, help_heading = "Space")]
+    head: Option<Source>,
+
+    /// Render strands from a file of their own
+    #[arg(long = "strands", value_name = "FILE[:UNITS][:UP]", value_parser = values::source, help_heading = "Strands")]
+    render: Option<Source>,
+    /// Guides to simulate, chosen evenly: more is truer and slower [default: all of 1000 or fewer, 500 of more]
+    #[arg(long, value_name = "N", value_parser = count(1, 100_000), help_heading = "Strands")]
+    guides: Option<u32>,
+    /// Vertices a guide is resampled to: more follows tighter curls
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = count(2, 4096), help_heading = "Strands")]
+    guide_vertices: u32,
+    /// Vertices a render strand is resampled to [default: as in the file; 16 where they are grown]
+    #[arg(long, value_name = "N", value_parser = count(2, 4096), help_heading = "Strands")]
+    strand_vertices: Option<u32>,
+    /// Strands grown round each guide where the file holds guides only; 0 for none
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = count(0, 100_000), help_heading = "Strands")]
+    per_guide: u32,
+    /// Most that a grown strand is shorter than its guide, share: more frays the ends
+    #[arg(long, value_name = "SHARE", default_value_t = 0.08, value_parser = values::share, help_heading = "Strands")]
+    shorter: f64,
+    /// How far grown strands close in on their guide towards the tip, share: 1 is a pointed lock
+    #[arg(long, value_name = "SHARE", default_value_t = 0.4, value_parser = values::share, help_heading = "Strands")]
+    clump: f64,
+    /// Drawn width at root and tip, mm [default: covers the head as 100,000 hairs would]
+    #[arg(long, value_name = "ROOT,TIP", value_parser = widths, help_heading = "Strands")]
+    width: Option<[f64; 2]>,
+
+    /// Levels of the wisp hierarchy: 1 is leaf wisps alone
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = count(1, 8), help_heading = "Hierarchy")]
+    levels: u32,
+    /// Wisps on the coarse level [default: a branching of about five]
+    #[arg(long, value_name = "N", value_parser = count(1, 100_000), help_heading = "Hierarchy")]
+    coarse: Option<u32>,
+    /// Leaf wisps; none holds more than three guides [default: half as many as guides]
+    #[arg(long, value_name = "N", value_parser = count(1, 100_000), help_heading = "Hierarchy")]
+    leaves: Option<u32>,
+    /// Sections of a wisp, which are its guides' strain nodes: more bends finer and costs more
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = count(2, 64), help_heading = "Hierarchy")]
+    sections: u32,
+
+    #[command(flatten)]
+    material: MaterialArguments,
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Material (defaults: human scalp hair)")]
+struct MaterialArguments {
+    /// Young's modulus, GPa: resistance to bending
+    #[arg(long, value_name = "GPA", value_parser = values::positive)]
+    young: Option<f64>,
+    /// Shear modulus, GPa: resistance to twist
+    #[arg(long, value_name = "GPA", value_parser = values::positive)]
+    shear: Option<f64>,
+    /// Density, kg/m³: heavier hair hangs more
+    #[arg(long, value_name = "KG/M3", value_parser = values::positive)]
+    density: Option<f64>,
+    /// Diameter of a hair, µm: stiffness grows with its fourth power, weight with its square
+    #[arg(long, value_name = "UM", value_parser = values::positive)]
+    diameter: Option<f64>,
+    /// Internal damping time, s: more calms bounce sooner
+    #[arg(long, value_name = "S", value_parser = values::not_negative)]
+    damping: Option<f64>,
+    /// Coulomb friction coefficient against the body
+    #[arg(long, value_name = "MU", value_parser = values::not_negative)]
+    friction: Option<f64>,
+    /// Factor on the drag of the air; 0 for none
+    #[arg(long, value_name = "X", value_parser = values::not_negative)]
+    drag: Option<f64>,
+    /// Share of gravity that the shape is pre-bent against: 1 keeps the groom's shape at rest, 0 lets it sag
+    #[arg(long, value_name = "SHARE", default_value_t = 1.0, value_parser = values::share)]
+    sag_free: f64,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = TRACK_EXAMPLES)]
+pub struct TrackArguments {
+    /// Motion file: { fps, units, up_axis, frames: [{ translation, rotation_quat_wxyz }] }
+    motion: PathBuf,
+    /// File to write
+    #[arg(long, short, value_name = "FILE")]
+    output: PathBuf,
+
+    /// Frames a second of the bake; the track's own rate may differ
+    #[arg(long, default_value_t = 24.0, value_parser = values::positive, help_heading = "Time")]
+    fps: f64,
+    /// Frames of the bake; the track's first sample lies on the first [default: 1001 to the end of the track]
+    #[arg(long, value_name = "A-B", value_parser = values::frames, allow_hyphen_values = true, help_heading = "Time")]
+    frames: Option<(i32, i32)>,
+    /// Frequency above which motion is noise and filtered out, Hz: lower is smoother and lags at sharp turns; 0 is off
+    /// [default: 12]
+    #[arg(long, value_name = "HZ", value_parser = values::not_negative, help_heading = "Time")]
+    smoothing: Option<f64>,
+    /// What to do with samples far from their neighbours
+    #[arg(long, value_enum, value_name = "HOW", default_value = "error", help_heading = "Time")]
+    pops: PopsName,
+
+    /// Where the joint is in the head as modelled, m, Y up [default: the middle of the groom's roots, else 0,0,0]
+    #[arg(long, value_name = "X,Y,Z", value_parser = values::vector, allow_hyphen_values = true, help_heading = "Rest pose")]
+    pivot: Option<Vector3<f64>>,
+    /// Groom whose roots give the pivot
+    #[arg(long, value_name = "FILE", conflicts_with = "pivot", help_heading = "Rest pose")]
+    groom: Option<PathBuf>,
+    /// Which turn of the joint is that of the head as modelled
+    #[arg(long, value_enum, value_name = "WHICH", default_value = "world", help_heading = "Rest pose")]
+    rest: RestName,
+
+    /// Mesh (OBJ) that the head carries and the hair collides with; may be given more than once
+    #[arg(long = "collider", value_name = "FILE[:UNITS][:UP]", value_parser = values::source, help_heading = "Colliders")]
+    colliders: Vec<Source>,
+    /// Coulomb friction coefficient of the colliders [default: the strands' own]
+    #[arg(long, value_name = "MU", value_parser = values::not_negative, help_heading = "Colliders")]
+    friction: Option<f64>,
+    /// Distance kept between colliders and strands, mm: more hides coarse render meshes
+    #[arg(long, value_name = "MM", default_value_t = 0.5, value_parser = values::not_negative, help_heading = "Colliders")]
+    thickness: f64,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum PopsName {
+    /// They are errors
+    Error,
+    /// They are replaced from their neighbours
+    Bridge,
+    /// They are followed
+    Keep,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum RestName {
+    /// None: along the world's axes
+    World,
+    /// That of the first sample, for rigs whose joints have axes of their own
+    First,
+}
+
+fn count(least: i64, most: i64) -> impl clap::builder::TypedValueParser<Value = u32> {
+    clap::value_parser!(u32).range(least..=most)
+}
+
+/// Two widths in millimetres, as metres.
+fn widths(text: &str) -> std::result::Result<[f64; 2], String> {
+    let (root, tip) = text.split_once(',').ok_or("two numbers, such as 0.2,0.05")?;
+    Ok([values::positive(root)? * 1e-3, values::not_negative(tip)? * 1e-3])
+}
+
+/// Imports what is asked for.
+pub fn run(what: Import) -> Result<()> {
+    match what {
+        Import::Groom(arguments) => groom(*arguments),
+        Import::Track(arguments) => track(&arguments),
+    }
+}
+
+fn groom(arguments: GroomArguments) -> Result<()> {
+    let output = arguments.output.clone();
+    let head = arguments.head.as_ref().map(import::mesh).transpose();
+    let (mut options, head) = (arguments.resolve(), head?);
+    if let Some(head) = head {
+        say_all(&head.notes);
+        options.scalp = Some(head.mesh);
+    }
+    let (groom, report) = import::groom(&options)?;
+    make_folder_of(&output)?;
+    groom.write(&output)?;
+    console::say(&format!("{}\nwritten: {}", report.to_string().trim_end(), output.display()));
+    Ok(())
+}
+
+fn track(arguments: &TrackArguments) -> Result<()> {
+    let output = &arguments.output;
+    let pivot = match (&arguments.groom, arguments.pivot) {
+        (Some(groom), _) => import::root_centroid(&load_groom(groom)?),
+        (None, pivot) => pivot.unwrap_or_default(),
+    };
+    let (anim, report) = import::track(&arguments.resolve(pivot))?;
+    make_folder_of(output)?;
+    anim.write(output)?;
+    console::say(&format!("{}\nwritten: {}", report.to_string().trim_end(), output.display()));
+    Ok(())
+}
+
+fn say_all(notes: &[String]) {
+    notes.iter().for_each(|note| console::say(note));
+}
+
+fn folder_of(file: &Path) -> &Path {
+    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+fn make_folder_of(file: &Path) -> Result<()> {
+    let folder = folder_of(file);
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))
+}
+
+impl GroomArguments {
+    fn resolve(self) -> GroomOptions {
+        let place = |source: Source| Source { offset: self.offset, ..source };
+        let guides = Source { metres_per_unit: self.units, up: self.up, ..Source::new(self.strands) };
+        let usual = GroomOptions::new(place(guides));
+        let growth = Growth::default();
+        GroomOptions {
+            name: self.name.unwrap_or(usual.name),
+            guides: usual.guides,
+            strands: self.render.map(place),
+            scalp: None,
+            guide_count: self.guides.map(|n| n as usize),
+            build: BuildOptions {
+                guide_vertices: Resample::Vertices(self.guide_vertices as usize),
+                strand_vertices: self
+                    .strand_vertices
+                    .map_or(Resample::Keep, |n| Resample::Vertices(n as usize)),
+                growth: Growth {
+                    per_guide: self.per_guide as usize,
+                    vertices: self.strand_vertices.map_or(growth.vertices, |n| n as usize),
+                    shorter: self.shorter,
+                    clump: self.clump,
+                },
+                depth: Depth {
+                    levels: self.levels as usize,
+                    coarse: self.coarse.map(|n| n as usize),
+                    leaves: self.leaves.map(|n| n as usize),
+                },
+                sections: self.sections as usize,
+                material: self.material.resolve(),
+                width: self.width,
+            },
+        }
+    }
+}
+
+impl MaterialArguments {
+    fn resolve(self) -> Material {
+        let usual = Material::default();
+        let section = self.diameter.map(|microns| 0.5e-6 * microns).map(|a| RodSection { a1: a, a2: a });
+        Material {
+            young_modulus: self.young.map_or(usual.young_modulus, |gpa| gpa * 1e9),
+            shear_modulus: self.shear.map_or(usual.shear_modulus, |gpa| gpa * 1e9),
+            density: self.density.unwrap_or(usual.density),
+            section: section.unwrap_or(usual.section),
+            damping: self.damping.unwrap_or(usual.damping),
+            friction: self.friction.unwrap_or(usual.friction),
+            drag: self.drag.unwrap_or(usual.drag),
+            sag_free: self.sag_free,
+            ..usual
+        }
+    }
+}
+
+impl TrackArguments {
+    fn resolve(&self, pivot: Vector3<f64>) -> TrackOptions {
+        let mesh = |source: &Source| Mesh {
+            friction: self.friction,
+            thickness: self.thickness * 1e-3,
+            ..Mesh::new(source.clone())
+        };
+        TrackOptions {
+            fps: self.fps,
+            frames: self.frames.map(<[i32; 2]>::from),
+            rest: match self.rest {
+                RestName::World => Rest::World,
+                RestName::First => Rest::First,
+            },
+            colliders: self.colliders.iter().map(mesh).collect(),
+            smoothing_hz: self.smoothing,
+            pops: match self.pops {
+                PopsName::Error => Pops::Error,
+                PopsName::Bridge => Pops::Bridge,
+                PopsName::Keep => Pops::Keep,
+            },
+            ..TrackOptions::new(&self.motion, folder_of(&self.output), pivot)
+        }
+    }
+}

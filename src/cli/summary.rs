@@ -1,0 +1,245 @@
+//! The end of a bake: the report, the contact sheet and a few lines to read.
+
+use super::preview::PICTURES;
+use crate::bake::record::FrameRecord;
+use crate::bake::{BakeSummary, StageSeconds};
+use crate::cache::{Manifest, Reader, write_file};
+use crate::error::{Error, Result};
+use crate::report::preview::{self, Options, spread};
+use crate::report::{BakeReport, Chart, Picture, Series};
+use std::fmt::Write;
+use std::io::ErrorKind;
+use std::path::Path;
+
+const SHEET: &str = "sheet.png";
+const PAGE: &str = "report.html";
+const DATA: &str = "report.json";
+/// Entries of one kind that a warning names.
+const NAMED: usize = 8;
+
+/// Removes the report of an earlier bake, so that none is taken for this one's.
+pub fn remove_old(out: &Path) -> Result<()> {
+    for name in [SHEET, PAGE, DATA] {
+        let path = out.join(name);
+        match std::fs::remove_file(&path) {
+            Err(e) if !matches!(e.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+                return Err(Error::io(&path, e));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Writes the report, and the contact sheet if asked for, into the cache's folder.
+pub fn write(summary: &BakeSummary, title: &str, out: &Path, pictures: bool) -> Result<()> {
+    let mut report = report(summary, title);
+    if pictures {
+        let reader = Reader::open(out)?;
+        let frames = spread(reader.header().frames, PICTURES);
+        let bytes = preview::sheet(&reader, &Options::default(), &frames)?.to_png()?;
+        write_file(&out.join(SHEET), &[&bytes])?;
+        let caption = format!("Frames {} to {}", frames[0], frames[frames.len() - 1]);
+        report.pictures.push(Picture { caption, media_type: "image/png".into(), bytes });
+    }
+    write_file(&out.join(PAGE), &[report.to_html()?])?;
+    write_file(&out.join(DATA), &[report.to_json()?])?;
+    Ok(())
+}
+
+/// What was written, how long it took and how good it is.
+pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
+    let mut text = String::new();
+    let mut line = |name: &str, value: String| {
+        // Writing to a string does not fail.
+        let _ = writeln!(text, "{name:<14}{value}");
+    };
+    if let Some(Manifest { summary, frames, .. }) = &summary.manifest {
+        let bytes: u64 = frames.iter().map(|f| f.file.bytes).sum();
+        line(
+            "written",
+            format!(
+                "{}: {} frames, {} strands, {} guides, {:.1} MB",
+                out.display(),
+                frames.len(),
+                summary.hair.0,
+                summary.guides.0,
+                bytes as f64 * 1e-6
+            ),
+        );
+    }
+    let n = summary.seconds.len().max(1) as f64;
+    let mean = |of: fn(&StageSeconds) -> f64| summary.seconds.iter().map(of).sum::<f64>() / n;
+    let stages = [mean(|s| s.simulate), mean(|s| s.interpolate), mean(|s| s.write)];
+    line(
+        "time",
+        format!(
+            "{:.3} s/frame: simulate {:.3}, interpolate {:.3}, write {:.3}; pre-roll {:.1} s",
+            stages.iter().sum::<f64>(),
+            stages[0],
+            stages[1],
+            stages[2],
+            summary.preroll_seconds
+        ),
+    );
+    if let Some(bytes) = peak_memory() {
+        line("peak memory", format!("{:.0} MB", bytes as f64 * 1e-6));
+    }
+    let worst = |of: fn(&FrameRecord) -> f64| {
+        summary.frames.iter().map(|f| (of(f), f.frame)).max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default()
+    };
+    let (depth, frame) = worst(|f| f.penetration_m);
+    line(
+        "penetration",
+        if depth > 0.0 { format!("{:.4} mm at most, frame {frame}", depth * 1e3) } else { "none".into() },
+    );
+    let (drift, frame) = worst(|f| f.length_drift);
+    line("length drift", format!("{drift:.1e} at most, frame {frame}"));
+    for warning in warnings(&summary.frames) {
+        line("warning", warning);
+    }
+    if pictures {
+        line("to look at", out.join(SHEET).display().to_string());
+    }
+    line("report", out.join(PAGE).display().to_string());
+    text.truncate(text.trim_end().len());
+    text
+}
+
+fn report(summary: &BakeSummary, title: &str) -> BakeReport {
+    let frames = &summary.frames;
+    let series = |name: &str, of: fn(&FrameRecord) -> f64| Series {
+        name: name.into(),
+        values: frames.iter().map(of).collect(),
+    };
+    let stage = |name: &str, of: fn(&StageSeconds) -> f64| Series {
+        name: name.into(),
+        values: summary.seconds.iter().map(of).collect(),
+    };
+    let chart = |name: &str, unit: &str, note: &str, series: Vec<Series>| Chart {
+        name: name.into(),
+        unit: unit.into(),
+        note: note.into(),
+        logarithmic: false,
+        series,
+    };
+    let drift = chart(
+        "Length drift of guides",
+        "",
+        "Largest relative change of the arc length of a segment; below 1e-6 is good.",
+        vec![series("largest", |f| f.length_drift)],
+    );
+    BakeReport {
+        title: title.into(),
+        settings: settings(summary),
+        frames: frames.iter().map(|f| f.frame).collect(),
+        stages: vec![
+            stage("simulate", |s| s.simulate),
+            stage("interpolate", |s| s.interpolate),
+            stage("write", |s| s.write),
+        ],
+        charts: vec![
+            chart(
+                "Contacts",
+                "",
+                "Places where a guide is at a body, at the last sub-step of the frame.",
+                vec![
+                    series("found", |f| f64::from(f.contacts_found)),
+                    series("active", |f| f64::from(f.contacts_active)),
+                ],
+            ),
+            chart(
+                "Penetration",
+                "mm",
+                "Deepest point inside a body that is not exempt (roots that start inside are).",
+                vec![series("deepest", |f| f.penetration_m * 1e3)],
+            ),
+            Chart { logarithmic: true, ..drift },
+            chart(
+                "Speed relative to the head",
+                "m/s",
+                "Points of guides. Zero on a still head once the hair has settled.",
+                vec![
+                    series("mean", |f| f.speed_mean_m_s),
+                    series("95th percentile", |f| f.speed_p95_m_s),
+                    series("largest", |f| f.speed_max_m_s),
+                ],
+            ),
+            chart(
+                "Newton steps",
+                "",
+                "Per guide and sub-step.",
+                vec![series("mean", |f| f.newton_mean), series("most", |f| f64::from(f.newton_max))],
+            ),
+            chart(
+                "Rescues",
+                "",
+                "Steps cut in half for the solver's sake, motions cut short at a surface, guides kept without convergence; none is \
+                 good.",
+                vec![
+                    series("halvings", |f| f64::from(f.halvings)),
+                    series("shortened", |f| f64::from(f.shortened)),
+                    series("unconverged", |f| f.unconverged.len() as f64),
+                ],
+            ),
+        ],
+        warnings: warnings(frames),
+        pictures: Vec::new(),
+    }
+}
+
+/// Settings and inputs of the bake, as the manifest has them.
+fn settings(summary: &BakeSummary) -> Vec<(String, String)> {
+    let mut rows = vec![("pre-roll took".to_string(), format!("{:.1} s", summary.preroll_seconds))];
+    if let Some(manifest) = &summary.manifest {
+        let settings = manifest.settings.as_object().into_iter().flatten();
+        rows.extend(settings.map(|(name, value)| (name.clone(), value.to_string())));
+        rows.extend(
+            manifest.inputs.iter().map(|i| (i.role.clone(), format!("{} ({})", i.file, &i.sha256[..12]))),
+        );
+        rows.push(("hairbake".into(), manifest.hairbake.clone()));
+    }
+    rows
+}
+
+fn warnings(frames: &[FrameRecord]) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let unconverged: Vec<&FrameRecord> = frames.iter().filter(|f| !f.unconverged.is_empty()).collect();
+    if !unconverged.is_empty() {
+        let named = unconverged.iter().map(|f| {
+            let ids: Vec<String> = f.unconverged.iter().take(NAMED).map(i32::to_string).collect();
+            let more = if f.unconverged.len() > NAMED { ", …" } else { "" };
+            format!("{} (guides {}{more})", f.frame, ids.join(", "))
+        });
+        warnings.push(format!(
+            "solves that did not converge and were kept, in {} frames: {}; more sub-steps may help",
+            unconverged.len(),
+            list(named, unconverged.len())
+        ));
+    }
+    let shortened: Vec<&FrameRecord> = frames.iter().filter(|f| f.shortened > 0).collect();
+    if !shortened.is_empty() {
+        let named = shortened.iter().map(|f| format!("{} ({})", f.frame, f.shortened));
+        warnings.push(format!(
+            "motions cut short at a surface, in {} frames: {}",
+            shortened.len(),
+            list(named, shortened.len())
+        ));
+    }
+    warnings
+}
+
+/// The first of `total` names, joined.
+fn list(names: impl Iterator<Item = String>, total: usize) -> String {
+    let named: Vec<String> = names.take(NAMED).collect();
+    let more = if total > NAMED { ", …" } else { "" };
+    format!("{}{more}", named.join(", "))
+}
+
+/// Most memory that the process has had, bytes, where the system tells (Linux).
+fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib * 1024)
+}

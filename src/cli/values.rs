@@ -1,0 +1,135 @@
+//! Values of options, read from text.
+
+use crate::import::Source;
+use crate::scene::UpAxis;
+use nalgebra::Vector3;
+use std::path::PathBuf;
+
+/// Metres in a unit of length: a name, or the number itself.
+pub fn units(text: &str) -> Result<f64, String> {
+    match text {
+        "m" => Ok(1.0),
+        "cm" => Ok(0.01),
+        "mm" => Ok(0.001),
+        "in" => Ok(0.0254),
+        "ft" => Ok(0.3048),
+        number => number
+            .parse()
+            .ok()
+            .filter(|x: &f64| *x >= 1e-6 && *x <= 1e4)
+            .ok_or_else(|| "m, cm, mm, in, ft, or metres in a unit (1e-6 to 1e4)".into()),
+    }
+}
+
+/// An up axis.
+pub fn up_axis(text: &str) -> Result<UpAxis, String> {
+    match text {
+        "y" | "Y" => Ok(UpAxis::Y),
+        "z" | "Z" => Ok(UpAxis::Z),
+        _ => Err("y or z".into()),
+    }
+}
+
+/// A file, its unit and its up axis if they are given: `FILE[:UNITS][:UP]`.
+pub fn source(text: &str) -> Result<Source, String> {
+    let mut source = Source::default();
+    let mut rest = text;
+    while let Some((file, suffix)) = rest.rsplit_once(':') {
+        if let (Ok(up), None) = (up_axis(suffix), source.up) {
+            source.up = Some(up);
+        } else if let (Ok(metres), None) = (units(suffix), source.metres_per_unit) {
+            source.metres_per_unit = Some(metres);
+        } else {
+            break;
+        }
+        rest = file;
+    }
+    if rest.is_empty() {
+        return Err("FILE, FILE:UNITS or FILE:UNITS:UP, such as head.obj:cm".into());
+    }
+    source.path = PathBuf::from(rest);
+    Ok(source)
+}
+
+/// First and last frame: `1001-1100`, or one frame.
+pub fn frames(text: &str) -> Result<(i32, i32), String> {
+    let help = || "FIRST-LAST or one frame, such as 1001-1100".to_string();
+    // A sign is no dash.
+    let dash = text.char_indices().skip(1).find(|(_, c)| *c == '-').map(|(i, _)| i);
+    let (first, last) = dash.map_or((text, text), |i| (&text[..i], &text[i + 1..]));
+    let (first, last) = (first.parse().map_err(|_| help())?, last.parse().map_err(|_| help())?);
+    if first > last {
+        return Err(format!("frame {first} is after {last}"));
+    }
+    Ok((first, last))
+}
+
+/// A vector: `x,y,z`.
+pub fn vector(text: &str) -> Result<Vector3<f64>, String> {
+    let parts: Vec<f64> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
+    match parts[..] {
+        [x, y, z] if text.matches(',').count() == 2 && parts.iter().all(|x| x.is_finite()) => {
+            Ok(Vector3::new(x, y, z))
+        }
+        _ => Err("three numbers, such as 0,1.6,0.05".into()),
+    }
+}
+
+/// Width and height in pixels: `640x480`, or one number for a square.
+pub fn size(text: &str) -> Result<(u32, u32), String> {
+    let (width, height) = text.split_once('x').unwrap_or((text, text));
+    let pixels = |side: &str| side.parse().ok().filter(|n| (1..=8192).contains(n));
+    pixels(width).zip(pixels(height)).ok_or_else(|| "WIDTHxHEIGHT or one number, 1 to 8192 each".into())
+}
+
+/// A finite number that is not negative.
+pub fn not_negative(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|x: &f64| *x >= 0.0 && x.is_finite()).ok_or_else(|| "a number, 0 or more".into())
+}
+
+/// A finite number above zero.
+pub fn positive(text: &str) -> Result<f64, String> {
+    not_negative(text).ok().filter(|x| *x > 0.0).ok_or_else(|| "a number above 0".into())
+}
+
+/// An angle, degrees.
+pub fn angle(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|x: &f64| x.abs() <= 360.0).ok_or_else(|| "degrees from -360 to 360".into())
+}
+
+/// A share from 0 to 1.
+pub fn share(text: &str) -> Result<f64, String> {
+    not_negative(text).ok().filter(|x| *x <= 1.0).ok_or_else(|| "a number from 0 to 1".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_carry_their_unit_and_axis() {
+        let parts =
+            |text| source(text).map(|s| (s.path.to_string_lossy().into_owned(), s.metres_per_unit, s.up));
+        assert_eq!(parts("a/head.obj"), Ok(("a/head.obj".into(), None, None)));
+        assert_eq!(parts("head.obj:cm"), Ok(("head.obj".into(), Some(0.01), None)));
+        assert_eq!(parts("head.obj:0.5:z"), Ok(("head.obj".into(), Some(0.5), Some(UpAxis::Z))));
+        assert_eq!(parts("C:\\head.obj"), Ok(("C:\\head.obj".into(), None, None)));
+        assert!(parts(":cm").is_err());
+    }
+
+    #[test]
+    fn ranges_vectors_and_sizes() {
+        assert_eq!(frames("1001-1100"), Ok((1001, 1100)));
+        assert_eq!(frames("-5--2"), Ok((-5, -2)));
+        assert_eq!(frames("7"), Ok((7, 7)));
+        assert!(frames("9-7").is_err() && frames("a").is_err() && frames("").is_err());
+        assert_eq!(vector("0,-1.5, 2"), Ok(Vector3::new(0.0, -1.5, 2.0)));
+        assert!(vector("0,1").is_err() && vector("0,1,x").is_err() && vector("0,1,2,3").is_err());
+        assert!(vector("0,x,1,2").is_err() && vector("0,nan,1").is_err());
+        assert_eq!(size("640x480"), Ok((640, 480)));
+        assert_eq!(size("300"), Ok((300, 300)));
+        assert!(size("0x3").is_err() && size("9000").is_err());
+        assert!(units("furlong").is_err() && units("-1").is_err() && units("0.01") == units("cm"));
+        assert!(share("1.1").is_err() && positive("0").is_err() && not_negative("nan").is_err());
+    }
+}

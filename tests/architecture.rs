@@ -1,0 +1,202 @@
+//! The shape of the program: which module may use which, who prints, how long a file may be, and that the equations
+//! cited exist.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Each module and those that it may use, which all stand above it: no cycles.
+const MAY_USE: &[(&str, &[&str])] = &[
+    ("error", &[]),
+    ("math", &[]),
+    ("file", &["error"]),
+    ("usd", &["error"]),
+    ("cache", &["error", "file", "usd"]),
+    ("scene", &["error", "file", "math"]),
+    ("contact", &["math", "scene"]),
+    ("rod", &["math"]),
+    ("wisp", &["rod", "scene"]),
+    ("strands", &["math", "rod", "scene"]),
+    ("bake", &["error", "file", "math", "cache", "scene", "contact", "rod", "wisp", "strands"]),
+    ("import", &["error", "file", "math", "scene"]),
+    ("sample", &["error", "file", "math", "scene", "import"]),
+    ("report", &["error", "math", "cache"]),
+    ("cli", &["error", "file", "cache", "scene", "bake", "import", "sample", "report"]),
+];
+
+/// Finds real inputs for tests: every module's tests may use it, and it says so where it finds none.
+const TEST_DATA: &str = "test_data";
+
+/// Most lines of a source file.
+const MAX_LINES: usize = 600;
+
+/// A source file: its path from the repository's root, and its text.
+struct Source {
+    path: PathBuf,
+    text: String,
+}
+
+impl Source {
+    /// The module right below the crate's root that it belongs to; for files of `src` alone.
+    fn module(&self) -> Option<String> {
+        let below = self.path.strip_prefix("src").ok()?.with_extension("");
+        let first = below.components().next()?.as_os_str().to_string_lossy().into_owned();
+        Some(first).filter(|name| name != "lib" && name != "main")
+    }
+
+    /// Its numbered lines without comments.
+    fn code(&self) -> impl Iterator<Item = (usize, &str)> {
+        let numbered = self.text.lines().enumerate().map(|(i, line)| (i + 1, line));
+        numbered.filter(|(_, line)| !line.trim_start().starts_with("//"))
+    }
+}
+
+/// All files below the folders `roots` whose names end in one of `endings`, in order.
+fn sources(roots: &[&str], endings: &[&str]) -> Vec<Source> {
+    fn walk(root: &Path, folder: &Path, endings: &[&str], out: &mut Vec<Source>) {
+        let mut entries: Vec<PathBuf> =
+            std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+        entries.sort();
+        for path in entries {
+            if path.is_dir() {
+                walk(root, &path, endings, out);
+            } else if path.extension().is_some_and(|e| endings.iter().any(|ending| e == *ending)) {
+                let text = std::fs::read_to_string(&path).unwrap();
+                out.push(Source { path: path.strip_prefix(root).unwrap().into(), text });
+            }
+        }
+    }
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut out = Vec::new();
+    roots.iter().for_each(|folder| walk(root, &root.join(folder), endings, &mut out));
+    assert!(!out.is_empty());
+    out
+}
+
+/// The first names of the paths that follow `crate::` in `code`: of `crate::a::b` a, of `crate::{a::b, c}` a and c.
+fn used(code: &str) -> BTreeSet<String> {
+    let name = |path: &str| -> String {
+        path.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
+    };
+    let mut names = BTreeSet::new();
+    for rest in code.split("crate::").skip(1) {
+        let Some(list) = rest.strip_prefix('{') else {
+            names.insert(name(rest));
+            continue;
+        };
+        let (mut depth, mut start) = (0, 0);
+        for (i, c) in list.char_indices() {
+            match c {
+                '{' => depth += 1,
+                ',' | '}' if depth == 0 => {
+                    names.insert(name(&list[start..i]));
+                    start = i + 1;
+                    if c == '}' {
+                        break;
+                    }
+                }
+                '}' => depth -= 1,
+                _ => {}
+            }
+        }
+    }
+    names.remove("");
+    // The root itself names the types of errors.
+    names.into_iter().map(|n| if n.starts_with(char::is_uppercase) { "error".into() } else { n }).collect()
+}
+
+#[test]
+fn modules_use_only_what_stands_below_them() {
+    for (row, (module, below)) in MAY_USE.iter().enumerate() {
+        for name in *below {
+            assert!(
+                MAY_USE[..row].iter().any(|(other, _)| other == name),
+                "{module} over {name}: not above it"
+            );
+        }
+    }
+    let mut wrong = Vec::new();
+    let mut modules = BTreeSet::new();
+    for source in sources(&["src"], &["rs"]) {
+        let Some(module) = source.module() else { continue };
+        modules.insert(module.clone());
+        let code: String = source.code().flat_map(|(_, line)| [line, "\n"]).collect();
+        let below = MAY_USE.iter().find(|(name, _)| *name == module).map_or(&[][..], |(_, below)| below);
+        for name in used(&code) {
+            if name != module && name != TEST_DATA && !below.contains(&name.as_str()) {
+                wrong.push(format!("{}: {module} uses {name}", source.path.display()));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    modules.remove(TEST_DATA);
+    assert_eq!(
+        modules,
+        MAY_USE.iter().map(|(name, _)| name.to_string()).collect(),
+        "the table and src differ"
+    );
+}
+
+#[test]
+fn only_the_command_line_prints() {
+    const MACROS: [&str; 5] = ["println!", "eprintln!", "print!", "eprint!", "dbg!"];
+    let mut wrong = Vec::new();
+    for source in sources(&["src"], &["rs"]) {
+        if source.module().is_some_and(|name| name == "cli" || name == TEST_DATA) {
+            continue;
+        }
+        let printing = source.code().filter(|(_, line)| MACROS.iter().any(|name| line.contains(name)));
+        wrong.extend(printing.map(|(n, line)| format!("{}:{n}: {}", source.path.display(), line.trim())));
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn files_are_short_enough_to_read() {
+    let all = sources(&["src", "tests", "benches", "validation"], &["rs", "py"]);
+    let long: Vec<_> = all.iter().filter(|s| s.text.lines().count() > MAX_LINES).map(|s| &s.path).collect();
+    assert!(long.is_empty(), "over {MAX_LINES} lines: {long:?}");
+}
+
+/// The references that follow a mention of the theory, such as `§4`, `§3-§5` or `eq. 4.2`: whether it is an equation,
+/// and its number.
+fn references(mut text: &str) -> Vec<(bool, String)> {
+    let mut found = Vec::new();
+    loop {
+        text = text.trim_start_matches(['`', ' ', ',', '-', '–']);
+        let (equation, rest) = match (text.strip_prefix("eq. "), text.strip_prefix('§')) {
+            (Some(rest), _) => (true, rest),
+            (_, Some(rest)) => (false, rest),
+            _ => return found,
+        };
+        let end = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());
+        found.push((equation, rest[..end].trim_end_matches('.').into()));
+        text = &rest[end..];
+    }
+}
+
+#[test]
+fn cited_equations_and_sections_exist() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let theory = std::fs::read_to_string(root.join("docs/theory.md")).unwrap();
+    let has = |equation: bool, number: &str| {
+        let [chapter, section] = [format!("## {number} "), format!("**{number} ")];
+        theory.lines().any(|line| match equation {
+            true => line.trim_end().ends_with(&format!("({number})")),
+            false => line.starts_with(&chapter) || line.starts_with(&section),
+        })
+    };
+    let (mut cited, mut wrong) = (0, Vec::new());
+    for source in sources(&["src", "tests", "benches"], &["rs"]) {
+        for (n, line) in source.text.lines().enumerate() {
+            for (equation, number) in line.split("theory.md").skip(1).flat_map(references) {
+                cited += 1;
+                if !has(equation, &number) {
+                    let kind = if equation { "eq. " } else { "§" };
+                    wrong.push(format!("{}:{}: no {kind}{number}", source.path.display(), n + 1));
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    assert!(cited > 5, "citations are no longer found");
+}

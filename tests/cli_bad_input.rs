@@ -1,0 +1,161 @@
+//! Bad input, as a black box: every fault in one report with its words, exit code 65, nothing written.
+
+mod common;
+
+use assert_cmd::assert::Assert;
+use common::{Scene, bake, entries};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Bakes the scene after `change` to the JSON of its groom and anim; whatever comes of it must leave no output folder.
+fn baked(change: impl FnOnce(&mut Value, &mut Value)) -> Assert {
+    let scene = Scene::import();
+    let read = |path: &Path| serde_json::from_slice::<Value>(&common::here(path)).unwrap();
+    let (mut groom, mut anim) = (read(&scene.groom), read(&scene.anim));
+    change(&mut groom, &mut anim);
+    std::fs::write(&scene.groom, groom.to_string()).unwrap();
+    std::fs::write(&scene.anim, anim.to_string()).unwrap();
+    let out = scene.folder.path().join("out");
+    let assert = bake(&scene.groom, &scene.anim, &out).assert();
+    assert!(!out.exists(), "an output folder was made");
+    assert
+}
+
+/// The words of a report on bad input, put back into lines without breaks.
+fn refused(change: impl FnOnce(&mut Value, &mut Value)) -> String {
+    let output = baked(change).code(65).stdout("").get_output().stderr.clone();
+    let text = String::from_utf8(output).unwrap();
+    assert!(text.contains("nothing written") && text.contains("allowed:"), "{text}");
+    text.split_whitespace().filter(|word| !matches!(*word, "│" | "╰─▶")).collect::<Vec<_>>().join(" ")
+}
+
+#[track_caller]
+fn says(text: &str, words: &[&str]) {
+    for word in words {
+        assert!(text.contains(word), "{word:?} is not in:\n{text}");
+    }
+}
+
+#[test]
+fn faults_of_both_files_are_in_one_report() {
+    let text = refused(|groom, anim| {
+        groom["materials"][0]["density_kg_m3"] = json!(-5.0);
+        groom["version"] = json!(9);
+        anim["fps"] = json!("fast");
+        anim["colour"] = json!("red");
+        anim.as_object_mut().unwrap().remove("frames");
+    });
+    says(&text, &["5 errors", "density_kg_m3", "-5", "version", "9", "fps", "fast", "colour", "frames"]);
+    says(&text, &["groom.json", "anim.json"]);
+}
+
+#[test]
+fn numbers_that_are_none() {
+    // JSON has no NaN; exporters write it all the same.
+    let scene = Scene::import();
+    let text = String::from_utf8(common::here(&scene.anim)).unwrap();
+    std::fs::write(&scene.anim, text.replacen("\"fps\": 24", "\"fps\": NaN", 1)).unwrap();
+    let out = scene.folder.path().join("out");
+    let assert = bake(&scene.groom, &scene.anim, &out).assert().code(65);
+    let text = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
+    says(&text, &["anim.json", "not JSON", "NaN"]);
+    assert!(!out.exists());
+}
+
+#[test]
+fn tracks_with_gaps_pops_and_frames_outside() {
+    let track = |anim: &mut Value| anim["bodies"][0]["track"].clone();
+    let text = refused(|_, anim| {
+        let mut gap = track(anim);
+        gap["frames"] = json!([0, 1, 2, 3, 5, 6, 7, 8]);
+        anim["bodies"][0]["track"] = gap;
+    });
+    says(&text, &["bodies[0].track.frames", "bridge"]);
+    let text = refused(|_, anim| {
+        let mut unordered = track(anim);
+        unordered["frames"] = json!([0, 1, 2, 4, 3, 5, 6, 7]);
+        anim["bodies"][0]["track"] = unordered;
+    });
+    says(&text, &["bodies[0].track.frames", "increas"]);
+    let text = refused(|_, anim| anim["bodies"][0]["track"]["translation"][4] = json!([0.4, 1.5, 0.0]));
+    says(&text, &["jumps there and back", "0.4000 m", "1005"]);
+    let text = refused(|_, anim| anim["frames"] = json!([1001, 1040]));
+    says(&text, &["covers frames", "1040", "shorten \"frames\""]);
+    let text = refused(|_, anim| anim["frames"] = json!([1008, 1001]));
+    says(&text, &["frames", "1008"]);
+}
+
+#[test]
+fn frames_asked_for_outside_the_shot() {
+    let scene = Scene::import();
+    let out = scene.folder.path().join("out");
+    let assert = bake(&scene.groom, &scene.anim, &out).args(["--frames", "990-1003"]).assert().code(65);
+    says(&String::from_utf8_lossy(&assert.get_output().stderr), &["990 to 1003", "1001 to 1008"]);
+    assert!(!out.exists());
+}
+
+#[test]
+fn empty_wisps_and_strands_of_no_length() {
+    let one_guide = |points: Value| json!({ "format": "hairbake-groom", "version": 1, "guides": { "points": points, "vertices": [3] } });
+    let text = refused(|groom, _| *groom = one_guide(json!([[0, 0, 0], [0, 0, 0], [0, 0, 0]])));
+    says(&text, &["guides.points", "length"]);
+    let text = refused(|groom, _| {
+        let leaves = groom["wisps"]["guide_count"].as_array().map_or(0, Vec::len);
+        groom["wisps"]["guide_count"] = json!(vec![0; leaves]);
+    });
+    says(&text, &["wisps", "guide"]);
+}
+
+#[test]
+fn meshes_that_are_missing_or_hold_no_triangle() {
+    let mesh = |file: &str| json!({ "type": "mesh", "file": file });
+    let text = refused(|_, anim| anim["colliders"][0]["shape"] = mesh("no-such.obj"));
+    says(&text, &["colliders[0].shape.file", "no-such.obj"]);
+    let scene = Scene::import();
+    std::fs::write(scene.folder.path().join("ball.obj"), "v 0 0 0\nv 1 0 0\n").unwrap();
+    let out = scene.folder.path().join("out");
+    let assert = bake(&scene.groom, &scene.anim, &out).assert().code(65);
+    says(&String::from_utf8_lossy(&assert.get_output().stderr), &["ball.obj", "holds no triangle"]);
+    assert!(!out.exists());
+}
+
+#[test]
+fn units_that_cannot_be() {
+    let scene = Scene::import();
+    let groom = scene.folder.path().join("inches.json");
+    let strands = scene.folder.path().join("strands.tfx");
+    let mut import = common::hairbake();
+    import.args(["import", "groom"]).arg(strands).args(["--units", "0.00001", "-o"]).arg(&groom);
+    let assert = import.assert().code(65);
+    says(&String::from_utf8_lossy(&assert.get_output().stderr), &["strands.tfx", "--units"]);
+    assert!(!groom.exists());
+}
+
+#[test]
+fn check_tells_the_faults_of_all_its_files() {
+    let scene = Scene::import();
+    std::fs::write(&scene.groom, "{ \"format\": \"hairbake-groom\", \"version\": 1 ").unwrap();
+    std::fs::write(
+        &scene.anim,
+        "{ \"format\": \"hairbake-anim\", \"version\": 1, \"fps\": 0, \"frames\": [1] }",
+    )
+    .unwrap();
+    let assert = common::hairbake().arg("check").args([&scene.groom, &scene.anim]).assert().code(65);
+    let text = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
+    says(&text, &["groom.json:1", "anim.json:1", "fps", "frames"]);
+}
+
+#[test]
+fn folders_that_cannot_be_written_and_files_that_are_not_there_are_74() {
+    let scene = Scene::import();
+    let in_the_way = scene.folder.path().join("file");
+    std::fs::write(&in_the_way, "").unwrap();
+    for out in [in_the_way.clone(), in_the_way.join("out")] {
+        let assert = bake(&scene.groom, &scene.anim, &out).assert().code(74);
+        says(&String::from_utf8_lossy(&assert.get_output().stderr), &["file"]);
+    }
+    assert_eq!(entries(scene.folder.path()), ["ball.obj", "file", "shot", "strands.tfx", "turn.json"]);
+    bake(Path::new("no-such-groom.json"), &scene.anim, &in_the_way).assert().code(74);
+    common::hairbake().args(["preview", "no-such-cache", "-o", "x.png"]).assert().code(74);
+    common::hairbake().args(["check", "no-such.json"]).assert().code(74);
+}

@@ -1,0 +1,141 @@
+//! A tiny scene, brought in through the program itself.
+
+use assert_cmd::Command;
+use std::f32::consts::{PI, TAU};
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// The program, without what the caller's environment would change.
+pub fn hairbake() -> Command {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("hairbake"));
+    for variable in ["HAIRBAKE_THREADS", "CUE_THREADS", "SLURM_CPUS_PER_TASK", "HAIRBAKE_PYTHON"] {
+        command.env_remove(variable);
+    }
+    command
+}
+
+/// A bake of `groom` on `anim` into `out`.
+pub fn bake(groom: &Path, anim: &Path, out: &Path) -> Command {
+    let mut command = hairbake();
+    command.args([groom, anim]).arg("-o").arg(out);
+    command
+}
+
+/// The bytes of a file that must be there.
+pub fn here(path: &Path) -> Vec<u8> {
+    std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// Names in a folder, sorted.
+pub fn entries(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> =
+        std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// Strands in centimetres on a ball in metres, on a track in metres, as `groom.json` and `anim.json`.
+pub struct Scene {
+    /// Holds all of it.
+    pub folder: TempDir,
+    /// `groom.json`
+    pub groom: PathBuf,
+    /// `anim.json`
+    pub anim: PathBuf,
+}
+
+impl Scene {
+    /// Writes the sources and imports them.
+    pub fn import() -> Scene {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("strands.tfx"), tfx()).unwrap();
+        std::fs::write(at("ball.obj"), ball()).unwrap();
+        std::fs::write(at("turn.json"), motion()).unwrap();
+        let (groom, anim) = (at("shot/groom.json"), at("shot/anim.json"));
+        let mesh = format!("{}:m", at("ball.obj").display());
+        hairbake()
+            .args(["import", "groom"])
+            .arg(at("strands.tfx"))
+            .args(["--units", "cm", "--per-guide", "4", "--head", &mesh, "-o"])
+            .arg(&groom)
+            .assert()
+            .success();
+        hairbake()
+            .args(["import", "track"])
+            .arg(at("turn.json"))
+            .args(["--collider", &mesh, "-o"])
+            .arg(&anim)
+            .assert()
+            .success();
+        Scene { folder, groom, anim }
+    }
+}
+
+/// Eight strands of 12 cm in centimetres, radially out of the upper half of a ball of 10 cm.
+fn tfx() -> Vec<u8> {
+    const STRANDS: u32 = 8;
+    const VERTICES: u32 = 6;
+    let mut bytes = vec![0; 160];
+    bytes[..4].copy_from_slice(&4.0f32.to_le_bytes());
+    for (word, value) in [(1, STRANDS), (2, VERTICES), (3, 160), (4, 160 + STRANDS * VERTICES * 16)] {
+        bytes[4 * word..4 * word + 4].copy_from_slice(&value.to_le_bytes());
+    }
+    for strand in 0..STRANDS {
+        let (turn, level) = (strand as f32 / STRANDS as f32 * TAU, 0.5f32);
+        for vertex in 0..VERTICES {
+            let r = 10.0 + 12.0 * vertex as f32 / (VERTICES - 1) as f32;
+            for x in [r * level.cos() * turn.cos(), r * level.sin(), r * level.cos() * turn.sin(), 1.0] {
+                bytes.extend(x.to_le_bytes());
+            }
+        }
+    }
+    (0..STRANDS).for_each(|strand| bytes.extend([strand as f32 / 8.0, 0.5].map(f32::to_le_bytes).concat()));
+    bytes
+}
+
+/// A ball of 10 cm in metres.
+fn ball() -> String {
+    let (rings, sides) = (12, 24);
+    let mut text = String::new();
+    for ring in 0..=rings {
+        let (sin, cos) = (ring as f32 / rings as f32 * PI).sin_cos();
+        for side in 0..sides {
+            let (s, c) = (side as f32 / sides as f32 * TAU).sin_cos();
+            text += &format!("v {} {} {}\n", 0.1 * sin * s, 0.1 * cos, 0.1 * sin * c);
+        }
+    }
+    for ring in 0..rings {
+        for side in 0..sides {
+            let corner = |r: usize, s: usize| r * sides + s % sides + 1;
+            let (a, b) = (corner(ring, side), corner(ring + 1, side));
+            let (c, d) = (corner(ring + 1, side + 1), corner(ring, side + 1));
+            text += &format!("f {a} {b} {c}\nf {a} {c} {d}\n");
+        }
+    }
+    text
+}
+
+/// A head 1.5 m up that turns by 2° a sample, 24 samples a second, in metres.
+fn motion() -> String {
+    let frame = |i: i32| {
+        let (sin, cos) = f64::from(i).to_radians().sin_cos();
+        serde_json::json!({ "translation": [0.0, 1.5, 0.0], "rotation_quat_wxyz": [cos, 0.0, sin, 0.0] })
+    };
+    let frames: Vec<_> = (0..8).map(frame).collect();
+    serde_json::json!({ "fps": 24.0, "units": "m", "up_axis": "Y", "frames": frames }).to_string()
+}
+
+/// A Python that has usd-core: `HAIRBAKE_PYTHON` or the one that `tests/run` makes; without one the test says that it is skipped.
+// Not every test program asks for it; a skipped test has to say so.
+#[allow(dead_code, clippy::print_stdout)]
+pub fn python_with_usd() -> Option<PathBuf> {
+    let python = std::env::var_os("HAIRBAKE_PYTHON")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv/bin/python"), PathBuf::from);
+    let has_usd = std::process::Command::new(&python).args(["-c", "import pxr.Usd, numpy"]).output();
+    if has_usd.is_ok_and(|output| output.status.success()) {
+        return Some(python);
+    }
+    println!("skipped: {} has no usd-core; tests/run makes one that has", python.display());
+    None
+}
