@@ -4,7 +4,7 @@ use super::simulation::Simulation;
 use crate::cache::{ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 use crate::rod::{Rod, Sensitivity, Shape};
 use crate::scene::{Anim, Convention, Curves, Groom, UpAxis};
-use crate::strands::{GuideMotion, HeadMotion, Interpolator};
+use crate::strands::{BACKWARD, GuideMotion, HeadMotion, Interpolator, KeepOut, Moment};
 use nalgebra::{Isometry3, Matrix3, Matrix4, Vector3};
 use rayon::prelude::*;
 
@@ -45,8 +45,11 @@ impl<'a> Output<'a> {
                 .collect(),
             ..Header::default()
         };
-        let strands = (!groom.strands.curves.is_empty())
-            .then(|| Interpolator::new(&groom.strands.curves, &groom.strands.leaf, &rods));
+        let strands = (!groom.strands.curves.is_empty()).then(|| {
+            let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
+            let (curves, leaf) = (&groom.strands.curves, &groom.strands.leaf);
+            Interpolator::new(curves, leaf, &rods, &simulation.bodies, &thickness)
+        });
         Output { anim, convention, strands, header }
     }
 
@@ -71,7 +74,12 @@ impl<'a> Output<'a> {
                 .collect();
             let mut points = vec![[0.0; 3]; set.rest.len()];
             let mut velocities = vec![[0.0; 3]; set.rest.len()];
-            strands.evaluate(&head, &motion, &to_scene, &mut points, &mut velocities);
+            let poses = [t, t - BACKWARD].map(|t| self.collider_poses(t));
+            let moments: [Moment; 2] = std::array::from_fn(|i| Moment {
+                head: head_motion(self.anim, t - BACKWARD * i as f64),
+                keep_out: KeepOut { bodies: &simulation.bodies, poses: &poses[i] },
+            });
+            strands.evaluate(&moments, &motion, &to_scene, &mut points, &mut velocities);
             CurveFrame { extent: extent(&points, &set.widths), points, velocities }
         });
         Frame {
@@ -79,13 +87,13 @@ impl<'a> Output<'a> {
             hair,
             guides: self.guides(simulation, &rates, &head, &to_scene),
             head: self.matrix(&self.anim.head_pose(t)),
-            colliders: self
-                .anim
-                .colliders
-                .iter()
-                .map(|c| self.matrix(&self.anim.bodies[c.body].track.pose(t)))
-                .collect(),
+            colliders: self.collider_poses(t).iter().map(|pose| self.matrix(pose)).collect(),
         }
+    }
+
+    /// Rest space to world of each collider at `t`, s.
+    fn collider_poses(&self, t: f64) -> Vec<Isometry3<f64>> {
+        self.anim.colliders.iter().map(|c| self.anim.bodies[c.body].track.pose(t)).collect()
     }
 
     fn guides(

@@ -16,7 +16,8 @@ const MAX_STEP: f64 = 0.01;
 /// The guides of a groom in motion.
 pub struct Simulation<'a> {
     anim: &'a Anim,
-    bodies: Bodies,
+    /// What the guides collide with, one per collider of the animation.
+    pub bodies: Bodies,
     /// The guides, in the groom's order.
     pub guides: Vec<Guide>,
     /// Leaf wisp of each guide: (tree, wisp).

@@ -5,6 +5,7 @@
 use super::guide::StepRecord;
 use crate::contact::{Bodies, Contact, Motion, Polyline, Problem, Tolerance, friction};
 use crate::math::cholesky::{dot, solve_lower, solve_upper};
+use crate::math::frame::any_frame;
 use crate::math::se3::Pose;
 use crate::rod::Rod;
 use crate::rod::newton::Solver;
@@ -131,7 +132,9 @@ impl Touch<'_> {
         for round in 0..=MAX_ROUNDS {
             let clear = self.find(solver, memory, work) >= 1.0;
             let worst = work.contacts.iter().map(|c| c.gap).fold(0.0, f64::min);
-            let settled = moved <= MOVE_TOLERANCE || round == 0 || (round > SETTLING_ROUNDS && moved <= ACCEPTABLE_MOVE);
+            let settled = moved <= MOVE_TOLERANCE
+                || round == 0
+                || (round > SETTLING_ROUNDS && moved <= ACCEPTABLE_MOVE);
             if round == MAX_ROUNDS || (clear && settled && worst >= -GAP_TOLERANCE) {
                 self.note(work);
                 return clear && worst >= -ACCEPTABLE_GAP && (round == 0 || moved <= MAX_MOVE);
@@ -207,8 +210,10 @@ impl Touch<'_> {
             let (k, u) = (contact.segment, contact.u);
             let at = |x: &[Vector3<f64>]| x[k] * (1.0 - u) + x[k + 1] * u;
             let slip = at(&work.x1) - at(self.x0) - (contact.point[1] - contact.point[0]);
-            let [t1, t2] = tangents(&contact.normal);
-            for (j, d) in [contact.normal, t1, t2].iter().enumerate() {
+            let across = any_frame(&contact.normal);
+            for (j, d) in
+                [contact.normal, across.column(0).into(), across.column(1).into()].iter().enumerate()
+            {
                 let row = &mut work.rows[(3 * i + j) * n..(3 * i + j + 1) * n];
                 solver.sensitivity.add_row(k, &solver.shape.x(k), d, 1.0 - u, row);
                 solver.sensitivity.add_row(k + 1, &solver.shape.x(k + 1), d, u, row);
@@ -280,11 +285,4 @@ impl Touch<'_> {
         self.note(work);
         clear
     }
-}
-
-/// Two unit vectors across `n`.
-fn tangents(n: &Vector3<f64>) -> [Vector3<f64>; 2] {
-    let axis = if n.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
-    let t1 = n.cross(&axis).normalize();
-    [t1, n.cross(&t1)]
 }

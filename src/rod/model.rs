@@ -1,12 +1,13 @@
 //! What does not change of a rod: its natural shape cut into Magnus sub-steps, its stiffness, its mass.
 
+use crate::math::frame::{any_frame, double_reflection, frame_towards};
 use crate::math::se3::{self, Pose, Twist};
 use crate::math::spline::ArcSpline;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-/// Most that the natural shape turns in one sub-step, rad. The Magnus series converges below π; below 0.7 its
+/// Most that the natural shape turns in one sub-step, rad. The Magnus series converges below π; below 0.5 its
 /// fourth-order error is under the rounding of a written point for natural curls.
-pub const MAX_SUBSTEP_TURN: f64 = 0.7;
+pub const MAX_SUBSTEP_TURN: f64 = 0.5;
 
 /// Gauss points of a sub-step, as fractions of it: ½ ∓ √3/6.
 pub(super) const GAUSS: [f64; 2] = [0.211_324_865_405_187_13, 0.788_675_134_594_812_9];
@@ -271,55 +272,16 @@ impl DrawnStep {
     }
 }
 
-/// Rotation-minimising transport of a frame between two points of a curve (Wang, Jüttler, Zheng & Liu 2008).
-fn double_reflection(
-    frame: &Matrix3<f64>,
-    from: &crate::math::spline::CurvePoint,
-    to: &crate::math::spline::CurvePoint,
-) -> Matrix3<f64> {
-    let v1 = to.x - from.x;
-    let c1 = v1.norm_squared();
-    let reflect =
-        |a: Vector3<f64>, v: &Vector3<f64>, c: f64| if c > 0.0 { a - v * (2.0 / c * v.dot(&a)) } else { a };
-    let d1 = reflect(frame.column(0).into(), &v1, c1);
-    let t = reflect(from.tangent, &v1, c1);
-    let v2 = to.tangent - t;
-    let d1 = reflect(d1, &v2, v2.norm_squared());
-    let d1 = (d1 - to.tangent * to.tangent.dot(&d1)).normalize();
-    Matrix3::from_columns(&[d1, to.tangent.cross(&d1), to.tangent])
-}
-
 fn root_pose(source: &RodSource, spline: &ArcSpline) -> Pose {
     let at = spline.at(0.0);
     let r = match source.root_frame {
         // A clamp direction that is not the drawn tangent is honoured for a given natural strain; for a drawn
         // natural shape the drawn tangent is the clamp's.
         Some(q) if source.natural.is_some() => q.to_rotation_matrix().into_inner(),
-        Some(q) => around(&at.tangent, &(q * Vector3::x())),
-        None => {
-            // The axis least along the tangent keeps the frame well-conditioned.
-            let t = at.tangent.abs();
-            let axis = if t.x <= t.y && t.x <= t.z {
-                Vector3::x()
-            } else if t.y <= t.z {
-                Vector3::y()
-            } else {
-                Vector3::z()
-            };
-            around(&at.tangent, &axis)
-        }
+        Some(q) => frame_towards(&at.tangent, &(q * Vector3::x())),
+        None => any_frame(&at.tangent),
     };
     Pose { r, p: at.x }
-}
-
-/// The frame with d3 = `tangent` and d1 as near to `axis` as may be.
-fn around(tangent: &Vector3<f64>, axis: &Vector3<f64>) -> Matrix3<f64> {
-    let d2 = tangent.cross(axis).try_normalize(1e-9).unwrap_or_else(|| {
-        let q = UnitQuaternion::rotation_between(&Vector3::z(), tangent)
-            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
-        q * Vector3::y()
-    });
-    Matrix3::from_columns(&[d2.cross(tangent), d2, *tangent])
 }
 
 /// ∫ N_i N_i ds and ∫ N_i N_{i+1} ds for every node.

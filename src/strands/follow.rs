@@ -2,6 +2,7 @@
 //! between the middles of two edges.
 
 use super::GuideMotion;
+use crate::math::frame::transport;
 use crate::math::se3::{self, Pose};
 use crate::rod::{Rod, Shape};
 use nalgebra::{Matrix3, Vector3};
@@ -121,23 +122,4 @@ impl Follow {
         };
         (sum(motion.q), sum(motion.rate))
     }
-}
-
-/// The smallest rotation that takes unit vector `a` to unit vector `b`.
-pub(super) fn transport(a: &Vector3<f64>, b: &Vector3<f64>) -> Matrix3<f64> {
-    let (v, c) = (a.cross(b), a.dot(b));
-    if c < -1.0 + 1e-12 {
-        // Opposite: half a turn about any axis across.
-        let axis = any_frame(a).column(0).into_owned();
-        return axis * axis.transpose() * 2.0 - Matrix3::identity();
-    }
-    let h = se3::hat(&v);
-    Matrix3::identity() + h + h * h / (1.0 + c)
-}
-
-/// Some frame with third column `t`.
-pub(super) fn any_frame(t: &Vector3<f64>) -> Matrix3<f64> {
-    let axis = if t.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
-    let d2 = t.cross(&axis).normalize();
-    Matrix3::from_columns(&[d2.cross(t), d2, *t])
 }

@@ -5,11 +5,16 @@
 //! edge changes its length, and at rest the strand is the groom's, to rounding.
 
 mod follow;
+mod keep_out;
 
+use crate::contact::Bodies;
+use crate::math::frame::{any_frame, transport};
 use crate::math::se3;
 use crate::rod::Rod;
 use crate::scene::Curves;
 use follow::{Follow, RestGuide};
+pub use keep_out::KeepOut;
+use keep_out::Kept;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -63,14 +68,36 @@ struct Strand {
     turn: Vec<Vector3<f64>>,
     length: Vec<f64>,
     follow: Vec<Follow>,
+    kept: Kept,
 }
+
+/// A moment at which strands are rebuilt: the head, and what to keep out of.
+#[derive(Debug, Clone, Copy)]
+pub struct Moment<'a> {
+    /// Motion of the head.
+    pub head: HeadMotion,
+    /// The bodies; none where it holds none.
+    pub keep_out: KeepOut<'a>,
+}
+
+/// How much earlier than the moment asked for a strand that leans on a body is rebuilt, s, to take its velocity from the
+/// difference: the leaning has no derivative of its own.
+pub const BACKWARD: f64 = 1e-3;
 
 impl Interpolator {
     /// Prepares the strands `curves`, whose leaf wisps are `leaf`, to follow `guides`: each guide's rod with its leaf.
     ///
     /// A strand follows the guides of its own leaf, the three of nearest root if there are more, weighted by the inverse
     /// square of the distance of the roots; a strand whose leaf holds no guide follows the nearest guide of all.
-    pub fn new(curves: &Curves, leaf: &[(u32, u32)], guides: &[(&Rod, (u32, u32))]) -> Self {
+    ///
+    /// `bodies` at rest, with what is kept from each (`thickness`, m), tell how close to them each strand was drawn.
+    pub fn new(
+        curves: &Curves,
+        leaf: &[(u32, u32)],
+        guides: &[(&Rod, (u32, u32))],
+        bodies: &Bodies,
+        thickness: &[f64],
+    ) -> Self {
         let rest: Vec<RestGuide> = guides.par_iter().map(|(rod, _)| RestGuide::new(rod)).collect();
         let mut by_leaf: BTreeMap<(u32, u32), Vec<usize>> = BTreeMap::new();
         for (i, (_, leaf)) in guides.iter().enumerate() {
@@ -89,17 +116,18 @@ impl Interpolator {
                     candidates.iter().map(|&g| ((rest[g].root() - points[0]).norm(), g)).collect();
                 near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
                 near.truncate(most);
-                Strand::new(points, &near, &rest)
+                Strand::new(points, &near, &rest, Kept::new(bodies, thickness, points))
             })
             .collect();
         Interpolator { strands, offsets: curves.offsets.clone() }
     }
 
     /// Writes the points and velocities (per second) of all strands, `to_scene` being what turns metres, Y up, into the
-    /// unit and axes asked for. Shapes: one entry per vertex of the curves given to [`Interpolator::new`].
+    /// unit and axes asked for. `moments` are now and [`BACKWARD`] earlier. Shapes: one entry per vertex of the curves given to
+    /// [`Interpolator::new`].
     pub fn evaluate(
         &self,
-        head: &HeadMotion,
+        moments: &[Moment; 2],
         guides: &[GuideMotion],
         to_scene: &Matrix3<f64>,
         points: &mut [[f32; 3]],
@@ -113,14 +141,31 @@ impl Interpolator {
             cut.push((strand, p0, v0));
             (p, v) = (p1, v1);
         }
-        cut.into_par_iter()
-            .with_min_len(64)
-            .for_each(|(strand, p, v)| strand.evaluate(head, guides, to_scene, p, v));
+        cut.into_par_iter().with_min_len(64).for_each_init(Tracks::default, |tracks, (strand, p, v)| {
+            let leans = strand.trace(&moments[0], guides, 0.0, &mut tracks.now, &mut tracks.spare);
+            if leans {
+                strand.trace(&moments[1], guides, BACKWARD, &mut tracks.before, &mut tracks.spare);
+                for (now, before) in tracks.now.iter_mut().zip(&tracks.before) {
+                    now.1 = (now.0 - before.0) / BACKWARD;
+                }
+            }
+            for ((p, v), (x, dx)) in p.iter_mut().zip(v).zip(&tracks.now) {
+                (*p, *v) = (single(&(to_scene * x)), single(&(to_scene * dx)));
+            }
+        });
     }
 }
 
+/// Points and velocities of one strand now and a little earlier, and room for [`KeepOut::turn`].
+#[derive(Debug, Default)]
+struct Tracks {
+    now: Vec<(Vector3<f64>, Vector3<f64>)>,
+    before: Vec<(Vector3<f64>, Vector3<f64>)>,
+    spare: Vec<f64>,
+}
+
 impl Strand {
-    fn new(points: &[Vector3<f64>], near: &[(f64, usize)], rest: &[RestGuide]) -> Self {
+    fn new(points: &[Vector3<f64>], near: &[(f64, usize)], rest: &[RestGuide], kept: Kept) -> Self {
         let edges: Vec<Vector3<f64>> = points.windows(2).map(|w| w[1] - w[0]).collect();
         let length: Vec<f64> = edges.iter().map(|e| e.norm()).collect();
         // An edge of no length keeps the direction of its predecessor.
@@ -130,8 +175,8 @@ impl Strand {
         for e in &edges {
             direction = e.try_normalize(1e-12).unwrap_or(direction);
             let frame = match frames.last() {
-                None => follow::any_frame(&direction),
-                Some(last) => follow::transport(&last.column(2).into(), &direction) * last,
+                None => any_frame(&direction),
+                Some(last) => transport(&last.column(2).into(), &direction) * last,
             };
             turn.push(
                 frames.last().map_or(Vector3::zeros(), |last| se3::log_so3(&(last.transpose() * frame))),
@@ -147,49 +192,58 @@ impl Strand {
             .zip(&weights)
             .map(|((_, g), w)| Follow::new(*g, w / sum, &rest[*g], &frames, &turn, &length))
             .collect();
-        Strand { root: points[0], frame: frames[0], turn, length, follow }
+        Strand { root: points[0], frame: frames[0], turn, length, follow, kept }
     }
 
-    fn evaluate(
+    /// Rebuilds the strand at a moment, the guides being `back`, s, before their motion's own; positions and velocities, m and
+    /// m/s. Whether it leans on a body, in which case the velocities are not those of the leaning.
+    fn trace(
         &self,
-        head: &HeadMotion,
+        moment: &Moment,
         guides: &[GuideMotion],
-        to_scene: &Matrix3<f64>,
-        points: &mut [[f32; 3]],
-        velocities: &mut [[f32; 3]],
-    ) {
+        back: f64,
+        out: &mut Vec<(Vector3<f64>, Vector3<f64>)>,
+        spare: &mut Vec<f64>,
+    ) -> bool {
+        let Moment { head, keep_out } = moment;
         let (mut x, mut v) = head.carry(&self.root);
         let mut frame = head.rotation * self.frame;
         let mut spin = head.spin;
-        points[0] = single(&(to_scene * x));
-        velocities[0] = single(&(to_scene * v));
+        let mut leans = false;
+        spare.clear();
+        spare.resize(keep_out.poses.len(), 0.0);
+        out.clear();
+        out.push((x, v));
         for (j, (turn, length)) in self.turn.iter().zip(&self.length).enumerate() {
             let (mut d, mut rate) = (Vector3::zeros(), Vector3::zeros());
             for f in &self.follow {
                 let (fd, fr) = f.deviation(j, &guides[f.guide]);
-                d += fd;
+                d += fd - fr * back;
                 rate += fr;
             }
             let phi = turn + d;
             spin += frame * (se3::left_jacobian_so3(&phi) * rate);
             frame *= se3::exp_so3(&phi);
+            leans |=
+                keep_out.turn(&self.kept, (j + 1, self.length.len() + 1), &x, *length, &mut frame, spare);
             let edge = frame.column(2) * *length;
             x += edge;
             v += spin.cross(&edge);
-            points[j + 1] = single(&(to_scene * x));
-            velocities[j + 1] = single(&(to_scene * v));
+            out.push((x, v));
         }
+        leans
     }
 }
 
 fn single(v: &Vector3<f64>) -> [f32; 3] {
-    [v.x as f32, v.y as f32, v.z as f32]
+    v.cast::<f32>().into()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::rod::{RodSource, Shape};
+    use nalgebra::Isometry3;
 
     const LEAF: (u32, u32) = (0, 0);
 
@@ -248,11 +302,13 @@ mod tests {
         head: &HeadMotion,
     ) -> [Vec<[f32; 3]>; 2] {
         let guides: Vec<_> = rods.iter().map(|r| (*r, LEAF)).collect();
-        let interpolator = Interpolator::new(c, &vec![LEAF; c.len()], &guides);
+        let bodies = Bodies::from_shapes(&[]);
+        let interpolator = Interpolator::new(c, &vec![LEAF; c.len()], &guides, &bodies, &[]);
+        let moment = Moment { head: *head, keep_out: KeepOut { bodies: &bodies, poses: &[] } };
         let motion: Vec<_> = q.iter().zip(rate).map(|(q, rate)| GuideMotion { q, rate }).collect();
         let mut out = [vec![[0.0; 3]; c.points.len()], vec![[0.0; 3]; c.points.len()]];
         let [p, v] = &mut out;
-        interpolator.evaluate(head, &motion, &Matrix3::identity(), p, v);
+        interpolator.evaluate(&[moment, moment], &motion, &Matrix3::identity(), p, v);
         out
     }
 
@@ -326,5 +382,48 @@ mod tests {
             let slope = (wide(&hi[i]) - wide(&lo[i])) / (2.0 * t);
             assert!((slope - wide(&v[i])).norm() < 2e-3 * (1.0 + slope.norm()), "{i}: {slope} {:?}", v[i]);
         }
+    }
+
+    #[test]
+    fn a_strand_is_turned_out_of_a_body_and_keeps_its_length_and_velocity() {
+        use crate::scene::Shape as Solid;
+        // A straight strand that its guide bends into a ball.
+        let line: Vec<_> = (0..33).map(|i| Vector3::x() * (0.2 * f64::from(i) / 32.0)).collect();
+        let r = rod(&line);
+        let c = curves(&[line]);
+        let q: Vec<f64> = (0..r.unknowns()).map(|i| if i % 3 == 2 { 0.0 } else { 12.0 }).collect();
+        let rate: Vec<f64> = q.iter().map(|q| 8.0 * q).collect();
+        let mut free = Shape::default();
+        free.update(&r, &r.root.r, &q);
+        let middle = free.x(r.points() * 6 / 10);
+        let centre = middle + (middle - Vector3::x() * 0.12).normalize() * 0.02;
+        let ball = Solid::Sphere { centre, radius: 0.05 };
+        let bodies = Bodies::from_shapes(&[ball]);
+        let interpolator = Interpolator::new(&c, &[LEAF], &[(&r, LEAF)], &bodies, &[0.0005]);
+        let at = |t: f64| {
+            let q: Vec<f64> = q.iter().zip(&rate).map(|(q, r)| q + t * r).collect();
+            let motion = [GuideMotion { q: &q, rate: &rate }];
+            let moment = Moment {
+                head: still(),
+                keep_out: KeepOut { bodies: &bodies, poses: &[Isometry3::identity()] },
+            };
+            let mut out = [vec![[0.0; 3]; 33], vec![[0.0; 3]; 33]];
+            let [p, v] = &mut out;
+            interpolator.evaluate(&[moment, moment], &motion, &Matrix3::identity(), p, v);
+            out
+        };
+        let [p, v] = at(0.0);
+        let depth = p
+            .iter()
+            .map(|x| (wide(x) - centre).norm() - 0.05)
+            .fold(f64::INFINITY, f64::min);
+        assert!((-1e-6..0.002).contains(&depth), "does not lean on the ball: {depth}");
+        for e in p.windows(2) {
+            assert!(((wide(&e[1]) - wide(&e[0])).norm() / 0.00625 - 1.0).abs() < 1e-4);
+        }
+        let t = 2e-3;
+        let ([hi, _], [lo, _]) = (at(t), at(-t));
+        let slip = (wide(&hi[32]) - wide(&lo[32])) / (2.0 * t);
+        assert!((slip - wide(&v[32])).norm() < 0.1 * slip.norm().max(0.1), "{slip} {:?}", v[32]);
     }
 }
