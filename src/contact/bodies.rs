@@ -58,7 +58,7 @@ pub struct Contact {
     /// The body's material point, world, at the start and at the end of the sub-step; their difference over the sub-step
     /// is its velocity.
     pub point: [Vector3<f64>; 2],
-    /// n·(x1(u) − point[1]) − d(u), m; negative where the clearance is violated.
+    /// `n·(x1(u) − point[1]) − d(u)`, m; negative where the clearance is violated.
     pub gap: f64,
     /// Friction coefficient of the body, or `None` to take the strand's own.
     pub friction: Option<f64>,

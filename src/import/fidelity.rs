@@ -1,7 +1,8 @@
 //! How well a hierarchy represents the strands, and how curly they are.
 
-use super::hierarchy::{across, percentile};
+use super::hierarchy::across;
 use super::sections::Sections;
+use crate::math::percentile;
 use crate::math::spline::ArcSpline;
 use crate::scene::{Curves, Tree};
 use nalgebra::Vector3;

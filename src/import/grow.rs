@@ -42,9 +42,10 @@ impl Default for Growth {
     }
 }
 
-/// Grows strands in the room round each guide (`footprint`, m, guides × sections at the fractions `arc`): evenly spread over the disc,
-/// at a fixed share of the room's radius, in frames that follow the guide's run but not its curls (curls stay alike then). With a scalp, each root lies as high over it as
-/// its guide's, and the way there fades out along the strand. Returns the strands and the guide of each.
+/// Grows strands in the room round each guide (`footprint`, m, guides × sections at the fractions `arc`): evenly
+/// spread over the disc, at a fixed share of the room's radius, in frames that follow the guide's run but not its
+/// curls (curls stay alike then). With a scalp, each root lies as high over it as its guide's, and the way there
+/// fades out along the strand. Returns the strands and the guide of each.
 pub(super) fn grow(
     guides: &Curves,
     sections: &Sections,
@@ -96,8 +97,8 @@ pub(super) fn grow(
     (curves, follows)
 }
 
-/// Where a strand runs, its curls averaged out: [`RUN_SAMPLES`] points under a box filter, narrower towards the ends so that root
-/// and tip stay.
+/// Where a strand runs, its curls averaged out: [`RUN_SAMPLES`] points under a box filter, narrower towards the ends
+/// so that root and tip stay.
 fn run_of(spline: &ArcSpline) -> Vec<Vector3<f64>> {
     let last = RUN_SAMPLES - 1;
     let mut points: Vec<_> =

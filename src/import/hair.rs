@@ -1,7 +1,8 @@
 //! Cem Yuksel's strands (`.hair`; cemyuksel.com/research/hairmodels).
 //!
-//! A 128-byte header ("HAIR", u32 strands, u32 points, u32 flags, u32 default segments, f32 defaults, 88 bytes of text), then the
-//! arrays the flags name, in order: segments (u16 a strand), points (3 f32), thickness, transparency (f32 a point), colour (3 f32).
+//! A 128-byte header ("HAIR", u32 strands, u32 points, u32 flags, u32 default segments, f32 defaults, 88 bytes of
+//! text), then the arrays the flags name, in order: segments (u16 a strand), points (3 f32), thickness, transparency
+//! (f32 a point), colour (3 f32).
 
 use super::bytes::{point_at, u16_at, u32_at};
 use super::read::PlainStrands;

@@ -4,6 +4,7 @@
 use super::cluster::{Space, divide};
 use super::sections::{Features, Sections, distance_squared};
 use crate::math::frame::rotation_minimising;
+use crate::math::percentile;
 use crate::math::spline::ArcSpline;
 use crate::scene::{Section, Tree, Wisp};
 use nalgebra::{UnitQuaternion, Vector3};
@@ -200,13 +201,6 @@ impl CentreLine {
             None => CentreLine { length: 0.0, frame: vec![UnitQuaternion::identity(); centre.len()] },
         }
     }
-}
-
-/// Nearest-rank percentile (share 0 to 1) of values, of which there is one at least.
-pub(super) fn percentile(mut values: Vec<f64>, share: f64) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    let rank = (share * values.len() as f64).ceil() as usize;
-    values[rank.clamp(1, values.len()) - 1]
 }
 
 #[cfg(test)]

@@ -163,8 +163,8 @@ pub fn strands(source: &Source) -> Result<(Curves, SourceReport)> {
     Ok((curves, report))
 }
 
-/// Unit and up axis of a file: as given, else guessed from the size of what it holds, which may be `sizes` m across, and the guess
-/// noted.
+/// Unit and up axis of a file: as given, else guessed from the size of what it holds, which may be `sizes` m across,
+/// and the guess noted.
 fn convention(
     source: &Source,
     points: &[Vector3<f64>],

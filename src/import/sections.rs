@@ -60,11 +60,11 @@ impl Sections {
     }
 }
 
-/// The measure of "near roots and similar orientation along the whole length" (Bertails & Cani 2004, 4.3): a strand is a point
-/// of a space in which the squared distance of two strands, m², is
-/// Σ_k w_k (|Δx_k|² + λ² |Δt_k|²) + |Δx_0|², with w_k the trapezoidal weights of the sections (they sum to 1), x_k the points, t_k
-/// the unit tangents, and λ = 0.1 × the mean length: a strand turned by 0.1 rad all along counts for
-/// a hundredth of its length, on top of where it ends up.
+/// The measure of "near roots and similar orientation along the whole length" (Bertails & Cani 2004, 4.3): a strand
+/// is a point of a space in which the squared distance of two strands, m², is Σ_k w_k (|Δx_k|² + λ² |Δt_k|²) +
+/// |Δx_0|², with w_k the trapezoidal weights of the sections (they sum to 1), x_k the points, t_k the unit tangents,
+/// and λ = 0.1 × the mean length: a strand turned by 0.1 rad all along counts for a hundredth of its length, on top
+/// of where it ends up.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Features {
     /// Numbers in a row.

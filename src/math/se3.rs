@@ -33,7 +33,7 @@ pub struct LeftJacobian {
     pub q: Matrix3<f64>,
 }
 
-/// The matrix [a]× of the cross product a × ·.
+/// The matrix \[a\]× of the cross product a × ·.
 pub fn hat(a: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::new(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
 }
@@ -145,7 +145,7 @@ impl Coefficients {
     }
 }
 
-/// exp [φ]×: the rotation by |φ| rad about φ (Rodrigues).
+/// exp \[φ\]×: the rotation by |φ| rad about φ (Rodrigues).
 pub fn exp_so3(phi: &Vector3<f64>) -> Matrix3<f64> {
     let k = Coefficients::at(phi.norm_squared());
     let h = hat(phi);

@@ -1,7 +1,7 @@
 //! Procedural grooms and head motions.
 //!
-//! [`groom`] makes one of four hair styles on a simple head, [`Motion`] moves that head, and [`write`] puts all of it into a
-//! folder that can be baked.
+//! [`groom`] makes one of four hair styles on a simple head, [`Motion`] moves that head, and [`write()`] puts all of
+//! it into a folder that can be baked.
 
 mod comb;
 pub mod head;

@@ -51,7 +51,7 @@ impl Track {
         Track { joint, rest_inverse: Isometry3::identity() }
     }
 
-    /// The track through `samples`, low-pass filtered at `smoothing_hz` (see [`smooth`]; not filtered if
+    /// The track through `samples`, low-pass filtered at `smoothing_hz` (Whittaker's filter; not if
     /// that is 0 or not below the Nyquist frequency of the samples). `rest`: pose of the joint in the rest space.
     pub fn through(samples: &Samples, smoothing_hz: f64, rest: &Isometry3<f64>) -> Self {
         let mut points: Vec<Coordinates> = samples.poses.iter().map(coordinates).collect();

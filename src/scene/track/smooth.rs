@@ -16,7 +16,8 @@ pub fn stiffness(f: f64) -> f64 {
     (2.0 * (std::f64::consts::PI * f).sin()).powi(-6)
 }
 
-/// The smoothed sequence. `weights`: one per value, 0 or more, at least three above 0; fewer than four values come back as they are.
+/// The smoothed sequence. `weights`: one per value, 0 or more, at least three above 0; fewer than four values come
+/// back as they are.
 pub fn whittaker<const D: usize>(
     y: &[SVector<f64, D>],
     weights: &[f64],

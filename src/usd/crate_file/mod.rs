@@ -1,13 +1,13 @@
 //! The crate (usdc) encoding, version 0.8.0: writer and reader.
 //!
-//! A crate file is a bootstrap, the values that do not fit into a [`ValueRep`], six sections of
+//! A crate file is a bootstrap, the values that do not fit into a `ValueRep`, six sections of
 //! tables, and a table of contents. All little endian. Source: AOUSD Core Specification 1.0.1 (2025),
 //! "Crate file format", and the behaviour of Pixar's usd-core 26.11.
 //!
 //! - A *token* is an interned string; a *string* is an index into the tokens by way of a second table.
 //! - A *field* is a (name token, value) pair; a *field set* is a run of field indices that ends in −1;
 //!   a *spec* is (path, field set, kind). Equal fields and equal field sets are stored once.
-//! - Paths are a tree in pre-order; see [`Jump`].
+//! - Paths are a tree in pre-order; see `Jump`.
 
 mod decode;
 mod encode;
