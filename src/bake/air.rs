@@ -1,5 +1,6 @@
 //! The air: wind with gusts, and how much of it reaches a strand inside the bulk of the hair.
 
+use crate::math::random;
 use crate::scene::Groom;
 use crate::scene::anim::Wind;
 use nalgebra::Vector3;
@@ -92,12 +93,9 @@ fn gust(wind: &Wind, x: &Vector3<f64>, t: f64) -> Vector3<f64> {
     sum * (wind.gust_speed * (3.0 / f64::from(WAVES)).sqrt())
 }
 
-/// A number in 0..1 from a seed and an index (SplitMix64, Steele et al. 2014).
+/// Draw `index` of a seed, in 0..1.
 fn unit_draw(seed: u32, index: u32) -> f64 {
-    let mut z = (u64::from(seed) << 32 | u64::from(index)).wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    random::unit(u64::from(seed) << 32 | u64::from(index), 0)
 }
 
 /// Drag per length and speed at points of rest space of a strand of the groom's material `material`, N·s/m².

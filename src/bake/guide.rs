@@ -265,7 +265,8 @@ impl Guide {
         q.clear();
         q.extend(self.q[0].iter().zip(&self.rate).map(|(q, r)| q + r * load.h));
         let ahead = work.solver.energy(&self.rod, &root.r, load, q);
-        if !(ahead <= work.solver.energy(&self.rod, &root.r, load, &self.q[0])) {
+        let better = ahead <= work.solver.energy(&self.rod, &root.r, load, &self.q[0]);
+        if !better {
             q.copy_from_slice(&self.q[0]);
         }
         work.solver.minimise(&self.rod, &root.r, load, q)

@@ -195,5 +195,5 @@ fn extent(points: &[[f32; 3]], widths: &[f32]) -> [[f32; 3]; 2] {
 }
 
 fn single(v: &Vector3<f64>) -> [f32; 3] {
-    [v.x as f32, v.y as f32, v.z as f32]
+    v.cast::<f32>().into()
 }

@@ -187,9 +187,9 @@ impl Rod {
         let n = self.nodes.len() - 1;
         let mut rhs = vec![Vector3::zeros(); n + 1];
         for (step, w) in self.steps.iter().zip(strain) {
-            for g in 0..2 {
-                rhs[step.element] += w[g] * (step.left[g] * step.h / 2.0);
-                rhs[step.element + 1] += w[g] * ((1.0 - step.left[g]) * step.h / 2.0);
+            for (w, left) in w.iter().zip(step.left) {
+                rhs[step.element] += w * (left * step.h / 2.0);
+                rhs[step.element + 1] += w * ((1.0 - left) * step.h / 2.0);
             }
         }
         self.solve_hat(&mut rhs[..n]);

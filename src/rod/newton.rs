@@ -64,8 +64,8 @@ impl Solver {
             cholesky::solve_upper(&self.factor, n, &mut self.direction);
             let mut t = self.longest(rod);
             loop {
-                for i in 0..n {
-                    self.trial_q[i] = q[i] + t * self.direction[i];
+                for ((new, q), d) in self.trial_q.iter_mut().zip(&*q).zip(&self.direction) {
+                    *new = q + t * d;
                 }
                 self.trial.update(rod, root, &self.trial_q);
                 let trial_phi = energy(rod, load, &self.trial, &self.trial_q, &mut self.scratch);

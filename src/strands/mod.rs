@@ -413,10 +413,7 @@ mod tests {
             out
         };
         let [p, v] = at(0.0);
-        let depth = p
-            .iter()
-            .map(|x| (wide(x) - centre).norm() - 0.05)
-            .fold(f64::INFINITY, f64::min);
+        let depth = p.iter().map(|x| (wide(x) - centre).norm() - 0.05).fold(f64::INFINITY, f64::min);
         assert!((-1e-6..0.002).contains(&depth), "does not lean on the ball: {depth}");
         for e in p.windows(2) {
             assert!(((wide(&e[1]) - wide(&e[0])).norm() / 0.00625 - 1.0).abs() < 1e-4);
