@@ -41,7 +41,6 @@ fn shake(nodes: usize, max_step: f64, rate: u32) -> u32 {
         bodies: &Bodies::new(&[]),
         body: &|_, t| pose(t),
         brought_out: &|_| 1.0,
-        settling: &|_| false,
     };
     let rod = hair(nodes, max_step);
     let drag = vec![2e-5; rod.points()];

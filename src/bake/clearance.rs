@@ -97,12 +97,15 @@ impl Clearance {
         (exempt, self.from.iter().zip(&self.to).filter(|(a, b)| a != b).count())
     }
 
-    /// Ends the way out: the ends of the segments in `stuck` (body, segment) are exempt from now on, all others have
-    /// arrived. `points` is the number of points of the guide.
+    /// Ends the way out: points of the segments in `stuck` (body, segment) that were to be brought out are exempt from now on,
+    /// all others have arrived. `points` is the number of points of the guide.
     pub fn arrive(&mut self, stuck: &[(usize, usize)], points: usize) {
         for &(body, segment) in stuck {
-            let first = body * points + segment;
-            self.to[first..first + 2].fill(f64::NEG_INFINITY);
+            for i in body * points + segment..body * points + segment + 2 {
+                if self.from[i] != self.to[i] {
+                    self.to[i] = f64::NEG_INFINITY;
+                }
+            }
         }
         self.from.clone_from(&self.to);
     }

@@ -15,7 +15,7 @@ use nalgebra::{Isometry3, Vector3};
 const MAX_HALVINGS: u32 = 5;
 
 /// How often a step is halved before a motion that still crosses a surface is cut short.
-const MAX_CONTACT_HALVINGS: u32 = 2;
+const MAX_CONTACT_HALVINGS: u32 = 1;
 
 /// A guide and where it is.
 #[derive(Debug, Clone)]
@@ -81,8 +81,6 @@ pub struct Surroundings<'a> {
     pub body: &'a (dyn Fn(usize, f64) -> Isometry3<f64> + Sync),
     /// Progress (0..=1) of bringing out what starts inside a body, at a time, s.
     pub brought_out: &'a (dyn Fn(f64) -> f64 + Sync),
-    /// Whether a time, s, is still in the pre-roll.
-    pub settling: &'a (dyn Fn(f64) -> bool + Sync),
 }
 
 impl Surroundings<'_> {
@@ -152,10 +150,9 @@ impl Guide {
         one.copy_from_slice(now);
         let mut record = StepRecord::default();
         self.advance_part(around, t0, t1, 0, work, &mut record);
-        if (around.brought_out)(t1) >= 1.0 && (around.settling)(t1) {
-            // What half a pre-roll has not worked out is drawn in a knot with the body, and stays so.
-            let knotted = record.shortened > 0 || self.clearance.counts().1 > 0;
-            let stuck: Vec<_> = work.touch.blocked().filter(|_| knotted).collect();
+        if self.clearance.counts().1 > 0 && (around.brought_out)(t1) >= 1.0 {
+            // What could not be brought out by now is drawn in a knot with the body, and stays so.
+            let stuck: Vec<_> = work.touch.blocked().collect();
             self.clearance.arrive(&stuck, self.x.len());
         }
         record

@@ -87,7 +87,6 @@ impl<'a> Simulation<'a> {
         f(&Surroundings {
             bodies: &self.bodies,
             body: &|b, t| anim.bodies[anim.colliders[b].body].track.pose(t),
-            settling: &|t| t < out,
             brought_out: &|t| match anim.settings.preroll {
                 // Half of the pre-roll to come out, half to settle.
                 p if p > 0.0 => ((t - out + p) / (0.5 * p)).clamp(0.0, 1.0),

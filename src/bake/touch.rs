@@ -130,7 +130,7 @@ impl Touch<'_> {
         work.noted = Noted::default();
         let mut moved = f64::INFINITY;
         for round in 0..=MAX_ROUNDS {
-            let clear = self.find(solver, memory, work) >= 1.0;
+            let clear = self.find(solver, memory, work);
             let worst = work.contacts.iter().map(|c| c.gap).fold(0.0, f64::min);
             let settled = moved <= MOVE_TOLERANCE
                 || round == 0
@@ -150,15 +150,19 @@ impl Touch<'_> {
         false
     }
 
-    /// Contacts at the solver's shape, with the impacts on the way there; returns the time of the first impact.
-    fn find(&self, solver: &Solver, memory: &mut crate::contact::Workspace, work: &mut TouchWork) -> f64 {
+    /// Contacts at the solver's shape, with the impacts on the way there; returns whether the motion crosses nothing.
+    ///
+    /// Continuous detection stops a motion before it touches. One that ends in front of the surface that stopped it has grazed
+    /// it; one that ends behind has crossed it.
+    fn find(&self, solver: &Solver, memory: &mut crate::contact::Workspace, work: &mut TouchWork) -> bool {
         work.x1.clear();
         work.x1.extend(solver.shape.pose.iter().map(|g| g.p + self.root.p));
         let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
         work.contacts.clear();
         work.impacts.clear();
         self.bodies.candidates(self.motions, &line, REACH, memory, &mut work.contacts);
-        let first = self.bodies.impacts(self.motions, &line, memory, &mut work.impacts);
+        self.bodies.impacts(self.motions, &line, memory, &mut work.impacts);
+        let clear = work.impacts.iter().all(|c| line.gap(c) + line.kept_at(c) >= 0.0);
         // An impact once averted is out of sight; forgotten, it would come back in the round after.
         for impact in work.impacts.drain(..) {
             work.sticky
@@ -186,7 +190,7 @@ impl Touch<'_> {
             work.contacts
                 .sort_by(|a, b| (a.body, a.segment).cmp(&(b.body, b.segment)).then(a.u.total_cmp(&b.u)));
         }
-        first
+        clear
     }
 
     /// What is tolerated of a violation that was there before the step, m, not above 0.
@@ -281,7 +285,7 @@ impl Touch<'_> {
         memory: &mut crate::contact::Workspace,
         work: &mut TouchWork,
     ) -> bool {
-        let clear = self.find(solver, memory, work) >= 1.0;
+        let clear = self.find(solver, memory, work);
         self.note(work);
         clear
     }

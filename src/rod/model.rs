@@ -5,9 +5,9 @@ use crate::math::se3::{self, Pose, Twist};
 use crate::math::spline::ArcSpline;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-/// Most that the natural shape turns in one sub-step, rad. The Magnus series converges below π; below 0.5 its
+/// Most that the natural shape turns in one sub-step, rad. The Magnus series converges below π; below 0.4 its
 /// fourth-order error is under the rounding of a written point for natural curls.
-pub const MAX_SUBSTEP_TURN: f64 = 0.5;
+pub const MAX_SUBSTEP_TURN: f64 = 0.4;
 
 /// Gauss points of a sub-step, as fractions of it: ½ ∓ √3/6.
 pub(super) const GAUSS: [f64; 2] = [0.211_324_865_405_187_13, 0.788_675_134_594_812_9];
