@@ -1,0 +1,100 @@
+//! A strand against a ball (S17): it rests on it, slides round it, and a fast ball does not pass through it.
+
+use hairbake::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
+use hairbake::contact::Bodies;
+use hairbake::rod::{Rod, RodSource};
+use hairbake::scene::{Shape, Tree};
+use nalgebra::{Isometry3, Vector3};
+
+const RADIUS: f64 = 0.04;
+
+/// A straight horizontal hair of 20 cm, clamped at the origin.
+fn hair() -> Rod {
+    Rod::new(&RodSource {
+        points: &[Vector3::zeros(), Vector3::x() * 0.2],
+        root_frame: None,
+        arc: &Tree::default_arc(8),
+        stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
+        line_density: 6.6e-6,
+        damping: 0.005,
+        natural: None,
+        max_step: 0.01,
+    })
+    .unwrap()
+}
+
+/// Bakes `seconds` at `rate` steps a second; the ball's centre moves by `centre`. Calls `each` after every step with the guide,
+/// the centre and the record.
+fn run(
+    balls: bool,
+    centre: &(dyn Fn(f64) -> Vector3<f64> + Sync),
+    seconds: f64,
+    rate: f64,
+    mut each: impl FnMut(&Guide, Vector3<f64>, StepRecord),
+) -> Guide {
+    let ball = Shape::Sphere { centre: Vector3::zeros(), radius: RADIUS };
+    let bodies = Bodies::from_shapes(if balls { std::slice::from_ref(&ball) } else { &[] });
+    let around = Surroundings {
+        head: &|_| Isometry3::identity(),
+        gravity: &|_| Vector3::y() * -9.81,
+        wind: &[],
+        bodies: &bodies,
+        body: &|_, t| Isometry3::from_parts(centre(t).into(), nalgebra::UnitQuaternion::identity()),
+        brought_out: &|_| 1.0,
+    };
+    let rod = hair();
+    let drag = vec![2e-5; rod.points()];
+    let h = 1.0 / rate;
+    let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &around, 0.0, h);
+    let mut work = Workspace::default();
+    for i in 0..(seconds * rate) as u32 {
+        let (t0, t1) = (f64::from(i) * h, f64::from(i + 1) * h);
+        let record = guide.advance(&around, t0, t1, &mut work);
+        each(&guide, centre(t1), record);
+    }
+    guide
+}
+
+/// Least distance of the polyline to the ball's surface, m; negative inside.
+fn least(guide: &Guide, centre: Vector3<f64>) -> f64 {
+    let of = |a: Vector3<f64>, b: Vector3<f64>| {
+        let u = ((centre - a).dot(&(b - a)) / (b - a).norm_squared()).clamp(0.0, 1.0);
+        (a + (b - a) * u - centre).norm() - RADIUS
+    };
+    guide.x.windows(2).map(|w| of(w[0], w[1])).fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn a_falling_strand_comes_to_rest_on_a_ball() {
+    // A ball where the strand would hang without it.
+    let nowhere = |_: f64| Vector3::zeros();
+    let free = run(false, &nowhere, 3.0, 192.0, |_, _, _| {});
+    let hung = *free.x.iter().find(|x| x.y < -0.06).unwrap();
+    let place = move |_: f64| hung + Vector3::new(0.02, 0.0, 0.003);
+    assert!(least(&free, place(0.0)) < -0.01);
+    let mut deepest = f64::INFINITY;
+    let mut active = 0;
+    let guide = run(true, &place, 3.0, 192.0, |g, c, r| {
+        deepest = deepest.min(least(g, c));
+        active = r.active;
+        assert_eq!((r.unconverged, r.shortened), (0, 0));
+    });
+    assert!(deepest > 0.0, "inside by {} mm", -1e3 * deepest);
+    assert!(active > 0, "does not touch the ball");
+    let fastest = guide.v.iter().map(|v| v.norm()).fold(0.0, f64::max);
+    assert!(fastest < 2e-3, "still moves at {fastest} m/s");
+}
+
+#[test]
+fn a_rising_ball_takes_the_strand_along() {
+    // Up to half a ball's diameter a step: 1 m/s at one step a film frame, 4 m/s at eight.
+    for (rate, speed) in [(24.0, 1.0), (192.0, 1.0), (192.0, 4.0)] {
+        let rise = move |t: f64| Vector3::new(0.12, -0.3 + speed * t, 0.003);
+        let mut deepest = f64::INFINITY;
+        let seconds = 0.32 / speed;
+        let guide = run(true, &rise, seconds, rate, |g, c, _| deepest = deepest.min(least(g, c)));
+        assert!(deepest > 0.0, "{speed} m/s, {rate} steps a second: inside by {} mm", -1e3 * deepest);
+        let highest = guide.x.iter().map(|x| x.y).fold(f64::MIN, f64::max);
+        assert!(highest > rise(seconds).y, "the ball has gone through");
+    }
+}
