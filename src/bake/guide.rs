@@ -170,27 +170,32 @@ impl Guide {
         let root = self.prepare(around, t0, t1, work);
         let outcome = self.solve(&root, work);
         record.iterations += outcome.iterations;
-        let clear = outcome.converged && self.touch(around, &root, t0, t1, work);
-        let most = if outcome.converged { MAX_CONTACT_HALVINGS } else { MAX_HALVINGS };
-        if !clear && depth < most {
+        work.touch.clear();
+        let last = depth >= MAX_CONTACT_HALVINGS;
+        let clear = outcome.converged && self.touch(around, &root, [t0, t1], last, work);
+        if !clear && (if outcome.converged { !last } else { depth < MAX_HALVINGS }) {
             record.halvings += 1;
             let middle = 0.5 * (t0 + t1);
             self.advance_part(around, t0, middle, depth + 1, work, record);
             self.advance_part(around, middle, t1, depth + 1, work, record);
             return;
         }
-        if !outcome.converged {
-            record.unconverged += 1;
-        } else if !clear {
-            record.shortened += 1;
-            self.shorten(around, &root, work);
-        }
+        record.unconverged += u32::from(!outcome.converged);
+        record.shortened += u32::from(outcome.converged && !clear);
         work.touch.noted.enter(record);
         self.commit(&root, t1 - t0, work);
     }
 
-    /// Resolves contact over a step; `false` where the motion still crosses a surface.
-    fn touch(&mut self, around: &Surroundings, root: &Pose, t0: f64, t1: f64, work: &mut Workspace) -> bool {
+    /// Resolves contact from time `t[0]` to `t[1]`; `false` where the motion still crosses a surface, in which case it has been cut
+    /// short if this is the `last` resort.
+    fn touch(
+        &mut self,
+        around: &Surroundings,
+        root: &Pose,
+        [t0, t1]: [f64; 2],
+        last: bool,
+        work: &mut Workspace,
+    ) -> bool {
         if around.bodies.is_empty() {
             return true;
         }
@@ -210,32 +215,13 @@ impl Guide {
             root,
             load: &work.load,
         };
-        touch.resolve(&mut work.q, &mut work.solver, &mut self.memory, &mut work.touch)
-    }
-
-    /// Cuts the motion of the unknowns short so that no surface is crossed: the last resort. On a body that carries the
-    /// root, no motion of the unknowns is no motion at all.
-    fn shorten(&mut self, around: &Surroundings, root: &Pose, work: &mut Workspace) {
-        let goal = work.q.clone();
-        for share in [0.5, 0.25, 0.125, 0.0] {
-            for ((q, a), b) in work.q.iter_mut().zip(&self.q[0]).zip(&goal) {
-                *q = a + share * (b - a);
-            }
-            work.solver.shape.update(&self.rod, &root.r, &work.q);
-            let touch = Touch {
-                rod: &self.rod,
-                bodies: around.bodies,
-                motions: &work.motions,
-                clearance: &work.clearance,
-                x0: &self.x,
-                friction: self.friction,
-                root,
-                load: &work.load,
-            };
-            if touch.look(&work.solver, &mut self.memory, &mut work.touch) {
-                break;
-            }
+        let (q, solver, memory, touching) =
+            (&mut work.q, &mut work.solver, &mut self.memory, &mut work.touch);
+        let clear = touch.resolve(q, solver, memory, touching);
+        if !clear && last {
+            touch.shorten(&self.q[0], q, solver, memory, touching);
         }
+        clear
     }
 
     /// Fills the load of a step and returns the root's pose at its end.

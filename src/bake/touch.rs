@@ -87,6 +87,15 @@ pub(super) struct TouchWork {
 }
 
 impl TouchWork {
+    /// Forgets the step before, which may have been another guide's.
+    pub(super) fn clear(&mut self) {
+        self.contacts.clear();
+        self.places.clear();
+        self.last.clear();
+        self.sticky.clear();
+        self.noted = Noted::default();
+    }
+
     /// Places where the last step met a surface on its way or violated a clearance: (body, segment).
     pub(super) fn blocked(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         let violated = self.contacts.iter().filter(|c| c.gap < -GAP_TOLERANCE);
@@ -124,10 +133,6 @@ impl Touch<'_> {
         memory: &mut crate::contact::Workspace,
         work: &mut TouchWork,
     ) -> bool {
-        work.last.clear();
-        work.places.clear();
-        work.sticky.clear();
-        work.noted = Noted::default();
         let mut moved = f64::INFINITY;
         for round in 0..=MAX_ROUNDS {
             let clear = self.find(solver, memory, work);
@@ -278,15 +283,25 @@ impl Touch<'_> {
         }
     }
 
-    /// Looks at the solver's shape once more and notes it, without moving anything.
-    pub fn look(
+    /// Cuts the motion from unknowns `start` to `q` short so that no surface is crossed: the last resort. On a body that carries
+    /// the root, no motion of the unknowns is no motion at all.
+    pub fn shorten(
         &self,
-        solver: &Solver,
+        start: &[f64],
+        q: &mut [f64],
+        solver: &mut Solver,
         memory: &mut crate::contact::Workspace,
         work: &mut TouchWork,
-    ) -> bool {
-        let clear = self.find(solver, memory, work);
+    ) {
+        for share in [0.5, 0.5, 0.5, 0.0] {
+            for (q, a) in q.iter_mut().zip(start) {
+                *q = a + share * (*q - a);
+            }
+            solver.shape.update(self.rod, &self.root.r, q);
+            if self.find(solver, memory, work) {
+                break;
+            }
+        }
         self.note(work);
-        clear
     }
 }
