@@ -2,13 +2,14 @@
 
 use super::air;
 use super::clearance::Clearance;
+use super::scheme::Formula;
 use super::touch::{Touch, TouchWork};
 use crate::contact::{Bodies, Motion};
 use crate::math::se3::Pose;
 use crate::rod::newton::{Outcome, Solver};
 use crate::rod::potential::Load;
 use crate::rod::{Rod, Shape};
-use crate::scene::anim::Wind;
+use crate::scene::anim::{Scheme, Wind};
 use nalgebra::{Isometry3, Vector3};
 
 /// How often a step is halved before a solve that does not converge is kept and reported.
@@ -36,12 +37,27 @@ pub struct Guide {
     pub v: Vec<Vector3<f64>>,
     /// Tangent at each point.
     pub tangent: Vec<Vector3<f64>>,
+    /// Time scheme; backward Euler for a new guide.
+    pub scheme: Scheme,
+    /// The state one step back.
+    before: State,
+    /// Length of the step that led here, s; 0 where nothing may be built on what was before it.
+    last: f64,
     /// Lengths of the segments at the start, as [`Guide::segment_lengths`] measures them, m.
     lengths: Vec<f64>,
     /// Rate of the unknowns over the last solve, 1/(m·s): the start of the next one.
     rate: Vec<f64>,
     /// Where the bodies were last seen.
     memory: crate::contact::Workspace,
+}
+
+/// What a time scheme remembers of a guide.
+#[derive(Debug, Clone, Default)]
+struct State {
+    q: Vec<f64>,
+    x: Vec<Vector3<f64>>,
+    v: Vec<Vector3<f64>>,
+    tangent: Vec<Vector3<f64>>,
 }
 
 /// What one step of a guide did.
@@ -133,6 +149,9 @@ impl Guide {
             tangent: now.iter().map(|g| g.r.column(2).into()).collect(),
             v: now.iter().zip(&before).map(|(a, b)| (a.p - b.p) / h).collect(),
             rate: vec![0.0; q.len()],
+            scheme: Scheme::default(),
+            before: State::default(),
+            last: 0.0,
             q: [q.clone(), q.clone(), q],
             friction,
             drag,
@@ -140,6 +159,7 @@ impl Guide {
             memory: crate::contact::Workspace::default(),
         };
         guide.lengths = guide.segment_lengths();
+        guide.before = guide.state();
         guide
     }
 
@@ -167,12 +187,21 @@ impl Guide {
         work: &mut Workspace,
         record: &mut StepRecord,
     ) {
-        let root = self.prepare(around, t0, t1, work);
-        let outcome = self.solve(&root, work);
-        record.iterations += outcome.iterations;
-        work.touch.clear();
         let last = depth >= MAX_CONTACT_HALVINGS;
-        let clear = outcome.converged && self.touch(around, &root, [t0, t1], last, work);
+        let mut formula = Formula::new(self.scheme, t1 - t0, self.last);
+        let (mut root, mut outcome, mut clear);
+        loop {
+            root = self.prepare(around, t1, &formula, work);
+            outcome = self.solve(&root, t1 - t0, work);
+            record.iterations += outcome.iterations;
+            work.touch.clear();
+            clear = outcome.converged && self.touch(around, &root, [t0, t1], last, work);
+            // A contact stops a motion within one step; a formula that looks further back would throw it back.
+            if !(formula.looks_back() && work.touch.noted.touched()) {
+                break;
+            }
+            formula = Formula::new(self.scheme, t1 - t0, 0.0);
+        }
         if !clear && (if outcome.converged { !last } else { depth < MAX_HALVINGS }) {
             record.halvings += 1;
             let middle = 0.5 * (t0 + t1);
@@ -183,7 +212,10 @@ impl Guide {
         record.unconverged += u32::from(!outcome.converged);
         record.shortened += u32::from(outcome.converged && !clear);
         work.touch.noted.enter(record);
-        self.commit(&root, t1 - t0, work);
+        self.commit(&root, t1 - t0, &formula, work);
+        if work.touch.noted.touched() || !outcome.converged {
+            self.last = 0.0;
+        }
     }
 
     /// Resolves contact from time `t[0]` to `t[1]`; `false` where the motion still crosses a surface, in which case it has been cut
@@ -225,28 +257,36 @@ impl Guide {
     }
 
     /// Fills the load of a step and returns the root's pose at its end.
-    fn prepare(&self, around: &Surroundings, t0: f64, t1: f64, work: &mut Workspace) -> Pose {
-        let (h, root) = (t1 - t0, around.root(&self.rod.root, t1));
+    fn prepare(&self, around: &Surroundings, t1: f64, formula: &Formula, work: &mut Workspace) -> Pose {
+        let (root, before) = (around.root(&self.rod.root, t1), &self.before);
         let load = &mut work.load;
-        load.h = h;
+        load.h = formula.eta;
         load.gravity = (around.gravity)(t1);
-        load.inertial.clear();
-        load.inertial.extend(self.x.iter().zip(&self.v).map(|(x, v)| x + v * h - root.p));
         load.previous.clear();
-        load.previous.extend(self.x.iter().map(|x| x - root.p));
+        load.previous.extend(self.x.iter().zip(&before.x).map(|(x, b)| formula.past(*x, *b) - root.p));
+        let velocity = self.v.iter().zip(&before.v).map(|(v, b)| formula.past(*v, *b));
+        load.inertial.clear();
+        load.inertial.extend(load.previous.iter().zip(velocity).map(|(x, v)| x + v * formula.eta));
         load.air.clear();
         load.air.extend(self.x.iter().map(|x| air::velocity(around.wind, x, t1)));
-        load.tangent.clone_from(&self.tangent);
+        load.tangent.clear();
+        let ahead = self.tangent.iter().zip(&before.tangent).map(|(t, b)| t + (t - b) * formula.ratio);
+        load.tangent.extend(ahead.map(|t| t.normalize()));
         load.drag.clone_from(&self.drag);
-        load.q.clone_from(&self.q[0]);
+        load.q.clear();
+        load.q.extend(self.q[0].iter().zip(&before.q).map(|(q, b)| formula.past(*q, *b)));
         root
     }
 
+    fn state(&self) -> State {
+        State { q: self.q[0].clone(), x: self.x.clone(), v: self.v.clone(), tangent: self.tangent.clone() }
+    }
+
     /// Minimises the step's potential from the better of two starts: where the rod was, and where its rate takes it.
-    fn solve(&self, root: &Pose, work: &mut Workspace) -> Outcome {
+    fn solve(&self, root: &Pose, h: f64, work: &mut Workspace) -> Outcome {
         let (q, load) = (&mut work.q, &work.load);
         q.clear();
-        q.extend(self.q[0].iter().zip(&self.rate).map(|(q, r)| q + r * load.h));
+        q.extend(self.q[0].iter().zip(&self.rate).map(|(q, r)| q + r * h));
         let ahead = work.solver.energy(&self.rod, &root.r, load, q);
         let better = ahead <= work.solver.energy(&self.rod, &root.r, load, &self.q[0]);
         if !better {
@@ -255,17 +295,21 @@ impl Guide {
         work.solver.minimise(&self.rod, &root.r, load, q)
     }
 
-    fn commit(&mut self, root: &Pose, h: f64, work: &Workspace) {
+    fn commit(&mut self, root: &Pose, h: f64, formula: &Formula, work: &Workspace) {
+        let before = &mut self.before;
+        before.q.clone_from(&self.q[0]);
         for ((rate, q), new) in self.rate.iter_mut().zip(&mut self.q[0]).zip(&work.q) {
             *rate = (new - *q) / h;
             *q = *new;
         }
         for (k, g) in work.solver.shape.pose.iter().enumerate() {
             let x = root.p + g.p;
-            self.v[k] = (x - self.x[k]) / h;
-            self.x[k] = x;
-            self.tangent[k] = g.r.column(2).into();
+            let v = (x - formula.past(self.x[k], before.x[k])) / formula.eta;
+            before.v[k] = std::mem::replace(&mut self.v[k], v);
+            before.x[k] = std::mem::replace(&mut self.x[k], x);
+            before.tangent[k] = std::mem::replace(&mut self.tangent[k], g.r.column(2).into());
         }
+        self.last = h;
     }
 
     /// Rate of the unknowns now, 1/(m·s), of second order in the sub-step `h`, s.

@@ -5,6 +5,7 @@ mod clearance;
 pub mod guide;
 pub mod output;
 pub mod record;
+mod scheme;
 pub mod simulation;
 mod touch;
 
@@ -112,6 +113,7 @@ fn settings(anim: &Anim) -> Value {
         "substeps": anim.settings.substeps,
         "preroll_s": anim.settings.preroll,
         "nodes": anim.settings.nodes,
+        "scheme": anim.settings.scheme,
         "gravity_m_s2": [anim.gravity.x, anim.gravity.y, anim.gravity.z],
     })
 }

@@ -122,7 +122,9 @@ fn start(
         .collect();
     let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
     let friction = groom.materials[r.material].friction;
-    Guide::new(r.rod.clone(), drag, friction, &thickness, around, t, step)
+    let mut guide = Guide::new(r.rod.clone(), drag, friction, &thickness, around, t, step);
+    guide.scheme = anim.settings.scheme;
+    guide
 }
 
 /// Generalised force of gravity `g`, m/s², on a rod at unknowns `q`, N·m².

@@ -114,6 +114,11 @@ pub(super) struct Noted {
 }
 
 impl Noted {
+    /// Whether the bodies had a say in the step.
+    pub(super) fn touched(&self) -> bool {
+        self.rounds > 0
+    }
+
     /// Enters these figures in the record of the step.
     pub(super) fn enter(&self, record: &mut StepRecord) {
         record.found = self.found;

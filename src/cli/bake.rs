@@ -33,6 +33,10 @@ pub struct BakeArguments {
     /// Strain nodes of guides in grooms without wisps: more bends finer and costs more [default: the anim's, 8]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=256), help_heading = "Settings (over those of the anim)")]
     nodes: Option<u32>,
+    /// Time scheme, backward-euler or bdf2: the second damps swinging hair far less at the same cost [default: the anim's,
+    /// backward-euler]
+    #[arg(long, value_name = "NAME", value_parser = values::scheme, help_heading = "Settings (over those of the anim)")]
+    scheme: Option<scene::anim::Scheme>,
 }
 
 fn preroll(text: &str) -> std::result::Result<f64, String> {
@@ -65,6 +69,7 @@ impl BakeArguments {
         settings.substeps = self.substeps.unwrap_or(settings.substeps);
         settings.preroll = self.preroll.unwrap_or(settings.preroll);
         settings.nodes = self.nodes.unwrap_or(settings.nodes);
+        settings.scheme = self.scheme.unwrap_or(settings.scheme);
         Ok(Job {
             groom_file: self.groom,
             anim_file: self.anim,

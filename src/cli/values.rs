@@ -2,6 +2,7 @@
 
 use crate::import::Source;
 use crate::scene::UpAxis;
+use crate::scene::anim::Scheme;
 use nalgebra::Vector3;
 use std::path::PathBuf;
 
@@ -27,6 +28,15 @@ pub fn up_axis(text: &str) -> Result<UpAxis, String> {
         "y" | "Y" => Ok(UpAxis::Y),
         "z" | "Z" => Ok(UpAxis::Z),
         _ => Err("y or z".into()),
+    }
+}
+
+/// A time scheme.
+pub fn scheme(text: &str) -> Result<Scheme, String> {
+    match text {
+        "backward-euler" => Ok(Scheme::BackwardEuler),
+        "bdf2" => Ok(Scheme::Bdf2),
+        _ => Err("backward-euler or bdf2".into()),
     }
 }
 

@@ -56,6 +56,9 @@ impl Solver {
         self.trial_q.resize(n, 0.0);
         self.shape.update(rod, root, q);
         let mut phi = energy(rod, load, &self.shape, q, &mut self.scratch);
+        // The rounding of Φ, below which a decrease cannot be seen: its own, and that of the positions in its inertia, which counts
+        // where Φ is nearly nought (a thousand-millionth of the length moves Φ by this much).
+        let rounding = 1e-18 * rod.line_density * rod.length().powi(3) / (load.h * load.h);
         for iterations in 1..=MAX_ITERATIONS {
             if !self.linearise(rod, load, q) {
                 return Outcome { iterations, converged: false };
@@ -69,8 +72,7 @@ impl Solver {
                 }
                 self.trial.update(rod, root, &self.trial_q);
                 let trial_phi = energy(rod, load, &self.trial, &self.trial_q, &mut self.scratch);
-                // The slack is the rounding of Φ itself, below which a decrease cannot be seen.
-                if trial_phi <= phi + 1e-4 * t * slope + 1e-13 * phi.abs() {
+                if trial_phi <= phi + 1e-4 * t * slope + 1e-13 * phi.abs() + rounding {
                     phi = trial_phi;
                     break;
                 }

@@ -4,6 +4,8 @@ pub mod file;
 pub(super) mod read;
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 pub use super::keyed::Keyed;
@@ -128,11 +130,25 @@ pub struct Settings {
     pub preroll: f64,
     /// Strain nodes on a guide that belongs to no wisp of the groom's own.
     pub nodes: u32,
+    /// Time scheme of the solver.
+    pub scheme: Scheme,
+}
+
+/// How the solver steps in time. Both are stable at any step and cost the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Scheme {
+    /// First order. Damps all that swings, quick motion most: per radian of an oscillation half the radians that it turns in a step.
+    #[default]
+    BackwardEuler,
+    /// Second order, the two-step backward differentiation formula. Damps slow swings hardly, and quick ones that the
+    /// step cannot follow as backward Euler does. A step in which hair touches something is backward Euler's.
+    Bdf2,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings { substeps: 8, preroll: 1.0, nodes: 8 }
+        Settings { substeps: 8, preroll: 1.0, nodes: 8, scheme: Scheme::default() }
     }
 }
 

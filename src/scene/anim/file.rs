@@ -2,7 +2,7 @@
 //! from here; the doc comments are the schema's descriptions.
 
 use crate::error::Result;
-use crate::scene::anim::Settings;
+use crate::scene::anim::{Scheme, Settings};
 use crate::scene::convention::UpAxis;
 use crate::scene::document;
 use crate::scene::document::array::{Array, BufferFile};
@@ -274,6 +274,8 @@ pub struct SettingsFile {
     /// Strain nodes on a guide where the groom has no wisps of its own. More is more accurate and slower.
     #[schemars(range(min = 2, max = 256))]
     pub nodes: u32,
+    /// Time scheme of the solver.
+    pub scheme: Scheme,
 }
 
 impl AnimFile {
@@ -324,8 +326,8 @@ impl Default for TrackFile {
 
 impl Default for SettingsFile {
     fn default() -> Self {
-        let Settings { substeps, preroll, nodes } = Settings::default();
-        SettingsFile { substeps, preroll_s: preroll, nodes }
+        let Settings { substeps, preroll, nodes, scheme } = Settings::default();
+        SettingsFile { substeps, preroll_s: preroll, nodes, scheme }
     }
 }
 

@@ -66,6 +66,7 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
             substeps: file.settings.substeps,
             preroll: file.settings.preroll_s,
             nodes: file.settings.nodes,
+            scheme: file.settings.scheme,
         },
     })
 }

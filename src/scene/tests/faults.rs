@@ -168,7 +168,7 @@ mod in_anim {
         collider_names: r#""colliders": [{ "name": "left ear", "shape": { "type": "sphere", "centre": [0,0,0], "radius": 1 } }, { "name": "a", "body": "hat", "shape": { "type": "sphere", "centre": [0,0,0], "radius": 1 } }]"#;
         wind_keys: r#""wind": [{ "velocity_m_s": { "frames": [1, 1], "values": [[0,0,0]] } }]"#;
         wind_type: r#""wind": [{ "velocity_m_s": "strong" }]"#;
-        settings: r#""settings": { "substeps": 0, "nodes": 1, "preroll": 3 }"#;
+        settings: r#""settings": { "substeps": 0, "nodes": 1, "preroll": 3, "scheme": "rk4" }"#;
     }
 }
 

@@ -1,0 +1,107 @@
+//! Dynamics of the rod: what each time scheme damps, and how it converges.
+
+use hairbake::bake::guide::{Guide, Surroundings, Workspace};
+use hairbake::contact::Bodies;
+use hairbake::rod::{Rod, RodSource};
+use hairbake::scene::anim::Scheme;
+use nalgebra::{Isometry3, Vector3};
+use std::f64::consts::TAU;
+
+const LENGTH: f64 = 0.25;
+const STIFFNESS: f64 = 7.8e-9;
+const LINE_DENSITY: f64 = 6.6e-6;
+
+/// A hair drawn through `points`, straight by nature.
+fn hair(points: &[Vector3<f64>]) -> Rod {
+    Rod::new(&RodSource {
+        points,
+        root_frame: None,
+        arc: &hairbake::scene::Tree::default_arc(8),
+        stiffness: [STIFFNESS, STIFFNESS, 3.6e-9],
+        line_density: LINE_DENSITY,
+        damping: 0.0,
+        natural: Some(Vector3::zeros()),
+        max_step: 1.0,
+    })
+    .unwrap()
+}
+
+/// Tip of a hair after every step, m, without gravity and air on a head at `place`.
+fn tips(
+    rod: &Rod,
+    scheme: Scheme,
+    place: &(dyn Fn(f64) -> Vector3<f64> + Sync),
+    seconds: f64,
+    rate: f64,
+) -> Vec<Vector3<f64>> {
+    let pose = |t: f64| Isometry3::from_parts(place(t).into(), nalgebra::UnitQuaternion::identity());
+    let around = Surroundings {
+        head: &pose,
+        gravity: &|_| Vector3::zeros(),
+        wind: &[],
+        bodies: &Bodies::new(&[]),
+        body: &|_, t| pose(t),
+        brought_out: &|_| 1.0,
+    };
+    let h = 1.0 / rate;
+    let mut guide = Guide::new(rod.clone(), vec![0.0; rod.points()], 0.3, &[], &around, 0.0, h);
+    guide.scheme = scheme;
+    let mut work = Workspace::default();
+    (0..(seconds * rate).round() as u32)
+        .map(|i| {
+            let record = guide.advance(&around, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
+            assert_eq!((record.unconverged, record.halvings), (0, 0));
+            guide.x[rod.points() - 1]
+        })
+        .collect()
+}
+
+#[test]
+fn schemes_converge_with_their_order() {
+    let rod = hair(&[Vector3::zeros(), Vector3::y() * -LENGTH]);
+    // A jerk of 3 cm in a fifth of a second, smooth at both ends.
+    let place = |t: f64| {
+        let u = (t / 0.2).clamp(0.0, 1.0);
+        Vector3::x() * 0.03 * u.powi(4) * (35.0 - 84.0 * u + 70.0 * u * u - 20.0 * u.powi(3))
+    };
+    // Tip every hundredth of a second.
+    let path = |scheme, rate: f64| -> Vec<_> {
+        let every = (rate / 100.0) as usize;
+        tips(&rod, scheme, &place, 0.3, rate).into_iter().skip(every - 1).step_by(every).collect()
+    };
+    let truth = path(Scheme::Bdf2, 12800.0);
+    let error =
+        |scheme, rate| path(scheme, rate).iter().zip(&truth).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+    let order = |scheme| (error(scheme, 400.0) / error(scheme, 800.0)).log2();
+    let (first, second) = (order(Scheme::BackwardEuler), order(Scheme::Bdf2));
+    assert!((0.7..1.3).contains(&first), "{first}");
+    assert!((1.7..2.4).contains(&second), "{second}");
+    assert!(error(Scheme::Bdf2, 400.0) < 0.1 * error(Scheme::BackwardEuler, 400.0));
+}
+
+#[test]
+fn a_swing_dies_down_as_its_scheme_damps() {
+    // A circular arc with a sagitta of a twentieth of the length, let go: nearly the first mode, of 1.8751² √(EI/ρSL⁴).
+    let bend = 0.4 / LENGTH;
+    let arc: Vec<_> = (0..=16)
+        .map(|i| {
+            let s = LENGTH * f64::from(i) / 16.0;
+            Vector3::new((1.0 - (bend * s).cos()) / bend, -(bend * s).sin() / bend, 0.0)
+        })
+        .collect();
+    let rod = hair(&arc);
+    let omega = 1.8751_f64.powi(2) * (STIFFNESS / (LINE_DENSITY * LENGTH.powi(4))).sqrt();
+    let (period, steps) = (TAU / omega, 40.0);
+    let turn = TAU / steps;
+    // Growth of y'' = −ω²y over a step: 1/(1 − iθ); the root of (3z² − 4z + 1)/(2z²) = iθ near 1, to leading order.
+    let per_period = [1.0 / (1.0 + turn * turn).powf(steps / 2.0), (-TAU * turn.powi(3) / 4.0).exp()];
+    for (scheme, theory) in [Scheme::BackwardEuler, Scheme::Bdf2].into_iter().zip(per_period) {
+        let tip = tips(&rod, scheme, &|_| Vector3::zeros(), 4.5 * period, steps / period);
+        let peak = |n: f64| {
+            let (a, b) = ((n - 0.25) * steps, (n + 0.25) * steps);
+            tip[a as usize..b as usize].iter().map(|x| x.x).fold(0.0, f64::max)
+        };
+        let measured = (peak(4.0) / peak(1.0)).cbrt();
+        assert!((measured / theory - 1.0).abs() < 0.02, "{scheme:?}: {measured} {theory}");
+    }
+}
