@@ -16,7 +16,7 @@ use nalgebra::{Isometry3, Vector3};
 const MAX_HALVINGS: u32 = 5;
 
 /// How often a step is halved before a motion that still crosses a surface is cut short.
-const MAX_CONTACT_HALVINGS: u32 = 1;
+const MAX_CONTACT_HALVINGS: u32 = 5;
 
 /// A guide and where it is.
 #[derive(Debug, Clone)]

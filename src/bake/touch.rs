@@ -21,6 +21,9 @@ const MAX_ROUNDS: u32 = 8;
 /// Violation of a clearance that is as good as none, m: a tenth of the diameter of a hair, a fiftieth of the usual clearance.
 const GAP_TOLERANCE: f64 = 1e-5;
 
+/// A contact this near to an impact, in clearances of the impact, and of like direction stands for it.
+const SAME_PLACE: f64 = 1.0;
+
 /// Motion of a point between rounds that is as good as none, m.
 const MOVE_TOLERANCE: f64 = 5e-6;
 
@@ -163,7 +166,7 @@ impl Touch<'_> {
     /// Contacts at the solver's shape, with the impacts on the way there; returns whether the motion crosses nothing.
     ///
     /// Continuous detection stops a motion before it touches. One that ends in front of the surface that stopped it has grazed
-    /// it; one that ends behind has crossed it.
+    /// it; one that ends behind has crossed it. What began behind a surface crosses nothing by getting no deeper.
     fn find(&self, solver: &Solver, memory: &mut crate::contact::Workspace, work: &mut TouchWork) -> bool {
         work.x1.clear();
         work.x1.extend(solver.shape.pose.iter().map(|g| g.p + self.root.p));
@@ -172,7 +175,11 @@ impl Touch<'_> {
         work.impacts.clear();
         self.bodies.candidates(self.motions, &line, REACH, memory, &mut work.contacts);
         self.bodies.impacts(self.motions, &line, memory, &mut work.impacts);
-        let clear = work.impacts.iter().all(|c| line.gap(c) + line.kept_at(c) >= 0.0);
+        let in_front = |c: &Contact| {
+            let distance = line.gap(c) + line.kept_at(c);
+            distance >= 0.0 || distance >= self.before(&line, c) || line.kept_at(c) < 0.0
+        };
+        let clear = work.impacts.iter().chain(&work.contacts).all(in_front);
         // An impact once averted is out of sight; forgotten, it would come back in the round after.
         for impact in work.impacts.drain(..) {
             work.sticky
@@ -182,9 +189,10 @@ impl Touch<'_> {
         let seen = work.contacts.len();
         for impact in &mut work.sticky {
             impact.gap = line.gap(impact);
+            let beside = SAME_PLACE * line.kept_at(impact);
             let known = work.contacts[..seen].iter().any(|c| {
                 c.body == impact.body
-                    && c.segment.abs_diff(impact.segment) <= 1
+                    && (c.point[1] - impact.point[1]).norm() <= beside
                     && c.normal.dot(&impact.normal) > 0.5
             });
             if !known {
@@ -205,12 +213,17 @@ impl Touch<'_> {
 
     /// What is tolerated of a violation that was there before the step, m, not above 0.
     fn tolerated(&self, line: &Polyline, contact: &Contact) -> f64 {
+        let keep = line.kept_at(contact);
+        let before = self.before(line, contact) - keep;
+        ((1.0 - UNDONE) * before).min(0.0).max(-USED_UP * keep.abs())
+    }
+
+    /// Distance of the place of `contact` from its plane at the start of the step, m.
+    fn before(&self, line: &Polyline, contact: &Contact) -> f64 {
         let (k, u) = (contact.segment, contact.u);
         let motion = &self.motions[contact.body];
         let normal = motion.start.rotation * motion.end.rotation.inverse_transform_vector(&contact.normal);
-        let keep = line.kept_at(contact);
-        let before = normal.dot(&(self.x0[k] * (1.0 - u) + self.x0[k + 1] * u - contact.point[0])) - keep;
-        ((1.0 - UNDONE) * before).min(0.0).max(-USED_UP * keep.abs())
+        normal.dot(&(line.x0[k] * (1.0 - u) + line.x0[k + 1] * u - contact.point[0]))
     }
 
     /// The Delassus matrix and the free displacements, in the frame (normal, tangents) of each contact.
