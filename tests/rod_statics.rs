@@ -1,7 +1,7 @@
 //! Statics of the rod against theory: the cantilever under its own weight.
 
 use hairbake::rod::newton::Solver;
-use hairbake::rod::potential::Load;
+use hairbake::rod::potential::{Load, PointLoad};
 use hairbake::rod::{Rod, RodSource, Shape};
 use nalgebra::Vector3;
 
@@ -36,17 +36,16 @@ fn cantilever(gamma: f64, nodes: usize, grading: f64) -> (f64, f64) {
         let mut at = Shape::default();
         at.update(&rod, &rod.root.r, &q);
         let x: Vec<_> = (0..n).map(|k| at.x(k)).collect();
-        let load = Load {
-            h,
-            gravity: Vector3::y() * -g,
-            inertial: x.clone(),
-            previous: x,
-            air: vec![Vector3::zeros(); n],
-            tangent: vec![Vector3::x(); n],
-            drag: vec![0.0; n],
-            q: q.clone(),
-        };
-        let outcome = solver.minimise(&rod, &rod.root.r, &load, &mut q);
+        let points = x.iter().map(|x| PointLoad {
+            inertial: *x,
+            previous: *x,
+            air: Vector3::zeros(),
+            tangent: Vector3::x(),
+            drag: 0.0,
+        });
+        let (mut load, start) = (Load::default(), q.clone());
+        load.set(&rod, h, &(Vector3::y() * -g), &start, points);
+        let outcome = solver.minimise(&rod, &rod.root.r, &load, &mut q, &start);
         assert!(outcome.converged, "Γ = {gamma}, {nodes} nodes, h = {h}: {outcome:?}");
     }
     let tip = solver.shape.x(n - 1) / l;

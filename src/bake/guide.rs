@@ -7,7 +7,7 @@ use super::touch::{Touch, TouchWork};
 use crate::contact::{Bodies, Motion};
 use crate::math::se3::Pose;
 use crate::rod::newton::{Outcome, Solver};
-use crate::rod::potential::Load;
+use crate::rod::potential::{Load, PointLoad};
 use crate::rod::{Rod, Shape};
 use crate::scene::anim::{Scheme, Wind};
 use nalgebra::{Isometry3, Vector3};
@@ -45,8 +45,8 @@ pub struct Guide {
     last: f64,
     /// Lengths of the segments at the start, as [`Guide::segment_lengths`] measures them, m.
     lengths: Vec<f64>,
-    /// Rate of the unknowns over the last solve, 1/(m·s): the start of the next one.
-    rate: Vec<f64>,
+    /// The last solve and the one before: its length, s, and the rate of the unknowns over it, 1/(m·s). The next starts from them.
+    past: [(f64, Vec<f64>); 2],
     /// Where the bodies were last seen.
     memory: crate::contact::Workspace,
 }
@@ -114,6 +114,7 @@ pub struct Workspace {
     solver: Solver,
     load: Load,
     q: Vec<f64>,
+    past: Vec<f64>,
     motions: Vec<Motion>,
     clearance: Vec<f64>,
     touch: TouchWork,
@@ -136,7 +137,7 @@ impl Guide {
         let mut place = |t: f64| -> Vec<Pose> {
             let root = around.root(&rod.root, t);
             shape.update(&rod, &root.r, &q);
-            shape.pose.iter().map(|g| Pose { r: g.r, p: g.p + root.p }).collect()
+            shape.poses().map(|g| Pose { r: g.r, p: g.p + root.p }).collect()
         };
         let (now, before) = (place(t), place(t - h));
         let x: Vec<Vector3<f64>> = now.iter().map(|g| g.p).collect();
@@ -148,7 +149,7 @@ impl Guide {
             x,
             tangent: now.iter().map(|g| g.r.column(2).into()).collect(),
             v: now.iter().zip(&before).map(|(a, b)| (a.p - b.p) / h).collect(),
-            rate: vec![0.0; q.len()],
+            past: [(h, vec![0.0; q.len()]), (h, vec![0.0; q.len()])],
             scheme: Scheme::default(),
             before: State::default(),
             last: 0.0,
@@ -259,22 +260,20 @@ impl Guide {
     /// Fills the load of a step and returns the root's pose at its end.
     fn prepare(&self, around: &Surroundings, t1: f64, formula: &Formula, work: &mut Workspace) -> Pose {
         let (root, before) = (around.root(&self.rod.root, t1), &self.before);
-        let load = &mut work.load;
-        load.h = formula.eta;
-        load.gravity = (around.gravity)(t1);
-        load.previous.clear();
-        load.previous.extend(self.x.iter().zip(&before.x).map(|(x, b)| formula.past(*x, *b) - root.p));
-        let velocity = self.v.iter().zip(&before.v).map(|(v, b)| formula.past(*v, *b));
-        load.inertial.clear();
-        load.inertial.extend(load.previous.iter().zip(velocity).map(|(x, v)| x + v * formula.eta));
-        load.air.clear();
-        load.air.extend(self.x.iter().map(|x| air::velocity(around.wind, x, t1)));
-        load.tangent.clear();
-        let ahead = self.tangent.iter().zip(&before.tangent).map(|(t, b)| t + (t - b) * formula.ratio);
-        load.tangent.extend(ahead.map(|t| t.normalize()));
-        load.drag.clone_from(&self.drag);
-        load.q.clear();
-        load.q.extend(self.q[0].iter().zip(&before.q).map(|(q, b)| formula.past(*q, *b)));
+        let points = (0..self.x.len()).map(|k| {
+            let previous = formula.past(self.x[k], before.x[k]) - root.p;
+            PointLoad {
+                inertial: previous + formula.past(self.v[k], before.v[k]) * formula.eta,
+                previous,
+                air: air::velocity(around.wind, &self.x[k], t1),
+                tangent: (self.tangent[k] + (self.tangent[k] - before.tangent[k]) * formula.ratio)
+                    .normalize(),
+                drag: self.drag[k],
+            }
+        });
+        work.past.clear();
+        work.past.extend(self.q[0].iter().zip(&before.q).map(|(q, b)| formula.past(*q, *b)));
+        work.load.set(&self.rod, formula.eta, &(around.gravity)(t1), &work.past, points);
         root
     }
 
@@ -282,32 +281,33 @@ impl Guide {
         State { q: self.q[0].clone(), x: self.x.clone(), v: self.v.clone(), tangent: self.tangent.clone() }
     }
 
-    /// Minimises the step's potential from the better of two starts: where the rod was, and where its rate takes it.
+    /// Minimises the step's potential from the better of two starts: where the rod was, and where its motion takes it.
     fn solve(&self, root: &Pose, h: f64, work: &mut Workspace) -> Outcome {
-        let (q, load) = (&mut work.q, &work.load);
-        q.clear();
-        q.extend(self.q[0].iter().zip(&self.rate).map(|(q, r)| q + r * h));
-        let ahead = work.solver.energy(&self.rod, &root.r, load, q);
-        let better = ahead <= work.solver.energy(&self.rod, &root.r, load, &self.q[0]);
-        if !better {
-            q.copy_from_slice(&self.q[0]);
-        }
-        work.solver.minimise(&self.rod, &root.r, load, q)
+        work.q.clear();
+        let [(h1, r1), (h2, r2)] = &self.past;
+        // The parabola through the last three (Newton's divided differences).
+        let bend = h * (h + h1) / (h1 + h2);
+        let ahead = self.q[0].iter().zip(r1).zip(r2);
+        work.q.extend(ahead.map(|((q, r1), r2)| q + r1 * h + (r1 - r2) * bend));
+        work.solver.minimise(&self.rod, &root.r, &work.load, &mut work.q, &self.q[0])
     }
 
     fn commit(&mut self, root: &Pose, h: f64, formula: &Formula, work: &Workspace) {
         let before = &mut self.before;
         before.q.clone_from(&self.q[0]);
-        for ((rate, q), new) in self.rate.iter_mut().zip(&mut self.q[0]).zip(&work.q) {
+        self.past.swap(0, 1);
+        let (length, rate) = &mut self.past[0];
+        *length = h;
+        for ((rate, q), new) in rate.iter_mut().zip(&mut self.q[0]).zip(&work.q) {
             *rate = (new - *q) / h;
             *q = *new;
         }
-        for (k, g) in work.solver.shape.pose.iter().enumerate() {
-            let x = root.p + g.p;
+        for k in 0..self.x.len() {
+            let x = root.p + work.solver.shape.x(k);
             let v = (x - formula.past(self.x[k], before.x[k])) / formula.eta;
             before.v[k] = std::mem::replace(&mut self.v[k], v);
             before.x[k] = std::mem::replace(&mut self.x[k], x);
-            before.tangent[k] = std::mem::replace(&mut self.tangent[k], g.r.column(2).into());
+            before.tangent[k] = std::mem::replace(&mut self.tangent[k], work.solver.shape.tangent(k));
         }
         self.last = h;
     }

@@ -153,7 +153,7 @@ fn guide_set(groom: &Groom, rods: &[(&Rod, (u32, u32))]) -> CurveSet {
     for (rod, _) in rods {
         let mut shape = Shape::default();
         shape.update(rod, &rod.root.r, &rod.start);
-        curves.points.extend(shape.pose.iter().map(|g| g.p + rod.root.p));
+        curves.points.extend(shape.poses().map(|g| g.p + rod.root.p));
         curves.offsets.push(curves.points.len());
     }
     let points = std::mem::take(&mut curves.points);

@@ -169,7 +169,7 @@ impl Touch<'_> {
     /// it; one that ends behind has crossed it. What began behind a surface crosses nothing by getting no deeper.
     fn find(&self, solver: &Solver, memory: &mut crate::contact::Workspace, work: &mut TouchWork) -> bool {
         work.x1.clear();
-        work.x1.extend(solver.shape.pose.iter().map(|g| g.p + self.root.p));
+        work.x1.extend((0..self.rod.points()).map(|k| solver.shape.x(k) + self.root.p));
         let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
         work.contacts.clear();
         work.impacts.clear();

@@ -3,65 +3,79 @@
 //! For the few dozen unknowns of a rod. A library kernel would pick its instructions at run time, and the
 //! bits of a bake would then depend on the machine that ran it.
 
+use super::lanes::{Mask, Real};
+
 /// Factors the lower triangle of the row-major `n × n` matrix `a` as L Lᵀ, in place (the diagonal of L is stored
-/// inverted). Returns `false`, with `a` spoiled, where `a` is not positive definite.
-pub fn factor(a: &mut [f64], n: usize) -> bool {
+/// inverted). Returns the lanes where `a` is positive definite; it is spoiled in the others.
+#[inline(always)]
+pub fn factor<F: Real>(a: &mut [F], n: usize) -> Mask {
     debug_assert_eq!(a.len(), n * n);
+    let mut positive = F::ALL;
     for j in 0..n {
         let (above, rest) = a.split_at_mut(j * n);
         let row = &mut rest[..j + 1];
         for k in 0..j {
-            let lk = &above[k * n..k * n + k];
-            let s = row[k] - dot(&row[..k], lk);
-            row[k] = s * above[k * n + k];
+            let lk = &above[k * n..k * n + k + 1];
+            let s = less_dot(row[k], &row[..k], &lk[..k]);
+            row[k] = s * lk[k];
         }
-        let d = row[j] - dot(&row[..j], &row[..j]);
-        // False for NaN too.
-        let positive = d > row[j].abs() * 1e-14;
-        if !positive {
-            return false;
-        }
-        row[j] = 1.0 / d.sqrt();
+        let d = less_dot(row[j], &row[..j], &row[..j]);
+        // None for NaN too.
+        positive &= (row[j].abs() * 1e-14).below(d);
+        row[j] = d.same(1.0) / d.sqrt();
     }
-    true
+    positive
 }
 
 /// Solves L Lᵀ x = b in place, with `a` from [`factor`].
-pub fn solve(a: &[f64], n: usize, b: &mut [f64]) {
+#[inline(always)]
+pub fn solve<F: Real>(a: &[F], n: usize, b: &mut [F]) {
     solve_lower(a, n, b);
     solve_upper(a, n, b);
 }
 
 /// Solves Lᵀ x = b in place, with `a` from [`factor`].
-pub fn solve_upper(a: &[f64], n: usize, b: &mut [f64]) {
+#[inline(always)]
+pub fn solve_upper<F: Real>(a: &[F], n: usize, b: &mut [F]) {
     for j in (0..n).rev() {
-        b[j] *= a[j * n + j];
-        let x = b[j];
-        for k in 0..j {
-            b[k] -= a[j * n + k] * x;
+        let (b, x) = b.split_at_mut(j);
+        let row = &a[j * n..j * n + j + 1];
+        x[0] = x[0] * row[j];
+        for (b, l) in b.iter_mut().zip(row) {
+            *b -= *l * x[0];
         }
     }
 }
 
 /// Solves L y = b in place, with `a` from [`factor`].
-pub fn solve_lower(a: &[f64], n: usize, b: &mut [f64]) {
+#[inline(always)]
+pub fn solve_lower<F: Real>(a: &[F], n: usize, b: &mut [F]) {
     for j in 0..n {
-        let row = &a[j * n..j * n + j];
-        b[j] = (b[j] - dot(row, &b[..j])) * a[j * n + j];
+        let row = &a[j * n..j * n + j + 1];
+        b[j] = less_dot(b[j], &row[..j], &b[..j]) * row[j];
     }
 }
 
-/// a · b, summed in four fixed lanes.
+/// a · b.
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut lane = [0.0; 4];
+    -less_dot(0.0, a, b)
+}
+
+/// x − a · b, summed in four fixed chains.
+#[inline(always)]
+pub fn less_dot<F: Real>(x: F, a: &[F], b: &[F]) -> F {
+    let mut chain = [x.same(0.0); 4];
     let (ca, cb) = (a.chunks_exact(4), b.chunks_exact(4));
-    let tail: f64 = ca.remainder().iter().zip(cb.remainder()).map(|(x, y)| x * y).sum();
-    for (x, y) in ca.zip(cb) {
+    let mut rest = x;
+    for (a, b) in ca.remainder().iter().zip(cb.remainder()) {
+        rest -= *a * *b;
+    }
+    for (a, b) in ca.zip(cb) {
         for i in 0..4 {
-            lane[i] += x[i] * y[i];
+            chain[i] += a[i] * b[i];
         }
     }
-    (lane[0] + lane[1]) + (lane[2] + lane[3]) + tail
+    rest - ((chain[0] + chain[1]) + (chain[2] + chain[3]))
 }
 
 #[cfg(test)]
@@ -76,7 +90,7 @@ mod tests {
             let b = nalgebra::DVector::from_fn(n, |i, _| (i as f64).cos());
             let mut a: Vec<f64> = spd.transpose().as_slice().to_vec();
             let mut x = b.as_slice().to_vec();
-            assert!(factor(&mut a, n));
+            assert_eq!(factor(&mut a, n), 1);
             solve(&a, n, &mut x);
             let r = &spd * nalgebra::DVector::from_column_slice(&x) - b;
             assert!(r.norm() < 1e-9, "{n}: {}", r.norm());
@@ -85,7 +99,7 @@ mod tests {
 
     #[test]
     fn refuses_indefinite_and_nan() {
-        assert!(!factor(&mut [1.0, 0.0, 2.0, 1.0], 2));
-        assert!(!factor(&mut [f64::NAN], 1));
+        assert_eq!(factor(&mut [1.0, 0.0, 2.0, 1.0], 2), 0);
+        assert_eq!(factor(&mut [f64::NAN], 1), 0);
     }
 }

@@ -1,8 +1,9 @@
-//! Small mathematics shared by the solver: rigid motions, frames and splines of curves, dense kernels, random
+//! Small mathematics shared by the solver: rigid motions, numbers in lanes, frames and splines of curves, dense kernels, random
 //! numbers. Imports nothing of ours.
 
 pub mod cholesky;
 pub mod frame;
+pub mod lanes;
 pub mod polyline;
 pub mod random;
 pub mod se3;

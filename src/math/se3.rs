@@ -3,6 +3,7 @@
 //! A pose is (R, p); a twist ξ = (ω, v) moves a point x by ω × x + v. Letters as in
 //! `docs/theory.md` §2; closed forms from Barfoot, *State Estimation for Robotics* (2017), §7.1.
 
+use super::lanes::{self, M3, Real};
 use nalgebra::{Matrix3, Vector3};
 
 /// A twist (ω, v) of se(3).
@@ -26,11 +27,11 @@ pub struct Pose {
 /// The left Jacobian of the exponential: exp(ξ + δ) = exp(J δ) exp(ξ) to first order, as the blocks of
 /// ((J, 0), (Q, J)).
 #[derive(Debug, Clone, Copy)]
-pub struct LeftJacobian {
+pub struct LeftJacobian<F> {
     /// Rotation block J.
-    pub j: Matrix3<f64>,
+    pub j: M3<F>,
     /// Coupling block Q.
-    pub q: Matrix3<f64>,
+    pub q: M3<F>,
 }
 
 /// The matrix \[a\]× of the cross product a × ·.
@@ -46,11 +47,6 @@ impl Twist {
 }
 
 impl Pose {
-    /// The pose that moves nothing.
-    pub fn identity() -> Self {
-        Pose { r: Matrix3::identity(), p: Vector3::zeros() }
-    }
-
     /// `self` after `other`: x ↦ self(other(x)).
     pub fn compose(&self, other: &Pose) -> Pose {
         Pose { r: self.r * other.r, p: self.r * other.p + self.p }
@@ -61,93 +57,72 @@ impl Pose {
         let rt = self.r.transpose();
         Pose { r: rt, p: -(rt * self.p) }
     }
+}
 
-    /// Ad ξ: the twist that ξ is when seen from the frame in which this pose is given.
-    pub fn adjoint(&self, x: &Twist) -> Twist {
-        let w = self.r * x.w;
-        Twist { w, v: self.r * x.v + self.p.cross(&w) }
+/// Terms of each half of the series of [`Coefficients`]: what is left out is below 10⁻¹⁶ of the sum up to half a turn.
+const TERMS: usize = 7;
+
+/// (−1)ᵏ/(2k + 4)! and (−1)ᵏ (k + 1)/(2k + 5)!, the terms of d and e; for even k, then for odd k.
+const SERIES: [[[f64; TERMS]; 2]; 2] = {
+    let mut series = [[[0.0; TERMS]; 2]; 2];
+    let (mut k, mut factorial, mut sign) = (0, 24.0, 1.0);
+    while k < 2 * TERMS {
+        let n = (2 * k) as f64;
+        series[0][k % 2][k / 2] = sign / factorial;
+        series[1][k % 2][k / 2] = sign * (0.5 * n + 1.0) / (factorial * (n + 5.0));
+        factorial *= (n + 5.0) * (n + 6.0);
+        sign = -sign;
+        k += 1;
+    }
+    series
+};
+
+/// Coefficients of the closed forms at angle² t = θ²: a = sin θ/θ, b = (1 − cos θ)/θ², c = (θ − sin θ)/θ³,
+/// d = (θ² + 2 cos θ − 2)/(2θ⁴), e = (2θ − 3 sin θ + θ cos θ)/(2θ⁵).
+struct Coefficients<F> {
+    a: F,
+    b: F,
+    c: F,
+    d: F,
+    e: F,
+}
+
+impl<F: Real> Coefficients<F> {
+    /// By series, up to half a turn: d and e by theirs, from which the others follow without cancellation.
+    #[inline(always)]
+    fn at(t: F) -> Self {
+        let tt = t * t;
+        // Even and odd powers apart: two chains half as long.
+        let mut sums = [[t.same(0.0); 2]; 2];
+        for k in (0..TERMS).rev() {
+            for s in 0..2 {
+                for half in 0..2 {
+                    sums[s][half] = sums[s][half] * tt + SERIES[s][half][k];
+                }
+            }
+        }
+        let (d, e) = (sums[0][0] + sums[0][1] * t, sums[1][0] + sums[1][1] * t);
+        let b = -(t * d) + 0.5;
+        let c = (b + t * e * 2.0) * (1.0 / 3.0);
+        Coefficients { a: -(t * c) + 1.0, b, c, d, e }
     }
 }
 
-/// Coefficients of the closed forms at angle² t: a = sin θ/θ, b = (1 − cos θ)/θ², c = (θ − sin θ)/θ³,
-/// d = (θ² + 2 cos θ − 2)/(2θ⁴), e = (2θ − 3 sin θ + θ cos θ)/(2θ⁵); Taylor series where those cancel.
-struct Coefficients {
-    a: f64,
-    b: f64,
-    c: f64,
-    d: f64,
-    e: f64,
-}
-
-impl Coefficients {
-    fn at(t: f64) -> Self {
-        if t < 0.25 {
-            // Truncation below 1e-16 at t = 1/4.
-            let series = |k: [f64; 7]| k.iter().rev().fold(0.0, |acc, &ck| acc * t + ck);
-            Coefficients {
-                a: series([
-                    1.0,
-                    -1.0 / 6.0,
-                    1.0 / 120.0,
-                    -1.0 / 5040.0,
-                    1.0 / 362880.0,
-                    -1.0 / 39916800.0,
-                    1.0 / 6227020800.0,
-                ]),
-                b: series([
-                    0.5,
-                    -1.0 / 24.0,
-                    1.0 / 720.0,
-                    -1.0 / 40320.0,
-                    1.0 / 3628800.0,
-                    -1.0 / 479001600.0,
-                    1.0 / 87178291200.0,
-                ]),
-                c: series([
-                    1.0 / 6.0,
-                    -1.0 / 120.0,
-                    1.0 / 5040.0,
-                    -1.0 / 362880.0,
-                    1.0 / 39916800.0,
-                    -1.0 / 6227020800.0,
-                    1.0 / 1307674368000.0,
-                ]),
-                d: series([
-                    1.0 / 24.0,
-                    -1.0 / 720.0,
-                    1.0 / 40320.0,
-                    -1.0 / 3628800.0,
-                    1.0 / 479001600.0,
-                    -1.0 / 87178291200.0,
-                    1.0 / 20922789888000.0,
-                ]),
-                e: series([
-                    1.0 / 120.0,
-                    -1.0 / 2520.0,
-                    1.0 / 120960.0,
-                    -1.0 / 9979200.0,
-                    1.0 / 1245404160.0,
-                    -1.0 / 217945728000.0,
-                    1.0 / 50812489728000.0,
-                ]),
-            }
-        } else {
-            let th = t.sqrt();
-            let (s, c) = th.sin_cos();
-            Coefficients {
-                a: s / th,
-                b: (1.0 - c) / t,
-                c: (th - s) / (t * th),
-                d: (t + 2.0 * c - 2.0) / (2.0 * t * t),
-                e: (2.0 * th - 3.0 * s + th * c) / (2.0 * t * t * th),
-            }
+impl Coefficients<f64> {
+    /// At any angle; d and e only up to half a turn, where they are needed.
+    fn anywhere(t: f64) -> Self {
+        if t < 10.0 {
+            return Self::at(t);
         }
+        let (s, c) = t.sqrt().sin_cos();
+        let a = s / t.sqrt();
+        Coefficients { a, b: (1.0 - c) / t, c: (1.0 - a) / t, d: f64::NAN, e: f64::NAN }
     }
 }
 
 /// exp \[φ\]×: the rotation by |φ| rad about φ (Rodrigues).
 pub fn exp_so3(phi: &Vector3<f64>) -> Matrix3<f64> {
-    let k = Coefficients::at(phi.norm_squared());
+    let k = Coefficients::anywhere(phi.norm_squared());
     let h = hat(phi);
     Matrix3::identity() + h * k.a + h * h * k.b
 }
@@ -159,40 +134,48 @@ pub fn log_so3(r: &Matrix3<f64>) -> Vector3<f64> {
         .scaled_axis()
 }
 
-/// exp ξ.
-pub fn exp(x: &Twist) -> Pose {
-    let k = Coefficients::at(x.w.norm_squared());
-    let h = hat(&x.w);
-    let hh = h * h;
-    let j = Matrix3::identity() + h * k.b + hh * k.c;
-    Pose { r: Matrix3::identity() + h * k.a + hh * k.b, p: j * x.v }
+/// exp ξ, for |ω| up to half a turn.
+#[inline(always)]
+pub fn exp<F: Real>(x: &lanes::Twist<F>) -> lanes::Pose<F> {
+    let t = x.w.dot(x.w);
+    let k = Coefficients::at(t);
+    // [ω]×² = ω ωᵀ − θ² 1.
+    let r = M3::outer(x.w, x.w * k.b) + M3::hat(x.w * k.a) + M3::diagonal(-(t * k.b) + 1.0);
+    let turn = x.w.cross(x.v);
+    lanes::Pose { r, p: x.v + turn * k.b + x.w.cross(turn) * k.c }
 }
 
 /// The twist ξ, |ω| < π, with exp ξ = `g`.
 pub fn log(g: &Pose) -> Twist {
     let w = log_so3(&g.r);
     let t = w.norm_squared();
-    let k = Coefficients::at(t);
+    let k = Coefficients::anywhere(t);
     // J⁻¹ = 1 − ½[φ]× + (1/θ²)(1 − a/(2b))[φ]×²; the last coefficient tends to 1/12.
     let e = if t < 1e-6 { 1.0 / 12.0 + t / 720.0 } else { (1.0 - k.a / (2.0 * k.b)) / t };
     let h = hat(&w);
     Twist { w, v: g.p - h * g.p * 0.5 + h * (h * g.p) * e }
 }
 
-/// The left Jacobian of exp at ξ (Barfoot 2017, eqs. 7.77 and 7.86).
-pub fn left_jacobian(x: &Twist) -> LeftJacobian {
-    let k = Coefficients::at(x.w.norm_squared());
-    let (f, r) = (hat(&x.w), hat(&x.v));
-    let (fr, rf, ff) = (f * r, r * f, f * f);
-    let frf = fr * f;
-    let j = Matrix3::identity() + f * k.b + ff * k.c;
-    let q = r * 0.5 + (fr + rf + frf) * k.c + (f * fr + rf * f - frf * 3.0) * k.d + (frf * f + f * frf) * k.e;
+/// The left Jacobian of exp at ξ, for |ω| up to half a turn (Barfoot 2017, eqs. 7.77 and 7.86; the products of [ω]× and [v]× in
+/// Q are multiplied out).
+#[inline(always)]
+pub fn left_jacobian<F: Real>(x: &lanes::Twist<F>) -> LeftJacobian<F> {
+    let (t, s) = (x.w.dot(x.w), x.w.dot(x.v));
+    let k = Coefficients::at(t);
+    let j = M3::outer(x.w, x.w * k.c) + M3::hat(x.w * k.b) + M3::diagonal(-(t * k.c) + 1.0);
+    let es = k.e * s * 2.0;
+    let turning = x.v * (-(t * k.d) + 0.5) + x.w * ((k.d * 2.0 - k.c) * s);
+    let sum = x.v * k.c - x.w * es;
+    let q = M3::outer(x.w, sum)
+        + M3::outer(x.v * k.c, x.w)
+        + M3::hat(turning)
+        + M3::diagonal(t * es - k.c * s * 2.0);
     LeftJacobian { j, q }
 }
 
 /// The left Jacobian of the rotation exponential at φ: exp(φ + δ) = exp(J δ) exp(φ) to first order.
 pub fn left_jacobian_so3(phi: &Vector3<f64>) -> Matrix3<f64> {
-    let k = Coefficients::at(phi.norm_squared());
+    let k = Coefficients::anywhere(phi.norm_squared());
     let f = hat(phi);
     Matrix3::identity() + f * k.b + f * f * k.c
 }
@@ -207,6 +190,11 @@ mod tests {
             .prop_map(|a| Twist::new(Vector3::new(a[0], a[1], a[2]), Vector3::new(a[3], a[4], a[5])))
     }
 
+    fn exp(x: &Twist) -> Pose {
+        let g = super::exp(&lanes::Twist { w: x.w.into(), v: x.v.into() });
+        Pose { r: g.r.into(), p: g.p.into() }
+    }
+
     proptest! {
         #[test]
         fn log_undoes_exp(x in twist()) {
@@ -216,24 +204,33 @@ mod tests {
 
         #[test]
         fn left_jacobian_is_the_derivative_of_exp(x in twist(), d in twist(), tiny in 0.0..1.0f64) {
-            // Also where the series take over from the closed forms.
             let x = Twist::new(x.w * tiny, x.v);
             let eps = 1e-5;
             let at = |s: f64| exp(&Twist::new(x.w + d.w * s, x.v + d.v * s));
             let back = exp(&x).inverse();
             let (p, m) = (log(&at(eps).compose(&back)), log(&at(-eps).compose(&back)));
-            let lj = left_jacobian(&x);
-            let (w, v) = (lj.j * d.w, lj.q * d.w + lj.j * d.v);
+            let lj = left_jacobian(&lanes::Twist { w: x.w.into(), v: x.v.into() });
+            let [j, q] = [lj.j, lj.q].map(Matrix3::from);
+            let (w, v) = (j * d.w, q * d.w + j * d.v);
             prop_assert!(((p.w - m.w) / (2.0 * eps) - w).norm() < 1e-8);
             prop_assert!(((p.v - m.v) / (2.0 * eps) - v).norm() < 1e-8);
         }
     }
 
     #[test]
-    fn series_meet_the_closed_forms() {
-        let (lo, hi) = (Coefficients::at(0.25 - 1e-12), Coefficients::at(0.25));
-        for (l, h) in [(lo.a, hi.a), (lo.b, hi.b), (lo.c, hi.c), (lo.d, hi.d), (lo.e, hi.e)] {
-            assert!((l - h).abs() < 1e-12 * h.abs(), "{l} {h}");
+    fn series_meet_the_closed_forms_up_to_half_a_turn() {
+        for th in [0.5, 1.0, 2.0, 3.0, std::f64::consts::PI] {
+            let (k, t, (s, c)) = (Coefficients::at(th * th), th * th, th.sin_cos());
+            let closed = [
+                s / th,
+                (1.0 - c) / t,
+                (th - s) / (t * th),
+                (t + 2.0 * c - 2.0) / (2.0 * t * t),
+                (2.0 * th - 3.0 * s + th * c) / (2.0 * t * t * th),
+            ];
+            for (series, closed) in [k.a, k.b, k.c, k.d, k.e].into_iter().zip(closed) {
+                assert!((series - closed).abs() < 5e-15, "{th}: {series} {closed}");
+            }
         }
     }
 

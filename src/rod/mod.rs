@@ -18,6 +18,7 @@
 mod kinematics;
 mod model;
 pub mod newton;
+pub mod pack;
 pub mod potential;
 
 pub use kinematics::{Sensitivity, Shape};

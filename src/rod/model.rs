@@ -1,6 +1,7 @@
 //! What does not change of a rod: its natural shape cut into Magnus sub-steps, its stiffness, its mass.
 
 use crate::math::frame::{any_frame, double_reflection, frame_towards};
+use crate::math::lanes::{self, Real, V3};
 use crate::math::se3::{self, Pose, Twist};
 use crate::math::spline::ArcSpline;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -13,18 +14,71 @@ pub const MAX_SUBSTEP_TURN: f64 = 0.4;
 pub(super) const GAUSS: [f64; 2] = [0.211_324_865_405_187_13, 0.788_675_134_594_812_9];
 
 /// One Magnus sub-step of the natural shape.
-#[derive(Debug, Clone)]
-pub(super) struct Step {
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Step<F> {
     /// Element (between nodes `element` and `element + 1`) that holds it.
     pub element: usize,
     /// Length h, m.
-    pub h: f64,
+    pub h: F,
     /// Exponent of the natural shape: exact, so that the natural shape is met to rounding at q = 0.
-    pub natural: Twist,
+    pub natural: lanes::Twist<F>,
     /// Natural strain at the two Gauss points, 1/m.
-    pub strain: [Vector3<f64>; 2],
+    pub strain: [V3<F>; 2],
     /// Hat functions of the left node at the two Gauss points; the right node's are one minus these.
-    pub left: [f64; 2],
+    pub left: [F; 2],
+}
+
+/// What the step of a rod, or of several in lanes, reads of it.
+#[derive(Debug, Clone)]
+pub(super) struct Beam<F> {
+    /// Sub-steps, root first.
+    pub steps: Vec<Step<F>>,
+    /// Hat-function mass matrix ∫ N_i N_j ds, m: diagonal, and next to it.
+    pub hat: Vec<[F; 2]>,
+    /// (E I1, E I2, G J), N·m².
+    pub stiffness: [F; 3],
+    /// Kelvin-Voigt relaxation time, s.
+    pub damping: F,
+    /// Generalised force of natural pre-bending, N·m²; see [`Rod::support`].
+    pub prebend: Vec<F>,
+    /// Length L, m.
+    pub length: F,
+    /// Length of the longest sub-step, m.
+    pub longest: F,
+    /// Mass, kg.
+    pub mass: F,
+}
+
+impl<F: Real> Beam<F> {
+    /// Number of unknowns.
+    #[inline(always)]
+    pub fn unknowns(&self) -> usize {
+        3 * self.hat.len()
+    }
+
+    /// Number of points.
+    #[inline(always)]
+    pub fn points(&self) -> usize {
+        self.steps.len() + 1
+    }
+
+    /// y += a · (elastic stiffness matrix ∫ N_i K N_j ds) x.
+    #[inline(always)]
+    pub fn add_elastic(&self, a: F, x: &[F], y: &mut [F]) {
+        let n = self.hat.len();
+        for i in 0..n {
+            for c in 0..3 {
+                let mut s = self.hat[i][0] * x[3 * i + c];
+                if i > 0 {
+                    s += self.hat[i - 1][1] * x[3 * (i - 1) + c];
+                }
+                if i + 1 < n {
+                    s += self.hat[i][1] * x[3 * (i + 1) + c];
+                }
+                y[3 * i + c] += a * self.stiffness[c] * s;
+            }
+        }
+    }
 }
 
 /// What a rod is made from. SI units, rest space.
@@ -56,21 +110,13 @@ pub struct Rod {
     pub nodes: Vec<f64>,
     /// Root pose in rest space.
     pub root: Pose,
-    /// (E I1, E I2, G J), N·m².
-    pub stiffness: [f64; 3],
-    /// Kelvin-Voigt relaxation time, s.
-    pub damping: f64,
     /// ρ S, kg/m.
     pub line_density: f64,
     /// Arc length that each point stands for in integrals along the rod (composite Simpson), m; one per point.
     pub weight: Vec<f64>,
-    /// Generalised force of natural pre-bending, N·m²; see [`Rod::support`]. Zero unless asked for.
-    pub prebend: Vec<f64>,
     /// Starting deviation: the groom's shape as seen from the natural one, 1/m.
     pub start: Vec<f64>,
-    pub(super) steps: Vec<Step>,
-    /// Hat-function mass matrix ∫ N_i N_j ds, m: diagonal, and next to it.
-    pub(super) hat: Vec<[f64; 2]>,
+    pub(super) beam: Beam<f64>,
 }
 
 impl Rod {
@@ -107,6 +153,8 @@ impl Rod {
                     None => (drawn.exponent, drawn.strain),
                     Some(w) => (Twist::new(w * h, Vector3::z() * h), [w; 2]),
                 };
+                let natural = lanes::Twist { w: natural.w.into(), v: natural.v.into() };
+                let strain = strain.map(V3::from);
                 deviation.push(drawn.strain.map(|w| w - source.natural.unwrap_or(w)));
                 steps.push(Step { element, h, natural, strain, left });
                 if k % 2 == 0 {
@@ -117,18 +165,18 @@ impl Rod {
             }
         }
         let free = nodes.len() - 1;
-        let mut rod = Rod {
-            root,
+        let beam = Beam {
+            hat: hat_matrix(&nodes),
             stiffness: source.stiffness,
             damping: source.damping,
-            line_density: source.line_density,
-            weight,
             prebend: vec![0.0; 3 * free],
-            start: vec![0.0; 3 * free],
-            hat: hat_matrix(&nodes),
-            nodes,
+            length,
+            longest: steps.iter().map(|s: &Step<f64>| s.h).fold(0.0, f64::max),
+            mass: source.line_density * length,
             steps,
         };
+        let start = vec![0.0; 3 * free];
+        let mut rod = Rod { root, line_density: source.line_density, weight, start, nodes, beam };
         if source.natural.is_some() {
             rod.start = rod.project(&deviation);
         }
@@ -147,38 +195,16 @@ impl Rod {
 
     /// Number of points of the polyline: one more than there are sub-steps.
     pub fn points(&self) -> usize {
-        self.steps.len() + 1
-    }
-
-    /// Length of the longest sub-step, m.
-    pub fn longest_step(&self) -> f64 {
-        self.steps.iter().map(|s| s.h).fold(0.0, f64::max)
+        self.beam.points()
     }
 
     /// Arc length of each point, m.
     pub fn arc_lengths(&self) -> Vec<f64> {
         let mut s = vec![0.0];
-        for step in &self.steps {
+        for step in &self.beam.steps {
             s.push(s[s.len() - 1] + step.h);
         }
         s
-    }
-
-    /// y += a · (elastic stiffness matrix ∫ N_i K N_j ds) x.
-    pub(super) fn add_elastic(&self, a: f64, x: &[f64], y: &mut [f64]) {
-        let n = x.len() / 3;
-        for i in 0..n {
-            for c in 0..3 {
-                let mut s = self.hat[i][0] * x[3 * i + c];
-                if i > 0 {
-                    s += self.hat[i - 1][1] * x[3 * (i - 1) + c];
-                }
-                if i + 1 < n {
-                    s += self.hat[i][1] * x[3 * (i + 1) + c];
-                }
-                y[3 * i + c] += a * self.stiffness[c] * s;
-            }
-        }
     }
 
     /// Hat-function coefficients closest (L2) to a strain given at the Gauss points of every sub-step, with none
@@ -186,7 +212,7 @@ impl Rod {
     fn project(&self, strain: &[[Vector3<f64>; 2]]) -> Vec<f64> {
         let n = self.nodes.len() - 1;
         let mut rhs = vec![Vector3::zeros(); n + 1];
-        for (step, w) in self.steps.iter().zip(strain) {
+        for (step, w) in self.beam.steps.iter().zip(strain) {
             for (w, left) in w.iter().zip(step.left) {
                 rhs[step.element] += w * (left * step.h / 2.0);
                 rhs[step.element + 1] += w * ((1.0 - left) * step.h / 2.0);
@@ -199,17 +225,18 @@ impl Rod {
     /// Solves the hat mass matrix (tridiagonal) in place.
     fn solve_hat(&self, rhs: &mut [Vector3<f64>]) {
         let n = rhs.len();
-        let mut diag: Vec<f64> = self.hat[..n].iter().map(|m| m[0]).collect();
+        let hat = &self.beam.hat;
+        let mut diag: Vec<f64> = hat[..n].iter().map(|m| m[0]).collect();
         for i in 1..n {
-            let f = self.hat[i - 1][1] / diag[i - 1];
-            diag[i] -= f * self.hat[i - 1][1];
+            let f = hat[i - 1][1] / diag[i - 1];
+            diag[i] -= f * hat[i - 1][1];
             let prev = rhs[i - 1];
             rhs[i] -= prev * f;
         }
         for i in (0..n).rev() {
             if i + 1 < n {
                 let next = rhs[i + 1];
-                rhs[i] -= next * self.hat[i][1];
+                rhs[i] -= next * hat[i][1];
             }
             rhs[i] /= diag[i];
         }
@@ -222,7 +249,8 @@ impl Rod {
         let mut moved: Vec<Vector3<f64>> = load
             .chunks_exact(3)
             .map(|f| {
-                Vector3::new(f[0] / self.stiffness[0], f[1] / self.stiffness[1], f[2] / self.stiffness[2])
+                let [a, b, c] = self.beam.stiffness;
+                Vector3::new(f[0] / a, f[1] / b, f[2] / c)
             })
             .collect();
         self.solve_hat(&mut moved);
@@ -233,10 +261,9 @@ impl Rod {
                 [w.x, w.y, w.z]
             })
             .collect();
-        self.prebend.fill(0.0);
-        let mut out = std::mem::take(&mut self.prebend);
-        self.add_elastic(1.0, &bounded, &mut out);
-        self.prebend = out;
+        let mut prebend = vec![0.0; bounded.len()];
+        self.beam.add_elastic(1.0, &bounded, &mut prebend);
+        self.beam.prebend = prebend;
     }
 }
 

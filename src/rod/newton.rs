@@ -1,13 +1,15 @@
 //! Newton's method on the incremental potential, and the linearisation that contact builds on.
 
+use super::model::Beam;
 use super::potential::{Load, energy, gradient_hessian};
 use super::{Rod, Sensitivity, Shape};
 use crate::math::cholesky;
+use crate::math::lanes::{M3, MAX_LANES, Mask, Real};
 use nalgebra::Matrix3;
 
-/// A solve has converged when a full Newton step moves no point by more than this fraction of the rod's length.
-/// Convergence being quadratic, the point then stands far closer to the minimum than that.
-pub const TOLERANCE: f64 = 1e-6;
+/// A solve has converged when no point is further from where it belongs than this fraction of the rod's length, by the estimate
+/// of `docs/theory.md` §4.5. Over a second of violent shaking such errors add up to some 10⁻⁵ of the length.
+pub const TOLERANCE: f64 = 1e-7;
 
 /// Newton steps before a solve is given up; violent shaking takes about 10.
 pub const MAX_ITERATIONS: u32 = 60;
@@ -20,117 +22,68 @@ const MAX_TURN: f64 = 1.0;
 pub struct Outcome {
     /// Newton steps taken.
     pub iterations: u32,
-    /// Whether the last one was within [`TOLERANCE`].
+    /// Whether the result is within [`TOLERANCE`].
     pub converged: bool,
 }
 
-/// Workspace of the implicit step of one rod at a time; reuse keeps the steps free of allocation.
-#[derive(Debug, Clone, Default)]
-pub struct Solver {
+/// Workspace of the implicit step of one rod at a time, or of several in lanes; reuse keeps the steps free of allocation.
+#[derive(Debug, Clone)]
+pub struct Solver<F = f64> {
     /// Shape at the current unknowns.
-    pub shape: Shape,
+    pub shape: Shape<F>,
     /// Sensitivity at the last linearisation.
-    pub sensitivity: Sensitivity,
+    pub sensitivity: Sensitivity<F>,
     /// −gradient of Φ at the last linearisation, then the Newton direction.
-    pub direction: Vec<f64>,
+    pub direction: Vec<F>,
     /// Cholesky factor of the Hessian at the last linearisation ([`cholesky::factor`]).
-    pub factor: Vec<f64>,
-    trial: Shape,
-    trial_q: Vec<f64>,
-    scratch: Vec<f64>,
+    pub factor: Vec<F>,
+    trial: Shape<F>,
+    trial_q: Vec<F>,
+    scratch: Vec<F>,
+}
+
+impl<F> Default for Solver<F> {
+    fn default() -> Self {
+        Solver {
+            shape: Shape::default(),
+            sensitivity: Sensitivity::default(),
+            direction: Vec::new(),
+            factor: Vec::new(),
+            trial: Shape::default(),
+            trial_q: Vec::new(),
+            scratch: Vec::new(),
+        }
+    }
 }
 
 impl Solver {
-    /// Φ at `q`, J.
-    pub fn energy(&mut self, rod: &Rod, root: &Matrix3<f64>, load: &Load, q: &[f64]) -> f64 {
-        self.scratch.resize(q.len(), 0.0);
-        self.trial.update(rod, root, q);
-        energy(rod, load, &self.trial, q, &mut self.scratch)
-    }
-
-    /// Minimises Φ from `q` (the start) in place. `root` is the root frame at the end of the step, world axes.
-    /// Afterwards [`Solver::shape`] is the shape at the result.
-    pub fn minimise(&mut self, rod: &Rod, root: &Matrix3<f64>, load: &Load, q: &mut [f64]) -> Outcome {
-        let n = q.len();
-        self.scratch.resize(n, 0.0);
-        self.trial_q.resize(n, 0.0);
-        self.shape.update(rod, root, q);
-        let mut phi = energy(rod, load, &self.shape, q, &mut self.scratch);
-        // The rounding of Φ, below which a decrease cannot be seen: its own, and that of the positions in its inertia, which counts
-        // where Φ is nearly nought (a thousand-millionth of the length moves Φ by this much).
-        let rounding = 1e-18 * rod.line_density * rod.length().powi(3) / (load.h * load.h);
-        for iterations in 1..=MAX_ITERATIONS {
-            if !self.linearise(rod, load, q) {
-                return Outcome { iterations, converged: false };
-            }
-            let slope = -cholesky::dot(&self.direction, &self.direction);
-            cholesky::solve_upper(&self.factor, n, &mut self.direction);
-            let mut t = self.longest(rod);
-            loop {
-                for ((new, q), d) in self.trial_q.iter_mut().zip(&*q).zip(&self.direction) {
-                    *new = q + t * d;
-                }
-                self.trial.update(rod, root, &self.trial_q);
-                let trial_phi = energy(rod, load, &self.trial, &self.trial_q, &mut self.scratch);
-                if trial_phi <= phi + 1e-4 * t * slope + 1e-13 * phi.abs() + rounding {
-                    phi = trial_phi;
-                    break;
-                }
-                t *= 0.5;
-                if t < 1e-6 {
-                    return Outcome { iterations, converged: false };
-                }
-            }
-            let moved = self.moved();
-            q.copy_from_slice(&self.trial_q);
-            std::mem::swap(&mut self.shape, &mut self.trial);
-            if t == 1.0 && moved <= TOLERANCE * rod.length() {
-                return Outcome { iterations, converged: true };
-            }
-        }
-        Outcome { iterations: MAX_ITERATIONS, converged: false }
+    /// Minimises Φ in place, from the better of the starts `q` and `other`. `root` is the root frame at the end of the step, world
+    /// axes. Afterwards [`Solver::shape`] is the shape at the result.
+    pub fn minimise(
+        &mut self,
+        rod: &Rod,
+        root: &Matrix3<f64>,
+        load: &Load,
+        q: &mut [f64],
+        other: &[f64],
+    ) -> Outcome {
+        self.solve(&rod.beam, M3::from(*root), load, q, other)[0]
     }
 
     /// Linearises Φ at `q`, whose shape is [`Solver::shape`]: fills [`Solver::sensitivity`], [`Solver::factor`], and
     /// [`Solver::direction`] with L⁻¹(−gradient). Where the Hessian is indefinite the geometric stiffness is left
     /// out. `false` only if a number is not finite.
     pub fn linearise(&mut self, rod: &Rod, load: &Load, q: &[f64]) -> bool {
-        let n = q.len();
-        self.sensitivity.update(rod, &self.shape, q);
-        self.direction.resize(n, 0.0);
-        self.factor.resize(n * n, 0.0);
-        for geometric in [true, false] {
-            gradient_hessian(
-                rod,
-                load,
-                &self.shape,
-                &self.sensitivity,
-                q,
-                geometric,
-                &mut self.direction,
-                &mut self.factor,
-            );
-            if cholesky::factor(&mut self.factor, n) {
-                for g in &mut self.direction {
-                    *g = -*g;
-                }
-                cholesky::solve_lower(&self.factor, n, &mut self.direction);
-                return true;
-            }
-        }
-        false
+        self.factorise(&rod.beam, load, q, 1) == 1
     }
 
     /// Moves `q` along the current direction, no further than the Magnus series allows and no point by more than about `most`,
     /// m; updates the shape and returns the largest displacement, m.
     pub fn advance(&mut self, rod: &Rod, root: &Matrix3<f64>, q: &mut [f64], most: f64) -> f64 {
-        let mut t = self.longest(rod);
+        let mut t = self.longest(&rod.beam);
         loop {
-            for ((new, q), d) in self.trial_q.iter_mut().zip(&*q).zip(&self.direction) {
-                *new = q + t * d;
-            }
-            self.trial.update(rod, root, &self.trial_q);
-            let moved = self.moved();
+            self.attempt(&rod.beam, M3::from(*root), q, t);
+            let moved = self.shape.distance(&self.trial);
             if moved <= most {
                 q.copy_from_slice(&self.trial_q);
                 std::mem::swap(&mut self.shape, &mut self.trial);
@@ -139,16 +92,152 @@ impl Solver {
             t *= 0.9 * most / moved;
         }
     }
+}
 
-    /// Share of the direction, at most 1, that turns no sub-step by more than [`MAX_TURN`].
-    fn longest(&self, rod: &Rod) -> f64 {
-        let bend = self.direction.chunks_exact(3).map(|d| d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-        let turn = bend.fold(0.0, f64::max).sqrt() * rod.longest_step();
-        (MAX_TURN / turn).min(1.0)
+impl<F: Real> Solver<F> {
+    /// [`Solver::minimise`] in every lane.
+    #[inline(always)]
+    pub(super) fn solve(
+        &mut self,
+        beam: &Beam<F>,
+        root: M3<F>,
+        load: &Load<F>,
+        q: &mut [F],
+        other: &[F],
+    ) -> [Outcome; MAX_LANES] {
+        let mut outcomes = [Outcome::default(); MAX_LANES];
+        let mut phi = self.start(beam, root, load, q, other);
+        let zero = phi.same(0.0);
+        // The rounding of Φ, below which a decrease cannot be seen: its own, and that of the positions in its inertia, which counts
+        // where Φ is nearly nought (a thousand-millionth of the length moves Φ by this much).
+        let rounding = load.inertia * beam.length * beam.length * 1e-18;
+        let tolerance = beam.length * TOLERANCE;
+        let mut active = F::ALL;
+        let (mut before, mut full_before) = (zero, 0);
+        for iteration in 1..=MAX_ITERATIONS {
+            note(&mut outcomes, active, Outcome { iterations: iteration, converged: false });
+            active &= self.factorise(beam, load, q, active);
+            let mut slope = zero;
+            for d in &self.direction {
+                slope -= *d * *d;
+            }
+            active &= slope.abs().below(slope.same(f64::MAX));
+            cholesky::solve_upper(&self.factor, q.len(), &mut self.direction);
+            for d in &mut self.direction {
+                *d = d.or(active, zero);
+            }
+            let mut t = self.longest(beam);
+            let mut trial_phi;
+            let mut pending = active;
+            loop {
+                self.attempt(beam, root, q, t);
+                trial_phi = energy(beam, load, &self.trial, &self.trial_q, &mut self.scratch);
+                let bound = phi + t * slope * 1e-4 + phi.abs() * 1e-13 + rounding;
+                pending &= !trial_phi.below(bound);
+                if pending == 0 {
+                    break;
+                }
+                t = (t * 0.5).or(pending, t);
+                let stuck = pending & t.below(t.same(1e-6));
+                t = zero.or(stuck, t);
+                active &= !stuck;
+                pending &= active;
+            }
+            let moved = self.shape.distance(&self.trial);
+            q.copy_from_slice(&self.trial_q);
+            std::mem::swap(&mut self.shape, &mut self.trial);
+            phi = trial_phi;
+            let full = active & !t.below(t.same(1.0));
+            // Were the contraction to stay at moved/before, as little as this would be left; near the minimum it improves.
+            let foreseen =
+                full & full_before & (moved * moved).below(before * tolerance) & moved.below(before);
+            let done = full & (moved.below(tolerance) | foreseen);
+            note(&mut outcomes, done, Outcome { iterations: iteration, converged: true });
+            active &= !done;
+            if active == 0 {
+                break;
+            }
+            (before, full_before) = (moved, full);
+        }
+        outcomes
     }
 
-    fn moved(&self) -> f64 {
-        let d = self.shape.pose.iter().zip(&self.trial.pose).map(|(a, b)| (a.p - b.p).norm_squared());
-        d.fold(0.0, f64::max).sqrt()
+    /// Takes the start of lower Φ, fills the shape and returns Φ, J.
+    #[inline(always)]
+    fn start(&mut self, beam: &Beam<F>, root: M3<F>, load: &Load<F>, q: &mut [F], other: &[F]) -> F {
+        self.shape.bend(beam, root, q);
+        self.trial.bend(beam, root, other);
+        let phi = energy(beam, load, &self.shape, q, &mut self.scratch);
+        let other_phi = energy(beam, load, &self.trial, other, &mut self.scratch);
+        let better = other_phi.below(phi);
+        for (q, o) in q.iter_mut().zip(other) {
+            *q = o.or(better, *q);
+        }
+        if better == F::ALL {
+            std::mem::swap(&mut self.shape, &mut self.trial);
+        } else if better != 0 {
+            self.shape.bend(beam, root, q);
+        }
+        other_phi.or(better, phi)
+    }
+
+    /// [`Solver::linearise`], as far as the lanes of `needed` ask for; returns those lanes where it succeeded.
+    #[inline(always)]
+    fn factorise(&mut self, beam: &Beam<F>, load: &Load<F>, q: &[F], needed: Mask) -> Mask {
+        let n = q.len();
+        self.sensitivity.linearise(beam, &self.shape, q);
+        let one = load.inertia.same(1.0);
+        let mut geometric = one;
+        loop {
+            gradient_hessian(
+                beam,
+                load,
+                &self.shape,
+                &self.sensitivity,
+                q,
+                geometric,
+                &mut self.direction,
+                &mut self.factor,
+            );
+            let positive = needed & cholesky::factor(&mut self.factor, n);
+            let without = needed & geometric.below(one);
+            if positive | without == needed {
+                for g in &mut self.direction {
+                    *g = -*g;
+                }
+                cholesky::solve_lower(&self.factor, n, &mut self.direction);
+                return positive;
+            }
+            geometric = geometric.or(positive, one.same(0.0));
+        }
+    }
+
+    /// Fills the trial: unknowns `t` along the direction from `q`, and their shape.
+    #[inline(always)]
+    fn attempt(&mut self, beam: &Beam<F>, root: M3<F>, q: &[F], t: F) {
+        self.trial_q.clear();
+        self.trial_q.extend(q.iter().zip(&self.direction).map(|(q, d)| *q + t * *d));
+        self.trial.bend(beam, root, &self.trial_q);
+    }
+
+    /// Share of the direction, at most 1, that turns no sub-step by more than [`MAX_TURN`].
+    #[inline(always)]
+    fn longest(&self, beam: &Beam<F>) -> F {
+        let mut bend = beam.length.same(0.0);
+        for d in self.direction.chunks_exact(3) {
+            bend = bend.max(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+        }
+        let one = bend.same(1.0);
+        let turn = bend.sqrt() * beam.longest * (1.0 / MAX_TURN);
+        one / one.max(turn)
+    }
+}
+
+/// Sets the outcome of the lanes of `mask`.
+fn note(outcomes: &mut [Outcome; MAX_LANES], mask: Mask, outcome: Outcome) {
+    for (i, o) in outcomes.iter_mut().enumerate() {
+        if mask >> i & 1 == 1 {
+            *o = outcome;
+        }
     }
 }

@@ -19,7 +19,12 @@ impl RestGuide {
     pub fn new(rod: &Rod) -> Self {
         let mut shape = Shape::default();
         shape.update(rod, &rod.root.r, &vec![0.0; rod.unknowns()]);
-        RestGuide { nodes: rod.nodes.clone(), arc: rod.arc_lengths(), pose: shape.pose, root: rod.root.p }
+        RestGuide {
+            nodes: rod.nodes.clone(),
+            arc: rod.arc_lengths(),
+            pose: shape.poses().collect(),
+            root: rod.root.p,
+        }
     }
 
     pub fn root(&self) -> Vector3<f64> {
