@@ -108,12 +108,21 @@ impl Surroundings<'_> {
     }
 }
 
+/// The solved free motion of a step.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Solved {
+    /// Root at the end of the step, world.
+    pub root: Pose,
+    /// How the solve went.
+    pub outcome: Outcome,
+}
+
 /// Workspace of the steps of one thread.
 #[derive(Debug, Default)]
 pub struct Workspace {
-    solver: Solver,
-    load: Load,
-    q: Vec<f64>,
+    pub(super) solver: Solver,
+    pub(super) load: Load,
+    pub(super) q: Vec<f64>,
     past: Vec<f64>,
     motions: Vec<Motion>,
     clearance: Vec<f64>,
@@ -166,12 +175,23 @@ impl Guide {
 
     /// Moves the guide from time `t0` to `t1`, s: one sub-step, halved where the solver asks for it.
     pub fn advance(&mut self, around: &Surroundings, t0: f64, t1: f64, work: &mut Workspace) -> StepRecord {
+        self.complete(around, [t0, t1], None, work)
+    }
+
+    /// What is left of [`Guide::advance`] over `span` once the free motion of the whole step has been solved for.
+    pub(super) fn complete(
+        &mut self,
+        around: &Surroundings,
+        span: [f64; 2],
+        solved: Option<Solved>,
+        work: &mut Workspace,
+    ) -> StepRecord {
         let [now, one, two] = &mut self.q;
         two.copy_from_slice(one);
         one.copy_from_slice(now);
         let mut record = StepRecord::default();
-        self.advance_part(around, t0, t1, 0, work, &mut record);
-        if self.clearance.counts().1 > 0 && (around.brought_out)(t1) >= 1.0 {
+        self.advance_part(around, span, 0, solved, work, &mut record);
+        if self.clearance.counts().1 > 0 && (around.brought_out)(span[1]) >= 1.0 {
             // What could not be brought out by now is drawn in a knot with the body, and stays so.
             let stuck: Vec<_> = work.touch.blocked().collect();
             self.clearance.arrive(&stuck, self.x.len());
@@ -182,18 +202,24 @@ impl Guide {
     fn advance_part(
         &mut self,
         around: &Surroundings,
-        t0: f64,
-        t1: f64,
+        [t0, t1]: [f64; 2],
         depth: u32,
+        mut solved: Option<Solved>,
         work: &mut Workspace,
         record: &mut StepRecord,
     ) {
         let last = depth >= MAX_CONTACT_HALVINGS;
-        let mut formula = Formula::new(self.scheme, t1 - t0, self.last);
+        let mut formula = self.formula(t1 - t0);
         let (mut root, mut outcome, mut clear);
         loop {
-            root = self.prepare(around, t1, &formula, work);
-            outcome = self.solve(&root, t1 - t0, work);
+            Solved { root, outcome } = match solved.take() {
+                Some(solved) => solved,
+                None => {
+                    let root = self.prepare(around, [t0, t1], &formula, work);
+                    let Workspace { solver, load, q, .. } = work;
+                    Solved { root, outcome: solver.minimise(&self.rod, &root.r, load, q, &self.q[0]) }
+                }
+            };
             record.iterations += outcome.iterations;
             work.touch.clear();
             clear = outcome.converged && self.touch(around, &root, [t0, t1], last, work);
@@ -206,8 +232,8 @@ impl Guide {
         if !clear && (if outcome.converged { !last } else { depth < MAX_HALVINGS }) {
             record.halvings += 1;
             let middle = 0.5 * (t0 + t1);
-            self.advance_part(around, t0, middle, depth + 1, work, record);
-            self.advance_part(around, middle, t1, depth + 1, work, record);
+            self.advance_part(around, [t0, middle], depth + 1, None, work, record);
+            self.advance_part(around, [middle, t1], depth + 1, None, work, record);
             return;
         }
         record.unconverged += u32::from(!outcome.converged);
@@ -257,8 +283,19 @@ impl Guide {
         clear
     }
 
-    /// Fills the load of a step and returns the root's pose at its end.
-    fn prepare(&self, around: &Surroundings, t1: f64, formula: &Formula, work: &mut Workspace) -> Pose {
+    /// The difference formula of the next step, of `h`, s.
+    pub(super) fn formula(&self, h: f64) -> Formula {
+        Formula::new(self.scheme, h, self.last)
+    }
+
+    /// Fills the load of a step and where to start its solve from, and returns the root's pose at its end.
+    pub(super) fn prepare(
+        &self,
+        around: &Surroundings,
+        [t0, t1]: [f64; 2],
+        formula: &Formula,
+        work: &mut Workspace,
+    ) -> Pose {
         let (root, before) = (around.root(&self.rod.root, t1), &self.before);
         let points = (0..self.x.len()).map(|k| {
             let previous = formula.past(self.x[k], before.x[k]) - root.p;
@@ -274,22 +311,17 @@ impl Guide {
         work.past.clear();
         work.past.extend(self.q[0].iter().zip(&before.q).map(|(q, b)| formula.past(*q, *b)));
         work.load.set(&self.rod, formula.eta, &(around.gravity)(t1), &work.past, points);
+        // The parabola through the last three states (Newton's divided differences).
+        let (h, [(h1, r1), (h2, r2)]) = (t1 - t0, &self.past);
+        let bend = h * (h + h1) / (h1 + h2);
+        work.q.clear();
+        let ahead = self.q[0].iter().zip(r1).zip(r2);
+        work.q.extend(ahead.map(|((q, r1), r2)| q + r1 * h + (r1 - r2) * bend));
         root
     }
 
     fn state(&self) -> State {
         State { q: self.q[0].clone(), x: self.x.clone(), v: self.v.clone(), tangent: self.tangent.clone() }
-    }
-
-    /// Minimises the step's potential from the better of two starts: where the rod was, and where its motion takes it.
-    fn solve(&self, root: &Pose, h: f64, work: &mut Workspace) -> Outcome {
-        work.q.clear();
-        let [(h1, r1), (h2, r2)] = &self.past;
-        // The parabola through the last three (Newton's divided differences).
-        let bend = h * (h + h1) / (h1 + h2);
-        let ahead = self.q[0].iter().zip(r1).zip(r2);
-        work.q.extend(ahead.map(|((q, r1), r2)| q + r1 * h + (r1 - r2) * bend));
-        work.solver.minimise(&self.rod, &root.r, &work.load, &mut work.q, &self.q[0])
     }
 
     fn commit(&mut self, root: &Pose, h: f64, formula: &Formula, work: &Workspace) {

@@ -2,6 +2,7 @@
 
 pub mod air;
 mod clearance;
+pub mod company;
 pub mod guide;
 pub mod output;
 pub mod record;

@@ -1,7 +1,8 @@
 //! All guides in time: the groom's pose settled in a pre-roll, then sub-step by sub-step.
 
 use super::air::{self, Bulk};
-use super::guide::{Guide, StepRecord, Surroundings, Workspace};
+use super::company::{Company, CompanyWork};
+use super::guide::{Guide, StepRecord, Surroundings};
 use crate::contact::Bodies;
 use crate::rod::{Rod, Sensitivity, Shape};
 use crate::scene::{Anim, Groom};
@@ -22,6 +23,7 @@ pub struct Simulation<'a> {
     pub guides: Vec<Guide>,
     /// Leaf wisp of each guide: (tree, wisp).
     pub leaves: Vec<(u32, u32)>,
+    companies: Vec<Company>,
     /// Sub-steps taken since the start of the pre-roll.
     taken: i64,
     /// Sub-steps of the pre-roll.
@@ -37,11 +39,13 @@ impl<'a> Simulation<'a> {
         let bulk = Bulk::new(rods.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
         let leaves = rods.iter().map(|r| (r.leaf.0 as u32, r.leaf.1 as u32)).collect();
         let bodies = Bodies::new(&anim.colliders);
-        let mut simulation = Simulation { anim, bodies, guides: Vec::new(), leaves, taken: 0, preroll };
+        let mut simulation =
+            Simulation { anim, bodies, guides: Vec::new(), companies: Vec::new(), leaves, taken: 0, preroll };
         let t = simulation.time();
         simulation.guides = simulation.around(|around| {
             rods.into_par_iter().map(|mut r| start(groom, anim, &bulk, &mut r, around, t, step)).collect()
         });
+        simulation.companies = Company::muster(&simulation.guides);
         simulation
     }
 
@@ -65,15 +69,27 @@ impl<'a> Simulation<'a> {
     pub fn run_to(&mut self, frame: i32, mut each: impl FnMut(&[StepRecord])) {
         let substeps = i64::from(self.anim.settings.substeps);
         let target = self.preroll + (i64::from(frame) - i64::from(self.anim.frames.0) + 1) * substeps;
+        let mut records = vec![StepRecord::default(); self.guides.len()];
         while self.taken < target {
             let (t0, t1) = (self.time_after(self.taken), self.time_after(self.taken + 1));
             let mut guides = std::mem::take(&mut self.guides);
-            let records: Vec<StepRecord> = self.around(|around| {
-                guides
-                    .par_iter_mut()
-                    .with_min_len(4)
-                    .map_init(Workspace::default, |work, guide| guide.advance(around, t0, t1, work))
-                    .collect()
+            records.fill(StepRecord::default());
+            let (mut left, mut left_records) = (&mut guides[..], &mut records[..]);
+            let companies: Vec<_> = self
+                .companies
+                .iter()
+                .filter_map(|company| {
+                    let guides = left.split_off_mut(..company.len)?;
+                    Some((company, guides, left_records.split_off_mut(..company.len)?))
+                })
+                .collect();
+            self.around(|around| {
+                companies.into_par_iter().for_each_init(
+                    CompanyWork::default,
+                    |work, (company, guides, records)| {
+                        company.advance(guides, around, [t0, t1], work, records);
+                    },
+                );
             });
             self.guides = guides;
             self.taken += 1;

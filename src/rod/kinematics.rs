@@ -52,11 +52,11 @@ impl<F: Real> Shape<F> {
     #[inline(always)]
     pub(super) fn bend(&mut self, beam: &Beam<F>, root: M3<F>, q: &[F]) {
         let mut g = lanes::Pose { r: root, p: V3::all(beam.length.same(0.0)) };
-        self.pose.clear();
-        self.pose.push(g);
-        for step in &beam.steps {
+        self.pose.resize(beam.points(), g);
+        self.pose[0] = g;
+        for (step, pose) in beam.steps.iter().zip(&mut self.pose[1..]) {
             g = g.compose(&se3::exp(&exponent(step, &local(step, q))));
-            self.pose.push(g);
+            *pose = g;
         }
     }
 
@@ -125,30 +125,27 @@ impl<F: Real> Sensitivity<F> {
     /// The sensitivity at unknowns `q` whose shape is `shape`.
     #[inline(always)]
     pub(super) fn linearise(&mut self, beam: &Beam<F>, shape: &Shape<F>, q: &[F]) {
-        let zero = beam.length.same(0.0);
-        self.step.clear();
-        self.before.clear();
-        self.element.clear();
-        self.total.clear();
-        self.total.resize(beam.unknowns() + 3, Twist::none(zero));
-        for (step, g) in beam.steps.iter().zip(&shape.pose) {
-            let columns = columns(step, g, q);
-            let total = &mut self.total[3 * step.element..3 * step.element + 6];
-            let mut before = columns;
-            for (a, c) in columns.iter().enumerate() {
-                before[a] = total[a];
-                total[a] = total[a] + *c;
+        let (none, n) = (Twist::none(beam.length.same(0.0)), beam.steps.len());
+        self.step.resize(n, [none; 6]);
+        self.before.resize(n, [none; 6]);
+        self.element.resize(n, 0);
+        self.total.resize(beam.unknowns() + 3, none);
+        self.total.fill(none);
+        for (k, step) in beam.steps.iter().enumerate() {
+            columns(step, &shape.pose[k], q, &mut self.step[k]);
+            let total = self.total[3 * step.element..3 * step.element + 6].iter_mut();
+            for ((total, before), own) in total.zip(&mut self.before[k]).zip(&self.step[k]) {
+                *before = *total;
+                *total = *total + *own;
             }
-            self.step.push(columns);
-            self.before.push(before);
-            self.element.push(step.element);
+            self.element[k] = step.element;
         }
     }
 }
 
 /// World twists of the six unknowns of a step that starts at pose `g`: Ad_g J_ℓ(ψ) ∂ψ/∂q.
 #[inline(always)]
-fn columns<F: Real>(step: &Step<F>, g: &lanes::Pose<F>, q: &[F]) -> [Twist<F>; 6] {
+fn columns<F: Real>(step: &Step<F>, g: &lanes::Pose<F>, q: &[F], columns: &mut [Twist<F>; 6]) {
     let d = local(step, q);
     let omega = [step.strain[0] + d[0], step.strain[1] + d[1]];
     let lj = se3::left_jacobian(&exponent(step, &d));
@@ -157,7 +154,6 @@ fn columns<F: Real>(step: &Step<F>, g: &lanes::Pose<F>, q: &[F]) -> [Twist<F>; 6
     let q = g.r * lj.q;
     let q = q + M3([g.p.cross(j.0[0]), g.p.cross(j.0[1]), g.p.cross(j.0[2])]);
     let k = step.h * step.h * COMMUTATOR;
-    let mut columns = [Twist::none(step.h.same(0.0)); 6];
     for side in 0..2 {
         let [l1, l2] = step.left;
         let [n1, n2] = if side == 0 { step.left } else { [-l1 + 1.0, -l2 + 1.0] };
@@ -175,7 +171,6 @@ fn columns<F: Real>(step: &Step<F>, g: &lanes::Pose<F>, q: &[F]) -> [Twist<F>; 6
             columns[3 * side + axis] = t;
         }
     }
-    columns
 }
 
 impl Sensitivity {

@@ -215,8 +215,10 @@ impl<F: Real> Solver<F> {
     /// Fills the trial: unknowns `t` along the direction from `q`, and their shape.
     #[inline(always)]
     fn attempt(&mut self, beam: &Beam<F>, root: M3<F>, q: &[F], t: F) {
-        self.trial_q.clear();
-        self.trial_q.extend(q.iter().zip(&self.direction).map(|(q, d)| *q + t * *d));
+        self.trial_q.resize(q.len(), t);
+        for ((new, q), d) in self.trial_q.iter_mut().zip(q).zip(&self.direction) {
+            *new = *q + t * *d;
+        }
         self.trial.bend(beam, root, &self.trial_q);
     }
 

@@ -8,7 +8,7 @@ use super::model::{Beam, Step};
 use super::newton::{Outcome, Solver};
 use super::potential::{Load, Tie};
 use super::{Rod, Shape};
-use crate::math::lanes::{Lane, M3, Pose, Real, Twist, V3};
+use crate::math::lanes::{Lane, M3, MAX_LANES, Pose, Real, Twist, V3};
 use nalgebra::Matrix3;
 use pulp::{Arch, Simd, WithSimd};
 use std::any::Any;
@@ -48,7 +48,8 @@ impl Pack {
     }
 
     /// Does for every rod, in the order of [`Pack::new`], what [`Solver::minimise`] does.
-    pub fn minimise(&self, tasks: &mut [Task], work: &mut PackWork) {
+    /// There is no task where there is no rod.
+    pub fn minimise(&self, tasks: &mut [Option<Task>; MAX_LANES], work: &mut PackWork) {
         Arch::new().dispatch(Minimise { pack: self, tasks, work });
     }
 }
@@ -75,7 +76,7 @@ impl WithSimd for Gather<'_> {
 
 struct Minimise<'a, 'b> {
     pack: &'a Pack,
-    tasks: &'a mut [Task<'b>],
+    tasks: &'a mut [Option<Task<'b>>; MAX_LANES],
     work: &'a mut PackWork,
 }
 
@@ -185,10 +186,11 @@ impl<F: Real> Beams<F> {
     }
 
     #[inline(always)]
-    fn minimise(&self, tasks: &mut [Task], work: &mut Buffers<F>) {
+    fn minimise(&self, tasks: &mut [Option<Task>; MAX_LANES], work: &mut Buffers<F>) {
         let zero = self.beam.length.same(0.0);
         let Buffers { load, q, other, solver } = work;
-        let task = |i: usize| if i < tasks.len() { &tasks[i] } else { &tasks[0] };
+        let Some(first) = &tasks[0] else { return };
+        let task = |i: usize| tasks[i].as_ref().unwrap_or(first);
         load.stiffening = lanes(zero, |i| task(i).load.stiffening);
         load.inertia = lanes(zero, |i| task(i).load.inertia);
         let none = Tie { alpha: zero, u: V3::all(zero), target: V3::all(zero) };
@@ -221,7 +223,7 @@ impl<F: Real> Beams<F> {
             vectors(zero, |i| M3::from(*task(i).root).0[2]),
         ]);
         let outcomes = solver.solve(&self.beam, root, load, q, other);
-        for (i, task) in tasks.iter_mut().enumerate() {
+        for (i, task) in tasks.iter_mut().flatten().enumerate() {
             *task.outcome = outcomes[i];
             for (x, q) in task.q.iter_mut().zip(&*q) {
                 *x = q.lane(i);
@@ -315,18 +317,11 @@ mod tests {
             let pack = Pack::new(&members.iter().map(|&i| &rods[i]).collect::<Vec<_>>());
             let mut results = vec![(vec![0.1; n], Shape::default(), Outcome::default()); size];
             let other = vec![0.0; n];
-            let mut tasks: Vec<Task> = results
-                .iter_mut()
-                .zip(&members)
-                .map(|((q, shape, outcome), &i)| Task {
-                    root: &rods[i].root.r,
-                    load: &loads[i],
-                    q,
-                    other: &other,
-                    shape,
-                    outcome,
-                })
-                .collect();
+            let mut tasks = results.iter_mut().zip(&members).map(|((q, shape, outcome), &i)| {
+                let (root, load) = (&rods[i].root.r, &loads[i]);
+                Task { root, load, q, other: &other, shape, outcome }
+            });
+            let mut tasks = std::array::from_fn(|_| tasks.next());
             pack.minimise(&mut tasks, &mut work);
             for ((q, shape, outcome), &i) in results.iter().zip(&members) {
                 assert!(*q == alone[i].0 && shape.pose == alone[i].1 && *outcome == alone[i].2, "{i}");

@@ -101,8 +101,8 @@ pub(super) fn energy<F: Real>(
         let along = tie.u.dot(y);
         e += tie.alpha * y.dot(y) - along * along;
     }
-    scratch.clear();
     scratch.resize(q.len(), zero);
+    scratch.fill(zero);
     beam.add_elastic(load.stiffening, q, scratch);
     for ((q, k), pull) in q.iter().zip(&*scratch).zip(&load.pull) {
         e += *q * (*k - *pull * 2.0);
@@ -222,11 +222,13 @@ pub(super) fn gradient_hessian<F: Real>(
     hessian: &mut Vec<F>,
 ) {
     let (n, zero) = (q.len(), geometric.same(0.0));
-    gradient.clear();
-    gradient.extend(load.pull.iter().map(|p| -*p));
+    gradient.resize(n, zero);
+    for (g, pull) in gradient.iter_mut().zip(&load.pull) {
+        *g = -*pull;
+    }
     beam.add_elastic(load.stiffening, q, gradient);
-    hessian.clear();
     hessian.resize(n * n, zero);
+    hessian.fill(zero);
     for i in 0..n / 3 {
         for c in 0..3 {
             let (a, stiffness) = (3 * i + c, load.stiffening * beam.stiffness[c]);

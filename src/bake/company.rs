@@ -1,0 +1,142 @@
+//! Guides stepped together: their free motions are solved for in the lanes of one pack, contact guide by guide.
+
+use super::guide::{Guide, Solved, StepRecord, Surroundings, Workspace};
+use crate::math::lanes::MAX_LANES;
+use crate::rod::newton::Outcome;
+use crate::rod::pack::{Pack, PackWork, Task};
+
+/// Guides that follow each other in a list and are stepped together.
+pub struct Company {
+    pack: Pack,
+    /// How many they are.
+    pub len: usize,
+}
+
+/// Workspace of the steps of one thread.
+#[derive(Default)]
+pub struct CompanyWork {
+    guides: Vec<Workspace>,
+    solved: Vec<Solved>,
+    pack: PackWork,
+}
+
+impl Company {
+    /// Divides guides into companies, in order.
+    pub fn muster(guides: &[Guide]) -> Vec<Company> {
+        let alike = guides.chunk_by(|a, b| a.rod.unknowns() == b.rod.unknowns());
+        let ranks = alike.flat_map(|alike| alike.chunks(Pack::width()));
+        ranks
+            .map(|rank| {
+                let rods: Vec<_> = rank.iter().map(|g| &g.rod).collect();
+                Company { pack: Pack::new(&rods), len: rank.len() }
+            })
+            .collect()
+    }
+
+    /// Does for the guides of the company what [`Guide::advance`] does for each, bit for bit; `span` is the sub-step's start and end,
+    /// s, and `records` has an entry for each guide.
+    pub fn advance(
+        &self,
+        guides: &mut [Guide],
+        around: &Surroundings,
+        span: [f64; 2],
+        work: &mut CompanyWork,
+        records: &mut [StepRecord],
+    ) {
+        let CompanyWork { guides: works, solved, pack } = work;
+        works.resize_with(works.len().max(self.len), Workspace::default);
+        solved.clear();
+        for (guide, work) in guides.iter().zip(&mut *works) {
+            let formula = guide.formula(span[1] - span[0]);
+            let root = guide.prepare(around, span, &formula, work);
+            solved.push(Solved { root, outcome: Outcome::default() });
+        }
+        let mut tasks =
+            guides.iter().zip(&mut *works).zip(&mut *solved).map(|((guide, work), solved)| Task {
+                root: &solved.root.r,
+                load: &work.load,
+                q: &mut work.q,
+                other: &guide.q[0],
+                shape: &mut work.solver.shape,
+                outcome: &mut solved.outcome,
+            });
+        let mut tasks: [_; MAX_LANES] = std::array::from_fn(|_| tasks.next());
+        self.pack.minimise(&mut tasks, pack);
+        for (((guide, work), solved), record) in guides.iter_mut().zip(works).zip(solved).zip(records) {
+            *record = guide.complete(around, span, Some(*solved), work);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::Bodies;
+    use crate::rod::{Rod, RodSource};
+    use crate::scene::anim::Scheme;
+    use crate::scene::{Shape, Tree};
+    use nalgebra::{Isometry3, Vector3};
+
+    /// A hair beside others of its kind; every fourth has fewer nodes.
+    fn hair(i: usize) -> Rod {
+        let root = Vector3::x() * (0.01 * i as f64);
+        Rod::new(&RodSource {
+            points: &[root, root + Vector3::new(0.02, 0.01, 0.1 + 0.03 * (i % 3) as f64)],
+            root_frame: None,
+            arc: &Tree::default_arc(if i % 4 == 3 { 5 } else { 7 }),
+            stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
+            line_density: 6.6e-6,
+            damping: 0.005,
+            natural: None,
+            max_step: 0.01,
+        })
+        .unwrap()
+    }
+
+    #[test]
+    fn company_changes_no_bit() {
+        // A head that jerks above a ball: some strands are thrown about, some come to lie on it.
+        let bodies = Bodies::from_shapes(&[Shape::Sphere { centre: Vector3::zeros(), radius: 0.04 }]);
+        let head = |t: f64| Isometry3::translation(0.0, 0.05 + 0.03 * (40.0 * t).sin(), -0.06);
+        let around = Surroundings {
+            head: &head,
+            gravity: &|_| Vector3::y() * -9.81,
+            wind: &[],
+            bodies: &bodies,
+            body: &|_, _| Isometry3::identity(),
+            brought_out: &|_| 1.0,
+        };
+        let h = 1.0 / 96.0;
+        for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
+            let guide = |i| {
+                let rod = hair(i);
+                let drag = vec![2e-5; rod.points()];
+                let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &around, 0.0, h);
+                guide.scheme = scheme;
+                guide
+            };
+            let mut alone: Vec<Guide> = (0..7).map(guide).collect();
+            let mut together = alone.clone();
+            let companies = Company::muster(&together);
+            assert_eq!(companies.iter().map(|c| c.len).sum::<usize>(), together.len());
+            let (mut work, mut company_work) = (Workspace::default(), CompanyWork::default());
+            let mut touched = 0;
+            for step in 0..60 {
+                let span = [f64::from(step) * h, f64::from(step + 1) * h];
+                let one: Vec<StepRecord> =
+                    alone.iter_mut().map(|g| g.advance(&around, span[0], span[1], &mut work)).collect();
+                let mut all = vec![StepRecord::default(); together.len()];
+                let (mut guides, mut records) = (&mut together[..], &mut all[..]);
+                for company in &companies {
+                    let guides = guides.split_off_mut(..company.len).unwrap();
+                    let records = records.split_off_mut(..company.len).unwrap();
+                    company.advance(guides, &around, span, &mut company_work, records);
+                }
+                assert_eq!(one, all);
+                assert!(alone.iter().zip(&together).all(|(a, b)| a.x == b.x && a.v == b.v && a.q == b.q));
+                touched += all.iter().filter(|r| r.active > 0).count();
+            }
+            assert!(touched > 0);
+        }
+    }
+}
