@@ -18,13 +18,13 @@ use super::shape::{Feature, Shape};
 use nalgebra::Vector3;
 
 /// Minimum separation ξ, as a fraction of min(clearance, distance at the start).
-const SEPARATION: f64 = 0.2;
+pub(super) const SEPARATION: f64 = 0.2;
 /// How much farther than ξ a segment counts as stopped, as the same kind of fraction.
-const TOLERANCE: f64 = 0.05;
+pub(super) const TOLERANCE: f64 = 0.05;
 /// Nearer than this, m, the side of a surface is rounding: what starts so is overlapping.
-const TOUCHING: f64 = 1e-12;
+pub(super) const TOUCHING: f64 = 1e-12;
 /// Steps of the advancement; a few suffice, and one that is cut short is stopped early, never late.
-const MAX_STEPS: usize = 100;
+pub(super) const STEPS: usize = 100;
 
 impl Bodies {
     /// Appends to `out` the first impact of every segment of `line` with every body over the step, normals taken just
@@ -161,7 +161,7 @@ impl Path {
             return None;
         }
         let (separation, stop) = (SEPARATION * scale, (SEPARATION + TOLERANCE) * scale);
-        for _ in 0..MAX_STEPS {
+        for _ in 0..STEPS {
             let free = (0..2)
                 .filter_map(|i| {
                     let approach = -near.normal.dot(&velocity[i]);

@@ -10,6 +10,7 @@
 //! - `bodies`: all bodies of a scene, and the workspace that carries closest pairs from step to step.
 //! - `candidates`: contacts near the end of the step.
 //! - `ccd`: first impacts on the way there.
+//! - [`pairs`]: strands against strands, near each other and on the way there.
 //! - [`friction`]: Signorini's condition with Coulomb's cone, solved to a stated residual.
 
 mod bodies;
@@ -18,6 +19,7 @@ mod ccd;
 mod distance;
 pub mod friction;
 mod mesh;
+pub mod pairs;
 mod shape;
 
 pub use bodies::{Bodies, Body, Contact, Motion, Polyline, Workspace};

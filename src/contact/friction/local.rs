@@ -7,38 +7,76 @@ const RIGID: f64 = 1e-14;
 
 /// Impulse r of one contact with mobility `w` (symmetric, positive semi-definite), velocity `q` without impulse, and
 /// friction coefficient `mu`.
+pub fn solve_local(w: &Matrix3<f64>, q: &Vector3<f64>, mu: f64) -> Vector3<f64> {
+    Local::new(w).solve(q, mu)
+}
+
+/// One contact, made ready for many solves with the same mobility.
 ///
 /// Take-off: q_N ≥ 0, r = 0. Stick: u = 0. Slip: u_N = 0 and u_T = −s r_T, s > 0. With u_N = 0 the normal impulse is
 /// r_N = −(q_N + w·r_T)/W_NN; the tangential one then obeys (A + s I) r_T = −a, where A = W_TT − w wᵀ/W_NN and
 /// a = q_T − w q_N/W_NN. Along s from 0 (stick) to ∞ (no friction) |r_T| − µ r_N goes from positive to negative when
 /// sticking is impossible; the root is bracketed and found by Newton's method kept inside by bisection. This holds for any
 /// coupling of normal and tangent, where the quartic of Bonnefon & Daviet (2011) loses digits to its coefficients.
-pub fn solve_local(w: &Matrix3<f64>, q: &Vector3<f64>, mu: f64) -> Vector3<f64> {
-    let floor = RIGID * w.trace();
-    if q.x >= 0.0 || w[(0, 0)] <= floor {
-        return Vector3::zeros();
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Local {
+    pub w: Matrix3<f64>,
+    /// W_NN, 0 where the contact cannot move.
+    normal: f64,
+    /// w/W_NN.
+    coupling: Vector2<f64>,
+    /// Eigenvalues and eigenvectors of A.
+    lambda: Vector2<f64>,
+    basis: Matrix2<f64>,
+}
+
+impl Local {
+    pub fn new(w: &Matrix3<f64>) -> Self {
+        let floor = RIGID * w.trace();
+        if w[(0, 0)] <= floor {
+            let (zero, basis) = (Vector2::zeros(), Matrix2::identity());
+            return Local { w: *w, normal: 0.0, coupling: zero, lambda: zero, basis };
+        }
+        let coupling = Vector2::new(w[(1, 0)], w[(2, 0)]) / w[(0, 0)];
+        let tangential = Matrix2::new(w[(1, 1)], w[(1, 2)], w[(2, 1)], w[(2, 2)]);
+        let (lambda, basis) = eigen(&(tangential - coupling * coupling.transpose() * w[(0, 0)]));
+        Local { w: *w, normal: w[(0, 0)], coupling, lambda: lambda.map(|l| l.max(floor)), basis }
     }
-    if mu == 0.0 {
-        return Vector3::new(-q.x / w[(0, 0)], 0.0, 0.0);
+
+    pub fn solve(&self, q: &Vector3<f64>, mu: f64) -> Vector3<f64> {
+        if q.x >= 0.0 || self.normal == 0.0 {
+            return Vector3::zeros();
+        }
+        let normal_alone = -q.x / self.normal;
+        if mu == 0.0 {
+            return Vector3::new(normal_alone, 0.0, 0.0);
+        }
+        // In the eigenbasis of A.
+        let a = self.basis.tr_mul(&(q.yz() - self.coupling * q.x));
+        let c = self.basis.tr_mul(&self.coupling);
+        let impulse = |s: f64| {
+            let tangent = Vector2::new(-a.x / (self.lambda.x + s), -a.y / (self.lambda.y + s));
+            (normal_alone - c.dot(&tangent), tangent)
+        };
+        let (mut normal, mut tangent) = impulse(0.0);
+        if tangent.norm() > mu * normal {
+            (normal, tangent) = impulse(slip_rate(mu, &self.lambda, &a, &c, impulse));
+        }
+        let tangent = self.basis * tangent;
+        Vector3::new(normal, tangent.x, tangent.y)
     }
-    let coupling = Vector2::new(w[(1, 0)], w[(2, 0)]) / w[(0, 0)];
-    let tangential = Matrix2::new(w[(1, 1)], w[(1, 2)], w[(2, 1)], w[(2, 2)]);
-    let mobility = (tangential - coupling * coupling.transpose() * w[(0, 0)]).symmetric_eigen();
-    let lambda = mobility.eigenvalues.map(|l| l.max(floor));
-    // In the eigenbasis of A.
-    let a = mobility.eigenvectors.tr_mul(&(q.yz() - coupling * q.x));
-    let c = mobility.eigenvectors.tr_mul(&coupling);
-    let normal_alone = -q.x / w[(0, 0)];
-    let impulse = |s: f64| {
-        let tangent = Vector2::new(-a.x / (lambda.x + s), -a.y / (lambda.y + s));
-        (normal_alone - c.dot(&tangent), tangent)
-    };
-    let (mut normal, mut tangent) = impulse(0.0);
-    if tangent.norm() > mu * normal {
-        (normal, tangent) = impulse(slip_rate(mu, &lambda, &a, &c, impulse));
+}
+
+/// Eigenvalues and eigenvectors of a symmetric matrix, by one rotation (Jacobi 1846).
+fn eigen(m: &Matrix2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
+    let (a, b, d) = (m[(0, 0)], m[(0, 1)], m[(1, 1)]);
+    if b == 0.0 {
+        return (Vector2::new(a, d), Matrix2::identity());
     }
-    let tangent = mobility.eigenvectors * tangent;
-    Vector3::new(normal, tangent.x, tangent.y)
+    let tau = (d - a) / (2.0 * b);
+    let t = f64::copysign(1.0, tau) / (tau.abs() + (1.0 + tau * tau).sqrt());
+    let c = 1.0 / (1.0 + t * t).sqrt();
+    (Vector2::new(a - t * b, d + t * b), Matrix2::new(c, t * c, -t * c, c))
 }
 
 /// Root s > 0 of |r_T(s)| − µ r_N(s), which is positive at 0.

@@ -1,4 +1,4 @@
-//! Signorini's condition with Coulomb's cone, for the contacts of one strand.
+//! Signorini's condition with Coulomb's cone, for the contacts of one strand, and ([`Coupled`]) of many that touch each other.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
@@ -15,8 +15,10 @@
 //! iterative solver for robustly capturing Coulomb friction in hair dynamics", 2011. The order is that of the contacts and
 //! nothing is allocated, so results are the same bits on any thread.
 
+mod coupled;
 mod local;
 
+pub use coupled::{Coupled, Side, solve_coupled};
 pub use local::solve_local;
 use nalgebra::{Matrix3, Vector3};
 

@@ -188,3 +188,52 @@ proptest! {
         prop_assert!((v - nearest).norm() <= (v - other).norm() + 1e-12);
     }
 }
+
+#[test]
+fn coupled_strands_obey_the_law_of_the_assembled_problem() {
+    let (strands, n, contacts) = (5, 12, 14);
+    let mut random = Random::new(5);
+    let mut sides = Vec::new();
+    let mut rows = Vec::new();
+    for i in 0..contacts {
+        let (a, b) = (i % strands, (2 * i + 1) % strands);
+        let ends = [Some(a), (i % 3 > 0 && b != a).then_some(b)];
+        sides.push(ends.map(|end| {
+            end.map(|s| {
+                let side = Side { unknowns: (s * n, n), rows: rows.len() };
+                rows.extend((0..3 * n).map(|_| random.next()));
+                side
+            })
+        }));
+    }
+    let b: Vec<f64> = (0..3 * contacts).map(|_| random.next() - 0.3).collect();
+    let mu: Vec<f64> = (0..contacts).map(|i| 0.1 * (i % 8) as f64).collect();
+    // Y as a dense matrix, 3c rows of all unknowns.
+    let mut dense = vec![0.0; 3 * contacts * strands * n];
+    for (i, both) in sides.iter().enumerate() {
+        for side in both.iter().flatten() {
+            for d in 0..3 {
+                for k in 0..n {
+                    dense[(3 * i + d) * strands * n + side.unknowns.0 + k] += rows[side.rows + d * n + k];
+                }
+            }
+        }
+    }
+    let line = |i: usize| &dense[i * strands * n..(i + 1) * strands * n];
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let w: Vec<f64> = (0..9 * contacts * contacts)
+        .map(|k| dot(line(k / (3 * contacts)), line(k % (3 * contacts))))
+        .collect();
+    let (mut r, mut moved) = (vec![0.0; 3 * contacts], vec![0.0; strands * n]);
+    let coupled = Coupled { sides: &sides, rows: &rows, b: &b, mu: &mu };
+    let outcome = solve_coupled(&coupled, Tolerance { residual: 1e-11, sweeps: 20_000 }, &mut r, &mut moved);
+    let problem = Problem { w: &w, b: &b, mu: &mu };
+    assert!(outcome.residual <= 1e-11 && outcome.sweeps > 1, "{outcome:?}");
+    assert!((problem.residual(&r) - outcome.residual).abs() < 1e-10);
+    assert!(r.chunks(3).filter(|r| r[0] > 0.0).count() > 3);
+    check_law(&problem, &r, 1e-8);
+    for k in 0..strands * n {
+        let sum: f64 = (0..3 * contacts).map(|i| line(i)[k] * r[i]).sum();
+        assert!((sum - moved[k]).abs() < 1e-12);
+    }
+}

@@ -35,6 +35,11 @@ impl Bounds {
         Bounds { min: min.add_scalar(-margin), max: max.add_scalar(margin) }
     }
 
+    /// Whether two boxes have a point in common.
+    pub fn overlaps(&self, other: &Bounds) -> bool {
+        (0..3).all(|i| self.min[i] <= other.max[i] && other.min[i] <= self.max[i])
+    }
+
     fn meets(&self, node: &BvhNode) -> bool {
         let (lo, hi) = (node.mins(), node.maxs());
         lo.x <= self.max.x
