@@ -25,8 +25,15 @@ pub struct Clearance {
 }
 
 impl Clearance {
-    /// The rule applied to the points `x` (m, world), with the bodies at `pose` (rest space to world) and `thickness`, m.
-    pub fn new(bodies: &Bodies, pose: &[Isometry3<f64>], thickness: &[f64], x: &[Vector3<f64>]) -> Self {
+    /// The rule applied to the points `x` (m, world), with the bodies as they are at time `t`, s, at `pose` (rest space to world),
+    /// and `thickness`, m.
+    pub fn new(
+        bodies: &Bodies,
+        t: f64,
+        pose: &[Isometry3<f64>],
+        thickness: &[f64],
+        x: &[Vector3<f64>],
+    ) -> Self {
         let mut goal = Vec::new();
         let mut depth = Vec::new();
         for (b, (pose, &d)) in pose.iter().zip(thickness).enumerate() {
@@ -34,8 +41,8 @@ impl Clearance {
             for p in x {
                 let local = pose.inverse_transform_point(&(*p).into()).coords;
                 // The winding number, not the nearest triangle's side: it holds on open and dirty meshes.
-                let far = bodies.closest(b, &local, SEARCH).map_or(SEARCH, |s| s.distance.abs());
-                let inside = bodies.inside(b, &local);
+                let far = bodies.closest(b, t, &local, SEARCH).map_or(SEARCH, |s| s.distance.abs());
+                let inside = bodies.inside(b, t, &local);
                 rooted &= inside;
                 goal.push(match (inside, rooted) {
                     (false, _) => d.min(0.5 * far),
@@ -46,7 +53,7 @@ impl Clearance {
             }
         }
         let mut clearance = Clearance { from: goal.clone(), to: goal };
-        for c in clearance.at_rest(bodies, pose, thickness, x, &depth) {
+        for c in clearance.at_rest(bodies, t, pose, thickness, x, &depth) {
             let beside = c.body * x.len() + c.segment..c.body * x.len() + c.segment + 2;
             for i in beside.clone() {
                 if beside.clone().any(|j| depth[j] > 0.0) {
@@ -68,12 +75,14 @@ impl Clearance {
     fn at_rest(
         &self,
         bodies: &Bodies,
+        t: f64,
         pose: &[Isometry3<f64>],
         thickness: &[f64],
         x: &[Vector3<f64>],
         depth: &[f64],
     ) -> Vec<Contact> {
-        let motions: Vec<Motion> = pose.iter().map(|p| Motion { start: *p, end: *p }).collect();
+        let motions: Vec<Motion> =
+            pose.iter().map(|p| Motion { times: [t, t], start: *p, end: *p }).collect();
         let touching: Vec<f64> =
             depth.iter().map(|d| if *d > 0.0 { f64::NEG_INFINITY } else { 0.0 }).collect();
         let line = Polyline { x0: x, x1: x, clearance: &touching };

@@ -91,7 +91,7 @@ pub struct Surroundings<'a> {
     pub gravity: &'a (dyn Fn(f64) -> Vector3<f64> + Sync),
     /// Wind fields.
     pub wind: &'a [Wind],
-    /// What the guides collide with.
+    /// What the guides collide with, prepared for the sub-step.
     pub bodies: &'a Bodies,
     /// Rest space of a body of `bodies` to world at a time, s.
     pub body: &'a (dyn Fn(usize, f64) -> Isometry3<f64> + Sync),
@@ -151,7 +151,7 @@ impl Guide {
         let (now, before) = (place(t), place(t - h));
         let x: Vec<Vector3<f64>> = now.iter().map(|g| g.p).collect();
         let poses: Vec<_> = (0..around.bodies.len()).map(|b| (around.body)(b, t)).collect();
-        let clearance = Clearance::new(around.bodies, &poses, thickness, &x);
+        let clearance = Clearance::new(around.bodies, t, &poses, thickness, &x);
         let mut guide = Guide {
             lengths: Vec::new(),
             clearance,
@@ -259,10 +259,11 @@ impl Guide {
             return true;
         }
         work.motions.clear();
-        work.motions.extend(
-            (0..around.bodies.len())
-                .map(|b| Motion { start: (around.body)(b, t0), end: (around.body)(b, t1) }),
-        );
+        work.motions.extend((0..around.bodies.len()).map(|b| Motion {
+            times: [t0, t1],
+            start: (around.body)(b, t0),
+            end: (around.body)(b, t1),
+        }));
         self.clearance.at((around.brought_out)(t1), &mut work.clearance);
         let touch = Touch {
             rod: &self.rod,

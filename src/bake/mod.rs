@@ -69,7 +69,7 @@ pub fn bake(
 ) -> Result<BakeSummary> {
     let groom = &groom.with_default_trees(anim.settings.nodes);
     let mut simulation = Simulation::new(groom, anim);
-    let output = Output::new(groom, anim, &simulation);
+    let mut output = Output::new(groom, anim, &simulation);
     let writer = cache::Writer::create(out, output.header())?;
     let mut manifest = Manifest::new(output.header());
     manifest.inputs = inputs;

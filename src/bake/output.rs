@@ -1,9 +1,10 @@
 //! From the simulation's state to the arrays of the cache, in the groom's own unit and axes.
 
 use super::simulation::Simulation;
-use crate::cache::{ColliderMesh, CurveFrame, CurveSet, Frame, Header};
+use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
+use crate::contact::Bodies;
 use crate::rod::{Rod, Sensitivity, Shape};
-use crate::scene::{Anim, Convention, Curves, Groom, UpAxis};
+use crate::scene::{Anim, Collider, Convention, Curves, Deformation, Groom, UpAxis};
 use crate::strands::{BACKWARD, GuideMotion, HeadMotion, Interpolator, KeepOut, Moment};
 use nalgebra::{Isometry3, Matrix3, Matrix4, Vector3};
 use rayon::prelude::*;
@@ -13,6 +14,8 @@ pub struct Output<'a> {
     anim: &'a Anim,
     convention: Convention,
     strands: Option<Interpolator>,
+    /// What the strands keep out of, and when they are looked at: not in the simulation's steps.
+    bodies: Bodies,
     header: Header,
 }
 
@@ -40,17 +43,19 @@ impl<'a> Output<'a> {
                         name: c.name.clone(),
                         points: mesh.vertices.iter().map(|v| single(&convention.length_out(*v))).collect(),
                         triangles: mesh.triangles.iter().map(|t| t.map(|i| i as i32)).collect(),
+                        deforms: c.deformation.is_some(),
                     }
                 })
                 .collect(),
             ..Header::default()
         };
+        let bodies = Bodies::new(&anim.colliders);
         let strands = (!groom.strands.curves.is_empty()).then(|| {
             let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
             let (curves, leaf) = (&groom.strands.curves, &groom.strands.leaf);
-            Interpolator::new(curves, leaf, &rods, &simulation.bodies, &thickness)
+            Interpolator::new(curves, leaf, &rods, &bodies, &thickness)
         });
-        Output { anim, convention, strands, header }
+        Output { anim, convention, strands, bodies, header }
     }
 
     /// The cache's header.
@@ -59,11 +64,12 @@ impl<'a> Output<'a> {
     }
 
     /// The cache's arrays at the simulation's time, which must be that of `frame`.
-    pub fn frame(&self, frame: i32, simulation: &Simulation) -> Frame {
+    pub fn frame(&mut self, frame: i32, simulation: &Simulation) -> Frame {
         let t = self.anim.time(f64::from(frame));
         let head = head_motion(self.anim, t);
         let to_scene = self.convention.to_y_up().inverse().to_rotation_matrix().into_inner()
             / self.convention.metres_per_unit;
+        self.bodies.prepare([t - BACKWARD, t]);
         let rates: Vec<Vec<f64>> = simulation.guides.iter().map(|g| g.rate(simulation.step())).collect();
         let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
             let motion: Vec<GuideMotion> = simulation
@@ -74,10 +80,11 @@ impl<'a> Output<'a> {
                 .collect();
             let mut points = vec![[0.0; 3]; set.rest.len()];
             let mut velocities = vec![[0.0; 3]; set.rest.len()];
-            let poses = [t, t - BACKWARD].map(|t| self.collider_poses(t));
+            let times = [t, t - BACKWARD];
+            let poses = times.map(|t| self.collider_poses(t));
             let moments: [Moment; 2] = std::array::from_fn(|i| Moment {
-                head: head_motion(self.anim, t - BACKWARD * i as f64),
-                keep_out: KeepOut { bodies: &simulation.bodies, poses: &poses[i] },
+                head: head_motion(self.anim, times[i]),
+                keep_out: KeepOut { bodies: &self.bodies, time: times[i], poses: &poses[i] },
             });
             strands.evaluate(&moments, &motion, &to_scene, &mut points, &mut velocities);
             CurveFrame { extent: extent(&points, &set.widths), points, velocities }
@@ -87,8 +94,19 @@ impl<'a> Output<'a> {
             hair,
             guides: self.guides(simulation, &rates, &head, &to_scene),
             head: self.matrix(&self.anim.head_pose(t)),
-            colliders: self.collider_poses(t).iter().map(|pose| self.matrix(pose)).collect(),
+            colliders: self.colliders(t),
         }
+    }
+
+    fn colliders(&self, t: f64) -> Vec<ColliderFrame> {
+        let points =
+            |d: &Deformation| d.vertices(t).iter().map(|v| single(&self.convention.length_out(*v))).collect();
+        let poses = self.collider_poses(t);
+        let frame = |(c, pose): (&Collider, &Isometry3<f64>)| ColliderFrame {
+            transform: self.matrix(pose),
+            points: c.deformation.as_deref().map(points),
+        };
+        self.anim.colliders.iter().zip(&poses).map(frame).collect()
     }
 
     /// Rest space to world of each collider at `t`, s.

@@ -42,6 +42,7 @@ impl<'a> Simulation<'a> {
         let mut simulation =
             Simulation { anim, bodies, guides: Vec::new(), companies: Vec::new(), leaves, taken: 0, preroll };
         let t = simulation.time();
+        simulation.bodies.prepare([t, t]);
         simulation.guides = simulation.around(|around| {
             rods.into_par_iter().map(|mut r| start(groom, anim, &bulk, &mut r, around, t, step)).collect()
         });
@@ -72,6 +73,7 @@ impl<'a> Simulation<'a> {
         let mut records = vec![StepRecord::default(); self.guides.len()];
         while self.taken < target {
             let (t0, t1) = (self.time_after(self.taken), self.time_after(self.taken + 1));
+            self.bodies.prepare([t0, t1]);
             let mut guides = std::mem::take(&mut self.guides);
             records.fill(StepRecord::default());
             let (mut left, mut left_records) = (&mut guides[..], &mut records[..]);

@@ -1,6 +1,6 @@
 //! Sizes that must agree with each other, on the way out (a bug of ours) and on the way in (damage).
 
-use super::{ColliderMesh, CurveFrame, CurveSet, Frame, Header};
+use super::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 
 impl Header {
     /// What does not fit together, in words.
@@ -49,7 +49,20 @@ impl Frame {
         for (frame, curves) in self.hair.iter().zip(&header.hair).chain([(&self.guides, &header.guides)]) {
             frame.check(curves)?;
         }
-        same("collider transforms", self.colliders.len(), header.colliders.len())
+        same("colliders", self.colliders.len(), header.colliders.len())?;
+        self.colliders.iter().zip(&header.colliders).try_for_each(|(frame, mesh)| frame.check(mesh))
+    }
+}
+
+impl ColliderFrame {
+    fn check(&self, mesh: &ColliderMesh) -> Result<(), String> {
+        match &self.points {
+            Some(points) if mesh.deforms => same("points of a collider", points.len(), mesh.points.len()),
+            None if !mesh.deforms => Ok(()),
+            _ => {
+                Err(format!("collider {} deforms in the frame or in the header, but not in both", mesh.name))
+            }
+        }
     }
 }
 

@@ -4,7 +4,7 @@
 //! frames, because an attribute that a clip holds but the clip manifest lacks resolves to nothing,
 //! without an error.
 
-use super::{Basis, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
+use super::{Basis, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 use crate::usd::{Attribute, Layer, Metadata, Prim, Specifier, Value};
 use std::borrow::Cow;
 
@@ -108,7 +108,7 @@ pub(super) fn topology_layer(header: &Header) -> Layer<'_> {
             Part::Guides => curves(&header.guides, header.basis, GUIDE_COLOUR),
             Part::Collider(i) => collider(&header.colliders[i]),
         };
-        attributes.extend(animated(part));
+        attributes.extend(animated(header, part));
         attributes
     });
     groom.metadata.push(("kind".into(), Value::token("component")));
@@ -122,7 +122,7 @@ pub(super) fn topology_layer(header: &Header) -> Layer<'_> {
 
 /// `hair.manifest.usda`.
 pub(super) fn clip_manifest_layer(header: &Header) -> Layer<'static> {
-    let groom = skeleton(header, Specifier::Over, animated);
+    let groom = skeleton(header, Specifier::Over, |part| animated(header, part));
     Layer { prims: vec![groom], ..Layer::default() }
 }
 
@@ -134,9 +134,9 @@ pub(super) fn frame_layer<'a>(header: &Header, frame: &'a Frame) -> Layer<'a> {
             Part::Head => vec![transform(&frame.head)],
             Part::Hair => frame.hair.as_ref().map(moving_curves).unwrap_or_default(),
             Part::Guides => moving_curves(&frame.guides),
-            Part::Collider(i) => vec![transform(&frame.colliders[i])],
+            Part::Collider(i) => moving_collider(&frame.colliders[i]),
         };
-        animated(part)
+        animated(header, part)
             .into_iter()
             .zip(values)
             .map(|(attribute, value)| attribute.with_sample(time, value))
@@ -190,9 +190,13 @@ fn skeleton<'a>(
 }
 
 /// Declarations of what the frame files hold, in the order of [`frame_layer`]'s values.
-fn animated(part: Part) -> Vec<Attribute<'static>> {
+fn animated(header: &Header, part: Part) -> Vec<Attribute<'static>> {
+    let transform = Attribute::new("xformOp:transform", "matrix4d");
     match part {
-        Part::Head | Part::Collider(_) => vec![Attribute::new("xformOp:transform", "matrix4d")],
+        Part::Collider(i) if header.colliders[i].deforms => {
+            vec![transform, Attribute::new("points", "point3f[]"), Attribute::new("extent", "float3[]")]
+        }
+        Part::Head | Part::Collider(_) => vec![transform],
         Part::Hair | Part::Guides => vec![
             Attribute::new("points", "point3f[]"),
             Attribute::new("velocities", "vector3f[]"),
@@ -204,6 +208,15 @@ fn animated(part: Part) -> Vec<Attribute<'static>> {
 fn moving_curves(curves: &CurveFrame) -> Vec<Value<'_>> {
     let arrays: [&[[f32; 3]]; 3] = [&curves.points, &curves.velocities, &curves.extent];
     arrays.map(|array| Value::Float3s(Cow::Borrowed(array))).into()
+}
+
+fn moving_collider(collider: &ColliderFrame) -> Vec<Value<'_>> {
+    let mut values = vec![transform(&collider.transform)];
+    if let Some(points) = &collider.points {
+        values
+            .extend([Value::Float3s(Cow::Borrowed(points)), Value::Float3s(bounds(points).to_vec().into())]);
+    }
+    values
 }
 
 /// USD multiplies row vectors from the left, so its matrices are the transposed ones.
@@ -243,18 +256,27 @@ fn curves(curves: &CurveSet, basis: Basis, colour: [f32; 3]) -> Vec<Attribute<'_
 }
 
 fn collider(mesh: &ColliderMesh) -> Vec<Attribute<'_>> {
+    let points = Value::Float3s(Cow::Borrowed(&mesh.points));
+    let shape = if mesh.deforms {
+        // No default beside the frames' own values; where the mesh was at rest has the name that it has for curves.
+        vec![interpolated("primvars:rest", "point3f[]", "vertex", points)]
+    } else {
+        vec![
+            Attribute::new("points", "point3f[]").with_default(points),
+            Attribute::new("extent", "float3[]")
+                .with_default(Value::Float3s(bounds(&mesh.points).to_vec().into())),
+        ]
+    };
     let mut attributes = vec![
-        Attribute::new("points", "point3f[]").with_default(Value::Float3s(Cow::Borrowed(&mesh.points))),
         Attribute::new("faceVertexCounts", "int[]")
             .with_default(Value::Ints(vec![3; mesh.triangles.len()].into())),
         Attribute::new("faceVertexIndices", "int[]")
             .with_default(Value::Ints(Cow::Borrowed(mesh.triangles.as_flattened()))),
-        Attribute::new("extent", "float3[]")
-            .with_default(Value::Float3s(bounds(&mesh.points).to_vec().into())),
         uniform_token("subdivisionScheme", "none"),
         Attribute::new("doubleSided", "bool").uniform().with_default(Value::Bool(true)),
         display_colour(COLLIDER_COLOUR),
     ];
+    attributes.extend(shape);
     attributes.extend(transform_order());
     attributes
 }

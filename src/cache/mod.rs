@@ -74,10 +74,21 @@ pub struct CurveSet {
 pub struct ColliderMesh {
     /// Prim name. What is no identifier is turned into one in the files; see [`Writer::create`].
     pub name: String,
-    /// Vertices.
+    /// Vertices; at rest, where it deforms.
     pub points: Vec<[f32; 3]>,
     /// Vertex indices, three a triangle.
     pub triangles: Vec<[i32; 3]>,
+    /// Whether its vertices move in that space.
+    pub deforms: bool,
+}
+
+/// A collider at one frame.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ColliderFrame {
+    /// Rest space of its body to world, column-vector convention.
+    pub transform: [[f64; 4]; 4],
+    /// Vertices in the rest space of its body, if it deforms.
+    pub points: Option<Vec<[f32; 3]>>,
 }
 
 /// What changes from frame to frame.
@@ -91,8 +102,8 @@ pub struct Frame {
     pub guides: CurveFrame,
     /// Rest space to world on the head, column-vector convention: `world = head · rest`.
     pub head: [[f64; 4]; 4],
-    /// The same for each collider of the header.
-    pub colliders: Vec<[[f64; 4]; 4]>,
+    /// The colliders of the header.
+    pub colliders: Vec<ColliderFrame>,
 }
 
 /// Curves at one frame.

@@ -1,7 +1,7 @@
 //! Reading a cache back.
 
 use super::layout::{MANIFEST, TOPOLOGY, frame_file_name, frame_of_file_name, transposed};
-use super::{Basis, ColliderMesh, CurveFrame, CurveSet, Frame, Header, Manifest};
+use super::{Basis, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header, Manifest};
 use crate::usd::{Layer, Value, crate_file};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -116,10 +116,14 @@ impl Source {
         };
         let guides = self.moving_curves("/groom/guides", number)?;
         let head = self.transform("/groom/head", number)?;
-        let colliders = super::layout::collider_prim_names(header)
-            .iter()
-            .map(|name| self.transform(&format!("/groom/colliders/{name}"), number))
-            .collect::<Result<_>>()?;
+        let mut colliders = Vec::with_capacity(header.colliders.len());
+        for (mesh, name) in header.colliders.iter().zip(super::layout::collider_prim_names(header)) {
+            let prim = format!("/groom/colliders/{name}");
+            let transform = self.transform(&prim, number)?;
+            let points =
+                if mesh.deforms { Some(self.take(&prim, "points", Some(number), float3s)?) } else { None };
+            colliders.push(ColliderFrame { transform, points });
+        }
         let frame = Frame { frame: number, hair, guides, head, colliders };
         frame.check(header).map_err(|what| self.damaged(what))?;
         Ok(frame)
@@ -144,9 +148,13 @@ impl Source {
         if !rest.is_empty() {
             return Err(self.damaged(format!("{prim} is not made of triangles")));
         }
+        let attributes = self.layer.prim_mut(&prim).map(|prim| &prim.attributes);
+        let deforms = attributes.is_some_and(|all| all.iter().any(|a| a.name == "primvars:rest"));
+        let points = if deforms { "primvars:rest" } else { "points" };
         Ok(ColliderMesh {
-            points: self.take(&prim, "points", None, float3s)?,
+            points: self.take(&prim, points, None, float3s)?,
             triangles: triangles.to_vec(),
+            deforms,
             name,
         })
     }

@@ -1,10 +1,10 @@
 //! The bodies of a scene, the polylines that meet them, and the memory that spares repeated searches.
 
-use super::shape::{Feature, Shape, SurfacePoint};
+use super::shape::{Feature, Shape, Surface, SurfacePoint};
 use crate::scene::{Collider, Shape as SceneShape};
 use nalgebra::{Isometry3, Vector3};
 
-/// One rigid body.
+/// One body.
 #[derive(Debug)]
 pub struct Body {
     /// Its surface, in its own frame.
@@ -13,19 +13,22 @@ pub struct Body {
     pub friction: Option<f64>,
 }
 
-/// All bodies; queries take `&self` and may run on many threads.
+/// All bodies; queries take `&self` and may run on many threads. Those that deform answer for the step that [`Bodies::prepare`] was
+/// told, and for the mesh at rest before that.
 #[derive(Debug, Default)]
 pub struct Bodies {
     /// The bodies, in the scene's order.
     pub bodies: Vec<Body>,
 }
 
-/// Poses of a body over a sub-step, body frame to world.
+/// Motion of a body over a step or a part of one.
 #[derive(Debug, Clone, Copy)]
 pub struct Motion {
-    /// At the start.
+    /// Start and end, s, within the step that the bodies are prepared for: when a body that deforms has its shape.
+    pub times: [f64; 2],
+    /// Body frame to world at the start.
     pub start: Isometry3<f64>,
-    /// At the end.
+    /// The same at the end.
     pub end: Isometry3<f64>,
 }
 
@@ -82,38 +85,41 @@ pub(super) struct Remembered {
     ends: [Vector3<f64>; 2],
     /// Lower bound of the distance of every point of the segment to the surface, m; 0 when nothing is known.
     distance: f64,
+    /// Way that the surface had gone then, m.
+    travel: f64,
 }
 
 impl Default for Remembered {
     fn default() -> Self {
-        Remembered { ends: [Vector3::zeros(); 2], distance: 0.0 }
+        Remembered { ends: [Vector3::zeros(); 2], distance: 0.0, travel: 0.0 }
     }
 }
 
 impl Remembered {
-    /// The segment at `ends` and its least distance, bounded by that of its middle.
-    fn look(shape: &Shape, ends: [Vector3<f64>; 2], farther_than: f64) -> Self {
+    /// The segment at `ends` at time `t` and its least distance, bounded by that of its middle.
+    fn look(shape: &Shape, t: f64, ends: [Vector3<f64>; 2], farther_than: f64) -> Self {
         let half = 0.5 * (ends[1] - ends[0]).norm();
         // A search has no use beyond a few steps' motion, and costs more the farther it goes.
         let horizon = half + 8.0 * farther_than;
         let middle = 0.5 * (ends[0] + ends[1]);
-        let distance = match shape {
+        let distance = match shape.over([t, t]) {
             // Contacts with a convex shape are found at any depth: only outside is far.
-            Shape::Convex(convex) => convex.closest(&middle).distance,
-            Shape::Mesh(mesh) => mesh.closest(&middle, horizon).map_or(horizon, |s| s.distance.abs()),
+            Surface::Convex(convex) => convex.closest(&middle).distance,
+            Surface::Mesh([mesh, _]) => mesh.closest(&middle, horizon).map_or(horizon, |s| s.distance.abs()),
         };
         // The margin keeps the bound a bound under rounding.
-        Remembered { ends, distance: (distance - half) * (1.0 - 1e-9) - 1e-12 }
+        Remembered { ends, distance: (distance - half) * (1.0 - 1e-9) - 1e-12, travel: shape.travel(t) }
     }
 
-    /// Whether the segment is surely `reach` or more away at all of `positions`, and anywhere between them: no point of it
-    /// can have come closer than the farther-moved end has moved.
-    fn far(&self, positions: &[[Vector3<f64>; 2]], reach: f64) -> bool {
-        let moved = positions
+    /// Whether the segment is surely `reach` or more away at all of `places`, and anywhere between them: no point of it
+    /// can have come closer than the farther-moved end has moved, and the surface.
+    fn far(&self, shape: &Shape, places: &[(f64, [Vector3<f64>; 2])], reach: f64) -> bool {
+        let moved = places
             .iter()
-            .flat_map(|x| [(x[0] - self.ends[0]).norm_squared(), (x[1] - self.ends[1]).norm_squared()])
+            .flat_map(|(_, x)| [(x[0] - self.ends[0]).norm_squared(), (x[1] - self.ends[1]).norm_squared()])
             .fold(0.0, f64::max);
-        let spare = self.distance - reach;
+        let met = places.iter().map(|(t, _)| (shape.travel(*t) - self.travel).abs()).fold(0.0, f64::max);
+        let spare = self.distance - reach - met;
         spare > 0.0 && moved < spare * spare
     }
 }
@@ -136,34 +142,45 @@ impl Workspace {
         }
     }
 
-    /// Whether the segment in `slot` surely keeps `reach` from the surface of `shape` at all of `positions`, body frame, and
-    /// between them: from memory, or by one new look.
+    /// Whether the segment in `slot` surely keeps `reach` from the surface of `shape` at all of `places` (time, s, and ends in the
+    /// body's frame) and between them: from memory, or by one new look.
     pub(super) fn surely_far(
         &mut self,
         shape: &Shape,
         slot: usize,
-        positions: &[[Vector3<f64>; 2]],
+        places: &[(f64, [Vector3<f64>; 2])],
         reach: f64,
     ) -> bool {
         let memory = &mut self.remembered[slot];
-        if memory.far(positions, reach) {
+        if memory.far(shape, places, reach) {
             return true;
         }
-        *memory = Remembered::look(shape, positions[0], reach);
-        memory.far(positions, reach)
+        let (t, ends) = places[0];
+        *memory = Remembered::look(shape, t, ends, reach);
+        memory.far(shape, places, reach)
     }
 }
 
 impl Bodies {
     /// The colliders' shapes, each in its rest space.
     pub fn new(colliders: &[Collider]) -> Self {
-        let body = |c: &Collider| Body { shape: Shape::from(&c.shape), friction: c.friction };
+        let body =
+            |c: &Collider| Body { shape: Shape::new(&c.shape, c.deformation.as_ref()), friction: c.friction };
         Bodies { bodies: colliders.iter().map(body).collect() }
+    }
+
+    /// Makes the bodies that deform ready for the step between two times, s: once for all that meets them.
+    pub fn prepare(&mut self, times: [f64; 2]) {
+        for body in &mut self.bodies {
+            if let Shape::Deforming(deforming) = &mut body.shape {
+                deforming.prepare(times);
+            }
+        }
     }
 
     /// From shapes alone, friction left to the strands.
     pub fn from_shapes(shapes: &[SceneShape]) -> Self {
-        let body = |shape| Body { shape: Shape::from(shape), friction: None };
+        let body = |shape| Body { shape: Shape::new(shape, None), friction: None };
         Bodies { bodies: shapes.iter().map(body).collect() }
     }
 
@@ -177,14 +194,14 @@ impl Bodies {
         self.bodies.is_empty()
     }
 
-    /// Closest point of a body, all in its own frame; `None` beyond `max_distance`.
-    pub fn closest(&self, body: usize, p: &Vector3<f64>, max_distance: f64) -> Option<SurfacePoint> {
-        self.bodies[body].shape.closest(p, max_distance)
+    /// Closest point of a body at time `t`, s, all in its own frame; `None` beyond `max_distance`.
+    pub fn closest(&self, body: usize, t: f64, p: &Vector3<f64>, max_distance: f64) -> Option<SurfacePoint> {
+        self.bodies[body].shape.closest(t, p, max_distance)
     }
 
-    /// Whether a point, in the body's own frame, is inside it. For a mesh this costs O(triangles): for set-up only.
-    pub fn inside(&self, body: usize, p: &Vector3<f64>) -> bool {
-        self.bodies[body].shape.inside(p)
+    /// Whether a point, in the body's own frame, is inside it at time `t`, s. For a mesh this costs O(triangles): for set-up only.
+    pub fn inside(&self, body: usize, t: f64, p: &Vector3<f64>) -> bool {
+        self.bodies[body].shape.inside(t, p)
     }
 }
 
@@ -194,16 +211,18 @@ pub(super) struct Found {
     pub segment: usize,
     pub u: f64,
     pub feature: Feature,
+    /// As the surface is at the end.
     pub normal: Vector3<f64>,
-    pub point: Vector3<f64>,
+    /// The material point at the start and at the end.
+    pub point: [Vector3<f64>; 2],
 }
 
 impl Found {
     /// The contact in the world, its gap measured at the end of the step.
     pub fn into_world(self, body: usize, friction: Option<f64>, motion: &Motion, line: &Polyline) -> Contact {
         let Found { segment: k, u, feature, normal, point } = self;
-        let to_world = |pose: &Isometry3<f64>| pose.rotation * point + pose.translation.vector;
-        let point = [to_world(&motion.start), to_world(&motion.end)];
+        let to_world = |pose: &Isometry3<f64>, y: &Vector3<f64>| pose.rotation * y + pose.translation.vector;
+        let point = [to_world(&motion.start, &point[0]), to_world(&motion.end, &point[1])];
         let normal = motion.end.rotation * normal;
         let x = line.x1[k] + (line.x1[k + 1] - line.x1[k]) * u;
         let gap = normal.dot(&(x - point[1])) - clearance_at(line, body, k, u);

@@ -13,7 +13,7 @@
 use super::bodies::{Bodies, Contact, Found, Motion, Polyline, Workspace, clearance_at};
 use super::distance::{closest_on_triangle, segment_segment};
 use super::mesh::{Bounds, Mesh};
-use super::shape::{Convex, Feature, Shape, SurfacePoint};
+use super::shape::{Convex, Feature, Surface, SurfacePoint};
 use nalgebra::Vector3;
 
 /// Inner points nearer to an end of their segment than this, as a fraction, are left to the vertex there.
@@ -40,17 +40,18 @@ impl Bodies {
                 let Some(keep) = largest(d[k], d[k + 1]) else { continue };
                 let near = reach + keep;
                 let [x0, x1] = [&work.local[0], &work.local[1]].map(|x| [x[k], x[k + 1]]);
-                if work.surely_far(&body.shape, b * segments + k, &[x1], near) {
+                if work.surely_far(&body.shape, b * segments + k, &[(motion.times[1], x1)], near) {
                     continue;
                 }
-                let finder = Finder { line, body: b, segment: k, x0, x1, near, reach };
+                let travel = body.shape.travel(motion.times[1]) - body.shape.travel(motion.times[0]);
+                let finder = Finder { line, body: b, segment: k, x0, x1, near, reach, travel };
                 let emit = |found: Found| out.push(found.into_world(b, body.friction, motion, line));
-                match &body.shape {
-                    Shape::Convex(convex) => finder.on_convex(convex, emit),
-                    Shape::Mesh(mesh) => {
+                match body.shape.over(motion.times) {
+                    Surface::Convex(convex) => finder.on_convex(convex, emit),
+                    Surface::Mesh(meshes) => {
                         work.triangles.clear();
-                        mesh.triangles_in(&Bounds::around(&x1, near), &mut work.triangles);
-                        finder.on_mesh(mesh, &work.triangles, emit);
+                        meshes[1].triangles_in(&Bounds::around(&x1, near), &mut work.triangles);
+                        finder.on_mesh(meshes, &work.triangles, emit);
                     }
                 }
             }
@@ -73,6 +74,8 @@ struct Finder<'a> {
     /// Distance from the surface, m, within which every triangle is at hand; nothing farther is a contact with a mesh.
     near: f64,
     reach: f64,
+    /// Way that no point of the surface exceeds in the step, body frame, m.
+    travel: f64,
 }
 
 impl Finder<'_> {
@@ -93,46 +96,51 @@ impl Finder<'_> {
         self.x1[0].lerp(&self.x1[1], u)
     }
 
-    fn found(&self, u: f64, s: &SurfacePoint) -> Found {
-        Found { segment: self.segment, u, feature: s.feature, normal: s.normal, point: s.point }
+    /// The contact at surface point `s`, whose material was at `before` at the start of the step.
+    fn found(&self, u: f64, s: &SurfacePoint, before: Vector3<f64>) -> Found {
+        Found { segment: self.segment, u, feature: s.feature, normal: s.normal, point: [before, s.point] }
     }
 
     fn within_reach(&self, u: f64, s: &SurfacePoint) -> bool {
         s.distance - self.clearance(u) < self.reach
     }
 
-    /// Whether the start of the step was on the outer side of the contact's plane.
-    fn came_from_outside(&self, u: f64, s: &SurfacePoint) -> bool {
-        s.normal.dot(&(self.start(u) - s.point)) >= 0.0
+    /// Whether the start of the step was on the outer side of the contact's plane, which went through `before` then.
+    fn came_from_outside(&self, u: f64, s: &SurfacePoint, before: &Vector3<f64>) -> bool {
+        s.normal.dot(&(self.start(u) - before)) >= 0.0
     }
 
     fn on_convex(&self, shape: &Convex, mut emit: impl FnMut(Found)) {
         let right_side = |u: f64, s: &SurfacePoint| {
-            s.distance >= 0.0 || self.came_from_outside(u, s) || shape.closest(&self.start(u)).distance < 0.0
+            s.distance >= 0.0
+                || self.came_from_outside(u, s, &s.point)
+                || shape.closest(&self.start(u)).distance < 0.0
         };
         let (u, inner) = shape.closest_to_segment(&self.x1[0], &self.x1[1]);
         if (END..1.0 - END).contains(&u) && self.within_reach(u, &inner) && right_side(u, &inner) {
-            emit(self.found(u, &inner));
+            emit(self.found(u, &inner, inner.point));
         }
         for u in self.vertices() {
             let s = shape.closest(&self.end(u));
             if self.within_reach(u, &s) && right_side(u, &s) {
-                emit(self.found(u, &s));
+                emit(self.found(u, &s, s.point));
             }
         }
     }
 
-    fn on_mesh(&self, mesh: &Mesh, triangles: &[u32], mut emit: impl FnMut(Found)) {
+    /// Contacts with a mesh, given as it was at the start and as it is at the end of the step.
+    fn on_mesh(&self, meshes: [&Mesh; 2], triangles: &[u32], mut emit: impl FnMut(Found)) {
         if triangles.is_empty() {
             return;
         }
-        self.inner_points_on_mesh(mesh, triangles, &mut emit);
+        self.inner_points_on_mesh(meshes, triangles, &mut emit);
         for u in self.vertices() {
-            self.vertex_on_mesh(mesh, triangles, u, &mut emit);
+            self.vertex_on_mesh(meshes, triangles, u, &mut emit);
         }
     }
 
-    fn inner_points_on_mesh(&self, mesh: &Mesh, triangles: &[u32], emit: &mut impl FnMut(Found)) {
+    fn inner_points_on_mesh(&self, meshes: [&Mesh; 2], triangles: &[u32], emit: &mut impl FnMut(Found)) {
+        let [start, mesh] = meshes;
         for &t in triangles {
             for e in mesh.edges_owned_by(t) {
                 let edge = mesh.edge(e);
@@ -149,21 +157,29 @@ impl Finder<'_> {
                     _ => Feature::Edge(e),
                 };
                 let s = mesh.signed(&x, &edge[0].lerp(edge[1], v), feature);
+                let before = mesh.carried(&s.point, feature, start);
                 let accepted = self.within_reach(u, &s)
                     && s.distance > -self.near
                     && mesh.supports(feature, &s.normal)
                     && (s.distance >= 0.0
-                        || (self.came_from_outside(u, &s)
+                        || (self.came_from_outside(u, &s, &before)
                             && mesh.closest(&x, 2.0 * self.near).is_some_and(|c| c.distance < 0.0)));
                 if accepted {
-                    emit(self.found(u, &s));
+                    emit(self.found(u, &s, before));
                 }
             }
         }
     }
 
-    fn vertex_on_mesh(&self, mesh: &Mesh, triangles: &[u32], u: f64, emit: &mut impl FnMut(Found)) {
+    fn vertex_on_mesh(
+        &self,
+        [start, mesh]: [&Mesh; 2],
+        triangles: &[u32],
+        u: f64,
+        emit: &mut impl FnMut(Found),
+    ) {
         let x = self.end(u);
+        let before = |s: &SurfacePoint| mesh.carried(&s.point, s.feature, start);
         let closest_on = |t: u32| {
             let (point, part) = closest_on_triangle(&x, mesh.triangle(t));
             (part, mesh.signed(&x, &point, mesh.feature(t, part)))
@@ -177,11 +193,11 @@ impl Finder<'_> {
             let (part, s) = closest_on(t);
             let local_minimum = mesh.owns(t, part) && mesh.supports(s.feature, &s.normal);
             if s.distance >= 0.0 && local_minimum && self.within_reach(u, &s) {
-                emit(self.found(u, &s));
+                emit(self.found(u, &s, before(&s)));
             }
             if s.distance < 0.0
                 && local_minimum
-                && self.came_from_outside(u, &s)
+                && self.came_from_outside(u, &s, &before(&s))
                 && shallower(&s, &shallowest)
             {
                 shallowest = Some(s);
@@ -192,14 +208,17 @@ impl Finder<'_> {
         }
         let Some(closest) = closest.filter(|s| s.distance < 0.0 && s.distance > -self.near) else { return };
         let start_inside = || {
-            let start = self.start(u);
-            let enough = 2.0 * ((x - start).norm() + self.near);
-            mesh.closest(&start, enough).is_some_and(|s| s.distance < 0.0)
+            let from = self.start(u);
+            let enough = 2.0 * ((x - from).norm() + self.near + self.travel);
+            start.closest(&from, enough).is_some_and(|s| s.distance < 0.0)
         };
-        let taken =
-            if self.came_from_outside(u, &closest) || start_inside() { Some(closest) } else { shallowest };
+        let taken = if self.came_from_outside(u, &closest, &before(&closest)) || start_inside() {
+            Some(closest)
+        } else {
+            shallowest
+        };
         if let Some(s) = taken.filter(|s| s.distance > -self.near && self.within_reach(u, s)) {
-            emit(self.found(u, &s));
+            emit(self.found(u, &s, before(&s)));
         }
     }
 }

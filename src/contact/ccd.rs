@@ -7,14 +7,18 @@
 //! exact for a flat approach and costs nothing when sliding along a surface; time never passes an impact, because
 //! separation along any fixed direction bounds the distance from below.
 //!
+//! The corners of a triangle may move too, linearly: then the time is that at which an end of the segment comes within ξ of the
+//! height of a corner, both moving along n.
+//!
 //! ξ is a fraction of the smaller of the clearance and the distance at the start, so a segment that is outside at the
 //! start of a step is outside at its end, however often it is stopped.
 
 use super::bodies::{Bodies, Contact, Found, Motion, Polyline, Workspace};
 use super::candidates::largest;
-use super::distance::segment_triangle;
-use super::mesh::{Bounds, Mesh};
-use super::shape::{Feature, Shape};
+use super::distance::{segment_triangle, weights};
+use super::mesh::{Bounds, Mesh, at_weights};
+use super::shape::{Convex, Feature, Surface};
+use crate::math::frame::transport;
 use nalgebra::Vector3;
 
 /// Minimum separation ξ, as a fraction of min(clearance, distance at the start).
@@ -48,33 +52,25 @@ impl Bodies {
             for k in 0..segments {
                 let Some(watched) = Watched::new(d, k) else { continue };
                 let [x0, x1] = [&work.local[0], &work.local[1]].map(|x| [x[k], x[k + 1]]);
-                if work.surely_far(&body.shape, b * segments + k, &[x1, x0], watched.clearance) {
+                let (places, slot) = ([(motion.times[1], x1), (motion.times[0], x0)], b * segments + k);
+                if work.surely_far(&body.shape, slot, &places, watched.clearance) {
                     continue;
                 }
                 let path = Path { start: watched.of(x0), end: watched.of(x1) };
-                let impact = match &body.shape {
-                    Shape::Convex(convex) => path.advance(watched.clearance, 1.0, |ends| {
-                        let (u, s) = convex.closest_to_segment(&ends[0], &ends[1]);
-                        let extent = s.normal.dot(&s.point);
-                        Closest { u, normal: s.normal, point: s.point, extent, feature: s.feature }
-                    }),
-                    Shape::Mesh(mesh) => {
+                let impact = match body.shape.over(motion.times) {
+                    Surface::Convex(convex) => path.first_on_convex(convex, watched.clearance),
+                    Surface::Mesh(meshes) => {
                         work.triangles.clear();
-                        let margin = (SEPARATION + TOLERANCE) * watched.clearance;
-                        mesh.triangles_in(&path.bounds(margin), &mut work.triangles);
-                        path.first_on_mesh(mesh, &work.triangles, watched.clearance)
+                        let travel = body.shape.travel(motion.times[1]) - body.shape.travel(motion.times[0]);
+                        let margin = (SEPARATION + TOLERANCE) * watched.clearance + travel;
+                        meshes[1].triangles_in(&path.bounds(margin), &mut work.triangles);
+                        path.first_on_mesh(meshes, &work.triangles, watched.clearance)
                     }
                 };
-                if let Some(Impact { time, closest }) = impact {
-                    let u = watched.from + closest.u * (watched.to - watched.from);
-                    let found = Found {
-                        segment: k,
-                        u,
-                        feature: closest.feature,
-                        normal: closest.normal,
-                        point: closest.point,
-                    };
+                if let Some(Impact { time, u, normal, point, feature }) = impact {
+                    let u = watched.from + u * (watched.to - watched.from);
                     first = first.min(time);
+                    let found = Found { segment: k, u, feature, normal, point };
                     out.push(found.into_world(b, body.friction, motion, line));
                 }
             }
@@ -111,20 +107,22 @@ impl Watched {
     }
 }
 
-/// Closest points of a segment and a convex obstacle.
-struct Closest {
-    u: f64,
-    /// Unit direction from the obstacle to the segment.
+/// How a convex obstacle lies to a segment at some time.
+struct Apart<const N: usize> {
+    /// Unit direction from the obstacle to the segment, at their closest points.
     normal: Vector3<f64>,
-    point: Vector3<f64>,
-    /// Largest n·y over the obstacle.
-    extent: f64,
-    feature: Feature,
+    /// Height n·y of points of the obstacle, the highest among them, and how fast it grows: whatever moves on its own.
+    heights: [[f64; 2]; N],
 }
 
 struct Impact {
     time: f64,
-    closest: Closest,
+    u: f64,
+    /// As the surface is at the end of the motion.
+    normal: Vector3<f64>,
+    /// The obstacle's material point at the start and at the end of the motion.
+    point: [Vector3<f64>; 2],
+    feature: Feature,
 }
 
 /// A segment whose ends move linearly, body frame.
@@ -142,80 +140,157 @@ impl Path {
         Bounds::around(self.start.iter().chain(&self.end), margin)
     }
 
-    /// First impact with a convex obstacle before time `until`; `None` too where it overlaps at the start.
-    fn advance(
+    /// First time before `until` at which a convex obstacle is too close; `None` too where it overlaps at the start.
+    fn advance<const N: usize>(
         &self,
         clearance: f64,
         until: f64,
-        closest: impl Fn(&[Vector3<f64>; 2]) -> Closest,
-    ) -> Option<Impact> {
+        look: impl Fn(&[Vector3<f64>; 2], f64) -> Apart<N>,
+    ) -> Option<f64> {
         let velocity = [self.end[0] - self.start[0], self.end[1] - self.start[1]];
-        let mut near = closest(&self.start);
         let mut ends = self.start;
-        let mut t = 0.0;
-        let apart =
-            |near: &Closest, ends: &[Vector3<f64>; 2]| ends.map(|x| near.normal.dot(&x) - near.extent);
-        let mut gaps = apart(&near, &ends);
-        let scale = clearance.min(gaps[0].min(gaps[1]));
+        let mut apart = look(&ends, 0.0);
+        let gap = |apart: &Apart<N>, ends: &[Vector3<f64>; 2]| {
+            let highest = apart.heights.iter().map(|h| h[0]).fold(f64::NEG_INFINITY, f64::max);
+            let gaps = ends.map(|x| apart.normal.dot(&x) - highest);
+            gaps[0].min(gaps[1])
+        };
+        let scale = clearance.min(gap(&apart, &ends));
         if scale <= TOUCHING {
             return None;
         }
         let (separation, stop) = (SEPARATION * scale, (SEPARATION + TOLERANCE) * scale);
+        let mut t = 0.0;
         for _ in 0..STEPS {
-            let free = (0..2)
-                .filter_map(|i| {
-                    let approach = -near.normal.dot(&velocity[i]);
-                    (approach > 0.0).then(|| (gaps[i] - separation) / approach)
-                })
-                .fold(f64::INFINITY, f64::min);
+            let mut free = f64::INFINITY;
+            for (x, v) in ends.iter().zip(&velocity) {
+                let (height, speed) = (apart.normal.dot(x), apart.normal.dot(v));
+                for h in apart.heights {
+                    let approach = h[1] - speed;
+                    if approach > 0.0 {
+                        free = free.min((height - h[0] - separation) / approach);
+                    }
+                }
+            }
             t += free;
             if t >= until {
                 return None;
             }
             ends = self.at(t);
-            near = closest(&ends);
-            gaps = apart(&near, &ends);
-            if gaps[0].min(gaps[1]) <= stop {
+            apart = look(&ends, t);
+            if gap(&apart, &ends) <= stop {
                 break;
             }
         }
-        Some(Impact { time: t, closest: near })
+        Some(t)
     }
 
-    fn first_on_mesh(&self, mesh: &Mesh, triangles: &[u32], clearance: f64) -> Option<Impact> {
+    fn first_on_convex(&self, shape: &Convex, clearance: f64) -> Option<Impact> {
+        let closest = |ends: &[Vector3<f64>; 2]| shape.closest_to_segment(&ends[0], &ends[1]);
+        let time = self.advance(clearance, 1.0, |ends, _| {
+            let (_, s) = closest(ends);
+            Apart { normal: s.normal, heights: [[s.normal.dot(&s.point), 0.0]] }
+        })?;
+        let (u, s) = closest(&self.at(time));
+        Some(Impact { time, u, normal: s.normal, point: [s.point; 2], feature: s.feature })
+    }
+
+    fn first_on_mesh(&self, meshes: [&Mesh; 2], triangles: &[u32], clearance: f64) -> Option<Impact> {
         let margin = (SEPARATION + TOLERANCE) * clearance;
         let mut first: Option<Impact> = None;
         for &t in triangles {
-            let corners = mesh.triangle(t);
-            if self.stays_beside(&mesh.pseudonormal(Feature::Face(t)), corners[0], margin) {
+            let obstacle = Triangle { meshes, index: t, corners: meshes.map(|mesh| mesh.triangle(t)) };
+            if self.stays_beside(&obstacle, margin) {
                 continue;
             }
             let until = first.as_ref().map_or(1.0, |impact| impact.time);
-            let impact = self.advance(clearance, until, |ends| {
-                let pair = segment_triangle(&ends[0], &ends[1], corners);
-                let offset = ends[0].lerp(&ends[1], pair.u) - pair.point;
-                let normal = offset.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
-                let extent = corners.iter().map(|v| normal.dot(v)).fold(f64::NEG_INFINITY, f64::max);
-                Closest { u: pair.u, normal, point: pair.point, extent, feature: mesh.feature(t, pair.part) }
-            });
+            let time = if obstacle.moves() {
+                self.advance(clearance, until, |ends, time| obstacle.apart_moving(ends, time))
+            } else {
+                self.advance(clearance, until, |ends, _| obstacle.apart(ends))
+            };
+            let impact = time.map(|time| obstacle.impact(&self.at(time), time));
             // Only what was outside can hit; asked of hits alone, for they are few.
-            first = impact.filter(|hit| self.starts_outside(mesh, hit)).or(first);
+            first = impact.filter(|hit| self.starts_outside(meshes[0], hit)).or(first);
         }
         first
     }
 
-    /// Whether the whole motion keeps to one side of a triangle's plane.
-    fn stays_beside(&self, normal: &Vector3<f64>, corner: &Vector3<f64>, margin: f64) -> bool {
-        let heights =
-            [&self.start, &self.end].map(|x| [normal.dot(&(x[0] - corner)), normal.dot(&(x[1] - corner))]);
-        let all = |test: fn(f64, f64) -> bool| heights.iter().flatten().all(|&h| test(h, margin));
-        all(|h, margin| h > margin) || all(|h, margin| h < -margin)
+    /// Whether the whole motion keeps to one side of a triangle, along its normal.
+    fn stays_beside(&self, obstacle: &Triangle, margin: f64) -> bool {
+        let normal = obstacle.meshes[1].pseudonormal(Feature::Face(obstacle.index));
+        let corner = obstacle.corners[1][0];
+        let height = |x: &Vector3<f64>| normal.dot(&(x - corner));
+        let (mut low, mut high) = (0.0, 0.0);
+        if obstacle.moves() {
+            for h in obstacle.corners.as_flattened().iter().map(|y| height(y)) {
+                (low, high) = (f64::min(low, h), f64::max(high, h));
+            }
+        }
+        let mut ends = self.start.iter().chain(&self.end);
+        ends.clone().all(|x| height(x) > high + margin) || ends.all(|x| height(x) < low - margin)
     }
 
     fn starts_outside(&self, mesh: &Mesh, hit: &Impact) -> bool {
-        let x = self.start[0].lerp(&self.start[1], hit.closest.u);
+        let x = self.start[0].lerp(&self.start[1], hit.u);
         // The triangle hit is itself this near, so a closest point exists.
-        let enough = 2.0 * (x - hit.closest.point).norm() + TOUCHING;
+        let enough = 2.0 * (x - hit.point[0]).norm() + TOUCHING;
         mesh.closest(&x, enough).is_none_or(|s| s.distance > 0.0)
     }
+}
+
+/// A triangle of a mesh, at the start and at the end of the motion.
+struct Triangle<'a> {
+    meshes: [&'a Mesh; 2],
+    index: u32,
+    corners: [[&'a Vector3<f64>; 3]; 2],
+}
+
+impl Triangle<'_> {
+    fn moves(&self) -> bool {
+        !std::ptr::eq(self.meshes[0], self.meshes[1])
+    }
+
+    fn at(&self, time: f64) -> [Vector3<f64>; 3] {
+        let [from, to] = &self.corners;
+        if self.moves() { [0, 1, 2].map(|i| from[i].lerp(to[i], time)) } else { from.map(|y| *y) }
+    }
+
+    fn apart(&self, ends: &[Vector3<f64>; 2]) -> Apart<1> {
+        let normal = separation(ends, self.corners[0]);
+        let highest = self.corners[0].iter().map(|y| normal.dot(y)).fold(f64::NEG_INFINITY, f64::max);
+        Apart { normal, heights: [[highest, 0.0]] }
+    }
+
+    fn apart_moving(&self, ends: &[Vector3<f64>; 2], time: f64) -> Apart<3> {
+        let now = self.at(time);
+        let normal = separation(ends, now.each_ref());
+        let [from, to] = &self.corners;
+        Apart { normal, heights: [0, 1, 2].map(|i| [normal.dot(&now[i]), normal.dot(&(to[i] - from[i]))]) }
+    }
+
+    /// The impact of a segment that has come too close, with its `ends` where they are at `time`.
+    fn impact(&self, ends: &[Vector3<f64>; 2], time: f64) -> Impact {
+        let now = self.at(time);
+        let pair = segment_triangle(&ends[0], &ends[1], now.each_ref());
+        let feature = self.meshes[0].feature(self.index, pair.part);
+        let normal = separation(ends, now.each_ref());
+        if !self.moves() {
+            return Impact { time, u: pair.u, normal, point: [pair.point; 2], feature };
+        }
+        let w = weights(pair.part, &pair.point, now.each_ref());
+        // The normal turns with the surface, as seen by the pseudonormal of what was hit.
+        let [before, after] = self.meshes.map(|mesh| mesh.pseudonormal(feature));
+        let turned = match before.lerp(&after, time).try_normalize(0.0) {
+            Some(then) if after != Vector3::zeros() => transport(&then, &after) * normal,
+            _ => normal,
+        };
+        Impact { time, u: pair.u, normal: turned, point: self.corners.map(|c| at_weights(c, &w)), feature }
+    }
+}
+
+/// Unit direction from a triangle to a segment at their closest points; zero where they meet.
+fn separation(ends: &[Vector3<f64>; 2], corners: [&Vector3<f64>; 3]) -> Vector3<f64> {
+    let pair = segment_triangle(&ends[0], &ends[1], corners);
+    (ends[0].lerp(&ends[1], pair.u) - pair.point).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
 }

@@ -1,7 +1,7 @@
 //! Contact of moving polylines with bodies: finding, continuous detection, Coulomb solve. Knows no rods.
 //!
-//! A polyline moves over a sub-step from `x0` to `x1`; bodies are rigid and kinematic, with a pose at the start and at
-//! the end of it. The motion of a vertex is taken as linear **in the frame of the body** it is tested against, from
+//! A polyline moves over a sub-step from `x0` to `x1`; bodies are kinematic, with a pose at the start and at the end of it, and
+//! are rigid or deform in their own frame, where their vertices then move linearly. The motion of a vertex is taken as linear **in the frame of the body** it is tested against, from
 //! pose(0)⁻¹ x0 to pose(1)⁻¹ x1. Against the true screw motion of a body that turns by α in the sub-step this errs by
 //! at most r (1 − cos α/2) at distance r from its axis: 2 µm at 0.1 m and 0.7°, and it is the same path at both ends.
 //!

@@ -1,11 +1,12 @@
 //! Signed distance of one body in its own frame: exact closest point, outward normal.
 
 use super::distance::closest_on_ellipsoid;
-use super::mesh::Mesh;
+use super::mesh::{Deforming, Mesh};
 use crate::math::frame::any_frame;
 use crate::math::polyline::closest_on_segment;
-use crate::scene::Shape as SceneShape;
+use crate::scene::{Deformation, Shape as SceneShape};
 use nalgebra::{UnitQuaternion, Vector3};
+use std::sync::Arc;
 
 /// Which part of a body's surface a point lies on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -68,10 +69,22 @@ pub enum Shape {
     Convex(Convex),
     /// Triangles.
     Mesh(Box<Mesh>),
+    /// Triangles that move in the body's frame.
+    Deforming(Box<Deforming>),
 }
 
-impl From<&SceneShape> for Shape {
-    fn from(shape: &SceneShape) -> Self {
+/// A body's surface over some time.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Surface<'a> {
+    /// A convex formula.
+    Convex(&'a Convex),
+    /// Triangles at the start and at the end; one mesh where they do not move.
+    Mesh([&'a Mesh; 2]),
+}
+
+impl Shape {
+    /// The surface of `shape`, whose vertices `deformation` moves.
+    pub fn new(shape: &SceneShape, deformation: Option<&Arc<Deformation>>) -> Self {
         match *shape {
             SceneShape::Sphere { centre, radius } => {
                 Shape::Convex(Convex::Capsule { ends: [centre, centre], radius })
@@ -81,7 +94,45 @@ impl From<&SceneShape> for Shape {
                 Shape::Convex(Convex::Ellipsoid { centre, radii, rotation })
             }
             SceneShape::Plane { point, normal } => Shape::Convex(Convex::Plane { point, normal }),
-            SceneShape::Mesh(ref mesh) => Shape::Mesh(Box::new(Mesh::new(&mesh.vertices, &mesh.triangles))),
+            SceneShape::Mesh(ref mesh) => match deformation {
+                Some(d) => {
+                    Shape::Deforming(Box::new(Deforming::new(&mesh.vertices, &mesh.triangles, d.clone())))
+                }
+                None => Shape::Mesh(Box::new(Mesh::new(&mesh.vertices, &mesh.triangles))),
+            },
+        }
+    }
+
+    /// The surface between two times, s.
+    pub(super) fn over(&self, times: [f64; 2]) -> Surface<'_> {
+        match self {
+            Shape::Convex(convex) => Surface::Convex(convex),
+            Shape::Mesh(mesh) => Surface::Mesh([mesh, mesh]),
+            Shape::Deforming(deforming) => Surface::Mesh(times.map(|t| deforming.at(t))),
+        }
+    }
+
+    /// Way in the body's frame that no point of the surface has exceeded up to time `t`, s; m.
+    pub(super) fn travel(&self, t: f64) -> f64 {
+        match self {
+            Shape::Convex(_) | Shape::Mesh(_) => 0.0,
+            Shape::Deforming(deforming) => deforming.travel(t),
+        }
+    }
+
+    /// Closest surface point to `p`, body frame, at time `t`, s, or `None` where it is `max_distance` away or more.
+    pub fn closest(&self, t: f64, p: &Vector3<f64>, max_distance: f64) -> Option<SurfacePoint> {
+        match self.over([t, t]) {
+            Surface::Convex(convex) => Some(convex.closest(p)).filter(|s| s.distance.abs() < max_distance),
+            Surface::Mesh([mesh, _]) => mesh.closest(p, max_distance),
+        }
+    }
+
+    /// Whether `p`, body frame, is inside the solid at time `t`, s. For a mesh by its winding number: O(triangles), for set-up only.
+    pub fn inside(&self, t: f64, p: &Vector3<f64>) -> bool {
+        match self.over([t, t]) {
+            Surface::Convex(convex) => convex.closest(p).distance < 0.0,
+            Surface::Mesh([mesh, _]) => mesh.winding_number(p) > 0.5,
         }
     }
 }
@@ -151,24 +202,6 @@ impl Convex {
             }
         }
         best
-    }
-}
-
-impl Shape {
-    /// Closest surface point to `p`, body frame, or `None` where it is `max_distance` away or more.
-    pub fn closest(&self, p: &Vector3<f64>, max_distance: f64) -> Option<SurfacePoint> {
-        match self {
-            Shape::Convex(convex) => Some(convex.closest(p)).filter(|s| s.distance.abs() < max_distance),
-            Shape::Mesh(mesh) => mesh.closest(p, max_distance),
-        }
-    }
-
-    /// Whether `p`, body frame, is inside the solid. For a mesh by its winding number: O(triangles), for set-up only.
-    pub fn inside(&self, p: &Vector3<f64>) -> bool {
-        match self {
-            Shape::Convex(convex) => convex.closest(p).distance < 0.0,
-            Shape::Mesh(mesh) => mesh.winding_number(p) > 0.5,
-        }
     }
 }
 

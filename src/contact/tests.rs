@@ -2,7 +2,7 @@
 
 use super::distance::{closest_on_triangle, segment_triangle};
 use super::mesh::Mesh;
-use super::shape::{Convex, Shape};
+use super::shape::{Convex, Shape, Surface};
 use super::*;
 use crate::math::random;
 use crate::scene::{Shape as SceneShape, TriMesh};
@@ -192,7 +192,7 @@ fn segment_triangle_distance_is_the_least_over_samples() {
 }
 
 fn still() -> Motion {
-    Motion { start: Isometry3::identity(), end: Isometry3::identity() }
+    Motion { times: [0.0, 1.0], start: Isometry3::identity(), end: Isometry3::identity() }
 }
 
 fn mesh_shape(mesh: &TriMesh) -> SceneShape {
@@ -217,13 +217,15 @@ fn least_distance(
             .map(|k| into(&motion.start, &line.x0[k]).coords.lerp(&into(&motion.end, &line.x1[k]).coords, t))
             .collect();
         for k in 0..x.len() - 1 {
-            match shape {
-                Shape::Convex(convex) => {
+            match shape.over(motion.times) {
+                Surface::Convex(convex) => {
                     least = least.min(convex.closest_to_segment(&x[k], &x[k + 1]).1.distance)
                 }
-                Shape::Mesh(mesh) => {
-                    for t in 0..mesh.triangle_count() as u32 {
-                        let d2 = segment_triangle(&x[k], &x[k + 1], mesh.triangle(t)).distance2;
+                Surface::Mesh([start, end]) => {
+                    for i in 0..end.triangle_count() as u32 {
+                        let (from, to) = (start.triangle(i), end.triangle(i));
+                        let corners = [0, 1, 2].map(|j| from[j].lerp(to[j], t));
+                        let d2 = segment_triangle(&x[k], &x[k + 1], corners.each_ref()).distance2;
                         least = least.min(d2.sqrt());
                     }
                 }
@@ -245,6 +247,7 @@ fn no_tunnelling(shape: SceneShape, seed: u64, cases: usize, spin: f64) {
         let x0: Vec<_> =
             (0..4).map(|k| start + direction * 0.03 * k as f64 + random.vector() * 0.01).collect();
         let motion = Motion {
+            times: [0.0, 1.0],
             start: Isometry3::identity(),
             end: Isometry3::from_parts(
                 Translation3::from(random.vector() * 0.1),
@@ -256,7 +259,7 @@ fn no_tunnelling(shape: SceneShape, seed: u64, cases: usize, spin: f64) {
         let clearance = [1e-3; 4];
         let line = Polyline { x0: &x0, x1: &x1, clearance: &clearance };
         let shape = &bodies.bodies[0].shape;
-        let inside = x0.iter().any(|x| shape.inside(x));
+        let inside = x0.iter().any(|x| shape.inside(0.0, x));
         if inside || least_distance(shape, &motion, &line, 0.0, 0.0, 1) <= 1e-6 {
             continue;
         }
@@ -345,7 +348,7 @@ fn a_pop_of_the_head_is_caught() {
         Translation3::new(0.18, 0.0, 0.0),
         UnitQuaternion::from_scaled_axis(Vector3::new(0.0, 127f64.to_radians(), 0.0)),
     );
-    let motion = Motion { start: Isometry3::identity(), end: pop };
+    let motion = Motion { times: [0.0, 1.0], start: Isometry3::identity(), end: pop };
     let line = Polyline { x0: &x0, x1: &x0, clearance: &[1e-4; 17] };
     let toi = body.impacts(&[motion], &line, &mut Workspace::default(), &mut Vec::new());
     assert!(toi > 0.0 && toi < 1.0);
@@ -368,7 +371,7 @@ fn memory_of_far_segments_changes_no_result() {
             Translation3::from(pose.translation.vector + random.vector() * 0.002),
             UnitQuaternion::from_scaled_axis(random.vector() * 0.02) * pose.rotation,
         );
-        let motions = [Motion { start: pose, end }; 2];
+        let motions = [Motion { times: [0.0, 1.0], start: pose, end }; 2];
         let line = Polyline { x0: &x, x1: &x1, clearance: &[1e-3; 24] };
         let all = |work: &mut Workspace| {
             let mut contacts = Vec::new();
@@ -451,7 +454,7 @@ fn exempt_roots_meet_nothing_and_points_inside_are_brought_out_gently() {
     let line = Polyline { x0: &x, x1: &x, clearance: &gentle };
     bodies.candidates(&[still()], &line, 5e-3, &mut work, &mut contacts);
     assert_eq!(contacts.len(), 1);
-    let depth = bodies.closest(0, &x[0], 1.0).unwrap().distance;
+    let depth = bodies.closest(0, 0.0, &x[0], 1.0).unwrap().distance;
     assert!((contacts[0].gap - (depth + 0.025)).abs() < 1e-12 && contacts[0].gap < 0.0);
 }
 

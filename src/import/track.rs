@@ -184,6 +184,7 @@ pub fn track(options: &TrackOptions) -> Result<(AnimFile, TrackReport)> {
             body: None,
             shape: ShapeFile::Mesh {
                 file: relative(&mesh.source.path, &options.folder)?,
+                sequence: None,
                 metres_per_unit: Some(convention.metres_per_unit),
                 up_axis: Some(convention.up),
             },

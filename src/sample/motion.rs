@@ -81,7 +81,8 @@ impl Motion {
             ends: ends.map(<[f64; 3]>::from),
             radius,
         };
-        let mesh = ShapeFile::Mesh { file: "head.obj".into(), metres_per_unit: None, up_axis: None };
+        let mesh =
+            ShapeFile::Mesh { file: "head.obj".into(), sequence: None, metres_per_unit: None, up_axis: None };
         anim.colliders = vec![
             collider("head", "head", mesh),
             collider("neck", "torso", capsule(head::NECK)),

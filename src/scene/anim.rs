@@ -7,7 +7,9 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
+use std::sync::Arc;
 
+use super::Deformation;
 pub use super::keyed::Keyed;
 pub use super::track::Track;
 pub use file::AnimFile;
@@ -54,6 +56,8 @@ pub struct Collider {
     pub body: usize,
     /// Its shape, in the rest space of its body.
     pub shape: Shape,
+    /// How the vertices of its mesh move there; `None` for a rigid shape.
+    pub deformation: Option<Arc<Deformation>>,
     /// Coulomb friction coefficient, or `None` to take the strand's own.
     pub friction: Option<f64>,
     /// Distance kept between the shape and the strands, m.

@@ -1,11 +1,13 @@
 //! Which files a scene is made of.
 
 use super::document::Document;
+use super::sequence::Sequence;
 use crate::error::Result;
 use std::path::{Path, PathBuf};
 
 /// The groom and the animation with every file that they name, in the order in which they name them: what
-/// each is to the scene (`groom`, `anim`, `buffer`, `track`, `collider`) and its path.
+/// each is to the scene (`groom`, `anim`, `buffer`, `track`, `collider`, and `deformation` for each frame of a deforming
+/// collider) and its path.
 ///
 /// # Errors
 /// As [`super::load`].
@@ -19,7 +21,15 @@ pub fn inputs(groom: &Path, anim: &Path) -> Result<Vec<(&'static str, PathBuf)>>
             ("track", "bodies", "/track/file"),
             ("collider", "colliders", "/shape/file"),
         ] {
-            files.extend(doc.named_files(list, place).into_iter().map(|file| (role, file)));
+            files.extend(doc.named(list, place).map(|name| (role, doc.folder().join(name))));
+        }
+        for sequence in doc.named("colliders", "/shape/sequence").filter_map(Sequence::new) {
+            let folder = doc.folder();
+            let Some((first, last)) = doc.range_at("frames").map(|frames| sequence.reach(&folder, frames))
+            else {
+                continue;
+            };
+            files.extend((first..=last).map(|frame| ("deformation", sequence.path(&folder, frame))));
         }
     }
     Ok(files)

@@ -12,6 +12,16 @@ impl TriMesh {
     /// # Errors
     /// What is wrong, in words.
     pub fn load_obj(path: &Path, convention: &Convention) -> Result<(TriMesh, usize), String> {
+        let mut mesh = TriMesh::load_obj_as_it_is(path, convention)?;
+        let degenerate = mesh.drop_degenerate()?;
+        Ok((mesh, degenerate))
+    }
+
+    /// The same with all triangles: two files with the same faces give the same triangles.
+    ///
+    /// # Errors
+    /// As [`TriMesh::load_obj`].
+    pub(super) fn load_obj_as_it_is(path: &Path, convention: &Convention) -> Result<TriMesh, String> {
         let bytes = read_file(path).map_err(|e| format!("cannot be read: {e}"))?;
         let options = tobj::LoadOptions {
             triangulate: true,
@@ -24,40 +34,44 @@ impl TriMesh {
         let (models, _) = tobj::load_obj_buf(&mut bytes.as_slice(), &options, no_materials)
             .map_err(|e| format!("is not a sound OBJ file: {e}"))?;
         let mut mesh = TriMesh { file: path.into(), ..Default::default() };
-        let mut degenerate = 0;
         for model in &models {
             let first = mesh.vertices.len();
             let vertex =
                 |p: &[f32]| convention.length_in(Vector3::new(p[0].into(), p[1].into(), p[2].into()));
             mesh.vertices.extend(model.mesh.positions.chunks_exact(3).map(vertex));
             for corners in model.mesh.indices.chunks_exact(3) {
-                let corner = |i: usize| first + corners[i] as usize;
-                let vertices = [corner(0), corner(1), corner(2)].map(|i| mesh.vertices.get(i));
-                let [Some(a), Some(b), Some(c)] = vertices else {
+                let triangle = [corners[0], corners[1], corners[2]].map(|i| first + i as usize);
+                if let Some(outside) = triangle.iter().find(|&&i| i >= mesh.vertices.len()) {
                     return Err(format!(
-                        "has a face with vertex {}, of {} vertices",
-                        corner(0),
+                        "has a face with vertex {outside}, of {} vertices",
                         mesh.vertices.len()
                     ));
-                };
-                // Relative to the sides: a small triangle is no fault, a needle of no area has no normal.
-                let (u, v) = (b - a, c - a);
-                if u.cross(&v).norm() > 1e-12 * u.norm_squared().max(v.norm_squared()) {
-                    mesh.triangles.push([0, 1, 2].map(|i| corner(i) as u32));
-                } else {
-                    degenerate += 1;
                 }
+                mesh.triangles.push(triangle.map(|i| i as u32));
             }
         }
         if let Some(i) = mesh.vertices.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
             return Err(format!("has a vertex that is not finite: number {} of those used", i + 1));
         }
-        if mesh.triangles.is_empty() {
-            return Err(match degenerate {
-                0 => "holds no triangle".into(),
-                n => format!("holds no triangle of any area (without area: {n})"),
-            });
+        Ok(mesh)
+    }
+
+    /// Drops the triangles of no area and counts them.
+    ///
+    /// # Errors
+    /// Where no triangle is left, in words.
+    pub(super) fn drop_degenerate(&mut self) -> Result<usize, String> {
+        let all = self.triangles.len();
+        // Relative to the sides: a small triangle is no fault, a needle of no area has no normal.
+        self.triangles.retain(|t| {
+            let [a, b, c] = t.map(|i| self.vertices[i as usize]);
+            let (u, v) = (b - a, c - a);
+            u.cross(&v).norm() > 1e-12 * u.norm_squared().max(v.norm_squared())
+        });
+        match (self.triangles.len(), all) {
+            (0, 0) => Err("holds no triangle".into()),
+            (0, _) => Err(format!("holds no triangle of any area (without area: {all})")),
+            (kept, all) => Ok(all - kept),
         }
-        Ok((mesh, degenerate))
     }
 }

@@ -3,16 +3,19 @@
 
 pub mod anim;
 mod convention;
+mod deformation;
 mod document;
 pub mod groom;
 mod inputs;
 mod keyed;
 mod mesh;
+mod sequence;
 mod shape_mesh;
 pub(crate) mod track;
 
 pub use anim::{Anim, AnimFile, Body, Collider, Settings, Shape, TriMesh};
 pub use convention::{Convention, UpAxis};
+pub use deformation::Deformation;
 pub use document::array::{Array, BufferFile, ElementType, View};
 pub use groom::{Curves, Groom, Group, Guides, Material, RodSection, Section, Strands, Tree, Wisp};
 pub use inputs::inputs;

@@ -123,9 +123,14 @@ impl Track {
 fn come_to_rest(x: &Coordinates, v: &Coordinates, a: &Coordinates, s: f64) -> [Coordinates; 2] {
     let (u, w) = ((s / COAST).min(1.0), (s / EASE).min(1.0));
     let speed = v * (1.0 - u * u * (3.0 - 2.0 * u)) + a * (EASE * w * (1.0 - w) * (1.0 - w));
-    let way = v * (COAST * u * (1.0 - u * u * (1.0 - u / 2.0)))
-        + a * (EASE * EASE * w * w * (0.5 - w * (2.0 / 3.0 - w / 4.0)));
-    [x + way, speed]
+    let [way_v, way_a] = coast(s);
+    [x + v * way_v + a * way_a, speed]
+}
+
+/// Way gone in a time `s`, s, beyond an end, by velocity (s) and by acceleration (s²) there: see [`come_to_rest`].
+pub(super) fn coast(s: f64) -> [f64; 2] {
+    let (u, w) = ((s / COAST).min(1.0), (s / EASE).min(1.0));
+    [COAST * u * (1.0 - u * u * (1.0 - u / 2.0)), EASE * EASE * w * w * (0.5 - w * (2.0 / 3.0 - w / 4.0))]
 }
 
 fn coordinates(pose: &Isometry3<f64>) -> Coordinates {

@@ -17,8 +17,10 @@ const TURNS: usize = 4;
 /// The bodies at one moment.
 #[derive(Debug, Clone, Copy)]
 pub struct KeepOut<'a> {
-    /// The bodies.
+    /// The bodies, prepared for `time`.
     pub bodies: &'a Bodies,
+    /// The moment, s.
+    pub time: f64,
     /// Rest space to world, one per body.
     pub poses: &'a [Isometry3<f64>],
 }
@@ -29,14 +31,14 @@ pub struct KeepOut<'a> {
 pub(super) struct Kept(Vec<f32>);
 
 impl Kept {
-    /// For a strand drawn at `points` (m, rest space of bodies at their rest).
+    /// For a strand drawn at `points` (m, rest space of bodies at their rest, which are not prepared for any step).
     pub fn new(bodies: &Bodies, thickness: &[f64], points: &[Vector3<f64>]) -> Self {
         let mut kept = Vec::with_capacity(bodies.len() * points.len());
         for (b, &d) in thickness.iter().enumerate() {
             let mut rooted = true;
             for p in points {
                 let far = REACH.max(2.0 * d);
-                let g = bodies.closest(b, p, far).map_or(far, |s| s.distance);
+                let g = bodies.closest(b, 0.0, p, far).map_or(far, |s| s.distance);
                 rooted &= g <= 0.0;
                 let keep = if rooted {
                     f64::NEG_INFINITY
@@ -75,7 +77,7 @@ impl KeepOut<'_> {
             for _ in 0..TURNS {
                 let end = x + frame.column(2) * length;
                 let local = pose.inverse_transform_point(&end.into()).coords;
-                let Some(surface) = self.bodies.closest(b, &local, horizon) else {
+                let Some(surface) = self.bodies.closest(b, self.time, &local, horizon) else {
                     spare[b] = horizon - keep.max(0.0);
                     break;
                 };

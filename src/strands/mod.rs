@@ -304,7 +304,7 @@ mod tests {
         let guides: Vec<_> = rods.iter().map(|r| (*r, LEAF)).collect();
         let bodies = Bodies::from_shapes(&[]);
         let interpolator = Interpolator::new(c, &vec![LEAF; c.len()], &guides, &bodies, &[]);
-        let moment = Moment { head: *head, keep_out: KeepOut { bodies: &bodies, poses: &[] } };
+        let moment = Moment { head: *head, keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &[] } };
         let motion: Vec<_> = q.iter().zip(rate).map(|(q, rate)| GuideMotion { q, rate }).collect();
         let mut out = [vec![[0.0; 3]; c.points.len()], vec![[0.0; 3]; c.points.len()]];
         let [p, v] = &mut out;
@@ -405,7 +405,7 @@ mod tests {
             let motion = [GuideMotion { q: &q, rate: &rate }];
             let moment = Moment {
                 head: still(),
-                keep_out: KeepOut { bodies: &bodies, poses: &[Isometry3::identity()] },
+                keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] },
             };
             let mut out = [vec![[0.0; 3]; 33], vec![[0.0; 3]; 33]];
             let [p, v] = &mut out;

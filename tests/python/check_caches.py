@@ -67,10 +67,16 @@ def check_curves(curves: UsdGeom.BasisCurves, expected: dict, basis: str) -> Non
 
 def check_collider(mesh: UsdGeom.Mesh, expected: dict) -> None:
     assert mesh, expected["prim"]
-    same(mesh.GetPointsAttr().Get(), expected["points"])
+    if expected["deforms"]:
+        assert not mesh.GetPointsAttr().HasAuthoredValue() or mesh.GetPointsAttr().Get() is None
+        rest = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("rest")
+        same(rest.Get(), expected["points"])
+        assert rest.GetInterpolation() == "vertex"
+    else:
+        same(mesh.GetPointsAttr().Get(), expected["points"])
+        same(mesh.GetExtentAttr().Get(), UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
     same(mesh.GetFaceVertexIndicesAttr().Get(), np.ravel(expected["triangles"]))
     same(mesh.GetFaceVertexCountsAttr().Get(), [3] * len(expected["triangles"]))
-    same(mesh.GetExtentAttr().Get(), UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
     assert mesh.GetSubdivisionSchemeAttr().Get() == "none" and mesh.GetDoubleSidedAttr().Get()
     assert mesh.ComputePurpose() == "guide"
 
@@ -84,7 +90,13 @@ def check_frame(stage: Usd.Stage, header: dict, frame: dict) -> None:
         same(curves.GetExtentAttr().Get(time), moving["extent"])
         for attribute in [curves.GetPointsAttr(), curves.GetVelocitiesAttr(), curves.GetExtentAttr()]:
             assert attribute.GetResolveInfo(time).GetSource() == Usd.ResolveInfoSourceValueClips
-    bodies = [(c["prim"], m) for c, m in zip(header["colliders"], frame["colliders"], strict=True)]
+    moving = list(zip(header["colliders"], frame["colliders"], strict=True))
+    bodies = [(c["prim"], m["transform"]) for c, m in moving]
+    for static, now in moving:
+        mesh = UsdGeom.Mesh(stage.GetPrimAtPath(static["prim"]))
+        points = mesh.GetPointsAttr().Get(time)
+        same(points, now["points"] if static["deforms"] else static["points"])
+        same(mesh.GetExtentAttr().Get(time), UsdGeom.PointBased.ComputeExtent(points))
     for prim, matrix in [("/groom/head", frame["head"]), *bodies]:
         world = UsdGeom.Xformable(stage.GetPrimAtPath(prim)).ComputeLocalToWorldTransform(time)
         same(world, np.transpose(matrix))

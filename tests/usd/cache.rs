@@ -69,7 +69,7 @@ fn header_json(header: &Header) -> Value {
         .chain([curves("/groom/guides", &header.guides)])
         .collect();
     let colliders: Vec<Value> = (header.colliders.iter())
-        .map(|c| json!({"prim": format!("/groom/colliders/{}", c.name), "points": c.points, "triangles": c.triangles}))
+        .map(|c| json!({"prim": format!("/groom/colliders/{}", c.name), "points": c.points, "triangles": c.triangles, "deforms": c.deforms}))
         .collect();
     json!({
         "metres_per_unit": header.metres_per_unit,
@@ -88,7 +88,12 @@ fn frames_json(header: &Header) -> Vec<Value> {
         .map(|number| {
             let frame = sample::frame(header, number);
             let sets: Vec<Value> = frame.hair.iter().chain([&frame.guides]).map(curves).collect();
-            json!({"frame": number, "curves": sets, "head": frame.head, "colliders": frame.colliders})
+            let colliders: Vec<Value> = frame
+                .colliders
+                .iter()
+                .map(|c| json!({"transform": c.transform, "points": c.points}))
+                .collect();
+            json!({"frame": number, "curves": sets, "head": frame.head, "colliders": colliders})
         })
         .collect()
 }

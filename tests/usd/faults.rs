@@ -91,8 +91,14 @@ fn arrays_that_do_not_fit_together_are_refused() {
     without_hair.hair = None;
     let mut without_head = frame.clone();
     without_head.colliders.pop();
+    let mut stiff = frame.clone();
+    stiff.colliders[1].points = None;
+    let mut torn = frame.clone();
+    torn.colliders[1].points.as_mut().unwrap().pop();
+    let mut soft = frame.clone();
+    soft.colliders[0].points = soft.colliders[1].points.clone();
     let outside = sample::frame(&good, 1005);
-    for wrong in [short, without_hair, without_head, outside] {
+    for wrong in [short, without_hair, without_head, stiff, torn, soft, outside] {
         assert!(matches!(writer.write_frame(&wrong), Err(Error::Internal(_))), "frame {}", wrong.frame);
     }
     assert_eq!(Reader::open(dir.path()).unwrap().frames(), [0; 0]);

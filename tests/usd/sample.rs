@@ -1,8 +1,8 @@
 //! A small cache with every part in it, all values different.
 
-use hairbake::cache::{ColliderMesh, CurveFrame, CurveSet, Frame, Header};
+use hairbake::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 
-/// 40 curves of 2 to 5 points, 18 guides, two colliders.
+/// 40 curves of 2 to 5 points, 18 guides, two colliders, the second of which deforms.
 pub fn header(hair: bool) -> Header {
     Header {
         metres_per_unit: 0.01,
@@ -11,7 +11,10 @@ pub fn header(hair: bool) -> Header {
         frames: (1001, 1003),
         hair: hair.then(|| curves(40, 0)),
         guides: curves(18, 1),
-        colliders: vec![tetrahedron("head", 1.0), tetrahedron("shoulder_L", 2.0)],
+        colliders: vec![
+            tetrahedron("head", 1.0),
+            ColliderMesh { deforms: true, ..tetrahedron("shoulder_L", 2.0) },
+        ],
         ..Header::default()
     }
 }
@@ -43,7 +46,12 @@ pub fn frame(header: &Header, frame: i32) -> Frame {
         hair: header.hair.as_ref().map(moved),
         guides: moved(&header.guides),
         head: turned(1.0 / 3.0),
-        colliders: (0..header.colliders.len()).map(|i| turned(i as f64)).collect(),
+        colliders: (header.colliders.iter().zip(0..))
+            .map(|(mesh, i)| ColliderFrame {
+                transform: turned(f64::from(i)),
+                points: mesh.deforms.then(|| mesh.points.iter().map(|p| [p[0] * time, p[1], p[2]]).collect()),
+            })
+            .collect(),
     }
 }
 
@@ -66,5 +74,6 @@ fn tetrahedron(name: &str, size: f32) -> ColliderMesh {
         name: name.into(),
         points: vec![[0.0; 3], [size, 0.0, 0.0], [0.0, size, 0.0], [0.0, 0.0, size]],
         triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+        deforms: false,
     }
 }

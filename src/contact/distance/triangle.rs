@@ -1,6 +1,7 @@
 //! Closest points with triangles.
 
 use super::segment_segment;
+use crate::math::polyline::closest_on_segment;
 use nalgebra::Vector3;
 
 /// Part of a triangle; edge i runs from vertex i to vertex i + 1 (mod 3).
@@ -62,6 +63,25 @@ pub fn closest_on_triangle(p: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> (Vector3<
     }
     let scale = 1.0 / (wa + wb + wc);
     (a + ab * (wb * scale) + ac * (wc * scale), Part::Face)
+}
+
+/// Barycentric weights of a point on `part` of triangle `v`.
+pub fn weights(part: Part, p: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> [f64; 3] {
+    let mut w = [0.0; 3];
+    match part {
+        Part::Vertex(i) => w[i] = 1.0,
+        Part::Edge(i) => {
+            let j = (i + 1) % 3;
+            w[j] = closest_on_segment(p, v[i], v[j]);
+            w[i] = 1.0 - w[j];
+        }
+        Part::Face => {
+            let n = (v[1] - v[0]).cross(&(v[2] - v[0]));
+            let opposite = |i: usize| n.dot(&(v[(i + 1) % 3] - p).cross(&(v[(i + 2) % 3] - p)));
+            w = [0, 1, 2].map(|i| opposite(i) / n.norm_squared());
+        }
+    }
+    w
 }
 
 /// Closest points of segment `ab` and triangle `v`. The minimum is at an end of the segment or on an edge of the triangle,

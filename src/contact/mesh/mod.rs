@@ -2,13 +2,18 @@
 //! distance computation using the angle weighted pseudonormal", 2005), winding number (A. Jacobson et al., "Robust
 //! inside-outside segmentation using generalized winding numbers", 2013).
 
+mod deforming;
 mod topology;
 
-use super::distance::{Part, closest_on_triangle};
+pub use deforming::Deforming;
+
+use super::distance::{Part, closest_on_triangle, weights};
 use super::shape::{Feature, SurfacePoint};
+use crate::math::polyline::closest_on_segment;
 use nalgebra::Vector3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
+use std::sync::Arc;
 use topology::Topology;
 
 /// Below this length, m, a difference of coordinates is rounding and has no direction.
@@ -51,31 +56,55 @@ impl Bounds {
     }
 }
 
-/// A triangle mesh, open or closed, with a bounding volume hierarchy over its triangles.
+/// A triangle mesh in one shape, open or closed, with a bounding volume hierarchy over its triangles.
 ///
 /// Where the closest feature is on an open border the point counts as outside: it is beside the sheet, not behind it.
 #[derive(Debug)]
 pub struct Mesh {
-    topology: Topology,
+    topology: Arc<Topology>,
+    vertices: Vec<Vector3<f64>>,
     face_normals: Vec<Vector3<f64>>,
     edge_normals: Vec<Vector3<f64>>,
     vertex_normals: Vec<Vector3<f64>>,
-    edge_on_border: Vec<bool>,
-    vertex_on_border: Vec<bool>,
     bvh: Bvh,
 }
 
 impl Mesh {
     /// From a triangle soup, m, body frame; welded and wound consistently (see [`Topology::new`]).
     pub fn new(vertices: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Self {
-        let topology = Topology::new(vertices, triangles);
+        Mesh::of_shapes(&[vertices], triangles)
+    }
+
+    /// A mesh that will take `shapes`, in the first of them.
+    fn of_shapes(shapes: &[&[Vector3<f64>]], triangles: &[[u32; 3]]) -> Self {
+        let topology = Topology::new(shapes, triangles);
+        let vertices: Vec<_> = topology.source.iter().map(|&i| shapes[0][i as usize]).collect();
+        let boxes: Vec<Aabb> = topology.triangles.iter().map(|t| bounding_box(t, &vertices)).collect();
+        let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
+        Mesh::with_normals(Arc::new(topology), vertices, bvh)
+    }
+
+    /// The same mesh with its vertices elsewhere, its hierarchy refitted: that of the mesh at rest, whatever came between, so
+    /// that the order of what it finds has no history.
+    fn reshaped(&self, vertices: Vec<Vector3<f64>>) -> Self {
+        let mut bvh = self.bvh.clone();
+        for (t, k) in self.topology.triangles.iter().zip(0..) {
+            bvh.insert_or_update_partially(bounding_box(t, &vertices), k, 0.0);
+        }
+        bvh.refit_without_opt();
+        Mesh::with_normals(Arc::clone(&self.topology), vertices, bvh)
+    }
+
+    fn with_normals(topology: Arc<Topology>, vertices: Vec<Vector3<f64>>, bvh: Bvh) -> Self {
         let zero = Vector3::zeros();
         let mut edge_normals = vec![zero; topology.edges.len()];
-        let mut vertex_normals = vec![zero; topology.vertices.len()];
+        let mut vertex_normals = vec![zero; vertices.len()];
         let mut face_normals = Vec::with_capacity(topology.triangles.len());
+        // A triangle of no area, into which a mesh may deform, has no say.
+        let unit = |n: Vector3<f64>| n.try_normalize(0.0).unwrap_or(zero);
         for (t, edges) in topology.triangles.iter().zip(&topology.triangle_edges) {
-            let v = t.map(|i| topology.vertices[i as usize]);
-            let n = (v[1] - v[0]).cross(&(v[2] - v[0])).normalize();
+            let v = t.map(|i| vertices[i as usize]);
+            let n = unit((v[1] - v[0]).cross(&(v[2] - v[0])));
             for i in 0..3 {
                 edge_normals[edges[i] as usize] += n;
                 let corner = (v[(i + 1) % 3] - v[i]).angle(&(v[(i + 2) % 3] - v[i]));
@@ -83,25 +112,8 @@ impl Mesh {
             }
             face_normals.push(n);
         }
-        let unit = |n: &mut Vector3<f64>| *n = n.try_normalize(0.0).unwrap_or(zero);
-        edge_normals.iter_mut().for_each(unit);
-        vertex_normals.iter_mut().for_each(unit);
-        let edge_on_border: Vec<bool> =
-            (0..topology.edges.len()).map(|e| topology.edge_triangles.get(e as u32).len() == 1).collect();
-        let mut vertex_on_border = vec![false; topology.vertices.len()];
-        for (ends, _) in topology.edges.iter().zip(&edge_on_border).filter(|(_, border)| **border) {
-            ends.iter().for_each(|&v| vertex_on_border[v as usize] = true);
-        }
-        let boxes: Vec<Aabb> = topology
-            .triangles
-            .iter()
-            .map(|t| {
-                let b = Bounds::around(t.iter().map(|&i| &topology.vertices[i as usize]), 0.0);
-                Aabb::new(b.min.into(), b.max.into())
-            })
-            .collect();
-        let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
-        Mesh { topology, face_normals, edge_normals, vertex_normals, edge_on_border, vertex_on_border, bvh }
+        edge_normals.iter_mut().chain(&mut vertex_normals).for_each(|n| *n = unit(*n));
+        Mesh { topology, vertices, face_normals, edge_normals, vertex_normals, bvh }
     }
 
     /// Number of triangles kept.
@@ -111,17 +123,17 @@ impl Mesh {
 
     /// Corners of a triangle.
     pub fn triangle(&self, t: u32) -> [&Vector3<f64>; 3] {
-        self.topology.triangles[t as usize].map(|i| &self.topology.vertices[i as usize])
+        self.topology.triangles[t as usize].map(|i| &self.vertices[i as usize])
     }
 
     /// Position of a vertex.
     pub fn vertex(&self, v: u32) -> &Vector3<f64> {
-        &self.topology.vertices[v as usize]
+        &self.vertices[v as usize]
     }
 
     /// Ends of an edge.
     pub fn edge(&self, e: u32) -> [&Vector3<f64>; 2] {
-        self.topology.edges[e as usize].map(|i| &self.topology.vertices[i as usize])
+        self.topology.edges[e as usize].map(|i| &self.vertices[i as usize])
     }
 
     /// A part of a triangle as a feature of the mesh.
@@ -166,11 +178,27 @@ impl Mesh {
         }
     }
 
+    /// Where the material at `point` of `feature` is in another shape of this mesh.
+    pub fn carried(&self, point: &Vector3<f64>, feature: Feature, to: &Mesh) -> Vector3<f64> {
+        if std::ptr::eq(self, to) {
+            return *point;
+        }
+        match feature {
+            Feature::Face(t) => at_weights(to.triangle(t), &weights(Part::Face, point, self.triangle(t))),
+            Feature::Edge(e) => {
+                let ([a, b], [c, d]) = (self.edge(e), to.edge(e));
+                c.lerp(d, closest_on_segment(point, a, b))
+            }
+            Feature::Vertex(v) => *to.vertex(v),
+            Feature::Smooth => *point,
+        }
+    }
+
     /// Whether a feature lies on an open border.
     pub fn on_border(&self, feature: Feature) -> bool {
         match feature {
-            Feature::Edge(i) => self.edge_on_border[i as usize],
-            Feature::Vertex(i) => self.vertex_on_border[i as usize],
+            Feature::Edge(i) => self.topology.edge_on_border[i as usize],
+            Feature::Vertex(i) => self.topology.vertex_on_border[i as usize],
             Feature::Face(_) | Feature::Smooth => false,
         }
     }
@@ -238,6 +266,16 @@ impl Mesh {
             .sum();
         half_angles / (2.0 * std::f64::consts::PI)
     }
+}
+
+/// The point of a triangle with these barycentric weights.
+pub fn at_weights(corners: [&Vector3<f64>; 3], w: &[f64; 3]) -> Vector3<f64> {
+    corners[0] * w[0] + corners[1] * w[1] + corners[2] * w[2]
+}
+
+fn bounding_box(triangle: &[u32; 3], vertices: &[Vector3<f64>]) -> Aabb {
+    let b = Bounds::around(triangle.iter().map(|&i| &vertices[i as usize]), 0.0);
+    Aabb::new(b.min.into(), b.max.into())
 }
 
 /// Squared distance, point and part, ordered by the first.

@@ -1,6 +1,7 @@
 //! Topology of a triangle soup: welding, consistent winding, neighbours.
 
 use nalgebra::Vector3;
+use std::cmp::Ordering;
 
 /// Lists of different lengths, one after the other.
 #[derive(Debug, Clone, Default)]
@@ -34,8 +35,8 @@ impl Lists {
 /// Welded, consistently wound triangles with their edges.
 #[derive(Debug)]
 pub struct Topology {
-    /// Vertices, each position once.
-    pub vertices: Vec<Vector3<f64>>,
+    /// For each vertex the first of the points given that it stands for.
+    pub source: Vec<u32>,
     /// Vertices of each triangle.
     pub triangles: Vec<[u32; 3]>,
     /// Edges of each triangle; edge i runs from vertex i to vertex i + 1.
@@ -52,14 +53,20 @@ pub struct Topology {
     pub vertex_triangles: Lists,
     /// Edges of each vertex.
     pub vertex_edges: Lists,
+    /// Whether each edge lies on an open border.
+    pub edge_on_border: Vec<bool>,
+    /// The same of each vertex.
+    pub vertex_on_border: Vec<bool>,
 }
 
 impl Topology {
-    /// Vertices at the same place become one; triangles that then have no area are dropped, and of triangles on the same
-    /// three vertices one is kept. In each patch joined by edges of two triangles the winding is made consistent: with
-    /// that of the greater area, or outward where the patch is closed.
-    pub fn new(points: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Self {
-        let (vertices, place) = weld(points);
+    /// Of points in one or more `shapes`, the first of which is the mesh at rest. Points that are at the same place in all of
+    /// them become one vertex; triangles that then have no area at rest are dropped, and of triangles on the same three vertices
+    /// one is kept. In each patch joined by edges of two triangles the winding is made consistent: with that of the
+    /// greater area at rest, or outward where the patch is closed.
+    pub fn new(shapes: &[&[Vector3<f64>]], triangles: &[[u32; 3]]) -> Self {
+        let (source, place) = weld(shapes);
+        let vertices: Vec<_> = source.iter().map(|&i| shapes[0][i as usize]).collect();
         let mut triangles: Vec<[u32; 3]> = triangles
             .iter()
             .map(|t| t.map(|i| place[i as usize]))
@@ -90,12 +97,20 @@ impl Topology {
         let ring = edges.iter().flat_map(|&[a, b]| [(a, b), (b, a)]).collect();
         let corners = triangles.iter().zip(0..).flat_map(|(t, k)| t.map(|v| (v, k))).collect();
         let ends = edges.iter().zip(0..).flat_map(|(e, k)| e.map(|v| (v, k))).collect();
+        let edge_on_border: Vec<bool> =
+            (0..edges.len()).map(|e| edge_triangles.get(e as u32).len() == 1).collect();
+        let mut vertex_on_border = vec![false; vertices.len()];
+        for (ends, _) in edges.iter().zip(&edge_on_border).filter(|(_, border)| **border) {
+            ends.iter().for_each(|&v| vertex_on_border[v as usize] = true);
+        }
         Topology {
+            edge_on_border,
+            vertex_on_border,
             vertex_triangles: Lists::from_pairs(vertices.len(), corners),
             vertex_edges: Lists::from_pairs(vertices.len(), ends),
             edge_opposite: Lists::from_pairs(edges.len(), opposite),
             ring: Lists::from_pairs(vertices.len(), ring),
-            vertices,
+            source,
             triangles,
             triangle_edges,
             edges,
@@ -104,33 +119,34 @@ impl Topology {
     }
 }
 
-/// Distinct positions in order of first use, and where each given point went. Exact equality: near-duplicates are not
-/// merged, because a thin gap may be meant.
-fn weld(points: &[Vector3<f64>]) -> (Vec<Vector3<f64>>, Vec<u32>) {
-    let mut order: Vec<usize> = (0..points.len()).collect();
-    // + 0.0 makes −0 and 0 one place.
-    let key = |i: usize| [points[i].x + 0.0, points[i].y + 0.0, points[i].z + 0.0];
+/// First points of the distinct places in order of first use, and the place of each point. Exact equality: near-duplicates are
+/// not merged, because a thin gap may be meant.
+fn weld(shapes: &[&[Vector3<f64>]]) -> (Vec<u32>, Vec<u32>) {
+    let points = shapes[0].len();
+    let mut order: Vec<usize> = (0..points).collect();
     let compare = |i: &usize, j: &usize| {
-        let (a, b) = (key(*i), key(*j));
-        a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])).then(a[2].total_cmp(&b[2]))
+        let coordinates = |i: usize| shapes.iter().flat_map(move |shape| shape[i].iter());
+        // + 0.0 makes −0 and 0 one place.
+        let mut orders = coordinates(*i).zip(coordinates(*j)).map(|(a, b)| (a + 0.0).total_cmp(&(b + 0.0)));
+        orders.find(|o| o.is_ne()).unwrap_or(Ordering::Equal)
     };
     order.sort_by(|i, j| compare(i, j).then(i.cmp(j)));
-    let mut first = vec![0usize; points.len()];
+    let mut first = vec![0usize; points];
     for k in 0..order.len() {
         let same = k > 0 && compare(&order[k - 1], &order[k]).is_eq();
         first[order[k]] = if same { first[order[k - 1]] } else { order[k] };
     }
-    let mut place = vec![0u32; points.len()];
-    let mut vertices = Vec::new();
-    for i in 0..points.len() {
+    let mut place = vec![0u32; points];
+    let mut source = Vec::new();
+    for i in 0..points {
         if first[i] == i {
-            place[i] = vertices.len() as u32;
-            vertices.push(points[i]);
+            place[i] = source.len() as u32;
+            source.push(i as u32);
         } else {
             place[i] = place[first[i]];
         }
     }
-    (vertices, place)
+    (source, place)
 }
 
 fn has_area(t: &[u32; 3], vertices: &[Vector3<f64>]) -> bool {

@@ -13,7 +13,7 @@ use nalgebra::{Matrix4, Vector3};
 
 use super::font;
 use super::picture::{Animation, Format, Image};
-use crate::cache::{CurveFrame, CurveSet, Frame, Header, Reader};
+use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header, Reader};
 use crate::error::{Error, Problem, Result};
 use camera::{Axes, Framing};
 
@@ -211,6 +211,14 @@ impl<'a, S: Shot> Renderer<'a, S> {
             let (found, n) = (frame.colliders.len(), header.colliders.len());
             return Err(self.damaged(format!("frame {number} moves {found} colliders, the topology has {n}")));
         }
+        for (moving, mesh) in frame.colliders.iter().zip(&header.colliders) {
+            let (found, n) = (moving.points.as_ref().map_or(mesh.points.len(), Vec::len), mesh.points.len());
+            if found != n {
+                let what =
+                    format!("frame {number} has {found} points of collider {}, the topology {n}", mesh.name);
+                return Err(self.damaged(what));
+            }
+        }
         Ok(frame)
     }
 
@@ -285,10 +293,16 @@ impl<'a, S: Shot> Renderer<'a, S> {
     }
 
     fn meshes(&self, frame: &Frame) -> Vec<scene::Mesh<'a>> {
-        let of = |(mesh, motion): (&'a crate::cache::ColliderMesh, &[[f64; 4]; 4])| {
-            let motion = matrix(motion);
+        let of = |(mesh, moving): (&'a ColliderMesh, &ColliderFrame)| {
+            let motion = matrix(&moving.transform);
             let world = |p: &[f32; 3]| motion.transform_point(&Vector3::from(*p).cast::<f64>().into()).coords;
-            let points = mesh.points.iter().map(|p| self.y_up(world(p).cast::<f32>().into())).collect();
+            let points = moving
+                .points
+                .as_ref()
+                .unwrap_or(&mesh.points)
+                .iter()
+                .map(|p| self.y_up(world(p).cast::<f32>().into()))
+                .collect();
             scene::Mesh { points, triangles: &mesh.triangles }
         };
         self.shot.header().colliders.iter().zip(&frame.colliders).map(of).collect()

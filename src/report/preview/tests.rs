@@ -1,7 +1,6 @@
 //! Whole pictures: a small head of hair made here, drawn and read back.
 
 use super::*;
-use crate::cache::ColliderMesh;
 use crate::report::picture::Format;
 
 struct Memory {
@@ -42,6 +41,7 @@ fn head_of_hair(n: usize, frames: i32) -> Memory {
         name: "head".into(),
         points: vec![[-0.05, -0.05, 0.0], [0.05, -0.05, 0.0], [0.0, 0.05, 0.0]],
         triangles: vec![[0, 1, 2]],
+        deforms: false,
     };
     let frame = |k: i32| {
         let shift = 0.3 * k as f32;
@@ -53,7 +53,7 @@ fn head_of_hair(n: usize, frames: i32) -> Memory {
             frame: 1001 + k,
             hair: Some(CurveFrame { points, ..CurveFrame::default() }),
             head: motion,
-            colliders: vec![motion],
+            colliders: vec![ColliderFrame { transform: motion, points: None }],
             ..Frame::default()
         }
     };
@@ -206,6 +206,24 @@ fn a_sheet_is_a_png_of_all_its_cells() {
 }
 
 #[test]
+fn a_deforming_collider_is_drawn_as_it_is_at_the_frame() {
+    let mut shot = head_of_hair(20, 1);
+    let rigid = sheet(&shot, &small(), &[1001]).unwrap();
+    let raised = |p: &[f32; 3]| [p[0], p[1] + 0.06, p[2]];
+    let mesh = &mut shot.header.colliders[0];
+    let points: Vec<_> = mesh.points.iter().map(raised).collect();
+    mesh.deforms = true;
+    shot.frames[0].colliders[0].points = Some(mesh.points.clone());
+    assert_eq!(sheet(&shot, &small(), &[1001]).unwrap().rgb, rigid.rgb);
+    shot.frames[0].colliders[0].points = Some(points.clone());
+    let moved = sheet(&shot, &small(), &[1001]).unwrap();
+    assert_ne!(moved.rgb, rigid.rgb);
+    shot.header.colliders[0].points = points;
+    shot.frames[0].colliders[0].points = None;
+    assert_eq!(sheet(&shot, &small(), &[1001]).unwrap().rgb, moved.rgb);
+}
+
+#[test]
 fn a_cache_without_curves_is_refused() {
     let mut shot = head_of_hair(0, 1);
     let error = sheet(&shot, &small(), &[1001]).unwrap_err();
@@ -219,13 +237,14 @@ fn a_cache_without_curves_is_refused() {
 #[test]
 fn arrays_that_do_not_fit_are_damage_not_a_panic() {
     type Fault = fn(&mut Memory);
-    let faults: [Fault; 7] = [
+    let faults: [Fault; 8] = [
         |s| s.frames[0].hair.as_mut().unwrap().points.truncate(7),
         |s| s.frames[0].hair = None,
         |s| s.header.hair.as_mut().unwrap().widths.truncate(7),
         |s| s.header.hair.as_mut().unwrap().counts[0] = -3,
         |s| s.header.colliders[0].triangles[0][2] = 3,
         |s| s.frames[0].colliders.clear(),
+        |s| s.frames[0].colliders[0].points = Some(vec![[0.0; 3]; 2]),
         |s| s.frames[0].hair.as_mut().unwrap().points.fill([f32::NAN; 3]),
     ];
     for fault in faults {

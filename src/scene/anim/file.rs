@@ -171,8 +171,13 @@ pub struct ColliderFile {
 pub enum ShapeFile {
     /// Triangles of a Wavefront OBJ file.
     Mesh {
-        /// Path of the file, relative to this one.
+        /// Path of the file, relative to this one. The mesh as it was when the groom was drawn.
         file: String,
+        /// For a mesh that deforms: path of OBJ files with the faces of `file`, one for each frame of the bake, relative to this
+        /// one, # for each digit of the frame's number (cloth.####.obj). Where they are there, two more frames before the first
+        /// and after the last are read. Default: it is rigid.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sequence: Option<String>,
         /// Metres in one unit of the mesh; default: as in this file.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(range(min = 1e-6, max = 1e4))]

@@ -1,14 +1,16 @@
 //! `anim.json` to an [`Anim`]: faults of meaning, units and axes, files it names.
 
+mod deformation;
 mod track;
 
 use super::file::*;
 use super::{Anim, Body, Collider, Keyed, Settings, Shape, Track, TriMesh, Wind};
-use crate::scene::Convention;
 use crate::scene::document::array::Buffers;
 use crate::scene::document::{Document, Faults, Key, MAX_NAMED};
+use crate::scene::{Convention, Deformation};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use std::path::PathBuf;
+use std::sync::Arc;
 pub(crate) use track::motion;
 
 /// Gravity where none is given, m/s².
@@ -147,10 +149,12 @@ impl Reader<'_> {
                 None => head,
             };
             let shape = self.shape(&key.name("shape"), file.shape);
+            let (body, (shape, deformation)) = (body?, shape?);
             Some(Collider {
                 name: file.name,
-                body: body?,
-                shape: shape?,
+                body,
+                shape,
+                deformation: deformation.map(Arc::new),
                 friction: file.friction,
                 thickness: file.thickness_m,
             })
@@ -158,31 +162,18 @@ impl Reader<'_> {
         files.into_iter().enumerate().map(collider).collect()
     }
 
-    fn shape(&mut self, key: &Key, file: ShapeFile) -> Option<Shape> {
+    /// A shape, and how it deforms.
+    fn shape(&mut self, key: &Key, file: ShapeFile) -> Option<(Shape, Option<Deformation>)> {
         let unit = self.convention.metres_per_unit;
         let convention = self.convention;
         let point = |p: [f64; 3]| convention.length_in(p.into());
-        Some(match file {
-            ShapeFile::Mesh { file, metres_per_unit, up_axis } => {
+        let shape = match file {
+            ShapeFile::Mesh { file, sequence, metres_per_unit, up_axis } => {
                 let convention = Convention {
                     metres_per_unit: metres_per_unit.unwrap_or(unit),
                     up: up_axis.unwrap_or(convention.up),
                 };
-                let path = self.folder.join(&file);
-                match TriMesh::load_obj(&path, &convention) {
-                    Ok((mesh, 0)) => Shape::Mesh(mesh),
-                    Ok((mesh, dropped)) => {
-                        tracing::warn!("{}: {dropped} triangles of no area left out", path.display());
-                        Shape::Mesh(mesh)
-                    }
-                    Err(what) => {
-                        let allowed =
-                            "a Wavefront OBJ file with triangles, relative to the folder of this file";
-                        let remedy = "correct the path or export the mesh anew";
-                        self.faults.add(&key.name("file"), format!("\"{file}\" {what}"), allowed, remedy);
-                        return None;
-                    }
-                }
+                return self.mesh(key, &file, sequence, &convention);
             }
             ShapeFile::Sphere { centre, radius } => {
                 Shape::Sphere { centre: point(centre), radius: radius * unit }
@@ -208,7 +199,38 @@ impl Reader<'_> {
                 };
                 Shape::Plane { point: point(p), normal }
             }
-        })
+        };
+        Some((shape, None))
+    }
+
+    fn mesh(
+        &mut self,
+        key: &Key,
+        file: &str,
+        sequence: Option<String>,
+        convention: &Convention,
+    ) -> Option<(Shape, Option<Deformation>)> {
+        let path = self.folder.join(file);
+        let fault = |faults: &mut Faults, what: String| {
+            let allowed = "a Wavefront OBJ file with triangles, relative to the folder of this file";
+            let remedy = "correct the path or export the mesh anew";
+            faults.add(&key.name("file"), format!("\"{file}\" {what}"), allowed, remedy);
+        };
+        let read = TriMesh::load_obj_as_it_is(&path, convention).map_err(|what| fault(self.faults, what));
+        let mut mesh = read.ok()?;
+        let deformation = match sequence {
+            Some(pattern) => Some(self.deformation(&key.name("sequence"), &pattern, &mesh, convention)?),
+            None => None,
+        };
+        match mesh.drop_degenerate() {
+            Ok(0) => {}
+            Ok(dropped) => tracing::warn!("{}: {dropped} triangles of no area left out", path.display()),
+            Err(what) => {
+                fault(self.faults, what);
+                return None;
+            }
+        }
+        Some((Shape::Mesh(mesh), deformation))
     }
 
     fn keyed(&mut self, key: &Key, file: KeyedFile) -> Option<Keyed> {

@@ -16,8 +16,8 @@ use crate::error::{Error, Problem, Result};
 use crate::file::{read_file, write_file};
 use nalgebra::{Quaternion, UnitQuaternion};
 use schemars::JsonSchema;
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -203,10 +203,15 @@ impl Document {
         self.value.get(name)?.as_str()
     }
 
-    /// The files that the elements of the root's array `list` name at `place`, a JSON pointer.
-    pub fn named_files(&self, list: &str, place: &str) -> Vec<PathBuf> {
+    /// The two integers of an array at the root.
+    pub fn range_at(&self, name: &str) -> Option<(i32, i32)> {
+        <[i32; 2]>::deserialize(self.value.get(name)?).ok().map(<(i32, i32)>::from)
+    }
+
+    /// The strings that the elements of the root's array `list` have at `place`, a JSON pointer.
+    pub fn named(&self, list: &str, place: &str) -> impl Iterator<Item = &str> {
         let elements = self.value.get(list).and_then(Value::as_array).into_iter().flatten();
-        elements.filter_map(|e| Some(self.folder().join(e.pointer(place)?.as_str()?))).collect()
+        elements.filter_map(move |e| e.pointer(place)?.as_str())
     }
 
     /// Checks the file against the schema of `T` and reads it. All faults of shape are noted; optional

@@ -141,3 +141,41 @@ fn units_and_axes_make_no_difference() {
     assert_relative_eq!(plane(&a).0, plane(&b).0, epsilon = 1e-12);
     assert_relative_eq!(plane(&a).1, plane(&b).1, epsilon = 1e-12);
 }
+
+/// A mesh that deforms keeps the unit and axes of its file, and is between its frames where its neighbours put it.
+#[test]
+fn a_deforming_mesh_is_read_frame_by_frame() {
+    let text = SMALLEST.replace("[1, 48]", "[10, 12]").replace(
+        " }",
+        r#", "colliders": [{ "name": "cloth", "shape": { "type": "mesh", "file": "rest.obj", "sequence": "cloth.##.obj",
+            "metres_per_unit": 0.01, "up_axis": "z" } }] }"#,
+    );
+    let (folder, path) = file("anim.json", &text);
+    let mesh = |height: i32| format!("v 0 0 {height}\nv 100 0 0\nv 0 100 0\nv 0 0 0\nf 1 2 3\nf 4 4 2\n");
+    std::fs::write(folder.path().join("rest.obj"), mesh(7)).unwrap();
+    // Frame 9 is the handle's; 8 is missing, so 7 is not read, and 15 is too far.
+    for frame in [7, 9, 10, 11, 12, 13, 14, 15] {
+        std::fs::write(folder.path().join(format!("cloth.{frame:02}.obj")), mesh((frame - 9) * (frame - 9)))
+            .unwrap();
+    }
+    let anim = load_anim(&path).unwrap();
+    let collider = &anim.colliders[0];
+    let Shape::Mesh(rest) = &collider.shape else { panic!("not a mesh") };
+    assert_eq!((rest.triangles.len(), rest.vertices.len()), (1, 4));
+    assert_relative_eq!(rest.vertices[0], Vector3::y() * 0.07, epsilon = 1e-15);
+    let deformation = collider.deformation.as_ref().unwrap();
+    assert_eq!((deformation.start, deformation.samples.len()), (anim.time(9.0), 6));
+    for frame in [9.0, 10.5, 11.25, 14.0] {
+        let height = 0.01 * (frame - 9.0) * (frame - 9.0);
+        let vertices = deformation.vertices(anim.time(frame));
+        assert_relative_eq!(vertices[0], Vector3::y() * height, epsilon = 1e-15);
+        assert_relative_eq!(vertices[2], -Vector3::z(), epsilon = 1e-15);
+    }
+    let (_groom_folder, groom) = file("groom.json", "{}");
+    let files = inputs(&groom, &path).unwrap();
+    let names: Vec<_> =
+        files.iter().map(|(role, file)| (*role, file.file_name().unwrap().to_str().unwrap())).collect();
+    assert_eq!(names[2], ("collider", "rest.obj"));
+    assert_eq!(names[3..].len(), 6);
+    assert_eq!((names[3], names[8]), (("deformation", "cloth.09.obj"), ("deformation", "cloth.14.obj")));
+}

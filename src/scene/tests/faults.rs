@@ -137,6 +137,11 @@ macro_rules! anim_fault {
                 ("empty.obj", b"# nothing\n"),
                 ("range.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"),
                 ("nan.obj", b"v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n"),
+                ("one.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+                ("cloth.0000.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+                ("cloth.0001.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 1 3 4\n"),
+                ("cloth.0002.obj", b"v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n"),
+                ("cloth.0003.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 3 2 1\n"),
                 ("motion.json", b"{ \"fps\": 24, \"frames\": [\n  { \"translation\": [0, 0], \"rotation_quat_wxyz\": [1, 0, 0, 0] }\n] }"),
             ];
             insta::assert_snapshot!(stringify!($name), report(&files));
@@ -162,6 +167,12 @@ mod in_anim {
         mesh_not_there: r#""colliders": [{ "name": "skull", "shape": { "type": "mesh", "file": "no.obj" } }]"#;
         mesh_without_triangles: r#""colliders": [{ "name": "a", "shape": { "type": "mesh", "file": "empty.obj" } }, { "name": "b", "shape": { "type": "mesh", "file": "flat.obj" } }]"#;
         mesh_unsound: r#""colliders": [{ "name": "a", "shape": { "type": "mesh", "file": "range.obj" } }, { "name": "b", "shape": { "type": "mesh", "file": "nan.obj" } }]"#;
+        sequence_unnumbered: r#""colliders": [{ "name": "a", "shape": { "type": "mesh", "file": "one.obj", "sequence": "one.obj" } }]"#;
+        sequence_missing: r#""colliders": [{ "name": "a", "shape": { "type": "mesh", "file": "one.obj", "sequence": "silk.####.obj" } }]"#;
+        sequence_with_gaps: r#""frames": [-3, 2], "colliders": [{ "name": "a", "shape": { "type": "mesh", "file": "one.obj", "sequence": "cloth.####.obj" } }]"#;
+        sequence_far_too_long: r#""frames": [0, 2000000000], "colliders": [{ "name": "a", "shape": { "type": "mesh", "file": "one.obj", "sequence": "cloth.####.obj" } }]"#;
+        sequence_of_another_mesh: r#""colliders": [{ "name": "a", "shape": { "type": "mesh", "file": "one.obj", "sequence": "cloth.####.obj" } }]"#;
+        sequence_of_a_sphere: r#""colliders": [{ "name": "a", "shape": { "type": "sphere", "centre": [0,0,0], "radius": 1, "sequence": "cloth.####.obj" } }]"#;
         shape_unknown: r#""colliders": [{ "name": "a", "shape": { "type": "cube" } }, { "name": "b", "shape": {} }]"#;
         shape_wrong: r#""colliders": [{ "name": "a", "shape": { "type": "sphere", "radius": -1 } }]"#;
         plane_without_normal: r#""colliders": [{ "name": "a", "shape": { "type": "plane", "point": [0,0,0], "normal": [0,0,0] } }]"#;
