@@ -257,26 +257,27 @@ fn curves(curves: &CurveSet, basis: Basis, colour: [f32; 3]) -> Vec<Attribute<'_
 
 fn collider(mesh: &ColliderMesh) -> Vec<Attribute<'_>> {
     let points = Value::Float3s(Cow::Borrowed(&mesh.points));
-    let shape = if mesh.deforms {
-        // No default beside the frames' own values; where the mesh was at rest has the name that it has for curves.
-        vec![interpolated("primvars:rest", "point3f[]", "vertex", points)]
-    } else {
-        vec![
-            Attribute::new("points", "point3f[]").with_default(points),
-            Attribute::new("extent", "float3[]")
-                .with_default(Value::Float3s(bounds(&mesh.points).to_vec().into())),
-        ]
-    };
     let mut attributes = vec![
+        // Where a mesh that deforms was at rest has the name that it has for curves: its points are the frames'.
+        if mesh.deforms {
+            interpolated("primvars:rest", "point3f[]", "vertex", points)
+        } else {
+            Attribute::new("points", "point3f[]").with_default(points)
+        },
         Attribute::new("faceVertexCounts", "int[]")
             .with_default(Value::Ints(vec![3; mesh.triangles.len()].into())),
         Attribute::new("faceVertexIndices", "int[]")
             .with_default(Value::Ints(Cow::Borrowed(mesh.triangles.as_flattened()))),
+    ];
+    if !mesh.deforms {
+        let extent = Value::Float3s(bounds(&mesh.points).to_vec().into());
+        attributes.push(Attribute::new("extent", "float3[]").with_default(extent));
+    }
+    attributes.extend([
         uniform_token("subdivisionScheme", "none"),
         Attribute::new("doubleSided", "bool").uniform().with_default(Value::Bool(true)),
         display_colour(COLLIDER_COLOUR),
-    ];
-    attributes.extend(shape);
+    ]);
     attributes.extend(transform_order());
     attributes
 }

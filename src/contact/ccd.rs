@@ -15,7 +15,7 @@
 
 use super::bodies::{Bodies, Contact, Found, Motion, Polyline, Workspace};
 use super::candidates::largest;
-use super::distance::{segment_triangle, weights};
+use super::distance::{Pair, segment_triangle, weights};
 use super::mesh::{Bounds, Mesh, at_weights};
 use super::shape::{Convex, Feature, Surface};
 use crate::math::frame::transport;
@@ -257,14 +257,14 @@ impl Triangle<'_> {
     }
 
     fn apart(&self, ends: &[Vector3<f64>; 2]) -> Apart<1> {
-        let normal = separation(ends, self.corners[0]);
+        let (_, normal) = closest(ends, self.corners[0]);
         let highest = self.corners[0].iter().map(|y| normal.dot(y)).fold(f64::NEG_INFINITY, f64::max);
         Apart { normal, heights: [[highest, 0.0]] }
     }
 
     fn apart_moving(&self, ends: &[Vector3<f64>; 2], time: f64) -> Apart<3> {
         let now = self.at(time);
-        let normal = separation(ends, now.each_ref());
+        let (_, normal) = closest(ends, now.each_ref());
         let [from, to] = &self.corners;
         Apart { normal, heights: [0, 1, 2].map(|i| [normal.dot(&now[i]), normal.dot(&(to[i] - from[i]))]) }
     }
@@ -272,9 +272,8 @@ impl Triangle<'_> {
     /// The impact of a segment that has come too close, with its `ends` where they are at `time`.
     fn impact(&self, ends: &[Vector3<f64>; 2], time: f64) -> Impact {
         let now = self.at(time);
-        let pair = segment_triangle(&ends[0], &ends[1], now.each_ref());
+        let (pair, normal) = closest(ends, now.each_ref());
         let feature = self.meshes[0].feature(self.index, pair.part);
-        let normal = separation(ends, now.each_ref());
         if !self.moves() {
             return Impact { time, u: pair.u, normal, point: [pair.point; 2], feature };
         }
@@ -289,8 +288,9 @@ impl Triangle<'_> {
     }
 }
 
-/// Unit direction from a triangle to a segment at their closest points; zero where they meet.
-fn separation(ends: &[Vector3<f64>; 2], corners: [&Vector3<f64>; 3]) -> Vector3<f64> {
+/// Closest points of a segment and a triangle, and the unit direction from the triangle to the segment; zero where they meet.
+fn closest(ends: &[Vector3<f64>; 2], corners: [&Vector3<f64>; 3]) -> (Pair, Vector3<f64>) {
     let pair = segment_triangle(&ends[0], &ends[1], corners);
-    (ends[0].lerp(&ends[1], pair.u) - pair.point).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
+    let offset = ends[0].lerp(&ends[1], pair.u) - pair.point;
+    (pair, offset.try_normalize(0.0).unwrap_or_else(Vector3::zeros))
 }

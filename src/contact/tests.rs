@@ -9,6 +9,8 @@ use crate::scene::{Shape as SceneShape, TriMesh};
 use crate::test_data::shared_data;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
+mod deforming;
+
 /// Random numbers in [-1, 1), the same at every run.
 pub(super) struct Random {
     seed: u64,
@@ -237,7 +239,18 @@ fn least_distance(
 
 /// Random moving polylines against a body: what the detection lets pass never came near, and where it stops it is near.
 fn no_tunnelling(shape: SceneShape, seed: u64, cases: usize, spin: f64) {
-    let bodies = Bodies::from_shapes(&[shape]);
+    let bodies = &mut Bodies::from_shapes(&[shape]);
+    no_tunnelling_over(bodies, seed, cases, spin, |_, _| [0.0, 1.0]);
+}
+
+/// The same; `step` prepares the body for the step of a case and says which part of it is meant.
+fn no_tunnelling_over(
+    bodies: &mut Bodies,
+    seed: u64,
+    cases: usize,
+    spin: f64,
+    mut step: impl FnMut(&mut Bodies, usize) -> [f64; 2],
+) {
     let mut random = Random::new(seed);
     let mut work = Workspace::default();
     let (mut hits, mut free) = (0, 0);
@@ -246,8 +259,9 @@ fn no_tunnelling(shape: SceneShape, seed: u64, cases: usize, spin: f64) {
         let direction = random.vector().normalize();
         let x0: Vec<_> =
             (0..4).map(|k| start + direction * 0.03 * k as f64 + random.vector() * 0.01).collect();
+        let times = step(bodies, hits + free);
         let motion = Motion {
-            times: [0.0, 1.0],
+            times,
             start: Isometry3::identity(),
             end: Isometry3::from_parts(
                 Translation3::from(random.vector() * 0.1),
@@ -259,7 +273,7 @@ fn no_tunnelling(shape: SceneShape, seed: u64, cases: usize, spin: f64) {
         let clearance = [1e-3; 4];
         let line = Polyline { x0: &x0, x1: &x1, clearance: &clearance };
         let shape = &bodies.bodies[0].shape;
-        let inside = x0.iter().any(|x| shape.inside(0.0, x));
+        let inside = x0.iter().any(|x| shape.inside(times[0], x));
         if inside || least_distance(shape, &motion, &line, 0.0, 0.0, 1) <= 1e-6 {
             continue;
         }
