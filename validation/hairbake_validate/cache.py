@@ -72,9 +72,11 @@ class Mesh:
 
     path: str
     points: np.ndarray
-    """f64, `V × 3`, cache units."""
+    """f64, `V × 3`, cache units; at rest, where the mesh deforms."""
     triangles: np.ndarray
     """Vertex indices, `T × 3`."""
+    deforms: bool
+    """Whether every frame has points of its own."""
 
     @property
     def sound(self) -> bool:
@@ -129,7 +131,9 @@ class Cache:
         paths = [
             f"{curves.path}.{name}" for curves in self.curves for name in ("points", "velocities", "extent")
         ]
-        return paths + [f"{path}.{TRANSFORM}" for path in [HEAD, *(mesh.path for mesh in self.colliders)]]
+        paths += [f"{path}.{TRANSFORM}" for path in [HEAD, *(mesh.path for mesh in self.colliders)]]
+        deforming = [mesh.path for mesh in self.colliders if mesh.deforms]
+        return paths + [f"{path}.{name}" for path in deforming for name in ("points", "extent")]
 
     def _read_declared(self) -> set[str] | None:
         if self.clip is None or not (self.directory / self.clip.manifest).is_file():
@@ -188,9 +192,12 @@ class Cache:
         mesh = UsdGeom.Mesh(prim)
         counts = array(mesh.GetFaceVertexCountsAttr().Get(), int, 1)
         indices = array(mesh.GetFaceVertexIndicesAttr().Get(), int, 1)
+        rest = UsdGeom.PrimvarsAPI(prim).GetPrimvar("rest")
+        points = rest.Get() if rest else mesh.GetPointsAttr().Get()
         return Mesh(
             path=str(prim.GetPath()),
-            points=array(mesh.GetPointsAttr().Get(), np.float64, 2),
+            points=array(points, np.float64, 2),
+            deforms=bool(rest),
             triangles=indices.reshape(-1, 3)
             if (counts == 3).all() and len(indices) == 3 * len(counts)
             else np.empty((0, 3), int),

@@ -195,7 +195,9 @@ def penetration(window: Window, path: str, check: Check) -> Iterator[Finding]:
             continue
         for mesh, collider in window.ground.colliders:
             matrix = window.get(mesh.path, TRANSFORM)
-            if matrix is None:
+            if mesh.deforms:
+                collider = window.collider(mesh)
+            if matrix is None or collider is None:
                 continue
             outside = np.flatnonzero(window.ground.outside[curves.path, mesh.path])
             depth = np.zeros(len(points))

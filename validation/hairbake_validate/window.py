@@ -25,6 +25,7 @@ class Ground:
     rest_arcs: Arcs | None = None
     """Arcs of the guides at rest."""
     colliders: list[tuple[Mesh, Collider]] = field(default_factory=list)
+    """Every collider as it is in the first frame: for good, unless it deforms."""
     outside: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
     """Points outside a collider at rest, by curves' and collider's path: the rest pose as the head carries it to the
     first frame, against the collider where it is then."""
@@ -43,7 +44,10 @@ class Ground:
             matrix = values.get(f"{mesh.path}.{TRANSFORM}")
             if head is None or matrix is None or not mesh.sound:
                 continue
-            collider = Collider(mesh.points, mesh.triangles)
+            points = values.get(f"{mesh.path}.points", mesh.points)
+            if points.shape != mesh.points.shape or not np.isfinite(points).all():
+                continue
+            collider = Collider(points.astype(float), mesh.triangles)
             ground.colliders.append((mesh, collider))
             for curves in sound:
                 there = transformed(transformed(curves.rest, head), np.linalg.inv(matrix))
@@ -69,12 +73,18 @@ class Window:
         self.ground = ground
         self.frame = cache.frames[0]
         self._files: dict[int, FrameFile | str] = {}
+        self._colliders: dict[str, Collider | None] = {}
+        self._colliders_of: int | None = None
         self._shapes = {f"{path}.{TRANSFORM}": (4, 4) for path in self.bodies()}
         for curves in cache.curves:
             if curves.sound:
                 points = (len(curves.rest), 3)
                 self._shapes |= {f"{curves.path}.{name}": points for name in ("points", "velocities")}
                 self._shapes[f"{curves.path}.extent"] = (2, 3)
+        for mesh in cache.colliders:
+            if mesh.deforms:
+                self._shapes[f"{mesh.path}.points"] = mesh.points.shape
+                self._shapes[f"{mesh.path}.extent"] = (2, 3)
 
     def move_to(self, frame: int) -> None:
         """Makes `frame` the middle one."""
@@ -116,6 +126,17 @@ class Window:
         if value is None or value.shape != self.shape(path) or not np.isfinite(value).all():
             return None
         return value
+
+    def collider(self, mesh: Mesh) -> Collider | None:
+        """A deforming mesh as it is in the middle frame; worked out once a frame."""
+        if self._colliders_of != self.frame:
+            self._colliders, self._colliders_of = {}, self.frame
+        if mesh.path not in self._colliders:
+            points = self.get(mesh.path, "points")
+            self._colliders[mesh.path] = (
+                None if points is None else Collider(points.astype(float), mesh.triangles)
+            )
+        return self._colliders[mesh.path]
 
     def _read(self, frame: int) -> FrameFile | str:
         if frame not in self._files:
