@@ -49,6 +49,8 @@ pub struct Guide {
     past: [(f64, Vec<f64>); 2],
     /// Where the bodies were last seen.
     memory: crate::contact::Workspace,
+    /// Whether every part of the last sub-step was cut short: bodies have closed on the strand, and no division helps.
+    pinched: bool,
 }
 
 /// What a time scheme remembers of a guide.
@@ -167,6 +169,7 @@ impl Guide {
             drag,
             rod,
             memory: crate::contact::Workspace::default(),
+            pinched: false,
         };
         guide.lengths = guide.segment_lengths();
         guide.before = guide.state();
@@ -191,6 +194,7 @@ impl Guide {
         one.copy_from_slice(now);
         let mut record = StepRecord::default();
         self.advance_part(around, span, 0, solved, work, &mut record);
+        self.pinched = record.shortened > record.halvings;
         if self.clearance.counts().1 > 0 && (around.brought_out)(span[1]) >= 1.0 {
             // What could not be brought out by now is drawn in a knot with the body, and stays so.
             let stuck: Vec<_> = work.touch.blocked().collect();
@@ -208,7 +212,7 @@ impl Guide {
         work: &mut Workspace,
         record: &mut StepRecord,
     ) {
-        let last = depth >= MAX_CONTACT_HALVINGS;
+        let last = self.pinched || depth >= MAX_CONTACT_HALVINGS;
         let mut formula = self.formula(t1 - t0);
         let (mut root, mut outcome, mut clear);
         loop {

@@ -37,6 +37,9 @@ const UNDONE: f64 = 0.1;
 /// Share of a clearance that an old violation may use up while it is undone; continuous detection keeps the rest.
 const USED_UP: f64 = 0.75;
 
+/// Speed at which what has come to lie inside a body is brought out, at most, m/s: it may be there because bodies closed on it.
+const OUTWARD: f64 = 0.3;
+
 /// Most that one round may move a point, m: beyond it the linearisation is worth nothing.
 const MAX_MOVE: f64 = 0.01;
 
@@ -214,8 +217,13 @@ impl Touch<'_> {
     /// What is tolerated of a violation that was there before the step, m, not above 0.
     fn tolerated(&self, line: &Polyline, contact: &Contact) -> f64 {
         let keep = line.kept_at(contact);
-        let before = self.before(line, contact) - keep;
-        ((1.0 - UNDONE) * before).min(0.0).max(-USED_UP * keep.abs())
+        let before = self.before(line, contact);
+        let tolerated = ((1.0 - UNDONE) * (before - keep)).min(0.0).max(-USED_UP * keep.abs());
+        if keep < 0.0 {
+            return tolerated;
+        }
+        let [t0, t1] = self.motions[contact.body].times;
+        tolerated.min(before + OUTWARD * (t1 - t0) - keep)
     }
 
     /// Distance of the place of `contact` from its plane at the start of the step, m.

@@ -20,6 +20,7 @@ Examples:
 const TRACK_EXAMPLES: &str = "\
 Examples:
   hairbake import track walk.json --groom shot/groom.json --collider bust.obj:cm -o shot/anim.json
+  hairbake import track walk.json --groom shot/groom.json --collider bust.obj:cm --collider shirt.####.obj -o shot/anim.json
   hairbake import track mocap.json --pivot 0,1.62,0.02 --fps 24 --frames 1001-1240 --rest first -o shot/anim.json";
 
 #[derive(Debug, Subcommand)]
@@ -159,7 +160,8 @@ pub struct TrackArguments {
     #[arg(long, value_enum, value_name = "WHICH", default_value = "world", help_heading = "Rest pose")]
     rest: RestName,
 
-    /// Mesh (OBJ) that the head carries and the hair collides with; may be given more than once
+    /// Mesh (OBJ) that the head carries and the hair collides with, or cloth.####.obj for one that deforms in the world, a file
+    /// for each frame; may be given more than once
     #[arg(long = "collider", value_name = "FILE[:UNITS][:UP]", value_parser = values::source, help_heading = "Colliders")]
     colliders: Vec<Source>,
     /// Coulomb friction coefficient of the colliders [default: the strands' own]

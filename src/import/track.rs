@@ -3,7 +3,7 @@
 use super::read::{self, ReadMesh, Source};
 use crate::scene::anim::file::{BodyFile, ColliderFile, Pops, PoseFile, ShapeFile, TrackFile};
 use crate::scene::track::find_pops;
-use crate::scene::{AnimFile, Convention, Groom, motion};
+use crate::scene::{AnimFile, Convention, Groom, Sequence, motion};
 use crate::{Error, Problem, Result};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::fmt;
@@ -16,6 +16,9 @@ const LARGE_TURN: f64 = 60.0;
 /// Distance kept between a collider and the strands unless asked otherwise, m.
 const THICKNESS: f64 = 5e-4;
 
+/// Name of the body at rest that carries meshes which deform.
+const WORLD: &str = "world";
+
 /// Which orientation of the joint is that of the head as it was modelled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Rest {
@@ -26,12 +29,13 @@ pub enum Rest {
     First,
 }
 
-/// A mesh that the hair collides with, carried by the head.
+/// A mesh that the hair collides with, carried by the head; or one that deforms in the world, a file for each frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh {
     /// Name, unique: letters, digits and _, no digit first.
     pub name: String,
-    /// The file; its offset must be zero.
+    /// The file, or the files where the name has a `#` for each digit of the frame's number (`cloth.####.obj`); the offset must be
+    /// zero.
     pub source: Source,
     /// Coulomb friction coefficient; `None` for the strands' own.
     pub friction: Option<f64>,
@@ -42,13 +46,23 @@ pub struct Mesh {
 impl Mesh {
     /// A mesh named after its file.
     pub fn new(source: Source) -> Self {
-        let stem = source.path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let stem = source.path.file_stem().map(|s| s.to_string_lossy().replace('#', "")).unwrap_or_default();
+        let stem = stem.trim_end_matches(['.', '_', '-']);
         let mut name: String =
             stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
         if !name.starts_with(|c: char| c.is_ascii_alphabetic()) {
             name.insert_str(0, "mesh_");
         }
         Mesh { name, source, friction: None, thickness: THICKNESS }
+    }
+
+    /// The mesh as it is at rest: of one that deforms, as it is in frame `first`.
+    fn at_rest(&self, first: i32) -> Source {
+        let path = self.source.path.to_string_lossy();
+        match Sequence::new(&path) {
+            Some(sequence) => Source { path: sequence.path(Path::new(""), first), ..self.source.clone() },
+            None => self.source.clone(),
+        }
     }
 }
 
@@ -131,7 +145,9 @@ pub fn track(options: &TrackOptions) -> Result<(AnimFile, TrackReport)> {
         return Err(Error::Usage(format!("{} frames a second: 1 to 1000 are possible", options.fps)));
     }
     let read = motion(&options.motion);
-    let meshes: Vec<_> = options.colliders.iter().map(|mesh| read::mesh(&mesh.source)).collect();
+    let first = options.frames.map_or(FIRST_FRAME, |frames| frames[0]);
+    let rest: Vec<Source> = options.colliders.iter().map(|mesh| mesh.at_rest(first)).collect();
+    let meshes: Vec<_> = rest.iter().map(read::mesh).collect();
     let ((file, poses), meshes) = all_problems(read, meshes)?;
 
     let convention = Convention { metres_per_unit: file.units.metres(), up: file.up_axis.into() };
@@ -177,14 +193,19 @@ pub fn track(options: &TrackOptions) -> Result<(AnimFile, TrackReport)> {
             ..TrackFile::default()
         }),
     }];
-    for (mesh, ReadMesh { convention, notes, .. }) in options.colliders.iter().zip(meshes) {
+    if options.colliders.iter().zip(&rest).any(|(mesh, rest)| mesh.source != *rest) {
+        anim.bodies.push(BodyFile { name: WORLD.into(), track: None });
+    }
+    for ((mesh, rest), ReadMesh { convention, notes, .. }) in options.colliders.iter().zip(&rest).zip(meshes)
+    {
+        let deforms = mesh.source != *rest;
         report.notes.extend(notes.into_iter().map(|note| format!("{}: {note}", mesh.source.path.display())));
         anim.colliders.push(ColliderFile {
             name: mesh.name.clone(),
-            body: None,
+            body: deforms.then(|| WORLD.into()),
             shape: ShapeFile::Mesh {
-                file: relative(&mesh.source.path, &options.folder)?,
-                sequence: None,
+                file: relative(&rest.path, &options.folder)?,
+                sequence: if deforms { Some(relative(&mesh.source.path, &options.folder)?) } else { None },
                 metres_per_unit: Some(convention.metres_per_unit),
                 up_axis: Some(convention.up),
             },
@@ -375,6 +396,29 @@ mod tests {
         assert_eq!(anim.colliders[0].name, "mesh_7_head");
         let crate::scene::Shape::Mesh(mesh) = &anim.colliders[0].shape else { panic!("not a mesh") };
         assert!((mesh.vertices[2].y - 0.3).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_sequence_of_meshes_deforms_in_the_world() {
+        let folder = tempfile::tempdir().unwrap();
+        for frame in 1001..=1005 {
+            let text = format!("v 0 {frame} 0\nv 2000 0 0\nv 0 3000 0\nf 1 2 3\n");
+            std::fs::write(folder.path().join(format!("silk_shirt.{frame}.obj")), text).unwrap();
+        }
+        let mut options = TrackOptions::new(motion_file(folder.path(), 9), folder.path(), Vector3::zeros());
+        options.colliders = vec![Mesh::new(Source::new(folder.path().join("silk_shirt.####.obj")))];
+        let (file, _) = track(&options).unwrap();
+        let anim = write_and_load(&file, &options.folder);
+        let collider = &anim.colliders[0];
+        assert_eq!(
+            (collider.name.as_str(), anim.bodies[collider.body].name.as_str()),
+            ("silk_shirt", "world")
+        );
+        let deformation = collider.deformation.as_ref().unwrap();
+        assert!((deformation.vertices(anim.time(1003.0))[0].y - 1.003).abs() < 1e-6);
+        options.frames = Some([1006, 1007]);
+        let Err(Error::BadInput(problems)) = track(&options) else { panic!("accepted") };
+        assert!(problems[0].file.ends_with("silk_shirt.1006.obj"), "{:?}", problems[0]);
     }
 
     #[test]

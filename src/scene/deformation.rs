@@ -1,4 +1,4 @@
-//! Motion of the vertices of a deforming mesh, smooth to any sub-frame.
+//! Motion of the vertices of a deforming mesh, smooth to any sub-frame: `docs/theory.md` eq. 5.2.
 
 use super::track::coast;
 use nalgebra::Vector3;

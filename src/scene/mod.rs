@@ -19,6 +19,7 @@ pub use deformation::Deformation;
 pub use document::array::{Array, BufferFile, ElementType, View};
 pub use groom::{Curves, Groom, Group, Guides, Material, RodSection, Section, Strands, Tree, Wisp};
 pub use inputs::inputs;
+pub(crate) use sequence::Sequence;
 
 use crate::error::{Error, Problem, Result};
 pub(crate) use anim::read::motion;
