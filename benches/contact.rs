@@ -47,7 +47,7 @@ fn sintel() -> Option<Scene> {
     let centre = curves.iter().map(|curve| curve[0]).sum::<Vector3<f64>>() / curves.len() as f64;
     let turn = UnitQuaternion::from_scaled_axis(Vector3::y() * 5.0 * step);
     let end = Isometry3::from_parts(Translation3::from(centre - turn * centre + Vector3::x() * step), turn);
-    let motion = Motion { start: Isometry3::identity(), end };
+    let motion = Motion { times: [0.0, 1.0], start: Isometry3::identity(), end };
     let mut scene = Scene { bodies, motion, guides: Vec::new(), clearances: Vec::new() };
     for x0 in curves {
         let carried = |x: &Vector3<f64>| end.rotation * x + end.translation.vector;
@@ -55,7 +55,7 @@ fn sintel() -> Option<Scene> {
         let x1 = x0.iter().enumerate().map(|(k, x)| carried(x).lerp(x, k as f64 / SEGMENTS as f64)).collect();
         let clearance = |(k, x): (usize, &Vector3<f64>)| match k {
             0 | 1 => f64::NEG_INFINITY,
-            _ => scene.bodies.closest(0, x, 1.0).map_or(2e-4, |s| s.distance.min(2e-4)),
+            _ => scene.bodies.closest(0, 0.0, x, 1.0).map_or(2e-4, |s| s.distance.min(2e-4)),
         };
         scene.clearances.push(x0.iter().enumerate().map(clearance).collect());
         scene.guides.push([x0, x1]);
@@ -126,7 +126,11 @@ fn candidates_and_impacts_without_memory(bencher: Bencher) {
 #[divan::bench]
 fn closest_of_3876_vertices(bencher: Bencher) {
     each_guide(bencher, |scene, line, _| {
-        line.x0.iter().filter_map(|x| scene.bodies.closest(0, x, 0.05)).filter(|s| s.distance < 0.0).count()
+        line.x0
+            .iter()
+            .filter_map(|x| scene.bodies.closest(0, 0.0, x, 0.05))
+            .filter(|s| s.distance < 0.0)
+            .count()
     });
 }
 

@@ -193,13 +193,14 @@ fn a_strand_between_closing_bodies_stays_calm_and_is_reported() {
 
 /// Long hair on a shoulder: a bodysuit that breathes, twists and shrugs, from its own sequence of files to the cache.
 #[test]
+#[allow(clippy::print_stderr)]
 fn hair_lies_on_a_garment_that_moves() {
     let heads = std::env::var_os("HAIRBAKE_DATA")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from)
         .join("heads");
     let suit = heads.join("makehuman_tights_shell_m.obj");
     let Ok(text) = std::fs::read_to_string(&suit) else {
-        println!("skipped: {} is not there", suit.display());
+        eprintln!("skipped: {} is not there", suit.display());
         return;
     };
     let folder = tempfile::tempdir().unwrap();
@@ -212,7 +213,7 @@ fn hair_lies_on_a_garment_that_moves() {
     std::fs::copy(&suit, folder.join("suit.obj")).unwrap();
     std::fs::copy(heads.join("makehuman_head_open_m.obj"), folder.join("head.obj")).unwrap();
     let strand = |i: u32| {
-        let side = if i % 2 == 0 { 1.0 } else { -1.0 };
+        let side = if i.is_multiple_of(2) { 1.0 } else { -1.0 };
         let z = 0.012 * f64::from(i / 2) - 0.03;
         let point = |k: u32| [side * (0.085 + 0.016 * f64::from(k)), 0.72 - 0.001 * f64::from(k * k), z];
         (0..16).map(point).collect::<Vec<_>>()
