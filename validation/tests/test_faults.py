@@ -12,7 +12,6 @@ from conftest import (
     CURVES,
     FPS,
     GUIDE_COUNT,
-    HANDLES,
     POINTS,
     CacheBuilder,
     head_matrix,
@@ -466,55 +465,6 @@ def guide_pushed_into_the_collider(cache):
     push_in(cache, GUIDES)
 
 
-def soften(cache: CacheBuilder) -> None:
-    """Makes a deforming mesh of the collider: every frame's file has its points, and at rest it is half as large."""
-    animated = {"points": Sdf.ValueTypeNames.Point3fArray, "extent": Sdf.ValueTypeNames.Float3Array}
-    sphere = {}
-
-    def topology(stage):
-        mesh = UsdGeom.Mesh(stage.GetPrimAtPath(SKULL))
-        for name in animated:
-            attribute = mesh.GetPrim().GetAttribute(name)
-            sphere[name] = np.array(attribute.Get())
-            attribute.Clear()
-        rest = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("rest", Sdf.ValueTypeNames.Point3fArray, "vertex")
-        rest.Set(Vt.Vec3fArray.FromNumpy(sphere["points"] / 2))
-
-    def declare(layer):
-        for name, kind in animated.items():
-            Sdf.AttributeSpec(Sdf.CreatePrimInLayer(layer, SKULL), name, kind)
-
-    def put(layer, frame):
-        declare(layer)
-        for name, value in sphere.items():
-            layer.SetTimeSample(f"{SKULL}.{name}", float(frame), Vt.Vec3fArray.FromNumpy(value))
-
-    cache.edit_topology(topology)
-    cache.edit("hair.manifest.usda", declare)
-    for frame in HANDLES:
-        cache.edit(cache.frame(frame).name, lambda layer, frame=frame: put(layer, frame))
-
-
-@fault("guide_penetration")
-def guide_pushed_into_a_deforming_collider(cache):
-    soften(cache)
-    push_in(cache, GUIDES)
-
-
-@fault("frames")
-def deforming_collider_without_points(cache):
-    soften(cache)
-    cache.edit(
-        cache.frame(MIDDLE).name, lambda layer: layer.EraseTimeSample(f"{SKULL}.points", float(MIDDLE))
-    )
-
-
-@fault("sizes")
-def deforming_collider_of_another_size(cache):
-    soften(cache)
-    cache.edit_array(MIDDLE, f"{SKULL}.points", lambda points: points[:-1])
-
-
 # Motion
 
 
@@ -575,12 +525,6 @@ def broken(report) -> set[str]:
 def test_good_cache_passes(good_cache):
     report = validate(good_cache.directory)
     assert broken(report) == set(), report.as_text()
-
-
-def test_deforming_collider_passes(good_cache):
-    soften(good_cache)
-    report = validate(good_cache.directory)
-    assert not broken(report), report.as_text()
 
 
 @pytest.mark.parametrize("check, inject", FAULTS)
