@@ -153,26 +153,25 @@ fn a_turn_of_the_vertices_is_a_turn_of_the_body() {
         };
         let (toi, n, contacts) = find(&soft, still());
         let (rigid_toi, rigid_n, rigid_contacts) = find(&rigid, moving);
-        // A vertex on the verge of a facet may see one more; the ways of a fast segment differ by some 0.1 mm.
-        if n != rigid_n || contacts.len() != rigid_contacts.len() {
+        // The ways there differ, by half a millimetre for the fastest: a graze may be missed, and the time is a little other.
+        if contacts.len() != rigid_contacts.len() {
             continue;
         }
-        compared += contacts.len();
         assert!((toi - rigid_toi).abs() < 1e-2, "{toi} {rigid_toi}");
-        for (k, (a, b)) in contacts.iter().zip(&rigid_contacts).enumerate() {
-            let near = if k < n { 1e-12 } else { 5e-4 };
+        assert_eq!(n, rigid_n);
+        for (a, b) in contacts[..n].iter().zip(&rigid_contacts) {
             let apart = [0, 1].map(|i| (a.point[i] - b.point[i]).norm());
-            assert!(apart[0] < near && apart[1] < near, "{k} of {n}: {a:?} {b:?}");
-            // An edge is met at almost the same place from a direction that is not.
-            assert!((a.normal - b.normal).norm() < if k < n { 1e-10 } else { 0.1 }, "{a:?} {b:?}");
+            assert!(a.feature == b.feature && apart[0] < 1e-12 && apart[1] < 1e-12, "{a:?} {b:?}");
+            assert!((a.normal - b.normal).norm() < 1e-10, "{a:?} {b:?}");
+            compared += 1;
         }
     }
-    assert!(compared > 150, "{compared} compared");
+    assert!(compared > 50, "{compared} compared");
 }
 
 #[test]
 fn memory_of_far_segments_changes_no_result_where_the_surface_moves() {
-    let bodies = &mut deforming(&blob(8, 0.08), 200, writhing(91, 0.004, 0.02));
+    let bodies = &mut deforming(&blob(8, 0.08), 200, writhing(91, 0.01, 0.02));
     let mut random = Random::new(92);
     let mut remembering = Workspace::default();
     let home: Vec<_> = (0..12).map(|k| Vector3::new(0.08 + 0.012 * k as f64, 0.03, 0.0)).collect();
@@ -184,7 +183,7 @@ fn memory_of_far_segments_changes_no_result_where_the_surface_moves() {
         // Every other step in two halves.
         let parts: &[[f64; 2]] = if i % 2 == 0 { &[[0.0, 1.0]] } else { &[[0.0, 0.5], [0.5, 1.0]] };
         for part in parts {
-            let x1: Vec<_> = home.iter().map(|v| v + random.vector() * 0.004).collect();
+            let x1: Vec<_> = home.iter().map(|v| v + random.vector() * 4e-4).collect();
             let line = Polyline { x0: &x, x1: &x1, clearance: &[1e-3; 12] };
             let motion = Motion { times: part.map(|u| start + u), ..still() };
             let all = |work: &mut Workspace| {
