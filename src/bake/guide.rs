@@ -12,7 +12,7 @@ use crate::rod::{Rod, Shape};
 use crate::scene::anim::{Scheme, Wind};
 use nalgebra::{Isometry3, Vector3};
 
-/// How often a step is halved before a solve that does not converge is kept and reported.
+/// How often a step is halved before a rod whose solve does not converge is carried along and reported.
 const MAX_HALVINGS: u32 = 5;
 
 /// How often a step is halved before a motion that still crosses a surface is cut short.
@@ -37,7 +37,7 @@ pub struct Guide {
     pub v: Vec<Vector3<f64>>,
     /// Tangent at each point.
     pub tangent: Vec<Vector3<f64>>,
-    /// Time scheme; backward Euler for a new guide.
+    /// Time scheme; the default one for a new guide.
     pub scheme: Scheme,
     /// The state one step back.
     before: State,
@@ -69,7 +69,7 @@ pub struct StepRecord {
     pub iterations: u32,
     /// Times the step was cut in half.
     pub halvings: u32,
-    /// Solves that were kept without having converged.
+    /// Solves that did not converge: the rod was carried along rigidly instead.
     pub unconverged: u32,
     /// Contacts found, in the last solve.
     pub found: u32,
@@ -243,9 +243,13 @@ impl Guide {
         record.unconverged += u32::from(!outcome.converged);
         record.shortened += u32::from(outcome.converged && !clear);
         work.touch.noted.enter(record);
-        self.commit(&root, t1 - t0, &formula, work);
-        if work.touch.noted.touched() || !outcome.converged {
-            self.last = 0.0;
+        if outcome.converged {
+            self.commit(&root, t1 - t0, &formula, work);
+            if work.touch.noted.touched() {
+                self.last = 0.0;
+            }
+        } else {
+            self.carry(&around.root(&self.rod.root, t0), &root);
         }
     }
 
@@ -327,6 +331,22 @@ impl Guide {
 
     fn state(&self) -> State {
         State { q: self.q[0].clone(), x: self.x.clone(), v: self.v.clone(), tangent: self.tangent.clone() }
+    }
+
+    /// Carries the rod rigidly with its root from one pose to another, its motion turned along and halved: what is left where no
+    /// solve converges, as when the head jumps. What no solve can follow so dies out.
+    fn carry(&mut self, from: &Pose, to: &Pose) {
+        let turn = to.r * from.r.transpose();
+        for k in 0..self.x.len() {
+            self.x[k] = to.p + turn * (self.x[k] - from.p);
+            self.v[k] = turn * self.v[k] * 0.5;
+            self.tangent[k] = turn * self.tangent[k];
+        }
+        for (_, rate) in &mut self.past {
+            rate.fill(0.0);
+        }
+        self.before = self.state();
+        self.last = 0.0;
     }
 
     fn commit(&mut self, root: &Pose, h: f64, formula: &Formula, work: &Workspace) {

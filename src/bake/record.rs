@@ -17,7 +17,7 @@ pub struct FrameRecord {
     pub newton_max: u32,
     /// Steps that were cut in half for the solver's sake.
     pub halvings: u32,
-    /// Ids of guides with a solve that was kept without having converged.
+    /// Ids of guides with a solve that did not converge; they were carried along rigidly instead.
     pub unconverged: Vec<i32>,
     /// Places where a guide is at a body, found at the last sub-step of the frame.
     pub contacts_found: u32,

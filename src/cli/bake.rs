@@ -33,8 +33,8 @@ pub struct BakeArguments {
     /// Strain nodes of guides in grooms without wisps: more bends finer and costs more [default: the anim's, 8]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=256), help_heading = "Settings (over those of the anim)")]
     nodes: Option<u32>,
-    /// Time scheme, backward-euler or bdf2: the second damps swinging hair far less at the same cost [default: the anim's,
-    /// backward-euler]
+    /// Time scheme, bdf2 or backward-euler: the second is cheaper in contact, and damps swinging hair more than air and hair do
+    /// [default: the anim's, bdf2]
     #[arg(long, value_name = "NAME", value_parser = values::scheme, help_heading = "Settings (over those of the anim)")]
     scheme: Option<scene::anim::Scheme>,
 }

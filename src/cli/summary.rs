@@ -174,7 +174,7 @@ fn report(summary: &BakeSummary, title: &str) -> BakeReport {
             chart(
                 "Rescues",
                 "",
-                "Steps cut in half for the solver's sake, motions cut short at a surface, guides kept without convergence; none is \
+                "Steps cut in half for the solver's sake, motions cut short at a surface, guides carried along for want of convergence; none is \
                  good.",
                 vec![
                     series("halvings", |f| f64::from(f.halvings)),
@@ -212,7 +212,7 @@ fn warnings(frames: &[FrameRecord]) -> Vec<String> {
             format!("{} (guides {}{more})", f.frame, ids.join(", "))
         });
         warnings.push(format!(
-            "solves that did not converge and were kept, in {} frames: {}; more sub-steps may help",
+            "solves that did not converge (the guides were carried along with the head instead), in {} frames: {}; more sub-steps may help",
             unconverged.len(),
             list(named, unconverged.len())
         ));

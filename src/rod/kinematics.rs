@@ -2,12 +2,16 @@
 
 use super::Rod;
 use super::model::{Beam, Step};
-use crate::math::lanes::{self, M3, Real, Twist, V3};
+use crate::math::lanes::{self, M3, Mask, Real, Twist, V3};
 use crate::math::se3::{self, Pose};
 use nalgebra::{Matrix3, Vector3};
 
 /// √3/12, the weight of the commutator in the fourth-order Magnus step (Iserles & Nørsett 1999).
 pub(super) const COMMUTATOR: f64 = 0.144_337_567_297_406_44;
+
+/// Turn of a sub-step up to which its exponential is right, rad: a little less than half a turn. The Magnus series has long lost
+/// its accuracy there.
+const MAX_STEP_TURN: f64 = 3.0;
 
 /// Poses along a rod, world axes, origin at the root. One per point.
 #[derive(Debug, Clone)]
@@ -49,15 +53,20 @@ impl Shape {
 }
 
 impl<F: Real> Shape<F> {
+    /// [`Shape::update`] in every lane; returns those where no sub-step turns by [`MAX_STEP_TURN`].
     #[inline(always)]
-    pub(super) fn bend(&mut self, beam: &Beam<F>, root: M3<F>, q: &[F]) {
+    pub(super) fn bend(&mut self, beam: &Beam<F>, root: M3<F>, q: &[F]) -> Mask {
+        let mut most = beam.length.same(0.0);
         let mut g = lanes::Pose { r: root, p: V3::all(beam.length.same(0.0)) };
         self.pose.resize(beam.points(), g);
         self.pose[0] = g;
         for (step, pose) in beam.steps.iter().zip(&mut self.pose[1..]) {
-            g = g.compose(&se3::exp(&exponent(step, &local(step, q))));
+            let psi = exponent(step, &local(step, q));
+            most = most.max(psi.w.dot(psi.w));
+            g = g.compose(&se3::exp(&psi));
             *pose = g;
         }
+        most.below(most.same(MAX_STEP_TURN * MAX_STEP_TURN))
     }
 
     /// Largest distance between points of two shapes, m.

@@ -82,14 +82,14 @@ impl Solver {
     pub fn advance(&mut self, rod: &Rod, root: &Matrix3<f64>, q: &mut [f64], most: f64) -> f64 {
         let mut t = self.longest(&rod.beam);
         loop {
-            self.attempt(&rod.beam, M3::from(*root), q, t);
+            let sound = self.attempt(&rod.beam, M3::from(*root), q, t) == 1;
             let moved = self.shape.distance(&self.trial);
-            if moved <= most {
+            if moved <= most && sound {
                 q.copy_from_slice(&self.trial_q);
                 std::mem::swap(&mut self.shape, &mut self.trial);
                 return moved;
             }
-            t *= 0.9 * most / moved;
+            t *= (0.9 * most / moved).min(0.9);
         }
     }
 }
@@ -130,10 +130,10 @@ impl<F: Real> Solver<F> {
             let mut trial_phi;
             let mut pending = active;
             loop {
-                self.attempt(beam, root, q, t);
+                let sound = self.attempt(beam, root, q, t);
                 trial_phi = energy(beam, load, &self.trial, &self.trial_q, &mut self.scratch);
                 let bound = phi + t * slope * 1e-4 + phi.abs() * 1e-13 + rounding;
-                pending &= !trial_phi.below(bound);
+                pending &= !(trial_phi.below(bound) & sound);
                 if pending == 0 {
                     break;
                 }
@@ -165,11 +165,11 @@ impl<F: Real> Solver<F> {
     /// Takes the start of lower Φ, fills the shape and returns Φ, J.
     #[inline(always)]
     fn start(&mut self, beam: &Beam<F>, root: M3<F>, load: &Load<F>, q: &mut [F], other: &[F]) -> F {
-        self.shape.bend(beam, root, q);
+        let sound = self.shape.bend(beam, root, q);
         self.trial.bend(beam, root, other);
         let phi = energy(beam, load, &self.shape, q, &mut self.scratch);
         let other_phi = energy(beam, load, &self.trial, other, &mut self.scratch);
-        let better = other_phi.below(phi);
+        let better = other_phi.below(phi) | !sound & F::ALL;
         for (q, o) in q.iter_mut().zip(other) {
             *q = o.or(better, *q);
         }
@@ -212,14 +212,14 @@ impl<F: Real> Solver<F> {
         }
     }
 
-    /// Fills the trial: unknowns `t` along the direction from `q`, and their shape.
+    /// Fills the trial: unknowns `t` along the direction from `q`, and their shape; returns the lanes where it is sound.
     #[inline(always)]
-    fn attempt(&mut self, beam: &Beam<F>, root: M3<F>, q: &[F], t: F) {
+    fn attempt(&mut self, beam: &Beam<F>, root: M3<F>, q: &[F], t: F) -> Mask {
         self.trial_q.resize(q.len(), t);
         for ((new, q), d) in self.trial_q.iter_mut().zip(q).zip(&self.direction) {
             *new = *q + t * *d;
         }
-        self.trial.bend(beam, root, &self.trial_q);
+        self.trial.bend(beam, root, &self.trial_q)
     }
 
     /// Share of the direction, at most 1, that turns no sub-step by more than [`MAX_TURN`].

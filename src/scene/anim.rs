@@ -138,15 +138,15 @@ pub struct Settings {
     pub scheme: Scheme,
 }
 
-/// How the solver steps in time. Both are stable at any step and cost the same.
+/// How the solver steps in time. Both are stable at any step and cost nearly the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Scheme {
     /// First order. Damps all that swings, quick motion most: per radian of an oscillation half the radians that it turns in a step.
-    #[default]
     BackwardEuler,
     /// Second order, the two-step backward differentiation formula. Damps slow swings hardly, and quick ones that the
     /// step cannot follow as backward Euler does. A step in which hair touches something is backward Euler's.
+    #[default]
     Bdf2,
 }
 
