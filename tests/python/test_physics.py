@@ -1,0 +1,57 @@
+"""Quick versions of the studies of `validation/physics`: each runs, and meets its goals."""
+
+import os
+from pathlib import Path
+
+import pytest
+from physics import air, buckling, cantilever, helix, motion, page, vibration
+from physics.scene import Hairbake
+from physics.study import Row, Study
+from physics.studies import STUDIES
+
+HAIRBAKE = os.environ.get("HAIRBAKE", "")
+
+pytestmark = pytest.mark.skipif(not HAIRBAKE, reason="HAIRBAKE names no program")
+
+
+@pytest.fixture
+def hairbake() -> Hairbake:
+    return Hairbake(Path(HAIRBAKE))
+
+
+QUICK = {
+    "cantilever": lambda h: cantilever.study(h, gammas=(1, 30, 100), nodes=(4, 8, 12, 16)),
+    "bend-twist": lambda h: buckling.bend_twist(h, gammas=(100,), nodes=(8,)),
+    "lateral-buckling": lambda h: buckling.lateral(h, ratios=(0.03,), nodes=(8,)),
+    "helix": lambda h: helix.study(h, curls=((0.02, 3),), gammas=(30,), nodes=(16,)),
+    "frequencies": lambda h: vibration.frequencies(h, modes=1, refine=()),
+    "damping": lambda h: vibration.damping(h, modes=1),
+    "wind": lambda h: air.study(h, winds=(1.0,), nodes=(8,)),
+    "whip": lambda h: motion.whip(h, substeps=(4, 8, 16)),
+    "energy": lambda h: motion.energy(h, substeps=(8,)),
+    "symmetries": lambda h: motion.symmetries(h, schemes=("bdf2",)),
+}
+
+
+def test_every_study_has_a_quick_version():
+    assert list(QUICK) == list(STUDIES)
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_study_meets_its_goals(hairbake, name):
+    study = QUICK[name](hairbake)
+    held = [row for row in study.rows if row.goal is not None]
+    assert held
+    assert not [row for row in held if not row.passed]
+
+
+def test_a_missed_goal_and_a_nan_are_marked():
+    rows = [Row("a", 1.0, 1.1, 0.1, 0.01), Row("b", 1.0, "none", float("nan"), 0.01), Row("c", 1.0, 1.0, 0.0, 0.01)]
+    assert [row.passed for row in rows] == [False, False, True]
+    table = page.table(rows)
+    assert table.count("missed") == 2 and table.count("<td class=\"met\">met") == 1
+
+
+def test_the_page_counts_the_goals(tmp_path):
+    page.write(tmp_path / "index.html", [Study("S", "<p>t</p>", [Row("a", 1.0, 1.0, 0.0, 0.1)])], "hairbake 0")
+    assert "1 of 1 goals met" in (tmp_path / "index.html").read_text()

@@ -1,0 +1,20 @@
+"""The studies by name, in the order of the page."""
+
+from collections.abc import Callable
+
+from . import air, buckling, cantilever, helix, motion, vibration
+from .scene import Hairbake
+from .study import Study
+
+STUDIES: dict[str, Callable[[Hairbake], Study]] = {
+    "cantilever": cantilever.study,
+    "bend-twist": buckling.bend_twist,
+    "lateral-buckling": buckling.lateral,
+    "helix": helix.study,
+    "frequencies": vibration.frequencies,
+    "damping": vibration.damping,
+    "wind": air.study,
+    "whip": motion.whip,
+    "energy": motion.energy,
+    "symmetries": motion.symmetries,
+}

@@ -1,0 +1,136 @@
+"""Small free vibrations: frequencies, what the time schemes and the damping of the material and the air take out."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from .reference import modes as eigen
+from .scene import HORIZONTAL, ISOLATED_DRAG, Hairbake, Rod, Scene, Strand
+from .signal import poles
+from .study import SCHEMES, Plot, Row, Study, relative
+
+ROOTS = (1.87510407, 4.69409113, 7.85475744)
+"""Roots of cos x cosh x = −1."""
+SIZE = 1e-3
+"""Amplitude at the tip, in L: large enough to be written precisely, small enough to be linear (1e-6)."""
+STEPS = 400
+"""Steps in a period."""
+FREE = {"gravity": (0.0, 0.0, 0.0), "nodes": 8}
+
+
+def mode_shape(rod: Rod, mode: int, points: int = 65) -> np.ndarray:
+    """A straight strand along x bent upwards as its `mode`-th vibration."""
+    s = np.linspace(0, 1, points)
+    b = ROOTS[mode]
+    c = (np.cosh(b) + np.cos(b)) / (np.sinh(b) + np.sin(b))
+    shape = np.cosh(b * s) - np.cos(b * s) - c * (np.sinh(b * s) - np.sin(b * s))
+    up = SIZE * shape / shape[-1]
+    return rod.length * np.stack([s, up, 0 * s], axis=1)
+
+
+def frequency(rod: Rod, mode: int) -> float:
+    """Angular frequency of a clamped-free rod, rad/s."""
+    return ROOTS[mode] ** 2 * np.sqrt(rod.bending[0] / rod.line_density) / rod.length**2
+
+
+def ring(hairbake: Hairbake, rod: Rod, mode: int, scheme: str, steps: int, periods: int = 4) -> complex:
+    """Decay rate + i · frequency, 1/s, of a strand let go in its `mode`-th shape, at `steps` steps a period."""
+    rod = replace(rod, natural=(0.0, 0.0, 0.0))
+    rate = steps * frequency(rod, mode) / (2 * np.pi)
+    # A frame is a whole number of steps, and 20 frames or so a period.
+    substeps = max(1, steps // 20, int(np.ceil(rate / 1000)))
+    frames = round(periods * steps / substeps)
+    scene = Scene(
+        [Strand(rod, mode_shape(rod, mode), HORIZONTAL)],
+        fps=rate / substeps,
+        substeps=substeps,
+        frames=frames,
+        settings={"scheme": scheme},
+        **FREE,
+    )
+    bake = hairbake.bake(scene)
+    found = poles(bake.times[1:], bake.points[0][1:, -1, 1], 3)
+    return found[np.argmin(abs(found.imag - frequency(rod, mode)))]
+
+
+def frequencies(hairbake: Hairbake, modes=3, refine=(20, 40, 80, 160, 320, 640)) -> Study:
+    """First frequencies, straight and pre-twisted, and the loss at `refine` steps a period."""
+    rows = []
+    for scheme in SCHEMES:
+        for mode in range(modes):
+            found = ring(hairbake, Rod(), mode, scheme, STEPS)
+            name = f"mode {mode + 1}, {STEPS} steps a period, {scheme}: ω, rad/s"
+            rows.append(relative(name, frequency(Rod(), mode), found.imag, 0.01))
+        for k, (theory, found) in enumerate(zip(*twisted(hairbake, scheme, modes))):
+            name = f"pre-twisted ribbon, mode {k + 1}, 16 nodes, {scheme}: ω, rad/s"
+            rows.append(relative(name, theory, found, 0.01))
+
+    damped = {s: [ring(hairbake, Rod(), 0, s, n) for n in refine] for s in SCHEMES}
+    omega = frequency(Rod(), 0)
+    for scheme, found in damped.items():
+        for n, pole in zip(refine, found):
+            turn = 2 * np.pi / n
+            expected = 0.5 * turn if scheme == SCHEMES[0] else turn**3 / 4
+            name = f"loss per radian, {n} steps a period, {scheme} (theory: leading order)"
+            rows.append(relative(name, expected, pole.real / omega, None))
+
+    def draw(axes):
+        for scheme, found in damped.items():
+            axes.loglog(refine, [p.real / omega for p in found], "o-", label=f"{scheme}: loss per radian")
+            axes.loglog(refine, [abs(p.imag / omega - 1) for p in found], "s--", label=f"{scheme}: frequency error")
+        axes.set(xlabel="steps a period", ylabel="relative")
+        axes.legend(fontsize=8)
+
+    text = """<p>A straight strand of hair (8 nodes, no weight, no damping) is drawn in the shape of its vibration, 1e-3 L high, and let
+go. Frequency and decay are read from the tip's path (matrix pencil). Theory: {1.8751², 4.6941², 7.8548²} √(EI/ρSL⁴); for the pre-twisted
+ribbon (EI2 = 4 EI1, half a turn from root to tip) a Legendre-Galerkin eigenvalue problem.</p>"""
+    caption = "What the schemes do to a free vibration: first order and third order loss."
+    return Study("Free vibration: frequencies and the schemes' own damping", text, rows, [Plot(caption, draw)])
+
+
+def twisted(hairbake: Hairbake, scheme: str, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """First frequencies of a pre-twisted ribbon, rad/s: theory, and what hairbake's tip swings at."""
+    ratio, turn = 4.0, np.pi
+    rod = Rod(bending=(7.8e-9, 7.8e-9 * ratio))
+    rod = replace(rod, natural=(0.0, 0.0, turn / rod.length))
+    unit = np.sqrt(rod.bending[0] / rod.line_density) / rod.length**2
+    theory = eigen.frequencies(count, ratio, turn) * unit
+    # Drawn in the sum of the first three shapes of the straight rod, in a plane between the section axes.
+    shape = sum(mode_shape(rod, m) * [0, 1, 0] for m in range(3)) + mode_shape(rod, 0) * [1, 0, 0]
+    shape[:, 2] = 0.6 * shape[:, 1]
+    rate = STEPS * theory[-1] / (2 * np.pi)
+    substeps = STEPS // 25
+    scene = Scene(
+        [Strand(rod, shape, HORIZONTAL)],
+        fps=rate / substeps,
+        substeps=substeps,
+        frames=round(25 * 6 * theory[-1] / theory[0]),
+        settings={"scheme": scheme},
+        gravity=(0.0, 0.0, 0.0),
+        nodes=16,
+    )
+    bake = hairbake.bake(scene)
+    found = poles(bake.times[2:], bake.points[0][2:, -1, 1], 14).imag
+    return theory, np.array([found[np.argmin(abs(found - w))] for w in theory])
+
+
+def damping(hairbake: Hairbake, modes=3) -> Study:
+    """Decay by the material's damping and by the air."""
+    rows = []
+    for scheme, steps in ((SCHEMES[0], 2000), (SCHEMES[1], 400)):
+        for mode in range(modes):
+            rod = replace(Rod(), damping=0.005)
+            decay = ring(hairbake, rod, mode, scheme, steps).real
+            omega = frequency(rod, mode)
+            # Per radian, to leading order (docs/theory.md, 4.6); small against what is measured for BDF2.
+            own = omega * np.pi / steps if scheme == SCHEMES[0] else 0.0
+            name = f"Kelvin-Voigt 5 ms, mode {mode + 1}, {scheme}: decay, 1/s"
+            rows.append(relative(name, own + 0.5 * omega**2 * rod.damping, decay, 0.02))
+            rod = replace(Rod(), drag=0.02)
+            decay = ring(hairbake, rod, mode, scheme, steps).real
+            name = f"air drag × 0.02, mode {mode + 1}, {scheme}: decay, 1/s"
+            rows.append(relative(name, own + 0.02 * ISOLATED_DRAG / (2 * rod.line_density), decay, 0.02))
+    text = """<p>The same vibrations with the material's damping (Kelvin-Voigt time τ: decay ω²τ/2) or in still air (drag c across the strand:
+decay c/2ρS), with nothing else. Backward Euler at 2000 steps a period, its own loss ω²h/2 added to the theory; BDF2 at 400, without.</p>"""
+    return Study("Damping: decay times", text, rows)
+

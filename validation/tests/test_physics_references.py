@@ -1,0 +1,91 @@
+"""The references of the physics studies against published and closed-form figures."""
+
+import numpy as np
+import pytest
+from physics.reference import kirchhoff, modes, planar, stability
+from physics.signal import poles
+
+ELASTICA = {0.1: 0.012500, 1: 0.124562, 10: 1.066802, 100: 5.888105, 1000: 21.335440}
+"""H/W of the heavy cantilever (Romero et al. 2021)."""
+
+
+@pytest.mark.parametrize("gamma", ELASTICA)
+def test_the_elastica_is_the_published_one(gamma):
+    x, y = planar.equilibrium(gamma).tip
+    assert -y / x == pytest.approx(ELASTICA[gamma], abs=1e-6)
+
+
+def test_drag_along_a_rod_is_half_of_that_across():
+    # A weightless soft rod in a strong wind trails along it; the tension at the clamp is then half the drag across.
+    shape = planar.equilibrium(1e-6, planar.DOWN, wind=3000.0)
+    angle, _, force, *_ = shape.at(0.3)
+    assert angle == pytest.approx(0.0, abs=1e-3)
+    assert force == pytest.approx(0.5 * 3000.0 * 0.7, rel=1e-3)
+
+
+def test_thin_ribbons_buckle_at_prandtls_weight():
+    assert stability.critical_weight(1e-4, 1e-4) == pytest.approx(12.85e-4, rel=1e-3)
+
+
+def test_a_natural_shape_is_stable_and_a_straight_rod_that_hangs_too():
+    arc = planar.equilibrium(1e-9, planar.DOWN, 3.0)
+    assert stability.margin(arc, 1e-9, 3.0, 1.0, 0.5) > 0.1
+    assert stability.margin(planar.equilibrium(50.0, planar.DOWN), 50.0, 0.0, 1.0, 0.5) > 0.1
+
+
+def test_heavy_curved_rods_share_one_boundary_layer():
+    # Only the last (EI/ρSg)^⅓ matters: the critical natural curvature grows as Γ^⅓.
+    for gamma in (300.0, 600.0):
+        critical = 1.6112 * gamma ** (1 / 3)
+        below, above = (
+            stability.margin(planar.equilibrium(gamma, planar.DOWN, k), gamma, k, 1.0, 2 / 3)
+            for k in (0.995 * critical, 1.005 * critical)
+        )
+        assert below > 0 > above
+
+
+def test_frequencies_of_a_straight_rod_are_the_textbook_ones():
+    roots = np.array([1.87510407, 4.69409113, 7.85475744])
+    assert modes.frequencies(6)[::2] == pytest.approx(roots**2, rel=1e-7)
+    # Of a ribbon: those of either direction.
+    assert modes.frequencies(3, ratio=4.0) == pytest.approx([roots[0] ** 2, 2 * roots[0] ** 2, roots[1] ** 2], rel=1e-7)
+    # Twist turns with the section, it does not change a round rod.
+    assert modes.frequencies(6, turn=2.0) == pytest.approx(modes.frequencies(6), rel=1e-7)
+
+
+def test_kirchhoffs_rod_is_a_helix_without_weight_and_the_elastica_in_a_plane():
+    natural = np.array([0.0, 8.0, 6.0])
+    line = kirchhoff.hanging(natural, np.array([1.0, 1, 0.5]), np.zeros(3), np.eye(3))
+    # Pitch over arc length: τ/|Ω|; after a whole turn the tangent is back.
+    turn = 2 * np.pi / 10.0
+    at = np.array([np.interp(turn, np.linspace(0, 1, 1001), c) for c in line.T])
+    assert at == pytest.approx(turn * 0.6 * natural / 10.0, abs=1e-5)
+    sideways = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    tip = kirchhoff.hanging(np.zeros(3), np.ones(3), np.array([0.0, -10, 0]), sideways)[-1]
+    assert tip[:2] == pytest.approx(planar.equilibrium(10.0).tip, abs=1e-6)
+
+
+def test_a_small_swing_has_the_frequency_and_the_decay_of_its_mode():
+    times = np.linspace(0.0, 4.0, 161)
+    swing = planar.swing(
+        length=1.0,
+        bending=1.0,
+        line_density=1.0,
+        gravity=0.0,
+        angle=lambda s: 1e-3 * (2 * s - s**2),
+        clamp=lambda t: (0.0, 0.0, 0.0),
+        times=times,
+        damping=0.01,
+        drag=0.2,
+        modes=7,
+    )
+    pole = poles(times, swing.tip[:, 1], 3)[0]
+    omega = 1.87510407**2
+    assert abs(pole) == pytest.approx(omega, rel=1e-4)
+    assert pole.real == pytest.approx(0.5 * omega**2 * 0.01 + 0.1, rel=1e-3)
+
+
+def test_poles_of_two_damped_oscillations():
+    t = np.linspace(0.0, 3.0, 300)
+    values = np.exp(-0.3 * t) * np.cos(7 * t) + 0.1 * np.exp(-1.0 * t) * np.sin(19 * t)
+    assert poles(t, values, 2) == pytest.approx([0.3 + 7j, 1.0 + 19j], abs=1e-6)
