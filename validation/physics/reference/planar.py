@@ -84,11 +84,13 @@ def swing(
     damping: float = 0.0,
     drag: float = 0.0,
     modes: int = 9,
+    tolerance: float = 1e-8,
 ) -> Swing:
     """Motion of an inextensible naturally straight rod from rest in the shape whose angle is `angle(s)`, s in [0, 1]; SI units.
 
     `clamp(t)` is position, velocity and acceleration along x of the root, whose direction stays. θ(s, t) is a
-    polynomial of degree `modes` (spectral Galerkin on Lagrange's equations), time is Radau IIA of order 5 to 1e-8.
+    polynomial of degree `modes` (spectral Galerkin on Lagrange's equations), time is Radau IIA of order 5 to
+    `tolerance`.
     `damping` is the Kelvin-Voigt time, `drag` the force per length and speed across the rod, half of it along.
     """
     s, w = gauss(2 * modes + 12)
@@ -126,8 +128,8 @@ def swing(
         np.concatenate([c0, np.zeros(modes)]),
         method="Radau",
         t_eval=times,
-        rtol=1e-8,
-        atol=1e-9,
+        rtol=tolerance,
+        atol=0.1 * tolerance,
     )
     if not found.success:
         raise ArithmeticError(found.message)
