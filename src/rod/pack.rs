@@ -228,16 +228,26 @@ impl<F: Real> Beams<F> {
             for (x, q) in task.q.iter_mut().zip(&*q) {
                 *x = q.lane(i);
             }
-            let pose = |k: usize| {
-                let Pose { r, p } = &solver.shape.pose[k];
-                let vector = |v: &V3<F>| V3([v.0[0].lane(i), v.0[1].lane(i), v.0[2].lane(i)]);
-                Pose { r: M3([vector(&r.0[0]), vector(&r.0[1]), vector(&r.0[2])]), p: vector(p) }
-            };
-            task.shape.pose.clear();
-            task.shape.pose.push(pose(0));
-            task.shape.pose.extend(self.own[i].iter().map(|k| pose(k + 1)));
+            let shape = &mut task.shape.pose;
+            shape.resize(self.own[i].len() + 1, Pose { r: M3::diagonal(1.0), p: V3::all(0.0) });
+            shape[0] = pose_in_lane(&solver.shape.pose[0], i);
+            for (pose, &k) in shape[1..].iter_mut().zip(&self.own[i]) {
+                *pose = pose_in_lane(&solver.shape.pose[k + 1], i);
+            }
         }
     }
+}
+
+#[inline(always)]
+fn pose_in_lane<F: Real>(pose: &Pose<F>, i: usize) -> Pose<f64> {
+    let mut out = Pose { r: M3::diagonal(1.0), p: V3::all(0.0) };
+    for c in 0..3 {
+        out.p.0[c] = pose.p.0[c].lane(i);
+        for r in 0..3 {
+            out.r.0[c].0[r] = pose.r.0[c].0[r].lane(i);
+        }
+    }
+    out
 }
 
 /// A sub-step of no length.
