@@ -76,7 +76,7 @@ impl<'a> Output<'a> {
                 .guides
                 .iter()
                 .zip(&rates)
-                .map(|(g, rate)| GuideMotion { q: &g.q[0], rate })
+                .map(|(g, rate)| GuideMotion { rod: &g.rod, q: &g.q[0], rate })
                 .collect();
             let mut points = vec![[0.0; 3]; set.rest.len()];
             let mut velocities = vec![[0.0; 3]; set.rest.len()];

@@ -1,8 +1,10 @@
 //! How a render strand follows a guide: the guide's deviation, seen in the strand's frame and summed over the stretch
 //! between the middles of two edges.
+//!
+//! Seen in the strand's frame as it stands beside the guide's at rest: a strand of one guide then turns everywhere as the
+//! guide does at the same arc length, R = R_g R_gᵀ(rest) R(rest), and keeps its place beside it however far both have turned.
 
 use super::GuideMotion;
-use crate::math::frame::transport;
 use crate::math::se3::{self, Pose};
 use crate::rod::{Rod, Shape};
 use nalgebra::{Matrix3, Vector3};
@@ -29,6 +31,12 @@ impl RestGuide {
 
     pub fn root(&self) -> Vector3<f64> {
         self.root
+    }
+
+    /// The point of the rod that is nearest to arc length `s`, m.
+    pub fn nearest(&self, s: f64) -> u32 {
+        let i = self.arc.partition_point(|&a| a <= s).clamp(1, self.arc.len() - 1);
+        (if s - self.arc[i - 1] < self.arc[i] - s { i - 1 } else { i }) as u32
     }
 
     /// Material frame at arc length `s`, held past the tip.
@@ -74,10 +82,8 @@ fn ramp(s0: f64, s1: f64, a: f64, b: f64) -> f64 {
 pub(super) struct Follow {
     /// Index of the guide.
     pub guide: usize,
-    /// Cosine and sine of the angle about the tangent from the guide's frame to the strand's, times the weight.
-    align: Vec<[f64; 2]>,
-    /// Weight of the twist, which no alignment turns.
-    weight: f64,
+    /// Turns the guide's material frame into the strand's, both at rest; times the weight.
+    align: Vec<Matrix3<f64>>,
     /// First node, and where its integrals start in `share`.
     first: Vec<(u32, u32)>,
     /// Integrals of the hat functions, m.
@@ -94,7 +100,7 @@ impl Follow {
         turn: &[Vector3<f64>],
         length: &[f64],
     ) -> Self {
-        let mut follow = Follow { guide, align: Vec::new(), weight, first: Vec::new(), share: Vec::new() };
+        let mut follow = Follow { guide, align: Vec::new(), first: Vec::new(), share: Vec::new() };
         let (mut middle, mut vertex) = (0.0, 0.0);
         for j in 0..length.len() {
             let next = vertex + length[j] / 2.0;
@@ -104,8 +110,7 @@ impl Follow {
             // The strand's frame at the vertex, half way between the two edges'.
             let own = frames[j] * se3::exp_so3(&(turn[j] * -0.5));
             let its = rest.frame(vertex);
-            let a = own.transpose() * transport(&its.column(2).into(), &own.column(2).into()) * its;
-            follow.align.push([a[(0, 0)] * weight, a[(1, 0)] * weight]);
+            follow.align.push(own.transpose() * its * weight);
             middle = next;
             vertex += length[j];
         }
@@ -122,8 +127,7 @@ impl Follow {
             for (n, a) in q[3 * node as usize..].chunks_exact(3).zip(shares) {
                 s += Vector3::new(n[0], n[1], n[2]) * *a;
             }
-            let [c, k] = self.align[j];
-            Vector3::new(c * s.x - k * s.y, k * s.x + c * s.y, self.weight * s.z)
+            self.align[j] * s
         };
         (sum(motion.q), sum(motion.rate))
     }

@@ -10,11 +10,11 @@ mod keep_out;
 use crate::contact::Bodies;
 use crate::math::frame::{any_frame, transport};
 use crate::math::se3;
-use crate::rod::Rod;
+use crate::rod::{Rod, Shape};
 use crate::scene::Curves;
 use follow::{Follow, RestGuide};
 pub use keep_out::KeepOut;
-use keep_out::Kept;
+use keep_out::{FreeEdge, Kept, Lean, Spare};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -32,6 +32,8 @@ pub struct Interpolator {
 /// What a guide does at one moment.
 #[derive(Debug, Clone, Copy)]
 pub struct GuideMotion<'a> {
+    /// The guide.
+    pub rod: &'a Rod,
     /// Deviation of the strain at its nodes, 1/m (the rod's unknowns).
     pub q: &'a [f64],
     /// Rate of `q`, 1/(m·s).
@@ -68,6 +70,8 @@ struct Strand {
     turn: Vec<Vector3<f64>>,
     length: Vec<f64>,
     follow: Vec<Follow>,
+    /// Point of the rod of the foremost guide (the first of `follow`) that is beside the middle of each edge.
+    beside: Vec<u32>,
     kept: Kept,
 }
 
@@ -82,7 +86,7 @@ pub struct Moment<'a> {
 
 /// How much earlier than the moment asked for a strand that leans on a body is rebuilt, s, to take its velocity from the
 /// difference: the leaning has no derivative of its own.
-pub const BACKWARD: f64 = 1e-3;
+pub const BACKWARD: f64 = 1e-4;
 
 impl Interpolator {
     /// Prepares the strands `curves`, whose leaf wisps are `leaf`, to follow `guides`: each guide's rod with its leaf.
@@ -133,6 +137,7 @@ impl Interpolator {
         points: &mut [[f32; 3]],
         velocities: &mut [[f32; 3]],
     ) {
+        let tangents = [0, 1].map(|i| tangents(&moments[i].head, guides, BACKWARD * i as f64));
         let mut cut = Vec::with_capacity(self.strands.len());
         let (mut p, mut v) = (points, velocities);
         for (strand, w) in self.strands.iter().zip(self.offsets.windows(2)) {
@@ -142,9 +147,17 @@ impl Interpolator {
             (p, v) = (p1, v1);
         }
         cut.into_par_iter().with_min_len(64).for_each_init(Tracks::default, |tracks, (strand, p, v)| {
-            let leans = strand.trace(&moments[0], guides, 0.0, &mut tracks.now, &mut tracks.spare);
+            let leans =
+                strand.trace(&moments[0], guides, &tangents[0], 0.0, &mut tracks.now, &mut tracks.spare);
             if leans {
-                strand.trace(&moments[1], guides, BACKWARD, &mut tracks.before, &mut tracks.spare);
+                strand.trace(
+                    &moments[1],
+                    guides,
+                    &tangents[1],
+                    BACKWARD,
+                    &mut tracks.before,
+                    &mut tracks.spare,
+                );
                 for (now, before) in tracks.now.iter_mut().zip(&tracks.before) {
                     now.1 = (now.0 - before.0) / BACKWARD;
                 }
@@ -156,12 +169,29 @@ impl Interpolator {
     }
 }
 
-/// Points and velocities of one strand now and a little earlier, and room for [`KeepOut::turn`].
+/// Points and velocities of one strand now and a little earlier, and room for the two chains of a leaning one.
 #[derive(Debug, Default)]
 struct Tracks {
     now: Vec<(Vector3<f64>, Vector3<f64>)>,
     before: Vec<(Vector3<f64>, Vector3<f64>)>,
-    spare: Vec<f64>,
+    spare: [Spare; 2],
+}
+
+/// Tangents of the guides at the points of their rods, world; `back`, s, before their motion's own moment.
+fn tangents(head: &HeadMotion, guides: &[GuideMotion], back: f64) -> Vec<Vec<Vector3<f64>>> {
+    guides
+        .par_iter()
+        .with_min_len(16)
+        .map_init(
+            || (Shape::default(), Vec::new()),
+            |(shape, q), g| {
+                q.clear();
+                q.extend(g.q.iter().zip(g.rate).map(|(q, rate)| q - rate * back));
+                shape.update(g.rod, &(head.rotation * g.rod.root.r), q);
+                (0..shape.points()).map(|k| shape.tangent(k)).collect()
+            },
+        )
+        .collect()
 }
 
 impl Strand {
@@ -192,29 +222,41 @@ impl Strand {
             .zip(&weights)
             .map(|((_, g), w)| Follow::new(*g, w / sum, &rest[*g], &frames, &turn, &length))
             .collect();
-        Strand { root: points[0], frame: frames[0], turn, length, follow, kept }
+        let mut middle = 0.0;
+        let beside = length
+            .iter()
+            .map(|l| {
+                middle += l;
+                rest[near[0].1].nearest(middle - 0.5 * l)
+            })
+            .collect();
+        Strand { root: points[0], frame: frames[0], turn, length, follow, beside, kept }
     }
 
-    /// Rebuilds the strand at a moment, the guides being `back`, s, before their motion's own; positions and velocities, m and
-    /// m/s. Whether it leans on a body, in which case the velocities are not those of the leaning.
+    /// Rebuilds the strand at a moment, the guides, of these `tangents`, being `back`, s, before their motion's own; positions
+    /// and velocities, m and m/s. Whether it leans on a body, in which case the velocities are not those of the leaning.
     fn trace(
         &self,
         moment: &Moment,
         guides: &[GuideMotion],
+        tangents: &[Vec<Vector3<f64>>],
         back: f64,
         out: &mut Vec<(Vector3<f64>, Vector3<f64>)>,
-        spare: &mut Vec<f64>,
+        spare: &mut [Spare; 2],
     ) -> bool {
         let Moment { head, keep_out } = moment;
         let (mut x, mut v) = head.carry(&self.root);
         let mut frame = head.rotation * self.frame;
         let mut spin = head.spin;
-        let mut leans = false;
-        spare.clear();
-        spare.resize(keep_out.poses.len(), 0.0);
+        let mut lean: Option<Lean> = None;
+        for spare in spare.iter_mut() {
+            spare.clear();
+            spare.resize(keep_out.poses.len(), 0.0);
+        }
+        let [spare, spare_leaning] = spare;
         out.clear();
         out.push((x, v));
-        for (j, (turn, length)) in self.turn.iter().zip(&self.length).enumerate() {
+        for (j, (turn, &length)) in self.turn.iter().zip(&self.length).enumerate() {
             let (mut d, mut rate) = (Vector3::zeros(), Vector3::zeros());
             for f in &self.follow {
                 let (fd, fr) = f.deviation(j, &guides[f.guide]);
@@ -224,14 +266,25 @@ impl Strand {
             let phi = turn + d;
             spin += frame * (se3::left_jacobian_so3(&phi) * rate);
             frame *= se3::exp_so3(&phi);
-            leans |=
-                keep_out.turn(&self.kept, (j + 1, self.length.len() + 1), &x, *length, &mut frame, spare);
-            let edge = frame.column(2) * *length;
+            let (start, edge) = (x, frame.column(2) * length);
             x += edge;
             v += spin.cross(&edge);
-            out.push((x, v));
+            let place = (j + 1, self.length.len() + 1);
+            let violation = match &lean {
+                Some(lean) if lean.on_guide() => 0.0,
+                _ => keep_out.violation(&self.kept, place, &x, length, spare),
+            };
+            if violation > 0.0 && lean.is_none() {
+                lean = Some(Lean::from(start));
+            }
+            let end = lean.as_mut().map_or(x, |lean| {
+                let guide = tangents[self.follow[0].guide][self.beside[j] as usize];
+                let free = FreeEdge { start, edge, violation, guide };
+                lean.advance(keep_out, &self.kept, place, length, &free, spare_leaning)
+            });
+            out.push((end, v));
         }
-        leans
+        lean.is_some()
     }
 }
 
@@ -305,7 +358,8 @@ mod tests {
         let bodies = Bodies::from_shapes(&[]);
         let interpolator = Interpolator::new(c, &vec![LEAF; c.len()], &guides, &bodies, &[]);
         let moment = Moment { head: *head, keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &[] } };
-        let motion: Vec<_> = q.iter().zip(rate).map(|(q, rate)| GuideMotion { q, rate }).collect();
+        let motion: Vec<_> =
+            rods.iter().zip(q).zip(rate).map(|((&rod, q), rate)| GuideMotion { rod, q, rate }).collect();
         let mut out = [vec![[0.0; 3]; c.points.len()], vec![[0.0; 3]; c.points.len()]];
         let [p, v] = &mut out;
         interpolator.evaluate(&[moment, moment], &motion, &Matrix3::identity(), p, v);
@@ -352,6 +406,26 @@ mod tests {
         };
         let (coarse, fine) = (off(17), off(33));
         assert!(coarse < 0.02 && fine < 0.35 * coarse, "{coarse} {fine}");
+    }
+
+    #[test]
+    fn a_strand_beside_its_guide_turns_as_the_guide_does() {
+        // Standing off across the guide, where a deviation carried along the smallest turn between the tangents fails.
+        let line: Vec<_> = (0..200).map(|i| Vector3::x() * (0.2 * f64::from(i) / 199.0)).collect();
+        let r = rod(&line);
+        let across: Vec<_> =
+            (0..129).map(|i| (Vector3::y() + Vector3::x()) * (0.14 * f64::from(i) / 128.0)).collect();
+        let q: Vec<f64> = (0..r.unknowns()).map(|i| (i as f64 * 0.7).sin() * 8.0).collect();
+        let zero = vec![0.0; q.len()];
+        let [p, _] =
+            run(&curves(std::slice::from_ref(&across)), &[&r], std::slice::from_ref(&q), &[zero], &still());
+        let mut shape = Shape::default();
+        shape.update(&r, &r.root.r, &q);
+        let turn = shape.poses().last().unwrap().r * r.root.r.transpose();
+        let rest = (across[128] - across[127]).normalize();
+        let now = (wide(&p[128]) - wide(&p[127])).normalize();
+        assert!((now - rest).norm() > 0.1, "does not turn");
+        assert!((now - turn * rest).norm() < 0.01, "{now} {}", turn * rest);
     }
 
     #[test]
@@ -402,7 +476,7 @@ mod tests {
         let interpolator = Interpolator::new(&c, &[LEAF], &[(&r, LEAF)], &bodies, &[0.0005]);
         let at = |t: f64| {
             let q: Vec<f64> = q.iter().zip(&rate).map(|(q, r)| q + t * r).collect();
-            let motion = [GuideMotion { q: &q, rate: &rate }];
+            let motion = [GuideMotion { rod: &r, q: &q, rate: &rate }];
             let moment = Moment {
                 head: still(),
                 keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] },

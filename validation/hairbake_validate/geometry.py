@@ -57,14 +57,29 @@ def equal_arc_lengths(curves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     parameter = np.concatenate([np.zeros((n, 1)), np.cumsum(steps, axis=1)], axis=1)
     length, error = np.zeros((n, m - 1)), np.zeros((n, m - 1))
     for i in range(m - 1):
-        first = min(max(i - 1, 0), m - 4)
-        u, p = parameter[:, first : first + 4], curves[:, first : first + 4]
-        for node, weight in zip(NODES, WEIGHTS, strict=True):
-            at = parameter[:, i] + node * steps[:, i]
-            length[:, i] += weight * steps[:, i] * np.linalg.norm(derivative(u, p, at), axis=1)
-        bend = third_derivative(u, p) * steps[:, first : first + 3].max(axis=1) ** 2
-        error[:, i] = np.minimum(1, tolerances.ARC_ERROR * bend**2) * length[:, i]
+        centred = min(max(i - 1, 0), m - 4)
+        # The cubics through the other fours of points that hold this segment differ where the curve is not a cubic,
+        # as at a kink: by no less than any of them can be trusted.
+        firsts = [centred, *{min(max(i - k, 0), m - 4) for k in (0, 2)} - {centred}]
+        arcs = [arc(parameter, steps, curves, i, first) for first in firsts]
+        length[:, i] = arcs[0]
+        u, p = parameter[:, centred : centred + 4], curves[:, centred : centred + 4]
+        bend = third_derivative(u, p) * steps[:, centred : centred + 3].max(axis=1) ** 2
+        bound = np.minimum(1, tolerances.ARC_ERROR * bend**2) * length[:, i]
+        error[:, i] = np.maximum.reduce([bound, *(np.abs(other - arcs[0]) for other in arcs[1:])])
     return length, error
+
+
+def arc(
+    parameter: np.ndarray, steps: np.ndarray, curves: np.ndarray, segment: int, first: int
+) -> np.ndarray:
+    """Arcs (`n`) of one segment of each curve, on the cubic through the four points from `first` on."""
+    u, p = parameter[:, first : first + 4], curves[:, first : first + 4]
+    total = np.zeros(len(curves))
+    for node, weight in zip(NODES, WEIGHTS, strict=True):
+        at = parameter[:, segment] + node * steps[:, segment]
+        total += weight * steps[:, segment] * np.linalg.norm(derivative(u, p, at), axis=1)
+    return total
 
 
 def derivative(u: np.ndarray, p: np.ndarray, at: np.ndarray) -> np.ndarray:
