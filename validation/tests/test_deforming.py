@@ -58,15 +58,16 @@ def test_deforming_collider_passes(good_cache):
 
 
 @pytest.mark.parametrize(
-    "check, inject",
+    "checks, inject",
     [
-        ("guide_penetration", guide_pushed_into_a_deforming_collider),
-        ("frames", deforming_collider_without_points),
-        ("sizes", deforming_collider_of_another_size),
+        # The curve is pushed in for one frame, which its velocities do not tell.
+        ({"guide_penetration", "curve_velocities"}, guide_pushed_into_a_deforming_collider),
+        ({"frames"}, deforming_collider_without_points),
+        ({"sizes"}, deforming_collider_of_another_size),
     ],
 )
-def test_fault_fails_its_own_check(good_cache, check, inject):
+def test_fault_fails_its_own_check(good_cache, checks, inject):
     soften(good_cache)
     inject(good_cache)
     report = validate(good_cache.directory)
-    assert broken(report) == {check}, report.as_text()
+    assert broken(report) == checks, report.as_text()

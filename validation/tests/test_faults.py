@@ -468,7 +468,7 @@ def guide_pushed_into_the_collider(cache):
 # Motion
 
 
-def scale_velocities(cache: CacheBuilder, factor: float) -> None:
+def scale_velocities(cache: CacheBuilder, factor: float | np.ndarray) -> None:
     for frame in range(1000, 1008):
         cache.edit_array(frame, f"{HAIR}.velocities", lambda velocities: velocities * np.float32(factor))
 
@@ -501,31 +501,23 @@ def velocities_of_the_neighbouring_frame(cache):
 
 @fault("curve_velocities")
 def velocities_of_one_curve_in_twelve_backwards(cache):
-    def change(velocities):
-        velocities[7 * POINTS : 8 * POINTS] *= -1
-        return velocities
+    scale_velocities(cache, np.repeat(np.where(np.arange(CURVES) == 7, -1, 1), POINTS)[:, None])
 
-    for frame in range(1000, 1008):
-        cache.edit_array(frame, f"{HAIR}.velocities", change)
+
+def swung(curves):
+    curves[7] = turned(curves[7], np.array([0, 1.0, 0]), 0.6)
+    return curves
 
 
 @fault("spikes", "curve_velocities")
 def one_frame_pop(cache):
-    def change(curves):
-        curves[7] = turned(curves[7], np.array([0, 1.0, 0]), 0.6)
-        return curves
-
-    move_points(cache, MIDDLE, HAIR, change)
+    move_points(cache, MIDDLE, HAIR, swung)
 
 
 @fault("spikes", "curve_velocities")
 def jump_that_stays(cache):
-    def change(curves):
-        curves[7] = turned(curves[7], np.array([0, 1.0, 0]), 0.6)
-        return curves
-
     for frame in range(MIDDLE, 1008):
-        move_points(cache, frame, HAIR, change)
+        move_points(cache, frame, HAIR, swung)
 
 
 def broken(report) -> set[str]:
