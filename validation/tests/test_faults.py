@@ -494,8 +494,7 @@ def velocities_of_the_neighbouring_frame(cache):
         layer = Sdf.Layer.OpenAsAnonymous(str(cache.frame(frame)))
         return np.array(layer.QueryTimeSample(f"{HAIR}.velocities", float(frame)))
 
-    late = {frame: velocities(frame - 1) for frame in range(1001, 1008)}
-    for frame, value in late.items():
+    for frame, value in [(frame, velocities(frame - 1)) for frame in range(1001, 1008)]:
         cache.edit_array(frame, f"{HAIR}.velocities", lambda _, value=value: value)
 
 
