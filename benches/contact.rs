@@ -4,7 +4,7 @@
 //! Skipped where the data are not there (`HAIRBAKE_DATA`, or `../shared/data`).
 
 use divan::Bencher;
-use hairbake::contact::{Bodies, Motion, Polyline, Problem, Tolerance, Workspace, solve};
+use hairbake::contact::{Bodies, Motion, Polyline, Problem, Scratch, Tolerance, Workspace, solve};
 use hairbake::scene::{Convention, Shape, TriMesh};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::path::{Path, PathBuf};
@@ -148,9 +148,9 @@ fn coulomb(bencher: Bencher, n: usize) {
     let mu = vec![0.3; n];
     let problem = Problem { w: &w, b: &b, mu: &mu };
     let tolerance = Tolerance { residual: 1e-6, sweeps: 500 };
-    let mut r = vec![0.0; rows];
+    let (mut r, mut scratch) = (vec![0.0; rows], Scratch::default());
     bencher.bench_local(|| {
         r.fill(0.0);
-        solve(&problem, tolerance, &mut r)
+        solve(&problem, tolerance, &mut r, &mut scratch)
     });
 }

@@ -84,6 +84,7 @@ pub(super) struct TouchWork {
     free: Vec<f64>,
     mu: Vec<f64>,
     reaction: Vec<f64>,
+    scratch: friction::Scratch,
     /// Places of the last reactions, for a warm start: (body, segment), as `reaction`.
     places: Vec<(usize, usize)>,
     last: Vec<f64>,
@@ -279,7 +280,7 @@ impl Touch<'_> {
             work.reaction.extend(warm.map_or([0.0; 3], |i| [work.last[3 * i], 0.0, 0.0]));
         }
         let problem = Problem { w: &work.delassus, b: &work.free, mu: &work.mu };
-        let outcome = friction::solve(&problem, TOLERANCE, &mut work.reaction);
+        let outcome = friction::solve(&problem, TOLERANCE, &mut work.reaction, &mut work.scratch);
         work.noted.residual = outcome.residual;
         for (row, r) in work.rows.chunks_exact(n).zip(&work.reaction) {
             if *r != 0.0 {

@@ -23,7 +23,7 @@ pub mod pairs;
 mod shape;
 
 pub use bodies::{Bodies, Body, Contact, Motion, Polyline, Workspace};
-pub use friction::{Outcome, Problem, Tolerance, solve};
+pub use friction::{Outcome, Problem, Scratch, Tolerance, solve};
 pub use shape::{Feature, SurfacePoint};
 
 #[cfg(test)]

@@ -3,8 +3,7 @@
 //! With H = LLᵀ for every strand and Y = L⁻¹Jᵀ, W = YᵀY is never formed: w = Y r is kept for every strand, so that a sweep
 //! costs O(unknowns of a strand) a contact, however many contacts there are.
 
-use super::local::Local;
-use super::{Outcome, Tolerance, project_on_cone};
+use super::{Outcome, Scratch, System, Tolerance, at, sweep};
 use crate::math::cholesky::dot;
 use nalgebra::{Matrix3, Vector3};
 
@@ -50,7 +49,7 @@ impl Coupled<'_> {
 
     /// u of contact `i`, given w = Y r.
     fn velocity(&self, w: &[f64], i: usize) -> Vector3<f64> {
-        let mut u = Vector3::from_column_slice(&self.b[3 * i..3 * i + 3]);
+        let mut u = at(self.b, i);
         for side in self.sides[i].iter().flatten() {
             let (first, n) = side.unknowns;
             for d in 0..3 {
@@ -74,63 +73,54 @@ impl Coupled<'_> {
     }
 }
 
-/// Squares whose ratio is that of the relative residual ([`super::Problem::residual`]).
-#[derive(Default)]
-struct Residual {
-    error: f64,
-    impulse: f64,
-    free: f64,
-}
-
-impl Residual {
-    fn add(&mut self, w: &Matrix3<f64>, u: Vector3<f64>, r: &Vector3<f64>, b: &[f64], mu: f64) {
-        let trace = w.trace();
-        if trace <= 0.0 {
-            return;
-        }
-        let rho = 3.0 / trace;
-        let changed = Vector3::new(u.x + mu * u.yz().norm(), u.y, u.z);
-        self.error += (r - project_on_cone(r - changed * rho, mu)).norm_squared();
-        self.impulse += r.norm_squared();
-        self.free += (Vector3::from_column_slice(b) * rho).norm_squared();
-    }
-
-    fn relative(&self) -> f64 {
-        let scale = self.impulse.max(self.free);
-        if scale > 0.0 { (self.error / scale).sqrt() } else { 0.0 }
-    }
-}
-
-/// Solves for the impulses `r` (3c) from what they hold, and leaves Y r in `w`. The residual that ends it is gathered during the
-/// sweep, each contact as it is met; the one returned is that of the result.
-pub fn solve_coupled(problem: &Coupled, tolerance: Tolerance, r: &mut [f64], w: &mut [f64]) -> Outcome {
-    let contacts = problem.mu.len();
-    let at = |r: &[f64], i: usize| Vector3::from_column_slice(&r[3 * i..3 * i + 3]);
-    let locals: Vec<Local> = (0..contacts).map(|i| Local::new(&problem.block(i))).collect();
+/// Solves for the impulses `r` (3c) from what they hold, and leaves Y r in `w`.
+pub fn solve_coupled(
+    problem: &Coupled,
+    tolerance: Tolerance,
+    r: &mut [f64],
+    w: &mut [f64],
+    scratch: &mut Scratch,
+) -> Outcome {
     w.fill(0.0);
-    for i in 0..contacts {
+    for i in 0..problem.mu.len() {
         problem.push(w, i, &at(r, i));
     }
-    let mut sweeps = 0;
-    let mut change = true;
-    loop {
-        let mut residual = Residual::default();
-        for (i, local) in locals.iter().enumerate() {
-            let (old, mu, b) = (at(r, i), problem.mu[i], &problem.b[3 * i..3 * i + 3]);
-            let u = problem.velocity(w, i);
-            residual.add(&local.w, u, &old, b, mu);
-            if change && !(old == Vector3::zeros() && u.x >= 0.0) {
-                let new = local.solve(&(u - local.w * old), mu);
-                problem.push(w, i, &(new - old));
-                r[3 * i..3 * i + 3].copy_from_slice(new.as_slice());
-            }
-        }
-        let residual = residual.relative();
-        if !change {
-            return Outcome { sweeps, residual };
-        }
-        sweeps += 1;
-        // One more pass, without change, for the residual of the result.
-        change = residual > tolerance.residual && sweeps < tolerance.sweeps;
+    sweep(&mut Network { problem, r, w }, tolerance, &mut scratch.0)
+}
+
+struct Network<'a> {
+    problem: &'a Coupled<'a>,
+    r: &'a mut [f64],
+    w: &'a mut [f64],
+}
+
+impl System for Network<'_> {
+    fn contacts(&self) -> usize {
+        self.problem.mu.len()
+    }
+
+    fn block(&self, i: usize) -> Matrix3<f64> {
+        self.problem.block(i)
+    }
+
+    fn free(&self, i: usize) -> Vector3<f64> {
+        at(self.problem.b, i)
+    }
+
+    fn friction(&self, i: usize) -> f64 {
+        self.problem.mu[i]
+    }
+
+    fn impulse(&self, i: usize) -> Vector3<f64> {
+        at(self.r, i)
+    }
+
+    fn velocity(&self, i: usize) -> Vector3<f64> {
+        self.problem.velocity(self.w, i)
+    }
+
+    fn set(&mut self, i: usize, impulse: Vector3<f64>) {
+        self.problem.push(self.w, i, &(impulse - at(self.r, i)));
+        self.r[3 * i..3 * i + 3].copy_from_slice(impulse.as_slice());
     }
 }

@@ -19,6 +19,7 @@ mod coupled;
 mod local;
 
 pub use coupled::{Coupled, Side, solve_coupled};
+use local::Local;
 pub use local::solve_local;
 use nalgebra::{Matrix3, Vector3};
 
@@ -69,6 +70,10 @@ impl Problem<'_> {
         self.mu.is_empty()
     }
 
+    fn free(&self, i: usize) -> Vector3<f64> {
+        at(self.b, i)
+    }
+
     /// Diagonal block of contact `i`.
     fn block(&self, i: usize) -> Matrix3<f64> {
         let stride = 3 * self.len();
@@ -88,22 +93,89 @@ impl Problem<'_> {
     /// Residual of De Saxcé's natural map, relative: √Σ|r − P_K(r − ρ ũ)|² over max(√Σ|r|², √Σ|ρ b|²), with ρ = 3/tr W_ii
     /// the contact's own scale of impulse over velocity. Zero exactly at solutions.
     pub fn residual(&self, r: &[f64]) -> f64 {
-        let (mut error, mut impulse, mut free) = (0.0, 0.0, 0.0);
+        let mut residual = Residual::default();
         for i in 0..self.len() {
-            let trace = self.block(i).trace();
-            if trace <= 0.0 {
-                continue;
-            }
-            let (rho, mu) = (3.0 / trace, self.mu[i]);
-            let mut u = self.velocity(r, i);
-            u.x += mu * u.yz().norm();
-            let ri = Vector3::from_column_slice(&r[3 * i..3 * i + 3]);
-            error += (ri - project_on_cone(ri - u * rho, mu)).norm_squared();
-            impulse += ri.norm_squared();
-            free += (Vector3::from_column_slice(&self.b[3 * i..3 * i + 3]) * rho).norm_squared();
+            let (mobility, b) = (self.block(i).trace(), self.free(i));
+            residual.add(mobility, self.velocity(r, i), &at(r, i), &b, self.mu[i]);
         }
-        let scale = f64::max(impulse, free);
-        if scale > 0.0 { (error / scale).sqrt() } else { 0.0 }
+        residual.relative()
+    }
+}
+
+/// The three components of contact `i`.
+fn at(r: &[f64], i: usize) -> Vector3<f64> {
+    Vector3::from_column_slice(&r[3 * i..3 * i + 3])
+}
+
+/// Squares whose ratio is that of the relative residual.
+#[derive(Default)]
+struct Residual {
+    error: f64,
+    impulse: f64,
+    free: f64,
+}
+
+impl Residual {
+    fn add(&mut self, trace: f64, u: Vector3<f64>, r: &Vector3<f64>, b: &Vector3<f64>, mu: f64) {
+        if trace <= 0.0 {
+            return;
+        }
+        let rho = 3.0 / trace;
+        let changed = Vector3::new(u.x + mu * u.yz().norm(), u.y, u.z);
+        self.error += (r - project_on_cone(r - changed * rho, mu)).norm_squared();
+        self.impulse += r.norm_squared();
+        self.free += (b * rho).norm_squared();
+    }
+
+    fn relative(&self) -> f64 {
+        let scale = self.impulse.max(self.free);
+        if scale > 0.0 { (self.error / scale).sqrt() } else { 0.0 }
+    }
+}
+
+/// What Gauss-Seidel asks of a problem.
+trait System {
+    fn contacts(&self) -> usize;
+    /// Diagonal block of W.
+    fn block(&self, i: usize) -> Matrix3<f64>;
+    fn free(&self, i: usize) -> Vector3<f64>;
+    fn friction(&self, i: usize) -> f64;
+    fn impulse(&self, i: usize) -> Vector3<f64>;
+    /// u under the impulses as they are.
+    fn velocity(&self, i: usize) -> Vector3<f64>;
+    fn set(&mut self, i: usize, impulse: Vector3<f64>);
+}
+
+/// Sweeps until the residual is small. During sweeps it is gathered contact by contact as they are met; the one that counts is
+/// that of the result.
+fn sweep(system: &mut impl System, tolerance: Tolerance, locals: &mut Vec<Local>) -> Outcome {
+    locals.clear();
+    locals.extend((0..system.contacts()).map(|i| Local::new(&system.block(i))));
+    let mut pass = |change: bool| {
+        let mut residual = Residual::default();
+        for (i, local) in locals.iter().enumerate() {
+            let (u, old, mu) = (system.velocity(i), system.impulse(i), system.friction(i));
+            residual.add(local.w.trace(), u, &old, &system.free(i), mu);
+            // A contact that is open and does not push stays so.
+            if change && (u.x < 0.0 || old != Vector3::zeros()) {
+                system.set(i, local.solve(&(u - local.w * old), mu));
+            }
+        }
+        residual.relative()
+    };
+    let mut sweeps = 0;
+    loop {
+        let residual = pass(false);
+        if residual <= tolerance.residual || sweeps >= tolerance.sweeps {
+            return Outcome { sweeps, residual };
+        }
+        loop {
+            let residual = pass(true);
+            sweeps += 1;
+            if residual <= tolerance.residual || sweeps >= tolerance.sweeps {
+                break;
+            }
+        }
     }
 }
 
@@ -121,21 +193,48 @@ fn project_on_cone(v: Vector3<f64>, mu: f64) -> Vector3<f64> {
     Vector3::new(x, v.y * scale, v.z * scale)
 }
 
+/// Contacts prepared for a solve, kept to spare allocations.
+#[derive(Debug, Default)]
+pub struct Scratch(Vec<Local>);
+
 /// Solves `problem` for the impulses `r` (3c), starting from what they hold (zero, or the last step's).
-pub fn solve(problem: &Problem, tolerance: Tolerance, r: &mut [f64]) -> Outcome {
-    let mut residual = problem.residual(r);
-    let mut sweeps = 0;
-    while residual > tolerance.residual && sweeps < tolerance.sweeps {
-        for i in 0..problem.len() {
-            let w = problem.block(i);
-            let old = Vector3::from_column_slice(&r[3 * i..3 * i + 3]);
-            let q = problem.velocity(r, i) - w * old;
-            r[3 * i..3 * i + 3].copy_from_slice(solve_local(&w, &q, problem.mu[i]).as_slice());
-        }
-        sweeps += 1;
-        residual = problem.residual(r);
+pub fn solve(problem: &Problem, tolerance: Tolerance, r: &mut [f64], scratch: &mut Scratch) -> Outcome {
+    sweep(&mut Dense { problem, r }, tolerance, &mut scratch.0)
+}
+
+struct Dense<'a> {
+    problem: &'a Problem<'a>,
+    r: &'a mut [f64],
+}
+
+impl System for Dense<'_> {
+    fn contacts(&self) -> usize {
+        self.problem.len()
     }
-    Outcome { sweeps, residual }
+
+    fn block(&self, i: usize) -> Matrix3<f64> {
+        self.problem.block(i)
+    }
+
+    fn free(&self, i: usize) -> Vector3<f64> {
+        self.problem.free(i)
+    }
+
+    fn friction(&self, i: usize) -> f64 {
+        self.problem.mu[i]
+    }
+
+    fn impulse(&self, i: usize) -> Vector3<f64> {
+        at(self.r, i)
+    }
+
+    fn velocity(&self, i: usize) -> Vector3<f64> {
+        self.problem.velocity(self.r, i)
+    }
+
+    fn set(&mut self, i: usize, impulse: Vector3<f64>) {
+        self.r[3 * i..3 * i + 3].copy_from_slice(impulse.as_slice());
+    }
 }
 
 #[cfg(test)]
