@@ -122,6 +122,7 @@ fn kinds() -> Vec<(&'static str, Hair)> {
         ("stiff", Hair { young: 3.89e11, ..HAIR }),
         ("thin", Hair { radius: [4e-6, 4e-6], ..HAIR }),
         ("thick", Hair { radius: [4e-4, 4e-4], ..HAIR }),
+        ("a hundred times as thick", Hair { radius: [4e-3, 4e-3], ..HAIR }),
         ("1 mm", Hair { length: 1e-3, ..HAIR }),
         ("1 m", Hair { length: 1.0, ..HAIR }),
         ("2 m, as baked", Hair { length: 2.0, max_step: 0.01, ..HAIR }),
@@ -144,6 +145,16 @@ fn strange_rods_converge_on_a_shaken_head() {
             assert_eq!(record.unconverged, 0, "{name}, {scheme:?}");
             assert!(fastest < 20.0, "{name}, {scheme:?}: {fastest} m/s");
         }
+    }
+}
+
+/// A hundredth of a hair's radius: ten thousand times as limp for its weight, and all but weightless in the air. Its solves fail, which
+/// is told; it neither stretches nor flies off.
+#[test]
+fn a_thread_too_thin_to_solve_for_is_carried_and_told() {
+    for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
+        let (record, fastest, _) = Hair { radius: [4e-7, 4e-7], ..HAIR }.run(scheme, &shaken);
+        assert!(record.unconverged > 0 && fastest < 20.0, "{scheme:?}: {record:?}, {fastest} m/s");
     }
 }
 
