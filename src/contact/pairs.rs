@@ -147,7 +147,7 @@ impl Strands<'_> {
     /// The first time at which a pair that must keep `clearance`, m, comes too close, if it does: a fifth of the clearance, or of
     /// the distance at the start where that is less, so that what is apart stays apart however often it is stopped.
     ///
-    /// Conservative advancement along the direction between the closest points, as for bodies ([`super::ccd`]): each of the ends of
+    /// Conservative advancement along the direction between the closest points, as for bodies (`ccd`): each of the ends of
     /// one segment against each of the other.
     pub fn impact(&self, pair: Pair, clearance: f64) -> Option<Meeting> {
         let start = [Self::ends(self.x0, pair.0), Self::ends(self.x0, pair.1)];

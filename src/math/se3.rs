@@ -156,7 +156,7 @@ pub fn log(g: &Pose) -> Twist {
     Twist { w, v: g.p - h * g.p * 0.5 + h * (h * g.p) * e }
 }
 
-/// The left Jacobian of exp at ξ, for |ω| up to half a turn (Barfoot 2017, eqs. 7.77 and 7.86; the products of [ω]× and [v]× in
+/// The left Jacobian of exp at ξ, for |ω| up to half a turn (Barfoot 2017, eqs. 7.77 and 7.86; the products of \[ω\]× and \[v\]× in
 /// Q are multiplied out).
 #[inline(always)]
 pub fn left_jacobian<F: Real>(x: &lanes::Twist<F>) -> LeftJacobian<F> {
