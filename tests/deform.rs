@@ -1,35 +1,22 @@
 //! Strands and bodies that deform or close on them.
 
+mod strand;
+
 use hairbake::bake;
 use hairbake::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use hairbake::cache::Reader;
 use hairbake::contact::Bodies;
-use hairbake::rod::{Rod, RodSource};
-use hairbake::scene::{self, Collider, Deformation, Shape, Tree, TriMesh};
+use hairbake::scene::{self, Collider, Deformation, Shape, TriMesh};
 use nalgebra::{Isometry3, Vector3};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use strand::hair;
 
 const FPS: f64 = 24.0;
 /// Steps a second.
 const RATE: f64 = 192.0;
 const THICKNESS: f64 = 5e-4;
-
-/// A straight horizontal hair of 20 cm, clamped at the origin.
-fn hair() -> Rod {
-    Rod::new(&RodSource {
-        points: &[Vector3::zeros(), Vector3::x() * 0.2],
-        root_frame: None,
-        arc: &Tree::default_arc(8),
-        stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
-        line_density: 6.6e-6,
-        damping: 0.005,
-        natural: None,
-        max_step: 0.01,
-    })
-    .unwrap()
-}
 
 fn collider(shape: Shape, deformation: Option<Deformation>) -> Collider {
     let deformation = deformation.map(Arc::new);

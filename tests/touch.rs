@@ -1,27 +1,14 @@
 //! A strand against a ball (S17): it rests on it, slides round it, and a fast ball does not pass through it.
 
+mod strand;
+
 use hairbake::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use hairbake::contact::Bodies;
-use hairbake::rod::{Rod, RodSource};
-use hairbake::scene::{Shape, Tree};
+use hairbake::scene::Shape;
 use nalgebra::{Isometry3, Vector3};
+use strand::hair;
 
 const RADIUS: f64 = 0.04;
-
-/// A straight horizontal hair of 20 cm, clamped at the origin.
-fn hair() -> Rod {
-    Rod::new(&RodSource {
-        points: &[Vector3::zeros(), Vector3::x() * 0.2],
-        root_frame: None,
-        arc: &Tree::default_arc(8),
-        stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
-        line_density: 6.6e-6,
-        damping: 0.005,
-        natural: None,
-        max_step: 0.01,
-    })
-    .unwrap()
-}
 
 /// Bakes `seconds` at `rate` steps a second; the ball's centre moves by `centre`. Calls `each` after every step with the guide,
 /// the centre and the record.

@@ -21,9 +21,6 @@ const MAX_ROUNDS: u32 = 8;
 /// Violation of a clearance that is as good as none, m: a tenth of the diameter of a hair, a fiftieth of the usual clearance.
 const GAP_TOLERANCE: f64 = 1e-5;
 
-/// A contact this near to an impact, in clearances of the impact, and of like direction stands for it.
-const SAME_PLACE: f64 = 1.0;
-
 /// Motion of a point between rounds that is as good as none, m.
 const MOVE_TOLERANCE: f64 = 5e-6;
 
@@ -193,7 +190,8 @@ impl Touch<'_> {
         let seen = work.contacts.len();
         for impact in &mut work.sticky {
             impact.gap = line.gap(impact);
-            let beside = SAME_PLACE * line.kept_at(impact);
+            // A contact within its clearance of the impact, and of like direction, stands for it.
+            let beside = line.kept_at(impact);
             let known = work.contacts[..seen].iter().any(|c| {
                 c.body == impact.body
                     && (c.point[1] - impact.point[1]).norm() <= beside
