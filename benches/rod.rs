@@ -1,22 +1,35 @@
 //! Cost of the implicit step of rods: hairs on a head shaken at 2.5 Hz, ±5 cm, and cantilevers of Γ = 10.
+//!
+//! `cargo bench --bench rod` prints all tables; `cargo bench --bench rod -- nodes strands` some.
 #![allow(clippy::print_stdout)] // What a cost means depends on Newton steps and errors; they are told beside it.
 
-use hairbake::bake::company::{Company, CompanyWork};
-use hairbake::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
+use hairbake::bake::company::Companies;
+use hairbake::bake::guide::{Guide, StepRecord, Surroundings};
 use hairbake::contact::Bodies;
-use hairbake::rod::{Rod, RodSource};
+use hairbake::rod::{Cut, Rod, RodSource};
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, Vector3};
-use rayon::prelude::*;
 use std::time::Instant;
 
+const TABLES: [(&str, fn()); 5] = [
+    ("real-time", real_time),
+    ("cantilevers", cantilevers),
+    ("nodes", nodes),
+    ("strands", strands),
+    ("threads", threads),
+];
+
 fn main() {
-    real_time();
-    cantilevers();
-    divan::main();
+    let asked: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
+    for (name, table) in TABLES {
+        if asked.is_empty() || asked.iter().any(|a| a == name) {
+            println!("\n{name}");
+            table();
+        }
+    }
 }
 
-fn rod(points: &[Vector3<f64>], nodes: usize, line_density: f64, max_step: f64) -> Rod {
+fn rod(points: &[Vector3<f64>], nodes: usize, line_density: f64) -> Rod {
     let arc: Vec<f64> = (0..nodes).map(|i| (i as f64 / (nodes - 1) as f64).powf(1.5)).collect();
     Rod::new(&RodSource {
         points,
@@ -26,44 +39,68 @@ fn rod(points: &[Vector3<f64>], nodes: usize, line_density: f64, max_step: f64) 
         line_density,
         damping: 0.005,
         natural: None,
-        max_step,
+        cut: Cut::COARSE,
     })
     .unwrap()
 }
 
-/// A wavy hair of 25 cm times `scale`.
-fn hair(nodes: usize, max_step: f64, scale: f64) -> Rod {
-    let points: Vec<Vector3<f64>> = (0..32)
-        .map(|i| {
-            let a = f64::from(i) / 31.0;
-            Vector3::new(0.1 * (1.0 - (1.5 * a).cos()), 0.05 * (3.0 * a).sin() - 0.18 * a, 0.02 * a) * scale
-        })
-        .collect();
-    rod(&points, nodes, 6.6e-6, max_step)
+/// `count` wavy hairs of 25 cm, unlike in length by up to a twentieth.
+fn hairs(nodes: usize, count: usize) -> Vec<Rod> {
+    let hair = |i: usize| {
+        let scale = 0.95 + 0.05 * i as f64 / KINDS as f64;
+        let points: Vec<Vector3<f64>> = (0..32)
+            .map(|i| {
+                let a = f64::from(i) / 31.0;
+                Vector3::new(0.1 * (1.0 - (1.5 * a).cos()), 0.05 * (3.0 * a).sin() - 0.18 * a, 0.02 * a)
+                    * scale
+            })
+            .collect();
+        rod(&points, nodes, 6.6e-6)
+    };
+    const KINDS: usize = 101;
+    let kinds: Vec<Rod> = (0..KINDS.min(count)).map(hair).collect();
+    kinds.iter().cycle().take(count).cloned().collect()
 }
 
 /// Rods without contact on a head that moves by `place`.
 struct Scene<'a> {
     place: &'a (dyn Fn(f64) -> Vector3<f64> + Sync),
-    drag: f64,
     guides: Vec<Guide>,
-    companies: Vec<Company>,
+    companies: Companies,
+    records: Vec<StepRecord>,
     /// Step, s.
     h: f64,
+    taken: u32,
 }
 
 impl<'a> Scene<'a> {
-    fn new(rods: Vec<Rod>, place: &'a (dyn Fn(f64) -> Vector3<f64> + Sync), drag: f64, h: f64) -> Self {
-        let mut scene = Scene { place, drag, guides: Vec::new(), companies: Vec::new(), h };
+    fn new(
+        rods: Vec<Rod>,
+        scheme: Scheme,
+        place: &'a (dyn Fn(f64) -> Vector3<f64> + Sync),
+        drag: f64,
+        h: f64,
+    ) -> Self {
+        let records = vec![StepRecord::default(); rods.len()];
+        let (guides, companies) = (Vec::new(), Companies::default());
+        let mut scene = Scene { place, guides, companies, records, h, taken: 0 };
         scene.guides = scene.around(|around| {
             let start = |rod: Rod| {
-                let drag = vec![scene.drag; rod.points()];
-                Guide::new(rod, drag, 0.3, &[], around, 0.0, h)
+                let drag = vec![drag; rod.points()];
+                let mut guide = Guide::new(rod, drag, 0.3, &[], around, 0.0, h);
+                guide.scheme = scheme;
+                guide
             };
             rods.into_iter().map(start).collect()
         });
-        scene.companies = Company::muster(&scene.guides);
+        scene.companies = Companies::muster(&scene.guides);
         scene
+    }
+
+    /// Hairs on a shaken head.
+    fn shaken(rods: Vec<Rod>, scheme: Scheme, rate: f64) -> Self {
+        let place = &|t: f64| Vector3::x() * 0.05 * (std::f64::consts::TAU * 2.5 * t).sin();
+        Scene::new(rods, scheme, place, 2e-5, 1.0 / rate)
     }
 
     fn around<T>(&self, f: impl FnOnce(&Surroundings) -> T) -> T {
@@ -78,67 +115,56 @@ impl<'a> Scene<'a> {
         })
     }
 
-    /// Steps from number `first` for `count` steps; returns Newton steps taken.
-    fn run(&mut self, first: u32, count: u32) -> u64 {
+    /// Takes some steps.
+    fn run(&mut self, steps: u32) -> Cost {
         let mut guides = std::mem::take(&mut self.guides);
-        let mut records = vec![StepRecord::default(); guides.len()];
+        let mut records = std::mem::take(&mut self.records);
+        let (start, cpu) = (Instant::now(), cpu_seconds());
         let mut iterations = 0;
-        for i in first..first + count {
-            let (mut left, mut left_records) = (&mut guides[..], &mut records[..]);
-            let parts = self.companies.iter().map(|company| {
-                (
-                    company,
-                    left.split_off_mut(..company.len).unwrap(),
-                    left_records.split_off_mut(..company.len).unwrap(),
-                )
-            });
-            let parts: Vec<_> = parts.collect();
-            let span = [f64::from(i) * self.h, f64::from(i + 1) * self.h];
-            self.around(|around| {
-                parts.into_par_iter().with_min_len(32).for_each_init(
-                    CompanyWork::default,
-                    |work, (company, guides, records)| {
-                        company.advance(guides, around, span, work, records);
-                    },
-                );
-            });
+        for _ in 0..steps {
+            let span = [f64::from(self.taken) * self.h, f64::from(self.taken + 1) * self.h];
+            self.around(|around| self.companies.advance(&mut guides, around, span, &mut records));
             assert!(records.iter().all(|r| r.unconverged == 0));
             iterations += records.iter().map(|r| u64::from(r.iterations)).sum::<u64>();
+            self.taken += 1;
         }
-        self.guides = guides;
-        iterations
+        let (wall, cpu) = (start.elapsed().as_secs_f64(), cpu_seconds() - cpu);
+        let taken = f64::from(steps) * guides.len() as f64;
+        (self.guides, self.records) = (guides, records);
+        Cost { wall, cpu, taken, iterations: iterations as f64 / taken }
     }
 }
 
-fn shaken(t: f64) -> Vector3<f64> {
-    Vector3::x() * 0.05 * (std::f64::consts::TAU * 2.5 * t).sin()
+/// What steps cost.
+struct Cost {
+    wall: f64,
+    cpu: f64,
+    /// Steps of one rod.
+    taken: f64,
+    /// Newton steps a step.
+    iterations: f64,
 }
 
-/// How many hairs of 8 nodes, unlike in length by up to a twentieth, move in real time at 25 steps a second.
+impl Cost {
+    /// Of one step of one rod, µs.
+    fn each(&self) -> f64 {
+        self.cpu / self.taken * 1e6
+    }
+}
+
+/// How many hairs of 8 nodes move in real time at 25 steps a second.
 fn real_time() {
     for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
-        real_time_with(scheme);
+        let count = 2000;
+        let cost = Scene::shaken(hairs(8, count), scheme, 25.0).run(50);
+        println!(
+            "{scheme:?}, {} threads: {:.0} hairs ({:.2} us of CPU and {:.2} Newton steps a step)",
+            rayon::current_num_threads(),
+            2.0 * count as f64 / cost.wall,
+            cost.each(),
+            cost.iterations
+        );
     }
-}
-
-fn real_time_with(scheme: Scheme) {
-    let hairs = 2000;
-    let rods = (0..hairs).map(|i| hair(8, 1.0, 0.95 + 0.05 * f64::from(i % 101) / 101.0)).collect();
-    let mut scene = Scene::new(rods, &shaken, 2e-5, 0.04);
-    for guide in &mut scene.guides {
-        guide.scheme = scheme;
-    }
-    let (start, cpu) = (Instant::now(), cpu_seconds());
-    let iterations = scene.run(0, 25) as f64;
-    let (wall, cpu) = (start.elapsed().as_secs_f64(), cpu_seconds() - cpu);
-    let steps = 25.0 * f64::from(hairs);
-    println!(
-        "shaken hairs in real time, {scheme:?}, on {} threads: {:.0} ({:.2} us of CPU a step, {:.2} Newton steps a step)",
-        rayon::current_num_threads(),
-        f64::from(hairs) / wall,
-        cpu / steps * 1e6,
-        iterations / steps
-    );
 }
 
 /// 200 cantilevers of Γ = 10, let go from straight, 10 steps a frame of 1/24 s: cost, and the tip against the heavy elastica once at rest.
@@ -147,22 +173,77 @@ fn cantilevers() {
     let line_density = 10.0 * 7.8e-9 / (9.81 * f64::powi(length, 3));
     for nodes in [3, 4, 5, 8] {
         let straight = [Vector3::zeros(), Vector3::x() * length];
-        let rods = (0..200).map(|_| rod(&straight, nodes, line_density, 1.0)).collect();
-        let mut scene = Scene::new(rods, &|_| Vector3::zeros(), 2e-6, 1.0 / 240.0);
-        let cpu = cpu_seconds();
+        let rods = (0..200).map(|_| rod(&straight, nodes, line_density)).collect();
+        let mut scene = Scene::new(rods, Scheme::Bdf2, &|_| Vector3::zeros(), 2e-6, 1.0 / 240.0);
         let frames = 48;
-        let iterations = scene.run(0, 10 * frames) as f64;
-        let cost = (cpu_seconds() - cpu) / f64::from(frames);
-        scene.run(10 * frames, 2400);
+        let cost = scene.run(10 * frames);
+        scene.run(2400);
         let tip = scene.guides[0].x.last().unwrap() / length;
         println!(
-            "200 cantilevers, {nodes} nodes, 10 steps a frame: {cost:.4} CPU s a frame ({:.2} us and {:.2} Newton steps a step), \
-             tip {:.1e} L from the elastica",
-            cost / 2000.0 * 1e6,
-            iterations / (2000.0 * f64::from(frames)),
+            "{nodes} nodes: {:.4} CPU s a frame ({:.2} us and {:.2} Newton steps a step), tip {:.1e} L from the elastica",
+            cost.cpu / f64::from(frames),
+            cost.each(),
+            cost.iterations,
             (tip.x - reach).hypot(tip.y + drop)
         );
     }
+}
+
+/// Cost of a step against nodes, at 192 steps a second.
+fn nodes() {
+    let mut last: Option<(f64, f64)> = None;
+    for nodes in [4, 8, 16, 32, 64] {
+        let mut scene = Scene::shaken(hairs(nodes, 16), Scheme::Bdf2, 192.0);
+        let cost = scene.run(96);
+        print!(
+            "{nodes:>6} nodes: {:>8.2} us of CPU and {:.2} Newton steps a step",
+            cost.each(),
+            cost.iterations
+        );
+        println!("{}", exponent(&mut last, nodes as f64, cost.each()));
+    }
+}
+
+/// Cost of a step of all strands against their number, at 25 steps a second on all threads.
+fn strands() {
+    let mut last: Option<(f64, f64)> = None;
+    for count in [1, 10, 100, 1000, 10_000, 20_000] {
+        let mut scene = Scene::shaken(hairs(8, count), Scheme::Bdf2, 25.0);
+        let mut wall = 0.0;
+        let mut taken = 0.0;
+        // A second of motion, again and again where it is soon over.
+        while wall < 0.5 {
+            let cost = scene.run(25);
+            (wall, taken) = (wall + cost.wall, taken + 25.0);
+        }
+        print!("{count:>6} strands: {:>10.1} us a step", wall / taken * 1e6);
+        println!("{}", exponent(&mut last, count as f64, wall / taken));
+    }
+}
+
+/// The exponent of a cost between the last number and this.
+fn exponent(last: &mut Option<(f64, f64)>, number: f64, cost: f64) -> String {
+    let text =
+        last.map_or(String::new(), |(n, c)| format!(", exponent {:.2}", (cost / c).ln() / (number / n).ln()));
+    *last = Some((number, cost));
+    text
+}
+
+/// What a second thread brings.
+fn threads() {
+    let all = rayon::current_num_threads();
+    let wall = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| Scene::shaken(hairs(8, 2000), Scheme::Bdf2, 25.0).run(50).wall)
+    };
+    // In turns, so that what else the machine does falls on both.
+    let rounds: Vec<[f64; 2]> = (0..3).map(|_| [wall(1), wall(all)]).collect();
+    let least = |i: usize| rounds.iter().map(|r| r[i]).fold(f64::INFINITY, f64::min);
+    println!(
+        "{all} threads: {:.2} times as fast as one, efficiency {:.2}",
+        least(0) / least(1),
+        least(0) / least(1) / all as f64
+    );
 }
 
 /// Processor time of this process so far, s; the wall clock where the system does not tell.
@@ -177,30 +258,4 @@ fn cpu_seconds() -> f64 {
         static START: std::sync::LazyLock<Instant> = std::sync::LazyLock::new(Instant::now);
         START.elapsed().as_secs_f64()
     })
-}
-
-/// A second of motion of one hair at `rate` steps a second.
-fn shake(nodes: usize, max_step: f64, rate: u32) -> u32 {
-    let h = 1.0 / f64::from(rate);
-    let mut scene = Scene::new(vec![hair(nodes, max_step, 1.0)], &shaken, 2e-5, h);
-    let (mut guide, mut work) = (scene.guides.remove(0), Workspace::default());
-    scene.around(|around| {
-        (0..rate)
-            .map(|i| guide.advance(around, f64::from(i) * h, f64::from(i + 1) * h, &mut work).iterations)
-            .sum()
-    })
-}
-
-#[divan::bench(args = [(4, 25), (8, 25), (8, 96), (8, 192), (16, 192), (32, 192), (64, 192)])]
-fn second_of_shaking_coarse(bencher: divan::Bencher, (nodes, rate): (usize, u32)) {
-    println!(
-        "{nodes} nodes, {rate} steps: {:.2} Newton steps a step",
-        f64::from(shake(nodes, 1.0, rate)) / f64::from(rate)
-    );
-    bencher.bench(|| shake(nodes, 1.0, rate));
-}
-
-#[divan::bench(args = [(8, 192)])]
-fn second_of_shaking_as_baked(bencher: divan::Bencher, (nodes, rate): (usize, u32)) {
-    bencher.bench(|| shake(nodes, 0.01, rate));
 }

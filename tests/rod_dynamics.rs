@@ -2,7 +2,7 @@
 
 use hairbake::bake::guide::{Guide, Surroundings, Workspace};
 use hairbake::contact::Bodies;
-use hairbake::rod::{Rod, RodSource};
+use hairbake::rod::{Cut, Rod, RodSource};
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, Vector3};
 use std::f64::consts::TAU;
@@ -21,7 +21,7 @@ fn hair(points: &[Vector3<f64>]) -> Rod {
         line_density: LINE_DENSITY,
         damping: 0.0,
         natural: Some(Vector3::zeros()),
-        max_step: 1.0,
+        cut: Cut::COARSE,
     })
     .unwrap()
 }

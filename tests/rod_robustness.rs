@@ -2,7 +2,7 @@
 
 use hairbake::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use hairbake::contact::Bodies;
-use hairbake::rod::{Rod, RodSource};
+use hairbake::rod::{Cut, Rod, RodSource};
 use hairbake::scene::Tree;
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
@@ -19,8 +19,7 @@ struct Hair {
     curl: f64,
     /// Steps a second.
     rate: f64,
-    /// Longest sub-step.
-    max_step: f64,
+    cut: Cut,
 }
 
 const HAIR: Hair = Hair {
@@ -30,7 +29,7 @@ const HAIR: Hair = Hair {
     nodes: 8,
     curl: 0.0,
     rate: 96.0,
-    max_step: 1.0,
+    cut: Cut::COARSE,
 };
 
 impl Hair {
@@ -60,7 +59,7 @@ impl Hair {
             line_density: 1320.0 * area,
             damping: 0.005,
             natural: None,
-            max_step: self.max_step,
+            cut: self.cut,
         })
         .unwrap()
     }
@@ -125,7 +124,8 @@ fn kinds() -> Vec<(&'static str, Hair)> {
         ("a hundred times as thick", Hair { radius: [4e-3, 4e-3], ..HAIR }),
         ("1 mm", Hair { length: 1e-3, ..HAIR }),
         ("1 m", Hair { length: 1.0, ..HAIR }),
-        ("2 m, as baked", Hair { length: 2.0, max_step: 0.01, ..HAIR }),
+        ("2 m", Hair { length: 2.0, ..HAIR }),
+        ("2 m, as where it may touch", Hair { length: 2.0, cut: Cut::FINE, ..HAIR }),
         ("3 nodes", Hair { nodes: 3, ..HAIR }),
         ("64 nodes", Hair { nodes: 64, ..HAIR }),
         ("curls of 5 mm", Hair { length: 0.3, curl: 2.5e-3, ..HAIR }),

@@ -2,7 +2,7 @@
 
 use hairbake::rod::newton::Solver;
 use hairbake::rod::potential::{Load, PointLoad};
-use hairbake::rod::{Rod, RodSource, Shape};
+use hairbake::rod::{Cut, Rod, RodSource, Shape};
 use nalgebra::Vector3;
 
 /// Tip (reach, drop) in lengths of the heavy elastica at Γ = ρSgL³/EI: θ'' = −Γ(1 − s) cos θ, θ(0) = 0, θ'(1) = 0.
@@ -25,7 +25,7 @@ fn cantilever(gamma: f64, nodes: usize, grading: f64) -> (f64, f64) {
         line_density: gamma * ei / (g * l * l * l),
         damping: 0.0,
         natural: None,
-        max_step: l,
+        cut: Cut::COARSE,
     })
     .unwrap();
     let n = rod.points();

@@ -4,38 +4,90 @@ use super::guide::{Guide, Solved, StepRecord, Surroundings, Workspace};
 use crate::math::lanes::MAX_LANES;
 use crate::rod::newton::Outcome;
 use crate::rod::pack::{Pack, PackWork, Task};
+use std::sync::{Mutex, PoisonError};
+
+/// All guides of a list, in companies.
+#[derive(Default)]
+pub struct Companies {
+    companies: Vec<Company>,
+    /// One for each thread, made once.
+    works: Vec<Mutex<CompanyWork>>,
+}
 
 /// Guides that follow each other in a list and are stepped together.
-pub struct Company {
+struct Company {
     pack: Pack,
-    /// How many they are.
-    pub len: usize,
+    len: usize,
 }
 
 /// Workspace of the steps of one thread.
 #[derive(Default)]
-pub struct CompanyWork {
+struct CompanyWork {
     guides: Vec<Workspace>,
     solved: Vec<Solved>,
     pack: PackWork,
 }
 
-impl Company {
+impl Companies {
     /// Divides guides into companies, in order.
-    pub fn muster(guides: &[Guide]) -> Vec<Company> {
+    pub fn muster(guides: &[Guide]) -> Self {
         let alike = guides.chunk_by(|a, b| a.rod.unknowns() == b.rod.unknowns());
         let ranks = alike.flat_map(|alike| alike.chunks(Pack::width()));
-        ranks
-            .map(|rank| {
-                let rods: Vec<_> = rank.iter().map(|g| &g.rod).collect();
-                Company { pack: Pack::new(&rods), len: rank.len() }
-            })
-            .collect()
+        let company = |rank: &[Guide]| {
+            let rods: Vec<_> = rank.iter().map(|g| &g.rod).collect();
+            Company { pack: Pack::new(&rods), len: rank.len() }
+        };
+        let works = (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect();
+        Companies { companies: ranks.map(company).collect(), works }
     }
 
+    /// Does for every guide of the list what [`Guide::advance`] does, bit for bit, on all threads; `span` is the sub-step's start and
+    /// end, s, and `records` has an entry for each guide.
+    pub fn advance(
+        &self,
+        guides: &mut [Guide],
+        around: &Surroundings,
+        span: [f64; 2],
+        records: &mut [StepRecord],
+    ) {
+        self.split(&self.companies, guides, around, span, records);
+    }
+
+    /// In halves as threads are free to take them, without a list of the parts.
+    fn split(
+        &self,
+        companies: &[Company],
+        guides: &mut [Guide],
+        around: &Surroundings,
+        span: [f64; 2],
+        records: &mut [StepRecord],
+    ) {
+        match companies {
+            [] => {}
+            [company] => {
+                // No other thread of a pool has this one's number.
+                let work = &self.works[rayon::current_thread_index().unwrap_or(0) % self.works.len()];
+                let mut work = work.lock().unwrap_or_else(PoisonError::into_inner);
+                company.advance(guides, around, span, &mut work, records);
+            }
+            _ => {
+                let (first, second) = companies.split_at(companies.len() / 2);
+                let len = first.iter().map(|c| c.len).sum();
+                let (guides, their_guides) = guides.split_at_mut(len);
+                let (records, their_records) = records.split_at_mut(len);
+                rayon::join(
+                    || self.split(first, guides, around, span, records),
+                    || self.split(second, their_guides, around, span, their_records),
+                );
+            }
+        }
+    }
+}
+
+impl Company {
     /// Does for the guides of the company what [`Guide::advance`] does for each, bit for bit; `span` is the sub-step's start and end,
     /// s, and `records` has an entry for each guide.
-    pub fn advance(
+    fn advance(
         &self,
         guides: &mut [Guide],
         around: &Surroundings,
@@ -72,7 +124,7 @@ impl Company {
 mod tests {
     use super::*;
     use crate::contact::Bodies;
-    use crate::rod::{Rod, RodSource};
+    use crate::rod::{Cut, Rod, RodSource};
     use crate::scene::anim::Scheme;
     use crate::scene::{Shape, Tree};
     use nalgebra::{Isometry3, Vector3};
@@ -88,7 +140,7 @@ mod tests {
             line_density: 6.6e-6,
             damping: 0.005,
             natural: None,
-            max_step: 0.01,
+            cut: Cut::FINE,
         })
         .unwrap()
     }
@@ -117,21 +169,15 @@ mod tests {
             };
             let mut alone: Vec<Guide> = (0..7).map(guide).collect();
             let mut together = alone.clone();
-            let companies = Company::muster(&together);
-            assert_eq!(companies.iter().map(|c| c.len).sum::<usize>(), together.len());
-            let (mut work, mut company_work) = (Workspace::default(), CompanyWork::default());
+            let companies = Companies::muster(&together);
+            let mut work = Workspace::default();
             let mut touched = 0;
             for step in 0..60 {
                 let span = [f64::from(step) * h, f64::from(step + 1) * h];
                 let one: Vec<StepRecord> =
                     alone.iter_mut().map(|g| g.advance(&around, span[0], span[1], &mut work)).collect();
                 let mut all = vec![StepRecord::default(); together.len()];
-                let (mut guides, mut records) = (&mut together[..], &mut all[..]);
-                for company in &companies {
-                    let guides = guides.split_off_mut(..company.len).unwrap();
-                    let records = records.split_off_mut(..company.len).unwrap();
-                    company.advance(guides, &around, span, &mut company_work, records);
-                }
+                companies.advance(&mut together, &around, span, &mut all);
                 assert_eq!(one, all);
                 assert!(alone.iter().zip(&together).all(|(a, b)| a.x == b.x && a.v == b.v && a.q == b.q));
                 touched += all.iter().filter(|r| r.active > 0).count();

@@ -24,7 +24,7 @@ impl<'a> Output<'a> {
     pub fn new(groom: &Groom, anim: &'a Anim, simulation: &Simulation) -> Self {
         let convention = groom.convention;
         let rods: Vec<(&Rod, (u32, u32))> =
-            simulation.guides.iter().map(|g| &g.rod).zip(simulation.leaves.iter().copied()).collect();
+            simulation.drawn().zip(simulation.leaves.iter().copied()).collect();
         let hair = (!groom.strands.curves.is_empty())
             .then(|| curve_set(groom, &groom.strands.curves, groom.strands.curves.points.clone(), 0));
         let header = Header {
@@ -71,13 +71,10 @@ impl<'a> Output<'a> {
             / self.convention.metres_per_unit;
         self.bodies.prepare([t - BACKWARD, t]);
         let rates: Vec<Vec<f64>> = simulation.guides.iter().map(|g| g.rate(simulation.step())).collect();
+        let guides = simulation.guides.iter().zip(simulation.drawn()).zip(&rates);
+        let motion: Vec<GuideMotion> =
+            guides.map(|((g, rod), rate)| GuideMotion { rod, q: &g.q[0], rate }).collect();
         let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
-            let motion: Vec<GuideMotion> = simulation
-                .guides
-                .iter()
-                .zip(&rates)
-                .map(|(g, rate)| GuideMotion { rod: &g.rod, q: &g.q[0], rate })
-                .collect();
             let mut points = vec![[0.0; 3]; set.rest.len()];
             let mut velocities = vec![[0.0; 3]; set.rest.len()];
             let times = [t, t - BACKWARD];
@@ -92,7 +89,7 @@ impl<'a> Output<'a> {
         Frame {
             frame,
             hair,
-            guides: self.guides(simulation, &rates, &head, &to_scene),
+            guides: self.guides(&motion, &head, &to_scene),
             head: self.matrix(&self.anim.head_pose(t)),
             colliders: self.colliders(t),
         }
@@ -114,23 +111,15 @@ impl<'a> Output<'a> {
         self.anim.colliders.iter().map(|c| self.anim.bodies[c.body].track.pose(t)).collect()
     }
 
-    fn guides(
-        &self,
-        simulation: &Simulation,
-        rates: &[Vec<f64>],
-        head: &HeadMotion,
-        to_scene: &Matrix3<f64>,
-    ) -> CurveFrame {
-        let per_guide: Vec<Vec<([f32; 3], [f32; 3])>> = simulation
-            .guides
+    fn guides(&self, motion: &[GuideMotion], head: &HeadMotion, to_scene: &Matrix3<f64>) -> CurveFrame {
+        let per_guide: Vec<Vec<([f32; 3], [f32; 3])>> = motion
             .par_iter()
-            .zip(rates)
-            .map(|(guide, rate)| {
-                let (mut shape, mut sensitivity) = (Shape::default(), Sensitivity::default());
-                shape.update(&guide.rod, &(head.rotation * guide.rod.root.r), &guide.q[0]);
-                sensitivity.update(&guide.rod, &shape, &guide.q[0]);
-                let (root, speed) = head.carry(&guide.rod.root.p);
-                (0..guide.rod.points())
+            .map_init(Default::default, |(shape, sensitivity): &mut (Shape, Sensitivity), motion| {
+                let GuideMotion { rod, q, rate } = motion;
+                shape.update(rod, &(head.rotation * rod.root.r), q);
+                sensitivity.update(rod, shape, q);
+                let (root, speed) = head.carry(&rod.root.p);
+                (0..rod.points())
                     .map(|k| {
                         let arm = shape.x(k);
                         let v = speed + head.spin.cross(&arm) + sensitivity.velocity(k, &arm, rate);

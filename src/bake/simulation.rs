@@ -1,18 +1,14 @@
 //! All guides in time: the groom's pose settled in a pre-roll, then sub-step by sub-step.
 
 use super::air::{self, Bulk};
-use super::company::{Company, CompanyWork};
+use super::company::Companies;
 use super::guide::{Guide, StepRecord, Surroundings};
 use crate::contact::Bodies;
-use crate::rod::{Rod, Sensitivity, Shape};
+use crate::rod::{Cut, Rod, Sensitivity, Shape};
 use crate::scene::{Anim, Groom};
 use crate::wisp::{self, GuideRod};
 use nalgebra::Vector3;
 use rayon::prelude::*;
-
-/// Longest sub-step of a rod, m: keeps the polyline that contact sees within a tenth of a millimetre of the curve on
-/// a head (a 10 cm radius of curvature).
-const MAX_STEP: f64 = 0.01;
 
 /// The guides of a groom in motion.
 pub struct Simulation<'a> {
@@ -23,7 +19,9 @@ pub struct Simulation<'a> {
     pub guides: Vec<Guide>,
     /// Leaf wisp of each guide: (tree, wisp).
     pub leaves: Vec<(u32, u32)>,
-    companies: Vec<Company>,
+    /// The guides' rods as finely cut as they are written; none where they are simulated so.
+    fine: Vec<Rod>,
+    companies: Companies,
     /// Sub-steps taken since the start of the pre-roll.
     taken: i64,
     /// Sub-steps of the pre-roll.
@@ -35,19 +33,27 @@ impl<'a> Simulation<'a> {
     pub fn new(groom: &Groom, anim: &'a Anim) -> Self {
         let step = 1.0 / (anim.fps * f64::from(anim.settings.substeps));
         let preroll = (anim.settings.preroll / step).ceil() as i64;
-        let rods = wisp::rods(groom, MAX_STEP);
+        let alone = anim.colliders.is_empty();
+        let rods = wisp::rods(groom, if alone { Cut::COARSE } else { Cut::FINE });
+        let fine = if alone { wisp::rods(groom, Cut::FINE) } else { Vec::new() };
+        let fine = fine.into_iter().map(|r| r.rod).collect();
         let bulk = Bulk::new(rods.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
         let leaves = rods.iter().map(|r| (r.leaf.0 as u32, r.leaf.1 as u32)).collect();
         let bodies = Bodies::new(&anim.colliders);
-        let mut simulation =
-            Simulation { anim, bodies, guides: Vec::new(), companies: Vec::new(), leaves, taken: 0, preroll };
+        let (guides, companies) = (Vec::new(), Companies::default());
+        let mut simulation = Simulation { anim, bodies, guides, leaves, fine, companies, taken: 0, preroll };
         let t = simulation.time();
         simulation.bodies.prepare([t, t]);
         simulation.guides = simulation.around(|around| {
             rods.into_par_iter().map(|mut r| start(groom, anim, &bulk, &mut r, around, t, step)).collect()
         });
-        simulation.companies = Company::muster(&simulation.guides);
+        simulation.companies = Companies::muster(&simulation.guides);
         simulation
+    }
+
+    /// The rod of every guide, cut as finely as it is written.
+    pub fn drawn(&self) -> impl Iterator<Item = &Rod> {
+        self.guides.iter().enumerate().map(|(i, guide)| self.fine.get(i).unwrap_or(&guide.rod))
     }
 
     /// Length of a sub-step, s.
@@ -76,23 +82,7 @@ impl<'a> Simulation<'a> {
             self.bodies.prepare([t0, t1]);
             let mut guides = std::mem::take(&mut self.guides);
             records.fill(StepRecord::default());
-            let (mut left, mut left_records) = (&mut guides[..], &mut records[..]);
-            let companies: Vec<_> = self
-                .companies
-                .iter()
-                .filter_map(|company| {
-                    let guides = left.split_off_mut(..company.len)?;
-                    Some((company, guides, left_records.split_off_mut(..company.len)?))
-                })
-                .collect();
-            self.around(|around| {
-                companies.into_par_iter().for_each_init(
-                    CompanyWork::default,
-                    |work, (company, guides, records)| {
-                        company.advance(guides, around, [t0, t1], work, records);
-                    },
-                );
-            });
+            self.around(|around| self.companies.advance(&mut guides, around, [t0, t1], &mut records));
             self.guides = guides;
             self.taken += 1;
             each(&records);

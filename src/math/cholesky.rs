@@ -11,18 +11,17 @@ use super::lanes::{Mask, Real};
 pub fn factor<F: Real>(a: &mut [F], n: usize) -> Mask {
     debug_assert_eq!(a.len(), n * n);
     let mut positive = F::ALL;
+    // By columns: the entries of one do not wait for each other.
     for j in 0..n {
-        let (above, rest) = a.split_at_mut(j * n);
-        let row = &mut rest[..j + 1];
-        for k in 0..j {
-            let lk = &above[k * n..k * n + k + 1];
-            let s = less_dot(row[k], &row[..k], &lk[..k]);
-            row[k] = s * lk[k];
-        }
+        let (above, below) = a.split_at_mut((j + 1) * n);
+        let row = &mut above[j * n..j * n + j + 1];
         let d = less_dot(row[j], &row[..j], &row[..j]);
         // None for NaN too.
         positive &= (row[j].abs() * 1e-14).below(d);
         row[j] = d.same(1.0) / d.sqrt();
+        for other in below.chunks_exact_mut(n) {
+            other[j] = less_dot(other[j], &other[..j], &row[..j]) * row[j];
+        }
     }
     positive
 }

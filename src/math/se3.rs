@@ -79,15 +79,22 @@ const SERIES: [[[f64; TERMS]; 2]; 2] = {
 
 /// Coefficients of the closed forms at angle² t = θ²: a = sin θ/θ, b = (1 − cos θ)/θ², c = (θ − sin θ)/θ³,
 /// d = (θ² + 2 cos θ − 2)/(2θ⁴), e = (2θ − 3 sin θ + θ cos θ)/(2θ⁵).
-struct Coefficients<F> {
-    a: F,
-    b: F,
-    c: F,
-    d: F,
-    e: F,
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Coefficients<F> {
+    pub(crate) a: F,
+    pub(crate) b: F,
+    pub(crate) c: F,
+    pub(crate) d: F,
+    pub(crate) e: F,
 }
 
 impl<F: Real> Coefficients<F> {
+    /// Those of the twist ξ.
+    #[inline(always)]
+    pub fn of(x: &lanes::Twist<F>) -> Self {
+        Self::at(x.w.dot(x.w))
+    }
+
     /// By series, up to half a turn: d and e by theirs, from which the others follow without cancellation.
     #[inline(always)]
     fn at(t: F) -> Self {
@@ -134,11 +141,10 @@ pub fn log_so3(r: &Matrix3<f64>) -> Vector3<f64> {
         .scaled_axis()
 }
 
-/// exp ξ, for |ω| up to half a turn.
+/// exp ξ, whose coefficients are `k`, for |ω| up to half a turn.
 #[inline(always)]
-pub fn exp<F: Real>(x: &lanes::Twist<F>) -> lanes::Pose<F> {
+pub fn exp<F: Real>(x: &lanes::Twist<F>, k: &Coefficients<F>) -> lanes::Pose<F> {
     let t = x.w.dot(x.w);
-    let k = Coefficients::at(t);
     // [ω]×² = ω ωᵀ − θ² 1.
     let r = M3::outer(x.w, x.w * k.b) + M3::hat(x.w * k.a) + M3::diagonal(-(t * k.b) + 1.0);
     let turn = x.w.cross(x.v);
@@ -156,12 +162,11 @@ pub fn log(g: &Pose) -> Twist {
     Twist { w, v: g.p - h * g.p * 0.5 + h * (h * g.p) * e }
 }
 
-/// The left Jacobian of exp at ξ, for |ω| up to half a turn (Barfoot 2017, eqs. 7.77 and 7.86; the products of \[ω\]× and \[v\]× in
+/// The left Jacobian of exp at ξ, whose coefficients are `k`, for |ω| up to half a turn (Barfoot 2017, eqs. 7.77 and 7.86; the products of \[ω\]× and \[v\]× in
 /// Q are multiplied out).
 #[inline(always)]
-pub fn left_jacobian<F: Real>(x: &lanes::Twist<F>) -> LeftJacobian<F> {
+pub fn left_jacobian<F: Real>(x: &lanes::Twist<F>, k: &Coefficients<F>) -> LeftJacobian<F> {
     let (t, s) = (x.w.dot(x.w), x.w.dot(x.v));
-    let k = Coefficients::at(t);
     let j = M3::outer(x.w, x.w * k.c) + M3::hat(x.w * k.b) + M3::diagonal(-(t * k.c) + 1.0);
     let es = k.e * s * 2.0;
     let turning = x.v * (-(t * k.d) + 0.5) + x.w * ((k.d * 2.0 - k.c) * s);
@@ -191,7 +196,8 @@ mod tests {
     }
 
     fn exp(x: &Twist) -> Pose {
-        let g = super::exp(&lanes::Twist { w: x.w.into(), v: x.v.into() });
+        let x = lanes::Twist { w: x.w.into(), v: x.v.into() };
+        let g = super::exp(&x, &Coefficients::of(&x));
         Pose { r: g.r.into(), p: g.p.into() }
     }
 
@@ -209,7 +215,8 @@ mod tests {
             let at = |s: f64| exp(&Twist::new(x.w + d.w * s, x.v + d.v * s));
             let back = exp(&x).inverse();
             let (p, m) = (log(&at(eps).compose(&back)), log(&at(-eps).compose(&back)));
-            let lj = left_jacobian(&lanes::Twist { w: x.w.into(), v: x.v.into() });
+            let x = lanes::Twist { w: x.w.into(), v: x.v.into() };
+            let lj = left_jacobian(&x, &Coefficients::of(&x));
             let [j, q] = [lj.j, lj.q].map(Matrix3::from);
             let (w, v) = (j * d.w, q * d.w + j * d.v);
             prop_assert!(((p.w - m.w) / (2.0 * eps) - w).norm() < 1e-8);

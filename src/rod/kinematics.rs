@@ -3,7 +3,7 @@
 use super::Rod;
 use super::model::{Beam, Step};
 use crate::math::lanes::{self, M3, Mask, Real, Twist, V3};
-use crate::math::se3::{self, Pose};
+use crate::math::se3::{self, Coefficients, LeftJacobian, Pose};
 use nalgebra::{Matrix3, Vector3};
 
 /// √3/12, the weight of the commutator in the fourth-order Magnus step (Iserles & Nørsett 1999).
@@ -17,11 +17,27 @@ const MAX_STEP_TURN: f64 = 3.0;
 #[derive(Debug, Clone)]
 pub struct Shape<F = f64> {
     pub(super) pose: Vec<lanes::Pose<F>>,
+    /// One per sub-step: what took each pose to the next.
+    pub(super) turn: Vec<Turn<F>>,
 }
 
 impl<F> Default for Shape<F> {
     fn default() -> Self {
-        Shape { pose: Vec::new() }
+        Shape { pose: Vec::new(), turn: Vec::new() }
+    }
+}
+
+/// Exponent of a sub-step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Turn<F> {
+    pub psi: Twist<F>,
+    pub coefficients: Coefficients<F>,
+}
+
+impl<F: Real> Turn<F> {
+    #[inline(always)]
+    pub fn by(psi: Twist<F>) -> Self {
+        Turn { psi, coefficients: Coefficients::of(&psi) }
     }
 }
 
@@ -56,14 +72,18 @@ impl<F: Real> Shape<F> {
     /// [`Shape::update`] in every lane; returns those where no sub-step turns by [`MAX_STEP_TURN`].
     #[inline(always)]
     pub(super) fn bend(&mut self, beam: &Beam<F>, root: M3<F>, q: &[F]) -> Mask {
-        let mut most = beam.length.same(0.0);
-        let mut g = lanes::Pose { r: root, p: V3::all(beam.length.same(0.0)) };
-        self.pose.resize(beam.points(), g);
+        let zero = beam.length.same(0.0);
+        let mut most = zero;
+        let mut g = lanes::Pose { r: root, p: V3::all(zero) };
+        if self.turn.len() != beam.steps.len() || self.pose.len() != beam.points() {
+            self.pose.resize(beam.points(), g);
+            self.turn.resize(beam.steps.len(), Turn::by(Twist::none(zero)));
+        }
         self.pose[0] = g;
-        for (step, pose) in beam.steps.iter().zip(&mut self.pose[1..]) {
-            let psi = exponent(step, &local(step, q));
-            most = most.max(psi.w.dot(psi.w));
-            g = g.compose(&se3::exp(&psi));
+        for ((step, pose), turn) in beam.steps.iter().zip(&mut self.pose[1..]).zip(&mut self.turn) {
+            *turn = Turn::by(exponent(step, &local(step, q)));
+            most = most.max(turn.psi.w.dot(turn.psi.w));
+            g = g.compose(&se3::exp(&turn.psi, &turn.coefficients));
             *pose = g;
         }
         most.below(most.same(MAX_STEP_TURN * MAX_STEP_TURN))
@@ -92,7 +112,7 @@ fn node<F: Real>(q: &[F], i: usize) -> V3<F> {
 
 /// Deviation at the Gauss points of a step.
 #[inline(always)]
-pub(super) fn local<F: Real>(step: &Step<F>, q: &[F]) -> [V3<F>; 2] {
+fn local<F: Real>(step: &Step<F>, q: &[F]) -> [V3<F>; 2] {
     let (l, r) = (node(q, step.element), node(q, step.element + 1));
     [r + (l - r) * step.left[0], r + (l - r) * step.left[1]]
 }
@@ -100,7 +120,7 @@ pub(super) fn local<F: Real>(step: &Step<F>, q: &[F]) -> [V3<F>; 2] {
 /// Magnus exponent ψ of a step: the natural one, corrected for the deviation δ at the Gauss points
 /// (`docs/theory.md` eq. 3.2).
 #[inline(always)]
-pub(super) fn exponent<F: Real>(step: &Step<F>, d: &[V3<F>; 2]) -> Twist<F> {
+fn exponent<F: Real>(step: &Step<F>, d: &[V3<F>; 2]) -> Twist<F> {
     let k = step.h * step.h * COMMUTATOR;
     let [a1, a2] = step.strain;
     let w = (d[0] + d[1]) * (step.h * 0.5) + ((a1 + d[0]).cross(d[1]) + d[0].cross(a2)) * k;
@@ -109,9 +129,35 @@ pub(super) fn exponent<F: Real>(step: &Step<F>, d: &[V3<F>; 2]) -> Twist<F> {
     Twist { w: step.natural.w + w, v: V3([v.0[0] + e.0[1], v.0[1] - e.0[0], v.0[2]]) }
 }
 
+/// How the exponent of a sub-step moves with the unknowns of one of its nodes: ω by s e + u × e and v by c e × e3 for unknown e.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Share<F> {
+    pub s: F,
+    pub u: V3<F>,
+    pub c: F,
+}
+
+/// The shares of the left and the right node of a sub-step (the derivatives of `docs/theory.md` eq. 3.2).
+#[inline(always)]
+pub(super) fn shares<F: Real>(step: &Step<F>, q: &[F]) -> [Share<F>; 2] {
+    let d = local(step, q);
+    let omega = [step.strain[0] + d[0], step.strain[1] + d[1]];
+    let k = step.h * step.h * COMMUTATOR;
+    // No closure in a kernel: out of line, it would not have the processor's vectors.
+    let (left, right) = (step.left, [-step.left[0] + 1.0, -step.left[1] + 1.0]);
+    [share(step.h, k, &omega, left), share(step.h, k, &omega, right)]
+}
+
+#[inline(always)]
+fn share<F: Real>(h: F, k: F, omega: &[V3<F>; 2], [n1, n2]: [F; 2]) -> Share<F> {
+    Share { s: h * 0.5 * (n1 + n2), u: (omega[0] * n2 - omega[1] * n1) * k, c: k * (n1 - n2) }
+}
+
 /// How a rod's shape moves with its unknowns: the world twists T and S of `docs/theory.md` §3.4, about the root.
 #[derive(Debug, Clone)]
 pub struct Sensitivity<F = f64> {
+    /// For every sub-step Ad_g J_ℓ(ψ): what a change of its exponent gives to all that is downstream of it.
+    pub(super) lever: Vec<LeftJacobian<F>>,
     /// For every sub-step, the twist that each of its six unknowns (left node, right node) gives, by that
     /// sub-step alone, to all that is downstream of it.
     pub(super) step: Vec<[Twist<F>; 6]>,
@@ -126,58 +172,56 @@ pub struct Sensitivity<F = f64> {
 
 impl<F> Default for Sensitivity<F> {
     fn default() -> Self {
-        Sensitivity { step: Vec::new(), before: Vec::new(), total: Vec::new(), element: Vec::new() }
+        let (lever, element) = (Vec::new(), Vec::new());
+        Sensitivity { lever, step: Vec::new(), before: Vec::new(), total: Vec::new(), element }
     }
 }
 
 impl<F: Real> Sensitivity<F> {
-    /// The sensitivity at unknowns `q` whose shape is `shape`.
+    /// The levers at `shape`: enough for a gradient.
     #[inline(always)]
-    pub(super) fn linearise(&mut self, beam: &Beam<F>, shape: &Shape<F>, q: &[F]) {
-        let (none, n) = (Twist::none(beam.length.same(0.0)), beam.steps.len());
-        self.step.resize(n, [none; 6]);
-        self.before.resize(n, [none; 6]);
-        self.element.resize(n, 0);
-        self.total.resize(beam.unknowns() + 3, none);
-        self.total.fill(none);
-        for (k, step) in beam.steps.iter().enumerate() {
-            columns(step, &shape.pose[k], q, &mut self.step[k]);
-            let total = self.total[3 * step.element..3 * step.element + 6].iter_mut();
-            for ((total, before), own) in total.zip(&mut self.before[k]).zip(&self.step[k]) {
-                *before = *total;
-                *total = *total + *own;
-            }
-            self.element[k] = step.element;
+    pub(super) fn levers(&mut self, shape: &Shape<F>) {
+        let zero = shape.pose[0].p.0[0].same(0.0);
+        if self.lever.len() != shape.turn.len() {
+            let none = M3::diagonal(zero);
+            self.lever.resize(shape.turn.len(), LeftJacobian { j: none, q: none });
+        }
+        for ((lever, turn), g) in self.lever.iter_mut().zip(&shape.turn).zip(&shape.pose) {
+            let lj = se3::left_jacobian(&turn.psi, &turn.coefficients);
+            let (j, q) = (g.r * lj.j, g.r * lj.q);
+            let carried = M3([g.p.cross(j.0[0]), g.p.cross(j.0[1]), g.p.cross(j.0[2])]);
+            *lever = LeftJacobian { j, q: q + carried };
         }
     }
-}
 
-/// World twists of the six unknowns of a step that starts at pose `g`: Ad_g J_ℓ(ψ) ∂ψ/∂q.
-#[inline(always)]
-fn columns<F: Real>(step: &Step<F>, g: &lanes::Pose<F>, q: &[F], columns: &mut [Twist<F>; 6]) {
-    let d = local(step, q);
-    let omega = [step.strain[0] + d[0], step.strain[1] + d[1]];
-    let lj = se3::left_jacobian(&exponent(step, &d));
-    // Ad_g J_ℓ by columns, for a twist's rotation part; its translation part comes out as J alone.
-    let j = g.r * lj.j;
-    let q = g.r * lj.q;
-    let q = q + M3([g.p.cross(j.0[0]), g.p.cross(j.0[1]), g.p.cross(j.0[2])]);
-    let k = step.h * step.h * COMMUTATOR;
-    for side in 0..2 {
-        let [l1, l2] = step.left;
-        let [n1, n2] = if side == 0 { step.left } else { [-l1 + 1.0, -l2 + 1.0] };
-        // Derivatives of w: h/2 (n1 + n2) e + k (n1 e × Ω2 + n2 Ω1 × e) = (a + [u]×) e, u = k (n2 Ω1 − n1 Ω2);
-        // of v: k (n1 − n2) e × e3.
-        let u = (omega[0] * n2 - omega[1] * n1) * k;
-        let w = M3::hat(u) + M3::diagonal(step.h * 0.5 * (n1 + n2));
-        let c = k * (n1 - n2);
-        let v = [-(j.0[1] * c), j.0[0] * c];
-        for axis in 0..3 {
-            let mut t = Twist { w: j * w.0[axis], v: q * w.0[axis] };
-            if axis < 2 {
-                t.v += v[axis];
+    /// The twists at unknowns `q`, whose levers are there.
+    #[inline(always)]
+    pub(super) fn twists(&mut self, beam: &Beam<F>, q: &[F]) {
+        let (none, n) = (Twist::none(beam.length.same(0.0)), beam.steps.len());
+        if self.step.len() != n || self.total.len() != beam.unknowns() + 3 {
+            self.step.resize(n, [none; 6]);
+            self.before.resize(n, [none; 6]);
+            self.element.resize(n, 0);
+            self.total.resize(beam.unknowns() + 3, none);
+        }
+        self.total.fill(none);
+        for (k, step) in beam.steps.iter().enumerate() {
+            let (lever, own) = (&self.lever[k], &mut self.step[k]);
+            for (side, share) in shares(step, q).iter().enumerate() {
+                let w = M3::hat(share.u) + M3::diagonal(share.s);
+                for axis in 0..3 {
+                    own[3 * side + axis] = Twist { w: lever.j * w.0[axis], v: lever.q * w.0[axis] };
+                }
+                // e × e3 is −e2 for e1, e1 for e2.
+                own[3 * side].v += lever.j.0[1] * -share.c;
+                own[3 * side + 1].v += lever.j.0[0] * share.c;
             }
-            columns[3 * side + axis] = t;
+            let (before, total) = (&mut self.before[k], &mut self.total[3 * step.element..][..6]);
+            for a in 0..6 {
+                before[a] = total[a];
+                total[a] = before[a] + own[a];
+            }
+            self.element[k] = step.element;
         }
     }
 }
@@ -185,11 +229,12 @@ fn columns<F: Real>(step: &Step<F>, g: &lanes::Pose<F>, q: &[F], columns: &mut [
 impl Sensitivity {
     /// The sensitivity at unknowns `q` whose shape is `shape`.
     pub fn update(&mut self, rod: &Rod, shape: &Shape, q: &[f64]) {
-        self.linearise(&rod.beam, shape, q);
+        self.levers(shape);
+        self.twists(&rod.beam, q);
     }
 
     /// Twists of the unknowns that move point `k`, in order.
-    fn twists(&self, k: usize) -> impl Iterator<Item = &Twist<f64>> {
+    fn moving(&self, k: usize) -> impl Iterator<Item = &Twist<f64>> {
         let (done, live) = match self.before.get(k) {
             Some(live) => (3 * self.element[k], &live[..]),
             None => (self.total.len(), &[][..]),
@@ -201,7 +246,7 @@ impl Sensitivity {
     /// `row += a · d · ∂x/∂q`.
     pub fn add_row(&self, k: usize, x: &Vector3<f64>, d: &Vector3<f64>, a: f64, row: &mut [f64]) {
         let wrench = Twist { w: (x.cross(d) * a).into(), v: (d * a).into() };
-        for (r, t) in row.iter_mut().zip(self.twists(k)) {
+        for (r, t) in row.iter_mut().zip(self.moving(k)) {
             *r += wrench.dot(t);
         }
     }
@@ -209,7 +254,7 @@ impl Sensitivity {
     /// Velocity of point `k` (at `x`, relative to the root) under rates `qdot`, relative to a root at rest.
     pub fn velocity(&self, k: usize, x: &Vector3<f64>, qdot: &[f64]) -> Vector3<f64> {
         let mut t = Twist::none(0.0);
-        for (c, r) in self.twists(k).zip(qdot) {
+        for (c, r) in self.moving(k).zip(qdot) {
             t = Twist { w: t.w + c.w * *r, v: t.v + c.v * *r };
         }
         (t.v + t.w.cross((*x).into())).into()

@@ -22,4 +22,4 @@ pub mod pack;
 pub mod potential;
 
 pub use kinematics::{Sensitivity, Shape};
-pub use model::{MAX_SUBSTEP_TURN, Rod, RodSource};
+pub use model::{Cut, Rod, RodSource};

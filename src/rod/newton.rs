@@ -1,21 +1,31 @@
 //! Newton's method on the incremental potential, and the linearisation that contact builds on.
 
 use super::model::Beam;
-use super::potential::{Load, energy, gradient_hessian};
+use super::potential::{Load, energy, gradient, hessian};
 use super::{Rod, Sensitivity, Shape};
 use crate::math::cholesky;
-use crate::math::lanes::{M3, MAX_LANES, Mask, Real};
+use crate::math::lanes::{M3, MAX_LANES, Mask, Real, Twist};
 use nalgebra::Matrix3;
 
 /// A solve has converged when no point is further from where it belongs than this fraction of the rod's length, by the estimate
-/// of `docs/theory.md` §4.5. Over a second of violent shaking such errors add up to some 10⁻⁵ of the length.
-pub const TOLERANCE: f64 = 1e-7;
+/// of `docs/theory.md` §4.5, and in short steps no further than [`BALANCE`] allows.
+pub const TOLERANCE: f64 = 1e-6;
+
+/// Acceleration, in lengths per s², to which the forces on a rod are balanced at least: a point that is off by δ at the end of a step of
+/// h has been pushed by δ/h² too much, which step after step adds up whatever h is.
+pub const BALANCE: f64 = 6e-4;
 
 /// Newton steps before a solve is given up; violent shaking takes about 10.
 pub const MAX_ITERATIONS: u32 = 60;
 
 /// Most that one Newton step may turn a sub-step of the rod, rad: the Magnus series converges below π.
 const MAX_TURN: f64 = 1.0;
+
+/// A factor serves for the next step too where a full step moved the rod by less than this share of what the one before did.
+const KEEP: f64 = 0.5;
+
+/// What the first step is measured by instead, as a fraction of the rod's length.
+const FIRST: f64 = 0.3;
 
 /// How a solve went.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -24,6 +34,16 @@ pub struct Outcome {
     pub iterations: u32,
     /// Whether the result is within [`TOLERANCE`].
     pub converged: bool,
+}
+
+/// A step and by how much it changed the gradient: corrects the inverse Hessian (BFGS).
+#[derive(Debug, Clone)]
+struct Secant<F> {
+    step: Vec<F>,
+    change: Vec<F>,
+    /// 1/(step · change); 0 in lanes where it does not count.
+    inverse: F,
+    share: F,
 }
 
 /// Workspace of the implicit step of one rod at a time, or of several in lanes; reuse keeps the steps free of allocation.
@@ -37,6 +57,15 @@ pub struct Solver<F = f64> {
     pub direction: Vec<F>,
     /// Cholesky factor of the Hessian at the last linearisation ([`cholesky::factor`]).
     pub factor: Vec<F>,
+    /// The factor in the making.
+    fresh: Vec<F>,
+    wrench: Vec<Twist<F>>,
+    /// −gradient of Φ before the step at hand, and the last step.
+    downhill: Vec<F>,
+    step: Vec<F>,
+    /// What steps since the last factor have shown of the Hessian; the first `learnt` are in use.
+    secants: Vec<Secant<F>>,
+    learnt: usize,
     trial: Shape<F>,
     trial_q: Vec<F>,
     scratch: Vec<F>,
@@ -49,6 +78,12 @@ impl<F> Default for Solver<F> {
             sensitivity: Sensitivity::default(),
             direction: Vec::new(),
             factor: Vec::new(),
+            fresh: Vec::new(),
+            wrench: Vec::new(),
+            downhill: Vec::new(),
+            step: Vec::new(),
+            secants: Vec::new(),
+            learnt: 0,
             trial: Shape::default(),
             trial_q: Vec::new(),
             scratch: Vec::new(),
@@ -74,7 +109,10 @@ impl Solver {
     /// [`Solver::direction`] with L⁻¹(−gradient). Where the Hessian is indefinite the geometric stiffness is left
     /// out. `false` only if a number is not finite.
     pub fn linearise(&mut self, rod: &Rod, load: &Load, q: &[f64]) -> bool {
-        self.factorise(&rod.beam, load, q, 1) == 1
+        self.slope_down(&rod.beam, load, q);
+        let sound = self.factorise(&rod.beam, load, q, 1) == 1;
+        cholesky::solve_lower(&self.factor, q.len(), &mut self.direction);
+        sound
     }
 
     /// Moves `q` along the current direction, no further than the Magnus series allows and no point by more than about `most`,
@@ -111,20 +149,24 @@ impl<F: Real> Solver<F> {
         // The rounding of Φ, below which a decrease cannot be seen: its own, and that of the positions in its inertia, which counts
         // where Φ is nearly nought (a thousand-millionth of the length moves Φ by this much).
         let rounding = load.inertia * beam.length * beam.length * 1e-18;
-        let tolerance = beam.length * TOLERANCE;
+        let balance = beam.mass / load.inertia * BALANCE;
+        let largest = zero.same(TOLERANCE);
+        let tolerance = beam.length * balance.or(balance.below(largest), largest);
         let mut active = F::ALL;
-        let (mut before, mut full_before) = (zero, 0);
+        let (mut before, mut full_before) = (beam.length * FIRST, 0);
+        // Lanes whose factor serves once more.
+        let mut kept = 0;
         for iteration in 1..=MAX_ITERATIONS {
             note(&mut outcomes, active, Outcome { iterations: iteration, converged: false });
-            active &= self.factorise(beam, load, q, active);
-            let mut slope = zero;
-            for d in &self.direction {
-                slope -= *d * *d;
-            }
-            active &= slope.abs().below(slope.same(f64::MAX));
-            cholesky::solve_upper(&self.factor, q.len(), &mut self.direction);
-            for d in &mut self.direction {
-                *d = d.or(active, zero);
+            self.slope_down(beam, load, q);
+            self.learn(kept);
+            active &= kept | self.factorise(beam, load, q, active & !kept);
+            let slope = self.descend();
+            active &= slope.below(zero) & slope.abs().below(slope.same(f64::MAX));
+            if active != F::ALL {
+                for d in &mut self.direction {
+                    *d = d.or(active, zero);
+                }
             }
             let mut t = self.longest(beam);
             let mut trial_phi;
@@ -140,26 +182,96 @@ impl<F: Real> Solver<F> {
                 t = (t * 0.5).or(pending, t);
                 let stuck = pending & t.below(t.same(1e-6));
                 t = zero.or(stuck, t);
-                active &= !stuck;
-                pending &= active;
+                // A fresh factor may find the way.
+                active &= !(stuck & !kept);
+                pending &= !stuck;
             }
             let moved = self.shape.distance(&self.trial);
             q.copy_from_slice(&self.trial_q);
             std::mem::swap(&mut self.shape, &mut self.trial);
             phi = trial_phi;
             let full = active & !t.below(t.same(1.0));
-            // Were the contraction to stay at moved/before, as little as this would be left; near the minimum it improves.
+            // Were the contraction to stay as it is, as little as this would be left; after the first step with a factor it may
+            // double, with fresh factors it improves.
             let foreseen =
-                full & full_before & (moved * moved).below(before * tolerance) & moved.below(before);
+                full & full_before & (moved * moved * 2.0).below(before * tolerance) & moved.below(before);
             let done = full & (moved.below(tolerance) | foreseen);
             note(&mut outcomes, done, Outcome { iterations: iteration, converged: true });
             active &= !done;
             if active == 0 {
                 break;
             }
+            kept = full & moved.below(before * KEEP);
+            self.step.resize(q.len(), zero);
+            for (step, d) in self.step.iter_mut().zip(&self.direction) {
+                *step = *d * t;
+            }
             (before, full_before) = (moved, full);
         }
         outcomes
+    }
+
+    /// Enters what the last step has shown of the Hessian, in the lanes of `kept`, where the gradient before it and the step are at
+    /// hand; the others forget what they had learnt.
+    #[inline(always)]
+    fn learn(&mut self, kept: Mask) {
+        let zero = self.direction[0].same(0.0);
+        if kept == 0 {
+            self.learnt = 0;
+            self.downhill.clone_from(&self.direction);
+            return;
+        }
+        for secant in &mut self.secants[..self.learnt] {
+            secant.inverse = secant.inverse.or(kept, zero);
+        }
+        if self.learnt == self.secants.len() {
+            self.secants.push(Secant { step: Vec::new(), change: Vec::new(), inverse: zero, share: zero });
+        }
+        let secant = &mut self.secants[self.learnt];
+        self.learnt += 1;
+        secant.step.clone_from(&self.step);
+        secant.change.clone_from(&self.downhill);
+        let mut curvature = zero;
+        for i in 0..secant.step.len() {
+            secant.change[i] -= self.direction[i];
+            curvature += secant.change[i] * secant.step[i];
+        }
+        let convex = kept & zero.below(curvature);
+        secant.inverse = (zero.same(1.0) / curvature).or(convex, zero);
+        self.downhill.clone_from(&self.direction);
+    }
+
+    /// Turns −gradient into the direction of the next step and returns the slope of Φ along it, J.
+    #[inline(always)]
+    fn descend(&mut self) -> F {
+        let n = self.direction.len();
+        let zero = self.direction[0].same(0.0);
+        for secant in self.secants[..self.learnt].iter_mut().rev() {
+            let mut along = zero;
+            for i in 0..n {
+                along += secant.step[i] * self.direction[i];
+            }
+            secant.share = along * secant.inverse;
+            for i in 0..n {
+                self.direction[i] -= secant.change[i] * secant.share;
+            }
+        }
+        cholesky::solve(&self.factor, n, &mut self.direction);
+        for secant in &self.secants[..self.learnt] {
+            let mut along = zero;
+            for i in 0..n {
+                along += secant.change[i] * self.direction[i];
+            }
+            let share = secant.share - along * secant.inverse;
+            for i in 0..n {
+                self.direction[i] += secant.step[i] * share;
+            }
+        }
+        let mut slope = zero;
+        for i in 0..n {
+            slope -= self.downhill[i] * self.direction[i];
+        }
+        slope
     }
 
     /// Takes the start of lower Φ, fills the shape and returns Φ, J.
@@ -181,35 +293,42 @@ impl<F: Real> Solver<F> {
         other_phi.or(better, phi)
     }
 
-    /// [`Solver::linearise`], as far as the lanes of `needed` ask for; returns those lanes where it succeeded.
+    /// Fills the levers, and the direction with −gradient.
+    #[inline(always)]
+    fn slope_down(&mut self, beam: &Beam<F>, load: &Load<F>, q: &[F]) {
+        self.sensitivity.levers(&self.shape);
+        gradient(beam, load, &self.shape, &self.sensitivity, q, &mut self.direction, &mut self.wrench);
+        for g in &mut self.direction {
+            *g = -*g;
+        }
+    }
+
+    /// Renews the factor in the lanes of `needed`, the levers being there; returns those lanes where it succeeded.
     #[inline(always)]
     fn factorise(&mut self, beam: &Beam<F>, load: &Load<F>, q: &[F], needed: Mask) -> Mask {
-        let n = q.len();
-        self.sensitivity.linearise(beam, &self.shape, q);
+        if needed == 0 {
+            return 0;
+        }
+        self.sensitivity.twists(beam, q);
         let one = load.inertia.same(1.0);
         let mut geometric = one;
-        loop {
-            gradient_hessian(
-                beam,
-                load,
-                &self.shape,
-                &self.sensitivity,
-                q,
-                geometric,
-                &mut self.direction,
-                &mut self.factor,
-            );
-            let positive = needed & cholesky::factor(&mut self.factor, n);
+        let positive = loop {
+            hessian(beam, load, &self.shape, &self.sensitivity, &self.wrench, geometric, &mut self.fresh);
+            let positive = needed & cholesky::factor(&mut self.fresh, q.len());
             let without = needed & geometric.below(one);
             if positive | without == needed {
-                for g in &mut self.direction {
-                    *g = -*g;
-                }
-                cholesky::solve_lower(&self.factor, n, &mut self.direction);
-                return positive;
+                break positive;
             }
             geometric = geometric.or(positive, one.same(0.0));
+        };
+        if needed == F::ALL || self.factor.len() != self.fresh.len() {
+            std::mem::swap(&mut self.factor, &mut self.fresh);
+        } else {
+            for (old, new) in self.factor.iter_mut().zip(&self.fresh) {
+                *old = new.or(needed, *old);
+            }
         }
+        positive
     }
 
     /// Fills the trial: unknowns `t` along the direction from `q`, and their shape; returns the lanes where it is sound.

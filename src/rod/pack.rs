@@ -4,11 +4,13 @@
 //! one pack have the same number of nodes; where one has fewer sub-steps in an element than another, it gets sub-steps of no length,
 //! which add nothing.
 
+use super::kinematics::Turn;
 use super::model::{Beam, Step};
 use super::newton::{Outcome, Solver};
 use super::potential::{Load, Tie};
 use super::{Rod, Shape};
 use crate::math::lanes::{Lane, M3, MAX_LANES, Pose, Real, Twist, V3};
+use crate::math::se3::Coefficients;
 use nalgebra::Matrix3;
 use pulp::{Arch, Simd, WithSimd};
 use std::any::Any;
@@ -228,26 +230,37 @@ impl<F: Real> Beams<F> {
             for (x, q) in task.q.iter_mut().zip(&*q) {
                 *x = q.lane(i);
             }
-            let shape = &mut task.shape.pose;
-            shape.resize(self.own[i].len() + 1, Pose { r: M3::diagonal(1.0), p: V3::all(0.0) });
-            shape[0] = pose_in_lane(&solver.shape.pose[0], i);
-            for (pose, &k) in shape[1..].iter_mut().zip(&self.own[i]) {
-                *pose = pose_in_lane(&solver.shape.pose[k + 1], i);
+            let Shape { pose, turn } = &mut *task.shape;
+            pose.clear();
+            turn.clear();
+            pose.push(pose_in_lane(&solver.shape.pose[0], i));
+            for &k in &self.own[i] {
+                pose.push(pose_in_lane(&solver.shape.pose[k + 1], i));
+                turn.push(turn_in_lane(&solver.shape.turn[k], i));
             }
         }
     }
 }
 
 #[inline(always)]
+fn vector_in_lane<F: Real>(v: &V3<F>, i: usize) -> V3<f64> {
+    V3([v.0[0].lane(i), v.0[1].lane(i), v.0[2].lane(i)])
+}
+
+#[inline(always)]
 fn pose_in_lane<F: Real>(pose: &Pose<F>, i: usize) -> Pose<f64> {
-    let mut out = Pose { r: M3::diagonal(1.0), p: V3::all(0.0) };
-    for c in 0..3 {
-        out.p.0[c] = pose.p.0[c].lane(i);
-        for r in 0..3 {
-            out.r.0[c].0[r] = pose.r.0[c].0[r].lane(i);
-        }
+    let [a, b, c] = &pose.r.0;
+    let r = M3([vector_in_lane(a, i), vector_in_lane(b, i), vector_in_lane(c, i)]);
+    Pose { r, p: vector_in_lane(&pose.p, i) }
+}
+
+#[inline(always)]
+fn turn_in_lane<F: Real>(turn: &Turn<F>, i: usize) -> Turn<f64> {
+    let Coefficients { a, b, c, d, e } = &turn.coefficients;
+    Turn {
+        psi: Twist { w: vector_in_lane(&turn.psi.w, i), v: vector_in_lane(&turn.psi.v, i) },
+        coefficients: Coefficients { a: a.lane(i), b: b.lane(i), c: c.lane(i), d: d.lane(i), e: e.lane(i) },
     }
-    out
 }
 
 /// A sub-step of no length.
@@ -259,8 +272,8 @@ fn empty(element: usize) -> Step<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rod::RodSource;
     use crate::rod::potential::PointLoad;
+    use crate::rod::{Cut, RodSource};
     use nalgebra::Vector3;
 
     /// Hairs of one number of nodes and of many lengths, curls and numbers of sub-steps.
@@ -282,7 +295,7 @@ mod tests {
                 line_density: 6.6e-6,
                 damping: 0.004,
                 natural: None,
-                max_step: 0.05,
+                cut: Cut { length: 0.05, ..Cut::FINE },
             })
             .unwrap()
         };

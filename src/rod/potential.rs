@@ -4,10 +4,10 @@
 //! Φ = ½ Σ (x − x̂)ᵀB(x − x̂) + ½ (1 + τ/h) qᵀKq − pull·q, up to a constant. The Hessian is swept from the tip to the root over
 //! composite bodies, geometric stiffness included: exact between sub-steps, to third order in the turn within one.
 
-use super::kinematics::{COMMUTATOR, exponent, local};
+use super::kinematics::{COMMUTATOR, shares};
 use super::model::{Beam, Step};
 use super::{Rod, Sensitivity, Shape};
-use crate::math::lanes::{M3, Pose, Real, Twist, V3};
+use crate::math::lanes::{M3, Real, Twist, V3};
 use nalgebra::Vector3;
 
 /// What drives one point of a rod over a step. Positions relative to the root at the end of the step, world axes.
@@ -32,6 +32,15 @@ pub(super) struct Tie<F> {
     pub alpha: F,
     pub u: V3<F>,
     pub target: V3<F>,
+}
+
+impl<F: Real> Tie<F> {
+    /// The force f at `x`.
+    #[inline(always)]
+    fn force(&self, x: V3<F>) -> V3<F> {
+        let y = x - self.target;
+        self.u * self.u.dot(y) - y * self.alpha
+    }
 }
 
 /// What drives a rod over one step.
@@ -70,7 +79,7 @@ impl Load {
         self.pull.clone_from(&beam.prebend);
         beam.add_elastic(beam.damping / h, past, &mut self.pull);
         self.tie.clear();
-        self.tie.extend(points.zip(&rod.weight).skip(1).map(|(point, weight)| {
+        for (point, weight) in points.skip(1).zip(&rod.weight[1..]) {
             let mass = weight * rod.line_density;
             let (inertia, drag) = (mass / (h * h), point.drag * weight / h);
             let along = 0.5 * drag;
@@ -80,8 +89,8 @@ impl Load {
                 gravity * mass + point.inertial * inertia + reached * drag - t * (along * t.dot(&reached));
             let alpha = inertia + drag;
             let target = (force + t * (along / (alpha - along) * t.dot(&force))) / alpha;
-            Tie { alpha, u: (t * along.sqrt()).into(), target: target.into() }
-        }));
+            self.tie.push(Tie { alpha, u: (t * along.sqrt()).into(), target: target.into() });
+        }
     }
 }
 
@@ -110,71 +119,62 @@ pub(super) fn energy<F: Real>(
     e * 0.5
 }
 
+/// A symmetric matrix: xx, xy, xz, yy, yz, zz.
+struct Symmetric<F>([F; 6]);
+
+impl<F: Real> Symmetric<F> {
+    /// Adds d 1 − a bᵀ − c cᵀ, a being along b.
+    #[inline(always)]
+    fn add(&mut self, d: F, a: V3<F>, b: V3<F>, c: V3<F>) {
+        // No closures in a kernel: out of line, they would not have the processor's vectors.
+        for (entry, [i, j]) in [[0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2]].into_iter().enumerate() {
+            let less = a.0[i] * b.0[j] + c.0[i] * c.0[j];
+            self.0[entry] += if i == j { d - less } else { -less };
+        }
+    }
+
+    #[inline(always)]
+    fn full(&self) -> M3<F> {
+        let [xx, xy, xz, yy, yz, zz] = self.0;
+        M3([V3([xx, xy, xz]), V3([xy, yy, yz]), V3([xz, yz, zz])])
+    }
+}
+
 /// Sums over all that is downstream of a sub-step, about the root.
 struct Composite<F> {
     /// Σ f.
     force: V3<F>,
-    /// Σ x × f.
-    torque: V3<F>,
     /// Σ x fᵀ.
     moment: M3<F>,
     /// Σ JᵀBJ with J = (−[x]×, 1), by blocks.
-    tt: M3<F>,
+    tt: Symmetric<F>,
     tp: M3<F>,
-    pp: M3<F>,
+    pp: Symmetric<F>,
 }
 
 impl<F: Real> Composite<F> {
     #[inline(always)]
     fn new(zero: F) -> Self {
-        let (v, m) = (V3::all(zero), M3::diagonal(zero));
-        Composite { force: v, torque: v, moment: m, tt: m, tp: m, pp: m }
+        let m = M3::diagonal(zero);
+        Composite {
+            force: V3::all(zero),
+            moment: m,
+            tt: Symmetric([zero; 6]),
+            tp: m,
+            pp: Symmetric([zero; 6]),
+        }
     }
 
     #[inline(always)]
     fn add(&mut self, x: V3<F>, tie: &Tie<F>) {
-        let y = x - tie.target;
-        let f = tie.u * tie.u.dot(y) - y * tie.alpha;
+        let f = tie.force(x);
         self.force += f;
-        self.torque += x.cross(f);
         self.moment = self.moment + M3::outer(x, f);
         // [x]×B and −[x]×B[x]× for B = α 1 − u uᵀ, with c = x × u: α[x]× − c uᵀ and α(|x|² 1 − x xᵀ) − c cᵀ.
-        let (c, ax) = (x.cross(tie.u), x * tie.alpha);
-        self.pp = self.pp + (M3::diagonal(tie.alpha) - M3::outer(tie.u, tie.u));
+        let (c, ax, none) = (x.cross(tie.u), x * tie.alpha, V3::all(tie.alpha.same(0.0)));
+        self.pp.add(tie.alpha, none, none, tie.u);
         self.tp = self.tp + (M3::hat(ax) - M3::outer(c, tie.u));
-        self.tt = self.tt + (M3::diagonal(x.dot(ax)) - M3::outer(ax, x) - M3::outer(c, c));
-    }
-
-    /// Derivative of the energy downstream along twist `t`.
-    #[inline(always)]
-    fn slope(&self, t: &Twist<F>) -> F {
-        -(t.w.dot(self.torque) + t.v.dot(self.force))
-    }
-
-    /// Half of what the second derivative of a sub-step's exponent adds to the Hessian (`docs/theory.md` eq. 4.3), for its left and
-    /// right node; the poses are those at its ends.
-    #[inline(always)]
-    fn bent(&self, step: &Step<F>, q: &[F], ends: [&Pose<F>; 2]) -> [[M3<F>; 2]; 2] {
-        let half = step.h.same(0.5);
-        // The wrench of all downstream, seen from the middle of the sub-step.
-        let [(f0, n0), (f1, n1)] = [self.seen(ends[0]), self.seen(ends[1])];
-        let (f, n) = ((f0 + f1) * half, (n0 + n1) * half);
-        let psi = exponent(step, &local(step, q));
-        let (phi, rho) = (psi.w, psi.v);
-        let z = M3::outer(phi, n) + M3::outer(n, phi) + M3::outer(rho, f) + M3::outer(f, rho)
-            - M3::diagonal((n.dot(phi) + f.dot(rho)) * 2.0);
-        let z = z * half.same(1.0 / 24.0);
-        let [n1, n2] = step.left;
-        let (left, right) = ((n1 + n2) * step.h * half, (-(n1 + n2) + 2.0) * step.h * half);
-        let crossed = M3::hat(n) * ((n1 - n2) * step.h * step.h * (0.5 * COMMUTATOR));
-        let across = z * (left * right);
-        [[z * (left * left), across + crossed], [across - crossed, z * (right * right)]]
-    }
-
-    /// The wrench of all downstream, force and torque, seen from the frame at `g`.
-    #[inline(always)]
-    fn seen(&self, g: &Pose<F>) -> (V3<F>, V3<F>) {
-        (g.r.transposed(self.force), g.r.transposed(self.torque - g.p.cross(self.force)))
+        self.tt.add(x.dot(ax), ax, x, c);
     }
 
     /// How all downstream responds to twists, `geometric` times the couple of the forces carried along included.
@@ -182,10 +182,10 @@ impl<F: Real> Composite<F> {
     fn response(&self, geometric: F) -> Response<F> {
         let carried = self.moment - M3::diagonal(self.moment.trace());
         Response {
-            tt: self.tt - carried * geometric,
+            tt: self.tt.full() - carried * geometric,
             tp: self.tp + M3::hat(self.force) * geometric,
             pt: self.tp,
-            pp: self.pp,
+            pp: self.pp.full(),
         }
     }
 }
@@ -206,29 +206,135 @@ impl<F: Real> Response<F> {
     }
 }
 
-/// Gradient of Φ into `gradient` and the lower triangle of its Hessian into `hessian` (row-major n × n).
-///
-/// The stiffness of the carried forces counts `geometric` times: 1 for the Hessian itself, 0 for what is positive definite.
-#[allow(clippy::too_many_arguments)]
+/// What the sub-steps of one element add to the Hessian.
+struct Block<F> {
+    /// Response of the element's six unknowns: all that unknowns upstream need.
+    response: [Twist<F>; 6],
+    /// That of the sub-step at hand.
+    own: [Twist<F>; 6],
+    /// Entry (b, a) of the element's own block is `half[a][b] + half[b][a]`.
+    half: [[F; 6]; 6],
+}
+
+impl<F: Real> Block<F> {
+    #[inline(always)]
+    fn new(zero: F) -> Self {
+        let none = [Twist::none(zero); 6];
+        Block { response: none, own: none, half: [[zero; 6]; 6] }
+    }
+
+    #[inline(always)]
+    fn clear(&mut self, zero: F) {
+        self.response.fill(Twist::none(zero));
+        self.half.fill([zero; 6]);
+    }
+
+    /// Adds a sub-step, rigid, whose first `N` unknowns give the twists `own` and gave `before` through those before it.
+    #[inline(always)]
+    fn add<const N: usize>(&mut self, to: &Response<F>, own: &[Twist<F>; 6], before: &[Twist<F>; 6]) {
+        // This sub-step against those before it in the element, and against half of itself: the other half, and those before
+        // against this one, come by symmetry.
+        for ((sum, p), t) in self.response.iter_mut().zip(&mut self.own).zip(own).take(N) {
+            *p = to.to(t);
+            *sum = *sum + *p;
+        }
+        for a in 0..N {
+            let up = before[a] + own[a] * own[a].w.0[0].same(0.5);
+            for b in 0..N {
+                self.half[b][a] += up.dot(&self.own[b]);
+            }
+        }
+    }
+
+    /// Adds `geometric` times what the second derivative of the sub-step's exponent ψ does (`docs/theory.md` eq. 4.3); `wrench` is
+    /// that of all downstream as seen from the sub-step, for its first `N` unknowns.
+    #[inline(always)]
+    fn bend<const N: usize>(&mut self, step: &Step<F>, psi: &Twist<F>, wrench: &Twist<F>, geometric: F) {
+        let (phi, rho, n, f) = (psi.w, psi.v, wrench.w, wrench.v);
+        let z = M3::outer(phi, n) + M3::outer(n, phi) + M3::outer(rho, f) + M3::outer(f, rho)
+            - M3::diagonal((n.dot(phi) + f.dot(rho)) * 2.0);
+        let z = z * (geometric * (1.0 / 12.0));
+        let [n1, n2] = step.left;
+        let (left, right) = ((n1 + n2) * step.h * 0.5, (-(n1 + n2) + 2.0) * step.h * 0.5);
+        let (ll, rr) = (z * (left * left), z * (right * right));
+        let rl = z * (left * right) - M3::hat(n) * ((n1 - n2) * step.h * step.h * geometric * COMMUTATOR);
+        // An entry on the diagonal counts twice.
+        for b in 0..3 {
+            self.half[b][b] += ll.0[b].0[b] * 0.5;
+            for a in b + 1..3 {
+                self.half[b][a] += ll.0[b].0[a];
+            }
+            if N > 3 {
+                for a in 0..3 {
+                    self.half[b][3 + a] += rl.0[b].0[a];
+                }
+                self.half[3 + b][3 + b] += rr.0[b].0[b] * 0.5;
+                for a in b + 1..3 {
+                    self.half[3 + b][3 + a] += rr.0[b].0[a];
+                }
+            }
+        }
+    }
+}
+
+/// Gradient of Φ at `q`, whose shape and levers are given (`docs/theory.md` §4.3), and for every sub-step the wrench, torque and
+/// force, of all that is downstream of it.
 #[inline(always)]
-pub(super) fn gradient_hessian<F: Real>(
+pub(super) fn gradient<F: Real>(
     beam: &Beam<F>,
     load: &Load<F>,
     shape: &Shape<F>,
     sensitivity: &Sensitivity<F>,
     q: &[F],
-    geometric: F,
     gradient: &mut Vec<F>,
-    hessian: &mut Vec<F>,
+    wrench: &mut Vec<Twist<F>>,
 ) {
-    let (n, zero) = (q.len(), geometric.same(0.0));
-    gradient.resize(n, zero);
+    let zero = beam.length.same(0.0);
+    wrench.resize(beam.steps.len(), Twist::none(zero));
+    gradient.resize(q.len(), zero);
     for (g, pull) in gradient.iter_mut().zip(&load.pull) {
         *g = -*pull;
     }
     beam.add_elastic(load.stiffening, q, gradient);
+    let (mut force, mut torque) = (V3::all(zero), V3::all(zero));
+    for k in (0..beam.steps.len()).rev() {
+        let (x, lever) = (shape.pose[k + 1].p, &sensitivity.lever[k]);
+        let f = load.tie[k].force(x);
+        force += f;
+        torque += x.cross(f);
+        // The wrench of all downstream as it turns and moves the exponent: seen from along the sub-step.
+        let turning = lever.j.transposed(torque) + lever.q.transposed(force);
+        let moving = lever.j.transposed(force);
+        wrench[k] = Twist { w: turning, v: moving };
+        let node = beam.steps[k].element;
+        for (slope, share) in gradient[3 * node..].chunks_exact_mut(3).zip(shares(&beam.steps[k], q)) {
+            let across = V3([-moving.0[1], moving.0[0], zero]);
+            let along = turning * share.s + turning.cross(share.u) + across * share.c;
+            for (slope, a) in slope.iter_mut().zip(along.0) {
+                *slope -= a;
+            }
+        }
+    }
+}
+
+/// The lower triangle of the Hessian of Φ, where [`gradient`] gave `wrench`, into `hessian` (row-major n × n).
+///
+/// The stiffness of the carried forces counts `geometric` times: 1 for the Hessian itself, 0 for what is positive definite.
+#[inline(always)]
+pub(super) fn hessian<F: Real>(
+    beam: &Beam<F>,
+    load: &Load<F>,
+    shape: &Shape<F>,
+    sensitivity: &Sensitivity<F>,
+    wrench: &[Twist<F>],
+    geometric: F,
+    hessian: &mut Vec<F>,
+) {
+    let (n, zero) = (beam.unknowns(), geometric.same(0.0));
     hessian.resize(n * n, zero);
-    hessian.fill(zero);
+    for (i, row) in hessian.chunks_exact_mut(n).enumerate() {
+        row[..i].fill(zero);
+    }
     for i in 0..n / 3 {
         for c in 0..3 {
             let (a, stiffness) = (3 * i + c, load.stiffening * beam.stiffness[c]);
@@ -240,61 +346,46 @@ pub(super) fn gradient_hessian<F: Real>(
     }
 
     let mut body = Composite::new(zero);
-    // Over the sub-steps of an element: the response of its six unknowns, all that unknowns upstream need, and half of its block.
-    let mut response = [Twist::none(zero); 6];
-    let mut half = [[zero; 6]; 6];
+    let mut block = Block::new(zero);
     for k in (0..beam.steps.len()).rev() {
         body.add(shape.pose[k + 1].p, &load.tie[k]);
-        let response_to = body.response(geometric);
-        let first = 3 * beam.steps[k].element;
-        let live = (n - first).min(6);
-        let (step, before) = (&sensitivity.step[k], &sensitivity.before[k]);
-        let mut up = *before;
-        for (up, t) in up.iter_mut().zip(step) {
-            *up = *up + *t * zero.same(0.5);
-        }
-        for b in 0..live {
-            gradient[first + b] += body.slope(&step[b]);
-            let p = response_to.to(&step[b]);
-            response[b] = response[b] + p;
-            // This sub-step against those before it in the element, and against half of itself: the other half, and those before
-            // against this one, come by symmetry.
-            for a in 0..live {
-                half[a][b] += up[a].dot(&p);
-            }
-        }
-        let bent = body.bent(&beam.steps[k], q, [&shape.pose[k], &shape.pose[k + 1]]);
-        for a in 0..live {
-            for b in 0..live {
-                half[a][b] += bent[a / 3][b / 3].0[b % 3].0[a % 3] * geometric;
-            }
-        }
-        if k == 0 || beam.steps[k - 1].element != beam.steps[k].element {
+        let response = body.response(geometric);
+        let (step, psi, first) = (&beam.steps[k], &shape.turn[k].psi, 3 * beam.steps[k].element);
+        let (own, before) = (&sensitivity.step[k], &sensitivity.before[k]);
+        let live = if n - first > 3 {
+            block.add::<6>(&response, own, before);
+            block.bend::<6>(step, psi, &wrench[k], geometric);
+            6
+        } else {
+            block.add::<3>(&response, own, before);
+            block.bend::<3>(step, psi, &wrench[k], geometric);
+            3
+        };
+        if k == 0 || beam.steps[k - 1].element != step.element {
             for a in 0..live {
                 let row = &mut hessian[(first + a) * n..];
                 for b in 0..=a {
-                    row[first + b] += half[a][b] + half[b][a];
+                    row[first + b] += block.half[a][b] + block.half[b][a];
                 }
                 for (h, s) in row.iter_mut().zip(&sensitivity.total[..first]) {
-                    *h += s.dot(&response[a]);
+                    *h += s.dot(&block.response[a]);
                 }
             }
-            response = [Twist::none(zero); 6];
-            half = [[zero; 6]; 6];
+            block.clear(zero);
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::model::RodSource;
+    use super::super::model::{Cut, RodSource};
     use super::*;
 
     fn curl() -> Rod {
         curl_cut(0.01)
     }
 
-    fn curl_cut(max_step: f64) -> Rod {
+    fn curl_cut(length: f64) -> Rod {
         let points: Vec<_> = (0..40)
             .map(|i| {
                 let a = i as f64 * 0.2;
@@ -310,7 +401,7 @@ mod tests {
             line_density: 6.6e-6,
             damping: 0.004,
             natural: None,
-            max_step,
+            cut: Cut { length, ..Cut::FINE },
         })
         .unwrap()
     }
@@ -336,8 +427,9 @@ mod tests {
         let (mut shape, mut sens) = (Shape::default(), Sensitivity::default());
         shape.update(rod, &rod.root.r, q);
         sens.update(rod, &shape, q);
-        let (mut g, mut h) = (Vec::new(), Vec::new());
-        gradient_hessian(&rod.beam, load, &shape, &sens, q, 1.0, &mut g, &mut h);
+        let (mut g, mut wrench, mut h) = (Vec::new(), Vec::new(), Vec::new());
+        gradient(&rod.beam, load, &shape, &sens, q, &mut g, &mut wrench);
+        hessian(&rod.beam, load, &shape, &sens, &wrench, 1.0, &mut h);
         (g, h)
     }
 

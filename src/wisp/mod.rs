@@ -3,7 +3,7 @@
 //! At full resolution every leaf wisp is active from root to tip and each of its guides is one rod, with a strain
 //! node on every section of its tree.
 
-use crate::rod::{Rod, RodSource};
+use crate::rod::{Cut, Rod, RodSource};
 use crate::scene::{Groom, Material};
 
 /// Largest change of natural strain that sag-free pre-bending may make, 1/m: a curl of 10 cm diameter. Gravity
@@ -25,8 +25,8 @@ pub struct GuideRod {
     pub rod: Rod,
 }
 
-/// A rod for every guide of the groom, in the order of the guides. `max_step` is the longest sub-step, m.
-pub fn rods(groom: &Groom, max_step: f64) -> Vec<GuideRod> {
+/// A rod for every guide of the groom, in the order of the guides, cut as `cut` says.
+pub fn rods(groom: &Groom, cut: Cut) -> Vec<GuideRod> {
     let mut out: Vec<GuideRod> = Vec::with_capacity(groom.guides.curves.len());
     for (t, tree) in groom.trees.iter().enumerate() {
         for (w, wisp) in tree.wisps.iter().enumerate() {
@@ -42,7 +42,7 @@ pub fn rods(groom: &Groom, max_step: f64) -> Vec<GuideRod> {
                     line_density: m.density * m.section.area(),
                     damping: m.damping,
                     natural: m.natural,
-                    max_step,
+                    cut,
                 });
                 // A validated groom has no guide without length.
                 let Some(rod) = rod else { continue };

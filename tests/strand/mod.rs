@@ -1,6 +1,6 @@
 //! The strand that tests of contact start from.
 
-use hairbake::rod::{Rod, RodSource};
+use hairbake::rod::{Cut, Rod, RodSource};
 use hairbake::scene::Tree;
 use nalgebra::Vector3;
 
@@ -14,7 +14,7 @@ pub fn hair() -> Rod {
         line_density: 6.6e-6,
         damping: 0.005,
         natural: None,
-        max_step: 0.01,
+        cut: Cut::FINE,
     })
     .unwrap()
 }

@@ -113,11 +113,12 @@ impl<S: Simd> Real for Lane<S> {
 
     #[inline(always)]
     fn or(self, mask: Mask, other: Self) -> Self {
-        let mut out = other;
-        for i in (0..Self::LANES).filter(|i| mask >> i & 1 == 1) {
-            out.set(i, self.lane(i));
+        let (zero, mut chosen) = (self.same(0.0), self.same(0.0));
+        for i in 0..Self::LANES {
+            chosen.set(i, f64::from(mask >> i & 1));
         }
-        out
+        let chosen = self.simd.less_than_f64s(zero.value, chosen.value);
+        self.with(self.simd.select_f64s(chosen, self.value, other.value))
     }
 
     #[inline(always)]

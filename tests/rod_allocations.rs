@@ -1,0 +1,61 @@
+//! A step of rods takes no memory from the system.
+
+use hairbake::bake::company::Companies;
+use hairbake::bake::guide::{Guide, StepRecord, Surroundings};
+use hairbake::contact::Bodies;
+use hairbake::rod::{Cut, Rod, RodSource};
+use hairbake::scene::Tree;
+use nalgebra::{Isometry3, Vector3};
+
+fn hair(length: f64) -> Rod {
+    Rod::new(&RodSource {
+        points: &[Vector3::zeros(), Vector3::x() * length],
+        root_frame: None,
+        arc: &Tree::default_arc(8),
+        stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
+        line_density: 6.6e-6,
+        damping: 0.005,
+        natural: None,
+        cut: Cut::COARSE,
+    })
+    .unwrap()
+}
+
+#[test]
+fn a_step_of_many_rods_allocates_nothing() {
+    let head = |t: f64| Isometry3::translation(0.05 * (16.0 * t).sin(), 0.0, 0.0);
+    let around = Surroundings {
+        head: &head,
+        gravity: &|_| Vector3::y() * -9.81,
+        wind: &[],
+        bodies: &Bodies::new(&[]),
+        body: &|_, _| Isometry3::identity(),
+        brought_out: &|_| 1.0,
+    };
+    let h = 1.0 / 25.0;
+    let guide = |i: u32| {
+        let rod = hair(0.15 + 0.005 * f64::from(i));
+        let drag = vec![2e-5; rod.points()];
+        Guide::new(rod, drag, 0.3, &[], &around, 0.0, h)
+    };
+    let mut guides: Vec<Guide> = (0..25).map(guide).collect();
+    let mut records = vec![StepRecord::default(); guides.len()];
+    // One thread, whose allocations are counted.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    pool.install(|| {
+        let companies = Companies::muster(&guides);
+        let mut step = |i: u32| {
+            let span = [f64::from(i) * h, f64::from(i + 1) * h];
+            companies.advance(&mut guides, &around, span, &mut records);
+            records.iter().map(|r| r.iterations).sum::<u32>()
+        };
+        // The first second finds out how much room is needed.
+        (0..25).for_each(|i| {
+            step(i);
+        });
+        let mut iterations = 0;
+        let counted = allocation_counter::measure(|| (25..50).for_each(|i| iterations += step(i)));
+        assert!(iterations > 25 * 25);
+        assert_eq!(counted.count_total, 0, "{counted:?}");
+    });
+}
