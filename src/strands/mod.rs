@@ -14,7 +14,7 @@ use crate::rod::{Rod, Shape};
 use crate::scene::Curves;
 use follow::{Follow, RestGuide};
 pub use keep_out::KeepOut;
-use keep_out::{FreeEdge, Kept, Lean, Spare};
+use keep_out::{Beside, FreeEdge, Kept, Lean};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -137,7 +137,7 @@ impl Interpolator {
         points: &mut [[f32; 3]],
         velocities: &mut [[f32; 3]],
     ) {
-        let tangents = [0, 1].map(|i| tangents(&moments[i].head, guides, BACKWARD * i as f64));
+        let lines = [0, 1].map(|i| lines(&moments[i].head, guides, BACKWARD * i as f64));
         let mut cut = Vec::with_capacity(self.strands.len());
         let (mut p, mut v) = (points, velocities);
         for (strand, w) in self.strands.iter().zip(self.offsets.windows(2)) {
@@ -148,15 +148,15 @@ impl Interpolator {
         }
         cut.into_par_iter().with_min_len(64).for_each_init(Tracks::default, |tracks, (strand, p, v)| {
             let leans =
-                strand.trace(&moments[0], guides, &tangents[0], 0.0, &mut tracks.now, &mut tracks.spare);
+                strand.trace(&moments[0], guides, &lines[0], 0.0, &mut tracks.now, &mut tracks.beside);
             if leans {
                 strand.trace(
                     &moments[1],
                     guides,
-                    &tangents[1],
+                    &lines[1],
                     BACKWARD,
                     &mut tracks.before,
-                    &mut tracks.spare,
+                    &mut tracks.beside,
                 );
                 for (now, before) in tracks.now.iter_mut().zip(&tracks.before) {
                     now.1 = (now.0 - before.0) / BACKWARD;
@@ -172,13 +172,19 @@ impl Interpolator {
 /// Points and velocities of one strand now and a little earlier, and room for the two chains of a leaning one.
 #[derive(Debug, Default)]
 struct Tracks {
-    now: Vec<(Vector3<f64>, Vector3<f64>)>,
-    before: Vec<(Vector3<f64>, Vector3<f64>)>,
-    spare: [Spare; 2],
+    now: Track,
+    before: Track,
+    beside: [Vec<Beside>; 2],
 }
 
-/// Tangents of the guides at the points of their rods, world; `back`, s, before their motion's own moment.
-fn tangents(head: &HeadMotion, guides: &[GuideMotion], back: f64) -> Vec<Vec<Vector3<f64>>> {
+/// Points of a guide's rod and the guide's direction at each, world, m.
+type Line = Vec<(Vector3<f64>, Vector3<f64>)>;
+
+/// Points of a strand and their velocities, world, m and m/s.
+type Track = Vec<(Vector3<f64>, Vector3<f64>)>;
+
+/// Where the guides stand, `back`, s, before their motion's own moment.
+fn lines(head: &HeadMotion, guides: &[GuideMotion], back: f64) -> Vec<Line> {
     guides
         .par_iter()
         .with_min_len(16)
@@ -188,7 +194,8 @@ fn tangents(head: &HeadMotion, guides: &[GuideMotion], back: f64) -> Vec<Vec<Vec
                 q.clear();
                 q.extend(g.q.iter().zip(g.rate).map(|(q, rate)| q - rate * back));
                 shape.update(g.rod, &(head.rotation * g.rod.root.r), q);
-                (0..shape.points()).map(|k| shape.tangent(k)).collect()
+                let (root, _) = head.carry(&g.rod.root.p);
+                (0..shape.points()).map(|k| (root + shape.x(k), shape.tangent(k))).collect()
             },
         )
         .collect()
@@ -233,27 +240,27 @@ impl Strand {
         Strand { root: points[0], frame: frames[0], turn, length, follow, beside, kept }
     }
 
-    /// Rebuilds the strand at a moment, the guides, of these `tangents`, being `back`, s, before their motion's own; positions
+    /// Rebuilds the strand at a moment, the guides, which stand along `lines`, being `back`, s, before their motion's own; positions
     /// and velocities, m and m/s. Whether it leans on a body, in which case the velocities are not those of the leaning.
     fn trace(
         &self,
         moment: &Moment,
         guides: &[GuideMotion],
-        tangents: &[Vec<Vector3<f64>>],
+        lines: &[Line],
         back: f64,
-        out: &mut Vec<(Vector3<f64>, Vector3<f64>)>,
-        spare: &mut [Spare; 2],
+        out: &mut Track,
+        beside: &mut [Vec<Beside>; 2],
     ) -> bool {
         let Moment { head, keep_out } = moment;
         let (mut x, mut v) = head.carry(&self.root);
         let mut frame = head.rotation * self.frame;
         let mut spin = head.spin;
         let mut lean: Option<Lean> = None;
-        for spare in spare.iter_mut() {
-            spare.clear();
-            spare.resize(keep_out.poses.len(), 0.0);
+        for beside in beside.iter_mut() {
+            beside.clear();
+            beside.resize(keep_out.poses.len(), Beside::default());
         }
-        let [spare, spare_leaning] = spare;
+        let [beside, beside_leaning] = beside;
         out.clear();
         out.push((x, v));
         for (j, (turn, &length)) in self.turn.iter().zip(&self.length).enumerate() {
@@ -272,15 +279,15 @@ impl Strand {
             let place = (j + 1, self.length.len() + 1);
             let violation = match &lean {
                 Some(lean) if lean.on_guide() => 0.0,
-                _ => keep_out.violation(&self.kept, place, &x, length, spare),
+                _ => keep_out.violation(&self.kept, place, &start, &edge, beside),
             };
             if violation > 0.0 && lean.is_none() {
                 lean = Some(Lean::from(start));
             }
             let end = lean.as_mut().map_or(x, |lean| {
-                let guide = tangents[self.follow[0].guide][self.beside[j] as usize];
+                let guide = lines[self.follow[0].guide][self.beside[j] as usize];
                 let free = FreeEdge { start, edge, violation, guide };
-                lean.advance(keep_out, &self.kept, place, length, &free, spare_leaning)
+                lean.advance(keep_out, &self.kept, place, length, &free, beside_leaning)
             });
             out.push((end, v));
         }
@@ -299,6 +306,9 @@ mod tests {
     use nalgebra::Isometry3;
 
     const LEAF: (u32, u32) = (0, 0);
+
+    /// Across the plane in which equal entries of a rod along x bend it, m.
+    const BESIDE: Vector3<f64> = Vector3::new(0.0, 0.055, 0.055);
 
     fn helix(n: usize, phase: f64) -> Vec<Vector3<f64>> {
         (0..n)
@@ -461,9 +471,9 @@ mod tests {
     #[test]
     fn a_strand_is_turned_out_of_a_body_and_keeps_its_length_and_velocity() {
         use crate::scene::Shape as Solid;
-        // A straight strand that its guide bends into a ball.
+        // A straight strand that its guide, which passes beside it, bends into a ball.
         let line: Vec<_> = (0..33).map(|i| Vector3::x() * (0.2 * f64::from(i) / 32.0)).collect();
-        let r = rod(&line);
+        let r = rod(&line.iter().map(|p| p + BESIDE).collect::<Vec<_>>());
         let c = curves(&[line]);
         let q: Vec<f64> = (0..r.unknowns()).map(|i| if i % 3 == 2 { 0.0 } else { 12.0 }).collect();
         let rate: Vec<f64> = q.iter().map(|q| 8.0 * q).collect();
@@ -496,5 +506,40 @@ mod tests {
         let ([hi, _], [lo, _]) = (at(t), at(-t));
         let slip = (wide(&hi[32]) - wide(&lo[32])) / (2.0 * t);
         assert!((slip - wide(&v[32])).norm() < 0.1 * slip.norm().max(0.1), "{slip} {:?}", v[32]);
+    }
+
+    #[test]
+    fn a_strand_does_not_go_through_what_is_thinner_than_its_edges() {
+        use crate::scene::Shape as Solid;
+        // A wire across a strand that its guide, which passes beside it, bends down, between two vertices of the free chain.
+        let line: Vec<_> = (0..33).map(|i| Vector3::x() * (0.2 * f64::from(i) / 32.0)).collect();
+        let r = rod(&line.iter().map(|p| p + BESIDE).collect::<Vec<_>>());
+        let q: Vec<f64> = (0..r.unknowns()).map(|i| if i % 3 == 2 { 0.0 } else { 12.0 }).collect();
+        let c = curves(&[line]);
+        let zero = vec![0.0; q.len()];
+        let [free, _] = run(&c, &[&r], std::slice::from_ref(&q), std::slice::from_ref(&zero), &still());
+        let across =
+            (wide(&free[21]) - wide(&free[20])).cross(&(wide(&free[20]) - wide(&free[10]))).normalize();
+        // A little aside: an edge that meets it head on has no side to turn to.
+        let aside = across.cross(&(wide(&free[21]) - wide(&free[20]))) * 0.15;
+        let middle = (wide(&free[20]) + wide(&free[21])) * 0.5 + aside;
+        let ends = [middle - across * 0.04, middle + across * 0.04];
+        let wire = Solid::Capsule { ends, radius: 0.001 };
+        let mesh = Solid::Mesh(wire.tessellate());
+        for shape in [wire, mesh] {
+            let bodies = Bodies::from_shapes(&[shape]);
+            let goes_through =
+                |p: &[[f32; 3]]| p.windows(2).any(|e| bodies.pierced(0, 0.0, &wide(&e[0]), &wide(&e[1])));
+            assert!(goes_through(&free));
+            let interpolator = Interpolator::new(&c, &[LEAF], &[(&r, LEAF)], &bodies, &[0.0005]);
+            let moment = Moment {
+                head: still(),
+                keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] },
+            };
+            let [mut p, mut v] = [vec![[0.0; 3]; 33], vec![[0.0; 3]; 33]];
+            let motion = [GuideMotion { rod: &r, q: &q, rate: &zero }];
+            interpolator.evaluate(&[moment, moment], &motion, &Matrix3::identity(), &mut p, &mut v);
+            assert!(!goes_through(&p));
+        }
     }
 }
