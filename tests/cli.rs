@@ -84,6 +84,9 @@ fn strands_and_a_track_become_a_cache_with_pictures() {
     assert_eq!(manifest["summary"]["hair"][0], 32);
     assert_eq!(manifest["settings"]["preroll_s"], 0.1);
     assert_eq!(manifest["frames"].as_array().unwrap().len(), 5);
+    let notes = manifest["scene_figures"]["groom_notes"].to_string();
+    let folder = scene.folder.path().to_string_lossy();
+    assert!(notes.contains("8 kept") && !notes.contains(&*folder), "{notes}");
     assert!(manifest["totals"]["length_drift"].as_f64().unwrap() < 1.0);
     let inputs: Vec<_> = manifest["inputs"].as_array().unwrap().iter().collect();
     let roles: Vec<_> = inputs.iter().map(|i| i["role"].as_str().unwrap()).collect();

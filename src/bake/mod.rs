@@ -104,6 +104,7 @@ pub fn bake(
         summary.frames.push(record);
     }
     manifest.totals = totals(&summary.frames);
+    manifest.scene_figures = scene_figures(groom, &simulation);
     summary.manifest = Some(writer.finish(manifest)?);
     Ok(summary)
 }
@@ -117,6 +118,13 @@ fn settings(anim: &Anim) -> Value {
         "scheme": anim.settings.scheme,
         "gravity_m_s2": [anim.gravity.x, anim.gravity.y, anim.gravity.z],
     })
+}
+
+/// What the scene is like: points of guides that contact leaves alone, one for each body that they are in, and what whoever made
+/// the groom found.
+fn scene_figures(groom: &Groom, simulation: &Simulation) -> Map<String, Value> {
+    let exempt: usize = simulation.guides.iter().map(|g| g.clearance.counts().0).sum();
+    object(json!({ "exempt_guide_points": exempt, "groom_notes": groom.notes }))
 }
 
 /// Figures over all frames: the worst of each, and the sums of what should be rare.

@@ -26,7 +26,7 @@ pub struct Manifest {
     pub frames: Vec<FrameRecord>,
     /// Figures over all frames, such as the deepest penetration.
     pub totals: Map<String, Value>,
-    /// Figures of the scene before the first frame, such as how well the wisps represent the strands.
+    /// Figures of the scene as such, such as how well the wisps represent the strands.
     pub scene_figures: Map<String, Value>,
 }
 

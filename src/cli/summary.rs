@@ -198,6 +198,13 @@ fn settings(summary: &BakeSummary) -> Vec<(String, String)> {
             manifest.inputs.iter().map(|i| (i.role.clone(), format!("{} ({})", i.file, &i.sha256[..12]))),
         );
         rows.push(("hairbake".into(), manifest.hairbake.clone()));
+        if let Some(exempt) = manifest.scene_figures.get("exempt_guide_points") {
+            rows.push(("guide points exempt from contact".into(), exempt.to_string()));
+        }
+        let notes = manifest.scene_figures.get("groom_notes").and_then(|notes| notes.as_array());
+        rows.extend(
+            notes.into_iter().flatten().filter_map(|n| n.as_str()).map(|n| ("groom".into(), n.to_string())),
+        );
     }
     rows
 }

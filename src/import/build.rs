@@ -156,6 +156,7 @@ pub(crate) fn build(
     let width = options.width.unwrap_or_else(|| covering_width(drawn));
     let groom = Groom {
         name: name.into(),
+        notes: Vec::new(),
         convention,
         materials: vec![options.material.clone()],
         groups: vec![Group { name: "hair".into(), material: 0, width }],

@@ -9,6 +9,7 @@ use crate::scene::{Curves, Groom, Tree, TriMesh};
 use crate::{Error, Result};
 use nalgebra::Vector3;
 use std::fmt;
+use std::path::PathBuf;
 
 /// Up to this many strands, all become guides unless a number is asked for.
 pub const ALL_GUIDES: usize = 1000;
@@ -88,10 +89,12 @@ pub fn groom(options: &GroomOptions) -> Result<(Groom, GroomReport)> {
     };
     let guides = choose_guides(&input, options.guide_count, options.build.sections, sources[0].length[1]);
     let strands = separate.as_ref().or_else(|| (input.len() > guides.len()).then_some(&input));
-    let (groom, fit) =
+    let (mut groom, fit) =
         build(&options.name, sources[0].convention, &guides, strands, scalp.as_ref(), &options.build);
     let warnings = warnings(&sources, &roots);
-    Ok((groom, GroomReport { sources, roots, fit, warnings }))
+    let report = GroomReport { sources, roots, fit, warnings };
+    groom.notes = report.notes();
+    Ok((groom, report))
 }
 
 /// The guides: all strands, or the medoids of as many clusters as guides are wanted.
@@ -140,6 +143,18 @@ fn warnings(sources: &[SourceReport], roots: &[RootReport]) -> Vec<String> {
         .filter(|s| s.kept * 10 < s.read * 9)
         .map(|s| format!("{}: {} of {} strands left out", s.path.display(), s.read - s.kept, s.read));
     off.chain(lost).collect()
+}
+
+impl GroomReport {
+    /// The report for the groom itself, which must not depend on the folder that its strands lay in.
+    fn notes(&self) -> Vec<String> {
+        let mut report = self.clone();
+        for source in &mut report.sources {
+            source.path = source.path.file_name().map_or_else(PathBuf::new, PathBuf::from);
+        }
+        report.warnings = warnings(&report.sources, &report.roots);
+        report.to_string().lines().map(|line| line.trim().to_string()).collect()
+    }
 }
 
 impl fmt::Display for GroomReport {

@@ -204,7 +204,7 @@ fn settings(settings: &[(String, String)]) -> String {
         .map(|(k, v)| format!("<tr><th>{}</th><td>{}</td></tr>", escape(k), escape(v)))
         .collect();
     format!(
-        "<section class=\"card settings\"><h2>Settings</h2><table><tbody>{rows}</tbody></table></section>\n"
+        "<section class=\"card settings\"><h2>Scene and settings</h2><table><tbody>{rows}</tbody></table></section>\n"
     )
 }
 

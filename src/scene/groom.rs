@@ -14,6 +14,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 pub struct Groom {
     /// Name, for reports.
     pub name: String,
+    /// What whoever made it found, for reports: a line each.
+    pub notes: Vec<String>,
     /// Unit and up axis of the file; the cache is written in them.
     pub convention: Convention,
     /// Strand materials; at least one.

@@ -20,6 +20,9 @@ pub struct GroomFile {
     /// Name, for reports; default: the name of the file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
+    /// What whoever made the groom found, a line each; a bake's manifest and report repeat it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
     /// Metres in one unit of the lengths in this file that name no unit: 0.01 for centimetres; default 1.
     #[serde(default = "one")]
     #[schemars(range(min = 1e-6, max = 1e4))]

@@ -65,6 +65,7 @@ pub fn groom(file: GroomFile, stem: &str, doc: &mut Document) -> Option<Groom> {
     };
     Some(Groom {
         name: file.name.unwrap_or_else(|| stem.into()),
+        notes: file.notes,
         convention,
         materials,
         groups,

@@ -28,6 +28,7 @@ impl Groom {
             format: GroomFormat::Groom,
             version: 1,
             name: Some(self.name.clone()),
+            notes: self.notes.clone(),
             metres_per_unit: self.convention.metres_per_unit,
             up_axis: self.convention.up,
             buffers: Vec::new(),

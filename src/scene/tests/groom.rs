@@ -68,6 +68,7 @@ fn full(convention: Convention, curves: usize) -> Groom {
     let rest = (2..curves as u32).collect();
     Groom {
         name: "full".into(),
+        notes: vec!["one strand left out".into(), "λ".into()],
         convention,
         materials: vec![
             Material { natural: Some(Vector3::new(1.0, -2.0, 3.0)), sag_free: 0.5, ..Material::default() },
