@@ -83,6 +83,27 @@ pub struct StepRecord {
     pub penetration: f64,
     /// Solves whose motion was cut short at a surface.
     pub shortened: u32,
+    /// Contact with other guides.
+    pub strands: StrandRecord,
+}
+
+/// What one step of a guide did in contact with other guides.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct StrandRecord {
+    /// Places where it is near a guide further down the order, or met one.
+    pub found: u32,
+    /// Those of them that push.
+    pub active: u32,
+    /// Rounds of solving and looking.
+    pub rounds: u32,
+    /// Relative residual of the reactions that it was solved with.
+    pub residual: f64,
+    /// 1 where its motion together with the others came to no good, and it went where it would have gone alone.
+    pub alone: u32,
+    /// 1 where it did not move on the head, for any motion would have crossed another guide.
+    pub held: u32,
+    /// Places where the motion of a segment crosses that of a guide further down the order.
+    pub crossings: u32,
 }
 
 /// What surrounds the guides: motion and air.
@@ -128,7 +149,15 @@ pub struct Workspace {
     past: Vec<f64>,
     motions: Vec<Motion>,
     clearance: Vec<f64>,
-    touch: TouchWork,
+    pub(super) touch: TouchWork,
+}
+
+/// What changes while a guide's contacts are resolved.
+pub(super) struct Moving<'a> {
+    pub q: &'a mut Vec<f64>,
+    pub solver: &'a mut Solver,
+    pub memory: &'a mut crate::contact::Workspace,
+    pub touching: &'a mut TouchWork,
 }
 
 impl Guide {
@@ -259,13 +288,29 @@ impl Guide {
         &mut self,
         around: &Surroundings,
         root: &Pose,
-        [t0, t1]: [f64; 2],
+        t: [f64; 2],
         last: bool,
         work: &mut Workspace,
     ) -> bool {
         if around.bodies.is_empty() {
             return true;
         }
+        self.meet(around, t, work);
+        let start = std::mem::take(&mut self.q[0]);
+        let clear = self.with_touch(around.bodies, root, work, |touch, moving| {
+            let Moving { q, solver, memory, touching } = moving;
+            let clear = touch.resolve(q, solver, memory, touching);
+            if !clear && last {
+                touch.shorten(&start, q, solver, memory, touching);
+            }
+            clear
+        });
+        self.q[0] = start;
+        clear
+    }
+
+    /// Notes how the bodies move from time `t[0]` to `t[1]`, s, and what the guide keeps from them.
+    fn meet(&self, around: &Surroundings, [t0, t1]: [f64; 2], work: &mut Workspace) {
         work.motions.clear();
         work.motions.extend((0..around.bodies.len()).map(|b| Motion {
             times: [t0, t1],
@@ -273,9 +318,19 @@ impl Guide {
             end: (around.body)(b, t1),
         }));
         self.clearance.at((around.brought_out)(t1), &mut work.clearance);
+    }
+
+    /// Passes the contact problem with the bodies to `f`.
+    pub(super) fn with_touch<T>(
+        &mut self,
+        bodies: &Bodies,
+        root: &Pose,
+        work: &mut Workspace,
+        f: impl FnOnce(&Touch, Moving) -> T,
+    ) -> T {
         let touch = Touch {
             rod: &self.rod,
-            bodies: around.bodies,
+            bodies,
             motions: &work.motions,
             clearance: &work.clearance,
             x0: &self.x,
@@ -283,13 +338,62 @@ impl Guide {
             root,
             load: &work.load,
         };
-        let (q, solver, memory, touching) =
-            (&mut work.q, &mut work.solver, &mut self.memory, &mut work.touch);
-        let clear = touch.resolve(q, solver, memory, touching);
-        if !clear && last {
-            touch.shorten(&self.q[0], q, solver, memory, touching);
+        let moving = Moving {
+            q: &mut work.q,
+            solver: &mut work.solver,
+            memory: &mut self.memory,
+            touching: &mut work.touch,
+        };
+        f(&touch, moving)
+    }
+
+    /// Goes back to the start of the sub-step from `t[0]` to `t[1]`, s, that was just taken in one piece, and opens it again as one
+    /// step of backward Euler; the solver then holds the end that it had. Returns the root's pose there.
+    pub(super) fn reopen(&mut self, around: &Surroundings, t: [f64; 2], work: &mut Workspace) -> Pose {
+        let before = &mut self.before;
+        std::mem::swap(&mut self.q[0], &mut before.q);
+        std::mem::swap(&mut self.x, &mut before.x);
+        std::mem::swap(&mut self.v, &mut before.v);
+        std::mem::swap(&mut self.tangent, &mut before.tangent);
+        self.past.swap(0, 1);
+        let root = self.prepare(around, t, &Formula::new(Scheme::BackwardEuler, t[1] - t[0], 0.0), work);
+        work.q.clone_from(&self.before.q);
+        work.solver.shape.update(&self.rod, &root.r, &work.q);
+        work.touch.clear();
+        self.meet(around, t, work);
+        root
+    }
+
+    /// Ends a sub-step of `h`, s, that was opened again.
+    pub(super) fn close(&mut self, root: &Pose, h: f64, work: &Workspace) {
+        self.commit(root, h, &Formula::new(Scheme::BackwardEuler, h, 0.0), work);
+        self.last = 0.0;
+    }
+
+    /// Ends the sub-step from `t[0]` to `t[1]`, s, as it began: at rest on the head.
+    pub(super) fn hold(&mut self, around: &Surroundings, [t0, t1]: [f64; 2]) {
+        let mut shape = Shape::default();
+        self.q[0] = self.q[1].clone();
+        for t in [t0, t1] {
+            let root = around.root(&self.rod.root, t);
+            shape.update(&self.rod, &root.r, &self.q[0]);
+            for k in 0..self.x.len() {
+                let x = shape.x(k) + root.p;
+                self.v[k] = (x - self.x[k]) / (t1 - t0);
+                self.x[k] = x;
+                self.tangent[k] = shape.tangent(k);
+            }
         }
-        clear
+        self.rest();
+    }
+
+    /// Forgets what led here.
+    fn rest(&mut self) {
+        for (_, rate) in &mut self.past {
+            rate.fill(0.0);
+        }
+        self.before = self.state();
+        self.last = 0.0;
     }
 
     /// The difference formula of the next step, of `h`, s.
@@ -342,11 +446,7 @@ impl Guide {
             self.v[k] = turn * self.v[k] * 0.5;
             self.tangent[k] = turn * self.tangent[k];
         }
-        for (_, rate) in &mut self.past {
-            rate.fill(0.0);
-        }
-        self.before = self.state();
-        self.last = 0.0;
+        self.rest();
     }
 
     fn commit(&mut self, root: &Pose, h: f64, formula: &Formula, work: &Workspace) {

@@ -8,6 +8,7 @@ pub mod output;
 pub mod record;
 mod scheme;
 pub mod simulation;
+mod tangle;
 mod touch;
 
 use crate::cache::{self, InputRecord, Manifest};
@@ -116,6 +117,7 @@ fn settings(anim: &Anim) -> Value {
         "preroll_s": anim.settings.preroll,
         "nodes": anim.settings.nodes,
         "scheme": anim.settings.scheme,
+        "contact": anim.settings.contact,
         "gravity_m_s2": [anim.gravity.x, anim.gravity.y, anim.gravity.z],
     })
 }
@@ -138,6 +140,9 @@ fn totals(frames: &[FrameRecord]) -> Map<String, Value> {
         "contact_residual": worst(|f| f.contact_residual),
         "unconverged": sum(|f| f.unconverged.len() as u32),
         "shortened": sum(|f| f.shortened),
+        "strand_residual": worst(|f| f.strand_residual),
+        "crossings": sum(|f| f.crossings),
+        "strands_shortened": sum(|f| f.strands_shortened),
         "halvings": sum(|f| f.halvings),
     });
     object(totals)

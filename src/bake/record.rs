@@ -31,6 +31,18 @@ pub struct FrameRecord {
     pub penetration_m: f64,
     /// Solves whose motion was cut short at a surface.
     pub shortened: u32,
+    /// Places where two guides are near each other or met, found in the last sub-step of the frame.
+    pub strand_contacts_found: u32,
+    /// Those of them that push.
+    pub strand_contacts_active: u32,
+    /// Rounds of contact between guides, most of any sub-step.
+    pub strand_rounds: u32,
+    /// Relative residual of the reactions between guides, largest.
+    pub strand_residual: f64,
+    /// Segments of guides that passed through each other.
+    pub crossings: u32,
+    /// Motions of guides cut short for another guide's sake: taken as if it were not there, or not at all.
+    pub strands_shortened: u32,
     /// Speed of the guides' points relative to the head, mean, m/s.
     pub speed_mean_m_s: f64,
     /// The same, 95th percentile.
@@ -45,6 +57,7 @@ impl FrameRecord {
     /// Adds the records of one sub-step, one per guide; `ids` are the guides' ids.
     pub fn add(&mut self, records: &[StepRecord], ids: &[i32]) {
         (self.contacts_found, self.contacts_active) = (0, 0);
+        (self.strand_contacts_found, self.strand_contacts_active) = (0, 0);
         for (r, id) in records.iter().zip(ids) {
             self.solves += 1;
             // A running mean.
@@ -57,6 +70,12 @@ impl FrameRecord {
             self.contact_residual = self.contact_residual.max(r.residual);
             self.penetration_m = self.penetration_m.max(r.penetration);
             self.shortened += r.shortened;
+            self.strand_contacts_found += r.strands.found;
+            self.strand_contacts_active += r.strands.active;
+            self.strand_rounds = self.strand_rounds.max(r.strands.rounds);
+            self.strand_residual = self.strand_residual.max(r.strands.residual);
+            self.crossings += r.strands.crossings;
+            self.strands_shortened += r.strands.alone + r.strands.held;
             if r.unconverged > 0 && !self.unconverged.contains(id) {
                 self.unconverged.push(*id);
             }

@@ -3,12 +3,17 @@
 use super::air::{self, Bulk};
 use super::company::Companies;
 use super::guide::{Guide, StepRecord, Surroundings};
+use super::tangle::{Tangle, Thickness};
 use crate::contact::Bodies;
 use crate::rod::{Cut, Rod, Sensitivity, Shape};
+use crate::scene::anim::Contact;
 use crate::scene::{Anim, Groom};
 use crate::wisp::{self, GuideRod};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+
+/// Share of the section of a pressed bundle of hair that is hair: between loose (0.4) and hexagonal (0.9).
+const PACKING: f64 = 0.6;
 
 /// The guides of a groom in motion.
 pub struct Simulation<'a> {
@@ -22,6 +27,8 @@ pub struct Simulation<'a> {
     /// The guides' rods as finely cut as they are written; none where they are simulated so.
     fine: Vec<Rod>,
     companies: Companies,
+    /// The guides as they touch each other, if they do.
+    tangle: Option<Tangle>,
     /// Sub-steps taken since the start of the pre-roll.
     taken: i64,
     /// Sub-steps of the pre-roll.
@@ -33,21 +40,38 @@ impl<'a> Simulation<'a> {
     pub fn new(groom: &Groom, anim: &'a Anim) -> Self {
         let step = 1.0 / (anim.fps * f64::from(anim.settings.substeps));
         let preroll = (anim.settings.preroll / step).ceil() as i64;
-        let alone = anim.colliders.is_empty();
+        let alone = anim.colliders.is_empty() && anim.settings.contact == Contact::Bodies;
         let rods = wisp::rods(groom, if alone { Cut::COARSE } else { Cut::FINE });
         let fine = if alone { wisp::rods(groom, Cut::FINE) } else { Vec::new() };
         let fine = fine.into_iter().map(|r| r.rod).collect();
         let bulk = Bulk::new(rods.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
         let leaves = rods.iter().map(|r| (r.leaf.0 as u32, r.leaf.1 as u32)).collect();
         let bodies = Bodies::new(&anim.colliders);
-        let (guides, companies) = (Vec::new(), Companies::default());
-        let mut simulation = Simulation { anim, bodies, guides, leaves, fine, companies, taken: 0, preroll };
+        let tangle = (anim.settings.contact == Contact::Full).then(|| {
+            let arc: Vec<Vec<f64>> = rods.iter().map(|r| r.rod.arc_lengths()).collect();
+            Tangle::new(&arc, rods.iter().map(|r| thickness(groom, r)).collect())
+        });
+        let mut simulation = Simulation {
+            anim,
+            bodies,
+            guides: Vec::new(),
+            leaves,
+            fine,
+            companies: Companies::default(),
+            tangle: None,
+            taken: 0,
+            preroll,
+        };
         let t = simulation.time();
         simulation.bodies.prepare([t, t]);
         simulation.guides = simulation.around(|around| {
             rods.into_par_iter().map(|mut r| start(groom, anim, &bulk, &mut r, around, t, step)).collect()
         });
         simulation.companies = Companies::muster(&simulation.guides);
+        simulation.tangle = tangle.map(|mut tangle| {
+            simulation.around(|around| tangle.start(&simulation.guides, around, t));
+            tangle
+        });
         simulation
     }
 
@@ -83,7 +107,11 @@ impl<'a> Simulation<'a> {
             let mut guides = std::mem::take(&mut self.guides);
             records.fill(StepRecord::default());
             self.around(|around| self.companies.advance(&mut guides, around, [t0, t1], &mut records));
-            self.guides = guides;
+            let mut tangle = self.tangle.take();
+            if let Some(tangle) = &mut tangle {
+                self.around(|around| tangle.resolve(&mut guides, around, [t0, t1], &mut records));
+            }
+            (self.guides, self.tangle) = (guides, tangle);
             self.taken += 1;
             each(&records);
         }
@@ -105,6 +133,13 @@ impl<'a> Simulation<'a> {
             wind: &anim.wind,
         })
     }
+}
+
+/// How thick a guide is to others: as one hair, and as all its hairs pressed together.
+fn thickness(groom: &Groom, r: &GuideRod) -> Thickness {
+    let area = groom.materials[r.material].section.area();
+    let radius = |area: f64| (area / std::f64::consts::PI).sqrt();
+    Thickness { hair: radius(area), bundle: radius(area * r.hairs / PACKING) }
 }
 
 /// One guide at rest on the head: pre-bent against gravity as its material asks, and shielded from the air.

@@ -19,7 +19,7 @@ const REACH: f64 = 1e-3;
 const MAX_ROUNDS: u32 = 8;
 
 /// Violation of a clearance that is as good as none, m: a tenth of the diameter of a hair, a fiftieth of the usual clearance.
-const GAP_TOLERANCE: f64 = 1e-5;
+pub(super) const GAP_TOLERANCE: f64 = 1e-5;
 
 /// Motion of a point between rounds that is as good as none, m.
 const MOVE_TOLERANCE: f64 = 5e-6;
@@ -38,14 +38,14 @@ const USED_UP: f64 = 0.75;
 const OUTWARD: f64 = 0.3;
 
 /// Most that one round may move a point, m: beyond it the linearisation is worth nothing.
-const MAX_MOVE: f64 = 0.01;
+pub(super) const MAX_MOVE: f64 = 0.01;
 
 /// Motion at which a step that violates nothing is taken though it has not settled, m.
 const ACCEPTABLE_MOVE: f64 = 1e-4;
 
 /// Violation at which a step that crosses nothing is taken after all rounds, m: a strand pinched between two surfaces cannot
 /// keep its distance from both.
-const ACCEPTABLE_GAP: f64 = 1e-3;
+pub(super) const ACCEPTABLE_GAP: f64 = 1e-3;
 
 /// Contacts of one strand in one problem; beyond it the deepest are kept and the others wait for the next round.
 const MAX_CONTACTS: usize = 64;
@@ -73,20 +73,22 @@ pub(super) struct Touch<'a> {
 #[derive(Debug, Default)]
 pub(super) struct TouchWork {
     x1: Vec<Vector3<f64>>,
-    contacts: Vec<Contact>,
+    pub(super) contacts: Vec<Contact>,
     impacts: Vec<Contact>,
     /// L⁻¹Jᵀ, a row for each contact and direction.
-    rows: Vec<f64>,
+    pub(super) rows: Vec<f64>,
     delassus: Vec<f64>,
-    free: Vec<f64>,
-    mu: Vec<f64>,
+    pub(super) free: Vec<f64>,
+    pub(super) mu: Vec<f64>,
     reaction: Vec<f64>,
     scratch: friction::Scratch,
     /// Places of the last reactions, for a warm start: (body, segment), as `reaction`.
     places: Vec<(usize, usize)>,
-    last: Vec<f64>,
+    pub(super) last: Vec<f64>,
     /// Impacts met in any round of this step.
     sticky: Vec<Contact>,
+    /// Whether contacts stay as they were found, and only impacts join them.
+    pub(super) frozen: bool,
     pub(super) noted: Noted,
 }
 
@@ -97,6 +99,7 @@ impl TouchWork {
         self.places.clear();
         self.last.clear();
         self.sticky.clear();
+        self.frozen = false;
         self.noted = Noted::default();
     }
 
@@ -133,6 +136,23 @@ impl Noted {
     }
 }
 
+/// The frame of a contact: its normal and two tangents.
+pub(super) fn across(normal: &Vector3<f64>) -> [Vector3<f64>; 3] {
+    let frame = any_frame(normal);
+    [*normal, frame.column(0).into(), frame.column(1).into()]
+}
+
+/// The rows L⁻¹Jᵀ of the place `u` (0..=1) on segment `k` along the directions of `frame`, one after another.
+pub(super) fn rows_at(solver: &Solver, k: usize, u: f64, frame: &[Vector3<f64>; 3], rows: &mut [f64]) {
+    let n = rows.len() / 3;
+    for (d, row) in frame.iter().zip(rows.chunks_exact_mut(n)) {
+        row.fill(0.0);
+        solver.sensitivity.add_row(k, &solver.shape.x(k), d, 1.0 - u, row);
+        solver.sensitivity.add_row(k + 1, &solver.shape.x(k + 1), d, u, row);
+        solve_lower(&solver.factor, n, row);
+    }
+}
+
 impl Touch<'_> {
     /// Brings `q`, whose shape the solver holds, out of all bodies. `false` where the motion still crosses a surface.
     pub fn resolve(
@@ -157,7 +177,8 @@ impl Touch<'_> {
             if !solver.linearise(self.rod, self.load, q) {
                 return false;
             }
-            self.assemble(solver, work);
+            self.rows(solver, work);
+            self.assemble(work);
             self.react(solver, work);
             moved = solver.advance(self.rod, &self.root.r, q, MAX_MOVE);
         }
@@ -168,13 +189,22 @@ impl Touch<'_> {
     ///
     /// Continuous detection stops a motion before it touches. One that ends in front of the surface that stopped it has grazed
     /// it; one that ends behind has crossed it. What began behind a surface crosses nothing by getting no deeper.
-    fn find(&self, solver: &Solver, memory: &mut crate::contact::Workspace, work: &mut TouchWork) -> bool {
+    pub fn find(
+        &self,
+        solver: &Solver,
+        memory: &mut crate::contact::Workspace,
+        work: &mut TouchWork,
+    ) -> bool {
         work.x1.clear();
         work.x1.extend((0..self.rod.points()).map(|k| solver.shape.x(k) + self.root.p));
         let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
-        work.contacts.clear();
         work.impacts.clear();
-        self.bodies.candidates(self.motions, &line, REACH, memory, &mut work.contacts);
+        if work.frozen {
+            work.contacts.iter_mut().for_each(|c| c.gap = line.gap(c));
+        } else {
+            work.contacts.clear();
+            self.bodies.candidates(self.motions, &line, REACH, memory, &mut work.contacts);
+        }
         self.bodies.impacts(self.motions, &line, memory, &mut work.impacts);
         let in_front = |c: &Contact| {
             let distance = line.gap(c) + line.kept_at(c);
@@ -233,30 +263,30 @@ impl Touch<'_> {
         normal.dot(&(line.x0[k] * (1.0 - u) + line.x0[k + 1] * u - contact.point[0]))
     }
 
-    /// The Delassus matrix and the free displacements, in the frame (normal, tangents) of each contact.
-    fn assemble(&self, solver: &Solver, work: &mut TouchWork) {
-        let (n, c) = (self.rod.unknowns(), work.contacts.len());
+    /// L⁻¹Jᵀ and the free displacements, in the frame (normal, tangents) of each contact.
+    pub fn rows(&self, solver: &Solver, work: &mut TouchWork) {
+        let n = self.rod.unknowns();
         work.rows.clear();
-        work.rows.resize(3 * c * n, 0.0);
+        work.rows.resize(3 * work.contacts.len() * n, 0.0);
         work.free.clear();
         work.mu.clear();
-        for (i, contact) in work.contacts.iter().enumerate() {
+        for (contact, rows) in work.contacts.iter().zip(work.rows.chunks_exact_mut(3 * n)) {
             let (k, u) = (contact.segment, contact.u);
             let at = |x: &[Vector3<f64>]| x[k] * (1.0 - u) + x[k + 1] * u;
             let slip = at(&work.x1) - at(self.x0) - (contact.point[1] - contact.point[0]);
-            let across = any_frame(&contact.normal);
-            for (j, d) in
-                [contact.normal, across.column(0).into(), across.column(1).into()].iter().enumerate()
-            {
-                let row = &mut work.rows[(3 * i + j) * n..(3 * i + j + 1) * n];
-                solver.sensitivity.add_row(k, &solver.shape.x(k), d, 1.0 - u, row);
-                solver.sensitivity.add_row(k + 1, &solver.shape.x(k + 1), d, u, row);
-                solve_lower(&solver.factor, n, row);
+            let frame = across(&contact.normal);
+            rows_at(solver, k, u, &frame, rows);
+            for (j, (d, row)) in frame.iter().zip(rows.chunks_exact(n)).enumerate() {
                 let now = if j == 0 { contact.gap } else { slip.dot(d) };
                 work.free.push(now + dot(row, &solver.direction));
             }
             work.mu.push(contact.friction.unwrap_or(self.friction));
         }
+    }
+
+    /// The Delassus matrix.
+    fn assemble(&self, work: &mut TouchWork) {
+        let (n, c) = (self.rod.unknowns(), work.contacts.len());
         work.delassus.clear();
         work.delassus.resize(9 * c * c, 0.0);
         for a in 0..3 * c {
@@ -294,7 +324,7 @@ impl Touch<'_> {
     }
 
     /// Notes what the step ended with.
-    fn note(&self, work: &mut TouchWork) {
+    pub fn note(&self, work: &mut TouchWork) {
         work.noted.found = work.contacts.len() as u32;
         work.noted.active = work.last.chunks_exact(3).filter(|r| r[0] > 0.0).count() as u32;
         work.noted.penetration = 0.0;

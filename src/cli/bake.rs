@@ -37,6 +37,9 @@ pub struct BakeArguments {
     /// [default: the anim's, bdf2]
     #[arg(long, value_name = "NAME", value_parser = values::scheme, help_heading = "Settings (over those of the anim)")]
     scheme: Option<scene::anim::Scheme>,
+    /// What hair touches, full or bodies: full is bodies and other hair, and costs more [default: the anim's, bodies]
+    #[arg(long, value_name = "NAME", value_parser = values::contact, help_heading = "Settings (over those of the anim)")]
+    contact: Option<scene::anim::Contact>,
 }
 
 fn preroll(text: &str) -> std::result::Result<f64, String> {
@@ -70,6 +73,7 @@ impl BakeArguments {
         settings.preroll = self.preroll.unwrap_or(settings.preroll);
         settings.nodes = self.nodes.unwrap_or(settings.nodes);
         settings.scheme = self.scheme.unwrap_or(settings.scheme);
+        settings.contact = self.contact.unwrap_or(settings.contact);
         Ok(Job {
             groom_file: self.groom,
             anim_file: self.anim,

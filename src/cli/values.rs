@@ -2,7 +2,7 @@
 
 use crate::import::Source;
 use crate::scene::UpAxis;
-use crate::scene::anim::Scheme;
+use crate::scene::anim::{Contact, Scheme};
 use nalgebra::Vector3;
 use std::path::PathBuf;
 
@@ -37,6 +37,15 @@ pub fn scheme(text: &str) -> Result<Scheme, String> {
         "backward-euler" => Ok(Scheme::BackwardEuler),
         "bdf2" => Ok(Scheme::Bdf2),
         _ => Err("backward-euler or bdf2".into()),
+    }
+}
+
+/// What hair touches.
+pub fn contact(text: &str) -> Result<Contact, String> {
+    match text {
+        "full" => Ok(Contact::Full),
+        "bodies" => Ok(Contact::Bodies),
+        _ => Err("full or bodies".into()),
     }
 }
 

@@ -113,18 +113,32 @@ impl Strands<'_> {
         found
     }
 
-    /// The closest points of a pair at the end of the step. `None` where they are at the start of a segment that continues another:
-    /// the segment before speaks for that vertex; and where the segments meet, so that there is no direction.
-    pub fn meeting(&self, pair: Pair) -> Option<Meeting> {
-        let (p, q) = (Self::ends(self.x1, pair.0), Self::ends(self.x1, pair.1));
+    /// The closest points of a pair at the start of the step, with the distance there is then, m. `None` where they are at a
+    /// vertex and the segment beyond it is nearer, or speaks for it; and where the segments meet, so that there is no direction.
+    pub fn facing(&self, pair: Pair) -> Option<(Meeting, f64)> {
+        let (p, q) = (Self::ends(self.x0, pair.0), Self::ends(self.x0, pair.1));
         let (u, v) = segment_segment([&p[0], &p[1]], [&q[0], &q[1]]);
-        let continues = |k: u32| k > 0 && self.strand[k as usize - 1] == self.strand[k as usize];
-        if (u == 0.0 && continues(pair.0)) || (v == 0.0 && continues(pair.1)) {
+        let offset = p[0].lerp(&p[1], u) - q[0].lerp(&q[1], v);
+        let before = offset.norm();
+        if before <= TOUCHING {
             return None;
         }
-        let offset = p[0].lerp(&p[1], u) - q[0].lerp(&q[1], v);
-        let distance = offset.norm();
-        (distance > TOUCHING).then(|| Meeting { pair, u: [u, v], normal: offset / distance, distance })
+        let normal = offset / before;
+        if self.left_to_next(pair.0, u, &normal) || self.left_to_next(pair.1, v, &-normal) {
+            return None;
+        }
+        let meeting = Meeting { pair, u: [u, v], normal, distance: 0.0 };
+        Some((Meeting { distance: self.distance(&meeting), ..meeting }, before))
+    }
+
+    /// Whether a closest point at `u` on segment `k`, seen in direction `normal` from the other strand, is another segment's: vertices are
+    /// their upper segment's, unless the lower goes nearer still.
+    fn left_to_next(&self, k: u32, u: f64, normal: &Vector3<f64>) -> bool {
+        let k = k as usize;
+        if u == 0.0 {
+            return k > 0 && self.strand[k - 1] == self.strand[k];
+        }
+        u == 1.0 && self.is_segment(k + 1) && normal.dot(&(self.x0[k + 2] - self.x0[k + 1])) < 0.0
     }
 
     /// Distance of a pair at the start of the step, m.
@@ -139,17 +153,42 @@ impl Strands<'_> {
         meeting.normal.dot(&self.offset(self.x1, meeting))
     }
 
+    /// How far the place on the first strand moves past that on the second, m.
+    pub fn slip(&self, meeting: &Meeting) -> Vector3<f64> {
+        self.offset(self.x1, meeting) - self.offset(self.x0, meeting)
+    }
+
+    /// Sine of the angle between the segments of a pair at the start of the step, 0..=1.
+    pub fn crossing_sine(&self, pair: Pair) -> f64 {
+        let [a, b] = [pair.0, pair.1].map(|k| {
+            let [a, b] = Self::ends(self.x0, k);
+            (b - a).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
+        });
+        a.cross(&b).norm().min(1.0)
+    }
+
     fn offset(&self, x: &[Vector3<f64>], meeting: &Meeting) -> Vector3<f64> {
         let (p, q) = (Self::ends(x, meeting.pair.0), Self::ends(x, meeting.pair.1));
         p[0].lerp(&p[1], meeting.u[0]) - q[0].lerp(&q[1], meeting.u[1])
     }
 
     /// The first time at which a pair that must keep `clearance`, m, comes too close, if it does: a fifth of the clearance, or of
-    /// the distance at the start where that is less, so that what is apart stays apart however often it is stopped.
+    /// the distance at the start where that is less, so that what is apart stays apart however often it is
+    /// stopped. The time is a fraction of the sub-step.
+    pub fn impact(&self, pair: Pair, clearance: f64) -> Option<(Meeting, f64)> {
+        self.advance(pair, clearance, SEPARATION)
+    }
+
+    /// Whether a pair may pass through each other: whether [`Strands::impact`] still finds one when it lets them come ten times as near.
+    pub fn crosses(&self, pair: Pair, clearance: f64) -> bool {
+        self.advance(pair, clearance, 0.1 * SEPARATION).is_some()
+    }
+
+    /// First time at which the distance of a pair falls below `share` of the clearance, or of the distance at the start.
     ///
     /// Conservative advancement along the direction between the closest points, as for bodies (`ccd`): each of the ends of
     /// one segment against each of the other.
-    pub fn impact(&self, pair: Pair, clearance: f64) -> Option<Meeting> {
+    fn advance(&self, pair: Pair, clearance: f64, share: f64) -> Option<(Meeting, f64)> {
         let start = [Self::ends(self.x0, pair.0), Self::ends(self.x0, pair.1)];
         let end = [Self::ends(self.x1, pair.0), Self::ends(self.x1, pair.1)];
         let velocity = [0, 1].map(|s| [0, 1].map(|i| end[s][i] - start[s][i]));
@@ -164,7 +203,7 @@ impl Strands<'_> {
         if scale <= TOUCHING {
             return None;
         }
-        let (separation, stop) = (SEPARATION * scale, (SEPARATION + TOLERANCE) * scale);
+        let (separation, stop) = (share * scale, (share + share / SEPARATION * TOLERANCE) * scale);
         let mut place = start;
         let mut t = 0.0;
         for _ in 0..STEPS {
@@ -188,7 +227,7 @@ impl Strands<'_> {
                 break;
             }
         }
-        Some(Meeting { distance: self.distance(&near), ..near })
+        Some((Meeting { distance: self.distance(&near), ..near }, t))
     }
 }
 
@@ -266,7 +305,7 @@ mod tests {
                 let scale = clearance.min(before);
                 match strands.impact(pair, clearance) {
                     None => assert!(least > 0.99 * SEPARATION * scale, "{pair:?} passed at {least}"),
-                    Some(hit) => {
+                    Some((hit, _)) => {
                         hits += 1;
                         // The samples miss the instant by a four-hundredth of the motion.
                         assert!(least < (SEPARATION + TOLERANCE) * scale + 4e-4, "{pair:?} stays at {least}");
@@ -288,7 +327,7 @@ mod tests {
             x1[2].y = -1.0;
             x1[3].y = -1.0;
             let strands = Strands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1] };
-            let hit = strands.impact((0, 2), 1e-4).expect("stopped");
+            let (hit, _) = strands.impact((0, 2), 1e-4).expect("stopped");
             assert!(hit.normal.y < -0.99 && hit.distance < -0.9, "{hit:?}");
         }
     }

@@ -130,6 +130,37 @@ impl Solver {
             t *= (0.9 * most / moved).min(0.9);
         }
     }
+
+    /// Moves `q` along H⁻¹ times the forces under dead loads besides `load`, whose work on a shape is `work`, J, up to a constant.
+    /// [`Solver::direction`] holds L⁻¹ times all forces, the dead loads' included. No point moves by more than about `most`, m, and the
+    /// step is cut until the potential decreases as Newton's method asks. Updates the shape and returns the largest displacement, m.
+    pub fn advance_under(
+        &mut self,
+        rod: &Rod,
+        root: &Matrix3<f64>,
+        load: &Load,
+        q: &mut [f64],
+        work: impl Fn(&Shape) -> f64,
+        most: f64,
+    ) -> f64 {
+        let slope = -self.direction.iter().map(|d| d * d).sum::<f64>();
+        cholesky::solve_upper(&self.factor, q.len(), &mut self.direction);
+        let phi = energy(&rod.beam, load, &self.shape, q, &mut self.scratch) - work(&self.shape);
+        let rounding = load.inertia * rod.beam.length * rod.beam.length * 1e-18 + phi.abs() * 1e-13;
+        let mut t = self.longest(&rod.beam);
+        loop {
+            let sound = self.attempt(&rod.beam, M3::from(*root), q, t) == 1;
+            let moved = self.shape.distance(&self.trial);
+            let trial =
+                energy(&rod.beam, load, &self.trial, &self.trial_q, &mut self.scratch) - work(&self.trial);
+            if sound && moved <= most && trial <= phi + t * slope * 1e-4 + rounding || t < 1e-6 {
+                q.copy_from_slice(&self.trial_q);
+                std::mem::swap(&mut self.shape, &mut self.trial);
+                return moved;
+            }
+            t *= (0.9 * most / moved).min(0.5);
+        }
+    }
 }
 
 impl<F: Real> Solver<F> {

@@ -136,6 +136,19 @@ pub struct Settings {
     pub nodes: u32,
     /// Time scheme of the solver.
     pub scheme: Scheme,
+    /// What hair touches.
+    pub contact: Contact,
+}
+
+/// What hair touches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Contact {
+    /// Bodies and other hair: strands rest on each other, slide with friction, and do not pass through each other.
+    Full,
+    /// Bodies only: quicker, and right where strands hang side by side.
+    #[default]
+    Bodies,
 }
 
 /// How the solver steps in time. Both are stable at any step and cost nearly the same.
@@ -152,7 +165,13 @@ pub enum Scheme {
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings { substeps: 8, preroll: 1.0, nodes: 8, scheme: Scheme::default() }
+        Settings {
+            substeps: 8,
+            preroll: 1.0,
+            nodes: 8,
+            scheme: Scheme::default(),
+            contact: Contact::default(),
+        }
     }
 }
 

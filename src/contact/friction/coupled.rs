@@ -85,7 +85,7 @@ pub fn solve_coupled(
     for i in 0..problem.mu.len() {
         problem.push(w, i, &at(r, i));
     }
-    sweep(&mut Network { problem, r, w }, tolerance, &mut scratch.0)
+    sweep(&mut Network { problem, r, w }, tolerance, scratch)
 }
 
 struct Network<'a> {

@@ -23,6 +23,9 @@ use local::Local;
 pub use local::solve_local;
 use nalgebra::{Matrix3, Vector3};
 
+/// Sweeps between two looks at the contacts that are open.
+const LOOK: usize = 10;
+
 /// One frictional contact problem of c contacts.
 #[derive(Debug, Clone, Copy)]
 pub struct Problem<'a> {
@@ -90,8 +93,9 @@ impl Problem<'_> {
         })
     }
 
-    /// Residual of De Saxcé's natural map, relative: √Σ|r − P_K(r − ρ ũ)|² over max(√Σ|r|², √Σ|ρ b|²), with ρ = 3/tr W_ii
-    /// the contact's own scale of impulse over velocity. Zero exactly at solutions.
+    /// Residual of De Saxcé's natural map, relative: √Σ|r/ρ − P_K(r/ρ − ũ)|² over max(√Σ|r/ρ|², √Σ|b|²), with ρ = 3/tr W_ii
+    /// the contact's own scale of impulse over velocity. So it weighs velocities, those of stiff contacts no more than those of soft ones.
+    /// Zero exactly at solutions.
     pub fn residual(&self, r: &[f64]) -> f64 {
         let mut residual = Residual::default();
         for i in 0..self.len() {
@@ -122,9 +126,10 @@ impl Residual {
         }
         let rho = 3.0 / trace;
         let changed = Vector3::new(u.x + mu * u.yz().norm(), u.y, u.z);
-        self.error += (r - project_on_cone(r - changed * rho, mu)).norm_squared();
+        let r = r / rho;
+        self.error += (r - project_on_cone(r - changed, mu)).norm_squared();
         self.impulse += r.norm_squared();
-        self.free += (b * rho).norm_squared();
+        self.free += b.norm_squared();
     }
 
     fn relative(&self) -> f64 {
@@ -146,33 +151,39 @@ trait System {
     fn set(&mut self, i: usize, impulse: Vector3<f64>);
 }
 
-/// Sweeps until the residual is small. During sweeps it is gathered contact by contact as they are met; the one that counts is
-/// that of the result.
-fn sweep(system: &mut impl System, tolerance: Tolerance, locals: &mut Vec<Local>) -> Outcome {
+/// Sweeps until the residual is small. Contacts that are open and do not push are left out of sweeps, and looked at again every
+/// [`LOOK`], but not at first. During sweeps the residual is gathered contact by contact as they are met; the one that counts is that of the result.
+fn sweep(system: &mut impl System, tolerance: Tolerance, scratch: &mut Scratch) -> Outcome {
+    let Scratch { locals, live } = scratch;
     locals.clear();
     locals.extend((0..system.contacts()).map(|i| Local::new(&system.block(i))));
-    let mut pass = |change: bool| {
-        let mut residual = Residual::default();
-        for (i, local) in locals.iter().enumerate() {
-            let (u, old, mu) = (system.velocity(i), system.impulse(i), system.friction(i));
-            residual.add(local.w.trace(), u, &old, &system.free(i), mu);
-            // A contact that is open and does not push stays so.
-            if change && (u.x < 0.0 || old != Vector3::zeros()) {
-                system.set(i, local.solve(&(u - local.w * old), mu));
-            }
-        }
-        residual.relative()
-    };
     let mut sweeps = 0;
     loop {
-        let residual = pass(false);
+        let mut residual = Residual::default();
+        live.clear();
+        for (i, local) in locals.iter().enumerate() {
+            let (u, r) = (system.velocity(i), system.impulse(i));
+            residual.add(local.w.trace(), u, &r, &system.free(i), system.friction(i));
+            if sweeps == 0 || u.x < 0.0 || r != Vector3::zeros() {
+                live.push(i as u32);
+            }
+        }
+        let residual = residual.relative();
         if residual <= tolerance.residual || sweeps >= tolerance.sweeps {
             return Outcome { sweeps, residual };
         }
-        loop {
-            let residual = pass(true);
+        for _ in 0..LOOK.min(tolerance.sweeps - sweeps) {
+            let mut residual = Residual::default();
+            for &i in &*live {
+                let (i, local) = (i as usize, &locals[i as usize]);
+                let (u, old, mu) = (system.velocity(i), system.impulse(i), system.friction(i));
+                residual.add(local.w.trace(), u, &old, &system.free(i), mu);
+                if u.x < 0.0 || old != Vector3::zeros() {
+                    system.set(i, local.solve(&(u - local.w * old), mu));
+                }
+            }
             sweeps += 1;
-            if residual <= tolerance.residual || sweeps >= tolerance.sweeps {
+            if residual.relative() <= tolerance.residual {
                 break;
             }
         }
@@ -195,11 +206,15 @@ fn project_on_cone(v: Vector3<f64>, mu: f64) -> Vector3<f64> {
 
 /// Contacts prepared for a solve, kept to spare allocations.
 #[derive(Debug, Default)]
-pub struct Scratch(Vec<Local>);
+pub struct Scratch {
+    locals: Vec<Local>,
+    /// Contacts that push or are too near.
+    live: Vec<u32>,
+}
 
 /// Solves `problem` for the impulses `r` (3c), starting from what they hold (zero, or the last step's).
 pub fn solve(problem: &Problem, tolerance: Tolerance, r: &mut [f64], scratch: &mut Scratch) -> Outcome {
-    sweep(&mut Dense { problem, r }, tolerance, &mut scratch.0)
+    sweep(&mut Dense { problem, r }, tolerance, scratch)
 }
 
 struct Dense<'a> {

@@ -2,7 +2,7 @@
 //! from here; the doc comments are the schema's descriptions.
 
 use crate::error::Result;
-use crate::scene::anim::{Scheme, Settings};
+use crate::scene::anim::{Contact, Scheme, Settings};
 use crate::scene::convention::UpAxis;
 use crate::scene::document;
 use crate::scene::document::array::{Array, BufferFile};
@@ -281,6 +281,8 @@ pub struct SettingsFile {
     pub nodes: u32,
     /// Time scheme of the solver.
     pub scheme: Scheme,
+    /// What hair touches.
+    pub contact: Contact,
 }
 
 impl AnimFile {
@@ -331,8 +333,8 @@ impl Default for TrackFile {
 
 impl Default for SettingsFile {
     fn default() -> Self {
-        let Settings { substeps, preroll, nodes, scheme } = Settings::default();
-        SettingsFile { substeps, preroll_s: preroll, nodes, scheme }
+        let Settings { substeps, preroll, nodes, scheme, contact } = Settings::default();
+        SettingsFile { substeps, preroll_s: preroll, nodes, scheme, contact }
     }
 }
 

@@ -69,6 +69,7 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
             preroll: file.settings.preroll_s,
             nodes: file.settings.nodes,
             scheme: file.settings.scheme,
+            contact: file.settings.contact,
         },
     })
 }

@@ -1,0 +1,142 @@
+//! Guides that hang together over places, and the reactions between them.
+
+use super::member::Member;
+use super::places::Places;
+use crate::bake::guide::Guide;
+use crate::bake::touch::across;
+use crate::contact::Tolerance;
+use crate::contact::friction::{Coupled, Outcome, Scratch, Side, solve_coupled};
+use crate::math::cholesky::dot;
+use nalgebra::UnitQuaternion;
+
+/// When the reactions are good enough.
+const TOLERANCE: Tolerance = Tolerance { residual: 1e-5, sweeps: 200 };
+
+/// Guides that are solved together: no place is between one of them and one of another island.
+#[derive(Debug, Default)]
+pub(super) struct Island {
+    /// The guides, ascending.
+    pub members: Vec<usize>,
+    /// The places that they have a part in, ascending.
+    pub places: Vec<usize>,
+}
+
+/// Reactions of an island.
+pub(super) struct Reactions {
+    /// L⁻¹Jᵀr of its members, one after another.
+    pub pushes: Vec<f64>,
+    /// Of the contacts of its members with bodies, then of its places, in the frames of the contacts, N.
+    pub forces: Vec<f64>,
+    pub outcome: Outcome,
+}
+
+impl Island {
+    /// The sets that hold one of `wanted`, in ascending order of their first guides, and the island of each of `count` guides.
+    pub fn of(
+        mut sets: Sets,
+        count: usize,
+        wanted: impl Iterator<Item = usize>,
+    ) -> (Vec<Island>, Vec<Option<usize>>) {
+        let mut chosen = vec![false; count];
+        wanted.for_each(|g| chosen[sets.first_of(g)] = true);
+        let mut islands: Vec<Island> = Vec::new();
+        let mut of = vec![None; count];
+        for g in 0..count {
+            let first = sets.first_of(g);
+            if !chosen[first] {
+                continue;
+            }
+            if first == g {
+                of[g] = Some(islands.len());
+                islands.push(Island::default());
+            } else {
+                of[g] = of[first];
+            }
+            if let Some(island) = of[g] {
+                islands[island].members.push(g);
+            }
+        }
+        (islands, of)
+    }
+
+    /// Solves for the reactions of all contacts, by the systems of the members as they are.
+    pub fn react(
+        &self,
+        guides: &[Guide],
+        members: &[Member],
+        places: &Places,
+        to_world: &UnitQuaternion<f64>,
+    ) -> Reactions {
+        let (mut sides, mut rows, mut b, mut mu) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut forces = Vec::new();
+        let mut unknowns = 0;
+        let mut sides_of_places = vec![[None; 2]; self.places.len()];
+        for &g in &self.members {
+            let m = &members[g];
+            let (n, touch, at) = (guides[g].rod.unknowns(), &m.work.touch, rows.len());
+            let part = |j: usize| Side { unknowns: (unknowns, n), rows: at + 3 * n * j };
+            let bodies = touch.contacts.len();
+            for (j, &(i, side)) in m.parts.iter().enumerate() {
+                if let Ok(place) = self.places.binary_search(&i) {
+                    sides_of_places[place][side] = Some(part(bodies + j));
+                }
+            }
+            sides.extend((0..bodies).map(|j| [Some(part(j)), None]));
+            b.extend_from_slice(&touch.free);
+            mu.extend_from_slice(&touch.mu);
+            forces.extend_from_slice(&touch.last);
+            forces.resize(3 * sides.len(), 0.0);
+            rows.extend_from_slice(&touch.rows);
+            rows.extend_from_slice(&m.rows);
+            unknowns += n;
+        }
+        for (&i, sides_here) in self.places.iter().zip(&sides_of_places) {
+            let place = &places.found[i];
+            let guides_here = places.guides(&place.meeting);
+            let frame = across(&(to_world * place.meeting.normal));
+            let slip = to_world * places.slip(place);
+            let mut free = [place.gap(), slip.dot(&frame[1]), slip.dot(&frame[2])];
+            for (side, g) in sides_here.iter().zip(guides_here).filter_map(|(side, g)| Some(((*side)?, g))) {
+                let n = side.unknowns.1;
+                for (d, free) in free.iter_mut().enumerate() {
+                    *free += dot(&rows[side.rows + d * n..][..n], &members[g].work.solver.direction);
+                }
+            }
+            b.extend(free);
+            sides.push(*sides_here);
+            mu.push(0.5 * (guides[guides_here[0]].friction + guides[guides_here[1]].friction));
+            let force = to_world * place.reaction;
+            forces.extend([force.dot(&frame[0]).max(0.0), force.dot(&frame[1]), force.dot(&frame[2])]);
+        }
+        let mut pushes = vec![0.0; unknowns];
+        let problem = Coupled { sides: &sides, rows: &rows, b: &b, mu: &mu };
+        let outcome = solve_coupled(&problem, TOLERANCE, &mut forces, &mut pushes, &mut Scratch::default());
+        Reactions { pushes, forces, outcome }
+    }
+}
+
+/// Disjoint sets of the first numbers, each named by its least (union-find).
+pub(super) struct Sets(Vec<u32>);
+
+impl Sets {
+    /// `count` sets of one.
+    pub fn new(count: usize) -> Self {
+        Sets((0..count as u32).collect())
+    }
+
+    /// The least of the set that holds `i`.
+    pub fn first_of(&mut self, i: usize) -> usize {
+        let mut i = i as u32;
+        while self.0[i as usize] != i {
+            self.0[i as usize] = self.0[self.0[i as usize] as usize];
+            i = self.0[i as usize];
+        }
+        i as usize
+    }
+
+    /// Makes the sets of `a` and `b` one.
+    pub fn join(&mut self, a: usize, b: usize) {
+        let (a, b) = (self.first_of(a), self.first_of(b));
+        self.0[a.max(b)] = a.min(b) as u32;
+    }
+}

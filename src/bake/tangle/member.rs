@@ -1,0 +1,173 @@
+//! A guide that is solved together with others.
+
+use super::places::Places;
+use crate::bake::guide::{Guide, Surroundings, Workspace};
+use crate::bake::touch::{ACCEPTABLE_GAP, MAX_MOVE, across, rows_at};
+use crate::contact::Bodies;
+use crate::math::se3::Pose;
+use crate::rod::Shape;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+/// Motion of a point in a round after which it has settled, m: the next round would move it by about the square of this over the
+/// radius of a bend, some micrometres.
+const SETTLED: f64 = 3e-4;
+
+/// Motion of a point between rounds that is as good as none, m: who is not well then will not be.
+const MOVE_TOLERANCE: f64 = 5e-6;
+
+/// How a guide ends a sub-step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Resort {
+    /// Where the reactions take it.
+    Together,
+    /// Where it goes if nothing but bodies is there.
+    Alone,
+    /// Where the head carries it.
+    Still,
+}
+
+/// A guide as a part of a sub-step that is solved for many together.
+#[derive(Debug)]
+pub(super) struct Member {
+    /// Whether it takes part.
+    pub open: bool,
+    /// Whether it needs another round.
+    pub stirred: bool,
+    /// Whether its motion crosses no body.
+    pub clear: bool,
+    /// How it ends.
+    pub resort: Resort,
+    /// Rounds that it took part in, and the residual of the last.
+    pub rounds: u32,
+    pub residual: f64,
+    /// Motion of its points in the last round, at most, m.
+    pub moved: f64,
+    /// Unknowns at the end of its own step.
+    alone: Vec<f64>,
+    /// Root at the end of the step, world.
+    pub root: Pose,
+    /// Its system and its contacts with bodies.
+    pub work: Workspace,
+    /// Its part in the places: (place, which of the two sides), ascending.
+    pub parts: Vec<(usize, usize)>,
+    /// L⁻¹Jᵀ of `parts`: three rows each.
+    pub rows: Vec<f64>,
+    /// What pushes it: segment, place on it, force, N, world.
+    forces: Vec<(usize, f64, Vector3<f64>)>,
+}
+
+impl Member {
+    pub fn new() -> Self {
+        Member {
+            open: false,
+            stirred: false,
+            clear: true,
+            resort: Resort::Together,
+            rounds: 0,
+            residual: 0.0,
+            moved: 0.0,
+            alone: Vec::new(),
+            root: Pose { r: Matrix3::identity(), p: Vector3::zeros() },
+            work: Workspace::default(),
+            parts: Vec::new(),
+            rows: Vec::new(),
+            forces: Vec::new(),
+        }
+    }
+
+    /// Takes part in the sub-step from `t[0]` to `t[1]`, s, that the guide has just taken alone.
+    pub fn open(&mut self, guide: &mut Guide, around: &Surroundings, t: [f64; 2]) {
+        self.root = guide.reopen(around, t, &mut self.work);
+        self.alone.clone_from(&self.work.q);
+        self.open = true;
+        self.stirred = true;
+        (self.rounds, self.residual, self.moved) = (0, 0.0, f64::INFINITY);
+        self.resort = Resort::Together;
+        self.meet_bodies(guide, around.bodies);
+    }
+
+    /// Finds the contacts with bodies at the end as it is now; returns the least gap, m.
+    fn meet_bodies(&mut self, guide: &mut Guide, bodies: &Bodies) -> f64 {
+        self.clear = guide.with_touch(bodies, &self.root, &mut self.work, |touch, moving| {
+            touch.find(moving.solver, moving.memory, moving.touching)
+        });
+        self.work.touch.frozen = true;
+        self.work.touch.contacts.iter().map(|c| c.gap).fold(0.0, f64::min)
+    }
+
+    /// The system at the end as it is now, with the rows of all contacts; normals are turned by `to_world`. One that cannot be
+    /// factored, for it holds numbers that are not finite, goes alone.
+    pub fn linearise(
+        &mut self,
+        guide: &mut Guide,
+        bodies: &Bodies,
+        places: &Places,
+        to_world: &UnitQuaternion<f64>,
+    ) {
+        if !self.work.solver.linearise(&guide.rod, &self.work.load, &self.work.q) {
+            self.go_alone(guide);
+        }
+        guide.with_touch(bodies, &self.root, &mut self.work, |touch, moving| {
+            touch.rows(moving.solver, moving.touching);
+        });
+        let n = guide.rod.unknowns();
+        self.rows.clear();
+        self.rows.resize(3 * n * self.parts.len(), 0.0);
+        for (&(i, side), rows) in self.parts.iter().zip(self.rows.chunks_exact_mut(3 * n)) {
+            let meeting = &places.found[i].meeting;
+            let frame = across(&(to_world * meeting.normal)).map(|d| if side == 0 { d } else { -d });
+            rows_at(&self.work.solver, places.segment(meeting, side), meeting.u[side], &frame, rows);
+        }
+    }
+
+    /// Moves as the reactions ask, of which the solver's direction holds L⁻¹ times all forces, and looks at the bodies.
+    pub fn advance(
+        &mut self,
+        guide: &mut Guide,
+        bodies: &Bodies,
+        places: &Places,
+        to_world: &UnitQuaternion<f64>,
+    ) {
+        if self.resort != Resort::Together {
+            self.stirred = false;
+            return;
+        }
+        self.gather_forces(places, to_world);
+        let Workspace { solver, load, q, .. } = &mut self.work;
+        let forces = &self.forces;
+        let work = |shape: &Shape| {
+            let at = |k: usize, u: f64| shape.x(k) * (1.0 - u) + shape.x(k + 1) * u;
+            forces.iter().map(|(k, u, f)| f.dot(&at(*k, *u))).sum::<f64>()
+        };
+        self.moved = solver.advance_under(&guide.rod, &self.root.r, load, q, work, MAX_MOVE);
+        let worst = self.meet_bodies(guide, bodies);
+        self.stirred = self.moved > SETTLED;
+        self.stir(!self.clear || worst < -ACCEPTABLE_GAP);
+    }
+
+    /// Asks for another round if something is not well, unless the last one was of no use.
+    pub fn stir(&mut self, unwell: bool) {
+        self.stirred |= unwell && self.moved > MOVE_TOLERANCE;
+    }
+
+    fn gather_forces(&mut self, places: &Places, to_world: &UnitQuaternion<f64>) {
+        let touch = &self.work.touch;
+        self.forces.clear();
+        for (contact, r) in touch.contacts.iter().zip(touch.last.chunks_exact(3)) {
+            let [n, t1, t2] = across(&contact.normal);
+            self.forces.push((contact.segment, contact.u, n * r[0] + t1 * r[1] + t2 * r[2]));
+        }
+        for &(i, side) in &self.parts {
+            let place = &places.found[i];
+            let force = to_world * place.reaction * if side == 0 { 1.0 } else { -1.0 };
+            self.forces.push((places.segment(&place.meeting, side), place.meeting.u[side], force));
+        }
+    }
+
+    /// Ends the sub-step as if no other guide were there.
+    pub fn go_alone(&mut self, guide: &Guide) {
+        self.work.q.clone_from(&self.alone);
+        self.work.solver.shape.update(&guide.rod, &self.root.r, &self.work.q);
+        self.resort = Resort::Alone;
+    }
+}

@@ -1,0 +1,289 @@
+//! Guides against guides within one sub-step: find, solve all that hang together for reactions, move, look again.
+//!
+//! `docs/theory.md` §5.2. Every guide has first moved as if it were alone with the bodies. Guides that would then come too close, or
+//! that others pushed in the sub-step before, are solved together with all that are near them, their contacts with bodies included.
+
+mod island;
+mod member;
+mod places;
+#[cfg(test)]
+mod tests;
+
+use super::guide::{Guide, StepRecord, Surroundings};
+use super::touch::GAP_TOLERANCE;
+use crate::contact::Bodies;
+use island::{Island, Reactions, Sets};
+use member::{Member, Resort};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use places::Places;
+pub(super) use places::Thickness;
+use rayon::prelude::*;
+
+/// Times that reactions are solved for, guides moved and contacts looked for in one sub-step.
+const MAX_ROUNDS: u32 = 8;
+
+/// The guides of a simulation as they touch each other.
+#[derive(Debug)]
+pub(super) struct Tangle {
+    places: Places,
+    members: Vec<Member>,
+    /// Guides that another pushed in the sub-step before. They are solved with the others from the start: alone, they would fall
+    /// through what holds them.
+    pushed: Vec<bool>,
+}
+
+impl Tangle {
+    /// From the arc lengths of the points of each guide, m, and the guides' thicknesses.
+    pub fn new(arc: &[Vec<f64>], thickness: Vec<Thickness>) -> Self {
+        Tangle {
+            members: arc.iter().map(|_| Member::new()).collect(),
+            pushed: vec![false; arc.len()],
+            places: Places::new(arc, thickness),
+        }
+    }
+
+    /// Takes over where the guides are at time `t`, s.
+    pub fn start(&mut self, guides: &[Guide], around: &Surroundings, t: f64) {
+        let head = (around.head)(t).inverse();
+        self.places.x[0] = guides.iter().flat_map(|g| &g.x).map(|x| carry(&head, x)).collect();
+    }
+
+    /// Keeps apart what would come too close in the sub-step from `t[0]` to `t[1]`, s, which every guide has just taken alone.
+    pub fn resolve(
+        &mut self,
+        guides: &mut [Guide],
+        around: &Surroundings,
+        t: [f64; 2],
+        records: &mut [StepRecord],
+    ) {
+        let head = (around.head)(t[1]).inverse();
+        let to_world = head.rotation.inverse();
+        self.places.x[1].clear();
+        self.places.x[1].extend(guides.iter().flat_map(|g| &g.x).map(|x| carry(&head, x)));
+        self.places.begin();
+        let mut strayed = 0.0;
+        for _ in 0..MAX_ROUNDS {
+            let mut islands = self.open(guides, around, t, records);
+            islands.retain(|island| island.members.iter().any(|&g| self.members[g].stirred));
+            if islands.is_empty() {
+                break;
+            }
+            self.solve(guides, around.bodies, &islands, &to_world);
+            strayed += self.advance(guides, around.bodies, &islands, &head);
+            if strayed > places::MARGIN {
+                strayed = 0.0;
+                self.places.find_pairs();
+            }
+            self.look();
+        }
+        self.give_way(guides, around, t, &head);
+        self.note(guides, around.bodies, records);
+        self.close(guides, around, t);
+    }
+
+    /// Opens the guides that hang together, over places, with one that is too close to another or was pushed; returns these islands. What
+    /// was taken in parts, for a body's sake or for want of convergence, stays where it is.
+    fn open(
+        &mut self,
+        guides: &mut [Guide],
+        around: &Surroundings,
+        t: [f64; 2],
+        records: &[StepRecord],
+    ) -> Vec<Island> {
+        let whole = |g: usize| records[g].halvings == 0 && records[g].unconverged == 0;
+        let mut sets = Sets::new(guides.len());
+        let mut wanted = self.pushed.clone();
+        for place in &self.places.found {
+            let [a, b] = self.places.guides(&place.meeting);
+            if whole(a) && whole(b) {
+                sets.join(a, b);
+            }
+            if place.gap() < -GAP_TOLERANCE {
+                wanted[a] = true;
+                wanted[b] = true;
+            }
+        }
+        let wanted = (0..guides.len()).filter(|&g| whole(g) && (wanted[g] || self.members[g].open));
+        let (mut islands, island_of) = Island::of(sets, guides.len(), wanted);
+        self.members.iter_mut().for_each(|m| m.parts.clear());
+        for (i, place) in self.places.found.iter().enumerate() {
+            for (side, g) in self.places.guides(&place.meeting).into_iter().enumerate() {
+                let Some(island) = island_of[g] else { continue };
+                if islands[island].places.last() != Some(&i) {
+                    islands[island].places.push(i);
+                }
+                self.members[g].parts.push((i, side));
+            }
+        }
+        let opened = self.members.par_iter_mut().zip(guides).zip(&island_of);
+        opened
+            .filter(|((m, _), island)| island.is_some() && !m.open)
+            .for_each(|((m, guide), _)| m.open(guide, around, t));
+        islands
+    }
+
+    /// Linearises the members of the islands, solves for the reactions of all their contacts, and adds what these do to the solvers'
+    /// directions.
+    fn solve(
+        &mut self,
+        guides: &mut [Guide],
+        bodies: &Bodies,
+        islands: &[Island],
+        to_world: &UnitQuaternion<f64>,
+    ) {
+        let Tangle { members, places, .. } = self;
+        active(members, guides, islands).for_each(|(m, guide)| m.linearise(guide, bodies, places, to_world));
+        let reactions: Vec<_> =
+            islands.par_iter().map(|island| island.react(guides, members, places, to_world)).collect();
+        for (island, Reactions { pushes, forces, outcome }) in islands.iter().zip(&reactions) {
+            let (mut pushes, mut forces) = (&pushes[..], &forces[..]);
+            for &g in &island.members {
+                let m = &mut members[g];
+                let direction = &mut m.work.solver.direction;
+                let (push, pushes_left) = pushes.split_at(direction.len());
+                direction.iter_mut().zip(push).for_each(|(d, w)| *d += w);
+                let (last, forces_left) = forces.split_at(3 * m.work.touch.contacts.len());
+                m.work.touch.last.clear();
+                m.work.touch.last.extend_from_slice(last);
+                m.residual = outcome.residual;
+                m.rounds += 1;
+                (pushes, forces) = (pushes_left, forces_left);
+            }
+            for (&i, r) in island.places.iter().zip(forces.chunks_exact(3)) {
+                places.push(i, r, to_world);
+            }
+        }
+    }
+
+    /// Moves the members of the islands along their directions; returns the largest displacement, m.
+    fn advance(
+        &mut self,
+        guides: &mut [Guide],
+        bodies: &Bodies,
+        islands: &[Island],
+        head: &Isometry3<f64>,
+    ) -> f64 {
+        let to_world = head.rotation.inverse();
+        let Tangle { members, places, .. } = self;
+        active(members, guides, islands).for_each(|(m, guide)| m.advance(guide, bodies, places, &to_world));
+        self.gather(head);
+        islands.iter().flat_map(|i| &i.members).map(|&g| self.members[g].moved).fold(0.0, f64::max)
+    }
+
+    /// Takes over the ends of the members.
+    fn gather(&mut self, head: &Isometry3<f64>) {
+        for (g, m) in self.members.iter().enumerate().filter(|(_, m)| m.open && m.resort != Resort::Still) {
+            let shape = &m.work.solver.shape;
+            for (k, x) in self.places.end_of(g).iter_mut().enumerate() {
+                *x = carry(head, &(shape.x(k) + m.root.p));
+            }
+        }
+    }
+
+    /// Looks where the motions lead, and asks for another round of the guides that do not keep apart.
+    fn look(&mut self) {
+        let old = self.places.found.len();
+        self.places.look();
+        for (i, place) in self.places.found.iter().enumerate() {
+            for g in self.places.guides(&place.meeting) {
+                self.members[g].stirred |= i >= old;
+                self.members[g].stir(!place.is_kept());
+            }
+        }
+        for &pair in &self.places.crossing {
+            for g in self.places.guides_of(pair) {
+                self.members[g].stir(true);
+            }
+        }
+    }
+
+    /// The last resorts. A guide that still crosses a body goes where it went alone; guides that cross each other do not move on the head,
+    /// and neither does what then crosses one of them.
+    fn give_way(&mut self, guides: &mut [Guide], around: &Surroundings, t: [f64; 2], head: &Isometry3<f64>) {
+        let lost: Vec<usize> =
+            (0..guides.len()).filter(|&g| self.members[g].open && !self.members[g].clear).collect();
+        for &g in &lost {
+            self.members[g].go_alone(&guides[g]);
+        }
+        if !lost.is_empty() {
+            self.gather(head);
+            self.places.look();
+        }
+        loop {
+            let mut held = false;
+            for g in
+                self.places.crossing.iter().flat_map(|&pair| self.places.guides_of(pair)).collect::<Vec<_>>()
+            {
+                let m = &mut self.members[g];
+                if !m.open {
+                    m.open(&mut guides[g], around, t);
+                }
+                if m.resort != Resort::Still {
+                    m.resort = Resort::Still;
+                    self.places.stop(g);
+                    held = true;
+                }
+            }
+            if !held {
+                break;
+            }
+            self.places.look();
+        }
+    }
+
+    fn note(&mut self, guides: &mut [Guide], bodies: &Bodies, records: &mut [StepRecord]) {
+        for ((guide, m), record) in guides.iter_mut().zip(&mut self.members).zip(&mut *records) {
+            if m.open {
+                guide.with_touch(bodies, &m.root, &mut m.work, |touch, moving| touch.note(moving.touching));
+                m.work.touch.noted.enter(record);
+                record.strands.rounds = m.rounds;
+                record.strands.residual = m.residual;
+                record.strands.alone = u32::from(m.resort == Resort::Alone);
+                record.strands.held = u32::from(m.resort == Resort::Still);
+            }
+        }
+        for place in &self.places.found {
+            let record = &mut records[self.places.guides(&place.meeting)[0]].strands;
+            record.found += 1;
+            record.active += u32::from(place.pushes());
+        }
+        for &pair in &self.places.crossing {
+            records[self.places.guides_of(pair)[0]].strands.crossings += 1;
+        }
+    }
+
+    /// Ends the sub-step.
+    fn close(&mut self, guides: &mut [Guide], around: &Surroundings, t: [f64; 2]) {
+        let open = self.members.par_iter_mut().zip(guides).filter(|(m, _)| m.open);
+        open.for_each(|(m, guide)| {
+            if m.resort == Resort::Still {
+                guide.hold(around, t);
+            } else {
+                guide.close(&m.root, t[1] - t[0], &m.work);
+            }
+            m.open = false;
+        });
+        self.pushed.fill(false);
+        for place in self.places.found.iter().filter(|p| p.pushes()) {
+            for g in self.places.guides(&place.meeting) {
+                self.pushed[g] = true;
+            }
+        }
+        self.places.end();
+    }
+}
+
+/// The members of islands, with their guides.
+fn active<'a>(
+    members: &'a mut [Member],
+    guides: &'a mut [Guide],
+    islands: &[Island],
+) -> impl ParallelIterator<Item = (&'a mut Member, &'a mut Guide)> {
+    let mut chosen = vec![false; guides.len()];
+    islands.iter().flat_map(|island| &island.members).for_each(|&g| chosen[g] = true);
+    members.par_iter_mut().zip(guides).zip(chosen).filter(|(_, chosen)| *chosen).map(|(pair, _)| pair)
+}
+
+fn carry(pose: &Isometry3<f64>, x: &Vector3<f64>) -> Vector3<f64> {
+    pose.rotation * x + pose.translation.vector
+}

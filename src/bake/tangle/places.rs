@@ -1,0 +1,304 @@
+//! Where guides are near each other in one sub-step, and what each pair keeps.
+//!
+//! Everything here is in the frame of the head: what the head carries along is no motion of one guide against another. The law
+//! is that of `docs/theory.md` §5.2: crossing guides keep the thickness of their bundles, parallel ones that of a hair.
+
+use crate::bake::touch::across;
+use crate::contact::pairs::{Meeting, Pair, Strands};
+use nalgebra::{UnitQuaternion, Vector3};
+use rayon::prelude::*;
+
+/// Pairs whose distance exceeds what they keep by less than this at the start of a sub-step are in its problem, m.
+const REACH: f64 = 5e-4;
+
+/// What the rounds of a sub-step may move a point before pairs are looked for anew, m.
+pub(super) const MARGIN: f64 = 1e-3;
+
+/// Arc length from the root up to which guides do not touch each other, m: there they stand as they were drawn, and to push them apart
+/// by a hair's breadth would fling their tips.
+const ROOTED: f64 = 0.01;
+
+/// Least distance that a pair is to have in the end, m, however near to each other it was drawn: rounding shall not make it cross.
+const LEAST: f64 = 1e-4;
+
+/// Share of what is missing to the wanted distance at the start of a sub-step that is gained in it.
+const GAINED: f64 = 0.1;
+
+/// Share of the kept distance that is distance enough at the end of a sub-step.
+const SQUEEZED: f64 = 0.5;
+
+/// A known contact is the same one as long as it has slid by no more segments than this along both guides together.
+const SLID: f64 = 2.0;
+
+/// An impact this near to an earlier one, in points along both guides together, is a consequence of it.
+const BESIDE: f64 = 3.0;
+
+/// How thick a guide is to another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::bake) struct Thickness {
+    /// Radius of one hair, m: what parallel guides keep, for their hairs mix.
+    pub hair: f64,
+    /// Radius of its hairs pressed together, m: what crossing guides keep, for their hairs cannot.
+    pub bundle: f64,
+}
+
+/// A place where two guides are near each other, or meet on their way. It stays as it was found until the sub-step ends, its normal
+/// included: contacts that turned with every round would never come to rest.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    pub meeting: Meeting,
+    /// Distance at the end of the sub-step that is asked for, m.
+    pub keep: f64,
+    /// The most that the pair is asked to keep, m: no more than it has had.
+    limit: f64,
+    /// Force on the first guide, N.
+    pub reaction: Vector3<f64>,
+}
+
+impl Place {
+    /// Distance over what is to be kept, m.
+    pub fn gap(&self) -> f64 {
+        self.meeting.distance - self.keep
+    }
+
+    /// Whether it keeps its distance, near enough.
+    pub fn is_kept(&self) -> bool {
+        self.meeting.distance >= SQUEEZED * self.keep
+    }
+
+    /// Whether its guides push each other.
+    pub fn pushes(&self) -> bool {
+        self.reaction != Vector3::zeros()
+    }
+}
+
+/// What is known of a place from the sub-step before: where it is along the two guides, in points from the first of all.
+#[derive(Debug, Clone, Copy)]
+struct Known {
+    guides: [u32; 2],
+    at: [f64; 2],
+    limit: f64,
+    reaction: Vector3<f64>,
+}
+
+/// An impact on the way to the end of the sub-step.
+struct Hit {
+    guides: [usize; 2],
+    time: f64,
+    meeting: Meeting,
+    /// Whether the segments would pass through each other.
+    crosses: bool,
+}
+
+/// All guides as polylines, and where they are near each other.
+#[derive(Debug)]
+pub(super) struct Places {
+    thickness: Vec<Thickness>,
+    /// Whether each point is so near the root that it hardly moves.
+    rooted: Vec<bool>,
+    /// Guide of each point of all guides, and the first point of each guide.
+    guide: Vec<u32>,
+    first: Vec<u32>,
+    /// Points at the start and at the end of the sub-step, m.
+    pub x: [Vec<Vector3<f64>>; 2],
+    pairs: Vec<Pair>,
+    /// The places of this sub-step, in ascending order of pairs as far as they were found at the same time.
+    pub found: Vec<Place>,
+    /// Pairs that would pass through each other.
+    pub crossing: Vec<Pair>,
+    known: Vec<Known>,
+}
+
+impl Places {
+    /// From the arc lengths of the points of each guide, m, and the guides' thicknesses.
+    pub fn new(arc: &[Vec<f64>], thickness: Vec<Thickness>) -> Self {
+        let points = arc.iter().map(Vec::len);
+        Places {
+            thickness,
+            rooted: arc.iter().flatten().map(|s| *s < ROOTED).collect(),
+            guide: points.clone().enumerate().flat_map(|(g, n)| std::iter::repeat_n(g as u32, n)).collect(),
+            first: points.scan(0, |at, n| Some(std::mem::replace(at, *at + n as u32))).collect(),
+            x: [Vec::new(), Vec::new()],
+            pairs: Vec::new(),
+            found: Vec::new(),
+            crossing: Vec::new(),
+            known: Vec::new(),
+        }
+    }
+
+    /// The two guides of a pair.
+    pub fn guides_of(&self, pair: Pair) -> [usize; 2] {
+        [pair.0, pair.1].map(|k| self.guide[k as usize] as usize)
+    }
+
+    /// The two guides of a meeting.
+    pub fn guides(&self, meeting: &Meeting) -> [usize; 2] {
+        self.guides_of(meeting.pair)
+    }
+
+    /// The segment of a meeting on one side, within its guide.
+    pub fn segment(&self, meeting: &Meeting, side: usize) -> usize {
+        let k = [meeting.pair.0, meeting.pair.1][side];
+        (k - self.first[self.guide[k as usize] as usize]) as usize
+    }
+
+    /// Sets the reaction of a place, `r` in its frame, N.
+    pub fn push(&mut self, i: usize, r: &[f64], to_world: &UnitQuaternion<f64>) {
+        let place = &mut self.found[i];
+        let [n, t1, t2] = across(&(to_world * place.meeting.normal));
+        place.reaction = to_world.inverse_transform_vector(&(n * r[0] + t1 * r[1] + t2 * r[2]));
+    }
+
+    /// The points of guide `g` at the end of the sub-step.
+    pub fn end_of(&mut self, g: usize) -> &mut [Vector3<f64>] {
+        let end = self.first.get(g + 1).map_or(self.x[1].len(), |&k| k as usize);
+        &mut self.x[1][self.first[g] as usize..end]
+    }
+
+    /// Leaves guide `g` where it was at the start.
+    pub fn stop(&mut self, g: usize) {
+        let end = self.first.get(g + 1).map_or(self.guide.len(), |&k| k as usize);
+        let range = self.first[g] as usize..end;
+        let [start, end] = &mut self.x;
+        end[range.clone()].copy_from_slice(&start[range]);
+    }
+
+    fn strands(&self) -> Strands<'_> {
+        Strands { x0: &self.x[0], x1: &self.x[1], strand: &self.guide }
+    }
+
+    /// How far the first guide of a place slides past the second, m.
+    pub fn slip(&self, place: &Place) -> Vector3<f64> {
+        self.strands().slip(&place.meeting)
+    }
+
+    /// Begins a sub-step: the places that are there at its start, or are met on the way to the ends that the guides have now.
+    pub fn begin(&mut self) {
+        self.found.clear();
+        self.find_pairs();
+        let (strands, places) = (self.strands(), &*self);
+        let near = |&pair: &Pair| {
+            let (meeting, before) = strands.facing(pair)?;
+            (before < places.law(pair) + REACH).then(|| places.place(meeting))
+        };
+        self.found = self.pairs.par_iter().filter_map(near).collect();
+        self.look();
+    }
+
+    /// Pairs that may meet within this sub-step, if no point moves by more than [`MARGIN`] beyond the ends as they are now.
+    pub fn find_pairs(&mut self) {
+        let widest = self.thickness.iter().map(|t| t.hair + t.bundle).fold(0.0, f64::max);
+        self.pairs = self.strands().pairs(2.0 * widest + REACH + MARGIN);
+        let rooted = &self.rooted;
+        self.pairs.retain(|&(k, l)| !(rooted[k as usize] && rooted[l as usize]));
+    }
+
+    /// Looks along the motion to the ends as they are now: brings the distances of all places up to date, adds those that are met on the way
+    /// and not yet known, and lists the pairs that cross. Returns how many were added.
+    pub fn look(&mut self) -> usize {
+        let (strands, places) = (self.strands(), &*self);
+        let mut hits: Vec<Hit> = self
+            .pairs
+            .par_iter()
+            .filter_map(|&pair| {
+                let law = places.law(pair);
+                let (meeting, time) = strands.impact(pair, law)?;
+                let guides = places.guides_of(pair);
+                Some(Hit { guides, time, meeting, crosses: strands.crosses(pair, law) })
+            })
+            .collect();
+        self.crossing.clear();
+        self.crossing.extend(hits.iter().filter(|h| h.crosses).map(|h| h.meeting.pair));
+        let strands = Strands { x0: &self.x[0], x1: &self.x[1], strand: &self.guide };
+        for place in &mut self.found {
+            place.meeting.distance = strands.distance(&place.meeting);
+        }
+        hits.sort_by(|a, b| a.guides.cmp(&b.guides).then(a.time.total_cmp(&b.time)));
+        let mut known: Vec<([usize; 2], Meeting)> =
+            self.found.iter().map(|p| (self.guides(&p.meeting), p.meeting)).collect();
+        known.sort_by_key(|(guides, _)| *guides);
+        let old = self.found.len();
+        for hits in hits.chunk_by(|a, b| a.guides == b.guides) {
+            let from = known.partition_point(|(guides, _)| *guides < hits[0].guides);
+            let known = known[from..].iter().take_while(|(guides, _)| *guides == hits[0].guides);
+            let first = self.found.len();
+            for hit in hits {
+                // What follows an impact close by, or a place that has not been kept, would not happen without it.
+                let follows = |m: &Meeting| slid(m, &hit.meeting) <= BESIDE;
+                let in_vain =
+                    known.clone().any(|(_, m)| follows(m) && m.distance < 0.0 || stands_for(m, &hit.meeting));
+                if !in_vain && !self.found[first..].iter().any(|p| follows(&p.meeting)) {
+                    self.found.push(self.place(hit.meeting));
+                }
+            }
+        }
+        self.found.len() - old
+    }
+
+    /// Distance by the angle between two segments, m (S6).
+    fn law(&self, pair: Pair) -> f64 {
+        let [a, b] = self.guides_of(pair).map(|g| self.thickness[g]);
+        a.hair + b.hair + (a.bundle + b.bundle) * self.strands().crossing_sine(pair)
+    }
+
+    fn place(&self, meeting: Meeting) -> Place {
+        let before = self.strands().distance_before(meeting.pair);
+        let known = self.recall(&meeting);
+        let limit = known.map_or(before, |k| k.limit.max(before));
+        let wanted = self.law(meeting.pair).min(limit.max(LEAST));
+        let keep = if before < wanted { before + GAINED * (wanted - before) } else { wanted };
+        Place { meeting, keep, limit, reaction: known.map_or_else(Vector3::zeros, |k| k.reaction) }
+    }
+
+    /// What is known of a place: of the nearest one of the same two guides.
+    fn recall(&self, meeting: &Meeting) -> Option<&Known> {
+        let guides = self.guides(meeting).map(|g| g as u32);
+        let at = along(meeting);
+        let from = self.known.partition_point(|k| k.guides < guides);
+        self.known[from..]
+            .iter()
+            .take_while(|k| k.guides == guides)
+            .map(|k| ((k.at[0] - at[0]).abs() + (k.at[1] - at[1]).abs(), k))
+            .filter(|(slid, _)| *slid <= SLID)
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .map(|(_, k)| k)
+    }
+
+    /// Ends a sub-step: keeps what the next needs to know.
+    pub fn end(&mut self) {
+        let known = self.found.iter().map(|p| Known {
+            guides: self.guides(&p.meeting).map(|g| g as u32),
+            at: along(&p.meeting),
+            limit: p.limit.max(p.meeting.distance),
+            reaction: p.reaction,
+        });
+        self.known = known.collect();
+        self.known.sort_by(|a, b| {
+            let places = || a.at[0].total_cmp(&b.at[0]).then(a.at[1].total_cmp(&b.at[1]));
+            a.guides.cmp(&b.guides).then_with(places)
+        });
+        self.x.swap(0, 1);
+    }
+
+    /// How far a place of the sub-step that has just ended slid, m.
+    #[cfg(test)]
+    pub fn last_slip(&self, place: &Place) -> Vector3<f64> {
+        Strands { x0: &self.x[1], x1: &self.x[0], strand: &self.guide }.slip(&place.meeting)
+    }
+}
+
+/// Where a meeting is along the two guides, in points from the first of all.
+fn along(meeting: &Meeting) -> [f64; 2] {
+    [f64::from(meeting.pair.0) + meeting.u[0], f64::from(meeting.pair.1) + meeting.u[1]]
+}
+
+/// How far apart two meetings are along both guides together, in points.
+fn slid(a: &Meeting, b: &Meeting) -> f64 {
+    let (a, b) = (along(a), along(b));
+    (a[0] - b[0]).abs() + (a[1] - b[1]).abs()
+}
+
+/// Whether holding two segments apart at `a` does so at `b` too.
+fn stands_for(a: &Meeting, b: &Meeting) -> bool {
+    slid(a, b) < 0.3 && a.normal.dot(&b.normal) > 0.98
+}

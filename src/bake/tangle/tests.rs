@@ -1,0 +1,337 @@
+//! Guides that meet: none crosses another, by a check of its own; the law of friction; rest; equal bits.
+
+use super::{Tangle, Thickness};
+use crate::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
+use crate::contact::Bodies;
+use crate::math::random;
+use crate::rod::{Cut, Rod, RodSource};
+use crate::scene::{Shape, Tree};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use rayon::prelude::*;
+
+type V = Vector3<f64>;
+
+const H: f64 = 1.0 / 192.0;
+
+const THICKNESS: Thickness = Thickness { hair: 4e-5, bundle: 3e-4 };
+
+/// A straight strand, `stiff` times as stiff as a hair, and as heavy as one.
+fn strand(from: V, to: V, stiff: f64) -> Rod {
+    Rod::new(&RodSource {
+        points: &[from, to],
+        root_frame: None,
+        arc: &Tree::default_arc(8),
+        stiffness: [7.8e-9, 7.8e-9, 3.6e-9].map(|k| k * stiff),
+        line_density: 6.6e-6,
+        damping: 0.005,
+        natural: None,
+        cut: Cut::FINE,
+    })
+    .unwrap()
+}
+
+/// Strands on a head that moves, under a field of force.
+struct Scene<'a> {
+    rods: Vec<Rod>,
+    friction: f64,
+    head: &'a (dyn Fn(f64) -> Isometry3<f64> + Sync),
+    field: &'a (dyn Fn(f64) -> V + Sync),
+    bodies: Bodies,
+}
+
+/// A scene in motion.
+struct Motion {
+    guides: Vec<Guide>,
+    tangle: Tangle,
+    records: Vec<StepRecord>,
+    /// Points at the start and the end of the last sub-step, in the frame of the head.
+    x: [Vec<Vec<V>>; 2],
+}
+
+const STILL: &(dyn Fn(f64) -> Isometry3<f64> + Sync) = &|_| Isometry3::identity();
+
+impl Scene<'_> {
+    fn new(rods: Vec<Rod>) -> Self {
+        Scene { rods, friction: 0.3, head: STILL, field: &|_| V::y() * -9.81, bodies: Bodies::default() }
+    }
+
+    /// Steps through `seconds`, calling `each` after every sub-step with the time.
+    fn run(&self, seconds: f64, mut each: impl FnMut(f64, &Motion)) -> Motion {
+        let around = Surroundings {
+            head: self.head,
+            gravity: self.field,
+            wind: &[],
+            bodies: &self.bodies,
+            body: &|_, t| (self.head)(t),
+            brought_out: &|_| 1.0,
+        };
+        let guide = |rod: &Rod| {
+            let drag = vec![1e-4; rod.points()];
+            Guide::new(rod.clone(), drag, self.friction, &[5e-4], &around, 0.0, H)
+        };
+        let guides: Vec<Guide> = self.rods.iter().map(guide).collect();
+        let arc: Vec<Vec<f64>> = self.rods.iter().map(Rod::arc_lengths).collect();
+        let mut tangle = Tangle::new(&arc, vec![THICKNESS; guides.len()]);
+        tangle.start(&guides, &around, 0.0);
+        let local = |guides: &[Guide], t: f64| -> Vec<Vec<V>> {
+            let head = (self.head)(t).inverse();
+            let of = |x: &V| head.transform_point(&(*x).into()).coords;
+            guides.iter().map(|g| g.x.iter().map(of).collect()).collect()
+        };
+        let x = local(&guides, 0.0);
+        let mut motion = Motion { guides, tangle, records: Vec::new(), x: [x.clone(), x] };
+        for step in 0..(seconds / H) as u32 {
+            let t = [f64::from(step) * H, f64::from(step + 1) * H];
+            motion.x.swap(0, 1);
+            motion.records = motion
+                .guides
+                .par_iter_mut()
+                .map_init(Workspace::default, |work, g| g.advance(&around, t[0], t[1], work))
+                .collect();
+            motion.tangle.resolve(&mut motion.guides, &around, t, &mut motion.records);
+            motion.x[1] = local(&motion.guides, t[1]);
+            each(t[1], &motion);
+        }
+        motion
+    }
+}
+
+impl Motion {
+    fn active(&self) -> u32 {
+        self.records.iter().map(|r| r.strands.active).sum()
+    }
+
+    fn held(&self) -> u32 {
+        self.records.iter().map(|r| r.strands.held + r.strands.alone).sum()
+    }
+
+    /// Pairs of segments of different strands that pass through each other in the last sub-step, at the roots excepted.
+    fn crossings(&self) -> usize {
+        let arc: Vec<Vec<f64>> = self.guides.iter().map(|g| g.rod.arc_lengths()).collect();
+        let mut count = 0;
+        for a in 0..self.guides.len() {
+            for b in a + 1..self.guides.len() {
+                for i in 0..self.x[0][a].len() - 1 {
+                    for j in 0..self.x[0][b].len() - 1 {
+                        if arc[a][i].max(arc[b][j]) < 0.01 {
+                            continue;
+                        }
+                        let of = |s: usize| {
+                            [self.x[s][a][i], self.x[s][a][i + 1], self.x[s][b][j], self.x[s][b][j + 1]]
+                        };
+                        count += usize::from(cross(of(0), of(1)));
+                    }
+                }
+            }
+        }
+        count
+    }
+
+    fn fastest(&self) -> f64 {
+        self.guides.iter().flat_map(|g| &g.v).map(|v| v.norm()).fold(0.0, f64::max)
+    }
+}
+
+/// Whether segments ab and cd meet while their ends move linearly: they do where the ends lie in a plane and the lines meet within
+/// both. The volume of the ends is a cubic in time; its sign changes are looked for in 64 parts.
+fn cross(start: [V; 4], end: [V; 4]) -> bool {
+    let at = |t: f64| [0, 1, 2, 3].map(|i: usize| start[i].lerp(&end[i], t));
+    let volume = |t: f64| {
+        let [a, b, c, d] = at(t);
+        (b - a).cross(&(d - c)).dot(&(c - a))
+    };
+    // Motions whose boxes do not meet, cheaply.
+    let extent = |i: usize, d: usize| {
+        let x = [start[i][d], start[i + 1][d], end[i][d], end[i + 1][d]];
+        (x.iter().copied().fold(f64::INFINITY, f64::min), x.iter().copied().fold(f64::NEG_INFINITY, f64::max))
+    };
+    if (0..3).any(|d| extent(0, d).0 > extent(2, d).1 || extent(2, d).0 > extent(0, d).1) {
+        return false;
+    }
+    let parts = 64;
+    (0..parts).any(|k| {
+        let (mut lo, mut hi) = (f64::from(k) / f64::from(parts), f64::from(k + 1) / f64::from(parts));
+        if volume(lo).signum() == volume(hi).signum() {
+            return false;
+        }
+        for _ in 0..50 {
+            let middle = 0.5 * (lo + hi);
+            if volume(middle).signum() == volume(lo).signum() { lo = middle } else { hi = middle }
+        }
+        let [a, b, c, d] = at(lo);
+        let n = (b - a).cross(&(d - c));
+        let within = |x: V, other: V| {
+            let s = x.cross(&other).dot(&n) / n.norm_squared();
+            (0.0..=1.0).contains(&s)
+        };
+        within(c - a, d - c) && within(c - a, b - a)
+    })
+}
+
+#[test]
+fn the_check_sees_what_crosses() {
+    let a = [V::new(-1.0, 0.0, 0.0), V::new(1.0, 0.0, 0.0)];
+    let b = |y: f64, x: f64| [V::new(x, y, -1.0), V::new(x, y, 1.0)];
+    let ends = |b: [V; 2]| [a[0], a[1], b[0], b[1]];
+    assert!(cross(ends(b(1.0, 0.3)), ends(b(-1.0, 0.3))));
+    assert!(!cross(ends(b(1.0, 0.3)), ends(b(0.1, 0.3))));
+    assert!(!cross(ends(b(1.0, 1.5)), ends(b(-1.0, 1.5))));
+}
+
+/// A hair that falls across a stiff one, `turn` from its direction, rad, and then is shaken there.
+fn falls_across(turn: f64) -> Vec<Rod> {
+    let across = V::new(turn.cos(), 0.0, turn.sin());
+    let middle = V::new(0.1, 0.006, 0.0);
+    vec![strand(V::zeros(), V::x() * 0.2, 300.0), strand(middle - across * 0.07, middle + across * 0.13, 1.0)]
+}
+
+#[test]
+fn a_strand_comes_to_rest_on_another() {
+    for turn in [std::f64::consts::FRAC_PI_2, 0.6, 0.03] {
+        let mut scene = Scene::new(falls_across(turn));
+        let alone = Scene { field: scene.field, ..Scene::new(scene.rods[1..].to_vec()) }.run(1.0, |_, _| {});
+        let lowest = |m: &Motion, g: usize| m.guides[g].x.iter().map(|x| x.y).fold(0.0, f64::min);
+        scene.friction = 0.5;
+        let (mut touched, mut held) = (0, 0);
+        let end = scene.run(1.5, |t, m| {
+            assert_eq!(m.crossings(), 0, "turned by {turn}, at {t} s");
+            touched += u32::from(m.active() > 0);
+            held += m.held();
+        });
+        assert!(touched > 150, "turned by {turn}: touched in {touched} sub-steps");
+        assert!(held <= 2, "turned by {turn}: {held} gave way");
+        // A nearly parallel one may roll off.
+        assert!(turn < 0.1 || lowest(&end, 1) > lowest(&alone, 0) + 0.01, "turned by {turn}: not held up");
+        assert!(end.fastest() < 2e-3, "turned by {turn}: still moves at {} m/s", end.fastest());
+    }
+}
+
+#[test]
+fn tips_that_swing_at_each_other_do_not_pass() {
+    let field = |t: f64| V::y() * (20.0 * (25.0 * t).sin()) + V::z() * (5.0 * (40.0 * t).cos());
+    let mut scene = Scene::new(vec![
+        strand(V::zeros(), V::new(0.11, 0.0, 0.0), 30.0),
+        strand(V::new(0.2, 0.001, 0.03), V::new(0.09, 0.001, -0.005), 3.0),
+    ]);
+    scene.field = &field;
+    let (mut touched, mut held) = (0, 0);
+    scene.run(2.0, |t, m| {
+        assert_eq!(m.crossings(), 0, "at {t} s");
+        touched += u32::from(m.active() > 0);
+        held += m.held();
+    });
+    assert!(touched > 10, "touched in {touched} sub-steps");
+    assert!(held <= 2, "{held} gave way");
+}
+
+#[test]
+fn mirrored_strands_stay_mirrored() {
+    // Two equal strands thrown together push each other with equal and opposite forces.
+    let mut scene = Scene::new(vec![
+        strand(V::new(0.0, 0.003, 0.0), V::new(0.14, 0.003, 0.14), 1.0),
+        strand(V::new(0.0, -0.003, 0.14), V::new(0.14, -0.003, 0.0), 1.0),
+    ]);
+    // The mirror is a half turn about the axis about which the head swings.
+    let middle = V::z() * 0.07;
+    let mirror = |x: &V| V::new(x.x, -x.y, 0.14 - x.z);
+    let swing = |t: f64| {
+        let turn = UnitQuaternion::from_scaled_axis(V::x() * (0.3 * (25.0 * t).sin()));
+        Isometry3::from_parts((middle - turn * middle).into(), turn)
+    };
+    scene.head = &swing;
+    scene.field = &|_| V::zeros();
+    let mut touched = 0;
+    scene.run(1.0, |t, m| {
+        touched += u32::from(m.active() > 0);
+        let off = m.guides[0].x.iter().zip(&m.guides[1].x).map(|(a, b)| (mirror(a) - b).norm());
+        let off = off.fold(0.0, f64::max);
+        assert!(off < 2e-5, "at {t} s: {off} m");
+    });
+    assert!(touched > 10, "touched in {touched} sub-steps");
+}
+
+#[test]
+fn friction_obeys_coulomb() {
+    let (mut stuck, mut slid) = (0, 0);
+    for friction in [0.1, 0.6] {
+        let mut scene = Scene::new(falls_across(1.2));
+        scene.friction = friction;
+        let sway = |t: f64| V::new(3.0 * (6.0 * t).sin(), -9.81, 0.0);
+        scene.field = &sway;
+        scene.run(2.0, |t, m| {
+            for place in m.tangle.places.found.iter().filter(|p| p.pushes()) {
+                let (r, n) = (place.reaction, place.meeting.normal);
+                let (normal, tangent) = (r.dot(&n), r - n * r.dot(&n));
+                let bound = friction * normal;
+                assert!(normal > 0.0 && tangent.norm() < bound * (1.0 + 1e-6), "at {t} s");
+                let slip = m.tangle.places.last_slip(place);
+                let slip = slip - n * slip.dot(&n);
+                if tangent.norm() < 0.9 * bound {
+                    stuck += 1;
+                    assert!(slip.norm() < 3e-6, "slides by {} m at {t} s below the bound", slip.norm());
+                } else if slip.norm() > 2e-5 {
+                    slid += 1;
+                    assert!(tangent.norm() > bound * (1.0 - 1e-3) && tangent.dot(&slip) < 0.0, "at {t} s");
+                }
+            }
+        });
+    }
+    assert!(stuck > 100 && slid > 20, "{stuck} {slid}");
+}
+
+/// Forty strands on a plate, drawn criss-cross.
+fn brush() -> Vec<Rod> {
+    let mut drawn = 0..;
+    let mut within = |scale: f64| (random::unit(7, drawn.next().unwrap()) - 0.5) * scale;
+    (0..40)
+        .map(|_| {
+            let root = V::new(within(0.05), 0.0, within(0.05));
+            strand(root, root + V::new(within(0.05), 0.11 + within(0.04), within(0.05)), 1.0)
+        })
+        .collect()
+}
+
+fn shaken(t: f64) -> Isometry3<f64> {
+    let s = if t < 0.75 { (25.0 * t).sin() } else { (25.0_f64 * 0.75).sin() };
+    Isometry3::from_parts(
+        V::new(0.04 * s, 0.0, 0.0).into(),
+        UnitQuaternion::from_scaled_axis(V::new(0.2, 0.0, 0.6) * s),
+    )
+}
+
+#[test]
+fn a_shaken_brush_does_not_cross_itself_and_comes_to_rest() {
+    let mut scene = Scene::new(brush());
+    scene.head = &shaken;
+    let ball = Shape::Sphere { centre: V::new(0.02, 0.07, 0.0), radius: 0.015 };
+    scene.bodies = Bodies::from_shapes(&[ball]);
+    let (mut most, mut held) = (0, 0);
+    let end = scene.run(3.0, |t, m| {
+        most = most.max(m.active());
+        held += m.held();
+        assert_eq!(m.crossings(), 0, "at {t} s");
+    });
+    assert!(most > 20, "at most {most} places push");
+    // Of 40 strands in 576 sub-steps.
+    assert!(held < 100, "{held} gave way");
+    // One or the other still slides.
+    assert!(end.active() > 20 && end.fastest() < 0.03, "{} m/s, {} places", end.fastest(), end.active());
+    let speeds: Vec<f64> = end.guides.iter().flat_map(|g| &g.v).map(|v| v.norm()).collect();
+    let mean = speeds.iter().sum::<f64>() / speeds.len() as f64;
+    assert!(mean < 2e-3, "{mean} m/s");
+}
+
+#[test]
+fn threads_change_no_bit() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut scene = Scene::new(brush());
+            scene.head = &shaken;
+            let end = scene.run(0.2, |_, _| {});
+            assert!(end.active() > 0);
+            end.guides.into_iter().map(|g| (g.x, g.v)).collect::<Vec<_>>()
+        })
+    };
+    assert!(run(1) == run(2));
+}
