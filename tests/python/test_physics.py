@@ -3,9 +3,10 @@
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 from physics import air, buckling, cantilever, helix, motion, page, vibration
-from physics.scene import Hairbake
+from physics.scene import Hairbake, Rod, Scene, Strand, straight
 from physics.study import Row, Study
 from physics.studies import STUDIES
 
@@ -43,6 +44,12 @@ def test_study_meets_its_goals(hairbake, name):
     held = [row for row in study.rows if row.goal is not None]
     assert held
     assert not [row for row in held if not row.passed]
+
+
+def test_a_strand_that_can_touch_nothing_is_written_as_finely_as_one_that_may(hairbake):
+    rod = Rod()
+    points = hairbake.bake(Scene([Strand(rod, straight(rod, (1, 0, 0)))])).points[0][-1]
+    assert np.linalg.norm(np.diff(points, axis=0), axis=1).max() < 0.0101
 
 
 def test_a_missed_goal_and_a_nan_are_marked():

@@ -16,3 +16,15 @@ def poles(times: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
     found = found[found.imag > 0]
     found = found[np.argsort(found.imag)]
     return -found.real + 1j * found.imag
+
+
+def strongest(times: np.ndarray, values: np.ndarray, count: int, frequency: float) -> complex:
+    """Of the `count` oscillations of `poles` the one of largest amplitude among those within a tenth of `frequency`; NaN where
+    there is none. The nearest would be the wrong one to ask for: weak oscillations that are but noise lie anywhere.
+    """
+    found = poles(times, values, count)
+    waves = np.exp(np.outer(times - times[0], -found.real + 1j * found.imag))
+    amplitudes = np.linalg.lstsq(np.hstack([waves.real, waves.imag]), values, rcond=None)[0]
+    size = np.hypot(*amplitudes.reshape(2, -1))
+    size[abs(found.imag - frequency) > 0.1 * frequency] = 0.0
+    return complex(found[np.argmax(size)]) if size.any() else complex("nan+nanj")

@@ -6,7 +6,7 @@ import numpy as np
 
 from .reference import modes as eigen
 from .scene import HORIZONTAL, ISOLATED_DRAG, Hairbake, Rod, Scene, Strand
-from .signal import poles
+from .signal import strongest
 from .study import SCHEMES, Plot, Row, Study, relative
 
 ROOTS = (1.87510407, 4.69409113, 7.85475744)
@@ -49,8 +49,7 @@ def ring(hairbake: Hairbake, rod: Rod, mode: int, scheme: str, steps: int, perio
         **FREE,
     )
     bake = hairbake.bake(scene)
-    found = poles(bake.times[1:], bake.points[0][1:, -1, 1], 3)
-    return found[np.argmin(abs(found.imag - frequency(rod, mode)))]
+    return strongest(bake.times[1:], bake.points[0][1:, -1, 1], 3, frequency(rod, mode))
 
 
 def frequencies(hairbake: Hairbake, modes=3, refine=(20, 40, 80, 160, 320, 640)) -> Study:
@@ -110,8 +109,8 @@ def twisted(hairbake: Hairbake, scheme: str, count: int) -> tuple[np.ndarray, np
         nodes=16,
     )
     bake = hairbake.bake(scene)
-    found = poles(bake.times[2:], bake.points[0][2:, -1, 1], 14).imag
-    return theory, np.array([found[np.argmin(abs(found - w))] for w in theory])
+    heights = bake.points[0][2:, -1, 1]
+    return theory, np.array([strongest(bake.times[2:], heights, 14, w).imag for w in theory])
 
 
 def damping(hairbake: Hairbake, modes=3) -> Study:
