@@ -40,7 +40,7 @@ macro_rules! modules {
     };
 }
 
-const MODULES: [(&str, &str); 12] = modules![
+const MODULES: [(&str, &str); 14] = modules![
     "__init__.py",
     "__main__.py",
     "cache.py",
@@ -48,6 +48,8 @@ const MODULES: [(&str, &str); 12] = modules![
     "checks_motion.py",
     "checks_static.py",
     "collider.py",
+    "crossing_check.py",
+    "crossings.py",
     "geometry.py",
     "report.py",
     "run.py",

@@ -43,6 +43,8 @@ class Rod:
     """Factor on the drag of an isolated hair."""
     natural: tuple[float, float, float] | None = None
     """Natural strain (κ1, κ2, τ), 1/m; None: the drawn shape."""
+    friction: float = 0.3
+    """Coulomb friction coefficient."""
 
     def weighing(self, gamma: float) -> "Rod":
         """The same rod with the density that gives Γ = ρSgL³/EI1."""
@@ -65,6 +67,7 @@ class Rod:
             "damping_s": self.damping,
             "drag": self.drag,
             "shielding": 0.0,
+            "friction": self.friction,
         }
         if self.natural is not None:
             entry["natural_curvature_per_m"] = list(self.natural)
@@ -102,6 +105,10 @@ class Scene:
     force: dict | None = None
     """Acceleration over time: {"frames": […], "values": […]}, m/s²."""
     motion: Motion | None = None
+    colliders: Sequence[dict] = ()
+    """What the strands touch, as it stands in anim.json; on the body "floor", which stands still, unless it names another."""
+    bodies: dict[str, Motion] = field(default_factory=dict)
+    """Bodies beside "clamp" and "floor" that carry colliders, by name."""
     settings: dict = field(default_factory=dict)
     """Further settings, as they stand in anim.json."""
 
@@ -153,7 +160,12 @@ class Scene:
             "fps": self.fps,
             # hairbake adds a handle frame at both ends; frame 0, at time 0, is the first handle.
             "frames": [1, max(self.frames - 1, 1)],
-            "bodies": [{"name": "clamp", "track": self._track(origin)}],
+            "bodies": [
+                {"name": "clamp", "track": self._track(self.motion, origin)},
+                {"name": "floor", "track": still(origin)},
+                *({"name": name, "track": self._track(motion, origin)} for name, motion in self.bodies.items()),
+            ],
+            "colliders": [{"body": "floor", **collider} for collider in self.colliders],
             "gravity_m_s2": list(self.gravity),
             "settings": settings,
         }
@@ -163,14 +175,14 @@ class Scene:
             anim["forces"] = [{"acceleration_m_s2": self.force}]
         return anim
 
-    def _track(self, origin: np.ndarray) -> dict:
-        if self.motion is None:
-            return {"translation": [(-origin).tolist()], "rotation_wxyz": [[1.0, 0.0, 0.0, 0.0]]}
+    def _track(self, motion: Motion | None, origin: np.ndarray) -> dict:
+        if motion is None:
+            return still(origin)
         # Often enough for the cubic spline between them to be exact to 1e-9 m in any motion here.
         rate = 1000.0
         start = -self.preroll - 4 / self.fps
         end = (self.frames + 4) / self.fps
-        poses = [self.motion(start + i / rate) for i in range(math.ceil((end - start) * rate) + 1)]
+        poses = [motion(start + i / rate) for i in range(math.ceil((end - start) * rate) + 1)]
         return {
             "fps": rate,
             "first_frame": start * self.fps,
@@ -179,6 +191,11 @@ class Scene:
             "smoothing_hz": 0.0,
             "pops": "keep",
         }
+
+
+def still(origin: np.ndarray) -> dict:
+    """The track of a body that stands where it was drawn."""
+    return {"translation": [(-origin).tolist()], "rotation_wxyz": [[1.0, 0.0, 0.0, 0.0]]}
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,108 @@
+"""The independent check of crossings: against brute force, and on motions whose crossings are known."""
+
+import numpy as np
+import pytest
+from conftest import HANDLES
+from hairbake_validate.cache import Cache
+from hairbake_validate.crossing_check import count, main
+from hairbake_validate.crossings import cubic_roots, meeting_boxes, strand_body, strand_strand
+from test_faults import GUIDES, MIDDLE
+
+
+def test_roots_are_those_of_numpy():
+    random = np.random.default_rng(1)
+    c = random.normal(size=(2000, 4))
+    c[:200, 3] = 0
+    c[:50, 2] = 0
+    found = cubic_roots(c)
+    for row, roots in zip(c, found):
+        exact = np.roots(row[::-1])
+        exact = np.sort(exact[(abs(exact.imag) < 1e-12) & (exact.real > 0) & (exact.real <= 1)].real)
+        assert np.sort(roots[~np.isnan(roots)]) == pytest.approx(exact, abs=1e-8)
+
+
+@pytest.mark.parametrize("two_sets", [False, True])
+def test_the_grid_finds_what_all_against_all_finds(two_sets):
+    random = np.random.default_rng(2)
+    low = random.uniform(0, 1, size=(300, 3))
+    high = low + random.uniform(0, 0.2, size=(300, 3))
+    pairs = meeting_boxes(low[:100], high[:100], low[100:], high[100:]) if two_sets else meeting_boxes(low, high)
+    i, j = np.meshgrid(np.arange(100), np.arange(100, 300), indexing="ij") if two_sets else np.triu_indices(300, 1)
+    i, j = i.ravel(), j.ravel()
+    meet = np.all((low[i] <= high[j]) & (low[j] <= high[i]), axis=1)
+    expected = {(a, b - 100 if two_sets else b) for a, b in zip(i[meet], j[meet])}
+    assert len(expected) > 50
+    assert len(pairs) == len(expected) and {tuple(sorted(p)) if not two_sets else tuple(p) for p in pairs} == expected
+
+
+def needle(y: float, slope: float) -> np.ndarray:
+    return np.array([[-0.1, y, -0.1 * slope], [0.1, y, 0.1 * slope]])
+
+
+@pytest.mark.parametrize("slope", [1e3, 1.0, 1e-3, 1e-5])
+def test_a_needle_that_swaps_sides_is_seen(slope):
+    still = np.array([[-0.1, 0.0, 0.0], [0.1, 0.0, 0.0]])
+    owner = np.array([0, 1])
+    for through, end in ((True, -3.0), (False, 0.01)):
+        start = np.array([still, needle(1.0, slope)])
+        stop = np.array([still, needle(end, slope)])
+        hit = strand_strand(start, stop, owner)
+        assert len(hit.pairs) == through, slope
+        if through:
+            assert hit.time == pytest.approx([0.25])
+
+
+@pytest.mark.parametrize("target", ["face", "edge", "vertex"])
+def test_a_tip_head_on_is_seen(target):
+    corners = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1.0, 1, 0], [0, 1, 0], [1, 0, 0]]])
+    x, y = {"face": (0.2, 0.3), "edge": (0.5, 0.5), "vertex": (1.0, 0.0)}[target]
+    start = np.array([[[x, y, 1.0], [x, y, 0.5]]])
+    for depth, crosses in ((0.6, True), (0.4, False)):
+        hit = strand_body(start, start - [0, 0, depth], corners, corners)
+        assert bool(len(hit.pairs)) == crosses
+    # The same, with the triangles coming to the strand.
+    assert len(strand_body(start, start, corners, corners + [0, 0, 0.6]).pairs)
+
+
+def test_moving_pairs_against_dense_sampling():
+    random = np.random.default_rng(3)
+    start = random.normal(size=(400, 2, 3))
+    end = start + random.normal(size=(400, 2, 3))
+    hit = strand_strand(start, end, np.arange(400))
+    crossed = {tuple(p) for p in hit.pairs}
+    # Independently: between samples of the motion, the sign of the volume changes while the segments' projections cross.
+    seen = set()
+    times = np.linspace(0, 1, 4001)
+    for a, b in random.integers(0, 400, size=(3000, 2)):
+        if a == b:
+            continue
+        p = start[[a, a, b, b], [0, 1, 0, 1]] + times[:, None, None] * (end - start)[[a, a, b, b], [0, 1, 0, 1]]
+        side = np.einsum("ij,ij->i", np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), p[:, 3] - p[:, 0])
+        for k in np.flatnonzero(side[1:] * side[:-1] < 0):
+            d, e, w = p[k, 1] - p[k, 0], p[k, 3] - p[k, 2], p[k, 2] - p[k, 0]
+            s, t = np.linalg.lstsq(np.stack([d, -e], axis=1), w, rcond=None)[0]
+            if 0.02 < s < 0.98 and 0.02 < t < 0.98:
+                seen.add((min(a, b), max(a, b)))
+            elif -0.02 < s < 1.02 and -0.02 < t < 1.02:
+                crossed.discard((min(a, b), max(a, b)))
+        if (min(a, b), max(a, b)) in crossed:
+            seen.add((min(a, b), max(a, b)))
+    assert len(seen) > 50 and seen <= {tuple(p) for p in hit.pairs}
+
+
+def test_a_good_cache_has_none_and_injected_ones_are_counted(good_cache, capsys):
+    assert count(Cache(good_cache.directory)).events == []
+    assert main([str(good_cache.directory)]) == 0
+
+    def through(points):
+        # A guide is mirrored through the axis of the head: its tips pass through the skull.
+        points = points.copy()
+        points[:, [0, 2]] *= -1
+        return points
+
+    good_cache.edit_array(MIDDLE, f"{GUIDES}.points", through)
+    events = count(Cache(good_cache.directory)).events
+    assert {e.frame for e in events} <= {MIDDLE, MIDDLE + 1} and len(events) > 1
+    assert main([str(good_cache.directory)]) == 1
+    assert "crossings" in capsys.readouterr().out
+    assert len(HANDLES) > 2

@@ -1,0 +1,150 @@
+"""The scenes: heads that whip, dash and jump, bodies with edges and corners, bodies that close, strands laid across each other."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from physics.scene import Motion, Rod, Scene, Strand, quaternion
+
+FPS = 24.0
+"""Film frames a second; a scene is baked at so many times the steps a frame, one step each, so that every step is written."""
+SKULL = 0.09
+"""Radius of the head, m."""
+UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
+HAIR = Rod(length=0.22, damping=0.005, drag=1.0)
+
+
+def turned(angle: float, axis=(0.0, 1.0, 0.0)) -> np.ndarray:
+    """Unit quaternion (w, x, y, z)."""
+    return np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * np.asarray(axis, float)])
+
+
+def frame_of(direction: np.ndarray) -> tuple[float, float, float, float]:
+    """Some clamp frame with this tangent."""
+    direction = direction / np.linalg.norm(direction)
+    across = np.cross(direction, [0.0, 0.0, 1.0] if abs(direction[2]) < 0.9 else [1.0, 0.0, 0.0])
+    across /= np.linalg.norm(across)
+    return quaternion(np.stack([across, np.cross(direction, across), direction], axis=1))
+
+
+def head_of_hair(count: int, rod: Rod = HAIR) -> list[Strand]:
+    """Strands out of the upper half of the skull, evenly (golden angle), rooted a millimetre deep."""
+    strands = []
+    for i in range(count):
+        y = 1.0 - 0.9 * (i + 0.5) / count
+        turn = i * np.pi * (3 - np.sqrt(5))
+        out = np.array([np.sqrt(1 - y * y) * np.cos(turn), y, np.sqrt(1 - y * y) * np.sin(turn)])
+        way = np.linspace(0.0, rod.length, 12)[:, None]
+        strands.append(Strand(rod, (SKULL - 1e-3 + way) * out, frame_of(out)))
+    return strands
+
+
+def skull(body: str) -> dict:
+    """The head as a ball."""
+    return {"name": "skull", "body": body, "shape": {"type": "sphere", "centre": [0, 0, 0], "radius": SKULL}}
+
+
+def wedge(folder: Path, name: str, size: float) -> dict:
+    """A double pyramid with sharp edges and corners, as a mesh."""
+    corners = size * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
+    faces = [(1, 3, 5), (3, 2, 5), (2, 4, 5), (4, 1, 5), (3, 1, 6), (2, 3, 6), (4, 2, 6), (1, 4, 6)]
+    path = folder / f"{name}.obj"
+    lines = ["v {} {} {}".format(*c) for c in corners] + ["f {} {} {}".format(*f) for f in faces]
+    path.write_text("\n".join(lines) + "\n")
+    return {"name": name, "shape": {"type": "mesh", "file": str(path)}}
+
+
+def begin(t: float) -> float:
+    """Time since the start, 0 before it, brought up in a tenth of a second."""
+    return 0.0 if t <= 0 else (5 * t * t if t < 0.1 else t - 0.05)
+
+
+def whip(_: Path) -> Scene:
+    """The head swings to and fro about the upright at up to 20 rad/s."""
+
+    def motion(t):
+        return np.zeros(3), turned(2.5 * np.sin(8.0 * begin(t)))
+
+    return Scene(head_of_hair(24), motion=motion, colliders=[skull("clamp")])
+
+
+def dash(_: Path) -> Scene:
+    """The head dashes to and fro at up to 7 m/s, past a post."""
+
+    def motion(t):
+        return np.array([0.25 * np.sin(28.0 * begin(t)), 0.0, 0.0]), UNTURNED
+
+    post = {"name": "post", "shape": {"type": "capsule", "ends": [[0, -0.5, 0.16], [0, 0.5, 0.16]], "radius": 0.03}}
+    return Scene(head_of_hair(24), motion=motion, colliders=[skull("clamp"), post])
+
+
+def pops(_: Path) -> Scene:
+    """The head jumps by 0.18 m and 127° within a step, and back."""
+
+    def motion(t):
+        away = 0.2 < t < 0.5 or t > 0.8
+        return np.array([0.18 * away, 0.0, 0.0]), turned(np.radians(127.0) * away)
+
+    return Scene(head_of_hair(24), motion=motion, colliders=[skull("clamp")])
+
+
+def edges(folder: Path) -> Scene:
+    """Spikes are thrust up through hair that hangs out sideways, edge and corner first."""
+    strands = []
+    for i in range(12):
+        out = np.array([1.0, 0.0, 0.0])
+        root = np.array([0.0, 0.0, 0.015 * i - 0.0825])
+        strands.append(Strand(HAIR, root + np.linspace(0.0, HAIR.length, 12)[:, None] * out, frame_of(out)))
+
+    def thrust(at: float) -> Motion:
+        def motion(t):
+            # From below the hair, at up to 4 m/s.
+            return np.array([at, -0.35 + 0.25 * (1 - np.cos(16.0 * begin(t))), 0.004 * at / 0.05]), turned(0.3 * at / 0.05)
+
+        return motion
+
+    names = {f"spike{i}": thrust(x) for i, x in enumerate((0.05, 0.13))}
+    colliders = [{**wedge(folder, name, 0.05), "body": name} for name in names]
+    return Scene(strands, bodies=names, colliders=colliders)
+
+
+def closing(folder: Path) -> Scene:
+    """A ball and a spike close on hair until they touch, and open."""
+
+    def up(t):
+        return np.array([0.0, -0.20 + 0.08 * (1 - np.cos(8.0 * begin(t))), 0.0]), UNTURNED
+
+    ball = {"name": "ball", "shape": {"type": "sphere", "centre": [0.12, 0.07, 0], "radius": 0.05}}
+    scene = edges(folder)
+    spike = {**wedge(folder, "spike", 0.05), "body": "spike"}
+    return Scene(scene.strands, bodies={"spike": lambda t: (up(t)[0] + [0.12, 0, 0], UNTURNED)}, colliders=[ball, spike])
+
+
+def crossed(_: Path) -> Scene:
+    """Strands fall on others, at right angles and nearly along them, and all are shaken."""
+    strands = []
+    stiff = Rod(length=0.2, bending=(2e-7, 2e-7), torsion=1e-7, damping=0.005, drag=1.0)
+    for i in range(4):
+        z = 0.05 * i
+        along = np.array([1.0, 0.0, 0.0])
+        strands.append(Strand(stiff, np.array([0.0, 0.0, z]) + np.linspace(0, stiff.length, 12)[:, None] * along, frame_of(along)))
+        angle = (np.pi / 2, 0.5, 0.05, 0.005)[i]
+        above = np.array([np.cos(angle), 0.0, np.sin(angle)])
+        root = np.array([0.1, 0.01, z]) - 0.05 * above
+        strands.append(Strand(HAIR, root + np.linspace(0, HAIR.length, 12)[:, None] * above, frame_of(above)))
+
+    def motion(t):
+        return np.array([0.0, 0.05 * np.sin(20.0 * begin(t)), 0.0]), UNTURNED
+
+    return Scene(strands, motion=motion)
+
+
+SCENES: dict[str, Callable[[Path], Scene]] = {
+    "whip": whip,
+    "dash": dash,
+    "pops": pops,
+    "edges": edges,
+    "closing": closing,
+    "crossed": crossed,
+}
+"""By name; each takes a folder for its meshes."""
