@@ -9,8 +9,9 @@ use crate::contact::friction::{Coupled, Outcome, Scratch, Side, solve_coupled};
 use crate::math::cholesky::dot;
 use nalgebra::UnitQuaternion;
 
-/// When the reactions are good enough.
-const TOLERANCE: Tolerance = Tolerance { residual: 1e-5, sweeps: 200 };
+/// When the reactions are good enough: their residual multiplies displacements of a step, some 0.1 mm. On a film groom a hundred times
+/// less, or four times as many sweeps, left no fewer guides in each other's way.
+const TOLERANCE: Tolerance = Tolerance { residual: 1e-4, sweeps: 60 };
 
 /// Guides that are solved together: no place is between one of them and one of another island.
 #[derive(Debug, Default)]
