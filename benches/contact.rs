@@ -4,6 +4,7 @@
 //! Skipped where the data are not there (`HAIRBAKE_DATA`, or `../shared/data`).
 
 use divan::Bencher;
+use hairbake::contact::friction::Law;
 use hairbake::contact::{Bodies, Motion, Polyline, Problem, Scratch, Tolerance, Workspace, solve};
 use hairbake::scene::{Convention, Shape, TriMesh};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -145,8 +146,8 @@ fn coulomb(bencher: Bencher, n: usize) {
         })
         .collect();
     let b: Vec<f64> = (0..rows).map(|i| (0..freedoms).map(|j| entry(i, j) * entry(j, 7)).sum()).collect();
-    let mu = vec![0.3; n];
-    let problem = Problem { w: &w, b: &b, mu: &mu };
+    let laws = vec![Law::Coulomb(0.3.into()); n];
+    let problem = Problem { w: &w, b: &b, laws: &laws };
     let tolerance = Tolerance { residual: 1e-6, sweeps: 500 };
     let (mut r, mut scratch) = (vec![0.0; rows], Scratch::default());
     bencher.bench_local(|| {

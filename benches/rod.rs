@@ -111,6 +111,7 @@ impl<'a> Scene<'a> {
             wind: &[],
             bodies: &Bodies::new(&[]),
             body: &|_, t| pose(t),
+            carrier: &|_, _| Isometry3::identity(),
             brought_out: &|_| 1.0,
         })
     }

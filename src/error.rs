@@ -68,6 +68,9 @@ pub enum Error {
         /// What is wrong with it.
         what: String,
     },
+    /// A bake is written, but a guarantee was broken (`--strict`).
+    #[error("{0}")]
+    Broken(String),
     /// The simulation could not go on (a solve that does not converge at any step size), or a bug.
     #[error("{0}")]
     Internal(String),
@@ -90,9 +93,10 @@ impl Error {
         if problems.is_empty() { Ok(()) } else { Err(Error::BadInput(problems)) }
     }
 
-    /// The process exit code: 64 usage, 65 bad input, 70 internal, 74 I/O.
+    /// The process exit code: 1 broken guarantee, 64 usage, 65 bad input, 70 internal, 74 I/O.
     pub fn exit_code(&self) -> u8 {
         match self {
+            Error::Broken(_) => 1,
             Error::Usage(_) => 64,
             Error::BadInput(_) | Error::Damaged { .. } => 65,
             Error::Internal(_) => 70,

@@ -45,6 +45,7 @@ fn run(
             wind: &[],
             bodies,
             body: &|b, t| Isometry3::from_parts(place(b, t).into(), nalgebra::UnitQuaternion::identity()),
+            carrier: &|_, _| Isometry3::identity(),
             brought_out: &|_| 1.0,
         });
     };

@@ -30,6 +30,7 @@ fn a_step_of_many_rods_allocates_nothing() {
         wind: &[],
         bodies: &Bodies::new(&[]),
         body: &|_, _| Isometry3::identity(),
+        carrier: &|_, _| Isometry3::identity(),
         brought_out: &|_| 1.0,
     };
     let h = 1.0 / 25.0;

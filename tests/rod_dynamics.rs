@@ -41,6 +41,7 @@ fn tips(
         wind: &[],
         bodies: &Bodies::new(&[]),
         body: &|_, t| pose(t),
+        carrier: &|_, _| Isometry3::identity(),
         brought_out: &|_| 1.0,
     };
     let h = 1.0 / rate;

@@ -72,6 +72,7 @@ impl Hair {
             wind: &[],
             bodies: &Bodies::new(&[]),
             body: &|_, t| pose(t),
+            carrier: &|_, _| Isometry3::identity(),
             brought_out: &|_| 1.0,
         };
         let (rod, h) = (self.rod(), 1.0 / self.rate);

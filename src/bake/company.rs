@@ -156,6 +156,7 @@ mod tests {
             wind: &[],
             bodies: &bodies,
             body: &|_, _| Isometry3::identity(),
+            carrier: &|_, _| Isometry3::identity(),
             brought_out: &|_| 1.0,
         };
         let h = 1.0 / 96.0;

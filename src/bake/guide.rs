@@ -3,12 +3,15 @@
 use super::air;
 use super::clearance::Clearance;
 use super::scheme::Formula;
+use super::tie::Tie;
 use super::touch::{Touch, TouchWork};
 use crate::contact::{Bodies, Motion};
 use crate::math::se3::Pose;
 use crate::rod::newton::{Outcome, Solver};
 use crate::rod::potential::{Load, PointLoad};
+use crate::rod::pushed::Push;
 use crate::rod::{Rod, Shape};
+use crate::scene::Friction;
 use crate::scene::anim::{Scheme, Wind};
 use nalgebra::{Isometry3, Vector3};
 
@@ -18,6 +21,10 @@ const MAX_HALVINGS: u32 = 5;
 /// How often a step is halved before a motion that still crosses a surface is cut short.
 const MAX_CONTACT_HALVINGS: u32 = 5;
 
+/// Most that a strand in touch may move in a step that starts from where it is foreseen, m: what moves farther soon meets other things than
+/// those that pushed it last.
+const FORESEEABLE: f64 = 0.02;
+
 /// A guide and where it is.
 #[derive(Debug, Clone)]
 pub struct Guide {
@@ -25,8 +32,12 @@ pub struct Guide {
     pub rod: Rod,
     /// What each point keeps from each body.
     pub clearance: Clearance,
-    /// Friction coefficient of the strand.
-    pub friction: f64,
+    /// Friction of the strand, along it.
+    pub friction: Friction,
+    /// Friction across the strand over that along it.
+    pub across: f64,
+    /// Places of it that bodies hold.
+    pub ties: Vec<Tie>,
     /// Drag per length and speed at each point, N·s/m².
     pub drag: Vec<f64>,
     /// Unknowns now, and one and two sub-steps ago, 1/m.
@@ -49,6 +60,8 @@ pub struct Guide {
     past: [(f64, Vec<f64>); 2],
     /// Where the bodies were last seen.
     memory: crate::contact::Workspace,
+    /// What bodies pushed it with at the end of the last step.
+    pushes: Vec<Push>,
     /// Whether every part of the last sub-step was cut short: bodies have closed on the strand, and no division helps.
     pinched: bool,
 }
@@ -83,6 +96,10 @@ pub struct StepRecord {
     pub penetration: f64,
     /// Solves whose motion was cut short at a surface.
     pub shortened: u32,
+    /// Of those, the ones that crossed it nevertheless.
+    pub crossed: u32,
+    /// Farthest that a tie is from where it has to be, m.
+    pub slack: f64,
     /// Contact with other guides.
     pub strands: StrandRecord,
 }
@@ -118,6 +135,8 @@ pub struct Surroundings<'a> {
     pub bodies: &'a Bodies,
     /// Rest space of a body of `bodies` to world at a time, s.
     pub body: &'a (dyn Fn(usize, f64) -> Isometry3<f64> + Sync),
+    /// Rest space of a body of the animation to world at a time, s.
+    pub carrier: &'a (dyn Fn(usize, f64) -> Isometry3<f64> + Sync),
     /// Progress (0..=1) of bringing out what starts inside a body, at a time, s.
     pub brought_out: &'a (dyn Fn(f64) -> f64 + Sync),
 }
@@ -147,8 +166,10 @@ pub struct Workspace {
     pub(super) load: Load,
     pub(super) q: Vec<f64>,
     past: Vec<f64>,
+    free: Vec<f64>,
     motions: Vec<Motion>,
     clearance: Vec<f64>,
+    ties: Vec<(Tie, Vector3<f64>)>,
     pub(super) touch: TouchWork,
 }
 
@@ -166,7 +187,7 @@ impl Guide {
     pub fn new(
         rod: Rod,
         drag: Vec<f64>,
-        friction: f64,
+        friction: impl Into<Friction>,
         thickness: &[f64],
         around: &Surroundings,
         t: f64,
@@ -194,10 +215,13 @@ impl Guide {
             before: State::default(),
             last: 0.0,
             q: [q.clone(), q.clone(), q],
-            friction,
+            friction: friction.into(),
+            across: 1.0,
+            ties: Vec::new(),
             drag,
             rod,
             memory: crate::contact::Workspace::default(),
+            pushes: Vec::new(),
             pinched: false,
         };
         guide.lengths = guide.segment_lengths();
@@ -254,8 +278,12 @@ impl Guide {
                 }
             };
             record.iterations += outcome.iterations;
+            if self.stays(around, &root, [t0, t1], work) {
+                (clear, outcome.converged) = (true, true);
+                break;
+            }
             work.touch.clear();
-            clear = outcome.converged && self.touch(around, &root, [t0, t1], last, work);
+            clear = outcome.converged && self.touch(around, &root, [t0, t1], true, last, work);
             // A contact stops a motion within one step; a formula that looks further back would throw it back.
             if !(formula.looks_back() && work.touch.noted.touched()) {
                 break;
@@ -274,12 +302,39 @@ impl Guide {
         work.touch.noted.enter(record);
         if outcome.converged {
             self.commit(&root, t1 - t0, &formula, work);
+            self.pushes.clear();
+            if clear {
+                self.pushes.extend_from_slice(&work.touch.pushes);
+            }
             if work.touch.noted.touched() {
                 self.last = 0.0;
             }
         } else {
             self.carry(&around.root(&self.rod.root, t0), &root);
         }
+    }
+
+    /// Solves a step of a strand that was in touch, from where it is foreseen with what pushed it; `false` where that fails. The free
+    /// motion would take it through what holds it, and where it is bent hard against that, away from its shape.
+    fn stays(&mut self, around: &Surroundings, root: &Pose, t: [f64; 2], work: &mut Workspace) -> bool {
+        if self.pushes.is_empty() {
+            return false;
+        }
+        work.free.clone_from(&work.q);
+        self.foresee(t[1] - t[0], &mut work.q);
+        if !work.solver.shape.update(&self.rod, &root.r, &work.q) {
+            work.q.clone_from(&self.q[0]);
+            work.solver.shape.update(&self.rod, &root.r, &work.q);
+        }
+        let far = |(k, x): (usize, &Vector3<f64>)| (work.solver.shape.x(k) + root.p - x).norm() > FORESEEABLE;
+        work.touch.clear();
+        work.touch.pushes.clone_from(&self.pushes);
+        if !self.x.iter().enumerate().any(far) && self.touch(around, root, t, false, false, work) {
+            return true;
+        }
+        work.q.clone_from(&work.free);
+        work.solver.shape.update(&self.rod, &root.r, &work.q);
+        false
     }
 
     /// Resolves contact from time `t[0]` to `t[1]`; `false` where the motion still crosses a surface, in which case it has been cut
@@ -289,19 +344,21 @@ impl Guide {
         around: &Surroundings,
         root: &Pose,
         t: [f64; 2],
+        free: bool,
         last: bool,
         work: &mut Workspace,
     ) -> bool {
-        if around.bodies.is_empty() {
+        self.meet(around, t, work);
+        if around.bodies.is_empty() && work.ties.is_empty() {
             return true;
         }
-        self.meet(around, t, work);
         let start = std::mem::take(&mut self.q[0]);
         let clear = self.with_touch(around.bodies, root, work, |touch, moving| {
             let Moving { q, solver, memory, touching } = moving;
-            let clear = touch.resolve(q, solver, memory, touching);
+            let clear = touch.resolve(free, q, solver, memory, touching);
             if !clear && last {
-                touch.shorten(&start, q, solver, memory, touching);
+                let stopped = touch.shorten(&start, q, solver, memory, touching);
+                touching.noted.crossed = !stopped;
             }
             clear
         });
@@ -309,8 +366,13 @@ impl Guide {
         clear
     }
 
-    /// Notes how the bodies move from time `t[0]` to `t[1]`, s, and what the guide keeps from them.
+    /// Notes how the bodies move from time `t[0]` to `t[1]`, s, what the guide keeps from them, and where its ties have to be.
     fn meet(&self, around: &Surroundings, [t0, t1]: [f64; 2], work: &mut Workspace) {
+        work.ties.clear();
+        work.ties.extend(self.ties.iter().filter_map(|tie| {
+            let poses = [(around.carrier)(tie.body, t0), (around.carrier)(tie.body, t1)];
+            Some((tie.clone(), tie.target(t1, t1 - t0, &tie.place(&self.x), poses)?))
+        }));
         work.motions.clear();
         work.motions.extend((0..around.bodies.len()).map(|b| Motion {
             times: [t0, t1],
@@ -334,7 +396,9 @@ impl Guide {
             motions: &work.motions,
             clearance: &work.clearance,
             x0: &self.x,
+            ties: &work.ties,
             friction: self.friction,
+            across: self.across,
             root,
             load: &work.load,
         };
@@ -367,6 +431,8 @@ impl Guide {
     /// Ends a sub-step of `h`, s, that was opened again.
     pub(super) fn close(&mut self, root: &Pose, h: f64, work: &Workspace) {
         self.commit(root, h, &Formula::new(Scheme::BackwardEuler, h, 0.0), work);
+        // What pushed it alone is not what pushes it among others.
+        self.pushes.clear();
         self.last = 0.0;
     }
 
@@ -393,6 +459,7 @@ impl Guide {
             rate.fill(0.0);
         }
         self.before = self.state();
+        self.pushes.clear();
         self.last = 0.0;
     }
 
@@ -424,13 +491,17 @@ impl Guide {
         work.past.clear();
         work.past.extend(self.q[0].iter().zip(&before.q).map(|(q, b)| formula.past(*q, *b)));
         work.load.set(&self.rod, formula.eta, &(around.gravity)(t1), &work.past, points);
-        // The parabola through the last three states (Newton's divided differences).
-        let (h, [(h1, r1), (h2, r2)]) = (t1 - t0, &self.past);
-        let bend = h * (h + h1) / (h1 + h2);
-        work.q.clear();
-        let ahead = self.q[0].iter().zip(r1).zip(r2);
-        work.q.extend(ahead.map(|((q, r1), r2)| q + r1 * h + (r1 - r2) * bend));
+        self.foresee(t1 - t0, &mut work.q);
         root
+    }
+
+    /// Where the unknowns will be in `h`, s, by the parabola through the last three states (Newton's divided differences).
+    fn foresee(&self, h: f64, q: &mut Vec<f64>) {
+        let [(h1, r1), (h2, r2)] = &self.past;
+        let bend = h * (h + h1) / (h1 + h2);
+        q.clear();
+        let ahead = self.q[0].iter().zip(r1).zip(r2);
+        q.extend(ahead.map(|((q, r1), r2)| q + r1 * h + (r1 - r2) * bend));
     }
 
     fn state(&self) -> State {

@@ -9,6 +9,7 @@ pub mod record;
 mod scheme;
 pub mod simulation;
 mod tangle;
+pub mod tie;
 mod touch;
 
 use crate::cache::{self, InputRecord, Manifest};
@@ -143,6 +144,7 @@ fn totals(frames: &[FrameRecord]) -> Map<String, Value> {
         "strand_residual": worst(|f| f.strand_residual),
         "crossings": sum(|f| f.crossings),
         "strands_shortened": sum(|f| f.strands_shortened),
+        "tie_slack_m": worst(|f| f.tie_slack_m),
         "halvings": sum(|f| f.halvings),
     });
     object(totals)

@@ -39,10 +39,12 @@ pub struct FrameRecord {
     pub strand_rounds: u32,
     /// Relative residual of the reactions between guides, largest.
     pub strand_residual: f64,
-    /// Segments of guides that passed through each other.
+    /// Motions of guides that passed through a body, and segments of guides that passed through each other.
     pub crossings: u32,
     /// Motions of guides cut short for another guide's sake: taken as if it were not there, or not at all.
     pub strands_shortened: u32,
+    /// Farthest that a tie is from where it has to be, m.
+    pub tie_slack_m: f64,
     /// Speed of the guides' points relative to the head, mean, m/s.
     pub speed_mean_m_s: f64,
     /// The same, 95th percentile.
@@ -53,7 +55,25 @@ pub struct FrameRecord {
     pub length_drift: f64,
 }
 
+/// Relative residual of the reactions above which a frame does not hold to the law of contact: a thousandth of the forces.
+pub const RESIDUAL: f64 = 1e-3;
+
 impl FrameRecord {
+    /// Which guarantees the frame breaks, in words; none as a rule.
+    pub fn broken(&self) -> Vec<String> {
+        let counted = |n: u32, what: &str| (n > 0).then(|| format!("{n} {what}"));
+        let residual = (self.contact_residual > RESIDUAL).then(|| {
+            format!("a contact residual of {:.1e}, more than {RESIDUAL:.0e}", self.contact_residual)
+        });
+        let broken = [
+            counted(self.crossings, "crossings of a surface"),
+            counted(self.shortened, "motions cut short at a surface"),
+            counted(self.unconverged.len() as u32, "guides with a solve that did not converge"),
+            residual,
+        ];
+        broken.into_iter().flatten().collect()
+    }
+
     /// Adds the records of one sub-step, one per guide; `ids` are the guides' ids.
     pub fn add(&mut self, records: &[StepRecord], ids: &[i32]) {
         (self.contacts_found, self.contacts_active) = (0, 0);
@@ -74,8 +94,9 @@ impl FrameRecord {
             self.strand_contacts_active += r.strands.active;
             self.strand_rounds = self.strand_rounds.max(r.strands.rounds);
             self.strand_residual = self.strand_residual.max(r.strands.residual);
-            self.crossings += r.strands.crossings;
+            self.crossings += r.crossed + r.strands.crossings;
             self.strands_shortened += r.strands.alone + r.strands.held;
+            self.tie_slack_m = self.tie_slack_m.max(r.slack);
             if r.unconverged > 0 && !self.unconverged.contains(id) {
                 self.unconverged.push(*id);
             }
@@ -97,6 +118,27 @@ impl FrameRecord {
             self.speed_max_m_s = max;
             self.speed_mean_m_s = speeds.iter().sum::<f64>() / speeds.len() as f64;
             self.speed_p95_m_s = speeds[(speeds.len() - 1) * 95 / 100];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_broken_guarantee_is_named() {
+        let good =
+            FrameRecord { contact_residual: 0.5 * RESIDUAL, contacts_active: 7, ..FrameRecord::default() };
+        assert!(good.broken().is_empty());
+        let bad = [
+            FrameRecord { crossings: 1, ..good.clone() },
+            FrameRecord { shortened: 2, ..good.clone() },
+            FrameRecord { unconverged: vec![4], ..good.clone() },
+            FrameRecord { contact_residual: 2.0 * RESIDUAL, ..good.clone() },
+        ];
+        for record in bad {
+            assert_eq!(record.broken().len(), 1, "{record:?}");
         }
     }
 }

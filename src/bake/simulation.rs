@@ -40,12 +40,14 @@ impl<'a> Simulation<'a> {
     pub fn new(groom: &Groom, anim: &'a Anim) -> Self {
         let step = 1.0 / (anim.fps * f64::from(anim.settings.substeps));
         let preroll = (anim.settings.preroll / step).ceil() as i64;
-        let alone = anim.colliders.is_empty() && anim.settings.contact == Contact::Bodies;
+        let alone =
+            anim.colliders.is_empty() && anim.ties.is_empty() && anim.settings.contact == Contact::Bodies;
         let rods = wisp::rods(groom, if alone { Cut::COARSE } else { Cut::FINE });
         let fine = if alone { wisp::rods(groom, Cut::FINE) } else { Vec::new() };
         let fine = fine.into_iter().map(|r| r.rod).collect();
         let bulk = Bulk::new(rods.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
         let leaves = rods.iter().map(|r| (r.leaf.0 as u32, r.leaf.1 as u32)).collect();
+        let ties = super::tie::ties(groom, anim, &rods);
         let bodies = Bodies::new(&anim.colliders);
         let tangle = (anim.settings.contact == Contact::Full).then(|| {
             let arc: Vec<Vec<f64>> = rods.iter().map(|r| r.rod.arc_lengths()).collect();
@@ -67,6 +69,9 @@ impl<'a> Simulation<'a> {
         simulation.guides = simulation.around(|around| {
             rods.into_par_iter().map(|mut r| start(groom, anim, &bulk, &mut r, around, t, step)).collect()
         });
+        for (guide, ties) in simulation.guides.iter_mut().zip(ties) {
+            guide.ties = ties;
+        }
         simulation.companies = Companies::muster(&simulation.guides);
         simulation.tangle = tangle.map(|mut tangle| {
             simulation.around(|around| tangle.start(&simulation.guides, around, t));
@@ -128,6 +133,7 @@ impl<'a> Simulation<'a> {
                 p if p > 0.0 => ((t - out + p) / (0.5 * p)).clamp(0.0, 1.0),
                 _ => 1.0,
             },
+            carrier: &|b, t| anim.bodies[b].track.pose(t),
             head: &|t| anim.head_pose(t),
             gravity: &|t| anim.gravity + anim.forces.iter().map(|k| k.at(t)).sum::<Vector3<f64>>(),
             wind: &anim.wind,
@@ -167,6 +173,7 @@ fn start(
     let friction = groom.materials[r.material].friction;
     let mut guide = Guide::new(r.rod.clone(), drag, friction, &thickness, around, t, step);
     guide.scheme = anim.settings.scheme;
+    guide.across = groom.materials[r.material].friction_across;
     guide
 }
 

@@ -3,13 +3,17 @@
 //! `docs/theory.md` §5. The bodies move as they will whatever the hair does, so every guide is a problem of its own.
 
 use super::guide::StepRecord;
+use super::tie::Tie;
+use crate::contact::friction::Law;
 use crate::contact::{Bodies, Contact, Motion, Polyline, Problem, Tolerance, friction};
 use crate::math::cholesky::{dot, solve_lower, solve_upper};
-use crate::math::frame::any_frame;
+use crate::math::frame::{any_frame, frame_towards};
 use crate::math::se3::Pose;
 use crate::rod::Rod;
 use crate::rod::newton::Solver;
 use crate::rod::potential::Load;
+use crate::rod::pushed::{Push, PushedWork};
+use crate::scene::Friction;
 use nalgebra::Vector3;
 
 /// Surfaces nearer than this to a strand at the end of a step are in the contact problem, m.
@@ -50,6 +54,15 @@ pub(super) const ACCEPTABLE_GAP: f64 = 1e-3;
 /// Contacts of one strand in one problem; beyond it the deepest are kept and the others wait for the next round.
 const MAX_CONTACTS: usize = 64;
 
+/// Cosine of the angle up to which the normals of a contact, from one round or step to the next, are taken to be of one.
+const SAME_NORMAL: f64 = 0.9;
+
+/// How near to the cone of what slides, relatively, the force of a contact that slides is.
+const SLIDING: f64 = 1e-9;
+
+/// How far a tie gives way, m/N: the weight of a hair moves it by less than 1e-5 m, and what it cannot reach it does not tear at without end.
+const COMPLIANCE: f64 = 0.1;
+
 /// When the reactions are good enough: their residual multiplies displacements of a step, some 0.1 mm.
 const TOLERANCE: Tolerance = Tolerance { residual: 1e-6, sweeps: 100 };
 
@@ -62,8 +75,12 @@ pub(super) struct Touch<'a> {
     pub clearance: &'a [f64],
     /// Points at the start of the step, world, m.
     pub x0: &'a [Vector3<f64>],
-    /// Friction coefficient of the strand, where the body has none.
-    pub friction: f64,
+    /// Places that must come to targets, world, m.
+    pub ties: &'a [(Tie, Vector3<f64>)],
+    /// Friction of the strand, along it, where the body has none, and that across over that along it.
+    pub friction: Friction,
+    /// Friction across the strand over that along it.
+    pub across: f64,
     /// Root at the end of the step, world.
     pub root: &'a Pose,
     pub load: &'a Load,
@@ -79,12 +96,15 @@ pub(super) struct TouchWork {
     pub(super) rows: Vec<f64>,
     delassus: Vec<f64>,
     pub(super) free: Vec<f64>,
-    pub(super) mu: Vec<f64>,
-    reaction: Vec<f64>,
+    pub(super) laws: Vec<Law>,
+    /// Segment, place on it and axes of each contact, then of each tie, as of the last rows.
+    pub(super) frames: Vec<(usize, f64, [Vector3<f64>; 3])>,
+    /// Reactions, those of the contacts first, then those of the ties.
+    pub(super) reaction: Vec<f64>,
     scratch: friction::Scratch,
-    /// Places of the last reactions, for a warm start: (body, segment), as `reaction`.
-    places: Vec<(usize, usize)>,
-    pub(super) last: Vec<f64>,
+    /// The last reactions that push, as the rod feels them: where the next solve starts from.
+    pub(super) pushes: Vec<Push>,
+    pushed: PushedWork,
     /// Impacts met in any round of this step.
     sticky: Vec<Contact>,
     /// Whether contacts stay as they were found, and only impacts join them.
@@ -96,10 +116,10 @@ impl TouchWork {
     /// Forgets the step before, which may have been another guide's.
     pub(super) fn clear(&mut self) {
         self.contacts.clear();
-        self.places.clear();
-        self.last.clear();
         self.sticky.clear();
+        self.reaction.clear();
         self.frozen = false;
+        self.pushes.clear();
         self.noted = Noted::default();
     }
 
@@ -118,6 +138,8 @@ pub(super) struct Noted {
     rounds: u32,
     residual: f64,
     penetration: f64,
+    slack: f64,
+    pub(super) crossed: bool,
 }
 
 impl Noted {
@@ -133,6 +155,8 @@ impl Noted {
         record.rounds = record.rounds.max(self.rounds);
         record.residual = record.residual.max(self.residual);
         record.penetration = record.penetration.max(self.penetration);
+        record.crossed += u32::from(self.crossed);
+        record.slack = record.slack.max(self.slack);
     }
 }
 
@@ -154,9 +178,11 @@ pub(super) fn rows_at(solver: &Solver, k: usize, u: f64, frame: &[Vector3<f64>; 
 }
 
 impl Touch<'_> {
-    /// Brings `q`, whose shape the solver holds, out of all bodies. `false` where the motion still crosses a surface.
+    /// Brings `q`, whose shape the solver holds, out of all bodies. `free` says that without contacts it would solve the step. `false`
+    /// where the motion still crosses a surface.
     pub fn resolve(
         &self,
+        free: bool,
         q: &mut [f64],
         solver: &mut Solver,
         memory: &mut crate::contact::Workspace,
@@ -167,20 +193,30 @@ impl Touch<'_> {
             let clear = self.find(solver, memory, work);
             let worst = work.contacts.iter().map(|c| c.gap).fold(0.0, f64::min);
             let settled = moved <= MOVE_TOLERANCE
-                || round == 0
-                || (round > SETTLING_ROUNDS && moved <= ACCEPTABLE_MOVE);
+                || (free && round == 0 && self.ties.is_empty())
+                || (free && round > SETTLING_ROUNDS && moved <= ACCEPTABLE_MOVE);
             if round == MAX_ROUNDS || (clear && settled && worst >= -GAP_TOLERANCE) {
                 self.note(work);
-                return clear && worst >= -ACCEPTABLE_GAP && (round == 0 || moved <= MAX_MOVE);
+                return clear && worst >= -ACCEPTABLE_GAP && (free || settled);
             }
             work.noted.rounds = round + 1;
-            if !solver.linearise(self.rod, self.load, q) {
+            // On the way from a free motion the reactions are not yet those of the shape at hand.
+            let pushes = if free { &[][..] } else { &work.pushes };
+            if !solver.linearise_pushed(self.rod, self.load, pushes, q, &mut work.pushed) {
                 return false;
             }
             self.rows(solver, work);
             self.assemble(work);
             self.react(solver, work);
+            if !solver.direction.iter().all(|d| d.is_finite()) {
+                return false;
+            }
+            let before = moved;
             moved = solver.advance(self.rod, &self.root.r, q, MAX_MOVE);
+            // From a good start the rounds contract; where they do not, they may be on their way to another shape.
+            if !free && (moved >= before || moved >= MAX_MOVE) {
+                return false;
+            }
         }
         false
     }
@@ -220,13 +256,8 @@ impl Touch<'_> {
         let seen = work.contacts.len();
         for impact in &mut work.sticky {
             impact.gap = line.gap(impact);
-            // A contact within its clearance of the impact, and of like direction, stands for it.
             let beside = line.kept_at(impact);
-            let known = work.contacts[..seen].iter().any(|c| {
-                c.body == impact.body
-                    && (c.point[1] - impact.point[1]).norm() <= beside
-                    && c.normal.dot(&impact.normal) > 0.5
-            });
+            let known = work.contacts[..seen].iter().any(|c| stands_for(c, impact, beside));
             if !known {
                 work.contacts.push(*impact);
             }
@@ -263,30 +294,43 @@ impl Touch<'_> {
         normal.dot(&(line.x0[k] * (1.0 - u) + line.x0[k + 1] * u - contact.point[0]))
     }
 
-    /// L⁻¹Jᵀ and the free displacements, in the frame (normal, tangents) of each contact.
+    /// L⁻¹Jᵀ and the free displacements, in the axes of each contact, then of each tie.
     pub fn rows(&self, solver: &Solver, work: &mut TouchWork) {
-        let n = self.rod.unknowns();
+        let (n, c) = (self.rod.unknowns(), work.contacts.len() + self.ties.len());
         work.rows.clear();
-        work.rows.resize(3 * work.contacts.len() * n, 0.0);
+        work.rows.resize(3 * c * n, 0.0);
         work.free.clear();
-        work.mu.clear();
-        for (contact, rows) in work.contacts.iter().zip(work.rows.chunks_exact_mut(3 * n)) {
+        work.laws.clear();
+        work.frames.clear();
+        let (of_contacts, of_ties) = work.rows.split_at_mut(3 * work.contacts.len() * n);
+        for (contact, rows) in work.contacts.iter().zip(of_contacts.chunks_exact_mut(3 * n)) {
             let (k, u) = (contact.segment, contact.u);
             let at = |x: &[Vector3<f64>]| x[k] * (1.0 - u) + x[k + 1] * u;
             let slip = at(&work.x1) - at(self.x0) - (contact.point[1] - contact.point[0]);
-            let frame = across(&contact.normal);
+            let frame = self.axes(solver, contact);
+            work.frames.push((k, u, frame));
             rows_at(solver, k, u, &frame, rows);
             for (j, (d, row)) in frame.iter().zip(rows.chunks_exact(n)).enumerate() {
                 let now = if j == 0 { contact.gap } else { slip.dot(d) };
                 work.free.push(now + dot(row, &solver.direction));
             }
-            work.mu.push(contact.friction.unwrap_or(self.friction));
+            work.laws.push(Law::Coulomb(contact.friction.unwrap_or(self.friction)));
+        }
+        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+        for ((tie, target), rows) in self.ties.iter().zip(of_ties.chunks_exact_mut(3 * n)) {
+            let gap = tie.place(&work.x1) - target;
+            work.frames.push((tie.segment, tie.u, axes));
+            rows_at(solver, tie.segment, tie.u, &axes, rows);
+            for (gap, row) in gap.iter().zip(rows.chunks_exact(n)) {
+                work.free.push(gap + dot(row, &solver.direction));
+            }
+            work.laws.push(Law::Held);
         }
     }
 
     /// The Delassus matrix.
     fn assemble(&self, work: &mut TouchWork) {
-        let (n, c) = (self.rod.unknowns(), work.contacts.len());
+        let (n, c) = (self.rod.unknowns(), work.contacts.len() + self.ties.len());
         work.delassus.clear();
         work.delassus.resize(9 * c * c, 0.0);
         for a in 0..3 * c {
@@ -295,19 +339,36 @@ impl Touch<'_> {
                 work.delassus[a * 3 * c + b] = w;
                 work.delassus[b * 3 * c + a] = w;
             }
+            if a >= 3 * work.contacts.len() {
+                work.delassus[a * 3 * c + a] += COMPLIANCE;
+            }
         }
+    }
+
+    /// The axes of a contact: its normal, and tangents along and across the strand. Friction is as strong along both when the second is as
+    /// long as it is stronger: in such axes the elliptic cone is a round one, and sliding by the way that dissipates most (Moreau 1974)
+    /// is sliding against the force.
+    fn axes(&self, solver: &Solver, contact: &Contact) -> [Vector3<f64>; 3] {
+        let (k, n) = (contact.segment, &contact.normal);
+        let frame = frame_towards(n, &(solver.shape.x(k + 1) - solver.shape.x(k)));
+        [*n, frame.column(0).into(), frame.column(1) * self.across]
     }
 
     /// Solves for the reactions and completes the solver's direction with them.
     fn react(&self, solver: &mut Solver, work: &mut TouchWork) {
         let n = self.rod.unknowns();
         work.reaction.clear();
-        for contact in &work.contacts {
-            let place = (contact.body, contact.segment);
-            let warm = work.places.iter().position(|p| *p == place);
-            work.reaction.extend(warm.map_or([0.0; 3], |i| [work.last[3 * i], 0.0, 0.0]));
+        for (i, (segment, u, frame)) in work.frames.iter().enumerate() {
+            let normal = work.contacts.get(i).map_or_else(Vector3::zeros, |c| c.normal);
+            let same = |p: &&Push| {
+                p.segment == *segment && (p.normal == normal || p.normal.dot(&normal) > SAME_NORMAL)
+            };
+            let far = |p: &Push| (p.u - u).abs();
+            let warm = work.pushes.iter().filter(same).min_by(|a, b| far(a).total_cmp(&far(b)));
+            let start = warm.map_or([0.0; 3], |p| frame.map(|d| d.dot(&p.force) / d.norm_squared()));
+            work.reaction.extend(start);
         }
-        let problem = Problem { w: &work.delassus, b: &work.free, mu: &work.mu };
+        let problem = Problem { w: &work.delassus, b: &work.free, laws: &work.laws };
         let outcome = friction::solve(&problem, TOLERANCE, &mut work.reaction, &mut work.scratch);
         work.noted.residual = outcome.residual;
         for (row, r) in work.rows.chunks_exact(n).zip(&work.reaction) {
@@ -318,16 +379,32 @@ impl Touch<'_> {
             }
         }
         solve_upper(&solver.factor, n, &mut solver.direction);
-        work.places.clear();
-        work.places.extend(work.contacts.iter().map(|c| (c.body, c.segment)));
-        work.last.clone_from(&work.reaction);
+        work.pushes.clear();
+        for (i, ((segment, u, frame), r)) in work.frames.iter().zip(work.reaction.chunks_exact(3)).enumerate()
+        {
+            let force = frame[0] * r[0] + frame[1] * r[1] + frame[2] * r[2];
+            let (normal, sticks) = match work.contacts.get(i) {
+                Some(contact) => {
+                    let most = contact.friction.unwrap_or(self.friction).kinetic * r[0];
+                    (contact.normal, (r[1].hypot(r[2]) / most - 1.0).abs() > SLIDING)
+                }
+                None => (Vector3::zeros(), true),
+            };
+            if i >= work.contacts.len() || r[0] > 0.0 {
+                work.pushes.push(Push { segment: *segment, u: *u, force, normal, sticks });
+            }
+        }
     }
 
     /// Notes what the step ended with.
     pub fn note(&self, work: &mut TouchWork) {
         work.noted.found = work.contacts.len() as u32;
-        work.noted.active = work.last.chunks_exact(3).filter(|r| r[0] > 0.0).count() as u32;
+        let of_contacts = (work.reaction.len() / 3).saturating_sub(self.ties.len());
+        let reactions = work.reaction.chunks_exact(3).take(of_contacts);
+        work.noted.active = reactions.filter(|r| r[0] > 0.0).count() as u32;
         work.noted.penetration = 0.0;
+        let slack = |(tie, target): &(Tie, Vector3<f64>)| (tie.place(&work.x1) - target).norm();
+        work.noted.slack = self.ties.iter().map(slack).fold(0.0, f64::max);
         let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
         for c in &work.contacts {
             let keep = line.kept_at(c);
@@ -339,7 +416,7 @@ impl Touch<'_> {
     }
 
     /// Cuts the motion from unknowns `start` to `q` short so that no surface is crossed: the last resort. On a body that carries
-    /// the root, no motion of the unknowns is no motion at all.
+    /// the root, no motion of the unknowns is no motion at all. `false` where even that crosses one.
     pub fn shorten(
         &self,
         start: &[f64],
@@ -347,16 +424,61 @@ impl Touch<'_> {
         solver: &mut Solver,
         memory: &mut crate::contact::Workspace,
         work: &mut TouchWork,
-    ) {
+    ) -> bool {
+        let mut clear = false;
         for share in [0.5, 0.5, 0.5, 0.0] {
             for (q, a) in q.iter_mut().zip(start) {
                 *q = a + share * (*q - a);
             }
             solver.shape.update(self.rod, &self.root.r, q);
-            if self.find(solver, memory, work) {
+            clear = self.find(solver, memory, work);
+            if clear {
                 break;
             }
         }
         self.note(work);
+        clear
+    }
+}
+
+/// Whether `contact` stands for an impact met on the way, so that this need not be in the problem too: within its clearance
+/// `beside`, m, and of like direction. One elsewhere on the same segment does not: it lets the motion through again.
+fn stands_for(contact: &Contact, impact: &Contact, beside: f64) -> bool {
+    contact.body == impact.body
+        && (contact.point[1] - impact.point[1]).norm() <= beside
+        && contact.normal.dot(&impact.normal) > 0.5
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::Feature;
+
+    #[test]
+    fn an_impact_stays_in_the_problem_unless_a_contact_at_its_place_stands_for_it() {
+        let place = Vector3::new(0.01, 0.02, 0.03);
+        let impact = Contact {
+            segment: 4,
+            u: 0.5,
+            body: 1,
+            feature: Feature::Edge(7),
+            normal: Vector3::y(),
+            point: [place; 2],
+            gap: -1e-3,
+            friction: None,
+        };
+        let at = |offset: f64, normal: Vector3<f64>| Contact {
+            feature: Feature::Vertex(3),
+            normal: normal.normalize(),
+            point: [place + Vector3::x() * offset; 2],
+            ..impact
+        };
+        let clearance = 5e-4;
+        assert!(stands_for(&at(4e-4, Vector3::new(0.3, 1.0, 0.0)), &impact, clearance));
+        // On the same segment and of the same normal, but elsewhere.
+        assert!(!stands_for(&at(2e-3, Vector3::y()), &impact, clearance));
+        // There, but holding in another direction, or on another body.
+        assert!(!stands_for(&at(0.0, Vector3::x()), &impact, clearance));
+        assert!(!stands_for(&Contact { body: 0, ..at(0.0, Vector3::y()) }, &impact, clearance));
     }
 }

@@ -30,7 +30,7 @@ Examples:
       hairbake shot/groom.json shot/anim.json -o /tmp/try --frames 1001-1012 --substeps 4
 
 Exit codes:
-  0 done   64 wrong usage   65 bad input   70 internal error   74 reading or writing failed";
+  0 done   1 a guarantee was broken (--strict)   64 wrong usage   65 bad input   70 internal error   74 reading or writing failed";
 
 /// Bakes hair: a groom on a moving head becomes a USD curve cache
 ///

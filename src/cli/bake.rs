@@ -23,6 +23,10 @@ pub struct BakeArguments {
     /// Draw no contact sheet; it takes a few seconds
     #[arg(long, help_heading = "Output")]
     no_pictures: bool,
+    /// End with exit code 1 if a guarantee was broken: a surface crossed, a motion cut short, a solve that failed, reactions that do not
+    /// add up. All is written nevertheless
+    #[arg(long, help_heading = "Output")]
+    strict: bool,
     /// Steps of the solver in one frame: more follows quick motion truer, and costs in proportion [default: the anim's, 8]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000), help_heading = "Settings (over those of the anim)")]
     substeps: Option<u32>,
@@ -56,6 +60,7 @@ pub struct Job {
     pub out: PathBuf,
     /// Whether pictures are drawn.
     pub pictures: bool,
+    strict: bool,
     groom: scene::Groom,
     anim: scene::Anim,
 }
@@ -79,6 +84,7 @@ impl BakeArguments {
             anim_file: self.anim,
             out: self.output,
             pictures: !self.no_pictures,
+            strict: self.strict,
             groom,
             anim,
         })
@@ -101,7 +107,7 @@ fn check_frames(file: &Path, (first, last): (i32, i32), shot: (i32, i32)) -> Res
 
 /// Bakes, then reports.
 pub fn run(job: Job, quiet: bool) -> Result<()> {
-    let Job { groom_file, anim_file, out, pictures, groom, anim } = job;
+    let Job { groom_file, anim_file, out, pictures, strict, groom, anim } = job;
     let inputs = bake::inputs(&groom_file, &anim_file)?;
     summary::remove_old(&out)?;
     let mut progress = Progress::start(quiet);
@@ -115,5 +121,22 @@ pub fn run(job: Job, quiet: bool) -> Result<()> {
     if !quiet {
         console::say(&summary::text(&result, &out, pictures));
     }
-    Ok(())
+    if strict { unbroken(&result) } else { Ok(()) }
+}
+
+/// # Errors
+/// [`Error::Broken`] where a frame breaks a guarantee; it names the first.
+fn unbroken(summary: &bake::BakeSummary) -> Result<()> {
+    let mut broken =
+        summary.frames.iter().map(|f| (f.frame, f.broken())).filter(|(_, what)| !what.is_empty());
+    match broken.next() {
+        None => Ok(()),
+        Some((frame, what)) => {
+            let (what, others) = (what.join(", "), broken.count());
+            Err(Error::Broken(format!(
+                "frame {frame}: {what}; guarantees are broken in {} frames",
+                others + 1
+            )))
+        }
+    }
 }

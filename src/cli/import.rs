@@ -295,7 +295,7 @@ impl MaterialArguments {
             density: self.density.unwrap_or(usual.density),
             section: section.unwrap_or(usual.section),
             damping: self.damping.unwrap_or(usual.damping),
-            friction: self.friction.unwrap_or(usual.friction),
+            friction: self.friction.map_or(usual.friction, Into::into),
             drag: self.drag.unwrap_or(usual.drag),
             sag_free: self.sag_free,
             ..usual

@@ -179,6 +179,7 @@ fn report(summary: &BakeSummary, title: &str) -> BakeReport {
                 vec![
                     series("halvings", |f| f64::from(f.halvings)),
                     series("shortened", |f| f64::from(f.shortened)),
+                    series("crossings", |f| f64::from(f.crossings)),
                     series("unconverged", |f| f.unconverged.len() as f64),
                 ],
             ),

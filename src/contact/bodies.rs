@@ -1,7 +1,7 @@
 //! The bodies of a scene, the polylines that meet them, and the memory that spares repeated searches.
 
 use super::shape::{Feature, Shape, Surface, SurfacePoint};
-use crate::scene::{Collider, Shape as SceneShape};
+use crate::scene::{Collider, Friction, Shape as SceneShape};
 use nalgebra::{Isometry3, Vector3};
 
 /// One body.
@@ -9,8 +9,8 @@ use nalgebra::{Isometry3, Vector3};
 pub struct Body {
     /// Its surface, in its own frame.
     pub shape: Shape,
-    /// Coulomb friction coefficient, or `None` to take the strand's own.
-    pub friction: Option<f64>,
+    /// Its friction, or `None` to take the strand's own.
+    pub friction: Option<Friction>,
 }
 
 /// All bodies; queries take `&self` and may run on many threads. Those that deform answer for the step that [`Bodies::prepare`] was
@@ -63,8 +63,8 @@ pub struct Contact {
     pub point: [Vector3<f64>; 2],
     /// `n·(x1(u) − point[1]) − d(u)`, m; negative where the clearance is violated.
     pub gap: f64,
-    /// Friction coefficient of the body, or `None` to take the strand's own.
-    pub friction: Option<f64>,
+    /// Friction of the body, or `None` to take the strand's own.
+    pub friction: Option<Friction>,
 }
 
 /// Buffers and memory of one polyline, reused from step to step. Its memory never changes a result: it only spares
@@ -224,7 +224,13 @@ pub(super) struct Found {
 
 impl Found {
     /// The contact in the world, its gap measured at the end of the step.
-    pub fn into_world(self, body: usize, friction: Option<f64>, motion: &Motion, line: &Polyline) -> Contact {
+    pub fn into_world(
+        self,
+        body: usize,
+        friction: Option<Friction>,
+        motion: &Motion,
+        line: &Polyline,
+    ) -> Contact {
         let Found { segment: k, u, feature, normal, point } = self;
         let to_world = |pose: &Isometry3<f64>, y: &Vector3<f64>| pose.rotation * y + pose.translation.vector;
         let point = [to_world(&motion.start, &point[0]), to_world(&motion.end, &point[1])];

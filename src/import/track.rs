@@ -210,6 +210,7 @@ pub fn track(options: &TrackOptions) -> Result<(AnimFile, TrackReport)> {
                 up_axis: Some(convention.up),
             },
             friction: mesh.friction,
+            static_friction: None,
             thickness_m: mesh.thickness,
         });
     }

@@ -42,9 +42,10 @@ impl<F: Real> Turn<F> {
 }
 
 impl Shape {
-    /// The shape at unknowns `q` with the root frame turned by `root` (columns d1, d2, d3, world).
-    pub fn update(&mut self, rod: &Rod, root: &Matrix3<f64>, q: &[f64]) {
-        self.bend(&rod.beam, M3::from(*root), q);
+    /// The shape at unknowns `q` with the root frame turned by `root` (columns d1, d2, d3, world); `false` where a sub-step turns by more
+    /// than the curve can follow.
+    pub fn update(&mut self, rod: &Rod, root: &Matrix3<f64>, q: &[f64]) -> bool {
+        self.bend(&rod.beam, M3::from(*root), q) == 1
     }
 
     /// Number of points.

@@ -20,6 +20,7 @@ mod model;
 pub mod newton;
 pub mod pack;
 pub mod potential;
+pub mod pushed;
 
 pub use kinematics::{Sensitivity, Shape};
 pub use model::{Cut, Rod, RodSource};

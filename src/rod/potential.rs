@@ -92,6 +92,16 @@ impl Load {
             self.tie.push(Tie { alpha, u: (t * along.sqrt()).into(), target: target.into() });
         }
     }
+
+    /// Adds the constant force `f`, N, world axes, on point `k`; on the root it has no effect.
+    pub(super) fn push(&mut self, k: usize, f: &Vector3<f64>) {
+        if let Some(tie) = k.checked_sub(1).and_then(|i| self.tie.get_mut(i)) {
+            // B⁻¹ f.
+            let (u, f) = (tie.u, (*f).into());
+            let along = u.dot(f) / (tie.alpha - u.dot(u));
+            tie.target += (f + u * along) * (1.0 / tie.alpha);
+        }
+    }
 }
 
 /// Φ at `q`, J.

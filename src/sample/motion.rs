@@ -75,6 +75,7 @@ impl Motion {
             body: Some(body.into()),
             shape,
             friction: None,
+            static_friction: None,
             thickness_m: THICKNESS,
         };
         let capsule = |(ends, radius): ([Vector3<f64>; 2], f64)| ShapeFile::Capsule {

@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::Deformation;
 pub use super::keyed::Keyed;
 pub use super::track::Track;
+use super::{Deformation, Friction};
 pub use file::AnimFile;
 
 /// An animation, validated.
@@ -27,6 +27,8 @@ pub struct Anim {
     pub bodies: Vec<Body>,
     /// What the hair collides with.
     pub colliders: Vec<Collider>,
+    /// What holds strands to bodies: hair ties, clips, braids.
+    pub ties: Vec<Tie>,
     /// Gravity, m/s².
     pub gravity: Vector3<f64>,
     /// Wind fields; their velocities add.
@@ -58,10 +60,43 @@ pub struct Collider {
     pub shape: Shape,
     /// How the vertices of its mesh move there; `None` for a rigid shape.
     pub deformation: Option<Arc<Deformation>>,
-    /// Coulomb friction coefficient, or `None` to take the strand's own.
-    pub friction: Option<f64>,
+    /// Its friction, or `None` to take the strand's own.
+    pub friction: Option<Friction>,
     /// Distance kept between the shape and the strands, m.
     pub thickness: f64,
+}
+
+/// Holds a place of each of some guides to a body, in all directions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tie {
+    /// Name, unique.
+    pub name: String,
+    /// Body that holds them, index into [`Anim::bodies`].
+    pub body: usize,
+    /// Ids of the guides that it may hold; `None` for all.
+    pub ids: Option<Vec<i32>>,
+    /// Group of the guides that it may hold; `None` for all.
+    pub group: Option<String>,
+    /// Of those, it holds the ones that come into this ball in the groom's pose: centre and radius, m, rest space; `None` for all.
+    pub within: Option<(Vector3<f64>, f64)>,
+    /// Which place of a guide.
+    pub place: TiePlace,
+    /// Where the places are gathered, rest space of the body, m, and within which distance of it, m; `None` leaves each where it
+    /// was drawn.
+    pub gathered: Option<(Vector3<f64>, f64)>,
+    /// First and last time at which it holds, s.
+    pub times: [f64; 2],
+}
+
+/// Which place of a guide a tie holds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum TiePlace {
+    /// The one drawn nearest to where the tie gathers, or to the centre of its ball.
+    Nearest,
+    /// At an arc length from the root, m.
+    Arc(f64),
+    /// At so many times the distance of the root from where the tie gathers.
+    Distance(f64),
 }
 
 /// Shape of a collider, metres, rest space of its body.

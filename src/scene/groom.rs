@@ -6,7 +6,7 @@ pub mod file;
 pub(super) mod read;
 mod write;
 
-use super::Convention;
+use super::{Convention, Friction};
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// A groom, validated: every index in range, every number finite.
@@ -51,8 +51,11 @@ pub struct Material {
     pub sag_free: f64,
     /// Internal damping: Kelvin-Voigt relaxation time η/E, s (strain-rate stress = time × modulus).
     pub damping: f64,
-    /// Coulomb friction coefficient of strand against body and strand.
-    pub friction: f64,
+    /// Friction of strand against body and strand, along the strand.
+    pub friction: Friction,
+    /// Friction across the strand over that along it: the cone of friction is elliptic, and what slides takes the way that
+    /// dissipates most.
+    pub friction_across: f64,
     /// Multiplier on the air drag of an isolated strand; 1 = physical.
     pub drag: f64,
     /// Share (0..=1) by which the bulk of the hair shields its inside from the air.
@@ -191,7 +194,8 @@ impl Default for Material {
             natural: None,
             sag_free: 0.0,
             damping: 0.005,
-            friction: 0.3,
+            friction: 0.3.into(),
+            friction_across: 1.0,
             drag: 1.0,
             shielding: 0.9,
         }

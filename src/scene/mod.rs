@@ -5,6 +5,7 @@ pub mod anim;
 mod convention;
 mod deformation;
 mod document;
+mod friction;
 pub mod groom;
 mod inputs;
 mod keyed;
@@ -17,6 +18,7 @@ pub use anim::{Anim, AnimFile, Body, Collider, Settings, Shape, TriMesh};
 pub use convention::{Convention, UpAxis};
 pub use deformation::Deformation;
 pub use document::array::{Array, BufferFile, ElementType, View};
+pub use friction::Friction;
 pub use groom::{Curves, Groom, Group, Guides, Material, RodSection, Section, Strands, Tree, Wisp};
 pub use inputs::inputs;
 pub(crate) use sequence::Sequence;
@@ -57,13 +59,48 @@ pub fn load_anim(path: &Path) -> Result<Anim> {
 /// As [`load_groom`]; the faults of both are in one report.
 pub fn load(groom: &Path, anim: &Path) -> Result<(Groom, Anim)> {
     match (load_groom(groom), load_anim(anim)) {
-        (Ok(groom), Ok(anim)) => Ok((groom, anim)),
+        (Ok(groom), Ok(scene)) => {
+            Error::unless_none(unknown_to(&groom, &scene, anim))?;
+            Ok((groom, scene))
+        }
         (Err(Error::BadInput(mut problems)), Err(Error::BadInput(others))) => {
             problems.extend(others);
             Err(Error::BadInput(problems))
         }
         (Err(e), _) | (_, Err(e)) => Err(e),
     }
+}
+
+/// What the ties of an animation, read from `file`, name that its groom does not have.
+fn unknown_to(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Problem> {
+    let mut problems = Vec::new();
+    for (i, tie) in anim.ties.iter().enumerate() {
+        let key = |name: &str| format!("ties[{i}].{name}");
+        let unknown = |id: &&i32| !groom.guides.curves.id.contains(id);
+        let ids: Vec<String> = tie.ids.iter().flatten().filter(unknown).map(i32::to_string).collect();
+        if !ids.is_empty() {
+            let what = format!("names {}", ids.join(", "));
+            problems.push(Problem::new(
+                file,
+                key("ids"),
+                what,
+                "ids of guides of the groom",
+                "correct or remove them",
+            ));
+        }
+        if let Some(name) = tie.group.as_ref().filter(|name| groom.groups.iter().all(|g| g.name != **name)) {
+            let names: Vec<&str> = groom.groups.iter().map(|g| g.name.as_str()).collect();
+            let allowed = format!("a group of the groom: \"{}\"", names.join("\", \""));
+            problems.push(Problem::new(
+                file,
+                key("group"),
+                format!("is \"{name}\""),
+                allowed,
+                "correct the name",
+            ));
+        }
+    }
+    problems
 }
 
 /// Every problem of the files, grooms and animations in any order, told apart by their `format`.

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from physics import air, buckling, cantilever, helix, motion, page, vibration
+from physics import air, buckling, cantilever, friction, helix, motion, page, vibration
 from physics.scene import Hairbake, Rod, Scene, Strand, straight
 from physics.study import Row, Study
 from physics.studies import STUDIES
@@ -31,6 +31,8 @@ QUICK = {
     "whip": lambda h: motion.whip(h, substeps=(4, 8, 16)),
     "energy": lambda h: motion.energy(h, substeps=(8,)),
     "symmetries": lambda h: motion.symmetries(h, schemes=("bdf2",)),
+    "stick-slip": lambda h: friction.stick_slip(h, shortenings=(0.04, 0.16), steps=200),
+    "incline": lambda h: friction.incline(h, ratios=(0.99, 1.2), substeps=8),
 }
 
 

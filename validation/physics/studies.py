@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from . import air, buckling, cantilever, helix, motion, vibration
+from . import air, buckling, cantilever, friction, helix, motion, vibration
 from .scene import Hairbake
 from .study import Study
 
@@ -17,4 +17,6 @@ STUDIES: dict[str, Callable[[Hairbake], Study]] = {
     "whip": motion.whip,
     "energy": motion.energy,
     "symmetries": motion.symmetries,
+    "stick-slip": friction.stick_slip,
+    "incline": friction.incline,
 }

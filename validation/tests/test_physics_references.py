@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from physics.reference import kirchhoff, modes, planar, stability
+from physics.reference import column, kirchhoff, modes, planar, stability
 from physics.signal import poles
 
 ELASTICA = {0.1: 0.012500, 1: 0.124562, 10: 1.066802, 100: 5.888105, 1000: 21.335440}
@@ -13,6 +13,12 @@ ELASTICA = {0.1: 0.012500, 1: 0.124562, 10: 1.066802, 100: 5.888105, 1000: 21.33
 def test_the_elastica_is_the_published_one(gamma):
     x, y = planar.equilibrium(gamma).tip
     assert -y / x == pytest.approx(ELASTICA[gamma], abs=1e-6)
+
+
+def test_a_pressed_column_needs_the_published_friction():
+    shortening = np.array([0.01, 0.04, 0.10, 0.16, 0.25, 0.31])
+    published = [0.0449, 0.0919, 0.1528, 0.2043, 0.2807, 0.3361]
+    assert column.friction(shortening) == pytest.approx(published, abs=6e-5)
 
 
 def test_drag_along_a_rod_is_half_of_that_across():

@@ -5,7 +5,7 @@ use super::places::Places;
 use crate::bake::guide::Guide;
 use crate::bake::touch::across;
 use crate::contact::Tolerance;
-use crate::contact::friction::{Coupled, Outcome, Scratch, Side, solve_coupled};
+use crate::contact::friction::{Coupled, Law, Outcome, Scratch, Side, solve_coupled};
 use crate::math::cholesky::dot;
 use nalgebra::UnitQuaternion;
 
@@ -68,7 +68,7 @@ impl Island {
         places: &Places,
         to_world: &UnitQuaternion<f64>,
     ) -> Reactions {
-        let (mut sides, mut rows, mut b, mut mu) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut sides, mut rows, mut b, mut laws) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mut forces = Vec::new();
         let mut unknowns = 0;
         let mut sides_of_places = vec![[None; 2]; self.places.len()];
@@ -76,7 +76,7 @@ impl Island {
             let m = &members[g];
             let (n, touch, at) = (guides[g].rod.unknowns(), &m.work.touch, rows.len());
             let part = |j: usize| Side { unknowns: (unknowns, n), rows: at + 3 * n * j };
-            let bodies = touch.contacts.len();
+            let bodies = touch.laws.len();
             for (j, &(i, side)) in m.parts.iter().enumerate() {
                 if let Ok(place) = self.places.binary_search(&i) {
                     sides_of_places[place][side] = Some(part(bodies + j));
@@ -84,8 +84,8 @@ impl Island {
             }
             sides.extend((0..bodies).map(|j| [Some(part(j)), None]));
             b.extend_from_slice(&touch.free);
-            mu.extend_from_slice(&touch.mu);
-            forces.extend_from_slice(&touch.last);
+            laws.extend_from_slice(&touch.laws);
+            forces.extend_from_slice(&touch.reaction);
             forces.resize(3 * sides.len(), 0.0);
             rows.extend_from_slice(&touch.rows);
             rows.extend_from_slice(&m.rows);
@@ -105,12 +105,12 @@ impl Island {
             }
             b.extend(free);
             sides.push(*sides_here);
-            mu.push(0.5 * (guides[guides_here[0]].friction + guides[guides_here[1]].friction));
+            laws.push(Law::Coulomb(guides[guides_here[0]].friction.mean(guides[guides_here[1]].friction)));
             let force = to_world * place.reaction;
             forces.extend([force.dot(&frame[0]).max(0.0), force.dot(&frame[1]), force.dot(&frame[2])]);
         }
         let mut pushes = vec![0.0; unknowns];
-        let problem = Coupled { sides: &sides, rows: &rows, b: &b, mu: &mu };
+        let problem = Coupled { sides: &sides, rows: &rows, b: &b, laws: &laws };
         let outcome = solve_coupled(&problem, TOLERANCE, &mut forces, &mut pushes, &mut Scratch::default());
         Reactions { pushes, forces, outcome }
     }

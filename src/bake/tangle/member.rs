@@ -153,9 +153,8 @@ impl Member {
     fn gather_forces(&mut self, places: &Places, to_world: &UnitQuaternion<f64>) {
         let touch = &self.work.touch;
         self.forces.clear();
-        for (contact, r) in touch.contacts.iter().zip(touch.last.chunks_exact(3)) {
-            let [n, t1, t2] = across(&contact.normal);
-            self.forces.push((contact.segment, contact.u, n * r[0] + t1 * r[1] + t2 * r[2]));
+        for ((segment, u, [n, t1, t2]), r) in touch.frames.iter().zip(touch.reaction.chunks_exact(3)) {
+            self.forces.push((*segment, *u, n * r[0] + t1 * r[1] + t2 * r[2]));
         }
         for &(i, side) in &self.parts {
             let place = &places.found[i];

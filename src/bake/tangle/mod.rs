@@ -142,9 +142,9 @@ impl Tangle {
                 let direction = &mut m.work.solver.direction;
                 let (push, pushes_left) = pushes.split_at(direction.len());
                 direction.iter_mut().zip(push).for_each(|(d, w)| *d += w);
-                let (last, forces_left) = forces.split_at(3 * m.work.touch.contacts.len());
-                m.work.touch.last.clear();
-                m.work.touch.last.extend_from_slice(last);
+                let (last, forces_left) = forces.split_at(3 * m.work.touch.laws.len());
+                m.work.touch.reaction.clear();
+                m.work.touch.reaction.extend_from_slice(last);
                 m.residual = outcome.residual;
                 m.rounds += 1;
                 (pushes, forces) = (pushes_left, forces_left);

@@ -63,6 +63,7 @@ impl Scene<'_> {
             wind: &[],
             bodies: &self.bodies,
             body: &|_, t| (self.head)(t),
+            carrier: &|_, _| Isometry3::identity(),
             brought_out: &|_| 1.0,
         };
         let guide = |rod: &Rod| {

@@ -3,7 +3,7 @@
 //! With H = LLᵀ for every strand and Y = L⁻¹Jᵀ, W = YᵀY is never formed: w = Y r is kept for every strand, so that a sweep
 //! costs O(unknowns of a strand) a contact, however many contacts there are.
 
-use super::{Outcome, Scratch, System, Tolerance, at, sweep};
+use super::{Law, Outcome, Scratch, System, Tolerance, at, sweep};
 use crate::math::cholesky::dot;
 use nalgebra::{Matrix3, Vector3};
 
@@ -25,8 +25,8 @@ pub struct Coupled<'a> {
     pub rows: &'a [f64],
     /// b, 3c: gap and slip without contact forces.
     pub b: &'a [f64],
-    /// µ, c, none negative.
-    pub mu: &'a [f64],
+    /// What holds at each contact, c.
+    pub laws: &'a [Law],
 }
 
 impl Coupled<'_> {
@@ -101,7 +101,7 @@ pub fn solve_coupled(
     scratch: &mut Scratch,
 ) -> Outcome {
     w.fill(0.0);
-    for i in 0..problem.mu.len() {
+    for i in 0..problem.laws.len() {
         problem.push(w, i, &at(r, i));
     }
     sweep(&mut Network { problem, r, w }, tolerance, scratch)
@@ -115,7 +115,7 @@ struct Network<'a> {
 
 impl System for Network<'_> {
     fn contacts(&self) -> usize {
-        self.problem.mu.len()
+        self.problem.laws.len()
     }
 
     fn block(&self, i: usize) -> Matrix3<f64> {
@@ -126,8 +126,8 @@ impl System for Network<'_> {
         at(self.problem.b, i)
     }
 
-    fn friction(&self, i: usize) -> f64 {
-        self.problem.mu[i]
+    fn law(&self, i: usize) -> Law {
+        self.problem.laws[i]
     }
 
     fn impulse(&self, i: usize) -> Vector3<f64> {

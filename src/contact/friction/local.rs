@@ -1,19 +1,20 @@
-//! One contact: u = W r + q with Signorini's condition and Coulomb's cone, exactly.
+//! One contact: u = W r + q with Signorini's condition and Coulomb's cone, or held fast, exactly.
 
+use super::Law;
+use crate::scene::Friction;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 /// Relative size below which an eigenvalue of a mobility is no mobility at all.
 const RIGID: f64 = 1e-14;
 
-/// Impulse r of one contact with mobility `w` (symmetric, positive semi-definite), velocity `q` without impulse, and
-/// friction coefficient `mu`.
-pub fn solve_local(w: &Matrix3<f64>, q: &Vector3<f64>, mu: f64) -> Vector3<f64> {
-    Local::new(w).solve(q, mu)
+/// Impulse r of one contact with mobility `w` (symmetric, positive semi-definite) and velocity `q` without impulse.
+pub fn solve_local(w: &Matrix3<f64>, q: &Vector3<f64>, law: Law) -> Vector3<f64> {
+    Local::new(w).solve(q, law)
 }
 
 /// One contact, made ready for many solves with the same mobility.
 ///
-/// Take-off: q_N ≥ 0, r = 0. Stick: u = 0. Slip: u_N = 0 and u_T = −s r_T, s > 0. With u_N = 0 the normal impulse is
+/// Take-off: q_N ≥ 0, r = 0. Stick: u = 0, within the cone of what sticks. Slip: u_N = 0 and u_T = −s r_T, s > 0, on that of what slides. With u_N = 0 the normal impulse is
 /// r_N = −(q_N + w·r_T)/W_NN; the tangential one then obeys (A + s I) r_T = −a, where A = W_TT − w wᵀ/W_NN and
 /// a = q_T − w q_N/W_NN. Along s from 0 (stick) to ∞ (no friction) |r_T| − µ r_N goes from positive to negative when
 /// sticking is impossible; the root is bracketed and found by Newton's method kept inside by bisection. This holds for any
@@ -43,12 +44,15 @@ impl Local {
         Local { w: *w, normal: w[(0, 0)], coupling, lambda: lambda.map(|l| l.max(floor)), basis }
     }
 
-    pub fn solve(&self, q: &Vector3<f64>, mu: f64) -> Vector3<f64> {
+    pub fn solve(&self, q: &Vector3<f64>, law: Law) -> Vector3<f64> {
+        let Law::Coulomb(Friction { fixed, kinetic: mu }) = law else {
+            return self.w.cholesky().map_or_else(Vector3::zeros, |w| -w.solve(q));
+        };
         if q.x >= 0.0 || self.normal == 0.0 {
             return Vector3::zeros();
         }
         let normal_alone = -q.x / self.normal;
-        if mu == 0.0 {
+        if fixed == 0.0 {
             return Vector3::new(normal_alone, 0.0, 0.0);
         }
         // In the eigenbasis of A.
@@ -59,7 +63,10 @@ impl Local {
             (normal_alone - c.dot(&tangent), tangent)
         };
         let (mut normal, mut tangent) = impulse(0.0);
-        if tangent.norm() > mu * normal {
+        if tangent.norm() > fixed * normal && mu == 0.0 {
+            return Vector3::new(normal_alone, 0.0, 0.0);
+        }
+        if tangent.norm() > fixed * normal {
             (normal, tangent) = impulse(slip_rate(mu, &self.lambda, &a, &c, impulse));
         }
         let tangent = self.basis * tangent;

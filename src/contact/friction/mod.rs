@@ -6,7 +6,7 @@
 //! | b | relative velocity without contact forces, plus gap / h in the normal entry | m/s |
 //! | r | impulses, per contact (normal, tangent 1, tangent 2) | N s |
 //! | u | relative velocity u = W r + b, in the same frame | m/s |
-//! | µ | friction coefficient of a contact | 1 |
+//! | µ | friction coefficient of a contact, of what slides or of what sticks | 1 |
 //!
 //! Wanted: at every contact 0 ≤ u_N ⟂ r_N ≥ 0, |r_T| ≤ µ r_N, and where u_T ≠ 0, r_T = −µ r_N u_T/|u_T|. With De Saxcé's
 //! change of variable ũ = u + µ |u_T| e_N this is K_µ ∋ r ⟂ ũ ∈ K_µ*, K_µ the second-order cone |r_T| ≤ µ r_N.
@@ -18,6 +18,7 @@
 mod coupled;
 mod local;
 
+use crate::scene::Friction;
 pub use coupled::{Coupled, Side, solve_coupled};
 use local::Local;
 pub use local::solve_local;
@@ -33,8 +34,17 @@ pub struct Problem<'a> {
     pub w: &'a [f64],
     /// b, 3c.
     pub b: &'a [f64],
-    /// µ, c, none negative.
-    pub mu: &'a [f64],
+    /// What holds at each contact, c.
+    pub laws: &'a [Law],
+}
+
+/// What holds at a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Law {
+    /// Signorini's condition with Coulomb's cone: that of the coefficient for what sticks where it sticks, else that for what slides.
+    Coulomb(Friction),
+    /// u = 0, whatever impulse that takes: a bilateral constraint.
+    Held,
 }
 
 /// When to stop.
@@ -65,12 +75,12 @@ pub struct Outcome {
 impl Problem<'_> {
     /// Number of contacts c.
     pub fn len(&self) -> usize {
-        self.mu.len()
+        self.laws.len()
     }
 
     /// Whether there is no contact.
     pub fn is_empty(&self) -> bool {
-        self.mu.is_empty()
+        self.laws.is_empty()
     }
 
     fn free(&self, i: usize) -> Vector3<f64> {
@@ -100,7 +110,7 @@ impl Problem<'_> {
         let mut residual = Residual::default();
         for i in 0..self.len() {
             let (mobility, b) = (self.block(i).trace(), self.free(i));
-            residual.add(mobility, self.velocity(r, i), &at(r, i), &b, self.mu[i]);
+            residual.add(mobility, self.velocity(r, i), &at(r, i), &b, self.laws[i]);
         }
         residual.relative()
     }
@@ -120,14 +130,22 @@ struct Residual {
 }
 
 impl Residual {
-    fn add(&mut self, trace: f64, u: Vector3<f64>, r: &Vector3<f64>, b: &Vector3<f64>, mu: f64) {
+    fn add(&mut self, trace: f64, u: Vector3<f64>, r: &Vector3<f64>, b: &Vector3<f64>, law: Law) {
         if trace <= 0.0 {
             return;
         }
         let rho = 3.0 / trace;
-        let changed = Vector3::new(u.x + mu * u.yz().norm(), u.y, u.z);
         let r = r / rho;
-        self.error += (r - project_on_cone(r - changed, mu)).norm_squared();
+        self.error += match law {
+            Law::Coulomb(friction) => {
+                // What is beyond the cone of what slides must stick.
+                let sliding = r.yz().norm() <= friction.kinetic * r.x * (1.0 + 1e-12);
+                let mu = if sliding { friction.kinetic } else { friction.fixed };
+                let changed = Vector3::new(u.x + mu * u.yz().norm(), u.y, u.z);
+                (r - project_on_cone(r - changed, mu)).norm_squared()
+            }
+            Law::Held => u.norm_squared(),
+        };
         self.impulse += r.norm_squared();
         self.free += b.norm_squared();
     }
@@ -144,7 +162,7 @@ trait System {
     /// Diagonal block of W.
     fn block(&self, i: usize) -> Matrix3<f64>;
     fn free(&self, i: usize) -> Vector3<f64>;
-    fn friction(&self, i: usize) -> f64;
+    fn law(&self, i: usize) -> Law;
     fn impulse(&self, i: usize) -> Vector3<f64>;
     /// u under the impulses as they are.
     fn velocity(&self, i: usize) -> Vector3<f64>;
@@ -163,8 +181,8 @@ fn sweep(system: &mut impl System, tolerance: Tolerance, scratch: &mut Scratch) 
         live.clear();
         for (i, local) in locals.iter().enumerate() {
             let (u, r) = (system.velocity(i), system.impulse(i));
-            residual.add(local.w.trace(), u, &r, &system.free(i), system.friction(i));
-            if sweeps == 0 || u.x < 0.0 || r != Vector3::zeros() {
+            residual.add(local.w.trace(), u, &r, &system.free(i), system.law(i));
+            if sweeps == 0 || u.x < 0.0 || r != Vector3::zeros() || system.law(i) == Law::Held {
                 live.push(i as u32);
             }
         }
@@ -176,10 +194,10 @@ fn sweep(system: &mut impl System, tolerance: Tolerance, scratch: &mut Scratch) 
             let mut residual = Residual::default();
             for &i in &*live {
                 let (i, local) = (i as usize, &locals[i as usize]);
-                let (u, old, mu) = (system.velocity(i), system.impulse(i), system.friction(i));
-                residual.add(local.w.trace(), u, &old, &system.free(i), mu);
-                if u.x < 0.0 || old != Vector3::zeros() {
-                    system.set(i, local.solve(&(u - local.w * old), mu));
+                let (u, old, law) = (system.velocity(i), system.impulse(i), system.law(i));
+                residual.add(local.w.trace(), u, &old, &system.free(i), law);
+                if u.x < 0.0 || old != Vector3::zeros() || law == Law::Held {
+                    system.set(i, local.solve(&(u - local.w * old), law));
                 }
             }
             sweeps += 1;
@@ -235,8 +253,8 @@ impl System for Dense<'_> {
         self.problem.free(i)
     }
 
-    fn friction(&self, i: usize) -> f64 {
-        self.problem.mu[i]
+    fn law(&self, i: usize) -> Law {
+        self.problem.laws[i]
     }
 
     fn impulse(&self, i: usize) -> Vector3<f64> {

@@ -12,6 +12,14 @@ impl Random {
     }
 }
 
+fn coulomb(mu: f64) -> Law {
+    Law::Coulomb(mu.into())
+}
+
+fn laws(mu: &[f64]) -> Vec<Law> {
+    mu.iter().map(|mu| coulomb(*mu)).collect()
+}
+
 /// All solutions of one contact, by enumeration: take-off, stick, and every direction of slip, scanned and bisected.
 fn enumerate(w: &Matrix3<f64>, q: &Vector3<f64>, mu: f64) -> Vec<Vector3<f64>> {
     let mut solutions = Vec::new();
@@ -60,7 +68,7 @@ fn local_solve_agrees_with_enumeration() {
         let w = random.mobility(if k % 2 == 0 { 1.0 } else { 10.0 });
         let q = random.vector();
         let mu = (random.next() + 1.0) * if k % 3 == 0 { 1.0 } else { 0.3 } + 0.01;
-        let r = solve_local(&w, &q, mu);
+        let r = solve_local(&w, &q, coulomb(mu));
         let found = enumerate(&w, &q, mu);
         let error = found.iter().map(|s| (s - r).norm()).fold(f64::INFINITY, f64::min);
         assert!(error <= 1e-10 * (1.0 + r.norm()), "case {k}: {r:?} is not among {found:?} {w:?} {q:?} {mu}");
@@ -81,7 +89,7 @@ fn check_law(problem: &Problem, r: &[f64], tolerance: f64) {
     for i in 0..problem.len() {
         let u = problem.velocity(r, i);
         let r = Vector3::from_column_slice(&r[3 * i..3 * i + 3]);
-        let mu = problem.mu[i];
+        let Law::Coulomb(Friction { kinetic: mu, .. }) = problem.laws[i] else { continue };
         assert!(r.x >= 0.0 && r.yz().norm() <= mu * r.x * (1.0 + 1e-12) + tolerance);
         assert!(u.x >= -tolerance, "penetrates: {u}");
         assert!((u.x * r.x).abs() <= tolerance, "pushes while apart: {u} {r}");
@@ -115,7 +123,7 @@ fn gauss_seidel_fulfils_the_law_at_every_contact() {
     for contacts in [1, 2, 5, 12] {
         for _ in 0..20 {
             let (w, b, mu) = system(&mut random, contacts, 4 * contacts + 3);
-            let problem = Problem { w: &w, b: &b, mu: &mu };
+            let problem = Problem { w: &w, b: &b, laws: &laws(&mu) };
             let mut r = vec![0.0; 3 * contacts];
             let outcome =
                 solve(&problem, Tolerance { residual: 1e-12, sweeps: 5000 }, &mut r, &mut Scratch::default());
@@ -130,7 +138,7 @@ fn more_contacts_than_freedoms_still_converge() {
     let mut random = Random::new(11);
     for _ in 0..20 {
         let (w, b, mu) = system(&mut random, 10, 12);
-        let problem = Problem { w: &w, b: &b, mu: &mu };
+        let problem = Problem { w: &w, b: &b, laws: &laws(&mu) };
         let mut r = vec![0.0; 30];
         let outcome =
             solve(&problem, Tolerance { residual: 1e-8, sweeps: 20_000 }, &mut r, &mut Scratch::default());
@@ -140,9 +148,51 @@ fn more_contacts_than_freedoms_still_converge() {
 }
 
 #[test]
+fn what_sticks_is_held_by_the_greater_coefficient_and_what_slides_braked_by_the_lesser() {
+    let mut random = Random::new(13);
+    let mut kinds = [0; 3];
+    for case in 0..5000 {
+        let (w, q) = (random.mobility(1.0), random.vector());
+        let kinetic = 0.3 * (random.next() + 1.01);
+        let fixed = kinetic * (1.5 + 0.5 * random.next());
+        let r = solve_local(&w, &q, Law::Coulomb(Friction { fixed, kinetic }));
+        let held = enumerate(&w, &q, fixed).into_iter().find(|r| (w * r + q).norm() < 1e-10);
+        let (wanted, kind) = match held {
+            _ if q.x >= 0.0 => (vec![Vector3::zeros()], 0),
+            Some(held) => (vec![held], 1),
+            None => (enumerate(&w, &q, kinetic), 2),
+        };
+        kinds[kind] += 1;
+        let error = wanted.iter().map(|s| (s - r).norm()).fold(f64::INFINITY, f64::min);
+        assert!(error <= 1e-10 * (1.0 + r.norm()), "case {case}: {r:?} is not among {wanted:?}");
+    }
+    assert!(kinds.iter().all(|&n| n > 100), "every case must occur: {kinds:?}");
+}
+
+#[test]
+fn held_places_beside_contacts_do_not_move() {
+    let mut random = Random::new(17);
+    for _ in 0..20 {
+        let (w, b, mu) = system(&mut random, 6, 40);
+        let mut laws = laws(&mu);
+        laws[2] = Law::Held;
+        laws[5] = Law::Held;
+        let problem = Problem { w: &w, b: &b, laws: &laws };
+        let mut r = vec![0.0; 18];
+        let tolerance = Tolerance { residual: 1e-12, sweeps: 5000 };
+        let outcome = solve(&problem, tolerance, &mut r, &mut Scratch::default());
+        assert!(outcome.residual <= 1e-12, "{outcome:?}");
+        check_law(&problem, &r, 1e-9);
+        for i in [2, 5] {
+            assert!(problem.velocity(&r, i).norm() < 1e-10);
+        }
+    }
+}
+
+#[test]
 fn a_warm_start_at_the_solution_needs_no_sweep() {
     let (w, b, mu) = system(&mut Random::new(3), 6, 30);
-    let problem = Problem { w: &w, b: &b, mu: &mu };
+    let problem = Problem { w: &w, b: &b, laws: &laws(&mu) };
     let mut r = vec![0.0; 18];
     assert!(solve(&problem, Tolerance::default(), &mut r, &mut Scratch::default()).sweeps > 0);
     assert!(r.iter().any(|&x| x > 0.0));
@@ -155,7 +205,7 @@ fn a_block_on_an_incline_holds_below_the_angle_of_friction_and_slides_above() {
     let w: Vec<f64> = (Matrix3::identity() / mass).iter().copied().collect();
     for (angle, slides) in [(0.99 * f64::atan(mu), false), (1.01 * f64::atan(mu), true)] {
         let b = [-gravity * angle.cos() * step, gravity * angle.sin() * step, 0.0];
-        let problem = Problem { w: &w, b: &b, mu: &[mu] };
+        let problem = Problem { w: &w, b: &b, laws: &laws(&[mu]) };
         let mut r = [0.0; 3];
         solve(&problem, Tolerance::default(), &mut r, &mut Scratch::default());
         let u = problem.velocity(&r, 0);
@@ -168,7 +218,7 @@ fn a_block_on_an_incline_holds_below_the_angle_of_friction_and_slides_above() {
 
 #[test]
 fn immovable_contacts_are_left_alone() {
-    let problem = Problem { w: &[0.0; 9], b: &[-1.0, 0.0, 0.0], mu: &[0.3] };
+    let problem = Problem { w: &[0.0; 9], b: &[-1.0, 0.0, 0.0], laws: &[coulomb(0.3)] };
     let mut r = [0.0; 3];
     let outcome = solve(&problem, Tolerance::default(), &mut r, &mut Scratch::default());
     assert_eq!((r, outcome.residual), ([0.0; 3], 0.0));
@@ -227,7 +277,7 @@ fn coupled_strands_obey_the_law_of_the_assembled_problem() {
         .map(|k| dot(line(k / (3 * contacts)), line(k % (3 * contacts))))
         .collect();
     let (mut r, mut moved) = (vec![0.0; 3 * contacts], vec![0.0; strands * n]);
-    let coupled = Coupled { sides: &sides, rows: &rows, b: &b, mu: &mu };
+    let coupled = Coupled { sides: &sides, rows: &rows, b: &b, laws: &laws(&mu) };
     let outcome = solve_coupled(
         &coupled,
         Tolerance { residual: 1e-11, sweeps: 20_000 },
@@ -235,7 +285,7 @@ fn coupled_strands_obey_the_law_of_the_assembled_problem() {
         &mut moved,
         &mut Scratch::default(),
     );
-    let problem = Problem { w: &w, b: &b, mu: &mu };
+    let problem = Problem { w: &w, b: &b, laws: &laws(&mu) };
     assert!(outcome.residual <= 1e-11 && outcome.sweeps > 1, "{outcome:?}");
     assert!((problem.residual(&r) - outcome.residual).abs() < 1e-10);
     assert!(r.chunks(3).filter(|r| r[0] > 0.0).count() > 3);

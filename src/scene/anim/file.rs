@@ -44,6 +44,9 @@ pub struct AnimFile {
     /// What the hair collides with.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub colliders: Vec<ColliderFile>,
+    /// What holds hair to bodies: ties, clips, braids.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ties: Vec<TieFile>,
     /// Gravity, m/s², in the axes of this file; default 9.81 down.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(inner(range(min = -1e4, max = 1e4)))]
@@ -154,14 +157,71 @@ pub struct ColliderFile {
     pub body: Option<String>,
     /// Its shape, in the rest space of its body.
     pub shape: ShapeFile,
-    /// Coulomb friction coefficient; default: that of the strand.
+    /// Coulomb friction coefficient of what slides; default: that of the strand.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub friction: Option<f64>,
+    /// The same of what sticks, not below `friction`, and only with it; default: as `friction`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub static_friction: Option<f64>,
     /// Distance kept between the shape and the strands, m; default 0.0005.
     #[serde(default = "thickness")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub thickness_m: f64,
+}
+
+/// Holds one place of each of some guides to a body: a hair tie, a clip, the end of a braid. Hair that is drawn elsewhere is
+/// brought there at 0.5 m/s at most: give it time in the pre-roll. Without `ids`, `group` and `within` it holds all guides; with several
+/// of them, those that fulfil all.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct TieFile {
+    /// Name, unique.
+    pub name: String,
+    /// Name of the body that holds the hair; default: the head.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Ids of the guides.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ids: Option<Vec<i32>>,
+    /// Group of the guides.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub group: Option<String>,
+    /// The guides that come into a ball in the groom's pose.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub within: Option<BallFile>,
+    /// Where the held places are gathered, scene units, in the rest space of the body, in a bundle of `radius`; default: each stays where
+    /// it was drawn.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at: Option<[f64; 3]>,
+    /// Radius of the bundle, scene units; default 0: all in one point.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub radius: f64,
+    /// The place of each guide that is held, by its arc length from the root, m. Shorter guides are not held.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
+    pub arc_m: Option<f64>,
+    /// The same as a multiple of the distance from the root to `at`: 1.3 leaves hair room to go round the head. Default without
+    /// `arc_m`: the place drawn nearest to `at`, or to the centre of `within`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1.0, max = 10.0))]
+    pub arc_by_distance: Option<f64>,
+    /// First and last frame, may be fractional, between which it holds; default: always.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frames: Option<[f64; 2]>,
+}
+
+/// A ball in the rest space of the groom, scene units.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct BallFile {
+    /// Centre.
+    pub centre: [f64; 3],
+    /// Radius.
+    #[schemars(range(min = 1e-6))]
+    pub radius: f64,
 }
 
 /// Shape of a collider, scene units.
@@ -299,6 +359,7 @@ impl AnimFile {
             buffers: Vec::new(),
             bodies: Vec::new(),
             colliders: Vec::new(),
+            ties: Vec::new(),
             gravity_m_s2: None,
             wind: Vec::new(),
             forces: Vec::new(),

@@ -4,10 +4,10 @@ mod deformation;
 mod track;
 
 use super::file::*;
-use super::{Anim, Body, Collider, Keyed, Settings, Shape, Track, TriMesh, Wind};
+use super::{Anim, Body, Collider, Keyed, Settings, Shape, Tie, TiePlace, Track, TriMesh, Wind};
 use crate::scene::document::array::Buffers;
 use crate::scene::document::{Document, Faults, Key, MAX_NAMED};
-use crate::scene::{Convention, Deformation};
+use crate::scene::{Convention, Deformation, Friction};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -17,8 +17,13 @@ pub(crate) use track::motion;
 const GRAVITY: f64 = 9.81;
 
 /// Sections of the file and those that they build on.
-pub const DEPENDS: &[(&str, &str)] =
-    &[("bodies", "buffers"), ("bodies", "fps"), ("head", "bodies"), ("colliders", "bodies")];
+pub const DEPENDS: &[(&str, &str)] = &[
+    ("bodies", "buffers"),
+    ("bodies", "fps"),
+    ("head", "bodies"),
+    ("colliders", "bodies"),
+    ("ties", "bodies"),
+];
 
 /// The animation that `file` describes; `None` only where faults were noted.
 pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
@@ -39,6 +44,7 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
         None => Some(0),
     };
     let colliders = reader.colliders(file.colliders, &names, head);
+    let ties = reader.ties(file.ties, &names, head);
     let gravity = file.gravity_m_s2.map_or(Vector3::y() * -GRAVITY, |g| convention.direction_in(g.into()));
     let wind = file.wind.into_iter().enumerate().map(|(i, wind)| {
         let velocity = reader.keyed(&Key::at("wind").index(i).name("velocity_m_s"), wind.velocity_m_s)?;
@@ -61,6 +67,7 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
         head: head?,
         bodies: bodies.into_iter().map(body).collect::<Option<_>>()?,
         colliders: colliders.into_iter().collect::<Option<_>>()?,
+        ties: ties.into_iter().collect::<Option<_>>()?,
         gravity,
         wind: wind.into_iter().collect::<Option<_>>()?,
         forces: forces.into_iter().collect::<Option<_>>()?,
@@ -156,11 +163,91 @@ impl Reader<'_> {
                 body,
                 shape,
                 deformation: deformation.map(Arc::new),
-                friction: file.friction,
+                friction: self.friction(&key, file.friction, file.static_friction),
                 thickness: file.thickness_m,
             })
         };
         files.into_iter().enumerate().map(collider).collect()
+    }
+
+    fn friction(&mut self, key: &Key, sliding: Option<f64>, fixed: Option<f64>) -> Option<Friction> {
+        if let Some(fixed) = fixed
+            && sliding.is_none_or(|sliding| fixed < sliding)
+        {
+            let allowed = "not below `friction`, which must be given";
+            let remedy = "what sticks is held at least as well as what slides";
+            self.faults.add(&key.name("static_friction"), format!("is {fixed}"), allowed, remedy);
+        }
+        sliding.map(|sliding| Friction::from_file(sliding, fixed))
+    }
+
+    fn ties(&mut self, files: Vec<TieFile>, bodies: &[String], head: Option<usize>) -> Vec<Option<Tie>> {
+        let names: Vec<String> = files.iter().map(|file| file.name.clone()).collect();
+        self.unique("ties", &names);
+        let point = |p: [f64; 3], convention: &Convention| convention.length_in(p.into());
+        let tie = |(i, file): (usize, TieFile)| {
+            let (key, convention) = (Key::at("ties").index(i), self.convention);
+            let unit = convention.metres_per_unit;
+            let body = match &file.body {
+                Some(name) => self.body(&key.name("body"), name, bodies),
+                None => head,
+            };
+            let place = match (file.arc_m, file.arc_by_distance) {
+                (Some(_), Some(_)) => {
+                    let allowed = "`arc_m` or `arc_by_distance`, not both";
+                    self.faults.add(
+                        &key.name("arc_m"),
+                        "is there beside `arc_by_distance`",
+                        allowed,
+                        "remove one",
+                    );
+                    return None;
+                }
+                (Some(arc), None) => TiePlace::Arc(arc),
+                (None, Some(_)) if file.at.is_none() => {
+                    let allowed = "only with `at`, the distance to which it multiplies";
+                    self.faults.add(
+                        &key.name("arc_by_distance"),
+                        "stands without `at`",
+                        allowed,
+                        "give `at`, or `arc_m`",
+                    );
+                    return None;
+                }
+                (None, Some(factor)) => TiePlace::Distance(factor),
+                (None, None) if file.at.is_none() && file.within.is_none() => {
+                    let allowed = "`arc_m`, `at` or `within`";
+                    self.faults.add(
+                        &key,
+                        "does not say which place of a guide it holds",
+                        allowed,
+                        "give one of them",
+                    );
+                    return None;
+                }
+                (None, None) => TiePlace::Nearest,
+            };
+            if let Some([on, off]) = file.frames.filter(|[on, off]| on > off) {
+                self.faults.add(
+                    &key.name("frames"),
+                    format!("is [{on}, {off}]"),
+                    "first ≤ last",
+                    "put the first frame first",
+                );
+            }
+            let always = [f64::NEG_INFINITY, f64::INFINITY];
+            Some(Tie {
+                name: file.name,
+                body: body?,
+                ids: file.ids,
+                group: file.group,
+                within: file.within.map(|ball| (point(ball.centre, &convention), ball.radius * unit)),
+                place,
+                gathered: file.at.map(|at| (point(at, &convention), file.radius * unit)),
+                times: file.frames.map_or(always, |frames| frames.map(|frame| frame / self.fps)),
+            })
+        };
+        files.into_iter().enumerate().map(tie).collect()
     }
 
     /// A shape, and how it deforms.

@@ -87,9 +87,17 @@ pub struct MaterialFile {
     /// Internal damping: relaxation time η/E of bending and twist, s. Higher rings less.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub damping_s: f64,
-    /// Coulomb friction coefficient of strand on body and strand.
+    /// Coulomb friction coefficient of strand on body and strand, of what slides along the strand.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub friction: f64,
+    /// The same of what sticks, not below `friction`; default: as `friction`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub static_friction: Option<f64>,
+    /// Friction across a strand over friction along it: above 1 it rolls less easily than it slips through.
+    #[serde(skip_serializing_if = "is_one")]
+    #[schemars(range(min = 0.1, max = 10.0))]
+    pub friction_across: f64,
     /// Factor on the air drag of an isolated strand; 1 is physical, 0 is none.
     #[schemars(range(min = 0.0, max = 1e3))]
     pub drag: f64,
@@ -240,4 +248,10 @@ impl Default for MaterialRef {
 
 fn one() -> f64 {
     1.0
+}
+
+// Serde hands over a reference.
+#[allow(clippy::trivially_copy_pass_by_ref)]
+fn is_one(x: &f64) -> bool {
+    *x == 1.0
 }

@@ -5,9 +5,9 @@ mod wisps;
 
 use super::file::*;
 use super::{Curves, Groom, Group, Guides, Material, RodSection, Strands};
-use crate::scene::Convention;
 use crate::scene::document::array::{Array, Buffers, Element};
 use crate::scene::document::{Document, Faults, Key, MAX_NAMED};
+use crate::scene::{Convention, Friction};
 use curves::CurvesFile;
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -133,7 +133,8 @@ impl From<&MaterialFile> for Material {
             natural: file.natural_curvature_per_m.map(Vector3::from),
             sag_free: file.sag_free,
             damping: file.damping_s,
-            friction: file.friction,
+            friction: Friction::from_file(file.friction, file.static_friction),
+            friction_across: file.friction_across,
             drag: file.drag,
             shielding: file.shielding,
         }

@@ -134,7 +134,9 @@ impl From<&Material> for MaterialFile {
             natural_curvature_per_m: m.natural.map(Into::into),
             sag_free: m.sag_free,
             damping_s: m.damping,
-            friction: m.friction,
+            friction: m.friction.kinetic,
+            static_friction: (m.friction.fixed != m.friction.kinetic).then_some(m.friction.fixed),
+            friction_across: m.friction_across,
             drag: m.drag,
             shielding: m.shielding,
         }
