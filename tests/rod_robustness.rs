@@ -33,11 +33,11 @@ const HAIR: Hair = Hair {
 };
 
 impl Hair {
-    fn rod(&self) -> Rod {
+    fn points(&self) -> Vec<Vector3<f64>> {
         let pitch = 0.5;
         // A helix whose axis points forward, then down; its points are 0.4 rad apart.
         let n = if self.curl > 0.0 { (self.length / self.curl / 0.4) as usize } else { 20 };
-        let points: Vec<Vector3<f64>> = (0..=n)
+        (0..=n)
             .map(|i| {
                 let s = self.length * i as f64 / n as f64;
                 let a = if self.curl > 0.0 { s / (self.curl * f64::hypot(1.0, pitch)) } else { 0.0 };
@@ -46,13 +46,16 @@ impl Hair {
                 axis + Vector3::new(0.0, 0.0, 1.0) * (self.curl * a.sin())
                     + Vector3::new(0.95, 0.3, 0.0).normalize() * (self.curl * (a.cos() - 1.0))
             })
-            .collect();
+            .collect()
+    }
+
+    fn rod_along(&self, points: &[Vector3<f64>]) -> Rod {
         let [a, b] = self.radius;
         let area = std::f64::consts::PI * a * b;
         let [i1, i2] = [area * b * b / 4.0, area * a * a / 4.0];
         let shear = 0.23 * self.young;
         Rod::new(&RodSource {
-            points: &points,
+            points,
             root_frame: None,
             arc: &Tree::default_arc(self.nodes),
             stiffness: [self.young * i1, self.young * i2, shear * 4.0 * i1 * i2 / (i1 + i2)],
@@ -66,6 +69,16 @@ impl Hair {
 
     /// Half a second on a head that does as `pose` tells; the sum of the records, the largest speed in it and that at the end, m/s.
     fn run(&self, scheme: Scheme, pose: &(dyn Fn(f64) -> Isometry3<f64> + Sync)) -> (StepRecord, f64, f64) {
+        self.run_along(&self.points(), scheme, pose)
+    }
+
+    /// The same of a hair drawn along `points`.
+    fn run_along(
+        &self,
+        points: &[Vector3<f64>],
+        scheme: Scheme,
+        pose: &(dyn Fn(f64) -> Isometry3<f64> + Sync),
+    ) -> (StepRecord, f64, f64) {
         let around = Surroundings {
             head: pose,
             gravity: &|_| Vector3::y() * -9.81,
@@ -75,7 +88,7 @@ impl Hair {
             carrier: &|_, _| Isometry3::identity(),
             brought_out: &|_| 1.0,
         };
-        let (rod, h) = (self.rod(), 1.0 / self.rate);
+        let (rod, h) = (self.rod_along(points), 1.0 / self.rate);
         let drag = vec![2e-5; rod.points()];
         let mut guide = Guide::new(rod, drag, 0.3, &[], &around, 0.0, h);
         guide.scheme = scheme;
@@ -139,6 +152,43 @@ fn kinds() -> Vec<(&'static str, Hair)> {
 }
 
 #[test]
+fn a_hair_that_hangs_straight_stays_so() {
+    // In equilibrium to the last bit: there is nothing to descend.
+    let points: Vec<_> = (0..=20).map(|i| Vector3::y() * (-0.25 * f64::from(i) / 20.0)).collect();
+    for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
+        let (record, fastest, _) = HAIR.run_along(&points, scheme, &|_| Isometry3::identity());
+        assert_eq!((record.unconverged, record.halvings), (0, 0), "{scheme:?}");
+        assert!(fastest < 1e-9, "{scheme:?}: {fastest} m/s");
+    }
+}
+
+#[test]
+fn a_bend_between_nodes_is_seen_by_coarse_cuts() {
+    // A metre with three nodes that turns by 270 degrees within 3 cm.
+    let mut points = vec![Vector3::zeros()];
+    let mut heading = 0.0_f64;
+    for i in 0..1000 {
+        let s = f64::from(i) * 1e-3;
+        if (0.62..0.65).contains(&s) {
+            heading += 1.5 * std::f64::consts::PI / 30.0;
+        }
+        let last = *points.last().unwrap();
+        points.push(last + Vector3::new(heading.cos(), 0.0, heading.sin()) * 1e-3);
+    }
+    let end = |cut: Cut| {
+        let hair = Hair { nodes: 3, cut, length: 1.0, ..HAIR };
+        let rod = hair.rod_along(&points);
+        let mut shape = hairbake::rod::Shape::default();
+        let q: Vec<f64> = (0..rod.unknowns()).map(|i| (f64::from(i as u32) * 0.7).sin() * 3.0).collect();
+        shape.update(&rod, &rod.root.r, &q);
+        shape.x(shape.points() - 1)
+    };
+    let off = (end(Cut::COARSE) - end(Cut { length: 1e-3, turn: 0.05 })).norm();
+    // A thousandth of the length; 72 mm where the bend was missed.
+    assert!(off < 1e-3, "{off} m");
+}
+
+#[test]
 fn strange_rods_converge_on_a_shaken_head() {
     for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
         for (name, hair) in kinds() {
@@ -165,6 +215,7 @@ fn strange_rods_survive_a_teleport() {
         for (name, hair) in kinds() {
             let (record, _, calm) = hair.run(scheme, &teleported);
             // Few solves fail, and are reported; a third of a second later nothing is left of the jump.
+            println!("MEAS {name} {scheme:?} {} {calm}", record.unconverged);
             assert!(record.unconverged <= 40, "{name}, {scheme:?}: {}", record.unconverged);
             assert!(calm < 10.0, "{name}, {scheme:?}: {calm} m/s");
         }

@@ -126,7 +126,7 @@ fn report(summary: &BakeSummary, title: &str) -> BakeReport {
     let drift = chart(
         "Length drift of guides",
         "",
-        "Largest relative change of the arc length of a segment; below 1e-6 is good.",
+        "Largest relative change of a segment's length as read from the frames at its ends. The curve keeps its length exactly; this shows how well segments this long follow it.",
         vec![series("largest", |f| f.length_drift)],
     );
     BakeReport {

@@ -109,6 +109,11 @@ impl ArcSpline {
         Some(spline)
     }
 
+    /// Arc length up to each of the points that it goes through, m.
+    pub fn arc(&self) -> &[f64] {
+        &self.arc
+    }
+
     /// Whole arc length, m.
     pub fn length(&self) -> f64 {
         self.arc[self.arc.len() - 1]

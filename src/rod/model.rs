@@ -140,13 +140,15 @@ impl Rod {
         let length = spline.length();
         let nodes: Vec<f64> = source.arc.iter().map(|u| u * length).collect();
         let root = root_pose(source, &spline);
-        let turning = |a: f64, b: f64| match source.natural {
-            Some(w) => w.norm() * (b - a),
-            None => {
-                // The sharpest of a few samples, times the length: an upper estimate of the turn.
-                (0..=8).map(|i| spline.at(a + (b - a) * i as f64 / 8.0).curvature.norm()).fold(0.0, f64::max)
-                    * (b - a)
-            }
+        // The sharpest of some samples, two or more to a drawn segment, times the length: an upper estimate of the turn, as drawn and
+        // by nature.
+        let turning = |a: f64, b: f64| {
+            let drawn = spline.arc().partition_point(|s| *s < b) - spline.arc().partition_point(|s| *s <= a);
+            let samples = 2 * (drawn + 1).max(4);
+            (0..=samples)
+                .map(|i| spline.at(a + (b - a) * i as f64 / samples as f64).curvature.norm())
+                .fold(source.natural.map_or(0.0, |w| w.norm()), f64::max)
+                * (b - a)
         };
         let mut steps = Vec::new();
         let mut weight = vec![0.0];

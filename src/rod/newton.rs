@@ -15,7 +15,7 @@ pub const TOLERANCE: f64 = 1e-6;
 /// h has been pushed by δ/h² too much, which step after step adds up whatever h is.
 pub const BALANCE: f64 = 6e-4;
 
-/// Newton steps before a solve is given up; violent shaking takes about 10.
+/// Newton steps before a solve is given up.
 pub const MAX_ITERATIONS: u32 = 60;
 
 /// Most that one Newton step may turn a sub-step of the rod, rad: the Magnus series converges below π.
@@ -193,7 +193,8 @@ impl<F: Real> Solver<F> {
             self.learn(kept);
             active &= kept | self.factorise(beam, load, q, active & !kept);
             let slope = self.descend();
-            active &= slope.below(zero) & slope.abs().below(slope.same(f64::MAX));
+            // A slope of nought is that of a rod at rest, which has arrived.
+            active &= slope.abs().below(slope.same(f64::MAX));
             if active != F::ALL {
                 for d in &mut self.direction {
                     *d = d.or(active, zero);
