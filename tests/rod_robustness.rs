@@ -214,10 +214,9 @@ fn strange_rods_survive_a_teleport() {
     for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
         for (name, hair) in kinds() {
             let (record, _, calm) = hair.run(scheme, &teleported);
-            // Few solves fail, and are reported; a third of a second later nothing is left of the jump.
-            println!("MEAS {name} {scheme:?} {} {calm}", record.unconverged);
-            assert!(record.unconverged <= 40, "{name}, {scheme:?}: {}", record.unconverged);
-            assert!(calm < 10.0, "{name}, {scheme:?}: {calm} m/s");
+            // Few solves fail, and are reported; a third of a second later hair swings as it falls, and no faster.
+            assert!(record.unconverged <= 15, "{name}, {scheme:?}: {}", record.unconverged);
+            assert!(calm < 4.0, "{name}, {scheme:?}: {calm} m/s");
         }
     }
 }
