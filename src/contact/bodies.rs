@@ -199,11 +199,6 @@ impl Bodies {
         self.bodies[body].shape.closest(t, p, max_distance)
     }
 
-    /// Whether the segment between two points outside a body, in its own frame, passes through its surface at time `t`, s.
-    pub fn pierced(&self, body: usize, t: f64, a: &Vector3<f64>, b: &Vector3<f64>) -> bool {
-        self.bodies[body].shape.pierced(t, a, b)
-    }
-
     /// Whether a point, in the body's own frame, is inside it at time `t`, s. For a mesh this costs O(triangles): for set-up only.
     pub fn inside(&self, body: usize, t: f64, p: &Vector3<f64>) -> bool {
         self.bodies[body].shape.inside(t, p)

@@ -128,14 +128,6 @@ impl Shape {
         }
     }
 
-    /// Whether the segment between two points outside, body frame, passes through the surface at time `t`, s.
-    pub fn pierced(&self, t: f64, a: &Vector3<f64>, b: &Vector3<f64>) -> bool {
-        match self.over([t, t]) {
-            Surface::Convex(convex) => convex.closest_to_segment(a, b).1.distance < 0.0,
-            Surface::Mesh([mesh, _]) => mesh.pierced(a, b),
-        }
-    }
-
     /// Whether `p`, body frame, is inside the solid at time `t`, s. For a mesh by its winding number: O(triangles), for set-up only.
     pub fn inside(&self, t: f64, p: &Vector3<f64>) -> bool {
         match self.over([t, t]) {

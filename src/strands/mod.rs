@@ -14,7 +14,7 @@ use crate::rod::{Rod, Shape};
 use crate::scene::Curves;
 use follow::{Follow, RestGuide};
 pub use keep_out::KeepOut;
-use keep_out::{Beside, FreeEdge, Kept, Lean};
+use keep_out::{FreeEdge, Kept, Lean, Spare};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -147,17 +147,9 @@ impl Interpolator {
             (p, v) = (p1, v1);
         }
         cut.into_par_iter().with_min_len(64).for_each_init(Tracks::default, |tracks, (strand, p, v)| {
-            let leans =
-                strand.trace(&moments[0], guides, &lines[0], 0.0, &mut tracks.now, &mut tracks.beside);
+            let leans = strand.trace(&moments[0], guides, &lines[0], 0.0, &mut tracks.now, &mut tracks.spare);
             if leans {
-                strand.trace(
-                    &moments[1],
-                    guides,
-                    &lines[1],
-                    BACKWARD,
-                    &mut tracks.before,
-                    &mut tracks.beside,
-                );
+                strand.trace(&moments[1], guides, &lines[1], BACKWARD, &mut tracks.before, &mut tracks.spare);
                 for (now, before) in tracks.now.iter_mut().zip(&tracks.before) {
                     now.1 = (now.0 - before.0) / BACKWARD;
                 }
@@ -174,7 +166,7 @@ impl Interpolator {
 struct Tracks {
     now: Track,
     before: Track,
-    beside: [Vec<Beside>; 2],
+    spare: [Spare; 2],
 }
 
 /// Points of a guide's rod and the guide's direction at each, world, m.
@@ -249,18 +241,18 @@ impl Strand {
         lines: &[Line],
         back: f64,
         out: &mut Track,
-        beside: &mut [Vec<Beside>; 2],
+        spare: &mut [Spare; 2],
     ) -> bool {
         let Moment { head, keep_out } = moment;
         let (mut x, mut v) = head.carry(&self.root);
         let mut frame = head.rotation * self.frame;
         let mut spin = head.spin;
         let mut lean: Option<Lean> = None;
-        for beside in beside.iter_mut() {
-            beside.clear();
-            beside.resize(keep_out.poses.len(), Beside::default());
+        for spare in spare.iter_mut() {
+            spare.clear();
+            spare.resize(keep_out.poses.len(), 0.0);
         }
-        let [beside, beside_leaning] = beside;
+        let [spare, spare_leaning] = spare;
         out.clear();
         out.push((x, v));
         for (j, (turn, &length)) in self.turn.iter().zip(&self.length).enumerate() {
@@ -279,7 +271,7 @@ impl Strand {
             let place = (j + 1, self.length.len() + 1);
             let violation = match &lean {
                 Some(lean) if lean.on_guide() => 0.0,
-                _ => keep_out.violation(&self.kept, place, &start, &edge, beside),
+                _ => keep_out.violation(&self.kept, place, &x, length, spare),
             };
             if violation > 0.0 && lean.is_none() {
                 lean = Some(Lean::from(start));
@@ -287,7 +279,7 @@ impl Strand {
             let end = lean.as_mut().map_or(x, |lean| {
                 let guide = lines[self.follow[0].guide][self.beside[j] as usize];
                 let free = FreeEdge { start, edge, violation, guide };
-                lean.advance(keep_out, &self.kept, place, length, &free, beside_leaning)
+                lean.advance(keep_out, &self.kept, place, length, &free, spare_leaning)
             });
             out.push((end, v));
         }
@@ -506,40 +498,5 @@ mod tests {
         let ([hi, _], [lo, _]) = (at(t), at(-t));
         let slip = (wide(&hi[32]) - wide(&lo[32])) / (2.0 * t);
         assert!((slip - wide(&v[32])).norm() < 0.1 * slip.norm().max(0.1), "{slip} {:?}", v[32]);
-    }
-
-    #[test]
-    fn a_strand_does_not_go_through_what_is_thinner_than_its_edges() {
-        use crate::scene::Shape as Solid;
-        // A wire across a strand that its guide, which passes beside it, bends down, between two vertices of the free chain.
-        let line: Vec<_> = (0..33).map(|i| Vector3::x() * (0.2 * f64::from(i) / 32.0)).collect();
-        let r = rod(&line.iter().map(|p| p + BESIDE).collect::<Vec<_>>());
-        let q: Vec<f64> = (0..r.unknowns()).map(|i| if i % 3 == 2 { 0.0 } else { 12.0 }).collect();
-        let c = curves(&[line]);
-        let zero = vec![0.0; q.len()];
-        let [free, _] = run(&c, &[&r], std::slice::from_ref(&q), std::slice::from_ref(&zero), &still());
-        let across =
-            (wide(&free[21]) - wide(&free[20])).cross(&(wide(&free[20]) - wide(&free[10]))).normalize();
-        // A little aside: an edge that meets it head on has no side to turn to.
-        let aside = across.cross(&(wide(&free[21]) - wide(&free[20]))) * 0.15;
-        let middle = (wide(&free[20]) + wide(&free[21])) * 0.5 + aside;
-        let ends = [middle - across * 0.04, middle + across * 0.04];
-        let wire = Solid::Capsule { ends, radius: 0.001 };
-        let mesh = Solid::Mesh(wire.tessellate());
-        for shape in [wire, mesh] {
-            let bodies = Bodies::from_shapes(&[shape]);
-            let goes_through =
-                |p: &[[f32; 3]]| p.windows(2).any(|e| bodies.pierced(0, 0.0, &wide(&e[0]), &wide(&e[1])));
-            assert!(goes_through(&free));
-            let interpolator = Interpolator::new(&c, &[LEAF], &[(&r, LEAF)], &bodies, &[0.0005]);
-            let moment = Moment {
-                head: still(),
-                keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] },
-            };
-            let [mut p, mut v] = [vec![[0.0; 3]; 33], vec![[0.0; 3]; 33]];
-            let motion = [GuideMotion { rod: &r, q: &q, rate: &zero }];
-            interpolator.evaluate(&[moment, moment], &motion, &Matrix3::identity(), &mut p, &mut v);
-            assert!(!goes_through(&p));
-        }
     }
 }

@@ -84,18 +84,6 @@ pub fn weights(part: Part, p: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> [f64; 3] 
     w
 }
 
-/// Where segment `ab` goes through triangle `v`: its parameter, 0..=1.
-pub fn pierce(a: &Vector3<f64>, b: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> Option<f64> {
-    let n = (v[1] - v[0]).cross(&(v[2] - v[0]));
-    let (ha, hb) = (n.dot(&(a - v[0])), n.dot(&(b - v[0])));
-    if (ha > 0.0) == (hb > 0.0) || ha == hb {
-        return None;
-    }
-    let u = ha / (ha - hb);
-    let x = a + (b - a) * u;
-    (0..3).all(|i| n.dot(&(v[(i + 1) % 3] - v[i]).cross(&(x - v[i]))) >= 0.0).then_some(u)
-}
-
 /// Closest points of segment `ab` and triangle `v`. The minimum is at an end of the segment or on an edge of the triangle,
 /// unless the segment pierces the face.
 pub fn segment_triangle(a: &Vector3<f64>, b: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> Pair {
@@ -122,8 +110,14 @@ pub fn segment_triangle(a: &Vector3<f64>, b: &Vector3<f64>, v: [&Vector3<f64>; 3
             best = Pair { u, point, distance2, part };
         }
     }
-    if let Some(u) = pierce(a, b, v) {
-        best = Pair { u, point: a + (b - a) * u, distance2: 0.0, part: Part::Face };
+    let n = (v[1] - v[0]).cross(&(v[2] - v[0]));
+    let (ha, hb) = (n.dot(&(a - v[0])), n.dot(&(b - v[0])));
+    if (ha > 0.0) != (hb > 0.0) && ha != hb {
+        let u = ha / (ha - hb);
+        let x = a + (b - a) * u;
+        if (0..3).all(|i| n.dot(&(v[(i + 1) % 3] - v[i]).cross(&(x - v[i]))) >= 0.0) {
+            best = Pair { u, point: x, distance2: 0.0, part: Part::Face };
+        }
     }
     best
 }

@@ -7,7 +7,7 @@ mod topology;
 
 pub use deforming::Deforming;
 
-use super::distance::{Part, closest_on_triangle, pierce, weights};
+use super::distance::{Part, closest_on_triangle, weights};
 use super::shape::{Feature, SurfacePoint};
 use crate::math::polyline::closest_on_segment;
 use nalgebra::Vector3;
@@ -251,12 +251,6 @@ impl Mesh {
     /// Triangles whose boxes meet `bounds`, appended to `out` in the order of the hierarchy.
     pub fn triangles_in(&self, bounds: &Bounds, out: &mut Vec<u32>) {
         out.extend(self.bvh.leaves(|node| bounds.meets(node)));
-    }
-
-    /// Whether the segment between two points meets a triangle.
-    pub fn pierced(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> bool {
-        let bounds = Bounds::around([a, b], 0.0);
-        self.bvh.leaves(|node| bounds.meets(node)).any(|t| pierce(a, b, self.triangle(t)).is_some())
     }
 
     /// Generalised winding number of the mesh about `p`: 1 inside a closed mesh, 0 outside, in between where it is open.
