@@ -1,25 +1,13 @@
 //! A step of rods takes no memory from the system.
 
+mod strand;
+
 use hairbake::bake::company::Companies;
 use hairbake::bake::guide::{Guide, StepRecord, Surroundings};
 use hairbake::contact::Bodies;
-use hairbake::rod::{Cut, Rod, RodSource};
-use hairbake::scene::Tree;
+use hairbake::rod::Cut;
 use nalgebra::{Isometry3, Vector3};
-
-fn hair(length: f64) -> Rod {
-    Rod::new(&RodSource {
-        points: &[Vector3::zeros(), Vector3::x() * length],
-        root_frame: None,
-        arc: &Tree::default_arc(8),
-        stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
-        line_density: 6.6e-6,
-        damping: 0.005,
-        natural: None,
-        cut: Cut::COARSE,
-    })
-    .unwrap()
-}
+use strand::hair;
 
 #[test]
 fn a_step_of_many_rods_allocates_nothing() {
@@ -35,7 +23,7 @@ fn a_step_of_many_rods_allocates_nothing() {
     };
     let h = 1.0 / 25.0;
     let guide = |i: u32| {
-        let rod = hair(0.15 + 0.005 * f64::from(i));
+        let rod = hair(0.15 + 0.005 * f64::from(i), Cut::COARSE);
         let drag = vec![2e-5; rod.points()];
         Guide::new(rod, drag, 0.3, &[], &around, 0.0, h)
     };

@@ -5,6 +5,7 @@ mod strand;
 use hairbake::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use hairbake::bake::tie::Tie;
 use hairbake::contact::Bodies;
+use hairbake::rod::Cut;
 use hairbake::scene::Shape;
 use nalgebra::{Isometry3, Vector3};
 use strand::hair;
@@ -31,7 +32,7 @@ fn run(
         carrier: &|_, _| Isometry3::identity(),
         brought_out: &|_| 1.0,
     };
-    let rod = hair();
+    let rod = hair(0.2, Cut::FINE);
     let drag = vec![2e-5; rod.points()];
     let h = 1.0 / rate;
     let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &around, 0.0, h);
@@ -128,7 +129,7 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
         carrier: &carrier,
         brought_out: &|_| 1.0,
     };
-    let rod = hair();
+    let rod = hair(0.2, Cut::FINE);
     let drag = vec![2e-5; rod.points()];
     let h = 1.0 / 96.0;
     let mut guide = Guide::new(rod, drag, 0.3, &[], &around, 0.0, h);
@@ -165,7 +166,7 @@ fn a_strand_pressed_on_a_plate_buckles_and_its_tip_stays_where_it_stuck() {
         carrier: &|_, _| Isometry3::identity(),
         brought_out: &|_| 1.0,
     };
-    let rod = hair();
+    let rod = hair(0.2, Cut::FINE);
     let drag = vec![2e-5; rod.points()];
     let h = 1.0 / 48.0;
     let mut guide = Guide::new(rod, drag, 10.0, &[5e-4], &around, 0.0, h);

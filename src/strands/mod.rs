@@ -494,6 +494,9 @@ mod tests {
         for e in p.windows(2) {
             assert!(((wide(&e[1]) - wide(&e[0])).norm() / 0.00625 - 1.0).abs() < 1e-4);
         }
+        // It comes towards its guide, beside which it ran.
+        let across = (r.root.p + free.x(r.points() - 1) - wide(&p[32])).dot(&BESIDE.normalize());
+        assert!(across < 0.9 * BESIDE.norm(), "{across} m beside its guide");
         let t = 2e-3;
         let ([hi, _], [lo, _]) = (at(t), at(-t));
         let slip = (wide(&hi[32]) - wide(&lo[32])) / (2.0 * t);
