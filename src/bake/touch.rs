@@ -105,8 +105,7 @@ pub(super) struct TouchWork {
     /// The last reactions that push, as the rod feels them: where the next solve starts from.
     pub(super) pushes: Vec<Push>,
     pushed: PushedWork,
-    /// Impacts met in any round of this step.
-    sticky: Vec<Contact>,
+    averted: Averted,
     /// Whether contacts stay as they were found, and only impacts join them.
     pub(super) frozen: bool,
     pub(super) noted: Noted,
@@ -116,7 +115,7 @@ impl TouchWork {
     /// Forgets the step before, which may have been another guide's.
     pub(super) fn clear(&mut self) {
         self.contacts.clear();
-        self.sticky.clear();
+        self.averted.0.clear();
         self.reaction.clear();
         self.frozen = false;
         self.pushes.clear();
@@ -126,7 +125,7 @@ impl TouchWork {
     /// Places where the last step met a surface on its way or violated a clearance: (body, segment).
     pub(super) fn blocked(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         let violated = self.contacts.iter().filter(|c| c.gap < -GAP_TOLERANCE);
-        violated.chain(&self.sticky).map(|c| (c.body, c.segment))
+        violated.chain(self.averted.0.iter().map(|(c, _)| c)).map(|c| (c.body, c.segment))
     }
 }
 
@@ -247,21 +246,8 @@ impl Touch<'_> {
             distance >= 0.0 || distance >= self.before(&line, c) || line.kept_at(c) < 0.0
         };
         let clear = work.impacts.iter().chain(&work.contacts).all(in_front);
-        // An impact once averted is out of sight; forgotten, it would come back in the round after.
-        for impact in work.impacts.drain(..) {
-            work.sticky
-                .retain(|c| (c.body, c.segment, c.feature) != (impact.body, impact.segment, impact.feature));
-            work.sticky.push(impact);
-        }
-        let seen = work.contacts.len();
-        for impact in &mut work.sticky {
-            impact.gap = line.gap(impact);
-            let beside = line.kept_at(impact);
-            let known = work.contacts[..seen].iter().any(|c| stands_for(c, impact, beside));
-            if !known {
-                work.contacts.push(*impact);
-            }
-        }
+        work.impacts.drain(..).for_each(|impact| work.averted.meet(impact));
+        work.averted.join(&line, &mut work.contacts);
         for contact in &mut work.contacts {
             contact.gap -= self.tolerated(&line, contact);
         }
@@ -441,6 +427,34 @@ impl Touch<'_> {
     }
 }
 
+/// Impacts met in any round of a step, and whether each was met more than once. Once averted an impact is out of sight; forgotten, it
+/// would come back in the round after.
+#[derive(Debug, Default)]
+struct Averted(Vec<(Contact, bool)>);
+
+impl Averted {
+    fn meet(&mut self, impact: Contact) {
+        let place = |c: &Contact| (c.body, c.segment, c.feature);
+        let known = self.0.iter().position(|(c, _)| place(c) == place(&impact));
+        if let Some(known) = known {
+            self.0.remove(known);
+        }
+        self.0.push((impact, known.is_some()));
+    }
+
+    /// Adds those to `contacts` that none of them stands for. What stood for one that was met again did not avert it.
+    fn join(&mut self, line: &Polyline, contacts: &mut Vec<Contact>) {
+        let seen = contacts.len();
+        for (impact, again) in &mut self.0 {
+            impact.gap = line.gap(impact);
+            let beside = line.kept_at(impact);
+            if *again || !contacts[..seen].iter().any(|c| stands_for(c, impact, beside)) {
+                contacts.push(*impact);
+            }
+        }
+    }
+}
+
 /// Whether `contact` stands for an impact met on the way, so that this need not be in the problem too: within its clearance
 /// `beside`, m, and of like direction. One elsewhere on the same segment does not: it lets the motion through again.
 fn stands_for(contact: &Contact, impact: &Contact, beside: f64) -> bool {
@@ -480,5 +494,33 @@ mod tests {
         // There, but holding in another direction, or on another body.
         assert!(!stands_for(&at(0.0, Vector3::x()), &impact, clearance));
         assert!(!stands_for(&Contact { body: 0, ..at(0.0, Vector3::y()) }, &impact, clearance));
+    }
+
+    #[test]
+    fn an_impact_met_again_stays_in_the_problem_whatever_stands_for_it() {
+        let impact = Contact {
+            segment: 0,
+            u: 0.5,
+            body: 0,
+            feature: Feature::Edge(7),
+            normal: Vector3::y(),
+            point: [Vector3::zeros(); 2],
+            gap: 0.0,
+            friction: None,
+        };
+        let other = Contact { feature: Feature::Face(3), ..impact };
+        let x = [Vector3::x() * -0.01, Vector3::x() * 0.01];
+        let line = Polyline { x0: &x, x1: &x, clearance: &[5e-4; 2] };
+        let mut averted = Averted::default();
+        let mut joined = |impact| {
+            let mut contacts = vec![other];
+            averted.meet(impact);
+            averted.join(&line, &mut contacts);
+            contacts[1..].iter().map(|c| c.feature).collect::<Vec<_>>()
+        };
+        assert_eq!(joined(impact), []);
+        assert_eq!(joined(impact), [Feature::Edge(7)]);
+        // As are others at the place only when they are met again.
+        assert_eq!(joined(Contact { feature: Feature::Edge(8), ..impact }), [Feature::Edge(7)]);
     }
 }
