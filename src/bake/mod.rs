@@ -14,12 +14,14 @@ mod touch;
 
 use crate::cache::{self, InputRecord, Manifest};
 use crate::scene::{Anim, Groom};
+use crate::strands::SPAN;
 use crate::{Error, Result};
-use output::Output;
+use output::{GuideState, Output};
 use record::FrameRecord;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use simulation::Simulation;
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -45,6 +47,15 @@ pub struct BakeSummary {
     pub preroll_seconds: f64,
     /// The manifest as written.
     pub manifest: Option<Manifest>,
+}
+
+/// A frame that is simulated and not written yet.
+struct Simulated {
+    record: FrameRecord,
+    guides: Vec<GuideState>,
+    /// See [`Interpolator::retreats`](crate::strands::Interpolator::retreats).
+    retreats: Vec<f32>,
+    seconds: StageSeconds,
 }
 
 /// Name and checksum of every file that a bake of the scene reads. Errors: files that cannot be read.
@@ -81,29 +92,46 @@ pub fn bake(
     let mut summary = BakeSummary::default();
     let (first, last) = (anim.frames.0 - 1, anim.frames.1 + 1);
     let total = (last - first + 1) as usize;
-    for (i, frame) in (first..=last).enumerate() {
-        let mut record = FrameRecord { frame, ..FrameRecord::default() };
+    // A frame's strands depend on the guides of the frames around it, so the simulation is ahead.
+    let mut window: VecDeque<Simulated> = VecDeque::with_capacity(2 * SPAN + 1);
+    for ahead in first..=last + SPAN as i32 {
+        let mut record = FrameRecord { frame: ahead, ..FrameRecord::default() };
         let start = Instant::now();
-        simulation.run_to(frame, |steps| record.add(steps, ids));
-        let simulated = start.elapsed().as_secs_f64();
+        simulation.run_to(ahead, |steps| record.add(steps, ids));
+        let simulate = start.elapsed().as_secs_f64();
         record.close(&simulation.guides, &output::head_motion(anim, simulation.time()));
         let start = Instant::now();
-        let arrays = output.frame(frame, &simulation);
-        let interpolate = start.elapsed().as_secs_f64();
+        let guides = simulation.state();
+        let retreats = output.retreats(ahead, &guides);
+        let seconds =
+            StageSeconds { simulate, interpolate: start.elapsed().as_secs_f64(), ..StageSeconds::default() };
+        window.push_back(Simulated { record, guides, retreats, seconds });
+        let Some(middle) = window.len().checked_sub(1 + SPAN) else { continue };
+        // Before the first frame all is as it is there.
+        let around = |i: usize| (middle + i).saturating_sub(SPAN);
+        let Simulated { record, guides, seconds, .. } = &window[middle];
+        let mut seconds = *seconds;
+        let start = Instant::now();
+        let arrays = output.frame(
+            record.frame,
+            guides,
+            &std::array::from_fn(|i| window[around(i)].retreats.as_slice()),
+        );
+        seconds.interpolate += start.elapsed().as_secs_f64();
         let start = Instant::now();
         let file = writer.write_frame(&arrays)?;
-        let write = start.elapsed().as_secs_f64();
-        manifest.frames.push(cache::FrameRecord { frame, file, figures: figures(&record) });
-        // The first frame's steps are the pre-roll's.
-        let simulate = if i == 0 {
-            summary.preroll_seconds = simulated;
-            0.0
-        } else {
-            simulated
-        };
-        summary.seconds.push(StageSeconds { simulate, interpolate, write });
-        progress(&record, i + 1, total);
-        summary.frames.push(record);
+        seconds.write = start.elapsed().as_secs_f64();
+        manifest.frames.push(cache::FrameRecord { frame: record.frame, file, figures: figures(record) });
+        if record.frame == first {
+            // The first frame's steps are the pre-roll's.
+            summary.preroll_seconds = std::mem::take(&mut seconds.simulate);
+        }
+        summary.seconds.push(seconds);
+        summary.frames.push(record.clone());
+        progress(record, summary.frames.len(), total);
+        if window.len() > 2 * SPAN {
+            window.pop_front();
+        }
     }
     manifest.totals = totals(&summary.frames);
     manifest.scene_figures = scene_figures(groom, &simulation);

@@ -5,13 +5,23 @@ use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Hea
 use crate::contact::Bodies;
 use crate::rod::{Rod, Sensitivity, Shape};
 use crate::scene::{Anim, Collider, Convention, Curves, Deformation, Groom, UpAxis};
-use crate::strands::{BACKWARD, GuideMotion, HeadMotion, Interpolator, KeepOut, Moment};
+use crate::strands::{BACKWARD, GuideMotion, HeadMotion, Interpolator, KeepOut, Moment, Retreats};
 use nalgebra::{Isometry3, Matrix3, Matrix4, Vector3};
 use rayon::prelude::*;
+
+/// The state of a guide at a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GuideState {
+    /// Deviation of the strain at its nodes, 1/m (the rod's unknowns).
+    pub q: Vec<f64>,
+    /// Rate of `q`, 1/(m·s).
+    pub rate: Vec<f64>,
+}
 
 /// What the cache holds of a bake, and how its arrays come from the guides.
 pub struct Output<'a> {
     anim: &'a Anim,
+    rods: Vec<Rod>,
     convention: Convention,
     strands: Option<Interpolator>,
     /// What the strands keep out of, and when they are looked at: not in the simulation's steps.
@@ -55,7 +65,8 @@ impl<'a> Output<'a> {
             let (curves, leaf) = (&groom.strands.curves, &groom.strands.leaf);
             Interpolator::new(curves, leaf, &rods, &bodies, &thickness)
         });
-        Output { anim, convention, strands, bodies, header }
+        let rods = rods.into_iter().map(|(rod, _)| rod.clone()).collect();
+        Output { anim, rods, convention, strands, bodies, header }
     }
 
     /// The cache's header.
@@ -63,17 +74,25 @@ impl<'a> Output<'a> {
         &self.header
     }
 
-    /// The cache's arrays at the simulation's time, which must be that of `frame`.
-    pub fn frame(&mut self, frame: i32, simulation: &Simulation) -> Frame {
+    /// How far the strands retreat from bodies at `frame`, at which the guides are as in `guides`.
+    pub fn retreats(&mut self, frame: i32, guides: &[GuideState]) -> Vec<f32> {
+        let t = self.anim.time(f64::from(frame));
+        self.bodies.prepare([t, t]);
+        let poses = self.collider_poses(t);
+        let keep_out = KeepOut { bodies: &self.bodies, time: t, poses: &poses };
+        let moment = Moment { head: head_motion(self.anim, t), keep_out };
+        let motion = self.motion(guides);
+        self.strands.as_ref().map_or_else(Vec::new, |strands| strands.retreats(&moment, &motion))
+    }
+
+    /// The cache's arrays at `frame`, at which the guides are as in `guides`; `retreats` are those of the frames around it.
+    pub fn frame(&mut self, frame: i32, guides: &[GuideState], retreats: &Retreats) -> Frame {
         let t = self.anim.time(f64::from(frame));
         let head = head_motion(self.anim, t);
         let to_scene = self.convention.to_y_up().inverse().to_rotation_matrix().into_inner()
             / self.convention.metres_per_unit;
         self.bodies.prepare([t - BACKWARD, t]);
-        let rates: Vec<Vec<f64>> = simulation.guides.iter().map(|g| g.rate(simulation.step())).collect();
-        let guides = simulation.guides.iter().zip(simulation.drawn()).zip(&rates);
-        let motion: Vec<GuideMotion> =
-            guides.map(|((g, rod), rate)| GuideMotion { rod, q: &g.q[0], rate }).collect();
+        let motion = self.motion(guides);
         let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
             let mut points = vec![[0.0; 3]; set.rest.len()];
             let mut velocities = vec![[0.0; 3]; set.rest.len()];
@@ -83,7 +102,14 @@ impl<'a> Output<'a> {
                 head: head_motion(self.anim, times[i]),
                 keep_out: KeepOut { bodies: &self.bodies, time: times[i], poses: &poses[i] },
             });
-            strands.evaluate(&moments, &motion, &to_scene, &mut points, &mut velocities);
+            strands.evaluate(
+                &moments,
+                &motion,
+                (retreats, 1.0 / self.anim.fps),
+                &to_scene,
+                &mut points,
+                &mut velocities,
+            );
             CurveFrame { extent: extent(&points, &set.widths), points, velocities }
         });
         Frame {
@@ -93,6 +119,11 @@ impl<'a> Output<'a> {
             head: self.matrix(&self.anim.head_pose(t)),
             colliders: self.colliders(t),
         }
+    }
+
+    fn motion<'b>(&'b self, guides: &'b [GuideState]) -> Vec<GuideMotion<'b>> {
+        let motion = |(rod, g): (&'b Rod, &'b GuideState)| GuideMotion { rod, q: &g.q, rate: &g.rate };
+        self.rods.iter().zip(guides).map(motion).collect()
     }
 
     fn colliders(&self, t: f64) -> Vec<ColliderFrame> {

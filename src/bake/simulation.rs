@@ -3,6 +3,7 @@
 use super::air::{self, Bulk};
 use super::company::Companies;
 use super::guide::{Guide, StepRecord, Surroundings};
+use super::output::GuideState;
 use super::tangle::{Tangle, Thickness};
 use crate::contact::Bodies;
 use crate::rod::{Cut, Rod, Sensitivity, Shape};
@@ -83,6 +84,12 @@ impl<'a> Simulation<'a> {
     /// The rod of every guide, cut as finely as it is written.
     pub fn drawn(&self) -> impl Iterator<Item = &Rod> {
         self.guides.iter().enumerate().map(|(i, guide)| self.fine.get(i).unwrap_or(&guide.rod))
+    }
+
+    /// The state of every guide.
+    pub fn state(&self) -> Vec<GuideState> {
+        let state = |g: &Guide| GuideState { q: g.q[0].clone(), rate: g.rate(self.step()) };
+        self.guides.iter().map(state).collect()
     }
 
     /// Length of a sub-step, s.

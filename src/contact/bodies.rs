@@ -199,6 +199,18 @@ impl Bodies {
         self.bodies[body].shape.closest(t, p, max_distance)
     }
 
+    /// Where the way from `a` to `b` first goes through the surface of a body at time `t`, s, from either side: share of the way, and the
+    /// outward normal there, all in the body's own frame.
+    pub fn first_hit(
+        &self,
+        body: usize,
+        t: f64,
+        a: &Vector3<f64>,
+        b: &Vector3<f64>,
+    ) -> Option<(f64, Vector3<f64>)> {
+        self.bodies[body].shape.first_hit(t, a, b)
+    }
+
     /// Whether a point, in the body's own frame, is inside it at time `t`, s. For a mesh this costs O(triangles): for set-up only.
     pub fn inside(&self, body: usize, t: f64, p: &Vector3<f64>) -> bool {
         self.bodies[body].shape.inside(t, p)

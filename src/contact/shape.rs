@@ -128,6 +128,17 @@ impl Shape {
         }
     }
 
+    /// Where the way from `a` to `b`, body frame, first goes through the surface at time `t`, s: share of the way, and the outward normal.
+    pub fn first_hit(&self, t: f64, a: &Vector3<f64>, b: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
+        match self.over([t, t]) {
+            Surface::Convex(convex) => convex.first_hit(a, b),
+            Surface::Mesh([mesh, _]) => {
+                let (share, triangle) = mesh.first_hit(a, b)?;
+                Some((share, mesh.pseudonormal(Feature::Face(triangle))))
+            }
+        }
+    }
+
     /// Whether `p`, body frame, is inside the solid at time `t`, s. For a mesh by its winding number: O(triangles), for set-up only.
     pub fn inside(&self, t: f64, p: &Vector3<f64>) -> bool {
         match self.over([t, t]) {
@@ -160,6 +171,22 @@ impl Convex {
             }
         };
         SurfacePoint { distance, normal, point, feature: Feature::Smooth }
+    }
+
+    /// Where the way from `a` to `b` first goes through the surface: share of the way, and the outward normal.
+    fn first_hit(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
+        let outside = |u: f64| self.closest(&a.lerp(b, u)).distance > 0.0;
+        let (u, _) = self.closest_to_segment(a, b);
+        let (mut from, mut to) = (0.0, if outside(0.0) { u } else { 1.0 });
+        if outside(to) == outside(from) {
+            return None;
+        }
+        // The distance is convex along the way: from outside to its least point, or from inside to a far end, it changes sign once.
+        for _ in 0..50 {
+            let middle = 0.5 * (from + to);
+            if outside(middle) == outside(0.0) { from = middle } else { to = middle }
+        }
+        Some((to, self.closest(&a.lerp(b, to)).normal))
     }
 
     /// Parameter of the point of segment `ab` of least signed distance, and the surface point closest to it.

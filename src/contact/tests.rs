@@ -193,6 +193,37 @@ fn segment_triangle_distance_is_the_least_over_samples() {
     assert!(pierced > 50);
 }
 
+#[test]
+fn first_hit_is_where_the_distance_first_changes_sign() {
+    let mut random = Random::new(9);
+    let convex = shapes().into_iter().map(Shape::Convex);
+    let mesh = Shape::new(&mesh_shape(&blob(24, 0.09)), None);
+    let mut hits = 0;
+    for shape in convex.chain([mesh]) {
+        for _ in 0..300 {
+            let (a, b) = (random.vector() * 0.15, random.vector() * 0.15);
+            let distance = |u: f64| shape.closest(0.0, &a.lerp(&b, u), 9.0).unwrap().distance;
+            let steps = 200;
+            let side = |k: usize| distance(k as f64 / steps as f64) > 0.0;
+            let changed = (1..=steps).find(|k| side(*k) != side(0));
+            match shape.first_hit(0.0, &a, &b) {
+                Some((share, normal)) => {
+                    hits += 1;
+                    assert!(distance(share).abs() < 1e-9, "{shape:?}");
+                    assert!((normal.norm() - 1.0).abs() < 1e-12);
+                    // In at a face that looks back, out at one that looks on; never later than the samples tell.
+                    assert_eq!(normal.dot(&(b - a)) < 0.0, side(0), "{shape:?} {share}");
+                    assert!(changed.is_none_or(|k| share <= k as f64 / steps as f64 + 1e-9));
+                    let before = (share * steps as f64 - 1e-6).max(0.0) as usize;
+                    assert!((0..=before).all(|k| side(k) == side(0)));
+                }
+                None => assert_eq!(changed, None, "{shape:?} from {a} to {b}"),
+            }
+        }
+    }
+    assert!(hits > 300);
+}
+
 fn still() -> Motion {
     Motion { times: [0.0, 1.0], start: Isometry3::identity(), end: Isometry3::identity() }
 }

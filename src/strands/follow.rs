@@ -33,6 +33,11 @@ impl RestGuide {
         self.root
     }
 
+    /// A point of the rod, m, rest space.
+    pub fn point(&self, k: u32) -> Vector3<f64> {
+        self.root + self.pose[k as usize].p
+    }
+
     /// The point of the rod that is nearest to arc length `s`, m.
     pub fn nearest(&self, s: f64) -> u32 {
         let i = self.arc.partition_point(|&a| a <= s).clamp(1, self.arc.len() - 1);

@@ -1,12 +1,10 @@
 //! Keeping render strands out of the bodies that their guides are kept out of.
 //!
 //! A strand repeats what its guides deviate, from a root of its own and with a shape of its own, so it may run into a body that
-//! its guides clear. From the first vertex that does, the strand *leans*: beside the free chain, which goes on as if there
-//! were no body, a second chain of the same edges is laid outside. Each of its edges heads for the free chain, the less so
-//! the deeper that is inside: then it goes along the guide and towards it, which contact has kept outside and which, unlike the
-//! nearest surface, does not change from one side of an ear to the other between two frames. An edge whose
-//! end would still come too close is turned about its start; what follows is not turned with it, or a tip would swing by
-//! ten times what its root is pushed. Lengths stay exact, and every moment stands for itself.
+//! its guides clear. From the first vertex that does, or that has to retreat towards its guide, the strand *leans*: beside the free
+//! chain, which goes on as if there were no body, a second chain of the same edges is laid outside, along the free chain moved by its
+//! retreats. An edge whose end would still come too close is turned about its start; what follows is not turned with it, or a tip
+//! would swing by ten times what its root is pushed. Lengths stay exact.
 
 use crate::contact::Bodies;
 use nalgebra::{Isometry3, Vector3};
@@ -17,19 +15,8 @@ const REACH: f64 = 0.02;
 /// Turns of one edge, at most: the surface turns away under it as it goes.
 const TURNS: usize = 6;
 
-/// Depth of the free chain at which a leaning strand has wholly taken to its guide, m. Less makes it take to it at a
-/// touch, so that strands change their mind from frame to frame; more lets them dive until they zigzag on the surface.
-const DEEP: f64 = 0.015;
-
-/// Distance from the free chain at which a leaning strand has wholly taken to its guide, m.
-const ASTRAY: f64 = 0.03;
-
-/// How far an edge is bent towards the free chain or the guide, at most, as a share of its length.
+/// How far an edge is bent towards where it should be, at most, as a share of its length.
 const HOMING: f64 = 0.5;
-
-/// Share of its distance from its guide that a strand wholly on it makes up in an edge, up to what may be bent. Less leaves strands beside
-/// the guide where a body may still be; more gathers them visibly.
-const GATHERING: f64 = 0.5;
 
 /// The bodies at one moment.
 #[derive(Debug, Clone, Copy)]
@@ -45,7 +32,10 @@ pub struct KeepOut<'a> {
 /// Distances that one strand keeps, at body b and vertex k at `b * vertices + k`, m: as the groom was drawn, but no more than the
 /// body's thickness. −∞ along the first stretch where that is drawn inside; deeper down negative where it is drawn inside.
 #[derive(Debug, Clone)]
-pub(super) struct Kept(Vec<f32>);
+pub(super) struct Kept {
+    at: Vec<f32>,
+    most: f64,
+}
 
 impl Kept {
     /// For a strand drawn at `points` (m, rest space of bodies at their rest, which are not prepared for any step).
@@ -67,7 +57,15 @@ impl Kept {
                 kept.push(keep as f32);
             }
         }
-        Kept(kept)
+        let most = kept.iter().copied().fold(0.0, f32::max);
+        Kept { at: kept, most: f64::from(most) }
+    }
+}
+
+impl Kept {
+    /// The largest of them, m, or 0.
+    pub fn most(&self) -> f64 {
+        self.most
     }
 }
 
@@ -88,7 +86,7 @@ impl KeepOut<'_> {
         spare: &'a mut Spare,
     ) -> impl Iterator<Item = (usize, f64, &'a mut f64)> {
         spare.iter_mut().enumerate().filter_map(move |(b, spare)| {
-            let keep = f64::from(kept.0[b * vertices + vertex]);
+            let keep = f64::from(kept.at[b * vertices + vertex]);
             *spare -= length;
             (keep > f64::NEG_INFINITY && *spare <= keep).then_some((b, keep, spare))
         })
@@ -113,6 +111,15 @@ impl KeepOut<'_> {
         worst
     }
 
+    /// Distance of `x` from all bodies, m, not above [`REACH`]; negative inside one.
+    pub(super) fn room(&self, x: &Vector3<f64>) -> f64 {
+        let distance = |(b, pose): (usize, &Isometry3<f64>)| {
+            let local = pose.inverse_transform_point(&(*x).into()).coords;
+            self.bodies.closest(b, self.time, &local, REACH).map_or(REACH, |s| s.distance)
+        };
+        self.poses.iter().enumerate().map(distance).fold(REACH, f64::min)
+    }
+
     /// The direction nearest to `direction`, more or less, in which an edge of `length` from `x` ends far enough from all bodies.
     fn turn(
         &self,
@@ -122,7 +129,8 @@ impl KeepOut<'_> {
         length: f64,
         mut direction: Vector3<f64>,
         spare: &mut Spare,
-    ) -> Vector3<f64> {
+    ) -> (Vector3<f64>, f64) {
+        let mut missing = 0.0_f64;
         for (b, keep, spare) in self.near(kept, place, length, spare) {
             let (pose, horizon) = (&self.poses[b], length + REACH);
             // Between two surfaces no turn may do: the best one counts.
@@ -137,73 +145,43 @@ impl KeepOut<'_> {
                 if surface.distance > best.0 {
                     best = (surface.distance, direction);
                 }
-                let missing = keep - surface.distance;
-                if missing <= 0.0 {
+                if surface.distance >= keep {
                     break;
                 }
-                let wanted = end + pose.rotation * surface.normal * missing - x;
+                let wanted = end + pose.rotation * surface.normal * (keep - surface.distance) - x;
                 let Some(turned) = wanted.try_normalize(1e-12) else { break };
                 direction = turned;
             }
             (*spare, direction) = best;
+            missing = missing.max(keep - *spare);
         }
-        direction
+        (direction, missing)
     }
 }
 
-/// A strand that leans on a body: the end of the chain outside.
+/// A strand that leans on a body: the end of the chain outside, m, world.
 #[derive(Debug)]
-pub(super) struct Lean {
-    x: Vector3<f64>,
-    /// Share of the guide in the direction of the edges; never falls towards the tip.
-    share: f64,
-}
-
-/// An edge of the free chain, world.
-pub(super) struct FreeEdge {
-    /// Where it starts, m.
-    pub start: Vector3<f64>,
-    /// From there to its end, m.
-    pub edge: Vector3<f64>,
-    /// By how much its end is too near to a body, m.
-    pub violation: f64,
-    /// Point of the guide beside it, m, and the guide's direction there.
-    pub guide: (Vector3<f64>, Vector3<f64>),
-}
+pub(super) struct Lean(pub Vector3<f64>);
 
 impl Lean {
-    /// A strand that leans from vertex `x` of its free chain on.
-    pub fn from(x: Vector3<f64>) -> Self {
-        Lean { x, share: 0.0 }
-    }
-
-    /// Whether the free chain matters no more.
-    pub fn on_guide(&self) -> bool {
-        self.share >= 1.0
-    }
-
-    /// Lays the next edge, of `length`, and returns its end, the vertex at `place`.
+    /// Lays the next edge, of `length`, along that from `aim[0]` to `aim[1]`, m, and towards it; returns by how much its end, the vertex at
+    /// `place`, is too near to a body, m.
     pub fn advance(
         &mut self,
         keep_out: &KeepOut,
         kept: &Kept,
         place: Place,
         length: f64,
-        free: &FreeEdge,
+        aim: &[Vector3<f64>; 2],
         spare: &mut Spare,
-    ) -> Vector3<f64> {
-        let most = HOMING * length;
-        let home = free.start - self.x;
-        let u = (free.violation / DEEP).max(home.norm() / ASTRAY).min(1.0);
-        self.share = self.share.max(u * u * (3.0 - 2.0 * u));
-        let alone = free.edge + home.cap_magnitude(most);
-        // Straight to the guide, not to a place along it: the strand may be the longer.
-        let (point, along) = free.guide;
-        let offset = point - self.x;
-        let to_guide = (offset - along * along.dot(&offset)) * GATHERING;
-        let with_guide = along * length + to_guide.cap_magnitude(most);
-        let direction = alone.lerp(&with_guide, self.share).try_normalize(1e-12).unwrap_or(along);
-        self.x += keep_out.turn(kept, place, &self.x, length, direction, spare) * length;
-        self.x
+    ) -> f64 {
+        let along = (aim[1] - aim[0]).try_normalize(1e-12).unwrap_or_else(Vector3::zeros);
+        let offset = aim[0] - self.0;
+        // Straight to it, not to a place along it: either may be ahead.
+        let home = (offset - along * along.dot(&offset)).cap_magnitude(HOMING * length);
+        let direction = (along * length + home).try_normalize(1e-12).unwrap_or(along);
+        let (direction, missing) = keep_out.turn(kept, place, &self.0, length, direction, spare);
+        self.0 += direction * length;
+        missing
     }
 }

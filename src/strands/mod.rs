@@ -6,18 +6,19 @@
 
 mod follow;
 mod keep_out;
+mod retreat;
+mod strand;
 
 use crate::contact::Bodies;
-use crate::math::frame::{any_frame, transport};
-use crate::math::se3;
 use crate::rod::{Rod, Shape};
 use crate::scene::Curves;
-use follow::{Follow, RestGuide};
+use follow::RestGuide;
 pub use keep_out::KeepOut;
-use keep_out::{FreeEdge, Kept, Lean, Spare};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
+pub use retreat::SPAN;
 use std::collections::BTreeMap;
+use strand::{Strand, Trace};
 
 /// Guides that one render strand follows, at most.
 const FOLLOWED: usize = 3;
@@ -61,20 +62,6 @@ impl HeadMotion {
     }
 }
 
-/// A render strand at rest: root, frame of the first edge, then for every edge its length and the turn into it from
-/// the edge before (rotation vector in the material frame; zero for the first).
-#[derive(Debug, Clone)]
-struct Strand {
-    root: Vector3<f64>,
-    frame: Matrix3<f64>,
-    turn: Vec<Vector3<f64>>,
-    length: Vec<f64>,
-    follow: Vec<Follow>,
-    /// Point of the rod of the foremost guide (the first of `follow`) that is beside the middle of each edge.
-    beside: Vec<u32>,
-    kept: Kept,
-}
-
 /// A moment at which strands are rebuilt: the head, and what to keep out of.
 #[derive(Debug, Clone, Copy)]
 pub struct Moment<'a> {
@@ -87,6 +74,9 @@ pub struct Moment<'a> {
 /// How much earlier than the moment asked for a strand that leans on a body is rebuilt, s, to take its velocity from the
 /// difference: the leaning has no derivative of its own.
 pub const BACKWARD: f64 = 1e-4;
+
+/// Retreats of the strands at the frames around one, from [`SPAN`] before it to [`SPAN`] after; see [`Interpolator::retreats`].
+pub type Retreats<'a> = [&'a [f32]; 2 * SPAN + 1];
 
 impl Interpolator {
     /// Prepares the strands `curves`, whose leaf wisps are `leaf`, to follow `guides`: each guide's rod with its leaf.
@@ -120,63 +110,88 @@ impl Interpolator {
                     candidates.iter().map(|&g| ((rest[g].root() - points[0]).norm(), g)).collect();
                 near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
                 near.truncate(most);
-                Strand::new(points, &near, &rest, Kept::new(bodies, thickness, points))
+                Strand::new(points, &near, &rest, bodies, thickness)
             })
             .collect();
         Interpolator { strands, offsets: curves.offsets.clone() }
     }
 
+    /// Share (0..=1) of its way from its guide by which each vertex of the strands has to retreat at a moment, for a body is
+    /// between them. One entry per vertex of the curves given to [`Interpolator::new`].
+    pub fn retreats(&self, moment: &Moment, guides: &[GuideMotion]) -> Vec<f32> {
+        let mut out = vec![0.0; self.offsets.last().copied().unwrap_or(0)];
+        if moment.keep_out.poses.is_empty() {
+            return out;
+        }
+        let stands = stands(moment, guides, 0.0);
+        let cut: Vec<_> = self.strands.iter().zip(self.cut(&mut out)).collect();
+        cut.into_par_iter().with_min_len(64).for_each_init(Trace::default, |trace, (strand, out)| {
+            strand.retreat(moment, guides, &stands, trace);
+            out.iter_mut().zip(&trace.retreat).for_each(|(out, share)| *out = *share as f32);
+        });
+        out
+    }
+
     /// Writes the points and velocities (per second) of all strands, `to_scene` being what turns metres, Y up, into the
-    /// unit and axes asked for. `moments` are now and [`BACKWARD`] earlier. Shapes: one entry per vertex of the curves given to
-    /// [`Interpolator::new`].
+    /// unit and axes asked for. `moments` are now, which is at a frame, and [`BACKWARD`] earlier; frames are `interval`, s, apart. Shapes:
+    /// one entry per vertex of the curves given to [`Interpolator::new`].
     pub fn evaluate(
         &self,
         moments: &[Moment; 2],
         guides: &[GuideMotion],
+        (retreats, interval): (&Retreats, f64),
         to_scene: &Matrix3<f64>,
         points: &mut [[f32; 3]],
         velocities: &mut [[f32; 3]],
     ) {
-        let lines = [0, 1].map(|i| lines(&moments[i].head, guides, BACKWARD * i as f64));
-        let mut cut = Vec::with_capacity(self.strands.len());
-        let (mut p, mut v) = (points, velocities);
-        for (strand, w) in self.strands.iter().zip(self.offsets.windows(2)) {
-            let (p0, p1) = p.split_at_mut(w[1] - w[0]);
-            let (v0, v1) = v.split_at_mut(w[1] - w[0]);
-            cut.push((strand, p0, v0));
-            (p, v) = (p1, v1);
-        }
-        cut.into_par_iter().with_min_len(64).for_each_init(Tracks::default, |tracks, (strand, p, v)| {
-            let leans = strand.trace(&moments[0], guides, &lines[0], 0.0, &mut tracks.now, &mut tracks.spare);
-            if leans {
-                strand.trace(&moments[1], guides, &lines[1], BACKWARD, &mut tracks.before, &mut tracks.spare);
-                for (now, before) in tracks.now.iter_mut().zip(&tracks.before) {
+        let stands = [0, 1].map(|i| stands(&moments[i], guides, BACKWARD * i as f64));
+        let cut =
+            self.strands.iter().zip(self.offsets.windows(2)).zip(self.cut(points).zip(self.cut(velocities)));
+        let cut: Vec<_> = cut.collect();
+        let works = <[Trace; 2]>::default;
+        cut.into_par_iter().with_min_len(64).for_each_init(works, |[now, before], ((strand, w), (p, v))| {
+            now.retreat.clear();
+            before.retreat.clear();
+            for i in w[0]..w[1] {
+                let (share, change) = retreat::smoothed(retreats.map(|r| f64::from(r[i])));
+                now.retreat.push(share);
+                before.retreat.push(share - change * BACKWARD / interval);
+            }
+            strand.trace(&moments[0], guides, &stands[0], 0.0, now);
+            if now.leans {
+                strand.trace(&moments[1], guides, &stands[1], BACKWARD, before);
+                for (now, before) in now.track.iter_mut().zip(&before.track) {
                     now.1 = (now.0 - before.0) / BACKWARD;
                 }
             }
-            for ((p, v), (x, dx)) in p.iter_mut().zip(v).zip(&tracks.now) {
+            for ((p, v), (x, dx)) in p.iter_mut().zip(v).zip(&now.track) {
                 (*p, *v) = (single(&(to_scene * x)), single(&(to_scene * dx)));
             }
         });
     }
+
+    /// An array with an entry per vertex, in the strands' parts.
+    fn cut<'a, T>(&'a self, mut array: &'a mut [T]) -> impl Iterator<Item = &'a mut [T]> {
+        self.offsets.windows(2).map(move |w| {
+            let (own, others) = std::mem::take(&mut array).split_at_mut(w[1] - w[0]);
+            array = others;
+            own
+        })
+    }
 }
 
-/// Points and velocities of one strand now and a little earlier, and room for the two chains of a leaning one.
-#[derive(Debug, Default)]
-struct Tracks {
-    now: Track,
-    before: Track,
-    spare: [Spare; 2],
+/// How a guide stands at a moment, point by point of its rod.
+#[derive(Debug)]
+struct Stand {
+    /// Where it is, world, m.
+    x: Vec<Vector3<f64>>,
+    /// How far all bodies are from there at least, m.
+    room: Vec<f64>,
 }
 
-/// Points of a guide's rod and the guide's direction at each, world, m.
-type Line = Vec<(Vector3<f64>, Vector3<f64>)>;
-
-/// Points of a strand and their velocities, world, m and m/s.
-type Track = Vec<(Vector3<f64>, Vector3<f64>)>;
-
-/// Where the guides stand, `back`, s, before their motion's own moment.
-fn lines(head: &HeadMotion, guides: &[GuideMotion], back: f64) -> Vec<Line> {
+/// How the guides stand, `back`, s, before their motion's own moment.
+fn stands(moment: &Moment, guides: &[GuideMotion], back: f64) -> Vec<Stand> {
+    let Moment { head, keep_out } = moment;
     guides
         .par_iter()
         .with_min_len(16)
@@ -187,104 +202,11 @@ fn lines(head: &HeadMotion, guides: &[GuideMotion], back: f64) -> Vec<Line> {
                 q.extend(g.q.iter().zip(g.rate).map(|(q, rate)| q - rate * back));
                 shape.update(g.rod, &(head.rotation * g.rod.root.r), q);
                 let (root, _) = head.carry(&g.rod.root.p);
-                (0..shape.points()).map(|k| (root + shape.x(k), shape.tangent(k))).collect()
+                let x: Vec<_> = (0..shape.points()).map(|k| root + shape.x(k)).collect();
+                Stand { room: x.iter().map(|x| keep_out.room(x)).collect(), x }
             },
         )
         .collect()
-}
-
-impl Strand {
-    fn new(points: &[Vector3<f64>], near: &[(f64, usize)], rest: &[RestGuide], kept: Kept) -> Self {
-        let edges: Vec<Vector3<f64>> = points.windows(2).map(|w| w[1] - w[0]).collect();
-        let length: Vec<f64> = edges.iter().map(|e| e.norm()).collect();
-        // An edge of no length keeps the direction of its predecessor.
-        let mut direction = edges.iter().find_map(|e| e.try_normalize(0.0)).unwrap_or(Vector3::z());
-        let mut frames: Vec<Matrix3<f64>> = Vec::with_capacity(edges.len());
-        let mut turn = Vec::with_capacity(edges.len());
-        for e in &edges {
-            direction = e.try_normalize(1e-12).unwrap_or(direction);
-            let frame = match frames.last() {
-                None => any_frame(&direction),
-                Some(last) => transport(&last.column(2).into(), &direction) * last,
-            };
-            turn.push(
-                frames.last().map_or(Vector3::zeros(), |last| se3::log_so3(&(last.transpose() * frame))),
-            );
-            frames.push(frame);
-        }
-        // Roots closer than this to a guide's follow that guide alone, smoothly.
-        let soft = 1e-4;
-        let weights: Vec<f64> = near.iter().map(|(d, _)| 1.0 / (d * d + soft * soft)).collect();
-        let sum: f64 = weights.iter().sum();
-        let follow = near
-            .iter()
-            .zip(&weights)
-            .map(|((_, g), w)| Follow::new(*g, w / sum, &rest[*g], &frames, &turn, &length))
-            .collect();
-        let mut middle = 0.0;
-        let beside = length
-            .iter()
-            .map(|l| {
-                middle += l;
-                rest[near[0].1].nearest(middle - 0.5 * l)
-            })
-            .collect();
-        Strand { root: points[0], frame: frames[0], turn, length, follow, beside, kept }
-    }
-
-    /// Rebuilds the strand at a moment, the guides, which stand along `lines`, being `back`, s, before their motion's own; positions
-    /// and velocities, m and m/s. Whether it leans on a body, in which case the velocities are not those of the leaning.
-    fn trace(
-        &self,
-        moment: &Moment,
-        guides: &[GuideMotion],
-        lines: &[Line],
-        back: f64,
-        out: &mut Track,
-        spare: &mut [Spare; 2],
-    ) -> bool {
-        let Moment { head, keep_out } = moment;
-        let (mut x, mut v) = head.carry(&self.root);
-        let mut frame = head.rotation * self.frame;
-        let mut spin = head.spin;
-        let mut lean: Option<Lean> = None;
-        for spare in spare.iter_mut() {
-            spare.clear();
-            spare.resize(keep_out.poses.len(), 0.0);
-        }
-        let [spare, spare_leaning] = spare;
-        out.clear();
-        out.push((x, v));
-        for (j, (turn, &length)) in self.turn.iter().zip(&self.length).enumerate() {
-            let (mut d, mut rate) = (Vector3::zeros(), Vector3::zeros());
-            for f in &self.follow {
-                let (fd, fr) = f.deviation(j, &guides[f.guide]);
-                d += fd - fr * back;
-                rate += fr;
-            }
-            let phi = turn + d;
-            spin += frame * (se3::left_jacobian_so3(&phi) * rate);
-            frame *= se3::exp_so3(&phi);
-            let (start, edge) = (x, frame.column(2) * length);
-            x += edge;
-            v += spin.cross(&edge);
-            let place = (j + 1, self.length.len() + 1);
-            let violation = match &lean {
-                Some(lean) if lean.on_guide() => 0.0,
-                _ => keep_out.violation(&self.kept, place, &x, length, spare),
-            };
-            if violation > 0.0 && lean.is_none() {
-                lean = Some(Lean::from(start));
-            }
-            let end = lean.as_mut().map_or(x, |lean| {
-                let guide = lines[self.follow[0].guide][self.beside[j] as usize];
-                let free = FreeEdge { start, edge, violation, guide };
-                lean.advance(keep_out, &self.kept, place, length, &free, spare_leaning)
-            });
-            out.push((end, v));
-        }
-        lean.is_some()
-    }
 }
 
 fn single(v: &Vector3<f64>) -> [f32; 3] {
@@ -294,6 +216,7 @@ fn single(v: &Vector3<f64>) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::se3;
     use crate::rod::{Cut, RodSource, Shape};
     use nalgebra::Isometry3;
 
@@ -364,7 +287,8 @@ mod tests {
             rods.iter().zip(q).zip(rate).map(|((&rod, q), rate)| GuideMotion { rod, q, rate }).collect();
         let mut out = [vec![[0.0; 3]; c.points.len()], vec![[0.0; 3]; c.points.len()]];
         let [p, v] = &mut out;
-        interpolator.evaluate(&[moment, moment], &motion, &Matrix3::identity(), p, v);
+        let retreats = interpolator.retreats(&moment, &motion);
+        interpolator.evaluate(&[moment, moment], &motion, (&[&retreats; 5], 1.0), &Matrix3::identity(), p, v);
         out
     }
 
@@ -476,16 +400,24 @@ mod tests {
         let ball = Solid::Sphere { centre, radius: 0.05 };
         let bodies = Bodies::from_shapes(&[ball]);
         let interpolator = Interpolator::new(&c, &[LEAF], &[(&r, LEAF)], &bodies, &[0.0005]);
+        let moment = Moment {
+            head: still(),
+            keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] },
+        };
+        let retreats = interpolator.retreats(&moment, &[GuideMotion { rod: &r, q: &q, rate: &rate }]);
         let at = |t: f64| {
             let q: Vec<f64> = q.iter().zip(&rate).map(|(q, r)| q + t * r).collect();
             let motion = [GuideMotion { rod: &r, q: &q, rate: &rate }];
-            let moment = Moment {
-                head: still(),
-                keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] },
-            };
             let mut out = [vec![[0.0; 3]; 33], vec![[0.0; 3]; 33]];
             let [p, v] = &mut out;
-            interpolator.evaluate(&[moment, moment], &motion, &Matrix3::identity(), p, v);
+            interpolator.evaluate(
+                &[moment, moment],
+                &motion,
+                (&[&retreats; 5], 1.0),
+                &Matrix3::identity(),
+                p,
+                v,
+            );
             out
         };
         let [p, v] = at(0.0);
@@ -501,5 +433,59 @@ mod tests {
         let ([hi, _], [lo, _]) = (at(t), at(-t));
         let slip = (wide(&hi[32]) - wide(&lo[32])) / (2.0 * t);
         assert!((slip - wide(&v[32])).norm() < 0.1 * slip.norm().max(0.1), "{slip} {:?}", v[32]);
+    }
+
+    #[test]
+    fn a_strand_stays_on_its_guides_side_of_a_thin_body() {
+        use crate::scene::{Shape as Solid, TriMesh};
+        // A guide bends down to above a plate, and its strand, which runs below it, would go through.
+        let line =
+            |y: f64| (0..33).map(|i| Vector3::new(0.2 * f64::from(i) / 32.0, y, 0.0)).collect::<Vec<_>>();
+        let (r, c) = (rod(&line(0.03)), curves(&[line(0.0)]));
+        let mut free = Shape::default();
+        // Whichever entries of a rod along x bend it in this plane.
+        let bend =
+            |i: usize| (0..r.unknowns()).map(|k| if k % 3 == i { 1.0 } else { 0.0 }).collect::<Vec<f64>>();
+        let basis = [bend(0), bend(1)];
+        let lift = basis.clone().map(|q| {
+            free.update(&r, &r.root.r, &q);
+            free.x(r.points() - 1).yz()
+        });
+        let det = lift[0].perp(&lift[1]);
+        let (a, b) = (-0.022 * lift[1].y / det, 0.022 * lift[0].y / det);
+        let q: Vec<f64> = basis[0].iter().zip(&basis[1]).map(|(u, v)| a * u + b * v).collect();
+        free.update(&r, &r.root.r, &q);
+        let tip = free.x(r.points() - 1) + r.root.p;
+        assert!((0.006..0.010).contains(&tip.y) && tip.z.abs() < 2e-3, "{tip}");
+        let corner = |i: usize| {
+            let pick = |bit: usize, ends: [f64; 2]| ends[(i >> bit) & 1];
+            Vector3::new(pick(0, [0.05, 0.3]), pick(1, [-0.007, -0.005]), pick(2, [-0.1, 0.1]))
+        };
+        let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        let plate = TriMesh {
+            file: "plate.obj".into(),
+            vertices: (0..8).map(corner).collect(),
+            triangles: quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
+        };
+        let lowest = |bodies: &Bodies, poses: &[Isometry3<f64>]| {
+            let thickness = vec![0.0005; poses.len()];
+            let interpolator = Interpolator::new(&c, &[LEAF], &[(&r, LEAF)], bodies, &thickness);
+            let moment = Moment { head: still(), keep_out: KeepOut { bodies, time: 0.0, poses } };
+            let motion = [GuideMotion { rod: &r, q: &q, rate: &vec![0.0; q.len()] }];
+            let retreats = interpolator.retreats(&moment, &motion);
+            let [mut p, mut v] = [vec![[0.0; 3]; 33], vec![[0.0; 3]; 33]];
+            interpolator.evaluate(
+                &[moment, moment],
+                &motion,
+                (&[&retreats; 5], 1.0),
+                &Matrix3::identity(),
+                &mut p,
+                &mut v,
+            );
+            p.iter().map(|x| f64::from(x[1])).fold(0.0, f64::min)
+        };
+        assert!(lowest(&Bodies::from_shapes(&[]), &[]) < -0.015, "would not go through");
+        let held = lowest(&Bodies::from_shapes(&[Solid::Mesh(plate)]), &[Isometry3::identity()]);
+        assert!(held > -0.005, "{held}");
     }
 }

@@ -248,6 +248,24 @@ impl Mesh {
         Some(self.signed(p, &point, self.feature(triangle, part)))
     }
 
+    /// Where the way from `a` to `b` first goes through the surface, as a share of the way, and the triangle there.
+    pub fn first_hit(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> Option<(f64, u32)> {
+        let way = b - a;
+        let entry = |node: &BvhNode, best: f64| {
+            let (lo, hi) = (node.mins(), node.maxs());
+            let (mut from, mut to) = (0.0_f64, best);
+            for i in 0..3 {
+                let (s, t) = ((lo[i] - a[i]) / way[i], (hi[i] - a[i]) / way[i]);
+                // A way along the sides of a box divides by zero: infinite, or no number and then no bound.
+                from = from.max(s.min(t));
+                to = to.min(s.max(t));
+            }
+            if from <= to { from } else { f64::INFINITY }
+        };
+        let hit = self.bvh.find_best(1.0, entry, |t, _| Some(Hit(hit_triangle(a, &way, self.triangle(t))?)));
+        hit.map(|(t, Hit(share))| (share, t))
+    }
+
     /// Triangles whose boxes meet `bounds`, appended to `out` in the order of the hierarchy.
     pub fn triangles_in(&self, bounds: &Bounds, out: &mut Vec<u32>) {
         out.extend(self.bvh.leaves(|node| bounds.meets(node)));
@@ -276,6 +294,28 @@ pub fn at_weights(corners: [&Vector3<f64>; 3], w: &[f64; 3]) -> Vector3<f64> {
 fn bounding_box(triangle: &[u32; 3], vertices: &[Vector3<f64>]) -> Aabb {
     let b = Bounds::around(triangle.iter().map(|&i| &vertices[i as usize]), 0.0);
     Aabb::new(b.min.into(), b.max.into())
+}
+
+/// Where a way from `a` goes through a triangle, from either side, as a share of the way (T. Möller & B. Trumbore 1997).
+fn hit_triangle(a: &Vector3<f64>, way: &Vector3<f64>, corners: [&Vector3<f64>; 3]) -> Option<f64> {
+    let [e1, e2] = [corners[1] - corners[0], corners[2] - corners[0]];
+    let across = way.cross(&e2);
+    let det = e1.dot(&across);
+    let from = a - corners[0];
+    let u = from.dot(&across) / det;
+    let lift = from.cross(&e1);
+    let v = way.dot(&lift) / det;
+    let share = e2.dot(&lift) / det;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && (0.0..=1.0).contains(&share)).then_some(share)
+}
+
+/// Share of a way, ordered.
+struct Hit(f64);
+
+impl parry3d_f64::partitioning::BvhLeafCost for Hit {
+    fn cost(&self) -> f64 {
+        self.0
+    }
 }
 
 /// Squared distance, point and part, ordered by the first.
