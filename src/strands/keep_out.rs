@@ -173,6 +173,7 @@ impl Lean {
         place: Place,
         length: f64,
         aim: &[Vector3<f64>; 2],
+        clear: impl Fn(&Vector3<f64>) -> bool,
         spare: &mut Spare,
     ) -> f64 {
         let along = (aim[1] - aim[0]).try_normalize(1e-12).unwrap_or_else(Vector3::zeros);
@@ -180,6 +181,12 @@ impl Lean {
         // Straight to it, not to a place along it: either may be ahead.
         let home = (offset - along * along.dot(&offset)).cap_magnitude(HOMING * length);
         let direction = (along * length + home).try_normalize(1e-12).unwrap_or(along);
+        let end = self.0 + direction * length;
+        if clear(&end) {
+            self.0 = end;
+            spare.fill(0.0);
+            return 0.0;
+        }
         let (direction, missing) = keep_out.turn(kept, place, &self.0, length, direction, spare);
         self.0 += direction * length;
         missing

@@ -155,6 +155,9 @@ impl Strand {
         };
         see(0, &moment.head.carry(&self.root).0);
         self.free(&moment.head, guides, 0.0, |j, [_, (x, _)]| see(j + 1, &x));
+        if retreat.iter().all(|share| *share == 0.0) {
+            return;
+        }
         self.spread(trace);
         for _ in 0..CORRECTIONS {
             self.trace(moment, guides, stands, 0.0, trace);
@@ -205,15 +208,15 @@ impl Strand {
         self.free(head, guides, back, |j, [(start, _), (end, v)]| {
             let (length, place) = (self.length[j], (j + 1, self.length.len() + 1));
             let [from, to] = [j, j + 1].map(|k| self.beside[k] as usize);
+            let clear = |x: &Vector3<f64>| (x - stand.x[to]).norm() < stand.room[to] - self.kept.most();
             if lean.is_none() {
-                let near = (end - stand.x[to]).norm() > stand.room[to] - self.kept.most();
                 let leans = retreat[j + 1] > 0.0
-                    || (near && keep_out.violation(&self.kept, place, &end, length, spare) > 0.0);
+                    || (!clear(&end) && keep_out.violation(&self.kept, place, &end, length, spare) > 0.0);
                 lean = leans.then_some(Lean(start));
             }
             let x = lean.as_mut().map_or(end, |lean| {
                 let aim = [start.lerp(&stand.x[from], retreat[j]), end.lerp(&stand.x[to], retreat[j + 1])];
-                if lean.advance(keep_out, &self.kept, place, length, &aim, spare_leaning) > TOO_DEEP {
+                if lean.advance(keep_out, &self.kept, place, length, &aim, clear, spare_leaning) > TOO_DEEP {
                     deep.push(j + 1);
                 }
                 lean.0

@@ -33,53 +33,50 @@ NODES, WEIGHTS = (lambda x, w: ((x + 1) / 2, w / 2))(*np.polynomial.legendre.leg
 def arc_lengths(points: np.ndarray, counts: np.ndarray) -> Arcs:
     """Arc of every segment of smooth curves through the points (`N × 3`, `n` counts), by the cubic through four
     neighbouring points with chord lengths as parameters, since strands are sampled unevenly."""
+    points = points.astype(float)
+    segments = counts - 1
+    # Of every segment: its first point, and the first and last point of its curve.
+    curve = np.repeat(np.arange(len(counts)), segments)
     starts = np.cumsum(counts) - counts
-    first = starts - np.arange(len(counts))
-    arcs = Arcs(*np.empty((2, len(points) - len(counts))))
-    # Curves of one count are worked on together.
-    for count in np.unique(counts):
-        group = np.flatnonzero(counts == count)
-        curves = points[starts[group][:, None] + np.arange(count)].astype(float)
-        place = first[group][:, None] + np.arange(count - 1)
-        arcs.length[place], arcs.error[place] = equal_arc_lengths(curves)
+    here = np.arange(segments.sum()) + curve
+    first, last = starts[curve], starts[curve] + segments[curve]
+    chords = np.linalg.norm(points[here + 1] - points[here], axis=1)
+    # Too few points to tell an arc from its chord: nothing is claimed.
+    arcs = Arcs(chords, chords.copy())
+    # Points that coincide would divide by zero; any small step does for them.
+    longest = np.maximum.reduceat(chords, starts - np.arange(len(counts)))[curve] if len(chords) else chords
+    steps = np.maximum(chords, 1e-9 * np.maximum(longest, 1e-30))
+    # Its value at the first point of a curve is arbitrary: differences within a curve matter.
+    parameter = np.zeros(len(points))
+    parameter[here + 1] = steps
+    parameter = np.cumsum(parameter)
+    enough = np.flatnonzero(segments[curve] > 2)
+    here, first, last, steps_here = here[enough], first[enough], last[enough], steps[enough]
+
+    def four(before: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Parameters and points of the four that begin so many before the segment, and where they do."""
+        begin = np.clip(here - before, first, last - 3)
+        place = begin[:, None] + np.arange(4)
+        return parameter[place], points[place], begin
+
+    u, p, begin = four(1)
+    centred = arc(u, p, parameter[here], steps_here)
+    to_segment = begin - here + enough
+    bend = third_derivative(u, p) * steps[to_segment[:, None] + np.arange(3)].max(axis=1) ** 2
+    error = np.minimum(1, tolerances.ARC_ERROR * bend**2) * centred
+    # The cubics through the other fours of points that hold this segment differ where the curve is not a cubic,
+    # as at a kink: by no less than any of them can be trusted.
+    for before in (0, 2):
+        u, p, _ = four(before)
+        error = np.maximum(error, np.abs(arc(u, p, parameter[here], steps_here) - centred))
+    arcs.length[enough], arcs.error[enough] = centred, error
     return arcs
 
 
-def equal_arc_lengths(curves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same for `n` curves of `m` points (`n × m × 3`): lengths and errors, `n × (m − 1)`."""
-    n, m = curves.shape[:2]
-    chords = np.linalg.norm(np.diff(curves, axis=1), axis=2)
-    if m < 4:
-        # Too few points to tell an arc from its chord: nothing is claimed.
-        return chords, chords.copy()
-    # Points that coincide would divide by zero; any small step does for them.
-    steps = np.maximum(chords, 1e-9 * chords.max(initial=1e-30))
-    parameter = np.concatenate([np.zeros((n, 1)), np.cumsum(steps, axis=1)], axis=1)
-    length, error = np.zeros((n, m - 1)), np.zeros((n, m - 1))
-    for i in range(m - 1):
-        centred = min(max(i - 1, 0), m - 4)
-        # The cubics through the other fours of points that hold this segment differ where the curve is not a cubic,
-        # as at a kink: by no less than any of them can be trusted.
-        firsts = [centred, *{min(max(i - k, 0), m - 4) for k in (0, 2)} - {centred}]
-        arcs = [arc(parameter, steps, curves, i, first) for first in firsts]
-        length[:, i] = arcs[0]
-        u, p = parameter[:, centred : centred + 4], curves[:, centred : centred + 4]
-        bend = third_derivative(u, p) * steps[:, centred : centred + 3].max(axis=1) ** 2
-        bound = np.minimum(1, tolerances.ARC_ERROR * bend**2) * length[:, i]
-        error[:, i] = np.maximum.reduce([bound, *(np.abs(other - arcs[0]) for other in arcs[1:])])
-    return length, error
-
-
-def arc(
-    parameter: np.ndarray, steps: np.ndarray, curves: np.ndarray, segment: int, first: int
-) -> np.ndarray:
-    """Arcs (`n`) of one segment of each curve, on the cubic through the four points from `first` on."""
-    u, p = parameter[:, first : first + 4], curves[:, first : first + 4]
-    total = np.zeros(len(curves))
-    for node, weight in zip(NODES, WEIGHTS, strict=True):
-        at = parameter[:, segment] + node * steps[:, segment]
-        total += weight * steps[:, segment] * np.linalg.norm(derivative(u, p, at), axis=1)
-    return total
+def arc(u: np.ndarray, p: np.ndarray, start: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Arcs (`n`) from parameter `start` over `step` of the cubics through points `p` (`n × 4 × 3`) at `u` (`n × 4`)."""
+    speeds = (np.linalg.norm(derivative(u, p, start + node * step), axis=1) for node in NODES)
+    return step * sum(weight * speed for weight, speed in zip(WEIGHTS, speeds, strict=True))
 
 
 def derivative(u: np.ndarray, p: np.ndarray, at: np.ndarray) -> np.ndarray:

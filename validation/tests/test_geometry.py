@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hairbake_validate.geometry import arc_lengths, equal_arc_lengths, spacing
+from hairbake_validate.geometry import arc_lengths, spacing
 
 
 @pytest.mark.parametrize("pitch", [0.0, 0.4, 1.0, 3.0])
@@ -16,8 +16,8 @@ def test_arc_error_is_bounded_and_the_bound_is_close(pitch, unevenness, turn):
         steps *= turn / steps.max() * np.hypot(1, pitch)
         angle = np.concatenate([[0], np.cumsum(steps)]) / np.hypot(1, pitch)
         helix = np.stack([np.cos(angle), np.sin(angle), pitch * angle], axis=-1)
-        length, error = equal_arc_lengths(helix[None])
-        shares.append(np.abs(length[0] - steps) / error[0])
+        arcs = arc_lengths(helix, np.array([points]))
+        shares.append(np.abs(arcs.length - steps) / arcs.error)
     assert 0.3 < np.concatenate(shares).max() <= 1
 
 
@@ -25,8 +25,7 @@ def test_arcs_beat_chords():
     angle = np.linspace(0, 3, 16)
     circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1)
     chord = np.linalg.norm(circle[1] - circle[0])
-    length, _ = equal_arc_lengths(circle[None])
-    np.testing.assert_allclose(length[0], 0.2, rtol=5e-5)
+    np.testing.assert_allclose(arc_lengths(circle, np.array([16])).length, 0.2, rtol=5e-5)
     assert abs(chord / 0.2 - 1) > 1e-3
 
 
@@ -36,6 +35,16 @@ def test_curves_of_any_size_stay_in_order():
         [(k + 1) * np.outer(np.arange(count), [1.0, 0, 0]) for k, count in enumerate(counts)]
     )
     np.testing.assert_allclose(arc_lengths(points, counts).length, np.repeat([1.0, 2, 3, 4], counts - 1))
+
+
+def test_curves_do_not_change_each_other():
+    rng = np.random.default_rng(7)
+    counts = np.array([2, 9, 4, 3, 17])
+    curves = [np.cumsum([1.0, 0, 0] + 0.3 * rng.normal(size=(count, 3)), axis=0) for count in counts]
+    together = arc_lengths(np.concatenate(curves), counts)
+    alone = [arc_lengths(curve, np.array([len(curve)])) for curve in curves]
+    np.testing.assert_allclose(together.length, np.concatenate([a.length for a in alone]), rtol=1e-12)
+    np.testing.assert_allclose(together.error, np.concatenate([a.error for a in alone]), rtol=1e-9)
 
 
 def test_spacing_is_that_of_32_bits():
