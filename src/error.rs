@@ -68,6 +68,15 @@ pub enum Error {
         /// What is wrong with it.
         what: String,
     },
+    /// What an earlier stage makes is not there yet; the same command may succeed later.
+    #[error("{0}")]
+    NotYet(String),
+    /// The surroundings are not set up for this: an environment variable, a path map, a missing program.
+    #[error("{0}")]
+    Config(String),
+    /// Asked to stop, it stopped where the same command goes on.
+    #[error("{0}")]
+    Stopped(String),
     /// A bake is written, but a guarantee was broken (`--strict`).
     #[error("{0}")]
     Broken(String),
@@ -93,7 +102,8 @@ impl Error {
         if problems.is_empty() { Ok(()) } else { Err(Error::BadInput(problems)) }
     }
 
-    /// The process exit code: 1 broken guarantee, 64 usage, 65 bad input, 70 internal, 74 I/O.
+    /// The process exit code: 1 broken guarantee, 64 usage, 65 bad input, 70 internal, 74 I/O, 75 try again later,
+    /// 78 configuration, 85 stopped, run again to go on.
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Broken(_) => 1,
@@ -101,6 +111,9 @@ impl Error {
             Error::BadInput(_) | Error::Damaged { .. } => 65,
             Error::Internal(_) => 70,
             Error::Io { .. } => 74,
+            Error::NotYet(_) => 75,
+            Error::Config(_) => 78,
+            Error::Stopped(_) => 85,
         }
     }
 }

@@ -4,11 +4,14 @@ use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fs::{File, Permissions};
-use std::io::{self, Read, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::Path;
+use tempfile::NamedTempFile;
 
 /// Largest file that is read, bytes: a limit against memory without bound, far above any real input.
 const MAX_BYTES: u64 = 1 << 34;
+/// How temporary files are named: what a killed process leaves is told by it.
+const TEMPORARY: (&str, &str) = (".hairbake-", ".tmp");
 /// Bytes hashed and then written at a time: few enough that writing finds them in the processor's cache.
 const BLOCK_LEN: usize = 256 << 10;
 
@@ -51,17 +54,79 @@ pub fn sha256(bytes: &[u8]) -> String {
 /// # Errors
 /// [`Error::Io`] with `path`; then no temporary file is left, and what `path` held before is untouched.
 pub fn write_file(path: &Path, parts: &[impl AsRef<[u8]>]) -> Result<FileRecord> {
-    try_write_file(path, parts).map_err(|e| Error::io(path, e))
+    write(path, parts, true).map_err(|e| Error::io(path, e))
 }
 
-fn try_write_file(path: &Path, parts: &[impl AsRef<[u8]>]) -> io::Result<FileRecord> {
+/// As [`write_file`], but leaves it to the system when the bytes get on the disk: after a crash of the machine the file may be
+/// damaged. For what tells by itself whether it is whole, and can be made again.
+///
+/// # Errors
+/// As [`write_file`].
+pub fn write_file_soon(path: &Path, parts: &[impl AsRef<[u8]>]) -> Result<FileRecord> {
+    write(path, parts, false).map_err(|e| Error::io(path, e))
+}
+
+/// As [`write_file`], unless `path` holds these bytes already; then it is left as it is.
+///
+/// # Errors
+/// As [`write_file`].
+pub fn write_file_if_new(path: &Path, parts: &[impl AsRef<[u8]>]) -> Result<FileRecord> {
+    match record_of(path) {
+        Ok(there) if there == record(path, parts) => Ok(there),
+        _ => write_file(path, parts),
+    }
+}
+
+/// Name, checksum and length of a file.
+///
+/// # Errors
+/// As [`read_file`].
+pub fn record_of(path: &Path) -> io::Result<FileRecord> {
+    Ok(record(path, &[read_file(path)?]))
+}
+
+fn record(path: &Path, parts: &[impl AsRef<[u8]>]) -> FileRecord {
+    let mut hasher = Sha256::new();
+    parts.iter().for_each(|part| hasher.update(part));
+    let bytes = parts.iter().map(|part| part.as_ref().len() as u64).sum();
+    FileRecord { file: name(path), sha256: hex(hasher.finalize().as_slice()), bytes }
+}
+
+/// Removes a file that may not be there.
+///
+/// # Errors
+/// [`Error::Io`] where it is there and stays.
+pub fn remove_file(path: &Path) -> Result<()> {
+    match std::fs::remove_file(path) {
+        Err(e) if !matches!(e.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            Err(Error::io(path, e))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Removes the temporary files of [`write_file`] that processes which are no more have left in `folder`.
+///
+/// # Errors
+/// [`Error::Io`] where the folder cannot be read.
+pub fn sweep(folder: &Path) -> Result<()> {
+    for entry in std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))? {
+        let path = entry.map_err(|e| Error::io(folder, e))?.path();
+        let name = name(&path);
+        if !(name.starts_with(TEMPORARY.0) && name.ends_with(TEMPORARY.1)) {
+            continue;
+        }
+        // Whoever still writes it holds its lock; one that goes away meanwhile is no concern either.
+        if File::open(&path).is_ok_and(|file| file.try_lock().is_ok()) {
+            remove_file(&path)?;
+        }
+    }
+    Ok(())
+}
+
+fn write(path: &Path, parts: &[impl AsRef<[u8]>], at_once: bool) -> io::Result<FileRecord> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut temp = tempfile::Builder::new();
-    temp.prefix(".").suffix(".tmp");
-    // A temporary file is private by default; what is written here is for others to read, as far as umask allows.
-    #[cfg(unix)]
-    temp.permissions(<Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666));
-    let mut temp = temp.tempfile_in(folder)?;
+    let mut temp = temporary(folder)?;
     let mut hasher = Sha256::new();
     let mut bytes = 0;
     for block in parts.iter().flat_map(|part| part.as_ref().chunks(BLOCK_LEN)) {
@@ -69,14 +134,72 @@ fn try_write_file(path: &Path, parts: &[impl AsRef<[u8]>]) -> io::Result<FileRec
         temp.write_all(block)?;
         bytes += block.len() as u64;
     }
-    temp.as_file().sync_all()?;
+    if at_once {
+        temp.as_file().sync_all()?;
+    }
     temp.persist(path)?;
-    // The name itself is only safe once the folder is on the disk.
-    File::open(folder)?.sync_all()?;
-    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    Ok(FileRecord { file: name, sha256: hex(hasher.finalize().as_slice()), bytes })
+    if at_once {
+        // The name itself is only safe once the folder is on the disk.
+        File::open(folder)?.sync_all()?;
+    }
+    Ok(FileRecord { file: name(path), sha256: hex(hasher.finalize().as_slice()), bytes })
+}
+
+/// A temporary file that is locked, so that [`sweep`] lets it be.
+fn temporary(folder: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(TEMPORARY.0).suffix(TEMPORARY.1);
+    // A temporary file is private by default; what is written here is for others to read, as far as umask allows.
+    #[cfg(unix)]
+    builder.permissions(<Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666));
+    loop {
+        let temp = builder.tempfile_in(folder)?;
+        // A file system without locks has none for the sweep either.
+        let _ = temp.as_file().lock();
+        // Swept between its making and its locking?
+        if temp.path().exists() {
+            return Ok(temp);
+        }
+    }
+}
+
+fn name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sweep_takes_what_the_dead_left_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let alive = temporary(folder.path()).unwrap();
+        std::fs::write(path(".hairbake-abc123.tmp"), "half").unwrap();
+        std::fs::write(path(".hidden.tmp"), "mine").unwrap();
+        std::fs::write(path("hair.usda"), "whole").unwrap();
+        sweep(folder.path()).unwrap();
+        let mut left: Vec<String> =
+            std::fs::read_dir(folder.path()).unwrap().map(|e| name(&e.unwrap().path())).collect();
+        left.sort();
+        assert_eq!(left, [&name(alive.path()), ".hidden.tmp", "hair.usda"]);
+    }
+
+    #[test]
+    fn what_is_there_already_is_not_written_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        let modified = || std::fs::metadata(&path).unwrap().modified().unwrap();
+        let first = write_file_if_new(&path, &["one", "two"]).unwrap();
+        let then = modified();
+        assert_eq!(write_file_if_new(&path, &["onetwo"]).unwrap(), first);
+        assert_eq!(modified(), then);
+        assert_ne!(write_file_if_new(&path, &["three"]).unwrap(), first);
+        assert_eq!(read_file(&path).unwrap(), b"three");
+    }
 }

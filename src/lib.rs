@@ -24,3 +24,6 @@ pub mod usd;
 pub mod wisp;
 
 pub use error::{Error, Problem, Result};
+
+/// Which build this is: a hash of its sources. What one build has begun, another begins anew.
+pub const BUILD: &str = env!("HAIRBAKE_BUILD");

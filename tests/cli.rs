@@ -14,7 +14,18 @@ fn help_and_version_are_data() {
         .success()
         .stdout(contains("Exit codes").and(contains("--substeps <N>")));
     hairbake().arg("--version").assert().success().stdout(contains(env!("CARGO_PKG_VERSION")));
-    for command in ["check", "schema", "sample", "preview", "validate", "completions", "man"] {
+    for command in [
+        "check",
+        "schema",
+        "sample",
+        "simulate",
+        "interpolate",
+        "assemble",
+        "preview",
+        "validate",
+        "completions",
+        "man",
+    ] {
         hairbake().args([command, "--help"]).assert().success().stdout(contains("Usage"));
     }
     for what in ["groom", "track"] {

@@ -3,11 +3,13 @@
 mod strand;
 
 use hairbake::bake;
+use hairbake::bake::control::Control;
 use hairbake::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
+use hairbake::bake::job::Job;
 use hairbake::cache::Reader;
 use hairbake::contact::Bodies;
 use hairbake::rod::Cut;
-use hairbake::scene::{self, Collider, Deformation, Shape, TriMesh};
+use hairbake::scene::{self, Collider, Deformation, Reading, Shape, TriMesh};
 use nalgebra::{Isometry3, Vector3};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -226,10 +228,11 @@ fn hair_lies_on_a_garment_that_moves() {
     std::fs::write(&anim_path, anim.to_string()).unwrap();
 
     let (groom, anim) = scene::load(&groom_path, &anim_path).unwrap();
-    let inputs = bake::inputs(&groom_path, &anim_path).unwrap();
+    let inputs = bake::inputs(&groom_path, &anim_path, &Reading::default()).unwrap();
     assert_eq!(inputs.iter().filter(|i| i.role == "deformation").count(), 18);
     let (mut active, mut shortened) = (0, 0);
-    bake::bake(groom, &anim, inputs, &out, |record, _, _| {
+    let job = Job::begin(groom, anim.clone(), inputs, &[], &out).unwrap();
+    bake::bake(&job, &Control::default(), |record, _, _| {
         active += record.contacts_active;
         shortened += record.shortened;
     })

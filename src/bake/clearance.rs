@@ -12,12 +12,13 @@
 
 use crate::contact::{Bodies, Contact, Motion, Polyline, Workspace};
 use nalgebra::{Isometry3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// How far the groom's pose is searched for a body, m; what lies deeper inside is taken to lie this deep.
 const SEARCH: f64 = 0.3;
 
 /// Distances that the points of one guide keep from the bodies.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Clearance {
     /// At body b and point k, at `b * points + k`, m: in the groom's pose, and once all has been brought out.
     from: Vec<f64>,
@@ -98,6 +99,11 @@ impl Clearance {
         out.extend(
             self.from.iter().zip(&self.to).map(|(a, b)| if a == b { *a } else { a + share * (b - a) }),
         );
+    }
+
+    /// Number of distances.
+    pub(super) fn len(&self) -> usize {
+        self.to.len()
     }
 
     /// Points that are exempt, and points that are being brought out.

@@ -1,5 +1,7 @@
 //! One guide in motion: its state, and one implicit step of it.
 
+mod saved;
+
 use super::air;
 use super::clearance::Clearance;
 use super::scheme::Formula;
@@ -14,6 +16,7 @@ use crate::rod::{Rod, Shape};
 use crate::scene::Friction;
 use crate::scene::anim::{Scheme, Wind};
 use nalgebra::{Isometry3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// How often a step is halved before a rod whose solve does not converge is carried along and reported.
 const MAX_HALVINGS: u32 = 5;
@@ -67,7 +70,7 @@ pub struct Guide {
 }
 
 /// What a time scheme remembers of a guide.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 struct State {
     q: Vec<f64>,
     x: Vec<Vector3<f64>>,

@@ -1,29 +1,45 @@
-//! The frame loop: sub-steps, statistics, the cache written as it goes.
+//! The bake: guides simulated, strands interpolated, the cache written, in stages that may run in one process or in many.
+//!
+//! [`simulate`] goes from frame to frame and writes the guides' state at each; [`interpolate`] makes a frame's file of that state
+//! alone; [`assemble`] ends the cache. [`bake()`] does all of it. Whichever way, the cache has the same bytes: every stage begins by
+//! looking what is done, and a frame depends on nothing but the [`Job`].
 
 pub mod air;
 mod clearance;
 pub mod company;
+pub mod control;
 pub mod guide;
+pub mod job;
 pub mod output;
 pub mod record;
+pub mod rods;
 mod scheme;
+pub mod sealed;
 pub mod simulation;
+pub mod state;
+mod stepper;
 mod tangle;
 pub mod tie;
 mod touch;
+pub mod work;
 
-use crate::cache::{self, InputRecord, Manifest};
-use crate::scene::{Anim, Groom};
+use crate::cache::{self, InputRecord, Manifest, Writer};
+use crate::file::FileRecord;
+use crate::scene::Reading;
 use crate::strands::SPAN;
 use crate::{Error, Result};
-use output::{GuideState, Output};
+use control::Control;
+use job::Job;
+use output::Output;
+use rayon::prelude::*;
 use record::FrameRecord;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
-use simulation::Simulation;
-use std::collections::VecDeque;
+use state::FrameState;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use stepper::{Stepper, stopped};
 
 /// Wall-clock time of the stages of one frame, s. Kept out of the cache: it changes from run to run.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
@@ -36,132 +52,282 @@ pub struct StageSeconds {
     pub write: f64,
 }
 
-/// What a bake did, frame by frame, handle frames included.
+/// What a stage did, frame by frame.
 #[derive(Debug, Clone, Default)]
 pub struct BakeSummary {
     /// Figures of each frame.
     pub frames: Vec<FrameRecord>,
-    /// Time that each frame took.
-    pub seconds: Vec<StageSeconds>,
-    /// Time of the pre-roll, s.
-    pub preroll_seconds: f64,
-    /// The manifest as written.
+    /// Time that each frame took; `None` for what was done already.
+    pub seconds: Vec<Option<StageSeconds>>,
+    /// Time of the pre-roll, s; `None` where this process had no part in it.
+    pub preroll_seconds: Option<f64>,
+    /// The manifest, once it is written.
     pub manifest: Option<Manifest>,
 }
 
-/// A frame that is simulated and not written yet.
-struct Simulated {
-    record: FrameRecord,
-    guides: Vec<GuideState>,
-    /// See [`Interpolator::retreats`](crate::strands::Interpolator::retreats).
-    retreats: Vec<f32>,
-    seconds: StageSeconds,
+impl BakeSummary {
+    /// Enters a frame. The steps of the first of all are the pre-roll's.
+    fn note(&mut self, job: &Job, record: &FrameRecord, mut seconds: Option<StageSeconds>) {
+        if let Some(seconds) = seconds.as_mut().filter(|_| record.frame == *job.frames().start()) {
+            self.preroll_seconds = Some(std::mem::take(&mut seconds.simulate)).filter(|s| *s > 0.0);
+        }
+        self.frames.push(record.clone());
+        self.seconds.push(seconds);
+    }
+
+    /// How many frames this process has done something for.
+    pub fn fresh(&self) -> usize {
+        self.seconds.iter().flatten().count()
+    }
 }
 
 /// Name and checksum of every file that a bake of the scene reads. Errors: files that cannot be read.
-pub fn inputs(groom: &Path, anim: &Path) -> Result<Vec<InputRecord>> {
+pub fn inputs(groom: &Path, anim: &Path, reading: &Reading) -> Result<Vec<InputRecord>> {
     let record = |(role, path): (&str, PathBuf)| {
         let bytes = crate::file::read_file(&path).map_err(|e| Error::io(&path, e))?;
         let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Ok(InputRecord { role: role.into(), file, sha256: cache::sha256(&bytes) })
     };
-    crate::scene::inputs(groom, anim)?.into_iter().map(record).collect()
+    crate::scene::inputs(groom, anim, reading)?.into_iter().map(record).collect()
 }
 
-/// Bakes `groom` on `anim` into the folder `out`, frame by frame; `progress` is told each frame that is on disk, and how
-/// many of how many that makes.
+/// Does all that is left of a bake, frame by frame; `progress` is told each frame that is on disk, and how many of how many
+/// that makes.
 ///
 /// # Errors
-/// [`crate::Error::Io`] where a file cannot be written.
+/// [`Error::Stopped`] where `control` asked for it; [`Error::Io`] where a file cannot be written.
 pub fn bake(
-    groom: Groom,
-    anim: &Anim,
-    inputs: Vec<InputRecord>,
-    out: &Path,
+    job: &Job,
+    control: &Control,
     mut progress: impl FnMut(&FrameRecord, usize, usize),
 ) -> Result<BakeSummary> {
-    let groom = &groom.with_default_trees(anim.settings.nodes);
-    let mut simulation = Simulation::new(groom, anim);
-    let mut output = Output::new(groom, anim, &simulation);
-    let writer = cache::Writer::create(out, output.header())?;
-    let mut manifest = Manifest::new(output.header());
-    manifest.inputs = inputs;
-    manifest.settings = settings(anim);
-
-    let ids = &groom.guides.curves.id;
+    let frames: Vec<i32> = job.frames().collect();
+    let done: Vec<Option<FileRecord>> = frames.par_iter().map(|frame| job.work.done(*frame).ok()).collect();
+    let mut stepper = Stepper::new(job, control, job.simulated());
+    let mut strands = Strands::new(job)?;
     let mut summary = BakeSummary::default();
-    let (first, last) = (anim.frames.0 - 1, anim.frames.1 + 1);
-    let total = (last - first + 1) as usize;
-    // A frame's strands depend on the guides of the frames around it, so the simulation is ahead.
-    let mut window: VecDeque<Simulated> = VecDeque::with_capacity(2 * SPAN + 1);
-    for ahead in first..=last + SPAN as i32 {
-        let mut record = FrameRecord { frame: ahead, ..FrameRecord::default() };
-        let start = Instant::now();
-        simulation.run_to(ahead, |steps| record.add(steps, ids));
-        let simulate = start.elapsed().as_secs_f64();
-        record.close(&simulation.guides, &output::head_motion(anim, simulation.time()));
-        let start = Instant::now();
-        let guides = simulation.state();
-        let retreats = output.retreats(ahead, &guides);
-        let seconds =
-            StageSeconds { simulate, interpolate: start.elapsed().as_secs_f64(), ..StageSeconds::default() };
-        window.push_back(Simulated { record, guides, retreats, seconds });
-        let Some(middle) = window.len().checked_sub(1 + SPAN) else { continue };
-        // Before the first frame all is as it is there.
-        let around = |i: usize| (middle + i).saturating_sub(SPAN);
-        let Simulated { record, guides, seconds, .. } = &window[middle];
-        let mut seconds = *seconds;
-        let start = Instant::now();
-        let arrays = output.frame(
-            record.frame,
-            guides,
-            &std::array::from_fn(|i| window[around(i)].retreats.as_slice()),
-        );
-        seconds.interpolate += start.elapsed().as_secs_f64();
-        let start = Instant::now();
-        let file = writer.write_frame(&arrays)?;
-        seconds.write = start.elapsed().as_secs_f64();
-        manifest.frames.push(cache::FrameRecord { frame: record.frame, file, figures: figures(record) });
-        if record.frame == first {
-            // The first frame's steps are the pre-roll's.
-            summary.preroll_seconds = std::mem::take(&mut seconds.simulate);
+    let mut finished = Vec::new();
+    // The strands of a frame depend on the guides of those around it, so the simulation is ahead.
+    let mut ahead = job.simulated().peekable();
+    let mut simulated = VecDeque::new();
+    for (i, (&frame, done)) in frames.iter().zip(done).enumerate() {
+        while let Some(next) = ahead.next_if(|next| *next <= frame + SPAN as i32) {
+            stepper.attend()?;
+            let (state, seconds) = stepper.state(next)?;
+            simulated.push_back(seconds);
+            strands.hold(state);
         }
-        summary.seconds.push(seconds);
-        summary.frames.push(record.clone());
-        progress(record, summary.frames.len(), total);
-        if window.len() > 2 * SPAN {
-            window.pop_front();
-        }
+        let simulate = simulated.pop_front().flatten();
+        let mut seconds = simulate.map(|simulate| StageSeconds { simulate, ..StageSeconds::default() });
+        let file = match done {
+            Some(file) => file,
+            None => strands.write(frame, seconds.get_or_insert_default())?,
+        };
+        let state = strands.state(frame)?;
+        summary.note(job, &state.record, seconds);
+        progress(&state.record, i + 1, frames.len());
+        finished.push(Finished::new(state, file));
     }
-    manifest.totals = totals(&summary.frames);
-    manifest.scene_figures = scene_figures(groom, &simulation);
-    summary.manifest = Some(writer.finish(manifest)?);
+    stepper.finish()?;
+    summary.manifest = Some(finish(job, strands.writer, finished)?);
     Ok(summary)
 }
 
-/// The settings of a bake as the manifest holds them.
-fn settings(anim: &Anim) -> Value {
-    json!({
-        "substeps": anim.settings.substeps,
-        "preroll_s": anim.settings.preroll,
-        "nodes": anim.settings.nodes,
-        "scheme": anim.settings.scheme,
-        "contact": anim.settings.contact,
-        "gravity_m_s2": [anim.gravity.x, anim.gravity.y, anim.gravity.z],
-    })
+/// Simulates the frames from `first` to `last` and keeps the guides' state at each. Where `first` is not the first of all, the stage that
+/// ends before it must be done.
+///
+/// # Errors
+/// As [`bake()`], and [`Error::NotYet`] where the frame before is not simulated.
+pub fn simulate(
+    job: &Job,
+    [first, last]: [i32; 2],
+    control: &Control,
+    mut progress: impl FnMut(&FrameRecord, usize, usize),
+) -> Result<BakeSummary> {
+    if first > *job.frames().start() && job.work.state(first - 1).is_err() {
+        return Err(Error::NotYet(format!(
+            "frame {} is not simulated yet, from where this goes on",
+            first - 1
+        )));
+    }
+    let mut stepper = Stepper::new(job, control, first..=last);
+    let mut summary = BakeSummary::default();
+    let total = (last - first + 1) as usize;
+    for (i, frame) in (first..=last).enumerate() {
+        stepper.attend()?;
+        // The last frame is only done if another stage can go on from there.
+        let whole = frame < last || job.work.has_checkpoint(job.steps_to(last));
+        let (state, seconds) = if whole {
+            stepper.state(frame)?
+        } else {
+            let (state, seconds) = stepper.simulate(frame)?;
+            (state, Some(seconds))
+        };
+        summary.note(
+            job,
+            &state.record,
+            seconds.map(|simulate| StageSeconds { simulate, ..StageSeconds::default() }),
+        );
+        progress(&state.record, i + 1, total);
+    }
+    stepper.finish()?;
+    Ok(summary)
 }
 
-/// What the scene is like: points of guides that contact leaves alone, one for each body that they are in, and what whoever made
-/// the groom found.
-fn scene_figures(groom: &Groom, simulation: &Simulation) -> Map<String, Value> {
-    let exempt: usize = simulation.guides.iter().map(|g| g.clearance.counts().0).sum();
-    object(json!({ "exempt_guide_points": exempt, "groom_notes": groom.notes }))
+/// Makes the files of `frames`, in any order, as far as they are not done, of the guides' states.
+///
+/// # Errors
+/// As [`bake()`], and [`Error::NotYet`] where a frame is not simulated.
+pub fn interpolate(
+    job: &Job,
+    frames: &[i32],
+    control: &Control,
+    mut progress: impl FnMut(&FrameRecord, usize, usize),
+) -> Result<BakeSummary> {
+    let mut strands = Strands::new(job)?;
+    let mut summary = BakeSummary::default();
+    for (i, &frame) in frames.iter().enumerate() {
+        if control.stops() {
+            return Err(stopped(&format!("before frame {frame}")));
+        }
+        let mut seconds = None;
+        if job.work.done(frame).is_err() {
+            strands.write(frame, seconds.get_or_insert_default())?;
+        }
+        let state = strands.state(frame)?;
+        summary.note(job, &state.record, seconds);
+        progress(&state.record, i + 1, frames.len());
+    }
+    Ok(summary)
+}
+
+/// Ends a cache all of whose frames are done: root layer, manifest, checksums.
+///
+/// # Errors
+/// [`Error::NotYet`] where frames are missing or damaged; it names them. [`Error::Io`].
+pub fn assemble(job: &Job) -> Result<BakeSummary> {
+    let frames: Vec<i32> = job.frames().collect();
+    let found: Vec<_> = frames
+        .par_iter()
+        .map(|&frame| {
+            let file = job.work.done(frame).map_err(|flaw| format!("the file of frame {frame}: {flaw}"))?;
+            let state =
+                job.work.state(frame).map_err(|flaw| format!("the guides at frame {frame}: {flaw}"))?;
+            Ok(Finished::new(&state, file))
+        })
+        .collect();
+    let missing: Vec<String> =
+        found.iter().filter_map(|f: &std::result::Result<_, String>| f.clone().err()).collect();
+    if let Some(first) = missing.first() {
+        return Err(Error::NotYet(format!(
+            "{} of {} frames are not done; {first}",
+            missing.len(),
+            frames.len()
+        )));
+    }
+    let finished: Vec<Finished> = found.into_iter().flatten().collect();
+    let mut summary = BakeSummary::default();
+    finished.iter().for_each(|f| summary.note(job, &f.record, None));
+    Stepper::new(job, &Control::default(), job.simulated()).finish()?;
+    summary.manifest = Some(finish(job, Strands::new(job)?.writer, finished)?);
+    Ok(summary)
+}
+
+/// From the guides' states at frames to their files.
+struct Strands<'a> {
+    job: &'a Job,
+    output: Output<'a>,
+    writer: Writer,
+    /// States that were needed last, and how far the strands retreat at them, as far as that was asked for.
+    held: BTreeMap<i32, (FrameState, Option<Vec<f32>>)>,
+}
+
+impl<'a> Strands<'a> {
+    fn new(job: &'a Job) -> Result<Self> {
+        let output = Output::new(&job.groom, &job.anim, &job.rods);
+        let writer = Writer::create(&job.out, output.header())?;
+        Ok(Strands { job, output, writer, held: BTreeMap::new() })
+    }
+
+    /// Takes a state that is at hand, and lets those go that are far from it.
+    fn hold(&mut self, state: FrameState) {
+        let frame = state.record.frame;
+        self.held.insert(frame, (state, None));
+        self.held.retain(|other, _| other.abs_diff(frame) <= 2 * SPAN as u32);
+    }
+
+    /// The state at a frame.
+    fn state(&mut self, frame: i32) -> Result<&FrameState> {
+        if !self.held.contains_key(&frame) {
+            self.hold(self.job.work.state(frame).map_err(|flaw| {
+                Error::NotYet(format!("the guides at frame {frame} are not simulated yet: {flaw}"))
+            })?);
+        }
+        Ok(&self.held[&frame].0)
+    }
+
+    /// Writes a frame's file, then the mark that it is done.
+    fn write(&mut self, frame: i32, seconds: &mut StageSeconds) -> Result<FileRecord> {
+        let start = Instant::now();
+        let first = *self.job.frames().start();
+        // Before the first frame all is as it is there.
+        let around: [i32; 2 * SPAN + 1] =
+            std::array::from_fn(|i| (frame + i as i32 - SPAN as i32).max(first));
+        for near in around {
+            self.state(near)?;
+            if let Some((state, retreats @ None)) = self.held.get_mut(&near) {
+                *retreats = Some(self.output.retreats(near, &state.guides));
+            }
+        }
+        let retreats = around.map(|near| self.held[&near].1.as_deref().unwrap_or_default());
+        let arrays = self.output.frame(frame, &self.held[&frame].0.guides, &retreats);
+        seconds.interpolate = start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        let file = self.writer.write_frame(&arrays)?;
+        self.job.work.set_done(frame, &file)?;
+        seconds.write = start.elapsed().as_secs_f64();
+        Ok(file)
+    }
+}
+
+/// What the manifest needs of a frame.
+#[derive(Clone)]
+struct Finished {
+    record: FrameRecord,
+    machine: String,
+    file: FileRecord,
+}
+
+impl Finished {
+    fn new(state: &FrameState, file: FileRecord) -> Self {
+        Finished { record: state.record.clone(), machine: state.machine.clone(), file }
+    }
+}
+
+/// Ends the cache.
+fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Result<Manifest> {
+    let mut manifest = Manifest::new(writer.header());
+    manifest.key = job.key.clone();
+    manifest.machines =
+        finished.iter().map(|f| f.machine.clone()).collect::<BTreeSet<_>>().into_iter().collect();
+    manifest.inputs = job.inputs.clone();
+    manifest.settings = job.settings.clone();
+    manifest.totals = totals(&finished);
+    // What is exempt in the end is so for good.
+    let exempt = finished.last().map_or(0, |f| f.record.exempt_points);
+    manifest.scene_figures = object(json!({ "exempt_guide_points": exempt, "groom_notes": job.groom.notes }));
+    for Finished { record, file, .. } in finished {
+        manifest.frames.push(cache::FrameRecord { frame: record.frame, file, figures: figures(&record) });
+    }
+    let manifest = writer.finish(manifest)?;
+    job.work.tidy(job.frames())?;
+    Ok(manifest)
 }
 
 /// Figures over all frames: the worst of each, and the sums of what should be rare.
-fn totals(frames: &[FrameRecord]) -> Map<String, Value> {
-    let worst = |of: fn(&FrameRecord) -> f64| frames.iter().map(of).fold(0.0, f64::max);
-    let sum = |of: fn(&FrameRecord) -> u32| frames.iter().map(of).map(u64::from).sum::<u64>();
+fn totals(finished: &[Finished]) -> Map<String, Value> {
+    let worst = |of: fn(&FrameRecord) -> f64| finished.iter().map(|f| of(&f.record)).fold(0.0, f64::max);
+    let sum = |of: fn(&FrameRecord) -> u32| finished.iter().map(|f| u64::from(of(&f.record))).sum::<u64>();
     let totals = json!({
         "penetration_m": worst(|f| f.penetration_m),
         "length_drift": worst(|f| f.length_drift),

@@ -1,6 +1,7 @@
 //! From the simulation's state to the arrays of the cache, in the groom's own unit and axes.
 
-use super::simulation::Simulation;
+use super::rods::Rods;
+use super::state::GuideState;
 use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 use crate::contact::Bodies;
 use crate::rod::{Rod, Sensitivity, Shape};
@@ -9,19 +10,10 @@ use crate::strands::{BACKWARD, GuideMotion, HeadMotion, Interpolator, KeepOut, M
 use nalgebra::{Isometry3, Matrix3, Matrix4, Vector3};
 use rayon::prelude::*;
 
-/// The state of a guide at a frame.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GuideState {
-    /// Deviation of the strain at its nodes, 1/m (the rod's unknowns).
-    pub q: Vec<f64>,
-    /// Rate of `q`, 1/(m·s).
-    pub rate: Vec<f64>,
-}
-
 /// What the cache holds of a bake, and how its arrays come from the guides.
 pub struct Output<'a> {
     anim: &'a Anim,
-    rods: Vec<Rod>,
+    rods: Vec<&'a Rod>,
     convention: Convention,
     strands: Option<Interpolator>,
     /// What the strands keep out of, and when they are looked at: not in the simulation's steps.
@@ -30,11 +22,10 @@ pub struct Output<'a> {
 }
 
 impl<'a> Output<'a> {
-    /// Prepares the output of `simulation`.
-    pub fn new(groom: &Groom, anim: &'a Anim, simulation: &Simulation) -> Self {
+    /// Prepares the output of guides that are simulated as `rods`.
+    pub fn new(groom: &Groom, anim: &'a Anim, rods: &'a Rods) -> Self {
         let convention = groom.convention;
-        let rods: Vec<(&Rod, (u32, u32))> =
-            simulation.drawn().zip(simulation.leaves.iter().copied()).collect();
+        let rods = rods.drawn();
         let hair = (!groom.strands.curves.is_empty())
             .then(|| curve_set(groom, &groom.strands.curves, groom.strands.curves.points.clone(), 0));
         let header = Header {
@@ -65,7 +56,7 @@ impl<'a> Output<'a> {
             let (curves, leaf) = (&groom.strands.curves, &groom.strands.leaf);
             Interpolator::new(curves, leaf, &rods, &bodies, &thickness)
         });
-        let rods = rods.into_iter().map(|(rod, _)| rod.clone()).collect();
+        let rods = rods.into_iter().map(|(rod, _)| rod).collect();
         Output { anim, rods, convention, strands, bodies, header }
     }
 
@@ -122,7 +113,7 @@ impl<'a> Output<'a> {
     }
 
     fn motion<'b>(&'b self, guides: &'b [GuideState]) -> Vec<GuideMotion<'b>> {
-        let motion = |(rod, g): (&'b Rod, &'b GuideState)| GuideMotion { rod, q: &g.q, rate: &g.rate };
+        let motion = |(rod, g): (&&'b Rod, &'b GuideState)| GuideMotion { rod, q: &g.q, rate: &g.rate };
         self.rods.iter().zip(guides).map(motion).collect()
     }
 

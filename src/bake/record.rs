@@ -2,10 +2,10 @@
 
 use super::guide::{Guide, StepRecord};
 use crate::strands::HeadMotion;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Figures of one frame. The same for any number of threads; timings are kept apart.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FrameRecord {
     /// Frame number.
     pub frame: i32,
@@ -53,6 +53,8 @@ pub struct FrameRecord {
     pub speed_max_m_s: f64,
     /// Largest relative change of the arc length of a segment of a guide since the start.
     pub length_drift: f64,
+    /// Points of guides that contact leaves alone, one for each body that they are in.
+    pub exempt_points: u32,
 }
 
 /// Relative residual of the reactions above which a frame does not hold to the law of contact: a thousandth of the forces.
@@ -112,6 +114,7 @@ impl FrameRecord {
                 speeds.push((v - carried).norm());
             }
             self.length_drift = self.length_drift.max(g.length_drift());
+            self.exempt_points += g.clearance.counts().0 as u32;
         }
         speeds.sort_by(f64::total_cmp);
         if let Some(&max) = speeds.last() {

@@ -3,15 +3,17 @@
 use super::air::{self, Bulk};
 use super::company::Companies;
 use super::guide::{Guide, StepRecord, Surroundings};
-use super::output::GuideState;
+use super::rods::Rods;
+use super::state::{Part, Unfit};
 use super::tangle::{Tangle, Thickness};
 use crate::contact::Bodies;
-use crate::rod::{Cut, Rod, Sensitivity, Shape};
+use crate::rod::{Rod, Sensitivity, Shape};
 use crate::scene::anim::Contact;
 use crate::scene::{Anim, Groom};
 use crate::wisp::{self, GuideRod};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Share of the section of a pressed bundle of hair that is hair: between loose (0.4) and hexagonal (0.9).
 const PACKING: f64 = 0.6;
@@ -23,10 +25,8 @@ pub struct Simulation<'a> {
     pub bodies: Bodies,
     /// The guides, in the groom's order.
     pub guides: Vec<Guide>,
-    /// Leaf wisp of each guide: (tree, wisp).
-    pub leaves: Vec<(u32, u32)>,
-    /// The guides' rods as finely cut as they are written; none where they are simulated so.
-    fine: Vec<Rod>,
+    /// What the last sub-step did, guide by guide.
+    records: Vec<StepRecord>,
     companies: Companies,
     /// The guides as they touch each other, if they do.
     tangle: Option<Tangle>,
@@ -37,18 +37,13 @@ pub struct Simulation<'a> {
 }
 
 impl<'a> Simulation<'a> {
-    /// The groom at the start of its pre-roll. `groom` must have its trees.
-    pub fn new(groom: &Groom, anim: &'a Anim) -> Self {
+    /// The groom at the start of its pre-roll. `groom` must have its trees, `rods` are its own.
+    pub fn new(groom: &Groom, anim: &'a Anim, rods: &Rods) -> Self {
         let step = 1.0 / (anim.fps * f64::from(anim.settings.substeps));
-        let preroll = (anim.settings.preroll / step).ceil() as i64;
-        let alone =
-            anim.colliders.is_empty() && anim.ties.is_empty() && anim.settings.contact == Contact::Bodies;
-        let rods = wisp::rods(groom, if alone { Cut::COARSE } else { Cut::FINE });
-        let fine = if alone { wisp::rods(groom, Cut::FINE) } else { Vec::new() };
-        let fine = fine.into_iter().map(|r| r.rod).collect();
+        let preroll = preroll(anim);
+        let rods = &rods.simulated;
         let bulk = Bulk::new(rods.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
-        let leaves = rods.iter().map(|r| (r.leaf.0 as u32, r.leaf.1 as u32)).collect();
-        let ties = super::tie::ties(groom, anim, &rods);
+        let ties = super::tie::ties(groom, anim, rods);
         let bodies = Bodies::new(&anim.colliders);
         let tangle = (anim.settings.contact == Contact::Full).then(|| {
             let arc: Vec<Vec<f64>> = rods.iter().map(|r| r.rod.arc_lengths()).collect();
@@ -58,8 +53,7 @@ impl<'a> Simulation<'a> {
             anim,
             bodies,
             guides: Vec::new(),
-            leaves,
-            fine,
+            records: vec![StepRecord::default(); rods.len()],
             companies: Companies::default(),
             tangle: None,
             taken: 0,
@@ -68,7 +62,7 @@ impl<'a> Simulation<'a> {
         let t = simulation.time();
         simulation.bodies.prepare([t, t]);
         simulation.guides = simulation.around(|around| {
-            rods.into_par_iter().map(|mut r| start(groom, anim, &bulk, &mut r, around, t, step)).collect()
+            rods.par_iter().map(|r| start(groom, anim, &bulk, r, around, t, step)).collect()
         });
         for (guide, ties) in simulation.guides.iter_mut().zip(ties) {
             guide.ties = ties;
@@ -79,17 +73,6 @@ impl<'a> Simulation<'a> {
             tangle
         });
         simulation
-    }
-
-    /// The rod of every guide, cut as finely as it is written.
-    pub fn drawn(&self) -> impl Iterator<Item = &Rod> {
-        self.guides.iter().enumerate().map(|(i, guide)| self.fine.get(i).unwrap_or(&guide.rod))
-    }
-
-    /// The state of every guide.
-    pub fn state(&self) -> Vec<GuideState> {
-        let state = |g: &Guide| GuideState { q: g.q[0].clone(), rate: g.rate(self.step()) };
-        self.guides.iter().map(state).collect()
     }
 
     /// Length of a sub-step, s.
@@ -108,25 +91,25 @@ impl<'a> Simulation<'a> {
         (first + taken - self.preroll) as f64 / (self.anim.fps * substeps as f64)
     }
 
-    /// Advances to a frame not before the handle frame; one record per guide and sub-step is passed to `each`, in order.
-    pub fn run_to(&mut self, frame: i32, mut each: impl FnMut(&[StepRecord])) {
-        let substeps = i64::from(self.anim.settings.substeps);
-        let target = self.preroll + (i64::from(frame) - i64::from(self.anim.frames.0) + 1) * substeps;
-        let mut records = vec![StepRecord::default(); self.guides.len()];
-        while self.taken < target {
-            let (t0, t1) = (self.time_after(self.taken), self.time_after(self.taken + 1));
-            self.bodies.prepare([t0, t1]);
-            let mut guides = std::mem::take(&mut self.guides);
-            records.fill(StepRecord::default());
-            self.around(|around| self.companies.advance(&mut guides, around, [t0, t1], &mut records));
-            let mut tangle = self.tangle.take();
-            if let Some(tangle) = &mut tangle {
-                self.around(|around| tangle.resolve(&mut guides, around, [t0, t1], &mut records));
-            }
-            (self.guides, self.tangle) = (guides, tangle);
-            self.taken += 1;
-            each(&records);
+    /// Sub-steps taken since the start of the pre-roll.
+    pub fn taken(&self) -> i64 {
+        self.taken
+    }
+
+    /// Takes one sub-step; returns what it did, guide by guide.
+    pub fn advance(&mut self) -> &[StepRecord] {
+        let (t0, t1) = (self.time_after(self.taken), self.time_after(self.taken + 1));
+        self.bodies.prepare([t0, t1]);
+        let (mut guides, mut records) = (std::mem::take(&mut self.guides), std::mem::take(&mut self.records));
+        records.fill(StepRecord::default());
+        self.around(|around| self.companies.advance(&mut guides, around, [t0, t1], &mut records));
+        let mut tangle = self.tangle.take();
+        if let Some(tangle) = &mut tangle {
+            self.around(|around| tangle.resolve(&mut guides, around, [t0, t1], &mut records));
         }
+        (self.guides, self.records, self.tangle) = (guides, records, tangle);
+        self.taken += 1;
+        &self.records
     }
 
     fn around<T>(&self, f: impl FnOnce(&Surroundings) -> T) -> T {
@@ -148,6 +131,42 @@ impl<'a> Simulation<'a> {
     }
 }
 
+/// Sub-steps of the pre-roll.
+fn preroll(anim: &Anim) -> i64 {
+    let step = 1.0 / (anim.fps * f64::from(anim.settings.substeps));
+    (anim.settings.preroll / step).ceil() as i64
+}
+
+/// Sub-steps from the start of the pre-roll to a frame, which is not before the handle frame.
+pub fn steps_to(anim: &Anim, frame: i32) -> i64 {
+    let frames = i64::from(frame) - i64::from(anim.frames.0) + 1;
+    preroll(anim) + frames * i64::from(anim.settings.substeps)
+}
+
+/// All guides in time, between two sub-steps.
+#[derive(Serialize, Deserialize)]
+pub struct Saved {
+    /// Sub-steps taken.
+    pub taken: i64,
+    /// The guides.
+    pub guides: <Vec<Guide> as Part>::State,
+    tangle: <Option<Tangle> as Part>::State,
+}
+
+impl Part for Simulation<'_> {
+    type State = Saved;
+
+    fn state(&self) -> Saved {
+        Saved { taken: self.taken, guides: self.guides.state(), tangle: self.tangle.state() }
+    }
+
+    fn restore(&mut self, state: Saved) -> Result<(), Unfit> {
+        self.taken = state.taken;
+        self.guides.restore(state.guides)?;
+        self.tangle.restore(state.tangle)
+    }
+}
+
 /// How thick a guide is to others: as one hair, and as all its hairs pressed together.
 fn thickness(groom: &Groom, r: &GuideRod) -> Thickness {
     let area = groom.materials[r.material].section.area();
@@ -160,25 +179,24 @@ fn start(
     groom: &Groom,
     anim: &Anim,
     bulk: &Bulk,
-    r: &mut GuideRod,
+    r: &GuideRod,
     around: &Surroundings,
     t: f64,
     step: f64,
 ) -> Guide {
     let mut shape = Shape::default();
-    let start = r.rod.start.clone();
-    shape.update(&r.rod, &r.rod.root.r, &start);
+    let mut rod = r.rod.clone();
+    shape.update(&rod, &rod.root.r, &rod.start);
     let sag_free = groom.materials[r.material].sag_free;
     if sag_free > 0.0 {
-        let weight = gravity_load(&r.rod, &shape, &start, &(anim.gravity * sag_free));
-        r.rod.support(&weight, wisp::PREBEND_LIMIT);
+        let weight = gravity_load(&rod, &shape, &rod.start, &(anim.gravity * sag_free));
+        rod.support(&weight, wisp::PREBEND_LIMIT);
     }
-    let drag = (0..r.rod.points())
-        .map(|k| air::drag(groom, bulk, r.material, &(shape.x(k) + r.rod.root.p)))
-        .collect();
+    let drag =
+        (0..rod.points()).map(|k| air::drag(groom, bulk, r.material, &(shape.x(k) + rod.root.p))).collect();
     let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
     let friction = groom.materials[r.material].friction;
-    let mut guide = Guide::new(r.rod.clone(), drag, friction, &thickness, around, t, step);
+    let mut guide = Guide::new(rod, drag, friction, &thickness, around, t, step);
     guide.scheme = anim.settings.scheme;
     guide.across = groom.materials[r.material].friction_across;
     guide

@@ -4,7 +4,7 @@
 //! frames, because an attribute that a clip holds but the clip manifest lacks resolves to nothing,
 //! without an error.
 
-use super::{Basis, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
+use super::{Basis, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header, Manifest};
 use crate::usd::{Attribute, Layer, Metadata, Prim, Specifier, Value};
 use std::borrow::Cow;
 
@@ -79,8 +79,8 @@ enum Part {
     Collider(usize),
 }
 
-/// `hair.usda`.
-pub(super) fn root_layer(header: &Header) -> Layer<'static> {
+/// `hair.usda`; it tells what the cache was made from, as far as that does not change from run to run.
+pub(super) fn root_layer(header: &Header, manifest: &Manifest) -> Layer<'static> {
     let handles = frames_with_handles(header);
     let clips = vec![
         ("templateAssetPath".into(), Value::string(&format!("./hair.{}.usdc", "#".repeat(FRAME_DIGITS)))),
@@ -94,7 +94,19 @@ pub(super) fn root_layer(header: &Header) -> Layer<'static> {
     groom
         .metadata
         .push(("clips".into(), Value::Dictionary(vec![("default".into(), Value::Dictionary(clips))])));
-    Layer { metadata: stage_metadata(header), sub_layers: vec![format!("./{TOPOLOGY}")], prims: vec![groom] }
+    let inputs = manifest.inputs.iter().filter(|input| matches!(input.role.as_str(), "groom" | "anim"));
+    let mut provenance: Vec<(String, Value)> =
+        inputs.map(|input| (format!("{}_sha256", input.role), Value::string(&input.sha256))).collect();
+    provenance.extend([
+        ("build".into(), Value::string(&manifest.build)),
+        ("key".into(), Value::string(&manifest.key)),
+        ("settings".into(), Value::string(&manifest.settings.to_string())),
+    ]);
+    let mut metadata = stage_metadata(header);
+    if let Some((_, Value::Dictionary(data))) = metadata.first_mut() {
+        data.extend(provenance);
+    }
+    Layer { metadata, sub_layers: vec![format!("./{TOPOLOGY}")], prims: vec![groom] }
 }
 
 /// `hair.topology.usdc`.
@@ -142,10 +154,11 @@ pub(super) fn frame_layer<'a>(header: &Header, frame: &'a Frame) -> Layer<'a> {
             .map(|(attribute, value)| attribute.with_sample(time, value))
             .collect()
     });
-    Layer { metadata: stage_metadata(header), sub_layers: Vec::new(), prims: vec![groom] }
+    Layer { metadata: layer_metadata(header), sub_layers: Vec::new(), prims: vec![groom] }
 }
 
-fn stage_metadata(header: &Header) -> Metadata<'static> {
+/// What every layer of the cache says of itself.
+fn layer_metadata(header: &Header) -> Metadata<'static> {
     let creator = Value::string(concat!("hairbake ", env!("CARGO_PKG_VERSION")));
     [
         ("customLayerData", Value::Dictionary(vec![("creator".into(), creator)])),
@@ -154,11 +167,19 @@ fn stage_metadata(header: &Header) -> Metadata<'static> {
         ("upAxis", Value::token(up_axis(header))),
         ("timeCodesPerSecond", Value::Double(header.fps)),
         ("framesPerSecond", Value::Double(header.fps)),
-        ("startTimeCode", Value::Double(header.frames.0.into())),
-        ("endTimeCode", Value::Double(header.frames.1.into())),
     ]
     .map(|(name, value)| (name.to_string(), value))
     .into()
+}
+
+/// The same and the range of the shot: for root and topology, but not for a frame, which is the same in a longer shot.
+fn stage_metadata(header: &Header) -> Metadata<'static> {
+    let mut metadata = layer_metadata(header);
+    metadata.extend([
+        ("startTimeCode".into(), Value::Double(header.frames.0.into())),
+        ("endTimeCode".into(), Value::Double(header.frames.1.into())),
+    ]);
+    metadata
 }
 
 /// `/groom` and all below it; prims of an `over` have no type.

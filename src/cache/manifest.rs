@@ -1,7 +1,8 @@
-//! `manifest.json`: what a cache was made from and what it should hold. Nothing in it depends on the
-//! machine, the time or the folder.
+//! `manifest.json`: what a cache was made from and what it should hold. Nothing in it depends on the time, the folder, or how the
+//! work was divided; only [`Manifest::machines`] on what it ran on.
 
 use super::{CurveSet, FileRecord, Header};
+use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -14,6 +15,15 @@ pub struct Manifest {
     pub version: u32,
     /// Version of the program that wrote the cache.
     pub hairbake: String,
+    /// Which build of it: a hash of its sources.
+    #[serde(default)]
+    pub build: String,
+    /// What the bytes of the cache follow from: a hash of inputs, settings, first frame, version and build.
+    #[serde(default)]
+    pub key: String,
+    /// Instruction sets that the frames were simulated with, each once, in order.
+    #[serde(default)]
+    pub machines: Vec<String>,
     /// Files that the bake read.
     pub inputs: Vec<InputRecord>,
     /// Settings of the bake, all resolved.
@@ -80,6 +90,9 @@ impl Manifest {
             format: "hairbake-cache".into(),
             version: 1,
             hairbake: env!("CARGO_PKG_VERSION").into(),
+            build: crate::BUILD.into(),
+            key: String::new(),
+            machines: Vec::new(),
             inputs: Vec::new(),
             settings: Value::Null,
             summary: Summary {
@@ -96,5 +109,11 @@ impl Manifest {
             totals: Map::new(),
             scene_figures: Map::new(),
         }
+    }
+    /// As the file holds it.
+    pub(super) fn to_json(&self) -> Result<Vec<u8>> {
+        let mut json = serde_json::to_vec_pretty(self).map_err(|e| Error::Internal(e.to_string()))?;
+        json.push(b'\n');
+        Ok(json)
     }
 }

@@ -17,7 +17,7 @@ pub use crate::file::{FileRecord, sha256, write_file};
 pub use layout::{CLIP_MANIFEST, MANIFEST, ROOT, TOPOLOGY, frame_file_name};
 pub use manifest::{FrameRecord, InputRecord, Manifest, Summary};
 pub use reader::Reader;
-pub use writer::Writer;
+pub use writer::{Writer, unfinish};
 
 /// What does not change over a bake.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -2,10 +2,9 @@
 
 use super::layout::{self, CLIP_MANIFEST, MANIFEST, ROOT, TOPOLOGY, frame_file_name, frames_with_handles};
 use super::{FileRecord, Frame, Header, Manifest};
-use crate::file::write_file;
-use crate::usd::{Layer, crate_file, text};
+use crate::file::{remove_file, write_file, write_file_if_new};
+use crate::usd::{crate_file, text};
 use crate::{Error, Result};
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// A cache being written. Every file of it appears whole or not at all.
@@ -17,12 +16,8 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Begins a cache in `dir`, made if it is not there, and writes topology and clip manifest.
-    ///
-    /// An earlier bake's `manifest.json` and root layer are removed, so that the cache is visibly
-    /// unfinished until [`Self::finish`], and with them its frames outside of the new range; frames
-    /// inside the range stay until they are replaced. Collider names that are no identifiers, or
-    /// double, are changed in the files: `left arm` becomes `left_arm`.
+    /// Begins a cache in `dir`, made if it is not there, or goes on with it: writes topology and clip manifest unless they are there
+    /// already. Collider names that are no identifiers, or double, are changed in the files: `left arm` becomes `left_arm`.
     ///
     /// # Errors
     /// [`Error::Io`] where the folder cannot be written; [`Error::Internal`] where the header's arrays do
@@ -30,19 +25,19 @@ impl Writer {
     pub fn create(dir: &Path, header: &Header) -> Result<Self> {
         header.check().map_err(Error::Internal)?;
         std::fs::create_dir_all(dir).map_err(|e| Error::io(dir, e))?;
-        remove(&dir.join(MANIFEST))?;
-        remove(&dir.join(ROOT))?;
-        let frames = frames_with_handles(header);
-        for frame in super::reader::frames_on_disk(dir)? {
-            if !frames.contains(&frame) {
-                remove(&dir.join(frame_file_name(frame)))?;
-            }
-        }
         let mut writer = Writer { dir: dir.to_path_buf(), header: header.clone(), layers: Vec::new() };
-        let topology = writer.write_crate(TOPOLOGY, &layout::topology_layer(header))?;
-        let clip_manifest = writer.write_text(CLIP_MANIFEST, &layout::clip_manifest_layer(header))?;
-        writer.layers = vec![topology, clip_manifest];
+        let topology = layout::topology_layer(header);
+        let clip_manifest = text::encode(&layout::clip_manifest_layer(header));
+        writer.layers = vec![
+            write_file_if_new(&dir.join(TOPOLOGY), &crate_file::encode(&topology))?,
+            write_file_if_new(&dir.join(CLIP_MANIFEST), &[clip_manifest])?,
+        ];
         Ok(writer)
+    }
+
+    /// The cache's header.
+    pub fn header(&self) -> &Header {
+        &self.header
     }
 
     /// Writes one frame, handle frames (one before the first, one after the last) included. Frames may
@@ -56,42 +51,40 @@ impl Writer {
         if !frames_with_handles(&self.header).contains(&frame.frame) {
             return Err(Error::Internal(format!("frame {} is outside of the cache", frame.frame)));
         }
-        self.write_crate(&frame_file_name(frame.frame), &layout::frame_layer(&self.header, frame))
+        let layer = layout::frame_layer(&self.header, frame);
+        write_file(&self.dir.join(frame_file_name(frame.frame)), &crate_file::encode(&layer))
     }
 
-    /// Writes the root layer and, last of all, `manifest.json`; fills in [`Manifest::layers`] and puts the
-    /// frames in order.
+    /// Writes the root layer and, last of all, `manifest.json`, as far as they are not there already; fills in [`Manifest::layers`]
+    /// and puts the frames in order. Frames outside of the range, an earlier bake's, are removed.
     ///
     /// # Errors
     /// [`Error::Io`] where a file cannot be written; [`Error::Internal`] where a frame of the range is not in
     /// the manifest or is there twice.
     pub fn finish(self, mut manifest: Manifest) -> Result<Manifest> {
+        let range = frames_with_handles(&self.header);
         manifest.frames.sort_by_key(|record| record.frame);
-        if !manifest.frames.iter().map(|record| record.frame).eq(frames_with_handles(&self.header)) {
+        if !manifest.frames.iter().map(|record| record.frame).eq(range.clone()) {
             return Err(Error::Internal("the manifest does not list every frame once".into()));
         }
-        let root = self.write_text(ROOT, &layout::root_layer(&self.header))?;
+        for frame in super::reader::frames_on_disk(&self.dir)? {
+            if !range.contains(&frame) {
+                remove_file(&self.dir.join(frame_file_name(frame)))?;
+            }
+        }
+        let root = text::encode(&layout::root_layer(&self.header, &manifest));
+        let root = write_file_if_new(&self.dir.join(ROOT), &[root])?;
         manifest.layers = [vec![root], self.layers].concat();
-        let path = self.dir.join(MANIFEST);
-        let mut json = serde_json::to_vec_pretty(&manifest).map_err(|e| Error::Internal(e.to_string()))?;
-        json.push(b'\n');
-        write_file(&path, &[json])?;
+        write_file_if_new(&self.dir.join(MANIFEST), &[manifest.to_json()?])?;
         Ok(manifest)
-    }
-
-    fn write_crate(&self, name: &str, layer: &Layer) -> Result<FileRecord> {
-        write_file(&self.dir.join(name), &crate_file::encode(layer))
-    }
-
-    fn write_text(&self, name: &str, layer: &Layer) -> Result<FileRecord> {
-        write_file(&self.dir.join(name), &[text::encode(layer)])
     }
 }
 
-/// Removes a file that may not be there.
-fn remove(path: &Path) -> Result<()> {
-    match std::fs::remove_file(path) {
-        Err(e) if e.kind() != ErrorKind::NotFound => Err(Error::io(path, e)),
-        _ => Ok(()),
-    }
+/// Makes the cache in `dir` visibly unfinished: without `manifest.json` and root layer.
+///
+/// # Errors
+/// [`Error::Io`] where they stay.
+pub fn unfinish(dir: &Path) -> Result<()> {
+    remove_file(&dir.join(MANIFEST))?;
+    remove_file(&dir.join(ROOT))
 }

@@ -1,9 +1,12 @@
 //! The command line as it is typed.
 
-use super::bake::BakeArguments;
+use super::bake::{AssembleArguments, BakeArguments, InterpolateArguments, SimulateArguments};
+use super::console::LogFormat;
 use super::import::Import;
 use super::preview::PreviewArguments;
+use super::progress::ProgressStyle;
 use super::sample::SampleArguments;
+use super::scene::SceneArguments;
 use super::validate::ValidateArguments;
 use clap::builder::styling::{AnsiColor, Styles};
 use clap::{Parser, Subcommand, ValueEnum};
@@ -30,7 +33,9 @@ Examples:
       hairbake shot/groom.json shot/anim.json -o /tmp/try --frames 1001-1012 --substeps 4
 
 Exit codes:
-  0 done   1 a guarantee was broken (--strict)   64 wrong usage   65 bad input   70 internal error   74 reading or writing failed";
+  0 done or up to date   1 a guarantee was broken (--strict)   64 wrong usage   65 bad input   70 internal error
+  74 reading or writing failed   75 what an earlier stage makes is not there yet, try again   78 surroundings not set up
+  85 stopped as asked (TERM, INT, USR1, --max-runtime), the same command goes on from there";
 
 /// Bakes hair: a groom on a moving head becomes a USD curve cache
 ///
@@ -49,12 +54,34 @@ Exit codes:
 )]
 pub struct Arguments {
     #[command(flatten)]
-    pub bake: Option<BakeArguments>,
+    pub scene: Option<SceneArguments>,
+    #[command(flatten)]
+    pub bake: BakeArguments,
     #[command(subcommand)]
     pub command: Option<Command>,
     /// Worker threads; they steer the speed, never the result [default: CUE_THREADS, SLURM_CPUS_PER_TASK, or one a core]
     #[arg(long, global = true, value_name = "N", env = "HAIRBAKE_THREADS", value_parser = threads, help_heading = "General")]
     pub threads: Option<usize>,
+    /// How progress is shown: a bar on a terminal, else lines; openjd and alf are what OpenJD and Tractor read
+    #[arg(
+        long,
+        global = true,
+        value_enum,
+        default_value_t,
+        env = "HAIRBAKE_PROGRESS",
+        help_heading = "General"
+    )]
+    pub progress: ProgressStyle,
+    /// How messages are written on standard error
+    #[arg(
+        long,
+        global = true,
+        value_enum,
+        default_value_t,
+        env = "HAIRBAKE_LOG_FORMAT",
+        help_heading = "General"
+    )]
+    pub log_format: LogFormat,
     /// Say nothing on standard error but errors
     #[arg(long, short, global = true, help_heading = "General")]
     pub quiet: bool,
@@ -77,6 +104,12 @@ pub enum Command {
     },
     /// Write a sample: a groom on a simple head, with a head-shake and a turn
     Sample(SampleArguments),
+    /// Simulate the guides of a bake, or of a segment of its frames
+    Simulate(Box<SimulateArguments>),
+    /// Make frames of simulated guides, any of them in any order
+    Interpolate(Box<InterpolateArguments>),
+    /// End a cache whose frames are all made: root layer, manifest, report
+    Assemble(Box<AssembleArguments>),
     /// Draw pictures of a cache: a contact sheet, an animation
     Preview(PreviewArguments),
     /// Check a cache with Pixar's own USD: files, curves, penetration, motion

@@ -1,25 +1,30 @@
-//! `hairbake GROOM ANIM -o OUT`: the bake.
+//! `hairbake GROOM ANIM -o OUT`: the bake, all of it or stage by stage.
 
 use super::progress::Progress;
+use super::scene::{RunArguments, SceneArguments};
+use super::values::FrameList;
 use super::{console, summary, values};
-use crate::error::{Error, Problem, Result};
-use crate::{bake, scene};
+use crate::bake::{self, BakeSummary};
+use crate::error::{Error, Result};
 use clap::Args;
-use std::path::{Path, PathBuf};
+use std::ops::RangeInclusive;
+use std::path::Path;
 
-/// The bake as it is typed.
+/// The bake as it is typed, besides its scene.
 #[derive(Debug, Args)]
 pub struct BakeArguments {
-    /// Groom: materials, hierarchy, guides, render strands (groom.json)
-    groom: PathBuf,
-    /// Animation: frames, head track, colliders, wind, settings (anim.json)
-    anim: PathBuf,
-    /// Folder for the cache, the report and the contact sheet; made if need be, replaced if it holds a cache
-    #[arg(long, short, value_name = "OUT", help_heading = "Output")]
-    output: PathBuf,
     /// Bake this part of the shot only
     #[arg(long, value_name = "A-B", value_parser = values::frames, allow_hyphen_values = true, help_heading = "Output")]
     frames: Option<(i32, i32)>,
+    #[command(flatten)]
+    end: EndArguments,
+    #[command(flatten)]
+    run: RunArguments,
+}
+
+/// How a bake ends.
+#[derive(Debug, Args)]
+pub struct EndArguments {
     /// Draw no contact sheet; it takes a few seconds
     #[arg(long, help_heading = "Output")]
     no_pictures: bool,
@@ -27,106 +32,142 @@ pub struct BakeArguments {
     /// add up. All is written nevertheless
     #[arg(long, help_heading = "Output")]
     strict: bool,
-    /// Steps of the solver in one frame: more follows quick motion truer, and costs in proportion [default: the anim's, 8]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000), help_heading = "Settings (over those of the anim)")]
-    substeps: Option<u32>,
-    /// Time simulated before the first frame, s, in which hair settles and comes out of the body: more if it still moves at the
-    /// start [default: the anim's, 1]
-    #[arg(long, value_name = "S", value_parser = preroll, help_heading = "Settings (over those of the anim)")]
-    preroll: Option<f64>,
-    /// Strain nodes of guides in grooms without wisps: more bends finer and costs more [default: the anim's, 8]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=256), help_heading = "Settings (over those of the anim)")]
-    nodes: Option<u32>,
-    /// Time scheme, bdf2 or backward-euler: the second is cheaper in contact, and damps swinging hair more than air and hair do
-    /// [default: the anim's, bdf2]
-    #[arg(long, value_name = "NAME", value_parser = values::scheme, help_heading = "Settings (over those of the anim)")]
-    scheme: Option<scene::anim::Scheme>,
-    /// What hair touches, full or bodies: full is bodies and other hair, and costs more [default: the anim's, bodies]
-    #[arg(long, value_name = "NAME", value_parser = values::contact, help_heading = "Settings (over those of the anim)")]
-    contact: Option<scene::anim::Contact>,
 }
 
-fn preroll(text: &str) -> std::result::Result<f64, String> {
-    values::not_negative(text).ok().filter(|s| *s <= 60.0).ok_or_else(|| "0 to 60 s".into())
+const STAGES: &str = "\
+The stages of a bake, for a farm (docs/farm.md): simulate, interpolate, assemble, validate. All of one bake have to be told the same \
+scene, --shot and settings. Each does what is not done yet. Frames are those of the cache: one handle frame before the shot and one after it are \
+among them. The strands of a frame depend on the guides two frames around it, so two more are simulated.
+
+Examples, for a shot of 1001-1100:
+  hairbake simulate groom.json anim.json -o out --frames 1000-1050
+  hairbake simulate groom.json anim.json -o out --frames 1051-1103
+  hairbake interpolate groom.json anim.json -o out --frames 1000-1048
+  hairbake interpolate groom.json anim.json -o out --frames 1049-1101x2,1050-1100x2
+  hairbake assemble groom.json anim.json -o out
+
+Exit codes:
+  0 done   75 what an earlier stage makes is not there yet   85 stopped as asked, run again to go on";
+
+/// `hairbake simulate` as it is typed.
+#[derive(Debug, Args)]
+#[command(after_help = STAGES)]
+pub struct SimulateArguments {
+    #[command(flatten)]
+    scene: SceneArguments,
+    #[command(flatten)]
+    shot: ShotArgument,
+    /// Segment to simulate; it goes on from where the one before it has ended [default: all]
+    #[arg(long, value_name = "A-B", value_parser = values::frames, allow_hyphen_values = true, help_heading = "Output")]
+    frames: Option<(i32, i32)>,
+    #[command(flatten)]
+    run: RunArguments,
 }
 
-/// What a bake is to do, all checked.
-pub struct Job {
-    /// The groom's file.
-    pub groom_file: PathBuf,
-    /// The animation's file.
-    pub anim_file: PathBuf,
-    /// The folder to write.
-    pub out: PathBuf,
-    /// Whether pictures are drawn.
-    pub pictures: bool,
-    strict: bool,
-    groom: scene::Groom,
-    anim: scene::Anim,
+/// `hairbake interpolate` as it is typed.
+#[derive(Debug, Args)]
+#[command(after_help = STAGES)]
+pub struct InterpolateArguments {
+    #[command(flatten)]
+    scene: SceneArguments,
+    #[command(flatten)]
+    shot: ShotArgument,
+    /// Frames to make, such as 1001-1010, 1001-1100x5 or 1001,1003,1010-1020 [default: all]
+    #[arg(long, value_name = "LIST", value_parser = values::frame_list, allow_hyphen_values = true, help_heading = "Output")]
+    frames: Option<FrameList>,
+    #[command(flatten)]
+    run: RunArguments,
 }
 
-impl BakeArguments {
-    /// Reads and checks the scene, and puts the command line's settings over the file's.
-    pub fn resolve(self) -> Result<Job> {
-        let (groom, mut anim) = scene::load(&self.groom, &self.anim)?;
-        if let Some(frames) = self.frames {
-            check_frames(&self.anim, frames, anim.frames)?;
-            anim.frames = frames;
-        }
-        let settings = &mut anim.settings;
-        settings.substeps = self.substeps.unwrap_or(settings.substeps);
-        settings.preroll = self.preroll.unwrap_or(settings.preroll);
-        settings.nodes = self.nodes.unwrap_or(settings.nodes);
-        settings.scheme = self.scheme.unwrap_or(settings.scheme);
-        settings.contact = self.contact.unwrap_or(settings.contact);
-        Ok(Job {
-            groom_file: self.groom,
-            anim_file: self.anim,
-            out: self.output,
-            pictures: !self.no_pictures,
-            strict: self.strict,
-            groom,
-            anim,
-        })
+/// `hairbake assemble` as it is typed.
+#[derive(Debug, Args)]
+#[command(after_help = STAGES)]
+pub struct AssembleArguments {
+    #[command(flatten)]
+    scene: SceneArguments,
+    #[command(flatten)]
+    shot: ShotArgument,
+    #[command(flatten)]
+    end: EndArguments,
+}
+
+/// Which part of the shot the bake is of.
+#[derive(Debug, Args)]
+struct ShotArgument {
+    /// The part of the shot that is baked in all, as --frames of the one command [default: all of it]
+    #[arg(long, value_name = "A-B", value_parser = values::frames, allow_hyphen_values = true, help_heading = "Output")]
+    shot: Option<(i32, i32)>,
+}
+
+/// Does all that is left of a bake, then reports.
+pub fn run(scene: &SceneArguments, arguments: &BakeArguments, progress: Progress) -> Result<()> {
+    let control = arguments.run.control()?;
+    let job = scene.job(arguments.frames)?;
+    let summary = progress.through(|show| bake::bake(&job, &control, show))?;
+    report(&summary, &job.out, &scene.title(), &arguments.end)
+}
+
+/// Simulates a segment.
+pub fn simulate(arguments: &SimulateArguments, progress: Progress) -> Result<()> {
+    let control = arguments.run.control()?;
+    let job = arguments.scene.job(arguments.shot.shot)?;
+    let all = job.simulated();
+    let (first, last) = arguments.frames.unwrap_or((*all.start(), *all.end()));
+    are_in(&all, &[first, last])?;
+    let summary = progress.through(|show| bake::simulate(&job, [first, last], &control, show))?;
+    tell("simulated", &summary, &job.out);
+    Ok(())
+}
+
+/// Makes frames of what is simulated.
+pub fn interpolate(arguments: &InterpolateArguments, progress: Progress) -> Result<()> {
+    let control = arguments.run.control()?;
+    let job = arguments.scene.job(arguments.shot.shot)?;
+    let frames = arguments.frames.as_ref().map_or_else(|| job.frames().collect(), |list| list.0.clone());
+    are_in(&job.frames(), &frames)?;
+    let summary = progress.through(|show| bake::interpolate(&job, &frames, &control, show))?;
+    tell("interpolated", &summary, &job.out);
+    Ok(())
+}
+
+/// Ends a cache whose frames are done.
+pub fn assemble(arguments: &AssembleArguments) -> Result<()> {
+    let job = arguments.scene.job(arguments.shot.shot)?;
+    report(&bake::assemble(&job)?, &job.out, &arguments.scene.title(), &arguments.end)
+}
+
+/// # Errors
+/// [`Error::Usage`] where there are `frames` that the stage has not.
+fn are_in(all: &RangeInclusive<i32>, frames: &[i32]) -> Result<()> {
+    match frames.iter().find(|frame| !all.contains(frame)) {
+        Some(frame) => Err(Error::Usage(format!(
+            "frame {frame} is none of this stage, which has {} to {}",
+            all.start(),
+            all.end()
+        ))),
+        None => Ok(()),
     }
 }
 
-fn check_frames(file: &Path, (first, last): (i32, i32), shot: (i32, i32)) -> Result<()> {
-    if first >= shot.0 && last <= shot.1 {
-        return Ok(());
-    }
-    Err(Error::BadInput(vec![Problem {
-        file: file.into(),
-        span: None,
-        key: "frames".into(),
-        what: format!("--frames asks for {first} to {last}"),
-        allowed: format!("{} to {}, the frames of the animation", shot.0, shot.1),
-        remedy: "ask for fewer frames, or widen \"frames\" in the file if its track goes further".into(),
-    }]))
+fn tell(what: &str, summary: &BakeSummary, out: &Path) {
+    let (fresh, all) = (summary.fresh(), summary.frames.len());
+    console::say(&format!("{}: {fresh} frames {what}, {} were done already", out.display(), all - fresh));
 }
 
-/// Bakes, then reports.
-pub fn run(job: Job, quiet: bool) -> Result<()> {
-    let Job { groom_file, anim_file, out, pictures, strict, groom, anim } = job;
-    let inputs = bake::inputs(&groom_file, &anim_file)?;
-    summary::remove_old(&out)?;
-    let mut progress = Progress::start(quiet);
-    let result = bake::bake(groom, &anim, inputs, &out, |record, done, total| {
-        progress.show(record, done, total);
-    });
-    progress.finish();
-    let result = result?;
-    let title = anim_file.file_stem().unwrap_or_default().to_string_lossy();
-    summary::write(&result, &title, &out, pictures)?;
-    if !quiet {
-        console::say(&summary::text(&result, &out, pictures));
+fn report(summary: &BakeSummary, out: &Path, title: &str, end: &EndArguments) -> Result<()> {
+    let pictures = !end.no_pictures;
+    if summary.fresh() == 0 && summary::is_there(out, pictures) {
+        console::say(&format!("{}: up to date, {} frames", out.display(), summary.frames.len()));
+    } else {
+        summary::write(summary, title, out, pictures)?;
+        console::say(&summary::text(summary, out, pictures));
     }
-    if strict { unbroken(&result) } else { Ok(()) }
+    if end.strict { unbroken(summary) } else { Ok(()) }
 }
 
 /// # Errors
 /// [`Error::Broken`] where a frame breaks a guarantee; it names the first.
-fn unbroken(summary: &bake::BakeSummary) -> Result<()> {
+fn unbroken(summary: &BakeSummary) -> Result<()> {
     let mut broken =
         summary.frames.iter().map(|f| (f.frame, f.broken())).filter(|(_, what)| !what.is_empty());
     match broken.next() {

@@ -8,15 +8,17 @@ mod import;
 mod preview;
 mod progress;
 mod sample;
+mod scene;
 mod shell;
+mod signals;
 mod summary;
 mod validate;
 mod values;
 
-use crate::error::{Error, Result, render};
+use crate::error::{Error, Result};
 use arguments::{Arguments, Command};
 use clap::Parser;
-use std::io::IsTerminal;
+use progress::Progress;
 use std::process::ExitCode;
 
 /// Exit code of wrong usage.
@@ -32,28 +34,32 @@ pub fn main() -> ExitCode {
             return if message.use_stderr() { ExitCode::from(USAGE) } else { ExitCode::SUCCESS };
         }
     };
-    console::log(arguments.quiet);
+    console::start(arguments.quiet, arguments.log_format);
     match run(arguments) {
         Ok(code) => code,
         Err(error) => {
-            report(&error);
+            console::fail(&error);
             ExitCode::from(error.exit_code())
         }
     }
 }
 
 fn run(arguments: Arguments) -> Result<ExitCode> {
-    let Arguments { bake, command, threads, quiet } = arguments;
+    let Arguments { scene, bake, command, threads, quiet, progress, log_format: _ } = arguments;
     start_threads(threads)?;
+    let progress = Progress::start(quiet, progress);
     match command {
-        None => match bake {
-            Some(options) => bake::run(options.resolve()?, quiet)?,
+        None => match scene {
+            Some(scene) => bake::run(&scene, &bake, progress)?,
             None => return Err(Error::Usage("GROOM and ANIM, or a command, are needed: see --help".into())),
         },
         Some(Command::Check { files }) => check::check(&files)?,
         Some(Command::Schema { format }) => check::schema(format)?,
         Some(Command::Import { what }) => import::run(what)?,
         Some(Command::Sample(options)) => sample::run(&options)?,
+        Some(Command::Simulate(options)) => bake::simulate(&options, progress)?,
+        Some(Command::Interpolate(options)) => bake::interpolate(&options, progress)?,
+        Some(Command::Assemble(options)) => bake::assemble(&options)?,
         Some(Command::Preview(options)) => preview::run(&options)?,
         Some(Command::Validate(options)) => return validate::run(&options),
         Some(Command::Completions { shell }) => shell::completions(shell)?,
@@ -71,15 +77,4 @@ fn start_threads(asked: Option<usize>) -> Result<()> {
         .num_threads(threads.unwrap_or(0))
         .build_global()
         .map_err(|e| Error::Internal(format!("starting threads: {e}")))
-}
-
-/// Tells why the program stops.
-fn report(error: &Error) {
-    if let Error::BadInput(problems) = error {
-        let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-        console::say(render(problems, colour).trim_end());
-        console::say(&format!("hairbake: {error}; nothing written"));
-    } else {
-        console::say(&format!("hairbake: {error}"));
-    }
 }

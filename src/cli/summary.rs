@@ -4,11 +4,11 @@ use super::preview::PICTURES;
 use crate::bake::record::FrameRecord;
 use crate::bake::{BakeSummary, StageSeconds};
 use crate::cache::{Manifest, Reader, write_file};
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::file::remove_file;
 use crate::report::preview::{self, Options, spread};
 use crate::report::{BakeReport, Chart, Picture, Series};
 use std::fmt::Write;
-use std::io::ErrorKind;
 use std::path::Path;
 
 const SHEET: &str = "sheet.png";
@@ -19,16 +19,12 @@ const NAMED: usize = 8;
 
 /// Removes the report of an earlier bake, so that none is taken for this one's.
 pub fn remove_old(out: &Path) -> Result<()> {
-    for name in [SHEET, PAGE, DATA] {
-        let path = out.join(name);
-        match std::fs::remove_file(&path) {
-            Err(e) if !matches!(e.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
-                return Err(Error::io(&path, e));
-            }
-            _ => {}
-        }
-    }
-    Ok(())
+    [SHEET, PAGE, DATA].iter().try_for_each(|name| remove_file(&out.join(name)))
+}
+
+/// Whether there is a report, with its contact sheet if asked for.
+pub fn is_there(out: &Path, pictures: bool) -> bool {
+    out.join(PAGE).is_file() && out.join(DATA).is_file() && (!pictures || out.join(SHEET).is_file())
 }
 
 /// Writes the report, and the contact sheet if asked for, into the cache's folder.
@@ -68,20 +64,24 @@ pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
             ),
         );
     }
-    let n = summary.seconds.len().max(1) as f64;
-    let mean = |of: fn(&StageSeconds) -> f64| summary.seconds.iter().map(of).sum::<f64>() / n;
-    let stages = [mean(|s| s.simulate), mean(|s| s.interpolate), mean(|s| s.write)];
-    line(
-        "time",
-        format!(
-            "{:.3} s/frame: simulate {:.3}, interpolate {:.3}, write {:.3}; pre-roll {:.1} s",
-            stages.iter().sum::<f64>(),
-            stages[0],
-            stages[1],
-            stages[2],
-            summary.preroll_seconds
-        ),
-    );
+    let n = summary.fresh();
+    if n > 0 {
+        let sum = |of: fn(&StageSeconds) -> f64| summary.seconds.iter().flatten().map(of).sum::<f64>();
+        let [simulate, interpolate, write] =
+            [sum(|s| s.simulate), sum(|s| s.interpolate), sum(|s| s.write)].map(|sum| sum / n as f64);
+        let preroll = summary.preroll_seconds.map(|s| format!("; pre-roll {s:.1} s")).unwrap_or_default();
+        let before = match summary.frames.len() - n {
+            0 => String::new(),
+            done => format!("; {done} frames were done already"),
+        };
+        line(
+            "time",
+            format!(
+                "{:.3} s/frame: simulate {simulate:.3}, interpolate {interpolate:.3}, write {write:.3}{preroll}{before}",
+                simulate + interpolate + write
+            ),
+        );
+    }
     if let Some(bytes) = peak_memory() {
         line("peak memory", format!("{:.0} MB", bytes as f64 * 1e-6));
     }
@@ -114,7 +114,8 @@ fn report(summary: &BakeSummary, title: &str) -> BakeReport {
     };
     let stage = |name: &str, of: fn(&StageSeconds) -> f64| Series {
         name: name.into(),
-        values: summary.seconds.iter().map(of).collect(),
+        // What another process did took a time that this one does not know.
+        values: summary.seconds.iter().map(|s| s.as_ref().map_or(f64::NAN, of)).collect(),
     };
     let chart = |name: &str, unit: &str, note: &str, series: Vec<Series>| Chart {
         name: name.into(),
@@ -191,14 +192,17 @@ fn report(summary: &BakeSummary, title: &str) -> BakeReport {
 
 /// Settings and inputs of the bake, as the manifest has them.
 fn settings(summary: &BakeSummary) -> Vec<(String, String)> {
-    let mut rows = vec![("pre-roll took".to_string(), format!("{:.1} s", summary.preroll_seconds))];
+    let mut rows = Vec::new();
+    rows.extend(summary.preroll_seconds.map(|s| ("pre-roll took".to_string(), format!("{s:.1} s"))));
     if let Some(manifest) = &summary.manifest {
         let settings = manifest.settings.as_object().into_iter().flatten();
         rows.extend(settings.map(|(name, value)| (name.clone(), value.to_string())));
         rows.extend(
             manifest.inputs.iter().map(|i| (i.role.clone(), format!("{} ({})", i.file, &i.sha256[..12]))),
         );
-        rows.push(("hairbake".into(), manifest.hairbake.clone()));
+        rows.push(("hairbake".into(), format!("{}, build {}", manifest.hairbake, manifest.build)));
+        rows.push(("simulated on".into(), manifest.machines.join("; ")));
+        rows.push(("key".into(), manifest.key.clone()));
         if let Some(exempt) = manifest.scene_figures.get("exempt_guide_points") {
             rows.push(("guide points exempt from contact".into(), exempt.to_string()));
         }

@@ -4,7 +4,9 @@ use crate::import::Source;
 use crate::scene::UpAxis;
 use crate::scene::anim::{Contact, Scheme};
 use nalgebra::Vector3;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// Metres in a unit of length: a name, or the number itself.
 pub fn units(text: &str) -> Result<f64, String> {
@@ -83,6 +85,58 @@ pub fn frames(text: &str) -> Result<(i32, i32), String> {
     Ok((first, last))
 }
 
+/// Frames in the order in which they were asked for, each once.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FrameList(pub Vec<i32>);
+
+/// Most frames of a list: a limit against memory without bound.
+const MAX_FRAMES: usize = 1_000_000;
+
+/// Frames: `1001`, `1001-1100`, every fifth of them `1001-1100x5` (or `:5`), and lists of these with commas.
+pub fn frame_list(text: &str) -> Result<FrameList, String> {
+    let mut list = Vec::new();
+    for part in text.split(',').map(str::trim) {
+        let (range, step) = part.split_once(['x', ':']).unwrap_or((part, "1"));
+        let (first, last) = frames(range)?;
+        let step: usize =
+            step.parse().ok().filter(|n| *n > 0).ok_or("a step of 1 or more, such as 1001-1100x5")?;
+        if (i64::from(last) - i64::from(first)) / step as i64 >= (MAX_FRAMES - list.len()) as i64 {
+            return Err(format!("more than {MAX_FRAMES} frames"));
+        }
+        list.extend((first..=last).step_by(step));
+    }
+    let mut seen = BTreeSet::new();
+    list.retain(|frame| seen.insert(*frame));
+    Ok(FrameList(list))
+}
+
+/// A time: seconds, or with units as in `1h30m`, `90m`, `45s`.
+pub fn duration(text: &str) -> Result<Duration, String> {
+    let help = || "seconds, or a time such as 90m or 1h30m".to_string();
+    let mut seconds = 0.0;
+    let mut rest = text;
+    while !rest.is_empty() {
+        let end = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());
+        let number = not_negative(&rest[..end]).map_err(|_| help())?;
+        let unit = match rest[end..].chars().next() {
+            Some('h') => 3600.0,
+            Some('m') => 60.0,
+            Some('s') | None => 1.0,
+            Some(_) => return Err(help()),
+        };
+        seconds += number * unit;
+        rest = rest.get(end + 1..).unwrap_or_default();
+    }
+    let time = Duration::try_from_secs_f64(seconds).ok();
+    time.filter(|_| !text.is_empty() && seconds <= 1e9).ok_or_else(help)
+}
+
+/// A rule of a path map: `FROM=TO`.
+pub fn path_rule(text: &str) -> Result<(String, String), String> {
+    let rule = text.split_once('=').filter(|(from, _)| !from.is_empty());
+    rule.map(|(from, to)| (from.into(), to.into())).ok_or_else(|| "FROM=TO, such as /show=/mnt/show".into())
+}
+
 /// A vector: `x,y,z`.
 pub fn vector(text: &str) -> Result<Vector3<f64>, String> {
     let parts: Vec<f64> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
@@ -134,6 +188,32 @@ mod tests {
         assert_eq!(parts("head.obj:0.5:z"), Ok(("head.obj".into(), Some(0.5), Some(UpAxis::Z))));
         assert_eq!(parts("C:\\head.obj"), Ok(("C:\\head.obj".into(), None, None)));
         assert!(parts(":cm").is_err());
+    }
+
+    #[test]
+    fn lists_of_frames() {
+        let list = |text| frame_list(text).map(|list| list.0);
+        assert_eq!(list("7"), Ok(vec![7]));
+        assert_eq!(list("-2-1"), Ok(vec![-2, -1, 0, 1]));
+        assert_eq!(list("1001-1010x4, 1002,1001"), Ok(vec![1001, 1005, 1009, 1002]));
+        assert_eq!(list("-9--1:4"), Ok(vec![-9, -5, -1]));
+        for wrong in ["", "1,", "5-1", "1-5x0", "1-5x", "1-5x-1", "x2", "1-5x2x2", "0-2000000000", "one"] {
+            assert!(list(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(list("-2147483648-2147483647x1000000000").map(|l| l.len()), Ok(5));
+    }
+
+    #[test]
+    fn times() {
+        let seconds = |text| duration(text).map(|d| d.as_secs_f64());
+        for (text, expected) in
+            [("90", 90.0), ("1.5", 1.5), ("90m", 5400.0), ("1h30m", 5400.0), ("2h5", 7205.0), ("45s", 45.0)]
+        {
+            assert_eq!(seconds(text), Ok(expected), "{text}");
+        }
+        for wrong in ["", "h", "-3", "3d", "1e400", "1h30x", "1é"] {
+            assert!(seconds(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]

@@ -6,13 +6,14 @@ use super::{Rod, Sensitivity, Shape};
 use crate::math::cholesky;
 use crate::math::lanes::Twist;
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// How much stiffer than the rod itself a place is made along a direction in which it is held, where the rod alone is unstable
 /// under what pushes it. The result of the rounds does not depend on it, only how soon they come to it.
 const STIFFENING: f64 = 100.0;
 
 /// A force on a place of a rod.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Push {
     /// Segment of the place, from point `segment` to the next.
     pub segment: usize,

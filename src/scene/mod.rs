@@ -10,6 +10,7 @@ pub mod groom;
 mod inputs;
 mod keyed;
 mod mesh;
+mod reading;
 mod sequence;
 mod shape_mesh;
 pub(crate) mod track;
@@ -21,6 +22,7 @@ pub use document::array::{Array, BufferFile, ElementType, View};
 pub use friction::Friction;
 pub use groom::{Curves, Groom, Group, Guides, Material, RodSection, Section, Strands, Tree, Wisp};
 pub use inputs::inputs;
+pub use reading::{Override, PathMap, Reading};
 pub(crate) use sequence::Sequence;
 
 use crate::error::{Error, Problem, Result};
@@ -58,7 +60,17 @@ pub fn load_anim(path: &Path) -> Result<Anim> {
 /// # Errors
 /// As [`load_groom`]; the faults of both are in one report.
 pub fn load(groom: &Path, anim: &Path) -> Result<(Groom, Anim)> {
-    match (load_groom(groom), load_anim(anim)) {
+    load_as(groom, anim, &Reading::default())
+}
+
+/// As [`load`], with what `reading` changes in the files.
+///
+/// # Errors
+/// As [`load`], and [`Error::Usage`] where a value to put in place has none.
+pub fn load_as(groom: &Path, anim: &Path, reading: &Reading) -> Result<(Groom, Anim)> {
+    let groom_file = Document::open_as("groom", groom, reading).and_then(|doc| groom_of(doc, groom));
+    let anim_file = Document::open_as("anim", anim, reading).and_then(anim_of);
+    match (groom_file, anim_file) {
         (Ok(groom), Ok(scene)) => {
             Error::unless_none(unknown_to(&groom, &scene, anim))?;
             Ok((groom, scene))

@@ -6,6 +6,7 @@
 mod island;
 mod member;
 mod places;
+mod saved;
 #[cfg(test)]
 mod tests;
 

@@ -7,6 +7,7 @@ use crate::bake::touch::across;
 use crate::contact::pairs::{Meeting, Pair, Strands};
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Pairs whose distance exceeds what they keep by less than this at the start of a sub-step are in its problem, m.
 const REACH: f64 = 5e-4;
@@ -73,8 +74,8 @@ impl Place {
 }
 
 /// What is known of a place from the sub-step before: where it is along the two guides, in points from the first of all.
-#[derive(Debug, Clone, Copy)]
-struct Known {
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+pub(super) struct Known {
     guides: [u32; 2],
     at: [f64; 2],
     limit: f64,
@@ -93,20 +94,21 @@ struct Hit {
 /// All guides as polylines, and where they are near each other.
 #[derive(Debug)]
 pub(super) struct Places {
-    thickness: Vec<Thickness>,
+    pub thickness: Vec<Thickness>,
     /// Whether each point is so near the root that it hardly moves.
-    rooted: Vec<bool>,
+    pub rooted: Vec<bool>,
     /// Guide of each point of all guides, and the first point of each guide.
-    guide: Vec<u32>,
-    first: Vec<u32>,
+    pub guide: Vec<u32>,
+    pub first: Vec<u32>,
     /// Points at the start and at the end of the sub-step, m.
     pub x: [Vec<Vector3<f64>>; 2],
-    pairs: Vec<Pair>,
+    pub pairs: Vec<Pair>,
     /// The places of this sub-step, in ascending order of pairs as far as they were found at the same time.
     pub found: Vec<Place>,
     /// Pairs that would pass through each other.
     pub crossing: Vec<Pair>,
-    known: Vec<Known>,
+    /// What the sub-step before has left.
+    pub known: Vec<Known>,
 }
 
 impl Places {

@@ -12,6 +12,7 @@ mod locate;
 mod pretty;
 mod value;
 
+use super::reading::Reading;
 use crate::error::{Error, Problem, Result};
 use crate::file::{read_file, write_file};
 use nalgebra::{Quaternion, UnitQuaternion};
@@ -191,6 +192,16 @@ impl Document {
             faults.add(key, "is given twice", "each key of an object once", "keep one of the two");
         }
         Ok(Document { path: path.into(), text, value, mended: Vec::new(), shape_faults: 0, faults })
+    }
+
+    /// Reads and parses a file of a scene, `groom` or `anim`, with what `reading` changes in it. Places in the text are the file's own.
+    ///
+    /// # Errors
+    /// As [`Document::open`], and [`Error::Usage`] where a value has no place in it.
+    pub fn open_as(file: &str, path: &Path, reading: &Reading) -> Result<Self> {
+        let mut doc = Document::open(path)?;
+        reading.change(file, &mut doc.value)?;
+        Ok(doc)
     }
 
     /// The folder that relative file names start from.

@@ -1,0 +1,27 @@
+//! Tells the program which build it is: a hash of its sources and of the versions of its dependencies.
+
+use std::fs;
+use std::hash::{DefaultHasher, Hasher};
+use std::path::Path;
+
+fn main() {
+    let mut hasher = DefaultHasher::new();
+    for path in ["Cargo.lock", "src"] {
+        println!("cargo:rerun-if-changed={path}");
+        add(Path::new(path), &mut hasher);
+    }
+    println!("cargo:rustc-env=HAIRBAKE_BUILD={:016x}", hasher.finish());
+}
+
+/// Adds a file, or all files of a folder in the order of their names.
+fn add(path: &Path, hasher: &mut DefaultHasher) {
+    if path.is_dir() {
+        let entries = fs::read_dir(path).expect("the folder of the sources is readable");
+        let mut paths: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+        paths.sort();
+        paths.iter().for_each(|path| add(path, hasher));
+    } else if path.extension().is_some_and(|e| e == "rs" || e == "lock") {
+        hasher.write(path.to_string_lossy().as_bytes());
+        hasher.write(&fs::read(path).expect("a source is readable"));
+    }
+}

@@ -1,0 +1,106 @@
+//! One bake of a scene into a folder: what every stage of it starts from.
+
+use super::rods::Rods;
+use super::simulation;
+use super::work::Work;
+use crate::Result;
+use crate::cache::{InputRecord, sha256};
+use crate::scene::{Anim, Groom, Override};
+use crate::strands::SPAN;
+use serde_json::{Value, json};
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+
+/// A bake, ready for any of its stages.
+pub struct Job {
+    /// The groom, with its trees.
+    pub groom: Groom,
+    /// The animation, with the settings of this bake and the part of the shot that it covers.
+    pub anim: Anim,
+    /// The groom's guides as rods.
+    pub rods: Rods,
+    /// The files that the scene was read from.
+    pub inputs: Vec<InputRecord>,
+    /// The settings of the bake, resolved, and all values put in place of the files'.
+    pub settings: Value,
+    /// Folder of the cache.
+    pub out: PathBuf,
+    /// What the bytes of the cache follow from, hashed.
+    pub key: String,
+    /// What is done so far.
+    pub work: Work,
+}
+
+impl Job {
+    /// Begins a bake into the folder `out`, or goes on with one. `set` are the values put in place of the files'.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`] where the folder cannot be written.
+    pub fn begin(
+        groom: Groom,
+        anim: Anim,
+        inputs: Vec<InputRecord>,
+        set: &[Override],
+        out: &Path,
+    ) -> Result<Self> {
+        let groom = groom.with_default_trees(anim.settings.nodes);
+        let rods = Rods::new(&groom, &anim);
+        let settings = settings(&anim, set);
+        let key = key(&anim, &inputs, &settings);
+        let (first, last) = anim.frames;
+        let work = Work::begin(out, &key, (first - 1, last + 1))?;
+        Ok(Job { groom, anim, rods, inputs, settings, out: out.into(), key, work })
+    }
+
+    /// All frames, with a handle frame before the shot and one after it.
+    pub fn frames(&self) -> RangeInclusive<i32> {
+        self.anim.frames.0 - 1..=self.anim.frames.1 + 1
+    }
+
+    /// The frames that are simulated: beyond the last there are some that the strands of the last depend on.
+    pub fn simulated(&self) -> RangeInclusive<i32> {
+        *self.frames().start()..=self.frames().end() + SPAN as i32
+    }
+
+    /// Sub-steps from the start of the pre-roll to a frame.
+    pub(super) fn steps_to(&self, frame: i32) -> i64 {
+        simulation::steps_to(&self.anim, frame)
+    }
+
+    /// Sub-steps from the start of the pre-roll to where a stage begins whose first frame is `frame`: to the frame before, but the
+    /// pre-roll belongs to the first frame.
+    pub(super) fn steps_before(&self, frame: i32) -> i64 {
+        if frame > *self.frames().start() { self.steps_to(frame - 1) } else { 0 }
+    }
+}
+
+/// What every byte follows from: program, inputs, settings and the first frame, before which the hair settles; not the last frame,
+/// nor threads, nor where anything lies.
+fn key(anim: &Anim, inputs: &[InputRecord], settings: &Value) -> String {
+    let inputs: Vec<[&str; 2]> = inputs.iter().map(|i| [i.role.as_str(), i.sha256.as_str()]).collect();
+    let all = json!({
+        "hairbake": env!("CARGO_PKG_VERSION"),
+        "build": crate::BUILD,
+        "target": [std::env::consts::ARCH, std::env::consts::OS],
+        "inputs": inputs,
+        "settings": settings,
+        "first_frame": anim.frames.0,
+    });
+    sha256(all.to_string().as_bytes())
+}
+
+/// The settings of a bake as the manifest holds them.
+fn settings(anim: &Anim, set: &[Override]) -> Value {
+    let mut settings = json!({
+        "substeps": anim.settings.substeps,
+        "preroll_s": anim.settings.preroll,
+        "nodes": anim.settings.nodes,
+        "scheme": anim.settings.scheme,
+        "contact": anim.settings.contact,
+        "gravity_m_s2": [anim.gravity.x, anim.gravity.y, anim.gravity.z],
+    });
+    if !set.is_empty() {
+        settings["set"] = set.iter().map(|o| (o.name(), o.value.clone())).collect();
+    }
+    settings
+}

@@ -1,0 +1,34 @@
+//! The groom's guides as rods.
+
+use crate::rod::{Cut, Rod};
+use crate::scene::anim::Contact;
+use crate::scene::{Anim, Groom};
+use crate::wisp::{self, GuideRod};
+
+/// The rods of a bake, in the groom's order: as they are simulated, and as they are written.
+#[derive(Debug, Clone)]
+pub struct Rods {
+    /// As they are simulated.
+    pub simulated: Vec<GuideRod>,
+    /// As finely cut as they are written; none where they are simulated so.
+    fine: Vec<Rod>,
+}
+
+impl Rods {
+    /// The rods of `groom`, which must have its trees, coarse where `anim` lets nothing touch them.
+    pub fn new(groom: &Groom, anim: &Anim) -> Self {
+        let alone =
+            anim.colliders.is_empty() && anim.ties.is_empty() && anim.settings.contact == Contact::Bodies;
+        let simulated = wisp::rods(groom, if alone { Cut::COARSE } else { Cut::FINE });
+        let fine = if alone { wisp::rods(groom, Cut::FINE) } else { Vec::new() };
+        Rods { simulated, fine: fine.into_iter().map(|r| r.rod).collect() }
+    }
+
+    /// The rod of every guide, cut as finely as it is written, and its leaf wisp: (tree, wisp).
+    pub fn drawn<'a>(&'a self) -> Vec<(&'a Rod, (u32, u32))> {
+        let rod = |(i, GuideRod { rod, leaf, .. }): (usize, &'a GuideRod)| {
+            (self.fine.get(i).unwrap_or(rod), (leaf.0 as u32, leaf.1 as u32))
+        };
+        self.simulated.iter().enumerate().map(rod).collect()
+    }
+}

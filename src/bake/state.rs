@@ -1,0 +1,105 @@
+//! What is kept of a bake between processes: the state of the guides at a frame, and that of the whole simulation.
+
+use super::guide::Guide;
+use super::record::FrameRecord;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+/// A part of the simulation that a checkpoint holds.
+///
+/// Construction from the scene gives what does not change; `State` is all else that a later bit depends on. A simulation
+/// that is constructed anew and given its state goes on as the one that the state was taken of, bit for bit.
+pub trait Part {
+    /// The state, as it is written.
+    type State: Serialize + DeserializeOwned;
+
+    /// The state now.
+    fn state(&self) -> Self::State;
+
+    /// Goes back to a state of the same scene.
+    ///
+    /// # Errors
+    /// [`Unfit`] where it is of another; then the part is in no defined state.
+    fn restore(&mut self, state: Self::State) -> Result<(), Unfit>;
+}
+
+/// Why a state cannot be taken over.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("it holds {found} {what} where the scene has {expected}")]
+pub struct Unfit {
+    /// Of what there are too many or too few.
+    pub what: &'static str,
+    /// How many the state holds.
+    pub found: usize,
+    /// How many the scene has.
+    pub expected: usize,
+}
+
+impl Unfit {
+    /// Nothing if the numbers are the same.
+    ///
+    /// # Errors
+    /// [`Unfit`] if not.
+    pub fn unless_same(what: &'static str, found: usize, expected: usize) -> Result<(), Unfit> {
+        if found == expected { Ok(()) } else { Err(Unfit { what, found, expected }) }
+    }
+}
+
+impl<P: Part> Part for Vec<P> {
+    type State = Vec<P::State>;
+
+    fn state(&self) -> Self::State {
+        self.iter().map(P::state).collect()
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), Unfit> {
+        Unfit::unless_same("parts", state.len(), self.len())?;
+        self.iter_mut().zip(state).try_for_each(|(part, state)| part.restore(state))
+    }
+}
+
+/// A part that there may be or not.
+impl<P: Part> Part for Option<P> {
+    type State = Option<P::State>;
+
+    fn state(&self) -> Self::State {
+        self.as_ref().map(P::state)
+    }
+
+    fn restore(&mut self, state: Self::State) -> Result<(), Unfit> {
+        match (self, state) {
+            (Some(part), Some(state)) => part.restore(state),
+            (None, None) => Ok(()),
+            (part, state) => {
+                Err(Unfit { what: "parts", found: state.iter().count(), expected: part.iter().count() })
+            }
+        }
+    }
+}
+
+/// The guides at a frame: all that interpolation needs of the simulation, and its figures.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FrameState {
+    /// What the frame's sub-steps did.
+    pub record: FrameRecord,
+    /// The instruction set that it was simulated with.
+    pub machine: String,
+    /// The guides, in the groom's order.
+    pub guides: Vec<GuideState>,
+}
+
+/// A guide at a frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GuideState {
+    /// Deviation of the strain at its nodes, 1/m (the rod's unknowns).
+    pub q: Vec<f64>,
+    /// Rate of `q`, 1/(m·s).
+    pub rate: Vec<f64>,
+}
+
+impl GuideState {
+    /// The guide now; `h` is the sub-step, s.
+    pub fn of(guide: &Guide, h: f64) -> Self {
+        GuideState { q: guide.q[0].clone(), rate: guide.rate(h) }
+    }
+}

@@ -1,0 +1,46 @@
+//! What a checkpoint holds of the guides as they touch each other.
+
+use super::Tangle;
+use super::places::{Known, Places};
+use crate::bake::state::{Part, Unfit};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// Where the guides are and what is known of their contacts, at the end of a sub-step.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Saved {
+    pushed: Vec<bool>,
+    x: Vec<Vector3<f64>>,
+    known: Vec<Known>,
+}
+
+impl Part for Tangle {
+    type State = Saved;
+
+    fn state(&self) -> Saved {
+        // All fields by name: whoever adds one has to say here whether a later sub-step depends on it.
+        let Tangle { places, members: _, pushed } = self;
+        let Places {
+            thickness: _,
+            rooted: _,
+            guide: _,
+            first: _,
+            x: [x, _],
+            pairs: _,
+            found: _,
+            crossing: _,
+            known,
+        } = places;
+        Saved { pushed: pushed.clone(), x: x.clone(), known: known.clone() }
+    }
+
+    fn restore(&mut self, state: Saved) -> Result<(), Unfit> {
+        let Saved { pushed, x, known } = state;
+        Unfit::unless_same("pushed guides", pushed.len(), self.pushed.len())?;
+        Unfit::unless_same("points of guides", x.len(), self.places.x[0].len())?;
+        self.pushed = pushed;
+        self.places.x[0] = x;
+        self.places.known = known;
+        Ok(())
+    }
+}

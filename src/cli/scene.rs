@@ -1,0 +1,161 @@
+//! The scene and the settings of a bake, as every stage of it is told them.
+
+use super::{summary, values};
+use crate::bake::control::Control;
+use crate::bake::job::Job;
+use crate::cache::MANIFEST;
+use crate::error::{Error, Problem, Result};
+use crate::scene::{Override, PathMap, Reading};
+use crate::{bake, scene};
+use clap::Args;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// What is baked, and how. All stages of a bake have to be told the same.
+#[derive(Debug, Args)]
+pub struct SceneArguments {
+    /// Groom: materials, hierarchy, guides, render strands (groom.json)
+    pub groom: PathBuf,
+    /// Animation: frames, head track, colliders, wind, settings (anim.json)
+    pub anim: PathBuf,
+    /// Folder for the cache, the report and the contact sheet; made if need be. A bake that it holds already is gone on with, unless
+    /// inputs or settings are others: then it is replaced
+    #[arg(long, short, value_name = "OUT", help_heading = "Output")]
+    pub output: PathBuf,
+    /// Steps of the solver in one frame: more follows quick motion truer, and costs in proportion [default: the anim's, 8]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000), help_heading = SETTINGS)]
+    substeps: Option<u32>,
+    /// Time simulated before the first frame, s, in which hair settles and comes out of the body: more if it still moves at the
+    /// start [default: the anim's, 1]
+    #[arg(long, value_name = "S", value_parser = preroll, help_heading = SETTINGS)]
+    preroll: Option<f64>,
+    /// Strain nodes of guides in grooms without wisps: more bends finer and costs more [default: the anim's, 8]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=256), help_heading = SETTINGS)]
+    nodes: Option<u32>,
+    /// Time scheme, bdf2 or backward-euler: the second is cheaper in contact, and damps swinging hair more than air and hair do
+    /// [default: the anim's, bdf2]
+    #[arg(long, value_name = "NAME", value_parser = values::scheme, help_heading = SETTINGS)]
+    scheme: Option<scene::anim::Scheme>,
+    /// What hair touches, full or bodies: full is bodies and other hair, and costs more [default: the anim's, bodies]
+    #[arg(long, value_name = "NAME", value_parser = values::contact, help_heading = SETTINGS)]
+    contact: Option<scene::anim::Contact>,
+    /// Put a value in place of one of the files', such as groom.materials[0].friction=0.3; may be given again
+    #[arg(long, value_name = "FILE.KEY=VALUE", value_parser = Override::parse, help_heading = SETTINGS)]
+    set: Vec<Override>,
+    /// Read what the files name below FROM at TO; may be given again
+    #[arg(long, value_name = "FROM=TO", value_parser = values::path_rule, help_heading = "Farm")]
+    path_map: Vec<(String, String)>,
+    /// Rules of the same kind from a file, as OpenJD writes it for a session
+    #[arg(long, value_name = "FILE", env = "HAIRBAKE_PATH_MAP_FILE", help_heading = "Farm")]
+    path_map_file: Option<PathBuf>,
+}
+
+const SETTINGS: &str = "Settings (over those of the anim)";
+
+fn preroll(text: &str) -> std::result::Result<f64, String> {
+    values::not_negative(text).ok().filter(|s| *s <= 60.0).ok_or_else(|| "0 to 60 s".into())
+}
+
+impl SceneArguments {
+    /// Reads and checks the scene of `shot`, or of all frames, and puts the command line's settings over the file's.
+    ///
+    /// # Errors
+    /// [`Error::BadInput`], [`Error::Io`]; [`Error::Config`] where a path map cannot be read.
+    pub fn load(&self, shot: Option<(i32, i32)>) -> Result<Scene> {
+        let mut paths = PathMap(self.path_map.clone());
+        if let Some(file) = &self.path_map_file {
+            paths.0.extend(PathMap::read(file)?.0);
+        }
+        let [groom_file, anim_file, out] =
+            [&self.groom, &self.anim, &self.output].map(|path| paths.map_path(path));
+        let reading = Reading { set: self.set.clone(), paths };
+        let (groom, mut anim) = scene::load_as(&groom_file, &anim_file, &reading)?;
+        if let Some(frames) = shot {
+            check_frames(&anim_file, frames, anim.frames)?;
+            anim.frames = frames;
+        }
+        let settings = &mut anim.settings;
+        settings.substeps = self.substeps.unwrap_or(settings.substeps);
+        settings.preroll = self.preroll.unwrap_or(settings.preroll);
+        settings.nodes = self.nodes.unwrap_or(settings.nodes);
+        settings.scheme = self.scheme.unwrap_or(settings.scheme);
+        settings.contact = self.contact.unwrap_or(settings.contact);
+        Ok(Scene { groom, anim, groom_file, anim_file, reading, out })
+    }
+
+    /// Begins the bake of `shot`, or of all frames, or goes on with it.
+    ///
+    /// # Errors
+    /// As [`SceneArguments::load`].
+    pub fn job(&self, shot: Option<(i32, i32)>) -> Result<Job> {
+        let Scene { groom, anim, groom_file, anim_file, reading, out } = self.load(shot)?;
+        let inputs = bake::inputs(&groom_file, &anim_file, &reading)?;
+        let job = Job::begin(groom, anim, inputs, &reading.set, &out)?;
+        if !out.join(MANIFEST).exists() {
+            summary::remove_old(&out)?;
+        }
+        Ok(job)
+    }
+
+    /// Name of the shot, for the report.
+    pub fn title(&self) -> String {
+        self.anim.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    }
+}
+
+/// A scene that was read, and where from.
+pub struct Scene {
+    groom: scene::Groom,
+    /// The animation, with the settings of the bake.
+    pub anim: scene::Anim,
+    groom_file: PathBuf,
+    anim_file: PathBuf,
+    reading: Reading,
+    out: PathBuf,
+}
+
+fn check_frames(file: &Path, (first, last): (i32, i32), shot: (i32, i32)) -> Result<()> {
+    if first >= shot.0 && last <= shot.1 {
+        return Ok(());
+    }
+    Err(Error::BadInput(vec![Problem {
+        file: file.into(),
+        span: None,
+        key: "frames".into(),
+        what: format!("--frames asks for {first} to {last}"),
+        allowed: format!("{} to {}, the frames of the animation", shot.0, shot.1),
+        remedy: "ask for fewer frames, or widen \"frames\" in the file if its track goes further".into(),
+    }]))
+}
+
+/// When a stage saves, and when it stops by itself.
+#[derive(Debug, Args)]
+pub struct RunArguments {
+    /// Save and stop after this time with exit code 85: seconds, or 90m, 1h30m
+    #[arg(long, value_name = "TIME", value_parser = values::duration, env = "HAIRBAKE_MAX_RUNTIME", help_heading = "Farm")]
+    max_runtime: Option<Duration>,
+    /// Time between checkpoints, s: what is lost at most if the process is killed; 0 for none
+    #[arg(long, value_name = "S", value_parser = values::not_negative, default_value_t = 30.0, env = "HAIRBAKE_CHECKPOINT_SECONDS", help_heading = "Farm")]
+    checkpoint_seconds: f64,
+    /// A checkpoint at every frame that is a multiple of this too
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Farm")]
+    checkpoint_frames: Option<u32>,
+}
+
+impl RunArguments {
+    /// What is asked of the stage, the system's signals from now on included.
+    ///
+    /// # Errors
+    /// [`Error::Config`] where the system lets no signals be caught.
+    pub fn control(&self) -> Result<Control> {
+        let every = Some(self.checkpoint_seconds).filter(|s| *s > 0.0);
+        let control = Control {
+            until: self.max_runtime.map(|time| Instant::now() + time),
+            every: every.and_then(|s| Duration::try_from_secs_f64(s).ok()),
+            every_frames: self.checkpoint_frames,
+            ..Control::default()
+        };
+        super::signals::listen(&control.stop, &control.save)?;
+        Ok(control)
+    }
+}

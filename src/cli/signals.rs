@@ -1,0 +1,32 @@
+//! What the system asks of a running stage.
+
+use crate::error::{Error, Result};
+#[cfg(unix)]
+use signal_hook::consts::signal::{SIGHUP, SIGUSR1};
+use signal_hook::consts::signal::{SIGINT, SIGTERM};
+use signal_hook::flag;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+#[cfg(unix)]
+const STOPPING: [i32; 3] = [SIGINT, SIGTERM, SIGUSR1];
+#[cfg(not(unix))]
+const STOPPING: [i32; 2] = [SIGINT, SIGTERM];
+
+/// From now on INT, TERM and USR1 set `stop`, and once it is set end the process at once; HUP sets `save`.
+///
+/// # Errors
+/// [`Error::Config`] where the system does not allow it.
+pub fn listen(stop: &Arc<AtomicBool>, save: &Arc<AtomicBool>) -> Result<()> {
+    let refused = |e| Error::Config(format!("signals: {e}"));
+    for signal in STOPPING {
+        // In this order: the first signal finds the flag down.
+        flag::register_conditional_shutdown(signal, 128 + signal, stop.clone()).map_err(refused)?;
+        flag::register(signal, stop.clone()).map_err(refused)?;
+    }
+    #[cfg(unix)]
+    flag::register(SIGHUP, save.clone()).map_err(refused)?;
+    #[cfg(not(unix))]
+    let _ = save;
+    Ok(())
+}

@@ -1,0 +1,106 @@
+//! A small shot, and what a bake of it has to come to.
+
+use crate::common::{hairbake, here};
+use hairbake::cache::sha256;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::OnceLock;
+use tempfile::TempDir;
+
+/// First and last frame, handles included.
+pub const FRAMES: [i32; 2] = [1000, 1012];
+
+/// A head of short hair that is shaken.
+pub struct Shot {
+    folder: TempDir,
+    tree: String,
+}
+
+impl Shot {
+    /// The shot of all these tests, baked once by one command.
+    pub fn get() -> &'static Shot {
+        static SHOT: OnceLock<Shot> = OnceLock::new();
+        SHOT.get_or_init(|| {
+            let folder = workplace();
+            hairbake()
+                .args(["sample", "short", "--wisps", "16", "--strands", "64", "--head-rounds", "2", "-o"])
+                .arg(folder.path())
+                .assert()
+                .success();
+            let mut shot = Shot { folder, tree: String::new() };
+            let out = shot.folder.path().join("whole");
+            assert!(
+                shot.command("", &out, &["--frames", "1001-1011", "--no-pictures"])
+                    .status()
+                    .unwrap()
+                    .success()
+            );
+            shot.tree = tree(&out);
+            shot
+        })
+    }
+
+    /// A stage of it, or the one command for "".
+    pub fn command(&self, stage: &str, out: &Path, options: &[&str]) -> Command {
+        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("hairbake"));
+        command.args(Some(stage).filter(|s| !s.is_empty()));
+        command.args([self.path("groom.json"), self.path("shake.json")]).arg("-o").arg(out);
+        command.args(["--preroll", "0.2", "--contact", "full"]).args(options);
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        command
+    }
+
+    /// The one command, without pictures.
+    pub fn bake(&self, out: &Path, options: &[&str]) -> Command {
+        let mut command = self.command("", out, &["--frames", "1001-1011", "--no-pictures"]);
+        command.args(options);
+        command
+    }
+
+    /// Runs a stage of the bake of 1001 to 1011 and returns its exit code.
+    pub fn stage(&self, stage: &str, out: &Path, options: &[&str]) -> Option<i32> {
+        self.command(stage, out, &["--shot", "1001-1011"]).args(options).status().unwrap().code()
+    }
+
+    /// A file of the scene.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Holds that the bake in `out` is that of the one command, file by file and byte by byte.
+    #[track_caller]
+    pub fn assert_same(&self, out: &Path) {
+        let found = tree(out);
+        if found != self.tree {
+            let lines: Vec<&str> = self.tree.lines().collect();
+            let others: Vec<&str> = found.lines().filter(|line| !lines.contains(line)).collect();
+            let missing: Vec<&&str> = lines.iter().filter(|line| !found.contains(**line)).collect();
+            panic!("other files: {others:#?}\nin place of: {missing:#?}");
+        }
+    }
+}
+
+/// A folder in memory where there is one: a disk takes its time to promise that it will not forget.
+pub fn workplace() -> TempDir {
+    let memory = Path::new("/dev/shm");
+    if memory.is_dir() { tempfile::tempdir_in(memory).unwrap() } else { tempfile::tempdir().unwrap() }
+}
+
+/// Name and checksum of every file below `folder`, work files and temporary ones too; but not the reports, which tell how long it took.
+fn tree(folder: &Path) -> String {
+    let mut lines = Vec::new();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(next) = folders.pop() {
+        for entry in std::fs::read_dir(&next).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.strip_prefix(folder).unwrap().display().to_string();
+            if path.is_dir() {
+                folders.push(path);
+            } else if !name.starts_with("report.") {
+                lines.push(format!("{name} {}\n", sha256(&here(&path))));
+            }
+        }
+    }
+    lines.sort();
+    lines.concat()
+}

@@ -1,0 +1,97 @@
+//! What the system asks of a bake, and how long it may run.
+
+use crate::shot::{Shot, workplace};
+use std::path::Path;
+use std::process::{Child, Command};
+use std::time::{Duration, Instant};
+
+/// A bake whose frames are so long that it can be met on the way to one.
+fn long_bake(shot: &Shot, out: &Path) -> Child {
+    shot.bake(out, &["--substeps", "400", "--checkpoint-seconds", "0"]).spawn().unwrap()
+}
+
+fn send(signal: &str, child: &Child) {
+    assert!(
+        Command::new("kill")
+            .args([&format!("-{signal}"), &child.id().to_string()])
+            .status()
+            .unwrap()
+            .success()
+    );
+}
+
+fn checkpoints(out: &Path) -> usize {
+    std::fs::read_dir(out.join(".hairbake/checkpoints")).map_or(0, Iterator::count)
+}
+
+/// Waits until `seen`, at most for a minute.
+fn wait_until(what: &str, mut seen: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !seen() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no {what} in a minute");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn stopping_signals_save_and_exit_with_85() {
+    let shot = Shot::get();
+    for signal in ["TERM", "INT", "USR1"] {
+        let folder = workplace();
+        let out = folder.path();
+        let mut child = long_bake(shot, out);
+        wait_until("work folder", || out.join(".hairbake/job.json").exists());
+        std::thread::sleep(Duration::from_millis(300));
+        send(signal, &child);
+        assert_eq!(child.wait().unwrap().code(), Some(85), "{signal}");
+        assert_eq!(checkpoints(out), 1, "{signal}");
+    }
+}
+
+#[test]
+fn a_hangup_saves_and_the_bake_goes_on() {
+    let shot = Shot::get();
+    let folder = workplace();
+    let mut child = long_bake(shot, folder.path());
+    wait_until("work folder", || folder.path().join(".hairbake/job.json").exists());
+    wait_until("checkpoint", || {
+        send("HUP", &child);
+        checkpoints(folder.path()) > 0
+    });
+    assert_eq!(child.try_wait().unwrap(), None);
+    send("KILL", &child);
+    child.wait().unwrap();
+}
+
+#[test]
+fn a_second_signal_ends_it_at_once() {
+    let shot = Shot::get();
+    let folder = workplace();
+    let mut child = long_bake(shot, folder.path());
+    wait_until("work folder", || folder.path().join(".hairbake/job.json").exists());
+    send("STOP", &child);
+    send("TERM", &child);
+    send("INT", &child);
+    send("CONT", &child);
+    // Both are pending when it goes on; whichever comes second ends it.
+    let code = child.wait().unwrap().code();
+    assert!([Some(128 + 2), Some(128 + 15)].contains(&code), "{code:?}");
+}
+
+#[test]
+fn a_limit_of_time_stops_it_again_and_again_until_it_is_done() {
+    let shot = Shot::get();
+    let folder = workplace();
+    let mut stops = 0;
+    loop {
+        let status = shot.bake(folder.path(), &["--max-runtime", "0.25s"]).status().unwrap();
+        if status.success() {
+            break;
+        }
+        assert_eq!(status.code(), Some(85));
+        stops += 1;
+        assert!(stops < 1000);
+    }
+    assert!(stops > 1, "it was done after {stops} stops");
+    shot.assert_same(folder.path());
+}

@@ -1,0 +1,158 @@
+//! Stages, in all the ways that a farm divides them.
+
+use crate::common::hairbake;
+use crate::shot::{FRAMES, Shot, workplace};
+use std::path::Path;
+
+const DONE: Option<i32> = Some(0);
+const NOT_YET: Option<i32> = Some(75);
+
+/// The whole bake in segments of the simulation and chunks of frames, both of so many frames.
+fn divided(shot: &Shot, out: &Path, threads: &str, segment: usize, chunk: usize) {
+    let frames: Vec<i32> = (FRAMES[0]..=FRAMES[1]).collect();
+    let range = |part: &[i32]| format!("{}-{}", part[0], part[part.len() - 1]);
+    for part in frames.chunks(segment) {
+        assert_eq!(shot.stage("simulate", out, &["--frames", &range(part), "--threads", threads]), DONE);
+    }
+    // The last chunk first: nothing depends on the order.
+    for part in frames.chunks(chunk).rev() {
+        assert_eq!(shot.stage("interpolate", out, &["--frames", &range(part), "--threads", threads]), DONE);
+    }
+    assert_eq!(shot.stage("assemble", out, &["--no-pictures", "--threads", threads]), DONE);
+}
+
+#[test]
+fn threads_chunks_and_segments_change_no_byte() {
+    let shot = Shot::get();
+    for (threads, segment, chunk) in
+        [("1", 99, 1), ("2", 99, 8), ("7", 99, 99), ("7", 1, 8), ("1", 5, 99), ("2", 4, 1), ("7", 7, 5)]
+    {
+        let folder = workplace();
+        divided(shot, folder.path(), threads, segment, chunk);
+        shot.assert_same(folder.path());
+    }
+}
+
+#[test]
+fn the_one_command_and_stages_take_up_each_others_work() {
+    let shot = Shot::get();
+    let folder = workplace();
+    let out = folder.path();
+    assert_eq!(shot.stage("simulate", out, &["--frames", "1000-1006"]), DONE);
+    assert_eq!(shot.stage("interpolate", out, &["--frames", "1002-1006x2,1001"]), DONE);
+    assert!(shot.bake(out, &["--threads", "2"]).status().unwrap().success());
+    shot.assert_same(out);
+    // All of it is done: whatever is asked for, nothing changes.
+    for stage in ["simulate", "interpolate", "assemble"] {
+        let options: &[&str] = if stage == "assemble" { &["--no-pictures"] } else { &[] };
+        assert_eq!(shot.stage(stage, out, options), DONE, "{stage}");
+        shot.assert_same(out);
+    }
+    let output = shot.bake(out, &[]).stderr(std::process::Stdio::piped()).output().unwrap();
+    assert!(String::from_utf8_lossy(&output.stderr).contains("up to date, 13 frames"));
+}
+
+#[test]
+fn what_is_not_there_yet_is_75() {
+    let shot = Shot::get();
+    let folder = workplace();
+    let out = folder.path();
+    assert_eq!(shot.stage("simulate", out, &["--frames", "1005-1012"]), NOT_YET);
+    assert_eq!(shot.stage("interpolate", out, &["--frames", "1000-1001"]), NOT_YET);
+    assert_eq!(shot.stage("simulate", out, &["--frames", "1000-1004"]), DONE);
+    assert_eq!(shot.stage("interpolate", out, &["--frames", "1004-1005"]), NOT_YET);
+    assert_eq!(shot.stage("assemble", out, &[]), NOT_YET);
+    assert!(!out.join("manifest.json").exists() && !out.join("hair.usda").exists());
+    assert_eq!(shot.stage("simulate", out, &["--frames", "990-1004"]), Some(64));
+    assert_eq!(shot.stage("interpolate", out, &["--frames", "1013"]), Some(64));
+}
+
+#[test]
+fn damage_is_named_and_made_good() {
+    let shot = Shot::get();
+    let folder = workplace();
+    let out = folder.path();
+    assert_eq!(shot.stage("simulate", out, &["--frames", "1000-1008"]), DONE);
+    assert!(shot.bake(out, &[]).status().unwrap().success());
+    let flip = |name: &str| {
+        let path = out.join(name);
+        let mut bytes = crate::common::here(&path);
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 4;
+        std::fs::write(path, bytes).unwrap();
+    };
+    for name in [
+        "hair.1003.usdc",
+        "hair.usda",
+        "hair.topology.usdc",
+        "manifest.json",
+        ".hairbake/states/1011",
+        ".hairbake/frames/1005.json",
+    ] {
+        flip(name);
+        let output = shot.bake(out, &[]).stderr(std::process::Stdio::piped()).output().unwrap();
+        assert!(output.status.success());
+        if name.contains("states") {
+            let said = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert!(said.contains("the state of frame 1011 is damaged: its checksum differs"), "{said}");
+        }
+        shot.assert_same(out);
+    }
+}
+
+#[test]
+fn a_damaged_checkpoint_is_refused_and_the_one_before_used() {
+    let shot = Shot::get();
+    let folder = workplace();
+    let out = folder.path();
+    assert_eq!(shot.stage("simulate", out, &["--frames", "1000-1005"]), DONE);
+    let checkpoints = out.join(".hairbake/checkpoints");
+    let mut kept: Vec<i64> =
+        crate::common::entries(&checkpoints).iter().map(|name| name.parse().unwrap()).collect();
+    kept.sort();
+    assert_eq!(kept.len(), 2, "{kept:?}");
+    let newest = checkpoints.join(kept[1].to_string());
+    let mut bytes = crate::common::here(&newest);
+    bytes.truncate(bytes.len() / 2);
+    std::fs::write(&newest, bytes).unwrap();
+    let output = shot.bake(out, &[]).stderr(std::process::Stdio::piped()).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        output.status.success() && said.contains(&*newest.to_string_lossy()) && said.contains("damaged"),
+        "{said}"
+    );
+    shot.assert_same(out);
+}
+
+#[test]
+fn other_settings_begin_anew_and_a_longer_shot_goes_on() {
+    let shot = Shot::get();
+    let folder = workplace();
+    let out = folder.path();
+    let shorter = |options: &[&str]| {
+        let mut command = shot.command("", out, &["--frames", "1001-1004", "--no-pictures"]);
+        command.args(options).status().unwrap()
+    };
+    assert!(shorter(&["--substeps", "2"]).success());
+    let other = crate::common::here(&out.join("hair.1003.usdc"));
+    assert!(shorter(&[]).success());
+    let this = crate::common::here(&out.join("hair.1003.usdc"));
+    assert_ne!(other, this);
+    // A longer shot has the same frames.
+    let made = std::fs::metadata(out.join("hair.1003.usdc")).unwrap().modified().unwrap();
+    assert!(shot.bake(out, &[]).status().unwrap().success());
+    assert_eq!(std::fs::metadata(out.join("hair.1003.usdc")).unwrap().modified().unwrap(), made);
+    shot.assert_same(out);
+    assert!(shorter(&[]).success());
+    assert!(!out.join("hair.1006.usdc").exists() && out.join("hair.1005.usdc").exists());
+}
+
+#[test]
+fn frames_that_make_no_sense_are_usage() {
+    let shot = Shot::get();
+    for frames in ["1001-", "5-1", "1001-1010x0", "0-2000000000", "1001;1002"] {
+        let mut command = hairbake();
+        command.arg("interpolate").args([shot.path("groom.json"), shot.path("shake.json")]);
+        command.args(["-o", "out", "--frames", frames]).assert().code(64);
+    }
+}

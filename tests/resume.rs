@@ -1,0 +1,82 @@
+//! A simulation that is stopped between any two sub-steps and taken up by another process goes on as if nothing had been.
+
+use hairbake::bake::rods::Rods;
+use hairbake::bake::simulation::Simulation;
+use hairbake::bake::state::Part;
+use hairbake::sample::{self, Size, Style};
+use hairbake::scene::anim::Contact;
+use hairbake::scene::{self, Anim, Groom};
+use serde_json::json;
+use std::path::Path;
+
+/// A small head of short hair that is shaken, with a suit that breathes if `deforms`.
+fn scene(folder: &Path, contact: Contact, deforms: bool) -> (Groom, Anim) {
+    let size = Size { wisps: Some(24), strands: 0, head_rounds: 2 };
+    sample::write(Style::Short, size, folder).unwrap();
+    let shake = folder.join("shake.json");
+    if deforms {
+        let mut anim: serde_json::Value = serde_json::from_slice(&std::fs::read(&shake).unwrap()).unwrap();
+        let [first, last] = [0, 1].map(|i| anim["frames"][i].as_i64().unwrap());
+        for frame in first - 60..=last + 2 {
+            // A plate that rises into the hair and sinks again.
+            let y = 0.05 + 0.03 * (frame as f64 * 0.7).sin();
+            let corners = [[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3]];
+            let vertices: String = corners.iter().map(|[x, z]| format!("v {x} {y} {z}\n")).collect();
+            let text = format!("{vertices}f 1 3 2\nf 1 4 3\n");
+            std::fs::write(folder.join(format!("plate.{frame:04}.obj")), text).unwrap();
+        }
+        let name = format!("plate.{first:04}.obj");
+        let plate =
+            json!({"name": "plate", "shape": {"type": "mesh", "file": name, "sequence": "plate.####.obj"}});
+        anim["colliders"].as_array_mut().unwrap().push(plate);
+        std::fs::write(&shake, anim.to_string()).unwrap();
+    }
+    let (groom, mut anim) = scene::load(&folder.join("groom.json"), &shake).unwrap();
+    anim.settings.contact = contact;
+    (groom.with_default_trees(anim.settings.nodes), anim)
+}
+
+fn bytes(simulation: &Simulation) -> Vec<u8> {
+    postcard::to_stdvec(&simulation.state()).unwrap()
+}
+
+#[test]
+fn a_resumed_simulation_has_the_same_bits() {
+    for (contact, deforms) in [(Contact::Bodies, false), (Contact::Bodies, true), (Contact::Full, false)] {
+        let folder = tempfile::tempdir().unwrap();
+        let (groom, anim) = scene(folder.path(), contact, deforms);
+        let rods = Rods::new(&groom, &anim);
+        let mut whole = Simulation::new(&groom, &anim, &rods);
+        let (mut bodies, mut strands) = (0, 0);
+        for cut in [1, 13, 60, 130] {
+            while whole.taken() < cut {
+                whole.advance();
+            }
+            let state = bytes(&whole);
+            let mut resumed = Simulation::new(&groom, &anim, &rods);
+            resumed.restore(postcard::from_bytes(&state).unwrap()).unwrap();
+            assert_eq!(bytes(&resumed), state);
+            for step in 0..12 {
+                let records = whole.advance().to_vec();
+                assert_eq!(records, resumed.advance(), "{contact:?}, {step} sub-steps after {cut}");
+                bodies += records.iter().map(|r| r.active).sum::<u32>();
+                strands += records.iter().map(|r| r.strands.active).sum::<u32>();
+            }
+            assert_eq!(bytes(&whole), bytes(&resumed), "{contact:?}, after {cut}");
+        }
+        assert!(bodies > 0, "nothing touched a body");
+        assert_eq!(strands > 0, contact == Contact::Full, "{strands} contacts of strands");
+    }
+}
+
+#[test]
+fn a_state_of_another_scene_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (groom, anim) = scene(folder.path(), Contact::Bodies, false);
+    let rods = Rods::new(&groom, &anim);
+    let mut simulation = Simulation::new(&groom, &anim, &rods);
+    let mut other = simulation.state();
+    other.guides.pop();
+    let error = simulation.restore(other).unwrap_err().to_string();
+    assert!(error.contains("23 parts where the scene has 24"), "{error}");
+}
