@@ -148,8 +148,8 @@ fn threads_do_not_change_a_bit() {
             .assert()
             .success();
         let mut files = entries(&out);
-        // The reports hold timings.
-        files.retain(|name| !name.starts_with("report."));
+        // The reports hold timings; what the bake goes on from is held to its bytes by the tests of the farm.
+        files.retain(|name| !name.starts_with("report.") && name != ".hairbake");
         let bytes: Vec<_> =
             files.iter().map(|name| hairbake::cache::sha256(&here(&out.join(name)))).collect();
         caches.push((files, bytes));

@@ -2,7 +2,9 @@
 
 use crate::sample;
 use hairbake::Error;
-use hairbake::cache::{FrameRecord, Header, Manifest, Reader, TOPOLOGY, Writer, frame_file_name, write_file};
+use hairbake::cache::{
+    FrameRecord, Header, Manifest, Reader, TOPOLOGY, Writer, frame_file_name, unfinish, write_file,
+};
 use proptest::prelude::*;
 use std::path::Path;
 use std::sync::LazyLock;
@@ -55,21 +57,24 @@ fn two_bakes_give_the_same_bytes() {
 }
 
 #[test]
-fn a_new_bake_unfinishes_an_old_one_and_removes_its_frames_outside_of_the_range() {
+fn a_shorter_bake_removes_frames_outside_of_its_range_and_nothing_else() {
     let dir = tempfile::tempdir().unwrap();
     let long = Header { frames: (1001, 1006), ..sample::header(true) };
     write_cache(dir.path(), &long);
     std::fs::write(dir.path().join("notes.txt"), "not ours").unwrap();
+    unfinish(dir.path()).unwrap();
+    let left = names(dir.path());
+    assert!(!left.iter().any(|name| name == "manifest.json" || name == "hair.usda"));
+    let reader = Reader::open(dir.path()).unwrap();
+    assert!(matches!(reader.read_manifest(), Err(Error::Io { .. })));
 
     let writer = Writer::create(dir.path(), &sample::header(true)).unwrap();
-    let before_finish = names(dir.path());
-    assert!(!before_finish.iter().any(|name| name == "manifest.json" || name == "hair.usda"));
-    let reader = Reader::open(dir.path()).unwrap();
-    assert_eq!(reader.frames(), [1000, 1001, 1002, 1003, 1004]);
-    assert!(matches!(reader.read_manifest(), Err(Error::Io { .. })));
-    assert!(before_finish.contains(&"notes.txt".to_string()));
-
     let mut manifest = write_frames(&writer, &sample::header(true));
+    writer.finish(manifest.clone()).unwrap();
+    assert_eq!(Reader::open(dir.path()).unwrap().frames(), [1000, 1001, 1002, 1003, 1004]);
+    assert!(names(dir.path()).contains(&"notes.txt".to_string()));
+
+    let writer = Writer::create(dir.path(), &sample::header(true)).unwrap();
     manifest.frames.pop();
     assert!(matches!(writer.finish(manifest), Err(Error::Internal(_))), "a frame is not in the manifest");
 }
