@@ -172,7 +172,7 @@ fn a_deforming_mesh_is_read_frame_by_frame() {
         assert_relative_eq!(vertices[2], -Vector3::z(), epsilon = 1e-15);
     }
     let (_groom_folder, groom) = file("groom.json", "{}");
-    let files = inputs(&groom, &path).unwrap();
+    let files = inputs(&groom, &path, &Reading::default()).unwrap();
     let names: Vec<_> =
         files.iter().map(|(role, file)| (*role, file.file_name().unwrap().to_str().unwrap())).collect();
     assert_eq!(names[2], ("collider", "rest.obj"));
