@@ -1,6 +1,6 @@
 """Crossings of a written cache: `python -m hairbake_validate.crossing_check out/`.
 
-Looks at the guides between successive samples, handles included; bake with a high frame rate and one step a frame to look at every step of
+Looks at the guides between successive samples, handles included, against a body in its own space and against each other in that of the head; bake with a high frame rate and one step a frame to look at every step of
 the solver. Ends with 1 where something crossed.
 
 What is drawn through a body cannot be kept out of it, and a root stands in the scalp: a segment that pierces a body at
@@ -51,33 +51,63 @@ def count(cache: Cache, strands: bool = True) -> Count:
     owner = curves.curve_of_point[first]
     free = [~exempt(curves, first, mesh, rest_transform(cache, mesh)) for mesh in cache.colliders]
     found = Count(left_out=sum(int((~f).sum()) for f in free), events=[])
+    ends = np.stack([first, first + 1], axis=1)
     before = None
-    for frame, points, meshes in moments(cache):
+    for now in moments(cache):
         if before is not None:
-            start, end = (x[np.stack([first, first + 1], axis=1)] for x in (before[0], points))
-            for mesh, watched, corners, corners_end in zip(cache.colliders, free, before[1], meshes):
-                hit = strand_body(start[watched], end[watched], corners, corners_end)
+            frame = now.frame
+            for mesh, watched, old, new in zip(cache.colliders, free, before.bodies, now.bodies):
+                start, end = (m.seen_from(b.place)[ends[watched]] for m, b in ((before, old), (now, new)))
+                hit = strand_body(start, end, old.corners, new.corners)
                 found.body_pairs += hit.tested
                 crossed = np.unique(owner[watched][hit.pairs[:, 0]])
                 found.events += [Event(frame, mesh.path, (int(c),)) for c in crossed]
             if strands:
+                start, end = (m.seen_from(m.head)[ends] for m in (before, now))
                 hit = strand_strand(start, end, owner)
                 found.strand_pairs += hit.tested
                 met = np.unique(np.sort(owner[hit.pairs], axis=1), axis=0)
                 found.events += [Event(frame, "strands", (int(a), int(b))) for a, b in met]
-        before = points, meshes
+        before = now
     return found
 
 
-def moments(cache: Cache) -> Iterator[tuple[int, np.ndarray, list[np.ndarray]]]:
-    """Points of the guides and corners of the triangles of each collider, `m × 3 × 3`, in every frame, world."""
+@dataclass(frozen=True)
+class Body:
+    """A collider at one moment."""
+
+    corners: np.ndarray
+    """Of its triangles, `m × 3 × 3`, in its own space."""
+    place: np.ndarray
+    """Its own space to the world, for row vectors."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A sample of the cache."""
+
+    frame: int
+    points: np.ndarray
+    """Of the guides, world."""
+    head: np.ndarray
+    """Space of the groom to the world."""
+    bodies: list[Body]
+
+    def seen_from(self, place: np.ndarray) -> np.ndarray:
+        """The points in the space that `place` takes to the world. Between samples they are taken to move linearly there: a strand that
+        rides on a body that turns goes through nothing, though the chord of its way in the world may."""
+        return transformed(self.points, np.linalg.inv(place))
+
+
+def moments(cache: Cache) -> Iterator[Moment]:
+    """All samples, handles included."""
     for frame in cache.frames:
         values = read_frame(cache, frame).values
-        corners = []
+        bodies = []
         for mesh in cache.colliders:
             points = values[f"{mesh.path}.points"].astype(float) if mesh.deforms else mesh.points
-            corners.append(transformed(points, values[f"{mesh.path}.{TRANSFORM}"])[mesh.triangles])
-        yield frame, values[f"{GUIDES}.points"].astype(float), corners
+            bodies.append(Body(points[mesh.triangles], values[f"{mesh.path}.{TRANSFORM}"]))
+        yield Moment(frame, values[f"{GUIDES}.points"].astype(float), values[f"{HEAD}.{TRANSFORM}"], bodies)
 
 
 def rest_transform(cache: Cache, mesh: Mesh) -> np.ndarray:
