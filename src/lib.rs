@@ -3,13 +3,14 @@
 //! The modules follow the way of the data: [`import`] makes scenes from plain strands, [`scene`] is
 //! the validated input, [`bake`] runs the frames over [`rod`], [`wisp`] and [`contact`], [`strands`]
 //! turns guides into render strands, [`cache`] lays them out as USD through [`usd`], [`report`]
-//! shows the result, and [`cli`] is the only module that prints. `docs/theory.md` holds the equations.
+//! shows the result, [`farm`] divides a bake for schedulers, and [`cli`] is the only module that prints. `docs/theory.md` holds the equations.
 
 pub mod bake;
 pub mod cache;
 pub mod cli;
 pub mod contact;
 pub mod error;
+pub mod farm;
 mod file;
 pub mod import;
 pub mod math;

@@ -20,7 +20,8 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("import", &["error", "file", "math", "scene"]),
     ("sample", &["error", "file", "math", "scene", "import"]),
     ("report", &["error", "math", "cache"]),
-    ("cli", &["error", "file", "cache", "scene", "bake", "import", "sample", "report"]),
+    ("farm", &["error"]),
+    ("cli", &["error", "file", "cache", "scene", "bake", "import", "sample", "strands", "report", "farm"]),
 ];
 
 /// Finds real inputs for tests: every module's tests may use it, and it says so where it finds none.

@@ -142,6 +142,19 @@ impl Work {
         if mark.key == self.key { Ok(mark.file) } else { Err(Flaw::Stale) }
     }
 
+    /// The file of a frame that is done and there, of the length that it was written with; its bytes are not looked at.
+    ///
+    /// # Errors
+    /// [`Flaw`] of its mark, or of the file.
+    pub fn marked(&self, frame: i32) -> std::result::Result<FileRecord, Flaw> {
+        let mark = self.mark(frame)?;
+        match std::fs::metadata(self.out.join(frame_file_name(frame))) {
+            Ok(meta) if meta.len() == mark.bytes => Ok(mark),
+            Ok(_) => Err(Flaw::Damaged("its length differs".into())),
+            Err(_) => Err(Flaw::Missing),
+        }
+    }
+
     /// The file of a frame that is done and as it was written.
     ///
     /// # Errors

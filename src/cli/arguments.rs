@@ -3,10 +3,12 @@
 use super::bake::{AssembleArguments, BakeArguments, InterpolateArguments, SimulateArguments};
 use super::console::LogFormat;
 use super::import::Import;
+use super::plan::PlanArguments;
 use super::preview::PreviewArguments;
 use super::progress::ProgressStyle;
 use super::sample::SampleArguments;
 use super::scene::SceneArguments;
+use super::status::StatusArguments;
 use super::validate::ValidateArguments;
 use clap::builder::styling::{AnsiColor, Styles};
 use clap::{Parser, Subcommand, ValueEnum};
@@ -110,6 +112,10 @@ pub enum Command {
     Interpolate(Box<InterpolateArguments>),
     /// End a cache whose frames are all made: root layer, manifest, report
     Assemble(Box<AssembleArguments>),
+    /// Print a bake as a job of a render farm, sweeps of parameters included
+    Plan(Box<PlanArguments>),
+    /// Say what of a bake is done, missing, stale or damaged
+    Status(StatusArguments),
     /// Draw pictures of a cache: a contact sheet, an animation
     Preview(PreviewArguments),
     /// Check a cache with Pixar's own USD: files, curves, penetration, motion

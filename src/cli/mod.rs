@@ -5,12 +5,14 @@ mod bake;
 mod check;
 mod console;
 mod import;
+mod plan;
 mod preview;
 mod progress;
 mod sample;
 mod scene;
 mod shell;
 mod signals;
+mod status;
 mod summary;
 mod validate;
 mod values;
@@ -60,6 +62,8 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
         Some(Command::Simulate(options)) => bake::simulate(&options, progress)?,
         Some(Command::Interpolate(options)) => bake::interpolate(&options, progress)?,
         Some(Command::Assemble(options)) => bake::assemble(&options)?,
+        Some(Command::Plan(options)) => plan::run(&options, threads)?,
+        Some(Command::Status(options)) => status::run(&options)?,
         Some(Command::Preview(options)) => preview::run(&options)?,
         Some(Command::Validate(options)) => return validate::run(&options),
         Some(Command::Completions { shell }) => shell::completions(shell)?,

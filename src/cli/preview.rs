@@ -21,8 +21,9 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, group(ArgGroup::new("made").required(true).multiple(true).args(["output", "animate"])))]
 pub struct PreviewArguments {
-    /// Folder of the cache; an unfinished one will do
-    cache: PathBuf,
+    /// Folder of the cache; an unfinished one will do. Of several, such as the wedges of a sweep, the sheet has a row each
+    #[arg(required = true)]
+    caches: Vec<PathBuf>,
     /// Contact sheet to write, PNG
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -93,28 +94,16 @@ fn animation(text: &str) -> std::result::Result<(PathBuf, Format), String> {
 
 /// Draws the pictures asked for.
 pub fn run(arguments: &PreviewArguments) -> Result<()> {
-    let reader = Reader::open(&arguments.cache)?;
-    let (shot, asked) = (reader.header().frames, arguments.frames);
-    let (first, last) = asked.unwrap_or(shot);
-    let frames: Vec<i32> =
-        reader.frames().iter().copied().filter(|frame| (first..=last).contains(frame)).collect();
-    if frames.is_empty() || asked.is_some_and(|(a, b)| !frames.contains(&a) || !frames.contains(&b)) {
-        let there = reader.frames();
-        let range = there.first().zip(there.last()).map_or("none".into(), |(a, b)| format!("{a} to {b}"));
-        return Err(Error::Usage(format!(
-            "frames {first} to {last} are not all in {}: there are {range}",
-            arguments.cache.display()
-        )));
-    }
     let options = arguments.options();
+    let shots: Vec<(Reader, Vec<i32>)> =
+        arguments.caches.iter().map(|cache| arguments.shot(cache)).collect::<Result<_>>()?;
+    let [(reader, frames)] = &shots[..] else { return arguments.sweep(shots, &options) };
     if let Some(path) = &arguments.output {
-        let chosen = spread((0, frames.len() as i32 - 1), arguments.pictures as usize);
-        let chosen: Vec<i32> = chosen.into_iter().map(|i| frames[i as usize]).collect();
-        write(path, preview::sheet(&reader, &options, &chosen)?.to_png()?)?;
+        write(path, preview::sheet(reader, &options, &arguments.chosen(frames))?.to_png()?)?;
     }
     if let Some((path, format)) = &arguments.animate {
         let mut bytes = Vec::new();
-        preview::animate(&reader, &options, &frames, reader.header().fps, *format, &mut bytes)?;
+        preview::animate(reader, &options, frames, reader.header().fps, *format, &mut bytes)?;
         write(path, bytes)?;
     }
     Ok(())
@@ -127,6 +116,45 @@ fn write(path: &Path, bytes: Vec<u8>) -> Result<()> {
 }
 
 impl PreviewArguments {
+    /// A cache and its frames that are asked for.
+    fn shot(&self, cache: &Path) -> Result<(Reader, Vec<i32>)> {
+        let reader = Reader::open(cache)?;
+        let (shot, asked) = (reader.header().frames, self.frames);
+        let (first, last) = asked.unwrap_or(shot);
+        let frames: Vec<i32> =
+            reader.frames().iter().copied().filter(|frame| (first..=last).contains(frame)).collect();
+        if frames.is_empty() || asked.is_some_and(|(a, b)| !frames.contains(&a) || !frames.contains(&b)) {
+            let there = reader.frames();
+            let range = there.first().zip(there.last()).map_or("none".into(), |(a, b)| format!("{a} to {b}"));
+            return Err(Error::Usage(format!(
+                "frames {first} to {last} are not all in {}: there are {range}",
+                cache.display()
+            )));
+        }
+        Ok((reader, frames))
+    }
+
+    /// The frames for the sheet.
+    fn chosen(&self, frames: &[i32]) -> Vec<i32> {
+        let chosen = spread((0, frames.len() as i32 - 1), self.pictures as usize);
+        chosen.into_iter().map(|i| frames[i as usize]).collect()
+    }
+
+    /// A sheet of several caches.
+    fn sweep(&self, shots: Vec<(Reader, Vec<i32>)>, options: &Options) -> Result<()> {
+        let (Some(path), None) = (&self.output, &self.animate) else {
+            return Err(Error::Usage(
+                "of several caches there is a sheet only: -o FILE, no --animate".into(),
+            ));
+        };
+        for (i, cache) in self.caches.iter().enumerate() {
+            console::say(&format!("row {}: {}", i + 1, cache.display()));
+        }
+        let shots: Vec<_> =
+            shots.into_iter().map(|(reader, frames)| (reader, self.chosen(&frames))).collect();
+        write(path, preview::sheet_of_shots(&shots, options)?.to_png()?)
+    }
+
     fn options(&self) -> Options {
         Options {
             size: self.size,

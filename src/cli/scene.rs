@@ -97,6 +97,42 @@ impl SceneArguments {
         Ok(job)
     }
 
+    /// Groom, animation and output folder as absolute paths.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where there is no current folder; [`Error::Usage`] for a path that is no Unicode.
+    pub fn absolute(&self) -> Result<[String; 3]> {
+        let absolute = |path: &Path| {
+            let path = std::path::absolute(path).map_err(|e| Error::io(path, e))?;
+            let text = path.to_str().map(String::from);
+            text.ok_or_else(|| Error::Usage(format!("{} is not Unicode", path.display())))
+        };
+        Ok([absolute(&self.groom)?, absolute(&self.anim)?, absolute(&self.output)?])
+    }
+
+    /// The options that say the same settings again.
+    pub fn settings(&self) -> Vec<String> {
+        let contact = |c| match c {
+            scene::anim::Contact::Full => "full",
+            scene::anim::Contact::Bodies => "bodies",
+        };
+        let scheme = |s| match s {
+            scene::anim::Scheme::BackwardEuler => "backward-euler",
+            scene::anim::Scheme::Bdf2 => "bdf2",
+        };
+        let given = [
+            ("substeps", self.substeps.map(|n| n.to_string())),
+            ("preroll", self.preroll.map(|s| s.to_string())),
+            ("nodes", self.nodes.map(|n| n.to_string())),
+            ("scheme", self.scheme.map(|s| scheme(s).to_string())),
+            ("contact", self.contact.map(|c| contact(c).to_string())),
+        ];
+        let options = given.into_iter().filter_map(|(name, value)| Some([format!("--{name}"), value?]));
+        let set = self.set.iter().map(|o| ["--set".to_string(), format!("{}={}", o.name(), o.value)]);
+        let map = self.path_map.iter().map(|(from, to)| ["--path-map".to_string(), format!("{from}={to}")]);
+        options.chain(set).chain(map).flatten().collect()
+    }
+
     /// Name of the shot, for the report.
     pub fn title(&self) -> String {
         self.anim.file_stem().unwrap_or_default().to_string_lossy().into_owned()

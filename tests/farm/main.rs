@@ -6,6 +6,7 @@
 #[allow(dead_code)]
 mod common;
 mod disk;
+mod engines;
 mod shot;
 mod signals;
 mod stages;

@@ -332,31 +332,65 @@ impl Curves {
     }
 }
 
+/// Pixels between the pictures of a sheet.
+const GAP: u32 = 4;
+
 /// A contact sheet of `frames`, each labelled with its number.
 ///
 /// # Errors
 /// As [`Renderer::new`] and [`Renderer::render`].
 pub fn sheet(shot: &impl Shot, options: &Options, frames: &[i32]) -> Result<Image> {
-    const GAP: u32 = 4;
     let renderer = Renderer::new(shot, options.clone(), frames)?;
     let (width, height) = options.size;
     // As near to a 4:3 page as whole cells allow.
     let n = frames.len() as u32;
     let shape = 4.0 / 3.0 * f64::from(height) / f64::from(width);
     let columns = ((f64::from(n) * shape).sqrt().round() as u32).clamp(1, n);
-    let rows = n.div_ceil(columns);
-    let mut page = Image::new(columns * (width + GAP) + GAP, rows * (height + GAP) + GAP);
-    page.rgb.fill(24);
+    let mut page = page(options, columns, n.div_ceil(columns));
     for (k, frame) in frames.iter().enumerate() {
-        let mut cell = renderer.render(*frame)?;
-        let scale = (height / 200).max(1);
-        let bottom = height.saturating_sub((font::HEIGHT as u32 + 5) * scale);
-        font::draw_number(&mut cell, *frame, 6 * scale, bottom + scale, scale, [30, 32, 36]);
-        font::draw_number(&mut cell, *frame, 5 * scale, bottom, scale, [245, 245, 245]);
-        let (column, row) = (k as u32 % columns, k as u32 / columns);
-        page.paste(&cell, GAP + column * (width + GAP), GAP + row * (height + GAP));
+        let cell = labelled(renderer.render(*frame)?, *frame, false);
+        place(&mut page, &cell, k as u32 % columns, k as u32 / columns);
     }
     Ok(page)
+}
+
+/// A contact sheet of several shots, a row each, whose pictures are labelled with the frame's number below and the row's above.
+///
+/// # Errors
+/// As [`Renderer::new`] and [`Renderer::render`].
+pub fn sheet_of_shots<S: Shot>(shots: &[(S, Vec<i32>)], options: &Options) -> Result<Image> {
+    let columns = shots.iter().map(|(_, frames)| frames.len() as u32).max().unwrap_or(1);
+    let mut page = page(options, columns, shots.len() as u32);
+    for (row, (shot, frames)) in shots.iter().enumerate() {
+        let renderer = Renderer::new(shot, options.clone(), frames)?;
+        for (column, frame) in frames.iter().enumerate() {
+            let cell = labelled(renderer.render(*frame)?, *frame, false);
+            let cell = if column == 0 { labelled(cell, row as i32 + 1, true) } else { cell };
+            place(&mut page, &cell, column as u32, row as u32);
+        }
+    }
+    Ok(page)
+}
+
+fn page(options: &Options, columns: u32, rows: u32) -> Image {
+    let (width, height) = options.size;
+    let mut page = Image::new(columns * (width + GAP) + GAP, rows * (height + GAP) + GAP);
+    page.rgb.fill(24);
+    page
+}
+
+fn place(page: &mut Image, cell: &Image, column: u32, row: u32) {
+    page.paste(cell, GAP + column * (cell.width + GAP), GAP + row * (cell.height + GAP));
+}
+
+/// A picture with a number at its bottom left, or at its top left.
+fn labelled(mut cell: Image, number: i32, top: bool) -> Image {
+    let scale = (cell.height / 200).max(1);
+    let bottom = cell.height.saturating_sub((font::HEIGHT as u32 + 5) * scale);
+    let y = if top { 5 * scale } else { bottom };
+    font::draw_number(&mut cell, number, 6 * scale, y + scale, scale, [30, 32, 36]);
+    font::draw_number(&mut cell, number, 5 * scale, y, scale, [245, 245, 245]);
+    cell
 }
 
 /// Writes `frames` as an animation, each shown for 1/`fps` seconds.

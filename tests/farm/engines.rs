@@ -1,0 +1,128 @@
+//! Plans, on the engines that they are for.
+
+use crate::common::{entries, hairbake};
+use crate::shot::{Shot, workplace};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// What `hairbake plan` prints for the shot in 1001 to 1011.
+fn plan(shot: &Shot, out: &Path, options: &[&str]) -> String {
+    let mut command = hairbake();
+    command.arg("plan").args([shot.path("groom.json"), shot.path("shake.json")]).arg("-o").arg(out);
+    command.args(["--preroll", "0.2", "--contact", "full", "--frames", "1001-1011", "--program"]);
+    command.arg(assert_cmd::cargo::cargo_bin!("hairbake")).args(options);
+    String::from_utf8(command.assert().success().get_output().stdout.clone()).unwrap()
+}
+
+/// The OpenJD of the Python environment that the tests make; without one the test says that it is skipped.
+fn openjd() -> Option<PathBuf> {
+    let python = std::env::var_os("HAIRBAKE_PYTHON")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv/bin/python"), PathBuf::from);
+    let openjd = python.with_file_name("openjd");
+    if openjd.is_file() {
+        return Some(openjd);
+    }
+    println!("skipped: there is no {}; tests/run makes one", openjd.display());
+    None
+}
+
+#[test]
+fn openjd_checks_the_template_and_runs_the_bake_to_the_same_bytes() {
+    let shot = Shot::get();
+    let Some(openjd) = openjd() else { return };
+    let folder = workplace();
+    let out = folder.path().join("out");
+    let options = ["--format", "openjd", "--segment", "6", "--chunk", "4", "--no-validate"];
+    let template = folder.path().join("job.json");
+    std::fs::write(&template, plan(shot, &out, &options)).unwrap();
+    let checked = Command::new(&openjd).arg("check").arg(&template).output().unwrap();
+    assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stdout));
+    let path = |name: &str, path: &Path| format!("{name}={}", path.display());
+    let ran = Command::new(&openjd)
+        .arg("run")
+        .arg(&template)
+        .args(["--step", "assemble", "--run-dependencies"])
+        .args(["-p", &path("Groom", &shot.path("groom.json")), "-p", &path("Anim", &shot.path("shake.json"))])
+        .args(["-p", &path("Output", &out)])
+        .env("HAIRBAKE_PROGRESS", "openjd")
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&ran.stdout).into_owned();
+    assert!(ran.status.success(), "{said}\n{}", String::from_utf8_lossy(&ran.stderr));
+    assert!(said.contains("openjd_progress: 100.0"), "{said}");
+    std::fs::remove_file(out.join("sheet.png")).unwrap();
+    shot.assert_same(&out);
+}
+
+#[test]
+fn the_tasks_of_a_plan_run_one_after_the_other_make_the_same_bytes() {
+    let shot = Shot::get();
+    let folder = workplace();
+    let out = folder.path().join("out");
+    let plan: Value =
+        serde_json::from_str(&plan(shot, &out, &["--segment", "4", "--chunk", "3", "--no-validate"]))
+            .unwrap();
+    for step in plan["steps"].as_array().unwrap() {
+        for task in step["tasks"].as_array().unwrap() {
+            let words: Vec<&str> = task.as_array().unwrap().iter().map(|w| w.as_str().unwrap()).collect();
+            let done = Command::new(words[0]).args(&words[1..]).output().unwrap();
+            assert!(done.status.success(), "{words:?}: {}", String::from_utf8_lossy(&done.stderr));
+        }
+    }
+    std::fs::remove_file(out.join("sheet.png")).unwrap();
+    shot.assert_same(&out);
+}
+
+#[test]
+fn wedges_are_baked_side_by_side_and_shown_on_one_sheet() {
+    let shot = Shot::get();
+    let folder = workplace();
+    let out = folder.path().join("sweep");
+    let options =
+        ["--wedge", "substeps=2,4", "--wedge", "groom.materials[0].friction=0.1,0.4", "--no-validate"];
+    let plan: Value = serde_json::from_str(&plan(shot, &out, &options)).unwrap();
+    let steps = plan["steps"].as_array().unwrap();
+    assert_eq!(steps.iter().filter(|s| s["name"].as_str().unwrap().ends_with("assemble")).count(), 4);
+    assert_eq!(steps.last().unwrap()["needs"].as_array().unwrap().len(), 4);
+    for task in steps.iter().flat_map(|step| step["tasks"].as_array().unwrap()) {
+        let words: Vec<&str> = task.as_array().unwrap().iter().map(|w| w.as_str().unwrap()).collect();
+        let done = Command::new(words[0]).args(&words[1..]).output().unwrap();
+        assert!(done.status.success(), "{words:?}: {}", String::from_utf8_lossy(&done.stderr));
+    }
+    let names = entries(&out);
+    assert_eq!(names[1], "002_substeps=2_friction=0.4");
+    assert_eq!(names.len(), 5);
+    assert!(crate::common::here(&out.join("wedges.png")).len() > 10_000);
+    let manifest: Value =
+        serde_json::from_slice(&crate::common::here(&out.join(&names[1]).join("manifest.json"))).unwrap();
+    assert_eq!(manifest["settings"]["set"]["groom.materials[0].friction"], 0.4);
+    assert_eq!(manifest["settings"]["substeps"], 2);
+}
+
+#[test]
+fn status_tells_what_is_done_missing_stale_and_damaged() {
+    let shot = Shot::get();
+    let folder = workplace();
+    let out = folder.path();
+    hairbake().arg("status").arg(out).assert().code(74);
+    assert_eq!(shot.stage("simulate", out, &["--frames", "1000-1006"]), Some(0));
+    assert_eq!(shot.stage("interpolate", out, &["--frames", "1001-1004"]), Some(0));
+    std::fs::remove_file(out.join("hair.1002.usdc")).unwrap();
+    std::fs::write(out.join("hair.1003.usdc"), "short").unwrap();
+    let mark = out.join(".hairbake/frames/1004.json");
+    let text = String::from_utf8(crate::common::here(&mark)).unwrap();
+    std::fs::write(&mark, text.replacen("\"key\":\"", "\"key\":\"0", 1)).unwrap();
+    let output =
+        hairbake().arg("status").arg(out).arg("--json").assert().code(75).get_output().stdout.clone();
+    let status: Value = serde_json::from_slice(&output).unwrap();
+    assert_eq!(status["states"]["done"], serde_json::json!([1000, 1001, 1002, 1003, 1004, 1005, 1006]));
+    let files = &status["files"];
+    assert_eq!(files["done"], serde_json::json!([1001]));
+    assert_eq!(files["damaged"], serde_json::json!([1003]));
+    assert_eq!(files["stale"], serde_json::json!([1004]));
+    assert_eq!(files["missing"].as_array().unwrap().len(), 10);
+    assert!(shot.bake(out, &[]).status().unwrap().success());
+    hairbake().arg("status").arg(out).arg("--checksums").assert().success();
+    shot.assert_same(out);
+}
