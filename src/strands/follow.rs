@@ -33,6 +33,11 @@ impl RestGuide {
         self.root
     }
 
+    /// Length, m.
+    pub fn length(&self) -> f64 {
+        self.arc[self.arc.len() - 1]
+    }
+
     /// A point of the rod, m, rest space.
     pub fn point(&self, k: u32) -> Vector3<f64> {
         self.root + self.pose[k as usize].p

@@ -13,7 +13,7 @@ use nalgebra::{Isometry3, Vector3};
 const REACH: f64 = 0.02;
 
 /// Turns of one edge, at most: the surface turns away under it as it goes.
-const TURNS: usize = 6;
+const TURNS: usize = 10;
 
 /// How far an edge is bent towards where it should be, at most, as a share of its length.
 const HOMING: f64 = 0.5;
@@ -164,23 +164,21 @@ impl KeepOut<'_> {
 pub(super) struct Lean(pub Vector3<f64>);
 
 impl Lean {
-    /// Lays the next edge, of `length`, along that from `aim[0]` to `aim[1]`, m, and towards it; returns by how much its end, the vertex at
-    /// `place`, is too near to a body, m.
+    /// Lays the next edge, of `length`, m, in the direction `way` and towards `aim`, m; returns by how much its end, the vertex at `place`,
+    /// is too near to a body, m. It is not where `clear` says so.
     pub fn advance(
         &mut self,
         keep_out: &KeepOut,
         kept: &Kept,
-        place: Place,
-        length: f64,
-        aim: &[Vector3<f64>; 2],
+        (place, length): (Place, f64),
+        (aim, way): (&Vector3<f64>, &Vector3<f64>),
         clear: impl Fn(&Vector3<f64>) -> bool,
         spare: &mut Spare,
     ) -> f64 {
-        let along = (aim[1] - aim[0]).try_normalize(1e-12).unwrap_or_else(Vector3::zeros);
-        let offset = aim[0] - self.0;
+        let offset = aim - self.0;
         // Straight to it, not to a place along it: either may be ahead.
-        let home = (offset - along * along.dot(&offset)).cap_magnitude(HOMING * length);
-        let direction = (along * length + home).try_normalize(1e-12).unwrap_or(along);
+        let home = (offset - way * way.dot(&offset)).cap_magnitude(HOMING * length);
+        let direction = (way * length + home).try_normalize(1e-12).unwrap_or(*way);
         let end = self.0 + direction * length;
         if clear(&end) {
             self.0 = end;

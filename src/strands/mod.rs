@@ -75,6 +75,9 @@ pub struct Moment<'a> {
 /// difference: the leaning has no derivative of its own.
 pub const BACKWARD: f64 = 1e-4;
 
+/// Speed of guides past bodies up to which their room need not be looked for again so soon before, m/s.
+const SPEED: f64 = 20.0;
+
 /// Retreats of the strands at the frames around one, from [`SPAN`] before it to [`SPAN`] after; see [`Interpolator::retreats`].
 pub type Retreats<'a> = [&'a [f32]; 2 * SPAN + 1];
 
@@ -123,7 +126,7 @@ impl Interpolator {
         if moment.keep_out.poses.is_empty() {
             return out;
         }
-        let stands = stands(moment, guides, 0.0);
+        let stands = stands(moment, guides, 0.0, |x, _| moment.keep_out.room(x));
         let cut: Vec<_> = self.strands.iter().zip(self.cut(&mut out)).collect();
         cut.into_par_iter().with_min_len(64).for_each_init(Trace::default, |trace, (strand, out)| {
             strand.retreat(moment, guides, &stands, trace);
@@ -144,7 +147,11 @@ impl Interpolator {
         points: &mut [[f32; 3]],
         velocities: &mut [[f32; 3]],
     ) {
-        let stands = [0, 1].map(|i| stands(&moments[i], guides, BACKWARD * i as f64));
+        let now = stands(&moments[0], guides, 0.0, |x, _| moments[0].keep_out.room(x));
+        // So soon before the bodies have hardly moved.
+        let room = |_: &Vector3<f64>, (i, k): (usize, usize)| now[i].room[k] - BACKWARD * SPEED;
+        let before = stands(&moments[1], guides, BACKWARD, room);
+        let stands = [now, before];
         let cut =
             self.strands.iter().zip(self.offsets.windows(2)).zip(self.cut(points).zip(self.cut(velocities)));
         let cut: Vec<_> = cut.collect();
@@ -189,21 +196,27 @@ struct Stand {
     room: Vec<f64>,
 }
 
-/// How the guides stand, `back`, s, before their motion's own moment.
-fn stands(moment: &Moment, guides: &[GuideMotion], back: f64) -> Vec<Stand> {
-    let Moment { head, keep_out } = moment;
+/// How the guides stand, `back`, s, before their motion's own moment; `room` tells it for a point of a guide, by the indices of both.
+fn stands(
+    moment: &Moment,
+    guides: &[GuideMotion],
+    back: f64,
+    room: impl Fn(&Vector3<f64>, (usize, usize)) -> f64 + Sync,
+) -> Vec<Stand> {
+    let head = &moment.head;
     guides
         .par_iter()
         .with_min_len(16)
+        .enumerate()
         .map_init(
             || (Shape::default(), Vec::new()),
-            |(shape, q), g| {
+            |(shape, q), (i, g)| {
                 q.clear();
                 q.extend(g.q.iter().zip(g.rate).map(|(q, rate)| q - rate * back));
                 shape.update(g.rod, &(head.rotation * g.rod.root.r), q);
                 let (root, _) = head.carry(&g.rod.root.p);
                 let x: Vec<_> = (0..shape.points()).map(|k| root + shape.x(k)).collect();
-                Stand { room: x.iter().map(|x| keep_out.room(x)).collect(), x }
+                Stand { room: x.iter().enumerate().map(|(k, x)| room(x, (i, k))).collect(), x }
             },
         )
         .collect()

@@ -87,10 +87,12 @@ impl Strand {
             .map(|((_, g), w)| Follow::new(*g, w / sum, &rest[*g], &frames, &turn, &length))
             .collect();
         let first = &rest[near[0].1];
+        // Past the end of a shorter guide there would be nothing to retreat to.
+        let pace = (first.length() / length.iter().sum::<f64>()).min(1.0);
         let mut arc = 0.0;
         let mut beside = vec![first.nearest(0.0)];
         for l in &length {
-            arc += l;
+            arc += l * pace;
             beside.push(first.nearest(arc));
         }
         let poses = vec![Isometry3::identity(); thickness.len()];
@@ -216,7 +218,11 @@ impl Strand {
             }
             let x = lean.as_mut().map_or(end, |lean| {
                 let aim = [start.lerp(&stand.x[from], retreat[j]), end.lerp(&stand.x[to], retreat[j + 1])];
-                if lean.advance(keep_out, &self.kept, place, length, &aim, clear, spare_leaning) > TOO_DEEP {
+                // Where retreats come together, as the strand would go without bodies.
+                let way = (aim[1] - aim[0]).try_normalize(1e-9).unwrap_or((end - start) / length);
+                if lean.advance(keep_out, &self.kept, (place, length), (&aim[0], &way), clear, spare_leaning)
+                    > TOO_DEEP
+                {
                     deep.push(j + 1);
                 }
                 lean.0
