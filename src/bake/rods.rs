@@ -10,8 +10,8 @@ use crate::wisp::{self, GuideRod};
 pub struct Rods {
     /// As they are simulated.
     pub simulated: Vec<GuideRod>,
-    /// As they are written, finer.
-    drawn: Vec<Rod>,
+    /// As finely cut as they are written; none where they are simulated so.
+    fine: Vec<Rod>,
 }
 
 impl Rods {
@@ -20,13 +20,15 @@ impl Rods {
         let alone =
             anim.colliders.is_empty() && anim.ties.is_empty() && anim.settings.contact == Contact::Bodies;
         let simulated = wisp::rods(groom, if alone { Cut::COARSE } else { Cut::FINE });
-        let drawn = wisp::rods(groom, Cut::DRAWN).into_iter().map(|r| r.rod).collect();
-        Rods { simulated, drawn }
+        let fine = if alone { wisp::rods(groom, Cut::FINE) } else { Vec::new() };
+        Rods { simulated, fine: fine.into_iter().map(|r| r.rod).collect() }
     }
 
     /// The rod of every guide, cut as finely as it is written, and its leaf wisp: (tree, wisp).
-    pub fn drawn(&self) -> Vec<(&Rod, (u32, u32))> {
-        let leaf = |r: &GuideRod| (r.leaf.0 as u32, r.leaf.1 as u32);
-        self.drawn.iter().zip(self.simulated.iter().map(leaf)).collect()
+    pub fn drawn<'a>(&'a self) -> Vec<(&'a Rod, (u32, u32))> {
+        let rod = |(i, GuideRod { rod, leaf, .. }): (usize, &'a GuideRod)| {
+            (self.fine.get(i).unwrap_or(rod), (leaf.0 as u32, leaf.1 as u32))
+        };
+        self.simulated.iter().enumerate().map(rod).collect()
     }
 }

@@ -22,7 +22,8 @@ from .cache import (
 )
 from .report import Check, Finding, Severity
 
-TEMPORARY = re.compile(r"^\.|\.tmp|\.part$|~$")
+# Not the work folder of a bake, from which it goes on or tells that it is done.
+TEMPORARY = re.compile(r"^\.(?!hairbake$)|\.tmp|\.part$|~$")
 FRAME_FILE = re.compile(r"hair\.0*(-?\d+)\.usdc")
 
 # Pixar's validators that are left out: the first two take the template of the clips for the path of a file

@@ -79,6 +79,8 @@ class CacheBuilder:
     def __init__(self, directory: Path):
         self.directory = directory
         directory.mkdir(parents=True, exist_ok=True)
+        # As a bake leaves it: with what it needs to go on.
+        (directory / ".hairbake").mkdir(exist_ok=True)
         self.counts = {"/groom/hair": CURVES, "/groom/guides": GUIDE_COUNT}
         self._write_topology()
         self._write_manifest()
