@@ -16,7 +16,8 @@ pub struct Companies {
 
 /// Guides that follow each other in a list and are stepped together.
 struct Company {
-    pack: Pack,
+    /// None for one that branches, which goes alone.
+    pack: Option<Pack>,
     len: usize,
 }
 
@@ -31,11 +32,12 @@ struct CompanyWork {
 impl Companies {
     /// Divides guides into companies, in order.
     pub fn muster(guides: &[Guide]) -> Self {
-        let alike = guides.chunk_by(|a, b| a.rod.unknowns() == b.rod.unknowns());
+        let simple = |g: &Guide| !g.rod.branches_out();
+        let alike = guides.chunk_by(|a, b| a.rod.unknowns() == b.rod.unknowns() && simple(a) && simple(b));
         let ranks = alike.flat_map(|alike| alike.chunks(Pack::width()));
         let company = |rank: &[Guide]| {
             let rods: Vec<_> = rank.iter().map(|g| &g.rod).collect();
-            Company { pack: Pack::new(&rods), len: rank.len() }
+            Company { pack: simple(&rank[0]).then(|| Pack::new(&rods)), len: rank.len() }
         };
         let works = (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect();
         Companies { companies: ranks.map(company).collect(), works }
@@ -97,6 +99,12 @@ impl Company {
     ) {
         let CompanyWork { guides: works, solved, pack } = work;
         works.resize_with(works.len().max(self.len), Workspace::default);
+        let Some(rods) = &self.pack else {
+            for (guide, record) in guides.iter_mut().zip(records) {
+                *record = guide.advance(around, span[0], span[1], &mut works[0]);
+            }
+            return;
+        };
         solved.clear();
         for (guide, work) in guides.iter().zip(&mut *works) {
             let formula = guide.formula(span[1] - span[0]);
@@ -113,7 +121,7 @@ impl Company {
                 outcome: &mut solved.outcome,
             });
         let mut tasks: [_; MAX_LANES] = std::array::from_fn(|_| tasks.next());
-        self.pack.minimise(&mut tasks, pack);
+        rods.minimise(&mut tasks, pack);
         for (((guide, work), solved), record) in guides.iter_mut().zip(works).zip(solved).zip(records) {
             *record = guide.complete(around, span, Some(*solved), work);
         }
