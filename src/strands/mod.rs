@@ -454,7 +454,10 @@ mod tests {
         // A guide bends down to above a plate, and its strand, which runs below it, would go through.
         let line =
             |y: f64| (0..33).map(|i| Vector3::new(0.2 * f64::from(i) / 32.0, y, 0.0)).collect::<Vec<_>>();
-        let (r, c) = (rod(&line(0.03)), curves(&[line(0.0)]));
+        let mut strand = line(0.0);
+        // Real strands have edges of no length.
+        strand.insert(16, strand[16]);
+        let (r, c) = (rod(&line(0.03)), curves(&[strand]));
         let mut free = Shape::default();
         // Whichever entries of a rod along x bend it in this plane.
         let bend =
@@ -486,7 +489,7 @@ mod tests {
             let moment = Moment { head: still(), keep_out: KeepOut { bodies, time: 0.0, poses } };
             let motion = [GuideMotion { rod: &r, q: &q, rate: &vec![0.0; q.len()] }];
             let retreats = interpolator.retreats(&moment, &motion);
-            let [mut p, mut v] = [vec![[0.0; 3]; 33], vec![[0.0; 3]; 33]];
+            let [mut p, mut v] = [vec![[0.0; 3]; 34], vec![[0.0; 3]; 34]];
             interpolator.evaluate(
                 &[moment, moment],
                 &motion,
@@ -495,6 +498,7 @@ mod tests {
                 &mut p,
                 &mut v,
             );
+            assert!(p.iter().chain(&v).flatten().all(|x| x.is_finite()));
             p.iter().map(|x| f64::from(x[1])).fold(0.0, f64::min)
         };
         assert!(lowest(&Bodies::from_shapes(&[]), &[]) < -0.015, "would not go through");

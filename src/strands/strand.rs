@@ -219,7 +219,9 @@ impl Strand {
             let x = lean.as_mut().map_or(end, |lean| {
                 let aim = [start.lerp(&stand.x[from], retreat[j]), end.lerp(&stand.x[to], retreat[j + 1])];
                 // Where retreats come together, as the strand would go without bodies.
-                let way = (aim[1] - aim[0]).try_normalize(1e-9).unwrap_or((end - start) / length);
+                let way = [aim[1] - aim[0], end - start].into_iter().find_map(|way| way.try_normalize(1e-9));
+                // An edge of no length needs no direction.
+                let way = way.unwrap_or_default();
                 if lean.advance(keep_out, &self.kept, (place, length), (&aim[0], &way), clear, spare_leaning)
                     > TOO_DEEP
                 {
