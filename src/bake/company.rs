@@ -16,8 +16,7 @@ pub struct Companies {
 
 /// Guides that follow each other in a list and are stepped together.
 struct Company {
-    /// None for one that branches, which goes alone.
-    pack: Option<Pack>,
+    pack: Pack,
     len: usize,
 }
 
@@ -32,12 +31,11 @@ struct CompanyWork {
 impl Companies {
     /// Divides guides into companies, in order.
     pub fn muster(guides: &[Guide]) -> Self {
-        let simple = |g: &Guide| !g.rod.branches_out();
-        let alike = guides.chunk_by(|a, b| a.rod.unknowns() == b.rod.unknowns() && simple(a) && simple(b));
+        let alike = guides.chunk_by(|a, b| a.rod.unknowns() == b.rod.unknowns());
         let ranks = alike.flat_map(|alike| alike.chunks(Pack::width()));
         let company = |rank: &[Guide]| {
             let rods: Vec<_> = rank.iter().map(|g| &g.rod).collect();
-            Company { pack: simple(&rank[0]).then(|| Pack::new(&rods)), len: rank.len() }
+            Company { pack: Pack::new(&rods), len: rank.len() }
         };
         let works = (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect();
         Companies { companies: ranks.map(company).collect(), works }
@@ -99,12 +97,6 @@ impl Company {
     ) {
         let CompanyWork { guides: works, solved, pack } = work;
         works.resize_with(works.len().max(self.len), Workspace::default);
-        let Some(rods) = &self.pack else {
-            for (guide, record) in guides.iter_mut().zip(records) {
-                *record = guide.advance(around, span[0], span[1], &mut works[0]);
-            }
-            return;
-        };
         solved.clear();
         for (guide, work) in guides.iter().zip(&mut *works) {
             let formula = guide.formula(span[1] - span[0]);
@@ -121,7 +113,7 @@ impl Company {
                 outcome: &mut solved.outcome,
             });
         let mut tasks: [_; MAX_LANES] = std::array::from_fn(|_| tasks.next());
-        rods.minimise(&mut tasks, pack);
+        self.pack.minimise(&mut tasks, pack);
         for (((guide, work), solved), record) in guides.iter_mut().zip(works).zip(solved).zip(records) {
             *record = guide.complete(around, span, Some(*solved), work);
         }

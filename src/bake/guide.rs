@@ -481,7 +481,7 @@ impl Guide {
     ) -> Pose {
         let (root, before) = (around.root(&self.rod.root, t1), &self.before);
         let points = (0..self.x.len()).map(|k| {
-            let previous = formula.past(self.x[k], before.x[k]) - self.rod.origin(&root, k);
+            let previous = formula.past(self.x[k], before.x[k]) - root.p;
             PointLoad {
                 inertial: previous + formula.past(self.v[k], before.v[k]) * formula.eta,
                 previous,
@@ -558,9 +558,7 @@ impl Guide {
     /// Arc length of each segment, m: of the cubic through its ends with their tangents, by three-point Gauss quadrature.
     fn segment_lengths(&self) -> Vec<f64> {
         let s = self.rod.arc_lengths();
-        let starts: Vec<usize> = self.rod.starts().collect();
         (0..s.len() - 1)
-            .filter(|k| !starts.contains(&(k + 1)))
             .map(|k| {
                 let (h, chord) = (s[k + 1] - s[k], self.x[k + 1] - self.x[k]);
                 let (ta, tb) = (self.tangent[k] * h, self.tangent[k + 1] * h);

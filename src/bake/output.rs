@@ -144,7 +144,7 @@ impl<'a> Output<'a> {
                 (0..rod.points())
                     .map(|k| {
                         let arm = shape.x(k);
-                        let v = speed + head.spin.cross(&arm) + sensitivity.velocity(k, shape, rate);
+                        let v = speed + head.spin.cross(&arm) + sensitivity.velocity(k, &arm, rate);
                         (single(&(to_scene * (root + arm))), single(&(to_scene * v)))
                     })
                     .collect()

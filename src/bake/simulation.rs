@@ -7,7 +7,7 @@ use super::rods::Rods;
 use super::state::{Part, Unfit};
 use super::tangle::{Tangle, Thickness};
 use crate::contact::Bodies;
-use crate::rod::Shape;
+use crate::rod::{Rod, Sensitivity, Shape};
 use crate::scene::anim::Contact;
 use crate::scene::{Anim, Groom};
 use crate::wisp::{self, GuideRod};
@@ -189,7 +189,7 @@ fn start(
     shape.update(&rod, &rod.root.r, &rod.start);
     let sag_free = groom.materials[r.material].sag_free;
     if sag_free > 0.0 {
-        let weight = rod.load(&rod.start, &(anim.gravity * sag_free));
+        let weight = gravity_load(&rod, &shape, &rod.start, &(anim.gravity * sag_free));
         rod.support(&weight, wisp::PREBEND_LIMIT);
     }
     let drag =
@@ -200,4 +200,15 @@ fn start(
     guide.scheme = anim.settings.scheme;
     guide.across = groom.materials[r.material].friction_across;
     guide
+}
+
+/// Generalised force of gravity `g`, m/s², on a rod at unknowns `q`, N·m².
+fn gravity_load(rod: &Rod, shape: &Shape, q: &[f64], g: &Vector3<f64>) -> Vec<f64> {
+    let mut sensitivity = Sensitivity::default();
+    sensitivity.update(rod, shape, q);
+    let mut load = vec![0.0; rod.unknowns()];
+    for k in 1..rod.points() {
+        sensitivity.add_row(k, &shape.x(k), g, rod.weight[k] * rod.line_density, &mut load);
+    }
+    load
 }

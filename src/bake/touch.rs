@@ -177,8 +177,8 @@ pub(super) fn rows_at(
     let n = rows.len() / 3;
     for (d, row) in frame.iter().zip(rows.chunks_exact_mut(n)) {
         row.fill(0.0);
-        solver.sensitivity.add_row(k, &solver.shape, d, 1.0 - u, row);
-        solver.sensitivity.add_row(k + 1, &solver.shape, d, u, row);
+        solver.sensitivity.add_row(k, &solver.shape.x(k), d, 1.0 - u, row);
+        solver.sensitivity.add_row(k + 1, &solver.shape.x(k + 1), d, u, row);
         solve_inward(&solver.factor, rod.branches(), row);
     }
 }

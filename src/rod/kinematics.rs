@@ -20,14 +20,11 @@ pub struct Shape<F = f64> {
     pub(super) pose: Vec<lanes::Pose<F>>,
     /// One per sub-step: what took each pose to the next.
     pub(super) turn: Vec<Turn<F>>,
-    /// By how much each point stands beside its pose, which is that of its chain grown from the end of the chain before; none where the
-    /// rod does not branch.
-    pub(super) beside: Vec<V3<F>>,
 }
 
 impl<F> Default for Shape<F> {
     fn default() -> Self {
-        Shape { pose: Vec::new(), turn: Vec::new(), beside: Vec::new() }
+        Shape { pose: Vec::new(), turn: Vec::new() }
     }
 }
 
@@ -59,11 +56,6 @@ impl Shape {
 
     /// Position of point `k`, m, relative to the root.
     pub fn x(&self, k: usize) -> Vector3<f64> {
-        self.arm(k) + self.beside.get(k).map_or(Vector3::zeros(), |b| (*b).into())
-    }
-
-    /// Position of the pose of point `k`, m, relative to the root: the lever with which turns move the point.
-    fn arm(&self, k: usize) -> Vector3<f64> {
         self.pose[k].p.into()
     }
 
@@ -74,7 +66,7 @@ impl Shape {
 
     /// Frame and position of every point.
     pub fn poses(&self) -> impl Iterator<Item = Pose> + '_ {
-        self.pose.iter().enumerate().map(|(k, g)| Pose { r: g.r.into(), p: self.x(k) })
+        self.pose.iter().map(|g| Pose { r: g.r.into(), p: g.p.into() })
     }
 }
 
@@ -89,16 +81,11 @@ impl<F: Real> Shape<F> {
             self.pose.resize(beam.points(), clamp);
             self.turn.resize(beam.steps.len(), Turn::by(Twist::none(zero)));
         }
-        self.beside.clear();
-        for beside in &beam.beside {
-            self.beside.push(root * *beside);
-        }
         for (c, chain) in beam.chains.iter().enumerate() {
-            let mut g = clamp;
-            if let Some(p) = chain.parent {
-                g = self.pose[beam.end(p)];
-                g.r = g.r * chain.turned;
-            }
+            let mut g = match chain.parent {
+                None => clamp,
+                Some(p) => self.pose[beam.end(p)].compose(&chain.offset),
+            };
             self.pose[beam.start(c)] = g;
             let poses = self.pose[beam.start(c) + 1..].iter_mut();
             let range = chain.steps.clone();
@@ -305,9 +292,10 @@ impl Sensitivity {
         [(own.first, &self.total[own.first..done]), (done, before)].into_iter().chain(upstream)
     }
 
-    /// Row of the Jacobian of point `k` of `shape` along the world direction `d`, scaled and added: `row += a · d · ∂x/∂q`.
-    pub fn add_row(&self, k: usize, shape: &Shape, d: &Vector3<f64>, a: f64, row: &mut [f64]) {
-        let wrench = Twist { w: (shape.arm(k).cross(d) * a).into(), v: (d * a).into() };
+    /// Row of the Jacobian of point `k` (at `x`, relative to the root) along the world direction `d`, scaled and added:
+    /// `row += a · d · ∂x/∂q`.
+    pub fn add_row(&self, k: usize, x: &Vector3<f64>, d: &Vector3<f64>, a: f64, row: &mut [f64]) {
+        let wrench = Twist { w: (x.cross(d) * a).into(), v: (d * a).into() };
         for (first, twists) in self.moving(k) {
             for (r, t) in row[first..].iter_mut().zip(twists) {
                 *r += wrench.dot(t);
@@ -315,14 +303,14 @@ impl Sensitivity {
         }
     }
 
-    /// Velocity of point `k` of `shape` under rates `qdot`, relative to a root at rest.
-    pub fn velocity(&self, k: usize, shape: &Shape, qdot: &[f64]) -> Vector3<f64> {
+    /// Velocity of point `k` (at `x`, relative to the root) under rates `qdot`, relative to a root at rest.
+    pub fn velocity(&self, k: usize, x: &Vector3<f64>, qdot: &[f64]) -> Vector3<f64> {
         let mut t = Twist::none(0.0);
         for (first, twists) in self.moving(k) {
             for (c, r) in twists.iter().zip(&qdot[first..]) {
                 t = Twist { w: t.w + c.w * *r, v: t.v + c.v * *r };
             }
         }
-        (t.v + t.w.cross(V3::from(shape.arm(k)))).into()
+        (t.v + t.w.cross((*x).into())).into()
     }
 }

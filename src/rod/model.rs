@@ -5,7 +5,6 @@ use crate::math::frame::{any_frame, double_reflection, frame_towards};
 use crate::math::lanes::{self, M3, Real, V3};
 use crate::math::se3::{self, Pose, Twist};
 use crate::math::spline::ArcSpline;
-use crate::rod::{Sensitivity, Shape};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use std::ops::Range;
 
@@ -62,8 +61,8 @@ pub(super) struct Chain<F> {
     pub steps: Range<usize>,
     /// Chain at whose end it starts; `None` at the clamp.
     pub parent: Option<usize>,
-    /// Its first frame in its parent's last.
-    pub turned: M3<F>,
+    /// Its first pose in the frame of its parent's last.
+    pub offset: lanes::Pose<F>,
 }
 
 /// What the step of a rod, or of several in lanes, reads of it.
@@ -73,9 +72,6 @@ pub(super) struct Beam<F> {
     pub steps: Vec<Step<F>>,
     /// The chains, each with a first point of its own: sub-step k of chain c leads from point k + c to the next.
     pub chains: Vec<Chain<F>>,
-    /// By how much each point stands beside where its chain, grown from the end of its parent, has it; root frame, m. Empty where there
-    /// is one chain.
-    pub beside: Vec<V3<F>>,
     /// How the unknowns branch: a stem for each chain.
     pub branches: Branches,
     /// Hat-function mass matrix ∫ N_i N_j ds, m: diagonal, and next to it; times the share of the hairs that the chain stands for.
@@ -219,13 +215,10 @@ impl Rod {
             }
         }
         let free = nodes.len() - 1;
+        let none = V3::from(Vector3::zeros());
+        let offset = lanes::Pose { r: M3::from(Matrix3::identity()), p: none };
         let beam = Beam {
-            chains: vec![Chain {
-                steps: 0..steps.len(),
-                parent: None,
-                turned: M3::from(Matrix3::identity()),
-            }],
-            beside: Vec::new(),
+            chains: vec![Chain { steps: 0..steps.len(), parent: None, offset }],
             branches: Branches::new([(None, 3 * free)]),
             hat: hat_matrix(&nodes, true, 1.0).collect(),
             stiffness: source.stiffness,
@@ -278,11 +271,6 @@ impl Rod {
         self.beam.chains.iter().flat_map(along).collect()
     }
 
-    /// Where the pose of point `k` is measured from when the root is at `root`, world, m: the root, or beside it where the rod branches.
-    pub fn origin(&self, root: &Pose, k: usize) -> Vector3<f64> {
-        root.p + self.beam.beside.get(k).map_or(Vector3::zeros(), |b| root.r * Vector3::from(*b))
-    }
-
     /// First points of its chains: what comes before each of them in the order of the points is not next to it.
     pub fn starts(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.beam.chains.len()).map(|c| self.beam.start(c))
@@ -321,31 +309,6 @@ impl Rod {
             }
             rhs[i] /= diag[i];
         }
-    }
-
-    /// Generalised force of a uniform acceleration `g`, m/s², in rest space, on the rod at unknowns `q` with its root at rest, N·m².
-    pub fn load(&self, q: &[f64], g: &Vector3<f64>) -> Vec<f64> {
-        let (mut shape, mut sensitivity) = (Shape::default(), Sensitivity::default());
-        shape.update(self, &self.root.r, q);
-        sensitivity.update(self, &shape, q);
-        let mut load = vec![0.0; self.unknowns()];
-        for k in 1..self.points() {
-            sensitivity.add_row(k, &shape, g, self.weight[k] * self.line_density, &mut load);
-        }
-        load
-    }
-
-    /// What elasticity asks for at unknowns `q` beyond the generalised force `load` to be in equilibrium, N·m².
-    pub fn imbalance(&self, q: &[f64], load: &[f64]) -> Vec<f64> {
-        let mut force: Vec<f64> = self.beam.prebend.iter().zip(load).map(|(b, load)| -b - load).collect();
-        self.beam.add_elastic(1.0, q, &mut force);
-        force
-    }
-
-    /// Pre-bends the natural shape, however much, so that the rod is in equilibrium under the generalised force `load` as it starts.
-    pub fn balance(&mut self, load: &[f64]) {
-        self.beam.prebend.fill(0.0);
-        self.beam.prebend = self.imbalance(&self.start, load);
     }
 
     /// Pre-bends the natural shape so that the generalised load `load` (such as gravity's at the groom's pose) is

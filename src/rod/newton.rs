@@ -1,10 +1,10 @@
 //! Newton's method on the incremental potential, and the linearisation that contact builds on.
 
 use super::model::Beam;
-use super::potential::{Load, Sweep, energy, gradient, hessian};
+use super::potential::{Composite, Load, energy, gradient, hessian};
 use super::{Rod, Sensitivity, Shape};
 use crate::math::cholesky;
-use crate::math::lanes::{M3, MAX_LANES, Mask, Real};
+use crate::math::lanes::{M3, MAX_LANES, Mask, Real, Twist};
 use nalgebra::Matrix3;
 
 /// A solve has converged when no point is further from where it belongs than this fraction of the rod's length, by the estimate
@@ -59,7 +59,9 @@ pub struct Solver<F = f64> {
     pub factor: Vec<F>,
     /// The factor in the making.
     fresh: Vec<F>,
-    sweep: Sweep<F>,
+    wrench: Vec<Twist<F>>,
+    /// What is downstream of each chain.
+    bodies: Vec<Composite<F>>,
     /// −gradient of Φ before the step at hand, and the last step.
     downhill: Vec<F>,
     step: Vec<F>,
@@ -79,7 +81,8 @@ impl<F> Default for Solver<F> {
             direction: Vec::new(),
             factor: Vec::new(),
             fresh: Vec::new(),
-            sweep: Sweep::default(),
+            wrench: Vec::new(),
+            bodies: Vec::new(),
             downhill: Vec::new(),
             step: Vec::new(),
             secants: Vec::new(),
@@ -330,7 +333,7 @@ impl<F: Real> Solver<F> {
     #[inline(always)]
     fn slope_down(&mut self, beam: &Beam<F>, load: &Load<F>, q: &[F]) {
         self.sensitivity.levers(beam, &self.shape);
-        gradient(beam, load, &self.shape, &self.sensitivity, q, &mut self.direction, &mut self.sweep);
+        gradient(beam, load, &self.shape, &self.sensitivity, q, &mut self.direction, &mut self.wrench);
         for g in &mut self.direction {
             *g = -*g;
         }
@@ -346,8 +349,8 @@ impl<F: Real> Solver<F> {
         let one = load.inertia.same(1.0);
         let mut geometric = one;
         let positive = loop {
-            let Solver { shape, sensitivity, sweep, fresh, .. } = self;
-            hessian(beam, load, shape, sensitivity, sweep, geometric, fresh);
+            let Solver { shape, sensitivity, wrench, bodies, fresh, .. } = self;
+            hessian(beam, load, shape, sensitivity, wrench, geometric, bodies, fresh);
             let positive = needed & cholesky::factor(fresh, &beam.branches);
             let without = needed & geometric.below(one);
             if positive | without == needed {

@@ -176,8 +176,11 @@ impl<F: Real> Beams<F> {
             }
         }
         let beam = Beam {
-            chains: vec![Chain { steps: 0..steps.len(), parent: None, turned: M3::diagonal(zero) }],
-            beside: Vec::new(),
+            chains: vec![Chain {
+                steps: 0..steps.len(),
+                parent: None,
+                offset: Pose { r: M3::diagonal(zero), p: V3::all(zero) },
+            }],
             branches: beams[0].branches.clone(),
             steps,
             hat: (0..elements).map(|e| [0, 1].map(|j| lanes(zero, |i| beams[i].hat[e][j]))).collect(),
@@ -234,8 +237,7 @@ impl<F: Real> Beams<F> {
             for (x, q) in task.q.iter_mut().zip(&*q) {
                 *x = q.lane(i);
             }
-            let Shape { pose, turn, beside } = &mut *task.shape;
-            beside.clear();
+            let Shape { pose, turn } = &mut *task.shape;
             pose.clear();
             turn.clear();
             pose.push(pose_in_lane(&solver.shape.pose[0], i));

@@ -10,7 +10,7 @@ use super::{Rod, Sensitivity, Shape};
 use crate::math::lanes::{M3, Real, Twist, V3};
 use nalgebra::Vector3;
 
-/// What drives one point of a rod over a step. Positions relative to the point's origin ([`Rod::origin`]) at the end of the step, world axes.
+/// What drives one point of a rod over a step. Positions relative to the root at the end of the step, world axes.
 #[derive(Debug, Clone, Copy)]
 pub struct PointLoad {
     /// Position that inertia would reach, x* + h v*, m (`docs/theory.md` §4.1).
@@ -160,7 +160,7 @@ impl<F: Real> Symmetric<F> {
 
 /// Sums over all that is downstream of a sub-step, about the root.
 #[derive(Debug, Clone, Copy)]
-struct Composite<F> {
+pub(super) struct Composite<F> {
     /// Σ f.
     force: V3<F>,
     /// Σ x fᵀ.
@@ -215,22 +215,6 @@ impl<F: Real> Composite<F> {
             pt: self.tp,
             pp: self.pp.full(),
         }
-    }
-}
-
-/// What the sweeps from the tips to the root have gathered.
-#[derive(Debug, Clone)]
-pub(super) struct Sweep<F> {
-    /// For every sub-step the wrench, torque and force, of all that is downstream of it; then for every chain that of what grows
-    /// from its end.
-    wrench: Vec<Twist<F>>,
-    /// What grows from the end of each chain.
-    bodies: Vec<Composite<F>>,
-}
-
-impl<F> Default for Sweep<F> {
-    fn default() -> Self {
-        Sweep { wrench: Vec::new(), bodies: Vec::new() }
     }
 }
 
@@ -321,7 +305,8 @@ impl<F: Real> Block<F> {
     }
 }
 
-/// Gradient of Φ at `q`, whose shape and levers are given (`docs/theory.md` §4.3), into `gradient`; fills `sweep`.
+/// Gradient of Φ at `q`, whose shape and levers are given (`docs/theory.md` §4.3), and for every sub-step the wrench, torque and
+/// force, of all that is downstream of it.
 #[inline(always)]
 pub(super) fn gradient<F: Real>(
     beam: &Beam<F>,
@@ -330,10 +315,11 @@ pub(super) fn gradient<F: Real>(
     sensitivity: &Sensitivity<F>,
     q: &[F],
     gradient: &mut Vec<F>,
-    sweep: &mut Sweep<F>,
+    wrench: &mut Vec<Twist<F>>,
 ) {
     let zero = beam.length.same(0.0);
-    let (wrench, none) = (&mut sweep.wrench, Twist::none(zero));
+    // After those of the sub-steps, what grows from each chain.
+    let none = Twist::none(zero);
     wrench.resize(beam.steps.len() + beam.chains.len(), none);
     wrench[beam.steps.len()..].fill(none);
     gradient.resize(q.len(), zero);
@@ -371,8 +357,8 @@ pub(super) fn gradient<F: Real>(
     }
 }
 
-/// The Hessian of Φ, where [`gradient`] filled `sweep`, into `hessian`, laid out as the beam branches
-/// ([`crate::math::cholesky::Branches`]).
+/// The Hessian of Φ, where [`gradient`] gave `wrench`, into `hessian`, laid out as the beam branches
+/// ([`crate::math::cholesky::Branches`]). `bodies` is room for what is downstream of each chain.
 ///
 /// The stiffness of the carried forces counts `geometric` times: 1 for the Hessian itself, 0 for what is positive definite.
 #[inline(always)]
@@ -381,8 +367,9 @@ pub(super) fn hessian<F: Real>(
     load: &Load<F>,
     shape: &Shape<F>,
     sensitivity: &Sensitivity<F>,
-    sweep: &mut Sweep<F>,
+    wrench: &[Twist<F>],
     geometric: F,
+    bodies: &mut Vec<Composite<F>>,
     hessian: &mut Vec<F>,
 ) {
     let (branches, width, zero) = (&beam.branches, beam.branches.width(), geometric.same(0.0));
@@ -399,7 +386,6 @@ pub(super) fn hessian<F: Real>(
         }
     }
 
-    let Sweep { wrench, bodies } = sweep;
     bodies.clear();
     bodies.resize(beam.chains.len(), Composite::new(zero));
     let mut block = Block::new(zero);
@@ -447,7 +433,6 @@ mod tests {
     use super::super::model::{Cut, RodSource};
     use super::*;
     use crate::rod::Limb;
-    use std::ops::Range;
 
     fn curl() -> Rod {
         curl_cut(0.01)
@@ -478,9 +463,7 @@ mod tests {
     fn fork(length: f64) -> Rod {
         let (a, mut b) = (curl_cut(length), curl_cut(length));
         b.root.p += Vector3::new(0.004, 0.0, 0.003);
-        fn limb(strand: &Rod, nodes: Range<usize>, parent: Option<usize>, share: f64) -> Limb<'_> {
-            Limb { strand, rest: &strand.start, nodes, parent, share }
-        }
+        let limb = |strand, nodes, parent, share| Limb { strand, nodes, parent, share };
         Rod::branching(&[
             limb(&a, 0..2, None, 1.0),
             limb(&a, 2..5, Some(0), 0.4),
@@ -511,9 +494,9 @@ mod tests {
         let (mut shape, mut sens) = (Shape::default(), Sensitivity::default());
         shape.update(rod, &rod.root.r, q);
         sens.update(rod, &shape, q);
-        let (mut g, mut h, mut sweep) = (Vec::new(), Vec::new(), Sweep::default());
-        gradient(&rod.beam, load, &shape, &sens, q, &mut g, &mut sweep);
-        hessian(&rod.beam, load, &shape, &sens, &mut sweep, 1.0, &mut h);
+        let (mut g, mut wrench, mut h, mut bodies) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        gradient(&rod.beam, load, &shape, &sens, q, &mut g, &mut wrench);
+        hessian(&rod.beam, load, &shape, &sens, &wrench, 1.0, &mut bodies, &mut h);
         (g, h)
     }
 
@@ -638,11 +621,11 @@ mod tests {
         moved.update(rod, &rod.root.r, &ahead);
         for k in 1..rod.points() {
             let mut row = vec![0.0; q.len()];
-            sens.add_row(k, &shape, &d, 2.0, &mut row);
+            sens.add_row(k, &shape.x(k), &d, 2.0, &mut row);
             let slope = (moved.x(k) - shape.x(k)) / 1e-5;
             let by_row: f64 = row.iter().zip(&rate).map(|(a, b)| a * b).sum();
             assert!((by_row - 2.0 * d.dot(&slope)).abs() < 1e-8, "{k}");
-            assert!((sens.velocity(k, &shape, &rate) - slope).norm() < 1e-8, "{k}");
+            assert!((sens.velocity(k, &shape.x(k), &rate) - slope).norm() < 1e-8, "{k}");
         }
     }
 }

@@ -1,9 +1,10 @@
 //! The linearisation of a rod that contacts push: the forces carried along by the rod are part of its stiffness.
 
 use super::newton::Solver;
-use super::potential::{Load, Sweep, gradient, hessian};
+use super::potential::{Composite, Load, gradient, hessian};
 use super::{Rod, Sensitivity, Shape};
 use crate::math::cholesky::{self, Branches};
+use crate::math::lanes::Twist;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +31,7 @@ impl Push {
     /// Adds to `row` what the place moves along the world direction `d`, by unknown.
     fn add_row(&self, d: &Vector3<f64>, shape: &Shape, sensitivity: &Sensitivity, row: &mut [f64]) {
         for (k, share) in [(self.segment, 1.0 - self.u), (self.segment + 1, self.u)] {
-            sensitivity.add_row(k, shape, d, share, row);
+            sensitivity.add_row(k, &shape.x(k), d, share, row);
         }
     }
 
@@ -46,7 +47,8 @@ impl Push {
 #[derive(Debug, Default)]
 pub struct PushedWork {
     load: Load,
-    sweep: Sweep<f64>,
+    wrench: Vec<Twist<f64>>,
+    bodies: Vec<Composite<f64>>,
     hessian: Vec<f64>,
     row: Vec<f64>,
 }
@@ -76,8 +78,9 @@ impl Solver {
         }
         self.sensitivity.update(rod, &self.shape, q);
         let (beam, shape, sensitivity) = (&rod.beam, &self.shape, &self.sensitivity);
-        gradient(beam, &work.load, shape, sensitivity, q, &mut self.direction, &mut work.sweep);
-        hessian(beam, &work.load, shape, sensitivity, &mut work.sweep, 1.0, &mut work.hessian);
+        gradient(beam, &work.load, shape, sensitivity, q, &mut self.direction, &mut work.wrench);
+        let PushedWork { load: pushed, wrench, bodies, hessian: h, .. } = work;
+        hessian(beam, pushed, shape, sensitivity, wrench, 1.0, bodies, h);
         for d in &mut self.direction {
             *d = -*d;
         }
