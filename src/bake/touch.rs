@@ -6,7 +6,7 @@ use super::guide::StepRecord;
 use super::tie::Tie;
 use crate::contact::friction::Law;
 use crate::contact::{Bodies, Contact, Motion, Polyline, Problem, Tolerance, friction};
-use crate::math::cholesky::{dot, solve_inward, solve_outward};
+use crate::math::cholesky::{dot, solve_lower, solve_upper};
 use crate::math::frame::{any_frame, frame_towards};
 use crate::math::se3::Pose;
 use crate::rod::Rod;
@@ -92,7 +92,7 @@ pub(super) struct TouchWork {
     x1: Vec<Vector3<f64>>,
     pub(super) contacts: Vec<Contact>,
     impacts: Vec<Contact>,
-    /// L⁻ᵀJᵀ, a row for each contact and direction.
+    /// L⁻¹Jᵀ, a row for each contact and direction.
     pub(super) rows: Vec<f64>,
     delassus: Vec<f64>,
     pub(super) free: Vec<f64>,
@@ -165,21 +165,14 @@ pub(super) fn across(normal: &Vector3<f64>) -> [Vector3<f64>; 3] {
     [*normal, frame.column(0).into(), frame.column(1).into()]
 }
 
-/// The rows L⁻ᵀJᵀ of the place `u` (0..=1) on segment `k` along the directions of `frame`, one after another.
-pub(super) fn rows_at(
-    rod: &Rod,
-    solver: &Solver,
-    k: usize,
-    u: f64,
-    frame: &[Vector3<f64>; 3],
-    rows: &mut [f64],
-) {
+/// The rows L⁻¹Jᵀ of the place `u` (0..=1) on segment `k` along the directions of `frame`, one after another.
+pub(super) fn rows_at(solver: &Solver, k: usize, u: f64, frame: &[Vector3<f64>; 3], rows: &mut [f64]) {
     let n = rows.len() / 3;
     for (d, row) in frame.iter().zip(rows.chunks_exact_mut(n)) {
         row.fill(0.0);
         solver.sensitivity.add_row(k, &solver.shape.x(k), d, 1.0 - u, row);
         solver.sensitivity.add_row(k + 1, &solver.shape.x(k + 1), d, u, row);
-        solve_inward(&solver.factor, rod.branches(), row);
+        solve_lower(&solver.factor, n, row);
     }
 }
 
@@ -287,7 +280,7 @@ impl Touch<'_> {
         normal.dot(&(line.x0[k] * (1.0 - u) + line.x0[k + 1] * u - contact.point[0]))
     }
 
-    /// L⁻ᵀJᵀ and the free displacements, in the axes of each contact, then of each tie.
+    /// L⁻¹Jᵀ and the free displacements, in the axes of each contact, then of each tie.
     pub fn rows(&self, solver: &Solver, work: &mut TouchWork) {
         let (n, c) = (self.rod.unknowns(), work.contacts.len() + self.ties.len());
         work.rows.clear();
@@ -302,7 +295,7 @@ impl Touch<'_> {
             let slip = at(&work.x1) - at(self.x0) - (contact.point[1] - contact.point[0]);
             let frame = self.axes(solver, contact);
             work.frames.push((k, u, frame));
-            rows_at(self.rod, solver, k, u, &frame, rows);
+            rows_at(solver, k, u, &frame, rows);
             for (j, (d, row)) in frame.iter().zip(rows.chunks_exact(n)).enumerate() {
                 let now = if j == 0 { contact.gap } else { slip.dot(d) };
                 work.free.push(now + dot(row, &solver.direction));
@@ -313,7 +306,7 @@ impl Touch<'_> {
         for ((tie, target), rows) in self.ties.iter().zip(of_ties.chunks_exact_mut(3 * n)) {
             let gap = tie.place(&work.x1) - target;
             work.frames.push((tie.segment, tie.u, axes));
-            rows_at(self.rod, solver, tie.segment, tie.u, &axes, rows);
+            rows_at(solver, tie.segment, tie.u, &axes, rows);
             for (gap, row) in gap.iter().zip(rows.chunks_exact(n)) {
                 work.free.push(gap + dot(row, &solver.direction));
             }
@@ -371,7 +364,7 @@ impl Touch<'_> {
                 }
             }
         }
-        solve_outward(&solver.factor, self.rod.branches(), &mut solver.direction);
+        solve_upper(&solver.factor, n, &mut solver.direction);
         work.pushes.clear();
         for (i, ((segment, u, frame), r)) in work.frames.iter().zip(work.reaction.chunks_exact(3)).enumerate()
         {

@@ -2,7 +2,6 @@
 
 use super::Rod;
 use super::model::{Beam, Step};
-use crate::math::cholesky::Stem;
 use crate::math::lanes::{self, M3, Mask, Real, Twist, V3};
 use crate::math::se3::{self, Coefficients, LeftJacobian, Pose};
 use nalgebra::{Matrix3, Vector3};
@@ -76,26 +75,17 @@ impl<F: Real> Shape<F> {
     pub(super) fn bend(&mut self, beam: &Beam<F>, root: M3<F>, q: &[F]) -> Mask {
         let zero = beam.length.same(0.0);
         let mut most = zero;
-        let clamp = lanes::Pose { r: root, p: V3::all(zero) };
+        let mut g = lanes::Pose { r: root, p: V3::all(zero) };
         if self.turn.len() != beam.steps.len() || self.pose.len() != beam.points() {
-            self.pose.resize(beam.points(), clamp);
+            self.pose.resize(beam.points(), g);
             self.turn.resize(beam.steps.len(), Turn::by(Twist::none(zero)));
         }
-        for (c, chain) in beam.chains.iter().enumerate() {
-            let mut g = match chain.parent {
-                None => clamp,
-                Some(p) => self.pose[beam.end(p)].compose(&chain.offset),
-            };
-            self.pose[beam.start(c)] = g;
-            let poses = self.pose[beam.start(c) + 1..].iter_mut();
-            let range = chain.steps.clone();
-            for ((step, turn), pose) in beam.steps[range.clone()].iter().zip(&mut self.turn[range]).zip(poses)
-            {
-                *turn = Turn::by(exponent(step, &local(step, q)));
-                most = most.max(turn.psi.w.dot(turn.psi.w));
-                g = g.compose(&se3::exp(&turn.psi, &turn.coefficients));
-                *pose = g;
-            }
+        self.pose[0] = g;
+        for ((step, pose), turn) in beam.steps.iter().zip(&mut self.pose[1..]).zip(&mut self.turn) {
+            *turn = Turn::by(exponent(step, &local(step, q)));
+            most = most.max(turn.psi.w.dot(turn.psi.w));
+            g = g.compose(&se3::exp(&turn.psi, &turn.coefficients));
+            *pose = g;
         }
         most.below(most.same(MAX_STEP_TURN * MAX_STEP_TURN))
     }
@@ -112,17 +102,19 @@ impl<F: Real> Shape<F> {
     }
 }
 
-/// Unknowns of a node.
+/// Unknowns of a node; none at the tip.
 #[inline(always)]
 fn node<F: Real>(q: &[F], i: usize) -> V3<F> {
-    V3([q[3 * i], q[3 * i + 1], q[3 * i + 2]])
+    match q.get(3 * i..3 * i + 3) {
+        Some(c) => V3([c[0], c[1], c[2]]),
+        None => V3::all(q[0].same(0.0)),
+    }
 }
 
 /// Deviation at the Gauss points of a step.
 #[inline(always)]
 fn local<F: Real>(step: &Step<F>, q: &[F]) -> [V3<F>; 2] {
-    let l = node(q, step.node);
-    let r = if step.tip { V3::all(q[0].same(0.0)) } else { node(q, step.node + 1) };
+    let (l, r) = (node(q, step.element), node(q, step.element + 1));
     [r + (l - r) * step.left[0], r + (l - r) * step.left[1]]
 }
 
@@ -172,54 +164,34 @@ pub struct Sensitivity<F = f64> {
     pub(super) step: Vec<[Twist<F>; 6]>,
     /// For every sub-step, the twist that its six unknowns give through the sub-steps before it.
     pub(super) before: Vec<[Twist<F>; 6]>,
-    /// For every unknown, the twist that it gives to all downstream of its support.
+    /// For every unknown, the twist that it gives to all downstream of its support. Those of the tip node, which has no
+    /// unknowns, stand after the last.
     pub(super) total: Vec<Twist<F>>,
-    /// What moves each point.
-    moved: Vec<Moved>,
-    stems: Vec<Stem>,
-}
-
-/// The unknowns that move a point: all of the stems that its own grows from, those of its own before `done` in full, and `live` from
-/// there on as far as they do before the sub-step `step`.
-#[derive(Debug, Clone, Copy)]
-struct Moved {
-    stem: usize,
-    done: usize,
-    live: usize,
-    step: usize,
+    /// Element of each sub-step.
+    element: Vec<usize>,
 }
 
 impl<F> Default for Sensitivity<F> {
     fn default() -> Self {
-        Sensitivity {
-            lever: Vec::new(),
-            step: Vec::new(),
-            before: Vec::new(),
-            total: Vec::new(),
-            moved: Vec::new(),
-            stems: Vec::new(),
-        }
+        let (lever, element) = (Vec::new(), Vec::new());
+        Sensitivity { lever, step: Vec::new(), before: Vec::new(), total: Vec::new(), element }
     }
 }
 
 impl<F: Real> Sensitivity<F> {
     /// The levers at `shape`: enough for a gradient.
     #[inline(always)]
-    pub(super) fn levers(&mut self, beam: &Beam<F>, shape: &Shape<F>) {
+    pub(super) fn levers(&mut self, shape: &Shape<F>) {
         let zero = shape.pose[0].p.0[0].same(0.0);
         if self.lever.len() != shape.turn.len() {
             let none = M3::diagonal(zero);
             self.lever.resize(shape.turn.len(), LeftJacobian { j: none, q: none });
         }
-        for (c, chain) in beam.chains.iter().enumerate() {
-            let (range, poses) = (chain.steps.clone(), &shape.pose[beam.start(c)..]);
-            for ((lever, turn), g) in self.lever[range.clone()].iter_mut().zip(&shape.turn[range]).zip(poses)
-            {
-                let lj = se3::left_jacobian(&turn.psi, &turn.coefficients);
-                let (j, q) = (g.r * lj.j, g.r * lj.q);
-                let carried = M3([g.p.cross(j.0[0]), g.p.cross(j.0[1]), g.p.cross(j.0[2])]);
-                *lever = LeftJacobian { j, q: q + carried };
-            }
+        for ((lever, turn), g) in self.lever.iter_mut().zip(&shape.turn).zip(&shape.pose) {
+            let lj = se3::left_jacobian(&turn.psi, &turn.coefficients);
+            let (j, q) = (g.r * lj.j, g.r * lj.q);
+            let carried = M3([g.p.cross(j.0[0]), g.p.cross(j.0[1]), g.p.cross(j.0[2])]);
+            *lever = LeftJacobian { j, q: q + carried };
         }
     }
 
@@ -227,10 +199,13 @@ impl<F: Real> Sensitivity<F> {
     #[inline(always)]
     pub(super) fn twists(&mut self, beam: &Beam<F>, q: &[F]) {
         let (none, n) = (Twist::none(beam.length.same(0.0)), beam.steps.len());
-        self.step.resize(n, [none; 6]);
-        self.before.resize(n, [none; 6]);
-        self.total.clear();
-        self.total.resize(beam.unknowns(), none);
+        if self.step.len() != n || self.total.len() != beam.unknowns() + 3 {
+            self.step.resize(n, [none; 6]);
+            self.before.resize(n, [none; 6]);
+            self.element.resize(n, 0);
+            self.total.resize(beam.unknowns() + 3, none);
+        }
+        self.total.fill(none);
         for (k, step) in beam.steps.iter().enumerate() {
             let (lever, own) = (&self.lever[k], &mut self.step[k]);
             for (side, share) in shares(step, q).iter().enumerate() {
@@ -242,11 +217,12 @@ impl<F: Real> Sensitivity<F> {
                 own[3 * side].v += lever.j.0[1] * -share.c;
                 own[3 * side + 1].v += lever.j.0[0] * share.c;
             }
-            let (before, total) = (&mut self.before[k], &mut self.total[3 * step.node..][..step.live()]);
-            for ((before, total), own) in before.iter_mut().zip(total).zip(own) {
-                *before = *total;
-                *total = *before + *own;
+            let (before, total) = (&mut self.before[k], &mut self.total[3 * step.element..][..6]);
+            for a in 0..6 {
+                before[a] = total[a];
+                total[a] = before[a] + own[a];
             }
+            self.element[k] = step.element;
         }
     }
 }
@@ -254,62 +230,33 @@ impl<F: Real> Sensitivity<F> {
 impl Sensitivity {
     /// The sensitivity at unknowns `q` whose shape is `shape`.
     pub fn update(&mut self, rod: &Rod, shape: &Shape, q: &[f64]) {
-        self.levers(&rod.beam, shape);
+        self.levers(shape);
         self.twists(&rod.beam, q);
-        self.places(rod);
     }
 
-    /// Notes what moves each point; `add_row` and `velocity` need it.
-    pub(super) fn places(&mut self, rod: &Rod) {
-        let beam = &rod.beam;
-        self.stems.clear();
-        self.stems.extend_from_slice(beam.branches.stems());
-        self.moved.clear();
-        for (stem, chain) in beam.chains.iter().enumerate() {
-            let at = |step: usize| Moved {
-                stem,
-                done: 3 * beam.steps[step].node,
-                live: beam.steps[step].live(),
-                step,
-            };
-            self.moved.extend(chain.steps.clone().map(at));
-            let Stem { first, len, .. } = self.stems[stem];
-            self.moved.push(Moved { stem, done: first + len, live: 0, step: 0 });
-        }
-    }
-
-    /// The unknowns that move point `k`, with their twists, by runs.
-    fn moving(&self, k: usize) -> impl Iterator<Item = (usize, &[Twist<f64>])> {
-        let Moved { stem, done, live, step } = self.moved[k];
-        let own = &self.stems[stem];
-        let mut next = own.parent;
-        let upstream = std::iter::from_fn(move || {
-            let s = &self.stems[next?];
-            next = s.parent;
-            Some((s.first, &self.total[s.first..s.first + s.len]))
-        });
-        let before = self.before.get(step).map_or(&[][..], |b| &b[..live]);
-        [(own.first, &self.total[own.first..done]), (done, before)].into_iter().chain(upstream)
+    /// Twists of the unknowns that move point `k`, in order.
+    fn moving(&self, k: usize) -> impl Iterator<Item = &Twist<f64>> {
+        let (done, live) = match self.before.get(k) {
+            Some(live) => (3 * self.element[k], &live[..]),
+            None => (self.total.len(), &[][..]),
+        };
+        self.total[..done].iter().chain(live)
     }
 
     /// Row of the Jacobian of point `k` (at `x`, relative to the root) along the world direction `d`, scaled and added:
     /// `row += a · d · ∂x/∂q`.
     pub fn add_row(&self, k: usize, x: &Vector3<f64>, d: &Vector3<f64>, a: f64, row: &mut [f64]) {
         let wrench = Twist { w: (x.cross(d) * a).into(), v: (d * a).into() };
-        for (first, twists) in self.moving(k) {
-            for (r, t) in row[first..].iter_mut().zip(twists) {
-                *r += wrench.dot(t);
-            }
+        for (r, t) in row.iter_mut().zip(self.moving(k)) {
+            *r += wrench.dot(t);
         }
     }
 
     /// Velocity of point `k` (at `x`, relative to the root) under rates `qdot`, relative to a root at rest.
     pub fn velocity(&self, k: usize, x: &Vector3<f64>, qdot: &[f64]) -> Vector3<f64> {
         let mut t = Twist::none(0.0);
-        for (first, twists) in self.moving(k) {
-            for (c, r) in twists.iter().zip(&qdot[first..]) {
-                t = Twist { w: t.w + c.w * *r, v: t.v + c.v * *r };
-            }
+        for (c, r) in self.moving(k).zip(qdot) {
+            t = Twist { w: t.w + c.w * *r, v: t.v + c.v * *r };
         }
         (t.v + t.w.cross((*x).into())).into()
     }

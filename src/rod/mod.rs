@@ -4,8 +4,7 @@
 //! Ω(s) = (κ1, κ2, τ) in the material frame. The natural shape keeps the groom's own resolution; the unknowns `q`
 //! are the deviation from it at a few nodes, linear in between. [`Rod`] is what does not change, [`Shape`]
 //! and [`Sensitivity`] are the kinematics at one `q`, [`potential`] the incremental potential whose minimum is the
-//! implicit step, [`newton`] finds it. A rod may branch ([`Limb`]); everything here serves branching rods and simple ones alike, but
-//! for [`pack`].
+//! implicit step, [`newton`] finds it.
 //!
 //! | symbol | here | meaning | unit |
 //! |---|---|---|---|
@@ -16,7 +15,6 @@
 //! | T, S | `Twist` columns | world twist that an unknown induces downstream | rad·m, m² per 1/m |
 //! | K | `stiffness` | (E I1, E I2, G J) | N·m² |
 
-mod branch;
 mod kinematics;
 mod model;
 pub mod newton;
@@ -24,6 +22,5 @@ pub mod pack;
 pub mod potential;
 pub mod pushed;
 
-pub use branch::Limb;
 pub use kinematics::{Sensitivity, Shape};
 pub use model::{Cut, Rod, RodSource};

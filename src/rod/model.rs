@@ -1,12 +1,10 @@
 //! What does not change of a rod: its natural shape cut into Magnus sub-steps, its stiffness, its mass.
 
-use crate::math::cholesky::Branches;
 use crate::math::frame::{any_frame, double_reflection, frame_towards};
-use crate::math::lanes::{self, M3, Real, V3};
+use crate::math::lanes::{self, Real, V3};
 use crate::math::se3::{self, Pose, Twist};
 use crate::math::spline::ArcSpline;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use std::ops::Range;
 
 /// How finely the elements of a rod are cut into sub-steps: two at least.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,10 +30,8 @@ pub(super) const GAUSS: [f64; 2] = [0.211_324_865_405_187_13, 0.788_675_134_594_
 /// One Magnus sub-step of the natural shape.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Step<F> {
-    /// Node at the near end of the element that holds it; the one at the far end comes next.
-    pub node: usize,
-    /// Whether the far end is a free tip, where there is no moment and so no deviation.
-    pub tip: bool,
+    /// Element (between nodes `element` and `element + 1`) that holds it.
+    pub element: usize,
     /// Length h, m.
     pub h: F,
     /// Exponent of the natural shape: exact, so that the natural shape is met to rounding at q = 0.
@@ -46,35 +42,12 @@ pub(super) struct Step<F> {
     pub left: [F; 2],
 }
 
-impl<F> Step<F> {
-    /// Unknowns of its element: three at each node, none at a free tip.
-    #[inline(always)]
-    pub fn live(&self) -> usize {
-        if self.tip { 3 } else { 6 }
-    }
-}
-
-/// A stretch of a rod without branches; its unknowns are a stem of the rod's [`Branches`].
-#[derive(Debug, Clone)]
-pub(super) struct Chain<F> {
-    /// Its sub-steps, root first.
-    pub steps: Range<usize>,
-    /// Chain at whose end it starts; `None` at the clamp.
-    pub parent: Option<usize>,
-    /// Its first pose in the frame of its parent's last.
-    pub offset: lanes::Pose<F>,
-}
-
 /// What the step of a rod, or of several in lanes, reads of it.
 #[derive(Debug, Clone)]
 pub(super) struct Beam<F> {
-    /// Sub-steps, chain by chain.
+    /// Sub-steps, root first.
     pub steps: Vec<Step<F>>,
-    /// The chains, each with a first point of its own: sub-step k of chain c leads from point k + c to the next.
-    pub chains: Vec<Chain<F>>,
-    /// How the unknowns branch: a stem for each chain.
-    pub branches: Branches,
-    /// Hat-function mass matrix ∫ N_i N_j ds, m: diagonal, and next to it; times the share of the hairs that the chain stands for.
+    /// Hat-function mass matrix ∫ N_i N_j ds, m: diagonal, and next to it.
     pub hat: Vec<[F; 2]>,
     /// (E I1, E I2, G J), N·m².
     pub stiffness: [F; 3],
@@ -100,19 +73,7 @@ impl<F: Real> Beam<F> {
     /// Number of points.
     #[inline(always)]
     pub fn points(&self) -> usize {
-        self.steps.len() + self.chains.len()
-    }
-
-    /// First point of a chain.
-    #[inline(always)]
-    pub fn start(&self, chain: usize) -> usize {
-        self.chains[chain].steps.start + chain
-    }
-
-    /// Last point of a chain.
-    #[inline(always)]
-    pub fn end(&self, chain: usize) -> usize {
-        self.chains[chain].steps.end + chain
+        self.steps.len() + 1
     }
 
     /// y += a · (elastic stiffness matrix ∫ N_i K N_j ds) x.
@@ -159,14 +120,13 @@ pub struct RodSource<'a> {
 /// A rod: everything about it that does not change over a bake.
 #[derive(Debug, Clone)]
 pub struct Rod {
-    /// Arc lengths of the strain nodes, m; of the first limb's strand where it branches.
+    /// Arc lengths of the strain nodes, m.
     pub nodes: Vec<f64>,
     /// Root pose in rest space.
     pub root: Pose,
     /// ρ S, kg/m.
     pub line_density: f64,
-    /// Arc length that each point stands for in integrals along the rod (composite Simpson), m, times the share of the hairs; one
-    /// per point.
+    /// Arc length that each point stands for in integrals along the rod (composite Simpson), m; one per point.
     pub weight: Vec<f64>,
     /// Starting deviation: the groom's shape as seen from the natural one, 1/m.
     pub start: Vec<f64>,
@@ -191,6 +151,7 @@ impl Rod {
                 * (b - a)
         };
         let mut steps = Vec::new();
+        let mut weight = vec![0.0];
         let mut frame = root.r;
         let mut deviation = Vec::new();
         for (element, node) in nodes.windows(2).enumerate() {
@@ -211,16 +172,17 @@ impl Rod {
                 let natural = lanes::Twist { w: natural.w.into(), v: natural.v.into() };
                 let strain = strain.map(V3::from);
                 deviation.push(drawn.strain.map(|w| w - source.natural.unwrap_or(w)));
-                steps.push(Step { node: element, tip: element + 2 == nodes.len(), h, natural, strain, left });
+                steps.push(Step { element, h, natural, strain, left });
+                if k % 2 == 0 {
+                    let last = weight.len() - 1;
+                    weight[last] += h / 3.0;
+                    weight.extend([4.0 * h / 3.0, h / 3.0]);
+                }
             }
         }
         let free = nodes.len() - 1;
-        let none = V3::from(Vector3::zeros());
-        let offset = lanes::Pose { r: M3::from(Matrix3::identity()), p: none };
         let beam = Beam {
-            chains: vec![Chain { steps: 0..steps.len(), parent: None, offset }],
-            branches: Branches::new([(None, 3 * free)]),
-            hat: hat_matrix(&nodes, true, 1.0).collect(),
+            hat: hat_matrix(&nodes),
             stiffness: source.stiffness,
             damping: source.damping,
             prebend: vec![0.0; 3 * free],
@@ -230,7 +192,6 @@ impl Rod {
             steps,
         };
         let start = vec![0.0; 3 * free];
-        let weight = simpson(&beam.steps, 1.0).collect();
         let mut rod = Rod { root, line_density: source.line_density, weight, start, nodes, beam };
         if source.natural.is_some() {
             rod.start = rod.project(&deviation);
@@ -238,19 +199,14 @@ impl Rod {
         Some(rod)
     }
 
-    /// Arc length L, m; the longest where it branches.
+    /// Arc length L, m.
     pub fn length(&self) -> f64 {
-        self.beam.length
+        self.nodes[self.nodes.len() - 1]
     }
 
-    /// Number of unknowns: three at every node but the tips, where a free end has no deviation.
+    /// Number of unknowns: three at every node but the tip, where a free end has no deviation.
     pub fn unknowns(&self) -> usize {
-        self.beam.unknowns()
-    }
-
-    /// How the unknowns branch.
-    pub fn branches(&self) -> &Branches {
-        &self.beam.branches
+        3 * (self.nodes.len() - 1)
     }
 
     /// Number of points of the polyline: one more than there are sub-steps.
@@ -258,22 +214,13 @@ impl Rod {
         self.beam.points()
     }
 
-    /// Arc length of each point from the start of its chain, m: from the root where it does not branch.
+    /// Arc length of each point, m.
     pub fn arc_lengths(&self) -> Vec<f64> {
-        let along = |chain: &Chain<f64>| {
-            let mut s = vec![0.0];
-            s.extend(self.beam.steps[chain.steps.clone()].iter().scan(0.0, |s, step| {
-                *s += step.h;
-                Some(*s)
-            }));
-            s
-        };
-        self.beam.chains.iter().flat_map(along).collect()
-    }
-
-    /// First points of its chains: what comes before each of them in the order of the points is not next to it.
-    pub fn starts(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.beam.chains.len()).map(|c| self.beam.start(c))
+        let mut s = vec![0.0];
+        for step in &self.beam.steps {
+            s.push(s[s.len() - 1] + step.h);
+        }
+        s
     }
 
     /// Hat-function coefficients closest (L2) to a strain given at the Gauss points of every sub-step, with none
@@ -283,8 +230,8 @@ impl Rod {
         let mut rhs = vec![Vector3::zeros(); n + 1];
         for (step, w) in self.beam.steps.iter().zip(strain) {
             for (w, left) in w.iter().zip(step.left) {
-                rhs[step.node] += w * (left * step.h / 2.0);
-                rhs[step.node + 1] += w * ((1.0 - left) * step.h / 2.0);
+                rhs[step.element] += w * (left * step.h / 2.0);
+                rhs[step.element + 1] += w * ((1.0 - left) * step.h / 2.0);
             }
         }
         self.solve_hat(&mut rhs[..n]);
@@ -380,21 +327,8 @@ fn root_pose(source: &RodSource, spline: &ArcSpline) -> Pose {
     Pose { r, p: at.x }
 }
 
-/// `share` times ∫ N_i N_i ds and ∫ N_i N_{i+1} ds for every node of a chain that has unknowns: not the last where that is a free `tip`.
-pub(super) fn hat_matrix(nodes: &[f64], tip: bool, share: f64) -> impl Iterator<Item = [f64; 2]> + '_ {
-    let l = move |i: usize| share * (nodes[i + 1] - nodes[i]);
-    let count = nodes.len() - usize::from(tip);
-    (0..count).map(move |i| {
-        let (before, after) =
-            (if i > 0 { l(i - 1) } else { 0.0 }, if i + 1 < nodes.len() { l(i) } else { 0.0 });
-        [(before + after) / 3.0, if i + 1 < count { after / 6.0 } else { 0.0 }]
-    })
-}
-
-/// `share` times the weights of the composite Simpson rule at the points of a chain, m.
-pub(super) fn simpson(steps: &[Step<f64>], share: f64) -> impl Iterator<Item = f64> + '_ {
-    (0..=steps.len()).map(move |k| {
-        let h = |k: usize| steps.get(k).map_or(0.0, |s| s.h);
-        share / 3.0 * if k % 2 == 1 { 4.0 * h(k) } else { h(k) + if k > 0 { h(k - 1) } else { 0.0 } }
-    })
+/// ∫ N_i N_i ds and ∫ N_i N_{i+1} ds for every node.
+fn hat_matrix(nodes: &[f64]) -> Vec<[f64; 2]> {
+    let l = |i: usize| nodes[i + 1] - nodes[i];
+    (0..nodes.len() - 1).map(|i| [(l(i) + if i > 0 { l(i - 1) } else { 0.0 }) / 3.0, l(i) / 6.0]).collect()
 }

@@ -1,7 +1,7 @@
 //! Newton's method on the incremental potential, and the linearisation that contact builds on.
 
 use super::model::Beam;
-use super::potential::{Composite, Load, energy, gradient, hessian};
+use super::potential::{Load, energy, gradient, hessian};
 use super::{Rod, Sensitivity, Shape};
 use crate::math::cholesky;
 use crate::math::lanes::{M3, MAX_LANES, Mask, Real, Twist};
@@ -60,8 +60,6 @@ pub struct Solver<F = f64> {
     /// The factor in the making.
     fresh: Vec<F>,
     wrench: Vec<Twist<F>>,
-    /// What is downstream of each chain.
-    bodies: Vec<Composite<F>>,
     /// −gradient of Φ before the step at hand, and the last step.
     downhill: Vec<F>,
     step: Vec<F>,
@@ -82,7 +80,6 @@ impl<F> Default for Solver<F> {
             factor: Vec::new(),
             fresh: Vec::new(),
             wrench: Vec::new(),
-            bodies: Vec::new(),
             downhill: Vec::new(),
             step: Vec::new(),
             secants: Vec::new(),
@@ -109,13 +106,12 @@ impl Solver {
     }
 
     /// Linearises Φ at `q`, whose shape is [`Solver::shape`]: fills [`Solver::sensitivity`], [`Solver::factor`], and
-    /// [`Solver::direction`] with L⁻ᵀ(−gradient). Where the Hessian is indefinite the geometric stiffness is left
+    /// [`Solver::direction`] with L⁻¹(−gradient). Where the Hessian is indefinite the geometric stiffness is left
     /// out. `false` only if a number is not finite.
     pub fn linearise(&mut self, rod: &Rod, load: &Load, q: &[f64]) -> bool {
         self.slope_down(&rod.beam, load, q);
         let sound = self.factorise(&rod.beam, load, q, 1) == 1;
-        cholesky::solve_inward(&self.factor, rod.branches(), &mut self.direction);
-        self.sensitivity.places(rod);
+        cholesky::solve_lower(&self.factor, q.len(), &mut self.direction);
         sound
     }
 
@@ -136,7 +132,7 @@ impl Solver {
     }
 
     /// Moves `q` along H⁻¹ times the forces under dead loads besides `load`, whose work on a shape is `work`, J, up to a constant.
-    /// [`Solver::direction`] holds L⁻ᵀ times all forces, the dead loads' included. No point moves by more than about `most`, m, and the
+    /// [`Solver::direction`] holds L⁻¹ times all forces, the dead loads' included. No point moves by more than about `most`, m, and the
     /// step is cut until the potential decreases as Newton's method asks. Updates the shape and returns the largest displacement, m.
     pub fn advance_under(
         &mut self,
@@ -148,7 +144,7 @@ impl Solver {
         most: f64,
     ) -> f64 {
         let slope = -self.direction.iter().map(|d| d * d).sum::<f64>();
-        cholesky::solve_outward(&self.factor, rod.branches(), &mut self.direction);
+        cholesky::solve_upper(&self.factor, q.len(), &mut self.direction);
         let phi = energy(&rod.beam, load, &self.shape, q, &mut self.scratch) - work(&self.shape);
         let rounding = load.inertia * rod.beam.length * rod.beam.length * 1e-18 + phi.abs() * 1e-13;
         let mut t = self.longest(&rod.beam);
@@ -196,7 +192,7 @@ impl<F: Real> Solver<F> {
             self.slope_down(beam, load, q);
             self.learn(kept);
             active &= kept | self.factorise(beam, load, q, active & !kept);
-            let slope = self.descend(beam);
+            let slope = self.descend();
             // A slope of nought is that of a rod at rest, which has arrived.
             active &= slope.abs().below(slope.same(f64::MAX));
             if active != F::ALL {
@@ -279,7 +275,7 @@ impl<F: Real> Solver<F> {
 
     /// Turns −gradient into the direction of the next step and returns the slope of Φ along it, J.
     #[inline(always)]
-    fn descend(&mut self, beam: &Beam<F>) -> F {
+    fn descend(&mut self) -> F {
         let n = self.direction.len();
         let zero = self.direction[0].same(0.0);
         for secant in self.secants[..self.learnt].iter_mut().rev() {
@@ -292,7 +288,7 @@ impl<F: Real> Solver<F> {
                 self.direction[i] -= secant.change[i] * secant.share;
             }
         }
-        cholesky::solve(&self.factor, &beam.branches, &mut self.direction);
+        cholesky::solve(&self.factor, n, &mut self.direction);
         for secant in &self.secants[..self.learnt] {
             let mut along = zero;
             for i in 0..n {
@@ -332,7 +328,7 @@ impl<F: Real> Solver<F> {
     /// Fills the levers, and the direction with −gradient.
     #[inline(always)]
     fn slope_down(&mut self, beam: &Beam<F>, load: &Load<F>, q: &[F]) {
-        self.sensitivity.levers(beam, &self.shape);
+        self.sensitivity.levers(&self.shape);
         gradient(beam, load, &self.shape, &self.sensitivity, q, &mut self.direction, &mut self.wrench);
         for g in &mut self.direction {
             *g = -*g;
@@ -349,9 +345,8 @@ impl<F: Real> Solver<F> {
         let one = load.inertia.same(1.0);
         let mut geometric = one;
         let positive = loop {
-            let Solver { shape, sensitivity, wrench, bodies, fresh, .. } = self;
-            hessian(beam, load, shape, sensitivity, wrench, geometric, bodies, fresh);
-            let positive = needed & cholesky::factor(fresh, &beam.branches);
+            hessian(beam, load, &self.shape, &self.sensitivity, &self.wrench, geometric, &mut self.fresh);
+            let positive = needed & cholesky::factor(&mut self.fresh, q.len());
             let without = needed & geometric.below(one);
             if positive | without == needed {
                 break positive;

@@ -5,7 +5,7 @@
 //! which add nothing.
 
 use super::kinematics::Turn;
-use super::model::{Beam, Chain, Step};
+use super::model::{Beam, Step};
 use super::newton::{Outcome, Solver};
 use super::potential::{Load, Tie};
 use super::{Rod, Shape};
@@ -44,7 +44,7 @@ impl Pack {
         Arch::new().dispatch(Width)
     }
 
-    /// Packs at most [`Pack::width`] rods, one at least, without branches and of the same number of nodes.
+    /// Packs at most [`Pack::width`] rods, one at least, of the same number of nodes.
     pub fn new(rods: &[&Rod]) -> Pack {
         Arch::new().dispatch(Gather(rods))
     }
@@ -147,7 +147,7 @@ impl<F: Real> Beams<F> {
             (0..F::LANES).map(|i| &rods.get(i).copied().unwrap_or(rods[0]).beam).collect();
         let elements = beams[0].hat.len();
         let of = |beam: &Beam<f64>, element: usize| -> Vec<usize> {
-            (0..beam.steps.len()).filter(|&k| beam.steps[k].node == element).collect()
+            (0..beam.steps.len()).filter(|&k| beam.steps[k].element == element).collect()
         };
         let mut own = vec![Vec::new(); F::LANES];
         let mut steps = Vec::new();
@@ -163,8 +163,7 @@ impl<F: Real> Beams<F> {
                     None => empty(element),
                 };
                 steps.push(Step {
-                    node: element,
-                    tip: element + 1 == elements,
+                    element,
                     h: lanes(zero, |i| step(i).h),
                     natural: Twist {
                         w: vectors(zero, |i| step(i).natural.w),
@@ -176,12 +175,6 @@ impl<F: Real> Beams<F> {
             }
         }
         let beam = Beam {
-            chains: vec![Chain {
-                steps: 0..steps.len(),
-                parent: None,
-                offset: Pose { r: M3::diagonal(zero), p: V3::all(zero) },
-            }],
-            branches: beams[0].branches.clone(),
             steps,
             hat: (0..elements).map(|e| [0, 1].map(|j| lanes(zero, |i| beams[i].hat[e][j]))).collect(),
             stiffness: [0, 1, 2].map(|c| lanes(zero, |i| beams[i].stiffness[c])),
@@ -271,10 +264,9 @@ fn turn_in_lane<F: Real>(turn: &Turn<F>, i: usize) -> Turn<f64> {
 }
 
 /// A sub-step of no length.
-fn empty(node: usize) -> Step<f64> {
+fn empty(element: usize) -> Step<f64> {
     let none = V3::all(0.0);
-    let natural = Twist { w: none, v: none };
-    Step { node, tip: false, h: 0.0, natural, strain: [none; 2], left: [0.0; 2] }
+    Step { element, h: 0.0, natural: Twist { w: none, v: none }, strain: [none; 2], left: [0.0; 2] }
 }
 
 #[cfg(test)]

@@ -130,7 +130,6 @@ pub(super) fn energy<F: Real>(
 }
 
 /// A symmetric matrix: xx, xy, xz, yy, yz, zz.
-#[derive(Debug, Clone, Copy)]
 struct Symmetric<F>([F; 6]);
 
 impl<F: Real> Symmetric<F> {
@@ -145,13 +144,6 @@ impl<F: Real> Symmetric<F> {
     }
 
     #[inline(always)]
-    fn join(&mut self, other: &Self) {
-        for (a, b) in self.0.iter_mut().zip(other.0) {
-            *a += b;
-        }
-    }
-
-    #[inline(always)]
     fn full(&self) -> M3<F> {
         let [xx, xy, xz, yy, yz, zz] = self.0;
         M3([V3([xx, xy, xz]), V3([xy, yy, yz]), V3([xz, yz, zz])])
@@ -159,8 +151,7 @@ impl<F: Real> Symmetric<F> {
 }
 
 /// Sums over all that is downstream of a sub-step, about the root.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Composite<F> {
+struct Composite<F> {
     /// Σ f.
     force: V3<F>,
     /// Σ x fᵀ.
@@ -194,15 +185,6 @@ impl<F: Real> Composite<F> {
         self.pp.add(tie.alpha, none, none, tie.u);
         self.tp = self.tp + (M3::hat(ax) - M3::outer(c, tie.u));
         self.tt.add(x.dot(ax), ax, x, c);
-    }
-
-    #[inline(always)]
-    fn join(&mut self, other: &Self) {
-        self.force += other.force;
-        self.moment = self.moment + other.moment;
-        self.tt.join(&other.tt);
-        self.tp = self.tp + other.tp;
-        self.pp.join(&other.pp);
     }
 
     /// How all downstream responds to twists, `geometric` times the couple of the forces carried along included.
@@ -318,47 +300,34 @@ pub(super) fn gradient<F: Real>(
     wrench: &mut Vec<Twist<F>>,
 ) {
     let zero = beam.length.same(0.0);
-    // After those of the sub-steps, what grows from each chain.
-    let none = Twist::none(zero);
-    wrench.resize(beam.steps.len() + beam.chains.len(), none);
-    wrench[beam.steps.len()..].fill(none);
+    wrench.resize(beam.steps.len(), Twist::none(zero));
     gradient.resize(q.len(), zero);
     for (g, pull) in gradient.iter_mut().zip(&load.pull) {
         *g = -*pull;
     }
     beam.add_elastic(load.stiffening, q, gradient);
-    for (c, chain) in beam.chains.iter().enumerate().rev() {
-        let Twist { w: mut torque, v: mut force } = wrench[beam.steps.len() + c];
-        for k in chain.steps.clone().rev() {
-            let (x, lever) = (shape.pose[k + c + 1].p, &sensitivity.lever[k]);
-            let f = load.tie[k + c].force(x);
-            force += f;
-            torque += x.cross(f);
-            // The wrench of all downstream as it turns and moves the exponent: seen from along the sub-step.
-            let turning = lever.j.transposed(torque) + lever.q.transposed(force);
-            let moving = lever.j.transposed(force);
-            wrench[k] = Twist { w: turning, v: moving };
-            let step = &beam.steps[k];
-            let slopes = gradient[3 * step.node..][..step.live()].chunks_exact_mut(3);
-            for (slope, share) in slopes.zip(shares(step, q)) {
-                let across = V3([-moving.0[1], moving.0[0], zero]);
-                let along = turning * share.s + turning.cross(share.u) + across * share.c;
-                for (slope, a) in slope.iter_mut().zip(along.0) {
-                    *slope -= a;
-                }
+    let (mut force, mut torque) = (V3::all(zero), V3::all(zero));
+    for k in (0..beam.steps.len()).rev() {
+        let (x, lever) = (shape.pose[k + 1].p, &sensitivity.lever[k]);
+        let f = load.tie[k].force(x);
+        force += f;
+        torque += x.cross(f);
+        // The wrench of all downstream as it turns and moves the exponent: seen from along the sub-step.
+        let turning = lever.j.transposed(torque) + lever.q.transposed(force);
+        let moving = lever.j.transposed(force);
+        wrench[k] = Twist { w: turning, v: moving };
+        let node = beam.steps[k].element;
+        for (slope, share) in gradient[3 * node..].chunks_exact_mut(3).zip(shares(&beam.steps[k], q)) {
+            let across = V3([-moving.0[1], moving.0[0], zero]);
+            let along = turning * share.s + turning.cross(share.u) + across * share.c;
+            for (slope, a) in slope.iter_mut().zip(along.0) {
+                *slope -= a;
             }
-        }
-        if let Some(parent) = chain.parent {
-            let x = shape.pose[beam.start(c)].p;
-            let f = load.tie[beam.start(c) - 1].force(x);
-            let all = Twist { w: torque + x.cross(f), v: force + f };
-            wrench[beam.steps.len() + parent] = wrench[beam.steps.len() + parent] + all;
         }
     }
 }
 
-/// The Hessian of Φ, where [`gradient`] gave `wrench`, into `hessian`, laid out as the beam branches
-/// ([`crate::math::cholesky::Branches`]). `bodies` is room for what is downstream of each chain.
+/// The lower triangle of the Hessian of Φ, where [`gradient`] gave `wrench`, into `hessian` (row-major n × n).
 ///
 /// The stiffness of the carried forces counts `geometric` times: 1 for the Hessian itself, 0 for what is positive definite.
 #[inline(always)]
@@ -369,61 +338,50 @@ pub(super) fn hessian<F: Real>(
     sensitivity: &Sensitivity<F>,
     wrench: &[Twist<F>],
     geometric: F,
-    bodies: &mut Vec<Composite<F>>,
     hessian: &mut Vec<F>,
 ) {
-    let (branches, width, zero) = (&beam.branches, beam.branches.width(), geometric.same(0.0));
-    hessian.clear();
-    hessian.resize(beam.unknowns() * width, zero);
-    for stem in branches.stems() {
-        for i in 0..stem.len {
-            let (a, depth) = (stem.first + i, stem.depth + i);
-            let (node, stiffness) = (a / 3, load.stiffening * beam.stiffness[a % 3]);
-            hessian[a * width + depth] = stiffness * beam.hat[node][0];
-            if i >= 3 {
-                hessian[a * width + depth - 3] = stiffness * beam.hat[node - 1][1];
+    let (n, zero) = (beam.unknowns(), geometric.same(0.0));
+    hessian.resize(n * n, zero);
+    for (i, row) in hessian.chunks_exact_mut(n).enumerate() {
+        row[..i].fill(zero);
+    }
+    for i in 0..n / 3 {
+        for c in 0..3 {
+            let (a, stiffness) = (3 * i + c, load.stiffening * beam.stiffness[c]);
+            hessian[a * n + a] = stiffness * beam.hat[i][0];
+            if i > 0 {
+                hessian[a * n + a - 3] = stiffness * beam.hat[i - 1][1];
             }
         }
     }
 
-    bodies.clear();
-    bodies.resize(beam.chains.len(), Composite::new(zero));
+    let mut body = Composite::new(zero);
     let mut block = Block::new(zero);
-    for (c, chain) in beam.chains.iter().enumerate().rev() {
-        let mut body = bodies[c];
-        for k in chain.steps.clone().rev() {
-            body.add(shape.pose[k + c + 1].p, &load.tie[k + c]);
-            let response = body.response(geometric);
-            let (step, psi, first) = (&beam.steps[k], &shape.turn[k].psi, 3 * beam.steps[k].node);
-            let (own, before) = (&sensitivity.step[k], &sensitivity.before[k]);
-            if step.tip {
-                block.add::<3>(&response, own, before);
-                block.bend::<3>(step, psi, &wrench[k], geometric);
-            } else {
-                block.add::<6>(&response, own, before);
-                block.bend::<6>(step, psi, &wrench[k], geometric);
-            }
-            if k == chain.steps.start || beam.steps[k - 1].node != step.node {
-                let stem = &branches.stems()[c];
-                for a in 0..step.live() {
-                    let row = &mut hessian[(first + a) * width..][..width];
-                    let here = stem.depth + first - stem.first;
-                    for b in 0..=a {
-                        row[here + b] += block.half[a][b] + block.half[b][a];
-                    }
-                    for (first, depth, len) in branches.upstream(c, first) {
-                        let totals = &sensitivity.total[first..first + len];
-                        for (h, s) in row[depth..].iter_mut().zip(totals) {
-                            *h += s.dot(&block.response[a]);
-                        }
-                    }
+    for k in (0..beam.steps.len()).rev() {
+        body.add(shape.pose[k + 1].p, &load.tie[k]);
+        let response = body.response(geometric);
+        let (step, psi, first) = (&beam.steps[k], &shape.turn[k].psi, 3 * beam.steps[k].element);
+        let (own, before) = (&sensitivity.step[k], &sensitivity.before[k]);
+        let live = if n - first > 3 {
+            block.add::<6>(&response, own, before);
+            block.bend::<6>(step, psi, &wrench[k], geometric);
+            6
+        } else {
+            block.add::<3>(&response, own, before);
+            block.bend::<3>(step, psi, &wrench[k], geometric);
+            3
+        };
+        if k == 0 || beam.steps[k - 1].element != step.element {
+            for a in 0..live {
+                let row = &mut hessian[(first + a) * n..];
+                for b in 0..=a {
+                    row[first + b] += block.half[a][b] + block.half[b][a];
                 }
-                block.clear(zero);
+                for (h, s) in row.iter_mut().zip(&sensitivity.total[..first]) {
+                    *h += s.dot(&block.response[a]);
+                }
             }
-        }
-        if let Some(parent) = chain.parent {
-            body.add(shape.pose[beam.start(c)].p, &load.tie[beam.start(c) - 1]);
-            bodies[parent].join(&body);
+            block.clear(zero);
         }
     }
 }
@@ -432,7 +390,6 @@ pub(super) fn hessian<F: Real>(
 mod tests {
     use super::super::model::{Cut, RodSource};
     use super::*;
-    use crate::rod::Limb;
 
     fn curl() -> Rod {
         curl_cut(0.01)
@@ -459,20 +416,6 @@ mod tests {
         .unwrap()
     }
 
-    /// Curls that part twice on their way, of unequal shares.
-    fn fork(length: f64) -> Rod {
-        let (a, mut b) = (curl_cut(length), curl_cut(length));
-        b.root.p += Vector3::new(0.004, 0.0, 0.003);
-        let limb = |strand, nodes, parent, share| Limb { strand, nodes, parent, share };
-        Rod::branching(&[
-            limb(&a, 0..2, None, 1.0),
-            limb(&a, 2..5, Some(0), 0.4),
-            limb(&b, 2..3, Some(0), 0.6),
-            limb(&a, 3..5, Some(2), 0.5),
-            limb(&b, 3..5, Some(2), 0.1),
-        ])
-    }
-
     /// A load with every term switched on.
     fn load(rod: &Rod, h: f64) -> Load {
         let wave =
@@ -494,9 +437,9 @@ mod tests {
         let (mut shape, mut sens) = (Shape::default(), Sensitivity::default());
         shape.update(rod, &rod.root.r, q);
         sens.update(rod, &shape, q);
-        let (mut g, mut wrench, mut h, mut bodies) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut g, mut wrench, mut h) = (Vec::new(), Vec::new(), Vec::new());
         gradient(&rod.beam, load, &shape, &sens, q, &mut g, &mut wrench);
-        hessian(&rod.beam, load, &shape, &sens, &wrench, 1.0, &mut bodies, &mut h);
+        hessian(&rod.beam, load, &shape, &sens, &wrench, 1.0, &mut h);
         (g, h)
     }
 
@@ -539,17 +482,13 @@ mod tests {
 
     #[test]
     fn gradient_is_the_slope_of_the_energy() {
-        slope_of_the_energy(&curl());
-        slope_of_the_energy(&fork(0.01));
-    }
-
-    fn slope_of_the_energy(rod: &Rod) {
-        let load = load(rod, 1.0 / 192.0);
+        let rod = curl();
+        let load = load(&rod, 1.0 / 192.0);
         let q: Vec<f64> = (0..rod.unknowns()).map(|i| (i as f64 * 1.7).cos() * 6.0).collect();
-        let (g, _) = derivatives(rod, &load, &q);
+        let (g, _) = derivatives(&rod, &load, &q);
         let (mut shape, mut scratch) = (Shape::default(), Vec::new());
         let mut at = |q: &[f64]| {
-            shape.update(rod, &rod.root.r, q);
+            shape.update(&rod, &rod.root.r, q);
             energy(&rod.beam, &load, &shape, q, &mut scratch)
         };
         let scale = g.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
@@ -564,17 +503,13 @@ mod tests {
         }
     }
 
-    /// Largest error of the Hessian between unknowns that share an element and between those that do not, those on different branches
-    /// included, relative to its largest entry.
+    /// Largest error of the Hessian between unknowns that share an element and between those that do not, relative
+    /// to its largest entry.
     fn hessian_error(rod: &Rod) -> (f64, f64) {
         let load = load(rod, 1.0 / 192.0);
         let q: Vec<f64> = (0..rod.unknowns()).map(|i| (i as f64 * 1.7).cos() * 6.0).collect();
         let n = q.len();
         let (_, h) = derivatives(rod, &load, &q);
-        let mut full = vec![0.0; n * n];
-        for (i, j, place) in rod.branches().entries() {
-            full[i * n + j] = h[place];
-        }
         let (mut shared, mut apart, mut scale) = (0.0_f64, 0.0_f64, 0.0_f64);
         for j in 0..n {
             let mut p = q.clone();
@@ -583,8 +518,8 @@ mod tests {
             p[j] -= 2e-4;
             let (lo, _) = derivatives(rod, &load, &p);
             for i in j..n {
-                let e = ((hi[i] - lo[i]) / 2e-4 - full[i * n + j]).abs();
-                scale = scale.max(full[i * n + j].abs());
+                let e = ((hi[i] - lo[i]) / 2e-4 - h[i * n + j]).abs();
+                scale = scale.max(h[i * n + j].abs());
                 let worst = if i / 3 > j / 3 + 1 { &mut apart } else { &mut shared };
                 *worst = worst.max(e);
             }
@@ -594,31 +529,25 @@ mod tests {
 
     #[test]
     fn hessian_is_the_slope_of_the_gradient() {
-        for rod in [curl_cut, fork] {
-            let (shared, apart) = hessian_error(&rod(0.002));
-            assert!(apart < 1e-7, "{apart}");
-            // Within a sub-step what is left out is of fourth order in the turn.
-            let (finer, apart) = hessian_error(&rod(0.001));
-            assert!(apart < 1e-7, "{apart}");
-            assert!(finer < 0.1 * shared && shared < 2e-4, "{shared} {finer}");
-        }
+        let (shared, apart) = hessian_error(&curl_cut(0.002));
+        assert!(apart < 1e-7, "{apart}");
+        // Within a sub-step what is left out is of fourth order in the turn.
+        let (finer, apart) = hessian_error(&curl_cut(0.001));
+        assert!(apart < 1e-7, "{apart}");
+        assert!(finer < 0.1 * shared && shared < 2e-4, "{shared} {finer}");
     }
 
     #[test]
     fn rows_of_the_jacobian_are_slopes_of_positions() {
-        rows_are_slopes(&curl());
-        rows_are_slopes(&fork(0.01));
-    }
-
-    fn rows_are_slopes(rod: &Rod) {
+        let rod = curl();
         let q: Vec<f64> = (0..rod.unknowns()).map(|i| (i as f64).cos() * 5.0).collect();
         let (mut shape, mut sens, mut moved) = (Shape::default(), Sensitivity::default(), Shape::default());
-        shape.update(rod, &rod.root.r, &q);
-        sens.update(rod, &shape, &q);
+        shape.update(&rod, &rod.root.r, &q);
+        sens.update(&rod, &shape, &q);
         let d = Vector3::new(0.3, -0.5, 0.8);
         let rate: Vec<f64> = (0..q.len()).map(|i| (i as f64 * 0.9).sin()).collect();
         let ahead: Vec<f64> = q.iter().zip(&rate).map(|(q, r)| q + 1e-5 * r).collect();
-        moved.update(rod, &rod.root.r, &ahead);
+        moved.update(&rod, &rod.root.r, &ahead);
         for k in 1..rod.points() {
             let mut row = vec![0.0; q.len()];
             sens.add_row(k, &shape.x(k), &d, 2.0, &mut row);

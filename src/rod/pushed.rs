@@ -1,9 +1,9 @@
 //! The linearisation of a rod that contacts push: the forces carried along by the rod are part of its stiffness.
 
 use super::newton::Solver;
-use super::potential::{Composite, Load, gradient, hessian};
+use super::potential::{Load, gradient, hessian};
 use super::{Rod, Sensitivity, Shape};
-use crate::math::cholesky::{self, Branches};
+use crate::math::cholesky;
 use crate::math::lanes::Twist;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -48,7 +48,6 @@ impl Push {
 pub struct PushedWork {
     load: Load,
     wrench: Vec<Twist<f64>>,
-    bodies: Vec<Composite<f64>>,
     hessian: Vec<f64>,
     row: Vec<f64>,
 }
@@ -79,8 +78,7 @@ impl Solver {
         self.sensitivity.update(rod, &self.shape, q);
         let (beam, shape, sensitivity) = (&rod.beam, &self.shape, &self.sensitivity);
         gradient(beam, &work.load, shape, sensitivity, q, &mut self.direction, &mut work.wrench);
-        let PushedWork { load: pushed, wrench, bodies, hessian: h, .. } = work;
-        hessian(beam, pushed, shape, sensitivity, wrench, 1.0, bodies, h);
+        hessian(beam, &work.load, shape, sensitivity, &work.wrench, 1.0, &mut work.hessian);
         for d in &mut self.direction {
             *d = -*d;
         }
@@ -88,36 +86,37 @@ impl Solver {
             push.add_row(&-push.force, &self.shape, &self.sensitivity, &mut self.direction);
         }
         self.factor.clone_from(&work.hessian);
-        if cholesky::factor(&mut self.factor, rod.branches()) != 1 {
+        if cholesky::factor(&mut self.factor, n) != 1 {
             for push in pushes {
                 for d in push.held() {
                     work.row.clear();
                     work.row.resize(n, 0.0);
                     push.add_row(&d, &self.shape, &self.sensitivity, &mut work.row);
-                    add_outer(rod.branches(), &work.row, STIFFENING, &mut work.hessian);
+                    add_outer(&work.row, STIFFENING, &mut work.hessian);
                 }
             }
             self.factor.clone_from(&work.hessian);
-            if cholesky::factor(&mut self.factor, rod.branches()) != 1 {
+            if cholesky::factor(&mut self.factor, n) != 1 {
                 return self.linearise(rod, load, q);
             }
         }
-        cholesky::solve_inward(&self.factor, rod.branches(), &mut self.direction);
+        cholesky::solve_lower(&self.factor, n, &mut self.direction);
         true
     }
 }
 
-/// Adds to `hessian` a spring along `row`, which moves a place and so only what is upstream of it; `stiffening` times as stiff as the
-/// diagonal is along it.
-fn add_outer(branches: &Branches, row: &[f64], stiffening: f64, hessian: &mut [f64]) {
-    let diagonal = branches.entries().filter(|(a, b, _)| a == b);
-    let yielding: f64 = diagonal.map(|(a, _, place)| row[a] * row[a] / hessian[place].abs()).sum();
+/// Adds to the lower triangle of `hessian` a spring along `row`, `stiffening` times as stiff as the diagonal is along it.
+fn add_outer(row: &[f64], stiffening: f64, hessian: &mut [f64]) {
+    let n = row.len();
+    let yielding: f64 = (0..n).map(|a| row[a] * row[a] / hessian[a * n + a].abs()).sum();
     // A place that cannot move, as at the root, needs no holding.
     if !(yielding > 0.0 && yielding.is_finite()) {
         return;
     }
-    for (a, b, place) in branches.entries() {
-        hessian[place] += stiffening / yielding * row[a] * row[b];
+    for a in 0..n {
+        for b in 0..=a {
+            hessian[a * n + b] += stiffening / yielding * row[a] * row[b];
+        }
     }
 }
 
@@ -156,22 +155,19 @@ mod tests {
         load
     }
 
-    /// Entry (a, b) of L; its diagonal is stored inverted.
-    fn lower(solver: &Solver, n: usize) -> impl Fn(usize, usize) -> f64 + '_ {
-        move |a, b| {
-            let l = solver.factor[a * (n + 1) + b];
-            if a == b { 1.0 / l } else { l }
-        }
-    }
-
     /// Factor of the Hessian, and minus the gradient without the pushes.
     fn linearised(rod: &Rod, load: &Load, pushes: &[Push], q: &[f64]) -> (Solver, Vec<f64>) {
         let mut solver = Solver::default();
         solver.shape.update(rod, &rod.root.r, q);
         assert!(solver.linearise_pushed(rod, load, pushes, q, &mut PushedWork::default()));
-        let (n, l) = (q.len(), lower(&solver, q.len()));
-        let slope = (0..n).map(|b| (b..n).map(|a| l(a, b) * solver.direction[a]).sum::<f64>()).collect();
-        drop(l);
+        let n = q.len();
+        // The diagonal of L is stored inverted.
+        let l = |a: usize, b: usize| solver.factor[a * n + b];
+        let slope = (0..n)
+            .map(|a| {
+                (0..a).map(|b| l(a, b) * solver.direction[b]).sum::<f64>() + solver.direction[a] / l(a, a)
+            })
+            .collect();
         (solver, slope)
     }
 
@@ -196,8 +192,13 @@ mod tests {
         let (_, alone) = linearised(&rod, &load, &[], &q);
         let scale = alone.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         assert!(slope.iter().zip(&alone).all(|(a, b)| (a - b).abs() < 1e-9 * scale));
-        let l = lower(&solver, n);
-        let entry = |a: usize, b: usize| (a..n).map(|k| l(k, a) * l(k, b)).sum::<f64>();
+        let entry = |a: usize, b: usize| {
+            let l = |i: usize, j: usize| match i == j {
+                true => 1.0 / solver.factor[i * n + j],
+                false => solver.factor[i * n + j],
+            };
+            (0..=b).map(|k| l(a, k) * l(b, k)).sum::<f64>()
+        };
         let (mut worst, mut largest, mut turned) = (0.0_f64, 0.0_f64, 0.0_f64);
         for b in 0..n {
             let moved = |d: f64| {
@@ -231,7 +232,7 @@ mod tests {
         let yielding = |solver: &Solver| {
             let mut row = vec![0.0; q.len()];
             push.add_row(&Vector3::z(), &solver.shape, &solver.sensitivity, &mut row);
-            cholesky::solve_inward(&solver.factor, rod.branches(), &mut row);
+            cholesky::solve_lower(&solver.factor, q.len(), &mut row);
             cholesky::dot(&row, &row)
         };
         assert!(yielding(&held) < 0.1 * yielding(&free), "{} {}", yielding(&held), yielding(&free));

@@ -24,7 +24,7 @@ pub(super) struct Island {
 
 /// Reactions of an island.
 pub(super) struct Reactions {
-    /// L⁻ᵀJᵀr of its members, one after another.
+    /// L⁻¹Jᵀr of its members, one after another.
     pub pushes: Vec<f64>,
     /// Of the contacts of its members with bodies, then of its places, in the frames of the contacts, N.
     pub forces: Vec<f64>,

@@ -50,7 +50,7 @@ pub(super) struct Member {
     pub work: Workspace,
     /// Its part in the places: (place, which of the two sides), ascending.
     pub parts: Vec<(usize, usize)>,
-    /// L⁻ᵀJᵀ of `parts`: three rows each.
+    /// L⁻¹Jᵀ of `parts`: three rows each.
     pub rows: Vec<f64>,
     /// What pushes it: segment, place on it, force, N, world.
     forces: Vec<(usize, f64, Vector3<f64>)>,
@@ -116,18 +116,11 @@ impl Member {
         for (&(i, side), rows) in self.parts.iter().zip(self.rows.chunks_exact_mut(3 * n)) {
             let meeting = &places.found[i].meeting;
             let frame = across(&(to_world * meeting.normal)).map(|d| if side == 0 { d } else { -d });
-            rows_at(
-                &guide.rod,
-                &self.work.solver,
-                places.segment(meeting, side),
-                meeting.u[side],
-                &frame,
-                rows,
-            );
+            rows_at(&self.work.solver, places.segment(meeting, side), meeting.u[side], &frame, rows);
         }
     }
 
-    /// Moves as the reactions ask, of which the solver's direction holds L⁻ᵀ times all forces, and looks at the bodies.
+    /// Moves as the reactions ask, of which the solver's direction holds L⁻¹ times all forces, and looks at the bodies.
     pub fn advance(
         &mut self,
         guide: &mut Guide,

@@ -1,6 +1,6 @@
 //! Many strands that touch each other and bodies: the same law, with W left in its factors.
 //!
-//! With H = LᵀL for every strand and Y = L⁻ᵀJᵀ, W = YᵀY is never formed: w = Y r is kept for every strand, so that a sweep
+//! With H = LLᵀ for every strand and Y = L⁻¹Jᵀ, W = YᵀY is never formed: w = Y r is kept for every strand, so that a sweep
 //! costs O(unknowns of a strand) a contact, however many contacts there are.
 
 use super::{Law, Outcome, Scratch, System, Tolerance, at, sweep};
@@ -21,7 +21,7 @@ pub struct Side {
 pub struct Coupled<'a> {
     /// The strands of each contact; one where the other side is a body.
     pub sides: &'a [[Option<Side>; 2]],
-    /// L⁻ᵀJᵀ, row after row.
+    /// L⁻¹Jᵀ, row after row.
     pub rows: &'a [f64],
     /// b, 3c: gap and slip without contact forces.
     pub b: &'a [f64],
