@@ -191,7 +191,7 @@ fn a_python_without_usd_is_named() {
     let asked = |python: &str| {
         let mut command = hairbake();
         command.env("HAIRBAKE_PYTHON", python).arg("validate").arg(folder.path());
-        command.assert().code(64).stderr(contains(python.to_string()).and(contains("pip install usd-core")))
+        command.assert().code(78).stderr(contains(python.to_string()).and(contains("pip install usd-core")))
     };
     asked("/no/such/python");
     asked("false");

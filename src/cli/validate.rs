@@ -15,7 +15,7 @@ Examples:
 Python: HAIRBAKE_PYTHON names the interpreter; else .venv/bin/python of this folder or one above it is taken, else python3. It
 needs usd-core and numpy: python3 -m venv .venv && .venv/bin/python -m pip install usd-core numpy
 
-Exit code: 0 all checks passed, 1 a check failed, 65 no readable cache.";
+Exit code: 0 all checks passed, 1 a check failed, 65 no readable cache, 78 no Python with usd-core.";
 
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
@@ -104,7 +104,7 @@ fn need_usd(python: &Path) -> Result<()> {
         Ok(_) => "has no usd-core and numpy".to_string(),
         Err(e) => format!("cannot be run ({e})"),
     };
-    Err(Error::Usage(format!(
+    Err(Error::Config(format!(
         "{} {fault}; they check a cache. Either run\n    python3 -m venv .venv && .venv/bin/python -m pip install usd-core \
          numpy\nin this folder, or name a Python that has them in HAIRBAKE_PYTHON",
         python.display()

@@ -182,6 +182,7 @@ impl Lean {
         let end = self.0 + direction * length;
         if clear(&end) {
             self.0 = end;
+            // It was not looked how far the bodies are.
             spare.fill(0.0);
             return 0.0;
         }

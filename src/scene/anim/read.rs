@@ -193,40 +193,31 @@ impl Reader<'_> {
                 None => head,
             };
             let place = match (file.arc_m, file.arc_by_distance) {
-                (Some(_), Some(_)) => {
-                    let allowed = "`arc_m` or `arc_by_distance`, not both";
-                    self.faults.add(
-                        &key.name("arc_m"),
-                        "is there beside `arc_by_distance`",
-                        allowed,
-                        "remove one",
-                    );
-                    return None;
-                }
-                (Some(arc), None) => TiePlace::Arc(arc),
-                (None, Some(_)) if file.at.is_none() => {
-                    let allowed = "only with `at`, the distance to which it multiplies";
-                    self.faults.add(
-                        &key.name("arc_by_distance"),
-                        "stands without `at`",
-                        allowed,
-                        "give `at`, or `arc_m`",
-                    );
-                    return None;
-                }
-                (None, Some(factor)) => TiePlace::Distance(factor),
-                (None, None) if file.at.is_none() && file.within.is_none() => {
-                    let allowed = "`arc_m`, `at` or `within`";
-                    self.faults.add(
-                        &key,
-                        "does not say which place of a guide it holds",
-                        allowed,
-                        "give one of them",
-                    );
-                    return None;
-                }
-                (None, None) => TiePlace::Nearest,
+                (Some(_), Some(_)) => Err((
+                    key.name("arc_m"),
+                    "is there beside `arc_by_distance`",
+                    "`arc_m` or `arc_by_distance`, not both",
+                    "remove one",
+                )),
+                (Some(arc), None) => Ok(TiePlace::Arc(arc)),
+                (None, Some(_)) if file.at.is_none() => Err((
+                    key.name("arc_by_distance"),
+                    "stands without `at`",
+                    "only with `at`, the distance to which it multiplies",
+                    "give `at`, or `arc_m`",
+                )),
+                (None, Some(factor)) => Ok(TiePlace::Distance(factor)),
+                (None, None) if file.at.is_none() && file.within.is_none() => Err((
+                    key.clone(),
+                    "does not say which place of a guide it holds",
+                    "`arc_m`, `at` or `within`",
+                    "give one of them",
+                )),
+                (None, None) => Ok(TiePlace::Nearest),
             };
+            let place = place
+                .map_err(|(key, found, allowed, remedy)| self.faults.add(&key, found, allowed, remedy))
+                .ok()?;
             if let Some([on, off]) = file.frames.filter(|[on, off]| on > off) {
                 self.faults.add(
                     &key.name("frames"),
