@@ -21,7 +21,7 @@ struct Scene {
     motion: Motion,
     /// Vertices at the start and at the end, and clearances, of each guide.
     guides: Vec<[Vec<Vector3<f64>>; 2]>,
-    clearances: Vec<Vec<f64>>,
+    clearances: Vec<Vec<[f64; 2]>>,
 }
 
 /// The guides in metres, 17 of each one's 32 vertices.
@@ -58,7 +58,8 @@ fn sintel() -> Option<Scene> {
             0 | 1 => f64::NEG_INFINITY,
             _ => scene.bodies.closest(0, 0.0, x, 1.0).map_or(2e-4, |s| s.distance.min(2e-4)),
         };
-        scene.clearances.push(x0.iter().enumerate().map(clearance).collect());
+        let clearances: Vec<f64> = x0.iter().enumerate().map(clearance).collect();
+        scene.clearances.push(clearances.array_windows().copied().collect());
         scene.guides.push([x0, x1]);
     }
     Some(scene)

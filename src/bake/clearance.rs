@@ -1,14 +1,15 @@
-//! What each point of a guide keeps from each body.
+//! What a guide keeps from each body.
 //!
 //! A strand grows out of the head, so its first stretch is in the head or on it, and production grooms have more of it
 //! inside, or drawn through an ear. The rule, body by body, with g the signed distance in the groom's pose and d the body's
 //! thickness:
 //!
-//! - outside (g > 0): keep min(d, g/2), g being the least along the segments beside the point: what was drawn closer
+//! - a point outside (g > 0) keeps min(d, g/2), g being the least along the segments beside it: what was drawn closer
 //!   than d stays as close, with room to give;
-//! - inside, before the strand has come out for the first time: exempt for good;
-//! - a segment drawn through the body with both ends outside: exempt for good, for it has no side;
-//! - inside later on: brought out to d during the pre-roll, gently; what cannot be is exempt from then on.
+//! - a point inside, before the strand has come out for the first time: the segments beside it are exempt for good;
+//! - a segment drawn through the body with both ends outside is exempt for good, for it has no side; its ends have one;
+//! - a point inside later on: brought out to d during the pre-roll, gently; where that cannot be, the segments beside it are
+//!   exempt from then on.
 
 use crate::contact::{Bodies, Contact, Motion, Polyline, Workspace};
 use nalgebra::{Isometry3, Vector3};
@@ -17,12 +18,23 @@ use serde::{Deserialize, Serialize};
 /// How far the groom's pose is searched for a body, m; what lies deeper inside is taken to lie this deep.
 const SEARCH: f64 = 0.3;
 
-/// Distances that the points of one guide keep from the bodies.
+/// Of a segment that is exempt.
+const EXEMPT: [f64; 2] = [f64::NEG_INFINITY; 2];
+
+/// Distances that the segments of one guide keep from the bodies.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Clearance {
-    /// At body b and point k, at `b * points + k`, m: in the groom's pose, and once all has been brought out.
-    from: Vec<f64>,
-    to: Vec<f64>,
+    /// From body b at the two ends of segment k, at `b * segments + k`, m: in the groom's pose, and once all has been brought
+    /// out. −∞ where a segment is exempt.
+    from: Vec<[f64; 2]>,
+    to: Vec<[f64; 2]>,
+}
+
+/// A point of the groom's pose beside one body: what it keeps in the end, and how deep inside it begins, m.
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    keep: f64,
+    depth: f64,
 }
 
 impl Clearance {
@@ -35,93 +47,154 @@ impl Clearance {
         thickness: &[f64],
         x: &[Vector3<f64>],
     ) -> Self {
-        let mut goal = Vec::new();
-        let mut depth = Vec::new();
+        let mut points = Vec::new();
+        let mut exempt = Vec::new();
         for (b, (pose, &d)) in pose.iter().zip(thickness).enumerate() {
-            let mut rooted = true;
-            for p in x {
-                let local = pose.inverse_transform_point(&(*p).into()).coords;
-                // The winding number, not the nearest triangle's side: it holds on open and dirty meshes.
-                let far = bodies.closest(b, t, &local, SEARCH).map_or(SEARCH, |s| s.distance.abs());
-                let inside = bodies.inside(b, t, &local);
-                rooted &= inside;
-                goal.push(match (inside, rooted) {
-                    (false, _) => d.min(0.5 * far),
-                    (true, true) => f64::NEG_INFINITY,
-                    (true, false) => d,
-                });
-                depth.push(if inside { far } else { 0.0 });
-            }
+            let local: Vec<_> = x.iter().map(|p| pose.inverse_transform_point(&(*p).into()).coords).collect();
+            let beside: Vec<Point> = local.iter().map(|y| beside(bodies, b, t, y, d)).collect();
+            let rooted = beside.iter().take_while(|point| point.depth > 0.0).count();
+            exempt.extend((0..x.len() - 1).map(|k| {
+                let ends_outside = beside[k].depth == 0.0 && beside[k + 1].depth == 0.0;
+                k < rooted || (ends_outside && bodies.first_hit(b, t, &local[k], &local[k + 1]).is_some())
+            }));
+            points.extend(beside);
         }
-        let mut clearance = Clearance { from: goal.clone(), to: goal };
-        for c in clearance.at_rest(bodies, t, pose, thickness, x, &depth) {
-            let beside = c.body * x.len() + c.segment..c.body * x.len() + c.segment + 2;
-            for i in beside.clone() {
-                if beside.clone().any(|j| depth[j] > 0.0) {
-                    continue;
-                }
-                let keep = if c.gap > 0.0 { clearance.to[i].min(0.5 * c.gap) } else { f64::NEG_INFINITY };
-                (clearance.from[i], clearance.to[i]) = (keep, keep);
-            }
-        }
-        for (from, depth) in clearance.from.iter_mut().zip(depth) {
-            if depth > 0.0 && from.is_finite() {
-                *from = -depth;
-            }
-        }
-        clearance
-    }
-
-    /// Distances (as the contacts' gaps) in the groom's pose, wherever they are below twice the thickness.
-    fn at_rest(
-        &self,
-        bodies: &Bodies,
-        t: f64,
-        pose: &[Isometry3<f64>],
-        thickness: &[f64],
-        x: &[Vector3<f64>],
-        depth: &[f64],
-    ) -> Vec<Contact> {
-        let motions: Vec<Motion> =
-            pose.iter().map(|p| Motion { times: [t, t], start: *p, end: *p }).collect();
-        let touching: Vec<f64> =
-            depth.iter().map(|d| if *d > 0.0 { f64::NEG_INFINITY } else { 0.0 }).collect();
+        let ends = |body: usize, k: usize| body * x.len() + k..body * x.len() + k + 2;
+        let segments = || (0..pose.len()).flat_map(|b| (0..x.len() - 1).map(move |k| (b, k)));
+        let touching: Vec<[f64; 2]> = segments()
+            .zip(&exempt)
+            .map(|((b, k), exempt)| match points[ends(b, k)].iter().any(|p| p.depth > 0.0) {
+                false if !exempt => [0.0; 2],
+                _ => EXEMPT,
+            })
+            .collect();
+        // The distance may be less along a segment than at its ends.
         let line = Polyline { x0: x, x1: x, clearance: &touching };
-        let reach = 2.0 * thickness.iter().copied().fold(0.0, f64::max);
-        let mut found = Vec::new();
-        bodies.candidates(&motions, &line, reach, &mut Workspace::default(), &mut found);
-        found
+        for c in at_rest(bodies, t, pose, thickness, &line) {
+            if c.gap > 0.0 {
+                points[ends(c.body, c.segment)].iter_mut().for_each(|p| p.keep = p.keep.min(0.5 * c.gap));
+            } else {
+                exempt[c.body * (x.len() - 1) + c.segment] = true;
+            }
+        }
+        let all = |distance: fn(&Point) -> f64| -> Vec<[f64; 2]> {
+            let distances = |((b, k), exempt): ((usize, usize), &bool)| match (exempt, &points[ends(b, k)]) {
+                (false, [one, two]) => [distance(one), distance(two)],
+                _ => EXEMPT,
+            };
+            segments().zip(&exempt).map(distances).collect()
+        };
+        Clearance {
+            from: all(|point| if point.depth > 0.0 { -point.depth } else { point.keep }),
+            to: all(|point| point.keep),
+        }
     }
 
     /// Clearances when `share` (0..=1) of the way out has been gone.
-    pub fn at(&self, share: f64, out: &mut Vec<f64>) {
+    pub fn at(&self, share: f64, out: &mut Vec<[f64; 2]>) {
+        let between = |a: f64, b: f64| if a == b { a } else { a + share * (b - a) };
         out.clear();
-        out.extend(
-            self.from.iter().zip(&self.to).map(|(a, b)| if a == b { *a } else { a + share * (b - a) }),
-        );
+        out.extend(self.from.iter().zip(&self.to).map(|(a, b)| [between(a[0], b[0]), between(a[1], b[1])]));
     }
 
-    /// Number of distances.
+    /// Number of segments, over all bodies.
     pub(super) fn len(&self) -> usize {
         self.to.len()
     }
 
-    /// Points that are exempt, and points that are being brought out.
+    /// Segments that are exempt, and segments of which an end is being brought out.
     pub fn counts(&self) -> (usize, usize) {
-        let exempt = self.to.iter().filter(|d| **d == f64::NEG_INFINITY).count();
+        let exempt = self.to.iter().filter(|ends| **ends == EXEMPT).count();
         (exempt, self.from.iter().zip(&self.to).filter(|(a, b)| a != b).count())
     }
 
-    /// Ends the way out: points of the segments in `stuck` (body, segment) that were to be brought out are exempt from now on,
-    /// all others have arrived. `points` is the number of points of the guide.
-    pub fn arrive(&mut self, stuck: &[(usize, usize)], points: usize) {
+    /// Ends the way out: segments beside the points of those in `stuck` (body, segment) that were to be brought out are exempt from
+    /// now on, all others have arrived. `segments` is the number of segments of the guide.
+    pub fn arrive(&mut self, stuck: &[(usize, usize)], segments: usize) {
         for &(body, segment) in stuck {
-            for i in body * points + segment..body * points + segment + 2 {
-                if self.from[i] != self.to[i] {
-                    self.to[i] = f64::NEG_INFINITY;
+            let i = body * segments + segment;
+            let (from, to) = (self.from[i], self.to[i]);
+            for end in (0..2).filter(|&end| from[end] != to[end]) {
+                let point = segment + end;
+                for k in point.saturating_sub(1)..=point.min(segments - 1) {
+                    self.to[body * segments + k] = EXEMPT;
                 }
             }
         }
         self.from.clone_from(&self.to);
+    }
+}
+
+/// The point `y`, m, in the frame of a body whose thickness is `d`, m.
+fn beside(bodies: &Bodies, body: usize, t: f64, y: &Vector3<f64>, d: f64) -> Point {
+    let far = bodies.closest(body, t, y, SEARCH).map_or(SEARCH, |s| s.distance.abs());
+    // The winding number, not the nearest triangle's side: it holds on open and dirty meshes.
+    if bodies.inside(body, t, y) {
+        Point { keep: d, depth: far }
+    } else {
+        Point { keep: d.min(0.5 * far), depth: 0.0 }
+    }
+}
+
+/// Distances (as the contacts' gaps) in the groom's pose, wherever they are below twice the thickness.
+fn at_rest(
+    bodies: &Bodies,
+    t: f64,
+    pose: &[Isometry3<f64>],
+    thickness: &[f64],
+    line: &Polyline,
+) -> Vec<Contact> {
+    let motions: Vec<Motion> = pose.iter().map(|p| Motion { times: [t, t], start: *p, end: *p }).collect();
+    let reach = 2.0 * thickness.iter().copied().fold(0.0, f64::max);
+    let mut found = Vec::new();
+    bodies.candidates(&motions, line, reach, &mut Workspace::default(), &mut found);
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Shape;
+
+    #[test]
+    fn only_what_is_drawn_through_a_body_is_exempt_and_its_ends_keep_their_side() {
+        let ball = Shape::Sphere { centre: Vector3::zeros(), radius: 0.01 };
+        let bodies = Bodies::from_shapes(&[ball]);
+        let at = |x: f64| Vector3::new(x, 0.0, 0.0);
+        // From inside, out, back through, out to 0.2 mm and on.
+        let x = [at(0.005), at(0.02), at(-0.0102), at(-0.03), at(-0.04)];
+        let clearance = Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x);
+        let mut kept = Vec::new();
+        clearance.at(1.0, &mut kept);
+        assert_eq!(kept[..2], [EXEMPT; 2]);
+        // As close as drawn along the segments beside a point.
+        assert!(kept[2].iter().all(|d| (d - 1e-4).abs() < 1e-12), "{kept:?}");
+        assert_eq!(kept[3], [kept[2][1], 5e-4]);
+        assert_eq!(clearance.counts(), (2, 0));
+        // The end of the segment drawn through is held by the segment after it.
+        let mut pushed = x;
+        pushed[2] = at(-0.0099);
+        let line = Polyline { x0: &x, x1: &pushed, clearance: &kept };
+        let found = at_rest(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &line);
+        assert!(found.iter().any(|c| (c.segment, c.u) == (2, 0.0) && c.gap < 0.0), "{found:?}");
+    }
+
+    #[test]
+    fn what_begins_inside_later_on_comes_out_or_is_exempt_on_both_sides() {
+        let ball = Shape::Sphere { centre: Vector3::zeros(), radius: 0.01 };
+        let bodies = Bodies::from_shapes(&[ball]);
+        let x = [0.03, 0.015, 0.008, 0.015, 0.03].map(|y| Vector3::new(0.0, y, 0.0));
+        let mut clearance = Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x);
+        let mut kept = Vec::new();
+        clearance.at(0.5, &mut kept);
+        assert_eq!(kept[0], [5e-4; 2]);
+        assert!((kept[1][1] - 0.5 * (5e-4 - 2e-3)).abs() < 1e-12, "{kept:?}");
+        assert_eq!(kept[1][1], kept[2][0]);
+        assert_eq!(clearance.counts(), (0, 2));
+        clearance.arrive(&[(0, 2)], 4);
+        assert_eq!(clearance.counts(), (2, 0));
+        clearance.at(1.0, &mut kept);
+        assert_eq!(kept[1..3], [EXEMPT; 2]);
+        assert_eq!([kept[0], kept[3]], [[5e-4; 2]; 2]);
     }
 }

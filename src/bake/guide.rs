@@ -33,7 +33,7 @@ const FORESEEABLE: f64 = 0.02;
 pub struct Guide {
     /// The rod.
     pub rod: Rod,
-    /// What each point keeps from each body.
+    /// What each segment keeps from each body.
     pub clearance: Clearance,
     /// Friction of the strand, along it.
     pub friction: Friction,
@@ -171,7 +171,7 @@ pub struct Workspace {
     past: Vec<f64>,
     free: Vec<f64>,
     motions: Vec<Motion>,
-    clearance: Vec<f64>,
+    clearance: Vec<[f64; 2]>,
     ties: Vec<(Tie, Vector3<f64>)>,
     pub(super) touch: TouchWork,
 }
@@ -254,7 +254,7 @@ impl Guide {
         if self.clearance.counts().1 > 0 && (around.brought_out)(span[1]) >= 1.0 {
             // What could not be brought out by now is drawn in a knot with the body, and stays so.
             let stuck: Vec<_> = work.touch.blocked().collect();
-            self.clearance.arrive(&stuck, self.x.len());
+            self.clearance.arrive(&stuck, self.x.len() - 1);
         }
         record
     }

@@ -314,8 +314,9 @@ fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Result<Manifest
     manifest.settings = job.settings.clone();
     manifest.totals = totals(&finished);
     // What is exempt in the end is so for good.
-    let exempt = finished.last().map_or(0, |f| f.record.exempt_points);
-    manifest.scene_figures = object(json!({ "exempt_guide_points": exempt, "groom_notes": job.groom.notes }));
+    let exempt = finished.last().map_or(0, |f| f.record.exempt_segments);
+    manifest.scene_figures =
+        object(json!({ "exempt_guide_segments": exempt, "groom_notes": job.groom.notes }));
     for Finished { record, file, .. } in finished {
         manifest.frames.push(cache::FrameRecord { frame: record.frame, file, figures: figures(&record) });
     }

@@ -54,7 +54,7 @@ pub struct FrameRecord {
     /// Largest relative change of the arc length of a segment of a guide since the start.
     pub length_drift: f64,
     /// Points of guides that contact leaves alone, one for each body that they are in.
-    pub exempt_points: u32,
+    pub exempt_segments: u32,
 }
 
 /// Relative residual of the reactions above which a frame does not hold to the law of contact: a thousandth of the forces.
@@ -114,7 +114,7 @@ impl FrameRecord {
                 speeds.push((v - carried).norm());
             }
             self.length_drift = self.length_drift.max(g.length_drift());
-            self.exempt_points += g.clearance.counts().0 as u32;
+            self.exempt_segments += g.clearance.counts().0 as u32;
         }
         speeds.sort_by(f64::total_cmp);
         if let Some(&max) = speeds.last() {

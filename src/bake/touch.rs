@@ -71,8 +71,8 @@ pub(super) struct Touch<'a> {
     pub rod: &'a Rod,
     pub bodies: &'a Bodies,
     pub motions: &'a [Motion],
-    /// Clearance at body b and point k, at `b * points + k`, m.
-    pub clearance: &'a [f64],
+    /// Clearance from body b at both ends of segment k, at `b * segments + k`, m.
+    pub clearance: &'a [[f64; 2]],
     /// Points at the start of the step, world, m.
     pub x0: &'a [Vector3<f64>],
     /// Places that must come to targets, world, m.
@@ -510,7 +510,7 @@ mod tests {
         };
         let other = Contact { feature: Feature::Face(3), ..impact };
         let x = [Vector3::x() * -0.01, Vector3::x() * 0.01];
-        let line = Polyline { x0: &x, x1: &x, clearance: &[5e-4; 2] };
+        let line = Polyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]] };
         let mut averted = Averted::default();
         let mut joined = |impact| {
             let mut contacts = vec![other];

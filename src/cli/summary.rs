@@ -203,8 +203,8 @@ fn settings(summary: &BakeSummary) -> Vec<(String, String)> {
         rows.push(("hairbake".into(), format!("{}, build {}", manifest.hairbake, manifest.build)));
         rows.push(("simulated on".into(), manifest.machines.join("; ")));
         rows.push(("key".into(), manifest.key.clone()));
-        if let Some(exempt) = manifest.scene_figures.get("exempt_guide_points") {
-            rows.push(("guide points exempt from contact".into(), exempt.to_string()));
+        if let Some(exempt) = manifest.scene_figures.get("exempt_guide_segments") {
+            rows.push(("guide segments exempt from contact".into(), exempt.to_string()));
         }
         let notes = manifest.scene_figures.get("groom_notes").and_then(|notes| notes.as_array());
         rows.extend(

@@ -39,10 +39,9 @@ pub struct Polyline<'a> {
     pub x0: &'a [Vector3<f64>],
     /// Candidate vertices at the end.
     pub x1: &'a [Vector3<f64>],
-    /// Distance to keep from the surface of body b at vertex k, m, at `b * n + k`; linear along a segment. Negative for
-    /// points that are being brought out of the body, −∞ where contact with that body is not wanted: a segment with an
-    /// end at −∞ is exempt.
-    pub clearance: &'a [f64],
+    /// Distance to keep from the surface of body b at the two ends of segment k, m, at `b * (n - 1) + k`; linear in between.
+    /// Negative where something is being brought out of the body; a segment with an end at −∞ is exempt from contact with it.
+    pub clearance: &'a [[f64; 2]],
 }
 
 /// A place where a polyline must keep its distance from a body.
@@ -242,13 +241,18 @@ impl Found {
         let to_world = |pose: &Isometry3<f64>, y: &Vector3<f64>| pose.rotation * y + pose.translation.vector;
         let point = [to_world(&motion.start, &point[0]), to_world(&motion.end, &point[1])];
         let normal = motion.end.rotation * normal;
-        let x = line.x1[k] + (line.x1[k + 1] - line.x1[k]) * u;
-        let gap = normal.dot(&(x - point[1])) - clearance_at(line, body, k, u);
-        Contact { segment: k, u, body, feature, normal, point, gap, friction }
+        let contact = Contact { segment: k, u, body, feature, normal, point, gap: 0.0, friction };
+        Contact { gap: line.gap(&contact), ..contact }
     }
 }
 
 impl Polyline<'_> {
+    /// Clearances from a body of all segments.
+    pub(super) fn beside(&self, body: usize) -> &[[f64; 2]] {
+        let segments = self.x0.len().saturating_sub(1);
+        &self.clearance[body * segments..][..segments]
+    }
+
     /// Gap of `contact` with the vertices as they are now at the end of the step, m.
     pub fn gap(&self, contact: &Contact) -> f64 {
         let k = contact.segment;
@@ -258,17 +262,7 @@ impl Polyline<'_> {
 
     /// Clearance at the place of `contact`, m.
     pub fn kept_at(&self, contact: &Contact) -> f64 {
-        clearance_at(self, contact.body, contact.segment, contact.u)
-    }
-}
-
-/// Clearance of a body at a place on a segment, m.
-pub(super) fn clearance_at(line: &Polyline, body: usize, k: usize, u: f64) -> f64 {
-    let d = &line.clearance[body * line.x0.len()..][k..=k + 1];
-    // 0 · ∞ has no value: an end takes its own number.
-    match u {
-        0.0 => d[0],
-        1.0 => d[1],
-        _ => d[0] + (d[1] - d[0]) * u,
+        let [from, to] = self.beside(contact.body)[contact.segment];
+        from + (to - from) * contact.u
     }
 }

@@ -10,7 +10,7 @@
 //! at the closest surface. Behind a mesh this holds to a depth of reach + |clearance|; what went deeper, or right through,
 //! is left to [`ccd`](super::ccd).
 
-use super::bodies::{Bodies, Contact, Found, Motion, Polyline, Workspace, clearance_at};
+use super::bodies::{Bodies, Contact, Found, Motion, Polyline, Workspace};
 use super::distance::{closest_on_triangle, segment_segment};
 use super::mesh::{Bounds, Mesh};
 use super::shape::{Convex, Feature, Surface, SurfacePoint};
@@ -30,21 +30,24 @@ impl Bodies {
         work: &mut Workspace,
         out: &mut Vec<Contact>,
     ) {
-        let n = line.x0.len();
-        let segments = n.saturating_sub(1);
+        let segments = line.x0.len().saturating_sub(1);
         work.size(self.len(), segments);
         for (b, (body, motion)) in self.bodies.iter().zip(motions).enumerate() {
-            let d = &line.clearance[b * n..(b + 1) * n];
+            let clearances = line.beside(b);
             work.enter(line, motion);
             for k in 0..segments {
-                let Some(keep) = largest(d[k], d[k + 1]) else { continue };
-                let near = reach + keep;
+                let clearance = clearances[k];
+                if is_exempt(&clearance) {
+                    continue;
+                }
+                let near = reach + clearance[0].abs().max(clearance[1].abs());
                 let [x0, x1] = [&work.local[0], &work.local[1]].map(|x| [x[k], x[k + 1]]);
                 if work.surely_far(&body.shape, b * segments + k, &[(motion.times[1], x1)], near) {
                     continue;
                 }
                 let travel = body.shape.travel(motion.times[1]) - body.shape.travel(motion.times[0]);
-                let finder = Finder { line, body: b, segment: k, x0, x1, near, reach, travel };
+                let first = k == 0 || is_exempt(&clearances[k - 1]);
+                let finder = Finder { clearance, segment: k, first, x0, x1, near, reach, travel };
                 let emit = |found: Found| out.push(found.into_world(b, body.friction, motion, line));
                 match body.shape.over(motion.times) {
                     Surface::Convex(convex) => finder.on_convex(convex, emit),
@@ -59,16 +62,18 @@ impl Bodies {
     }
 }
 
-/// The larger of two clearances in absolute value, or `None` where neither is finite.
-pub(super) fn largest(a: f64, b: f64) -> Option<f64> {
-    [a, b].into_iter().filter(|d| d.is_finite()).map(f64::abs).reduce(f64::max)
+/// Whether the segment with these clearances at its ends is exempt from contact.
+pub(super) fn is_exempt(clearance: &[f64; 2]) -> bool {
+    clearance.contains(&f64::NEG_INFINITY)
 }
 
 /// One segment in the frame of one body.
-struct Finder<'a> {
-    line: &'a Polyline<'a>,
-    body: usize,
+struct Finder {
+    /// At both ends, m.
+    clearance: [f64; 2],
     segment: usize,
+    /// Whether no segment before it speaks for the vertex between them.
+    first: bool,
     x0: [Vector3<f64>; 2],
     x1: [Vector3<f64>; 2],
     /// Distance from the surface, m, within which every triangle is at hand; nothing farther is a contact with a mesh.
@@ -78,14 +83,15 @@ struct Finder<'a> {
     travel: f64,
 }
 
-impl Finder<'_> {
-    /// Vertices that this segment speaks for: its far end, and the root for the first.
+impl Finder {
+    /// Vertices that this segment speaks for: its far end, and its near one where it is the first.
     fn vertices(&self) -> impl Iterator<Item = f64> {
-        (if self.segment == 0 { 0 } else { 1 }..2).map(f64::from).filter(|&u| self.clearance(u).is_finite())
+        (if self.first { 0 } else { 1 }..2).map(f64::from)
     }
 
     fn clearance(&self, u: f64) -> f64 {
-        clearance_at(self.line, self.body, self.segment, u)
+        let [from, to] = self.clearance;
+        from + (to - from) * u
     }
 
     fn start(&self, u: f64) -> Vector3<f64> {

@@ -14,7 +14,7 @@
 //! start of a step is outside at its end, however often it is stopped.
 
 use super::bodies::{Bodies, Contact, Found, Motion, Polyline, Workspace};
-use super::candidates::largest;
+use super::candidates::is_exempt;
 use super::distance::{Pair, segment_triangle, weights};
 use super::mesh::{Bounds, Mesh, at_weights};
 use super::shape::{Convex, Feature, Surface};
@@ -43,14 +43,12 @@ impl Bodies {
         out: &mut Vec<Contact>,
     ) -> f64 {
         let mut first: f64 = 1.0;
-        let n = line.x0.len();
-        let segments = n.saturating_sub(1);
+        let segments = line.x0.len().saturating_sub(1);
         work.size(self.len(), segments);
         for (b, (body, motion)) in self.bodies.iter().zip(motions).enumerate() {
-            let d = &line.clearance[b * n..(b + 1) * n];
             work.enter(line, motion);
-            for k in 0..segments {
-                let Some(watched) = Watched::new(d, k) else { continue };
+            for (k, clearance) in line.beside(b).iter().enumerate() {
+                let Some(watched) = Watched::new(clearance) else { continue };
                 let [x0, x1] = [&work.local[0], &work.local[1]].map(|x| [x[k], x[k + 1]]);
                 let (places, slot) = ([(motion.times[1], x1), (motion.times[0], x0)], b * segments + k);
                 if work.surely_far(&body.shape, slot, &places, watched.clearance) {
@@ -87,14 +85,14 @@ struct Watched {
 }
 
 impl Watched {
-    fn new(d: &[f64], k: usize) -> Option<Self> {
-        let (a, b) = (d[k], d[k + 1]);
-        if !(a.is_finite() && b.is_finite()) || a.max(b) <= 0.0 {
+    fn new(clearance: &[f64; 2]) -> Option<Self> {
+        let [a, b] = *clearance;
+        if is_exempt(clearance) || a.max(b) <= 0.0 {
             return None;
         }
         let from = if a < 0.0 { a / (a - b) } else { 0.0 };
         let to = if b < 0.0 { a / (a - b) } else { 1.0 };
-        Some(Watched { from, to, clearance: largest(a.max(0.0), b.max(0.0))? })
+        Some(Watched { from, to, clearance: a.max(b) })
     }
 
     fn of(&self, ends: [Vector3<f64>; 2]) -> [Vector3<f64>; 2] {

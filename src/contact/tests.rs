@@ -301,7 +301,7 @@ fn no_tunnelling_over(
         };
         let throw = random.vector() * 0.08 - start;
         let x1: Vec<_> = x0.iter().map(|x| x + throw + random.vector() * 0.02).collect();
-        let clearance = [1e-3; 4];
+        let clearance = [[1e-3; 2]; 3];
         let line = Polyline { x0: &x0, x1: &x1, clearance: &clearance };
         let shape = &bodies.bodies[0].shape;
         let inside = x0.iter().any(|x| shape.inside(times[0], x));
@@ -360,7 +360,7 @@ fn vertices_and_edges_hit_head_on_are_found_at_the_right_time() {
     let triangles =
         vec![[2, 4, 0], [2, 0, 5], [2, 5, 1], [2, 1, 4], [3, 0, 4], [3, 5, 0], [3, 1, 5], [3, 4, 1]];
     let body = Bodies::from_shapes(&[mesh_shape(&TriMesh { file: Default::default(), vertices, triangles })]);
-    let d = [1e-4, 1e-4];
+    let d = [[1e-4; 2]];
     let drop = |a: Vector3<f64>, b: Vector3<f64>, fall: Vector3<f64>| {
         let (x0, x1) = ([a, b], [a + fall, b + fall]);
         let mut contacts = Vec::new();
@@ -394,7 +394,7 @@ fn a_pop_of_the_head_is_caught() {
         UnitQuaternion::from_scaled_axis(Vector3::new(0.0, 127f64.to_radians(), 0.0)),
     );
     let motion = Motion { times: [0.0, 1.0], start: Isometry3::identity(), end: pop };
-    let line = Polyline { x0: &x0, x1: &x0, clearance: &[1e-4; 17] };
+    let line = Polyline { x0: &x0, x1: &x0, clearance: &[[1e-4; 2]; 16] };
     let toi = body.impacts(&[motion], &line, &mut Workspace::default(), &mut Vec::new());
     assert!(toi > 0.0 && toi < 1.0);
     assert!(least_distance(&body.bodies[0].shape, &motion, &line, 0.0, toi, 400) > 0.0);
@@ -417,7 +417,7 @@ fn memory_of_far_segments_changes_no_result() {
             UnitQuaternion::from_scaled_axis(random.vector() * 0.02) * pose.rotation,
         );
         let motions = [Motion { times: [0.0, 1.0], start: pose, end }; 2];
-        let line = Polyline { x0: &x, x1: &x1, clearance: &[1e-3; 24] };
+        let line = Polyline { x0: &x, x1: &x1, clearance: &[[1e-3; 2]; 22] };
         let all = |work: &mut Workspace| {
             let mut contacts = Vec::new();
             bodies.candidates(&motions, &line, 2e-3, work, &mut contacts);
@@ -439,7 +439,7 @@ fn a_segment_at_rest_on_a_plane_is_held_at_both_ends() {
     let plane = SceneShape::Plane { point: Vector3::zeros(), normal: Vector3::y() };
     let bodies = Bodies::from_shapes(&[plane]);
     let x = [Vector3::new(0.0, 1e-3, 0.0), Vector3::new(0.1, 1e-3, 0.0)];
-    let line = Polyline { x0: &x, x1: &x, clearance: &[1e-3, 1e-3] };
+    let line = Polyline { x0: &x, x1: &x, clearance: &[[1e-3; 2]] };
     let mut contacts = Vec::new();
     bodies.candidates(&[still()], &line, 1e-4, &mut Workspace::default(), &mut contacts);
     assert_eq!(contacts.iter().map(|c| c.u).collect::<Vec<_>>(), [0.0, 1.0]);
@@ -455,7 +455,7 @@ fn in_a_crease_both_walls_hold_a_vertex() {
     let bodies =
         Bodies::from_shapes(&[mesh_shape(&TriMesh { file: Default::default(), vertices, triangles })]);
     let x = [Vector3::new(0.001, 0.5, 0.2), Vector3::new(0.001, 0.01, 0.2)];
-    let line = Polyline { x0: &x, x1: &x, clearance: &[1e-3, 1e-3] };
+    let line = Polyline { x0: &x, x1: &x, clearance: &[[1e-3; 2]] };
     let mut contacts = Vec::new();
     bodies.candidates(&[still()], &line, 0.01, &mut Workspace::default(), &mut contacts);
     assert_eq!(contacts.len(), 2);
@@ -474,7 +474,7 @@ fn what_passed_into_a_thin_part_is_pushed_back_the_way_it_came() {
     let plate = TriMesh { file: Default::default(), vertices: box_vertices, triangles };
     let bodies = Bodies::from_shapes(&[mesh_shape(&plate)]);
     let at = |y: f64| [Vector3::new(0.01, y + 0.01, 0.0), Vector3::new(0.01, y, 0.0)];
-    let line = Polyline { x0: &at(0.003), x1: &at(-0.0007), clearance: &[1e-4, 1e-4] };
+    let line = Polyline { x0: &at(0.003), x1: &at(-0.0007), clearance: &[[1e-4; 2]] };
     let mut contacts = Vec::new();
     bodies.candidates(&[still()], &line, 2e-3, &mut Workspace::default(), &mut contacts);
     assert_eq!(contacts.len(), 1, "{contacts:?}");
@@ -487,7 +487,7 @@ fn exempt_roots_meet_nothing_and_points_inside_are_brought_out_gently() {
     let bodies = Bodies::from_shapes(&[mesh_shape(&blob(8, 0.1))]);
     let x: Vec<_> = (0..4).map(|k| Vector3::new(0.0, 0.08 + 0.02 * k as f64, 0.0)).collect();
     let mut contacts = Vec::new();
-    let exempt = [f64::NEG_INFINITY, f64::NEG_INFINITY, 1e-3, 1e-3];
+    let exempt = [[f64::NEG_INFINITY; 2], [f64::NEG_INFINITY, 1e-3], [1e-3; 2]];
     let line = Polyline { x0: &x, x1: &x, clearance: &exempt };
     let mut work = Workspace::default();
     bodies.candidates(&[still()], &line, 5e-3, &mut work, &mut contacts);
@@ -495,7 +495,7 @@ fn exempt_roots_meet_nothing_and_points_inside_are_brought_out_gently() {
     assert_eq!(bodies.impacts(&[still()], &line, &mut work, &mut contacts), 1.0);
     // A vertex 30 mm deep that must now be no deeper than 25 mm.
     contacts.clear();
-    let gentle = [-0.025, f64::NEG_INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+    let gentle = [[-0.025; 2], [f64::NEG_INFINITY; 2], [f64::NEG_INFINITY; 2]];
     let line = Polyline { x0: &x, x1: &x, clearance: &gentle };
     bodies.candidates(&[still()], &line, 5e-3, &mut work, &mut contacts);
     assert_eq!(contacts.len(), 1);

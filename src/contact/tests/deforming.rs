@@ -61,7 +61,7 @@ fn a_thrown_triangle_is_stopped_by_a_segment() {
         let mut bodies = deforming(&triangle, 2, |p, i| p + offsets[i][corner(p)] + throw * i as f64);
         bodies.prepare([0.0, 1.0]);
         let x = [random.vector() * 0.02 - Vector3::y() * 0.04, random.vector() * 0.02 - Vector3::y() * 0.04];
-        let line = Polyline { x0: &x, x1: &x, clearance: &[5e-4; 2] };
+        let line = Polyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]] };
         let shape = &bodies.bodies[0].shape;
         if least_distance(shape, &still(), &line, 0.0, 0.0, 1) < 1e-4 {
             continue;
@@ -111,7 +111,7 @@ fn contacts_know_where_their_material_was() {
             a = mesh.vertex(k / 2 % 60) * 2.0;
         }
         let (x0, x1) = ([a, a * 1.2], [a * (0.51 + 0.2 * random.next().max(0.0)), a]);
-        let line = Polyline { x0: &x0, x1: &x1, clearance: &[1e-3; 2] };
+        let line = Polyline { x0: &x0, x1: &x1, clearance: &[[1e-3; 2]] };
         let (mut work, mut contacts) = (Workspace::default(), Vec::new());
         bodies.candidates(&[still()], &line, 5e-3, &mut work, &mut contacts);
         bodies.impacts(&[still()], &line, &mut work, &mut contacts);
@@ -143,7 +143,7 @@ fn a_turn_of_the_vertices_is_a_turn_of_the_body() {
     for _ in 0..300 {
         let a = random.vector().normalize() * 0.16;
         let (x0, x1) = ([a, a * 1.2], [a * (0.55 + 0.1 * random.next()), a]);
-        let line = Polyline { x0: &x0, x1: &x1, clearance: &[1e-3; 2] };
+        let line = Polyline { x0: &x0, x1: &x1, clearance: &[[1e-3; 2]] };
         let find = |bodies: &Bodies, motion: Motion| {
             let mut contacts = Vec::new();
             bodies.candidates(&[motion], &line, 2e-3, &mut Workspace::default(), &mut contacts);
@@ -184,7 +184,7 @@ fn memory_of_far_segments_changes_no_result_where_the_surface_moves() {
         let parts: &[[f64; 2]] = if i % 2 == 0 { &[[0.0, 1.0]] } else { &[[0.0, 0.5], [0.5, 1.0]] };
         for part in parts {
             let x1: Vec<_> = home.iter().map(|v| v + random.vector() * 4e-4).collect();
-            let line = Polyline { x0: &x, x1: &x1, clearance: &[1e-3; 12] };
+            let line = Polyline { x0: &x, x1: &x1, clearance: &[[1e-3; 2]; 11] };
             let motion = Motion { times: part.map(|u| start + u), ..still() };
             let all = |work: &mut Workspace| {
                 let mut contacts = Vec::new();
