@@ -8,8 +8,8 @@
 //!   than d stays as close, with room to give;
 //! - a point inside, before the strand has come out for the first time: the segments beside it are exempt for good;
 //! - a segment drawn through the body with both ends outside is exempt for good, for it has no side; its ends have one;
-//! - a point inside later on: brought out to d during the pre-roll, gently; where that cannot be, the segments beside it are
-//!   exempt from then on.
+//! - a point inside later on: brought out to d during the pre-roll, gently; segments that are still in the body then are exempt
+//!   from then on.
 
 use crate::contact::{Bodies, Contact, Motion, Polyline, Workspace};
 use nalgebra::{Isometry3, Vector3};
@@ -55,7 +55,7 @@ impl Clearance {
             let rooted = beside.iter().take_while(|point| point.depth > 0.0).count();
             exempt.extend((0..x.len() - 1).map(|k| {
                 let ends_outside = beside[k].depth == 0.0 && beside[k + 1].depth == 0.0;
-                k < rooted || (ends_outside && bodies.first_hit(b, t, &local[k], &local[k + 1]).is_some())
+                k < rooted || (ends_outside && passes(bodies, b, t, &[local[k], local[k + 1]]))
             }));
             points.extend(beside);
         }
@@ -108,21 +108,27 @@ impl Clearance {
         (exempt, self.from.iter().zip(&self.to).filter(|(a, b)| a != b).count())
     }
 
-    /// Ends the way out: segments beside the points of those in `stuck` (body, segment) that were to be brought out are exempt from
-    /// now on, all others have arrived. `segments` is the number of segments of the guide.
-    pub fn arrive(&mut self, stuck: &[(usize, usize)], segments: usize) {
-        for &(body, segment) in stuck {
-            let i = body * segments + segment;
-            let (from, to) = (self.from[i], self.to[i]);
-            for end in (0..2).filter(|&end| from[end] != to[end]) {
-                let point = segment + end;
-                for k in point.saturating_sub(1)..=point.min(segments - 1) {
-                    self.to[body * segments + k] = EXEMPT;
-                }
+    /// Ends the way out with the points at `x`, m, world, and the bodies at time `t`, s, at `pose`: segments that are still in a body are
+    /// exempt from now on, all others have arrived.
+    pub fn arrive(&mut self, bodies: &Bodies, t: f64, pose: &[Isometry3<f64>], x: &[Vector3<f64>]) {
+        let segments = x.len() - 1;
+        for (i, (from, to)) in self.from.iter_mut().zip(&mut self.to).enumerate() {
+            if from == to {
+                continue;
             }
+            let (b, k) = (i / segments, i % segments);
+            let ends = [x[k], x[k + 1]].map(|x| pose[b].inverse_transform_point(&x.into()).coords);
+            if ends.iter().any(|y| bodies.inside(b, t, y)) || passes(bodies, b, t, &ends) {
+                *to = EXEMPT;
+            }
+            *from = *to;
         }
-        self.from.clone_from(&self.to);
     }
+}
+
+/// Whether the way between two points outside a body, in its frame, goes through it.
+fn passes(bodies: &Bodies, body: usize, t: f64, [from, to]: &[Vector3<f64>; 2]) -> bool {
+    bodies.first_hit(body, t, from, to).is_some()
 }
 
 /// The point `y`, m, in the frame of a body whose thickness is `d`, m.
@@ -184,17 +190,22 @@ mod tests {
         let ball = Shape::Sphere { centre: Vector3::zeros(), radius: 0.01 };
         let bodies = Bodies::from_shapes(&[ball]);
         let x = [0.03, 0.015, 0.008, 0.015, 0.03].map(|y| Vector3::new(0.0, y, 0.0));
-        let mut clearance = Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x);
+        let clearance = Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x);
         let mut kept = Vec::new();
         clearance.at(0.5, &mut kept);
         assert_eq!(kept[0], [5e-4; 2]);
         assert!((kept[1][1] - 0.5 * (5e-4 - 2e-3)).abs() < 1e-12, "{kept:?}");
         assert_eq!(kept[1][1], kept[2][0]);
         assert_eq!(clearance.counts(), (0, 2));
-        clearance.arrive(&[(0, 2)], 4);
-        assert_eq!(clearance.counts(), (2, 0));
-        clearance.at(1.0, &mut kept);
-        assert_eq!(kept[1..3], [EXEMPT; 2]);
-        assert_eq!([kept[0], kept[3]], [[5e-4; 2]; 2]);
+        let arrive = |beside: f64| {
+            let (mut arrived, mut kept) = (clearance.clone(), Vec::new());
+            let moved = x.map(|p| p + Vector3::x() * beside);
+            arrived.arrive(&bodies, 0.0, &[Isometry3::identity()], &moved);
+            arrived.at(1.0, &mut kept);
+            kept
+        };
+        assert_eq!(arrive(0.0), [[5e-4; 2], EXEMPT, EXEMPT, [5e-4; 2]]);
+        // Beside the ball, if nearer to it than it should.
+        assert_eq!(arrive(0.0101), [[5e-4; 2]; 4]);
     }
 }

@@ -253,8 +253,8 @@ impl Guide {
         self.pinched = record.shortened > record.halvings;
         if self.clearance.counts().1 > 0 && (around.brought_out)(span[1]) >= 1.0 {
             // What could not be brought out by now is drawn in a knot with the body, and stays so.
-            let stuck: Vec<_> = work.touch.blocked().collect();
-            self.clearance.arrive(&stuck, self.x.len() - 1);
+            let poses: Vec<_> = (0..around.bodies.len()).map(|b| (around.body)(b, span[1])).collect();
+            self.clearance.arrive(around.bodies, span[1], &poses, &self.x);
         }
         record
     }

@@ -121,12 +121,6 @@ impl TouchWork {
         self.pushes.clear();
         self.noted = Noted::default();
     }
-
-    /// Places where the last step met a surface on its way or violated a clearance: (body, segment).
-    pub(super) fn blocked(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
-        let violated = self.contacts.iter().filter(|c| c.gap < -GAP_TOLERANCE);
-        violated.chain(self.averted.0.iter().map(|(c, _)| c)).map(|c| (c.body, c.segment))
-    }
 }
 
 /// What a step ended with, in contact.

@@ -116,6 +116,13 @@ impl Finder {
         s.normal.dot(&(self.start(u) - before)) >= 0.0
     }
 
+    /// Whether the step began inside the mesh, which was as in `start` then; the end is near its surface.
+    fn started_inside(&self, start: &Mesh, u: f64) -> bool {
+        let from = self.start(u);
+        let enough = 2.0 * ((self.end(u) - from).norm() + self.near + self.travel);
+        start.closest(&from, enough).is_some_and(|s| s.distance < 0.0)
+    }
+
     fn on_convex(&self, shape: &Convex, mut emit: impl FnMut(Found)) {
         let right_side = |u: f64, s: &SurfacePoint| {
             s.distance >= 0.0
@@ -168,8 +175,8 @@ impl Finder {
                     && s.distance > -self.near
                     && mesh.supports(feature, &s.normal)
                     && (s.distance >= 0.0
-                        || (self.came_from_outside(u, &s, &before)
-                            && mesh.closest(&x, 2.0 * self.near).is_some_and(|c| c.distance < 0.0)));
+                        || (mesh.closest(&x, 2.0 * self.near).is_some_and(|c| c.distance < 0.0)
+                            && (self.came_from_outside(u, &s, &before) || self.started_inside(start, u))));
                 if accepted {
                     emit(self.found(u, &s, before));
                 }
@@ -213,12 +220,8 @@ impl Finder {
             }
         }
         let Some(closest) = closest.filter(|s| s.distance < 0.0 && s.distance > -self.near) else { return };
-        let start_inside = || {
-            let from = self.start(u);
-            let enough = 2.0 * ((x - from).norm() + self.near + self.travel);
-            start.closest(&from, enough).is_some_and(|s| s.distance < 0.0)
-        };
-        let taken = if self.came_from_outside(u, &closest, &before(&closest)) || start_inside() {
+        let taken = if self.came_from_outside(u, &closest, &before(&closest)) || self.started_inside(start, u)
+        {
             Some(closest)
         } else {
             shallowest

@@ -111,6 +111,24 @@ impl KeepOut<'_> {
         worst
     }
 
+    /// The vertex at `place`, which is at `x`, moved to where it is no more than `allowed`, m, too near to any body.
+    pub(super) fn pushed_out(
+        &self,
+        kept: &Kept,
+        (vertex, vertices): Place,
+        x: &Vector3<f64>,
+        allowed: f64,
+    ) -> Vector3<f64> {
+        self.poses.iter().enumerate().fold(*x, |x, (b, pose)| {
+            let keep = f64::from(kept.at[b * vertices + vertex]) - allowed;
+            let local = pose.inverse_transform_point(&x.into()).coords;
+            match self.bodies.closest(b, self.time, &local, REACH) {
+                Some(s) if s.distance < keep => x + pose.rotation * s.normal * (keep - s.distance),
+                _ => x,
+            }
+        })
+    }
+
     /// Distance of `x` from all bodies, m, not above [`REACH`]; negative inside one.
     pub(super) fn room(&self, x: &Vector3<f64>) -> f64 {
         let distance = |(b, pose): (usize, &Isometry3<f64>)| {

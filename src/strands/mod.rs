@@ -6,6 +6,7 @@
 
 mod follow;
 mod keep_out;
+mod relax;
 mod retreat;
 mod strand;
 
@@ -167,6 +168,8 @@ impl Interpolator {
             strand.trace(&moments[0], guides, &stands[0], 0.0, now);
             if now.leans {
                 strand.trace(&moments[1], guides, &stands[1], BACKWARD, before);
+                strand.relax(&moments[0].keep_out, now);
+                strand.relax(&moments[1].keep_out, before);
                 for (now, before) in now.track.iter_mut().zip(&before.track) {
                     now.1 = (now.0 - before.0) / BACKWARD;
                 }
@@ -446,6 +449,28 @@ mod tests {
         let ([hi, _], [lo, _]) = (at(t), at(-t));
         let slip = (wide(&hi[32]) - wide(&lo[32])) / (2.0 * t);
         assert!((slip - wide(&v[32])).norm() < 0.1 * slip.norm().max(0.1), "{slip} {:?}", v[32]);
+    }
+
+    #[test]
+    fn a_body_is_seen_after_vertices_that_were_not_looked_for() {
+        use crate::scene::Shape as Solid;
+        // Far from its guide, so that the ball is looked for; near it, so that it is not; then into the ball, which has come here.
+        let at = |x: f64, y: f64| Vector3::new(x, y, 0.0);
+        let c = curves(&[vec![at(0.0, 0.0), at(0.01, 0.03), at(0.02, 0.0), at(0.05, 0.01)]]);
+        let r = rod(&(0..9).map(|i| at(0.05 * f64::from(i) / 8.0, 0.0)).collect::<Vec<_>>());
+        let bodies = Bodies::from_shapes(&[Solid::Sphere { centre: Vector3::x(), radius: 0.01 }]);
+        let interpolator = Interpolator::new(&c, &[LEAF], &[(&r, LEAF)], &bodies, &[0.0005]);
+        let poses = [Isometry3::translation(-0.945, 0.018, 0.0)];
+        let moment =
+            Moment { head: still(), keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &poses } };
+        let still = vec![0.0; r.unknowns()];
+        let motion = [GuideMotion { rod: &r, q: &still, rate: &still }];
+        let retreats = interpolator.retreats(&moment, &motion);
+        let [mut p, mut v] = [vec![[0.0; 3]; 4], vec![[0.0; 3]; 4]];
+        let scene = Matrix3::identity();
+        interpolator.evaluate(&[moment; 2], &motion, (&[&retreats; 5], 1.0), &scene, &mut p, &mut v);
+        let distance = |x: &Vector3<f64>| (x - at(0.055, 0.018)).norm() - 0.01;
+        assert!(distance(&c.points[3]) < -5e-4 && distance(&wide(&p[3])) > 4e-4, "{:?}", p[3]);
     }
 
     #[test]

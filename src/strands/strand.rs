@@ -2,6 +2,7 @@
 
 use super::follow::{Follow, RestGuide};
 use super::keep_out::{KeepOut, Kept, Lean, Spare};
+use super::relax::relax;
 use super::{GuideMotion, HeadMotion, Moment, Stand};
 use crate::contact::Bodies;
 use crate::math::frame::{any_frame, transport};
@@ -212,9 +213,14 @@ impl Strand {
             let [from, to] = [j, j + 1].map(|k| self.beside[k] as usize);
             let clear = |x: &Vector3<f64>| (x - stand.x[to]).norm() < stand.room[to] - self.kept.most();
             if lean.is_none() {
-                let leans = retreat[j + 1] > 0.0
-                    || (!clear(&end) && keep_out.violation(&self.kept, place, &end, length, spare) > 0.0);
-                lean = leans.then_some(Lean(start));
+                let too_near = if clear(&end) {
+                    // It was not looked how far the bodies are.
+                    spare.iter_mut().for_each(|spare| *spare -= length);
+                    false
+                } else {
+                    keep_out.violation(&self.kept, place, &end, length, spare) > 0.0
+                };
+                lean = (too_near || retreat[j + 1] > 0.0).then_some(Lean(start));
             }
             let x = lean.as_mut().map_or(end, |lean| {
                 let aim = [start.lerp(&stand.x[from], retreat[j]), end.lerp(&stand.x[to], retreat[j + 1])];
@@ -232,5 +238,15 @@ impl Strand {
             track.push((x, v));
         });
         trace.leans = lean.is_some();
+    }
+
+    /// Moves a strand that was traced out of bodies where it lies too deep in one.
+    pub fn relax(&self, keep_out: &KeepOut, trace: &mut Trace) {
+        let Some(&last) = trace.deep.last() else { return };
+        let mut x: Vec<_> = trace.track.iter().map(|(x, _)| *x).collect();
+        let vertices = x.len();
+        let push = |k: usize, x: &Vector3<f64>| keep_out.pushed_out(&self.kept, (k, vertices), x, TOO_DEEP);
+        relax(&mut x, &self.length, last, push);
+        trace.track.iter_mut().zip(x).for_each(|(track, x)| track.0 = x);
     }
 }

@@ -34,7 +34,7 @@ GUIDE_LENGTH = Check(
 )
 GUIDE_PENETRATION = Check(
     "guide_penetration",
-    "no point of a guide that was outside a collider is inside",
+    "no point of a guide that was outside a collider, and not beside a stretch drawn through it, is inside",
     tolerances.GUIDE_PENETRATION_M,
     "m",
 )
@@ -188,7 +188,7 @@ def hair_penetration(window: Window) -> Iterator[Finding]:
 
 
 def penetration(window: Window, path: str, check: Check) -> Iterator[Finding]:
-    """Depth of the points in each collider's own space; those that are inside at rest are exempt."""
+    """Depth of the points in each collider's own space, of those that it has to keep outside."""
     for curves in window.cache.curves:
         points = window.get(curves.path, "points")
         if points is None or curves.path != path:

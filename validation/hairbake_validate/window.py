@@ -9,6 +9,7 @@ from .cache import (
     HEAD,
     TRANSFORM,
     Cache,
+    Curves,
     FrameFile,
     Mesh,
     Unreadable,
@@ -27,8 +28,9 @@ class Ground:
     colliders: list[tuple[Mesh, Collider]] = field(default_factory=list)
     """Every collider as it is in the first frame: for good, unless it deforms."""
     outside: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
-    """Points outside a collider at rest, by curves' and collider's path: the rest pose as the head carries it to the
-    first frame, against the collider where it is then."""
+    """Points to be kept outside a collider, by curves' and collider's path: those outside it at rest, which is the rest
+    pose as the head carries it to the first frame, against the collider where it is then. A guide that is drawn through
+    a collider may slide in it, so of guides the points beside such a stretch are left out too."""
 
     @classmethod
     def of(cls, cache: Cache) -> "Ground":
@@ -51,8 +53,27 @@ class Ground:
             ground.colliders.append((mesh, collider))
             for curves in sound:
                 there = transformed(transformed(curves.rest, head), np.linalg.inv(matrix))
-                ground.outside[curves.path, mesh.path] = collider.depth(there) == 0
+                outside = collider.depth(there) == 0
+                if curves.path == GUIDES:
+                    outside &= ~beside(through(outside, curves), curves)
+                ground.outside[curves.path, mesh.path] = outside
         return ground
+
+
+def through(outside: np.ndarray, curves: Curves) -> np.ndarray:
+    """Points inside after their curve has come out for the first time."""
+    came_out = np.cumsum(outside)
+    before = (came_out - outside)[curves.starts]
+    return ~outside & (came_out > np.repeat(before, curves.counts))
+
+
+def beside(points: np.ndarray, curves: Curves) -> np.ndarray:
+    """The neighbours of points on their curves."""
+    neighbours = np.zeros(len(points), bool)
+    first = curves.segments
+    neighbours[first] |= points[first + 1]
+    neighbours[first + 1] |= points[first]
+    return neighbours
 
 
 def first_values(cache: Cache) -> dict[str, np.ndarray]:
