@@ -15,6 +15,9 @@ const REACH: f64 = 0.02;
 /// Turns of one edge, at most: the surface turns away under it as it goes.
 const TURNS: usize = 10;
 
+/// How much farther than it must an edge is turned, m: for rounding.
+const MARGIN: f64 = 1e-6;
+
 /// How far an edge is bent towards where it should be, at most, as a share of its length.
 const HOMING: f64 = 0.5;
 
@@ -166,8 +169,8 @@ impl KeepOut<'_> {
                 if surface.distance >= keep {
                     break;
                 }
-                let wanted = end + pose.rotation * surface.normal * (keep - surface.distance) - x;
-                let Some(turned) = wanted.try_normalize(1e-12) else { break };
+                let more = (keep + MARGIN - surface.distance) / length;
+                let Some(turned) = risen(&direction, &(pose.rotation * surface.normal), more) else { break };
                 direction = turned;
             }
             (*spare, direction) = best;
@@ -175,6 +178,15 @@ impl KeepOut<'_> {
         }
         (direction, missing)
     }
+}
+
+/// The unit vector `direction` turned towards the unit vector `normal` until it has risen along it by `more`, or as far as it can: the
+/// end of an edge is then where it should be above a flat surface, and no lower above one that curves away.
+fn risen(direction: &Vector3<f64>, normal: &Vector3<f64>, more: f64) -> Option<Vector3<f64>> {
+    let height = direction.dot(normal);
+    let along = (direction - normal * height).try_normalize(1e-12)?;
+    let height = (height + more).min(1.0);
+    Some(normal * height + along * (1.0 - height * height).sqrt())
 }
 
 /// A strand that leans on a body: the end of the chain outside, m, world.
