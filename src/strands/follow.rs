@@ -4,7 +4,6 @@
 //! Seen in the strand's frame as it stands beside the guide's at rest: a strand of one guide then turns everywhere as the
 //! guide does at the same arc length, R = R_g R_gᵀ(rest) R(rest), and keeps its place beside it however far both have turned.
 
-use super::GuideMotion;
 use crate::math::se3::{self, Pose};
 use crate::rod::{Rod, Shape};
 use nalgebra::{Matrix3, Vector3};
@@ -128,17 +127,14 @@ impl Follow {
         follow
     }
 
-    /// Weighted turn added into edge `j`, in the strand's frame, and its rate.
-    pub fn deviation(&self, j: usize, motion: &GuideMotion) -> (Vector3<f64>, Vector3<f64>) {
+    /// Weighted turn added into edge `j`, in the strand's frame, of the guide's deviation `q`, 1/m; its rate, of the rate of `q`.
+    pub fn turn(&self, j: usize, q: &[f64]) -> Vector3<f64> {
         let (node, start) = self.first[j];
         let shares = &self.share[start as usize..self.first[j + 1].1 as usize];
-        let sum = |q: &[f64]| {
-            let mut s = Vector3::zeros();
-            for (n, a) in q[3 * node as usize..].chunks_exact(3).zip(shares) {
-                s += Vector3::new(n[0], n[1], n[2]) * *a;
-            }
-            self.align[j] * s
-        };
-        (sum(motion.q), sum(motion.rate))
+        let mut sum = Vector3::zeros();
+        for (n, a) in q[3 * node as usize..].chunks_exact(3).zip(shares) {
+            sum += Vector3::new(n[0], n[1], n[2]) * *a;
+        }
+        self.align[j] * sum
     }
 }

@@ -127,7 +127,7 @@ impl Interpolator {
         if moment.keep_out.poses.is_empty() {
             return out;
         }
-        let stands = stands(moment, guides, 0.0, |x, _| moment.keep_out.room(x));
+        let stands = stands(moment, guides, |x, _| moment.keep_out.room(x));
         let cut: Vec<_> = self.strands.iter().zip(self.cut(&mut out)).collect();
         cut.into_par_iter().with_min_len(64).for_each_init(Trace::default, |trace, (strand, out)| {
             strand.retreat(moment, guides, &stands, trace);
@@ -148,10 +148,12 @@ impl Interpolator {
         points: &mut [[f32; 3]],
         velocities: &mut [[f32; 3]],
     ) {
-        let now = stands(&moments[0], guides, 0.0, |x, _| moments[0].keep_out.room(x));
+        let q: Vec<Vec<f64>> = guides.iter().map(earlier).collect();
+        let earlier: Vec<_> = guides.iter().zip(&q).map(|(g, q)| GuideMotion { q, ..*g }).collect();
+        let now = stands(&moments[0], guides, |x, _| moments[0].keep_out.room(x));
         // So soon before the bodies have hardly moved.
         let room = |_: &Vector3<f64>, (i, k): (usize, usize)| now[i].room[k] - BACKWARD * SPEED;
-        let before = stands(&moments[1], guides, BACKWARD, room);
+        let before = stands(&moments[1], &earlier, room);
         let stands = [now, before];
         let cut =
             self.strands.iter().zip(self.offsets.windows(2)).zip(self.cut(points).zip(self.cut(velocities)));
@@ -165,9 +167,9 @@ impl Interpolator {
                 now.retreat.push(share);
                 before.retreat.push(share - change * BACKWARD / interval);
             }
-            strand.trace(&moments[0], guides, &stands[0], 0.0, now);
+            strand.trace(&moments[0], guides, &stands[0], true, now);
             if now.leans {
-                strand.trace(&moments[1], guides, &stands[1], BACKWARD, before);
+                strand.trace(&moments[1], &earlier, &stands[1], false, before);
                 strand.relax(&moments[0].keep_out, now);
                 strand.relax(&moments[1].keep_out, before);
                 for (now, before) in now.track.iter_mut().zip(&before.track) {
@@ -199,11 +201,15 @@ struct Stand {
     room: Vec<f64>,
 }
 
-/// How the guides stand, `back`, s, before their motion's own moment; `room` tells it for a point of a guide, by the indices of both.
+/// The deviation of a guide [`BACKWARD`] before its motion's own moment, 1/m.
+fn earlier(guide: &GuideMotion) -> Vec<f64> {
+    guide.q.iter().zip(guide.rate).map(|(q, rate)| q - rate * BACKWARD).collect()
+}
+
+/// How the guides stand; `room` tells it for a point of a guide, by the indices of both.
 fn stands(
     moment: &Moment,
     guides: &[GuideMotion],
-    back: f64,
     room: impl Fn(&Vector3<f64>, (usize, usize)) -> f64 + Sync,
 ) -> Vec<Stand> {
     let head = &moment.head;
@@ -211,17 +217,12 @@ fn stands(
         .par_iter()
         .with_min_len(16)
         .enumerate()
-        .map_init(
-            || (Shape::default(), Vec::new()),
-            |(shape, q), (i, g)| {
-                q.clear();
-                q.extend(g.q.iter().zip(g.rate).map(|(q, rate)| q - rate * back));
-                shape.update(g.rod, &(head.rotation * g.rod.root.r), q);
-                let (root, _) = head.carry(&g.rod.root.p);
-                let x: Vec<_> = (0..shape.points()).map(|k| root + shape.x(k)).collect();
-                Stand { room: x.iter().enumerate().map(|(k, x)| room(x, (i, k))).collect(), x }
-            },
-        )
+        .map_init(Shape::default, |shape, (i, g)| {
+            shape.update(g.rod, &(head.rotation * g.rod.root.r), g.q);
+            let (root, _) = head.carry(&g.rod.root.p);
+            let x: Vec<_> = (0..shape.points()).map(|k| root + shape.x(k)).collect();
+            Stand { room: x.iter().enumerate().map(|(k, x)| room(x, (i, k))).collect(), x }
+        })
         .collect()
 }
 

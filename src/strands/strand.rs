@@ -112,26 +112,23 @@ impl Strand {
     }
 
     /// The strand as it would be without bodies, edge by edge from the root; `each` gets the start and the end of every edge with their
-    /// velocities. The guides are `back`, s, before their motion's own moment.
+    /// velocities, which mean nothing where they are not asked for (`moving`).
     fn free(
         &self,
         head: &HeadMotion,
         guides: &[GuideMotion],
-        back: f64,
+        moving: bool,
         mut each: impl FnMut(usize, [(Vector3<f64>, Vector3<f64>); 2]),
     ) {
         let (mut x, mut v) = head.carry(&self.root);
         let mut frame = head.rotation * self.frame;
         let mut spin = head.spin;
         for (j, (turn, &length)) in self.turn.iter().zip(&self.length).enumerate() {
-            let (mut d, mut rate) = (Vector3::zeros(), Vector3::zeros());
-            for f in &self.follow {
-                let (fd, fr) = f.deviation(j, &guides[f.guide]);
-                d += fd - fr * back;
-                rate += fr;
+            let phi = self.follow.iter().fold(*turn, |phi, f| phi + f.turn(j, guides[f.guide].q));
+            if moving {
+                let rate: Vector3<f64> = self.follow.iter().map(|f| f.turn(j, guides[f.guide].rate)).sum();
+                spin += frame * (se3::left_jacobian_so3(&phi) * rate);
             }
-            let phi = turn + d;
-            spin += frame * (se3::left_jacobian_so3(&phi) * rate);
             frame *= se3::exp_so3(&phi);
             let start = (x, v);
             let edge = frame.column(2) * length;
@@ -157,13 +154,13 @@ impl Strand {
             retreat.push(if hidden { moment.keep_out.retreat(guide, x) } else { 0.0 });
         };
         see(0, &moment.head.carry(&self.root).0);
-        self.free(&moment.head, guides, 0.0, |j, [_, (x, _)]| see(j + 1, &x));
+        self.free(&moment.head, guides, false, |j, [_, (x, _)]| see(j + 1, &x));
         if retreat.iter().all(|share| *share == 0.0) {
             return;
         }
         self.spread(trace);
         for _ in 0..CORRECTIONS {
-            self.trace(moment, guides, stands, 0.0, trace);
+            self.trace(moment, guides, stands, false, trace);
             if trace.deep.is_empty() {
                 break;
             }
@@ -186,14 +183,14 @@ impl Strand {
         }
     }
 
-    /// Rebuilds the strand at a moment, with the retreats in `trace`; the guides, which stand as in `stands`, are `back`, s, before their
-    /// motion's own moment.
+    /// Rebuilds the strand at a moment, with the retreats in `trace`; the guides stand as in `stands`. Velocities mean nothing where they
+    /// are not asked for (`moving`).
     pub fn trace(
         &self,
         moment: &Moment,
         guides: &[GuideMotion],
         stands: &[Stand],
-        back: f64,
+        moving: bool,
         trace: &mut Trace,
     ) {
         let Moment { head, keep_out } = moment;
@@ -208,7 +205,7 @@ impl Strand {
         track.clear();
         track.push(head.carry(&self.root));
         deep.clear();
-        self.free(head, guides, back, |j, [(start, _), (end, v)]| {
+        self.free(head, guides, moving, |j, [(start, _), (end, v)]| {
             let (length, place) = (self.length[j], (j + 1, self.length.len() + 1));
             let [from, to] = [j, j + 1].map(|k| self.beside[k] as usize);
             let clear = |x: &Vector3<f64>| (x - stand.x[to]).norm() < stand.room[to] - self.kept.most();
