@@ -8,6 +8,26 @@ use crate::math::se3::{self, Pose};
 use crate::rod::{Rod, Shape};
 use nalgebra::{Matrix3, Vector3};
 
+/// A place on a guide: a segment of its rod's polyline, and how far along it (0..=1).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    segment: u32,
+    u: f32,
+}
+
+impl Place {
+    /// Between the points, m, that `x` tells.
+    pub fn of(self, x: impl Fn(usize) -> Vector3<f64>) -> Vector3<f64> {
+        let k = self.segment as usize;
+        x(k).lerp(&x(k + 1), f64::from(self.u))
+    }
+
+    /// The nearest point of the polyline.
+    pub fn nearest(self) -> usize {
+        self.segment as usize + usize::from(self.u >= 0.5)
+    }
+}
+
 /// A guide at rest.
 pub(super) struct RestGuide {
     nodes: Vec<f64>,
@@ -37,15 +57,16 @@ impl RestGuide {
         self.arc[self.arc.len() - 1]
     }
 
-    /// A point of the rod, m, rest space.
-    pub fn point(&self, k: u32) -> Vector3<f64> {
-        self.root + self.pose[k as usize].p
+    /// A place of the rod, m, rest space.
+    pub fn at(&self, place: Place) -> Vector3<f64> {
+        self.root + place.of(|k| self.pose[k].p)
     }
 
-    /// The point of the rod that is nearest to arc length `s`, m.
-    pub fn nearest(&self, s: f64) -> u32 {
+    /// The place of the rod at arc length `s`, m.
+    pub fn place(&self, s: f64) -> Place {
         let i = self.arc.partition_point(|&a| a <= s).clamp(1, self.arc.len() - 1);
-        (if s - self.arc[i - 1] < self.arc[i] - s { i - 1 } else { i }) as u32
+        let (from, to) = (self.arc[i - 1], self.arc[i]);
+        Place { segment: i as u32 - 1, u: ((s - from) / (to - from)).clamp(0.0, 1.0) as f32 }
     }
 
     /// Material frame at arc length `s`, held past the tip.

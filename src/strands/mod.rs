@@ -13,7 +13,7 @@ mod strand;
 use crate::contact::Bodies;
 use crate::rod::{Rod, Shape};
 use crate::scene::Curves;
-use follow::RestGuide;
+use follow::{Place, RestGuide};
 pub use keep_out::KeepOut;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -204,6 +204,19 @@ struct Stand {
 /// The deviation of a guide [`BACKWARD`] before its motion's own moment, 1/m.
 fn earlier(guide: &GuideMotion) -> Vec<f64> {
     guide.q.iter().zip(guide.rate).map(|(q, rate)| q - rate * BACKWARD).collect()
+}
+
+impl Stand {
+    /// A place of it, world, m.
+    fn at(&self, place: Place) -> Vector3<f64> {
+        place.of(|k| self.x[k])
+    }
+
+    /// Whether no body is within `keep`, m, of `x`: so near is it to the guide beside it. It costs no search.
+    fn clears(&self, place: Place, x: &Vector3<f64>, keep: f64) -> bool {
+        let k = place.nearest();
+        (x - self.x[k]).norm() < self.room[k] - keep
+    }
 }
 
 /// How the guides stand; `room` tells it for a point of a guide, by the indices of both.

@@ -1,6 +1,6 @@
 //! One render strand: as it would be without bodies, and laid outside them.
 
-use super::follow::{Follow, RestGuide};
+use super::follow::{Follow, Place, RestGuide};
 use super::keep_out::{KeepOut, Kept, Lean, Spare};
 use super::relax::relax;
 use super::{GuideMotion, HeadMotion, Moment, Stand};
@@ -29,8 +29,8 @@ pub(super) struct Strand {
     length: Vec<f64>,
     /// The guides; what bodies are concerned, the first stands for all.
     follow: Vec<Follow>,
-    /// Point of the rod of the first guide that is beside each vertex.
-    beside: Vec<u32>,
+    /// Place of the first guide that is beside each vertex.
+    beside: Vec<Place>,
     /// Whether a body lies between that and the vertex at rest.
     apart: Vec<bool>,
     kept: Kept,
@@ -91,14 +91,14 @@ impl Strand {
         // Past the end of a shorter guide there would be nothing to retreat to.
         let pace = (first.length() / length.iter().sum::<f64>()).min(1.0);
         let mut arc = 0.0;
-        let mut beside = vec![first.nearest(0.0)];
+        let mut beside = vec![first.place(0.0)];
         for l in &length {
             arc += l * pace;
-            beside.push(first.nearest(arc));
+            beside.push(first.place(arc));
         }
         let poses = vec![Isometry3::identity(); thickness.len()];
         let at_rest = KeepOut { bodies, time: 0.0, poses: &poses };
-        let apart = |(x, k): (&Vector3<f64>, &u32)| at_rest.retreat(&first.point(*k), x) > 0.0;
+        let apart = |(x, place): (&Vector3<f64>, &Place)| at_rest.retreat(&first.at(*place), x) > 0.0;
         Strand {
             root: points[0],
             frame: frames[0],
@@ -146,12 +146,13 @@ impl Strand {
         retreat.clear();
         offset.clear();
         let mut see = |vertex: usize, x: &Vector3<f64>| {
-            let k = self.beside[vertex] as usize;
-            let (guide, room) = (&stand.x[k], stand.room[k]);
+            let place = self.beside[vertex];
+            let guide = stand.at(place);
             offset.push((x - guide).norm());
             // A guide that is itself inside does not tell.
-            let hidden = !self.apart[vertex] && room > 0.0 && offset[vertex] > room;
-            retreat.push(if hidden { moment.keep_out.retreat(guide, x) } else { 0.0 });
+            let outside = stand.room[place.nearest()] > 0.0;
+            let hidden = outside && !self.apart[vertex] && !stand.clears(place, x, 0.0);
+            retreat.push(if hidden { moment.keep_out.retreat(&guide, x) } else { 0.0 });
         };
         see(0, &moment.head.carry(&self.root).0);
         self.free(&moment.head, guides, false, |j, [_, (x, _)]| see(j + 1, &x));
@@ -207,8 +208,8 @@ impl Strand {
         deep.clear();
         self.free(head, guides, moving, |j, [(start, _), (end, v)]| {
             let (length, place) = (self.length[j], (j + 1, self.length.len() + 1));
-            let [from, to] = [j, j + 1].map(|k| self.beside[k] as usize);
-            let clear = |x: &Vector3<f64>| (x - stand.x[to]).norm() < stand.room[to] - self.kept.most();
+            let [from, to] = [j, j + 1].map(|k| self.beside[k]);
+            let clear = |x: &Vector3<f64>| stand.clears(to, x, self.kept.most());
             if lean.is_none() {
                 let too_near = if clear(&end) {
                     // It was not looked how far the bodies are.
@@ -220,7 +221,7 @@ impl Strand {
                 lean = (too_near || retreat[j + 1] > 0.0).then_some(Lean(start));
             }
             let x = lean.as_mut().map_or(end, |lean| {
-                let aim = [start.lerp(&stand.x[from], retreat[j]), end.lerp(&stand.x[to], retreat[j + 1])];
+                let aim = [start.lerp(&stand.at(from), retreat[j]), end.lerp(&stand.at(to), retreat[j + 1])];
                 // Where retreats come together, as the strand would go without bodies.
                 let way = [aim[1] - aim[0], end - start].into_iter().find_map(|way| way.try_normalize(1e-9));
                 // An edge of no length needs no direction.
