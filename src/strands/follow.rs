@@ -159,3 +159,33 @@ impl Follow {
         self.align[j] * sum
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rod::{Cut, RodSource};
+
+    #[test]
+    fn a_place_moves_with_the_arc_length_also_between_points() {
+        let points: Vec<_> =
+            (0..50).map(|i| f64::from(i) * 0.05).map(|t| Vector3::new(t.cos(), t.sin(), t) * 0.05).collect();
+        let rod = Rod::new(&RodSource {
+            points: &points,
+            root_frame: None,
+            arc: &[0.0, 0.5, 1.0],
+            stiffness: [1e-9; 3],
+            line_density: 1e-5,
+            damping: 0.0,
+            natural: None,
+            cut: Cut::FINE,
+        })
+        .unwrap();
+        let guide = RestGuide::new(&rod);
+        let at = |i: usize| guide.at(guide.place(guide.length() * i as f64 / 400.0));
+        for i in 0..400 {
+            let moved = (at(i + 1) - at(i)).norm() / (guide.length() / 400.0);
+            assert!((0.97..1.0 + 1e-6).contains(&moved), "{i}: {moved}");
+        }
+        assert_eq!(guide.at(guide.place(2.0 * guide.length())), at(400));
+    }
+}
