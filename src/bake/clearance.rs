@@ -8,7 +8,7 @@
 //!   than d stays as close, with room to give;
 //! - a point inside, before the strand has come out for the first time: the segments beside it are exempt for good;
 //! - a segment drawn through the body with both ends outside is exempt for good, for it has no side; its ends have one;
-//! - a point inside later on: brought out to d during the pre-roll, gently; segments that are still in the body then are exempt
+//! - a point inside later on: brought out to min(d, s/4) during the pre-roll, gently, s being its arc length from the root; segments that are still in the body then are exempt
 //!   from then on.
 
 use crate::contact::{Bodies, Contact, Motion, Polyline, Workspace};
@@ -17,6 +17,9 @@ use serde::{Deserialize, Serialize};
 
 /// How far the groom's pose is searched for a body, m; what lies deeper inside is taken to lie this deep.
 const SEARCH: f64 = 0.3;
+
+/// How steeply a strand rises out of a body in which it lies, at most: one drawn flat in the skin cannot stand off it at once.
+const STEEPEST: f64 = 0.25;
 
 /// Of a segment that is exempt.
 const EXEMPT: [f64; 2] = [f64::NEG_INFINITY; 2];
@@ -51,7 +54,13 @@ impl Clearance {
         let mut exempt = Vec::new();
         for (b, (pose, &d)) in pose.iter().zip(thickness).enumerate() {
             let local: Vec<_> = x.iter().map(|p| pose.inverse_transform_point(&(*p).into()).coords).collect();
-            let beside: Vec<Point> = local.iter().map(|y| beside(bodies, b, t, y, d)).collect();
+            let mut s = 0.0;
+            let beside: Vec<Point> = (0..x.len())
+                .map(|k| {
+                    s += (x[k] - x[k.saturating_sub(1)]).norm();
+                    beside(bodies, b, t, &local[k], d, d.min(STEEPEST * s))
+                })
+                .collect();
             let rooted = beside.iter().take_while(|point| point.depth > 0.0).count();
             exempt.extend((0..x.len() - 1).map(|k| {
                 let ends_outside = beside[k].depth == 0.0 && beside[k + 1].depth == 0.0;
@@ -131,12 +140,12 @@ fn passes(bodies: &Bodies, body: usize, t: f64, [from, to]: &[Vector3<f64>; 2]) 
     bodies.first_hit(body, t, from, to).is_some()
 }
 
-/// The point `y`, m, in the frame of a body whose thickness is `d`, m.
-fn beside(bodies: &Bodies, body: usize, t: f64, y: &Vector3<f64>, d: f64) -> Point {
+/// The point `y`, m, in the frame of a body whose thickness is `d`, m; from inside it comes out by `out`, m.
+fn beside(bodies: &Bodies, body: usize, t: f64, y: &Vector3<f64>, d: f64, out: f64) -> Point {
     let far = bodies.closest(body, t, y, SEARCH).map_or(SEARCH, |s| s.distance.abs());
     // The winding number, not the nearest triangle's side: it holds on open and dirty meshes.
     if bodies.inside(body, t, y) {
-        Point { keep: d, depth: far }
+        Point { keep: out, depth: far }
     } else {
         Point { keep: d.min(0.5 * far), depth: 0.0 }
     }
@@ -207,5 +216,20 @@ mod tests {
         assert_eq!(arrive(0.0), [[5e-4; 2], EXEMPT, EXEMPT, [5e-4; 2]]);
         // Beside the ball, if nearer to it than it should.
         assert_eq!(arrive(0.0101), [[5e-4; 2]; 4]);
+    }
+
+    #[test]
+    fn what_is_drawn_flat_in_the_skin_is_asked_to_stand_off_no_faster_than_it_can() {
+        let ball = Shape::Sphere { centre: Vector3::zeros(), radius: 0.1 };
+        let bodies = Bodies::from_shapes(&[ball]);
+        // From just outside along the skin, a hundredth of a millimetre in it, and out.
+        let x = [(0.0, 1e-6), (1e-4, -1e-5), (4e-4, -1e-5), (5e-3, -1e-5), (2e-2, 2e-3)]
+            .map(|(s, g): (f64, f64)| Vector3::new((s / 0.1).sin(), (s / 0.1).cos(), 0.0) * (0.1 + g));
+        let clearance = Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x);
+        let mut kept = Vec::new();
+        clearance.at(1.0, &mut kept);
+        for (ends, goal) in kept[1..].iter().zip([0.25e-4, 1e-4, 5e-4]) {
+            assert!((ends[0] - goal).abs() < 0.03 * goal, "{kept:?}");
+        }
     }
 }
