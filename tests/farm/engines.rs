@@ -6,13 +6,15 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What `hairbake plan` prints for the shot in 1001 to 1011.
-fn plan(shot: &Shot, out: &Path, options: &[&str]) -> String {
-    let mut command = hairbake();
-    command.arg("plan").args([shot.path("groom.json"), shot.path("shake.json")]).arg("-o").arg(out);
-    command.args(["--preroll", "0.2", "--contact", "full", "--frames", "1001-1011", "--program"]);
-    command.arg(assert_cmd::cargo::cargo_bin!("hairbake")).args(options);
-    String::from_utf8(command.assert().success().get_output().stdout.clone()).unwrap()
+/// Runs the tasks of a plan one after the other, and returns the plan.
+fn run_all(plan: &str) -> Value {
+    let plan: Value = serde_json::from_str(plan).unwrap();
+    for task in plan["steps"].as_array().unwrap().iter().flat_map(|step| step["tasks"].as_array().unwrap()) {
+        let words: Vec<&str> = task.as_array().unwrap().iter().map(|w| w.as_str().unwrap()).collect();
+        let done = Command::new(words[0]).args(&words[1..]).output().unwrap();
+        assert!(done.status.success(), "{words:?}: {}", String::from_utf8_lossy(&done.stderr));
+    }
+    plan
 }
 
 /// The OpenJD of the Python environment that the tests make; without one the test says that it is skipped.
@@ -35,7 +37,7 @@ fn openjd_checks_the_template_and_runs_the_bake_to_the_same_bytes() {
     let out = folder.path().join("out");
     let options = ["--format", "openjd", "--segment", "6", "--chunk", "4", "--no-validate"];
     let template = folder.path().join("job.json");
-    std::fs::write(&template, plan(shot, &out, &options)).unwrap();
+    std::fs::write(&template, shot.plan(&out, &options)).unwrap();
     let checked = Command::new(&openjd).arg("check").arg(&template).output().unwrap();
     assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stdout));
     let path = |name: &str, path: &Path| format!("{name}={}", path.display());
@@ -60,16 +62,7 @@ fn the_tasks_of_a_plan_run_one_after_the_other_make_the_same_bytes() {
     let shot = Shot::get();
     let folder = workplace();
     let out = folder.path().join("out");
-    let plan: Value =
-        serde_json::from_str(&plan(shot, &out, &["--segment", "4", "--chunk", "3", "--no-validate"]))
-            .unwrap();
-    for step in plan["steps"].as_array().unwrap() {
-        for task in step["tasks"].as_array().unwrap() {
-            let words: Vec<&str> = task.as_array().unwrap().iter().map(|w| w.as_str().unwrap()).collect();
-            let done = Command::new(words[0]).args(&words[1..]).output().unwrap();
-            assert!(done.status.success(), "{words:?}: {}", String::from_utf8_lossy(&done.stderr));
-        }
-    }
+    run_all(&shot.plan(&out, &["--segment", "4", "--chunk", "3", "--no-validate"]));
     std::fs::remove_file(out.join("sheet.png")).unwrap();
     shot.assert_same(&out);
 }
@@ -81,15 +74,10 @@ fn wedges_are_baked_side_by_side_and_shown_on_one_sheet() {
     let out = folder.path().join("sweep");
     let options =
         ["--wedge", "substeps=2,4", "--wedge", "groom.materials[0].friction=0.1,0.4", "--no-validate"];
-    let plan: Value = serde_json::from_str(&plan(shot, &out, &options)).unwrap();
+    let plan = run_all(&shot.plan(&out, &options));
     let steps = plan["steps"].as_array().unwrap();
     assert_eq!(steps.iter().filter(|s| s["name"].as_str().unwrap().ends_with("assemble")).count(), 4);
     assert_eq!(steps.last().unwrap()["needs"].as_array().unwrap().len(), 4);
-    for task in steps.iter().flat_map(|step| step["tasks"].as_array().unwrap()) {
-        let words: Vec<&str> = task.as_array().unwrap().iter().map(|w| w.as_str().unwrap()).collect();
-        let done = Command::new(words[0]).args(&words[1..]).output().unwrap();
-        assert!(done.status.success(), "{words:?}: {}", String::from_utf8_lossy(&done.stderr));
-    }
     let names = entries(&out);
     assert_eq!(names[1], "002_substeps=2_friction=0.4");
     assert_eq!(names.len(), 5);

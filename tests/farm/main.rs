@@ -9,5 +9,6 @@ mod disk;
 mod engines;
 mod shot;
 mod signals;
+mod slurm;
 mod stages;
 mod storm;

@@ -5,6 +5,7 @@ use hairbake::cache::sha256;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// First and last frame, handles included.
@@ -62,6 +63,15 @@ impl Shot {
         self.command(stage, out, &["--shot", "1001-1011"]).args(options).status().unwrap().code()
     }
 
+    /// What `hairbake plan` prints for the bake of 1001 to 1011.
+    pub fn plan(&self, out: &Path, options: &[&str]) -> String {
+        let mut command = self.command("plan", out, &["--frames", "1001-1011", "--program"]);
+        command.arg(assert_cmd::cargo::cargo_bin!("hairbake")).args(options).stdout(Stdio::piped());
+        let output = command.output().unwrap();
+        assert!(output.status.success());
+        String::from_utf8(output.stdout).unwrap()
+    }
+
     /// A file of the scene.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
@@ -70,13 +80,31 @@ impl Shot {
     /// Holds that the bake in `out` is that of the one command, file by file and byte by byte.
     #[track_caller]
     pub fn assert_same(&self, out: &Path) {
-        let found = tree(out);
-        if found != self.tree {
-            let lines: Vec<&str> = self.tree.lines().collect();
-            let others: Vec<&str> = found.lines().filter(|line| !lines.contains(line)).collect();
-            let missing: Vec<&&str> = lines.iter().filter(|line| !found.contains(**line)).collect();
-            panic!("other files: {others:#?}\nin place of: {missing:#?}");
-        }
+        assert_like(&self.tree, out);
+    }
+}
+
+/// Holds that the files of two bakes are the same.
+#[track_caller]
+pub fn assert_same(one: &Path, other: &Path) {
+    assert_like(&tree(one), other);
+}
+
+#[track_caller]
+fn assert_like(tree: &str, out: &Path) {
+    let found = self::tree(out);
+    let missing: Vec<&str> = tree.lines().filter(|line| !found.contains(line)).collect();
+    let others: Vec<&str> = found.lines().filter(|line| !tree.contains(line)).collect();
+    assert!(found == tree, "other files: {others:#?}\nin place of: {missing:#?}");
+}
+
+/// Waits until `seen`, at most for two minutes.
+#[track_caller]
+pub fn wait_until(what: &str, mut seen: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !seen() {
+        assert!(begun.elapsed() < Duration::from_secs(120), "no {what} in two minutes");
+        std::thread::sleep(Duration::from_millis(5));
     }
 }
 

@@ -1,9 +1,9 @@
 //! What the system asks of a bake, and how long it may run.
 
-use crate::shot::{Shot, workplace};
+use crate::shot::{Shot, wait_until, workplace};
 use std::path::Path;
 use std::process::{Child, Command};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// A bake whose frames are so long that it can be met on the way to one.
 fn long_bake(shot: &Shot, out: &Path) -> Child {
@@ -22,15 +22,6 @@ fn send(signal: &str, child: &Child) {
 
 fn checkpoints(out: &Path) -> usize {
     std::fs::read_dir(out.join(".hairbake/checkpoints")).map_or(0, Iterator::count)
-}
-
-/// Waits until `seen`, at most for a minute.
-fn wait_until(what: &str, mut seen: impl FnMut() -> bool) {
-    let begun = Instant::now();
-    while !seen() {
-        assert!(begun.elapsed() < Duration::from_secs(60), "no {what} in a minute");
-        std::thread::sleep(Duration::from_millis(5));
-    }
 }
 
 #[test]
