@@ -5,13 +5,16 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fs::{File, Permissions};
 use std::io::{self, ErrorKind, Read, Write};
-use std::path::Path;
+use std::panic::resume_unwind;
+use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
 /// Largest file that is read, bytes: a limit against memory without bound, far above any real input.
-const MAX_BYTES: u64 = 1 << 34;
+const MAX_BYTES: u64 = 1 << 32;
 /// How temporary files are named: what a killed process leaves is told by it.
 const TEMPORARY: (&str, &str) = (".hairbake-", ".tmp");
+/// Files that wait for the disk at the same time.
+const SETTLED_AT_ONCE: usize = 16;
 /// Bytes hashed and then written at a time: few enough that writing finds them in the processor's cache.
 const BLOCK_LEN: usize = 256 << 10;
 
@@ -38,7 +41,9 @@ pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     if meta.len() > MAX_BYTES {
         return Err(io::Error::other(format!("{} bytes, more than {MAX_BYTES}", meta.len())));
     }
-    let mut bytes = Vec::with_capacity(meta.len() as usize);
+    let mut bytes = Vec::new();
+    // A file may have holes and be far larger than the disk that it is on.
+    bytes.try_reserve_exact(meta.len() as usize)?;
     File::open(path)?.take(MAX_BYTES).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
@@ -58,12 +63,31 @@ pub fn write_file(path: &Path, parts: &[impl AsRef<[u8]>]) -> Result<FileRecord>
 }
 
 /// As [`write_file`], but leaves it to the system when the bytes get on the disk: after a crash of the machine the file may be
-/// damaged. For what tells by itself whether it is whole, and can be made again.
+/// damaged, until [`settle`] has had it. For what tells by itself whether it is whole, and can be made again.
 ///
 /// # Errors
 /// As [`write_file`].
 pub fn write_file_soon(path: &Path, parts: &[impl AsRef<[u8]>]) -> Result<FileRecord> {
     write(path, parts, false).map_err(|e| Error::io(path, e))
+}
+
+/// Brings files of one folder that were left to the system to the disk; one that is there no more was replaced or is not needed.
+///
+/// # Errors
+/// [`Error::Io`] with the first that cannot be.
+pub fn settle(folder: &Path, files: &[PathBuf]) -> Result<()> {
+    let sync = |path: &Path| match File::open(path).and_then(|file| file.sync_all()) {
+        Err(e) if e.kind() != ErrorKind::NotFound => Err(Error::io(path, e)),
+        _ => Ok(()),
+    };
+    // The disk does many that wait at once in hardly more time than one.
+    std::thread::scope(|scope| {
+        let parts = files.chunks(files.len().div_ceil(SETTLED_AT_ONCE).max(1));
+        let waiting: Vec<_> =
+            parts.map(|part| scope.spawn(move || part.iter().try_for_each(|path| sync(path)))).collect();
+        waiting.into_iter().try_for_each(|part| part.join().unwrap_or_else(|panic| resume_unwind(panic)))
+    })?;
+    if files.is_empty() { Ok(()) } else { sync(folder) }
 }
 
 /// As [`write_file`], unless `path` holds these bytes already; then it is left as it is.

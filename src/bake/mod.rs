@@ -104,7 +104,7 @@ pub fn bake(
     let frames: Vec<i32> = job.frames().collect();
     let done: Vec<Option<FileRecord>> = frames.par_iter().map(|frame| job.work.done(*frame).ok()).collect();
     let mut stepper = Stepper::new(job, control, job.simulated());
-    let mut strands = Strands::new(job)?;
+    let mut strands = Strands::new(job, &frames)?;
     let mut summary = BakeSummary::default();
     let mut finished = Vec::new();
     // The strands of a frame depend on the guides of those around it, so the simulation is ahead.
@@ -184,7 +184,7 @@ pub fn interpolate(
     control: &Control,
     mut progress: impl FnMut(&FrameRecord, usize, usize),
 ) -> Result<BakeSummary> {
-    let mut strands = Strands::new(job)?;
+    let mut strands = Strands::new(job, frames)?;
     let mut summary = BakeSummary::default();
     for (i, &frame) in frames.iter().enumerate() {
         if control.stops() {
@@ -198,6 +198,7 @@ pub fn interpolate(
         summary.note(job, &state.record, seconds);
         progress(&state.record, i + 1, frames.len());
     }
+    job.work.settle_marks(frames)?;
     Ok(summary)
 }
 
@@ -229,7 +230,7 @@ pub fn assemble(job: &Job) -> Result<BakeSummary> {
     let mut summary = BakeSummary::default();
     finished.iter().for_each(|f| summary.note(job, &f.record, None));
     Stepper::new(job, &Control::default(), job.simulated()).finish()?;
-    summary.manifest = Some(finish(job, Strands::new(job)?.writer, finished)?);
+    summary.manifest = Some(finish(job, Strands::new(job, &frames)?.writer, finished)?);
     Ok(summary)
 }
 
@@ -240,13 +241,15 @@ struct Strands<'a> {
     writer: Writer,
     /// States that were needed last, and how far the strands retreat at them, as far as that was asked for.
     held: BTreeMap<i32, (FrameState, Option<Vec<f32>>)>,
+    /// Frames that this task makes.
+    own: BTreeSet<i32>,
 }
 
 impl<'a> Strands<'a> {
-    fn new(job: &'a Job) -> Result<Self> {
+    fn new(job: &'a Job, own: &[i32]) -> Result<Self> {
         let output = Output::new(&job.groom, &job.anim, &job.rods);
         let writer = Writer::create(&job.out, output.header())?;
-        Ok(Strands { job, output, writer, held: BTreeMap::new() })
+        Ok(Strands { job, output, writer, held: BTreeMap::new(), own: own.iter().copied().collect() })
     }
 
     /// Takes a state that is at hand, and lets those go that are far from it.
@@ -266,6 +269,24 @@ impl<'a> Strands<'a> {
         Ok(&self.held[&frame].0)
     }
 
+    /// Works out how far the strands retreat at a frame that is held. What another task needs too is told, and taken from where one
+    /// has told it: the ends of chunks are worked out once.
+    fn retreat(&mut self, frame: i32) -> Result<()> {
+        let Some((state, retreats @ None)) = self.held.get_mut(&frame) else { return Ok(()) };
+        let (span, work) = (SPAN as i32, &self.job.work);
+        let shared =
+            (frame - span..=frame + span).any(|f| self.job.frames().contains(&f) && !self.own.contains(&f));
+        let vertices = self.output.header().hair.as_ref().map_or(0, |hair| hair.rest.len());
+        *retreats = if shared { work.retreats(frame, vertices) } else { None };
+        if retreats.is_none() {
+            let fresh = retreats.insert(self.output.retreats(frame, &state.guides));
+            if shared {
+                work.write_retreats(frame, fresh)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Writes a frame's file, then the mark that it is done.
     fn write(&mut self, frame: i32, seconds: &mut StageSeconds) -> Result<FileRecord> {
         let start = Instant::now();
@@ -275,9 +296,7 @@ impl<'a> Strands<'a> {
             std::array::from_fn(|i| (frame + i as i32 - SPAN as i32).max(first));
         for near in around {
             self.state(near)?;
-            if let Some((state, retreats @ None)) = self.held.get_mut(&near) {
-                *retreats = Some(self.output.retreats(near, &state.guides));
-            }
+            self.retreat(near)?;
         }
         let retreats = around.map(|near| self.held[&near].1.as_deref().unwrap_or_default());
         let arrays = self.output.frame(frame, &self.held[&frame].0.guides, &retreats);
@@ -321,6 +340,7 @@ fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Result<Manifest
         manifest.frames.push(cache::FrameRecord { frame: record.frame, file, figures: figures(&record) });
     }
     let manifest = writer.finish(manifest)?;
+    job.work.settle_marks(&job.frames().collect::<Vec<_>>())?;
     job.work.tidy(job.frames())?;
     Ok(manifest)
 }

@@ -60,6 +60,7 @@ impl<'a> Stepper<'a> {
             let state = run.step()?;
             if state.record.frame == frame {
                 self.job.work.write_state(&state)?;
+                run.unsettled.push(frame);
                 return Ok((state, start.elapsed().as_secs_f64()));
             }
         }
@@ -77,11 +78,12 @@ impl<'a> Stepper<'a> {
         }
     }
 
-    /// Ends the stage: of its checkpoints those of its last two frames stay.
+    /// Ends the stage: its states are on the disk, and of its checkpoints those of its last two frames stay.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn finish(self) -> Result<()> {
+    pub fn finish(mut self) -> Result<()> {
+        self.run.as_mut().map_or(Ok(()), Run::settle)?;
         let (since, ends) = bounds(self.job, &self.stage);
         self.job.work.keep_checkpoints(since + 1..=ends[1], &ends)
     }
@@ -98,6 +100,8 @@ struct Run<'a> {
     record: FrameRecord,
     /// Sub-steps at the last checkpoint, and when that was.
     saved: (i64, Instant),
+    /// Frames whose states are not yet known to be on the disk.
+    unsettled: Vec<i32>,
 }
 
 impl<'a> Run<'a> {
@@ -116,7 +120,7 @@ impl<'a> Run<'a> {
             }
         }
         let saved = (simulation.taken(), Instant::now());
-        Ok(Run { job, control, stage, simulation, next, record, saved })
+        Ok(Run { job, control, stage, simulation, next, record, saved, unsettled: Vec::new() })
     }
 
     /// Goes on to the next frame and returns the state there.
@@ -150,9 +154,15 @@ impl<'a> Run<'a> {
         if stops { Err(stopped(&format!("on the way to frame {}", self.next))) } else { Ok(()) }
     }
 
+    /// Who goes on from a checkpoint does not look behind it: the states before it have to outlive what it outlives.
+    fn settle(&mut self) -> Result<()> {
+        self.job.work.settle_states(&std::mem::take(&mut self.unsettled))
+    }
+
     fn save(&mut self) -> Result<()> {
         let taken = self.simulation.taken();
         if taken != self.saved.0 {
+            self.settle()?;
             let checkpoint = Checkpoint { record: self.record.clone(), simulation: self.simulation.state() };
             let (since, ends) = bounds(self.job, &self.stage);
             self.job.work.write_checkpoint(taken, &checkpoint, since, &ends)?;

@@ -6,6 +6,7 @@
 //! | `states/1001` | the guides at a frame, for interpolation ([`FrameState`]) |
 //! | `frames/1001.json` | the mark that a frame's file is done, with its checksum |
 //! | `checkpoints/8064` | the whole simulation after so many sub-steps ([`Checkpoint`]) |
+//! | `retreats/1001` | how far the strands retreat at a frame that two tasks need, until the cache is ended |
 //!
 //! Every file has the bake's key in it and is written whole or not at all, by whichever process; no two that write the same
 //! file write other bytes. So nothing here needs a lock, and a stage that runs twice at once does no harm.
@@ -25,10 +26,14 @@ use std::str::FromStr;
 /// Name of the folder in that of the cache.
 pub const FOLDER: &str = ".hairbake";
 
+/// The folders in it.
+const FOLDERS: [&str; 4] = ["states", "frames", "checkpoints", "retreats"];
+
 /// Checkpoints kept while a simulation runs: the newest, and one should that be damaged.
 const KEPT: usize = 2;
 
 const STATE: Kind = Kind { name: "state", version: 1, lasting: false };
+const RETREATS: Kind = Kind { name: "retreats", version: 1, lasting: false };
 const CHECKPOINT: Kind = Kind { name: "checkpoint", version: 1, lasting: true };
 
 /// The whole simulation between two sub-steps.
@@ -76,8 +81,15 @@ impl Work {
     /// [`Error::Io`].
     pub fn begin(out: &Path, key: &str, frames: (i32, i32)) -> Result<Self> {
         let work = Work { out: out.into(), key: key.into() };
-        for folder in ["states", "frames", "checkpoints"].map(|name| work.folder(name)) {
+        // A cache may be somebody else's gift: what it calls its work folder must not be a way out of it.
+        for folder in [out.join(FOLDER)].into_iter().chain(FOLDERS.map(|name| work.folder(name))) {
             std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
+            if folder.is_symlink() {
+                return Err(Error::io(
+                    &folder,
+                    std::io::Error::other("is a link; work files stay in the cache's folder"),
+                ));
+            }
         }
         let description = Description { format: "hairbake-work".into(), version: 1, key: key.into(), frames };
         if Description::read(out).ok().as_ref() != Some(&description) {
@@ -100,7 +112,7 @@ impl Work {
 
     /// Removes the files of other bakes; this one's may be another process's, just written.
     fn clear_other_bakes(&self) -> Result<()> {
-        for (name, kind) in [("states", STATE), ("checkpoints", CHECKPOINT)] {
+        for (name, kind) in [("states", STATE), ("checkpoints", CHECKPOINT), ("retreats", RETREATS)] {
             for number in numbers::<i64>(&self.folder(name))? {
                 let path = self.folder(name).join(number.to_string());
                 if sealed::read::<serde::de::IgnoredAny>(&path, kind, &self.key) == Err(Flaw::Stale) {
@@ -178,6 +190,44 @@ impl Work {
         write_file_soon(&self.mark_path(frame), &[json]).map(drop)
     }
 
+    /// How far the strands retreat at a frame, at each of so many vertices, if another task has told.
+    pub fn retreats(&self, frame: i32, vertices: usize) -> Option<Vec<f32>> {
+        let some: Vec<(u32, f32)> = sealed::read(&self.retreats_path(frame), RETREATS, &self.key).ok()?;
+        let mut retreats = vec![0.0; vertices];
+        for (vertex, share) in some {
+            *retreats.get_mut(vertex as usize)? = share;
+        }
+        Some(retreats)
+    }
+
+    /// Tells other tasks how far the strands retreat at a frame. Most do not.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn write_retreats(&self, frame: i32, retreats: &[f32]) -> Result<()> {
+        let all = (0u32..).zip(retreats.iter().copied());
+        let some: Vec<(u32, f32)> = all.filter(|(_, share)| *share != 0.0).collect();
+        sealed::write(&self.retreats_path(frame), RETREATS, &self.key, &some)
+    }
+
+    /// Brings the states of frames to the disk.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn settle_states(&self, frames: &[i32]) -> Result<()> {
+        let paths: Vec<PathBuf> = frames.iter().map(|frame| self.state_path(*frame)).collect();
+        file::settle(&self.folder("states"), &paths)
+    }
+
+    /// Brings the marks of frames to the disk.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn settle_marks(&self, frames: &[i32]) -> Result<()> {
+        let paths: Vec<PathBuf> = frames.iter().map(|frame| self.mark_path(*frame)).collect();
+        file::settle(&self.folder("frames"), &paths)
+    }
+
     /// The newest sound checkpoint of fewer than `before` sub-steps; each damaged one is named in a warning.
     ///
     /// # Errors
@@ -229,17 +279,18 @@ impl Work {
         old.into_iter().try_for_each(|taken| remove_file(&self.checkpoint_path(*taken)))
     }
 
-    /// Removes what killed processes have left, and marks of frames that are not `frames`.
+    /// Removes what killed processes have left, what tasks have told each other, and marks of frames that are not `frames`.
     ///
     /// # Errors
     /// [`Error::Io`].
     pub fn tidy(&self, frames: RangeInclusive<i32>) -> Result<()> {
-        for folder in [self.out.clone(), self.out.join(FOLDER)]
-            .into_iter()
-            .chain(["states", "frames", "checkpoints"].map(|name| self.folder(name)))
+        for folder in
+            [self.out.clone(), self.out.join(FOLDER)].into_iter().chain(FOLDERS.map(|name| self.folder(name)))
         {
             file::sweep(&folder)?;
         }
+        let told: Vec<i32> = numbers(&self.folder("retreats"))?;
+        told.into_iter().try_for_each(|frame| remove_file(&self.retreats_path(frame)))?;
         let marks: Vec<i32> = numbers(&self.folder("frames"))?;
         let outside = marks.into_iter().filter(|frame| !frames.contains(frame));
         outside.into_iter().try_for_each(|frame| remove_file(&self.mark_path(frame)))
@@ -251,6 +302,10 @@ impl Work {
 
     fn state_path(&self, frame: i32) -> PathBuf {
         self.folder("states").join(frame.to_string())
+    }
+
+    fn retreats_path(&self, frame: i32) -> PathBuf {
+        self.folder("retreats").join(frame.to_string())
     }
 
     fn mark_path(&self, frame: i32) -> PathBuf {

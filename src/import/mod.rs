@@ -6,6 +6,8 @@
 mod build;
 mod bytes;
 mod cluster;
+#[cfg(test)]
+mod faults;
 mod fidelity;
 mod groom;
 mod grow;

@@ -14,6 +14,9 @@ pub use super::track::Track;
 use super::{Deformation, Friction};
 pub use file::AnimFile;
 
+/// Most frames of a shot: a limit against memory without bound, far above any real one.
+pub const MAX_FRAMES: i64 = 1_000_000;
+
 /// An animation, validated.
 #[derive(Debug, Clone)]
 pub struct Anim {

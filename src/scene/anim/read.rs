@@ -4,7 +4,7 @@ mod deformation;
 mod track;
 
 use super::file::*;
-use super::{Anim, Body, Collider, Keyed, Settings, Shape, Tie, TiePlace, Track, TriMesh, Wind};
+use super::{Anim, Body, Collider, Keyed, MAX_FRAMES, Settings, Shape, Tie, TiePlace, Track, TriMesh, Wind};
 use crate::scene::document::array::Buffers;
 use crate::scene::document::{Document, Faults, Key, MAX_NAMED};
 use crate::scene::{Convention, Deformation, Friction};
@@ -15,6 +15,9 @@ pub(crate) use track::motion;
 
 /// Gravity where none is given, m/s².
 const GRAVITY: f64 = 9.81;
+
+/// Largest number of a frame: what follows from it is counted in 32 bits too.
+const MAX_FRAME: i32 = 1_000_000_000;
 
 /// Sections of the file and those that they build on.
 pub const DEPENDS: &[(&str, &str)] = &[
@@ -34,6 +37,9 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
     if first > last {
         let what = format!("is [{first}, {last}]");
         faults.add(&Key::at("frames"), what, "first ≤ last", "put the first frame first");
+    } else if i64::from(last) - i64::from(first) >= MAX_FRAMES || first < -MAX_FRAME || last > MAX_FRAME {
+        let allowed = format!("{MAX_FRAMES} frames, numbered from -{MAX_FRAME} to {MAX_FRAME}");
+        faults.add(&Key::at("frames"), format!("is [{first}, {last}]"), allowed, "divide the shot");
     }
     let convention = Convention { metres_per_unit: file.metres_per_unit, up: file.up_axis };
     let mut reader = Reader { convention, fps: file.fps, frames: (first, last), folder, buffers, faults };

@@ -28,6 +28,9 @@ pub use pretty::pretty;
 /// Faults of one kind at one place that are reported one by one.
 pub const MAX_NAMED: usize = 8;
 
+/// Longest text that is read, bytes: its value takes many times the memory.
+const MAX_TEXT: u64 = 1 << 28;
+
 /// One step of a [`Key`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Step {
@@ -175,7 +178,14 @@ impl Document {
     /// # Errors
     /// [`Error::Io`], or [`Error::BadInput`] where it is not JSON.
     pub fn open(path: &Path) -> Result<Self> {
-        let text = read_file(path).map_err(|e| Error::io(path, e))?;
+        let io = |e| Error::io(path, e);
+        let length = std::fs::metadata(path).map_err(io)?.len();
+        if length > MAX_TEXT {
+            let what = format!("holds {length} bytes");
+            let remedy = "keep large arrays in a buffer beside it";
+            return Err(Problem::new(path, "", what, format!("up to {MAX_TEXT} bytes"), remedy).into());
+        }
+        let text = read_file(path).map_err(io)?;
         let (value, repeated) = value::parse(&text).map_err(|e| {
             let place = (locate::offset(&text, e.line(), e.column()), 1);
             let problem = Problem::new(

@@ -170,7 +170,9 @@ mod in_anim {
         sequence_unnumbered: r#""colliders": [{ "name": "a", "shape": { "type": "mesh", "file": "one.obj", "sequence": "one.obj" } }]"#;
         sequence_missing: r#""colliders": [{ "name": "a", "shape": { "type": "mesh", "file": "one.obj", "sequence": "silk.####.obj" } }]"#;
         sequence_with_gaps: r#""frames": [-3, 2], "colliders": [{ "name": "a", "shape": { "type": "mesh", "file": "one.obj", "sequence": "cloth.####.obj" } }]"#;
-        sequence_far_too_long: r#""frames": [0, 2000000000], "colliders": [{ "name": "a", "shape": { "type": "mesh", "file": "one.obj", "sequence": "cloth.####.obj" } }]"#;
+        shot_far_too_long: r#""frames": [0, 2000000000]"#;
+        frames_that_cannot_be_counted_on: r#""frames": [2147483647, 2147483647]"#;
+        sequence_far_too_long: r#""frames": [0, 900000], "colliders": [{ "name": "a", "shape": { "type": "mesh", "file": "one.obj", "sequence": "cloth.####.obj" } }]"#;
         sequence_of_another_mesh: r#""colliders": [{ "name": "a", "shape": { "type": "mesh", "file": "one.obj", "sequence": "cloth.####.obj" } }]"#;
         sequence_of_a_sphere: r#""colliders": [{ "name": "a", "shape": { "type": "sphere", "centre": [0,0,0], "radius": 1, "sequence": "cloth.####.obj" } }]"#;
         shape_unknown: r#""colliders": [{ "name": "a", "shape": { "type": "cube" } }, { "name": "b", "shape": {} }]"#;
@@ -178,6 +180,9 @@ mod in_anim {
         plane_without_normal: r#""colliders": [{ "name": "a", "shape": { "type": "plane", "point": [0,0,0], "normal": [0,0,0] } }]"#;
         collider_names: r#""colliders": [{ "name": "left ear", "shape": { "type": "sphere", "centre": [0,0,0], "radius": 1 } }, { "name": "a", "body": "hat", "shape": { "type": "sphere", "centre": [0,0,0], "radius": 1 } }]"#;
         wind_keys: r#""wind": [{ "velocity_m_s": { "frames": [1, 1], "values": [[0,0,0]] } }]"#;
+        wind_keys_none: r#""wind": [{ "velocity_m_s": { "frames": [], "values": [] } }]"#;
+        track_of_no_samples: r#""bodies": [{ "name": "head", "track": { "translation": [] } }]"#;
+        track_bridged_from_too_little: r#""frames": [0, 2], "bodies": [{ "name": "head", "track": { "frames": [0, 3], "translation": [[0,0,0], [0,0,0]], "pops": "bridge" } }]"#;
         wind_type: r#""wind": [{ "velocity_m_s": "strong" }]"#;
         settings: r#""settings": { "substeps": 0, "nodes": 1, "preroll": 3, "scheme": "rk4" }"#;
     }
@@ -187,6 +192,58 @@ mod in_anim {
 fn zero_length_strands() {
     let text = groom("", "").replace("[0.1,-0.1,0]", "[0.1,0,0]");
     insta::assert_snapshot!(report(&[("groom.json", text.as_bytes())]));
+}
+
+#[test]
+fn many_zero_length_strands() {
+    let points = vec!["[0,0,0]"; 20].join(", ");
+    let text = format!(
+        "{{\n  \"format\": \"hairbake-groom\",\n  \"version\": 1,\n  \"guides\": {{ \"vertices\": 2, \"points\": [{points}] }}\n}}\n"
+    );
+    insta::assert_snapshot!(report(&[("groom.json", text.as_bytes())]));
+}
+
+#[test]
+fn strand_of_a_wisp_with_children() {
+    let strands = ",\n  \"strands\": { \"points\": [[0,0,0], [0,1,0]], \"vertices\": 2, \"wisp\": [0] }\n}";
+    let text = wisps(&[]).trim_end().trim_end_matches('}').trim_end().to_string() + strands;
+    insta::assert_snapshot!(report(&[("groom.json", text.as_bytes())]));
+}
+
+#[test]
+fn many_frames_of_another_mesh() {
+    let shape = r#"{ "type": "mesh", "file": "one.obj", "sequence": "two.##.obj" }"#;
+    let text =
+        anim(&format!("\"frames\": [0, 9], \"colliders\": [{{ \"name\": \"a\", \"shape\": {shape} }}]"));
+    let [one, two] =
+        ["f 1 2 3\n", "f 1 2 3\nf 3 2 1\n"].map(|faces| format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{faces}"));
+    let names: Vec<String> = (0..10).map(|frame| format!("two.{frame:02}.obj")).collect();
+    let frames = names.iter().map(|name| (name.as_str(), two.as_bytes()));
+    let files: Vec<_> =
+        [("anim.json", text.as_bytes()), ("one.obj", one.as_bytes())].into_iter().chain(frames).collect();
+    insta::assert_snapshot!(report(&files));
+}
+
+#[test]
+fn ties_of_what_the_groom_has_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let [groom_file, anim_file] = ["groom.json", "anim.json"].map(|name| folder.path().join(name));
+    std::fs::write(&groom_file, groom("", "")).unwrap();
+    let tie = |name: &str, what: &str| format!("{{ \"name\": \"{name}\", \"at\": [0, 0, 0], {what} }}");
+    let ties = format!("\"ties\": [{}, {}]", tie("a", "\"ids\": [7, 8]"), tie("b", "\"group\": \"none\""));
+    std::fs::write(&anim_file, anim(&ties)).unwrap();
+    let Err(Error::BadInput(problems)) = load(&groom_file, &anim_file) else { panic!("they are taken") };
+    insta::assert_snapshot!(render(&problems, false).replace(&format!("{}/", folder.path().display()), ""));
+}
+
+#[test]
+fn a_text_that_is_too_long() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("groom.json");
+    // A hole, which takes no room.
+    std::fs::File::create(&path).unwrap().set_len(1 << 40).unwrap();
+    let problems = check(&[&path]).unwrap();
+    insta::assert_snapshot!(render(&problems, false).replace(&format!("{}/", folder.path().display()), ""));
 }
 
 #[test]
@@ -231,6 +288,11 @@ fn buffers() {
     insta::assert_snapshot!(
         "buffer_nan",
         show(text(r#""bytes": 24"#, r#""count": 2, "type": "f32x3""#), &nan)
+    );
+    let many = bytes(&[f32::INFINITY; 18]);
+    insta::assert_snapshot!(
+        "buffer_many_infinite",
+        show(text(r#""bytes": 72"#, r#""count": 6, "type": "f32x3""#), &many)
     );
     insta::assert_snapshot!(
         "buffer_size",
