@@ -5,6 +5,7 @@
 
 use crate::rod::{Cut, Rod, RodSource};
 use crate::scene::{Groom, Material};
+use rayon::prelude::*;
 
 /// Largest change of natural strain that sag-free pre-bending may make, 1/m: a curl of 10 cm diameter. Gravity
 /// would ask for a spiral of a few millimetres to hold a long strand out straight, and such a strand snaps over.
@@ -27,32 +28,36 @@ pub struct GuideRod {
 
 /// A rod for every guide of the groom, in the order of the guides, cut as `cut` says.
 pub fn rods(groom: &Groom, cut: Cut) -> Vec<GuideRod> {
-    let mut out: Vec<GuideRod> = Vec::with_capacity(groom.guides.curves.len());
-    for (t, tree) in groom.trees.iter().enumerate() {
-        for (w, wisp) in tree.wisps.iter().enumerate() {
-            for &guide in &wisp.guides {
-                let guide = guide as usize;
-                let material = groom.groups[groom.guides.curves.group[guide] as usize].material as usize;
-                let m = &groom.materials[material];
-                let rod = Rod::new(&RodSource {
-                    points: groom.guides.curves.curve(guide),
-                    root_frame: groom.guides.root_frame.as_ref().map(|f| f[guide]),
-                    arc: &tree.arc,
-                    stiffness: stiffness(m),
-                    line_density: m.density * m.section.area(),
-                    damping: m.damping,
-                    natural: m.natural,
-                    cut,
-                });
-                // A validated groom has no guide without length.
-                let Some(rod) = rod else { continue };
-                let hairs = f64::from(wisp.strand_count) / wisp.guides.len() as f64;
-                out.push(GuideRod { guide, leaf: (t, w), hairs, material, rod });
-            }
-        }
-    }
-    out.sort_by_key(|g| g.guide);
-    out
+    let leaves = groom.trees.iter().enumerate().flat_map(|(t, tree)| {
+        tree.wisps
+            .iter()
+            .enumerate()
+            .flat_map(move |(w, wisp)| wisp.guides.iter().map(move |&g| (g as usize, (t, w))))
+    });
+    let mut leaves: Vec<_> = leaves.collect();
+    leaves.sort_unstable();
+    // A validated groom has no guide without length.
+    leaves.into_par_iter().filter_map(|(guide, leaf)| rod(groom, guide, leaf, cut)).collect()
+}
+
+/// The rod of a guide of the wisp `leaf`; `None` where it has no length.
+fn rod(groom: &Groom, guide: usize, leaf: (usize, usize), cut: Cut) -> Option<GuideRod> {
+    let tree = &groom.trees[leaf.0];
+    let wisp = &tree.wisps[leaf.1];
+    let material = groom.groups[groom.guides.curves.group[guide] as usize].material as usize;
+    let m = &groom.materials[material];
+    let rod = Rod::new(&RodSource {
+        points: groom.guides.curves.curve(guide),
+        root_frame: groom.guides.root_frame.as_ref().map(|f| f[guide]),
+        arc: &tree.arc,
+        stiffness: stiffness(m),
+        line_density: m.density * m.section.area(),
+        damping: m.damping,
+        natural: m.natural,
+        cut,
+    })?;
+    let hairs = f64::from(wisp.strand_count) / wisp.guides.len() as f64;
+    Some(GuideRod { guide, leaf, hairs, material, rod })
 }
 
 /// (E I1, E I2, G J) of a material, N·m².
