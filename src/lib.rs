@@ -26,5 +26,5 @@ pub mod wisp;
 
 pub use error::{Error, Problem, Result};
 
-/// Which build this is: a hash of its sources. What one build has begun, another begins anew.
+/// Which build this is: a hash of the sources that bake. What one build has begun, another of other sources begins anew.
 pub const BUILD: &str = env!("HAIRBAKE_BUILD");

@@ -138,6 +138,24 @@ fn modules_use_only_what_stands_below_them() {
 }
 
 #[test]
+fn the_build_is_told_by_all_modules_that_bake() {
+    let mut baking = BTreeSet::from(["bake"]);
+    for (module, below) in MAY_USE.iter().rev() {
+        if baking.contains(module) {
+            baking.extend(*below);
+        }
+    }
+    let build = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("build.rs")).unwrap();
+    let list = build
+        .split_once("const BAKING")
+        .and_then(|(_, rest)| rest.split_once(';')?.1.split_once(';'))
+        .unwrap()
+        .0;
+    let hashed: BTreeSet<&str> = list.split('"').skip(1).step_by(2).collect();
+    assert_eq!(hashed, baking);
+}
+
+#[test]
 fn only_the_command_line_prints() {
     const MACROS: [&str; 5] = ["println!", "eprintln!", "print!", "eprint!", "dbg!"];
     let mut wrong = Vec::new();
