@@ -6,6 +6,7 @@ use super::values::FrameList;
 use super::{console, summary, values};
 use crate::bake::{self, BakeSummary};
 use crate::error::{Error, Result};
+use crate::strands::SPAN;
 use clap::Args;
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -13,9 +14,10 @@ use std::path::Path;
 /// The bake as it is typed, besides its scene.
 #[derive(Debug, Args)]
 pub struct BakeArguments {
-    /// Bake this part of the shot only
-    #[arg(long, value_name = "A-B", value_parser = values::frames, allow_hyphen_values = true, help_heading = "Output")]
-    frames: Option<(i32, i32)>,
+    /// Bake this part of the shot only. Of one with a step, such as 1001-1100x5, these frames are made and nothing else: without the step the
+    /// bake goes on and is ended
+    #[arg(long, value_name = "LIST", value_parser = values::frame_list, allow_hyphen_values = true, help_heading = "Output")]
+    frames: Option<FrameList>,
     #[command(flatten)]
     end: EndArguments,
     #[command(flatten)]
@@ -99,10 +101,21 @@ struct ShotArgument {
     shot: Option<(i32, i32)>,
 }
 
-/// Does all that is left of a bake, then reports.
+/// Does all that is left of a bake, then reports; or makes some of its frames.
 pub fn run(scene: &SceneArguments, arguments: &BakeArguments, progress: Progress) -> Result<()> {
     let control = arguments.run.control()?;
-    let job = scene.job(arguments.frames)?;
+    let list = arguments.frames.as_ref();
+    let job = scene.job(list.map(|list| list.shot))?;
+    if let Some(FrameList { frames, .. }) = list.filter(|list| !list.is_whole()) {
+        let last = frames.iter().max().map_or(*job.frames().start(), |last| last + SPAN as i32);
+        let segment = [*job.frames().start(), last];
+        let summary = progress.through(|show| {
+            bake::simulate(&job, segment, &control, &mut *show)?;
+            bake::interpolate(&job, frames, &control, show)
+        })?;
+        tell("made", &summary, &job.out);
+        return Ok(());
+    }
     let summary = progress.through(|show| bake::bake(&job, &control, show))?;
     report(&summary, &job.out, &scene.title(), &arguments.end)
 }
@@ -123,7 +136,7 @@ pub fn simulate(arguments: &SimulateArguments, progress: Progress) -> Result<()>
 pub fn interpolate(arguments: &InterpolateArguments, progress: Progress) -> Result<()> {
     let control = arguments.run.control()?;
     let job = arguments.scene.job(arguments.shot.shot)?;
-    let frames = arguments.frames.as_ref().map_or_else(|| job.frames().collect(), |list| list.0.clone());
+    let frames = arguments.frames.as_ref().map_or_else(|| job.frames().collect(), |list| list.frames.clone());
     are_in(&job.frames(), &frames)?;
     let summary = progress.through(|show| bake::interpolate(&job, &frames, &control, show))?;
     tell("interpolated", &summary, &job.out);

@@ -1,8 +1,8 @@
 //! `hairbake validate`: runs the Python validator, which is part of the program.
 
-use super::values;
+use super::values::{self, FrameList};
 use crate::error::{Error, Result};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
@@ -25,12 +25,24 @@ pub struct ValidateArguments {
     /// Write the report as JSON: status, worst value, tolerance, frame, prim and curve of every check
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Look at the curves of these frames only; files, metadata and checksums are checked in full
-    #[arg(long, value_name = "A-B", value_parser = values::frames, allow_hyphen_values = true)]
-    frames: Option<(i32, i32)>,
+    /// Look at the curves of these frames only, such as 1001-1010 or 1001-1100x5; files, metadata and checksums are checked in full
+    #[arg(long, value_name = "LIST", value_parser = values::frame_list, allow_hyphen_values = true)]
+    frames: Option<FrameList>,
+    /// Do one part of the checks only, so that a farm can divide the frames and do the rest once
+    #[arg(long, value_enum)]
+    only: Option<Part>,
     /// Look at the curves of five frames at the start, middle and end, and at no checksum
     #[arg(long)]
     quick: bool,
+}
+
+/// A part of the checks.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Part {
+    /// Files, metadata, topology and checksums
+    Static,
+    /// The curves of frames
+    Moving,
 }
 
 /// The validator, file by file.
@@ -68,8 +80,14 @@ pub fn run(arguments: &ValidateArguments) -> Result<ExitCode> {
     if let Some(file) = &arguments.json {
         command.arg("--json").arg(file);
     }
-    if let Some((first, last)) = arguments.frames {
-        command.arg(format!("--frames={first}-{last}"));
+    if let Some(list) = &arguments.frames {
+        command.arg(format!("--frames={}", list.text));
+    }
+    if let Some(part) = arguments.only {
+        command.arg(match part {
+            Part::Static => "--only=static",
+            Part::Moving => "--only=moving",
+        });
     }
     if arguments.quick {
         command.arg("--quick");

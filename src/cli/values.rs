@@ -2,7 +2,7 @@
 
 use crate::import::Source;
 use crate::scene::UpAxis;
-use crate::scene::anim::{Contact, Scheme};
+use crate::scene::anim::{Contact, MAX_FRAMES, Scheme};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -85,29 +85,42 @@ pub fn frames(text: &str) -> Result<(i32, i32), String> {
     Ok((first, last))
 }
 
-/// Frames in the order in which they were asked for, each once.
+/// Frames of a shot.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct FrameList(pub Vec<i32>);
+pub struct FrameList {
+    /// In the order in which they were asked for, each once.
+    pub frames: Vec<i32>,
+    /// First and last of the shot that they are of: the ends of its ranges, whatever their steps.
+    pub shot: (i32, i32),
+    /// As it was typed.
+    pub text: String,
+}
 
-/// Most frames of a list: a limit against memory without bound.
-const MAX_FRAMES: usize = 1_000_000;
+impl FrameList {
+    /// Whether it is all of its shot.
+    pub fn is_whole(&self) -> bool {
+        self.frames.len() as i64 == i64::from(self.shot.1) - i64::from(self.shot.0) + 1
+    }
+}
 
 /// Frames: `1001`, `1001-1100`, every fifth of them `1001-1100x5` (or `:5`), and lists of these with commas.
 pub fn frame_list(text: &str) -> Result<FrameList, String> {
     let mut list = Vec::new();
+    let mut shot = (i32::MAX, i32::MIN);
     for part in text.split(',').map(str::trim) {
         let (range, step) = part.split_once(['x', ':']).unwrap_or((part, "1"));
         let (first, last) = frames(range)?;
         let step: usize =
             step.parse().ok().filter(|n| *n > 0).ok_or("a step of 1 or more, such as 1001-1100x5")?;
-        if (i64::from(last) - i64::from(first)) / step as i64 >= (MAX_FRAMES - list.len()) as i64 {
+        if (i64::from(last) - i64::from(first)) / step as i64 >= MAX_FRAMES - list.len() as i64 {
             return Err(format!("more than {MAX_FRAMES} frames"));
         }
         list.extend((first..=last).step_by(step));
+        shot = (shot.0.min(first), shot.1.max(last));
     }
     let mut seen = BTreeSet::new();
     list.retain(|frame| seen.insert(*frame));
-    Ok(FrameList(list))
+    Ok(FrameList { frames: list, shot, text: text.into() })
 }
 
 /// A time: seconds, or with units as in `1h30m`, `90m`, `45s`.
@@ -192,7 +205,7 @@ mod tests {
 
     #[test]
     fn lists_of_frames() {
-        let list = |text| frame_list(text).map(|list| list.0);
+        let list = |text| frame_list(text).map(|list| list.frames);
         assert_eq!(list("7"), Ok(vec![7]));
         assert_eq!(list("-2-1"), Ok(vec![-2, -1, 0, 1]));
         assert_eq!(list("1001-1010x4, 1002,1001"), Ok(vec![1001, 1005, 1009, 1002]));
@@ -201,6 +214,9 @@ mod tests {
             assert!(list(wrong).is_err(), "{wrong}");
         }
         assert_eq!(list("-2147483648-2147483647x1000000000").map(|l| l.len()), Ok(5));
+        let shot = |text| frame_list(text).map(|list| (list.shot, list.is_whole()));
+        assert_eq!(shot("1001-1010x4"), Ok(((1001, 1010), false)));
+        assert_eq!(shot("1006-1010,1001-1005"), Ok(((1001, 1010), true)));
     }
 
     #[test]

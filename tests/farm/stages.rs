@@ -1,6 +1,6 @@
 //! Stages, in all the ways that a farm divides them.
 
-use crate::common::hairbake;
+use crate::common::{entries, hairbake, here};
 use crate::shot::{FRAMES, Shot, workplace};
 use std::path::Path;
 
@@ -70,6 +70,21 @@ fn what_is_not_there_yet_is_75() {
 }
 
 #[test]
+fn frames_with_a_step_are_made_alone_and_the_rest_when_asked_for() {
+    let shot = Shot::get();
+    let folder = workplace();
+    let out = folder.path();
+    let mut some = shot.command("", out, &["--frames", "1001-1011x4"]);
+    assert!(some.status().unwrap().success());
+    let frames = |name: &String| name.starts_with("hair.10");
+    let made: Vec<String> = entries(out).into_iter().filter(frames).collect();
+    assert_eq!(made, ["hair.1001.usdc", "hair.1005.usdc", "hair.1009.usdc"]);
+    assert!(!out.join("manifest.json").exists());
+    assert!(shot.bake(out, &[]).status().unwrap().success());
+    shot.assert_same(out);
+}
+
+#[test]
 fn damage_is_named_and_made_good() {
     let shot = Shot::get();
     let folder = workplace();
@@ -78,7 +93,7 @@ fn damage_is_named_and_made_good() {
     assert!(shot.bake(out, &[]).status().unwrap().success());
     let flip = |name: &str| {
         let path = out.join(name);
-        let mut bytes = crate::common::here(&path);
+        let mut bytes = here(&path);
         let middle = bytes.len() / 2;
         bytes[middle] ^= 4;
         std::fs::write(path, bytes).unwrap();
@@ -109,12 +124,11 @@ fn a_damaged_checkpoint_is_refused_and_the_one_before_used() {
     let out = folder.path();
     assert_eq!(shot.stage("simulate", out, &["--frames", "1000-1005"]), DONE);
     let checkpoints = out.join(".hairbake/checkpoints");
-    let mut kept: Vec<i64> =
-        crate::common::entries(&checkpoints).iter().map(|name| name.parse().unwrap()).collect();
+    let mut kept: Vec<i64> = entries(&checkpoints).iter().map(|name| name.parse().unwrap()).collect();
     kept.sort();
     assert_eq!(kept.len(), 2, "{kept:?}");
     let newest = checkpoints.join(kept[1].to_string());
-    let mut bytes = crate::common::here(&newest);
+    let mut bytes = here(&newest);
     bytes.truncate(bytes.len() / 2);
     std::fs::write(&newest, bytes).unwrap();
     let output = shot.bake(out, &[]).stderr(std::process::Stdio::piped()).output().unwrap();
@@ -136,9 +150,9 @@ fn other_settings_begin_anew_and_a_longer_shot_goes_on() {
         command.args(options).status().unwrap()
     };
     assert!(shorter(&["--substeps", "2"]).success());
-    let other = crate::common::here(&out.join("hair.1003.usdc"));
+    let other = here(&out.join("hair.1003.usdc"));
     assert!(shorter(&[]).success());
-    let this = crate::common::here(&out.join("hair.1003.usdc"));
+    let this = here(&out.join("hair.1003.usdc"));
     assert_ne!(other, this);
     // A longer shot has the same frames.
     let made = std::fs::metadata(out.join("hair.1003.usdc")).unwrap().modified().unwrap();

@@ -8,16 +8,19 @@ import sys
 from pathlib import Path
 
 from .cache import Unreadable
-from .run import CHECKS, validate
+from .run import CHECKS, PARTS, validate
 
 
-def frame_range(text: str) -> range:
-    """`A-B` or one frame, both ends included."""
-    match = re.fullmatch(r"(-?\d+)(?:-(-?\d+))?", text)
-    if not match:
-        raise argparse.ArgumentTypeError(f"{text!r} is no frame or range of frames such as 1001-1010")
-    first = int(match[1])
-    return range(first, int(match[2] or first) + 1)
+def frame_list(text: str) -> set[int]:
+    """One frame, `A-B` with both ends, every fifth of them `A-Bx5` or `A-B:5`, and lists of these with commas."""
+    frames = set()
+    for part in text.split(","):
+        match = re.fullmatch(r"(-?\d+)(?:-(-?\d+)(?:[x:]0*([1-9]\d*))?)?", part.strip())
+        if not match:
+            raise argparse.ArgumentTypeError(f"{part!r} is no frame or range of frames such as 1001-1010 or 1001-1100x5")
+        first = int(match[1])
+        frames.update(range(first, int(match[2] or first) + 1, int(match[3] or 1)))
+    return frames
 
 
 def list_checks() -> str:
@@ -35,7 +38,10 @@ def main() -> int:
     parser.add_argument("directory", type=Path, nargs="?", help="folder of the cache")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the report as JSON")
     parser.add_argument(
-        "--frames", type=frame_range, metavar="A-B", help="look at the curves of these frames only"
+        "--frames", type=frame_list, metavar="LIST", help="look at the curves of these frames only"
+    )
+    parser.add_argument(
+        "--only", choices=PARTS, help="check what does not move, or the curves of frames, and nothing else"
     )
     parser.add_argument(
         "--quick", action="store_true", help="look at the curves of a few frames, and at no checksum"
@@ -57,7 +63,7 @@ def main() -> int:
     if arguments.jobs < 1:
         parser.error("--jobs must be at least 1")
     try:
-        report = validate(arguments.directory, arguments.frames, arguments.quick, arguments.jobs)
+        report = validate(arguments.directory, arguments.frames, arguments.quick, arguments.jobs, arguments.only)
         if arguments.json:
             arguments.json.write_text(json.dumps(report.as_json(), indent=2) + "\n", encoding="utf-8")
     except (Unreadable, OSError) as error:

@@ -1,7 +1,7 @@
 """Carries out the checks on a cache, its frames in parallel."""
 
 import multiprocessing
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from pathlib import Path
 
 from .cache import Cache
@@ -20,23 +20,36 @@ CHUNK = 16
 QUICK = 5
 """Frames at each of start, middle and end that a quick run looks at."""
 
+PARTS = ("static", "moving")
+"""What can be checked by itself."""
+
 worker_window: Window
 """The window of a worker process."""
 
 
-def validate(directory: Path, frames: range | None = None, quick: bool = False, jobs: int = 1) -> Report:
-    """Checks the cache in `directory`; curves only of `frames`, if given, or of a few frames if `quick`.
+def validate(
+    directory: Path,
+    frames: Container[int] | None = None,
+    quick: bool = False,
+    jobs: int = 1,
+    only: str | None = None,
+) -> Report:
+    """Checks the cache in `directory`; curves only of `frames`, if given, or of a few frames if `quick`; `only` one of
+    `PARTS`, if given.
 
     Raises `Unreadable` if there is no cache to check.
     """
     cache = Cache(directory)
     report = Report(str(directory), CHECKS)
-    for check, examine in STATIC.items():
-        report.ran([check])
-        report.add(list(examine(cache)))
-    if not quick:
-        report.ran([CHECKSUMS])
-        report.add(list(checksums(cache)))
+    if only != "moving":
+        for check, examine in STATIC.items():
+            report.ran([check])
+            report.add(list(examine(cache)))
+        if not quick:
+            report.ran([CHECKSUMS])
+            report.add(list(checksums(cache)))
+    if only == "static":
+        return report
     chosen = [frame for frame in cache.frames if frames is None or frame in frames]
     if quick and len(chosen) > 3 * QUICK:
         middle = (len(chosen) - QUICK) // 2
@@ -45,10 +58,10 @@ def validate(directory: Path, frames: range | None = None, quick: bool = False, 
     report.ran([*FRAME, *MOTION])
     for findings in over_frames(cache, ground, chosen, jobs):
         report.add(findings)
-    missing = [
-        frame for frame in cache.frames if frame not in chosen and not cache.frame_path(frame).is_file()
-    ]
-    report.add([Finding(FRAMES, message="no such file", frame=frame) for frame in missing])
+    if only is None:
+        others = [frame for frame in cache.frames if frame not in chosen]
+        missing = [frame for frame in others if not cache.frame_path(frame).is_file()]
+        report.add([Finding(FRAMES, message="no such file", frame=frame) for frame in missing])
     return report
 
 

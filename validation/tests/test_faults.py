@@ -570,10 +570,10 @@ def test_program_names_the_place_of_a_fault(good_cache, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "arguments", [[], ["/nonexistent"], ["x", "--frames", "first"], ["x", "--jobs", "0"]]
+    "arguments", ["", "/nonexistent", "x --frames first", "x --frames 1-9x0", "x --only all", "x --jobs 0"]
 )
 def test_program_exits_2_on_wrong_usage(arguments):
-    done = run(*arguments)
+    done = run(*arguments.split())
     assert done.returncode == 2
     assert done.stderr
 
