@@ -5,6 +5,7 @@ mod common;
 use common::{Scene, bake, entries, hairbake, here};
 use predicates::prelude::*;
 use predicates::str::contains;
+use std::path::Path;
 
 #[test]
 fn help_and_version_are_data() {
@@ -66,15 +67,121 @@ fn schemas_are_json_schema() {
     }
 }
 
+/// What a shell says of a line in which $0 is the program, with the failure of any command of a pipe.
+fn shell(line: &str, arguments: &[&Path]) -> std::process::Output {
+    let mut command = std::process::Command::new("bash");
+    command.args(["-c", &format!("set -o pipefail; {line}")]).arg(assert_cmd::cargo::cargo_bin!("hairbake"));
+    command.args(arguments).output().unwrap()
+}
+
 #[test]
 fn a_closed_output_is_no_failure() {
-    let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin!("hairbake"))
-        .args(["schema", "anim"])
-        .stdout(std::process::Stdio::piped())
-        .spawn()
-        .unwrap();
-    drop(child.stdout.take());
-    assert!(child.wait().unwrap().success());
+    let scene = Scene::import();
+    let out = scene.folder.path().join("out");
+    for line in [
+        "$0 schema anim | true",
+        "$0 man | true",
+        "$0 plan $1 $2 -o $3 --chunk 1 --segment 1 | head -1 | grep -q {",
+        "$0 $1 $2 -o $3 --frames 1001-1002 --no-pictures 2>&1 | true",
+        "$0 $1 $2 -o $3 --frames 1001-1003 --no-pictures --log-format json 2>&1 | true",
+        "$0 $1 $2 -o $3 --frames 1001-1004 --no-pictures --progress alf 2>&1 | head -1",
+        "$0 $1 $2 -o $3 --frames 1001-1005 --no-pictures 2>&- >&-",
+        "$0 status $3 | true",
+    ] {
+        let output = shell(line, &[&scene.groom, &scene.anim, &out]);
+        assert_eq!(output.status.code(), Some(0), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+    }
+}
+
+/// What is said on standard error by a bake of four frames, line by line.
+fn said(scene: &Scene, options: &[&str]) -> Vec<String> {
+    let out = scene.folder.path().join("out");
+    let mut command = bake(&scene.groom, &scene.anim, &out);
+    command.args(["--frames", "1001-1002", "--preroll", "0.1", "--no-pictures"]).args(options);
+    let output = command.assert().success().stdout("").get_output().stderr.clone();
+    String::from_utf8(output).unwrap().lines().map(String::from).collect()
+}
+
+#[test]
+fn progress_is_said_as_each_queue_reads_it() {
+    let scene = Scene::import();
+    let percent = |lines: &[String], before: &str, after: &str| -> Vec<f64> {
+        let number = |line: &String| line.strip_prefix(before)?.strip_suffix(after)?.parse().ok();
+        lines.iter().filter_map(number).collect()
+    };
+    let alf = percent(&said(&scene, &["--progress", "alf"]), "ALF_PROGRESS ", "%");
+    assert_eq!((alf[0], alf[alf.len() - 1]), (25.0, 100.0));
+    let openjd = percent(&said(&scene, &["--progress", "openjd"]), "openjd_progress: ", "");
+    assert_eq!((openjd[0], openjd[openjd.len() - 1]), (25.0, 100.0));
+    let none = said(&scene, &["--progress", "none"]);
+    assert!(none.iter().all(|line| !line.contains("of 4")), "{none:?}");
+    assert!(
+        said(&scene, &["--progress", "lines"]).iter().any(|line| line.starts_with("frame 1003 (4 of 4)"))
+    );
+}
+
+#[test]
+fn logs_in_json_are_an_object_a_line() {
+    let scene = Scene::import();
+    let objects = |lines: Vec<String>| -> Vec<serde_json::Value> {
+        lines
+            .iter()
+            .map(|line| serde_json::from_str(line).unwrap_or_else(|e| panic!("{line}: {e}")))
+            .collect()
+    };
+    let lines = objects(said(&scene, &["--log-format", "json"]));
+    let has = |line: &serde_json::Value, name: &str| line[name].is_string();
+    assert!(lines.iter().all(|line| ["timestamp", "level", "message"].iter().all(|name| has(line, name))));
+    assert!(lines.iter().any(|line| line["level"] == "WARN"), "the ball has triangles of no area");
+    let last = lines.iter().rfind(|line| line["done"] == 4).unwrap();
+    assert_eq!((&last["frame"], &last["total"]), (&1003.into(), &4.into()));
+    assert!(lines.iter().any(|line| line["message"].as_str().unwrap().contains("penetration")));
+
+    std::fs::write(
+        &scene.anim,
+        "{ \"format\": \"hairbake-anim\", \"version\": 1, \"fps\": 0, \"frames\": [1, 2] }",
+    )
+    .unwrap();
+    let mut command = hairbake();
+    command.arg("check").arg(&scene.anim).env("HAIRBAKE_LOG_FORMAT", "json");
+    let output = String::from_utf8(command.assert().code(65).get_output().stderr.clone()).unwrap();
+    let lines = objects(output.lines().map(String::from).collect());
+    assert_eq!((&lines[0]["level"], &lines[0]["key"]), (&"ERROR".into(), &"fps".into()));
+    assert_eq!(lines[lines.len() - 1]["exit_code"], 65);
+}
+
+#[test]
+fn paths_are_mapped_in_files_and_on_the_command_line() {
+    let scene = Scene::import();
+    let folder = scene.folder.path();
+    let frame = |name: &str, groom: &Path, anim: &Path, options: &[&str]| {
+        let out = folder.join(name);
+        let mut command = bake(groom, anim, &out);
+        command.args(["--frames", "1001-1001", "--preroll", "0.1", "--no-pictures"]).args(options);
+        (command.assert(), out)
+    };
+    let read = |out: &Path| here(&out.join("hair.1001.usdc"));
+    let (done, plain) = frame("plain", &scene.groom, &scene.anim, &[]);
+    done.success();
+    let text = String::from_utf8(here(&scene.anim)).unwrap();
+    assert!(text.contains("\"../ball.obj\""), "{text}");
+    std::fs::write(&scene.anim, text.replace("\"../ball.obj\"", "\"Z:\\\\show\\\\ball.obj\"")).unwrap();
+    frame("unmapped", &scene.groom, &scene.anim, &[]).0.code(65).stderr(contains("ball.obj"));
+
+    let here = folder.to_str().unwrap();
+    let option = ["--path-map", &format!("Z:\\show={here}")];
+    let (done, mapped) = frame("mapped", &scene.groom, &scene.anim, &option);
+    done.success();
+    assert_eq!(read(&mapped), read(&plain));
+    let rule = |from: &str| serde_json::json!({ "source_path_format": "POSIX", "source_path": from, "destination_path": here });
+    let rules = serde_json::json!({ "version": "pathmapping-1.0", "path_mapping_rules": [rule("Z:\\show"), rule("/far")] });
+    std::fs::write(folder.join("rules.json"), rules.to_string()).unwrap();
+    let option = ["--path-map-file", &format!("{here}/rules.json")];
+    let far = ["/far/shot/groom.json", "/far/shot/anim.json"].map(Path::new);
+    let (done, mapped) = frame("file", far[0], far[1], &option);
+    done.success();
+    assert_eq!(read(&mapped), read(&plain));
+    frame("none", far[0], far[1], &["--path-map-file", "no-such.json"]).0.code(78);
 }
 
 #[test]

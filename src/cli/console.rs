@@ -78,6 +78,8 @@ pub fn start(quiet: bool, format: LogFormat) {
         (false, LogFormat::Json) => tracing::Level::INFO,
     };
     let log = tracing_subscriber::fmt().with_writer(io::stderr).with_max_level(level).with_target(false);
+    // It would tell of a closed standard error on standard error.
+    let log = log.log_internal_errors(false);
     match format {
         LogFormat::Text => log.without_time().init(),
         LogFormat::Json => log.json().flatten_event(true).with_current_span(false).init(),

@@ -3,7 +3,7 @@
 use super::scene::SceneArguments;
 use super::{console, values};
 use crate::error::{Error, Result};
-use crate::farm::{Commands, Division, FRAMES, Plan, Step, openjd, slurm};
+use crate::farm::{Commands, Division, FRAMES, PATH_MAP, Plan, Step, openjd, slurm};
 use crate::strands::SPAN;
 use clap::{Args, ValueEnum};
 use std::path::Path;
@@ -120,7 +120,7 @@ pub fn run(arguments: &PlanArguments, threads: Option<usize>) -> Result<()> {
             ));
             pretty(&openjd::template(&plan, &[("Groom", groom), ("Anim", anim), ("Output", out)])?)?
         }
-        PlanFormat::Slurm => slurm::script(&plan),
+        PlanFormat::Slurm => slurm::script(&plan)?,
     };
     console::data(text.as_bytes())
 }
@@ -166,6 +166,9 @@ impl PlanArguments {
         (first, last): (i32, i32),
     ) -> Commands {
         let mut settings = self.scene.settings();
+        if self.format == PlanFormat::Openjd {
+            settings.extend(["--path-map-file", PATH_MAP].map(String::from));
+        }
         for (name, value) in values {
             if name.contains('.') {
                 settings.extend(["--set".into(), format!("{name}={value}")]);
@@ -180,13 +183,16 @@ impl PlanArguments {
             words.into_iter().chain([shot]).chain(settings.clone()).chain(end).collect::<Vec<String>>()
         };
         let frames = format!("--frames={FRAMES}");
-        let validate = [&self.program, "validate", out, &frames].map(String::from).to_vec();
+        let validate = |end: &[&str]| {
+            [&[&*self.program, "validate", out][..], end].concat().into_iter().map(String::from).collect()
+        };
         Commands {
             name: name.into(),
             simulate: stage("simulate", &[&frames]),
             interpolate: stage("interpolate", &[&frames]),
             assemble: stage("assemble", &[]),
-            validate: (!self.no_validate).then_some(validate),
+            validate: (!self.no_validate)
+                .then(|| [validate(&["--only=static"]), validate(&["--only=moving", &frames])]),
         }
     }
 }

@@ -45,10 +45,14 @@ pub struct SceneArguments {
     /// Read what the files name below FROM at TO; may be given again
     #[arg(long, value_name = "FROM=TO", value_parser = values::path_rule, help_heading = "Farm")]
     path_map: Vec<(String, String)>,
-    /// Rules of the same kind from a file, as OpenJD writes it for a session
-    #[arg(long, value_name = "FILE", env = "HAIRBAKE_PATH_MAP_FILE", help_heading = "Farm")]
+    /// Rules of the same kind from a file, as OpenJD writes it for a session [default: HAIRBAKE_PATH_MAP_FILE]
+    #[arg(long, value_name = "FILE", help_heading = "Farm")]
     path_map_file: Option<PathBuf>,
 }
+
+/// Names the file of path rules where no option does. Were clap to read it, it would take it for a part of the one command's line and ask for
+/// the rest of that before every other command.
+const PATH_MAP_FILE: &str = "HAIRBAKE_PATH_MAP_FILE";
 
 const SETTINGS: &str = "Settings (over those of the anim)";
 
@@ -63,8 +67,10 @@ impl SceneArguments {
     /// [`Error::BadInput`], [`Error::Io`]; [`Error::Config`] where a path map cannot be read.
     pub fn load(&self, shot: Option<(i32, i32)>) -> Result<Scene> {
         let mut paths = PathMap(self.path_map.clone());
-        if let Some(file) = &self.path_map_file {
-            paths.0.extend(PathMap::read(file)?.0);
+        let of_session =
+            || std::env::var_os(PATH_MAP_FILE).filter(|name| !name.is_empty()).map(PathBuf::from);
+        if let Some(file) = self.path_map_file.clone().or_else(of_session) {
+            paths.0.extend(PathMap::read(&file)?.0);
         }
         let [groom_file, anim_file, out] =
             [&self.groom, &self.anim, &self.output].map(|path| paths.map_path(path));

@@ -14,6 +14,9 @@ use serde_json::{Value, json};
 /// Stands for the frames of a task in [`Step::command`].
 pub const FRAMES: &str = "{frames}";
 
+/// Stands for the file of the session's path rules in [`Step::command`], for schedulers that write one.
+pub const PATH_MAP: &str = "{path map}";
+
 /// Most tasks of a plan: a limit against memory without bound.
 const MAX_TASKS: usize = 1_000_000;
 
@@ -67,8 +70,8 @@ pub struct Commands {
     pub interpolate: Vec<String>,
     /// Ends the cache.
     pub assemble: Vec<String>,
-    /// Checks a chunk of frames.
-    pub validate: Option<Vec<String>>,
+    /// Checks what does not move, and a chunk of frames.
+    pub validate: Option<[Vec<String>; 2]>,
 }
 
 impl Plan {
@@ -109,13 +112,13 @@ impl Plan {
         }
         let whole = format!("{prefix}assemble");
         self.add(Step { name: whole.clone(), command: assemble.clone(), chunks: Vec::new(), needs: made })?;
-        if let Some(validate) = validate {
-            self.add(Step {
-                name: format!("{prefix}validate"),
-                command: validate.clone(),
-                chunks: chunks(division.frames, division.check).collect(),
-                needs: vec![whole.clone()],
-            })?;
+        if let Some([still, moving]) = validate {
+            let needs = vec![whole.clone()];
+            let frames = chunks(division.frames, division.check).collect();
+            let name = format!("{prefix}validate files");
+            self.add(Step { name, command: still.clone(), chunks: Vec::new(), needs: needs.clone() })?;
+            let name = format!("{prefix}validate frames");
+            self.add(Step { name, command: moving.clone(), chunks: frames, needs })?;
         }
         Ok(whole)
     }

@@ -1,6 +1,6 @@
 //! A plan as a job template of Open Job Description 2023-09, with its extension for chunks of tasks.
 
-use super::{FRAMES, Plan, Step};
+use super::{FRAMES, PATH_MAP, Plan, Step};
 use crate::{Error, Result};
 use serde_json::{Value, json};
 
@@ -24,6 +24,7 @@ pub fn template(plan: &Plan, parameters: &[(&str, String)]) -> Result<Value> {
         "extensions": ["TASK_CHUNKING"],
         "name": plan.name,
         "parameterDefinitions": definitions,
+        "jobEnvironments": [{ "name": "hairbake", "variables": { "HAIRBAKE_PROGRESS": "openjd" } }],
         "steps": steps,
     }))
 }
@@ -37,7 +38,10 @@ fn step(plan: &Plan, step: &Step, parameters: &[(&str, String)]) -> Result<Value
             Some(format!("{{{{Param.{name}}}}}{rest}"))
         };
         let parameter = parameters.iter().find_map(below);
-        Ok(parameter.unwrap_or_else(|| word.replace(FRAMES, "{{Task.Param.Frames}}")))
+        Ok(parameter.unwrap_or_else(|| {
+            word.replace(FRAMES, "{{Task.Param.Frames}}")
+                .replace(PATH_MAP, "{{Session.PathMappingRulesFile}}")
+        }))
     };
     let words: Vec<String> = step.command.iter().map(word).collect::<Result<_>>()?;
     let (command, arguments) =

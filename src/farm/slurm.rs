@@ -1,6 +1,7 @@
 //! A plan as a shell script that submits it to Slurm.
 
 use super::Plan;
+use crate::{Error, Result};
 use std::fmt::Write;
 
 /// What the script begins with.
@@ -8,7 +9,10 @@ const SUBMIT: &str = include_str!("submit.sh");
 
 /// The script. Each task is a batch job that passes its signals on to hairbake: USR1 a minute before its time is up or when it is
 /// preempted. It then ends with exit code 85 and is queued again, if the cluster is set up to (`RequeueExit=75,85`).
-pub fn script(plan: &Plan) -> String {
+///
+/// # Errors
+/// [`Error::Usage`] where a word of a command holds a line break: commands are told apart by lines.
+pub fn script(plan: &Plan) -> Result<String> {
     let mut text = String::from(SUBMIT);
     let threads = plan.threads.map(|n| format!(" --cpus-per-task={n}")).unwrap_or_default();
     for (i, step) in plan.steps.iter().enumerate() {
@@ -17,6 +21,11 @@ pub fn script(plan: &Plan) -> String {
             format!("$step{number}")
         };
         let needed: Vec<String> = step.needs.iter().map(of).collect();
+        if let Some(word) = step.command.iter().find(|word| word.contains('\n')) {
+            return Err(Error::Usage(format!(
+                "{word:?} holds a line break, which divides the commands of the script"
+            )));
+        }
         let commands: Vec<String> = step
             .tasks()
             .iter()
@@ -32,7 +41,7 @@ pub fn script(plan: &Plan) -> String {
         );
     }
     text.push_str("echo \"submitted\"\n");
-    text
+    Ok(text)
 }
 
 /// A word as the shell reads it back.

@@ -10,7 +10,7 @@ fn commands(name: &str) -> Commands {
         simulate: words("hairbake simulate --frames {frames}"),
         interpolate: words("hairbake interpolate --frames {frames}"),
         assemble: words("hairbake assemble"),
-        validate: Some(words("hairbake validate --frames {frames}")),
+        validate: Some(["hairbake validate --only=static", "hairbake validate --frames {frames}"].map(words)),
     }
 }
 
@@ -64,13 +64,16 @@ fn openjd_takes_no_variable_from_outside() {
 #[test]
 fn the_shell_reads_words_back_as_they_were() {
     let mut plan = Plan::new("it's; a $(shot)", Some(3));
-    let command = words("echo $(touch /tmp/x) `a` it's \"b\" ; rm -rf &");
-    plan.add(Step { name: "a".into(), command: command.clone(), chunks: Vec::new(), needs: Vec::new() })
-        .unwrap();
-    let script = slurm::script(&plan);
-    let fake = "sbatch() { cat >/dev/null; for a in \"$@\"; do printf '%s|' \"$a\" >&2; done; echo 7; }\n";
+    let command = words("printf %s| $(false) `a` it's \"b\" ; $HOME \\n & LINES EOF * {frames}");
+    plan.add(Step { name: "a".into(), command, chunks: vec![(1, 2), (3, 4)], needs: Vec::new() }).unwrap();
+    let script = slurm::script(&plan).unwrap();
+    // In place of Slurm: says its options, and runs the second task.
+    let fake = "sbatch() { printf '%s|' \"$@\" >&2; SLURM_ARRAY_TASK_ID=2 sh >&2; echo 7; }\n";
     let ran = std::process::Command::new("bash").args(["-c", &format!("{fake}{script}")]).output().unwrap();
     let said = String::from_utf8(ran.stderr).unwrap();
     assert!(ran.status.success(), "{said}");
     assert!(said.contains("--job-name=it's; a $(shot): a|") && said.contains("--cpus-per-task=3|"), "{said}");
+    assert!(said.ends_with("|$(false)|`a`|it's|\"b\"|;|$HOME|\\n|&|LINES|EOF|*|3-4|"), "{said}");
+    plan.steps[0].command.push("a\nb".into());
+    assert!(matches!(slurm::script(&plan), Err(Error::Usage(_))));
 }

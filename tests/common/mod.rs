@@ -126,12 +126,18 @@ fn motion() -> String {
     serde_json::json!({ "fps": 24.0, "units": "m", "up_axis": "Y", "frames": frames }).to_string()
 }
 
-/// A Python that has usd-core: `HAIRBAKE_PYTHON` or the one that `tests/run` makes; without one the test says that it is skipped.
-// Not every test program asks for it; a skipped test has to say so.
+/// The Python of the tests: `HAIRBAKE_PYTHON` or the one that `tests/run` makes.
+// Not every test program asks for it.
+#[allow(dead_code)]
+pub fn python() -> PathBuf {
+    std::env::var_os("HAIRBAKE_PYTHON")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv/bin/python"), PathBuf::from)
+}
+
+/// A Python that has usd-core; without one the test says that it is skipped.
 #[allow(dead_code, clippy::print_stdout)]
 pub fn python_with_usd() -> Option<PathBuf> {
-    let python = std::env::var_os("HAIRBAKE_PYTHON")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv/bin/python"), PathBuf::from);
+    let python = python();
     let has_usd = std::process::Command::new(&python).args(["-c", "import pxr.Usd, numpy"]).output();
     if has_usd.is_ok_and(|output| output.status.success()) {
         return Some(python);

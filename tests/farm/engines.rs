@@ -1,8 +1,8 @@
 //! Plans, on the engines that they are for.
 
-use crate::common::{entries, hairbake};
+use crate::common::{entries, hairbake, here, python};
 use crate::shot::{Shot, workplace};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -19,9 +19,7 @@ fn run_all(plan: &str) -> Value {
 
 /// The OpenJD of the Python environment that the tests make; without one the test says that it is skipped.
 fn openjd() -> Option<PathBuf> {
-    let python = std::env::var_os("HAIRBAKE_PYTHON")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv/bin/python"), PathBuf::from);
-    let openjd = python.with_file_name("openjd");
+    let openjd = python().with_file_name("openjd");
     if openjd.is_file() {
         return Some(openjd);
     }
@@ -40,14 +38,19 @@ fn openjd_checks_the_template_and_runs_the_bake_to_the_same_bytes() {
     std::fs::write(&template, shot.plan(&out, &options)).unwrap();
     let checked = Command::new(&openjd).arg("check").arg(&template).output().unwrap();
     assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stdout));
-    let path = |name: &str, path: &Path| format!("{name}={}", path.display());
+    // The scene was made where a worker has it elsewhere.
+    let rules = folder.path().join("rules.json");
+    let rule =
+        json!({ "source_path_format": "POSIX", "source_path": "/show", "destination_path": shot.path("") });
+    std::fs::write(&rules, json!({ "version": "pathmapping-1.0", "path_mapping_rules": [rule] }).to_string())
+        .unwrap();
     let ran = Command::new(&openjd)
         .arg("run")
         .arg(&template)
-        .args(["--step", "assemble", "--run-dependencies"])
-        .args(["-p", &path("Groom", &shot.path("groom.json")), "-p", &path("Anim", &shot.path("shake.json"))])
-        .args(["-p", &path("Output", &out)])
-        .env("HAIRBAKE_PROGRESS", "openjd")
+        .args(["--step", "assemble", "--run-dependencies", "--path-mapping-rules"])
+        .arg(format!("file://{}", rules.display()))
+        .args(["-p", "Groom=/show/groom.json", "-p", "Anim=/show/shake.json"])
+        .args(["-p", &format!("Output={}", out.display())])
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&ran.stdout).into_owned();
@@ -55,6 +58,37 @@ fn openjd_checks_the_template_and_runs_the_bake_to_the_same_bytes() {
     assert!(said.contains("openjd_progress: 100.0"), "{said}");
     std::fs::remove_file(out.join("sheet.png")).unwrap();
     shot.assert_same(&out);
+}
+
+#[test]
+fn the_examples_are_what_plan_prints() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = workplace();
+    // In the examples the included sample lies where a studio may have it.
+    let rules = folder.path().join("rules.json");
+    let rule = json!({ "source_path": "/show/shot", "destination_path": root.join("samples/short") });
+    std::fs::write(&rules, json!({ "path_mapping_rules": [rule] }).to_string()).unwrap();
+    let text = String::from_utf8(here(&root.join("pipeline/README.md"))).unwrap();
+    let commands: Vec<&str> =
+        text.lines().filter_map(|line| line.trim().strip_prefix("hairbake plan ")).collect();
+    assert_eq!(commands.len(), 4);
+    for line in commands {
+        let (command, file) = line.split_once(" >").unwrap();
+        let mut plan = hairbake();
+        plan.arg("plan").args(command.split(' ')).env("HAIRBAKE_PATH_MAP_FILE", &rules);
+        let printed = plan.assert().success().get_output().stdout.clone();
+        let example = root.join("pipeline").join(file);
+        if std::env::var_os("UPDATE_EXAMPLES").is_some() {
+            std::fs::write(&example, &printed).unwrap();
+        }
+        assert!(here(&example) == printed, "{file} is out of date: UPDATE_EXAMPLES=1 writes it anew");
+        if let Some(openjd) = openjd().filter(|_| file.ends_with(".json")) {
+            assert!(
+                Command::new(openjd).arg("check").arg(&example).output().unwrap().status.success(),
+                "{file}"
+            );
+        }
+    }
 }
 
 #[test]
@@ -81,9 +115,8 @@ fn wedges_are_baked_side_by_side_and_shown_on_one_sheet() {
     let names = entries(&out);
     assert_eq!(names[1], "002_substeps=2_friction=0.4");
     assert_eq!(names.len(), 5);
-    assert!(crate::common::here(&out.join("wedges.png")).len() > 10_000);
-    let manifest: Value =
-        serde_json::from_slice(&crate::common::here(&out.join(&names[1]).join("manifest.json"))).unwrap();
+    assert!(here(&out.join("wedges.png")).len() > 10_000);
+    let manifest: Value = serde_json::from_slice(&here(&out.join(&names[1]).join("manifest.json"))).unwrap();
     assert_eq!(manifest["settings"]["set"]["groom.materials[0].friction"], 0.4);
     assert_eq!(manifest["settings"]["substeps"], 2);
 }
@@ -99,7 +132,7 @@ fn status_tells_what_is_done_missing_stale_and_damaged() {
     std::fs::remove_file(out.join("hair.1002.usdc")).unwrap();
     std::fs::write(out.join("hair.1003.usdc"), "short").unwrap();
     let mark = out.join(".hairbake/frames/1004.json");
-    let text = String::from_utf8(crate::common::here(&mark)).unwrap();
+    let text = String::from_utf8(here(&mark)).unwrap();
     std::fs::write(&mark, text.replacen("\"key\":\"", "\"key\":\"0", 1)).unwrap();
     let output =
         hairbake().arg("status").arg(out).arg("--json").assert().code(75).get_output().stdout.clone();
