@@ -7,7 +7,8 @@
 //! - a point outside (g > 0) keeps min(d, g/2), g being the least along the segments beside it: what was drawn closer
 //!   than d stays as close, with room to give;
 //! - a point inside, before the strand has come out for the first time: the segments beside it are exempt for good;
-//! - a segment drawn through the body with both ends outside is exempt for good, for it has no side; its ends have one;
+//! - a segment drawn through the body with both ends outside is exempt for good, for it has no side; its ends have one. One that
+//!   leaves as it came in only cuts the surface, as the chord of a curl that lies on it, and is no exception;
 //! - a point inside later on: brought out to min(d, s/4) during the pre-roll, gently, s being its arc length from the root; segments that are still in the body then are exempt
 //!   from then on.
 
@@ -82,8 +83,6 @@ impl Clearance {
         for c in at_rest(bodies, t, pose, thickness, &line) {
             if c.gap > 0.0 {
                 points[ends(c.body, c.segment)].iter_mut().for_each(|p| p.keep = p.keep.min(0.5 * c.gap));
-            } else {
-                exempt[c.body * (x.len() - 1) + c.segment] = true;
             }
         }
         let all = |distance: fn(&Point) -> f64| -> Vec<[f64; 2]> {
@@ -135,9 +134,10 @@ impl Clearance {
     }
 }
 
-/// Whether the way between two points outside a body, in its frame, goes through it.
+/// Whether the way between two points outside a body, in its frame, goes through it: in on one side and out on another.
 fn passes(bodies: &Bodies, body: usize, t: f64, [from, to]: &[Vector3<f64>; 2]) -> bool {
-    bodies.first_hit(body, t, from, to).is_some()
+    let sides = bodies.first_hit(body, t, from, to).zip(bodies.first_hit(body, t, to, from));
+    sides.is_some_and(|((_, entry), (_, exit))| entry.dot(&exit) < 0.0)
 }
 
 /// The point `y`, m, in the frame of a body whose thickness is `d`, m; from inside it comes out by `out`, m.
@@ -192,6 +192,16 @@ mod tests {
         let line = Polyline { x0: &x, x1: &pushed, clearance: &kept };
         let found = at_rest(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &line);
         assert!(found.iter().any(|c| (c.segment, c.u) == (2, 0.0) && c.gap < 0.0), "{found:?}");
+    }
+
+    #[test]
+    fn a_chord_that_only_cuts_the_surface_is_held() {
+        let bodies = Bodies::from_shapes(&[Shape::Sphere { centre: Vector3::zeros(), radius: 0.1 }]);
+        let x =
+            [-0.02, 0.0, 0.005].map(|s: f64| Vector3::new((s / 0.1).sin(), (s / 0.1).cos(), 0.0) * 0.1002);
+        assert!(0.5 * (x[0] + x[1]).norm() < 0.1);
+        let clearance = Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x);
+        assert_eq!(clearance.counts(), (0, 0));
     }
 
     #[test]
