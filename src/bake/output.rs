@@ -13,7 +13,9 @@ use rayon::prelude::*;
 /// What the cache holds of a bake, and how its arrays come from the guides.
 pub struct Output<'a> {
     anim: &'a Anim,
-    rods: Vec<&'a Rod>,
+    /// The rods as strands follow them, and as they are written.
+    followed: Vec<&'a Rod>,
+    drawn: &'a [Rod],
     convention: Convention,
     strands: Option<Interpolator>,
     /// What the strands keep out of, and when they are looked at: not in the simulation's steps.
@@ -25,7 +27,7 @@ impl<'a> Output<'a> {
     /// Prepares the output of guides that are simulated as `rods`.
     pub fn new(groom: &Groom, anim: &'a Anim, rods: &'a Rods) -> Self {
         let convention = groom.convention;
-        let rods = rods.followed();
+        let followed = rods.followed();
         let hair = (!groom.strands.curves.is_empty())
             .then(|| curve_set(groom, &groom.strands.curves, groom.strands.curves.points.clone(), 0));
         let header = Header {
@@ -34,7 +36,7 @@ impl<'a> Output<'a> {
             fps: anim.fps,
             frames: anim.frames,
             hair,
-            guides: guide_set(groom, &rods),
+            guides: guide_set(groom, &rods.drawn),
             colliders: anim
                 .colliders
                 .iter()
@@ -54,10 +56,10 @@ impl<'a> Output<'a> {
         let strands = (!groom.strands.curves.is_empty()).then(|| {
             let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
             let (curves, leaf) = (&groom.strands.curves, &groom.strands.leaf);
-            Interpolator::new(curves, leaf, &rods, &bodies, &thickness)
+            Interpolator::new(curves, leaf, &followed, &bodies, &thickness)
         });
-        let rods = rods.into_iter().map(|(rod, _)| rod).collect();
-        Output { anim, rods, convention, strands, bodies, header }
+        let followed = followed.into_iter().map(|(rod, _)| rod).collect();
+        Output { anim, followed, drawn: &rods.drawn, convention, strands, bodies, header }
     }
 
     /// The cache's header.
@@ -72,7 +74,7 @@ impl<'a> Output<'a> {
         let poses = self.collider_poses(t);
         let keep_out = KeepOut { bodies: &self.bodies, time: t, poses: &poses };
         let moment = Moment { head: head_motion(self.anim, t), keep_out };
-        let motion = self.motion(guides);
+        let motion = motion(self.followed.iter().copied(), guides);
         self.strands.as_ref().map_or_else(Vec::new, |strands| strands.retreats(&moment, &motion))
     }
 
@@ -83,7 +85,7 @@ impl<'a> Output<'a> {
         let to_scene = self.convention.to_y_up().inverse().to_rotation_matrix().into_inner()
             / self.convention.metres_per_unit;
         self.bodies.prepare([t - BACKWARD, t]);
-        let motion = self.motion(guides);
+        let followed = motion(self.followed.iter().copied(), guides);
         let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
             let mut points = vec![[0.0; 3]; set.rest.len()];
             let mut velocities = vec![[0.0; 3]; set.rest.len()];
@@ -95,7 +97,7 @@ impl<'a> Output<'a> {
             });
             strands.evaluate(
                 &moments,
-                &motion,
+                &followed,
                 (retreats, 1.0 / self.anim.fps),
                 &to_scene,
                 &mut points,
@@ -106,15 +108,10 @@ impl<'a> Output<'a> {
         Frame {
             frame,
             hair,
-            guides: self.guides(&motion, &head, &to_scene),
+            guides: self.guides(guides, &head, &to_scene),
             head: self.matrix(&self.anim.head_pose(t)),
             colliders: self.colliders(t),
         }
-    }
-
-    fn motion<'b>(&'b self, guides: &'b [GuideState]) -> Vec<GuideMotion<'b>> {
-        let motion = |(rod, g): (&&'b Rod, &'b GuideState)| GuideMotion { rod, q: &g.q, rate: &g.rate };
-        self.rods.iter().zip(guides).map(motion).collect()
     }
 
     fn colliders(&self, t: f64) -> Vec<ColliderFrame> {
@@ -133,28 +130,21 @@ impl<'a> Output<'a> {
         self.anim.colliders.iter().map(|c| self.anim.bodies[c.body].track.pose(t)).collect()
     }
 
-    fn guides(&self, motion: &[GuideMotion], head: &HeadMotion, to_scene: &Matrix3<f64>) -> CurveFrame {
-        let per_guide: Vec<Vec<([f32; 3], [f32; 3])>> = motion
+    fn guides(&self, guides: &[GuideState], head: &HeadMotion, to_scene: &Matrix3<f64>) -> CurveFrame {
+        let per_guide: Vec<Vec<([f32; 3], [f32; 3])>> = motion(self.drawn, guides)
             .par_iter()
             .map_init(Default::default, |(shape, sensitivity): &mut (Shape, Sensitivity), motion| {
                 let GuideMotion { rod, q, rate } = motion;
                 shape.update(rod, &(head.rotation * rod.root.r), q);
                 sensitivity.update(rod, shape, q);
                 let (root, speed) = head.carry(&rod.root.p);
-                let (mut x, mut v) = (Vec::new(), Vec::new());
-                let (mut tangent, mut turning) = (Vec::new(), Vec::new());
-                for k in 0..rod.points() {
-                    let arm = shape.x(k);
-                    let (own, spin) = sensitivity.motion(k, &arm, rate);
-                    x.push(root + arm);
-                    v.push(speed + head.spin.cross(&arm) + own);
-                    tangent.push(shape.tangent(k));
-                    turning.push((head.spin + spin).cross(&tangent[k]));
-                }
-                let arc = rod.arc_lengths();
-                let x = with_middles(&x, &tangent, &arc);
-                let v = with_middles(&v, &turning, &arc);
-                x.iter().zip(&v).map(|(x, v)| (single(&(to_scene * x)), single(&(to_scene * v)))).collect()
+                (0..rod.points())
+                    .map(|k| {
+                        let arm = shape.x(k);
+                        let v = speed + head.spin.cross(&arm) + sensitivity.velocity(k, &arm, rate);
+                        (single(&(to_scene * (root + arm))), single(&(to_scene * v)))
+                    })
+                    .collect()
             })
             .collect();
         let (points, velocities): (Vec<_>, Vec<_>) = per_guide.into_iter().flatten().unzip();
@@ -171,16 +161,10 @@ impl<'a> Output<'a> {
     }
 }
 
-/// The points, m, of a curve whose tangents there are `tangents` and arc lengths `arc`, m, and between any two the middle of the cubic
-/// through them: where a body bends a rod far more than it is bent by nature, cubics through its own points alone do not have its length.
-/// Of velocities and the rates of tangents alike.
-fn with_middles(points: &[Vector3<f64>], tangents: &[Vector3<f64>], arc: &[f64]) -> Vec<Vector3<f64>> {
-    let mut out = vec![points[0]];
-    for ((x, t), s) in points.windows(2).zip(tangents.windows(2)).zip(arc.windows(2)) {
-        out.push((x[0] + x[1]) / 2.0 + (t[0] - t[1]) * ((s[1] - s[0]) / 8.0));
-        out.push(x[1]);
-    }
-    out
+/// What guides that are as in `guides` do, as `rods`.
+fn motion<'a>(rods: impl IntoIterator<Item = &'a Rod>, guides: &'a [GuideState]) -> Vec<GuideMotion<'a>> {
+    let motion = |(rod, g): (&'a Rod, &'a GuideState)| GuideMotion { rod, q: &g.q, rate: &g.rate };
+    rods.into_iter().zip(guides).map(motion).collect()
 }
 
 /// Pose of the head at `t`, s, and its velocity by central differences of the (smooth) track.
@@ -195,15 +179,13 @@ pub fn head_motion(anim: &Anim, t: f64) -> HeadMotion {
     }
 }
 
-/// The guides as the rods see them: points at the ends of their sub-steps and between them.
-fn guide_set(groom: &Groom, rods: &[(&Rod, (u32, u32))]) -> CurveSet {
+/// The guides as the rods see them: points at the ends of their sub-steps.
+fn guide_set(groom: &Groom, rods: &[Rod]) -> CurveSet {
     let mut curves = Curves { offsets: vec![0], points: Vec::new(), ..groom.guides.curves.clone() };
-    for (rod, _) in rods {
+    for rod in rods {
         let mut shape = Shape::default();
         shape.update(rod, &rod.root.r, &rod.start);
-        let points: Vec<_> = shape.poses().map(|g| g.p + rod.root.p).collect();
-        let tangents: Vec<_> = (0..points.len()).map(|k| shape.tangent(k)).collect();
-        curves.points.extend(with_middles(&points, &tangents, &rod.arc_lengths()));
+        curves.points.extend(shape.poses().map(|g| g.p + rod.root.p));
         curves.offsets.push(curves.points.len());
     }
     let points = std::mem::take(&mut curves.points);

@@ -252,12 +252,12 @@ impl Sensitivity {
         }
     }
 
-    /// Velocity and angular velocity of point `k` (at `x`, relative to the root) under rates `qdot`, relative to a root at rest.
-    pub fn motion(&self, k: usize, x: &Vector3<f64>, qdot: &[f64]) -> (Vector3<f64>, Vector3<f64>) {
+    /// Velocity of point `k` (at `x`, relative to the root) under rates `qdot`, relative to a root at rest.
+    pub fn velocity(&self, k: usize, x: &Vector3<f64>, qdot: &[f64]) -> Vector3<f64> {
         let mut t = Twist::none(0.0);
         for (c, r) in self.moving(k).zip(qdot) {
             t = Twist { w: t.w + c.w * *r, v: t.v + c.v * *r };
         }
-        ((t.v + t.w.cross((*x).into())).into(), t.w.into())
+        (t.v + t.w.cross((*x).into())).into()
     }
 }
