@@ -13,9 +13,7 @@ use rayon::prelude::*;
 /// What the cache holds of a bake, and how its arrays come from the guides.
 pub struct Output<'a> {
     anim: &'a Anim,
-    /// The rods as strands follow them, and as they are written.
-    followed: Vec<&'a Rod>,
-    drawn: &'a [Rod],
+    rods: Vec<&'a Rod>,
     convention: Convention,
     strands: Option<Interpolator>,
     /// What the strands keep out of, and when they are looked at: not in the simulation's steps.
@@ -27,7 +25,7 @@ impl<'a> Output<'a> {
     /// Prepares the output of guides that are simulated as `rods`.
     pub fn new(groom: &Groom, anim: &'a Anim, rods: &'a Rods) -> Self {
         let convention = groom.convention;
-        let followed = rods.followed();
+        let rods = rods.followed();
         let hair = (!groom.strands.curves.is_empty())
             .then(|| curve_set(groom, &groom.strands.curves, groom.strands.curves.points.clone(), 0));
         let header = Header {
@@ -36,7 +34,7 @@ impl<'a> Output<'a> {
             fps: anim.fps,
             frames: anim.frames,
             hair,
-            guides: guide_set(groom, &rods.drawn),
+            guides: guide_set(groom, &rods),
             colliders: anim
                 .colliders
                 .iter()
@@ -56,10 +54,10 @@ impl<'a> Output<'a> {
         let strands = (!groom.strands.curves.is_empty()).then(|| {
             let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
             let (curves, leaf) = (&groom.strands.curves, &groom.strands.leaf);
-            Interpolator::new(curves, leaf, &followed, &bodies, &thickness)
+            Interpolator::new(curves, leaf, &rods, &bodies, &thickness)
         });
-        let followed = followed.into_iter().map(|(rod, _)| rod).collect();
-        Output { anim, followed, drawn: &rods.drawn, convention, strands, bodies, header }
+        let rods = rods.into_iter().map(|(rod, _)| rod).collect();
+        Output { anim, rods, convention, strands, bodies, header }
     }
 
     /// The cache's header.
@@ -74,7 +72,7 @@ impl<'a> Output<'a> {
         let poses = self.collider_poses(t);
         let keep_out = KeepOut { bodies: &self.bodies, time: t, poses: &poses };
         let moment = Moment { head: head_motion(self.anim, t), keep_out };
-        let motion = motion(self.followed.iter().copied(), guides);
+        let motion = self.motion(guides);
         self.strands.as_ref().map_or_else(Vec::new, |strands| strands.retreats(&moment, &motion))
     }
 
@@ -85,7 +83,7 @@ impl<'a> Output<'a> {
         let to_scene = self.convention.to_y_up().inverse().to_rotation_matrix().into_inner()
             / self.convention.metres_per_unit;
         self.bodies.prepare([t - BACKWARD, t]);
-        let followed = motion(self.followed.iter().copied(), guides);
+        let motion = self.motion(guides);
         let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
             let mut points = vec![[0.0; 3]; set.rest.len()];
             let mut velocities = vec![[0.0; 3]; set.rest.len()];
@@ -97,7 +95,7 @@ impl<'a> Output<'a> {
             });
             strands.evaluate(
                 &moments,
-                &followed,
+                &motion,
                 (retreats, 1.0 / self.anim.fps),
                 &to_scene,
                 &mut points,
@@ -108,10 +106,15 @@ impl<'a> Output<'a> {
         Frame {
             frame,
             hair,
-            guides: self.guides(guides, &head, &to_scene),
+            guides: self.guides(&motion, &head, &to_scene),
             head: self.matrix(&self.anim.head_pose(t)),
             colliders: self.colliders(t),
         }
+    }
+
+    fn motion<'b>(&'b self, guides: &'b [GuideState]) -> Vec<GuideMotion<'b>> {
+        let motion = |(rod, g): (&&'b Rod, &'b GuideState)| GuideMotion { rod, q: &g.q, rate: &g.rate };
+        self.rods.iter().zip(guides).map(motion).collect()
     }
 
     fn colliders(&self, t: f64) -> Vec<ColliderFrame> {
@@ -130,21 +133,29 @@ impl<'a> Output<'a> {
         self.anim.colliders.iter().map(|c| self.anim.bodies[c.body].track.pose(t)).collect()
     }
 
-    fn guides(&self, guides: &[GuideState], head: &HeadMotion, to_scene: &Matrix3<f64>) -> CurveFrame {
-        let per_guide: Vec<Vec<([f32; 3], [f32; 3])>> = motion(self.drawn, guides)
+    fn guides(&self, motion: &[GuideMotion], head: &HeadMotion, to_scene: &Matrix3<f64>) -> CurveFrame {
+        let per_guide: Vec<Vec<([f32; 3], [f32; 3])>> = motion
             .par_iter()
             .map_init(Default::default, |(shape, sensitivity): &mut (Shape, Sensitivity), motion| {
                 let GuideMotion { rod, q, rate } = motion;
                 shape.update(rod, &(head.rotation * rod.root.r), q);
                 sensitivity.update(rod, shape, q);
                 let (root, speed) = head.carry(&rod.root.p);
-                (0..rod.points())
-                    .map(|k| {
-                        let arm = shape.x(k);
-                        let v = speed + head.spin.cross(&arm) + sensitivity.velocity(k, &arm, rate);
-                        (single(&(to_scene * (root + arm))), single(&(to_scene * v)))
-                    })
-                    .collect()
+                let motion = |k: usize| {
+                    let (v, spin) = sensitivity.motion(k, &shape.x(k), rate);
+                    (speed + head.spin.cross(&shape.x(k)) + v, (head.spin + spin).cross(&shape.tangent(k)))
+                };
+                let moving: Vec<_> = (0..rod.points()).map(motion).collect();
+                let arc = rod.arc_lengths();
+                let mut v = vec![moving[0].0];
+                for (m, s) in moving.windows(2).zip(arc.windows(2)) {
+                    // The rate of the middle of the cubic through the two points.
+                    v.push((m[0].0 + m[1].0) / 2.0 + (m[0].1 - m[1].1) * ((s[1] - s[0]) / 8.0));
+                    v.push(m[1].0);
+                }
+                let x = with_middles(rod, shape, q);
+                let written = |(x, v)| (single(&(to_scene * (root + x))), single(&(to_scene * v)));
+                x.into_iter().zip(v).map(written).collect()
             })
             .collect();
         let (points, velocities): (Vec<_>, Vec<_>) = per_guide.into_iter().flatten().unzip();
@@ -161,10 +172,11 @@ impl<'a> Output<'a> {
     }
 }
 
-/// What guides that are as in `guides` do, as `rods`.
-fn motion<'a>(rods: impl IntoIterator<Item = &'a Rod>, guides: &'a [GuideState]) -> Vec<GuideMotion<'a>> {
-    let motion = |(rod, g): (&'a Rod, &'a GuideState)| GuideMotion { rod, q: &g.q, rate: &g.rate };
-    rods.into_iter().zip(guides).map(motion).collect()
+/// The points of a rod whose shape at unknowns `q` is `shape`, m, relative to the root, and the middle of the curve between any two:
+/// where a body bends a rod far more than it is bent by nature, cubics through its points alone do not have its length.
+fn with_middles(rod: &Rod, shape: &Shape, q: &[f64]) -> Vec<Vector3<f64>> {
+    let between = |k: usize| [shape.middle(rod, k, q), shape.x(k + 1)];
+    std::iter::once(shape.x(0)).chain((0..rod.points() - 1).flat_map(between)).collect()
 }
 
 /// Pose of the head at `t`, s, and its velocity by central differences of the (smooth) track.
@@ -179,13 +191,13 @@ pub fn head_motion(anim: &Anim, t: f64) -> HeadMotion {
     }
 }
 
-/// The guides as the rods see them: points at the ends of their sub-steps.
-fn guide_set(groom: &Groom, rods: &[Rod]) -> CurveSet {
+/// The guides as the rods see them: points at the ends of their sub-steps and between them.
+fn guide_set(groom: &Groom, rods: &[(&Rod, (u32, u32))]) -> CurveSet {
     let mut curves = Curves { offsets: vec![0], points: Vec::new(), ..groom.guides.curves.clone() };
-    for rod in rods {
+    for (rod, _) in rods {
         let mut shape = Shape::default();
         shape.update(rod, &rod.root.r, &rod.start);
-        curves.points.extend(shape.poses().map(|g| g.p + rod.root.p));
+        curves.points.extend(with_middles(rod, &shape, &rod.start).iter().map(|x| x + rod.root.p));
         curves.offsets.push(curves.points.len());
     }
     let points = std::mem::take(&mut curves.points);

@@ -1,7 +1,7 @@
 //! Shape of a rod from its unknowns, and how the shape moves with them.
 
 use super::Rod;
-use super::model::{Beam, Step};
+use super::model::{Beam, GAUSS, Step};
 use crate::math::lanes::{self, M3, Mask, Real, Twist, V3};
 use crate::math::se3::{self, Coefficients, LeftJacobian, Pose};
 use nalgebra::{Matrix3, Vector3};
@@ -61,6 +61,28 @@ impl Shape {
     /// Tangent at point `k`.
     pub fn tangent(&self, k: usize) -> Vector3<f64> {
         self.pose[k].r.0[2].into()
+    }
+
+    /// Position of the middle of the curve between point `k` and the next, m, relative to the root, at the unknowns `q` of this shape: half a
+    /// Magnus step from either point, of a strain that is linear through its values at the Gauss points of the whole, and the mean of the two.
+    pub fn middle(&self, rod: &Rod, k: usize, q: &[f64]) -> Vector3<f64> {
+        let step = &rod.beam.steps[k];
+        let d = local(step, q);
+        let [first, second] = [step.strain[0] + d[0], step.strain[1] + d[1]];
+        let slope = (second - first) * 3_f64.sqrt();
+        let mean = (first + second) * 0.5;
+        let reached = |from: &lanes::Pose<f64>, h: f64, at: [f64; 2]| -> Vector3<f64> {
+            let [first, second] = at.map(|u| mean + slope * (u - 0.5));
+            let commutator = first.cross(second) * (h * h * COMMUTATOR);
+            let e = (first - second) * (h * h * COMMUTATOR);
+            let psi = Twist { w: (first + second) * (0.5 * h) + commutator, v: V3([e.0[1], -e.0[0], h]) };
+            from.compose(&se3::exp(&psi, &Coefficients::of(&psi))).p.into()
+        };
+        let h = 0.5 * step.h;
+        let ahead = reached(&self.pose[k], h, GAUSS.map(|u| 0.5 * u));
+        // Backwards along the curve, from its end.
+        let back = reached(&self.pose[k + 1], -h, GAUSS.map(|u| 1.0 - 0.5 * u));
+        (ahead + back) / 2.0
     }
 
     /// Frame and position of every point.
@@ -252,12 +274,60 @@ impl Sensitivity {
         }
     }
 
-    /// Velocity of point `k` (at `x`, relative to the root) under rates `qdot`, relative to a root at rest.
-    pub fn velocity(&self, k: usize, x: &Vector3<f64>, qdot: &[f64]) -> Vector3<f64> {
+    /// Velocity and angular velocity of point `k` (at `x`, relative to the root) under rates `qdot`, relative to a root at rest.
+    pub fn motion(&self, k: usize, x: &Vector3<f64>, qdot: &[f64]) -> (Vector3<f64>, Vector3<f64>) {
         let mut t = Twist::none(0.0);
         for (c, r) in self.moving(k).zip(qdot) {
             t = Twist { w: t.w + c.w * *r, v: t.v + c.v * *r };
         }
-        (t.v + t.w.cross((*x).into())).into()
+        ((t.v + t.w.cross((*x).into())).into(), t.w.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rod::{Cut, RodSource};
+
+    #[test]
+    fn the_middle_of_the_curve_is_where_a_finer_rod_has_it() {
+        let points: Vec<_> = (0..200)
+            .map(|i| f64::from(i) * 0.02)
+            .map(|t| Vector3::new(t.cos(), t.sin(), 0.5 * t) * 0.03)
+            .collect();
+        let rod = |sub_steps: f64| {
+            let length = 0.06 * 1.25_f64.sqrt() * 1.99;
+            Rod::new(&RodSource {
+                points: &points,
+                root_frame: None,
+                arc: &[0.0, 0.25, 0.5, 0.75, 1.0],
+                stiffness: [1e-9; 3],
+                line_density: 1e-5,
+                damping: 0.0,
+                natural: None,
+                cut: Cut { length: length / 4.0 / (sub_steps - 0.5), turn: 10.0 },
+            })
+            .unwrap()
+        };
+        let q: Vec<f64> = (0..12).map(|i| 20.0 * f64::from(i * i).sin()).collect();
+        let miss = |sub_steps: f64| {
+            let (coarse, fine) = (rod(sub_steps), rod(2.0 * sub_steps));
+            assert_eq!(2 * (coarse.points() - 1), fine.points() - 1);
+            let mut shapes = [Shape::default(), Shape::default()];
+            assert!(shapes[0].update(&coarse, &coarse.root.r, &q));
+            assert!(shapes[1].update(&fine, &fine.root.r, &q));
+            // In the frame of the point before, where the two do not yet differ.
+            let local = |shape: &Shape, k: usize, x: Vector3<f64>| {
+                let g = shape.poses().nth(k).unwrap();
+                g.r.transpose() * (x - g.p)
+            };
+            let off = |k: usize| {
+                let middle = local(&shapes[0], k, shapes[0].middle(&coarse, k, &q));
+                (middle - local(&shapes[1], 2 * k, shapes[1].x(2 * k + 1))).norm()
+            };
+            (0..coarse.points() - 1).map(off).fold(0.0, f64::max)
+        };
+        let (coarse, fine) = (miss(4.0), miss(8.0));
+        assert!(coarse < 5e-6 && fine < coarse / 6.0, "{coarse} {fine}");
     }
 }

@@ -19,13 +19,9 @@ impl Cut {
     /// As the accuracy of the rod asks: what the sub-steps leave of the error is then far below what the nodes leave.
     pub const COARSE: Cut = Cut { length: f64::INFINITY, turn: 0.8 };
 
-    /// As contact asks: the polyline of a rod is within a tenth of a millimetre of its curve on a head (a 10 cm radius of
+    /// As contact and writing ask: the polyline of a rod is within a tenth of a millimetre of its curve on a head (a 10 cm radius of
     /// curvature) and within a fiftieth of its radius on a curl.
     pub const FINE: Cut = Cut { length: 0.01, turn: 0.4 };
-
-    /// As writing asks: cubics through the points have the segments' lengths to a thousandth also where a body bends the rod far
-    /// more than it is bent by nature.
-    pub const DRAWN: Cut = Cut { length: 0.005, turn: 0.2 };
 }
 
 /// Gauss points of a sub-step, as fractions of it: ½ ∓ √3/6.

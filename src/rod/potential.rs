@@ -554,7 +554,7 @@ mod tests {
             let slope = (moved.x(k) - shape.x(k)) / 1e-5;
             let by_row: f64 = row.iter().zip(&rate).map(|(a, b)| a * b).sum();
             assert!((by_row - 2.0 * d.dot(&slope)).abs() < 1e-8, "{k}");
-            assert!((sens.velocity(k, &shape.x(k), &rate) - slope).norm() < 1e-8, "{k}");
+            assert!((sens.motion(k, &shape.x(k), &rate).0 - slope).norm() < 1e-8, "{k}");
         }
     }
 }
