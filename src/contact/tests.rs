@@ -504,6 +504,25 @@ fn exempt_roots_meet_nothing_and_points_inside_are_brought_out_gently() {
 }
 
 #[test]
+fn the_middle_of_a_segment_that_began_inside_is_pushed_out_too() {
+    // A roof with its ridge along z; the segment goes through it, 3 mm below the ridge.
+    let end = |z: f64| [(0.0, 0.1), (-0.1, 0.0), (0.1, 0.0)].map(|(x, y)| Vector3::new(x, y, z));
+    let vertices = [end(-0.2), end(0.2)].concat();
+    let triangles =
+        vec![[0, 2, 1], [3, 4, 5], [0, 1, 4], [0, 4, 3], [0, 3, 5], [0, 5, 2], [1, 2, 5], [1, 5, 4]];
+    let roof = TriMesh { file: Default::default(), vertices, triangles };
+    let bodies = Bodies::from_shapes(&[mesh_shape(&roof)]);
+    let x = [Vector3::new(-0.05, 0.097, 0.013), Vector3::new(0.05, 0.097, 0.013)];
+    assert!(x.iter().all(|x| bodies.closest(0, 0.0, x, 1.0).unwrap().distance > 0.03));
+    let line = Polyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]] };
+    let mut contacts = Vec::new();
+    bodies.candidates(&[still()], &line, 5e-3, &mut Workspace::default(), &mut contacts);
+    assert_eq!(contacts.len(), 1, "{contacts:?}");
+    let Contact { u, normal, gap, .. } = contacts[0];
+    assert!((u - 0.5).abs() < 1e-9 && (normal - Vector3::y()).norm() < 1e-9 && (gap + 3.5e-3).abs() < 1e-9);
+}
+
+#[test]
 fn distances_to_real_heads_agree_with_brute_force_and_winding_numbers() {
     let Some(heads) = shared_data("heads") else { return };
     for (name, closed) in [
