@@ -9,8 +9,8 @@
 //! - a point inside, before the strand has come out for the first time: the segments beside it are exempt for good;
 //! - a segment drawn through the body with both ends outside is exempt for good, for it has no side; its ends have one. One that
 //!   leaves as it came in only cuts the surface, as the chord of a curl that lies on it, and is no exception;
-//! - a point inside later on: brought out to min(d, s/4) during the pre-roll, gently, s being its arc length from the root; segments that are still in the body then are exempt
-//!   from then on.
+//! - a point inside later on: brought out to min(d, s/4) during the pre-roll, gently, s being its arc length from the root; segments
+//!   that are still in the body then are exempt from then on.
 
 use crate::contact::{Bodies, Contact, Motion, Polyline, Workspace};
 use nalgebra::{Isometry3, Vector3};

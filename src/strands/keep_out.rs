@@ -76,40 +76,47 @@ impl Kept {
 pub(super) type Spare = Vec<f64>;
 
 /// Which vertex of how many.
-pub(super) type Place = (usize, usize);
+pub(super) type Vertex = (usize, usize);
 
 impl KeepOut<'_> {
-    /// The bodies that the vertex at `place` has to keep a distance from and may be near to, `length` after a vertex that was
+    /// The bodies that the vertex at `place` has to keep a distance from and may be near to, `moved`, m, from a place that was
     /// `spare` away: index and distance to keep.
     fn near<'a>(
         &self,
         kept: &'a Kept,
-        (vertex, vertices): Place,
-        length: f64,
+        (vertex, vertices): Vertex,
+        moved: f64,
         spare: &'a mut Spare,
     ) -> impl Iterator<Item = (usize, f64, &'a mut f64)> {
         spare.iter_mut().enumerate().filter_map(move |(b, spare)| {
             let keep = f64::from(kept.at[b * vertices + vertex]);
-            *spare -= length;
+            *spare -= moved;
             (keep > f64::NEG_INFINITY && *spare <= keep).then_some((b, keep, spare))
         })
     }
 
-    /// How much too near to a body `x` is, the vertex at `place`, m; 0 where it is not. The edge to it has `length`.
+    /// How much too near to a body `x` is, the vertex at `place`, m, and the outward normal of the body that it is too near to most; 0 where it
+    /// is to none. It lies `moved`, m, from where `spare` was.
     pub(super) fn violation(
         &self,
         kept: &Kept,
-        place: Place,
+        place: Vertex,
         x: &Vector3<f64>,
-        length: f64,
+        moved: f64,
         spare: &mut Spare,
-    ) -> f64 {
-        let mut worst = 0.0_f64;
-        for (b, keep, spare) in self.near(kept, place, length, spare) {
-            let local = self.poses[b].inverse_transform_point(&(*x).into()).coords;
-            let horizon = length + REACH;
-            *spare = self.bodies.closest(b, self.time, &local, horizon).map_or(horizon, |s| s.distance);
-            worst = worst.max(keep - *spare);
+    ) -> (f64, Vector3<f64>) {
+        let mut worst = (0.0, Vector3::zeros());
+        for (b, keep, spare) in self.near(kept, place, moved, spare) {
+            let (pose, horizon) = (&self.poses[b], moved + REACH);
+            let local = pose.inverse_transform_point(&(*x).into()).coords;
+            let Some(surface) = self.bodies.closest(b, self.time, &local, horizon) else {
+                *spare = horizon;
+                continue;
+            };
+            *spare = surface.distance;
+            if keep - surface.distance > worst.0 {
+                worst = (keep - surface.distance, pose.rotation * surface.normal);
+            }
         }
         worst
     }
@@ -118,7 +125,7 @@ impl KeepOut<'_> {
     pub(super) fn pushed_out(
         &self,
         kept: &Kept,
-        (vertex, vertices): Place,
+        (vertex, vertices): Vertex,
         x: &Vector3<f64>,
         allowed: f64,
     ) -> Vector3<f64> {
@@ -141,42 +148,36 @@ impl KeepOut<'_> {
         self.poses.iter().enumerate().map(distance).fold(REACH, f64::min)
     }
 
-    /// The direction nearest to `direction`, more or less, in which an edge of `length` from `x` ends far enough from all bodies.
+    /// The direction nearest to `direction`, more or less, in which an edge of `length` from `x` ends far enough from all bodies, and how much
+    /// too near to one it ends, m.
     fn turn(
         &self,
         kept: &Kept,
-        place: Place,
+        place: Vertex,
         x: &Vector3<f64>,
         length: f64,
         mut direction: Vector3<f64>,
         spare: &mut Spare,
     ) -> (Vector3<f64>, f64) {
-        let mut missing = 0.0_f64;
-        for (b, keep, spare) in self.near(kept, place, length, spare) {
-            let (pose, horizon) = (&self.poses[b], length + REACH);
-            // Between two surfaces no turn may do: the best one counts.
-            let mut best = (f64::NEG_INFINITY, direction);
-            for _ in 0..TURNS {
-                let end = x + direction * length;
-                let local = pose.inverse_transform_point(&end.into()).coords;
-                let Some(surface) = self.bodies.closest(b, self.time, &local, horizon) else {
-                    best = (horizon, direction);
-                    break;
-                };
-                if surface.distance > best.0 {
-                    best = (surface.distance, direction);
-                }
-                if surface.distance >= keep {
-                    break;
-                }
-                let more = (keep + MARGIN - surface.distance) / length;
-                let Some(turned) = risen(&direction, &(pose.rotation * surface.normal), more) else { break };
-                direction = turned;
+        // Between two surfaces no turn may do: the best one counts.
+        let mut best = (f64::INFINITY, direction);
+        let mut end = *x;
+        for _ in 0..TURNS {
+            let next = x + direction * length;
+            let (missing, normal) = self.violation(kept, place, &next, (next - end).norm(), spare);
+            end = next;
+            if missing < best.0 {
+                best = (missing, direction);
             }
-            (*spare, direction) = best;
-            missing = missing.max(keep - *spare);
+            if missing == 0.0 {
+                break;
+            }
+            let Some(turned) = risen(&direction, &normal, (missing + MARGIN) / length) else { break };
+            direction = turned;
         }
-        (direction, missing)
+        let back = (x + best.1 * length - end).norm();
+        spare.iter_mut().for_each(|spare| *spare -= back);
+        (best.1, best.0)
     }
 }
 
@@ -200,7 +201,7 @@ impl Lean {
         &mut self,
         keep_out: &KeepOut,
         kept: &Kept,
-        (place, length): (Place, f64),
+        (place, length): (Vertex, f64),
         (aim, way): (&Vector3<f64>, &Vector3<f64>),
         clear: impl Fn(&Vector3<f64>) -> bool,
         spare: &mut Spare,

@@ -488,6 +488,34 @@ mod tests {
     }
 
     #[test]
+    fn a_strand_stays_out_of_two_bodies_that_it_runs_into_the_crease_of() {
+        use crate::scene::Shape as Solid;
+        // A floor and a wall that leans over it have come to where the strand is: what turns out of the wall turns into the floor.
+        let run = Vector3::new(0.9, -0.3, 0.3).normalize() * 0.008;
+        let line = |z: f64| (0..9).map(|i| run * f64::from(i) + Vector3::z() * z).collect::<Vec<_>>();
+        let (c, r) = (curves(&[line(0.0)]), rod(&line(0.1)));
+        let walls = [(Vector3::y(), -0.01), (Vector3::new(-0.75_f64.sqrt(), -0.5, 0.0), -0.02)];
+        let shapes = walls.map(|(normal, _)| Solid::Plane { point: -normal, normal });
+        let bodies = Bodies::from_shapes(&shapes);
+        let interpolator = Interpolator::new(&c, &[LEAF], &[(&r, LEAF)], &bodies, &[0.0005; 2]);
+        let poses = walls.map(|(normal, at)| Isometry3::from(normal * (1.0 + at)));
+        let moment =
+            Moment { head: still(), keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &poses } };
+        let zero = vec![0.0; r.unknowns()];
+        let motion = [GuideMotion { rod: &r, q: &zero, rate: &zero }];
+        let retreats = vec![0.0; 9];
+        let [mut p, mut v] = [vec![[0.0; 3]; 9], vec![[0.0; 3]; 9]];
+        let scene = Matrix3::identity();
+        interpolator.evaluate(&[moment; 2], &motion, (&[&retreats; 5], 1.0), &scene, &mut p, &mut v);
+        for (normal, at) in &walls {
+            let depth = |x: &Vector3<f64>| at - normal.dot(x);
+            assert!(depth(&line(0.0)[8]) > 5e-3);
+            let deepest = p.iter().map(|x| depth(&wide(x))).fold(f64::NEG_INFINITY, f64::max);
+            assert!(deepest < 1e-4, "{deepest} m inside {normal}");
+        }
+    }
+
+    #[test]
     fn a_strand_stays_on_its_guides_side_of_a_thin_body() {
         use crate::scene::{Shape as Solid, TriMesh};
         // A guide bends down to above a plate, and its strand, which runs below it, would go through.

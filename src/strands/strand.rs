@@ -216,7 +216,7 @@ impl Strand {
                     spare.iter_mut().for_each(|spare| *spare -= length);
                     false
                 } else {
-                    keep_out.violation(&self.kept, place, &end, length, spare) > 0.0
+                    keep_out.violation(&self.kept, place, &end, length, spare).0 > 0.0
                 };
                 lean = (too_near || retreat[j + 1] > 0.0).then_some(Lean(start));
             }
