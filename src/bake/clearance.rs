@@ -8,9 +8,9 @@
 //!   than d stays as close, with room to give;
 //! - a point inside, before the strand has come out for the first time: the segments beside it are exempt for good;
 //! - a segment drawn through the body with both ends outside is exempt for good, for it has no side; its ends have one. One that
-//!   leaves as it came in only cuts the surface, as the chord of a curl that lies on it, and is no exception;
-//! - a point inside later on: brought out to min(d, s/4) during the pre-roll, gently, s being its arc length from the root; segments
-//!   that are still in the body then are exempt from then on.
+//!   only cuts the surface, as the chord of a curl that lies on it, or clips an edge less than 2 d deep, is no exception;
+//! - a point inside later on, and a segment that cuts the surface: brought out to min(d, s/4) during the pre-roll, gently, s being its
+//!   arc length from the root; segments that are still in the body then are exempt from then on.
 
 use crate::contact::{Bodies, Contact, Motion, Polyline, Workspace};
 use nalgebra::{Isometry3, Vector3};
@@ -41,6 +41,16 @@ struct Point {
     depth: f64,
 }
 
+/// How a segment of the groom's pose goes by a body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Way {
+    /// Inside, before the strand has come out for the first time.
+    Rooted,
+    /// In on one side and out on another, its ends outside.
+    Through,
+    Beside,
+}
+
 impl Clearance {
     /// The rule applied to the points `x` (m, world), with the bodies as they are at time `t`, s, at `pose` (rest space to world),
     /// and `thickness`, m.
@@ -52,7 +62,7 @@ impl Clearance {
         x: &[Vector3<f64>],
     ) -> Self {
         let mut points = Vec::new();
-        let mut exempt = Vec::new();
+        let mut ways = Vec::new();
         for (b, (pose, &d)) in pose.iter().zip(thickness).enumerate() {
             let local: Vec<_> = x.iter().map(|p| pose.inverse_transform_point(&(*p).into()).coords).collect();
             let mut s = 0.0;
@@ -63,39 +73,57 @@ impl Clearance {
                 })
                 .collect();
             let rooted = beside.iter().take_while(|point| point.depth > 0.0).count();
-            exempt.extend((0..x.len() - 1).map(|k| {
+            ways.extend((0..x.len() - 1).map(|k| {
                 let ends_outside = beside[k].depth == 0.0 && beside[k + 1].depth == 0.0;
-                k < rooted || (ends_outside && passes(bodies, b, t, &[local[k], local[k + 1]]))
+                let ends = [local[k], local[k + 1]];
+                if k < rooted {
+                    Way::Rooted
+                } else if ends_outside && passes(bodies, b, t, &ends) {
+                    Way::Through
+                } else {
+                    Way::Beside
+                }
             }));
             points.extend(beside);
         }
         let ends = |body: usize, k: usize| body * x.len() + k..body * x.len() + k + 2;
         let segments = || (0..pose.len()).flat_map(|b| (0..x.len() - 1).map(move |k| (b, k)));
-        let touching: Vec<[f64; 2]> = segments()
-            .zip(&exempt)
-            .map(|((b, k), exempt)| match points[ends(b, k)].iter().any(|p| p.depth > 0.0) {
-                false if !exempt => [0.0; 2],
-                _ => EXEMPT,
-            })
-            .collect();
-        // The distance may be less along a segment than at its ends.
-        let line = Polyline { x0: x, x1: x, clearance: &touching };
-        for c in at_rest(bodies, t, pose, thickness, &line) {
-            if c.gap > 0.0 {
+        let found = |ways: &[Way], wanted: Way| {
+            let touching: Vec<[f64; 2]> = segments()
+                .zip(ways)
+                .map(|((b, k), way)| match points[ends(b, k)].iter().any(|p| p.depth > 0.0) {
+                    false if *way == wanted => [0.0; 2],
+                    _ => EXEMPT,
+                })
+                .collect();
+            at_rest(bodies, t, pose, thickness, &Polyline { x0: x, x1: x, clearance: &touching })
+        };
+        let of = |c: &Contact| c.body * (x.len() - 1) + c.segment;
+        let clips = |c: &&Contact| c.gap < 0.0 && -c.gap < 2.0 * thickness[c.body];
+        for clip in found(&ways, Way::Through).iter().filter(clips) {
+            ways[of(clip)] = Way::Beside;
+        }
+        let mut cut = vec![0.0_f64; ways.len()];
+        for c in found(&ways, Way::Beside) {
+            if c.gap < 0.0 {
+                cut[of(&c)] = cut[of(&c)].min(c.gap);
+            } else {
+                // The distance may be less along a segment than at its ends.
                 points[ends(c.body, c.segment)].iter_mut().for_each(|p| p.keep = p.keep.min(0.5 * c.gap));
             }
         }
         let all = |distance: fn(&Point) -> f64| -> Vec<[f64; 2]> {
-            let distances = |((b, k), exempt): ((usize, usize), &bool)| match (exempt, &points[ends(b, k)]) {
-                (false, [one, two]) => [distance(one), distance(two)],
+            let distances = |((b, k), way): ((usize, usize), &Way)| match (way, &points[ends(b, k)]) {
+                (Way::Beside, [one, two]) => [distance(one), distance(two)],
                 _ => EXEMPT,
             };
-            segments().zip(&exempt).map(distances).collect()
+            segments().zip(&ways).map(distances).collect()
         };
-        Clearance {
-            from: all(|point| if point.depth > 0.0 { -point.depth } else { point.keep }),
-            to: all(|point| point.keep),
+        let mut from = all(|point| if point.depth > 0.0 { -point.depth } else { point.keep });
+        for (ends, cut) in from.iter_mut().zip(cut).filter(|(_, cut)| *cut < 0.0) {
+            *ends = ends.map(|from| from.min(cut));
         }
+        Clearance { from, to: all(|point| point.keep) }
     }
 
     /// Clearances when `share` (0..=1) of the way out has been gone.
@@ -169,7 +197,16 @@ fn at_rest(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Shape;
+    use crate::scene::{Shape, TriMesh};
+
+    /// A triangle of the xy plane, clockwise, drawn out along z to `half` either way.
+    fn prism(corners: [[f64; 2]; 3], half: f64) -> TriMesh {
+        let side = |z: f64| corners.map(|[x, y]| Vector3::new(x, y, z));
+        let vertices = [side(half), side(-half)].concat();
+        let walls = [0, 1, 2].map(|i: u32| [i, (i + 1) % 3]).map(|[a, b]| [[a, b, a + 3], [b, b + 3, a + 3]]);
+        let triangles = [walls.concat(), vec![[0, 2, 1], [3, 4, 5]]].concat();
+        TriMesh { vertices, triangles, ..TriMesh::default() }
+    }
 
     #[test]
     fn only_what_is_drawn_through_a_body_is_exempt_and_its_ends_keep_their_side() {
@@ -199,9 +236,30 @@ mod tests {
         let bodies = Bodies::from_shapes(&[Shape::Sphere { centre: Vector3::zeros(), radius: 0.1 }]);
         let x =
             [-0.02, 0.0, 0.005].map(|s: f64| Vector3::new((s / 0.1).sin(), (s / 0.1).cos(), 0.0) * 0.1002);
-        assert!(0.5 * (x[0] + x[1]).norm() < 0.1);
+        let depth = 0.1 - 0.5 * (x[0] + x[1]).norm();
+        assert!(depth > 1e-4);
         let clearance = Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x);
-        assert_eq!(clearance.counts(), (0, 0));
+        // It is held where it is, and brought out.
+        assert_eq!(clearance.counts(), (0, 1));
+        let mut kept = Vec::new();
+        clearance.at(0.0, &mut kept);
+        assert!(kept[0].iter().all(|d| (d + depth).abs() < 1e-5), "{kept:?} {depth}");
+        clearance.at(1.0, &mut kept);
+        assert!(kept[0].iter().all(|d| (8e-5..1e-4).contains(d)), "{kept:?}");
+    }
+
+    #[test]
+    fn what_clips_an_edge_is_brought_out_and_what_is_drawn_through_a_sheet_is_exempt() {
+        // A sharp ridge along z, and a sheet in the plane x = 0 of two sides 0.2 mm apart.
+        let [wide, thin] = [0.05, 1e-4].map(|w| prism([[0.0, 0.0], [w, -0.1], [-w, -0.1]], 0.1));
+        let counts = |mesh: TriMesh, height: f64| {
+            let bodies = Bodies::from_shapes(&[Shape::Mesh(mesh)]);
+            let x = [-0.02, -0.002, 0.002, 0.02].map(|x| Vector3::new(x, height, 1e-3));
+            Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x).counts()
+        };
+        assert_eq!(counts(wide.clone(), -3e-4), (0, 1));
+        assert_eq!(counts(wide, -2e-3), (1, 0));
+        assert_eq!(counts(thin, -0.03), (1, 0));
     }
 
     #[test]
