@@ -69,18 +69,19 @@ def residuals(window: Window) -> Iterator[tuple[Curves, np.ndarray, np.ndarray]]
 
 def spikes(window: Window) -> Iterator[Finding]:
     """A jump throws the second difference one way and, a frame later, the other way, and between the two frames a point
-    goes farther than its speeds at both ends take it. Hair whipped by a landing does the first, not the second: its
+    goes farther than its speeds around them take it. Hair whipped by a landing does the first, not the second: its
     velocities tell of the motion. Each curve's largest jump counts."""
     for curves in window.cache.curves:
         seen = [in_head(window, curves.path, offset) for offset in (-1, 0, 1, 2)]
-        speeds = [speed_in_head(window, curves.path, offset) for offset in (0, 1)]
-        if any(values is None for values in (*seen, *speeds)):
+        speeds = [speed_in_head(window, curves.path, offset) for offset in (-1, 0, 1, 2)]
+        known = [speed for speed in speeds if speed is not None]
+        if any(values is None for values in seen) or not known:
             continue
         first = seen[2] - 2 * seen[1] + seen[0]
         second = seen[3] - 2 * seen[2] + seen[1]
         size = np.linalg.norm(first, axis=1)
         back = -np.einsum("ij,ij->i", first, second) / np.maximum(size, np.finfo(float).tiny)
-        reach = tolerances.SPIKE_SPEED * np.maximum(*speeds) / window.cache.fps
+        reach = tolerances.SPIKE_SPEED * np.maximum.reduce(known) / window.cache.fps
         beyond = np.linalg.norm(seen[2] - seen[1], axis=1) - reach
         jump = np.maximum(0, np.minimum.reduce([size, back, beyond]))
         yield worst(window, SPIKES, curves, jump * window.cache.metres_per_unit)
