@@ -14,6 +14,7 @@ pub mod farm;
 mod file;
 pub mod import;
 pub mod math;
+mod python;
 pub mod report;
 pub mod rod;
 pub mod sample;

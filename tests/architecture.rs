@@ -9,6 +9,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("error", &[]),
     ("math", &[]),
     ("file", &["error"]),
+    ("python", &["error"]),
     ("usd", &["error"]),
     ("cache", &["error", "file", "usd"]),
     ("scene", &["error", "file", "math"]),
@@ -17,11 +18,17 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("wisp", &["rod", "scene"]),
     ("strands", &["math", "rod", "scene", "contact"]),
     ("bake", &["error", "file", "math", "cache", "scene", "contact", "rod", "wisp", "strands"]),
-    ("import", &["error", "file", "math", "scene"]),
+    ("import", &["error", "file", "math", "python", "scene"]),
     ("sample", &["error", "file", "math", "scene", "import"]),
     ("report", &["error", "math", "cache"]),
     ("farm", &["error"]),
-    ("cli", &["error", "file", "cache", "scene", "bake", "import", "sample", "strands", "report", "farm"]),
+    (
+        "cli",
+        &[
+            "error", "file", "python", "cache", "scene", "bake", "import", "sample", "strands", "report",
+            "farm",
+        ],
+    ),
 ];
 
 /// Finds real inputs for tests: every module's tests may use it, and it says so where it finds none.

@@ -15,6 +15,7 @@ const GROOM_EXAMPLES: &str = "\
 Examples:
   hairbake import groom guides.tfx --head bust.obj:cm -o shot/groom.json
   hairbake import groom guides_cm.tfx --strands full_m.tfx:m --head bust_m.obj:m -o shot/groom.json
+  hairbake import groom asset.usd --prim /char/groom --head asset.usd:/char/body -o shot/groom.json
   hairbake import groom straight.hair --guides 300 --levels 3 --diameter 90 -o shot/groom.json";
 
 const TRACK_EXAMPLES: &str = "\
@@ -25,7 +26,7 @@ Examples:
 
 #[derive(Debug, Subcommand)]
 pub enum Import {
-    /// Make groom.json of strands: TressFX .tfx or Cem Yuksel .hair
+    /// Make groom.json of strands: USD basis curves, TressFX .tfx or Cem Yuksel .hair
     Groom(Box<GroomArguments>),
     /// Make anim.json of a head track and the meshes that the hair collides with
     Track(Box<TrackArguments>),
@@ -34,7 +35,8 @@ pub enum Import {
 #[derive(Debug, Args)]
 #[command(after_help = GROOM_EXAMPLES)]
 pub struct GroomArguments {
-    /// Strands: guides are taken from them; where there are more than guides, they are the render strands too
+    /// Strands: guides are taken from them; where there are more than guides, they are the render strands too. USD may name its
+    /// guides: curves of purpose guide, or with primvars:groom_guide
     strands: PathBuf,
     /// File to write; long arrays go into a .bin beside it
     #[arg(long, short, value_name = "FILE")]
@@ -43,23 +45,31 @@ pub struct GroomArguments {
     #[arg(long)]
     name: Option<String>,
 
-    /// Unit of the strands: m, cm, mm, in, ft or metres in a unit [default: guessed from their size]
+    /// Path of the prim of a USD file at and below which strands are [default: the whole stage]
+    #[arg(long, value_name = "PATH", value_parser = prim, help_heading = "USD")]
+    prim: Option<String>,
+    /// Time code at which curves of a USD file that move are taken [default: their rest pose, else the earliest]
+    #[arg(long, value_name = "CODE", allow_hyphen_values = true, help_heading = "USD")]
+    time: Option<f64>,
+
+    /// Unit of the strands: m, cm, mm, in, ft or metres in a unit [default: as the file says, else guessed from their size]
     #[arg(long, value_parser = values::units, help_heading = "Space")]
     units: Option<f64>,
-    /// Axis of the strands that points up, y or z [default: z for .hair, else y]
+    /// Axis of the strands that points up, y or z [default: as the file says, else z for .hair and y for others]
     #[arg(long, value_name = "AXIS", value_parser = values::up_axis, help_heading = "Space")]
     up: Option<UpAxis>,
     /// Moves all strands to where the head was modelled, m, Y up
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = values::vector, allow_hyphen_values = true, hide_default_value = true, help_heading = "Space")]
     offset: Vector3<f64>,
     /// Head mesh (OBJ) that the hair grows on: tells where the roots lie, and roots grown strands on it
-    #[arg(long, value_name = "FILE[:UNITS][:UP]", value_parser = values::source, help_heading = "Space")]
+    #[arg(long, value_name = "FILE[:PRIM][:UNITS][:UP]", value_parser = values::source, help_heading = "Space")]
     head: Option<Source>,
 
     /// Render strands from a file of their own
-    #[arg(long = "strands", value_name = "FILE[:UNITS][:UP]", value_parser = values::source, help_heading = "Strands")]
+    #[arg(long = "strands", value_name = "FILE[:PRIM][:UNITS][:UP]", value_parser = values::source, help_heading = "Strands")]
     render: Option<Source>,
-    /// Guides to simulate, chosen evenly: more is truer and slower [default: all of 1000 or fewer, 500 of more]
+    /// Guides to simulate, chosen evenly: more is truer and slower [default: those that the file names, else all of 1000 or fewer, 500
+    /// of more]
     #[arg(long, value_name = "N", value_parser = count(1, 100_000), help_heading = "Strands")]
     guides: Option<u32>,
     /// Vertices a guide is resampled to: more follows tighter curls
@@ -162,7 +172,7 @@ pub struct TrackArguments {
 
     /// Mesh (OBJ) that the head carries and the hair collides with, or cloth.####.obj for one that deforms in the world, a file
     /// for each frame; may be given more than once
-    #[arg(long = "collider", value_name = "FILE[:UNITS][:UP]", value_parser = values::source, help_heading = "Colliders")]
+    #[arg(long = "collider", value_name = "FILE[:PRIM][:UNITS][:UP]", value_parser = values::source, help_heading = "Colliders")]
     colliders: Vec<Source>,
     /// Coulomb friction coefficient of the colliders [default: the strands' own]
     #[arg(long, value_name = "MU", value_parser = values::not_negative, help_heading = "Colliders")]
@@ -192,6 +202,13 @@ enum RestName {
 
 fn count(least: i64, most: i64) -> impl clap::builder::TypedValueParser<Value = u32> {
     clap::value_parser!(u32).range(least..=most)
+}
+
+/// The path of a prim.
+fn prim(text: &str) -> std::result::Result<String, String> {
+    text.starts_with('/')
+        .then(|| text.into())
+        .ok_or_else(|| "a path from the root, such as /groom/hair".into())
 }
 
 /// Two widths in millimetres, as metres.
@@ -252,7 +269,13 @@ fn make_folder_of(file: &Path) -> Result<()> {
 impl GroomArguments {
     fn resolve(self) -> GroomOptions {
         let place = |source: Source| Source { offset: self.offset, ..source };
-        let guides = Source { metres_per_unit: self.units, up: self.up, ..Source::new(self.strands) };
+        let guides = Source {
+            metres_per_unit: self.units,
+            up: self.up,
+            prim: self.prim,
+            time: self.time,
+            ..Source::new(self.strands)
+        };
         let usual = GroomOptions::new(place(guides));
         let growth = Growth::default();
         GroomOptions {

@@ -2,10 +2,10 @@
 
 use super::values::{self, FrameList};
 use crate::error::{Error, Result};
+use crate::python::{Package, python_package};
 use clap::{Args, ValueEnum};
-use std::io;
-use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode, Stdio};
+use std::path::PathBuf;
+use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -45,38 +45,32 @@ enum Part {
     Moving,
 }
 
-/// The validator, file by file.
-macro_rules! modules {
-    ($($name:literal),+ $(,)?) => {
-        [$(($name, include_str!(concat!("../../validation/hairbake_validate/", $name)))),+]
-    };
-}
-
-const MODULES: [(&str, &str); 14] = modules![
-    "__init__.py",
-    "__main__.py",
-    "cache.py",
-    "checks_frame.py",
-    "checks_motion.py",
-    "checks_static.py",
-    "collider.py",
-    "crossing_check.py",
-    "crossings.py",
-    "geometry.py",
-    "report.py",
-    "run.py",
-    "tolerances.py",
-    "window.py",
-];
+const VALIDATOR: Package = python_package!(
+    "validation",
+    "hairbake_validate",
+    [
+        "__init__.py",
+        "__main__.py",
+        "cache.py",
+        "checks_frame.py",
+        "checks_motion.py",
+        "checks_static.py",
+        "collider.py",
+        "crossing_check.py",
+        "crossings.py",
+        "geometry.py",
+        "report.py",
+        "run.py",
+        "tolerances.py",
+        "window.py"
+    ]
+);
 
 /// Runs the validator; its own exit code says how it went.
 pub fn run(arguments: &ValidateArguments) -> Result<ExitCode> {
-    let python = interpreter()?;
-    need_usd(&python)?;
-    let folder = unpack()?;
-    let mut command = Command::new(&python);
-    command.args(["-m", "hairbake_validate"]).arg(&arguments.cache);
-    command.env("PYTHONPATH", folder.path()).env("PYTHONDONTWRITEBYTECODE", "1");
+    let mut run = VALIDATOR.prepare()?;
+    let command = &mut run.command;
+    command.arg(&arguments.cache);
     if let Some(file) = &arguments.json {
         command.arg("--json").arg(file);
     }
@@ -93,7 +87,7 @@ pub fn run(arguments: &ValidateArguments) -> Result<ExitCode> {
         command.arg("--quick");
     }
     command.arg("--jobs").arg(rayon::current_num_threads().to_string());
-    let status = command.status().map_err(|e| Error::io(&python, e))?;
+    let status = command.status().map_err(|e| Error::io(&run.python, e))?;
     match status.code() {
         Some(code @ (0 | 1)) => Ok(ExitCode::from(code as u8)),
         // It has said which file it could not read.
@@ -102,56 +96,10 @@ pub fn run(arguments: &ValidateArguments) -> Result<ExitCode> {
     }
 }
 
-/// The Python to run.
-fn interpreter() -> Result<PathBuf> {
-    if let Some(named) = std::env::var_os("HAIRBAKE_PYTHON") {
-        return Ok(named.into());
-    }
-    let here = std::env::current_dir().map_err(|e| Error::io(".", e))?;
-    let found =
-        here.ancestors().map(|folder| folder.join(".venv/bin/python")).find(|python| python.is_file());
-    Ok(found.unwrap_or_else(|| "python3".into()))
-}
-
-/// Makes sure that the packages are there, for a clear word if they are not.
-fn need_usd(python: &Path) -> Result<()> {
-    let mut probe = Command::new(python);
-    probe.args(["-c", "import pxr.Usd, numpy"]).stdout(Stdio::null()).stderr(Stdio::null());
-    let fault = match probe.status() {
-        Ok(status) if status.success() => return Ok(()),
-        Ok(_) => "has no usd-core and numpy".to_string(),
-        Err(e) => format!("cannot be run ({e})"),
-    };
-    Err(Error::Config(format!(
-        "{} {fault}; they check a cache. Either run\n    python3 -m venv .venv && .venv/bin/python -m pip install usd-core \
-         numpy\nin this folder, or name a Python that has them in HAIRBAKE_PYTHON",
-        python.display()
-    )))
-}
-
-/// The validator as a package in a folder that goes when dropped.
-fn unpack() -> Result<tempfile::TempDir> {
-    let fail = |e: io::Error| Error::io(std::env::temp_dir(), e);
-    let folder = tempfile::tempdir().map_err(fail)?;
-    let package = folder.path().join("hairbake_validate");
-    std::fs::create_dir(&package).map_err(fail)?;
-    for (name, text) in MODULES {
-        std::fs::write(package.join(name), text).map_err(fail)?;
-    }
-    Ok(folder)
-}
-
 #[cfg(test)]
 mod tests {
-    use super::*;
-
     #[test]
     fn no_module_of_the_validator_is_missing() {
-        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("validation/hairbake_validate");
-        let names = std::fs::read_dir(source).unwrap().map(|entry| entry.unwrap().file_name());
-        let mut names: Vec<_> = names.map(|name| name.into_string().unwrap()).collect();
-        names.retain(|name| name.ends_with(".py"));
-        names.sort();
-        assert_eq!(names, MODULES.map(|(name, _)| name));
+        crate::python::assert_whole("validation", &super::VALIDATOR);
     }
 }

@@ -51,7 +51,7 @@ pub fn contact(text: &str) -> Result<Contact, String> {
     }
 }
 
-/// A file, its unit and its up axis if they are given: `FILE[:UNITS][:UP]`.
+/// A file, and its prim (of USD), unit and up axis if they are given: `FILE[:PRIM][:UNITS][:UP]`.
 pub fn source(text: &str) -> Result<Source, String> {
     let mut source = Source::default();
     let mut rest = text;
@@ -60,13 +60,17 @@ pub fn source(text: &str) -> Result<Source, String> {
             source.up = Some(up);
         } else if let (Ok(metres), None) = (units(suffix), source.metres_per_unit) {
             source.metres_per_unit = Some(metres);
+        } else if suffix.starts_with('/') && !file.is_empty() && source.prim.is_none() {
+            source.prim = Some(suffix.into());
         } else {
             break;
         }
         rest = file;
     }
     if rest.is_empty() {
-        return Err("FILE, FILE:UNITS or FILE:UNITS:UP, such as head.obj:cm".into());
+        return Err(
+            "FILE, FILE:UNITS or FILE:UNITS:UP, such as head.obj:cm; a prim of USD as head.usd:/bust".into(),
+        );
     }
     source.path = PathBuf::from(rest);
     Ok(source)
@@ -201,6 +205,9 @@ mod tests {
         assert_eq!(parts("head.obj:0.5:z"), Ok(("head.obj".into(), Some(0.5), Some(UpAxis::Z))));
         assert_eq!(parts("C:\\head.obj"), Ok(("C:\\head.obj".into(), None, None)));
         assert!(parts(":cm").is_err());
+        let prim = |text| source(text).map(|s| (s.path.to_string_lossy().into_owned(), s.prim, s.up));
+        assert_eq!(prim("a/b.usd:/c/d:m:z"), Ok(("a/b.usd".into(), Some("/c/d".into()), Some(UpAxis::Z))));
+        assert_eq!(prim("a/b.usd:cm"), Ok(("a/b.usd".into(), None, None)));
     }
 
     #[test]

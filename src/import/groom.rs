@@ -2,12 +2,11 @@
 
 use super::build::{BuildOptions, BuildReport, build};
 use super::cluster::{Space, divide, medoid};
-use super::read::{self, Source, SourceReport};
+use super::read::{self, CleanStrands, PlainGroup, Source, SourceReport};
 use super::scalp::{RootReport, Scalp};
 use super::sections::{Features, Sections};
-use crate::scene::{Curves, Groom, Tree, TriMesh};
+use crate::scene::{Curves, Groom, Group, Tree, TriMesh};
 use crate::{Error, Result};
-use nalgebra::Vector3;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -27,7 +26,7 @@ pub struct GroomOptions {
     pub strands: Option<Source>,
     /// The head they grow on, rest space: to report where the roots lie, and to root grown strands on.
     pub scalp: Option<TriMesh>,
-    /// Number of guides; `None` for all of [`ALL_GUIDES`] or fewer, [`CHOSEN_GUIDES`] of more.
+    /// Number of guides to choose; `None` for those that the file names, else all of [`ALL_GUIDES`] or fewer, [`CHOSEN_GUIDES`] of more.
     pub guide_count: Option<usize>,
     /// How the groom is built over them.
     pub build: BuildOptions,
@@ -73,33 +72,79 @@ pub fn groom(options: &GroomOptions) -> Result<(Groom, GroomReport)> {
     // Both files are read before either's faults are reported.
     let (guides, strands) =
         (read::strands(&options.guides), options.strands.as_ref().map(read::strands).transpose());
-    let (input, separate, sources) = match (guides, strands) {
-        (Ok((input, found)), Ok(None)) => (input, None, vec![found]),
-        (Ok((input, found)), Ok(Some((strands, also)))) => (input, Some(strands), vec![found, also]),
+    let (input, separate) = match (guides, strands) {
+        (Ok(input), Ok(separate)) => (input, separate),
         (Err(Error::BadInput(mut one)), Err(Error::BadInput(other))) => {
             one.extend(other);
             return Err(Error::BadInput(one));
         }
         (Err(e), _) | (_, Err(e)) => return Err(e),
     };
-    let scalp = options.scalp.as_ref().and_then(Scalp::new);
-    let roots = match &scalp {
-        Some(scalp) => std::iter::once(&input).chain(&separate).map(|c| scalp.report(&roots(c))).collect(),
-        None => Vec::new(),
+    let CleanStrands { curves, guides: named, mut groups, report } = input;
+    let mean_length = report.length[1];
+    let mut roots = vec![curves.roots().chain(named.roots()).collect::<Vec<_>>()];
+    let mut sources = vec![report];
+    let separate = separate.map(|other| {
+        // Guides of a file that is named for its strands are of use only where there is nothing else in it.
+        let mut strands = if other.curves.is_empty() { other.guides } else { other.curves };
+        roots.push(strands.roots().collect());
+        sources.push(other.report);
+        join_groups(&mut groups, other.groups, &mut strands);
+        strands
+    });
+    let choose = |of: &Curves, n| choose_guides(of, n, options.build.sections, mean_length);
+    let choose_of_strands = options.guide_count.is_some() && separate.is_none() && !curves.is_empty();
+    let (guides, others) = if named.is_empty() || choose_of_strands {
+        let usual = if curves.len() <= ALL_GUIDES { curves.len() } else { CHOSEN_GUIDES };
+        let guides = choose(&curves, options.guide_count.unwrap_or(usual));
+        let others = (curves.len() > guides.len()).then_some(curves);
+        (guides, others)
+    } else {
+        let guides = choose(&named, options.guide_count.unwrap_or(named.len()));
+        let others = if curves.is_empty() && named.len() > guides.len() { named } else { curves };
+        (guides, Some(others).filter(|others| !others.is_empty()))
     };
-    let guides = choose_guides(&input, options.guide_count, options.build.sections, sources[0].length[1]);
-    let strands = separate.as_ref().or_else(|| (input.len() > guides.len()).then_some(&input));
+    let scalp = options.scalp.as_ref().and_then(Scalp::new);
+    let roots: Vec<RootReport> =
+        scalp.iter().flat_map(|scalp| roots.iter().map(|roots| scalp.report(roots))).collect();
+    let strands = separate.or(others);
+    let convention = sources[0].convention;
     let (mut groom, fit) =
-        build(&options.name, sources[0].convention, &guides, strands, scalp.as_ref(), &options.build);
+        build(&options.name, convention, &guides, strands.as_ref(), scalp.as_ref(), &options.build);
+    let usual = groom.groups[0].width;
+    let group = |PlainGroup { name, width }| Group {
+        name,
+        material: 0,
+        width: options.build.width.or(width).unwrap_or(usual),
+    };
+    groom.groups = groups.into_iter().map(group).collect();
     let warnings = warnings(&sources, &roots);
     let report = GroomReport { sources, roots, fit, warnings };
     groom.notes = report.notes();
     Ok((groom, report))
 }
 
-/// The guides: all strands, or the medoids of as many clusters as guides are wanted.
-fn choose_guides(input: &Curves, count: Option<usize>, sections: usize, mean_length: f64) -> Curves {
-    let wanted = count.unwrap_or(if input.len() <= ALL_GUIDES { input.len() } else { CHOSEN_GUIDES });
+/// Adds the groups of a second file, those of the same name being the same, and has its strands name them so. Its widths count: they are
+/// those of the strands that are drawn.
+fn join_groups(groups: &mut Vec<PlainGroup>, others: Vec<PlainGroup>, strands: &mut Curves) {
+    let place = |other: PlainGroup| -> u32 {
+        match groups.iter_mut().position(|group| group.name == other.name) {
+            Some(at) => {
+                groups[at].width = other.width.or(groups[at].width);
+                at as u32
+            }
+            None => {
+                groups.push(other);
+                groups.len() as u32 - 1
+            }
+        }
+    };
+    let places: Vec<u32> = others.into_iter().map(place).collect();
+    strands.group.iter_mut().for_each(|group| *group = places[*group as usize]);
+}
+
+/// The guides: the medoids of as many clusters as guides are wanted, or all strands.
+fn choose_guides(input: &Curves, wanted: usize, sections: usize, mean_length: f64) -> Curves {
     if wanted >= input.len() {
         return input.clone();
     }
@@ -124,10 +169,6 @@ fn select(curves: &Curves, which: &[u32]) -> Curves {
         out.root_uv.push(curves.root_uv[c]);
     }
     out
-}
-
-fn roots(curves: &Curves) -> Vec<Vector3<f64>> {
-    (0..curves.len()).map(|c| curves.curve(c)[0]).collect()
 }
 
 fn warnings(sources: &[SourceReport], roots: &[RootReport]) -> Vec<String> {

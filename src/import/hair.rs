@@ -96,6 +96,7 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
             root_uv: vec![[0.0; 2]; strands],
         },
         notes: vec!["no root texture coordinates".into()],
+        ..PlainStrands::default()
     })
 }
 

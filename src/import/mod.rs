@@ -21,6 +21,7 @@ mod scalp;
 mod sections;
 mod tfx;
 mod track;
+mod usd;
 
 pub(crate) use build::build;
 pub use build::{BuildOptions, BuildReport};

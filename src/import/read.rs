@@ -1,7 +1,7 @@
 //! A strand file made into clean strands in metres, Y up: format by its ending, unit and axes given or guessed, strands
 //! that are none left out and counted.
 
-use super::{hair, tfx};
+use super::{hair, tfx, usd};
 use crate::scene::{Convention, Curves, TriMesh, UpAxis};
 use crate::{Error, Problem, Result};
 use nalgebra::Vector3;
@@ -21,10 +21,14 @@ const HEAD_OF_HAIR: [f64; 2] = [0.1, 2.0];
 pub struct Source {
     /// The file.
     pub path: PathBuf,
-    /// Metres in one unit of the file; `None` to guess.
+    /// Metres in one unit of the file; `None` for what the file says, else to guess.
     pub metres_per_unit: Option<f64>,
-    /// Its up axis; `None` for the format's own (Z for .hair, Y for all others).
+    /// Its up axis; `None` for what the file says, else the format's own (Z for .hair, Y for all others).
     pub up: Option<UpAxis>,
+    /// Of a USD file: path of the prim at and below which to read; `None` for the whole stage.
+    pub prim: Option<String>,
+    /// Of a USD file: time code at which to read; `None` for the rest pose, else the earliest.
+    pub time: Option<f64>,
     /// Added to every point after conversion, m, Y up.
     pub offset: Vector3<f64>,
 }
@@ -44,17 +48,27 @@ const BODY: [f64; 2] = [0.15, 3.0];
 pub struct ReadMesh {
     /// The mesh, m, Y up, with the offset of its source applied.
     pub mesh: TriMesh,
+    /// Its vertices at the times asked for, likewise; none where it does not move by itself.
+    pub moving: Vec<Vec<Vector3<f64>>>,
     /// Unit and up axis of the file.
     pub convention: Convention,
     /// Guesses made and oddities met.
     pub notes: Vec<String>,
 }
 
-/// Reads a mesh (Wavefront OBJ) for a scalp or a collider; its unit, if not given, is guessed from its size.
+/// Reads a mesh (Wavefront OBJ or USD) for a scalp or a collider; its unit, if not given, is guessed from its size.
 ///
 /// # Errors
 /// A file that cannot be read or holds no triangle, a unit that cannot be guessed.
 pub fn mesh(source: &Source) -> Result<ReadMesh> {
+    moving_mesh(source, None)
+}
+
+/// As [`mesh`], and, of a USD mesh that moves by itself, where its vertices are at some times.
+///
+/// # Errors
+/// As [`mesh`].
+pub(super) fn moving_mesh(source: &Source, times: Option<&usd::Times>) -> Result<ReadMesh> {
     let fault = |what: String| {
         Error::from(Problem::new(
             &source.path,
@@ -64,26 +78,74 @@ pub fn mesh(source: &Source) -> Result<ReadMesh> {
             "export the mesh again, or correct the path",
         ))
     };
-    let up = source.up.unwrap_or_default();
-    let (mut mesh, degenerate) =
-        TriMesh::load_obj(&source.path, &Convention { metres_per_unit: 1.0, up }).map_err(fault)?;
-    let mut notes = Vec::new();
-    let convention = convention(source, &mesh.vertices, BODY, &mut notes)?;
-    for x in &mut mesh.vertices {
-        *x = *x * convention.metres_per_unit + source.offset;
-    }
+    let plain = if usd::is_usd(&source.path) {
+        usd::mesh(source, times)?
+    } else {
+        let mesh = TriMesh::load_obj_as_it_is(&source.path, &Convention::default()).map_err(fault)?;
+        PlainMesh { mesh, ..PlainMesh::default() }
+    };
+    let PlainMesh { mut mesh, mut moving, metres_per_unit, up, mut notes } = plain;
+    let degenerate = mesh.drop_degenerate().map_err(fault)?;
     if degenerate > 0 {
         notes.push(format!("{degenerate} triangles of no area left out"));
     }
-    Ok(ReadMesh { mesh, convention, notes })
+    let said = Source {
+        metres_per_unit: source.metres_per_unit.or(metres_per_unit),
+        up: source.up.or(up),
+        ..source.clone()
+    };
+    let convention = convention(&said, &mesh.vertices, BODY, &mut notes)?;
+    for x in mesh.vertices.iter_mut().chain(moving.iter_mut().flatten()) {
+        *x = convention.length_in(*x) + source.offset;
+    }
+    Ok(ReadMesh { mesh, moving, convention, notes })
+}
+
+/// A mesh as a file has it, in its unit and axes.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct PlainMesh {
+    pub(super) mesh: TriMesh,
+    /// Where its vertices are at the times asked for, if it moves by itself.
+    pub(super) moving: Vec<Vec<Vector3<f64>>>,
+    /// Unit and up axis where the file says them.
+    pub(super) metres_per_unit: Option<f64>,
+    pub(super) up: Option<UpAxis>,
+    pub(super) notes: Vec<String>,
 }
 
 /// Strands as a file has them, in its unit and axes.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct PlainStrands {
     pub(super) curves: Curves,
+    /// Which curves are guides; empty where the format does not tell.
+    pub(super) guide: Vec<bool>,
+    /// The groups that the curves are of; empty where the format has none.
+    pub(super) groups: Vec<PlainGroup>,
+    /// Unit and up axis where the file says them.
+    pub(super) metres_per_unit: Option<f64>,
+    pub(super) up: Option<UpAxis>,
     /// What an artist should know about the file.
     pub(super) notes: Vec<String>,
+}
+
+/// A group of strands.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct PlainGroup {
+    pub(super) name: String,
+    /// Drawn width at root and tip where the file has it.
+    pub(super) width: Option<[f64; 2]>,
+}
+
+/// The strands of a file, cleaned, m, Y up.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct CleanStrands {
+    /// Those that are no guides, or all where the file does not name guides; may be empty.
+    pub(super) curves: Curves,
+    /// Those that the file names as guides; may be empty.
+    pub(super) guides: Curves,
+    /// The groups of both; at least one.
+    pub(super) groups: Vec<PlainGroup>,
+    pub(super) report: SourceReport,
 }
 
 /// What was found in a strand file.
@@ -95,6 +157,8 @@ pub struct SourceReport {
     pub read: usize,
     /// Strands kept.
     pub kept: usize,
+    /// Those of them that the file names as guides.
+    pub guides: usize,
     /// Left out: a coordinate that is not a finite number.
     pub not_finite: usize,
     /// Left out: shorter than [`SHORTEST`] or without two distinct vertices.
@@ -117,34 +181,46 @@ pub struct SourceReport {
 ///
 /// # Errors
 /// Unreadable file, unknown ending, damaged file, no usable strand, unit that cannot be guessed.
-pub fn strands(source: &Source) -> Result<(Curves, SourceReport)> {
+pub(super) fn strands(source: &Source) -> Result<CleanStrands> {
     let path = &source.path;
-    let parse = match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-        Some("tfx") => tfx::parse,
-        Some("hair") => hair::parse,
+    let plain = match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+        _ if usd::is_usd(path) => usd::strands(source)?,
+        Some("tfx") => tfx::parse(path, &bytes_of(path)?)?,
+        Some("hair") => hair::parse(path, &bytes_of(path)?)?,
         _ => {
             return Err(Problem::new(
                 path,
                 "",
                 "a name of unknown ending",
-                ".tfx or .hair",
+                ".usd, .usda, .usdc, .usdz, .tfx or .hair",
                 "rename the file or export one of these formats",
             )
             .into());
         }
     };
-    let bytes = crate::file::read_file(path).map_err(|e| Error::io(path, e))?;
-    let PlainStrands { curves, mut notes } = parse(path, &bytes)?;
-    drop(bytes);
-    let convention = convention(source, &curves.points, HEAD_OF_HAIR, &mut notes)?;
+    let PlainStrands { mut curves, guide, mut groups, metres_per_unit, up, mut notes } = plain;
+    let said = Source {
+        metres_per_unit: source.metres_per_unit.or(metres_per_unit),
+        up: source.up.or(up),
+        ..source.clone()
+    };
+    let convention = convention(&said, &curves.points, HEAD_OF_HAIR, &mut notes)?;
     let mut report =
         SourceReport { path: path.clone(), read: curves.len(), convention, notes, ..Default::default() };
-    let mut curves = curves;
     for p in &mut curves.points {
         *p = convention.length_in(*p) + source.offset;
     }
-    let curves = clean(&curves, &mut report);
-    if curves.is_empty() {
+    for width in groups.iter_mut().filter_map(|group| group.width.as_mut()) {
+        *width = width.map(|w| w * convention.metres_per_unit);
+    }
+    if groups.is_empty() {
+        groups.push(PlainGroup { name: "hair".into(), width: None });
+    }
+    let is_guide = |c: usize| guide.get(c).copied().unwrap_or(false);
+    let all = 0..curves.len();
+    let guides = clean(&curves, all.clone().filter(|&c| is_guide(c)), &mut report);
+    let curves = clean(&curves, all.filter(|&c| !is_guide(c)), &mut report);
+    if curves.is_empty() && guides.is_empty() {
         return Err(Problem::new(
             path,
             "strands",
@@ -160,7 +236,13 @@ pub fn strands(source: &Source) -> Result<(Curves, SourceReport)> {
         )
         .into());
     }
-    Ok((curves, report))
+    report.guides = guides.len();
+    report.length[1] /= report.kept as f64;
+    Ok(CleanStrands { curves, guides, groups, report })
+}
+
+fn bytes_of(path: &Path) -> Result<Vec<u8>> {
+    crate::file::read_file(path).map_err(|e| Error::io(path, e))
 }
 
 /// Unit and up axis of a file: as given, else guessed from the size of what it holds, which may be `sizes` m across,
@@ -216,13 +298,12 @@ fn has_ending(path: &Path, ending: &str) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending))
 }
 
-/// The usable strands of `curves` (metres), without coincident neighbours; the others counted in `report`. Ids stay
-/// those of the file, so that a strand can be traced back.
-fn clean(curves: &Curves, report: &mut SourceReport) -> Curves {
+/// The usable ones of some of `curves` (metres), without coincident neighbours; the others counted in `report`, which has the sum of
+/// lengths in place of the mean until all are in. Ids stay those of the file, so that a strand can be traced back.
+fn clean(curves: &Curves, which: impl Iterator<Item = usize>, report: &mut SourceReport) -> Curves {
     let mut kept = Curves { offsets: vec![0], ..Curves::default() };
     let mut seen = BTreeSet::new();
-    let (mut sum, mut shortest, mut longest) = (0.0, f64::INFINITY, 0.0_f64);
-    for c in 0..curves.len() {
+    for c in which {
         let points = curves.curve(c);
         if points.iter().any(|p| p.iter().any(|x| !x.is_finite())) {
             report.not_finite += 1;
@@ -249,15 +330,16 @@ fn clean(curves: &Curves, report: &mut SourceReport) -> Curves {
         let longest_segment = segments.iter().copied().fold(0.0, f64::max);
         let ratio = longest_segment / segments.iter().copied().fold(f64::INFINITY, f64::min);
         report.segment_ratio = report.segment_ratio.max(ratio);
-        (sum, shortest, longest) = (sum + length, shortest.min(length), longest.max(length));
+        let [shortest, sum, longest] = report.length;
+        report.length =
+            [if report.kept == 0 { length } else { shortest.min(length) }, sum + length, longest.max(length)];
+        report.kept += 1;
         kept.points.extend(distinct);
         kept.offsets.push(kept.points.len());
         kept.id.push(curves.id[c]);
         kept.group.push(curves.group[c]);
         kept.root_uv.push(curves.root_uv[c]);
     }
-    report.kept = kept.len();
-    report.length = [shortest, sum / kept.len().max(1) as f64, longest];
     kept
 }
 
@@ -265,6 +347,9 @@ impl fmt::Display for SourceReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [shortest, mean, longest] = self.length.map(|l| l * 100.0);
         write!(f, "{}: {} strands, {} kept", self.path.display(), self.read, self.kept)?;
+        if self.guides > 0 {
+            write!(f, ", {} of them named as guides", self.guides)?;
+        }
         for (count, why) in [
             (self.degenerate, "shorter than 1 mm"),
             (self.not_finite, "with NaN or infinity"),
@@ -310,7 +395,7 @@ mod tests {
         let short: &[[f64; 3]] = &[[1.0, 0.0, 0.0], [1.0, 0.0005, 0.0]];
         let nan: &[[f64; 3]] = &[[0.0, 0.0, 0.0], [f64::NAN, 0.0, 0.0]];
         let mut report = SourceReport::default();
-        let kept = clean(&curves(&[point, good, short, nan, good]), &mut report);
+        let kept = clean(&curves(&[point, good, short, nan, good]), 0..5, &mut report);
         assert_eq!(kept.id, [1]);
         assert_eq!(kept.offsets, [0, 3]);
         assert_eq!(

@@ -105,6 +105,7 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
             root_uv,
         },
         notes,
+        ..PlainStrands::default()
     })
 }
 

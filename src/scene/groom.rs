@@ -161,6 +161,11 @@ impl Curves {
         self.len() == 0
     }
 
+    /// The first vertex of every curve.
+    pub fn roots(&self) -> impl Iterator<Item = Vector3<f64>> + '_ {
+        self.offsets.iter().take(self.len()).map(|&start| self.points[start])
+    }
+
     /// Vertices of curve `c`.
     pub fn curve(&self, c: usize) -> &[Vector3<f64>] {
         &self.points[self.offsets[c]..self.offsets[c + 1]]

@@ -21,7 +21,7 @@ impl TriMesh {
     ///
     /// # Errors
     /// As [`TriMesh::load_obj`].
-    pub(super) fn load_obj_as_it_is(path: &Path, convention: &Convention) -> Result<TriMesh, String> {
+    pub(crate) fn load_obj_as_it_is(path: &Path, convention: &Convention) -> Result<TriMesh, String> {
         let bytes = read_file(path).map_err(|e| format!("cannot be read: {e}"))?;
         let options = tobj::LoadOptions {
             triangulate: true,
@@ -60,7 +60,7 @@ impl TriMesh {
     ///
     /// # Errors
     /// Where no triangle is left, in words.
-    pub(super) fn drop_degenerate(&mut self) -> Result<usize, String> {
+    pub(crate) fn drop_degenerate(&mut self) -> Result<usize, String> {
         let all = self.triangles.len();
         // Relative to the sides: a small triangle is no fault, a needle of no area has no normal.
         self.triangles.retain(|t| {

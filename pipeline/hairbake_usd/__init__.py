@@ -1,0 +1,1 @@
+"""Reads grooms, meshes and motions from USD stages for `hairbake import`, with Pixar's own library."""
