@@ -6,7 +6,7 @@ use sha2::{Digest, Sha256};
 use std::fs::{File, Permissions};
 use std::io::{self, ErrorKind, Read, Write};
 use std::panic::resume_unwind;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use tempfile::NamedTempFile;
 
 /// Largest file that is read, bytes: a limit against memory without bound, far above any real input.
@@ -46,6 +46,13 @@ pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     bytes.try_reserve_exact(meta.len() as usize)?;
     File::open(path)?.take(MAX_BYTES).read_to_end(&mut bytes)?;
     Ok(bytes)
+}
+
+/// Whether a name that a file gives is one of a file beside it: no folder, no `..`, no scheme.
+pub fn is_plain_name(name: &str) -> bool {
+    let mut components = Path::new(name).components();
+    matches!((components.next(), components.next()), (Some(Component::Normal(_)), None))
+        && !name.contains(['/', '\\', ':'])
 }
 
 /// SHA-256 of `bytes`, lower-case hexadecimal.

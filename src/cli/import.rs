@@ -3,7 +3,7 @@
 use super::{console, values};
 use crate::error::{Error, Result};
 use crate::import::{
-    self, BuildOptions, Depth, GroomOptions, Growth, Mesh, Resample, Rest, Source, TrackOptions,
+    self, BuildOptions, Depth, GroomOptions, Growth, Joint, Mesh, Resample, Rest, Source, TrackOptions,
 };
 use crate::scene::anim::file::Pops;
 use crate::scene::{Material, RodSection, UpAxis, load_groom};
@@ -22,6 +22,8 @@ const TRACK_EXAMPLES: &str = "\
 Examples:
   hairbake import track walk.json --groom shot/groom.json --collider bust.obj:cm -o shot/anim.json
   hairbake import track walk.json --groom shot/groom.json --collider bust.obj:cm --collider shirt.####.obj -o shot/anim.json
+  hairbake import track shot.usd --prim /char/head --collider shot.usd:/char/body -o shot/anim.json
+  hairbake import track walk.bvh --joint Head --units in --groom shot/groom.json -o shot/anim.json
   hairbake import track mocap.json --pivot 0,1.62,0.02 --fps 24 --frames 1001-1240 --rest first -o shot/anim.json";
 
 #[derive(Debug, Subcommand)]
@@ -140,16 +142,33 @@ struct MaterialArguments {
 #[derive(Debug, Args)]
 #[command(after_help = TRACK_EXAMPLES)]
 pub struct TrackArguments {
-    /// Motion file: { fps, units, up_axis, frames: [{ translation, rotation_quat_wxyz }] }
+    /// Motion: USD, BVH, glTF (.gltf, .glb), or .json { fps, units, up_axis, frames: [{ translation, rotation_quat_wxyz }] }
     motion: PathBuf,
     /// File to write
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
 
-    /// Frames a second of the bake; the track's own rate may differ
-    #[arg(long, default_value_t = 24.0, value_parser = values::positive, help_heading = "Time")]
-    fps: f64,
-    /// Frames of the bake; the track's first sample lies on the first [default: 1001 to the end of the track]
+    /// Joint whose motion it is: a joint of a BVH or of a USD skeleton, a node of a glTF; by its name, in USD also by its path
+    #[arg(long, value_name = "NAME", help_heading = "Joint")]
+    joint: Option<String>,
+    /// Animation of a glTF, by name or number [default: the first]
+    #[arg(long, value_name = "NAME", help_heading = "Joint")]
+    clip: Option<String>,
+    /// Path of the prim of a USD file that the head goes with, or of the skeleton of --joint [default: the only one that moves]
+    #[arg(long, value_name = "PATH", value_parser = prim, help_heading = "Joint")]
+    prim: Option<String>,
+    /// Unit of the motion: m, cm, mm, in, ft or metres in a unit [default: as the file says; m for glTF, cm for BVH]
+    #[arg(long, value_parser = values::units, help_heading = "Joint")]
+    units: Option<f64>,
+    /// Axis of the motion that points up, y or z [default: as the file says, else y]
+    #[arg(long, value_name = "AXIS", value_parser = values::up_axis, help_heading = "Joint")]
+    up: Option<UpAxis>,
+
+    /// Frames a second of the bake; the track's own rate may differ [default: the time codes a second of USD, else 24]
+    #[arg(long, value_parser = values::positive, help_heading = "Time")]
+    fps: Option<f64>,
+    /// Frames of the bake; the track's first sample lies on the first, but where USD numbers it [default: those of USD, else 1001 to
+    /// the end of the track]
     #[arg(long, value_name = "A-B", value_parser = values::frames, allow_hyphen_values = true, help_heading = "Time")]
     frames: Option<(i32, i32)>,
     /// Frequency above which motion is noise and filtered out, Hz: lower is smoother and lags at sharp turns; 0 is off
@@ -166,12 +185,12 @@ pub struct TrackArguments {
     /// Groom whose roots give the pivot
     #[arg(long, value_name = "FILE", conflicts_with = "pivot", help_heading = "Rest pose")]
     groom: Option<PathBuf>,
-    /// Which turn of the joint is that of the head as modelled
-    #[arg(long, value_enum, value_name = "WHICH", default_value = "world", help_heading = "Rest pose")]
-    rest: RestName,
+    /// Which pose of the joint is that of the head as modelled [default: bind where the file has one and no pivot is given, else world]
+    #[arg(long, value_enum, value_name = "WHICH", help_heading = "Rest pose")]
+    rest: Option<RestName>,
 
-    /// Mesh (OBJ) that the head carries and the hair collides with, or cloth.####.obj for one that deforms in the world, a file
-    /// for each frame; may be given more than once
+    /// Mesh (OBJ or USD) that the head carries and the hair collides with; or that deforms in the world: one of USD that moves by itself, or
+    /// cloth.####.obj, a file for each frame. May be given more than once. Meshes of USD are written beside the animation
     #[arg(long = "collider", value_name = "FILE[:PRIM][:UNITS][:UP]", value_parser = values::source, help_heading = "Colliders")]
     colliders: Vec<Source>,
     /// Coulomb friction coefficient of the colliders [default: the strands' own]
@@ -194,6 +213,8 @@ enum PopsName {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum RestName {
+    /// The file's own: where the joint was bound, or is outside of time
+    Bind,
     /// None: along the world's axes
     World,
     /// That of the first sample, for rigs whose joints have axes of their own
@@ -243,13 +264,13 @@ fn groom(arguments: GroomArguments) -> Result<()> {
 fn track(arguments: &TrackArguments) -> Result<()> {
     let output = &arguments.output;
     let pivot = match (&arguments.groom, arguments.pivot) {
-        (Some(groom), _) => import::root_centroid(&load_groom(groom)?),
-        (None, pivot) => pivot.unwrap_or_default(),
+        (Some(groom), _) => Some(import::root_centroid(&load_groom(groom)?)),
+        (None, pivot) => pivot,
     };
-    let (anim, report) = import::track(&arguments.resolve(pivot))?;
+    let track = import::track(&arguments.resolve(pivot))?;
     make_folder_of(output)?;
-    anim.write(output)?;
-    console::say(&format!("{}\nwritten: {}", report.to_string().trim_end(), output.display()));
+    track.write(output)?;
+    console::say(&format!("{}\nwritten: {}", track.report.to_string().trim_end(), output.display()));
     Ok(())
 }
 
@@ -327,7 +348,13 @@ impl MaterialArguments {
 }
 
 impl TrackArguments {
-    fn resolve(&self, pivot: Vector3<f64>) -> TrackOptions {
+    fn resolve(&self, pivot: Option<Vector3<f64>>) -> TrackOptions {
+        let motion = Source {
+            metres_per_unit: self.units,
+            up: self.up,
+            prim: self.prim.clone(),
+            ..Source::new(&self.motion)
+        };
         let mesh = |source: &Source| Mesh {
             friction: self.friction,
             thickness: self.thickness * 1e-3,
@@ -336,10 +363,13 @@ impl TrackArguments {
         TrackOptions {
             fps: self.fps,
             frames: self.frames.map(<[i32; 2]>::from),
-            rest: match self.rest {
+            pivot,
+            rest: self.rest.map(|rest| match rest {
+                RestName::Bind => Rest::Bind,
                 RestName::World => Rest::World,
                 RestName::First => Rest::First,
-            },
+            }),
+            joint: Joint { name: self.joint.clone(), clip: self.clip.clone() },
             colliders: self.colliders.iter().map(mesh).collect(),
             smoothing_hz: self.smoothing,
             pops: match self.pops {
@@ -347,7 +377,7 @@ impl TrackArguments {
                 PopsName::Bridge => Pops::Bridge,
                 PopsName::Keep => Pops::Keep,
             },
-            ..TrackOptions::new(&self.motion, folder_of(&self.output), pivot)
+            ..TrackOptions::new(motion, folder_of(&self.output))
         }
     }
 }

@@ -4,7 +4,6 @@ use super::read::{self, Source};
 use super::{TrackOptions, track};
 use crate::Error;
 use crate::error::render;
-use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
 
 /// What is told of a file of these bytes, read by `read`.
@@ -83,9 +82,7 @@ fn motions() {
         format!(r#"{{ "fps": {fps}, "units": "m", "up_axis": "Y", "frames": [{pose}, {pose}, {pose}] }}"#)
     };
     let frames = |frames| {
-        move |path| {
-            track(&TrackOptions { frames, ..TrackOptions::new(path, Path::new(""), Vector3::zeros()) })
-        }
+        move |path| track(&TrackOptions { frames, ..TrackOptions::new(Source::new(path), Path::new("")) })
     };
     insta::assert_snapshot!("motion_rate", told("a.json", text("0").as_bytes(), frames(None)));
     insta::assert_snapshot!("motion_too_short", told("a.json", text("24").as_bytes(), frames(Some([1, 9]))));

@@ -5,7 +5,7 @@ use super::{hair, tfx, usd};
 use crate::scene::{Convention, Curves, TriMesh, UpAxis};
 use crate::{Error, Problem, Result};
 use nalgebra::Vector3;
-use std::collections::BTreeSet;
+use std::collections::HashSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -302,7 +302,7 @@ fn has_ending(path: &Path, ending: &str) -> bool {
 /// lengths in place of the mean until all are in. Ids stay those of the file, so that a strand can be traced back.
 fn clean(curves: &Curves, which: impl Iterator<Item = usize>, report: &mut SourceReport) -> Curves {
     let mut kept = Curves { offsets: vec![0], ..Curves::default() };
-    let mut seen = BTreeSet::new();
+    let mut seen = HashSet::new();
     for c in which {
         let points = curves.curve(c);
         if points.iter().any(|p| p.iter().any(|x| !x.is_finite())) {

@@ -1,7 +1,7 @@
 //! Strands brought to an even spacing along a smooth curve through their vertices.
 
-use crate::math::polyline;
 use crate::math::spline::ArcSpline;
+use crate::math::{percentile, polyline};
 use crate::scene::Curves;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -26,19 +26,20 @@ const MOST_VERTICES: f64 = 4096.0;
 pub struct ResampleError {
     /// Length of the new polyline against the smooth curve's, relative: mean and largest.
     pub length: [f64; 2],
-    /// Distance from the vertices of the file to the new polyline, m: mean and largest.
-    pub distance: [f64; 2],
+    /// Distance from the vertices of the file to the new polyline, m: mean, 95th percentile and largest.
+    pub distance: [f64; 3],
 }
 
 impl fmt::Display for ResampleError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "length off by {:.3} % on average, {:.2} % at most; vertices by {:.3} mm, {:.2} mm at most",
+            "length off by {:.3} % on average, {:.2} % at most; vertices by {:.4} mm on average, 95 % {:.4} mm, {:.2} mm at most",
             self.length[0] * 100.0,
             self.length[1] * 100.0,
             self.distance[0] * 1e3,
-            self.distance[1] * 1e3
+            self.distance[1] * 1e3,
+            self.distance[2] * 1e3
         )
     }
 }
@@ -70,19 +71,19 @@ pub fn resample(curves: &Curves, to: Resample) -> (Curves, ResampleError) {
         root_uv: curves.root_uv.clone(),
     };
     let mut error = ResampleError::default();
-    let mut vertices = 0;
+    let mut distances = Vec::new();
     for (points, length_error, off) in made {
         out.points.extend(points);
         out.offsets.push(out.points.len());
         error.length[0] += length_error.abs() / curves.len() as f64;
         error.length[1] = error.length[1].max(length_error.abs());
-        vertices += off.len();
-        for d in off {
-            error.distance[0] += d;
-            error.distance[1] = error.distance[1].max(d);
-        }
+        distances.extend(off);
     }
-    error.distance[0] /= vertices.max(1) as f64;
+    if !distances.is_empty() {
+        let mean = distances.iter().sum::<f64>() / distances.len() as f64;
+        let largest = distances.iter().copied().fold(0.0, f64::max);
+        error.distance = [mean, percentile(distances, 0.95), largest];
+    }
     (out, error)
 }
 
@@ -109,7 +110,8 @@ mod tests {
         assert!(steps.iter().all(|s| (s - steps[0]).abs() < 1e-3 * steps[0]), "{steps:?}");
         assert!(even.points.iter().all(|p| (p.norm() - 0.1).abs() < 1e-5));
         assert!(error.length[1] > 0.0 && error.length[1] < 1e-3, "{error:?}");
-        assert!(error.distance[1] > 0.0 && error.distance[1] < 1e-4, "{error:?}");
+        let [mean, p95, largest] = error.distance;
+        assert!(0.0 < mean && mean < p95 && p95 < largest && largest < 1e-4, "{error:?}");
         assert_eq!((even.id[0], even.root_uv[0]), (7, [0.5; 2]));
     }
 

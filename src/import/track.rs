@@ -1,16 +1,25 @@
 //! A motion file and the meshes that move with it, made into an animation.
 
+use super::motion::{self, Joint, Motion, turn};
 use super::read::{self, ReadMesh, Source};
+use super::usd::{self, Times};
 use crate::scene::anim::file::{BodyFile, ColliderFile, Pops, PoseFile, ShapeFile, TrackFile};
 use crate::scene::track::find_pops;
-use crate::scene::{AnimFile, Convention, Groom, Sequence, motion};
+use crate::scene::{AnimFile, Convention, Groom, Sequence, TriMesh, UpAxis};
 use crate::{Error, Problem, Result};
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::Vector3;
+use std::collections::BTreeSet;
 use std::fmt;
 use std::path::{Component, Path, PathBuf};
 
 /// First frame of a bake unless asked otherwise.
 const FIRST_FRAME: i32 = 1001;
+/// Frames a second of a bake unless asked otherwise.
+const FPS: f64 = 24.0;
+/// Frames before the first and after the last at which a mesh is wanted, for its motion there.
+const HANDLES: i32 = 2;
+/// Digits of the vertices of meshes that are written: nanometres.
+const OBJ_DIGITS: usize = 9;
 /// Turn of the head in the first frame that is worth a warning, degrees.
 const LARGE_TURN: f64 = 60.0;
 /// Distance kept between a collider and the strands unless asked otherwise, m.
@@ -19,13 +28,15 @@ const THICKNESS: f64 = 5e-4;
 /// Name of the body at rest that carries meshes which deform.
 const WORLD: &str = "world";
 
-/// Which orientation of the joint is that of the head as it was modelled.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+/// Which pose of the joint is that of the head as it was modelled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rest {
-    /// That of the world's axes: the joint turns by its rotation.
-    #[default]
+    /// That in which the file says that the character was modelled: of a USD prim outside of time, of a skeleton's joint where it was bound,
+    /// of a BVH without rotations. Place and turn; there is no pivot.
+    Bind,
+    /// At the pivot along the world's axes: the joint turns by its rotation.
     World,
-    /// That of the first sample: for rigs whose joints have axes of their own. The head starts as it was modelled.
+    /// At the pivot, turned as in the first sample: for rigs whose joints have axes of their own. The head starts as it was modelled.
     First,
 }
 
@@ -44,9 +55,11 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// A mesh named after its file.
+    /// A mesh named after its file, or its prim.
     pub fn new(source: Source) -> Self {
-        let stem = source.path.file_stem().map(|s| s.to_string_lossy().replace('#', "")).unwrap_or_default();
+        let prim = source.prim.as_deref().and_then(|prim| prim.rsplit('/').next()).map(String::from);
+        let stem = source.path.file_stem().map(|s| s.to_string_lossy().replace('#', ""));
+        let stem = prim.or(stem).unwrap_or_default();
         let stem = stem.trim_end_matches(['.', '_', '-']);
         let mut name: String =
             stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
@@ -69,18 +82,21 @@ impl Mesh {
 /// What [`track`] is to make.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackOptions {
-    /// The motion file: fps, unit, up axis, and a pose of the joint for every sample.
-    pub motion: PathBuf,
+    /// The motion file: our own (fps, unit, up axis, and a pose of the joint for every sample), BVH, glTF or USD.
+    pub motion: Source,
+    /// Which joint of it.
+    pub joint: Joint,
     /// Folder in which the animation will be written; the paths of meshes start there.
     pub folder: PathBuf,
-    /// Frames a second of the bake.
-    pub fps: f64,
-    /// First and last frame; `None` for 1001 to the end of the track.
+    /// Frames a second of the bake; `None` for those in which the file numbers its frames, else 24.
+    pub fps: Option<f64>,
+    /// First and last frame; `None` for the file's own, or 1001 to the end of the track where it numbers none.
     pub frames: Option<[i32; 2]>,
-    /// Where the joint is in the head as it was modelled, m, Y up, rest space.
-    pub pivot: Vector3<f64>,
-    /// How the joint is turned there.
-    pub rest: Rest,
+    /// Where the joint is in the head as it was modelled, m, Y up, rest space; `None` for the origin.
+    pub pivot: Option<Vector3<f64>>,
+    /// Which pose is that of the head as it was modelled; `None` for the pose that the file says without a pivot, else that of the
+    /// world's axes.
+    pub rest: Option<Rest>,
     /// Meshes carried by the head.
     pub colliders: Vec<Mesh>,
     /// Frequency above which motion is taken as noise, Hz; `None` for the format's default, 0 for no filter.
@@ -90,15 +106,16 @@ pub struct TrackOptions {
 }
 
 impl TrackOptions {
-    /// The defaults for a motion file: 24 frames a second from 1001 on, a joint that turns about `pivot`, no collider.
-    pub fn new(motion: impl Into<PathBuf>, folder: impl Into<PathBuf>, pivot: Vector3<f64>) -> Self {
+    /// The defaults for a motion file: no collider, no pivot.
+    pub fn new(motion: Source, folder: impl Into<PathBuf>) -> Self {
         TrackOptions {
-            motion: motion.into(),
+            motion,
+            joint: Joint::default(),
             folder: folder.into(),
-            fps: 24.0,
+            fps: None,
             frames: None,
-            pivot,
-            rest: Rest::World,
+            pivot: None,
+            rest: None,
             colliders: Vec::new(),
             smoothing_hz: None,
             pops: Pops::Error,
@@ -107,7 +124,7 @@ impl TrackOptions {
 }
 
 /// What was found in a motion file and made of it.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct TrackReport {
     /// The file.
     pub path: PathBuf,
@@ -117,6 +134,8 @@ pub struct TrackReport {
     pub convention: Convention,
     /// Frames of the bake, and frames a second.
     pub frames: ([i32; 2], f64),
+    /// Frame at which the first sample lies.
+    pub first_frame: f64,
     /// How the joint is turned in the rest pose, and where it is, m.
     pub rest: (Rest, [f64; 3]),
     /// Turn of the head from its rest pose in the first sample, degrees.
@@ -135,87 +154,206 @@ pub fn root_centroid(groom: &Groom) -> Vector3<f64> {
     (0..guides.len()).map(|c| guides.curve(c)[0]).sum::<Vector3<f64>>() / guides.len().max(1) as f64
 }
 
-/// Makes an animation of a motion file. Its first sample lies on the first frame; unit and up axis stay the
-/// file's.
+/// An animation, and the meshes that have to be written beside it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Track {
+    /// The animation.
+    pub anim: AnimFile,
+    /// Meshes from USD as OBJ files, by their paths.
+    pub meshes: Vec<(PathBuf, String)>,
+    /// What was found.
+    pub report: TrackReport,
+}
+
+impl Track {
+    /// Writes the animation at `path`, which lies in the folder of the options, and the meshes.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn write(&self, path: &Path) -> Result<()> {
+        for (file, text) in &self.meshes {
+            crate::file::write_file(file, &[text])?;
+        }
+        self.anim.write(path)
+    }
+}
+
+/// Makes an animation of a motion file. Its first sample lies on the first frame, unless the file numbers its frames; unit and up axis
+/// stay the file's.
 ///
 /// # Errors
 /// Files that cannot be read or are faulty, options out of range.
-pub fn track(options: &TrackOptions) -> Result<(AnimFile, TrackReport)> {
-    if !(1.0..=1000.0).contains(&options.fps) {
-        return Err(Error::Usage(format!("{} frames a second: 1 to 1000 are possible", options.fps)));
-    }
-    let read = motion(&options.motion);
-    let first = options.frames.map_or(FIRST_FRAME, |frames| frames[0]);
-    let rest: Vec<Source> = options.colliders.iter().map(|mesh| mesh.at_rest(first)).collect();
-    let meshes: Vec<_> = rest.iter().map(read::mesh).collect();
-    let ((file, poses), meshes) = all_problems(read, meshes)?;
-
-    let convention = Convention { metres_per_unit: file.units.metres(), up: file.up_axis.into() };
-    let last = |first: i32| first + ((poses.len() - 1) as f64 / file.fps * options.fps + 1e-6).floor() as i32;
-    let frames = options.frames.unwrap_or([FIRST_FRAME, last(FIRST_FRAME)]);
-    if frames[0] > frames[1] || frames[1] > last(frames[0]) {
-        return Err(frames_fault(options, frames, last(frames[0])));
-    }
-    let first = file.frames[0].rotation_quat_wxyz;
-    let turn =
-        |q: [f64; 4]| UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(q[0], q[1], q[2], q[3]));
-    let upright = [1.0, 0.0, 0.0, 0.0];
-    let rest_rotation = match options.rest {
-        Rest::World => upright,
-        Rest::First => first,
+pub fn track(options: &TrackOptions) -> Result<Track> {
+    let read = motion::read(&options.motion, &options.joint);
+    let time = match &read {
+        Ok(motion) => Some(Time::of(options, motion)?),
+        Err(_) => None,
     };
-    let pose =
-        PoseFile { translation: convention.length_out(options.pivot).into(), rotation_wxyz: rest_rotation };
+    let first =
+        time.as_ref().map(|time| time.frames[0]).or(options.frames.map(|f| f[0])).unwrap_or(FIRST_FRAME);
+    let rest: Vec<Source> = options.colliders.iter().map(|mesh| mesh.at_rest(first)).collect();
+    let times = |source: &Source| time.as_ref().map(|time| time.of_mesh(options, source, read.as_ref().ok()));
+    let meshes: Vec<_> =
+        rest.iter().map(|source| read::moving_mesh(source, times(source).as_ref())).collect();
+    let (motion, meshes) = all_problems(read, meshes)?;
+    let Some(Time { fps, frames, first_frame, .. }) = time else {
+        return Err(Error::Internal("a motion that was read has no time".into()));
+    };
 
+    let Motion { rate, convention, poses, bind, .. } = &motion;
+    let kind = options.rest.unwrap_or(match (bind, options.pivot) {
+        (Some(_), None) => Rest::Bind,
+        _ => Rest::World,
+    });
+    let pivot = convention.length_out(options.pivot.unwrap_or_default()).into();
+    let pose = match (kind, bind) {
+        (Rest::Bind, Some(bind)) => *bind,
+        (Rest::Bind, None) => {
+            let what = "does not say in which pose the character was modelled";
+            let remedy = "use --rest first, or --rest world with the pivot";
+            return Err(Problem::new(&options.motion.path, "rest", what, "USD, glTF or BVH", remedy).into());
+        }
+        (Rest::World, _) => PoseFile { translation: pivot, rotation_wxyz: [1.0, 0.0, 0.0, 0.0] },
+        (Rest::First, _) => PoseFile { translation: pivot, rotation_wxyz: poses[0].rotation_wxyz },
+    };
+
+    let first_turn = turn(poses[0].rotation_wxyz).angle_to(&turn(pose.rotation_wxyz)).to_degrees();
     let mut report = TrackReport {
-        path: options.motion.clone(),
-        samples: (poses.len(), file.fps),
-        convention,
-        frames: (frames, options.fps),
-        rest: (options.rest, options.pivot.into()),
-        first_turn: turn(first).angle_to(&turn(rest_rotation)).to_degrees(),
-        pops: find_pops(&poses, file.fps).iter().map(|pop| pop.sample).collect(),
-        ..TrackReport::default()
+        path: options.motion.path.clone(),
+        samples: (poses.len(), *rate),
+        convention: *convention,
+        frames: (frames, fps),
+        first_frame,
+        rest: (kind, convention.length_in(pose.translation.into()).into()),
+        first_turn,
+        pops: find_pops(&motion.in_metres(), *rate).iter().map(|pop| pop.sample).collect(),
+        notes: motion.notes.clone(),
+        warnings: motion.warnings.clone(),
     };
     let smoothing = options.smoothing_hz.unwrap_or(TrackFile::default().smoothing_hz);
-    let mut anim = AnimFile::new(options.fps, frames);
+    let mut anim = AnimFile::new(fps, frames);
     anim.metres_per_unit = convention.metres_per_unit;
     anim.up_axis = convention.up;
     anim.bodies = vec![BodyFile {
         name: "head".into(),
         track: Some(TrackFile {
-            fps: Some(file.fps),
-            translation: Some(file.frames.iter().map(|f| f.translation).collect::<Vec<_>>().into()),
-            rotation_wxyz: Some(file.frames.iter().map(|f| f.rotation_quat_wxyz).collect::<Vec<_>>().into()),
+            fps: Some(*rate),
+            first_frame: (first_frame != f64::from(frames[0])).then_some(first_frame),
+            translation: Some(poses.iter().map(|p| p.translation).collect::<Vec<_>>().into()),
+            rotation_wxyz: Some(poses.iter().map(|p| p.rotation_wxyz).collect::<Vec<_>>().into()),
             rest: Some(pose),
             smoothing_hz: smoothing,
             pops: options.pops,
             ..TrackFile::default()
         }),
     }];
-    if options.colliders.iter().zip(&rest).any(|(mesh, rest)| mesh.source != *rest) {
-        anim.bodies.push(BodyFile { name: WORLD.into(), track: None });
-    }
-    for ((mesh, rest), ReadMesh { convention, notes, .. }) in options.colliders.iter().zip(&rest).zip(meshes)
-    {
-        let deforms = mesh.source != *rest;
-        report.notes.extend(notes.into_iter().map(|note| format!("{}: {note}", mesh.source.path.display())));
-        anim.colliders.push(ColliderFile {
-            name: mesh.name.clone(),
-            body: deforms.then(|| WORLD.into()),
-            shape: ShapeFile::Mesh {
+    let mut written = Vec::new();
+    let mut names = BTreeSet::new();
+    for ((mesh, rest), read) in options.colliders.iter().zip(&rest).zip(meshes) {
+        let noted = read.notes.iter().map(|note| format!("{}: {note}", mesh.source.path.display()));
+        report.notes.extend(noted);
+        let mut name = mesh.name.clone();
+        for i in 2.. {
+            if names.insert(name.clone()) {
+                break;
+            }
+            name = format!("{}_{i}", mesh.name);
+        }
+        let deforms = mesh.source != *rest || !read.moving.is_empty();
+        let shape = if usd::is_usd(&rest.path) {
+            let first = frames[0] - before(first_frame, frames);
+            written_mesh(&name, &read, first, &options.folder, &mut written)
+        } else {
+            ShapeFile::Mesh {
                 file: relative(&rest.path, &options.folder)?,
                 sequence: if deforms { Some(relative(&mesh.source.path, &options.folder)?) } else { None },
-                metres_per_unit: Some(convention.metres_per_unit),
-                up_axis: Some(convention.up),
-            },
+                metres_per_unit: Some(read.convention.metres_per_unit),
+                up_axis: Some(read.convention.up),
+            }
+        };
+        if deforms && anim.bodies.len() == 1 {
+            anim.bodies.push(BodyFile { name: WORLD.into(), track: None });
+        }
+        anim.colliders.push(ColliderFile {
+            name,
+            body: deforms.then(|| WORLD.into()),
+            shape,
             friction: mesh.friction,
             static_friction: None,
             thickness_m: mesh.thickness,
         });
     }
     report.warn(options);
-    Ok((anim, report))
+    Ok(Track { anim, meshes: written, report })
+}
+
+/// The time of a bake.
+struct Time {
+    fps: f64,
+    frames: [i32; 2],
+    /// Frame at which the first sample lies, and the last.
+    first_frame: f64,
+    last_frame: f64,
+    /// Numbers that the file counts in a frame of the bake.
+    codes_per_frame: f64,
+}
+
+impl Time {
+    fn of(options: &TrackOptions, motion: &Motion) -> Result<Time> {
+        let fps = options.fps.or(motion.numbered.map(|(_, rate)| rate)).unwrap_or(FPS);
+        if !(1.0..=1000.0).contains(&fps) {
+            return Err(Error::Usage(format!("{fps} frames a second: 1 to 1000 are possible")));
+        }
+        let span = (motion.poses.len() - 1) as f64 / motion.rate * fps;
+        let own = motion.numbered.map(|(code, rate)| code / rate * fps);
+        let first_frame = own.unwrap_or(options.frames.map_or(FIRST_FRAME, |frames| frames[0]).into());
+        let last_frame = first_frame + span;
+        let there = [(first_frame - 1e-6).ceil() as i32, (last_frame + 1e-6).floor() as i32];
+        let frames = options.frames.unwrap_or(there);
+        if frames[0] > frames[1] || frames[0] < there[0] || frames[1] > there[1] {
+            return Err(frames_fault(options, frames, there));
+        }
+        let codes_per_frame = motion.numbered.map_or(1.0, |(_, rate)| rate / fps);
+        Ok(Time { fps, frames, first_frame, last_frame, codes_per_frame })
+    }
+
+    /// When a mesh of USD is wanted: at the frames of the bake, and at some more on both sides as far as the motion goes.
+    fn of_mesh(&self, options: &TrackOptions, source: &Source, motion: Option<&Motion>) -> Times {
+        let [first, last] = [self.frames[0] - before(self.first_frame, self.frames), self.frames[1]];
+        let after = ((self.last_frame + 1e-6).floor() as i32 - last).clamp(0, HANDLES);
+        let same = source.path == options.motion.path && options.joint.name.is_none();
+        Times {
+            start: f64::from(first) * self.codes_per_frame,
+            step: self.codes_per_frame,
+            count: (last + after - first + 1) as usize,
+            carrier: motion.and_then(|m| m.prim.clone()).filter(|_| same),
+        }
+    }
+}
+
+/// Frames before the first at which meshes are wanted, as far as the motion goes.
+fn before(first_frame: f64, frames: [i32; 2]) -> i32 {
+    (frames[0] - (first_frame - 1e-6).ceil() as i32).clamp(0, HANDLES)
+}
+
+/// A mesh from USD as OBJ files in `folder`, metres, Y up; the first of those over time is of frame `first`.
+fn written_mesh(
+    name: &str,
+    read: &ReadMesh,
+    first: i32,
+    folder: &Path,
+    written: &mut Vec<(PathBuf, String)>,
+) -> ShapeFile {
+    let file = format!("{name}.obj");
+    written.push((folder.join(&file), read.mesh.to_obj(OBJ_DIGITS)));
+    let sequence = (!read.moving.is_empty()).then(|| format!("{name}.####.obj"));
+    if let Some(sequence) = sequence.as_deref().and_then(Sequence::new) {
+        for (frame, vertices) in (first..).zip(&read.moving) {
+            let mesh = TriMesh { vertices: vertices.clone(), ..read.mesh.clone() };
+            written.push((sequence.path(folder, frame), mesh.to_obj(OBJ_DIGITS)));
+        }
+    }
+    ShapeFile::Mesh { file, sequence, metres_per_unit: Some(1.0), up_axis: Some(UpAxis::Y) }
 }
 
 /// The motion and the meshes, or the problems of all of them in one report.
@@ -241,12 +379,12 @@ fn all_problems<M>(motion: Result<M>, meshes: Vec<Result<ReadMesh>>) -> Result<(
     }
 }
 
-fn frames_fault(options: &TrackOptions, frames: [i32; 2], last: i32) -> Error {
+fn frames_fault(options: &TrackOptions, frames: [i32; 2], there: [i32; 2]) -> Error {
     Problem::new(
-        &options.motion,
+        &options.motion.path,
         "frames",
         format!("frames {} to {} asked for", frames[0], frames[1]),
-        format!("a range that starts at {0} ends at {0} to {last}, where the track ends", frames[0]),
+        format!("a range in {} to {}, where the track is", there[0], there[1]),
         "shorten the range with --frames, or export a longer track",
     )
     .into()
@@ -310,9 +448,14 @@ impl fmt::Display for TrackReport {
             samples as f64 / rate
         )?;
         writeln!(f, "  1 unit = {} m, {:?} up", self.convention.metres_per_unit, self.convention.up)?;
-        writeln!(f, "  frames {first} to {last} at {fps} a second, the first sample on frame {first}")?;
+        writeln!(
+            f,
+            "  frames {first} to {last} at {fps} a second, the first sample on frame {}",
+            self.first_frame
+        )?;
         let (rest, [x, y, z]) = self.rest;
         let turned = match rest {
+            Rest::Bind => "as the file has it",
             Rest::World => "along the world's axes",
             Rest::First => "as in the first sample",
         };
@@ -330,11 +473,13 @@ mod tests {
     use nalgebra::Point3;
 
     /// A head that goes 1 cm along x and turns 1.5° about y in every of `n` samples at 48 a second, from a quarter turn.
-    fn motion_file(folder: &Path, n: usize) -> PathBuf {
+    fn motion_file(folder: &Path, n: usize) -> Source {
         let frames: Vec<_> = (0..n)
             .map(|i| {
-                let q =
-                    UnitQuaternion::from_axis_angle(&Vector3::y_axis(), (90.0 + 1.5 * i as f64).to_radians());
+                let q = nalgebra::UnitQuaternion::from_axis_angle(
+                    &Vector3::y_axis(),
+                    (90.0 + 1.5 * i as f64).to_radians(),
+                );
                 serde_json::json!({
                     "translation": [i as f64, 150.0, 0.0], "rotation_quat_wxyz": [q.w, q.i, q.j, q.k],
                 })
@@ -343,7 +488,7 @@ mod tests {
         let path = folder.join("walk.json");
         let file = serde_json::json!({ "fps": 48.0, "units": "cm", "up_axis": "Y", "frames": frames });
         std::fs::write(&path, file.to_string()).unwrap();
-        path
+        Source::new(path)
     }
 
     fn write_and_load(anim: &AnimFile, folder: &Path) -> crate::scene::Anim {
@@ -356,9 +501,10 @@ mod tests {
     fn a_track_keeps_its_motion_rate_and_rest_offset() {
         let folder = tempfile::tempdir().unwrap();
         let pivot = Vector3::new(0.0, 1.4, 0.1);
-        let mut options = TrackOptions::new(motion_file(folder.path(), 49), folder.path(), pivot);
+        let mut options = TrackOptions::new(motion_file(folder.path(), 49), folder.path());
+        options.pivot = Some(pivot);
         options.smoothing_hz = Some(0.0);
-        let (file, report) = track(&options).unwrap();
+        let Track { anim: file, report, .. } = track(&options).unwrap();
         assert_eq!(file.frames, [1001, 1025]);
         assert!(
             (report.first_turn - 90.0).abs() < 1e-9 && report.warnings[0].contains("--rest first"),
@@ -373,8 +519,8 @@ mod tests {
             assert!((turn - (90.0 + 1.5 * sample)).abs() < 1e-3, "{frame}: {turn}");
         }
 
-        options.rest = Rest::First;
-        let (file, report) = track(&options).unwrap();
+        options.rest = Some(Rest::First);
+        let Track { anim: file, report, .. } = track(&options).unwrap();
         assert_eq!((report.first_turn, report.warnings.len()), (0.0, 0));
         let anim = write_and_load(&file, folder.path());
         assert!(anim.head_pose(anim.time(1001.0)).rotation.angle() < 1e-6);
@@ -387,11 +533,10 @@ mod tests {
         let shelf = folder.path().join("meshes");
         std::fs::create_dir(&shelf).unwrap();
         std::fs::write(shelf.join("7 head.obj"), "v 0 0 0\nv 200 0 0\nv 0 300 0\nf 1 2 3\n").unwrap();
-        let mut options =
-            TrackOptions::new(motion_file(folder.path(), 9), folder.path().join("shots/a"), Vector3::zeros());
+        let mut options = TrackOptions::new(motion_file(folder.path(), 9), folder.path().join("shots/a"));
         std::fs::create_dir_all(&options.folder).unwrap();
         options.colliders = vec![Mesh::new(Source::new(shelf.join("7 head.obj")))];
-        let (file, report) = track(&options).unwrap();
+        let Track { anim: file, report, .. } = track(&options).unwrap();
         assert!(report.notes[0].contains("millimetres"), "{report}");
         let anim = write_and_load(&file, &options.folder);
         assert_eq!(anim.colliders[0].name, "mesh_7_head");
@@ -406,9 +551,9 @@ mod tests {
             let text = format!("v 0 {} 0\nv 200 0 0\nv 0 300 0\nf 1 2 3\n", frame - 1000);
             std::fs::write(folder.path().join(format!("silk_shirt.{frame}.obj")), text).unwrap();
         }
-        let mut options = TrackOptions::new(motion_file(folder.path(), 9), folder.path(), Vector3::zeros());
+        let mut options = TrackOptions::new(motion_file(folder.path(), 9), folder.path());
         options.colliders = vec![Mesh::new(Source::new(folder.path().join("silk_shirt.####.obj")))];
-        let (file, _) = track(&options).unwrap();
+        let file = track(&options).unwrap().anim;
         let anim = write_and_load(&file, &options.folder);
         let collider = &anim.colliders[0];
         assert_eq!(
@@ -427,13 +572,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let motion = folder.path().join("walk.json");
         std::fs::write(&motion, r#"{ "fps": -1.0, "frames": [] }"#).unwrap();
-        let mut options = TrackOptions::new(&motion, folder.path(), Vector3::zeros());
+        let mut options = TrackOptions::new(Source::new(&motion), folder.path());
         options.colliders = vec![Mesh::new(Source::new(folder.path().join("no.obj")))];
         let Err(Error::BadInput(problems)) = track(&options) else { panic!("accepted") };
         let files: Vec<_> = problems.iter().map(|p| p.file.file_name().unwrap().to_string_lossy()).collect();
         assert_eq!(files, ["walk.json", "walk.json", "no.obj"]);
 
-        let mut options = TrackOptions::new(motion_file(folder.path(), 9), folder.path(), Vector3::zeros());
+        let mut options = TrackOptions::new(motion_file(folder.path(), 9), folder.path());
         options.frames = Some([1, 9]);
         let Err(Error::BadInput(problems)) = track(&options) else { panic!("accepted") };
         assert!(problems[0].allowed.contains("1 to 5"), "{:?}", problems[0]);

@@ -1,11 +1,12 @@
 //! USD files, read by Pixar's own library: composition needs it. `pipeline/hairbake_usd` reads a stage, and hands over what it found as a
 //! header in JSON and plain arrays, in the file's unit and axes.
 
+use super::motion::{Motion, SCALE_CHANGES, rigid_all};
 use super::read::{PlainGroup, PlainMesh, PlainStrands, Source};
 use crate::python::{Package, python_package};
-use crate::scene::{Curves, TriMesh, UpAxis};
+use crate::scene::{Convention, Curves, TriMesh, UpAxis};
 use crate::{Error, Problem, Result};
-use nalgebra::Vector3;
+use nalgebra::{Matrix4, Vector3};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::ffi::OsStr;
@@ -22,6 +23,7 @@ const PACKAGE: Package = python_package!(
         "faults.py",
         "groom.py",
         "mesh.py",
+        "motion.py",
         "stage.py"
     ]
 );
@@ -237,6 +239,53 @@ pub(super) fn mesh(source: &Source, times: Option<&Times>) -> Result<PlainMesh> 
         metres_per_unit: read.header.metres_per_unit,
         up: read.header.up,
         notes: read.header.notes,
+    })
+}
+
+#[derive(Debug, Deserialize)]
+struct MotionHeader {
+    /// The prim that was followed.
+    prim: String,
+    /// Time codes a second.
+    rate: f64,
+    /// Time code of the first sample, and from one to the next.
+    start: f64,
+    step: f64,
+}
+
+/// The motion of a prim, or of a joint of a skeleton at or below it. Without a unit in the stage it is USD's own, centimetres.
+///
+/// # Errors
+/// As [`strands`].
+pub(super) fn motion(source: &Source, joint: Option<&str>) -> Result<Motion> {
+    let options: Vec<String> = joint.iter().map(|name| format!("--joint={name}")).collect();
+    let read = Exchange::<MotionHeader>::read("motion", source, &options)?;
+    let matrices = |numbers: &[f64]| -> Vec<Matrix4<f64>> {
+        numbers.as_chunks::<16>().0.iter().map(|rows| Matrix4::from_row_slice(rows)).collect()
+    };
+    let over_time = matrices(&need(read.f64s("matrix"), "matrix")?);
+    let rest = matrices(&need(read.f64s("rest"), "rest")?);
+    let Header { metres_per_unit, up, mut notes, more: MotionHeader { prim, rate, start, step }, .. } =
+        read.header;
+    let (poses, bind, scales) = rigid_all(source, &prim, &over_time, rest.first())?;
+    let given = source.metres_per_unit.or(metres_per_unit);
+    if given.is_none() {
+        notes.push(
+            "the stage has no metersPerUnit: USD's own, centimetres, is taken (--units for another)".into(),
+        );
+    }
+    Ok(Motion {
+        rate: rate / step,
+        numbered: Some((start, rate)),
+        convention: Convention {
+            metres_per_unit: given.unwrap_or(0.01),
+            up: source.up.or(up).unwrap_or_default(),
+        },
+        poses,
+        bind,
+        prim: Some(prim),
+        notes,
+        warnings: if scales { vec![SCALE_CHANGES.into()] } else { Vec::new() },
     })
 }
 

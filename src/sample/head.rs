@@ -128,16 +128,7 @@ fn icosahedron() -> (Vec<Vector3<f64>>, Vec<[u32; 3]>) {
 
 /// The mesh as Wavefront OBJ, metres, Y up.
 pub fn obj(mesh: &TriMesh) -> String {
-    use std::fmt::Write;
-    let mut out = String::from("# head of a hairbake sample, metres, Y up\no head\n");
-    // Writing to a string does not fail.
-    for v in &mesh.vertices {
-        let _ = writeln!(out, "v {:.5} {:.5} {:.5}", v.x, v.y, v.z);
-    }
-    for t in &mesh.triangles {
-        let _ = writeln!(out, "f {} {} {}", t[0] + 1, t[1] + 1, t[2] + 1);
-    }
-    out
+    format!("# head of a hairbake sample, metres, Y up\no head\n{}", mesh.to_obj(5))
 }
 
 #[cfg(test)]

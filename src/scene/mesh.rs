@@ -3,6 +3,7 @@
 use super::{Convention, TriMesh};
 use crate::file::read_file;
 use nalgebra::Vector3;
+use std::fmt::Write;
 use std::path::Path;
 
 impl TriMesh {
@@ -54,6 +55,19 @@ impl TriMesh {
             return Err(format!("has a vertex that is not finite: number {} of those used", i + 1));
         }
         Ok(mesh)
+    }
+
+    /// The mesh as Wavefront OBJ in the unit of its vertices, with so many digits after the point.
+    pub(crate) fn to_obj(&self, digits: usize) -> String {
+        let mut out = String::new();
+        // Writing to a string does not fail.
+        for v in &self.vertices {
+            let _ = writeln!(out, "v {:.digits$} {:.digits$} {:.digits$}", v.x, v.y, v.z);
+        }
+        for t in &self.triangles {
+            let _ = writeln!(out, "f {} {} {}", t[0] + 1, t[1] + 1, t[2] + 1);
+        }
+        out
     }
 
     /// Drops the triangles of no area and counts them.

@@ -2,10 +2,10 @@
 
 use super::{Faults, Key};
 use crate::error::Result;
-use crate::file::{read_file, sha256, write_file};
+use crate::file::{is_plain_name, read_file, sha256, write_file};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::{Component, Path};
+use std::path::Path;
 
 /// Faulty elements of one array that are reported one by one.
 const MAX_PER_ARRAY: usize = 4;
@@ -264,10 +264,7 @@ fn decode(scalar: Scalar, bytes: &[u8]) -> f64 {
 type BufferFault = (&'static str, String, String, &'static str);
 
 fn read_buffer(file: &BufferFile, folder: &Path) -> std::result::Result<Vec<u8>, BufferFault> {
-    let mut components = Path::new(&file.uri).components();
-    let plain = matches!((components.next(), components.next()), (Some(Component::Normal(_)), None))
-        && !file.uri.contains(['/', '\\', ':']);
-    if !plain {
+    if !is_plain_name(&file.uri) {
         let allowed = "a plain file name: no folder, no \"..\", no scheme".into();
         return Err(("uri", format!("is \"{}\"", file.uri), allowed, "put the buffer beside the JSON file"));
     }
