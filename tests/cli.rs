@@ -19,6 +19,7 @@ fn help_and_version_are_data() {
         "check",
         "schema",
         "sample",
+        "estimate",
         "simulate",
         "interpolate",
         "assemble",
@@ -325,4 +326,55 @@ fn validation_says_what_is_wrong_and_how_it_ended() {
     assert!(report.to_string().contains("1002"));
     std::fs::remove_dir_all(&out).unwrap();
     validate().assert().code(65);
+}
+
+#[test]
+fn a_dry_run_tells_where_each_value_comes_from_and_writes_nothing() {
+    let scene = Scene::import();
+    let mut anim: serde_json::Value = serde_json::from_slice(&here(&scene.anim)).unwrap();
+    anim["settings"] = serde_json::json!({ "nodes": 6, "preroll_s": 0.1 });
+    std::fs::write(&scene.anim, anim.to_string()).unwrap();
+    let out = scene.folder.path().join("out");
+    let mut command = bake(&scene.groom, &scene.anim, &out);
+    command.args(["--substeps", "3", "--set", "anim.settings.scheme=backward-euler", "--dry-run"]);
+    command.env("HAIRBAKE_CHECKPOINT_SECONDS", "7").env("SLURM_CPUS_PER_TASK", "1");
+    let output = command.assert().success().get_output().stdout.clone();
+    let text = String::from_utf8(output).unwrap();
+    let file = scene.anim.display().to_string();
+    for (name, value, origin) in [
+        ("substeps", "3", "--substeps"),
+        ("preroll", "0.1", file.as_str()),
+        ("nodes", "6", &file),
+        ("scheme", "backward-euler", "--set"),
+        ("contact", "bodies", "default"),
+        ("checkpoint-seconds", "7", "HAIRBAKE_CHECKPOINT_SECONDS"),
+        ("threads", "1", "SLURM_CPUS_PER_TASK"),
+        ("max-runtime", "none", "default"),
+    ] {
+        let row =
+            text.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("no {name}:\n{text}"));
+        let words: Vec<_> = row.split_whitespace().collect();
+        assert_eq!(words[1..], [value, origin], "{text}");
+    }
+    assert!(!out.exists());
+}
+
+#[test]
+fn an_estimate_is_near_what_the_bake_takes() {
+    let scene = Scene::import();
+    let out = scene.folder.path().join("out");
+    let mut command = hairbake();
+    command.arg("estimate").args([&scene.groom, &scene.anim]).arg("-o").arg(&out);
+    let output = command.assert().success().get_output().stdout.clone();
+    let text = String::from_utf8(output).unwrap();
+    assert!(!out.exists());
+    let number = |name: &str| -> f64 {
+        let row = text.lines().find(|line| line.starts_with(name)).unwrap();
+        row.split_whitespace().nth(1).unwrap().parse().unwrap()
+    };
+    bake(&scene.groom, &scene.anim, &out).arg("--no-pictures").assert().success();
+    let bytes = |name: &String| std::fs::metadata(out.join(name)).unwrap().len();
+    let layers: u64 = entries(&out).iter().filter(|name| name.contains(".usd")).map(bytes).sum();
+    assert!((number("disk") - layers as f64 * 1e-6).abs() < 0.051, "{text} {layers}");
+    assert!(number("memory") > 1.0 && number("time") < 600.0, "{text}");
 }

@@ -2,6 +2,7 @@
 
 use super::bake::{AssembleArguments, BakeArguments, InterpolateArguments, SimulateArguments};
 use super::console::LogFormat;
+use super::estimate::EstimateArguments;
 use super::import::Import;
 use super::plan::PlanArguments;
 use super::preview::PreviewArguments;
@@ -31,6 +32,10 @@ Examples:
       hairbake import track walk.json --groom shot/groom.json --collider bust.obj:cm -o shot/anim.json
       hairbake check shot/groom.json shot/anim.json
       hairbake shot/groom.json shot/anim.json -o shot/cache
+  Bring in both from USD, and see what the bake will take:
+      hairbake import groom asset.usd --prim /char/groom --head asset.usd:/char/body -o shot/groom.json
+      hairbake import track shot.usd --prim /char/head --collider shot.usd:/char/body -o shot/anim.json
+      hairbake estimate shot/groom.json shot/anim.json -o shot/cache
   Try a few frames first, with half of the steps:
       hairbake shot/groom.json shot/anim.json -o /tmp/try --frames 1001-1012 --substeps 4
 
@@ -106,6 +111,8 @@ pub enum Command {
     },
     /// Write a sample: a groom on a simple head, with a head-shake and a turn
     Sample(SampleArguments),
+    /// Say how long a bake will take, how much disk and memory, and where each setting comes from
+    Estimate(Box<EstimateArguments>),
     /// Simulate the guides of a bake, or of a segment of its frames
     Simulate(Box<SimulateArguments>),
     /// Make frames of simulated guides, any of them in any order

@@ -1,5 +1,6 @@
 //! `hairbake GROOM ANIM -o OUT`: the bake, all of it or stage by stage.
 
+use super::estimate::{self, Typed};
 use super::progress::Progress;
 use super::scene::{RunArguments, SceneArguments};
 use super::values::FrameList;
@@ -22,6 +23,12 @@ pub struct BakeArguments {
     end: EndArguments,
     #[command(flatten)]
     run: RunArguments,
+    /// Check all, print what would be baked and each setting with where it comes from, and write nothing
+    #[arg(long, help_heading = "Output")]
+    dry_run: bool,
+    /// Say before the bake where the value of each setting comes from: an option, a variable, a file, or the default
+    #[arg(long, help_heading = "Output")]
+    explain: bool,
 }
 
 /// How a bake ends.
@@ -102,9 +109,21 @@ struct ShotArgument {
 }
 
 /// Does all that is left of a bake, then reports; or makes some of its frames.
-pub fn run(scene: &SceneArguments, arguments: &BakeArguments, progress: Progress) -> Result<()> {
-    let control = arguments.run.control()?;
+pub fn run(
+    scene: &SceneArguments,
+    arguments: &BakeArguments,
+    typed: &Typed,
+    progress: Progress,
+) -> Result<()> {
     let list = arguments.frames.as_ref();
+    if arguments.dry_run || arguments.explain {
+        let plan = estimate::plan(scene, &scene.load(list.map(|list| list.shot))?, typed)?;
+        if arguments.dry_run {
+            return console::data(plan.as_bytes());
+        }
+        console::say(plan.trim_end());
+    }
+    let control = arguments.run.control()?;
     let job = scene.job(list.map(|list| list.shot))?;
     if let Some(FrameList { frames, .. }) = list.filter(|list| !list.is_whole()) {
         let last = frames.iter().max().map_or(*job.frames().start(), |last| last + SPAN as i32);

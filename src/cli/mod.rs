@@ -4,6 +4,7 @@ mod arguments;
 mod bake;
 mod check;
 mod console;
+mod estimate;
 mod import;
 mod plan;
 mod preview;
@@ -19,7 +20,8 @@ mod values;
 
 use crate::error::{Error, Result};
 use arguments::{Arguments, Command};
-use clap::Parser;
+use clap::{ArgMatches, CommandFactory, FromArgMatches};
+use estimate::Typed;
 use progress::Progress;
 use std::process::ExitCode;
 
@@ -28,8 +30,11 @@ const USAGE: u8 = 64;
 
 /// Runs the program on the process's own arguments.
 pub fn main() -> ExitCode {
-    let arguments = match Arguments::try_parse() {
-        Ok(arguments) => arguments,
+    let parsed = Arguments::command()
+        .try_get_matches()
+        .and_then(|matches| Ok((Arguments::from_arg_matches(&matches)?, matches)));
+    let (arguments, matches) = match parsed {
+        Ok(parsed) => parsed,
         Err(message) => {
             // A closed output is no reason to fail; there is nobody to tell.
             let _ = message.print();
@@ -37,7 +42,7 @@ pub fn main() -> ExitCode {
         }
     };
     console::start(arguments.quiet, arguments.log_format);
-    match run(arguments) {
+    match run(arguments, matches) {
         Ok(code) => code,
         Err(error) => {
             console::fail(&error);
@@ -46,19 +51,21 @@ pub fn main() -> ExitCode {
     }
 }
 
-fn run(arguments: Arguments) -> Result<ExitCode> {
+fn run(arguments: Arguments, matches: ArgMatches) -> Result<ExitCode> {
     let Arguments { scene, bake, command, threads, quiet, progress, log_format: _ } = arguments;
-    start_threads(threads)?;
+    let queue = start_threads(threads)?;
+    let typed = || Typed::new(Arguments::command(), matches, queue);
     let progress = Progress::start(quiet, progress);
     match command {
         None => match scene {
-            Some(scene) => bake::run(&scene, &bake, progress)?,
+            Some(scene) => bake::run(&scene, &bake, &typed(), progress)?,
             None => return Err(Error::Usage("GROOM and ANIM, or a command, are needed: see --help".into())),
         },
         Some(Command::Check { files }) => check::check(&files)?,
         Some(Command::Schema { format }) => check::schema(format)?,
         Some(Command::Import { what }) => import::run(what)?,
         Some(Command::Sample(options)) => sample::run(&options)?,
+        Some(Command::Estimate(options)) => estimate::run(&options, &typed(), progress)?,
         Some(Command::Simulate(options)) => bake::simulate(&options, progress)?,
         Some(Command::Interpolate(options)) => bake::interpolate(&options, progress)?,
         Some(Command::Assemble(options)) => bake::assemble(&options)?,
@@ -73,12 +80,14 @@ fn run(arguments: Arguments) -> Result<ExitCode> {
 }
 
 /// Starts as many worker threads as asked for: by option, by hairbake's own variable (clap reads both), or by that of the render
-/// farm's queue; else one for each core that the process may use.
-fn start_threads(asked: Option<usize>) -> Result<()> {
-    let of_queue = |name: &str| std::env::var(name).ok()?.parse().ok().filter(|n| *n > 0);
-    let threads = asked.or_else(|| of_queue("CUE_THREADS")).or_else(|| of_queue("SLURM_CPUS_PER_TASK"));
+/// farm's queue, which is returned; else one for each core that the process may use.
+fn start_threads(asked: Option<usize>) -> Result<Option<&'static str>> {
+    let of_queue =
+        |name: &'static str| Some((name, std::env::var(name).ok()?.parse().ok().filter(|n: &usize| *n > 0)?));
+    let queue = ["CUE_THREADS", "SLURM_CPUS_PER_TASK"].into_iter().find_map(of_queue);
     rayon::ThreadPoolBuilder::new()
-        .num_threads(threads.unwrap_or(0))
+        .num_threads(asked.or(queue.map(|(_, n)| n)).unwrap_or(0))
         .build_global()
-        .map_err(|e| Error::Internal(format!("starting threads: {e}")))
+        .map_err(|e| Error::Internal(format!("starting threads: {e}")))?;
+    Ok(queue.map(|(name, _)| name))
 }

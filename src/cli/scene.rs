@@ -56,6 +56,20 @@ const PATH_MAP_FILE: &str = "HAIRBAKE_PATH_MAP_FILE";
 
 const SETTINGS: &str = "Settings (over those of the anim)";
 
+fn contact(contact: scene::anim::Contact) -> &'static str {
+    match contact {
+        scene::anim::Contact::Full => "full",
+        scene::anim::Contact::Bodies => "bodies",
+    }
+}
+
+fn scheme(scheme: scene::anim::Scheme) -> &'static str {
+    match scheme {
+        scene::anim::Scheme::BackwardEuler => "backward-euler",
+        scene::anim::Scheme::Bdf2 => "bdf2",
+    }
+}
+
 fn preroll(text: &str) -> std::result::Result<f64, String> {
     values::not_negative(text).ok().filter(|s| *s <= 60.0).ok_or_else(|| "0 to 60 s".into())
 }
@@ -94,9 +108,9 @@ impl SceneArguments {
     /// # Errors
     /// As [`SceneArguments::load`].
     pub fn job(&self, shot: Option<(i32, i32)>) -> Result<Job> {
-        let Scene { groom, anim, groom_file, anim_file, reading, out } = self.load(shot)?;
-        let inputs = bake::inputs(&groom_file, &anim_file, &reading)?;
-        let job = Job::begin(groom, anim, inputs, &reading.set, &out)?;
+        let scene = self.load(shot)?;
+        let out = scene.out.clone();
+        let job = scene.begin(&out)?;
         if !out.join(MANIFEST).exists() {
             summary::remove_old(&out)?;
         }
@@ -116,24 +130,55 @@ impl SceneArguments {
         Ok([absolute(&self.groom)?, absolute(&self.anim)?, absolute(&self.output)?])
     }
 
-    /// The options that say the same settings again.
-    pub fn settings(&self) -> Vec<String> {
-        let contact = |c| match c {
-            scene::anim::Contact::Full => "full",
-            scene::anim::Contact::Bodies => "bodies",
-        };
-        let scheme = |s| match s {
-            scene::anim::Scheme::BackwardEuler => "backward-euler",
-            scene::anim::Scheme::Bdf2 => "bdf2",
-        };
-        let given = [
+    /// The settings that options give.
+    fn given(&self) -> [(&'static str, Option<String>); 5] {
+        [
             ("substeps", self.substeps.map(|n| n.to_string())),
             ("preroll", self.preroll.map(|s| s.to_string())),
             ("nodes", self.nodes.map(|n| n.to_string())),
             ("scheme", self.scheme.map(|s| scheme(s).to_string())),
             ("contact", self.contact.map(|c| contact(c).to_string())),
+        ]
+    }
+
+    /// Every setting of a scene, with its value and where that comes from: an option, a value put in place, the file, or the default.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where the animation is there no more.
+    pub fn settings_explained(&self, of: &Scene) -> Result<Vec<(String, String, String)>> {
+        let bytes = crate::file::read_file(&of.anim_file).map_err(|e| Error::io(&of.anim_file, e))?;
+        let file: serde_json::Value = serde_json::from_slice(&bytes).unwrap_or_default();
+        let scene::Settings { substeps, preroll, nodes, scheme: by, contact: with } = of.anim.settings;
+        let resolved = [
+            ("substeps", substeps.to_string()),
+            ("preroll_s", preroll.to_string()),
+            ("nodes", nodes.to_string()),
+            ("scheme", scheme(by).to_string()),
+            ("contact", contact(with).to_string()),
         ];
-        let options = given.into_iter().filter_map(|(name, value)| Some([format!("--{name}"), value?]));
+        let mut rows: Vec<_> = resolved
+            .into_iter()
+            .zip(self.given())
+            .map(|((key, value), (option, given))| {
+                let set = self.set.iter().any(|o| o.name() == format!("anim.settings.{key}"));
+                let origin = match () {
+                    () if given.is_some() => format!("--{option}"),
+                    () if set => "--set".into(),
+                    () if file["settings"].get(key).is_some() => of.anim_file.display().to_string(),
+                    () => "default".into(),
+                };
+                (option.to_string(), value, origin)
+            })
+            .collect();
+        let others = self.set.iter().filter(|o| !o.name().starts_with("anim.settings."));
+        rows.extend(others.map(|o| (o.name(), o.value.to_string(), "--set".into())));
+        Ok(rows)
+    }
+
+    /// The options that say the same settings again.
+    pub fn settings(&self) -> Vec<String> {
+        let options =
+            self.given().into_iter().filter_map(|(name, value)| Some([format!("--{name}"), value?]));
         let set = self.set.iter().map(|o| ["--set".to_string(), format!("{}={}", o.name(), o.value)]);
         let map = self.path_map.iter().map(|(from, to)| ["--path-map".to_string(), format!("{from}={to}")]);
         options.chain(set).chain(map).flatten().collect()
@@ -147,13 +192,26 @@ impl SceneArguments {
 
 /// A scene that was read, and where from.
 pub struct Scene {
-    groom: scene::Groom,
+    /// The groom.
+    pub groom: scene::Groom,
     /// The animation, with the settings of the bake.
     pub anim: scene::Anim,
     groom_file: PathBuf,
     anim_file: PathBuf,
     reading: Reading,
     out: PathBuf,
+}
+
+impl Scene {
+    /// Begins the bake in a folder, or goes on with it.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn begin(self, out: &Path) -> Result<Job> {
+        let Scene { groom, anim, groom_file, anim_file, reading, .. } = self;
+        let inputs = bake::inputs(&groom_file, &anim_file, &reading)?;
+        Job::begin(groom, anim, inputs, &reading.set, out)
+    }
 }
 
 fn check_frames(file: &Path, (first, last): (i32, i32), shot: (i32, i32)) -> Result<()> {

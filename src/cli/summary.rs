@@ -249,7 +249,7 @@ fn list(names: impl Iterator<Item = String>, total: usize) -> String {
 }
 
 /// Most memory that the process has had, bytes, where the system tells (Linux).
-fn peak_memory() -> Option<u64> {
+pub fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;

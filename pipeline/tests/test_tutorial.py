@@ -1,0 +1,32 @@
+"""docs/tutorial.md, run as it stands there."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+LINES = [line.strip() for line in (ROOT / "docs/tutorial.md").read_text().splitlines() if line.startswith("    ")]
+
+
+def test_every_line_of_the_tutorial(hairbake, tmp_path):
+    """All but Blender's, which has a test of its own."""
+    (tmp_path / "pipeline").symlink_to(ROOT / "pipeline")
+    (tmp_path / ".venv").symlink_to(sys.prefix)
+    path = f"{Path(os.environ['HAIRBAKE']).parent}:{os.environ['PATH']}"
+    lines = [line for line in LINES if not line.startswith(".blender")]
+    assert len(lines) == len(LINES) - 1 >= 8
+    for line in lines:
+        done = subprocess.run(line, shell=True, cwd=tmp_path, env={**os.environ, "PATH": path}, capture_output=True, text=True)
+        assert done.returncode == 0, f"{line}\n{done.stderr}\n{done.stdout}"
+    assert (tmp_path / "shot/sheet.png").stat().st_size > 10_000
+    assert len(list((tmp_path / "shot/cache").glob("hair.1*.usdc"))) == 24 + 2
+
+
+@pytest.mark.parametrize("name", ["tutorial.md"])
+def test_what_the_tutorial_links_to_is_there(name):
+    text = (ROOT / "docs" / name).read_text()
+    links = [part.split(")")[0] for part in text.split("](")[1:]]
+    assert links and all((ROOT / "docs" / link).is_file() for link in links)
