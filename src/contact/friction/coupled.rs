@@ -142,4 +142,8 @@ impl System for Network<'_> {
         self.problem.push(self.w, i, &(impulse - at(self.r, i)));
         self.r[3 * i..3 * i + 3].copy_from_slice(impulse.as_slice());
     }
+
+    fn state(&mut self) -> [&mut [f64]; 2] {
+        [self.r, self.w]
+    }
 }

@@ -86,7 +86,8 @@ fn eigen(m: &Matrix2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
     (Vector2::new(a - t * b, d + t * b), Matrix2::new(c, t * c, -t * c, c))
 }
 
-/// Root s > 0 of |r_T(s)| − µ r_N(s), which is positive at 0.
+/// Root s > 0 of |r_T(s)| − µ r_N(s), which is positive at 0: that of g(s) = µ r_N/|r_T| − 1, which without coupling and with equal λ is a
+/// straight line, so that Newton's method takes a few steps.
 fn slip_rate(
     mu: f64,
     lambda: &Vector2<f64>,
@@ -94,35 +95,32 @@ fn slip_rate(
     c: &Vector2<f64>,
     impulse: impl Fn(f64) -> (f64, Vector2<f64>),
 ) -> f64 {
-    let excess = |s: f64| {
-        let (normal, tangent) = impulse(s);
-        (tangent.norm() - mu * normal, tangent)
-    };
-    let mut lo = 0.0;
-    let mut hi = lambda.max();
-    while excess(hi).0 > 0.0 {
-        lo = hi;
-        hi *= 4.0;
-        if !hi.is_finite() {
-            return lo;
-        }
-    }
-    let mut s = 0.5 * (lo + hi);
+    let (mut lo, mut hi) = (0.0, f64::INFINITY);
+    let mut s = 0.0;
     for _ in 0..200 {
-        let (f, tangent) = excess(s);
-        if f > 0.0 {
+        let (normal, tangent) = impulse(s);
+        let length = tangent.norm();
+        let g = mu * normal / length - 1.0;
+        if g < 0.0 {
             lo = s;
         } else {
             hi = s;
         }
         let slope = Vector2::new(a.x / (lambda.x + s).powi(2), a.y / (lambda.y + s).powi(2));
-        let derivative = tangent.dot(&slope) / tangent.norm() + mu * c.dot(&slope);
-        let newton = s - f / derivative;
-        let next = if newton > lo && newton < hi { newton } else { 0.5 * (lo + hi) };
-        if next == s || hi - lo <= f64::EPSILON * hi {
+        let growth = mu * (-c.dot(&slope) - normal * tangent.dot(&slope) / (length * length)) / length;
+        let newton = s - g / growth;
+        let next = if newton > lo && newton < hi {
+            newton
+        } else if hi.is_finite() {
+            0.5 * (lo + hi)
+        } else {
+            4.0 * s.max(lambda.max())
+        };
+        let step = (next - s).abs();
+        s = next;
+        if step <= 4.0 * f64::EPSILON * s || !s.is_finite() {
             break;
         }
-        s = next;
     }
     s
 }

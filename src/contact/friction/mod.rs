@@ -167,14 +167,21 @@ trait System {
     /// u under the impulses as they are.
     fn velocity(&self, i: usize) -> Vector3<f64>;
     fn set(&mut self, i: usize, impulse: Vector3<f64>);
+    /// All impulses, and what is kept that is linear in them.
+    fn state(&mut self) -> [&mut [f64]; 2];
 }
 
 /// Sweeps until the residual is small. Contacts that are open and do not push are left out of sweeps, and looked at again every
 /// [`LOOK`], but not at first. During sweeps the residual is gathered contact by contact as they are met; the one that counts is that of the result.
+///
+/// Between sweeps the impulses go on in the direction of the last ones, as conjugate gradients do with the change by a sweep for a
+/// gradient (M. Silcowitz, S. Niebe & K. Erleben, "A nonsmooth nonlinear conjugate gradient method for interactive contact force
+/// problems", 2010): half as many sweeps for the same residual.
 fn sweep(system: &mut impl System, tolerance: Tolerance, scratch: &mut Scratch) -> Outcome {
-    let Scratch { locals, live } = scratch;
+    let Scratch { locals, live, course } = scratch;
     locals.clear();
     locals.extend((0..system.contacts()).map(|i| Local::new(&system.block(i))));
+    course.clear();
     let mut sweeps = 0;
     loop {
         let mut residual = Residual::default();
@@ -182,7 +189,8 @@ fn sweep(system: &mut impl System, tolerance: Tolerance, scratch: &mut Scratch) 
         for (i, local) in locals.iter().enumerate() {
             let (u, r) = (system.velocity(i), system.impulse(i));
             residual.add(local.w.trace(), u, &r, &system.free(i), system.law(i));
-            if sweeps == 0 || u.x < 0.0 || r != Vector3::zeros() || system.law(i) == Law::Held {
+            let still = r == Vector3::zeros() && course.passes_by(i);
+            if sweeps == 0 || u.x < 0.0 || !still || system.law(i) == Law::Held {
                 live.push(i as u32);
             }
         }
@@ -190,7 +198,9 @@ fn sweep(system: &mut impl System, tolerance: Tolerance, scratch: &mut Scratch) 
         if residual <= tolerance.residual || sweeps >= tolerance.sweeps {
             return Outcome { sweeps, residual };
         }
-        for _ in 0..LOOK.min(tolerance.sweeps - sweeps) {
+        let last = sweeps + LOOK.min(tolerance.sweeps - sweeps);
+        loop {
+            course.start(system.state());
             let mut residual = Residual::default();
             for &i in &*live {
                 let (i, local) = (i as usize, &locals[i as usize]);
@@ -201,8 +211,60 @@ fn sweep(system: &mut impl System, tolerance: Tolerance, scratch: &mut Scratch) 
                 }
             }
             sweeps += 1;
-            if residual.relative() <= tolerance.residual {
+            // What is looked at is what a sweep has left: on their way impulses may stray from their cones.
+            if sweeps == last || residual.relative() <= tolerance.residual {
                 break;
+            }
+            course.go_on(system.state(), locals);
+        }
+    }
+}
+
+/// The course that the state takes over sweeps.
+#[derive(Debug, Default)]
+struct Course {
+    /// The state before the sweep.
+    start: [Vec<f64>; 2],
+    /// Where it was last going.
+    way: [Vec<f64>; 2],
+    /// Square of the change by the last sweep, in the contacts' own scales.
+    gradient: f64,
+}
+
+impl Course {
+    fn clear(&mut self) {
+        self.way.iter_mut().for_each(Vec::clear);
+        self.gradient = 0.0;
+    }
+
+    /// Whether it does not change the impulse of contact `i`.
+    fn passes_by(&self, i: usize) -> bool {
+        self.way[0].get(3 * i..3 * i + 3).is_none_or(|way| way == [0.0; 3])
+    }
+
+    fn start(&mut self, state: [&mut [f64]; 2]) {
+        for (start, now) in self.start.iter_mut().zip(state) {
+            start.clear();
+            start.extend_from_slice(now);
+        }
+    }
+
+    /// Goes on after a sweep, unless that changed more than the one before.
+    fn go_on(&mut self, state: [&mut [f64]; 2], locals: &[Local]) {
+        let contacts = state[0].chunks_exact(3).zip(self.start[0].chunks_exact(3)).zip(locals);
+        let changed = |((r, start), local): ((&[f64], &[f64]), &Local)| {
+            local.w.trace() * r.iter().zip(start).map(|(r, s)| (r - s).powi(2)).sum::<f64>()
+        };
+        let gradient: f64 = contacts.map(changed).sum();
+        let beta = if gradient < self.gradient { gradient / self.gradient } else { 0.0 };
+        self.gradient = gradient;
+        for ((way, start), now) in self.way.iter_mut().zip(&self.start).zip(state) {
+            way.resize(now.len(), 0.0);
+            for ((way, start), now) in way.iter_mut().zip(start).zip(now) {
+                let change = *now - start;
+                *way *= beta;
+                *now += *way;
+                *way += change;
             }
         }
     }
@@ -228,6 +290,7 @@ pub struct Scratch {
     locals: Vec<Local>,
     /// Contacts that push or are too near.
     live: Vec<u32>,
+    course: Course,
 }
 
 /// Solves `problem` for the impulses `r` (3c), starting from what they hold (zero, or the last step's).
@@ -267,6 +330,10 @@ impl System for Dense<'_> {
 
     fn set(&mut self, i: usize, impulse: Vector3<f64>) {
         self.r[3 * i..3 * i + 3].copy_from_slice(impulse.as_slice());
+    }
+
+    fn state(&mut self) -> [&mut [f64]; 2] {
+        [self.r, &mut []]
     }
 }
 
