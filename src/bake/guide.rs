@@ -120,7 +120,7 @@ pub struct StrandRecord {
     pub residual: f64,
     /// 1 where its motion together with the others came to no good, and it went where it would have gone alone.
     pub alone: u32,
-    /// 1 where it did not move on the head, for any motion would have crossed another guide.
+    /// 1 where it went a part of its way only, or did not move on the head, for it would have crossed another guide.
     pub held: u32,
     /// Places where the motion of a segment crosses that of a guide further down the order.
     pub crossings: u32,

@@ -18,6 +18,9 @@ const SPAN: f64 = 8.0;
 /// The last cell along an axis: its number has 21 bits.
 const LAST_CELL: u64 = (1 << 21) - 1;
 
+/// How far outside a segment, as a fraction of it, two still meet: what goes through a vertex is not lost between its segments.
+const EDGE: f64 = 1e-9;
+
 /// Strands that move over a sub-step: the vertices of all, one strand after another, root first.
 #[derive(Debug, Clone, Copy)]
 pub struct Strands<'a> {
@@ -172,23 +175,58 @@ impl Strands<'_> {
         p[0].lerp(&p[1], meeting.u[0]) - q[0].lerp(&q[1], meeting.u[1])
     }
 
+    /// Whether the segments of a pair pass through each other: whether their ends come to lie in a plane, a root of a cubic in time (Provot
+    /// 1997), in which the segments meet. To come as near as one may like is not to cross.
+    pub fn crosses(&self, pair: Pair) -> bool {
+        let [start, end] = [self.x0, self.x1].map(|x| {
+            let (p, q) = (Self::ends(x, pair.0), Self::ends(x, pair.1));
+            [p[1] - p[0], q[1] - q[0], q[0] - p[0]]
+        });
+        let at = |t: f64| [0, 1, 2].map(|i: usize| start[i].lerp(&end[i], t));
+        let volume = |t: f64| {
+            let [p, q, w] = at(t);
+            p.cross(&q).dot(&w)
+        };
+        let meet = |t: f64| {
+            let [p, q, w] = at(t);
+            let n = p.cross(&q);
+            let within = |x: Vector3<f64>| {
+                let s = w.cross(&x).dot(&n) / n.norm_squared();
+                (-EDGE..=1.0 + EDGE).contains(&s)
+            };
+            within(q) && within(p)
+        };
+        // The cubic through its values at thirds turns at most twice; between its turns it is monotonous.
+        let [a, b, c, d] = [0.0, 1.0, 2.0, 3.0].map(|k| volume(k / 3.0));
+        let cubic = 4.5 * (d - a - 3.0 * (c - b));
+        let square = 4.5 * (2.0 * a - 5.0 * b + 4.0 * c - d);
+        let linear = d - a - square - cubic;
+        let root = (square * square - 3.0 * cubic * linear).max(0.0).sqrt();
+        let sum = -(square + root.copysign(square));
+        let mut turns = [sum / (3.0 * cubic), linear / sum].map(|t| if t > 0.0 && t < 1.0 { t } else { 0.0 });
+        turns.sort_by(f64::total_cmp);
+        let knots = [0.0, turns[0], turns[1], 1.0];
+        knots.windows(2).any(|k| {
+            let (mut lo, mut hi) = (k[0], k[1]);
+            let before = volume(lo) > 0.0;
+            if before == (volume(hi) > 0.0) {
+                return false;
+            }
+            for _ in 0..60 {
+                let middle = 0.5 * (lo + hi);
+                if before == (volume(middle) > 0.0) { lo = middle } else { hi = middle }
+            }
+            meet(hi)
+        })
+    }
+
     /// The first time at which a pair that must keep `clearance`, m, comes too close, if it does: a fifth of the clearance, or of
     /// the distance at the start where that is less, so that what is apart stays apart however often it is
     /// stopped. The time is a fraction of the sub-step.
-    pub fn impact(&self, pair: Pair, clearance: f64) -> Option<(Meeting, f64)> {
-        self.advance(pair, clearance, SEPARATION)
-    }
-
-    /// Whether a pair may pass through each other: whether [`Strands::impact`] still finds one when it lets them come ten times as near.
-    pub fn crosses(&self, pair: Pair, clearance: f64) -> bool {
-        self.advance(pair, clearance, 0.1 * SEPARATION).is_some()
-    }
-
-    /// First time at which the distance of a pair falls below `share` of the clearance, or of the distance at the start.
     ///
     /// Conservative advancement along the direction between the closest points, as for bodies (`ccd`): each of the ends of
     /// one segment against each of the other.
-    fn advance(&self, pair: Pair, clearance: f64, share: f64) -> Option<(Meeting, f64)> {
+    pub fn impact(&self, pair: Pair, clearance: f64) -> Option<(Meeting, f64)> {
         let start = [Self::ends(self.x0, pair.0), Self::ends(self.x0, pair.1)];
         let end = [Self::ends(self.x1, pair.0), Self::ends(self.x1, pair.1)];
         let velocity = [0, 1].map(|s| [0, 1].map(|i| end[s][i] - start[s][i]));
@@ -203,7 +241,7 @@ impl Strands<'_> {
         if scale <= TOUCHING {
             return None;
         }
-        let (separation, stop) = (share * scale, (share + share / SEPARATION * TOLERANCE) * scale);
+        let (separation, stop) = (SEPARATION * scale, (SEPARATION + TOLERANCE) * scale);
         let mut place = start;
         let mut t = 0.0;
         for _ in 0..STEPS {
@@ -318,6 +356,54 @@ mod tests {
     }
 
     #[test]
+    fn a_crossing_is_told_from_a_near_miss() {
+        // A segment through another, beside it, and back out again.
+        let still = [Vector3::new(-1.0, 0.0, 0.0), Vector3::new(1.0, 0.0, 0.0)];
+        let needle = |x: f64, y: [f64; 2]| [Vector3::new(x, y[0], -1.0), Vector3::new(x, y[1], 1.0)];
+        let crosses = |a: [Vector3<f64>; 2], b: [Vector3<f64>; 2]| {
+            let (x0, x1) = ([still, a].concat(), [still, b].concat());
+            Strands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1] }.crosses((0, 2))
+        };
+        for depth in [1e-9, 1e-3, 1.0] {
+            assert!(crosses(needle(0.3, [1e-6, 1e-6]), needle(0.3, [-depth, -depth])));
+            assert!(!crosses(needle(0.3, [1e-6, 1e-6]), needle(0.3, [1e-15, 1e-15])));
+            assert!(!crosses(needle(1.1, [1.0, 1.0]), needle(1.1, [-depth, -depth])));
+        }
+        // Its ends pass one after the other while it moves past the end of the other segment, or before that.
+        assert!(crosses(needle(0.9, [1.0, 1.0]), needle(1.2, [-3.0, -3.0])));
+        assert!(!crosses(needle(0.9, [1.0, 1.0]), needle(1.5, [-1.0, -1.0])));
+    }
+
+    #[test]
+    fn crossings_are_those_that_fine_samples_of_the_side_show() {
+        let mut counts = [0; 2];
+        for seed in 0..60 {
+            let (x0, x1, strand) = tangle(6, 0.05, 0.08, seed);
+            let strands = Strands { x0: &x0, x1: &x1, strand: &strand };
+            for pair in all_pairs(&strands) {
+                // The side on which the second segment is where their closest points are within both changes at a crossing, and nowhere else.
+                let side = |t: f64| {
+                    let x: Vec<_> = x0.iter().zip(&x1).map(|(a, b)| a.lerp(b, t)).collect();
+                    let (p, q) = (Strands::ends(&x, pair.0), Strands::ends(&x, pair.1));
+                    let (u, v) = segment_segment([&p[0], &p[1]], [&q[0], &q[1]]);
+                    let inner = |s: f64| s > 0.0 && s < 1.0;
+                    let normal = (p[1] - p[0]).cross(&(q[1] - q[0]));
+                    (inner(u) && inner(v)).then(|| normal.dot(&(q[0] - p[0])) > 0.0)
+                };
+                let sides: Vec<_> = (0..=4000).map(|i| side(f64::from(i) / 4000.0)).collect();
+                let swaps = sides.windows(2).any(|s| s[0].is_some() && s[1].is_some() && s[0] != s[1]);
+                // What crosses within a sample of an edge is seen by one and not by the other.
+                if swaps {
+                    assert!(strands.crosses(pair), "seed {seed} {pair:?}");
+                }
+                counts[0] += usize::from(swaps);
+                counts[1] += usize::from(strands.crosses(pair));
+            }
+        }
+        assert!(counts[0] > 100 && counts[1] - counts[0] < counts[0] / 10, "{counts:?}");
+    }
+
+    #[test]
     fn strands_that_swap_sides_are_stopped() {
         // A needle crossing another at right angles and nearly parallel, at 10,000 times the clearance.
         for slope in [1.0, 1e-3] {
@@ -329,6 +415,7 @@ mod tests {
             let strands = Strands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1] };
             let (hit, _) = strands.impact((0, 2), 1e-4).expect("stopped");
             assert!(hit.normal.y < -0.99 && hit.distance < -0.9, "{hit:?}");
+            assert!(strands.crosses((0, 2)));
         }
     }
 }

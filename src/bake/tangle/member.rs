@@ -15,6 +15,9 @@ const SETTLED: f64 = 3e-4;
 /// Motion of a point between rounds that is as good as none, m: who is not well then will not be.
 const MOVE_TOLERANCE: f64 = 5e-6;
 
+/// Least share of its way that a guide goes whose way is cut short.
+const LEAST_SHARE: f64 = 0.25;
+
 /// How a guide ends a sub-step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Resort {
@@ -37,6 +40,8 @@ pub(super) struct Member {
     pub clear: bool,
     /// How it ends.
     pub resort: Resort,
+    /// Share of its way that it goes.
+    share: f64,
     /// Rounds that it took part in, and the residual of the last.
     pub rounds: u32,
     pub residual: f64,
@@ -63,6 +68,7 @@ impl Member {
             stirred: false,
             clear: true,
             resort: Resort::Together,
+            share: 1.0,
             rounds: 0,
             residual: 0.0,
             moved: 0.0,
@@ -83,6 +89,7 @@ impl Member {
         self.stirred = true;
         (self.rounds, self.residual, self.moved) = (0, 0.0, f64::INFINITY);
         self.resort = Resort::Together;
+        self.share = 1.0;
         self.meet_bodies(guide, around.bodies);
     }
 
@@ -168,5 +175,29 @@ impl Member {
         self.work.q.clone_from(&self.alone);
         self.work.solver.shape.update(&guide.rod, &self.root.r, &self.work.q);
         self.resort = Resort::Alone;
+    }
+
+    /// Goes half of the way on the head that it went so far; none where that would be too little, or takes it through a body.
+    pub fn cut_short(&mut self, guide: &mut Guide, bodies: &Bodies) {
+        self.share *= 0.5;
+        for (q, start) in self.work.q.iter_mut().zip(&guide.q[0]) {
+            *q = start + 0.5 * (*q - start);
+        }
+        self.work.solver.shape.update(&guide.rod, &self.root.r, &self.work.q);
+        self.meet_bodies(guide, bodies);
+        if self.share < LEAST_SHARE || !self.clear {
+            self.stop();
+        }
+    }
+
+    /// Does not move on the head.
+    pub fn stop(&mut self) {
+        self.share = 0.0;
+        self.resort = Resort::Still;
+    }
+
+    /// Whether another guide kept it from going all of its way.
+    pub fn is_cut_short(&self) -> bool {
+        self.share < 1.0
     }
 }

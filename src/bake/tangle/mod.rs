@@ -19,6 +19,7 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use places::Places;
 pub(super) use places::Thickness;
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 
 /// Times that reactions are solved for, guides moved and contacts looked for in one sub-step.
 const MAX_ROUNDS: u32 = 8;
@@ -77,7 +78,7 @@ impl Tangle {
             }
             self.look();
         }
-        self.give_way(guides, around, t, &head);
+        self.give_way(guides, around, t, records);
         self.note(guides, around.bodies, records);
         self.close(guides, around, t);
     }
@@ -91,7 +92,7 @@ impl Tangle {
         t: [f64; 2],
         records: &[StepRecord],
     ) -> Vec<Island> {
-        let whole = |g: usize| records[g].halvings == 0 && records[g].unconverged == 0;
+        let whole = |g: usize| is_whole(&records[g]);
         let mut sets = Sets::new(guides.len());
         let mut wanted = self.pushed.clone();
         for place in &self.places.found {
@@ -198,9 +199,10 @@ impl Tangle {
         }
     }
 
-    /// The last resorts. A guide that still crosses a body goes where it went alone; guides that cross each other do not move on the head,
-    /// and neither does what then crosses one of them.
-    fn give_way(&mut self, guides: &mut [Guide], around: &Surroundings, t: [f64; 2], head: &Isometry3<f64>) {
+    /// The last resorts. A guide that still crosses a body goes where it went alone; guides that cross each other go half of their way, or a
+    /// quarter, or do not move on the head, and so does what then crosses one of them.
+    fn give_way(&mut self, guides: &mut [Guide], around: &Surroundings, t: [f64; 2], records: &[StepRecord]) {
+        let head = &(around.head)(t[1]).inverse();
         let lost: Vec<usize> =
             (0..guides.len()).filter(|&g| self.members[g].open && !self.members[g].clear).collect();
         for &g in &lost {
@@ -211,23 +213,29 @@ impl Tangle {
             self.places.look();
         }
         loop {
-            let mut held = false;
-            for g in
-                self.places.crossing.iter().flat_map(|&pair| self.places.guides_of(pair)).collect::<Vec<_>>()
-            {
-                let m = &mut self.members[g];
-                if !m.open {
-                    m.open(&mut guides[g], around, t);
-                }
-                if m.resort != Resort::Still {
-                    m.resort = Resort::Still;
-                    self.places.stop(g);
-                    held = true;
-                }
-            }
-            if !held {
+            let crossing = self.places.crossing.iter().flat_map(|&pair| self.places.guides_of(pair));
+            let crossing: BTreeSet<usize> = crossing
+                .filter(|&g| self.members[g].resort != Resort::Still || !self.members[g].open)
+                .collect();
+            if crossing.is_empty() {
                 break;
             }
+            for g in crossing {
+                let (m, guide) = (&mut self.members[g], &mut guides[g]);
+                if !m.open {
+                    m.open(guide, around, t);
+                }
+                // Of what was taken in parts only the last can be opened.
+                if is_whole(&records[g]) {
+                    m.cut_short(guide, around.bodies);
+                } else {
+                    m.stop();
+                }
+                if m.resort == Resort::Still {
+                    self.places.stop(g);
+                }
+            }
+            self.gather(head);
             self.places.look();
         }
     }
@@ -240,7 +248,7 @@ impl Tangle {
                 record.strands.rounds = m.rounds;
                 record.strands.residual = m.residual;
                 record.strands.alone = u32::from(m.resort == Resort::Alone);
-                record.strands.held = u32::from(m.resort == Resort::Still);
+                record.strands.held = u32::from(m.is_cut_short());
             }
         }
         for place in &self.places.found {
@@ -272,6 +280,11 @@ impl Tangle {
         }
         self.places.end();
     }
+}
+
+/// Whether a sub-step was taken in one piece.
+fn is_whole(record: &StepRecord) -> bool {
+    record.halvings == 0 && record.unconverged == 0
 }
 
 /// The members of islands, with their guides.

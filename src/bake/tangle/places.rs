@@ -183,8 +183,34 @@ impl Places {
             let (meeting, before) = strands.facing(pair)?;
             (before < places.law(pair) + REACH).then(|| places.place(meeting))
         };
-        self.found = self.pairs.par_iter().filter_map(near).collect();
+        let near: Vec<Place> = self.pairs.par_iter().filter_map(near).collect();
+        self.found = self.thinned(near);
         self.look();
+    }
+
+    /// Of places that stand for each other only the tightest: together they would hold the same thing twice, and share the force between them as
+    /// they please.
+    fn thinned(&self, near: Vec<Place>) -> Vec<Place> {
+        let slack: Vec<f64> = near
+            .iter()
+            .map(|p| self.strands().distance_before(p.meeting.pair) - self.law(p.meeting.pair))
+            .collect();
+        let mut order: Vec<usize> = (0..near.len()).collect();
+        order.sort_by_key(|&i| self.guides(&near[i].meeting));
+        let mut kept = Vec::with_capacity(near.len());
+        for same in
+            order.chunk_by_mut(|&i, &j| self.guides(&near[i].meeting) == self.guides(&near[j].meeting))
+        {
+            same.sort_by(|&i, &j| slack[i].total_cmp(&slack[j]));
+            let first = kept.len();
+            for &i in &*same {
+                if kept[first..].iter().all(|&k: &usize| !stands_for(&near[k].meeting, &near[i].meeting)) {
+                    kept.push(i);
+                }
+            }
+        }
+        kept.sort_unstable();
+        kept.into_iter().map(|i| near[i]).collect()
     }
 
     /// Pairs that may meet within this sub-step, if no point moves by more than [`MARGIN`] beyond the ends as they are now.
@@ -206,7 +232,7 @@ impl Places {
                 let law = places.law(pair);
                 let (meeting, time) = strands.impact(pair, law)?;
                 let guides = places.guides_of(pair);
-                Some(Hit { guides, time, meeting, crosses: strands.crosses(pair, law) })
+                Some(Hit { guides, time, meeting, crosses: strands.crosses(pair) })
             })
             .collect();
         self.crossing.clear();
