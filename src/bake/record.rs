@@ -17,6 +17,8 @@ pub struct FrameRecord {
     pub newton_max: u32,
     /// Steps that were cut in half for the solver's sake.
     pub halvings: u32,
+    /// Ids of guides with a step that was taken in parts: between its ends they went otherwise than straight.
+    pub divided: Vec<i32>,
     /// Ids of guides with a solve that did not converge; they were carried along rigidly instead.
     pub unconverged: Vec<i32>,
     /// Places where a guide is at a body, found at the last sub-step of the frame.
@@ -41,7 +43,7 @@ pub struct FrameRecord {
     pub strand_residual: f64,
     /// Motions of guides that passed through a body, and segments of guides that passed through each other.
     pub crossings: u32,
-    /// Motions of guides cut short for another guide's sake: taken as if it were not there, or not at all.
+    /// Motions of guides cut short for another guide's sake: taken as if it were not there, in part, or not at all.
     pub strands_shortened: u32,
     /// Farthest that a tie is from where it has to be, m.
     pub tie_slack_m: f64,
@@ -64,12 +66,13 @@ impl FrameRecord {
     /// Which guarantees the frame breaks, in words; none as a rule.
     pub fn broken(&self) -> Vec<String> {
         let counted = |n: u32, what: &str| (n > 0).then(|| format!("{n} {what}"));
-        let residual = (self.contact_residual > RESIDUAL).then(|| {
-            format!("a contact residual of {:.1e}, more than {RESIDUAL:.0e}", self.contact_residual)
-        });
+        let residual = self.contact_residual.max(self.strand_residual);
+        let residual = (residual > RESIDUAL)
+            .then(|| format!("a contact residual of {residual:.1e}, more than {RESIDUAL:.0e}"));
         let broken = [
             counted(self.crossings, "crossings of a surface"),
             counted(self.shortened, "motions cut short at a surface"),
+            counted(self.strands_shortened, "motions cut short for another guide's sake"),
             counted(self.unconverged.len() as u32, "guides with a solve that did not converge"),
             residual,
         ];
@@ -99,6 +102,9 @@ impl FrameRecord {
             self.crossings += r.crossed + r.strands.crossings;
             self.strands_shortened += r.strands.alone + r.strands.held;
             self.tie_slack_m = self.tie_slack_m.max(r.slack);
+            if r.halvings > 0 && !self.divided.contains(id) {
+                self.divided.push(*id);
+            }
             if r.unconverged > 0 && !self.unconverged.contains(id) {
                 self.unconverged.push(*id);
             }
@@ -139,6 +145,8 @@ mod tests {
             FrameRecord { shortened: 2, ..good.clone() },
             FrameRecord { unconverged: vec![4], ..good.clone() },
             FrameRecord { contact_residual: 2.0 * RESIDUAL, ..good.clone() },
+            FrameRecord { strands_shortened: 1, ..good.clone() },
+            FrameRecord { strand_residual: 2.0 * RESIDUAL, ..good.clone() },
         ];
         for record in bad {
             assert_eq!(record.broken().len(), 1, "{record:?}");

@@ -130,6 +130,74 @@ fn report(summary: &BakeSummary, title: &str) -> BakeReport {
         "Largest relative change of a segment's length as read from the frames at its ends. The curve keeps its length exactly; this shows how well segments this long follow it.",
         vec![series("largest", |f| f.length_drift)],
     );
+    let residual = chart(
+        "Residual of the reactions",
+        "",
+        "By how much the law of contact is missed, relative to the forces, at worst.",
+        vec![series("bodies", |f| f.contact_residual), series("guides", |f| f.strand_residual)],
+    );
+    let mut charts = vec![
+        chart(
+            "Contacts",
+            "",
+            "Places where a guide is at a body, at the last sub-step of the frame.",
+            vec![
+                series("found", |f| f64::from(f.contacts_found)),
+                series("active", |f| f64::from(f.contacts_active)),
+            ],
+        ),
+        Chart { logarithmic: true, ..residual },
+        chart(
+            "Penetration",
+            "mm",
+            "Deepest point inside a body that is not exempt (roots that start inside are).",
+            vec![series("deepest", |f| f.penetration_m * 1e3)],
+        ),
+        Chart { logarithmic: true, ..drift },
+        chart(
+            "Speed relative to the head",
+            "m/s",
+            "Points of guides. Zero on a still head once the hair has settled.",
+            vec![
+                series("mean", |f| f.speed_mean_m_s),
+                series("95th percentile", |f| f.speed_p95_m_s),
+                series("largest", |f| f.speed_max_m_s),
+            ],
+        ),
+        chart(
+            "Newton steps",
+            "",
+            "Per guide and sub-step.",
+            vec![series("mean", |f| f.newton_mean), series("most", |f| f64::from(f.newton_max))],
+        ),
+        chart(
+            "Rescues",
+            "",
+            "Steps cut in half for the solver's sake, motions cut short at a surface or for another guide's sake, guides carried along for want of \
+                 convergence; none is good.",
+            vec![
+                series("halvings", |f| f64::from(f.halvings)),
+                series("shortened", |f| f64::from(f.shortened)),
+                series("shortened for guides", |f| f64::from(f.strands_shortened)),
+                series("crossings", |f| f64::from(f.crossings)),
+                series("unconverged", |f| f.unconverged.len() as f64),
+            ],
+        ),
+    ];
+    if frames.iter().any(|f| f.strand_rounds > 0) {
+        charts.insert(
+            1,
+            chart(
+                "Contacts between guides",
+                "",
+                "Places where two guides are near each other or met, at the last sub-step of the frame.",
+                vec![
+                    series("found", |f| f64::from(f.strand_contacts_found)),
+                    series("active", |f| f64::from(f.strand_contacts_active)),
+                ],
+            ),
+        );
+    }
     BakeReport {
         title: title.into(),
         settings: settings(summary),
@@ -139,52 +207,7 @@ fn report(summary: &BakeSummary, title: &str) -> BakeReport {
             stage("interpolate", |s| s.interpolate),
             stage("write", |s| s.write),
         ],
-        charts: vec![
-            chart(
-                "Contacts",
-                "",
-                "Places where a guide is at a body, at the last sub-step of the frame.",
-                vec![
-                    series("found", |f| f64::from(f.contacts_found)),
-                    series("active", |f| f64::from(f.contacts_active)),
-                ],
-            ),
-            chart(
-                "Penetration",
-                "mm",
-                "Deepest point inside a body that is not exempt (roots that start inside are).",
-                vec![series("deepest", |f| f.penetration_m * 1e3)],
-            ),
-            Chart { logarithmic: true, ..drift },
-            chart(
-                "Speed relative to the head",
-                "m/s",
-                "Points of guides. Zero on a still head once the hair has settled.",
-                vec![
-                    series("mean", |f| f.speed_mean_m_s),
-                    series("95th percentile", |f| f.speed_p95_m_s),
-                    series("largest", |f| f.speed_max_m_s),
-                ],
-            ),
-            chart(
-                "Newton steps",
-                "",
-                "Per guide and sub-step.",
-                vec![series("mean", |f| f.newton_mean), series("most", |f| f64::from(f.newton_max))],
-            ),
-            chart(
-                "Rescues",
-                "",
-                "Steps cut in half for the solver's sake, motions cut short at a surface, guides carried along for want of convergence; none is \
-                 good.",
-                vec![
-                    series("halvings", |f| f64::from(f.halvings)),
-                    series("shortened", |f| f64::from(f.shortened)),
-                    series("crossings", |f| f64::from(f.crossings)),
-                    series("unconverged", |f| f.unconverged.len() as f64),
-                ],
-            ),
-        ],
+        charts,
         warnings: warnings(frames),
         pictures: Vec::new(),
     }
