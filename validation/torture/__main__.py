@@ -19,8 +19,8 @@ STEPS = (5, 4, 3, 2, 1)
 def torture(hairbake: Hairbake, name: str, steps: int, seconds: float = 1.0) -> tuple[Count, list[Event], dict]:
     """Bakes a scene with so many steps a film frame; what was looked at, what crossed, and hairbake's own totals.
 
-    A step that hairbake divided went another way between its ends than the straight one, which alone is known here. Events
-    of frames with such steps are counted, but decide nothing and are left out of the second result.
+    A guide whose step hairbake divided went another way between its ends than the straight one, which alone is known here. Events
+    of such guides are counted, but decide nothing and are left out of the second result.
     """
     with tempfile.TemporaryDirectory() as folder:
         scene = SCENES[name](Path(folder))
@@ -28,8 +28,10 @@ def torture(hairbake: Hairbake, name: str, steps: int, seconds: float = 1.0) -> 
         scene = replace(scene, fps=rate, substeps=1, frames=round(seconds * rate), preroll=0.25)
         cache = Cache(hairbake.bake_into(Path(folder), scene))
         found = count(cache)
-        whole = {f["frame"] for f in cache.record["frames"] if f["figures"]["halvings"] == 0}
-        return found, [event for event in found.events if event.frame in whole], cache.record["totals"]
+        # The scenes number their guides from nought.
+        divided = {f["frame"]: set(f["figures"]["divided"]) for f in cache.record["frames"]}
+        decided = [event for event in found.events if divided[event.frame].isdisjoint(event.curves)]
+        return found, decided, cache.record["totals"]
 
 
 def main() -> int:
