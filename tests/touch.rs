@@ -5,8 +5,8 @@ mod strand;
 use hairbake::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use hairbake::bake::tie::Tie;
 use hairbake::contact::Bodies;
-use hairbake::rod::Cut;
-use hairbake::scene::Shape;
+use hairbake::rod::{Cut, Rod, RodSource};
+use hairbake::scene::{Shape, Tree};
 use nalgebra::{Isometry3, Vector3};
 use strand::hair;
 
@@ -149,6 +149,45 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
         }
     }
     assert!(away(&guide, 3.0) > 0.05, "not let go: {} m", away(&guide, 3.0));
+}
+
+#[test]
+fn a_tie_gives_way_by_its_compliance() {
+    // A beam clamped at one end and propped at the other by a tie, which bears 3/8 of its weight (Timoshenko); a thousand times as stiff and as
+    // heavy as a hair, so that the tie gives by more than a solve leaves.
+    let (length, gravity) = (0.1, 9.81e3);
+    let points = [Vector3::zeros(), Vector3::x() * length];
+    let rod = Rod::new(&RodSource {
+        points: &points,
+        root_frame: None,
+        arc: &Tree::default_arc(8),
+        stiffness: [7.8e-4, 7.8e-4, 3.6e-4],
+        line_density: 6.6e-6,
+        damping: 0.02,
+        natural: None,
+        cut: Cut::FINE,
+    })
+    .unwrap();
+    let around = Surroundings {
+        head: &|_| Isometry3::identity(),
+        gravity: &|_| Vector3::y() * -gravity,
+        wind: &[],
+        bodies: &Bodies::default(),
+        body: &|_, _| Isometry3::identity(),
+        carrier: &|_, _| Isometry3::identity(),
+        brought_out: &|_| 1.0,
+    };
+    let (h, drag) = (1.0 / 192.0, vec![1e-2; rod.points()]);
+    let segment = rod.points() - 2;
+    let mut guide = Guide::new(rod, drag, 0.3, &[], &around, 0.0, h);
+    guide.ties = vec![Tie { segment, u: 1.0, body: 0, goal: points[1], times: [0.0, 10.0] }];
+    let mut work = Workspace::default();
+    for i in 0..400 {
+        guide.advance(&around, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
+    }
+    let given = points[1] - guide.ties[0].place(&guide.x);
+    let propped = 3.0 / 8.0 * 6.6e-6 * length * gravity;
+    assert!((given.y / (0.1 * propped) - 1.0).abs() < 0.02, "{} m of {} m", given.y, 0.1 * propped);
 }
 
 #[test]

@@ -9,9 +9,13 @@ use crate::contact::friction::{Coupled, Law, Outcome, Scratch, Side, solve_coupl
 use crate::math::cholesky::dot;
 use nalgebra::UnitQuaternion;
 
-/// When the reactions are good enough: their residual multiplies displacements of a step, some 0.1 to 1 mm. What is left at a thousandth of it
-/// is which of two places near each other bears how much.
-const TOLERANCE: Tolerance = Tolerance { residual: 1e-5, sweeps: 100 };
+/// When the reactions are good enough: their residual multiplies displacements of a step, some 0.1 to 1 mm. In the first round, whose
+/// linearisation is worth no more, and in those that follow.
+const TOLERANCES: [Tolerance; 2] =
+    [Tolerance { residual: 1e-4, sweeps: 60 }, Tolerance { residual: SOUND, sweeps: 200 }];
+
+/// Residual after which no other round is asked for on its account.
+pub(super) const SOUND: f64 = 1e-6;
 
 /// Guides that are solved together: no place is between one of them and one of another island.
 #[derive(Debug, Default)]
@@ -111,7 +115,9 @@ impl Island {
         }
         let mut pushes = vec![0.0; unknowns];
         let problem = Coupled { sides: &sides, rows: &rows, b: &b, laws: &laws };
-        let outcome = solve_coupled(&problem, TOLERANCE, &mut forces, &mut pushes, &mut Scratch::default());
+        let first = self.members.iter().all(|&g| members[g].rounds == 0);
+        let tolerance = TOLERANCES[usize::from(!first)];
+        let outcome = solve_coupled(&problem, tolerance, &mut forces, &mut pushes, &mut Scratch::default());
         Reactions { pushes, forces, outcome }
     }
 }

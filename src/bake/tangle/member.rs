@@ -1,5 +1,6 @@
 //! A guide that is solved together with others.
 
+use super::island::SOUND;
 use super::places::Places;
 use crate::bake::guide::{Guide, Surroundings, Workspace};
 use crate::bake::touch::{ACCEPTABLE_GAP, MAX_MOVE, across, rows_at};
@@ -148,7 +149,7 @@ impl Member {
         };
         self.moved = solver.advance_under(&guide.rod, &self.root.r, load, q, work, MAX_MOVE);
         let worst = self.meet_bodies(guide, bodies);
-        self.stirred = self.moved > SETTLED;
+        self.stirred = self.moved > SETTLED || self.rounds == 1 && self.residual > SOUND;
         self.stir(!self.clear || worst < -ACCEPTABLE_GAP);
     }
 

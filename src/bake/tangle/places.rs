@@ -242,8 +242,8 @@ impl Places {
             place.meeting.distance = strands.distance(&place.meeting);
         }
         hits.sort_by(|a, b| a.guides.cmp(&b.guides).then(a.time.total_cmp(&b.time)));
-        let mut known: Vec<([usize; 2], Meeting)> =
-            self.found.iter().map(|p| (self.guides(&p.meeting), p.meeting)).collect();
+        let mut known: Vec<([usize; 2], Place)> =
+            self.found.iter().map(|p| (self.guides(&p.meeting), *p)).collect();
         known.sort_by_key(|(guides, _)| *guides);
         let old = self.found.len();
         for hits in hits.chunk_by(|a, b| a.guides == b.guides) {
@@ -251,10 +251,15 @@ impl Places {
             let known = known[from..].iter().take_while(|(guides, _)| *guides == hits[0].guides);
             let first = self.found.len();
             for hit in hits {
-                // What follows an impact close by, or a place that has not been kept, would not happen without it.
+                // What follows an impact close by, or a place that has not been kept, would not happen without it. A place that stands for
+                // the impact, and is kept, but lets the segments through all the same, does not hold them: near to each other and
+                // almost along each other, they pass beside it.
                 let follows = |m: &Meeting| slid(m, &hit.meeting) <= BESIDE;
-                let in_vain =
-                    known.clone().any(|(_, m)| follows(m) && m.distance < 0.0 || stands_for(m, &hit.meeting));
+                let averts = |p: &Place| !hit.crosses || !p.is_kept();
+                let in_vain = known.clone().any(|(_, p)| {
+                    follows(&p.meeting) && p.meeting.distance < 0.0
+                        || stands_for(&p.meeting, &hit.meeting) && averts(p)
+                });
                 if !in_vain && !self.found[first..].iter().any(|p| follows(&p.meeting)) {
                     self.found.push(self.place(hit.meeting));
                 }

@@ -1,5 +1,6 @@
 //! Guides that meet: none crosses another, by a check of its own; the law of friction; rest; equal bits.
 
+use super::places::Places;
 use super::{Tangle, Thickness};
 use crate::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use crate::contact::Bodies;
@@ -177,6 +178,21 @@ fn the_check_sees_what_crosses() {
     assert!(cross(ends(b(1.0, 0.3)), ends(b(-1.0, 0.3))));
     assert!(!cross(ends(b(1.0, 0.3)), ends(b(0.1, 0.3))));
     assert!(!cross(ends(b(1.0, 1.5)), ends(b(-1.0, 1.5))));
+}
+
+#[test]
+fn what_passes_beside_a_place_that_is_kept_is_met() {
+    // Almost along each other, 20 µm apart where they are nearest: in the middle.
+    let (a, b) = ([V::zeros(), V::x() * 0.1], [V::new(0.0, 2e-5, -1e-3), V::new(0.1, 2e-5, 1e-3)]);
+    let mut places = Places::new(&[vec![0.02, 0.12], vec![0.02, 0.12]], vec![THICKNESS; 2]);
+    places.x = [[a, b].concat(), [a, b].concat()];
+    places.begin();
+    assert_eq!((places.found.len(), places.crossing.len()), (1, 0));
+    // The middle gives way; the place where they cross slides to where the second has tilted through the first.
+    places.end_of(1).copy_from_slice(&[V::new(0.0, -2.7e-4, -8e-4), V::new(0.1, 3.3e-4, 1.2e-3)]);
+    places.look();
+    assert!(places.found[0].is_kept());
+    assert_eq!((places.found.len(), places.crossing.len()), (2, 1));
 }
 
 /// A hair that falls across a stiff one, `turn` from its direction, rad, and then is shaken there.

@@ -1,16 +1,18 @@
-//! Many strands that touch each other and bodies: the same law, with W left in its factors.
+//! Many strands that touch each other and bodies: the same law, with W sparse.
 //!
-//! With H = LLᵀ for every strand and Y = L⁻¹Jᵀ, W = YᵀY is never formed: w = Y r is kept for every strand, so that a sweep
-//! costs O(unknowns of a strand) a contact, however many contacts there are.
+//! With H = LLᵀ for every strand and Y = L⁻¹Jᵀ, W = YᵀY has a block for two contacts that share a strand and none for others. It is formed once,
+//! block by block; a sweep then costs nine products for each of the pushing contacts that a contact shares a strand with, a few as a rule, where
+//! by way of the strands' unknowns it would cost six for each of these.
 
 use super::{Law, Outcome, Scratch, System, Tolerance, at, sweep};
 use crate::math::cholesky::dot;
 use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
 
 /// One strand's part in a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Side {
-    /// First unknown of the strand in w, and how many it has.
+    /// First unknown of the strand in w, which tells it from the others, and how many it has.
     pub unknowns: (usize, usize),
     /// Where its three rows of Y (normal, tangents) begin in [`Coupled::rows`].
     pub rows: usize,
@@ -30,66 +32,53 @@ pub struct Coupled<'a> {
 }
 
 impl Coupled<'_> {
-    fn block(&self, i: usize) -> Matrix3<f64> {
-        let mut w = Matrix3::zeros();
-        for side in self.sides[i].iter().flatten() {
-            let row = |d: usize| &self.rows[side.rows + d * side.unknowns.1..][..side.unknowns.1];
-            for a in 0..3 {
-                for b in 0..=a {
-                    let part = dot(row(a), row(b));
-                    w[(a, b)] += part;
-                    if a != b {
-                        w[(b, a)] += part;
-                    }
+    /// The part of one strand in the block of W of two contacts.
+    fn block(&self, a: &Side, b: &Side) -> Matrix3<f64> {
+        let n = a.unknowns.1;
+        let row = |side: &Side, d: usize| &self.rows[side.rows + d * n..][..n];
+        Matrix3::from_fn(|i, j| dot(row(a, i), row(b, j)))
+    }
+
+    fn delassus(&self) -> Delassus {
+        let sides = || self.sides.iter().enumerate();
+        let mut parts: Vec<(u32, Side)> =
+            sides().flat_map(|(i, sides)| sides.iter().flatten().map(move |s| (i as u32, *s))).collect();
+        parts.sort_by_key(|(i, side)| (side.unknowns.0, *i));
+        let of_strand = |first: usize| {
+            let from = parts.partition_point(|(_, side)| side.unknowns.0 < first);
+            parts[from..].iter().take_while(move |(_, side)| side.unknowns.0 == first)
+        };
+        let lines = self.sides.par_iter().map(|sides| {
+            let blocks = |side: &'_ Side| {
+                let side = *side;
+                of_strand(side.unknowns.0).map(move |(j, other)| (*j, self.block(&side, other)))
+            };
+            let mut line: Vec<_> = sides.iter().flatten().flat_map(blocks).collect();
+            line.sort_by_key(|(j, _)| *j);
+            // Two strands that touch in two places share both.
+            line.dedup_by(|next, kept| {
+                let same = next.0 == kept.0;
+                if same {
+                    kept.1 += next.1;
                 }
-            }
-        }
-        w
-    }
-
-    /// u of contact `i`, given w = Y r.
-    fn velocity(&self, w: &[f64], i: usize) -> Vector3<f64> {
-        let mut u = at(self.b, i);
-        for side in self.sides[i].iter().flatten() {
-            let (first, n) = side.unknowns;
-            u += dots(&self.rows[side.rows..][..3 * n], &w[first..first + n]);
-        }
-        u
-    }
-
-    /// w += Y Δr of contact `i`.
-    fn push(&self, w: &mut [f64], i: usize, change: &Vector3<f64>) {
-        for side in self.sides[i].iter().flatten() {
-            let (first, n) = side.unknowns;
-            let (a, rest) = self.rows[side.rows..][..3 * n].split_at(n);
-            let (b, c) = rest.split_at(n);
-            let rows = a.iter().zip(b).zip(c);
-            for (w, ((a, b), c)) in w[first..first + n].iter_mut().zip(rows) {
-                *w += a * change.x + (b * change.y + c * change.z);
-            }
-        }
+                same
+            });
+            line
+        });
+        let lines: Vec<_> = lines.collect();
+        let own = |(i, line): (usize, &Vec<(u32, Matrix3<f64>)>)| {
+            let own = line.iter().find(|(j, _)| *j as usize == i);
+            own.map_or_else(Matrix3::zeros, |(_, block)| *block)
+        };
+        Delassus { diagonal: lines.iter().enumerate().map(own).collect(), lines }
     }
 }
 
-/// The products of three rows, one after another, with `w`: at once, in four fixed chains each.
-fn dots(rows: &[f64], w: &[f64]) -> Vector3<f64> {
-    let (a, rest) = rows.split_at(w.len());
-    let (b, c) = rest.split_at(w.len());
-    let mut sums = [[0.0; 4]; 3];
-    let fours = w.chunks_exact(4).zip(a.chunks_exact(4)).zip(b.chunks_exact(4)).zip(c.chunks_exact(4));
-    for (((w, a), b), c) in fours {
-        for i in 0..4 {
-            sums[0][i] += a[i] * w[i];
-            sums[1][i] += b[i] * w[i];
-            sums[2][i] += c[i] * w[i];
-        }
-    }
-    for j in w.len() / 4 * 4..w.len() {
-        sums[0][0] += a[j] * w[j];
-        sums[1][0] += b[j] * w[j];
-        sums[2][0] += c[j] * w[j];
-    }
-    Vector3::from_fn(|d, _| (sums[d][0] + sums[d][1]) + (sums[d][2] + sums[d][3]))
+/// W.
+struct Delassus {
+    diagonal: Vec<Matrix3<f64>>,
+    /// Line after line the blocks that are not zero with their columns, ascending.
+    lines: Vec<Vec<(u32, Matrix3<f64>)>>,
 }
 
 /// Solves for the impulses `r` (3c) from what they hold, and leaves Y r in `w`.
@@ -100,17 +89,22 @@ pub fn solve_coupled(
     w: &mut [f64],
     scratch: &mut Scratch,
 ) -> Outcome {
+    let outcome = sweep(&mut Network { problem, delassus: problem.delassus(), r }, tolerance, scratch);
     w.fill(0.0);
-    for i in 0..problem.laws.len() {
-        problem.push(w, i, &at(r, i));
+    for (sides, r) in problem.sides.iter().zip(r.chunks_exact(3)).filter(|(_, r)| **r != [0.0; 3]) {
+        for Side { unknowns: (first, n), rows } in sides.iter().flatten() {
+            for (row, r) in problem.rows[*rows..][..3 * n].chunks_exact(*n).zip(r) {
+                w[*first..first + n].iter_mut().zip(row).for_each(|(w, y)| *w += y * r);
+            }
+        }
     }
-    sweep(&mut Network { problem, r, w }, tolerance, scratch)
+    outcome
 }
 
 struct Network<'a> {
     problem: &'a Coupled<'a>,
+    delassus: Delassus,
     r: &'a mut [f64],
-    w: &'a mut [f64],
 }
 
 impl System for Network<'_> {
@@ -119,7 +113,7 @@ impl System for Network<'_> {
     }
 
     fn block(&self, i: usize) -> Matrix3<f64> {
-        self.problem.block(i)
+        self.delassus.diagonal[i]
     }
 
     fn free(&self, i: usize) -> Vector3<f64> {
@@ -135,15 +129,17 @@ impl System for Network<'_> {
     }
 
     fn velocity(&self, i: usize) -> Vector3<f64> {
-        self.problem.velocity(self.w, i)
+        let mut u = self.free(i);
+        for (j, block) in &self.delassus.lines[i] {
+            let r = self.impulse(*j as usize);
+            if r != Vector3::zeros() {
+                u += block * r;
+            }
+        }
+        u
     }
 
     fn set(&mut self, i: usize, impulse: Vector3<f64>) {
-        self.problem.push(self.w, i, &(impulse - at(self.r, i)));
         self.r[3 * i..3 * i + 3].copy_from_slice(impulse.as_slice());
-    }
-
-    fn state(&mut self) -> [&mut [f64]; 2] {
-        [self.r, self.w]
     }
 }

@@ -7,6 +7,9 @@ use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 /// Relative size below which an eigenvalue of a mobility is no mobility at all.
 const RIGID: f64 = 1e-14;
 
+/// Relative step of Newton's method for the slip after which none is needed.
+const NEGLIGIBLE: f64 = 1e-9;
+
 /// Impulse r of one contact with mobility `w` (symmetric, positive semi-definite) and velocity `q` without impulse.
 pub fn solve_local(w: &Matrix3<f64>, q: &Vector3<f64>, law: Law) -> Vector3<f64> {
     Local::new(w).solve(q, law)
@@ -29,6 +32,8 @@ pub(super) struct Local {
     /// Eigenvalues and eigenvectors of A.
     lambda: Vector2<f64>,
     basis: Matrix2<f64>,
+    /// s of the last solve that slipped: where the next starts from.
+    rate: f64,
 }
 
 impl Local {
@@ -36,15 +41,15 @@ impl Local {
         let floor = RIGID * w.trace();
         if w[(0, 0)] <= floor {
             let (zero, basis) = (Vector2::zeros(), Matrix2::identity());
-            return Local { w: *w, normal: 0.0, coupling: zero, lambda: zero, basis };
+            return Local { w: *w, normal: 0.0, coupling: zero, lambda: zero, basis, rate: 0.0 };
         }
         let coupling = Vector2::new(w[(1, 0)], w[(2, 0)]) / w[(0, 0)];
         let tangential = Matrix2::new(w[(1, 1)], w[(1, 2)], w[(2, 1)], w[(2, 2)]);
         let (lambda, basis) = eigen(&(tangential - coupling * coupling.transpose() * w[(0, 0)]));
-        Local { w: *w, normal: w[(0, 0)], coupling, lambda: lambda.map(|l| l.max(floor)), basis }
+        Local { w: *w, normal: w[(0, 0)], coupling, lambda: lambda.map(|l| l.max(floor)), basis, rate: 0.0 }
     }
 
-    pub fn solve(&self, q: &Vector3<f64>, law: Law) -> Vector3<f64> {
+    pub fn solve(&mut self, q: &Vector3<f64>, law: Law) -> Vector3<f64> {
         let Law::Coulomb(Friction { fixed, kinetic: mu }) = law else {
             return self.w.cholesky().map_or_else(Vector3::zeros, |w| -w.solve(q));
         };
@@ -67,7 +72,8 @@ impl Local {
             return Vector3::new(normal_alone, 0.0, 0.0);
         }
         if tangent.norm() > fixed * normal {
-            (normal, tangent) = impulse(slip_rate(mu, &self.lambda, &a, &c, impulse));
+            self.rate = slip_rate(mu, &self.lambda, &a, &c, self.rate, impulse);
+            (normal, tangent) = impulse(self.rate);
         }
         let tangent = self.basis * tangent;
         Vector3::new(normal, tangent.x, tangent.y)
@@ -87,16 +93,17 @@ fn eigen(m: &Matrix2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
 }
 
 /// Root s > 0 of |r_T(s)| − µ r_N(s), which is positive at 0: that of g(s) = µ r_N/|r_T| − 1, which without coupling and with equal λ is a
-/// straight line, so that Newton's method takes a few steps.
+/// straight line, so that Newton's method takes a few steps from `start`.
 fn slip_rate(
     mu: f64,
     lambda: &Vector2<f64>,
     a: &Vector2<f64>,
     c: &Vector2<f64>,
+    start: f64,
     impulse: impl Fn(f64) -> (f64, Vector2<f64>),
 ) -> f64 {
     let (mut lo, mut hi) = (0.0, f64::INFINITY);
-    let mut s = 0.0;
+    let mut s = if start.is_finite() { start } else { 0.0 };
     for _ in 0..200 {
         let (normal, tangent) = impulse(s);
         let length = tangent.norm();
@@ -109,7 +116,8 @@ fn slip_rate(
         let slope = Vector2::new(a.x / (lambda.x + s).powi(2), a.y / (lambda.y + s).powi(2));
         let growth = mu * (-c.dot(&slope) - normal * tangent.dot(&slope) / (length * length)) / length;
         let newton = s - g / growth;
-        let next = if newton > lo && newton < hi {
+        let trusted = newton >= lo && newton <= hi;
+        let next = if trusted {
             newton
         } else if hi.is_finite() {
             0.5 * (lo + hi)
@@ -118,7 +126,8 @@ fn slip_rate(
         };
         let step = (next - s).abs();
         s = next;
-        if step <= 4.0 * f64::EPSILON * s || !s.is_finite() {
+        // After so short a step of Newton's method the next would be the square of it.
+        if trusted && step <= NEGLIGIBLE * s || !s.is_finite() {
             break;
         }
     }

@@ -12,20 +12,20 @@
 //! change of variable ũ = u + µ |u_T| e_N this is K_µ ∋ r ⟂ ũ ∈ K_µ*, K_µ the second-order cone |r_T| ≤ µ r_N.
 //!
 //! Nonsmooth block Gauss-Seidel with an exact local solve: G. Daviet, F. Bertails-Descoubes & L. Boissieux, "A hybrid
-//! iterative solver for robustly capturing Coulomb friction in hair dynamics", 2011. The order is that of the contacts and
-//! nothing is allocated, so results are the same bits on any thread.
+//! iterative solver for robustly capturing Coulomb friction in hair dynamics", 2011, accelerated (D. G. Anderson, 1965). The order is that of
+//! the contacts, so results are the same bits on any thread.
 
+mod anderson;
 mod coupled;
 mod local;
+mod sweep;
 
 use crate::scene::Friction;
 pub use coupled::{Coupled, Side, solve_coupled};
-use local::Local;
 pub use local::solve_local;
 use nalgebra::{Matrix3, Vector3};
-
-/// Sweeps between two looks at the contacts that are open.
-const LOOK: usize = 10;
+pub use sweep::Scratch;
+use sweep::{System, sweep};
 
 /// One frictional contact problem of c contacts.
 #[derive(Debug, Clone, Copy)]
@@ -156,120 +156,6 @@ impl Residual {
     }
 }
 
-/// What Gauss-Seidel asks of a problem.
-trait System {
-    fn contacts(&self) -> usize;
-    /// Diagonal block of W.
-    fn block(&self, i: usize) -> Matrix3<f64>;
-    fn free(&self, i: usize) -> Vector3<f64>;
-    fn law(&self, i: usize) -> Law;
-    fn impulse(&self, i: usize) -> Vector3<f64>;
-    /// u under the impulses as they are.
-    fn velocity(&self, i: usize) -> Vector3<f64>;
-    fn set(&mut self, i: usize, impulse: Vector3<f64>);
-    /// All impulses, and what is kept that is linear in them.
-    fn state(&mut self) -> [&mut [f64]; 2];
-}
-
-/// Sweeps until the residual is small. Contacts that are open and do not push are left out of sweeps, and looked at again every
-/// [`LOOK`], but not at first. During sweeps the residual is gathered contact by contact as they are met; the one that counts is that of the result.
-///
-/// Between sweeps the impulses go on in the direction of the last ones, as conjugate gradients do with the change by a sweep for a
-/// gradient (M. Silcowitz, S. Niebe & K. Erleben, "A nonsmooth nonlinear conjugate gradient method for interactive contact force
-/// problems", 2010): half as many sweeps for the same residual.
-fn sweep(system: &mut impl System, tolerance: Tolerance, scratch: &mut Scratch) -> Outcome {
-    let Scratch { locals, live, course } = scratch;
-    locals.clear();
-    locals.extend((0..system.contacts()).map(|i| Local::new(&system.block(i))));
-    course.clear();
-    let mut sweeps = 0;
-    loop {
-        let mut residual = Residual::default();
-        live.clear();
-        for (i, local) in locals.iter().enumerate() {
-            let (u, r) = (system.velocity(i), system.impulse(i));
-            residual.add(local.w.trace(), u, &r, &system.free(i), system.law(i));
-            let still = r == Vector3::zeros() && course.passes_by(i);
-            if sweeps == 0 || u.x < 0.0 || !still || system.law(i) == Law::Held {
-                live.push(i as u32);
-            }
-        }
-        let residual = residual.relative();
-        if residual <= tolerance.residual || sweeps >= tolerance.sweeps {
-            return Outcome { sweeps, residual };
-        }
-        let last = sweeps + LOOK.min(tolerance.sweeps - sweeps);
-        loop {
-            course.start(system.state());
-            let mut residual = Residual::default();
-            for &i in &*live {
-                let (i, local) = (i as usize, &locals[i as usize]);
-                let (u, old, law) = (system.velocity(i), system.impulse(i), system.law(i));
-                residual.add(local.w.trace(), u, &old, &system.free(i), law);
-                if u.x < 0.0 || old != Vector3::zeros() || law == Law::Held {
-                    system.set(i, local.solve(&(u - local.w * old), law));
-                }
-            }
-            sweeps += 1;
-            // What is looked at is what a sweep has left: on their way impulses may stray from their cones.
-            if sweeps == last || residual.relative() <= tolerance.residual {
-                break;
-            }
-            course.go_on(system.state(), locals);
-        }
-    }
-}
-
-/// The course that the state takes over sweeps.
-#[derive(Debug, Default)]
-struct Course {
-    /// The state before the sweep.
-    start: [Vec<f64>; 2],
-    /// Where it was last going.
-    way: [Vec<f64>; 2],
-    /// Square of the change by the last sweep, in the contacts' own scales.
-    gradient: f64,
-}
-
-impl Course {
-    fn clear(&mut self) {
-        self.way.iter_mut().for_each(Vec::clear);
-        self.gradient = 0.0;
-    }
-
-    /// Whether it does not change the impulse of contact `i`.
-    fn passes_by(&self, i: usize) -> bool {
-        self.way[0].get(3 * i..3 * i + 3).is_none_or(|way| way == [0.0; 3])
-    }
-
-    fn start(&mut self, state: [&mut [f64]; 2]) {
-        for (start, now) in self.start.iter_mut().zip(state) {
-            start.clear();
-            start.extend_from_slice(now);
-        }
-    }
-
-    /// Goes on after a sweep, unless that changed more than the one before.
-    fn go_on(&mut self, state: [&mut [f64]; 2], locals: &[Local]) {
-        let contacts = state[0].chunks_exact(3).zip(self.start[0].chunks_exact(3)).zip(locals);
-        let changed = |((r, start), local): ((&[f64], &[f64]), &Local)| {
-            local.w.trace() * r.iter().zip(start).map(|(r, s)| (r - s).powi(2)).sum::<f64>()
-        };
-        let gradient: f64 = contacts.map(changed).sum();
-        let beta = if gradient < self.gradient { gradient / self.gradient } else { 0.0 };
-        self.gradient = gradient;
-        for ((way, start), now) in self.way.iter_mut().zip(&self.start).zip(state) {
-            way.resize(now.len(), 0.0);
-            for ((way, start), now) in way.iter_mut().zip(start).zip(now) {
-                let change = *now - start;
-                *way *= beta;
-                *now += *way;
-                *way += change;
-            }
-        }
-    }
-}
-
 /// Nearest point of the cone |y| ≤ µ x to `v` = (x, y).
 fn project_on_cone(v: Vector3<f64>, mu: f64) -> Vector3<f64> {
     let tangent = v.yz().norm();
@@ -282,15 +168,6 @@ fn project_on_cone(v: Vector3<f64>, mu: f64) -> Vector3<f64> {
     let x = (v.x + mu * tangent) / (1.0 + mu * mu);
     let scale = mu * x / tangent;
     Vector3::new(x, v.y * scale, v.z * scale)
-}
-
-/// Contacts prepared for a solve, kept to spare allocations.
-#[derive(Debug, Default)]
-pub struct Scratch {
-    locals: Vec<Local>,
-    /// Contacts that push or are too near.
-    live: Vec<u32>,
-    course: Course,
 }
 
 /// Solves `problem` for the impulses `r` (3c), starting from what they hold (zero, or the last step's).
@@ -330,10 +207,6 @@ impl System for Dense<'_> {
 
     fn set(&mut self, i: usize, impulse: Vector3<f64>) {
         self.r[3 * i..3 * i + 3].copy_from_slice(impulse.as_slice());
-    }
-
-    fn state(&mut self) -> [&mut [f64]; 2] {
-        [self.r, &mut []]
     }
 }
 

@@ -170,6 +170,40 @@ fn what_sticks_is_held_by_the_greater_coefficient_and_what_slides_braked_by_the_
 }
 
 #[test]
+fn a_tangent_counted_longer_makes_the_cone_elliptic() {
+    // Friction across, along the second tangent, `across` times that along the first: in axes of which the second is as many times as long
+    // the cone is round, impulses are the true ones over these lengths, and velocities the true ones times them.
+    let mut random = Random::new(29);
+    let mut kinds = [0; 3];
+    for case in 0..2000 {
+        let (w, q) = (random.mobility(1.0), random.vector());
+        let (mu, across) = (0.3 * (random.next() + 1.01), 2.0_f64.powf(random.next()));
+        let axes = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, across));
+        let r = axes * solve_local(&(axes * w * axes), &(axes * q), coulomb(mu));
+        let u = w * r + q;
+        let close = 1e-10 * (1.0 + r.norm());
+        assert!(r.x >= 0.0 && u.x > -close && (r.x * u.x).abs() < close, "case {case}");
+        let used = (r.y / mu).hypot(r.z / (mu * across));
+        assert!(used <= r.x + close, "case {case}: outside of the ellipse");
+        if r.x == 0.0 {
+            kinds[0] += 1;
+        } else if u.yz().norm() < close {
+            kinds[1] += 1;
+        } else {
+            kinds[2] += 1;
+            // No force of the ellipse brakes this slip more.
+            let most = (0..3600).map(|k| {
+                let (sin, cos) = (f64::from(k) / 3600.0 * std::f64::consts::TAU).sin_cos();
+                -mu * r.x * (cos * u.y + across * sin * u.z)
+            });
+            let (most, braked) = (most.fold(0.0, f64::max), -r.yz().dot(&u.yz()));
+            assert!((braked / most - 1.0).abs() < 2e-6, "case {case}: brakes {braked} of {most}");
+        }
+    }
+    assert!(kinds.iter().all(|&n| n > 100), "every case must occur: {kinds:?}");
+}
+
+#[test]
 fn held_places_beside_contacts_do_not_move() {
     let mut random = Random::new(17);
     for _ in 0..20 {
