@@ -25,7 +25,8 @@ def torture(hairbake: Hairbake, name: str, steps: int, seconds: float = 1.0) -> 
     with tempfile.TemporaryDirectory() as folder:
         scene = SCENES[name](Path(folder))
         rate = FPS * steps
-        scene = replace(scene, fps=rate, substeps=1, frames=round(seconds * rate), preroll=0.25)
+        settings = {**scene.settings, "contact": "full"}
+        scene = replace(scene, fps=rate, substeps=1, frames=round(seconds * rate), preroll=0.25, settings=settings)
         cache = Cache(hairbake.bake_into(Path(folder), scene))
         found = count(cache)
         # The scenes number their guides from nought.
