@@ -89,7 +89,7 @@ pub fn solve_coupled(
     w: &mut [f64],
     scratch: &mut Scratch,
 ) -> Outcome {
-    let outcome = sweep(&mut Network { problem, delassus: problem.delassus(), r }, tolerance, scratch);
+    let outcome = sweep(&mut Network { problem, delassus: problem.delassus(), r }, tolerance, true, scratch);
     w.fill(0.0);
     for (sides, r) in problem.sides.iter().zip(r.chunks_exact(3)).filter(|(_, r)| **r != [0.0; 3]) {
         for Side { unknowns: (first, n), rows } in sides.iter().flatten() {

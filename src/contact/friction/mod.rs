@@ -172,7 +172,7 @@ fn project_on_cone(v: Vector3<f64>, mu: f64) -> Vector3<f64> {
 
 /// Solves `problem` for the impulses `r` (3c), starting from what they hold (zero, or the last step's).
 pub fn solve(problem: &Problem, tolerance: Tolerance, r: &mut [f64], scratch: &mut Scratch) -> Outcome {
-    sweep(&mut Dense { problem, r }, tolerance, scratch)
+    sweep(&mut Dense { problem, r }, tolerance, false, scratch)
 }
 
 struct Dense<'a> {

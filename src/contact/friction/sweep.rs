@@ -8,6 +8,9 @@ use nalgebra::{Matrix3, Vector3};
 /// Sweeps between two looks at the contacts that are open.
 const LOOK: usize = 10;
 
+/// How many times the least residual so far a look may show before sweeps are no longer accelerated.
+const ASTRAY: f64 = 10.0;
+
 /// What Gauss-Seidel asks of a problem.
 pub(super) trait System {
     fn contacts(&self) -> usize;
@@ -32,15 +35,24 @@ pub struct Scratch {
     before: Vec<f64>,
     after: Vec<f64>,
     anderson: Anderson,
+    /// The impulses of the best look.
+    best: Vec<Vector3<f64>>,
 }
 
 /// Sweeps until the residual is small. The first [`LOOK`] sweeps are over all contacts, those that follow over those that push or were too
 /// near in a look since. During sweeps the residual is gathered contact by contact as they are met; the one that counts is that of the result.
 ///
-/// A sweep is a turn of a fixed-point iteration, which is accelerated: a tenth of the sweeps for the same residual once it is settled which
-/// contacts push and which of them stick. What a sweep leaves open stays so.
-pub(super) fn sweep(system: &mut impl System, tolerance: Tolerance, scratch: &mut Scratch) -> Outcome {
-    let Scratch { locals, live, is_live, before, after, anderson } = scratch;
+/// A sweep is a turn of a fixed-point iteration, which may be `accelerated`: a tenth of the sweeps for the same residual once it is settled
+/// which contacts push and which of them stick. What a sweep leaves open stays so. Where there is no solution, as between bodies that close on a
+/// strand, that leads astray; then the best look's impulses are gone back to, and sweeps go on as they are.
+pub(super) fn sweep(
+    system: &mut impl System,
+    tolerance: Tolerance,
+    mut accelerated: bool,
+    scratch: &mut Scratch,
+) -> Outcome {
+    let Scratch { locals, live, is_live, before, after, anderson, best } = scratch;
+    let mut least = f64::INFINITY;
     locals.clear();
     locals.extend((0..system.contacts()).map(|i| Local::new(&system.block(i))));
     live.clear();
@@ -64,13 +76,25 @@ pub(super) fn sweep(system: &mut impl System, tolerance: Tolerance, scratch: &mu
                 anderson.clear();
             }
         }
-        let residual = residual.relative();
-        if residual <= tolerance.residual || sweeps >= tolerance.sweeps {
+        let mut residual = residual.relative();
+        if accelerated && residual < least {
+            least = residual;
+            best.clear();
+            best.extend((0..locals.len()).map(|i| system.impulse(i)));
+        }
+        let ends = sweeps >= tolerance.sweeps;
+        if accelerated && (residual > ASTRAY * least || ends && residual > least) {
+            best.iter().enumerate().for_each(|(i, r)| system.set(i, *r));
+            (residual, accelerated) = (least, false);
+        }
+        if residual <= tolerance.residual || ends {
             return Outcome { sweeps, residual };
         }
         let last = sweeps + LOOK.min(tolerance.sweeps - sweeps);
         loop {
-            gather(system, locals, live, before);
+            if accelerated {
+                gather(system, locals, live, before);
+            }
             let mut residual = Residual::default();
             for &i in &*live {
                 let (i, local) = (i as usize, &mut locals[i as usize]);
@@ -84,6 +108,9 @@ pub(super) fn sweep(system: &mut impl System, tolerance: Tolerance, scratch: &mu
             // What is looked at is what a sweep has left: impulses that are accelerated may stray from their cones.
             if sweeps == last || residual.relative() <= tolerance.residual {
                 break;
+            }
+            if !accelerated {
+                continue;
             }
             gather(system, locals, live, after);
             anderson.accelerate(before, after);
