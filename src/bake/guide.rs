@@ -439,6 +439,26 @@ impl Guide {
         self.last = 0.0;
     }
 
+    /// Whether nothing crosses a body if the sub-step from `t[0]` to `t[1]`, s, that was taken or opened again, ends as [`Guide::hold`] ends it.
+    pub(super) fn may_hold(&mut self, around: &Surroundings, t: [f64; 2], work: &mut Workspace) -> bool {
+        work.q.clone_from(&self.q[1]);
+        let mut rest = |t: f64| {
+            let root = around.root(&self.rod.root, t);
+            work.solver.shape.update(&self.rod, &root.r, &work.q);
+            (root, (0..self.x.len()).map(|k| work.solver.shape.x(k) + root.p).collect())
+        };
+        let (_, x) = rest(t[0]);
+        let (root, _) = rest(t[1]);
+        let x = std::mem::replace(&mut self.x, x);
+        work.touch.clear();
+        self.meet(around, t, work);
+        let clear = self.with_touch(around.bodies, &root, work, |touch, moving| {
+            touch.find(moving.solver, moving.memory, moving.touching)
+        });
+        self.x = x;
+        clear
+    }
+
     /// Ends the sub-step from `t[0]` to `t[1]`, s, as it began: at rest on the head.
     pub(super) fn hold(&mut self, around: &Surroundings, [t0, t1]: [f64; 2]) {
         let mut shape = Shape::default();

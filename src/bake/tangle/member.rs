@@ -2,7 +2,7 @@
 
 use super::island::SOUND;
 use super::places::Places;
-use crate::bake::guide::{Guide, Surroundings, Workspace};
+use crate::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use crate::bake::touch::{ACCEPTABLE_GAP, MAX_MOVE, across, rows_at};
 use crate::contact::Bodies;
 use crate::math::se3::Pose;
@@ -33,12 +33,16 @@ pub(super) enum Resort {
 /// A guide as a part of a sub-step that is solved for many together.
 #[derive(Debug)]
 pub(super) struct Member {
+    /// Whether it has taken the sub-step alone in one piece. Only what has can be solved with others: of what was taken in parts, for a body's
+    /// sake or for want of convergence, the way to its end is not known.
+    pub whole: bool,
     /// Whether it takes part.
     pub open: bool,
     /// Whether it needs another round.
     pub stirred: bool,
-    /// Whether its motion crosses no body.
-    pub clear: bool,
+    /// Whether its motion crosses no body, and the least gap to one at its end, m.
+    clear: bool,
+    worst: f64,
     /// How it ends.
     pub resort: Resort,
     /// Share of its way that it goes.
@@ -65,9 +69,11 @@ pub(super) struct Member {
 impl Member {
     pub fn new() -> Self {
         Member {
+            whole: true,
             open: false,
             stirred: false,
             clear: true,
+            worst: 0.0,
             resort: Resort::Together,
             share: 1.0,
             rounds: 0,
@@ -82,25 +88,42 @@ impl Member {
         }
     }
 
+    /// Begins a sub-step, of which `record` tells how the guide has taken it alone.
+    pub fn begin(&mut self, record: &StepRecord) {
+        self.whole = record.halvings == 0 && record.unconverged == 0;
+        self.open = false;
+        self.stirred = false;
+        (self.rounds, self.residual, self.moved) = (0, 0.0, f64::INFINITY);
+        self.resort = Resort::Together;
+        self.share = 1.0;
+    }
+
     /// Takes part in the sub-step from `t[0]` to `t[1]`, s, that the guide has just taken alone.
     pub fn open(&mut self, guide: &mut Guide, around: &Surroundings, t: [f64; 2]) {
         self.root = guide.reopen(around, t, &mut self.work);
         self.alone.clone_from(&self.work.q);
         self.open = true;
         self.stirred = true;
-        (self.rounds, self.residual, self.moved) = (0, 0.0, f64::INFINITY);
-        self.resort = Resort::Together;
-        self.share = 1.0;
         self.meet_bodies(guide, around.bodies);
     }
 
-    /// Finds the contacts with bodies at the end as it is now; returns the least gap, m.
-    fn meet_bodies(&mut self, guide: &mut Guide, bodies: &Bodies) -> f64 {
+    /// Finds the contacts with bodies at the end as it is now.
+    pub fn meet_bodies(&mut self, guide: &mut Guide, bodies: &Bodies) {
         self.clear = guide.with_touch(bodies, &self.root, &mut self.work, |touch, moving| {
             touch.find(moving.solver, moving.memory, moving.touching)
         });
         self.work.touch.frozen = true;
-        self.work.touch.contacts.iter().map(|c| c.gap).fold(0.0, f64::min)
+        self.worst = self.work.touch.contacts.iter().map(|c| c.gap).fold(0.0, f64::min);
+    }
+
+    /// Whether it ends where no step of it alone may.
+    pub fn is_lost(&self) -> bool {
+        self.open && !self.is_well()
+    }
+
+    /// Whether no body objects to its end.
+    fn is_well(&self) -> bool {
+        self.clear && self.worst >= -ACCEPTABLE_GAP
     }
 
     /// The system at the end as it is now, with the rows of all contacts; normals are turned by `to_world`. One that cannot be
@@ -148,9 +171,9 @@ impl Member {
             forces.iter().map(|(k, u, f)| f.dot(&at(*k, *u))).sum::<f64>()
         };
         self.moved = solver.advance_under(&guide.rod, &self.root.r, load, q, work, MAX_MOVE);
-        let worst = self.meet_bodies(guide, bodies);
+        self.meet_bodies(guide, bodies);
         self.stirred = self.moved > SETTLED || self.rounds == 1 && self.residual > SOUND;
-        self.stir(!self.clear || worst < -ACCEPTABLE_GAP);
+        self.stir(!self.is_well());
     }
 
     /// Asks for another round if something is not well, unless the last one was of no use.
@@ -173,32 +196,48 @@ impl Member {
 
     /// Ends the sub-step as if no other guide were there.
     pub fn go_alone(&mut self, guide: &Guide) {
-        self.work.q.clone_from(&self.alone);
-        self.work.solver.shape.update(&guide.rod, &self.root.r, &self.work.q);
         self.resort = Resort::Alone;
+        if self.open {
+            self.work.q.clone_from(&self.alone);
+            self.work.solver.shape.update(&guide.rod, &self.root.r, &self.work.q);
+        }
     }
 
-    /// Goes half of the way on the head that it went so far; none where that would be too little, or takes it through a body.
-    pub fn cut_short(&mut self, guide: &mut Guide, bodies: &Bodies) {
+    /// Goes half of the way on the head that it went so far; none where that would be too little, takes it through a body, or is not known.
+    pub fn cut_short(&mut self, guide: &mut Guide, around: &Surroundings, t: [f64; 2]) {
         self.share *= 0.5;
-        for (q, start) in self.work.q.iter_mut().zip(&guide.q[0]) {
-            *q = start + 0.5 * (*q - start);
+        if self.open && self.share >= LEAST_SHARE {
+            for (q, start) in self.work.q.iter_mut().zip(&guide.q[0]) {
+                *q = start + 0.5 * (*q - start);
+            }
+            self.work.solver.shape.update(&guide.rod, &self.root.r, &self.work.q);
+            self.meet_bodies(guide, around.bodies);
+            if self.is_well() {
+                return;
+            }
         }
-        self.work.solver.shape.update(&guide.rod, &self.root.r, &self.work.q);
-        self.meet_bodies(guide, bodies);
-        if self.share < LEAST_SHARE || !self.clear {
-            self.stop();
-        }
-    }
-
-    /// Does not move on the head.
-    pub fn stop(&mut self) {
         self.share = 0.0;
         self.resort = Resort::Still;
+        if !guide.may_hold(around, t, &mut self.work) {
+            self.go_alone(guide);
+        }
     }
 
-    /// Whether another guide kept it from going all of its way.
-    pub fn is_cut_short(&self) -> bool {
-        self.share < 1.0
+    /// Whether it does not move on the head any more, or would, but for a body.
+    pub fn has_yielded(&self) -> bool {
+        self.share == 0.0
+    }
+
+    /// Enters in `record`, which tells how the guide took the sub-step alone, how it ends it.
+    pub fn note(&mut self, guide: &mut Guide, bodies: &Bodies, record: &mut StepRecord) {
+        // What goes alone does as its record tells already; what its contacts hold is of the way that was given up.
+        if self.resort != Resort::Alone && (self.open || self.has_yielded()) {
+            guide.with_touch(bodies, &self.root, &mut self.work, |touch, moving| touch.note(moving.touching));
+            self.work.touch.noted.enter(record);
+        }
+        record.strands.rounds = self.rounds;
+        record.strands.residual = self.residual;
+        record.strands.alone = u32::from(self.resort == Resort::Alone);
+        record.strands.held = u32::from(self.share < 1.0);
     }
 }

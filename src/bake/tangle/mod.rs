@@ -63,9 +63,10 @@ impl Tangle {
         self.places.x[1].clear();
         self.places.x[1].extend(guides.iter().flat_map(|g| &g.x).map(|x| carry(&head, x)));
         self.places.begin();
+        self.members.iter_mut().zip(&*records).for_each(|(m, record)| m.begin(record));
         let mut strayed = 0.0;
         for _ in 0..MAX_ROUNDS {
-            let mut islands = self.open(guides, around, t, records);
+            let mut islands = self.open(guides, around, t);
             islands.retain(|island| island.members.iter().any(|&g| self.members[g].stirred));
             if islands.is_empty() {
                 break;
@@ -78,21 +79,15 @@ impl Tangle {
             }
             self.look();
         }
-        self.give_way(guides, around, t, records);
+        self.give_way(guides, around, t);
         self.note(guides, around.bodies, records);
         self.close(guides, around, t);
     }
 
     /// Opens the guides that hang together, over places, with one that is too close to another or was pushed; returns these islands. What
     /// was taken in parts, for a body's sake or for want of convergence, stays where it is.
-    fn open(
-        &mut self,
-        guides: &mut [Guide],
-        around: &Surroundings,
-        t: [f64; 2],
-        records: &[StepRecord],
-    ) -> Vec<Island> {
-        let whole = |g: usize| is_whole(&records[g]);
+    fn open(&mut self, guides: &mut [Guide], around: &Surroundings, t: [f64; 2]) -> Vec<Island> {
+        let whole = |g: usize| self.members[g].whole;
         let mut sets = Sets::new(guides.len());
         let mut wanted = self.pushed.clone();
         for place in &self.places.found {
@@ -199,12 +194,12 @@ impl Tangle {
         }
     }
 
-    /// The last resorts. A guide that still crosses a body goes where it went alone; guides that cross each other go half of their way, or a
-    /// quarter, or do not move on the head, and so does what then crosses one of them.
-    fn give_way(&mut self, guides: &mut [Guide], around: &Surroundings, t: [f64; 2], records: &[StepRecord]) {
+    /// The last resorts. A guide that still crosses a body, or is deep in what it keeps from one, goes where it went alone; guides that cross
+    /// each other go half of their way, or a quarter, or do not move on the head, and so does what then crosses one of them. The last word is
+    /// the bodies': what may not rest on the head for their sake goes where it went alone, whatever other guide is there.
+    fn give_way(&mut self, guides: &mut [Guide], around: &Surroundings, t: [f64; 2]) {
         let head = &(around.head)(t[1]).inverse();
-        let lost: Vec<usize> =
-            (0..guides.len()).filter(|&g| self.members[g].open && !self.members[g].clear).collect();
+        let lost: Vec<usize> = (0..guides.len()).filter(|&g| self.members[g].is_lost()).collect();
         for &g in &lost {
             self.members[g].go_alone(&guides[g]);
         }
@@ -214,23 +209,16 @@ impl Tangle {
         }
         loop {
             let crossing = self.places.crossing.iter().flat_map(|&pair| self.places.guides_of(pair));
-            let crossing: BTreeSet<usize> = crossing
-                .filter(|&g| self.members[g].resort != Resort::Still || !self.members[g].open)
-                .collect();
+            let crossing: BTreeSet<usize> = crossing.filter(|&g| !self.members[g].has_yielded()).collect();
             if crossing.is_empty() {
                 break;
             }
             for g in crossing {
                 let (m, guide) = (&mut self.members[g], &mut guides[g]);
-                if !m.open {
+                if !m.open && m.whole {
                     m.open(guide, around, t);
                 }
-                // Of what was taken in parts only the last can be opened.
-                if is_whole(&records[g]) {
-                    m.cut_short(guide, around.bodies);
-                } else {
-                    m.stop();
-                }
+                m.cut_short(guide, around, t);
                 if m.resort == Resort::Still {
                     self.places.stop(g);
                 }
@@ -242,14 +230,7 @@ impl Tangle {
 
     fn note(&mut self, guides: &mut [Guide], bodies: &Bodies, records: &mut [StepRecord]) {
         for ((guide, m), record) in guides.iter_mut().zip(&mut self.members).zip(&mut *records) {
-            if m.open {
-                guide.with_touch(bodies, &m.root, &mut m.work, |touch, moving| touch.note(moving.touching));
-                m.work.touch.noted.enter(record);
-                record.strands.rounds = m.rounds;
-                record.strands.residual = m.residual;
-                record.strands.alone = u32::from(m.resort == Resort::Alone);
-                record.strands.held = u32::from(m.is_cut_short());
-            }
+            m.note(guide, bodies, record);
         }
         for place in &self.places.found {
             let record = &mut records[self.places.guides(&place.meeting)[0]].strands;
@@ -263,14 +244,12 @@ impl Tangle {
 
     /// Ends the sub-step.
     fn close(&mut self, guides: &mut [Guide], around: &Surroundings, t: [f64; 2]) {
-        let open = self.members.par_iter_mut().zip(guides).filter(|(m, _)| m.open);
-        open.for_each(|(m, guide)| {
+        self.members.par_iter_mut().zip(guides).for_each(|(m, guide)| {
             if m.resort == Resort::Still {
                 guide.hold(around, t);
-            } else {
+            } else if m.open {
                 guide.close(&m.root, t[1] - t[0], &m.work);
             }
-            m.open = false;
         });
         self.pushed.fill(false);
         for place in self.places.found.iter().filter(|p| p.pushes()) {
@@ -280,11 +259,6 @@ impl Tangle {
         }
         self.places.end();
     }
-}
-
-/// Whether a sub-step was taken in one piece.
-fn is_whole(record: &StepRecord) -> bool {
-    record.halvings == 0 && record.unconverged == 0
 }
 
 /// The members of islands, with their guides.

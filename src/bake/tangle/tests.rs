@@ -1,5 +1,6 @@
 //! Guides that meet: none crosses another, by a check of its own; the law of friction; rest; equal bits.
 
+use super::member::{Member, Resort};
 use super::places::Places;
 use super::{Tangle, Thickness};
 use crate::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
@@ -193,6 +194,60 @@ fn what_passes_beside_a_place_that_is_kept_is_met() {
     places.look();
     assert!(places.found[0].is_kept());
     assert_eq!((places.found.len(), places.crossing.len()), (2, 1));
+}
+
+/// A level strand that has taken a sub-step over a ball that comes up by `rise`, m, beneath it from half a millimetre off; the bodies have the
+/// last word. Calls `each` with the strand as a member of a tangle.
+fn over_a_ball(rise: f64, each: impl FnOnce(&mut Member, &mut Guide, &Surroundings, &mut StepRecord)) {
+    let ball = move |_: usize, t: f64| Isometry3::translation(0.1, -0.0215 + rise * t / H, 0.0);
+    let around = Surroundings {
+        head: STILL,
+        gravity: &|_| V::zeros(),
+        wind: &[],
+        bodies: &Bodies::from_shapes(&[Shape::Sphere { centre: V::zeros(), radius: 0.02 }]),
+        body: &ball,
+        carrier: &|_, _| Isometry3::identity(),
+        brought_out: &|_| 1.0,
+    };
+    let rod = strand(V::zeros(), V::x() * 0.2, 1.0);
+    let drag = vec![1e-4; rod.points()];
+    let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &around, 0.0, H);
+    let mut record = guide.advance(&around, 0.0, H, &mut Workspace::default());
+    let mut member = Member::new();
+    member.begin(&record);
+    assert!(member.whole && record.penetration < 1e-5, "{record:?}");
+    member.open(&mut guide, &around, [0.0, H]);
+    each(&mut member, &mut guide, &around, &mut record);
+}
+
+#[test]
+fn what_others_do_not_let_go_goes_where_it_went_alone_if_a_body_comes() {
+    for (rise, resort) in [(-1e-3, Resort::Still), (2.5e-3, Resort::Alone)] {
+        over_a_ball(rise, |member, guide, around, _| {
+            while !member.has_yielded() {
+                member.cut_short(guide, around, [0.0, H]);
+            }
+            assert_eq!(member.resort, resort);
+        });
+    }
+}
+
+#[test]
+fn a_way_that_was_given_up_leaves_nothing_in_the_record() {
+    over_a_ball(2.5e-3, |member, guide, around, record| {
+        let alone = record.penetration;
+        // Straight through the ball.
+        member.work.q.fill(0.0);
+        member.work.solver.shape.update(&guide.rod, &member.root.r, &member.work.q);
+        member.meet_bodies(guide, around.bodies);
+        let mut through = *record;
+        member.note(guide, around.bodies, &mut through);
+        assert!(through.penetration > 5e-4, "{through:?}");
+        assert!(member.is_lost());
+        member.go_alone(guide);
+        member.note(guide, around.bodies, record);
+        assert_eq!((record.penetration, record.strands.alone), (alone, 1));
+    });
 }
 
 /// A hair that falls across a stiff one, `turn` from its direction, rad, and then is shaken there.
