@@ -137,6 +137,26 @@ def test_meshes_that_go_along_and_meshes_that_deform(hairbake, track, tmp_path):
     assert hairbake("check", folder / "anim.json").returncode == 0
 
 
+def test_faces_look_outwards_whichever_way_they_are_kept(track, tmp_path):
+    """A left-handed mesh, a mirrored one, and one that is both: triangles that turn as seen from outside."""
+    stage = shot(tmp_path / "a.usda")
+    for name, left, mirrored in [("plain", False, False), ("left", True, False), ("mirror", False, True), ("both", True, True)]:
+        mesh = plate(stage, f"/{name}")
+        # The plate looks along y; wound for the left hand, or seen in a mirror, its corners are the other way round.
+        mesh.GetFaceVertexIndicesAttr().Set([3, 2, 1, 0] if left else [0, 1, 2, 3])
+        mesh.CreateOrientationAttr("leftHanded" if left else "rightHanded")
+        if mirrored:
+            UsdGeom.Xformable(mesh).AddScaleOp().Set(Gf.Vec3f(-1, 1, 1))
+    stage.Save()
+    _, folder, _ = track(tmp_path / "a.usda", "--prim", "/char/head", *[x for n in ("plain", "left", "mirror", "both") for x in ("--collider", f"{tmp_path}/a.usda:/{n}")])
+    for name in ("plain", "left", "mirror", "both"):
+        lines = [line.split() for line in (folder / f"{name}.obj").read_text().splitlines()]
+        points = np.array([line[1:] for line in lines if line[0] == "v"], float)
+        a, b, c = points[[int(i) - 1 for i in next(line for line in lines if line[0] == "f")[1:]]]
+        # y of a stage with Z up is -z here.
+        assert np.cross(b - a, c - a)[2] < 0, name
+
+
 def test_faults_are_told_and_nothing_is_written(refused, tmp_path):
     stage = shot(tmp_path / "a.usda")
     stage.DefinePrim("/scope", "Scope")

@@ -4,7 +4,7 @@
 //! Lloyd's iteration with two centres. No random start, and sums over fixed blocks in a fixed order: the same clusters for any
 //! number of threads. O(n log(clusters)) for balanced sets.
 
-use super::sections::{Features, distance_squared};
+use super::sections::{Features, along, distance_squared};
 use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -143,19 +143,20 @@ impl Space<'_> {
     fn halve(&self, cluster: &Cluster) -> [Vec<u32>; 2] {
         let members = &cluster.members;
         let axis = self.principal_direction(cluster);
-        let side = |i: u32| {
-            self.row(i).iter().zip(&cluster.mean).zip(&axis).map(|((x, m), a)| (x - m) * a).sum::<f64>() > 0.0
-        };
-        let mut halves = partition(members, side);
+        let beyond =
+            |from: &[f64], axis: &[f64]| partition(members, |i| along(self.row(i), from, axis) > 0.0);
+        let mut halves = beyond(&cluster.mean, &axis);
         for _ in 0..LLOYD_ROUNDS {
             if halves.iter().any(Vec::is_empty) {
                 // Strands that do not differ: any cut will do.
                 let middle = members.len() / 2;
                 return [members[..middle].to_vec(), members[middle..].to_vec()];
             }
+            // Nearer to the second mean is beyond the middle between the two.
             let [a, b] = halves.each_ref().map(|half| self.mean(half));
-            let settled =
-                partition(members, |i| distance_squared(self.row(i), &b) < distance_squared(self.row(i), &a));
+            let (middle, axis): (Vec<_>, Vec<_>) =
+                a.iter().zip(&b).map(|(a, b)| (0.5 * (a + b), b - a)).unzip();
+            let settled = beyond(&middle, &axis);
             if settled == halves || settled.iter().any(Vec::is_empty) {
                 break;
             }
@@ -167,7 +168,7 @@ impl Space<'_> {
     /// Unit vector of the largest scatter, by power iteration from the member farthest from the mean.
     fn principal_direction(&self, cluster: &Cluster) -> Vec<f64> {
         let from_mean = |i: u32| self.row(i).iter().zip(&cluster.mean).map(|(x, m)| x - m);
-        let reach = |i: u32| from_mean(i).map(|x| x * x).sum::<f64>();
+        let reach = |i: u32| distance_squared(self.row(i), &cluster.mean);
         let farthest = cluster.members.iter().copied().max_by(|&a, &b| reach(a).total_cmp(&reach(b)));
         let mut axis: Vec<f64> = farthest.map(|i| from_mean(i).collect()).unwrap_or_default();
         for _ in 0..POWER_ROUNDS {
@@ -177,9 +178,8 @@ impl Space<'_> {
             }
             axis.iter_mut().for_each(|x| *x /= norm);
             axis = self.sum(&cluster.members, self.features.dim, |i, sum| {
-                let along: f64 = from_mean(i).zip(&axis).map(|(x, a)| x * a).sum();
-                let along = along * self.weight[i as usize];
-                from_mean(i).zip(sum.iter_mut()).for_each(|(x, s)| *s += along * x);
+                let reach = along(self.row(i), &cluster.mean, &axis) * self.weight[i as usize];
+                from_mean(i).zip(sum.iter_mut()).for_each(|(x, s)| *s += reach * x);
             });
         }
         axis

@@ -38,6 +38,15 @@ impl Source {
     pub fn new(path: impl Into<PathBuf>) -> Self {
         Source { path: path.into(), ..Source::default() }
     }
+
+    /// # Errors
+    /// [`Error::Usage`] where a prim or a time is named of a file that has none.
+    pub(super) fn check(&self) -> Result<()> {
+        if usd::is_usd(&self.path) || (self.prim.is_none() && self.time.is_none()) {
+            return Ok(());
+        }
+        Err(Error::Usage(format!("{}: only USD files have prims and time codes", self.path.display())))
+    }
 }
 
 /// Sizes (diagonal of the bounding box) that the mesh of a head or a body may have, m.
@@ -69,6 +78,7 @@ pub fn mesh(source: &Source) -> Result<ReadMesh> {
 /// # Errors
 /// As [`mesh`].
 pub(super) fn moving_mesh(source: &Source, times: Option<&usd::Times>) -> Result<ReadMesh> {
+    source.check()?;
     let fault = |what: String| {
         Error::from(Problem::new(
             &source.path,
@@ -182,6 +192,7 @@ pub struct SourceReport {
 /// # Errors
 /// Unreadable file, unknown ending, damaged file, no usable strand, unit that cannot be guessed.
 pub(super) fn strands(source: &Source) -> Result<CleanStrands> {
+    source.check()?;
     let path = &source.path;
     let plain = match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
         _ if usd::is_usd(path) => usd::strands(source)?,
@@ -420,6 +431,14 @@ mod tests {
         assert_eq!(across(0.4).unwrap().0, 1.0);
         assert_eq!(across(400.0).unwrap().0, 0.001);
         assert!(matches!(across(1e6), Err(Error::BadInput(_))));
+    }
+
+    #[test]
+    fn prims_are_of_usd_alone() {
+        let of = |name: &str| Source { prim: Some("/a".into()), ..Source::new(name) };
+        assert!(of("a.usdc").check().is_ok() && Source::new("a.tfx").check().is_ok());
+        assert!(matches!(strands(&of("a.tfx")), Err(Error::Usage(_))));
+        assert!(matches!(mesh(&of("a.obj")), Err(Error::Usage(_))));
     }
 
     #[test]

@@ -62,13 +62,21 @@ pub(super) fn turn([w, x, y, z]: [f64; 4]) -> UnitQuaternion<f64> {
 /// Reads a motion; its format follows from its ending.
 ///
 /// # Errors
-/// Every fault of the file that was found.
+/// Every fault of the file that was found; [`Error::Usage`] where a joint or a prim is named of a file that has none.
 pub(super) fn read(source: &Source, joint: &Joint) -> Result<Motion> {
+    source.check()?;
     let ending = source.path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
     let read = match ending.as_deref() {
         _ if usd::is_usd(&source.path) => return usd::motion(source, joint.name.as_deref()),
         Some("bvh") => bvh::parse,
         Some("gltf" | "glb") => gltf::parse,
+        _ if joint.name.is_some() => {
+            let what = format!(
+                "{}: a motion file of this kind has one joint, without a name",
+                source.path.display()
+            );
+            return Err(Error::Usage(what));
+        }
         _ => return of_our_own(source),
     };
     let bytes = crate::file::read_file(&source.path).map_err(|e| Error::io(&source.path, e))?;
@@ -195,6 +203,12 @@ fn convention(source: &Source, metres_per_unit: f64, up: UpAxis) -> Convention {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_motion_without_joints_has_none_to_name() {
+        let joint = Joint { name: Some("Head".into()), clip: None };
+        assert!(matches!(read(&Source::new("walk.json"), &joint), Err(Error::Usage(_))));
+    }
 
     #[test]
     fn a_transform_gives_its_rotation_and_scale() {
