@@ -153,9 +153,8 @@ impl<'a> Output<'a> {
                     v.push((m[0].0 + m[1].0) / 2.0 + (m[0].1 - m[1].1) * ((s[1] - s[0]) / 8.0));
                     v.push(m[1].0);
                 }
-                let x = with_middles(rod, shape, q);
                 let written = |(x, v)| (single(&(to_scene * (root + x))), single(&(to_scene * v)));
-                x.into_iter().zip(v).map(written).collect()
+                shape.curve(rod, q).zip(v).map(written).collect()
             })
             .collect();
         let (points, velocities): (Vec<_>, Vec<_>) = per_guide.into_iter().flatten().unzip();
@@ -170,13 +169,6 @@ impl<'a> Output<'a> {
         m.fixed_view_mut::<3, 1>(0, 3).copy_from(&self.convention.length_out(pose.translation.vector));
         std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)]))
     }
-}
-
-/// The points of a rod whose shape at unknowns `q` is `shape`, m, relative to the root, and the middle of the curve between any two:
-/// where a body bends a rod far more than it is bent by nature, cubics through its points alone do not have its length.
-fn with_middles(rod: &Rod, shape: &Shape, q: &[f64]) -> Vec<Vector3<f64>> {
-    let between = |k: usize| [shape.middle(rod, k, q), shape.x(k + 1)];
-    std::iter::once(shape.x(0)).chain((0..rod.points() - 1).flat_map(between)).collect()
 }
 
 /// Pose of the head at `t`, s, and its velocity by central differences of the (smooth) track.
@@ -197,7 +189,7 @@ fn guide_set(groom: &Groom, rods: &[(&Rod, (u32, u32))]) -> CurveSet {
     for (rod, _) in rods {
         let mut shape = Shape::default();
         shape.update(rod, &rod.root.r, &rod.start);
-        curves.points.extend(with_middles(rod, &shape, &rod.start).iter().map(|x| x + rod.root.p));
+        curves.points.extend(shape.curve(rod, &rod.start).map(|x| x + rod.root.p));
         curves.offsets.push(curves.points.len());
     }
     let points = std::mem::take(&mut curves.points);

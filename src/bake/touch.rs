@@ -159,15 +159,28 @@ pub(super) fn across(normal: &Vector3<f64>) -> [Vector3<f64>; 3] {
     [*normal, frame.column(0).into(), frame.column(1).into()]
 }
 
-/// The rows L⁻¹Jᵀ of the place `u` (0..=1) on segment `k` along the directions of `frame`, one after another.
-pub(super) fn rows_at(solver: &Solver, k: usize, u: f64, frame: &[Vector3<f64>; 3], rows: &mut [f64]) {
+/// The rows L⁻¹Jᵀ of a place along the directions of `frame`, one after another. `carriers` are its shares of two points, m, relative to the
+/// root, of which one goes with the frame at point `k` and one with that at the next.
+pub(super) fn rows_at(
+    solver: &Solver,
+    k: usize,
+    carriers: [(f64, Vector3<f64>); 2],
+    frame: &[Vector3<f64>; 3],
+    rows: &mut [f64],
+) {
     let n = rows.len() / 3;
     for (d, row) in frame.iter().zip(rows.chunks_exact_mut(n)) {
         row.fill(0.0);
-        solver.sensitivity.add_row(k, &solver.shape.x(k), d, 1.0 - u, row);
-        solver.sensitivity.add_row(k + 1, &solver.shape.x(k + 1), d, u, row);
+        for (point, (share, x)) in (k..).zip(&carriers) {
+            solver.sensitivity.add_row(point, x, d, *share, row);
+        }
         solve_lower(&solver.factor, n, row);
     }
+}
+
+/// The place `u` (0..=1) on the chord between point `k` and the next, for [`rows_at`].
+fn on_chord(solver: &Solver, k: usize, u: f64) -> [(f64, Vector3<f64>); 2] {
+    [(1.0 - u, solver.shape.x(k)), (u, solver.shape.x(k + 1))]
 }
 
 impl Touch<'_> {
@@ -289,7 +302,7 @@ impl Touch<'_> {
             let slip = at(&work.x1) - at(self.x0) - (contact.point[1] - contact.point[0]);
             let frame = self.axes(solver, contact);
             work.frames.push((k, u, frame));
-            rows_at(solver, k, u, &frame, rows);
+            rows_at(solver, k, on_chord(solver, k, u), &frame, rows);
             for (j, (d, row)) in frame.iter().zip(rows.chunks_exact(n)).enumerate() {
                 let now = if j == 0 { contact.gap } else { slip.dot(d) };
                 work.free.push(now + dot(row, &solver.direction));
@@ -300,7 +313,7 @@ impl Touch<'_> {
         for ((tie, target), rows) in self.ties.iter().zip(of_ties.chunks_exact_mut(3 * n)) {
             let gap = tie.place(&work.x1) - target;
             work.frames.push((tie.segment, tie.u, axes));
-            rows_at(solver, tie.segment, tie.u, &axes, rows);
+            rows_at(solver, tie.segment, on_chord(solver, tie.segment, tie.u), &axes, rows);
             for (gap, row) in gap.iter().zip(rows.chunks_exact(n)) {
                 work.free.push(gap + dot(row, &solver.direction));
             }

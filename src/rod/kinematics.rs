@@ -85,6 +85,22 @@ impl Shape {
         (ahead + back) / 2.0
     }
 
+    /// The points and the middle of the curve between any two, m, relative to the root, at the unknowns `q` of this shape: where a rod is bent
+    /// far more than by nature, cubics through its points alone do not have its length.
+    pub fn curve<'a>(&'a self, rod: &'a Rod, q: &'a [f64]) -> impl Iterator<Item = Vector3<f64>> + 'a {
+        let between = move |k: usize| [self.middle(rod, k, q), self.x(k + 1)];
+        std::iter::once(self.x(0)).chain((0..rod.points() - 1).flat_map(between))
+    }
+
+    /// A place on [`Shape::curve`] as a polyline, at the fraction `s` (0..=1) of sub-step `k`: shares of two points, m, relative to the root, of
+    /// which one goes with the frame at point `k` and one with that at the next (`docs/theory.md` eq. 5.3).
+    pub fn carriers(&self, rod: &Rod, k: usize, s: f64) -> [(f64, Vector3<f64>); 2] {
+        let reach = 0.25 * rod.beam.steps[k].h;
+        let ahead = self.x(k) + self.tangent(k) * (reach * (s / (1.0 - s)).min(1.0));
+        let back = self.x(k + 1) - self.tangent(k + 1) * (reach * ((1.0 - s) / s).min(1.0));
+        [(1.0 - s, ahead), (s, back)]
+    }
+
     /// Frame and position of every point.
     pub fn poses(&self) -> impl Iterator<Item = Pose> + '_ {
         self.pose.iter().map(|g| Pose { r: g.r.into(), p: g.p.into() })
@@ -288,6 +304,55 @@ impl Sensitivity {
 mod tests {
     use super::*;
     use crate::rod::{Cut, RodSource};
+
+    #[test]
+    fn places_on_the_curve_are_on_it_and_move_as_their_carriers_do() {
+        let rod = Rod::new(&RodSource {
+            points: &[Vector3::zeros(), Vector3::new(0.03, 0.1, 0.0), Vector3::new(0.1, 0.15, 0.03)],
+            root_frame: None,
+            arc: &[0.0, 0.25, 0.5, 1.0],
+            stiffness: [1e-9; 3],
+            line_density: 1e-5,
+            damping: 0.0,
+            natural: None,
+            cut: Cut { length: 0.005, turn: 0.4 },
+        })
+        .unwrap();
+        let q: Vec<f64> = (0..rod.unknowns()).map(|i| 20.0 * (i as f64 * 1.3).sin()).collect();
+        let shape_at = |q: &[f64]| {
+            let mut shape = Shape::default();
+            assert!(shape.update(&rod, &rod.root.r, q));
+            shape
+        };
+        let place = |shape: &Shape, k: usize, s: f64| {
+            shape.carriers(&rod, k, s).iter().map(|(share, x)| x * *share).sum::<Vector3<f64>>()
+        };
+        let shape = shape_at(&q);
+        let curve: Vec<_> = shape.curve(&rod, &q).collect();
+        let mut sensitivity = Sensitivity::default();
+        sensitivity.update(&rod, &shape, &q);
+        let d = Vector3::new(0.3, -0.8, 0.5);
+        for k in 0..rod.points() - 1 {
+            for s in [0.0, 0.2, 0.5, 0.9, 1.0] {
+                let (half, u) = if s < 0.5 { (0, 2.0 * s) } else { (1, 2.0 * s - 1.0) };
+                let on_curve = curve[2 * k + half].lerp(&curve[2 * k + half + 1], u);
+                assert!((place(&shape, k, s) - on_curve).norm() < 1e-6);
+                let mut row = vec![0.0; q.len()];
+                for (i, (share, x)) in shape.carriers(&rod, k, s).iter().enumerate() {
+                    sensitivity.add_row(k + i, x, &d, *share, &mut row);
+                }
+                for (a, row) in row.iter().enumerate() {
+                    let moved = |by: f64| {
+                        let mut q = q.clone();
+                        q[a] += by;
+                        d.dot(&place(&shape_at(&q), k, s))
+                    };
+                    let slope = (moved(1e-3) - moved(-1e-3)) / 2e-3;
+                    assert!((slope - row).abs() < 1e-8, "{k} {s} {a}: {slope} {row}");
+                }
+            }
+        }
+    }
 
     #[test]
     fn the_middle_of_the_curve_is_where_a_finer_rod_has_it() {

@@ -44,17 +44,14 @@ class Count:
     events: list[Event] | None = None
 
 
-CONTACT = 2
-"""Of so many points of a guide contact holds one; those between are of the curve, which bulges over the chords that contact keeps apart."""
-
-
-def count(cache: Cache, strands: bool = True, every: int = 1) -> Count:
-    """Counts crossings of guides, as polylines through every so manieth of their points, with colliders and, if `strands`, with each other."""
+def count(cache: Cache, strands: bool = True) -> Count:
+    """Counts crossings of guides with colliders and, if `strands`, with each other."""
     curves = next(c for c in cache.curves if c.path == GUIDES)
-    ends = segments(curves, every)
-    owner = curves.curve_of_point[ends[:, 0]]
-    free = [~exempt(curves, ends, mesh, rest_transform(cache, mesh)) for mesh in cache.colliders]
+    first = curves.segments
+    owner = curves.curve_of_point[first]
+    free = [~exempt(curves, first, mesh, rest_transform(cache, mesh)) for mesh in cache.colliders]
     found = Count(left_out=sum(int((~f).sum()) for f in free), events=[])
+    ends = np.stack([first, first + 1], axis=1)
     before = None
     for now in moments(cache):
         if before is not None:
@@ -119,26 +116,18 @@ def rest_transform(cache: Cache, mesh: Mesh) -> np.ndarray:
     return values[f"{mesh.path}.{TRANSFORM}"] @ np.linalg.inv(values[f"{HEAD}.{TRANSFORM}"])
 
 
-def segments(curves: Curves, every: int) -> np.ndarray:
-    """First and last point of each segment between every so manieth point and the next, or the tip, `m × 2`."""
-    last = (curves.starts + curves.counts - 1)[curves.curve_of_point]
-    first = curves.segments
-    first = first[(first - curves.starts[curves.curve_of_point[first]]) % every == 0]
-    return np.stack([first, np.minimum(first + every, last[first])], axis=1)
-
-
-def exempt(curves: Curves, segments: np.ndarray, mesh: Mesh, to_groom: np.ndarray) -> np.ndarray:
+def exempt(curves: Curves, first: np.ndarray, mesh: Mesh, to_groom: np.ndarray) -> np.ndarray:
     """Whether each segment pierces the mesh at rest or lies between the root and the first stretch that does so."""
     rest = curves.rest.astype(float)
-    ends = rest[segments]
+    ends = rest[np.stack([first, first + 1], axis=1)]
     corners = transformed(mesh.points, to_groom)[mesh.triangles]
     pairs = meeting_boxes(*boxes(ends, ends), *boxes(corners, corners))
     pierced = segments_meet_faces(ends[pairs[:, 0]], corners[pairs[:, 1]])
-    through = np.zeros(len(segments), bool)
+    through = np.zeros(len(first), bool)
     through[pairs[pierced, 0]] = True
     # From the root to the end of the first run of such segments.
     out = through.copy()
-    owner = curves.curve_of_point[segments[:, 0]]
+    owner = curves.curve_of_point[first]
     for curve in np.unique(owner[through]):
         mine = np.flatnonzero(owner == curve)
         out[mine[: int(np.argmax(through[mine])) + 1]] = True

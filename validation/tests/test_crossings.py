@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from conftest import HANDLES
-from hairbake_validate.cache import Cache, Curves
-from hairbake_validate.crossing_check import count, main, segments
+from hairbake_validate.cache import Cache
+from hairbake_validate.crossing_check import count, main
 from hairbake_validate.crossings import cubic_roots, meeting_boxes, strand_body, strand_strand
 from test_faults import GUIDES, MIDDLE
 
@@ -106,9 +106,3 @@ def test_a_good_cache_has_none_and_injected_ones_are_counted(good_cache, capsys)
     assert main([str(good_cache.directory)]) == 1
     assert "crossings" in capsys.readouterr().out
     assert len(HANDLES) > 2
-
-
-def test_segments_between_points_that_contact_holds():
-    curves = Curves("/guides", np.array([5, 2, 4]), np.zeros((11, 3)), np.zeros(11))
-    assert segments(curves, 1).tolist() == [[0, 1], [1, 2], [2, 3], [3, 4], [5, 6], [7, 8], [8, 9], [9, 10]]
-    assert segments(curves, 2).tolist() == [[0, 2], [2, 4], [5, 6], [7, 9], [9, 10]]

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hairbake_validate.cache import Cache
-from hairbake_validate.crossing_check import CONTACT, Count, Event, count
+from hairbake_validate.crossing_check import Count, Event, count
 from physics.scene import Hairbake
 
 from .scenes import FPS, SCENES
@@ -16,12 +16,11 @@ STEPS = (5, 4, 3, 2, 1)
 """Steps a film frame."""
 
 
-def torture(hairbake: Hairbake, name: str, steps: int, seconds: float = 1.0) -> tuple[Count, list[Event], list[Event], dict]:
-    """Bakes a scene with so many steps a film frame; what was looked at, what crossed, what of that is seen at the points that contact holds
-    alone, and hairbake's own totals.
+def torture(hairbake: Hairbake, name: str, steps: int, seconds: float = 1.0) -> tuple[Count, list[Event], dict]:
+    """Bakes a scene with so many steps a film frame; what was looked at, what crossed, and hairbake's own totals.
 
     A guide whose step hairbake divided went another way between its ends than the straight one, which alone is known here. Events
-    of such guides are counted, but decide nothing and are left out of the second and third result.
+    of such guides are counted, but decide nothing and are left out of the second result.
     """
     with tempfile.TemporaryDirectory() as folder:
         scene = SCENES[name](Path(folder))
@@ -32,11 +31,8 @@ def torture(hairbake: Hairbake, name: str, steps: int, seconds: float = 1.0) -> 
         found = count(cache)
         # The scenes number their guides from nought.
         divided = {f["frame"]: set(f["figures"]["divided"]) for f in cache.record["frames"]}
-        decided, held = (
-            [event for event in events if divided[event.frame].isdisjoint(event.curves)]
-            for events in (found.events, count(cache, every=CONTACT).events)
-        )
-        return found, decided, held, cache.record["totals"]
+        decided = [event for event in found.events if divided[event.frame].isdisjoint(event.curves)]
+        return found, decided, cache.record["totals"]
 
 
 def main() -> int:
@@ -49,20 +45,19 @@ def main() -> int:
     if unknown:
         parser.error(f"no such scene: {', '.join(sorted(unknown))}")
     hairbake = Hairbake(arguments.hairbake.resolve())
-    print("scene       steps   body pairs  strand pairs  body crossings  strand crossings  held: body  held: strands  undecided  cut short  unconverged  deepest, mm")
-    looked_at = crossings = at_held = 0
+    print("scene       steps   body pairs  strand pairs  body crossings  strand crossings  undecided  cut short  unconverged  deepest, mm")
+    looked_at = crossings = 0
     for name in arguments.scenes or SCENES:
         for steps in STEPS:
-            found, events, held, totals = torture(hairbake, name, steps)
-            strands, held_strands = (sum(e.what == "strands" for e in some) for some in (events, held))
+            found, events, totals = torture(hairbake, name, steps)
+            strands = sum(e.what == "strands" for e in events)
             looked_at += found.body_pairs + found.strand_pairs
             crossings += len(events)
-            at_held += len(held)
             print(
                 f"{name:<10}  {steps:>5}  {found.body_pairs:>11}  {found.strand_pairs:>12}  {len(events) - strands:>14}"
-                f"  {strands:>16}  {len(held) - held_strands:>10}  {held_strands:>13}  {len(found.events) - len(events):>9}  {totals['shortened']:>9}  {totals['unconverged']:>11}  {1e3 * totals['penetration_m']:>11.3f}"
+                f"  {strands:>16}  {len(found.events) - len(events):>9}  {totals['shortened']:>9}  {totals['unconverged']:>11}  {1e3 * totals['penetration_m']:>11.3f}"
             )
-    print(f"{crossings} crossings of the written curves in {looked_at} pairs, {at_held} of the polylines that contact holds")
+    print(f"{crossings} crossings in {looked_at} pairs")
     return 1 if crossings else 0
 
 

@@ -1,6 +1,6 @@
 """The scenes: heads that whip, dash and jump, bodies with edges and corners, bodies that close, strands laid across each other."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -39,19 +39,48 @@ def head_of_hair(count: int, rod: Rod = HAIR) -> list[Strand]:
     return strands
 
 
-def skull(body: str) -> dict:
+def mesh(folder: Path, name: str, corners: Sequence[Sequence[float]], faces: Sequence[Sequence[int]]) -> dict:
+    """A collider of triangles or quads, counter-clockwise from outside. Bodies of the torture set are meshes: what a cache holds of a ball is a mesh about it,
+    whose corners stand off the ball, and strands that graze the one go through the other."""
+    path = folder / f"{name}.obj"
+    lines = ["v {} {} {}".format(*c) for c in corners] + ["f " + " ".join(str(i + 1) for i in f) for f in faces]
+    path.write_text("\n".join(lines) + "\n")
+    return {"name": name, "shape": {"type": "mesh", "file": str(path)}}
+
+
+def upright_capsule(folder: Path, name: str, ends: Sequence[Sequence[float]], radius: float, sides: int = 48) -> dict:
+    """A ball or, where its ends differ, a capsule along the second axis, the lower end first."""
+    half = sides // 4
+    angles = 2 * np.pi * np.arange(sides) / sides
+    around = np.stack([np.sin(angles), np.zeros(sides), np.cos(angles)], axis=1)
+    tilts = np.linspace(-np.pi / 2, 0, half + 1)[1:]
+    low, high = np.asarray(ends, float)
+    rings = [low + radius * (np.cos(t) * around + np.sin(t) * np.array([0, 1, 0])) for t in tilts]
+    rings += [high + radius * (np.cos(t) * around - np.sin(t) * np.array([0, 1, 0])) for t in tilts[::-1]]
+    if np.array_equal(low, high):
+        del rings[half]
+    corners = np.concatenate([low[None] - [0, radius, 0], *rings, high[None] + [0, radius, 0]])
+    faces, top = [], len(corners) - 1
+    for i in range(sides):
+        j = (i + 1) % sides
+        for ring in range(len(rings) - 1):
+            a, b = 1 + ring * sides, 1 + (ring + 1) * sides
+            faces.append((a + i, a + j, b + j, b + i))
+        faces.append((0, 1 + j, 1 + i))
+        faces.append((top, top - sides + i, top - sides + j))
+    return mesh(folder, name, corners, faces)
+
+
+def skull(folder: Path) -> dict:
     """The head as a ball."""
-    return {"name": "skull", "body": body, "shape": {"type": "sphere", "centre": [0, 0, 0], "radius": SKULL}}
+    return {**upright_capsule(folder, "skull", [[0, 0, 0]] * 2, SKULL), "body": "clamp"}
 
 
 def wedge(folder: Path, name: str, size: float) -> dict:
     """A double pyramid with sharp edges and corners, as a mesh."""
     corners = size * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
-    faces = [(1, 3, 5), (3, 2, 5), (2, 4, 5), (4, 1, 5), (3, 1, 6), (2, 3, 6), (4, 2, 6), (1, 4, 6)]
-    path = folder / f"{name}.obj"
-    lines = ["v {} {} {}".format(*c) for c in corners] + ["f {} {} {}".format(*f) for f in faces]
-    path.write_text("\n".join(lines) + "\n")
-    return {"name": name, "shape": {"type": "mesh", "file": str(path)}}
+    faces = [(0, 2, 4), (2, 1, 4), (1, 3, 4), (3, 0, 4), (2, 0, 5), (1, 2, 5), (3, 1, 5), (0, 3, 5)]
+    return mesh(folder, name, corners, faces)
 
 
 def begin(t: float) -> float:
@@ -59,33 +88,33 @@ def begin(t: float) -> float:
     return 0.0 if t <= 0 else (5 * t * t if t < 0.1 else t - 0.05)
 
 
-def whip(_: Path) -> Scene:
+def whip(folder: Path) -> Scene:
     """The head swings to and fro about the upright at up to 20 rad/s."""
 
     def motion(t):
         return np.zeros(3), turned(2.5 * np.sin(8.0 * begin(t)))
 
-    return Scene(head_of_hair(24), motion=motion, colliders=[skull("clamp")])
+    return Scene(head_of_hair(24), motion=motion, colliders=[skull(folder)])
 
 
-def dash(_: Path) -> Scene:
+def dash(folder: Path) -> Scene:
     """The head dashes to and fro at up to 7 m/s, past a post."""
 
     def motion(t):
         return np.array([0.25 * np.sin(28.0 * begin(t)), 0.0, 0.0]), UNTURNED
 
-    post = {"name": "post", "shape": {"type": "capsule", "ends": [[0, -0.5, 0.16], [0, 0.5, 0.16]], "radius": 0.03}}
-    return Scene(head_of_hair(24), motion=motion, colliders=[skull("clamp"), post])
+    post = upright_capsule(folder, "post", [[0, -0.5, 0.16], [0, 0.5, 0.16]], 0.03)
+    return Scene(head_of_hair(24), motion=motion, colliders=[skull(folder), post])
 
 
-def pops(_: Path) -> Scene:
+def pops(folder: Path) -> Scene:
     """The head jumps by 0.18 m and 127° within a step, and back."""
 
     def motion(t):
         away = 0.2 < t < 0.5 or t > 0.8
         return np.array([0.18 * away, 0.0, 0.0]), turned(np.radians(127.0) * away)
 
-    return Scene(head_of_hair(24), motion=motion, colliders=[skull("clamp")])
+    return Scene(head_of_hair(24), motion=motion, colliders=[skull(folder)])
 
 
 def edges(folder: Path) -> Scene:
@@ -114,7 +143,7 @@ def closing(folder: Path) -> Scene:
     def up(t):
         return np.array([0.0, -0.20 + 0.08 * (1 - np.cos(8.0 * begin(t))), 0.0]), UNTURNED
 
-    ball = {"name": "ball", "shape": {"type": "sphere", "centre": [0.12, 0.07, 0], "radius": 0.05}}
+    ball = upright_capsule(folder, "ball", [[0.12, 0.07, 0]] * 2, 0.05)
     scene = edges(folder)
     spike = {**wedge(folder, "spike", 0.05), "body": "spike"}
     return Scene(scene.strands, bodies={"spike": lambda t: (up(t)[0] + [0.12, 0, 0], UNTURNED)}, colliders=[ball, spike])

@@ -62,8 +62,11 @@ pub(super) struct Member {
     pub parts: Vec<(usize, usize)>,
     /// L⁻¹Jᵀ of `parts`: three rows each.
     pub rows: Vec<f64>,
-    /// What pushes it: segment, place on it, force, N, world.
-    forces: Vec<(usize, f64, Vector3<f64>)>,
+    /// The curve of its end, world.
+    pub curve: Vec<Vector3<f64>>,
+    /// What bodies push it with, and what others do: sub-step, fraction of it, force, N, world.
+    by_bodies: Vec<(usize, f64, Vector3<f64>)>,
+    by_others: Vec<(usize, f64, Vector3<f64>)>,
 }
 
 impl Member {
@@ -84,7 +87,9 @@ impl Member {
             work: Workspace::default(),
             parts: Vec::new(),
             rows: Vec::new(),
-            forces: Vec::new(),
+            curve: Vec::new(),
+            by_bodies: Vec::new(),
+            by_others: Vec::new(),
         }
     }
 
@@ -102,6 +107,7 @@ impl Member {
     pub fn open(&mut self, guide: &mut Guide, around: &Surroundings, t: [f64; 2]) {
         self.root = guide.reopen(around, t, &mut self.work);
         self.alone.clone_from(&self.work.q);
+        self.trace(guide);
         self.open = true;
         self.stirred = true;
         self.meet_bodies(guide, around.bodies);
@@ -147,7 +153,9 @@ impl Member {
         for (&(i, side), rows) in self.parts.iter().zip(self.rows.chunks_exact_mut(3 * n)) {
             let meeting = &places.found[i].meeting;
             let frame = across(&(to_world * meeting.normal)).map(|d| if side == 0 { d } else { -d });
-            rows_at(&self.work.solver, places.segment(meeting, side), meeting.u[side], &frame, rows);
+            let (k, s) = places.on_rod(meeting, side);
+            let carriers = self.work.solver.shape.carriers(&guide.rod, k, s);
+            rows_at(&self.work.solver, k, carriers, &frame, rows);
         }
     }
 
@@ -165,12 +173,17 @@ impl Member {
         }
         self.gather_forces(places, to_world);
         let Workspace { solver, load, q, .. } = &mut self.work;
-        let forces = &self.forces;
+        let (by_bodies, by_others) = (&self.by_bodies, &self.by_others);
         let work = |shape: &Shape| {
-            let at = |k: usize, u: f64| shape.x(k) * (1.0 - u) + shape.x(k + 1) * u;
-            forces.iter().map(|(k, u, f)| f.dot(&at(*k, *u))).sum::<f64>()
+            let chord = |k: usize, u: f64| shape.x(k) * (1.0 - u) + shape.x(k + 1) * u;
+            let curve = |k: usize, s: f64| -> Vector3<f64> {
+                shape.carriers(&guide.rod, k, s).iter().map(|(share, x)| x * *share).sum()
+            };
+            by_bodies.iter().map(|(k, u, f)| f.dot(&chord(*k, *u))).sum::<f64>()
+                + by_others.iter().map(|(k, s, f)| f.dot(&curve(*k, *s))).sum::<f64>()
         };
         self.moved = solver.advance_under(&guide.rod, &self.root.r, load, q, work, MAX_MOVE);
+        self.trace(guide);
         self.meet_bodies(guide, bodies);
         self.stirred = self.moved > SETTLED || self.rounds == 1 && self.residual > SOUND;
         self.stir(!self.is_well());
@@ -183,15 +196,30 @@ impl Member {
 
     fn gather_forces(&mut self, places: &Places, to_world: &UnitQuaternion<f64>) {
         let touch = &self.work.touch;
-        self.forces.clear();
+        self.by_bodies.clear();
         for ((segment, u, [n, t1, t2]), r) in touch.frames.iter().zip(touch.reaction.chunks_exact(3)) {
-            self.forces.push((*segment, *u, n * r[0] + t1 * r[1] + t2 * r[2]));
+            self.by_bodies.push((*segment, *u, n * r[0] + t1 * r[1] + t2 * r[2]));
         }
+        self.by_others.clear();
         for &(i, side) in &self.parts {
             let place = &places.found[i];
             let force = to_world * place.reaction * if side == 0 { 1.0 } else { -1.0 };
-            self.forces.push((places.segment(&place.meeting, side), place.meeting.u[side], force));
+            let (k, s) = places.on_rod(&place.meeting, side);
+            self.by_others.push((k, s, force));
         }
+    }
+
+    /// Takes over the curve of the end as it is now.
+    fn trace(&mut self, guide: &Guide) {
+        let Workspace { solver, q, .. } = &self.work;
+        self.curve.clear();
+        self.curve.extend(solver.shape.curve(&guide.rod, q).map(|x| x + self.root.p));
+    }
+
+    /// Makes the unknowns as they are now its end.
+    fn end_there(&mut self, guide: &Guide) {
+        self.work.solver.shape.update(&guide.rod, &self.root.r, &self.work.q);
+        self.trace(guide);
     }
 
     /// Ends the sub-step as if no other guide were there.
@@ -199,7 +227,7 @@ impl Member {
         self.resort = Resort::Alone;
         if self.open {
             self.work.q.clone_from(&self.alone);
-            self.work.solver.shape.update(&guide.rod, &self.root.r, &self.work.q);
+            self.end_there(guide);
         }
     }
 
@@ -210,7 +238,7 @@ impl Member {
             for (q, start) in self.work.q.iter_mut().zip(&guide.q[0]) {
                 *q = start + 0.5 * (*q - start);
             }
-            self.work.solver.shape.update(&guide.rod, &self.root.r, &self.work.q);
+            self.end_there(guide);
             self.meet_bodies(guide, around.bodies);
             if self.is_well() {
                 return;

@@ -13,6 +13,7 @@ mod tests;
 use super::guide::{Guide, StepRecord, Surroundings};
 use super::touch::GAP_TOLERANCE;
 use crate::contact::Bodies;
+use crate::rod::Shape;
 use island::{Island, Reactions, Sets};
 use member::{Member, Resort};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
@@ -46,8 +47,7 @@ impl Tangle {
 
     /// Takes over where the guides are at time `t`, s.
     pub fn start(&mut self, guides: &[Guide], around: &Surroundings, t: f64) {
-        let head = (around.head)(t).inverse();
-        self.places.x[0] = guides.iter().flat_map(|g| &g.x).map(|x| carry(&head, x)).collect();
+        self.places.x[0] = curves(guides, around, t);
     }
 
     /// Keeps apart what would come too close in the sub-step from `t[0]` to `t[1]`, s, which every guide has just taken alone.
@@ -60,8 +60,7 @@ impl Tangle {
     ) {
         let head = (around.head)(t[1]).inverse();
         let to_world = head.rotation.inverse();
-        self.places.x[1].clear();
-        self.places.x[1].extend(guides.iter().flat_map(|g| &g.x).map(|x| carry(&head, x)));
+        self.places.x[1] = curves(guides, around, t[1]);
         self.places.begin();
         self.members.iter_mut().zip(&*records).for_each(|(m, record)| m.begin(record));
         let mut strayed = 0.0;
@@ -170,9 +169,8 @@ impl Tangle {
     /// Takes over the ends of the members.
     fn gather(&mut self, head: &Isometry3<f64>) {
         for (g, m) in self.members.iter().enumerate().filter(|(_, m)| m.open && m.resort != Resort::Still) {
-            let shape = &m.work.solver.shape;
-            for (k, x) in self.places.end_of(g).iter_mut().enumerate() {
-                *x = carry(head, &(shape.x(k) + m.root.p));
+            for (end, x) in self.places.end_of(g).iter_mut().zip(&m.curve) {
+                *end = carry(head, x);
             }
         }
     }
@@ -204,8 +202,7 @@ impl Tangle {
             self.members[g].go_alone(&guides[g]);
         }
         if !lost.is_empty() {
-            self.gather(head);
-            self.places.look();
+            self.look_afresh(head);
         }
         loop {
             let crossing = self.places.crossing.iter().flat_map(|&pair| self.places.guides_of(pair));
@@ -223,9 +220,15 @@ impl Tangle {
                     self.places.stop(g);
                 }
             }
-            self.gather(head);
-            self.places.look();
+            self.look_afresh(head);
         }
+    }
+
+    /// Looks where the motions lead whose ends may have been moved anywhere.
+    fn look_afresh(&mut self, head: &Isometry3<f64>) {
+        self.gather(head);
+        self.places.find_pairs();
+        self.places.look();
     }
 
     fn note(&mut self, guides: &mut [Guide], bodies: &Bodies, records: &mut [StepRecord]) {
@@ -270,6 +273,19 @@ fn active<'a>(
     let mut chosen = vec![false; guides.len()];
     islands.iter().flat_map(|island| &island.members).for_each(|&g| chosen[g] = true);
     members.par_iter_mut().zip(guides).zip(chosen).filter(|(_, chosen)| *chosen).map(|(pair, _)| pair)
+}
+
+/// The curves of all guides at time `t`, s, in the frame of the head.
+fn curves(guides: &[Guide], around: &Surroundings, t: f64) -> Vec<Vector3<f64>> {
+    let head = (around.head)(t).inverse();
+    let of = |shape: &mut Shape, guide: &Guide| -> Vec<Vector3<f64>> {
+        let (rod, q) = (&guide.rod, &guide.q[0]);
+        let root = around.root(&rod.root, t);
+        shape.update(rod, &root.r, q);
+        shape.curve(rod, q).map(|x| carry(&head, &(x + root.p))).collect()
+    };
+    let curves: Vec<_> = guides.par_iter().map_init(Shape::default, of).collect();
+    curves.concat()
 }
 
 fn carry(pose: &Isometry3<f64>, x: &Vector3<f64>) -> Vector3<f64> {

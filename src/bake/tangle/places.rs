@@ -28,11 +28,14 @@ const GAINED: f64 = 0.1;
 /// Share of the kept distance that is distance enough at the end of a sub-step.
 const SQUEEZED: f64 = 0.5;
 
-/// A known contact is the same one as long as it has slid by no more segments than this along both guides together.
+/// A known contact is the same one as long as it has slid by no more sub-steps of the rods than this along both guides together.
 const SLID: f64 = 2.0;
 
-/// An impact this near to an earlier one, in points along both guides together, is a consequence of it.
+/// An impact this near to an earlier one, in sub-steps of the rods along both guides together, is a consequence of it.
 const BESIDE: f64 = 3.0;
+
+/// Two places this near to each other, in sub-steps of the rods along both guides together, may stand for each other.
+const SAME: f64 = 0.3;
 
 /// How thick a guide is to another.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,7 +76,7 @@ impl Place {
     }
 }
 
-/// What is known of a place from the sub-step before: where it is along the two guides, in points from the first of all.
+/// What is known of a place from the sub-step before: where it is along the two guides, in sub-steps of the rods from the first of all.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Known {
     guides: [u32; 2],
@@ -91,7 +94,8 @@ struct Hit {
     crosses: bool,
 }
 
-/// All guides as polylines, and where they are near each other.
+/// All guides as polylines, as they are written: through the points of the rods and the middles of the curves between them. And where they
+/// are near each other.
 #[derive(Debug)]
 pub(super) struct Places {
     pub thickness: Vec<Thickness>,
@@ -112,12 +116,16 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// From the arc lengths of the points of each guide, m, and the guides' thicknesses.
+    /// From the arc lengths of the points of each guide's rod, m, and the guides' thicknesses.
     pub fn new(arc: &[Vec<f64>], thickness: Vec<Thickness>) -> Self {
-        let points = arc.iter().map(Vec::len);
+        let points = arc.iter().map(|s| 2 * s.len() - 1);
+        let with_middles = |s: &Vec<f64>| -> Vec<f64> {
+            let between = s.windows(2).flat_map(|s| [0.5 * (s[0] + s[1]), s[1]]);
+            s[..1].iter().copied().chain(between).collect()
+        };
         Places {
             thickness,
-            rooted: arc.iter().flatten().map(|s| *s < ROOTED).collect(),
+            rooted: arc.iter().flat_map(with_middles).map(|s| s < ROOTED).collect(),
             guide: points.clone().enumerate().flat_map(|(g, n)| std::iter::repeat_n(g as u32, n)).collect(),
             first: points.scan(0, |at, n| Some(std::mem::replace(at, *at + n as u32))).collect(),
             x: [Vec::new(), Vec::new()],
@@ -138,10 +146,11 @@ impl Places {
         self.guides_of(meeting.pair)
     }
 
-    /// The segment of a meeting on one side, within its guide.
-    pub fn segment(&self, meeting: &Meeting, side: usize) -> usize {
+    /// Where a meeting is on one side: the sub-step of the guide's rod, and the fraction of it.
+    pub fn on_rod(&self, meeting: &Meeting, side: usize) -> (usize, f64) {
         let k = [meeting.pair.0, meeting.pair.1][side];
-        (k - self.first[self.guide[k as usize] as usize]) as usize
+        let half = k - self.first[self.guide[k as usize] as usize];
+        ((half / 2) as usize, 0.5 * (f64::from(half % 2) + meeting.u[side]))
     }
 
     /// Sets the reaction of a place, `r` in its frame, N.
@@ -320,12 +329,12 @@ impl Places {
     }
 }
 
-/// Where a meeting is along the two guides, in points from the first of all.
+/// Where a meeting is along the two guides, in sub-steps of the rods from the first of all.
 fn along(meeting: &Meeting) -> [f64; 2] {
-    [f64::from(meeting.pair.0) + meeting.u[0], f64::from(meeting.pair.1) + meeting.u[1]]
+    [f64::from(meeting.pair.0) + meeting.u[0], f64::from(meeting.pair.1) + meeting.u[1]].map(|k| 0.5 * k)
 }
 
-/// How far apart two meetings are along both guides together, in points.
+/// How far apart two meetings are along both guides together, in sub-steps of the rods.
 fn slid(a: &Meeting, b: &Meeting) -> f64 {
     let (a, b) = (along(a), along(b));
     (a[0] - b[0]).abs() + (a[1] - b[1]).abs()
@@ -333,5 +342,5 @@ fn slid(a: &Meeting, b: &Meeting) -> f64 {
 
 /// Whether holding two segments apart at `a` does so at `b` too.
 fn stands_for(a: &Meeting, b: &Meeting) -> bool {
-    slid(a, b) < 0.3 && a.normal.dot(&b.normal) > 0.98
+    slid(a, b) < SAME && a.normal.dot(&b.normal) > 0.98
 }
