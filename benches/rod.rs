@@ -93,7 +93,7 @@ impl<'a> Scene<'a> {
             };
             rods.into_iter().map(start).collect()
         });
-        scene.companies = Companies::muster(&scene.guides);
+        scene.companies = Companies::muster(&scene.guides, |_| true);
         scene
     }
 

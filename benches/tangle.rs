@@ -122,7 +122,7 @@ fn run(groom: &Groom, anim: &Anim, guides: usize, mut each: impl FnMut(&[StepRec
     }
     let (start, before) = (Instant::now(), cpu());
     while simulation.time() < time(FRAMES.1) {
-        each(simulation.advance());
+        each(simulation.advance().records);
     }
     let frames = f64::from(FRAMES.1 - FRAMES.0);
     [start.elapsed().as_secs_f64() / frames, (cpu() - before) / frames]

@@ -32,7 +32,7 @@ fn a_step_of_many_rods_allocates_nothing() {
     // One thread, whose allocations are counted.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| {
-        let companies = Companies::muster(&guides);
+        let companies = Companies::muster(&guides, |_| true);
         let mut step = |i: u32| {
             let span = [f64::from(i) * h, f64::from(i + 1) * h];
             companies.advance(&mut guides, &around, span, &mut records);

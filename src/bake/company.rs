@@ -2,6 +2,7 @@
 
 use super::guide::{Guide, Solved, StepRecord, Surroundings, Workspace};
 use crate::math::lanes::MAX_LANES;
+use crate::rod::Rod;
 use crate::rod::newton::Outcome;
 use crate::rod::pack::{Pack, PackWork, Task};
 use std::sync::{Mutex, PoisonError};
@@ -14,10 +15,18 @@ pub struct Companies {
     works: Vec<Mutex<CompanyWork>>,
 }
 
-/// Guides that follow each other in a list and are stepped together.
+/// Guides that follow each other in a list, those of which that move by themselves are stepped together.
 struct Company {
     pack: Pack,
-    len: usize,
+    /// Which of them are.
+    free: Vec<bool>,
+}
+
+impl Company {
+    /// Of an entry for each guide those of guides that are stepped.
+    fn of<'a, T>(&'a self, entries: impl IntoIterator<Item = T> + 'a) -> impl Iterator<Item = T> + 'a {
+        entries.into_iter().zip(&self.free).filter(|(_, free)| **free).map(|(entry, _)| entry)
+    }
 }
 
 /// Workspace of the steps of one thread.
@@ -29,19 +38,31 @@ struct CompanyWork {
 }
 
 impl Companies {
-    /// Divides guides into companies, in order.
-    pub fn muster(guides: &[Guide]) -> Self {
-        let alike = guides.chunk_by(|a, b| a.rod.unknowns() == b.rod.unknowns());
-        let ranks = alike.flat_map(|alike| alike.chunks(Pack::width()));
-        let company = |rank: &[Guide]| {
-            let rods: Vec<_> = rank.iter().map(|g| &g.rod).collect();
-            Company { pack: Pack::new(&rods), len: rank.len() }
+    /// Divides guides into companies, in order; those that are not `free` are not stepped.
+    pub fn muster(guides: &[Guide], free: impl Fn(usize) -> bool) -> Self {
+        let free: Vec<bool> = (0..guides.len()).map(free).collect();
+        let mut companies = Vec::new();
+        let (mut start, mut rods) = (0, Vec::new());
+        let mut close = |rods: &mut Vec<&Rod>, range: std::ops::Range<usize>| {
+            if !rods.is_empty() {
+                companies.push(Company { pack: Pack::new(rods), free: free[range].to_vec() });
+                rods.clear();
+            }
         };
+        for (i, guide) in guides.iter().enumerate().filter(|(i, _)| free[*i]) {
+            let unlike = rods.first().is_some_and(|first: &&Rod| first.unknowns() != guide.rod.unknowns());
+            if unlike || rods.len() == Pack::width() {
+                close(&mut rods, start..i);
+                start = i;
+            }
+            rods.push(&guide.rod);
+        }
+        close(&mut rods, start..guides.len());
         let works = (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect();
-        Companies { companies: ranks.map(company).collect(), works }
+        Companies { companies, works }
     }
 
-    /// Does for every guide of the list what [`Guide::advance`] does, bit for bit, on all threads; `span` is the sub-step's start and
+    /// Does for every guide of the list that is stepped what [`Guide::advance`] does, bit for bit, on all threads; `span` is the sub-step's start and
     /// end, s, and `records` has an entry for each guide.
     pub fn advance(
         &self,
@@ -72,7 +93,7 @@ impl Companies {
             }
             _ => {
                 let (first, second) = companies.split_at(companies.len() / 2);
-                let len = first.iter().map(|c| c.len).sum();
+                let len = first.iter().map(|c| c.free.len()).sum();
                 let (guides, their_guides) = guides.split_at_mut(len);
                 let (records, their_records) = records.split_at_mut(len);
                 rayon::join(
@@ -85,7 +106,7 @@ impl Companies {
 }
 
 impl Company {
-    /// Does for the guides of the company what [`Guide::advance`] does for each, bit for bit; `span` is the sub-step's start and end,
+    /// Does for the guides of the company that are stepped what [`Guide::advance`] does for each, bit for bit; `span` is the sub-step's start and end,
     /// s, and `records` has an entry for each guide.
     fn advance(
         &self,
@@ -96,25 +117,30 @@ impl Company {
         records: &mut [StepRecord],
     ) {
         let CompanyWork { guides: works, solved, pack } = work;
-        works.resize_with(works.len().max(self.len), Workspace::default);
+        works.resize_with(works.len().max(Pack::width()), Workspace::default);
         solved.clear();
-        for (guide, work) in guides.iter().zip(&mut *works) {
+        for (guide, work) in self.of(guides.iter()).zip(&mut *works) {
             let formula = guide.formula(span[1] - span[0]);
             let root = guide.prepare(around, span, &formula, work);
             solved.push(Solved { root, outcome: Outcome::default() });
         }
-        let mut tasks =
-            guides.iter().zip(&mut *works).zip(&mut *solved).map(|((guide, work), solved)| Task {
-                root: &solved.root.r,
-                load: &work.load,
-                q: &mut work.q,
-                other: &guide.q[0],
-                shape: &mut work.solver.shape,
-                outcome: &mut solved.outcome,
-            });
-        let mut tasks: [_; MAX_LANES] = std::array::from_fn(|_| tasks.next());
-        self.pack.minimise(&mut tasks, pack);
-        for (((guide, work), solved), record) in guides.iter_mut().zip(works).zip(solved).zip(records) {
+        {
+            let mut tasks =
+                self.of(guides.iter()).zip(&mut *works).zip(&mut *solved).map(|((guide, work), solved)| {
+                    Task {
+                        root: &solved.root.r,
+                        load: &work.load,
+                        q: &mut work.q,
+                        other: &guide.q[0],
+                        shape: &mut work.solver.shape,
+                        outcome: &mut solved.outcome,
+                    }
+                });
+            let mut tasks: [_; MAX_LANES] = std::array::from_fn(|_| tasks.next());
+            self.pack.minimise(&mut tasks, pack);
+        }
+        let free = self.of(guides.iter_mut().zip(records));
+        for (((guide, record), work), solved) in free.zip(works).zip(solved) {
             *record = guide.complete(around, span, Some(*solved), work);
         }
     }
@@ -124,7 +150,7 @@ impl Company {
 mod tests {
     use super::*;
     use crate::contact::Bodies;
-    use crate::rod::{Cut, Rod, RodSource};
+    use crate::rod::{Cut, RodSource};
     use crate::scene::anim::Scheme;
     use crate::scene::{Shape, Tree};
     use nalgebra::{Isometry3, Vector3};
@@ -170,7 +196,7 @@ mod tests {
             };
             let mut alone: Vec<Guide> = (0..7).map(guide).collect();
             let mut together = alone.clone();
-            let companies = Companies::muster(&together);
+            let companies = Companies::muster(&together, |_| true);
             let mut work = Workspace::default();
             let mut touched = 0;
             for step in 0..60 {

@@ -1,5 +1,6 @@
 //! One guide in motion: its state, and one implicit step of it.
 
+mod following;
 mod saved;
 
 use super::air;
@@ -561,12 +562,6 @@ impl Guide {
             before.tangent[k] = std::mem::replace(&mut self.tangent[k], work.solver.shape.tangent(k));
         }
         self.last = h;
-    }
-
-    /// Rate of the unknowns now, 1/(m·s), of second order in the sub-step `h`, s.
-    pub fn rate(&self, h: f64) -> Vec<f64> {
-        let [now, one, two] = &self.q;
-        (0..now.len()).map(|i| (3.0 * now[i] - 4.0 * one[i] + two[i]) / (2.0 * h)).collect()
     }
 
     /// Largest relative change of the length of a segment since the start.

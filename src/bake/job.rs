@@ -96,6 +96,8 @@ fn settings(anim: &Anim, set: &[Override]) -> Value {
         "preroll_s": anim.settings.preroll,
         "nodes": anim.settings.nodes,
         "scheme": anim.settings.scheme,
+        "resolution": anim.settings.resolution,
+        "parting": anim.settings.parting,
         "contact": anim.settings.contact,
         "gravity_m_s2": [anim.gravity.x, anim.gravity.y, anim.gravity.z],
     });

@@ -21,6 +21,7 @@ mod stepper;
 mod tangle;
 pub mod tie;
 mod touch;
+pub mod wisps;
 pub mod work;
 
 use crate::cache::{self, InputRecord, Manifest, Writer};

@@ -1,6 +1,7 @@
 //! What a frame of the bake did: the figures of the manifest and the report.
 
-use super::guide::{Guide, StepRecord};
+use super::guide::Guide;
+use super::simulation::SubStep;
 use crate::strands::HeadMotion;
 use serde::{Deserialize, Serialize};
 
@@ -21,6 +22,12 @@ pub struct FrameRecord {
     pub divided: Vec<i32>,
     /// Ids of guides with a solve that did not converge; they were carried along rigidly instead.
     pub unconverged: Vec<i32>,
+    /// Strain nodes with unknowns at the end of the frame, of guides that move by themselves.
+    pub active_nodes: u32,
+    /// Guides that came away from their wisps.
+    pub splits: u32,
+    /// Guides that joined theirs.
+    pub merges: u32,
     /// Places where a guide is at a body, found at the last sub-step of the frame.
     pub contacts_found: u32,
     /// Those of them that push.
@@ -79,11 +86,15 @@ impl FrameRecord {
         broken.into_iter().flatten().collect()
     }
 
-    /// Adds the records of one sub-step, one per guide; `ids` are the guides' ids.
-    pub fn add(&mut self, records: &[StepRecord], ids: &[i32]) {
+    /// Adds what one sub-step did; `ids` are the guides' ids.
+    pub fn add(&mut self, step: &SubStep, ids: &[i32]) {
+        self.active_nodes = step.nodes;
+        self.splits += step.changes.splits;
+        self.merges += step.changes.merges;
         (self.contacts_found, self.contacts_active) = (0, 0);
         (self.strand_contacts_found, self.strand_contacts_active) = (0, 0);
-        for (r, id) in records.iter().zip(ids) {
+        let stepped = step.records.iter().zip(ids).zip(step.stepped).filter(|(_, stepped)| **stepped);
+        for ((r, id), _) in stepped {
             self.solves += 1;
             // A running mean.
             self.newton_mean += (f64::from(r.iterations) - self.newton_mean) / self.solves as f64;
@@ -111,8 +122,8 @@ impl FrameRecord {
         }
     }
 
-    /// Fills the figures of the state at the end of the frame.
-    pub fn close(&mut self, guides: &[Guide], head: &HeadMotion) {
+    /// Fills the figures of the state at the end of the frame, of guides that move by themselves.
+    pub fn close<'a>(&mut self, guides: impl Iterator<Item = &'a Guide>, head: &HeadMotion) {
         let mut speeds: Vec<f64> = Vec::new();
         for g in guides {
             for (x, v) in g.x.iter().zip(&g.v).skip(1) {

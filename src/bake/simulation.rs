@@ -4,19 +4,33 @@ use super::air::{self, Bulk};
 use super::company::Companies;
 use super::guide::{Guide, StepRecord, Surroundings};
 use super::rods::Rods;
-use super::state::{Part, Unfit};
+use super::state::{GuideState, Part, Unfit};
 use super::tangle::{Tangle, Thickness};
+use super::wisps::{Changes, Wisps};
 use crate::contact::Bodies;
 use crate::rod::{Rod, Sensitivity, Shape};
-use crate::scene::anim::Contact;
+use crate::scene::anim::{Contact, Resolution};
 use crate::scene::{Anim, Groom};
-use crate::wisp::{self, GuideRod};
+use crate::wisp::{self, GuideRod, Hierarchy};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Share of the section of a pressed bundle of hair that is hair: between loose (0.4) and hexagonal (0.9).
 const PACKING: f64 = 0.6;
+
+/// What a sub-step did.
+#[derive(Debug, Clone, Copy)]
+pub struct SubStep<'a> {
+    /// To each guide.
+    pub records: &'a [StepRecord],
+    /// Which guides moved by themselves; there are no figures of the others.
+    pub stepped: &'a [bool],
+    /// Strain nodes with unknowns of the guides that move by themselves from now on.
+    pub nodes: u32,
+    /// To wisps.
+    pub changes: Changes,
+}
 
 /// The guides of a groom in motion.
 pub struct Simulation<'a> {
@@ -27,9 +41,13 @@ pub struct Simulation<'a> {
     pub guides: Vec<Guide>,
     /// What the last sub-step did, guide by guide.
     records: Vec<StepRecord>,
+    /// Which guides moved by themselves in it.
+    stepped: Vec<bool>,
     companies: Companies,
     /// The guides as they touch each other, if they do.
     tangle: Option<Tangle>,
+    /// The guides as wisps, where not all move by themselves.
+    wisps: Option<Wisps>,
     /// Sub-steps taken since the start of the pre-roll.
     taken: i64,
     /// Sub-steps of the pre-roll.
@@ -54,8 +72,10 @@ impl<'a> Simulation<'a> {
             bodies,
             guides: Vec::new(),
             records: vec![StepRecord::default(); rods.len()],
+            stepped: vec![true; rods.len()],
             companies: Companies::default(),
             tangle: None,
+            wisps: None,
             taken: 0,
             preroll,
         };
@@ -67,7 +87,15 @@ impl<'a> Simulation<'a> {
         for (guide, ties) in simulation.guides.iter_mut().zip(ties) {
             guide.ties = ties;
         }
-        simulation.companies = Companies::muster(&simulation.guides);
+        simulation.wisps = match anim.settings.resolution {
+            Resolution::Full => None,
+            resolution => {
+                let parting = (resolution == Resolution::Adaptive).then_some(anim.settings.parting);
+                let thickness = anim.colliders.iter().map(|c| c.thickness).collect();
+                Some(Wisps::new(Hierarchy::new(groom, rods), parting, thickness, step))
+            }
+        };
+        simulation.muster();
         simulation.tangle = tangle.map(|mut tangle| {
             simulation.around(|around| tangle.start(&simulation.guides, around, t));
             tangle
@@ -96,8 +124,38 @@ impl<'a> Simulation<'a> {
         self.taken
     }
 
-    /// Takes one sub-step; returns what it did, guide by guide.
-    pub fn advance(&mut self) -> &[StepRecord] {
+    /// Whether guide `i` moves by itself.
+    pub fn is_free(&self, i: usize) -> bool {
+        self.wisps.as_ref().is_none_or(|wisps| wisps.is_free(i))
+    }
+
+    /// The guides that move by themselves.
+    pub fn free(&self) -> impl Iterator<Item = &Guide> {
+        self.guides.iter().enumerate().filter(|(i, _)| self.is_free(*i)).map(|(_, guide)| guide)
+    }
+
+    /// The guides now, in the groom's order, however they move.
+    pub fn states(&self) -> Vec<GuideState> {
+        let (t, h) = (self.time(), self.step());
+        let state = |(i, guide): (usize, &Guide)| match &self.wisps {
+            None => GuideState::new(guide.q.each_ref().map(|q| &q[..]), h),
+            Some(wisps) => {
+                let q = [0, 1, 2].map(|back| wisps.unknowns(&self.guides, i, back, t));
+                GuideState::new(q.each_ref().map(|q| &q[..]), h)
+            }
+        };
+        self.guides.par_iter().enumerate().map(state).collect()
+    }
+
+    fn muster(&mut self) {
+        self.companies = Companies::muster(&self.guides, |i| self.is_free(i));
+    }
+
+    /// Takes one sub-step; returns what it did.
+    pub fn advance(&mut self) -> SubStep<'_> {
+        for i in 0..self.stepped.len() {
+            self.stepped[i] = self.is_free(i);
+        }
         let (t0, t1) = (self.time_after(self.taken), self.time_after(self.taken + 1));
         self.bodies.prepare([t0, t1]);
         let (mut guides, mut records) = (std::mem::take(&mut self.guides), std::mem::take(&mut self.records));
@@ -109,7 +167,28 @@ impl<'a> Simulation<'a> {
         }
         (self.guides, self.records, self.tangle) = (guides, records, tangle);
         self.taken += 1;
-        &self.records
+        let changes = self.adapt();
+        let nodes = self.free().map(|g| g.rod.unknowns() as u32 / 3).sum();
+        SubStep { records: &self.records, stepped: &self.stepped, nodes, changes }
+    }
+
+    /// Gathers the wisps at the end of the pre-roll, and from then on lets guides come away from them and join them.
+    fn adapt(&mut self) -> Changes {
+        let Some(mut wisps) = self.wisps.take() else { return Changes::default() };
+        let mut changes = Changes::default();
+        let mut guides = std::mem::take(&mut self.guides);
+        let substeps = i64::from(self.anim.settings.substeps);
+        if self.taken == self.preroll {
+            wisps.gather(&guides);
+        } else if self.taken > self.preroll {
+            let looks = (self.taken - self.preroll) % substeps == 0;
+            changes = self.around(|around| wisps.adapt(&mut guides, around, self.time(), looks));
+        }
+        (self.guides, self.wisps) = (guides, Some(wisps));
+        if self.taken == self.preroll || changes != Changes::default() {
+            self.muster();
+        }
+        changes
     }
 
     fn around<T>(&self, f: impl FnOnce(&Surroundings) -> T) -> T {
@@ -151,19 +230,32 @@ pub struct Saved {
     /// The guides.
     pub guides: <Vec<Guide> as Part>::State,
     tangle: <Option<Tangle> as Part>::State,
+    wisps: Option<super::wisps::Saved>,
 }
 
 impl Part for Simulation<'_> {
     type State = Saved;
 
     fn state(&self) -> Saved {
-        Saved { taken: self.taken, guides: self.guides.state(), tangle: self.tangle.state() }
+        Saved {
+            taken: self.taken,
+            guides: self.guides.state(),
+            tangle: self.tangle.state(),
+            wisps: self.wisps.as_ref().map(Wisps::state),
+        }
     }
 
     fn restore(&mut self, state: Saved) -> Result<(), Unfit> {
         self.taken = state.taken;
         self.guides.restore(state.guides)?;
-        self.tangle.restore(state.tangle)
+        self.tangle.restore(state.tangle)?;
+        let found = state.wisps.iter().count();
+        Unfit::unless_same("hierarchies", found, self.wisps.iter().count())?;
+        if let (Some(wisps), Some(state)) = (&mut self.wisps, state.wisps) {
+            wisps.restore(state, &self.guides)?;
+            self.muster();
+        }
+        Ok(())
     }
 }
 

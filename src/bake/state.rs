@@ -1,7 +1,7 @@
 //! What is kept of a bake between processes: the state of the guides at a frame, and that of the whole simulation.
 
-use super::guide::Guide;
 use super::record::FrameRecord;
+use super::wisps::slope;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -98,8 +98,9 @@ pub struct GuideState {
 }
 
 impl GuideState {
-    /// The guide now; `h` is the sub-step, s.
-    pub fn of(guide: &Guide, h: f64) -> Self {
-        GuideState { q: guide.q[0].clone(), rate: guide.rate(h) }
+    /// A guide by its unknowns `q` now, and one and two sub-steps of `h`, s, ago, 1/m; the rate is of second order.
+    pub fn new(q: [&[f64]; 3], h: f64) -> Self {
+        let rate = (0..q[0].len()).map(|i| slope(q.map(|q| q[i]), h)).collect();
+        GuideState { q: q[0].to_vec(), rate }
     }
 }

@@ -6,7 +6,7 @@ use super::output::head_motion;
 use super::record::FrameRecord;
 use super::sealed::Flaw;
 use super::simulation::Simulation;
-use super::state::{FrameState, GuideState, Part};
+use super::state::{FrameState, Part};
 use super::work::Checkpoint;
 use crate::rod::pack::Pack;
 use crate::{Error, Result};
@@ -128,11 +128,11 @@ impl<'a> Run<'a> {
         let frame = self.next;
         while self.simulation.taken() < self.job.steps_to(frame) {
             self.attend()?;
-            self.record.add(self.simulation.advance(), &self.job.groom.guides.curves.id);
+            self.record.add(&self.simulation.advance(), &self.job.groom.guides.curves.id);
         }
         let mut record = std::mem::take(&mut self.record);
         record.frame = frame;
-        record.close(&self.simulation.guides, &head_motion(&self.job.anim, self.simulation.time()));
+        record.close(self.simulation.free(), &head_motion(&self.job.anim, self.simulation.time()));
         self.next += 1;
         // From the last frame a later stage may go on; the one before it stands in should that be damaged. They are on the disk before
         // the state is, so that who finds all states finds these too.
@@ -140,9 +140,7 @@ impl<'a> Run<'a> {
         if due || frame >= self.stage.end() - 1 {
             self.save()?;
         }
-        let h = self.simulation.step();
-        let guides = self.simulation.guides.iter().map(|g| GuideState::of(g, h)).collect();
-        Ok(FrameState { record, machine: machine(), guides })
+        Ok(FrameState { record, machine: machine(), guides: self.simulation.states() })
     }
 
     fn attend(&mut self) -> Result<()> {

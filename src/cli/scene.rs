@@ -5,6 +5,7 @@ use crate::bake::control::Control;
 use crate::bake::job::Job;
 use crate::cache::MANIFEST;
 use crate::error::{Error, Problem, Result};
+use crate::scene::anim::{Contact, Resolution, Scheme};
 use crate::scene::{Override, PathMap, Reading};
 use crate::{bake, scene};
 use clap::Args;
@@ -35,10 +36,18 @@ pub struct SceneArguments {
     /// Time scheme, bdf2 or backward-euler: the second is cheaper in contact, and damps swinging hair more than air and hair do
     /// [default: the anim's, bdf2]
     #[arg(long, value_name = "NAME", value_parser = values::scheme, help_heading = SETTINGS)]
-    scheme: Option<scene::anim::Scheme>,
+    scheme: Option<Scheme>,
     /// What hair touches, full or bodies: full is bodies and other hair, and costs more [default: the anim's, bodies]
     #[arg(long, value_name = "NAME", value_parser = values::contact, help_heading = SETTINGS)]
-    contact: Option<scene::anim::Contact>,
+    contact: Option<Contact>,
+    /// What moves by itself, adaptive, full or coarse: coarse wisps with what comes away from them where they are stirred, every guide, or
+    /// coarse wisps only, for a quick look [default: the anim's, full]
+    #[arg(long, value_name = "NAME", value_parser = values::resolution, help_heading = SETTINGS)]
+    resolution: Option<Resolution>,
+    /// Where the resolution is adaptive, the share of its length by which a guide may part from its wisp before it comes away: less is
+    /// more accurate and slower [default: the anim's, 0.01]
+    #[arg(long, value_name = "SHARE", value_parser = values::share, help_heading = SETTINGS)]
+    parting: Option<f64>,
     /// Put a value in place of one of the files', such as groom.materials[0].friction=0.3; may be given again
     #[arg(long, value_name = "FILE.KEY=VALUE", value_parser = Override::parse, help_heading = SETTINGS)]
     set: Vec<Override>,
@@ -56,17 +65,25 @@ const PATH_MAP_FILE: &str = "HAIRBAKE_PATH_MAP_FILE";
 
 const SETTINGS: &str = "Settings (over those of the anim)";
 
-fn contact(contact: scene::anim::Contact) -> &'static str {
+fn contact(contact: Contact) -> &'static str {
     match contact {
-        scene::anim::Contact::Full => "full",
-        scene::anim::Contact::Bodies => "bodies",
+        Contact::Full => "full",
+        Contact::Bodies => "bodies",
     }
 }
 
-fn scheme(scheme: scene::anim::Scheme) -> &'static str {
+fn resolution(resolution: Resolution) -> &'static str {
+    match resolution {
+        Resolution::Adaptive => "adaptive",
+        Resolution::Full => "full",
+        Resolution::Coarse => "coarse",
+    }
+}
+
+fn scheme(scheme: Scheme) -> &'static str {
     match scheme {
-        scene::anim::Scheme::BackwardEuler => "backward-euler",
-        scene::anim::Scheme::Bdf2 => "bdf2",
+        Scheme::BackwardEuler => "backward-euler",
+        Scheme::Bdf2 => "bdf2",
     }
 }
 
@@ -100,6 +117,13 @@ impl SceneArguments {
         settings.nodes = self.nodes.unwrap_or(settings.nodes);
         settings.scheme = self.scheme.unwrap_or(settings.scheme);
         settings.contact = self.contact.unwrap_or(settings.contact);
+        settings.resolution = self.resolution.unwrap_or(settings.resolution);
+        settings.parting = self.parting.unwrap_or(settings.parting);
+        if settings.contact == Contact::Full && settings.resolution != Resolution::Full {
+            let message =
+                "hair touches hair at full resolution only: ask for --contact bodies or --resolution full";
+            return Err(Error::Usage(message.into()));
+        }
         Ok(Scene { groom, anim, groom_file, anim_file, reading, out })
     }
 
@@ -131,13 +155,15 @@ impl SceneArguments {
     }
 
     /// The settings that options give.
-    fn given(&self) -> [(&'static str, Option<String>); 5] {
+    fn given(&self) -> [(&'static str, Option<String>); 7] {
         [
             ("substeps", self.substeps.map(|n| n.to_string())),
             ("preroll", self.preroll.map(|s| s.to_string())),
             ("nodes", self.nodes.map(|n| n.to_string())),
             ("scheme", self.scheme.map(|s| scheme(s).to_string())),
             ("contact", self.contact.map(|c| contact(c).to_string())),
+            ("resolution", self.resolution.map(|r| resolution(r).to_string())),
+            ("parting", self.parting.map(|p| p.to_string())),
         ]
     }
 
@@ -148,13 +174,15 @@ impl SceneArguments {
     pub fn settings_explained(&self, of: &Scene) -> Result<Vec<(String, String, String)>> {
         let bytes = crate::file::read_file(&of.anim_file).map_err(|e| Error::io(&of.anim_file, e))?;
         let file: serde_json::Value = serde_json::from_slice(&bytes).unwrap_or_default();
-        let scene::Settings { substeps, preroll, nodes, scheme: by, contact: with } = of.anim.settings;
+        let settings = &of.anim.settings;
         let resolved = [
-            ("substeps", substeps.to_string()),
-            ("preroll_s", preroll.to_string()),
-            ("nodes", nodes.to_string()),
-            ("scheme", scheme(by).to_string()),
-            ("contact", contact(with).to_string()),
+            ("substeps", settings.substeps.to_string()),
+            ("preroll_s", settings.preroll.to_string()),
+            ("nodes", settings.nodes.to_string()),
+            ("scheme", scheme(settings.scheme).to_string()),
+            ("contact", contact(settings.contact).to_string()),
+            ("resolution", resolution(settings.resolution).to_string()),
+            ("parting", settings.parting.to_string()),
         ];
         let mut rows: Vec<_> = resolved
             .into_iter()

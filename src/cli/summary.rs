@@ -198,6 +198,20 @@ fn report(summary: &BakeSummary, title: &str) -> BakeReport {
             ),
         );
     }
+    if frames.iter().any(|f| f.splits + f.merges > 0) {
+        charts.push(chart(
+            "Nodes of guides that move by themselves",
+            "",
+            "At the end of the frame; the others follow their wisps.",
+            vec![series("nodes", |f| f64::from(f.active_nodes))],
+        ));
+        charts.push(chart(
+            "Splits and merges",
+            "",
+            "Guides that came away from their wisps, and that joined them again.",
+            vec![series("splits", |f| f64::from(f.splits)), series("merges", |f| f64::from(f.merges))],
+        ));
+    }
     BakeReport {
         title: title.into(),
         settings: settings(summary),

@@ -2,7 +2,7 @@
 
 use crate::import::Source;
 use crate::scene::UpAxis;
-use crate::scene::anim::{Contact, MAX_FRAMES, Scheme};
+use crate::scene::anim::{Contact, MAX_FRAMES, Resolution, Scheme};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -48,6 +48,16 @@ pub fn contact(text: &str) -> Result<Contact, String> {
         "full" => Ok(Contact::Full),
         "bodies" => Ok(Contact::Bodies),
         _ => Err("full or bodies".into()),
+    }
+}
+
+/// What moves by itself.
+pub fn resolution(text: &str) -> Result<Resolution, String> {
+    match text {
+        "adaptive" => Ok(Resolution::Adaptive),
+        "full" => Ok(Resolution::Full),
+        "coarse" => Ok(Resolution::Coarse),
+        _ => Err("adaptive, full or coarse".into()),
     }
 }
 

@@ -214,6 +214,11 @@ impl Rod {
         self.beam.points()
     }
 
+    /// The point at node `node`.
+    pub fn node_point(&self, node: usize) -> usize {
+        self.beam.steps.partition_point(|step| step.element < node)
+    }
+
     /// Arc length of each point, m.
     pub fn arc_lengths(&self) -> Vec<f64> {
         let mut s = vec![0.0];

@@ -176,6 +176,24 @@ pub struct Settings {
     pub scheme: Scheme,
     /// What hair touches.
     pub contact: Contact,
+    /// What moves by itself.
+    pub resolution: Resolution,
+    /// Where the resolution is adaptive: share of its length by which a guide may part from its wisp, in a free fall of that length, before it
+    /// comes away.
+    pub parting: f64,
+}
+
+/// What moves by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Resolution {
+    /// Coarse wisps, and what comes away from them where they are stirred, until it is calm again.
+    Adaptive,
+    /// Every guide.
+    #[default]
+    Full,
+    /// Coarse wisps only: for quick looks.
+    Coarse,
 }
 
 /// What hair touches.
@@ -209,6 +227,8 @@ impl Default for Settings {
             nodes: 8,
             scheme: Scheme::default(),
             contact: Contact::default(),
+            resolution: Resolution::default(),
+            parting: 0.01,
         }
     }
 }

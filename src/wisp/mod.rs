@@ -1,7 +1,11 @@
 //! The wisp hierarchy made rods: which rod elements exist now.
 //!
 //! At full resolution every leaf wisp is active from root to tip and each of its guides is one rod, with a strain
-//! node on every section of its tree.
+//! node on every section of its tree. Otherwise guides lead each other ([`Hierarchy`]).
+
+mod hierarchy;
+
+pub use hierarchy::Hierarchy;
 
 use crate::rod::{Cut, Rod, RodSource};
 use crate::scene::{Groom, Material};

@@ -2,7 +2,7 @@
 //! from here; the doc comments are the schema's descriptions.
 
 use crate::error::Result;
-use crate::scene::anim::{Contact, Scheme, Settings};
+use crate::scene::anim::{Contact, Resolution, Scheme, Settings};
 use crate::scene::convention::UpAxis;
 use crate::scene::document;
 use crate::scene::document::array::{Array, BufferFile};
@@ -343,6 +343,12 @@ pub struct SettingsFile {
     pub scheme: Scheme,
     /// What hair touches.
     pub contact: Contact,
+    /// What moves by itself.
+    pub resolution: Resolution,
+    /// Where the resolution is adaptive: share of its length by which a guide may part from its wisp, in a free fall of that length, before it
+    /// comes away. Less is more accurate and slower.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub parting: f64,
 }
 
 impl AnimFile {
@@ -394,8 +400,8 @@ impl Default for TrackFile {
 
 impl Default for SettingsFile {
     fn default() -> Self {
-        let Settings { substeps, preroll, nodes, scheme, contact } = Settings::default();
-        SettingsFile { substeps, preroll_s: preroll, nodes, scheme, contact }
+        let Settings { substeps, preroll, nodes, scheme, contact, resolution, parting } = Settings::default();
+        SettingsFile { substeps, preroll_s: preroll, nodes, scheme, contact, resolution, parting }
     }
 }
 

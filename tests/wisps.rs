@@ -1,0 +1,122 @@
+//! Wisps that guides come away from and join again.
+
+use hairbake::bake::rods::Rods;
+use hairbake::bake::simulation::{Simulation, steps_to};
+use hairbake::rod::{Cut, Shape};
+use hairbake::sample::{self, Size, Style};
+use hairbake::scene::anim::Resolution;
+use hairbake::scene::{self, Anim, Groom};
+use hairbake::wisp::{self, Hierarchy};
+use nalgebra::Vector3;
+
+/// A head of hair that is shaken for two seconds and held still for `still` frames.
+fn scene(style: Style, still: i32) -> (Groom, Anim) {
+    let folder = tempfile::tempdir().unwrap();
+    let size = Size { wisps: Some(40), strands: 0, head_rounds: 2 };
+    sample::write(style, size, folder.path()).unwrap();
+    let shake = folder.path().join("shake.json");
+    let (groom, mut anim) = scene::load(&folder.path().join("groom.json"), &shake).unwrap();
+    anim.settings.preroll = 0.5;
+    anim.settings.substeps = 4;
+    anim.frames.1 += still;
+    (groom.with_default_trees(anim.settings.nodes), anim)
+}
+
+/// The points of all guides, m, seen from the head, and the strain nodes that move, at each sub-step from the end of the pre-roll to `frame`.
+fn run(groom: &Groom, anim: &Anim, frame: i32) -> Vec<(Vec<Vec<Vector3<f64>>>, u32)> {
+    let rods = Rods::new(groom, anim);
+    let mut simulation = Simulation::new(groom, anim, &rods);
+    let (start, end) = (steps_to(anim, anim.frames.0 - 1), steps_to(anim, frame));
+    let mut seen = Vec::new();
+    let mut shape = Shape::default();
+    for taken in 1..=end {
+        let nodes = simulation.advance().nodes;
+        if taken < start {
+            continue;
+        }
+        let points = |(state, r): (hairbake::bake::state::GuideState, &hairbake::wisp::GuideRod)| {
+            shape.update(&r.rod, &r.rod.root.r, &state.q);
+            (0..r.rod.points()).map(|k| shape.x(k)).collect()
+        };
+        seen.push((simulation.states().into_iter().zip(&rods.simulated).map(points).collect(), nodes));
+    }
+    seen
+}
+
+/// Mean distance of points in two runs, over the guides' lengths.
+fn apart(a: &[(Vec<Vec<Vector3<f64>>>, u32)], b: &[(Vec<Vec<Vector3<f64>>>, u32)]) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    for ((a, _), (b, _)) in a.iter().zip(b) {
+        for (a, b) in a.iter().zip(b) {
+            let length: f64 = a.windows(2).map(|p| (p[1] - p[0]).norm()).sum();
+            sum += a.iter().zip(b).map(|(a, b)| (a - b).norm()).sum::<f64>() / length;
+            count += a.len();
+        }
+    }
+    sum / f64::from(count as u32)
+}
+
+#[test]
+fn less_parting_is_nearer_to_all_guides_by_themselves_and_more_of_them() {
+    let (groom, mut anim) = scene(Style::Long, 0);
+    let last = anim.frames.0 + 30;
+    let mut with = |resolution, parting| {
+        (anim.settings.resolution, anim.settings.parting) = (resolution, parting);
+        run(&groom, &anim, last)
+    };
+    let full = with(Resolution::Full, 0.0);
+    let runs = [(Resolution::Coarse, 0.0), (Resolution::Adaptive, 0.03), (Resolution::Adaptive, 0.003)]
+        .map(|(resolution, parting)| with(resolution, parting));
+    // Gathering moves nothing.
+    for run in &runs {
+        assert_eq!(run[0].0, full[0].0);
+    }
+    let [coarse, some, most] = runs.each_ref().map(|run| apart(&full, run));
+    assert!(most < some && some < coarse, "{coarse} {some} {most}");
+    assert!(most < 3e-3 && coarse < 0.1, "{coarse} {most}");
+    let nodes = |run: &[(_, u32)]| run[1..].iter().map(|(_, nodes)| f64::from(*nodes)).sum::<f64>();
+    let [coarse, some, most] = runs.each_ref().map(|run| nodes(run));
+    assert!(
+        coarse < 0.3 * most && coarse < some && some < most && most <= nodes(&full),
+        "{coarse} {some} {most}"
+    );
+}
+
+#[test]
+fn when_the_head_holds_still_wisps_join_again_and_nothing_jumps() {
+    let (groom, mut anim) = scene(Style::Short, 60);
+    anim.settings.resolution = Resolution::Adaptive;
+    anim.settings.parting = 0.02;
+    let frames = run(&groom, &anim, anim.frames.1);
+    let nodes: Vec<u32> = frames.iter().map(|(_, nodes)| *nodes).collect();
+    let (coarse, most) = (nodes[0], *nodes.iter().max().unwrap());
+    assert!(most > 2 * coarse, "{coarse} {most}");
+    let last = *nodes.last().unwrap();
+    assert!(last < coarse + (most - coarse) / 10, "{coarse} {most} {last}");
+    // Second differences of all points, at sub-steps where something comes away or joins, and at all others.
+    let mut jumps = [0.0_f64; 2];
+    for (three, nodes) in frames.windows(3).zip(nodes.windows(3)) {
+        let changed = usize::from(nodes[0] != nodes[1] || nodes[1] != nodes[2]);
+        for (g, now) in three[2].0.iter().enumerate() {
+            for (k, x) in now.iter().enumerate() {
+                let second = x - three[1].0[g][k] * 2.0 + three[0].0[g][k];
+                jumps[changed] = jumps[changed].max(second.norm());
+            }
+        }
+    }
+    assert!(jumps[1] > 0.0 && jumps[1] < 1.5 * jumps[0], "{jumps:?}");
+}
+
+#[test]
+fn every_guide_is_led_by_one_of_the_wisp_around_it() {
+    let (groom, _) = scene(Style::Long, 0);
+    let rods = wisp::rods(&groom, Cut::COARSE);
+    let hierarchy = Hierarchy::new(&groom, &rods);
+    let coarse = |i: usize| hierarchy.leader[i].is_none();
+    assert_eq!((0..rods.len()).filter(|i| coarse(*i)).count(), groom.trees.len());
+    for (i, leader) in hierarchy.leader.iter().enumerate() {
+        let Some(leader) = *leader else { continue };
+        assert!(hierarchy.level[leader] < hierarchy.level[i]);
+        assert_eq!(rods[leader].leaf.0, rods[i].leaf.0);
+    }
+}
