@@ -13,6 +13,7 @@ pub mod job;
 pub mod output;
 pub mod record;
 pub mod rods;
+pub mod sag;
 mod scheme;
 pub mod sealed;
 pub mod simulation;
@@ -335,8 +336,14 @@ fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Result<Manifest
     manifest.totals = totals(&finished);
     // What is exempt in the end is so for good.
     let exempt = finished.last().map_or(0, |f| f.record.exempt_segments);
-    manifest.scene_figures =
-        object(json!({ "exempt_guide_segments": exempt, "groom_notes": job.groom.notes }));
+    let first = job.work.state(*job.frames().start()).map_err(|flaw| Error::NotYet(flaw.to_string()))?;
+    let [mean, largest] = sag::departure(&job.rods.simulated, &first.guides);
+    manifest.scene_figures = object(json!({
+        "exempt_guide_segments": exempt,
+        "groom_notes": job.groom.notes,
+        "sag_free": job.rods.held,
+        "first_frame_from_groom": { "mean": mean, "largest": largest },
+    }));
     for Finished { record, file, .. } in finished {
         manifest.frames.push(cache::FrameRecord { frame: record.frame, file, figures: figures(&record) });
     }

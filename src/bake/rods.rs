@@ -1,5 +1,6 @@
 //! The groom's guides as rods.
 
+use super::sag::{self, Held};
 use crate::rod::{Cut, Rod};
 use crate::scene::anim::Contact;
 use crate::scene::{Anim, Groom};
@@ -12,6 +13,8 @@ pub struct Rods {
     pub simulated: Vec<GuideRod>,
     /// As finely cut as they are followed and written; none where they are simulated so.
     fine: Vec<Rod>,
+    /// What keeps them from sagging at the start.
+    pub held: Held,
 }
 
 impl Rods {
@@ -19,9 +22,10 @@ impl Rods {
     pub fn new(groom: &Groom, anim: &Anim) -> Self {
         let alone =
             anim.colliders.is_empty() && anim.ties.is_empty() && anim.settings.contact == Contact::Bodies;
-        let simulated = wisp::rods(groom, if alone { Cut::COARSE } else { Cut::FINE });
+        let mut simulated = wisp::rods(groom, if alone { Cut::COARSE } else { Cut::FINE });
         let fine = if alone { wisp::rods(groom, Cut::FINE) } else { Vec::new() };
-        Rods { simulated, fine: fine.into_iter().map(|r| r.rod).collect() }
+        let held = sag::hold(&mut simulated, groom, anim);
+        Rods { held, simulated, fine: fine.into_iter().map(|r| r.rod).collect() }
     }
 
     /// The rod of every guide, cut as finely as it is followed and written, and its leaf wisp: (tree, wisp).

@@ -8,10 +8,10 @@ use super::state::{GuideState, Part, Unfit};
 use super::tangle::{Tangle, Thickness};
 use super::wisps::{Changes, Wisps};
 use crate::contact::Bodies;
-use crate::rod::{Rod, Sensitivity, Shape};
+use crate::rod::Shape;
 use crate::scene::anim::{Contact, Resolution};
 use crate::scene::{Anim, Groom};
-use crate::wisp::{self, GuideRod, Hierarchy};
+use crate::wisp::{GuideRod, Hierarchy};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -266,7 +266,7 @@ fn thickness(groom: &Groom, r: &GuideRod) -> Thickness {
     Thickness { hair: radius(area), bundle: radius(area * r.hairs / PACKING) }
 }
 
-/// One guide at rest on the head: pre-bent against gravity as its material asks, and shielded from the air.
+/// One guide at rest on the head, shielded from the air.
 fn start(
     groom: &Groom,
     anim: &Anim,
@@ -277,30 +277,13 @@ fn start(
     step: f64,
 ) -> Guide {
     let mut shape = Shape::default();
-    let mut rod = r.rod.clone();
-    shape.update(&rod, &rod.root.r, &rod.start);
-    let sag_free = groom.materials[r.material].sag_free;
-    if sag_free > 0.0 {
-        let weight = gravity_load(&rod, &shape, &rod.start, &(anim.gravity * sag_free));
-        rod.support(&weight, wisp::PREBEND_LIMIT);
-    }
-    let drag =
-        (0..rod.points()).map(|k| air::drag(groom, bulk, r.material, &(shape.x(k) + rod.root.p))).collect();
+    shape.update(&r.rod, &r.rod.root.r, &r.rod.start);
+    let place = |k: usize| shape.x(k) + r.rod.root.p;
+    let drag = (0..r.rod.points()).map(|k| air::drag(groom, bulk, r.material, &place(k))).collect();
     let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
     let friction = groom.materials[r.material].friction;
-    let mut guide = Guide::new(rod, drag, friction, &thickness, around, t, step);
+    let mut guide = Guide::new(r.rod.clone(), drag, friction, &thickness, around, t, step);
     guide.scheme = anim.settings.scheme;
     guide.across = groom.materials[r.material].friction_across;
     guide
-}
-
-/// Generalised force of gravity `g`, m/s², on a rod at unknowns `q`, N·m².
-fn gravity_load(rod: &Rod, shape: &Shape, q: &[f64], g: &Vector3<f64>) -> Vec<f64> {
-    let mut sensitivity = Sensitivity::default();
-    sensitivity.update(rod, shape, q);
-    let mut load = vec![0.0; rod.unknowns()];
-    for k in 1..rod.points() {
-        sensitivity.add_row(k, &shape.x(k), g, rod.weight[k] * rod.line_density, &mut load);
-    }
-    load
 }

@@ -134,7 +134,7 @@ struct MaterialArguments {
     /// Factor on the drag of the air; 0 for none
     #[arg(long, value_name = "X", value_parser = values::not_negative)]
     drag: Option<f64>,
-    /// Share of gravity that the shape is pre-bent against: 1 keeps the groom's shape at rest, 0 lets it sag
+    /// Share of gravity that the shape balances: 1 keeps the groom's shape at rest, made stiffer where it must be; 0 lets it sag
     #[arg(long, value_name = "SHARE", default_value_t = 1.0, value_parser = values::share)]
     sag_free: f64,
 }

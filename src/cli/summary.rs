@@ -95,6 +95,9 @@ pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
     );
     let (drift, frame) = worst(|f| f.length_drift);
     line("length drift", format!("{drift:.1e} at most, frame {frame}"));
+    if let Some(start) = summary.manifest.as_ref().and_then(start) {
+        line("start", start);
+    }
     for warning in warnings(&summary.frames) {
         line("warning", warning);
     }
@@ -104,6 +107,24 @@ pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
     line("report", out.join(PAGE).display().to_string());
     text.truncate(text.trim_end().len());
     text
+}
+
+/// How the groom starts: how near to it the first frame is, and what holds it.
+fn start(manifest: &Manifest) -> Option<String> {
+    let figure = |path: &str| manifest.scene_figures.get("sag_free")?.get(path)?.as_f64();
+    let from = |path: &str| manifest.scene_figures.get("first_frame_from_groom")?.get(path)?.as_f64();
+    let mut text = format!(
+        "guides {:.2} % of their length from the groom at the first frame, {:.1} % at most",
+        from("mean")? * 100.0,
+        from("largest")? * 100.0
+    );
+    if figure("guides")? > 0.0 {
+        let _ =
+            write!(text, "; {} of {} held sag-free made stiffer", figure("stiffened")?, figure("guides")?);
+        let _ =
+            write!(text, ", up to {:.1} times, {} sag nevertheless", figure("stiffest")?, figure("sagging")?);
+    }
+    Some(text)
 }
 
 fn report(summary: &BakeSummary, title: &str) -> BakeReport {
@@ -243,6 +264,7 @@ fn settings(summary: &BakeSummary) -> Vec<(String, String)> {
         if let Some(exempt) = manifest.scene_figures.get("exempt_guide_segments") {
             rows.push(("guide segments exempt from contact".into(), exempt.to_string()));
         }
+        rows.extend(start(manifest).map(|start| ("start".to_string(), start)));
         let notes = manifest.scene_figures.get("groom_notes").and_then(|notes| notes.as_array());
         rows.extend(
             notes.into_iter().flatten().filter_map(|n| n.as_str()).map(|n| ("groom".into(), n.to_string())),

@@ -53,7 +53,7 @@ pub(super) struct Beam<F> {
     pub stiffness: [F; 3],
     /// Kelvin-Voigt relaxation time, s.
     pub damping: F,
-    /// Generalised force of natural pre-bending, N·m²; see [`Rod::support`].
+    /// Generalised force of natural pre-bending, N·m²; see [`Rod::move_natural`].
     pub prebend: Vec<F>,
     /// Length L, m.
     pub length: F,
@@ -263,27 +263,37 @@ impl Rod {
         }
     }
 
-    /// Pre-bends the natural shape so that the generalised load `load` (such as gravity's at the groom's pose) is
-    /// carried by elasticity with the groom's shape unchanged: the natural strain is moved by K⁻¹ load, no more than
-    /// `limit`, 1/m, at any node.
-    pub fn support(&mut self, load: &[f64], limit: f64) {
-        let mut moved: Vec<Vector3<f64>> = load
-            .chunks_exact(3)
-            .map(|f| {
-                let [a, b, c] = self.beam.stiffness;
-                Vector3::new(f[0] / a, f[1] / b, f[2] / c)
-            })
-            .collect();
-        self.solve_hat(&mut moved);
-        let bounded: Vec<f64> = moved
-            .iter()
-            .flat_map(|w| {
-                let w = w * (limit / w.norm().max(limit));
-                [w.x, w.y, w.z]
-            })
-            .collect();
-        let mut prebend = vec![0.0; bounded.len()];
-        self.beam.add_elastic(1.0, &bounded, &mut prebend);
+    /// The elastic stiffness matrix K = ∫ N_i K N_j ds, row-major n × n, N·m³.
+    pub fn elastic(&self) -> Vec<f64> {
+        let n = self.unknowns();
+        let mut unit = vec![0.0; n];
+        let mut rows = vec![0.0; n * n];
+        for (i, row) in rows.chunks_exact_mut(n).enumerate() {
+            unit[i] = 1.0;
+            self.beam.add_elastic(1.0, &unit, row);
+            unit[i] = 0.0;
+        }
+        rows
+    }
+
+    /// K⁻¹ load: the strain at the nodes, 1/m, at which elasticity balances a generalised force, N·m².
+    pub fn strain_under(&self, load: &[f64]) -> Vec<f64> {
+        let stiffness = Vector3::from(self.beam.stiffness);
+        let mut strain: Vec<Vector3<f64>> =
+            load.chunks_exact(3).map(|f| Vector3::from_column_slice(f).component_div(&stiffness)).collect();
+        self.solve_hat(&mut strain);
+        strain.iter().flat_map(|w| [w.x, w.y, w.z]).collect()
+    }
+
+    /// Multiplies the stiffness.
+    pub fn stiffen(&mut self, factor: f64) {
+        self.beam.stiffness.iter_mut().for_each(|k| *k *= factor);
+    }
+
+    /// Moves the natural strain by `strain` at the nodes, 1/m, from what the rod was made with.
+    pub fn move_natural(&mut self, strain: &[f64]) {
+        let mut prebend = vec![0.0; strain.len()];
+        self.beam.add_elastic(1.0, strain, &mut prebend);
         self.beam.prebend = prebend;
     }
 }

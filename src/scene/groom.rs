@@ -46,8 +46,8 @@ pub struct Material {
     /// Natural strain: `None` takes the groom's own shape as natural; `Some` is a constant
     /// (κ1, κ2, τ) in the material frame, 1/m.
     pub natural: Option<Vector3<f64>>,
-    /// Share (0..=1) of the load of gravity that the natural shape is pre-bent against, so that the groom does
-    /// not sag at the start; 0 = the groom's shape is the unloaded shape.
+    /// Share (0..=1) of the load of gravity that the natural shape balances in the groom's pose, the strand made stiffer where that pose
+    /// would not be stable (`docs/theory.md` §6); 0 = the natural shape is as it is given.
     pub sag_free: f64,
     /// Internal damping: Kelvin-Voigt relaxation time η/E, s (strain-rate stress = time × modulus).
     pub damping: f64,

@@ -11,10 +11,6 @@ use crate::rod::{Cut, Rod, RodSource};
 use crate::scene::{Groom, Material};
 use rayon::prelude::*;
 
-/// Largest change of natural strain that sag-free pre-bending may make, 1/m: a curl of 10 cm diameter. Gravity
-/// would ask for a spiral of a few millimetres to hold a long strand out straight, and such a strand snaps over.
-pub const PREBEND_LIMIT: f64 = 20.0;
-
 /// A guide as a rod.
 #[derive(Debug, Clone)]
 pub struct GuideRod {

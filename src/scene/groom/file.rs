@@ -80,8 +80,8 @@ pub struct MaterialFile {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(inner(range(min = -1e5, max = 1e5)))]
     pub natural_curvature_per_m: Option<[f64; 3]>,
-    /// Share of the sag under gravity that the rest shape is bent against: 1 keeps the groom's pose with
-    /// the head still, 0 lets it sag.
+    /// Share of gravity that the rest shape balances: 1 keeps the groom's pose with the head still, 0 lets it sag.
+    /// Strands that would snap over in that pose are made stiffer, up to 100 times; the report tells how many.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub sag_free: f64,
     /// Internal damping: relaxation time η/E of bending and twist, s. Higher rings less.
