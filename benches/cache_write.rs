@@ -57,7 +57,7 @@ impl Shot {
 
     /// The frame's file as bytes.
     fn bytes(&self) -> Vec<u8> {
-        let file = self.writer.write_frame(&self.frame).unwrap();
+        let file = self.writer.write_frame(std::slice::from_ref(&self.frame)).unwrap();
         std::fs::read(self.dir.path().join(file.file)).unwrap()
     }
 }
@@ -66,7 +66,9 @@ impl Shot {
 fn write_frame(bencher: Bencher, size: (usize, usize)) {
     let shot = Shot::new(size);
     let len = shot.bytes().len();
-    bencher.counter(BytesCount::new(len)).bench(|| shot.writer.write_frame(&shot.frame).unwrap());
+    bencher
+        .counter(BytesCount::new(len))
+        .bench(|| shot.writer.write_frame(std::slice::from_ref(&shot.frame)).unwrap());
 }
 
 /// The same bytes to a new file, synchronised and renamed, by the shortest way there is.

@@ -31,8 +31,11 @@ fn scene(folder: &Path, contact: Contact, deforms: bool) -> (Groom, Anim) {
         anim["colliders"].as_array_mut().unwrap().push(plate);
         std::fs::write(&shake, anim.to_string()).unwrap();
     }
-    let (groom, mut anim) = scene::load(&folder.join("groom.json"), &shake).unwrap();
+    let (mut groom, mut anim) = scene::load(&folder.join("groom.json"), &shake).unwrap();
     anim.settings.contact = contact;
+    // So heavy, it sags on to the head and on to itself.
+    anim.gravity *= 4.0;
+    groom.materials.iter_mut().for_each(|material| material.sag_free = 0.0);
     (groom.with_default_trees(anim.settings.nodes), anim)
 }
 

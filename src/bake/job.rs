@@ -99,6 +99,10 @@ fn settings(anim: &Anim, set: &[Override]) -> Value {
         "resolution": anim.settings.resolution,
         "parting": anim.settings.parting,
         "contact": anim.settings.contact,
+        "curves": anim.settings.curves,
+        "keep": anim.settings.keep,
+        "samples": anim.settings.samples,
+        "shutter": anim.settings.shutter,
         "gravity_m_s2": [anim.gravity.x, anim.gravity.y, anim.gravity.z],
     });
     if !set.is_empty() {

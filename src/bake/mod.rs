@@ -301,7 +301,8 @@ impl<'a> Strands<'a> {
             self.retreat(near)?;
         }
         let retreats = around.map(|near| self.held[&near].1.as_deref().unwrap_or_default());
-        let arrays = self.output.frame(frame, &self.held[&frame].0.guides, &retreats);
+        let states = [frame, frame + 1].map(|near| &self.held[&near].0.guides[..]);
+        let arrays = self.output.frame(frame, states, &retreats);
         seconds.interpolate = start.elapsed().as_secs_f64();
         let start = Instant::now();
         let file = self.writer.write_frame(&arrays)?;

@@ -5,8 +5,9 @@ use super::state::GuideState;
 use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 use crate::contact::Bodies;
 use crate::rod::{Rod, Sensitivity, Shape};
+use crate::scene::anim::Written;
 use crate::scene::{Anim, Collider, Convention, Curves, Deformation, Groom, UpAxis};
-use crate::strands::{BACKWARD, GuideMotion, HeadMotion, Interpolator, KeepOut, Moment, Retreats};
+use crate::strands::{BACKWARD, GuideMotion, HeadMotion, Interpolator, KeepOut, Moment, Retreats, kept};
 use nalgebra::{Isometry3, Matrix3, Matrix4, Vector3};
 use rayon::prelude::*;
 
@@ -26,15 +27,26 @@ impl<'a> Output<'a> {
     pub fn new(groom: &Groom, anim: &'a Anim, rods: &'a Rods) -> Self {
         let convention = groom.convention;
         let rods = rods.followed();
-        let hair = (!groom.strands.curves.is_empty())
-            .then(|| curve_set(groom, &groom.strands.curves, groom.strands.curves.points.clone(), 0));
+        let settings = &anim.settings;
+        let left = (settings.keep < 1.0).then(|| kept(&groom.strands, settings.keep));
+        let (strands, wider) = match &left {
+            Some((left, wider)) => (left, &wider[..]),
+            None => (&groom.strands, &[][..]),
+        };
+        let written = settings.curves != Written::Guides && !strands.curves.is_empty();
+        let curves = &strands.curves;
+        let hair = written.then(|| curve_set(groom, curves, curves.points.clone(), (0, wider)));
+        let guides = match settings.curves {
+            Written::Strands => CurveSet::default(),
+            Written::Guides | Written::Both => guide_set(groom, &rods),
+        };
         let header = Header {
             metres_per_unit: convention.metres_per_unit,
             z_up: convention.up == UpAxis::Z,
             fps: anim.fps,
             frames: anim.frames,
             hair,
-            guides: guide_set(groom, &rods),
+            guides,
             colliders: anim
                 .colliders
                 .iter()
@@ -51,10 +63,9 @@ impl<'a> Output<'a> {
             ..Header::default()
         };
         let bodies = Bodies::new(&anim.colliders);
-        let strands = (!groom.strands.curves.is_empty()).then(|| {
+        let strands = written.then(|| {
             let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
-            let (curves, leaf) = (&groom.strands.curves, &groom.strands.leaf);
-            Interpolator::new(curves, leaf, &rods, &bodies, &thickness)
+            Interpolator::new(curves, &strands.leaf, &rods, &bodies, &thickness)
         });
         let rods = rods.into_iter().map(|(rod, _)| rod).collect();
         Output { anim, rods, convention, strands, bodies, header }
@@ -76,9 +87,25 @@ impl<'a> Output<'a> {
         self.strands.as_ref().map_or_else(Vec::new, |strands| strands.retreats(&moment, &motion))
     }
 
-    /// The cache's arrays at `frame`, at which the guides are as in `guides`; `retreats` are those of the frames around it.
-    pub fn frame(&mut self, frame: i32, guides: &[GuideState], retreats: &Retreats) -> Frame {
-        let t = self.anim.time(f64::from(frame));
+    /// The cache's arrays at the moments of `frame` that are written; at it and at the next the guides are as in `states`, and `retreats`
+    /// are those of the frames around it.
+    pub fn frame(&mut self, frame: i32, states: [&[GuideState]; 2], retreats: &Retreats) -> Vec<Frame> {
+        let interval = 1.0 / self.anim.fps;
+        let offsets = self.anim.settings.offsets();
+        let moment = |offset: f64| {
+            let pairs = states[0].iter().zip(states[1]);
+            let between: Vec<GuideState> = match offset {
+                0.0 => Vec::new(),
+                _ => pairs.map(|(a, b)| GuideState::between(a, b, offset, interval)).collect(),
+            };
+            self.moment((frame, offset), if offset == 0.0 { states[0] } else { &between }, retreats)
+        };
+        offsets.map(moment).collect()
+    }
+
+    /// The cache's arrays at the moment `offset` after `frame`.
+    fn moment(&mut self, (frame, offset): (i32, f64), guides: &[GuideState], retreats: &Retreats) -> Frame {
+        let t = self.anim.time(f64::from(frame) + offset);
         let head = head_motion(self.anim, t);
         let to_scene = self.convention.to_y_up().inverse().to_rotation_matrix().into_inner()
             / self.convention.metres_per_unit;
@@ -96,7 +123,7 @@ impl<'a> Output<'a> {
             strands.evaluate(
                 &moments,
                 &motion,
-                (retreats, 1.0 / self.anim.fps),
+                (retreats, offset, 1.0 / self.anim.fps),
                 &to_scene,
                 &mut points,
                 &mut velocities,
@@ -105,6 +132,7 @@ impl<'a> Output<'a> {
         });
         Frame {
             frame,
+            offset,
             hair,
             guides: self.guides(&motion, &head, &to_scene),
             head: self.matrix(&self.anim.head_pose(t)),
@@ -134,6 +162,9 @@ impl<'a> Output<'a> {
     }
 
     fn guides(&self, motion: &[GuideMotion], head: &HeadMotion, to_scene: &Matrix3<f64>) -> CurveFrame {
+        if self.header.guides.counts.is_empty() {
+            return CurveFrame::default();
+        }
         let per_guide: Vec<Vec<([f32; 3], [f32; 3])>> = motion
             .par_iter()
             .map_init(Default::default, |(shape, sensitivity): &mut (Shape, Sensitivity), motion| {
@@ -193,14 +224,21 @@ fn guide_set(groom: &Groom, rods: &[(&Rod, (u32, u32))]) -> CurveSet {
         curves.offsets.push(curves.points.len());
     }
     let points = std::mem::take(&mut curves.points);
-    curve_set(groom, &curves, points, 1)
+    curve_set(groom, &curves, points, (1, &[]))
 }
 
-fn curve_set(groom: &Groom, curves: &Curves, points: Vec<Vector3<f64>>, guide: i32) -> CurveSet {
+/// `guide` is 1 for guides; `wider` by how much wider than in the groom each group is drawn, where it is.
+fn curve_set(
+    groom: &Groom,
+    curves: &Curves,
+    points: Vec<Vector3<f64>>,
+    (guide, wider): (i32, &[f64]),
+) -> CurveSet {
     let out = &groom.convention;
     let mut widths = Vec::with_capacity(points.len());
     for (c, w) in curves.offsets.windows(2).enumerate() {
-        let [root, tip] = groom.groups[curves.group[c] as usize].width;
+        let group = curves.group[c] as usize;
+        let [root, tip] = groom.groups[group].width.map(|w| w * wider.get(group).unwrap_or(&1.0));
         let last = (w[1] - w[0] - 1).max(1) as f64;
         widths.extend((0..w[1] - w[0]).map(|k| {
             let u = k as f64 / last;

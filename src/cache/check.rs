@@ -41,6 +41,18 @@ impl ColliderMesh {
 }
 
 impl Frame {
+    /// The number of the frame of which these are moments, or what does not fit together or to the header, in words.
+    pub(super) fn check_all(moments: &[Frame], header: &Header) -> Result<i32, String> {
+        let frame =
+            moments.first().filter(|first| first.offset == 0.0).ok_or("no moment at the frame")?.frame;
+        if moments.iter().any(|m| m.frame != frame || !(0.0..1.0).contains(&m.offset))
+            || !moments.is_sorted_by(|a, b| a.offset < b.offset)
+        {
+            return Err(format!("moments of frame {frame} are not in order within it"));
+        }
+        moments.iter().try_for_each(|moment| moment.check(header)).map(|()| frame)
+    }
+
     /// What does not fit to the header, in words.
     pub(super) fn check(&self, header: &Header) -> Result<(), String> {
         if self.hair.is_some() != header.hair.is_some() {

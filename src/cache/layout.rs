@@ -138,21 +138,23 @@ pub(super) fn clip_manifest_layer(header: &Header) -> Layer<'static> {
     Layer { prims: vec![groom], ..Layer::default() }
 }
 
-/// One frame file; points and velocities are borrowed.
-pub(super) fn frame_layer<'a>(header: &Header, frame: &'a Frame) -> Layer<'a> {
-    let time = f64::from(frame.frame);
+/// One frame file, of the moments of its frame; points and velocities are borrowed.
+pub(super) fn frame_layer<'a>(header: &Header, moments: &'a [Frame]) -> Layer<'a> {
     let groom = skeleton(header, Specifier::Over, |part| {
-        let values = match part {
-            Part::Head => vec![transform(&frame.head)],
-            Part::Hair => frame.hair.as_ref().map(moving_curves).unwrap_or_default(),
-            Part::Guides => moving_curves(&frame.guides),
-            Part::Collider(i) => moving_collider(&frame.colliders[i]),
-        };
-        animated(header, part)
-            .into_iter()
-            .zip(values)
-            .map(|(attribute, value)| attribute.with_sample(time, value))
-            .collect()
+        let mut attributes = animated(header, part);
+        for moment in moments {
+            let time = f64::from(moment.frame) + moment.offset;
+            let values = match part {
+                Part::Head => vec![transform(&moment.head)],
+                Part::Hair => moment.hair.as_ref().map(moving_curves).unwrap_or_default(),
+                Part::Guides => moving_curves(&moment.guides),
+                Part::Collider(i) => moving_collider(&moment.colliders[i]),
+            };
+            for (attribute, value) in attributes.iter_mut().zip(values) {
+                attribute.samples.push((time, value));
+            }
+        }
+        attributes
     });
     Layer { metadata: layer_metadata(header), sub_layers: Vec::new(), prims: vec![groom] }
 }
@@ -199,7 +201,9 @@ fn skeleton<'a>(
     if header.hair.is_some() {
         groom.children.push(prim("BasisCurves", "hair", Some(Part::Hair)));
     }
-    groom.children.push(prim("BasisCurves", "guides", Some(Part::Guides)));
+    if !header.guides.counts.is_empty() {
+        groom.children.push(prim("BasisCurves", "guides", Some(Part::Guides)));
+    }
     if !header.colliders.is_empty() {
         let mut colliders = prim("Scope", "colliders", None);
         let names = collider_prim_names(header);
@@ -211,7 +215,7 @@ fn skeleton<'a>(
 }
 
 /// Declarations of what the frame files hold, in the order of [`frame_layer`]'s values.
-fn animated(header: &Header, part: Part) -> Vec<Attribute<'static>> {
+fn animated<'a>(header: &Header, part: Part) -> Vec<Attribute<'a>> {
     let transform = Attribute::new("xformOp:transform", "matrix4d");
     match part {
         Part::Collider(i) if header.colliders[i].deforms => {

@@ -34,7 +34,7 @@ pub struct Header {
     pub basis: Basis,
     /// Render strands; `None` where only guides are written.
     pub hair: Option<CurveSet>,
-    /// Guides.
+    /// Guides; no curves where only render strands are written.
     pub guides: CurveSet,
     /// Colliders, for the validator and the preview.
     pub colliders: Vec<ColliderMesh>,
@@ -91,11 +91,13 @@ pub struct ColliderFrame {
     pub points: Option<Vec<[f32; 3]>>,
 }
 
-/// What changes from frame to frame.
+/// What changes over time, at one moment.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Frame {
     /// Frame number.
     pub frame: i32,
+    /// When it is within the frame's interval, frames (0..1).
+    pub offset: f64,
     /// Render strands, where the header has them.
     pub hair: Option<CurveFrame>,
     /// Guides.

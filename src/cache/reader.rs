@@ -6,6 +6,9 @@ use crate::usd::{Layer, Value, crate_file};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
+const HAIR: &str = "/groom/hair";
+const GUIDES: &str = "/groom/guides";
+
 /// A cache on disk, finished or not.
 #[derive(Debug)]
 pub struct Reader {
@@ -89,15 +92,13 @@ impl Source {
         let fps = self.stage_number("timeCodesPerSecond")?;
         let frames = (self.stage_number("startTimeCode")? as i32, self.stage_number("endTimeCode")? as i32);
         let z_up = self.layer.metadata.iter().any(|(name, v)| name == "upAxis" && *v == Value::token("Z"));
-        let basis = match self.take("/groom/guides", "basis", None, text)?.as_str() {
+        let [has_hair, has_guides] = [HAIR, GUIDES].map(|prim| self.layer.prim_mut(prim).is_some());
+        let basis = match self.take(if has_guides { GUIDES } else { HAIR }, "basis", None, text)?.as_str() {
             "bspline" => Basis::Bspline,
             _ => Basis::CatmullRom,
         };
-        let hair = match self.layer.prim_mut("/groom/hair") {
-            Some(_) => Some(self.curves("/groom/hair")?),
-            None => None,
-        };
-        let guides = self.curves("/groom/guides")?;
+        let hair = if has_hair { Some(self.curves(HAIR)?) } else { None };
+        let guides = if has_guides { self.curves(GUIDES)? } else { CurveSet::default() };
         let names = self
             .layer
             .prim_mut("/groom/colliders")
@@ -111,10 +112,13 @@ impl Source {
 
     fn frame(mut self, header: &Header, number: i32) -> Result<Frame> {
         let hair = match &header.hair {
-            Some(_) => Some(self.moving_curves("/groom/hair", number)?),
+            Some(_) => Some(self.moving_curves(HAIR, number)?),
             None => None,
         };
-        let guides = self.moving_curves("/groom/guides", number)?;
+        let guides = match header.guides.counts.is_empty() {
+            true => CurveFrame::default(),
+            false => self.moving_curves(GUIDES, number)?,
+        };
         let head = self.transform("/groom/head", number)?;
         let mut colliders = Vec::with_capacity(header.colliders.len());
         for (mesh, name) in header.colliders.iter().zip(super::layout::collider_prim_names(header)) {
@@ -124,7 +128,7 @@ impl Source {
                 if mesh.deforms { Some(self.take(&prim, "points", Some(number), float3s)?) } else { None };
             colliders.push(ColliderFrame { transform, points });
         }
-        let frame = Frame { frame: number, hair, guides, head, colliders };
+        let frame = Frame { frame: number, offset: 0.0, hair, guides, head, colliders };
         frame.check(header).map_err(|what| self.damaged(what))?;
         Ok(frame)
     }

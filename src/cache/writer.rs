@@ -40,19 +40,19 @@ impl Writer {
         &self.header
     }
 
-    /// Writes one frame, handle frames (one before the first, one after the last) included. Frames may
-    /// come in any order and from several threads.
+    /// Writes one frame, handle frames (one before the first, one after the last) included, at one moment or more, the first at the
+    /// frame itself. Frames may come in any order and from several threads.
     ///
     /// # Errors
     /// [`Error::Io`] where the file cannot be written; [`Error::Internal`] where the frame does not fit to
     /// the header.
-    pub fn write_frame(&self, frame: &Frame) -> Result<FileRecord> {
-        frame.check(&self.header).map_err(Error::Internal)?;
-        if !frames_with_handles(&self.header).contains(&frame.frame) {
-            return Err(Error::Internal(format!("frame {} is outside of the cache", frame.frame)));
+    pub fn write_frame(&self, moments: &[Frame]) -> Result<FileRecord> {
+        let frame = Frame::check_all(moments, &self.header).map_err(Error::Internal)?;
+        if !frames_with_handles(&self.header).contains(&frame) {
+            return Err(Error::Internal(format!("frame {frame} is outside of the cache")));
         }
-        let layer = layout::frame_layer(&self.header, frame);
-        write_file(&self.dir.join(frame_file_name(frame.frame)), &crate_file::encode(&layer))
+        let layer = layout::frame_layer(&self.header, moments);
+        write_file(&self.dir.join(frame_file_name(frame)), &crate_file::encode(&layer))
     }
 
     /// Writes the root layer and, last of all, `manifest.json`, as far as they are not there already; fills in [`Manifest::layers`]

@@ -12,7 +12,8 @@ use super::scene::SceneArguments;
 use super::status::StatusArguments;
 use super::validate::ValidateArguments;
 use clap::builder::styling::{AnsiColor, Styles};
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 const STYLES: Styles = Styles::styled()
@@ -130,7 +131,10 @@ pub enum Command {
     /// Print a completion script for a shell
     Completions { shell: clap_complete::Shell },
     /// Print the manual page (roff)
-    Man,
+    Man {
+        /// Command whose page it is, such as import groom [default: the page of the program]
+        command: Vec<String>,
+    },
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -141,6 +145,31 @@ pub enum SchemaFormat {
     Anim,
 }
 
+/// `words` of a command line with general options that stand before a command put behind its name: what stands before it, clap takes for a
+/// part of the one command's own line, which has none.
+pub fn general_last(mut words: Vec<OsString>) -> Vec<OsString> {
+    let command = Arguments::command();
+    let general = |word: &str| {
+        let long = word.strip_prefix("--").map(|long| long.split_once('=').map_or(long, |(name, _)| name));
+        command.get_arguments().filter(|option| option.is_global_set()).find(|option| match long {
+            Some(long) => option.get_long() == Some(long),
+            None => {
+                option.get_short().is_some_and(|short| word.strip_prefix('-') == Some(&short.to_string()))
+            }
+        })
+    };
+    let mut at = 1;
+    while let Some(word) = words.get(at).and_then(|word| word.to_str()) {
+        let Some(option) = general(word) else { break };
+        at += if option.get_action().takes_values() && !word.contains('=') { 2 } else { 1 };
+    }
+    let name = words.get(at).and_then(|word| word.to_str());
+    if name.is_some_and(|name| command.find_subcommand(name).is_some()) {
+        words[1..=at].rotate_right(1);
+    }
+    words
+}
+
 fn threads(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|n| (1..=4096).contains(n)).ok_or_else(|| "a number from 1 to 4096".into())
 }
@@ -148,7 +177,26 @@ fn threads(text: &str) -> Result<usize, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
+
+    #[test]
+    fn general_options_may_stand_before_a_command() {
+        let moved = |line: &str| {
+            let words = general_last(line.split(' ').map(OsString::from).collect());
+            words.join(std::ffi::OsStr::new(" ")).into_string().unwrap()
+        };
+        for (typed, read) in [
+            ("hairbake -q import track a", "hairbake import -q track a"),
+            ("hairbake --threads 2 --progress=bar check a", "hairbake check --threads 2 --progress=bar a"),
+            ("hairbake check -q a", "hairbake check -q a"),
+            ("hairbake -q a.json check -o out", "hairbake -q a.json check -o out"),
+            ("hairbake --threads check", "hairbake --threads check"),
+            ("hairbake -q", "hairbake -q"),
+            ("hairbake --substeps 3 check", "hairbake --substeps 3 check"),
+        ] {
+            assert_eq!(moved(typed), read);
+        }
+        assert!(Arguments::try_parse_from(general_last(vec!["".into(), "-q".into(), "man".into()])).is_ok());
+    }
 
     #[test]
     fn the_command_line_is_consistent() {

@@ -31,7 +31,7 @@ const USAGE: u8 = 64;
 /// Runs the program on the process's own arguments.
 pub fn main() -> ExitCode {
     let parsed = Arguments::command()
-        .try_get_matches()
+        .try_get_matches_from(arguments::general_last(std::env::args_os().collect()))
         .and_then(|matches| Ok((Arguments::from_arg_matches(&matches)?, matches)));
     let (arguments, matches) = match parsed {
         Ok(parsed) => parsed,
@@ -74,7 +74,7 @@ fn run(arguments: Arguments, matches: ArgMatches) -> Result<ExitCode> {
         Some(Command::Preview(options)) => preview::run(&options)?,
         Some(Command::Validate(options)) => return validate::run(&options),
         Some(Command::Completions { shell }) => shell::completions(shell)?,
-        Some(Command::Man) => shell::man()?,
+        Some(Command::Man { command }) => shell::man(&command)?,
     }
     Ok(ExitCode::SUCCESS)
 }

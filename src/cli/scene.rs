@@ -5,7 +5,7 @@ use crate::bake::control::Control;
 use crate::bake::job::Job;
 use crate::cache::MANIFEST;
 use crate::error::{Error, Problem, Result};
-use crate::scene::anim::{Contact, Resolution, Scheme};
+use crate::scene::anim::{Contact, Resolution, Scheme, Written};
 use crate::scene::{Override, PathMap, Reading};
 use crate::{bake, scene};
 use clap::Args;
@@ -48,6 +48,18 @@ pub struct SceneArguments {
     /// more accurate and slower [default: the anim's, 0.01]
     #[arg(long, value_name = "SHARE", value_parser = values::share, help_heading = SETTINGS)]
     parting: Option<f64>,
+    /// Which curves to write, guides, strands or both [default: the anim's, both]
+    #[arg(long, value_name = "NAME", value_parser = values::curves, help_heading = SETTINGS)]
+    curves: Option<Written>,
+    /// Share of the render strands to write, wider so that they cover as much: level of detail [default: the anim's, 1]
+    #[arg(long, value_name = "SHARE", value_parser = values::kept, help_heading = SETTINGS)]
+    keep: Option<f64>,
+    /// Moments of each frame to write for motion blur, from the frame to the end of the shutter [default: the anim's, 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64), help_heading = SETTINGS)]
+    samples: Option<u32>,
+    /// How long the shutter is open from a frame on, frames [default: the anim's, 0.5]
+    #[arg(long, value_name = "FRAMES", value_parser = values::shutter, help_heading = SETTINGS)]
+    shutter: Option<f64>,
     /// Put a value in place of one of the files', such as groom.materials[0].friction=0.3; may be given again
     #[arg(long, value_name = "FILE.KEY=VALUE", value_parser = Override::parse, help_heading = SETTINGS)]
     set: Vec<Override>,
@@ -77,6 +89,14 @@ fn resolution(resolution: Resolution) -> &'static str {
         Resolution::Adaptive => "adaptive",
         Resolution::Full => "full",
         Resolution::Coarse => "coarse",
+    }
+}
+
+fn curves(curves: Written) -> &'static str {
+    match curves {
+        Written::Guides => "guides",
+        Written::Strands => "strands",
+        Written::Both => "both",
     }
 }
 
@@ -124,6 +144,14 @@ impl SceneArguments {
                 "hair touches hair at full resolution only: ask for --contact bodies or --resolution full";
             return Err(Error::Usage(message.into()));
         }
+        settings.curves = self.curves.unwrap_or(settings.curves);
+        settings.keep = self.keep.unwrap_or(settings.keep);
+        settings.samples = self.samples.unwrap_or(settings.samples);
+        settings.shutter = self.shutter.unwrap_or(settings.shutter);
+        if settings.curves == Written::Strands && groom.strands.curves.is_empty() {
+            let message = "the groom has no render strands to write: ask for --curves guides";
+            return Err(Error::Usage(message.into()));
+        }
         Ok(Scene { groom, anim, groom_file, anim_file, reading, out })
     }
 
@@ -155,7 +183,7 @@ impl SceneArguments {
     }
 
     /// The settings that options give.
-    fn given(&self) -> [(&'static str, Option<String>); 7] {
+    fn given(&self) -> [(&'static str, Option<String>); 11] {
         [
             ("substeps", self.substeps.map(|n| n.to_string())),
             ("preroll", self.preroll.map(|s| s.to_string())),
@@ -164,6 +192,10 @@ impl SceneArguments {
             ("contact", self.contact.map(|c| contact(c).to_string())),
             ("resolution", self.resolution.map(|r| resolution(r).to_string())),
             ("parting", self.parting.map(|p| p.to_string())),
+            ("curves", self.curves.map(|c| curves(c).to_string())),
+            ("keep", self.keep.map(|share| share.to_string())),
+            ("samples", self.samples.map(|n| n.to_string())),
+            ("shutter", self.shutter.map(|frames| frames.to_string())),
         ]
     }
 
@@ -183,6 +215,10 @@ impl SceneArguments {
             ("contact", contact(settings.contact).to_string()),
             ("resolution", resolution(settings.resolution).to_string()),
             ("parting", settings.parting.to_string()),
+            ("curves", curves(settings.curves).to_string()),
+            ("keep", settings.keep.to_string()),
+            ("samples", settings.samples.to_string()),
+            ("shutter", settings.shutter.to_string()),
         ];
         let mut rows: Vec<_> = resolved
             .into_iter()

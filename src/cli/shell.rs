@@ -12,9 +12,15 @@ pub fn completions(shell: clap_complete::Shell) -> Result<()> {
     console::data(&script)
 }
 
-/// Prints the manual page.
-pub fn man() -> Result<()> {
+/// Prints the manual page of the command that `names` lead to, or of all.
+pub fn man(names: &[String]) -> Result<()> {
+    let mut command = Arguments::command();
+    command.build();
+    for name in names {
+        let below = command.find_subcommand(name).cloned();
+        command = below.ok_or_else(|| Error::Usage(format!("there is no command {}", names.join(" "))))?;
+    }
     let mut page = Vec::new();
-    clap_mangen::Man::new(Arguments::command()).render(&mut page).map_err(|e| Error::io("manual page", e))?;
+    clap_mangen::Man::new(command).render(&mut page).map_err(|e| Error::io("manual page", e))?;
     console::data(&page)
 }

@@ -2,7 +2,7 @@
 
 use crate::import::Source;
 use crate::scene::UpAxis;
-use crate::scene::anim::{Contact, MAX_FRAMES, Resolution, Scheme};
+use crate::scene::anim::{Contact, MAX_FRAMES, Resolution, Scheme, Written};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -58,6 +58,16 @@ pub fn resolution(text: &str) -> Result<Resolution, String> {
         "full" => Ok(Resolution::Full),
         "coarse" => Ok(Resolution::Coarse),
         _ => Err("adaptive, full or coarse".into()),
+    }
+}
+
+/// Which curves are written.
+pub fn curves(text: &str) -> Result<Written, String> {
+    match text {
+        "guides" => Ok(Written::Guides),
+        "strands" => Ok(Written::Strands),
+        "both" => Ok(Written::Both),
+        _ => Err("guides, strands or both".into()),
     }
 }
 
@@ -200,6 +210,16 @@ pub fn angle(text: &str) -> Result<f64, String> {
 /// A share from 0 to 1.
 pub fn share(text: &str) -> Result<f64, String> {
     not_negative(text).ok().filter(|x| *x <= 1.0).ok_or_else(|| "a number from 0 to 1".into())
+}
+
+/// The share that is kept, above 0.
+pub fn kept(text: &str) -> Result<f64, String> {
+    share(text).ok().filter(|x| *x >= 1e-6).ok_or_else(|| "a number above 0, to 1".into())
+}
+
+/// Frames that a shutter is open.
+pub fn shutter(text: &str) -> Result<f64, String> {
+    share(text).ok().filter(|x| *x <= 0.999).ok_or_else(|| "a number from 0 to below 1".into())
 }
 
 #[cfg(test)]

@@ -181,6 +181,14 @@ pub struct Settings {
     /// Where the resolution is adaptive: share of its length by which a guide may part from its wisp, in a free fall of that length, before it
     /// comes away.
     pub parting: f64,
+    /// Which curves are written.
+    pub curves: Written,
+    /// Share of the render strands that is written (above 0, to 1); those are wider, so that they cover as much.
+    pub keep: f64,
+    /// Moments of a frame that are written: the frame itself, and the others evenly over the shutter, at its end the last.
+    pub samples: u32,
+    /// How long the shutter is open from a frame on, frames (0..1).
+    pub shutter: f64,
 }
 
 /// What moves by itself.
@@ -194,6 +202,19 @@ pub enum Resolution {
     Full,
     /// Coarse wisps only: for quick looks.
     Coarse,
+}
+
+/// Which curves a bake writes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Written {
+    /// The simulated guides only.
+    Guides,
+    /// The render strands only.
+    Strands,
+    /// Both.
+    #[default]
+    Both,
 }
 
 /// What hair touches.
@@ -229,7 +250,19 @@ impl Default for Settings {
             contact: Contact::default(),
             resolution: Resolution::default(),
             parting: 0.01,
+            curves: Written::default(),
+            keep: 1.0,
+            samples: 1,
+            shutter: 0.5,
         }
+    }
+}
+
+impl Settings {
+    /// When the moments of a frame that are written lie, frames after it.
+    pub fn offsets(&self) -> impl Iterator<Item = f64> + use<> {
+        let (shutter, last) = (self.shutter, f64::from(self.samples.max(2) - 1));
+        (0..self.samples).map(move |i| shutter * f64::from(i) / last)
     }
 }
 

@@ -5,6 +5,7 @@
 //! edge changes its length, and at rest the strand is the groom's, to rounding.
 
 mod follow;
+mod keep;
 mod keep_out;
 mod relax;
 mod retreat;
@@ -14,6 +15,7 @@ use crate::contact::Bodies;
 use crate::rod::{Rod, Shape};
 use crate::scene::Curves;
 use follow::{Place, RestGuide};
+pub use keep::kept;
 pub use keep_out::KeepOut;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -137,13 +139,14 @@ impl Interpolator {
     }
 
     /// Writes the points and velocities (per second) of all strands, `to_scene` being what turns metres, Y up, into the
-    /// unit and axes asked for. `moments` are now, which is at a frame, and [`BACKWARD`] earlier; frames are `interval`, s, apart. Shapes:
+    /// unit and axes asked for. `moments` are now and [`BACKWARD`] earlier; now is `after` (0..1) of the `interval`, s, from a frame to the next,
+    /// and `retreats` are those around that frame. Shapes:
     /// one entry per vertex of the curves given to [`Interpolator::new`].
     pub fn evaluate(
         &self,
         moments: &[Moment; 2],
         guides: &[GuideMotion],
-        (retreats, interval): (&Retreats, f64),
+        (retreats, after, interval): (&Retreats, f64, f64),
         to_scene: &Matrix3<f64>,
         points: &mut [[f32; 3]],
         velocities: &mut [[f32; 3]],
@@ -163,7 +166,7 @@ impl Interpolator {
             now.retreat.clear();
             before.retreat.clear();
             for i in w[0]..w[1] {
-                let (share, change) = retreat::smoothed(retreats.map(|r| f64::from(r[i])));
+                let (share, change) = retreat::smoothed(retreats.map(|r| f64::from(r[i])), after);
                 now.retreat.push(share);
                 before.retreat.push(share - change * BACKWARD / interval);
             }
@@ -318,7 +321,14 @@ mod tests {
         let mut out = [vec![[0.0; 3]; c.points.len()], vec![[0.0; 3]; c.points.len()]];
         let [p, v] = &mut out;
         let retreats = interpolator.retreats(&moment, &motion);
-        interpolator.evaluate(&[moment, moment], &motion, (&[&retreats; 5], 1.0), &Matrix3::identity(), p, v);
+        interpolator.evaluate(
+            &[moment, moment],
+            &motion,
+            (&[&retreats; 5], 0.0, 1.0),
+            &Matrix3::identity(),
+            p,
+            v,
+        );
         out
     }
 
@@ -443,7 +453,7 @@ mod tests {
             interpolator.evaluate(
                 &[moment, moment],
                 &motion,
-                (&[&retreats; 5], 1.0),
+                (&[&retreats; 5], 0.0, 1.0),
                 &Matrix3::identity(),
                 p,
                 v,
@@ -482,7 +492,7 @@ mod tests {
         let retreats = interpolator.retreats(&moment, &motion);
         let [mut p, mut v] = [vec![[0.0; 3]; 4], vec![[0.0; 3]; 4]];
         let scene = Matrix3::identity();
-        interpolator.evaluate(&[moment; 2], &motion, (&[&retreats; 5], 1.0), &scene, &mut p, &mut v);
+        interpolator.evaluate(&[moment; 2], &motion, (&[&retreats; 5], 0.0, 1.0), &scene, &mut p, &mut v);
         let distance = |x: &Vector3<f64>| (x - at(0.055, 0.018)).norm() - 0.01;
         assert!(distance(&c.points[3]) < -5e-4 && distance(&wide(&p[3])) > 4e-4, "{:?}", p[3]);
     }
@@ -506,7 +516,7 @@ mod tests {
         let retreats = vec![0.0; 9];
         let [mut p, mut v] = [vec![[0.0; 3]; 9], vec![[0.0; 3]; 9]];
         let scene = Matrix3::identity();
-        interpolator.evaluate(&[moment; 2], &motion, (&[&retreats; 5], 1.0), &scene, &mut p, &mut v);
+        interpolator.evaluate(&[moment; 2], &motion, (&[&retreats; 5], 0.0, 1.0), &scene, &mut p, &mut v);
         for (normal, at) in &walls {
             let depth = |x: &Vector3<f64>| at - normal.dot(x);
             assert!(depth(&line(0.0)[8]) > 5e-3);
@@ -560,7 +570,7 @@ mod tests {
             interpolator.evaluate(
                 &[moment, moment],
                 &motion,
-                (&[&retreats; 5], 1.0),
+                (&[&retreats; 5], 0.0, 1.0),
                 &Matrix3::identity(),
                 &mut p,
                 &mut v,

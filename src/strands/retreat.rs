@@ -63,11 +63,17 @@ fn ramp(ends: [f64; 2], x: f64) -> f64 {
     u * u * (3.0 - 2.0 * u)
 }
 
-/// The share at a frame and its change from frame to frame, of those asked for in the frames around it.
-pub(super) fn smoothed(asked: [f64; 2 * SPAN + 1]) -> (f64, f64) {
+/// The share at `u` (0..1) of the way from a frame to the next, and its change from frame to frame, of those asked for in the frames around
+/// it. Between frames the last coefficient does without the frame after these: until the next frame all is smooth, and there, where
+/// other samples take over, it may be missed by a sixth of what that frame asks for more than its neighbours.
+pub(super) fn smoothed(asked: [f64; 2 * SPAN + 1], u: f64) -> (f64, f64) {
     let m = |i: usize| asked[i - 1].max(asked[i]).max(asked[i + 1]);
-    let (before, now, after) = (m(1), m(2), m(3));
-    ((before + 4.0 * now + after) / 6.0, 0.5 * (after - before))
+    let m = [m(1), m(2), m(3), asked[3].max(asked[4])];
+    let v = 1.0 - u;
+    let share = [v * v * v, 4.0 - 3.0 * u * u * (1.0 + v), 4.0 - 3.0 * v * v * (1.0 + u), u * u * u];
+    let change = [-v * v, u * (3.0 * u - 4.0), v * (1.0 + 3.0 * u), u * u];
+    let sum = |weights: [f64; 4]| weights.iter().zip(m).map(|(w, m)| w * m).sum::<f64>();
+    (sum(share) / 6.0, 0.5 * sum(change))
 }
 
 #[cfg(test)]
@@ -102,7 +108,7 @@ mod tests {
     proptest! {
         #[test]
         fn what_is_used_is_never_less_than_asked_for_and_has_its_slope(asked in prop::array::uniform7(0.0..1.0_f64)) {
-            let at = |i: usize| smoothed(std::array::from_fn(|k| asked[i + k]));
+            let at = |i: usize| smoothed(std::array::from_fn(|k| asked[i + k]), 0.0);
             for i in 0..3 {
                 prop_assert!(at(i).0 >= asked[i + 2] - 1e-12);
             }
@@ -111,6 +117,17 @@ mod tests {
             let middle = (5.0 * (m(3) - m(2)) + (m(4) - m(1))) / 8.0;
             let rise = (at(0).1 + 4.0 * middle + at(1).1) / 6.0;
             prop_assert!((at(1).0 - at(0).0 - rise).abs() < 1e-12);
+        }
+
+        #[test]
+        fn between_frames_it_is_smooth_and_ends_with_no_less_than_asked_for(
+            asked in prop::array::uniform5(0.0..1.0_f64), u in 0.001..0.999_f64
+        ) {
+            let (lo, hi) = (smoothed(asked, u - 1e-4), smoothed(asked, u + 1e-4));
+            let (share, change) = smoothed(asked, u);
+            prop_assert!(((hi.0 - lo.0) / 2e-4 - change).abs() < 1e-6);
+            prop_assert!((0.0..=1.0).contains(&share));
+            prop_assert!(smoothed(asked, 1.0).0 >= asked[3] - 1e-12);
         }
     }
 }

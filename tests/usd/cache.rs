@@ -12,7 +12,7 @@ fn write_cache(dir: &Path, header: &Header) -> Manifest {
     manifest.settings = json!({"substeps": 8});
     manifest.totals.insert("contacts".into(), 12.into());
     for frame in header.frames.0 - 1..=header.frames.1 + 1 {
-        let file = writer.write_frame(&sample::frame(header, frame)).unwrap();
+        let file = writer.write_frame(&[sample::frame(header, frame)]).unwrap();
         manifest.frames.push(FrameRecord { frame, file, figures: Default::default() });
     }
     writer.finish(manifest).unwrap()

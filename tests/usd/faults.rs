@@ -26,7 +26,7 @@ fn write_frames(writer: &Writer, header: &Header) -> Manifest {
     let files: Vec<_> = std::thread::scope(|scope| {
         let threads: Vec<_> = frames
             .iter()
-            .map(|&frame| scope.spawn(move || writer.write_frame(&sample::frame(header, frame)).unwrap()))
+            .map(|&frame| scope.spawn(move || writer.write_frame(&[sample::frame(header, frame)]).unwrap()))
             .collect();
         threads.into_iter().map(|thread| thread.join().unwrap()).collect()
     });
@@ -103,8 +103,19 @@ fn arrays_that_do_not_fit_together_are_refused() {
     let mut soft = frame.clone();
     soft.colliders[0].points = soft.colliders[1].points.clone();
     let outside = sample::frame(&good, 1005);
-    for wrong in [short, without_hair, without_head, stiff, torn, soft, outside] {
-        assert!(matches!(writer.write_frame(&wrong), Err(Error::Internal(_))), "frame {}", wrong.frame);
+    let mut late = frame.clone();
+    late.offset = 0.5;
+    assert!(matches!(
+        writer.write_frame(&[frame.clone(), late.clone(), late.clone()]),
+        Err(Error::Internal(_))
+    ));
+    assert!(matches!(writer.write_frame(&[]), Err(Error::Internal(_))));
+    for wrong in [short, without_hair, without_head, stiff, torn, soft, outside, late] {
+        assert!(
+            matches!(writer.write_frame(std::slice::from_ref(&wrong)), Err(Error::Internal(_))),
+            "frame {}",
+            wrong.frame
+        );
     }
     assert_eq!(Reader::open(dir.path()).unwrap().frames(), [0; 0]);
 }
@@ -183,7 +194,7 @@ fn a_missing_frame_and_a_truncated_one_are_told_apart() {
 static CACHE: LazyLock<[(String, Vec<u8>); 2]> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
     let header = Header { frames: (1, 1), ..sample::header(true) };
-    Writer::create(dir.path(), &header).unwrap().write_frame(&sample::frame(&header, 1)).unwrap();
+    Writer::create(dir.path(), &header).unwrap().write_frame(&[sample::frame(&header, 1)]).unwrap();
     [TOPOLOGY.to_string(), frame_file_name(1)].map(|name| {
         let bytes = std::fs::read(dir.path().join(&name)).unwrap();
         (name, bytes)

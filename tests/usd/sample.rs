@@ -43,6 +43,7 @@ pub fn frame(header: &Header, frame: i32) -> Frame {
     };
     Frame {
         frame,
+        offset: 0.0,
         hair: header.hair.as_ref().map(moved),
         guides: moved(&header.guides),
         head: turned(1.0 / 3.0),

@@ -122,9 +122,22 @@ class Cache:
         self.curves = [self._read_curves(path) for path in (HAIR, GUIDES) if self.stage.GetPrimAtPath(path)]
         self.colliders = [self._read_mesh(prim) for prim in self._collider_prims()]
 
+    @property
+    def settings(self) -> dict:
+        """The settings that the bake was told; none where the record has none."""
+        settings = self.record.get("settings")
+        return settings if isinstance(settings, dict) else {}
+
     def frame_path(self, frame: int) -> Path:
         """File of one frame, its number filled up to four characters as USD's clip template does (-1 is `00-1`)."""
         return self.directory / f"hair.{str(frame).rjust(4, '0')}.usdc"
+
+    def moments(self, frame: int) -> list[float]:
+        """The times that a frame's file must hold: the frame, and the others evenly over the shutter that the bake was told."""
+        samples, shutter = self.settings.get("samples", 1), self.settings.get("shutter", 0)
+        if not isinstance(samples, int) or samples < 2 or not isinstance(shutter, int | float):
+            return [float(frame)]
+        return [frame + shutter * i / (samples - 1) for i in range(samples)]
 
     def animated(self) -> list[str]:
         """Paths of the attributes that every frame's file must hold."""
@@ -213,6 +226,8 @@ class FrameFile:
     """Sample times of every attribute that the file holds, by path."""
     values: dict[str, np.ndarray]
     """Values at the frame's own time, by path."""
+    later: dict[float, dict[str, np.ndarray]]
+    """The same at the moments after it."""
 
 
 def read_frame(cache: Cache, frame: int) -> FrameFile:
@@ -220,17 +235,19 @@ def read_frame(cache: Cache, frame: int) -> FrameFile:
     path = cache.frame_path(frame)
     if not path.is_file():
         raise Unreadable("no such file")
-    times, values = {}, {}
+    times, values, later = {}, {}, {}
     try:
         # Anonymous, so that the layer and its memory go when this function returns.
         layer = Sdf.Layer.OpenAsAnonymous(str(path))
         for name in sorted(attributes(layer)):
             times[name] = list(layer.ListTimeSamplesForPath(name))
-            if float(frame) in times[name]:
-                values[name] = np.array(layer.QueryTimeSample(name, float(frame)))
+            for time in times[name]:
+                if time >= frame:
+                    at = values if time == frame else later.setdefault(time, {})
+                    at[name] = np.array(layer.QueryTimeSample(name, time))
     except Tf.ErrorException as error:
         raise Unreadable(f"damaged: {error.args[0] if error.args else error}") from error
-    return FrameFile(frame, times, values)
+    return FrameFile(frame, times, values, later)
 
 
 def attributes(layer: Sdf.Layer) -> set[str]:

@@ -12,7 +12,7 @@ from .window import Window
 
 FRAMES = Check(
     "frames",
-    "every frame and handle frame has a readable file with all attributes, each with its own time only",
+    "every frame and handle frame has a readable file with all attributes, each at its own moments only",
 )
 COVERAGE = Check("coverage", "the clip manifest declares every attribute that the frame files hold")
 SIZES = Check("sizes", "points, velocities and extents have the size that the topology asks for")
@@ -55,11 +55,12 @@ def frames(window: Window) -> Iterator[Finding]:
             frame=window.frame,
         )
         return
+    moments = window.cache.moments(window.frame)
     for path in window.cache.animated():
         times = window.file.times.get(path)
         if times is None:
             yield Finding(FRAMES, message=f"no {path}", frame=window.frame)
-        elif times != [window.frame]:
+        elif len(times) != len(moments) or not np.allclose(times, moments, rtol=0, atol=1e-9):
             yield Finding(FRAMES, message=f"{path} has samples at {times[:5]}", frame=window.frame)
 
 
@@ -73,7 +74,7 @@ def coverage(window: Window) -> Iterator[Finding]:
 
 def sizes(window: Window) -> Iterator[Finding]:
     """Every array against the shape that the topology gives it."""
-    for path, value in window.values():
+    for path, value in window.all_values():
         wanted = window.shape(path)
         if wanted is not None and value.shape != wanted:
             yield Finding(SIZES, message=f"{path} has shape {value.shape}, not {wanted}", frame=window.frame)
@@ -81,7 +82,7 @@ def sizes(window: Window) -> Iterator[Finding]:
 
 def finite(window: Window) -> Iterator[Finding]:
     """NaN and infinity."""
-    for path, value in window.values():
+    for path, value in window.all_values():
         bad = np.flatnonzero(~np.isfinite(value).reshape(len(value), -1).all(axis=1)) if len(value) else []
         if len(bad):
             yield Finding(
@@ -120,12 +121,18 @@ def roots(window: Window) -> Iterator[Finding]:
     head = window.get(HEAD, TRANSFORM)
     for curves in window.cache.curves:
         points = window.get(curves.path, "points")
-        if head is None or points is None:
-            continue
-        rest, now = curves.rest[curves.starts], points[curves.starts]
-        offset = np.linalg.norm(now - transformed(rest, head), axis=1)
-        rounding = np.sqrt(3) / 2 * (spacing(rest) + spacing(now))
-        yield worst(window, ROOTS, curves, (offset - rounding) * window.cache.metres_per_unit, per_curve=True)
+        if head is not None and points is not None:
+            yield root_offsets(window, ROOTS, curves, points, head)
+
+
+def root_offsets(
+    window: Window, check: Check, curves: Curves, points: np.ndarray, head: np.ndarray
+) -> Finding:
+    """The root of `points` that is farthest from its rest point under `head`."""
+    rest, now = curves.rest[curves.starts], points[curves.starts]
+    offset = np.linalg.norm(now - transformed(rest, head), axis=1)
+    rounding = np.sqrt(3) / 2 * (spacing(rest) + spacing(now))
+    return worst(window, check, curves, (offset - rounding) * window.cache.metres_per_unit, per_curve=True)
 
 
 def segments(window: Window) -> Iterator[Finding]:

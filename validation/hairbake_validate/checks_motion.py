@@ -1,12 +1,13 @@
 """Checks of a frame against its neighbours: velocities and one-frame jumps."""
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 
 import numpy as np
 
 from . import tolerances
 from .cache import HEAD, TRANSFORM, Curves
-from .checks_frame import worst
+from .checks_frame import root_offsets, worst
 from .geometry import transformed
 from .report import Check, Finding
 from .window import Window
@@ -22,6 +23,18 @@ CURVE_VELOCITIES = Check(
     "the same for nineteen curves in twenty, each for itself",
     tolerances.CURVE_VELOCITY_RESIDUAL,
     "of its RMS speed",
+)
+SUB_FRAMES = Check(
+    "sub_frames",
+    "velocities integrate to the displacement between the moments of a frame",
+    tolerances.VELOCITY_RESIDUAL,
+    "of RMS speed",
+)
+SUB_FRAME_ROOTS = Check(
+    "sub_frame_roots",
+    "at the moments of a frame every root is its rest point on the head transform",
+    tolerances.ROOT_OFFSET_M,
+    "m",
 )
 SPIKES = Check(
     "spikes", "no curve jumps for one frame or between two, seen from the head", tolerances.SPIKE_M, "m"
@@ -67,6 +80,31 @@ def residuals(window: Window) -> Iterator[tuple[Curves, np.ndarray, np.ndarray]]
         yield curves, mean, np.linalg.norm(simpson - mean, axis=1)
 
 
+def sub_frames(window: Window) -> Iterator[Finding]:
+    """Between two moments, so soon after each other, the mean of their velocities does. The median over the points."""
+    floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
+    for curves in window.cache.curves:
+        points, rates = (window.moments(curves.path, name) for name in ("points", "velocities"))
+        if [time for time, _ in points] != [time for time, _ in rates]:
+            continue
+        moments = [(time, point.astype(float), rate) for (time, point), (_, rate) in zip(points, rates)]
+        for (start, before, first), (end, after, last) in pairwise(moments):
+            mean = (after - before) * window.cache.fps / (end - start)
+            residual = np.linalg.norm((first.astype(float) + last) / 2 - mean, axis=1)
+            speed = np.sqrt(np.einsum("ij,ij->", mean, mean) / len(mean))
+            value = float(np.median(residual)) / max(speed, floor)
+            yield Finding(SUB_FRAMES, value, frame=window.frame, prim=curves.path)
+
+
+def sub_frame_roots(window: Window) -> Iterator[Finding]:
+    """As `roots` at the frame, at the moments after it."""
+    heads = dict(window.moments(HEAD, TRANSFORM))
+    for curves in window.cache.curves:
+        for time, points in window.moments(curves.path, "points")[1:]:
+            if time in heads:
+                yield root_offsets(window, SUB_FRAME_ROOTS, curves, points, heads[time])
+
+
 def spikes(window: Window) -> Iterator[Finding]:
     """A jump throws the second difference one way and, a frame later, the other way, and between the two frames a point
     goes farther than its speeds around them take it. Hair whipped by a landing does the first, not the second: its
@@ -106,6 +144,8 @@ def speed_in_head(window: Window, path: str, offset: int) -> np.ndarray | None:
 MOTION: dict[Check, Callable[[Window], Iterator[Finding]]] = {
     VELOCITIES: velocities,
     CURVE_VELOCITIES: curve_velocities,
+    SUB_FRAMES: sub_frames,
+    SUB_FRAME_ROOTS: sub_frame_roots,
     SPIKES: spikes,
 }
 """The checks of neighbouring frames and what carries them out."""

@@ -193,7 +193,7 @@ def prims(cache: Cache) -> Iterator[Finding]:
         yield Finding(PRIMS, message="no Xform", prim=HEAD)
     for path, purpose in ((HAIR, "default"), (GUIDES, "guide")):
         prim = stage.GetPrimAtPath(path)
-        if not prim and path == HAIR:
+        if not prim and (path == HAIR or cache.settings.get("curves") == "strands"):
             continue
         if not prim or not prim.IsA(UsdGeom.BasisCurves):
             yield Finding(PRIMS, message="no BasisCurves", prim=path)

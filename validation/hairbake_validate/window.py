@@ -136,6 +136,22 @@ class Window:
         """Paths and values of the middle frame's file."""
         return sorted(self.file.values.items()) if self.file else []
 
+    def all_values(self) -> list[tuple[str, np.ndarray]]:
+        """The same at all its moments."""
+        later = self.file.later.values() if self.file else []
+        return self.values() + [entry for moment in later for entry in sorted(moment.items())]
+
+    def moments(self, prim: str, name: str) -> list[tuple[float, np.ndarray]]:
+        """Times and values of the middle frame's moments, as far as each is there, has its shape and is finite."""
+        path = f"{prim}.{name}"
+        if self.file is None:
+            return []
+        found = [(float(self.frame), self.file.values), *sorted(self.file.later.items())]
+        return [(time, values[path]) for time, values in found if self._is_sound(path, values.get(path))]
+
+    def _is_sound(self, path: str, value: np.ndarray | None) -> bool:
+        return value is not None and value.shape == self.shape(path) and bool(np.isfinite(value).all())
+
     def get(self, prim: str, name: str, offset: int = 0) -> np.ndarray | None:
         """A value of the frame `offset` from the middle, if it is there, has its shape and is finite."""
         frame = self.frame + offset
@@ -144,9 +160,7 @@ class Window:
         file = self._read(frame)
         path = f"{prim}.{name}"
         value = file.values.get(path) if isinstance(file, FrameFile) else None
-        if value is None or value.shape != self.shape(path) or not np.isfinite(value).all():
-            return None
-        return value
+        return value if self._is_sound(path, value) else None
 
     def collider(self, mesh: Mesh) -> Collider | None:
         """A deforming mesh as it is in the middle frame; worked out once a frame."""

@@ -15,6 +15,7 @@ FIRST, LAST, FPS = 1001, 1006, 24.0
 HANDLES = range(FIRST - 1, LAST + 2)
 CURVES, POINTS, GUIDE_COUNT = 12, 8, 3
 RADIUS, LENGTH = 0.1, 0.2
+SAMPLES, SHUTTER = 3, 0.5
 
 
 def head_matrix(time: float) -> np.ndarray:
@@ -103,7 +104,7 @@ class CacheBuilder:
             "version": 1,
             "hairbake": "0.1.0",
             "inputs": [{"role": "groom", "file": "groom.json", "sha256": "0" * 64}],
-            "settings": {},
+            "settings": {"samples": SAMPLES, "shutter": SHUTTER},
             "layers": [self._file_record(self.path(name)) for name in names],
             "frames": [
                 {"frame": frame, **self._file_record(self.frame(frame)), "figures": {"contacts": 3}}
@@ -129,13 +130,13 @@ class CacheBuilder:
         """Applies `change(stage)` to the topology layer and renews the checksums."""
         self.edit("hair.topology.usdc", lambda layer: change(Usd.Stage.Open(layer)))
 
-    def edit_array(self, frame: int, path: str, change) -> None:
-        """Replaces one attribute's array in one frame's file by `change(array)`."""
+    def edit_array(self, frame: int, path: str, change, after: float = 0.0) -> None:
+        """Replaces one attribute's array in one frame's file, at the frame or `after` it, by `change(array)`."""
 
         def rewrite(layer):
-            value = layer.QueryTimeSample(path, float(frame))
+            value = layer.QueryTimeSample(path, frame + after)
             changed = change(np.array(value))
-            layer.SetTimeSample(path, float(frame), type(value).FromNumpy(np.ascontiguousarray(changed)))
+            layer.SetTimeSample(path, frame + after, type(value).FromNumpy(np.ascontiguousarray(changed)))
 
         self.edit(self.frame(frame).name, rewrite)
 
@@ -230,13 +231,18 @@ class CacheBuilder:
 
     def _write_frame(self, frame: int) -> None:
         layer = Sdf.Layer.CreateNew(str(self.frame(frame)))
-        time, step = (frame - FIRST) / FPS, 1e-4
-        types = self._animated()
+        for path, type_name in self._animated().items():
+            prim = Sdf.CreatePrimInLayer(layer, Sdf.Path(path).GetPrimPath())
+            Sdf.AttributeSpec(prim, Sdf.Path(path).name, type_name)
+        for i in range(SAMPLES):
+            self._write_moment(layer, frame + SHUTTER * i / (SAMPLES - 1))
+        layer.Save()
+
+    def _write_moment(self, layer: Sdf.Layer, at: float) -> None:
+        time, step = (at - FIRST) / FPS, 1e-4
 
         def put(path: str, value) -> None:
-            prim = Sdf.CreatePrimInLayer(layer, Sdf.Path(path).GetPrimPath())
-            Sdf.AttributeSpec(prim, Sdf.Path(path).name, types[path])
-            layer.SetTimeSample(path, float(frame), value)
+            layer.SetTimeSample(path, at, value)
 
         for path, count in self.counts.items():
             rest = rest_points(count)
@@ -253,7 +259,6 @@ class CacheBuilder:
             )
         for path in ("/groom/head", "/groom/colliders/skull"):
             put(f"{path}.xformOp:transform", Gf.Matrix4d(*head_matrix(time).ravel().tolist()))
-        layer.Save()
 
 
 @pytest.fixture

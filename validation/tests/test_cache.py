@@ -13,7 +13,8 @@ def test_reads_what_was_written(good_cache):
     assert len(cache.colliders[0].triangles) == 168
     frame = read_frame(cache, 1003)
     assert sorted(frame.values) == sorted(cache.animated())
-    assert frame.times["/groom/hair.points"] == [1003.0]
+    assert frame.times["/groom/hair.points"] == cache.moments(1003) == [1003.0, 1003.25, 1003.5]
+    assert [sorted(values) for values in frame.later.values()] == [sorted(cache.animated())] * 2
     assert frame.values["/groom/head.xformOp:transform"].shape == (4, 4)
     assert frame.values["/groom/hair.points"].dtype == np.float32
 

@@ -29,7 +29,8 @@ def soften(cache: CacheBuilder) -> None:
     def put(layer, frame):
         declare(layer)
         for name, value in sphere.items():
-            layer.SetTimeSample(f"{SKULL}.{name}", float(frame), Vt.Vec3fArray.FromNumpy(value))
+            for time in layer.ListTimeSamplesForPath(f"{SKULL}.xformOp:transform"):
+                layer.SetTimeSample(f"{SKULL}.{name}", time, Vt.Vec3fArray.FromNumpy(value))
 
     cache.edit_topology(topology)
     cache.edit("hair.manifest.usda", declare)

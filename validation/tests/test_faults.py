@@ -8,18 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import (
-    CURVES,
-    FPS,
-    GUIDE_COUNT,
-    POINTS,
-    CacheBuilder,
-    head_matrix,
-)
+from conftest import CURVES, FPS, GUIDE_COUNT, POINTS, CacheBuilder, head_matrix
 from hairbake_validate.run import CHECKS, validate
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+from settings_faults import SETTINGS_FAULTS
 
-FAULTS = []
+FAULTS = [
+    pytest.param(checks, inject, id=f"{checks[0]}-{inject.__name__}") for checks, inject in SETTINGS_FAULTS
+]
 MIDDLE = 1003
 HAIR, GUIDES, SKULL = "/groom/hair", "/groom/guides", "/groom/colliders/skull"
 
@@ -69,7 +65,7 @@ def wrong_version(cache):
     cache.record(lambda record: record.update(version=2))
 
 
-@fault("record")
+@fault("record", "frames")
 def no_settings(cache):
     cache.record(lambda record: record.pop("settings"))
 
@@ -473,22 +469,22 @@ def scale_velocities(cache: CacheBuilder, factor: float | np.ndarray) -> None:
         cache.edit_array(frame, f"{HAIR}.velocities", lambda velocities: velocities * np.float32(factor))
 
 
-@fault("velocities", "curve_velocities")
+@fault("velocities", "curve_velocities", "sub_frames")
 def velocities_per_frame(cache):
     scale_velocities(cache, 1 / FPS)
 
 
-@fault("velocities", "curve_velocities")
+@fault("velocities", "curve_velocities", "sub_frames")
 def velocities_backwards(cache):
     scale_velocities(cache, -1)
 
 
-@fault("velocities", "curve_velocities")
+@fault("velocities", "curve_velocities", "sub_frames")
 def velocities_in_centimetres(cache):
     scale_velocities(cache, 100)
 
 
-@fault("velocities", "curve_velocities")
+@fault("velocities", "curve_velocities", "sub_frames")
 def velocities_of_the_neighbouring_frame(cache):
     def velocities(frame):
         layer = Sdf.Layer.OpenAsAnonymous(str(cache.frame(frame)))

@@ -6,6 +6,7 @@ use crate::scene::UpAxis;
 use crate::{Error, Problem, Result};
 use gltf::accessor::{DataType, Dimensions};
 use gltf::animation::{Interpolation, Property, util::ReadOutputs};
+use gltf::json::validation::Checked;
 use gltf::{Accessor, Document, Gltf, Node, buffer};
 use nalgebra::{Matrix4, Quaternion, UnitQuaternion, Vector3, Vector4};
 use std::path::Path;
@@ -31,6 +32,7 @@ pub(super) fn parse(source: &Source, joint: &Joint, bytes: &[u8]) -> Result<Moti
             "export it again",
         )
     })?;
+    Error::unless_none(unknown_words(source, &document))?;
     let names: Vec<String> = document.nodes().map(|n| name(&n)).collect();
     let shown: Vec<&str> = names.iter().map(String::as_str).collect();
     let of_name = |asked: &str| names.iter().position(|n| n == asked);
@@ -98,6 +100,29 @@ pub(super) fn parse(source: &Source, joint: &Joint, bytes: &[u8]) -> Result<Moti
         notes,
         warnings: if scales { vec![SCALE_CHANGES.into()] } else { Vec::new() },
     })
+}
+
+/// Names in animations that glTF does not know: the reader lets them pass and panics where they are asked for.
+fn unknown_words(source: &Source, document: &Document) -> Vec<Problem> {
+    let mut problems = Vec::new();
+    for (a, animation) in document.as_json().animations.iter().enumerate() {
+        let mut unknown = |key: String, allowed: &str| {
+            let what = "is a word that glTF does not have".to_string();
+            let key = format!("animations[{a}].{key}");
+            problems.push(problem(&source.path, &key, what, allowed, "export it again"));
+        };
+        for (i, channel) in animation.channels.iter().enumerate() {
+            if matches!(channel.target.path, Checked::Invalid) {
+                unknown(format!("channels[{i}].target.path"), "translation, rotation, scale or weights");
+            }
+        }
+        for (i, sampler) in animation.samplers.iter().enumerate() {
+            if matches!(sampler.interpolation, Checked::Invalid) {
+                unknown(format!("samplers[{i}].interpolation"), "LINEAR, STEP or CUBICSPLINE");
+            }
+        }
+    }
+    problems
 }
 
 fn problem(path: &Path, key: &str, what: String, allowed: &str, remedy: &str) -> Problem {
@@ -479,6 +504,10 @@ mod tests {
         let away = sound().replace("data:application/octet-stream;base64,", "../../etc/");
         assert!(what(away, "head", None).contains("no plain file name"));
         assert!(what("{".into(), "head", None).contains("not sound glTF"));
+        let wrong = sound().replace("\"rotation\"", "\"rotatio \"");
+        assert!(what(wrong, "head", None).contains("target.path: is a word"));
+        let wrong = sound().replace("\"LINEAR\"", "\"LINEA\"");
+        assert!(what(wrong, "head", None).contains("interpolation"));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! from here; the doc comments are the schema's descriptions.
 
 use crate::error::Result;
-use crate::scene::anim::{Contact, Resolution, Scheme, Settings};
+use crate::scene::anim::{Contact, Resolution, Scheme, Settings, Written};
 use crate::scene::convention::UpAxis;
 use crate::scene::document;
 use crate::scene::document::array::{Array, BufferFile};
@@ -349,6 +349,17 @@ pub struct SettingsFile {
     /// comes away. Less is more accurate and slower.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub parting: f64,
+    /// Which curves are written.
+    pub curves: Written,
+    /// Share of the render strands that is written; those are wider, so that they cover as much.
+    #[schemars(range(min = 1e-6, max = 1.0))]
+    pub keep: f64,
+    /// Moments of a frame that are written, for motion blur: the frame itself, and the others evenly over the shutter.
+    #[schemars(range(min = 1, max = 64))]
+    pub samples: u32,
+    /// How long the shutter is open from a frame on, frames; of no effect with one sample.
+    #[schemars(range(min = 0.0, max = 0.999))]
+    pub shutter: f64,
 }
 
 impl AnimFile {
@@ -400,8 +411,32 @@ impl Default for TrackFile {
 
 impl Default for SettingsFile {
     fn default() -> Self {
-        let Settings { substeps, preroll, nodes, scheme, contact, resolution, parting } = Settings::default();
-        SettingsFile { substeps, preroll_s: preroll, nodes, scheme, contact, resolution, parting }
+        let Settings {
+            substeps,
+            preroll,
+            nodes,
+            scheme,
+            contact,
+            resolution,
+            parting,
+            curves,
+            keep,
+            samples,
+            shutter,
+        } = Settings::default();
+        SettingsFile {
+            substeps,
+            preroll_s: preroll,
+            nodes,
+            scheme,
+            contact,
+            resolution,
+            parting,
+            curves,
+            keep,
+            samples,
+            shutter,
+        }
     }
 }
 

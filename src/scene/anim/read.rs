@@ -97,6 +97,10 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
             contact: file.settings.contact,
             resolution: file.settings.resolution,
             parting: file.settings.parting,
+            curves: file.settings.curves,
+            keep: file.settings.keep,
+            samples: file.settings.samples,
+            shutter: file.settings.shutter,
         },
     })
 }

@@ -1,0 +1,117 @@
+//! What of a bake is written: guides, strands, a part of them, moments of a frame.
+
+mod common;
+
+use common::{Scene, bake, entries, hairbake, here};
+use hairbake::cache::{Frame, Header, Manifest, Reader};
+use hairbake::usd::crate_file;
+use std::path::{Path, PathBuf};
+
+/// A bake of two frames with `options`.
+fn baked(scene: &Scene, name: &str, options: &[&str]) -> PathBuf {
+    let out = scene.folder.path().join(name);
+    let usual = ["--frames", "1003-1004", "--preroll", "0.1", "--substeps", "2", "--no-pictures", "-q"];
+    bake(&scene.groom, &scene.anim, &out).args(usual).args(options).assert().success();
+    out
+}
+
+fn read(out: &Path) -> (Header, Frame, Manifest) {
+    let reader = Reader::open(out).unwrap();
+    (reader.header().clone(), reader.read_frame(1003).unwrap(), reader.read_manifest().unwrap())
+}
+
+#[test]
+fn guides_strands_or_both() {
+    let scene = Scene::import();
+    let (both, frame, _) = read(&baked(&scene, "both", &[]));
+    let (guides, of_guides, manifest) = read(&baked(&scene, "guides", &["--curves", "guides"]));
+    let (strands, of_strands, _) = read(&baked(&scene, "strands", &["--curves", "strands"]));
+    assert!(both.hair.is_some() && !both.guides.counts.is_empty());
+    assert_eq!((guides.hair, guides.guides), (None, both.guides));
+    assert_eq!((of_guides.hair, of_guides.guides), (None, frame.guides));
+    assert_eq!(manifest.summary.hair, (0, 0));
+    assert_eq!((strands.hair, strands.guides.counts.len()), (both.hair, 0));
+    assert_eq!((of_strands.hair, of_strands.guides.points.len()), (frame.hair, 0));
+
+    let text = String::from_utf8(here(&scene.groom)).unwrap();
+    let mut groom: serde_json::Value = serde_json::from_str(&text).unwrap();
+    groom.as_object_mut().unwrap().remove("strands");
+    std::fs::write(&scene.groom, groom.to_string()).unwrap();
+    let out = scene.folder.path().join("none");
+    let mut refused = bake(&scene.groom, &scene.anim, &out);
+    refused.args(["--curves", "strands"]).assert().code(64);
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_part_of_the_strands_is_as_in_the_whole_and_covers_as_much() {
+    let scene = Scene::import();
+    let (whole, all, _) = read(&baked(&scene, "whole", &[]));
+    let (part, some, _) = read(&baked(&scene, "part", &["--keep", "0.5"]));
+    let (whole, part, all, some) =
+        (whole.hair.unwrap(), part.hair.unwrap(), all.hair.unwrap(), some.hair.unwrap());
+    assert_eq!((whole.id.len(), part.id.len()), (32, 16));
+    let n = whole.counts[0] as usize;
+    for (c, id) in part.id.iter().enumerate() {
+        let from = whole.id.iter().position(|other| other == id).unwrap();
+        assert_eq!(some.points[c * n..][..n], all.points[from * n..][..n]);
+        for k in 0..n {
+            let wider = part.widths[c * n + k] / whole.widths[from * n + k];
+            assert!((wider - 2.0).abs() < 1e-4, "{wider}");
+        }
+    }
+}
+
+#[test]
+fn moments_of_a_frame_move_with_the_velocities_and_are_the_same_in_stages() {
+    let scene = Scene::import();
+    let options = ["--samples", "3", "--shutter", "0.4"];
+    let out = baked(&scene, "blur", &options);
+    let (_, at_frame, _) = read(&out);
+    let (_, plain, _) = read(&baked(&scene, "plain", &[]));
+    assert_eq!(at_frame, plain);
+
+    let path = out.join("hair.1003.usdc");
+    let mut layer = crate_file::decode(&path, &here(&path)).unwrap();
+    for prim in ["/groom/hair", "/groom/guides"] {
+        let mut take = |name: &str| {
+            let samples = &layer.prim_mut(prim).unwrap().attribute_mut(name).unwrap().samples;
+            let values = samples.iter().map(|(time, value)| match value {
+                hairbake::usd::Value::Float3s(v) => (*time, v.to_vec()),
+                other => panic!("{other:?}"),
+            });
+            values.collect::<Vec<_>>()
+        };
+        let (points, velocities) = (take("points"), take("velocities"));
+        assert_eq!(points.iter().map(|p| p.0).collect::<Vec<_>>(), [1003.0, 1003.2, 1003.4]);
+        let (mut off, mut way) = (0.0_f32, 0.0_f32);
+        for i in 0..2 {
+            let seconds = (points[i + 1].0 - points[i].0) as f32 / 24.0;
+            for k in 0..points[0].1.len() {
+                for axis in 0..3 {
+                    let moved = points[i + 1].1[k][axis] - points[i].1[k][axis];
+                    let mean = (velocities[i].1[k][axis] + velocities[i + 1].1[k][axis]) / 2.0;
+                    off = off.max((moved - mean * seconds).abs());
+                    way = way.max(moved.abs());
+                }
+            }
+        }
+        assert!(way > 0.05 && off < 0.01 * way, "{prim}: {off} of {way}");
+    }
+
+    let again = scene.folder.path().join("again");
+    for (stage, more) in [
+        ("simulate", &["--frames", "1002-1004", "--preroll", "0.1"][..]),
+        ("simulate", &["--frames", "1005-1007", "--preroll", "0.1"]),
+        ("interpolate", &["--frames", "1004-1005", "--preroll", "0.1"]),
+        ("interpolate", &["--frames", "1002-1003", "--preroll", "0.1"]),
+        ("assemble", &["--preroll", "0.1", "--no-pictures"]),
+    ] {
+        let mut command = hairbake();
+        command.arg("-q").arg(stage).args([&scene.groom, &scene.anim]).arg("-o").arg(&again);
+        command.args(["--shot", "1003-1004", "--substeps", "2"]).args(options).args(more).assert().success();
+    }
+    for name in entries(&out).iter().filter(|name| name.starts_with("hair.") || *name == "manifest.json") {
+        assert!(here(&out.join(name)) == here(&again.join(name)), "{name}");
+    }
+}
