@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Scene, bake, entries, hairbake, here};
-use hairbake::cache::{Frame, Header, Manifest, Reader};
+use hairbake::cache::{CurveSet, Frame, Header, Manifest, Reader};
 use hairbake::usd::crate_file;
 use std::path::{Path, PathBuf};
 
@@ -52,14 +52,25 @@ fn a_part_of_the_strands_is_as_in_the_whole_and_covers_as_much() {
         (whole.hair.unwrap(), part.hair.unwrap(), all.hair.unwrap(), some.hair.unwrap());
     assert_eq!((whole.id.len(), part.id.len()), (32, 16));
     let n = whole.counts[0] as usize;
+    let mut wider = Vec::new();
     for (c, id) in part.id.iter().enumerate() {
         let from = whole.id.iter().position(|other| other == id).unwrap();
         assert_eq!(some.points[c * n..][..n], all.points[from * n..][..n]);
-        for k in 0..n {
-            let wider = part.widths[c * n + k] / whole.widths[from * n + k];
-            assert!((wider - 2.0).abs() < 1e-4, "{wider}");
-        }
+        wider.extend((0..n).map(|k| part.widths[c * n + k] / whole.widths[from * n + k]));
     }
+    let length = |a: &[f32; 3], b: &[f32; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt();
+    let lengths = |set: &CurveSet| -> f32 {
+        set.rest
+            .chunks_exact(n)
+            .flat_map(|curve| curve.windows(2))
+            .map(|edge| length(&edge[0], &edge[1]))
+            .sum()
+    };
+    let wanted = lengths(&whole) / lengths(&part);
+    assert!(
+        (1.9..2.1).contains(&wanted) && wider.iter().all(|w| (w / wanted - 1.0).abs() < 1e-4),
+        "{wanted}"
+    );
 }
 
 #[test]
