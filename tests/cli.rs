@@ -1,6 +1,8 @@
 //! The program as a black box: what it prints, what it writes, and how it ends.
 
 mod common;
+#[path = "cli/motion.rs"]
+mod motion;
 
 use common::{Scene, bake, entries, hairbake, here};
 use predicates::prelude::*;
@@ -35,6 +37,9 @@ fn help_and_version_are_data() {
     }
     hairbake().args(["completions", "bash"]).assert().success().stdout(contains("_hairbake"));
     hairbake().arg("man").assert().success().stdout(contains(".TH hairbake"));
+    hairbake().args(["man", "import", "groom"]).assert().success().stdout(contains("sag\\-free"));
+    hairbake().args(["man", "shave"]).assert().code(64);
+    hairbake().args(["-q", "import", "groom", "--help"]).assert().success();
 }
 
 #[test]

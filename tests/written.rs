@@ -10,8 +10,9 @@ use std::path::{Path, PathBuf};
 /// A bake of two frames with `options`.
 fn baked(scene: &Scene, name: &str, options: &[&str]) -> PathBuf {
     let out = scene.folder.path().join(name);
-    let usual = ["--frames", "1003-1004", "--preroll", "0.1", "--substeps", "2", "--no-pictures", "-q"];
-    bake(&scene.groom, &scene.anim, &out).args(usual).args(options).assert().success();
+    let usual = ["--frames", "1003-1004", "--substeps", "2", "--no-pictures", "-q"];
+    let preroll = if options.contains(&"--preroll") { &[][..] } else { &["--preroll", "0.1"] };
+    bake(&scene.groom, &scene.anim, &out).args(usual).args(preroll).args(options).assert().success();
     out
 }
 
@@ -125,4 +126,23 @@ fn moments_of_a_frame_move_with_the_velocities_and_are_the_same_in_stages() {
     for name in entries(&out).iter().filter(|name| name.starts_with("hair.") || *name == "manifest.json") {
         assert!(here(&out.join(name)) == here(&again.join(name)), "{name}");
     }
+}
+
+#[test]
+fn a_goal_and_stiffer_tips_hold_the_style() {
+    let scene = Scene::import();
+    let material = |key: &str, value: &str| format!("groom.materials[0].{key}={value}");
+    let departs = |name: &str, set: &[String]| {
+        let set: Vec<&str> = set.iter().flat_map(|value| ["--set", value]).collect();
+        let out = baked(&scene, name, &[&["--preroll", "1"], &set[..]].concat());
+        read(&out).2.scene_figures["first_frame_from_groom"]["mean"].as_f64().unwrap()
+    };
+    let sags = material("sag_free", "0");
+    let bare = departs("bare", std::slice::from_ref(&sags));
+    let held = departs("held", &[sags.clone(), material("goal_hz", "[8, 8]")]);
+    let tips = departs("tips", &[sags.clone(), material("goal_hz", "[0, 8]")]);
+    let stiff = departs("stiff", &[sags.clone(), material("stiffness_at_tip", "20")]);
+    assert!(bare > 0.05 && held < 0.25 * bare && held < tips && tips < bare && stiff < 0.9 * bare);
+    // What is at rest without is pulled only where the head's turn takes it.
+    assert!(departs("both", &[material("goal_hz", "[8, 8]")]) < held.min(0.2 * departs("free", &[])));
 }

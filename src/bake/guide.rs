@@ -42,6 +42,8 @@ pub struct Guide {
     pub across: f64,
     /// Places of it that bodies hold.
     pub ties: Vec<Tie>,
+    /// What pulls each point to the groom's pose: where that is, in the frame of the root, m, and how stiffly, N/m; empty where nothing does.
+    pub goal: Vec<(Vector3<f64>, f64)>,
     /// Drag per length and speed at each point, N·s/m².
     pub drag: Vec<f64>,
     /// Unknowns now, and one and two sub-steps ago, 1/m.
@@ -222,6 +224,7 @@ impl Guide {
             friction: friction.into(),
             across: 1.0,
             ties: Vec::new(),
+            goal: Vec::new(),
             drag,
             rod,
             memory: crate::contact::Workspace::default(),
@@ -515,6 +518,9 @@ impl Guide {
         work.past.clear();
         work.past.extend(self.q[0].iter().zip(&before.q).map(|(q, b)| formula.past(*q, *b)));
         work.load.set(&self.rod, formula.eta, &(around.gravity)(t1), &work.past, points);
+        for (k, (goal, stiffness)) in self.goal.iter().enumerate() {
+            work.load.attract(k, &(root.r * goal), *stiffness);
+        }
         self.foresee(t1 - t0, &mut work.q);
         root
     }

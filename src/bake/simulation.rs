@@ -8,7 +8,7 @@ use super::state::{GuideState, Part, Unfit};
 use super::tangle::{Tangle, Thickness};
 use super::wisps::{Changes, Wisps};
 use crate::contact::Bodies;
-use crate::rod::Shape;
+use crate::rod::{Rod, Shape};
 use crate::scene::anim::{Contact, Resolution};
 use crate::scene::{Anim, Groom};
 use crate::wisp::{GuideRod, Hierarchy};
@@ -285,5 +285,18 @@ fn start(
     let mut guide = Guide::new(r.rod.clone(), drag, friction, &thickness, around, t, step);
     guide.scheme = anim.settings.scheme;
     guide.across = groom.materials[r.material].friction_across;
+    guide.goal = goal(&r.rod, &shape, groom.materials[r.material].goal);
     guide
+}
+
+/// What pulls the points of a rod that starts as `shape` to where they start, at frequencies `hz` from root to tip.
+fn goal(rod: &Rod, shape: &Shape, hz: [f64; 2]) -> Vec<(Vector3<f64>, f64)> {
+    if hz == [0.0; 2] {
+        return Vec::new();
+    }
+    let at = |(k, s): (usize, f64)| {
+        let omega = std::f64::consts::TAU * (hz[0] + (hz[1] - hz[0]) * (s / rod.length()));
+        (rod.root.r.transpose() * shape.x(k), rod.weight[k] * rod.line_density * omega * omega)
+    };
+    rod.arc_lengths().into_iter().enumerate().map(at).collect()
 }

@@ -47,7 +47,7 @@ pub(super) struct Step<F> {
 pub(super) struct Beam<F> {
     /// Sub-steps, root first.
     pub steps: Vec<Step<F>>,
-    /// Hat-function mass matrix ∫ N_i N_j ds, m: diagonal, and next to it.
+    /// ∫ N_i N_j σ ds, m, σ being the stiffness over that at the root: diagonal, and next to it.
     pub hat: Vec<[F; 2]>,
     /// (E I1, E I2, G J), N·m².
     pub stiffness: [F; 3],
@@ -182,7 +182,7 @@ impl Rod {
         }
         let free = nodes.len() - 1;
         let beam = Beam {
-            hat: hat_matrix(&nodes),
+            hat: hat_matrix(&nodes, 1.0),
             stiffness: source.stiffness,
             damping: source.damping,
             prebend: vec![0.0; 3 * free],
@@ -285,6 +285,11 @@ impl Rod {
         strain.iter().flat_map(|w| [w.x, w.y, w.z]).collect()
     }
 
+    /// Makes the stiffness change evenly along the rod, to `tip` times that at the root. Before the natural strain is moved.
+    pub fn taper(&mut self, tip: f64) {
+        self.beam.hat = hat_matrix(&self.nodes, tip);
+    }
+
     /// Multiplies the stiffness.
     pub fn stiffen(&mut self, factor: f64) {
         self.beam.stiffness.iter_mut().for_each(|k| *k *= factor);
@@ -342,8 +347,45 @@ fn root_pose(source: &RodSource, spline: &ArcSpline) -> Pose {
     Pose { r, p: at.x }
 }
 
-/// ∫ N_i N_i ds and ∫ N_i N_{i+1} ds for every node.
-fn hat_matrix(nodes: &[f64]) -> Vec<[f64; 2]> {
+/// ∫ N_i N_i σ ds and ∫ N_i N_{i+1} σ ds for every node, σ going evenly from 1 at the first to `tip` at the last.
+fn hat_matrix(nodes: &[f64], tip: f64) -> Vec<[f64; 2]> {
     let l = |i: usize| nodes[i + 1] - nodes[i];
-    (0..nodes.len() - 1).map(|i| [(l(i) + if i > 0 { l(i - 1) } else { 0.0 }) / 3.0, l(i) / 6.0]).collect()
+    let sigma = |i: usize| 1.0 + (tip - 1.0) * (nodes[i] / nodes[nodes.len() - 1]);
+    let entry = |i: usize| {
+        let after = l(i) * (3.0 * sigma(i) + sigma(i + 1));
+        let before = if i > 0 { l(i - 1) * (sigma(i - 1) + 3.0 * sigma(i)) } else { 0.0 };
+        [(after + before) / 12.0, l(i) * (sigma(i) + sigma(i + 1)) / 12.0]
+    };
+    (0..nodes.len() - 1).map(entry).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_taper_is_integrated_exactly_and_none_changes_no_bit() {
+        let nodes = [0.0, 0.03, 0.07, 0.13];
+        let hat = |i: usize, s: f64| {
+            let side =
+                |a: f64, b: f64| if (a.min(b)..a.max(b)).contains(&s) { (s - a) / (b - a) } else { 0.0 };
+            let rising = if i > 0 { side(nodes[i - 1], nodes[i]) } else { 0.0 };
+            rising + if i + 1 < nodes.len() { side(nodes[i + 1], nodes[i]) } else { 0.0 }
+        };
+        let tip = 0.2;
+        let (n, found) = (130_000, hat_matrix(&nodes, tip));
+        for (i, row) in found.iter().enumerate() {
+            for (j, found) in row.iter().enumerate() {
+                let sum: f64 = (0..n)
+                    .map(|k| (k as f64 + 0.5) / n as f64 * 0.13)
+                    .map(|s| hat(i, s) * hat(i + j, s) * (1.0 + (tip - 1.0) * s / 0.13))
+                    .sum();
+                assert!((sum * 0.13 / n as f64 - found).abs() < 1e-7 * found.max(1e-3), "{i} {j}");
+            }
+        }
+        let l = |i: usize| nodes[i + 1] - nodes[i];
+        let plain = hat_matrix(&nodes, 1.0);
+        assert_eq!(plain[0], [l(0) / 3.0, l(0) / 6.0]);
+        assert_eq!(plain[1], [(l(1) + l(0)) / 3.0, l(1) / 6.0]);
+    }
 }

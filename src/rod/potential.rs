@@ -93,6 +93,18 @@ impl Load {
         }
     }
 
+    /// Adds a spring of `stiffness`, N/m, that pulls point `k` to `goal`, relative to the root at the end of the step, world axes, m; on the
+    /// root it has no effect.
+    pub fn attract(&mut self, k: usize, goal: &Vector3<f64>, stiffness: f64) {
+        if let Some(tie) = k.checked_sub(1).and_then(|i| self.tie.get_mut(i)) {
+            // The new B takes the new target to what both pull with at the root.
+            let u = tie.u;
+            let pull = tie.target * tie.alpha - u * u.dot(tie.target) + V3::from(*goal) * stiffness;
+            tie.alpha += stiffness;
+            tie.target = (pull + u * (u.dot(pull) / (tie.alpha - u.dot(u)))) * (1.0 / tie.alpha);
+        }
+    }
+
     /// Adds the constant force `f`, N, world axes, on point `k`; on the root it has no effect.
     pub(super) fn push(&mut self, k: usize, f: &Vector3<f64>) {
         if let Some(tie) = k.checked_sub(1).and_then(|i| self.tie.get_mut(i)) {
@@ -466,6 +478,20 @@ mod tests {
             let sought =
                 g * mass - (x - point.inertial) * (mass / (h * h)) - (slip - along * 0.5) * (point.drag * w);
             assert!((force - sought).norm() < 1e-12 * sought.norm(), "{force} {sought}");
+        }
+    }
+
+    #[test]
+    fn a_goal_pulls_like_a_spring_beside_all_else() {
+        let rod = curl();
+        let (plain, goal, x) =
+            (load(&rod, 0.01), Vector3::new(0.02, -0.03, 0.01), Vector3::new(0.01, 0.04, 0.0));
+        let mut pulled = plain.clone();
+        (0..rod.points()).for_each(|k| pulled.attract(k, &goal, 1e-3 * k as f64));
+        for (k, (before, now)) in plain.tie.iter().zip(&pulled.tie).enumerate() {
+            let more: Vector3<f64> = (now.force(x.into()) - before.force(x.into())).into();
+            let sought = (goal - x) * (1e-3 * (k + 1) as f64);
+            assert!((more - sought).norm() < 1e-12, "{more} {sought}");
         }
     }
 

@@ -49,6 +49,11 @@ pub struct Material {
     /// Share (0..=1) of the load of gravity that the natural shape balances in the groom's pose, the strand made stiffer where that pose
     /// would not be stable (`docs/theory.md` §6); 0 = the natural shape is as it is given.
     pub sag_free: f64,
+    /// Stiffness of bending and twist at the tip over that at the root, changing evenly between them along the strand.
+    pub stiffness_at_tip: f64,
+    /// Frequencies, Hz, at root and tip and evenly between them, at which the strand would swing about the groom's pose as the head carries
+    /// it were this pull all that moves it; 0 = none.
+    pub goal: [f64; 2],
     /// Internal damping: Kelvin-Voigt relaxation time η/E, s (strain-rate stress = time × modulus).
     pub damping: f64,
     /// Friction of strand against body and strand, along the strand.
@@ -198,6 +203,8 @@ impl Default for Material {
             section: RodSection { a1: 4e-5, a2: 4e-5 },
             natural: None,
             sag_free: 0.0,
+            stiffness_at_tip: 1.0,
+            goal: [0.0; 2],
             damping: 0.005,
             friction: 0.3.into(),
             friction_across: 1.0,

@@ -46,7 +46,7 @@ fn rod(groom: &Groom, guide: usize, leaf: (usize, usize), cut: Cut) -> Option<Gu
     let wisp = &tree.wisps[leaf.1];
     let material = groom.groups[groom.guides.curves.group[guide] as usize].material as usize;
     let m = &groom.materials[material];
-    let rod = Rod::new(&RodSource {
+    let mut rod = Rod::new(&RodSource {
         points: groom.guides.curves.curve(guide),
         root_frame: groom.guides.root_frame.as_ref().map(|f| f[guide]),
         arc: &tree.arc,
@@ -56,6 +56,7 @@ fn rod(groom: &Groom, guide: usize, leaf: (usize, usize), cut: Cut) -> Option<Gu
         natural: m.natural,
         cut,
     })?;
+    rod.taper(m.stiffness_at_tip);
     let hairs = f64::from(wisp.strand_count) / wisp.guides.len() as f64;
     Some(GuideRod { guide, leaf, hairs, material, rod })
 }

@@ -32,6 +32,7 @@ impl Part for Guide {
             friction: _,
             across: _,
             ties: _,
+            goal: _,
             drag: _,
             scheme: _,
             lengths: _,

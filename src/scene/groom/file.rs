@@ -84,6 +84,15 @@ pub struct MaterialFile {
     /// Strands that would snap over in that pose are made stiffer, up to 100 times; the report tells how many.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub sag_free: f64,
+    /// Stiffness at the tip over that at the root, changing evenly along the strand: below 1 the tips are softer. Default 1.
+    #[serde(skip_serializing_if = "is_one")]
+    #[schemars(range(min = 0.01, max = 100.0))]
+    pub stiffness_at_tip: f64,
+    /// Pull to the groom's pose as the head carries it, at root and tip and evenly between: the frequency at which a strand would swing
+    /// about it, Hz. Higher holds the style more; what weighs g hangs g/(2πf)² off, 1 cm at 5 Hz. Default 0: none.
+    #[serde(skip_serializing_if = "is_zero")]
+    #[schemars(inner(range(min = 0.0, max = 100.0)))]
+    pub goal_hz: [f64; 2],
     /// Internal damping: relaxation time η/E of bending and twist, s. Higher rings less.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub damping_s: f64,
@@ -248,6 +257,10 @@ impl Default for MaterialRef {
 
 fn one() -> f64 {
     1.0
+}
+
+fn is_zero(goal: &[f64; 2]) -> bool {
+    *goal == [0.0; 2]
 }
 
 // Serde hands over a reference.

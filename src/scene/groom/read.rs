@@ -132,6 +132,8 @@ impl From<&MaterialFile> for Material {
             },
             natural: file.natural_curvature_per_m.map(Vector3::from),
             sag_free: file.sag_free,
+            stiffness_at_tip: file.stiffness_at_tip,
+            goal: file.goal_hz,
             damping: file.damping_s,
             friction: Friction::from_file(file.friction, file.static_friction),
             friction_across: file.friction_across,

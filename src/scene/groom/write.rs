@@ -133,6 +133,8 @@ impl From<&Material> for MaterialFile {
             },
             natural_curvature_per_m: m.natural.map(Into::into),
             sag_free: m.sag_free,
+            stiffness_at_tip: m.stiffness_at_tip,
+            goal_hz: m.goal,
             damping_s: m.damping,
             friction: m.friction.kinetic,
             static_friction: (m.friction.fixed != m.friction.kinetic).then_some(m.friction.fixed),

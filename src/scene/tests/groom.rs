@@ -75,6 +75,8 @@ fn full(convention: Convention, curves: usize) -> Groom {
             Material {
                 name: "wool".into(),
                 section: RodSection { a1: 3e-5, a2: 5e-5 },
+                stiffness_at_tip: 0.5,
+                goal: [3.0, 0.5],
                 ..Material::default()
             },
         ],
