@@ -82,8 +82,9 @@ def test_without_a_value_outside_of_time_the_first_sample_is_the_rest(track, tmp
     assert np.allclose(head_at(anim, 0, [0.1, 0.2, 1.6]), [0.1, 0.2, 1.6])
 
 
-def test_a_joint_of_a_skeleton(track, refused, tmp_path):
-    stage = new_stage(tmp_path / "a.usda")
+def rigged(path):
+    """Hips that go 10 cm a frame along z, 3 m along x, and a head half a metre above that nods by 10° a frame; metres, Y up."""
+    stage = new_stage(path)
     stage.SetTimeCodesPerSecond(24)
     stage.SetStartTimeCode(1)
     stage.SetEndTimeCode(5)
@@ -104,7 +105,11 @@ def test_a_joint_of_a_skeleton(track, refused, tmp_path):
         translations.Set([Gf.Vec3f(0, 1, 0.1 * (code - 1)), Gf.Vec3f(0, 0.5, 0)], code)
         rotations.Set([Gf.Quatf(1), nod], code)
     UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().AddTarget("/char/move")
-    stage.Save()
+    return stage
+
+
+def test_a_joint_of_a_skeleton(track, refused, tmp_path):
+    rigged(tmp_path / "a.usda").Save()
     anim, _, _ = track(tmp_path / "a.usda", "--joint", "Head")
     assert anim["frames"] == [1, 5]
     angle = np.radians(30)
@@ -134,6 +139,36 @@ def test_meshes_that_go_along_and_meshes_that_deform(hairbake, track, tmp_path):
     assert frames == [f"cloth.{i:04d}.obj" for i in range(102, 112)]
     second = (folder / "cloth.0106.obj").read_text().splitlines()[1]
     assert np.allclose([float(x) for x in second.split()[1:]], [-0.1, 0.1, -0.53])
+    assert hairbake("check", folder / "anim.json").returncode == 0
+
+
+def test_a_skinned_mesh_deforms_as_its_skeleton_asks(hairbake, track, tmp_path):
+    stage = rigged(tmp_path / "a.usda")
+    coat = UsdGeom.Mesh.Define(stage, "/char/coat")
+    coat.CreatePointsAttr([(0, 1, 0.1), (0, 1.7, 0), (0.1, 1.25, 0)])
+    coat.CreateFaceVertexCountsAttr([3])
+    coat.CreateFaceVertexIndicesAttr([0, 1, 2])
+    # One vertex goes with the hips, one with the head, one half with each.
+    skin = UsdSkel.BindingAPI.Apply(coat.GetPrim())
+    skin.CreateJointIndicesPrimvar(False, 2).Set([0, 1, 0, 1, 0, 1])
+    skin.CreateJointWeightsPrimvar(False, 2).Set([1, 0, 0, 1, 0.5, 0.5])
+    skin.CreateGeomBindTransformAttr(Gf.Matrix4d().SetTranslate(Gf.Vec3d(3, 0, 0)))
+    skin.CreateSkeletonRel().AddTarget("/char/rig")
+    stage.Save()
+    anim, folder, _ = track(tmp_path / "a.usda", "--joint", "Head", "--collider", f"{tmp_path}/a.usda:/char/coat")
+    (worn,) = anim["colliders"]
+    assert (worn["name"], worn["body"], worn["shape"]["sequence"]) == ("coat", "world", "coat.####.obj")
+
+    def vertices(name):
+        lines = (folder / name).read_text().splitlines()
+        return np.array([[float(x) for x in line.split()[1:]] for line in lines if line.startswith("v ")])
+
+    assert np.allclose(vertices(worn["shape"]["file"]), [[3, 1, 0.1], [3, 1.7, 0], [3.1, 1.25, 0]], atol=1e-6)
+    for code in range(1, 6):
+        along, nod = 0.1 * (code - 1), np.radians(10 * (code - 1))
+        nodded = lambda x, up: np.array([3 + x, 1.5 + up * np.cos(nod), along + up * np.sin(nod)])
+        half = (np.array([3.1, 1.25, along]) + nodded(0.1, -0.25)) / 2
+        assert np.allclose(vertices(f"coat.{code:04d}.obj"), [[3, 1, 0.1 + along], nodded(0, 0.2), half], atol=1e-5)
     assert hairbake("check", folder / "anim.json").returncode == 0
 
 
