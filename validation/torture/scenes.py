@@ -104,7 +104,14 @@ def dash(folder: Path) -> Scene:
         return np.array([0.25 * np.sin(28.0 * begin(t)), 0.0, 0.0]), UNTURNED
 
     post = upright_capsule(folder, "post", [[0, -0.5, 0.16], [0, 0.5, 0.16]], 0.03)
-    return Scene(head_of_hair(24), motion=motion, colliders=[skull(folder), post])
+
+    def beside(strand: Strand) -> bool:
+        """Whether it is not drawn through the post: what is cannot be kept out of it."""
+        way = np.linspace(strand.points[0], strand.points[-1], 200) - [0, 0, 0.16]
+        return bool(np.hypot(way[:, 0], way[:, 2]).min() > 0.032)
+
+    strands = [strand for strand in head_of_hair(24) if beside(strand)]
+    return Scene(strands, motion=motion, colliders=[skull(folder), post])
 
 
 def pops(folder: Path) -> Scene:
