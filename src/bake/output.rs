@@ -5,7 +5,7 @@ use super::state::GuideState;
 use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 use crate::contact::Bodies;
 use crate::rod::{Rod, Sensitivity, Shape};
-use crate::scene::anim::Written;
+use crate::scene::anim::{Resolution, Written};
 use crate::scene::{Anim, Collider, Convention, Curves, Deformation, Groom, UpAxis};
 use crate::strands::{BACKWARD, GuideMotion, HeadMotion, Interpolator, KeepOut, Moment, Retreats, kept};
 use nalgebra::{Isometry3, Matrix3, Matrix4, Vector3};
@@ -60,6 +60,7 @@ impl<'a> Output<'a> {
                     }
                 })
                 .collect(),
+            levels: anim.settings.resolution != Resolution::Full,
             ..Header::default()
         };
         let bodies = Bodies::new(&anim.colliders);
@@ -111,6 +112,7 @@ impl<'a> Output<'a> {
             / self.convention.metres_per_unit;
         self.bodies.prepare([t - BACKWARD, t]);
         let motion = self.motion(guides);
+        let levels = self.header.levels.then(|| guides.iter().map(|g| g.level as i32).collect::<Vec<_>>());
         let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
             let mut points = vec![[0.0; 3]; set.rest.len()];
             let mut velocities = vec![[0.0; 3]; set.rest.len()];
@@ -128,13 +130,14 @@ impl<'a> Output<'a> {
                 &mut points,
                 &mut velocities,
             );
-            CurveFrame { extent: extent(&points, &set.widths), points, velocities }
+            let level = levels.as_ref().map(|l| strands.nearest().map(|guide| l[guide]).collect());
+            CurveFrame { extent: extent(&points, &set.widths), points, velocities, level }
         });
         Frame {
             frame,
             offset,
             hair,
-            guides: self.guides(&motion, &head, &to_scene),
+            guides: self.guides(&motion, levels, &head, &to_scene),
             head: self.matrix(&self.anim.head_pose(t)),
             colliders: self.colliders(t),
         }
@@ -161,7 +164,13 @@ impl<'a> Output<'a> {
         self.anim.colliders.iter().map(|c| self.anim.bodies[c.body].track.pose(t)).collect()
     }
 
-    fn guides(&self, motion: &[GuideMotion], head: &HeadMotion, to_scene: &Matrix3<f64>) -> CurveFrame {
+    fn guides(
+        &self,
+        motion: &[GuideMotion],
+        level: Option<Vec<i32>>,
+        head: &HeadMotion,
+        to_scene: &Matrix3<f64>,
+    ) -> CurveFrame {
         if self.header.guides.counts.is_empty() {
             return CurveFrame::default();
         }
@@ -189,7 +198,7 @@ impl<'a> Output<'a> {
             })
             .collect();
         let (points, velocities): (Vec<_>, Vec<_>) = per_guide.into_iter().flatten().unzip();
-        CurveFrame { extent: extent(&points, &self.header.guides.widths), points, velocities }
+        CurveFrame { extent: extent(&points, &self.header.guides.widths), points, velocities, level }
     }
 
     /// A rest-to-world pose in the cache's unit and axes.

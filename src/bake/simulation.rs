@@ -138,10 +138,10 @@ impl<'a> Simulation<'a> {
     pub fn states(&self) -> Vec<GuideState> {
         let (t, h) = (self.time(), self.step());
         let state = |(i, guide): (usize, &Guide)| match &self.wisps {
-            None => GuideState::new(guide.q.each_ref().map(|q| &q[..]), h),
+            None => GuideState::new(guide.q.each_ref().map(|q| &q[..]), h, 0),
             Some(wisps) => {
                 let q = [0, 1, 2].map(|back| wisps.unknowns(&self.guides, i, back, t));
-                GuideState::new(q.each_ref().map(|q| &q[..]), h)
+                GuideState::new(q.each_ref().map(|q| &q[..]), h, wisps.level(i))
             }
         };
         self.guides.par_iter().enumerate().map(state).collect()

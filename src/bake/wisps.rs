@@ -114,6 +114,14 @@ impl Wisps {
         !self.followers[i].follows
     }
 
+    /// Level of the wisp that guide `i` moves with.
+    pub fn level(&self, i: usize) -> u32 {
+        match self.hierarchy.leader[i] {
+            Some(leader) if !self.is_free(i) => self.level(leader),
+            _ => self.hierarchy.level[i],
+        }
+    }
+
     /// Lets all guides that something leads follow; how each of `guides` is now, beside the others, is how it rests. What a tie holds moves by itself.
     pub fn gather(&mut self, guides: &[Guide]) {
         self.settle(guides, guides.iter().map(|g| g.q[0].clone()).collect());

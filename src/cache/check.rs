@@ -59,7 +59,7 @@ impl Frame {
             return Err("render strands in the frame or in the header, but not in both".into());
         }
         for (frame, curves) in self.hair.iter().zip(&header.hair).chain([(&self.guides, &header.guides)]) {
-            frame.check(curves)?;
+            frame.check(curves, header.levels)?;
         }
         same("colliders", self.colliders.len(), header.colliders.len())?;
         self.colliders.iter().zip(&header.colliders).try_for_each(|(frame, mesh)| frame.check(mesh))
@@ -79,9 +79,14 @@ impl ColliderFrame {
 }
 
 impl CurveFrame {
-    fn check(&self, curves: &CurveSet) -> Result<(), String> {
+    fn check(&self, curves: &CurveSet, levels: bool) -> Result<(), String> {
         same("points", self.points.len(), curves.rest.len())?;
-        same("velocities", self.velocities.len(), curves.rest.len())
+        same("velocities", self.velocities.len(), curves.rest.len())?;
+        match &self.level {
+            Some(level) if levels => same("levels", level.len(), curves.counts.len()),
+            None if !levels || curves.counts.is_empty() => Ok(()),
+            _ => Err("levels in the frame or in the header, but not in both".into()),
+        }
     }
 }
 

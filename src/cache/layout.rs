@@ -19,6 +19,8 @@ pub const MANIFEST: &str = "manifest.json";
 
 /// Digits to which frame numbers are filled up; `####` in the clip template.
 const FRAME_DIGITS: usize = 4;
+/// Name of the attribute that tells the level of each curve.
+pub(super) const LEVEL: &str = "primvars:groom_level";
 /// Brown hair under neutral light, linear.
 const HAIR_COLOUR: [f32; 3] = [0.16, 0.075, 0.035];
 /// Guides stand out from the strands.
@@ -222,17 +224,25 @@ fn animated<'a>(header: &Header, part: Part) -> Vec<Attribute<'a>> {
             vec![transform, Attribute::new("points", "point3f[]"), Attribute::new("extent", "float3[]")]
         }
         Part::Head | Part::Collider(_) => vec![transform],
-        Part::Hair | Part::Guides => vec![
-            Attribute::new("points", "point3f[]"),
-            Attribute::new("velocities", "vector3f[]"),
-            Attribute::new("extent", "float3[]"),
-        ],
+        Part::Hair | Part::Guides => {
+            let mut attributes = vec![
+                Attribute::new("points", "point3f[]"),
+                Attribute::new("velocities", "vector3f[]"),
+                Attribute::new("extent", "float3[]"),
+            ];
+            if header.levels {
+                let level = Attribute::new(LEVEL, "int[]");
+                attributes.push(level.with_metadata("interpolation", Value::token("uniform")));
+            }
+            attributes
+        }
     }
 }
 
 fn moving_curves(curves: &CurveFrame) -> Vec<Value<'_>> {
     let arrays: [&[[f32; 3]]; 3] = [&curves.points, &curves.velocities, &curves.extent];
-    arrays.map(|array| Value::Float3s(Cow::Borrowed(array))).into()
+    let level = curves.level.iter().map(|level| Value::Ints(Cow::Borrowed(level)));
+    arrays.map(|array| Value::Float3s(Cow::Borrowed(array))).into_iter().chain(level).collect()
 }
 
 fn moving_collider(collider: &ColliderFrame) -> Vec<Value<'_>> {

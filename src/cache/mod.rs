@@ -38,6 +38,8 @@ pub struct Header {
     pub guides: CurveSet,
     /// Colliders, for the validator and the preview.
     pub colliders: Vec<ColliderMesh>,
+    /// Whether the frames tell the levels of curves.
+    pub levels: bool,
 }
 
 /// Basis of the cubic curves, both pinned at their ends.
@@ -117,4 +119,6 @@ pub struct CurveFrame {
     pub velocities: Vec<[f32; 3]>,
     /// Lowest and highest corner of the points grown by half the widths.
     pub extent: [[f32; 3]; 2],
+    /// Level of the wisp that each curve moves with, 0 for a coarse one; where the header says so.
+    pub level: Option<Vec<i32>>,
 }

@@ -1,6 +1,6 @@
 //! Reading a cache back.
 
-use super::layout::{MANIFEST, TOPOLOGY, frame_file_name, frame_of_file_name, transposed};
+use super::layout::{LEVEL, MANIFEST, TOPOLOGY, frame_file_name, frame_of_file_name, transposed};
 use super::{Basis, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header, Manifest};
 use crate::usd::{Layer, Value, crate_file};
 use crate::{Error, Result};
@@ -99,25 +99,26 @@ impl Source {
         };
         let hair = if has_hair { Some(self.curves(HAIR)?) } else { None };
         let guides = if has_guides { self.curves(GUIDES)? } else { CurveSet::default() };
+        let levels = self.has(if has_guides { GUIDES } else { HAIR }, LEVEL);
         let names = self
             .layer
             .prim_mut("/groom/colliders")
             .map(|scope| scope.children.iter().map(|mesh| mesh.name.clone()).collect::<Vec<_>>());
         let colliders =
             names.unwrap_or_default().into_iter().map(|name| self.collider(name)).collect::<Result<_>>()?;
-        let header = Header { metres_per_unit, z_up, fps, frames, basis, hair, guides, colliders };
+        let header = Header { metres_per_unit, z_up, fps, frames, basis, hair, guides, colliders, levels };
         header.check().map_err(|what| self.damaged(what))?;
         Ok(header)
     }
 
     fn frame(mut self, header: &Header, number: i32) -> Result<Frame> {
         let hair = match &header.hair {
-            Some(_) => Some(self.moving_curves(HAIR, number)?),
+            Some(_) => Some(self.moving_curves(HAIR, number, header.levels)?),
             None => None,
         };
         let guides = match header.guides.counts.is_empty() {
             true => CurveFrame::default(),
-            false => self.moving_curves(GUIDES, number)?,
+            false => self.moving_curves(GUIDES, number, header.levels)?,
         };
         let head = self.transform("/groom/head", number)?;
         let mut colliders = Vec::with_capacity(header.colliders.len());
@@ -152,8 +153,7 @@ impl Source {
         if !rest.is_empty() {
             return Err(self.damaged(format!("{prim} is not made of triangles")));
         }
-        let attributes = self.layer.prim_mut(&prim).map(|prim| &prim.attributes);
-        let deforms = attributes.is_some_and(|all| all.iter().any(|a| a.name == "primvars:rest"));
+        let deforms = self.has(&prim, "primvars:rest");
         let points = if deforms { "primvars:rest" } else { "points" };
         Ok(ColliderMesh {
             points: self.take(&prim, points, None, float3s)?,
@@ -163,11 +163,12 @@ impl Source {
         })
     }
 
-    fn moving_curves(&mut self, prim: &str, frame: i32) -> Result<CurveFrame> {
+    fn moving_curves(&mut self, prim: &str, frame: i32, levels: bool) -> Result<CurveFrame> {
         Ok(CurveFrame {
             points: self.take(prim, "points", Some(frame), float3s)?,
             velocities: self.take(prim, "velocities", Some(frame), float3s)?,
             extent: self.take(prim, "extent", Some(frame), |v| float3s(v)?.try_into().ok())?,
+            level: if levels { Some(self.take(prim, LEVEL, Some(frame), ints)?) } else { None },
         })
     }
 
@@ -176,6 +177,11 @@ impl Source {
             Value::Matrix4d(rows) => Some(transposed(&rows)),
             _ => None,
         })
+    }
+
+    /// Whether a prim has an attribute.
+    fn has(&mut self, prim: &str, name: &str) -> bool {
+        self.layer.prim_mut(prim).is_some_and(|prim| prim.attribute_mut(name).is_some())
     }
 
     /// Takes the sample of an attribute at `frame`, or its default.

@@ -42,6 +42,9 @@ pub struct PreviewArguments {
     /// What is drawn [default: hair where the cache has it, else guides]
     #[arg(long, value_enum, value_name = "WHAT")]
     curves: Option<CurvesName>,
+    /// What colours tell: of an adaptive bake, blue is hair that moves with a coarse wisp, and the warmer the finer what came away from it
+    #[arg(long, value_enum, value_name = "WHAT", default_value = "hair")]
+    colour: ColourName,
     /// Factor on the drawn widths: raise it where few strands stand for a whole head of hair
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = values::positive)]
     width_scale: f64,
@@ -70,6 +73,14 @@ enum CurvesName {
     Guides,
     /// Guides amid thinned strands
     Both,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ColourName {
+    /// Hair as it is, guides by group
+    Hair,
+    /// The level of the wisp that moves each curve
+    Level,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -163,6 +174,7 @@ impl PreviewArguments {
                 CurvesName::Guides => Curves::Guides,
                 CurvesName::Both => Curves::Both,
             }),
+            levels: self.colour == ColourName::Level,
             width_scale: self.width_scale,
             colliders: !self.no_colliders,
             follow: match self.follow {

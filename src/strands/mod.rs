@@ -122,6 +122,11 @@ impl Interpolator {
         Interpolator { strands, offsets: curves.offsets.clone() }
     }
 
+    /// The guide of nearest root of those that each strand follows, by index.
+    pub fn nearest(&self) -> impl Iterator<Item = usize> {
+        self.strands.iter().map(Strand::nearest)
+    }
+
     /// Share (0..=1) of its way from its guide by which each vertex of the strands has to retreat at a moment, for a body is
     /// between them. One entry per vertex of the curves given to [`Interpolator::new`].
     pub fn retreats(&self, moment: &Moment, guides: &[GuideMotion]) -> Vec<f32> {

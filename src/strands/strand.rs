@@ -111,6 +111,11 @@ impl Strand {
         }
     }
 
+    /// The guide of nearest root, by index.
+    pub fn nearest(&self) -> usize {
+        self.follow[0].guide
+    }
+
     /// The strand as it would be without bodies, edge by edge from the root; `each` gets the start and the end of every edge with their
     /// velocities, which mean nothing where they are not asked for (`moving`).
     fn free(

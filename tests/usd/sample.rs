@@ -15,6 +15,7 @@ pub fn header(hair: bool) -> Header {
             tetrahedron("head", 1.0),
             ColliderMesh { deforms: true, ..tetrahedron("shoulder_L", 2.0) },
         ],
+        levels: hair,
         ..Header::default()
     }
 }
@@ -35,7 +36,8 @@ pub fn frame(header: &Header, frame: i32) -> Frame {
                 if end == 0 { lowest } else { -lowest }
             })
         });
-        CurveFrame { velocities: vec![velocity; points.len()], points, extent }
+        let level = header.levels.then(|| (0..curves.counts.len() as i32).map(|i| i % 3).collect());
+        CurveFrame { velocities: vec![velocity; points.len()], points, extent, level }
     };
     // A quarter turn about z and a translation: not its own transpose.
     let turned = |x: f64| {

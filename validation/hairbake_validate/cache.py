@@ -19,6 +19,7 @@ HAIR = "/groom/hair"
 GUIDES = "/groom/guides"
 COLLIDERS = "/groom/colliders"
 TRANSFORM = "xformOp:transform"
+LEVEL = "primvars:groom_level"
 
 
 class Unreadable(Exception):
@@ -146,6 +147,8 @@ class Cache:
         ]
         paths += [f"{path}.{TRANSFORM}" for path in [HEAD, *(mesh.path for mesh in self.colliders)]]
         deforming = [mesh.path for mesh in self.colliders if mesh.deforms]
+        with_levels = [c.path for c in self.curves if self.stage.GetPrimAtPath(c.path).HasAttribute(LEVEL)]
+        paths += [f"{path}.{LEVEL}" for path in with_levels]
         return paths + [f"{path}.{name}" for path in deforming for name in ("points", "extent")]
 
     def _read_declared(self) -> set[str] | None:

@@ -7,6 +7,7 @@ import numpy as np
 from .cache import (
     GUIDES,
     HEAD,
+    LEVEL,
     TRANSFORM,
     Cache,
     Curves,
@@ -102,6 +103,7 @@ class Window:
                 points = (len(curves.rest), 3)
                 self._shapes |= {f"{curves.path}.{name}": points for name in ("points", "velocities")}
                 self._shapes[f"{curves.path}.extent"] = (2, 3)
+                self._shapes[f"{curves.path}.{LEVEL}"] = (len(curves.counts),)
         for mesh in cache.colliders:
             if mesh.deforms:
                 self._shapes[f"{mesh.path}.points"] = mesh.points.shape

@@ -75,6 +75,8 @@ pub struct Options {
     pub size: (u32, u32),
     /// Samples across and down each pixel.
     pub supersampling: u32,
+    /// Whether colours tell the level of the wisp that each curve moves with.
+    pub levels: bool,
     /// Which curves; by default strands where the cache has them, else guides.
     pub curves: Option<Curves>,
     /// Factor on the strands' widths. Where a cache holds a part of a head's hundred thousand hairs, a larger
@@ -97,6 +99,7 @@ impl Default for Options {
         Options {
             size: (480, 480),
             supersampling: 3,
+            levels: false,
             curves: None,
             width_scale: 1.0,
             colliders: true,
@@ -140,6 +143,10 @@ impl<'a, S: Shot> Renderer<'a, S> {
             return Err(Error::Usage("no frame to draw".into()));
         }
         let header = shot.header();
+        if options.levels && !header.levels {
+            let what = format!("{} holds no levels: it is baked at full resolution", shot.path().display());
+            return Err(Error::Usage(what));
+        }
         let curves =
             options.curves.unwrap_or(if header.hair.is_some() { Curves::Hair } else { Curves::Guides });
         let pivot = Vector3::zeros();
@@ -189,6 +196,7 @@ impl<'a, S: Shot> Renderer<'a, S> {
                     basis,
                     points,
                     style,
+                    level: moving.level.as_deref().filter(|_| self.options.levels),
                     width_scale: self.options.width_scale as f32 * thinned,
                 }
             })
@@ -205,6 +213,13 @@ impl<'a, S: Shot> Renderer<'a, S> {
             if moving.points.len() != n {
                 let found = moving.points.len();
                 return Err(self.damaged(format!("frame {number} has {found} points, the topology {n}")));
+            }
+            let found = moving.level.as_ref().map_or(set.counts.len(), Vec::len);
+            if found != set.counts.len() {
+                return Err(self.damaged(format!(
+                    "frame {number} has {found} levels, the topology {} curves",
+                    set.counts.len()
+                )));
             }
         }
         if frame.colliders.len() != header.colliders.len() {

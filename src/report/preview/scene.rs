@@ -30,6 +30,8 @@ pub struct Strands<'a> {
     pub points: Vec<Vector3<f32>>,
     /// How it is drawn.
     pub style: Style,
+    /// Level of each curve, where colours tell that.
+    pub level: Option<&'a [i32]>,
     /// Factor on all widths.
     pub width_scale: f32,
 }
@@ -144,15 +146,17 @@ fn ribbon(strands: &Strands, p: &Piece, camera: &Camera, fine: u32, light: &Ligh
         Style::Hair => {
             let tangent = (p.to - p.from).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
             let viewer = (camera.eye - middle).normalize();
-            let (tint, tilt) = own_look(strands.set.id[curve]);
+            let (own, tilt) = own_look(strands.set.id[curve]);
+            let tint = strands.level.map_or(own, |level| level_colour(level[curve]) * 0.5);
             let (lamps, sky) = light.arriving(middle);
             let lit: Rgb =
                 lamps.map(|(l, c)| scatter(tangent, l, viewer, tint, tilt).component_mul(&c)).sum();
             lit + tint.component_mul(&sky)
         }
         Style::Guides => {
-            let group = strands.set.group.get(curve).copied().unwrap_or(0);
-            group_colour(group) * (0.4 + 0.6 * light.volume.at(&light.sky, middle))
+            let group = || group_colour(strands.set.group.get(curve).copied().unwrap_or(0));
+            let colour = strands.level.map_or_else(group, |level| level_colour(level[curve]));
+            colour * (0.4 + 0.6 * light.volume.at(&light.sky, middle))
         }
     };
     let scale = camera.focal * 0.5 * (p.ends[0].inverse_depth + p.ends[1].inverse_depth);
@@ -173,7 +177,16 @@ fn own_look(id: i32) -> (Rgb, f32) {
 
 /// A hue for each group, as far from the last as the golden ratio puts it.
 fn group_colour(group: i32) -> Rgb {
-    let hue = (f64::from(group) * 0.618_033_988_749_895).rem_euclid(1.0) as f32;
+    colour((f64::from(group) * 0.618_033_988_749_895).rem_euclid(1.0) as f32)
+}
+
+/// Blue for coarse wisps, warmer for finer ones.
+fn level_colour(level: i32) -> Rgb {
+    colour(0.6 * 0.55_f32.powi(level.max(0)) - if level > 0 { 0.16 } else { 0.0 })
+}
+
+/// The colour of a hue, 0..1 round the circle from red.
+fn colour(hue: f32) -> Rgb {
     Rgb::from_fn(|k, _| {
         let x = (hue * 6.0 + [0.0, 4.0, 2.0][k]).rem_euclid(6.0);
         0.12 + 0.6 * ((x - 3.0).abs() - 1.0).clamp(0.0, 1.0).powi(2)

@@ -148,6 +148,30 @@ fn guides_are_drawn_wide_enough_to_see() {
 }
 
 #[test]
+fn colours_tell_the_level_of_each_strand() {
+    let mut shot = head_of_hair(60, 1);
+    let options = Options { levels: true, ..small() };
+    assert!(Renderer::new(&shot, options.clone(), &[1001]).is_err_and(|e| matches!(e, Error::Usage(_))));
+    shot.header.levels = true;
+    let redness = |shot: &Memory, options: &Options| -> f64 {
+        let image = Renderer::new(shot, options.clone(), &[1001]).unwrap().render(1001).unwrap();
+        image.rgb.chunks_exact(3).map(|p| 2.0 * f64::from(p[0]) - f64::from(p[1]) - f64::from(p[2])).sum()
+    };
+    let mut by_level = [0, 1, 2].map(|level| {
+        shot.frames[0].hair.as_mut().unwrap().level = Some(vec![level; 60]);
+        redness(&shot, &options)
+    });
+    assert!(by_level.is_sorted_by(|a, b| a + 1000.0 < *b), "{by_level:?}");
+    // Colours of hair do not heed it.
+    by_level[1] = redness(&shot, &small());
+    shot.frames[0].hair.as_mut().unwrap().level = Some(vec![0; 60]);
+    assert_eq!(redness(&shot, &small()), by_level[1]);
+    shot.frames[0].hair.as_mut().unwrap().level = Some(vec![0; 59]);
+    let renderer = Renderer::new(&shot, options, &[1001]);
+    assert!(renderer.is_err_and(|e| matches!(e, Error::Damaged { .. })));
+}
+
+#[test]
 fn an_animation_reads_back_frame_for_frame() {
     let shot = head_of_hair(150, 3);
     let frames = [1001, 1002, 1003];
