@@ -6,7 +6,7 @@ use crate::bake::wisps::Moving;
 use crate::contact::{Bodies, Contact, Motion, Polyline, Workspace};
 use crate::math::se3::Pose;
 use crate::rod::Shape;
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 impl Guide {
     /// Takes the motion up at time `t`, s, with unknowns `q` now, and one and two sub-steps of `h`, s, ago, 1/m.
@@ -56,7 +56,15 @@ impl Guide {
         self.clearance.at(1.0, &mut clearance);
         let mut found = Vec::new();
         let line = Polyline { x0: x[0], x1: x[1], clearance: &clearance };
-        bodies.candidates(motions, &line, f64::MIN_POSITIVE, memory, &mut found);
+        // As far as anything comes towards a body in the sub-step: what is behind its surface farther than this is not found.
+        let mut reach = f64::MIN_POSITIVE;
+        for motion in motions {
+            let carry = motion.end * motion.start.inverse();
+            for (x0, x1) in x[0].iter().zip(x[1]) {
+                reach = reach.max((x1 - (carry * Point3::from(*x0)).coords).norm());
+            }
+        }
+        bodies.candidates(motions, &line, reach, memory, &mut found);
         found
     }
 }
