@@ -45,7 +45,7 @@ def velocities(window: Window) -> Iterator[Finding]:
     """Simpson's rule: p(+1) − p(−1) = (v(−1) + 4 v(0) + v(+1)) / 3 frame intervals. The median over the points
     finds a wrong unit, sign or frame and is blind to single points that hit something within the two frames."""
     floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
-    for curves, mean, residual in residuals(window):
+    for curves, mean, residual, _ in residuals(window):
         speed = np.sqrt(np.einsum("ij,ij->", mean, mean) / len(mean))
         value = float(np.median(residual)) / max(speed, floor)
         yield Finding(VELOCITIES, value, frame=window.frame, prim=curves.path)
@@ -53,9 +53,13 @@ def velocities(window: Window) -> Iterator[Finding]:
 
 def curve_velocities(window: Window) -> Iterator[Finding]:
     """A minority of curves with wrong velocities leaves the median over all points as it is. Root mean squares over each
-    curve; the curve at the 95th percentile is named, since a few may hit something within the two frames."""
+    curve; the curve at the 95th percentile is named, since a few may hit something within the two frames.
+
+    A curve that swings several times a second in a landing is sampled too coarsely for the rule; how far it may be off tells its difference from
+    the trapezoidal rule, of which `tolerances.SIMPSON_ERROR` is granted."""
     floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
-    for curves, mean, residual in residuals(window):
+    for curves, mean, residual, coarse in residuals(window):
+        residual = np.maximum(residual - tolerances.SIMPSON_ERROR * coarse, 0)
 
         def root_mean_square(squares: np.ndarray, curves: Curves = curves) -> np.ndarray:
             return np.sqrt(np.add.reduceat(squares, curves.starts) / curves.counts)
@@ -68,8 +72,9 @@ def curve_velocities(window: Window) -> Iterator[Finding]:
         )
 
 
-def residuals(window: Window) -> Iterator[tuple[Curves, np.ndarray, np.ndarray]]:
-    """Curves, their points' mean velocities over two frame intervals (`N × 3`), and how far Simpson's mean is off (`N`)."""
+def residuals(window: Window) -> Iterator[tuple[Curves, np.ndarray, np.ndarray, np.ndarray]]:
+    """Curves, their points' mean velocities over two frame intervals (`N × 3`), how far Simpson's mean is off from it (`N`), and from that by
+    the trapezoidal rule (`N`)."""
     for curves in window.cache.curves:
         before, after = (window.get(curves.path, "points", offset) for offset in (-1, 1))
         rates = [window.get(curves.path, "velocities", offset) for offset in (-1, 0, 1)]
@@ -77,7 +82,8 @@ def residuals(window: Window) -> Iterator[tuple[Curves, np.ndarray, np.ndarray]]
             continue
         mean = (after.astype(float) - before) * window.cache.fps / 2
         simpson = (rates[0].astype(float) + 4 * rates[1] + rates[2]) / 6
-        yield curves, mean, np.linalg.norm(simpson - mean, axis=1)
+        trapezoidal = (rates[0].astype(float) + rates[2]) / 2
+        yield curves, mean, *(np.linalg.norm(simpson - other, axis=1) for other in (mean, trapezoidal))
 
 
 def sub_frames(window: Window) -> Iterator[Finding]:

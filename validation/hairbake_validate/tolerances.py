@@ -43,6 +43,10 @@ VELOCITY_FLOOR_M_S = 0.02
 # wrong curves than one in twenty go unseen.
 CURVE_VELOCITY_RESIDUAL = 0.5
 
+# How far Simpson's rule may be off by the sampling alone, as a share of its difference from the trapezoidal rule. Measured in a landing, on
+# the curve at the 95th percentile: 0.42 for strands, 0.53 for guides, whose velocities, sampled four times as often, integrate to 1.5 % and 4 %.
+SIMPSON_ERROR = 0.5
+
 # A one-frame jump, seen from the head: |second difference| at two neighbouring frames with opposite
 # directions, over a way that SPIKE_SPEED times the greatest of the speeds from the frame before to the frame after
 # does not account for: hair that lands is fastest between frames.

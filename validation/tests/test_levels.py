@@ -20,7 +20,8 @@ def tell_levels(cache: CacheBuilder) -> None:
 
     def put(layer, frame):
         declare(layer)
-        layer.SetTimeSample(f"{GUIDES}.{LEVEL}", float(frame), Vt.IntArray([0] * cache.counts[GUIDES]))
+        for time in layer.ListTimeSamplesForPath(f"{GUIDES}.points"):
+            layer.SetTimeSample(f"{GUIDES}.{LEVEL}", time, Vt.IntArray([0] * cache.counts[GUIDES]))
 
     cache.edit_topology(topology)
     cache.edit("hair.manifest.usda", declare)

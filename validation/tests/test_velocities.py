@@ -1,0 +1,41 @@
+"""Velocities of curves that swing faster than frames can tell: true ones pass, and wrong ones do not hide behind that."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hairbake_validate import tolerances
+from hairbake_validate.cache import HAIR, Curves
+from hairbake_validate.checks_motion import curve_velocities
+
+FPS, SWINGS = 24.0, 7.0
+"""Frames and swings a second."""
+
+
+def worst(factor: float) -> float:
+    """Largest finding over a second, of a curve whose velocities are wrong by a factor."""
+    turn = 2 * np.pi * SWINGS
+    curves = Curves(HAIR, np.array([2]), np.zeros((2, 3), np.float32), np.full(2, 1e-4, np.float32))
+    values = {
+        "points": lambda t: np.full((2, 3), [0.03 * np.sin(turn * t) + 0.2 * t, 0, 0]),
+        "velocities": lambda t: factor * np.full((2, 3), [0.03 * turn * np.cos(turn * t) + 0.2, 0, 0]),
+    }
+
+    def found(frame: int) -> float:
+        window = SimpleNamespace(
+            cache=SimpleNamespace(curves=[curves], fps=FPS, metres_per_unit=1.0),
+            frame=frame,
+            get=lambda _, name, offset: values[name]((frame + offset) / FPS),
+        )
+        return next(curve_velocities(window)).value
+
+    return max(map(found, range(24)))
+
+
+def test_a_fast_swing_is_no_fault():
+    assert worst(1.0) <= tolerances.CURVE_VELOCITY_RESIDUAL
+
+
+@pytest.mark.parametrize("factor", [-1.0, 0.0, 1 / FPS, 0.3, 2.0])
+def test_wrong_velocities_of_a_fast_swing_are(factor):
+    assert worst(factor) > tolerances.CURVE_VELOCITY_RESIDUAL
