@@ -3,7 +3,7 @@
 
 use super::guide::{Guide, Surroundings};
 use super::state::Unfit;
-use crate::contact::{Motion, Workspace};
+use crate::contact::Outside;
 use crate::math::se3::Pose;
 use crate::rod::{Rod, Shape};
 use crate::wisp::Hierarchy;
@@ -31,19 +31,19 @@ pub(super) struct Wisps {
     hierarchy: Hierarchy,
     /// The share of its length by which a guide may part from its wisp before it comes away; `None` where none does.
     parting: Option<f64>,
-    /// Thickness of each body, m.
-    thickness: Vec<f64>,
+    /// How far a guide that follows may go into the thickness of each body, m.
+    slack: Vec<f64>,
     /// Length of a sub-step, s.
     h: f64,
     /// How each guide rests; none before wisps are gathered.
     rest: Vec<Rest>,
     followers: Vec<Follower>,
-    /// Where the bodies were last seen by each guide that follows.
-    memory: Vec<Workspace>,
+    /// Where each guide that follows was last seen outside of bodies.
+    memory: Vec<Vec<Outside>>,
 }
 
 /// A guide at rest.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 struct Rest {
     /// Unknowns, 1/m.
     q: Vec<f64>,
@@ -51,6 +51,8 @@ struct Rest {
     carry: Vec<Matrix3<f64>>,
     /// Distance to its leader at each node, m.
     apart: Vec<f64>,
+    /// Distance from bodies at which it comes away, m; see [`Guide::kept`].
+    kept: Vec<f64>,
 }
 
 /// What changes of a guide beside its motion.
@@ -101,11 +103,11 @@ impl Wisps {
         Wisps {
             hierarchy,
             parting,
-            thickness,
+            slack: thickness.into_iter().map(|d| INTRUSION * d).collect(),
             h,
             rest: Vec::new(),
             followers: vec![Follower::default(); guides],
-            memory: vec![Workspace::default(); guides],
+            memory: vec![Vec::new(); guides],
         }
     }
 
@@ -136,12 +138,13 @@ impl Wisps {
             guides.par_iter().zip(&q).map(|(guide, q)| sections(&guide.rod, q)).collect();
         let leader = &self.hierarchy.leader;
         let rest = |(i, q): (usize, Vec<f64>)| {
-            let Some(l) = leader[i] else { return Rest { q, carry: Vec::new(), apart: Vec::new() } };
+            let Some(l) = leader[i] else { return Rest { q, ..Rest::default() } };
             let pairs = || poses[i].iter().zip(&poses[l]);
             // Both turn alike at the same share of their length.
             let scale = guides[l].rod.length() / guides[i].rod.length();
             let carry = pairs().map(|(own, led)| own.r.transpose() * led.r * scale).collect();
-            Rest { q, carry, apart: pairs().map(|(own, led)| (own.p - led.p).norm()).collect() }
+            let apart = pairs().map(|(own, led)| (own.p - led.p).norm()).collect();
+            Rest { q, carry, apart, kept: guides[i].kept(&self.slack) }
         };
         self.rest = q.into_iter().enumerate().map(rest).collect();
     }
@@ -175,22 +178,20 @@ impl Wisps {
         let Some(parting) = self.parting else { return Changes::default() };
         let heads = [t, t - self.h].map(|t| Moving::new(around, t));
         let stirred: Vec<Vec<f64>> = guides
-            .iter()
+            .par_iter()
             .enumerate()
             .map(|(i, g)| if self.is_free(i) { g.accelerations(&heads, self.h) } else { Vec::new() })
             .collect();
-        // Over the next sub-step, as far as it is known; what deforms is taken to stay as it is.
-        let motions: Vec<Motion> = (0..around.bodies.len())
-            .map(|b| Motion { times: [t, t], start: (around.body)(b, t), end: (around.body)(b, t + self.h) })
-            .collect();
+        // At the end of the next sub-step; what deforms is taken to stay as it is.
+        let poses: Vec<_> = (0..around.bodies.len()).map(|b| (around.body)(b, t + self.h)).collect();
         let mut memory = std::mem::take(&mut self.memory);
-        let change = |(i, memory): (usize, &mut Workspace)| {
+        let change = |(i, memory): (usize, &mut Vec<Outside>)| {
             let leader = self.hierarchy.leader[i].filter(|_| guides[i].ties.is_empty())?;
             let length = guides[i].rod.length();
             // In the time of a free fall of its length, √(2 L / g), with the share ϱ/L of its leader's acceleration.
             let share = self.stirring(leader, &self.rest[i].apart, &stirred) / (G * length) / HELD;
             if !self.is_free(i) {
-                let parts = share > parting || self.intrudes(guides, i, around, t, &motions, memory);
+                let parts = share > parting || self.intrudes(guides, i, around, t, &poses, memory);
                 return parts.then(|| Change::Split([0, 1, 2].map(|back| self.unknowns(guides, i, back, t))));
             }
             let rested = t - self.followers[i].since >= FADING - 0.5 * self.h;
@@ -259,16 +260,14 @@ impl Wisps {
         i: usize,
         around: &Surroundings,
         t: f64,
-        motions: &[Motion],
-        memory: &mut Workspace,
+        poses: &[Isometry3<f64>],
+        memory: &mut Vec<Outside>,
     ) -> bool {
-        let place = |back: usize| {
-            points(&guides[i].rod, &self.unknowns(guides, i, back, t), around, t - back as f64 * self.h)
-        };
-        let [now, before] = [0, 1].map(place);
-        let next: Vec<_> = now.iter().zip(&before).map(|(now, before)| 2.0 * now - before).collect();
-        let found = guides[i].touching(around.bodies, motions, [&now, &next], memory);
-        found.iter().any(|c| c.gap < -INTRUSION * self.thickness[c.body])
+        // Strains go on by their last three values; where the root goes is known.
+        let [mut q, one, two] = [0, 1, 2].map(|back| self.unknowns(guides, i, back, t));
+        q.iter_mut().zip(one.iter().zip(&two)).for_each(|(q, (one, two))| *q = 3.0 * (*q - one) + two);
+        let next = points(&guides[i].rod, &q, around, t + self.h);
+        around.bodies.any_nearer((t, poses), &next, &self.rest[i].kept, memory)
     }
 }
 

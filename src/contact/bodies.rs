@@ -78,6 +78,25 @@ pub struct Workspace {
     pub(super) remembered: Vec<Remembered>,
 }
 
+/// How far surfaces are looked for around a single point, m.
+const HORIZON: f64 = 0.03;
+
+/// Where a point was when it was last seen outside of a body, body frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outside {
+    at: Vector3<f64>,
+    /// Lower bound of its distance, m; 0 when nothing is known.
+    distance: f64,
+    /// Way that the surface had gone then, m.
+    travel: f64,
+}
+
+impl Default for Outside {
+    fn default() -> Self {
+        Outside { at: Vector3::zeros(), distance: 0.0, travel: 0.0 }
+    }
+}
+
 /// Where a segment was when it was last seen far from a body, body frame, and how far.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Remembered {
@@ -188,6 +207,34 @@ impl Bodies {
         self.bodies.len()
     }
 
+    /// Whether any of the points `x`, m, world, is nearer to a body than `kept` says, m, at body b and point k at `b * x.len() + k`; the bodies
+    /// are at time `t`, s, at `poses`. `memory` is that of the same points before; it never changes the answer.
+    pub fn any_nearer(
+        &self,
+        (t, poses): (f64, &[Isometry3<f64>]),
+        x: &[Vector3<f64>],
+        kept: &[f64],
+        memory: &mut Vec<Outside>,
+    ) -> bool {
+        memory.resize(kept.len(), Outside::default());
+        let bodies = self.bodies.iter().zip(poses);
+        bodies.zip(kept.chunks_exact(x.len()).zip(memory.chunks_exact_mut(x.len()))).any(
+            |((body, pose), (kept, memory))| {
+                let travel = body.shape.travel(t);
+                x.iter().zip(kept).zip(memory).any(|((x, kept), seen)| {
+                    let at = pose.inverse_transform_point(&(*x).into()).coords;
+                    let spare = seen.distance - (at - seen.at).norm() - (travel - seen.travel).abs();
+                    if spare > kept.max(0.0) {
+                        return false;
+                    }
+                    let distance = body.shape.closest(t, &at, HORIZON).map_or(HORIZON, |s| s.distance);
+                    *seen = Outside { at, distance: distance * (1.0 - 1e-9) - 1e-12, travel };
+                    distance < *kept
+                })
+            },
+        )
+    }
+
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.bodies.is_empty()
@@ -264,5 +311,42 @@ impl Polyline<'_> {
     pub fn kept_at(&self, contact: &Contact) -> f64 {
         let [from, to] = self.beside(contact.body)[contact.segment];
         from + (to - from) * contact.u
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Shape;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn what_is_known_of_points_outside_never_changes_the_answer(
+            steps in prop::collection::vec(prop::array::uniform6(-0.004..0.004_f64), 60)
+        ) {
+            let centre = Vector3::new(0.0, 0.02, 0.0);
+            let bodies = Bodies::from_shapes(&[
+                Shape::Sphere { centre: Vector3::zeros(), radius: 0.01 },
+                Shape::Sphere { centre, radius: 0.005 },
+            ]);
+            let mut poses = [Isometry3::identity(); 2];
+            // Of the second point and the second body nothing is asked; of the first, that it may be a little inside.
+            let kept = [-1e-3, 5e-4, 1e-3, f64::NEG_INFINITY];
+            let mut x = [Vector3::new(0.013, 0.0, 0.0), Vector3::new(-0.013, 0.0, 0.0)];
+            let mut memory = Vec::new();
+            for step in steps {
+                let (a, b) = step.split_at(3);
+                x[0] += Vector3::from_column_slice(a);
+                x[1] += Vector3::from_column_slice(b);
+                poses[1].translation.vector += Vector3::from_column_slice(a) - Vector3::from_column_slice(b);
+                let distance = |b: usize, x: &Vector3<f64>| {
+                    let at = poses[b].inverse_transform_point(&(*x).into()).coords;
+                    if b == 0 { at.norm() - 0.01 } else { (at - centre).norm() - 0.005 }
+                };
+                let nearer = (0..4).any(|i| distance(i / 2, &x[i % 2]) < kept[i]);
+                prop_assert_eq!(bodies.any_nearer((0.0, &poses), &x, &kept, &mut memory), nearer);
+            }
+        }
     }
 }

@@ -3,10 +3,8 @@
 use super::Guide;
 use crate::bake::guide::Surroundings;
 use crate::bake::wisps::Moving;
-use crate::contact::{Bodies, Contact, Motion, Polyline, Workspace};
 use crate::math::se3::Pose;
 use crate::rod::Shape;
-use nalgebra::{Point3, Vector3};
 
 impl Guide {
     /// Takes the motion up at time `t`, s, with unknowns `q` now, and one and two sub-steps of `h`, s, ago, 1/m.
@@ -44,27 +42,18 @@ impl Guide {
         (0..self.rod.nodes.len()).map(|node| at(self.rod.node_point(node))).collect()
     }
 
-    /// Where it touches bodies, or is nearer to them than it keeps, at the end of a sub-step over which its points go as `x` says, m, world.
-    pub(in crate::bake) fn touching(
-        &self,
-        bodies: &Bodies,
-        motions: &[Motion],
-        x: [&[Vector3<f64>]; 2],
-        memory: &mut Workspace,
-    ) -> Vec<Contact> {
+    /// Distance that each point is to keep from each body, m, less `slack` of that body, m: at body b and point k at `b * points + k`, −∞ where it is
+    /// exempt.
+    pub(in crate::bake) fn kept(&self, slack: &[f64]) -> Vec<f64> {
         let mut clearance = Vec::new();
         self.clearance.at(1.0, &mut clearance);
-        let mut found = Vec::new();
-        let line = Polyline { x0: x[0], x1: x[1], clearance: &clearance };
-        // As far as anything comes towards a body in the sub-step: what is behind its surface farther than this is not found.
-        let mut reach = f64::MIN_POSITIVE;
-        for motion in motions {
-            let carry = motion.end * motion.start.inverse();
-            for (x0, x1) in x[0].iter().zip(x[1]) {
-                reach = reach.max((x1 - (carry * Point3::from(*x0)).coords).norm());
-            }
-        }
-        bodies.candidates(motions, &line, reach, memory, &mut found);
-        found
+        let segments = self.x.len() - 1;
+        let of = |(ends, slack): (&[[f64; 2]], &f64)| {
+            let between = ends.windows(2).map(|w| w[0][1].min(w[1][0]));
+            let points: Vec<f64> =
+                [f64::NEG_INFINITY].into_iter().chain(between).chain([ends[segments - 1][1]]).collect();
+            points.into_iter().map(|kept| kept - slack).collect::<Vec<_>>()
+        };
+        clearance.chunks_exact(segments).zip(slack).flat_map(of).collect()
     }
 }
