@@ -509,7 +509,7 @@ def one_frame_pop(cache):
     move_points(cache, MIDDLE, HAIR, swung)
 
 
-@fault("spikes", "curve_velocities")
+@fault("spikes")
 def jump_that_stays(cache):
     for frame in range(MIDDLE, 1008):
         move_points(cache, frame, HAIR, swung)
