@@ -2,6 +2,8 @@
 
 import argparse
 import json
+import resource
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -28,7 +30,7 @@ class Row:
     nodes: float
     """That moved by themselves, mean over the frames."""
     seconds: float
-    """Of simulation, a sub-step."""
+    """Of processor time in simulation, a sub-step."""
     speed_up: float
     mean: float
     """Distance to the full bake, share of the strands' lengths."""
@@ -38,12 +40,24 @@ class Row:
 
 
 def bake(hairbake: Path, groom: Path, motion: Path, out: Path, *options: str) -> tuple[Run, float]:
-    """The bake and its seconds of simulation a sub-step."""
-    command = [hairbake, groom, motion, "--substeps", STEPS, *options, "-o", out]
-    subprocess.run([str(c) for c in command], check=True, capture_output=True)
-    stages = json.loads((out / "report.json").read_text())["stages"]
-    seconds = next(stage["values"] for stage in stages if stage["name"] == "simulate")
-    return read(Cache(out)), sum(seconds) / len(seconds) / STEPS
+    """The bake and its seconds of processor time in simulation a sub-step, without start and pre-roll."""
+
+    def run(*stage: str | Path) -> float:
+        """Processor time of a command, s."""
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        command = [hairbake, *stage, groom, motion, "--substeps", STEPS, *options, "-o", out]
+        subprocess.run([str(c) for c in command], check=True, capture_output=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+
+    first, last = json.loads(motion.read_text())["frames"]
+    start = run("simulate", "--frames", f"{first - 1}-{first - 1}")
+    shutil.rmtree(out)
+    whole = run("simulate")
+    # What is simulated is taken up.
+    run()
+    # There is a handle at the end.
+    return read(Cache(out)), (whole - start) / (last - first + 2) / STEPS
 
 
 def compare(hairbake: Path, folder: Path, style: str, options: list[str], partings=PARTINGS) -> list[Row]:
@@ -87,7 +101,7 @@ def plot(path: Path, rows: list[Row]) -> None:
         for r in mine:
             axes.annotate(r.name.removeprefix("adaptive "), (r.seconds / mine[0].seconds, 100 * r.mean), fontsize=7)
     axes.set(
-        xlabel="time of simulation, of that at full resolution", ylabel="mean distance of strands, % of length"
+        xlabel="processor time of simulation, of that at full resolution", ylabel="mean distance of strands, % of length"
     )
     axes.set_xlim(left=0)
     axes.legend()
