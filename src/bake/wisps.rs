@@ -347,3 +347,24 @@ impl Wisps {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_joins_goes_on_as_it_went_until_it_has_faded() {
+        let joined = Follower { follows: true, since: 1.0, offset: vec![0.1], drift: vec![2.0] };
+        let own = |t: f64| {
+            let mut q = [0.0];
+            joined.add_own(t, &mut q);
+            q[0]
+        };
+        let rate = |t: f64| (own(t + 1e-6) - own(t)) / 1e-6;
+        assert_eq!(own(1.0), 0.1);
+        assert!((rate(1.0) - 2.0).abs() < 1e-4, "{}", rate(1.0));
+        assert_eq!((own(1.0 + FADING), rate(1.0 + FADING)), (0.1, 0.0));
+        let most = (0..=1000).map(|k| (rate(1.0 + FADING * f64::from(k) / 1000.0)).abs()).fold(0.0, f64::max);
+        assert!(most < 2.01, "{most}");
+    }
+}
