@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 const FADING: f64 = 0.25;
 
 /// How many times less than in a free fall a guide parts from its wisp that is stirred: hair is held by its stiffness, its air and its likes.
-/// Measured: on the four styles of the samples, shaken, the mean of what strands are off is then below the share that they may part.
+/// Measured on three of the samples (short, short curly, long), shaken: the mean of what strands are off is then below the share that they may part.
 const HELD: f64 = 20.0;
 
 /// Share of the stirring at which a guide comes away from its wisp, below which it may join again.

@@ -1,7 +1,6 @@
-//! A guide that comes away from its wisp, and what its leader tells.
+//! What a guide takes up as it comes away from its wisp, how it is stirred as a leader, and how near to bodies it may follow.
 
-use super::Guide;
-use crate::bake::guide::Surroundings;
+use super::{Guide, Surroundings};
 use crate::bake::wisps::Moving;
 use crate::math::se3::Pose;
 use crate::rod::Shape;
