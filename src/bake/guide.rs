@@ -44,6 +44,8 @@ pub struct Guide {
     pub ties: Vec<Tie>,
     /// What pulls each point to the groom's pose: where that is, in the frame of the root, m, and how stiffly, N/m; empty where nothing does.
     pub goal: Vec<(Vector3<f64>, f64)>,
+    /// Force of the friction within its wisp on each point over the sub-step to come, N; empty where there is none.
+    pub(super) rubbed: Vec<Vector3<f64>>,
     /// Drag per length and speed at each point, N·s/m².
     pub drag: Vec<f64>,
     /// Unknowns now, and one and two sub-steps ago, 1/m.
@@ -225,6 +227,7 @@ impl Guide {
             across: 1.0,
             ties: Vec::new(),
             goal: Vec::new(),
+            rubbed: Vec::new(),
             drag,
             rod,
             memory: crate::contact::Workspace::default(),
@@ -521,6 +524,7 @@ impl Guide {
         for (k, (goal, stiffness)) in self.goal.iter().enumerate() {
             work.load.attract(k, &(root.r * goal), *stiffness);
         }
+        self.rubbed.iter().enumerate().for_each(|(k, f)| work.load.push(k, f));
         self.foresee(t1 - t0, &mut work.q);
         root
     }

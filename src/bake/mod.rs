@@ -13,6 +13,7 @@ pub mod job;
 pub mod output;
 pub mod record;
 pub mod rods;
+mod rubbing;
 pub mod sag;
 mod scheme;
 pub mod sealed;

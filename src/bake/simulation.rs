@@ -4,9 +4,10 @@ use super::air::{self, Bulk};
 use super::company::Companies;
 use super::guide::{Guide, StepRecord, Surroundings};
 use super::rods::Rods;
+use super::rubbing::{Rubbed, Rubbing};
 use super::state::{GuideState, Part, Unfit};
-use super::tangle::{Tangle, Thickness};
-use super::wisps::{Changes, Wisps};
+use super::tangle::{Skin, Tangle};
+use super::wisps::{Changes, Moving, Wisps};
 use crate::contact::Bodies;
 use crate::rod::{Rod, Shape};
 use crate::scene::anim::{Contact, Resolution};
@@ -46,6 +47,8 @@ pub struct Simulation<'a> {
     companies: Companies,
     /// The guides as they touch each other, if they do.
     tangle: Option<Tangle>,
+    /// The friction of guides within their wisps, if there is any.
+    rubbing: Option<Rubbing>,
     /// The guides as wisps, where not all move by themselves.
     wisps: Option<Wisps>,
     /// Sub-steps taken since the start of the pre-roll.
@@ -65,7 +68,7 @@ impl<'a> Simulation<'a> {
         let bodies = Bodies::new(&anim.colliders);
         let tangle = (anim.settings.contact == Contact::Full).then(|| {
             let arc: Vec<Vec<f64>> = rods.iter().map(|r| r.rod.arc_lengths()).collect();
-            Tangle::new(&arc, rods.iter().map(|r| thickness(groom, r)).collect())
+            Tangle::new(&arc, rods.iter().map(|r| skin(groom, r)).collect())
         });
         let mut simulation = Simulation {
             anim,
@@ -75,6 +78,7 @@ impl<'a> Simulation<'a> {
             stepped: vec![true; rods.len()],
             companies: Companies::default(),
             tangle: None,
+            rubbing: rubbing(groom, rods),
             wisps: None,
             taken: 0,
             preroll,
@@ -160,6 +164,10 @@ impl<'a> Simulation<'a> {
         self.bodies.prepare([t0, t1]);
         let (mut guides, mut records) = (std::mem::take(&mut self.guides), std::mem::take(&mut self.records));
         records.fill(StepRecord::default());
+        if let Some(rubbing) = &self.rubbing {
+            let mover = |i: usize| self.wisps.as_ref().map_or(i, |wisps| wisps.mover(i));
+            self.around(|around| rubbing.act(&mut guides, mover, &Moving::new(around, t0), t1 - t0));
+        }
         self.around(|around| self.companies.advance(&mut guides, around, [t0, t1], &mut records));
         let mut tangle = self.tangle.take();
         if let Some(tangle) = &mut tangle {
@@ -259,11 +267,24 @@ impl Part for Simulation<'_> {
     }
 }
 
-/// How thick a guide is to others: as one hair, and as all its hairs pressed together.
-fn thickness(groom: &Groom, r: &GuideRod) -> Thickness {
-    let area = groom.materials[r.material].section.area();
+/// What a guide is to others that it touches.
+fn skin(groom: &Groom, r: &GuideRod) -> Skin {
+    let material = &groom.materials[r.material];
+    let area = material.section.area();
     let radius = |area: f64| (area / std::f64::consts::PI).sqrt();
-    Thickness { hair: radius(area), bundle: radius(area * r.hairs / PACKING) }
+    Skin {
+        hair: radius(area),
+        bundle: radius(area * r.hairs / PACKING),
+        parallel: material.friction_parallel,
+        cohesion: material.cohesion,
+    }
+}
+
+/// How the guides of a groom rub within their coarse wisps, if they do.
+fn rubbing(groom: &Groom, rods: &[GuideRod]) -> Option<Rubbing> {
+    let rubbed = |r: &GuideRod| Rubbed::new(&r.rod, r.hairs, groom.materials[r.material].wisp_friction);
+    let wisps: Vec<usize> = rods.iter().map(|r| r.leaf.0).collect();
+    Rubbing::new(rods.iter().map(rubbed).collect(), &wisps)
 }
 
 /// One guide at rest on the head, shielded from the air.

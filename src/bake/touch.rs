@@ -7,7 +7,7 @@ use super::tie::Tie;
 use crate::contact::friction::Law;
 use crate::contact::{Bodies, Contact, Motion, Polyline, Problem, Tolerance, friction};
 use crate::math::cholesky::{dot, solve_lower, solve_upper};
-use crate::math::frame::{any_frame, frame_towards};
+use crate::math::frame::frame_towards;
 use crate::math::se3::Pose;
 use crate::rod::Rod;
 use crate::rod::newton::Solver;
@@ -151,12 +151,6 @@ impl Noted {
         record.crossed += u32::from(self.crossed);
         record.slack = record.slack.max(self.slack);
     }
-}
-
-/// The frame of a contact: its normal and two tangents.
-pub(super) fn across(normal: &Vector3<f64>) -> [Vector3<f64>; 3] {
-    let frame = any_frame(normal);
-    [*normal, frame.column(0).into(), frame.column(1).into()]
 }
 
 /// The rows L⁻¹Jᵀ of a place along the directions of `frame`, one after another. `carriers` are its shares of two points, m, relative to the

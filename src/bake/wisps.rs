@@ -116,6 +116,14 @@ impl Wisps {
         !self.followers[i].follows
     }
 
+    /// The guide that guide `i` moves with: itself, or that which it follows, which moves by itself.
+    pub fn mover(&self, i: usize) -> usize {
+        match self.hierarchy.leader[i] {
+            Some(leader) if !self.is_free(i) => self.mover(leader),
+            _ => i,
+        }
+    }
+
     /// Level of the wisp that guide `i` moves with.
     pub fn level(&self, i: usize) -> u32 {
         match self.hierarchy.leader[i] {
@@ -281,7 +289,7 @@ impl Moving {
     /// Half the time over which its velocity is taken, s.
     const DELTA: f64 = 1e-4;
 
-    fn new(around: &Surroundings, t: f64) -> Self {
+    pub fn new(around: &Surroundings, t: f64) -> Self {
         let beside = [t + Moving::DELTA, t - Moving::DELTA].map(|t| (around.head)(t));
         Moving { pose: (around.head)(t), beside }
     }
@@ -291,6 +299,11 @@ impl Moving {
         let local = self.pose.inverse_transform_point(&(*x).into());
         let carried = (self.beside[0] * local - self.beside[1] * local) / (2.0 * Moving::DELTA);
         self.pose.rotation.inverse() * (v - carried)
+    }
+
+    /// A vector of its frame in the world.
+    pub fn to_world(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        self.pose.rotation * v
     }
 }
 

@@ -161,13 +161,21 @@ impl Strands<'_> {
         self.offset(self.x1, meeting) - self.offset(self.x0, meeting)
     }
 
-    /// Sine of the angle between the segments of a pair at the start of the step, 0..=1.
-    pub fn crossing_sine(&self, pair: Pair) -> f64 {
-        let [a, b] = [pair.0, pair.1].map(|k| {
+    /// Unit directions of the segments of a pair at the start of the step; null vectors where they have no length.
+    pub fn directions(&self, pair: Pair) -> [Vector3<f64>; 2] {
+        [pair.0, pair.1].map(|k| {
             let [a, b] = Self::ends(self.x0, k);
             (b - a).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
+        })
+    }
+
+    /// Mean length of the segments of a pair at the start of the step, m.
+    pub fn mean_length(&self, pair: Pair) -> f64 {
+        let [a, b] = [pair.0, pair.1].map(|k| {
+            let [a, b] = Self::ends(self.x0, k);
+            (b - a).norm()
         });
-        a.cross(&b).norm().min(1.0)
+        0.5 * (a + b)
     }
 
     fn offset(&self, x: &[Vector3<f64>], meeting: &Meeting) -> Vector3<f64> {

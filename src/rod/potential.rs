@@ -106,7 +106,7 @@ impl Load {
     }
 
     /// Adds the constant force `f`, N, world axes, on point `k`; on the root it has no effect.
-    pub(super) fn push(&mut self, k: usize, f: &Vector3<f64>) {
+    pub fn push(&mut self, k: usize, f: &Vector3<f64>) {
         if let Some(tie) = k.checked_sub(1).and_then(|i| self.tie.get_mut(i)) {
             // B⁻¹ f.
             let (u, f) = (tie.u, (*f).into());

@@ -61,6 +61,12 @@ pub struct Material {
     /// Friction across the strand over that along it: the cone of friction is elliptic, and what slides takes the way that
     /// dissipates most.
     pub friction_across: f64,
+    /// Friction between strands that lie along each other over that between strands that cross at right angles, for slip along them.
+    pub friction_parallel: f64,
+    /// Force per length with which strands that lie along each other and touch cling together, N/m.
+    pub cohesion: f64,
+    /// Rate at which a strand loses what it moves otherwise than its coarse wisp, 1/s; 0 = none.
+    pub wisp_friction: f64,
     /// Multiplier on the air drag of an isolated strand; 1 = physical.
     pub drag: f64,
     /// Share (0..=1) by which the bulk of the hair shields its inside from the air.
@@ -208,6 +214,9 @@ impl Default for Material {
             damping: 0.005,
             friction: 0.3.into(),
             friction_across: 1.0,
+            friction_parallel: 0.5,
+            cohesion: 0.0,
+            wisp_friction: 0.0,
             drag: 1.0,
             shielding: 0.9,
         }

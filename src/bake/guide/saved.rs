@@ -33,6 +33,8 @@ impl Part for Guide {
             across: _,
             ties: _,
             goal: _,
+            // As the velocities at the start of a sub-step make it.
+            rubbed: _,
             drag: _,
             scheme: _,
             lengths: _,

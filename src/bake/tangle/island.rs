@@ -3,7 +3,6 @@
 use super::member::Member;
 use super::places::Places;
 use crate::bake::guide::Guide;
-use crate::bake::touch::across;
 use crate::contact::Tolerance;
 use crate::contact::friction::{Coupled, Law, Outcome, Scratch, Side, solve_coupled};
 use crate::math::cholesky::dot;
@@ -98,9 +97,9 @@ impl Island {
         for (&i, sides_here) in self.places.iter().zip(&sides_of_places) {
             let place = &places.found[i];
             let guides_here = places.guides(&place.meeting);
-            let frame = across(&(to_world * place.meeting.normal));
+            let axes = place.axes(to_world);
             let slip = to_world * places.slip(place);
-            let mut free = [place.gap(), slip.dot(&frame[1]), slip.dot(&frame[2])];
+            let mut free = [place.gap(), slip.dot(&axes[1]), slip.dot(&axes[2])];
             for (side, g) in sides_here.iter().zip(guides_here).filter_map(|(side, g)| Some(((*side)?, g))) {
                 let n = side.unknowns.1;
                 for (d, free) in free.iter_mut().enumerate() {
@@ -111,7 +110,8 @@ impl Island {
             sides.push(*sides_here);
             laws.push(Law::Coulomb(guides[guides_here[0]].friction.mean(guides[guides_here[1]].friction)));
             let force = to_world * place.reaction;
-            forces.extend([force.dot(&frame[0]).max(0.0), force.dot(&frame[1]), force.dot(&frame[2])]);
+            let [n, along, across] = axes.map(|d| force.dot(&d) / d.norm_squared());
+            forces.extend([n.max(0.0), along, across]);
         }
         let mut pushes = vec![0.0; unknowns];
         let problem = Coupled { sides: &sides, rows: &rows, b: &b, laws: &laws };

@@ -3,7 +3,7 @@
 use super::island::SOUND;
 use super::places::Places;
 use crate::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
-use crate::bake::touch::{ACCEPTABLE_GAP, MAX_MOVE, across, rows_at};
+use crate::bake::touch::{ACCEPTABLE_GAP, MAX_MOVE, rows_at};
 use crate::contact::Bodies;
 use crate::math::se3::Pose;
 use crate::rod::Shape;
@@ -144,19 +144,21 @@ impl Member {
         if !self.work.solver.linearise(&guide.rod, &self.work.load, &self.work.q) {
             self.go_alone(guide);
         }
-        guide.with_touch(bodies, &self.root, &mut self.work, |touch, moving| {
-            touch.rows(moving.solver, moving.touching);
-        });
         let n = guide.rod.unknowns();
         self.rows.clear();
         self.rows.resize(3 * n * self.parts.len(), 0.0);
         for (&(i, side), rows) in self.parts.iter().zip(self.rows.chunks_exact_mut(3 * n)) {
-            let meeting = &places.found[i].meeting;
-            let frame = across(&(to_world * meeting.normal)).map(|d| if side == 0 { d } else { -d });
-            let (k, s) = places.on_rod(meeting, side);
-            let carriers = self.work.solver.shape.carriers(&guide.rod, k, s);
-            rows_at(&self.work.solver, k, carriers, &frame, rows);
+            let place = &places.found[i];
+            let axes = place.axes(to_world).map(|d| if side == 0 { d } else { -d });
+            let (k, s) = places.on_rod(&place.meeting, side);
+            let solver = &mut self.work.solver;
+            let carriers = solver.shape.carriers(&guide.rod, k, s);
+            rows_at(solver, k, carriers, &axes, rows);
+            solver.direction.iter_mut().zip(&rows[..n]).for_each(|(d, row)| *d -= place.cling * row);
         }
+        guide.with_touch(bodies, &self.root, &mut self.work, |touch, moving| {
+            touch.rows(moving.solver, moving.touching);
+        });
     }
 
     /// Moves as the reactions ask, of which the solver's direction holds L⁻¹ times all forces, and looks at the bodies.
@@ -203,7 +205,7 @@ impl Member {
         self.by_others.clear();
         for &(i, side) in &self.parts {
             let place = &places.found[i];
-            let force = to_world * place.reaction * if side == 0 { 1.0 } else { -1.0 };
+            let force = to_world * place.force() * if side == 0 { 1.0 } else { -1.0 };
             let (k, s) = places.on_rod(&place.meeting, side);
             self.by_others.push((k, s, force));
         }

@@ -4,6 +4,7 @@
 //! that others pushed in the sub-step before, are solved together with all that are near them, their contacts with bodies included.
 
 mod island;
+mod law;
 mod member;
 mod places;
 mod saved;
@@ -11,14 +12,13 @@ mod saved;
 mod tests;
 
 use super::guide::{Guide, StepRecord, Surroundings};
-use super::touch::GAP_TOLERANCE;
 use crate::contact::Bodies;
 use crate::rod::Shape;
 use island::{Island, Reactions, Sets};
+pub(super) use law::Skin;
 use member::{Member, Resort};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use places::Places;
-pub(super) use places::Thickness;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
@@ -36,12 +36,12 @@ pub(super) struct Tangle {
 }
 
 impl Tangle {
-    /// From the arc lengths of the points of each guide, m, and the guides' thicknesses.
-    pub fn new(arc: &[Vec<f64>], thickness: Vec<Thickness>) -> Self {
+    /// From the arc lengths of the points of each guide, m, and what the guides are to each other.
+    pub fn new(arc: &[Vec<f64>], skin: Vec<Skin>) -> Self {
         Tangle {
             members: arc.iter().map(|_| Member::new()).collect(),
             pushed: vec![false; arc.len()],
-            places: Places::new(arc, thickness),
+            places: Places::new(arc, skin),
         }
     }
 
@@ -83,7 +83,7 @@ impl Tangle {
         self.close(guides, around, t);
     }
 
-    /// Opens the guides that hang together, over places, with one that is too close to another or was pushed; returns these islands. What
+    /// Opens the guides that hang together, over places, with one that is too close to another, clings to it, or was pushed; returns these islands. What
     /// was taken in parts, for a body's sake or for want of convergence, stays where it is.
     fn open(&mut self, guides: &mut [Guide], around: &Surroundings, t: [f64; 2]) -> Vec<Island> {
         let whole = |g: usize| self.members[g].whole;
@@ -94,7 +94,7 @@ impl Tangle {
             if whole(a) && whole(b) {
                 sets.join(a, b);
             }
-            if place.gap() < -GAP_TOLERANCE {
+            if place.acts() {
                 wanted[a] = true;
                 wanted[b] = true;
             }

@@ -3,14 +3,12 @@
 //! Everything here is in the frame of the head: what the head carries along is no motion of one guide against another. The law
 //! is that of `docs/theory.md` §5.2: crossing guides keep the thickness of their bundles, parallel ones that of a hair.
 
-use crate::bake::touch::across;
+use super::law::{Encounter, REACH, Skin};
+use crate::bake::touch::GAP_TOLERANCE;
 use crate::contact::pairs::{Meeting, Pair, Strands};
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-
-/// Pairs whose distance exceeds what they keep by less than this at the start of a sub-step are in its problem, m.
-const REACH: f64 = 5e-4;
 
 /// What the rounds of a sub-step may move a point before pairs are looked for anew, m.
 pub(super) const MARGIN: f64 = 1e-3;
@@ -37,15 +35,6 @@ const BESIDE: f64 = 3.0;
 /// Two places this near to each other, in sub-steps of the rods along both guides together, may stand for each other.
 const SAME: f64 = 0.3;
 
-/// How thick a guide is to another.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::bake) struct Thickness {
-    /// Radius of one hair, m: what parallel guides keep, for their hairs mix.
-    pub hair: f64,
-    /// Radius of its hairs pressed together, m: what crossing guides keep, for their hairs cannot.
-    pub bundle: f64,
-}
-
 /// A place where two guides are near each other, or meet on their way. It stays as it was found until the sub-step ends, its normal
 /// included: contacts that turned with every round would never come to rest.
 #[derive(Debug, Clone, Copy)]
@@ -55,11 +44,30 @@ pub(super) struct Place {
     pub keep: f64,
     /// The most that the pair is asked to keep, m: no more than it has had.
     limit: f64,
-    /// Force on the first guide, N.
+    /// The axes of the contact: its normal, and tangents along and across the guides, the former shorter where friction is weaker along.
+    axes: [Vector3<f64>; 3],
+    /// Force with which the guides cling together, N.
+    pub cling: f64,
+    /// Force of contact on the first guide, N, without that.
     pub reaction: Vector3<f64>,
 }
 
 impl Place {
+    /// The axes of the contact in the world.
+    pub fn axes(&self, to_world: &UnitQuaternion<f64>) -> [Vector3<f64>; 3] {
+        self.axes.map(|d| to_world * d)
+    }
+
+    /// Force on the first guide, N.
+    pub fn force(&self) -> Vector3<f64> {
+        self.reaction - self.meeting.normal * self.cling
+    }
+
+    /// Whether it asks for its guides to be solved together, before anything has come of their motion.
+    pub fn acts(&self) -> bool {
+        self.gap() < -GAP_TOLERANCE || self.cling > 0.0
+    }
+
     /// Distance over what is to be kept, m.
     pub fn gap(&self) -> f64 {
         self.meeting.distance - self.keep
@@ -98,7 +106,7 @@ struct Hit {
 /// are near each other.
 #[derive(Debug)]
 pub(super) struct Places {
-    pub thickness: Vec<Thickness>,
+    pub skin: Vec<Skin>,
     /// Whether each point is so near the root that it hardly moves.
     pub rooted: Vec<bool>,
     /// Guide of each point of all guides, and the first point of each guide.
@@ -116,15 +124,15 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// From the arc lengths of the points of each guide's rod, m, and the guides' thicknesses.
-    pub fn new(arc: &[Vec<f64>], thickness: Vec<Thickness>) -> Self {
+    /// From the arc lengths of the points of each guide's rod, m, and what the guides are to each other.
+    pub fn new(arc: &[Vec<f64>], skin: Vec<Skin>) -> Self {
         let points = arc.iter().map(|s| 2 * s.len() - 1);
         let with_middles = |s: &Vec<f64>| -> Vec<f64> {
             let between = s.windows(2).flat_map(|s| [0.5 * (s[0] + s[1]), s[1]]);
             s[..1].iter().copied().chain(between).collect()
         };
         Places {
-            thickness,
+            skin,
             rooted: arc.iter().flat_map(with_middles).map(|s| s < ROOTED).collect(),
             guide: points.clone().enumerate().flat_map(|(g, n)| std::iter::repeat_n(g as u32, n)).collect(),
             first: points.scan(0, |at, n| Some(std::mem::replace(at, *at + n as u32))).collect(),
@@ -156,7 +164,7 @@ impl Places {
     /// Sets the reaction of a place, `r` in its frame, N.
     pub fn push(&mut self, i: usize, r: &[f64], to_world: &UnitQuaternion<f64>) {
         let place = &mut self.found[i];
-        let [n, t1, t2] = across(&(to_world * place.meeting.normal));
+        let [n, t1, t2] = place.axes(to_world);
         place.reaction = to_world.inverse_transform_vector(&(n * r[0] + t1 * r[1] + t2 * r[2]));
     }
 
@@ -224,7 +232,7 @@ impl Places {
 
     /// Pairs that may meet within this sub-step, if no point moves by more than [`MARGIN`] beyond the ends as they are now.
     pub fn find_pairs(&mut self) {
-        let widest = self.thickness.iter().map(|t| t.hair + t.bundle).fold(0.0, f64::max);
+        let widest = self.skin.iter().map(|s| s.hair + s.bundle).fold(0.0, f64::max);
         self.pairs = self.strands().pairs(2.0 * widest + REACH + MARGIN);
         let rooted = &self.rooted;
         self.pairs.retain(|&(k, l)| !(rooted[k as usize] && rooted[l as usize]));
@@ -279,17 +287,28 @@ impl Places {
 
     /// Distance by the angle between two segments, m (S6).
     fn law(&self, pair: Pair) -> f64 {
-        let [a, b] = self.guides_of(pair).map(|g| self.thickness[g]);
-        a.hair + b.hair + (a.bundle + b.bundle) * self.strands().crossing_sine(pair)
+        self.encounter(pair).kept()
+    }
+
+    fn encounter(&self, pair: Pair) -> Encounter {
+        Encounter::new(self.guides_of(pair).map(|g| self.skin[g]), self.strands().directions(pair))
     }
 
     fn place(&self, meeting: Meeting) -> Place {
         let before = self.strands().distance_before(meeting.pair);
         let known = self.recall(&meeting);
         let limit = known.map_or(before, |k| k.limit.max(before));
-        let wanted = self.law(meeting.pair).min(limit.max(LEAST));
+        let encounter = self.encounter(meeting.pair);
+        let wanted = encounter.kept().min(limit.max(LEAST));
         let keep = if before < wanted { before + GAINED * (wanted - before) } else { wanted };
-        Place { meeting, keep, limit, reaction: known.map_or_else(Vector3::zeros, |k| k.reaction) }
+        Place {
+            meeting,
+            keep,
+            limit,
+            axes: encounter.axes(&meeting.normal),
+            cling: encounter.cohesion(before - wanted, self.strands().mean_length(meeting.pair)),
+            reaction: known.map_or_else(Vector3::zeros, |k| k.reaction),
+        }
     }
 
     /// What is known of a place: of the nearest one of the same two guides.

@@ -21,7 +21,7 @@ impl Part for Tangle {
         // All fields by name: whoever adds one has to say here whether a later sub-step depends on it.
         let Tangle { places, members: _, pushed } = self;
         let Places {
-            thickness: _,
+            skin: _,
             rooted: _,
             guide: _,
             first: _,

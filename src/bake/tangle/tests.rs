@@ -2,20 +2,20 @@
 
 use super::member::{Member, Resort};
 use super::places::Places;
-use super::{Tangle, Thickness};
+use super::{Skin, Tangle};
 use crate::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use crate::contact::Bodies;
 use crate::math::random;
 use crate::rod::{Cut, Rod, RodSource, Shape as RodShape};
 use crate::scene::{Shape, Tree};
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector2, Vector3};
 use rayon::prelude::*;
 
 type V = Vector3<f64>;
 
 const H: f64 = 1.0 / 192.0;
 
-const THICKNESS: Thickness = Thickness { hair: 4e-5, bundle: 3e-4 };
+const SKIN: Skin = Skin { hair: 4e-5, bundle: 3e-4, parallel: 1.0, cohesion: 0.0 };
 
 /// A straight strand, `stiff` times as stiff as a hair, and as heavy as one.
 fn strand(from: V, to: V, stiff: f64) -> Rod {
@@ -36,6 +36,7 @@ fn strand(from: V, to: V, stiff: f64) -> Rod {
 struct Scene<'a> {
     rods: Vec<Rod>,
     friction: f64,
+    skin: Skin,
     head: &'a (dyn Fn(f64) -> Isometry3<f64> + Sync),
     field: &'a (dyn Fn(f64) -> V + Sync),
     bodies: Bodies,
@@ -54,7 +55,14 @@ const STILL: &(dyn Fn(f64) -> Isometry3<f64> + Sync) = &|_| Isometry3::identity(
 
 impl Scene<'_> {
     fn new(rods: Vec<Rod>) -> Self {
-        Scene { rods, friction: 0.3, head: STILL, field: &|_| V::y() * -9.81, bodies: Bodies::default() }
+        Scene {
+            rods,
+            friction: 0.3,
+            skin: SKIN,
+            head: STILL,
+            field: &|_| V::y() * -9.81,
+            bodies: Bodies::default(),
+        }
     }
 
     /// Steps through `seconds`, calling `each` after every sub-step with the time.
@@ -74,7 +82,7 @@ impl Scene<'_> {
         };
         let guides: Vec<Guide> = self.rods.iter().map(guide).collect();
         let arc: Vec<Vec<f64>> = self.rods.iter().map(Rod::arc_lengths).collect();
-        let mut tangle = Tangle::new(&arc, vec![THICKNESS; guides.len()]);
+        let mut tangle = Tangle::new(&arc, vec![self.skin; guides.len()]);
         tangle.start(&guides, &around, 0.0);
         let local = |guides: &[Guide], t: f64| -> Vec<Vec<V>> {
             let head = (self.head)(t).inverse();
@@ -194,7 +202,7 @@ fn what_passes_beside_a_place_that_is_kept_is_met() {
     // Almost along each other, 20 µm apart where they are nearest: in the middle.
     let (a, b) = ([V::zeros(), V::x() * 0.1], [V::new(0.0, 2e-5, -1e-3), V::new(0.1, 2e-5, 1e-3)]);
     let with_middle = |[a, b]: [V; 2]| [a, a.lerp(&b, 0.5), b];
-    let mut places = Places::new(&[vec![0.02, 0.12], vec![0.02, 0.12]], vec![THICKNESS; 2]);
+    let mut places = Places::new(&[vec![0.02, 0.12], vec![0.02, 0.12]], vec![SKIN; 2]);
     places.x = [[a, b].map(with_middle).concat(), [a, b].map(with_middle).concat()];
     places.begin();
     assert_eq!((places.found.len(), places.crossing.len()), (1, 0));
@@ -333,33 +341,74 @@ fn mirrored_strands_stay_mirrored() {
     assert!(touched > 10, "touched in {touched} sub-steps");
 }
 
-#[test]
-fn friction_obeys_coulomb() {
-    let (mut stuck, mut slid) = (0, 0);
+/// Holds the law of friction at all places that push while a strand slides on another, drawn turned by `turn` from it, rad; friction along
+/// parallel ones is the share `parallel` of that across.
+fn obeys_coulomb(turn: f64, parallel: f64) {
+    let (mut stuck, mut slid, mut along, mut weakest) = (0, 0, 0, 1.0_f64);
     for friction in [0.1, 0.6] {
-        let mut scene = Scene::new(falls_across(1.2));
-        scene.friction = friction;
+        let mut scene = Scene::new(falls_across(turn));
+        (scene.friction, scene.skin.parallel) = (friction, parallel);
         let sway = |t: f64| V::new(3.0 * (6.0 * t).sin(), -9.81, 0.0);
         scene.field = &sway;
         scene.run(2.0, |t, m| {
             for place in m.tangle.places.found.iter().filter(|p| p.pushes()) {
-                let (r, n) = (place.reaction, place.meeting.normal);
-                let (normal, tangent) = (r.dot(&n), r - n * r.dot(&n));
-                let bound = friction * normal;
-                assert!(normal > 0.0 && tangent.norm() < bound * (1.0 + 1e-6), "at {t} s");
+                let [n, a, b] = place.axes(&UnitQuaternion::identity());
+                // In axes in which the cone is round.
+                let force = Vector2::new(place.reaction.dot(&a) / a.norm_squared(), place.reaction.dot(&b));
                 let slip = m.tangle.places.last_slip(place);
-                let slip = slip - n * slip.dot(&n);
-                if tangent.norm() < 0.9 * bound {
+                let slip = Vector2::new(slip.dot(&a), slip.dot(&b));
+                let normal = place.reaction.dot(&n);
+                let bound = friction * normal;
+                assert!((b.norm() - 1.0).abs() < 1e-12);
+                assert!(a.norm() > parallel - 1e-12 && a.norm() < 1.0 + 1e-12);
+                weakest = a.norm().min(weakest);
+                assert!(normal > 0.0 && force.norm() < bound * (1.0 + 1e-6), "at {t} s");
+                if force.norm() < 0.9 * bound {
                     stuck += 1;
                     assert!(slip.norm() < 3e-6, "slides by {} m at {t} s below the bound", slip.norm());
                 } else if slip.norm() > 2e-5 {
                     slid += 1;
-                    assert!(tangent.norm() > bound * (1.0 - 1e-3) && tangent.dot(&slip) < 0.0, "at {t} s");
+                    along += u32::from(slip.x.abs() > slip.y.abs());
+                    assert!(force.norm() > bound * (1.0 - 1e-3) && force.dot(&slip) < 0.0, "at {t} s");
                 }
             }
         });
     }
-    assert!(stuck > 100 && slid > 20, "{stuck} {slid}");
+    assert!(stuck > 100 && slid > 20 && along > 0, "{stuck} {slid} {along}");
+    // The strand that falls bends, and with it the angle between them.
+    let drawn = parallel + (1.0 - parallel) * turn.sin().powi(2);
+    assert!((weakest - drawn).abs() < 0.5 * (1.0 - parallel) + 1e-9, "{weakest}");
+}
+
+#[test]
+fn friction_obeys_coulomb() {
+    obeys_coulomb(1.2, 1.0);
+}
+
+#[test]
+fn along_each_other_strands_slide_more_easily_than_across() {
+    obeys_coulomb(0.6, 0.3);
+}
+
+#[test]
+fn strands_that_cling_keep_together_until_their_weight_is_more() {
+    // A soft strand beside a stiff one, both held out: alone it hangs down, by centimetres.
+    let rods = vec![
+        strand(V::zeros(), V::x() * 0.1, 30.0),
+        strand(V::new(0.0, -1.5e-4, 0.0), V::new(0.1, -1.5e-4, 0.0), 1.0),
+    ];
+    let weight = 6.6e-6 * 9.81;
+    let apart = |cohesion: f64| {
+        let mut scene = Scene::new(rods.clone());
+        scene.skin.cohesion = cohesion;
+        let end = scene.run(1.5, |t, m| assert_eq!(m.crossings(), 0, "at {t} s"));
+        let [a, b] = [0, 1].map(|g| *end.guides[g].x.last().unwrap());
+        assert!(end.fastest() < 2e-3, "{cohesion} N/m: still moves at {} m/s", end.fastest());
+        (a - b).norm()
+    };
+    let [alone, little, enough] = [0.0, 0.1, 20.0].map(|times| apart(times * weight));
+    assert!(alone > 0.02 && little > 0.02, "{alone} {little}");
+    assert!(enough < 6e-4, "{enough}");
 }
 
 /// Forty strands on a plate, drawn criss-cross.

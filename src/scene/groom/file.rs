@@ -107,6 +107,21 @@ pub struct MaterialFile {
     #[serde(skip_serializing_if = "is_one")]
     #[schemars(range(min = 0.1, max = 10.0))]
     pub friction_across: f64,
+    /// Friction between strands that lie along each other over that between strands that cross, for slip along them: below 1 strands that run together
+    /// slide along each other more easily than they slide across. Default 0.5. It matters with `--contact full`.
+    #[serde(skip_serializing_if = "is_half")]
+    #[schemars(range(min = 0.01, max = 1.0))]
+    pub friction_parallel: f64,
+    /// Force per length with which strands that lie along each other and touch cling together, N/m: above some 1e-4, the weight of a hair, they keep
+    /// together, wet ones at some 1e-2. Default 0: none. It matters with `--contact full`.
+    #[serde(skip_serializing_if = "is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub cohesion_n_m: f64,
+    /// Internal friction of a wisp: the rate at which a strand loses what it moves otherwise than the coarse wisp that it is in, 1/s; what they move
+    /// together is as it was. Higher keeps wisps together: 10 is dense hair, 100 a lock. Default 0: none.
+    #[serde(skip_serializing_if = "is_none")]
+    #[schemars(range(min = 0.0, max = 1e4))]
+    pub wisp_friction_per_s: f64,
     /// Factor on the air drag of an isolated strand; 1 is physical, 0 is none.
     #[schemars(range(min = 0.0, max = 1e3))]
     pub drag: f64,
@@ -267,4 +282,14 @@ fn is_zero(goal: &[f64; 2]) -> bool {
 #[allow(clippy::trivially_copy_pass_by_ref)]
 fn is_one(x: &f64) -> bool {
     *x == 1.0
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)]
+fn is_half(x: &f64) -> bool {
+    *x == 0.5
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)]
+fn is_none(x: &f64) -> bool {
+    *x == 0.0
 }

@@ -137,6 +137,9 @@ impl From<&MaterialFile> for Material {
             damping: file.damping_s,
             friction: Friction::from_file(file.friction, file.static_friction),
             friction_across: file.friction_across,
+            friction_parallel: file.friction_parallel,
+            cohesion: file.cohesion_n_m,
+            wisp_friction: file.wisp_friction_per_s,
             drag: file.drag,
             shielding: file.shielding,
         }

@@ -139,6 +139,9 @@ impl From<&Material> for MaterialFile {
             friction: m.friction.kinetic,
             static_friction: (m.friction.fixed != m.friction.kinetic).then_some(m.friction.fixed),
             friction_across: m.friction_across,
+            friction_parallel: m.friction_parallel,
+            cohesion_n_m: m.cohesion,
+            wisp_friction_per_s: m.wisp_friction,
             drag: m.drag,
             shielding: m.shielding,
         }
