@@ -245,6 +245,11 @@ impl Bodies {
         self.bodies[body].shape.closest(t, p, max_distance)
     }
 
+    /// Least and greatest that the distance of `p` from a body may be, body frame; see [`Shape::distance_bounds`].
+    pub fn distance_bounds(&self, body: usize, p: &Vector3<f64>) -> [f64; 2] {
+        self.bodies[body].shape.distance_bounds(p)
+    }
+
     /// Where the way from `a` to `b` first goes through the surface of a body at time `t`, s, from either side: share of the way, and the
     /// outward normal there, all in the body's own frame.
     pub fn first_hit(

@@ -1,7 +1,7 @@
 //! Signed distance of one body in its own frame: exact closest point, outward normal.
 
 use super::distance::closest_on_ellipsoid;
-use super::mesh::{Deforming, Mesh};
+use super::mesh::{Deforming, DistanceField, Mesh};
 use crate::math::frame::any_frame;
 use crate::math::polyline::closest_on_segment;
 use crate::scene::{Deformation, Shape as SceneShape};
@@ -67,8 +67,8 @@ pub enum Convex {
 pub enum Shape {
     /// A convex formula.
     Convex(Convex),
-    /// Triangles.
-    Mesh(Box<Mesh>),
+    /// Triangles, and what is remembered of the distance to them.
+    Mesh(Box<Mesh>, DistanceField),
     /// Triangles that move in the body's frame.
     Deforming(Box<Deforming>),
 }
@@ -98,7 +98,11 @@ impl Shape {
                 Some(d) => {
                     Shape::Deforming(Box::new(Deforming::new(&mesh.vertices, &mesh.triangles, d.clone())))
                 }
-                None => Shape::Mesh(Box::new(Mesh::new(&mesh.vertices, &mesh.triangles))),
+                None => {
+                    let mesh = Box::new(Mesh::new(&mesh.vertices, &mesh.triangles));
+                    let field = DistanceField::new(&mesh);
+                    Shape::Mesh(mesh, field)
+                }
             },
         }
     }
@@ -107,7 +111,7 @@ impl Shape {
     pub(super) fn over(&self, times: [f64; 2]) -> Surface<'_> {
         match self {
             Shape::Convex(convex) => Surface::Convex(convex),
-            Shape::Mesh(mesh) => Surface::Mesh([mesh, mesh]),
+            Shape::Mesh(mesh, _) => Surface::Mesh([mesh, mesh]),
             Shape::Deforming(deforming) => Surface::Mesh(times.map(|t| deforming.at(t))),
         }
     }
@@ -115,7 +119,7 @@ impl Shape {
     /// Way in the body's frame that no point of the surface has exceeded up to time `t`, s; m.
     pub(super) fn travel(&self, t: f64) -> f64 {
         match self {
-            Shape::Convex(_) | Shape::Mesh(_) => 0.0,
+            Shape::Convex(_) | Shape::Mesh(..) => 0.0,
             Shape::Deforming(deforming) => deforming.travel(t),
         }
     }
@@ -125,6 +129,15 @@ impl Shape {
         match self.over([t, t]) {
             Surface::Convex(convex) => Some(convex.closest(p)).filter(|s| s.distance.abs() < max_distance),
             Surface::Mesh([mesh, _]) => mesh.closest(p, max_distance),
+        }
+    }
+
+    /// What the signed distance of `p`, body frame, is not below, and its magnitude not above, m, as far as it is known without a search.
+    pub fn distance_bounds(&self, p: &Vector3<f64>) -> [f64; 2] {
+        match self {
+            Shape::Convex(convex) => [convex.closest(p).distance, f64::INFINITY],
+            Shape::Mesh(mesh, field) => field.bounds(mesh, p),
+            Shape::Deforming(_) => [f64::NEG_INFINITY, f64::INFINITY],
         }
     }
 

@@ -129,9 +129,7 @@ impl Coefficients<f64> {
 
 /// exp \[φ\]×: the rotation by |φ| rad about φ (Rodrigues).
 pub fn exp_so3(phi: &Vector3<f64>) -> Matrix3<f64> {
-    let k = Coefficients::anywhere(phi.norm_squared());
-    let h = hat(phi);
-    Matrix3::identity() + h * k.a + h * h * k.b
+    turned_by(phi, &Vector3::zeros()).0
 }
 
 /// The rotation vector of R, |φ| ≤ π.
@@ -178,11 +176,14 @@ pub fn left_jacobian<F: Real>(x: &lanes::Twist<F>, k: &Coefficients<F>) -> LeftJ
     LeftJacobian { j, q }
 }
 
-/// The left Jacobian of the rotation exponential at φ: exp(φ + δ) = exp(J δ) exp(φ) to first order.
-pub fn left_jacobian_so3(phi: &Vector3<f64>) -> Matrix3<f64> {
-    let k = Coefficients::anywhere(phi.norm_squared());
-    let f = hat(phi);
-    Matrix3::identity() + f * k.b + f * f * k.c
+/// exp \[φ\]×, and the angular velocity ω with which it turns, d/dt exp \[φ\]× = \[ω\]× exp \[φ\]×, where φ changes at `rate`.
+pub fn turned_by(phi: &Vector3<f64>, rate: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
+    let t = phi.norm_squared();
+    let k = Coefficients::anywhere(t);
+    let outer = phi * (phi.transpose() * k.b);
+    let r = outer + hat(&(phi * k.a)) + Matrix3::from_diagonal_element(1.0 - t * k.b);
+    let across = phi.cross(rate);
+    (r, rate + across * k.b + phi.cross(&across) * k.c)
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
-//! How a render strand follows a guide: the guide's deviation, seen in the strand's frame and summed over the stretch
-//! between the middles of two edges.
+//! How a render strand follows a guide: by the guide's deviation, in rest space, summed from the root.
 //!
-//! Seen in the strand's frame as it stands beside the guide's at rest: a strand of one guide then turns everywhere as the
-//! guide does at the same arc length, R = R_g R_gᵀ(rest) R(rest), and keeps its place beside it however far both have turned.
+//! A guide whose frames are R(rest) at rest has turned by D at arc length s, R = D R(rest), and D' = D [R(rest) q]×. So R(rest) q, blended
+//! of several guides, turns a strand as they turn, whatever its own frames; a strand of one guide keeps its place beside it
+//! however far both have turned.
 
 use crate::math::se3::{self, Pose};
 use crate::rod::{Rod, Shape};
@@ -22,6 +22,12 @@ impl Place {
         x(k).lerp(&x(k + 1), f64::from(self.u))
     }
 
+    /// Of sums along the guide, one per segment.
+    pub fn sum(self, of: &[Turned]) -> Vector3<f64> {
+        let (u, turned) = (f64::from(self.u), &of[self.segment as usize]);
+        turned.before + (turned.here + turned.bow * (1.0 - u)) * u
+    }
+
     /// The nearest point of the polyline.
     pub fn nearest(self) -> usize {
         self.segment as usize + usize::from(self.u >= 0.5)
@@ -29,23 +35,41 @@ impl Place {
 }
 
 /// A guide at rest.
+#[derive(Debug, Clone)]
 pub(super) struct RestGuide {
-    nodes: Vec<f64>,
     arc: Vec<f64>,
     pose: Vec<Pose>,
     root: Vector3<f64>,
+    turns: Vec<Turn>,
+}
+
+/// The sum of R(rest) q, or of its rate, along a segment of a guide's polyline: at u of it, before + here u + bow u (1 − u), rad.
+#[derive(Debug)]
+pub(super) struct Turned {
+    before: Vector3<f64>,
+    here: Vector3<f64>,
+    bow: Vector3<f64>,
+}
+
+/// What a guide's deviation at two nodes adds to that sum in a segment.
+#[derive(Debug, Clone)]
+struct Turn {
+    /// The first of the nodes.
+    node: usize,
+    /// ∫ R(rest) N ds for either, by Simpson's rule, m.
+    here: [Matrix3<f64>; 2],
+    /// Half the segment's length times the change of R(rest) N over it, less: what the integral to its middle is more than half.
+    bow: [Matrix3<f64>; 2],
 }
 
 impl RestGuide {
     pub fn new(rod: &Rod) -> Self {
         let mut shape = Shape::default();
         shape.update(rod, &rod.root.r, &vec![0.0; rod.unknowns()]);
-        RestGuide {
-            nodes: rod.nodes.clone(),
-            arc: rod.arc_lengths(),
-            pose: shape.poses().collect(),
-            root: rod.root.p,
-        }
+        let (arc, pose): (Vec<f64>, Vec<Pose>) = (rod.arc_lengths(), shape.poses().collect());
+        let turns =
+            arc.windows(2).zip(pose.windows(2)).map(|(s, pose)| Turn::new(&rod.nodes, s, pose)).collect();
+        RestGuide { arc, pose, root: rod.root.p, turns }
     }
 
     pub fn root(&self) -> Vector3<f64> {
@@ -62,101 +86,45 @@ impl RestGuide {
         self.root + place.of(|k| self.pose[k].p)
     }
 
-    /// The place of the rod at arc length `s`, m.
+    /// The place of the rod at arc length `s`, m; past the tip, the tip.
     pub fn place(&self, s: f64) -> Place {
         let i = self.arc.partition_point(|&a| a <= s).clamp(1, self.arc.len() - 1);
         let (from, to) = (self.arc[i - 1], self.arc[i]);
         Place { segment: i as u32 - 1, u: ((s - from) / (to - from)).clamp(0.0, 1.0) as f32 }
     }
 
-    /// Material frame at arc length `s`, held past the tip.
-    fn frame(&self, s: f64) -> Matrix3<f64> {
-        let last = self.arc.len() - 1;
-        let i = self.arc.partition_point(|&a| a <= s).clamp(1, last) - 1;
-        let u = ((s - self.arc[i]) / (self.arc[i + 1] - self.arc[i])).clamp(0.0, 1.0);
-        let (a, b) = (self.pose[i].r, self.pose[i + 1].r);
-        a * se3::exp_so3(&(se3::log_so3(&(a.transpose() * b)) * u))
-    }
-
-    /// ∫ N_i ds over [a, b] for every node but the tip's, as far as the guide reaches: (first node, integrals).
-    fn shares(&self, a: f64, b: f64) -> (usize, Vec<f64>) {
-        let n = self.nodes.len() - 1;
-        let mut first = None;
-        let mut shares = Vec::new();
-        for i in 0..n {
-            let mut sum = 0.0;
-            if i > 0 {
-                sum += ramp(self.nodes[i - 1], self.nodes[i], a, b);
-            }
-            // The falling side is the rising one seen from the other end.
-            sum += ramp(-self.nodes[i + 1], -self.nodes[i], -b, -a);
-            if sum > 0.0 {
-                first.get_or_insert(i);
-                shares.push(sum);
-            } else if first.is_some() {
-                break;
-            }
-        }
-        (first.unwrap_or(0), shares)
+    /// Sums of R(rest) q from the root, rest space, of its deviation `q`, 1/m; their rates, of its rate. One per segment.
+    pub fn turned(&self, q: &[f64]) -> Vec<Turned> {
+        let mut before = Vector3::zeros();
+        let turned = |turn: &Turn| {
+            // The tip's node has no strain.
+            let of = |parts: &[Matrix3<f64>; 2]| {
+                let nodes = q[3 * turn.node..].chunks_exact(3).zip(parts);
+                nodes.fold(Vector3::zeros(), |sum, (q, part)| sum + part * Vector3::new(q[0], q[1], q[2]))
+            };
+            let turned = Turned { before, here: of(&turn.here), bow: of(&turn.bow) };
+            before += turned.here;
+            turned
+        };
+        self.turns.iter().map(turned).collect()
     }
 }
 
-/// ∫ (s − s0)/(s1 − s0) ds over the part of [a, b] in [s0, s1].
-fn ramp(s0: f64, s1: f64, a: f64, b: f64) -> f64 {
-    let (a, b) = (a.max(s0), b.min(s1));
-    if b <= a { 0.0 } else { (b - a) * (0.5 * (a + b) - s0) / (s1 - s0) }
-}
-
-/// How one strand follows one guide. Entry `j` of `align` and `first` is for the turn into edge `j`.
-#[derive(Debug, Clone)]
-pub(super) struct Follow {
-    /// Index of the guide.
-    pub guide: usize,
-    /// Turns the guide's material frame into the strand's, both at rest; times the weight.
-    align: Vec<Matrix3<f64>>,
-    /// First node, and where its integrals start in `share`.
-    first: Vec<(u32, u32)>,
-    /// Integrals of the hat functions, m.
-    share: Vec<f64>,
-}
-
-impl Follow {
-    /// `frames`, `turn` and `length` are the strand's edges at rest.
-    pub fn new(
-        guide: usize,
-        weight: f64,
-        rest: &RestGuide,
-        frames: &[Matrix3<f64>],
-        turn: &[Vector3<f64>],
-        length: &[f64],
-    ) -> Self {
-        let mut follow = Follow { guide, align: Vec::new(), first: Vec::new(), share: Vec::new() };
-        let (mut middle, mut vertex) = (0.0, 0.0);
-        for j in 0..length.len() {
-            let next = vertex + length[j] / 2.0;
-            let (node, shares) = rest.shares(middle, next);
-            follow.first.push((node as u32, follow.share.len() as u32));
-            follow.share.extend(shares);
-            // The strand's frame at the vertex, half way between the two edges'.
-            let own = frames[j] * se3::exp_so3(&(turn[j] * -0.5));
-            let its = rest.frame(vertex);
-            follow.align.push(own.transpose() * its * weight);
-            middle = next;
-            vertex += length[j];
-        }
-        follow.first.push((0, follow.share.len() as u32));
-        follow
-    }
-
-    /// Weighted turn added into edge `j`, in the strand's frame, of the guide's deviation `q`, 1/m; its rate, of the rate of `q`.
-    pub fn turn(&self, j: usize, q: &[f64]) -> Vector3<f64> {
-        let (node, start) = self.first[j];
-        let shares = &self.share[start as usize..self.first[j + 1].1 as usize];
-        let mut sum = Vector3::zeros();
-        for (n, a) in q[3 * node as usize..].chunks_exact(3).zip(shares) {
-            sum += Vector3::new(n[0], n[1], n[2]) * *a;
-        }
-        self.align[j] * sum
+impl Turn {
+    /// For the segment between the arc lengths `s`, m, and the poses there, of a rod with these strain `nodes`.
+    fn new(nodes: &[f64], s: &[f64], pose: &[Pose]) -> Self {
+        let (middle, length) = (0.5 * (s[0] + s[1]), s[1] - s[0]);
+        let node = nodes.partition_point(|&a| a <= middle).clamp(1, nodes.len() - 1) - 1;
+        let [a, b] = [pose[0].r, pose[1].r];
+        let half = a * se3::exp_so3(&(se3::log_so3(&(a.transpose() * b)) * 0.5));
+        let carried = |s: f64, r: Matrix3<f64>| {
+            let u = (s - nodes[node]) / (nodes[node + 1] - nodes[node]);
+            [r * (length * (1.0 - u)), r * (length * u)]
+        };
+        let [a, half, b] = [carried(s[0], a), carried(middle, half), carried(s[1], b)];
+        let both =
+            |f: fn(f64, f64, f64) -> f64| std::array::from_fn(|i| a[i].zip_zip_map(&half[i], &b[i], f));
+        Turn { node, here: both(|a, half, b| (a + 4.0 * half + b) / 6.0), bow: both(|a, _, b| 0.5 * (a - b)) }
     }
 }
 

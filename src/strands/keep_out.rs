@@ -10,7 +10,7 @@ use crate::contact::Bodies;
 use nalgebra::{Isometry3, Vector3};
 
 /// How far a search for a surface reaches beyond the next edge, m.
-const REACH: f64 = 0.02;
+pub(super) const REACH: f64 = 0.02;
 
 /// Turns of one edge, at most: the surface turns away under it as it goes.
 const TURNS: usize = 10;
@@ -48,7 +48,9 @@ impl Kept {
             let mut rooted = true;
             for p in points {
                 let far = REACH.max(2.0 * d);
-                let g = bodies.closest(b, 0.0, p, far).map_or(far, |s| s.distance);
+                let [least, _] = bodies.distance_bounds(b, p);
+                let closest = || bodies.closest(b, 0.0, p, far).map_or(far, |s| s.distance);
+                let g = if least > 2.0 * d { least } else { closest() };
                 rooted &= g <= 0.0;
                 let keep = if rooted {
                     f64::NEG_INFINITY
@@ -107,8 +109,14 @@ impl KeepOut<'_> {
     ) -> (f64, Vector3<f64>) {
         let mut worst = (0.0, Vector3::zeros());
         for (b, keep, spare) in self.near(kept, place, moved, spare) {
-            let (pose, horizon) = (&self.poses[b], moved + REACH);
+            let pose = &self.poses[b];
             let local = pose.inverse_transform_point(&(*x).into()).coords;
+            let [least, most] = self.bodies.distance_bounds(b, &local);
+            if least > keep {
+                *spare = least;
+                continue;
+            }
+            let horizon = most.min(moved + REACH);
             let Some(surface) = self.bodies.closest(b, self.time, &local, horizon) else {
                 *spare = horizon;
                 continue;
@@ -139,13 +147,13 @@ impl KeepOut<'_> {
         })
     }
 
-    /// Distance of `x` from all bodies, m, not above [`REACH`]; negative inside one.
-    pub(super) fn room(&self, x: &Vector3<f64>) -> f64 {
+    /// Distance of `x` from all bodies, m, not above `reach`; negative inside one.
+    pub(super) fn room(&self, x: &Vector3<f64>, reach: f64) -> f64 {
         let distance = |(b, pose): (usize, &Isometry3<f64>)| {
             let local = pose.inverse_transform_point(&(*x).into()).coords;
-            self.bodies.closest(b, self.time, &local, REACH).map_or(REACH, |s| s.distance)
+            self.bodies.closest(b, self.time, &local, reach).map_or(reach, |s| s.distance)
         };
-        self.poses.iter().enumerate().map(distance).fold(REACH, f64::min)
+        self.poses.iter().enumerate().map(distance).fold(reach, f64::min)
     }
 
     /// The direction nearest to `direction`, more or less, in which an edge of `length` from `x` ends far enough from all bodies, and how much

@@ -38,6 +38,11 @@ impl KeepOut<'_> {
     }
 
     fn retreat_from(&self, body: usize, guide: &Vector3<f64>, free: &Vector3<f64>) -> f64 {
+        let [near_guide, near_free] = [guide, free].map(|x| self.bodies.distance_bounds(body, x)[0].max(0.0));
+        // No surface is in two balls that cover the way.
+        if near_guide + near_free > (free - guide).norm() {
+            return 0.0;
+        }
         let hit = |a, b| self.bodies.first_hit(body, self.time, a, b);
         let Some((share, entry)) = hit(guide, free) else { return 0.0 };
         let way = free - guide;

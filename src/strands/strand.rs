@@ -1,13 +1,12 @@
 //! One render strand: as it would be without bodies, and laid outside them.
 
-use super::follow::{Follow, Place, RestGuide};
+use super::follow::{Place, RestGuide, Turned};
 use super::keep_out::{KeepOut, Kept, Lean, Spare};
 use super::relax::relax;
-use super::{GuideMotion, HeadMotion, Moment, Stand};
+use super::{FOLLOWED, HeadMotion, Moment, Stand};
 use crate::contact::Bodies;
-use crate::math::frame::{any_frame, transport};
-use crate::math::se3;
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use crate::math::se3::turned_by;
+use nalgebra::{Isometry3, Vector3};
 
 /// Tangent of the angle at which a strand comes to its guide, or goes from it, because of a body, at most. More, and strands cannot
 /// follow and go through; less, and what one place asks for is seen far from it.
@@ -19,21 +18,42 @@ const TOO_DEEP: f64 = 1.5e-3;
 /// Times that the strand is laid to see whether it asks for more.
 const CORRECTIONS: usize = 2;
 
-/// A render strand at rest: root, frame of the first edge, then for every edge its length and the turn into it from
-/// the edge before (rotation vector in the material frame; zero for the first).
+/// A render strand at rest.
 #[derive(Debug, Clone)]
 pub(super) struct Strand {
     root: Vector3<f64>,
-    frame: Matrix3<f64>,
-    turn: Vec<Vector3<f64>>,
-    length: Vec<f64>,
-    /// The guides; what bodies are concerned, the first stands for all.
-    follow: Vec<Follow>,
-    /// Place of the first guide that is beside each vertex.
-    beside: Vec<Place>,
-    /// Whether a body lies between that and the vertex at rest.
-    apart: Vec<bool>,
+    /// The guides by index, with their weights; what bodies are concerned, the first stands for all.
+    follow: Vec<(usize, f64)>,
+    edges: Vec<Edge>,
+    /// Place of the first guide that is beside the root.
+    beside: Place,
+    /// Whether a body lies between that and the root at rest.
+    apart: bool,
     kept: Kept,
+}
+
+/// An edge of a strand at rest, and the vertex at its end.
+#[derive(Debug, Clone)]
+struct Edge {
+    /// From its start to its end, m, rest space: single, as it will be written, for much of the time goes into reading edges.
+    way: Vector3<f32>,
+    /// Where on each guide its middle is: at the same arc length.
+    middle: [Place; FOLLOWED],
+    /// Place of the first guide that is beside the end.
+    beside: Place,
+    /// Whether a body lies between that and the end at rest.
+    apart: bool,
+}
+
+impl Edge {
+    fn way(&self) -> Vector3<f64> {
+        self.way.cast()
+    }
+
+    /// Length, m.
+    fn length(&self) -> f64 {
+        self.way().norm()
+    }
 }
 
 /// A strand at one moment.
@@ -61,59 +81,53 @@ impl Strand {
         bodies: &Bodies,
         thickness: &[f64],
     ) -> Self {
-        let edges: Vec<Vector3<f64>> = points.windows(2).map(|w| w[1] - w[0]).collect();
-        let length: Vec<f64> = edges.iter().map(|e| e.norm()).collect();
-        // An edge of no length keeps the direction of its predecessor.
-        let mut direction = edges.iter().find_map(|e| e.try_normalize(0.0)).unwrap_or(Vector3::z());
-        let mut frames: Vec<Matrix3<f64>> = Vec::with_capacity(edges.len());
-        let mut turn = Vec::with_capacity(edges.len());
-        for e in &edges {
-            direction = e.try_normalize(1e-12).unwrap_or(direction);
-            let frame = match frames.last() {
-                None => any_frame(&direction),
-                Some(last) => transport(&last.column(2).into(), &direction) * last,
-            };
-            turn.push(
-                frames.last().map_or(Vector3::zeros(), |last| se3::log_so3(&(last.transpose() * frame))),
-            );
-            frames.push(frame);
-        }
         // Roots closer than this to a guide's follow that guide alone, smoothly.
         let soft = 1e-4;
         let weights: Vec<f64> = near.iter().map(|(d, _)| 1.0 / (d * d + soft * soft)).collect();
         let sum: f64 = weights.iter().sum();
-        let follow = near
-            .iter()
-            .zip(&weights)
-            .map(|((_, g), w)| Follow::new(*g, w / sum, &rest[*g], &frames, &turn, &length))
-            .collect();
+        let follow: Vec<_> = near.iter().zip(&weights).map(|((_, g), w)| (*g, w / sum)).collect();
         let first = &rest[near[0].1];
+        let ways = points.windows(2).map(|w| w[1] - w[0]);
         // Past the end of a shorter guide there would be nothing to retreat to.
-        let pace = (first.length() / length.iter().sum::<f64>()).min(1.0);
-        let mut arc = 0.0;
-        let mut beside = vec![first.place(0.0)];
-        for l in &length {
-            arc += l * pace;
-            beside.push(first.place(arc));
-        }
+        let pace = (first.length() / ways.clone().map(|way| way.norm()).sum::<f64>()).min(1.0);
         let poses = vec![Isometry3::identity(); thickness.len()];
         let at_rest = KeepOut { bodies, time: 0.0, poses: &poses };
-        let apart = |(x, place): (&Vector3<f64>, &Place)| at_rest.retreat(&first.at(*place), x) > 0.0;
+        let apart = |x: &Vector3<f64>, place| at_rest.retreat(&first.at(place), x) > 0.0;
+        let mut arc = 0.0;
+        let edge = |(way, end): (Vector3<f64>, &Vector3<f64>)| {
+            let length = way.norm();
+            let middle = arc + 0.5 * length;
+            arc += length;
+            let beside = first.place(arc * pace);
+            let middle = std::array::from_fn(|i| rest[near[i.min(near.len() - 1)].1].place(middle));
+            Edge { way: way.cast(), middle, beside, apart: apart(end, beside) }
+        };
+        let edges = ways.zip(&points[1..]).map(edge).collect();
+        let beside = first.place(0.0);
         Strand {
             root: points[0],
-            frame: frames[0],
-            turn,
-            length,
             follow,
-            apart: points.iter().zip(&beside).map(apart).collect(),
+            edges,
             beside,
+            apart: apart(&points[0], beside),
             kept: Kept::new(bodies, thickness, points),
         }
     }
 
     /// The guide of nearest root, by index.
     pub fn nearest(&self) -> usize {
-        self.follow[0].guide
+        self.follow[0].0
+    }
+
+    /// How far it is from the place beside it on the first guide, m, rest space, at most.
+    pub fn reach(&self, rest: &RestGuide) -> f64 {
+        let mut x = self.root;
+        let mut far = (x - rest.at(self.beside)).norm();
+        for edge in &self.edges {
+            x += edge.way();
+            far = far.max((x - rest.at(edge.beside)).norm());
+        }
+        far
     }
 
     /// The strand as it would be without bodies, edge by edge from the root; `each` gets the start and the end of every edge with their
@@ -121,52 +135,66 @@ impl Strand {
     fn free(
         &self,
         head: &HeadMotion,
-        guides: &[GuideMotion],
+        stands: &[Stand],
         moving: bool,
         mut each: impl FnMut(usize, [(Vector3<f64>, Vector3<f64>); 2]),
     ) {
         let (mut x, mut v) = head.carry(&self.root);
-        let mut frame = head.rotation * self.frame;
-        let mut spin = head.spin;
-        for (j, (turn, &length)) in self.turn.iter().zip(&self.length).enumerate() {
-            let phi = self.follow.iter().fold(*turn, |phi, f| phi + f.turn(j, guides[f.guide].q));
-            if moving {
-                let rate: Vector3<f64> = self.follow.iter().map(|f| f.turn(j, guides[f.guide].rate)).sum();
-                spin += frame * (se3::left_jacobian_so3(&phi) * rate);
-            }
-            frame *= se3::exp_so3(&phi);
+        // From rest space to the edge at hand, and how that turns.
+        let (mut turned, mut spin) = (head.rotation, head.spin);
+        let [mut before, mut rate_before] = [Vector3::zeros(); 2];
+        for (j, edge) in self.edges.iter().enumerate() {
+            let sum = |of: fn(&Stand) -> &[Turned]| {
+                let parts = self.follow.iter().zip(edge.middle);
+                parts.fold(Vector3::zeros(), |sum, ((guide, weight), middle)| {
+                    sum + middle.sum(of(&stands[*guide])) * *weight
+                })
+            };
+            let now = sum(|stand| &stand.turned);
+            let turn = if moving {
+                let rate_now = sum(|stand| &stand.turning);
+                let (turn, rate) = turned_by(&(now - before), &(rate_now - rate_before));
+                spin += turned * rate;
+                rate_before = rate_now;
+                turn
+            } else {
+                turned_by(&(now - before), &Vector3::zeros()).0
+            };
+            before = now;
+            turned *= turn;
             let start = (x, v);
-            let edge = frame.column(2) * length;
-            x += edge;
-            v += spin.cross(&edge);
+            let way = turned * edge.way();
+            x += way;
+            v += spin.cross(&way);
             each(j, [start, (x, v)]);
         }
     }
 
     /// By how much each vertex has to retreat, into `trace.retreat`: for what lies between it and its guide, and wholly where the
     /// strand so laid still comes to lie too deep.
-    pub fn retreat(&self, moment: &Moment, guides: &[GuideMotion], stands: &[Stand], trace: &mut Trace) {
-        let stand = &stands[self.follow[0].guide];
+    pub fn retreat(&self, moment: &Moment, stands: &[Stand], trace: &mut Trace) {
+        let stand = &stands[self.nearest()];
         let Trace { retreat, offset, .. } = trace;
         retreat.clear();
         offset.clear();
-        let mut see = |vertex: usize, x: &Vector3<f64>| {
-            let place = self.beside[vertex];
+        let mut see = |(place, apart): (Place, bool), x: &Vector3<f64>| {
             let guide = stand.at(place);
             offset.push((x - guide).norm());
             // A guide that is itself inside does not tell.
             let outside = stand.room[place.nearest()] > 0.0;
-            let hidden = outside && !self.apart[vertex] && !stand.clears(place, x, 0.0);
+            let hidden = outside && !apart && !stand.clears(place, x, 0.0);
             retreat.push(if hidden { moment.keep_out.retreat(&guide, x) } else { 0.0 });
         };
-        see(0, &moment.head.carry(&self.root).0);
-        self.free(&moment.head, guides, false, |j, [_, (x, _)]| see(j + 1, &x));
+        see((self.beside, self.apart), &moment.head.carry(&self.root).0);
+        self.free(&moment.head, stands, false, |j, [_, (x, _)]| {
+            see((self.edges[j].beside, self.edges[j].apart), &x);
+        });
         if retreat.iter().all(|share| *share == 0.0) {
             return;
         }
         self.spread(trace);
         for _ in 0..CORRECTIONS {
-            self.trace(moment, guides, stands, false, trace);
+            self.trace(moment, stands, false, trace);
             if trace.deep.is_empty() {
                 break;
             }
@@ -180,7 +208,7 @@ impl Strand {
     /// Spreads retreats along the strand: it needs some length to come to its guide, and to go from it.
     fn spread(&self, trace: &mut Trace) {
         let Trace { retreat, offset, .. } = trace;
-        let fall = |j: usize| SLOPE * self.length[j - 1] / offset[j].max(offset[j - 1]).max(1e-9);
+        let fall = |j: usize| SLOPE * self.edges[j - 1].length() / offset[j].max(offset[j - 1]).max(1e-9);
         for j in 1..retreat.len() {
             retreat[j] = retreat[j].max(retreat[j - 1] - fall(j));
         }
@@ -191,16 +219,9 @@ impl Strand {
 
     /// Rebuilds the strand at a moment, with the retreats in `trace`; the guides stand as in `stands`. Velocities mean nothing where they
     /// are not asked for (`moving`).
-    pub fn trace(
-        &self,
-        moment: &Moment,
-        guides: &[GuideMotion],
-        stands: &[Stand],
-        moving: bool,
-        trace: &mut Trace,
-    ) {
+    pub fn trace(&self, moment: &Moment, stands: &[Stand], moving: bool, trace: &mut Trace) {
         let Moment { head, keep_out } = moment;
-        let stand = &stands[self.follow[0].guide];
+        let stand = &stands[self.nearest()];
         let Trace { retreat, track, deep, spare, .. } = trace;
         for spare in spare.iter_mut() {
             spare.clear();
@@ -211,9 +232,10 @@ impl Strand {
         track.clear();
         track.push(head.carry(&self.root));
         deep.clear();
-        self.free(head, guides, moving, |j, [(start, _), (end, v)]| {
-            let (length, place) = (self.length[j], (j + 1, self.length.len() + 1));
-            let [from, to] = [j, j + 1].map(|k| self.beside[k]);
+        let mut from = self.beside;
+        self.free(head, stands, moving, |j, [(start, _), (end, v)]| {
+            let (length, to) = (self.edges[j].length(), self.edges[j].beside);
+            let place = (j + 1, self.edges.len() + 1);
             let clear = |x: &Vector3<f64>| stand.clears(to, x, self.kept.most());
             if lean.is_none() {
                 let too_near = if clear(&end) {
@@ -238,6 +260,7 @@ impl Strand {
                 }
                 lean.0
             });
+            from = to;
             track.push((x, v));
         });
         trace.leans = lean.is_some();
@@ -249,7 +272,8 @@ impl Strand {
         let mut x: Vec<_> = trace.track.iter().map(|(x, _)| *x).collect();
         let vertices = x.len();
         let push = |k: usize, x: &Vector3<f64>| keep_out.pushed_out(&self.kept, (k, vertices), x, TOO_DEEP);
-        relax(&mut x, &self.length, last, push);
+        let length: Vec<f64> = self.edges.iter().map(Edge::length).collect();
+        relax(&mut x, &length, last, push);
         trace.track.iter_mut().zip(x).for_each(|(track, x)| track.0 = x);
     }
 }

@@ -3,9 +3,11 @@
 //! inside-outside segmentation using generalized winding numbers", 2013).
 
 mod deforming;
+mod field;
 mod topology;
 
 pub use deforming::Deforming;
+pub use field::DistanceField;
 
 use super::distance::{Part, closest_on_triangle, weights};
 use super::shape::{Feature, SurfacePoint};

@@ -1,0 +1,91 @@
+//! Bounds of the distance to a mesh that keeps its shape, remembered in a grid: where much hair asks about much the same places.
+
+use super::{Bounds, Mesh};
+use nalgebra::Vector3;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// How far beyond the mesh the grid reaches, m.
+const MARGIN: f64 = 0.05;
+
+/// Least size of a cell, m.
+const FINEST: f64 = 3e-3;
+
+/// Most cells.
+const CELLS: f64 = 2e6;
+
+/// A grid over a mesh. Each cell holds the signed distance of its middle, found when the cell is first asked for: a number that follows from
+/// the cell alone, so that it does not matter who asks first.
+#[derive(Debug)]
+pub struct DistanceField {
+    /// The mesh's own box.
+    bounds: Bounds,
+    /// Corner of the grid, m, and size of its cells.
+    corner: Vector3<f64>,
+    cell: f64,
+    /// Cells along each axis.
+    count: [usize; 3],
+    /// The bits of an f32, m; NaN where nobody asked yet.
+    distance: OnceLock<Vec<AtomicU32>>,
+}
+
+impl DistanceField {
+    /// A grid that nobody has asked yet; it takes memory from the first question on.
+    pub fn new(mesh: &Mesh) -> Self {
+        let bounds = Bounds::around(&mesh.vertices, 0.0);
+        let size = (bounds.max - bounds.min).add_scalar(2.0 * MARGIN);
+        let cell = (size.product() / CELLS).cbrt().max(FINEST);
+        let count = std::array::from_fn(|i| (size[i] / cell).ceil() as usize);
+        let corner = bounds.min.add_scalar(-MARGIN);
+        DistanceField { bounds, corner, cell, count, distance: OnceLock::new() }
+    }
+
+    /// What the signed distance of `p`, body frame, from the mesh is not below, and its magnitude not above, m.
+    pub fn bounds(&self, mesh: &Mesh, p: &Vector3<f64>) -> [f64; 2] {
+        let at = (p - self.corner) / self.cell;
+        if (0..3).any(|i| at[i] < 0.0 || at[i] >= self.count[i] as f64) {
+            let gap = (self.bounds.min - p).sup(&(p - self.bounds.max)).sup(&Vector3::zeros());
+            return [gap.norm() * (1.0 - 1e-9), f64::INFINITY];
+        }
+        let cell = at.map(|x| x as usize);
+        let middle = self.corner + cell.map(|i| i as f64 + 0.5) * self.cell;
+        let cells = self.distance.get_or_init(|| {
+            let none = || AtomicU32::new(f32::NAN.to_bits());
+            std::iter::repeat_with(none).take(self.count.iter().product()).collect()
+        });
+        let slot = &cells[(cell.z * self.count[1] + cell.y) * self.count[0] + cell.x];
+        let mut distance = f32::from_bits(slot.load(Ordering::Relaxed));
+        if distance.is_nan() {
+            distance = mesh.closest(&middle, f64::INFINITY).map_or(f32::MAX, |s| s.distance as f32);
+            slot.store(distance.to_bits(), Ordering::Relaxed);
+        }
+        // For the rounding of an f32.
+        let (distance, away) = (f64::from(distance), (p - middle).norm() + 1e-6 * self.cell);
+        let away = away + 1e-7 * distance.abs();
+        [distance - away, distance.abs() + away]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Shape;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn bounds_hold_in_the_grid_and_beyond_it(places in prop::collection::vec(prop::array::uniform3(-0.15..0.15_f64), 40)) {
+            let solid = Shape::Capsule { ends: [Vector3::zeros(), Vector3::y() * 0.05], radius: 0.03 }.tessellate();
+            let mesh = Mesh::new(&solid.vertices, &solid.triangles);
+            let field = DistanceField::new(&mesh);
+            for p in places.iter().map(|p| Vector3::from(*p)) {
+                let d = mesh.closest(&p, f64::INFINITY).unwrap().distance;
+                // Asked twice: what is found, and what is remembered.
+                for [least, most] in [(); 2].map(|()| field.bounds(&mesh, &p)) {
+                    prop_assert!(least <= d && d.abs() <= most, "{least} {d} {most}");
+                    prop_assert!(least > d - 0.02 || d > 0.05, "{least} tells nothing of {d}");
+                }
+            }
+        }
+    }
+}

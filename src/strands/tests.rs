@@ -1,0 +1,332 @@
+//! Tests of interpolation as a whole.
+
+use super::*;
+use crate::math::se3;
+use crate::rod::{Cut, RodSource, Shape};
+use nalgebra::Isometry3;
+
+const LEAF: (u32, u32) = (0, 0);
+
+/// Across the plane in which equal entries of a rod along x bend it, m.
+const BESIDE: Vector3<f64> = Vector3::new(0.0, 0.055, 0.055);
+
+fn helix(n: usize, phase: f64) -> Vec<Vector3<f64>> {
+    (0..n)
+        .map(|i| {
+            let a = i as f64 / (n - 1) as f64 * 6.0;
+            Vector3::new(
+                0.01 * ((a + phase).cos() - phase.cos()),
+                -0.03 * a,
+                0.01 * ((a + phase).sin() - phase.sin()),
+            )
+        })
+        .collect()
+}
+
+fn rod(points: &[Vector3<f64>]) -> Rod {
+    let arc: Vec<f64> = (0..8).map(|i| (i as f64 / 7.0).powf(1.5)).collect();
+    Rod::new(&RodSource {
+        points,
+        root_frame: None,
+        arc: &arc,
+        stiffness: [8e-9, 8e-9, 4e-9],
+        line_density: 6.6e-6,
+        damping: 0.0,
+        natural: None,
+        cut: Cut { length: 0.005, ..Cut::FINE },
+    })
+    .unwrap()
+}
+
+fn still() -> HeadMotion {
+    HeadMotion {
+        rotation: Matrix3::identity(),
+        translation: Vector3::zeros(),
+        spin: Vector3::zeros(),
+        velocity: Vector3::zeros(),
+    }
+}
+
+fn curves(strands: &[Vec<Vector3<f64>>]) -> Curves {
+    let mut c = Curves { offsets: vec![0], ..Curves::default() };
+    for (i, s) in strands.iter().enumerate() {
+        c.points.extend(s);
+        c.offsets.push(c.points.len());
+        c.id.push(i as i32);
+    }
+    c
+}
+
+fn run(
+    c: &Curves,
+    rods: &[&Rod],
+    q: &[Vec<f64>],
+    rate: &[Vec<f64>],
+    head: &HeadMotion,
+) -> [Vec<[f32; 3]>; 2] {
+    let guides: Vec<_> = rods.iter().map(|r| (*r, LEAF)).collect();
+    let bodies = Bodies::from_shapes(&[]);
+    let interpolator = Interpolator::new(c, &vec![LEAF; c.len()], &guides, &bodies, &[]);
+    let moment = Moment { head: *head, keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &[] } };
+    let motion: Vec<_> =
+        rods.iter().zip(q).zip(rate).map(|((&rod, q), rate)| GuideMotion { rod, q, rate }).collect();
+    let mut out = [vec![[0.0; 3]; c.points.len()], vec![[0.0; 3]; c.points.len()]];
+    let [p, v] = &mut out;
+    let retreats = interpolator.retreats(&moment, &motion);
+    interpolator.evaluate(
+        &[moment, moment],
+        &motion,
+        (&[&retreats; 5], 0.0, 1.0),
+        &Matrix3::identity(),
+        p,
+        v,
+    );
+    out
+}
+
+fn wide(p: &[f32; 3]) -> Vector3<f64> {
+    Vector3::new(p[0].into(), p[1].into(), p[2].into())
+}
+
+#[test]
+fn rest_is_the_groom_and_edges_keep_their_length() {
+    let strands = [helix(16, 0.0), helix(24, 1.0)];
+    let r = rod(&strands[0]);
+    let c = curves(&strands);
+    let zero = vec![0.0; r.unknowns()];
+    let [p, _] = run(&c, &[&r], std::slice::from_ref(&zero), std::slice::from_ref(&zero), &still());
+    for (a, b) in p.iter().zip(&c.points) {
+        assert!((wide(a) - b).norm() < 1e-7);
+    }
+    let q: Vec<f64> = (0..r.unknowns()).map(|i| (i as f64).sin() * 15.0).collect();
+    let [p, _] = run(&c, &[&r], &[q], &[zero], &still());
+    for s in 0..2 {
+        let range = c.offsets[s]..c.offsets[s + 1];
+        for (a, b) in p[range.clone()].windows(2).zip(c.points[range].windows(2)) {
+            let rest = (b[1] - b[0]).norm();
+            assert!(((wide(&a[1]) - wide(&a[0])).norm() / rest - 1.0).abs() < 1e-4);
+        }
+    }
+}
+
+#[test]
+fn a_strand_on_its_guide_stays_on_it() {
+    // Second order in the edges: 4 times closer with edges half as long.
+    let off = |n: usize| {
+        let points = helix(n, 0.0);
+        let r = rod(&helix(200, 0.0));
+        let q: Vec<f64> = (0..r.unknowns()).map(|i| (i as f64 * 0.7).sin() * 8.0).collect();
+        let zero = vec![0.0; q.len()];
+        let [p, _] = run(&curves(&[points]), &[&r], std::slice::from_ref(&q), &[zero], &still());
+        let mut shape = Shape::default();
+        shape.update(&r, &r.root.r, &q);
+        (wide(&p[n - 1]) - shape.x(r.points() - 1)).norm() / r.length()
+    };
+    let (coarse, fine) = (off(17), off(33));
+    assert!(coarse < 0.02 && fine < 0.35 * coarse, "{coarse} {fine}");
+}
+
+#[test]
+fn a_strand_beside_its_guide_turns_as_the_guide_does() {
+    // Standing off across the guide, where a deviation carried along the smallest turn between the tangents fails.
+    let line: Vec<_> = (0..200).map(|i| Vector3::x() * (0.2 * f64::from(i) / 199.0)).collect();
+    let r = rod(&line);
+    let across: Vec<_> =
+        (0..129).map(|i| (Vector3::y() + Vector3::x()) * (0.14 * f64::from(i) / 128.0)).collect();
+    let q: Vec<f64> = (0..r.unknowns()).map(|i| (i as f64 * 0.7).sin() * 8.0).collect();
+    let zero = vec![0.0; q.len()];
+    let [p, _] =
+        run(&curves(std::slice::from_ref(&across)), &[&r], std::slice::from_ref(&q), &[zero], &still());
+    let mut shape = Shape::default();
+    shape.update(&r, &r.root.r, &q);
+    let turn = shape.poses().last().unwrap().r * r.root.r.transpose();
+    let rest = (across[128] - across[127]).normalize();
+    let now = (wide(&p[128]) - wide(&p[127])).normalize();
+    assert!((now - rest).norm() > 0.1, "does not turn");
+    assert!((now - turn * rest).norm() < 0.01, "{now} {}", turn * rest);
+}
+
+#[test]
+fn velocities_are_the_slopes_of_the_points() {
+    let strands = [helix(16, 0.3), helix(16, 2.0)];
+    let rods = [rod(&strands[0]), rod(&strands[1])];
+    let c = curves(&[helix(16, 1.0)]);
+    let q: Vec<Vec<f64>> =
+        rods.iter().map(|r| (0..r.unknowns()).map(|i| (i as f64).cos() * 10.0).collect()).collect();
+    let rate: Vec<Vec<f64>> =
+        q.iter().map(|q| (0..q.len()).map(|i| (i as f64 * 1.3).sin() * 40.0).collect()).collect();
+    let spin = Vector3::new(3.0, -1.0, 2.0);
+    let at = |t: f64| {
+        let q: Vec<Vec<f64>> =
+            q.iter().zip(&rate).map(|(q, r)| q.iter().zip(r).map(|(q, r)| q + t * r).collect()).collect();
+        let head = HeadMotion {
+            rotation: se3::exp_so3(&(spin * t)),
+            translation: Vector3::new(0.2, -0.1, 0.4) * t,
+            spin,
+            velocity: Vector3::new(0.2, -0.1, 0.4),
+        };
+        run(&c, &[&rods[0], &rods[1]], &q, &rate, &head)
+    };
+    let t = 2e-3;
+    let [_, v] = at(0.0);
+    let ([hi, _], [lo, _]) = (at(t), at(-t));
+    for i in 0..v.len() {
+        let slope = (wide(&hi[i]) - wide(&lo[i])) / (2.0 * t);
+        assert!((slope - wide(&v[i])).norm() < 2e-3 * (1.0 + slope.norm()), "{i}: {slope} {:?}", v[i]);
+    }
+}
+
+#[test]
+fn a_strand_is_turned_out_of_a_body_and_keeps_its_length_and_velocity() {
+    use crate::scene::Shape as Solid;
+    // A straight strand that its guide, which passes beside it, bends into a ball.
+    let line: Vec<_> = (0..33).map(|i| Vector3::x() * (0.2 * f64::from(i) / 32.0)).collect();
+    let r = rod(&line.iter().map(|p| p + BESIDE).collect::<Vec<_>>());
+    let c = curves(&[line]);
+    let q: Vec<f64> = (0..r.unknowns()).map(|i| if i % 3 == 2 { 0.0 } else { 12.0 }).collect();
+    let rate: Vec<f64> = q.iter().map(|q| 8.0 * q).collect();
+    let mut free = Shape::default();
+    free.update(&r, &r.root.r, &q);
+    let middle = free.x(r.points() * 6 / 10);
+    let centre = middle + (middle - Vector3::x() * 0.12).normalize() * 0.02;
+    let ball = Solid::Sphere { centre, radius: 0.05 };
+    let bodies = Bodies::from_shapes(&[ball]);
+    let interpolator = Interpolator::new(&c, &[LEAF], &[(&r, LEAF)], &bodies, &[0.0005]);
+    let moment = Moment {
+        head: still(),
+        keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] },
+    };
+    let retreats = interpolator.retreats(&moment, &[GuideMotion { rod: &r, q: &q, rate: &rate }]);
+    let at = |t: f64| {
+        let q: Vec<f64> = q.iter().zip(&rate).map(|(q, r)| q + t * r).collect();
+        let motion = [GuideMotion { rod: &r, q: &q, rate: &rate }];
+        let mut out = [vec![[0.0; 3]; 33], vec![[0.0; 3]; 33]];
+        let [p, v] = &mut out;
+        interpolator.evaluate(
+            &[moment, moment],
+            &motion,
+            (&[&retreats; 5], 0.0, 1.0),
+            &Matrix3::identity(),
+            p,
+            v,
+        );
+        out
+    };
+    let [p, v] = at(0.0);
+    let depth = p.iter().map(|x| (wide(x) - centre).norm() - 0.05).fold(f64::INFINITY, f64::min);
+    assert!((-1e-6..0.002).contains(&depth), "does not lean on the ball: {depth}");
+    for e in p.windows(2) {
+        assert!(((wide(&e[1]) - wide(&e[0])).norm() / 0.00625 - 1.0).abs() < 1e-4);
+    }
+    // It comes towards its guide, beside which it ran.
+    let across = (r.root.p + free.x(r.points() - 1) - wide(&p[32])).dot(&BESIDE.normalize());
+    assert!(across < 0.9 * BESIDE.norm(), "{across} m beside its guide");
+    let t = 2e-3;
+    let ([hi, _], [lo, _]) = (at(t), at(-t));
+    let slip = (wide(&hi[32]) - wide(&lo[32])) / (2.0 * t);
+    assert!((slip - wide(&v[32])).norm() < 0.1 * slip.norm().max(0.1), "{slip} {:?}", v[32]);
+}
+
+#[test]
+fn a_body_is_seen_after_vertices_that_were_not_looked_for() {
+    use crate::scene::Shape as Solid;
+    // Far from its guide, so that the ball is looked for; near it, so that it is not; then into the ball, which has come here.
+    let at = |x: f64, y: f64| Vector3::new(x, y, 0.0);
+    let c = curves(&[vec![at(0.0, 0.0), at(0.01, 0.03), at(0.02, 0.0), at(0.05, 0.01)]]);
+    let r = rod(&(0..9).map(|i| at(0.05 * f64::from(i) / 8.0, 0.0)).collect::<Vec<_>>());
+    let bodies = Bodies::from_shapes(&[Solid::Sphere { centre: Vector3::x(), radius: 0.01 }]);
+    let interpolator = Interpolator::new(&c, &[LEAF], &[(&r, LEAF)], &bodies, &[0.0005]);
+    let poses = [Isometry3::translation(-0.945, 0.018, 0.0)];
+    let moment = Moment { head: still(), keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &poses } };
+    let still = vec![0.0; r.unknowns()];
+    let motion = [GuideMotion { rod: &r, q: &still, rate: &still }];
+    let retreats = interpolator.retreats(&moment, &motion);
+    let [mut p, mut v] = [vec![[0.0; 3]; 4], vec![[0.0; 3]; 4]];
+    let scene = Matrix3::identity();
+    interpolator.evaluate(&[moment; 2], &motion, (&[&retreats; 5], 0.0, 1.0), &scene, &mut p, &mut v);
+    let distance = |x: &Vector3<f64>| (x - at(0.055, 0.018)).norm() - 0.01;
+    assert!(distance(&c.points[3]) < -5e-4 && distance(&wide(&p[3])) > 4e-4, "{:?}", p[3]);
+}
+
+#[test]
+fn a_strand_stays_out_of_two_bodies_that_it_runs_into_the_crease_of() {
+    use crate::scene::Shape as Solid;
+    // A floor and a wall that leans over it have come to where the strand is: what turns out of the wall turns into the floor.
+    let run = Vector3::new(0.9, -0.3, 0.3).normalize() * 0.008;
+    let line = |z: f64| (0..9).map(|i| run * f64::from(i) + Vector3::z() * z).collect::<Vec<_>>();
+    let (c, r) = (curves(&[line(0.0)]), rod(&line(0.1)));
+    let walls = [(Vector3::y(), -0.01), (Vector3::new(-0.75_f64.sqrt(), -0.5, 0.0), -0.02)];
+    let shapes = walls.map(|(normal, _)| Solid::Plane { point: -normal, normal });
+    let bodies = Bodies::from_shapes(&shapes);
+    let interpolator = Interpolator::new(&c, &[LEAF], &[(&r, LEAF)], &bodies, &[0.0005; 2]);
+    let poses = walls.map(|(normal, at)| Isometry3::from(normal * (1.0 + at)));
+    let moment = Moment { head: still(), keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &poses } };
+    let zero = vec![0.0; r.unknowns()];
+    let motion = [GuideMotion { rod: &r, q: &zero, rate: &zero }];
+    let retreats = vec![0.0; 9];
+    let [mut p, mut v] = [vec![[0.0; 3]; 9], vec![[0.0; 3]; 9]];
+    let scene = Matrix3::identity();
+    interpolator.evaluate(&[moment; 2], &motion, (&[&retreats; 5], 0.0, 1.0), &scene, &mut p, &mut v);
+    for (normal, at) in &walls {
+        let depth = |x: &Vector3<f64>| at - normal.dot(x);
+        assert!(depth(&line(0.0)[8]) > 5e-3);
+        let deepest = p.iter().map(|x| depth(&wide(x))).fold(f64::NEG_INFINITY, f64::max);
+        assert!(deepest < 1e-4, "{deepest} m inside {normal}");
+    }
+}
+
+#[test]
+fn a_strand_stays_on_its_guides_side_of_a_thin_body() {
+    use crate::scene::{Shape as Solid, TriMesh};
+    // A guide bends down to above a plate, and its strand, which runs below it, would go through.
+    let line = |y: f64| (0..33).map(|i| Vector3::new(0.2 * f64::from(i) / 32.0, y, 0.0)).collect::<Vec<_>>();
+    let mut strand = line(0.0);
+    // Real strands have edges of no length.
+    strand.insert(16, strand[16]);
+    let (r, c) = (rod(&line(0.03)), curves(&[strand]));
+    let mut free = Shape::default();
+    // Whichever entries of a rod along x bend it in this plane.
+    let bend = |i: usize| (0..r.unknowns()).map(|k| if k % 3 == i { 1.0 } else { 0.0 }).collect::<Vec<f64>>();
+    let basis = [bend(0), bend(1)];
+    let lift = basis.clone().map(|q| {
+        free.update(&r, &r.root.r, &q);
+        free.x(r.points() - 1).yz()
+    });
+    let det = lift[0].perp(&lift[1]);
+    let (a, b) = (-0.022 * lift[1].y / det, 0.022 * lift[0].y / det);
+    let q: Vec<f64> = basis[0].iter().zip(&basis[1]).map(|(u, v)| a * u + b * v).collect();
+    free.update(&r, &r.root.r, &q);
+    let tip = free.x(r.points() - 1) + r.root.p;
+    assert!((0.006..0.010).contains(&tip.y) && tip.z.abs() < 2e-3, "{tip}");
+    let corner = |i: usize| {
+        let pick = |bit: usize, ends: [f64; 2]| ends[(i >> bit) & 1];
+        Vector3::new(pick(0, [0.05, 0.3]), pick(1, [-0.007, -0.005]), pick(2, [-0.1, 0.1]))
+    };
+    let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let plate = TriMesh {
+        file: "plate.obj".into(),
+        vertices: (0..8).map(corner).collect(),
+        triangles: quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
+    };
+    let lowest = |bodies: &Bodies, poses: &[Isometry3<f64>]| {
+        let thickness = vec![0.0005; poses.len()];
+        let interpolator = Interpolator::new(&c, &[LEAF], &[(&r, LEAF)], bodies, &thickness);
+        let moment = Moment { head: still(), keep_out: KeepOut { bodies, time: 0.0, poses } };
+        let motion = [GuideMotion { rod: &r, q: &q, rate: &vec![0.0; q.len()] }];
+        let retreats = interpolator.retreats(&moment, &motion);
+        let [mut p, mut v] = [vec![[0.0; 3]; 34], vec![[0.0; 3]; 34]];
+        interpolator.evaluate(
+            &[moment, moment],
+            &motion,
+            (&[&retreats; 5], 0.0, 1.0),
+            &Matrix3::identity(),
+            &mut p,
+            &mut v,
+        );
+        assert!(p.iter().chain(&v).flatten().all(|x| x.is_finite()));
+        p.iter().map(|x| f64::from(x[1])).fold(0.0, f64::min)
+    };
+    assert!(lowest(&Bodies::from_shapes(&[]), &[]) < -0.015, "would not go through");
+    let held = lowest(&Bodies::from_shapes(&[Solid::Mesh(plate)]), &[Isometry3::identity()]);
+    assert!(held > -0.005, "{held}");
+}
