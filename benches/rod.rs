@@ -6,7 +6,7 @@
 use hairbake::bake::company::Companies;
 use hairbake::bake::guide::{Guide, StepRecord, Surroundings};
 use hairbake::contact::Bodies;
-use hairbake::rod::{Cut, Rod, RodSource};
+use hairbake::rod::{Cut, Rod, RodSource, Taper};
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, Vector3};
 use std::time::Instant;
@@ -38,6 +38,7 @@ fn rod(points: &[Vector3<f64>], nodes: usize, line_density: f64) -> Rod {
         stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
         line_density,
         damping: 0.005,
+        taper: Taper::NONE,
         natural: None,
         cut: Cut::COARSE,
     })

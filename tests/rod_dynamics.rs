@@ -2,7 +2,7 @@
 
 use hairbake::bake::guide::{Guide, Surroundings, Workspace};
 use hairbake::contact::Bodies;
-use hairbake::rod::{Cut, Rod, RodSource};
+use hairbake::rod::{Cut, Rod, RodSource, Taper};
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, Vector3};
 use std::f64::consts::TAU;
@@ -20,6 +20,7 @@ fn hair(points: &[Vector3<f64>]) -> Rod {
         stiffness: [STIFFNESS, STIFFNESS, 3.6e-9],
         line_density: LINE_DENSITY,
         damping: 0.0,
+        taper: Taper::NONE,
         natural: Some(Vector3::zeros()),
         cut: Cut::COARSE,
     })

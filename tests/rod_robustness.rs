@@ -2,7 +2,7 @@
 
 use hairbake::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use hairbake::contact::Bodies;
-use hairbake::rod::{Cut, Rod, RodSource};
+use hairbake::rod::{Cut, Rod, RodSource, Taper};
 use hairbake::scene::Tree;
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
@@ -61,6 +61,7 @@ impl Hair {
             stiffness: [self.young * i1, self.young * i2, shear * 4.0 * i1 * i2 / (i1 + i2)],
             line_density: 1320.0 * area,
             damping: 0.005,
+            taper: Taper::NONE,
             natural: None,
             cut: self.cut,
         })

@@ -2,7 +2,7 @@
 
 use hairbake::rod::newton::Solver;
 use hairbake::rod::potential::{Load, PointLoad};
-use hairbake::rod::{Cut, Rod, RodSource, Shape};
+use hairbake::rod::{Cut, Rod, RodSource, Shape, Taper};
 use nalgebra::Vector3;
 
 /// Tip (reach, drop) in lengths of the heavy elastica at Γ = ρSgL³/EI: θ'' = −Γ(1 − s) cos θ, θ(0) = 0, θ'(1) = 0.
@@ -24,6 +24,7 @@ fn cantilever(gamma: f64, nodes: usize, grading: f64) -> (f64, f64) {
         stiffness: [ei, ei, 3.6e-9],
         line_density: gamma * ei / (g * l * l * l),
         damping: 0.0,
+        taper: Taper::NONE,
         natural: None,
         cut: Cut::COARSE,
     })

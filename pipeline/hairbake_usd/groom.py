@@ -14,7 +14,19 @@ IDS = ("groom_id", "id")
 GUIDES = ("groom_guide",)
 GROUPS = ("groom_group_id", "group_id")
 GROUP_NAMES = ("groom_group_name",)
+#: The clump that a curve is of; less than 0 for none.
+CLUMPS = ("groom_clump_id", "clump_id", "clumpid", "clump")
 ROOT_UVS = ("groom_root_uv", "root_uv", "rootuv", "st", "uv")
+#: What curves may have of their own, as factors: on their length, and on what their material says. By interpolation constant or uniform, or the
+#: value at the root; least and greatest.
+FACTORS = {
+    "length": (0.01, 100),
+    "stiffness": (1e-3, 1e3),
+    "damping": (0, 1e3),
+    "friction": (0, 1e3),
+    "drag": (0, 1e3),
+    "goal": (0, 1e3),
+}
 #: Points in the pose in which the groom was drawn, of curves that move.
 RESTS = ("rest", "pref", "Pref")
 
@@ -31,6 +43,8 @@ class Strands:
     group_names: dict[int, str]
     root_uv: np.ndarray
     width: np.ndarray | None
+    clump: np.ndarray | None
+    factors: dict[str, np.ndarray]
     notes: list[str]
 
 
@@ -87,6 +101,12 @@ def read(path: str, prim_path: str | None, time: float | None) -> tuple[dict, di
         arrays["width"] = ("f64", np.concatenate([part.width for part in parts]))
     elif any(part.width is not None for part in parts):
         notes.append("widths of some prims only: none is taken")
+    if any(part.clump is not None for part in parts):
+        arrays["clump"] = ("i32", _clumps(parts))
+    for name in FACTORS:
+        if any(name in part.factors for part in parts):
+            factors = [part.factors.get(name, np.ones(len(part.counts))) for part in parts]
+            arrays[name] = ("f64", np.concatenate(factors))
     return {**header, "groups": names, "notes": notes}, arrays
 
 
@@ -121,6 +141,8 @@ def _prim(prim: Usd.Prim, time: float | None) -> Strands:
         group_names=primvars.names(group),
         root_uv=np.zeros((len(counts), 2)) if uv is None else uv[:, :2],
         width=_widths(shape, layout, at, abs(np.linalg.det(matrix[:3, :3])) ** (1 / 3)),
+        clump=primvars.root(CLUMPS, int),
+        factors=primvars.factors(place),
         notes=notes,
     )
 
@@ -200,6 +222,23 @@ class _Primvars:
             return None
         return self.layout.ends(primvar.GetAttr().GetPath(), values, str(primvar.GetInterpolation()))[0]
 
+    def factors(self, place) -> dict[str, np.ndarray]:
+        """What the curves have of their own, by the names in FACTORS."""
+        found, faults = {}, []
+        for name, (least, most) in FACTORS.items():
+            values = self.root((f"hairbake:{name}",), float)
+            if values is None:
+                continue
+            values = values.reshape(len(values), -1)[:, 0]
+            wrong = np.flatnonzero(~((values >= least) & (values <= most)))
+            if len(wrong):
+                what = f"is {values[wrong[0]]:g} of curve {wrong[0]}" + (f", and wrong of {len(wrong) - 1} more" if len(wrong) > 1 else "")
+                faults.append(Fault(f"{place}.primvars:hairbake:{name}", what, f"{least:g} to {most:g}", "correct the factor"))
+            found[name] = values
+        if faults:
+            raise Faults(*faults)
+        return found
+
     def names(self, group: np.ndarray | None) -> dict[int, str]:
         """Names of groups by their number; under -1 that of curves without a number."""
         primvar, values = self._flat(GROUP_NAMES)
@@ -225,6 +264,17 @@ def _groups(prims: list[Usd.Prim], parts: list[Strands]) -> tuple[list[str], np.
             of[int(number)] = names.index(name)
         index.append(np.array([of[int(number)] for number in part.group], int))
     return names, np.concatenate(index)
+
+
+def _clumps(parts: list[Strands]) -> np.ndarray:
+    """Clumps of all curves, those of different prims different; -1 for none."""
+    clumps, first = [], 0
+    for part in parts:
+        own = np.full(len(part.counts), -1) if part.clump is None else part.clump
+        numbers, index = np.unique(own, return_inverse=True)
+        clumps.append(np.where(own < 0, -1, index + first))
+        first += len(numbers)
+    return np.concatenate(clumps)
 
 
 def _ids(parts: list[Strands], guide: np.ndarray, notes: list[str]) -> np.ndarray:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
+FLOATS = Sdf.ValueTypeNames.FloatArray
 INTS, UVS, NAMES = Sdf.ValueTypeNames.IntArray, Sdf.ValueTypeNames.TexCoord2fArray, Sdf.ValueTypeNames.StringArray
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from pxr import Gf, Sdf, UsdGeom
-from stages import INTS, NAMES, UVS, add_curves, add_primvar, hanging, new_stage
+from stages import FLOATS, INTS, NAMES, UVS, add_curves, add_primvar, hanging, new_stage
 
 OPTIONS = ("--per-guide", "0", "--sections", "4")
 
@@ -62,6 +62,55 @@ def test_ids_order_groups_widths_and_root_coordinates(imports, tmp_path):
     # The width of a group is that of its strands, not of its guides.
     widths = {g["name"]: g["width_m"] for g in groom.file["groups"]}
     assert np.allclose(widths["fringe"], [0.001, 0.001]) and np.allclose(widths["back"], [0.0005, 0.0005])
+
+
+def test_what_single_curves_have_of_their_own(imports, tmp_path):
+    """Factors on length and material; guides get those of the curves that they are, by id."""
+    stage = new_stage(tmp_path / "a.usda")
+    hair = add_curves(stage, "/groom/hair", hanging(4))
+    add_primvar(hair, "groom_id", INTS, "uniform", [40, 10, 30, 20])
+    add_primvar(hair, "groom_guide", INTS, "uniform", [0, 1, 0, 1])
+    add_primvar(hair, "hairbake:stiffness", FLOATS, "uniform", [9, 0.5, 9, 2])
+    add_primvar(hair, "hairbake:goal", FLOATS, "constant", [3])
+    add_primvar(hair, "hairbake:drag", FLOATS, "uniform", [5, 1, 5, 1])
+    add_primvar(hair, "hairbake:length", FLOATS, "uniform", [1, 0.5, 2, 1])
+    stage.Save()
+    groom, _ = imports(tmp_path / "a.usda", *OPTIONS, "--length-scale", "0.8")
+    factors = groom.file["guides"]["factors"]
+    assert groom.array("guides", "id").tolist() == [10, 20]
+    # Of a factor that is 1 for all guides nothing is written.
+    assert factors == {"stiffness": [0.5, 2], "goal": [3, 3]}
+    drawn = np.linalg.norm(hanging(4)[:, -1] - hanging(4)[:, 0], axis=1)
+    ends = guides(groom)[:, [0, -1]]
+    assert np.allclose(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), drawn[[1, 3]] * [0.4, 0.8], rtol=1e-5)
+    assert np.allclose(ends[:, 0], hanging(4)[[1, 3], 0], atol=1e-7)
+
+
+def test_factors_out_of_range(refused, tmp_path):
+    stage = new_stage(tmp_path / "a.usda")
+    hair = add_curves(stage, "/hair", hanging(3))
+    add_primvar(hair, "hairbake:stiffness", FLOATS, "uniform", [1, 0, -1])
+    add_primvar(hair, "hairbake:length", FLOATS, "uniform", [1, float("nan"), 1])
+    stage.Save()
+    said = refused("import", "groom", tmp_path / "a.usda", *OPTIONS)
+    assert "primvars:hairbake:stiffness" in said and "and wrong of 1 more" in said
+    assert "primvars:hairbake:length" in said and "0.01 to 100" in said
+
+
+def test_clumps_stay_together(imports, tmp_path):
+    """Two guides; the strands of a clump are all in the wisp of the one that most of them are near to."""
+    stage = new_stage(tmp_path / "a.usda")
+    hair = add_curves(stage, "/groom/hair", hanging(8))
+    add_primvar(hair, "groom_guide", INTS, "uniform", [1, 0, 0, 0, 0, 0, 0, 1])
+    options = (*OPTIONS, "--leaves", "2", "--levels", "1")
+    stage.Save()
+    apart, _ = imports(tmp_path / "a.usda", *options)
+    add_primvar(hair, "clump_id", INTS, "uniform", [0, 7, 7, 7, 7, 7, -1, 0])
+    stage.Save()
+    groom, _ = imports(tmp_path / "a.usda", *options)
+    wisps = groom.array("strands", "wisp")
+    assert len(set(apart.array("strands", "wisp")[:5])) == 2
+    assert len(set(wisps[:5])) == 1 and wisps[5] == apart.array("strands", "wisp")[5]
 
 
 @pytest.mark.parametrize("interpolation, values", [("constant", [0.002]), ("varying", None), ("vertex", None)])

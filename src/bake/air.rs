@@ -1,8 +1,8 @@
 //! The air: wind with gusts, and how much of it reaches a strand inside the bulk of the hair.
 
 use crate::math::random;
-use crate::scene::Groom;
 use crate::scene::anim::Wind;
+use crate::scene::groom::Material;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
@@ -98,9 +98,8 @@ fn unit_draw(seed: u32, index: u32) -> f64 {
     random::unit(u64::from(seed) << 32 | u64::from(index), 0)
 }
 
-/// Drag per length and speed at points of rest space of a strand of the groom's material `material`, N·s/m².
-pub fn drag(groom: &Groom, bulk: &Bulk, material: usize, p: &Vector3<f64>) -> f64 {
-    let m = &groom.materials[material];
+/// Drag per length and speed at a point of rest space of a strand of material `m`, N·s/m².
+pub fn drag(m: &Material, bulk: &Bulk, p: &Vector3<f64>) -> f64 {
     ISOLATED_DRAG * m.drag * (1.0 - m.shielding * bulk.shielded(p))
 }
 

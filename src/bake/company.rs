@@ -150,7 +150,7 @@ impl Company {
 mod tests {
     use super::*;
     use crate::contact::Bodies;
-    use crate::rod::{Cut, RodSource};
+    use crate::rod::{Cut, RodSource, Taper};
     use crate::scene::anim::Scheme;
     use crate::scene::{Shape, Tree};
     use nalgebra::{Isometry3, Vector3};
@@ -165,6 +165,7 @@ mod tests {
             stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
             line_density: 6.6e-6,
             damping: 0.005,
+            taper: Taper::NONE,
             natural: None,
             cut: Cut::FINE,
         })

@@ -36,8 +36,8 @@ pub struct Guide {
     pub rod: Rod,
     /// What each segment keeps from each body.
     pub clearance: Clearance,
-    /// Friction of the strand, along it.
-    pub friction: Friction,
+    /// Friction of the strand, along it, at root and tip.
+    pub friction: [Friction; 2],
     /// Friction across the strand over that along it.
     pub across: f64,
     /// Places of it that bodies hold.
@@ -223,7 +223,7 @@ impl Guide {
             before: State::default(),
             last: 0.0,
             q: [q.clone(), q.clone(), q],
-            friction: friction.into(),
+            friction: [friction.into(); 2],
             across: 1.0,
             ties: Vec::new(),
             goal: Vec::new(),
@@ -582,7 +582,7 @@ impl Guide {
 
     /// Arc length of each segment, m: of the cubic through its ends with their tangents, by three-point Gauss quadrature.
     fn segment_lengths(&self) -> Vec<f64> {
-        let s = self.rod.arc_lengths();
+        let s = &self.rod.arc;
         (0..s.len() - 1)
             .map(|k| {
                 let (h, chord) = (s[k + 1] - s[k], self.x[k + 1] - self.x[k]);

@@ -186,9 +186,8 @@ impl<'a> Output<'a> {
                     (speed + head.spin.cross(&shape.x(k)) + v, (head.spin + spin).cross(&shape.tangent(k)))
                 };
                 let moving: Vec<_> = (0..rod.points()).map(motion).collect();
-                let arc = rod.arc_lengths();
                 let mut v = vec![moving[0].0];
-                for (m, s) in moving.windows(2).zip(arc.windows(2)) {
+                for (m, s) in moving.windows(2).zip(rod.arc.windows(2)) {
                     // The rate of the middle of the cubic through the two points.
                     v.push((m[0].0 + m[1].0) / 2.0 + (m[0].1 - m[1].1) * ((s[1] - s[0]) / 8.0));
                     v.push(m[1].0);

@@ -24,7 +24,7 @@ impl Rods {
             anim.colliders.is_empty() && anim.ties.is_empty() && anim.settings.contact == Contact::Bodies;
         let mut simulated = wisp::rods(groom, if alone { Cut::COARSE } else { Cut::FINE });
         let fine = if alone { wisp::rods(groom, Cut::FINE) } else { Vec::new() };
-        let held = sag::hold(&mut simulated, groom, anim);
+        let held = sag::hold(&mut simulated, anim);
         Rods { held, simulated, fine: fine.into_iter().map(|r| r.rod).collect() }
     }
 

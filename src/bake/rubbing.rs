@@ -36,12 +36,12 @@ type AtNodes = Vec<(f64, Vector3<f64>)>;
 impl Rubbed {
     /// A guide of `rod`.
     pub fn new(rod: &Rod, hairs: f64, rate: f64) -> Self {
-        let place = |(s, weight): (f64, &f64)| {
+        let place = |(&s, &mass): (&f64, &f64)| {
             let node = rod.nodes[1..rod.nodes.len() - 1].partition_point(|n| *n <= s);
             let beyond = (s - rod.nodes[node]) / (rod.nodes[node + 1] - rod.nodes[node]);
-            Place { node, shares: [1.0 - beyond, beyond], mass: weight * rod.line_density }
+            Place { node, shares: [1.0 - beyond, beyond], mass }
         };
-        Rubbed { hairs, rate, places: rod.arc_lengths().into_iter().zip(&rod.weight).map(place).collect() }
+        Rubbed { hairs, rate, places: rod.arc.iter().zip(&rod.mass).map(place).collect() }
     }
 
     /// The points that move by themselves, all but the root.
@@ -144,7 +144,7 @@ mod tests {
     use crate::bake::guide::{Surroundings, Workspace};
     use crate::contact::Bodies;
     use crate::math::random;
-    use crate::rod::{Cut, RodSource};
+    use crate::rod::{Cut, RodSource, Taper};
     use crate::scene::Tree;
     use crate::scene::anim::Scheme;
     use nalgebra::{Isometry3, UnitQuaternion};
@@ -160,6 +160,7 @@ mod tests {
             stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
             line_density: 6.6e-6,
             damping: 1e-3,
+            taper: Taper::NONE,
             natural: None,
             cut: Cut::FINE,
         })

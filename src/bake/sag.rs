@@ -3,7 +3,7 @@
 use super::state::GuideState;
 use crate::math::cholesky;
 use crate::rod::{Rod, Sensitivity, Shape};
-use crate::scene::{Anim, Groom};
+use crate::scene::Anim;
 use crate::wisp::GuideRod;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -54,9 +54,9 @@ pub fn departure(rods: &[GuideRod], states: &[GuideState]) -> [f64; 2] {
 }
 
 /// Makes the groom's pose one of rest, as far as the guides' materials ask for it.
-pub fn hold(rods: &mut [GuideRod], groom: &Groom, anim: &Anim) -> Held {
+pub fn hold(rods: &mut [GuideRod], anim: &Anim) -> Held {
     let each = rods.par_iter_mut().filter_map(|r| {
-        let share = groom.materials[r.material].sag_free;
+        let share = r.material.sag_free;
         (share > 0.0).then(|| hold_one(&mut r.rod, share, &anim.gravity))
     });
     let mut held = Held { stiffest: 1.0, ..Held::default() };
@@ -107,7 +107,7 @@ fn load(rod: &Rod, q: &[f64], gravity: &Vector3<f64>) -> Vec<f64> {
     sensitivity.update(rod, &shape, q);
     let mut load = vec![0.0; rod.unknowns()];
     for k in 1..rod.points() {
-        sensitivity.add_row(k, &shape.x(k), gravity, rod.weight[k] * rod.line_density, &mut load);
+        sensitivity.add_row(k, &shape.x(k), gravity, rod.mass[k], &mut load);
     }
     load
 }
@@ -133,7 +133,7 @@ mod tests {
     use super::*;
     use crate::rod::newton::Solver;
     use crate::rod::potential::{Load, PointLoad};
-    use crate::rod::{Cut, RodSource};
+    use crate::rod::{Cut, RodSource, Taper};
 
     const GRAVITY: Vector3<f64> = Vector3::new(0.0, -9.81, 0.0);
 
@@ -149,6 +149,7 @@ mod tests {
             stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
             line_density: 6.6e-6,
             damping: 0.0,
+            taper: Taper::NONE,
             natural: None,
             cut: Cut::FINE,
         })
@@ -220,6 +221,7 @@ mod tests {
             stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
             line_density: 6.6e-6,
             damping: 0.0,
+            taper: Taper::NONE,
             natural: Some(Vector3::new(0.0, 20.0, 0.0)),
             cut: Cut::FINE,
         })

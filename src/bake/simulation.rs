@@ -67,8 +67,8 @@ impl<'a> Simulation<'a> {
         let ties = super::tie::ties(groom, anim, rods);
         let bodies = Bodies::new(&anim.colliders);
         let tangle = (anim.settings.contact == Contact::Full).then(|| {
-            let arc: Vec<Vec<f64>> = rods.iter().map(|r| r.rod.arc_lengths()).collect();
-            Tangle::new(&arc, rods.iter().map(|r| skin(groom, r)).collect())
+            let arc: Vec<Vec<f64>> = rods.iter().map(|r| r.rod.arc.clone()).collect();
+            Tangle::new(&arc, rods.iter().map(skin).collect())
         });
         let mut simulation = Simulation {
             anim,
@@ -78,16 +78,15 @@ impl<'a> Simulation<'a> {
             stepped: vec![true; rods.len()],
             companies: Companies::default(),
             tangle: None,
-            rubbing: rubbing(groom, rods),
+            rubbing: rubbing(rods),
             wisps: None,
             taken: 0,
             preroll,
         };
         let t = simulation.time();
         simulation.bodies.prepare([t, t]);
-        simulation.guides = simulation.around(|around| {
-            rods.par_iter().map(|r| start(groom, anim, &bulk, r, around, t, step)).collect()
-        });
+        simulation.guides = simulation
+            .around(|around| rods.par_iter().map(|r| start(anim, &bulk, r, around, t, step)).collect());
         for (guide, ties) in simulation.guides.iter_mut().zip(ties) {
             guide.ties = ties;
         }
@@ -268,8 +267,8 @@ impl Part for Simulation<'_> {
 }
 
 /// What a guide is to others that it touches.
-fn skin(groom: &Groom, r: &GuideRod) -> Skin {
-    let material = &groom.materials[r.material];
+fn skin(r: &GuideRod) -> Skin {
+    let material = &r.material;
     let area = material.section.area();
     let radius = |area: f64| (area / std::f64::consts::PI).sqrt();
     Skin {
@@ -280,33 +279,25 @@ fn skin(groom: &Groom, r: &GuideRod) -> Skin {
     }
 }
 
-/// How the guides of a groom rub within their coarse wisps, if they do.
-fn rubbing(groom: &Groom, rods: &[GuideRod]) -> Option<Rubbing> {
-    let rubbed = |r: &GuideRod| Rubbed::new(&r.rod, r.hairs, groom.materials[r.material].wisp_friction);
+/// How guides rub within their coarse wisps, if they do.
+fn rubbing(rods: &[GuideRod]) -> Option<Rubbing> {
+    let rubbed = |r: &GuideRod| Rubbed::new(&r.rod, r.hairs, r.material.wisp_friction);
     let wisps: Vec<usize> = rods.iter().map(|r| r.leaf.0).collect();
     Rubbing::new(rods.iter().map(rubbed).collect(), &wisps)
 }
 
 /// One guide at rest on the head, shielded from the air.
-fn start(
-    groom: &Groom,
-    anim: &Anim,
-    bulk: &Bulk,
-    r: &GuideRod,
-    around: &Surroundings,
-    t: f64,
-    step: f64,
-) -> Guide {
+fn start(anim: &Anim, bulk: &Bulk, r: &GuideRod, around: &Surroundings, t: f64, step: f64) -> Guide {
     let mut shape = Shape::default();
     shape.update(&r.rod, &r.rod.root.r, &r.rod.start);
     let place = |k: usize| shape.x(k) + r.rod.root.p;
-    let drag = (0..r.rod.points()).map(|k| air::drag(groom, bulk, r.material, &place(k))).collect();
+    let drag = (0..r.rod.points()).map(|k| air::drag(&r.material, bulk, &place(k))).collect();
     let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
-    let friction = groom.materials[r.material].friction;
-    let mut guide = Guide::new(r.rod.clone(), drag, friction, &thickness, around, t, step);
+    let mut guide = Guide::new(r.rod.clone(), drag, r.material.friction, &thickness, around, t, step);
     guide.scheme = anim.settings.scheme;
-    guide.across = groom.materials[r.material].friction_across;
-    guide.goal = goal(&r.rod, &shape, groom.materials[r.material].goal);
+    guide.friction[1] = r.material.friction.times(r.material.friction_at_tip);
+    guide.across = r.material.friction_across;
+    guide.goal = goal(&r.rod, &shape, r.material.goal);
     guide
 }
 
@@ -317,7 +308,7 @@ fn goal(rod: &Rod, shape: &Shape, hz: [f64; 2]) -> Vec<(Vector3<f64>, f64)> {
     }
     let at = |(k, s): (usize, f64)| {
         let omega = std::f64::consts::TAU * (hz[0] + (hz[1] - hz[0]) * (s / rod.length()));
-        (rod.root.r.transpose() * shape.x(k), rod.weight[k] * rod.line_density * omega * omega)
+        (rod.root.r.transpose() * shape.x(k), rod.mass[k] * omega * omega)
     };
-    rod.arc_lengths().into_iter().enumerate().map(at).collect()
+    rod.arc.iter().copied().enumerate().map(at).collect()
 }

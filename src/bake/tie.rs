@@ -108,7 +108,7 @@ fn nearest(points: &[Vector3<f64>], p: &Vector3<f64>) -> (usize, f64, f64) {
 
 /// Segment and place on it at an arc length, m; `None` beyond the tip.
 fn at_arc(r: &GuideRod, arc: f64) -> Option<(usize, f64)> {
-    let s = r.rod.arc_lengths();
+    let s = &r.rod.arc;
     let k = s.windows(2).position(|s| arc <= s[1])?;
     Some((k, (arc - s[k]) / (s[k + 1] - s[k])))
 }

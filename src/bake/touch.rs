@@ -77,8 +77,8 @@ pub(super) struct Touch<'a> {
     pub x0: &'a [Vector3<f64>],
     /// Places that must come to targets, world, m.
     pub ties: &'a [(Tie, Vector3<f64>)],
-    /// Friction of the strand, along it, where the body has none, and that across over that along it.
-    pub friction: Friction,
+    /// Friction of the strand, along it, at root and tip, where the body has none.
+    pub friction: [Friction; 2],
     /// Friction across the strand over that along it.
     pub across: f64,
     /// Root at the end of the step, world.
@@ -301,7 +301,7 @@ impl Touch<'_> {
                 let now = if j == 0 { contact.gap } else { slip.dot(d) };
                 work.free.push(now + dot(row, &solver.direction));
             }
-            work.laws.push(Law::Coulomb(contact.friction.unwrap_or(self.friction)));
+            work.laws.push(Law::Coulomb(self.friction_at(contact)));
         }
         let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
         for ((tie, target), rows) in self.ties.iter().zip(of_ties.chunks_exact_mut(3 * n)) {
@@ -330,6 +330,12 @@ impl Touch<'_> {
                 work.delassus[a * 3 * c + a] += COMPLIANCE;
             }
         }
+    }
+
+    /// Friction of a contact.
+    fn friction_at(&self, contact: &Contact) -> Friction {
+        let own = || Friction::between(self.friction, self.rod.share(contact.segment, contact.u));
+        contact.friction.unwrap_or_else(own)
     }
 
     /// The axes of a contact: its normal, and tangents along and across the strand. Friction is as strong along both when the second is as
@@ -372,7 +378,7 @@ impl Touch<'_> {
             let force = frame[0] * r[0] + frame[1] * r[1] + frame[2] * r[2];
             let (normal, sticks) = match work.contacts.get(i) {
                 Some(contact) => {
-                    let most = contact.friction.unwrap_or(self.friction).kinetic * r[0];
+                    let most = self.friction_at(contact).kinetic * r[0];
                     (contact.normal, (r[1].hypot(r[2]) / most - 1.0).abs() > SLIDING)
                 }
                 None => (Vector3::zeros(), true),

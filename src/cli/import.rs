@@ -86,6 +86,9 @@ pub struct GroomArguments {
     /// Most that a grown strand is shorter than its guide, share: more frays the ends
     #[arg(long, value_name = "SHARE", default_value_t = 0.08, value_parser = values::share, help_heading = "Strands")]
     shorter: f64,
+    /// Factor on the length of all strands, which keep their shape
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = values::positive, help_heading = "Strands")]
+    length_scale: f64,
     /// How far grown strands close in on their guide towards the tip, share: 1 is a pointed lock
     #[arg(long, value_name = "SHARE", default_value_t = 0.4, value_parser = values::share, help_heading = "Strands")]
     clump: f64,
@@ -304,6 +307,7 @@ impl GroomArguments {
             guides: usual.guides,
             strands: self.render.map(place),
             scalp: None,
+            length_scale: self.length_scale,
             guide_count: self.guides.map(|n| n as usize),
             build: BuildOptions {
                 guide_vertices: Resample::Vertices(self.guide_vertices as usize),

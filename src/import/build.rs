@@ -8,6 +8,7 @@ use super::scalp::Scalp;
 use super::sections::{Features, Sections, nearest};
 use crate::scene::{Convention, Curves, Groom, Group, Guides, Material, Strands, Tree};
 use crate::{Error, Result};
+use std::collections::BTreeMap;
 use std::fmt;
 
 /// How a groom is built over strands.
@@ -90,13 +91,13 @@ pub struct BuildReport {
     pub levels: Vec<LevelFit>,
 }
 
-/// Builds a groom over `guides` (m, rest space; one or more, each with a length) and render strands: those given, or grown.
+/// Builds a groom over `guides` (m, rest space; one or more, each with a length) and render strands: those given, with the clump of each, or grown.
 /// `convention` is that in which the groom is written.
 pub(crate) fn build(
     name: &str,
     convention: Convention,
     guides: &Curves,
-    strands: Option<&Curves>,
+    strands: Option<(&Curves, &[Option<i32>])>,
     scalp: Option<&Scalp>,
     options: &BuildOptions,
 ) -> (Groom, BuildReport) {
@@ -109,11 +110,12 @@ pub(crate) fn build(
 
     let mut strand_error = None;
     let (curves, follows, strand_sections) = match strands {
-        Some(given) => {
+        Some((given, clumps)) => {
             let (curves, error) = resample(given, options.strand_vertices);
             strand_error = Some(error);
             let sections = Sections::of(&curves, &arc);
-            let follows = nearest(&Features::of(&sections, &arc, mean_length), &guide_features);
+            let mut follows = nearest(&Features::of(&sections, &arc, mean_length), &guide_features);
+            keep_together(&mut follows, clumps);
             (curves, follows, sections)
         }
         None => {
@@ -160,11 +162,26 @@ pub(crate) fn build(
         convention,
         materials: vec![options.material.clone()],
         groups: vec![Group { name: "hair".into(), material: 0, width }],
-        guides: Guides { curves: guides, root_frame: None },
+        guides: Guides { curves: guides, ..Guides::default() },
         trees,
         strands: Strands { curves, leaf },
     };
     (groom, report)
+}
+
+/// Has all strands of a clump follow one guide: that which most of them would, of several the first.
+fn keep_together(follows: &mut [u32], clumps: &[Option<i32>]) {
+    let mut votes: BTreeMap<i32, BTreeMap<u32, usize>> = BTreeMap::new();
+    for (guide, clump) in follows.iter().zip(clumps).filter_map(|(guide, clump)| Some((*guide, (*clump)?))) {
+        *votes.entry(clump).or_default().entry(guide).or_default() += 1;
+    }
+    let elected =
+        |votes: BTreeMap<u32, usize>| votes.into_iter().rev().max_by_key(|(_, n)| *n).map(|(guide, _)| guide);
+    let of_clump: BTreeMap<i32, u32> =
+        votes.into_iter().filter_map(|(clump, votes)| Some((clump, elected(votes)?))).collect();
+    for (guide, clump) in follows.iter_mut().zip(clumps) {
+        *guide = clump.and_then(|clump| of_clump.get(&clump).copied()).unwrap_or(*guide);
+    }
 }
 
 /// Width at root and tip, m, with which `strands` cover as much as 100,000 hairs of 80 µm, within reason.
@@ -193,5 +210,17 @@ impl fmt::Display for BuildReport {
         writeln!(f, "guides resampled: {}", self.guide_error)?;
         self.strand_error.iter().try_for_each(|error| writeln!(f, "strands resampled: {error}"))?;
         self.levels.iter().enumerate().try_for_each(|(level, fit)| writeln!(f, "level {level}: {fit}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clump_follows_what_most_of_it_would() {
+        let mut follows = [3, 5, 5, 2, 9, 4, 2];
+        keep_together(&mut follows, &[Some(1), Some(1), Some(1), Some(-7), Some(-7), None, None]);
+        assert_eq!(follows, [5, 5, 5, 2, 2, 4, 2]);
     }
 }

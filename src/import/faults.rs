@@ -20,7 +20,7 @@ fn told<T>(name: &str, bytes: &[u8], read: impl Fn(PathBuf) -> crate::Result<T>)
 }
 
 fn strands(name: &str, bytes: &[u8]) -> String {
-    told(name, bytes, |path| read::strands(&Source { metres_per_unit: Some(0.01), ..Source::new(path) }))
+    told(name, bytes, |path| read::strands(&Source { metres_per_unit: Some(0.01), ..Source::new(path) }, 1.0))
 }
 
 /// Words of 32 bits, filled up with zeros to so many bytes.
@@ -62,9 +62,9 @@ fn any_strands() {
     let sound = one(&[0.0, 0.0, 0.0, 1e7, 0.0, 0.0]);
     insta::assert_snapshot!(
         "unit_not_guessed",
-        told("a.hair", &sound, |path| read::strands(&Source::new(path)))
+        told("a.hair", &sound, |path| read::strands(&Source::new(path), 1.0))
     );
-    let unit = |path| read::strands(&Source { metres_per_unit: Some(-1.0), ..Source::new(path) });
+    let unit = |path| read::strands(&Source { metres_per_unit: Some(-1.0), ..Source::new(path) }, 1.0);
     insta::assert_snapshot!("unit_of_no_length", told("a.hair", &sound, unit));
 }
 

@@ -2,10 +2,10 @@
 
 use super::build::{BuildOptions, BuildReport, build};
 use super::cluster::{Space, divide, medoid};
-use super::read::{self, CleanStrands, PlainGroup, Source, SourceReport};
+use super::read::{self, CleanStrands, Own, Owned, PlainGroup, Source, SourceReport};
 use super::scalp::{RootReport, Scalp};
 use super::sections::{Features, Sections};
-use crate::scene::{Curves, Groom, Group, Tree, TriMesh};
+use crate::scene::{Curves, Factors, Groom, Group, Tree, TriMesh};
 use crate::{Error, Result};
 use std::fmt;
 use std::path::PathBuf;
@@ -26,6 +26,8 @@ pub struct GroomOptions {
     pub strands: Option<Source>,
     /// The head they grow on, rest space: to report where the roots lie, and to root grown strands on.
     pub scalp: Option<TriMesh>,
+    /// Factor on the length of all strands, which keep their shape.
+    pub length_scale: f64,
     /// Number of guides to choose; `None` for those that the file names, else all of [`ALL_GUIDES`] or fewer, [`CHOSEN_GUIDES`] of more.
     pub guide_count: Option<usize>,
     /// How the groom is built over them.
@@ -41,6 +43,7 @@ impl GroomOptions {
             guides,
             strands: None,
             scalp: None,
+            length_scale: 1.0,
             guide_count: None,
             build: BuildOptions::default(),
         }
@@ -69,9 +72,12 @@ pub fn groom(options: &GroomOptions) -> Result<(Groom, GroomReport)> {
     if options.guide_count == Some(0) {
         return Err(Error::Usage("the number of guides must be 1 or more".into()));
     }
+    if !(1e-3..=1e3).contains(&options.length_scale) {
+        return Err(Error::Usage("the factor on the length must be 0.001 to 1000".into()));
+    }
+    let read = |source| read::strands(source, options.length_scale);
     // Both files are read before either's faults are reported.
-    let (guides, strands) =
-        (read::strands(&options.guides), options.strands.as_ref().map(read::strands).transpose());
+    let (guides, strands) = (read(&options.guides), options.strands.as_ref().map(read).transpose());
     let (input, separate) = match (guides, strands) {
         (Ok(input), Ok(separate)) => (input, separate),
         (Err(Error::BadInput(mut one)), Err(Error::BadInput(other))) => {
@@ -80,37 +86,53 @@ pub fn groom(options: &GroomOptions) -> Result<(Groom, GroomReport)> {
         }
         (Err(e), _) | (_, Err(e)) => return Err(e),
     };
-    let CleanStrands { curves, guides: named, mut groups, report } = input;
+    let CleanStrands { curves, guides: named, own, mut groups, report } = input;
     let mean_length = report.length[1];
     let mut roots = vec![curves.roots().chain(named.roots()).collect::<Vec<_>>()];
     let mut sources = vec![report];
     let separate = separate.map(|other| {
         // Guides of a file that is named for its strands are of use only where there is nothing else in it.
-        let mut strands = if other.curves.is_empty() { other.guides } else { other.curves };
+        let of_named = other.curves.is_empty();
+        let mut strands = if of_named { other.guides } else { other.curves };
+        let clumps = clumps(&other.own, of_named, &strands.id);
         roots.push(strands.roots().collect());
         sources.push(other.report);
         join_groups(&mut groups, other.groups, &mut strands);
-        strands
+        (strands, clumps)
     });
     let choose = |of: &Curves, n| choose_guides(of, n, options.build.sections, mean_length);
     let choose_of_strands = options.guide_count.is_some() && separate.is_none() && !curves.is_empty();
-    let (guides, others) = if named.is_empty() || choose_of_strands {
+    let of_named = !(named.is_empty() || choose_of_strands);
+    let curves_are_strands = !curves.is_empty();
+    let (guides, others) = if !of_named {
         let usual = if curves.len() <= ALL_GUIDES { curves.len() } else { CHOSEN_GUIDES };
         let guides = choose(&curves, options.guide_count.unwrap_or(usual));
         let others = (curves.len() > guides.len()).then_some(curves);
         (guides, others)
     } else {
         let guides = choose(&named, options.guide_count.unwrap_or(named.len()));
-        let others = if curves.is_empty() && named.len() > guides.len() { named } else { curves };
+        let others = if !curves_are_strands && named.len() > guides.len() { named } else { curves };
         (guides, Some(others).filter(|others| !others.is_empty()))
     };
     let scalp = options.scalp.as_ref().and_then(Scalp::new);
     let roots: Vec<RootReport> =
         scalp.iter().flat_map(|scalp| roots.iter().map(|roots| scalp.report(roots))).collect();
-    let strands = separate.or(others);
+    let of_named_strands = !curves_are_strands;
+    let strands = separate.or_else(|| {
+        let others = others?;
+        let clumps = clumps(&own, of_named_strands, &others.id);
+        Some((others, clumps))
+    });
     let convention = sources[0].convention;
-    let (mut groom, fit) =
-        build(&options.name, convention, &guides, strands.as_ref(), scalp.as_ref(), &options.build);
+    let (mut groom, fit) = build(
+        &options.name,
+        convention,
+        &guides,
+        strands.as_ref().map(|(curves, clumps)| (curves, &clumps[..])),
+        scalp.as_ref(),
+        &options.build,
+    );
+    groom.guides.factors = factors(&own, of_named, &guides.id);
     let usual = groom.groups[0].width;
     let group = |PlainGroup { name, width }| Group {
         name,
@@ -122,6 +144,25 @@ pub fn groom(options: &GroomOptions) -> Result<(Groom, GroomReport)> {
     let report = GroomReport { sources, roots, fit, warnings };
     groom.notes = report.notes();
     Ok((groom, report))
+}
+
+/// What the curves with these ids have of their own, `named` guides or others.
+fn owned(own: &Owned, named: bool, ids: &[i32]) -> impl Iterator<Item = Own> + Clone {
+    ids.iter().map(move |id| own.get(&(named, *id)).copied().unwrap_or(Own::NONE))
+}
+
+/// Their factors; of a property for which all are 1, none.
+fn factors(own: &Owned, named: bool, ids: &[i32]) -> Factors {
+    let property = |i: usize| -> Option<Vec<f64>> {
+        let mut values = owned(own, named, ids).map(|own| own.factors[i]);
+        values.clone().any(|f| f != 1.0).then(|| values.by_ref().collect())
+    };
+    Factors::of(std::array::from_fn(property))
+}
+
+/// Their clumps.
+fn clumps(own: &Owned, named: bool, ids: &[i32]) -> Vec<Option<i32>> {
+    owned(own, named, ids).map(|own| own.clump).collect()
 }
 
 /// Adds the groups of a second file, those of the same name being the same, and has its strands name them so. Its widths count: they are

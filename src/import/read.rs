@@ -2,10 +2,10 @@
 //! that are none left out and counted.
 
 use super::{hair, tfx, usd};
-use crate::scene::{Convention, Curves, TriMesh, UpAxis};
+use crate::scene::{Convention, Curves, Factors, TriMesh, UpAxis};
 use crate::{Error, Problem, Result};
 use nalgebra::Vector3;
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -131,12 +131,33 @@ pub(super) struct PlainStrands {
     pub(super) guide: Vec<bool>,
     /// The groups that the curves are of; empty where the format has none.
     pub(super) groups: Vec<PlainGroup>,
+    /// What single curves have of their own; empty where the file has none.
+    pub(super) own: Vec<Own>,
     /// Unit and up axis where the file says them.
     pub(super) metres_per_unit: Option<f64>,
     pub(super) up: Option<UpAxis>,
     /// What an artist should know about the file.
     pub(super) notes: Vec<String>,
 }
+
+/// What a curve has of its own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Own {
+    /// Factor on its length; its shape stays.
+    pub(super) length: f64,
+    /// Factors on its material, in the order of [`Factors::NAMES`].
+    pub(super) factors: [f64; Factors::NAMES.len()],
+    /// The clump that it is of.
+    pub(super) clump: Option<i32>,
+}
+
+impl Own {
+    /// Nothing.
+    pub(super) const NONE: Own = Own { length: 1.0, factors: [1.0; Factors::NAMES.len()], clump: None };
+}
+
+/// What curves have of their own, by whether they are guides and by their ids.
+pub(super) type Owned = BTreeMap<(bool, i32), Own>;
 
 /// A group of strands.
 #[derive(Debug, Clone, PartialEq)]
@@ -153,6 +174,8 @@ pub(super) struct CleanStrands {
     pub(super) curves: Curves,
     /// Those that the file names as guides; may be empty.
     pub(super) guides: Curves,
+    /// What single ones have of their own; empty where the file has nothing of the kind.
+    pub(super) own: Owned,
     /// The groups of both; at least one.
     pub(super) groups: Vec<PlainGroup>,
     pub(super) report: SourceReport,
@@ -187,11 +210,11 @@ pub struct SourceReport {
     pub notes: Vec<String>,
 }
 
-/// Reads a strand file.
+/// Reads a strand file; all strands are made `length` times as long.
 ///
 /// # Errors
 /// Unreadable file, unknown ending, damaged file, no usable strand, unit that cannot be guessed.
-pub(super) fn strands(source: &Source) -> Result<CleanStrands> {
+pub(super) fn strands(source: &Source, length: f64) -> Result<CleanStrands> {
     source.check()?;
     let path = &source.path;
     let plain = match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
@@ -209,7 +232,7 @@ pub(super) fn strands(source: &Source) -> Result<CleanStrands> {
             .into());
         }
     };
-    let PlainStrands { mut curves, guide, mut groups, metres_per_unit, up, mut notes } = plain;
+    let PlainStrands { mut curves, guide, mut groups, own, metres_per_unit, up, mut notes } = plain;
     let said = Source {
         metres_per_unit: source.metres_per_unit.or(metres_per_unit),
         up: source.up.or(up),
@@ -221,6 +244,9 @@ pub(super) fn strands(source: &Source) -> Result<CleanStrands> {
     for p in &mut curves.points {
         *p = convention.length_in(*p) + source.offset;
     }
+    for (c, ends) in curves.offsets.windows(2).enumerate() {
+        scale(&mut curves.points[ends[0]..ends[1]], length * own.get(c).map_or(1.0, |own| own.length));
+    }
     for width in groups.iter_mut().filter_map(|group| group.width.as_mut()) {
         *width = width.map(|w| w * convention.metres_per_unit);
     }
@@ -229,6 +255,7 @@ pub(super) fn strands(source: &Source) -> Result<CleanStrands> {
     }
     let is_guide = |c: usize| guide.get(c).copied().unwrap_or(false);
     let all = 0..curves.len();
+    let own = own.iter().enumerate().map(|(c, own)| ((is_guide(c), curves.id[c]), *own)).collect();
     let guides = clean(&curves, all.clone().filter(|&c| is_guide(c)), &mut report);
     let curves = clean(&curves, all.filter(|&c| !is_guide(c)), &mut report);
     if curves.is_empty() && guides.is_empty() {
@@ -249,7 +276,14 @@ pub(super) fn strands(source: &Source) -> Result<CleanStrands> {
     }
     report.guides = guides.len();
     report.length[1] /= report.kept as f64;
-    Ok(CleanStrands { curves, guides, groups, report })
+    Ok(CleanStrands { curves, guides, own, groups, report })
+}
+
+/// Makes a strand `factor` times as long, its root and its shape as they are.
+fn scale(points: &mut [Vector3<f64>], factor: f64) {
+    if let Some(&root) = points.first().filter(|_| factor != 1.0) {
+        points.iter_mut().for_each(|p| *p = root + (*p - root) * factor);
+    }
 }
 
 fn bytes_of(path: &Path) -> Result<Vec<u8>> {
@@ -437,7 +471,7 @@ mod tests {
     fn prims_are_of_usd_alone() {
         let of = |name: &str| Source { prim: Some("/a".into()), ..Source::new(name) };
         assert!(of("a.usdc").check().is_ok() && Source::new("a.tfx").check().is_ok());
-        assert!(matches!(strands(&of("a.tfx")), Err(Error::Usage(_))));
+        assert!(matches!(strands(&of("a.tfx"), 1.0), Err(Error::Usage(_))));
         assert!(matches!(mesh(&of("a.obj")), Err(Error::Usage(_))));
     }
 

@@ -2,9 +2,9 @@
 //! header in JSON and plain arrays, in the file's unit and axes.
 
 use super::motion::{Motion, SCALE_CHANGES, rigid_all};
-use super::read::{PlainGroup, PlainMesh, PlainStrands, Source};
+use super::read::{Own, PlainGroup, PlainMesh, PlainStrands, Source};
 use crate::python::{Package, python_package};
-use crate::scene::{Convention, Curves, TriMesh, UpAxis};
+use crate::scene::{Convention, Curves, Factors, TriMesh, UpAxis};
 use crate::{Error, Problem, Result};
 use nalgebra::{Matrix4, Vector3};
 use serde::Deserialize;
@@ -161,6 +161,23 @@ struct StrandsHeader {
     groups: Vec<String>,
 }
 
+/// What `n` curves have of their own; none where the file has nothing of the kind.
+fn own(read: &Exchange<StrandsHeader>, n: usize) -> Vec<Own> {
+    let (length, clump) = (read.f64s("length"), read.array("clump", Kind::I32, i32::from_le_bytes));
+    let factors = Factors::NAMES.map(|name| read.f64s(name));
+    if length.is_none() && clump.is_none() && factors.iter().all(Option::is_none) {
+        return Vec::new();
+    }
+    let at = |of: &Option<Vec<f64>>, c: usize| of.as_ref().map_or(1.0, |of| of[c]);
+    let own = |c: usize| Own {
+        length: at(&length, c),
+        factors: factors.each_ref().map(|of| at(of, c)),
+        // One that is of none has a negative number.
+        clump: clump.as_ref().map(|clump| clump[c]).filter(|clump| *clump >= 0),
+    };
+    (0..n).map(own).collect()
+}
+
 /// The strands at and below a prim, evaluated to points, with their ids, groups, root coordinates and widths.
 ///
 /// # Errors
@@ -178,6 +195,7 @@ pub(super) fn strands(source: &Source) -> Result<PlainStrands> {
         Some(*sum)
     }));
     let widths = read.f64s("width");
+    let own = own(&read, counts.len());
     let groups = read.header.more.groups.iter().enumerate().map(|(g, name)| PlainGroup {
         name: name.clone(),
         width: widths.as_ref().and_then(|all| mean_width(all.as_chunks().0, &group, &guide, g as u32)),
@@ -192,6 +210,7 @@ pub(super) fn strands(source: &Source) -> Result<PlainStrands> {
             root_uv: root_uv.as_chunks().0.to_vec(),
         },
         guide,
+        own,
         notes: read.header.notes,
         metres_per_unit: read.header.metres_per_unit,
         up: read.header.up,

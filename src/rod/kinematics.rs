@@ -303,7 +303,7 @@ impl Sensitivity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rod::{Cut, RodSource};
+    use crate::rod::{Cut, RodSource, Taper};
 
     #[test]
     fn places_on_the_curve_are_on_it_and_move_as_their_carriers_do() {
@@ -314,6 +314,7 @@ mod tests {
             stiffness: [1e-9; 3],
             line_density: 1e-5,
             damping: 0.0,
+            taper: Taper::NONE,
             natural: None,
             cut: Cut { length: 0.005, turn: 0.4 },
         })
@@ -369,6 +370,7 @@ mod tests {
                 stiffness: [1e-9; 3],
                 line_density: 1e-5,
                 damping: 0.0,
+                taper: Taper::NONE,
                 natural: None,
                 cut: Cut { length: length / 4.0 / (sub_steps - 0.5), turn: 10.0 },
             })

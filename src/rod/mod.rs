@@ -23,4 +23,4 @@ pub mod potential;
 pub mod pushed;
 
 pub use kinematics::{Sensitivity, Shape};
-pub use model::{Cut, Rod, RodSource};
+pub use model::{Cut, Rod, RodSource, Taper};

@@ -51,8 +51,6 @@ pub(super) struct Beam<F> {
     pub hat: Vec<[F; 2]>,
     /// (E I1, E I2, G J), N·m².
     pub stiffness: [F; 3],
-    /// Kelvin-Voigt relaxation time, s.
-    pub damping: F,
     /// Generalised force of natural pre-bending, N·m²; see [`Rod::move_natural`].
     pub prebend: Vec<F>,
     /// Length L, m.
@@ -76,18 +74,18 @@ impl<F: Real> Beam<F> {
         self.steps.len() + 1
     }
 
-    /// y += a · (elastic stiffness matrix ∫ N_i K N_j ds) x.
+    /// y += a · (stiffness matrix ∫ N_i K N_j ds) x, of the integrals `hat` of N_i N_j.
     #[inline(always)]
-    pub fn add_elastic(&self, a: F, x: &[F], y: &mut [F]) {
-        let n = self.hat.len();
+    pub fn add_elastic(&self, hat: &[[F; 2]], a: F, x: &[F], y: &mut [F]) {
+        let n = hat.len();
         for i in 0..n {
             for c in 0..3 {
-                let mut s = self.hat[i][0] * x[3 * i + c];
+                let mut s = hat[i][0] * x[3 * i + c];
                 if i > 0 {
-                    s += self.hat[i - 1][1] * x[3 * (i - 1) + c];
+                    s += hat[i - 1][1] * x[3 * (i - 1) + c];
                 }
                 if i + 1 < n {
-                    s += self.hat[i][1] * x[3 * (i + 1) + c];
+                    s += hat[i][1] * x[3 * (i + 1) + c];
                 }
                 y[3 * i + c] += a * self.stiffness[c] * s;
             }
@@ -105,16 +103,34 @@ pub struct RodSource<'a> {
     pub root_frame: Option<UnitQuaternion<f64>>,
     /// Arc-length fractions of the strain nodes, from 0 to 1.
     pub arc: &'a [f64],
-    /// (E I1, E I2, G J), N·m².
+    /// (E I1, E I2, G J) at the root, N·m².
     pub stiffness: [f64; 3],
-    /// ρ S, kg/m.
+    /// ρ S at the root, kg/m.
     pub line_density: f64,
-    /// Kelvin-Voigt relaxation time, s.
+    /// Kelvin-Voigt relaxation time at the root, s.
     pub damping: f64,
+    /// What changes towards the tip.
+    pub taper: Taper,
     /// Constant natural strain, 1/m; `None` takes the shape of `points` as natural.
     pub natural: Option<Vector3<f64>>,
     /// How finely it is cut.
     pub cut: Cut,
+}
+
+/// What a rod is at its tip over what it is at its root, changing evenly between them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Taper {
+    /// Moduli.
+    pub stiffness: f64,
+    /// Radius: the mass goes as its square, the stiffness of the section as its fourth power.
+    pub radius: f64,
+    /// Relaxation time.
+    pub damping: f64,
+}
+
+impl Taper {
+    /// A rod that is the same all along.
+    pub const NONE: Taper = Taper { stiffness: 1.0, radius: 1.0, damping: 1.0 };
 }
 
 /// A rod: everything about it that does not change over a bake.
@@ -124,13 +140,17 @@ pub struct Rod {
     pub nodes: Vec<f64>,
     /// Root pose in rest space.
     pub root: Pose,
-    /// ρ S, kg/m.
-    pub line_density: f64,
+    /// Arc length of every point, m.
+    pub arc: Vec<f64>,
+    /// Mass that each point stands for, kg.
+    pub mass: Vec<f64>,
     /// Arc length that each point stands for in integrals along the rod (composite Simpson), m; one per point.
     pub weight: Vec<f64>,
     /// Starting deviation: the groom's shape as seen from the natural one, 1/m.
     pub start: Vec<f64>,
     pub(super) beam: Beam<f64>,
+    /// ∫ N_i N_j σ τ ds, m·s, τ being the relaxation time.
+    pub(super) damping: Vec<[f64; 2]>,
 }
 
 impl Rod {
@@ -181,21 +201,35 @@ impl Rod {
             }
         }
         let free = nodes.len() - 1;
+        let taper = &source.taper;
+        let arc: Vec<f64> = std::iter::once(0.0)
+            .chain(steps.iter().scan(0.0, |s, step: &Step<f64>| {
+                *s += step.h;
+                Some(*s)
+            }))
+            .collect();
+        let mass = arc.iter().zip(&weight);
+        let mass =
+            mass.map(|(s, weight)| weight * source.line_density * towards(taper.radius, s / length).powi(2));
+        let mass: Vec<f64> = mass.collect();
         let beam = Beam {
-            hat: hat_matrix(&nodes, 1.0),
+            hat: hat_matrix(&nodes, |_| 1.0),
             stiffness: source.stiffness,
-            damping: source.damping,
             prebend: vec![0.0; 3 * free],
             length,
             longest: steps.iter().map(|s: &Step<f64>| s.h).fold(0.0, f64::max),
-            mass: source.line_density * length,
+            mass: mass.iter().sum(),
             steps,
         };
-        let start = vec![0.0; 3 * free];
-        let mut rod = Rod { root, line_density: source.line_density, weight, start, nodes, beam };
+        let (start, damping) = (vec![0.0; 3 * free], Vec::new());
+        let mut rod = Rod { root, arc, mass, weight, start, nodes, beam, damping };
         if source.natural.is_some() {
             rod.start = rod.project(&deviation);
         }
+        // From here on the integrals are those of the stiffness.
+        let sigma = |u: f64| towards(taper.stiffness, u) * towards(taper.radius, u).powi(4);
+        rod.beam.hat = hat_matrix(&rod.nodes, sigma);
+        rod.damping = hat_matrix(&rod.nodes, |u| sigma(u) * source.damping * towards(taper.damping, u));
         Some(rod)
     }
 
@@ -219,13 +253,9 @@ impl Rod {
         self.beam.steps.partition_point(|step| step.element < node)
     }
 
-    /// Arc length of each point, m.
-    pub fn arc_lengths(&self) -> Vec<f64> {
-        let mut s = vec![0.0];
-        for step in &self.beam.steps {
-            s.push(s[s.len() - 1] + step.h);
-        }
-        s
+    /// Arc length of a place on the segment from point `k` to the next, 0..=1 of it, as a share of the rod's length.
+    pub fn share(&self, k: usize, u: f64) -> f64 {
+        (self.arc[k] + (self.arc[k + 1] - self.arc[k]) * u) / self.length()
     }
 
     /// Hat-function coefficients closest (L2) to a strain given at the Gauss points of every sub-step, with none
@@ -270,7 +300,7 @@ impl Rod {
         let mut rows = vec![0.0; n * n];
         for (i, row) in rows.chunks_exact_mut(n).enumerate() {
             unit[i] = 1.0;
-            self.beam.add_elastic(1.0, &unit, row);
+            self.beam.add_elastic(&self.beam.hat, 1.0, &unit, row);
             unit[i] = 0.0;
         }
         rows
@@ -285,11 +315,6 @@ impl Rod {
         strain.iter().flat_map(|w| [w.x, w.y, w.z]).collect()
     }
 
-    /// Makes the stiffness change evenly along the rod, to `tip` times that at the root. Before the natural strain is moved.
-    pub fn taper(&mut self, tip: f64) {
-        self.beam.hat = hat_matrix(&self.nodes, tip);
-    }
-
     /// Multiplies the stiffness.
     pub fn stiffen(&mut self, factor: f64) {
         self.beam.stiffness.iter_mut().for_each(|k| *k *= factor);
@@ -298,7 +323,7 @@ impl Rod {
     /// Moves the natural strain by `strain` at the nodes, 1/m, from what the rod was made with.
     pub fn move_natural(&mut self, strain: &[f64]) {
         let mut prebend = vec![0.0; strain.len()];
-        self.beam.add_elastic(1.0, strain, &mut prebend);
+        self.beam.add_elastic(&self.beam.hat, 1.0, strain, &mut prebend);
         self.beam.prebend = prebend;
     }
 }
@@ -347,14 +372,33 @@ fn root_pose(source: &RodSource, spline: &ArcSpline) -> Pose {
     Pose { r, p: at.x }
 }
 
-/// ∫ N_i N_i σ ds and ∫ N_i N_{i+1} σ ds for every node, σ going evenly from 1 at the first to `tip` at the last.
-fn hat_matrix(nodes: &[f64], tip: f64) -> Vec<[f64; 2]> {
-    let l = |i: usize| nodes[i + 1] - nodes[i];
-    let sigma = |i: usize| 1.0 + (tip - 1.0) * (nodes[i] / nodes[nodes.len() - 1]);
+/// What changes evenly from 1 at the root to `tip`, at a share `u` of the length.
+fn towards(tip: f64, u: f64) -> f64 {
+    1.0 + (tip - 1.0) * u
+}
+
+/// ∫ N_i N_i σ ds and ∫ N_i N_{i+1} σ ds for every node, σ being told for shares of the length: exact for polynomials up to the seventh degree
+/// (Gauss's rule of five points; Abramowitz & Stegun 1964, table 25.4).
+fn hat_matrix(nodes: &[f64], sigma: impl Fn(f64) -> f64) -> Vec<[f64; 2]> {
+    const HALF: [(f64, f64); 3] = [
+        (0.0, 0.568_888_888_888_888_9),
+        (0.538_469_310_105_683_1, 0.478_628_670_499_366_47),
+        (0.906_179_845_938_664, 0.236_926_885_056_189_08),
+    ];
+    let length = nodes[nodes.len() - 1];
+    let places = HALF.iter().flat_map(|&(x, w)| [(0.5 - 0.5 * x, w), (0.5 + 0.5 * x, w)]).skip(1);
+    // ∫ of the products of the falling hat with itself, the two, and the rising one with itself.
+    let element = |i: usize| {
+        let (from, l) = (nodes[i], nodes[i + 1] - nodes[i]);
+        places.clone().fold([0.0; 3], |[a, b, c], (u, w)| {
+            let w = 0.5 * w * l * sigma((from + u * l) / length);
+            [a + w * (1.0 - u) * (1.0 - u), b + w * u * (1.0 - u), c + w * u * u]
+        })
+    };
+    let mut before = 0.0;
     let entry = |i: usize| {
-        let after = l(i) * (3.0 * sigma(i) + sigma(i + 1));
-        let before = if i > 0 { l(i - 1) * (sigma(i - 1) + 3.0 * sigma(i)) } else { 0.0 };
-        [(after + before) / 12.0, l(i) * (sigma(i) + sigma(i + 1)) / 12.0]
+        let [a, b, c] = element(i);
+        [a + std::mem::replace(&mut before, c), b]
     };
     (0..nodes.len() - 1).map(entry).collect()
 }
@@ -362,9 +406,57 @@ fn hat_matrix(nodes: &[f64], tip: f64) -> Vec<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rod::{Sensitivity, Shape};
 
     #[test]
-    fn a_taper_is_integrated_exactly_and_none_changes_no_bit() {
+    fn a_tapered_rod_bends_as_a_tapered_beam() {
+        let (l, ei, density, g) = (0.1, 7.8e-9, 6.6e-6, 9.81);
+        let arc: Vec<f64> = (0..33).map(|i| f64::from(i) / 32.0).collect();
+        let taper = Taper { stiffness: 0.5, radius: 0.6, damping: 1.0 };
+        let rod = Rod::new(&RodSource {
+            points: &[Vector3::zeros(), Vector3::x() * l],
+            root_frame: None,
+            arc: &arc,
+            stiffness: [ei, ei, 3.6e-9],
+            line_density: density,
+            damping: 0.0,
+            taper,
+            natural: None,
+            cut: Cut::FINE,
+        })
+        .unwrap();
+        // Curvature M/EI at the root and half way, of the weight of what is beyond, by hand.
+        let n = 20_000;
+        let moment = |s: f64| -> f64 {
+            let beyond = (0..n).map(|i| s + (l - s) * (f64::from(i) + 0.5) / f64::from(n));
+            beyond.map(|x| density * towards(0.6, x / l).powi(2) * g * (x - s)).sum::<f64>() * (l - s)
+                / f64::from(n)
+        };
+        let mut shape = Shape::default();
+        let (mut sensitivity, zero) = (Sensitivity::default(), vec![0.0; rod.unknowns()]);
+        shape.update(&rod, &rod.root.r, &zero);
+        sensitivity.update(&rod, &shape, &zero);
+        let mut load = vec![0.0; rod.unknowns()];
+        for k in 1..rod.points() {
+            sensitivity.add_row(k, &shape.x(k), &(Vector3::y() * -g), rod.mass[k], &mut load);
+        }
+        let strain = rod.strain_under(&load);
+        for (node, s) in [(0, 0.0), (16, 0.5 * l)] {
+            let u = s / l;
+            let stiffness = ei * towards(0.5, u) * towards(0.6, u).powi(4);
+            let found = Vector3::from_column_slice(&strain[3 * node..3 * node + 3]).norm();
+            assert!(
+                (found / (moment(s) / stiffness) - 1.0).abs() < 2e-3,
+                "{found} {}",
+                moment(s) / stiffness
+            );
+        }
+        let mass = density * l * (1.0 + 0.6 + 0.36) / 3.0;
+        assert!((rod.mass.iter().sum::<f64>() / mass - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_taper_is_integrated_exactly() {
         let nodes = [0.0, 0.03, 0.07, 0.13];
         let hat = |i: usize, s: f64| {
             let side =
@@ -372,20 +464,22 @@ mod tests {
             let rising = if i > 0 { side(nodes[i - 1], nodes[i]) } else { 0.0 };
             rising + if i + 1 < nodes.len() { side(nodes[i + 1], nodes[i]) } else { 0.0 }
         };
-        let tip = 0.2;
-        let (n, found) = (130_000, hat_matrix(&nodes, tip));
+        let sigma = |u: f64| towards(0.2, u) * towards(1.3, u).powi(4) * towards(3.0, u);
+        let (n, found) = (130_000, hat_matrix(&nodes, sigma));
         for (i, row) in found.iter().enumerate() {
             for (j, found) in row.iter().enumerate() {
                 let sum: f64 = (0..n)
                     .map(|k| (k as f64 + 0.5) / n as f64 * 0.13)
-                    .map(|s| hat(i, s) * hat(i + j, s) * (1.0 + (tip - 1.0) * s / 0.13))
+                    .map(|s| hat(i, s) * hat(i + j, s) * sigma(s / 0.13))
                     .sum();
                 assert!((sum * 0.13 / n as f64 - found).abs() < 1e-7 * found.max(1e-3), "{i} {j}");
             }
         }
         let l = |i: usize| nodes[i + 1] - nodes[i];
-        let plain = hat_matrix(&nodes, 1.0);
-        assert_eq!(plain[0], [l(0) / 3.0, l(0) / 6.0]);
-        assert_eq!(plain[1], [(l(1) + l(0)) / 3.0, l(1) / 6.0]);
+        let plain = hat_matrix(&nodes, |_| 1.0);
+        let exact = [[l(0) / 3.0, l(0) / 6.0], [(l(1) + l(0)) / 3.0, l(1) / 6.0]];
+        for (plain, exact) in plain.iter().zip(exact).flat_map(|(a, b)| a.iter().copied().zip(b)) {
+            assert!((plain / exact - 1.0).abs() < 1e-15);
+        }
     }
 }

@@ -113,7 +113,7 @@ struct Buffers<F> {
 
 impl<F: Real> Buffers<F> {
     fn new(zero: F) -> Self {
-        let load = Load { stiffening: zero, inertia: zero, tie: Vec::new(), pull: Vec::new() };
+        let load = Load { hat: Vec::new(), inertia: zero, tie: Vec::new(), pull: Vec::new() };
         Buffers { load, q: Vec::new(), other: Vec::new(), solver: Solver::default() }
     }
 }
@@ -178,7 +178,6 @@ impl<F: Real> Beams<F> {
             steps,
             hat: (0..elements).map(|e| [0, 1].map(|j| lanes(zero, |i| beams[i].hat[e][j]))).collect(),
             stiffness: [0, 1, 2].map(|c| lanes(zero, |i| beams[i].stiffness[c])),
-            damping: lanes(zero, |i| beams[i].damping),
             prebend: (0..3 * elements).map(|a| lanes(zero, |i| beams[i].prebend[a])).collect(),
             length: lanes(zero, |i| beams[i].length),
             longest: lanes(zero, |i| beams[i].longest),
@@ -193,7 +192,9 @@ impl<F: Real> Beams<F> {
         let Buffers { load, q, other, solver } = work;
         let Some(first) = &tasks[0] else { return };
         let task = |i: usize| tasks[i].as_ref().unwrap_or(first);
-        load.stiffening = lanes(zero, |i| task(i).load.stiffening);
+        load.hat.clear();
+        let hat = (0..self.beam.hat.len()).map(|e| [0, 1].map(|j| lanes(zero, |i| task(i).load.hat[e][j])));
+        load.hat.extend(hat);
         load.inertia = lanes(zero, |i| task(i).load.inertia);
         let none = Tie { alpha: zero, u: V3::all(zero), target: V3::all(zero) };
         load.tie.clear();
@@ -273,7 +274,7 @@ fn empty(element: usize) -> Step<f64> {
 mod tests {
     use super::*;
     use crate::rod::potential::PointLoad;
-    use crate::rod::{Cut, RodSource};
+    use crate::rod::{Cut, RodSource, Taper};
     use nalgebra::Vector3;
 
     /// Hairs of one number of nodes and of many lengths, curls and numbers of sub-steps.
@@ -294,6 +295,7 @@ mod tests {
                 stiffness: [8e-9, 6e-9, 4e-9],
                 line_density: 6.6e-6,
                 damping: 0.004,
+                taper: Taper::NONE,
                 natural: None,
                 cut: Cut { length: 0.05, ..Cut::FINE },
             })

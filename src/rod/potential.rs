@@ -46,8 +46,8 @@ impl<F: Real> Tie<F> {
 /// What drives a rod over one step.
 #[derive(Debug, Clone)]
 pub struct Load<F = f64> {
-    /// 1 + τ/h: elasticity with its damping.
-    pub(super) stiffening: F,
+    /// ∫ N_i N_j σ (1 + τ/h) ds, m: elasticity with its damping; see [`Beam::hat`].
+    pub(super) hat: Vec<[F; 2]>,
     /// Mass over h², N/m.
     pub(super) inertia: F,
     /// One for each point but the root.
@@ -58,7 +58,7 @@ pub struct Load<F = f64> {
 
 impl Default for Load {
     fn default() -> Self {
-        Load { stiffening: 1.0, inertia: 0.0, tie: Vec::new(), pull: Vec::new() }
+        Load { hat: Vec::new(), inertia: 0.0, tie: Vec::new(), pull: Vec::new() }
     }
 }
 
@@ -74,19 +74,20 @@ impl Load {
         points: impl Iterator<Item = PointLoad>,
     ) {
         let beam = &rod.beam;
-        self.stiffening = 1.0 + beam.damping / h;
+        self.hat.clear();
+        let damped = |(hat, damping): (&[f64; 2], &[f64; 2])| [0, 1].map(|i| hat[i] + damping[i] / h);
+        self.hat.extend(beam.hat.iter().zip(&rod.damping).map(damped));
         self.inertia = beam.mass / (h * h);
         self.pull.clone_from(&beam.prebend);
-        beam.add_elastic(beam.damping / h, past, &mut self.pull);
+        beam.add_elastic(&rod.damping, 1.0 / h, past, &mut self.pull);
         self.tie.clear();
-        for (point, weight) in points.skip(1).zip(&rod.weight[1..]) {
-            let mass = weight * rod.line_density;
+        for (point, (weight, mass)) in points.zip(rod.weight.iter().zip(&rod.mass)).skip(1) {
             let (inertia, drag) = (mass / (h * h), point.drag * weight / h);
             let along = 0.5 * drag;
             let reached = point.previous + point.air * h;
             let t = &point.tangent;
             let force =
-                gravity * mass + point.inertial * inertia + reached * drag - t * (along * t.dot(&reached));
+                gravity * *mass + point.inertial * inertia + reached * drag - t * (along * t.dot(&reached));
             let alpha = inertia + drag;
             let target = (force + t * (along / (alpha - along) * t.dot(&force))) / alpha;
             self.tie.push(Tie { alpha, u: (t * along.sqrt()).into(), target: target.into() });
@@ -134,7 +135,7 @@ pub(super) fn energy<F: Real>(
     }
     scratch.resize(q.len(), zero);
     scratch.fill(zero);
-    beam.add_elastic(load.stiffening, q, scratch);
+    beam.add_elastic(&load.hat, zero.same(1.0), q, scratch);
     for ((q, k), pull) in q.iter().zip(&*scratch).zip(&load.pull) {
         e += *q * (*k - *pull * 2.0);
     }
@@ -317,7 +318,7 @@ pub(super) fn gradient<F: Real>(
     for (g, pull) in gradient.iter_mut().zip(&load.pull) {
         *g = -*pull;
     }
-    beam.add_elastic(load.stiffening, q, gradient);
+    beam.add_elastic(&load.hat, zero.same(1.0), q, gradient);
     let (mut force, mut torque) = (V3::all(zero), V3::all(zero));
     for k in (0..beam.steps.len()).rev() {
         let (x, lever) = (shape.pose[k + 1].p, &sensitivity.lever[k]);
@@ -359,10 +360,10 @@ pub(super) fn hessian<F: Real>(
     }
     for i in 0..n / 3 {
         for c in 0..3 {
-            let (a, stiffness) = (3 * i + c, load.stiffening * beam.stiffness[c]);
-            hessian[a * n + a] = stiffness * beam.hat[i][0];
+            let (a, stiffness) = (3 * i + c, beam.stiffness[c]);
+            hessian[a * n + a] = stiffness * load.hat[i][0];
             if i > 0 {
-                hessian[a * n + a - 3] = stiffness * beam.hat[i - 1][1];
+                hessian[a * n + a - 3] = stiffness * load.hat[i - 1][1];
             }
         }
     }
@@ -400,7 +401,7 @@ pub(super) fn hessian<F: Real>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::model::{Cut, RodSource};
+    use super::super::model::{Cut, RodSource, Taper};
     use super::*;
 
     fn curl() -> Rod {
@@ -422,6 +423,7 @@ mod tests {
             stiffness: [8e-9, 6e-9, 4e-9],
             line_density: 6.6e-6,
             damping: 0.004,
+            taper: Taper::NONE,
             natural: None,
             cut: Cut { length, ..Cut::FINE },
         })
@@ -469,14 +471,13 @@ mod tests {
         let past = vec![0.0; rod.unknowns()];
         load.set(&rod, h, &g, &past, std::iter::repeat_n(point, rod.points()));
         let x = Vector3::new(0.03, 0.01, 0.02);
-        for (tie, w) in load.tie.iter().zip(&rod.weight[1..]) {
+        for (tie, (w, mass)) in load.tie.iter().zip(rod.weight.iter().zip(&rod.mass).skip(1)) {
             let y = V3::from(x) - tie.target;
             let force: Vector3<f64> = (tie.u * tie.u.dot(y) - y * tie.alpha).into();
-            let mass = w * rod.line_density;
             let slip = (x - point.previous) / h - point.air;
             let along = point.tangent * point.tangent.dot(&slip);
             let sought =
-                g * mass - (x - point.inertial) * (mass / (h * h)) - (slip - along * 0.5) * (point.drag * w);
+                g * *mass - (x - point.inertial) * (mass / (h * h)) - (slip - along * 0.5) * (point.drag * w);
             assert!((force - sought).norm() < 1e-12 * sought.norm(), "{force} {sought}");
         }
     }

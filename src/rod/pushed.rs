@@ -124,7 +124,7 @@ fn add_outer(row: &[f64], stiffening: f64, hessian: &mut [f64]) {
 mod tests {
     use super::*;
     use crate::rod::potential::PointLoad;
-    use crate::rod::{Cut, RodSource};
+    use crate::rod::{Cut, RodSource, Taper};
 
     fn hair() -> Rod {
         Rod::new(&RodSource {
@@ -134,6 +134,7 @@ mod tests {
             stiffness: [8e-9, 6e-9, 4e-9],
             line_density: 6.6e-6,
             damping: 0.004,
+            taper: Taper::NONE,
             natural: None,
             cut: Cut { length: 0.005, turn: 0.8 },
         })

@@ -17,9 +17,15 @@ impl Friction {
 }
 
 impl Friction {
-    /// What two strands rub with: the mean of theirs.
-    pub fn mean(self, other: Self) -> Self {
-        Friction { fixed: 0.5 * (self.fixed + other.fixed), kinetic: 0.5 * (self.kinetic + other.kinetic) }
+    /// Both coefficients times a factor.
+    pub fn times(self, factor: f64) -> Self {
+        Friction { fixed: self.fixed * factor, kinetic: self.kinetic * factor }
+    }
+
+    /// Between two ends, at a share of the way.
+    pub fn between([from, to]: [Self; 2], share: f64) -> Self {
+        let at = |a: f64, b: f64| a + (b - a) * share;
+        Friction { fixed: at(from.fixed, to.fixed), kinetic: at(from.kinetic, to.kinetic) }
     }
 }
 

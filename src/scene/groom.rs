@@ -51,13 +51,19 @@ pub struct Material {
     pub sag_free: f64,
     /// Stiffness of bending and twist at the tip over that at the root, changing evenly between them along the strand.
     pub stiffness_at_tip: f64,
+    /// Radius at the tip over that of `section`, which is the root's, changing evenly between them along the strand.
+    pub radius_at_tip: f64,
     /// Frequencies, Hz, at root and tip and evenly between them, at which the strand would swing about the groom's pose as the head carries
     /// it were this pull all that moves it; 0 = none.
     pub goal: [f64; 2],
     /// Internal damping: Kelvin-Voigt relaxation time η/E, s (strain-rate stress = time × modulus).
     pub damping: f64,
+    /// Internal damping at the tip over that at the root, changing evenly between them along the strand.
+    pub damping_at_tip: f64,
     /// Friction of strand against body and strand, along the strand.
     pub friction: Friction,
+    /// Friction at the tip over that at the root, changing evenly between them along the strand.
+    pub friction_at_tip: f64,
     /// Friction across the strand over that along it: the cone of friction is elliptic, and what slides takes the way that
     /// dissipates most.
     pub friction_across: f64,
@@ -115,6 +121,38 @@ pub struct Guides {
     pub curves: Curves,
     /// Root frame of each (columns d1, d2, d3; d3 the tangent), or `None` to derive it.
     pub root_frame: Option<Vec<UnitQuaternion<f64>>>,
+    /// What each has of its own.
+    pub factors: Factors,
+}
+
+/// Factors of each guide on what its material says; of a property without any, none.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Factors {
+    /// On Young's and the shear modulus.
+    pub stiffness: Option<Vec<f64>>,
+    /// On internal damping.
+    pub damping: Option<Vec<f64>>,
+    /// On friction.
+    pub friction: Option<Vec<f64>>,
+    /// On the drag of the air.
+    pub drag: Option<Vec<f64>>,
+    /// On the frequencies of the pull to the groom's pose.
+    pub goal: Option<Vec<f64>>,
+}
+
+impl Factors {
+    /// The properties by the names that they have in files.
+    pub const NAMES: [&str; 5] = ["stiffness", "damping", "friction", "drag", "goal"];
+
+    /// In the order of [`Factors::NAMES`].
+    pub fn each(&self) -> [&Option<Vec<f64>>; 5] {
+        [&self.stiffness, &self.damping, &self.friction, &self.drag, &self.goal]
+    }
+
+    /// From the order of [`Factors::NAMES`].
+    pub fn of([stiffness, damping, friction, drag, goal]: [Option<Vec<f64>>; 5]) -> Self {
+        Factors { stiffness, damping, friction, drag, goal }
+    }
 }
 
 /// The render strands.
@@ -183,6 +221,23 @@ impl Curves {
     }
 }
 
+impl Groom {
+    /// What guide `g` is made of: the material of its group, with its own factors.
+    pub fn material_of(&self, g: usize) -> Material {
+        let group = &self.groups[self.guides.curves.group[g] as usize];
+        let mut m = self.materials[group.material as usize].clone();
+        let [stiffness, damping, friction, drag, goal] =
+            self.guides.factors.each().map(|factors| factors.as_ref().map_or(1.0, |factors| factors[g]));
+        m.young_modulus *= stiffness;
+        m.shear_modulus *= stiffness;
+        m.damping *= damping;
+        m.friction = m.friction.times(friction);
+        m.drag *= drag;
+        m.goal = m.goal.map(|hz| hz * goal);
+        m
+    }
+}
+
 impl RodSection {
     /// Area S = π a1 a2, m².
     pub fn area(&self) -> f64 {
@@ -210,9 +265,12 @@ impl Default for Material {
             natural: None,
             sag_free: 0.0,
             stiffness_at_tip: 1.0,
+            radius_at_tip: 1.0,
             goal: [0.0; 2],
             damping: 0.005,
+            damping_at_tip: 1.0,
             friction: 0.3.into(),
+            friction_at_tip: 1.0,
             friction_across: 1.0,
             friction_parallel: 0.5,
             cohesion: 0.0,

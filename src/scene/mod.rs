@@ -20,7 +20,7 @@ pub use convention::{Convention, UpAxis};
 pub use deformation::Deformation;
 pub use document::array::{Array, BufferFile, ElementType, View};
 pub use friction::Friction;
-pub use groom::{Curves, Groom, Group, Guides, Material, RodSection, Section, Strands, Tree, Wisp};
+pub use groom::{Curves, Factors, Groom, Group, Guides, Material, RodSection, Section, Strands, Tree, Wisp};
 pub use inputs::inputs;
 pub use reading::{Override, PathMap, Reading};
 pub(crate) use sequence::Sequence;

@@ -66,7 +66,7 @@ impl RestGuide {
     pub fn new(rod: &Rod) -> Self {
         let mut shape = Shape::default();
         shape.update(rod, &rod.root.r, &vec![0.0; rod.unknowns()]);
-        let (arc, pose): (Vec<f64>, Vec<Pose>) = (rod.arc_lengths(), shape.poses().collect());
+        let (arc, pose): (Vec<f64>, Vec<Pose>) = (rod.arc.clone(), shape.poses().collect());
         let turns =
             arc.windows(2).zip(pose.windows(2)).map(|(s, pose)| Turn::new(&rod.nodes, s, pose)).collect();
         RestGuide { arc, pose, root: rod.root.p, turns }
@@ -131,7 +131,7 @@ impl Turn {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rod::{Cut, RodSource};
+    use crate::rod::{Cut, RodSource, Taper};
 
     #[test]
     fn a_place_moves_with_the_arc_length_also_between_points() {
@@ -144,6 +144,7 @@ mod tests {
             stiffness: [1e-9; 3],
             line_density: 1e-5,
             damping: 0.0,
+            taper: Taper::NONE,
             natural: None,
             cut: Cut::FINE,
         })

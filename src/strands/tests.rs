@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::math::se3;
-use crate::rod::{Cut, RodSource, Shape};
+use crate::rod::{Cut, RodSource, Shape, Taper};
 use nalgebra::Isometry3;
 
 const LEAF: (u32, u32) = (0, 0);
@@ -32,6 +32,7 @@ fn rod(points: &[Vector3<f64>]) -> Rod {
         stiffness: [8e-9, 8e-9, 4e-9],
         line_density: 6.6e-6,
         damping: 0.0,
+        taper: Taper::NONE,
         natural: None,
         cut: Cut { length: 0.005, ..Cut::FINE },
     })

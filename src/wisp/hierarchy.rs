@@ -27,7 +27,8 @@ impl Hierarchy {
             hierarchy.add(tree, of_leaf, &sections);
         }
         for i in 0..rods.len() {
-            let alike = |leader: &usize| rods[*leader].material == rods[i].material;
+            let of = |i: usize| groom.groups[groom.guides.curves.group[rods[i].guide] as usize].material;
+            let alike = |leader: &usize| of(*leader) == of(i);
             hierarchy.leader[i] = hierarchy.leader[i].filter(alike);
         }
         hierarchy

@@ -7,7 +7,7 @@ mod hierarchy;
 
 pub use hierarchy::Hierarchy;
 
-use crate::rod::{Cut, Rod, RodSource};
+use crate::rod::{Cut, Rod, RodSource, Taper};
 use crate::scene::{Groom, Material};
 use rayon::prelude::*;
 
@@ -20,8 +20,8 @@ pub struct GuideRod {
     pub leaf: (usize, usize),
     /// How many hairs it stands for.
     pub hairs: f64,
-    /// Its material, index into the groom's.
-    pub material: usize,
+    /// Its material, with its own factors.
+    pub material: Material,
     /// The rod.
     pub rod: Rod,
 }
@@ -44,21 +44,20 @@ pub fn rods(groom: &Groom, cut: Cut) -> Vec<GuideRod> {
 fn rod(groom: &Groom, guide: usize, leaf: (usize, usize), cut: Cut) -> Option<GuideRod> {
     let tree = &groom.trees[leaf.0];
     let wisp = &tree.wisps[leaf.1];
-    let material = groom.groups[groom.guides.curves.group[guide] as usize].material as usize;
-    let m = &groom.materials[material];
-    let mut rod = Rod::new(&RodSource {
+    let m = groom.material_of(guide);
+    let rod = Rod::new(&RodSource {
         points: groom.guides.curves.curve(guide),
         root_frame: groom.guides.root_frame.as_ref().map(|f| f[guide]),
         arc: &tree.arc,
-        stiffness: stiffness(m),
+        stiffness: stiffness(&m),
         line_density: m.density * m.section.area(),
         damping: m.damping,
+        taper: Taper { stiffness: m.stiffness_at_tip, radius: m.radius_at_tip, damping: m.damping_at_tip },
         natural: m.natural,
         cut,
     })?;
-    rod.taper(m.stiffness_at_tip);
     let hairs = f64::from(wisp.strand_count) / wisp.guides.len() as f64;
-    Some(GuideRod { guide, leaf, hairs, material, rod })
+    Some(GuideRod { guide, leaf, hairs, material: m, rod })
 }
 
 /// (E I1, E I2, G J) of a material, N·m².

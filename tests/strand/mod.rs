@@ -1,6 +1,6 @@
 //! The strand that tests start from.
 
-use hairbake::rod::{Cut, Rod, RodSource};
+use hairbake::rod::{Cut, Rod, RodSource, Taper};
 use hairbake::scene::Tree;
 use nalgebra::Vector3;
 
@@ -13,6 +13,7 @@ pub fn hair(length: f64, cut: Cut) -> Rod {
         stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
         line_density: 6.6e-6,
         damping: 0.005,
+        taper: Taper::NONE,
         natural: None,
         cut,
     })

@@ -6,6 +6,7 @@ use crate::bake::guide::Guide;
 use crate::contact::Tolerance;
 use crate::contact::friction::{Coupled, Law, Outcome, Scratch, Side, solve_coupled};
 use crate::math::cholesky::dot;
+use crate::scene::Friction;
 use nalgebra::UnitQuaternion;
 
 /// When the reactions are good enough: their residual multiplies displacements of a step, some 0.1 to 1 mm. In the first round, whose
@@ -108,7 +109,11 @@ impl Island {
             }
             b.extend(free);
             sides.push(*sides_here);
-            laws.push(Law::Coulomb(guides[guides_here[0]].friction.mean(guides[guides_here[1]].friction)));
+            let own = |side: usize| {
+                let (guide, (k, u)) = (&guides[guides_here[side]], places.on_rod(&place.meeting, side));
+                Friction::between(guide.friction, guide.rod.share(k, u))
+            };
+            laws.push(Law::Coulomb(Friction::between([own(0), own(1)], 0.5)));
             let force = to_world * place.reaction;
             let [n, along, across] = axes.map(|d| force.dot(&d) / d.norm_squared());
             forces.extend([n.max(0.0), along, across]);

@@ -6,7 +6,7 @@ use super::{Skin, Tangle};
 use crate::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use crate::contact::Bodies;
 use crate::math::random;
-use crate::rod::{Cut, Rod, RodSource, Shape as RodShape};
+use crate::rod::{Cut, Rod, RodSource, Shape as RodShape, Taper};
 use crate::scene::{Shape, Tree};
 use nalgebra::{Isometry3, UnitQuaternion, Vector2, Vector3};
 use rayon::prelude::*;
@@ -26,6 +26,7 @@ fn strand(from: V, to: V, stiff: f64) -> Rod {
         stiffness: [7.8e-9, 7.8e-9, 3.6e-9].map(|k| k * stiff),
         line_density: 6.6e-6,
         damping: 0.005,
+        taper: Taper::NONE,
         natural: None,
         cut: Cut::FINE,
     })
@@ -81,7 +82,7 @@ impl Scene<'_> {
             Guide::new(rod.clone(), drag, self.friction, &[5e-4], &around, 0.0, H)
         };
         let guides: Vec<Guide> = self.rods.iter().map(guide).collect();
-        let arc: Vec<Vec<f64>> = self.rods.iter().map(Rod::arc_lengths).collect();
+        let arc: Vec<Vec<f64>> = self.rods.iter().map(|rod| rod.arc.clone()).collect();
         let mut tangle = Tangle::new(&arc, vec![self.skin; guides.len()]);
         tangle.start(&guides, &around, 0.0);
         let local = |guides: &[Guide], t: f64| -> Vec<Vec<V>> {
@@ -125,7 +126,7 @@ impl Motion {
 
     /// Pairs of segments of different strands that pass through each other in the last sub-step, at the roots excepted.
     fn crossings(&self) -> usize {
-        let arc: Vec<Vec<f64>> = self.guides.iter().map(|g| g.rod.arc_lengths()).collect();
+        let arc: Vec<Vec<f64>> = self.guides.iter().map(|g| g.rod.arc.clone()).collect();
         let rooted = |g: usize, half: usize| arc[g][half / 2] < 0.01;
         let mut count = 0;
         for a in 0..self.guides.len() {

@@ -88,6 +88,11 @@ pub struct MaterialFile {
     #[serde(skip_serializing_if = "is_one")]
     #[schemars(range(min = 0.01, max = 100.0))]
     pub stiffness_at_tip: f64,
+    /// Radius at the tip over that of the section, changing evenly along the strand: below 1 the tips are thinner, lighter with its square and softer with its
+    /// fourth power. Default 1.
+    #[serde(skip_serializing_if = "is_one")]
+    #[schemars(range(min = 0.1, max = 10.0))]
+    pub radius_at_tip: f64,
     /// Pull to the groom's pose as the head carries it, at root and tip and evenly between: the frequency at which a strand would swing
     /// about it, Hz. Higher holds the style more; what weighs g hangs g/(2πf)² off, 1 cm at 5 Hz. Default 0: none.
     #[serde(skip_serializing_if = "is_zero")]
@@ -96,6 +101,10 @@ pub struct MaterialFile {
     /// Internal damping: relaxation time η/E of bending and twist, s. Higher rings less.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub damping_s: f64,
+    /// Internal damping at the tip over that at the root, changing evenly along the strand: above 1 tips ring less. Default 1.
+    #[serde(skip_serializing_if = "is_one")]
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub damping_at_tip: f64,
     /// Coulomb friction coefficient of strand on body and strand, of what slides along the strand.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub friction: f64,
@@ -103,6 +112,10 @@ pub struct MaterialFile {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub static_friction: Option<f64>,
+    /// Friction at the tip over that at the root, changing evenly along the strand: above 1 tips hold on more. Default 1.
+    #[serde(skip_serializing_if = "is_one")]
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub friction_at_tip: f64,
     /// Friction across a strand over friction along it: above 1 it rolls less easily than it slips through.
     #[serde(skip_serializing_if = "is_one")]
     #[schemars(range(min = 0.1, max = 10.0))]
@@ -206,6 +219,37 @@ pub struct GuidesFile {
     /// tangent; default: derived from the curve.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub root_frame_wxyz: Option<Array<[f64; 4]>>,
+    /// Factors on what the material says, from 0 to 1000, one for each guide; default: none.
+    #[serde(default, skip_serializing_if = "FactorsFile::is_empty")]
+    pub factors: FactorsFile,
+}
+
+/// Factors of each guide on what its material says; default of each: 1.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct FactorsFile {
+    /// On Young's modulus and the shear modulus; above 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stiffness: Option<Array<f64>>,
+    /// On internal damping.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub damping: Option<Array<f64>>,
+    /// On friction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub friction: Option<Array<f64>>,
+    /// On the drag of the air.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drag: Option<Array<f64>>,
+    /// On the frequencies of `goal_hz`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub goal: Option<Array<f64>>,
+}
+
+impl FactorsFile {
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        *self == FactorsFile::default()
+    }
 }
 
 /// The render strands, root first.

@@ -4,7 +4,7 @@ mod curves;
 mod wisps;
 
 use super::file::*;
-use super::{Curves, Groom, Group, Guides, Material, RodSection, Strands};
+use super::{Curves, Factors, Groom, Group, Guides, Material, RodSection, Strands};
 use crate::scene::document::array::{Array, Buffers, Element};
 use crate::scene::document::{Document, Faults, Key, MAX_NAMED};
 use crate::scene::{Convention, Friction};
@@ -52,6 +52,7 @@ pub fn groom(file: GroomFile, stem: &str, doc: &mut Document) -> Option<Groom> {
         let ok = reader.faults.expect_len(&Key::at("guides.root_frame_wxyz"), frames.len(), wanted, "guide");
         ok.then_some(frames)
     });
+    let factors = reader.factors(file.guides.factors, guide_count);
     if let Some(guides) = &guides {
         reader.extent(guides);
     }
@@ -69,7 +70,11 @@ pub fn groom(file: GroomFile, stem: &str, doc: &mut Document) -> Option<Groom> {
         convention,
         materials,
         groups,
-        guides: Guides { curves: guides?, root_frame: root_frame.map_or(Some(None), |f| f.map(Some))? },
+        guides: Guides {
+            curves: guides?,
+            root_frame: root_frame.map_or(Some(None), |f| f.map(Some))?,
+            factors: factors?,
+        },
         trees: trees?,
         strands: strands?,
     })
@@ -133,9 +138,12 @@ impl From<&MaterialFile> for Material {
             natural: file.natural_curvature_per_m.map(Vector3::from),
             sag_free: file.sag_free,
             stiffness_at_tip: file.stiffness_at_tip,
+            radius_at_tip: file.radius_at_tip,
             goal: file.goal_hz,
             damping: file.damping_s,
+            damping_at_tip: file.damping_at_tip,
             friction: Friction::from_file(file.friction, file.static_friction),
+            friction_at_tip: file.friction_at_tip,
             friction_across: file.friction_across,
             friction_parallel: file.friction_parallel,
             cohesion: file.cohesion_n_m,
@@ -164,6 +172,29 @@ impl Reader<'_> {
         let elements = self.buffers.load(array, key, self.faults)?;
         let wanted = n.unwrap_or(elements.len());
         self.faults.expect_len(key, elements.len(), wanted, "curve").then_some(elements)
+    }
+
+    /// Factors of `guides` guides.
+    fn factors(&mut self, file: FactorsFile, guides: Option<usize>) -> Option<Factors> {
+        let FactorsFile { stiffness, damping, friction, drag, goal } = file;
+        let mut named = Factors::NAMES.into_iter();
+        let read = [stiffness, damping, friction, drag, goal].map(|array| {
+            let name = named.next().unwrap_or_default();
+            let key = Key::at("guides.factors").name(name);
+            let Some(array) = array else { return Some(None) };
+            let factors = self.per_curve(&key, array, guides)?;
+            // What has no stiffness is no rod.
+            let least = if name == "stiffness" { 1e-3 } else { 0.0 };
+            let wrong = factors.iter().enumerate().filter(|(_, f)| !(least..=1e3).contains(*f));
+            let named: Vec<_> = wrong.take(MAX_NAMED).collect();
+            for (i, f) in &named {
+                let allowed = format!("{least} to 1000");
+                self.faults.add(&key.index(*i), format!("is {f}"), allowed, "correct the factor");
+            }
+            named.is_empty().then_some(Some(factors))
+        });
+        let [a, b, c, d, e] = read;
+        Some(Factors::of([a?, b?, c?, d?, e?]))
     }
 
     /// Indices below `n`.

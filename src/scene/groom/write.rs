@@ -53,6 +53,11 @@ impl Groom {
                     .root_frame
                     .as_ref()
                     .map(|frames| packer.array(frames.iter().map(|q| self.frame(q)).collect())),
+                factors: {
+                    let [stiffness, damping, friction, drag, goal] =
+                        self.guides.factors.each().map(|f| f.clone().map(|f| packer.array(f)));
+                    FactorsFile { stiffness, damping, friction, drag, goal }
+                },
             },
             wisps: (!self.trees.is_empty()).then(|| self.wisps(packer)),
             strands: (!self.strands.curves.is_empty()).then(|| self.strands_file(packer)),
@@ -134,10 +139,13 @@ impl From<&Material> for MaterialFile {
             natural_curvature_per_m: m.natural.map(Into::into),
             sag_free: m.sag_free,
             stiffness_at_tip: m.stiffness_at_tip,
+            radius_at_tip: m.radius_at_tip,
             goal_hz: m.goal,
             damping_s: m.damping,
+            damping_at_tip: m.damping_at_tip,
             friction: m.friction.kinetic,
             static_friction: (m.friction.fixed != m.friction.kinetic).then_some(m.friction.fixed),
+            friction_at_tip: m.friction_at_tip,
             friction_across: m.friction_across,
             friction_parallel: m.friction_parallel,
             cohesion_n_m: m.cohesion,

@@ -76,6 +76,9 @@ fn full(convention: Convention, curves: usize) -> Groom {
                 name: "wool".into(),
                 section: RodSection { a1: 3e-5, a2: 5e-5 },
                 stiffness_at_tip: 0.5,
+                radius_at_tip: 0.4,
+                damping_at_tip: 3.0,
+                friction_at_tip: 2.0,
                 goal: [3.0, 0.5],
                 ..Material::default()
             },
@@ -84,7 +87,15 @@ fn full(convention: Convention, curves: usize) -> Groom {
             Group { name: "a".into(), material: 1, width: [1e-4, 5e-5] },
             Group { name: "b".into(), material: 0, width: [1e-4, 0.0] },
         ],
-        guides: Guides { curves: guides, root_frame: Some((0..curves).map(turn).collect()) },
+        guides: Guides {
+            curves: guides,
+            root_frame: Some((0..curves).map(turn).collect()),
+            factors: Factors {
+                stiffness: Some((0..curves).map(|g| 0.5 + g as f64).collect()),
+                goal: Some(vec![2.0; curves]),
+                ..Factors::default()
+            },
+        },
         trees: vec![
             Tree {
                 arc: vec![0.0, 0.25, 1.0],
@@ -104,7 +115,7 @@ fn assert_same(a: &Groom, b: &Groom) {
         }
     };
     assert_eq!((&a.name, &a.convention, &a.materials), (&b.name, &b.convention, &b.materials));
-    assert_eq!(a.groups, b.groups);
+    assert_eq!((&a.groups, &a.guides.factors), (&b.groups, &b.guides.factors));
     close(&a.guides.curves, &b.guides.curves, 1e-15);
     close(&a.strands.curves, &b.strands.curves, 1e-7);
     assert_eq!(a.strands.leaf, b.strands.leaf);
