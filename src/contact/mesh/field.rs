@@ -1,7 +1,13 @@
 //! Bounds of the distance to a mesh that keeps its shape, remembered in a grid: where much hair asks about much the same places.
+//!
+//! Where there is no surface between two points, both are on the same side of it, but for open meshes: there the side changes, without a surface,
+//! where the border ceases to be what is closest. So near such places the grid says nothing of the side.
 
 use super::{Bounds, Mesh};
+use crate::math::polyline::closest_on_segment;
 use nalgebra::Vector3;
+use parry3d_f64::bounding_volume::Aabb;
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -14,12 +20,14 @@ const FINEST: f64 = 3e-3;
 /// Most cells.
 const CELLS: f64 = 2e6;
 
-/// A grid over a mesh. Each cell holds the signed distance of its middle, found when the cell is first asked for: a number that follows from
-/// the cell alone, so that it does not matter who asks first.
+/// A grid over a mesh. Each cell holds the signed distance of its middle, or minus that where it says nothing of the side, found when the cell is first
+/// asked for: a number that follows from the cell alone, so that it does not matter who asks first.
 #[derive(Debug)]
 pub struct DistanceField {
     /// The mesh's own box.
     bounds: Bounds,
+    /// Ends of the edges of open borders, m, and a hierarchy over them; none of a closed mesh.
+    border: Option<(Vec<[Vector3<f64>; 2]>, Bvh)>,
     /// Corner of the grid, m, and size of its cells.
     corner: Vector3<f64>,
     cell: f64,
@@ -37,7 +45,21 @@ impl DistanceField {
         let cell = (size.product() / CELLS).cbrt().max(FINEST);
         let count = std::array::from_fn(|i| (size[i] / cell).ceil() as usize);
         let corner = bounds.min.add_scalar(-MARGIN);
-        DistanceField { bounds, corner, cell, count, distance: OnceLock::new() }
+        let edges: Vec<_> = mesh.border().collect();
+        let boxes: Vec<Aabb> =
+            edges.iter().map(|[a, b]| Aabb::new(a.inf(b).into(), a.sup(b).into())).collect();
+        let border = (!edges.is_empty()).then(|| (edges, Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes)));
+        DistanceField { bounds, border, corner, cell, count, distance: OnceLock::new() }
+    }
+
+    /// Whether there is an open border within `reach`, m, of `p`.
+    fn near_border(&self, p: &Vector3<f64>, reach: f64) -> bool {
+        let Some((edges, bvh)) = &self.border else { return false };
+        let around = Bounds { min: p.add_scalar(-reach), max: p.add_scalar(reach) };
+        bvh.leaves(|node| around.meets(node)).any(|i| {
+            let [a, b] = &edges[i as usize];
+            (p - a.lerp(b, closest_on_segment(p, a, b))).norm() < reach
+        })
     }
 
     /// What the signed distance of `p`, body frame, from the mesh is not below, and its magnitude not above, m.
@@ -57,6 +79,11 @@ impl DistanceField {
         let mut distance = f32::from_bits(slot.load(Ordering::Relaxed));
         if distance.is_nan() {
             distance = mesh.closest(&middle, f64::INFINITY).map_or(f32::MAX, |s| s.distance as f32);
+            // So far away it is not closest anywhere in the cell.
+            let diagonal = self.cell * 3.0_f64.sqrt();
+            if self.near_border(&middle, f64::from(distance.abs()) + diagonal) {
+                distance = -distance.abs();
+            }
             slot.store(distance.to_bits(), Ordering::Relaxed);
         }
         // For the rounding of an f32.
@@ -72,18 +99,27 @@ mod tests {
     use crate::scene::Shape;
     use proptest::prelude::*;
 
+    /// A capsule of triangles, whole or without some of them.
+    fn capsule(open: bool) -> Mesh {
+        let solid =
+            Shape::Capsule { ends: [Vector3::zeros(), Vector3::y() * 0.05], radius: 0.03 }.tessellate();
+        let kept = solid.triangles.iter().enumerate().filter(|(i, _)| !open || i % 50 != 7);
+        Mesh::new(&solid.vertices, &kept.map(|(_, t)| *t).collect::<Vec<_>>())
+    }
+
     proptest! {
         #[test]
         fn bounds_hold_in_the_grid_and_beyond_it(places in prop::collection::vec(prop::array::uniform3(-0.15..0.15_f64), 40)) {
-            let solid = Shape::Capsule { ends: [Vector3::zeros(), Vector3::y() * 0.05], radius: 0.03 }.tessellate();
-            let mesh = Mesh::new(&solid.vertices, &solid.triangles);
-            let field = DistanceField::new(&mesh);
-            for p in places.iter().map(|p| Vector3::from(*p)) {
-                let d = mesh.closest(&p, f64::INFINITY).unwrap().distance;
-                // Asked twice: what is found, and what is remembered.
-                for [least, most] in [(); 2].map(|()| field.bounds(&mesh, &p)) {
-                    prop_assert!(least <= d && d.abs() <= most, "{least} {d} {most}");
-                    prop_assert!(least > d - 0.02 || d > 0.05, "{least} tells nothing of {d}");
+            for open in [false, true] {
+                let mesh = capsule(open);
+                let field = DistanceField::new(&mesh);
+                for p in places.iter().map(|p| Vector3::from(*p)) {
+                    let d = mesh.closest(&p, f64::INFINITY).unwrap().distance;
+                    // Asked twice: what is found, and what is remembered.
+                    for [least, most] in [(); 2].map(|()| field.bounds(&mesh, &p)) {
+                        prop_assert!(least <= d && d.abs() <= most, "{least} {d} {most}");
+                        prop_assert!(open || least > d - 0.02 || d > 0.05, "{least} tells nothing of {d}");
+                    }
                 }
             }
         }

@@ -196,6 +196,12 @@ impl Mesh {
         }
     }
 
+    /// Ends of the edges on open borders, m.
+    pub fn border(&self) -> impl Iterator<Item = [Vector3<f64>; 2]> {
+        let edges = self.topology.edges.iter().zip(&self.topology.edge_on_border);
+        edges.filter(|(_, on)| **on).map(|(edge, _)| edge.map(|i| self.vertices[i as usize]))
+    }
+
     /// Whether a feature lies on an open border.
     pub fn on_border(&self, feature: Feature) -> bool {
         match feature {
