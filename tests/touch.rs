@@ -19,6 +19,18 @@ fn run(
     centre: &(dyn Fn(f64) -> Vector3<f64> + Sync),
     seconds: f64,
     rate: f64,
+    each: impl FnMut(&Guide, Vector3<f64>, StepRecord),
+) -> Guide {
+    run_as(balls, false, centre, seconds, rate, each)
+}
+
+/// The same; `sprung` balls push by springs.
+fn run_as(
+    balls: bool,
+    sprung: bool,
+    centre: &(dyn Fn(f64) -> Vector3<f64> + Sync),
+    seconds: f64,
+    rate: f64,
     mut each: impl FnMut(&Guide, Vector3<f64>, StepRecord),
 ) -> Guide {
     let ball = Shape::Sphere { centre: Vector3::zeros(), radius: RADIUS };
@@ -36,6 +48,7 @@ fn run(
     let drag = vec![2e-5; rod.points()];
     let h = 1.0 / rate;
     let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &around, 0.0, h);
+    guide.sprung = sprung;
     let mut work = Workspace::default();
     for i in 0..(seconds * rate) as u32 {
         let (t0, t1) = (f64::from(i) * h, f64::from(i + 1) * h);
@@ -82,6 +95,34 @@ fn a_falling_strand_comes_to_rest_on_a_ball() {
     assert!(active > 0, "does not touch the ball");
     let fastest = guide.v.iter().map(|v| v.norm()).fold(0.0, f64::max);
     assert!(fastest < 2e-3, "still moves at {fastest} m/s");
+}
+
+#[test]
+fn springs_hold_a_strand_about_where_constraints_do_and_never_throw_it() {
+    let place = |_: f64| Vector3::new(0.08, -0.09, 0.003);
+    for rate in [24.0, 192.0] {
+        let ends = [false, true].map(|sprung| {
+            let mut fastest = 0.0_f64;
+            let guide = run_as(true, sprung, &place, 3.0, rate, |g, _, r| {
+                fastest = g.v.iter().map(|v| v.norm()).fold(fastest, f64::max);
+                assert_eq!((r.unconverged, r.halvings * u32::from(sprung)), (0, 0));
+            });
+            let still = guide.v.iter().map(|v| v.norm()).fold(0.0, f64::max);
+            assert!(still < 1e-2, "{rate} steps a second: still moves at {still} m/s");
+            (guide.x, fastest)
+        });
+        let [(held, fast), (pushed, sprung_fast)] = &ends;
+        assert!(*sprung_fast < 1.2 * fast, "{rate} steps a second: {sprung_fast} of {fast} m/s");
+        // At a step a frame it falls by 17 mm into the ball before that pushes, and may slide off.
+        if rate < 100.0 {
+            continue;
+        }
+        let nearest = [held, pushed].map(|x| least(x, place(0.0)));
+        // The clearance is half a millimetre, of which the spring gives way by less than a fifth.
+        assert!(nearest[0] > 0.0 && (4e-4..5e-4).contains(&nearest[1]), "{nearest:?}");
+        let off = held.iter().zip(pushed).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+        assert!(off < 3e-3, "{off} m apart");
+    }
 }
 
 #[test]

@@ -2,12 +2,13 @@
 
 mod following;
 mod saved;
+mod touching;
 
 use super::air;
 use super::clearance::Clearance;
 use super::scheme::Formula;
 use super::tie::Tie;
-use super::touch::{Touch, TouchWork};
+use super::touch::TouchWork;
 use crate::contact::{Bodies, Motion};
 use crate::math::se3::Pose;
 use crate::rod::newton::{Outcome, Solver};
@@ -56,6 +57,8 @@ pub struct Guide {
     pub v: Vec<Vector3<f64>>,
     /// Tangent at each point.
     pub tangent: Vec<Vector3<f64>>,
+    /// Whether bodies push it away by springs once it is in them, which is quick and guarantees nothing, in place of holding it out.
+    pub sprung: bool,
     /// Time scheme; the default one for a new guide.
     pub scheme: Scheme,
     /// The state one step back.
@@ -181,14 +184,6 @@ pub struct Workspace {
     pub(super) touch: TouchWork,
 }
 
-/// What changes while a guide's contacts are resolved.
-pub(super) struct Moving<'a> {
-    pub q: &'a mut Vec<f64>,
-    pub solver: &'a mut Solver,
-    pub memory: &'a mut crate::contact::Workspace,
-    pub touching: &'a mut TouchWork,
-}
-
 impl Guide {
     /// The guide in the groom's pose at time `t`, s, carried rigidly by the head; `h` is the sub-step, s, and `thickness`, m,
     /// what is kept from each body.
@@ -219,6 +214,7 @@ impl Guide {
             tangent: now.iter().map(|g| g.r.column(2).into()).collect(),
             v: now.iter().zip(&before).map(|(a, b)| (a.p - b.p) / h).collect(),
             past: [(h, vec![0.0; q.len()]), (h, vec![0.0; q.len()])],
+            sprung: false,
             scheme: Scheme::default(),
             before: State::default(),
             last: 0.0,
@@ -288,6 +284,14 @@ impl Guide {
                 }
             };
             record.iterations += outcome.iterations;
+            if self.sprung {
+                clear = outcome.converged;
+                work.touch.clear();
+                if clear && self.push_away(around, &root, [t0, t1], work) {
+                    formula = Formula::new(self.scheme, t1 - t0, 0.0);
+                }
+                break;
+            }
             if self.stays(around, &root, [t0, t1], work) {
                 (clear, outcome.converged) = (true, true);
                 break;
@@ -347,80 +351,6 @@ impl Guide {
         false
     }
 
-    /// Resolves contact from time `t[0]` to `t[1]`; `false` where the motion still crosses a surface, in which case it has been cut
-    /// short if this is the `last` resort.
-    fn touch(
-        &mut self,
-        around: &Surroundings,
-        root: &Pose,
-        t: [f64; 2],
-        free: bool,
-        last: bool,
-        work: &mut Workspace,
-    ) -> bool {
-        self.meet(around, t, work);
-        if around.bodies.is_empty() && work.ties.is_empty() {
-            return true;
-        }
-        let start = std::mem::take(&mut self.q[0]);
-        let clear = self.with_touch(around.bodies, root, work, |touch, moving| {
-            let Moving { q, solver, memory, touching } = moving;
-            let clear = touch.resolve(free, q, solver, memory, touching);
-            if !clear && last {
-                let stopped = touch.shorten(&start, q, solver, memory, touching);
-                touching.noted.crossed = !stopped;
-            }
-            clear
-        });
-        self.q[0] = start;
-        clear
-    }
-
-    /// Notes how the bodies move from time `t[0]` to `t[1]`, s, what the guide keeps from them, and where its ties have to be.
-    fn meet(&self, around: &Surroundings, [t0, t1]: [f64; 2], work: &mut Workspace) {
-        work.ties.clear();
-        work.ties.extend(self.ties.iter().filter_map(|tie| {
-            let poses = [(around.carrier)(tie.body, t0), (around.carrier)(tie.body, t1)];
-            Some((tie.clone(), tie.target(t1, t1 - t0, &tie.place(&self.x), poses)?))
-        }));
-        work.motions.clear();
-        work.motions.extend((0..around.bodies.len()).map(|b| Motion {
-            times: [t0, t1],
-            start: (around.body)(b, t0),
-            end: (around.body)(b, t1),
-        }));
-        self.clearance.at((around.brought_out)(t1), &mut work.clearance);
-    }
-
-    /// Passes the contact problem with the bodies to `f`.
-    pub(super) fn with_touch<T>(
-        &mut self,
-        bodies: &Bodies,
-        root: &Pose,
-        work: &mut Workspace,
-        f: impl FnOnce(&Touch, Moving) -> T,
-    ) -> T {
-        let touch = Touch {
-            rod: &self.rod,
-            bodies,
-            motions: &work.motions,
-            clearance: &work.clearance,
-            x0: &self.x,
-            ties: &work.ties,
-            friction: self.friction,
-            across: self.across,
-            root,
-            load: &work.load,
-        };
-        let moving = Moving {
-            q: &mut work.q,
-            solver: &mut work.solver,
-            memory: &mut self.memory,
-            touching: &mut work.touch,
-        };
-        f(&touch, moving)
-    }
-
     /// Goes back to the start of the sub-step from `t[0]` to `t[1]`, s, that was just taken in one piece, and opens it again as one
     /// step of backward Euler; the solver then holds the end that it had. Returns the root's pose there.
     pub(super) fn reopen(&mut self, around: &Surroundings, t: [f64; 2], work: &mut Workspace) -> Pose {
@@ -444,26 +374,6 @@ impl Guide {
         // What pushed it alone is not what pushes it among others.
         self.pushes.clear();
         self.last = 0.0;
-    }
-
-    /// Whether nothing crosses a body if the sub-step from `t[0]` to `t[1]`, s, that was taken or opened again, ends as [`Guide::hold`] ends it.
-    pub(super) fn may_hold(&mut self, around: &Surroundings, t: [f64; 2], work: &mut Workspace) -> bool {
-        work.q.clone_from(&self.q[1]);
-        let mut rest = |t: f64| {
-            let root = around.root(&self.rod.root, t);
-            work.solver.shape.update(&self.rod, &root.r, &work.q);
-            (root, (0..self.x.len()).map(|k| work.solver.shape.x(k) + root.p).collect())
-        };
-        let (_, x) = rest(t[0]);
-        let (root, _) = rest(t[1]);
-        let x = std::mem::replace(&mut self.x, x);
-        work.touch.clear();
-        self.meet(around, t, work);
-        let clear = self.with_touch(around.bodies, &root, work, |touch, moving| {
-            touch.find(moving.solver, moving.memory, moving.touching)
-        });
-        self.x = x;
-        clear
     }
 
     /// Ends the sub-step from `t[0]` to `t[1]`, s, as it began: at rest on the head.

@@ -21,7 +21,7 @@ impl Rods {
     /// The rods of `groom`, which must have its trees, coarse where `anim` lets nothing touch them.
     pub fn new(groom: &Groom, anim: &Anim) -> Self {
         let alone =
-            anim.colliders.is_empty() && anim.ties.is_empty() && anim.settings.contact == Contact::Bodies;
+            anim.colliders.is_empty() && anim.ties.is_empty() && anim.settings.contact != Contact::Full;
         let mut simulated = wisp::rods(groom, if alone { Cut::COARSE } else { Cut::FINE });
         let fine = if alone { wisp::rods(groom, Cut::FINE) } else { Vec::new() };
         let held = sag::hold(&mut simulated, anim);

@@ -295,6 +295,7 @@ fn start(anim: &Anim, bulk: &Bulk, r: &GuideRod, around: &Surroundings, t: f64, 
     let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
     let mut guide = Guide::new(r.rod.clone(), drag, r.material.friction, &thickness, around, t, step);
     guide.scheme = anim.settings.scheme;
+    guide.sprung = anim.settings.contact == Contact::Penalty;
     guide.friction[1] = r.material.friction.times(r.material.friction_at_tip);
     guide.across = r.material.friction_across;
     guide.goal = goal(&r.rod, &shape, r.material.goal);

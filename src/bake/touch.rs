@@ -63,6 +63,13 @@ const SLIDING: f64 = 1e-9;
 /// How far a tie gives way, m/N: the weight of a hair moves it by less than 1e-5 m, and what it cannot reach it does not tear at without end.
 const COMPLIANCE: f64 = 0.1;
 
+/// How far the spring of a body gives way, m/N: all of a long hair's weight sinks in by 0.02 mm. Of the step's own order of stiffness, some 0.01 N/m,
+/// it is the hundredth part, so that nothing is gained by more.
+const SPRING: f64 = 1.0;
+
+/// When the forces of springs are good enough for a quick look.
+const ROUGHLY: Tolerance = Tolerance { residual: 1e-2, sweeps: 20 };
+
 /// When the reactions are good enough: their residual multiplies displacements of a step, some 0.1 mm.
 const TOLERANCE: Tolerance = Tolerance { residual: 1e-6, sweeps: 100 };
 
@@ -207,7 +214,7 @@ impl Touch<'_> {
             }
             self.rows(solver, work);
             self.assemble(work);
-            self.react(solver, work);
+            self.react(TOLERANCE, solver, work);
             if !solver.direction.iter().all(|d| d.is_finite()) {
                 return false;
             }
@@ -221,6 +228,52 @@ impl Touch<'_> {
         false
     }
 
+    /// Lets springs push `q`, whose shape the solver holds, out of all bodies, with friction, as far as they do in one step of Newton's method; whether any
+    /// did. Springs are implicit in time: a contact that gives way by [`SPRING`] has the displacement u = W r + b for the force r = −u/SPRING, so that the problem is
+    /// that of reactions with that added to W.
+    pub fn push_away(
+        &self,
+        q: &mut [f64],
+        solver: &mut Solver,
+        memory: &mut crate::contact::Workspace,
+        work: &mut TouchWork,
+    ) -> bool {
+        self.trace(solver, work);
+        let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
+        work.contacts.clear();
+        self.bodies.candidates(self.motions, &line, REACH, memory, &mut work.contacts);
+        if self.ties.is_empty() && work.contacts.iter().all(|c| c.gap >= 0.0) {
+            return false;
+        }
+        for contact in &mut work.contacts {
+            contact.gap -= self.tolerated(&line, contact);
+        }
+        work.contacts.truncate(MAX_CONTACTS);
+        if !solver.linearise(self.rod, self.load, q) {
+            return false;
+        }
+        work.noted.rounds = 1;
+        self.rows(solver, work);
+        self.assemble(work);
+        let (stride, normals) = (3 * work.laws.len(), 3 * work.contacts.len());
+        (0..normals).step_by(3).for_each(|i| work.delassus[i * stride + i] += SPRING);
+        self.react(ROUGHLY, solver, work);
+        work.pushes.clear();
+        if !solver.direction.iter().all(|d| d.is_finite()) {
+            return false;
+        }
+        solver.advance(self.rod, &self.root.r, q, MAX_MOVE);
+        self.trace(solver, work);
+        self.note(work);
+        true
+    }
+
+    /// Takes over the points of the solver's shape.
+    fn trace(&self, solver: &Solver, work: &mut TouchWork) {
+        work.x1.clear();
+        work.x1.extend((0..self.rod.points()).map(|k| solver.shape.x(k) + self.root.p));
+    }
+
     /// Contacts at the solver's shape, with the impacts on the way there; returns whether the motion crosses nothing.
     ///
     /// Continuous detection stops a motion before it touches. One that ends in front of the surface that stopped it has grazed
@@ -231,8 +284,7 @@ impl Touch<'_> {
         memory: &mut crate::contact::Workspace,
         work: &mut TouchWork,
     ) -> bool {
-        work.x1.clear();
-        work.x1.extend((0..self.rod.points()).map(|k| solver.shape.x(k) + self.root.p));
+        self.trace(solver, work);
         let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
         work.impacts.clear();
         if work.frozen {
@@ -348,7 +400,7 @@ impl Touch<'_> {
     }
 
     /// Solves for the reactions and completes the solver's direction with them.
-    fn react(&self, solver: &mut Solver, work: &mut TouchWork) {
+    fn react(&self, tolerance: Tolerance, solver: &mut Solver, work: &mut TouchWork) {
         let n = self.rod.unknowns();
         work.reaction.clear();
         for (i, (segment, u, frame)) in work.frames.iter().enumerate() {
@@ -362,7 +414,7 @@ impl Touch<'_> {
             work.reaction.extend(start);
         }
         let problem = Problem { w: &work.delassus, b: &work.free, laws: &work.laws };
-        let outcome = friction::solve(&problem, TOLERANCE, &mut work.reaction, &mut work.scratch);
+        let outcome = friction::solve(&problem, tolerance, &mut work.reaction, &mut work.scratch);
         work.noted.residual = outcome.residual;
         for (row, r) in work.rows.chunks_exact(n).zip(&work.reaction) {
             if *r != 0.0 {

@@ -5,8 +5,10 @@ use super::progress::Progress;
 use super::scene::{RunArguments, SceneArguments};
 use super::values::FrameList;
 use super::{console, summary, values};
+use crate::bake::job::Job;
 use crate::bake::{self, BakeSummary};
 use crate::error::{Error, Result};
+use crate::scene::anim::Contact;
 use crate::strands::SPAN;
 use clap::Args;
 use std::ops::RangeInclusive;
@@ -41,6 +43,19 @@ pub struct EndArguments {
     /// add up. All is written nevertheless
     #[arg(long, help_heading = "Output")]
     strict: bool,
+}
+
+impl EndArguments {
+    /// # Errors
+    /// [`Error::Usage`] where guarantees are asked for of a bake that has none.
+    fn are_for(&self, job: &Job) -> Result<()> {
+        if self.strict && job.anim.settings.contact == Contact::Penalty {
+            let message =
+                "--contact penalty guarantees nothing: ask for --contact bodies, or leave --strict away";
+            return Err(Error::Usage(message.into()));
+        }
+        Ok(())
+    }
 }
 
 const STAGES: &str = "\
@@ -125,6 +140,7 @@ pub fn run(
     }
     let control = arguments.run.control()?;
     let job = scene.job(list.map(|list| list.shot))?;
+    arguments.end.are_for(&job)?;
     if let Some(FrameList { frames, .. }) = list.filter(|list| !list.is_whole()) {
         let last = frames.iter().max().map_or(*job.frames().start(), |last| last + SPAN as i32);
         let segment = [*job.frames().start(), last];
@@ -165,6 +181,7 @@ pub fn interpolate(arguments: &InterpolateArguments, progress: Progress) -> Resu
 /// Ends a cache whose frames are done.
 pub fn assemble(arguments: &AssembleArguments) -> Result<()> {
     let job = arguments.scene.job(arguments.shot.shot)?;
+    arguments.end.are_for(&job)?;
     report(&bake::assemble(&job)?, &job.out, &arguments.scene.title(), &arguments.end)
 }
 

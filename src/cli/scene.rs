@@ -37,7 +37,8 @@ pub struct SceneArguments {
     /// [default: the anim's, bdf2]
     #[arg(long, value_name = "NAME", value_parser = values::scheme, help_heading = SETTINGS)]
     scheme: Option<Scheme>,
-    /// What hair touches, full or bodies: full is bodies and other hair, and costs more [default: the anim's, bodies]
+    /// What hair touches, full, bodies or penalty: full is bodies and other hair, and costs more; penalty is bodies by springs, for a quick look,
+    /// and guarantees nothing [default: the anim's, bodies]
     #[arg(long, value_name = "NAME", value_parser = values::contact, help_heading = SETTINGS)]
     contact: Option<Contact>,
     /// What moves by itself, adaptive, full or coarse: coarse wisps with what comes away from them where they are stirred, every guide, or
@@ -81,6 +82,7 @@ fn contact(contact: Contact) -> &'static str {
     match contact {
         Contact::Full => "full",
         Contact::Bodies => "bodies",
+        Contact::Penalty => "penalty",
     }
 }
 

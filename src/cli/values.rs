@@ -47,7 +47,8 @@ pub fn contact(text: &str) -> Result<Contact, String> {
     match text {
         "full" => Ok(Contact::Full),
         "bodies" => Ok(Contact::Bodies),
-        _ => Err("full or bodies".into()),
+        "penalty" => Ok(Contact::Penalty),
+        _ => Err("full, bodies or penalty".into()),
     }
 }
 

@@ -226,6 +226,9 @@ pub enum Contact {
     /// Bodies only: quicker, and right where strands hang side by side.
     #[default]
     Bodies,
+    /// Bodies only, which push hair away by springs once it is in them: for a quick look. It guarantees nothing: hair sinks in, and what is quick goes
+    /// through.
+    Penalty,
 }
 
 /// How the solver steps in time. Both are stable at any step and cost nearly the same.

@@ -1,0 +1,134 @@
+//! A guide and the bodies within one step.
+
+use super::{Guide, Surroundings, Workspace};
+use crate::bake::touch::{Touch, TouchWork};
+use crate::contact::{Bodies, Motion};
+use crate::math::se3::Pose;
+use crate::rod::newton::Solver;
+
+/// What changes while a guide's contacts are resolved.
+pub(in crate::bake) struct Moving<'a> {
+    pub q: &'a mut Vec<f64>,
+    pub solver: &'a mut Solver,
+    pub memory: &'a mut crate::contact::Workspace,
+    pub touching: &'a mut TouchWork,
+}
+
+impl Guide {
+    /// Resolves contact from time `t[0]` to `t[1]`; `false` where the motion still crosses a surface, in which case it has been cut
+    /// short if this is the `last` resort.
+    pub(super) fn touch(
+        &mut self,
+        around: &Surroundings,
+        root: &Pose,
+        t: [f64; 2],
+        free: bool,
+        last: bool,
+        work: &mut Workspace,
+    ) -> bool {
+        self.meet(around, t, work);
+        if around.bodies.is_empty() && work.ties.is_empty() {
+            return true;
+        }
+        let start = std::mem::take(&mut self.q[0]);
+        let clear = self.with_touch(around.bodies, root, work, |touch, moving| {
+            let Moving { q, solver, memory, touching } = moving;
+            let clear = touch.resolve(free, q, solver, memory, touching);
+            if !clear && last {
+                let stopped = touch.shorten(&start, q, solver, memory, touching);
+                touching.noted.crossed = !stopped;
+            }
+            clear
+        });
+        self.q[0] = start;
+        clear
+    }
+
+    /// Lets springs of bodies push it away that it is in at the end of the step from time `t[0]` to `t[1]`; whether any did.
+    pub(super) fn push_away(
+        &mut self,
+        around: &Surroundings,
+        root: &Pose,
+        t: [f64; 2],
+        work: &mut Workspace,
+    ) -> bool {
+        self.meet(around, t, work);
+        if around.bodies.is_empty() && work.ties.is_empty() {
+            return false;
+        }
+        self.with_touch(around.bodies, root, work, |touch, moving| {
+            let Moving { q, solver, memory, touching } = moving;
+            touch.push_away(q, solver, memory, touching)
+        })
+    }
+
+    /// Notes how the bodies move from time `t[0]` to `t[1]`, s, what the guide keeps from them, and where its ties have to be.
+    pub(super) fn meet(&self, around: &Surroundings, [t0, t1]: [f64; 2], work: &mut Workspace) {
+        work.ties.clear();
+        work.ties.extend(self.ties.iter().filter_map(|tie| {
+            let poses = [(around.carrier)(tie.body, t0), (around.carrier)(tie.body, t1)];
+            Some((tie.clone(), tie.target(t1, t1 - t0, &tie.place(&self.x), poses)?))
+        }));
+        work.motions.clear();
+        work.motions.extend((0..around.bodies.len()).map(|b| Motion {
+            times: [t0, t1],
+            start: (around.body)(b, t0),
+            end: (around.body)(b, t1),
+        }));
+        self.clearance.at((around.brought_out)(t1), &mut work.clearance);
+    }
+
+    /// Passes the contact problem with the bodies to `f`.
+    pub(in crate::bake) fn with_touch<T>(
+        &mut self,
+        bodies: &Bodies,
+        root: &Pose,
+        work: &mut Workspace,
+        f: impl FnOnce(&Touch, Moving) -> T,
+    ) -> T {
+        let touch = Touch {
+            rod: &self.rod,
+            bodies,
+            motions: &work.motions,
+            clearance: &work.clearance,
+            x0: &self.x,
+            ties: &work.ties,
+            friction: self.friction,
+            across: self.across,
+            root,
+            load: &work.load,
+        };
+        let moving = Moving {
+            q: &mut work.q,
+            solver: &mut work.solver,
+            memory: &mut self.memory,
+            touching: &mut work.touch,
+        };
+        f(&touch, moving)
+    }
+
+    /// Whether nothing crosses a body if the sub-step from `t[0]` to `t[1]`, s, that was taken or opened again, ends as [`Guide::hold`] ends it.
+    pub(in crate::bake) fn may_hold(
+        &mut self,
+        around: &Surroundings,
+        t: [f64; 2],
+        work: &mut Workspace,
+    ) -> bool {
+        work.q.clone_from(&self.q[1]);
+        let mut rest = |t: f64| {
+            let root = around.root(&self.rod.root, t);
+            work.solver.shape.update(&self.rod, &root.r, &work.q);
+            (root, (0..self.x.len()).map(|k| work.solver.shape.x(k) + root.p).collect())
+        };
+        let (_, x) = rest(t[0]);
+        let (root, _) = rest(t[1]);
+        let x = std::mem::replace(&mut self.x, x);
+        work.touch.clear();
+        self.meet(around, t, work);
+        let clear = self.with_touch(around.bodies, &root, work, |touch, moving| {
+            touch.find(moving.solver, moving.memory, moving.touching)
+        });
+        self.x = x;
+        clear
+    }
+}
