@@ -43,6 +43,14 @@ fn help_and_version_are_data() {
 }
 
 #[test]
+fn no_guarantee_is_asked_of_what_gives_none() {
+    let scene = Scene::import();
+    let mut bake = bake(&scene.groom, &scene.anim, &scene.folder.path().join("out"));
+    bake.args(["--contact", "penalty", "--strict"]);
+    bake.assert().code(64).stdout("").stderr(contains("guarantees nothing"));
+}
+
+#[test]
 fn wrong_usage_is_64() {
     let wrong: [&[&str]; 10] = [
         &[],
