@@ -12,12 +12,13 @@
 //! change of variable ũ = u + µ |u_T| e_N this is K_µ ∋ r ⟂ ũ ∈ K_µ*, K_µ the second-order cone |r_T| ≤ µ r_N.
 //!
 //! Nonsmooth block Gauss-Seidel with an exact local solve: G. Daviet, F. Bertails-Descoubes & L. Boissieux, "A hybrid
-//! iterative solver for robustly capturing Coulomb friction in hair dynamics", 2011, accelerated (D. G. Anderson, 1965). The order is that of
-//! the contacts, so results are the same bits on any thread.
+//! iterative solver for robustly capturing Coulomb friction in hair dynamics", 2011, accelerated (D. G. Anderson, 1965); one strand's that these
+//! do not solve, by Newton's method on a smoothed problem. The order is that of the contacts, so results are the same bits on any thread.
 
 mod anderson;
 mod coupled;
 mod local;
+mod newton;
 mod sweep;
 
 use crate::scene::Friction;
@@ -170,9 +171,14 @@ fn project_on_cone(v: Vector3<f64>, mu: f64) -> Vector3<f64> {
     Vector3::new(x, v.y * scale, v.z * scale)
 }
 
-/// Solves `problem` for the impulses `r` (3c), starting from what they hold (zero, or the last step's).
+/// Solves `problem` for the impulses `r` (3c), starting from what they hold (zero, or the last step's): by sweeps, and where these do not do, by
+/// Newton's method.
 pub fn solve(problem: &Problem, tolerance: Tolerance, r: &mut [f64], scratch: &mut Scratch) -> Outcome {
-    sweep(&mut Dense { problem, r }, tolerance, false, scratch)
+    let outcome = sweep(&mut Dense { problem, r }, tolerance, false, scratch);
+    if outcome.residual <= tolerance.residual {
+        return outcome;
+    }
+    Outcome { residual: newton::improve(problem, tolerance.residual, r), ..outcome }
 }
 
 struct Dense<'a> {

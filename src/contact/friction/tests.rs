@@ -1,6 +1,6 @@
 use super::*;
 use crate::contact::tests::Random;
-use nalgebra::Vector2;
+use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use proptest::prelude::*;
 
 impl Random {
@@ -327,5 +327,87 @@ fn coupled_strands_obey_the_law_of_the_assembled_problem() {
     for (k, moved) in moved.iter().enumerate() {
         let sum: f64 = (0..3 * contacts).map(|i| line(i)[k] * r[i]).sum();
         assert!((sum - moved).abs() < 1e-12);
+    }
+}
+
+/// A string that is pulled over an arc by its nodes, which move in a plane: held by its stretch, its bending, the springs at both its ends, and next to
+/// no inertia. What is pulled is the second spring's end, by a millimetre.
+struct Rope {
+    h: DMatrix<f64>,
+    j: DMatrix<f64>,
+    pull: DVector<f64>,
+    ends: [DVector<f64>; 2],
+}
+
+/// Stiffness of the springs at the ends, N/m, and how far the second is pulled, m.
+const SPRING: f64 = 10.0;
+const PULLED: f64 = 1e-3;
+
+impl Rope {
+    fn over(angle: f64, nodes: usize) -> Self {
+        let n = 2 * nodes;
+        let turn = angle / nodes as f64;
+        let direction = |theta: f64| [theta.cos(), -theta.sin()];
+        // The chord that leads to a node; one follows the last.
+        let chord = |i: usize| direction(turn * i as f64);
+        let mut h = DMatrix::identity(n, n) * 1e-6;
+        // What bends a node off the arc.
+        let mut bend = |i: usize, [c, s]: [f64; 2]| {
+            let mut row = DVector::zeros(n);
+            row.rows_mut(2 * i, 2).copy_from_slice(&[-s, c]);
+            h += &row * row.transpose() * 1e-3;
+        };
+        (0..nodes).for_each(|i| bend(i, direction(turn * (i as f64 + 0.5))));
+        let along = |i: usize, node: usize| {
+            let mut row = DVector::zeros(n);
+            row.rows_mut(2 * node, 2).copy_from_slice(&chord(i));
+            row
+        };
+        for i in 1..nodes {
+            let stretch = along(i, i) - along(i, i - 1);
+            h += &stretch * stretch.transpose() * 1e4;
+        }
+        let ends = [along(0, 0), along(nodes, nodes - 1)];
+        ends.iter().for_each(|end| h += end * end.transpose() * SPRING);
+        let mut j = DMatrix::zeros(3 * nodes, n);
+        for i in 0..nodes {
+            let [c, s] = direction(turn * (i as f64 + 0.5));
+            j.fixed_view_mut::<2, 2>(3 * i, 2 * i).copy_from(&Matrix2::new(-s, c, c, s));
+        }
+        Rope { pull: &ends[1] * (SPRING * PULLED), h, j, ends }
+    }
+
+    /// Force at the second end over that at the first.
+    fn ratio(&self, r: &[f64]) -> f64 {
+        let forces = &self.pull + self.j.tr_mul(&DVector::from_column_slice(r));
+        let x = self.h.clone().cholesky().unwrap().solve(&forces);
+        (PULLED - self.ends[1].dot(&x)) / self.ends[0].dot(&x)
+    }
+}
+
+#[test]
+fn a_string_that_slides_over_an_arc_is_held_as_euler_and_eytelwein_say() {
+    for (angle, mu) in [(1.5, 0.2), (3.0, 0.5), (6.0, 0.3)] {
+        let nodes = 40;
+        let rope = Rope::over(angle, nodes);
+        let h = rope.h.clone().cholesky().unwrap();
+        let b = &rope.j * h.solve(&rope.pull);
+        let w = &rope.j * h.solve(&rope.j.transpose());
+        let laws = vec![coulomb(mu); nodes];
+        let problem = Problem { w: w.as_slice(), b: b.as_slice(), laws: &laws };
+        let tolerance = Tolerance { residual: 1e-6, sweeps: 100 };
+        let mut r = vec![0.0; 3 * nodes];
+        let sweeps =
+            sweep(&mut Dense { problem: &problem, r: &mut r }, tolerance, false, &mut Scratch::default());
+        assert!(sweeps.residual > 5e-3, "the test is of no use: {sweeps:?}");
+        r.fill(0.0);
+        let outcome = solve(&problem, tolerance, &mut r, &mut Scratch::default());
+        assert!(outcome.residual <= 1e-4, "{outcome:?}");
+        assert!((problem.residual(&r) / outcome.residual - 1.0).abs() < 1e-9);
+        // Of nodes with an angle between the chords; that of an arc is nearly the same.
+        let half = (0.5 * angle / f64::from(nodes as u32)).tan();
+        let ratio = ((1.0 + mu * half) / (1.0 - mu * half)).powi(nodes as i32);
+        assert!((rope.ratio(&r) / ratio - 1.0).abs() < 2e-4, "{} {ratio}", rope.ratio(&r));
+        assert!((ratio / (mu * angle).exp() - 1.0).abs() < 5e-3);
     }
 }
