@@ -15,7 +15,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("scene", &["error", "file", "math"]),
     ("contact", &["math", "scene"]),
     ("rod", &["math"]),
-    ("wisp", &["rod", "scene"]),
+    ("wisp", &["math", "rod", "scene"]),
     ("strands", &["math", "rod", "scene", "contact"]),
     ("bake", &["error", "file", "math", "cache", "scene", "contact", "rod", "wisp", "strands"]),
     ("import", &["error", "file", "math", "python", "scene"]),

@@ -1,9 +1,8 @@
 //! Internal friction of wisps (S19): what a guide moves otherwise than its wisp does dies away (`docs/theory.md` §4.7).
 
-use super::guide::Guide;
-use super::wisps::Moving;
+use super::guide::{Guide, Surroundings};
 use crate::rod::Rod;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
 /// The guides of a groom as they rub against those of the same coarse wisp.
@@ -138,16 +137,44 @@ impl Rubbing {
     }
 }
 
+/// The head at a moment, and how it moves.
+pub(super) struct Moving {
+    pose: Isometry3<f64>,
+    beside: [Isometry3<f64>; 2],
+}
+
+impl Moving {
+    /// Half the time over which its velocity is taken, s.
+    const DELTA: f64 = 1e-4;
+
+    pub fn new(around: &Surroundings, t: f64) -> Self {
+        let beside = [t + Moving::DELTA, t - Moving::DELTA].map(|t| (around.head)(t));
+        Moving { pose: (around.head)(t), beside }
+    }
+
+    /// Velocity `v`, m/s, of what is at `x`, m, as seen from the head, in its frame.
+    pub fn seen(&self, x: &Vector3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
+        let local = self.pose.inverse_transform_point(&(*x).into());
+        let carried = (self.beside[0] * local - self.beside[1] * local) / (2.0 * Moving::DELTA);
+        self.pose.rotation.inverse() * (v - carried)
+    }
+
+    /// A vector of its frame in the world.
+    pub fn to_world(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        self.pose.rotation * v
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bake::guide::{Surroundings, Workspace};
+    use crate::bake::guide::Workspace;
     use crate::contact::Bodies;
     use crate::math::random;
     use crate::rod::{Cut, RodSource, Taper};
     use crate::scene::Tree;
     use crate::scene::anim::Scheme;
-    use nalgebra::{Isometry3, UnitQuaternion};
+    use nalgebra::UnitQuaternion;
 
     type V = Vector3<f64>;
 

@@ -4,10 +4,10 @@ use super::air::{self, Bulk};
 use super::company::Companies;
 use super::guide::{Guide, StepRecord, Surroundings};
 use super::rods::Rods;
-use super::rubbing::{Rubbed, Rubbing};
+use super::rubbing::{Moving, Rubbed, Rubbing};
 use super::state::{GuideState, Part, Unfit};
 use super::tangle::{Skin, Tangle};
-use super::wisps::{Changes, Moving, Wisps};
+use super::wisps::{Changes, Wisps};
 use crate::contact::Bodies;
 use crate::rod::{Rod, Shape};
 use crate::scene::anim::{Contact, Resolution};
@@ -94,8 +94,7 @@ impl<'a> Simulation<'a> {
             Resolution::Full => None,
             resolution => {
                 let parting = (resolution == Resolution::Adaptive).then_some(anim.settings.parting);
-                let thickness = anim.colliders.iter().map(|c| c.thickness).collect();
-                Some(Wisps::new(Hierarchy::new(groom, rods), parting, thickness, step))
+                Some(Wisps::new(Hierarchy::new(groom, rods), parting, step, 1.0 / anim.fps))
             }
         };
         simulation.muster();
@@ -137,16 +136,12 @@ impl<'a> Simulation<'a> {
         self.guides.iter().enumerate().filter(|(i, _)| self.is_free(*i)).map(|(_, guide)| guide)
     }
 
-    /// The guides now, in the groom's order, however they move.
+    /// The guides now, in the groom's order; what follows others is where it was at the end of the last frame.
     pub fn states(&self) -> Vec<GuideState> {
-        let (t, h) = (self.time(), self.step());
-        let state = |(i, guide): (usize, &Guide)| match &self.wisps {
-            None => GuideState::new(guide.q.each_ref().map(|q| &q[..]), h, 0),
-            Some(wisps) => {
-                let q = [0, 1, 2].map(|back| wisps.unknowns(&self.guides, i, back, t));
-                GuideState::new(q.each_ref().map(|q| &q[..]), h, wisps.level(i))
-            }
-        };
+        let h = self.step();
+        let level = |i: usize| self.wisps.as_ref().map_or(0, |wisps| wisps.level(i));
+        let state =
+            |(i, guide): (usize, &Guide)| GuideState::new(guide.q.each_ref().map(|q| &q[..]), h, level(i));
         self.guides.par_iter().enumerate().map(state).collect()
     }
 
@@ -179,20 +174,23 @@ impl<'a> Simulation<'a> {
         SubStep { records: &self.records, stepped: &self.stepped, nodes, changes }
     }
 
-    /// Gathers the wisps at the end of the pre-roll, and from then on lets guides come away from them and join them.
+    /// Gathers the wisps at the end of the pre-roll; from then on, at the end of every frame, moves what follows, and lets guides come away and join.
     fn adapt(&mut self) -> Changes {
-        let Some(mut wisps) = self.wisps.take() else { return Changes::default() };
-        let mut changes = Changes::default();
-        let mut guides = std::mem::take(&mut self.guides);
-        let substeps = i64::from(self.anim.settings.substeps);
-        if self.taken == self.preroll {
-            wisps.gather(&guides);
-        } else if self.taken > self.preroll {
-            let looks = (self.taken - self.preroll) % substeps == 0;
-            changes = self.around(|around| wisps.adapt(&mut guides, around, self.time(), looks));
+        let moved = self.taken - self.preroll;
+        if moved < 0 || moved % i64::from(self.anim.settings.substeps) != 0 {
+            return Changes::default();
         }
+        let Some(mut wisps) = self.wisps.take() else { return Changes::default() };
+        let mut guides = std::mem::take(&mut self.guides);
+        let changes = self.around(|around| {
+            if moved == 0 {
+                wisps.gather(&guides, around, self.time());
+                return Changes::default();
+            }
+            wisps.follow(&mut guides, around, self.time())
+        });
         (self.guides, self.wisps) = (guides, Some(wisps));
-        if self.taken == self.preroll || changes != Changes::default() {
+        if moved == 0 || changes != Changes::default() {
             self.muster();
         }
         changes

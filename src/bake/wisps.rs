@@ -1,5 +1,7 @@
-//! Wisps in motion: which guides move by themselves, and which follow the one that leads them (`docs/theory.md` §8; Bertails, Kim, Cani & Neumann
+//! Wisps in motion: which guides move by themselves, and which follow those that lead them (`docs/theory.md` §8; Bertails, Kim, Cani & Neumann
 //! 2003).
+
+mod keep_out;
 
 use super::guide::{Guide, Surroundings};
 use super::state::Unfit;
@@ -7,34 +9,28 @@ use crate::contact::Outside;
 use crate::math::se3::Pose;
 use crate::rod::{Rod, Shape};
 use crate::wisp::Hierarchy;
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use keep_out::Moment;
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Time in which the motion that a guide has of its own when it begins to follow fades, and for which it moves by itself at least, s.
+/// Time in which the motion that a guide has of its own when it begins to follow fades, and for which it is calm before, s.
 const FADING: f64 = 0.25;
 
-/// How many times less than in a free fall a guide parts from its wisp that is stirred: hair is held by its stiffness, its air and its likes.
-/// Measured on three of the samples (short, short curly, long), shaken: the mean of what strands are off is then below the share that they may part.
-const HELD: f64 = 20.0;
-
-/// Share of the stirring at which a guide comes away from its wisp, below which it may join again.
+/// Share of what a guide may be off at which it comes away from its wisps, below which it may join again.
 const CALM: f64 = 0.5;
-
-/// How far a guide that follows may go into a body's thickness; before it would go farther, it comes away. As a share of that.
-const INTRUSION: f64 = 0.5;
 
 const G: f64 = 9.81;
 
-/// The guides of a groom as wisps: those that lead, and those that follow them as far as they have not come away.
+/// The guides of a groom as wisps: those that lead, and those that follow them as far as they have not come away. All that is decided is at the ends of
+/// frames; what follows has no state in between.
 pub(super) struct Wisps {
     hierarchy: Hierarchy,
-    /// The share of its length by which a guide may part from its wisp before it comes away; `None` where none does.
+    /// The share of its length by which a guide may be off before it comes away from its wisps; `None` where none does.
     parting: Option<f64>,
-    /// How far a guide that follows may go into the thickness of each body, m.
-    slack: Vec<f64>,
-    /// Length of a sub-step, s.
+    /// Length of a sub-step, and of a frame, s.
     h: f64,
+    frame: f64,
     /// How each guide rests; none before wisps are gathered.
     rest: Vec<Rest>,
     followers: Vec<Follower>,
@@ -45,26 +41,35 @@ pub(super) struct Wisps {
 /// A guide at rest.
 #[derive(Debug, Clone, Default)]
 struct Rest {
+    settled: Settled,
+    /// Frames of the nodes that have unknowns, rest space.
+    frame: Vec<Matrix3<f64>>,
+    /// From each node to the next: the way in rest space, and the share of the arc; both over the length.
+    edge: Vec<Vector3<f64>>,
+    span: Vec<f64>,
+}
+
+/// What a guide at rest is known by.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+struct Settled {
     /// Unknowns, 1/m.
     q: Vec<f64>,
-    /// What turns the deviation of its leader from rest into its own, node by node.
-    carry: Vec<Matrix3<f64>>,
-    /// Distance to its leader at each node, m.
-    apart: Vec<f64>,
-    /// Distance from bodies at which it comes away, m; see [`Guide::kept`].
+    /// Distance that each point keeps from each body when it follows, m, as in [`Guide::kept`].
     kept: Vec<f64>,
 }
 
 /// What changes of a guide beside its motion.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 struct Follower {
-    /// Whether it follows its leader.
+    /// Whether it follows its leaders.
     follows: bool,
-    /// Since when it does what it does, s.
+    /// Since when it does, s; where it does not, since when it has been calm.
     since: f64,
-    /// Where it follows: by how much it lies otherwise beside its leader than it did at rest, 1/m, and how fast it came to, 1/(m·s).
+    /// Where it follows: by how much it lies otherwise beside its leaders than it did at rest, 1/m, and how fast it came to, 1/(m·s).
     offset: Vec<f64>,
     drift: Vec<f64>,
+    /// What kept it out of bodies at the end of the last frame, 1/m; empty where nothing had to.
+    out: Vec<f64>,
 }
 
 impl Follower {
@@ -87,24 +92,42 @@ pub struct Changes {
     pub merges: u32,
 }
 
+/// Three moments: now, and one and two sub-steps ago.
+const BACK: [usize; 3] = [0, 1, 2];
+
+/// Turning of a guide out of its rest at each node, per share of its length, as seen in rest space, rad: now, and one and two sub-steps ago. Those of guides
+/// of any length and shape can be averaged.
+type Turning = [Vec<Vector3<f64>>; 3];
+
+/// Where a guide follows to.
+struct Followed {
+    /// Unknowns, 1/m: now, and one and two sub-steps ago.
+    q: [Vec<f64>; 3],
+    /// What of them keeps it out of bodies now, 1/m; empty where nothing has to.
+    out: Vec<f64>,
+    /// How far that moves it at most, as a share of its length.
+    off: f64,
+}
+
 /// What is to become of a guide.
-#[derive(Debug, Clone)]
 enum Change {
-    /// It moves by itself from now on: its unknowns now, and one and two sub-steps ago.
-    Split([Vec<f64>; 3]),
+    /// It moves by itself from now on.
+    Split,
+    /// It is not calm enough to follow.
+    Wait,
     /// It follows.
     Merge(Follower),
 }
 
 impl Wisps {
-    /// Every guide by itself, until [`Wisps::gather`]. `thickness` is that of each body, m, `h` the sub-step, s.
-    pub fn new(hierarchy: Hierarchy, parting: Option<f64>, thickness: Vec<f64>, h: f64) -> Self {
-        let guides = hierarchy.leader.len();
+    /// Every guide by itself, until [`Wisps::gather`]. `h` is the sub-step, `frame` the frame, s.
+    pub fn new(hierarchy: Hierarchy, parting: Option<f64>, h: f64, frame: f64) -> Self {
+        let guides = hierarchy.leaders.len();
         Wisps {
             hierarchy,
             parting,
-            slack: thickness.into_iter().map(|d| INTRUSION * d).collect(),
             h,
+            frame,
             rest: Vec::new(),
             followers: vec![Follower::default(); guides],
             memory: vec![Vec::new(); guides],
@@ -116,130 +139,68 @@ impl Wisps {
         !self.followers[i].follows
     }
 
-    /// The guide that guide `i` moves with: itself, or that which it follows, which moves by itself.
+    /// The guide that stands for what guide `i` moves with, and moves by itself: that, or that of a wisp around its own.
     pub fn mover(&self, i: usize) -> usize {
-        match self.hierarchy.leader[i] {
-            Some(leader) if !self.is_free(i) => self.mover(leader),
+        match self.hierarchy.around[i] {
+            Some(around) if !self.is_free(i) => self.mover(around),
             _ => i,
         }
     }
 
     /// Level of the wisp that guide `i` moves with.
     pub fn level(&self, i: usize) -> u32 {
-        match self.hierarchy.leader[i] {
-            Some(leader) if !self.is_free(i) => self.level(leader),
-            _ => self.hierarchy.level[i],
-        }
+        self.hierarchy.level[self.mover(i)]
     }
 
-    /// Lets all guides that something leads follow; how each of `guides` is now, beside the others, is how it rests. What a tie holds moves by itself.
-    pub fn gather(&mut self, guides: &[Guide]) {
-        self.settle(guides, guides.iter().map(|g| g.q[0].clone()).collect());
-        for (i, follower) in self.followers.iter_mut().enumerate() {
-            follower.follows = self.hierarchy.leader[i].is_some() && guides[i].ties.is_empty();
-        }
-    }
-
-    /// Takes `guides` as resting at unknowns `q`, 1/m.
-    fn settle(&mut self, guides: &[Guide], q: Vec<Vec<f64>>) {
-        let poses: Vec<Vec<Pose>> =
-            guides.par_iter().zip(&q).map(|(guide, q)| sections(&guide.rod, q)).collect();
-        let leader = &self.hierarchy.leader;
-        let rest = |(i, q): (usize, Vec<f64>)| {
-            let Some(l) = leader[i] else { return Rest { q, ..Rest::default() } };
-            let pairs = || poses[i].iter().zip(&poses[l]);
-            // Both turn alike at the same share of their length.
-            let scale = guides[l].rod.length() / guides[i].rod.length();
-            let carry = pairs().map(|(own, led)| own.r.transpose() * led.r * scale).collect();
-            let apart = pairs().map(|(own, led)| (own.p - led.p).norm()).collect();
-            Rest { q, carry, apart, kept: guides[i].kept(&self.slack) }
+    /// Lets all guides that something leads follow; how each of `guides` is at time `t`, s, beside the others, is how it rests. What a tie holds moves by
+    /// itself.
+    pub fn gather(&mut self, guides: &[Guide], around: &Surroundings, t: f64) {
+        let now = Moment::new(around, t);
+        let settled = |guide: &Guide| Settled {
+            q: guide.q[0].clone(),
+            // What lies nearer to a body than it should is not to start.
+            kept: now.distances(&guide.rod, &guide.q[0], &guide.kept()),
         };
-        self.rest = q.into_iter().enumerate().map(rest).collect();
-    }
-
-    /// Unknowns of guide `i`, 1/m, `back` sub-steps before time `t`, s, `guides` being at `t`.
-    pub fn unknowns(&self, guides: &[Guide], i: usize, back: usize, t: f64) -> Vec<f64> {
-        if self.is_free(i) {
-            return guides[i].q[back].clone();
+        self.settle(guides, guides.par_iter().map(settled).collect());
+        for (i, follower) in self.followers.iter_mut().enumerate() {
+            follower.follows = !self.hierarchy.leaders[i].is_empty() && guides[i].ties.is_empty();
         }
-        let mut q = self.led(guides, i, back, t);
-        self.followers[i].add_own(t - back as f64 * self.h, &mut q);
-        q
     }
 
-    /// The same as its leader alone makes them: it deviates from rest as its leader does.
-    fn led(&self, guides: &[Guide], i: usize, back: usize, t: f64) -> Vec<f64> {
-        let Some(leader) = self.hierarchy.leader[i] else { return guides[i].q[back].clone() };
-        let mut q = self.unknowns(guides, leader, back, t);
-        let (own, led) = (&self.rest[i], &self.rest[leader]);
-        for (k, (q, carry)) in q.chunks_exact_mut(3).zip(&own.carry).enumerate() {
-            let [at_rest, rest] = [&led.q, &own.q].map(|q| Vector3::from_column_slice(&q[3 * k..3 * k + 3]));
-            let deviation = Vector3::from_column_slice(q) - at_rest;
-            q.copy_from_slice((rest + carry * deviation).as_slice());
-        }
-        q
+    fn settle(&mut self, guides: &[Guide], settled: Vec<Settled>) {
+        self.rest = settled.into_par_iter().zip(guides).map(|(s, guide)| Rest::new(&guide.rod, s)).collect();
     }
 
-    /// Lets guides come away from their wisps where these are stirred at time `t`, s, the end of a sub-step. `looks` says whether it
-    /// is the time to look which are calm enough to join again.
-    pub fn adapt(&mut self, guides: &mut [Guide], around: &Surroundings, t: f64, looks: bool) -> Changes {
+    /// Moves what follows to where it is at time `t`, s, the end of a frame, and lets guides come away from their wisps and join them.
+    pub fn follow(&mut self, guides: &mut [Guide], around: &Surroundings, t: f64) -> Changes {
+        let (turning, off) = self.lead(guides, around, t);
         let Some(parting) = self.parting else { return Changes::default() };
-        let heads = [t, t - self.h].map(|t| Moving::new(around, t));
-        let stirred: Vec<Vec<f64>> = guides
-            .par_iter()
-            .enumerate()
-            .map(|(i, g)| if self.is_free(i) { g.accelerations(&heads, self.h) } else { Vec::new() })
-            .collect();
-        // At the end of the next sub-step; what deforms is taken to stay as it is.
-        let poses: Vec<_> = (0..around.bodies.len()).map(|b| (around.body)(b, t + self.h)).collect();
-        let mut memory = std::mem::take(&mut self.memory);
-        let change = |(i, memory): (usize, &mut Vec<Outside>)| {
-            let leader = self.hierarchy.leader[i].filter(|_| guides[i].ties.is_empty())?;
-            let length = guides[i].rod.length();
-            // In the time of a free fall of its length, √(2 L / g), with the share ϱ/L of its leader's acceleration.
-            let share = self.stirring(leader, &self.rest[i].apart, &stirred) / (G * length) / HELD;
+        let change = |i: usize| {
+            let apart = self.spread(i, &turning);
             if !self.is_free(i) {
-                let parts = share > parting || self.intrudes(guides, i, around, t, &poses, memory);
-                return parts.then(|| Change::Split([0, 1, 2].map(|back| self.unknowns(guides, i, back, t))));
+                return (apart + off[i] > parting).then_some(Change::Split);
             }
-            let rested = t - self.followers[i].since >= FADING - 0.5 * self.h;
-            if !(looks && rested && share < CALM * parting) {
+            if self.hierarchy.leaders[i].is_empty() || !guides[i].ties.is_empty() {
                 return None;
             }
-            let led = [0, 1, 2].map(|back| self.led(guides, i, back, t));
-            let own = |n: usize| [0, 1, 2].map(|back| guides[i].q[back][n] - led[back][n]);
-            let n = 0..led[0].len();
-            let joined = Follower {
-                follows: true,
-                since: t,
-                offset: n.clone().map(|n| own(n)[0]).collect(),
-                drift: n.map(|n| slope(own(n), self.h)).collect(),
-            };
-            // As it will go, whatever it has of its own.
-            let ahead = |later: f64| {
-                let mut q = led[0].clone();
-                joined.add_own(t + later, &mut q);
-                points(&guides[i].rod, &q, around, t)
-            };
-            let [now, next] = [ahead(0.0), ahead(self.h)];
-            let parts = now
-                .iter()
-                .zip(&next)
-                .map(|(a, b)| (b - a).norm_squared() / (self.h * self.h))
-                .fold(0.0, f64::max);
-            (parts < parting * parting * G * length).then_some(Change::Merge(joined))
+            let still = self.speed(i, &turning) < parting * (G / guides[i].rod.length()).sqrt();
+            if !still || apart > CALM * parting {
+                return Some(Change::Wait);
+            }
+            let rested = t - self.followers[i].since >= FADING - 0.5 * self.h;
+            rested.then(|| Change::Merge(self.joined(i, &guides[i], &turning, t)))
         };
-        let changes: Vec<Option<Change>> = memory.par_iter_mut().enumerate().map(change).collect();
-        self.memory = memory;
+        let changes: Vec<Option<Change>> = (0..guides.len()).into_par_iter().map(change).collect();
         let mut done = Changes::default();
         for (i, change) in changes.into_iter().enumerate() {
             match change {
                 None => {}
-                Some(Change::Split(q)) => {
-                    guides[i].place(q, around, t, self.h);
+                Some(Change::Split) => {
+                    guides[i].take_up(around, t, self.h);
                     self.followers[i] = Follower { since: t, ..Follower::default() };
                     done.splits += 1;
                 }
+                Some(Change::Wait) => self.followers[i].since = t,
                 Some(Change::Merge(follower)) => {
                     self.followers[i] = follower;
                     done.merges += 1;
@@ -249,82 +210,163 @@ impl Wisps {
         done
     }
 
-    /// Largest product of the acceleration of what leads a guide and the distance from it, m²/s², by the guide's `leader`, its distance
-    /// `apart` from that at each node, and the accelerations of all that move by themselves.
-    fn stirring(&self, leader: usize, apart: &[f64], stirred: &[Vec<f64>]) -> f64 {
-        let mut apart = apart.to_vec();
-        let mut leader = leader;
-        while let (false, Some(next)) = (self.is_free(leader), self.hierarchy.leader[leader]) {
-            apart.iter_mut().zip(&self.rest[leader].apart).for_each(|(a, more)| *a += more);
-            leader = next;
+    /// Moves what follows to where it is at time `t`, s; returns how all guides are turned, and by how much of its length each was
+    /// kept out of bodies.
+    fn lead(&mut self, guides: &mut [Guide], around: &Surroundings, t: f64) -> (Vec<Turning>, Vec<f64>) {
+        let now = Moment::new(around, t);
+        let mut turning: Vec<Turning> = vec![Turning::default(); guides.len()];
+        let mut off = vec![0.0; guides.len()];
+        let mut memory = std::mem::take(&mut self.memory);
+        for level in 0..=self.hierarchy.level.iter().copied().max().unwrap_or(0) {
+            let of_level = |(i, memory): (usize, &mut Vec<Outside>)| {
+                if self.hierarchy.level[i] != level {
+                    return None;
+                }
+                let guide = &guides[i];
+                if self.is_free(i) {
+                    return Some((self.rest[i].turning(&guide.rod, &guide.q), None));
+                }
+                let followed = self.following(i, &guide.rod, &turning, &now, memory);
+                Some((self.rest[i].turning(&guide.rod, &followed.q), Some(followed)))
+            };
+            let done: Vec<_> = memory.par_iter_mut().enumerate().map(of_level).collect();
+            for (i, done) in done.into_iter().enumerate() {
+                let Some((turned, followed)) = done else { continue };
+                turning[i] = turned;
+                if let Some(followed) = followed {
+                    (guides[i].q, self.followers[i].out, off[i]) = (followed.q, followed.out, followed.off);
+                }
+            }
         }
-        stirred[leader].iter().zip(&apart).map(|(a, apart)| a * apart).fold(0.0, f64::max)
+        self.memory = memory;
+        (turning, off)
     }
 
-    /// Whether guide `i`, going on as it goes at time `t`, s, is too deep in a body's thickness at the end of the next sub-step.
-    fn intrudes(
+    /// Where guide `i` follows to, at time `t`, s.
+    fn following(
         &self,
-        guides: &[Guide],
         i: usize,
-        around: &Surroundings,
-        t: f64,
-        poses: &[Isometry3<f64>],
+        rod: &Rod,
+        turning: &[Turning],
+        now: &Moment,
         memory: &mut Vec<Outside>,
-    ) -> bool {
-        // Strains go on by their last three values; where the root goes is known.
-        let [mut q, one, two] = [0, 1, 2].map(|back| self.unknowns(guides, i, back, t));
-        q.iter_mut().zip(one.iter().zip(&two)).for_each(|(q, (one, two))| *q = 3.0 * (*q - one) + two);
-        let next = points(&guides[i].rod, &q, around, t + self.h);
-        around.bodies.any_nearer((t, poses), &next, &self.rest[i].kept, memory)
+    ) -> Followed {
+        let t = now.time();
+        let mut q = BACK.map(|back| {
+            let mut q = self.rest[i].unknowns(rod, &self.mean(i, turning, back));
+            self.followers[i].add_own(t - back as f64 * self.h, &mut q);
+            q
+        });
+        let led = q[0].clone();
+        let way = now.bring_out(rod, &self.rest[i].settled.kept, &mut q[0], memory);
+        let out: Vec<f64> = match way {
+            Some(_) => q[0].iter().zip(&led).map(|(q, led)| q - led).collect(),
+            None => Vec::new(),
+        };
+        // What bodies do to it is known at frames only: between them it goes evenly.
+        let at = |out: &[f64], n: usize| out.get(n).copied().unwrap_or(0.0);
+        for (back, q) in q.iter_mut().enumerate().skip(1) {
+            let share = back as f64 * self.h / self.frame;
+            let before = |n: usize| at(&out, n) * (1.0 - share) + at(&self.followers[i].out, n) * share;
+            q.iter_mut().enumerate().for_each(|(n, q)| *q += before(n));
+        }
+        Followed { q, out, off: way.unwrap_or(0.0) / rod.length() }
+    }
+
+    /// How the leaders of guide `i` are turned on average, `back` sub-steps ago.
+    fn mean(&self, i: usize, turning: &[Turning], back: usize) -> Vec<Vector3<f64>> {
+        let mut mean = vec![Vector3::zeros(); self.rest[i].frame.len()];
+        for (leader, share) in &self.hierarchy.leaders[i] {
+            mean.iter_mut().zip(&turning[*leader][back]).for_each(|(mean, led)| *mean += led * *share);
+        }
+        mean
+    }
+
+    /// Speed of guide `i`, which moves by itself, as seen from where its leaders would move it, as a share of its length, 1/s.
+    fn speed(&self, i: usize, turning: &[Turning]) -> f64 {
+        let led = BACK.map(|back| self.mean(i, turning, back));
+        let rate = |node: usize| {
+            let own = |back: usize, axis: usize| turning[i][back][node][axis] - led[back][node][axis];
+            Vector3::from_fn(|axis, _| slope(BACK.map(|back| own(back, axis)), self.h))
+        };
+        self.rest[i].way((0..led[0].len()).map(rate))
+    }
+
+    /// What guide `i` is when it begins to follow at time `t`, s.
+    fn joined(&self, i: usize, guide: &Guide, turning: &[Turning], t: f64) -> Follower {
+        let led = BACK.map(|back| self.rest[i].unknowns(&guide.rod, &self.mean(i, turning, back)));
+        let own = |n: usize| BACK.map(|back| guide.q[back][n] - led[back][n]);
+        let n = 0..led[0].len();
+        Follower {
+            follows: true,
+            since: t,
+            offset: n.clone().map(|n| own(n)[0]).collect(),
+            drift: n.map(|n| slope(own(n), self.h)).collect(),
+            out: Vec::new(),
+        }
+    }
+
+    /// By how much of its length guide `i` is elsewhere for one of its leaders than for all, as the root mean square by their shares. Of a single one
+    /// nothing tells by how much others would differ: that may be all of its way from rest.
+    fn spread(&self, i: usize, turning: &[Turning]) -> f64 {
+        let mean = self.mean(i, turning, 0);
+        if self.hierarchy.leaders[i].len() == 1 {
+            return self.rest[i].way(mean.into_iter());
+        }
+        let square = |(leader, share): &(usize, f64)| {
+            let apart = self.rest[i].way(turning[*leader][0].iter().zip(&mean).map(|(led, mean)| led - mean));
+            share.abs() * apart * apart
+        };
+        self.hierarchy.leaders[i].iter().map(square).sum::<f64>().sqrt()
     }
 }
 
-/// The head at a moment, and how it moves.
-pub(super) struct Moving {
-    pose: Isometry3<f64>,
-    beside: [Isometry3<f64>; 2],
-}
-
-impl Moving {
-    /// Half the time over which its velocity is taken, s.
-    const DELTA: f64 = 1e-4;
-
-    pub fn new(around: &Surroundings, t: f64) -> Self {
-        let beside = [t + Moving::DELTA, t - Moving::DELTA].map(|t| (around.head)(t));
-        Moving { pose: (around.head)(t), beside }
+impl Rest {
+    fn new(rod: &Rod, settled: Settled) -> Self {
+        let mut shape = Shape::default();
+        shape.update(rod, &rod.root.r, &settled.q);
+        let poses: Vec<_> = shape.poses().collect();
+        let nodes: Vec<_> = (0..rod.nodes.len()).map(|node| poses[rod.node_point(node)]).collect();
+        let way = |w: &[Pose]| (w[1].p - w[0].p) / rod.length();
+        let span = |w: &[f64]| (w[1] - w[0]) / rod.length();
+        Rest {
+            frame: nodes[..nodes.len() - 1].iter().map(|node| node.r).collect(),
+            edge: nodes.windows(2).map(way).collect(),
+            span: rod.nodes.windows(2).map(span).collect(),
+            settled,
+        }
     }
 
-    /// Velocity `v`, m/s, of what is at `x`, m, as seen from the head, in its frame.
-    pub fn seen(&self, x: &Vector3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
-        let local = self.pose.inverse_transform_point(&(*x).into());
-        let carried = (self.beside[0] * local - self.beside[1] * local) / (2.0 * Moving::DELTA);
-        self.pose.rotation.inverse() * (v - carried)
+    /// How a guide at unknowns `q`, 1/m, is turned.
+    fn turning(&self, rod: &Rod, q: &[Vec<f64>; 3]) -> Turning {
+        let at_rest = || self.settled.q.chunks_exact(3).zip(&self.frame);
+        let turned = |(q, (rest, frame)): (&[f64], (&[f64], &Matrix3<f64>))| {
+            let deviation = Vector3::from_column_slice(q) - Vector3::from_column_slice(rest);
+            frame * deviation * rod.length()
+        };
+        q.each_ref().map(|q| q.chunks_exact(3).zip(at_rest()).map(turned).collect())
     }
 
-    /// A vector of its frame in the world.
-    pub fn to_world(&self, v: &Vector3<f64>) -> Vector3<f64> {
-        self.pose.rotation * v
+    /// Unknowns of a guide that is turned so, 1/m.
+    fn unknowns(&self, rod: &Rod, turned: &[Vector3<f64>]) -> Vec<f64> {
+        let mut q = self.settled.q.clone();
+        for ((q, turned), frame) in q.chunks_exact_mut(3).zip(turned).zip(&self.frame) {
+            let deviation = frame.tr_mul(turned) / rod.length();
+            q.iter_mut().zip(&deviation).for_each(|(q, more)| *q += more);
+        }
+        q
     }
-}
 
-/// Frame and place of a rod at each node, rest space, at unknowns `q`, 1/m.
-fn sections(rod: &Rod, q: &[f64]) -> Vec<Pose> {
-    let mut shape = Shape::default();
-    shape.update(rod, &rod.root.r, q);
-    let poses: Vec<Pose> = shape.poses().collect();
-    let section = |node: usize| {
-        let Pose { r, p } = poses[rod.node_point(node)];
-        Pose { r, p: p + rod.root.p }
-    };
-    (0..rod.nodes.len()).map(section).collect()
-}
-
-/// Points of a rod, m, world, at unknowns `q`, 1/m, and time `t`, s.
-fn points(rod: &Rod, q: &[f64], around: &Surroundings, t: f64) -> Vec<Vector3<f64>> {
-    let root = around.root(&rod.root, t);
-    let mut shape = Shape::default();
-    shape.update(rod, &root.r, q);
-    (0..rod.points()).map(|k| shape.x(k) + root.p).collect()
+    /// Way of a guide that turns by `turn` more per share of its length, rad: the mean along it, as a share of its length; to first order, at rest.
+    fn way(&self, turn: impl Iterator<Item = Vector3<f64>>) -> f64 {
+        let (mut angle, mut x, mut mean) = (Vector3::zeros(), Vector3::zeros(), 0.0);
+        for ((turn, span), edge) in turn.zip(&self.span).zip(&self.edge) {
+            angle += turn * *span;
+            x += angle.cross(edge);
+            mean += x.norm() * span;
+        }
+        mean
+    }
 }
 
 /// Rate now by three values a step of `h`, s, apart, the newest first; of second order.
@@ -335,14 +377,17 @@ pub(super) fn slope([now, one, two]: [f64; 3], h: f64) -> f64 {
 /// What a checkpoint holds of wisps.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Saved {
-    rest: Vec<Vec<f64>>,
+    rest: Vec<Settled>,
     followers: Vec<Follower>,
 }
 
 impl Wisps {
     /// What changes.
     pub fn state(&self) -> Saved {
-        Saved { rest: self.rest.iter().map(|r| r.q.clone()).collect(), followers: self.followers.clone() }
+        Saved {
+            rest: self.rest.iter().map(|r| r.settled.clone()).collect(),
+            followers: self.followers.clone(),
+        }
     }
 
     /// Goes back to a state of the same `guides`.
@@ -352,8 +397,9 @@ impl Wisps {
         self.rest.clear();
         if !state.rest.is_empty() {
             Unfit::unless_same("guides at rest", state.rest.len(), guides.len())?;
-            for (q, guide) in state.rest.iter().zip(guides) {
-                Unfit::unless_same("unknowns at rest", q.len(), guide.rod.unknowns())?;
+            for (rest, guide) in state.rest.iter().zip(guides) {
+                Unfit::unless_same("unknowns at rest", rest.q.len(), guide.rod.unknowns())?;
+                Unfit::unless_same("distances kept", rest.kept.len(), guide.kept().len())?;
             }
             self.settle(guides, state.rest);
         }
@@ -367,7 +413,8 @@ mod tests {
 
     #[test]
     fn what_joins_goes_on_as_it_went_until_it_has_faded() {
-        let joined = Follower { follows: true, since: 1.0, offset: vec![0.1], drift: vec![2.0] };
+        let (offset, drift) = (vec![0.1], vec![2.0]);
+        let joined = Follower { follows: true, since: 1.0, offset, drift, out: Vec::new() };
         let own = |t: f64| {
             let mut q = [0.0];
             joined.add_own(t, &mut q);

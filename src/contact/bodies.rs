@@ -79,7 +79,7 @@ pub struct Workspace {
 }
 
 /// How far surfaces are looked for around a single point, m.
-const HORIZON: f64 = 0.03;
+const HORIZON: f64 = 0.1;
 
 /// Where a point was when it was last seen outside of a body, body frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -207,32 +207,37 @@ impl Bodies {
         self.bodies.len()
     }
 
-    /// Whether any of the points `x`, m, world, is nearer to a body than `kept` says, m, at body b and point k at `b * x.len() + k`; the bodies
-    /// are at time `t`, s, at `poses`. `memory` is that of the same points before; it never changes the answer.
-    pub fn any_nearer(
+    /// Tells `found` of each of the points `x`, m, world, that is nearer to a body than `within` says, m, at body b and point k at
+    /// `b * x.len() + k`: that index, the distance, m, and the body's outward normal, world. The bodies are at time `t`, s, at `poses`. `memory` is
+    /// that of the same points before; it never changes the answer.
+    pub fn each_nearer(
         &self,
         (t, poses): (f64, &[Isometry3<f64>]),
         x: &[Vector3<f64>],
-        kept: &[f64],
+        within: &[f64],
         memory: &mut Vec<Outside>,
-    ) -> bool {
-        memory.resize(kept.len(), Outside::default());
-        let bodies = self.bodies.iter().zip(poses);
-        bodies.zip(kept.chunks_exact(x.len()).zip(memory.chunks_exact_mut(x.len()))).any(
-            |((body, pose), (kept, memory))| {
-                let travel = body.shape.travel(t);
-                x.iter().zip(kept).zip(memory).any(|((x, kept), seen)| {
-                    let at = pose.inverse_transform_point(&(*x).into()).coords;
-                    let spare = seen.distance - (at - seen.at).norm() - (travel - seen.travel).abs();
-                    if spare > kept.max(0.0) {
-                        return false;
-                    }
-                    let distance = body.shape.closest(t, &at, HORIZON).map_or(HORIZON, |s| s.distance);
-                    *seen = Outside { at, distance: distance * (1.0 - 1e-9) - 1e-12, travel };
-                    distance < *kept
-                })
-            },
-        )
+        mut found: impl FnMut(usize, f64, Vector3<f64>),
+    ) {
+        let points = x.len();
+        memory.resize(within.len(), Outside::default());
+        for (b, (body, pose)) in self.bodies.iter().zip(poses).enumerate() {
+            let travel = body.shape.travel(t);
+            for (k, x) in x.iter().enumerate() {
+                let i = b * points + k;
+                let (within, seen) = (within[i], &mut memory[i]);
+                let at = pose.inverse_transform_point(&(*x).into()).coords;
+                let spare = seen.distance - (at - seen.at).norm() - (travel - seen.travel).abs();
+                if within == f64::NEG_INFINITY || spare > within.max(0.0) {
+                    continue;
+                }
+                let surface = body.shape.closest(t, &at, HORIZON);
+                let distance = surface.map_or(HORIZON, |s| s.distance);
+                *seen = Outside { at, distance: distance * (1.0 - 1e-9) - 1e-12, travel };
+                if let Some(surface) = surface.filter(|s| s.distance < within) {
+                    found(i, surface.distance, pose.rotation * surface.normal);
+                }
+            }
+        }
     }
 
     /// Whether there is none.
@@ -349,8 +354,11 @@ mod tests {
                     let at = poses[b].inverse_transform_point(&(*x).into()).coords;
                     if b == 0 { at.norm() - 0.01 } else { (at - centre).norm() - 0.005 }
                 };
-                let nearer = (0..4).any(|i| distance(i / 2, &x[i % 2]) < kept[i]);
-                prop_assert_eq!(bodies.any_nearer((0.0, &poses), &x, &kept, &mut memory), nearer);
+                let nearer: Vec<usize> = (0..4).filter(|i| distance(i / 2, &x[i % 2]) < kept[*i]).collect();
+                let mut found = Vec::new();
+                bodies.each_nearer((0.0, &poses), &x, &kept, &mut memory, |i, at, _| found.push((i, at)));
+                prop_assert_eq!(found.iter().map(|f| f.0).collect::<Vec<_>>(), nearer);
+                prop_assert!(found.iter().all(|(i, at)| (at - distance(i / 2, &x[i % 2])).abs() < 1e-12));
             }
         }
     }

@@ -33,11 +33,15 @@ impl Default for Size {
     }
 }
 
+/// Coarse wisps of a head, at least: it has a front, a back, two sides and a parting.
+const FEWEST: usize = 6;
+
 /// The groom of a style, m, Y up, and how well its hierarchy represents it.
 pub fn groom(style: Style, size: Size) -> (Groom, BuildReport) {
     let cut = style.cut();
     let wisps = size.wisps.unwrap_or(cut.wisps).max(1);
     let guides = comb::guides(&cut, wisps);
+    let coarse = (cut.coarse * wisps).div_ceil(cut.wisps).max(FEWEST);
     let options = BuildOptions {
         guide_vertices: Resample::Vertices(cut.vertices[0]),
         growth: Growth {
@@ -46,7 +50,7 @@ pub fn groom(style: Style, size: Size) -> (Groom, BuildReport) {
             shorter: 0.12,
             clump: 0.5,
         },
-        depth: Depth { levels: cut.levels, coarse: None, leaves: Some(wisps) },
+        depth: Depth { levels: cut.levels, coarse: Some(coarse), leaves: Some(wisps) },
         sections: cut.sections,
         ..BuildOptions::default()
     };

@@ -24,8 +24,9 @@ pub(super) struct Cut {
     pub(super) wisps: usize,
     /// Sections of a wisp.
     pub(super) sections: usize,
-    /// Levels of the hierarchy.
+    /// Levels of the hierarchy, and its coarse wisps.
     pub(super) levels: usize,
+    pub(super) coarse: usize,
     /// Longest hair, along its run.
     pub(super) longest: f64,
     /// Height in rest space at which the hair is cut.
@@ -64,6 +65,7 @@ impl Style {
                 wisps: 644,
                 sections: 8,
                 levels,
+                coarse: 40,
                 longest: 0.085,
                 hem: 0.02,
                 curl_radius: 0.0012,
@@ -74,6 +76,7 @@ impl Style {
                 wisps: 491,
                 sections: 10,
                 levels,
+                coarse: 48,
                 longest: 0.10,
                 hem: 0.0,
                 curl_radius: 0.0055,
@@ -84,6 +87,7 @@ impl Style {
                 wisps: 674,
                 sections: 9,
                 levels,
+                coarse: 16,
                 longest: 0.48,
                 hem: -0.20,
                 curl_radius: 0.002,
@@ -94,6 +98,7 @@ impl Style {
                 wisps: 821,
                 sections: 12,
                 levels,
+                coarse: 20,
                 longest: 0.42,
                 hem: -0.16,
                 curl_radius: 0.009,

@@ -1,70 +1,176 @@
 //! Who leads whom among the guides of a groom.
 
 use super::GuideRod;
+use crate::math::cholesky;
 use crate::rod::Shape;
 use crate::scene::{Groom, Tree};
 use nalgebra::Vector3;
+use rayon::prelude::*;
+
+/// Most guides that lead one.
+const LEADERS: usize = 12;
+
+/// How dearly leaders far away are paid for; see [`shares`].
+const SPREAD: f64 = 0.1;
 
 /// The hierarchy of wisps as guides that lead each other: every wisp is stood for by one guide, that nearest to its centre line, for with a mean of
 /// curls their curl would be lost. That of a wisp is one of those of its parts, so each guide stands for the coarsest
-/// wisp that it stands for and all of the finer ones, and is led by the one that stands for the wisp around that.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+/// wisp that it stands for and all of the finer ones. It is led by those that stand for coarser wisps and lie nearest: that around it and its neighbours.
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Hierarchy {
-    /// The guide that leads each guide; none for those that stand for coarse wisps.
-    pub leader: Vec<Option<usize>>,
+    /// The guides that lead each guide and their shares, of sum 1, the nearest first; none for those that stand for coarse wisps.
+    pub leaders: Vec<Vec<(usize, f64)>>,
     /// Level of the coarsest wisp that each guide stands for, 0 for a coarse wisp; one more than the finest wisp's for one that stands for none.
     pub level: Vec<u32>,
+    /// The guide that stands for the wisp around each guide's own; none for those that stand for coarse wisps.
+    pub around: Vec<Option<usize>>,
 }
 
 impl Hierarchy {
-    /// Of the guides `rods` of `groom`, which must have its trees. A guide is led by none of another material.
+    /// Of the guides `rods` of `groom`, which must have its trees. A guide is led by none of another material or with its nodes elsewhere.
     pub fn new(groom: &Groom, rods: &[GuideRod]) -> Self {
-        let mut hierarchy = Hierarchy { leader: vec![None; rods.len()], level: vec![0; rods.len()] };
         let mut of_leaf: Vec<_> = groom.trees.iter().map(|tree| vec![Vec::new(); tree.wisps.len()]).collect();
         rods.iter().enumerate().for_each(|(i, r)| of_leaf[r.leaf.0][r.leaf.1].push(i));
-        let sections: Vec<Vec<Vector3<f64>>> = rods.iter().map(sections).collect();
+        let stances: Vec<Stance> = rods.par_iter().map(Stance::new).collect();
+        let (mut level, mut around) = (vec![0; rods.len()], vec![None; rods.len()]);
         for (tree, of_leaf) in groom.trees.iter().zip(of_leaf) {
-            hierarchy.add(tree, of_leaf, &sections);
+            rank(tree, of_leaf, &stances, &mut level, &mut around);
         }
-        for i in 0..rods.len() {
-            let of = |i: usize| groom.groups[groom.guides.curves.group[rods[i].guide] as usize].material;
-            let alike = |leader: &usize| of(*leader) == of(i);
-            hierarchy.leader[i] = hierarchy.leader[i].filter(alike);
-        }
-        hierarchy
+        let material = |i: usize| groom.groups[groom.guides.curves.group[rods[i].guide] as usize].material;
+        let arc = |i: usize| &groom.trees[rods[i].leaf.0].arc;
+        let leaders = |i: usize| {
+            let may_lead =
+                |j: &usize| level[*j] < level[i] && material(*j) == material(i) && arc(*j) == arc(i);
+            let apart = |j: usize| Apart::new(&stances[i], &stances[j]);
+            let mut near: Vec<(f64, usize)> =
+                (0..rods.len()).filter(may_lead).map(|j| (apart(j).square(), j)).collect();
+            near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            near.truncate(LEADERS);
+            let shares = shares(&near.iter().map(|(_, j)| apart(*j)).collect::<Vec<_>>());
+            near.iter().map(|(_, j)| *j).zip(shares).collect()
+        };
+        Hierarchy { leaders: (0..rods.len()).into_par_iter().map(leaders).collect(), level, around }
     }
+}
 
-    /// Adds a tree whose leaf wisps hold the guides `of_leaf`, with the places of all guides at their sections, m.
-    fn add(&mut self, tree: &Tree, of_leaf: Vec<Vec<usize>>, sections: &[Vec<Vector3<f64>>]) {
-        // Those of which one comes to stand for each wisp.
-        let mut candidates = of_leaf;
-        let mut level = vec![0; tree.wisps.len()];
-        for (w, wisp) in tree.wisps.iter().enumerate() {
-            level[w] = wisp.parent.map_or(0, |parent| level[parent as usize] + 1);
+/// Sets the `level` of guides, and what stands for the wisp `around` theirs, of a tree whose leaf wisps hold the guides `of_leaf`, all guides standing so.
+fn rank(
+    tree: &Tree,
+    of_leaf: Vec<Vec<usize>>,
+    stances: &[Stance],
+    level: &mut [u32],
+    around: &mut [Option<usize>],
+) {
+    // Those of which one comes to stand for each wisp.
+    let mut candidates = of_leaf;
+    let mut wisp_level = vec![0; tree.wisps.len()];
+    for (w, wisp) in tree.wisps.iter().enumerate() {
+        wisp_level[w] = wisp.parent.map_or(0, |parent| wisp_level[parent as usize] + 1);
+    }
+    // Parents come before their parts.
+    for (w, wisp) in tree.wisps.iter().enumerate().rev() {
+        let off = |g: &usize| -> f64 {
+            let pairs = stances[*g].sections.iter().zip(&wisp.sections);
+            pairs.map(|(x, section)| (x - section.centre).norm_squared()).sum()
+        };
+        let nearer = |a: &&usize, b: &&usize| off(a).total_cmp(&off(b)).then(a.cmp(b));
+        let Some(&first) = candidates[w].iter().min_by(nearer) else { continue };
+        for &g in candidates[w].iter().filter(|g| **g != first) {
+            // It is what stands for a part, or a guide of a leaf.
+            (level[g], around[g]) = (wisp_level[w] + 1, Some(first));
         }
-        // Parents come before their parts.
-        for (w, wisp) in tree.wisps.iter().enumerate().rev() {
-            let off = |g: &usize| -> f64 {
-                let pairs = sections[*g].iter().zip(&wisp.sections);
-                pairs.map(|(x, section)| (x - section.centre).norm_squared()).sum()
-            };
-            let nearer = |a: &&usize, b: &&usize| off(a).total_cmp(&off(b)).then(a.cmp(b));
-            let Some(&first) = candidates[w].iter().min_by(nearer) else { continue };
-            for &g in candidates[w].iter().filter(|g| **g != first) {
-                self.leader[g] = Some(first);
-                // It is what stands for a part, or a guide of a leaf.
-                self.level[g] = level[w] + 1;
-            }
-            if let Some(parent) = wisp.parent {
-                candidates[parent as usize].push(first);
-            }
+        if let Some(parent) = wisp.parent {
+            candidates[parent as usize].push(first);
         }
     }
 }
 
-/// Where the sections of a guide are in the groom's pose, m, rest space.
-fn sections(r: &GuideRod) -> Vec<Vector3<f64>> {
-    let mut shape = Shape::default();
-    shape.update(&r.rod, &r.rod.root.r, &r.rod.start);
-    (0..r.rod.nodes.len()).map(|node| shape.x(r.rod.node_point(node)) + r.rod.root.p).collect()
+/// How a guide stands at rest.
+struct Stance {
+    /// Its sections, m, rest space.
+    sections: Vec<Vector3<f64>>,
+    length: f64,
+}
+
+impl Stance {
+    fn new(r: &GuideRod) -> Self {
+        let mut shape = Shape::default();
+        shape.update(&r.rod, &r.rod.root.r, &r.rod.start);
+        let section = |node: usize| shape.x(r.rod.node_point(node)) + r.rod.root.p;
+        Stance { sections: (0..r.rod.nodes.len()).map(section).collect(), length: r.rod.length() }
+    }
+}
+
+/// What a guide is elsewhere than another: section by section, and by its length, for hair of other length swings otherwise; m.
+struct Apart(Vec<Vector3<f64>>, f64);
+
+impl Apart {
+    fn new(guide: &Stance, other: &Stance) -> Self {
+        let sections = other.sections.iter().zip(&guide.sections).map(|(a, b)| a - b).collect();
+        Apart(sections, other.length - guide.length)
+    }
+
+    /// Mean product along the hair, m².
+    fn dot(&self, other: &Self) -> f64 {
+        let sections: f64 = self.0.iter().zip(&other.0).map(|(a, b)| a.dot(b)).sum();
+        sections / self.0.len() as f64 + self.1 * other.1
+    }
+
+    fn square(&self) -> f64 {
+        self.dot(self)
+    }
+}
+
+/// Shares w of leaders that are `apart` from a guide, with which their mean comes nearest to it while it is not made of what is far: least
+/// |Σ w_j d_j|² + ε Σ w_j² |d_j|², Σ w_j = 1, with means along the hair. Some may be below 0, as what differs from leader to leader goes on beyond them.
+fn shares(apart: &[Apart]) -> Vec<f64> {
+    let n = apart.len();
+    let mut normal: Vec<f64> = (0..n * n).map(|at| apart[at / n].dot(&apart[at % n])).collect();
+    for j in 0..n {
+        // One that lies on the guide may have it all.
+        normal[j * n + j] += SPREAD * normal[j * n + j] + f64::MIN_POSITIVE;
+    }
+    let mut shares = vec![1.0; n];
+    if cholesky::factor(&mut normal, n) == 1 {
+        cholesky::solve(&normal, n, &mut shares);
+    }
+    let sum: f64 = shares.iter().sum();
+    shares.iter().map(|w| w / sum).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_are_those_of_the_mean_that_comes_nearest() {
+        let hair = |x: f64, y: f64, length: f64| Stance {
+            sections: (0..8).map(|k| Vector3::new(x, y, length / 8.0 * f64::from(k))).collect(),
+            length,
+        };
+        let leaders = [(0.0, 0.0), (0.02, 0.0), (0.0, 0.02), (0.02, 0.02)];
+        let of = |guide: &Stance, lengths: [f64; 4]| {
+            let apart =
+                leaders.iter().zip(lengths).map(|(l, length)| Apart::new(guide, &hair(l.0, l.1, length)));
+            let shares = shares(&apart.collect::<Vec<_>>());
+            assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            let middle: Vector3<f64> =
+                leaders.iter().zip(&shares).map(|(l, w)| Vector3::new(l.0, l.1, 0.0) * *w).sum();
+            (shares, middle)
+        };
+        let (even, _) = of(&hair(0.01, 0.01, 0.1), [0.1; 4]);
+        assert!(even.iter().all(|w| (w - 0.25).abs() < 1e-9), "{even:?}");
+        let (uneven, middle) = of(&hair(0.006, 0.004, 0.1), [0.1; 4]);
+        assert!(
+            (middle - Vector3::new(0.006, 0.004, 0.0)).norm() < 1e-3 && uneven[0] > 0.4,
+            "{uneven:?} {middle}"
+        );
+        // A little beyond them all; on one of them: that one alone; of the length of two of them: more of these.
+        let (_, beyond) = of(&hair(-0.002, 0.01, 0.1), [0.1; 4]);
+        assert!((-0.002..0.002).contains(&beyond.x), "{beyond}");
+        let (on, _) = of(&hair(0.02, 0.0, 0.1), [0.1; 4]);
+        assert!((on[1] - 1.0).abs() < 1e-9, "{on:?}");
+        let (long, _) = of(&hair(0.01, 0.01, 0.12), [0.12, 0.1, 0.1, 0.12]);
+        assert!(long[0] > 0.4 && long[3] > 0.4, "{long:?}");
+    }
 }
