@@ -34,6 +34,7 @@ impl Shot {
             id: (0..curves as i32).collect(),
             group: vec![0; curves],
             guide: vec![0; curves],
+            group_name: vec!["hair".into(); curves],
             root_uv: vec![[0.5; 2]; curves],
         };
         let moving = CurveFrame {

@@ -259,6 +259,7 @@ fn curve_set(
         widths,
         id: curves.id.clone(),
         group: curves.group.iter().map(|g| *g as i32).collect(),
+        group_name: curves.group.iter().map(|g| groom.groups[*g as usize].name.clone()).collect(),
         guide: vec![guide; curves.len()],
         root_uv: curves.root_uv.clone(),
     }

@@ -23,6 +23,7 @@ impl CurveSet {
         same("widths", self.widths.len(), points)?;
         same("ids", self.id.len(), n)?;
         same("groups", self.group.len(), n)?;
+        same("names of groups", self.group_name.len(), n)?;
         same("guide flags", self.guide.len(), n)?;
         same("root coordinates", self.root_uv.len(), n)
     }

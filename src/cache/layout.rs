@@ -126,6 +126,8 @@ pub(super) fn topology_layer(header: &Header) -> Layer<'_> {
         attributes
     });
     groom.metadata.push(("kind".into(), Value::token("component")));
+    // By this Unreal knows a groom; to others it says nothing.
+    groom.metadata.push(("apiSchemas".into(), Value::PrependedTokens(vec!["GroomAPI".into()])));
     for child in &mut groom.children {
         if matches!(child.name.as_str(), "guides" | "colliders") {
             child.attributes.push(uniform_token("purpose", "guide"));
@@ -279,6 +281,12 @@ fn curves(curves: &CurveSet, basis: Basis, colour: [f32; 3]) -> Vec<Attribute<'_
         display_colour(colour),
         interpolated("primvars:groom_id", "int[]", "uniform", ints(&curves.id)),
         interpolated("primvars:groom_group_id", "int[]", "uniform", ints(&curves.group)),
+        interpolated(
+            "primvars:groom_group_name",
+            "token[]",
+            "uniform",
+            Value::Tokens(curves.group_name.clone()),
+        ),
         interpolated("primvars:groom_guide", "int[]", "uniform", ints(&curves.guide)),
         interpolated(
             "primvars:groom_root_uv",

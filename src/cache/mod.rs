@@ -65,6 +65,8 @@ pub struct CurveSet {
     pub id: Vec<i32>,
     /// Group of each curve; `n`.
     pub group: Vec<i32>,
+    /// Name of that; `n`.
+    pub group_name: Vec<String>,
     /// 1 for a simulated guide, 0 for an interpolated strand; `n`.
     pub guide: Vec<i32>,
     /// Texture coordinate of each root; `n`.

@@ -141,6 +141,7 @@ impl Source {
             widths: self.take(prim, "widths", None, floats)?,
             id: self.take(prim, "primvars:groom_id", None, ints)?,
             group: self.take(prim, "primvars:groom_group_id", None, ints)?,
+            group_name: self.take(prim, "primvars:groom_group_name", None, tokens)?,
             guide: self.take(prim, "primvars:groom_guide", None, ints)?,
             root_uv: self.take(prim, "primvars:groom_root_uv", None, float2s)?,
         })
@@ -222,6 +223,13 @@ impl Source {
 fn text(value: Value<'static>) -> Option<String> {
     match value {
         Value::Token(text) => Some(text),
+        _ => None,
+    }
+}
+
+fn tokens(value: Value<'static>) -> Option<Vec<String>> {
+    match value {
+        Value::Tokens(v) => Some(v),
         _ => None,
     }
 }

@@ -53,6 +53,7 @@ def check_curves(curves: UsdGeom.BasisCurves, expected: dict, basis: str) -> Non
     for name, key, interpolation, type_name in [
         ("groom_id", "id", "uniform", "int[]"),
         ("groom_group_id", "group", "uniform", "int[]"),
+        ("groom_group_name", "group_name", "uniform", "token[]"),
         ("groom_guide", "guide", "uniform", "int[]"),
         ("groom_root_uv", "root_uv", "uniform", "texCoord2f[]"),
         ("rest", "rest", "vertex", "point3f[]"),

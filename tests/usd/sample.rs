@@ -67,6 +67,7 @@ fn curves(count: i32, guide: i32) -> CurveSet {
         id: (0..count).map(|c| 1000 * (guide + 1) + 7 * c).collect(),
         group: (0..count).map(|c| c / 10).collect(),
         guide: vec![guide; count as usize],
+        group_name: (0..count).map(|c| ["fringe", "the back"][c as usize % 2].into()).collect(),
         root_uv: (0..count).map(|c| [c as f32 / 64.0, 1.0 - c as f32 / 50.0]).collect(),
         counts,
     }

@@ -239,6 +239,7 @@ def primvars(cache: Cache) -> Iterator[Finding]:
     per_curve = {
         "groom_id": types.IntArray,
         "groom_group_id": types.IntArray,
+        "groom_group_name": types.TokenArray,
         "groom_guide": types.IntArray,
         "groom_root_uv": types.TexCoord2fArray,
     }

@@ -180,6 +180,7 @@ class CacheBuilder:
         types, uniform = Sdf.ValueTypeNames, "uniform"
         primvars.CreatePrimvar("groom_id", types.IntArray, uniform).Set(list(range(count)))
         primvars.CreatePrimvar("groom_group_id", types.IntArray, uniform).Set([0] * count)
+        primvars.CreatePrimvar("groom_group_name", types.TokenArray, uniform).Set(["hair"] * count)
         primvars.CreatePrimvar("groom_guide", types.IntArray, uniform).Set(
             [int(path.endswith("guides"))] * count
         )
