@@ -45,9 +45,11 @@ fn help_and_version_are_data() {
 #[test]
 fn no_guarantee_is_asked_of_what_gives_none() {
     let scene = Scene::import();
-    let mut bake = bake(&scene.groom, &scene.anim, &scene.folder.path().join("out"));
+    let out = scene.folder.path().join("out");
+    let mut bake = bake(&scene.groom, &scene.anim, &out);
     bake.args(["--contact", "penalty", "--strict"]);
     bake.assert().code(64).stdout("").stderr(contains("guarantees nothing"));
+    assert!(!out.exists());
 }
 
 #[test]

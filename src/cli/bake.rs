@@ -5,9 +5,9 @@ use super::progress::Progress;
 use super::scene::{RunArguments, SceneArguments};
 use super::values::FrameList;
 use super::{console, summary, values};
-use crate::bake::job::Job;
 use crate::bake::{self, BakeSummary};
 use crate::error::{Error, Result};
+use crate::scene::Anim;
 use crate::scene::anim::Contact;
 use crate::strands::SPAN;
 use clap::Args;
@@ -48,8 +48,8 @@ pub struct EndArguments {
 impl EndArguments {
     /// # Errors
     /// [`Error::Usage`] where guarantees are asked for of a bake that has none.
-    fn are_for(&self, job: &Job) -> Result<()> {
-        if self.strict && job.anim.settings.contact == Contact::Penalty {
+    fn are_for(&self, anim: &Anim) -> Result<()> {
+        if self.strict && anim.settings.contact == Contact::Penalty {
             let message =
                 "--contact penalty guarantees nothing: ask for --contact bodies, or leave --strict away";
             return Err(Error::Usage(message.into()));
@@ -139,8 +139,7 @@ pub fn run(
         console::say(plan.trim_end());
     }
     let control = arguments.run.control()?;
-    let job = scene.job(list.map(|list| list.shot))?;
-    arguments.end.are_for(&job)?;
+    let job = scene.job(list.map(|list| list.shot), |anim| arguments.end.are_for(anim))?;
     if let Some(FrameList { frames, .. }) = list.filter(|list| !list.is_whole()) {
         let last = frames.iter().max().map_or(*job.frames().start(), |last| last + SPAN as i32);
         let segment = [*job.frames().start(), last];
@@ -158,7 +157,7 @@ pub fn run(
 /// Simulates a segment.
 pub fn simulate(arguments: &SimulateArguments, progress: Progress) -> Result<()> {
     let control = arguments.run.control()?;
-    let job = arguments.scene.job(arguments.shot.shot)?;
+    let job = arguments.scene.job(arguments.shot.shot, |_| Ok(()))?;
     let all = job.simulated();
     let (first, last) = arguments.frames.unwrap_or((*all.start(), *all.end()));
     are_in(&all, &[first, last])?;
@@ -170,7 +169,7 @@ pub fn simulate(arguments: &SimulateArguments, progress: Progress) -> Result<()>
 /// Makes frames of what is simulated.
 pub fn interpolate(arguments: &InterpolateArguments, progress: Progress) -> Result<()> {
     let control = arguments.run.control()?;
-    let job = arguments.scene.job(arguments.shot.shot)?;
+    let job = arguments.scene.job(arguments.shot.shot, |_| Ok(()))?;
     let frames = arguments.frames.as_ref().map_or_else(|| job.frames().collect(), |list| list.frames.clone());
     are_in(&job.frames(), &frames)?;
     let summary = progress.through(|show| bake::interpolate(&job, &frames, &control, show))?;
@@ -180,8 +179,7 @@ pub fn interpolate(arguments: &InterpolateArguments, progress: Progress) -> Resu
 
 /// Ends a cache whose frames are done.
 pub fn assemble(arguments: &AssembleArguments) -> Result<()> {
-    let job = arguments.scene.job(arguments.shot.shot)?;
-    arguments.end.are_for(&job)?;
+    let job = arguments.scene.job(arguments.shot.shot, |anim| arguments.end.are_for(anim))?;
     report(&bake::assemble(&job)?, &job.out, &arguments.scene.title(), &arguments.end)
 }
 

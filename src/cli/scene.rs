@@ -160,9 +160,14 @@ impl SceneArguments {
     /// Begins the bake of `shot`, or of all frames, or goes on with it.
     ///
     /// # Errors
-    /// As [`SceneArguments::load`].
-    pub fn job(&self, shot: Option<(i32, i32)>) -> Result<Job> {
+    /// As [`SceneArguments::load`]; those of `fits`, which is asked before anything is written.
+    pub fn job(
+        &self,
+        shot: Option<(i32, i32)>,
+        fits: impl FnOnce(&scene::Anim) -> Result<()>,
+    ) -> Result<Job> {
         let scene = self.load(shot)?;
+        fits(&scene.anim)?;
         let out = scene.out.clone();
         let job = scene.begin(&out)?;
         if !out.join(MANIFEST).exists() {

@@ -250,7 +250,7 @@ impl Bodies {
         self.bodies[body].shape.closest(t, p, max_distance)
     }
 
-    /// Least and greatest that the distance of `p` from a body may be, body frame; see [`Shape::distance_bounds`].
+    /// What the signed distance of `p` from a body, body frame, is not below, and its magnitude not above, m, as far as it is known without a search.
     pub fn distance_bounds(&self, body: usize, p: &Vector3<f64>) -> [f64; 2] {
         self.bodies[body].shape.distance_bounds(p)
     }
