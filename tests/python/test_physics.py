@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from physics import air, buckling, cantilever, friction, helix, motion, page, vibration
+from physics import air, buckling, cantilever, capstan, friction, helix, motion, page, vibration
 from physics.scene import Hairbake, Rod, Scene, Strand, straight
 from physics.study import Row, Study
 from physics.studies import STUDIES
@@ -33,6 +33,7 @@ QUICK = {
     "symmetries": lambda h: motion.symmetries(h, schemes=("bdf2",)),
     "stick-slip": lambda h: friction.stick_slip(h, shortenings=(0.04, 0.16), steps=200),
     "incline": lambda h: friction.incline(h, ratios=(0.99, 1.2), substeps=8),
+    "capstan": lambda h: capstan.study(h, cases=((0.3, 10.0), (1.0, 10.0)), frames=72),
 }
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from . import air, buckling, cantilever, friction, helix, motion, vibration
+from . import air, buckling, cantilever, capstan, friction, helix, motion, vibration
 from .scene import Hairbake
 from .study import Study
 
@@ -19,4 +19,5 @@ STUDIES: dict[str, Callable[[Hairbake], Study]] = {
     "symmetries": motion.symmetries,
     "stick-slip": friction.stick_slip,
     "incline": friction.incline,
+    "capstan": capstan.study,
 }

@@ -1,8 +1,12 @@
 """The references of the physics studies against published and closed-form figures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from physics.reference import column, kirchhoff, modes, planar, stability
+from physics import capstan
+from physics.reference import column, drape, kirchhoff, modes, planar, stability
+from physics.scene import GRAVITY
 from physics.signal import poles
 
 ELASTICA = {0.1: 0.012500, 1: 0.124562, 10: 1.066802, 100: 5.888105, 1000: 21.335440}
@@ -19,6 +23,18 @@ def test_a_pressed_column_needs_the_published_friction():
     shortening = np.array([0.01, 0.04, 0.10, 0.16, 0.25, 0.31])
     published = [0.0449, 0.0919, 0.1528, 0.2043, 0.2807, 0.3361]
     assert column.friction(shortening) == pytest.approx(published, abs=6e-5)
+
+
+@pytest.mark.parametrize("mu", [0.3, 1.0])
+def test_tensions_are_read_from_a_strand_that_lies_over_a_cylinder(mu):
+    rod = capstan.strand(mu, 3.0, 0.0).rod
+    exact = drape.drape(rod.bending[0], rod.line_density * GRAVITY, capstan.RADIUS, mu, capstan.HANGS, 1.37, 0.14, 3.4e-3)
+    read = capstan.tensions(exact.points, replace(rod, length=exact.length))
+    assert read.hanging == pytest.approx(exact.hanging, rel=1e-3)
+    assert read.span == pytest.approx(exact.span, rel=2e-3)
+    assert read.theory == pytest.approx(exact.span, rel=2e-3)
+    slippery = capstan.tensions(exact.points, replace(rod, length=exact.length, friction=0.97 * mu))
+    assert slippery.theory < 0.99 * exact.span
 
 
 def test_drag_along_a_rod_is_half_of_that_across():

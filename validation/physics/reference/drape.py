@@ -1,0 +1,73 @@
+"""A heavy elastic strand that slides over a cylinder, its one end hanging."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+
+@dataclass(frozen=True)
+class Drape:
+    """The strand in the x-y plane, the cylinder's axis at the origin."""
+
+    points: np.ndarray
+    """`n × 3`, m, from the span to the hanging end."""
+    length: float
+    """m"""
+    span: float
+    """Tension just beyond the cylinder, N."""
+    hanging: float
+    """Tension where it begins to hang, N."""
+
+
+def drape(stiffness: float, weight: float, radius: float, mu: float, hangs: float, lies_to: float, spans: float, spacing: float) -> Drape:
+    """Lengths `hangs` and `spans` are free, m; it lies on the cylinder up to the polar angle `lies_to`, rad. `weight` is per length, N/m.
+
+    Free parts: θ' = κ, EI κ' = −(t × F), F' = weight upwards, by initial values where they leave the cylinder, with κ = −1/R. Unknown are where
+    that is at the hanging end, whose tip bears no moment, and the shear force at the other, for which the far span is bent by its weight
+    alone, κ = weight/|F|. On the cylinder T' = µ (T/R + weight sin α) + weight cos α along the arc, and µ times the shear at both its ends.
+    """
+
+    def free(start: float, force, length: float, along: float):
+        def slope(s, y):
+            fx, fy = force(s)
+            c, n = np.cos(y[2]), np.sin(y[2])
+            return along * np.array([c, n, y[3], (n * fx - c * fy) / stiffness])
+
+        begin = [radius * np.cos(start), radius * np.sin(start), start - 0.5 * np.pi, -1 / radius]
+        return solve_ivp(slope, (0, length), begin, rtol=1e-10, atol=1e-13, dense_output=True)
+
+    def below(start):
+        return free(start, lambda s: (0.0, -weight * (hangs - s)), hangs, 1.0)
+
+    start = brentq(lambda a: below(a).y[3, -1], 0.4, 1.2, xtol=1e-14)
+    hanging = weight * hangs * np.cos(start)
+    tension = hanging + mu * weight * hangs * np.sin(start)
+    on = solve_ivp(
+        lambda a, t: mu * (t + weight * radius * np.sin(a)) + weight * radius * np.cos(a),
+        (start, lies_to),
+        [tension],
+        rtol=1e-10,
+    ).y[0, -1]
+
+    def pull(shear):
+        across = np.array([np.cos(lies_to), np.sin(lies_to)])
+        return (on + mu * shear) * np.array([across[1], -across[0]]) + shear * across
+
+    def above(shear):
+        fx, fy = pull(shear)
+        return free(lies_to, lambda s: (fx, fy - weight * s), spans, -1.0)
+
+    # Were the span not bent by its weight, and with the tension on the cylinder: a little less than it is.
+    usual = np.sqrt(stiffness / radius**2 * (on + 0.25 * stiffness / radius**2))
+    shear = brentq(lambda q: above(q).y[3, -1] - weight / np.hypot(*pull(q)), usual, 1.3 * usual, xtol=1e-20)
+    before = np.arange(0, spans, spacing)[::-1]
+    angles = np.arange(lies_to, start, -spacing / radius)[1:]
+    parts = [
+        above(shear).sol(before)[:2].T,
+        radius * np.stack([np.cos(angles), np.sin(angles)], axis=1),
+        below(start).sol(np.linspace(0, hangs, round(hangs / spacing)))[:2].T,
+    ]
+    points = np.pad(np.concatenate(parts), ((0, 0), (0, 1)))
+    return Drape(points, before[0] + radius * (lies_to - start) + hangs, on + mu * shear, hanging)
