@@ -16,6 +16,11 @@ def guides(groom) -> np.ndarray:
     return points.reshape(-1, groom.file["guides"]["vertices"], 3)
 
 
+def groups(groom, kind: str) -> list[str]:
+    """Name of the group of each guide or strand."""
+    return [groom.file["groups"][group]["name"] for group in groom.array(kind, "group")]
+
+
 def test_units_axes_and_transforms(imports, tmp_path):
     """The same strands in centimetres, Z up, below a chain of transforms, in an instance."""
     wanted = hanging(3)
@@ -57,8 +62,7 @@ def test_ids_order_groups_widths_and_root_coordinates(imports, tmp_path):
     assert groom.array("guides", "id").tolist() == [10, 20]
     assert groom.array("strands", "id").tolist() == [40, 30]
     assert np.allclose(groom.array("guides", "root_uv"), [[0.1, 0.2], [0.3, 0.2]])
-    names = [g["name"] for g in groom.file["groups"]]
-    assert [names[g] for g in groom.array("strands", "group")] == ["fringe", "back"]
+    assert groups(groom, "strands") == ["fringe", "back"]
     # The width of a group is that of its strands, not of its guides.
     widths = {g["name"]: g["width_m"] for g in groom.file["groups"]}
     assert np.allclose(widths["fringe"], [0.001, 0.001]) and np.allclose(widths["back"], [0.0005, 0.0005])
@@ -230,12 +234,16 @@ def test_what_is_hidden_or_only_a_prototype_is_left_out(imports, refused, tmp_pa
 
 
 def test_our_own_cache_comes_back(hairbake, imports, tmp_path):
-    """Baked and imported again, a groom keeps ids, order, root coordinates and points."""
+    """Baked and imported again, a groom keeps ids, order, groups by name, root coordinates, widths and points."""
     stage = new_stage(tmp_path / "a.usda")
     hair = add_curves(stage, "/hair", hanging(6))
     add_primvar(hair, "groom_id", INTS, "uniform", [9, 8, 7, 3, 2, 1])
     add_primvar(hair, "groom_guide", INTS, "uniform", [1, 0, 0, 1, 0, 0])
     add_primvar(hair, "groom_root_uv", UVS, "uniform", [(0.1 * i, 0.5) for i in range(6)])
+    add_primvar(hair, "groom_group_id", INTS, "uniform", [7, 7, 4, 4, 7, 4])
+    add_primvar(hair, "groom_group_name", NAMES, "uniform", ["the fringe", "the fringe", "back", "back", "the fringe", "back"])
+    hair.CreateWidthsAttr(np.repeat([3e-4, 3e-4, 2e-4, 2e-4, 3e-4, 2e-4], 6) * np.tile(np.linspace(1, 0.25, 6), 6))
+    hair.SetWidthsInterpolation("vertex")
     stage.Save()
     first, _ = imports(tmp_path / "a.usda", *OPTIONS)
     (tmp_path / "anim.json").write_text('{"format": "hairbake-anim", "version": 1, "fps": 24, "frames": [1, 1]}')
@@ -246,4 +254,10 @@ def test_our_own_cache_comes_back(hairbake, imports, tmp_path):
     for kind in ("guides", "strands"):
         for name in ("id", "root_uv"):
             assert np.array_equal(first.array(kind, name), again.array(kind, name)), (kind, name)
+        assert groups(first, kind) == groups(again, kind)
+    assert groups(again, "strands") == ["the fringe", "back", "the fringe", "back"]
+    for name, root in [("the fringe", 3e-4), ("back", 2e-4)]:
+        for groom in (first, again):
+            [group] = [group for group in groom.file["groups"] if group["name"] == name]
+            assert np.allclose(group["width_m"], [root, root / 4], rtol=1e-5)
     assert np.allclose(first.array("strands", "points"), again.array("strands", "points"), atol=1e-6)
