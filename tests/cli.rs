@@ -1,6 +1,8 @@
 //! The program as a black box: what it prints, what it writes, and how it ends.
 
 mod common;
+#[path = "cli/groups.rs"]
+mod groups;
 #[path = "cli/motion.rs"]
 mod motion;
 

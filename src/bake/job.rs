@@ -1,13 +1,17 @@
 //! One bake of a scene into a folder: what every stage of it starts from.
 
+use super::base::{Base, Only};
+use super::output::Written;
 use super::rods::Rods;
 use super::simulation;
 use super::work::Work;
 use crate::Result;
 use crate::cache::{InputRecord, sha256};
+use crate::scene::anim::{Contact, Resolution};
 use crate::scene::{Anim, Groom, Override};
 use crate::strands::SPAN;
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
@@ -19,6 +23,8 @@ pub struct Job {
     pub anim: Anim,
     /// The groom's guides as rods.
     pub rods: Rods,
+    /// The cache that has what this bake does not make, if it does not make all.
+    pub base: Option<Base>,
     /// The files that the scene was read from.
     pub inputs: Vec<InputRecord>,
     /// The settings of the bake, resolved, and all values put in place of the files'.
@@ -32,24 +38,37 @@ pub struct Job {
 }
 
 impl Job {
-    /// Begins a bake into the folder `out`, or goes on with one. `set` are the values put in place of the files'.
+    /// Begins a bake into the folder `out`, or goes on with one. `set` are the values put in place of the files'; `only` is for a bake of some groups.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] where the folder cannot be written.
+    /// [`crate::Error::Io`] where the folder cannot be written; those of [`Base::open`], before anything is.
     pub fn begin(
         groom: Groom,
         anim: Anim,
-        inputs: Vec<InputRecord>,
+        mut inputs: Vec<InputRecord>,
         set: &[Override],
+        only: Option<&Only>,
         out: &Path,
     ) -> Result<Self> {
         let groom = groom.with_default_trees(anim.settings.nodes);
-        let rods = Rods::new(&groom, &anim);
-        let settings = settings(&anim, set);
+        let mut rods = Rods::new(&groom, &anim);
+        let mut settings = settings(&anim, set);
+        let base = match only {
+            Some(only) => {
+                let written = Written::new(&groom, &anim, &rods);
+                let base = Base::open(only, &groom, &anim, &written.header())?;
+                let moved = moved(&groom, &anim, &rods, &base, &written);
+                rods.moved = moved;
+                inputs.push(base.record()?);
+                settings["groups"] = only.groups.iter().cloned().collect();
+                Some(base)
+            }
+            None => None,
+        };
         let key = key(&anim, &inputs, &settings);
         let (first, last) = anim.frames;
         let work = Work::begin(out, &key, (first - 1, last + 1))?;
-        Ok(Job { groom, anim, rods, inputs, settings, out: out.into(), key, work })
+        Ok(Job { groom, anim, rods, base, inputs, settings, out: out.into(), key, work })
     }
 
     /// All frames, with a handle frame before the shot and one after it.
@@ -72,6 +91,23 @@ impl Job {
     pub(super) fn steps_before(&self, frame: i32) -> i64 {
         if frame > *self.frames().start() { self.steps_to(frame - 1) } else { 0 }
     }
+}
+
+/// Which guides a bake of some groups has to move: its own, those that its strands follow, and all that these depend on.
+fn moved(groom: &Groom, anim: &Anim, rods: &Rods, base: &Base, written: &Written) -> Vec<bool> {
+    let settings = &anim.settings;
+    if settings.contact == Contact::Full || settings.resolution != Resolution::Full {
+        return vec![true; rods.simulated.len()];
+    }
+    let mut moved = vec![false; rods.simulated.len()];
+    let followed = base.baked(&written.strands.curves).flat_map(|strand| &written.follows[strand]);
+    followed.for_each(|(guide, _)| moved[*guide] = true);
+    base.baked(&groom.guides.curves).for_each(|guide| moved[guide] = true);
+    // Guides of a coarse wisp may rub against each other.
+    let wisps: BTreeSet<usize> =
+        rods.simulated.iter().zip(&moved).filter(|(_, moved)| **moved).map(|(r, _)| r.leaf.0).collect();
+    let rubs = rods.simulated.iter().any(|r| r.material.wisp_friction > 0.0);
+    rods.simulated.iter().zip(moved).map(|(r, moved)| moved || rubs && wisps.contains(&r.leaf.0)).collect()
 }
 
 /// What every byte follows from: program, inputs, settings and the first frame, before which the hair settles; not the last frame,

@@ -5,6 +5,7 @@
 //! looking what is done, and a frame depends on nothing but the [`Job`].
 
 pub mod air;
+pub mod base;
 mod clearance;
 pub mod company;
 pub mod control;
@@ -250,7 +251,7 @@ struct Strands<'a> {
 
 impl<'a> Strands<'a> {
     fn new(job: &'a Job, own: &[i32]) -> Result<Self> {
-        let output = Output::new(&job.groom, &job.anim, &job.rods);
+        let output = Output::new(&job.groom, &job.anim, &job.rods, job.base.as_ref());
         let writer = Writer::create(&job.out, output.header())?;
         Ok(Strands { job, output, writer, held: BTreeMap::new(), own: own.iter().copied().collect() })
     }
@@ -279,7 +280,7 @@ impl<'a> Strands<'a> {
         let (span, work) = (SPAN as i32, &self.job.work);
         let shared =
             (frame - span..=frame + span).any(|f| self.job.frames().contains(&f) && !self.own.contains(&f));
-        let vertices = self.output.header().hair.as_ref().map_or(0, |hair| hair.rest.len());
+        let vertices = self.output.vertices();
         *retreats = if shared { work.retreats(frame, vertices) } else { None };
         if retreats.is_none() {
             let fresh = retreats.insert(self.output.retreats(frame, &state.guides));
@@ -303,7 +304,7 @@ impl<'a> Strands<'a> {
         }
         let retreats = around.map(|near| self.held[&near].1.as_deref().unwrap_or_default());
         let states = [frame, frame + 1].map(|near| &self.held[&near].0.guides[..]);
-        let arrays = self.output.frame(frame, states, &retreats);
+        let arrays = self.output.frame(frame, states, &retreats)?;
         seconds.interpolate = start.elapsed().as_secs_f64();
         let start = Instant::now();
         let file = self.writer.write_frame(&arrays)?;
@@ -339,7 +340,7 @@ fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Result<Manifest
     // What is exempt in the end is so for good.
     let exempt = finished.last().map_or(0, |f| f.record.exempt_segments);
     let first = job.work.state(*job.frames().start()).map_err(|flaw| Error::NotYet(flaw.to_string()))?;
-    let [mean, largest] = sag::departure(&job.rods.simulated, &first.guides);
+    let [mean, largest] = sag::departure(&job.rods, &first.guides);
     manifest.scene_figures = object(json!({
         "exempt_guide_segments": exempt,
         "groom_notes": job.groom.notes,

@@ -1,15 +1,21 @@
 //! From the simulation's state to the arrays of the cache, in the groom's own unit and axes.
 
+use super::base::Base;
 use super::rods::Rods;
 use super::state::GuideState;
-use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
+use crate::Result;
+use crate::cache::{Closest, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 use crate::contact::Bodies;
 use crate::rod::{Rod, Sensitivity, Shape};
-use crate::scene::anim::{Resolution, Written};
-use crate::scene::{Anim, Collider, Convention, Curves, Deformation, Groom, UpAxis};
-use crate::strands::{BACKWARD, GuideMotion, HeadMotion, Interpolator, KeepOut, Moment, Retreats, kept};
+use crate::scene::anim::{Resolution, Written as Choice};
+use crate::scene::{Anim, Collider, Convention, Curves, Deformation, Groom, Strands, UpAxis};
+use crate::strands::{
+    BACKWARD, FOLLOWED, Follows, GuideMotion, HeadMotion, Home, Interpolator, KeepOut, Moment, Retreats,
+    clumping, follows, kept,
+};
 use nalgebra::{Isometry3, Matrix3, Matrix4, Vector3};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// What the cache holds of a bake, and how its arrays come from the guides.
 pub struct Output<'a> {
@@ -20,61 +26,41 @@ pub struct Output<'a> {
     /// What the strands keep out of, and when they are looked at: not in the simulation's steps.
     bodies: Bodies,
     header: Header,
+    /// Where all but the curves of some groups come from, if they do.
+    base: Option<&'a Base>,
 }
 
 impl<'a> Output<'a> {
-    /// Prepares the output of guides that are simulated as `rods`.
-    pub fn new(groom: &Groom, anim: &'a Anim, rods: &'a Rods) -> Self {
-        let convention = groom.convention;
-        let rods = rods.followed();
-        let settings = &anim.settings;
-        let left = (settings.keep < 1.0).then(|| kept(&groom.strands, settings.keep));
-        let (strands, wider) = match &left {
-            Some((left, wider)) => (left, &wider[..]),
-            None => (&groom.strands, &[][..]),
-        };
-        let written = settings.curves != Written::Guides && !strands.curves.is_empty();
-        let curves = &strands.curves;
-        let hair = written.then(|| curve_set(groom, curves, curves.points.clone(), (0, wider)));
-        let guides = match settings.curves {
-            Written::Strands => CurveSet::default(),
-            Written::Guides | Written::Both => guide_set(groom, &rods),
-        };
-        let header = Header {
-            metres_per_unit: convention.metres_per_unit,
-            z_up: convention.up == UpAxis::Z,
-            fps: anim.fps,
-            frames: anim.frames,
-            hair,
-            guides,
-            colliders: anim
-                .colliders
-                .iter()
-                .map(|c| {
-                    let mesh = c.shape.tessellate();
-                    ColliderMesh {
-                        name: c.name.clone(),
-                        points: mesh.vertices.iter().map(|v| single(&convention.length_out(*v))).collect(),
-                        triangles: mesh.triangles.iter().map(|t| t.map(|i| i as i32)).collect(),
-                        deforms: c.deformation.is_some(),
-                    }
-                })
-                .collect(),
-            levels: anim.settings.resolution != Resolution::Full,
-            ..Header::default()
-        };
+    /// Prepares the output of guides that are simulated as `rods`, over `base` if there is one.
+    pub fn new(groom: &'a Groom, anim: &'a Anim, rods: &'a Rods, base: Option<&'a Base>) -> Self {
+        let written = Written::new(groom, anim, rods);
+        let header = written.header();
+        let Written { strands, mut follows, rods, .. } = written;
+        let rods: Vec<&Rod> = rods.into_iter().map(|(rod, _)| rod).collect();
         let bodies = Bodies::new(&anim.colliders);
-        let strands = written.then(|| {
+        let strands = header.hair.is_some().then(|| {
             let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
-            Interpolator::new(curves, &strands.leaf, &rods, &bodies, &thickness)
+            let baked = base.map(|base| base.baked(&strands.curves).collect::<Vec<_>>());
+            let curves = match &baked {
+                Some(baked) => {
+                    follows = baked.iter().map(|&c| std::mem::take(&mut follows[c])).collect();
+                    Cow::Owned(strands.curves.select(baked.iter().copied()))
+                }
+                None => Cow::Borrowed(&strands.curves),
+            };
+            Interpolator::new(&curves, follows, &rods, &bodies, &thickness)
         });
-        let rods = rods.into_iter().map(|(rod, _)| rod).collect();
-        Output { anim, rods, convention, strands, bodies, header }
+        Output { anim, rods, convention: groom.convention, strands, bodies, header, base }
     }
 
     /// The cache's header.
     pub fn header(&self) -> &Header {
         &self.header
+    }
+
+    /// Number of vertices of the strands that this bake makes.
+    pub fn vertices(&self) -> usize {
+        self.strands.as_ref().map_or(0, Interpolator::vertices)
     }
 
     /// How far the strands retreat from bodies at `frame`, at which the guides are as in `guides`.
@@ -90,7 +76,15 @@ impl<'a> Output<'a> {
 
     /// The cache's arrays at the moments of `frame` that are written; at it and at the next the guides are as in `states`, and `retreats`
     /// are those of the frames around it.
-    pub fn frame(&mut self, frame: i32, states: [&[GuideState]; 2], retreats: &Retreats) -> Vec<Frame> {
+    ///
+    /// # Errors
+    /// Those of [`Base::complete`].
+    pub fn frame(
+        &mut self,
+        frame: i32,
+        states: [&[GuideState]; 2],
+        retreats: &Retreats,
+    ) -> Result<Vec<Frame>> {
         let interval = 1.0 / self.anim.fps;
         let offsets = self.anim.settings.offsets();
         let moment = |offset: f64| {
@@ -101,7 +95,9 @@ impl<'a> Output<'a> {
             };
             self.moment((frame, offset), if offset == 0.0 { states[0] } else { &between }, retreats)
         };
-        offsets.map(moment).collect()
+        let mut moments: Vec<Frame> = offsets.map(moment).collect();
+        self.base.map_or(Ok(()), |base| base.complete(&mut moments, &self.header))?;
+        Ok(moments)
     }
 
     /// The cache's arrays at the moment `offset` after `frame`.
@@ -114,8 +110,8 @@ impl<'a> Output<'a> {
         let motion = self.motion(guides);
         let levels = self.header.levels.then(|| guides.iter().map(|g| g.level as i32).collect::<Vec<_>>());
         let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
-            let mut points = vec![[0.0; 3]; set.rest.len()];
-            let mut velocities = vec![[0.0; 3]; set.rest.len()];
+            let mut points = vec![[0.0; 3]; strands.vertices()];
+            let mut velocities = points.clone();
             let times = [t, t - BACKWARD];
             let poses = times.map(|t| self.collider_poses(t));
             let moments: [Moment; 2] = std::array::from_fn(|i| Moment {
@@ -222,8 +218,86 @@ pub fn head_motion(anim: &Anim, t: f64) -> HeadMotion {
     }
 }
 
+const _: () = assert!(FOLLOWED <= Closest::EACH, "the cache tells all that a strand follows");
+
+/// What a bake writes.
+pub struct Written<'a> {
+    groom: &'a Groom,
+    anim: &'a Anim,
+    /// The guides as they are written and followed, and where they belong.
+    rods: Vec<(&'a Rod, Home)>,
+    /// The render strands; none where only guides are written.
+    pub strands: Cow<'a, Strands>,
+    /// By how much wider than in the groom each group is drawn, where it is.
+    wider: Vec<f64>,
+    /// What each of the strands follows.
+    pub follows: Vec<Follows>,
+}
+
+impl<'a> Written<'a> {
+    /// What a bake writes whose guides are simulated as `rods`.
+    pub fn new(groom: &'a Groom, anim: &'a Anim, rods: &'a Rods) -> Self {
+        let (strands, wider) = match (anim.settings.curves, anim.settings.keep) {
+            (Choice::Guides, _) => (Cow::Owned(groom.strands.select(&[])), Vec::new()),
+            (_, keep) if keep < 1.0 => {
+                let (left, wider) = kept(&groom.strands, keep);
+                (Cow::Owned(left), wider)
+            }
+            _ => (Cow::Borrowed(&groom.strands), Vec::new()),
+        };
+        let rods = rods.followed(groom);
+        let homes = strands.leaf.iter().zip(&strands.curves.group);
+        let homes: Vec<Home> = homes.map(|(leaf, group)| Home { leaf: *leaf, group: *group }).collect();
+        let follows = follows(&strands.curves, &homes, &clumping(groom), &rods);
+        Written { groom, anim, rods, strands, wider, follows }
+    }
+
+    /// What does not change over the bake.
+    pub fn header(&self) -> Header {
+        let (groom, anim, convention) = (self.groom, self.anim, self.groom.convention);
+        let collider = |c: &Collider| {
+            let mesh = c.shape.tessellate();
+            ColliderMesh {
+                name: c.name.clone(),
+                points: mesh.vertices.iter().map(|v| single(&convention.length_out(*v))).collect(),
+                triangles: mesh.triangles.iter().map(|t| t.map(|i| i as i32)).collect(),
+                deforms: c.deformation.is_some(),
+            }
+        };
+        let hair = || {
+            let curves = &self.strands.curves;
+            let set = curve_set(groom, curves, curves.points.clone(), (0, &self.wider));
+            CurveSet { closest: self.closest(), ..set }
+        };
+        Header {
+            metres_per_unit: convention.metres_per_unit,
+            z_up: convention.up == UpAxis::Z,
+            fps: anim.fps,
+            frames: anim.frames,
+            hair: (!self.strands.curves.is_empty()).then(hair),
+            guides: match anim.settings.curves {
+                Choice::Strands => CurveSet::default(),
+                Choice::Guides | Choice::Both => guide_set(groom, &self.rods),
+            },
+            colliders: anim.colliders.iter().map(collider).collect(),
+            levels: anim.settings.resolution != Resolution::Full,
+            ..Header::default()
+        }
+    }
+
+    /// Ids and weights of the guides that each strand follows.
+    fn closest(&self) -> Closest {
+        let id = &self.groom.guides.curves.id;
+        // Where there are fewer, the first stands for the others, with no weight.
+        let entry = |f: &Follows, i: usize| f.get(i).map_or((id[f[0].0], 0.0), |(g, w)| (id[*g], *w as f32));
+        let each = self.follows.iter().flat_map(|f| (0..Closest::EACH).map(move |i| entry(f, i)));
+        let (guides, weights) = each.unzip();
+        Closest { guides, weights }
+    }
+}
+
 /// The guides as the rods see them: points at the ends of their sub-steps and between them.
-fn guide_set(groom: &Groom, rods: &[(&Rod, (u32, u32))]) -> CurveSet {
+fn guide_set(groom: &Groom, rods: &[(&Rod, Home)]) -> CurveSet {
     let mut curves = Curves { offsets: vec![0], points: Vec::new(), ..groom.guides.curves.clone() };
     for (rod, _) in rods {
         let mut shape = Shape::default();
@@ -262,11 +336,12 @@ fn curve_set(
         group_name: curves.group.iter().map(|g| groom.groups[*g as usize].name.clone()).collect(),
         guide: vec![guide; curves.len()],
         root_uv: curves.root_uv.clone(),
+        closest: Closest::default(),
     }
 }
 
 /// Lowest and highest corner of the points, each grown by half its width.
-fn extent(points: &[[f32; 3]], widths: &[f32]) -> [[f32; 3]; 2] {
+pub(super) fn extent(points: &[[f32; 3]], widths: &[f32]) -> [[f32; 3]; 2] {
     let mut e = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
     for (p, w) in points.iter().zip(widths) {
         for c in 0..3 {

@@ -4,6 +4,7 @@ use super::sag::{self, Held};
 use crate::rod::{Cut, Rod};
 use crate::scene::anim::Contact;
 use crate::scene::{Anim, Groom};
+use crate::strands::Home;
 use crate::wisp::{self, GuideRod};
 
 /// The rods of a bake, in the groom's order: as they are simulated, and as they are followed and written.
@@ -15,6 +16,8 @@ pub struct Rods {
     fine: Vec<Rod>,
     /// What keeps them from sagging at the start.
     pub held: Held,
+    /// Which of them move at all: all, but in a bake of some groups.
+    pub moved: Vec<bool>,
 }
 
 impl Rods {
@@ -25,13 +28,16 @@ impl Rods {
         let mut simulated = wisp::rods(groom, if alone { Cut::COARSE } else { Cut::FINE });
         let fine = if alone { wisp::rods(groom, Cut::FINE) } else { Vec::new() };
         let held = sag::hold(&mut simulated, anim);
-        Rods { held, simulated, fine: fine.into_iter().map(|r| r.rod).collect() }
+        let moved = vec![true; simulated.len()];
+        Rods { held, moved, simulated, fine: fine.into_iter().map(|r| r.rod).collect() }
     }
 
-    /// The rod of every guide, cut as finely as it is followed and written, and its leaf wisp: (tree, wisp).
-    pub fn followed<'a>(&'a self) -> Vec<(&'a Rod, (u32, u32))> {
-        let rod = |(i, GuideRod { rod, leaf, .. }): (usize, &'a GuideRod)| {
-            (self.fine.get(i).unwrap_or(rod), (leaf.0 as u32, leaf.1 as u32))
+    /// The rod of every guide of `groom`, cut as finely as it is followed and written, and where it belongs.
+    pub fn followed<'a>(&'a self, groom: &Groom) -> Vec<(&'a Rod, Home)> {
+        let rod = |(i, GuideRod { rod, leaf, guide, .. }): (usize, &'a GuideRod)| {
+            let home =
+                Home { leaf: (leaf.0 as u32, leaf.1 as u32), group: groom.guides.curves.group[*guide] };
+            (self.fine.get(i).unwrap_or(rod), home)
         };
         self.simulated.iter().enumerate().map(rod).collect()
     }

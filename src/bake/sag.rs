@@ -1,5 +1,6 @@
 //! Sag-free start (`docs/theory.md` §6): rods whose pose in the groom is one of rest under gravity.
 
+use super::rods::Rods;
 use super::state::GuideState;
 use crate::math::cholesky;
 use crate::rod::{Rod, Sensitivity, Shape};
@@ -39,8 +40,9 @@ pub struct Held {
 
 /// How far the guides of the states are from the groom's pose as the head carries it: of each the mean over its points as a share of its
 /// length; of these the mean, and the largest.
-pub fn departure(rods: &[GuideRod], states: &[GuideState]) -> [f64; 2] {
-    let each = rods.par_iter().zip(states).map(|(GuideRod { rod, .. }, state)| {
+pub fn departure(rods: &Rods, states: &[GuideState]) -> [f64; 2] {
+    let moved = rods.simulated.par_iter().zip(states).zip(&rods.moved).filter(|(_, moved)| **moved);
+    let each = moved.map(|((GuideRod { rod, .. }, state), _)| {
         let [groom, now] = [&rod.start, &state.q].map(|q| {
             let mut shape = Shape::default();
             shape.update(rod, &rod.root.r, q);

@@ -44,6 +44,8 @@ pub struct Simulation<'a> {
     records: Vec<StepRecord>,
     /// Which guides moved by themselves in it.
     stepped: Vec<bool>,
+    /// Which guides move at all.
+    moved: Vec<bool>,
     companies: Companies,
     /// The guides as they touch each other, if they do.
     tangle: Option<Tangle>,
@@ -62,6 +64,7 @@ impl<'a> Simulation<'a> {
     pub fn new(groom: &Groom, anim: &'a Anim, rods: &Rods) -> Self {
         let step = 1.0 / (anim.fps * f64::from(anim.settings.substeps));
         let preroll = preroll(anim);
+        let moved = rods.moved.clone();
         let rods = &rods.simulated;
         let bulk = Bulk::new(rods.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
         let ties = super::tie::ties(groom, anim, rods);
@@ -75,7 +78,8 @@ impl<'a> Simulation<'a> {
             bodies,
             guides: Vec::new(),
             records: vec![StepRecord::default(); rods.len()],
-            stepped: vec![true; rods.len()],
+            stepped: moved.clone(),
+            moved,
             companies: Companies::default(),
             tangle: None,
             rubbing: rubbing(rods),
@@ -128,7 +132,7 @@ impl<'a> Simulation<'a> {
 
     /// Whether guide `i` moves by itself.
     pub fn is_free(&self, i: usize) -> bool {
-        self.wisps.as_ref().is_none_or(|wisps| wisps.is_free(i))
+        self.moved[i] && self.wisps.as_ref().is_none_or(|wisps| wisps.is_free(i))
     }
 
     /// The guides that move by themselves.

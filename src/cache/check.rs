@@ -1,6 +1,6 @@
 //! Sizes that must agree with each other, on the way out (a bug of ours) and on the way in (damage).
 
-use super::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
+use super::{Closest, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 
 impl Header {
     /// What does not fit together, in words.
@@ -25,7 +25,11 @@ impl CurveSet {
         same("groups", self.group.len(), n)?;
         same("names of groups", self.group_name.len(), n)?;
         same("guide flags", self.guide.len(), n)?;
-        same("root coordinates", self.root_uv.len(), n)
+        same("root coordinates", self.root_uv.len(), n)?;
+        let Closest { guides, weights } = &self.closest;
+        let followed = if guides.is_empty() { 0 } else { n * Closest::EACH };
+        same("closest guides", guides.len(), followed)?;
+        same("weights of guides", weights.len(), followed)
     }
 }
 

@@ -4,7 +4,7 @@
 //! frames, because an attribute that a clip holds but the clip manifest lacks resolves to nothing,
 //! without an error.
 
-use super::{Basis, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header, Manifest};
+use super::{Basis, Closest, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header, Manifest};
 use crate::usd::{Attribute, Layer, Metadata, Prim, Specifier, Value};
 use std::borrow::Cow;
 
@@ -19,6 +19,9 @@ pub const MANIFEST: &str = "manifest.json";
 
 /// Digits to which frame numbers are filled up; `####` in the clip template.
 const FRAME_DIGITS: usize = 4;
+/// Names of the attributes that tell the guides that each strand follows, and their weights, as Unreal reads them.
+pub(super) const CLOSEST: &str = "primvars:groom_closest_guides";
+pub(super) const GUIDE_WEIGHTS: &str = "primvars:groom_guide_weights";
 /// Name of the attribute that tells the level of each curve.
 pub(super) const LEVEL: &str = "primvars:groom_level";
 /// Brown hair under neutral light, linear.
@@ -271,7 +274,7 @@ fn curves(curves: &CurveSet, basis: Basis, colour: [f32; 3]) -> Vec<Attribute<'_
         Basis::CatmullRom => "catmullRom",
         Basis::Bspline => "bspline",
     };
-    vec![
+    let mut attributes = vec![
         uniform_token("type", "cubic"),
         uniform_token("basis", basis),
         // Curves reach their first and last point without doubled or phantom points.
@@ -295,7 +298,17 @@ fn curves(curves: &CurveSet, basis: Basis, colour: [f32; 3]) -> Vec<Attribute<'_
             Value::Float2s(Cow::Borrowed(&curves.root_uv)),
         ),
         interpolated("primvars:rest", "point3f[]", "vertex", Value::Float3s(Cow::Borrowed(&curves.rest))),
-    ]
+    ];
+    let Closest { guides, weights } = &curves.closest;
+    if !guides.is_empty() {
+        let weights = Value::Floats(Cow::Borrowed(weights));
+        let of_each = [(CLOSEST, "int[]", ints(guides)), (GUIDE_WEIGHTS, "float[]", weights)];
+        attributes.extend(of_each.map(|(name, type_name, value)| {
+            let size = Value::Int(Closest::EACH as i32);
+            interpolated(name, type_name, "uniform", value).with_metadata("elementSize", size)
+        }));
+    }
+    attributes
 }
 
 fn collider(mesh: &ColliderMesh) -> Vec<Attribute<'_>> {

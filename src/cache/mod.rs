@@ -71,6 +71,22 @@ pub struct CurveSet {
     pub guide: Vec<i32>,
     /// Texture coordinate of each root; `n`.
     pub root_uv: Vec<[f32; 2]>,
+    /// What each curve follows; nothing for guides.
+    pub closest: Closest,
+}
+
+/// The guides that strands follow, [`Closest::EACH`] a strand, one strand after the other.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Closest {
+    /// Their ids.
+    pub guides: Vec<i32>,
+    /// Their weights, whose sum is 1 for each strand.
+    pub weights: Vec<f32>,
+}
+
+impl Closest {
+    /// Guides of each strand, as Unreal knows them; one that there is not has the weight 0.
+    pub const EACH: usize = 3;
 }
 
 /// A collider as triangles in the rest space of its body (analytic shapes tessellated on the outside).

@@ -1,7 +1,9 @@
 //! Reading a cache back.
 
-use super::layout::{LEVEL, MANIFEST, TOPOLOGY, frame_file_name, frame_of_file_name, transposed};
-use super::{Basis, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header, Manifest};
+use super::layout::{
+    CLOSEST, GUIDE_WEIGHTS, LEVEL, MANIFEST, TOPOLOGY, frame_file_name, frame_of_file_name, transposed,
+};
+use super::{Basis, Closest, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header, Manifest};
 use crate::usd::{Layer, Value, crate_file};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -49,7 +51,20 @@ impl Reader {
     /// [`Error::Io`] where its file is missing or cannot be read; [`Error::Damaged`] where it is no crate
     /// file, lacks an attribute, or does not fit to the header.
     pub fn read_frame(&self, frame: i32) -> Result<Frame> {
-        Source::open(self.dir.join(frame_file_name(frame)))?.frame(&self.header, frame)
+        self.source(frame)?.moment(&self.header, frame, 0.0)
+    }
+
+    /// Reads the moments of one frame that are `offsets`, frames (0..1), after it.
+    ///
+    /// # Errors
+    /// As [`Reader::read_frame`].
+    pub fn read_moments(&self, frame: i32, offsets: impl IntoIterator<Item = f64>) -> Result<Vec<Frame>> {
+        let mut source = self.source(frame)?;
+        offsets.into_iter().map(|offset| source.moment(&self.header, frame, offset)).collect()
+    }
+
+    fn source(&self, frame: i32) -> Result<Source> {
+        Source::open(self.dir.join(frame_file_name(frame)))
     }
 
     /// Reads `manifest.json`, which an unfinished cache does not have.
@@ -111,25 +126,26 @@ impl Source {
         Ok(header)
     }
 
-    fn frame(mut self, header: &Header, number: i32) -> Result<Frame> {
+    fn moment(&mut self, header: &Header, frame: i32, offset: f64) -> Result<Frame> {
+        let time = f64::from(frame) + offset;
         let hair = match &header.hair {
-            Some(_) => Some(self.moving_curves(HAIR, number, header.levels)?),
+            Some(_) => Some(self.moving_curves(HAIR, time, header.levels)?),
             None => None,
         };
         let guides = match header.guides.counts.is_empty() {
             true => CurveFrame::default(),
-            false => self.moving_curves(GUIDES, number, header.levels)?,
+            false => self.moving_curves(GUIDES, time, header.levels)?,
         };
-        let head = self.transform("/groom/head", number)?;
+        let head = self.transform("/groom/head", time)?;
         let mut colliders = Vec::with_capacity(header.colliders.len());
         for (mesh, name) in header.colliders.iter().zip(super::layout::collider_prim_names(header)) {
             let prim = format!("/groom/colliders/{name}");
-            let transform = self.transform(&prim, number)?;
+            let transform = self.transform(&prim, time)?;
             let points =
-                if mesh.deforms { Some(self.take(&prim, "points", Some(number), float3s)?) } else { None };
+                if mesh.deforms { Some(self.take(&prim, "points", Some(time), float3s)?) } else { None };
             colliders.push(ColliderFrame { transform, points });
         }
-        let frame = Frame { frame: number, offset: 0.0, hair, guides, head, colliders };
+        let frame = Frame { frame, offset, hair, guides, head, colliders };
         frame.check(header).map_err(|what| self.damaged(what))?;
         Ok(frame)
     }
@@ -144,6 +160,13 @@ impl Source {
             group_name: self.take(prim, "primvars:groom_group_name", None, tokens)?,
             guide: self.take(prim, "primvars:groom_guide", None, ints)?,
             root_uv: self.take(prim, "primvars:groom_root_uv", None, float2s)?,
+            closest: match self.has(prim, CLOSEST) {
+                true => Closest {
+                    guides: self.take(prim, CLOSEST, None, ints)?,
+                    weights: self.take(prim, GUIDE_WEIGHTS, None, floats)?,
+                },
+                false => Closest::default(),
+            },
         })
     }
 
@@ -164,17 +187,17 @@ impl Source {
         })
     }
 
-    fn moving_curves(&mut self, prim: &str, frame: i32, levels: bool) -> Result<CurveFrame> {
+    fn moving_curves(&mut self, prim: &str, time: f64, levels: bool) -> Result<CurveFrame> {
         Ok(CurveFrame {
-            points: self.take(prim, "points", Some(frame), float3s)?,
-            velocities: self.take(prim, "velocities", Some(frame), float3s)?,
-            extent: self.take(prim, "extent", Some(frame), |v| float3s(v)?.try_into().ok())?,
-            level: if levels { Some(self.take(prim, LEVEL, Some(frame), ints)?) } else { None },
+            points: self.take(prim, "points", Some(time), float3s)?,
+            velocities: self.take(prim, "velocities", Some(time), float3s)?,
+            extent: self.take(prim, "extent", Some(time), |v| float3s(v)?.try_into().ok())?,
+            level: if levels { Some(self.take(prim, LEVEL, Some(time), ints)?) } else { None },
         })
     }
 
-    fn transform(&mut self, prim: &str, frame: i32) -> Result<[[f64; 4]; 4]> {
-        self.take(prim, "xformOp:transform", Some(frame), |value| match value {
+    fn transform(&mut self, prim: &str, time: f64) -> Result<[[f64; 4]; 4]> {
+        self.take(prim, "xformOp:transform", Some(time), |value| match value {
             Value::Matrix4d(rows) => Some(transposed(&rows)),
             _ => None,
         })
@@ -185,24 +208,24 @@ impl Source {
         self.layer.prim_mut(prim).is_some_and(|prim| prim.attribute_mut(name).is_some())
     }
 
-    /// Takes the sample of an attribute at `frame`, or its default.
+    /// Takes the sample of an attribute at `time`, or its default.
     fn take<T>(
         &mut self,
         prim: &str,
         name: &str,
-        frame: Option<i32>,
+        time: Option<f64>,
         convert: impl Fn(Value<'static>) -> Option<T>,
     ) -> Result<T> {
         let attribute = self.layer.prim_mut(prim).and_then(|prim| prim.attribute_mut(name));
-        let value = attribute.and_then(|attribute| match frame {
+        let value = attribute.and_then(|attribute| match time {
             None => attribute.default.take(),
-            Some(frame) => {
-                let at = attribute.samples.iter().position(|(time, _)| *time == f64::from(frame))?;
+            Some(time) => {
+                let at = attribute.samples.iter().position(|(of, _)| *of == time)?;
                 Some(attribute.samples.swap_remove(at).1)
             }
         });
         value.and_then(convert).ok_or_else(|| {
-            let at = frame.map(|f| format!(" at frame {f}")).unwrap_or_default();
+            let at = time.map(|t| format!(" at frame {t}")).unwrap_or_default();
             self.damaged(format!("{prim}.{name} has no value of the right type{at}"))
         })
     }

@@ -1,6 +1,7 @@
 //! The scene and the settings of a bake, as every stage of it is told them.
 
 use super::{summary, values};
+use crate::bake::base::Only;
 use crate::bake::control::Control;
 use crate::bake::job::Job;
 use crate::cache::MANIFEST;
@@ -23,6 +24,13 @@ pub struct SceneArguments {
     /// inputs or settings are others: then it is replaced
     #[arg(long, short, value_name = "OUT", help_heading = "Output")]
     pub output: PathBuf,
+    /// Bake these groups of the groom alone, by name, and take all other curves as they are from --base: a part of the hair is done again without
+    /// touching what is approved
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "base", help_heading = "Output")]
+    groups: Vec<String>,
+    /// Finished cache that has the curves --groups leaves: of the same groom but for those groups, head track, range, units and samples
+    #[arg(long, value_name = "CACHE", requires = "groups", help_heading = "Output")]
+    base: Option<PathBuf>,
     /// Steps of the solver in one frame: more follows quick motion truer, and costs in proportion [default: the anim's, 8]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000), help_heading = SETTINGS)]
     substeps: Option<u32>,
@@ -127,6 +135,12 @@ impl SceneArguments {
         }
         let [groom_file, anim_file, out] =
             [&self.groom, &self.anim, &self.output].map(|path| paths.map_path(path));
+        let base = self.base.as_ref().map(|base| paths.map_path(base));
+        if base.as_deref().is_some_and(|base| same_folder(base, &out)) {
+            let message = "--base is the folder that the bake is written to: give it another with -o";
+            return Err(Error::Usage(message.into()));
+        }
+        let only = base.map(|base| Only { groups: self.groups.clone(), base });
         let reading = Reading { set: self.set.clone(), paths };
         let (groom, mut anim) = scene::load_as(&groom_file, &anim_file, &reading)?;
         if let Some(frames) = shot {
@@ -154,7 +168,7 @@ impl SceneArguments {
             let message = "the groom has no render strands to write: ask for --curves guides";
             return Err(Error::Usage(message.into()));
         }
-        Ok(Scene { groom, anim, groom_file, anim_file, reading, out })
+        Ok(Scene { groom, anim, groom_file, anim_file, reading, only, out })
     }
 
     /// Begins the bake of `shot`, or of all frames, or goes on with it.
@@ -243,16 +257,23 @@ impl SceneArguments {
             .collect();
         let others = self.set.iter().filter(|o| !o.name().starts_with("anim.settings."));
         rows.extend(others.map(|o| (o.name(), o.value.to_string(), "--set".into())));
+        if let Some(only) = &of.only {
+            rows.push(("groups".into(), only.groups.join(", "), "--groups".into()));
+            rows.push(("base".into(), only.base.display().to_string(), "--base".into()));
+        }
         Ok(rows)
     }
 
     /// The options that say the same settings again.
     pub fn settings(&self) -> Vec<String> {
+        let base = self.base.iter().map(|base| ["--base".to_string(), base.display().to_string()]);
+        let groups =
+            Some(["--groups".to_string(), self.groups.join(",")]).filter(|_| !self.groups.is_empty());
         let options =
             self.given().into_iter().filter_map(|(name, value)| Some([format!("--{name}"), value?]));
         let set = self.set.iter().map(|o| ["--set".to_string(), format!("{}={}", o.name(), o.value)]);
         let map = self.path_map.iter().map(|(from, to)| ["--path-map".to_string(), format!("{from}={to}")]);
-        options.chain(set).chain(map).flatten().collect()
+        options.chain(groups).chain(base).chain(set).chain(map).flatten().collect()
     }
 
     /// Name of the shot, for the report.
@@ -270,6 +291,7 @@ pub struct Scene {
     groom_file: PathBuf,
     anim_file: PathBuf,
     reading: Reading,
+    only: Option<Only>,
     out: PathBuf,
 }
 
@@ -279,10 +301,15 @@ impl Scene {
     /// # Errors
     /// [`Error::Io`].
     pub fn begin(self, out: &Path) -> Result<Job> {
-        let Scene { groom, anim, groom_file, anim_file, reading, .. } = self;
+        let Scene { groom, anim, groom_file, anim_file, reading, only, .. } = self;
         let inputs = bake::inputs(&groom_file, &anim_file, &reading)?;
-        Job::begin(groom, anim, inputs, &reading.set, out)
+        Job::begin(groom, anim, inputs, &reading.set, only.as_ref(), out)
     }
+}
+
+/// Whether two paths are of one folder that is there.
+fn same_folder(a: &Path, b: &Path) -> bool {
+    a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
 }
 
 fn check_frames(file: &Path, (first, last): (i32, i32), shot: (i32, i32)) -> Result<()> {

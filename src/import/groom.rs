@@ -103,34 +103,37 @@ pub fn groom(options: &GroomOptions) -> Result<(Groom, GroomReport)> {
     let choose = |of: &Curves, n| choose_guides(of, n, options.build.sections, mean_length);
     let choose_of_strands = options.guide_count.is_some() && separate.is_none() && !curves.is_empty();
     let of_named = !(named.is_empty() || choose_of_strands);
-    let curves_are_strands = !curves.is_empty();
-    let (guides, others) = if !of_named {
+    let only_named = curves.is_empty();
+    let (guides, others) = if of_named {
+        let guides = choose(&named, options.guide_count.unwrap_or(named.len()));
+        let others = if only_named && named.len() > guides.len() { named } else { curves };
+        (guides, Some(others).filter(|others| !others.is_empty()))
+    } else {
         let usual = if curves.len() <= ALL_GUIDES { curves.len() } else { CHOSEN_GUIDES };
         let guides = choose(&curves, options.guide_count.unwrap_or(usual));
         let others = (curves.len() > guides.len()).then_some(curves);
         (guides, others)
-    } else {
-        let guides = choose(&named, options.guide_count.unwrap_or(named.len()));
-        let others = if !curves_are_strands && named.len() > guides.len() { named } else { curves };
-        (guides, Some(others).filter(|others| !others.is_empty()))
     };
     let scalp = options.scalp.as_ref().and_then(Scalp::new);
     let roots: Vec<RootReport> =
         scalp.iter().flat_map(|scalp| roots.iter().map(|roots| scalp.report(roots))).collect();
-    let of_named_strands = !curves_are_strands;
     let strands = separate.or_else(|| {
         let others = others?;
-        let clumps = clumps(&own, of_named_strands, &others.id);
+        let clumps = clumps(&own, only_named, &others.id);
         Some((others, clumps))
     });
     let convention = sources[0].convention;
+    let mut build_options = options.build.clone();
+    if strands.iter().any(|(_, clumps)| clumps.iter().any(Option::is_some)) {
+        build_options.material.clumping = 1.0;
+    }
     let (mut groom, fit) = build(
         &options.name,
         convention,
         &guides,
         strands.as_ref().map(|(curves, clumps)| (curves, &clumps[..])),
         scalp.as_ref(),
-        &options.build,
+        &build_options,
     );
     groom.guides.factors = factors(&own, of_named, &guides.id);
     let usual = groom.groups[0].width;
@@ -154,8 +157,8 @@ fn owned(own: &Owned, named: bool, ids: &[i32]) -> impl Iterator<Item = Own> + C
 /// Their factors; of a property for which all are 1, none.
 fn factors(own: &Owned, named: bool, ids: &[i32]) -> Factors {
     let property = |i: usize| -> Option<Vec<f64>> {
-        let mut values = owned(own, named, ids).map(|own| own.factors[i]);
-        values.clone().any(|f| f != 1.0).then(|| values.by_ref().collect())
+        let values = owned(own, named, ids).map(|own| own.factors[i]);
+        values.clone().any(|f| f != 1.0).then(|| values.collect())
     };
     Factors::of(std::array::from_fn(property))
 }
@@ -196,20 +199,7 @@ fn choose_guides(input: &Curves, wanted: usize, sections: usize, mean_length: f6
     let clusters = divide(space, &[(0..input.len() as u32).collect()], wanted, usize::MAX);
     let mut chosen: Vec<u32> = clusters.iter().flatten().map(|cluster| medoid(space, cluster)).collect();
     chosen.sort_unstable();
-    select(input, &chosen)
-}
-
-fn select(curves: &Curves, which: &[u32]) -> Curves {
-    let mut out = Curves { offsets: vec![0], ..Curves::default() };
-    for &c in which {
-        let c = c as usize;
-        out.points.extend_from_slice(curves.curve(c));
-        out.offsets.push(out.points.len());
-        out.id.push(curves.id[c]);
-        out.group.push(curves.group[c]);
-        out.root_uv.push(curves.root_uv[c]);
-    }
-    out
+    input.select(chosen.into_iter().map(|c| c as usize))
 }
 
 fn warnings(sources: &[SourceReport], roots: &[RootReport]) -> Vec<String> {

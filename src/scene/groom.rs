@@ -71,6 +71,8 @@ pub struct Material {
     pub friction_parallel: f64,
     /// Force per length with which strands that lie along each other and touch cling together, N/m.
     pub cohesion: f64,
+    /// How much render strands keep to the guides of their own leaf wisp: 1 to them alone, 0 no more than to others (0..=1).
+    pub clumping: f64,
     /// Rate at which a strand loses what it moves otherwise than its coarse wisp, 1/s; 0 = none.
     pub wisp_friction: f64,
     /// Multiplier on the air drag of an isolated strand; 1 = physical.
@@ -219,6 +221,29 @@ impl Curves {
     pub fn curve(&self, c: usize) -> &[Vector3<f64>] {
         &self.points[self.offsets[c]..self.offsets[c + 1]]
     }
+
+    /// Some of the curves, by index, in that order.
+    pub fn select(&self, which: impl IntoIterator<Item = usize>) -> Curves {
+        let mut out = Curves { offsets: vec![0], ..Curves::default() };
+        for c in which {
+            out.points.extend_from_slice(self.curve(c));
+            out.offsets.push(out.points.len());
+            out.id.push(self.id[c]);
+            out.group.push(self.group[c]);
+            out.root_uv.push(self.root_uv[c]);
+        }
+        out
+    }
+}
+
+impl Strands {
+    /// Some of the strands, by index, in that order.
+    pub fn select(&self, which: &[usize]) -> Strands {
+        Strands {
+            curves: self.curves.select(which.iter().copied()),
+            leaf: which.iter().map(|&c| self.leaf[c]).collect(),
+        }
+    }
 }
 
 impl Groom {
@@ -274,6 +299,7 @@ impl Default for Material {
             friction_across: 1.0,
             friction_parallel: 0.5,
             cohesion: 0.0,
+            clumping: 0.0,
             wisp_friction: 0.0,
             drag: 1.0,
             shielding: 0.9,

@@ -1,6 +1,6 @@
 //! Level of detail: a part of the render strands, drawn wider so that together they cover as much.
 
-use crate::scene::{Curves, Strands};
+use crate::scene::Strands;
 
 /// The share `keep` (above 0, to 1) of `strands`, in their order, and for each group by how much wider those that are left are to be drawn:
 /// length times width stays the same.
@@ -24,22 +24,15 @@ pub fn kept(strands: &Strands, keep: f64) -> (Strands, Vec<f64>) {
         lengths[group][0] += length;
         lengths[group][1] += if stays[c] { length } else { 0.0 };
     }
-    let mut left = Strands { curves: Curves { offsets: vec![0], ..Curves::default() }, leaf: Vec::new() };
-    for c in (0..curves.len()).filter(|&c| stays[c]) {
-        left.curves.points.extend_from_slice(curves.curve(c));
-        left.curves.offsets.push(left.curves.points.len());
-        left.curves.id.push(curves.id[c]);
-        left.curves.group.push(curves.group[c]);
-        left.curves.root_uv.push(curves.root_uv[c]);
-        left.leaf.push(strands.leaf[c]);
-    }
+    let left: Vec<usize> = (0..curves.len()).filter(|&c| stays[c]).collect();
     let wider = lengths.iter().map(|[all, left]| if *left > 0.0 { all / left } else { 1.0 });
-    (left, wider.collect())
+    (strands.select(&left), wider.collect())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Curves;
     use nalgebra::Vector3;
     use proptest::prelude::*;
     use std::collections::BTreeSet;

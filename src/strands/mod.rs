@@ -4,6 +4,7 @@
 //! blended in rest space and turns edge after edge. Curls stay curls, no
 //! edge changes its length, and at rest the strand is the groom's, to rounding.
 
+mod choice;
 mod follow;
 mod keep;
 mod keep_out;
@@ -16,17 +17,14 @@ mod tests;
 use crate::contact::Bodies;
 use crate::rod::{Rod, Shape};
 use crate::scene::Curves;
+pub use choice::{FOLLOWED, Follows, Home, clumping, follows};
 use follow::{Place, RestGuide, Turned};
 pub use keep::kept;
 pub use keep_out::KeepOut;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 pub use retreat::SPAN;
-use std::collections::BTreeMap;
 use strand::{Strand, Trace};
-
-/// Guides that one render strand follows, at most.
-const FOLLOWED: usize = 3;
 
 /// Render strands, ready to be rebuilt from the guides at any moment.
 #[derive(Debug, Clone)]
@@ -93,39 +91,21 @@ const SPEED: f64 = 20.0;
 pub type Retreats<'a> = [&'a [f32]; 2 * SPAN + 1];
 
 impl Interpolator {
-    /// Prepares the strands `curves`, whose leaf wisps are `leaf`, to follow `guides`: each guide's rod with its leaf.
-    ///
-    /// A strand follows the guides of its own leaf, the three of nearest root if there are more, weighted by the inverse
-    /// square of the distance of the roots; a strand whose leaf holds no guide follows the nearest guide of all.
+    /// Prepares the strands `curves` to follow `guides`, each as `follows` tells.
     ///
     /// `bodies` at rest, with what is kept from each (`thickness`, m), tell how close to them each strand was drawn.
     pub fn new(
         curves: &Curves,
-        leaf: &[(u32, u32)],
-        guides: &[(&Rod, (u32, u32))],
+        follows: Vec<Follows>,
+        guides: &[&Rod],
         bodies: &Bodies,
         thickness: &[f64],
     ) -> Self {
-        let rest: Vec<RestGuide> = guides.par_iter().map(|(rod, _)| RestGuide::new(rod)).collect();
-        let mut by_leaf: BTreeMap<(u32, u32), Vec<usize>> = BTreeMap::new();
-        for (i, (_, leaf)) in guides.iter().enumerate() {
-            by_leaf.entry(*leaf).or_default().push(i);
-        }
-        let all: Vec<usize> = (0..guides.len()).collect();
-        let strands: Vec<Strand> = (0..curves.len())
+        let rest: Vec<RestGuide> = guides.par_iter().map(|rod| RestGuide::new(rod)).collect();
+        let strands: Vec<Strand> = follows
             .into_par_iter()
-            .map(|c| {
-                let points = curves.curve(c);
-                let (candidates, most) = match by_leaf.get(&leaf[c]) {
-                    Some(own) => (own, FOLLOWED),
-                    None => (&all, 1),
-                };
-                let mut near: Vec<(f64, usize)> =
-                    candidates.iter().map(|&g| ((rest[g].root() - points[0]).norm(), g)).collect();
-                near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-                near.truncate(most);
-                Strand::new(points, &near, &rest, bodies, thickness)
-            })
+            .enumerate()
+            .map(|(c, follows)| Strand::new(curves.curve(c), follows, &rest, bodies, thickness))
             .collect();
         let mut reach = vec![0.0_f64; rest.len()];
         for strand in &strands {
@@ -136,7 +116,12 @@ impl Interpolator {
         Interpolator { strands, offsets: curves.offsets.clone(), guides: rest, reach }
     }
 
-    /// The guide of nearest root of those that each strand follows, by index.
+    /// Number of vertices of all strands.
+    pub fn vertices(&self) -> usize {
+        self.offsets.last().copied().unwrap_or(0)
+    }
+
+    /// The guide that each strand follows most, by index.
     pub fn nearest(&self) -> impl Iterator<Item = usize> {
         self.strands.iter().map(Strand::nearest)
     }
@@ -144,7 +129,7 @@ impl Interpolator {
     /// Share (0..=1) of its way from its guide by which each vertex of the strands has to retreat at a moment, for a body is
     /// between them. One entry per vertex of the curves given to [`Interpolator::new`].
     pub fn retreats(&self, moment: &Moment, guides: &[GuideMotion]) -> Vec<f32> {
-        let mut out = vec![0.0; self.offsets.last().copied().unwrap_or(0)];
+        let mut out = vec![0.0; self.vertices()];
         if moment.keep_out.poses.is_empty() {
             return out;
         }

@@ -3,7 +3,7 @@
 use super::follow::{Place, RestGuide, Turned};
 use super::keep_out::{KeepOut, Kept, Lean, Spare};
 use super::relax::relax;
-use super::{FOLLOWED, HeadMotion, Moment, Stand};
+use super::{FOLLOWED, Follows, HeadMotion, Moment, Stand};
 use crate::contact::Bodies;
 use crate::math::se3::turned_by;
 use nalgebra::{Isometry3, Vector3};
@@ -23,7 +23,7 @@ const CORRECTIONS: usize = 2;
 pub(super) struct Strand {
     root: Vector3<f64>,
     /// The guides by index, with their weights; what bodies are concerned, the first stands for all.
-    follow: Vec<(usize, f64)>,
+    follow: Follows,
     edges: Vec<Edge>,
     /// Place of the first guide that is beside the root.
     beside: Place,
@@ -73,20 +73,15 @@ pub(super) struct Trace {
 }
 
 impl Strand {
-    /// For a strand drawn at `points`, m, that follows the guides `near`: distance of their roots, m, and index.
+    /// For a strand drawn at `points`, m, that follows these guides.
     pub fn new(
         points: &[Vector3<f64>],
-        near: &[(f64, usize)],
+        follow: Follows,
         rest: &[RestGuide],
         bodies: &Bodies,
         thickness: &[f64],
     ) -> Self {
-        // Roots closer than this to a guide's follow that guide alone, smoothly.
-        let soft = 1e-4;
-        let weights: Vec<f64> = near.iter().map(|(d, _)| 1.0 / (d * d + soft * soft)).collect();
-        let sum: f64 = weights.iter().sum();
-        let follow: Vec<_> = near.iter().zip(&weights).map(|((_, g), w)| (*g, w / sum)).collect();
-        let first = &rest[near[0].1];
+        let first = &rest[follow[0].0];
         let ways = points.windows(2).map(|w| w[1] - w[0]);
         // Past the end of a shorter guide there would be nothing to retreat to.
         let pace = (first.length() / ways.clone().map(|way| way.norm()).sum::<f64>()).min(1.0);
@@ -99,22 +94,16 @@ impl Strand {
             let middle = arc + 0.5 * length;
             arc += length;
             let beside = first.place(arc * pace);
-            let middle = std::array::from_fn(|i| rest[near[i.min(near.len() - 1)].1].place(middle));
+            let middle = std::array::from_fn(|i| rest[follow[i.min(follow.len() - 1)].0].place(middle));
             Edge { way: way.cast(), middle, beside, apart: apart(end, beside) }
         };
         let edges = ways.zip(&points[1..]).map(edge).collect();
         let beside = first.place(0.0);
-        Strand {
-            root: points[0],
-            follow,
-            edges,
-            beside,
-            apart: apart(&points[0], beside),
-            kept: Kept::new(bodies, thickness, points),
-        }
+        let apart = apart(&points[0], beside);
+        Strand { root: points[0], follow, edges, beside, apart, kept: Kept::new(bodies, thickness, points) }
     }
 
-    /// The guide of nearest root, by index.
+    /// The guide that it follows most, by index.
     pub fn nearest(&self) -> usize {
         self.follow[0].0
     }

@@ -5,7 +5,7 @@ use crate::math::se3;
 use crate::rod::{Cut, RodSource, Shape, Taper};
 use nalgebra::Isometry3;
 
-const LEAF: (u32, u32) = (0, 0);
+const HOME: Home = Home { leaf: (0, 0), group: 0 };
 
 /// Across the plane in which equal entries of a rod along x bend it, m.
 const BESIDE: Vector3<f64> = Vector3::new(0.0, 0.055, 0.055);
@@ -58,6 +58,13 @@ fn curves(strands: &[Vec<Vector3<f64>>]) -> Curves {
     c
 }
 
+/// Strands of one wisp that follow these guides.
+fn interpolator(c: &Curves, rods: &[&Rod], bodies: &Bodies, thickness: &[f64]) -> Interpolator {
+    let guides: Vec<_> = rods.iter().map(|r| (*r, HOME)).collect();
+    let follows = follows(c, &vec![HOME; c.len()], &[0.0], &guides);
+    Interpolator::new(c, follows, rods, bodies, thickness)
+}
+
 fn run(
     c: &Curves,
     rods: &[&Rod],
@@ -65,23 +72,24 @@ fn run(
     rate: &[Vec<f64>],
     head: &HeadMotion,
 ) -> [Vec<[f32; 3]>; 2] {
-    let guides: Vec<_> = rods.iter().map(|r| (*r, LEAF)).collect();
     let bodies = Bodies::from_shapes(&[]);
-    let interpolator = Interpolator::new(c, &vec![LEAF; c.len()], &guides, &bodies, &[]);
+    let interpolator = interpolator(c, rods, &bodies, &[]);
     let moment = Moment { head: *head, keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &[] } };
     let motion: Vec<_> =
         rods.iter().zip(q).zip(rate).map(|((&rod, q), rate)| GuideMotion { rod, q, rate }).collect();
-    let mut out = [vec![[0.0; 3]; c.points.len()], vec![[0.0; 3]; c.points.len()]];
+    evaluated(&interpolator, &moment, &motion, &interpolator.retreats(&moment, &motion))
+}
+
+/// Points and velocities of all strands, which retreat alike at all times.
+fn evaluated(
+    interpolator: &Interpolator,
+    moment: &Moment,
+    motion: &[GuideMotion],
+    retreats: &[f32],
+) -> [Vec<[f32; 3]>; 2] {
+    let mut out = [(); 2].map(|()| vec![[0.0; 3]; retreats.len()]);
     let [p, v] = &mut out;
-    let retreats = interpolator.retreats(&moment, &motion);
-    interpolator.evaluate(
-        &[moment, moment],
-        &motion,
-        (&[&retreats; 5], 0.0, 1.0),
-        &Matrix3::identity(),
-        p,
-        v,
-    );
+    interpolator.evaluate(&[*moment; 2], motion, (&[retreats; 5], 0.0, 1.0), &Matrix3::identity(), p, v);
     out
 }
 
@@ -192,7 +200,7 @@ fn a_strand_is_turned_out_of_a_body_and_keeps_its_length_and_velocity() {
     let centre = middle + (middle - Vector3::x() * 0.12).normalize() * 0.02;
     let ball = Solid::Sphere { centre, radius: 0.05 };
     let bodies = Bodies::from_shapes(&[ball]);
-    let interpolator = Interpolator::new(&c, &[LEAF], &[(&r, LEAF)], &bodies, &[0.0005]);
+    let interpolator = interpolator(&c, &[&r], &bodies, &[0.0005]);
     let moment = Moment {
         head: still(),
         keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] },
@@ -200,18 +208,7 @@ fn a_strand_is_turned_out_of_a_body_and_keeps_its_length_and_velocity() {
     let retreats = interpolator.retreats(&moment, &[GuideMotion { rod: &r, q: &q, rate: &rate }]);
     let at = |t: f64| {
         let q: Vec<f64> = q.iter().zip(&rate).map(|(q, r)| q + t * r).collect();
-        let motion = [GuideMotion { rod: &r, q: &q, rate: &rate }];
-        let mut out = [vec![[0.0; 3]; 33], vec![[0.0; 3]; 33]];
-        let [p, v] = &mut out;
-        interpolator.evaluate(
-            &[moment, moment],
-            &motion,
-            (&[&retreats; 5], 0.0, 1.0),
-            &Matrix3::identity(),
-            p,
-            v,
-        );
-        out
+        evaluated(&interpolator, &moment, &[GuideMotion { rod: &r, q: &q, rate: &rate }], &retreats)
     };
     let [p, v] = at(0.0);
     let depth = p.iter().map(|x| (wide(x) - centre).norm() - 0.05).fold(f64::INFINITY, f64::min);
@@ -236,15 +233,13 @@ fn a_body_is_seen_after_vertices_that_were_not_looked_for() {
     let c = curves(&[vec![at(0.0, 0.0), at(0.01, 0.03), at(0.02, 0.0), at(0.05, 0.01)]]);
     let r = rod(&(0..9).map(|i| at(0.05 * f64::from(i) / 8.0, 0.0)).collect::<Vec<_>>());
     let bodies = Bodies::from_shapes(&[Solid::Sphere { centre: Vector3::x(), radius: 0.01 }]);
-    let interpolator = Interpolator::new(&c, &[LEAF], &[(&r, LEAF)], &bodies, &[0.0005]);
+    let interpolator = interpolator(&c, &[&r], &bodies, &[0.0005]);
     let poses = [Isometry3::translation(-0.945, 0.018, 0.0)];
     let moment = Moment { head: still(), keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &poses } };
     let still = vec![0.0; r.unknowns()];
     let motion = [GuideMotion { rod: &r, q: &still, rate: &still }];
     let retreats = interpolator.retreats(&moment, &motion);
-    let [mut p, mut v] = [vec![[0.0; 3]; 4], vec![[0.0; 3]; 4]];
-    let scene = Matrix3::identity();
-    interpolator.evaluate(&[moment; 2], &motion, (&[&retreats; 5], 0.0, 1.0), &scene, &mut p, &mut v);
+    let [p, _] = evaluated(&interpolator, &moment, &motion, &retreats);
     let distance = |x: &Vector3<f64>| (x - at(0.055, 0.018)).norm() - 0.01;
     assert!(distance(&c.points[3]) < -5e-4 && distance(&wide(&p[3])) > 4e-4, "{:?}", p[3]);
 }
@@ -259,15 +254,12 @@ fn a_strand_stays_out_of_two_bodies_that_it_runs_into_the_crease_of() {
     let walls = [(Vector3::y(), -0.01), (Vector3::new(-0.75_f64.sqrt(), -0.5, 0.0), -0.02)];
     let shapes = walls.map(|(normal, _)| Solid::Plane { point: -normal, normal });
     let bodies = Bodies::from_shapes(&shapes);
-    let interpolator = Interpolator::new(&c, &[LEAF], &[(&r, LEAF)], &bodies, &[0.0005; 2]);
+    let interpolator = interpolator(&c, &[&r], &bodies, &[0.0005; 2]);
     let poses = walls.map(|(normal, at)| Isometry3::from(normal * (1.0 + at)));
     let moment = Moment { head: still(), keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &poses } };
     let zero = vec![0.0; r.unknowns()];
     let motion = [GuideMotion { rod: &r, q: &zero, rate: &zero }];
-    let retreats = vec![0.0; 9];
-    let [mut p, mut v] = [vec![[0.0; 3]; 9], vec![[0.0; 3]; 9]];
-    let scene = Matrix3::identity();
-    interpolator.evaluate(&[moment; 2], &motion, (&[&retreats; 5], 0.0, 1.0), &scene, &mut p, &mut v);
+    let [p, _] = evaluated(&interpolator, &moment, &motion, &[0.0; 9]);
     for (normal, at) in &walls {
         let depth = |x: &Vector3<f64>| at - normal.dot(x);
         assert!(depth(&line(0.0)[8]) > 5e-3);
@@ -311,19 +303,11 @@ fn a_strand_stays_on_its_guides_side_of_a_thin_body() {
     };
     let lowest = |bodies: &Bodies, poses: &[Isometry3<f64>]| {
         let thickness = vec![0.0005; poses.len()];
-        let interpolator = Interpolator::new(&c, &[LEAF], &[(&r, LEAF)], bodies, &thickness);
+        let interpolator = interpolator(&c, &[&r], bodies, &thickness);
         let moment = Moment { head: still(), keep_out: KeepOut { bodies, time: 0.0, poses } };
         let motion = [GuideMotion { rod: &r, q: &q, rate: &vec![0.0; q.len()] }];
         let retreats = interpolator.retreats(&moment, &motion);
-        let [mut p, mut v] = [vec![[0.0; 3]; 34], vec![[0.0; 3]; 34]];
-        interpolator.evaluate(
-            &[moment, moment],
-            &motion,
-            (&[&retreats; 5], 0.0, 1.0),
-            &Matrix3::identity(),
-            &mut p,
-            &mut v,
-        );
+        let [p, v] = evaluated(&interpolator, &moment, &motion, &retreats);
         assert!(p.iter().chain(&v).flatten().all(|x| x.is_finite()));
         p.iter().map(|x| f64::from(x[1])).fold(0.0, f64::min)
     };

@@ -26,6 +26,9 @@ from .report import Check, Finding, Severity
 TEMPORARY = re.compile(r"^\.(?!hairbake$)|\.tmp|\.part$|~$")
 FRAME_FILE = re.compile(r"hair\.0*(-?\d+)\.usdc")
 
+# Guides that a strand names, with their weights.
+FOLLOWED = 3
+
 # Pixar's validators that are left out: the first two take the template of the clips for the path of a file
 # (missing layers are found by the validator of composition, missing frames by ours), the last two look at what
 # `metadata` does.
@@ -53,6 +56,11 @@ PRIMS = Check(
 )
 TOPOLOGY = Check("topology", "curve and face counts agree with their points, and every index exists")
 PRIMVARS = Check("primvars", "primvars have their type, interpolation and size")
+FOLLOWING = Check(
+    "following",
+    "strands follow guides of the cache, by weights whose sum is 1",
+    tolerance=tolerances.WEIGHT_SUM,
+)
 IDS = Check("ids", "groom_id is unique")
 CLIPS = Check("clips", "value clips cover the range and a handle frame at both ends")
 RESOLUTION = Check("resolution", "the composed stage resolves moving attributes to the frame files' values")
@@ -250,6 +258,9 @@ def primvars(cache: Cache) -> Iterator[Finding]:
         wanted = [(name, kind, "uniform", each) for name, kind in per_curve.items()] + [
             ("rest", types.Point3fArray, "vertex", None)
         ]
+        if curves.path == HAIR:
+            wanted.append(("groom_closest_guides", types.IntArray, "uniform", FOLLOWED * each))
+            wanted.append(("groom_guide_weights", types.FloatArray, "uniform", FOLLOWED * each))
         for name, kind, interpolation, size in wanted:
             primvar = api.GetPrimvar(name)
             if not primvar or not primvar.HasValue():
@@ -266,7 +277,7 @@ def primvars(cache: Cache) -> Iterator[Finding]:
             if size is not None and len(primvar.Get()) != size:
                 yield Finding(
                     PRIMVARS,
-                    message=f"{name} has {len(primvar.Get())} values for {size} curves",
+                    message=f"{name} has {len(primvar.Get())} values for {each} curves, not {size}",
                     prim=curves.path,
                 )
         if UsdGeom.BasisCurves(prim).GetWidthsInterpolation() != "vertex":
@@ -283,6 +294,28 @@ def primvars(cache: Cache) -> Iterator[Finding]:
             yield Finding(PRIMVARS, message="widths are not all above 0", prim=curves.path)
         if not np.isfinite(curves.rest).all():
             yield Finding(PRIMVARS, message="rest is not finite", prim=curves.path)
+
+
+def attribute_value(cache: Cache, prim: str, name: str):
+    """The value of an attribute, or an empty tuple where there is none."""
+    prim = cache.stage.GetPrimAtPath(prim)
+    return (prim.GetAttribute(name).Get() if prim and prim.HasAttribute(name) else None) or ()
+
+
+def following(cache: Cache) -> Iterator[Finding]:
+    """What each strand follows: guides that are there, by weights whose sum is 1."""
+    names = (f"primvars:groom_{name}" for name in ("closest_guides", "guide_weights"))
+    guides, weights = (np.array(attribute_value(cache, HAIR, name)) for name in names)
+    if guides.shape != weights.shape or not guides.size or guides.size % FOLLOWED:
+        return
+    off = np.abs(weights.reshape(-1, FOLLOWED).sum(axis=1) - 1.0)
+    if off.max() > tolerances.WEIGHT_SUM or weights.min() < 0.0:
+        yield Finding(FOLLOWING, value=float(off.max()), message="weights below 0, or whose sum is not 1", prim=HAIR)
+    there = attribute_value(cache, GUIDES, "primvars:groom_id")
+    if there:
+        strange = set(guides[weights > 0.0].tolist()) - set(there)
+        if strange:
+            yield Finding(FOLLOWING, message=f"guide {min(strange)} is not in the cache", prim=HAIR)
 
 
 def ids(cache: Cache) -> Iterator[Finding]:
@@ -352,6 +385,7 @@ STATIC: dict[Check, Callable[[Cache], Iterator[Finding]]] = {
     PRIMS: prims,
     TOPOLOGY: topology,
     PRIMVARS: primvars,
+    FOLLOWING: following,
     IDS: ids,
     CLIPS: clips,
     RESOLUTION: resolution,

@@ -20,6 +20,9 @@ SEGMENT_DRIFT = 1e-4
 ARC_ERROR = 0.03
 GUIDE_SEGMENT_DRIFT = 1e-3
 
+# The sum of the weights of the guides that a strand follows, off 1: three roundings to 32 bits.
+WEIGHT_SUM = 1e-6
+
 # The whole length of a guide: the errors of its arcs partly cancel, so less is let pass.
 GUIDE_LENGTH_DRIFT = 5e-4
 

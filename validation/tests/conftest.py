@@ -187,6 +187,11 @@ class CacheBuilder:
         primvars.CreatePrimvar("groom_root_uv", types.TexCoord2fArray, uniform).Set(
             [Gf.Vec2f(0.5, i / count) for i in range(count)]
         )
+        if not path.endswith("guides"):
+            closest = primvars.CreatePrimvar("groom_closest_guides", types.IntArray, uniform, 3)
+            closest.Set([g for i in range(count) for g in (i % GUIDE_COUNT, 0, 0)])
+            weights = primvars.CreatePrimvar("groom_guide_weights", types.FloatArray, uniform, 3)
+            weights.Set([1.0, 0.0, 0.0] * count)
         rest = rest_points(count).reshape(-1, 3).astype(np.float32)
         primvars.CreatePrimvar("rest", types.Point3fArray, "vertex").Set(Vt.Vec3fArray.FromNumpy(rest))
 

@@ -95,7 +95,7 @@ pub struct MaterialFile {
     pub radius_at_tip: f64,
     /// Pull to the groom's pose as the head carries it, at root and tip and evenly between: the frequency at which a strand would swing
     /// about it, Hz. Higher holds the style more; what weighs g hangs g/(2πf)² off, 1 cm at 5 Hz. Default 0: none.
-    #[serde(skip_serializing_if = "is_zero")]
+    #[serde(skip_serializing_if = "are_zero")]
     #[schemars(inner(range(min = 0.0, max = 100.0)))]
     pub goal_hz: [f64; 2],
     /// Internal damping: relaxation time η/E of bending and twist, s. Higher rings less.
@@ -127,12 +127,17 @@ pub struct MaterialFile {
     pub friction_parallel: f64,
     /// Force per length with which strands that lie along each other and touch cling together, N/m: above some 1e-4, the weight of a hair, they keep
     /// together, wet ones at some 1e-2. Default 0: none. It matters with `--contact full`.
-    #[serde(skip_serializing_if = "is_none")]
+    #[serde(skip_serializing_if = "is_zero")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub cohesion_n_m: f64,
+    /// How much render strands keep to the guides of their own leaf wisp. 0, the default: strands blend from guide to guide, smoothly over the borders of
+    /// wisps; higher gathers them in locks, 1 lets them part between wisps. `hairbake import groom` sets 1 where strands have clumps.
+    #[serde(skip_serializing_if = "is_zero")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub clumping: f64,
     /// Internal friction of a wisp: the rate at which a strand loses what it moves otherwise than the coarse wisp that it is in, 1/s; what they move
     /// together is as it was. Higher keeps wisps together: 10 is dense hair, 100 a lock. Default 0: none.
-    #[serde(skip_serializing_if = "is_none")]
+    #[serde(skip_serializing_if = "is_zero")]
     #[schemars(range(min = 0.0, max = 1e4))]
     pub wisp_friction_per_s: f64,
     /// Factor on the air drag of an isolated strand; 1 is physical, 0 is none.
@@ -318,7 +323,7 @@ fn one() -> f64 {
     1.0
 }
 
-fn is_zero(goal: &[f64; 2]) -> bool {
+fn are_zero(goal: &[f64; 2]) -> bool {
     *goal == [0.0; 2]
 }
 
@@ -334,6 +339,6 @@ fn is_half(x: &f64) -> bool {
 }
 
 #[allow(clippy::trivially_copy_pass_by_ref)]
-fn is_none(x: &f64) -> bool {
+fn is_zero(x: &f64) -> bool {
     *x == 0.0
 }

@@ -147,6 +147,7 @@ impl From<&MaterialFile> for Material {
             friction_across: file.friction_across,
             friction_parallel: file.friction_parallel,
             cohesion: file.cohesion_n_m,
+            clumping: file.clumping,
             wisp_friction: file.wisp_friction_per_s,
             drag: file.drag,
             shielding: file.shielding,

@@ -149,6 +149,7 @@ impl From<&Material> for MaterialFile {
             friction_across: m.friction_across,
             friction_parallel: m.friction_parallel,
             cohesion_n_m: m.cohesion,
+            clumping: m.clumping,
             wisp_friction_per_s: m.wisp_friction,
             drag: m.drag,
             shielding: m.shielding,
