@@ -4,7 +4,9 @@
 //! frames, because an attribute that a clip holds but the clip manifest lacks resolves to nothing,
 //! without an error.
 
-use super::{Basis, Closest, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header, Manifest};
+use super::{
+    Basis, Closest, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header, Manifest, material,
+};
 use crate::usd::{Attribute, Layer, Metadata, Prim, Specifier, Value};
 use std::borrow::Cow;
 
@@ -135,7 +137,11 @@ pub(super) fn topology_layer(header: &Header) -> Layer<'_> {
         if matches!(child.name.as_str(), "guides" | "colliders") {
             child.attributes.push(uniform_token("purpose", "guide"));
         }
+        if matches!(child.name.as_str(), "hair" | "guides") {
+            material::bind(child);
+        }
     }
+    groom.children.push(material::scope());
     Layer { metadata: stage_metadata(header), sub_layers: Vec::new(), prims: vec![groom] }
 }
 
@@ -286,9 +292,9 @@ fn curves(curves: &CurveSet, basis: Basis, colour: [f32; 3]) -> Vec<Attribute<'_
         interpolated("primvars:groom_group_id", "int[]", "uniform", ints(&curves.group)),
         interpolated(
             "primvars:groom_group_name",
-            "token[]",
+            "string[]",
             "uniform",
-            Value::Tokens(curves.group_name.clone()),
+            Value::Strings(curves.group_name.clone()),
         ),
         interpolated("primvars:groom_guide", "int[]", "uniform", ints(&curves.guide)),
         interpolated(

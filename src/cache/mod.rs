@@ -10,6 +10,7 @@
 mod check;
 mod layout;
 mod manifest;
+mod material;
 mod reader;
 mod writer;
 

@@ -157,7 +157,7 @@ impl Source {
             widths: self.take(prim, "widths", None, floats)?,
             id: self.take(prim, "primvars:groom_id", None, ints)?,
             group: self.take(prim, "primvars:groom_group_id", None, ints)?,
-            group_name: self.take(prim, "primvars:groom_group_name", None, tokens)?,
+            group_name: self.take(prim, "primvars:groom_group_name", None, strings)?,
             guide: self.take(prim, "primvars:groom_guide", None, ints)?,
             root_uv: self.take(prim, "primvars:groom_root_uv", None, float2s)?,
             closest: match self.has(prim, CLOSEST) {
@@ -250,9 +250,9 @@ fn text(value: Value<'static>) -> Option<String> {
     }
 }
 
-fn tokens(value: Value<'static>) -> Option<Vec<String>> {
+fn strings(value: Value<'static>) -> Option<Vec<String>> {
     match value {
-        Value::Tokens(v) => Some(v),
+        Value::Strings(v) => Some(v),
         _ => None,
     }
 }

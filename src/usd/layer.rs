@@ -29,6 +29,8 @@ pub struct Prim<'a> {
     pub metadata: Metadata<'a>,
     /// Attributes.
     pub attributes: Vec<Attribute<'a>>,
+    /// Relationships.
+    pub relationships: Vec<Relationship>,
     /// Child prims.
     pub children: Vec<Prim<'a>>,
 }
@@ -59,6 +61,18 @@ pub struct Attribute<'a> {
     pub default: Option<Value<'a>>,
     /// (time code, value), times increasing.
     pub samples: Vec<(f64, Value<'a>)>,
+    /// Absolute paths, such as `/groom/materials/hair/surface.outputs:surface`, of what it takes its value from, in shading
+    /// networks; none where this layer says nothing of it.
+    pub connections: Vec<String>,
+}
+
+/// One relationship spec: it points at other prims or properties.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Relationship {
+    /// Name, with its namespaces.
+    pub name: String,
+    /// Absolute paths of what it points at, in place of what weaker layers say; with none it only declares the relationship.
+    pub targets: Vec<String>,
 }
 
 /// A value. Large arrays are borrowed on the way out, so that writing a frame copies no points.
@@ -88,6 +102,8 @@ pub enum Value<'a> {
     Float2s(Cow<'a, [[f32; 2]]>),
     /// `float3[]` and its roles, such as `point3f[]`, `vector3f[]`, `color3f[]`
     Float3s(Cow<'a, [[f32; 3]]>),
+    /// `string[]`
+    Strings(Vec<String>),
     /// `token[]`
     Tokens(Vec<String>),
     /// `dictionary`, in metadata only
@@ -115,6 +131,7 @@ impl<'a> Prim<'a> {
             name: name.into(),
             metadata: Vec::new(),
             attributes: Vec::new(),
+            relationships: Vec::new(),
             children: Vec::new(),
         }
     }
@@ -135,6 +152,7 @@ impl<'a> Attribute<'a> {
             metadata: Vec::new(),
             default: None,
             samples: Vec::new(),
+            connections: Vec::new(),
         }
     }
 
@@ -147,6 +165,12 @@ impl<'a> Attribute<'a> {
     /// With `value` at `time`, after the samples it has.
     pub fn with_sample(mut self, time: f64, value: Value<'a>) -> Self {
         self.samples.push((time, value));
+        self
+    }
+
+    /// With its value taken from the attribute at `path`.
+    pub fn with_connection(mut self, path: &str) -> Self {
+        self.connections.push(path.into());
         self
     }
 

@@ -1,8 +1,8 @@
 //! USD layers: one model ([`Layer`]), two encodings, crate (usdc, [`crate_file`]) and text (usda,
-//! [`text`]). Knows prims, attributes and arrays, not hair.
+//! [`text`]). Knows prims, attributes, relationships and arrays, not hair.
 
 pub mod crate_file;
 mod layer;
 pub mod text;
 
-pub use layer::{Attribute, Layer, Metadata, Prim, Specifier, Value};
+pub use layer::{Attribute, Layer, Metadata, Prim, Relationship, Specifier, Value};

@@ -48,6 +48,13 @@ impl Text {
         for attribute in &prim.attributes {
             self.attribute(attribute);
         }
+        for relationship in &prim.relationships {
+            let head = format!("rel {}", relationship.name);
+            self.line(&match relationship.targets.is_empty() {
+                true => head,
+                false => format!("{head} = {}", paths(&relationship.targets)),
+            });
+        }
         for child in &prim.children {
             self.prim(child);
         }
@@ -63,7 +70,8 @@ impl Text {
             Some(value) => format!("{declaration} = {}", value_text(value, self.depth)),
             None => declaration.clone(),
         };
-        if a.default.is_some() || a.samples.is_empty() || !a.metadata.is_empty() {
+        let said_below = !a.samples.is_empty() || !a.connections.is_empty();
+        if a.default.is_some() || !said_below || !a.metadata.is_empty() {
             self.with_metadata(&first, &a.metadata);
         }
         if !a.samples.is_empty() {
@@ -72,6 +80,9 @@ impl Text {
                 self.line(&format!("    {time:?}: {},", value_text(value, self.depth)));
             }
             self.line("}");
+        }
+        if !a.connections.is_empty() {
+            self.line(&format!("{declaration}.connect = {}", paths(&a.connections)));
         }
     }
 
@@ -115,6 +126,7 @@ fn dictionary_type(value: &Value) -> &'static str {
         Value::Floats(_) => "float[]",
         Value::Float2s(_) => "float2[]",
         Value::Float3s(_) => "float3[]",
+        Value::Strings(_) => "string[]",
         Value::Tokens(_) | Value::PrependedTokens(_) => "token[]",
         Value::Dictionary(_) => "dictionary",
     }
@@ -134,7 +146,7 @@ fn value_text(value: &Value, depth: usize) -> String {
         Value::Floats(v) => list(v, number),
         Value::Float2s(v) => list(v, |x| tuple(x)),
         Value::Float3s(v) => list(v, |x| tuple(x)),
-        Value::Tokens(v) | Value::PrependedTokens(v) => list(v, |s| quoted(s)),
+        Value::Strings(v) | Value::Tokens(v) | Value::PrependedTokens(v) => list(v, |s| quoted(s)),
         Value::Dictionary(entries) => {
             let mut out = String::from("{\n");
             for (key, value) in entries {
@@ -167,6 +179,14 @@ fn tuple(items: &[impl Debug]) -> String {
 /// and USD warns of integers that do not fit.
 fn number(float: &impl Debug) -> String {
     format!("{float:?}")
+}
+
+/// Targets of a relationship or connections; one stands by itself.
+fn paths(paths: &[String]) -> String {
+    match paths {
+        [path] => format!("<{path}>"),
+        _ => list(paths, |path| format!("<{path}>")),
+    }
 }
 
 fn asset(path: &str) -> String {

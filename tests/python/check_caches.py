@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from pxr import Kind, Sdf, Usd, UsdGeom, UsdValidation
+from pxr import Kind, Sdf, Usd, UsdGeom, UsdShade, UsdValidation
 
 
 def check_cache(folder: Path, header: dict, frames: list) -> None:
@@ -21,6 +21,8 @@ def check_cache(folder: Path, header: dict, frames: list) -> None:
     for frame in frames:
         check_frame(stage, header, frame)
     check_between_frames(stage, header, frames)
+    check_material(stage, header)
+    check_lighting(folder, header, frames)
     check_resaved(folder)
 
     context = UsdValidation.ValidationContext(UsdValidation.ValidationRegistry().GetOrLoadAllValidators())
@@ -53,7 +55,7 @@ def check_curves(curves: UsdGeom.BasisCurves, expected: dict, basis: str) -> Non
     for name, key, interpolation, type_name in [
         ("groom_id", "id", "uniform", "int[]"),
         ("groom_group_id", "group", "uniform", "int[]"),
-        ("groom_group_name", "group_name", "uniform", "token[]"),
+        ("groom_group_name", "group_name", "uniform", "string[]"),
         ("groom_guide", "guide", "uniform", "int[]"),
         ("groom_root_uv", "root_uv", "uniform", "texCoord2f[]"),
         ("rest", "rest", "vertex", "point3f[]"),
@@ -111,6 +113,56 @@ def check_between_frames(stage: Usd.Stage, header: dict, frames: list) -> None:
             found = np.array(prim.GetPointsAttr().Get(before["frame"] + 0.5))
             halfway = [(np.array(f["curves"][i]["points"]) / 2) for f in (before, after)]
             np.testing.assert_allclose(found, sum(halfway), rtol=1e-5, atol=1e-6)
+
+
+def check_material(stage: Usd.Stage, header: dict) -> None:
+    """Curves are bound to a surface whose colour is their display colour."""
+    for curves in header["curves"]:
+        material = bound(stage, curves["prim"])
+        assert material.GetPath() == "/groom/materials/hair"
+        surface, _, _ = material.ComputeSurfaceSource()
+        assert surface.GetShaderId() == "UsdPreviewSurface"
+        [source] = surface.GetInput("diffuseColor").GetConnectedSources()[0]
+        reader = UsdShade.Shader(source.source.GetPrim())
+        assert reader.GetShaderId() == "UsdPrimvarReader_float3"
+        assert reader.GetInput("varname").Get() == "displayColor"
+
+
+def check_lighting(folder: Path, header: dict, frames: list) -> None:
+    """A stage of lighting's that references /groom elsewhere, with a surface of its own in the place of the cache's material, and one of
+    the prims bound to another material; points still come from the frames."""
+    curves = [c["prim"].removeprefix("/groom") for c in header["curves"]]
+    stage = Usd.Stage.CreateInMemory()
+    stage.OverridePrim("/shot/hair").GetReferences().AddReference(str(folder / "hair.usda"), "/groom")
+    place = "/shot/hair/materials/hair"
+    assert all(bound(stage, f"/shot/hair{c}").GetPath() == place for c in curves)
+
+    ours = UsdShade.Shader.Define(stage, f"{place}/ours")
+    ours.CreateIdAttr("UsdPreviewSurface")
+    UsdShade.Material.Get(stage, place).CreateSurfaceOutput().ConnectToSource(ours.ConnectableAPI(), "surface")
+    for c in curves:
+        assert bound(stage, f"/shot/hair{c}").ComputeSurfaceSource()[0].GetPath() == f"{place}/ours"
+
+    look = UsdShade.Material.Define(stage, "/shot/look/wet")
+    UsdShade.MaterialBindingAPI(stage.GetPrimAtPath(f"/shot/hair{curves[0]}")).Bind(look)
+    assert bound(stage, f"/shot/hair{curves[0]}").GetPath() == "/shot/look/wet"
+    assert all(bound(stage, f"/shot/hair{c}").GetPath() == place for c in curves[1:])
+
+    # One binding above all of the cache.
+    above = Usd.Stage.CreateInMemory()
+    above.OverridePrim("/shot/hair").GetReferences().AddReference(str(folder / "hair.usda"), "/groom")
+    everything = UsdShade.Material.Define(above, "/shot/look/all")
+    binding = UsdShade.MaterialBindingAPI.Apply(above.GetPrimAtPath("/shot/hair"))
+    binding.Bind(everything, UsdShade.Tokens.strongerThanDescendants)
+    assert all(bound(above, f"/shot/hair{c}").GetPath() == "/shot/look/all" for c in curves)
+
+    for frame in frames:
+        for c, moving in zip(curves, frame["curves"], strict=True):
+            same(UsdGeom.BasisCurves.Get(stage, f"/shot/hair{c}").GetPointsAttr().Get(frame["frame"]), moving["points"])
+
+
+def bound(stage: Usd.Stage, path: str) -> UsdShade.Material:
+    return UsdShade.MaterialBindingAPI(stage.GetPrimAtPath(path)).ComputeBoundMaterial()[0]
 
 
 def check_resaved(folder: Path) -> None:

@@ -2,7 +2,7 @@
 
 use crate::python;
 use hairbake::Error;
-use hairbake::usd::{Attribute, Layer, Prim, Specifier, Value, crate_file, text};
+use hairbake::usd::{Attribute, Layer, Prim, Relationship, Specifier, Value, crate_file, text};
 use proptest::prelude::*;
 use serde_json::{Map, json};
 use std::path::Path;
@@ -44,7 +44,7 @@ fn array_layer(count: usize) -> Layer<'static> {
     let flat = floats(3 * count);
     let pairs = flat.as_chunks::<2>().0[..count].to_vec();
     let triples = flat.as_chunks::<3>().0.to_vec();
-    let tokens = (0..count).map(|i| format!("token{}", i % 5)).collect();
+    let texts = |word: &str| (0..count).map(|i| format!("{word}{}", i % 5)).collect();
     for (name, type_name, value) in [
         ("floats", "float[]", Value::Floats(flat[..count].to_vec().into())),
         ("uvs", "texCoord2f[]", Value::Float2s(pairs.into())),
@@ -52,7 +52,8 @@ fn array_layer(count: usize) -> Layer<'static> {
         ("velocities", "vector3f[]", Value::Float3s(triples.clone().into())),
         ("normals", "normal3f[]", Value::Float3s(triples.clone().into())),
         ("colours", "color3f[]", Value::Float3s(triples.into())),
-        ("tokens", "token[]", Value::Tokens(tokens)),
+        ("strings", "string[]", Value::Strings(texts("a \"string\" "))),
+        ("tokens", "token[]", Value::Tokens(texts("token"))),
     ] {
         prim.attributes.push(Attribute::new(name, type_name).with_default(value));
     }
@@ -125,6 +126,34 @@ fn varied_layer() -> Layer<'static> {
             .with_metadata("comment", Value::string("samples only")),
     ];
 
+    // Pointing at what this layer has and at what it has not, before and behind it, at prims and at properties.
+    let relationship = |name: &str, targets: &[&str]| Relationship {
+        name: name.into(),
+        targets: targets.iter().map(|target| target.to_string()).collect(),
+    };
+    let mut pointing = Prim::new(Specifier::Def, "Scope", "pointing");
+    pointing.attributes = vec![
+        Attribute::new("inputs:connected", "color3f").with_connection("/elsewhere/deep/shader.outputs:rgb"),
+        Attribute::new("inputs:twice", "float3[]")
+            .with_default(points(0.5))
+            .with_sample(2.0, points(1.0))
+            .with_connection("/pointing/inside.outputs:a")
+            .with_connection("/scalars.infinite")
+            .with_metadata("comment", Value::string("default, samples and connections")),
+    ];
+    pointing.relationships = vec![
+        relationship("declared", &[]),
+        relationship("material:binding", &["/pointing/inside"]),
+        relationship(
+            "several",
+            &["/_class_last", "/moving.points", "/elsewhere", "/pointing.several", "/pointing/late"],
+        ),
+    ];
+    pointing.children = vec![Prim {
+        attributes: vec![Attribute::new("outputs:a", "float3")],
+        ..Prim::new(Specifier::Def, "Scope", "inside")
+    }];
+
     // A branch after a deep one, so that a jump skips a whole subtree.
     let deep = (0..40).rev().fold(Prim::new(Specifier::Class, "Xform", "end"), |child, i| {
         let mut prim = Prim::new(Specifier::Def, "Xform", &format!("level{i}"));
@@ -139,7 +168,7 @@ fn varied_layer() -> Layer<'static> {
             ("upAxis".into(), Value::token("Y")),
         ],
         sub_layers: vec!["./weak.usda".into(), "./weaker.usda".into()],
-        prims: vec![deep, scalars, moving, Prim::new(Specifier::Class, "", "_class_last")],
+        prims: vec![pointing, deep, scalars, moving, Prim::new(Specifier::Class, "", "_class_last")],
     }
 }
 
@@ -164,7 +193,7 @@ fn usd_core_reads_and_saves_again_what_both_encodings_say() {
                     Value::Floats(v) => json!(v),
                     Value::Float2s(v) => json!(v),
                     Value::Float3s(v) => json!(v),
-                    Value::Tokens(v) => json!(v),
+                    Value::Strings(v) | Value::Tokens(v) => json!(v),
                     other => panic!("not an array: {other:?}"),
                 };
                 (attribute.name.clone(), value)
@@ -240,6 +269,7 @@ fn any_value() -> impl Strategy<Value = Value<'static>> {
         prop::collection::vec(float, 0..40).prop_map(|v| Value::Floats(v.into())),
         prop::collection::vec(prop::array::uniform2(float), 0..9).prop_map(|v| Value::Float2s(v.into())),
         prop::collection::vec(prop::array::uniform3(float), 0..9).prop_map(|v| Value::Float3s(v.into())),
+        prop::collection::vec(text, 0..4).prop_map(Value::Strings),
         prop::collection::vec(text, 0..4).prop_map(Value::Tokens),
         prop::collection::vec(text, 0..4).prop_map(Value::PrependedTokens),
     ];
@@ -252,32 +282,46 @@ fn any_metadata() -> impl Strategy<Value = Vec<(String, Value<'static>)>> {
     prop::collection::vec(("meta_[a-z]{0,3}", any_value()), 0..3)
 }
 
+/// Absolute paths, some of which a layer may have.
+fn any_paths() -> impl Strategy<Value = Vec<String>> {
+    prop::collection::vec("(/[a-z]{1,2}){1,3}(\\.[a-z:]{1,2})?", 0..3)
+}
+
 fn any_attribute() -> impl Strategy<Value = Attribute<'static>> {
     let samples = prop::collection::vec((-1e4..1e4, any_value()), 0..3);
-    ("[a-z:]{1,6}", "[a-z]{0,6}", any::<bool>(), any_metadata(), prop::option::of(any_value()), samples)
-        .prop_map(|(name, type_name, uniform, metadata, default, samples)| Attribute {
+    let name = "[a-z:]{1,6}";
+    let value = prop::option::of(any_value());
+    (name, "[a-z]{0,6}", any::<bool>(), any_metadata(), value, samples, any_paths()).prop_map(
+        |(name, type_name, uniform, metadata, default, samples, connections)| Attribute {
             name,
             type_name,
             uniform,
             metadata,
             default,
             samples,
-        })
+            connections,
+        },
+    )
+}
+
+fn any_relationship() -> impl Strategy<Value = Relationship> {
+    ("[a-z:]{1,6}", any_paths()).prop_map(|(name, targets)| Relationship { name, targets })
 }
 
 fn any_prim() -> impl Strategy<Value = Prim<'static>> {
     let specifier = prop_oneof![Just(Specifier::Def), Just(Specifier::Over), Just(Specifier::Class)];
     let attributes = || prop::collection::vec(any_attribute(), 0..4);
-    let childless = (specifier, "[A-Z]{0,4}", "[a-z]{1,5}", any_metadata(), attributes()).prop_map(
-        |(specifier, type_name, name, metadata, attributes)| Prim {
+    let relationships = prop::collection::vec(any_relationship(), 0..3);
+    let childless = (specifier, "[A-Z]{0,4}", "[a-z]{1,5}", any_metadata(), attributes(), relationships)
+        .prop_map(|(specifier, type_name, name, metadata, attributes, relationships)| Prim {
             specifier,
             type_name,
             name,
             metadata,
             attributes,
+            relationships,
             children: Vec::new(),
-        },
-    );
+        });
     childless.prop_recursive(4, 16, 3, |inner| {
         (inner.clone(), prop::collection::vec(inner, 0..3))
             .prop_map(|(prim, children)| Prim { children, ..prim })

@@ -18,6 +18,7 @@ HEAD = "/groom/head"
 HAIR = "/groom/hair"
 GUIDES = "/groom/guides"
 COLLIDERS = "/groom/colliders"
+MATERIAL = "/groom/materials/hair"
 TRANSFORM = "xformOp:transform"
 LEVEL = "primvars:groom_level"
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdValidation
 
 from . import tolerances
 from .cache import (
@@ -14,6 +14,7 @@ from .cache import (
     GUIDES,
     HAIR,
     HEAD,
+    MATERIAL,
     RECORD,
     ROOT_LAYER,
     Cache,
@@ -54,6 +55,7 @@ PRIMS = Check(
     "prims",
     "prims have the types, kinds, purposes and curve tokens of a hair cache, and curves stand in world space",
 )
+MATERIALS = Check("material", f"curves are bound to {MATERIAL}, and it has a surface")
 TOPOLOGY = Check("topology", "curve and face counts agree with their points, and every index exists")
 PRIMVARS = Check("primvars", "primvars have their type, interpolation and size")
 FOLLOWING = Check(
@@ -221,6 +223,22 @@ def prims(cache: Cache) -> Iterator[Finding]:
             yield Finding(PRIMS, message="purpose is not guide", prim=mesh.path)
 
 
+def materials(cache: Cache) -> Iterator[Finding]:
+    """What a renderer finds who asks for the material of the curves; composed, so that a target outside of /groom, which is lost
+    where that is referenced, is none."""
+    for curves in cache.curves:
+        prim = cache.stage.GetPrimAtPath(curves.path)
+        if not prim.HasAPI(UsdShade.MaterialBindingAPI):
+            yield Finding(MATERIALS, message="MaterialBindingAPI is not applied", prim=curves.path)
+            continue
+        material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+        if not material or material.GetPath() != MATERIAL:
+            found = material.GetPath() if material else "nothing"
+            yield Finding(MATERIALS, message=f"bound to {found}", prim=curves.path)
+        elif not material.ComputeSurfaceSource()[0]:
+            yield Finding(MATERIALS, message=f"{MATERIAL} has no surface", prim=curves.path)
+
+
 def topology(cache: Cache) -> Iterator[Finding]:
     """Counts against points, for curves and colliders."""
     for curves in cache.curves:
@@ -247,7 +265,7 @@ def primvars(cache: Cache) -> Iterator[Finding]:
     per_curve = {
         "groom_id": types.IntArray,
         "groom_group_id": types.IntArray,
-        "groom_group_name": types.TokenArray,
+        "groom_group_name": types.StringArray,
         "groom_guide": types.IntArray,
         "groom_root_uv": types.TexCoord2fArray,
     }
@@ -383,6 +401,7 @@ STATIC: dict[Check, Callable[[Cache], Iterator[Finding]]] = {
     METADATA: metadata,
     SCALE: scale,
     PRIMS: prims,
+    MATERIALS: materials,
     TOPOLOGY: topology,
     PRIMVARS: primvars,
     FOLLOWING: following,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, Vt
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -152,8 +152,13 @@ class CacheBuilder:
         stage.SetDefaultPrim(groom.GetPrim())
         head = UsdGeom.Xform.Define(stage, "/groom/head")
         head.AddTransformOp()
+        material = UsdShade.Material.Define(stage, "/groom/materials/hair")
+        surface = UsdShade.Shader.Define(stage, "/groom/materials/hair/surface")
+        surface.CreateIdAttr("UsdPreviewSurface")
+        material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
         for path, curves in self.counts.items():
             self._define_curves(stage, path, curves)
+            UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(path)).Bind(material)
         UsdGeom.Scope.Define(stage, "/groom/colliders")
         mesh = UsdGeom.Mesh.Define(stage, "/groom/colliders/skull")
         mesh.AddTransformOp()
@@ -180,7 +185,7 @@ class CacheBuilder:
         types, uniform = Sdf.ValueTypeNames, "uniform"
         primvars.CreatePrimvar("groom_id", types.IntArray, uniform).Set(list(range(count)))
         primvars.CreatePrimvar("groom_group_id", types.IntArray, uniform).Set([0] * count)
-        primvars.CreatePrimvar("groom_group_name", types.TokenArray, uniform).Set(["hair"] * count)
+        primvars.CreatePrimvar("groom_group_name", types.StringArray, uniform).Set(["hair"] * count)
         primvars.CreatePrimvar("groom_guide", types.IntArray, uniform).Set(
             [int(path.endswith("guides"))] * count
         )

@@ -11,12 +11,13 @@ import pytest
 from conftest import CURVES, FPS, GUIDE_COUNT, POINTS, CacheBuilder, head_matrix
 from following_faults import FOLLOWING_FAULTS
 from hairbake_validate.run import CHECKS, validate
+from material_faults import MATERIAL_FAULTS
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from settings_faults import SETTINGS_FAULTS
 
 FAULTS = [
     pytest.param(checks, inject, id=f"{checks[0]}-{inject.__name__}")
-    for checks, inject in SETTINGS_FAULTS + FOLLOWING_FAULTS
+    for checks, inject in SETTINGS_FAULTS + MATERIAL_FAULTS + FOLLOWING_FAULTS
 ]
 MIDDLE = 1003
 HAIR, GUIDES, SKULL = "/groom/hair", "/groom/guides", "/groom/colliders/skull"

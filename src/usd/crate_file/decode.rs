@@ -1,5 +1,6 @@
 //! Reader of what the writer writes, and of the same things written by USD itself. Fields of types that
-//! [`Value`] does not have, and specs that are neither prims nor attributes, are passed over.
+//! [`Value`] does not have, specs of other kinds than a [`Layer`] has, and edits of lists other than those
+//! written here are passed over.
 //!
 //! A file may be damaged or hostile: every offset and count is checked, and memory is only taken
 //! against a budget that grows with the length of the file.
@@ -7,8 +8,8 @@
 use super::integers::{decompress_ints, max_coded_len};
 use super::source::{Fault, Source};
 use super::tables::Tables;
-use super::{LIST_OP_PREPENDED, ValueRep, kind, spec};
-use crate::usd::{Attribute, Layer, Metadata, Prim, Specifier, Value};
+use super::{LIST_OP_EXPLICIT, LIST_OP_PREPENDED, ValueRep, kind, spec};
+use crate::usd::{Attribute, Layer, Metadata, Prim, Relationship, Specifier, Value};
 use crate::{Error, Result};
 use bytemuck::Pod;
 use std::borrow::Cow;
@@ -37,6 +38,7 @@ struct Decoder<'b> {
 #[derive(Default)]
 struct Subtree {
     attributes: Vec<Attribute<'static>>,
+    relationships: Vec<Relationship>,
     children: Vec<Prim<'static>>,
 }
 
@@ -53,6 +55,11 @@ impl Decoder<'_> {
                     self.source.charge(1, size_of::<Attribute>())?;
                     let attribute = self.attribute(path.element, set)?;
                     subtrees[parent].attributes.push(attribute);
+                }
+                spec::RELATIONSHIP => {
+                    self.source.charge(1, size_of::<Relationship>())?;
+                    let relationship = self.relationship(path.element, set)?;
+                    subtrees[parent].relationships.push(relationship);
                 }
                 spec::PRIM => {
                     self.source.charge(1, size_of::<Prim>())?;
@@ -108,6 +115,7 @@ impl Decoder<'_> {
             }
         }
         prim.attributes = subtree.attributes.into_iter().rev().collect();
+        prim.relationships = subtree.relationships.into_iter().rev().collect();
         prim.children = subtree.children.into_iter().rev().collect();
         Ok(prim)
     }
@@ -121,10 +129,22 @@ impl Decoder<'_> {
                 ("custom", _) => {}
                 ("default", rep) => attribute.default = self.value(rep, 0)?,
                 ("timeSamples", rep) => attribute.samples = self.time_samples(rep)?,
+                ("connectionPaths", rep) => attribute.connections = self.path_list(rep)?,
                 (name, rep) => self.metadata(name, rep, &mut attribute.metadata)?,
             }
         }
         Ok(attribute)
+    }
+
+    fn relationship(&self, element: u32, set: u32) -> Fault<Relationship> {
+        let name = self.text(self.tables.token(element.into())?)?;
+        let mut targets = Vec::new();
+        for field in self.fields(set) {
+            if let ("targetPaths", rep) = field? {
+                targets = self.path_list(rep)?;
+            }
+        }
+        Ok(Relationship { name, targets })
     }
 
     fn metadata(&self, name: &str, rep: ValueRep, metadata: &mut Metadata<'static>) -> Fault<()> {
@@ -187,6 +207,7 @@ impl Decoder<'_> {
             kind::FLOAT => Value::Floats(self.items(rep)?.into()),
             kind::FLOAT2 => Value::Float2s(self.items(rep)?.into()),
             kind::FLOAT3 => Value::Float3s(self.items(rep)?.into()),
+            kind::STRING => Value::Strings(self.strings(rep)?),
             kind::TOKEN => Value::Tokens(self.tokens(self.items(rep)?)?),
             _ => return Ok(None),
         }))
@@ -212,13 +233,27 @@ impl Decoder<'_> {
     }
 
     fn prepended_tokens(&self, offset: u64) -> Fault<Option<Value<'static>>> {
+        let items = self.list_op(offset, LIST_OP_PREPENDED)?;
+        items.map(|items| self.tokens(items).map(Value::PrependedTokens)).transpose()
+    }
+
+    /// The paths of an explicit list.
+    fn path_list(&self, rep: ValueRep) -> Fault<Vec<String>> {
+        if rep.kind() != kind::PATH_LIST_OP || rep.has(ValueRep::INLINED | ValueRep::ARRAY) {
+            return Err("a list of paths of the wrong type".into());
+        }
+        let paths = self.list_op(rep.payload(), LIST_OP_EXPLICIT)?.unwrap_or_default();
+        paths.into_iter().map(|index| self.text(&self.tables.path(index)?)).collect()
+    }
+
+    /// The items, token or path indices, of a list operation with that header.
+    fn list_op(&self, offset: u64, header: u8) -> Fault<Option<Vec<u32>>> {
         let mut at = self.source.at(offset)?;
-        let header: u8 = at.value()?;
-        if header != LIST_OP_PREPENDED {
+        if at.value::<u8>()? != header {
             return Ok(None);
         }
         let count = at.count()?;
-        Ok(Some(Value::PrependedTokens(self.tokens(at.items(count, &self.source)?)?)))
+        at.items(count, &self.source).map(Some)
     }
 
     fn dictionary(&self, offset: u64, depth: usize) -> Fault<Vec<(String, Value<'static>)>> {

@@ -2,10 +2,10 @@
 
 use super::integers::{compress, compress_ints};
 use super::{
-    BOOTSTRAP_LEN, FIELD_SET_END, Jump, LIST_OP_PREPENDED, MAGIC, MIN_COMPRESSED_INTS, SECTION_NAME_LEN,
-    VERSION, ValueRep, kind, spec,
+    BOOTSTRAP_LEN, FIELD_SET_END, Jump, LIST_OP_EXPLICIT, LIST_OP_PREPENDED, MAGIC, MIN_COMPRESSED_INTS,
+    SECTION_NAME_LEN, VERSION, ValueRep, kind, spec,
 };
-use crate::usd::{Attribute, Layer, Prim, Specifier, Value};
+use crate::usd::{Attribute, Layer, Prim, Relationship, Specifier, Value};
 use bytemuck::NoUninit;
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -19,7 +19,9 @@ pub fn encode<'a>(layer: &'a Layer<'_>) -> Vec<Cow<'a, [u8]>> {
     let mut encoder = Encoder { flushed: BOOTSTRAP_LEN, ..Encoder::default() };
     // The name of `/` is the empty token. It stands first because a property's token index is stored
     // negated, so that index 0 must never name a property.
-    encoder.tokens.index("");
+    let root = encoder.tokens.index("");
+    encoder.paths.push(Path { element: root as i32, children: Vec::new() });
+    encoder.add_paths(0, &layer.prims);
     encoder.pseudo_root(layer);
     encoder.finish()
 }
@@ -41,10 +43,20 @@ struct Encoder<'a> {
     field_index: HashMap<(u32, ValueRep), u32>,
     field_sets: Vec<u32>,
     field_set_index: HashMap<Vec<u32>, u32>,
-    /// Element token (negated for a property) and jump of each path, in pre-order.
-    paths: Vec<(i32, i32)>,
-    /// Field set and kind of the spec at each path: every path of ours has one.
+    /// The root, all paths that have specs, in the order of these, and those that are only pointed at.
+    paths: Vec<Path>,
+    /// Index of the path below a path, by its element.
+    path_index: HashMap<(u32, i32), u32>,
+    /// Field set and kind of the spec at each of the first paths.
     specs: Vec<(u32, u32)>,
+}
+
+/// A node of the path tree.
+struct Path {
+    /// Token of the last element, negated for a property.
+    element: i32,
+    /// Indices of the paths below.
+    children: Vec<u32>,
 }
 
 #[derive(Default)]
@@ -70,7 +82,6 @@ impl Tokens {
 
 impl<'a> Encoder<'a> {
     fn pseudo_root(&mut self, layer: &'a Layer<'_>) {
-        let path = self.open_path(0);
         let mut fields = self.metadata(&layer.metadata);
         if !layer.sub_layers.is_empty() {
             let rep = self.string_vector(&layer.sub_layers);
@@ -79,14 +90,11 @@ impl<'a> Encoder<'a> {
             fields.push(self.field("subLayerOffsets", rep));
         }
         self.name_list("primChildren", layer.prims.iter().map(|p| p.name.as_str()), &mut fields);
-        self.spec(path, fields, spec::PSEUDO_ROOT);
-        self.children(&[], &layer.prims);
-        self.close_path(path, false);
+        self.spec(fields, spec::PSEUDO_ROOT);
+        layer.prims.iter().for_each(|prim| self.prim(prim));
     }
 
-    fn prim(&mut self, prim: &'a Prim<'_>, has_sibling: bool) {
-        let token = self.tokens.index(&prim.name) as i32;
-        let path = self.open_path(token);
+    fn prim(&mut self, prim: &'a Prim<'_>) {
         let specifier = match prim.specifier {
             Specifier::Def => 0,
             Specifier::Over => 1,
@@ -97,25 +105,15 @@ impl<'a> Encoder<'a> {
             fields.push(self.token_field("typeName", &prim.type_name));
         }
         fields.extend(self.metadata(&prim.metadata));
-        self.name_list("properties", prim.attributes.iter().map(|a| a.name.as_str()), &mut fields);
+        self.name_list("properties", property_names(prim), &mut fields);
         self.name_list("primChildren", prim.children.iter().map(|c| c.name.as_str()), &mut fields);
-        self.spec(path, fields, spec::PRIM);
-        self.children(&prim.attributes, &prim.children);
-        self.close_path(path, has_sibling);
+        self.spec(fields, spec::PRIM);
+        prim.attributes.iter().for_each(|attribute| self.attribute(attribute));
+        prim.relationships.iter().for_each(|relationship| self.relationship(relationship));
+        prim.children.iter().for_each(|child| self.prim(child));
     }
 
-    fn children(&mut self, attributes: &'a [Attribute<'_>], prims: &'a [Prim<'_>]) {
-        for (i, attribute) in attributes.iter().enumerate() {
-            self.attribute(attribute, i + 1 < attributes.len() || !prims.is_empty());
-        }
-        for (i, prim) in prims.iter().enumerate() {
-            self.prim(prim, i + 1 < prims.len());
-        }
-    }
-
-    fn attribute(&mut self, attribute: &'a Attribute<'_>, has_sibling: bool) {
-        let token = self.tokens.index(&attribute.name) as i32;
-        let path = self.open_path(-token);
+    fn attribute(&mut self, attribute: &'a Attribute<'_>) {
         let mut fields = vec![
             self.field("custom", ValueRep::inlined(kind::BOOL, 0)),
             self.token_field("typeName", &attribute.type_name),
@@ -130,29 +128,63 @@ impl<'a> Encoder<'a> {
             let rep = self.time_samples(&attribute.samples);
             fields.push(self.field("timeSamples", rep));
         }
-        self.spec(path, fields, spec::ATTRIBUTE);
-        self.close_path(path, has_sibling);
+        self.path_list("connectionPaths", &attribute.connections, &mut fields);
+        self.spec(fields, spec::ATTRIBUTE);
     }
 
-    /// Reserves the entry of a path; its subtree comes next, then [`Self::close_path`].
-    fn open_path(&mut self, element: i32) -> usize {
-        self.paths.push((element, Jump::Leaf.code()));
-        self.paths.len() - 1
+    fn relationship(&mut self, relationship: &Relationship) {
+        let mut fields = vec![
+            self.field("custom", ValueRep::inlined(kind::BOOL, 0)),
+            self.field("variability", ValueRep::inlined(kind::VARIABILITY, 1)),
+        ];
+        self.path_list("targetPaths", &relationship.targets, &mut fields);
+        self.spec(fields, spec::RELATIONSHIP);
     }
 
-    fn close_path(&mut self, path: usize, has_sibling: bool) {
-        let subtree = self.paths.len() - path;
-        let jump = match (subtree > 1, has_sibling) {
-            (false, false) => Jump::Leaf,
-            (false, true) => Jump::Sibling,
-            (true, false) => Jump::Child,
-            (true, true) => Jump::Both(subtree as i32),
-        };
-        self.paths[path].1 = jump.code();
+    /// Opens the paths of all specs below a path, in the order in which the specs are written.
+    fn add_paths(&mut self, parent: u32, prims: &[Prim]) {
+        for prim in prims {
+            let element = self.tokens.index(&prim.name) as i32;
+            let path = self.add_path(parent, element);
+            for name in property_names(prim) {
+                let element = -(self.tokens.index(name) as i32);
+                self.add_path(path, element);
+            }
+            self.add_paths(path, &prim.children);
+        }
     }
 
-    fn spec(&mut self, path: usize, mut fields: Vec<u32>, kind: u32) {
-        debug_assert_eq!(path, self.specs.len(), "specs stand in the order of their paths");
+    fn add_path(&mut self, parent: u32, element: i32) -> u32 {
+        let path = self.paths.len() as u32;
+        self.paths.push(Path { element, children: Vec::new() });
+        self.paths[parent as usize].children.push(path);
+        self.path_index.entry((parent, element)).or_insert(path);
+        path
+    }
+
+    /// Index of an absolute path.
+    fn path(&mut self, path: &str) -> u32 {
+        let (prim, property) = path.split_once('.').map_or((path, None), |(prim, name)| (prim, Some(name)));
+        let names = prim.split('/').filter(|name| !name.is_empty());
+        let elements = names.map(|name| (name, 1)).chain(property.map(|name| (name, -1)));
+        elements.fold(0, |parent, (name, sign)| {
+            let element = sign * self.tokens.index(name) as i32;
+            let known = self.path_index.get(&(parent, element)).copied();
+            known.unwrap_or_else(|| self.add_path(parent, element))
+        })
+    }
+
+    /// The field of what is pointed at, if anything is.
+    fn path_list(&mut self, field: &str, paths: &[String], fields: &mut Vec<u32>) {
+        if !paths.is_empty() {
+            let paths: Vec<u32> = paths.iter().map(|path| self.path(path)).collect();
+            let rep = self.list_op(kind::PATH_LIST_OP, LIST_OP_EXPLICIT, &paths);
+            fields.push(self.field(field, rep));
+        }
+    }
+
+    /// The spec of the next path.
+    fn spec(&mut self, mut fields: Vec<u32>, kind: u32) {
         fields.push(FIELD_SET_END);
         let start = self.field_sets.len() as u32;
         let set = *self.field_set_index.entry(fields).or_insert_with_key(|fields| {
@@ -231,6 +263,11 @@ impl<'a> Encoder<'a> {
             Value::Floats(floats) => self.array(kind::FLOAT, floats),
             Value::Float2s(floats) => self.array(kind::FLOAT2, floats),
             Value::Float3s(floats) => self.array(kind::FLOAT3, floats),
+            Value::Strings(texts) if texts.is_empty() => ValueRep::array(kind::STRING, 0),
+            Value::Strings(texts) => {
+                let strings = self.string_indices(texts);
+                ValueRep::array(kind::STRING, self.counted(&strings))
+            }
             Value::Tokens(texts) if texts.is_empty() => ValueRep::array(kind::TOKEN, 0),
             Value::Tokens(texts) => {
                 let tokens = self.token_indices(texts);
@@ -239,13 +276,18 @@ impl<'a> Encoder<'a> {
             Value::Dictionary(entries) => self.dictionary(entries),
             Value::PrependedTokens(texts) => {
                 let tokens = self.token_indices(texts);
-                let offset = self.align();
-                self.put(LIST_OP_PREPENDED);
-                self.put(tokens.len() as u64);
-                self.buffer.extend_from_slice(bytemuck::cast_slice(&tokens));
-                ValueRep::at(kind::TOKEN_LIST_OP, offset)
+                self.list_op(kind::TOKEN_LIST_OP, LIST_OP_PREPENDED, &tokens)
             }
         }
+    }
+
+    /// A list operation with one list of items, token or path indices.
+    fn list_op(&mut self, kind: u8, header: u8, items: &[u32]) -> ValueRep {
+        let offset = self.align();
+        self.put(header);
+        self.put(items.len() as u64);
+        self.buffer.extend_from_slice(bytemuck::cast_slice(items));
+        ValueRep::at(kind, offset)
     }
 
     fn token_indices(&mut self, texts: &[String]) -> Vec<u32> {
@@ -303,8 +345,12 @@ impl<'a> Encoder<'a> {
         self.put(size_of::<i64>() as i64);
     }
 
+    fn string_indices(&mut self, texts: &[String]) -> Vec<u32> {
+        texts.iter().map(|text| self.string(text)).collect()
+    }
+
     fn string_vector(&mut self, texts: &[String]) -> ValueRep {
-        let strings: Vec<u32> = texts.iter().map(|text| self.string(text)).collect();
+        let strings = self.string_indices(texts);
         ValueRep::at(kind::STRING_VECTOR, self.counted(&strings))
     }
 
@@ -408,12 +454,30 @@ impl<'a> Encoder<'a> {
     }
 
     fn paths_section(&mut self) {
-        let paths = std::mem::take(&mut self.paths);
+        let mut table = Vec::with_capacity(self.paths.len());
+        self.pre_order(0, false, &mut table);
         // How many paths there are, and how many of them the tree holds: all.
-        self.put([paths.len() as u64; 2]);
-        self.put_compressed_ints(0..paths.len() as i32);
-        self.put_compressed_ints(paths.iter().map(|(element, _)| *element));
-        self.put_compressed_ints(paths.iter().map(|(_, jump)| *jump));
+        self.put([table.len() as u64; 2]);
+        for column in 0..3 {
+            self.put_compressed_ints(table.iter().map(|row: &[i32; 3]| row[column]));
+        }
+    }
+
+    /// Appends index, element and jump of a path and of all below it.
+    fn pre_order(&self, path: u32, has_sibling: bool, table: &mut Vec<[i32; 3]>) {
+        let Path { element, children } = &self.paths[path as usize];
+        let place = table.len();
+        table.push([path as i32, *element, 0]);
+        for (i, child) in children.iter().enumerate() {
+            self.pre_order(*child, i + 1 < children.len(), table);
+        }
+        let jump = match (children.is_empty(), has_sibling) {
+            (true, false) => Jump::Leaf,
+            (true, true) => Jump::Sibling,
+            (false, false) => Jump::Child,
+            (false, true) => Jump::Both((table.len() - place) as i32),
+        };
+        table[place][2] = jump.code();
     }
 
     fn specs_section(&mut self) {
@@ -423,4 +487,10 @@ impl<'a> Encoder<'a> {
         self.put_compressed_ints(specs.iter().map(|(set, _)| set.cast_signed()));
         self.put_compressed_ints(specs.iter().map(|(_, kind)| kind.cast_signed()));
     }
+}
+
+/// In the order in which they are written.
+fn property_names<'n>(prim: &'n Prim) -> impl Iterator<Item = &'n str> {
+    let relationships = prim.relationships.iter().map(|relationship| relationship.name.as_str());
+    prim.attributes.iter().map(|attribute| attribute.name.as_str()).chain(relationships)
 }

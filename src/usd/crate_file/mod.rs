@@ -7,7 +7,8 @@
 //! - A *token* is an interned string; a *string* is an index into the tokens by way of a second table.
 //! - A *field* is a (name token, value) pair; a *field set* is a run of field indices that ends in −1;
 //!   a *spec* is (path, field set, kind). Equal fields and equal field sets are stored once.
-//! - Paths are a tree in pre-order; see `Jump`.
+//! - Paths are a tree in pre-order; see `Jump`. What relationships and connections point at is in the tree as well,
+//!   with or without a spec in this file.
 
 mod decode;
 mod encode;
@@ -33,7 +34,9 @@ const SECTION_NAME_LEN: usize = 16;
 const FIELD_SET_END: u32 = u32::MAX;
 /// Integer arrays shorter than this are never compressed.
 const MIN_COMPRESSED_INTS: usize = 16;
-/// The bit of a token list operation's header that says that prepended items follow.
+/// The bits of a list operation's header that say that the list replaces weaker ones, and that its items follow.
+const LIST_OP_EXPLICIT: u8 = 1 | 2;
+/// The bit that says that prepended items follow.
 const LIST_OP_PREPENDED: u8 = 32;
 
 /// Type codes of values.
@@ -50,6 +53,7 @@ mod kind {
     pub const FLOAT3: u8 = 24;
     pub const DICTIONARY: u8 = 31;
     pub const TOKEN_LIST_OP: u8 = 32;
+    pub const PATH_LIST_OP: u8 = 34;
     pub const TOKEN_VECTOR: u8 = 41;
     pub const SPECIFIER: u8 = 42;
     pub const VARIABILITY: u8 = 44;
@@ -64,6 +68,7 @@ mod spec {
     pub const ATTRIBUTE: u32 = 1;
     pub const PRIM: u32 = 6;
     pub const PSEUDO_ROOT: u32 = 7;
+    pub const RELATIONSHIP: u32 = 8;
 }
 
 /// A value as it stands in the tables: bit 63 array, 62 inlined, 61 compressed, bits 48-55 the type,

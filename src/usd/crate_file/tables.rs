@@ -20,6 +20,8 @@ pub(super) struct Tables {
     field_sets: Vec<u32>,
     /// In pre-order: parents before children.
     pub paths: Vec<PathEntry>,
+    /// Place in [`Self::paths`] of each path index, where it has one.
+    order: Vec<Option<usize>>,
 }
 
 /// One path and the spec at it.
@@ -28,6 +30,8 @@ pub(super) struct PathEntry {
     pub parent: Option<usize>,
     /// Token of the last element.
     pub element: u32,
+    /// Whether it is a property of its parent, and not a prim below it.
+    pub is_property: bool,
     /// Kind code and start of the field set, where there is a spec.
     pub spec: Option<(u32, u32)>,
 }
@@ -62,7 +66,7 @@ impl Tables {
 
         let (mut paths, order) = paths(&mut section("PATHS")?, source)?;
         specs(&mut section("SPECS")?, source, &mut paths, &order)?;
-        Ok(Tables { tokens, strings, fields, field_sets, paths })
+        Ok(Tables { tokens, strings, fields, field_sets, paths, order })
     }
 
     /// The token of that index.
@@ -75,6 +79,21 @@ impl Tables {
     pub fn string(&self, index: u64) -> Fault<&str> {
         let token = usize::try_from(index).ok().and_then(|i| self.strings.get(i));
         self.token((*token.ok_or_else(|| format!("string {index} of {}", self.strings.len()))?).into())
+    }
+
+    /// The path of that index, such as `/groom/hair.points`.
+    pub fn path(&self, index: u32) -> Fault<String> {
+        let place = self.order.get(index as usize).copied().flatten();
+        let mut entry = place.and_then(|place| self.paths.get(place));
+        if entry.is_none() {
+            return Err(format!("path {index} of {}", self.order.len()));
+        }
+        let mut elements = Vec::new();
+        while let Some(PathEntry { parent: Some(parent), element, is_property, .. }) = entry {
+            elements.push([if *is_property { "." } else { "/" }, self.token((*element).into())?]);
+            entry = self.paths.get(*parent);
+        }
+        Ok(elements.into_iter().rev().flatten().collect())
     }
 
     /// The fields of the set that starts there.
@@ -155,6 +174,7 @@ fn paths(at: &mut Cursor, source: &Source) -> Fault<(Vec<PathEntry>, Vec<Option<
         paths.push(PathEntry {
             parent: ancestors.last().copied(),
             element: elements[i].unsigned_abs(),
+            is_property: elements[i] < 0,
             spec: None,
         });
         match Jump::from_code(jump).ok_or_else(|| format!("a path jump of {jump}"))? {
