@@ -252,7 +252,8 @@ fn text(value: Value<'static>) -> Option<String> {
 
 fn strings(value: Value<'static>) -> Option<Vec<String>> {
     match value {
-        Value::Strings(v) => Some(v),
+        // Names of groups were tokens once.
+        Value::Strings(v) | Value::Tokens(v) => Some(v),
         _ => None,
     }
 }
