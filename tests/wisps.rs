@@ -65,7 +65,7 @@ fn less_parting_is_nearer_to_all_guides_by_themselves_and_more_of_them() {
         run(&groom, &anim, last)
     };
     let full = with(Resolution::Full, 0.0);
-    let runs = [(Resolution::Coarse, 0.0), (Resolution::Adaptive, 0.03), (Resolution::Adaptive, 0.003)]
+    let runs = [(Resolution::Coarse, 0.0), (Resolution::Adaptive, 0.004), (Resolution::Adaptive, 0.0004)]
         .map(|(resolution, parting)| with(resolution, parting));
     // Gathering moves nothing.
     for run in &runs {
@@ -86,7 +86,7 @@ fn less_parting_is_nearer_to_all_guides_by_themselves_and_more_of_them() {
 fn when_the_head_holds_still_wisps_join_again_and_nothing_jumps() {
     let (groom, mut anim) = scene(Style::Short, 60);
     anim.settings.resolution = Resolution::Adaptive;
-    anim.settings.parting = 0.02;
+    anim.settings.parting = 0.003;
     let frames = run(&groom, &anim, anim.frames.1);
     let nodes: Vec<u32> = frames.iter().map(|(_, nodes)| *nodes).collect();
     let (coarse, most) = (nodes[0], *nodes.iter().max().unwrap());
@@ -111,11 +111,29 @@ fn when_the_head_holds_still_wisps_join_again_and_nothing_jumps() {
 fn every_guide_is_led_by_those_of_coarser_wisps() {
     let (groom, _) = scene(Style::Long, 0);
     let rods = wisp::rods(&groom, Cut::COARSE);
-    let hierarchy = Hierarchy::new(&groom, &rods);
+    let drag: Vec<_> = rods.iter().map(|r| vec![1e-5; r.rod.points()]).collect();
+    let hierarchy = Hierarchy::new(&groom, &rods, |i| &drag[i]);
     let coarse = |i: &usize| hierarchy.leaders[*i].is_empty();
     assert_eq!((0..rods.len()).filter(coarse).count(), groom.trees.len());
+    assert!((0..rods.len()).all(|i| coarse(&i) == (hierarchy.missed[i] == 0.0) && hierarchy.missed[i] < 2.0));
     for (i, leaders) in hierarchy.leaders.iter().enumerate().filter(|(i, _)| !coarse(i)) {
         assert!(leaders.iter().all(|(leader, _)| hierarchy.level[*leader] < hierarchy.level[i]));
         assert!((leaders.iter().map(|(_, share)| share).sum::<f64>() - 1.0).abs() < 1e-9);
     }
+}
+
+#[test]
+fn guides_that_came_away_rub_as_they_do_at_full_resolution() {
+    let (mut groom, mut anim) = scene(Style::Short, 0);
+    let last = anim.frames.0 + 20;
+    let mut with = |friction, resolution| {
+        groom.materials.iter_mut().for_each(|m| m.wisp_friction = friction);
+        (anim.settings.resolution, anim.settings.parting) = (resolution, 0.0004);
+        run(&groom, &anim, last)
+    };
+    let free = with(0.0, Resolution::Full);
+    let rubbed = with(60.0, Resolution::Full);
+    let adaptive = with(60.0, Resolution::Adaptive);
+    let (near, far) = (apart(&rubbed, &adaptive), apart(&free, &adaptive));
+    assert!(near < 0.3 * far, "{near} {far}");
 }

@@ -155,7 +155,11 @@ pub struct Surroundings<'a> {
 impl Surroundings<'_> {
     /// World pose of a root that has pose `rest` in rest space, at time `t`, s.
     pub fn root(&self, rest: &Pose, t: f64) -> Pose {
-        let head = (self.head)(t);
+        Surroundings::rooted(&(self.head)(t), rest)
+    }
+
+    /// World pose of a root that has pose `rest` in rest space, with the head at `head`.
+    pub fn rooted(head: &Isometry3<f64>, rest: &Pose) -> Pose {
         let r = head.rotation.to_rotation_matrix();
         Pose { r: r.matrix() * rest.r, p: r * rest.p + head.translation.vector }
     }

@@ -98,7 +98,8 @@ impl<'a> Simulation<'a> {
             Resolution::Full => None,
             resolution => {
                 let parting = (resolution == Resolution::Adaptive).then_some(anim.settings.parting);
-                Some(Wisps::new(Hierarchy::new(groom, rods), parting, step, 1.0 / anim.fps))
+                let hierarchy = Hierarchy::new(groom, rods, |i| &simulation.guides[i].drag);
+                Some(Wisps::new(hierarchy, parting, step, 1.0 / anim.fps))
             }
         };
         simulation.muster();

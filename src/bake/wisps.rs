@@ -6,10 +6,9 @@ mod keep_out;
 use super::guide::{Guide, Surroundings};
 use super::state::Unfit;
 use crate::contact::Outside;
-use crate::math::se3::Pose;
 use crate::rod::{Rod, Shape};
-use crate::wisp::Hierarchy;
-use keep_out::Moment;
+use crate::wisp::{Hierarchy, Reach};
+use keep_out::{Moment, Placed};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -26,7 +25,7 @@ const G: f64 = 9.81;
 /// frames; what follows has no state in between.
 pub(super) struct Wisps {
     hierarchy: Hierarchy,
-    /// The share of its length by which a guide may be off before it comes away from its wisps; `None` where none does.
+    /// The share of its length by which a guide may be off, about, before it comes away from its wisps; `None` where none does.
     parting: Option<f64>,
     /// Length of a sub-step, and of a frame, s.
     h: f64,
@@ -36,6 +35,9 @@ pub(super) struct Wisps {
     followers: Vec<Follower>,
     /// Where each guide that follows was last seen outside of bodies.
     memory: Vec<Vec<Outside>>,
+    /// Which guides lead others, and how they were turned at the end of the last frame.
+    leads: Vec<bool>,
+    turning: Vec<Turning>,
 }
 
 /// A guide at rest.
@@ -44,9 +46,7 @@ struct Rest {
     settled: Settled,
     /// Frames of the nodes that have unknowns, rest space.
     frame: Vec<Matrix3<f64>>,
-    /// From each node to the next: the way in rest space, and the share of the arc; both over the length.
-    edge: Vec<Vector3<f64>>,
-    span: Vec<f64>,
+    reach: Reach,
 }
 
 /// What a guide at rest is known by.
@@ -54,7 +54,7 @@ struct Rest {
 struct Settled {
     /// Unknowns, 1/m.
     q: Vec<f64>,
-    /// Distance that each point keeps from each body when it follows, m, as in [`Guide::kept`].
+    /// Distance that each place keeps from each body when it follows, m, as in [`Guide::kept`].
     kept: Vec<f64>,
 }
 
@@ -70,6 +70,9 @@ struct Follower {
     drift: Vec<f64>,
     /// What kept it out of bodies at the end of the last frame, 1/m; empty where nothing had to.
     out: Vec<f64>,
+    /// How far that moved it on average, as a share of its length.
+    #[serde(skip)]
+    off: f64,
 }
 
 impl Follower {
@@ -99,14 +102,12 @@ const BACK: [usize; 3] = [0, 1, 2];
 /// of any length and shape can be averaged.
 type Turning = [Vec<Vector3<f64>>; 3];
 
-/// Where a guide follows to.
-struct Followed {
-    /// Unknowns, 1/m: now, and one and two sub-steps ago.
-    q: [Vec<f64>; 3],
-    /// What of them keeps it out of bodies now, 1/m; empty where nothing has to.
-    out: Vec<f64>,
-    /// How far that moves it at most, as a share of its length.
-    off: f64,
+/// Workspace of a thread in which guides follow.
+#[derive(Default)]
+struct Workspace {
+    mean: Vec<Vector3<f64>>,
+    led: Vec<f64>,
+    placed: Placed,
 }
 
 /// What is to become of a guide.
@@ -123,8 +124,12 @@ impl Wisps {
     /// Every guide by itself, until [`Wisps::gather`]. `h` is the sub-step, `frame` the frame, s.
     pub fn new(hierarchy: Hierarchy, parting: Option<f64>, h: f64, frame: f64) -> Self {
         let guides = hierarchy.leaders.len();
+        let mut leads = vec![false; guides];
+        hierarchy.leaders.iter().flatten().for_each(|(leader, _)| leads[*leader] = true);
         Wisps {
             hierarchy,
+            leads,
+            turning: vec![Turning::default(); guides],
             parting,
             h,
             frame,
@@ -173,22 +178,21 @@ impl Wisps {
 
     /// Moves what follows to where it is at time `t`, s, the end of a frame, and lets guides come away from their wisps and join them.
     pub fn follow(&mut self, guides: &mut [Guide], around: &Surroundings, t: f64) -> Changes {
-        let (turning, off) = self.lead(guides, around, t);
+        self.lead(guides, &Moment::new(around, t));
         let Some(parting) = self.parting else { return Changes::default() };
         let change = |i: usize| {
-            let apart = self.spread(i, &turning);
             if !self.is_free(i) {
-                return (apart + off[i] > parting).then_some(Change::Split);
+                return (self.missed(i) + self.followers[i].off > parting).then_some(Change::Split);
             }
             if self.hierarchy.leaders[i].is_empty() || !guides[i].ties.is_empty() {
                 return None;
             }
-            let still = self.speed(i, &turning) < parting * (G / guides[i].rod.length()).sqrt();
-            if !still || apart > CALM * parting {
+            let still = self.speed(i, &guides[i]) < parting * (G / guides[i].rod.length()).sqrt();
+            if !still || self.missed(i) > CALM * parting {
                 return Some(Change::Wait);
             }
             let rested = t - self.followers[i].since >= FADING - 0.5 * self.h;
-            rested.then(|| Change::Merge(self.joined(i, &guides[i], &turning, t)))
+            rested.then(|| Change::Merge(self.joined(i, &guides[i], t)))
         };
         let changes: Vec<Option<Change>> = (0..guides.len()).into_par_iter().map(change).collect();
         let mut done = Changes::default();
@@ -210,91 +214,104 @@ impl Wisps {
         done
     }
 
-    /// Moves what follows to where it is at time `t`, s; returns how all guides are turned, and by how much of its length each was
-    /// kept out of bodies.
-    fn lead(&mut self, guides: &mut [Guide], around: &Surroundings, t: f64) -> (Vec<Turning>, Vec<f64>) {
-        let now = Moment::new(around, t);
-        let mut turning: Vec<Turning> = vec![Turning::default(); guides.len()];
-        let mut off = vec![0.0; guides.len()];
-        let mut memory = std::mem::take(&mut self.memory);
+    /// Moves what follows to where it is `now`, and notes how what leads is turned.
+    fn lead(&mut self, guides: &mut [Guide], now: &Moment) {
+        let (mut followers, mut turning, mut memory) = (
+            std::mem::take(&mut self.followers),
+            std::mem::take(&mut self.turning),
+            std::mem::take(&mut self.memory),
+        );
         for level in 0..=self.hierarchy.level.iter().copied().max().unwrap_or(0) {
-            let of_level = |(i, memory): (usize, &mut Vec<Outside>)| {
-                if self.hierarchy.level[i] != level {
-                    return None;
-                }
-                let guide = &guides[i];
-                if self.is_free(i) {
-                    return Some((self.rest[i].turning(&guide.rod, &guide.q), None));
-                }
-                let followed = self.following(i, &guide.rod, &turning, &now, memory);
-                Some((self.rest[i].turning(&guide.rod, &followed.q), Some(followed)))
-            };
-            let done: Vec<_> = memory.par_iter_mut().enumerate().map(of_level).collect();
-            for (i, done) in done.into_iter().enumerate() {
-                let Some((turned, followed)) = done else { continue };
-                turning[i] = turned;
-                if let Some(followed) = followed {
-                    (guides[i].q, self.followers[i].out, off[i]) = (followed.q, followed.out, followed.off);
-                }
-            }
+            let of_level = |i: usize| self.hierarchy.level[i] == level;
+            let of_all = guides.par_iter_mut().zip(&mut followers).zip(&mut memory).enumerate();
+            of_all.filter(|(i, ((_, follower), _))| of_level(*i) && follower.follows).for_each_init(
+                Workspace::default,
+                |work, (i, ((guide, follower), memory))| {
+                    self.place(i, guide, follower, &turning, now, memory, work);
+                },
+            );
+            let leading = turning.par_iter_mut().zip(&*guides).enumerate();
+            leading
+                .filter(|(i, _)| of_level(*i) && self.leads[*i])
+                .for_each(|(i, (turning, guide))| self.rest[i].turn(guide, turning));
         }
-        self.memory = memory;
-        (turning, off)
+        (self.followers, self.turning, self.memory) = (followers, turning, memory);
     }
 
-    /// Where guide `i` follows to, at time `t`, s.
-    fn following(
+    /// Moves guide `i` to where those lead it whose turning is given.
+    #[expect(clippy::too_many_arguments, reason = "what is moved is taken out of `self`, part by part")]
+    fn place(
         &self,
         i: usize,
-        rod: &Rod,
+        guide: &mut Guide,
+        follower: &mut Follower,
         turning: &[Turning],
         now: &Moment,
         memory: &mut Vec<Outside>,
-    ) -> Followed {
-        let t = now.time();
-        let mut q = BACK.map(|back| {
-            let mut q = self.rest[i].unknowns(rod, &self.mean(i, turning, back));
-            self.followers[i].add_own(t - back as f64 * self.h, &mut q);
-            q
-        });
-        let led = q[0].clone();
-        let way = now.bring_out(rod, &self.rest[i].settled.kept, &mut q[0], memory);
-        let out: Vec<f64> = match way {
-            Some(_) => q[0].iter().zip(&led).map(|(q, led)| q - led).collect(),
-            None => Vec::new(),
-        };
-        // What bodies do to it is known at frames only: between them it goes evenly.
-        let at = |out: &[f64], n: usize| out.get(n).copied().unwrap_or(0.0);
-        for (back, q) in q.iter_mut().enumerate().skip(1) {
-            let share = back as f64 * self.h / self.frame;
-            let before = |n: usize| at(&out, n) * (1.0 - share) + at(&self.followers[i].out, n) * share;
-            q.iter_mut().enumerate().for_each(|(n, q)| *q += before(n));
+        work: &mut Workspace,
+    ) {
+        let (rod, q) = (&guide.rod, &mut guide.q);
+        for (back, q) in q.iter_mut().enumerate() {
+            self.mean(i, turning, back, &mut work.mean);
+            self.rest[i].unknowns(rod, &work.mean, q);
+            follower.add_own(now.time() - back as f64 * self.h, q);
         }
-        Followed { q, out, off: way.unwrap_or(0.0) / rod.length() }
+        work.led.clone_from(&q[0]);
+        let way = now.bring_out(rod, &self.rest[i].settled.kept, &mut q[0], memory, &mut work.placed);
+        follower.off = way.unwrap_or(0.0) / rod.length();
+        if way.is_none() && follower.out.is_empty() {
+            return;
+        }
+        // What bodies do to it is known at frames only: between them it goes evenly.
+        follower.out.resize(work.led.len(), 0.0);
+        let [now, past @ ..] = q;
+        for (n, before) in follower.out.iter_mut().enumerate() {
+            let out = now[n] - work.led[n];
+            for (back, q) in past.iter_mut().enumerate() {
+                let share = (back + 1) as f64 * self.h / self.frame;
+                q[n] += out * (1.0 - share) + *before * share;
+            }
+            *before = out;
+        }
+        if way.is_none() {
+            follower.out.clear();
+        }
     }
 
     /// How the leaders of guide `i` are turned on average, `back` sub-steps ago.
-    fn mean(&self, i: usize, turning: &[Turning], back: usize) -> Vec<Vector3<f64>> {
-        let mut mean = vec![Vector3::zeros(); self.rest[i].frame.len()];
+    fn mean(&self, i: usize, turning: &[Turning], back: usize, mean: &mut Vec<Vector3<f64>>) {
+        mean.clear();
+        mean.resize(self.rest[i].frame.len(), Vector3::zeros());
         for (leader, share) in &self.hierarchy.leaders[i] {
             mean.iter_mut().zip(&turning[*leader][back]).for_each(|(mean, led)| *mean += led * *share);
         }
-        mean
+    }
+
+    /// How the leaders of guide `i` are and were turned on average.
+    fn means(&self, i: usize) -> Turning {
+        let mut means = Turning::default();
+        means.iter_mut().enumerate().for_each(|(back, mean)| self.mean(i, &self.turning, back, mean));
+        means
     }
 
     /// Speed of guide `i`, which moves by itself, as seen from where its leaders would move it, as a share of its length, 1/s.
-    fn speed(&self, i: usize, turning: &[Turning]) -> f64 {
-        let led = BACK.map(|back| self.mean(i, turning, back));
+    fn speed(&self, i: usize, guide: &Guide) -> f64 {
+        let (led, mut own) = (self.means(i), Turning::default());
+        self.rest[i].turn(guide, &mut own);
         let rate = |node: usize| {
-            let own = |back: usize, axis: usize| turning[i][back][node][axis] - led[back][node][axis];
-            Vector3::from_fn(|axis, _| slope(BACK.map(|back| own(back, axis)), self.h))
+            let off = |back: usize, axis: usize| own[back][node][axis] - led[back][node][axis];
+            Vector3::from_fn(|axis, _| slope(BACK.map(|back| off(back, axis)), self.h))
         };
-        self.rest[i].way((0..led[0].len()).map(rate))
+        self.rest[i].reach.way((0..led[0].len()).map(rate))
     }
 
     /// What guide `i` is when it begins to follow at time `t`, s.
-    fn joined(&self, i: usize, guide: &Guide, turning: &[Turning], t: f64) -> Follower {
-        let led = BACK.map(|back| self.rest[i].unknowns(&guide.rod, &self.mean(i, turning, back)));
+    fn joined(&self, i: usize, guide: &Guide, t: f64) -> Follower {
+        let led = self.means(i).map(|mean| {
+            let mut q = Vec::new();
+            self.rest[i].unknowns(&guide.rod, &mean, &mut q);
+            q
+        });
         let own = |n: usize| BACK.map(|back| guide.q[back][n] - led[back][n]);
         let n = 0..led[0].len();
         Follower {
@@ -302,19 +319,26 @@ impl Wisps {
             since: t,
             offset: n.clone().map(|n| own(n)[0]).collect(),
             drift: n.map(|n| slope(own(n), self.h)).collect(),
-            out: Vec::new(),
+            ..Follower::default()
         }
     }
 
-    /// By how much of its length guide `i` is elsewhere for one of its leaders than for all, as the root mean square by their shares. Of a single one
-    /// nothing tells by how much others would differ: that may be all of its way from rest.
-    fn spread(&self, i: usize, turning: &[Turning]) -> f64 {
-        let mean = self.mean(i, turning, 0);
+    /// By how much of its length guide `i` may be off: by how much it is elsewhere for one of its leaders than for all, as the root mean square by their
+    /// shares, times the share of its answers that they miss. Of a single one nothing tells by how much others would differ: that may be all of its way
+    /// from rest.
+    fn missed(&self, i: usize) -> f64 {
+        self.hierarchy.missed[i] * self.spread(i)
+    }
+
+    fn spread(&self, i: usize) -> f64 {
+        let mut mean = Vec::new();
+        self.mean(i, &self.turning, 0, &mut mean);
         if self.hierarchy.leaders[i].len() == 1 {
-            return self.rest[i].way(mean.into_iter());
+            return self.rest[i].reach.way(mean.into_iter());
         }
         let square = |(leader, share): &(usize, f64)| {
-            let apart = self.rest[i].way(turning[*leader][0].iter().zip(&mean).map(|(led, mean)| led - mean));
+            let apart = self.turning[*leader][0].iter().zip(&mean).map(|(led, mean)| led - mean);
+            let apart = self.rest[i].reach.way(apart);
             share.abs() * apart * apart
         };
         self.hierarchy.leaders[i].iter().map(square).sum::<f64>().sqrt()
@@ -327,45 +351,33 @@ impl Rest {
         shape.update(rod, &rod.root.r, &settled.q);
         let poses: Vec<_> = shape.poses().collect();
         let nodes: Vec<_> = (0..rod.nodes.len()).map(|node| poses[rod.node_point(node)]).collect();
-        let way = |w: &[Pose]| (w[1].p - w[0].p) / rod.length();
-        let span = |w: &[f64]| (w[1] - w[0]) / rod.length();
+        let places: Vec<_> = nodes.iter().map(|node| node.p).collect();
         Rest {
             frame: nodes[..nodes.len() - 1].iter().map(|node| node.r).collect(),
-            edge: nodes.windows(2).map(way).collect(),
-            span: rod.nodes.windows(2).map(span).collect(),
+            reach: Reach::new(&places, &rod.nodes),
             settled,
         }
     }
 
-    /// How a guide at unknowns `q`, 1/m, is turned.
-    fn turning(&self, rod: &Rod, q: &[Vec<f64>; 3]) -> Turning {
-        let at_rest = || self.settled.q.chunks_exact(3).zip(&self.frame);
-        let turned = |(q, (rest, frame)): (&[f64], (&[f64], &Matrix3<f64>))| {
-            let deviation = Vector3::from_column_slice(q) - Vector3::from_column_slice(rest);
-            frame * deviation * rod.length()
-        };
-        q.each_ref().map(|q| q.chunks_exact(3).zip(at_rest()).map(turned).collect())
+    /// How `guide` is and was turned.
+    fn turn(&self, guide: &Guide, turning: &mut Turning) {
+        for (turning, q) in turning.iter_mut().zip(&guide.q) {
+            let at_rest = self.settled.q.chunks_exact(3).zip(&self.frame);
+            turning.clear();
+            turning.extend(q.chunks_exact(3).zip(at_rest).map(|(q, (rest, frame))| {
+                let deviation = Vector3::from_column_slice(q) - Vector3::from_column_slice(rest);
+                frame * deviation * guide.rod.length()
+            }));
+        }
     }
 
-    /// Unknowns of a guide that is turned so, 1/m.
-    fn unknowns(&self, rod: &Rod, turned: &[Vector3<f64>]) -> Vec<f64> {
-        let mut q = self.settled.q.clone();
+    /// Sets unknowns `q` to those of a guide that is turned so, 1/m.
+    fn unknowns(&self, rod: &Rod, turned: &[Vector3<f64>], q: &mut Vec<f64>) {
+        q.clone_from(&self.settled.q);
         for ((q, turned), frame) in q.chunks_exact_mut(3).zip(turned).zip(&self.frame) {
             let deviation = frame.tr_mul(turned) / rod.length();
             q.iter_mut().zip(&deviation).for_each(|(q, more)| *q += more);
         }
-        q
-    }
-
-    /// Way of a guide that turns by `turn` more per share of its length, rad: the mean along it, as a share of its length; to first order, at rest.
-    fn way(&self, turn: impl Iterator<Item = Vector3<f64>>) -> f64 {
-        let (mut angle, mut x, mut mean) = (Vector3::zeros(), Vector3::zeros(), 0.0);
-        for ((turn, span), edge) in turn.zip(&self.span).zip(&self.edge) {
-            angle += turn * *span;
-            x += angle.cross(edge);
-            mean += x.norm() * span;
-        }
-        mean
     }
 }
 
@@ -414,7 +426,7 @@ mod tests {
     #[test]
     fn what_joins_goes_on_as_it_went_until_it_has_faded() {
         let (offset, drift) = (vec![0.1], vec![2.0]);
-        let joined = Follower { follows: true, since: 1.0, offset, drift, out: Vec::new() };
+        let joined = Follower { follows: true, since: 1.0, offset, drift, ..Follower::default() };
         let own = |t: f64| {
             let mut q = [0.0];
             joined.add_own(t, &mut q);

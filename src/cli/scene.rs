@@ -53,8 +53,8 @@ pub struct SceneArguments {
     /// coarse wisps only, for a quick look [default: the anim's, full]
     #[arg(long, value_name = "NAME", value_parser = values::resolution, help_heading = SETTINGS)]
     resolution: Option<Resolution>,
-    /// Where the resolution is adaptive, the share of its length by which those that lead a guide may differ on where it is before it
-    /// comes away: less is more accurate and slower [default: the anim's, 0.1]
+    /// Where the resolution is adaptive, the share of its length by which a guide that follows may be off, about, before it comes away: less is more
+    /// accurate and slower [default: the anim's, 0.02]
     #[arg(long, value_name = "SHARE", value_parser = values::share, help_heading = SETTINGS)]
     parting: Option<f64>,
     /// Which curves to write, guides, strands or both [default: the anim's, both]

@@ -87,13 +87,15 @@ pub struct Outside {
     at: Vector3<f64>,
     /// Lower bound of its distance, m; 0 when nothing is known.
     distance: f64,
+    /// A place of the surface, m, body frame; infinitely far where none is known.
+    foot: Vector3<f64>,
     /// Way that the surface had gone then, m.
     travel: f64,
 }
 
 impl Default for Outside {
     fn default() -> Self {
-        Outside { at: Vector3::zeros(), distance: 0.0, travel: 0.0 }
+        Outside { at: Vector3::zeros(), distance: 0.0, foot: Vector3::repeat(f64::INFINITY), travel: 0.0 }
     }
 }
 
@@ -226,13 +228,23 @@ impl Bodies {
                 let i = b * points + k;
                 let (within, seen) = (within[i], &mut memory[i]);
                 let at = pose.inverse_transform_point(&(*x).into()).coords;
-                let spare = seen.distance - (at - seen.at).norm() - (travel - seen.travel).abs();
+                let gone = (travel - seen.travel).abs();
+                let spare = seen.distance - (at - seen.at).norm() - gone;
                 if within == f64::NEG_INFINITY || spare > within.max(0.0) {
                     continue;
                 }
-                let surface = body.shape.closest(t, &at, HORIZON);
-                let distance = surface.map_or(HORIZON, |s| s.distance);
-                *seen = Outside { at, distance: distance * (1.0 - 1e-9) - 1e-12, travel };
+                let [least, _] = body.shape.distance_bounds(&at);
+                if least > within.max(0.0) {
+                    (seen.at, seen.distance) = (at, least);
+                    // The foot is as old as it was.
+                    continue;
+                }
+                // The surface is no farther than where it was seen last; with a margin for rounding.
+                let horizon = HORIZON.min(((at - seen.foot).norm() + gone) * (1.0 + 1e-9) + 1e-9);
+                let surface = body.shape.closest(t, &at, horizon);
+                let distance = surface.map_or(horizon, |s| s.distance);
+                let foot = surface.map_or(Outside::default().foot, |s| s.point);
+                *seen = Outside { at, distance: distance * (1.0 - 1e-9) - 1e-12, foot, travel };
                 if let Some(surface) = surface.filter(|s| s.distance < within) {
                     found(i, surface.distance, pose.rotation * surface.normal);
                 }

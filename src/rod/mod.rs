@@ -16,6 +16,7 @@
 //! | K | `stiffness` | (E I1, E I2, G J) | N·m² |
 
 mod kinematics;
+mod levers;
 mod model;
 pub mod newton;
 pub mod pack;
@@ -23,4 +24,5 @@ pub mod potential;
 pub mod pushed;
 
 pub use kinematics::{Sensitivity, Shape};
+pub use levers::Levers;
 pub use model::{Cut, Rod, RodSource, Taper};

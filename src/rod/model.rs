@@ -253,6 +253,17 @@ impl Rod {
         self.beam.steps.partition_point(|step| step.element < node)
     }
 
+    /// Arc that a node stands for where a rod is cut at its nodes, m.
+    pub fn span_at(&self, node: usize) -> f64 {
+        let last = self.nodes.len() - 1;
+        0.5 * (self.nodes[(node + 1).min(last)] - self.nodes[node.saturating_sub(1)])
+    }
+
+    /// Mass that a node stands for where a rod is cut at its nodes and is as thick all along as on average, kg.
+    pub fn mass_at(&self, node: usize) -> f64 {
+        self.span_at(node) / self.length() * self.beam.mass
+    }
+
     /// Arc length of a place on the segment from point `k` to the next, 0..=1 of it, as a share of the rod's length.
     pub fn share(&self, k: usize, u: f64) -> f64 {
         (self.arc[k] + (self.arc[k + 1] - self.arc[k]) * u) / self.length()

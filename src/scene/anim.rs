@@ -178,8 +178,8 @@ pub struct Settings {
     pub contact: Contact,
     /// What moves by itself.
     pub resolution: Resolution,
-    /// Where the resolution is adaptive: share of its length by which those that lead a guide may differ on where it is, and bodies push it
-    /// from there, before it comes away.
+    /// Where the resolution is adaptive: share of its length by which a guide may be off where those that lead it put it, as estimated by what they
+    /// differ on, and bodies push it from there, before it comes away.
     pub parting: f64,
     /// Which curves are written.
     pub curves: Written,
@@ -252,7 +252,7 @@ impl Default for Settings {
             scheme: Scheme::default(),
             contact: Contact::default(),
             resolution: Resolution::default(),
-            parting: 0.1,
+            parting: 0.02,
             curves: Written::default(),
             keep: 1.0,
             samples: 1,

@@ -1,6 +1,7 @@
 //! Who leads whom among the guides of a groom.
 
-use super::GuideRod;
+use super::response::{Scalp, response};
+use super::{GuideRod, Reach};
 use crate::math::cholesky;
 use crate::rod::Shape;
 use crate::scene::{Groom, Tree};
@@ -11,7 +12,10 @@ use rayon::prelude::*;
 const LEADERS: usize = 12;
 
 /// How dearly leaders far away are paid for; see [`shares`].
-const SPREAD: f64 = 0.1;
+const SPREAD: f64 = 0.03;
+
+/// How dearly it is paid for that hair lies elsewhere by its length, where answering otherwise altogether costs 1.
+const PLACE: f64 = 0.3;
 
 /// The hierarchy of wisps as guides that lead each other: every wisp is stood for by one guide, that nearest to its centre line, for with a mean of
 /// curls their curl would be lost. That of a wisp is one of those of its parts, so each guide stands for the coarsest
@@ -20,6 +24,8 @@ const SPREAD: f64 = 0.1;
 pub struct Hierarchy {
     /// The guides that lead each guide and their shares, of sum 1, the nearest first; none for those that stand for coarse wisps.
     pub leaders: Vec<Vec<(usize, f64)>>,
+    /// Share of each guide's answers to small motions of the head that the mean of its leaders' misses; 0 without leaders.
+    pub missed: Vec<f64>,
     /// Level of the coarsest wisp that each guide stands for, 0 for a coarse wisp; one more than the finest wisp's for one that stands for none.
     pub level: Vec<u32>,
     /// The guide that stands for the wisp around each guide's own; none for those that stand for coarse wisps.
@@ -27,8 +33,9 @@ pub struct Hierarchy {
 }
 
 impl Hierarchy {
-    /// Of the guides `rods` of `groom`, which must have its trees. A guide is led by none of another material or with its nodes elsewhere.
-    pub fn new(groom: &Groom, rods: &[GuideRod]) -> Self {
+    /// Of the guides `rods` of `groom`, which must have its trees; `drag` is that of the points of each, N·s/m². A guide is led by none of another
+    /// material or with its nodes elsewhere.
+    pub fn new<'a>(groom: &Groom, rods: &[GuideRod], drag: impl Fn(usize) -> &'a [f64] + Sync) -> Self {
         let mut of_leaf: Vec<_> = groom.trees.iter().map(|tree| vec![Vec::new(); tree.wisps.len()]).collect();
         rods.iter().enumerate().for_each(|(i, r)| of_leaf[r.leaf.0][r.leaf.1].push(i));
         let stances: Vec<Stance> = rods.par_iter().map(Stance::new).collect();
@@ -38,18 +45,33 @@ impl Hierarchy {
         }
         let material = |i: usize| groom.groups[groom.guides.curves.group[rods[i].guide] as usize].material;
         let arc = |i: usize| &groom.trees[rods[i].leaf.0].arc;
+        let mut may_lead: Vec<usize> = (0..rods.len()).collect();
+        let deepest = level.iter().copied().max().unwrap_or(0);
+        may_lead.retain(|i| level[*i] < deepest);
+        let scalp = Scalp::new(rods);
+        let answer = |i: usize| response(&rods[i], drag(i), &scalp);
+        let answers: Vec<_> = may_lead.par_iter().map(|i| answer(*i)).collect();
         let leaders = |i: usize| {
-            let may_lead =
-                |j: &usize| level[*j] < level[i] && material(*j) == material(i) && arc(*j) == arc(i);
-            let apart = |j: usize| Apart::new(&stances[i], &stances[j]);
-            let mut near: Vec<(f64, usize)> =
-                (0..rods.len()).filter(may_lead).map(|j| (apart(j).square(), j)).collect();
+            let fit = |j: &usize| level[*j] < level[i] && material(*j) == material(i) && arc(*j) == arc(i);
+            let beside = |j: usize| stances[j].beside(&stances[i]);
+            let mut near: Vec<(f64, usize)> = (0..may_lead.len())
+                .filter(|l| fit(&may_lead[*l]))
+                .map(|l| (beside(may_lead[l]).square(), l))
+                .collect();
             near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             near.truncate(LEADERS);
-            let shares = shares(&near.iter().map(|(_, j)| apart(*j)).collect::<Vec<_>>());
-            near.iter().map(|(_, j)| *j).zip(shares).collect()
+            if near.is_empty() {
+                return (Vec::new(), 0.0);
+            }
+            let own = answer(i);
+            let apart = |l: usize| stances[i].apart(beside(may_lead[l]), &own, &answers[l]);
+            let apart: Vec<Apart> = near.iter().map(|(_, l)| apart(*l)).collect();
+            let shares = shares(&apart);
+            let missed = missed(&apart, &shares);
+            (near.iter().map(|(_, l)| may_lead[*l]).zip(shares).collect(), missed)
         };
-        Hierarchy { leaders: (0..rods.len()).into_par_iter().map(leaders).collect(), level, around }
+        let (leaders, missed) = (0..rods.len()).into_par_iter().map(leaders).unzip();
+        Hierarchy { leaders, missed, level, around }
     }
 }
 
@@ -90,6 +112,7 @@ struct Stance {
     /// Its sections, m, rest space.
     sections: Vec<Vector3<f64>>,
     length: f64,
+    reach: Reach,
 }
 
 impl Stance {
@@ -97,23 +120,46 @@ impl Stance {
         let mut shape = Shape::default();
         shape.update(&r.rod, &r.rod.root.r, &r.rod.start);
         let section = |node: usize| shape.x(r.rod.node_point(node)) + r.rod.root.p;
-        Stance { sections: (0..r.rod.nodes.len()).map(section).collect(), length: r.rod.length() }
+        let sections: Vec<_> = (0..r.rod.nodes.len()).map(section).collect();
+        Stance { reach: Reach::new(&sections, &r.rod.nodes), sections, length: r.rod.length() }
+    }
+
+    /// What it is elsewhere than `other`: section by section, and by its length; m, weighted so that a product is the mean along the hair.
+    fn beside(&self, other: &Self) -> Apart {
+        let scale = 1.0 / (self.sections.len() as f64).sqrt();
+        let sections = self.sections.iter().zip(&other.sections).map(|(a, b)| (a - b) * scale);
+        let place = sections.chain([Vector3::x() * (self.length - other.length)]).collect();
+        Apart { place, answer: Vec::new() }
+    }
+
+    /// What a leader that is `beside` this guide is otherwise, both in place and in how this guide would move if it turned as the leader's answers `led`
+    /// say and not as its `own`: without unit.
+    fn apart(&self, beside: Apart, own: &[Vec<Vector3<f64>>], led: &[Vec<Vector3<f64>>]) -> Apart {
+        let ways = |turn: Vec<Vector3<f64>>| {
+            self.reach.ways(turn.into_iter()).map(|(way, _)| way).collect::<Vec<_>>()
+        };
+        let moved: f64 = own.iter().flat_map(|own| ways(own.clone())).map(|way| way.norm_squared()).sum();
+        let other = |(own, led): (&Vec<Vector3<f64>>, &Vec<Vector3<f64>>)| {
+            ways(led.iter().zip(own).map(|(led, own)| (led - own) / moved.sqrt()).collect())
+        };
+        let place = beside.place.into_iter().map(|d| d * (PLACE.sqrt() / self.length)).collect();
+        Apart { place, answer: own.iter().zip(led).flat_map(other).collect() }
     }
 }
 
-/// What a guide is elsewhere than another: section by section, and by its length, for hair of other length swings otherwise; m.
-struct Apart(Vec<Vector3<f64>>, f64);
+/// What a guide is otherwise than another, in parts that count alike.
+struct Apart {
+    /// In how it lies and how long it is.
+    place: Vec<Vector3<f64>>,
+    /// In how it answers motions of the head.
+    answer: Vec<Vector3<f64>>,
+}
 
 impl Apart {
-    fn new(guide: &Stance, other: &Stance) -> Self {
-        let sections = other.sections.iter().zip(&guide.sections).map(|(a, b)| a - b).collect();
-        Apart(sections, other.length - guide.length)
-    }
-
-    /// Mean product along the hair, m².
     fn dot(&self, other: &Self) -> f64 {
-        let sections: f64 = self.0.iter().zip(&other.0).map(|(a, b)| a.dot(b)).sum();
-        sections / self.0.len() as f64 + self.1 * other.1
+        let dot =
+            |a: &[Vector3<f64>], b: &[Vector3<f64>]| a.iter().zip(b).map(|(a, b)| a.dot(b)).sum::<f64>();
+        dot(&self.place, &other.place) + dot(&self.answer, &other.answer)
     }
 
     fn square(&self) -> f64 {
@@ -138,20 +184,26 @@ fn shares(apart: &[Apart]) -> Vec<f64> {
     shares.iter().map(|w| w / sum).collect()
 }
 
+/// Share of its answers that a guide's leaders, which are `apart` from it, miss with these shares.
+fn missed(apart: &[Apart], shares: &[f64]) -> f64 {
+    let part = |k: usize| -> Vector3<f64> { apart.iter().zip(shares).map(|(a, w)| a.answer[k] * *w).sum() };
+    (0..apart[0].answer.len()).map(|k| part(k).norm_squared()).sum::<f64>().sqrt()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn shares_are_those_of_the_mean_that_comes_nearest() {
-        let hair = |x: f64, y: f64, length: f64| Stance {
-            sections: (0..8).map(|k| Vector3::new(x, y, length / 8.0 * f64::from(k))).collect(),
-            length,
+        let hair = |x: f64, y: f64, length: f64| {
+            let arc: Vec<f64> = (0..8).map(|k| length / 7.0 * f64::from(k)).collect();
+            let sections: Vec<_> = arc.iter().map(|s| Vector3::new(x, y, *s)).collect();
+            Stance { reach: Reach::new(&sections, &arc), sections, length }
         };
         let leaders = [(0.0, 0.0), (0.02, 0.0), (0.0, 0.02), (0.02, 0.02)];
         let of = |guide: &Stance, lengths: [f64; 4]| {
-            let apart =
-                leaders.iter().zip(lengths).map(|(l, length)| Apart::new(guide, &hair(l.0, l.1, length)));
+            let apart = leaders.iter().zip(lengths).map(|(l, length)| hair(l.0, l.1, length).beside(guide));
             let shares = shares(&apart.collect::<Vec<_>>());
             assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-12);
             let middle: Vector3<f64> =

@@ -4,8 +4,11 @@
 //! node on every section of its tree. Otherwise guides lead each other ([`Hierarchy`]).
 
 mod hierarchy;
+mod reach;
+mod response;
 
 pub use hierarchy::Hierarchy;
+pub use reach::Reach;
 
 use crate::rod::{Cut, Rod, RodSource, Taper};
 use crate::scene::{Groom, Material};

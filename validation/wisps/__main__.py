@@ -17,7 +17,7 @@ from .compare import Run, distances, pops, read
 STYLES = ("short", "short-curly", "long", "long-curly")
 STEPS = 4
 """Sub-steps a frame, as in Bertails, Kim, Cani & Neumann 2003."""
-PARTINGS = (0.05, 0.1, 0.2)
+PARTINGS = (0.005, 0.01, 0.02, 0.04)
 """Of the adaptive bakes."""
 
 

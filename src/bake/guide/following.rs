@@ -29,14 +29,16 @@ impl Guide {
         self.pinched = false;
     }
 
-    /// Distance that each point is to keep from each body, m: at body b and point k at `b * points + k`, −∞ where it is exempt.
+    /// Distance that each place is to keep from each body, m, −∞ where it is exempt: at body b and place k at `b * places + k`, the points
+    /// first, then the middles between any two.
     pub(in crate::bake) fn kept(&self) -> Vec<f64> {
         let mut clearance = Vec::new();
         self.clearance.at(1.0, &mut clearance);
         let segments = self.x.len() - 1;
         let of = |ends: &[[f64; 2]]| {
             let between = ends.windows(2).map(|w| w[0][1].min(w[1][0]));
-            [f64::NEG_INFINITY].into_iter().chain(between).chain([ends[segments - 1][1]]).collect::<Vec<_>>()
+            let points = [f64::NEG_INFINITY].into_iter().chain(between).chain([ends[segments - 1][1]]);
+            points.chain(ends.iter().map(|[from, to]| 0.5 * (from + to))).collect::<Vec<_>>()
         };
         clearance.chunks_exact(segments).flat_map(of).collect()
     }

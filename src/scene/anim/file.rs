@@ -345,8 +345,8 @@ pub struct SettingsFile {
     pub contact: Contact,
     /// What moves by itself.
     pub resolution: Resolution,
-    /// Where the resolution is adaptive: share of its length by which those that lead a guide may differ on where it is, and bodies push it
-    /// from there, before it comes away. Less is more accurate and slower.
+    /// Where the resolution is adaptive: share of its length by which a guide may be off where those that lead it put it, as estimated by what they
+    /// differ on, and bodies push it from there, before it comes away. Less is more accurate and slower.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub parting: f64,
     /// Which curves are written.

@@ -1,0 +1,98 @@
+//! How a rod moves with its unknowns, about: enough to choose by, and for what is looked at again after each move.
+
+use super::{Rod, Shape};
+use crate::math::se3::Pose;
+use nalgebra::{Matrix3, Vector3};
+
+/// How places of a rod move with its unknowns, as if it bent at its nodes alone.
+#[derive(Debug, Clone)]
+pub struct Levers {
+    /// At each node: where it is, m, relative to the root, and at which point of the rod.
+    nodes: Vec<(Vector3<f64>, usize)>,
+    /// Its frame times the arc over which it bends, m, at each node that has unknowns.
+    bend: Vec<Matrix3<f64>>,
+}
+
+impl Levers {
+    /// Of `rod` in `shape`.
+    pub fn new(rod: &Rod, shape: &Shape) -> Self {
+        let poses: Vec<Pose> = shape.poses().collect();
+        let points: Vec<usize> = (0..rod.nodes.len()).map(|node| rod.node_point(node)).collect();
+        let bend = |node: usize| poses[points[node]].r * rod.span_at(node);
+        Levers {
+            bend: (0..points.len() - 1).map(bend).collect(),
+            nodes: points.into_iter().map(|point| (poses[point].p, point)).collect(),
+        }
+    }
+
+    /// Where node `node` is, m, relative to the root.
+    pub fn node(&self, node: usize) -> Vector3<f64> {
+        self.nodes[node].0
+    }
+
+    /// The way along `d` of a place at `x`, m, relative to the root, with each unknown, m²; the place lies upstream of point `end`, or is that point.
+    pub fn row(&self, end: usize, x: &Vector3<f64>, d: &Vector3<f64>) -> Vec<f64> {
+        let mut row = vec![0.0; 3 * self.bend.len()];
+        let upstream = self.nodes.iter().zip(&self.bend).take_while(|((_, point), _)| *point < end);
+        for (row, ((at, _), bend)) in row.chunks_exact_mut(3).zip(upstream) {
+            row.copy_from_slice(bend.tr_mul(&(x - at).cross(d)).as_slice());
+        }
+        row
+    }
+
+    /// Σ w (∂x/∂q)ᵀ ∂x/∂q over the nodes, w being what `weight` says of each; row-major.
+    pub fn squares(&self, weight: impl Fn(usize) -> f64) -> Vec<f64> {
+        let n = 3 * self.bend.len();
+        let mut sum = vec![0.0; n * n];
+        for (node, (x, point)) in self.nodes.iter().enumerate().skip(1) {
+            for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+                let row = self.row(*point, x, &axis);
+                for (sums, a) in sum.chunks_exact_mut(n).zip(&row) {
+                    let a = a * weight(node);
+                    sums.iter_mut().zip(&row).for_each(|(sum, b)| *sum += a * b);
+                }
+            }
+        }
+        sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rod::{Cut, RodSource, Taper};
+
+    #[test]
+    fn rows_are_about_how_points_move() {
+        let points: Vec<_> = (0..30).map(|k| Vector3::new(0.01, 0.0, 0.0) * f64::from(k)).collect();
+        let rod = Rod::new(&RodSource {
+            points: &points,
+            root_frame: None,
+            arc: &[0.0, 0.2, 0.5, 0.7, 1.0],
+            stiffness: [1e-9; 3],
+            line_density: 6e-6,
+            damping: 0.0,
+            taper: Taper::NONE,
+            natural: None,
+            cut: Cut::FINE,
+        })
+        .unwrap();
+        let mut q: Vec<f64> = (0..rod.unknowns()).map(|i| 2.0 * (i as f64).sin()).collect();
+        let mut shape = Shape::default();
+        let mut tip = |q: &[f64]| {
+            shape.update(&rod, &rod.root.r, q);
+            (shape.x(rod.points() - 1), Levers::new(&rod, &shape))
+        };
+        let (x, levers) = tip(&q);
+        let d = Vector3::new(0.6, -0.48, 0.64);
+        let row = levers.row(rod.points() - 1, &x, &d);
+        let size = row.iter().map(|r| r * r).sum::<f64>().sqrt();
+        for i in 0..q.len() {
+            q[i] += 1e-4;
+            let found = d.dot(&(tip(&q).0 - x)) / 1e-4;
+            q[i] -= 1e-4;
+            // A rod that bends at its nodes alone is not quite the rod.
+            assert!((found - row[i]).abs() < 0.15 * size, "{i}: {found} {}", row[i]);
+        }
+    }
+}
