@@ -104,31 +104,16 @@ pub fn follows(curves: &Curves, homes: &[Home], clumping: &[f64], guides: &[(&Ro
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rod::{Cut, RodSource, Taper};
+    use crate::strands::follow::tests::drawn;
 
     /// A strand that stands at `x`, m, leaning by `lean`.
     fn strand(x: f64, lean: f64) -> Vec<Vector3<f64>> {
         (0..5).map(|i| 0.02 * f64::from(i)).map(|s| Vector3::new(x + lean * s, s, 0.0)).collect()
     }
 
-    fn guide(points: &[Vector3<f64>]) -> RestGuide {
-        let rod = Rod::new(&RodSource {
-            points,
-            root_frame: None,
-            arc: &[0.0, 0.5, 1.0],
-            stiffness: [1e-9; 3],
-            line_density: 1e-5,
-            damping: 0.0,
-            taper: Taper::NONE,
-            natural: None,
-            cut: Cut::FINE,
-        });
-        RestGuide::new(&rod.unwrap())
-    }
-
     /// Forty guides 1 cm apart, four to a leaf wisp, the last ten of another group, and the weights of each for a strand.
     fn weights(points: &[Vector3<f64>], home: Home, clumping: f64) -> Vec<f64> {
-        let guides: Vec<RestGuide> = (0..40).map(|i| guide(&strand(0.01 * f64::from(i), 0.0))).collect();
+        let guides: Vec<RestGuide> = (0..40).map(|i| drawn(&strand(0.01 * f64::from(i), 0.0))).collect();
         let homes: Vec<Home> =
             (0..40).map(|i| Home { leaf: (i / 4, 0), group: u32::from(i >= 30) }).collect();
         let choice = Choice { guides: &guides, homes: &homes, clumping: &[clumping; 3] };

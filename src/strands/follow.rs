@@ -129,16 +129,14 @@ impl Turn {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::rod::{Cut, RodSource, Taper};
 
-    #[test]
-    fn a_place_moves_with_the_arc_length_also_between_points() {
-        let points: Vec<_> =
-            (0..50).map(|i| f64::from(i) * 0.05).map(|t| Vector3::new(t.cos(), t.sin(), t) * 0.05).collect();
+    /// A guide drawn at `points`, m, with two strain nodes.
+    pub fn drawn(points: &[Vector3<f64>]) -> RestGuide {
         let rod = Rod::new(&RodSource {
-            points: &points,
+            points,
             root_frame: None,
             arc: &[0.0, 0.5, 1.0],
             stiffness: [1e-9; 3],
@@ -147,9 +145,15 @@ mod tests {
             taper: Taper::NONE,
             natural: None,
             cut: Cut::FINE,
-        })
-        .unwrap();
-        let guide = RestGuide::new(&rod);
+        });
+        RestGuide::new(&rod.unwrap())
+    }
+
+    #[test]
+    fn a_place_moves_with_the_arc_length_also_between_points() {
+        let points: Vec<_> =
+            (0..50).map(|i| f64::from(i) * 0.05).map(|t| Vector3::new(t.cos(), t.sin(), t) * 0.05).collect();
+        let guide = drawn(&points);
         let at = |i: usize| guide.at(guide.place(guide.length() * i as f64 / 400.0));
         for i in 0..400 {
             let moved = (at(i + 1) - at(i)).norm() / (guide.length() / 400.0);
