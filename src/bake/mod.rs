@@ -34,7 +34,7 @@ use crate::strands::SPAN;
 use crate::{Error, Result};
 use control::Control;
 use job::Job;
-use output::Output;
+use output::{Output, Seen};
 use rayon::prelude::*;
 use record::FrameRecord;
 use serde::Serialize;
@@ -243,8 +243,8 @@ struct Strands<'a> {
     job: &'a Job,
     output: Output<'a>,
     writer: Writer,
-    /// States that were needed last, and how far the strands retreat at them, as far as that was asked for.
-    held: BTreeMap<i32, (FrameState, Option<Vec<f32>>)>,
+    /// States that were needed last, and what is known of the strands at them, as far as that was asked for.
+    held: BTreeMap<i32, (FrameState, Option<Seen>)>,
     /// Frames that this task makes.
     own: BTreeSet<i32>,
 }
@@ -273,20 +273,23 @@ impl<'a> Strands<'a> {
         Ok(&self.held[&frame].0)
     }
 
-    /// Works out how far the strands retreat at a frame that is held. What another task needs too is told, and taken from where one
+    /// Looks at the strands at a frame that is held. How far they retreat is told to other tasks that need it too, and taken from where one
     /// has told it: the ends of chunks are worked out once.
-    fn retreat(&mut self, frame: i32) -> Result<()> {
-        let Some((state, retreats @ None)) = self.held.get_mut(&frame) else { return Ok(()) };
+    fn see(&mut self, frame: i32) -> Result<()> {
+        let Some((state, seen @ None)) = self.held.get_mut(&frame) else { return Ok(()) };
         let (span, work) = (SPAN as i32, &self.job.work);
         let shared =
             (frame - span..=frame + span).any(|f| self.job.frames().contains(&f) && !self.own.contains(&f));
-        let vertices = self.output.vertices();
-        *retreats = if shared { work.retreats(frame, vertices) } else { None };
-        if retreats.is_none() {
-            let fresh = retreats.insert(self.output.retreats(frame, &state.guides));
-            if shared {
-                work.write_retreats(frame, fresh)?;
-            }
+        let own = self.own.contains(&frame);
+        // Of its own frames it needs more than is told.
+        let told = if shared && !own { work.retreats(frame, self.output.vertices()) } else { None };
+        let tell = shared && told.is_none();
+        let seen = seen.insert(match told {
+            Some(retreats) => Seen { retreats, laid: None },
+            None => self.output.seen(frame, &state.guides, own),
+        });
+        if tell {
+            work.write_retreats(frame, &seen.retreats)?;
         }
         Ok(())
     }
@@ -300,11 +303,12 @@ impl<'a> Strands<'a> {
             std::array::from_fn(|i| (frame + i as i32 - SPAN as i32).max(first));
         for near in around {
             self.state(near)?;
-            self.retreat(near)?;
+            self.see(near)?;
         }
-        let retreats = around.map(|near| self.held[&near].1.as_deref().unwrap_or_default());
+        let laid = self.held.get_mut(&frame).and_then(|(_, seen)| seen.as_mut()?.laid.take());
+        let retreats = around.map(|near| self.held[&near].1.as_ref().map_or(&[][..], |seen| &seen.retreats));
         let states = [frame, frame + 1].map(|near| &self.held[&near].0.guides[..]);
-        let arrays = self.output.frame(frame, states, &retreats)?;
+        let arrays = self.output.frame(frame, states, &retreats, laid)?;
         seconds.interpolate = start.elapsed().as_secs_f64();
         let start = Instant::now();
         let file = self.writer.write_frame(&arrays)?;

@@ -10,8 +10,8 @@ use crate::rod::{Rod, Sensitivity, Shape};
 use crate::scene::anim::{Resolution, Written as Choice};
 use crate::scene::{Anim, Collider, Convention, Curves, Deformation, Groom, Strands, UpAxis};
 use crate::strands::{
-    BACKWARD, FOLLOWED, Follows, GuideMotion, HeadMotion, Home, Interpolator, KeepOut, Moment, Retreats,
-    clumping, follows, kept,
+    BACKWARD, FOLLOWED, Follows, GuideMotion, HeadMotion, Home, Interpolator, KeepOut, Moment, Moving,
+    Retreats, clumping, follows, kept,
 };
 use nalgebra::{Isometry3, Matrix3, Matrix4, Vector3};
 use rayon::prelude::*;
@@ -28,6 +28,15 @@ pub struct Output<'a> {
     header: Header,
     /// Where all but the curves of some groups come from, if they do.
     base: Option<&'a Base>,
+}
+
+/// What is known of the strands at a frame before those around it are.
+#[derive(Debug, Default)]
+pub struct Seen {
+    /// How far they retreat, vertex by vertex.
+    pub retreats: Vec<f32>,
+    /// How they lie if none retreats.
+    pub laid: Option<Moving>,
 }
 
 impl<'a> Output<'a> {
@@ -63,19 +72,23 @@ impl<'a> Output<'a> {
         self.strands.as_ref().map_or(0, Interpolator::vertices)
     }
 
-    /// How far the strands retreat from bodies at `frame`, at which the guides are as in `guides`.
-    pub fn retreats(&mut self, frame: i32, guides: &[GuideState]) -> Vec<f32> {
+    /// How far the strands retreat from bodies at `frame`, at which the guides are as in `guides`, and how they lie if they do not, where that is `wanted`.
+    pub fn seen(&mut self, frame: i32, guides: &[GuideState], wanted: bool) -> Seen {
         let t = self.anim.time(f64::from(frame));
-        self.bodies.prepare([t, t]);
-        let poses = self.collider_poses(t);
-        let keep_out = KeepOut { bodies: &self.bodies, time: t, poses: &poses };
-        let moment = Moment { head: head_motion(self.anim, t), keep_out };
-        let motion = self.motion(guides);
-        self.strands.as_ref().map_or_else(Vec::new, |strands| strands.retreats(&moment, &motion))
+        self.bodies.prepare([t - BACKWARD, t]);
+        let Some(strands) = &self.strands else { return Seen::default() };
+        let poses = self.poses(t);
+        let (moments, motion) = (self.moments(t, &poses), self.motion(guides));
+        if wanted {
+            let (laid, retreats) = strands.lay(&moments, &motion, &self.to_scene());
+            Seen { retreats, laid: Some(laid) }
+        } else {
+            Seen { retreats: strands.retreats(&moments, &motion), laid: None }
+        }
     }
 
     /// The cache's arrays at the moments of `frame` that are written; at it and at the next the guides are as in `states`, and `retreats`
-    /// are those of the frames around it.
+    /// are those of the frames around it. `laid` is how the strands lie at it if none retreats, where that is known.
     ///
     /// # Errors
     /// Those of [`Base::complete`].
@@ -84,6 +97,7 @@ impl<'a> Output<'a> {
         frame: i32,
         states: [&[GuideState]; 2],
         retreats: &Retreats,
+        mut laid: Option<Moving>,
     ) -> Result<Vec<Frame>> {
         let interval = 1.0 / self.anim.fps;
         let offsets = self.anim.settings.offsets();
@@ -93,7 +107,8 @@ impl<'a> Output<'a> {
                 0.0 => Vec::new(),
                 _ => pairs.map(|(a, b)| GuideState::between(a, b, offset, interval)).collect(),
             };
-            self.moment((frame, offset), if offset == 0.0 { states[0] } else { &between }, retreats)
+            let (guides, laid) = if offset == 0.0 { (states[0], laid.take()) } else { (&between[..], None) };
+            self.moment((frame, offset), guides, retreats, laid)
         };
         let mut moments: Vec<Frame> = offsets.map(moment).collect();
         self.base.map_or(Ok(()), |base| base.complete(&mut moments, &self.header))?;
@@ -101,31 +116,24 @@ impl<'a> Output<'a> {
     }
 
     /// The cache's arrays at the moment `offset` after `frame`.
-    fn moment(&mut self, (frame, offset): (i32, f64), guides: &[GuideState], retreats: &Retreats) -> Frame {
+    fn moment(
+        &mut self,
+        (frame, offset): (i32, f64),
+        guides: &[GuideState],
+        retreats: &Retreats,
+        laid: Option<Moving>,
+    ) -> Frame {
         let t = self.anim.time(f64::from(frame) + offset);
         let head = head_motion(self.anim, t);
-        let to_scene = self.convention.to_y_up().inverse().to_rotation_matrix().into_inner()
-            / self.convention.metres_per_unit;
+        let to_scene = self.to_scene();
         self.bodies.prepare([t - BACKWARD, t]);
         let motion = self.motion(guides);
         let levels = self.header.levels.then(|| guides.iter().map(|g| g.level as i32).collect::<Vec<_>>());
         let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
-            let mut points = vec![[0.0; 3]; strands.vertices()];
-            let mut velocities = points.clone();
-            let times = [t, t - BACKWARD];
-            let poses = times.map(|t| self.collider_poses(t));
-            let moments: [Moment; 2] = std::array::from_fn(|i| Moment {
-                head: head_motion(self.anim, times[i]),
-                keep_out: KeepOut { bodies: &self.bodies, time: times[i], poses: &poses[i] },
-            });
-            strands.evaluate(
-                &moments,
-                &motion,
-                (retreats, offset, 1.0 / self.anim.fps),
-                &to_scene,
-                &mut points,
-                &mut velocities,
-            );
+            let poses = self.poses(t);
+            let at = (retreats, offset, 1.0 / self.anim.fps);
+            let moving = strands.evaluate(&self.moments(t, &poses), &motion, at, &to_scene, laid);
+            let Moving { points, velocities } = moving;
             let level = levels.as_ref().map(|l| strands.nearest().map(|guide| l[guide]).collect());
             CurveFrame { extent: extent(&points, &set.widths), points, velocities, level }
         });
@@ -137,6 +145,26 @@ impl<'a> Output<'a> {
             head: self.matrix(&self.anim.head_pose(t)),
             colliders: self.colliders(t),
         }
+    }
+
+    /// Poses of the colliders at `t`, s, and [`BACKWARD`] earlier.
+    fn poses(&self, t: f64) -> [Vec<Isometry3<f64>>; 2] {
+        [t, t - BACKWARD].map(|t| self.collider_poses(t))
+    }
+
+    /// The moments to which these belong.
+    fn moments<'b>(&'b self, t: f64, poses: &'b [Vec<Isometry3<f64>>; 2]) -> [Moment<'b>; 2] {
+        let times = [t, t - BACKWARD];
+        std::array::from_fn(|i| Moment {
+            head: head_motion(self.anim, times[i]),
+            keep_out: KeepOut { bodies: &self.bodies, time: times[i], poses: &poses[i] },
+        })
+    }
+
+    /// What turns metres, Y up, into the cache's unit and axes.
+    fn to_scene(&self) -> Matrix3<f64> {
+        self.convention.to_y_up().inverse().to_rotation_matrix().into_inner()
+            / self.convention.metres_per_unit
     }
 
     fn motion<'b>(&'b self, guides: &'b [GuideState]) -> Vec<GuideMotion<'b>> {

@@ -24,7 +24,7 @@ pub use keep_out::KeepOut;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 pub use retreat::SPAN;
-use strand::{Strand, Trace};
+use strand::{Strand, Trace, Track};
 
 /// Render strands, ready to be rebuilt from the guides at any moment.
 #[derive(Debug, Clone)]
@@ -87,7 +87,22 @@ const SPREAD: f64 = 1.5;
 /// Speed of guides past bodies up to which their room need not be looked for again so soon before, m/s.
 const SPEED: f64 = 20.0;
 
-/// Retreats of the strands at the frames around one, from [`SPAN`] before it to [`SPAN`] after; see [`Interpolator::retreats`].
+/// How the strands are and move at one moment: an entry per vertex of the curves given to [`Interpolator::new`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moving {
+    /// Points.
+    pub points: Vec<[f32; 3]>,
+    /// Velocities, per second.
+    pub velocities: Vec<[f32; 3]>,
+}
+
+impl Moving {
+    fn new(vertices: usize) -> Self {
+        Moving { points: vec![[0.0; 3]; vertices], velocities: vec![[0.0; 3]; vertices] }
+    }
+}
+
+/// Retreats of the strands at the frames around one, from [`SPAN`] before it to [`SPAN`] after; see [`Interpolator::lay`].
 pub type Retreats<'a> = [&'a [f32]; 2 * SPAN + 1];
 
 impl Interpolator {
@@ -126,84 +141,103 @@ impl Interpolator {
         self.strands.iter().map(Strand::nearest)
     }
 
-    /// Share (0..=1) of its way from its guide by which each vertex of the strands has to retreat at a moment, for a body is
-    /// between them. One entry per vertex of the curves given to [`Interpolator::new`].
-    pub fn retreats(&self, moment: &Moment, guides: &[GuideMotion]) -> Vec<f32> {
-        let mut out = vec![0.0; self.vertices()];
-        if moment.keep_out.poses.is_empty() {
-            return out;
-        }
-        let stands = self.stands(moment, guides, |x, (i, _)| moment.keep_out.room(x, self.reach[i]));
-        let cut: Vec<_> = self.strands.iter().zip(self.cut(&mut out)).collect();
-        cut.into_par_iter().with_min_len(64).for_each_init(Trace::default, |trace, (strand, out)| {
-            strand.retreat(moment, &stands, trace);
-            out.iter_mut().zip(&trace.retreat).for_each(|(out, share)| *out = *share as f32);
-        });
-        out
+    /// How the strands are at a moment of a frame if none retreats from a body, and by which share (0..=1) of its way from its guide each vertex has to. `moments` are
+    /// now and [`BACKWARD`] earlier; `to_scene` turns metres, Y up, into the unit and axes asked for.
+    pub fn lay(
+        &self,
+        moments: &[Moment; 2],
+        guides: &[GuideMotion],
+        to_scene: &Matrix3<f64>,
+    ) -> (Moving, Vec<f32>) {
+        let stands = self.stands(moments, guides);
+        let (mut laid, mut retreats) = (Moving::new(self.vertices()), vec![0.0; self.vertices()]);
+        let strands = self.strands.iter().zip(self.cut_moving(&mut laid)).zip(self.cut(&mut retreats));
+        let strands: Vec<_> = strands.collect();
+        strands.into_par_iter().with_min_len(64).for_each_init(
+            <[Trace; 2]>::default,
+            |traces, ((strand, out), retreats)| {
+                strand.free(&moments[0].head, &stands[0], true, &mut traces[0].free);
+                strand.retreat(&moments[0], &stands[0], &mut traces[0], retreats);
+                traces.iter_mut().for_each(|trace| trace.stay(retreats.len()));
+                strand.settle(moments, &stands, traces);
+                write(to_scene, &traces[0].track, out);
+            },
+        );
+        (laid, retreats)
     }
 
-    /// Writes the points and velocities (per second) of all strands, `to_scene` being what turns metres, Y up, into the
-    /// unit and axes asked for. `moments` are now and [`BACKWARD`] earlier; now is `after` (0..1) of the `interval`, s, from a frame to the next,
-    /// and `retreats` are those around that frame. Shapes:
-    /// one entry per vertex of the curves given to [`Interpolator::new`].
+    /// By which share of its way from its guide each vertex has to retreat, as [`Interpolator::lay`] tells.
+    pub fn retreats(&self, moments: &[Moment; 2], guides: &[GuideMotion]) -> Vec<f32> {
+        let stands = self.stands(moments, guides);
+        let mut retreats = vec![0.0; self.vertices()];
+        let strands: Vec<_> = self.strands.iter().zip(self.cut(&mut retreats)).collect();
+        strands.into_par_iter().with_min_len(64).for_each_init(
+            Trace::default,
+            |trace, (strand, retreats)| {
+                strand.free(&moments[0].head, &stands[0], false, &mut trace.free);
+                strand.retreat(&moments[0], &stands[0], trace, retreats);
+            },
+        );
+        retreats
+    }
+
+    /// How the strands are at a moment that is `after` (0..1) of the `interval`, s, from a frame to the next; `retreats` are those of the frames around
+    /// that frame, and `laid` how they are if none retreats, where that is known; all else as for [`Interpolator::lay`].
     pub fn evaluate(
         &self,
         moments: &[Moment; 2],
         guides: &[GuideMotion],
         (retreats, after, interval): (&Retreats, f64, f64),
         to_scene: &Matrix3<f64>,
-        points: &mut [[f32; 3]],
-        velocities: &mut [[f32; 3]],
-    ) {
+        laid: Option<Moving>,
+    ) -> Moving {
+        let known = laid.is_some();
+        let mut out = laid.unwrap_or_else(|| Moving::new(self.vertices()));
+        let strands = self.strands.iter().zip(self.offsets.windows(2)).zip(self.cut_moving(&mut out));
+        let retreats_at =
+            |w: &[usize]| retreats.iter().any(|r| r[w[0]..w[1]].iter().any(|share| *share != 0.0));
+        let strands: Vec<_> = strands.filter(|((_, w), _)| !known || retreats_at(w)).collect();
+        if strands.is_empty() {
+            return out;
+        }
+        let stands = self.stands(moments, guides);
+        strands.into_par_iter().with_min_len(64).for_each_init(
+            <[Trace; 2]>::default,
+            |traces, ((strand, w), out)| {
+                traces.iter_mut().for_each(|trace| trace.stay(w[1] - w[0]));
+                // Few strands retreat.
+                for i in (w[0]..w[1]).take_while(|_| retreats_at(w)) {
+                    let (share, change) = retreat::smoothed(retreats.map(|r| f64::from(r[i])), after);
+                    traces[0].retreat[i - w[0]] = share;
+                    traces[1].retreat[i - w[0]] = share - change * BACKWARD / interval;
+                }
+                strand.free(&moments[0].head, &stands[0], true, &mut traces[0].free);
+                strand.settle(moments, &stands, traces);
+                write(to_scene, &traces[0].track, out);
+            },
+        );
+        out
+    }
+
+    /// How the guides stand now and [`BACKWARD`] earlier.
+    fn stands(&self, moments: &[Moment; 2], guides: &[GuideMotion]) -> [Vec<Stand>; 2] {
         let q: Vec<Vec<f64>> = guides.iter().map(earlier).collect();
         let earlier: Vec<_> = guides.iter().zip(&q).map(|(g, q)| GuideMotion { q, ..*g }).collect();
         let room = |x: &Vector3<f64>, (i, _): (usize, usize)| moments[0].keep_out.room(x, self.reach[i]);
-        let now = self.stands(&moments[0], guides, room);
+        let now = self.stand(&moments[0].head, guides, room);
         // So soon before the bodies have hardly moved.
         let room = |_: &Vector3<f64>, (i, k): (usize, usize)| now[i].room[k] - BACKWARD * SPEED;
-        let before = self.stands(&moments[1], &earlier, room);
-        let stands = [now, before];
-        let cut =
-            self.strands.iter().zip(self.offsets.windows(2)).zip(self.cut(points).zip(self.cut(velocities)));
-        let cut: Vec<_> = cut.collect();
-        let works = <[Trace; 2]>::default;
-        cut.into_par_iter().with_min_len(64).for_each_init(works, |[now, before], ((strand, w), (p, v))| {
-            now.retreat.clear();
-            before.retreat.clear();
-            // Few strands retreat.
-            let any = retreats.iter().any(|r| r[w[0]..w[1]].iter().any(|share| *share != 0.0));
-            if !any {
-                now.retreat.resize(w[1] - w[0], 0.0);
-                before.retreat.resize(w[1] - w[0], 0.0);
-            }
-            for i in (w[0]..w[1]).take_while(|_| any) {
-                let (share, change) = retreat::smoothed(retreats.map(|r| f64::from(r[i])), after);
-                now.retreat.push(share);
-                before.retreat.push(share - change * BACKWARD / interval);
-            }
-            strand.trace(&moments[0], &stands[0], true, now);
-            if now.leans {
-                strand.trace(&moments[1], &stands[1], false, before);
-                strand.relax(&moments[0].keep_out, now);
-                strand.relax(&moments[1].keep_out, before);
-                for (now, before) in now.track.iter_mut().zip(&before.track) {
-                    now.1 = (now.0 - before.0) / BACKWARD;
-                }
-            }
-            for ((p, v), (x, dx)) in p.iter_mut().zip(v).zip(&now.track) {
-                (*p, *v) = (single(&(to_scene * x)), single(&(to_scene * dx)));
-            }
-        });
+        let before = self.stand(&moments[1].head, &earlier, room);
+        [now, before]
     }
 
     /// How the guides stand; `room` tells it for a point of a guide, by the indices of both.
-    fn stands(
+    fn stand(
         &self,
-        moment: &Moment,
+        head: &HeadMotion,
         guides: &[GuideMotion],
         room: impl Fn(&Vector3<f64>, (usize, usize)) -> f64 + Sync,
     ) -> Vec<Stand> {
-        let head = &moment.head;
         guides
             .par_iter()
             .zip(&self.guides)
@@ -221,6 +255,10 @@ impl Interpolator {
                 }
             })
             .collect()
+    }
+
+    fn cut_moving<'a>(&'a self, moving: &'a mut Moving) -> impl Iterator<Item = [&'a mut [[f32; 3]]; 2]> {
+        self.cut(&mut moving.points).zip(self.cut(&mut moving.velocities)).map(|(p, v)| [p, v])
     }
 
     /// An array with an entry per vertex, in the strands' parts.
@@ -261,6 +299,12 @@ impl Stand {
     fn clears(&self, place: Place, x: &Vector3<f64>, keep: f64) -> bool {
         let k = place.nearest();
         (x - self.x[k]).norm() < self.room[k] - keep
+    }
+}
+
+fn write(to_scene: &Matrix3<f64>, track: &[Track], [points, velocities]: [&mut [[f32; 3]]; 2]) {
+    for ((p, v), (x, dx)) in points.iter_mut().zip(velocities).zip(track) {
+        (*p, *v) = (single(&(to_scene * x)), single(&(to_scene * dx)));
     }
 }
 

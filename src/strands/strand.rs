@@ -3,10 +3,11 @@
 use super::follow::{Place, RestGuide, Turned};
 use super::keep_out::{KeepOut, Kept, Lean, Spare};
 use super::relax::relax;
-use super::{FOLLOWED, Follows, HeadMotion, Moment, Stand};
+use super::{BACKWARD, FOLLOWED, Follows, HeadMotion, Moment, Stand};
 use crate::contact::Bodies;
 use crate::math::se3::turned_by;
 use nalgebra::{Isometry3, Vector3};
+use std::iter;
 
 /// Tangent of the angle at which a strand comes to its guide, or goes from it, because of a body, at most. More, and strands cannot
 /// follow and go through; less, and what one place asks for is seen far from it.
@@ -56,20 +57,33 @@ impl Edge {
     }
 }
 
+/// A point and its velocity, world, m and m/s.
+pub(super) type Track = (Vector3<f64>, Vector3<f64>);
+
 /// A strand at one moment.
 #[derive(Debug, Default)]
 pub(super) struct Trace {
     /// Share of its way from its guide by which each vertex retreats (0..=1).
     pub retreat: Vec<f64>,
-    /// Points and velocities, world, m and m/s.
-    pub track: Vec<(Vector3<f64>, Vector3<f64>)>,
+    /// How it would be without bodies.
+    pub free: Vec<Track>,
+    /// How it is.
+    pub track: Vec<Track>,
     /// Whether it leans on a body: the velocities are then those that it would have without.
-    pub leans: bool,
+    leans: bool,
     /// Distance of each vertex from the guide, where there are no bodies, m.
     offset: Vec<f64>,
     /// Vertices that came to lie too deep in a body.
     deep: Vec<usize>,
     spare: [Spare; 2],
+}
+
+impl Trace {
+    /// Of a strand with so many vertices, none of which retreats.
+    pub fn stay(&mut self, vertices: usize) {
+        self.retreat.clear();
+        self.retreat.resize(vertices, 0.0);
+    }
 }
 
 impl Strand {
@@ -119,20 +133,16 @@ impl Strand {
         far
     }
 
-    /// The strand as it would be without bodies, edge by edge from the root; `each` gets the start and the end of every edge with their
-    /// velocities, which mean nothing where they are not asked for (`moving`).
-    fn free(
-        &self,
-        head: &HeadMotion,
-        stands: &[Stand],
-        moving: bool,
-        mut each: impl FnMut(usize, [(Vector3<f64>, Vector3<f64>); 2]),
-    ) {
+    /// The strand as it would be without bodies, into `free`: points and velocities, which mean nothing where they are not asked for
+    /// (`moving`).
+    pub fn free(&self, head: &HeadMotion, stands: &[Stand], moving: bool, free: &mut Vec<Track>) {
         let (mut x, mut v) = head.carry(&self.root);
+        free.clear();
+        free.push((x, v));
         // From rest space to the edge at hand, and how that turns.
         let (mut turned, mut spin) = (head.rotation, head.spin);
         let [mut before, mut rate_before] = [Vector3::zeros(); 2];
-        for (j, edge) in self.edges.iter().enumerate() {
+        for edge in &self.edges {
             let sum = |of: fn(&Stand) -> &[Turned]| {
                 let parts = self.follow.iter().zip(edge.middle);
                 parts.fold(Vector3::zeros(), |sum, ((guide, weight), middle)| {
@@ -151,39 +161,39 @@ impl Strand {
             };
             before = now;
             turned *= turn;
-            let start = (x, v);
             let way = turned * edge.way();
             x += way;
             v += spin.cross(&way);
-            each(j, [start, (x, v)]);
+            free.push((x, v));
         }
     }
 
-    /// By how much each vertex has to retreat, into `trace.retreat`: for what lies between it and its guide, and wholly where the
-    /// strand so laid still comes to lie too deep.
-    pub fn retreat(&self, moment: &Moment, stands: &[Stand], trace: &mut Trace) {
+    /// By how much each vertex of the strand, which would be as in `trace.free`, has to retreat, into `out`, which is 0: for what lies between it and its
+    /// guide, and wholly where the strand so laid still comes to lie too deep.
+    pub fn retreat(&self, moment: &Moment, stands: &[Stand], trace: &mut Trace, out: &mut [f32]) {
+        if moment.keep_out.poses.is_empty() {
+            return;
+        }
         let stand = &stands[self.nearest()];
-        let Trace { retreat, offset, .. } = trace;
+        let Trace { free, retreat, offset, .. } = trace;
         retreat.clear();
         offset.clear();
-        let mut see = |(place, apart): (Place, bool), x: &Vector3<f64>| {
+        let places = iter::once((self.beside, self.apart));
+        let places = places.chain(self.edges.iter().map(|edge| (edge.beside, edge.apart)));
+        for ((place, apart), (x, _)) in places.zip(free) {
             let guide = stand.at(place);
-            offset.push((x - guide).norm());
+            offset.push((*x - guide).norm());
             // A guide that is itself inside does not tell.
             let outside = stand.room[place.nearest()] > 0.0;
             let hidden = outside && !apart && !stand.clears(place, x, 0.0);
             retreat.push(if hidden { moment.keep_out.retreat(&guide, x) } else { 0.0 });
-        };
-        see((self.beside, self.apart), &moment.head.carry(&self.root).0);
-        self.free(&moment.head, stands, false, |j, [_, (x, _)]| {
-            see((self.edges[j].beside, self.edges[j].apart), &x);
-        });
+        }
         if retreat.iter().all(|share| *share == 0.0) {
             return;
         }
         self.spread(trace);
         for _ in 0..CORRECTIONS {
-            self.trace(moment, stands, false, trace);
+            self.lay(moment, stands, trace);
             if trace.deep.is_empty() {
                 break;
             }
@@ -192,6 +202,7 @@ impl Strand {
             }
             self.spread(trace);
         }
+        out.iter_mut().zip(&trace.retreat).for_each(|(out, share)| *out = *share as f32);
     }
 
     /// Spreads retreats along the strand: it needs some length to come to its guide, and to go from it.
@@ -206,12 +217,11 @@ impl Strand {
         }
     }
 
-    /// Rebuilds the strand at a moment, with the retreats in `trace`; the guides stand as in `stands`. Velocities mean nothing where they
-    /// are not asked for (`moving`).
-    pub fn trace(&self, moment: &Moment, stands: &[Stand], moving: bool, trace: &mut Trace) {
-        let Moment { head, keep_out } = moment;
+    /// Lays the strand, which would be as in `trace.free`, outside the bodies, with the retreats in `trace`; the guides stand as in `stands`.
+    fn lay(&self, moment: &Moment, stands: &[Stand], trace: &mut Trace) {
+        let keep_out = &moment.keep_out;
         let stand = &stands[self.nearest()];
-        let Trace { retreat, track, deep, spare, .. } = trace;
+        let Trace { free, retreat, track, deep, spare, .. } = trace;
         for spare in spare.iter_mut() {
             spare.clear();
             spare.resize(keep_out.poses.len(), 0.0);
@@ -219,11 +229,12 @@ impl Strand {
         let [spare, spare_leaning] = spare;
         let mut lean: Option<Lean> = None;
         track.clear();
-        track.push(head.carry(&self.root));
+        track.push(free[0]);
         deep.clear();
         let mut from = self.beside;
-        self.free(head, stands, moving, |j, [(start, _), (end, v)]| {
-            let (length, to) = (self.edges[j].length(), self.edges[j].beside);
+        for (j, edge) in self.edges.iter().enumerate() {
+            let [(start, _), (end, v)] = [free[j], free[j + 1]];
+            let (length, to) = (edge.length(), edge.beside);
             let place = (j + 1, self.edges.len() + 1);
             let clear = |x: &Vector3<f64>| stand.clears(to, x, self.kept.most());
             if lean.is_none() {
@@ -251,12 +262,28 @@ impl Strand {
             });
             from = to;
             track.push((x, v));
-        });
+        }
         trace.leans = lean.is_some();
     }
 
-    /// Moves a strand that was traced out of bodies where it lies too deep in one.
-    pub fn relax(&self, keep_out: &KeepOut, trace: &mut Trace) {
+    /// Lays the strand at two moments [`BACKWARD`] apart, with the retreats in both traces; it would be as in `now.free` at the first. `now.track` is then where it is
+    /// and how it moves.
+    pub fn settle(&self, moments: &[Moment; 2], stands: &[Vec<Stand>; 2], [now, before]: &mut [Trace; 2]) {
+        self.lay(&moments[0], &stands[0], now);
+        if !now.leans {
+            return;
+        }
+        self.free(&moments[1].head, &stands[1], false, &mut before.free);
+        self.lay(&moments[1], &stands[1], before);
+        self.relax(&moments[0].keep_out, now);
+        self.relax(&moments[1].keep_out, before);
+        for (now, before) in now.track.iter_mut().zip(&before.track) {
+            now.1 = (now.0 - before.0) / BACKWARD;
+        }
+    }
+
+    /// Moves a strand that was laid out of bodies where it lies too deep in one.
+    fn relax(&self, keep_out: &KeepOut, trace: &mut Trace) {
         let Some(&last) = trace.deep.last() else { return };
         let mut x: Vec<_> = trace.track.iter().map(|(x, _)| *x).collect();
         let vertices = x.len();

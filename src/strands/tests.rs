@@ -77,7 +77,7 @@ fn run(
     let moment = Moment { head: *head, keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &[] } };
     let motion: Vec<_> =
         rods.iter().zip(q).zip(rate).map(|((&rod, q), rate)| GuideMotion { rod, q, rate }).collect();
-    evaluated(&interpolator, &moment, &motion, &interpolator.retreats(&moment, &motion))
+    evaluated(&interpolator, &moment, &motion, &interpolator.retreats(&[moment; 2], &motion))
 }
 
 /// Points and velocities of all strands, which retreat alike at all times.
@@ -87,10 +87,15 @@ fn evaluated(
     motion: &[GuideMotion],
     retreats: &[f32],
 ) -> [Vec<[f32; 3]>; 2] {
-    let mut out = [(); 2].map(|()| vec![[0.0; 3]; retreats.len()]);
-    let [p, v] = &mut out;
-    interpolator.evaluate(&[*moment; 2], motion, (&[retreats; 5], 0.0, 1.0), &Matrix3::identity(), p, v);
-    out
+    let evaluate = |laid| {
+        let at = (&[retreats; 5], 0.0, 1.0);
+        interpolator.evaluate(&[*moment; 2], motion, at, &Matrix3::identity(), laid)
+    };
+    let out = evaluate(None);
+    // What is known beforehand changes nothing.
+    let (laid, asked) = interpolator.lay(&[*moment; 2], motion, &Matrix3::identity());
+    assert_eq!((evaluate(Some(laid)), asked), (out.clone(), interpolator.retreats(&[*moment; 2], motion)));
+    [out.points, out.velocities]
 }
 
 fn wide(p: &[f32; 3]) -> Vector3<f64> {
@@ -205,7 +210,7 @@ fn a_strand_is_turned_out_of_a_body_and_keeps_its_length_and_velocity() {
         head: still(),
         keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] },
     };
-    let retreats = interpolator.retreats(&moment, &[GuideMotion { rod: &r, q: &q, rate: &rate }]);
+    let retreats = interpolator.retreats(&[moment; 2], &[GuideMotion { rod: &r, q: &q, rate: &rate }]);
     let at = |t: f64| {
         let q: Vec<f64> = q.iter().zip(&rate).map(|(q, r)| q + t * r).collect();
         evaluated(&interpolator, &moment, &[GuideMotion { rod: &r, q: &q, rate: &rate }], &retreats)
@@ -238,7 +243,7 @@ fn a_body_is_seen_after_vertices_that_were_not_looked_for() {
     let moment = Moment { head: still(), keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &poses } };
     let still = vec![0.0; r.unknowns()];
     let motion = [GuideMotion { rod: &r, q: &still, rate: &still }];
-    let retreats = interpolator.retreats(&moment, &motion);
+    let retreats = interpolator.retreats(&[moment; 2], &motion);
     let [p, _] = evaluated(&interpolator, &moment, &motion, &retreats);
     let distance = |x: &Vector3<f64>| (x - at(0.055, 0.018)).norm() - 0.01;
     assert!(distance(&c.points[3]) < -5e-4 && distance(&wide(&p[3])) > 4e-4, "{:?}", p[3]);
@@ -306,7 +311,7 @@ fn a_strand_stays_on_its_guides_side_of_a_thin_body() {
         let interpolator = interpolator(&c, &[&r], bodies, &thickness);
         let moment = Moment { head: still(), keep_out: KeepOut { bodies, time: 0.0, poses } };
         let motion = [GuideMotion { rod: &r, q: &q, rate: &vec![0.0; q.len()] }];
-        let retreats = interpolator.retreats(&moment, &motion);
+        let retreats = interpolator.retreats(&[moment; 2], &motion);
         let [p, v] = evaluated(&interpolator, &moment, &motion, &retreats);
         assert!(p.iter().chain(&v).flatten().all(|x| x.is_finite()));
         p.iter().map(|x| f64::from(x[1])).fold(0.0, f64::min)
