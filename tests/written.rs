@@ -129,6 +129,40 @@ fn moments_of_a_frame_move_with_the_velocities_and_are_the_same_in_stages() {
 }
 
 #[test]
+fn accelerations_lead_to_the_end_of_the_shutter() {
+    let scene = Scene::import();
+    let blur = |name: &str, more: &[&str]| baked(&scene, name, &[&["--shutter", "0.4"], more].concat());
+    let moments = |out: &Path, offsets: &[f64]| {
+        Reader::open(out).unwrap().read_moments(1003, offsets.iter().copied()).unwrap()
+    };
+    let single = moments(&blur("single", &["--accelerations"]), &[0.0]).remove(0);
+    let several = moments(&blur("several", &["--accelerations", "--samples", "3"]), &[0.0, 0.2, 0.4]);
+    let plain = moments(&blur("plain", &["--samples", "3"]), &[0.0, 0.2, 0.4]);
+    // What is written beside them changes nothing.
+    for (with, without) in several.iter().zip(&plain) {
+        let (with, without) = (with.hair.as_ref().unwrap(), without.hair.as_ref().unwrap());
+        assert_eq!((&with.points, &with.velocities), (&without.points, &without.velocities));
+        assert!(with.accelerations.is_some() && without.accelerations.is_none());
+    }
+    let [first, second, last] = &several[..] else { panic!("{}", several.len()) };
+    for (now, then) in [(first, second), (second, last), (last, second), (&single, last)] {
+        let after = ((then.offset - now.offset) / 24.0) as f32;
+        for [now, then] in
+            [[&now.guides, &then.guides], [now.hair.as_ref().unwrap(), then.hair.as_ref().unwrap()]]
+        {
+            let a = now.accelerations.as_ref().unwrap().as_flattened();
+            let [x, next, v] = [&now.points, &then.points, &now.velocities].map(|array| array.as_flattened());
+            let (mut off, mut way) = (0.0_f32, 0.0_f32);
+            for k in 0..x.len() {
+                way = way.max((next[k] - x[k] - v[k] * after).abs());
+                off = off.max((next[k] - x[k] - (v[k] + 0.5 * a[k] * after) * after).abs());
+            }
+            assert!(way > 1e-3 && off < 1e-5, "{off} of {way}");
+        }
+    }
+}
+
+#[test]
 fn a_goal_and_stiffer_tips_hold_the_style() {
     let scene = Scene::import();
     let material = |key: &str, value: &str| format!("groom.materials[0].{key}={value}");

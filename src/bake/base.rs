@@ -68,11 +68,12 @@ impl Base {
         faults.unless_same("up_axis", axis(old), axis(header));
         faults.unless_same("fps", old.fps, header.fps);
         faults.unless_same("levels of wisps written", old.levels, header.levels);
+        faults.unless_same("accelerations", old.accelerations, header.accelerations);
         for (key, value) in
             [("samples", f64::from(anim.settings.samples)), ("shutter", anim.settings.shutter)]
         {
             // One moment is the frame itself, however long the shutter.
-            if key == "samples" || anim.settings.samples > 1 {
+            if key == "samples" || anim.settings.samples > 1 || header.accelerations {
                 let found = manifest.settings[key].as_f64();
                 faults.unless_same(key, found.unwrap_or(f64::NAN), value);
             }
@@ -235,11 +236,14 @@ fn ranges(set: &CurveSet) -> Vec<Range<usize>> {
 /// Puts kept curves among those that were baked.
 fn complete(pieces: &[Piece], baked: &mut CurveFrame, kept: &CurveFrame, set: &CurveSet) {
     let of = |piece: &Piece| if piece.kept { kept } else { &*baked };
-    let array = |of_frame: fn(&CurveFrame) -> &Vec<[f32; 3]>| -> Vec<[f32; 3]> {
-        pieces.iter().flat_map(|p| &of_frame(of(p))[p.points.clone()]).copied().collect()
+    let array = |of_frame: fn(&CurveFrame) -> Option<&Vec<[f32; 3]>>| -> Option<Vec<[f32; 3]>> {
+        let part = |p: &Piece| Some(&of_frame(of(p))?[p.points.clone()]);
+        Some(pieces.iter().map(part).collect::<Option<Vec<_>>>()?.concat())
     };
-    let (points, velocities) = (array(|f| &f.points), array(|f| &f.velocities));
+    let points = array(|f| Some(&f.points)).unwrap_or_default();
+    let velocities = array(|f| Some(&f.velocities)).unwrap_or_default();
+    let accelerations = array(|f| f.accelerations.as_ref());
     let level = |piece: &Piece| of(piece).level.as_ref().map(|level| level[piece.curve]);
     let level = pieces.iter().map(level).collect();
-    *baked = CurveFrame { extent: extent(&points, &set.widths), points, velocities, level };
+    *baked = CurveFrame { extent: extent(&points, &set.widths), points, velocities, accelerations, level };
 }

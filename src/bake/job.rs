@@ -139,6 +139,7 @@ fn settings(anim: &Anim, set: &[Override]) -> Value {
         "keep": anim.settings.keep,
         "samples": anim.settings.samples,
         "shutter": anim.settings.shutter,
+        "accelerations": anim.settings.accelerations,
         "gravity_m_s2": [anim.gravity.x, anim.gravity.y, anim.gravity.z],
     });
     if !set.is_empty() {

@@ -99,8 +99,11 @@ impl<'a> Output<'a> {
         retreats: &Retreats,
         mut laid: Option<Moving>,
     ) -> Result<Vec<Frame>> {
-        let interval = 1.0 / self.anim.fps;
-        let offsets = self.anim.settings.offsets();
+        let (interval, settings) = (1.0 / self.anim.fps, &self.anim.settings);
+        let mut offsets: Vec<f64> = settings.offsets().collect();
+        let written = offsets.len();
+        // Of a single moment accelerations tell how the shutter ends.
+        offsets.extend((self.header.accelerations && written == 1).then_some(settings.shutter));
         let moment = |offset: f64| {
             let pairs = states[0].iter().zip(states[1]);
             let between: Vec<GuideState> = match offset {
@@ -110,7 +113,11 @@ impl<'a> Output<'a> {
             let (guides, laid) = if offset == 0.0 { (states[0], laid.take()) } else { (&between[..], None) };
             self.moment((frame, offset), guides, retreats, laid)
         };
-        let mut moments: Vec<Frame> = offsets.map(moment).collect();
+        let mut moments: Vec<Frame> = offsets.into_iter().map(moment).collect();
+        if self.header.accelerations {
+            accelerate(&mut moments, interval);
+        }
+        moments.truncate(written);
         self.base.map_or(Ok(()), |base| base.complete(&mut moments, &self.header))?;
         Ok(moments)
     }
@@ -135,7 +142,13 @@ impl<'a> Output<'a> {
             let moving = strands.evaluate(&self.moments(t, &poses), &motion, at, &to_scene, laid);
             let Moving { points, velocities } = moving;
             let level = levels.as_ref().map(|l| strands.nearest().map(|guide| l[guide]).collect());
-            CurveFrame { extent: extent(&points, &set.widths), points, velocities, level }
+            CurveFrame {
+                extent: extent(&points, &set.widths),
+                points,
+                velocities,
+                accelerations: None,
+                level,
+            }
         });
         Frame {
             frame,
@@ -221,7 +234,8 @@ impl<'a> Output<'a> {
             })
             .collect();
         let (points, velocities): (Vec<_>, Vec<_>) = per_guide.into_iter().flatten().unzip();
-        CurveFrame { extent: extent(&points, &self.header.guides.widths), points, velocities, level }
+        let extent = extent(&points, &self.header.guides.widths);
+        CurveFrame { extent, points, velocities, accelerations: None, level }
     }
 
     /// A rest-to-world pose in the cache's unit and axes.
@@ -232,6 +246,40 @@ impl<'a> Output<'a> {
         m.fixed_view_mut::<3, 1>(0, 3).copy_from(&self.convention.length_out(pose.translation.vector));
         std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)]))
     }
+}
+
+/// Gives the moments of a frame their accelerations, with which points and velocities of each come to the points of the next, and of the last to those of the
+/// one before; frames are `interval`, s, apart. A single moment has none.
+fn accelerate(moments: &mut [Frame], interval: f64) {
+    let found: Vec<_> = (0..moments.len())
+        .filter(|_| moments.len() > 1)
+        .map(|i| {
+            let (now, then) = (&moments[i], &moments[if i + 1 < moments.len() { i + 1 } else { i - 1 }]);
+            let after = (then.offset - now.offset) * interval;
+            let of = |now: &CurveFrame, then: &CurveFrame| accelerations(now, then, after);
+            (
+                now.hair.as_ref().zip(then.hair.as_ref()).map(|(now, then)| of(now, then)),
+                of(&now.guides, &then.guides),
+            )
+        })
+        .collect();
+    for (moment, (hair, guides)) in moments.iter_mut().zip(found) {
+        moment.guides.accelerations = Some(guides);
+        if let Some(curves) = &mut moment.hair {
+            curves.accelerations = hair;
+        }
+    }
+}
+
+/// a of x + v t + a t²/2, which goes through the points of `now`, with their velocities, and those of `then`, `after`, s, later, or earlier if negative.
+fn accelerations(now: &CurveFrame, then: &CurveFrame, after: f64) -> Vec<[f32; 3]> {
+    let at = |i: usize| {
+        std::array::from_fn(|k| {
+            let [x, v, next] = [now.points[i][k], now.velocities[i][k], then.points[i][k]].map(f64::from);
+            (2.0 * (next - x - v * after) / (after * after)) as f32
+        })
+    };
+    (0..now.points.len()).into_par_iter().map(at).collect()
 }
 
 /// Pose of the head at `t`, s, and its velocity by central differences of the (smooth) track.
@@ -309,6 +357,7 @@ impl<'a> Written<'a> {
             },
             colliders: anim.colliders.iter().map(collider).collect(),
             levels: anim.settings.resolution != Resolution::Full,
+            accelerations: anim.settings.accelerations,
             ..Header::default()
         }
     }

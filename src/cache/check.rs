@@ -64,7 +64,7 @@ impl Frame {
             return Err("render strands in the frame or in the header, but not in both".into());
         }
         for (frame, curves) in self.hair.iter().zip(&header.hair).chain([(&self.guides, &header.guides)]) {
-            frame.check(curves, header.levels)?;
+            frame.check(curves, header)?;
         }
         same("colliders", self.colliders.len(), header.colliders.len())?;
         self.colliders.iter().zip(&header.colliders).try_for_each(|(frame, mesh)| frame.check(mesh))
@@ -84,14 +84,23 @@ impl ColliderFrame {
 }
 
 impl CurveFrame {
-    fn check(&self, curves: &CurveSet, levels: bool) -> Result<(), String> {
+    fn check(&self, curves: &CurveSet, header: &Header) -> Result<(), String> {
         same("points", self.points.len(), curves.rest.len())?;
         same("velocities", self.velocities.len(), curves.rest.len())?;
-        match &self.level {
-            Some(level) if levels => same("levels", level.len(), curves.counts.len()),
-            None if !levels || curves.counts.is_empty() => Ok(()),
-            _ => Err("levels in the frame or in the header, but not in both".into()),
-        }
+        let optional = [
+            ("levels", self.level.as_ref().map(Vec::len), header.levels, curves.counts.len()),
+            (
+                "accelerations",
+                self.accelerations.as_ref().map(Vec::len),
+                header.accelerations,
+                curves.rest.len(),
+            ),
+        ];
+        optional.into_iter().try_for_each(|(what, found, expected, n)| match found {
+            Some(found) if expected => same(what, found, n),
+            None if !expected || n == 0 => Ok(()),
+            _ => Err(format!("{what} in the frame or in the header, but not in both")),
+        })
     }
 }
 

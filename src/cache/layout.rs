@@ -245,6 +245,9 @@ fn animated<'a>(header: &Header, part: Part) -> Vec<Attribute<'a>> {
                 let level = Attribute::new(LEVEL, "int[]");
                 attributes.push(level.with_metadata("interpolation", Value::token("uniform")));
             }
+            if header.accelerations {
+                attributes.push(Attribute::new("accelerations", "vector3f[]"));
+            }
             attributes
         }
     }
@@ -253,7 +256,13 @@ fn animated<'a>(header: &Header, part: Part) -> Vec<Attribute<'a>> {
 fn moving_curves(curves: &CurveFrame) -> Vec<Value<'_>> {
     let arrays: [&[[f32; 3]]; 3] = [&curves.points, &curves.velocities, &curves.extent];
     let level = curves.level.iter().map(|level| Value::Ints(Cow::Borrowed(level)));
-    arrays.map(|array| Value::Float3s(Cow::Borrowed(array))).into_iter().chain(level).collect()
+    let accelerations = curves.accelerations.iter().map(|array| Value::Float3s(Cow::Borrowed(array)));
+    arrays
+        .map(|array| Value::Float3s(Cow::Borrowed(array)))
+        .into_iter()
+        .chain(level)
+        .chain(accelerations)
+        .collect()
 }
 
 fn moving_collider(collider: &ColliderFrame) -> Vec<Value<'_>> {

@@ -41,6 +41,8 @@ pub struct Header {
     pub colliders: Vec<ColliderMesh>,
     /// Whether the frames tell the levels of curves.
     pub levels: bool,
+    /// Whether the frames tell accelerations.
+    pub accelerations: bool,
 }
 
 /// Basis of the cubic curves, both pinned at their ends.
@@ -136,6 +138,8 @@ pub struct CurveFrame {
     pub points: Vec<[f32; 3]>,
     /// Velocities, scene units per second.
     pub velocities: Vec<[f32; 3]>,
+    /// Accelerations, scene units per second squared; where the header says so.
+    pub accelerations: Option<Vec<[f32; 3]>>,
     /// Lowest and highest corner of the points grown by half the widths.
     pub extent: [[f32; 3]; 2],
     /// Level of the wisp that each curve moves with, 0 for a coarse one; where the header says so.

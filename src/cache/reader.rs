@@ -114,14 +114,26 @@ impl Source {
         };
         let hair = if has_hair { Some(self.curves(HAIR)?) } else { None };
         let guides = if has_guides { self.curves(GUIDES)? } else { CurveSet::default() };
-        let levels = self.has(if has_guides { GUIDES } else { HAIR }, LEVEL);
+        let [levels, accelerations] =
+            [LEVEL, "accelerations"].map(|name| self.has(if has_guides { GUIDES } else { HAIR }, name));
         let names = self
             .layer
             .prim_mut("/groom/colliders")
             .map(|scope| scope.children.iter().map(|mesh| mesh.name.clone()).collect::<Vec<_>>());
         let colliders =
             names.unwrap_or_default().into_iter().map(|name| self.collider(name)).collect::<Result<_>>()?;
-        let header = Header { metres_per_unit, z_up, fps, frames, basis, hair, guides, colliders, levels };
+        let header = Header {
+            metres_per_unit,
+            z_up,
+            fps,
+            frames,
+            basis,
+            hair,
+            guides,
+            colliders,
+            levels,
+            accelerations,
+        };
         header.check().map_err(|what| self.damaged(what))?;
         Ok(header)
     }
@@ -129,12 +141,12 @@ impl Source {
     fn moment(&mut self, header: &Header, frame: i32, offset: f64) -> Result<Frame> {
         let time = f64::from(frame) + offset;
         let hair = match &header.hair {
-            Some(_) => Some(self.moving_curves(HAIR, time, header.levels)?),
+            Some(_) => Some(self.moving_curves(HAIR, time, header)?),
             None => None,
         };
         let guides = match header.guides.counts.is_empty() {
             true => CurveFrame::default(),
-            false => self.moving_curves(GUIDES, time, header.levels)?,
+            false => self.moving_curves(GUIDES, time, header)?,
         };
         let head = self.transform("/groom/head", time)?;
         let mut colliders = Vec::with_capacity(header.colliders.len());
@@ -187,12 +199,16 @@ impl Source {
         })
     }
 
-    fn moving_curves(&mut self, prim: &str, time: f64, levels: bool) -> Result<CurveFrame> {
+    fn moving_curves(&mut self, prim: &str, time: f64, header: &Header) -> Result<CurveFrame> {
         Ok(CurveFrame {
             points: self.take(prim, "points", Some(time), float3s)?,
             velocities: self.take(prim, "velocities", Some(time), float3s)?,
             extent: self.take(prim, "extent", Some(time), |v| float3s(v)?.try_into().ok())?,
-            level: if levels { Some(self.take(prim, LEVEL, Some(time), ints)?) } else { None },
+            level: if header.levels { Some(self.take(prim, LEVEL, Some(time), ints)?) } else { None },
+            accelerations: match header.accelerations {
+                true => Some(self.take(prim, "accelerations", Some(time), float3s)?),
+                false => None,
+            },
         })
     }
 

@@ -69,6 +69,9 @@ pub struct SceneArguments {
     /// How long the shutter is open from a frame on, frames [default: the anim's, 0.5]
     #[arg(long, value_name = "FRAMES", value_parser = values::shutter, help_heading = SETTINGS)]
     shutter: Option<f64>,
+    /// Write accelerations too, for renderers that blur motion by them: points, velocities and they are the motion to the end of the shutter
+    #[arg(long, help_heading = SETTINGS)]
+    accelerations: bool,
     /// Put a value in place of one of the files', such as groom.materials[0].friction=0.3; may be given again
     #[arg(long, value_name = "FILE.KEY=VALUE", value_parser = Override::parse, help_heading = SETTINGS)]
     set: Vec<Override>,
@@ -164,6 +167,7 @@ impl SceneArguments {
         settings.keep = self.keep.unwrap_or(settings.keep);
         settings.samples = self.samples.unwrap_or(settings.samples);
         settings.shutter = self.shutter.unwrap_or(settings.shutter);
+        settings.accelerations |= self.accelerations;
         if settings.curves == Written::Strands && groom.strands.curves.is_empty() {
             let message = "the groom has no render strands to write: ask for --curves guides";
             return Err(Error::Usage(message.into()));
@@ -204,7 +208,7 @@ impl SceneArguments {
     }
 
     /// The settings that options give.
-    fn given(&self) -> [(&'static str, Option<String>); 11] {
+    fn given(&self) -> [(&'static str, Option<String>); 12] {
         [
             ("substeps", self.substeps.map(|n| n.to_string())),
             ("preroll", self.preroll.map(|s| s.to_string())),
@@ -217,6 +221,7 @@ impl SceneArguments {
             ("keep", self.keep.map(|share| share.to_string())),
             ("samples", self.samples.map(|n| n.to_string())),
             ("shutter", self.shutter.map(|frames| frames.to_string())),
+            ("accelerations", self.accelerations.then(|| "true".into())),
         ]
     }
 
@@ -240,6 +245,7 @@ impl SceneArguments {
             ("keep", settings.keep.to_string()),
             ("samples", settings.samples.to_string()),
             ("shutter", settings.shutter.to_string()),
+            ("accelerations", settings.accelerations.to_string()),
         ];
         let mut rows: Vec<_> = resolved
             .into_iter()

@@ -220,7 +220,10 @@ pub fn kept(text: &str) -> Result<f64, String> {
 
 /// Frames that a shutter is open.
 pub fn shutter(text: &str) -> Result<f64, String> {
-    share(text).ok().filter(|x| *x <= 0.999).ok_or_else(|| "a number from 0 to below 1".into())
+    share(text)
+        .ok()
+        .filter(|x| (1e-3..=0.999).contains(x))
+        .ok_or_else(|| "a number from 0.001 to 0.999".into())
 }
 
 #[cfg(test)]

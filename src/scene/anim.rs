@@ -189,6 +189,8 @@ pub struct Settings {
     pub samples: u32,
     /// How long the shutter is open from a frame on, frames (0..1).
     pub shutter: f64,
+    /// Whether accelerations are written beside velocities.
+    pub accelerations: bool,
 }
 
 /// What moves by itself.
@@ -257,6 +259,7 @@ impl Default for Settings {
             keep: 1.0,
             samples: 1,
             shutter: 0.5,
+            accelerations: false,
         }
     }
 }

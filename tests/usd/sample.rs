@@ -16,6 +16,7 @@ pub fn header(hair: bool) -> Header {
             ColliderMesh { deforms: true, ..tetrahedron("shoulder_L", 2.0) },
         ],
         levels: hair,
+        accelerations: hair,
         ..Header::default()
     }
 }
@@ -37,7 +38,8 @@ pub fn frame(header: &Header, frame: i32) -> Frame {
             })
         });
         let level = header.levels.then(|| (0..curves.counts.len() as i32).map(|i| i % 3).collect());
-        CurveFrame { velocities: vec![velocity; points.len()], points, extent, level }
+        let accelerations = header.accelerations.then(|| vec![[0.0, -9.81, time]; points.len()]);
+        CurveFrame { velocities: vec![velocity; points.len()], points, accelerations, extent, level }
     };
     // A quarter turn about z and a translation: not its own transpose.
     let turned = |x: f64| {

@@ -21,6 +21,7 @@ COLLIDERS = "/groom/colliders"
 MATERIAL = "/groom/materials/hair"
 TRANSFORM = "xformOp:transform"
 LEVEL = "primvars:groom_level"
+ACCELERATIONS = "accelerations"
 
 
 class Unreadable(Exception):
@@ -148,8 +149,12 @@ class Cache:
         ]
         paths += [f"{path}.{TRANSFORM}" for path in [HEAD, *(mesh.path for mesh in self.colliders)]]
         deforming = [mesh.path for mesh in self.colliders if mesh.deforms]
-        with_levels = [c.path for c in self.curves if self.stage.GetPrimAtPath(c.path).HasAttribute(LEVEL)]
-        paths += [f"{path}.{LEVEL}" for path in with_levels]
+        paths += [
+            f"{curves.path}.{name}"
+            for curves in self.curves
+            for name in (LEVEL, ACCELERATIONS)
+            if self.stage.GetPrimAtPath(curves.path).GetAttribute(name).IsAuthored()
+        ]
         return paths + [f"{path}.{name}" for path in deforming for name in ("points", "extent")]
 
     def _read_declared(self) -> set[str] | None:

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from . import tolerances
+from .cache import ACCELERATIONS as NAME
 from .cache import HEAD, TRANSFORM, Curves
 from .checks_frame import root_offsets, worst
 from .geometry import transformed
@@ -36,6 +37,18 @@ SUB_FRAME_ROOTS = Check(
     tolerances.ROOT_OFFSET_M,
     "m",
 )
+ACCELERATIONS = Check(
+    "accelerations",
+    "accelerations are those of the way to the next frame",
+    tolerances.ACCELERATION_RESIDUAL,
+    "of their RMS",
+)
+SUB_FRAME_ACCELERATIONS = Check(
+    "sub_frame_accelerations",
+    "with velocities and accelerations the points of a moment come to those of the next",
+    tolerances.SUB_FRAME_ACCELERATION_RESIDUAL,
+    "of their RMS",
+)
 SPIKES = Check(
     "spikes", "no curve jumps for one frame or between two, seen from the head", tolerances.SPIKE_M, "m"
 )
@@ -43,9 +56,12 @@ SPIKES = Check(
 
 def velocities(window: Window) -> Iterator[Finding]:
     """Simpson's rule: p(+1) − p(−1) = (v(−1) + 4 v(0) + v(+1)) / 3 frame intervals. The median over the points
-    finds a wrong unit, sign or frame and is blind to single points that hit something within the two frames."""
+    finds a wrong unit, sign or frame and is blind to single points that hit something within the two frames.
+
+    Hair that swings several times a second, as in a landing, is sampled too coarsely for the rule, and so is all of it where a head trembles in a slow
+    moment; how far the rule may be off tells its difference from the trapezoidal one, of which `tolerances.SIMPSON_ERROR` is granted."""
     floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
-    for curves, mean, residual, _ in residuals(window):
+    for curves, mean, residual in residuals(window):
         speed = np.sqrt(np.einsum("ij,ij->", mean, mean) / len(mean))
         value = float(np.median(residual)) / max(speed, floor)
         yield Finding(VELOCITIES, value, frame=window.frame, prim=curves.path)
@@ -53,13 +69,9 @@ def velocities(window: Window) -> Iterator[Finding]:
 
 def curve_velocities(window: Window) -> Iterator[Finding]:
     """A minority of curves with wrong velocities leaves the median over all points as it is. Root mean squares over each
-    curve; the curve at the 95th percentile is named, since a few may hit something within the two frames.
-
-    A curve that swings several times a second in a landing is sampled too coarsely for the rule; how far it may be off tells its difference from
-    the trapezoidal rule, of which `tolerances.SIMPSON_ERROR` is granted."""
+    curve; the curve at the 95th percentile is named, since a few may hit something within the two frames."""
     floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
-    for curves, mean, residual, coarse in residuals(window):
-        residual = np.maximum(residual - tolerances.SIMPSON_ERROR * coarse, 0)
+    for curves, mean, residual in residuals(window):
 
         def root_mean_square(squares: np.ndarray, curves: Curves = curves) -> np.ndarray:
             return np.sqrt(np.add.reduceat(squares, curves.starts) / curves.counts)
@@ -72,9 +84,8 @@ def curve_velocities(window: Window) -> Iterator[Finding]:
         )
 
 
-def residuals(window: Window) -> Iterator[tuple[Curves, np.ndarray, np.ndarray, np.ndarray]]:
-    """Curves, their points' mean velocities over two frame intervals (`N × 3`), how far Simpson's mean is off from it (`N`), and from that by
-    the trapezoidal rule (`N`)."""
+def residuals(window: Window) -> Iterator[tuple[Curves, np.ndarray, np.ndarray]]:
+    """Curves, their points' mean velocities over two frame intervals (`N × 3`), and how much farther Simpson's mean is off from it than it may be (`N`)."""
     for curves in window.cache.curves:
         before, after = (window.get(curves.path, "points", offset) for offset in (-1, 1))
         rates = [window.get(curves.path, "velocities", offset) for offset in (-1, 0, 1)]
@@ -83,7 +94,8 @@ def residuals(window: Window) -> Iterator[tuple[Curves, np.ndarray, np.ndarray, 
         mean = (after.astype(float) - before) * window.cache.fps / 2
         simpson = (rates[0].astype(float) + 4 * rates[1] + rates[2]) / 6
         trapezoidal = (rates[0].astype(float) + rates[2]) / 2
-        yield curves, mean, *(np.linalg.norm(simpson - other, axis=1) for other in (mean, trapezoidal))
+        off, coarse = (np.linalg.norm(simpson - other, axis=1) for other in (mean, trapezoidal))
+        yield curves, mean, np.maximum(off - tolerances.SIMPSON_ERROR * coarse, 0)
 
 
 def sub_frames(window: Window) -> Iterator[Finding]:
@@ -109,6 +121,47 @@ def sub_frame_roots(window: Window) -> Iterator[Finding]:
         for time, points in window.moments(curves.path, "points")[1:]:
             if time in heads:
                 yield root_offsets(window, SUB_FRAME_ROOTS, curves, points, heads[time])
+
+
+def accelerations(window: Window) -> Iterator[Finding]:
+    """Where a frame has one moment, they tell how the shutter ends: a cubic's second derivative a third of the way there. A cache without has none to check."""
+    end = window.cache.settings.get("shutter", 0.5) / 3
+    for curves in window.cache.curves:
+        found = window.get(curves.path, NAME)
+        points, rates = ([window.get(curves.path, name, i) for i in (0, 1)] for name in ("points", "velocities"))
+        if found is None or len(window.moments(curves.path, NAME)) > 1:
+            continue
+        if any(value is None for value in (*points, *rates)):
+            continue
+        way = 6 * (1 - 2 * end) * (points[1].astype(float) - points[0]) * window.cache.fps
+        wanted = (way - (4 - 6 * end) * rates[0] - (2 - 6 * end) * rates[1]) * window.cache.fps
+        yield acceleration_finding(window, ACCELERATIONS, curves, found, wanted)
+
+
+def sub_frame_accelerations(window: Window) -> Iterator[Finding]:
+    """From each moment of a frame to the next, and from the last to the one before."""
+    for curves in window.cache.curves:
+        parts = [window.moments(curves.path, name) for name in ("points", "velocities", NAME)]
+        times = [[time for time, _ in part] for part in parts]
+        if len(times[0]) < 2 or times[1:] != times[:-1]:
+            continue
+        moments = [(time, *(value.astype(float) for value in values)) for time, *values in zip(
+            times[0], *([value for _, value in part] for part in parts), strict=True
+        )]
+        for (start, before, rate, found), (end, after, *_) in [*pairwise(moments), moments[:-3:-1]]:
+            step = (end - start) / window.cache.fps
+            wanted = 2 * (after - before - rate * step) / step**2
+            yield acceleration_finding(window, SUB_FRAME_ACCELERATIONS, curves, found, wanted)
+
+
+def acceleration_finding(
+    window: Window, check: Check, curves: Curves, found: np.ndarray, wanted: np.ndarray
+) -> Finding:
+    """The median over the points of what accelerations are off by, relative to the root mean square of what they are to be."""
+    floor = tolerances.ACCELERATION_FLOOR_M_S2 / window.cache.metres_per_unit
+    size = np.sqrt(np.einsum("ij,ij->", wanted, wanted) / len(wanted))
+    residual = float(np.median(np.linalg.norm(found - wanted, axis=1)))
+    return Finding(check, residual / max(size, floor), frame=window.frame, prim=curves.path)
 
 
 def spikes(window: Window) -> Iterator[Finding]:
@@ -152,6 +205,8 @@ MOTION: dict[Check, Callable[[Window], Iterator[Finding]]] = {
     CURVE_VELOCITIES: curve_velocities,
     SUB_FRAMES: sub_frames,
     SUB_FRAME_ROOTS: sub_frame_roots,
+    ACCELERATIONS: accelerations,
+    SUB_FRAME_ACCELERATIONS: sub_frame_accelerations,
     SPIKES: spikes,
 }
 """The checks of neighbouring frames and what carries them out."""

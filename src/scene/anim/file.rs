@@ -357,9 +357,11 @@ pub struct SettingsFile {
     /// Moments of a frame that are written, for motion blur: the frame itself, and the others evenly over the shutter.
     #[schemars(range(min = 1, max = 64))]
     pub samples: u32,
-    /// How long the shutter is open from a frame on, frames; of no effect with one sample.
-    #[schemars(range(min = 0.0, max = 0.999))]
+    /// How long the shutter is open from a frame on, frames; of no effect with one sample and no accelerations.
+    #[schemars(range(min = 0.001, max = 0.999))]
     pub shutter: f64,
+    /// Whether accelerations are written too, for renderers that blur motion by them: half as much disk again.
+    pub accelerations: bool,
 }
 
 impl AnimFile {
@@ -423,6 +425,7 @@ impl Default for SettingsFile {
             keep,
             samples,
             shutter,
+            accelerations,
         } = Settings::default();
         SettingsFile {
             substeps,
@@ -436,6 +439,7 @@ impl Default for SettingsFile {
             keep,
             samples,
             shutter,
+            accelerations,
         }
     }
 }

@@ -101,6 +101,7 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
             keep: file.settings.keep,
             samples: file.settings.samples,
             shutter: file.settings.shutter,
+            accelerations: file.settings.accelerations,
         },
     })
 }
