@@ -43,6 +43,7 @@ impl Shot {
             velocities: hair.rest.iter().map(|p| p.map(|x| 0.7 * x)).collect(),
             extent: [[0.0; 3], [1.0; 3]],
             level: None,
+            ..CurveFrame::default()
         };
         let header = Header {
             metres_per_unit: 0.01,

@@ -37,7 +37,7 @@ fn baked(groom: &Path, scene: &Scene, out: &str, options: &[&str]) -> PathBuf {
     out
 }
 
-/// Points and velocities of the curves of one group at all moments of all frames.
+/// Points, velocities and accelerations of the curves of one group at all moments of all frames.
 fn of_group(cache: &Path, group: i32) -> Vec<[f32; 3]> {
     let reader = Reader::open(cache).unwrap();
     let curves = |set: &CurveSet, frame: &CurveFrame| {
@@ -48,7 +48,8 @@ fn of_group(cache: &Path, group: i32) -> Vec<[f32; 3]> {
             start = range.end;
             if *of == group {
                 all.extend_from_slice(&frame.points[range.clone()]);
-                all.extend_from_slice(&frame.velocities[range]);
+                all.extend_from_slice(&frame.velocities[range.clone()]);
+                all.extend_from_slice(frame.accelerations.as_ref().map_or(&[][..], |a| &a[range]));
             }
         }
         all
@@ -69,10 +70,10 @@ fn of_group(cache: &Path, group: i32) -> Vec<[f32; 3]> {
 fn groups_are_baked_over_a_cache_that_keeps_the_others() {
     let scene = Scene::import();
     let (soft, stiff) = (in_groups(&scene, "soft.json", 1.0), in_groups(&scene, "stiff.json", 50.0));
-    let before = baked(&soft, &scene, "before", &[]);
-    let whole = baked(&stiff, &scene, "whole", &[]);
+    let before = baked(&soft, &scene, "before", &["--accelerations"]);
+    let whole = baked(&stiff, &scene, "whole", &["--accelerations"]);
     let base = before.to_str().unwrap();
-    let after = baked(&stiff, &scene, "after", &["--groups", "back", "--base", base]);
+    let after = baked(&stiff, &scene, "after", &["--accelerations", "--groups", "back", "--base", base]);
     assert!(!of_group(&after, 0).is_empty() && of_group(&after, 0) == of_group(&before, 0));
     assert!(!of_group(&after, 1).is_empty() && of_group(&after, 1) == of_group(&whole, 1));
     assert_ne!(of_group(&before, 1), of_group(&whole, 1));
