@@ -8,6 +8,7 @@ import argparse
 import json
 import math
 import sys
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -158,7 +159,8 @@ def render(scene, hair: list, options) -> None:
     if options.threads:
         scene.render.threads_mode, scene.render.threads = "FIXED", options.threads
     scene.render.resolution_x, scene.render.resolution_y = options.size, options.size
-    scene.render.filepath = options.output
+    # Blender takes a bare name for one of its own folders.
+    scene.render.filepath = str(Path(options.output).absolute())
     scene.render.image_settings.file_format = "JPEG" if options.output.endswith((".jpg", ".jpeg")) else "PNG"
     bpy.ops.render.render(write_still=True)
 

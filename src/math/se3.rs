@@ -3,7 +3,7 @@
 //! A pose is (R, p); a twist ξ = (ω, v) moves a point x by ω × x + v. Letters as in
 //! `docs/theory.md` §2; closed forms from Barfoot, *State Estimation for Robotics* (2017), §7.1.
 
-use super::lanes::{self, M3, Real};
+use super::lanes::{self, M3, Real, V3};
 use nalgebra::{Matrix3, Vector3};
 
 /// A twist (ω, v) of se(3).
@@ -115,21 +115,27 @@ impl<F: Real> Coefficients<F> {
     }
 }
 
-impl Coefficients<f64> {
+impl<F: Real> Coefficients<F> {
     /// At any angle; d and e only up to half a turn, where they are needed.
-    fn anywhere(t: f64) -> Self {
-        if t < 10.0 {
-            return Self::at(t);
+    #[inline(always)]
+    fn anywhere(t: F) -> Self {
+        let mut k = Self::at(t);
+        let large = F::ALL & !t.below(t.same(10.0));
+        for i in (0..F::LANES).filter(|i| large >> i & 1 != 0) {
+            let t = t.lane(i);
+            let (s, c) = t.sqrt().sin_cos();
+            let a = s / t.sqrt();
+            k.a.set(i, a);
+            k.b.set(i, (1.0 - c) / t);
+            k.c.set(i, (1.0 - a) / t);
         }
-        let (s, c) = t.sqrt().sin_cos();
-        let a = s / t.sqrt();
-        Coefficients { a, b: (1.0 - c) / t, c: (1.0 - a) / t, d: f64::NAN, e: f64::NAN }
+        k
     }
 }
 
 /// exp \[φ\]×: the rotation by |φ| rad about φ (Rodrigues).
 pub fn exp_so3(phi: &Vector3<f64>) -> Matrix3<f64> {
-    turned_by(phi, &Vector3::zeros()).0
+    turned_by(V3::from(*phi), V3::all(0.0)).0.into()
 }
 
 /// The rotation vector of R, |φ| ≤ π.
@@ -177,13 +183,13 @@ pub fn left_jacobian<F: Real>(x: &lanes::Twist<F>, k: &Coefficients<F>) -> LeftJ
 }
 
 /// exp \[φ\]×, and the angular velocity ω with which it turns, d/dt exp \[φ\]× = \[ω\]× exp \[φ\]×, where φ changes at `rate`.
-pub fn turned_by(phi: &Vector3<f64>, rate: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
-    let t = phi.norm_squared();
+#[inline(always)]
+pub fn turned_by<F: Real>(phi: V3<F>, rate: V3<F>) -> (M3<F>, V3<F>) {
+    let t = phi.dot(phi);
     let k = Coefficients::anywhere(t);
-    let outer = phi * (phi.transpose() * k.b);
-    let r = outer + hat(&(phi * k.a)) + Matrix3::from_diagonal_element(1.0 - t * k.b);
+    let r = M3::outer(phi, phi * k.b) + M3::hat(phi * k.a) + M3::diagonal(-(t * k.b) + 1.0);
     let across = phi.cross(rate);
-    (r, rate + across * k.b + phi.cross(&across) * k.c)
+    (r, rate + across * k.b + phi.cross(across) * k.c)
 }
 
 #[cfg(test)]

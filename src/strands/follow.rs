@@ -23,9 +23,10 @@ impl Place {
     }
 
     /// Of sums along the guide, one per segment.
-    pub fn sum(self, of: &[Turned]) -> Vector3<f64> {
+    #[inline(always)]
+    pub fn sum(self, of: &[Turned]) -> [f64; 6] {
         let (u, turned) = (f64::from(self.u), &of[self.segment as usize]);
-        turned.before + (turned.here + turned.bow * (1.0 - u)) * u
+        std::array::from_fn(|i| turned.before[i] + (turned.here[i] + turned.bow[i] * (1.0 - u)) * u)
     }
 
     /// The nearest point of the polyline.
@@ -43,12 +44,12 @@ pub(super) struct RestGuide {
     turns: Vec<Turn>,
 }
 
-/// The sum of R(rest) q, or of its rate, along a segment of a guide's polyline: at u of it, before + here u + bow u (1 − u), rad.
+/// The sum of R(rest) q, rad, and of its rate, 1/s, along a segment of a guide's polyline: at u of it, before + here u + bow u (1 − u).
 #[derive(Debug)]
 pub(super) struct Turned {
-    before: Vector3<f64>,
-    here: Vector3<f64>,
-    bow: Vector3<f64>,
+    before: [f64; 6],
+    here: [f64; 6],
+    bow: [f64; 6],
 }
 
 /// What a guide's deviation at two nodes adds to that sum in a segment.
@@ -93,17 +94,21 @@ impl RestGuide {
         Place { segment: i as u32 - 1, u: ((s - from) / (to - from)).clamp(0.0, 1.0) as f32 }
     }
 
-    /// Sums of R(rest) q from the root, rest space, of its deviation `q`, 1/m; their rates, of its rate. One per segment.
-    pub fn turned(&self, q: &[f64]) -> Vec<Turned> {
-        let mut before = Vector3::zeros();
+    /// Sums of R(rest) q from the root, rest space, of its deviation `q`, 1/m, and of its rate. One per segment.
+    pub fn turned(&self, q: &[f64], rate: &[f64]) -> Vec<Turned> {
+        let mut before = [0.0; 6];
         let turned = |turn: &Turn| {
             // The tip's node has no strain.
-            let of = |parts: &[Matrix3<f64>; 2]| {
+            let of = |parts: &[Matrix3<f64>; 2], q: &[f64]| {
                 let nodes = q[3 * turn.node..].chunks_exact(3).zip(parts);
                 nodes.fold(Vector3::zeros(), |sum, (q, part)| sum + part * Vector3::new(q[0], q[1], q[2]))
             };
-            let turned = Turned { before, here: of(&turn.here), bow: of(&turn.bow) };
-            before += turned.here;
+            let both = |parts: &[Matrix3<f64>; 2]| {
+                let [sum, rate] = [q, rate].map(|q| of(parts, q));
+                [sum.x, sum.y, sum.z, rate.x, rate.y, rate.z]
+            };
+            let turned = Turned { before, here: both(&turn.here), bow: both(&turn.bow) };
+            before.iter_mut().zip(turned.here).for_each(|(before, here)| *before += here);
             turned
         };
         self.turns.iter().map(turned).collect()

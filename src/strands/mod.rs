@@ -6,6 +6,7 @@
 
 mod choice;
 mod follow;
+mod free;
 mod keep;
 mod keep_out;
 mod relax;
@@ -15,6 +16,7 @@ mod strand;
 mod tests;
 
 use crate::contact::Bodies;
+use crate::math::lanes::MAX_LANES;
 use crate::rod::{Rod, Shape};
 use crate::scene::Curves;
 pub use choice::{FOLLOWED, Follows, Home, clumping, follows};
@@ -151,18 +153,13 @@ impl Interpolator {
     ) -> (Moving, Vec<f32>) {
         let stands = self.stands(moments, guides);
         let (mut laid, mut retreats) = (Moving::new(self.vertices()), vec![0.0; self.vertices()]);
-        let strands = self.strands.iter().zip(self.cut_moving(&mut laid)).zip(self.cut(&mut retreats));
-        let strands: Vec<_> = strands.collect();
-        strands.into_par_iter().with_min_len(64).for_each_init(
-            <[Trace; 2]>::default,
-            |traces, ((strand, out), retreats)| {
-                strand.free(&moments[0].head, &stands[0], true, &mut traces[0].free);
-                strand.retreat(&moments[0], &stands[0], &mut traces[0], retreats);
-                traces.iter_mut().for_each(|trace| trace.stay(retreats.len()));
-                strand.settle(moments, &stands, traces);
-                write(to_scene, &traces[0].track, out);
-            },
-        );
+        let strands = self.strands.iter().zip(self.cut_moving(&mut laid).zip(self.cut(&mut retreats)));
+        each(strands.collect(), moments, &stands, true, |strand, traces, (out, retreats)| {
+            strand.retreat(&moments[0], &stands[0], &mut traces[0], retreats);
+            traces.iter_mut().for_each(|trace| trace.stay(retreats.len()));
+            strand.settle(moments, &stands, traces);
+            write(to_scene, &traces[0].track, out);
+        });
         (laid, retreats)
     }
 
@@ -170,14 +167,10 @@ impl Interpolator {
     pub fn retreats(&self, moments: &[Moment; 2], guides: &[GuideMotion]) -> Vec<f32> {
         let stands = self.stands(moments, guides);
         let mut retreats = vec![0.0; self.vertices()];
-        let strands: Vec<_> = self.strands.iter().zip(self.cut(&mut retreats)).collect();
-        strands.into_par_iter().with_min_len(64).for_each_init(
-            Trace::default,
-            |trace, (strand, retreats)| {
-                strand.free(&moments[0].head, &stands[0], false, &mut trace.free);
-                strand.retreat(&moments[0], &stands[0], trace, retreats);
-            },
-        );
+        let strands = self.strands.iter().zip(self.cut(&mut retreats)).collect();
+        each(strands, moments, &stands, false, |strand, traces, retreats| {
+            strand.retreat(&moments[0], &stands[0], &mut traces[0], retreats);
+        });
         retreats
     }
 
@@ -193,29 +186,25 @@ impl Interpolator {
     ) -> Moving {
         let known = laid.is_some();
         let mut out = laid.unwrap_or_else(|| Moving::new(self.vertices()));
-        let strands = self.strands.iter().zip(self.offsets.windows(2)).zip(self.cut_moving(&mut out));
-        let retreats_at =
+        let retreat_at =
             |w: &[usize]| retreats.iter().any(|r| r[w[0]..w[1]].iter().any(|share| *share != 0.0));
-        let strands: Vec<_> = strands.filter(|((_, w), _)| !known || retreats_at(w)).collect();
+        let strands = self.strands.iter().zip(self.offsets.windows(2).zip(self.cut_moving(&mut out)));
+        let strands: Vec<_> = strands.filter(|(_, (w, _))| !known || retreat_at(w)).collect();
         if strands.is_empty() {
             return out;
         }
         let stands = self.stands(moments, guides);
-        strands.into_par_iter().with_min_len(64).for_each_init(
-            <[Trace; 2]>::default,
-            |traces, ((strand, w), out)| {
-                traces.iter_mut().for_each(|trace| trace.stay(w[1] - w[0]));
-                // Few strands retreat.
-                for i in (w[0]..w[1]).take_while(|_| retreats_at(w)) {
-                    let (share, change) = retreat::smoothed(retreats.map(|r| f64::from(r[i])), after);
-                    traces[0].retreat[i - w[0]] = share;
-                    traces[1].retreat[i - w[0]] = share - change * BACKWARD / interval;
-                }
-                strand.free(&moments[0].head, &stands[0], true, &mut traces[0].free);
-                strand.settle(moments, &stands, traces);
-                write(to_scene, &traces[0].track, out);
-            },
-        );
+        each(strands, moments, &stands, true, |strand, traces, (w, out)| {
+            traces.iter_mut().for_each(|trace| trace.stay(w[1] - w[0]));
+            // Few strands retreat.
+            for i in (w[0]..w[1]).take_while(|_| retreat_at(w)) {
+                let (share, change) = retreat::smoothed(retreats.map(|r| f64::from(r[i])), after);
+                traces[0].retreat[i - w[0]] = share;
+                traces[1].retreat[i - w[0]] = share - change * BACKWARD / interval;
+            }
+            strand.settle(moments, &stands, traces);
+            write(to_scene, &traces[0].track, out);
+        });
         out
     }
 
@@ -250,8 +239,7 @@ impl Interpolator {
                 Stand {
                     room: x.iter().enumerate().map(|(k, x)| room(x, (i, k))).collect(),
                     x,
-                    turned: rest.turned(g.q),
-                    turning: rest.turned(g.rate),
+                    turned: rest.turned(g.q, g.rate),
                 }
             })
             .collect()
@@ -278,10 +266,8 @@ struct Stand {
     x: Vec<Vector3<f64>>,
     /// How far all bodies are from there at least, m.
     room: Vec<f64>,
-    /// How it has turned from rest, segment by segment.
+    /// How it has turned from rest, and at which rate, segment by segment.
     turned: Vec<Turned>,
-    /// The rate of that, 1/s.
-    turning: Vec<Turned>,
 }
 
 /// The deviation of a guide [`BACKWARD`] before its motion's own moment, 1/m.
@@ -295,15 +281,39 @@ impl Stand {
         place.of(|k| self.x[k])
     }
 
-    /// Whether no body is within `keep`, m, of `x`: so near is it to the guide beside it. It costs no search.
-    fn clears(&self, place: Place, x: &Vector3<f64>, keep: f64) -> bool {
+    /// How far all bodies are from `x` at least, m, as far as the guide beside it tells. It costs no search.
+    fn room_at(&self, place: Place, x: &Vector3<f64>) -> f64 {
         let k = place.nearest();
-        (x - self.x[k]).norm() < self.room[k] - keep
+        self.room[k] - (x - self.x[k]).norm()
+    }
+
+    /// Whether no body is within `keep`, m, of `x`, by that.
+    fn clears(&self, place: Place, x: &Vector3<f64>, keep: f64) -> bool {
+        self.room_at(place, x) > keep
     }
 }
 
-fn write(to_scene: &Matrix3<f64>, track: &[Track], [points, velocities]: [&mut [[f32; 3]]; 2]) {
-    for ((p, v), (x, dx)) in points.iter_mut().zip(velocities).zip(track) {
+/// Does with each strand, in parallel, what `then` does with its traces, in the first of which it is as it would be without bodies at the first of the
+/// moments; with its velocities, if it is `moving`.
+fn each<T: Send>(
+    mut strands: Vec<(&Strand, T)>,
+    moments: &[Moment; 2],
+    stands: &[Vec<Stand>; 2],
+    moving: bool,
+    then: impl Fn(&Strand, &mut [Trace; 2], &mut T) + Sync,
+) {
+    let works = <([Vec<Track>; MAX_LANES], [Trace; 2])>::default;
+    strands.par_chunks_mut(MAX_LANES).with_min_len(8).for_each_init(works, |(free, traces), strands| {
+        free::free(strands.iter().map(|(strand, _)| *strand), &moments[0].head, &stands[0], moving, free);
+        for ((strand, with), free) in strands.iter_mut().zip(free) {
+            std::mem::swap(&mut traces[0].free, free);
+            then(strand, traces, with);
+        }
+    });
+}
+
+fn write(to_scene: &Matrix3<f64>, track: &[Track], [points, velocities]: &mut [&mut [[f32; 3]]; 2]) {
+    for ((p, v), (x, dx)) in points.iter_mut().zip(velocities.iter_mut()).zip(track) {
         (*p, *v) = (single(&(to_scene * x)), single(&(to_scene * dx)));
     }
 }

@@ -27,20 +27,21 @@ const BEFORE: f64 = 1e-3;
 
 impl KeepOut<'_> {
     /// Share of the way from `guide` to `free`, m, world, by which a strand's vertex there has to retreat (0..=1).
-    pub(super) fn retreat(&self, guide: &Vector3<f64>, free: &Vector3<f64>) -> f64 {
+    /// All bodies are `room`, m, from `guide` at least.
+    pub(super) fn retreat(&self, (guide, room): (&Vector3<f64>, f64), free: &Vector3<f64>) -> f64 {
         let bodies = self.poses.iter().enumerate();
         bodies
             .map(|(b, pose)| {
                 let [from, to] = [guide, free].map(|x| pose.inverse_transform_point(&(*x).into()).coords);
-                self.retreat_from(b, &from, &to)
+                self.retreat_from(b, (&from, room), &to)
             })
             .fold(0.0, f64::max)
     }
 
-    fn retreat_from(&self, body: usize, guide: &Vector3<f64>, free: &Vector3<f64>) -> f64 {
-        let [near_guide, near_free] = [guide, free].map(|x| self.bodies.distance_bounds(body, x)[0].max(0.0));
+    fn retreat_from(&self, body: usize, (guide, room): (&Vector3<f64>, f64), free: &Vector3<f64>) -> f64 {
+        let near = |x| self.bodies.distance_bounds(body, x)[0];
         // No surface is in two balls that cover the way.
-        if near_guide + near_free > (free - guide).norm() {
+        if room.max(near(guide)).max(0.0) + near(free).max(0.0) > (free - guide).norm() {
             return 0.0;
         }
         let hit = |a, b| self.bodies.first_hit(body, self.time, a, b);
@@ -93,7 +94,7 @@ mod tests {
     fn past(radius: f64, guide: [f64; 3], free: [f64; 3]) -> f64 {
         let bodies = Bodies::from_shapes(&[Shape::Sphere { centre: Vector3::zeros(), radius }]);
         let poses = [Isometry3::identity()];
-        KeepOut { bodies: &bodies, time: 0.0, poses: &poses }.retreat(&guide.into(), &free.into())
+        KeepOut { bodies: &bodies, time: 0.0, poses: &poses }.retreat((&guide.into(), 0.0), &free.into())
     }
 
     #[test]

@@ -1,13 +1,13 @@
 //! One render strand: as it would be without bodies, and laid outside them.
 
-use super::follow::{Place, RestGuide, Turned};
+use super::follow::{Place, RestGuide};
+use super::free::free;
 use super::keep_out::{KeepOut, Kept, Lean, Spare};
 use super::relax::relax;
-use super::{BACKWARD, FOLLOWED, Follows, HeadMotion, Moment, Stand};
+use super::{BACKWARD, FOLLOWED, Follows, Moment, Stand};
 use crate::contact::Bodies;
-use crate::math::se3::turned_by;
 use nalgebra::{Isometry3, Vector3};
-use std::iter;
+use std::{iter, slice};
 
 /// Tangent of the angle at which a strand comes to its guide, or goes from it, because of a body, at most. More, and strands cannot
 /// follow and go through; less, and what one place asks for is seen far from it.
@@ -22,10 +22,10 @@ const CORRECTIONS: usize = 2;
 /// A render strand at rest.
 #[derive(Debug, Clone)]
 pub(super) struct Strand {
-    root: Vector3<f64>,
+    pub root: Vector3<f64>,
     /// The guides by index, with their weights; what bodies are concerned, the first stands for all.
     follow: Follows,
-    edges: Vec<Edge>,
+    pub edges: Vec<Edge>,
     /// Place of the first guide that is beside the root.
     beside: Place,
     /// Whether a body lies between that and the root at rest.
@@ -35,7 +35,7 @@ pub(super) struct Strand {
 
 /// An edge of a strand at rest, and the vertex at its end.
 #[derive(Debug, Clone)]
-struct Edge {
+pub(super) struct Edge {
     /// From its start to its end, m, rest space: single, as it will be written, for much of the time goes into reading edges.
     way: Vector3<f32>,
     /// Where on each guide its middle is: at the same arc length.
@@ -47,7 +47,9 @@ struct Edge {
 }
 
 impl Edge {
-    fn way(&self) -> Vector3<f64> {
+    /// From its start to its end, m, rest space.
+    #[inline(always)]
+    pub fn way(&self) -> Vector3<f64> {
         self.way.cast()
     }
 
@@ -101,7 +103,7 @@ impl Strand {
         let pace = (first.length() / ways.clone().map(|way| way.norm()).sum::<f64>()).min(1.0);
         let poses = vec![Isometry3::identity(); thickness.len()];
         let at_rest = KeepOut { bodies, time: 0.0, poses: &poses };
-        let apart = |x: &Vector3<f64>, place| at_rest.retreat(&first.at(place), x) > 0.0;
+        let apart = |x: &Vector3<f64>, place| at_rest.retreat((&first.at(place), 0.0), x) > 0.0;
         let mut arc = 0.0;
         let edge = |(way, end): (Vector3<f64>, &Vector3<f64>)| {
             let length = way.norm();
@@ -133,39 +135,15 @@ impl Strand {
         far
     }
 
-    /// The strand as it would be without bodies, into `free`: points and velocities, which mean nothing where they are not asked for
-    /// (`moving`).
-    pub fn free(&self, head: &HeadMotion, stands: &[Stand], moving: bool, free: &mut Vec<Track>) {
-        let (mut x, mut v) = head.carry(&self.root);
-        free.clear();
-        free.push((x, v));
-        // From rest space to the edge at hand, and how that turns.
-        let (mut turned, mut spin) = (head.rotation, head.spin);
-        let [mut before, mut rate_before] = [Vector3::zeros(); 2];
-        for edge in &self.edges {
-            let sum = |of: fn(&Stand) -> &[Turned]| {
-                let parts = self.follow.iter().zip(edge.middle);
-                parts.fold(Vector3::zeros(), |sum, ((guide, weight), middle)| {
-                    sum + middle.sum(of(&stands[*guide])) * *weight
-                })
-            };
-            let now = sum(|stand| &stand.turned);
-            let turn = if moving {
-                let rate_now = sum(|stand| &stand.turning);
-                let (turn, rate) = turned_by(&(now - before), &(rate_now - rate_before));
-                spin += turned * rate;
-                rate_before = rate_now;
-                turn
-            } else {
-                turned_by(&(now - before), &Vector3::zeros()).0
-            };
-            before = now;
-            turned *= turn;
-            let way = turned * edge.way();
-            x += way;
-            v += spin.cross(&way);
-            free.push((x, v));
+    /// What its guides have turned by up to the middle of edge `j`, rad, rest space, and the rate of that, 1/s.
+    #[inline(always)]
+    pub fn sum(&self, j: usize, stands: &[Stand]) -> [f64; 6] {
+        let mut sum = [0.0; 6];
+        for ((guide, weight), middle) in self.follow.iter().zip(self.edges[j].middle) {
+            let part = middle.sum(&stands[*guide].turned);
+            sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part * weight);
         }
+        sum
     }
 
     /// By how much each vertex of the strand, which would be as in `trace.free`, has to retreat, into `out`, which is 0: for what lies between it and its
@@ -186,7 +164,8 @@ impl Strand {
             // A guide that is itself inside does not tell.
             let outside = stand.room[place.nearest()] > 0.0;
             let hidden = outside && !apart && !stand.clears(place, x, 0.0);
-            retreat.push(if hidden { moment.keep_out.retreat(&guide, x) } else { 0.0 });
+            let room = stand.room_at(place, &guide);
+            retreat.push(if hidden { moment.keep_out.retreat((&guide, room), x) } else { 0.0 });
         }
         if retreat.iter().all(|share| *share == 0.0) {
             return;
@@ -273,7 +252,7 @@ impl Strand {
         if !now.leans {
             return;
         }
-        self.free(&moments[1].head, &stands[1], false, &mut before.free);
+        free(iter::once(self), &moments[1].head, &stands[1], false, slice::from_mut(&mut before.free));
         self.lay(&moments[1], &stands[1], before);
         self.relax(&moments[0].keep_out, now);
         self.relax(&moments[1].keep_out, before);

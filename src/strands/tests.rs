@@ -320,3 +320,22 @@ fn a_strand_stays_on_its_guides_side_of_a_thin_body() {
     let held = lowest(&Bodies::from_shapes(&[Solid::Mesh(plate)]), &[Isometry3::identity()]);
     assert!(held > -0.005, "{held}");
 }
+
+#[test]
+fn a_strand_has_the_same_bits_alone_and_in_any_company() {
+    let r = rod(&helix(60, 0.0));
+    let sizes = [9, 9, 9, 12, 9, 9, 9, 9, 9, 9, 9, 9, 9, 5, 5, 2];
+    let strands: Vec<_> = sizes.iter().enumerate().map(|(i, n)| helix(*n, 0.3 * i as f64)).collect();
+    // Some of the turns from edge to edge are of more than half a circle.
+    let q: Vec<f64> = (0..r.unknowns()).map(|i| (i as f64).sin() * 150.0).collect();
+    let rate: Vec<f64> = (0..r.unknowns()).map(|i| (i as f64).cos() * 40.0).collect();
+    let head = HeadMotion { spin: Vector3::new(1.0, 2.0, 3.0), velocity: Vector3::x(), ..still() };
+    let run = |strands: &[Vec<Vector3<f64>>]| {
+        run(&curves(strands), &[&r], std::slice::from_ref(&q), std::slice::from_ref(&rate), &head)
+    };
+    let alone = strands.iter().map(|strand| run(std::slice::from_ref(strand)));
+    let alone = alone.fold([Vec::new(), Vec::new()], |[p, v], one| {
+        [[p, one[0].clone()].concat(), [v, one[1].clone()].concat()]
+    });
+    assert_eq!(run(&strands), alone);
+}

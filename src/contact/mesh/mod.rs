@@ -259,12 +259,13 @@ impl Mesh {
     /// Where the way from `a` to `b` first goes through the surface, as a share of the way, and the triangle there.
     pub fn first_hit(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> Option<(f64, u32)> {
         let way = b - a;
+        let inverse = way.map(f64::recip);
         let entry = |node: &BvhNode, best: f64| {
             let (lo, hi) = (node.mins(), node.maxs());
             let (mut from, mut to) = (0.0_f64, best);
             for i in 0..3 {
-                let (s, t) = ((lo[i] - a[i]) / way[i], (hi[i] - a[i]) / way[i]);
-                // A way along the sides of a box divides by zero: infinite, or no number and then no bound.
+                let (s, t) = ((lo[i] - a[i]) * inverse[i], (hi[i] - a[i]) * inverse[i]);
+                // Of a way along the sides of a box they are infinite, or no numbers and then no bounds.
                 from = from.max(s.min(t));
                 to = to.min(s.max(t));
             }
