@@ -1,4 +1,4 @@
-"""A cache in Blender: it opens, has the curves, widths and motion that were baked, and renders.
+"""A cache in Blender: it opens, has the curves, widths and motion that were baked, and renders; it goes to Alembic and comes back.
 
 `HAIRBAKE_BLENDER_PYTHON` names a Python that has `bpy` (PyPI), which bundles a USD of its own and so needs an environment of its own; else
 `.blender/bin/python` of the repository is taken.
@@ -17,8 +17,14 @@ ROOT = Path(__file__).parents[2]
 PYTHON = os.environ.get("HAIRBAKE_BLENDER_PYTHON") or str(ROOT / ".blender/bin/python")
 
 
-@pytest.mark.skipif(not Path(PYTHON).exists(), reason="no Python with bpy: python3.11 -m venv .blender && .blender/bin/python -m pip install bpy")
-def test_a_cache_opens_and_renders(hairbake, tmp_path):
+pytestmark = pytest.mark.skipif(
+    not Path(PYTHON).exists(), reason="no Python with bpy: python3.11 -m venv .blender && .blender/bin/python -m pip install bpy"
+)
+
+
+@pytest.fixture
+def cache(hairbake, tmp_path) -> Path:
+    """A bake of the tutorial's asset."""
     asset, groom, anim = tmp_path / "asset.usda", tmp_path / "groom.json", tmp_path / "anim.json"
     subprocess.run([os.environ["HAIRBAKE_PYTHON"], ROOT / "pipeline/sample_asset.py", asset], check=True)
     for arguments in (
@@ -28,13 +34,21 @@ def test_a_cache_opens_and_renders(hairbake, tmp_path):
     ):
         done = hairbake(*arguments)
         assert done.returncode == 0, done.stderr
-    picture = tmp_path / "frame.png"
-    command = [PYTHON, ROOT / "pipeline/blender.py", tmp_path / "cache/hair.usda", "--frame", "1006", "-o", picture]
-    done = subprocess.run([*command, "--size", "160", "--samples", "4"], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout.splitlines()[-1])
+    return tmp_path / "cache/hair.usda"
 
-    stage = Usd.Stage.Open(str(tmp_path / "cache/hair.usda"))
+
+def run(script: str, *arguments) -> dict:
+    """What a script tells."""
+    done = subprocess.run([PYTHON, ROOT / "pipeline" / script, *arguments], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_a_cache_opens_and_renders(cache, tmp_path):
+    picture = tmp_path / "frame.png"
+    told = run("blender.py", cache, "--frame", "1006", "-o", picture, "--size", "160", "--samples", "4")
+
+    stage = Usd.Stage.Open(str(cache))
     unit = UsdGeom.GetStageMetersPerUnit(stage)
     assert told["frames"] == [1003, 1007]
     for name in ("hair", "guides"):
@@ -51,3 +65,39 @@ def test_a_cache_opens_and_renders(hairbake, tmp_path):
     look = f"import bpy, numpy; image = bpy.data.images.load({str(picture)!r}); print(*image.size, numpy.std(image.pixels[:]))"
     width, height, contrast = subprocess.run([PYTHON, "-c", look], capture_output=True, text=True).stdout.split()[-3:]
     assert (width, height) == ("160", "160") and float(contrast) > 0.03
+
+
+def test_a_cache_goes_to_alembic_and_comes_back_as_a_groom(cache, hairbake, tmp_path):
+    stage = Usd.Stage.Open(str(cache))
+    unit, ours = UsdGeom.GetStageMetersPerUnit(stage), UsdGeom.BasisCurves.Get(stage, "/groom/hair")
+    counts, widths = (np.array(attr.Get()) for attr in (ours.GetCurveVertexCountsAttr(), ours.GetWidthsAttr()))
+    told = run("alembic.py", cache, "-o", tmp_path / "hair.abc")
+    assert told == {"frames": [1003, 1007], "curves": {"hair": len(counts)}}
+
+    # The asset's up is z, Alembic's y.
+    assert (unit, UsdGeom.GetStageUpAxis(stage)) == (0.01, "Z")
+    for frame in (1003, 1007):
+        back = tmp_path / f"{frame}.usda"
+        run("alembic.py", tmp_path / "hair.abc", "-o", back, "--frame", str(frame), "--units", "cm")
+        theirs = Usd.Stage.Open(str(back))
+        (prim,) = (prim for prim in theirs.Traverse() if prim.IsA(UsdGeom.BasisCurves))
+        curves, matrix = UsdGeom.BasisCurves(prim), np.array(UsdGeom.XformCache().GetLocalToWorldTransform(prim))
+        world = (np.array(curves.GetPointsAttr().Get()) @ matrix[:3, :3] + matrix[3, :3]) * UsdGeom.GetStageMetersPerUnit(theirs)
+        assert np.array_equal(curves.GetCurveVertexCountsAttr().Get(), counts)
+        x, y, z = np.array(ours.GetPointsAttr().Get(frame)).T * unit
+        assert np.allclose(world, np.stack([x, z, -y], axis=1), atol=2e-6)
+        scale = np.cbrt(np.linalg.det(matrix[:3, :3]))
+        assert np.allclose(np.array(curves.GetWidthsAttr().Get()) * scale, widths * unit, rtol=1e-4)
+    done = hairbake("import", "groom", tmp_path / "1003.usda", "--guides", "40", "-o", tmp_path / "again.json")
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("source, output", [("no.abc", "groom.usda"), ("hair.usda", "hair.usdc"), ("empty/hair.usda", "hair.abc")])
+def test_what_cannot_be_converted_is_told_and_nothing_written(tmp_path, source, output):
+    if source.startswith("empty"):
+        (tmp_path / "empty").mkdir()
+        (tmp_path / source).write_text("#usda 1.0")
+    command = [PYTHON, ROOT / "pipeline/alembic.py", tmp_path / source, "-o", tmp_path / output]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 2 and "error:" in done.stderr, done.stderr
+    assert not (tmp_path / output).exists()
