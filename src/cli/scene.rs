@@ -207,7 +207,7 @@ impl SceneArguments {
         Ok([absolute(&self.groom)?, absolute(&self.anim)?, absolute(&self.output)?])
     }
 
-    /// The settings that options give.
+    /// The settings that options give; empty for what takes no value.
     fn given(&self) -> [(&'static str, Option<String>); 12] {
         [
             ("substeps", self.substeps.map(|n| n.to_string())),
@@ -221,7 +221,7 @@ impl SceneArguments {
             ("keep", self.keep.map(|share| share.to_string())),
             ("samples", self.samples.map(|n| n.to_string())),
             ("shutter", self.shutter.map(|frames| frames.to_string())),
-            ("accelerations", self.accelerations.then(|| "true".into())),
+            ("accelerations", self.accelerations.then(String::new)),
         ]
     }
 
@@ -276,10 +276,11 @@ impl SceneArguments {
         let groups =
             Some(["--groups".to_string(), self.groups.join(",")]).filter(|_| !self.groups.is_empty());
         let options =
-            self.given().into_iter().filter_map(|(name, value)| Some([format!("--{name}"), value?]));
+            self.given().into_iter().filter_map(|(name, value)| Some((format!("--{name}"), value?)));
+        let options = options.flat_map(|(name, value)| [Some(name), Some(value).filter(|v| !v.is_empty())]);
         let set = self.set.iter().map(|o| ["--set".to_string(), format!("{}={}", o.name(), o.value)]);
         let map = self.path_map.iter().map(|(from, to)| ["--path-map".to_string(), format!("{from}={to}")]);
-        options.chain(groups).chain(base).chain(set).chain(map).flatten().collect()
+        options.flatten().chain(groups.into_iter().chain(base).chain(set).chain(map).flatten()).collect()
     }
 
     /// Name of the shot, for the report.

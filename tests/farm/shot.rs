@@ -46,7 +46,7 @@ impl Shot {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("hairbake"));
         command.args(Some(stage).filter(|s| !s.is_empty()));
         command.args([self.path("groom.json"), self.path("shake.json")]).arg("-o").arg(out);
-        command.args(["--preroll", "0.2", "--contact", "full"]).args(options);
+        command.args(["--preroll", "0.2", "--contact", "full", "--accelerations"]).args(options);
         command.stdout(Stdio::null()).stderr(Stdio::null());
         command
     }
