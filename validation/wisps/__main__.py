@@ -12,13 +12,15 @@ from pathlib import Path
 import numpy as np
 from hairbake_validate.cache import Cache
 
-from .compare import Run, distances, pops, read
+from .compare import Change, Run, changes, distances, pops, read, read_motion, rest
 
 STYLES = ("short", "short-curly", "long", "long-curly")
 STEPS = 4
 """Sub-steps a frame, as in Bertails, Kim, Cani & Neumann 2003."""
-PARTINGS = (0.005, 0.01, 0.02, 0.04)
+PARTINGS = (0.01, 0.02, 0.04, 0.08)
 """Of the adaptive bakes."""
+LEVELS_OF_TWO = ("short", "short-curly")
+"""Styles in whose trees a guide follows a coarse one or none."""
 
 
 @dataclass(frozen=True)
@@ -37,34 +39,46 @@ class Row:
     p95: float
     pops: tuple[float, float]
     """See `compare.pops`, m/s²."""
+    rest: tuple[int, float]
+    """See `compare.rest`."""
 
 
-def bake(hairbake: Path, groom: Path, motion: Path, out: Path, *options: str) -> tuple[Run, float]:
-    """The bake and its seconds of processor time in simulation a sub-step, without start and pre-roll."""
+def hairbake_time(*command: object) -> float:
+    """Processor time of a command, s."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([str(c) for c in command], check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
 
-    def run(*stage: str | Path) -> float:
-        """Processor time of a command, s."""
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        command = [hairbake, *stage, groom, motion, "--substeps", STEPS, *options, "-o", out]
-        subprocess.run([str(c) for c in command], check=True, capture_output=True)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
 
+def simulate(hairbake: Path, groom: Path, motion: Path, out: Path, *options: object) -> float:
+    """Simulates into `out`; returns the seconds of processor time a sub-step, without start and pre-roll."""
     first, last = json.loads(motion.read_text())["frames"]
-    start = run("simulate", "--frames", f"{first - 1}-{first - 1}")
+    command = [groom, motion, "--substeps", STEPS, *options, "-o", out]
+    shutil.rmtree(out, ignore_errors=True)
+    start = hairbake_time(hairbake, "simulate", "--frames", f"{first - 1}-{first - 1}", *command)
     shutil.rmtree(out)
-    whole = run("simulate")
-    # What is simulated is taken up.
-    run()
     # There is a handle at the end.
-    return read(Cache(out)), (whole - start) / (last - first + 2) / STEPS
+    return (hairbake_time(hairbake, "simulate", *command) - start) / (last - first + 2) / STEPS
 
 
-def compare(hairbake: Path, folder: Path, style: str, options: list[str], partings=PARTINGS) -> list[Row]:
-    """Bakes the sample `style`, made with further `options`, shaken: all guides by themselves, coarse wisps, and adaptive ones."""
-    sample = folder / style
-    subprocess.run([hairbake, "sample", style, *options, "-o", sample], check=True, capture_output=True)
-    groom, motion = sample / "groom.json", sample / "shake.json"
+def bake(hairbake: Path, groom: Path, motion: Path, out: Path, *options: object) -> tuple[Run, float]:
+    """The bake, and what `simulate` returns."""
+    seconds = simulate(hairbake, groom, motion, out, *options)
+    # What is simulated is taken up.
+    hairbake_time(hairbake, groom, motion, "--substeps", STEPS, *options, "-o", out)
+    return read(Cache(out)), seconds
+
+
+def sample(hairbake: Path, folder: Path, style: str, *options: object) -> tuple[Path, Path]:
+    """Groom and shake of the sample `style`, made with further `options`."""
+    hairbake_time(hairbake, "sample", style, *options, "-o", folder)
+    return folder / "groom.json", folder / "shake.json"
+
+
+def compare(hairbake: Path, folder: Path, style: str, scene: tuple[Path, Path], partings=PARTINGS) -> list[Row]:
+    """Bakes groom and motion of a `style`: all guides by themselves, adaptive wisps, and coarse ones."""
+    groom, motion = scene
     adaptive = {f"adaptive {p:g}": ("--resolution", "adaptive", "--parting", str(p)) for p in partings}
     ways = {"full": (), **adaptive, "coarse": ("--resolution", "coarse")}
     rows: list[Row] = []
@@ -83,6 +97,7 @@ def compare(hairbake: Path, folder: Path, style: str, options: list[str], partin
                 mean=float(apart.mean()),
                 p95=float(np.quantile(apart, 0.95)),
                 pops=pops(run),
+                rest=rest(run),
             )
         )
     return rows
@@ -108,29 +123,106 @@ def plot(path: Path, rows: list[Row]) -> None:
     figure.savefig(path, dpi=120)
 
 
+def shorter(motion: Path, frames: str) -> Path:
+    """The animation with these frames of it alone, beside it."""
+    anim = json.loads(motion.read_text())
+    anim["frames"] = [int(frame) for frame in frames.split("-")]
+    path = motion.with_name(f"{motion.stem}.{frames}.json")
+    path.write_text(json.dumps(anim))
+    return path
+
+
+def step_by_step(motion: Path) -> Path:
+    """The animation with a frame for each sub-step, beside it."""
+    anim = json.loads(motion.read_text())
+    first, last = anim["frames"]
+    anim["fps"] *= STEPS
+    anim["frames"] = [first * STEPS, last * STEPS]
+    path = motion.with_name(f"{motion.stem}.steps.json")
+    path.write_text(json.dumps(anim))
+    return path
+
+
+def print_changes(hairbake: Path, folder: Path, style: str, parting: float) -> None:
+    """What changes of wisps do to momentum and energy, sub-step by sub-step."""
+    groom, motion = sample(hairbake, folder / f"{style}-steps", style, "--strands", 0)
+    out = folder / f"{style}-steps-bake"
+    shutil.rmtree(out, ignore_errors=True)
+    options = ("--substeps", 1, "--resolution", "adaptive", "--parting", parting)
+    hairbake_time(hairbake, groom, step_by_step(motion), *options, "-o", out)
+    for name, change in zip(("came away", "joined"), changes(read_motion(Cache(out)))):
+        print(f"{style:<11}  {parting:<8g}  {name:<9}  {change.count:>6}  {figures(change)}", flush=True)
+
+
+def figures(change: Change) -> str:
+    """Momentum and energy in the sub-steps before, from, and after a change."""
+    momentum = " ".join(f"{1e3 * v:>7.2f}" for v in change.momentum)
+    return momentum + "      " + " ".join(f"{1e3 * v:>7.2f}" for v in change.energy)
+
+
+def print_sizes(hairbake: Path, folder: Path, style: str, wisps: list[int], parting: float) -> None:
+    """Cost of an adaptive bake of `style` at numbers of leaf wisps."""
+    for n in wisps:
+        groom, motion = sample(hairbake, folder / f"{style}-{n}", style, "--strands", 0, "--wisps", n)
+        out = folder / f"{style}-{n}-bake"
+        seconds = simulate(hairbake, groom, motion, out, "--resolution", "adaptive", "--parting", parting)
+        shutil.rmtree(out)
+        print(f"{style:<11}  {parting:<8g}  {n:>6}  {1e3 * seconds:>9.2f}  {1e6 * seconds / n:>12.1f}", flush=True)
+
+
 def main() -> int:
     """Prints a line for each bake, and draws them."""
     parser = argparse.ArgumentParser(prog="wisps", description="Holds adaptive wisps against all guides by themselves.")
     parser.add_argument("--hairbake", type=Path, required=True, help="the program")
     parser.add_argument("-o", "--out", type=Path, required=True, help="folder for bakes and plot")
+    parser.add_argument("--scene", type=Path, nargs=2, metavar=("GROOM", "ANIM"), help="compares on this scene in place of samples")
+    parser.add_argument("--frames", metavar="A-B", help="of the scene")
+    parser.add_argument("--partings", type=float, nargs="+", default=PARTINGS, metavar="P", help="of the adaptive bakes")
+    parser.add_argument("--changes", action="store_true", help="prints what changes of wisps do to momentum and energy instead")
+    parser.add_argument("--sizes", type=int, nargs="+", metavar="WISPS", help="prints the cost of samples of so many leaf wisps instead")
     parser.add_argument("styles", nargs="*", metavar="STYLE", help=f"of {', '.join(STYLES)}; default: all")
     arguments = parser.parse_args()
     unknown = set(arguments.styles) - set(STYLES)
     if unknown:
         parser.error(f"no such style: {', '.join(sorted(unknown))}")
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    print("style        resolution      nodes   ms a step  speed-up  mean error  95th percentile  acceleration amid changes and without")
+    hairbake, out = arguments.hairbake.resolve(), arguments.out
+    out.mkdir(parents=True, exist_ok=True)
+    if arguments.changes:
+        print("style        parting   change      count  momentum: before, from it, next, mm/s   energy, mJ/kg")
+        for style in arguments.styles or LEVELS_OF_TWO:
+            if style not in LEVELS_OF_TWO:
+                parser.error(f"changes are told of {' and '.join(LEVELS_OF_TWO)} alone")
+            for parting in arguments.partings:
+                print_changes(hairbake, out, style, parting)
+        return 0
+    if arguments.sizes:
+        print("style        parting    wisps  ms a step  us a wisp and step")
+        for style in arguments.styles or ("short",):
+            for parting in arguments.partings:
+                print_sizes(hairbake, out, style, arguments.sizes, parting)
+        return 0
+    print(
+        "style        resolution      nodes   ms a step  speed-up  mean error  95th percentile  acceleration amid changes and without"
+        "  at the end: nodes and speed"
+    )
+    if arguments.scene:
+        groom, motion = (path.resolve() for path in arguments.scene)
+        motion = shorter(motion, arguments.frames) if arguments.frames else motion
+        scenes = {groom.parent.name: lambda: (groom, motion)}
+    else:
+        scenes = {s: lambda s=s: sample(hairbake, out / s, s) for s in arguments.styles or STYLES}
     rows = []
-    for style in arguments.styles or STYLES:
-        for row in compare(arguments.hairbake.resolve(), arguments.out, style, []):
+    for style, scene in scenes.items():
+        for row in compare(hairbake, out, style, scene(), arguments.partings):
             rows.append(row)
             print(
                 f"{row.style:<11}  {row.name:<14}  {row.nodes:>6.0f}  {1e3 * row.seconds:>9.2f}  {row.speed_up:>8.2f}"
-                f"  {100 * row.mean:>8.2f} %  {100 * row.p95:>13.2f} %  {row.pops[0]:>10.1f} and {row.pops[1]:.1f} m/s²",
+                f"  {100 * row.mean:>8.2f} %  {100 * row.p95:>13.2f} %  {row.pops[0]:>10.1f} and {row.pops[1]:.1f} m/s²"
+                f"  {row.rest[0]:>14} and {1e3 * row.rest[1]:.2f} mm/s",
                 flush=True,
             )
-    plot(arguments.out / "wisps.png", rows)
-    print(arguments.out / "wisps.png")
+    plot(out / "wisps.png", rows)
+    print(out / "wisps.png")
     return 0
 
 

@@ -1,9 +1,12 @@
-"""How far two caches of one scene are apart, and whether anything in them pops."""
+"""How far two caches of one scene are apart, whether anything in them pops, and what changes of wisps do to momentum and energy."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from hairbake_validate.cache import HEAD, TRANSFORM, Cache, read_frame
+from hairbake_validate.cache import HEAD, LEVEL, TRANSFORM, Cache, read_frame
+
+GRAVITY = np.array([0.0, -9.81, 0.0])
+"""Of scenes whose Y axis is up, m/s²."""
 
 
 @dataclass(frozen=True)
@@ -60,3 +63,78 @@ def pops(run: Run, quantile: float = 0.999) -> tuple[float, float]:
     quarter = max(len(order) // 4, 1)
     most, least = accelerations[order[-quarter:]], accelerations[order[:quarter]]
     return float(np.quantile(most, quantile)), float(np.quantile(least, quantile))
+
+
+def rest(run: Run) -> tuple[int, float]:
+    """Nodes that move by themselves in the last frame, and the 95th percentile of the points' speeds up to it, seen from the head, m/s."""
+    speeds = np.linalg.norm(run.points[-1] - run.points[-2], axis=1) * run.fps
+    return run.figures[-1]["active_nodes"], float(np.quantile(speeds, 0.95))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The guides of a cache whose frames are its sub-steps, in the world."""
+
+    points: np.ndarray
+    """`frames × points × 3`, m."""
+    velocities: np.ndarray
+    """The same, m/s."""
+    counts: np.ndarray
+    """Points of each curve."""
+    levels: np.ndarray
+    """Level of the wisp that each guide moves with, `frames × curves`."""
+
+
+def read_motion(cache: Cache) -> Motion:
+    """At the frames of the shot."""
+    guides = cache.curves[-1]
+    frames = [read_frame(cache, frame).values for frame in range(cache.first, cache.last + 1)]
+    scale = cache.metres_per_unit
+    return Motion(
+        points=np.array([f[f"{guides.path}.points"] for f in frames], dtype=float) * scale,
+        velocities=np.array([f[f"{guides.path}.velocities"] for f in frames], dtype=float) * scale,
+        counts=guides.counts,
+        levels=np.array([f[f"{guides.path}.{LEVEL}"] for f in frames]),
+    )
+
+
+@dataclass(frozen=True)
+class Change:
+    """What sub-steps around changes of one kind do, on average over the guides that changed: per mass, as points of a guide weigh alike."""
+
+    count: int
+    momentum: np.ndarray
+    """Magnitude of the change of momentum in the last sub-step before it, in the one from it on, and in the next, m/s."""
+    energy: np.ndarray
+    """Magnitude of the change of kinetic energy and that of height, J/kg."""
+
+
+def changes(motion: Motion) -> tuple[Change, Change]:
+    """Guides that came away, and guides that joined. A jump would show in the sub-step from the change on alone."""
+    starts = np.cumsum(motion.counts) - motion.counts
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        counts = motion.counts.reshape((1, -1) + (1,) * (values.ndim - 2))
+        return np.add.reduceat(values, starts, axis=1) / counts
+
+    momentum = mean(motion.velocities)
+    energy = mean(0.5 * (motion.velocities**2).sum(axis=2) - motion.points @ GRAVITY)
+    # In the step to each frame but the first.
+    step = {
+        "momentum": np.linalg.norm(np.diff(momentum, axis=0), axis=2),
+        "energy": np.abs(np.diff(energy, axis=0)),
+    }
+    own = motion.levels.max(axis=0)
+
+    def around(changed: np.ndarray) -> Change:
+        # Frames at which it is another than at the frame before, with a step before them and two after.
+        frame, curve = np.nonzero(changed[:-2])
+        frame = frame + 1
+        means = {
+            name: np.array([of[frame + k, curve].mean() if len(frame) else np.nan for k in (-1, 0, 1)])
+            for name, of in step.items()
+        }
+        return Change(len(frame), **means)
+
+    free = motion.levels == own
+    return around(free[1:] & ~free[:-1]), around(~free[1:] & free[:-1])

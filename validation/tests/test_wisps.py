@@ -1,0 +1,64 @@
+"""How adaptive wisps are held against all guides by themselves, on motions that are known."""
+
+import numpy as np
+import pytest
+from wisps.compare import GRAVITY, Motion, Run, changes, distances, pops, rest
+
+STEP = 0.01
+FRAMES = 12
+
+
+def run(points: np.ndarray, active: list[int] | None = None, changed: int | None = None) -> Run:
+    """Two curves of two points."""
+    figures = [{"active_nodes": 1, "splits": int(frame == changed), "merges": 0} for frame in range(len(points))]
+    for figure, nodes in zip(figures, active or []):
+        figure["active_nodes"] = nodes
+    return Run(points, np.array([2, 2]), np.array([0.1, 0.2]), 24.0, figures)
+
+
+def test_distances_are_shares_of_length():
+    still = np.zeros((3, 4, 3))
+    moved = still.copy()
+    moved[1, 1] = [0.03, 0.0, 0.04]
+    assert distances(run(still), run(moved)) == pytest.approx(np.array([[0, 0], [0.25, 0], [0, 0]]))
+
+
+def test_a_pop_amid_changes_is_seen():
+    points = np.zeros((FRAMES, 4, 3))
+    points[6:, 3, 0] = 0.01
+    most, least = pops(run(points, changed=6))
+    assert most > 1.0 and least == 0.0
+
+
+def test_rest_is_that_of_the_last_frame():
+    points = np.zeros((FRAMES, 4, 3))
+    points[:-1, :, 1] = 0.5
+    nodes, speed = rest(run(points, active=[9] * (FRAMES - 1) + [4]))
+    assert (nodes, speed) == (4, pytest.approx(0.5 * 24.0))
+
+
+def falling(kick: float) -> Motion:
+    """Two guides that fall freely; the second comes away at frame 5, and is `kick` quicker from the next frame on, m/s."""
+    times = STEP * np.arange(FRAMES)
+    velocities = np.tile(times[:, None, None] * GRAVITY, (1, 4, 1))
+    points = np.tile(0.5 * times[:, None, None] ** 2 * GRAVITY, (1, 4, 1))
+    velocities[6:, 2:, 0] += kick
+    levels = np.zeros((FRAMES, 2), dtype=int)
+    levels[5:9, 1] = 1
+    return Motion(points, velocities, np.array([2, 2]), levels)
+
+
+def test_a_change_without_a_jump_does_no_more_than_any_step():
+    split, merged = changes(falling(0.0))
+    assert (split.count, merged.count) == (1, 1)
+    assert split.momentum == pytest.approx([9.81 * STEP] * 3)
+    assert split.energy == pytest.approx([0.0] * 3, abs=1e-12)
+    assert merged.momentum == pytest.approx([9.81 * STEP] * 3)
+
+
+def test_a_jump_at_a_change_is_seen_in_the_step_from_it_on():
+    split, merged = changes(falling(0.3))
+    fall = 9.81 * STEP
+    assert split.momentum == pytest.approx([fall, np.hypot(fall, 0.3), fall])
+    assert split.energy[1] == pytest.approx(0.5 * 0.3**2) and split.energy[[0, 2]] == pytest.approx([0, 0], abs=1e-12)
+    assert merged.momentum == pytest.approx([fall] * 3)
