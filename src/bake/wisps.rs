@@ -98,14 +98,19 @@ pub struct Changes {
 /// Three moments: now, and one and two sub-steps ago.
 const BACK: [usize; 3] = [0, 1, 2];
 
-/// Turning of a guide out of its rest at each node, per share of its length, as seen in rest space, rad: now, and one and two sub-steps ago. Those of guides
-/// of any length and shape can be averaged.
-type Turning = [Vec<Vector3<f64>>; 3];
+/// Turning of a guide out of its rest at each node, three numbers each, per share of its length, as seen in rest space, rad: now, and one and two sub-steps
+/// ago. Those of guides of any length and shape can be averaged.
+type Turning = [Vec<f64>; 3];
+
+/// The vector of each node.
+fn vectors(turning: &[f64]) -> impl Iterator<Item = Vector3<f64>> {
+    turning.chunks_exact(3).map(Vector3::from_column_slice)
+}
 
 /// Workspace of a thread in which guides follow.
 #[derive(Default)]
 struct Workspace {
-    mean: Vec<Vector3<f64>>,
+    mean: Vec<f64>,
     led: Vec<f64>,
     placed: Placed,
 }
@@ -279,11 +284,11 @@ impl Wisps {
     }
 
     /// How the leaders of guide `i` are turned on average, `back` sub-steps ago.
-    fn mean(&self, i: usize, turning: &[Turning], back: usize, mean: &mut Vec<Vector3<f64>>) {
+    fn mean(&self, i: usize, turning: &[Turning], back: usize, mean: &mut Vec<f64>) {
         mean.clear();
-        mean.resize(self.rest[i].frame.len(), Vector3::zeros());
+        mean.resize(3 * self.rest[i].frame.len(), 0.0);
         for (leader, share) in &self.hierarchy.leaders[i] {
-            mean.iter_mut().zip(&turning[*leader][back]).for_each(|(mean, led)| *mean += led * *share);
+            mean.iter_mut().zip(&turning[*leader][back]).for_each(|(mean, led)| *mean += led * share);
         }
     }
 
@@ -298,11 +303,9 @@ impl Wisps {
     fn speed(&self, i: usize, guide: &Guide) -> f64 {
         let (led, mut own) = (self.means(i), Turning::default());
         self.rest[i].turn(guide, &mut own);
-        let rate = |node: usize| {
-            let off = |back: usize, axis: usize| own[back][node][axis] - led[back][node][axis];
-            Vector3::from_fn(|axis, _| slope(BACK.map(|back| off(back, axis)), self.h))
-        };
-        self.rest[i].reach.way((0..led[0].len()).map(rate))
+        let rate = |n: usize| slope(BACK.map(|back| own[back][n] - led[back][n]), self.h);
+        let rates: Vec<f64> = (0..led[0].len()).map(rate).collect();
+        self.rest[i].reach.way(vectors(&rates))
     }
 
     /// What guide `i` is when it begins to follow at time `t`, s.
@@ -334,10 +337,10 @@ impl Wisps {
         let mut mean = Vec::new();
         self.mean(i, &self.turning, 0, &mut mean);
         if self.hierarchy.leaders[i].len() == 1 {
-            return self.rest[i].reach.way(mean.into_iter());
+            return self.rest[i].reach.way(vectors(&mean));
         }
         let square = |(leader, share): &(usize, f64)| {
-            let apart = self.turning[*leader][0].iter().zip(&mean).map(|(led, mean)| led - mean);
+            let apart = vectors(&self.turning[*leader][0]).zip(vectors(&mean)).map(|(led, mean)| led - mean);
             let apart = self.rest[i].reach.way(apart);
             share.abs() * apart * apart
         };
@@ -364,18 +367,18 @@ impl Rest {
         for (turning, q) in turning.iter_mut().zip(&guide.q) {
             let at_rest = self.settled.q.chunks_exact(3).zip(&self.frame);
             turning.clear();
-            turning.extend(q.chunks_exact(3).zip(at_rest).map(|(q, (rest, frame))| {
+            for (q, (rest, frame)) in q.chunks_exact(3).zip(at_rest) {
                 let deviation = Vector3::from_column_slice(q) - Vector3::from_column_slice(rest);
-                frame * deviation * guide.rod.length()
-            }));
+                turning.extend_from_slice((frame * deviation * guide.rod.length()).as_slice());
+            }
         }
     }
 
     /// Sets unknowns `q` to those of a guide that is turned so, 1/m.
-    fn unknowns(&self, rod: &Rod, turned: &[Vector3<f64>], q: &mut Vec<f64>) {
+    fn unknowns(&self, rod: &Rod, turned: &[f64], q: &mut Vec<f64>) {
         q.clone_from(&self.settled.q);
-        for ((q, turned), frame) in q.chunks_exact_mut(3).zip(turned).zip(&self.frame) {
-            let deviation = frame.tr_mul(turned) / rod.length();
+        for ((q, turned), frame) in q.chunks_exact_mut(3).zip(vectors(turned)).zip(&self.frame) {
+            let deviation = frame.tr_mul(&turned) / rod.length();
             q.iter_mut().zip(&deviation).for_each(|(q, more)| *q += more);
         }
     }

@@ -224,13 +224,15 @@ impl Bodies {
         memory.resize(within.len(), Outside::default());
         for (b, (body, pose)) in self.bodies.iter().zip(poses).enumerate() {
             let travel = body.shape.travel(t);
+            let (turn, origin) = (pose.rotation.inverse().to_rotation_matrix(), pose.translation.vector);
             for (k, x) in x.iter().enumerate() {
                 let i = b * points + k;
                 let (within, seen) = (within[i], &mut memory[i]);
-                let at = pose.inverse_transform_point(&(*x).into()).coords;
+                let at = turn * (x - origin);
                 let gone = (travel - seen.travel).abs();
-                let spare = seen.distance - (at - seen.at).norm() - gone;
-                if within == f64::NEG_INFINITY || spare > within.max(0.0) {
+                let spare = seen.distance - gone - within.max(0.0);
+                if within == f64::NEG_INFINITY || spare > 0.0 && (at - seen.at).norm_squared() < spare * spare
+                {
                     continue;
                 }
                 let [least, _] = body.shape.distance_bounds(&at);

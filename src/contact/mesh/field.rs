@@ -62,6 +62,23 @@ impl DistanceField {
         })
     }
 
+    /// What is surely farther than the surface is from the middle of a cell, m, by what is known of the cells beside it: it shortens the search.
+    fn horizon(&self, cells: &[AtomicU32], cell: [usize; 3]) -> f64 {
+        let beside =
+            (0..3).flat_map(|axis| [1, usize::MAX].map(|step| (axis, cell[axis].wrapping_add(step))));
+        let known = beside.filter(|(axis, at)| *at < self.count[*axis]).map(|(axis, at)| {
+            let mut cell = cell;
+            cell[axis] = at;
+            f64::from(f32::from_bits(cells[self.slot(cell)].load(Ordering::Relaxed)).abs())
+        });
+        // An unknown distance is no number, and none the least.
+        known.fold(f64::INFINITY, f64::min) * (1.0 + 1e-6) + 1.01 * self.cell
+    }
+
+    fn slot(&self, [x, y, z]: [usize; 3]) -> usize {
+        (z * self.count[1] + y) * self.count[0] + x
+    }
+
     /// What the signed distance of `p`, body frame, from the mesh is not below, and its magnitude not above, m.
     pub fn bounds(&self, mesh: &Mesh, p: &Vector3<f64>) -> [f64; 2] {
         let at = (p - self.corner) / self.cell;
@@ -75,10 +92,11 @@ impl DistanceField {
             let none = || AtomicU32::new(f32::NAN.to_bits());
             std::iter::repeat_with(none).take(self.count.iter().product()).collect()
         });
-        let slot = &cells[(cell.z * self.count[1] + cell.y) * self.count[0] + cell.x];
+        let slot = &cells[self.slot([cell.x, cell.y, cell.z])];
         let mut distance = f32::from_bits(slot.load(Ordering::Relaxed));
         if distance.is_nan() {
-            distance = mesh.closest(&middle, f64::INFINITY).map_or(f32::MAX, |s| s.distance as f32);
+            let horizon = self.horizon(cells, [cell.x, cell.y, cell.z]);
+            distance = mesh.closest(&middle, horizon).map_or(f32::MAX, |s| s.distance as f32);
             // So far away it is not closest anywhere in the cell.
             let diagonal = self.cell * 3.0_f64.sqrt();
             if self.near_border(&middle, f64::from(distance.abs()) + diagonal) {
