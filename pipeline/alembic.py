@@ -35,6 +35,8 @@ def main() -> None:
     if suffixes[0]:
         bpy.ops.wm.alembic_import(filepath=source, scale=UNITS[options.units], set_frame_range=True, as_background_job=False)
         scene = bpy.context.scene
+        if options.frame is not None and not scene.frame_start <= options.frame <= scene.frame_end:
+            parser.error(f"--frame {options.frame}: the file has {scene.frame_start} to {scene.frame_end}")
         scene.frame_set(scene.frame_start if options.frame is None else options.frame)
         told = {"frame": scene.frame_current, "curves": select_curves(parser)}
         bpy.ops.wm.usd_export(
@@ -49,10 +51,10 @@ def to_alembic(parser: argparse.ArgumentParser, cache: Path, source: str, output
     """The render strands of a cache, or its guides where it has no others, in its own unit, Y up, at its frames."""
     try:
         summary = json.loads((cache.parent / "manifest.json").read_text(encoding="utf-8"))["summary"]
-        fps, unit = summary["fps"], summary["metres_per_unit"]
+        fps, unit, strands = summary["fps"], summary["metres_per_unit"], sum(summary["hair"])
     except (OSError, ValueError, KeyError):
         parser.error(f"{cache.parent} is no finished cache: it has no manifest.json that tells frames and unit")
-    bpy.ops.wm.usd_import(filepath=source, set_frame_range=True, import_guide=not summary.get("hair"))
+    bpy.ops.wm.usd_import(filepath=source, set_frame_range=True, import_guide=not strands)
     scene = bpy.context.scene
     # A whole number, divided by another: 23.976 is 24 by 1.001.
     scene.render.fps, scene.render.fps_base = round(fps), round(fps) / fps

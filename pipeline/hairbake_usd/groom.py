@@ -126,7 +126,8 @@ def _prim(prim: Usd.Prim, time: float | None) -> Strands:
     if layout.wrap == "periodic":
         notes.append(f"{place}: closed curves are taken from their first point round to it again")
     primvars = _Primvars(prim, layout, at, notes)
-    id_, group, guide = primvars.root(IDS, int), primvars.root(GROUPS, int), primvars.root(GUIDES, int)
+    id_, guide = primvars.root(IDS, int), primvars.root(GUIDES, int)
+    group, group_names = primvars.groups()
     uv = primvars.root(ROOT_UVS, float)
     if uv is None:
         notes.append(f"{place}: no root texture coordinates")
@@ -138,7 +139,7 @@ def _prim(prim: Usd.Prim, time: float | None) -> Strands:
         ids=id_,
         guide=none + 1 if of_guides else none if guide is None else (guide != 0).astype(int),
         group=none - 1 if group is None else group,
-        group_names=primvars.names(group),
+        group_names=group_names,
         root_uv=np.zeros((len(counts), 2)) if uv is None else uv[:, :2],
         width=_widths(shape, layout, at, abs(np.linalg.det(matrix[:3, :3])) ** (1 / 3)),
         clump=primvars.root(CLUMPS, int),
@@ -239,15 +240,17 @@ class _Primvars:
             raise Faults(*faults)
         return found
 
-    def names(self, group: np.ndarray | None) -> dict[int, str]:
-        """Names of groups by their number; under -1 that of curves without a number."""
+    def groups(self) -> tuple[np.ndarray | None, dict[int, str]]:
+        """The group of each curve by number, and the names of groups by theirs; curves that have names alone are numbered in the names' order."""
+        group = self.root(GROUPS, int)
         primvar, values = self._flat(GROUP_NAMES)
         if primvar is None:
-            return {}
+            return group, {}
         values = np.array([values] if isinstance(values, str) else values, object)
         roots = self.layout.ends(primvar.GetAttr().GetPath(), values, str(primvar.GetInterpolation()))[0]
-        numbers = np.full(len(roots), -1) if group is None else group
-        return {int(number): str(name) for number, name in zip(numbers, roots)}
+        if group is None:
+            group = np.unique(roots.astype(str), return_inverse=True)[1]
+        return group, {int(number): str(name) for number, name in zip(group, roots)}
 
 
 def _groups(prims: list[Usd.Prim], parts: list[Strands]) -> tuple[list[str], np.ndarray]:

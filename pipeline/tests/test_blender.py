@@ -90,6 +90,16 @@ def test_a_cache_goes_to_alembic_and_comes_back_as_a_groom(cache, hairbake, tmp_
         assert np.allclose(np.array(curves.GetWidthsAttr().Get()) * scale, widths * unit, rtol=1e-4)
     done = hairbake("import", "groom", tmp_path / "1003.usda", "--guides", "40", "-o", tmp_path / "again.json")
     assert done.returncode == 0, done.stderr
+    command = [PYTHON, ROOT / "pipeline/alembic.py", tmp_path / "hair.abc", "-o", tmp_path / "none.usda", "--frame", "9"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 2 and "1003 to 1007" in done.stderr
+
+
+def test_guides_alone_go_to_alembic(cache, hairbake, tmp_path):
+    scene = (tmp_path / "groom.json", tmp_path / "anim.json")
+    done = hairbake(*scene, "-o", tmp_path / "guides", "--frames", "1003-1004", "--curves", "guides", "--no-pictures")
+    assert done.returncode == 0, done.stderr
+    assert run("alembic.py", tmp_path / "guides/hair.usda", "-o", tmp_path / "guides.abc")["curves"] == {"guides": 40}
 
 
 @pytest.mark.parametrize("source, output", [("no.abc", "groom.usda"), ("hair.usda", "hair.usdc"), ("empty/hair.usda", "hair.abc")])

@@ -46,12 +46,15 @@ def test_units_axes_and_transforms(imports, tmp_path):
     assert np.allclose(guides(groom)[:, [0, -1]], wanted[:, [0, -1]], atol=1e-6)
 
 
-def test_ids_order_groups_widths_and_root_coordinates(imports, tmp_path):
+@pytest.mark.parametrize("numbered", [True, False])
+def test_ids_order_groups_widths_and_root_coordinates(imports, tmp_path, numbered):
+    """Groups that have names alone are told by these."""
     stage = new_stage(tmp_path / "a.usda")
     hair = add_curves(stage, "/groom/hair", hanging(4))
     add_primvar(hair, "groom_id", INTS, "uniform", [40, 10, 30, 20])
     add_primvar(hair, "groom_guide", INTS, "uniform", [0, 1, 0, 1])
-    add_primvar(hair, "groom_group_id", INTS, "uniform", [5, 5, 2, 2])
+    if numbered:
+        add_primvar(hair, "groom_group_id", INTS, "uniform", [5, 5, 2, 2])
     add_primvar(hair, "groom_group_name", NAMES, "uniform", ["fringe", "fringe", "back", "back"])
     add_primvar(hair, "st", UVS, "vertex", [(0.1 * c, 0.2 + 0.01 * v) for c in range(4) for v in range(6)])
     hair.CreateWidthsAttr([0.001, 0.5, 0.0005, 0.5])

@@ -178,7 +178,7 @@ pub struct TrackArguments {
     /// [default: 12]
     #[arg(long, value_name = "HZ", value_parser = values::not_negative, help_heading = "Time")]
     smoothing: Option<f64>,
-    /// What to do with samples far from their neighbours
+    /// What a bake is to do with samples far from their neighbours: refuse them, go past them, or take them as they are
     #[arg(long, value_enum, value_name = "HOW", default_value = "error", help_heading = "Time")]
     pops: PopsName,
 

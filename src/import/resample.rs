@@ -18,6 +18,9 @@ pub enum Resample {
     Spacing(f64),
 }
 
+/// How many times as long as its neighbour a segment may be: beside a longer one the spline through the vertices would swing out.
+const UNEVEN: f64 = 3.0;
+
 /// Most vertices a resampled strand may have.
 const MOST_VERTICES: f64 = 4096.0;
 
@@ -48,7 +51,8 @@ impl fmt::Display for ResampleError {
 pub fn resample(curves: &Curves, to: Resample) -> (Curves, ResampleError) {
     let strand = |c: usize| -> (Vec<Vector3<f64>>, f64, Vec<f64>) {
         let points = curves.curve(c);
-        let Some(spline) = ArcSpline::through(points) else { return (points.to_vec(), 0.0, vec![0.0]) };
+        let through = if to == Resample::Keep { points.to_vec() } else { graded(points) };
+        let Some(spline) = ArcSpline::through(&through) else { return (points.to_vec(), 0.0, vec![0.0]) };
         let length = spline.length();
         let vertices = match to {
             Resample::Keep => return (points.to_vec(), 1.0 - polyline::length(points) / length, vec![0.0]),
@@ -87,6 +91,26 @@ pub fn resample(curves: &Curves, to: Resample) -> (Curves, ResampleError) {
     (out, error)
 }
 
+/// The vertices of a strand, and more on its segments until none is more than [`UNEVEN`] times as long as a neighbour.
+fn graded(points: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let mut points = points.to_vec();
+    points.dedup();
+    loop {
+        let length: Vec<f64> = points.windows(2).map(|w| (w[1] - w[0]).norm()).collect();
+        let uneven = |k: usize| {
+            let beside = [k.checked_sub(1), Some(k + 1)].into_iter().flatten().filter_map(|k| length.get(k));
+            beside.fold(f64::INFINITY, |least, l| l.min(least)) * UNEVEN < length[k]
+        };
+        let split: Vec<usize> = (0..length.len()).filter(|&k| uneven(k)).collect();
+        if split.is_empty() || points.len() + split.len() > MOST_VERTICES as usize {
+            return points;
+        }
+        for k in split.into_iter().rev() {
+            points.insert(k + 1, points[k].lerp(&points[k + 1], 0.5));
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -113,6 +137,18 @@ mod tests {
         let [mean, p95, largest] = error.distance;
         assert!(0.0 < mean && mean < p95 && p95 < largest && largest < 1e-4, "{error:?}");
         assert_eq!((even.id[0], even.root_uv[0]), (7, [0.5; 2]));
+    }
+
+    #[test]
+    fn beside_long_segments_a_strand_does_not_swing_out() {
+        let hook = [[0.0, 0.0], [0.0, 3.0], [0.0, 6.0], [0.3, 6.3], [0.6, 6.0], [0.6, 0.5]];
+        let points: Vec<_> = hook.iter().map(|[x, y]| Vector3::new(0.01 * x, 0.01 * y, 0.0)).collect();
+        let strand =
+            Curves { offsets: vec![0, points.len()], points: points.clone(), ..arc([0.0, 1.0].into_iter()) };
+        let (even, error) = resample(&strand, Resample::Vertices(60));
+        assert!((polyline::length(&even.points) / polyline::length(&points) - 1.0).abs() < 0.05);
+        let off = even.points.iter().map(|p| polyline::distance(p, &points)).fold(0.0, f64::max);
+        assert!(off < 1.5e-3 && error.distance[2] < 1e-3, "{off} {error:?}");
     }
 
     #[test]

@@ -424,8 +424,11 @@ impl TrackReport {
         if !self.pops.is_empty() && options.pops == Pops::Error {
             let named: Vec<String> = self.pops.iter().take(5).map(usize::to_string).collect();
             self.warnings.push(format!(
-                "{} samples pop ({}{}): bake with --pops bridge or keep, or clean the track",
-                self.pops.len(),
+                "{} ({}{}): a bake refuses that; import with --pops bridge or keep, or clean the track",
+                match self.pops.len() {
+                    1 => "1 sample pops".into(),
+                    n => format!("{n} samples pop"),
+                },
                 named.join(", "),
                 if self.pops.len() > 5 { ", …" } else { "" }
             ));

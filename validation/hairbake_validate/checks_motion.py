@@ -5,8 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from . import tolerances
-from .cache import ACCELERATIONS as NAME
+from . import cache, tolerances
 from .cache import HEAD, TRANSFORM, Curves
 from .checks_frame import root_offsets, worst
 from .geometry import transformed
@@ -59,7 +58,8 @@ def velocities(window: Window) -> Iterator[Finding]:
     finds a wrong unit, sign or frame and is blind to single points that hit something within the two frames.
 
     Hair that swings several times a second, as in a landing, is sampled too coarsely for the rule, and so is all of it where a head trembles in a slow
-    moment; how far the rule may be off tells its difference from the trapezoidal one, of which `tolerances.SIMPSON_ERROR` is granted."""
+    moment; how far the rule may be off tells the trapezoidal one, by its difference from it and from the displacement: of the smaller, `tolerances.SIMPSON_ERROR` is
+    granted."""
     floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
     for curves, mean, residual in residuals(window):
         speed = np.sqrt(np.einsum("ij,ij->", mean, mean) / len(mean))
@@ -94,8 +94,9 @@ def residuals(window: Window) -> Iterator[tuple[Curves, np.ndarray, np.ndarray]]
         mean = (after.astype(float) - before) * window.cache.fps / 2
         simpson = (rates[0].astype(float) + 4 * rates[1] + rates[2]) / 6
         trapezoidal = (rates[0].astype(float) + rates[2]) / 2
-        off, coarse = (np.linalg.norm(simpson - other, axis=1) for other in (mean, trapezoidal))
-        yield curves, mean, np.maximum(off - tolerances.SIMPSON_ERROR * coarse, 0)
+        off, *coarse = (np.linalg.norm(a - b, axis=1) for a, b in ((simpson, mean), (simpson, trapezoidal), (trapezoidal, mean)))
+        # Where one frame alone is wrong, the trapezoidal rule is not, and where all are wrong alike, the two rules agree.
+        yield curves, mean, np.maximum(off - tolerances.SIMPSON_ERROR * np.minimum(*coarse), 0)
 
 
 def sub_frames(window: Window) -> Iterator[Finding]:
@@ -127,9 +128,9 @@ def accelerations(window: Window) -> Iterator[Finding]:
     """Where a frame has one moment, they tell how the shutter ends: a cubic's second derivative a third of the way there. A cache without has none to check."""
     end = window.cache.settings.get("shutter", 0.5) / 3
     for curves in window.cache.curves:
-        found = window.get(curves.path, NAME)
+        found = window.get(curves.path, cache.ACCELERATIONS)
         points, rates = ([window.get(curves.path, name, i) for i in (0, 1)] for name in ("points", "velocities"))
-        if found is None or len(window.moments(curves.path, NAME)) > 1:
+        if found is None or len(window.moments(curves.path, cache.ACCELERATIONS)) > 1:
             continue
         if any(value is None for value in (*points, *rates)):
             continue
@@ -141,7 +142,7 @@ def accelerations(window: Window) -> Iterator[Finding]:
 def sub_frame_accelerations(window: Window) -> Iterator[Finding]:
     """From each moment of a frame to the next, and from the last to the one before."""
     for curves in window.cache.curves:
-        parts = [window.moments(curves.path, name) for name in ("points", "velocities", NAME)]
+        parts = [window.moments(curves.path, name) for name in ("points", "velocities", cache.ACCELERATIONS)]
         times = [[time for time, _ in part] for part in parts]
         if len(times[0]) < 2 or times[1:] != times[:-1]:
             continue

@@ -46,7 +46,7 @@ VELOCITY_FLOOR_M_S = 0.02
 # wrong curves than one in twenty go unseen.
 CURVE_VELOCITY_RESIDUAL = 0.5
 
-# How far Simpson's rule may be off by the sampling alone, as a share of its difference from the trapezoidal rule. Measured in a landing, on
+# How far Simpson's rule may be off by the sampling alone, as a share of its difference from the trapezoidal rule and of that rule's own error. Measured in a landing, on
 # the curve at the 95th percentile: 0.42 for strands, 0.53 for guides, whose velocities, sampled four times as often, integrate to 1.5 % and 4 %;
 # over all points, in a slow moment of a head that trembles at some 8 Hz: 0.17 of their speed are 0.29 of it, and 0.01 % is left at eight times as many moments.
 SIMPSON_ERROR = 0.5

@@ -58,9 +58,8 @@ pub(super) fn parse(source: &Source, joint: &Joint, bytes: &[u8]) -> Result<Moti
         joint.name.as_deref().and_then(named).or((joint.name.is_none() && bones.len() == 1).then_some(0));
     let chain = chain(&bones, index.ok_or_else(missing)?);
 
-    let height = height(&bones);
     let convention = convention(source, CENTIMETRE, UpAxis::Y);
-    let metres = height * convention.metres_per_unit;
+    let metres = height(&bones, convention.up) * convention.metres_per_unit;
     let mut notes = Vec::new();
     let mut warnings = Vec::new();
     if source.metres_per_unit.is_none() {
@@ -90,10 +89,11 @@ fn chain(bones: &[Bone], joint: usize) -> Vec<usize> {
 }
 
 /// Height of the joints as they stand at rest, file units.
-fn height(bones: &[Bone]) -> f64 {
+fn height(bones: &[Bone], up: UpAxis) -> f64 {
+    let axis = if up == UpAxis::Z { 2 } else { 1 };
     let mut at: Vec<f64> = Vec::with_capacity(bones.len());
     for bone in bones {
-        at.push(bone.parent.map_or(0.0, |p| at[p]) + bone.offset.y);
+        at.push(bone.parent.map_or(0.0, |p| at[p]) + bone.offset[axis]);
     }
     at.iter().copied().fold(f64::NEG_INFINITY, f64::max) - at.iter().copied().fold(f64::INFINITY, f64::min)
 }
@@ -346,6 +346,10 @@ mod tests {
         let motion =
             parse(&metres, &Joint { name: Some("Head".into()), clip: None }, TEXT.as_bytes()).unwrap();
         assert!(motion.notes.is_empty() && motion.warnings[0].contains("70.00 m tall"));
+        let lying = Source { up: Some(UpAxis::Z), ..Source::new("a.bvh") };
+        let motion =
+            parse(&lying, &Joint { name: Some("Head".into()), clip: None }, TEXT.as_bytes()).unwrap();
+        assert!(motion.notes[0].contains("0.00 m tall"), "{:?}", motion.notes);
     }
 
     #[test]
