@@ -218,4 +218,4 @@ def test_a_pop_is_named(track, tmp_path):
     UsdGeom.Xform.Get(stage, "/char/head").GetOrderedXformOps()[0].Set(Gf.Vec3d(60, 0, 150), 106)
     stage.Save()
     _, _, said = track(tmp_path / "a.usda", "--prim", "/char/head")
-    assert "1 samples pop (5)" in said
+    assert "1 sample pops (5)" in said
