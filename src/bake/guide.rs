@@ -109,6 +109,8 @@ pub struct StepRecord {
     pub shortened: u32,
     /// Of those, the ones that crossed it nevertheless.
     pub crossed: u32,
+    /// Solves that were taken though the guide had not come to rest on the bodies.
+    pub unsettled: u32,
     /// Farthest that a tie is from where it has to be, m.
     pub slack: f64,
     /// Contact with other guides.
@@ -126,6 +128,8 @@ pub struct StrandRecord {
     pub rounds: u32,
     /// Relative residual of the reactions that it was solved with.
     pub residual: f64,
+    /// 1 where it was taken together with others though they had not come to rest.
+    pub unsettled: u32,
     /// 1 where its motion together with the others came to no good, and it went where it would have gone alone.
     pub alone: u32,
     /// 1 where it went a part of its way only, or did not move on the head, for it would have crossed another guide.

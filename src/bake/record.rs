@@ -34,8 +34,10 @@ pub struct FrameRecord {
     pub contacts_active: u32,
     /// Rounds of contact, most of any guide and sub-step.
     pub contact_rounds: u32,
-    /// Relative residual of the reactions, largest.
+    /// Relative residual of the reactions, largest; of those of a solve that did not settle, where it ended.
     pub contact_residual: f64,
+    /// Solves that were taken after all rounds though the guide had not come to rest on the bodies.
+    pub unsettled: u32,
     /// Deepest point inside a body that is not exempt, m; 0 where there is none.
     pub penetration_m: f64,
     /// Solves whose motion was cut short at a surface.
@@ -48,6 +50,8 @@ pub struct FrameRecord {
     pub strand_rounds: u32,
     /// Relative residual of the reactions between guides, largest.
     pub strand_residual: f64,
+    /// Motions of guides that were taken after all rounds though they had not come to rest on each other.
+    pub strands_unsettled: u32,
     /// Motions of guides that passed through a body, and segments of guides that passed through each other.
     pub crossings: u32,
     /// Motions of guides cut short for another guide's sake: taken as if it were not there, in part, or not at all.
@@ -104,6 +108,8 @@ impl FrameRecord {
             self.contacts_active += r.active;
             self.contact_rounds = self.contact_rounds.max(r.rounds);
             self.contact_residual = self.contact_residual.max(r.residual);
+            self.unsettled += r.unsettled;
+            self.strands_unsettled += r.strands.unsettled;
             self.penetration_m = self.penetration_m.max(r.penetration);
             self.shortened += r.shortened;
             self.strand_contacts_found += r.strands.found;

@@ -2,6 +2,8 @@
 //!
 //! `docs/theory.md` §5. The bodies move as they will whatever the hair does, so every guide is a problem of its own.
 
+mod averted;
+
 use super::guide::StepRecord;
 use super::tie::Tie;
 use crate::contact::friction::Law;
@@ -14,6 +16,7 @@ use crate::rod::newton::Solver;
 use crate::rod::potential::Load;
 use crate::rod::pushed::{Push, PushedWork};
 use crate::scene::Friction;
+use averted::Averted;
 use nalgebra::Vector3;
 
 /// Surfaces nearer than this to a strand at the end of a step are in the contact problem, m.
@@ -122,7 +125,7 @@ impl TouchWork {
     /// Forgets the step before, which may have been another guide's.
     pub(super) fn clear(&mut self) {
         self.contacts.clear();
-        self.averted.0.clear();
+        self.averted.clear();
         self.reaction.clear();
         self.frozen = false;
         self.pushes.clear();
@@ -139,6 +142,7 @@ pub(super) struct Noted {
     residual: f64,
     penetration: f64,
     slack: f64,
+    unsettled: bool,
     pub(super) crossed: bool,
 }
 
@@ -155,6 +159,7 @@ impl Noted {
         record.rounds = record.rounds.max(self.rounds);
         record.residual = record.residual.max(self.residual);
         record.penetration = record.penetration.max(self.penetration);
+        record.unsettled += u32::from(self.unsettled);
         record.crossed += u32::from(self.crossed);
         record.slack = record.slack.max(self.slack);
     }
@@ -204,7 +209,13 @@ impl Touch<'_> {
                 || (free && round > SETTLING_ROUNDS && moved <= ACCEPTABLE_MOVE);
             if round == MAX_ROUNDS || (clear && settled && worst >= -GAP_TOLERANCE) {
                 self.note(work);
-                return clear && worst >= -ACCEPTABLE_GAP && (free || settled);
+                let taken = clear && worst >= -ACCEPTABLE_GAP && (free || settled);
+                if taken && !settled {
+                    work.noted.unsettled = true;
+                    // That of the last round is of where the round began.
+                    work.noted.residual = self.residual(q, solver, work);
+                }
+                return taken;
             }
             work.noted.rounds = round + 1;
             // On the way from a free motion the reactions are not yet those of the shape at hand.
@@ -399,9 +410,8 @@ impl Touch<'_> {
         [*n, frame.column(0).into(), frame.column(1) * self.across]
     }
 
-    /// Solves for the reactions and completes the solver's direction with them.
-    fn react(&self, tolerance: Tolerance, solver: &mut Solver, work: &mut TouchWork) {
-        let n = self.rod.unknowns();
+    /// Takes the last pushes over for reactions of the contacts and ties as they are.
+    fn remember(&self, work: &mut TouchWork) {
         work.reaction.clear();
         for (i, (segment, u, frame)) in work.frames.iter().enumerate() {
             let normal = work.contacts.get(i).map_or_else(Vector3::zeros, |c| c.normal);
@@ -413,6 +423,23 @@ impl Touch<'_> {
             let start = warm.map_or([0.0; 3], |p| frame.map(|d| d.dot(&p.force) / d.norm_squared()));
             work.reaction.extend(start);
         }
+    }
+
+    /// How far, relatively, the last reactions are from those of the contacts at `q`, whose shape the solver holds.
+    fn residual(&self, q: &[f64], solver: &mut Solver, work: &mut TouchWork) -> f64 {
+        if !solver.linearise(self.rod, self.load, q) {
+            return f64::INFINITY;
+        }
+        self.rows(solver, work);
+        self.assemble(work);
+        self.remember(work);
+        Problem { w: &work.delassus, b: &work.free, laws: &work.laws }.residual(&work.reaction)
+    }
+
+    /// Solves for the reactions and completes the solver's direction with them.
+    fn react(&self, tolerance: Tolerance, solver: &mut Solver, work: &mut TouchWork) {
+        let n = self.rod.unknowns();
+        self.remember(work);
         let problem = Problem { w: &work.delassus, b: &work.free, laws: &work.laws };
         let outcome = friction::solve(&problem, tolerance, &mut work.reaction, &mut work.scratch);
         work.noted.residual = outcome.residual;
@@ -483,103 +510,5 @@ impl Touch<'_> {
         }
         self.note(work);
         clear
-    }
-}
-
-/// Impacts met in any round of a step, and whether each was met more than once. Once averted an impact is out of sight; forgotten, it
-/// would come back in the round after.
-#[derive(Debug, Default)]
-struct Averted(Vec<(Contact, bool)>);
-
-impl Averted {
-    fn meet(&mut self, impact: Contact) {
-        let place = |c: &Contact| (c.body, c.segment, c.feature);
-        let known = self.0.iter().position(|(c, _)| place(c) == place(&impact));
-        if let Some(known) = known {
-            self.0.remove(known);
-        }
-        self.0.push((impact, known.is_some()));
-    }
-
-    /// Adds those to `contacts` that none of them stands for. What stood for one that was met again did not avert it.
-    fn join(&mut self, line: &Polyline, contacts: &mut Vec<Contact>) {
-        let seen = contacts.len();
-        for (impact, again) in &mut self.0 {
-            impact.gap = line.gap(impact);
-            let beside = line.kept_at(impact);
-            if *again || !contacts[..seen].iter().any(|c| stands_for(c, impact, beside)) {
-                contacts.push(*impact);
-            }
-        }
-    }
-}
-
-/// Whether `contact` stands for an impact met on the way, so that this need not be in the problem too: within its clearance
-/// `beside`, m, and of like direction. One elsewhere on the same segment does not: it lets the motion through again.
-fn stands_for(contact: &Contact, impact: &Contact, beside: f64) -> bool {
-    contact.body == impact.body
-        && (contact.point[1] - impact.point[1]).norm() <= beside
-        && contact.normal.dot(&impact.normal) > 0.5
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::contact::Feature;
-
-    #[test]
-    fn an_impact_stays_in_the_problem_unless_a_contact_at_its_place_stands_for_it() {
-        let place = Vector3::new(0.01, 0.02, 0.03);
-        let impact = Contact {
-            segment: 4,
-            u: 0.5,
-            body: 1,
-            feature: Feature::Edge(7),
-            normal: Vector3::y(),
-            point: [place; 2],
-            gap: -1e-3,
-            friction: None,
-        };
-        let at = |offset: f64, normal: Vector3<f64>| Contact {
-            feature: Feature::Vertex(3),
-            normal: normal.normalize(),
-            point: [place + Vector3::x() * offset; 2],
-            ..impact
-        };
-        let clearance = 5e-4;
-        assert!(stands_for(&at(4e-4, Vector3::new(0.3, 1.0, 0.0)), &impact, clearance));
-        // On the same segment and of the same normal, but elsewhere.
-        assert!(!stands_for(&at(2e-3, Vector3::y()), &impact, clearance));
-        // There, but holding in another direction, or on another body.
-        assert!(!stands_for(&at(0.0, Vector3::x()), &impact, clearance));
-        assert!(!stands_for(&Contact { body: 0, ..at(0.0, Vector3::y()) }, &impact, clearance));
-    }
-
-    #[test]
-    fn an_impact_met_again_stays_in_the_problem_whatever_stands_for_it() {
-        let impact = Contact {
-            segment: 0,
-            u: 0.5,
-            body: 0,
-            feature: Feature::Edge(7),
-            normal: Vector3::y(),
-            point: [Vector3::zeros(); 2],
-            gap: 0.0,
-            friction: None,
-        };
-        let other = Contact { feature: Feature::Face(3), ..impact };
-        let x = [Vector3::x() * -0.01, Vector3::x() * 0.01];
-        let line = Polyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]] };
-        let mut averted = Averted::default();
-        let mut joined = |impact| {
-            let mut contacts = vec![other];
-            averted.meet(impact);
-            averted.join(&line, &mut contacts);
-            contacts[1..].iter().map(|c| c.feature).collect::<Vec<_>>()
-        };
-        assert_eq!(joined(impact), []);
-        assert_eq!(joined(impact), [Feature::Edge(7)]);
-        // As are others at the place only when they are met again.
-        assert_eq!(joined(Contact { feature: Feature::Edge(8), ..impact }), [Feature::Edge(7)]);
     }
 }

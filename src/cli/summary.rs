@@ -194,13 +194,14 @@ fn report(summary: &BakeSummary, title: &str) -> BakeReport {
         chart(
             "Rescues",
             "",
-            "Steps cut in half for the solver's sake, motions cut short at a surface or for another guide's sake, guides carried along for want of \
-                 convergence; none is good.",
+            "Steps cut in half for the solver's sake, motions cut short at a surface or for another guide's sake, steps taken though contacts had not \
+                 come to rest, guides carried along for want of convergence; none is good.",
             vec![
                 series("halvings", |f| f64::from(f.halvings)),
                 series("shortened", |f| f64::from(f.shortened)),
                 series("shortened for guides", |f| f64::from(f.strands_shortened)),
                 series("crossings", |f| f64::from(f.crossings)),
+                series("unsettled", |f| f64::from(f.unsettled + f.strands_unsettled)),
                 series("unconverged", |f| f.unconverged.len() as f64),
             ],
         ),
@@ -295,6 +296,16 @@ fn warnings(frames: &[FrameRecord]) -> Vec<String> {
             "motions cut short at a surface, in {} frames: {}",
             shortened.len(),
             list(named, shortened.len())
+        ));
+    }
+    let unsettled = |f: &FrameRecord| f.unsettled + f.strands_unsettled;
+    let restless: Vec<&FrameRecord> = frames.iter().filter(|f| unsettled(f) > 0).collect();
+    if !restless.is_empty() {
+        let named = restless.iter().map(|f| format!("{} ({})", f.frame, unsettled(f)));
+        warnings.push(format!(
+            "steps taken though contacts had not come to rest, in {} frames: {}; more sub-steps may help",
+            restless.len(),
+            list(named, restless.len())
         ));
     }
     warnings

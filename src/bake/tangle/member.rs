@@ -267,6 +267,8 @@ impl Member {
         }
         record.strands.rounds = self.rounds;
         record.strands.residual = self.residual;
+        let unsettled = self.open && self.stirred && self.resort == Resort::Together;
+        record.strands.unsettled = u32::from(unsettled);
         record.strands.alone = u32::from(self.resort == Resort::Alone);
         record.strands.held = u32::from(self.share < 1.0);
     }
