@@ -7,6 +7,7 @@ mod groups;
 mod motion;
 
 use common::{Scene, bake, entries, hairbake, here};
+use hairbake::cache::Reader;
 use predicates::prelude::*;
 use predicates::str::contains;
 use std::path::Path;
@@ -52,6 +53,30 @@ fn no_guarantee_is_asked_of_what_gives_none() {
     bake.args(["--contact", "penalty", "--strict"]);
     bake.assert().code(64).stdout("").stderr(contains("guarantees nothing"));
     assert!(!out.exists());
+}
+
+#[test]
+fn steps_that_do_not_come_to_rest_in_contact_are_counted_and_judged() {
+    let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/short");
+    let folder = tempfile::tempdir().unwrap();
+    let totals = |wind: u32, code: i32| {
+        let (out, wind) = (
+            folder.path().join(wind.to_string()),
+            format!("anim.wind=[{{\"velocity_m_s\":[{wind},0,-{wind}]}}]"),
+        );
+        let mut bake = bake(&sample.join("groom.json"), &sample.join("turn.json"), &out);
+        bake.args(["--frames", "1001-1004", "--substeps", "1", "--preroll", "0", "--curves", "guides"]);
+        let done = bake.args(["--strict", "--no-pictures", "--set", &wind]).assert().code(code);
+        let told =
+            String::from_utf8_lossy(&done.get_output().stderr).contains("contacts had not come to rest");
+        let totals = Reader::open(&out).unwrap().read_manifest().unwrap().totals;
+        (told, totals["unsettled"].as_u64().unwrap(), totals["contact_residual"].as_f64().unwrap())
+    };
+    let (told, unsettled, residual) = totals(0, 0);
+    assert!(!told && unsettled == 0 && residual < 1e-3, "{unsettled} {residual}");
+    // A storm presses hair into the head, at one step a frame.
+    let (told, unsettled, residual) = totals(50, 1);
+    assert!(told && unsettled > 0 && residual > 1e-3, "{unsettled} {residual}");
 }
 
 #[test]
