@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from wisps.__main__ import compare
+from wisps.__main__ import compare, sample
 from wisps.compare import Run, distances, pops
 
 HAIRBAKE = os.environ.get("HAIRBAKE", "")
@@ -33,7 +33,8 @@ def test_a_pop_is_seen_where_wisps_change():
 @pytest.mark.skipif(not HAIRBAKE, reason="HAIRBAKE names no program")
 def test_adaptive_wisps_are_between_coarse_ones_and_all_guides(tmp_path):
     options = ["--wisps", "24", "--strands", "60", "--head-rounds", "2"]
-    full, adaptive, coarse = compare(Path(HAIRBAKE), tmp_path, "long", options, partings=(0.0015,))
+    scene = sample(Path(HAIRBAKE), tmp_path / "long", "long", *options)
+    full, adaptive, coarse = compare(Path(HAIRBAKE), tmp_path, "long", scene, partings=(0.0015,))
     assert full.mean == 0.0 and full.speed_up == 1.0
     assert full.nodes > adaptive.nodes > coarse.nodes
     assert adaptive.mean < coarse.mean
