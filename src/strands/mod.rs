@@ -143,8 +143,8 @@ impl Interpolator {
         self.strands.iter().map(Strand::nearest)
     }
 
-    /// How the strands are at a moment of a frame if none retreats from a body, and by which share (0..=1) of its way from its guide each vertex has to. `moments` are
-    /// now and [`BACKWARD`] earlier; `to_scene` turns metres, Y up, into the unit and axes asked for.
+    /// How the strands are at a moment of a frame if none retreats from a body, and by which share (0..=1) of its way from its guide each
+    /// vertex has to. `moments` are now and [`BACKWARD`] earlier; `to_scene` turns metres, Y up, into the unit and axes asked for.
     pub fn lay(
         &self,
         moments: &[Moment; 2],

@@ -24,10 +24,10 @@ def test_distances_are_shares_of_length():
 
 
 def test_a_pop_amid_changes_is_seen():
-    points = np.zeros((FRAMES, 4, 3))
-    points[6:, 3, 0] = 0.01
-    most, least = pops(run(points, changed=6))
-    assert most > 1.0 and least == 0.0
+    points = np.zeros((20, 4, 3))
+    points[10:, :, 0] = 0.01
+    most, least = pops(run(points, changed=10))
+    assert most == pytest.approx(0.01 * 24.0**2, rel=0.05) and least == 0.0
 
 
 def test_rest_is_that_of_the_last_frame():
