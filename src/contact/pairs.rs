@@ -18,8 +18,8 @@ const SPAN: f64 = 8.0;
 /// The last cell along an axis: its number has 21 bits.
 const LAST_CELL: u64 = (1 << 21) - 1;
 
-/// How far outside a segment, as a fraction of it, two still meet: what goes through a vertex is not lost between its segments.
-const EDGE: f64 = 1e-9;
+/// Distance at which segments meet, m: above what rounding leaves of none, far below what strands keep.
+const MEETING: f64 = 1e-9;
 
 /// Strands that move over a sub-step: the vertices of all, one strand after another, root first.
 #[derive(Debug, Clone, Copy)]
@@ -34,6 +34,19 @@ pub struct Strands<'a> {
 
 /// Two segments of different strands by their first vertices, the lower first.
 pub type Pair = (u32, u32);
+
+/// A pair with its closest points at the start of the sub-step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Near {
+    /// The segments.
+    pub pair: Pair,
+    /// The closest points on them, 0..=1.
+    pub u: [f64; 2],
+    /// Unit direction from the second to the first; not a number where the segments meet.
+    pub normal: Vector3<f64>,
+    /// Their distance, m.
+    pub distance: f64,
+}
 
 /// A place where two strands must keep their distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -116,22 +129,42 @@ impl Strands<'_> {
         found
     }
 
-    /// The closest points of a pair at the start of the step, with the distance there is then, m. `None` where they are at a
-    /// vertex and the segment beyond it is nearer, or speaks for it; and where the segments meet, so that there is no direction.
-    pub fn facing(&self, pair: Pair) -> Option<(Meeting, f64)> {
-        let (p, q) = (Self::ends(self.x0, pair.0), Self::ends(self.x0, pair.1));
+    /// The closest points of a pair at the start of the step.
+    pub fn near(&self, pair: Pair) -> Near {
+        Self::closest(pair, [Self::ends(self.x0, pair.0), Self::ends(self.x0, pair.1)])
+    }
+
+    fn closest(pair: Pair, [p, q]: [[Vector3<f64>; 2]; 2]) -> Near {
         let (u, v) = segment_segment([&p[0], &p[1]], [&q[0], &q[1]]);
         let offset = p[0].lerp(&p[1], u) - q[0].lerp(&q[1], v);
-        let before = offset.norm();
-        if before <= TOUCHING {
-            return None;
-        }
-        let normal = offset / before;
-        if self.left_to_next(pair.0, u, &normal) || self.left_to_next(pair.1, v, &-normal) {
-            return None;
-        }
-        let meeting = Meeting { pair, u: [u, v], normal, distance: 0.0 };
-        Some((Meeting { distance: self.distance(&meeting), ..meeting }, before))
+        let distance = offset.norm();
+        Near { pair, u: [u, v], normal: offset / distance, distance }
+    }
+
+    /// What the distance of a pair does not fall below in the step, m: that at the start less the most that an end of one moves against an
+    /// end of the other.
+    pub fn least_distance(&self, near: &Near) -> f64 {
+        let [p, q] = [near.pair.0, near.pair.1].map(|k| {
+            let (start, end) = (Self::ends(self.x0, k), Self::ends(self.x1, k));
+            [end[0] - start[0], end[1] - start[1]]
+        });
+        let most = p.iter().flat_map(|p| q.map(|q| (p - q).norm_squared())).fold(0.0, f64::max);
+        near.distance - most.sqrt()
+    }
+
+    /// The closest points at the start of the step as a place. `None` where they are at a
+    /// vertex and the segment beyond it is nearer, or speaks for it; and where the segments meet, so that there is no direction.
+    pub fn facing(&self, near: &Near) -> Option<Meeting> {
+        let Near { pair, u, normal, distance } = *near;
+        let left = || self.left_to_next(pair.0, u[0], &normal) || self.left_to_next(pair.1, u[1], &-normal);
+        (distance > TOUCHING && !left()).then(|| self.meeting(near))
+    }
+
+    /// The closest points of a pair as a place, with the vertices as they are now at the end of the step.
+    fn meeting(&self, near: &Near) -> Meeting {
+        let Near { pair, u, normal, .. } = *near;
+        let meeting = Meeting { pair, u, normal, distance: 0.0 };
+        Meeting { distance: self.distance(&meeting), ..meeting }
     }
 
     /// Whether a closest point at `u` on segment `k`, seen in direction `normal` from the other strand, is another segment's: vertices are
@@ -142,13 +175,6 @@ impl Strands<'_> {
             return k > 0 && self.strand[k - 1] == self.strand[k];
         }
         u == 1.0 && self.is_segment(k + 1) && normal.dot(&(self.x0[k + 2] - self.x0[k + 1])) < 0.0
-    }
-
-    /// Distance of a pair at the start of the step, m.
-    pub fn distance_before(&self, pair: Pair) -> f64 {
-        let (p, q) = (Self::ends(self.x0, pair.0), Self::ends(self.x0, pair.1));
-        let (u, v) = segment_segment([&p[0], &p[1]], [&q[0], &q[1]]);
-        (p[0].lerp(&p[1], u) - q[0].lerp(&q[1], v)).norm()
     }
 
     /// Distance along the meeting's normal, at its places, with the vertices as they are now at the end of the step, m.
@@ -184,26 +210,17 @@ impl Strands<'_> {
     }
 
     /// Whether the segments of a pair pass through each other: whether their ends come to lie in a plane, a root of a cubic in time (Provot
-    /// 1997), in which the segments meet. To come as near as one may like is not to cross.
+    /// 1997), in which the segments meet. To come as near as one may like is not to cross, nor is to turn past each other's direction, where all four
+    /// ends lie in a plane too, but the segments apart.
     pub fn crosses(&self, pair: Pair) -> bool {
-        let [start, end] = [self.x0, self.x1].map(|x| {
-            let (p, q) = (Self::ends(x, pair.0), Self::ends(x, pair.1));
-            [p[1] - p[0], q[1] - q[0], q[0] - p[0]]
-        });
-        let at = |t: f64| [0, 1, 2].map(|i: usize| start[i].lerp(&end[i], t));
+        let ends = |x| [Self::ends(x, pair.0), Self::ends(x, pair.1)];
+        let (start, end) = (ends(self.x0), ends(self.x1));
+        let at = |t: f64| [0, 1].map(|s: usize| [0, 1].map(|i: usize| start[s][i].lerp(&end[s][i], t)));
         let volume = |t: f64| {
-            let [p, q, w] = at(t);
-            p.cross(&q).dot(&w)
+            let [p, q] = at(t);
+            (p[1] - p[0]).cross(&(q[1] - q[0])).dot(&(q[0] - p[0]))
         };
-        let meet = |t: f64| {
-            let [p, q, w] = at(t);
-            let n = p.cross(&q);
-            let within = |x: Vector3<f64>| {
-                let s = w.cross(&x).dot(&n) / n.norm_squared();
-                (-EDGE..=1.0 + EDGE).contains(&s)
-            };
-            within(q) && within(p)
-        };
+        let meet = |t: f64| Self::closest(pair, at(t)).distance < MEETING;
         // The cubic through its values at thirds turns at most twice; between its turns it is monotonous.
         let [a, b, c, d] = [0.0, 1.0, 2.0, 3.0].map(|k| volume(k / 3.0));
         let cubic = 4.5 * (d - a - 3.0 * (c - b));
@@ -234,22 +251,17 @@ impl Strands<'_> {
     ///
     /// Conservative advancement along the direction between the closest points, as for bodies (`ccd`): each of the ends of
     /// one segment against each of the other.
-    pub fn impact(&self, pair: Pair, clearance: f64) -> Option<(Meeting, f64)> {
+    pub fn impact(&self, near: &Near, clearance: f64) -> Option<(Meeting, f64)> {
+        let pair = near.pair;
         let start = [Self::ends(self.x0, pair.0), Self::ends(self.x0, pair.1)];
         let end = [Self::ends(self.x1, pair.0), Self::ends(self.x1, pair.1)];
         let velocity = [0, 1].map(|s| [0, 1].map(|i| end[s][i] - start[s][i]));
-        let closest = |[p, q]: &[[Vector3<f64>; 2]; 2]| {
-            let (u, v) = segment_segment([&p[0], &p[1]], [&q[0], &q[1]]);
-            let offset = p[0].lerp(&p[1], u) - q[0].lerp(&q[1], v);
-            let distance = offset.norm();
-            (distance, Meeting { pair, u: [u, v], normal: offset / distance, distance: 0.0 })
-        };
-        let (mut distance, mut near) = closest(&start);
-        let scale = clearance.min(distance);
+        let scale = clearance.min(near.distance);
         if scale <= TOUCHING {
             return None;
         }
         let (separation, stop) = (SEPARATION * scale, (SEPARATION + TOLERANCE) * scale);
+        let mut near = *near;
         let mut place = start;
         let mut t = 0.0;
         for _ in 0..STEPS {
@@ -268,12 +280,12 @@ impl Strands<'_> {
                 return None;
             }
             place = [0, 1].map(|s| [0, 1].map(|i| start[s][i] + velocity[s][i] * t));
-            (distance, near) = closest(&place);
-            if distance <= stop {
+            near = Self::closest(pair, place);
+            if near.distance <= stop {
                 break;
             }
         }
-        Some((Meeting { distance: self.distance(&near), ..near }, t))
+        Some((self.meeting(&near), t))
     }
 }
 
@@ -340,16 +352,17 @@ mod tests {
             let (x0, x1, strand) = tangle(6, 0.05, 0.08, seed);
             let strands = Strands { x0: &x0, x1: &x1, strand: &strand };
             for pair in all_pairs(&strands) {
-                let before = strands.distance_before(pair);
+                let near = strands.near(pair);
                 let least = (0..=400)
                     .map(|i| {
                         let t = f64::from(i) / 400.0;
                         let x: Vec<_> = x0.iter().zip(&x1).map(|(a, b)| a.lerp(b, t)).collect();
-                        Strands { x0: &x, x1: &x, strand: &strand }.distance_before(pair)
+                        Strands { x0: &x, x1: &x, strand: &strand }.near(pair).distance
                     })
                     .fold(f64::INFINITY, f64::min);
-                let scale = clearance.min(before);
-                match strands.impact(pair, clearance) {
+                assert!(least >= strands.least_distance(&near));
+                let scale = clearance.min(near.distance);
+                match strands.impact(&near, clearance) {
                     None => assert!(least > 0.99 * SEPARATION * scale, "{pair:?} passed at {least}"),
                     Some((hit, _)) => {
                         hits += 1;
@@ -380,6 +393,20 @@ mod tests {
         // Its ends pass one after the other while it moves past the end of the other segment, or before that.
         assert!(crosses(needle(0.9, [1.0, 1.0]), needle(1.2, [-3.0, -3.0])));
         assert!(!crosses(needle(0.9, [1.0, 1.0]), needle(1.5, [-1.0, -1.0])));
+    }
+
+    #[test]
+    fn to_turn_past_the_direction_of_a_near_one_is_not_to_cross_it() {
+        let still = [Vector3::new(-1.0, 0.0, 0.0), Vector3::new(1.0, 0.0, 0.0)];
+        let turned = |y: f64, z: f64| [Vector3::new(-1.0, -y, z), Vector3::new(1.0, y, z)];
+        let crosses = |z: [f64; 2]| {
+            let (x0, x1) = ([still, turned(1e-3, z[0])].concat(), [still, turned(-2e-3, z[1])].concat());
+            Strands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1] }.crosses((0, 2))
+        };
+        for z in [1e-6, 1e-5, 0.1] {
+            assert!(!crosses([z, z]) && !crosses([-z, -0.5 * z]));
+            assert!(crosses([z, -z]) && crosses([-0.3 * z, z]));
+        }
     }
 
     #[test]
@@ -421,7 +448,7 @@ mod tests {
             x1[2].y = -1.0;
             x1[3].y = -1.0;
             let strands = Strands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1] };
-            let (hit, _) = strands.impact((0, 2), 1e-4).expect("stopped");
+            let (hit, _) = strands.impact(&strands.near((0, 2)), 1e-4).expect("stopped");
             assert!(hit.normal.y < -0.99 && hit.distance < -0.9, "{hit:?}");
             assert!(strands.crosses((0, 2)));
         }

@@ -5,7 +5,7 @@
 
 use super::law::{Encounter, REACH, Skin};
 use crate::bake::touch::GAP_TOLERANCE;
-use crate::contact::pairs::{Meeting, Pair, Strands};
+use crate::contact::pairs::{Meeting, Near, Pair, Strands};
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -93,6 +93,14 @@ pub(super) struct Known {
     reaction: Vector3<f64>,
 }
 
+/// A pair that may meet within the sub-step.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Candidate {
+    near: Near,
+    /// Distance by the angle between its segments, m.
+    law: f64,
+}
+
 /// An impact on the way to the end of the sub-step.
 struct Hit {
     guides: [usize; 2],
@@ -114,7 +122,7 @@ pub(super) struct Places {
     pub first: Vec<u32>,
     /// Points at the start and at the end of the sub-step, m.
     pub x: [Vec<Vector3<f64>>; 2],
-    pub pairs: Vec<Pair>,
+    pub pairs: Vec<Candidate>,
     /// The places of this sub-step, in ascending order of pairs as far as they were found at the same time.
     pub found: Vec<Place>,
     /// Pairs that would pass through each other.
@@ -196,9 +204,9 @@ impl Places {
         self.found.clear();
         self.find_pairs();
         let (strands, places) = (self.strands(), &*self);
-        let near = |&pair: &Pair| {
-            let (meeting, before) = strands.facing(pair)?;
-            (before < places.law(pair) + REACH).then(|| places.place(meeting))
+        let near = |Candidate { near, law }: &Candidate| {
+            let meeting = (near.distance < law + REACH).then(|| strands.facing(near))??;
+            Some(places.place(meeting))
         };
         let near: Vec<Place> = self.pairs.par_iter().filter_map(near).collect();
         self.found = self.thinned(near);
@@ -210,7 +218,7 @@ impl Places {
     fn thinned(&self, near: Vec<Place>) -> Vec<Place> {
         let slack: Vec<f64> = near
             .iter()
-            .map(|p| self.strands().distance_before(p.meeting.pair) - self.law(p.meeting.pair))
+            .map(|p| self.strands().near(p.meeting.pair).distance - self.law(p.meeting.pair))
             .collect();
         let mut order: Vec<usize> = (0..near.len()).collect();
         order.sort_by_key(|&i| self.guides(&near[i].meeting));
@@ -233,9 +241,15 @@ impl Places {
     /// Pairs that may meet within this sub-step, if no point moves by more than [`MARGIN`] beyond the ends as they are now.
     pub fn find_pairs(&mut self) {
         let widest = self.skin.iter().map(|s| s.hair + s.bundle).fold(0.0, f64::max);
-        self.pairs = self.strands().pairs(2.0 * widest + REACH + MARGIN);
-        let rooted = &self.rooted;
-        self.pairs.retain(|&(k, l)| !(rooted[k as usize] && rooted[l as usize]));
+        let reach = 2.0 * widest + REACH + MARGIN;
+        let (strands, places) = (self.strands(), &*self);
+        let candidate = |pair: Pair| {
+            let rooted = [pair.0, pair.1].iter().all(|&k| places.rooted[k as usize]);
+            let near =
+                (!rooted).then(|| strands.near(pair)).filter(|near| strands.least_distance(near) < reach)?;
+            Some(Candidate { near, law: places.law(pair) })
+        };
+        self.pairs = strands.pairs(reach).into_par_iter().filter_map(candidate).collect();
     }
 
     /// Looks along the motion to the ends as they are now: brings the distances of all places up to date, adds those that are met on the way
@@ -245,11 +259,10 @@ impl Places {
         let mut hits: Vec<Hit> = self
             .pairs
             .par_iter()
-            .filter_map(|&pair| {
-                let law = places.law(pair);
-                let (meeting, time) = strands.impact(pair, law)?;
-                let guides = places.guides_of(pair);
-                Some(Hit { guides, time, meeting, crosses: strands.crosses(pair) })
+            .filter_map(|Candidate { near, law }| {
+                let (meeting, time) = strands.impact(near, *law)?;
+                let guides = places.guides(&meeting);
+                Some(Hit { guides, time, meeting, crosses: strands.crosses(near.pair) })
             })
             .collect();
         self.crossing.clear();
@@ -295,7 +308,7 @@ impl Places {
     }
 
     fn place(&self, meeting: Meeting) -> Place {
-        let before = self.strands().distance_before(meeting.pair);
+        let before = self.strands().near(meeting.pair).distance;
         let known = self.recall(&meeting);
         let limit = known.map_or(before, |k| k.limit.max(before));
         let encounter = self.encounter(meeting.pair);

@@ -171,7 +171,12 @@ fn cross(start: [V; 4], end: [V; 4]) -> bool {
     let parts = 64;
     (0..parts).any(|k| {
         let (mut lo, mut hi) = (f64::from(k) / f64::from(parts), f64::from(k + 1) / f64::from(parts));
-        if volume(lo).signum() == volume(hi).signum() {
+        // Of segments that turn past each other's direction both the volume and the normal change sides, and they do not meet.
+        let normal = |t: f64| {
+            let [a, b, c, d] = at(t);
+            (b - a).cross(&(d - c))
+        };
+        if volume(lo).signum() == volume(hi).signum() || normal(lo).dot(&normal(hi)) < 0.0 {
             return false;
         }
         for _ in 0..50 {
