@@ -4,10 +4,20 @@
 //! block by block; a sweep then costs nine products for each of the pushing contacts that a contact shares a strand with, a few as a rule, where
 //! by way of the strands' unknowns it would cost six for each of these.
 
-use super::{Law, Outcome, Scratch, System, Tolerance, at, sweep};
+use super::{Law, Outcome, Problem, Residual, Scratch, System, Tolerance, at, newton, sweep};
 use crate::math::cholesky::dot;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
+use std::collections::BTreeSet;
+
+/// Times that contacts which sweeps do not get to obey are singled out.
+const MENDINGS: usize = 3;
+
+/// Share of the squares of all errors that the contacts have which are singled out.
+const WORST: f64 = 0.99;
+
+/// With that many contacts singled out, those of their strands included, no more are.
+const MENDED: usize = 60;
 
 /// One strand's part in a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,6 +92,9 @@ struct Delassus {
 }
 
 /// Solves for the impulses `r` (3c) from what they hold, and leaves Y r in `w`.
+///
+/// What sweeps leave is nearly all in a few contacts, wedged between strands. These are solved for by themselves, and sweeps go on from there, as
+/// long as that leaves less.
 pub fn solve_coupled(
     problem: &Coupled,
     tolerance: Tolerance,
@@ -89,7 +102,23 @@ pub fn solve_coupled(
     w: &mut [f64],
     scratch: &mut Scratch,
 ) -> Outcome {
-    let outcome = sweep(&mut Network { problem, delassus: problem.delassus(), r }, tolerance, true, scratch);
+    let mut network = Network { problem, delassus: problem.delassus(), r };
+    let mut outcome = sweep(&mut network, tolerance, true, scratch);
+    for _ in 0..MENDINGS {
+        if outcome.residual <= tolerance.residual {
+            break;
+        }
+        let before = network.r.to_vec();
+        network.mend(tolerance.residual);
+        let Outcome { sweeps, residual } = sweep(&mut network, tolerance, true, scratch);
+        outcome.sweeps += sweeps;
+        if residual >= outcome.residual {
+            network.r.copy_from_slice(&before);
+            break;
+        }
+        outcome.residual = residual;
+    }
+    let r = network.r;
     w.fill(0.0);
     for (sides, r) in problem.sides.iter().zip(r.chunks_exact(3)).filter(|(_, r)| **r != [0.0; 3]) {
         for Side { unknowns: (first, n), rows } in sides.iter().flatten() {
@@ -105,6 +134,62 @@ struct Network<'a> {
     problem: &'a Coupled<'a>,
     delassus: Delassus,
     r: &'a mut [f64],
+}
+
+impl Network<'_> {
+    /// Solves for the contacts that are farthest from the law and those that push the same strands, all others as they are, where Newton's
+    /// method can tell.
+    fn mend(&mut self, wanted: f64) {
+        let chosen = self.worst();
+        let mut impulses: Vec<f64> = chosen.iter().flat_map(|&i| <[f64; 3]>::from(self.impulse(i))).collect();
+        let laws: Vec<Law> = chosen.iter().map(|&i| self.law(i)).collect();
+        let stride = 3 * chosen.len();
+        let (mut w, mut b) = (vec![0.0; stride * stride], Vec::with_capacity(stride));
+        for (line, &i) in w.chunks_exact_mut(3 * stride).zip(&chosen) {
+            let mut free = self.velocity(i);
+            for (j, block) in &self.delassus.lines[i] {
+                let Ok(column) = chosen.binary_search(&(*j as usize)) else { continue };
+                free -= block * self.impulse(*j as usize);
+                for (line, row) in line.chunks_exact_mut(stride).zip(block.row_iter()) {
+                    line[3 * column..][..3].iter_mut().zip(row.iter()).for_each(|(w, block)| *w = *block);
+                }
+            }
+            b.extend_from_slice(free.as_slice());
+        }
+        let problem = Problem { w: &w, b: &b, laws: &laws };
+        if problem.residual(&impulses) > newton::COMPLIANCE {
+            newton::improve(&problem, wanted, &mut impulses);
+            for (&i, impulse) in chosen.iter().zip(impulses.chunks_exact(3)) {
+                self.set(i, Vector3::from_column_slice(impulse));
+            }
+        }
+    }
+
+    /// The contacts that have nearly all of the error, and those that push their strands or would be passed, ascending.
+    fn worst(&self) -> Vec<usize> {
+        let error = |i: usize| {
+            let mut residual = Residual::default();
+            let (u, r) = (self.velocity(i), self.impulse(i));
+            residual.add(self.block(i).trace(), u, &r, &self.free(i), self.law(i));
+            residual.error
+        };
+        let errors: Vec<f64> = (0..self.contacts()).map(error).collect();
+        let mut order: Vec<usize> = (0..errors.len()).collect();
+        order.sort_by(|&i, &j| errors[j].total_cmp(&errors[i]));
+        let mut left = WORST * errors.iter().sum::<f64>();
+        let mut chosen = BTreeSet::new();
+        for i in order {
+            if left <= 0.0 || chosen.len() >= MENDED {
+                break;
+            }
+            left -= errors[i];
+            let beside = self.delassus.lines[i].iter().map(|(j, _)| *j as usize);
+            chosen
+                .extend(beside.filter(|&j| self.impulse(j) != Vector3::zeros() || self.velocity(j).x < 0.0));
+            chosen.insert(i);
+        }
+        chosen.into_iter().collect()
+    }
 }
 
 impl System for Network<'_> {

@@ -411,3 +411,28 @@ fn a_string_that_slides_over_an_arc_is_held_as_euler_and_eytelwein_say() {
         assert!((ratio / (mu * angle).exp() - 1.0).abs() < 5e-3);
     }
 }
+
+#[test]
+fn wedged_contacts_of_which_sweeps_make_nothing_are_mended() {
+    let mut random = Random::new(31);
+    let mut swept_in_vain = 0;
+    for (contacts, n, mu) in [(14, 12, 0.8), (20, 21, 0.5)] {
+        for case in 0..60 {
+            let rows: Vec<f64> = (0..3 * contacts * n).map(|_| random.next()).collect();
+            // b = J v can always be undone.
+            let v: Vec<f64> = (0..n).map(|_| random.next()).collect();
+            let b: Vec<f64> =
+                rows.chunks_exact(n).map(|row| row.iter().zip(&v).map(|(a, b)| a * b).sum()).collect();
+            let sides: Vec<_> =
+                (0..contacts).map(|i| [Some(Side { unknowns: (0, n), rows: 3 * n * i }), None]).collect();
+            let laws = vec![coulomb(mu); contacts];
+            let problem = Coupled { sides: &sides, rows: &rows, b: &b, laws: &laws };
+            let (mut r, mut moved) = (vec![0.0; 3 * contacts], vec![0.0; n]);
+            let tolerance = Tolerance { residual: 1e-6, sweeps: 200 };
+            let outcome = solve_coupled(&problem, tolerance, &mut r, &mut moved, &mut Scratch::default());
+            assert!(outcome.residual <= 1e-6, "{contacts} contacts, case {case}: {outcome:?}");
+            swept_in_vain += u32::from(outcome.sweeps > tolerance.sweeps);
+        }
+    }
+    assert!(swept_in_vain > 0, "the test is of no use");
+}
