@@ -286,3 +286,43 @@ fn friction_changes_from_root_to_tip() {
     let ((held, ..), (slid, ..)) = (pressed_on_a_plate([0.0, 10.0]), pressed_on_a_plate([10.0, 0.0]));
     assert!(held < 1e-9 && slid > 0.01, "{held} {slid}");
 }
+
+/// Steps in which a strand did not come to rest, or that were divided, and the largest residual, while it hangs over a ball under `gravity`, m/s², and
+/// another comes down on it until there is `room`, m, between the two.
+fn over_a_ball(gravity: f64, room: f64) -> (u32, f64) {
+    let ball = |y: f64| Shape::Sphere { centre: Vector3::new(0.1, y, 0.0), radius: RADIUS };
+    let bodies = Bodies::from_shapes(&[ball(-RADIUS - 1e-3), ball(RADIUS - 1e-3)]);
+    let down = |t: f64| Vector3::y() * (room + 0.01 * (1.0 - t).max(0.0));
+    let around = Surroundings {
+        head: &|_| Isometry3::identity(),
+        gravity: &|_| Vector3::y() * -gravity,
+        wind: &[],
+        bodies: &bodies,
+        body: &|b, t| {
+            Isometry3::from_parts((down(t) * b as f64).into(), nalgebra::UnitQuaternion::identity())
+        },
+        carrier: &|_, _| Isometry3::identity(),
+        brought_out: &|_| 1.0,
+    };
+    let rod = hair(0.2, Cut::FINE);
+    let (h, drag) = (1.0 / 192.0, vec![2e-5; rod.points()]);
+    let mut guide = Guide::new(rod, drag, 0.3, &[5e-4; 2], &around, 0.0, h);
+    let mut work = Workspace::default();
+    let (mut restless, mut residual) = (0, 0.0_f64);
+    for i in 0..384 {
+        let record = guide.advance(&around, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
+        restless += record.unsettled + record.halvings;
+        residual = residual.max(record.residual);
+        assert_eq!((record.unconverged, record.crossed), (0, 0), "step {i}");
+    }
+    (restless, residual)
+}
+
+#[test]
+fn every_step_comes_to_rest() {
+    // Ever tauter, and wedged where it cannot keep its distance from both balls.
+    for (gravity, room) in [(9.81, 0.1), (300.0, 0.1), (1000.0, 0.1), (9.81, 8e-4), (300.0, 8e-4)] {
+        let (restless, residual) = over_a_ball(gravity, room);
+        assert!(restless == 0 && residual < 1e-5, "{gravity} {room}: {restless}, {residual}");
+    }
+}

@@ -11,10 +11,10 @@ use crate::contact::{Bodies, Contact, Motion, Polyline, Problem, Tolerance, fric
 use crate::math::cholesky::{dot, solve_lower, solve_upper};
 use crate::math::frame::frame_towards;
 use crate::math::se3::Pose;
-use crate::rod::Rod;
 use crate::rod::newton::Solver;
 use crate::rod::potential::Load;
 use crate::rod::pushed::{Push, PushedWork};
+use crate::rod::{Rod, Shape};
 use crate::scene::Friction;
 use averted::Averted;
 use nalgebra::Vector3;
@@ -23,16 +23,17 @@ use nalgebra::Vector3;
 const REACH: f64 = 1e-3;
 
 /// Times that contacts are looked for, solved and moved in one step.
-const MAX_ROUNDS: u32 = 8;
+const MAX_ROUNDS: u32 = 16;
+
+/// Rounds after which contacts stay as they are, others only join them, and no motion is taken that gains nothing: contacts that turn with every round, or
+/// come and go, may never come to rest.
+const TURNING_ROUNDS: u32 = 4;
 
 /// Violation of a clearance that is as good as none, m: a tenth of the diameter of a hair, a fiftieth of the usual clearance.
 pub(super) const GAP_TOLERANCE: f64 = 1e-5;
 
 /// Motion of a point between rounds that is as good as none, m.
 const MOVE_TOLERANCE: f64 = 5e-6;
-
-/// Rounds after which a step that violates nothing is not asked to come to rest on every facet.
-const SETTLING_ROUNDS: u32 = 2;
 
 /// Share of a violation that was there before the step that is undone in the step. All at once, a tenth of a millimetre near
 /// a root would fling the tip; what the step's own motion violates is undone wholly.
@@ -47,8 +48,11 @@ const OUTWARD: f64 = 0.3;
 /// Most that one round may move a point, m: beyond it the linearisation is worth nothing.
 pub(super) const MAX_MOVE: f64 = 0.01;
 
-/// Motion at which a step that violates nothing is taken though it has not settled, m.
-const ACCEPTABLE_MOVE: f64 = 1e-4;
+/// Share of the motion of the round before above which a round goes half of its way.
+const CONTRACTING: f64 = 0.7;
+
+/// Residual of the reactions above which another round goes on from them.
+const SOUND: f64 = 1e-4;
 
 /// Violation at which a step that crosses nothing is taken after all rounds, m: a strand pinched between two surfaces cannot
 /// keep its distance from both.
@@ -65,6 +69,13 @@ const SLIDING: f64 = 1e-9;
 
 /// How far a tie gives way, m/N: the weight of a hair moves it by less than 1e-5 m, and what it cannot reach it does not tear at without end.
 const COMPLIANCE: f64 = 0.1;
+
+/// Share of a clearance that gives way to a small force, 1/N, as skin does under a fibre: what a hair can weigh presses it together by a ten-thousandth, and what is
+/// wedged where there is no room for it is not pushed with forces without end. However large, no force presses together more than what old violations leave.
+const YIELDING: f64 = 5.0;
+
+/// Depth in a surface that is as good as on it, m: the fortieth part of the radius of a hair.
+const SKIN: f64 = 1e-6;
 
 /// How far the spring of a body gives way, m/N: all of a long hair's weight sinks in by 0.02 mm. Of the step's own order of stiffness, some 0.01 N/m,
 /// it is the hundredth part, so that nothing is gained by more.
@@ -100,8 +111,15 @@ pub(super) struct Touch<'a> {
 #[derive(Debug, Default)]
 pub(super) struct TouchWork {
     x1: Vec<Vector3<f64>>,
+    /// Those of the problem at hand.
     pub(super) contacts: Vec<Contact>,
+    /// Those where the strand is now, without the impacts on the way there.
+    found: Vec<Contact>,
+    /// Those that stay while they are `frozen`.
+    planes: Vec<Contact>,
     impacts: Vec<Contact>,
+    /// Deepest violation of a clearance where the strand is now, m, not above 0.
+    pub(super) worst: f64,
     /// L⁻¹Jᵀ, a row for each contact and direction.
     pub(super) rows: Vec<f64>,
     delassus: Vec<f64>,
@@ -116,7 +134,7 @@ pub(super) struct TouchWork {
     pub(super) pushes: Vec<Push>,
     pushed: PushedWork,
     averted: Averted,
-    /// Whether contacts stay as they were found, and only impacts join them.
+    /// Whether contacts stay as they were found, and others only join them.
     pub(super) frozen: bool,
     pub(super) noted: Noted,
 }
@@ -201,13 +219,17 @@ impl Touch<'_> {
         work: &mut TouchWork,
     ) -> bool {
         let mut moved = f64::INFINITY;
+        let (mut last, mut cut) = (f64::INFINITY, false);
         for round in 0..=MAX_ROUNDS {
+            work.frozen = round > TURNING_ROUNDS;
             let clear = self.find(solver, memory, work);
-            let worst = work.contacts.iter().map(|c| c.gap).fold(0.0, f64::min);
-            let settled = moved <= MOVE_TOLERANCE
-                || (free && round == 0 && self.ties.is_empty())
-                || (free && round > SETTLING_ROUNDS && moved <= ACCEPTABLE_MOVE);
-            if round == MAX_ROUNDS || (clear && settled && worst >= -GAP_TOLERANCE) {
+            let worst = work.worst;
+            let rests = !cut && moved <= MOVE_TOLERANCE;
+            let settled = rests || (free && round == 0 && self.ties.is_empty());
+            // What lies between two surfaces that leave it no room has come to rest where another round would not move it.
+            let enough = if rests { ACCEPTABLE_GAP } else { GAP_TOLERANCE };
+            let sound = work.noted.residual <= SOUND;
+            if round == MAX_ROUNDS || (clear && settled && sound && worst >= -enough) {
                 self.note(work);
                 let taken = clear && worst >= -ACCEPTABLE_GAP && (free || settled);
                 if taken && !settled {
@@ -219,7 +241,7 @@ impl Touch<'_> {
             }
             work.noted.rounds = round + 1;
             // On the way from a free motion the reactions are not yet those of the shape at hand.
-            let pushes = if free { &[][..] } else { &work.pushes };
+            let pushes = if free && !work.frozen { &[][..] } else { &work.pushes };
             if !solver.linearise_pushed(self.rod, self.load, pushes, q, &mut work.pushed) {
                 return false;
             }
@@ -230,9 +252,17 @@ impl Touch<'_> {
                 return false;
             }
             let before = moved;
-            moved = solver.advance(self.rod, &self.root.r, q, MAX_MOVE);
+            moved = if work.frozen {
+                // What goes to and fro is between the two.
+                cut = !cut && moved >= CONTRACTING * last;
+                self.descend(if cut { 0.5 * moved } else { MAX_MOVE }, solver, q, work)
+            } else {
+                solve_upper(&solver.factor, q.len(), &mut solver.direction);
+                solver.advance(self.rod, &self.root.r, q, MAX_MOVE)
+            };
+            last = before;
             // From a good start the rounds contract; where they do not, they may be on their way to another shape.
-            if !free && (moved >= before || moved >= MAX_MOVE) {
+            if !free && (moved >= before.max(MOVE_TOLERANCE) || moved >= MAX_MOVE) {
                 return false;
             }
         }
@@ -251,11 +281,12 @@ impl Touch<'_> {
     ) -> bool {
         self.trace(solver, work);
         let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
-        work.contacts.clear();
-        self.bodies.candidates(self.motions, &line, REACH, memory, &mut work.contacts);
-        if self.ties.is_empty() && work.contacts.iter().all(|c| c.gap >= 0.0) {
+        work.found.clear();
+        self.bodies.candidates(self.motions, &line, REACH, memory, &mut work.found);
+        if self.ties.is_empty() && work.found.iter().all(|c| c.gap >= 0.0) {
             return false;
         }
+        work.contacts.clone_from(&work.found);
         for contact in &mut work.contacts {
             contact.gap -= self.tolerated(&line, contact);
         }
@@ -273,6 +304,7 @@ impl Touch<'_> {
         if !solver.direction.iter().all(|d| d.is_finite()) {
             return false;
         }
+        solve_upper(&solver.factor, q.len(), &mut solver.direction);
         solver.advance(self.rod, &self.root.r, q, MAX_MOVE);
         self.trace(solver, work);
         self.note(work);
@@ -298,23 +330,37 @@ impl Touch<'_> {
         self.trace(solver, work);
         let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
         work.impacts.clear();
-        if work.frozen {
-            work.contacts.iter_mut().for_each(|c| c.gap = line.gap(c));
-        } else {
-            work.contacts.clear();
-            self.bodies.candidates(self.motions, &line, REACH, memory, &mut work.contacts);
-        }
+        work.found.clear();
+        self.bodies.candidates(self.motions, &line, REACH, memory, &mut work.found);
         self.bodies.impacts(self.motions, &line, memory, &mut work.impacts);
         let in_front = |c: &Contact| {
             let distance = line.gap(c) + line.kept_at(c);
-            distance >= 0.0 || distance >= self.before(&line, c) || line.kept_at(c) < 0.0
+            distance >= -SKIN || distance >= self.before(&line, c) || line.kept_at(c) < 0.0
         };
-        let clear = work.impacts.iter().chain(&work.contacts).all(in_front);
+        let clear = work.impacts.iter().chain(&work.found).all(in_front);
         work.impacts.drain(..).for_each(|impact| work.averted.meet(impact));
-        work.averted.join(&line, &mut work.contacts);
-        for contact in &mut work.contacts {
-            contact.gap -= self.tolerated(&line, contact);
+        work.found.iter_mut().for_each(|c| c.gap -= self.tolerated(&line, c));
+        if work.frozen {
+            work.planes.retain(|c| line.beside_plane(c) < REACH);
+            for plane in &mut work.planes {
+                plane.gap = line.gap(plane) - self.tolerated(&line, plane);
+            }
+            let planes = &mut work.planes;
+            for c in work.found.iter().filter(|c| c.gap < -GAP_TOLERANCE) {
+                if !planes.iter().any(|p| coincide(p, c)) {
+                    planes.push(*c);
+                }
+            }
+        } else {
+            work.planes.clone_from(&work.found);
         }
+        work.contacts.clone_from(&work.planes);
+        work.averted.join(&line, &mut work.contacts);
+        for averted in &mut work.contacts[work.planes.len()..] {
+            averted.gap -= self.tolerated(&line, averted);
+        }
+        let averted = &work.contacts[work.planes.len()..];
+        work.worst = work.found.iter().chain(averted).map(|c| c.gap).fold(0.0, f64::min);
         if work.contacts.len() > MAX_CONTACTS {
             work.contacts.sort_by(|a, b| a.gap.total_cmp(&b.gap));
             work.contacts.truncate(MAX_CONTACTS);
@@ -378,8 +424,10 @@ impl Touch<'_> {
         }
     }
 
-    /// The Delassus matrix.
+    /// The Delassus matrix, and the reactions to start from.
     fn assemble(&self, work: &mut TouchWork) {
+        self.remember(work);
+        let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
         let (n, c) = (self.rod.unknowns(), work.contacts.len() + self.ties.len());
         work.delassus.clear();
         work.delassus.resize(9 * c * c, 0.0);
@@ -389,9 +437,14 @@ impl Touch<'_> {
                 work.delassus[a * 3 * c + b] = w;
                 work.delassus[b * 3 * c + a] = w;
             }
-            if a >= 3 * work.contacts.len() {
-                work.delassus[a * 3 * c + a] += COMPLIANCE;
-            }
+            work.delassus[a * 3 * c + a] += match work.contacts.get(a / 3) {
+                Some(contact) if a % 3 == 0 => {
+                    let given_way = 1.0 + YIELDING / (1.0 - USED_UP) * work.reaction[a];
+                    YIELDING * line.kept_at(contact).max(0.0) / given_way
+                }
+                Some(_) => 0.0,
+                None => COMPLIANCE,
+            };
         }
     }
 
@@ -432,14 +485,12 @@ impl Touch<'_> {
         }
         self.rows(solver, work);
         self.assemble(work);
-        self.remember(work);
         Problem { w: &work.delassus, b: &work.free, laws: &work.laws }.residual(&work.reaction)
     }
 
-    /// Solves for the reactions and completes the solver's direction with them.
+    /// Solves for the reactions and adds to the solver's direction L⁻¹ times them.
     fn react(&self, tolerance: Tolerance, solver: &mut Solver, work: &mut TouchWork) {
         let n = self.rod.unknowns();
-        self.remember(work);
         let problem = Problem { w: &work.delassus, b: &work.free, laws: &work.laws };
         let outcome = friction::solve(&problem, tolerance, &mut work.reaction, &mut work.scratch);
         work.noted.residual = outcome.residual;
@@ -450,7 +501,6 @@ impl Touch<'_> {
                 }
             }
         }
-        solve_upper(&solver.factor, n, &mut solver.direction);
         work.pushes.clear();
         for (i, ((segment, u, frame), r)) in work.frames.iter().zip(work.reaction.chunks_exact(3)).enumerate()
         {
@@ -468,9 +518,22 @@ impl Touch<'_> {
         }
     }
 
+    /// Moves `q` under the last reactions, held constant, as far as the potential decreases, and no point by more than about `most`, m; returns the largest displacement, m.
+    fn descend(&self, most: f64, solver: &mut Solver, q: &mut [f64], work: &TouchWork) -> f64 {
+        let frames = work.frames.iter().zip(work.reaction.chunks_exact(3));
+        let of = |shape: &Shape| {
+            let force = |((k, u, [n, t1, t2]), r): (&(usize, f64, [Vector3<f64>; 3]), &[f64])| {
+                let place = shape.x(*k) * (1.0 - u) + shape.x(k + 1) * *u;
+                (n * r[0] + t1 * r[1] + t2 * r[2]).dot(&place)
+            };
+            frames.clone().map(force).sum()
+        };
+        solver.advance_under(self.rod, &self.root.r, self.load, q, of, most)
+    }
+
     /// Notes what the step ended with.
     pub fn note(&self, work: &mut TouchWork) {
-        work.noted.found = work.contacts.len() as u32;
+        work.noted.found = work.found.len() as u32;
         let of_contacts = (work.reaction.len() / 3).saturating_sub(self.ties.len());
         let reactions = work.reaction.chunks_exact(3).take(of_contacts);
         work.noted.active = reactions.filter(|r| r[0] > 0.0).count() as u32;
@@ -478,7 +541,7 @@ impl Touch<'_> {
         let slack = |(tie, target): &(Tie, Vector3<f64>)| (tie.place(&work.x1) - target).norm();
         work.noted.slack = self.ties.iter().map(slack).fold(0.0, f64::max);
         let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
-        for c in &work.contacts {
+        for c in &work.found {
             let keep = line.kept_at(c);
             // Points on their way out of a body are not at fault.
             if keep >= 0.0 {
@@ -511,4 +574,9 @@ impl Touch<'_> {
         self.note(work);
         clear
     }
+}
+
+/// Whether two contacts of a strand are all but the same.
+fn coincide(a: &Contact, b: &Contact) -> bool {
+    (a.body, a.segment) == (b.body, b.segment) && (a.u - b.u).abs() < 1e-2 && a.normal.dot(&b.normal) > 0.999
 }

@@ -331,6 +331,13 @@ impl Polyline<'_> {
         contact.normal.dot(&(x - contact.point[1])) - self.kept_at(contact)
     }
 
+    /// How far the place of `contact` has moved along its plane from where that touches the surface, m.
+    pub fn beside_plane(&self, contact: &Contact) -> f64 {
+        let k = contact.segment;
+        let x = self.x1[k] + (self.x1[k + 1] - self.x1[k]) * contact.u - contact.point[1];
+        (x - contact.normal * contact.normal.dot(&x)).norm()
+    }
+
     /// Clearance at the place of `contact`, m.
     pub fn kept_at(&self, contact: &Contact) -> f64 {
         let [from, to] = self.beside(contact.body)[contact.segment];

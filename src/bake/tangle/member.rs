@@ -119,7 +119,7 @@ impl Member {
             touch.find(moving.solver, moving.memory, moving.touching)
         });
         self.work.touch.frozen = true;
-        self.worst = self.work.touch.contacts.iter().map(|c| c.gap).fold(0.0, f64::min);
+        self.worst = self.work.touch.worst;
     }
 
     /// Whether it ends where no step of it alone may.

@@ -23,7 +23,7 @@ use rayon::prelude::*;
 use std::collections::BTreeSet;
 
 /// Times that reactions are solved for, guides moved and contacts looked for in one sub-step.
-const MAX_ROUNDS: u32 = 8;
+const MAX_ROUNDS: u32 = 16;
 
 /// The guides of a simulation as they touch each other.
 #[derive(Debug)]

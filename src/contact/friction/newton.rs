@@ -22,7 +22,7 @@ const LEAST_SHARE: f64 = 1e-3;
 const RIDGE: f64 = 1e-9;
 
 /// How far a contact gives way, as a share of its own mobility.
-pub(super) const COMPLIANCE: f64 = 1e-4;
+pub(super) const COMPLIANCE: f64 = 1e-6;
 
 /// Trace of a contact's mobility, over the largest, below which it does not take part.
 const RIGID: f64 = 1e-12;
