@@ -26,7 +26,7 @@ SPEED = 7.2e-3
 STILL = 2.5
 """Time in which weight is put on and the strand laid down, before time 0, s."""
 
-CASES = ((0.3, 3.0), (0.3, 10.0), (0.3, 30.0), (1.0, 3.0), (1.0, 10.0), (1.0, 30.0))
+CASES = ((0.3, 3.0), (0.3, 10.0), (0.3, 30.0), (0.3, 100.0), (1.0, 3.0), (1.0, 10.0), (1.0, 30.0), (1.0, 100.0))
 """µ, and the weight that hangs over EI/R²."""
 
 
@@ -172,7 +172,7 @@ def study(hairbake: Hairbake, cases: Sequence[tuple[float, float]] = CASES, fram
         axes.legend(fontsize=7)
 
     text = f"""<p>Strands of a hair's mass hang over a cylinder of {100 * CYLINDER:g} cm, {100 * HANGS:g} cm of them freely, and are drawn over it
-at {1e3 * SPEED:g} mm/s by a clamp that is {100 * SPAN:g} cm away. Their stiffness EI is chosen so that what hangs weighs 3 to 30 times EI/R². Tensions are read
+at {1e3 * SPEED:g} mm/s by a clamp that is {100 * SPAN:g} cm away. Their stiffness EI is chosen so that what hangs weighs 3 to 100 times EI/R². Tensions are read
 from the points of the cache by statics alone: below from the weight, above from the sag and the bending of the span. Theory: Euler and Eytelwein's law
 with the strand's own weight, and with the forces by which the cylinder holds a stiff strand where it comes to lie on it. {nodes} nodes, {FPS * SUBSTEPS:g} steps a second.</p>"""
     return Study("The capstan", text, rows, [Plot("Tension above the cylinder while strands are drawn over it.", draw)])
