@@ -520,13 +520,13 @@ impl Touch<'_> {
 
     /// Moves `q` under the last reactions, held constant, as far as the potential decreases, and no point by more than about `most`, m; returns the largest displacement, m.
     fn descend(&self, most: f64, solver: &mut Solver, q: &mut [f64], work: &TouchWork) -> f64 {
-        let frames = work.frames.iter().zip(work.reaction.chunks_exact(3));
         let of = |shape: &Shape| {
-            let force = |((k, u, [n, t1, t2]), r): (&(usize, f64, [Vector3<f64>; 3]), &[f64])| {
+            let mut sum = 0.0;
+            for ((k, u, [n, t1, t2]), r) in work.frames.iter().zip(work.reaction.chunks_exact(3)) {
                 let place = shape.x(*k) * (1.0 - u) + shape.x(k + 1) * *u;
-                (n * r[0] + t1 * r[1] + t2 * r[2]).dot(&place)
-            };
-            frames.clone().map(force).sum()
+                sum += (n * r[0] + t1 * r[1] + t2 * r[2]).dot(&place);
+            }
+            sum
         };
         solver.advance_under(self.rod, &self.root.r, self.load, q, of, most)
     }
@@ -550,16 +550,20 @@ impl Touch<'_> {
         }
     }
 
-    /// Cuts the motion from unknowns `start` to `q` short so that no surface is crossed: the last resort. On a body that carries
-    /// the root, no motion of the unknowns is no motion at all. `false` where even that crosses one.
+    /// Cuts the motion from unknowns `start` to `q` short so that no surface is crossed and no point becomes faster than what is brought out of a body, or `fastest`,
+    /// m/s: the last resort. Two bodies that close on a strand would throw it. On a body that carries
+    /// the root, no motion of the unknowns is no motion at all. `false` where even that crosses a surface.
     pub fn shorten(
         &self,
+        fastest: f64,
         start: &[f64],
         q: &mut [f64],
         solver: &mut Solver,
         memory: &mut crate::contact::Workspace,
         work: &mut TouchWork,
     ) -> bool {
+        let within = |motion: &Motion| fastest.max(OUTWARD) * (motion.times[1] - motion.times[0]);
+        let most = self.motions.first().map_or(f64::INFINITY, within);
         let mut clear = false;
         for share in [0.5, 0.5, 0.5, 0.0] {
             for (q, a) in q.iter_mut().zip(start) {
@@ -567,7 +571,8 @@ impl Touch<'_> {
             }
             solver.shape.update(self.rod, &self.root.r, q);
             clear = self.find(solver, memory, work);
-            if clear {
+            let farthest = self.x0.iter().zip(&work.x1).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+            if clear && farthest <= most {
                 break;
             }
         }

@@ -31,11 +31,12 @@ impl Guide {
             return true;
         }
         let start = std::mem::take(&mut self.q[0]);
+        let fastest = self.v.iter().map(|v| v.norm()).fold(0.0, f64::max);
         let clear = self.with_touch(around.bodies, root, work, |touch, moving| {
             let Moving { q, solver, memory, touching } = moving;
             let clear = touch.resolve(free, q, solver, memory, touching);
             if !clear && last {
-                let stopped = touch.shorten(&start, q, solver, memory, touching);
+                let stopped = touch.shorten(fastest, &start, q, solver, memory, touching);
                 touching.noted.crossed = !stopped;
             }
             clear

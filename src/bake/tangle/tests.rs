@@ -444,19 +444,19 @@ fn a_shaken_brush_does_not_cross_itself_and_comes_to_rest() {
     let ball = Shape::Sphere { centre: V::new(0.02, 0.07, 0.0), radius: 0.015 };
     scene.bodies = Bodies::from_shapes(&[ball]);
     let (mut most, mut held) = (0, 0);
-    let end = scene.run(3.0, |t, m| {
+    let end = scene.run(3.5, |t, m| {
         most = most.max(m.active());
         held += m.held();
         assert_eq!(m.crossings(), 0, "at {t} s");
     });
     assert!(most > 20, "at most {most} places push");
-    // Of 40 strands in 576 sub-steps.
+    // Of 40 strands in 672 sub-steps.
     assert!(held < 100, "{held} gave way");
-    // One or the other still slides.
-    assert!(end.active() > 20 && end.fastest() < 0.03, "{} m/s, {} places", end.fastest(), end.active());
+    // One still slides.
+    assert!(end.active() > 20 && end.fastest() < 0.01, "{} m/s, {} places", end.fastest(), end.active());
     let speeds: Vec<f64> = end.guides.iter().flat_map(|g| &g.v).map(|v| v.norm()).collect();
     let mean = speeds.iter().sum::<f64>() / speeds.len() as f64;
-    assert!(mean < 2e-3, "{mean} m/s");
+    assert!(mean < 5e-4, "{mean} m/s");
 }
 
 #[test]
