@@ -70,9 +70,12 @@ const SLIDING: f64 = 1e-9;
 /// How far a tie gives way, m/N: the weight of a hair moves it by less than 1e-5 m, and what it cannot reach it does not tear at without end.
 const COMPLIANCE: f64 = 0.1;
 
-/// Share of a clearance that gives way to a small force, 1/N, as skin does under a fibre: what a hair can weigh presses it together by a ten-thousandth, and what is
+/// Share of a clearance that gives way to a force beyond [`RIGID`], 1/N, as skin does under a fibre: what is
 /// wedged where there is no room for it is not pushed with forces without end. However large, no force presses together more than what old violations leave.
 const YIELDING: f64 = 5.0;
+
+/// Force under which nothing gives way, N: several times the weight of a hair.
+const RIGID: f64 = 1e-4;
 
 /// Depth in a surface that is as good as on it, m: the fortieth part of the radius of a hair.
 const SKIN: f64 = 1e-6;
@@ -439,8 +442,9 @@ impl Touch<'_> {
             }
             work.delassus[a * 3 * c + a] += match work.contacts.get(a / 3) {
                 Some(contact) if a % 3 == 0 => {
-                    let given_way = 1.0 + YIELDING / (1.0 - USED_UP) * work.reaction[a];
-                    YIELDING * line.kept_at(contact).max(0.0) / given_way
+                    let more = (1.0 - RIGID / work.reaction[a].max(RIGID)) * YIELDING;
+                    let given_way = 1.0 + more / (1.0 - USED_UP) * work.reaction[a];
+                    more * line.kept_at(contact).max(0.0) / given_way
                 }
                 Some(_) => 0.0,
                 None => COMPLIANCE,
