@@ -27,7 +27,7 @@ const MAX_ROUNDS: u32 = 16;
 
 /// Rounds after which contacts stay as they are, others only join them, and no motion is taken that gains nothing: contacts that turn with every round, or
 /// come and go, may never come to rest.
-const TURNING_ROUNDS: u32 = 4;
+const TURNING_ROUNDS: u32 = 5;
 
 /// Violation of a clearance that is as good as none, m: a tenth of the diameter of a hair, a fiftieth of the usual clearance.
 pub(super) const GAP_TOLERANCE: f64 = 1e-5;
@@ -224,7 +224,7 @@ impl Touch<'_> {
         let mut moved = f64::INFINITY;
         let (mut last, mut cut) = (f64::INFINITY, false);
         for round in 0..=MAX_ROUNDS {
-            work.frozen = round > TURNING_ROUNDS;
+            work.frozen = round >= TURNING_ROUNDS;
             let clear = self.find(solver, memory, work);
             let worst = work.worst;
             let rests = !cut && moved <= MOVE_TOLERANCE;
