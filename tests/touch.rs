@@ -58,6 +58,13 @@ fn run_as(
     guide
 }
 
+/// The polyline in which a guide meets bodies, m.
+fn line(guide: &Guide) -> Vec<Vector3<f64>> {
+    let mut line = Vec::new();
+    guide.trace(&mut line);
+    line
+}
+
 /// Least distance of a polyline to the ball's surface, m; negative inside.
 fn least(x: &[Vector3<f64>], centre: Vector3<f64>) -> f64 {
     let of = |a: Vector3<f64>, b: Vector3<f64>| {
@@ -109,7 +116,7 @@ fn springs_hold_a_strand_about_where_constraints_do_and_never_throw_it() {
             });
             let still = guide.v.iter().map(|v| v.norm()).fold(0.0, f64::max);
             assert!(still < 1e-2, "{rate} steps a second: still moves at {still} m/s");
-            (guide.x, fastest)
+            (line(&guide), fastest)
         });
         let [(held, fast), (pushed, sprung_fast)] = &ends;
         assert!(*sprung_fast < 1.2 * fast, "{rate} steps a second: {sprung_fast} of {fast} m/s");
@@ -123,6 +130,57 @@ fn springs_hold_a_strand_about_where_constraints_do_and_never_throw_it() {
         let off = held.iter().zip(pushed).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
         assert!(off < 3e-3, "{off} m apart");
     }
+}
+
+#[test]
+fn a_curve_that_bulges_over_its_points_is_held_by_what_bulges() {
+    // A half circle that hangs from its root, whose lowest place is between two of its points.
+    let radius = 0.02;
+    let points: Vec<_> = (0..=40)
+        .map(|i| std::f64::consts::PI * f64::from(i) / 40.0)
+        .map(|a| Vector3::new(-radius * a.cos(), -radius * a.sin(), 0.0))
+        .collect();
+    let rod = Rod::new(&RodSource {
+        points: &points,
+        root_frame: None,
+        arc: &[0.0, 0.4, 0.8, 1.0],
+        stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
+        line_density: 6.6e-6,
+        damping: 0.02,
+        taper: Taper::NONE,
+        natural: None,
+        cut: Cut { length: 0.02, turn: 1.3 },
+    })
+    .unwrap();
+    let plane = Shape::Plane { point: Vector3::y() * -0.03, normal: Vector3::y() };
+    let bodies = Bodies::from_shapes(&[plane]);
+    // Up by 15 mm in 0.3 s, from 1 cm below.
+    let height = |t: f64| 0.015 * (t / 0.3).min(1.0);
+    let around = Surroundings {
+        head: &|_| Isometry3::identity(),
+        gravity: &|_| Vector3::zeros(),
+        wind: &[],
+        bodies: &bodies,
+        body: &|_, t| Isometry3::translation(0.0, height(t), 0.0),
+        carrier: &|_, _| Isometry3::identity(),
+        brought_out: &|_| 1.0,
+    };
+    let (drag, h) = (vec![2e-5; rod.points()], 1.0 / 96.0);
+    let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &around, 0.0, h);
+    let (mut work, mut shape) = (Workspace::default(), hairbake::rod::Shape::default());
+    let (mut least, mut bulge) = (f64::INFINITY, 0.0_f64);
+    for i in 0..60 {
+        let (t0, t1) = (f64::from(i) * h, f64::from(i + 1) * h);
+        let record = guide.advance(&around, t0, t1, &mut work);
+        assert_eq!((record.unconverged, record.shortened, record.unsettled), (0, 0, 0), "at {t1} s");
+        assert!(shape.update(&guide.rod, &guide.rod.root.r, &guide.q[0]));
+        let lowest = |x: &mut dyn Iterator<Item = Vector3<f64>>| x.map(|x| x.y).fold(f64::INFINITY, f64::min);
+        let curve = lowest(&mut shape.curve(&guide.rod, &guide.q[0]).map(|x| x + guide.rod.root.p));
+        least = least.min(curve - (height(t1) - 0.03));
+        bulge = bulge.max(lowest(&mut guide.x.iter().copied()) - curve);
+    }
+    assert!(bulge > 8e-4, "its points are as low: {bulge} m");
+    assert!((4.5e-4..6e-4).contains(&least), "{least} m from the plane");
 }
 
 #[test]
@@ -156,6 +214,11 @@ fn a_rising_ball_takes_the_strand_along() {
     }
 }
 
+/// The place of the first tie of a guide, m.
+fn tied(guide: &Guide) -> Vector3<f64> {
+    guide.ties[0].place(&line(guide))
+}
+
 #[test]
 fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
     // The body stands, then moves sideways at up to 0.3 m/s.
@@ -175,11 +238,10 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
     let h = 1.0 / 96.0;
     let mut guide = Guide::new(rod, drag, 0.3, &[], &around, 0.0, h);
     let goal = Vector3::new(0.04, -0.05, 0.02);
-    guide.ties = vec![Tie { segment: 14, u: 0.3, body: 0, goal, times: [0.0, 2.0] }];
+    guide.ties = vec![Tie { half: 28, u: 0.6, body: 0, goal, times: [0.0, 2.0] }];
     let mut work = Workspace::default();
-    let away = |guide: &Guide, t: f64| {
-        (guide.ties[0].place(&guide.x) - (carrier(0, t) * nalgebra::Point3::from(goal)).coords).norm()
-    };
+    let away =
+        |guide: &Guide, t: f64| (tied(guide) - (carrier(0, t) * nalgebra::Point3::from(goal)).coords).norm();
     for i in 0..288 {
         let (t0, t1) = (f64::from(i) * h, f64::from(i + 1) * h);
         let record = guide.advance(&around, t0, t1, &mut work);
@@ -220,14 +282,14 @@ fn a_tie_gives_way_by_its_compliance() {
         brought_out: &|_| 1.0,
     };
     let (h, drag) = (1.0 / 192.0, vec![1e-2; rod.points()]);
-    let segment = rod.points() - 2;
+    let half = 2 * rod.points() - 3;
     let mut guide = Guide::new(rod, drag, 0.3, &[], &around, 0.0, h);
-    guide.ties = vec![Tie { segment, u: 1.0, body: 0, goal: points[1], times: [0.0, 10.0] }];
+    guide.ties = vec![Tie { half, u: 1.0, body: 0, goal: points[1], times: [0.0, 10.0] }];
     let mut work = Workspace::default();
     for i in 0..400 {
         guide.advance(&around, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
     }
-    let given = points[1] - guide.ties[0].place(&guide.x);
+    let given = points[1] - tied(&guide);
     let compliance = 0.1;
     let propped = 0.375 * 6.6e-6 * length * gravity / (1.0 + 3.0 * compliance * 7.8e-4 / length.powi(3));
     let wanted = compliance * propped;

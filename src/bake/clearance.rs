@@ -7,7 +7,8 @@
 //! - a point outside (g > 0) keeps min(d, g/2), g being the least along the segments beside it: what was drawn closer
 //!   than d stays as close, with room to give;
 //! - a point inside, before the strand has come out for the first time: the segments beside it are exempt for good;
-//! - a segment drawn through the body with both ends outside is exempt for good, for it has no side; its ends have one. One that
+//! - a segment drawn through the body is exempt for good, for it has no side; its ends have one. So is a stretch of points inside with the segments
+//!   that lead in and out, if the surfaces nearest to two points in a row face away from each other, as on two sides of an ear. A segment that
 //!   only cuts the surface, as the chord of a curl that lies on it, or clips an edge less than 2 d deep, is no exception;
 //! - a point inside later on, and a segment that cuts the surface: brought out to min(d, s/4) during the pre-roll, gently, s being its
 //!   arc length from the root; segments that are still in the body then are exempt from then on.
@@ -34,11 +35,13 @@ pub struct Clearance {
     to: Vec<[f64; 2]>,
 }
 
-/// A point of the groom's pose beside one body: what it keeps in the end, and how deep inside it begins, m.
+/// A point of the groom's pose beside one body: what it keeps in the end, m, and how deep inside it begins, m.
 #[derive(Debug, Clone, Copy)]
 struct Point {
     keep: f64,
     depth: f64,
+    /// Outward normal of the nearest surface, body frame; zero where there is none.
+    normal: Vector3<f64>,
 }
 
 /// How a segment of the groom's pose goes by a body.
@@ -46,7 +49,7 @@ struct Point {
 enum Way {
     /// Inside, before the strand has come out for the first time.
     Rooted,
-    /// In on one side and out on another, its ends outside.
+    /// In on one side and out on another.
     Through,
     Beside,
 }
@@ -65,25 +68,41 @@ impl Clearance {
         let mut ways = Vec::new();
         for (b, (pose, &d)) in pose.iter().zip(thickness).enumerate() {
             let local: Vec<_> = x.iter().map(|p| pose.inverse_transform_point(&(*p).into()).coords).collect();
-            let mut s = 0.0;
+            let (mut s, mut known) = (0.0, None);
             let beside: Vec<Point> = (0..x.len())
                 .map(|k| {
-                    s += (x[k] - x[k.saturating_sub(1)]).norm();
-                    beside(bodies, b, t, &local[k], d, d.min(STEEPEST * s))
+                    let nearest = bodies.closest(b, t, &local[k], SEARCH);
+                    let far = nearest.map_or(SEARCH, |s| s.distance.abs());
+                    let normal = nearest.map_or_else(Vector3::zeros, |s| s.normal);
+                    let way = (x[k] - x[k.saturating_sub(1)]).norm();
+                    s += way;
+                    // The winding number, not the nearest triangle's side: it holds on open and dirty meshes. It is asked for at every second
+                    // point at least.
+                    let inside = known.take().filter(|_| way < far);
+                    let inside = inside.unwrap_or_else(|| *known.insert(bodies.inside(b, t, &local[k])));
+                    match inside {
+                        true => Point { keep: d.min(STEEPEST * s), depth: far, normal },
+                        false => Point { keep: d.min(0.5 * far), depth: 0.0, normal },
+                    }
                 })
                 .collect();
             let rooted = beside.iter().take_while(|point| point.depth > 0.0).count();
-            ways.extend((0..x.len() - 1).map(|k| {
-                let ends_outside = beside[k].depth == 0.0 && beside[k + 1].depth == 0.0;
-                let ends = [local[k], local[k + 1]];
-                if k < rooted {
-                    Way::Rooted
-                } else if ends_outside && passes(bodies, b, t, &ends) {
-                    Way::Through
-                } else {
-                    Way::Beside
-                }
+            let inside = |k: usize| beside[k].depth > 0.0;
+            let facing_away = |k: usize| beside[k].normal.dot(&beside[k + 1].normal) < 0.0;
+            let of_body = ways.len();
+            ways.extend((0..x.len() - 1).map(|k| match k < rooted {
+                true => Way::Rooted,
+                false if inside(k) || inside(k + 1) => Way::Beside,
+                false if passes(bodies, b, t, &[local[k], local[k + 1]]) => Way::Through,
+                false => Way::Beside,
             }));
+            // All of a stretch inside: there is no telling how much of it the way from one side to the other takes.
+            let halves: Vec<usize> = (rooted..x.len() - 1).collect();
+            for stretch in halves.chunk_by(|_, k| inside(*k)) {
+                if stretch.iter().any(|&k| (inside(k) || inside(k + 1)) && facing_away(k)) {
+                    ways[of_body + stretch[0]..][..stretch.len()].fill(Way::Through);
+                }
+            }
             points.extend(beside);
         }
         let ends = |body: usize, k: usize| body * x.len() + k..body * x.len() + k + 2;
@@ -168,17 +187,6 @@ fn passes(bodies: &Bodies, body: usize, t: f64, [from, to]: &[Vector3<f64>; 2]) 
     sides.is_some_and(|((_, entry), (_, exit))| entry.dot(&exit) < 0.0)
 }
 
-/// The point `y`, m, in the frame of a body whose thickness is `d`, m; from inside it comes out by `out`, m.
-fn beside(bodies: &Bodies, body: usize, t: f64, y: &Vector3<f64>, d: f64, out: f64) -> Point {
-    let far = bodies.closest(body, t, y, SEARCH).map_or(SEARCH, |s| s.distance.abs());
-    // The winding number, not the nearest triangle's side: it holds on open and dirty meshes.
-    if bodies.inside(body, t, y) {
-        Point { keep: out, depth: far }
-    } else {
-        Point { keep: d.min(0.5 * far), depth: 0.0 }
-    }
-}
-
 /// Distances (as the contacts' gaps) in the groom's pose, wherever they are below twice the thickness.
 fn at_rest(
     bodies: &Bodies,
@@ -260,6 +268,31 @@ mod tests {
         assert_eq!(counts(wide.clone(), -3e-4), (0, 1));
         assert_eq!(counts(wide, -2e-3), (1, 0));
         assert_eq!(counts(thin, -0.03), (1, 0));
+    }
+
+    #[test]
+    fn a_stretch_through_a_body_is_exempt_and_one_that_dips_into_it_comes_out() {
+        // A slab 8 mm thick, its upper face at the height 0.
+        let half = Vector3::new(0.1, 0.004, 0.1);
+        let corner = |i: usize| Vector3::from_fn(|k, _| if i >> k & 1 == 1 { half[k] } else { -half[k] });
+        let vertices = (0..8).map(|i| corner(i) - Vector3::y() * half.y).collect();
+        let triangles = [[0, 3, 1], [0, 2, 3], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4]];
+        let more = [[2, 7, 3], [2, 6, 7], [0, 4, 6], [0, 6, 2], [1, 3, 7], [1, 7, 5]];
+        let triangles = [triangles, more].concat();
+        let bodies =
+            Bodies::from_shapes(&[Shape::Mesh(TriMesh { vertices, triangles, ..TriMesh::default() })]);
+        let kept = |heights: [f64; 7]| {
+            let x: Vec<_> =
+                heights.iter().enumerate().map(|(k, h)| Vector3::new(0.003 * k as f64, *h, 0.0)).collect();
+            let clearance = Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x);
+            let mut kept = Vec::new();
+            clearance.at(1.0, &mut kept);
+            kept.iter().map(|ends| *ends == EXEMPT).collect::<Vec<_>>()
+        };
+        let through = kept([0.004, 0.001, -0.002, -0.003, -0.006, -0.009, -0.012]);
+        assert_eq!(through, [false, true, true, true, true, false]);
+        let dips = kept([0.004, 0.001, -0.002, -0.003, -0.002, 0.001, 0.004]);
+        assert_eq!(dips, [false; 6]);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::air;
 use super::clearance::Clearance;
 use super::scheme::Formula;
 use super::tie::Tie;
-use super::touch::TouchWork;
+use super::touch::{TouchWork, with_middles};
 use crate::contact::{Bodies, Motion};
 use crate::math::se3::Pose;
 use crate::rod::newton::{Outcome, Solver};
@@ -35,7 +35,7 @@ const FORESEEABLE: f64 = 0.02;
 pub struct Guide {
     /// The rod.
     pub rod: Rod,
-    /// What each segment keeps from each body.
+    /// What each half of a sub-step keeps from each body.
     pub clearance: Clearance,
     /// Friction of the strand, along it, at root and tip.
     pub friction: [Friction; 2],
@@ -188,6 +188,9 @@ pub struct Workspace {
     free: Vec<f64>,
     motions: Vec<Motion>,
     clearance: Vec<[f64; 2]>,
+    line: Vec<Vector3<f64>>,
+    /// Speed that gravity and force fields give in the step, m/s.
+    falling: f64,
     ties: Vec<(Tie, Vector3<f64>)>,
     pub(super) touch: TouchWork,
 }
@@ -214,7 +217,9 @@ impl Guide {
         let (now, before) = (place(t), place(t - h));
         let x: Vec<Vector3<f64>> = now.iter().map(|g| g.p).collect();
         let poses: Vec<_> = (0..around.bodies.len()).map(|b| (around.body)(b, t)).collect();
-        let clearance = Clearance::new(around.bodies, t, &poses, thickness, &x);
+        let mut line = Vec::new();
+        with_middles(&rod.arc, |k| x[k], |k| now[k].r.column(2).into(), &mut line);
+        let clearance = Clearance::new(around.bodies, t, &poses, thickness, &line);
         let mut guide = Guide {
             lengths: Vec::new(),
             clearance,
@@ -265,7 +270,8 @@ impl Guide {
         if self.clearance.counts().1 > 0 && (around.brought_out)(span[1]) >= 1.0 {
             // What could not be brought out by now is drawn in a knot with the body, and stays so.
             let poses: Vec<_> = (0..around.bodies.len()).map(|b| (around.body)(b, span[1])).collect();
-            self.clearance.arrive(around.bodies, span[1], &poses, &self.x);
+            self.trace(&mut work.line);
+            self.clearance.arrive(around.bodies, span[1], &poses, &work.line);
         }
         record
     }
@@ -454,6 +460,11 @@ impl Guide {
         q.clear();
         let ahead = self.q[0].iter().zip(r1).zip(r2);
         q.extend(ahead.map(|((q, r1), r2)| q + r1 * h + (r1 - r2) * bend));
+    }
+
+    /// The polyline in which it meets bodies, as it is now, world, m.
+    pub fn trace(&self, line: &mut Vec<Vector3<f64>>) {
+        with_middles(&self.rod.arc, |k| self.x[k], |k| self.tangent[k], line);
     }
 
     fn state(&self) -> State {

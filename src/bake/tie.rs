@@ -1,5 +1,6 @@
 //! Ties: places of guides that a body holds in all directions.
 
+use super::touch::with_middles;
 use crate::rod::Shape;
 use crate::scene::anim::TiePlace;
 use crate::scene::{Anim, Groom};
@@ -12,9 +13,9 @@ const GATHERING: f64 = 0.5;
 /// A held place of a guide.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tie {
-    /// Segment of the guide, and place on it, 0..=1.
-    pub segment: usize,
-    /// Place on the segment.
+    /// Half of the sub-steps of the guide's rod: from a point to the middle of the curve after it, or from there to the next point.
+    pub half: usize,
+    /// Place on it, 0..=1.
     pub u: f64,
     /// The body that holds it, index into [`Anim::bodies`].
     pub body: usize,
@@ -25,9 +26,9 @@ pub struct Tie {
 }
 
 impl Tie {
-    /// The place on a polyline.
+    /// The place on that polyline.
     pub fn place(&self, x: &[Vector3<f64>]) -> Vector3<f64> {
-        x[self.segment] * (1.0 - self.u) + x[self.segment + 1] * self.u
+        x[self.half] * (1.0 - self.u) + x[self.half + 1] * self.u
     }
 
     /// Where the place has to be at the end of a step of `h`, s, at whose start it was at `from`, world, m, with the body's pose (rest
@@ -82,21 +83,22 @@ pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
                 Some((centre, radius)) => centre + (at(&place) - mean) * (radius / widest).min(1.0),
                 None => at(&place),
             };
-            let (i, segment, u) = place;
-            out[i].push(Tie { segment, u, body: tie.body, goal, times: tie.times });
+            let (i, half, u) = place;
+            out[i].push(Tie { half, u, body: tie.body, goal, times: tie.times });
         }
     }
     out
 }
 
-/// Points in the groom's pose, rest space, m.
+/// Points and middles in the groom's pose, rest space, m.
 fn drawn(r: &GuideRod) -> Vec<Vector3<f64>> {
-    let mut shape = Shape::default();
+    let (mut shape, mut line) = (Shape::default(), Vec::new());
     shape.update(&r.rod, &r.rod.root.r, &r.rod.start);
-    (0..r.rod.points()).map(|k| shape.x(k) + r.rod.root.p).collect()
+    with_middles(&r.rod.arc, |k| shape.x(k) + r.rod.root.p, |k| shape.tangent(k), &mut line);
+    line
 }
 
-/// Segment and place on it nearest to `p`, and its distance, m.
+/// Half and place on it nearest to `p`, and its distance, m.
 fn nearest(points: &[Vector3<f64>], p: &Vector3<f64>) -> (usize, f64, f64) {
     let on = |(k, ends): (usize, &[Vector3<f64>])| {
         let way = ends[1] - ends[0];
@@ -106,9 +108,10 @@ fn nearest(points: &[Vector3<f64>], p: &Vector3<f64>) -> (usize, f64, f64) {
     points.windows(2).enumerate().map(on).fold((0, 0.0, f64::INFINITY), |a, b| if b.2 < a.2 { b } else { a })
 }
 
-/// Segment and place on it at an arc length, m; `None` beyond the tip.
+/// Half and place on it at an arc length, m; `None` beyond the tip.
 fn at_arc(r: &GuideRod, arc: f64) -> Option<(usize, f64)> {
     let s = &r.rod.arc;
     let k = s.windows(2).position(|s| arc <= s[1])?;
-    Some((k, (arc - s[k]) / (s[k + 1] - s[k])))
+    let halves = 2.0 * (arc - s[k]) / (s[k + 1] - s[k]);
+    Some(if halves < 1.0 { (2 * k, halves) } else { (2 * k + 1, halves - 1.0) })
 }

@@ -3,6 +3,8 @@
 //! `docs/theory.md` §5. The bodies move as they will whatever the hair does, so every guide is a problem of its own.
 
 mod averted;
+mod line;
+mod shorten;
 
 use super::guide::StepRecord;
 use super::tie::Tie;
@@ -17,6 +19,8 @@ use crate::rod::pushed::{Push, PushedWork};
 use crate::rod::{Rod, Shape};
 use crate::scene::Friction;
 use averted::Averted;
+pub(super) use line::with_middles;
+use line::{Middles, on_rod};
 use nalgebra::Vector3;
 
 /// Surfaces nearer than this to a strand at the end of a step are in the contact problem, m.
@@ -59,7 +63,7 @@ const SOUND: f64 = 1e-4;
 pub(super) const ACCEPTABLE_GAP: f64 = 1e-3;
 
 /// Contacts of one strand in one problem; beyond it the deepest are kept and the others wait for the next round.
-const MAX_CONTACTS: usize = 64;
+const MAX_CONTACTS: usize = 128;
 
 /// Cosine of the angle up to which the normals of a contact, from one round or step to the next, are taken to be of one.
 const SAME_NORMAL: f64 = 0.9;
@@ -95,10 +99,12 @@ pub(super) struct Touch<'a> {
     pub rod: &'a Rod,
     pub bodies: &'a Bodies,
     pub motions: &'a [Motion],
-    /// Clearance from body b at both ends of segment k, at `b * segments + k`, m.
+    /// Clearance from body b at both ends of half k of the rod's sub-steps, at `b * halves + k`, m.
     pub clearance: &'a [[f64; 2]],
-    /// Points at the start of the step, world, m.
+    /// Points and middles ([`with_middles`]) at the start of the step, world, m.
     pub x0: &'a [Vector3<f64>],
+    /// Speed of the fastest point at the start of the step, and what it gains by falling in it, m/s.
+    pub fastest: f64,
     /// Places that must come to targets, world, m.
     pub ties: &'a [(Tie, Vector3<f64>)],
     /// Friction of the strand, along it, at root and tip, where the body has none.
@@ -120,6 +126,7 @@ pub(super) struct TouchWork {
     found: Vec<Contact>,
     /// Those that stay while they are `frozen`.
     planes: Vec<Contact>,
+    middles: Middles,
     impacts: Vec<Contact>,
     /// Deepest violation of a clearance where the strand is now, m, not above 0.
     pub(super) worst: f64,
@@ -128,7 +135,7 @@ pub(super) struct TouchWork {
     delassus: Vec<f64>,
     pub(super) free: Vec<f64>,
     pub(super) laws: Vec<Law>,
-    /// Segment, place on it and axes of each contact, then of each tie, as of the last rows.
+    /// Sub-step of the rod, place on it and axes of each contact, then of each tie, as of the last rows.
     pub(super) frames: Vec<(usize, f64, [Vector3<f64>; 3])>,
     /// Reactions, those of the contacts first, then those of the ties.
     pub(super) reaction: Vec<f64>,
@@ -147,6 +154,7 @@ impl TouchWork {
     pub(super) fn clear(&mut self) {
         self.contacts.clear();
         self.averted.clear();
+        self.middles.clear();
         self.reaction.clear();
         self.frozen = false;
         self.pushes.clear();
@@ -205,11 +213,6 @@ pub(super) fn rows_at(
     }
 }
 
-/// The place `u` (0..=1) on the chord between point `k` and the next, for [`rows_at`].
-fn on_chord(solver: &Solver, k: usize, u: f64) -> [(f64, Vector3<f64>); 2] {
-    [(1.0 - u, solver.shape.x(k)), (u, solver.shape.x(k + 1))]
-}
-
 impl Touch<'_> {
     /// Brings `q`, whose shape the solver holds, out of all bodies. `free` says that without contacts it would solve the step. `false`
     /// where the motion still crosses a surface.
@@ -234,7 +237,9 @@ impl Touch<'_> {
             let sound = work.noted.residual <= SOUND;
             if round == MAX_ROUNDS || (clear && settled && sound && worst >= -enough) {
                 self.note(work);
-                let taken = clear && worst >= -ACCEPTABLE_GAP && (free || settled);
+                let at_rest = settled && worst >= -GAP_TOLERANCE;
+                let acceptable = (free || settled) && worst >= -ACCEPTABLE_GAP;
+                let taken = clear && acceptable && (at_rest || self.gains_none(work));
                 if taken && !settled {
                     work.noted.unsettled = true;
                     // That of the last round is of where the round began.
@@ -316,8 +321,8 @@ impl Touch<'_> {
 
     /// Takes over the points of the solver's shape.
     fn trace(&self, solver: &Solver, work: &mut TouchWork) {
-        work.x1.clear();
-        work.x1.extend((0..self.rod.points()).map(|k| solver.shape.x(k) + self.root.p));
+        let shape = &solver.shape;
+        with_middles(&self.rod.arc, |k| shape.x(k) + self.root.p, |k| shape.tangent(k), &mut work.x1);
     }
 
     /// Contacts at the solver's shape, with the impacts on the way there; returns whether the motion crosses nothing.
@@ -356,6 +361,7 @@ impl Touch<'_> {
             }
         } else {
             work.planes.clone_from(&work.found);
+            work.middles.spare(&mut work.planes, line.x0.len(), &work.pushes);
         }
         work.contacts.clone_from(&work.planes);
         work.averted.join(&line, &mut work.contacts);
@@ -406,9 +412,10 @@ impl Touch<'_> {
             let (k, u) = (contact.segment, contact.u);
             let at = |x: &[Vector3<f64>]| x[k] * (1.0 - u) + x[k + 1] * u;
             let slip = at(&work.x1) - at(self.x0) - (contact.point[1] - contact.point[0]);
-            let frame = self.axes(solver, contact);
-            work.frames.push((k, u, frame));
-            rows_at(solver, k, on_chord(solver, k, u), &frame, rows);
+            let frame = self.axes(&work.x1, contact);
+            let (k, s) = on_rod(k, u);
+            work.frames.push((k, s, frame));
+            rows_at(solver, k, solver.shape.carriers(self.rod, k, s), &frame, rows);
             for (j, (d, row)) in frame.iter().zip(rows.chunks_exact(n)).enumerate() {
                 let now = if j == 0 { contact.gap } else { slip.dot(d) };
                 work.free.push(now + dot(row, &solver.direction));
@@ -418,8 +425,9 @@ impl Touch<'_> {
         let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
         for ((tie, target), rows) in self.ties.iter().zip(of_ties.chunks_exact_mut(3 * n)) {
             let gap = tie.place(&work.x1) - target;
-            work.frames.push((tie.segment, tie.u, axes));
-            rows_at(solver, tie.segment, on_chord(solver, tie.segment, tie.u), &axes, rows);
+            let (k, s) = on_rod(tie.half, tie.u);
+            work.frames.push((k, s, axes));
+            rows_at(solver, k, solver.shape.carriers(self.rod, k, s), &axes, rows);
             for (gap, row) in gap.iter().zip(rows.chunks_exact(n)) {
                 work.free.push(gap + dot(row, &solver.direction));
             }
@@ -454,28 +462,28 @@ impl Touch<'_> {
 
     /// Friction of a contact.
     fn friction_at(&self, contact: &Contact) -> Friction {
-        let own = || Friction::between(self.friction, self.rod.share(contact.segment, contact.u));
+        let (k, s) = on_rod(contact.segment, contact.u);
+        let own = || Friction::between(self.friction, self.rod.share(k, s));
         contact.friction.unwrap_or_else(own)
     }
 
     /// The axes of a contact: its normal, and tangents along and across the strand. Friction is as strong along both when the second is as
     /// long as it is stronger: in such axes the elliptic cone is a round one, and sliding by the way that dissipates most (Moreau 1974)
     /// is sliding against the force.
-    fn axes(&self, solver: &Solver, contact: &Contact) -> [Vector3<f64>; 3] {
+    fn axes(&self, x: &[Vector3<f64>], contact: &Contact) -> [Vector3<f64>; 3] {
         let (k, n) = (contact.segment, &contact.normal);
-        let frame = frame_towards(n, &(solver.shape.x(k + 1) - solver.shape.x(k)));
+        let frame = frame_towards(n, &(x[k + 1] - x[k]));
         [*n, frame.column(0).into(), frame.column(1) * self.across]
     }
 
     /// Takes the last pushes over for reactions of the contacts and ties as they are.
     fn remember(&self, work: &mut TouchWork) {
         work.reaction.clear();
-        for (i, (segment, u, frame)) in work.frames.iter().enumerate() {
+        for (i, (k, s, frame)) in work.frames.iter().enumerate() {
             let normal = work.contacts.get(i).map_or_else(Vector3::zeros, |c| c.normal);
-            let same = |p: &&Push| {
-                p.segment == *segment && (p.normal == normal || p.normal.dot(&normal) > SAME_NORMAL)
-            };
-            let far = |p: &Push| (p.u - u).abs();
+            let same =
+                |p: &&Push| p.segment == *k && (p.normal == normal || p.normal.dot(&normal) > SAME_NORMAL);
+            let far = |p: &Push| (p.u - s).abs();
             let warm = work.pushes.iter().filter(same).min_by(|a, b| far(a).total_cmp(&far(b)));
             let start = warm.map_or([0.0; 3], |p| frame.map(|d| d.dot(&p.force) / d.norm_squared()));
             work.reaction.extend(start);
@@ -506,8 +514,7 @@ impl Touch<'_> {
             }
         }
         work.pushes.clear();
-        for (i, ((segment, u, frame), r)) in work.frames.iter().zip(work.reaction.chunks_exact(3)).enumerate()
-        {
+        for (i, ((k, s, frame), r)) in work.frames.iter().zip(work.reaction.chunks_exact(3)).enumerate() {
             let force = frame[0] * r[0] + frame[1] * r[1] + frame[2] * r[2];
             let (normal, sticks) = match work.contacts.get(i) {
                 Some(contact) => {
@@ -517,7 +524,7 @@ impl Touch<'_> {
                 None => (Vector3::zeros(), true),
             };
             if i >= work.contacts.len() || r[0] > 0.0 {
-                work.pushes.push(Push { segment: *segment, u: *u, force, normal, sticks });
+                work.pushes.push(Push { segment: *k, u: *s, force, normal, sticks });
             }
         }
     }
@@ -526,9 +533,8 @@ impl Touch<'_> {
     fn descend(&self, most: f64, solver: &mut Solver, q: &mut [f64], work: &TouchWork) -> f64 {
         let of = |shape: &Shape| {
             let mut sum = 0.0;
-            for ((k, u, [n, t1, t2]), r) in work.frames.iter().zip(work.reaction.chunks_exact(3)) {
-                let place = shape.x(*k) * (1.0 - u) + shape.x(k + 1) * *u;
-                sum += (n * r[0] + t1 * r[1] + t2 * r[2]).dot(&place);
+            for ((k, s, [n, t1, t2]), r) in work.frames.iter().zip(work.reaction.chunks_exact(3)) {
+                sum += (n * r[0] + t1 * r[1] + t2 * r[2]).dot(&shape.place(self.rod, *k, *s));
             }
             sum
         };
@@ -552,36 +558,6 @@ impl Touch<'_> {
                 work.noted.penetration = work.noted.penetration.max(-(line.gap(c) + keep));
             }
         }
-    }
-
-    /// Cuts the motion from unknowns `start` to `q` short so that no surface is crossed and no point becomes faster than what is brought out of a body, or `fastest`,
-    /// m/s: the last resort. Two bodies that close on a strand would throw it. On a body that carries
-    /// the root, no motion of the unknowns is no motion at all. `false` where even that crosses a surface.
-    pub fn shorten(
-        &self,
-        fastest: f64,
-        start: &[f64],
-        q: &mut [f64],
-        solver: &mut Solver,
-        memory: &mut crate::contact::Workspace,
-        work: &mut TouchWork,
-    ) -> bool {
-        let within = |motion: &Motion| fastest.max(OUTWARD) * (motion.times[1] - motion.times[0]);
-        let most = self.motions.first().map_or(f64::INFINITY, within);
-        let mut clear = false;
-        for share in [0.5, 0.5, 0.5, 0.0] {
-            for (q, a) in q.iter_mut().zip(start) {
-                *q = a + share * (*q - a);
-            }
-            solver.shape.update(self.rod, &self.root.r, q);
-            clear = self.find(solver, memory, work);
-            let farthest = self.x0.iter().zip(&work.x1).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
-            if clear && farthest <= most {
-                break;
-            }
-        }
-        self.note(work);
-        clear
     }
 }
 

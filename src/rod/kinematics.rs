@@ -101,6 +101,11 @@ impl Shape {
         [(1.0 - s, ahead), (s, back)]
     }
 
+    /// The place of [`Shape::carriers`], m, relative to the root.
+    pub fn place(&self, rod: &Rod, k: usize, s: f64) -> Vector3<f64> {
+        self.carriers(rod, k, s).iter().map(|(share, x)| x * *share).sum()
+    }
+
     /// Frame and position of every point.
     pub fn poses(&self) -> impl Iterator<Item = Pose> + '_ {
         self.pose.iter().map(|g| Pose { r: g.r.into(), p: g.p.into() })

@@ -34,12 +34,12 @@ impl Guide {
     pub(in crate::bake) fn kept(&self) -> Vec<f64> {
         let mut clearance = Vec::new();
         self.clearance.at(1.0, &mut clearance);
-        let segments = self.x.len() - 1;
+        let halves = 2 * (self.x.len() - 1);
         let of = |ends: &[[f64; 2]]| {
-            let between = ends.windows(2).map(|w| w[0][1].min(w[1][0]));
-            let points = [f64::NEG_INFINITY].into_iter().chain(between).chain([ends[segments - 1][1]]);
-            points.chain(ends.iter().map(|[from, to]| 0.5 * (from + to))).collect::<Vec<_>>()
+            let between = |k: usize| ends[k - 1][1].min(ends[k][0]);
+            let points = [f64::NEG_INFINITY].into_iter().chain((2..halves).step_by(2).map(between));
+            points.chain([ends[halves - 1][1]]).chain((1..halves).step_by(2).map(between)).collect::<Vec<_>>()
         };
-        clearance.chunks_exact(segments).flat_map(of).collect()
+        clearance.chunks_exact(halves).flat_map(of).collect()
     }
 }

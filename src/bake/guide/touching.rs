@@ -1,7 +1,7 @@
 //! A guide and the bodies within one step.
 
 use super::{Guide, Surroundings, Workspace};
-use crate::bake::touch::{Touch, TouchWork};
+use crate::bake::touch::{Touch, TouchWork, with_middles};
 use crate::contact::{Bodies, Motion};
 use crate::math::se3::Pose;
 use crate::rod::newton::Solver;
@@ -31,12 +31,11 @@ impl Guide {
             return true;
         }
         let start = std::mem::take(&mut self.q[0]);
-        let fastest = self.v.iter().map(|v| v.norm()).fold(0.0, f64::max);
         let clear = self.with_touch(around.bodies, root, work, |touch, moving| {
             let Moving { q, solver, memory, touching } = moving;
             let clear = touch.resolve(free, q, solver, memory, touching);
             if !clear && last {
-                let stopped = touch.shorten(fastest, &start, q, solver, memory, touching);
+                let stopped = touch.shorten(&start, q, solver, memory, touching);
                 touching.noted.crossed = !stopped;
             }
             clear
@@ -65,10 +64,12 @@ impl Guide {
 
     /// Notes how the bodies move from time `t[0]` to `t[1]`, s, what the guide keeps from them, and where its ties have to be.
     pub(super) fn meet(&self, around: &Surroundings, [t0, t1]: [f64; 2], work: &mut Workspace) {
+        self.trace(&mut work.line);
+        work.falling = (around.gravity)(t1).norm() * (t1 - t0);
         work.ties.clear();
         work.ties.extend(self.ties.iter().filter_map(|tie| {
             let poses = [(around.carrier)(tie.body, t0), (around.carrier)(tie.body, t1)];
-            Some((tie.clone(), tie.target(t1, t1 - t0, &tie.place(&self.x), poses)?))
+            Some((tie.clone(), tie.target(t1, t1 - t0, &tie.place(&work.line), poses)?))
         }));
         work.motions.clear();
         work.motions.extend((0..around.bodies.len()).map(|b| Motion {
@@ -92,7 +93,8 @@ impl Guide {
             bodies,
             motions: &work.motions,
             clearance: &work.clearance,
-            x0: &self.x,
+            x0: &work.line,
+            fastest: self.v.iter().map(|v| v.norm()).fold(0.0, f64::max) + work.falling,
             ties: &work.ties,
             friction: self.friction,
             across: self.across,
@@ -116,20 +118,15 @@ impl Guide {
         work: &mut Workspace,
     ) -> bool {
         work.q.clone_from(&self.q[1]);
-        let mut rest = |t: f64| {
-            let root = around.root(&self.rod.root, t);
-            work.solver.shape.update(&self.rod, &root.r, &work.q);
-            (root, (0..self.x.len()).map(|k| work.solver.shape.x(k) + root.p).collect())
-        };
-        let (_, x) = rest(t[0]);
-        let (root, _) = rest(t[1]);
-        let x = std::mem::replace(&mut self.x, x);
         work.touch.clear();
         self.meet(around, t, work);
-        let clear = self.with_touch(around.bodies, &root, work, |touch, moving| {
+        let [from, root] = t.map(|t| around.root(&self.rod.root, t));
+        let Workspace { solver, q, line, .. } = &mut *work;
+        solver.shape.update(&self.rod, &from.r, q);
+        with_middles(&self.rod.arc, |k| solver.shape.x(k) + from.p, |k| solver.shape.tangent(k), line);
+        solver.shape.update(&self.rod, &root.r, q);
+        self.with_touch(around.bodies, &root, work, |touch, moving| {
             touch.find(moving.solver, moving.memory, moving.touching)
-        });
-        self.x = x;
-        clear
+        })
     }
 }

@@ -64,9 +64,8 @@ pub(super) struct Member {
     pub rows: Vec<f64>,
     /// The curve of its end, world.
     pub curve: Vec<Vector3<f64>>,
-    /// What bodies push it with, and what others do: sub-step, fraction of it, force, N, world.
-    by_bodies: Vec<(usize, f64, Vector3<f64>)>,
-    by_others: Vec<(usize, f64, Vector3<f64>)>,
+    /// What pushes it: sub-step, fraction of it, force, N, world.
+    forces: Vec<(usize, f64, Vector3<f64>)>,
 }
 
 impl Member {
@@ -88,8 +87,7 @@ impl Member {
             parts: Vec::new(),
             rows: Vec::new(),
             curve: Vec::new(),
-            by_bodies: Vec::new(),
-            by_others: Vec::new(),
+            forces: Vec::new(),
         }
     }
 
@@ -175,14 +173,9 @@ impl Member {
         }
         self.gather_forces(places, to_world);
         let Workspace { solver, load, q, .. } = &mut self.work;
-        let (by_bodies, by_others) = (&self.by_bodies, &self.by_others);
+        let forces = &self.forces;
         let work = |shape: &Shape| {
-            let chord = |k: usize, u: f64| shape.x(k) * (1.0 - u) + shape.x(k + 1) * u;
-            let curve = |k: usize, s: f64| -> Vector3<f64> {
-                shape.carriers(&guide.rod, k, s).iter().map(|(share, x)| x * *share).sum()
-            };
-            by_bodies.iter().map(|(k, u, f)| f.dot(&chord(*k, *u))).sum::<f64>()
-                + by_others.iter().map(|(k, s, f)| f.dot(&curve(*k, *s))).sum::<f64>()
+            forces.iter().map(|(k, s, f)| f.dot(&shape.place(&guide.rod, *k, *s))).sum::<f64>()
         };
         self.moved = solver.advance_under(&guide.rod, &self.root.r, load, q, work, MAX_MOVE);
         self.trace(guide);
@@ -198,16 +191,15 @@ impl Member {
 
     fn gather_forces(&mut self, places: &Places, to_world: &UnitQuaternion<f64>) {
         let touch = &self.work.touch;
-        self.by_bodies.clear();
-        for ((segment, u, [n, t1, t2]), r) in touch.frames.iter().zip(touch.reaction.chunks_exact(3)) {
-            self.by_bodies.push((*segment, *u, n * r[0] + t1 * r[1] + t2 * r[2]));
+        self.forces.clear();
+        for ((k, s, [n, t1, t2]), r) in touch.frames.iter().zip(touch.reaction.chunks_exact(3)) {
+            self.forces.push((*k, *s, n * r[0] + t1 * r[1] + t2 * r[2]));
         }
-        self.by_others.clear();
         for &(i, side) in &self.parts {
             let place = &places.found[i];
             let force = to_world * place.force() * if side == 0 { 1.0 } else { -1.0 };
             let (k, s) = places.on_rod(&place.meeting, side);
-            self.by_others.push((k, s, force));
+            self.forces.push((k, s, force));
         }
     }
 
