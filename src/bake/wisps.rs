@@ -6,12 +6,15 @@ mod keep_out;
 use super::guide::{Guide, Surroundings};
 use super::state::Unfit;
 use crate::contact::Outside;
+use crate::math::lanes::MAX_LANES;
+use crate::rod::pack::{Bent, Pack, PackWork};
 use crate::rod::{Rod, Shape};
 use crate::wisp::{Hierarchy, Reach};
-use keep_out::{Moment, Placed};
+use keep_out::Moment;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::sync::OnceLock;
 
 /// Time in which the motion that a guide has of its own when it begins to follow fades, and for which it is calm before, s.
 const FADING: f64 = 0.25;
@@ -32,12 +35,20 @@ pub(super) struct Wisps {
     frame: f64,
     /// How each guide rests; none before wisps are gathered.
     rest: Vec<Rest>,
+    /// All guides that may follow, by level.
+    files: Vec<Vec<File>>,
     followers: Vec<Follower>,
     /// Where each guide that follows was last seen outside of bodies.
     memory: Vec<Vec<Outside>>,
     /// Which guides lead others, and how they were turned at the end of the last frame.
     leads: Vec<bool>,
     turning: Vec<Turning>,
+}
+
+/// Guides that are placed at once where they follow.
+struct File {
+    guides: Vec<usize>,
+    pack: Pack,
 }
 
 /// A guide at rest.
@@ -47,6 +58,8 @@ struct Rest {
     /// Frames of the nodes that have unknowns, rest space.
     frame: Vec<Matrix3<f64>>,
     reach: Reach,
+    /// See [`Rest::metric`].
+    metric: OnceLock<Vec<f64>>,
 }
 
 /// What a guide at rest is known by.
@@ -112,7 +125,18 @@ fn vectors(turning: &[f64]) -> impl Iterator<Item = Vector3<f64>> {
 struct Workspace {
     mean: Vec<f64>,
     led: Vec<f64>,
-    placed: Placed,
+    pack: PackWork,
+    /// Places of the guides of a file, m, world.
+    places: [Vec<Vector3<f64>>; MAX_LANES],
+    keep_out: keep_out::Work,
+}
+
+/// A guide that follows.
+struct Led<'a> {
+    guide: &'a mut Guide,
+    follower: &'a mut Follower,
+    /// Where it was last seen outside of bodies.
+    memory: &'a mut Vec<Outside>,
 }
 
 /// What is to become of a guide.
@@ -139,6 +163,7 @@ impl Wisps {
             h,
             frame,
             rest: Vec::new(),
+            files: Vec::new(),
             followers: vec![Follower::default(); guides],
             memory: vec![Vec::new(); guides],
         }
@@ -179,6 +204,18 @@ impl Wisps {
 
     fn settle(&mut self, guides: &[Guide], settled: Vec<Settled>) {
         self.rest = settled.into_par_iter().zip(guides).map(|(s, guide)| Rest::new(&guide.rod, s)).collect();
+        let deepest = self.hierarchy.level.iter().copied().max().unwrap_or(0);
+        let file = |members: &[usize]| {
+            let rods: Vec<&Rod> = members.iter().map(|i| &guides[*i].rod).collect();
+            File { guides: members.to_vec(), pack: Pack::new(&rods) }
+        };
+        let of_level = |level: u32| {
+            let led = |i: &usize| self.hierarchy.level[*i] == level && !self.hierarchy.leaders[*i].is_empty();
+            let led: Vec<usize> = (0..guides.len()).filter(led).collect();
+            let alike = led.chunk_by(|a, b| guides[*a].rod.unknowns() == guides[*b].rod.unknowns());
+            alike.flat_map(|alike| alike.chunks(Pack::width())).map(file).collect()
+        };
+        self.files = (0..=deepest).map(of_level).collect();
     }
 
     /// Moves what follows to where it is at time `t`, s, the end of a frame, and lets guides come away from their wisps and join them.
@@ -226,52 +263,82 @@ impl Wisps {
             std::mem::take(&mut self.turning),
             std::mem::take(&mut self.memory),
         );
-        for level in 0..=self.hierarchy.level.iter().copied().max().unwrap_or(0) {
-            let of_level = |i: usize| self.hierarchy.level[i] == level;
-            let of_all = guides.par_iter_mut().zip(&mut followers).zip(&mut memory).enumerate();
-            of_all.filter(|(i, ((_, follower), _))| of_level(*i) && follower.follows).for_each_init(
-                Workspace::default,
-                |work, (i, ((guide, follower), memory))| {
-                    self.place(i, guide, follower, &turning, now, memory, work);
-                },
-            );
+        for (level, files) in (0..).zip(&self.files) {
+            let of_all = guides.iter_mut().zip(&mut followers).zip(&mut memory);
+            let mut of_all: Vec<Option<Led>> = of_all
+                .map(|((guide, follower), memory)| {
+                    follower.follows.then_some(Led { guide, follower, memory })
+                })
+                .collect();
+            let mut of_files: Vec<(&File, [Option<Led>; MAX_LANES])> = files
+                .iter()
+                .map(|file| {
+                    let mut led = file.guides.iter().map(|i| of_all[*i].take());
+                    (file, std::array::from_fn(|_| led.next().flatten()))
+                })
+                .collect();
+            of_files.par_iter_mut().for_each_init(Workspace::default, |work, (file, led)| {
+                self.place(file, led, &turning, now, work);
+            });
             let leading = turning.par_iter_mut().zip(&*guides).enumerate();
             leading
-                .filter(|(i, _)| of_level(*i) && self.leads[*i])
+                .filter(|(i, _)| self.hierarchy.level[*i] == level && self.leads[*i])
                 .for_each(|(i, (turning, guide))| self.rest[i].turn(guide, turning));
         }
         (self.followers, self.turning, self.memory) = (followers, turning, memory);
     }
 
-    /// Moves guide `i` to where those lead it whose turning is given.
-    #[expect(clippy::too_many_arguments, reason = "what is moved is taken out of `self`, part by part")]
+    /// Moves the guides of a file that follow to where those lead them whose turning is given.
     fn place(
         &self,
-        i: usize,
-        guide: &mut Guide,
-        follower: &mut Follower,
+        file: &File,
+        led: &mut [Option<Led>; MAX_LANES],
         turning: &[Turning],
         now: &Moment,
-        memory: &mut Vec<Outside>,
         work: &mut Workspace,
     ) {
-        let (rod, q) = (&guide.rod, &mut guide.q);
-        for (back, q) in q.iter_mut().enumerate() {
-            self.mean(i, turning, back, &mut work.mean);
-            self.rest[i].unknowns(rod, &work.mean, q);
-            follower.add_own(now.time() - back as f64 * self.h, q);
+        for (i, led) in file.guides.iter().zip(&mut *led) {
+            let Some(Led { guide, follower, .. }) = led else { continue };
+            for (back, q) in guide.q.iter_mut().enumerate() {
+                self.mean(*i, turning, back, &mut work.mean);
+                self.rest[*i].unknowns(&guide.rod, &work.mean, q);
+                follower.add_own(now.time() - back as f64 * self.h, q);
+            }
         }
-        work.led.clone_from(&q[0]);
-        let way = now.bring_out(rod, &self.rest[i].settled.kept, &mut q[0], memory, &mut work.placed);
+        let mut bent = led.iter().zip(&mut work.places).map(|(led, places)| {
+            let Led { guide, .. } = led.as_ref()?;
+            Some(Bent { root: now.root(&guide.rod), q: &guide.q[0], places })
+        });
+        let mut bent = std::array::from_fn(|_| bent.next().flatten());
+        file.pack.place(&mut bent, &mut work.pack);
+        for ((i, led), places) in file.guides.iter().zip(led).zip(&work.places) {
+            let Some(led) = led else { continue };
+            self.keep_out(&self.rest[*i], led, places, now, &mut work.led, &mut work.keep_out);
+        }
+    }
+
+    /// Brings a guide that is `rest` at rest out of bodies, its places being those given, m, world.
+    fn keep_out(
+        &self,
+        rest: &Rest,
+        Led { guide, follower, memory }: &mut Led,
+        places: &[Vector3<f64>],
+        now: &Moment,
+        led: &mut Vec<f64>,
+        work: &mut keep_out::Work,
+    ) {
+        let (rod, q) = (&guide.rod, &mut guide.q);
+        led.clone_from(&q[0]);
+        let way = now.bring_out(rod, rest, (&mut q[0], places), memory, work);
         follower.off = way.unwrap_or(0.0) / rod.length();
         if way.is_none() && follower.out.is_empty() {
             return;
         }
         // What bodies do to it is known at frames only: between them it goes evenly.
-        follower.out.resize(work.led.len(), 0.0);
+        follower.out.resize(led.len(), 0.0);
         let [now, past @ ..] = q;
         for (n, before) in follower.out.iter_mut().enumerate() {
-            let out = now[n] - work.led[n];
+            let out = now[n] - led[n];
             for (back, q) in past.iter_mut().enumerate() {
                 let share = (back + 1) as f64 * self.h / self.frame;
                 q[n] += out * (1.0 - share) + *before * share;
@@ -359,7 +426,17 @@ impl Rest {
             frame: nodes[..nodes.len() - 1].iter().map(|node| node.r).collect(),
             reach: Reach::new(&places, &rod.nodes),
             settled,
+            metric: OnceLock::new(),
         }
+    }
+
+    /// How changes of its unknowns are measured, as [`keep_out::softness`] of its shape at rest; known once it is asked for.
+    fn metric(&self, rod: &Rod) -> &[f64] {
+        self.metric.get_or_init(|| {
+            let mut shape = Shape::default();
+            shape.update(rod, &rod.root.r, &self.settled.q);
+            keep_out::softness(rod, &shape)
+        })
     }
 
     /// How `guide` is and was turned.

@@ -106,6 +106,14 @@ impl Shape {
         self.carriers(rod, k, s).iter().map(|(share, x)| x * *share).sum()
     }
 
+    /// Sets `places` to the points, then the middles between any two of cubics with the tangents of both, m, with the root at `root`.
+    pub fn places(&self, rod: &Rod, root: &Vector3<f64>, places: &mut Vec<Vector3<f64>>) {
+        places.clear();
+        places.extend((0..self.points()).map(|k| self.x(k) + root));
+        let middle = |(k, step): (usize, &Step<f64>)| Vector3::from(self.between(k, step.h)) + root;
+        places.extend(rod.beam.steps.iter().enumerate().map(middle));
+    }
+
     /// Frame and position of every point.
     pub fn poses(&self) -> impl Iterator<Item = Pose> + '_ {
         self.pose.iter().map(|g| Pose { r: g.r.into(), p: g.p.into() })
@@ -131,6 +139,13 @@ impl<F: Real> Shape<F> {
             *pose = g;
         }
         most.below(most.same(MAX_STEP_TURN * MAX_STEP_TURN))
+    }
+
+    /// Middle between point `k` and the next of the cubic with the tangents of both, m, relative to the root: what a sub-step of `h`, m, bends to, about.
+    #[inline(always)]
+    pub(super) fn between(&self, k: usize, h: F) -> V3<F> {
+        let [a, b] = [&self.pose[k], &self.pose[k + 1]];
+        (a.p + b.p) * h.same(0.5) + (a.r.0[2] - b.r.0[2]) * (h * 0.125)
     }
 
     /// Largest distance between points of two shapes, m.

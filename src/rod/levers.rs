@@ -33,11 +33,17 @@ impl Levers {
     /// The way along `d` of a place at `x`, m, relative to the root, with each unknown, m²; the place lies upstream of point `end`, or is that point.
     pub fn row(&self, end: usize, x: &Vector3<f64>, d: &Vector3<f64>) -> Vec<f64> {
         let mut row = vec![0.0; 3 * self.bend.len()];
+        self.set_row(end, x, d, &mut row);
+        row
+    }
+
+    /// Sets `row` to [`Levers::row`].
+    pub fn set_row(&self, end: usize, x: &Vector3<f64>, d: &Vector3<f64>, row: &mut [f64]) {
+        row.fill(0.0);
         let upstream = self.nodes.iter().zip(&self.bend).take_while(|((_, point), _)| *point < end);
         for (row, ((at, _), bend)) in row.chunks_exact_mut(3).zip(upstream) {
             row.copy_from_slice(bend.tr_mul(&(x - at).cross(d)).as_slice());
         }
-        row
     }
 
     /// Σ w (∂x/∂q)ᵀ ∂x/∂q over the nodes, w being what `weight` says of each; row-major.

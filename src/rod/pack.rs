@@ -9,9 +9,9 @@ use super::model::{Beam, Step};
 use super::newton::{Outcome, Solver};
 use super::potential::{Load, Tie};
 use super::{Rod, Shape};
-use crate::math::lanes::{Lane, M3, MAX_LANES, Pose, Real, Twist, V3};
-use crate::math::se3::Coefficients;
-use nalgebra::Matrix3;
+use crate::math::lanes::{self, Lane, M3, MAX_LANES, Real, Twist, V3};
+use crate::math::se3::{Coefficients, Pose};
+use nalgebra::{Matrix3, Vector3};
 use pulp::{Arch, Simd, WithSimd};
 use std::any::Any;
 
@@ -38,6 +38,16 @@ pub struct Task<'a> {
     pub outcome: &'a mut Outcome,
 }
 
+/// A rod of a pack at given unknowns.
+pub struct Bent<'a> {
+    /// Root, world.
+    pub root: Pose,
+    /// Unknowns, 1/m.
+    pub q: &'a [f64],
+    /// Set to what [`Shape::places`] says.
+    pub places: &'a mut Vec<Vector3<f64>>,
+}
+
 impl Pack {
     /// Rods that one pack takes, on this processor.
     pub fn width() -> usize {
@@ -53,6 +63,12 @@ impl Pack {
     /// There is no task where there is no rod.
     pub fn minimise(&self, tasks: &mut [Option<Task>; MAX_LANES], work: &mut PackWork) {
         Arch::new().dispatch(Minimise { pack: self, tasks, work });
+    }
+
+    /// Does for every rod, in the order of [`Pack::new`], what [`Shape::update`] and [`Shape::places`] do. There is no `bent` where there is no rod, or it
+    /// does not matter.
+    pub fn place(&self, bent: &mut [Option<Bent>; MAX_LANES], work: &mut PackWork) {
+        Arch::new().dispatch(Place { pack: self, bent, work });
     }
 }
 
@@ -86,14 +102,38 @@ impl WithSimd for Minimise<'_, '_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let work = self.work.0.get_or_insert_with(|| Box::new(Buffers::new(Lane::splat(simd, 0.0))));
-        // A process sees one processor, so both were made for this one.
-        let (Some(beams), Some(buffers)) =
-            (self.pack.0.downcast_ref::<Beams<Lane<S>>>(), work.downcast_mut::<Buffers<Lane<S>>>())
-        else {
-            unreachable!("packs and their workspaces are made by the same dispatch")
-        };
+        let (beams, buffers) = made_for(simd, self.pack, self.work);
         beams.minimise(self.tasks, buffers);
+    }
+}
+
+struct Place<'a, 'b> {
+    pack: &'a Pack,
+    bent: &'a mut [Option<Bent<'b>>; MAX_LANES],
+    work: &'a mut PackWork,
+}
+
+impl WithSimd for Place<'_, '_> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let (beams, buffers) = made_for(simd, self.pack, self.work);
+        beams.place(self.bent, buffers);
+    }
+}
+
+/// A pack and a workspace as what they are on this processor.
+#[inline(always)]
+fn made_for<'a, S: Simd>(
+    simd: S,
+    pack: &'a Pack,
+    work: &'a mut PackWork,
+) -> (&'a Beams<Lane<S>>, &'a mut Buffers<Lane<S>>) {
+    let work = work.0.get_or_insert_with(|| Box::new(Buffers::new(Lane::splat(simd, 0.0))));
+    // A process sees one processor, so both were made for this one.
+    match (pack.0.downcast_ref(), work.downcast_mut()) {
+        (Some(beams), Some(buffers)) => (beams, buffers),
+        _ => unreachable!("packs and their workspaces are made by the same dispatch"),
     }
 }
 
@@ -243,16 +283,56 @@ impl<F: Real> Beams<F> {
     }
 }
 
+impl<F: Real> Beams<F> {
+    #[inline(always)]
+    fn place(&self, bent: &mut [Option<Bent>; MAX_LANES], work: &mut Buffers<F>) {
+        let zero = self.beam.length.same(0.0);
+        let Buffers { q, solver, .. } = work;
+        let shape = &mut solver.shape;
+        let Some(any) = bent.iter().position(Option::is_some) else { return };
+        let of = |i: usize| bent[i].as_ref().or(bent[any].as_ref());
+        q.clear();
+        q.resize(self.beam.unknowns(), zero);
+        let mut root = M3::diagonal(zero);
+        for i in 0..F::LANES {
+            let Some(bent) = of(i) else { return };
+            q.iter_mut().zip(bent.q).for_each(|(into, x)| into.set(i, *x));
+            let r = M3::<f64>::from(bent.root.r);
+            for (into, from) in root.0.iter_mut().zip(r.0) {
+                (0..3).for_each(|c| into.0[c].set(i, from.0[c]));
+            }
+        }
+        shape.bend(&self.beam, root, q);
+        for (i, bent) in bent.iter_mut().enumerate() {
+            let Some(Bent { root, places, .. }) = bent else { continue };
+            let place = |x: &V3<F>| Vector3::from(vector_in_lane(x, i)) + root.p;
+            places.clear();
+            places.push(place(&shape.pose[0].p));
+            places.extend(self.own[i].iter().map(|&k| place(&shape.pose[k + 1].p)));
+        }
+        // In the place of the ends of sub-steps, their middles.
+        for (k, step) in self.beam.steps.iter().enumerate() {
+            shape.pose[k].p = shape.between(k, step.h);
+        }
+        for (i, bent) in bent.iter_mut().enumerate() {
+            let Some(Bent { root, places, .. }) = bent else { continue };
+            places.extend(
+                self.own[i].iter().map(|&k| Vector3::from(vector_in_lane(&shape.pose[k].p, i)) + root.p),
+            );
+        }
+    }
+}
+
 #[inline(always)]
 fn vector_in_lane<F: Real>(v: &V3<F>, i: usize) -> V3<f64> {
     V3([v.0[0].lane(i), v.0[1].lane(i), v.0[2].lane(i)])
 }
 
 #[inline(always)]
-fn pose_in_lane<F: Real>(pose: &Pose<F>, i: usize) -> Pose<f64> {
+fn pose_in_lane<F: Real>(pose: &lanes::Pose<F>, i: usize) -> lanes::Pose<f64> {
     let [a, b, c] = &pose.r.0;
     let r = M3([vector_in_lane(a, i), vector_in_lane(b, i), vector_in_lane(c, i)]);
-    Pose { r, p: vector_in_lane(&pose.p, i) }
+    lanes::Pose { r, p: vector_in_lane(&pose.p, i) }
 }
 
 #[inline(always)]
@@ -340,6 +420,23 @@ mod tests {
             // Neighbours at a distance, so that companies differ.
             let members: Vec<usize> = (0..size).map(|i| (first + 3 * i) % rods.len()).collect();
             let pack = Pack::new(&members.iter().map(|&i| &rods[i]).collect::<Vec<_>>());
+            let mut places = vec![Vec::new(); size];
+            let roots = members.iter().map(|&i| Pose { p: Vector3::new(0.1, 0.2, i as f64), ..rods[i].root });
+            let roots: Vec<Pose> = roots.collect();
+            let mut bent = places.iter_mut().zip(&members).zip(&roots).map(|((places, &i), root)| {
+                (i % 5 != 2).then_some(Bent { root: *root, q: &alone[i].0, places })
+            });
+            let mut bent = std::array::from_fn(|_| bent.next().flatten());
+            pack.place(&mut bent, &mut work);
+            for ((places, &i), root) in places.iter().zip(&members).zip(&roots) {
+                let (mut shape, mut expected) = (Shape::default(), Vec::new());
+                if i % 5 != 2 {
+                    shape.update(&rods[i], &root.r, &alone[i].0);
+                    shape.places(&rods[i], &root.p, &mut expected);
+                    assert_eq!(expected.len(), 2 * rods[i].points() - 1);
+                }
+                assert_eq!(*places, expected, "{i}");
+            }
             let mut results = vec![(vec![0.1; n], Shape::default(), Outcome::default()); size];
             let other = vec![0.0; n];
             let mut tasks = results.iter_mut().zip(&members).map(|((q, shape, outcome), &i)| {
