@@ -27,7 +27,7 @@ use nalgebra::Vector3;
 const REACH: f64 = 1e-3;
 
 /// Times that contacts are looked for, solved and moved in one step.
-const MAX_ROUNDS: u32 = 16;
+const MAX_ROUNDS: u32 = 20;
 
 /// Rounds after which contacts stay as they are, others only join them, and no motion is taken that gains nothing: contacts that turn with every round, or
 /// come and go, may never come to rest.
@@ -63,7 +63,7 @@ const SOUND: f64 = 1e-4;
 pub(super) const ACCEPTABLE_GAP: f64 = 1e-3;
 
 /// Contacts of one strand in one problem; beyond it the deepest are kept and the others wait for the next round.
-const MAX_CONTACTS: usize = 128;
+const MAX_CONTACTS: usize = 64;
 
 /// Cosine of the angle up to which the normals of a contact, from one round or step to the next, are taken to be of one.
 const SAME_NORMAL: f64 = 0.9;
