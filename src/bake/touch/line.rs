@@ -10,8 +10,8 @@ pub(super) fn on_rod(half: usize, u: f64) -> (usize, f64) {
     (half / 2, 0.5 * ((half % 2) as f64 + u))
 }
 
-/// That polyline: its points `x`, and between any two the middle of the cubic with the tangents `t` there, `arc` being
-/// the arc length of each point, m. It is that of [`Shape::carriers`].
+/// That polyline, m: its points `x`, and between any two the middle of the cubic with the tangents `t` there, `arc` being
+/// the arc length of each point, m. Its middles move as the [`carriers`](crate::rod::Shape::carriers) of the fraction ½ do.
 pub(in crate::bake) fn with_middles(
     arc: &[f64],
     x: impl Fn(usize) -> Vector3<f64>,
