@@ -245,7 +245,7 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
     for i in 0..288 {
         let (t0, t1) = (f64::from(i) * h, f64::from(i + 1) * h);
         let record = guide.advance(&around, t0, t1, &mut work);
-        assert_eq!((record.unconverged, record.halvings, record.shortened), (0, 0, 0), "{t1} s");
+        assert_eq!((record.unconverged, record.unsettled, record.shortened), (0, 0, 0), "{t1} s");
         if (0.5..2.0).contains(&t1) {
             assert!(away(&guide, t1) < 1e-4, "{t1} s: {} m away", away(&guide, t1));
             assert!(record.slack < 1e-4);

@@ -111,6 +111,11 @@ fn moments_of_a_frame_move_with_the_velocities_and_are_the_same_in_stages() {
         assert!(way > 0.05 && off < 0.01 * way, "{prim}: {off} of {way}");
     }
 
+    same_in_stages(&scene, &out, &options);
+}
+
+/// Holds a bake with `options` against one in stages.
+fn same_in_stages(scene: &Scene, out: &Path, options: &[&str]) {
     let again = scene.folder.path().join("again");
     for (stage, more) in [
         ("simulate", &["--frames", "1002-1004", "--preroll", "0.1"][..]),
@@ -123,8 +128,33 @@ fn moments_of_a_frame_move_with_the_velocities_and_are_the_same_in_stages() {
         command.arg("-q").arg(stage).args([&scene.groom, &scene.anim]).arg("-o").arg(&again);
         command.args(["--shot", "1003-1004", "--substeps", "2"]).args(options).args(more).assert().success();
     }
-    for name in entries(&out).iter().filter(|name| name.starts_with("hair.") || *name == "manifest.json") {
+    for name in entries(out).iter().filter(|name| name.starts_with("hair.") || *name == "manifest.json") {
         assert!(here(&out.join(name)) == here(&again.join(name)), "{name}");
+    }
+}
+
+#[test]
+fn steps_are_where_the_solver_brought_the_guides() {
+    let scene = Scene::import();
+    for contact in ["bodies", "full"] {
+        let options = ["--curves", "steps", "--contact", contact];
+        let out = baked(&scene, contact, &options);
+        let (header, at_frame, _) = read(&out);
+        let (_, of_guides, _) = read(&baked(&scene, "guides", &["--curves", "guides", "--contact", contact]));
+        assert_eq!((header.hair, &at_frame), (None, &of_guides));
+        let moments = Reader::open(&out).unwrap().read_moments(1003, [0.0, 0.5]).unwrap();
+        assert!(moments[0].guides.points != moments[1].guides.points && moments[0].head != moments[1].head);
+        let path = out.join("hair.1003.usdc");
+        let mut layer = crate_file::decode(&path, &here(&path)).unwrap();
+        let samples = &layer.prim_mut("/groom/guides").unwrap().attribute_mut("points").unwrap().samples;
+        assert_eq!(samples.iter().map(|(time, _)| *time).collect::<Vec<_>>(), [1003.0, 1003.5]);
+        same_in_stages(&scene, &out, &options);
+        std::fs::remove_dir_all(scene.folder.path().join("again")).unwrap();
+        std::fs::remove_dir_all(scene.folder.path().join("guides")).unwrap();
+    }
+    for more in [&["--samples", "3"][..], &["--resolution", "coarse"]] {
+        let mut refused = bake(&scene.groom, &scene.anim, &scene.folder.path().join("none"));
+        refused.args(["--curves", "steps"]).args(more).assert().code(64);
     }
 }
 

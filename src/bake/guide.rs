@@ -20,11 +20,9 @@ use crate::scene::anim::{Scheme, Wind};
 use nalgebra::{Isometry3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// How often a step is halved before a rod whose solve does not converge is carried along and reported.
-const MAX_HALVINGS: u32 = 5;
-
-/// How often a step is halved before a motion that still crosses a surface is cut short.
-const MAX_CONTACT_HALVINGS: u32 = 5;
+/// How often a step is halved before a rod whose solve does not converge is carried along, or a motion that still crosses a surface is cut short, and
+/// reported.
+pub(super) const MAX_HALVINGS: u32 = 5;
 
 /// Most that a strand in touch may move in a step that starts from where it is foreseen, m: what moves farther soon meets other things than
 /// those that pushed it last.
@@ -57,6 +55,8 @@ pub struct Guide {
     pub v: Vec<Vector3<f64>>,
     /// Tangent at each point.
     pub tangent: Vec<Vector3<f64>>,
+    /// Whether it takes its sub-steps together with the guides that it touches: what needs them in parts is not its own affair then.
+    pub together: bool,
     /// Whether bodies push it away by springs once it is in them, which is quick and guarantees nothing, in place of holding it out.
     pub sprung: bool,
     /// Time scheme; the default one for a new guide.
@@ -73,8 +73,8 @@ pub struct Guide {
     memory: crate::contact::Workspace,
     /// What bodies pushed it with at the end of the last step.
     pushes: Vec<Push>,
-    /// Whether every part of the last sub-step was cut short: bodies have closed on the strand, and no division helps.
-    pinched: bool,
+    /// Whether no part of the last sub-step went as it should: bodies have closed on the strand, and no division helps.
+    pub(super) pinched: bool,
 }
 
 /// What a time scheme remembers of a guide.
@@ -227,6 +227,7 @@ impl Guide {
             tangent: now.iter().map(|g| g.r.column(2).into()).collect(),
             v: now.iter().zip(&before).map(|(a, b)| (a.p - b.p) / h).collect(),
             past: [(h, vec![0.0; q.len()]), (h, vec![0.0; q.len()])],
+            together: false,
             sprung: false,
             scheme: Scheme::default(),
             before: State::default(),
@@ -265,8 +266,11 @@ impl Guide {
         two.copy_from_slice(one);
         one.copy_from_slice(now);
         let mut record = StepRecord::default();
-        self.advance_part(around, span, 0, solved, work, &mut record);
-        self.pinched = record.shortened > record.halvings;
+        let depth = if self.together { MAX_HALVINGS } else { 0 };
+        self.advance_part(around, span, depth, solved, work, &mut record);
+        if !self.together {
+            self.pinched = record.shortened > record.halvings;
+        }
         if self.clearance.counts().1 > 0 && (around.brought_out)(span[1]) >= 1.0 {
             // What could not be brought out by now is drawn in a knot with the body, and stays so.
             let poses: Vec<_> = (0..around.bodies.len()).map(|b| (around.body)(b, span[1])).collect();
@@ -285,7 +289,7 @@ impl Guide {
         work: &mut Workspace,
         record: &mut StepRecord,
     ) {
-        let last = self.pinched || depth >= MAX_CONTACT_HALVINGS;
+        let last = self.pinched || depth >= MAX_HALVINGS;
         let mut formula = self.formula(t1 - t0);
         let (mut root, mut outcome, mut clear);
         loop {
@@ -318,7 +322,8 @@ impl Guide {
             }
             formula = Formula::new(self.scheme, t1 - t0, 0.0);
         }
-        if !clear && (if outcome.converged { !last } else { depth < MAX_HALVINGS }) {
+        let whole = clear || self.together || depth >= MAX_HALVINGS || self.pinched && outcome.converged;
+        if !whole {
             record.halvings += 1;
             let middle = 0.5 * (t0 + t1);
             self.advance_part(around, [t0, middle], depth + 1, None, work, record);
@@ -460,6 +465,11 @@ impl Guide {
         q.clear();
         let ahead = self.q[0].iter().zip(r1).zip(r2);
         q.extend(ahead.map(|((q, r1), r2)| q + r1 * h + (r1 - r2) * bend));
+    }
+
+    /// Rate of the unknowns over the last solve, 1/(m·s).
+    pub(super) fn rate(&self) -> &[f64] {
+        &self.past[0].1
     }
 
     /// The polyline in which it meets bodies, as it is now, world, m.

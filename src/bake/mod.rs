@@ -23,6 +23,7 @@ pub mod state;
 mod stepper;
 mod tangle;
 pub mod tie;
+mod together;
 mod touch;
 pub mod wisps;
 pub mod work;
@@ -308,7 +309,7 @@ impl<'a> Strands<'a> {
         let laid = self.held.get_mut(&frame).and_then(|(_, seen)| seen.as_mut()?.laid.take());
         let retreats = around.map(|near| self.held[&near].1.as_ref().map_or(&[][..], |seen| &seen.retreats));
         let states = [frame, frame + 1].map(|near| &self.held[&near].0.guides[..]);
-        let arrays = self.output.frame(frame, states, &retreats, laid)?;
+        let arrays = self.output.frame(frame, states, &self.held[&(frame + 1)].0.steps, &retreats, laid)?;
         seconds.interpolate = start.elapsed().as_secs_f64();
         let start = Instant::now();
         let file = self.writer.write_frame(&arrays)?;

@@ -2,7 +2,7 @@
 
 use super::base::Base;
 use super::rods::Rods;
-use super::state::GuideState;
+use super::state::{GuideState, Step};
 use crate::Result;
 use crate::cache::{Closest, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 use crate::contact::Bodies;
@@ -87,8 +87,8 @@ impl<'a> Output<'a> {
         }
     }
 
-    /// The cache's arrays at the moments of `frame` that are written; at it and at the next the guides are as in `states`, and `retreats`
-    /// are those of the frames around it. `laid` is how the strands lie at it if none retreats, where that is known.
+    /// The cache's arrays at the moments of `frame` that are written; at it and at the next the guides are as in `states`, on the way as in `steps` if that
+    /// is written, and `retreats` are those of the frames around it. `laid` is how the strands lie at it if none retreats, where that is known.
     ///
     /// # Errors
     /// Those of [`Base::complete`].
@@ -96,12 +96,13 @@ impl<'a> Output<'a> {
         &mut self,
         frame: i32,
         states: [&[GuideState]; 2],
+        steps: &[Step],
         retreats: &Retreats,
         mut laid: Option<Moving>,
     ) -> Result<Vec<Frame>> {
         let (interval, settings) = (1.0 / self.anim.fps, &self.anim.settings);
         let mut offsets: Vec<f64> = settings.offsets().collect();
-        let written = offsets.len();
+        let written = offsets.len() + steps.len();
         // Of a single moment accelerations tell how the shutter ends.
         offsets.extend((self.header.accelerations && written == 1).then_some(settings.shutter));
         let moment = |offset: f64| {
@@ -114,6 +115,11 @@ impl<'a> Output<'a> {
             self.moment((frame, offset), guides, retreats, laid)
         };
         let mut moments: Vec<Frame> = offsets.into_iter().map(moment).collect();
+        let after = |step: &Step| step.time * self.anim.fps - f64::from(frame);
+        let steps: Vec<_> = steps.iter().map(|step| (after(step), &step.guides[..])).collect();
+        moments.extend(
+            steps.into_iter().map(|(offset, guides)| self.moment((frame, offset), guides, retreats, None)),
+        );
         if self.header.accelerations {
             accelerate(&mut moments, interval);
         }
@@ -314,7 +320,7 @@ impl<'a> Written<'a> {
     /// What a bake writes whose guides are simulated as `rods`.
     pub fn new(groom: &'a Groom, anim: &'a Anim, rods: &'a Rods) -> Self {
         let (strands, wider) = match (anim.settings.curves, anim.settings.keep) {
-            (Choice::Guides, _) => (Cow::Owned(groom.strands.select(&[])), Vec::new()),
+            (Choice::Guides | Choice::Steps, _) => (Cow::Owned(groom.strands.select(&[])), Vec::new()),
             (_, keep) if keep < 1.0 => {
                 let (left, wider) = kept(&groom.strands, keep);
                 (Cow::Owned(left), wider)
@@ -353,7 +359,7 @@ impl<'a> Written<'a> {
             hair: (!self.strands.curves.is_empty()).then(hair),
             guides: match anim.settings.curves {
                 Choice::Strands => CurveSet::default(),
-                Choice::Guides | Choice::Both => guide_set(groom, &self.rods),
+                Choice::Guides | Choice::Steps | Choice::Both => guide_set(groom, &self.rods),
             },
             colliders: anim.colliders.iter().map(collider).collect(),
             levels: anim.settings.resolution != Resolution::Full,

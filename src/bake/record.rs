@@ -18,7 +18,7 @@ pub struct FrameRecord {
     pub newton_max: u32,
     /// Steps that were cut in half for the solver's sake.
     pub halvings: u32,
-    /// Ids of guides with a step that was taken in parts: between its ends they went otherwise than straight.
+    /// Ids of guides with a step that they took in parts by themselves, at moments that are not written: between its ends they went otherwise than straight.
     pub divided: Vec<i32>,
     /// Ids of guides with a solve that did not converge; they were carried along rigidly instead.
     pub unconverged: Vec<i32>,
@@ -119,7 +119,7 @@ impl FrameRecord {
             self.crossings += r.crossed + r.strands.crossings;
             self.strands_shortened += r.strands.alone + r.strands.held;
             self.tie_slack_m = self.tie_slack_m.max(r.slack);
-            if r.halvings > 0 && !self.divided.contains(id) {
+            if r.halvings > 0 && !step.together && !self.divided.contains(id) {
                 self.divided.push(*id);
             }
             if r.unconverged > 0 && !self.unconverged.contains(id) {

@@ -5,12 +5,13 @@ use super::company::Companies;
 use super::guide::{Guide, StepRecord, Surroundings};
 use super::rods::Rods;
 use super::rubbing::{Moving, Rubbed, Rubbing};
-use super::state::{GuideState, Part, Unfit};
+use super::state::{GuideState, Part, Step, Unfit};
 use super::tangle::{Skin, Tangle};
+use super::together::Together;
 use super::wisps::{Changes, Wisps};
 use crate::contact::Bodies;
 use crate::rod::{Rod, Shape};
-use crate::scene::anim::{Contact, Resolution};
+use crate::scene::anim::{Contact, Resolution, Written};
 use crate::scene::{Anim, Groom};
 use crate::wisp::{GuideRod, Hierarchy};
 use nalgebra::Vector3;
@@ -27,6 +28,8 @@ pub struct SubStep<'a> {
     pub records: &'a [StepRecord],
     /// Which guides moved by themselves; there are no figures of the others.
     pub stepped: &'a [bool],
+    /// Whether guides met each other, and took what parts it was taken in all at once.
+    pub together: bool,
     /// Strain nodes with unknowns of the guides that move by themselves from now on.
     pub nodes: u32,
     /// To wisps.
@@ -53,6 +56,8 @@ pub struct Simulation<'a> {
     rubbing: Option<Rubbing>,
     /// The guides as wisps, where not all move by themselves.
     wisps: Option<Wisps>,
+    /// Where the guides were brought since the last frame, where that is written.
+    steps: Vec<Step>,
     /// Sub-steps taken since the start of the pre-roll.
     taken: i64,
     /// Sub-steps of the pre-roll.
@@ -84,6 +89,7 @@ impl<'a> Simulation<'a> {
             tangle: None,
             rubbing: rubbing(rods),
             wisps: None,
+            steps: Vec::new(),
             taken: 0,
             preroll,
         };
@@ -150,6 +156,11 @@ impl<'a> Simulation<'a> {
         self.guides.par_iter().enumerate().map(state).collect()
     }
 
+    /// Where the solver brought the guides since the last frame, if that is written; forgets it.
+    pub fn steps(&mut self) -> Vec<Step> {
+        std::mem::take(&mut self.steps)
+    }
+
     fn muster(&mut self) {
         self.companies = Companies::muster(&self.guides, |i| self.is_free(i));
     }
@@ -167,24 +178,47 @@ impl<'a> Simulation<'a> {
             let mover = |i: usize| self.wisps.as_ref().map_or(i, |wisps| wisps.mover(i));
             self.around(|around| rubbing.act(&mut guides, mover, &Moving::new(around, t0), t1 - t0));
         }
-        self.around(|around| self.companies.advance(&mut guides, around, [t0, t1], &mut records));
-        let mut tangle = self.tangle.take();
-        if let Some(tangle) = &mut tangle {
-            self.around(|around| tangle.resolve(&mut guides, around, [t0, t1], &mut records));
-        }
-        (self.guides, self.records, self.tangle) = (guides, records, tangle);
+        let (mut tangle, mut steps) = (self.tangle.take(), std::mem::take(&mut self.steps));
+        let mut note = |t: f64, guides: &[Guide]| {
+            if self.anim.settings.curves == Written::Steps && self.taken >= self.preroll {
+                steps.push(Step::new(t, guides));
+            }
+        };
+        self.around(|around| match &mut tangle {
+            None => {
+                self.companies.advance(&mut guides, around, [t0, t1], &mut records);
+                note(t1, &guides);
+            }
+            Some(tangle) => {
+                let (companies, guides) = (&self.companies, &mut guides);
+                Together { guides, tangle, companies, around, note: &mut note }
+                    .advance([t0, t1], &mut records);
+            }
+        });
+        (self.guides, self.records, self.tangle, self.steps) = (guides, records, tangle, steps);
         self.taken += 1;
+        if self.is_at_frame() {
+            // That is the frame's own state.
+            self.steps.pop();
+        }
         let changes = self.adapt();
         let nodes = self.free().map(|g| g.rod.unknowns() as u32 / 3).sum();
-        SubStep { records: &self.records, stepped: &self.stepped, nodes, changes }
+        let together = self.tangle.is_some();
+        SubStep { records: &self.records, stepped: &self.stepped, together, nodes, changes }
+    }
+
+    /// Whether a sub-step has just ended at a frame.
+    fn is_at_frame(&self) -> bool {
+        let moved = self.taken - self.preroll;
+        moved >= 0 && moved % i64::from(self.anim.settings.substeps) == 0
     }
 
     /// Gathers the wisps at the end of the pre-roll; from then on, at the end of every frame, moves what follows, and lets guides come away and join.
     fn adapt(&mut self) -> Changes {
-        let moved = self.taken - self.preroll;
-        if moved < 0 || moved % i64::from(self.anim.settings.substeps) != 0 {
+        if !self.is_at_frame() {
             return Changes::default();
         }
+        let moved = self.taken - self.preroll;
         let Some(mut wisps) = self.wisps.take() else { return Changes::default() };
         let mut guides = std::mem::take(&mut self.guides);
         let changes = self.around(|around| {
@@ -241,6 +275,7 @@ pub struct Saved {
     pub guides: <Vec<Guide> as Part>::State,
     tangle: <Option<Tangle> as Part>::State,
     wisps: Option<super::wisps::Saved>,
+    steps: Vec<Step>,
 }
 
 impl Part for Simulation<'_> {
@@ -252,11 +287,12 @@ impl Part for Simulation<'_> {
             guides: self.guides.state(),
             tangle: self.tangle.state(),
             wisps: self.wisps.as_ref().map(Wisps::state),
+            steps: self.steps.clone(),
         }
     }
 
     fn restore(&mut self, state: Saved) -> Result<(), Unfit> {
-        self.taken = state.taken;
+        (self.taken, self.steps) = (state.taken, state.steps);
         self.guides.restore(state.guides)?;
         self.tangle.restore(state.tangle)?;
         let found = state.wisps.iter().count();
@@ -299,6 +335,7 @@ fn start(anim: &Anim, bulk: &Bulk, r: &GuideRod, around: &Surroundings, t: f64, 
     let mut guide = Guide::new(r.rod.clone(), drag, r.material.friction, &thickness, around, t, step);
     guide.scheme = anim.settings.scheme;
     guide.sprung = anim.settings.contact == Contact::Penalty;
+    guide.together = anim.settings.contact == Contact::Full;
     guide.friction[1] = r.material.friction.times(r.material.friction_at_tip);
     guide.across = r.material.friction_across;
     guide.goal = goal(&r.rod, &shape, r.material.goal);

@@ -1,5 +1,6 @@
 //! What is kept of a bake between processes: the state of the guides at a frame, and that of the whole simulation.
 
+use super::guide::Guide;
 use super::record::FrameRecord;
 use super::wisps::slope;
 use serde::de::DeserializeOwned;
@@ -86,6 +87,17 @@ pub struct FrameState {
     pub machine: String,
     /// The guides, in the groom's order.
     pub guides: Vec<GuideState>,
+    /// Where the solver brought them on the way from the frame before, where that is written.
+    pub steps: Vec<Step>,
+}
+
+/// The guides between two frames.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Step {
+    /// When, s.
+    pub time: f64,
+    /// The guides, in the groom's order; rates are those of the step that led there.
+    pub guides: Vec<GuideState>,
 }
 
 /// A guide at a frame.
@@ -97,6 +109,14 @@ pub struct GuideState {
     pub rate: Vec<f64>,
     /// Level of the wisp that it moves with, 0 for a coarse one.
     pub level: u32,
+}
+
+impl Step {
+    /// Of guides that all move by themselves.
+    pub(super) fn new(time: f64, guides: &[Guide]) -> Self {
+        let state = |g: &Guide| GuideState { q: g.q[0].clone(), rate: g.rate().to_vec(), level: 0 };
+        Step { time, guides: guides.iter().map(state).collect() }
+    }
 }
 
 impl GuideState {

@@ -130,7 +130,7 @@ impl<'a> Run<'a> {
             self.attend()?;
             self.record.add(&self.simulation.advance(), &self.job.groom.guides.curves.id);
         }
-        let mut record = std::mem::take(&mut self.record);
+        let (mut record, steps) = (std::mem::take(&mut self.record), self.simulation.steps());
         record.frame = frame;
         record.close(self.simulation.free(), &head_motion(&self.job.anim, self.simulation.time()));
         self.next += 1;
@@ -140,7 +140,7 @@ impl<'a> Run<'a> {
         if due || frame >= self.stage.end() - 1 {
             self.save()?;
         }
-        Ok(FrameState { record, machine: machine(), guides: self.simulation.states() })
+        Ok(FrameState { record, machine: machine(), guides: self.simulation.states(), steps })
     }
 
     fn attend(&mut self) -> Result<()> {

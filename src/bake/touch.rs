@@ -75,8 +75,12 @@ const SLIDING: f64 = 1e-9;
 const COMPLIANCE: f64 = 0.1;
 
 /// Share of a clearance that gives way to a force beyond [`RIGID`], 1/N, as skin does under a fibre: what is
-/// wedged where there is no room for it is not pushed with forces without end. However large, no force presses together more than what old violations leave.
+/// wedged where there is no room for it is not pushed with forces without end.
 const YIELDING: f64 = 5.0;
+
+/// Share of a clearance that gives way to a force without end: somewhat less than what old violations leave. What is pressed in short steps, in each by that share
+/// more, must not come to lie on the surface itself, where rounding takes it through.
+const PRESSED: f64 = 0.2;
 
 /// Force under which nothing gives way, N: several times the weight of a hair.
 const RIGID: f64 = 1e-4;
@@ -214,18 +218,19 @@ pub(super) fn rows_at(
 }
 
 impl Touch<'_> {
-    /// Brings `q`, whose shape the solver holds, out of all bodies. `free` says that without contacts it would solve the step. `false`
-    /// where the motion still crosses a surface.
+    /// Brings `q`, whose shape the solver holds, out of all bodies. `free` says that without contacts it would solve the step, `last` that the step can be
+    /// divided no more. `false` where the motion still crosses a surface, or does not come to rest and may be divided.
     pub fn resolve(
         &self,
         free: bool,
+        last: bool,
         q: &mut [f64],
         solver: &mut Solver,
         memory: &mut crate::contact::Workspace,
         work: &mut TouchWork,
     ) -> bool {
         let mut moved = f64::INFINITY;
-        let (mut last, mut cut) = (f64::INFINITY, false);
+        let (mut earlier, mut cut) = (f64::INFINITY, false);
         for round in 0..=MAX_ROUNDS {
             work.frozen = round >= TURNING_ROUNDS;
             let clear = self.find(solver, memory, work);
@@ -245,7 +250,7 @@ impl Touch<'_> {
                     // That of the last round is of where the round began.
                     work.noted.residual = self.residual(q, solver, work);
                 }
-                return taken;
+                return taken && (settled || last);
             }
             work.noted.rounds = round + 1;
             // On the way from a free motion the reactions are not yet those of the shape at hand.
@@ -262,13 +267,13 @@ impl Touch<'_> {
             let before = moved;
             moved = if work.frozen {
                 // What goes to and fro is between the two.
-                cut = !cut && moved >= CONTRACTING * last;
+                cut = !cut && moved >= CONTRACTING * earlier;
                 self.descend(if cut { 0.5 * moved } else { MAX_MOVE }, solver, q, work)
             } else {
                 solve_upper(&solver.factor, q.len(), &mut solver.direction);
                 solver.advance(self.rod, &self.root.r, q, MAX_MOVE)
             };
-            last = before;
+            earlier = before;
             // From a good start the rounds contract; where they do not, they may be on their way to another shape.
             if !free && (moved >= before.max(MOVE_TOLERANCE) || moved >= MAX_MOVE) {
                 return false;
@@ -451,7 +456,7 @@ impl Touch<'_> {
             work.delassus[a * 3 * c + a] += match work.contacts.get(a / 3) {
                 Some(contact) if a % 3 == 0 => {
                     let more = (1.0 - RIGID / work.reaction[a].max(RIGID)) * YIELDING;
-                    let given_way = 1.0 + more / (1.0 - USED_UP) * work.reaction[a];
+                    let given_way = 1.0 + more / PRESSED * work.reaction[a];
                     more * line.kept_at(contact).max(0.0) / given_way
                 }
                 Some(_) => 0.0,

@@ -57,7 +57,7 @@ pub struct SceneArguments {
     /// accurate and slower [default: the anim's, 0.02]
     #[arg(long, value_name = "SHARE", value_parser = values::share, help_heading = SETTINGS)]
     parting: Option<f64>,
-    /// Which curves to write, guides, strands or both [default: the anim's, both]
+    /// Which curves to write, guides, strands or both; or steps: guides, and where the solver brought them between frames [default: the anim's, both]
     #[arg(long, value_name = "NAME", value_parser = values::curves, help_heading = SETTINGS)]
     curves: Option<Written>,
     /// Share of the render strands to write, wider so that they cover as much: level of detail [default: the anim's, 1]
@@ -108,6 +108,7 @@ fn resolution(resolution: Resolution) -> &'static str {
 fn curves(curves: Written) -> &'static str {
     match curves {
         Written::Guides => "guides",
+        Written::Steps => "steps",
         Written::Strands => "strands",
         Written::Both => "both",
     }
@@ -170,6 +171,12 @@ impl SceneArguments {
         settings.accelerations |= self.accelerations;
         if settings.curves == Written::Strands && groom.strands.curves.is_empty() {
             let message = "the groom has no render strands to write: ask for --curves guides";
+            return Err(Error::Usage(message.into()));
+        }
+        let frames_only =
+            settings.samples > 1 || settings.resolution != Resolution::Full || self.base.is_some();
+        if settings.curves == Written::Steps && frames_only {
+            let message = "--curves steps writes the moments of the solver: it goes with --resolution full and one sample a frame, and not with --base";
             return Err(Error::Usage(message.into()));
         }
         Ok(Scene { groom, anim, groom_file, anim_file, reading, only, out })

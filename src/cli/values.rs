@@ -66,9 +66,10 @@ pub fn resolution(text: &str) -> Result<Resolution, String> {
 pub fn curves(text: &str) -> Result<Written, String> {
     match text {
         "guides" => Ok(Written::Guides),
+        "steps" => Ok(Written::Steps),
         "strands" => Ok(Written::Strands),
         "both" => Ok(Written::Both),
-        _ => Err("guides, strands or both".into()),
+        _ => Err("guides, strands, both or steps".into()),
     }
 }
 

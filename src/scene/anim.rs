@@ -212,6 +212,9 @@ pub enum Resolution {
 pub enum Written {
     /// The simulated guides only.
     Guides,
+    /// The simulated guides only, and where the solver brought them between frames: whatever is between two of these moments went straight. For whoever
+    /// checks the solver.
+    Steps,
     /// The render strands only.
     Strands,
     /// Both.

@@ -6,6 +6,8 @@ import subprocess
 
 import numpy as np
 import pytest
+from hairbake_validate.cache import Cache
+from hairbake_validate.crossing_check import moments
 from hairbake_validate.run import validate
 
 HAIRBAKE = os.environ.get("HAIRBAKE", "")
@@ -81,3 +83,13 @@ def test_bake_passes_the_validator(scene):
     assert done.returncode == 0, done.stderr
     report = validate(scene / "out")
     assert all(outcome.status == "pass" for outcome in report.outcomes.values()), report.as_text()
+
+
+@pytest.mark.skipif(not can_bake(), reason="HAIRBAKE names no binary that can bake")
+@pytest.mark.parametrize("contact", ["bodies", "full"])
+def test_steps_pass_the_validator(scene, contact):
+    done = hairbake(scene / "groom.json", scene / "anim.json", "-o", scene / "out", "--curves", "steps", "--contact", contact)
+    assert done.returncode == 0, done.stderr
+    report = validate(scene / "out")
+    assert all(outcome.status == "pass" for outcome in report.outcomes.values()), report.as_text()
+    assert sum(1 for _ in moments(Cache(scene / "out"))) >= 13 * 8 + 1

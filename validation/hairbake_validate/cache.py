@@ -131,6 +131,11 @@ class Cache:
         settings = self.record.get("settings")
         return settings if isinstance(settings, dict) else {}
 
+    @property
+    def stepwise(self) -> bool:
+        """Whether the frames' files hold all moments to which the solver brought the guides, whichever these are."""
+        return self.settings.get("curves") == "steps"
+
     def frame_path(self, frame: int) -> Path:
         """File of one frame, its number filled up to four characters as USD's clip template does (-1 is `00-1`)."""
         return self.directory / f"hair.{str(frame).rjust(4, '0')}.usdc"

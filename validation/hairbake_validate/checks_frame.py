@@ -56,6 +56,10 @@ def frames(window: Window) -> Iterator[Finding]:
         )
         return
     moments = window.cache.moments(window.frame)
+    if window.cache.stepwise:
+        # Those of the head, the first of which is the frame.
+        after = window.file.times.get(f"{HEAD}.{TRANSFORM}", [])[1:]
+        moments += [time for time in after if window.frame < time < window.frame + 1]
     for path in window.cache.animated():
         times = window.file.times.get(path)
         if times is None:

@@ -100,7 +100,10 @@ def residuals(window: Window) -> Iterator[tuple[Curves, np.ndarray, np.ndarray]]
 
 
 def sub_frames(window: Window) -> Iterator[Finding]:
-    """Between two moments, so soon after each other, the mean of their velocities does. The median over the points."""
+    """Between two moments, so soon after each other, the mean of their velocities does. The median over the points. Those of the solver's own moments are of
+    the way there."""
+    if window.cache.stepwise:
+        return
     floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
     for curves in window.cache.curves:
         points, rates = (window.moments(curves.path, name) for name in ("points", "velocities"))

@@ -1,7 +1,7 @@
 """Crossings of a written cache: `python -m hairbake_validate.crossing_check out/`.
 
-Looks at the guides between successive samples, handles included, against a body in its own space and against each other in that of the head; bake with a high frame rate and one step a frame to look at every step of
-the solver. Ends with 1 where something crossed.
+Looks at the guides between successive samples, handles included, against a body in its own space and against each other in that of the head; bake with
+`--curves steps` to look at every step of the solver. Ends with 1 where something crossed.
 
 What is drawn through a body cannot be kept out of it, and a root stands in the scalp: a segment that pierces a body at
 rest, and all between it and the root, are left out for that body. How many these are is told.
@@ -25,7 +25,7 @@ class Event:
     """Two things passed through each other between two frames."""
 
     frame: int
-    """The later of the two."""
+    """The later of the two, or that on the way to which it was."""
     what: str
     curves: tuple[int, ...]
     """Curves by index."""
@@ -87,6 +87,7 @@ class Moment:
     """A sample of the cache."""
 
     frame: int
+    """Its own, or the one that it is on the way to."""
     points: np.ndarray
     """Of the guides, world."""
     head: np.ndarray
@@ -102,12 +103,20 @@ class Moment:
 def moments(cache: Cache) -> Iterator[Moment]:
     """All samples, handles included."""
     for frame in cache.frames:
-        values = read_frame(cache, frame).values
-        bodies = []
-        for mesh in cache.colliders:
-            points = values[f"{mesh.path}.points"].astype(float) if mesh.deforms else mesh.points
-            bodies.append(Body(points[mesh.triangles], values[f"{mesh.path}.{TRANSFORM}"]))
-        yield Moment(frame, values[f"{GUIDES}.points"].astype(float), values[f"{HEAD}.{TRANSFORM}"], bodies)
+        file = read_frame(cache, frame)
+        yield moment(cache, frame, file.values)
+        if frame != cache.frames[-1]:
+            for _, values in sorted(file.later.items()):
+                yield moment(cache, frame + 1, values)
+
+
+def moment(cache: Cache, frame: int, values: dict[str, np.ndarray]) -> Moment:
+    """Of these values."""
+    bodies = []
+    for mesh in cache.colliders:
+        points = values[f"{mesh.path}.points"].astype(float) if mesh.deforms else mesh.points
+        bodies.append(Body(points[mesh.triangles], values[f"{mesh.path}.{TRANSFORM}"]))
+    return Moment(frame, values[f"{GUIDES}.points"].astype(float), values[f"{HEAD}.{TRANSFORM}"], bodies)
 
 
 def rest_transform(cache: Cache, mesh: Mesh) -> np.ndarray:

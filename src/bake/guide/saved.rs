@@ -36,6 +36,7 @@ impl Part for Guide {
             // As the velocities at the start of a sub-step make it.
             rubbed: _,
             drag: _,
+            together: _,
             sprung: _,
             scheme: _,
             lengths: _,

@@ -33,7 +33,7 @@ impl Guide {
         let start = std::mem::take(&mut self.q[0]);
         let clear = self.with_touch(around.bodies, root, work, |touch, moving| {
             let Moving { q, solver, memory, touching } = moving;
-            let clear = touch.resolve(free, q, solver, memory, touching);
+            let clear = touch.resolve(free, last, q, solver, memory, touching);
             if !clear && last {
                 let stopped = touch.shorten(&start, q, solver, memory, touching);
                 touching.noted.crossed = !stopped;

@@ -33,8 +33,7 @@ pub(super) enum Resort {
 /// A guide as a part of a sub-step that is solved for many together.
 #[derive(Debug)]
 pub(super) struct Member {
-    /// Whether it has taken the sub-step alone in one piece. Only what has can be solved with others: of what was taken in parts, for a body's
-    /// sake or for want of convergence, the way to its end is not known.
+    /// Whether it has solved the sub-step alone. Only what has can be solved with others.
     pub whole: bool,
     /// Whether it takes part.
     pub open: bool,
@@ -93,7 +92,7 @@ impl Member {
 
     /// Begins a sub-step, of which `record` tells how the guide has taken it alone.
     pub fn begin(&mut self, record: &StepRecord) {
-        self.whole = record.halvings == 0 && record.unconverged == 0;
+        self.whole = record.unconverged == 0;
         self.open = false;
         self.stirred = false;
         (self.rounds, self.residual, self.moved) = (0, 0.0, f64::INFINITY);

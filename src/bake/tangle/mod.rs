@@ -84,7 +84,7 @@ impl Tangle {
     }
 
     /// Opens the guides that hang together, over places, with one that is too close to another, clings to it, or was pushed; returns these islands. What
-    /// was taken in parts, for a body's sake or for want of convergence, stays where it is.
+    /// did not converge stays where it is.
     fn open(&mut self, guides: &mut [Guide], around: &Surroundings, t: [f64; 2]) -> Vec<Island> {
         let whole = |g: usize| self.members[g].whole;
         let mut sets = Sets::new(guides.len());

@@ -1,6 +1,7 @@
 //! Motions that are cut short, and those that would have to be.
 
 use super::{Touch, TouchWork};
+use crate::contact::Contact;
 use crate::rod::newton::Solver;
 
 /// Speed that closing bodies may give to what they pinch, m/s: a few times that at which it is brought out, for its tip is the longer arm.
@@ -14,7 +15,9 @@ impl Touch<'_> {
     /// throw it.
     pub(super) fn gains_none(&self, work: &TouchWork) -> bool {
         let Some([t0, t1]) = self.motions.first().map(|motion| motion.times) else { return true };
-        let carried = CARRIED * (self.root.p - self.x0[0]).norm();
+        let moved = |c: &Contact| (c.point[1] - c.point[0]).norm();
+        let carried =
+            CARRIED * work.contacts.iter().map(moved).fold((self.root.p - self.x0[0]).norm(), f64::max);
         let most = (self.fastest.max(THROWN) * (t1 - t0)).max(carried);
         self.x0.iter().zip(&work.x1).all(|(a, b)| (a - b).norm() <= most)
     }
