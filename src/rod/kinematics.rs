@@ -327,19 +327,7 @@ mod tests {
 
     #[test]
     fn places_on_the_curve_are_on_it_and_move_as_their_carriers_do() {
-        let rod = Rod::new(&RodSource {
-            points: &[Vector3::zeros(), Vector3::new(0.03, 0.1, 0.0), Vector3::new(0.1, 0.15, 0.03)],
-            root_frame: None,
-            arc: &[0.0, 0.25, 0.5, 1.0],
-            stiffness: [1e-9; 3],
-            line_density: 1e-5,
-            damping: 0.0,
-            taper: Taper::NONE,
-            natural: None,
-            cut: Cut { length: 0.005, turn: 0.4 },
-        })
-        .unwrap();
-        let q: Vec<f64> = (0..rod.unknowns()).map(|i| 20.0 * (i as f64 * 1.3).sin()).collect();
+        let (rod, q) = Rod::wound();
         let shape_at = |q: &[f64]| {
             let mut shape = Shape::default();
             assert!(shape.update(&rod, &rod.root.r, q));

@@ -415,6 +415,27 @@ fn hat_matrix(nodes: &[f64], sigma: impl Fn(f64) -> f64) -> Vec<[f64; 2]> {
 }
 
 #[cfg(test)]
+impl Rod {
+    /// A bent and twisted rod for tests, with unknowns, 1/m, that wind it.
+    pub(crate) fn wound() -> (Self, Vec<f64>) {
+        let rod = Rod::new(&RodSource {
+            points: &[Vector3::zeros(), Vector3::new(0.03, 0.1, 0.0), Vector3::new(0.1, 0.15, 0.03)],
+            root_frame: None,
+            arc: &[0.0, 0.25, 0.5, 1.0],
+            stiffness: [1e-9; 3],
+            line_density: 1e-5,
+            damping: 0.0,
+            taper: Taper::NONE,
+            natural: None,
+            cut: Cut { length: 0.005, turn: 0.4 },
+        })
+        .unwrap();
+        let q = (0..rod.unknowns()).map(|i| 20.0 * (i as f64 * 1.3).sin()).collect();
+        (rod, q)
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::rod::{Sensitivity, Shape};

@@ -79,23 +79,11 @@ impl Middles {
 mod tests {
     use super::*;
     use crate::contact::Feature;
-    use crate::rod::{Cut, Rod, RodSource, Shape, Taper};
+    use crate::rod::{Rod, Shape};
 
     #[test]
     fn places_on_the_polyline_are_those_that_the_rod_carries() {
-        let rod = Rod::new(&RodSource {
-            points: &[Vector3::zeros(), Vector3::new(0.03, 0.1, 0.0), Vector3::new(0.1, 0.15, 0.03)],
-            root_frame: None,
-            arc: &[0.0, 0.25, 0.5, 1.0],
-            stiffness: [1e-9; 3],
-            line_density: 1e-5,
-            damping: 0.0,
-            taper: Taper::NONE,
-            natural: None,
-            cut: Cut { length: 0.005, turn: 0.4 },
-        })
-        .unwrap();
-        let q: Vec<f64> = (0..rod.unknowns()).map(|i| 20.0 * (i as f64 * 1.3).sin()).collect();
+        let (rod, q) = Rod::wound();
         let (mut shape, mut line) = (Shape::default(), Vec::new());
         assert!(shape.update(&rod, &rod.root.r, &q));
         with_middles(&rod.arc, |k| shape.x(k), |k| shape.tangent(k), &mut line);
