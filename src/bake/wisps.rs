@@ -5,7 +5,7 @@ mod keep_out;
 
 use super::guide::{Guide, Surroundings};
 use super::state::Unfit;
-use crate::contact::Outside;
+use crate::contact::Memory;
 use crate::math::lanes::MAX_LANES;
 use crate::rod::pack::{Bent, Pack, PackWork};
 use crate::rod::{Rod, Shape};
@@ -39,7 +39,7 @@ pub(super) struct Wisps {
     files: Vec<Vec<File>>,
     followers: Vec<Follower>,
     /// Where each guide that follows was last seen outside of bodies.
-    memory: Vec<Vec<Outside>>,
+    memory: Vec<Memory>,
     /// Which guides lead others, and how they were turned at the end of the last frame.
     leads: Vec<bool>,
     turning: Vec<Turning>,
@@ -136,7 +136,7 @@ struct Led<'a> {
     guide: &'a mut Guide,
     follower: &'a mut Follower,
     /// Where it was last seen outside of bodies.
-    memory: &'a mut Vec<Outside>,
+    memory: &'a mut Memory,
 }
 
 /// What is to become of a guide.
@@ -165,7 +165,7 @@ impl Wisps {
             rest: Vec::new(),
             files: Vec::new(),
             followers: vec![Follower::default(); guides],
-            memory: vec![Vec::new(); guides],
+            memory: vec![Memory::default(); guides],
         }
     }
 

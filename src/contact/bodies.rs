@@ -81,9 +81,42 @@ pub struct Workspace {
 /// How far surfaces are looked for around a single point, m.
 const HORIZON: f64 = 0.1;
 
+/// Points of a polyline, and middles behind them, that are asked about at once: where they are all far from a body, one answer does.
+const BUNCH: usize = 4;
+
+/// What spares searches for the points of one [`Bodies::each_nearer`].
+#[derive(Debug, Clone, Default)]
+pub struct Memory {
+    /// Of each point beside each body.
+    points: Vec<Outside>,
+    /// Of the middle of each bunch beside each body.
+    bunches: Vec<Outside>,
+    /// Balls around the bunches as they are: middle, m, world, and radius, m.
+    balls: Vec<(Vector3<f64>, f64)>,
+    /// Which of them are near the body at hand.
+    near: Vec<bool>,
+}
+
+impl Memory {
+    /// Puts balls around bunches of `x`, and makes room for so many bodies.
+    fn gather(&mut self, x: &[Vector3<f64>], bodies: usize) {
+        let (points, middles) = x.split_at(x.len().div_ceil(2));
+        self.balls.clear();
+        self.balls.extend((0..points.len()).step_by(BUNCH).map(|first| {
+            let bunch = [points, middles].map(|x| &x[first..x.len().min(first + BUNCH)]);
+            let middle = bunch[0][bunch[0].len() / 2];
+            let square = bunch.into_iter().flatten().map(|x| (x - middle).norm_squared()).fold(0.0, f64::max);
+            // With a margin for rounding.
+            (middle, square.sqrt() * (1.0 + 1e-9) + 1e-12)
+        }));
+        self.points.resize(bodies * x.len(), Outside::default());
+        self.bunches.resize(bodies * self.balls.len(), Outside::default());
+    }
+}
+
 /// Where a point was when it was last seen outside of a body, body frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Outside {
+struct Outside {
     at: Vector3<f64>,
     /// Lower bound of its distance, m; 0 when nothing is known.
     distance: f64,
@@ -96,6 +129,23 @@ pub struct Outside {
 impl Default for Outside {
     fn default() -> Self {
         Outside { at: Vector3::zeros(), distance: 0.0, foot: Vector3::repeat(f64::INFINITY), travel: 0.0 }
+    }
+}
+
+impl Outside {
+    /// Whether the point, which is `at` now, body frame, and the surface has gone `travel`, m, is surely farther away than `reach`, m: as far as is
+    /// remembered, or known without a search.
+    fn surely_beyond(&mut self, reach: f64, shape: &Shape, travel: f64, at: &Vector3<f64>) -> bool {
+        let spare = self.distance - (travel - self.travel).abs() - reach;
+        if spare > 0.0 && (at - self.at).norm_squared() < spare * spare {
+            return true;
+        }
+        let least = shape.least_distance(at);
+        if least > reach {
+            // The foot is as old as it was.
+            (self.at, self.distance) = (*at, least);
+        }
+        least > reach
     }
 }
 
@@ -209,46 +259,47 @@ impl Bodies {
         self.bodies.len()
     }
 
-    /// Tells `found` of each of the points `x`, m, world, that is nearer to a body than `within` says, m, at body b and point k at
-    /// `b * x.len() + k`: that index, the distance, m, and the body's outward normal, world. The bodies are at time `t`, s, at `poses`. `memory` is
-    /// that of the same points before; it never changes the answer.
+    /// Tells `found` of each of the places `x` of a polyline, its points, then the middles between any two, m, world, that is nearer to a body than `within`
+    /// says, m, at body b and place k at `b * x.len() + k`, in order: that index, the distance, m, and the body's outward normal, world. The bodies are at
+    /// time `t`, s, at `poses`. `memory` is that of the same places before; it never changes the answer.
     pub fn each_nearer(
         &self,
         (t, poses): (f64, &[Isometry3<f64>]),
         x: &[Vector3<f64>],
         within: &[f64],
-        memory: &mut Vec<Outside>,
+        memory: &mut Memory,
         mut found: impl FnMut(usize, f64, Vector3<f64>),
     ) {
-        let points = x.len();
-        memory.resize(within.len(), Outside::default());
-        for (b, (body, pose)) in self.bodies.iter().zip(poses).enumerate() {
+        memory.gather(x, self.len());
+        let Memory { points: seen, bunches, balls, near } = memory;
+        let (bunches, points) = (bunches.chunks_mut(balls.len().max(1)), x.len().div_ceil(2));
+        for (b, ((body, pose), bunches)) in self.bodies.iter().zip(poses).zip(bunches).enumerate() {
             let travel = body.shape.travel(t);
             let (turn, origin) = (pose.rotation.inverse().to_rotation_matrix(), pose.translation.vector);
-            for (k, x) in x.iter().enumerate() {
-                let i = b * points + k;
-                let (within, seen) = (within[i], &mut memory[i]);
-                let at = turn * (x - origin);
-                let gone = (travel - seen.travel).abs();
-                let spare = seen.distance - gone - within.max(0.0);
-                if within == f64::NEG_INFINITY || spare > 0.0 && (at - seen.at).norm_squared() < spare * spare
-                {
-                    continue;
-                }
-                let [least, _] = body.shape.distance_bounds(&at);
-                if least > within.max(0.0) {
-                    (seen.at, seen.distance) = (at, least);
-                    // The foot is as old as it was.
-                    continue;
-                }
-                // The surface is no farther than where it was seen last; with a margin for rounding.
-                let horizon = HORIZON.min(((at - seen.foot).norm() + gone) * (1.0 + 1e-9) + 1e-9);
-                let surface = body.shape.closest(t, &at, horizon);
-                let distance = surface.map_or(horizon, |s| s.distance);
-                let foot = surface.map_or(Outside::default().foot, |s| s.point);
-                *seen = Outside { at, distance: distance * (1.0 - 1e-9) - 1e-12, foot, travel };
-                if let Some(surface) = surface.filter(|s| s.distance < within) {
-                    found(i, surface.distance, pose.rotation * surface.normal);
+            let of_body = b * x.len()..(b + 1) * x.len();
+            let (within, seen) = (&within[of_body.clone()], &mut seen[of_body]);
+            let most = within.iter().copied().fold(0.0, f64::max);
+            near.clear();
+            near.extend(balls.iter().zip(bunches).map(|((middle, radius), seen)| {
+                !seen.surely_beyond(radius + most, &body.shape, travel, &(turn * (middle - origin)))
+            }));
+            for half in [0..points, points..x.len()] {
+                let first = half.start;
+                for k in half.filter(|k| near[(k - first) / BUNCH] && within[*k] > f64::NEG_INFINITY) {
+                    let (at, seen) = (turn * (x[k] - origin), &mut seen[k]);
+                    if seen.surely_beyond(within[k].max(0.0), &body.shape, travel, &at) {
+                        continue;
+                    }
+                    // The surface is no farther than where it was seen last; with a margin for rounding.
+                    let gone = (travel - seen.travel).abs();
+                    let horizon = HORIZON.min(((at - seen.foot).norm() + gone) * (1.0 + 1e-9) + 1e-9);
+                    let surface = body.shape.closest(t, &at, horizon);
+                    let distance = surface.map_or(horizon, |s| s.distance);
+                    let foot = surface.map_or(Outside::default().foot, |s| s.point);
+                    *seen = Outside { at, distance: distance * (1.0 - 1e-9) - 1e-12, foot, travel };
+                    if let Some(surface) = surface.filter(|s| s.distance < within[k]) {
+                        found(b * x.len() + k, surface.distance, pose.rotation * surface.normal);
+                    }
                 }
             }
         }
@@ -353,33 +404,40 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_known_of_points_outside_never_changes_the_answer(
-            steps in prop::collection::vec(prop::array::uniform6(-0.004..0.004_f64), 60)
+        fn what_is_known_of_places_outside_never_changes_the_answer(
+            places in prop::collection::vec(prop::array::uniform3(-0.03..0.03_f64), 10),
+            steps in prop::collection::vec(prop::array::uniform6(-0.004..0.004_f64), 60),
         ) {
-            let centre = Vector3::new(0.0, 0.02, 0.0);
+            let (a, b, radius) = (Vector3::new(0.12, 0.02, 0.0), Vector3::new(0.13, 0.0, 0.01), 0.01);
             let bodies = Bodies::from_shapes(&[
-                Shape::Sphere { centre: Vector3::zeros(), radius: 0.01 },
-                Shape::Sphere { centre, radius: 0.005 },
+                Shape::Sphere { centre: Vector3::zeros(), radius },
+                Shape::Capsule { ends: [a, b], radius },
             ]);
             let mut poses = [Isometry3::identity(); 2];
-            // Of the second point and the second body nothing is asked; of the first, that it may be a little inside.
-            let kept = [-1e-3, 5e-4, 1e-3, f64::NEG_INFINITY];
-            let mut x = [Vector3::new(0.013, 0.0, 0.0), Vector3::new(-0.013, 0.0, 0.0)];
-            let mut memory = Vec::new();
+            // The first bunch is about the first body, the last and smaller one about the second; each is far from the other.
+            let along = |k: usize| Vector3::x() * (0.06 * (k / BUNCH) as f64);
+            let mut points: Vec<_> = (0..).zip(&places).map(|(k, p)| along(k) + Vector3::from(*p)).collect();
+            // Some may be a little inside; of some nothing is asked.
+            let count = 2 * points.len() - 1;
+            let within: Vec<_> = [-1e-3, 5e-4, 5e-3, f64::NEG_INFINITY, 0.0].into_iter().cycle().take(2 * count).collect();
+            let mut memory = Memory::default();
             for step in steps {
-                let (a, b) = step.split_at(3);
-                x[0] += Vector3::from_column_slice(a);
-                x[1] += Vector3::from_column_slice(b);
-                poses[1].translation.vector += Vector3::from_column_slice(a) - Vector3::from_column_slice(b);
-                let distance = |b: usize, x: &Vector3<f64>| {
-                    let at = poses[b].inverse_transform_point(&(*x).into()).coords;
-                    if b == 0 { at.norm() - 0.01 } else { (at - centre).norm() - 0.005 }
+                let [one, other] = [0, 3].map(|i| Vector3::from_column_slice(&step[i..i + 3]));
+                points.iter_mut().step_by(2).for_each(|x| *x += one);
+                points.iter_mut().skip(1).step_by(2).for_each(|x| *x += other);
+                poses[1].translation.vector += one - other;
+                let mut x = points.clone();
+                x.extend(points.windows(2).map(|x| 0.5 * (x[0] + x[1])));
+                let distance = |i: usize| {
+                    let at = poses[i / count].inverse_transform_point(&x[i % count].into()).coords;
+                    let axis = |i: usize| if i < count { [Vector3::zeros(); 2] } else { [a, b] };
+                    crate::math::polyline::distance(&at, &axis(i)) - radius
                 };
-                let nearer: Vec<usize> = (0..4).filter(|i| distance(i / 2, &x[i % 2]) < kept[*i]).collect();
+                let nearer: Vec<_> = (0..2 * count).filter(|i| distance(*i) < within[*i]).collect();
                 let mut found = Vec::new();
-                bodies.each_nearer((0.0, &poses), &x, &kept, &mut memory, |i, at, _| found.push((i, at)));
+                bodies.each_nearer((0.0, &poses), &x, &within, &mut memory, |i, at, _| found.push((i, at)));
                 prop_assert_eq!(found.iter().map(|f| f.0).collect::<Vec<_>>(), nearer);
-                prop_assert!(found.iter().all(|(i, at)| (at - distance(i / 2, &x[i % 2])).abs() < 1e-12));
+                prop_assert!(found.iter().all(|(i, at)| (at - distance(*i)).abs() < 1e-12));
             }
         }
     }

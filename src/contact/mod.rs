@@ -22,7 +22,7 @@ mod mesh;
 pub mod pairs;
 mod shape;
 
-pub use bodies::{Bodies, Body, Contact, Motion, Outside, Polyline, Workspace};
+pub use bodies::{Bodies, Body, Contact, Memory, Motion, Polyline, Workspace};
 pub use friction::{Outcome, Problem, Scratch, Tolerance, solve};
 pub use shape::{Feature, SurfacePoint};
 

@@ -68,7 +68,7 @@ pub enum Shape {
     /// A convex formula.
     Convex(Convex),
     /// Triangles, and what is remembered of the distance to them.
-    Mesh(Box<Mesh>, DistanceField),
+    Mesh(Box<Mesh>, Box<DistanceField>),
     /// Triangles that move in the body's frame.
     Deforming(Box<Deforming>),
 }
@@ -100,7 +100,7 @@ impl Shape {
                 }
                 None => {
                     let mesh = Box::new(Mesh::new(&mesh.vertices, &mesh.triangles));
-                    let field = DistanceField::new(&mesh);
+                    let field = Box::new(DistanceField::new(&mesh));
                     Shape::Mesh(mesh, field)
                 }
             },
@@ -138,6 +138,17 @@ impl Shape {
             Shape::Convex(convex) => [convex.closest(p).distance, f64::INFINITY],
             Shape::Mesh(mesh, field) => field.bounds(mesh, p),
             Shape::Deforming(_) => [f64::NEG_INFINITY, f64::INFINITY],
+        }
+    }
+
+    /// What the signed distance of `p`, body frame, is not below, m; far from a mesh less exactly than [`Shape::distance_bounds`] says, and sooner.
+    pub(super) fn least_distance(&self, p: &Vector3<f64>) -> f64 {
+        match self {
+            Shape::Mesh(mesh, field) => field.least(mesh, p),
+            Shape::Convex(Convex::Capsule { ends: [a, b], radius }) => {
+                (p - a.lerp(b, closest_on_segment(p, a, b))).norm() * (1.0 - 1e-9) - radius
+            }
+            Shape::Convex(_) | Shape::Deforming(_) => self.distance_bounds(p)[0],
         }
     }
 

@@ -259,6 +259,13 @@ impl Rod {
         0.5 * (self.nodes[(node + 1).min(last)] - self.nodes[node.saturating_sub(1)])
     }
 
+    /// Length of sub-step `k`, m, its element, and the shares that the nodes at that element's start and end have in its strain, on average.
+    pub(super) fn sub_step(&self, k: usize) -> (f64, usize, [f64; 2]) {
+        let step = &self.beam.steps[k];
+        let left = 0.5 * (step.left[0] + step.left[1]);
+        (step.h, step.element, [left, 1.0 - left])
+    }
+
     /// Mass that a node stands for where a rod is cut at its nodes and is as thick all along as on average, kg.
     pub fn mass_at(&self, node: usize) -> f64 {
         self.span_at(node) / self.length() * self.beam.mass

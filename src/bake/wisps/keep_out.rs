@@ -2,7 +2,7 @@
 //! continuous as what they follow.
 
 use super::{G, Rest, Surroundings};
-use crate::contact::Outside;
+use crate::contact::Memory;
 use crate::math::cholesky;
 use crate::math::se3::Pose;
 use crate::rod::{Levers, Rod, Shape};
@@ -93,9 +93,9 @@ impl<'a> Moment<'a> {
         let mut placed = Placed::default();
         placed.put(rod, q, self);
         let at = (self.t, &self.poses[..]);
-        self.around
-            .bodies
-            .each_nearer(at, &placed.x, most, &mut Vec::new(), |i, distance, _| distances[i] = distance);
+        self.around.bodies.each_nearer(at, &placed.x, most, &mut Memory::default(), |i, distance, _| {
+            distances[i] = distance
+        });
         distances
     }
 
@@ -111,7 +111,7 @@ impl<'a> Moment<'a> {
         rod: &Rod,
         rest: &Rest,
         (q, led): (&mut [f64], &[Vector3<f64>]),
-        memory: &mut Vec<Outside>,
+        memory: &mut Memory,
         work: &mut Work,
     ) -> Option<f64> {
         let Work { placed, before, beside, near, found, step, best } = work;
@@ -161,7 +161,7 @@ impl<'a> Moment<'a> {
     }
 
     /// Notes those of the places `x` that are nearer to a body than `within`, m, in order.
-    fn look(&self, x: &[Vector3<f64>], within: &[f64], memory: &mut Vec<Outside>, near: &mut Vec<Near>) {
+    fn look(&self, x: &[Vector3<f64>], within: &[f64], memory: &mut Memory, near: &mut Vec<Near>) {
         near.clear();
         self.around.bodies.each_nearer((self.t, &self.poses), x, within, memory, |at, distance, normal| {
             near.push(Near { at, missing: within[at] - distance, normal });
@@ -310,7 +310,8 @@ mod tests {
         let rest = Rest::new(&rod, Settled { q: q.clone(), kept });
         let mut placed = Placed::default();
         placed.put(&rod, &q, &now);
-        let way = now.bring_out(&rod, &rest, (&mut q, &placed.x), &mut Vec::new(), &mut Work::default());
+        let way =
+            now.bring_out(&rod, &rest, (&mut q, &placed.x), &mut Memory::default(), &mut Work::default());
         let distances = now.distances(&rod, &q, &far);
         (q, way, distances)
     }

@@ -20,16 +20,27 @@ const FINEST: f64 = 3e-3;
 /// Most cells.
 const CELLS: f64 = 2e6;
 
-/// A grid over a mesh. Each cell holds the signed distance of its middle, or minus that where it says nothing of the side, found when the cell is first
-/// asked for: a number that follows from the cell alone, so that it does not matter who asks first.
+/// Sizes of the cells of the grids, in those of the finest one: far away a few numbers tell enough.
+const COARSENESS: [f64; 4] = [8.0, 4.0, 2.0, 1.0];
+
+/// Grids over a mesh.
 #[derive(Debug)]
 pub struct DistanceField {
     /// The mesh's own box.
     bounds: Bounds,
     /// Ends of the edges of open borders, m, and a hierarchy over them; none of a closed mesh.
     border: Option<(Vec<[Vector3<f64>; 2]>, Bvh)>,
-    /// Corner of the grid, m, and size of its cells.
+    /// Corner of the grids, m.
     corner: Vector3<f64>,
+    /// The finest last.
+    grids: [Grid; COARSENESS.len()],
+}
+
+/// A grid over a mesh. Each cell holds the signed distance of its middle, or minus that where it says nothing of the side, found when the cell is first
+/// asked for: a number that follows from the cell alone, so that it does not matter who asks first.
+#[derive(Debug)]
+struct Grid {
+    /// Size of its cells, m.
     cell: f64,
     /// Cells along each axis.
     count: [usize; 3],
@@ -37,31 +48,7 @@ pub struct DistanceField {
     distance: OnceLock<Vec<AtomicU32>>,
 }
 
-impl DistanceField {
-    /// A grid that nobody has asked yet; it takes memory from the first question on.
-    pub fn new(mesh: &Mesh) -> Self {
-        let bounds = Bounds::around(&mesh.vertices, 0.0);
-        let size = (bounds.max - bounds.min).add_scalar(2.0 * MARGIN);
-        let cell = (size.product() / CELLS).cbrt().max(FINEST);
-        let count = std::array::from_fn(|i| (size[i] / cell).ceil() as usize);
-        let corner = bounds.min.add_scalar(-MARGIN);
-        let edges: Vec<_> = mesh.border().collect();
-        let boxes: Vec<Aabb> =
-            edges.iter().map(|[a, b]| Aabb::new(a.inf(b).into(), a.sup(b).into())).collect();
-        let border = (!edges.is_empty()).then(|| (edges, Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes)));
-        DistanceField { bounds, border, corner, cell, count, distance: OnceLock::new() }
-    }
-
-    /// Whether there is an open border within `reach`, m, of `p`.
-    fn near_border(&self, p: &Vector3<f64>, reach: f64) -> bool {
-        let Some((edges, bvh)) = &self.border else { return false };
-        let around = Bounds { min: p.add_scalar(-reach), max: p.add_scalar(reach) };
-        bvh.leaves(|node| around.meets(node)).any(|i| {
-            let [a, b] = &edges[i as usize];
-            (p - a.lerp(b, closest_on_segment(p, a, b))).norm() < reach
-        })
-    }
-
+impl Grid {
     /// What is surely farther than the surface is from the middle of a cell, m, by what is known of the cells beside it: it shortens the search.
     fn horizon(&self, cells: &[AtomicU32], cell: [usize; 3]) -> f64 {
         let beside =
@@ -78,36 +65,93 @@ impl DistanceField {
     fn slot(&self, [x, y, z]: [usize; 3]) -> usize {
         (z * self.count[1] + y) * self.count[0] + x
     }
+}
 
-    /// What the signed distance of `p`, body frame, from the mesh is not below, and its magnitude not above, m.
-    pub fn bounds(&self, mesh: &Mesh, p: &Vector3<f64>) -> [f64; 2] {
-        let at = (p - self.corner) / self.cell;
-        if (0..3).any(|i| at[i] < 0.0 || at[i] >= self.count[i] as f64) {
-            let gap = (self.bounds.min - p).sup(&(p - self.bounds.max)).sup(&Vector3::zeros());
-            return [gap.norm() * (1.0 - 1e-9), f64::INFINITY];
+impl DistanceField {
+    /// Grids that nobody has asked yet; they take memory from the first question on.
+    pub fn new(mesh: &Mesh) -> Self {
+        let bounds = Bounds::around(&mesh.vertices, 0.0);
+        let size = (bounds.max - bounds.min).add_scalar(2.0 * MARGIN);
+        let finest = (size.product() / CELLS).cbrt().max(FINEST);
+        let grids = COARSENESS.map(|coarseness| {
+            let cell = coarseness * finest;
+            let count = std::array::from_fn(|i| (size[i] / cell).ceil() as usize);
+            Grid { cell, count, distance: OnceLock::new() }
+        });
+        let corner = bounds.min.add_scalar(-MARGIN);
+        let edges: Vec<_> = mesh.border().collect();
+        let boxes: Vec<Aabb> =
+            edges.iter().map(|[a, b]| Aabb::new(a.inf(b).into(), a.sup(b).into())).collect();
+        let border = (!edges.is_empty()).then(|| (edges, Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes)));
+        DistanceField { bounds, border, corner, grids }
+    }
+
+    /// Whether there is an open border within `reach`, m, of `p`.
+    fn near_border(&self, p: &Vector3<f64>, reach: f64) -> bool {
+        let Some((edges, bvh)) = &self.border else { return false };
+        let around = Bounds { min: p.add_scalar(-reach), max: p.add_scalar(reach) };
+        bvh.leaves(|node| around.meets(node)).any(|i| {
+            let [a, b] = &edges[i as usize];
+            (p - a.lerp(b, closest_on_segment(p, a, b))).norm() < reach
+        })
+    }
+
+    /// What a cell of `grid` holds, and how far `p`, body frame, may be from its middle, m, with a margin for rounding; `None` beyond the grid.
+    fn cell(&self, grid: &Grid, mesh: &Mesh, p: &Vector3<f64>) -> Option<(f64, f64)> {
+        let at = (p - self.corner) / grid.cell;
+        if (0..3).any(|i| at[i] < 0.0 || at[i] >= grid.count[i] as f64) {
+            return None;
         }
         let cell = at.map(|x| x as usize);
-        let middle = self.corner + cell.map(|i| i as f64 + 0.5) * self.cell;
-        let cells = self.distance.get_or_init(|| {
+        let middle = self.corner + cell.map(|i| i as f64 + 0.5) * grid.cell;
+        let cells = grid.distance.get_or_init(|| {
             let none = || AtomicU32::new(f32::NAN.to_bits());
-            std::iter::repeat_with(none).take(self.count.iter().product()).collect()
+            std::iter::repeat_with(none).take(grid.count.iter().product()).collect()
         });
-        let slot = &cells[self.slot([cell.x, cell.y, cell.z])];
+        let slot = &cells[grid.slot([cell.x, cell.y, cell.z])];
         let mut distance = f32::from_bits(slot.load(Ordering::Relaxed));
         if distance.is_nan() {
-            let horizon = self.horizon(cells, [cell.x, cell.y, cell.z]);
+            let horizon = grid.horizon(cells, [cell.x, cell.y, cell.z]);
             distance = mesh.closest(&middle, horizon).map_or(f32::MAX, |s| s.distance as f32);
             // So far away it is not closest anywhere in the cell.
-            let diagonal = self.cell * 3.0_f64.sqrt();
+            let diagonal = grid.cell * 3.0_f64.sqrt();
             if self.near_border(&middle, f64::from(distance.abs()) + diagonal) {
                 distance = -distance.abs();
             }
             slot.store(distance.to_bits(), Ordering::Relaxed);
         }
         // For the rounding of an f32.
-        let (distance, away) = (f64::from(distance), (p - middle).norm() + 1e-6 * self.cell);
-        let away = away + 1e-7 * distance.abs();
-        [distance - away, distance.abs() + away]
+        let (distance, away) = (f64::from(distance), (p - middle).norm() + 1e-6 * grid.cell);
+        Some((distance, away + 1e-7 * distance.abs()))
+    }
+
+    /// What the distance of a place that is beyond the grids is not below, m.
+    fn beyond(&self, p: &Vector3<f64>) -> f64 {
+        let gap = (self.bounds.min - p).sup(&(p - self.bounds.max)).sup(&Vector3::zeros());
+        gap.norm() * (1.0 - 1e-9)
+    }
+
+    /// What the signed distance of `p`, body frame, from the mesh is not below, and its magnitude not above, m.
+    pub fn bounds(&self, mesh: &Mesh, p: &Vector3<f64>) -> [f64; 2] {
+        let [.., finest] = &self.grids;
+        match self.cell(finest, mesh, p) {
+            Some((distance, away)) => [distance - away, distance.abs() + away],
+            None => [self.beyond(p), f64::INFINITY],
+        }
+    }
+
+    /// What the signed distance of `p`, body frame, from the mesh is not below, m: outside, a third of that at least, but near the surface and a border.
+    pub fn least(&self, mesh: &Mesh, p: &Vector3<f64>) -> f64 {
+        let mut least = self.beyond(p);
+        for grid in &self.grids {
+            let Some((distance, away)) = self.cell(grid, mesh, p) else { continue };
+            least = distance - away;
+            // The distance is then three times that at most.
+            if least > away {
+                break;
+            }
+        }
+        least
     }
 }
 
@@ -134,9 +178,10 @@ mod tests {
                 for p in places.iter().map(|p| Vector3::from(*p)) {
                     let d = mesh.closest(&p, f64::INFINITY).unwrap().distance;
                     // Asked twice: what is found, and what is remembered.
-                    for [least, most] in [(); 2].map(|()| field.bounds(&mesh, &p)) {
+                    for ([least, most], far) in [(); 2].map(|()| (field.bounds(&mesh, &p), field.least(&mesh, &p))) {
                         prop_assert!(least <= d && d.abs() <= most, "{least} {d} {most}");
                         prop_assert!(open || least > d - 0.02 || d > 0.05, "{least} tells nothing of {d}");
+                        prop_assert!(far <= d && (open || !(0.02..0.05).contains(&d) || 3.0 * far > d), "{far} of {d}");
                     }
                 }
             }
