@@ -83,6 +83,22 @@ fn less_parting_is_nearer_to_all_guides_by_themselves_and_more_of_them() {
 }
 
 #[test]
+fn what_comes_away_moves_by_itself_from_the_frame_before() {
+    let (groom, mut anim) = scene(Style::Short, 0);
+    // The shot begins in the middle of the shake.
+    anim.frames.0 += 20;
+    let last = anim.frames.0 + 4;
+    let mut with = |resolution| {
+        (anim.settings.resolution, anim.settings.parting) = (resolution, 1e-9);
+        run(&groom, &anim, last)
+    };
+    let full = with(Resolution::Full);
+    let [coarse, all] = [Resolution::Coarse, Resolution::Adaptive].map(with).map(|run| apart(&full, &run));
+    // All come away at the end of the first frame, up to which they would be as far off as the coarse ones.
+    assert!(coarse > 1e-2 && all < 0.01 * coarse, "{coarse} {all}");
+}
+
+#[test]
 fn when_the_head_holds_still_wisps_join_again_and_nothing_jumps() {
     let (groom, mut anim) = scene(Style::Short, 60);
     anim.settings.resolution = Resolution::Adaptive;

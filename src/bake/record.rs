@@ -97,33 +97,35 @@ impl FrameRecord {
         self.merges += step.changes.merges;
         (self.contacts_found, self.contacts_active) = (0, 0);
         (self.strand_contacts_found, self.strand_contacts_active) = (0, 0);
-        let stepped = step.records.iter().zip(ids).zip(step.stepped).filter(|(_, stepped)| **stepped);
-        for ((r, id), _) in stepped {
+        let stepped = step.records.iter().enumerate().filter(|(i, _)| step.stepped[*i]);
+        for (_, r) in stepped.clone() {
+            self.contacts_found += r.found;
+            self.contacts_active += r.active;
+            self.strand_contacts_found += r.strands.found;
+            self.strand_contacts_active += r.strands.active;
+        }
+        for (i, r) in stepped.chain(step.caught_up.iter().map(|(i, r)| (*i, r))) {
             self.solves += 1;
             // A running mean.
             self.newton_mean += (f64::from(r.iterations) - self.newton_mean) / self.solves as f64;
             self.newton_max = self.newton_max.max(r.iterations);
             self.halvings += r.halvings;
-            self.contacts_found += r.found;
-            self.contacts_active += r.active;
             self.contact_rounds = self.contact_rounds.max(r.rounds);
             self.contact_residual = self.contact_residual.max(r.residual);
             self.unsettled += r.unsettled;
             self.strands_unsettled += r.strands.unsettled;
             self.penetration_m = self.penetration_m.max(r.penetration);
             self.shortened += r.shortened;
-            self.strand_contacts_found += r.strands.found;
-            self.strand_contacts_active += r.strands.active;
             self.strand_rounds = self.strand_rounds.max(r.strands.rounds);
             self.strand_residual = self.strand_residual.max(r.strands.residual);
             self.crossings += r.crossed + r.strands.crossings;
             self.strands_shortened += r.strands.alone + r.strands.held;
             self.tie_slack_m = self.tie_slack_m.max(r.slack);
-            if r.halvings > 0 && !step.together && !self.divided.contains(id) {
-                self.divided.push(*id);
+            if r.halvings > 0 && !step.together && !self.divided.contains(&ids[i]) {
+                self.divided.push(ids[i]);
             }
-            if r.unconverged > 0 && !self.unconverged.contains(id) {
-                self.unconverged.push(*id);
+            if r.unconverged > 0 && !self.unconverged.contains(&ids[i]) {
+                self.unconverged.push(ids[i]);
             }
         }
     }

@@ -34,6 +34,8 @@ pub struct SubStep<'a> {
     pub nodes: u32,
     /// To wisps.
     pub changes: Changes,
+    /// Guides that came away from their wisps at the start of the frame that ends now, and what each sub-step of it did to them.
+    pub caught_up: &'a [(usize, StepRecord)],
 }
 
 /// The guides of a groom in motion.
@@ -56,6 +58,8 @@ pub struct Simulation<'a> {
     rubbing: Option<Rubbing>,
     /// The guides as wisps, where not all move by themselves.
     wisps: Option<Wisps>,
+    /// See [`SubStep::caught_up`].
+    caught_up: Vec<(usize, StepRecord)>,
     /// Where the guides were brought since the last frame, where that is written.
     steps: Vec<Step>,
     /// Sub-steps taken since the start of the pre-roll.
@@ -89,6 +93,7 @@ impl<'a> Simulation<'a> {
             tangle: None,
             rubbing: rubbing(rods),
             wisps: None,
+            caught_up: Vec::new(),
             steps: Vec::new(),
             taken: 0,
             preroll,
@@ -204,7 +209,8 @@ impl<'a> Simulation<'a> {
         let changes = self.adapt();
         let nodes = self.free().map(|g| g.rod.unknowns() as u32 / 3).sum();
         let together = self.tangle.is_some();
-        SubStep { records: &self.records, stepped: &self.stepped, together, nodes, changes }
+        let (records, stepped, caught_up) = (&self.records, &self.stepped, &self.caught_up);
+        SubStep { records, stepped, together, nodes, changes, caught_up }
     }
 
     /// Whether a sub-step has just ended at a frame.
@@ -215,24 +221,50 @@ impl<'a> Simulation<'a> {
 
     /// Gathers the wisps at the end of the pre-roll; from then on, at the end of every frame, moves what follows, and lets guides come away and join.
     fn adapt(&mut self) -> Changes {
+        self.caught_up.clear();
+        let mut changes = Changes::default();
         if !self.is_at_frame() {
-            return Changes::default();
+            return changes;
         }
-        let moved = self.taken - self.preroll;
-        let Some(mut wisps) = self.wisps.take() else { return Changes::default() };
+        let starts = self.taken == self.preroll;
+        let Some(mut wisps) = self.wisps.take() else { return changes };
         let mut guides = std::mem::take(&mut self.guides);
-        let changes = self.around(|around| {
-            if moved == 0 {
-                wisps.gather(&guides, around, self.time());
-                return Changes::default();
+        if starts {
+            self.around(|around| wisps.gather(&guides, around, self.time()));
+        } else {
+            let first = self.taken - i64::from(self.anim.settings.substeps);
+            let frame = [first, self.taken].map(|taken| self.time_after(taken));
+            for level in 0..wisps.levels() {
+                let away = self.around(|around| wisps.lead(level, &mut guides, around, frame));
+                self.catch_up(first, &away, &mut guides);
+                wisps.note(level, &guides);
+                changes.splits += away.len() as u32;
             }
-            wisps.follow(&mut guides, around, self.time())
-        });
+            changes.merges = wisps.join(&guides, frame[1]);
+        }
         (self.guides, self.wisps) = (guides, Some(wisps));
-        if moved == 0 || changes != Changes::default() {
+        if starts || changes != Changes::default() {
             self.muster();
         }
         changes
+    }
+
+    /// Takes the guides `away` from the end of the sub-step before number `first` to now, each by itself: what they do to others begins with the next frame.
+    fn catch_up(&mut self, first: i64, away: &[usize], guides: &mut [Guide]) {
+        let away: Vec<usize> = away.iter().copied().filter(|i| self.moved[*i]).collect();
+        if away.is_empty() {
+            return;
+        }
+        let companies = Companies::muster(guides, |i| away.binary_search(&i).is_ok());
+        let mut records = vec![StepRecord::default(); guides.len()];
+        away.iter().for_each(|i| guides[*i].together = false);
+        for taken in first..self.taken {
+            let span = [taken, taken + 1].map(|taken| self.time_after(taken));
+            self.bodies.prepare(span);
+            self.around(|around| companies.advance(guides, around, span, &mut records));
+            self.caught_up.extend(away.iter().map(|&i| (i, records[i])));
+        }
+        away.iter().for_each(|i| guides[*i].together = self.tangle.is_some());
     }
 
     fn around<T>(&self, f: impl FnOnce(&Surroundings) -> T) -> T {

@@ -40,6 +40,8 @@ pub(super) struct Wisps {
     followers: Vec<Follower>,
     /// Where each guide that follows was last seen outside of bodies.
     memory: Vec<Memory>,
+    /// Unknowns of each guide that follows at the end of the last frame, as [`Guide::q`].
+    earlier: Vec<[Vec<f64>; 3]>,
     /// Which guides lead others, and how they were turned at the end of the last frame.
     leads: Vec<bool>,
     turning: Vec<Turning>,
@@ -83,7 +85,7 @@ struct Follower {
     drift: Vec<f64>,
     /// What kept it out of bodies at the end of the last frame, 1/m; empty where nothing had to.
     out: Vec<f64>,
-    /// How far that moved it on average, as a share of its length.
+    /// How far that moved it on average, as a share of its length; infinite where it did not come out.
     #[serde(skip)]
     off: f64,
 }
@@ -137,12 +139,11 @@ struct Led<'a> {
     follower: &'a mut Follower,
     /// Where it was last seen outside of bodies.
     memory: &'a mut Memory,
+    earlier: &'a mut [Vec<f64>; 3],
 }
 
-/// What is to become of a guide.
+/// What is to become of a guide that moves by itself.
 enum Change {
-    /// It moves by itself from now on.
-    Split,
     /// It is not calm enough to follow.
     Wait,
     /// It follows.
@@ -166,6 +167,7 @@ impl Wisps {
             files: Vec::new(),
             followers: vec![Follower::default(); guides],
             memory: vec![Memory::default(); guides],
+            earlier: vec![Default::default(); guides],
         }
     }
 
@@ -218,15 +220,49 @@ impl Wisps {
         self.files = (0..=deepest).map(of_level).collect();
     }
 
-    /// Moves what follows to where it is at time `t`, s, the end of a frame, and lets guides come away from their wisps and join them.
-    pub fn follow(&mut self, guides: &mut [Guide], around: &Surroundings, t: f64) -> Changes {
-        self.lead(guides, &Moment::new(around, t));
-        let Some(parting) = self.parting else { return Changes::default() };
+    /// Levels of the hierarchy.
+    pub fn levels(&self) -> u32 {
+        self.files.len() as u32
+    }
+
+    /// Moves what follows of a level to where it is at the end of the frame from time `t[0]` to `t[1]`, s. What comes away there does so at the frame's start,
+    /// where it still followed well: it is put back there, to be taken through the frame by itself. Returns which guides do.
+    pub fn lead(
+        &mut self,
+        level: u32,
+        guides: &mut [Guide],
+        around: &Surroundings,
+        t: [f64; 2],
+    ) -> Vec<usize> {
+        self.place_all(level, guides, &Moment::new(around, t[1]));
+        let Some(parting) = self.parting else { return Vec::new() };
+        let parts = |i: &usize| {
+            self.hierarchy.level[*i] == level
+                && !self.is_free(*i)
+                && self.followers[*i].off + self.missed(*i) > parting
+        };
+        let away: Vec<usize> = (0..guides.len()).into_par_iter().filter(parts).collect();
+        for &i in &away {
+            guides[i].q.clone_from(&self.earlier[i]);
+            guides[i].take_up(around, t[0], self.h);
+            self.followers[i] = Follower { since: t[1], ..Follower::default() };
+        }
+        away
+    }
+
+    /// Notes how what leads others is turned, of a level.
+    pub fn note(&mut self, level: u32, guides: &[Guide]) {
+        let leading = self.turning.par_iter_mut().zip(guides).enumerate();
+        leading
+            .filter(|(i, _)| self.hierarchy.level[*i] == level && self.leads[*i])
+            .for_each(|(i, (turning, guide))| self.rest[i].turn(guide, turning));
+    }
+
+    /// Lets guides that move by themselves follow, at time `t`, s, once all levels are noted; returns how many begin to.
+    pub fn join(&mut self, guides: &[Guide], t: f64) -> u32 {
+        let Some(parting) = self.parting else { return 0 };
         let change = |i: usize| {
-            if !self.is_free(i) {
-                return (self.missed(i) + self.followers[i].off > parting).then_some(Change::Split);
-            }
-            if self.hierarchy.leaders[i].is_empty() || !guides[i].ties.is_empty() {
+            if !self.is_free(i) || self.hierarchy.leaders[i].is_empty() || !guides[i].ties.is_empty() {
                 return None;
             }
             let still = self.speed(i, &guides[i]) < parting * (G / guides[i].rod.length()).sqrt();
@@ -237,70 +273,53 @@ impl Wisps {
             rested.then(|| Change::Merge(self.joined(i, &guides[i], t)))
         };
         let changes: Vec<Option<Change>> = (0..guides.len()).into_par_iter().map(change).collect();
-        let mut done = Changes::default();
-        for (i, change) in changes.into_iter().enumerate() {
+        let mut merges = 0;
+        for (follower, change) in self.followers.iter_mut().zip(changes) {
             match change {
                 None => {}
-                Some(Change::Split) => {
-                    guides[i].take_up(around, t, self.h);
-                    self.followers[i] = Follower { since: t, ..Follower::default() };
-                    done.splits += 1;
-                }
-                Some(Change::Wait) => self.followers[i].since = t,
-                Some(Change::Merge(follower)) => {
-                    self.followers[i] = follower;
-                    done.merges += 1;
+                Some(Change::Wait) => follower.since = t,
+                Some(Change::Merge(joined)) => {
+                    *follower = joined;
+                    merges += 1;
                 }
             }
         }
-        done
+        merges
     }
 
-    /// Moves what follows to where it is `now`, and notes how what leads is turned.
-    fn lead(&mut self, guides: &mut [Guide], now: &Moment) {
-        let (mut followers, mut turning, mut memory) = (
+    /// Moves what follows of a level to where it is `now`.
+    fn place_all(&mut self, level: u32, guides: &mut [Guide], now: &Moment) {
+        let (mut followers, mut memory, mut earlier) = (
             std::mem::take(&mut self.followers),
-            std::mem::take(&mut self.turning),
             std::mem::take(&mut self.memory),
+            std::mem::take(&mut self.earlier),
         );
-        for (level, files) in (0..).zip(&self.files) {
-            let of_all = guides.iter_mut().zip(&mut followers).zip(&mut memory);
-            let mut of_all: Vec<Option<Led>> = of_all
-                .map(|((guide, follower), memory)| {
-                    follower.follows.then_some(Led { guide, follower, memory })
-                })
-                .collect();
-            let mut of_files: Vec<(&File, [Option<Led>; MAX_LANES])> = files
-                .iter()
-                .map(|file| {
-                    let mut led = file.guides.iter().map(|i| of_all[*i].take());
-                    (file, std::array::from_fn(|_| led.next().flatten()))
-                })
-                .collect();
-            of_files.par_iter_mut().for_each_init(Workspace::default, |work, (file, led)| {
-                self.place(file, led, &turning, now, work);
-            });
-            let leading = turning.par_iter_mut().zip(&*guides).enumerate();
-            leading
-                .filter(|(i, _)| self.hierarchy.level[*i] == level && self.leads[*i])
-                .for_each(|(i, (turning, guide))| self.rest[i].turn(guide, turning));
-        }
-        (self.followers, self.turning, self.memory) = (followers, turning, memory);
+        let of_all = guides.iter_mut().zip(&mut followers).zip(memory.iter_mut().zip(&mut earlier));
+        let mut of_all: Vec<Option<Led>> = of_all
+            .map(|((guide, follower), (memory, earlier))| {
+                follower.follows.then_some(Led { guide, follower, memory, earlier })
+            })
+            .collect();
+        let mut of_files: Vec<(&File, [Option<Led>; MAX_LANES])> = self.files[level as usize]
+            .iter()
+            .map(|file| {
+                let mut led = file.guides.iter().map(|i| of_all[*i].take());
+                (file, std::array::from_fn(|_| led.next().flatten()))
+            })
+            .collect();
+        of_files.par_iter_mut().for_each_init(Workspace::default, |work, (file, led)| {
+            self.place(file, led, now, work);
+        });
+        (self.followers, self.memory, self.earlier) = (followers, memory, earlier);
     }
 
-    /// Moves the guides of a file that follow to where those lead them whose turning is given.
-    fn place(
-        &self,
-        file: &File,
-        led: &mut [Option<Led>; MAX_LANES],
-        turning: &[Turning],
-        now: &Moment,
-        work: &mut Workspace,
-    ) {
+    /// Moves the guides of a file that follow to where they are led.
+    fn place(&self, file: &File, led: &mut [Option<Led>; MAX_LANES], now: &Moment, work: &mut Workspace) {
         for (i, led) in file.guides.iter().zip(&mut *led) {
-            let Some(Led { guide, follower, .. }) = led else { continue };
+            let Some(Led { guide, follower, earlier, .. }) = led else { continue };
+            earlier.clone_from(&guide.q);
             for (back, q) in guide.q.iter_mut().enumerate() {
-                self.mean(*i, turning, back, &mut work.mean);
+                self.mean(*i, back, &mut work.mean);
                 self.rest[*i].unknowns(&guide.rod, &work.mean, q);
                 follower.add_own(now.time() - back as f64 * self.h, q);
             }
@@ -321,7 +340,7 @@ impl Wisps {
     fn keep_out(
         &self,
         rest: &Rest,
-        Led { guide, follower, memory }: &mut Led,
+        Led { guide, follower, memory, .. }: &mut Led,
         places: &[Vector3<f64>],
         now: &Moment,
         led: &mut Vec<f64>,
@@ -351,18 +370,18 @@ impl Wisps {
     }
 
     /// How the leaders of guide `i` are turned on average, `back` sub-steps ago.
-    fn mean(&self, i: usize, turning: &[Turning], back: usize, mean: &mut Vec<f64>) {
+    fn mean(&self, i: usize, back: usize, mean: &mut Vec<f64>) {
         mean.clear();
         mean.resize(3 * self.rest[i].frame.len(), 0.0);
         for (leader, share) in &self.hierarchy.leaders[i] {
-            mean.iter_mut().zip(&turning[*leader][back]).for_each(|(mean, led)| *mean += led * share);
+            mean.iter_mut().zip(&self.turning[*leader][back]).for_each(|(mean, led)| *mean += led * share);
         }
     }
 
     /// How the leaders of guide `i` are and were turned on average.
     fn means(&self, i: usize) -> Turning {
         let mut means = Turning::default();
-        means.iter_mut().enumerate().for_each(|(back, mean)| self.mean(i, &self.turning, back, mean));
+        means.iter_mut().enumerate().for_each(|(back, mean)| self.mean(i, back, mean));
         means
     }
 
@@ -402,7 +421,7 @@ impl Wisps {
 
     fn spread(&self, i: usize) -> f64 {
         let mut mean = Vec::new();
-        self.mean(i, &self.turning, 0, &mut mean);
+        self.mean(i, 0, &mut mean);
         if self.hierarchy.leaders[i].len() == 1 {
             return self.rest[i].reach.way(vectors(&mean));
         }

@@ -26,6 +26,7 @@ impl Guide {
         self.before.q.clone_from(&self.q[1]);
         self.last = h;
         self.pushes.clear();
+        self.rubbed.clear();
         self.pinched = false;
     }
 

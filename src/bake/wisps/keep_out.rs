@@ -105,7 +105,7 @@ impl<'a> Moment<'a> {
     }
 
     /// Moves a rod that is `rest` at rest, at unknowns `q`, 1/m, with its places at `led`, m, world, out of the bodies until its places keep their distances,
-    /// as far as it can; returns the mean way of its places, m, if there is any. `memory` spares searches and changes no result, nor does what is in `work`.
+    /// as far as it can; returns the mean way of its places, m, if there is any, infinite where it is left inside a body deeper than it rested. `memory` spares searches and changes no result, nor does what is in `work`.
     pub fn bring_out(
         &self,
         rod: &Rod,
@@ -125,6 +125,8 @@ impl<'a> Moment<'a> {
         let metric = rest.metric(rod);
         best.clear();
         best.extend_from_slice(q);
+        let is_inside = |found: &[Near]| found.iter().any(|n| n.missing > kept[n.at].max(TOLERANCE));
+        let mut inside = is_inside(found);
         placed.put(rod, q, self);
         for _ in 0..ROUNDS {
             if least < TOLERANCE {
@@ -149,12 +151,16 @@ impl<'a> Moment<'a> {
             let missing = most_missing(found).unwrap_or(0.0);
             if missing < least {
                 least = missing;
+                inside = is_inside(found);
                 best.copy_from_slice(q);
             }
         }
         if best != q {
             q.copy_from_slice(best);
             placed.put(rod, q, self);
+        }
+        if inside {
+            return Some(f64::INFINITY);
         }
         let ways = led.iter().zip(&placed.x).map(|(a, b)| (a - b).norm());
         Some(ways.sum::<f64>() / led.len() as f64)
@@ -327,6 +333,15 @@ mod tests {
             assert!((5e-4 - TOLERANCE..5e-3).contains(&nearest), "{balls:?}: {nearest}");
             assert!(way.unwrap() < 0.006 && q.iter().all(|q| q.abs() < 30.0), "{balls:?}: {way:?} {q:?}");
         }
+    }
+
+    #[test]
+    fn what_does_not_come_out_is_told() {
+        // Between balls that leave it less room than it keeps, and between balls that leave it none.
+        let between =
+            |height: f64| beside(&[height, -height].map(|y| (Vector3::new(0.06, y, 0.0), 0.01))).1.unwrap();
+        let [pressed, swallowed] = [0.0103, 0.0098].map(between);
+        assert!(pressed < 1e-3 && swallowed == f64::INFINITY, "{pressed} {swallowed}");
     }
 
     #[test]
