@@ -88,6 +88,37 @@ fn mesh_distance_agrees_with_brute_force_and_its_sign_with_the_winding_number() 
 }
 
 #[test]
+fn winding_number_is_the_sum_of_solid_angles() {
+    // Two blobs, one in the other, each with a hole; triangles as large as angles of more than half a turn, from near them.
+    let [mut soup, inner] = [0.1, 0.05].map(|radius| blob(6, radius));
+    soup.triangles.extend(inner.triangles.iter().map(|t| t.map(|i| i + soup.vertices.len() as u32)));
+    soup.vertices.extend(inner.vertices);
+    let mut n = 0;
+    soup.triangles.retain(|_| {
+        n += 1;
+        n % 11 != 0
+    });
+    let mesh = Mesh::new(&soup.vertices, &soup.triangles);
+    let plain = |p: &Vector3<f64>| {
+        let half_angle = |t: u32| {
+            let [a, b, c] = mesh.triangle(t).map(|v| v - p);
+            let [la, lb, lc] = [a, b, c].map(|v| v.norm());
+            let cos = la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb;
+            a.dot(&b.cross(&c)).atan2(cos)
+        };
+        (0..mesh.triangle_count() as u32).map(half_angle).sum::<f64>() / std::f64::consts::TAU
+    };
+    let (mut random, mut most) = (Random::new(3), [0.0_f64; 2]);
+    for _ in 0..2000 {
+        let p = random.vector() * 0.15;
+        let w = mesh.winding_number(&p);
+        assert!((w - plain(&p)).abs() < 1e-12, "{p}: {w}");
+        most = [most[0].min(w), most[1].max(w)];
+    }
+    assert!(most[0] < -0.01 && most[1] > 1.2, "{most:?}");
+}
+
+#[test]
 fn mixed_winding_is_mended_and_a_closed_mesh_turned_outward() {
     let soup = blob(8, 0.1);
     let tidy = Mesh::new(&soup.vertices, &soup.triangles);

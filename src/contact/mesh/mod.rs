@@ -283,15 +283,26 @@ impl Mesh {
     /// Generalised winding number of the mesh about `p`: 1 inside a closed mesh, 0 outside, in between where it is open.
     /// Sum of the triangles' solid angles (A. Van Oosterom & J. Strackee 1983) over 4π.
     pub fn winding_number(&self, p: &Vector3<f64>) -> f64 {
-        let half_angles: f64 = (0..self.triangle_count() as u32)
-            .map(|t| {
-                let [a, b, c] = self.triangle(t).map(|v| v - p);
-                let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
-                let det = a.dot(&b.cross(&c));
-                det.atan2(la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb)
-            })
-            .sum();
-        half_angles / (2.0 * std::f64::consts::PI)
+        // Half angles are added by multiplying complex numbers, and counting how often the product's own, within ±π, goes over that.
+        let (mut re, mut im, mut turns) = (1.0, 0.0, 0.0);
+        for t in 0..self.triangle_count() as u32 {
+            let [a, b, c] = self.triangle(t).map(|v| v - p);
+            let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
+            let sin = a.dot(&b.cross(&c));
+            let cos = la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb;
+            let [next_re, next_im]: [f64; 2] = [re * cos - im * sin, re * sin + im * cos];
+            let size = next_re.abs() + next_im.abs();
+            if size == 0.0 {
+                continue;
+            }
+            if sin > 0.0 && im >= 0.0 && next_im < 0.0 {
+                turns += 1.0;
+            } else if sin < 0.0 && im < 0.0 && next_im >= 0.0 {
+                turns -= 1.0;
+            }
+            (re, im) = (next_re / size, next_im / size);
+        }
+        turns + im.atan2(re) / (2.0 * std::f64::consts::PI)
     }
 }
 
