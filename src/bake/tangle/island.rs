@@ -10,9 +10,9 @@ use crate::scene::Friction;
 use nalgebra::UnitQuaternion;
 
 /// When the reactions are good enough: their residual multiplies displacements of a step, some 0.1 to 1 mm. In the first round, whose
-/// linearisation is worth no more, and in those that follow. What a stretch of 50 sweeps leaves is of a few contacts, and 150 more would.
+/// linearisation is worth no more, and in those that follow.
 const TOLERANCES: [Tolerance; 2] =
-    [Tolerance { residual: 1e-4, sweeps: 50 }, Tolerance { residual: SOUND, sweeps: 50 }];
+    [Tolerance { residual: 1e-4, sweeps: 60 }, Tolerance { residual: SOUND, sweeps: 200 }];
 
 /// Residual after which no other round is asked for on its account.
 pub(super) const SOUND: f64 = 1e-6;

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use std::collections::BTreeSet;
 
 /// Times that contacts which sweeps do not get to obey are singled out.
-const MENDINGS: usize = 6;
+const MENDINGS: usize = 3;
 
 /// Share of the squares of all errors that the contacts have which are singled out.
 const WORST: f64 = 0.99;
@@ -93,8 +93,8 @@ struct Delassus {
 
 /// Solves for the impulses `r` (3c) from what they hold, and leaves Y r in `w`.
 ///
-/// What sweeps leave, as many as `tolerance` allows, is nearly all in a few contacts, wedged between strands. These are solved for by themselves, and
-/// as many sweeps go on from there, as long as that leaves less.
+/// What sweeps leave is nearly all in a few contacts, wedged between strands. These are solved for by themselves, and sweeps go on from there, as
+/// long as that leaves less.
 pub fn solve_coupled(
     problem: &Coupled,
     tolerance: Tolerance,
