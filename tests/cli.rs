@@ -10,6 +10,7 @@ use common::{Scene, bake, entries, hairbake, here};
 use hairbake::cache::Reader;
 use predicates::prelude::*;
 use predicates::str::contains;
+use serde_json::{Value, json};
 use std::path::Path;
 
 #[test]
@@ -77,6 +78,39 @@ fn steps_that_do_not_come_to_rest_in_contact_are_divided() {
     assert_eq!(totals(0), 0);
     // A storm presses hair into the head, at one step a frame.
     assert!(totals(50) > 0);
+}
+
+#[test]
+fn where_guarantees_are_broken_a_strict_bake_tells_and_ends_with_1() {
+    let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/short");
+    let folder = tempfile::tempdir().unwrap();
+    let mut anim: Value =
+        serde_json::from_str(&std::fs::read_to_string(sample.join("shake.json")).unwrap()).unwrap();
+    // A ball that is over the head in one frame and deep in it in the next.
+    let places = [[0.0, 0.25, 0.0], [0.0, 0.25, 0.0], [0.0, 0.11, 0.0], [0.0, 0.11, 0.0]];
+    let track = json!({ "fps": 24.0, "first_frame": 1000, "translation": places, "pops": "keep" });
+    anim["frames"] = json!([1001, 1002]);
+    anim["bodies"].as_array_mut().unwrap().push(json!({ "name": "ball", "track": track }));
+    let shape = json!({ "type": "sphere", "centre": [0.0, 0.12, 0.0], "radius": 0.02 });
+    let ball = json!({ "name": "ball", "body": "ball", "shape": shape, "thickness_m": 0.0005 });
+    anim["colliders"][0]["shape"]["file"] = json!(sample.join("head.obj"));
+    anim["colliders"].as_array_mut().unwrap().push(ball);
+    let file = folder.path().join("anim.json");
+    std::fs::write(&file, anim.to_string()).unwrap();
+    let run = |strict: bool, out: &Path| {
+        let mut bake = bake(&sample.join("groom.json"), &file, out);
+        bake.args(["--substeps", "1", "--preroll", "0", "--curves", "guides"]);
+        bake.args(if strict { &["--no-pictures", "--strict"][..] } else { &["--no-pictures"] });
+        bake.assert()
+    };
+    let [strict, lax] = ["strict", "lax"].map(|name| folder.path().join(name));
+    run(true, &strict)
+        .code(1)
+        .stderr(contains("crossings of a surface").and(contains("guarantees are broken")));
+    run(false, &lax).success().stderr(contains("motions cut short at a surface"));
+    // What is told is the bake that would have been made without it.
+    let [strict, lax] = [strict, lax].map(|out| Reader::open(&out).unwrap().read_manifest().unwrap());
+    assert!(strict.totals["crossings"].as_u64() > Some(0) && strict.frames.len() == lax.frames.len());
 }
 
 #[test]
