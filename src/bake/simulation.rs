@@ -249,7 +249,7 @@ impl<'a> Simulation<'a> {
         changes
     }
 
-    /// Takes the guides `away` from the end of the sub-step before number `first` to now, each by itself: what they do to others begins with the next frame.
+    /// Takes the guides `away` from the end of the sub-step before number `first` to now. They meet bodies only, as all do where there are wisps.
     fn catch_up(&mut self, first: i64, away: &[usize], guides: &mut [Guide]) {
         let away: Vec<usize> = away.iter().copied().filter(|i| self.moved[*i]).collect();
         if away.is_empty() {
@@ -257,14 +257,12 @@ impl<'a> Simulation<'a> {
         }
         let companies = Companies::muster(guides, |i| away.binary_search(&i).is_ok());
         let mut records = vec![StepRecord::default(); guides.len()];
-        away.iter().for_each(|i| guides[*i].together = false);
         for taken in first..self.taken {
             let span = [taken, taken + 1].map(|taken| self.time_after(taken));
             self.bodies.prepare(span);
             self.around(|around| companies.advance(guides, around, span, &mut records));
             self.caught_up.extend(away.iter().map(|&i| (i, records[i])));
         }
-        away.iter().for_each(|i| guides[*i].together = self.tangle.is_some());
     }
 
     fn around<T>(&self, f: impl FnOnce(&Surroundings) -> T) -> T {

@@ -261,7 +261,8 @@ impl Bodies {
 
     /// Tells `found` of each of the places `x` of a polyline, its points, then the middles between any two, m, world, that is nearer to a body than `within`
     /// says, m, at body b and place k at `b * x.len() + k`, in order: that index, the distance, m, and the body's outward normal, world. The bodies are at
-    /// time `t`, s, at `poses`. `memory` is that of the same places before; it never changes the answer.
+    /// time `t`, s, at `poses`. `memory` is that of the same places before; it changes no answer but beside an open border of a mesh, where a place comes to
+    /// the other side without going through the surface.
     pub fn each_nearer(
         &self,
         (t, poses): (f64, &[Isometry3<f64>]),

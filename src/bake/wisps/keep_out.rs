@@ -105,7 +105,8 @@ impl<'a> Moment<'a> {
     }
 
     /// Moves a rod that is `rest` at rest, at unknowns `q`, 1/m, with its places at `led`, m, world, out of the bodies until its places keep their distances,
-    /// as far as it can; returns the mean way of its places, m, if there is any, infinite where it is left inside a body deeper than it rested. `memory` spares searches and changes no result, nor does what is in `work`.
+    /// as far as it can; returns the mean way of its places, m, if there is any, infinite where it is left inside a body deeper than it rested. `memory` spares
+    /// searches, as in [`Bodies::each_nearer`](crate::contact::Bodies::each_nearer); what is in `work` changes no result.
     pub fn bring_out(
         &self,
         rod: &Rod,
