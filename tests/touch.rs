@@ -388,3 +388,41 @@ fn every_step_comes_to_rest() {
         assert!(restless == 0 && residual < 1e-5, "{gravity} {room}: {restless}, {residual}");
     }
 }
+
+#[test]
+fn what_is_pressed_in_many_short_steps_stays_in_front() {
+    let bodies = Bodies::from_shapes(&[Shape::Sphere {
+        centre: Vector3::new(0.1, -RADIUS - 1e-3, 0.0),
+        radius: RADIUS,
+    }]);
+    // Laid over the ball, then pulled down by ten thousand times its weight.
+    let (laid, pulled) = (1.0, 4e-3);
+    let around = Surroundings {
+        head: &|_| Isometry3::identity(),
+        gravity: &|t| Vector3::y() * -(9.81 + 1e5 * ((t - laid) / pulled).clamp(0.0, 1.0)),
+        wind: &[],
+        bodies: &bodies,
+        body: &|_, _| Isometry3::identity(),
+        carrier: &|_, _| Isometry3::identity(),
+        brought_out: &|_| 1.0,
+    };
+    let rod = hair(0.2, Cut::FINE);
+    let (h, drag) = (1.0 / 192.0, vec![2e-5; rod.points()]);
+    let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &around, 0.0, h);
+    let mut work = Workspace::default();
+    for i in 0..192 {
+        guide.advance(&around, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
+    }
+    let (h, mut lowest) = (2e-5, f64::INFINITY);
+    for i in 0..400 {
+        let [t0, t1] = [0, 1].map(|k| laid + f64::from(i + k) * h);
+        let record = guide.advance(&around, t0, t1, &mut work);
+        assert_eq!((record.unconverged, record.crossed, record.shortened), (0, 0, 0), "step {i}");
+        let mut line = Vec::new();
+        guide.trace(&mut line);
+        let off = |x: &Vector3<f64>| (x - Vector3::new(0.1, -RADIUS - 1e-3, 0.0)).norm() - RADIUS;
+        lowest = line.iter().map(off).fold(lowest, f64::min);
+    }
+    assert!(lowest > 0.0, "{lowest}");
+    assert!(lowest < 1e-4, "hardly pressed: the test is of no use: {lowest}");
+}
