@@ -134,7 +134,7 @@ impl<'a> Path<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::newton::descend;
+    use super::super::newton::{descend, improve};
     use super::super::{Law, Problem};
     use super::*;
     use crate::contact::tests::Random;
@@ -167,6 +167,9 @@ mod tests {
             r.fill(0.0);
             follow(&smoothed, &problem, 1e-8, &mut r);
             assert!(problem.residual(&r) <= 1e-8, "case {case}: {}", problem.residual(&r));
+            r.fill(0.0);
+            let improved = improve(&problem, 1e-6, &mut r);
+            assert!(improved <= 1e-5, "case {case}: {improved}");
             let mut path = Path::enter(&smoothed).unwrap();
             let n = smoothed.len();
             turned_back += u32::from((0..60).any(|_| path.step() && path.along[n] > 0.0));
