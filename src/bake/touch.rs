@@ -580,3 +580,6 @@ impl Touch<'_> {
 fn coincide(a: &Contact, b: &Contact) -> bool {
     (a.body, a.segment) == (b.body, b.segment) && (a.u - b.u).abs() < 1e-2 && a.normal.dot(&b.normal) > 0.999
 }
+
+#[cfg(test)]
+mod tests;

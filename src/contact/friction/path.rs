@@ -156,7 +156,7 @@ mod tests {
     fn it_leads_to_a_solution_where_falling_rounding_alone_gets_caught() {
         let mut random = Random::new(12);
         let (mut caught, mut turned_back) = (0, 0);
-        for case in 0..60 {
+        for case in 0..240 {
             let contacts = 8 + case % 12;
             let (w, b) = wedged(&mut random, contacts);
             let laws = vec![Law::Coulomb(0.3.into()); contacts];
