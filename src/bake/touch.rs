@@ -148,6 +148,8 @@ pub(super) struct TouchWork {
     pub(super) pushes: Vec<Push>,
     pushed: PushedWork,
     averted: Averted,
+    /// The unknowns at the end of a motion that is cut short, as it was before.
+    whole: Vec<f64>,
     /// Whether contacts stay as they were found, and others only join them.
     pub(super) frozen: bool,
     pub(super) noted: Noted,
@@ -457,12 +459,20 @@ impl Touch<'_> {
                 Some(contact) if a % 3 == 0 => {
                     let more = (1.0 - RIGID / work.reaction[a].max(RIGID)) * YIELDING;
                     let given_way = 1.0 + more / PRESSED * work.reaction[a];
-                    more * line.kept_at(contact).max(0.0) / given_way
+                    more * self.yielding(&line, contact) / given_way
                 }
                 Some(_) => 0.0,
                 None => COMPLIANCE,
             };
         }
+    }
+
+    /// The distance, m, of which a contact gives way by a share: what it keeps, and in proportion less where less than old violations may leave is asked for.
+    /// So what is pressed in however many steps stays in front of the surface.
+    fn yielding(&self, line: &Polyline, contact: &Contact) -> f64 {
+        let keep = line.kept_at(contact);
+        let wanted = line.gap(contact) + keep - contact.gap;
+        keep.min(wanted.abs() / (1.0 - USED_UP)).max(0.0)
     }
 
     /// Friction of a contact.
@@ -570,3 +580,6 @@ impl Touch<'_> {
 fn coincide(a: &Contact, b: &Contact) -> bool {
     (a.body, a.segment) == (b.body, b.segment) && (a.u - b.u).abs() < 1e-2 && a.normal.dot(&b.normal) > 0.999
 }
+
+#[cfg(test)]
+mod tests;

@@ -252,6 +252,29 @@ fn over_a_ball(rise: f64, each: impl FnOnce(&mut Member, &mut Guide, &Surroundin
 }
 
 #[test]
+fn a_motion_that_is_cut_short_is_taken_whole_where_any_part_of_it_crosses_a_body_that_comes() {
+    for (rise, whole) in [(1.2e-3, false), (2.5e-3, true)] {
+        over_a_ball(rise, |member, guide, around, _| {
+            let (root, start, end) = (member.root, guide.q[0].clone(), member.work.q.clone());
+            let mut shorten = |q: &[f64]| {
+                member.work.q = q.to_vec();
+                guide.with_touch(around.bodies, &root, &mut member.work, |touch, moving| {
+                    moving.solver.shape.update(touch.rod, &root.r, moving.q);
+                    let stopped =
+                        touch.shorten(&start, moving.q, moving.solver, moving.memory, moving.touching);
+                    (stopped, moving.q.clone())
+                })
+            };
+            let (stopped, q) = shorten(&end);
+            assert!(stopped && (q == end) == whole, "rise {rise}: {stopped}");
+            // From where it began there is nothing to be had.
+            let (stopped, q) = shorten(&start);
+            assert!(stopped != whole && q == start, "rise {rise}: {stopped}");
+        });
+    }
+}
+
+#[test]
 fn what_others_do_not_let_go_goes_where_it_went_alone_if_a_body_comes() {
     for (rise, resort) in [(-1e-3, Resort::Still), (2.5e-3, Resort::Alone)] {
         over_a_ball(rise, |member, guide, around, _| {

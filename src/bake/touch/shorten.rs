@@ -23,7 +23,8 @@ impl Touch<'_> {
     }
 
     /// Cuts the motion from unknowns `start` to `q` short so that no surface is crossed and no speed is gained: the last resort. On a body that carries
-    /// the root, no motion of the unknowns is no motion at all. `false` where even that crosses a surface.
+    /// the root, no motion of the unknowns is no motion at all; on another, which comes nearer, that may cross it where the whole motion does not, and then
+    /// that is taken, at whatever speed. `false` where all cross a surface.
     pub fn shorten(
         &self,
         start: &[f64],
@@ -32,6 +33,9 @@ impl Touch<'_> {
         memory: &mut crate::contact::Workspace,
         work: &mut TouchWork,
     ) -> bool {
+        let whole_is_clear = self.find(solver, memory, work);
+        work.whole.clear();
+        work.whole.extend_from_slice(q);
         let mut clear = false;
         for share in [0.5, 0.5, 0.5, 0.0] {
             for (q, a) in q.iter_mut().zip(start) {
@@ -42,6 +46,11 @@ impl Touch<'_> {
             if clear && self.gains_none(work) {
                 break;
             }
+        }
+        if !clear && whole_is_clear {
+            q.copy_from_slice(&work.whole);
+            solver.shape.update(self.rod, &self.root.r, q);
+            clear = self.find(solver, memory, work);
         }
         self.note(work);
         clear

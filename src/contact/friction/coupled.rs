@@ -1,8 +1,8 @@
 //! Many strands that touch each other and bodies: the same law, with W sparse.
 //!
-//! With H = LLᵀ for every strand and Y = L⁻¹Jᵀ, W = YᵀY has a block for two contacts that share a strand and none for others. It is formed once,
-//! block by block; a sweep then costs nine products for each of the pushing contacts that a contact shares a strand with, a few as a rule, where
-//! by way of the strands' unknowns it would cost six for each of these.
+//! With H = LLᵀ for every strand and Y = L⁻¹Jᵀ, W = YᵀY has a block for two contacts that share a strand and none for others. The blocks of contacts
+//! that are swept over are formed, once each; a sweep then costs nine products for each of those that a contact shares a strand with, a few as
+//! a rule, where by way of the strands' unknowns, w = Y r, it would cost six for each of these. That way the others are looked at.
 
 use super::{Law, Outcome, Problem, Residual, Scratch, System, Tolerance, at, newton, sweep};
 use crate::math::cholesky::dot;
@@ -42,53 +42,98 @@ pub struct Coupled<'a> {
 }
 
 impl Coupled<'_> {
-    /// The part of one strand in the block of W of two contacts.
-    fn block(&self, a: &Side, b: &Side) -> Matrix3<f64> {
-        let n = a.unknowns.1;
-        let row = |side: &Side, d: usize| &self.rows[side.rows + d * n..][..n];
-        Matrix3::from_fn(|i, j| dot(row(a, i), row(b, j)))
+    fn row(&self, side: &Side, d: usize) -> &[f64] {
+        let n = side.unknowns.1;
+        &self.rows[side.rows + d * n..][..n]
     }
 
-    fn delassus(&self) -> Delassus {
-        let sides = || self.sides.iter().enumerate();
-        let mut parts: Vec<(u32, Side)> =
-            sides().flat_map(|(i, sides)| sides.iter().flatten().map(move |s| (i as u32, *s))).collect();
-        parts.sort_by_key(|(i, side)| (side.unknowns.0, *i));
-        let of_strand = |first: usize| {
-            let from = parts.partition_point(|(_, side)| side.unknowns.0 < first);
-            parts[from..].iter().take_while(move |(_, side)| side.unknowns.0 == first)
-        };
-        let lines = self.sides.par_iter().map(|sides| {
-            let blocks = |side: &'_ Side| {
-                let side = *side;
-                of_strand(side.unknowns.0).map(move |(j, other)| (*j, self.block(&side, other)))
-            };
-            let mut line: Vec<_> = sides.iter().flatten().flat_map(blocks).collect();
-            line.sort_by_key(|(j, _)| *j);
-            // Two strands that touch in two places share both.
-            line.dedup_by(|next, kept| {
-                let same = next.0 == kept.0;
-                if same {
-                    kept.1 += next.1;
+    /// The block of W of two contacts.
+    fn block(&self, i: usize, j: usize) -> Matrix3<f64> {
+        let mut block = Matrix3::zeros();
+        for a in self.sides[i].iter().flatten() {
+            for b in self.sides[j].iter().flatten().filter(|b| b.unknowns == a.unknowns) {
+                block += Matrix3::from_fn(|row, column| dot(self.row(a, row), self.row(b, column)));
+            }
+        }
+        block
+    }
+
+    /// Y r, in `w`.
+    fn push(&self, r: &[f64], w: &mut [f64]) {
+        w.fill(0.0);
+        for (sides, r) in self.sides.iter().zip(r.chunks_exact(3)).filter(|(_, r)| **r != [0.0; 3]) {
+            for side in sides.iter().flatten() {
+                let (first, n) = side.unknowns;
+                for (d, r) in r.iter().enumerate() {
+                    w[first..first + n].iter_mut().zip(self.row(side, d)).for_each(|(w, y)| *w += y * r);
                 }
-                same
-            });
-            line
-        });
-        let lines: Vec<_> = lines.collect();
-        let own = |(i, line): (usize, &Vec<(u32, Matrix3<f64>)>)| {
-            let own = line.iter().find(|(j, _)| *j as usize == i);
-            own.map_or_else(Matrix3::zeros, |(_, block)| *block)
-        };
-        Delassus { diagonal: lines.iter().enumerate().map(own).collect(), lines }
+            }
+        }
+    }
+
+    /// u of contact `i`, w being Y r.
+    fn velocity(&self, w: &[f64], i: usize) -> Vector3<f64> {
+        let mut u = at(self.b, i);
+        for side in self.sides[i].iter().flatten() {
+            let (first, n) = side.unknowns;
+            u += Vector3::from_fn(|d, _| dot(self.row(side, d), &w[first..first + n]));
+        }
+        u
     }
 }
 
-/// W.
+/// The part of W of some contacts, line after line the blocks that are not zero with their columns, ascending.
+#[derive(Default)]
 struct Delassus {
-    diagonal: Vec<Matrix3<f64>>,
-    /// Line after line the blocks that are not zero with their columns, ascending.
-    lines: Vec<Vec<(u32, Matrix3<f64>)>>,
+    contacts: Vec<u32>,
+    /// Of each contact of the problem its line, [`Delassus::NONE`] of those that have none.
+    line: Vec<u32>,
+    /// Where each line begins, and the end of the last.
+    start: Vec<usize>,
+    blocks: Vec<(u32, Matrix3<f64>)>,
+}
+
+impl Delassus {
+    const NONE: u32 = u32::MAX;
+
+    /// Of `contacts`; blocks that `known` has are taken from there.
+    fn new(problem: &Coupled, contacts: &[u32], known: &Delassus) -> Self {
+        let strands = |i: u32| problem.sides[i as usize].iter().flatten().map(|side| side.unknowns.0);
+        let mut parts: Vec<(usize, u32)> =
+            contacts.iter().flat_map(|&i| strands(i).map(move |strand| (strand, i))).collect();
+        parts.sort_unstable();
+        let of_strand = |strand: usize| {
+            let from = parts.partition_point(|part| part.0 < strand);
+            parts[from..].iter().take_while(move |part| part.0 == strand).map(|part| part.1)
+        };
+        let line = |&i: &u32| {
+            let mut beside: Vec<u32> = strands(i).flat_map(of_strand).collect();
+            beside.sort_unstable();
+            beside.dedup();
+            let of = |j: u32| known.block(i, j).unwrap_or_else(|| problem.block(i as usize, j as usize));
+            beside.into_iter().map(|j| (j, of(j))).collect::<Vec<_>>()
+        };
+        let lines: Vec<_> = contacts.par_iter().map(line).collect();
+        let mut delassus = Delassus { contacts: contacts.to_vec(), ..Delassus::default() };
+        delassus.line.resize(problem.laws.len(), Self::NONE);
+        delassus.start.push(0);
+        for (k, (&i, line)) in contacts.iter().zip(lines).enumerate() {
+            delassus.line[i as usize] = k as u32;
+            delassus.blocks.extend(line);
+            delassus.start.push(delassus.blocks.len());
+        }
+        delassus
+    }
+
+    fn of(&self, i: u32) -> Option<&[(u32, Matrix3<f64>)]> {
+        let line = *self.line.get(i as usize)?;
+        (line != Self::NONE).then(|| &self.blocks[self.start[line as usize]..self.start[line as usize + 1]])
+    }
+
+    fn block(&self, i: u32, j: u32) -> Option<Matrix3<f64>> {
+        let line = self.of(i)?;
+        Some(line[line.binary_search_by_key(&j, |(j, _)| *j).ok()?].1)
+    }
 }
 
 /// Solves for the impulses `r` (3c) from what they hold, and leaves Y r in `w`.
@@ -102,7 +147,8 @@ pub fn solve_coupled(
     w: &mut [f64],
     scratch: &mut Scratch,
 ) -> Outcome {
-    let mut network = Network { problem, delassus: problem.delassus(), r };
+    let diagonal = (0..r.len() / 3).into_par_iter().map(|i| problem.block(i, i)).collect();
+    let mut network = Network { problem, diagonal, delassus: Delassus::default(), r, w };
     let mut outcome = sweep(&mut network, tolerance, true, scratch);
     for _ in 0..MENDINGS {
         if outcome.residual <= tolerance.residual {
@@ -118,22 +164,19 @@ pub fn solve_coupled(
         }
         outcome.residual = residual;
     }
-    let r = network.r;
-    w.fill(0.0);
-    for (sides, r) in problem.sides.iter().zip(r.chunks_exact(3)).filter(|(_, r)| **r != [0.0; 3]) {
-        for Side { unknowns: (first, n), rows } in sides.iter().flatten() {
-            for (row, r) in problem.rows[*rows..][..3 * n].chunks_exact(*n).zip(r) {
-                w[*first..first + n].iter_mut().zip(row).for_each(|(w, y)| *w += y * r);
-            }
-        }
-    }
+    problem.push(network.r, network.w);
     outcome
 }
 
 struct Network<'a> {
     problem: &'a Coupled<'a>,
+    /// Diagonal blocks of all contacts.
+    diagonal: Vec<Matrix3<f64>>,
+    /// Of those that are swept over.
     delassus: Delassus,
     r: &'a mut [f64],
+    /// Y r at the last look.
+    w: &'a mut [f64],
 }
 
 impl Network<'_> {
@@ -147,7 +190,7 @@ impl Network<'_> {
         let (mut w, mut b) = (vec![0.0; stride * stride], Vec::with_capacity(stride));
         for (line, &i) in w.chunks_exact_mut(3 * stride).zip(&chosen) {
             let mut free = self.velocity(i);
-            for (j, block) in &self.delassus.lines[i] {
+            for (j, block) in self.line(i) {
                 let Ok(column) = chosen.binary_search(&(*j as usize)) else { continue };
                 free -= block * self.impulse(*j as usize);
                 for (line, row) in line.chunks_exact_mut(stride).zip(block.row_iter()) {
@@ -165,6 +208,11 @@ impl Network<'_> {
         }
     }
 
+    /// The blocks of a contact that is swept over, with their columns.
+    fn line(&self, i: usize) -> &[(u32, Matrix3<f64>)] {
+        self.delassus.of(i as u32).unwrap_or_default()
+    }
+
     /// The contacts that have nearly all of the error, and those that push their strands or would be passed, ascending.
     fn worst(&self) -> Vec<usize> {
         let error = |i: usize| {
@@ -173,17 +221,17 @@ impl Network<'_> {
             residual.add(self.block(i).trace(), u, &r, &self.free(i), self.law(i));
             residual.error
         };
-        let errors: Vec<f64> = (0..self.contacts()).map(error).collect();
-        let mut order: Vec<usize> = (0..errors.len()).collect();
-        order.sort_by(|&i, &j| errors[j].total_cmp(&errors[i]));
-        let mut left = WORST * errors.iter().sum::<f64>();
+        let mut errors: Vec<(usize, f64)> =
+            self.delassus.contacts.iter().map(|&i| (i as usize, error(i as usize))).collect();
+        errors.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        let mut left = WORST * errors.iter().map(|(_, error)| error).sum::<f64>();
         let mut chosen = BTreeSet::new();
-        for i in order {
+        for (i, error) in errors {
             if left <= 0.0 || chosen.len() >= MENDED {
                 break;
             }
-            left -= errors[i];
-            let beside = self.delassus.lines[i].iter().map(|(j, _)| *j as usize);
+            left -= error;
+            let beside = self.line(i).iter().map(|(j, _)| *j as usize);
             chosen
                 .extend(beside.filter(|&j| self.impulse(j) != Vector3::zeros() || self.velocity(j).x < 0.0));
             chosen.insert(i);
@@ -198,7 +246,7 @@ impl System for Network<'_> {
     }
 
     fn block(&self, i: usize) -> Matrix3<f64> {
-        self.delassus.diagonal[i]
+        self.diagonal[i]
     }
 
     fn free(&self, i: usize) -> Vector3<f64> {
@@ -213,15 +261,19 @@ impl System for Network<'_> {
         at(self.r, i)
     }
 
+    fn look(&mut self, u: &mut Vec<Vector3<f64>>) {
+        self.problem.push(self.r, self.w);
+        let of = |i: usize| self.problem.velocity(self.w, i);
+        (0..self.contacts()).into_par_iter().map(of).collect_into_vec(u);
+    }
+
+    fn narrow(&mut self, live: &[u32]) {
+        self.delassus = Delassus::new(self.problem, live, &self.delassus);
+    }
+
     fn velocity(&self, i: usize) -> Vector3<f64> {
-        let mut u = self.free(i);
-        for (j, block) in &self.delassus.lines[i] {
-            let r = self.impulse(*j as usize);
-            if r != Vector3::zeros() {
-                u += block * r;
-            }
-        }
-        u
+        let line = self.line(i).iter();
+        line.fold(self.free(i), |u, (j, block)| u + block * self.impulse(*j as usize))
     }
 
     fn set(&mut self, i: usize, impulse: Vector3<f64>) {

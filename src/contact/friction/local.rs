@@ -8,7 +8,7 @@ use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 const RIGID: f64 = 1e-14;
 
 /// Relative step of Newton's method for the slip after which none is needed.
-const NEGLIGIBLE: f64 = 1e-9;
+const NEGLIGIBLE: f64 = 1e-7;
 
 /// Impulse r of one contact with mobility `w` (symmetric, positive semi-definite) and velocity `q` without impulse.
 pub fn solve_local(w: &Matrix3<f64>, q: &Vector3<f64>, law: Law) -> Vector3<f64> {
@@ -64,16 +64,17 @@ impl Local {
         let a = self.basis.tr_mul(&(q.yz() - self.coupling * q.x));
         let c = self.basis.tr_mul(&self.coupling);
         let impulse = |s: f64| {
-            let tangent = Vector2::new(-a.x / (self.lambda.x + s), -a.y / (self.lambda.y + s));
-            (normal_alone - c.dot(&tangent), tangent)
+            let softness = self.lambda.map(|l| 1.0 / (l + s));
+            let tangent = -a.component_mul(&softness);
+            (normal_alone - c.dot(&tangent), tangent, softness)
         };
-        let (mut normal, mut tangent) = impulse(0.0);
+        let (mut normal, mut tangent, _) = impulse(0.0);
         if tangent.norm() > fixed * normal && mu == 0.0 {
             return Vector3::new(normal_alone, 0.0, 0.0);
         }
         if tangent.norm() > fixed * normal {
-            self.rate = slip_rate(mu, &self.lambda, &a, &c, self.rate, impulse);
-            (normal, tangent) = impulse(self.rate);
+            self.rate = slip_rate(mu, &c, self.lambda.max(), self.rate, impulse);
+            (normal, tangent, _) = impulse(self.rate);
         }
         let tangent = self.basis * tangent;
         Vector3::new(normal, tangent.x, tangent.y)
@@ -93,28 +94,29 @@ fn eigen(m: &Matrix2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
 }
 
 /// Root s > 0 of |r_T(s)| − µ r_N(s), which is positive at 0: that of g(s) = µ r_N/|r_T| − 1, which without coupling and with equal λ is a
-/// straight line, so that Newton's method takes a few steps from `start`.
+/// straight line, so that Newton's method takes a few steps from `start`. `impulse` gives for s r_N, r_T and −dr_T/ds over r_T; the largest λ tells how far
+/// s may go at first.
 fn slip_rate(
     mu: f64,
-    lambda: &Vector2<f64>,
-    a: &Vector2<f64>,
     c: &Vector2<f64>,
+    lambda: f64,
     start: f64,
-    impulse: impl Fn(f64) -> (f64, Vector2<f64>),
+    impulse: impl Fn(f64) -> (f64, Vector2<f64>, Vector2<f64>),
 ) -> f64 {
     let (mut lo, mut hi) = (0.0, f64::INFINITY);
     let mut s = if start.is_finite() { start } else { 0.0 };
     for _ in 0..200 {
-        let (normal, tangent) = impulse(s);
-        let length = tangent.norm();
-        let g = mu * normal / length - 1.0;
+        let (normal, tangent, softness) = impulse(s);
+        let over_length = 1.0 / tangent.norm();
+        let g = mu * normal * over_length - 1.0;
         if g < 0.0 {
             lo = s;
         } else {
             hi = s;
         }
-        let slope = Vector2::new(a.x / (lambda.x + s).powi(2), a.y / (lambda.y + s).powi(2));
-        let growth = mu * (-c.dot(&slope) - normal * tangent.dot(&slope) / (length * length)) / length;
+        let slope = -tangent.component_mul(&softness);
+        let growth =
+            -mu * over_length * (c.dot(&slope) + normal * tangent.dot(&slope) * over_length * over_length);
         let newton = s - g / growth;
         let trusted = newton >= lo && newton <= hi;
         let next = if trusted {
@@ -122,7 +124,7 @@ fn slip_rate(
         } else if hi.is_finite() {
             0.5 * (lo + hi)
         } else {
-            4.0 * s.max(lambda.max())
+            4.0 * s.max(lambda)
         };
         let step = (next - s).abs();
         s = next;

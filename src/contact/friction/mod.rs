@@ -12,13 +12,15 @@
 //! change of variable ũ = u + µ |u_T| e_N this is K_µ ∋ r ⟂ ũ ∈ K_µ*, K_µ the second-order cone |r_T| ≤ µ r_N.
 //!
 //! Nonsmooth block Gauss-Seidel with an exact local solve: G. Daviet, F. Bertails-Descoubes & L. Boissieux, "A hybrid
-//! iterative solver for robustly capturing Coulomb friction in hair dynamics", 2011, accelerated (D. G. Anderson, 1965); one strand's that these
-//! do not solve, by Newton's method on a smoothed problem. The order is that of the contacts, so results are the same bits on any thread.
+//! iterative solver for robustly capturing Coulomb friction in hair dynamics", 2011, accelerated (D. G. Anderson, 1965); what these
+//! do not solve, by Newton's method on a smoothed problem, and along the path of its solutions (H. B. Keller, 1977). The order is that of the contacts, so results are the same bits on any thread.
 
 mod anderson;
 mod coupled;
 mod local;
 mod newton;
+mod path;
+mod smoothed;
 mod sweep;
 
 use crate::scene::Friction;
@@ -205,6 +207,11 @@ impl System for Dense<'_> {
 
     fn impulse(&self, i: usize) -> Vector3<f64> {
         at(self.r, i)
+    }
+
+    fn look(&mut self, u: &mut Vec<Vector3<f64>>) {
+        u.clear();
+        u.extend((0..self.contacts()).map(|i| self.velocity(i)));
     }
 
     fn velocity(&self, i: usize) -> Vector3<f64> {

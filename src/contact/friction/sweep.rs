@@ -19,7 +19,11 @@ pub(super) trait System {
     fn free(&self, i: usize) -> Vector3<f64>;
     fn law(&self, i: usize) -> Law;
     fn impulse(&self, i: usize) -> Vector3<f64>;
-    /// u under the impulses as they are.
+    /// u of all contacts under the impulses as they are.
+    fn look(&mut self, u: &mut Vec<Vector3<f64>>);
+    /// Is told which contacts are swept over from now on. No others push.
+    fn narrow(&mut self, _live: &[u32]) {}
+    /// u of a contact that is swept over.
     fn velocity(&self, i: usize) -> Vector3<f64>;
     fn set(&mut self, i: usize, impulse: Vector3<f64>);
 }
@@ -31,6 +35,8 @@ pub struct Scratch {
     /// Contacts that are swept over, and whether each is.
     live: Vec<u32>,
     is_live: Vec<bool>,
+    /// u of all contacts in a look.
+    seen: Vec<Vector3<f64>>,
     /// Impulses of these before and after a sweep, each in its contact's own scale.
     before: Vec<f64>,
     after: Vec<f64>,
@@ -39,8 +45,9 @@ pub struct Scratch {
     best: Vec<Vector3<f64>>,
 }
 
-/// Sweeps until the residual is small. The first [`LOOK`] sweeps are over all contacts, those that follow over those that push or were too
-/// near in a look since. During sweeps the residual is gathered contact by contact as they are met; the one that counts is that of the result.
+/// Sweeps until the residual is small. What is swept over are the contacts that push or are too near: before the first sweep and after the first [`LOOK`] just these,
+/// from then on with those that have been so since. Sweeps go on to the next look, or until one changes the velocities no more than the residual may be; the residual is that
+/// of all contacts at a look.
 ///
 /// A sweep is a turn of a fixed-point iteration, which may be `accelerated`: a tenth of the sweeps for the same residual once it is settled
 /// which contacts push and which of them stick. What a sweep leaves open stays so. Where there is no solution, as between bodies that close on a
@@ -51,7 +58,7 @@ pub(super) fn sweep(
     mut accelerated: bool,
     scratch: &mut Scratch,
 ) -> Outcome {
-    let Scratch { locals, live, is_live, before, after, anderson, best } = scratch;
+    let Scratch { locals, live, is_live, seen, before, after, anderson, best } = scratch;
     let mut least = f64::INFINITY;
     locals.clear();
     locals.extend((0..system.contacts()).map(|i| Local::new(&system.block(i))));
@@ -59,24 +66,28 @@ pub(super) fn sweep(
     live.extend(0..locals.len() as u32);
     let mut sweeps = 0;
     loop {
+        system.look(seen);
         let mut residual = Residual::default();
+        let held = live.len();
         if sweeps <= LOOK {
             live.clear();
             is_live.clear();
             is_live.resize(locals.len(), false);
-            anderson.clear();
         }
-        for (i, local) in locals.iter().enumerate() {
-            let (u, r) = (system.velocity(i), system.impulse(i));
-            residual.add(local.w.trace(), u, &r, &system.free(i), system.law(i));
-            let counts = sweeps == 0 || u.x < 0.0 || r != Vector3::zeros() || system.law(i) == Law::Held;
+        for (i, (local, u)) in locals.iter().zip(&*seen).enumerate() {
+            let (r, law) = (system.impulse(i), system.law(i));
+            residual.add(local.w.trace(), *u, &r, &system.free(i), law);
+            let counts = u.x < 0.0 || r != Vector3::zeros() || law == Law::Held;
             if counts && !is_live[i] {
                 is_live[i] = true;
                 live.push(i as u32);
-                anderson.clear();
             }
         }
-        let mut residual = residual.relative();
+        if sweeps <= LOOK || live.len() > held {
+            system.narrow(live);
+            anderson.clear();
+        }
+        let (free, residual) = (residual.free, residual.relative());
         if accelerated && residual < least {
             least = residual;
             best.clear();
@@ -85,7 +96,8 @@ pub(super) fn sweep(
         let ends = sweeps >= tolerance.sweeps;
         if accelerated && (residual > ASTRAY * least || ends && residual > least) {
             best.iter().enumerate().for_each(|(i, r)| system.set(i, *r));
-            (residual, accelerated) = (least, false);
+            accelerated = false;
+            continue;
         }
         if residual <= tolerance.residual || ends {
             return Outcome { sweeps, residual };
@@ -95,18 +107,22 @@ pub(super) fn sweep(
             if accelerated {
                 gather(system, locals, live, before);
             }
-            let mut residual = Residual::default();
+            let (mut moved, mut impulse) = (0.0, 0.0);
             for &i in &*live {
                 let (i, local) = (i as usize, &mut locals[i as usize]);
                 let (u, old, law) = (system.velocity(i), system.impulse(i), system.law(i));
-                residual.add(local.w.trace(), u, &old, &system.free(i), law);
                 if u.x < 0.0 || old != Vector3::zeros() || law == Law::Held {
-                    system.set(i, local.solve(&(u - local.w * old), law));
+                    let before = local.w * old;
+                    let new = local.solve(&(u - before), law);
+                    moved += (local.w * new - before).norm_squared();
+                    impulse += (new * (local.w.trace() / 3.0)).norm_squared();
+                    system.set(i, new);
                 }
             }
+            let settled = moved <= tolerance.residual.powi(2) * impulse.max(free);
             sweeps += 1;
             // What is looked at is what a sweep has left: impulses that are accelerated may stray from their cones.
-            if sweeps == last || residual.relative() <= tolerance.residual {
+            if sweeps == last || settled {
                 break;
             }
             if !accelerated {
