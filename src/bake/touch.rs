@@ -27,7 +27,7 @@ use nalgebra::Vector3;
 const REACH: f64 = 1e-3;
 
 /// Times that contacts are looked for, solved and moved in one step.
-const MAX_ROUNDS: u32 = 20;
+const MAX_ROUNDS: u32 = 30;
 
 /// Rounds after which contacts stay as they are, others only join them, and no motion is taken that gains nothing: contacts that turn with every round, or
 /// come and go, may never come to rest.
@@ -52,8 +52,11 @@ const OUTWARD: f64 = 0.3;
 /// Most that one round may move a point, m: beyond it the linearisation is worth nothing.
 pub(super) const MAX_MOVE: f64 = 0.01;
 
-/// Share of the motion of the round before above which a round goes half of its way.
+/// Share of the motion of the round before above which the next may go half as far at most. Otherwise it may go twice as far as that round might.
 const CONTRACTING: f64 = 0.7;
+
+/// Share of how far a round may go beyond which it was cut short, and has not come to rest.
+const CUT: f64 = 0.7;
 
 /// Residual of the reactions above which another round goes on from them.
 const SOUND: f64 = 1e-4;
@@ -232,12 +235,12 @@ impl Touch<'_> {
         work: &mut TouchWork,
     ) -> bool {
         let mut moved = f64::INFINITY;
-        let (mut earlier, mut cut) = (f64::INFINITY, false);
+        let (mut earlier, mut most) = (f64::INFINITY, MAX_MOVE);
         for round in 0..=MAX_ROUNDS {
             work.frozen = round >= TURNING_ROUNDS;
             let clear = self.find(solver, memory, work);
             let worst = work.worst;
-            let rests = !cut && moved <= MOVE_TOLERANCE;
+            let rests = moved <= MOVE_TOLERANCE.min(CUT * most);
             let settled = rests || (free && round == 0 && self.ties.is_empty());
             // What lies between two surfaces that leave it no room has come to rest where another round would not move it.
             let enough = if rests { ACCEPTABLE_GAP } else { GAP_TOLERANCE };
@@ -269,8 +272,9 @@ impl Touch<'_> {
             let before = moved;
             moved = if work.frozen {
                 // What goes to and fro is between the two.
-                cut = !cut && moved >= CONTRACTING * earlier;
-                self.descend(if cut { 0.5 * moved } else { MAX_MOVE }, solver, q, work)
+                let contracts = moved < CONTRACTING * earlier;
+                most = if contracts { (2.0 * most).min(MAX_MOVE) } else { 0.5 * moved.min(most) };
+                self.descend(most, solver, q, work)
             } else {
                 solve_upper(&solver.factor, q.len(), &mut solver.direction);
                 solver.advance(self.rod, &self.root.r, q, MAX_MOVE)
