@@ -87,28 +87,22 @@ impl Strands<'_> {
         if segments.is_empty() {
             return Vec::new();
         }
-        let boxes: Vec<Bounds> = segments.iter().map(|&k| self.bounds(k as usize, 0.5 * reach)).collect();
+        let boxes: Vec<Bounds> = segments.par_iter().map(|&k| self.bounds(k as usize, 0.5 * reach)).collect();
         let all = Bounds::around(boxes.iter().flat_map(|b| [&b.min, &b.max]), 0.0);
         let extents = || boxes.iter().map(|b| (b.max - b.min).max());
         let mean = extents().sum::<f64>() / boxes.len() as f64;
         let cell = (CELL * mean).max(extents().fold(0.0, f64::max) / SPAN);
         let place = |x: &Vector3<f64>| ((x - all.min) / cell).map(|c| (c as u64).min(LAST_CELL));
         let key = |c: [u64; 3]| (c[0] << 42) | (c[1] << 21) | c[2];
-        let mut entries: Vec<(u64, u32)> = Vec::with_capacity(4 * segments.len());
-        for (i, b) in boxes.iter().enumerate() {
+        let cells_of = |(i, b): (usize, &Bounds)| {
             let (lo, hi) = (place(&b.min), place(&b.max));
-            for x in lo.x..=hi.x {
-                for y in lo.y..=hi.y {
-                    for z in lo.z..=hi.z {
-                        entries.push((key([x, y, z]), i as u32));
-                    }
-                }
-            }
-        }
+            let columns = (lo.x..=hi.x).flat_map(move |x| (lo.y..=hi.y).map(move |y| [x, y]));
+            columns.flat_map(move |[x, y]| (lo.z..=hi.z).map(move |z| (key([x, y, z]), i as u32)))
+        };
+        let mut entries: Vec<(u64, u32)> = boxes.par_iter().enumerate().flat_map_iter(cells_of).collect();
         entries.par_sort_unstable();
-        let cells: Vec<&[(u64, u32)]> = entries.chunk_by(|a, b| a.0 == b.0).filter(|c| c.len() > 1).collect();
-        let mut found: Vec<Pair> = cells
-            .par_iter()
+        let mut found: Vec<Pair> = entries
+            .par_chunk_by(|a, b| a.0 == b.0)
             .flat_map_iter(|cell| {
                 let (boxes, segments) = (&boxes, &segments);
                 cell.iter().enumerate().flat_map(move |(i, &(here, a))| {

@@ -216,24 +216,23 @@ impl Places {
     /// Of places that stand for each other only the tightest: together they would hold the same thing twice, and share the force between them as
     /// they please.
     fn thinned(&self, near: Vec<Place>) -> Vec<Place> {
-        let slack: Vec<f64> = near
-            .iter()
-            .map(|p| self.strands().near(p.meeting.pair).distance - self.law(p.meeting.pair))
-            .collect();
+        let slack = |p: &Place| self.strands().near(p.meeting.pair).distance - self.law(p.meeting.pair);
+        let slack: Vec<f64> = near.par_iter().map(slack).collect();
+        let guides = |i: usize| self.guides(&near[i].meeting);
         let mut order: Vec<usize> = (0..near.len()).collect();
-        order.sort_by_key(|&i| self.guides(&near[i].meeting));
-        let mut kept = Vec::with_capacity(near.len());
-        for same in
-            order.chunk_by_mut(|&i, &j| self.guides(&near[i].meeting) == self.guides(&near[j].meeting))
-        {
+        order.par_sort_by_key(|&i| guides(i));
+        let tightest = |same: &mut [usize]| {
             same.sort_by(|&i, &j| slack[i].total_cmp(&slack[j]));
-            let first = kept.len();
+            let mut kept: Vec<usize> = Vec::new();
             for &i in &*same {
-                if kept[first..].iter().all(|&k: &usize| !stands_for(&near[k].meeting, &near[i].meeting)) {
+                if kept.iter().all(|&k| !stands_for(&near[k].meeting, &near[i].meeting)) {
                     kept.push(i);
                 }
             }
-        }
+            kept
+        };
+        let mut kept: Vec<usize> =
+            order.par_chunk_by_mut(|&i, &j| guides(i) == guides(j)).flat_map_iter(tightest).collect();
         kept.sort_unstable();
         kept.into_iter().map(|i| near[i]).collect()
     }
@@ -268,9 +267,7 @@ impl Places {
         self.crossing.clear();
         self.crossing.extend(hits.iter().filter(|h| h.crosses).map(|h| h.meeting.pair));
         let strands = Strands { x0: &self.x[0], x1: &self.x[1], strand: &self.guide };
-        for place in &mut self.found {
-            place.meeting.distance = strands.distance(&place.meeting);
-        }
+        self.found.par_iter_mut().for_each(|place| place.meeting.distance = strands.distance(&place.meeting));
         hits.sort_by(|a, b| a.guides.cmp(&b.guides).then(a.time.total_cmp(&b.time)));
         let mut known: Vec<([usize; 2], Place)> =
             self.found.iter().map(|p| (self.guides(&p.meeting), *p)).collect();
