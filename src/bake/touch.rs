@@ -58,6 +58,9 @@ const CONTRACTING: f64 = 0.7;
 /// Share of how far a round may go beyond which it was cut short, and has not come to rest.
 const CUT: f64 = 0.7;
 
+/// Rounds after which a motion that was cut is followed by one that is not: what must come far out of a body is not held in it by a narrow region.
+const WIDE_ROUNDS: u32 = 20;
+
 /// Residual of the reactions above which another round goes on from them.
 const SOUND: f64 = 1e-4;
 
@@ -273,7 +276,13 @@ impl Touch<'_> {
             moved = if work.frozen {
                 // What goes to and fro is between the two.
                 let contracts = moved < CONTRACTING * earlier;
-                most = if contracts { (2.0 * most).min(MAX_MOVE) } else { 0.5 * moved.min(most) };
+                most = if round >= WIDE_ROUNDS && most < MAX_MOVE {
+                    MAX_MOVE
+                } else if contracts {
+                    (2.0 * most).min(MAX_MOVE)
+                } else {
+                    0.5 * moved.min(most)
+                };
                 self.descend(most, solver, q, work)
             } else {
                 solve_upper(&solver.factor, q.len(), &mut solver.direction);
