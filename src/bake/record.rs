@@ -40,7 +40,7 @@ pub struct FrameRecord {
     pub unsettled: u32,
     /// Deepest point inside a body that is not exempt, m; 0 where there is none.
     pub penetration_m: f64,
-    /// Solves whose motion was cut short at a surface.
+    /// Solves whose motion was cut short at a surface, or taken whole since every part of it crosses one.
     pub shortened: u32,
     /// Places where two guides are near each other or met, found in the last sub-step of the frame.
     pub strand_contacts_found: u32,

@@ -55,7 +55,8 @@ pub(super) const MAX_MOVE: f64 = 0.01;
 /// Share of the motion of the round before above which the next may go half as far at most. Otherwise it may go twice as far as that round might.
 const CONTRACTING: f64 = 0.7;
 
-/// Share of how far a round may go beyond which it was cut short, and has not come to rest.
+/// Share of how far a round may go beyond which it was cut, and has not come to rest. A round that would have gone up to two fifths further than it might may
+/// end just below: then what counts as at rest would move by twice [`MOVE_TOLERANCE`].
 const CUT: f64 = 0.7;
 
 /// Rounds after which a motion that was cut is followed by one that is not: what must come far out of a body is not held in it by a narrow region.

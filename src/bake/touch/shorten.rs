@@ -24,7 +24,7 @@ impl Touch<'_> {
 
     /// Cuts the motion from unknowns `start` to `q` short so that no surface is crossed and no speed is gained: the last resort. On a body that carries
     /// the root, no motion of the unknowns is no motion at all; on another, which comes nearer, that may cross it where the whole motion does not, and then
-    /// that is taken, at whatever speed. `false` where all cross a surface.
+    /// that is taken, at whatever speed. `false` where what it ends with crosses a surface.
     pub fn shorten(
         &self,
         start: &[f64],

@@ -1,7 +1,7 @@
 //! Many strands that touch each other and bodies: the same law, with W sparse.
 //!
 //! With H = LLᵀ for every strand and Y = L⁻¹Jᵀ, W = YᵀY has a block for two contacts that share a strand and none for others. The blocks of contacts
-//! that are swept over are formed, once each; a sweep then costs nine products for each of those that a contact shares a strand with, a few as
+//! that are swept over are formed, and copied while they stay so; a sweep then costs nine products for each of those that a contact shares a strand with, a few as
 //! a rule, where by way of the strands' unknowns, w = Y r, it would cost six for each of these. That way the others are looked at.
 
 use super::{Law, Outcome, Problem, Residual, Scratch, System, Tolerance, at, newton, sweep};

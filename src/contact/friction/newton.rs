@@ -16,9 +16,6 @@ const STEPS: u32 = 60;
 const WELL: f64 = 0.3;
 const PASSABLY: f64 = 0.7;
 
-/// Shortest share of a step that is tried.
-pub(super) const LEAST_SHARE: f64 = 1e-3;
-
 /// What is added to the diagonal, whose own size is 1: forces that balance each other and move nothing stay as they are.
 const RIDGE: f64 = 1e-9;
 

@@ -15,7 +15,7 @@ const ENTRY: f64 = 3.0;
 /// Systems that are solved at most: some 150 as a rule.
 const SYSTEMS: u32 = 400;
 
-/// Corrections of a step at most; with no more than the second it was easy, with the third or more hard.
+/// Corrections of a step at most; with no more than the second it was easy, with the fourth hard.
 const CORRECTIONS: u32 = 5;
 const EASY: u32 = 2;
 const HARD: u32 = 4;

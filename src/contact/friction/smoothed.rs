@@ -5,9 +5,11 @@
 //! decomposition of the cone the projection takes the positive part of two eigenvalues λ, which (λ + √(λ² + 4τ²))/2 stands for, and √(|u_T|² + τ²) − τ for
 //! |u_T| (M. Fukushima, Z.-Q. Luo & P. Tseng, "Smoothing functions for second-order-cone complementarity problems", 2001).
 
-use super::newton::LEAST_SHARE;
 use super::{Law, Problem, at};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
+
+/// Shortest share of a step that is tried.
+const LEAST_SHARE: f64 = 1e-3;
 
 /// Trace of a contact's mobility, over the largest, below which it does not take part.
 const RIGID: f64 = 1e-12;

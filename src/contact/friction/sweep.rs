@@ -37,7 +37,7 @@ pub struct Scratch {
     is_live: Vec<bool>,
     /// u of all contacts in a look.
     seen: Vec<Vector3<f64>>,
-    /// Impulses of these before and after a sweep, each in its contact's own scale.
+    /// Impulses of what is swept over before and after a sweep, each in its contact's own scale.
     before: Vec<f64>,
     after: Vec<f64>,
     anderson: Anderson,
@@ -45,7 +45,7 @@ pub struct Scratch {
     best: Vec<Vector3<f64>>,
 }
 
-/// Sweeps until the residual is small. What is swept over are the contacts that push or are too near: before the first sweep and after the first [`LOOK`] just these,
+/// Sweeps until the residual is small. What is swept over are the contacts that push or are too near: in looks up to the first [`LOOK`] sweeps just these,
 /// from then on with those that have been so since. Sweeps go on to the next look, or until one changes the velocities no more than the residual may be; the residual is that
 /// of all contacts at a look.
 ///
