@@ -227,6 +227,26 @@ fn what_passes_beside_a_place_that_is_kept_is_met() {
     assert_eq!((places.found.len(), places.crossing.len()), (2, 1));
 }
 
+#[test]
+fn places_that_stand_for_each_other_are_held_once() {
+    // Along each other, the second wavy, a point of the one a millimetre past a point of the other.
+    let points =
+        |x: f64, y: [f64; 2]| (0..11).map(move |k| V::new(x + 0.01 * f64::from(k), y[k as usize % 2], 0.0));
+    let arc: Vec<f64> = (0..6).map(|k| 0.02 + 0.02 * f64::from(k)).collect();
+    let mut places = Places::new(&[arc.clone(), arc], vec![SKIN; 2]);
+    let x: Vec<V> = points(0.0, [0.0; 2]).chain(points(1e-3, [4e-4, 4.2e-4])).collect();
+    places.x = [x.clone(), x];
+    places.begin();
+    let along = |m| [0, 1].map(|side| places.on_rod(m, side)).map(|(k, u)| k as f64 + u);
+    let mut at: Vec<_> = places.found.iter().map(|p| along(&p.meeting)).collect();
+    at.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    assert!(at.len() >= 5, "{at:?}");
+    for two in at.windows(2) {
+        let slid: f64 = (0..2).map(|side| (two[1][side] - two[0][side]).abs()).sum();
+        assert!(slid > 0.3, "{at:?}");
+    }
+}
+
 /// A level strand that has taken a sub-step over a ball that comes up by `rise`, m, beneath it from half a millimetre off; the bodies have the
 /// last word. Calls `each` with the strand as a member of a tangle.
 fn over_a_ball(rise: f64, each: impl FnOnce(&mut Member, &mut Guide, &Surroundings, &mut StepRecord)) {
