@@ -13,7 +13,7 @@
 //!
 //! Nonsmooth block Gauss-Seidel with an exact local solve: G. Daviet, F. Bertails-Descoubes & L. Boissieux, "A hybrid
 //! iterative solver for robustly capturing Coulomb friction in hair dynamics", 2011, accelerated (D. G. Anderson, 1965); what these
-//! do not solve, by Newton's method on a smoothed problem, and along the path of its solutions (H. B. Keller, 1977). The order is that of the contacts, so results are the same bits on any thread.
+//! do not solve, by Newton's method on a smoothed problem, and along the path of its solutions (H. B. Keller, 1977). The order follows from the contacts alone, so results are the same bits on any thread.
 
 mod anderson;
 mod coupled;
