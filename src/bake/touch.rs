@@ -4,9 +4,9 @@
 
 mod averted;
 mod line;
+mod noted;
 mod shorten;
 
-use super::guide::StepRecord;
 use super::tie::Tie;
 use crate::contact::friction::Law;
 use crate::contact::{Bodies, Contact, Motion, Polyline, Problem, Tolerance, friction};
@@ -22,6 +22,7 @@ use averted::Averted;
 pub(super) use line::with_middles;
 use line::{Middles, on_rod};
 use nalgebra::Vector3;
+pub(super) use noted::Noted;
 
 /// Surfaces nearer than this to a strand at the end of a step are in the contact problem, m.
 const REACH: f64 = 1e-3;
@@ -63,11 +64,14 @@ const CUT: f64 = 0.7;
 const WIDE_ROUNDS: u32 = 20;
 
 /// Residual of the reactions above which another round goes on from them.
-const SOUND: f64 = 1e-4;
+const SOUND: f64 = 2e-6;
 
 /// Violation at which a step that crosses nothing is taken after all rounds, m: a strand pinched between two surfaces cannot
 /// keep its distance from both.
-pub(super) const ACCEPTABLE_GAP: f64 = 1e-3;
+const ACCEPTABLE_GAP: f64 = 1e-3;
+
+/// Share of the distance asked of it that such a step leaves a contact: what is written are chords of the strand, which may lie a little nearer.
+const LEFT: f64 = 0.1;
 
 /// Contacts of one strand in one problem; beyond it the deepest are kept and the others wait for the next round.
 const MAX_CONTACTS: usize = 64;
@@ -140,7 +144,9 @@ pub(super) struct TouchWork {
     middles: Middles,
     impacts: Vec<Contact>,
     /// Deepest violation of a clearance where the strand is now, m, not above 0.
-    pub(super) worst: f64,
+    worst: f64,
+    /// Whether no violation is more than what is pinched may have.
+    pub(super) bearable: bool,
     /// L⁻¹Jᵀ, a row for each contact and direction.
     pub(super) rows: Vec<f64>,
     delassus: Vec<f64>,
@@ -172,38 +178,6 @@ impl TouchWork {
         self.frozen = false;
         self.pushes.clear();
         self.noted = Noted::default();
-    }
-}
-
-/// What a step ended with, in contact.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Noted {
-    found: u32,
-    active: u32,
-    rounds: u32,
-    residual: f64,
-    penetration: f64,
-    slack: f64,
-    unsettled: bool,
-    pub(super) crossed: bool,
-}
-
-impl Noted {
-    /// Whether the bodies had a say in the step.
-    pub(super) fn touched(&self) -> bool {
-        self.rounds > 0
-    }
-
-    /// Enters these figures in the record of the step.
-    pub(super) fn enter(&self, record: &mut StepRecord) {
-        record.found = self.found;
-        record.active = self.active;
-        record.rounds = record.rounds.max(self.rounds);
-        record.residual = record.residual.max(self.residual);
-        record.penetration = record.penetration.max(self.penetration);
-        record.unsettled += u32::from(self.unsettled);
-        record.crossed += u32::from(self.crossed);
-        record.slack = record.slack.max(self.slack);
     }
 }
 
@@ -247,13 +221,13 @@ impl Touch<'_> {
             let rests = moved <= MOVE_TOLERANCE.min(CUT * most);
             let settled = rests || (free && round == 0 && self.ties.is_empty());
             // What lies between two surfaces that leave it no room has come to rest where another round would not move it.
-            let enough = if rests { ACCEPTABLE_GAP } else { GAP_TOLERANCE };
+            let kept = worst >= -GAP_TOLERANCE;
+            let enough = kept || rests && work.bearable;
             let sound = work.noted.residual <= SOUND;
-            if round == MAX_ROUNDS || (clear && settled && sound && worst >= -enough) {
+            if round == MAX_ROUNDS || (clear && settled && sound && enough) {
                 self.note(work);
-                let at_rest = settled && worst >= -GAP_TOLERANCE;
-                let acceptable = (free || settled) && worst >= -ACCEPTABLE_GAP;
-                let taken = clear && acceptable && (at_rest || self.gains_none(work));
+                let acceptable = (free || settled) && work.bearable;
+                let taken = clear && acceptable && (settled && kept || self.gains_none(work));
                 if taken && !settled {
                     work.noted.unsettled = true;
                     // That of the last round is of where the round began.
@@ -390,7 +364,9 @@ impl Touch<'_> {
             averted.gap -= self.tolerated(&line, averted);
         }
         let averted = &work.contacts[work.planes.len()..];
-        work.worst = work.found.iter().chain(averted).map(|c| c.gap).fold(0.0, f64::min);
+        let looked_at = || work.found.iter().chain(averted);
+        work.worst = looked_at().map(|c| c.gap).fold(0.0, f64::min);
+        work.bearable = looked_at().all(|c| self.is_bearable(&line, c));
         if work.contacts.len() > MAX_CONTACTS {
             work.contacts.sort_by(|a, b| a.gap.total_cmp(&b.gap));
             work.contacts.truncate(MAX_CONTACTS);
@@ -410,6 +386,13 @@ impl Touch<'_> {
         }
         let [t0, t1] = self.motions[contact.body].times;
         tolerated.min(before + OUTWARD * (t1 - t0) - keep)
+    }
+
+    /// Whether the violation of `contact` is no more than what is pinched may have.
+    fn is_bearable(&self, line: &Polyline, contact: &Contact) -> bool {
+        let asked = asked(line, contact);
+        let least = (LEFT * asked).min(self.before(line, contact)) - SKIN;
+        contact.gap >= -ACCEPTABLE_GAP && (line.kept_at(contact) < 0.0 || contact.gap + asked >= least)
     }
 
     /// Distance of the place of `contact` from its plane at the start of the step, m.
@@ -482,11 +465,11 @@ impl Touch<'_> {
     }
 
     /// The distance, m, of which a contact gives way by a share: what it keeps, and in proportion less where less than old violations may leave is asked for.
-    /// So what is pressed in however many steps stays in front of the surface.
+    /// So what is pressed in however many steps stays in front of the surface. What is asked to be behind it gives way as well: on its way out of one body it may be
+    /// held by another.
     fn yielding(&self, line: &Polyline, contact: &Contact) -> f64 {
         let keep = line.kept_at(contact);
-        let wanted = line.gap(contact) + keep - contact.gap;
-        keep.min(wanted.abs() / (1.0 - USED_UP)).max(0.0)
+        keep.min(asked(line, contact).abs() / (1.0 - USED_UP)).max(0.0)
     }
 
     /// Friction of a contact.
@@ -569,25 +552,11 @@ impl Touch<'_> {
         };
         solver.advance_under(self.rod, &self.root.r, self.load, q, of, most)
     }
+}
 
-    /// Notes what the step ended with.
-    pub fn note(&self, work: &mut TouchWork) {
-        work.noted.found = work.found.len() as u32;
-        let of_contacts = (work.reaction.len() / 3).saturating_sub(self.ties.len());
-        let reactions = work.reaction.chunks_exact(3).take(of_contacts);
-        work.noted.active = reactions.filter(|r| r[0] > 0.0).count() as u32;
-        work.noted.penetration = 0.0;
-        let slack = |(tie, target): &(Tie, Vector3<f64>)| (tie.place(&work.x1) - target).norm();
-        work.noted.slack = self.ties.iter().map(slack).fold(0.0, f64::max);
-        let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
-        for c in &work.found {
-            let keep = line.kept_at(c);
-            // Points on their way out of a body are not at fault.
-            if keep >= 0.0 {
-                work.noted.penetration = work.noted.penetration.max(-(line.gap(c) + keep));
-            }
-        }
-    }
+/// Distance from its plane that a step asks of the place of `contact`, m.
+fn asked(line: &Polyline, contact: &Contact) -> f64 {
+    line.gap(contact) + line.kept_at(contact) - contact.gap
 }
 
 /// Whether two contacts of a strand are all but the same.

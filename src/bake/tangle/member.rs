@@ -3,7 +3,7 @@
 use super::island::SOUND;
 use super::places::Places;
 use crate::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
-use crate::bake::touch::{ACCEPTABLE_GAP, MAX_MOVE, rows_at};
+use crate::bake::touch::{MAX_MOVE, rows_at};
 use crate::contact::Bodies;
 use crate::math::se3::Pose;
 use crate::rod::Shape;
@@ -39,9 +39,8 @@ pub(super) struct Member {
     pub open: bool,
     /// Whether it needs another round.
     pub stirred: bool,
-    /// Whether its motion crosses no body, and the least gap to one at its end, m.
-    clear: bool,
-    worst: f64,
+    /// Whether its motion crosses no body, and its end is not too near to one.
+    is_well: bool,
     /// How it ends.
     pub resort: Resort,
     /// Share of its way that it goes.
@@ -73,8 +72,7 @@ impl Member {
             whole: true,
             open: false,
             stirred: false,
-            clear: true,
-            worst: 0.0,
+            is_well: true,
             resort: Resort::Together,
             share: 1.0,
             rounds: 0,
@@ -112,21 +110,16 @@ impl Member {
 
     /// Finds the contacts with bodies at the end as it is now.
     pub fn meet_bodies(&mut self, guide: &mut Guide, bodies: &Bodies) {
-        self.clear = guide.with_touch(bodies, &self.root, &mut self.work, |touch, moving| {
+        let clear = guide.with_touch(bodies, &self.root, &mut self.work, |touch, moving| {
             touch.find(moving.solver, moving.memory, moving.touching)
         });
         self.work.touch.frozen = true;
-        self.worst = self.work.touch.worst;
+        self.is_well = clear && self.work.touch.bearable;
     }
 
     /// Whether it ends where no step of it alone may.
     pub fn is_lost(&self) -> bool {
-        self.open && !self.is_well()
-    }
-
-    /// Whether no body objects to its end.
-    fn is_well(&self) -> bool {
-        self.clear && self.worst >= -ACCEPTABLE_GAP
+        self.open && !self.is_well
     }
 
     /// The system at the end as it is now, with the rows of all contacts; normals are turned by `to_world`. One that cannot be
@@ -180,7 +173,7 @@ impl Member {
         self.trace(guide);
         self.meet_bodies(guide, bodies);
         self.stirred = self.moved > SETTLED || self.rounds == 1 && self.residual > SOUND;
-        self.stir(!self.is_well());
+        self.stir(!self.is_well);
     }
 
     /// Asks for another round if something is not well, unless the last one was of no use.
@@ -233,7 +226,7 @@ impl Member {
             }
             self.end_there(guide);
             self.meet_bodies(guide, around.bodies);
-            if self.is_well() {
+            if self.is_well {
                 return;
             }
         }

@@ -22,9 +22,9 @@ impl Touch<'_> {
         self.x0.iter().zip(&work.x1).all(|(a, b)| (a - b).norm() <= most)
     }
 
-    /// Cuts the motion from unknowns `start` to `q` short so that no surface is crossed and no speed is gained: the last resort. On a body that carries
-    /// the root, no motion of the unknowns is no motion at all; on another, which comes nearer, that may cross it where the whole motion does not, and then
-    /// that is taken, at whatever speed. `false` where what it ends with crosses a surface.
+    /// Cuts the motion from unknowns `start` to `q` short so that no surface is crossed, no speed is gained and no surface is too near, in this order: the
+    /// last resort. On a body that carries the root, no motion of the unknowns is no motion at all; on another, which comes nearer, that may cross it where the
+    /// whole motion does not. `false` where whatever share of the motion crosses a surface.
     pub fn shorten(
         &self,
         start: &[f64],
@@ -33,26 +33,41 @@ impl Touch<'_> {
         memory: &mut crate::contact::Workspace,
         work: &mut TouchWork,
     ) -> bool {
-        let whole_is_clear = self.find(solver, memory, work);
         work.whole.clear();
         work.whole.extend_from_slice(q);
-        let mut clear = false;
-        for share in [0.5, 0.5, 0.5, 0.0] {
-            for (q, a) in q.iter_mut().zip(start) {
-                *q = a + share * (*q - a);
+        let (mut best, mut chosen, mut at) = ([false; 3], 0.0, 1.0);
+        for share in [0.5, 0.25, 0.125, 0.0, 1.0] {
+            at = share;
+            let clear = self.go(share, start, q, solver, memory, work);
+            let worth = [clear, clear && self.gains_none(work), clear && work.bearable];
+            if worth > best {
+                (best, chosen) = (worth, share);
             }
-            solver.shape.update(self.rod, &self.root.r, q);
-            clear = self.find(solver, memory, work);
-            if clear && self.gains_none(work) {
+            if best == [true; 3] {
                 break;
             }
         }
-        if !clear && whole_is_clear {
-            q.copy_from_slice(&work.whole);
-            solver.shape.update(self.rod, &self.root.r, q);
-            clear = self.find(solver, memory, work);
+        if at != chosen {
+            self.go(chosen, start, q, solver, memory, work);
         }
         self.note(work);
-        clear
+        best[0]
+    }
+
+    /// Goes this share of the way from unknowns `start` to those that `work` has of the whole motion; whether that crosses nothing.
+    fn go(
+        &self,
+        share: f64,
+        start: &[f64],
+        q: &mut [f64],
+        solver: &mut Solver,
+        memory: &mut crate::contact::Workspace,
+        work: &mut TouchWork,
+    ) -> bool {
+        for ((q, a), whole) in q.iter_mut().zip(start).zip(&work.whole) {
+            *q = a + share * (whole - a);
+        }
+        solver.shape.update(self.rod, &self.root.r, q);
+        self.find(solver, memory, work)
     }
 }
