@@ -63,8 +63,8 @@ const CUT: f64 = 0.7;
 /// Rounds after which a motion that was cut is followed by one that is not: what must come far out of a body is not held in it by a narrow region.
 const WIDE_ROUNDS: u32 = 20;
 
-/// Residual of the reactions above which another round goes on from them.
-const SOUND: f64 = 2e-6;
+/// Residual of the reactions above which other rounds go on from them, and above which one does.
+const SOUND: [f64; 2] = [1e-4, 3e-6];
 
 /// Violation at which a step that crosses nothing is taken after all rounds, m: a strand pinched between two surfaces cannot
 /// keep its distance from both.
@@ -72,6 +72,9 @@ const ACCEPTABLE_GAP: f64 = 1e-3;
 
 /// Share of the distance asked of it that such a step leaves a contact: what is written are chords of the strand, which may lie a little nearer.
 const LEFT: f64 = 0.1;
+
+/// What rounding may take of a distance, m.
+const ROUNDING: f64 = 1e-9;
 
 /// Contacts of one strand in one problem; beyond it the deepest are kept and the others wait for the next round.
 const MAX_CONTACTS: usize = 64;
@@ -145,8 +148,8 @@ pub(super) struct TouchWork {
     impacts: Vec<Contact>,
     /// Deepest violation of a clearance where the strand is now, m, not above 0.
     worst: f64,
-    /// Whether no violation is more than what is pinched may have.
-    pub(super) bearable: bool,
+    /// What a contact lacks, at most, of the distance that even what is pinched must keep, m, not below 0.
+    pub(super) lacking: f64,
     /// L⁻¹Jᵀ, a row for each contact and direction.
     pub(super) rows: Vec<f64>,
     delassus: Vec<f64>,
@@ -202,7 +205,7 @@ pub(super) fn rows_at(
 
 impl Touch<'_> {
     /// Brings `q`, whose shape the solver holds, out of all bodies. `free` says that without contacts it would solve the step, `last` that the step can be
-    /// divided no more. `false` where the motion still crosses a surface, or does not come to rest and may be divided.
+    /// divided no more. `false` where the motion still crosses a surface or comes too near to one, or does not come to rest and may be divided.
     pub fn resolve(
         &self,
         free: bool,
@@ -213,20 +216,22 @@ impl Touch<'_> {
         work: &mut TouchWork,
     ) -> bool {
         let mut moved = f64::INFINITY;
-        let (mut earlier, mut most) = (f64::INFINITY, MAX_MOVE);
+        let (mut earlier, mut most, mut rested) = (f64::INFINITY, MAX_MOVE, false);
         for round in 0..=MAX_ROUNDS {
             work.frozen = round >= TURNING_ROUNDS;
             let clear = self.find(solver, memory, work);
             let worst = work.worst;
-            let rests = moved <= MOVE_TOLERANCE.min(CUT * most);
+            let rests = moved <= MOVE_TOLERANCE && (rested || moved <= CUT * most);
             let settled = rests || (free && round == 0 && self.ties.is_empty());
             // What lies between two surfaces that leave it no room has come to rest where another round would not move it.
             let kept = worst >= -GAP_TOLERANCE;
-            let enough = kept || rests && work.bearable;
-            let sound = work.noted.residual <= SOUND;
+            let bearable = work.lacking <= 0.0;
+            let enough = kept || rests && bearable;
+            let sound = work.noted.residual <= SOUND[usize::from(!rested)];
+            rested = rests;
             if round == MAX_ROUNDS || (clear && settled && sound && enough) {
                 self.note(work);
-                let acceptable = (free || settled) && work.bearable;
+                let acceptable = (free || settled) && bearable;
                 let taken = clear && acceptable && (settled && kept || self.gains_none(work));
                 if taken && !settled {
                     work.noted.unsettled = true;
@@ -366,7 +371,7 @@ impl Touch<'_> {
         let averted = &work.contacts[work.planes.len()..];
         let looked_at = || work.found.iter().chain(averted);
         work.worst = looked_at().map(|c| c.gap).fold(0.0, f64::min);
-        work.bearable = looked_at().all(|c| self.is_bearable(&line, c));
+        work.lacking = looked_at().map(|c| self.lacking(&line, c)).fold(0.0, f64::max);
         if work.contacts.len() > MAX_CONTACTS {
             work.contacts.sort_by(|a, b| a.gap.total_cmp(&b.gap));
             work.contacts.truncate(MAX_CONTACTS);
@@ -388,11 +393,18 @@ impl Touch<'_> {
         tolerated.min(before + OUTWARD * (t1 - t0) - keep)
     }
 
-    /// Whether the violation of `contact` is no more than what is pinched may have.
-    fn is_bearable(&self, line: &Polyline, contact: &Contact) -> bool {
+    /// What `contact` lacks of the distance that even what is pinched must keep, m, not below 0: a share of what the step asks, or what it had.
+    fn lacking(&self, line: &Polyline, contact: &Contact) -> f64 {
+        if contact.gap >= -GAP_TOLERANCE {
+            return 0.0;
+        }
+        let lacking = -(contact.gap + ACCEPTABLE_GAP);
+        if line.kept_at(contact) < 0.0 {
+            return lacking.max(0.0);
+        }
         let asked = asked(line, contact);
-        let least = (LEFT * asked).min(self.before(line, contact)) - SKIN;
-        contact.gap >= -ACCEPTABLE_GAP && (line.kept_at(contact) < 0.0 || contact.gap + asked >= least)
+        let least = (LEFT * asked).min(self.before(line, contact) - ROUNDING);
+        lacking.max(least - (contact.gap + asked)).max(0.0)
     }
 
     /// Distance of the place of `contact` from its plane at the start of the step, m.

@@ -15,7 +15,7 @@ pub(in crate::bake) struct Moving<'a> {
 }
 
 impl Guide {
-    /// Resolves contact from time `t[0]` to `t[1]`; `false` where the motion still crosses a surface, in which case it has been cut
+    /// Resolves contact from time `t[0]` to `t[1]`; `false` where it cannot be taken as it is ([`Touch::resolve`]), in which case it has been cut
     /// short if this is the `last` resort.
     pub(super) fn touch(
         &mut self,

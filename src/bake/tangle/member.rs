@@ -39,8 +39,10 @@ pub(super) struct Member {
     pub open: bool,
     /// Whether it needs another round.
     pub stirred: bool,
-    /// Whether its motion crosses no body, and its end is not too near to one.
+    /// Whether its motion crosses no body, and its end is no nearer to one than it may be.
     is_well: bool,
+    /// By how much the end of its own step is nearer, m.
+    lacking: f64,
     /// How it ends.
     pub resort: Resort,
     /// Share of its way that it goes.
@@ -73,6 +75,7 @@ impl Member {
             open: false,
             stirred: false,
             is_well: true,
+            lacking: 0.0,
             resort: Resort::Together,
             share: 1.0,
             rounds: 0,
@@ -105,7 +108,12 @@ impl Member {
         self.trace(guide);
         self.open = true;
         self.stirred = true;
+        self.lacking = 0.0;
         self.meet_bodies(guide, around.bodies);
+        if !self.is_well {
+            // Nothing is gained by going back there.
+            self.lacking = self.work.touch.lacking;
+        }
     }
 
     /// Finds the contacts with bodies at the end as it is now.
@@ -114,7 +122,7 @@ impl Member {
             touch.find(moving.solver, moving.memory, moving.touching)
         });
         self.work.touch.frozen = true;
-        self.is_well = clear && self.work.touch.bearable;
+        self.is_well = clear && self.work.touch.lacking <= self.lacking;
     }
 
     /// Whether it ends where no step of it alone may.

@@ -35,15 +35,15 @@ impl Touch<'_> {
     ) -> bool {
         work.whole.clear();
         work.whole.extend_from_slice(q);
-        let (mut best, mut chosen, mut at) = ([false; 3], 0.0, 1.0);
+        let (mut best, mut chosen, mut at) = (([false; 2], f64::NEG_INFINITY), 0.0, 1.0);
         for share in [0.5, 0.25, 0.125, 0.0, 1.0] {
             at = share;
             let clear = self.go(share, start, q, solver, memory, work);
-            let worth = [clear, clear && self.gains_none(work), clear && work.bearable];
-            if worth > best {
+            let worth = ([clear, self.gains_none(work)], -work.lacking);
+            if clear && worth > best {
                 (best, chosen) = (worth, share);
             }
-            if best == [true; 3] {
+            if best >= ([true; 2], 0.0) {
                 break;
             }
         }
@@ -51,7 +51,7 @@ impl Touch<'_> {
             self.go(chosen, start, q, solver, memory, work);
         }
         self.note(work);
-        best[0]
+        best.0[0]
     }
 
     /// Goes this share of the way from unknowns `start` to those that `work` has of the whole motion; whether that crosses nothing.

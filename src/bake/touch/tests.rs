@@ -84,49 +84,79 @@ fn no_force_takes_what_is_asked_of_a_contact_down_to_the_surface() {
 
 #[test]
 fn what_is_pinched_keeps_some_of_the_distance_that_is_asked_of_it() {
-    let bearable =
-        |before, now| over_a_plane(5e-3, before, now, |touch, line, c| touch.is_bearable(line, &c));
-    assert!(bearable(KEEP, 0.12 * KEEP) && !bearable(KEEP, 0.08 * KEEP));
+    let lacking = |before, now| over_a_plane(5e-3, before, now, |touch, line, c| touch.lacking(line, &c));
+    assert_eq!(lacking(KEEP, 0.12 * KEEP), 0.0);
+    assert!((lacking(KEEP, 0.0) - LEFT * KEEP).abs() < 1e-12);
     // What lies nearer already, or inside, may stay there.
-    assert!(bearable(0.01 * KEEP, 0.01 * KEEP) && !bearable(0.01 * KEEP, -0.01 * KEEP));
-    assert!(bearable(-1e-4, -1e-4) && !bearable(-1e-4, -2e-4));
+    assert_eq!([0.02 * KEEP, -1e-4].map(|y| lacking(y, y)), [0.0; 2]);
+    assert!([0.02 * KEEP, -1e-4].iter().all(|&y| lacking(y, y - 1e-5) > 0.9e-5));
 }
 
 #[test]
-fn a_motion_is_cut_to_a_share_that_crosses_nothing_though_it_gains_speed() {
+fn what_misses_no_more_than_is_tolerated_lacks_nothing_however_little_is_asked() {
+    over_a_plane(1.6e-5, 2e-6, 3e-7, |touch, line, contact| {
+        assert!(line.gap(&contact) + KEEP < LEFT * asked(line, &contact) && contact.gap < 0.0);
+        assert_eq!(touch.lacking(line, &contact), 0.0);
+    });
+}
+
+const SHARES: [f64; 5] = [0.0, 0.125, 0.25, 0.5, 1.0];
+
+/// Cuts short a motion of [`straight`] that bends it by 14/m, among balls of 2 cm over or under it at 0.04 m: the heights of their centres at the start, and how
+/// much higher they are after the step of `h`, s. Returns which of [`SHARES`] cross a ball and what each lacks, the share that is chosen and whether it gains no speed.
+fn cut_short(h: f64, balls: &[[f64; 2]]) -> ([(bool, f64); 5], f64, bool) {
     let rod = straight();
     let mut bent = rod.start.clone();
     let mut solver = Solver::default();
-    // Below it a ball that comes up by 4 mm at 0.04 m, above it one that does not move; a bend by 14/m takes it by 11 mm up there.
     bent.iter_mut().step_by(3).for_each(|q| *q += 14.0);
     solver.shape.update(&rod, &rod.root.r, &bent);
     let tip = solver.shape.x(rod.points() - 1);
     let up = (tip - Vector3::x() * tip.x).normalize();
-    let ball = |y: f64| SceneShape::Sphere { centre: Vector3::x() * 0.04 + up * y, radius: 0.02 };
-    let bodies = Bodies::from_shapes(&[ball(-0.0206), ball(0.029)]);
-    let motion = |by: f64| Motion {
-        times: [0.0, 1e-3],
+    let ball = |[y, _]: &[f64; 2]| SceneShape::Sphere { centre: Vector3::x() * 0.04 + up * *y, radius: 0.02 };
+    let bodies = Bodies::from_shapes(&balls.iter().map(ball).collect::<Vec<_>>());
+    let motion = |[_, by]: &[f64; 2]| Motion {
+        times: [0.0, h],
         start: Isometry3::identity(),
-        end: Isometry3::from(nalgebra::Translation3::from(up * by)),
+        end: Isometry3::from(nalgebra::Translation3::from(up * *by)),
     };
-    let motions = [motion(4e-3), motion(0.0)];
+    let motions: Vec<_> = balls.iter().map(motion).collect();
     let mut x0 = Vec::new();
     solver.shape.update(&rod, &rod.root.r, &rod.start);
     with_middles(&rod.arc, |k| solver.shape.x(k), |k| solver.shape.tangent(k), &mut x0);
-    let clearance = vec![[KEEP; 2]; 2 * (x0.len() - 1)];
+    let clearance = vec![[KEEP; 2]; balls.len() * (x0.len() - 1)];
     in_step(&rod, &bodies, &motions, &clearance, &x0, |touch| {
         let (mut memory, mut work) = (Workspace::default(), TouchWork::default());
-        let crosses = |share: f64, solver: &mut Solver| {
+        let tried = SHARES.map(|share| {
             let q: Vec<_> = rod.start.iter().zip(&bent).map(|(a, b)| a + share * (b - a)).collect();
             solver.shape.update(&rod, &rod.root.r, &q);
-            !touch.find(solver, &mut Workspace::default(), &mut TouchWork::default())
-        };
-        assert_eq!([0.0, 0.25, 0.5, 1.0].map(|share| crosses(share, &mut solver)), [true, true, false, true]);
+            let mut work = TouchWork::default();
+            let clear = touch.find(&solver, &mut memory, &mut work);
+            (!clear, work.lacking)
+        });
         let mut q = bent.clone();
-        assert!(touch.shorten(&rod.start, &mut q, &mut solver, &mut memory, &mut work));
-        assert!(!touch.gains_none(&work));
-        for ((q, a), b) in q.iter().zip(&rod.start).zip(&bent) {
-            assert!((q - 0.5 * (a + b)).abs() < 1e-12);
-        }
-    });
+        touch.shorten(&rod.start, &mut q, &mut solver, &mut memory, &mut work);
+        (tried, (q[0] - rod.start[0]) / 14.0, touch.gains_none(&work))
+    })
+}
+
+#[test]
+fn a_motion_is_cut_to_a_share_that_crosses_nothing_though_it_gains_speed() {
+    // One ball comes up by 4 mm from below, the other is above.
+    let (tried, share, gains_none) = cut_short(1e-3, &[[-0.0206, 4e-3], [0.029, 0.0]]);
+    assert_eq!(tried.map(|(crosses, _)| crosses), [true, true, true, false, true]);
+    assert!((share - 0.5).abs() < 1e-12 && !gains_none, "{share}");
+}
+
+#[test]
+fn a_motion_is_cut_to_a_share_that_does_not_come_too_near() {
+    // A ball above, so high that half of the motion just does not touch it.
+    let at = |height: f64| cut_short(1.0, &[[height, 0.0]]);
+    let height = (0..400).map(|k| 0.025 + 1e-5 * f64::from(k)).find(|y| !at(*y).0[3].0).unwrap();
+    let (tried, share, gains_none) = at(height);
+    assert!(tried[3].1 > 0.0 && tried[2] == (false, 0.0) && gains_none);
+    assert!((share - 0.25).abs() < 1e-12, "{share}");
+    // Unless that is the only one that crosses nothing.
+    let (tried, share, _) = cut_short(1.0, &[[-0.0206, 4e-3], [height, 0.0]]);
+    assert_eq!(tried.map(|(crosses, _)| crosses), [true, true, true, false, true]);
+    assert!((share - 0.5).abs() < 1e-12 && tried[3].1 > 0.0, "{share}");
 }
