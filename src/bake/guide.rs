@@ -105,7 +105,7 @@ pub struct StepRecord {
     pub residual: f64,
     /// Deepest point inside a body, m; 0 where there is none.
     pub penetration: f64,
-    /// Solves whose motion was cut short at a surface, or taken whole since no part of it does better.
+    /// Solves whose motion was cut short at a surface, or taken whole since no part of it may be.
     pub shortened: u32,
     /// Of those, the ones that crossed it nevertheless.
     pub crossed: u32,

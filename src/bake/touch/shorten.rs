@@ -22,9 +22,9 @@ impl Touch<'_> {
         self.x0.iter().zip(&work.x1).all(|(a, b)| (a - b).norm() <= most)
     }
 
-    /// Cuts the motion from unknowns `start` to `q` short so that no surface is crossed, no speed is gained and no surface is too near, in this order: the
-    /// last resort. On a body that carries the root, no motion of the unknowns is no motion at all; on another, which comes nearer, that may cross it where the
-    /// whole motion does not. `false` where whatever share of the motion crosses a surface.
+    /// Cuts the motion from unknowns `start` to `q` short so that no surface is crossed, no speed is gained and no surface is too near, or as little as may be: the last
+    /// resort. On a body that carries the root, no motion of the unknowns is no motion at all; on another, which comes nearer, that may cross it where the
+    /// whole motion does not, and then that is taken, at whatever speed. `false` where what it ends with crosses a surface.
     pub fn shorten(
         &self,
         start: &[f64],
@@ -35,23 +35,21 @@ impl Touch<'_> {
     ) -> bool {
         work.whole.clear();
         work.whole.extend_from_slice(q);
-        let (mut best, mut chosen, mut at) = (([false; 2], f64::NEG_INFINITY), 0.0, 1.0);
-        for share in [0.5, 0.25, 0.125, 0.0, 1.0] {
-            at = share;
-            let clear = self.go(share, start, q, solver, memory, work);
-            let worth = ([clear, self.gains_none(work)], -work.lacking);
-            if clear && worth > best {
-                (best, chosen) = (worth, share);
+        let whole_is_clear = self.find(solver, memory, work);
+        let (mut clear, mut least, mut chosen) = (false, f64::INFINITY, None);
+        for share in [0.5, 0.25, 0.125, 0.0] {
+            clear = self.go(share, start, q, solver, memory, work);
+            if clear && work.lacking < least && self.gains_none(work) {
+                (least, chosen) = (work.lacking, Some(share));
             }
-            if best >= ([true; 2], 0.0) {
+            if least <= 0.0 {
                 break;
             }
         }
-        if at != chosen {
-            self.go(chosen, start, q, solver, memory, work);
-        }
+        let otherwise = if !clear && whole_is_clear { 1.0 } else { 0.0 };
+        clear = self.go(chosen.unwrap_or(otherwise), start, q, solver, memory, work);
         self.note(work);
-        best.0[0]
+        clear
     }
 
     /// Goes this share of the way from unknowns `start` to those that `work` has of the whole motion; whether that crosses nothing.

@@ -140,11 +140,15 @@ fn cut_short(h: f64, balls: &[[f64; 2]]) -> ([(bool, f64); 5], f64, bool) {
 }
 
 #[test]
-fn a_motion_is_cut_to_a_share_that_crosses_nothing_though_it_gains_speed() {
-    // One ball comes up by 4 mm from below, the other is above.
+fn what_would_be_thrown_is_not_cut_to_where_it_crosses_nothing() {
+    // One ball comes up by 4 mm from below, the other is above: they close on it.
     let (tried, share, gains_none) = cut_short(1e-3, &[[-0.0206, 4e-3], [0.029, 0.0]]);
     assert_eq!(tried.map(|(crosses, _)| crosses), [true, true, true, false, true]);
-    assert!((share - 0.5).abs() < 1e-12 && !gains_none, "{share}");
+    assert!(share == 0.0 && gains_none, "{share}");
+    // But if the whole motion crosses nothing, it is taken.
+    let (tried, share, gains_none) = cut_short(1e-3, &[[-0.0206, 4e-3]]);
+    assert_eq!(tried.map(|(crosses, _)| crosses), [true, true, true, false, false]);
+    assert!((share - 1.0).abs() < 1e-12 && !gains_none, "{share}");
 }
 
 #[test]
