@@ -128,7 +128,7 @@ fn every_guide_is_led_by_those_of_coarser_wisps() {
     let (groom, _) = scene(Style::Long, 0);
     let rods = wisp::rods(&groom, Cut::COARSE);
     let drag: Vec<_> = rods.iter().map(|r| vec![1e-5; r.rod.points()]).collect();
-    let hierarchy = Hierarchy::new(&groom, &rods, |i| &drag[i]);
+    let hierarchy = Hierarchy::new(&groom, &rods, &Vector3::new(0.0, -9.81, 0.0), |i| &drag[i]);
     let coarse = |i: &usize| hierarchy.leaders[*i].is_empty();
     assert_eq!((0..rods.len()).filter(coarse).count(), groom.trees.len());
     assert!((0..rods.len()).all(|i| coarse(&i) == (hierarchy.missed[i] == 0.0) && hierarchy.missed[i] < 2.0));

@@ -109,7 +109,9 @@ impl<'a> Simulation<'a> {
             Resolution::Full => None,
             resolution => {
                 let parting = (resolution == Resolution::Adaptive).then_some(anim.settings.parting);
-                let hierarchy = Hierarchy::new(groom, rods, |i| &simulation.guides[i].drag);
+                let pull =
+                    simulation.around(|around| (around.head)(t).rotation.inverse() * (around.gravity)(t));
+                let hierarchy = Hierarchy::new(groom, rods, &pull, |i| &simulation.guides[i].drag);
                 Some(Wisps::new(hierarchy, parting, step, 1.0 / anim.fps))
             }
         };
@@ -234,6 +236,7 @@ impl<'a> Simulation<'a> {
         } else {
             let first = self.taken - i64::from(self.anim.settings.substeps);
             let frame = [first, self.taken].map(|taken| self.time_after(taken));
+            self.around(|around| wisps.swing(around, frame));
             for level in 0..wisps.levels() {
                 let away = self.around(|around| wisps.lead(level, &mut guides, around, frame));
                 self.catch_up(first, &away, &mut guides);

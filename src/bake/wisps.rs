@@ -2,6 +2,7 @@
 //! 2003).
 
 mod keep_out;
+mod swings;
 
 use super::guide::{Guide, Surroundings};
 use super::state::Unfit;
@@ -15,6 +16,7 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::sync::OnceLock;
+use swings::{Swings, add_mean};
 
 /// Time in which the motion that a guide has of its own when it begins to follow fades, and for which it is calm before, s.
 const FADING: f64 = 0.25;
@@ -45,6 +47,8 @@ pub(super) struct Wisps {
     /// Which guides lead others, and how they were turned at the end of the last frame.
     leads: Vec<bool>,
     turning: Vec<Turning>,
+    /// How all of them would swing; none before wisps are gathered.
+    swings: Swings,
 }
 
 /// Guides that are placed at once where they follow.
@@ -168,6 +172,7 @@ impl Wisps {
             followers: vec![Follower::default(); guides],
             memory: vec![Memory::default(); guides],
             earlier: vec![Default::default(); guides],
+            swings: Swings::default(),
         }
     }
 
@@ -199,6 +204,7 @@ impl Wisps {
             kept: now.distances(&guide.rod, &guide.q[0], &guide.kept()),
         };
         self.settle(guides, guides.par_iter().map(settled).collect());
+        self.swings = Swings::new(guides, &self.rest, around, t, self.h);
         for (i, follower) in self.followers.iter_mut().enumerate() {
             follower.follows = !self.hierarchy.leaders[i].is_empty() && guides[i].ties.is_empty();
         }
@@ -225,6 +231,21 @@ impl Wisps {
         self.files.len() as u32
     }
 
+    /// Swings all guides through the frame from time `t[0]` to `t[1]`, s, before they are led.
+    pub fn swing(&mut self, around: &Surroundings, t: [f64; 2]) {
+        self.swings.advance(around, t, self.h);
+    }
+
+    /// Learns how much swings tell of the guides of a level, by what leads these.
+    fn learn(&mut self, level: u32) {
+        let leaders = &self.hierarchy.leaders;
+        let led = |i: &usize| self.hierarchy.level[*i] == level && !leaders[*i].is_empty();
+        let turned = |j: usize| &self.turning[j][0][..];
+        let learn = |i: usize| (i, self.swings.learn(i, &leaders[i], &self.rest[i], turned));
+        let learnt = (0..leaders.len()).into_par_iter().filter(led).map(learn).collect();
+        self.swings.note(learnt);
+    }
+
     /// Moves what follows of a level to where it is at the end of the frame from time `t[0]` to `t[1]`, s. What comes away there does so at the frame's start,
     /// where it still followed well: it is put back there, to be taken through the frame by itself. Returns which guides do.
     pub fn lead(
@@ -234,6 +255,7 @@ impl Wisps {
         around: &Surroundings,
         t: [f64; 2],
     ) -> Vec<usize> {
+        self.learn(level);
         self.place_all(level, guides, &Moment::new(around, t[1]));
         let Some(parting) = self.parting else { return Vec::new() };
         let parts = |i: &usize| {
@@ -369,16 +391,22 @@ impl Wisps {
         }
     }
 
-    /// How the leaders of guide `i` are turned on average, `back` sub-steps ago.
+    /// How guide `i` is led to be turned, `back` sub-steps ago: as its leaders are on average, and by ν as it swings otherwise.
     fn mean(&self, i: usize, back: usize, mean: &mut Vec<f64>) {
+        let share = self.swings.share(i);
         mean.clear();
-        mean.resize(3 * self.rest[i].frame.len(), 0.0);
-        for (leader, share) in &self.hierarchy.leaders[i] {
-            mean.iter_mut().zip(&self.turning[*leader][back]).for_each(|(mean, led)| *mean += led * share);
-        }
+        mean.extend(self.swings.turning(i, back).iter().map(|turned| share * turned));
+        self.add_leaders(i, back, mean);
     }
 
-    /// How the leaders of guide `i` are and were turned on average.
+    /// Adds how the leaders of guide `i` are turned on average, `back` sub-steps ago, less ν times what they swing.
+    fn add_leaders(&self, i: usize, back: usize, mean: &mut [f64]) {
+        let leaders = &self.hierarchy.leaders[i];
+        add_mean(mean, leaders, 1.0, |j| &self.turning[j][back]);
+        add_mean(mean, leaders, -self.swings.share(i), |j| self.swings.turning(j, back));
+    }
+
+    /// How guide `i` is and was led to be turned.
     fn means(&self, i: usize) -> Turning {
         let mut means = Turning::default();
         means.iter_mut().enumerate().for_each(|(back, mean)| self.mean(i, back, mean));
@@ -420,14 +448,17 @@ impl Wisps {
     }
 
     fn spread(&self, i: usize) -> f64 {
-        let mut mean = Vec::new();
-        self.mean(i, 0, &mut mean);
+        let mut mean = vec![0.0; 3 * self.rest[i].frame.len()];
+        self.add_leaders(i, 0, &mut mean);
         if self.hierarchy.leaders[i].len() == 1 {
             return self.rest[i].reach.way(vectors(&mean));
         }
-        let square = |(leader, share): &(usize, f64)| {
-            let apart = vectors(&self.turning[*leader][0]).zip(vectors(&mean)).map(|(led, mean)| led - mean);
-            let apart = self.rest[i].reach.way(apart);
+        let nu = self.swings.share(i);
+        let square = |&(leader, share): &(usize, f64)| {
+            let swung = vectors(self.swings.turning(leader, 0));
+            let left =
+                vectors(&self.turning[leader][0]).zip(swung).map(|(turned, swung)| turned - nu * swung);
+            let apart = self.rest[i].reach.way(left.zip(vectors(&mean)).map(|(left, mean)| left - mean));
             share.abs() * apart * apart
         };
         self.hierarchy.leaders[i].iter().map(square).sum::<f64>().sqrt()
@@ -490,6 +521,7 @@ pub(super) fn slope([now, one, two]: [f64; 3], h: f64) -> f64 {
 pub(super) struct Saved {
     rest: Vec<Settled>,
     followers: Vec<Follower>,
+    swings: swings::Saved,
 }
 
 impl Wisps {
@@ -498,6 +530,7 @@ impl Wisps {
         Saved {
             rest: self.rest.iter().map(|r| r.settled.clone()).collect(),
             followers: self.followers.clone(),
+            swings: self.swings.state(),
         }
     }
 
@@ -514,6 +547,7 @@ impl Wisps {
             }
             self.settle(guides, state.rest);
         }
+        self.swings = Swings::restored(state.swings, guides, &self.rest)?;
         Ok(())
     }
 }

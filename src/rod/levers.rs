@@ -2,6 +2,7 @@
 
 use super::{Rod, Shape};
 use nalgebra::{Matrix3, Vector3};
+use std::cmp::Ordering;
 
 /// How places of a rod move with its unknowns, as if all that a node bends were upstream of what is beyond that node.
 #[derive(Debug, Clone)]
@@ -73,6 +74,30 @@ impl Levers {
         }
         sum
     }
+
+    /// Second derivative of −Σ f·x over the nodes, where `force` tells the constant force f, N, at each: how hair that is loaded so resists being turned, or
+    /// gives way; row-major, N·m³.
+    pub fn stiffness_under(&self, force: impl Fn(usize) -> Vector3<f64>) -> Vec<f64> {
+        let n = 3 * self.twists.len();
+        let turn = |a: usize| Vector3::from(self.twists[a / 3][0].column(a % 3));
+        // Of each unknown, the torque of the loads at the ways that it gives them.
+        let mut torque = vec![Vector3::zeros(); n];
+        for (node, (x, _)) in self.nodes.iter().enumerate().skip(1) {
+            let force = force(node);
+            for (a, torque) in torque.iter_mut().enumerate().take(3 * node) {
+                let way = turn(a).cross(x) + self.twists[a / 3][1].column(a % 3);
+                *torque += way.cross(&force);
+            }
+        }
+        // What is upstream turns the way that what is downstream gives; nodes are taken as turning at once with themselves.
+        let upstream = |a: usize, b: usize| -turn(a).dot(&torque[b]);
+        let entry = |a: usize, b: usize| match (a / 3).cmp(&(b / 3)) {
+            Ordering::Less => upstream(a, b),
+            Ordering::Equal => 0.5 * (upstream(a, b) + upstream(b, a)),
+            Ordering::Greater => upstream(b, a),
+        };
+        (0..n * n).map(|at| entry(at / n, at % n)).collect()
+    }
 }
 
 #[cfg(test)]
@@ -113,5 +138,52 @@ mod tests {
             q[i] -= 1e-4;
             assert!((found - row[i]).abs() < 0.01 * size, "{i}: {found} {} {size}", row[i]);
         }
+    }
+
+    #[test]
+    fn stiffness_under_weight_is_how_the_forces_of_weight_change() {
+        let points: Vec<_> =
+            (0..30).map(|k| 0.01 * f64::from(k)).map(|s| Vector3::new(s, 3.0 * s * s, -0.2 * s)).collect();
+        let rod = Rod::new(&RodSource {
+            points: &points,
+            root_frame: None,
+            arc: &(0..=8).map(|k| f64::from(k) / 8.0).collect::<Vec<_>>(),
+            stiffness: [1e-9; 3],
+            line_density: 6e-6,
+            damping: 0.0,
+            taper: Taper::NONE,
+            natural: None,
+            cut: Cut::FINE,
+        })
+        .unwrap();
+        let mut q = rod.start.clone();
+        let mut shape = Shape::default();
+        let weight = |node: usize| Vector3::new(1.0, -9.81, 2.0) * rod.mass_at(node);
+        // What the weights do along each unknown.
+        let mut forces = |q: &[f64]| -> Vec<f64> {
+            shape.update(&rod, &rod.root.r, q);
+            let levers = Levers::new(&rod, &shape);
+            let mut sum = vec![0.0; q.len()];
+            for node in 1..rod.nodes.len() {
+                let row = levers.row(rod.node_point(node), &levers.node(node), &weight(node));
+                sum.iter_mut().zip(row).for_each(|(sum, row)| *sum += row);
+            }
+            sum
+        };
+        let mut found = vec![0.0; q.len() * q.len()];
+        for a in 0..q.len() {
+            let [more, less] = [1e-4, -2e-4].map(|step| {
+                q[a] += step;
+                forces(&q)
+            });
+            q[a] += 1e-4;
+            let n = q.len();
+            (0..n).for_each(|b| found[b * n + a] = (less[b] - more[b]) / 2e-4);
+        }
+        shape.update(&rod, &rod.root.r, &q);
+        let stiffness = Levers::new(&rod, &shape).stiffness_under(weight);
+        let size = |a: &[f64]| a.iter().map(|a| a * a).sum::<f64>().sqrt();
+        let off: Vec<f64> = stiffness.iter().zip(&found).map(|(a, b)| a - b).collect();
+        assert!(size(&off) < 0.1 * size(&found), "{} of {}", size(&off), size(&found));
     }
 }

@@ -313,12 +313,22 @@ impl Rod {
 
     /// The elastic stiffness matrix K = ∫ N_i K N_j ds, row-major n × n, N·m³.
     pub fn elastic(&self) -> Vec<f64> {
+        self.stiffened(&self.beam.hat)
+    }
+
+    /// The matrix ∫ N_i τ K N_j ds of its internal damping, row-major n × n, N·m³·s.
+    pub fn viscous(&self) -> Vec<f64> {
+        self.stiffened(&self.damping)
+    }
+
+    /// A matrix of hat functions times the stiffness.
+    fn stiffened(&self, hat: &[[f64; 2]]) -> Vec<f64> {
         let n = self.unknowns();
         let mut unit = vec![0.0; n];
         let mut rows = vec![0.0; n * n];
         for (i, row) in rows.chunks_exact_mut(n).enumerate() {
             unit[i] = 1.0;
-            self.beam.add_elastic(&self.beam.hat, 1.0, &unit, row);
+            self.beam.add_elastic(hat, 1.0, &unit, row);
             unit[i] = 0.0;
         }
         rows

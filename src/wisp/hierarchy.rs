@@ -33,9 +33,14 @@ pub struct Hierarchy {
 }
 
 impl Hierarchy {
-    /// Of the guides `rods` of `groom`, which must have its trees; `drag` is that of the points of each, N·s/m². A guide is led by none of another
-    /// material or with its nodes elsewhere.
-    pub fn new<'a>(groom: &Groom, rods: &[GuideRod], drag: impl Fn(usize) -> &'a [f64] + Sync) -> Self {
+    /// Of the guides `rods` of `groom`, which must have its trees, pulled by `pull`, m/s², rest space; `drag` is that of the points of each, N·s/m². A guide is
+    /// led by none of another material or with its nodes elsewhere.
+    pub fn new<'a>(
+        groom: &Groom,
+        rods: &[GuideRod],
+        pull: &Vector3<f64>,
+        drag: impl Fn(usize) -> &'a [f64] + Sync,
+    ) -> Self {
         let mut of_leaf: Vec<_> = groom.trees.iter().map(|tree| vec![Vec::new(); tree.wisps.len()]).collect();
         rods.iter().enumerate().for_each(|(i, r)| of_leaf[r.leaf.0][r.leaf.1].push(i));
         let stances: Vec<Stance> = rods.par_iter().map(Stance::new).collect();
@@ -49,7 +54,7 @@ impl Hierarchy {
         let deepest = level.iter().copied().max().unwrap_or(0);
         may_lead.retain(|i| level[*i] < deepest);
         let scalp = Scalp::new(rods);
-        let answer = |i: usize| response(&rods[i], drag(i), &scalp);
+        let answer = |i: usize| response(&rods[i], drag(i), pull, &scalp);
         let answers: Vec<_> = may_lead.par_iter().map(|i| answer(*i)).collect();
         let leaders = |i: usize| {
             let fit = |j: &usize| level[*j] < level[i] && material(*j) == material(i) && arc(*j) == arc(i);

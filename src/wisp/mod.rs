@@ -4,11 +4,14 @@
 //! node on every section of its tree. Otherwise guides lead each other ([`Hierarchy`]).
 
 mod hierarchy;
+mod linear;
 mod reach;
 mod response;
+mod swing;
 
 pub use hierarchy::Hierarchy;
 pub use reach::Reach;
+pub use swing::{Shake, Swing, Swung};
 
 use crate::rod::{Cut, Rod, RodSource, Taper};
 use crate::scene::{Groom, Material};

@@ -1,0 +1,176 @@
+//! How guides swing as the head shakes them, to first order: by how much hair that is alike but for its length or lie moves otherwise.
+
+use super::linear::Linear;
+use crate::math::cholesky;
+use crate::rod::Rod;
+use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix3x4, SymmetricEigen, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Modes of a guide, the slowest: two of each order, about.
+const MODES: usize = 6;
+
+const G: f64 = 9.81;
+
+/// Numbers of a [`Shake`].
+const SHAKES: usize = 18;
+
+/// What shakes hair at a moment, as seen from the head: a field of acceleration a − 𝐀 x and of the air's motion −(v + ω × x), m, m/s² and m/s; in order a, 𝐀 by
+/// its columns, v and ω.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Shake([f64; SHAKES]);
+
+impl Shake {
+    /// Of hair that is pulled by `pull`, m/s², world, on a head that is at `heads`, now and one to four steps of `h`, s, ago: rates are those of the solver's own
+    /// differences (`docs/theory.md` §4.6).
+    pub fn new(heads: &[Isometry3<f64>; 5], h: f64, pull: &Vector3<f64>) -> Self {
+        let poses = heads.map(|head| head.to_homogeneous().fixed_view::<3, 4>(0, 0).into_owned());
+        let rate = |p: &[Matrix3x4<f64>]| (p[0] * 3.0 - p[1] * 4.0 + p[2]) / (2.0 * h);
+        let rates = [rate(&poses), rate(&poses[1..]), rate(&poses[2..])];
+        let to_head = heads[0].rotation.inverse().to_rotation_matrix();
+        let (velocity, acceleration) = (to_head.matrix() * rates[0], to_head.matrix() * rate(&rates));
+        let a = to_head * pull - acceleration.column(3);
+        let spin = velocity.fixed_view::<3, 3>(0, 0);
+        let omega = [(2, 1), (0, 2), (1, 0)].map(|(i, j)| 0.5 * (spin[(i, j)] - spin[(j, i)]));
+        let linear = acceleration.fixed_view::<3, 3>(0, 0).into_owned();
+        let mut numbers = a
+            .iter()
+            .chain(linear.iter())
+            .chain(velocity.column(3).iter())
+            .chain(&omega)
+            .copied()
+            .collect::<Vec<_>>()
+            .into_iter();
+        Shake(std::array::from_fn(|_| numbers.next().unwrap_or(0.0)))
+    }
+
+    /// What it is more than `other`.
+    pub fn since(&self, other: &Self) -> Self {
+        Shake(std::array::from_fn(|k| self.0[k] - other.0[k]))
+    }
+
+    /// One of the numbers alone.
+    fn unit(k: usize) -> Self {
+        Shake(std::array::from_fn(|i| f64::from(u8::from(i == k))))
+    }
+
+    /// The force on a mass, kg, with a drag, N·s/m, at `x`, m, rest space.
+    fn force(&self, x: &Vector3<f64>, mass: f64, drag: f64) -> Vector3<f64> {
+        let [a, v, omega] = [0, 12, 15].map(|at| Vector3::from_column_slice(&self.0[at..at + 3]));
+        let linear = Matrix3::from_column_slice(&self.0[3..12]);
+        (a - linear * x) * mass - (v + omega.cross(x)) * drag
+    }
+}
+
+/// A guide that swings: its slowest modes, moved by what shakes it.
+#[derive(Debug, Clone, Default)]
+pub struct Swing {
+    modes: Vec<Mode>,
+    swung: Vec<Swung>,
+    /// Turning of its nodes now, and one and two steps ago: three numbers each, per share of the length, rest space, rad.
+    pub turning: [Vec<f64>; 3],
+}
+
+/// z̈ + c ż + ω² z = f.
+#[derive(Debug, Clone)]
+struct Mode {
+    /// Turning of the nodes at z = 1.
+    turning: Vec<f64>,
+    /// c, 1/s, and ω², 1/s².
+    damping: f64,
+    stiffness: f64,
+    /// f of each number of a shake.
+    push: [f64; SHAKES],
+}
+
+/// How far a mode has swung.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Swung {
+    /// z now, and one and two steps ago.
+    z: [f64; 3],
+    /// ż now, and a step ago.
+    rate: [f64; 2],
+}
+
+impl Swing {
+    /// Of `rod` that rests at unknowns `q`, 1/m, with `drag` at its points, N·s/m², pulled by `pull`, m/s², rest space.
+    pub fn new(rod: &Rod, q: &[f64], drag: &[f64], pull: &Vector3<f64>) -> Self {
+        let modes = modes(&Linear::new(rod, q, drag, pull)).unwrap_or_default();
+        let turning = std::array::from_fn(|_| vec![0.0; q.len()]);
+        Swing { swung: vec![Swung::default(); modes.len()], modes, turning }
+    }
+
+    /// Swings through steps of `h`, s, that end at moments of these shakes.
+    pub fn advance(&mut self, shakes: &[Shake], h: f64) {
+        // By BDF2, as the rods themselves.
+        let eta = 2.0 / 3.0 * h;
+        for (mode, swung) in self.modes.iter().zip(&mut self.swung) {
+            for shake in shakes {
+                let f: f64 = mode.push.iter().zip(&shake.0).map(|(push, shake)| push * shake).sum();
+                let past = |now: f64, before: f64| (4.0 * now - before) / 3.0;
+                let ([z, before, _], [rate, rate_before]) = (swung.z, swung.rate);
+                let (from, rate_from) = (past(z, before), past(rate, rate_before));
+                let next = (rate_from + eta * (f - mode.stiffness * from))
+                    / (1.0 + eta * (mode.damping + eta * mode.stiffness));
+                *swung = Swung { z: [from + eta * next, z, before], rate: [next, rate] };
+            }
+        }
+        self.turn();
+    }
+
+    fn turn(&mut self) {
+        for (back, turning) in self.turning.iter_mut().enumerate() {
+            turning.fill(0.0);
+            for (mode, swung) in self.modes.iter().zip(&self.swung) {
+                turning.iter_mut().zip(&mode.turning).for_each(|(sum, of)| *sum += of * swung.z[back]);
+            }
+        }
+    }
+
+    /// How far each mode has swung.
+    pub fn swung(&self) -> &[Swung] {
+        &self.swung
+    }
+
+    /// Goes on from where modes as many as its own had swung to.
+    pub fn go_on(&mut self, swung: Vec<Swung>) {
+        self.swung = swung;
+        self.turn();
+    }
+}
+
+/// The slowest modes, none where there is no sense in them. What gives way where it hangs, as what stands or leans on a body, is held as a pendulum is.
+fn modes(linear: &Linear) -> Option<Vec<Mode>> {
+    let n = linear.unknowns();
+    let pendulum = G / linear.length();
+    // Those of 𝐊 + s 𝐌, which is positive definite if s is large enough.
+    let shifted = |shift: f64| {
+        let mut sum: Vec<f64> =
+            linear.stiffness.iter().zip(&linear.mass).map(|(k, m)| k + shift * m).collect();
+        (cholesky::factor(&mut sum, n) == 1).then_some((shift, sum))
+    };
+    let (shift, factor) = (0..32).map(|k| pendulum * f64::from(1_u32 << k)).find_map(shifted)?;
+    let lower = |rows: &DMatrix<f64>| {
+        let mut columns = rows.transpose();
+        columns
+            .column_iter_mut()
+            .for_each(|mut column| cholesky::solve_lower(&factor, n, column.as_mut_slice()));
+        columns
+    };
+    let mass = lower(&lower(&DMatrix::from_row_slice(n, n, &linear.mass)));
+    let eigen = SymmetricEigen::new((&mass + mass.transpose()) * 0.5);
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+    let pushes: Vec<Vec<f64>> =
+        (0..SHAKES).map(|k| linear.forces(|x, mass, drag| Shake::unit(k).force(x, mass, drag))).collect();
+    let mode = |k: usize| {
+        let share = eigen.eigenvalues[k];
+        let mut q: Vec<f64> = eigen.eigenvectors.column(k).iter().map(|y| y / share.sqrt()).collect();
+        cholesky::solve_upper(&factor, n, &mut q);
+        let damping =
+            linear.damping.chunks_exact(n).zip(&q).map(|(row, q_i)| q_i * cholesky::dot(row, &q)).sum();
+        let turning = linear.turning(&q).iter().flat_map(|turn| [turn.x, turn.y, turn.z]).collect();
+        let push = std::array::from_fn(|k| cholesky::dot(&pushes[k], &q));
+        Mode { turning, damping, stiffness: (1.0 / share - shift).max(pendulum), push }
+    };
+    Some(order.into_iter().take(MODES).filter(|k| eigen.eigenvalues[*k] > 0.0).map(mode).collect())
+}
