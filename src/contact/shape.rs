@@ -163,7 +163,7 @@ impl Shape {
         }
     }
 
-    /// Whether `p`, body frame, is inside the solid at time `t`, s. For a mesh by its winding number: O(triangles), for set-up only.
+    /// Whether `p`, body frame, is inside the solid at time `t`, s. For a mesh by its winding number: dear, for set-up only.
     pub fn inside(&self, t: f64, p: &Vector3<f64>) -> bool {
         match self.over([t, t]) {
             Surface::Convex(convex) => convex.closest(p).distance < 0.0,

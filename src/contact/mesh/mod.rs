@@ -1,10 +1,10 @@
 //! Triangle mesh as a solid: signed distance by angle-weighted pseudonormals (J. A. Baerentzen & H. Aanaes, "Signed
-//! distance computation using the angle weighted pseudonormal", 2005), winding number (A. Jacobson et al., "Robust
-//! inside-outside segmentation using generalized winding numbers", 2013).
+//! distance computation using the angle weighted pseudonormal", 2005).
 
 mod deforming;
 mod field;
 mod topology;
+mod winding;
 
 pub use deforming::Deforming;
 pub use field::DistanceField;
@@ -15,8 +15,9 @@ use crate::math::polyline::closest_on_segment;
 use nalgebra::Vector3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use topology::Topology;
+use winding::Winding;
 
 /// Below this length, m, a difference of coordinates is rounding and has no direction.
 const ROUNDING: f64 = 1e-12;
@@ -69,6 +70,8 @@ pub struct Mesh {
     edge_normals: Vec<Vector3<f64>>,
     vertex_normals: Vec<Vector3<f64>>,
     bvh: Bvh,
+    /// Made when it is first asked for: of all shapes that a mesh takes only that at the start is.
+    winding: OnceLock<Winding>,
 }
 
 impl Mesh {
@@ -115,7 +118,7 @@ impl Mesh {
             face_normals.push(n);
         }
         edge_normals.iter_mut().chain(&mut vertex_normals).for_each(|n| *n = unit(*n));
-        Mesh { topology, vertices, face_normals, edge_normals, vertex_normals, bvh }
+        Mesh { topology, vertices, face_normals, edge_normals, vertex_normals, bvh, winding: OnceLock::new() }
     }
 
     /// Number of triangles kept.
@@ -281,28 +284,9 @@ impl Mesh {
     }
 
     /// Generalised winding number of the mesh about `p`: 1 inside a closed mesh, 0 outside, in between where it is open.
-    /// Sum of the triangles' solid angles (A. Van Oosterom & J. Strackee 1983) over 4π.
+    /// Sum of the triangles' solid angles over 4π.
     pub fn winding_number(&self, p: &Vector3<f64>) -> f64 {
-        // Half angles are added by multiplying complex numbers, and counting how often the product's own, within ±π, goes over that.
-        let (mut re, mut im, mut turns) = (1.0, 0.0, 0.0);
-        for t in 0..self.triangle_count() as u32 {
-            let [a, b, c] = self.triangle(t).map(|v| v - p);
-            let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
-            let sin = a.dot(&b.cross(&c));
-            let cos = la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb;
-            let [next_re, next_im]: [f64; 2] = [re * cos - im * sin, re * sin + im * cos];
-            let size = next_re.abs() + next_im.abs();
-            if size == 0.0 {
-                continue;
-            }
-            if sin > 0.0 && im >= 0.0 && next_im < 0.0 {
-                turns += 1.0;
-            } else if sin < 0.0 && im < 0.0 && next_im >= 0.0 {
-                turns -= 1.0;
-            }
-            (re, im) = (next_re / size, next_im / size);
-        }
-        turns + im.atan2(re) / (2.0 * std::f64::consts::PI)
+        self.winding.get_or_init(|| Winding::new(self)).number(self, p)
     }
 }
 

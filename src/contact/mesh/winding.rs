@@ -1,0 +1,162 @@
+//! Winding numbers (A. Jacobson, L. Kavan & O. Sorkine-Hornung, "Robust inside-outside segmentation using generalized winding numbers", 2013).
+
+use super::{Bounds, Mesh};
+use nalgebra::Vector3;
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+/// Most triangles of what is not divided further.
+const LEAF: usize = 16;
+
+/// The triangles of a mesh, divided again and again: seen from outside the box around a part, it winds as any other surface with its border does that stays in
+/// the box, such as a fan (ibid., section 4.2).
+#[derive(Debug)]
+pub struct Winding {
+    /// In the order of the parts.
+    triangles: Vec<u32>,
+    root: Part,
+}
+
+/// Some of the triangles.
+#[derive(Debug)]
+struct Part {
+    bounds: Bounds,
+    /// The edges of the fan, which all meet where the first begins; only of a part that has more triangles than edges.
+    fan: Option<Vec<[u32; 2]>>,
+    within: Within,
+}
+
+#[derive(Debug)]
+enum Within {
+    Parts(Box<[Part; 2]>),
+    /// Where they are in the list of all.
+    Triangles(Range<usize>),
+}
+
+/// Edges of a border, each from its lower to its higher vertex, in order, and how often it is gone along so more than the other way.
+type Border = Vec<([u32; 2], i32)>;
+
+impl Winding {
+    /// Of a mesh that keeps its shape.
+    pub fn new(mesh: &Mesh) -> Self {
+        let mut triangles: Vec<u32> = (0..mesh.triangle_count() as u32).collect();
+        let count = triangles.len();
+        let (root, _) = Part::new(mesh, &mut triangles, 0..count);
+        Winding { triangles, root }
+    }
+
+    /// See [`Mesh::winding_number`].
+    pub fn number(&self, mesh: &Mesh, p: &Vector3<f64>) -> f64 {
+        let mut sum = Sum::default();
+        self.root.add(self, mesh, p, &mut sum);
+        sum.turns()
+    }
+}
+
+impl Part {
+    /// Of the triangles of a `range` of the list, which are put in the order of its parts; and its border.
+    fn new(mesh: &Mesh, triangles: &mut [u32], range: Range<usize>) -> (Part, Border) {
+        let mine = &mut triangles[range.clone()];
+        let count = mine.len();
+        let bounds = Bounds::around(mine.iter().flat_map(|t| mesh.triangle(*t)), 0.0);
+        let (within, border) = if count <= LEAF {
+            let edges = mine.iter().flat_map(|t| {
+                let [a, b, c] = mesh.topology.triangles[*t as usize];
+                [[a, b], [b, c], [c, a]].map(|[a, b]| ([a.min(b), a.max(b)], if a < b { 1 } else { -1 }))
+            });
+            (Within::Triangles(range), joined(edges.collect()))
+        } else {
+            let axis = (bounds.max - bounds.min).imax();
+            let middle = |t: &u32| mesh.triangle(*t).iter().map(|v| v[axis]).sum::<f64>();
+            let half = count / 2;
+            mine.select_nth_unstable_by(half, |a, b| middle(a).total_cmp(&middle(b)).then(a.cmp(b)));
+            let [(first, mut border), (second, others)] =
+                [range.start..range.start + half, range.start + half..range.end]
+                    .map(|range| Part::new(mesh, triangles, range));
+            border.extend(others);
+            (Within::Parts(Box::new([first, second])), joined(border))
+        };
+        let edges = || {
+            border.iter().flat_map(|&([a, b], times)| {
+                let edge = if times > 0 { [a, b] } else { [b, a] };
+                std::iter::repeat_n(edge, times.unsigned_abs() as usize)
+            })
+        };
+        let fan = (edges().count() < count).then(|| edges().collect());
+        (Part { bounds, fan, within }, border)
+    }
+
+    /// Adds what it winds about `p`.
+    fn add(&self, of: &Winding, mesh: &Mesh, p: &Vector3<f64>, sum: &mut Sum) {
+        let outside = (0..3).any(|i| p[i] < self.bounds.min[i] || p[i] > self.bounds.max[i]);
+        match (&self.fan, &self.within) {
+            (Some(edges), _) if outside => {
+                let Some([corner, _]) = edges.first() else { return };
+                let corner = mesh.vertex(*corner) - p;
+                for edge in edges {
+                    let [a, b] = edge.map(|v| mesh.vertex(v) - p);
+                    sum.add(&[corner, a, b]);
+                }
+            }
+            (_, Within::Parts(parts)) => parts.iter().for_each(|part| part.add(of, mesh, p, sum)),
+            (_, Within::Triangles(range)) => {
+                for t in &of.triangles[range.clone()] {
+                    sum.add(&mesh.triangle(*t).map(|v| v - p));
+                }
+            }
+        }
+    }
+}
+
+/// A border with each edge once, without those that are gone along as often either way.
+fn joined(mut border: Border) -> Border {
+    border.sort_unstable_by_key(|(edge, _)| *edge);
+    border.dedup_by(|next, kept| {
+        let same = next.0 == kept.0;
+        if same {
+            kept.1 += next.1;
+        }
+        same
+    });
+    border.retain(|(_, times)| *times != 0);
+    border
+}
+
+/// Sum of solid angles of triangles (A. Van Oosterom & J. Strackee 1983), halved: these are added by multiplying complex numbers, and counting how often the
+/// product's own angle, within ±π, goes over that.
+struct Sum {
+    re: f64,
+    im: f64,
+    turns: f64,
+}
+
+impl Default for Sum {
+    fn default() -> Self {
+        Sum { re: 1.0, im: 0.0, turns: 0.0 }
+    }
+}
+
+impl Sum {
+    /// Adds a triangle with these corners as seen from the origin.
+    fn add(&mut self, [a, b, c]: &[Vector3<f64>; 3]) {
+        let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
+        let sin = a.dot(&b.cross(c));
+        let cos = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+        let [re, im] = [self.re * cos - self.im * sin, self.re * sin + self.im * cos];
+        let size = re.abs() + im.abs();
+        if size == 0.0 {
+            return;
+        }
+        if sin > 0.0 && self.im >= 0.0 && im < 0.0 {
+            self.turns += 1.0;
+        } else if sin < 0.0 && self.im < 0.0 && im >= 0.0 {
+            self.turns -= 1.0;
+        }
+        (self.re, self.im) = (re / size, im / size);
+    }
+
+    /// The sum over 4π.
+    fn turns(&self) -> f64 {
+        self.turns + self.im.atan2(self.re) / TAU
+    }
+}
