@@ -2,21 +2,22 @@
 //! 2003).
 
 mod keep_out;
+mod rest;
 mod swings;
 
 use super::guide::{Guide, Surroundings};
 use super::state::Unfit;
 use crate::contact::Memory;
 use crate::math::lanes::MAX_LANES;
+use crate::rod::Rod;
 use crate::rod::pack::{Bent, Pack, PackWork};
-use crate::rod::{Rod, Shape};
-use crate::wisp::{Hierarchy, Reach};
+use crate::wisp::Hierarchy;
 use keep_out::Moment;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use rayon::prelude::*;
+use rest::{Rest, Settled};
 use serde::{Deserialize, Serialize};
-use std::sync::OnceLock;
-use swings::{Swings, add_mean};
+use swings::{Agreement, Swings};
 
 /// Time in which the motion that a guide has of its own when it begins to follow fades, and for which it is calm before, s.
 const FADING: f64 = 0.25;
@@ -57,26 +58,6 @@ struct File {
     pack: Pack,
 }
 
-/// A guide at rest.
-#[derive(Debug, Clone, Default)]
-struct Rest {
-    settled: Settled,
-    /// Frames of the nodes that have unknowns, rest space.
-    frame: Vec<Matrix3<f64>>,
-    reach: Reach,
-    /// See [`Rest::metric`].
-    metric: OnceLock<Vec<f64>>,
-}
-
-/// What a guide at rest is known by.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
-struct Settled {
-    /// Unknowns, 1/m.
-    q: Vec<f64>,
-    /// Distance that each place keeps from each body when it follows, m, as in [`Guide::kept`].
-    kept: Vec<f64>,
-}
-
 /// What changes of a guide beside its motion.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 struct Follower {
@@ -92,6 +73,8 @@ struct Follower {
     /// How far that moved it on average, as a share of its length; infinite where it did not come out.
     #[serde(skip)]
     off: f64,
+    /// How much the swings of its leaders tell.
+    agreement: Agreement,
 }
 
 impl Follower {
@@ -117,9 +100,15 @@ pub struct Changes {
 /// Three moments: now, and one and two sub-steps ago.
 const BACK: [usize; 3] = [0, 1, 2];
 
-/// Turning of a guide out of its rest at each node, three numbers each, per share of its length, as seen in rest space, rad: now, and one and two sub-steps
+/// Turning of a guide out of its rest at each node, three numbers each, per share of its length, as seen in rest space, rad: now, then one and two sub-steps
 /// ago. Those of guides of any length and shape can be averaged.
-type Turning = [Vec<f64>; 3];
+type Turning = Vec<f64>;
+
+/// Part of a turning that is of the moment `back` sub-steps ago.
+fn moment(turning: &[f64], back: usize) -> &[f64] {
+    let n = turning.len() / BACK.len();
+    &turning[back * n..][..n]
+}
 
 /// The vector of each node.
 fn vectors(turning: &[f64]) -> impl Iterator<Item = Vector3<f64>> {
@@ -129,12 +118,21 @@ fn vectors(turning: &[f64]) -> impl Iterator<Item = Vector3<f64>> {
 /// Workspace of a thread in which guides follow.
 #[derive(Default)]
 struct Workspace {
-    mean: Vec<f64>,
+    means: Means,
     led: Vec<f64>,
     pack: PackWork,
     /// Places of the guides of a file, m, world.
     places: [Vec<Vector3<f64>>; MAX_LANES],
     keep_out: keep_out::Work,
+}
+
+/// Means of what leads a guide.
+#[derive(Default)]
+struct Means {
+    /// How they are turned.
+    turned: Turning,
+    /// How they swing.
+    swung: Turning,
 }
 
 /// A guide that follows.
@@ -236,14 +234,25 @@ impl Wisps {
         self.swings.advance(around, t, self.h);
     }
 
-    /// Learns how much swings tell of the guides of a level, by what leads these.
+    /// Learns how much swings tell of the guides of a level that move by themselves.
     fn learn(&mut self, level: u32) {
-        let leaders = &self.hierarchy.leaders;
-        let led = |i: &usize| self.hierarchy.level[*i] == level && !leaders[*i].is_empty();
-        let turned = |j: usize| &self.turning[j][0][..];
-        let learn = |i: usize| (i, self.swings.learn(i, &leaders[i], &self.rest[i], turned));
-        let learnt = (0..leaders.len()).into_par_iter().filter(led).map(learn).collect();
-        self.swings.note(learnt);
+        let mut followers = std::mem::take(&mut self.followers);
+        let free = followers.par_iter_mut().enumerate().filter(|(i, follower)| {
+            !follower.follows && self.hierarchy.level[*i] == level && !self.hierarchy.leaders[*i].is_empty()
+        });
+        free.for_each_init(Means::default, |means, (i, follower)| {
+            self.average(i, means);
+            self.ask(i, means, &mut follower.agreement);
+        });
+        self.followers = followers;
+    }
+
+    /// Asks the leaders of guide `i`, whose means are given, how much their swings tell.
+    fn ask(&self, i: usize, means: &Means, agreement: &mut Agreement) {
+        let leader =
+            |(j, share): &(usize, f64)| (share.abs(), &self.turning[*j][..], self.swings.turning(*j));
+        let leaders = self.hierarchy.leaders[i].iter().map(leader);
+        agreement.learn(self.frame, &self.rest[i].reach, leaders, self.swings.turning(i), means);
     }
 
     /// Moves what follows of a level to where it is at the end of the frame from time `t[0]` to `t[1]`, s. What comes away there does so at the frame's start,
@@ -255,9 +264,9 @@ impl Wisps {
         around: &Surroundings,
         t: [f64; 2],
     ) -> Vec<usize> {
-        self.learn(level);
         self.place_all(level, guides, &Moment::new(around, t[1]));
         let Some(parting) = self.parting else { return Vec::new() };
+        self.learn(level);
         let parts = |i: &usize| {
             self.hierarchy.level[*i] == level
                 && !self.is_free(*i)
@@ -267,7 +276,8 @@ impl Wisps {
         for &i in &away {
             guides[i].q.clone_from(&self.earlier[i]);
             guides[i].take_up(around, t[0], self.h);
-            self.followers[i] = Follower { since: t[1], ..Follower::default() };
+            let agreement = self.followers[i].agreement;
+            self.followers[i] = Follower { since: t[1], agreement, ..Follower::default() };
         }
         away
     }
@@ -340,9 +350,11 @@ impl Wisps {
         for (i, led) in file.guides.iter().zip(&mut *led) {
             let Some(Led { guide, follower, earlier, .. }) = led else { continue };
             earlier.clone_from(&guide.q);
+            self.average(*i, &mut work.means);
+            self.ask(*i, &work.means, &mut follower.agreement);
+            self.swing_on(*i, follower.agreement.share(), &mut work.means);
             for (back, q) in guide.q.iter_mut().enumerate() {
-                self.mean(*i, back, &mut work.mean);
-                self.rest[*i].unknowns(&guide.rod, &work.mean, q);
+                self.rest[*i].unknowns(&guide.rod, moment(&work.means.turned, back), q);
                 follower.add_own(now.time() - back as f64 * self.h, q);
             }
         }
@@ -391,42 +403,50 @@ impl Wisps {
         }
     }
 
-    /// How guide `i` is led to be turned, `back` sub-steps ago: as its leaders are on average, and by ν as it swings otherwise.
-    fn mean(&self, i: usize, back: usize, mean: &mut Vec<f64>) {
-        let share = self.swings.share(i);
-        mean.clear();
-        mean.extend(self.swings.turning(i, back).iter().map(|turned| share * turned));
-        self.add_leaders(i, back, mean);
+    /// Sets `means` to those of the leaders of guide `i`.
+    fn average(&self, i: usize, Means { turned, swung }: &mut Means) {
+        for mean in [&mut *turned, swung] {
+            mean.clear();
+            mean.resize(self.swings.turning(i).len(), 0.0);
+        }
+        for (leader, share) in &self.hierarchy.leaders[i] {
+            let add = |mean: &mut [f64], of: &[f64]| {
+                mean.iter_mut().zip(of).for_each(|(mean, of)| *mean += share * of)
+            };
+            add(turned, &self.turning[*leader]);
+            add(swung, self.swings.turning(*leader));
+        }
     }
 
-    /// Adds how the leaders of guide `i` are turned on average, `back` sub-steps ago, less ν times what they swing.
-    fn add_leaders(&self, i: usize, back: usize, mean: &mut [f64]) {
-        let leaders = &self.hierarchy.leaders[i];
-        add_mean(mean, leaders, 1.0, |j| &self.turning[j][back]);
-        add_mean(mean, leaders, -self.swings.share(i), |j| self.swings.turning(j, back));
+    /// Adds `nu` times by how much guide `i` swings otherwise than its leaders.
+    fn swing_on(&self, i: usize, nu: f64, Means { turned, swung }: &mut Means) {
+        let otherwise = self.swings.turning(i).iter().zip(swung);
+        turned.iter_mut().zip(otherwise).for_each(|(turned, (own, led))| *turned += nu * (own - *led));
     }
 
     /// How guide `i` is and was led to be turned.
-    fn means(&self, i: usize) -> Turning {
-        let mut means = Turning::default();
-        means.iter_mut().enumerate().for_each(|(back, mean)| self.mean(i, back, mean));
-        means
+    fn led(&self, i: usize) -> Turning {
+        let mut means = Means::default();
+        self.average(i, &mut means);
+        self.swing_on(i, self.followers[i].agreement.share(), &mut means);
+        means.turned
     }
 
     /// Speed of guide `i`, which moves by itself, as seen from where its leaders would move it, as a share of its length, 1/s.
     fn speed(&self, i: usize, guide: &Guide) -> f64 {
-        let (led, mut own) = (self.means(i), Turning::default());
+        let (led, mut own) = (self.led(i), Turning::new());
         self.rest[i].turn(guide, &mut own);
-        let rate = |n: usize| slope(BACK.map(|back| own[back][n] - led[back][n]), self.h);
-        let rates: Vec<f64> = (0..led[0].len()).map(rate).collect();
+        let rate = |n: usize| slope(BACK.map(|back| moment(&own, back)[n] - moment(&led, back)[n]), self.h);
+        let rates: Vec<f64> = (0..moment(&led, 0).len()).map(rate).collect();
         self.rest[i].reach.way(vectors(&rates))
     }
 
     /// What guide `i` is when it begins to follow at time `t`, s.
     fn joined(&self, i: usize, guide: &Guide, t: f64) -> Follower {
-        let led = self.means(i).map(|mean| {
+        let turned = self.led(i);
+        let led = BACK.map(|back| {
             let mut q = Vec::new();
-            self.rest[i].unknowns(&guide.rod, &mean, &mut q);
+            self.rest[i].unknowns(&guide.rod, moment(&turned, back), &mut q);
             q
         });
         let own = |n: usize| BACK.map(|back| guide.q[back][n] - led[back][n]);
@@ -448,66 +468,21 @@ impl Wisps {
     }
 
     fn spread(&self, i: usize) -> f64 {
-        let mut mean = vec![0.0; 3 * self.rest[i].frame.len()];
-        self.add_leaders(i, 0, &mut mean);
+        let mut means = Means::default();
+        self.average(i, &mut means);
+        let (mean, mean_swung) = (vectors(moment(&means.turned, 0)), vectors(moment(&means.swung, 0)));
         if self.hierarchy.leaders[i].len() == 1 {
-            return self.rest[i].reach.way(vectors(&mean));
+            return self.rest[i].reach.way(mean);
         }
-        let nu = self.swings.share(i);
+        let nu = self.followers[i].agreement.share();
+        let mean: Vec<_> = mean.zip(mean_swung).map(|(turned, swung)| turned - nu * swung).collect();
         let square = |&(leader, share): &(usize, f64)| {
-            let swung = vectors(self.swings.turning(leader, 0));
-            let left =
-                vectors(&self.turning[leader][0]).zip(swung).map(|(turned, swung)| turned - nu * swung);
-            let apart = self.rest[i].reach.way(left.zip(vectors(&mean)).map(|(left, mean)| left - mean));
-            share.abs() * apart * apart
+            let turned = vectors(moment(&self.turning[leader], 0));
+            let apart = turned.zip(vectors(moment(self.swings.turning(leader), 0))).zip(&mean);
+            let way = self.rest[i].reach.way(apart.map(|((turned, swung), mean)| turned - nu * swung - mean));
+            share.abs() * way * way
         };
         self.hierarchy.leaders[i].iter().map(square).sum::<f64>().sqrt()
-    }
-}
-
-impl Rest {
-    fn new(rod: &Rod, settled: Settled) -> Self {
-        let mut shape = Shape::default();
-        shape.update(rod, &rod.root.r, &settled.q);
-        let poses: Vec<_> = shape.poses().collect();
-        let nodes: Vec<_> = (0..rod.nodes.len()).map(|node| poses[rod.node_point(node)]).collect();
-        let places: Vec<_> = nodes.iter().map(|node| node.p).collect();
-        Rest {
-            frame: nodes[..nodes.len() - 1].iter().map(|node| node.r).collect(),
-            reach: Reach::new(&places, &rod.nodes),
-            settled,
-            metric: OnceLock::new(),
-        }
-    }
-
-    /// How changes of its unknowns are measured, as [`keep_out::softness`] of its shape at rest; known once it is asked for.
-    fn metric(&self, rod: &Rod) -> &[f64] {
-        self.metric.get_or_init(|| {
-            let mut shape = Shape::default();
-            shape.update(rod, &rod.root.r, &self.settled.q);
-            keep_out::softness(rod, &shape)
-        })
-    }
-
-    /// How `guide` is and was turned.
-    fn turn(&self, guide: &Guide, turning: &mut Turning) {
-        for (turning, q) in turning.iter_mut().zip(&guide.q) {
-            let at_rest = self.settled.q.chunks_exact(3).zip(&self.frame);
-            turning.clear();
-            for (q, (rest, frame)) in q.chunks_exact(3).zip(at_rest) {
-                let deviation = Vector3::from_column_slice(q) - Vector3::from_column_slice(rest);
-                turning.extend_from_slice((frame * deviation * guide.rod.length()).as_slice());
-            }
-        }
-    }
-
-    /// Sets unknowns `q` to those of a guide that is turned so, 1/m.
-    fn unknowns(&self, rod: &Rod, turned: &[f64], q: &mut Vec<f64>) {
-        q.clone_from(&self.settled.q);
-        for ((q, turned), frame) in q.chunks_exact_mut(3).zip(vectors(turned)).zip(&self.frame) {
-            let deviation = frame.tr_mul(&turned) / rod.length();
-            q.iter_mut().zip(&deviation).for_each(|(q, more)| *q += more);
-        }
     }
 }
 

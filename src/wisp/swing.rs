@@ -66,8 +66,8 @@ impl Shake {
 pub struct Swing {
     modes: Vec<Mode>,
     swung: Vec<Swung>,
-    /// Turning of its nodes now, and one and two steps ago: three numbers each, per share of the length, rest space, rad.
-    pub turning: [Vec<f64>; 3],
+    /// Turning of its nodes now, then one and two steps ago: three numbers each, per share of the length, rest space, rad.
+    pub turning: Vec<f64>,
 }
 
 /// z̈ + c ż + ω² z = f.
@@ -95,8 +95,7 @@ impl Swing {
     /// Of `rod` that rests at unknowns `q`, 1/m, with `drag` at its points, N·s/m², pulled by `pull`, m/s², rest space.
     pub fn new(rod: &Rod, q: &[f64], drag: &[f64], pull: &Vector3<f64>) -> Self {
         let modes = modes(&Linear::new(rod, q, drag, pull)).unwrap_or_default();
-        let turning = std::array::from_fn(|_| vec![0.0; q.len()]);
-        Swing { swung: vec![Swung::default(); modes.len()], modes, turning }
+        Swing { swung: vec![Swung::default(); modes.len()], modes, turning: vec![0.0; 3 * q.len()] }
     }
 
     /// Swings through steps of `h`, s, that end at moments of these shakes.
@@ -118,10 +117,11 @@ impl Swing {
     }
 
     fn turn(&mut self) {
-        for (back, turning) in self.turning.iter_mut().enumerate() {
-            turning.fill(0.0);
-            for (mode, swung) in self.modes.iter().zip(&self.swung) {
-                turning.iter_mut().zip(&mode.turning).for_each(|(sum, of)| *sum += of * swung.z[back]);
+        let n = self.turning.len() / 3;
+        self.turning.fill(0.0);
+        for (mode, swung) in self.modes.iter().zip(&self.swung) {
+            for (turning, z) in self.turning.chunks_exact_mut(n).zip(swung.z) {
+                turning.iter_mut().zip(&mode.turning).for_each(|(sum, of)| *sum += of * z);
             }
         }
     }
@@ -173,4 +173,93 @@ fn modes(linear: &Linear) -> Option<Vec<Mode>> {
         Mode { turning, damping, stiffness: (1.0 / share - shift).max(pendulum), push }
     };
     Some(order.into_iter().take(MODES).filter(|k| eigen.eigenvalues[*k] > 0.0).map(mode).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rod::{Cut, RodSource, Taper};
+    use crate::scene::Tree;
+
+    const PULL: Vector3<f64> = Vector3::new(0.0, -G, 0.0);
+
+    /// A hair that hangs 20 cm down, 10 cm beside the middle of the head.
+    fn hair(nodes: usize, stiffness: f64) -> Rod {
+        let root = Vector3::x() * 0.1;
+        Rod::new(&RodSource {
+            points: &[root, root - Vector3::y() * 0.2],
+            root_frame: None,
+            arc: &Tree::default_arc(nodes),
+            stiffness: [stiffness; 3],
+            line_density: 6.6e-6,
+            damping: 0.01,
+            taper: Taper::NONE,
+            natural: None,
+            cut: Cut::FINE,
+        })
+        .unwrap()
+    }
+
+    #[test]
+    fn limp_hair_swings_as_a_hanging_chain() {
+        let rod = hair(40, 1e-13);
+        let drag = vec![0.0; rod.points()];
+        let modes = modes(&Linear::new(&rod, &rod.start, &drag, &PULL)).unwrap();
+        // (j/2)² g/L, j the zeros of J0, each to two sides.
+        for (mode, zero) in modes.iter().zip([2.404826, 2.404826, 5.520078, 5.520078]) {
+            let chain = 0.25 * zero * zero * G / rod.length();
+            assert!((mode.stiffness / chain - 1.0).abs() < 0.05, "{} {chain}", mode.stiffness);
+        }
+    }
+
+    #[test]
+    fn a_swing_that_is_pushed_steadily_comes_to_where_stiffness_holds_it() {
+        // Two nodes with unknowns: its modes are all that have inertia.
+        let rod = hair(3, 1e-9);
+        let drag = vec![1e-5; rod.points()];
+        let linear = Linear::new(&rod, &rod.start, &drag, &PULL);
+        let n = linear.unknowns();
+        let mut swing = Swing::new(&rod, &rod.start, &drag, &PULL);
+        for k in 0..SHAKES {
+            let shake = Shake::unit(k);
+            let mut q = linear.forces(|x, mass, drag| shake.force(x, mass, drag));
+            let mut factor = linear.stiffness.clone();
+            assert_eq!(cholesky::factor(&mut factor, n), 1);
+            cholesky::solve(&factor, n, &mut q);
+            swing.advance(&[shake; 4000], 0.05);
+            let still = linear.turning(&q);
+            let size = still.iter().map(|turn| turn.norm()).fold(1e-3, f64::max);
+            for back in swing.turning.chunks_exact(n) {
+                for (turned, still) in back.chunks_exact(3).zip(&still) {
+                    assert!(
+                        (Vector3::from_column_slice(turned) - still).norm() < 1e-6 * size,
+                        "{k}: {turned:?} {still}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_shake_is_what_a_mass_on_the_head_feels() {
+        // A head that flies along a parabola, and spins.
+        let (axis, rate) = (Vector3::new(0.3, 0.8, -0.5).normalize(), 3.0);
+        let (speed, gain) = (Vector3::new(0.4, 0.0, -1.0), Vector3::new(2.0, 1.0, 0.0));
+        let head = |t: f64| Isometry3::new(speed * t + gain * (0.5 * t * t), axis * (rate * t));
+        let (h, t) = (1e-4, 0.2);
+        let shake = Shake::new(&std::array::from_fn(|k| head(t - k as f64 * h)), h, &PULL);
+        let x = Vector3::new(0.05, 0.1, -0.02);
+        let spin = axis * rate;
+        let back = head(t).rotation.inverse();
+        let felt = back * (PULL - gain) - spin.cross(&spin.cross(&x));
+        let air = back * (speed + gain * t) + spin.cross(&x);
+        for (mass, drag, force) in [(1.0, 0.0, felt), (0.0, 1.0, -air)] {
+            assert!(
+                (shake.force(&x, mass, drag) - force).norm() < 1e-4,
+                "{} {force}",
+                shake.force(&x, mass, drag)
+            );
+        }
+        assert_eq!(shake.since(&shake).force(&x, 1.0, 1.0), Vector3::zeros());
+    }
 }

@@ -1,9 +1,9 @@
 //! By how much guides that follow swing otherwise than those that lead them, as far as these differ from each other as they swing (`docs/theory.md` eq. 8.4).
 
-use super::{Rest, Surroundings, vectors};
+use super::{Means, Rest, Surroundings, moment, vectors};
 use crate::bake::guide::Guide;
 use crate::bake::state::Unfit;
-use crate::wisp::{Shake, Swing, Swung};
+use crate::wisp::{Reach, Shake, Swing, Swung};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -20,7 +20,6 @@ const DOUBT: f64 = 3.0;
 pub(super) struct Swings {
     still: Still,
     swings: Vec<Swing>,
-    agreements: Vec<Agreement>,
 }
 
 /// What shook the guides when they rested.
@@ -42,8 +41,33 @@ pub(super) struct Agreement {
 
 impl Agreement {
     /// ν, from 0 to 1: the share of what it swings otherwise that a guide is given.
-    fn share(&self) -> f64 {
+    pub fn share(&self) -> f64 {
         if self.told > 0.0 { (self.told / self.asked).min(1.0) } else { 0.0 }
+    }
+
+    /// Learns after a frame of that duration, s, from leaders of these shares, how they are turned and how they swing, their means, and how the guide itself,
+    /// of that reach, swings.
+    pub fn learn<'a>(
+        &mut self,
+        frame: f64,
+        reach: &Reach,
+        leaders: impl Iterator<Item = (f64, &'a [f64], &'a [f64])>,
+        own: &[f64],
+        means: &Means,
+    ) {
+        let kept = (-frame / WINDOW).exp();
+        (self.told, self.asked) = (kept * self.told, kept * self.asked);
+        let ways = |turned, mean| {
+            let apart = vectors(moment(turned, 0)).zip(vectors(moment(mean, 0)));
+            reach.ways(apart.map(|(turned, mean)| turned - mean)).map(|(way, _)| way)
+        };
+        self.asked += DOUBT * ways(own, &means.swung).map(|way| way.norm_squared()).sum::<f64>();
+        for (share, turned, swung) in leaders {
+            for (told, asked) in ways(turned, &means.turned).zip(ways(swung, &means.swung)) {
+                self.told += share * told.dot(&asked);
+                self.asked += share * asked.norm_squared();
+            }
+        }
     }
 }
 
@@ -64,8 +88,7 @@ impl Swings {
         let swing = |(guide, rest): (&Guide, &Rest)| {
             Swing::new(&guide.rod, &rest.settled.q, &guide.drag, &still.pull)
         };
-        let swings = guides.par_iter().zip(rest).map(swing).collect();
-        Swings { swings, agreements: vec![Agreement::default(); guides.len()], still }
+        Swings { swings: guides.par_iter().zip(rest).map(swing).collect(), still }
     }
 
     /// Swings all guides through the frame from time `t[0]` to `t[1]`, s, in steps of `h`, s.
@@ -74,54 +97,11 @@ impl Swings {
         let at = |k: u32| shake(around, t[1] - f64::from(steps - k) * h, h).since(&self.still.shake);
         let shakes: Vec<Shake> = (1..=steps).map(at).collect();
         self.swings.par_iter_mut().for_each(|swing| swing.advance(&shakes, h));
-        let kept = (-(t[1] - t[0]) / WINDOW).exp();
-        for agreement in &mut self.agreements {
-            (agreement.told, agreement.asked) = (agreement.told * kept, agreement.asked * kept);
-        }
     }
 
-    /// Learns how much the swings of those that lead guide `i`, by their shares, tell of it, which is `rest` at rest; they are turned as `turned` says.
-    pub fn learn<'a>(
-        &self,
-        i: usize,
-        leaders: &[(usize, f64)],
-        rest: &Rest,
-        turned: impl Fn(usize) -> &'a [f64],
-    ) -> Agreement {
-        let swung = |j: usize| self.turning(j, 0);
-        let (mut mean, mut mean_swung) = (vec![0.0; swung(i).len()], vec![0.0; swung(i).len()]);
-        add_mean(&mut mean, leaders, 1.0, &turned);
-        add_mean(&mut mean_swung, leaders, 1.0, swung);
-        let ways = |turned: &'_ [f64], mean: &[f64]| -> Vec<Vector3<f64>> {
-            let apart = vectors(turned).zip(vectors(mean)).map(|(turned, mean)| turned - mean);
-            rest.reach.ways(apart).map(|(way, _)| way).collect()
-        };
-        let dot =
-            |a: &[Vector3<f64>], b: &[Vector3<f64>]| a.iter().zip(b).map(|(a, b)| a.dot(b)).sum::<f64>();
-        let own = ways(swung(i), &mean_swung);
-        let mut agreement = self.agreements[i];
-        agreement.asked += DOUBT * dot(&own, &own);
-        for &(j, share) in leaders {
-            let [told, asked] = [ways(turned(j), &mean), ways(swung(j), &mean_swung)];
-            agreement.told += share.abs() * dot(&told, &asked);
-            agreement.asked += share.abs() * dot(&asked, &asked);
-        }
-        agreement
-    }
-
-    /// Notes what was learnt.
-    pub fn note(&mut self, learnt: Vec<(usize, Agreement)>) {
-        learnt.into_iter().for_each(|(i, agreement)| self.agreements[i] = agreement);
-    }
-
-    /// ν of guide `i`.
-    pub fn share(&self, i: usize) -> f64 {
-        self.agreements[i].share()
-    }
-
-    /// How guide `j` has swung `back` steps ago, as [`Turning`](super::Turning).
-    pub fn turning(&self, j: usize, back: usize) -> &[f64] {
-        &self.swings[j].turning[back]
+    /// How guide `j` swings, as [`Turning`](super::Turning).
+    pub fn turning(&self, j: usize) -> &[f64] {
+        &self.swings[j].turning
     }
 }
 
@@ -130,7 +110,6 @@ impl Swings {
 pub(super) struct Saved {
     still: Still,
     swung: Vec<Vec<Swung>>,
-    agreements: Vec<Agreement>,
 }
 
 impl Swings {
@@ -139,19 +118,16 @@ impl Swings {
         Saved {
             still: self.still.clone(),
             swung: self.swings.iter().map(|swing| swing.swung().to_vec()).collect(),
-            agreements: self.agreements.clone(),
         }
     }
 
     /// Those of that state, of the same `guides` at the same `rest`.
     pub fn restored(state: Saved, guides: &[Guide], rest: &[Rest]) -> Result<Self, Unfit> {
         Unfit::unless_same("swings", state.swung.len(), rest.len())?;
-        Unfit::unless_same("agreements", state.agreements.len(), rest.len())?;
         if rest.is_empty() {
             return Ok(Swings::default());
         }
         let mut swings = Swings::at_rest(guides, rest, state.still);
-        swings.agreements = state.agreements;
         for (swing, swung) in swings.swings.iter_mut().zip(state.swung) {
             Unfit::unless_same("modes", swung.len(), swing.swung().len())?;
             swing.go_on(swung);
@@ -160,14 +136,33 @@ impl Swings {
     }
 }
 
-/// Adds to `sum` the mean of what leaders are `turned`, by their shares, `times` so much.
-pub(super) fn add_mean<'a>(
-    sum: &mut [f64],
-    leaders: &[(usize, f64)],
-    times: f64,
-    turned: impl Fn(usize) -> &'a [f64],
-) {
-    for &(leader, share) in leaders {
-        sum.iter_mut().zip(turned(leader)).for_each(|(sum, turned)| *sum += times * share * turned);
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// ν after a while in which two leaders are turned `turned` and swing `swung` to either side of their mean, and the guide itself swings `own` beside it.
+    fn share(turned: f64, swung: f64, own: f64) -> f64 {
+        let reach = Reach::new(&[Vector3::zeros(), Vector3::y(), Vector3::y() * 2.0], &[0.0, 1.0, 2.0]);
+        // Two nodes with unknowns that turn about x alike, at three moments.
+        let turning = |mean: f64, by: f64| [mean + by, 0.0, 0.0].repeat(6);
+        let leaders = [1.0, -1.0].map(|side| (0.5, turning(3.0, side * turned), turning(2.0, side * swung)));
+        let means = Means { turned: turning(3.0, 0.0), swung: turning(2.0, 0.0) };
+        let mut agreement = Agreement::default();
+        for _ in 0..48 {
+            let leaders = leaders.iter().map(|(share, turned, swung)| (*share, &turned[..], &swung[..]));
+            agreement.learn(1.0 / 24.0, &reach, leaders, &turning(2.0, own), &means);
+        }
+        agreement.share()
+    }
+
+    #[test]
+    fn swings_count_as_far_as_leaders_bear_them_out() {
+        assert!((share(0.1, 0.1, 0.0) - 1.0).abs() < 1e-12);
+        assert!((share(0.04, 0.1, 0.0) - 0.4).abs() < 1e-12);
+        // What goes the other way, or nowhere, tells nothing.
+        assert_eq!([share(-0.1, 0.1, 0.0), share(0.0, 0.1, 0.0), share(0.1, 0.0, 0.1)], [0.0; 3]);
+        // No more than all, and less to what is further from them than they are from each other.
+        assert_eq!(share(0.5, 0.1, 0.0), 1.0);
+        assert!((share(0.1, 0.1, 0.1) - 1.0 / (1.0 + DOUBT)).abs() < 1e-12);
     }
 }
