@@ -101,13 +101,18 @@ pub struct Changes {
 const BACK: [usize; 3] = [0, 1, 2];
 
 /// Turning of a guide out of its rest at each node, three numbers each, per share of its length, as seen in rest space, rad: now, then one and two sub-steps
-/// ago. Those of guides of any length and shape can be averaged.
+/// ago; then the ways of its nodes but the root by that now, to first order, as shares of its length. Those of guides of any length and shape can be averaged.
 type Turning = Vec<f64>;
 
-/// Part of a turning that is of the moment `back` sub-steps ago.
+/// The turning `back` sub-steps ago.
 fn moment(turning: &[f64], back: usize) -> &[f64] {
-    let n = turning.len() / BACK.len();
+    let n = turning.len() / (BACK.len() + 1);
     &turning[back * n..][..n]
+}
+
+/// The ways.
+fn ways(turning: &[f64]) -> &[f64] {
+    moment(turning, BACK.len())
 }
 
 /// The vector of each node.
@@ -252,7 +257,7 @@ impl Wisps {
         let leader =
             |(j, share): &(usize, f64)| (share.abs(), &self.turning[*j][..], self.swings.turning(*j));
         let leaders = self.hierarchy.leaders[i].iter().map(leader);
-        agreement.learn(self.frame, &self.rest[i].reach, leaders, self.swings.turning(i), means);
+        agreement.learn(self.frame, leaders, self.swings.turning(i), means);
     }
 
     /// Moves what follows of a level to where it is at the end of the frame from time `t[0]` to `t[1]`, s. What comes away there does so at the frame's start,
@@ -349,7 +354,8 @@ impl Wisps {
     fn place(&self, file: &File, led: &mut [Option<Led>; MAX_LANES], now: &Moment, work: &mut Workspace) {
         for (i, led) in file.guides.iter().zip(&mut *led) {
             let Some(Led { guide, follower, earlier, .. }) = led else { continue };
-            earlier.clone_from(&guide.q);
+            // All of it is set anew.
+            std::mem::swap(*earlier, &mut guide.q);
             self.average(*i, &mut work.means);
             self.ask(*i, &work.means, &mut follower.agreement);
             self.swing_on(*i, follower.agreement.share(), &mut work.means);
@@ -470,16 +476,16 @@ impl Wisps {
     fn spread(&self, i: usize) -> f64 {
         let mut means = Means::default();
         self.average(i, &mut means);
-        let (mean, mean_swung) = (vectors(moment(&means.turned, 0)), vectors(moment(&means.swung, 0)));
+        let reach = &self.rest[i].reach;
         if self.hierarchy.leaders[i].len() == 1 {
-            return self.rest[i].reach.way(mean);
+            return reach.mean(vectors(ways(&means.turned)));
         }
         let nu = self.followers[i].agreement.share();
-        let mean: Vec<_> = mean.zip(mean_swung).map(|(turned, swung)| turned - nu * swung).collect();
         let square = |&(leader, share): &(usize, f64)| {
-            let turned = vectors(moment(&self.turning[leader], 0));
-            let apart = turned.zip(vectors(moment(self.swings.turning(leader), 0))).zip(&mean);
-            let way = self.rest[i].reach.way(apart.map(|((turned, swung), mean)| turned - nu * swung - mean));
+            let apart = |of, mean| vectors(ways(of)).zip(vectors(ways(mean))).map(|(of, mean)| of - mean);
+            let turned = apart(&self.turning[leader][..], &means.turned[..]);
+            let swung = apart(self.swings.turning(leader), &means.swung);
+            let way = reach.mean(turned.zip(swung).map(|(turned, swung)| turned - nu * swung));
             share.abs() * way * way
         };
         self.hierarchy.leaders[i].iter().map(square).sum::<f64>().sqrt()

@@ -1,5 +1,6 @@
 //! How guides swing as the head shakes them, to first order: by how much hair that is alike but for its length or lie moves otherwise.
 
+use super::Reach;
 use super::linear::Linear;
 use crate::math::cholesky;
 use crate::rod::Rod;
@@ -66,15 +67,17 @@ impl Shake {
 pub struct Swing {
     modes: Vec<Mode>,
     swung: Vec<Swung>,
-    /// Turning of its nodes now, then one and two steps ago: three numbers each, per share of the length, rest space, rad.
+    /// Turning of its nodes now, then one and two steps ago: three numbers each, per share of the length, rest space, rad; then the ways of its nodes but the
+    /// root now, as shares of its length.
     pub turning: Vec<f64>,
 }
 
 /// z̈ + c ż + ω² z = f.
 #[derive(Debug, Clone)]
 struct Mode {
-    /// Turning of the nodes at z = 1.
+    /// Turning of the nodes at z = 1, and the ways of those but the root.
     turning: Vec<f64>,
+    ways: Vec<f64>,
     /// c, 1/s, and ω², 1/s².
     damping: f64,
     stiffness: f64,
@@ -92,10 +95,10 @@ pub struct Swung {
 }
 
 impl Swing {
-    /// Of `rod` that rests at unknowns `q`, 1/m, with `drag` at its points, N·s/m², pulled by `pull`, m/s², rest space.
-    pub fn new(rod: &Rod, q: &[f64], drag: &[f64], pull: &Vector3<f64>) -> Self {
-        let modes = modes(&Linear::new(rod, q, drag, pull)).unwrap_or_default();
-        Swing { swung: vec![Swung::default(); modes.len()], modes, turning: vec![0.0; 3 * q.len()] }
+    /// Of `rod` that rests at unknowns `q`, 1/m, with that `reach`, with `drag` at its points, N·s/m², pulled by `pull`, m/s², rest space.
+    pub fn new(rod: &Rod, q: &[f64], reach: &Reach, drag: &[f64], pull: &Vector3<f64>) -> Self {
+        let modes = modes(&Linear::new(rod, q, drag, pull), reach).unwrap_or_default();
+        Swing { swung: vec![Swung::default(); modes.len()], modes, turning: vec![0.0; 4 * q.len()] }
     }
 
     /// Swings through steps of `h`, s, that end at moments of these shakes.
@@ -117,11 +120,13 @@ impl Swing {
     }
 
     fn turn(&mut self) {
-        let n = self.turning.len() / 3;
+        let n = self.turning.len() / 4;
         self.turning.fill(0.0);
-        for (mode, swung) in self.modes.iter().zip(&self.swung) {
-            for (turning, z) in self.turning.chunks_exact_mut(n).zip(swung.z) {
-                turning.iter_mut().zip(&mode.turning).for_each(|(sum, of)| *sum += of * z);
+        for (mode, Swung { z, .. }) in self.modes.iter().zip(&self.swung) {
+            let parts =
+                [(&mode.turning, z[0]), (&mode.turning, z[1]), (&mode.turning, z[2]), (&mode.ways, z[0])];
+            for (sums, (of, z)) in self.turning.chunks_exact_mut(n).zip(parts) {
+                sums.iter_mut().zip(of).for_each(|(sum, of)| *sum += of * z);
             }
         }
     }
@@ -139,7 +144,7 @@ impl Swing {
 }
 
 /// The slowest modes, none where there is no sense in them. What gives way where it hangs, as what stands or leans on a body, is held as a pendulum is.
-fn modes(linear: &Linear) -> Option<Vec<Mode>> {
+fn modes(linear: &Linear, reach: &Reach) -> Option<Vec<Mode>> {
     let n = linear.unknowns();
     let pendulum = G / linear.length();
     // Those of 𝐊 + s 𝐌, which is positive definite if s is large enough.
@@ -168,11 +173,17 @@ fn modes(linear: &Linear) -> Option<Vec<Mode>> {
         cholesky::solve_upper(&factor, n, &mut q);
         let damping =
             linear.damping.chunks_exact(n).zip(&q).map(|(row, q_i)| q_i * cholesky::dot(row, &q)).sum();
-        let turning = linear.turning(&q).iter().flat_map(|turn| [turn.x, turn.y, turn.z]).collect();
+        let turning = linear.turning(&q);
+        let ways = numbers(reach.ways(turning.iter().copied()).map(|(way, _)| way));
+        let turning = numbers(turning.into_iter());
         let push = std::array::from_fn(|k| cholesky::dot(&pushes[k], &q));
-        Mode { turning, damping, stiffness: (1.0 / share - shift).max(pendulum), push }
+        Mode { turning, ways, damping, stiffness: (1.0 / share - shift).max(pendulum), push }
     };
     Some(order.into_iter().take(MODES).filter(|k| eigen.eigenvalues[*k] > 0.0).map(mode).collect())
+}
+
+fn numbers(vectors: impl Iterator<Item = Vector3<f64>>) -> Vec<f64> {
+    vectors.flat_map(|v| [v.x, v.y, v.z]).collect()
 }
 
 #[cfg(test)]
@@ -204,7 +215,7 @@ mod tests {
     fn limp_hair_swings_as_a_hanging_chain() {
         let rod = hair(40, 1e-13);
         let drag = vec![0.0; rod.points()];
-        let modes = modes(&Linear::new(&rod, &rod.start, &drag, &PULL)).unwrap();
+        let modes = modes(&Linear::new(&rod, &rod.start, &drag, &PULL), &Reach::default()).unwrap();
         // (j/2)² g/L, j the zeros of J0, each to two sides.
         for (mode, zero) in modes.iter().zip([2.404826, 2.404826, 5.520078, 5.520078]) {
             let chain = 0.25 * zero * zero * G / rod.length();
@@ -219,7 +230,9 @@ mod tests {
         let drag = vec![1e-5; rod.points()];
         let linear = Linear::new(&rod, &rod.start, &drag, &PULL);
         let n = linear.unknowns();
-        let mut swing = Swing::new(&rod, &rod.start, &drag, &PULL);
+        let places: Vec<_> = rod.nodes.iter().map(|s| Vector3::y() * -s).collect();
+        let reach = Reach::new(&places, &rod.nodes);
+        let mut swing = Swing::new(&rod, &rod.start, &reach, &drag, &PULL);
         for k in 0..SHAKES {
             let shake = Shake::unit(k);
             let mut q = linear.forces(|x, mass, drag| shake.force(x, mass, drag));
@@ -229,7 +242,14 @@ mod tests {
             swing.advance(&[shake; 4000], 0.05);
             let still = linear.turning(&q);
             let size = still.iter().map(|turn| turn.norm()).fold(1e-3, f64::max);
-            for back in swing.turning.chunks_exact(n) {
+            let (turning, ways) = swing.turning.split_at(3 * n);
+            for (way, (found, _)) in ways.chunks_exact(3).zip(reach.ways(still.iter().copied())) {
+                assert!(
+                    (Vector3::from_column_slice(way) - found).norm() < 1e-6 * size,
+                    "{k}: {way:?} {found}"
+                );
+            }
+            for back in turning.chunks_exact(n) {
                 for (turned, still) in back.chunks_exact(3).zip(&still) {
                     assert!(
                         (Vector3::from_column_slice(turned) - still).norm() < 1e-6 * size,

@@ -62,6 +62,9 @@ impl Rest {
                 turning.extend_from_slice((frame * deviation * guide.rod.length()).as_slice());
             }
         }
+        let now = vectors(&turning[..self.settled.q.len()]);
+        let ways: Vec<_> = self.reach.ways(now).map(|(way, _)| way).collect();
+        ways.iter().for_each(|way| turning.extend_from_slice(way.as_slice()));
     }
 
     /// Sets unknowns `q` to those of a guide that is turned so, 1/m.

@@ -1,9 +1,9 @@
 //! By how much guides that follow swing otherwise than those that lead them, as far as these differ from each other as they swing (`docs/theory.md` eq. 8.4).
 
-use super::{Means, Rest, Surroundings, moment, vectors};
+use super::{Means, Rest, Surroundings, ways};
 use crate::bake::guide::Guide;
 use crate::bake::state::Unfit;
-use crate::wisp::{Reach, Shake, Swing, Swung};
+use crate::wisp::{Shake, Swing, Swung};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -45,27 +45,23 @@ impl Agreement {
         if self.told > 0.0 { (self.told / self.asked).min(1.0) } else { 0.0 }
     }
 
-    /// Learns after a frame of that duration, s, from leaders of these shares, how they are turned and how they swing, their means, and how the guide itself,
-    /// of that reach, swings.
+    /// Learns after a frame of that duration, s, from leaders of these shares, how they are turned and how they swing, their means, and how the guide itself
+    /// swings.
     pub fn learn<'a>(
         &mut self,
         frame: f64,
-        reach: &Reach,
         leaders: impl Iterator<Item = (f64, &'a [f64], &'a [f64])>,
         own: &[f64],
         means: &Means,
     ) {
         let kept = (-frame / WINDOW).exp();
         (self.told, self.asked) = (kept * self.told, kept * self.asked);
-        let ways = |turned, mean| {
-            let apart = vectors(moment(turned, 0)).zip(vectors(moment(mean, 0)));
-            reach.ways(apart.map(|(turned, mean)| turned - mean)).map(|(way, _)| way)
-        };
-        self.asked += DOUBT * ways(own, &means.swung).map(|way| way.norm_squared()).sum::<f64>();
+        let apart = |of, mean| ways(of).iter().zip(ways(mean)).map(|(of, mean)| of - mean);
+        self.asked += DOUBT * apart(own, &means.swung).map(|way| way * way).sum::<f64>();
         for (share, turned, swung) in leaders {
-            for (told, asked) in ways(turned, &means.turned).zip(ways(swung, &means.swung)) {
-                self.told += share * told.dot(&asked);
-                self.asked += share * asked.norm_squared();
+            for (told, asked) in apart(turned, &means.turned).zip(apart(swung, &means.swung)) {
+                self.told += share * told * asked;
+                self.asked += share * asked * asked;
             }
         }
     }
@@ -86,7 +82,7 @@ impl Swings {
 
     fn at_rest(guides: &[Guide], rest: &[Rest], still: Still) -> Self {
         let swing = |(guide, rest): (&Guide, &Rest)| {
-            Swing::new(&guide.rod, &rest.settled.q, &guide.drag, &still.pull)
+            Swing::new(&guide.rod, &rest.settled.q, &rest.reach, &guide.drag, &still.pull)
         };
         Swings { swings: guides.par_iter().zip(rest).map(swing).collect(), still }
     }
@@ -142,15 +138,17 @@ mod tests {
 
     /// ν after a while in which two leaders are turned `turned` and swing `swung` to either side of their mean, and the guide itself swings `own` beside it.
     fn share(turned: f64, swung: f64, own: f64) -> f64 {
-        let reach = Reach::new(&[Vector3::zeros(), Vector3::y(), Vector3::y() * 2.0], &[0.0, 1.0, 2.0]);
-        // Two nodes with unknowns that turn about x alike, at three moments.
-        let turning = |mean: f64, by: f64| [mean + by, 0.0, 0.0].repeat(6);
+        // Two nodes that turn about x alike, at three moments, and go along z.
+        let turning = |mean: f64, by: f64| {
+            let (turned, way) = (mean + by, [0.0, 0.0, mean + by]);
+            [[turned, 0.0, 0.0].repeat(6), way.to_vec(), way.map(|way| 3.0 * way).to_vec()].concat()
+        };
         let leaders = [1.0, -1.0].map(|side| (0.5, turning(3.0, side * turned), turning(2.0, side * swung)));
         let means = Means { turned: turning(3.0, 0.0), swung: turning(2.0, 0.0) };
         let mut agreement = Agreement::default();
         for _ in 0..48 {
             let leaders = leaders.iter().map(|(share, turned, swung)| (*share, &turned[..], &swung[..]));
-            agreement.learn(1.0 / 24.0, &reach, leaders, &turning(2.0, own), &means);
+            agreement.learn(1.0 / 24.0, leaders, &turning(2.0, own), &means);
         }
         agreement.share()
     }
