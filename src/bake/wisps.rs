@@ -462,11 +462,12 @@ impl Wisps {
             since: t,
             offset: n.clone().map(|n| own(n)[0]).collect(),
             drift: n.map(|n| slope(own(n), self.h)).collect(),
+            agreement: self.followers[i].agreement,
             ..Follower::default()
         }
     }
 
-    /// By how much of its length guide `i` may be off: by how much it is elsewhere for one of its leaders than for all, as the root mean square by their
+    /// By how much of its length guide `i` may be off: by how much it is elsewhere for one of its leaders than for all, but for how they swing, as the root mean square by their
     /// shares, times the share of its answers that they miss. Of a single one nothing tells by how much others would differ: that may be all of its way
     /// from rest.
     fn missed(&self, i: usize) -> f64 {
@@ -478,14 +479,15 @@ impl Wisps {
         self.average(i, &mut means);
         let reach = &self.rest[i].reach;
         if self.hierarchy.leaders[i].len() == 1 {
-            return reach.mean(vectors(ways(&means.turned)));
+            return reach.way(vectors(moment(&means.turned, 0)));
         }
         let nu = self.followers[i].agreement.share();
         let square = |&(leader, share): &(usize, f64)| {
-            let apart = |of, mean| vectors(ways(of)).zip(vectors(ways(mean))).map(|(of, mean)| of - mean);
+            let apart =
+                |of, mean| vectors(moment(of, 0)).zip(vectors(moment(mean, 0))).map(|(of, mean)| of - mean);
             let turned = apart(&self.turning[leader][..], &means.turned[..]);
             let swung = apart(self.swings.turning(leader), &means.swung);
-            let way = reach.mean(turned.zip(swung).map(|(turned, swung)| turned - nu * swung));
+            let way = reach.way(turned.zip(swung).map(|(turned, swung)| turned - nu * swung));
             share.abs() * way * way
         };
         self.hierarchy.leaders[i].iter().map(square).sum::<f64>().sqrt()

@@ -333,7 +333,7 @@ impl Bodies {
         self.bodies[body].shape.first_hit(t, a, b)
     }
 
-    /// Whether a point, in the body's own frame, is inside it at time `t`, s. For a mesh this costs O(triangles): for set-up only.
+    /// Whether a point, in the body's own frame, is inside it at time `t`, s. For a mesh this is dear: for set-up only.
     pub fn inside(&self, body: usize, t: f64, p: &Vector3<f64>) -> bool {
         self.bodies[body].shape.inside(t, p)
     }

@@ -35,9 +35,4 @@ impl Reach {
     pub fn way(&self, turn: impl Iterator<Item = Vector3<f64>>) -> f64 {
         self.ways(turn).map(|(x, span)| x.norm() * span).sum()
     }
-
-    /// The mean along it of what ways of its nodes but the root are long.
-    pub fn mean(&self, ways: impl Iterator<Item = Vector3<f64>>) -> f64 {
-        self.edges.iter().zip(ways).map(|((_, span), way)| way.norm() * span).sum()
-    }
 }

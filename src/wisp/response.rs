@@ -53,7 +53,8 @@ pub(super) fn response(
             let at = i * n + j;
             Complex::new(linear.stiffness[at] - omega * omega * linear.mass[at], omega * linear.damping[at])
         });
-        let Some(q) = system.lu().solve(&forces) else { continue };
+        // Where nothing damps what is shaken in step with itself there is no answer.
+        let q = system.lu().solve(&forces).unwrap_or_else(|| DMatrix::zeros(n, forces.ncols()));
         for column in q.column_iter() {
             for part in [|c: &Complex<f64>| c.re, |c: &Complex<f64>| c.im] {
                 answers.push(linear.turning(&column.iter().map(part).collect::<Vec<_>>()));

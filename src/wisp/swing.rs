@@ -97,7 +97,8 @@ pub struct Swung {
 impl Swing {
     /// Of `rod` that rests at unknowns `q`, 1/m, with that `reach`, with `drag` at its points, N·s/m², pulled by `pull`, m/s², rest space.
     pub fn new(rod: &Rod, q: &[f64], reach: &Reach, drag: &[f64], pull: &Vector3<f64>) -> Self {
-        let modes = modes(&Linear::new(rod, q, drag, pull), reach).unwrap_or_default();
+        let pendulum = pull.norm() / rod.length();
+        let modes = modes(&Linear::new(rod, q, drag, pull), pendulum, reach).unwrap_or_default();
         Swing { swung: vec![Swung::default(); modes.len()], modes, turning: vec![0.0; 4 * q.len()] }
     }
 
@@ -143,17 +144,18 @@ impl Swing {
     }
 }
 
-/// The slowest modes, none where there is no sense in them. What gives way where it hangs, as what stands or leans on a body, is held as a pendulum is.
-fn modes(linear: &Linear, reach: &Reach) -> Option<Vec<Mode>> {
+/// The slowest modes, none where there is no sense in them. What gives way where it hangs, as what stands or leans on a body, is held as a `pendulum` is, of that ω²,
+/// 1/s².
+fn modes(linear: &Linear, pendulum: f64, reach: &Reach) -> Option<Vec<Mode>> {
     let n = linear.unknowns();
-    let pendulum = G / linear.length();
+    let some = G / linear.length();
     // Those of 𝐊 + s 𝐌, which is positive definite if s is large enough.
     let shifted = |shift: f64| {
         let mut sum: Vec<f64> =
             linear.stiffness.iter().zip(&linear.mass).map(|(k, m)| k + shift * m).collect();
         (cholesky::factor(&mut sum, n) == 1).then_some((shift, sum))
     };
-    let (shift, factor) = (0..32).map(|k| pendulum * f64::from(1_u32 << k)).find_map(shifted)?;
+    let (shift, factor) = (0..32).map(|k| some * f64::from(1_u32 << k)).find_map(shifted)?;
     let lower = |rows: &DMatrix<f64>| {
         let mut columns = rows.transpose();
         columns
@@ -215,7 +217,8 @@ mod tests {
     fn limp_hair_swings_as_a_hanging_chain() {
         let rod = hair(40, 1e-13);
         let drag = vec![0.0; rod.points()];
-        let modes = modes(&Linear::new(&rod, &rod.start, &drag, &PULL), &Reach::default()).unwrap();
+        let linear = Linear::new(&rod, &rod.start, &drag, &PULL);
+        let modes = modes(&linear, G / rod.length(), &Reach::default()).unwrap();
         // (j/2)² g/L, j the zeros of J0, each to two sides.
         for (mode, zero) in modes.iter().zip([2.404826, 2.404826, 5.520078, 5.520078]) {
             let chain = 0.25 * zero * zero * G / rod.length();

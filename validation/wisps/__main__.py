@@ -57,9 +57,9 @@ def simulate(hairbake: Path, groom: Path, motion: Path, out: Path, *options: obj
     command = [hairbake, "simulate", groom, motion, "--substeps", STEPS, *options, "-o", out]
     shutil.rmtree(out, ignore_errors=True)
     hairbake_time(*command, "--frames", f"{first - 1}-{first - 1}")
-    # Each goes on from there, and so has what starting costs. There is a handle at the end.
+    # Each goes on from there, and so has what starting costs. Beyond the last there are the handle, and two frames for what smooths strands.
     one = hairbake_time(*command, "--frames", f"{first - 1}-{first}")
-    return (hairbake_time(*command) - one) / (last - first) / STEPS
+    return (hairbake_time(*command) - one) / (last - first + 2) / STEPS
 
 
 def bake(hairbake: Path, groom: Path, motion: Path, out: Path, *options: object) -> tuple[Run, float]:

@@ -1,4 +1,5 @@
-//! By how much guides that follow swing otherwise than those that lead them, as far as these differ from each other as they swing (`docs/theory.md` eq. 8.4).
+//! By how much guides that follow swing otherwise than those that lead them, as far as these differ from each other as they swing (`docs/theory.md` eqs. 8.3 to
+//! 8.5).
 
 use super::{Means, Rest, Surroundings, ways};
 use crate::bake::guide::Guide;

@@ -70,7 +70,7 @@ pub struct Mesh {
     edge_normals: Vec<Vector3<f64>>,
     vertex_normals: Vec<Vector3<f64>>,
     bvh: Bvh,
-    /// Made when it is first asked for: of all shapes that a mesh takes only that at the start is.
+    /// Made when it is first asked for: of the shapes that a mesh takes few are.
     winding: OnceLock<Winding>,
 }
 
