@@ -105,15 +105,12 @@ mod tests {
     use super::*;
     use crate::rod::{Cut, RodSource, Taper};
 
-    #[test]
-    fn rows_are_how_the_tip_of_a_curl_moves() {
-        // A turn and a half, nodes a third of a turn apart.
-        let curl = |t: f64| Vector3::new(0.033 * t, 0.02 * t.cos(), 0.02 * t.sin());
-        let points: Vec<_> = (0..90).map(|k| curl(0.1 * f64::from(k))).collect();
-        let rod = Rod::new(&RodSource {
-            points: &points,
+    /// A thin rod through these points with its nodes at these shares of the arc.
+    fn through(points: &[Vector3<f64>], arc: &[f64]) -> Rod {
+        Rod::new(&RodSource {
+            points,
             root_frame: None,
-            arc: &[0.0, 0.2, 0.5, 0.7, 1.0],
+            arc,
             stiffness: [1e-9; 3],
             line_density: 6e-6,
             damping: 0.0,
@@ -121,7 +118,15 @@ mod tests {
             natural: None,
             cut: Cut::FINE,
         })
-        .unwrap();
+        .unwrap()
+    }
+
+    #[test]
+    fn rows_are_how_the_tip_of_a_curl_moves() {
+        // A turn and a half, nodes a third of a turn apart.
+        let curl = |t: f64| Vector3::new(0.033 * t, 0.02 * t.cos(), 0.02 * t.sin());
+        let points: Vec<_> = (0..90).map(|k| curl(0.1 * f64::from(k))).collect();
+        let rod = through(&points, &[0.0, 0.2, 0.5, 0.7, 1.0]);
         let mut q: Vec<f64> = (0..rod.unknowns()).map(|i| 2.0 * (i as f64).sin()).collect();
         let mut shape = Shape::default();
         let mut tip = |q: &[f64]| {
@@ -144,18 +149,7 @@ mod tests {
     fn stiffness_under_weight_is_how_the_forces_of_weight_change() {
         let points: Vec<_> =
             (0..30).map(|k| 0.01 * f64::from(k)).map(|s| Vector3::new(s, 3.0 * s * s, -0.2 * s)).collect();
-        let rod = Rod::new(&RodSource {
-            points: &points,
-            root_frame: None,
-            arc: &(0..=8).map(|k| f64::from(k) / 8.0).collect::<Vec<_>>(),
-            stiffness: [1e-9; 3],
-            line_density: 6e-6,
-            damping: 0.0,
-            taper: Taper::NONE,
-            natural: None,
-            cut: Cut::FINE,
-        })
-        .unwrap();
+        let rod = through(&points, &[0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0]);
         let mut q = rod.start.clone();
         let mut shape = Shape::default();
         let weight = |node: usize| Vector3::new(1.0, -9.81, 2.0) * rod.mass_at(node);

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 const WINDOW: f64 = 0.5;
 
 /// How much the swing of a guide that is its own counts against what its leaders' swings told: more trusts these less where they are more alike than it is to
-/// them. At 0 some long hair is swung through heads.
+/// them. At 0 some long hair, whose leaders meet bodies, is thrown about (points at over 100 m/s² where they have 20).
 const DOUBT: f64 = 3.0;
 
 /// Guides as they swing from where they rest.
