@@ -124,7 +124,7 @@ fn vectors(turning: &[f64]) -> impl Iterator<Item = Vector3<f64>> {
 #[derive(Default)]
 struct Workspace {
     means: Means,
-    led: Vec<f64>,
+    out: Vec<f64>,
     pack: PackWork,
     /// Places of the guides of a file, m, world.
     places: [Vec<Vector3<f64>>; MAX_LANES],
@@ -370,43 +370,40 @@ impl Wisps {
         });
         let mut bent = std::array::from_fn(|_| bent.next().flatten());
         file.pack.place(&mut bent, &mut work.pack);
-        for ((i, led), places) in file.guides.iter().zip(led).zip(&work.places) {
+        let places = std::mem::take(&mut work.places);
+        for ((i, led), places) in file.guides.iter().zip(led).zip(&places) {
             let Some(led) = led else { continue };
-            self.keep_out(&self.rest[*i], led, places, now, &mut work.led, &mut work.keep_out);
+            self.keep_out(&self.rest[*i], led, places, now, work);
         }
+        work.places = places;
     }
 
     /// Brings a guide that is `rest` at rest out of bodies, its places being those given, m, world.
     fn keep_out(
         &self,
         rest: &Rest,
-        Led { guide, follower, memory, .. }: &mut Led,
+        Led { guide, follower, memory, earlier }: &mut Led,
         places: &[Vector3<f64>],
         now: &Moment,
-        led: &mut Vec<f64>,
-        work: &mut keep_out::Work,
+        work: &mut Workspace,
     ) {
+        let Workspace { out, keep_out, .. } = work;
         let (rod, q) = (&guide.rod, &mut guide.q);
-        led.clone_from(&q[0]);
-        let way = now.bring_out(rod, rest, (&mut q[0], places), memory, work);
+        out.clone_from(&follower.out);
+        let led = keep_out::Led { rod, rest, q: &q[0], places, before: &earlier[0] };
+        let way = now.bring_out(&led, out, memory, keep_out);
         follower.off = way.unwrap_or(0.0) / rod.length();
         if way.is_none() && follower.out.is_empty() {
             return;
         }
         // What bodies do to it is known at frames only: between them it goes evenly.
-        follower.out.resize(led.len(), 0.0);
-        let [now, past @ ..] = q;
-        for (n, before) in follower.out.iter_mut().enumerate() {
-            let out = now[n] - led[n];
-            for (back, q) in past.iter_mut().enumerate() {
-                let share = (back + 1) as f64 * self.h / self.frame;
-                q[n] += out * (1.0 - share) + *before * share;
-            }
-            *before = out;
+        let at = |of: &[f64], n: usize| of.get(n).copied().unwrap_or(0.0);
+        for (back, q) in q.iter_mut().enumerate() {
+            let share = back as f64 * self.h / self.frame;
+            let kept = |n: usize| at(out, n) * (1.0 - share) + at(&follower.out, n) * share;
+            q.iter_mut().enumerate().for_each(|(n, q)| *q += kept(n));
         }
-        if way.is_none() {
-            follower.out.clear();
-        }
+        std::mem::swap(&mut follower.out, out);
     }
 
     /// Sets `means` to those of the leaders of guide `i`.

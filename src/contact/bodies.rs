@@ -78,9 +78,6 @@ pub struct Workspace {
     pub(super) remembered: Vec<Remembered>,
 }
 
-/// How far surfaces are looked for around a single point, m.
-const HORIZON: f64 = 0.1;
-
 /// Points of a polyline, and middles behind them, that are asked about at once: where they are all far from a body, one answer does.
 const BUNCH: usize = 4;
 
@@ -293,7 +290,7 @@ impl Bodies {
                     }
                     // The surface is no farther than where it was seen last; with a margin for rounding.
                     let gone = (travel - seen.travel).abs();
-                    let horizon = HORIZON.min(((at - seen.foot).norm() + gone) * (1.0 + 1e-9) + 1e-9);
+                    let horizon = ((at - seen.foot).norm() + gone) * (1.0 + 1e-9) + 1e-9;
                     let surface = body.shape.closest(t, &at, horizon);
                     let distance = surface.map_or(horizon, |s| s.distance);
                     let foot = surface.map_or(Outside::default().foot, |s| s.point);
@@ -400,6 +397,25 @@ impl Polyline<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_far_inside_is_told_of() {
+        let ball = Shape::Sphere { centre: Vector3::zeros(), radius: 0.3 }.tessellate();
+        let bodies = Bodies::from_shapes(&[Shape::Mesh(ball)]);
+        let x = [Vector3::x() * 0.5, Vector3::x() * 0.1, Vector3::x() * 0.3];
+        let (mut memory, mut told) = (Memory::default(), Vec::new());
+        // Twice: what is remembered is as right as what is found.
+        for _ in 0..2 {
+            bodies.each_nearer(
+                (0.0, &[Isometry3::identity()]),
+                &x,
+                &[5e-4; 3],
+                &mut memory,
+                |k, distance, _| told.push((k, (distance * 100.0).round() as i32)),
+            );
+        }
+        assert_eq!(told, [(1, -20), (2, 0)].repeat(2));
+    }
     use crate::scene::Shape;
     use proptest::prelude::*;
 
