@@ -4,7 +4,7 @@
 //! that are swept over are formed, and copied while they stay so; a sweep then costs nine products for each of those that a contact shares a strand with, a few as
 //! a rule, where by way of the strands' unknowns, w = Y r, it would cost six for each of these. That way the others are looked at.
 
-use super::{Law, Outcome, Problem, Residual, Scratch, System, Tolerance, at, newton, sweep};
+use super::{Law, Outcome, Problem, Residual, Scratch, System, Tolerance, at, mobility, newton, sweep};
 use crate::math::cholesky::dot;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -200,7 +200,7 @@ impl Network<'_> {
             b.extend_from_slice(free.as_slice());
         }
         let problem = Problem { w: &w, b: &b, laws: &laws };
-        if problem.residual(&impulses) > newton::COMPLIANCE {
+        if problem.residual(&impulses) > mobility::COMPLIANCE {
             newton::improve(&problem, wanted, &mut impulses);
             for (&i, impulse) in chosen.iter().zip(impulses.chunks_exact(3)) {
                 self.set(i, Vector3::from_column_slice(impulse));

@@ -18,6 +18,7 @@
 mod anderson;
 mod coupled;
 mod local;
+mod mobility;
 mod newton;
 mod path;
 mod smoothed;
@@ -110,10 +111,16 @@ impl Problem<'_> {
     /// the contact's own scale of impulse over velocity. So it weighs velocities, those of stiff contacts no more than those of soft ones.
     /// Zero exactly at solutions.
     pub fn residual(&self, r: &[f64]) -> f64 {
+        self.residual_giving(r, 0.0)
+    }
+
+    /// The same where every contact gives way by `compliance` beside, as a share of its own mobility.
+    fn residual_giving(&self, r: &[f64], compliance: f64) -> f64 {
         let mut residual = Residual::default();
         for i in 0..self.len() {
-            let (mobility, b) = (self.block(i).trace(), self.free(i));
-            residual.add(mobility, self.velocity(r, i), &at(r, i), &b, self.laws[i]);
+            let (trace, b, own) = (self.block(i).trace(), self.free(i), at(r, i));
+            let u = self.velocity(r, i) + own * (compliance / 3.0 * trace);
+            residual.add(trace * (1.0 + compliance), u, &own, &b, self.laws[i]);
         }
         residual.relative()
     }

@@ -6,8 +6,9 @@
 //! bifurcation and nonlinear eigenvalue problems", 1977).
 
 use super::Problem;
-use super::smoothed::Smoothed;
-use nalgebra::{DMatrix, DVector};
+use super::mobility::COMPLIANCE;
+use super::smoothed::{Point, Smoothed};
+use nalgebra::DVector;
 
 /// τ at which the path is entered.
 const ENTRY: f64 = 3.0;
@@ -31,11 +32,11 @@ const ROUNDING: f64 = 1e-11;
 /// Improves `r` where the path leads to a solution whose residual is less, and ends where that is `wanted`.
 pub(super) fn follow(smoothed: &Smoothed, problem: &Problem, wanted: f64, r: &mut [f64]) {
     let Some(mut path) = Path::enter(smoothed) else { return };
-    let mut best = problem.residual(r);
+    let mut best = problem.residual_giving(r, COMPLIANCE);
     let mut trial = r.to_vec();
     while best > wanted && path.step() {
         smoothed.unscale(&path.at.as_slice()[..smoothed.len()], &mut trial);
-        let residual = problem.residual(&trial);
+        let residual = problem.residual_giving(&trial, COMPLIANCE);
         if residual < best {
             best = residual;
             r.copy_from_slice(&trial);
@@ -61,16 +62,15 @@ impl<'a> Path<'a> {
         let mut along = DVector::zeros(n + 1);
         along[n] = -1.0;
         let mut path = Path { smoothed, at, along, length: LENGTH, systems: 0 };
-        let mut trial = DVector::zeros(n);
         loop {
-            let (f, bordered) = path.linearised(&path.at, &path.along)?;
-            if path.is_on(&f, path.at[n]) {
+            let point = path.point(&path.at)?;
+            if path.is_on(&point.f, path.at[n]) {
                 return Some(path);
             }
             // With a change of nothing along the border it is Newton's method for this τ.
-            let step = bordered.lu().solve(&f.push(0.0))?.remove_row(n);
+            let step = smoothed.change(&point, point.f.push(0.0), &path.along)?.remove_row(n);
             let x = path.at.rows(0, n).into_owned();
-            let (share, _) = smoothed.search(&x, &step, ENTRY, &f, &mut trial);
+            let (share, _) = smoothed.search(&x, &step, &point);
             path.at.rows_mut(0, n).copy_from(&(x - step * share));
             path.systems += 1;
         }
@@ -100,31 +100,27 @@ impl<'a> Path<'a> {
         let n = self.smoothed.len();
         let mut at = ahead;
         for corrections in 0..=CORRECTIONS {
-            let (f, bordered) = self.linearised(&at, &self.along)?;
+            let point = self.point(&at)?;
             self.systems += 1;
-            let lu = bordered.lu();
-            if self.is_on(&f, at[n]) {
-                let mut border = DVector::zeros(n + 1);
-                border[n] = 1.0;
-                return Some((corrections, at, lu.solve(&border)?.normalize()));
+            let is_on = self.is_on(&point.f, at[n]);
+            let right = if is_on { DVector::zeros(n).push(1.0) } else { point.f.push(0.0) };
+            let change = self.smoothed.change(&point, right, &self.along)?;
+            if is_on {
+                return Some((corrections, at, change.normalize()));
             }
-            at -= lu.solve(&f.push(0.0))?;
+            at -= change;
         }
         None
     }
 
-    /// What is to vanish at a point, and its derivatives by x and ln τ above the row `border`. `None` beyond the bounds of what can be told.
-    fn linearised(&self, at: &DVector<f64>, border: &DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    /// The law at x and ln τ. `None` beyond the bounds of what can be told.
+    fn point(&self, at: &DVector<f64>) -> Option<Point> {
         let n = self.smoothed.len();
         let tau = at[n].exp();
         if self.systems >= SYSTEMS || !(tau.is_normal() && at.iter().all(|x| x.is_finite())) {
             return None;
         }
-        let (mut f, mut bordered) = (DVector::zeros(n), DMatrix::zeros(n + 1, n + 1));
-        self.smoothed.evaluate(&at.rows(0, n).into_owned(), tau, &mut f, Some(&mut bordered));
-        bordered.column_mut(n).scale_mut(tau);
-        bordered.row_mut(n).tr_copy_from(border);
-        Some((f, bordered))
+        Some(self.smoothed.at(&at.rows(0, n).into_owned(), tau))
     }
 
     fn is_on(&self, f: &DVector<f64>, ln_tau: f64) -> bool {
@@ -138,6 +134,7 @@ mod tests {
     use super::super::{Law, Problem};
     use super::*;
     use crate::contact::tests::Random;
+    use nalgebra::DMatrix;
 
     /// Contacts along a chain of half as many unknowns as they have components, each of which gives way a little: what moves one moves those beside it.
     fn wedged(random: &mut Random, contacts: usize) -> (Vec<f64>, Vec<f64>) {
@@ -166,7 +163,8 @@ mod tests {
             caught += u32::from(descend(&smoothed, &problem, 1e-8, &mut r) > 1e-5);
             r.fill(0.0);
             follow(&smoothed, &problem, 1e-8, &mut r);
-            assert!(problem.residual(&r) <= 1e-8, "case {case}: {}", problem.residual(&r));
+            let residual = problem.residual_giving(&r, COMPLIANCE);
+            assert!(residual <= 1e-8, "case {case}: {residual}");
             r.fill(0.0);
             let improved = improve(&problem, 1e-6, &mut r);
             assert!(improved <= 1e-5, "case {case}: {improved}");

@@ -5,8 +5,9 @@
 //! decomposition of the cone the projection takes the positive part of two eigenvalues λ, which (λ + √(λ² + 4τ²))/2 stands for, and √(|u_T|² + τ²) − τ for
 //! |u_T| (M. Fukushima, Z.-Q. Luo & P. Tseng, "Smoothing functions for second-order-cone complementarity problems", 2001).
 
+use super::mobility::{Bordered, Mobility};
 use super::{Law, Problem, at};
-use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
+use nalgebra::{DVector, Matrix3, Vector2, Vector3};
 
 /// Shortest share of a step that is tried.
 const LEAST_SHARE: f64 = 1e-3;
@@ -33,8 +34,16 @@ pub(super) struct Smoothed {
     kinds: Vec<Kind>,
     /// Impulse of each contact that is one here.
     scale: Vec<f64>,
-    w: DMatrix<f64>,
+    mobility: Mobility,
     b: DVector<f64>,
+}
+
+/// The law of all contacts at some impulses, rounded off.
+pub(super) struct Point {
+    /// What is to vanish.
+    pub f: DVector<f64>,
+    laws: Vec<Rounded>,
+    tau: f64,
 }
 
 impl Smoothed {
@@ -56,23 +65,22 @@ impl Smoothed {
         let mut others = r.to_vec();
         contacts.iter().for_each(|&i| others[3 * i..3 * i + 3].fill(0.0));
         let free = contacts.iter().flat_map(|&i| <[f64; 3]>::from(problem.velocity(&others, i)));
-        let n = 3 * contacts.len();
-        let b = DVector::from_iterator(n, free);
+        let b = DVector::from_iterator(3 * contacts.len(), free);
         let unit = b.norm() / (contacts.len() as f64).sqrt();
         if unit.is_nan() || unit <= 0.0 {
             return None;
         }
-        let scale: Vec<f64> = contacts.iter().map(|&i| 3.0 * unit / traces[i]).collect();
+        let of_unit: Vec<f64> = contacts.iter().map(|&i| 3.0 / traces[i]).collect();
         let stride = 3 * problem.len();
         let entry = |row: usize, column: usize| {
-            let [row, j] = [3 * contacts[row / 3] + row % 3, 3 * contacts[column / 3] + column % 3];
-            problem.w[row * stride + j] * scale[column / 3] / unit
+            let [row, column] = [row, column].map(|k| 3 * contacts[k / 3] + k % 3);
+            problem.w[row * stride + column]
         };
         Some(Smoothed {
             kinds: contacts.iter().map(kind).collect(),
-            w: DMatrix::from_fn(n, n, entry),
+            mobility: Mobility::new(&of_unit, entry),
             b: b / unit,
-            scale,
+            scale: of_unit.iter().map(|scale| scale * unit).collect(),
             contacts,
         })
     }
@@ -95,19 +103,12 @@ impl Smoothed {
         }
     }
 
-    /// What is to vanish, at scaled impulses `x`, rounded off by `tau`, and in the upper rows of `derivative` its derivatives by `x` and, last, by `tau`.
-    pub fn evaluate(
-        &self,
-        x: &DVector<f64>,
-        tau: f64,
-        f: &mut DVector<f64>,
-        mut derivative: Option<&mut DMatrix<f64>>,
-    ) {
-        let n = self.len();
-        let u = &self.w * x + &self.b;
-        for (k, kind) in self.kinds.iter().enumerate() {
+    /// The law at scaled impulses `x`, rounded off by `tau`.
+    pub fn at(&self, x: &DVector<f64>, tau: f64) -> Point {
+        let u = self.mobility.times(x) + &self.b;
+        let law = |(k, kind): (usize, &Kind)| {
             let [r, u] = [x, &u].map(|v| Vector3::new(v[3 * k], v[3 * k + 1], v[3 * k + 2]));
-            let law = match kind {
+            match kind {
                 Kind::Held => Rounded {
                     value: u,
                     by_r: Matrix3::zeros(),
@@ -116,32 +117,24 @@ impl Smoothed {
                 },
                 Kind::Frictionless => frictionless(&r, &u, tau),
                 Kind::Cone(mu) => cone(&r, &u, *mu, tau),
-            };
-            f.fixed_rows_mut::<3>(3 * k).copy_from(&law.value);
-            if let Some(derivative) = &mut derivative {
-                let mut rows = derivative.fixed_rows_mut::<3>(3 * k);
-                rows.columns_mut(0, n).gemm(1.0, &law.by_u, &self.w.fixed_rows::<3>(3 * k), 0.0);
-                let mut own = rows.fixed_columns_mut::<3>(3 * k);
-                own += law.by_r;
-                rows.set_column(n, &law.by_tau);
             }
-        }
+        };
+        let laws: Vec<Rounded> = self.kinds.iter().enumerate().map(law).collect();
+        let f = DVector::from_iterator(self.len(), laws.iter().flat_map(|law| <[f64; 3]>::from(law.value)));
+        Point { f, laws, tau }
     }
 
-    /// How much of `step` back from `x`, where `f` is, lessens |f| as it should, and |f|² there; what is there is left in `trial`.
-    pub fn search(
-        &self,
-        x: &DVector<f64>,
-        step: &DVector<f64>,
-        tau: f64,
-        f: &DVector<f64>,
-        trial: &mut DVector<f64>,
-    ) -> (f64, f64) {
-        let before = f.norm_squared();
+    /// The changes of x and ln τ at a point by which what is to vanish changes as the upper rows of `right` say, and that make its last along `border`.
+    pub fn change(&self, point: &Point, right: DVector<f64>, border: &DVector<f64>) -> Option<DVector<f64>> {
+        self.mobility.solve(&Bordered { laws: &point.laws, tau: point.tau, right, border })
+    }
+
+    /// How much of `step` back from `x`, which is at `point`, lessens |f| as it should, and |f|² there.
+    pub fn search(&self, x: &DVector<f64>, step: &DVector<f64>, point: &Point) -> (f64, f64) {
+        let before = point.f.norm_squared();
         let mut share = 1.0;
         loop {
-            self.evaluate(&(x - step * share), tau, trial, None);
-            let after = trial.norm_squared();
+            let after = self.at(&(x - step * share), point.tau).f.norm_squared();
             if after <= (1.0 - 1e-4 * share) * before || share < LEAST_SHARE {
                 return (share, after);
             }
@@ -151,11 +144,11 @@ impl Smoothed {
 }
 
 /// The rounded law of a contact, with its derivatives by impulse, velocity and τ.
-struct Rounded {
-    value: Vector3<f64>,
-    by_r: Matrix3<f64>,
-    by_u: Matrix3<f64>,
-    by_tau: Vector3<f64>,
+pub(super) struct Rounded {
+    pub value: Vector3<f64>,
+    pub by_r: Matrix3<f64>,
+    pub by_u: Matrix3<f64>,
+    pub by_tau: Vector3<f64>,
 }
 
 /// Positive part of `x`, rounded off by `tau`, and its derivatives by both.
