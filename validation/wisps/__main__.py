@@ -38,7 +38,7 @@ class Row:
     """Distance to the full bake, share of the strands' lengths."""
     p95: float
     pops: tuple[float, float]
-    """See `compare.pops`, m/s²."""
+    """See `compare.pops`."""
     rest: tuple[int, float]
     """See `compare.rest`."""
 
@@ -96,7 +96,7 @@ def compare(hairbake: Path, folder: Path, style: str, scene: tuple[Path, Path], 
                 speed_up=(rows[0].seconds if rows else seconds) / seconds,
                 mean=float(apart.mean()),
                 p95=float(np.quantile(apart, 0.95)),
-                pops=pops(run),
+                pops=pops(full, run),
                 rest=rest(run),
             )
         )
@@ -202,7 +202,7 @@ def main() -> int:
                 print_sizes(hairbake, out, style, arguments.sizes, parting)
         return 0
     print(
-        "style        resolution      nodes   ms a step  speed-up  mean error  95th percentile  acceleration amid changes and without"
+        "style        resolution      nodes   ms a step  speed-up  mean error  95th percentile  accelerations over full, amid changes and without"
         "  at the end: nodes and speed"
     )
     if arguments.scene:
@@ -217,7 +217,7 @@ def main() -> int:
             rows.append(row)
             print(
                 f"{row.style:<11}  {row.name:<14}  {row.nodes:>6.0f}  {1e3 * row.seconds:>9.2f}  {row.speed_up:>8.2f}"
-                f"  {100 * row.mean:>8.2f} %  {100 * row.p95:>13.2f} %  {row.pops[0]:>10.1f} and {row.pops[1]:.1f} m/s²"
+                f"  {100 * row.mean:>8.2f} %  {100 * row.p95:>13.2f} %  {row.pops[0]:>12.2f} and {row.pops[1]:.2f}"
                 f"  {row.rest[0]:>14} and {1e3 * row.rest[1]:.2f} mm/s",
                 flush=True,
             )

@@ -52,17 +52,21 @@ def distances(full: Run, other: Run) -> np.ndarray:
     return np.add.reduceat(apart, starts, axis=1) / full.counts / full.lengths
 
 
-def pops(run: Run, quantile: float = 0.999) -> tuple[float, float]:
-    """High quantile of the points' accelerations, m/s², in the frames with most splits and merges (the upper quarter), and in
-    those with least: what pops does so in the former."""
-    accelerations = np.linalg.norm(np.diff(run.points, 2, axis=0), axis=2) * run.fps**2
+def pops(full: Run, run: Run, quantile: float = 0.999) -> tuple[float, float]:
+    """High quantile of the points' accelerations over that of the full bake in the same frames: those with most splits and merges (the upper
+    quarter), and those with least. What pops is above 1 in the former alone; what is merely stirred is so in the full bake too."""
+    accelerations = [np.linalg.norm(np.diff(r.points, 2, axis=0), axis=2) for r in (run, full)]
     changes = np.array([f["splits"] + f["merges"] for f in run.figures])
     # A second difference is of three frames, of which the changes are in two.
     changes = changes[1:-1] + changes[2:]
     order = np.argsort(changes, kind="stable")
     quarter = max(len(order) // 4, 1)
-    most, least = accelerations[order[-quarter:]], accelerations[order[:quarter]]
-    return float(np.quantile(most, quantile)), float(np.quantile(least, quantile))
+
+    def ratio(frames: np.ndarray) -> float:
+        own, plain = (np.quantile(a[frames], quantile) for a in accelerations)
+        return float(own / plain)
+
+    return ratio(order[-quarter:]), ratio(order[:quarter])
 
 
 def rest(run: Run) -> tuple[int, float]:

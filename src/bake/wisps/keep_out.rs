@@ -93,6 +93,13 @@ struct Left {
     missing: f64,
 }
 
+/// The best that something came out.
+struct Best {
+    left: Left,
+    /// How far its places went for that, m, in the mean.
+    way: f64,
+}
+
 impl Placed {
     /// Puts a rod where unknowns `q`, 1/m, bend it at a moment.
     fn put(&mut self, rod: &Rod, q: &[f64], now: &Moment) {
@@ -160,30 +167,28 @@ impl<'a> Moment<'a> {
         }
         work.beside.clear();
         work.beside.extend(kept.iter().map(|kept| kept + BESIDE));
-        let mut left = self.come_out(led, out, DEEP, memory, work);
-        if left.inside {
+        let mut best = self.come_out(led, out, DEEP, memory, work);
+        if best.left.inside {
             // It is led through something, or deep into it: it comes as it was bent before, on that side of what the head carries.
             work.direct.clone_from(&work.best);
             out.clear();
             out.extend(led.before.iter().zip(led.q).map(|(before, led)| before - led));
             let back = self.come_out(led, out, f64::INFINITY, memory, work);
-            if back < left {
-                left = back;
+            if back.left < best.left {
+                best = back;
             } else {
                 work.best.clone_from(&work.direct);
             }
         }
         out.clone_from(&work.best);
-        if left.inside {
+        if best.left.inside {
             return Some(f64::INFINITY);
         }
-        if left.missing <= PASSABLE && out.iter().all(|out| *out == 0.0) {
+        if best.left.missing <= PASSABLE && out.iter().all(|out| *out == 0.0) {
             out.clear();
             return None;
         }
-        work.placed.put_out(led, out, self);
-        let ways = led.places.iter().zip(&work.placed.x).map(|(a, b)| (a - b).norm());
-        Some(ways.sum::<f64>() / led.places.len() as f64)
+        Some(best.way)
     }
 
     /// Brings it out from where `out` puts it, which is changed, and gives up where it is deeper inside than `deep`, m. What came best is `best` of `work`.
@@ -194,11 +199,11 @@ impl<'a> Moment<'a> {
         deep: f64,
         memory: &mut Memory,
         work: &mut Work,
-    ) -> Left {
+    ) -> Best {
         let kept = &led.rest.settled.kept;
         let metric = led.rest.metric(led.rod);
         work.placed.put_out(led, out, self);
-        let mut left = Left { inside: true, missing: f64::INFINITY };
+        let mut found = Best { left: Left { inside: true, missing: f64::INFINITY }, way: 0.0 };
         let (mut arrived, mut still, mut corrections) = (false, false, 0);
         for round in 0..=ROUNDS {
             let Work { placed, before, beside, near, step, best, .. } = work;
@@ -211,8 +216,9 @@ impl<'a> Moment<'a> {
                 inside: near.iter().any(|n| n.missing > kept[n.at].max(TOLERANCE)),
                 missing: missing.max(PASSABLE),
             };
-            if now <= left {
-                left = now;
+            if now <= found.left {
+                let ways = led.places.iter().zip(&placed.x).map(|(a, b)| (a - b).norm());
+                found = Best { left: now, way: ways.sum::<f64>() / led.places.len() as f64 };
                 best.clone_from(out);
             }
             let right = arrived && (missing <= TOLERANCE || corrections == CORRECTIONS);
@@ -236,7 +242,7 @@ impl<'a> Moment<'a> {
                 placed.put_out(led, out, self);
             }
         }
-        left
+        found
     }
 
     /// Notes those of the places `x` that are nearer to a body than `within`, m, in order.
