@@ -255,10 +255,10 @@ fn what_moves_by_itself_touches_its_like_and_passes_through_none() {
 fn what_comes_away_divides_its_sub_steps_for_itself_until_it_is_there() {
     let (groom, mut anim) = scene(Style::Long, 0);
     (anim.settings.contact, anim.settings.resolution) = (Contact::Full, Resolution::Adaptive);
-    (anim.settings.parting, anim.settings.substeps) = (0.002, 1);
+    (anim.settings.parting, anim.settings.substeps, anim.settings.preroll) = (0.002, 1, 0.1);
     // It falls hard.
-    anim.gravity *= 60.0;
-    let seen = touch(&groom, &anim, anim.frames.0 + 5);
+    anim.gravity *= 40.0;
+    let seen = touch(&groom, &anim, anim.frames.0 + 1);
     let caught_up: Vec<&StepRecord> = seen.iter().flat_map(|s| &s.caught_up).collect();
     assert!(caught_up.iter().any(|r| r.halvings > 0), "of {}", caught_up.len());
     assert!(caught_up.iter().all(|r| r.strands == Default::default()));

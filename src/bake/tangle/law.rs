@@ -65,7 +65,7 @@ impl Encounter {
         [*n, frame.column(0) * weaker, frame.column(1).into()]
     }
 
-    /// Force with which they cling together, N, by what bundles of more hairs have in surface more strongly, at a distance of `gap` over what they keep, m, where a stretch of `length`, m, of each has no
+    /// Force with which they cling together, N, the stronger the more girth their hairs have together, at a distance of `gap` over what they keep, m, where a stretch of `length`, m, of each has no
     /// other place: along as much of it as they are within [`REACH`] of each other, fading with the distance as liquid bridges
     /// between fibres do that break at such a length.
     pub fn cohesion(&self, gap: f64, length: f64) -> f64 {

@@ -175,7 +175,7 @@ impl Places {
     }
 
     /// Where a meeting is along the two guides, in sub-steps of their rods from the root.
-    fn from_roots(&self, meeting: &Meeting) -> [f64; 2] {
+    fn along_rods(&self, meeting: &Meeting) -> [f64; 2] {
         let (at, guides) = (along(meeting), self.guides(meeting));
         [0, 1].map(|side| at[side] - 0.5 * f64::from(self.first[guides[side]]))
     }
@@ -340,7 +340,7 @@ impl Places {
     /// What is known of a place: of the nearest one of the same two guides.
     fn recall(&self, meeting: &Meeting) -> Option<&Known> {
         let guides = self.guides(meeting).map(|g| g as u32);
-        let at = self.from_roots(meeting);
+        let at = self.along_rods(meeting);
         let from = self.known.partition_point(|k| k.guides < guides);
         self.known[from..]
             .iter()
@@ -355,7 +355,7 @@ impl Places {
     pub fn end(&mut self) {
         let known = self.found.iter().map(|p| Known {
             guides: self.guides(&p.meeting).map(|g| g as u32),
-            at: self.from_roots(&p.meeting),
+            at: self.along_rods(&p.meeting),
             limit: p.limit.max(p.meeting.distance),
             reaction: p.reaction,
         });
