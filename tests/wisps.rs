@@ -1,10 +1,11 @@
 //! Wisps that guides come away from and join again.
 
+use hairbake::bake::guide::StepRecord;
 use hairbake::bake::rods::Rods;
 use hairbake::bake::simulation::{Simulation, steps_to};
 use hairbake::rod::{Cut, Shape};
 use hairbake::sample::{self, Size, Style};
-use hairbake::scene::anim::Resolution;
+use hairbake::scene::anim::{Contact, Resolution};
 use hairbake::scene::{self, Anim, Groom};
 use hairbake::wisp::{self, Hierarchy};
 use nalgebra::Vector3;
@@ -201,4 +202,64 @@ fn guides_that_came_away_rub_as_they_do_at_full_resolution() {
     let adaptive = with(60.0, Resolution::Adaptive);
     let (near, far) = (apart(&rubbed, &adaptive), apart(&free, &adaptive));
     assert!(near < 0.3 * far, "{near} {far}");
+}
+
+/// What a shaken head of hair that touches hair did in a sub-step: to each guide that moved by itself, to what came away before it ended, and the guides that followed.
+struct Seen {
+    moved: Vec<StepRecord>,
+    caught_up: Vec<StepRecord>,
+    followed: Vec<StepRecord>,
+    splits: u32,
+}
+
+/// Simulates to `frame` with contact between guides, which hold to taking their sub-steps together.
+fn touch(groom: &Groom, anim: &Anim, frame: i32) -> Vec<Seen> {
+    let rods = Rods::new(groom, anim);
+    let mut simulation = Simulation::new(groom, anim, &rods);
+    let mut seen = Vec::new();
+    while simulation.taken() < steps_to(anim, frame) {
+        let step = simulation.advance();
+        let of = |free: bool| {
+            let records = step.records.iter().zip(step.stepped);
+            records.filter(|(_, stepped)| **stepped == free).map(|(r, _)| *r).collect()
+        };
+        let caught_up = step.caught_up.iter().map(|(_, r)| *r).collect();
+        seen.push(Seen { moved: of(true), followed: of(false), caught_up, splits: step.changes.splits });
+        assert!(simulation.guides.iter().all(|guide| guide.together));
+    }
+    seen
+}
+
+#[test]
+fn what_moves_by_itself_touches_its_like_and_passes_through_none() {
+    let (mut groom, mut anim) = scene(Style::Long, 0);
+    // Thick ones.
+    groom.trees.iter_mut().flat_map(|tree| &mut tree.wisps).for_each(|wisp| wisp.strand_count = 2000);
+    anim.settings.contact = Contact::Full;
+    let last = anim.frames.0 + 30;
+    for resolution in [Resolution::Coarse, Resolution::Adaptive] {
+        (anim.settings.resolution, anim.settings.parting) = (resolution, 0.02);
+        let seen = touch(&groom, &anim, last);
+        let sum = |of: fn(&StepRecord) -> u32| seen.iter().flat_map(|s| &s.moved).map(of).sum::<u32>();
+        assert!(sum(|r| r.strands.active) > 20, "{resolution:?}: {}", sum(|r| r.strands.active));
+        assert_eq!(sum(|r| r.strands.crossings + r.crossed), 0, "{resolution:?}");
+        // What follows is neither here nor there.
+        let met = |r: &StepRecord| r.found + r.strands.found + r.strands.rounds + r.iterations;
+        assert!(seen.iter().any(|s| !s.followed.is_empty()));
+        assert_eq!(seen.iter().flat_map(|s| &s.followed).map(met).sum::<u32>(), 0, "{resolution:?}");
+        assert_eq!(seen.iter().any(|s| s.splits > 0), resolution == Resolution::Adaptive);
+    }
+}
+
+#[test]
+fn what_comes_away_divides_its_sub_steps_for_itself_until_it_is_there() {
+    let (groom, mut anim) = scene(Style::Long, 0);
+    (anim.settings.contact, anim.settings.resolution) = (Contact::Full, Resolution::Adaptive);
+    (anim.settings.parting, anim.settings.substeps, anim.settings.preroll) = (0.002, 1, 0.1);
+    // It falls hard.
+    anim.gravity *= 40.0;
+    let seen = touch(&groom, &anim, anim.frames.0 + 1);
+    let caught_up: Vec<&StepRecord> = seen.iter().flat_map(|s| &s.caught_up).collect();
+    assert!(caught_up.iter().any(|r| r.halvings > 0), "of {}", caught_up.len());
+    assert!(caught_up.iter().all(|r| r.strands == Default::default()));
 }

@@ -104,7 +104,8 @@ impl FrameRecord {
             self.strand_contacts_found += r.strands.found;
             self.strand_contacts_active += r.strands.active;
         }
-        for (i, r) in stepped.chain(step.caught_up.iter().map(|(i, r)| (*i, r))) {
+        let stepped = stepped.map(|(i, r)| (i, r, !step.together));
+        for (i, r, by_itself) in stepped.chain(step.caught_up.iter().map(|(i, r)| (*i, r, true))) {
             self.solves += 1;
             // A running mean.
             self.newton_mean += (f64::from(r.iterations) - self.newton_mean) / self.solves as f64;
@@ -121,7 +122,7 @@ impl FrameRecord {
             self.crossings += r.crossed + r.strands.crossings;
             self.strands_shortened += r.strands.alone + r.strands.held;
             self.tie_slack_m = self.tie_slack_m.max(r.slack);
-            if r.halvings > 0 && !step.together && !self.divided.contains(&ids[i]) {
+            if r.halvings > 0 && by_itself && !self.divided.contains(&ids[i]) {
                 self.divided.push(ids[i]);
             }
             if r.unconverged > 0 && !self.unconverged.contains(&ids[i]) {

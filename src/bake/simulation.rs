@@ -78,10 +78,6 @@ impl<'a> Simulation<'a> {
         let bulk = Bulk::new(rods.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
         let ties = super::tie::ties(groom, anim, rods);
         let bodies = Bodies::new(&anim.colliders);
-        let tangle = (anim.settings.contact == Contact::Full).then(|| {
-            let arc: Vec<Vec<f64>> = rods.iter().map(|r| r.rod.arc.clone()).collect();
-            Tangle::new(&arc, rods.iter().map(skin).collect())
-        });
         let mut simulation = Simulation {
             anim,
             bodies,
@@ -90,7 +86,7 @@ impl<'a> Simulation<'a> {
             stepped: moved.clone(),
             moved,
             companies: Companies::default(),
-            tangle: None,
+            tangle: (anim.settings.contact == Contact::Full).then(|| Tangle::new(skins(rods))),
             rubbing: rubbing(rods),
             wisps: None,
             caught_up: Vec::new(),
@@ -116,10 +112,6 @@ impl<'a> Simulation<'a> {
             }
         };
         simulation.muster();
-        simulation.tangle = tangle.map(|mut tangle| {
-            simulation.around(|around| tangle.start(&simulation.guides, around, t));
-            tangle
-        });
         simulation
     }
 
@@ -168,8 +160,18 @@ impl<'a> Simulation<'a> {
         std::mem::take(&mut self.steps)
     }
 
+    /// The guide with which guide `i` moves: itself, or one that it follows.
+    fn mover(&self, i: usize) -> usize {
+        self.wisps.as_ref().map_or(i, |wisps| wisps.mover(i))
+    }
+
+    /// Takes over which guides move by themselves from now on.
     fn muster(&mut self) {
         self.companies = Companies::muster(&self.guides, |i| self.is_free(i));
+        self.tangle = self.tangle.take().map(|mut tangle| {
+            self.around(|around| tangle.muster(&self.guides, |i| self.mover(i), around, self.time()));
+            tangle
+        });
     }
 
     /// Takes one sub-step; returns what it did.
@@ -182,7 +184,7 @@ impl<'a> Simulation<'a> {
         let (mut guides, mut records) = (std::mem::take(&mut self.guides), std::mem::take(&mut self.records));
         records.fill(StepRecord::default());
         if let Some(rubbing) = &self.rubbing {
-            let mover = |i: usize| self.wisps.as_ref().map_or(i, |wisps| wisps.mover(i));
+            let mover = |i: usize| self.mover(i);
             self.around(|around| rubbing.act(&mut guides, mover, &Moving::new(around, t0), t1 - t0));
         }
         let (mut tangle, mut steps) = (self.tangle.take(), std::mem::take(&mut self.steps));
@@ -252,12 +254,14 @@ impl<'a> Simulation<'a> {
         changes
     }
 
-    /// Takes the guides `away` from the end of the sub-step before number `first` to now. They meet bodies only, as all do where there are wisps.
+    /// Takes the guides `away` from the end of the sub-step before number `first` to now, each by itself and past other guides, which have gone
+    /// there already; those they meet from then on.
     fn catch_up(&mut self, first: i64, away: &[usize], guides: &mut [Guide]) {
         let away: Vec<usize> = away.iter().copied().filter(|i| self.moved[*i]).collect();
         if away.is_empty() {
             return;
         }
+        away.iter().for_each(|&i| guides[i].together = false);
         let companies = Companies::muster(guides, |i| away.binary_search(&i).is_ok());
         let mut records = vec![StepRecord::default(); guides.len()];
         for taken in first..self.taken {
@@ -266,6 +270,7 @@ impl<'a> Simulation<'a> {
             self.around(|around| companies.advance(guides, around, span, &mut records));
             self.caught_up.extend(away.iter().map(|&i| (i, records[i])));
         }
+        away.iter().for_each(|&i| guides[i].together = self.tangle.is_some());
     }
 
     fn around<T>(&self, f: impl FnOnce(&Surroundings) -> T) -> T {
@@ -327,28 +332,33 @@ impl Part for Simulation<'_> {
     fn restore(&mut self, state: Saved) -> Result<(), Unfit> {
         (self.taken, self.steps) = (state.taken, state.steps);
         self.guides.restore(state.guides)?;
-        self.tangle.restore(state.tangle)?;
         let found = state.wisps.iter().count();
         Unfit::unless_same("hierarchies", found, self.wisps.iter().count())?;
         if let (Some(wisps), Some(state)) = (&mut self.wisps, state.wisps) {
             wisps.restore(state, &self.guides)?;
             self.muster();
         }
-        Ok(())
+        self.tangle.restore(state.tangle)
     }
 }
 
-/// What a guide is to others that it touches.
-fn skin(r: &GuideRod) -> Skin {
-    let material = &r.material;
-    let area = material.section.area();
-    let radius = |area: f64| (area / std::f64::consts::PI).sqrt();
-    Skin {
-        hair: radius(area),
-        bundle: radius(area * r.hairs / PACKING),
-        parallel: material.friction_parallel,
-        cohesion: material.cohesion,
-    }
+/// What guides are to others that they touch, each with its own hairs: how many those are counts as a share of what the median guide stands for.
+fn skins(rods: &[GuideRod]) -> Vec<Skin> {
+    let mut hairs: Vec<f64> = rods.iter().map(|r| r.hairs).collect();
+    hairs.sort_by(f64::total_cmp);
+    let skin = |r: &GuideRod| {
+        let material = &r.material;
+        let area = material.section.area();
+        let radius = |area: f64| (area / std::f64::consts::PI).sqrt();
+        Skin {
+            hair: radius(area),
+            bundle: radius(area * r.hairs / PACKING),
+            parallel: material.friction_parallel,
+            cohesion: material.cohesion,
+            hairs: r.hairs / hairs[hairs.len() / 2],
+        }
+    };
+    rods.iter().map(skin).collect()
 }
 
 /// How guides rub within their coarse wisps, if they do.

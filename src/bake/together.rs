@@ -11,7 +11,7 @@ const MAX_HALVINGS_AT_CROSSINGS: u32 = 9;
 
 /// The guides of a simulation in one sub-step.
 pub(super) struct Together<'a> {
-    pub guides: &'a mut Vec<Guide>,
+    pub guides: &'a mut [Guide],
     pub tangle: &'a mut Tangle,
     pub companies: &'a Companies,
     pub around: &'a Surroundings<'a>,
@@ -20,20 +20,21 @@ pub(super) struct Together<'a> {
 }
 
 impl Together<'_> {
-    /// Takes the sub-step over `span`, its start and end, s; `records` has an entry for each guide.
+    /// Takes the sub-step over `span`, its start and end, s; `records` has an entry for each guide. What follows others is left as it is.
     pub fn advance(&mut self, span: [f64; 2], records: &mut [StepRecord]) {
         let mut astray = vec![0; self.guides.len()];
         self.take(span, 0, records, &mut astray);
-        for ((guide, record), astray) in self.guides.iter_mut().zip(records).zip(astray) {
-            guide.pinched = astray > record.halvings;
+        for &g in self.tangle.movers() {
+            self.guides[g].pinched = astray[g] > records[g].halvings;
         }
     }
 
     /// Takes a part of a sub-step that was halved `depth` times already; in halves if that may keep a guide from going astray. Counts in `astray` the
     /// parts in which each guide does nevertheless.
     fn take(&mut self, span: [f64; 2], depth: u32, records: &mut [StepRecord], astray: &mut [u32]) {
-        let before = (self.guides.state(), self.tangle.state());
-        let q: Vec<_> = self.guides.iter().map(|guide| guide.q.clone()).collect();
+        let movers = || self.tangle.movers().iter();
+        let before = (movers().map(|&g| self.guides[g].state()).collect(), self.tangle.state());
+        let q: Vec<_> = movers().map(|&g| self.guides[g].q.clone()).collect();
         self.companies.advance(self.guides, self.around, span, records);
         self.tangle.resolve(self.guides, self.around, span, records);
         let of =
@@ -58,17 +59,19 @@ impl Together<'_> {
             *record = record.then(second);
         }
         // To the next sub-step this was one.
-        for (guide, [now, one, _]) in self.guides.iter_mut().zip(q) {
-            guide.q[1] = now;
-            guide.q[2] = one;
+        for (&g, [now, one, _]) in self.tangle.movers().iter().zip(q) {
+            self.guides[g].q[1] = now;
+            self.guides[g].q[2] = one;
         }
     }
 
     fn go_back(
         &mut self,
-        (guides, tangle): (<Vec<Guide> as Part>::State, <Tangle as Part>::State),
+        (guides, tangle): (Vec<<Guide as Part>::State>, <Tangle as Part>::State),
     ) -> Result<(), Unfit> {
-        self.guides.restore(guides)?;
+        for (&g, state) in self.tangle.movers().iter().zip(guides) {
+            self.guides[g].restore(state)?;
+        }
         self.tangle.restore(tangle)
     }
 }

@@ -159,11 +159,6 @@ impl SceneArguments {
         settings.contact = self.contact.unwrap_or(settings.contact);
         settings.resolution = self.resolution.unwrap_or(settings.resolution);
         settings.parting = self.parting.unwrap_or(settings.parting);
-        if settings.contact == Contact::Full && settings.resolution != Resolution::Full {
-            let message =
-                "hair touches hair at full resolution only: ask for --contact bodies or --resolution full";
-            return Err(Error::Usage(message.into()));
-        }
         settings.curves = self.curves.unwrap_or(settings.curves);
         settings.keep = self.keep.unwrap_or(settings.keep);
         settings.samples = self.samples.unwrap_or(settings.samples);

@@ -76,15 +76,18 @@ def sample(hairbake: Path, folder: Path, style: str, *options: object) -> tuple[
     return folder / "groom.json", folder / "shake.json"
 
 
-def compare(hairbake: Path, folder: Path, style: str, scene: tuple[Path, Path], partings=PARTINGS) -> list[Row]:
-    """Bakes groom and motion of a `style`: all guides by themselves, adaptive wisps, and coarse ones."""
+def compare(
+    hairbake: Path, folder: Path, style: str, scene: tuple[Path, Path], partings=PARTINGS, contact: str = "bodies"
+) -> list[Row]:
+    """Bakes groom and motion of a `style`, whose hair touches what `contact` says: all guides by themselves, adaptive wisps, and coarse ones."""
     groom, motion = scene
     adaptive = {f"adaptive {p:g}": ("--resolution", "adaptive", "--parting", str(p)) for p in partings}
     ways = {"full": (), **adaptive, "coarse": ("--resolution", "coarse")}
     rows: list[Row] = []
     full = None
     for name, way in ways.items():
-        run, seconds = bake(hairbake, groom, motion, folder / f"{style}-{name.replace(' ', '-')}", *way)
+        out = folder / f"{style}-{name.replace(' ', '-')}"
+        run, seconds = bake(hairbake, groom, motion, out, "--contact", contact, *way)
         full = full or run
         apart = distances(full, run)
         rows.append(
@@ -178,6 +181,7 @@ def main() -> int:
     parser.add_argument("--scene", type=Path, nargs=2, metavar=("GROOM", "ANIM"), help="compares on this scene in place of samples")
     parser.add_argument("--frames", metavar="A-B", help="of the scene")
     parser.add_argument("--partings", type=float, nargs="+", default=PARTINGS, metavar="P", help="of the adaptive bakes")
+    parser.add_argument("--contact", default="bodies", metavar="NAME", help="what hair touches: bodies, full or penalty")
     parser.add_argument("--changes", action="store_true", help="prints what changes of wisps do to momentum and energy instead")
     parser.add_argument("--sizes", type=int, nargs="+", metavar="WISPS", help="prints the cost of samples of so many leaf wisps instead")
     parser.add_argument("styles", nargs="*", metavar="STYLE", help=f"of {', '.join(STYLES)}; default: all")
@@ -213,7 +217,7 @@ def main() -> int:
         scenes = {s: lambda s=s: sample(hairbake, out / s, s) for s in arguments.styles or STYLES}
     rows = []
     for style, scene in scenes.items():
-        for row in compare(hairbake, out, style, scene(), arguments.partings):
+        for row in compare(hairbake, out, style, scene(), arguments.partings, arguments.contact):
             rows.append(row)
             print(
                 f"{row.style:<11}  {row.name:<14}  {row.nodes:>6.0f}  {1e3 * row.seconds:>9.2f}  {row.speed_up:>8.2f}"

@@ -28,9 +28,9 @@ pub(super) struct Island {
 
 /// Reactions of an island.
 pub(super) struct Reactions {
-    /// L⁻¹Jᵀr of its members, one after another.
+    /// L⁻¹Jᵀr of its members, one after another, r being what acts on their rods.
     pub pushes: Vec<f64>,
-    /// Of the contacts of its members with bodies, then of its places, in the frames of the contacts, N.
+    /// Of the contacts of its members' rods with bodies, then of its places, in the frames of the contacts, N.
     pub forces: Vec<f64>,
     pub outcome: Outcome,
 }
@@ -64,7 +64,8 @@ impl Island {
         (islands, of)
     }
 
-    /// Solves for the reactions of all contacts, by the systems of the members as they are.
+    /// Solves for the reactions of all contacts, by the systems of the members as they are. A bundle of n hairs is n times as stiff and as heavy as its rod: it
+    /// moves by L⁻ᵀL⁻¹Jᵀr/n, and so rows are over √n here, which keeps W symmetric, and forces are those on bundles.
     pub fn react(
         &self,
         guides: &[Guide],
@@ -79,6 +80,7 @@ impl Island {
         for &g in &self.members {
             let m = &members[g];
             let (n, touch, at) = (guides[g].rod.unknowns(), &m.work.touch, rows.len());
+            let hairs = places.skin[g].hairs;
             let part = |j: usize| Side { unknowns: (unknowns, n), rows: at + 3 * n * j };
             let bodies = touch.laws.len();
             for (j, &(i, side)) in m.parts.iter().enumerate() {
@@ -89,10 +91,9 @@ impl Island {
             sides.extend((0..bodies).map(|j| [Some(part(j)), None]));
             b.extend_from_slice(&touch.free);
             laws.extend_from_slice(&touch.laws);
-            forces.extend_from_slice(&touch.reaction);
+            forces.extend(touch.reaction.iter().map(|r| r * hairs));
             forces.resize(3 * sides.len(), 0.0);
-            rows.extend_from_slice(&touch.rows);
-            rows.extend_from_slice(&m.rows);
+            rows.extend(touch.rows.iter().chain(&m.rows).map(|row| row / hairs.sqrt()));
             unknowns += n;
         }
         for (&i, sides_here) in self.places.iter().zip(&sides_of_places) {
@@ -102,9 +103,10 @@ impl Island {
             let slip = to_world * places.slip(place);
             let mut free = [place.gap(), slip.dot(&axes[1]), slip.dot(&axes[2])];
             for (side, g) in sides_here.iter().zip(guides_here).filter_map(|(side, g)| Some(((*side)?, g))) {
-                let n = side.unknowns.1;
+                let (n, hairs) = (side.unknowns.1, places.skin[g].hairs);
                 for (d, free) in free.iter_mut().enumerate() {
-                    *free += dot(&rows[side.rows + d * n..][..n], &members[g].work.solver.direction);
+                    let row = &rows[side.rows + d * n..][..n];
+                    *free += dot(row, &members[g].work.solver.direction) * hairs.sqrt();
                 }
             }
             b.extend(free);
@@ -123,6 +125,15 @@ impl Island {
         let first = self.members.iter().all(|&g| members[g].rounds == 0);
         let tolerance = TOLERANCES[usize::from(!first)];
         let outcome = solve_coupled(&problem, tolerance, &mut forces, &mut pushes, &mut Scratch::default());
+        let (mut pushes_left, mut forces_left) = (&mut pushes[..], &mut forces[..]);
+        for &g in &self.members {
+            let hairs = places.skin[g].hairs;
+            let (push, others) = pushes_left.split_at_mut(guides[g].rod.unknowns());
+            push.iter_mut().for_each(|w| *w /= hairs.sqrt());
+            let (of_bodies, of_others) = forces_left.split_at_mut(3 * members[g].work.touch.laws.len());
+            of_bodies.iter_mut().for_each(|r| *r /= hairs);
+            (pushes_left, forces_left) = (others, of_others);
+        }
         Reactions { pushes, forces, outcome }
     }
 }

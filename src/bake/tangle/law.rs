@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 /// Pairs whose distance exceeds what they keep by less than this at the start of a sub-step are in its problem, m.
 pub(super) const REACH: f64 = 5e-4;
 
-/// What a guide is to another that it touches.
+/// What a guide is to another that it touches, with the hairs of all that move with it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::bake) struct Skin {
     /// Radius of one hair, m: what parallel guides keep, for their hairs mix.
@@ -17,6 +17,17 @@ pub(in crate::bake) struct Skin {
     pub parallel: f64,
     /// Force per length with which parallel guides cling together, N/m.
     pub cohesion: f64,
+    /// How many hairs it stands for, over a number that is the same for all guides of a scene. Its rod is that of one hair; forces between guides are as of this
+    /// many.
+    pub hairs: f64,
+}
+
+impl Skin {
+    /// Takes up the hairs of another guide: pressed together all of them are as thick as their sections ask.
+    pub fn carry(&mut self, other: &Skin) {
+        self.bundle = self.bundle.hypot(other.bundle);
+        self.hairs += other.hairs;
+    }
 }
 
 /// Two guides where they meet.
@@ -54,12 +65,14 @@ impl Encounter {
         [*n, frame.column(0) * weaker, frame.column(1).into()]
     }
 
-    /// Force with which they cling together, N, at a distance of `gap` over what they keep, m, where a stretch of `length`, m, of each has no
+    /// Force with which they cling together, N, the stronger the more girth their hairs have together, at a distance of `gap` over what they keep, m, where a stretch of `length`, m, of each has no
     /// other place: along as much of it as they are within [`REACH`] of each other, fading with the distance as liquid bridges
     /// between fibres do that break at such a length.
     pub fn cohesion(&self, gap: f64, length: f64) -> f64 {
         let near = (1.0 - gap.max(0.0) / REACH).max(0.0);
-        self.mean(|s| s.cohesion) * near * length.min(REACH / self.sine.max(f64::MIN_POSITIVE))
+        self.mean(|s| s.cohesion * s.hairs.sqrt())
+            * near
+            * length.min(REACH / self.sine.max(f64::MIN_POSITIVE))
     }
 }
 
@@ -67,7 +80,7 @@ impl Encounter {
 mod tests {
     use super::*;
 
-    const SKIN: Skin = Skin { hair: 4e-5, bundle: 3e-4, parallel: 0.4, cohesion: 0.2 };
+    const SKIN: Skin = Skin { hair: 4e-5, bundle: 3e-4, parallel: 0.4, cohesion: 0.2, hairs: 1.0 };
 
     fn at(angle: f64) -> Encounter {
         Encounter::new([SKIN; 2], [Vector3::x(), Vector3::new(angle.cos(), angle.sin(), 0.0)])

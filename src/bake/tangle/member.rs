@@ -64,7 +64,7 @@ pub(super) struct Member {
     pub rows: Vec<f64>,
     /// The curve of its end, world.
     pub curve: Vec<Vector3<f64>>,
-    /// What pushes it: sub-step, fraction of it, force, N, world.
+    /// What pushes its rod: sub-step, fraction of it, force, N, world.
     forces: Vec<(usize, f64, Vector3<f64>)>,
 }
 
@@ -152,7 +152,8 @@ impl Member {
             let solver = &mut self.work.solver;
             let carriers = solver.shape.carriers(&guide.rod, k, s);
             rows_at(solver, k, carriers, &axes, rows);
-            solver.direction.iter_mut().zip(&rows[..n]).for_each(|(d, row)| *d -= place.cling * row);
+            let cling = place.cling * places.per_hair(&place.meeting, side);
+            solver.direction.iter_mut().zip(&rows[..n]).for_each(|(d, row)| *d -= cling * row);
         }
         guide.with_touch(bodies, &self.root, &mut self.work, |touch, moving| {
             touch.rows(moving.solver, moving.touching);
@@ -197,7 +198,8 @@ impl Member {
         }
         for &(i, side) in &self.parts {
             let place = &places.found[i];
-            let force = to_world * place.force() * if side == 0 { 1.0 } else { -1.0 };
+            let share = places.per_hair(&place.meeting, side);
+            let force = to_world * place.force() * if side == 0 { share } else { -share };
             let (k, s) = places.on_rod(&place.meeting, side);
             self.forces.push((k, s, force));
         }

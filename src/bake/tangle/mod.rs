@@ -25,9 +25,13 @@ use std::collections::BTreeSet;
 /// Times that reactions are solved for, guides moved and contacts looked for in one sub-step.
 const MAX_ROUNDS: u32 = 16;
 
-/// The guides of a simulation as they touch each other.
+/// The guides of a simulation as they touch each other: those that move by themselves, each with the hairs of all that follow it.
 #[derive(Debug)]
 pub(super) struct Tangle {
+    /// What each guide is with its own hairs alone.
+    own: Vec<Skin>,
+    /// The guides that move by themselves, ascending.
+    movers: Vec<usize>,
     places: Places,
     members: Vec<Member>,
     /// Guides that another pushed in the sub-step before. They are solved with the others from the start: alone, they would fall
@@ -36,18 +40,48 @@ pub(super) struct Tangle {
 }
 
 impl Tangle {
-    /// From the arc lengths of the points of each guide, m, and what the guides are to each other.
-    pub fn new(arc: &[Vec<f64>], skin: Vec<Skin>) -> Self {
+    /// Of guides that are this to each other, none of which are in it before [`Tangle::muster`].
+    pub fn new(own: Vec<Skin>) -> Self {
         Tangle {
-            members: arc.iter().map(|_| Member::new()).collect(),
-            pushed: vec![false; arc.len()],
-            places: Places::new(arc, skin),
+            movers: Vec::new(),
+            members: own.iter().map(|_| Member::new()).collect(),
+            pushed: vec![false; own.len()],
+            places: Places::new(&[], Vec::new()),
+            own,
         }
     }
 
-    /// Takes over where the guides are at time `t`, s.
-    pub fn start(&mut self, guides: &[Guide], around: &Surroundings, t: f64) {
-        self.places.x[0] = curves(guides, around, t);
+    /// Takes over who moves by itself from time `t`, s, on, and where it is; `mover` is the guide with which each moves, itself or another. What is known
+    /// of the contacts of guides that stay in is kept.
+    pub fn muster(
+        &mut self,
+        guides: &[Guide],
+        mover: impl Fn(usize) -> usize,
+        around: &Surroundings,
+        t: f64,
+    ) {
+        let mut skin = self.own.clone();
+        let mut arc: Vec<&[f64]> = vec![&[]; guides.len()];
+        self.movers.clear();
+        for (g, guide) in guides.iter().enumerate() {
+            let mover = mover(g);
+            if mover == g {
+                arc[g] = &guide.rod.arc;
+                self.movers.push(g);
+            } else {
+                skin[mover].carry(&self.own[g]);
+                self.pushed[g] = false;
+            }
+        }
+        let known = std::mem::take(&mut self.places.known);
+        self.places = Places { known, ..Places::new(&arc, skin) };
+        self.places.forget(|g| !arc[g].is_empty());
+        self.places.x[0] = curves(guides, &self.movers, around, t);
+    }
+
+    /// The guides that move by themselves, ascending.
+    pub fn movers(&self) -> &[usize] {
+        &self.movers
     }
 
     /// Keeps apart what would come too close in the sub-step from `t[0]` to `t[1]`, s, which every guide has just taken alone.
@@ -60,7 +94,7 @@ impl Tangle {
     ) {
         let head = (around.head)(t[1]).inverse();
         let to_world = head.rotation.inverse();
-        self.places.x[1] = curves(guides, around, t[1]);
+        self.places.x[1] = curves(guides, &self.movers, around, t[1]);
         self.places.begin();
         self.members.iter_mut().zip(&*records).for_each(|(m, record)| m.begin(record));
         let mut strayed = 0.0;
@@ -275,16 +309,16 @@ fn active<'a>(
     members.par_iter_mut().zip(guides).zip(chosen).filter(|(_, chosen)| *chosen).map(|(pair, _)| pair)
 }
 
-/// The curves of all guides at time `t`, s, in the frame of the head.
-fn curves(guides: &[Guide], around: &Surroundings, t: f64) -> Vec<Vector3<f64>> {
+/// The curves of the guides that move at time `t`, s, in the frame of the head.
+fn curves(guides: &[Guide], movers: &[usize], around: &Surroundings, t: f64) -> Vec<Vector3<f64>> {
     let head = (around.head)(t).inverse();
-    let of = |shape: &mut Shape, guide: &Guide| -> Vec<Vector3<f64>> {
-        let (rod, q) = (&guide.rod, &guide.q[0]);
+    let of = |shape: &mut Shape, g: &usize| -> Vec<Vector3<f64>> {
+        let (rod, q) = (&guides[*g].rod, &guides[*g].q[0]);
         let root = around.root(&rod.root, t);
         shape.update(rod, &root.r, q);
         shape.curve(rod, q).map(|x| carry(&head, &(x + root.p))).collect()
     };
-    let curves: Vec<_> = guides.par_iter().map_init(Shape::default, of).collect();
+    let curves: Vec<_> = movers.par_iter().map_init(Shape::default, of).collect();
     curves.concat()
 }
 

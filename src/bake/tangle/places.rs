@@ -84,7 +84,7 @@ impl Place {
     }
 }
 
-/// What is known of a place from the sub-step before: where it is along the two guides, in sub-steps of the rods from the first of all.
+/// What is known of a place from the sub-step before: where it is along the two guides, in sub-steps of their rods from the root.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Known {
     guides: [u32; 2],
@@ -110,14 +110,14 @@ struct Hit {
     crosses: bool,
 }
 
-/// All guides as polylines, as they are written: through the points of the rods and the middles of the curves between them. And where they
-/// are near each other.
+/// The guides that may touch each other as polylines, as they are written: through the points of the rods and the middles of the curves between them. And where
+/// they are near each other.
 #[derive(Debug)]
 pub(super) struct Places {
     pub skin: Vec<Skin>,
     /// Whether each point is so near the root that it hardly moves.
     pub rooted: Vec<bool>,
-    /// Guide of each point of all guides, and the first point of each guide.
+    /// Guide of each point of all of them, and the first point of each guide; of one that has none that of the next.
     pub guide: Vec<u32>,
     pub first: Vec<u32>,
     /// Points at the start and at the end of the sub-step, m.
@@ -132,12 +132,12 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// From the arc lengths of the points of each guide's rod, m, and what the guides are to each other.
-    pub fn new(arc: &[Vec<f64>], skin: Vec<Skin>) -> Self {
-        let points = arc.iter().map(|s| 2 * s.len() - 1);
-        let with_middles = |s: &Vec<f64>| -> Vec<f64> {
+    /// From the arc lengths of the points of each guide's rod, m, none of those that touch no other, and what the guides are to each other.
+    pub fn new(arc: &[&[f64]], skin: Vec<Skin>) -> Self {
+        let points = arc.iter().map(|s| (2 * s.len()).saturating_sub(1));
+        let with_middles = |s: &&[f64]| -> Vec<f64> {
             let between = s.windows(2).flat_map(|s| [0.5 * (s[0] + s[1]), s[1]]);
-            s[..1].iter().copied().chain(between).collect()
+            s.iter().take(1).copied().chain(between).collect()
         };
         Places {
             skin,
@@ -150,6 +150,11 @@ impl Places {
             crossing: Vec::new(),
             known: Vec::new(),
         }
+    }
+
+    /// What a force between guides comes to on one hair of that on one side of a meeting, as a share of it.
+    pub fn per_hair(&self, meeting: &Meeting, side: usize) -> f64 {
+        1.0 / self.skin[self.guides(meeting)[side]].hairs
     }
 
     /// The two guides of a pair.
@@ -167,6 +172,17 @@ impl Places {
         let k = [meeting.pair.0, meeting.pair.1][side];
         let half = k - self.first[self.guide[k as usize] as usize];
         ((half / 2) as usize, 0.5 * (f64::from(half % 2) + meeting.u[side]))
+    }
+
+    /// Where a meeting is along the two guides, in sub-steps of their rods from the root.
+    fn along_rods(&self, meeting: &Meeting) -> [f64; 2] {
+        let (at, guides) = (along(meeting), self.guides(meeting));
+        [0, 1].map(|side| at[side] - 0.5 * f64::from(self.first[guides[side]]))
+    }
+
+    /// Forgets what is known of guides that are not `kept`.
+    pub fn forget(&mut self, kept: impl Fn(usize) -> bool) {
+        self.known.retain(|known| known.guides.iter().all(|&g| kept(g as usize)));
     }
 
     /// Sets the reaction of a place, `r` in its frame, N.
@@ -324,7 +340,7 @@ impl Places {
     /// What is known of a place: of the nearest one of the same two guides.
     fn recall(&self, meeting: &Meeting) -> Option<&Known> {
         let guides = self.guides(meeting).map(|g| g as u32);
-        let at = along(meeting);
+        let at = self.along_rods(meeting);
         let from = self.known.partition_point(|k| k.guides < guides);
         self.known[from..]
             .iter()
@@ -339,7 +355,7 @@ impl Places {
     pub fn end(&mut self) {
         let known = self.found.iter().map(|p| Known {
             guides: self.guides(&p.meeting).map(|g| g as u32),
-            at: along(&p.meeting),
+            at: self.along_rods(&p.meeting),
             limit: p.limit.max(p.meeting.distance),
             reaction: p.reaction,
         });

@@ -6,7 +6,7 @@ use crate::bake::state::{Part, Unfit};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Where the guides are and what is known of their contacts, at the end of a sub-step.
+/// Where the guides are that move by themselves and what is known of their contacts, at the end of a sub-step.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Saved {
     pushed: Vec<bool>,
@@ -19,7 +19,7 @@ impl Part for Tangle {
 
     fn state(&self) -> Saved {
         // All fields by name: whoever adds one has to say here whether a later sub-step depends on it.
-        let Tangle { places, members: _, pushed } = self;
+        let Tangle { own: _, movers: _, places, members: _, pushed } = self;
         let Places {
             skin: _,
             rooted: _,

@@ -1,5 +1,7 @@
 //! Guides that meet: none crosses another, by a check of its own; the law of friction; rest; equal bits.
 
+mod bundles;
+
 use super::member::{Member, Resort};
 use super::places::Places;
 use super::{Skin, Tangle};
@@ -16,16 +18,21 @@ type V = Vector3<f64>;
 
 const H: f64 = 1.0 / 192.0;
 
-const SKIN: Skin = Skin { hair: 4e-5, bundle: 3e-4, parallel: 1.0, cohesion: 0.0 };
+const SKIN: Skin = Skin { hair: 4e-5, bundle: 3e-4, parallel: 1.0, cohesion: 0.0, hairs: 1.0 };
 
 /// A straight strand, `stiff` times as stiff as a hair, and as heavy as one.
 fn strand(from: V, to: V, stiff: f64) -> Rod {
+    bundle(from, to, stiff, 1.0)
+}
+
+/// A straight strand, `stiff` times as stiff as a hair and `heavy` times as heavy.
+fn bundle(from: V, to: V, stiff: f64, heavy: f64) -> Rod {
     Rod::new(&RodSource {
         points: &[from, to],
         root_frame: None,
         arc: &Tree::default_arc(8),
         stiffness: [7.8e-9, 7.8e-9, 3.6e-9].map(|k| k * stiff),
-        line_density: 6.6e-6,
+        line_density: 6.6e-6 * heavy,
         damping: 0.005,
         taper: Taper::NONE,
         natural: None,
@@ -39,7 +46,10 @@ struct Scene<'a> {
     h: f64,
     rods: Vec<Rod>,
     friction: f64,
-    skin: Skin,
+    /// Of each strand.
+    skins: Vec<Skin>,
+    /// Of each strand, N·s/m².
+    drag: Vec<f64>,
     head: &'a (dyn Fn(f64) -> Isometry3<f64> + Sync),
     field: &'a (dyn Fn(f64) -> V + Sync),
     bodies: Bodies,
@@ -61,9 +71,10 @@ impl Scene<'_> {
     fn new(rods: Vec<Rod>) -> Self {
         Scene {
             h: H,
-            rods,
             friction: 0.3,
-            skin: SKIN,
+            skins: vec![SKIN; rods.len()],
+            drag: vec![1e-4; rods.len()],
+            rods,
             head: STILL,
             field: &|_| V::y() * -9.81,
             bodies: Bodies::default(),
@@ -81,17 +92,16 @@ impl Scene<'_> {
             carrier: &|_, _| Isometry3::identity(),
             brought_out: &|_| 1.0,
         };
-        let guide = |rod: &Rod| {
-            let drag = vec![1e-4; rod.points()];
+        let guide = |(rod, drag): (&Rod, &f64)| {
+            let drag = vec![*drag; rod.points()];
             let mut guide = Guide::new(rod.clone(), drag, self.friction, &[5e-4], &around, 0.0, self.h);
             guide.together = true;
             guide
         };
-        let guides: Vec<Guide> = self.rods.iter().map(guide).collect();
+        let guides: Vec<Guide> = self.rods.iter().zip(&self.drag).map(guide).collect();
         let companies = Companies::muster(&guides, |_| true);
-        let arc: Vec<Vec<f64>> = self.rods.iter().map(|rod| rod.arc.clone()).collect();
-        let mut tangle = Tangle::new(&arc, vec![self.skin; guides.len()]);
-        tangle.start(&guides, &around, 0.0);
+        let mut tangle = Tangle::new(self.skins.clone());
+        tangle.muster(&guides, |g| g, &around, 0.0);
         let local = |guides: &[Guide], t: f64| -> Vec<Vec<V>> {
             let head = (self.head)(t).inverse();
             let of = |g: &Guide| {
@@ -214,7 +224,7 @@ fn what_passes_beside_a_place_that_is_kept_is_met() {
     // Almost along each other, 20 µm apart where they are nearest: in the middle.
     let (a, b) = ([V::zeros(), V::x() * 0.1], [V::new(0.0, 2e-5, -1e-3), V::new(0.1, 2e-5, 1e-3)]);
     let with_middle = |[a, b]: [V; 2]| [a, a.lerp(&b, 0.5), b];
-    let mut places = Places::new(&[vec![0.02, 0.12], vec![0.02, 0.12]], vec![SKIN; 2]);
+    let mut places = Places::new(&[&[0.02, 0.12], &[0.02, 0.12]], vec![SKIN; 2]);
     places.x = [[a, b].map(with_middle).concat(), [a, b].map(with_middle).concat()];
     places.begin();
     assert_eq!((places.found.len(), places.crossing.len()), (1, 0));
@@ -233,7 +243,7 @@ fn places_that_stand_for_each_other_are_held_once() {
     let points =
         |x: f64, y: [f64; 2]| (0..11).map(move |k| V::new(x + 0.01 * f64::from(k), y[k as usize % 2], 0.0));
     let arc: Vec<f64> = (0..6).map(|k| 0.02 + 0.02 * f64::from(k)).collect();
-    let mut places = Places::new(&[arc.clone(), arc], vec![SKIN; 2]);
+    let mut places = Places::new(&[&arc, &arc], vec![SKIN; 2]);
     let x: Vec<V> = points(0.0, [0.0; 2]).chain(points(1e-3, [4e-4, 4.2e-4])).collect();
     places.x = [x.clone(), x];
     places.begin();
@@ -402,7 +412,8 @@ fn obeys_coulomb(turn: f64, parallel: f64) {
     let (mut stuck, mut slid, mut along, mut weakest) = (0, 0, 0, 1.0_f64);
     for friction in [0.1, 0.6] {
         let mut scene = Scene::new(falls_across(turn));
-        (scene.friction, scene.skin.parallel) = (friction, parallel);
+        scene.friction = friction;
+        scene.skins.iter_mut().for_each(|skin| skin.parallel = parallel);
         let sway = |t: f64| V::new(3.0 * (6.0 * t).sin(), -9.81, 0.0);
         scene.field = &sway;
         scene.run(2.0, |t, m| {
@@ -455,7 +466,7 @@ fn strands_that_cling_keep_together_until_their_weight_is_more() {
     let weight = 6.6e-6 * 9.81;
     let apart = |cohesion: f64| {
         let mut scene = Scene::new(rods.clone());
-        scene.skin.cohesion = cohesion;
+        scene.skins.iter_mut().for_each(|skin| skin.cohesion = cohesion);
         let end = scene.run(1.5, |t, m| assert_eq!(m.crossings(), 0, "at {t} s"));
         let [a, b] = [0, 1].map(|g| *end.guides[g].x.last().unwrap());
         assert!(end.fastest() < 2e-3, "{cohesion} N/m: still moves at {} m/s", end.fastest());

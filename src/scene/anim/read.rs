@@ -4,10 +4,7 @@ mod deformation;
 mod track;
 
 use super::file::*;
-use super::{
-    Anim, Body, Collider, Contact, Keyed, MAX_FRAMES, Resolution, Settings, Shape, Tie, TiePlace, Track,
-    TriMesh, Wind,
-};
+use super::{Anim, Body, Collider, Keyed, MAX_FRAMES, Settings, Shape, Tie, TiePlace, Track, TriMesh, Wind};
 use crate::scene::document::array::Buffers;
 use crate::scene::document::{Document, Faults, Key, MAX_NAMED};
 use crate::scene::{Convention, Deformation, Friction};
@@ -43,15 +40,6 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
     } else if i64::from(last) - i64::from(first) >= MAX_FRAMES || first < -MAX_FRAME || last > MAX_FRAME {
         let allowed = format!("{MAX_FRAMES} frames, numbered from -{MAX_FRAME} to {MAX_FRAME}");
         faults.add(&Key::at("frames"), format!("is [{first}, {last}]"), allowed, "divide the shot");
-    }
-    if file.settings.contact == Contact::Full && file.settings.resolution != Resolution::Full {
-        let key = Key::at("settings").name("resolution");
-        faults.add(
-            &key,
-            "wisps with \"contact\": \"full\"",
-            "\"full\"",
-            "hair touches hair at full resolution only",
-        );
     }
     let convention = Convention { metres_per_unit: file.metres_per_unit, up: file.up_axis };
     let mut reader = Reader { convention, fps: file.fps, frames: (first, last), folder, buffers, faults };

@@ -172,7 +172,7 @@ mod in_anim {
         sequence_with_gaps: r#""frames": [-3, 2], "colliders": [{ "name": "a", "shape": { "type": "mesh", "file": "one.obj", "sequence": "cloth.####.obj" } }]"#;
         shot_far_too_long: r#""frames": [0, 2000000000]"#;
         frames_that_cannot_be_counted_on: r#""frames": [2147483647, 2147483647]"#;
-        wisps_that_touch_each_other: r#""settings": { "contact": "full", "resolution": "adaptive", "parting": 2 }"#;
+        parting_of_twice_the_length: r#""settings": { "contact": "full", "resolution": "adaptive", "parting": 2 }"#;
         sequence_far_too_long: r#""frames": [0, 900000], "colliders": [{ "name": "a", "shape": { "type": "mesh", "file": "one.obj", "sequence": "cloth.####.obj" } }]"#;
         sequence_of_another_mesh: r#""colliders": [{ "name": "a", "shape": { "type": "mesh", "file": "one.obj", "sequence": "cloth.####.obj" } }]"#;
         sequence_of_a_sphere: r#""colliders": [{ "name": "a", "shape": { "type": "sphere", "centre": [0,0,0], "radius": 1, "sequence": "cloth.####.obj" } }]"#;
