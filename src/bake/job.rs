@@ -96,7 +96,7 @@ impl Job {
 /// Which guides a bake of some groups has to move: its own, those that its strands follow, and all that these depend on.
 fn moved(groom: &Groom, anim: &Anim, rods: &Rods, base: &Base, written: &Written) -> Vec<bool> {
     let settings = &anim.settings;
-    if settings.contact == Contact::Full || settings.resolution != Resolution::Full {
+    if settings.contact == Contact::Full || settings.resolution() != Resolution::Full {
         return vec![true; rods.simulated.len()];
     }
     let mut moved = vec![false; rods.simulated.len()];
@@ -132,7 +132,7 @@ fn settings(anim: &Anim, set: &[Override]) -> Value {
         "preroll_s": anim.settings.preroll,
         "nodes": anim.settings.nodes,
         "scheme": anim.settings.scheme,
-        "resolution": anim.settings.resolution,
+        "resolution": anim.settings.resolution(),
         "parting": anim.settings.parting,
         "contact": anim.settings.contact,
         "curves": anim.settings.curves,

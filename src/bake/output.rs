@@ -362,7 +362,7 @@ impl<'a> Written<'a> {
                 Choice::Guides | Choice::Steps | Choice::Both => guide_set(groom, &self.rods),
             },
             colliders: anim.colliders.iter().map(collider).collect(),
-            levels: anim.settings.resolution != Resolution::Full,
+            levels: anim.settings.resolution() != Resolution::Full,
             accelerations: anim.settings.accelerations,
             ..Header::default()
         }

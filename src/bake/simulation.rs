@@ -101,7 +101,7 @@ impl<'a> Simulation<'a> {
         for (guide, ties) in simulation.guides.iter_mut().zip(ties) {
             guide.ties = ties;
         }
-        simulation.wisps = match anim.settings.resolution {
+        simulation.wisps = match anim.settings.resolution() {
             Resolution::Full => None,
             resolution => {
                 let parting = (resolution == Resolution::Adaptive).then_some(anim.settings.parting);

@@ -50,11 +50,11 @@ pub struct SceneArguments {
     #[arg(long, value_name = "NAME", value_parser = values::contact, help_heading = SETTINGS)]
     contact: Option<Contact>,
     /// What moves by itself, adaptive, full or coarse: coarse wisps with what comes away from them where they are stirred, every guide, or
-    /// coarse wisps only, for a quick look [default: the anim's, full]
+    /// coarse wisps only, for a quick look; auto is full where hair touches hair or --curves is steps, else adaptive [default: the anim's, auto]
     #[arg(long, value_name = "NAME", value_parser = values::resolution, help_heading = SETTINGS)]
     resolution: Option<Resolution>,
     /// Where the resolution is adaptive, the share of its length by which a guide that follows may be off, about, before it comes away: less is more
-    /// accurate and slower [default: the anim's, 0.02]
+    /// accurate and slower [default: the anim's, 0.005]
     #[arg(long, value_name = "SHARE", value_parser = values::share, help_heading = SETTINGS)]
     parting: Option<f64>,
     /// Which curves to write, guides, strands or both; or steps: guides, and where the solver brought them between frames [default: the anim's, both]
@@ -99,6 +99,7 @@ fn contact(contact: Contact) -> &'static str {
 
 fn resolution(resolution: Resolution) -> &'static str {
     match resolution {
+        Resolution::Auto => "auto",
         Resolution::Adaptive => "adaptive",
         Resolution::Full => "full",
         Resolution::Coarse => "coarse",
@@ -169,7 +170,7 @@ impl SceneArguments {
             return Err(Error::Usage(message.into()));
         }
         let frames_only =
-            settings.samples > 1 || settings.resolution != Resolution::Full || self.base.is_some();
+            settings.samples > 1 || settings.resolution() != Resolution::Full || self.base.is_some();
         if settings.curves == Written::Steps && frames_only {
             let message = "--curves steps writes the moments of the solver: it goes with --resolution full and one sample a frame, and not with --base";
             return Err(Error::Usage(message.into()));
@@ -241,7 +242,7 @@ impl SceneArguments {
             ("nodes", settings.nodes.to_string()),
             ("scheme", scheme(settings.scheme).to_string()),
             ("contact", contact(settings.contact).to_string()),
-            ("resolution", resolution(settings.resolution).to_string()),
+            ("resolution", resolution(settings.resolution()).to_string()),
             ("parting", settings.parting.to_string()),
             ("curves", curves(settings.curves).to_string()),
             ("keep", settings.keep.to_string()),

@@ -55,10 +55,11 @@ pub fn contact(text: &str) -> Result<Contact, String> {
 /// What moves by itself.
 pub fn resolution(text: &str) -> Result<Resolution, String> {
     match text {
+        "auto" => Ok(Resolution::Auto),
         "adaptive" => Ok(Resolution::Adaptive),
         "full" => Ok(Resolution::Full),
         "coarse" => Ok(Resolution::Coarse),
-        _ => Err("adaptive, full or coarse".into()),
+        _ => Err("auto, adaptive, full or coarse".into()),
     }
 }
 

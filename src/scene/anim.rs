@@ -176,7 +176,7 @@ pub struct Settings {
     pub scheme: Scheme,
     /// What hair touches.
     pub contact: Contact,
-    /// What moves by itself.
+    /// What is asked to move by itself; see [`Settings::resolution`].
     pub resolution: Resolution,
     /// Where the resolution is adaptive: share of its length by which a guide may be off where those that lead it put it, as estimated by what they
     /// differ on, and bodies push it from there, before it comes away.
@@ -197,10 +197,13 @@ pub struct Settings {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Resolution {
+    /// `adaptive` where hair touches bodies only; `full` where it touches other hair too, for what follows a wisp passes through that, and where the moments of the
+    /// solver are written.
+    #[default]
+    Auto,
     /// Coarse wisps, and what comes away from them where they are stirred, until it is calm again.
     Adaptive,
     /// Every guide.
-    #[default]
     Full,
     /// Coarse wisps only: for quick looks.
     Coarse,
@@ -248,6 +251,19 @@ pub enum Scheme {
     Bdf2,
 }
 
+impl Settings {
+    /// What moves by itself: never [`Resolution::Auto`].
+    pub fn resolution(&self) -> Resolution {
+        match self.resolution {
+            Resolution::Auto if self.contact == Contact::Full || self.curves == Written::Steps => {
+                Resolution::Full
+            }
+            Resolution::Auto => Resolution::Adaptive,
+            asked => asked,
+        }
+    }
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Settings {
@@ -257,7 +273,8 @@ impl Default for Settings {
             scheme: Scheme::default(),
             contact: Contact::default(),
             resolution: Resolution::default(),
-            parting: 0.02,
+            // Strands are off by some tenths of a percent of their length then, about as much as by steps of 1/96 s in place of shorter ones.
+            parting: 0.005,
             curves: Written::default(),
             keep: 1.0,
             samples: 1,

@@ -17,7 +17,7 @@ from .compare import Change, Run, changes, distances, pops, read, read_motion, r
 STYLES = ("short", "short-curly", "long", "long-curly")
 STEPS = 4
 """Sub-steps a frame, as in Bertails, Kim, Cani & Neumann 2003."""
-PARTINGS = (0.01, 0.02, 0.04, 0.08)
+PARTINGS = (0.005, 0.02, 0.06)
 """Of the adaptive bakes."""
 LEVELS_OF_TWO = ("short", "short-curly")
 """Styles in whose trees a guide follows a coarse one or none."""
@@ -82,7 +82,7 @@ def compare(
     """Bakes groom and motion of a `style`, whose hair touches what `contact` says: all guides by themselves, adaptive wisps, and coarse ones."""
     groom, motion = scene
     adaptive = {f"adaptive {p:g}": ("--resolution", "adaptive", "--parting", str(p)) for p in partings}
-    ways = {"full": (), **adaptive, "coarse": ("--resolution", "coarse")}
+    ways = {"full": ("--resolution", "full"), **adaptive, "coarse": ("--resolution", "coarse")}
     rows: list[Row] = []
     full = None
     for name, way in ways.items():
