@@ -257,7 +257,7 @@ fn what_comes_away_divides_its_sub_steps_for_itself_until_it_is_there() {
     (anim.settings.contact, anim.settings.resolution) = (Contact::Full, Resolution::Adaptive);
     (anim.settings.parting, anim.settings.substeps, anim.settings.preroll) = (0.002, 1, 0.1);
     // It falls hard.
-    anim.gravity *= 40.0;
+    anim.gravity *= 60.0;
     let seen = touch(&groom, &anim, anim.frames.0 + 1);
     let caught_up: Vec<&StepRecord> = seen.iter().flat_map(|s| &s.caught_up).collect();
     assert!(caught_up.iter().any(|r| r.halvings > 0), "of {}", caught_up.len());

@@ -93,10 +93,12 @@ impl Job {
     }
 }
 
-/// Which guides a bake of some groups has to move: its own, those that its strands follow, and all that these depend on.
+/// Which guides a bake of some groups has to move: its own, those that its strands follow, and all that these depend on, but for those that lead them in wisps.
 fn moved(groom: &Groom, anim: &Anim, rods: &Rods, base: &Base, written: &Written) -> Vec<bool> {
     let settings = &anim.settings;
-    if settings.contact == Contact::Full || settings.resolution() != Resolution::Full {
+    let rubs = rods.simulated.iter().any(|r| r.material.wisp_friction > 0.0);
+    // What leads rubs against others, and those may be led by more.
+    if settings.contact == Contact::Full || rubs && settings.resolution() != Resolution::Full {
         return vec![true; rods.simulated.len()];
     }
     let mut moved = vec![false; rods.simulated.len()];
@@ -106,7 +108,6 @@ fn moved(groom: &Groom, anim: &Anim, rods: &Rods, base: &Base, written: &Written
     // Guides of a coarse wisp may rub against each other.
     let wisps: BTreeSet<usize> =
         rods.simulated.iter().zip(&moved).filter(|(_, moved)| **moved).map(|(r, _)| r.leaf.0).collect();
-    let rubs = rods.simulated.iter().any(|r| r.material.wisp_friction > 0.0);
     rods.simulated.iter().zip(moved).map(|(r, moved)| moved || rubs && wisps.contains(&r.leaf.0)).collect()
 }
 

@@ -108,10 +108,13 @@ impl<'a> Simulation<'a> {
                 let pull =
                     simulation.around(|around| (around.head)(t).rotation.inverse() * (around.gravity)(t));
                 let hierarchy = Hierarchy::new(groom, rods, &pull, |i| &simulation.guides[i].drag);
+                hierarchy.add_leaders(&mut simulation.moved);
                 Some(Wisps::new(hierarchy, parting, step, 1.0 / anim.fps))
             }
         };
         simulation.muster();
+        // Where there is no pre-roll it has ended.
+        simulation.adapt();
         simulation
     }
 

@@ -78,6 +78,18 @@ impl Hierarchy {
         let (leaders, missed) = (0..rods.len()).into_par_iter().map(leaders).unzip();
         Hierarchy { leaders, missed, level, around }
     }
+
+    /// Adds to `moved`, which tells of each guide whether it moves, all that lead those that do.
+    pub fn add_leaders(&self, moved: &mut [bool]) {
+        let mut order: Vec<usize> = (0..moved.len()).collect();
+        // Who leads stands for a coarser wisp.
+        order.sort_by_key(|i| std::cmp::Reverse(self.level[*i]));
+        for i in order {
+            if moved[i] {
+                self.leaders[i].iter().for_each(|(leader, _)| moved[*leader] = true);
+            }
+        }
+    }
 }
 
 /// Sets the `level` of guides, and what stands for the wisp `around` theirs, of a tree whose leaf wisps hold the guides `of_leaf`, all guides standing so.
