@@ -139,6 +139,7 @@ fn steps_are_where_the_solver_brought_the_guides() {
     for contact in ["bodies", "full"] {
         let options = ["--curves", "steps", "--contact", contact];
         let out = baked(&scene, contact, &options);
+        let (header, at_frame, _) = read(&out);
         let plain = ["--curves", "guides", "--contact", contact, "--resolution", "full"];
         let (_, of_guides, _) = read(&baked(&scene, "guides", &plain));
         assert_eq!((header.hair, &at_frame), (None, &of_guides));
