@@ -10,7 +10,7 @@ use hairbake::bake::guide::StepRecord;
 use hairbake::bake::rods::Rods;
 use hairbake::bake::simulation::Simulation;
 use hairbake::sample::{self, Motion, Size, Style};
-use hairbake::scene::anim::Contact;
+use hairbake::scene::anim::{Contact, Resolution};
 use hairbake::scene::{Anim, Groom};
 use hairbake::wisp::GuideRod;
 use std::time::Instant;
@@ -73,6 +73,7 @@ fn cost(head: usize, guides: usize) -> Cost {
     )
     .unwrap();
     anim.settings.preroll = 0.25;
+    anim.settings.resolution = Resolution::Full;
     let mut costs = [[0.0; 2]; 2];
     let (mut found, mut active, mut steps, mut rounds) = (0, 0, 0, 0);
     let (mut residual, mut worst, mut short) = (0.0, 0.0_f64, 0);
@@ -114,6 +115,7 @@ fn run(groom: &Groom, anim: &Anim, guides: usize, mut each: impl FnMut(&[StepRec
     let height = |r: &GuideRod| r.rod.root.p.y;
     rods.simulated.sort_by(|a, b| height(b).total_cmp(&height(a)));
     rods.simulated.truncate(guides);
+    rods.moved.truncate(guides);
     let mut simulation = Simulation::new(groom, anim, &rods);
     let half = 0.5 * simulation.step();
     let time = |frame: i32| f64::from(frame) / anim.fps - half;

@@ -16,7 +16,7 @@ pub struct Rods {
     fine: Vec<Rod>,
     /// What keeps them from sagging at the start.
     pub held: Held,
-    /// Which of them move at all: all, but in a bake of some groups.
+    /// Which of them have to move: all, but in a bake of some groups. Those that lead these in wisps do so beside.
     pub moved: Vec<bool>,
 }
 

@@ -107,8 +107,8 @@ impl<'a> Simulation<'a> {
                 let parting = (resolution == Resolution::Adaptive).then_some(anim.settings.parting);
                 let pull =
                     simulation.around(|around| (around.head)(t).rotation.inverse() * (around.gravity)(t));
-                let hierarchy = Hierarchy::new(groom, rods, &pull, |i| &simulation.guides[i].drag);
-                hierarchy.add_leaders(&mut simulation.moved);
+                let mut hierarchy = Hierarchy::new(groom, rods, &pull, |i| &simulation.guides[i].drag);
+                hierarchy.confine(&mut simulation.moved);
                 Some(Wisps::new(hierarchy, parting, step, 1.0 / anim.fps))
             }
         };

@@ -55,8 +55,8 @@ impl Together<'_> {
         records.fill(StepRecord::default());
         self.take([span[0], middle], depth + 1, records, astray);
         self.take([middle, span[1]], depth + 1, &mut second, astray);
-        for (record, second) in records.iter_mut().zip(&second) {
-            *record = record.then(second);
+        for &g in self.tangle.movers() {
+            records[g] = records[g].then(&second[g]);
         }
         // To the next sub-step this was one.
         for (&g, [now, one, _]) in self.tangle.movers().iter().zip(q) {

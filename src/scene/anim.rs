@@ -229,7 +229,7 @@ pub enum Written {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Contact {
-    /// Bodies and other hair: strands rest on each other, slide with friction, and do not pass through each other. Where wisps move together, as wisps do.
+    /// Bodies and other hair: strands rest on each other, slide with friction, and do not pass through each other. What follows a wisp passes through other hair.
     Full,
     /// Bodies only: quicker, and right where strands hang side by side.
     #[default]

@@ -79,14 +79,18 @@ impl Hierarchy {
         Hierarchy { leaders, missed, level, around }
     }
 
-    /// Adds to `moved`, which tells of each guide whether it moves, all that lead those that do.
-    pub fn add_leaders(&self, moved: &mut [bool]) {
-        let mut order: Vec<usize> = (0..moved.len()).collect();
-        // Who leads stands for a coarser wisp.
+    /// Adds to `moved`, which tells of each guide whether it moves, all that those depend on: what leads them, and what stands for the wisps around them. What does
+    /// not move follows nothing from now on.
+    pub fn confine(&mut self, moved: &mut [bool]) {
+        let mut order: Vec<usize> = (0..self.level.len()).collect();
+        // All of these stand for coarser wisps.
         order.sort_by_key(|i| std::cmp::Reverse(self.level[*i]));
         for i in order {
             if moved[i] {
-                self.leaders[i].iter().for_each(|(leader, _)| moved[*leader] = true);
+                let leaders = self.leaders[i].iter().map(|(leader, _)| *leader);
+                leaders.chain(self.around[i]).for_each(|j| moved[j] = true);
+            } else {
+                self.leaders[i].clear();
             }
         }
     }

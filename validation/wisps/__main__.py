@@ -181,7 +181,7 @@ def main() -> int:
     parser.add_argument("--scene", type=Path, nargs=2, metavar=("GROOM", "ANIM"), help="compares on this scene in place of samples")
     parser.add_argument("--frames", metavar="A-B", help="of the scene")
     parser.add_argument("--partings", type=float, nargs="+", default=PARTINGS, metavar="P", help="of the adaptive bakes")
-    parser.add_argument("--contact", default="bodies", metavar="NAME", help="what hair touches: bodies, full or penalty")
+    parser.add_argument("--contact", default="bodies", choices=("bodies", "full", "penalty"), help="what hair touches")
     parser.add_argument("--changes", action="store_true", help="prints what changes of wisps do to momentum and energy instead")
     parser.add_argument("--sizes", type=int, nargs="+", metavar="WISPS", help="prints the cost of samples of so many leaf wisps instead")
     parser.add_argument("styles", nargs="*", metavar="STYLE", help=f"of {', '.join(STYLES)}; default: all")
@@ -189,6 +189,8 @@ def main() -> int:
     unknown = set(arguments.styles) - set(STYLES)
     if unknown:
         parser.error(f"no such style: {', '.join(sorted(unknown))}")
+    if arguments.contact != "bodies" and (arguments.changes or arguments.sizes):
+        parser.error("changes and sizes are told of hair that touches bodies")
     hairbake, out = arguments.hairbake.resolve(), arguments.out
     out.mkdir(parents=True, exist_ok=True)
     if arguments.changes:

@@ -15,7 +15,7 @@ pub(in crate::bake) struct Skin {
     pub bundle: f64,
     /// Friction for slip along parallel guides over that of crossing ones.
     pub parallel: f64,
-    /// Force per length with which parallel guides cling together, N/m.
+    /// Force per length with which parallel guides cling together that stand for one hair by the count of `hairs`, N/m.
     pub cohesion: f64,
     /// How many hairs it stands for, over a number that is the same for all guides of a scene. Its rod is that of one hair; forces between guides are as of this
     /// many.
@@ -65,14 +65,14 @@ impl Encounter {
         [*n, frame.column(0) * weaker, frame.column(1).into()]
     }
 
-    /// Force with which they cling together, N, the stronger the more girth their hairs have together, at a distance of `gap` over what they keep, m, where a stretch of `length`, m, of each has no
+    /// Force with which they cling together, N, at a distance of `gap` over what they keep, m, where a stretch of `length`, m, of each has no
     /// other place: along as much of it as they are within [`REACH`] of each other, fading with the distance as liquid bridges
-    /// between fibres do that break at such a length.
+    /// between fibres do that break at such a length; the more, the more girth their hairs have. Of unlike bundles the thinner counts, as of unlike cylinders: the
+    /// harmonic mean.
     pub fn cohesion(&self, gap: f64, length: f64) -> f64 {
         let near = (1.0 - gap.max(0.0) / REACH).max(0.0);
-        self.mean(|s| s.cohesion * s.hairs.sqrt())
-            * near
-            * length.min(REACH / self.sine.max(f64::MIN_POSITIVE))
+        let girth = 1.0 / self.mean(|s| 1.0 / s.hairs.sqrt());
+        self.mean(|s| s.cohesion) * girth * near * length.min(REACH / self.sine.max(f64::MIN_POSITIVE))
     }
 }
 
@@ -107,6 +107,18 @@ mod tests {
             assert!((along.norm() - SKIN.parallel).abs() < 1e-12 && (across.norm() - 1.0).abs() < 1e-12);
             assert!((parallel.cohesion(0.0, 0.01) - SKIN.cohesion * 0.01).abs() < 1e-15);
         }
+    }
+
+    #[test]
+    fn bundles_cling_by_their_girth_and_a_thin_one_to_any_other_alike() {
+        let between = |hairs: [f64; 2]| {
+            let skins = hairs.map(|hairs| Skin { hairs, ..SKIN });
+            Encounter::new(skins, [Vector3::x(); 2]).cohesion(0.0, 0.01)
+        };
+        let one = between([1.0, 1.0]);
+        assert!((between([9.0, 9.0]) / one - 3.0).abs() < 1e-12);
+        assert!((between([1.0, 1e6]) / one - 2.0).abs() < 0.01);
+        assert_eq!(between([1.0, 50.0]), between([50.0, 1.0]));
     }
 
     #[test]

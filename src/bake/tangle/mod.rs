@@ -84,7 +84,7 @@ impl Tangle {
         &self.movers
     }
 
-    /// Keeps apart what would come too close in the sub-step from `t[0]` to `t[1]`, s, which every guide has just taken alone.
+    /// Keeps apart what would come too close in the sub-step from `t[0]` to `t[1]`, s, which each of them has just taken alone.
     pub fn resolve(
         &mut self,
         guides: &mut [Guide],

@@ -21,6 +21,7 @@ mod local;
 mod mobility;
 mod newton;
 mod path;
+mod rounded;
 mod smoothed;
 mod sweep;
 

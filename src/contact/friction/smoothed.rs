@@ -1,13 +1,9 @@
-//! The law of contacts, rounded off.
-//!
-//! With x = (µ r_N, r_T) and y = (ũ_N/µ, u_T), ũ_N = u_N + µ|u_T|, the law is 0 = x − [x − y]₊, [·]₊ being the projection on the cone |x_T| ≤ x_N
-//! (Acary & Brogliato 2008, §13.3). That is not smooth, and Newton's method with a line search gets caught in its kinks. So they are rounded off: by the spectral
-//! decomposition of the cone the projection takes the positive part of two eigenvalues λ, which (λ + √(λ² + 4τ²))/2 stands for, and √(|u_T|² + τ²) − τ for
-//! |u_T| (M. Fukushima, Z.-Q. Luo & P. Tseng, "Smoothing functions for second-order-cone complementarity problems", 2001).
+//! The laws of all contacts of a problem, rounded off, and how they change with its impulses.
 
 use super::mobility::{Bordered, Mobility};
+use super::rounded::{Rounded, cone, frictionless};
 use super::{Law, Problem, at};
-use nalgebra::{DVector, Matrix3, Vector2, Vector3};
+use nalgebra::{DVector, Vector3};
 
 /// Shortest share of a step that is tried.
 const LEAST_SHARE: f64 = 1e-3;
@@ -109,12 +105,7 @@ impl Smoothed {
         let law = |(k, kind): (usize, &Kind)| {
             let [r, u] = [x, &u].map(|v| Vector3::new(v[3 * k], v[3 * k + 1], v[3 * k + 2]));
             match kind {
-                Kind::Held => Rounded {
-                    value: u,
-                    by_r: Matrix3::zeros(),
-                    by_u: Matrix3::identity(),
-                    by_tau: Vector3::zeros(),
-                },
+                Kind::Held => Rounded::held(&u),
                 Kind::Frictionless => frictionless(&r, &u, tau),
                 Kind::Cone(mu) => cone(&r, &u, *mu, tau),
             }
@@ -139,112 +130,6 @@ impl Smoothed {
                 return (share, after);
             }
             share *= 0.5;
-        }
-    }
-}
-
-/// The rounded law of a contact, with its derivatives by impulse, velocity and τ.
-pub(super) struct Rounded {
-    pub value: Vector3<f64>,
-    pub by_r: Matrix3<f64>,
-    pub by_u: Matrix3<f64>,
-    pub by_tau: Vector3<f64>,
-}
-
-/// Positive part of `x`, rounded off by `tau`, and its derivatives by both.
-fn positive(x: f64, tau: f64) -> [f64; 3] {
-    let root = x.hypot(2.0 * tau);
-    [0.5 * (x + root), 0.5 * (1.0 + x / root), 2.0 * tau / root]
-}
-
-/// Of a contact without friction.
-fn frictionless(r: &Vector3<f64>, u: &Vector3<f64>, tau: f64) -> Rounded {
-    let [part, slope, by_tau] = positive(r.x - u.x, tau);
-    Rounded {
-        value: Vector3::new(r.x - part, r.y, r.z),
-        by_r: Matrix3::from_diagonal(&Vector3::new(1.0 - slope, 1.0, 1.0)),
-        by_u: Matrix3::from_diagonal(&Vector3::new(slope, 0.0, 0.0)),
-        by_tau: Vector3::new(-by_tau, 0.0, 0.0),
-    }
-}
-
-/// Of a contact of coefficient `mu`.
-fn cone(r: &Vector3<f64>, u: &Vector3<f64>, mu: f64, tau: f64) -> Rounded {
-    let slip = u.yz().norm().hypot(tau);
-    let y = Vector3::new(u.x / mu + slip - tau, u.y, u.z);
-    let y_by_u = Matrix3::new(1.0 / mu, u.y / slip, u.z / slip, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
-    let x = Vector3::new(mu * r.x, r.y, r.z);
-    let x_by_r = Matrix3::from_diagonal(&Vector3::new(mu, 1.0, 1.0));
-    let (part, slope, by_tau) = projection(&(x - y), tau);
-    Rounded {
-        value: x - part,
-        by_r: (Matrix3::identity() - slope) * x_by_r,
-        by_u: slope * y_by_u,
-        by_tau: slope.column(0) * (tau / slip - 1.0) - by_tau,
-    }
-}
-
-/// Nearest point of the cone |v_T| ≤ v_N to `v`, rounded off by `tau`, and its derivatives by both.
-fn projection(v: &Vector3<f64>, tau: f64) -> (Vector3<f64>, Matrix3<f64>, Vector3<f64>) {
-    let length = v.yz().norm();
-    let along = if length > 0.0 { v.yz() / length } else { Vector2::x() };
-    let [low, high] = [v.x - length, v.x + length].map(|l| positive(l, tau));
-    // Of the value, its slope and its derivative by τ: mean and half the difference of the two eigenvalues'.
-    let [mean, even, mean_by_tau] = std::array::from_fn(|i| 0.5 * (low[i] + high[i]));
-    let [half, odd, half_by_tau] = std::array::from_fn(|i| 0.5 * (high[i] - low[i]));
-    let around = if length > 0.0 { half / length } else { low[1] };
-    let tangential = along * along.transpose() * (even - around);
-    let slope = Matrix3::new(
-        even,
-        odd * along.x,
-        odd * along.y,
-        odd * along.x,
-        around + tangential[(0, 0)],
-        tangential[(0, 1)],
-        odd * along.y,
-        tangential[(1, 0)],
-        around + tangential[(1, 1)],
-    );
-    let on = |mean: f64, half: f64| Vector3::new(mean, half * along.x, half * along.y);
-    (on(mean, half), slope, on(mean_by_tau, half_by_tau))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::contact::tests::Random;
-
-    #[test]
-    fn derivatives_are_those_of_differences() {
-        let mut random = Random::new(4);
-        let d = 1e-6;
-        for tau in [1.0, 0.1] {
-            for _ in 0..50 {
-                let (r, u) = (random.vector(), random.vector());
-                for law in [frictionless, |r: &_, u: &_, tau: f64| cone(r, u, 0.4, tau)] {
-                    let Rounded { by_r, by_u, by_tau, .. } = law(&r, &u, tau);
-                    let slope = |at: &dyn Fn(f64) -> Rounded| (at(d).value - at(-d).value) / (2.0 * d);
-                    for c in 0..3 {
-                        let e = |d: f64| Vector3::ith(c, d);
-                        let by =
-                            [slope(&|d| law(&(r + e(d)), &u, tau)), slope(&|d| law(&r, &(u + e(d)), tau))];
-                        assert!((by[0] - by_r.column(c)).norm() < 1e-8, "{} {by_r}", by[0]);
-                        assert!((by[1] - by_u.column(c)).norm() < 1e-8, "{} {by_u}", by[1]);
-                    }
-                    let by = slope(&|d| law(&r, &u, tau + d));
-                    assert!((by - by_tau).norm() < 1e-8, "{by} {by_tau}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn without_rounding_it_is_the_projection() {
-        let mut random = Random::new(8);
-        for _ in 0..200 {
-            let v = random.vector();
-            let (part, _, _) = projection(&v, 1e-12);
-            assert!((part - super::super::project_on_cone(v, 1.0)).norm() < 1e-9);
         }
     }
 }

@@ -179,3 +179,20 @@ fn a_deforming_mesh_is_read_frame_by_frame() {
     assert_eq!(names[3..].len(), 6);
     assert_eq!((names[3], names[8]), (("deformation", "cloth.09.obj"), ("deformation", "cloth.14.obj")));
 }
+
+#[test]
+fn what_moves_by_itself_follows_from_what_hair_touches_unless_it_is_asked_for() {
+    use anim::{Contact, Resolution, Written};
+    for (resolution, contact, curves, resolved) in [
+        (Resolution::Auto, Contact::Bodies, Written::Both, Resolution::Adaptive),
+        (Resolution::Auto, Contact::Penalty, Written::Strands, Resolution::Adaptive),
+        (Resolution::Auto, Contact::Full, Written::Both, Resolution::Full),
+        (Resolution::Auto, Contact::Bodies, Written::Steps, Resolution::Full),
+        (Resolution::Adaptive, Contact::Full, Written::Both, Resolution::Adaptive),
+        (Resolution::Coarse, Contact::Full, Written::Both, Resolution::Coarse),
+        (Resolution::Full, Contact::Bodies, Written::Both, Resolution::Full),
+    ] {
+        let settings = anim::Settings { resolution, contact, curves, ..anim::Settings::default() };
+        assert_eq!(settings.resolution(), resolved, "{resolution:?} {contact:?} {curves:?}");
+    }
+}

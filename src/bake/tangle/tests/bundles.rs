@@ -57,6 +57,9 @@ fn what_stands_for_many_hairs_moves_as_what_is_so_much_stiffer_and_heavier() {
         ];
         let mut scene = Scene { field: &field, ..Scene::new(rods) };
         (scene.skins[1].hairs, scene.drag[1]) = (hairs, 1e-4 * as_one);
+        // They cling with the same force in all runs.
+        let girth = 2.0 / (1.0 + 1.0 / hairs.sqrt());
+        scene.skins.iter_mut().for_each(|skin| skin.cohesion = 0.02 / girth);
         // Under the tip of the other; so what is between guides is balanced by what bodies do.
         scene.bodies =
             Bodies::from_shapes(&[Shape::Sphere { centre: V::new(0.1, -0.025, 0.0), radius: 0.02 }]);
