@@ -216,6 +216,23 @@ mod tests {
     use super::*;
 
     #[test]
+    fn what_moves_brings_along_what_it_depends_on_and_the_rest_follows_nothing() {
+        // 3 is led by 1, that by 0 and stands within the wisp of 2; 4 is led by 0.
+        let led_by = |leaders: &[usize]| leaders.iter().map(|j| (*j, 1.0)).collect::<Vec<_>>();
+        let mut hierarchy = Hierarchy {
+            leaders: [&[][..], &[0], &[], &[1], &[0]].map(led_by).to_vec(),
+            missed: vec![0.0; 5],
+            level: vec![0, 1, 0, 2, 1],
+            around: vec![None, Some(2), None, Some(1), Some(0)],
+        };
+        let mut moved = vec![false, false, false, true, false];
+        hierarchy.confine(&mut moved);
+        assert_eq!(moved, [true, true, true, true, false]);
+        assert_eq!(hierarchy.leaders[3], led_by(&[1]));
+        assert!(hierarchy.leaders[4].is_empty());
+    }
+
+    #[test]
     fn shares_are_those_of_the_mean_that_comes_nearest() {
         let hair = |x: f64, y: f64, length: f64| {
             let arc: Vec<f64> = (0..8).map(|k| length / 7.0 * f64::from(k)).collect();
