@@ -23,11 +23,14 @@ def test_distances_are_shares_of_length():
     assert distances(run(still), run(moved)) == pytest.approx(np.array([[0, 0], [0.25, 0], [0, 0]]))
 
 
-def test_a_pop_amid_changes_is_seen():
-    points = np.zeros((20, 4, 3))
-    points[10:, :, 0] = 0.01
-    most, least = pops(run(points, changed=10))
-    assert most == pytest.approx(0.01 * 24.0**2, rel=0.05) and least == 0.0
+def test_a_pop_is_told_from_hair_that_is_stirred():
+    frames = np.arange(20)
+    # Stirred twice as much in the second half, in which the change is.
+    swing = 0.01 * (1 + (frames > 5)) * np.sin(frames)
+    full, popped = (np.tile(x[:, None, None], (1, 4, 3)) for x in (swing, swing + 0.06 * (frames >= 10)))
+    assert pops(run(full), run(full, changed=10)) == (1.0, 1.0)
+    amid, without = pops(run(full), run(popped, changed=10))
+    assert amid > 1.5 and without == 1.0
 
 
 def test_rest_is_that_of_the_last_frame():
