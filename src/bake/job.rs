@@ -93,7 +93,8 @@ impl Job {
     }
 }
 
-/// Which guides a bake of some groups has to move: its own, those that its strands follow, and all that these depend on, but for those that lead them in wisps.
+/// Which guides a bake of some groups has to move: its own, those that its strands follow, and those that these rub
+/// against. The simulation adds what leads them in wisps.
 fn moved(groom: &Groom, anim: &Anim, rods: &Rods, base: &Base, written: &Written) -> Vec<bool> {
     let settings = &anim.settings;
     let rubs = rods.simulated.iter().any(|r| r.material.wisp_friction > 0.0);
