@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from wisps.compare import GRAVITY, Motion, Run, changes, distances, pops, rest
+from wisps.compare import GRAVITY, Motion, Run, changes, distances, lock_distances, locks, pops, rest
 
 STEP = 0.01
 FRAMES = 12
@@ -21,6 +21,25 @@ def test_distances_are_shares_of_length():
     moved = still.copy()
     moved[1, 1] = [0.03, 0.0, 0.04]
     assert distances(run(still), run(moved)) == pytest.approx(np.array([[0, 0], [0.25, 0], [0, 0]]))
+
+
+def test_what_curves_of_a_lock_do_each_for_itself_is_not_in_its_mean():
+    still = np.zeros((3, 4, 3))
+    parted, moved = still.copy(), still.copy()
+    # From the same root, tips to both sides; then both to one.
+    parted[1, [1, 3], 0] = [0.03, -0.03]
+    moved[1, [1, 3], 0] = 0.03
+    assert lock_distances(run(still), run(parted)).max() < 1e-15
+    # Of nine places along them the second point is the nearest to four: to the even one in the middle the root is.
+    assert lock_distances(run(still), run(moved))[:, 0].mean(axis=1) == pytest.approx([0, 0.03 / 0.15 * 4 / 9, 0])
+
+
+def test_locks_are_of_roots_that_are_near():
+    roots = np.array([0.0, 0.9, 1.0, 0.1])
+    points = np.repeat(roots, 2)[None, :, None] * np.array([1.0, 0.0, 0.0])
+    four = Run(points, np.array([2, 2, 2, 2]), np.full(4, 0.1), 24.0, [])
+    first, second, third, fourth = locks(four, 2)
+    assert first == fourth != second == third
 
 
 def test_a_pop_is_told_from_hair_that_is_stirred():

@@ -52,6 +52,28 @@ def distances(full: Run, other: Run) -> np.ndarray:
     return np.add.reduceat(apart, starts, axis=1) / full.counts / full.lengths
 
 
+def locks(run: Run, count: int = 60) -> np.ndarray:
+    """Which of so many locks each curve belongs to, by its root in the first frame: the nearest of roots that are far from each other."""
+    roots = run.points[0][np.cumsum(run.counts) - run.counts]
+    nearest, lock = np.full(len(roots), np.inf), np.zeros(len(roots), dtype=int)
+    for k in range(min(count, len(roots))):
+        apart = np.linalg.norm(roots - roots[np.argmax(nearest)], axis=1)
+        lock[apart < nearest] = k
+        nearest = np.minimum(nearest, apart)
+    return lock
+
+
+def lock_distances(full: Run, other: Run) -> np.ndarray:
+    """Distance of the mean curves of locks in two runs, over the mean length; `frames × locks × 9` places along them. What each curve does for itself, and
+    would do otherwise for any other reason, is not in it."""
+    lock = locks(full)
+    starts = np.cumsum(full.counts) - full.counts
+    places = starts[:, None] + np.round((full.counts[:, None] - 1) * np.linspace(0, 1, 9)).astype(int)
+    apart = (full.points - other.points)[:, places]
+    means = [apart[:, lock == k].mean(axis=1) for k in np.unique(lock)]
+    return np.linalg.norm(np.stack(means, axis=1), axis=3) / full.lengths.mean()
+
+
 def pops(full: Run, run: Run, quantile: float = 0.999) -> tuple[float, float]:
     """High quantile of the points' accelerations over that of the full bake in the same frames: those with most splits and merges (the upper
     quarter), and those with least. What pops is above 1 in the former alone; what is merely stirred is so in the full bake too."""
