@@ -113,7 +113,7 @@ def compare(
 
 
 def plot(path: Path, rows: list[Row]) -> None:
-    """Error over cost, a line for each style."""
+    """Error over cost, a line for each style; dotted, how far a nudged full bake is from the other."""
     # Only whoever draws needs it.
     from matplotlib.figure import Figure
 
@@ -121,7 +121,10 @@ def plot(path: Path, rows: list[Row]) -> None:
     axes = figure.subplots()
     for style in dict.fromkeys(row.style for row in rows):
         mine = [row for row in rows if row.style == style and row.name != "nudged"]
-        axes.plot([r.seconds / mine[0].seconds for r in mine], [100 * r.mean for r in mine], "o-", label=style)
+        (line,) = axes.plot([r.seconds / mine[0].seconds for r in mine], [100 * r.mean for r in mine], "o-", label=style)
+        for r in rows:
+            if (r.style, r.name) == (style, "nudged"):
+                axes.axhline(100 * r.mean, linestyle=":", color=line.get_color())
         for r in mine:
             axes.annotate(r.name.removeprefix("adaptive "), (r.seconds / mine[0].seconds, 100 * r.mean), fontsize=7)
     axes.set(
