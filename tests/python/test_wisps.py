@@ -11,7 +11,7 @@ HAIRBAKE = os.environ.get("HAIRBAKE", "")
 
 @pytest.mark.skipif(not HAIRBAKE, reason="HAIRBAKE names no program")
 def test_adaptive_wisps_are_between_coarse_ones_and_all_guides(tmp_path):
-    options = ["--wisps", "24", "--strands", "60", "--head-rounds", "2"]
+    options = ["--wisps", "24", "--strands", "600", "--head-rounds", "2"]
     scene = sample(Path(HAIRBAKE), tmp_path / "long", "long", *options)
     full, nudged, adaptive, coarse = compare(Path(HAIRBAKE), tmp_path, "long", scene, partings=(0.0015,))
     assert full.mean == 0.0 and full.speed_up == 1.0

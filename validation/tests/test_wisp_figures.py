@@ -1,7 +1,10 @@
 """How adaptive wisps are held against all guides by themselves, on motions that are known."""
 
+import json
+
 import numpy as np
 import pytest
+from wisps.__main__ import NUDGE, nudged
 from wisps.compare import GRAVITY, Motion, Run, changes, distances, lock_distances, locks, pops, rest
 
 STEP = 0.01
@@ -34,9 +37,26 @@ def test_what_curves_of_a_lock_do_each_for_itself_is_not_in_its_mean():
     assert lock_distances(run(still), run(moved))[:, 0].mean(axis=1) == pytest.approx([0, 0.03 / 0.15 * 4 / 9, 0])
 
 
+@pytest.mark.parametrize(
+    ("anim", "gravity"),
+    [
+        ({}, [0, -9.81, 0]),
+        ({"up_axis": "z", "gravity_m_s2": None}, [0, 0, -9.81]),
+        ({"up_axis": "z", "gravity_m_s2": [1, 2, -3]}, [1, 2, -3]),
+    ],
+)
+def test_a_nudge_is_a_millionth_more_gravity(tmp_path, anim, gravity):
+    (tmp_path / "shot.json").write_text(json.dumps(anim))
+    written = json.loads(nudged(tmp_path / "shot.json").read_text())
+    assert written["gravity_m_s2"] == pytest.approx([(1 + NUDGE) * g for g in gravity], rel=1e-12)
+    assert {k: v for k, v in written.items() if k != "gravity_m_s2"} == {k: v for k, v in anim.items() if k != "gravity_m_s2"}
+
+
 def test_locks_are_of_roots_that_are_near():
     roots = np.array([0.0, 0.9, 1.0, 0.1])
     points = np.repeat(roots, 2)[None, :, None] * np.array([1.0, 0.0, 0.0])
+    # Tips lie otherwise.
+    points[0, 1::2, 0] = [0.0, 0.1, 0.9, 1.0]
     four = Run(points, np.array([2, 2, 2, 2]), np.full(4, 0.1), 24.0, [])
     first, second, third, fourth = locks(four, 2)
     assert first == fourth != second == third

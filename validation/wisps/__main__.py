@@ -40,7 +40,7 @@ class Row:
     """Distance to the full bake, share of the strands' lengths."""
     p95: float
     locks: float
-    """The same of the mean curves of locks."""
+    """Mean distance of the mean curves of locks, share of the mean length."""
     pops: tuple[float, float]
     """See `compare.pops`."""
     rest: tuple[int, float]
@@ -147,7 +147,8 @@ def shorter(motion: Path, frames: str) -> Path:
 def nudged(motion: Path) -> Path:
     """The animation with a little more gravity, beside it."""
     anim = json.loads(motion.read_text())
-    gravity = anim.get("gravity_m_s2", [0.0, -9.81, 0.0] if anim["up_axis"] == "y" else [0.0, 0.0, -9.81])
+    down = [0.0, -9.81, 0.0] if anim.get("up_axis", "y") == "y" else [0.0, 0.0, -9.81]
+    gravity = anim.get("gravity_m_s2") or down
     anim["gravity_m_s2"] = [(1 + NUDGE) * g for g in gravity]
     path = motion.with_name(f"{motion.stem}.nudged.json")
     path.write_text(json.dumps(anim))

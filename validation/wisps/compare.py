@@ -52,7 +52,7 @@ def distances(full: Run, other: Run) -> np.ndarray:
     return np.add.reduceat(apart, starts, axis=1) / full.counts / full.lengths
 
 
-def locks(run: Run, count: int = 60) -> np.ndarray:
+def locks(run: Run, count: int) -> np.ndarray:
     """Which of so many locks each curve belongs to, by its root in the first frame: the nearest of roots that are far from each other."""
     roots = run.points[0][np.cumsum(run.counts) - run.counts]
     nearest, lock = np.full(len(roots), np.inf), np.zeros(len(roots), dtype=int)
@@ -64,12 +64,13 @@ def locks(run: Run, count: int = 60) -> np.ndarray:
 
 
 def lock_distances(full: Run, other: Run) -> np.ndarray:
-    """Distance of the mean curves of locks in two runs, over the mean length; `frames × locks × 9` places along them. What each curve does for itself, and
+    """Distance of the mean curves of locks in two runs, over the mean length; `frames × locks × 9` places along them; locks count alike. What each curve does for itself, and
     would do otherwise for any other reason, is not in it."""
-    lock = locks(full)
+    # Each of eight curves at least, on average.
+    lock = locks(full, int(np.clip(len(full.counts) // 8, 1, 60)))
     starts = np.cumsum(full.counts) - full.counts
     places = starts[:, None] + np.round((full.counts[:, None] - 1) * np.linspace(0, 1, 9)).astype(int)
-    apart = (full.points - other.points)[:, places]
+    apart = full.points[:, places] - other.points[:, places]
     means = [apart[:, lock == k].mean(axis=1) for k in np.unique(lock)]
     return np.linalg.norm(np.stack(means, axis=1), axis=3) / full.lengths.mean()
 
