@@ -25,7 +25,7 @@ mod test_data;
 pub mod usd;
 pub mod wisp;
 
-pub use error::{Error, Problem, Result};
+pub use error::{Diagnostic, Error, Result};
 
 /// Which build this is: a hash of the sources that bake. What one build has begun, another of other sources begins anew.
 pub const BUILD: &str = env!("HAIRBAKE_BUILD");

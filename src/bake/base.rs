@@ -2,7 +2,7 @@
 
 use super::output::extent;
 use crate::cache::{self, CurveFrame, CurveSet, Frame, Header, InputRecord, MANIFEST, Reader};
-use crate::error::{Error, Problem, Result};
+use crate::error::{Diagnostic, Error, Result};
 use crate::file::{FileRecord, record_of};
 use crate::scene::{Anim, Curves, Groom};
 use nalgebra::Vector3;
@@ -90,7 +90,7 @@ impl Base {
             let (old, new) = (sets[i].0.unwrap_or(&none), sets[i].1.unwrap_or(&none));
             pieces(old, new, &baked, ["strand", "guide"][i], &mut faults)
         });
-        Error::unless_none(faults.problems)?;
+        Error::if_any(faults.problems)?;
         let files = manifest.frames.into_iter().map(|record| (record.frame, record.file)).collect();
         // Strands are made for this bake alone, guides all.
         let hair = numbered(hair, header.hair.as_ref().unwrap_or(&none), true);
@@ -147,7 +147,7 @@ impl Base {
 
 struct Faults {
     file: PathBuf,
-    problems: Vec<Problem>,
+    problems: Vec<Diagnostic>,
 }
 
 impl Faults {
@@ -162,9 +162,9 @@ impl Faults {
     }
 }
 
-fn problem(file: &Path, key: &str, what: String, allowed: String) -> Problem {
+fn problem(file: &Path, key: &str, what: String, allowed: String) -> Diagnostic {
     let remedy = "give the base the same groom, head track, range and output settings, or bake all groups";
-    Problem::new(file, key, what, allowed, remedy)
+    Diagnostic::new(file, key, what, allowed, remedy)
 }
 
 /// For each curve of the new set, the curve of the old one that it is taken from and its points there; nothing where it is baked.

@@ -1,6 +1,6 @@
 //! Where text goes.
 
-use crate::error::{Error, Problem, Result, render};
+use crate::error::{Diagnostic, Error, Result, render};
 use clap::ValueEnum;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::sync::OnceLock;
@@ -47,18 +47,18 @@ pub fn say(text: &str) {
 
 /// Tells why the program stops.
 pub fn fail(error: &Error) {
-    let problems = if let Error::BadInput(problems) = error { &problems[..] } else { &[] };
-    let ending = if problems.is_empty() { "" } else { "; nothing written" };
+    let diagnostics = if let Error::BadInput(diagnostics) = error { &diagnostics[..] } else { &[] };
+    let ending = if diagnostics.is_empty() { "" } else { "; nothing written" };
     if format() == LogFormat::Json {
-        for Problem { file, key, what, allowed, remedy, .. } in problems {
-            tracing::error!(file = %file.display(), key, allowed, remedy, "{key} {what}");
+        for Diagnostic { file, key, message, allowed, help, .. } in diagnostics {
+            tracing::error!(file = %file.display(), key, allowed, remedy = help, "{key} {message}");
         }
         tracing::error!(exit_code = error.exit_code(), "{error}{ending}");
         return;
     }
-    if !problems.is_empty() {
+    if !diagnostics.is_empty() {
         let colour = io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-        line(render(problems, colour).trim_end());
+        line(render(diagnostics, colour).trim_end());
     }
     line(&format!("hairbake: {error}{ending}"));
 }

@@ -5,7 +5,7 @@ use crate::bake::base::Only;
 use crate::bake::control::Control;
 use crate::bake::job::Job;
 use crate::cache::MANIFEST;
-use crate::error::{Error, Problem, Result};
+use crate::error::{Diagnostic, Error, Result};
 use crate::scene::anim::{Contact, Resolution, Scheme, Written};
 use crate::scene::{Override, PathMap, Reading};
 use crate::{bake, scene};
@@ -326,13 +326,13 @@ fn check_frames(file: &Path, (first, last): (i32, i32), shot: (i32, i32)) -> Res
     if first >= shot.0 && last <= shot.1 {
         return Ok(());
     }
-    Err(Error::BadInput(vec![Problem {
+    Err(Error::BadInput(vec![Diagnostic {
         file: file.into(),
         span: None,
         key: "frames".into(),
-        what: format!("--frames asks for {first} to {last}"),
+        message: format!("--frames asks for {first} to {last}"),
         allowed: format!("{} to {}, the frames of the animation", shot.0, shot.1),
-        remedy: "ask for fewer frames, or widen \"frames\" in the file if its track goes further".into(),
+        help: "ask for fewer frames, or widen \"frames\" in the file if its track goes further".into(),
     }]))
 }
 

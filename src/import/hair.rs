@@ -7,7 +7,7 @@
 use super::bytes::{point_at, u16_at, u32_at};
 use super::read::PlainStrands;
 use crate::scene::Curves;
-use crate::{Error, Problem, Result};
+use crate::{Diagnostic, Error, Result};
 use std::path::Path;
 
 const HEADER: usize = 128;
@@ -21,7 +21,7 @@ const HAS_POINTS: u32 = 2;
 /// Every fault of the header and sizes, at once.
 pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
     if bytes.len() < HEADER || &bytes[0..4] != b"HAIR" {
-        return Err(Problem::new(
+        return Err(Diagnostic::new(
             file,
             "header",
             format!("{} bytes that do not start with a header", bytes.len()),
@@ -34,10 +34,10 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
     let [strands, points, flags, default_segments] = [4, 8, 12, 16].map(|at| u32_at(bytes, at));
     let (strands, points) = (strands as usize, points as usize);
     if strands == 0 {
-        faults.push(Problem::new(file, "header.strands", "0", "1 or more", "export again with strands"));
+        faults.push(Diagnostic::new(file, "header.strands", "0", "1 or more", "export again with strands"));
     }
     if flags & HAS_POINTS == 0 {
-        faults.push(Problem::new(
+        faults.push(Diagnostic::new(
             file,
             "header.flags",
             format!("{flags:#x}"),
@@ -49,7 +49,7 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
     let points_at = HEADER + if listed { strands.saturating_mul(2) } else { 0 };
     let need = points.checked_mul(12).and_then(|n| n.checked_add(points_at));
     if need.is_none_or(|need| need > bytes.len()) {
-        faults.push(Problem::new(
+        faults.push(Diagnostic::new(
             file,
             "points",
             format!("{strands} strands with {points} points in a file of {} bytes", bytes.len()),
@@ -58,7 +58,7 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
         ));
     }
     if strands > points {
-        faults.push(Problem::new(
+        faults.push(Diagnostic::new(
             file,
             "header.points",
             format!("{points} points for {strands} strands"),
@@ -67,12 +67,12 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
         ));
     }
     // The sizes fit in the file from here on, or the report is made before they are used.
-    Error::unless_none(faults)?;
+    Error::if_any(faults)?;
     let segments =
         |s: usize| if listed { u16_at(bytes, HEADER + 2 * s) as usize } else { default_segments as usize };
     let sum = (0..strands).try_fold(0usize, |sum, s| sum.checked_add(segments(s).checked_add(1)?));
     if sum != Some(points) {
-        return Err(Problem::new(
+        return Err(Diagnostic::new(
             file,
             if listed { "segments" } else { "header.default_segments" },
             sum.map_or("more points than can be counted".into(), |n| format!("strands of {n} points in all")),
@@ -138,7 +138,7 @@ mod tests {
         bytes[HEADER] = 9;
         let Err(Error::BadInput(problems)) = parse(Path::new("a.hair"), &bytes) else { panic!("accepted") };
         assert_eq!(problems[0].key, "segments");
-        assert!(problems[0].what.contains("12 points"));
+        assert!(problems[0].message.contains("12 points"));
     }
 
     proptest! {

@@ -3,7 +3,7 @@
 
 use super::{hair, tfx, usd};
 use crate::scene::{Convention, Curves, Factors, TriMesh, UpAxis};
-use crate::{Error, Problem, Result};
+use crate::{Diagnostic, Error, Result};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, HashSet};
 use std::fmt;
@@ -80,7 +80,7 @@ pub fn mesh(source: &Source) -> Result<ReadMesh> {
 pub(super) fn moving_mesh(source: &Source, times: Option<&usd::Times>) -> Result<ReadMesh> {
     source.check()?;
     let fault = |what: String| {
-        Error::from(Problem::new(
+        Error::from(Diagnostic::new(
             &source.path,
             "",
             what,
@@ -222,7 +222,7 @@ pub(super) fn strands(source: &Source, length: f64) -> Result<CleanStrands> {
         Some("tfx") => tfx::parse(path, &bytes_of(path)?)?,
         Some("hair") => hair::parse(path, &bytes_of(path)?)?,
         _ => {
-            return Err(Problem::new(
+            return Err(Diagnostic::new(
                 path,
                 "",
                 "a name of unknown ending",
@@ -259,7 +259,7 @@ pub(super) fn strands(source: &Source, length: f64) -> Result<CleanStrands> {
     let guides = clean(&curves, all.clone().filter(|&c| is_guide(c)), &mut report);
     let curves = clean(&curves, all.filter(|&c| !is_guide(c)), &mut report);
     if curves.is_empty() && guides.is_empty() {
-        return Err(Problem::new(
+        return Err(Diagnostic::new(
             path,
             "strands",
             format!(
@@ -302,7 +302,7 @@ fn convention(
     let up = source.up.unwrap_or(if z_up_format { UpAxis::Z } else { UpAxis::Y });
     if let Some(metres_per_unit) = source.metres_per_unit {
         if !(metres_per_unit > 0.0 && metres_per_unit.is_finite()) {
-            return Err(Problem::new(
+            return Err(Diagnostic::new(
                 &source.path,
                 "units",
                 format!("{metres_per_unit} m"),
@@ -326,7 +326,7 @@ fn convention(
             return Ok(Convention { metres_per_unit, up });
         }
     }
-    Err(Problem::new(
+    Err(Diagnostic::new(
         &source.path,
         "units",
         format!(

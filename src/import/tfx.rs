@@ -6,7 +6,7 @@
 use super::bytes::{f32_at, point_at, u32_at};
 use super::read::PlainStrands;
 use crate::scene::Curves;
-use crate::{Error, Problem, Result};
+use crate::{Diagnostic, Error, Result};
 use std::path::Path;
 
 const HEADER: usize = 160;
@@ -19,7 +19,7 @@ const VERSION: f32 = 4.0;
 /// Every fault of the header and sizes, at once.
 pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
     if bytes.len() < HEADER {
-        return Err(Problem::new(
+        return Err(Diagnostic::new(
             file,
             "header",
             format!("the file ends after {} bytes", bytes.len()),
@@ -31,7 +31,7 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
     let mut faults = Vec::new();
     let version = f32_at(bytes, 0);
     if version != VERSION {
-        faults.push(Problem::new(
+        faults.push(Diagnostic::new(
             file,
             "header.version",
             format!("{version}"),
@@ -41,7 +41,7 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
     }
     let [strands, vertices, position_offset, uv_offset] = [4, 8, 12, 16].map(|at| u32_at(bytes, at) as usize);
     if strands == 0 {
-        faults.push(Problem::new(
+        faults.push(Diagnostic::new(
             file,
             "header.strands",
             "0",
@@ -50,7 +50,7 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
         ));
     }
     if vertices < 2 {
-        faults.push(Problem::new(
+        faults.push(Diagnostic::new(
             file,
             "header.vertices_per_strand",
             vertices.to_string(),
@@ -59,7 +59,7 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
         ));
     }
     if position_offset < HEADER {
-        faults.push(Problem::new(
+        faults.push(Diagnostic::new(
             file,
             "header.position_offset",
             position_offset.to_string(),
@@ -70,7 +70,7 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
     let need = strands.checked_mul(vertices).and_then(|n| n.checked_mul(16));
     let end = need.and_then(|n| n.checked_add(position_offset));
     if end.is_none_or(|end| end > bytes.len()) {
-        faults.push(Problem::new(
+        faults.push(Diagnostic::new(
             file,
             "positions",
             format!("{strands} strands of {vertices} vertices in a file of {} bytes", bytes.len()),
@@ -81,7 +81,7 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
             "the file was cut short or its header is damaged: copy or export it again",
         ));
     }
-    Error::unless_none(faults)?;
+    Error::if_any(faults)?;
 
     let count = strands * vertices;
     let points = (0..count).map(|i| point_at(bytes, position_offset + 16 * i)).collect();
@@ -168,7 +168,7 @@ pub(super) mod tests {
         let Err(Error::BadInput(problems)) = parse(Path::new("a.tfx"), &bytes) else { panic!("accepted") };
         let keys: Vec<_> = problems.iter().map(|p| p.key.as_str()).collect();
         assert_eq!(keys, ["header.version", "header.vertices_per_strand", "positions"]);
-        assert!(problems.iter().all(|p| !p.remedy.is_empty() && !p.allowed.is_empty()));
+        assert!(problems.iter().all(|p| !p.help.is_empty() && !p.allowed.is_empty()));
     }
 
     #[test]

@@ -6,7 +6,7 @@ use super::usd::{self, Times};
 use crate::scene::anim::file::{BodyFile, ColliderFile, Pops, PoseFile, ShapeFile, TrackFile};
 use crate::scene::track::find_pops;
 use crate::scene::{AnimFile, Convention, Groom, Sequence, TriMesh, UpAxis};
-use crate::{Error, Problem, Result};
+use crate::{Diagnostic, Error, Result};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
 use std::fmt;
@@ -211,7 +211,9 @@ pub fn track(options: &TrackOptions) -> Result<Track> {
         (Rest::Bind, None) => {
             let what = "does not say in which pose the character was modelled";
             let remedy = "use --rest first, or --rest world with the pivot";
-            return Err(Problem::new(&options.motion.path, "rest", what, "USD, glTF or BVH", remedy).into());
+            return Err(
+                Diagnostic::new(&options.motion.path, "rest", what, "USD, glTF or BVH", remedy).into()
+            );
         }
         (Rest::World, _) => PoseFile { translation: pivot, rotation_wxyz: [1.0, 0.0, 0.0, 0.0] },
         (Rest::First, _) => PoseFile { translation: pivot, rotation_wxyz: poses[0].rotation_wxyz },
@@ -380,7 +382,7 @@ fn all_problems<M>(motion: Result<M>, meshes: Vec<Result<ReadMesh>>) -> Result<(
 }
 
 fn frames_fault(options: &TrackOptions, frames: [i32; 2], there: [i32; 2]) -> Error {
-    Problem::new(
+    Diagnostic::new(
         &options.motion.path,
         "frames",
         format!("frames {} to {} asked for", frames[0], frames[1]),

@@ -5,7 +5,7 @@ use super::motion::{Motion, SCALE_CHANGES, rigid_all};
 use super::read::{Own, PlainGroup, PlainMesh, PlainStrands, Source};
 use crate::python::{Package, python_package};
 use crate::scene::{Convention, Curves, Factors, TriMesh, UpAxis};
-use crate::{Error, Problem, Result};
+use crate::{Diagnostic, Error, Result};
 use nalgebra::{Matrix4, Vector3};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -118,7 +118,7 @@ impl<T: DeserializeOwned> Exchange<T> {
             }),
             Some(FAULTY) => {
                 let Faulty { faults } = serde_json::from_slice(&bytes("header.json")?).map_err(broken)?;
-                let problem = |f: Fault| Problem::new(path, f.key, f.what, f.allowed, f.remedy);
+                let problem = |f: Fault| Diagnostic::new(path, f.key, f.what, f.allowed, f.remedy);
                 Err(Error::BadInput(faults.into_iter().map(problem).collect()))
             }
             _ => {

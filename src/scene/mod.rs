@@ -25,7 +25,7 @@ pub use inputs::inputs;
 pub use reading::{Override, PathMap, Reading};
 pub(crate) use sequence::Sequence;
 
-use crate::error::{Error, Problem, Result};
+use crate::error::{Diagnostic, Error, Result};
 pub(crate) use anim::read::motion;
 use document::{Document, Key};
 use std::path::Path;
@@ -72,7 +72,7 @@ pub fn load_as(groom: &Path, anim: &Path, reading: &Reading) -> Result<(Groom, A
     let anim_file = Document::open_as("anim", anim, reading).and_then(anim_of);
     match (groom_file, anim_file) {
         (Ok(groom), Ok(scene)) => {
-            Error::unless_none(unknown_to(&groom, &scene, anim))?;
+            Error::if_any(unknown_to(&groom, &scene, anim))?;
             Ok((groom, scene))
         }
         (Err(Error::BadInput(mut problems)), Err(Error::BadInput(others))) => {
@@ -84,7 +84,7 @@ pub fn load_as(groom: &Path, anim: &Path, reading: &Reading) -> Result<(Groom, A
 }
 
 /// What the ties of an animation, read from `file`, name that its groom does not have.
-fn unknown_to(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Problem> {
+fn unknown_to(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
     let mut problems = Vec::new();
     for (i, tie) in anim.ties.iter().enumerate() {
         let key = |name: &str| format!("ties[{i}].{name}");
@@ -92,7 +92,7 @@ fn unknown_to(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Problem> {
         let ids: Vec<String> = tie.ids.iter().flatten().filter(unknown).map(i32::to_string).collect();
         if !ids.is_empty() {
             let what = format!("names {}", ids.join(", "));
-            problems.push(Problem::new(
+            problems.push(Diagnostic::new(
                 file,
                 key("ids"),
                 what,
@@ -103,7 +103,7 @@ fn unknown_to(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Problem> {
         if let Some(name) = tie.group.as_ref().filter(|name| groom.groups.iter().all(|g| g.name != **name)) {
             let names: Vec<&str> = groom.groups.iter().map(|g| g.name.as_str()).collect();
             let allowed = format!("a group of the groom: \"{}\"", names.join("\", \""));
-            problems.push(Problem::new(
+            problems.push(Diagnostic::new(
                 file,
                 key("group"),
                 format!("is \"{name}\""),
@@ -119,7 +119,7 @@ fn unknown_to(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Problem> {
 ///
 /// # Errors
 /// [`Error::Io`] if one cannot be read.
-pub fn check(paths: &[&Path]) -> Result<Vec<Problem>> {
+pub fn check(paths: &[&Path]) -> Result<Vec<Diagnostic>> {
     let mut problems = Vec::new();
     for path in paths {
         match Document::open(path).and_then(|doc| check_one(doc, path)) {

@@ -7,7 +7,7 @@ use super::{Joint, Motion, convention, no_joint, whole_if_near};
 use crate::import::read::Source;
 use crate::scene::UpAxis;
 use crate::scene::anim::file::PoseFile;
-use crate::{Error, Problem, Result};
+use crate::{Diagnostic, Error, Result};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::ops::Range;
 
@@ -47,7 +47,7 @@ pub(super) fn parse(source: &Source, joint: &Joint, bytes: &[u8]) -> Result<Moti
     let bones = file.hierarchy();
     let channels = bones.as_ref().map(|bones| bones.iter().map(|b| b.channels.len()).sum());
     let motion = bones.as_ref().and_then(|_| file.motion(channels));
-    Error::unless_none(std::mem::take(&mut file.problems))?;
+    Error::if_any(std::mem::take(&mut file.problems))?;
     let (Some(bones), Some((step, rows))) = (bones, motion) else {
         return Err(Error::Internal("a BVH file that is neither read nor faulty".into()));
     };
@@ -123,7 +123,7 @@ struct File<'a> {
     source: &'a Source,
     text: &'a str,
     at: usize,
-    problems: Vec<Problem>,
+    problems: Vec<Diagnostic>,
 }
 
 impl<'a> File<'a> {
@@ -138,7 +138,7 @@ impl<'a> File<'a> {
 
     fn fault(&mut self, place: Range<usize>, key: &str, what: String, allowed: &str) {
         let remedy = "export the motion again";
-        let mut problem = Problem::new(&self.source.path, key, what, allowed, remedy);
+        let mut problem = Diagnostic::new(&self.source.path, key, what, allowed, remedy);
         problem.span = Some((place.start, place.len()));
         self.problems.push(problem);
     }
@@ -370,7 +370,7 @@ mod tests {
     #[test]
     fn a_joint_that_is_not_there_is_told_with_those_that_are() {
         let Err(Error::BadInput(problems)) = read(TEXT, "Nose") else { panic!("accepted") };
-        assert!(problems[0].what.contains("\"Nose\"") && problems[0].allowed.contains("Hips, Head, Tail"));
+        assert!(problems[0].message.contains("\"Nose\"") && problems[0].allowed.contains("Hips, Head, Tail"));
         for text in ["", "HIERARCHY\nROOT", "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 9", &TEXT[..200]] {
             assert!(matches!(read(text, "Head"), Err(Error::BadInput(_))), "{text}");
         }

@@ -3,7 +3,7 @@
 use super::{Joint, Motion, SCALE_CHANGES, convention, no_joint, rigid_all, whole_if_near};
 use crate::import::read::Source;
 use crate::scene::UpAxis;
-use crate::{Error, Problem, Result};
+use crate::{Diagnostic, Error, Result};
 use gltf::accessor::{DataType, Dimensions};
 use gltf::animation::{Interpolation, Property, util::ReadOutputs};
 use gltf::json::validation::Checked;
@@ -32,7 +32,7 @@ pub(super) fn parse(source: &Source, joint: &Joint, bytes: &[u8]) -> Result<Moti
             "export it again",
         )
     })?;
-    Error::unless_none(unknown_words(source, &document))?;
+    Error::if_any(unknown_words(source, &document))?;
     let names: Vec<String> = document.nodes().map(|n| name(&n)).collect();
     let shown: Vec<&str> = names.iter().map(String::as_str).collect();
     let of_name = |asked: &str| names.iter().position(|n| n == asked);
@@ -52,7 +52,7 @@ pub(super) fn parse(source: &Source, joint: &Joint, bytes: &[u8]) -> Result<Moti
             problems.push(problem(&source.path, &key, what, "keys as glTF 2.0 has them", "export it again"));
         }
     }
-    Error::unless_none(problems)?;
+    Error::if_any(problems)?;
 
     let keys: Vec<f64> = rig.iter().flat_map(Animated::keys).collect();
     if keys.is_empty() {
@@ -103,7 +103,7 @@ pub(super) fn parse(source: &Source, joint: &Joint, bytes: &[u8]) -> Result<Moti
 }
 
 /// Names in animations that glTF does not know: the reader lets them pass and panics where they are asked for.
-fn unknown_words(source: &Source, document: &Document) -> Vec<Problem> {
+fn unknown_words(source: &Source, document: &Document) -> Vec<Diagnostic> {
     let mut problems = Vec::new();
     for (a, animation) in document.as_json().animations.iter().enumerate() {
         let mut unknown = |key: String, allowed: &str| {
@@ -125,8 +125,8 @@ fn unknown_words(source: &Source, document: &Document) -> Vec<Problem> {
     problems
 }
 
-fn problem(path: &Path, key: &str, what: String, allowed: &str, remedy: &str) -> Problem {
-    Problem::new(path, key, what, allowed, remedy)
+fn problem(path: &Path, key: &str, what: String, allowed: &str, remedy: &str) -> Diagnostic {
+    Diagnostic::new(path, key, what, allowed, remedy)
 }
 
 fn fault(path: &Path, key: &str, what: String, allowed: &str, remedy: &str) -> Error {
@@ -205,7 +205,7 @@ fn buffers(source: &Source, document: &Document, mut blob: Option<Vec<u8>>) -> R
             bytes => all.push(bytes?),
         }
     }
-    Error::unless_none(problems)?;
+    Error::if_any(problems)?;
     Ok(all)
 }
 
@@ -488,9 +488,10 @@ mod tests {
     #[test]
     fn faults_are_named() {
         let what = |text: String, node: &str, clip| match read(&text, node, clip) {
-            Err(Error::BadInput(problems)) => {
-                problems.iter().map(|p| format!("{}: {} ({})", p.key, p.what, p.allowed)).collect::<String>()
-            }
+            Err(Error::BadInput(problems)) => problems
+                .iter()
+                .map(|p| format!("{}: {} ({})", p.key, p.message, p.allowed))
+                .collect::<String>(),
             other => panic!("{other:?}"),
         };
         let sound = || file("LINEAR");

@@ -7,7 +7,7 @@ use super::read::Source;
 use super::usd;
 use crate::scene::anim::file::PoseFile;
 use crate::scene::{Convention, UpAxis};
-use crate::{Error, Problem, Result, scene};
+use crate::{Diagnostic, Error, Result, scene};
 use nalgebra::{Isometry3, Matrix3, Matrix4, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 /// Scales that differ by less are the same.
@@ -113,7 +113,7 @@ fn no_joint(source: &Source, asked: Option<&str>, there: &[&str], kind: &str) ->
     };
     let more = if there.len() > NAMED { ", …" } else { "" };
     let names: Vec<&str> = there.iter().take(NAMED).copied().collect();
-    Problem::new(
+    Diagnostic::new(
         &source.path,
         kind,
         what,
@@ -152,7 +152,7 @@ pub(super) fn rigid_all(
     rest: Option<&Matrix4<f64>>,
 ) -> Result<(Vec<PoseFile>, Option<PoseFile>, bool)> {
     let fault = |what: String| {
-        Problem::new(
+        Diagnostic::new(
             &source.path,
             key,
             what,
@@ -176,7 +176,7 @@ pub(super) fn rigid_all(
         Some(rest) => rest,
         None => None,
     };
-    Error::unless_none(problems)?;
+    Error::if_any(problems)?;
     let all: Vec<_> = all.into_iter().flatten().collect();
     let usual = rest.as_ref().or(all.first()).map_or(1.0, |pose| pose.1);
     let changes = all.iter().any(|pose| (pose.1 / usual - 1.0).abs() > SAME_SCALE);

@@ -14,7 +14,7 @@ use nalgebra::{Matrix4, Vector3};
 use super::font;
 use super::picture::{Animation, Format, Image};
 use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header, Reader};
-use crate::error::{Error, Problem, Result};
+use crate::error::{Diagnostic, Error, Result};
 use camera::{Axes, Framing};
 
 /// A baked shot, read frame by frame.
@@ -263,7 +263,7 @@ impl<'a, S: Shot> Renderer<'a, S> {
             }
         }
         if roots.is_empty() {
-            let problem = Problem::new(
+            let problem = Diagnostic::new(
                 self.shot.path(),
                 "",
                 format!("the cache holds no {} to draw", self.curves.noun()),

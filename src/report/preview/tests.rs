@@ -253,7 +253,7 @@ fn a_cache_without_curves_is_refused() {
     let error = sheet(&shot, &small(), &[1001]).unwrap_err();
     assert_eq!(error.exit_code(), 65);
     let Error::BadInput(problems) = error else { panic!("{error}") };
-    assert!(problems[0].what.contains("no render strands"), "{}", problems[0].what);
+    assert!(problems[0].message.contains("no render strands"), "{}", problems[0].message);
     shot.header.hair = None;
     assert!(sheet(&shot, &small(), &[1001]).is_err());
 }

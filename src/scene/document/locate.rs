@@ -1,22 +1,22 @@
 //! Places of keys in the text of a JSON file. Only run where there is something to report.
 
 use super::{Fault, Key, Step};
-use crate::error::Problem;
+use crate::error::Diagnostic;
 use jsonc_parser::ast;
 use jsonc_parser::common::Ranged;
 use std::path::Path;
 
 /// The faults of a file with their places in its text.
-pub fn problems(file: &Path, text: &[u8], faults: Vec<Fault>) -> Vec<Problem> {
+pub fn problems(file: &Path, text: &[u8], faults: Vec<Fault>) -> Vec<Diagnostic> {
     if faults.is_empty() {
         return Vec::new();
     }
     let text = std::str::from_utf8(text).unwrap_or_default();
     let parsed = jsonc_parser::parse_to_ast(text, &Default::default(), &Default::default());
     let root = parsed.ok().and_then(|p| p.value);
-    let problem = |fault: Fault| Problem {
+    let problem = |fault: Fault| Diagnostic {
         span: root.as_ref().map(|root| first_line(text, span(root, &fault.key))),
-        ..Problem::new(file, fault.key.to_string(), fault.what, fault.allowed, fault.remedy)
+        ..Diagnostic::new(file, fault.key.to_string(), fault.what, fault.allowed, fault.remedy)
     };
     faults.into_iter().map(problem).collect()
 }

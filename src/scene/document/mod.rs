@@ -13,7 +13,7 @@ mod pretty;
 mod value;
 
 use super::reading::Reading;
-use crate::error::{Error, Problem, Result};
+use crate::error::{Diagnostic, Error, Result};
 use crate::file::{read_file, write_file};
 use nalgebra::{Quaternion, UnitQuaternion};
 use schemars::JsonSchema;
@@ -88,7 +88,7 @@ impl fmt::Display for Key {
     }
 }
 
-/// A [`Problem`] before its place in the text is known.
+/// A [`Diagnostic`] before its place in the text is known.
 #[derive(Debug, Clone, PartialEq)]
 struct Fault {
     key: Key,
@@ -101,7 +101,7 @@ struct Fault {
 #[derive(Debug, Default)]
 pub struct Faults {
     list: Vec<Fault>,
-    elsewhere: Vec<Problem>,
+    elsewhere: Vec<Diagnostic>,
 }
 
 impl Faults {
@@ -149,7 +149,7 @@ impl Faults {
     }
 
     /// Adds the problems of another file.
-    pub fn add_elsewhere(&mut self, problems: Vec<Problem>) {
+    pub fn add_elsewhere(&mut self, problems: Vec<Diagnostic>) {
         self.elsewhere.extend(problems);
     }
 
@@ -183,19 +183,19 @@ impl Document {
         if length > MAX_TEXT {
             let what = format!("holds {length} bytes");
             let remedy = "keep large arrays in a buffer beside it";
-            return Err(Problem::new(path, "", what, format!("up to {MAX_TEXT} bytes"), remedy).into());
+            return Err(Diagnostic::new(path, "", what, format!("up to {MAX_TEXT} bytes"), remedy).into());
         }
         let text = read_file(path).map_err(io)?;
         let (value, repeated) = value::parse(&text).map_err(|e| {
             let place = (locate::offset(&text, e.line(), e.column()), 1);
-            let problem = Problem::new(
+            let problem = Diagnostic::new(
                 path,
                 "",
                 format!("is not JSON: {e}"),
                 "strict JSON: no comments, no trailing commas, no NaN or Infinity",
                 "mend the place shown, or write the file with a JSON library",
             );
-            Error::from(Problem { span: Some(place), ..problem })
+            Error::from(Diagnostic { span: Some(place), ..problem })
         })?;
         let mut faults = Faults::default();
         for key in &repeated {

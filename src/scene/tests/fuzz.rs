@@ -69,14 +69,14 @@ fn mutated(text: &str, changes: &[(usize, usize, bool)]) -> String {
     text
 }
 
-fn read(name: &str, text: &[u8]) -> Vec<Problem> {
+fn read(name: &str, text: &[u8]) -> Vec<Diagnostic> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     std::fs::write(&path, text).unwrap();
     std::fs::write(folder.path().join("b.bin"), [0, 0, 0, 0, 0, 0, 0, 63].repeat(3)).unwrap();
-    let problems = check(&[&path]).unwrap();
-    assert!(!render(&problems, false).is_empty() || problems.is_empty());
-    problems
+    let diagnostics = check(&[&path]).unwrap();
+    assert!(!render(&diagnostics, false).is_empty() || diagnostics.is_empty());
+    diagnostics
 }
 
 #[test]
@@ -94,8 +94,8 @@ proptest! {
         changes in proptest::collection::vec((0..400usize, 0..99usize, proptest::bool::weighted(0.9)), 1..4),
     ) {
         let (name, text) = if anim { ("anim.json", ANIM) } else { ("groom.json", GROOM) };
-        for problem in read(name, mutated(text, &changes).as_bytes()) {
-            prop_assert!(!problem.what.is_empty() && !problem.allowed.is_empty() && !problem.remedy.is_empty());
+        for diagnostic in read(name, mutated(text, &changes).as_bytes()) {
+            prop_assert!(!diagnostic.message.is_empty() && !diagnostic.allowed.is_empty() && !diagnostic.help.is_empty());
         }
     }
 
