@@ -6,7 +6,7 @@
 use hairbake::bake::company::Companies;
 use hairbake::bake::guide::{Guide, StepRecord, Surroundings};
 use hairbake::contact::Bodies;
-use hairbake::rod::{Cut, Rod, RodSource, Taper};
+use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, Vector3};
 use std::time::Instant;
@@ -39,8 +39,8 @@ fn rod(points: &[Vector3<f64>], nodes: usize, line_density: f64) -> Rod {
         line_density,
         damping: 0.005,
         taper: Taper::NONE,
-        natural: None,
-        cut: Cut::COARSE,
+        natural_strain: None,
+        segment_size: SegmentSize::COARSE,
     })
     .unwrap()
 }

@@ -8,7 +8,7 @@ use hairbake::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use hairbake::bake::job::Job;
 use hairbake::cache::Reader;
 use hairbake::contact::Bodies;
-use hairbake::rod::Cut;
+use hairbake::rod::SegmentSize;
 use hairbake::scene::{self, Collider, Deformation, Reading, Shape, TriMesh};
 use nalgebra::{Isometry3, Vector3};
 use std::f64::consts::TAU;
@@ -52,7 +52,7 @@ fn run(
             brought_out: &|_| 1.0,
         });
     };
-    let rod = hair(0.2, Cut::FINE);
+    let rod = hair(0.2, SegmentSize::FINE);
     let drag = vec![2e-5; rod.points()];
     let (thickness, h) = (vec![THICKNESS; colliders.len()], 1.0 / RATE);
     let (mut guide, mut work) = (None, Workspace::default());

@@ -5,7 +5,7 @@ mod strand;
 use hairbake::bake::company::Companies;
 use hairbake::bake::guide::{Guide, StepRecord, Surroundings};
 use hairbake::contact::Bodies;
-use hairbake::rod::Cut;
+use hairbake::rod::SegmentSize;
 use nalgebra::{Isometry3, Vector3};
 use strand::hair;
 
@@ -23,7 +23,7 @@ fn a_step_of_many_rods_allocates_nothing() {
     };
     let h = 1.0 / 25.0;
     let guide = |i: u32| {
-        let rod = hair(0.15 + 0.005 * f64::from(i), Cut::COARSE);
+        let rod = hair(0.15 + 0.005 * f64::from(i), SegmentSize::COARSE);
         let drag = vec![2e-5; rod.points()];
         Guide::new(rod, drag, 0.3, &[], &around, 0.0, h)
     };

@@ -2,7 +2,7 @@
 
 use hairbake::bake::guide::{Guide, Surroundings, Workspace};
 use hairbake::contact::Bodies;
-use hairbake::rod::{Cut, Rod, RodSource, Taper};
+use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, Vector3};
 use std::f64::consts::TAU;
@@ -21,8 +21,8 @@ fn hair(points: &[Vector3<f64>]) -> Rod {
         line_density: LINE_DENSITY,
         damping: 0.0,
         taper: Taper::NONE,
-        natural: Some(Vector3::zeros()),
-        cut: Cut::COARSE,
+        natural_strain: Some(Vector3::zeros()),
+        segment_size: SegmentSize::COARSE,
     })
     .unwrap()
 }

@@ -2,7 +2,7 @@
 
 use hairbake::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use hairbake::contact::Bodies;
-use hairbake::rod::{Cut, Rod, RodSource, Taper};
+use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
 use hairbake::scene::Tree;
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
@@ -19,7 +19,7 @@ struct Hair {
     curl: f64,
     /// Steps a second.
     rate: f64,
-    cut: Cut,
+    segment_size: SegmentSize,
 }
 
 const HAIR: Hair = Hair {
@@ -29,7 +29,7 @@ const HAIR: Hair = Hair {
     nodes: 8,
     curl: 0.0,
     rate: 96.0,
-    cut: Cut::COARSE,
+    segment_size: SegmentSize::COARSE,
 };
 
 impl Hair {
@@ -62,8 +62,8 @@ impl Hair {
             line_density: 1320.0 * area,
             damping: 0.005,
             taper: Taper::NONE,
-            natural: None,
-            cut: self.cut,
+            natural_strain: None,
+            segment_size: self.segment_size,
         })
         .unwrap()
     }
@@ -140,7 +140,7 @@ fn kinds() -> Vec<(&'static str, Hair)> {
         ("1 mm", Hair { length: 1e-3, ..HAIR }),
         ("1 m", Hair { length: 1.0, ..HAIR }),
         ("2 m", Hair { length: 2.0, ..HAIR }),
-        ("2 m, as where it may touch", Hair { length: 2.0, cut: Cut::FINE, ..HAIR }),
+        ("2 m, as where it may touch", Hair { length: 2.0, segment_size: SegmentSize::FINE, ..HAIR }),
         ("3 nodes", Hair { nodes: 3, ..HAIR }),
         ("64 nodes", Hair { nodes: 64, ..HAIR }),
         ("curls of 5 mm", Hair { length: 0.3, curl: 2.5e-3, ..HAIR }),
@@ -176,15 +176,15 @@ fn a_bend_between_nodes_is_seen_by_coarse_cuts() {
         let last = *points.last().unwrap();
         points.push(last + Vector3::new(heading.cos(), 0.0, heading.sin()) * 1e-3);
     }
-    let end = |cut: Cut| {
-        let hair = Hair { nodes: 3, cut, length: 1.0, ..HAIR };
+    let end = |segment_size: SegmentSize| {
+        let hair = Hair { nodes: 3, segment_size, length: 1.0, ..HAIR };
         let rod = hair.rod_along(&points);
-        let mut shape = hairbake::rod::Shape::default();
+        let mut shape = hairbake::rod::RodShape::default();
         let q: Vec<f64> = (0..rod.unknowns()).map(|i| (f64::from(i as u32) * 0.7).sin() * 3.0).collect();
         shape.update(&rod, &rod.root.r, &q);
         shape.x(shape.points() - 1)
     };
-    let off = (end(Cut::COARSE) - end(Cut { length: 1e-3, turn: 0.05 })).norm();
+    let off = (end(SegmentSize::COARSE) - end(SegmentSize { max_length: 1e-3, max_turn: 0.05 })).norm();
     // A thousandth of the length; 72 mm where the bend was missed.
     assert!(off < 1e-3, "{off} m");
 }

@@ -2,7 +2,7 @@
 
 use hairbake::rod::newton::Solver;
 use hairbake::rod::potential::{Load, PointLoad};
-use hairbake::rod::{Cut, Rod, RodSource, Shape, Taper};
+use hairbake::rod::{Rod, RodShape, RodSource, SegmentSize, Taper};
 use nalgebra::Vector3;
 
 /// Tip (reach, drop) in lengths of the heavy elastica at Γ = ρSgL³/EI: θ'' = −Γ(1 − s) cos θ, θ(0) = 0, θ'(1) = 0.
@@ -25,8 +25,8 @@ fn cantilever(gamma: f64, nodes: usize, grading: f64) -> (f64, f64) {
         line_density: gamma * ei / (g * l * l * l),
         damping: 0.0,
         taper: Taper::NONE,
-        natural: None,
-        cut: Cut::COARSE,
+        natural_strain: None,
+        segment_size: SegmentSize::COARSE,
     })
     .unwrap();
     let n = rod.points();
@@ -34,7 +34,7 @@ fn cantilever(gamma: f64, nodes: usize, grading: f64) -> (f64, f64) {
     let mut solver = Solver::default();
     // Inertia fades: a step of 1000 s is statics. From straight, in a few steps, as a bake would settle.
     for h in [0.1, 0.1, 0.1, 1000.0, 1000.0] {
-        let mut at = Shape::default();
+        let mut at = RodShape::default();
         at.update(&rod, &rod.root.r, &q);
         let x: Vec<_> = (0..n).map(|k| at.x(k)).collect();
         let points = x.iter().map(|x| PointLoad {

@@ -5,7 +5,7 @@ mod strand;
 use hairbake::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use hairbake::bake::tie::Tie;
 use hairbake::contact::Bodies;
-use hairbake::rod::{Cut, Rod, RodSource, Taper};
+use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
 use hairbake::scene::{Shape, Tree};
 use nalgebra::{Isometry3, Vector3};
 use strand::hair;
@@ -44,7 +44,7 @@ fn run_as(
         carrier: &|_, _| Isometry3::identity(),
         brought_out: &|_| 1.0,
     };
-    let rod = hair(0.2, Cut::FINE);
+    let rod = hair(0.2, SegmentSize::FINE);
     let drag = vec![2e-5; rod.points()];
     let h = 1.0 / rate;
     let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &around, 0.0, h);
@@ -148,8 +148,8 @@ fn a_curve_that_bulges_over_its_points_is_held_by_what_bulges() {
         line_density: 6.6e-6,
         damping: 0.02,
         taper: Taper::NONE,
-        natural: None,
-        cut: Cut { length: 0.02, turn: 1.3 },
+        natural_strain: None,
+        segment_size: SegmentSize { max_length: 0.02, max_turn: 1.3 },
     })
     .unwrap();
     let plane = Shape::Plane { point: Vector3::y() * -0.03, normal: Vector3::y() };
@@ -167,7 +167,7 @@ fn a_curve_that_bulges_over_its_points_is_held_by_what_bulges() {
     };
     let (drag, h) = (vec![2e-5; rod.points()], 1.0 / 96.0);
     let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &around, 0.0, h);
-    let (mut work, mut shape) = (Workspace::default(), hairbake::rod::Shape::default());
+    let (mut work, mut shape) = (Workspace::default(), hairbake::rod::RodShape::default());
     let (mut least, mut bulge) = (f64::INFINITY, 0.0_f64);
     for i in 0..60 {
         let (t0, t1) = (f64::from(i) * h, f64::from(i + 1) * h);
@@ -175,7 +175,7 @@ fn a_curve_that_bulges_over_its_points_is_held_by_what_bulges() {
         assert_eq!((record.unconverged, record.shortened, record.unsettled), (0, 0, 0), "at {t1} s");
         assert!(shape.update(&guide.rod, &guide.rod.root.r, &guide.q[0]));
         let lowest = |x: &mut dyn Iterator<Item = Vector3<f64>>| x.map(|x| x.y).fold(f64::INFINITY, f64::min);
-        let curve = lowest(&mut shape.curve(&guide.rod, &guide.q[0]).map(|x| x + guide.rod.root.p));
+        let curve = lowest(&mut shape.refined_curve(&guide.rod, &guide.q[0]).map(|x| x + guide.rod.root.p));
         least = least.min(curve - (height(t1) - 0.03));
         bulge = bulge.max(lowest(&mut guide.x.iter().copied()) - curve);
     }
@@ -233,7 +233,7 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
         carrier: &carrier,
         brought_out: &|_| 1.0,
     };
-    let rod = hair(0.2, Cut::FINE);
+    let rod = hair(0.2, SegmentSize::FINE);
     let drag = vec![2e-5; rod.points()];
     let h = 1.0 / 96.0;
     let mut guide = Guide::new(rod, drag, 0.3, &[], &around, 0.0, h);
@@ -268,8 +268,8 @@ fn a_tie_gives_way_by_its_compliance() {
         line_density: 6.6e-6,
         damping: 0.02,
         taper: Taper::NONE,
-        natural: None,
-        cut: Cut::FINE,
+        natural_strain: None,
+        segment_size: SegmentSize::FINE,
     })
     .unwrap();
     let around = Surroundings {
@@ -312,7 +312,7 @@ fn pressed_on_a_plate(friction: [f64; 2]) -> (f64, f64, u32) {
         carrier: &|_, _| Isometry3::identity(),
         brought_out: &|_| 1.0,
     };
-    let rod = hair(0.2, Cut::FINE);
+    let rod = hair(0.2, SegmentSize::FINE);
     let drag = vec![2e-5; rod.points()];
     let h = 1.0 / 48.0;
     let mut guide = Guide::new(rod, drag, 0.0, &[5e-4], &around, 0.0, h);
@@ -366,7 +366,7 @@ fn over_a_ball(gravity: f64, room: f64) -> (u32, f64) {
         carrier: &|_, _| Isometry3::identity(),
         brought_out: &|_| 1.0,
     };
-    let rod = hair(0.2, Cut::FINE);
+    let rod = hair(0.2, SegmentSize::FINE);
     let (h, drag) = (1.0 / 192.0, vec![2e-5; rod.points()]);
     let mut guide = Guide::new(rod, drag, 0.3, &[5e-4; 2], &around, 0.0, h);
     let mut work = Workspace::default();

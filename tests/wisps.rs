@@ -3,7 +3,7 @@
 use hairbake::bake::guide::StepRecord;
 use hairbake::bake::rods::Rods;
 use hairbake::bake::simulation::{Simulation, steps_to};
-use hairbake::rod::{Cut, Shape};
+use hairbake::rod::{RodShape, SegmentSize};
 use hairbake::sample::{self, Size, Style};
 use hairbake::scene::anim::{Contact, Resolution};
 use hairbake::scene::{self, Anim, Groom};
@@ -29,7 +29,7 @@ fn run(groom: &Groom, anim: &Anim, frame: i32) -> Vec<(Vec<Vec<Vector3<f64>>>, u
     let mut simulation = Simulation::new(groom, anim, &rods);
     let (start, end) = (steps_to(anim, anim.frames.0 - 1), steps_to(anim, frame));
     let mut seen = Vec::new();
-    let mut shape = Shape::default();
+    let mut shape = RodShape::default();
     for taken in 1..=end {
         let nodes = simulation.advance().nodes;
         if taken < start || (taken - start) % i64::from(anim.settings.substeps) != 0 {
@@ -144,7 +144,7 @@ fn what_joins_goes_on_as_it_moved() {
     (anim.settings.resolution, anim.settings.parting) = (Resolution::Adaptive, 0.003);
     let rods = Rods::new(&groom, &anim);
     let mut simulation = Simulation::new(&groom, &anim, &rods);
-    let mut shape = Shape::default();
+    let mut shape = RodShape::default();
     // Where the tips are and which guides move by themselves, at each frame.
     let mut seen: Vec<Vec<(Vector3<f64>, bool)>> = Vec::new();
     for _ in 0..steps_to(&anim, anim.frames.1) {
@@ -176,12 +176,15 @@ fn what_joins_goes_on_as_it_moved() {
 #[test]
 fn every_guide_is_led_by_those_of_coarser_wisps() {
     let (groom, _) = scene(Style::Long, 0);
-    let rods = wisp::rods(&groom, Cut::COARSE);
+    let rods = wisp::guide_rods(&groom, SegmentSize::COARSE);
     let drag: Vec<_> = rods.iter().map(|r| vec![1e-5; r.rod.points()]).collect();
     let hierarchy = Hierarchy::new(&groom, &rods, &Vector3::new(0.0, -9.81, 0.0), |i| &drag[i]);
     let coarse = |i: &usize| hierarchy.leaders[*i].is_empty();
     assert_eq!((0..rods.len()).filter(coarse).count(), groom.trees.len());
-    assert!((0..rods.len()).all(|i| coarse(&i) == (hierarchy.missed[i] == 0.0) && hierarchy.missed[i] < 2.0));
+    assert!(
+        (0..rods.len())
+            .all(|i| coarse(&i) == (hierarchy.response_error[i] == 0.0) && hierarchy.response_error[i] < 2.0)
+    );
     for (i, leaders) in hierarchy.leaders.iter().enumerate().filter(|(i, _)| !coarse(i)) {
         assert!(leaders.iter().all(|(leader, _)| hierarchy.level[*leader] < hierarchy.level[i]));
         assert!((leaders.iter().map(|(_, share)| share).sum::<f64>() - 1.0).abs() < 1e-9);

@@ -3,8 +3,8 @@
 use super::guide::{Guide, Solved, StepRecord, Surroundings, Workspace};
 use crate::math::lanes::MAX_LANES;
 use crate::rod::Rod;
-use crate::rod::newton::Outcome;
-use crate::rod::pack::{Pack, PackWork, Task};
+use crate::rod::newton::NewtonOutcome;
+use crate::rod::pack::{Pack, PackBuffers, StepTask};
 use std::sync::{Mutex, PoisonError};
 
 /// All guides of a list, in companies.
@@ -34,7 +34,7 @@ impl Company {
 struct CompanyWork {
     guides: Vec<Workspace>,
     solved: Vec<Solved>,
-    pack: PackWork,
+    pack: PackBuffers,
 }
 
 impl Companies {
@@ -122,12 +122,12 @@ impl Company {
         for (guide, work) in self.of(guides.iter()).zip(&mut *works) {
             let formula = guide.formula(span[1] - span[0]);
             let root = guide.prepare(around, span, &formula, work);
-            solved.push(Solved { root, outcome: Outcome::default() });
+            solved.push(Solved { root, outcome: NewtonOutcome::default() });
         }
         {
             let mut tasks =
                 self.of(guides.iter()).zip(&mut *works).zip(&mut *solved).map(|((guide, work), solved)| {
-                    Task {
+                    StepTask {
                         root: &solved.root.r,
                         load: &work.load,
                         q: &mut work.q,
@@ -150,7 +150,7 @@ impl Company {
 mod tests {
     use super::*;
     use crate::contact::Bodies;
-    use crate::rod::{Cut, RodSource, Taper};
+    use crate::rod::{RodSource, SegmentSize, Taper};
     use crate::scene::anim::Scheme;
     use crate::scene::{Shape, Tree};
     use nalgebra::{Isometry3, Vector3};
@@ -166,8 +166,8 @@ mod tests {
             line_density: 6.6e-6,
             damping: 0.005,
             taper: Taper::NONE,
-            natural: None,
-            cut: Cut::FINE,
+            natural_strain: None,
+            segment_size: SegmentSize::FINE,
         })
         .unwrap()
     }

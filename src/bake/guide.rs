@@ -11,10 +11,10 @@ use super::tie::Tie;
 use super::touch::{TouchWork, with_middles};
 use crate::contact::{Bodies, Motion};
 use crate::math::se3::Pose;
-use crate::rod::newton::{Outcome, Solver};
+use crate::rod::contact_load::ContactLoad;
+use crate::rod::newton::{NewtonOutcome, Solver};
 use crate::rod::potential::{Load, PointLoad};
-use crate::rod::pushed::Push;
-use crate::rod::{Rod, Shape};
+use crate::rod::{Rod, RodShape};
 use crate::scene::Friction;
 use crate::scene::anim::{Scheme, Wind};
 use nalgebra::{Isometry3, Vector3};
@@ -72,7 +72,7 @@ pub struct Guide {
     /// Where the bodies were last seen.
     memory: crate::contact::Workspace,
     /// What bodies pushed it with at the end of the last step.
-    pushes: Vec<Push>,
+    pushes: Vec<ContactLoad>,
     /// Whether no part of the last sub-step went as it should: bodies have closed on the strand, and no division helps.
     pub(super) pinched: bool,
 }
@@ -175,7 +175,7 @@ pub(super) struct Solved {
     /// Root at the end of the step, world.
     pub root: Pose,
     /// How the solve went.
-    pub outcome: Outcome,
+    pub outcome: NewtonOutcome,
 }
 
 /// Workspace of the steps of one thread.
@@ -207,8 +207,8 @@ impl Guide {
         t: f64,
         h: f64,
     ) -> Self {
-        let q = rod.start.clone();
-        let mut shape = Shape::default();
+        let q = rod.initial_q.clone();
+        let mut shape = RodShape::default();
         let mut place = |t: f64| -> Vec<Pose> {
             let root = around.root(&rod.root, t);
             shape.update(&rod, &root.r, &q);
@@ -397,7 +397,7 @@ impl Guide {
 
     /// Ends the sub-step from `t[0]` to `t[1]`, s, as it began: at rest on the head.
     pub(super) fn hold(&mut self, around: &Surroundings, [t0, t1]: [f64; 2]) {
-        let mut shape = Shape::default();
+        let mut shape = RodShape::default();
         self.q[0] = self.q[1].clone();
         for t in [t0, t1] {
             let root = around.root(&self.rod.root, t);
@@ -451,9 +451,9 @@ impl Guide {
         work.past.extend(self.q[0].iter().zip(&before.q).map(|(q, b)| formula.past(*q, *b)));
         work.load.set(&self.rod, formula.eta, &(around.gravity)(t1), &work.past, points);
         for (k, (goal, stiffness)) in self.goal.iter().enumerate() {
-            work.load.attract(k, &(root.r * goal), *stiffness);
+            work.load.add_spring(k, &(root.r * goal), *stiffness);
         }
-        self.rubbed.iter().enumerate().for_each(|(k, f)| work.load.push(k, f));
+        self.rubbed.iter().enumerate().for_each(|(k, f)| work.load.add_force(k, f));
         self.foresee(t1 - t0, &mut work.q);
         root
     }

@@ -9,7 +9,7 @@ use crate::Result;
 use crate::cache::{InputRecord, sha256};
 use crate::scene::anim::{Contact, Resolution};
 use crate::scene::{Anim, Groom, Override};
-use crate::strands::SPAN;
+use crate::strands::RETRACTION_SPAN;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
@@ -78,7 +78,7 @@ impl Job {
 
     /// The frames that are simulated: beyond the last there are some that the strands of the last depend on.
     pub fn simulated(&self) -> RangeInclusive<i32> {
-        *self.frames().start()..=self.frames().end() + SPAN as i32
+        *self.frames().start()..=self.frames().end() + RETRACTION_SPAN as i32
     }
 
     /// Sub-steps from the start of the pre-roll to a frame.

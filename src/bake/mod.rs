@@ -31,7 +31,7 @@ pub mod work;
 use crate::cache::{self, InputRecord, Manifest, Writer};
 use crate::file::FileRecord;
 use crate::scene::Reading;
-use crate::strands::SPAN;
+use crate::strands::RETRACTION_SPAN;
 use crate::{Error, Result};
 use control::Control;
 use job::Job;
@@ -116,7 +116,7 @@ pub fn bake(
     let mut ahead = job.simulated().peekable();
     let mut simulated = VecDeque::new();
     for (i, (&frame, done)) in frames.iter().zip(done).enumerate() {
-        while let Some(next) = ahead.next_if(|next| *next <= frame + SPAN as i32) {
+        while let Some(next) = ahead.next_if(|next| *next <= frame + RETRACTION_SPAN as i32) {
             stepper.attend()?;
             let (state, seconds) = stepper.state(next)?;
             simulated.push_back(seconds);
@@ -261,7 +261,7 @@ impl<'a> Strands<'a> {
     fn hold(&mut self, state: FrameState) {
         let frame = state.record.frame;
         self.held.insert(frame, (state, None));
-        self.held.retain(|other, _| other.abs_diff(frame) <= 2 * SPAN as u32);
+        self.held.retain(|other, _| other.abs_diff(frame) <= 2 * RETRACTION_SPAN as u32);
     }
 
     /// The state at a frame.
@@ -278,7 +278,7 @@ impl<'a> Strands<'a> {
     /// has told it: the ends of chunks are worked out once.
     fn see(&mut self, frame: i32) -> Result<()> {
         let Some((state, seen @ None)) = self.held.get_mut(&frame) else { return Ok(()) };
-        let (span, work) = (SPAN as i32, &self.job.work);
+        let (span, work) = (RETRACTION_SPAN as i32, &self.job.work);
         let shared =
             (frame - span..=frame + span).any(|f| self.job.frames().contains(&f) && !self.own.contains(&f));
         let own = self.own.contains(&frame);
@@ -300,8 +300,8 @@ impl<'a> Strands<'a> {
         let start = Instant::now();
         let first = *self.job.frames().start();
         // Before the first frame all is as it is there.
-        let around: [i32; 2 * SPAN + 1] =
-            std::array::from_fn(|i| (frame + i as i32 - SPAN as i32).max(first));
+        let around: [i32; 2 * RETRACTION_SPAN + 1] =
+            std::array::from_fn(|i| (frame + i as i32 - RETRACTION_SPAN as i32).max(first));
         for near in around {
             self.state(near)?;
             self.see(near)?;

@@ -6,12 +6,12 @@ use super::state::{GuideState, Step};
 use crate::Result;
 use crate::cache::{Closest, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 use crate::contact::Bodies;
-use crate::rod::{Rod, Sensitivity, Shape};
+use crate::rod::{Rod, RodShape, Sensitivity};
 use crate::scene::anim::{Resolution, Written as Choice};
 use crate::scene::{Anim, Collider, Convention, Curves, Deformation, Groom, Strands, UpAxis};
 use crate::strands::{
-    BACKWARD, FOLLOWED, Follows, GuideMotion, HeadMotion, Home, Interpolator, KeepOut, Moment, Moving,
-    Retreats, clumping, follows, kept,
+    DIFFERENCE_STEP, GuideMotion, GuideWeights, HeadMotion, Interpolator, MAX_GUIDES, Membership, Moment,
+    Obstacles, Retractions, StrandMotion, clumping, guide_weights, thin,
 };
 use nalgebra::{Isometry3, Matrix3, Matrix4, Vector3};
 use rayon::prelude::*;
@@ -36,7 +36,7 @@ pub struct Seen {
     /// How far they retreat, vertex by vertex.
     pub retreats: Vec<f32>,
     /// How they lie if none retreats.
-    pub laid: Option<Moving>,
+    pub laid: Option<StrandMotion>,
 }
 
 impl<'a> Output<'a> {
@@ -75,15 +75,15 @@ impl<'a> Output<'a> {
     /// How far the strands retreat from bodies at `frame`, at which the guides are as in `guides`, and how they lie if they do not, where that is `wanted`.
     pub fn seen(&mut self, frame: i32, guides: &[GuideState], wanted: bool) -> Seen {
         let t = self.anim.time(f64::from(frame));
-        self.bodies.prepare([t - BACKWARD, t]);
+        self.bodies.prepare([t - DIFFERENCE_STEP, t]);
         let Some(strands) = &self.strands else { return Seen::default() };
         let poses = self.poses(t);
         let (moments, motion) = (self.moments(t, &poses), self.motion(guides));
         if wanted {
-            let (laid, retreats) = strands.lay(&moments, &motion, &self.to_scene());
+            let (laid, retreats) = strands.evaluate_unretracted(&moments, &motion, &self.to_scene());
             Seen { retreats, laid: Some(laid) }
         } else {
-            Seen { retreats: strands.retreats(&moments, &motion), laid: None }
+            Seen { retreats: strands.retractions(&moments, &motion), laid: None }
         }
     }
 
@@ -97,8 +97,8 @@ impl<'a> Output<'a> {
         frame: i32,
         states: [&[GuideState]; 2],
         steps: &[Step],
-        retreats: &Retreats,
-        mut laid: Option<Moving>,
+        retreats: &Retractions,
+        mut laid: Option<StrandMotion>,
     ) -> Result<Vec<Frame>> {
         let (interval, settings) = (1.0 / self.anim.fps, &self.anim.settings);
         let mut offsets: Vec<f64> = settings.offsets().collect();
@@ -133,21 +133,21 @@ impl<'a> Output<'a> {
         &mut self,
         (frame, offset): (i32, f64),
         guides: &[GuideState],
-        retreats: &Retreats,
-        laid: Option<Moving>,
+        retreats: &Retractions,
+        laid: Option<StrandMotion>,
     ) -> Frame {
         let t = self.anim.time(f64::from(frame) + offset);
         let head = head_motion(self.anim, t);
         let to_scene = self.to_scene();
-        self.bodies.prepare([t - BACKWARD, t]);
+        self.bodies.prepare([t - DIFFERENCE_STEP, t]);
         let motion = self.motion(guides);
         let levels = self.header.levels.then(|| guides.iter().map(|g| g.level as i32).collect::<Vec<_>>());
         let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
             let poses = self.poses(t);
             let at = (retreats, offset, 1.0 / self.anim.fps);
             let moving = strands.evaluate(&self.moments(t, &poses), &motion, at, &to_scene, laid);
-            let Moving { points, velocities } = moving;
-            let level = levels.as_ref().map(|l| strands.nearest().map(|guide| l[guide]).collect());
+            let StrandMotion { points, velocities } = moving;
+            let level = levels.as_ref().map(|l| strands.main_guides().map(|guide| l[guide]).collect());
             CurveFrame {
                 extent: extent(&points, &set.widths),
                 points,
@@ -166,17 +166,17 @@ impl<'a> Output<'a> {
         }
     }
 
-    /// Poses of the colliders at `t`, s, and [`BACKWARD`] earlier.
+    /// Poses of the colliders at `t`, s, and [`DIFFERENCE_STEP`] earlier.
     fn poses(&self, t: f64) -> [Vec<Isometry3<f64>>; 2] {
-        [t, t - BACKWARD].map(|t| self.collider_poses(t))
+        [t, t - DIFFERENCE_STEP].map(|t| self.collider_poses(t))
     }
 
     /// The moments to which these belong.
     fn moments<'b>(&'b self, t: f64, poses: &'b [Vec<Isometry3<f64>>; 2]) -> [Moment<'b>; 2] {
-        let times = [t, t - BACKWARD];
+        let times = [t, t - DIFFERENCE_STEP];
         std::array::from_fn(|i| Moment {
             head: head_motion(self.anim, times[i]),
-            keep_out: KeepOut { bodies: &self.bodies, time: times[i], poses: &poses[i] },
+            obstacles: Obstacles { bodies: &self.bodies, time: times[i], poses: &poses[i] },
         })
     }
 
@@ -219,13 +219,13 @@ impl<'a> Output<'a> {
         }
         let per_guide: Vec<Vec<([f32; 3], [f32; 3])>> = motion
             .par_iter()
-            .map_init(Default::default, |(shape, sensitivity): &mut (Shape, Sensitivity), motion| {
+            .map_init(Default::default, |(shape, sensitivity): &mut (RodShape, Sensitivity), motion| {
                 let GuideMotion { rod, q, rate } = motion;
                 shape.update(rod, &(head.rotation * rod.root.r), q);
                 sensitivity.update(rod, shape, q);
                 let (root, speed) = head.carry(&rod.root.p);
                 let motion = |k: usize| {
-                    let (v, spin) = sensitivity.motion(k, &shape.x(k), rate);
+                    let (v, spin) = sensitivity.velocity(k, &shape.x(k), rate);
                     (speed + head.spin.cross(&shape.x(k)) + v, (head.spin + spin).cross(&shape.tangent(k)))
                 };
                 let moving: Vec<_> = (0..rod.points()).map(motion).collect();
@@ -236,7 +236,7 @@ impl<'a> Output<'a> {
                     v.push(m[1].0);
                 }
                 let written = |(x, v)| (single(&(to_scene * (root + x))), single(&(to_scene * v)));
-                shape.curve(rod, q).zip(v).map(written).collect()
+                shape.refined_curve(rod, q).zip(v).map(written).collect()
             })
             .collect();
         let (points, velocities): (Vec<_>, Vec<_>) = per_guide.into_iter().flatten().unzip();
@@ -300,20 +300,20 @@ pub fn head_motion(anim: &Anim, t: f64) -> HeadMotion {
     }
 }
 
-const _: () = assert!(FOLLOWED <= Closest::EACH, "the cache tells all that a strand follows");
+const _: () = assert!(MAX_GUIDES <= Closest::EACH, "the cache tells all that a strand follows");
 
 /// What a bake writes.
 pub struct Written<'a> {
     groom: &'a Groom,
     anim: &'a Anim,
     /// The guides as they are written and followed, and where they belong.
-    rods: Vec<(&'a Rod, Home)>,
+    rods: Vec<(&'a Rod, Membership)>,
     /// The render strands; none where only guides are written.
     pub strands: Cow<'a, Strands>,
     /// By how much wider than in the groom each group is drawn, where it is.
     wider: Vec<f64>,
     /// What each of the strands follows.
-    pub follows: Vec<Follows>,
+    pub follows: Vec<GuideWeights>,
 }
 
 impl<'a> Written<'a> {
@@ -322,15 +322,16 @@ impl<'a> Written<'a> {
         let (strands, wider) = match (anim.settings.curves, anim.settings.keep) {
             (Choice::Guides | Choice::Steps, _) => (Cow::Owned(groom.strands.select(&[])), Vec::new()),
             (_, keep) if keep < 1.0 => {
-                let (left, wider) = kept(&groom.strands, keep);
+                let (left, wider) = thin(&groom.strands, keep);
                 (Cow::Owned(left), wider)
             }
             _ => (Cow::Borrowed(&groom.strands), Vec::new()),
         };
         let rods = rods.followed(groom);
         let homes = strands.leaf.iter().zip(&strands.curves.group);
-        let homes: Vec<Home> = homes.map(|(leaf, group)| Home { leaf: *leaf, group: *group }).collect();
-        let follows = follows(&strands.curves, &homes, &clumping(groom), &rods);
+        let homes: Vec<Membership> =
+            homes.map(|(leaf, group)| Membership { leaf: *leaf, group: *group }).collect();
+        let follows = guide_weights(&strands.curves, &homes, &clumping(groom), &rods);
         Written { groom, anim, rods, strands, wider, follows }
     }
 
@@ -372,7 +373,8 @@ impl<'a> Written<'a> {
     fn closest(&self) -> Closest {
         let id = &self.groom.guides.curves.id;
         // Where there are fewer, the first stands for the others, with no weight.
-        let entry = |f: &Follows, i: usize| f.get(i).map_or((id[f[0].0], 0.0), |(g, w)| (id[*g], *w as f32));
+        let entry =
+            |f: &GuideWeights, i: usize| f.get(i).map_or((id[f[0].0], 0.0), |(g, w)| (id[*g], *w as f32));
         let each = self.follows.iter().flat_map(|f| (0..Closest::EACH).map(move |i| entry(f, i)));
         let (guides, weights) = each.unzip();
         Closest { guides, weights }
@@ -380,12 +382,12 @@ impl<'a> Written<'a> {
 }
 
 /// The guides as the rods see them: points at the ends of their sub-steps and between them.
-fn guide_set(groom: &Groom, rods: &[(&Rod, Home)]) -> CurveSet {
+fn guide_set(groom: &Groom, rods: &[(&Rod, Membership)]) -> CurveSet {
     let mut curves = Curves { offsets: vec![0], points: Vec::new(), ..groom.guides.curves.clone() };
     for (rod, _) in rods {
-        let mut shape = Shape::default();
-        shape.update(rod, &rod.root.r, &rod.start);
-        curves.points.extend(shape.curve(rod, &rod.start).map(|x| x + rod.root.p));
+        let mut shape = RodShape::default();
+        shape.update(rod, &rod.root.r, &rod.initial_q);
+        curves.points.extend(shape.refined_curve(rod, &rod.initial_q).map(|x| x + rod.root.p));
         curves.offsets.push(curves.points.len());
     }
     let points = std::mem::take(&mut curves.points);

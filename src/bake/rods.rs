@@ -1,10 +1,10 @@
 //! The groom's guides as rods.
 
 use super::sag::{self, Held};
-use crate::rod::{Cut, Rod};
+use crate::rod::{Rod, SegmentSize};
 use crate::scene::anim::Contact;
 use crate::scene::{Anim, Groom};
-use crate::strands::Home;
+use crate::strands::Membership;
 use crate::wisp::{self, GuideRod};
 
 /// The rods of a bake, in the groom's order: as they are simulated, and as they are followed and written.
@@ -25,18 +25,19 @@ impl Rods {
     pub fn new(groom: &Groom, anim: &Anim) -> Self {
         let alone =
             anim.colliders.is_empty() && anim.ties.is_empty() && anim.settings.contact != Contact::Full;
-        let mut simulated = wisp::rods(groom, if alone { Cut::COARSE } else { Cut::FINE });
-        let fine = if alone { wisp::rods(groom, Cut::FINE) } else { Vec::new() };
+        let mut simulated =
+            wisp::guide_rods(groom, if alone { SegmentSize::COARSE } else { SegmentSize::FINE });
+        let fine = if alone { wisp::guide_rods(groom, SegmentSize::FINE) } else { Vec::new() };
         let held = sag::hold(&mut simulated, anim);
         let moved = vec![true; simulated.len()];
         Rods { held, moved, simulated, fine: fine.into_iter().map(|r| r.rod).collect() }
     }
 
     /// The rod of every guide of `groom`, cut as finely as it is followed and written, and where it belongs.
-    pub fn followed<'a>(&'a self, groom: &Groom) -> Vec<(&'a Rod, Home)> {
+    pub fn followed<'a>(&'a self, groom: &Groom) -> Vec<(&'a Rod, Membership)> {
         let rod = |(i, GuideRod { rod, leaf, guide, .. }): (usize, &'a GuideRod)| {
             let home =
-                Home { leaf: (leaf.0 as u32, leaf.1 as u32), group: groom.guides.curves.group[*guide] };
+                Membership { leaf: (leaf.0 as u32, leaf.1 as u32), group: groom.guides.curves.group[*guide] };
             (self.fine.get(i).unwrap_or(rod), home)
         };
         self.simulated.iter().enumerate().map(rod).collect()

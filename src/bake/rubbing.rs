@@ -171,7 +171,7 @@ mod tests {
     use crate::bake::guide::Workspace;
     use crate::contact::Bodies;
     use crate::math::random;
-    use crate::rod::{Cut, RodSource, Taper};
+    use crate::rod::{RodSource, SegmentSize, Taper};
     use crate::scene::Tree;
     use crate::scene::anim::Scheme;
     use nalgebra::UnitQuaternion;
@@ -188,8 +188,8 @@ mod tests {
             line_density: 6.6e-6,
             damping: 1e-3,
             taper: Taper::NONE,
-            natural: None,
-            cut: Cut::FINE,
+            natural_strain: None,
+            segment_size: SegmentSize::FINE,
         })
         .unwrap()
     }

@@ -3,7 +3,7 @@
 use super::rods::Rods;
 use super::state::GuideState;
 use crate::math::cholesky;
-use crate::rod::{Rod, Sensitivity, Shape};
+use crate::rod::{Rod, RodShape, Sensitivity};
 use crate::scene::Anim;
 use crate::wisp::GuideRod;
 use nalgebra::Vector3;
@@ -43,8 +43,8 @@ pub struct Held {
 pub fn departure(rods: &Rods, states: &[GuideState]) -> [f64; 2] {
     let moved = rods.simulated.par_iter().zip(states).zip(&rods.moved).filter(|(_, moved)| **moved);
     let each = moved.map(|((GuideRod { rod, .. }, state), _)| {
-        let [groom, now] = [&rod.start, &state.q].map(|q| {
-            let mut shape = Shape::default();
+        let [groom, now] = [&rod.initial_q, &state.q].map(|q| {
+            let mut shape = RodShape::default();
             shape.update(rod, &rod.root.r, q);
             shape
         });
@@ -74,9 +74,9 @@ pub fn hold(rods: &mut [GuideRod], anim: &Anim) -> Held {
 /// The same of one rod, against a share of `gravity`, m/s²: by how much it was stiffened, and whether it is at rest.
 fn hold_one(rod: &mut Rod, share: f64, gravity: &Vector3<f64>) -> (f64, bool) {
     let gravity = gravity * share;
-    let load = load(rod, &rod.start, &gravity);
-    let bend = largest(&rod.strain_under(&load));
-    let (elastic, softening) = (rod.elastic(), softening(rod, &gravity));
+    let load = load(rod, &rod.initial_q, &gravity);
+    let bend = largest(&rod.static_strain(&load));
+    let (elastic, softening) = (rod.elastic_matrix(), softening(rod, &gravity));
     let holds = |c: f64| {
         let mut hessian: Vec<f64> = elastic.iter().zip(&softening).map(|(k, s)| c * k - MARGIN * s).collect();
         c * BEND >= bend && cholesky::factor(&mut hessian, rod.unknowns()) == 1
@@ -86,14 +86,18 @@ fn hold_one(rod: &mut Rod, share: f64, gravity: &Vector3<f64>) -> (f64, bool) {
         stiffening = (stiffening * RUNG).min(STIFFEST);
     }
     let at_rest = holds(stiffening);
-    rod.stiffen(stiffening);
-    let mut moved: Vec<f64> =
-        rod.start.iter().zip(rod.strain_under(&load)).map(|(start, bend)| share * start - bend).collect();
+    rod.scale_stiffness(stiffening);
+    let mut moved: Vec<f64> = rod
+        .initial_q
+        .iter()
+        .zip(rod.static_strain(&load))
+        .map(|(start, bend)| share * start - bend)
+        .collect();
     for node in moved.chunks_exact_mut(3) {
         let within = BEND / largest(node).max(BEND);
         node.iter_mut().for_each(|w| *w *= within);
     }
-    rod.move_natural(&moved);
+    rod.set_natural_offset(&moved);
     (stiffening, at_rest)
 }
 
@@ -104,7 +108,7 @@ fn largest(strain: &[f64]) -> f64 {
 
 /// Generalised force of gravity, m/s², on a rod at unknowns `q`, N·m².
 fn load(rod: &Rod, q: &[f64], gravity: &Vector3<f64>) -> Vec<f64> {
-    let (mut shape, mut sensitivity) = (Shape::default(), Sensitivity::default());
+    let (mut shape, mut sensitivity) = (RodShape::default(), Sensitivity::default());
     shape.update(rod, &rod.root.r, q);
     sensitivity.update(rod, &shape, q);
     let mut load = vec![0.0; rod.unknowns()];
@@ -116,7 +120,7 @@ fn load(rod: &Rod, q: &[f64], gravity: &Vector3<f64>) -> Vec<f64> {
 
 /// By how much gravity makes the rod less stiff in its starting pose: the derivative of [`load`], row-major n × n.
 fn softening(rod: &Rod, gravity: &Vector3<f64>) -> Vec<f64> {
-    let mut q = rod.start.clone();
+    let mut q = rod.initial_q.clone();
     let mut rows = Vec::with_capacity(q.len() * q.len());
     for i in 0..q.len() {
         let at = q[i];
@@ -135,7 +139,7 @@ mod tests {
     use super::*;
     use crate::rod::newton::Solver;
     use crate::rod::potential::{Load, PointLoad};
-    use crate::rod::{Cut, RodSource, Taper};
+    use crate::rod::{RodSource, SegmentSize, Taper};
 
     const GRAVITY: Vector3<f64> = Vector3::new(0.0, -9.81, 0.0);
 
@@ -152,8 +156,8 @@ mod tests {
             line_density: 6.6e-6,
             damping: 0.0,
             taper: Taper::NONE,
-            natural: None,
-            cut: Cut::FINE,
+            natural_strain: None,
+            segment_size: SegmentSize::FINE,
         })
         .unwrap()
     }
@@ -162,7 +166,7 @@ mod tests {
     fn goes(rod: &Rod, start: &[f64], gravity: &Vector3<f64>) -> f64 {
         let (mut q, mut solver, mut load) = (start.to_vec(), Solver::default(), Load::default());
         for h in [0.02; 40].into_iter().chain([1e3; 3]) {
-            let mut at = Shape::default();
+            let mut at = RodShape::default();
             at.update(rod, &rod.root.r, &q);
             let rest = |x| PointLoad {
                 inertial: x,
@@ -175,8 +179,8 @@ mod tests {
             load.set(rod, h, gravity, &past, (0..rod.points()).map(|k| rest(at.x(k))));
             assert!(solver.minimise(rod, &rod.root.r, &load, &mut q, &past).converged);
         }
-        let mut groom = Shape::default();
-        groom.update(rod, &rod.root.r, &rod.start);
+        let mut groom = RodShape::default();
+        groom.update(rod, &rod.root.r, &rod.initial_q);
         (0..rod.points()).map(|k| (solver.shape.x(k) - groom.x(k)).norm()).fold(0.0, f64::max) / rod.length()
     }
 
@@ -188,10 +192,10 @@ mod tests {
             let mut held = plain.clone();
             let (stiffening, at_rest) = hold_one(&mut held, 1.0, &GRAVITY);
             assert!(at_rest && (stiffening > 1.0) == stiffer && stiffening < 20.0, "{stiffening}");
-            assert!(goes(&plain, &plain.start, &GRAVITY) > 0.02);
-            assert!(goes(&held, &held.start, &GRAVITY) < 1e-8);
+            assert!(goes(&plain, &plain.initial_q, &GRAVITY) > 0.02);
+            assert!(goes(&held, &held.initial_q, &GRAVITY) < 1e-8);
             // Disturbed by a strain of 1 /m all along, it comes back.
-            let disturbed: Vec<f64> = held.start.iter().map(|q| q + 1.0).collect();
+            let disturbed: Vec<f64> = held.initial_q.iter().map(|q| q + 1.0).collect();
             assert!(goes(&held, &disturbed, &GRAVITY) < 1e-6);
         }
     }
@@ -201,7 +205,7 @@ mod tests {
         let plain = rod(0.06, 0.3);
         let mut half = plain.clone();
         hold_one(&mut half, 0.5, &GRAVITY);
-        let [plain, half] = [&plain, &half].map(|rod| goes(rod, &rod.start, &GRAVITY));
+        let [plain, half] = [&plain, &half].map(|rod| goes(rod, &rod.initial_q, &GRAVITY));
         assert!((0.2..0.8).contains(&(half / plain)), "{half} of {plain}");
     }
 
@@ -224,12 +228,12 @@ mod tests {
             line_density: 6.6e-6,
             damping: 0.0,
             taper: Taper::NONE,
-            natural: Some(Vector3::new(0.0, 20.0, 0.0)),
-            cut: Cut::FINE,
+            natural_strain: Some(Vector3::new(0.0, 20.0, 0.0)),
+            segment_size: SegmentSize::FINE,
         })
         .unwrap();
-        assert!(goes(&curl, &curl.start, &GRAVITY) > 0.02);
+        assert!(goes(&curl, &curl.initial_q, &GRAVITY) > 0.02);
         assert!(hold_one(&mut curl, 1.0, &GRAVITY).1);
-        assert!(goes(&curl, &curl.start, &GRAVITY) < 1e-8);
+        assert!(goes(&curl, &curl.initial_q, &GRAVITY) < 1e-8);
     }
 }

@@ -10,7 +10,7 @@ use super::tangle::{Skin, Tangle};
 use super::together::Together;
 use super::wisps::{Changes, Wisps};
 use crate::contact::Bodies;
-use crate::rod::{Rod, Shape};
+use crate::rod::{Rod, RodShape};
 use crate::scene::anim::{Contact, Resolution, Written};
 use crate::scene::{Anim, Groom};
 use crate::wisp::{GuideRod, Hierarchy};
@@ -108,7 +108,7 @@ impl<'a> Simulation<'a> {
                 let pull =
                     simulation.around(|around| (around.head)(t).rotation.inverse() * (around.gravity)(t));
                 let mut hierarchy = Hierarchy::new(groom, rods, &pull, |i| &simulation.guides[i].drag);
-                hierarchy.confine(&mut simulation.moved);
+                hierarchy.restrict_to(&mut simulation.moved);
                 Some(Wisps::new(hierarchy, parting, step, 1.0 / anim.fps))
             }
         };
@@ -373,8 +373,8 @@ fn rubbing(rods: &[GuideRod]) -> Option<Rubbing> {
 
 /// One guide at rest on the head, shielded from the air.
 fn start(anim: &Anim, bulk: &Bulk, r: &GuideRod, around: &Surroundings, t: f64, step: f64) -> Guide {
-    let mut shape = Shape::default();
-    shape.update(&r.rod, &r.rod.root.r, &r.rod.start);
+    let mut shape = RodShape::default();
+    shape.update(&r.rod, &r.rod.root.r, &r.rod.initial_q);
     let place = |k: usize| shape.x(k) + r.rod.root.p;
     let drag = (0..r.rod.points()).map(|k| air::drag(&r.material, bulk, &place(k))).collect();
     let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
@@ -389,7 +389,7 @@ fn start(anim: &Anim, bulk: &Bulk, r: &GuideRod, around: &Surroundings, t: f64, 
 }
 
 /// What pulls the points of a rod that starts as `shape` to where they start, at frequencies `hz` from root to tip.
-fn goal(rod: &Rod, shape: &Shape, hz: [f64; 2]) -> Vec<(Vector3<f64>, f64)> {
+fn goal(rod: &Rod, shape: &RodShape, hz: [f64; 2]) -> Vec<(Vector3<f64>, f64)> {
     if hz == [0.0; 2] {
         return Vec::new();
     }

@@ -1,7 +1,7 @@
 //! Ties: places of guides that a body holds in all directions.
 
 use super::touch::with_middles;
-use crate::rod::Shape;
+use crate::rod::RodShape;
 use crate::scene::anim::TiePlace;
 use crate::scene::{Anim, Groom};
 use crate::wisp::GuideRod;
@@ -92,8 +92,8 @@ pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
 
 /// Points and middles in the groom's pose, rest space, m.
 fn drawn(r: &GuideRod) -> Vec<Vector3<f64>> {
-    let (mut shape, mut line) = (Shape::default(), Vec::new());
-    shape.update(&r.rod, &r.rod.root.r, &r.rod.start);
+    let (mut shape, mut line) = (RodShape::default(), Vec::new());
+    shape.update(&r.rod, &r.rod.root.r, &r.rod.initial_q);
     with_middles(&r.rod.arc, |k| shape.x(k) + r.rod.root.p, |k| shape.tangent(k), &mut line);
     line
 }

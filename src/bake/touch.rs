@@ -13,10 +13,10 @@ use crate::contact::{Bodies, Contact, Motion, Polyline, Problem, Tolerance, fric
 use crate::math::cholesky::{dot, solve_lower, solve_upper};
 use crate::math::frame::frame_towards;
 use crate::math::se3::Pose;
+use crate::rod::contact_load::{ContactLoad, ContactLoadBuffers};
 use crate::rod::newton::Solver;
 use crate::rod::potential::Load;
-use crate::rod::pushed::{Push, PushedWork};
-use crate::rod::{Rod, Shape};
+use crate::rod::{Rod, RodShape};
 use crate::scene::Friction;
 use averted::Averted;
 pub(super) use line::with_middles;
@@ -161,8 +161,8 @@ pub(super) struct TouchWork {
     pub(super) reaction: Vec<f64>,
     scratch: friction::Scratch,
     /// The last reactions that push, as the rod feels them: where the next solve starts from.
-    pub(super) pushes: Vec<Push>,
-    pushed: PushedWork,
+    pub(super) pushes: Vec<ContactLoad>,
+    pushed: ContactLoadBuffers,
     averted: Averted,
     /// The unknowns at the end of a motion that is cut short, as it was before.
     whole: Vec<f64>,
@@ -243,7 +243,7 @@ impl Touch<'_> {
             work.noted.rounds = round + 1;
             // On the way from a free motion the reactions are not yet those of the shape at hand.
             let pushes = if free && !work.frozen { &[][..] } else { &work.pushes };
-            if !solver.linearise_pushed(self.rod, self.load, pushes, q, &mut work.pushed) {
+            if !solver.linearise_loaded(self.rod, self.load, pushes, q, &mut work.pushed) {
                 return false;
             }
             self.rows(solver, work);
@@ -431,7 +431,7 @@ impl Touch<'_> {
             let frame = self.axes(&work.x1, contact);
             let (k, s) = on_rod(k, u);
             work.frames.push((k, s, frame));
-            rows_at(solver, k, solver.shape.carriers(self.rod, k, s), &frame, rows);
+            rows_at(solver, k, solver.shape.blend_points(self.rod, k, s), &frame, rows);
             for (j, (d, row)) in frame.iter().zip(rows.chunks_exact(n)).enumerate() {
                 let now = if j == 0 { contact.gap } else { slip.dot(d) };
                 work.free.push(now + dot(row, &solver.direction));
@@ -443,7 +443,7 @@ impl Touch<'_> {
             let gap = tie.place(&work.x1) - target;
             let (k, s) = on_rod(tie.half, tie.u);
             work.frames.push((k, s, axes));
-            rows_at(solver, k, solver.shape.carriers(self.rod, k, s), &axes, rows);
+            rows_at(solver, k, solver.shape.blend_points(self.rod, k, s), &axes, rows);
             for (gap, row) in gap.iter().zip(rows.chunks_exact(n)) {
                 work.free.push(gap + dot(row, &solver.direction));
             }
@@ -487,7 +487,7 @@ impl Touch<'_> {
     /// Friction of a contact.
     fn friction_at(&self, contact: &Contact) -> Friction {
         let (k, s) = on_rod(contact.segment, contact.u);
-        let own = || Friction::between(self.friction, self.rod.share(k, s));
+        let own = || Friction::between(self.friction, self.rod.arc_fraction(k, s));
         contact.friction.unwrap_or_else(own)
     }
 
@@ -505,9 +505,10 @@ impl Touch<'_> {
         work.reaction.clear();
         for (i, (k, s, frame)) in work.frames.iter().enumerate() {
             let normal = work.contacts.get(i).map_or_else(Vector3::zeros, |c| c.normal);
-            let same =
-                |p: &&Push| p.segment == *k && (p.normal == normal || p.normal.dot(&normal) > SAME_NORMAL);
-            let far = |p: &Push| (p.u - s).abs();
+            let same = |p: &&ContactLoad| {
+                p.segment == *k && (p.normal == normal || p.normal.dot(&normal) > SAME_NORMAL)
+            };
+            let far = |p: &ContactLoad| (p.u - s).abs();
             let warm = work.pushes.iter().filter(same).min_by(|a, b| far(a).total_cmp(&far(b)));
             let start = warm.map_or([0.0; 3], |p| frame.map(|d| d.dot(&p.force) / d.norm_squared()));
             work.reaction.extend(start);
@@ -548,21 +549,21 @@ impl Touch<'_> {
                 None => (Vector3::zeros(), true),
             };
             if i >= work.contacts.len() || r[0] > 0.0 {
-                work.pushes.push(Push { segment: *k, u: *s, force, normal, sticks });
+                work.pushes.push(ContactLoad { segment: *k, u: *s, force, normal, sticks });
             }
         }
     }
 
     /// Moves `q` under the last reactions, held constant, as far as the potential decreases, and no point by more than about `most`, m; returns the largest displacement, m.
     fn descend(&self, most: f64, solver: &mut Solver, q: &mut [f64], work: &TouchWork) -> f64 {
-        let of = |shape: &Shape| {
+        let of = |shape: &RodShape| {
             let mut sum = 0.0;
             for ((k, s, [n, t1, t2]), r) in work.frames.iter().zip(work.reaction.chunks_exact(3)) {
-                sum += (n * r[0] + t1 * r[1] + t2 * r[2]).dot(&shape.place(self.rod, *k, *s));
+                sum += (n * r[0] + t1 * r[1] + t2 * r[2]).dot(&shape.curve_point(self.rod, *k, *s));
             }
             sum
         };
-        solver.advance_under(self.rod, &self.root.r, self.load, q, of, most)
+        solver.advance_loaded(self.rod, &self.root.r, self.load, q, of, most)
     }
 }
 

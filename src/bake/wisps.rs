@@ -10,7 +10,7 @@ use super::state::Unfit;
 use crate::contact::Memory;
 use crate::math::lanes::MAX_LANES;
 use crate::rod::Rod;
-use crate::rod::pack::{Bent, Pack, PackWork};
+use crate::rod::pack::{Pack, PackBuffers, PointsTask};
 use crate::wisp::Hierarchy;
 use keep_out::Moment;
 use nalgebra::Vector3;
@@ -125,7 +125,7 @@ fn vectors(turning: &[f64]) -> impl Iterator<Item = Vector3<f64>> {
 struct Workspace {
     means: Means,
     out: Vec<f64>,
-    pack: PackWork,
+    pack: PackBuffers,
     /// Places of the guides of a file, m, world.
     places: [Vec<Vector3<f64>>; MAX_LANES],
     keep_out: keep_out::Work,
@@ -186,7 +186,7 @@ impl Wisps {
 
     /// The guide that stands for what guide `i` moves with, and moves by itself: that, or that of a wisp around its own.
     pub fn mover(&self, i: usize) -> usize {
-        match self.hierarchy.around[i] {
+        match self.hierarchy.parent[i] {
             Some(around) if !self.is_free(i) => self.mover(around),
             _ => i,
         }
@@ -366,7 +366,7 @@ impl Wisps {
         }
         let mut bent = led.iter().zip(&mut work.places).map(|(led, places)| {
             let Led { guide, .. } = led.as_ref()?;
-            Some(Bent { root: now.root(&guide.rod), q: &guide.q[0], places })
+            Some(PointsTask { root: now.root(&guide.rod), q: &guide.q[0], places })
         });
         let mut bent = std::array::from_fn(|_| bent.next().flatten());
         file.pack.place(&mut bent, &mut work.pack);
@@ -441,7 +441,7 @@ impl Wisps {
         self.rest[i].turn(guide, &mut own);
         let rate = |n: usize| slope(BACK.map(|back| moment(&own, back)[n] - moment(&led, back)[n]), self.h);
         let rates: Vec<f64> = (0..moment(&led, 0).len()).map(rate).collect();
-        self.rest[i].reach.way(vectors(&rates))
+        self.rest[i].reach.mean_displacement(vectors(&rates))
     }
 
     /// What guide `i` is when it begins to follow at time `t`, s.
@@ -468,7 +468,7 @@ impl Wisps {
     /// shares, times the share of its answers that they miss. Of a single one nothing tells by how much others would differ: that may be all of its way
     /// from rest.
     fn missed(&self, i: usize) -> f64 {
-        self.hierarchy.missed[i] * self.spread(i)
+        self.hierarchy.response_error[i] * self.spread(i)
     }
 
     fn spread(&self, i: usize) -> f64 {
@@ -476,7 +476,7 @@ impl Wisps {
         self.average(i, &mut means);
         let reach = &self.rest[i].reach;
         if self.hierarchy.leaders[i].len() == 1 {
-            return reach.way(vectors(moment(&means.turned, 0)));
+            return reach.mean_displacement(vectors(moment(&means.turned, 0)));
         }
         let nu = self.followers[i].agreement.share();
         let square = |&(leader, share): &(usize, f64)| {
@@ -484,7 +484,7 @@ impl Wisps {
                 |of, mean| vectors(moment(of, 0)).zip(vectors(moment(mean, 0))).map(|(of, mean)| of - mean);
             let turned = apart(&self.turning[leader][..], &means.turned[..]);
             let swung = apart(self.swings.turning(leader), &means.swung);
-            let way = reach.way(turned.zip(swung).map(|(turned, swung)| turned - nu * swung));
+            let way = reach.mean_displacement(turned.zip(swung).map(|(turned, swung)| turned - nu * swung));
             share.abs() * way * way
         };
         self.hierarchy.leaders[i].iter().map(square).sum::<f64>().sqrt()

@@ -9,7 +9,7 @@ use crate::bake::{self, BakeSummary};
 use crate::error::{Error, Result};
 use crate::scene::Anim;
 use crate::scene::anim::Contact;
-use crate::strands::SPAN;
+use crate::strands::RETRACTION_SPAN;
 use clap::Args;
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -141,7 +141,7 @@ pub fn run(
     let control = arguments.run.control()?;
     let job = scene.job(list.map(|list| list.shot), |anim| arguments.end.are_for(anim))?;
     if let Some(FrameList { frames, .. }) = list.filter(|list| !list.is_whole()) {
-        let last = frames.iter().max().map_or(*job.frames().start(), |last| last + SPAN as i32);
+        let last = frames.iter().max().map_or(*job.frames().start(), |last| last + RETRACTION_SPAN as i32);
         let segment = [*job.frames().start(), last];
         let summary = progress.through(|show| {
             bake::simulate(&job, segment, &control, &mut *show)?;

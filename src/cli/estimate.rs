@@ -6,7 +6,7 @@ use super::{console, summary, values};
 use crate::bake::control::Control;
 use crate::bake::{self, BakeSummary, StageSeconds};
 use crate::error::{Error, Result};
-use crate::strands::SPAN;
+use crate::strands::RETRACTION_SPAN;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command};
 use std::fmt::Write;
@@ -70,7 +70,7 @@ fn figures(
         Some(seconds) if settled > 0.0 => (seconds / settled).max(simulate * fps) * preroll,
         _ => simulate * fps * preroll,
     };
-    let seconds = simulate * (frames + f64::from(SPAN as u32)) + write * frames + settle;
+    let seconds = simulate * (frames + f64::from(RETRACTION_SPAN as u32)) + write * frames + settle;
     let disk = trial.manifest.as_ref().map_or(0.0, |manifest| {
         let still: u64 = manifest.layers.iter().map(|layer| layer.bytes).sum();
         let moving: u64 = manifest.frames.iter().map(|frame| frame.file.bytes).sum();

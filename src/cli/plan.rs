@@ -4,7 +4,7 @@ use super::scene::SceneArguments;
 use super::{console, values};
 use crate::error::{Error, Result};
 use crate::farm::{Commands, Division, FRAMES, PATH_MAP, Plan, Step, openjd, slurm};
-use crate::strands::SPAN;
+use crate::strands::RETRACTION_SPAN;
 use clap::{Args, ValueEnum};
 use std::path::Path;
 
@@ -88,7 +88,7 @@ pub fn run(arguments: &PlanArguments, threads: Option<usize>) -> Result<()> {
     let (first, last) = scene.anim.frames;
     let division = Division {
         frames: (first - 1, last + 1),
-        ahead: SPAN as i32,
+        ahead: RETRACTION_SPAN as i32,
         segment: arguments.segment,
         chunk: arguments.chunk,
         check: arguments.segment,

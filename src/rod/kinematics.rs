@@ -1,4 +1,4 @@
-//! Shape of a rod from its unknowns, and how the shape moves with them.
+//! RodShape of a rod from its unknowns, and how the shape moves with them.
 
 use super::Rod;
 use super::model::{Beam, GAUSS, Step};
@@ -15,15 +15,15 @@ const MAX_STEP_TURN: f64 = 3.0;
 
 /// Poses along a rod, world axes, origin at the root. One per point.
 #[derive(Debug, Clone)]
-pub struct Shape<F = f64> {
+pub struct RodShape<F = f64> {
     pub(super) pose: Vec<lanes::Pose<F>>,
     /// One per sub-step: what took each pose to the next.
     pub(super) turn: Vec<Turn<F>>,
 }
 
-impl<F> Default for Shape<F> {
+impl<F> Default for RodShape<F> {
     fn default() -> Self {
-        Shape { pose: Vec::new(), turn: Vec::new() }
+        RodShape { pose: Vec::new(), turn: Vec::new() }
     }
 }
 
@@ -41,7 +41,7 @@ impl<F: Real> Turn<F> {
     }
 }
 
-impl Shape {
+impl RodShape {
     /// The shape at unknowns `q` with the root frame turned by `root` (columns d1, d2, d3, world); `false` where a sub-step turns by more
     /// than the curve can follow.
     pub fn update(&mut self, rod: &Rod, root: &Matrix3<f64>, q: &[f64]) -> bool {
@@ -65,7 +65,7 @@ impl Shape {
 
     /// Position of the middle of the curve between point `k` and the next, m, relative to the root, at the unknowns `q` of this shape: half a
     /// Magnus step from either point, of a strain that is linear through its values at the Gauss points of the whole, and the mean of the two.
-    pub fn middle(&self, rod: &Rod, k: usize, q: &[f64]) -> Vector3<f64> {
+    pub fn midpoint(&self, rod: &Rod, k: usize, q: &[f64]) -> Vector3<f64> {
         let step = &rod.beam.steps[k];
         let d = local(step, q);
         let [first, second] = [step.strain[0] + d[0], step.strain[1] + d[1]];
@@ -87,27 +87,31 @@ impl Shape {
 
     /// The points and the middle of the curve between any two, m, relative to the root, at the unknowns `q` of this shape: where a rod is bent
     /// far more than by nature, cubics through its points alone do not have its length.
-    pub fn curve<'a>(&'a self, rod: &'a Rod, q: &'a [f64]) -> impl Iterator<Item = Vector3<f64>> + 'a {
-        let between = move |k: usize| [self.middle(rod, k, q), self.x(k + 1)];
+    pub fn refined_curve<'a>(
+        &'a self,
+        rod: &'a Rod,
+        q: &'a [f64],
+    ) -> impl Iterator<Item = Vector3<f64>> + 'a {
+        let between = move |k: usize| [self.midpoint(rod, k, q), self.x(k + 1)];
         std::iter::once(self.x(0)).chain((0..rod.points() - 1).flat_map(between))
     }
 
-    /// A place on [`Shape::curve`] as a polyline, at the fraction `s` (0..=1) of sub-step `k`: shares of two points, m, relative to the root, of
+    /// A place on [`RodShape::curve`] as a polyline, at the fraction `s` (0..=1) of sub-step `k`: shares of two points, m, relative to the root, of
     /// which one goes with the frame at point `k` and one with that at the next (`docs/theory.md` eq. 5.3).
-    pub fn carriers(&self, rod: &Rod, k: usize, s: f64) -> [(f64, Vector3<f64>); 2] {
+    pub fn blend_points(&self, rod: &Rod, k: usize, s: f64) -> [(f64, Vector3<f64>); 2] {
         let reach = 0.25 * rod.beam.steps[k].h;
         let ahead = self.x(k) + self.tangent(k) * (reach * (s / (1.0 - s)).min(1.0));
         let back = self.x(k + 1) - self.tangent(k + 1) * (reach * ((1.0 - s) / s).min(1.0));
         [(1.0 - s, ahead), (s, back)]
     }
 
-    /// The place of [`Shape::carriers`], m, relative to the root.
-    pub fn place(&self, rod: &Rod, k: usize, s: f64) -> Vector3<f64> {
-        self.carriers(rod, k, s).iter().map(|(share, x)| x * *share).sum()
+    /// The place of [`RodShape::blend_points`], m, relative to the root.
+    pub fn curve_point(&self, rod: &Rod, k: usize, s: f64) -> Vector3<f64> {
+        self.blend_points(rod, k, s).iter().map(|(share, x)| x * *share).sum()
     }
 
     /// Sets `places` to the points, then the middles between any two of cubics with the tangents of both, m, with the root at `root`.
-    pub fn places(&self, rod: &Rod, root: &Vector3<f64>, places: &mut Vec<Vector3<f64>>) {
+    pub fn points_and_midpoints(&self, rod: &Rod, root: &Vector3<f64>, places: &mut Vec<Vector3<f64>>) {
         places.clear();
         places.extend((0..self.points()).map(|k| self.x(k) + root));
         let middle = |(k, step): (usize, &Step<f64>)| Vector3::from(self.between(k, step.h)) + root;
@@ -120,8 +124,8 @@ impl Shape {
     }
 }
 
-impl<F: Real> Shape<F> {
-    /// [`Shape::update`] in every lane; returns those where no sub-step turns by [`MAX_STEP_TURN`].
+impl<F: Real> RodShape<F> {
+    /// [`RodShape::update`] in every lane; returns those where no sub-step turns by [`MAX_STEP_TURN`].
     #[inline(always)]
     pub(super) fn bend(&mut self, beam: &Beam<F>, root: M3<F>, q: &[F]) -> Mask {
         let zero = beam.length.same(0.0);
@@ -239,7 +243,7 @@ impl<F> Default for Sensitivity<F> {
 impl<F: Real> Sensitivity<F> {
     /// The levers at `shape`: enough for a gradient.
     #[inline(always)]
-    pub(super) fn levers(&mut self, shape: &Shape<F>) {
+    pub(super) fn levers(&mut self, shape: &RodShape<F>) {
         let zero = shape.pose[0].p.0[0].same(0.0);
         if self.lever.len() != shape.turn.len() {
             let none = M3::diagonal(zero);
@@ -287,7 +291,7 @@ impl<F: Real> Sensitivity<F> {
 
 impl Sensitivity {
     /// The sensitivity at unknowns `q` whose shape is `shape`.
-    pub fn update(&mut self, rod: &Rod, shape: &Shape, q: &[f64]) {
+    pub fn update(&mut self, rod: &Rod, shape: &RodShape, q: &[f64]) {
         self.levers(shape);
         self.twists(&rod.beam, q);
     }
@@ -311,7 +315,7 @@ impl Sensitivity {
     }
 
     /// Velocity and angular velocity of point `k` (at `x`, relative to the root) under rates `qdot`, relative to a root at rest.
-    pub fn motion(&self, k: usize, x: &Vector3<f64>, qdot: &[f64]) -> (Vector3<f64>, Vector3<f64>) {
+    pub fn velocity(&self, k: usize, x: &Vector3<f64>, qdot: &[f64]) -> (Vector3<f64>, Vector3<f64>) {
         let mut t = Twist::none(0.0);
         for (c, r) in self.moving(k).zip(qdot) {
             t = Twist { w: t.w + c.w * *r, v: t.v + c.v * *r };
@@ -323,21 +327,21 @@ impl Sensitivity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rod::{Cut, RodSource, Taper};
+    use crate::rod::{RodSource, SegmentSize, Taper};
 
     #[test]
     fn places_on_the_curve_are_on_it_and_move_as_their_carriers_do() {
-        let (rod, q) = Rod::wound();
+        let (rod, q) = Rod::bent_sample();
         let shape_at = |q: &[f64]| {
-            let mut shape = Shape::default();
+            let mut shape = RodShape::default();
             assert!(shape.update(&rod, &rod.root.r, q));
             shape
         };
-        let place = |shape: &Shape, k: usize, s: f64| {
-            shape.carriers(&rod, k, s).iter().map(|(share, x)| x * *share).sum::<Vector3<f64>>()
+        let place = |shape: &RodShape, k: usize, s: f64| {
+            shape.blend_points(&rod, k, s).iter().map(|(share, x)| x * *share).sum::<Vector3<f64>>()
         };
         let shape = shape_at(&q);
-        let curve: Vec<_> = shape.curve(&rod, &q).collect();
+        let curve: Vec<_> = shape.refined_curve(&rod, &q).collect();
         let mut sensitivity = Sensitivity::default();
         sensitivity.update(&rod, &shape, &q);
         let d = Vector3::new(0.3, -0.8, 0.5);
@@ -347,7 +351,7 @@ mod tests {
                 let on_curve = curve[2 * k + half].lerp(&curve[2 * k + half + 1], u);
                 assert!((place(&shape, k, s) - on_curve).norm() < 1e-6);
                 let mut row = vec![0.0; q.len()];
-                for (i, (share, x)) in shape.carriers(&rod, k, s).iter().enumerate() {
+                for (i, (share, x)) in shape.blend_points(&rod, k, s).iter().enumerate() {
                     sensitivity.add_row(k + i, x, &d, *share, &mut row);
                 }
                 for (a, row) in row.iter().enumerate() {
@@ -379,8 +383,8 @@ mod tests {
                 line_density: 1e-5,
                 damping: 0.0,
                 taper: Taper::NONE,
-                natural: None,
-                cut: Cut { length: length / 4.0 / (sub_steps - 0.5), turn: 10.0 },
+                natural_strain: None,
+                segment_size: SegmentSize { max_length: length / 4.0 / (sub_steps - 0.5), max_turn: 10.0 },
             })
             .unwrap()
         };
@@ -388,16 +392,16 @@ mod tests {
         let miss = |sub_steps: f64| {
             let (coarse, fine) = (rod(sub_steps), rod(2.0 * sub_steps));
             assert_eq!(2 * (coarse.points() - 1), fine.points() - 1);
-            let mut shapes = [Shape::default(), Shape::default()];
+            let mut shapes = [RodShape::default(), RodShape::default()];
             assert!(shapes[0].update(&coarse, &coarse.root.r, &q));
             assert!(shapes[1].update(&fine, &fine.root.r, &q));
             // In the frame of the point before, where the two do not yet differ.
-            let local = |shape: &Shape, k: usize, x: Vector3<f64>| {
+            let local = |shape: &RodShape, k: usize, x: Vector3<f64>| {
                 let g = shape.poses().nth(k).unwrap();
                 g.r.transpose() * (x - g.p)
             };
             let off = |k: usize| {
-                let middle = local(&shapes[0], k, shapes[0].middle(&coarse, k, &q));
+                let middle = local(&shapes[0], k, shapes[0].midpoint(&coarse, k, &q));
                 (middle - local(&shapes[1], 2 * k, shapes[1].x(2 * k + 1))).norm()
             };
             (0..coarse.points() - 1).map(off).fold(0.0, f64::max)

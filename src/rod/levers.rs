@@ -1,12 +1,12 @@
 //! How a rod moves with its unknowns, about: enough to choose by, and for what is looked at again after each move.
 
-use super::{Rod, Shape};
+use super::{Rod, RodShape};
 use nalgebra::{Matrix3, Vector3};
 use std::cmp::Ordering;
 
 /// How places of a rod move with its unknowns, as if all that a node bends were upstream of what is beyond that node.
 #[derive(Debug, Clone)]
-pub struct Levers {
+pub struct LumpedSensitivity {
     /// At each node: where it is, m, relative to the root, and at which point of the rod.
     nodes: Vec<(Vector3<f64>, usize)>,
     /// Of each node that has unknowns the turn, m, and the way at the root, m², that each of them gives to what is beyond: ∫ N R ds and ∫ N x × R ds, N
@@ -14,9 +14,9 @@ pub struct Levers {
     twists: Vec<[Matrix3<f64>; 2]>,
 }
 
-impl Levers {
+impl LumpedSensitivity {
     /// Of `rod` in `shape`.
-    pub fn new(rod: &Rod, shape: &Shape) -> Self {
+    pub fn new(rod: &Rod, shape: &RodShape) -> Self {
         let nodes =
             (0..rod.nodes.len()).map(|node| rod.node_point(node)).map(|point| (shape.x(point), point));
         let mut twists = vec![[Matrix3::zeros(); 2]; rod.nodes.len()];
@@ -25,7 +25,7 @@ impl Levers {
             let carried = Matrix3::from_columns(&[0, 1, 2].map(|axis| pose.p.cross(&pose.r.column(axis))));
             let end = [pose.r, carried];
             // By the trapezoidal rule on each sub-step.
-            if let Some((h, element, [left, right])) = k.checked_sub(1).map(|k| rod.sub_step(k)) {
+            if let Some((h, element, [left, right])) = k.checked_sub(1).map(|k| rod.segment(k)) {
                 for (side, share) in [left, right].into_iter().enumerate() {
                     let twist = &mut twists[element + side];
                     (0..2).for_each(|i| twist[i] += (start[i] + end[i]) * (0.5 * h * share));
@@ -34,7 +34,7 @@ impl Levers {
             start = end;
         }
         twists.pop();
-        Levers { nodes: nodes.collect(), twists }
+        LumpedSensitivity { nodes: nodes.collect(), twists }
     }
 
     /// Where node `node` is, m, relative to the root.
@@ -49,7 +49,7 @@ impl Levers {
         row
     }
 
-    /// Sets `row` to [`Levers::row`].
+    /// Sets `row` to [`LumpedSensitivity::row`].
     pub fn set_row(&self, end: usize, x: &Vector3<f64>, d: &Vector3<f64>, row: &mut [f64]) {
         row.fill(0.0);
         let about = x.cross(d);
@@ -60,7 +60,7 @@ impl Levers {
     }
 
     /// Σ w (∂x/∂q)ᵀ ∂x/∂q over the nodes, w being what `weight` says of each; row-major.
-    pub fn squares(&self, weight: impl Fn(usize) -> f64) -> Vec<f64> {
+    pub fn mass_matrix(&self, weight: impl Fn(usize) -> f64) -> Vec<f64> {
         let n = 3 * self.twists.len();
         let mut sum = vec![0.0; n * n];
         for (node, (x, point)) in self.nodes.iter().enumerate().skip(1) {
@@ -77,7 +77,7 @@ impl Levers {
 
     /// Second derivative of −Σ f·x over the nodes, where `force` tells the constant force f, N, at each: how hair that is loaded so resists being turned, or
     /// gives way; row-major, N·m³.
-    pub fn stiffness_under(&self, force: impl Fn(usize) -> Vector3<f64>) -> Vec<f64> {
+    pub fn geometric_stiffness(&self, force: impl Fn(usize) -> Vector3<f64>) -> Vec<f64> {
         let n = 3 * self.twists.len();
         let turn = |a: usize| Vector3::from(self.twists[a / 3][0].column(a % 3));
         // Of each unknown, the torque of the loads at the ways that it gives them.
@@ -103,7 +103,7 @@ impl Levers {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rod::{Cut, RodSource, Taper};
+    use crate::rod::{RodSource, SegmentSize, Taper};
 
     /// A thin rod through these points with its nodes at these shares of the arc.
     fn through(points: &[Vector3<f64>], arc: &[f64]) -> Rod {
@@ -115,8 +115,8 @@ mod tests {
             line_density: 6e-6,
             damping: 0.0,
             taper: Taper::NONE,
-            natural: None,
-            cut: Cut::FINE,
+            natural_strain: None,
+            segment_size: SegmentSize::FINE,
         })
         .unwrap()
     }
@@ -128,10 +128,10 @@ mod tests {
         let points: Vec<_> = (0..90).map(|k| curl(0.1 * f64::from(k))).collect();
         let rod = through(&points, &[0.0, 0.2, 0.5, 0.7, 1.0]);
         let mut q: Vec<f64> = (0..rod.unknowns()).map(|i| 2.0 * (i as f64).sin()).collect();
-        let mut shape = Shape::default();
+        let mut shape = RodShape::default();
         let mut tip = |q: &[f64]| {
             shape.update(&rod, &rod.root.r, q);
-            (shape.x(rod.points() - 1), Levers::new(&rod, &shape))
+            (shape.x(rod.points() - 1), LumpedSensitivity::new(&rod, &shape))
         };
         let (x, levers) = tip(&q);
         let d = Vector3::new(0.6, -0.48, 0.64);
@@ -150,13 +150,13 @@ mod tests {
         let points: Vec<_> =
             (0..30).map(|k| 0.01 * f64::from(k)).map(|s| Vector3::new(s, 3.0 * s * s, -0.2 * s)).collect();
         let rod = through(&points, &[0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0]);
-        let mut q = rod.start.clone();
-        let mut shape = Shape::default();
-        let weight = |node: usize| Vector3::new(1.0, -9.81, 2.0) * rod.mass_at(node);
+        let mut q = rod.initial_q.clone();
+        let mut shape = RodShape::default();
+        let weight = |node: usize| Vector3::new(1.0, -9.81, 2.0) * rod.lumped_mass(node);
         // What the weights do along each unknown.
         let mut forces = |q: &[f64]| -> Vec<f64> {
             shape.update(&rod, &rod.root.r, q);
-            let levers = Levers::new(&rod, &shape);
+            let levers = LumpedSensitivity::new(&rod, &shape);
             let mut sum = vec![0.0; q.len()];
             for node in 1..rod.nodes.len() {
                 let row = levers.row(rod.node_point(node), &levers.node(node), &weight(node));
@@ -175,7 +175,7 @@ mod tests {
             (0..n).for_each(|b| found[b * n + a] = (less[b] - more[b]) / 2e-4);
         }
         shape.update(&rod, &rod.root.r, &q);
-        let stiffness = Levers::new(&rod, &shape).stiffness_under(weight);
+        let stiffness = LumpedSensitivity::new(&rod, &shape).geometric_stiffness(weight);
         let size = |a: &[f64]| a.iter().map(|a| a * a).sum::<f64>().sqrt();
         let off: Vec<f64> = stiffness.iter().zip(&found).map(|(a, b)| a - b).collect();
         assert!(size(&off) < 0.1 * size(&found), "{} of {}", size(&off), size(&found));

@@ -2,7 +2,7 @@
 //!
 //! A rod is inextensible and unshearable by construction: its shape follows from its strain
 //! Ω(s) = (κ1, κ2, τ) in the material frame. The natural shape keeps the groom's own resolution; the unknowns `q`
-//! are the deviation from it at a few nodes, linear in between. [`Rod`] is what does not change, [`Shape`]
+//! are the deviation from it at a few nodes, linear in between. [`Rod`] is what does not change, [`RodShape`]
 //! and [`Sensitivity`] are the kinematics at one `q`, [`potential`] the incremental potential whose minimum is the
 //! implicit step, [`newton`] finds it.
 //!
@@ -15,14 +15,14 @@
 //! | T, S | `Twist` columns | world twist that an unknown induces downstream | rad·m, m² per 1/m |
 //! | K | `stiffness` | (E I1, E I2, G J) | N·m² |
 
+pub mod contact_load;
 mod kinematics;
 mod levers;
 mod model;
 pub mod newton;
 pub mod pack;
 pub mod potential;
-pub mod pushed;
 
-pub use kinematics::{Sensitivity, Shape};
-pub use levers::Levers;
-pub use model::{Cut, Rod, RodSource, Taper};
+pub use kinematics::{RodShape, Sensitivity};
+pub use levers::LumpedSensitivity;
+pub use model::{Rod, RodSource, SegmentSize, Taper};

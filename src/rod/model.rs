@@ -8,20 +8,20 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// How finely the elements of a rod are cut into sub-steps: two at least.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cut {
+pub struct SegmentSize {
     /// Longest sub-step, m.
-    pub length: f64,
+    pub max_length: f64,
     /// Most that the natural shape turns in one sub-step, rad. The Magnus series converges below π.
-    pub turn: f64,
+    pub max_turn: f64,
 }
 
-impl Cut {
+impl SegmentSize {
     /// As the accuracy of the rod asks: what the sub-steps leave of the error is then far below what the nodes leave.
-    pub const COARSE: Cut = Cut { length: f64::INFINITY, turn: 0.8 };
+    pub const COARSE: SegmentSize = SegmentSize { max_length: f64::INFINITY, max_turn: 0.8 };
 
     /// As contact and writing ask: the polyline of a rod is within a tenth of a millimetre of its curve on a head (a 10 cm radius of
     /// curvature) and within a fiftieth of its radius on a curl.
-    pub const FINE: Cut = Cut { length: 0.01, turn: 0.4 };
+    pub const FINE: SegmentSize = SegmentSize { max_length: 0.01, max_turn: 0.4 };
 }
 
 /// Gauss points of a sub-step, as fractions of it: ½ ∓ √3/6.
@@ -51,7 +51,7 @@ pub(super) struct Beam<F> {
     pub hat: Vec<[F; 2]>,
     /// (E I1, E I2, G J), N·m².
     pub stiffness: [F; 3],
-    /// Generalised force of natural pre-bending, N·m²; see [`Rod::move_natural`].
+    /// Generalised force of natural pre-bending, N·m²; see [`Rod::set_natural_offset`].
     pub prebend: Vec<F>,
     /// Length L, m.
     pub length: F,
@@ -112,9 +112,9 @@ pub struct RodSource<'a> {
     /// What changes towards the tip.
     pub taper: Taper,
     /// Constant natural strain, 1/m; `None` takes the shape of `points` as natural.
-    pub natural: Option<Vector3<f64>>,
+    pub natural_strain: Option<Vector3<f64>>,
     /// How finely it is cut.
-    pub cut: Cut,
+    pub segment_size: SegmentSize,
 }
 
 /// What a rod is at its tip over what it is at its root, changing evenly between them.
@@ -147,7 +147,7 @@ pub struct Rod {
     /// Arc length that each point stands for in integrals along the rod (composite Simpson), m; one per point.
     pub weight: Vec<f64>,
     /// Starting deviation: the groom's shape as seen from the natural one, 1/m.
-    pub start: Vec<f64>,
+    pub initial_q: Vec<f64>,
     pub(super) beam: Beam<f64>,
     /// ∫ N_i N_j σ τ ds, m·s, τ being the relaxation time.
     pub(super) damping: Vec<[f64; 2]>,
@@ -167,7 +167,7 @@ impl Rod {
             let samples = 2 * (drawn + 1).max(4);
             (0..=samples)
                 .map(|i| spline.at(a + (b - a) * i as f64 / samples as f64).curvature.norm())
-                .fold(source.natural.map_or(0.0, |w| w.norm()), f64::max)
+                .fold(source.natural_strain.map_or(0.0, |w| w.norm()), f64::max)
                 * (b - a)
         };
         let mut steps = Vec::new();
@@ -177,21 +177,23 @@ impl Rod {
         for (element, node) in nodes.windows(2).enumerate() {
             let l = node[1] - node[0];
             // Simpson's rule needs an even number.
-            let pairs =
-                (turning(node[0], node[1]) / source.cut.turn).max(l / source.cut.length).max(2.0) / 2.0;
+            let pairs = (turning(node[0], node[1]) / source.segment_size.max_turn)
+                .max(l / source.segment_size.max_length)
+                .max(2.0)
+                / 2.0;
             let n = 2 * pairs.ceil() as usize;
             let h = l / n as f64;
             for k in 0..n {
                 let a = node[0] + h * k as f64;
                 let drawn = DrawnStep::new(&spline, &mut frame, a, h);
                 let left = GAUSS.map(|g| 1.0 - (k as f64 + g) / n as f64);
-                let (natural, strain) = match source.natural {
+                let (natural, strain) = match source.natural_strain {
                     None => (drawn.exponent, drawn.strain),
                     Some(w) => (Twist::new(w * h, Vector3::z() * h), [w; 2]),
                 };
                 let natural = lanes::Twist { w: natural.w.into(), v: natural.v.into() };
                 let strain = strain.map(V3::from);
-                deviation.push(drawn.strain.map(|w| w - source.natural.unwrap_or(w)));
+                deviation.push(drawn.strain.map(|w| w - source.natural_strain.unwrap_or(w)));
                 steps.push(Step { element, h, natural, strain, left });
                 if k % 2 == 0 {
                     let last = weight.len() - 1;
@@ -221,10 +223,10 @@ impl Rod {
             mass: mass.iter().sum(),
             steps,
         };
-        let (start, damping) = (vec![0.0; 3 * free], Vec::new());
-        let mut rod = Rod { root, arc, mass, weight, start, nodes, beam, damping };
-        if source.natural.is_some() {
-            rod.start = rod.project(&deviation);
+        let (initial_q, damping) = (vec![0.0; 3 * free], Vec::new());
+        let mut rod = Rod { root, arc, mass, weight, initial_q, nodes, beam, damping };
+        if source.natural_strain.is_some() {
+            rod.initial_q = rod.project(&deviation);
         }
         // From here on the integrals are those of the stiffness.
         let sigma = |u: f64| towards(taper.stiffness, u) * towards(taper.radius, u).powi(4);
@@ -254,25 +256,25 @@ impl Rod {
     }
 
     /// Arc that a node stands for where a rod is cut at its nodes, m.
-    pub fn span_at(&self, node: usize) -> f64 {
+    pub fn lumped_length(&self, node: usize) -> f64 {
         let last = self.nodes.len() - 1;
         0.5 * (self.nodes[(node + 1).min(last)] - self.nodes[node.saturating_sub(1)])
     }
 
     /// Length of sub-step `k`, m, its element, and the shares that the nodes at that element's start and end have in its strain, on average.
-    pub(super) fn sub_step(&self, k: usize) -> (f64, usize, [f64; 2]) {
+    pub(super) fn segment(&self, k: usize) -> (f64, usize, [f64; 2]) {
         let step = &self.beam.steps[k];
         let left = 0.5 * (step.left[0] + step.left[1]);
         (step.h, step.element, [left, 1.0 - left])
     }
 
     /// Mass that a node stands for where a rod is cut at its nodes and is as thick all along as on average, kg.
-    pub fn mass_at(&self, node: usize) -> f64 {
-        self.span_at(node) / self.length() * self.beam.mass
+    pub fn lumped_mass(&self, node: usize) -> f64 {
+        self.lumped_length(node) / self.length() * self.beam.mass
     }
 
     /// Arc length of a place on the segment from point `k` to the next, 0..=1 of it, as a share of the rod's length.
-    pub fn share(&self, k: usize, u: f64) -> f64 {
+    pub fn arc_fraction(&self, k: usize, u: f64) -> f64 {
         (self.arc[k] + (self.arc[k + 1] - self.arc[k]) * u) / self.length()
     }
 
@@ -312,12 +314,12 @@ impl Rod {
     }
 
     /// The elastic stiffness matrix K = ∫ N_i K N_j ds, row-major n × n, N·m³.
-    pub fn elastic(&self) -> Vec<f64> {
+    pub fn elastic_matrix(&self) -> Vec<f64> {
         self.stiffened(&self.beam.hat)
     }
 
     /// The matrix ∫ N_i τ K N_j ds of its internal damping, row-major n × n, N·m³·s.
-    pub fn viscous(&self) -> Vec<f64> {
+    pub fn damping_matrix(&self) -> Vec<f64> {
         self.stiffened(&self.damping)
     }
 
@@ -335,7 +337,7 @@ impl Rod {
     }
 
     /// K⁻¹ load: the strain at the nodes, 1/m, at which elasticity balances a generalised force, N·m².
-    pub fn strain_under(&self, load: &[f64]) -> Vec<f64> {
+    pub fn static_strain(&self, load: &[f64]) -> Vec<f64> {
         let stiffness = Vector3::from(self.beam.stiffness);
         let mut strain: Vec<Vector3<f64>> =
             load.chunks_exact(3).map(|f| Vector3::from_column_slice(f).component_div(&stiffness)).collect();
@@ -344,12 +346,12 @@ impl Rod {
     }
 
     /// Multiplies the stiffness.
-    pub fn stiffen(&mut self, factor: f64) {
+    pub fn scale_stiffness(&mut self, factor: f64) {
         self.beam.stiffness.iter_mut().for_each(|k| *k *= factor);
     }
 
     /// Moves the natural strain by `strain` at the nodes, 1/m, from what the rod was made with.
-    pub fn move_natural(&mut self, strain: &[f64]) {
+    pub fn set_natural_offset(&mut self, strain: &[f64]) {
         let mut prebend = vec![0.0; strain.len()];
         self.beam.add_elastic(&self.beam.hat, 1.0, strain, &mut prebend);
         self.beam.prebend = prebend;
@@ -393,7 +395,7 @@ fn root_pose(source: &RodSource, spline: &ArcSpline) -> Pose {
     let r = match source.root_frame {
         // A clamp direction that is not the drawn tangent is honoured for a given natural strain; for a drawn
         // natural shape the drawn tangent is the clamp's.
-        Some(q) if source.natural.is_some() => q.to_rotation_matrix().into_inner(),
+        Some(q) if source.natural_strain.is_some() => q.to_rotation_matrix().into_inner(),
         Some(q) => frame_towards(&at.tangent, &(q * Vector3::x())),
         None => any_frame(&at.tangent),
     };
@@ -434,7 +436,7 @@ fn hat_matrix(nodes: &[f64], sigma: impl Fn(f64) -> f64) -> Vec<[f64; 2]> {
 #[cfg(test)]
 impl Rod {
     /// A bent and twisted rod for tests, with unknowns, 1/m, that wind it.
-    pub(crate) fn wound() -> (Self, Vec<f64>) {
+    pub(crate) fn bent_sample() -> (Self, Vec<f64>) {
         let rod = Rod::new(&RodSource {
             points: &[Vector3::zeros(), Vector3::new(0.03, 0.1, 0.0), Vector3::new(0.1, 0.15, 0.03)],
             root_frame: None,
@@ -443,8 +445,8 @@ impl Rod {
             line_density: 1e-5,
             damping: 0.0,
             taper: Taper::NONE,
-            natural: None,
-            cut: Cut { length: 0.005, turn: 0.4 },
+            natural_strain: None,
+            segment_size: SegmentSize { max_length: 0.005, max_turn: 0.4 },
         })
         .unwrap();
         let q = (0..rod.unknowns()).map(|i| 20.0 * (i as f64 * 1.3).sin()).collect();
@@ -455,7 +457,7 @@ impl Rod {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rod::{Sensitivity, Shape};
+    use crate::rod::{RodShape, Sensitivity};
 
     #[test]
     fn a_tapered_rod_bends_as_a_tapered_beam() {
@@ -470,8 +472,8 @@ mod tests {
             line_density: density,
             damping: 0.0,
             taper,
-            natural: None,
-            cut: Cut::FINE,
+            natural_strain: None,
+            segment_size: SegmentSize::FINE,
         })
         .unwrap();
         // Curvature M/EI at the root and half way, of the weight of what is beyond, by hand.
@@ -481,7 +483,7 @@ mod tests {
             beyond.map(|x| density * towards(0.6, x / l).powi(2) * g * (x - s)).sum::<f64>() * (l - s)
                 / f64::from(n)
         };
-        let mut shape = Shape::default();
+        let mut shape = RodShape::default();
         let (mut sensitivity, zero) = (Sensitivity::default(), vec![0.0; rod.unknowns()]);
         shape.update(&rod, &rod.root.r, &zero);
         sensitivity.update(&rod, &shape, &zero);
@@ -489,7 +491,7 @@ mod tests {
         for k in 1..rod.points() {
             sensitivity.add_row(k, &shape.x(k), &(Vector3::y() * -g), rod.mass[k], &mut load);
         }
-        let strain = rod.strain_under(&load);
+        let strain = rod.static_strain(&load);
         for (node, s) in [(0, 0.0), (16, 0.5 * l)] {
             let u = s / l;
             let stiffness = ei * towards(0.5, u) * towards(0.6, u).powi(4);

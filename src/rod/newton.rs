@@ -2,7 +2,7 @@
 
 use super::model::Beam;
 use super::potential::{Load, energy, gradient, hessian};
-use super::{Rod, Sensitivity, Shape};
+use super::{Rod, RodShape, Sensitivity};
 use crate::math::cholesky;
 use crate::math::lanes::{M3, MAX_LANES, Mask, Real, Twist};
 use nalgebra::Matrix3;
@@ -29,7 +29,7 @@ const FIRST: f64 = 0.3;
 
 /// How a solve went.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Outcome {
+pub struct NewtonOutcome {
     /// Newton steps taken.
     pub iterations: u32,
     /// Whether the result is within [`TOLERANCE`].
@@ -49,8 +49,8 @@ struct Secant<F> {
 /// Workspace of the implicit step of one rod at a time, or of several in lanes; reuse keeps the steps free of allocation.
 #[derive(Debug, Clone)]
 pub struct Solver<F = f64> {
-    /// Shape at the current unknowns.
-    pub shape: Shape<F>,
+    /// RodShape at the current unknowns.
+    pub shape: RodShape<F>,
     /// Sensitivity at the last linearisation.
     pub sensitivity: Sensitivity<F>,
     /// −gradient of Φ at the last linearisation, then the Newton direction.
@@ -66,7 +66,7 @@ pub struct Solver<F = f64> {
     /// What steps since the last factor have shown of the Hessian; the first `learnt` are in use.
     secants: Vec<Secant<F>>,
     learnt: usize,
-    trial: Shape<F>,
+    trial: RodShape<F>,
     trial_q: Vec<F>,
     scratch: Vec<F>,
 }
@@ -74,7 +74,7 @@ pub struct Solver<F = f64> {
 impl<F> Default for Solver<F> {
     fn default() -> Self {
         Solver {
-            shape: Shape::default(),
+            shape: RodShape::default(),
             sensitivity: Sensitivity::default(),
             direction: Vec::new(),
             factor: Vec::new(),
@@ -84,7 +84,7 @@ impl<F> Default for Solver<F> {
             step: Vec::new(),
             secants: Vec::new(),
             learnt: 0,
-            trial: Shape::default(),
+            trial: RodShape::default(),
             trial_q: Vec::new(),
             scratch: Vec::new(),
         }
@@ -101,7 +101,7 @@ impl Solver {
         load: &Load,
         q: &mut [f64],
         other: &[f64],
-    ) -> Outcome {
+    ) -> NewtonOutcome {
         self.solve(&rod.beam, M3::from(*root), load, q, other)[0]
     }
 
@@ -134,13 +134,13 @@ impl Solver {
     /// Moves `q` along H⁻¹ times the forces under dead loads besides `load`, whose work on a shape is `work`, J, up to a constant.
     /// [`Solver::direction`] holds L⁻¹ times all forces, the dead loads' included. No point moves by more than about `most`, m, and the
     /// step is cut until the potential decreases as Newton's method asks. Updates the shape and returns the largest displacement, m.
-    pub fn advance_under(
+    pub fn advance_loaded(
         &mut self,
         rod: &Rod,
         root: &Matrix3<f64>,
         load: &Load,
         q: &mut [f64],
-        work: impl Fn(&Shape) -> f64,
+        work: impl Fn(&RodShape) -> f64,
         most: f64,
     ) -> f64 {
         let slope = -self.direction.iter().map(|d| d * d).sum::<f64>();
@@ -173,8 +173,8 @@ impl<F: Real> Solver<F> {
         load: &Load<F>,
         q: &mut [F],
         other: &[F],
-    ) -> [Outcome; MAX_LANES] {
-        let mut outcomes = [Outcome::default(); MAX_LANES];
+    ) -> [NewtonOutcome; MAX_LANES] {
+        let mut outcomes = [NewtonOutcome::default(); MAX_LANES];
         let mut phi = self.start(beam, root, load, q, other);
         let zero = phi.same(0.0);
         // The rounding of Φ, below which a decrease cannot be seen: its own, and that of the positions in its inertia, which counts
@@ -188,7 +188,7 @@ impl<F: Real> Solver<F> {
         // Lanes whose factor serves once more.
         let mut kept = 0;
         for iteration in 1..=MAX_ITERATIONS {
-            note(&mut outcomes, active, Outcome { iterations: iteration, converged: false });
+            note(&mut outcomes, active, NewtonOutcome { iterations: iteration, converged: false });
             self.slope_down(beam, load, q);
             self.learn(kept);
             active &= kept | self.factorise(beam, load, q, active & !kept);
@@ -228,7 +228,7 @@ impl<F: Real> Solver<F> {
             let foreseen =
                 full & full_before & (moved * moved * 2.0).below(before * tolerance) & moved.below(before);
             let done = full & (moved.below(tolerance) | foreseen);
-            note(&mut outcomes, done, Outcome { iterations: iteration, converged: true });
+            note(&mut outcomes, done, NewtonOutcome { iterations: iteration, converged: true });
             active &= !done;
             if active == 0 {
                 break;
@@ -387,7 +387,7 @@ impl<F: Real> Solver<F> {
 }
 
 /// Sets the outcome of the lanes of `mask`.
-fn note(outcomes: &mut [Outcome; MAX_LANES], mask: Mask, outcome: Outcome) {
+fn note(outcomes: &mut [NewtonOutcome; MAX_LANES], mask: Mask, outcome: NewtonOutcome) {
     for (i, o) in outcomes.iter_mut().enumerate() {
         if mask >> i & 1 == 1 {
             *o = outcome;

@@ -6,9 +6,9 @@
 
 use super::kinematics::Turn;
 use super::model::{Beam, Step};
-use super::newton::{Outcome, Solver};
+use super::newton::{NewtonOutcome, Solver};
 use super::potential::{Load, Tie};
-use super::{Rod, Shape};
+use super::{Rod, RodShape};
 use crate::math::lanes::{self, Lane, M3, MAX_LANES, Real, Twist, V3};
 use crate::math::se3::{Coefficients, Pose};
 use nalgebra::{Matrix3, Vector3};
@@ -20,10 +20,10 @@ pub struct Pack(Box<dyn Any + Send + Sync>);
 
 /// Workspace of the steps of packs, one at a time; reuse keeps the steps free of allocation.
 #[derive(Default)]
-pub struct PackWork(Option<Box<dyn Any + Send>>);
+pub struct PackBuffers(Option<Box<dyn Any + Send>>);
 
 /// The step of one rod of a pack.
-pub struct Task<'a> {
+pub struct StepTask<'a> {
     /// Root frame at the end of the step, world axes.
     pub root: &'a Matrix3<f64>,
     /// What drives the rod.
@@ -32,19 +32,19 @@ pub struct Task<'a> {
     pub q: &'a mut [f64],
     /// Another start, 1/m.
     pub other: &'a [f64],
-    /// Shape at the result.
-    pub shape: &'a mut Shape,
+    /// RodShape at the result.
+    pub shape: &'a mut RodShape,
     /// How it went.
-    pub outcome: &'a mut Outcome,
+    pub outcome: &'a mut NewtonOutcome,
 }
 
 /// A rod of a pack at given unknowns.
-pub struct Bent<'a> {
+pub struct PointsTask<'a> {
     /// Root, world.
     pub root: Pose,
     /// Unknowns, 1/m.
     pub q: &'a [f64],
-    /// Set to what [`Shape::places`] says.
+    /// Set to what [`RodShape::points_and_midpoints`] says.
     pub places: &'a mut Vec<Vector3<f64>>,
 }
 
@@ -61,13 +61,13 @@ impl Pack {
 
     /// Does for every rod, in the order of [`Pack::new`], what [`Solver::minimise`] does.
     /// There is no task where there is no rod.
-    pub fn minimise(&self, tasks: &mut [Option<Task>; MAX_LANES], work: &mut PackWork) {
+    pub fn minimise(&self, tasks: &mut [Option<StepTask>; MAX_LANES], work: &mut PackBuffers) {
         Arch::new().dispatch(Minimise { pack: self, tasks, work });
     }
 
-    /// Does for every rod, in the order of [`Pack::new`], what [`Shape::update`] and [`Shape::places`] do. There is no `bent` where there is no rod, or it
+    /// Does for every rod, in the order of [`Pack::new`], what [`RodShape::update`] and [`RodShape::points_and_midpoints`] do. There is no `bent` where there is no rod, or it
     /// does not matter.
-    pub fn place(&self, bent: &mut [Option<Bent>; MAX_LANES], work: &mut PackWork) {
+    pub fn place(&self, bent: &mut [Option<PointsTask>; MAX_LANES], work: &mut PackBuffers) {
         Arch::new().dispatch(Place { pack: self, bent, work });
     }
 }
@@ -94,8 +94,8 @@ impl WithSimd for Gather<'_> {
 
 struct Minimise<'a, 'b> {
     pack: &'a Pack,
-    tasks: &'a mut [Option<Task<'b>>; MAX_LANES],
-    work: &'a mut PackWork,
+    tasks: &'a mut [Option<StepTask<'b>>; MAX_LANES],
+    work: &'a mut PackBuffers,
 }
 
 impl WithSimd for Minimise<'_, '_> {
@@ -109,8 +109,8 @@ impl WithSimd for Minimise<'_, '_> {
 
 struct Place<'a, 'b> {
     pack: &'a Pack,
-    bent: &'a mut [Option<Bent<'b>>; MAX_LANES],
-    work: &'a mut PackWork,
+    bent: &'a mut [Option<PointsTask<'b>>; MAX_LANES],
+    work: &'a mut PackBuffers,
 }
 
 impl WithSimd for Place<'_, '_> {
@@ -127,7 +127,7 @@ impl WithSimd for Place<'_, '_> {
 fn made_for<'a, S: Simd>(
     simd: S,
     pack: &'a Pack,
-    work: &'a mut PackWork,
+    work: &'a mut PackBuffers,
 ) -> (&'a Beams<Lane<S>>, &'a mut Buffers<Lane<S>>) {
     let work = work.0.get_or_insert_with(|| Box::new(Buffers::new(Lane::splat(simd, 0.0))));
     // A process sees one processor, so both were made for this one.
@@ -227,7 +227,7 @@ impl<F: Real> Beams<F> {
     }
 
     #[inline(always)]
-    fn minimise(&self, tasks: &mut [Option<Task>; MAX_LANES], work: &mut Buffers<F>) {
+    fn minimise(&self, tasks: &mut [Option<StepTask>; MAX_LANES], work: &mut Buffers<F>) {
         let zero = self.beam.length.same(0.0);
         let Buffers { load, q, other, solver } = work;
         let Some(first) = &tasks[0] else { return };
@@ -271,7 +271,7 @@ impl<F: Real> Beams<F> {
             for (x, q) in task.q.iter_mut().zip(&*q) {
                 *x = q.lane(i);
             }
-            let Shape { pose, turn } = &mut *task.shape;
+            let RodShape { pose, turn } = &mut *task.shape;
             pose.clear();
             turn.clear();
             pose.push(pose_in_lane(&solver.shape.pose[0], i));
@@ -285,7 +285,7 @@ impl<F: Real> Beams<F> {
 
 impl<F: Real> Beams<F> {
     #[inline(always)]
-    fn place(&self, bent: &mut [Option<Bent>; MAX_LANES], work: &mut Buffers<F>) {
+    fn place(&self, bent: &mut [Option<PointsTask>; MAX_LANES], work: &mut Buffers<F>) {
         let zero = self.beam.length.same(0.0);
         let Buffers { q, solver, .. } = work;
         let shape = &mut solver.shape;
@@ -304,7 +304,7 @@ impl<F: Real> Beams<F> {
         }
         shape.bend(&self.beam, root, q);
         for (i, bent) in bent.iter_mut().enumerate() {
-            let Some(Bent { root, places, .. }) = bent else { continue };
+            let Some(PointsTask { root, places, .. }) = bent else { continue };
             let place = |x: &V3<F>| Vector3::from(vector_in_lane(x, i)) + root.p;
             places.clear();
             places.push(place(&shape.pose[0].p));
@@ -315,7 +315,7 @@ impl<F: Real> Beams<F> {
             shape.pose[k].p = shape.between(k, step.h);
         }
         for (i, bent) in bent.iter_mut().enumerate() {
-            let Some(Bent { root, places, .. }) = bent else { continue };
+            let Some(PointsTask { root, places, .. }) = bent else { continue };
             places.extend(
                 self.own[i].iter().map(|&k| Vector3::from(vector_in_lane(&shape.pose[k].p, i)) + root.p),
             );
@@ -354,7 +354,7 @@ fn empty(element: usize) -> Step<f64> {
 mod tests {
     use super::*;
     use crate::rod::potential::PointLoad;
-    use crate::rod::{Cut, RodSource, Taper};
+    use crate::rod::{RodSource, SegmentSize, Taper};
     use nalgebra::Vector3;
 
     /// Hairs of one number of nodes and of many lengths, curls and numbers of sub-steps.
@@ -376,8 +376,8 @@ mod tests {
                 line_density: 6.6e-6,
                 damping: 0.004,
                 taper: Taper::NONE,
-                natural: None,
-                cut: Cut { length: 0.05, ..Cut::FINE },
+                natural_strain: None,
+                segment_size: SegmentSize { max_length: 0.05, ..SegmentSize::FINE },
             })
             .unwrap()
         };
@@ -385,7 +385,7 @@ mod tests {
     }
 
     fn load(rod: &Rod, jerk: f64) -> Load {
-        let mut shape = Shape::default();
+        let mut shape = RodShape::default();
         let past = vec![0.0; rod.unknowns()];
         shape.update(rod, &rod.root.r, &past);
         let points = (0..rod.points()).map(|k| PointLoad {
@@ -415,7 +415,7 @@ mod tests {
         }
         assert!(alone.iter().map(|a| a.2.iterations).max() > alone.iter().map(|a| a.2.iterations).min());
         assert!(rods.iter().any(|r| r.points() != rods[0].points()));
-        let mut work = PackWork::default();
+        let mut work = PackBuffers::default();
         for (size, first) in (1..=Pack::width()).flat_map(|size| [(size, 0), (size, 1), (size, 5)]) {
             // Neighbours at a distance, so that companies differ.
             let members: Vec<usize> = (0..size).map(|i| (first + 3 * i) % rods.len()).collect();
@@ -424,24 +424,24 @@ mod tests {
             let roots = members.iter().map(|&i| Pose { p: Vector3::new(0.1, 0.2, i as f64), ..rods[i].root });
             let roots: Vec<Pose> = roots.collect();
             let mut bent = places.iter_mut().zip(&members).zip(&roots).map(|((places, &i), root)| {
-                (i % 5 != 2).then_some(Bent { root: *root, q: &alone[i].0, places })
+                (i % 5 != 2).then_some(PointsTask { root: *root, q: &alone[i].0, places })
             });
             let mut bent = std::array::from_fn(|_| bent.next().flatten());
             pack.place(&mut bent, &mut work);
             for ((places, &i), root) in places.iter().zip(&members).zip(&roots) {
-                let (mut shape, mut expected) = (Shape::default(), Vec::new());
+                let (mut shape, mut expected) = (RodShape::default(), Vec::new());
                 if i % 5 != 2 {
                     shape.update(&rods[i], &root.r, &alone[i].0);
-                    shape.places(&rods[i], &root.p, &mut expected);
+                    shape.points_and_midpoints(&rods[i], &root.p, &mut expected);
                     assert_eq!(expected.len(), 2 * rods[i].points() - 1);
                 }
                 assert_eq!(*places, expected, "{i}");
             }
-            let mut results = vec![(vec![0.1; n], Shape::default(), Outcome::default()); size];
+            let mut results = vec![(vec![0.1; n], RodShape::default(), NewtonOutcome::default()); size];
             let other = vec![0.0; n];
             let mut tasks = results.iter_mut().zip(&members).map(|((q, shape, outcome), &i)| {
                 let (root, load) = (&rods[i].root.r, &loads[i]);
-                Task { root, load, q, other: &other, shape, outcome }
+                StepTask { root, load, q, other: &other, shape, outcome }
             });
             let mut tasks = std::array::from_fn(|_| tasks.next());
             pack.minimise(&mut tasks, &mut work);

@@ -6,7 +6,7 @@
 
 use super::kinematics::{COMMUTATOR, shares};
 use super::model::{Beam, Step};
-use super::{Rod, Sensitivity, Shape};
+use super::{Rod, RodShape, Sensitivity};
 use crate::math::lanes::{M3, Real, Twist, V3};
 use nalgebra::Vector3;
 
@@ -96,7 +96,7 @@ impl Load {
 
     /// Adds a spring of `stiffness`, N/m, that pulls point `k` to `goal`, relative to the root at the end of the step, world axes, m; on the
     /// root it has no effect.
-    pub fn attract(&mut self, k: usize, goal: &Vector3<f64>, stiffness: f64) {
+    pub fn add_spring(&mut self, k: usize, goal: &Vector3<f64>, stiffness: f64) {
         if let Some(tie) = k.checked_sub(1).and_then(|i| self.tie.get_mut(i)) {
             // The new B takes the new target to what both pull with at the root.
             let u = tie.u;
@@ -107,7 +107,7 @@ impl Load {
     }
 
     /// Adds the constant force `f`, N, world axes, on point `k`; on the root it has no effect.
-    pub fn push(&mut self, k: usize, f: &Vector3<f64>) {
+    pub fn add_force(&mut self, k: usize, f: &Vector3<f64>) {
         if let Some(tie) = k.checked_sub(1).and_then(|i| self.tie.get_mut(i)) {
             // B⁻¹ f.
             let (u, f) = (tie.u, (*f).into());
@@ -122,7 +122,7 @@ impl Load {
 pub(super) fn energy<F: Real>(
     beam: &Beam<F>,
     load: &Load<F>,
-    shape: &Shape<F>,
+    shape: &RodShape<F>,
     q: &[F],
     scratch: &mut Vec<F>,
 ) -> F {
@@ -306,7 +306,7 @@ impl<F: Real> Block<F> {
 pub(super) fn gradient<F: Real>(
     beam: &Beam<F>,
     load: &Load<F>,
-    shape: &Shape<F>,
+    shape: &RodShape<F>,
     sensitivity: &Sensitivity<F>,
     q: &[F],
     gradient: &mut Vec<F>,
@@ -347,7 +347,7 @@ pub(super) fn gradient<F: Real>(
 pub(super) fn hessian<F: Real>(
     beam: &Beam<F>,
     load: &Load<F>,
-    shape: &Shape<F>,
+    shape: &RodShape<F>,
     sensitivity: &Sensitivity<F>,
     wrench: &[Twist<F>],
     geometric: F,
@@ -401,7 +401,7 @@ pub(super) fn hessian<F: Real>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::model::{Cut, RodSource, Taper};
+    use super::super::model::{RodSource, SegmentSize, Taper};
     use super::*;
 
     fn curl() -> Rod {
@@ -424,8 +424,8 @@ mod tests {
             line_density: 6.6e-6,
             damping: 0.004,
             taper: Taper::NONE,
-            natural: None,
-            cut: Cut { length, ..Cut::FINE },
+            natural_strain: None,
+            segment_size: SegmentSize { max_length: length, ..SegmentSize::FINE },
         })
         .unwrap()
     }
@@ -448,7 +448,7 @@ mod tests {
     }
 
     fn derivatives(rod: &Rod, load: &Load, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let (mut shape, mut sens) = (Shape::default(), Sensitivity::default());
+        let (mut shape, mut sens) = (RodShape::default(), Sensitivity::default());
         shape.update(rod, &rod.root.r, q);
         sens.update(rod, &shape, q);
         let (mut g, mut wrench, mut h) = (Vec::new(), Vec::new(), Vec::new());
@@ -488,7 +488,7 @@ mod tests {
         let (plain, goal, x) =
             (load(&rod, 0.01), Vector3::new(0.02, -0.03, 0.01), Vector3::new(0.01, 0.04, 0.0));
         let mut pulled = plain.clone();
-        (0..rod.points()).for_each(|k| pulled.attract(k, &goal, 1e-3 * k as f64));
+        (0..rod.points()).for_each(|k| pulled.add_spring(k, &goal, 1e-3 * k as f64));
         for (k, (before, now)) in plain.tie.iter().zip(&pulled.tie).enumerate() {
             let more: Vector3<f64> = (now.force(x.into()) - before.force(x.into())).into();
             let sought = (goal - x) * (1e-3 * (k + 1) as f64);
@@ -499,7 +499,7 @@ mod tests {
     #[test]
     fn natural_shape_is_met_exactly() {
         let rod = curl();
-        let mut shape = Shape::default();
+        let mut shape = RodShape::default();
         shape.update(&rod, &rod.root.r, &vec![0.0; rod.unknowns()]);
         // The groom's first and last points.
         let tip = Vector3::new(0.01 * 7.8_f64.cos(), -0.006 * 7.8, 0.01 * 7.8_f64.sin());
@@ -513,7 +513,7 @@ mod tests {
         let load = load(&rod, 1.0 / 192.0);
         let q: Vec<f64> = (0..rod.unknowns()).map(|i| (i as f64 * 1.7).cos() * 6.0).collect();
         let (g, _) = derivatives(&rod, &load, &q);
-        let (mut shape, mut scratch) = (Shape::default(), Vec::new());
+        let (mut shape, mut scratch) = (RodShape::default(), Vec::new());
         let mut at = |q: &[f64]| {
             shape.update(&rod, &rod.root.r, q);
             energy(&rod.beam, &load, &shape, q, &mut scratch)
@@ -568,7 +568,8 @@ mod tests {
     fn rows_of_the_jacobian_are_slopes_of_positions() {
         let rod = curl();
         let q: Vec<f64> = (0..rod.unknowns()).map(|i| (i as f64).cos() * 5.0).collect();
-        let (mut shape, mut sens, mut moved) = (Shape::default(), Sensitivity::default(), Shape::default());
+        let (mut shape, mut sens, mut moved) =
+            (RodShape::default(), Sensitivity::default(), RodShape::default());
         shape.update(&rod, &rod.root.r, &q);
         sens.update(&rod, &shape, &q);
         let d = Vector3::new(0.3, -0.5, 0.8);
@@ -581,7 +582,7 @@ mod tests {
             let slope = (moved.x(k) - shape.x(k)) / 1e-5;
             let by_row: f64 = row.iter().zip(&rate).map(|(a, b)| a * b).sum();
             assert!((by_row - 2.0 * d.dot(&slope)).abs() < 1e-8, "{k}");
-            assert!((sens.motion(k, &shape.x(k), &rate).0 - slope).norm() < 1e-8, "{k}");
+            assert!((sens.velocity(k, &shape.x(k), &rate).0 - slope).norm() < 1e-8, "{k}");
         }
     }
 }

@@ -7,10 +7,10 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 /// Guides that one render strand follows, at most.
-pub const FOLLOWED: usize = 3;
+pub const MAX_GUIDES: usize = 3;
 
-/// The guides that a strand follows, by index, with their weights, whose sum is 1; that of most weight first, and [`FOLLOWED`] at most.
-pub type Follows = Vec<(usize, f64)>;
+/// The guides that a strand follows, by index, with their weights, whose sum is 1; that of most weight first, and [`MAX_GUIDES`] at most.
+pub type GuideWeights = Vec<(usize, f64)>;
 
 /// Guides of nearest root that are compared with a strand along their whole length.
 const COMPARED: usize = 24;
@@ -20,7 +20,7 @@ const SOFT: f64 = 1e-4;
 
 /// Where a strand or a guide belongs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Home {
+pub struct Membership {
     /// Its leaf wisp: (tree, wisp).
     pub leaf: (u32, u32),
     /// Its group.
@@ -36,7 +36,7 @@ pub fn clumping(groom: &Groom) -> Vec<f64> {
 struct Choice<'a> {
     guides: &'a [RestGuide],
     /// Where they belong.
-    homes: &'a [Home],
+    homes: &'a [Membership],
     /// Of each group of strands ([`clumping`]).
     clumping: &'a [f64],
 }
@@ -47,7 +47,7 @@ impl Choice<'_> {
     /// They are of the strand's group, if that has any. What counts is the mean distance d of the strand from a guide along it, `d / (1 − clumping)` for
     /// guides of other leaf wisps: the three nearest have the weights `(1/d − 1/D)²`, `D` being the distance of the fourth (Franke & Nielson
     /// 1980), so that none jumps from strand to strand as guides come and go.
-    fn choose(&self, points: &[Vector3<f64>], home: Home) -> Follows {
+    fn choose(&self, points: &[Vector3<f64>], home: Membership) -> GuideWeights {
         let all = || 0..self.guides.len();
         let related = |g: &usize| self.homes[*g].group == home.group;
         let grouped = all().any(|g| related(&g));
@@ -71,8 +71,8 @@ impl Choice<'_> {
             *d = (apart(points, &self.guides[*g]) / keeping).max(SOFT);
         }
         near.sort_unstable_by(by_distance);
-        let beyond = near.get(FOLLOWED).map_or(0.0, |(d, _)| 1.0 / d);
-        near.truncate(FOLLOWED);
+        let beyond = near.get(MAX_GUIDES).map_or(0.0, |(d, _)| 1.0 / d);
+        near.truncate(MAX_GUIDES);
         let weight = |d: f64| (1.0 / d - beyond).powi(2);
         let sum: f64 = near.iter().map(|(d, _)| weight(*d)).sum();
         let alike = 1.0 / near.len() as f64;
@@ -95,7 +95,12 @@ fn apart(points: &[Vector3<f64>], guide: &RestGuide) -> f64 {
 
 /// What each strand of `curves` follows; they belong to `homes`, and keep to their own wisps as `clumping` tells for each group ([`clumping()`]). `guides` are all
 /// guides with their homes.
-pub fn follows(curves: &Curves, homes: &[Home], clumping: &[f64], guides: &[(&Rod, Home)]) -> Vec<Follows> {
+pub fn guide_weights(
+    curves: &Curves,
+    homes: &[Membership],
+    clumping: &[f64],
+    guides: &[(&Rod, Membership)],
+) -> Vec<GuideWeights> {
     let (rest, of): (Vec<_>, Vec<_>) = guides.iter().map(|(rod, home)| (RestGuide::new(rod), *home)).unzip();
     let choice = Choice { guides: &rest, homes: &of, clumping };
     (0..curves.len()).into_par_iter().map(|c| choice.choose(curves.curve(c), homes[c])).collect()
@@ -112,10 +117,10 @@ mod tests {
     }
 
     /// Forty guides 1 cm apart, four to a leaf wisp, the last ten of another group, and the weights of each for a strand.
-    fn weights(points: &[Vector3<f64>], home: Home, clumping: f64) -> Vec<f64> {
+    fn weights(points: &[Vector3<f64>], home: Membership, clumping: f64) -> Vec<f64> {
         let guides: Vec<RestGuide> = (0..40).map(|i| drawn(&strand(0.01 * f64::from(i), 0.0))).collect();
-        let homes: Vec<Home> =
-            (0..40).map(|i| Home { leaf: (i / 4, 0), group: u32::from(i >= 30) }).collect();
+        let homes: Vec<Membership> =
+            (0..40).map(|i| Membership { leaf: (i / 4, 0), group: u32::from(i >= 30) }).collect();
         let choice = Choice { guides: &guides, homes: &homes, clumping: &[clumping; 3] };
         let mut weights = vec![0.0; 40];
         choice.choose(points, home).into_iter().for_each(|(g, weight)| weights[g] += weight);
@@ -124,7 +129,7 @@ mod tests {
 
     #[test]
     fn weights_change_without_a_jump_over_the_borders_of_wisps() {
-        let home = |x: f64| Home { leaf: ((x / 0.04).round().clamp(0.0, 9.0) as u32, 0), group: 0 };
+        let home = |x: f64| Membership { leaf: ((x / 0.04).round().clamp(0.0, 9.0) as u32, 0), group: 0 };
         let mut last: Option<Vec<f64>> = None;
         for i in 0..2800 {
             let x = 0.005 + 1e-4 * f64::from(i);
@@ -141,7 +146,7 @@ mod tests {
 
     #[test]
     fn a_strand_beside_a_guide_follows_that() {
-        let home = Home { leaf: (1, 0), group: 0 };
+        let home = Membership { leaf: (1, 0), group: 0 };
         assert!(weights(&strand(0.05001, 0.0), home, 0.0)[5] > 0.999);
         // Root beside one, most of it beside another.
         let weights = weights(&strand(0.05, 0.5), home, 0.0);
@@ -152,13 +157,15 @@ mod tests {
     fn clumped_strands_keep_to_their_wisp_and_all_to_their_group() {
         let edge = strand(0.0349, 0.0);
         let own = |weights: &[f64], of: std::ops::Range<usize>| weights[of].iter().sum::<f64>();
-        let home = Home { leaf: (0, 0), group: 0 };
+        let home = Membership { leaf: (0, 0), group: 0 };
         let shares = [0.0, 0.5, 1.0].map(|clumping| own(&weights(&edge, home, clumping), 0..4));
         assert!(shares[0] < 0.6 && shares[0] < shares[1] && shares[1] < shares[2], "{shares:?}");
         assert_eq!(shares[2], 1.0);
-        let border = weights(&strand(0.2949, 0.0), Home { leaf: (7, 0), group: 1 }, 0.0);
+        let border = weights(&strand(0.2949, 0.0), Membership { leaf: (7, 0), group: 1 }, 0.0);
         assert!((own(&border, 30..40) - 1.0).abs() < 1e-12);
         // A group without guides takes any.
-        assert!((own(&weights(&edge, Home { leaf: (0, 0), group: 2 }, 0.0), 0..40) - 1.0).abs() < 1e-12);
+        assert!(
+            (own(&weights(&edge, Membership { leaf: (0, 0), group: 2 }, 0.0), 0..40) - 1.0).abs() < 1e-12
+        );
     }
 }

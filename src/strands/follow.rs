@@ -5,7 +5,7 @@
 //! however far both have turned.
 
 use crate::math::se3::{self, Pose};
-use crate::rod::{Rod, Shape};
+use crate::rod::{Rod, RodShape};
 use nalgebra::{Matrix3, Vector3};
 
 /// A place on a guide: a segment of its rod's polyline, and how far along it (0..=1).
@@ -65,7 +65,7 @@ struct Turn {
 
 impl RestGuide {
     pub fn new(rod: &Rod) -> Self {
-        let mut shape = Shape::default();
+        let mut shape = RodShape::default();
         shape.update(rod, &rod.root.r, &vec![0.0; rod.unknowns()]);
         let (arc, pose): (Vec<f64>, Vec<Pose>) = (rod.arc.clone(), shape.poses().collect());
         let turns =
@@ -136,7 +136,7 @@ impl Turn {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::rod::{Cut, RodSource, Taper};
+    use crate::rod::{RodSource, SegmentSize, Taper};
 
     /// A guide drawn at `points`, m, with two strain nodes.
     pub fn drawn(points: &[Vector3<f64>]) -> RestGuide {
@@ -148,8 +148,8 @@ pub(super) mod tests {
             line_density: 1e-5,
             damping: 0.0,
             taper: Taper::NONE,
-            natural: None,
-            cut: Cut::FINE,
+            natural_strain: None,
+            segment_size: SegmentSize::FINE,
         });
         RestGuide::new(&rod.unwrap())
     }

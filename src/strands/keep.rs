@@ -7,7 +7,7 @@ use crate::scene::Strands;
 ///
 /// Strands are numbered wisp by wisp within their group, and the ones whose number has a radical inverse (van der Corput 1935) below `keep`
 /// stay: of any stretch of wisps nearly that share, always some of a group, and of a smaller `keep` no other strands than of a larger one.
-pub fn kept(strands: &Strands, keep: f64) -> (Strands, Vec<f64>) {
+pub fn thin(strands: &Strands, keep: f64) -> (Strands, Vec<f64>) {
     let curves = &strands.curves;
     let mut order: Vec<usize> = (0..curves.len()).collect();
     order.sort_by_key(|&c| (curves.group[c], strands.leaf[c], c));
@@ -56,7 +56,7 @@ mod tests {
         #[test]
         fn a_share_stays_of_every_wisp_and_covers_as_much(keep in 0.05..1.0_f64) {
             let all = strands(4000);
-            let (left, wider) = kept(&all, keep);
+            let (left, wider) = thin(&all, keep);
             prop_assert!((left.curves.len() as f64 / 4000.0 - keep).abs() < 0.005);
             for wisp in 0..40 {
                 let of = |s: &Strands| s.leaf.iter().filter(|leaf| leaf.0 == wisp).count() as f64;
@@ -74,7 +74,7 @@ mod tests {
 
         #[test]
         fn what_stays_of_less_stays_of_more(one in 0.0..1.0_f64, other in 0.0..1.0_f64) {
-            let ids = |keep| kept(&strands(300), keep).0.curves.id.into_iter().collect::<BTreeSet<_>>();
+            let ids = |keep| thin(&strands(300), keep).0.curves.id.into_iter().collect::<BTreeSet<_>>();
             prop_assert!(ids(one.min(other)).is_subset(&ids(one.max(other))));
         }
     }
@@ -82,13 +82,13 @@ mod tests {
     #[test]
     fn what_stays_is_as_it_was_and_no_group_is_lost() {
         let all = strands(300);
-        let (left, _) = kept(&all, 0.01);
+        let (left, _) = thin(&all, 0.01);
         assert_eq!(left.curves.group.iter().collect::<BTreeSet<_>>().len(), 2);
         for (c, id) in left.curves.id.iter().enumerate() {
             let from = (id - 100) as usize;
             assert_eq!(left.curves.curve(c), all.curves.curve(from));
             assert_eq!((left.leaf[c], left.curves.root_uv[c]), (all.leaf[from], all.curves.root_uv[from]));
         }
-        assert_eq!(kept(&all, 1.0), (all, vec![1.0; 2]));
+        assert_eq!(thin(&all, 1.0), (all, vec![1.0; 2]));
     }
 }

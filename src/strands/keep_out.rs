@@ -23,7 +23,7 @@ const HOMING: f64 = 0.5;
 
 /// The bodies at one moment.
 #[derive(Debug, Clone, Copy)]
-pub struct KeepOut<'a> {
+pub struct Obstacles<'a> {
     /// The bodies, prepared for `time`.
     pub bodies: &'a Bodies,
     /// The moment, s.
@@ -80,7 +80,7 @@ pub(super) type Spare = Vec<f64>;
 /// Which vertex of how many.
 pub(super) type Vertex = (usize, usize);
 
-impl KeepOut<'_> {
+impl Obstacles<'_> {
     /// The bodies that the vertex at `place` has to keep a distance from and may be near to, `moved`, m, from a place that was
     /// `spare` away: index and distance to keep.
     fn near<'a>(
@@ -207,7 +207,7 @@ impl Lean {
     /// is too near to a body, m. It is not where `clear` says so.
     pub fn advance(
         &mut self,
-        keep_out: &KeepOut,
+        obstacles: &Obstacles,
         kept: &Kept,
         (place, length): (Vertex, f64),
         (aim, way): (&Vector3<f64>, &Vector3<f64>),
@@ -225,7 +225,7 @@ impl Lean {
             spare.fill(0.0);
             return 0.0;
         }
-        let (direction, missing) = keep_out.turn(kept, place, &self.0, length, direction, spare);
+        let (direction, missing) = obstacles.turn(kept, place, &self.0, length, direction, spare);
         self.0 += direction * length;
         missing
     }

@@ -17,15 +17,15 @@ mod tests;
 
 use crate::contact::Bodies;
 use crate::math::lanes::MAX_LANES;
-use crate::rod::{Rod, Shape};
+use crate::rod::{Rod, RodShape};
 use crate::scene::Curves;
-pub use choice::{FOLLOWED, Follows, Home, clumping, follows};
+pub use choice::{GuideWeights, MAX_GUIDES, Membership, clumping, guide_weights};
 use follow::{Place, RestGuide, Turned};
-pub use keep::kept;
-pub use keep_out::KeepOut;
+pub use keep::thin;
+pub use keep_out::Obstacles;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
-pub use retreat::SPAN;
+pub use retreat::RETRACTION_SPAN;
 use strand::{Strand, Trace, Track};
 
 /// Render strands, ready to be rebuilt from the guides at any moment.
@@ -76,12 +76,12 @@ pub struct Moment<'a> {
     /// Motion of the head.
     pub head: HeadMotion,
     /// The bodies; none where it holds none.
-    pub keep_out: KeepOut<'a>,
+    pub obstacles: Obstacles<'a>,
 }
 
 /// How much earlier than the moment asked for a strand that leans on a body is rebuilt, s, to take its velocity from the
 /// difference: the leaning has no derivative of its own.
-pub const BACKWARD: f64 = 1e-4;
+pub const DIFFERENCE_STEP: f64 = 1e-4;
 
 /// How much farther from its guide than at rest a strand may be and still be known to have no body near, from the guide alone.
 const SPREAD: f64 = 1.5;
@@ -91,21 +91,21 @@ const SPEED: f64 = 20.0;
 
 /// How the strands are and move at one moment: an entry per vertex of the curves given to [`Interpolator::new`].
 #[derive(Debug, Clone, PartialEq)]
-pub struct Moving {
+pub struct StrandMotion {
     /// Points.
     pub points: Vec<[f32; 3]>,
     /// Velocities, per second.
     pub velocities: Vec<[f32; 3]>,
 }
 
-impl Moving {
+impl StrandMotion {
     fn new(vertices: usize) -> Self {
-        Moving { points: vec![[0.0; 3]; vertices], velocities: vec![[0.0; 3]; vertices] }
+        StrandMotion { points: vec![[0.0; 3]; vertices], velocities: vec![[0.0; 3]; vertices] }
     }
 }
 
-/// Retreats of the strands at the frames around one, from [`SPAN`] before it to [`SPAN`] after; see [`Interpolator::lay`].
-pub type Retreats<'a> = [&'a [f32]; 2 * SPAN + 1];
+/// Retractions of the strands at the frames around one, from [`RETRACTION_SPAN`] before it to [`RETRACTION_SPAN`] after; see [`Interpolator::evaluate_unretracted`].
+pub type Retractions<'a> = [&'a [f32]; 2 * RETRACTION_SPAN + 1];
 
 impl Interpolator {
     /// Prepares the strands `curves` to follow `guides`, each as `follows` tells.
@@ -113,7 +113,7 @@ impl Interpolator {
     /// `bodies` at rest, with what is kept from each (`thickness`, m), tell how close to them each strand was drawn.
     pub fn new(
         curves: &Curves,
-        follows: Vec<Follows>,
+        follows: Vec<GuideWeights>,
         guides: &[&Rod],
         bodies: &Bodies,
         thickness: &[f64],
@@ -139,20 +139,20 @@ impl Interpolator {
     }
 
     /// The guide that each strand follows most, by index.
-    pub fn nearest(&self) -> impl Iterator<Item = usize> {
+    pub fn main_guides(&self) -> impl Iterator<Item = usize> {
         self.strands.iter().map(Strand::nearest)
     }
 
     /// How the strands are at a moment of a frame if none retreats from a body, and by which share (0..=1) of its way from its guide each
-    /// vertex has to. `moments` are now and [`BACKWARD`] earlier; `to_scene` turns metres, Y up, into the unit and axes asked for.
-    pub fn lay(
+    /// vertex has to. `moments` are now and [`DIFFERENCE_STEP`] earlier; `to_scene` turns metres, Y up, into the unit and axes asked for.
+    pub fn evaluate_unretracted(
         &self,
         moments: &[Moment; 2],
         guides: &[GuideMotion],
         to_scene: &Matrix3<f64>,
-    ) -> (Moving, Vec<f32>) {
+    ) -> (StrandMotion, Vec<f32>) {
         let stands = self.stands(moments, guides);
-        let (mut laid, mut retreats) = (Moving::new(self.vertices()), vec![0.0; self.vertices()]);
+        let (mut laid, mut retreats) = (StrandMotion::new(self.vertices()), vec![0.0; self.vertices()]);
         let strands = self.strands.iter().zip(self.cut_moving(&mut laid).zip(self.cut(&mut retreats)));
         each(strands.collect(), moments, &stands, true, |strand, traces, (out, retreats)| {
             strand.retreat(&moments[0], &stands[0], &mut traces[0], retreats);
@@ -163,8 +163,8 @@ impl Interpolator {
         (laid, retreats)
     }
 
-    /// By which share of its way from its guide each vertex has to retreat, as [`Interpolator::lay`] tells.
-    pub fn retreats(&self, moments: &[Moment; 2], guides: &[GuideMotion]) -> Vec<f32> {
+    /// By which share of its way from its guide each vertex has to retreat, as [`Interpolator::evaluate_unretracted`] tells.
+    pub fn retractions(&self, moments: &[Moment; 2], guides: &[GuideMotion]) -> Vec<f32> {
         let stands = self.stands(moments, guides);
         let mut retreats = vec![0.0; self.vertices()];
         let strands = self.strands.iter().zip(self.cut(&mut retreats)).collect();
@@ -175,17 +175,17 @@ impl Interpolator {
     }
 
     /// How the strands are at a moment that is `after` (0..1) of the `interval`, s, from a frame to the next; `retreats` are those of the frames around
-    /// that frame, and `laid` how they are if none retreats, where that is known; all else as for [`Interpolator::lay`].
+    /// that frame, and `laid` how they are if none retreats, where that is known; all else as for [`Interpolator::evaluate_unretracted`].
     pub fn evaluate(
         &self,
         moments: &[Moment; 2],
         guides: &[GuideMotion],
-        (retreats, after, interval): (&Retreats, f64, f64),
+        (retreats, after, interval): (&Retractions, f64, f64),
         to_scene: &Matrix3<f64>,
-        laid: Option<Moving>,
-    ) -> Moving {
+        laid: Option<StrandMotion>,
+    ) -> StrandMotion {
         let known = laid.is_some();
-        let mut out = laid.unwrap_or_else(|| Moving::new(self.vertices()));
+        let mut out = laid.unwrap_or_else(|| StrandMotion::new(self.vertices()));
         let retreat_at =
             |w: &[usize]| retreats.iter().any(|r| r[w[0]..w[1]].iter().any(|share| *share != 0.0));
         let strands = self.strands.iter().zip(self.offsets.windows(2).zip(self.cut_moving(&mut out)));
@@ -200,7 +200,7 @@ impl Interpolator {
             for i in (w[0]..w[1]).take_while(|_| retreat_at(w)) {
                 let (share, change) = retreat::smoothed(retreats.map(|r| f64::from(r[i])), after);
                 traces[0].retreat[i - w[0]] = share;
-                traces[1].retreat[i - w[0]] = share - change * BACKWARD / interval;
+                traces[1].retreat[i - w[0]] = share - change * DIFFERENCE_STEP / interval;
             }
             strand.settle(moments, &stands, traces);
             write(to_scene, &traces[0].track, out);
@@ -208,14 +208,14 @@ impl Interpolator {
         out
     }
 
-    /// How the guides stand now and [`BACKWARD`] earlier.
+    /// How the guides stand now and [`DIFFERENCE_STEP`] earlier.
     fn stands(&self, moments: &[Moment; 2], guides: &[GuideMotion]) -> [Vec<Stand>; 2] {
         let q: Vec<Vec<f64>> = guides.iter().map(earlier).collect();
         let earlier: Vec<_> = guides.iter().zip(&q).map(|(g, q)| GuideMotion { q, ..*g }).collect();
-        let room = |x: &Vector3<f64>, (i, _): (usize, usize)| moments[0].keep_out.room(x, self.reach[i]);
+        let room = |x: &Vector3<f64>, (i, _): (usize, usize)| moments[0].obstacles.room(x, self.reach[i]);
         let now = self.stand(&moments[0].head, guides, room);
         // So soon before the bodies have hardly moved.
-        let room = |_: &Vector3<f64>, (i, k): (usize, usize)| now[i].room[k] - BACKWARD * SPEED;
+        let room = |_: &Vector3<f64>, (i, k): (usize, usize)| now[i].room[k] - DIFFERENCE_STEP * SPEED;
         let before = self.stand(&moments[1].head, &earlier, room);
         [now, before]
     }
@@ -232,7 +232,7 @@ impl Interpolator {
             .zip(&self.guides)
             .with_min_len(16)
             .enumerate()
-            .map_init(Shape::default, |shape, (i, (g, rest))| {
+            .map_init(RodShape::default, |shape, (i, (g, rest))| {
                 shape.update(g.rod, &(head.rotation * g.rod.root.r), g.q);
                 let (root, _) = head.carry(&g.rod.root.p);
                 let x: Vec<_> = (0..shape.points()).map(|k| root + shape.x(k)).collect();
@@ -245,7 +245,10 @@ impl Interpolator {
             .collect()
     }
 
-    fn cut_moving<'a>(&'a self, moving: &'a mut Moving) -> impl Iterator<Item = [&'a mut [[f32; 3]]; 2]> {
+    fn cut_moving<'a>(
+        &'a self,
+        moving: &'a mut StrandMotion,
+    ) -> impl Iterator<Item = [&'a mut [[f32; 3]]; 2]> {
         self.cut(&mut moving.points).zip(self.cut(&mut moving.velocities)).map(|(p, v)| [p, v])
     }
 
@@ -270,9 +273,9 @@ struct Stand {
     turned: Vec<Turned>,
 }
 
-/// The deviation of a guide [`BACKWARD`] before its motion's own moment, 1/m.
+/// The deviation of a guide [`DIFFERENCE_STEP`] before its motion's own moment, 1/m.
 fn earlier(guide: &GuideMotion) -> Vec<f64> {
-    guide.q.iter().zip(guide.rate).map(|(q, rate)| q - rate * BACKWARD).collect()
+    guide.q.iter().zip(guide.rate).map(|(q, rate)| q - rate * DIFFERENCE_STEP).collect()
 }
 
 impl Stand {

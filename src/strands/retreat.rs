@@ -7,13 +7,13 @@
 //!
 //! The share may jump from one frame to the next, as a strand comes to see its guide past the rim of an ear. So what is used at a
 //! moment is a uniform cubic B-spline in time, over the frames, whose coefficients are the largest of a frame's share and its
-//! neighbours': smooth, and never less than asked for. It needs the shares of [`SPAN`] frames before and after, and no memory.
+//! neighbours': smooth, and never less than asked for. It needs the shares of [`RETRACTION_SPAN`] frames before and after, and no memory.
 
-use super::keep_out::KeepOut;
+use super::keep_out::Obstacles;
 use nalgebra::Vector3;
 
 /// Frames before and after one whose shares have a say in it.
-pub const SPAN: usize = 2;
+pub const RETRACTION_SPAN: usize = 2;
 
 /// Cosines of the angle between the faces where a way enters a body and where it leaves: from here on the strand is not beyond it,
 /// and up to there it is.
@@ -25,7 +25,7 @@ const DEEP: [f64; 2] = [0.005, 0.015];
 /// Distance from the body at which the retreat ends, m.
 const BEFORE: f64 = 1e-3;
 
-impl KeepOut<'_> {
+impl Obstacles<'_> {
     /// Share of the way from `guide` to `free`, m, world, by which a strand's vertex there has to retreat (0..=1).
     /// All bodies are `room`, m, from `guide` at least.
     pub(super) fn retreat(&self, (guide, room): (&Vector3<f64>, f64), free: &Vector3<f64>) -> f64 {
@@ -72,7 +72,7 @@ fn ramp(ends: [f64; 2], x: f64) -> f64 {
 /// The share at `u` (0..1) of the way from a frame to the next, and its change from frame to frame, of those asked for in the frames around
 /// it. Between frames the last coefficient does without the frame after these: until the next frame all is smooth, and there, where
 /// other samples take over, it may be missed by a sixth of what that frame asks for more than its neighbours.
-pub(super) fn smoothed(asked: [f64; 2 * SPAN + 1], u: f64) -> (f64, f64) {
+pub(super) fn smoothed(asked: [f64; 2 * RETRACTION_SPAN + 1], u: f64) -> (f64, f64) {
     let m = |i: usize| asked[i - 1].max(asked[i]).max(asked[i + 1]);
     let m = [m(1), m(2), m(3), asked[3].max(asked[4])];
     let v = 1.0 - u;
@@ -94,7 +94,7 @@ mod tests {
     fn past(radius: f64, guide: [f64; 3], free: [f64; 3]) -> f64 {
         let bodies = Bodies::from_shapes(&[Shape::Sphere { centre: Vector3::zeros(), radius }]);
         let poses = [Isometry3::identity()];
-        KeepOut { bodies: &bodies, time: 0.0, poses: &poses }.retreat((&guide.into(), 0.0), &free.into())
+        Obstacles { bodies: &bodies, time: 0.0, poses: &poses }.retreat((&guide.into(), 0.0), &free.into())
     }
 
     #[test]

@@ -2,9 +2,9 @@
 
 use super::follow::{Place, RestGuide};
 use super::free::free;
-use super::keep_out::{KeepOut, Kept, Lean, Spare};
+use super::keep_out::{Kept, Lean, Obstacles, Spare};
 use super::relax::relax;
-use super::{BACKWARD, FOLLOWED, Follows, Moment, Stand};
+use super::{DIFFERENCE_STEP, GuideWeights, MAX_GUIDES, Moment, Stand};
 use crate::contact::Bodies;
 use nalgebra::{Isometry3, Vector3};
 use std::{iter, slice};
@@ -24,7 +24,7 @@ const CORRECTIONS: usize = 2;
 pub(super) struct Strand {
     pub root: Vector3<f64>,
     /// The guides by index, with their weights; what bodies are concerned, the first stands for all.
-    follow: Follows,
+    follow: GuideWeights,
     pub edges: Vec<Edge>,
     /// Place of the first guide that is beside the root.
     beside: Place,
@@ -39,7 +39,7 @@ pub(super) struct Edge {
     /// From its start to its end, m, rest space: single, as it will be written, for much of the time goes into reading edges.
     way: Vector3<f32>,
     /// Where on each guide its middle is: at the same arc length.
-    middle: [Place; FOLLOWED],
+    middle: [Place; MAX_GUIDES],
     /// Place of the first guide that is beside the end.
     beside: Place,
     /// Whether a body lies between that and the end at rest.
@@ -92,7 +92,7 @@ impl Strand {
     /// For a strand drawn at `points`, m, that follows these guides.
     pub fn new(
         points: &[Vector3<f64>],
-        follow: Follows,
+        follow: GuideWeights,
         rest: &[RestGuide],
         bodies: &Bodies,
         thickness: &[f64],
@@ -102,7 +102,7 @@ impl Strand {
         // Past the end of a shorter guide there would be nothing to retreat to.
         let pace = (first.length() / ways.clone().map(|way| way.norm()).sum::<f64>()).min(1.0);
         let poses = vec![Isometry3::identity(); thickness.len()];
-        let at_rest = KeepOut { bodies, time: 0.0, poses: &poses };
+        let at_rest = Obstacles { bodies, time: 0.0, poses: &poses };
         let apart = |x: &Vector3<f64>, place| at_rest.retreat((&first.at(place), 0.0), x) > 0.0;
         let mut arc = 0.0;
         let edge = |(way, end): (Vector3<f64>, &Vector3<f64>)| {
@@ -149,7 +149,7 @@ impl Strand {
     /// By how much each vertex of the strand, which would be as in `trace.free`, has to retreat, into `out`, which is 0: for what lies between it and its
     /// guide, and wholly where the strand so laid still comes to lie too deep.
     pub fn retreat(&self, moment: &Moment, stands: &[Stand], trace: &mut Trace, out: &mut [f32]) {
-        if moment.keep_out.poses.is_empty() {
+        if moment.obstacles.poses.is_empty() {
             return;
         }
         let stand = &stands[self.nearest()];
@@ -165,7 +165,7 @@ impl Strand {
             let outside = stand.room[place.nearest()] > 0.0;
             let hidden = outside && !apart && !stand.clears(place, x, 0.0);
             let room = stand.room_at(place, &guide);
-            retreat.push(if hidden { moment.keep_out.retreat((&guide, room), x) } else { 0.0 });
+            retreat.push(if hidden { moment.obstacles.retreat((&guide, room), x) } else { 0.0 });
         }
         if retreat.iter().all(|share| *share == 0.0) {
             return;
@@ -198,12 +198,12 @@ impl Strand {
 
     /// Lays the strand, which would be as in `trace.free`, outside the bodies, with the retreats in `trace`; the guides stand as in `stands`.
     fn lay(&self, moment: &Moment, stands: &[Stand], trace: &mut Trace) {
-        let keep_out = &moment.keep_out;
+        let obstacles = &moment.obstacles;
         let stand = &stands[self.nearest()];
         let Trace { free, retreat, track, deep, spare, .. } = trace;
         for spare in spare.iter_mut() {
             spare.clear();
-            spare.resize(keep_out.poses.len(), 0.0);
+            spare.resize(obstacles.poses.len(), 0.0);
         }
         let [spare, spare_leaning] = spare;
         let mut lean: Option<Lean> = None;
@@ -222,7 +222,7 @@ impl Strand {
                     spare.iter_mut().for_each(|spare| *spare -= length);
                     false
                 } else {
-                    keep_out.violation(&self.kept, place, &end, length, spare).0 > 0.0
+                    obstacles.violation(&self.kept, place, &end, length, spare).0 > 0.0
                 };
                 lean = (too_near || retreat[j + 1] > 0.0).then_some(Lean(start));
             }
@@ -232,7 +232,7 @@ impl Strand {
                 let way = [aim[1] - aim[0], end - start].into_iter().find_map(|way| way.try_normalize(1e-9));
                 // An edge of no length needs no direction.
                 let way = way.unwrap_or_default();
-                if lean.advance(keep_out, &self.kept, (place, length), (&aim[0], &way), clear, spare_leaning)
+                if lean.advance(obstacles, &self.kept, (place, length), (&aim[0], &way), clear, spare_leaning)
                     > TOO_DEEP
                 {
                     deep.push(j + 1);
@@ -245,7 +245,7 @@ impl Strand {
         trace.leans = lean.is_some();
     }
 
-    /// Lays the strand at two moments [`BACKWARD`] apart, with the retreats in both traces; it would be as in `now.free` at the first. `now.track` is then where it is
+    /// Lays the strand at two moments [`DIFFERENCE_STEP`] apart, with the retreats in both traces; it would be as in `now.free` at the first. `now.track` is then where it is
     /// and how it moves.
     pub fn settle(&self, moments: &[Moment; 2], stands: &[Vec<Stand>; 2], [now, before]: &mut [Trace; 2]) {
         self.lay(&moments[0], &stands[0], now);
@@ -254,19 +254,19 @@ impl Strand {
         }
         free(iter::once(self), &moments[1].head, &stands[1], false, slice::from_mut(&mut before.free));
         self.lay(&moments[1], &stands[1], before);
-        self.relax(&moments[0].keep_out, now);
-        self.relax(&moments[1].keep_out, before);
+        self.relax(&moments[0].obstacles, now);
+        self.relax(&moments[1].obstacles, before);
         for (now, before) in now.track.iter_mut().zip(&before.track) {
-            now.1 = (now.0 - before.0) / BACKWARD;
+            now.1 = (now.0 - before.0) / DIFFERENCE_STEP;
         }
     }
 
     /// Moves a strand that was laid out of bodies where it lies too deep in one.
-    fn relax(&self, keep_out: &KeepOut, trace: &mut Trace) {
+    fn relax(&self, obstacles: &Obstacles, trace: &mut Trace) {
         let Some(&last) = trace.deep.last() else { return };
         let mut x: Vec<_> = trace.track.iter().map(|(x, _)| *x).collect();
         let vertices = x.len();
-        let push = |k: usize, x: &Vector3<f64>| keep_out.pushed_out(&self.kept, (k, vertices), x, TOO_DEEP);
+        let push = |k: usize, x: &Vector3<f64>| obstacles.pushed_out(&self.kept, (k, vertices), x, TOO_DEEP);
         let length: Vec<f64> = self.edges.iter().map(Edge::length).collect();
         relax(&mut x, &length, last, push);
         trace.track.iter_mut().zip(x).for_each(|(track, x)| track.0 = x);

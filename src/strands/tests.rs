@@ -2,10 +2,10 @@
 
 use super::*;
 use crate::math::se3;
-use crate::rod::{Cut, RodSource, Shape, Taper};
+use crate::rod::{RodShape, RodSource, SegmentSize, Taper};
 use nalgebra::Isometry3;
 
-const HOME: Home = Home { leaf: (0, 0), group: 0 };
+const MEMBERSHIP: Membership = Membership { leaf: (0, 0), group: 0 };
 
 /// Across the plane in which equal entries of a rod along x bend it, m.
 const BESIDE: Vector3<f64> = Vector3::new(0.0, 0.055, 0.055);
@@ -33,8 +33,8 @@ fn rod(points: &[Vector3<f64>]) -> Rod {
         line_density: 6.6e-6,
         damping: 0.0,
         taper: Taper::NONE,
-        natural: None,
-        cut: Cut { length: 0.005, ..Cut::FINE },
+        natural_strain: None,
+        segment_size: SegmentSize { max_length: 0.005, ..SegmentSize::FINE },
     })
     .unwrap()
 }
@@ -60,8 +60,8 @@ fn curves(strands: &[Vec<Vector3<f64>>]) -> Curves {
 
 /// Strands of one wisp that follow these guides.
 fn interpolator(c: &Curves, rods: &[&Rod], bodies: &Bodies, thickness: &[f64]) -> Interpolator {
-    let guides: Vec<_> = rods.iter().map(|r| (*r, HOME)).collect();
-    let follows = follows(c, &vec![HOME; c.len()], &[0.0], &guides);
+    let guides: Vec<_> = rods.iter().map(|r| (*r, MEMBERSHIP)).collect();
+    let follows = guide_weights(c, &vec![MEMBERSHIP; c.len()], &[0.0], &guides);
     Interpolator::new(c, follows, rods, bodies, thickness)
 }
 
@@ -74,10 +74,10 @@ fn run(
 ) -> [Vec<[f32; 3]>; 2] {
     let bodies = Bodies::from_shapes(&[]);
     let interpolator = interpolator(c, rods, &bodies, &[]);
-    let moment = Moment { head: *head, keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &[] } };
+    let moment = Moment { head: *head, obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &[] } };
     let motion: Vec<_> =
         rods.iter().zip(q).zip(rate).map(|((&rod, q), rate)| GuideMotion { rod, q, rate }).collect();
-    evaluated(&interpolator, &moment, &motion, &interpolator.retreats(&[moment; 2], &motion))
+    evaluated(&interpolator, &moment, &motion, &interpolator.retractions(&[moment; 2], &motion))
 }
 
 /// Points and velocities of all strands, which retreat alike at all times.
@@ -93,8 +93,8 @@ fn evaluated(
     };
     let out = evaluate(None);
     // What is known beforehand changes nothing.
-    let (laid, asked) = interpolator.lay(&[*moment; 2], motion, &Matrix3::identity());
-    assert_eq!((evaluate(Some(laid)), asked), (out.clone(), interpolator.retreats(&[*moment; 2], motion)));
+    let (laid, asked) = interpolator.evaluate_unretracted(&[*moment; 2], motion, &Matrix3::identity());
+    assert_eq!((evaluate(Some(laid)), asked), (out.clone(), interpolator.retractions(&[*moment; 2], motion)));
     [out.points, out.velocities]
 }
 
@@ -132,7 +132,7 @@ fn a_strand_on_its_guide_stays_on_it() {
         let q: Vec<f64> = (0..r.unknowns()).map(|i| (i as f64 * 0.7).sin() * 8.0).collect();
         let zero = vec![0.0; q.len()];
         let [p, _] = run(&curves(&[points]), &[&r], std::slice::from_ref(&q), &[zero], &still());
-        let mut shape = Shape::default();
+        let mut shape = RodShape::default();
         shape.update(&r, &r.root.r, &q);
         (wide(&p[n - 1]) - shape.x(r.points() - 1)).norm() / r.length()
     };
@@ -151,7 +151,7 @@ fn a_strand_beside_its_guide_turns_as_the_guide_does() {
     let zero = vec![0.0; q.len()];
     let [p, _] =
         run(&curves(std::slice::from_ref(&across)), &[&r], std::slice::from_ref(&q), &[zero], &still());
-    let mut shape = Shape::default();
+    let mut shape = RodShape::default();
     shape.update(&r, &r.root.r, &q);
     let turn = shape.poses().last().unwrap().r * r.root.r.transpose();
     let rest = (across[128] - across[127]).normalize();
@@ -199,7 +199,7 @@ fn a_strand_is_turned_out_of_a_body_and_keeps_its_length_and_velocity() {
     let c = curves(&[line]);
     let q: Vec<f64> = (0..r.unknowns()).map(|i| if i % 3 == 2 { 0.0 } else { 12.0 }).collect();
     let rate: Vec<f64> = q.iter().map(|q| 8.0 * q).collect();
-    let mut free = Shape::default();
+    let mut free = RodShape::default();
     free.update(&r, &r.root.r, &q);
     let middle = free.x(r.points() * 6 / 10);
     let centre = middle + (middle - Vector3::x() * 0.12).normalize() * 0.02;
@@ -208,9 +208,9 @@ fn a_strand_is_turned_out_of_a_body_and_keeps_its_length_and_velocity() {
     let interpolator = interpolator(&c, &[&r], &bodies, &[0.0005]);
     let moment = Moment {
         head: still(),
-        keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] },
+        obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] },
     };
-    let retreats = interpolator.retreats(&[moment; 2], &[GuideMotion { rod: &r, q: &q, rate: &rate }]);
+    let retreats = interpolator.retractions(&[moment; 2], &[GuideMotion { rod: &r, q: &q, rate: &rate }]);
     let at = |t: f64| {
         let q: Vec<f64> = q.iter().zip(&rate).map(|(q, r)| q + t * r).collect();
         evaluated(&interpolator, &moment, &[GuideMotion { rod: &r, q: &q, rate: &rate }], &retreats)
@@ -240,10 +240,10 @@ fn a_body_is_seen_after_vertices_that_were_not_looked_for() {
     let bodies = Bodies::from_shapes(&[Solid::Sphere { centre: Vector3::x(), radius: 0.01 }]);
     let interpolator = interpolator(&c, &[&r], &bodies, &[0.0005]);
     let poses = [Isometry3::translation(-0.945, 0.018, 0.0)];
-    let moment = Moment { head: still(), keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &poses } };
+    let moment = Moment { head: still(), obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &poses } };
     let still = vec![0.0; r.unknowns()];
     let motion = [GuideMotion { rod: &r, q: &still, rate: &still }];
-    let retreats = interpolator.retreats(&[moment; 2], &motion);
+    let retreats = interpolator.retractions(&[moment; 2], &motion);
     let [p, _] = evaluated(&interpolator, &moment, &motion, &retreats);
     let distance = |x: &Vector3<f64>| (x - at(0.055, 0.018)).norm() - 0.01;
     assert!(distance(&c.points[3]) < -5e-4 && distance(&wide(&p[3])) > 4e-4, "{:?}", p[3]);
@@ -261,7 +261,7 @@ fn a_strand_stays_out_of_two_bodies_that_it_runs_into_the_crease_of() {
     let bodies = Bodies::from_shapes(&shapes);
     let interpolator = interpolator(&c, &[&r], &bodies, &[0.0005; 2]);
     let poses = walls.map(|(normal, at)| Isometry3::from(normal * (1.0 + at)));
-    let moment = Moment { head: still(), keep_out: KeepOut { bodies: &bodies, time: 0.0, poses: &poses } };
+    let moment = Moment { head: still(), obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &poses } };
     let zero = vec![0.0; r.unknowns()];
     let motion = [GuideMotion { rod: &r, q: &zero, rate: &zero }];
     let [p, _] = evaluated(&interpolator, &moment, &motion, &[0.0; 9]);
@@ -282,7 +282,7 @@ fn a_strand_stays_on_its_guides_side_of_a_thin_body() {
     // Real strands have edges of no length.
     strand.insert(16, strand[16]);
     let (r, c) = (rod(&line(0.03)), curves(&[strand]));
-    let mut free = Shape::default();
+    let mut free = RodShape::default();
     // Whichever entries of a rod along x bend it in this plane.
     let bend = |i: usize| (0..r.unknowns()).map(|k| if k % 3 == i { 1.0 } else { 0.0 }).collect::<Vec<f64>>();
     let basis = [bend(0), bend(1)];
@@ -309,9 +309,9 @@ fn a_strand_stays_on_its_guides_side_of_a_thin_body() {
     let lowest = |bodies: &Bodies, poses: &[Isometry3<f64>]| {
         let thickness = vec![0.0005; poses.len()];
         let interpolator = interpolator(&c, &[&r], bodies, &thickness);
-        let moment = Moment { head: still(), keep_out: KeepOut { bodies, time: 0.0, poses } };
+        let moment = Moment { head: still(), obstacles: Obstacles { bodies, time: 0.0, poses } };
         let motion = [GuideMotion { rod: &r, q: &q, rate: &vec![0.0; q.len()] }];
-        let retreats = interpolator.retreats(&[moment; 2], &motion);
+        let retreats = interpolator.retractions(&[moment; 2], &motion);
         let [p, v] = evaluated(&interpolator, &moment, &motion, &retreats);
         assert!(p.iter().chain(&v).flatten().all(|x| x.is_finite()));
         p.iter().map(|x| f64::from(x[1])).fold(0.0, f64::min)

@@ -1,9 +1,9 @@
 //! Who leads whom among the guides of a groom.
 
 use super::response::{Scalp, response};
-use super::{GuideRod, Reach};
+use super::{GuideRod, LinearKinematics};
 use crate::math::cholesky;
-use crate::rod::Shape;
+use crate::rod::RodShape;
 use crate::scene::{Groom, Tree};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -25,11 +25,11 @@ pub struct Hierarchy {
     /// The guides that lead each guide and their shares, of sum 1, the nearest first; none for those that stand for coarse wisps.
     pub leaders: Vec<Vec<(usize, f64)>>,
     /// Share of each guide's answers to small motions of the head that the mean of its leaders' misses; 0 without leaders.
-    pub missed: Vec<f64>,
+    pub response_error: Vec<f64>,
     /// Level of the coarsest wisp that each guide stands for, 0 for a coarse wisp; one more than the finest wisp's for one that stands for none.
     pub level: Vec<u32>,
     /// The guide that stands for the wisp around each guide's own; none for those that stand for coarse wisps.
-    pub around: Vec<Option<usize>>,
+    pub parent: Vec<Option<usize>>,
 }
 
 impl Hierarchy {
@@ -44,9 +44,9 @@ impl Hierarchy {
         let mut of_leaf: Vec<_> = groom.trees.iter().map(|tree| vec![Vec::new(); tree.wisps.len()]).collect();
         rods.iter().enumerate().for_each(|(i, r)| of_leaf[r.leaf.0][r.leaf.1].push(i));
         let stances: Vec<Stance> = rods.par_iter().map(Stance::new).collect();
-        let (mut level, mut around) = (vec![0; rods.len()], vec![None; rods.len()]);
+        let (mut level, mut parent) = (vec![0; rods.len()], vec![None; rods.len()]);
         for (tree, of_leaf) in groom.trees.iter().zip(of_leaf) {
-            rank(tree, of_leaf, &stances, &mut level, &mut around);
+            rank(tree, of_leaf, &stances, &mut level, &mut parent);
         }
         let material = |i: usize| groom.groups[groom.guides.curves.group[rods[i].guide] as usize].material;
         let arc = |i: usize| &groom.trees[rods[i].leaf.0].arc;
@@ -75,20 +75,20 @@ impl Hierarchy {
             let missed = missed(&apart, &shares);
             (near.iter().map(|(_, l)| may_lead[*l]).zip(shares).collect(), missed)
         };
-        let (leaders, missed) = (0..rods.len()).into_par_iter().map(leaders).unzip();
-        Hierarchy { leaders, missed, level, around }
+        let (leaders, response_error) = (0..rods.len()).into_par_iter().map(leaders).unzip();
+        Hierarchy { leaders, response_error, level, parent }
     }
 
     /// Adds to `moved`, which tells of each guide whether it moves, all that those depend on: what leads them, and what stands for the wisps around them. What does
     /// not move follows nothing from now on.
-    pub fn confine(&mut self, moved: &mut [bool]) {
+    pub fn restrict_to(&mut self, moved: &mut [bool]) {
         let mut order: Vec<usize> = (0..self.level.len()).collect();
         // All of these stand for coarser wisps.
         order.sort_by_key(|i| std::cmp::Reverse(self.level[*i]));
         for i in order {
             if moved[i] {
                 let leaders = self.leaders[i].iter().map(|(leader, _)| *leader);
-                leaders.chain(self.around[i]).for_each(|j| moved[j] = true);
+                leaders.chain(self.parent[i]).for_each(|j| moved[j] = true);
             } else {
                 self.leaders[i].clear();
             }
@@ -133,16 +133,16 @@ struct Stance {
     /// Its sections, m, rest space.
     sections: Vec<Vector3<f64>>,
     length: f64,
-    reach: Reach,
+    reach: LinearKinematics,
 }
 
 impl Stance {
     fn new(r: &GuideRod) -> Self {
-        let mut shape = Shape::default();
-        shape.update(&r.rod, &r.rod.root.r, &r.rod.start);
+        let mut shape = RodShape::default();
+        shape.update(&r.rod, &r.rod.root.r, &r.rod.initial_q);
         let section = |node: usize| shape.x(r.rod.node_point(node)) + r.rod.root.p;
         let sections: Vec<_> = (0..r.rod.nodes.len()).map(section).collect();
-        Stance { reach: Reach::new(&sections, &r.rod.nodes), sections, length: r.rod.length() }
+        Stance { reach: LinearKinematics::new(&sections, &r.rod.nodes), sections, length: r.rod.length() }
     }
 
     /// What it is elsewhere than `other`: section by section, and by its length; m, weighted so that a product is the mean along the hair.
@@ -157,7 +157,7 @@ impl Stance {
     /// say and not as its `own`: without unit.
     fn apart(&self, beside: Apart, own: &[Vec<Vector3<f64>>], led: &[Vec<Vector3<f64>>]) -> Apart {
         let ways = |turn: Vec<Vector3<f64>>| {
-            self.reach.ways(turn.into_iter()).map(|(way, _)| way).collect::<Vec<_>>()
+            self.reach.displacements(turn.into_iter()).map(|(way, _)| way).collect::<Vec<_>>()
         };
         let moved: f64 = own.iter().flat_map(|own| ways(own.clone())).map(|way| way.norm_squared()).sum();
         let other = |(own, led): (&Vec<Vector3<f64>>, &Vec<Vector3<f64>>)| {
@@ -221,12 +221,12 @@ mod tests {
         let led_by = |leaders: &[usize]| leaders.iter().map(|j| (*j, 1.0)).collect::<Vec<_>>();
         let mut hierarchy = Hierarchy {
             leaders: [&[][..], &[0], &[], &[1], &[0]].map(led_by).to_vec(),
-            missed: vec![0.0; 5],
+            response_error: vec![0.0; 5],
             level: vec![0, 1, 0, 2, 1],
-            around: vec![None, Some(2), None, Some(1), Some(0)],
+            parent: vec![None, Some(2), None, Some(1), Some(0)],
         };
         let mut moved = vec![false, false, false, true, false];
-        hierarchy.confine(&mut moved);
+        hierarchy.restrict_to(&mut moved);
         assert_eq!(moved, [true, true, true, true, false]);
         assert_eq!(hierarchy.leaders[3], led_by(&[1]));
         assert!(hierarchy.leaders[4].is_empty());
@@ -237,7 +237,7 @@ mod tests {
         let hair = |x: f64, y: f64, length: f64| {
             let arc: Vec<f64> = (0..8).map(|k| length / 7.0 * f64::from(k)).collect();
             let sections: Vec<_> = arc.iter().map(|s| Vector3::new(x, y, *s)).collect();
-            Stance { reach: Reach::new(&sections, &arc), sections, length }
+            Stance { reach: LinearKinematics::new(&sections, &arc), sections, length }
         };
         let leaders = [(0.0, 0.0), (0.02, 0.0), (0.0, 0.02), (0.02, 0.02)];
         let of = |guide: &Stance, lengths: [f64; 4]| {

@@ -10,10 +10,10 @@ mod response;
 mod swing;
 
 pub use hierarchy::Hierarchy;
-pub use reach::Reach;
-pub use swing::{Shake, Swing, Swung};
+pub use reach::LinearKinematics;
+pub use swing::{HeadExcitation, ModalResponse, ModeState};
 
-use crate::rod::{Cut, Rod, RodSource, Taper};
+use crate::rod::{Rod, RodSource, SegmentSize, Taper};
 use crate::scene::{Groom, Material};
 use rayon::prelude::*;
 
@@ -32,8 +32,8 @@ pub struct GuideRod {
     pub rod: Rod,
 }
 
-/// A rod for every guide of the groom, in the order of the guides, cut as `cut` says.
-pub fn rods(groom: &Groom, cut: Cut) -> Vec<GuideRod> {
+/// A rod for every guide of the groom, in the order of the guides, cut as `segment_size` says.
+pub fn guide_rods(groom: &Groom, segment_size: SegmentSize) -> Vec<GuideRod> {
     let leaves = groom.trees.iter().enumerate().flat_map(|(t, tree)| {
         tree.wisps
             .iter()
@@ -43,11 +43,11 @@ pub fn rods(groom: &Groom, cut: Cut) -> Vec<GuideRod> {
     let mut leaves: Vec<_> = leaves.collect();
     leaves.sort_unstable();
     // A validated groom has no guide without length.
-    leaves.into_par_iter().filter_map(|(guide, leaf)| rod(groom, guide, leaf, cut)).collect()
+    leaves.into_par_iter().filter_map(|(guide, leaf)| rod(groom, guide, leaf, segment_size)).collect()
 }
 
 /// The rod of a guide of the wisp `leaf`; `None` where it has no length.
-fn rod(groom: &Groom, guide: usize, leaf: (usize, usize), cut: Cut) -> Option<GuideRod> {
+fn rod(groom: &Groom, guide: usize, leaf: (usize, usize), segment_size: SegmentSize) -> Option<GuideRod> {
     let tree = &groom.trees[leaf.0];
     let wisp = &tree.wisps[leaf.1];
     let m = groom.material_of(guide);
@@ -59,8 +59,8 @@ fn rod(groom: &Groom, guide: usize, leaf: (usize, usize), cut: Cut) -> Option<Gu
         line_density: m.density * m.section.area(),
         damping: m.damping,
         taper: Taper { stiffness: m.stiffness_at_tip, radius: m.radius_at_tip, damping: m.damping_at_tip },
-        natural: m.natural,
-        cut,
+        natural_strain: m.natural,
+        segment_size,
     })?;
     let hairs = f64::from(wisp.strand_count) / wisp.guides.len() as f64;
     Some(GuideRod { guide, leaf, hairs, material: m, rod })

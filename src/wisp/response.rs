@@ -35,7 +35,7 @@ pub(super) fn response(
     pull: &Vector3<f64>,
     scalp: &Scalp,
 ) -> Vec<Vec<Vector3<f64>>> {
-    let linear = Linear::new(&r.rod, &r.rod.start, drag, pull);
+    let linear = Linear::new(&r.rod, &r.rod.initial_q, drag, pull);
     let n = linear.unknowns();
     let shaken = |k: usize| {
         let axis = Vector3::ith(k % 3, G);
@@ -67,9 +67,9 @@ pub(super) fn response(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rod::{Cut, Rod, RodSource, Taper};
+    use crate::rod::{Rod, RodSource, SegmentSize, Taper};
     use crate::scene::{Material, Tree};
-    use crate::wisp::Reach;
+    use crate::wisp::LinearKinematics;
 
     #[test]
     fn stiff_hair_bends_as_a_beam_does_that_its_weight_pulls_aside() {
@@ -84,23 +84,23 @@ mod tests {
             line_density: density,
             damping: 0.0,
             taper: Taper::NONE,
-            natural: None,
-            cut: Cut::COARSE,
+            natural_strain: None,
+            segment_size: SegmentSize::COARSE,
         })
         .unwrap();
         let drag = vec![0.0; rod.points()];
         let places: Vec<_> = arc.iter().map(|s| Vector3::y() * (-length * s)).collect();
-        let reach = Reach::new(&places, &rod.nodes);
+        let reach = LinearKinematics::new(&places, &rod.nodes);
         let guide = GuideRod { guide: 0, leaf: (0, 0), hairs: 1.0, material: Material::default(), rod };
         let answers =
             response(&guide, &drag, &Vector3::zeros(), &Scalp { centre: Vector3::zeros(), radius: 0.1 });
         assert_eq!(answers.len(), 12 * FREQUENCIES.len());
         // Slowly accelerated along x, the real part: w L⁴/(8 E I) at the tip.
-        let (tip, _) = reach.ways(answers[0].iter().copied()).last().unwrap();
+        let (tip, _) = reach.displacements(answers[0].iter().copied()).last().unwrap();
         let beam = density * G * length.powi(3) / (8.0 * stiffness);
         assert!((tip.norm() / beam - 1.0).abs() < 0.05 && tip.x > 0.99 * tip.norm(), "{tip} {beam}");
         // Along itself it cannot be bent.
-        let (along, _) = reach.ways(answers[2].iter().copied()).last().unwrap();
+        let (along, _) = reach.displacements(answers[2].iter().copied()).last().unwrap();
         assert!(along.norm() < 1e-9, "{along}");
     }
 }

@@ -1,6 +1,6 @@
 //! How guides swing as the head shakes them, to first order: by how much hair that is alike but for its length or lie moves otherwise.
 
-use super::Reach;
+use super::LinearKinematics;
 use super::linear::Linear;
 use crate::math::cholesky;
 use crate::rod::Rod;
@@ -12,15 +12,15 @@ const MODES: usize = 6;
 
 const G: f64 = 9.81;
 
-/// Numbers of a [`Shake`].
+/// Numbers of a [`HeadExcitation`].
 const SHAKES: usize = 18;
 
 /// What shakes hair at a moment, as seen from the head: a field of acceleration a − 𝐀 x and of the air's motion −(v + ω × x), m, m/s² and m/s; in order a, 𝐀 by
 /// its columns, v and ω.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Shake([f64; SHAKES]);
+pub struct HeadExcitation([f64; SHAKES]);
 
-impl Shake {
+impl HeadExcitation {
     /// Of hair that is pulled by `pull`, m/s², world, on a head that is at `heads`, now and one to four steps of `h`, s, ago: rates are those of the solver's own
     /// differences (`docs/theory.md` §4.6).
     pub fn new(heads: &[Isometry3<f64>; 5], h: f64, pull: &Vector3<f64>) -> Self {
@@ -41,17 +41,17 @@ impl Shake {
             .copied()
             .collect::<Vec<_>>()
             .into_iter();
-        Shake(std::array::from_fn(|_| numbers.next().unwrap_or(0.0)))
+        HeadExcitation(std::array::from_fn(|_| numbers.next().unwrap_or(0.0)))
     }
 
     /// What it is more than `other`.
-    pub fn since(&self, other: &Self) -> Self {
-        Shake(std::array::from_fn(|k| self.0[k] - other.0[k]))
+    pub fn minus(&self, other: &Self) -> Self {
+        HeadExcitation(std::array::from_fn(|k| self.0[k] - other.0[k]))
     }
 
     /// One of the numbers alone.
     fn unit(k: usize) -> Self {
-        Shake(std::array::from_fn(|i| f64::from(u8::from(i == k))))
+        HeadExcitation(std::array::from_fn(|i| f64::from(u8::from(i == k))))
     }
 
     /// The force on a mass, kg, with a drag, N·s/m, at `x`, m, rest space.
@@ -64,9 +64,9 @@ impl Shake {
 
 /// A guide that swings: its slowest modes, moved by what shakes it.
 #[derive(Debug, Clone, Default)]
-pub struct Swing {
+pub struct ModalResponse {
     modes: Vec<Mode>,
-    swung: Vec<Swung>,
+    swung: Vec<ModeState>,
     /// Turning of its nodes now, then one and two steps ago: three numbers each, per share of the length, rest space, rad; then the ways of its nodes but the
     /// root now, as shares of its length.
     pub turning: Vec<f64>,
@@ -87,23 +87,27 @@ struct Mode {
 
 /// How far a mode has swung.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Swung {
+pub struct ModeState {
     /// z now, and one and two steps ago.
     z: [f64; 3],
     /// ż now, and a step ago.
     rate: [f64; 2],
 }
 
-impl Swing {
+impl ModalResponse {
     /// Of `rod` that rests at unknowns `q`, 1/m, with that `reach`, with `drag` at its points, N·s/m², pulled by `pull`, m/s², rest space.
-    pub fn new(rod: &Rod, q: &[f64], reach: &Reach, drag: &[f64], pull: &Vector3<f64>) -> Self {
+    pub fn new(rod: &Rod, q: &[f64], reach: &LinearKinematics, drag: &[f64], pull: &Vector3<f64>) -> Self {
         let pendulum = pull.norm() / rod.length();
         let modes = modes(&Linear::new(rod, q, drag, pull), pendulum, reach).unwrap_or_default();
-        Swing { swung: vec![Swung::default(); modes.len()], modes, turning: vec![0.0; 4 * q.len()] }
+        ModalResponse {
+            swung: vec![ModeState::default(); modes.len()],
+            modes,
+            turning: vec![0.0; 4 * q.len()],
+        }
     }
 
     /// Swings through steps of `h`, s, that end at moments of these shakes.
-    pub fn advance(&mut self, shakes: &[Shake], h: f64) {
+    pub fn advance(&mut self, shakes: &[HeadExcitation], h: f64) {
         // By BDF2, as the rods themselves.
         let eta = 2.0 / 3.0 * h;
         for (mode, swung) in self.modes.iter().zip(&mut self.swung) {
@@ -114,7 +118,7 @@ impl Swing {
                 let (from, rate_from) = (past(z, before), past(rate, rate_before));
                 let next = (rate_from + eta * (f - mode.stiffness * from))
                     / (1.0 + eta * (mode.damping + eta * mode.stiffness));
-                *swung = Swung { z: [from + eta * next, z, before], rate: [next, rate] };
+                *swung = ModeState { z: [from + eta * next, z, before], rate: [next, rate] };
             }
         }
         self.turn();
@@ -123,7 +127,7 @@ impl Swing {
     fn turn(&mut self) {
         let n = self.turning.len() / 4;
         self.turning.fill(0.0);
-        for (mode, Swung { z, .. }) in self.modes.iter().zip(&self.swung) {
+        for (mode, ModeState { z, .. }) in self.modes.iter().zip(&self.swung) {
             let parts =
                 [(&mode.turning, z[0]), (&mode.turning, z[1]), (&mode.turning, z[2]), (&mode.ways, z[0])];
             for (sums, (of, z)) in self.turning.chunks_exact_mut(n).zip(parts) {
@@ -133,12 +137,12 @@ impl Swing {
     }
 
     /// How far each mode has swung.
-    pub fn swung(&self) -> &[Swung] {
+    pub fn mode_states(&self) -> &[ModeState] {
         &self.swung
     }
 
     /// Goes on from where modes as many as its own had swung to.
-    pub fn go_on(&mut self, swung: Vec<Swung>) {
+    pub fn restore(&mut self, swung: Vec<ModeState>) {
         self.swung = swung;
         self.turn();
     }
@@ -146,7 +150,7 @@ impl Swing {
 
 /// The slowest modes, none where there is no sense in them. What gives way where it hangs, as what stands or leans on a body, is held as a `pendulum` is, of that ω²,
 /// 1/s².
-fn modes(linear: &Linear, pendulum: f64, reach: &Reach) -> Option<Vec<Mode>> {
+fn modes(linear: &Linear, pendulum: f64, reach: &LinearKinematics) -> Option<Vec<Mode>> {
     let n = linear.unknowns();
     let some = G / linear.length();
     // Those of 𝐊 + s 𝐌, which is positive definite if s is large enough.
@@ -167,8 +171,9 @@ fn modes(linear: &Linear, pendulum: f64, reach: &Reach) -> Option<Vec<Mode>> {
     let eigen = SymmetricEigen::new((&mass + mass.transpose()) * 0.5);
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-    let pushes: Vec<Vec<f64>> =
-        (0..SHAKES).map(|k| linear.forces(|x, mass, drag| Shake::unit(k).force(x, mass, drag))).collect();
+    let pushes: Vec<Vec<f64>> = (0..SHAKES)
+        .map(|k| linear.forces(|x, mass, drag| HeadExcitation::unit(k).force(x, mass, drag)))
+        .collect();
     let mode = |k: usize| {
         let share = eigen.eigenvalues[k];
         let mut q: Vec<f64> = eigen.eigenvectors.column(k).iter().map(|y| y / share.sqrt()).collect();
@@ -176,7 +181,7 @@ fn modes(linear: &Linear, pendulum: f64, reach: &Reach) -> Option<Vec<Mode>> {
         let damping =
             linear.damping.chunks_exact(n).zip(&q).map(|(row, q_i)| q_i * cholesky::dot(row, &q)).sum();
         let turning = linear.turning(&q);
-        let ways = numbers(reach.ways(turning.iter().copied()).map(|(way, _)| way));
+        let ways = numbers(reach.displacements(turning.iter().copied()).map(|(way, _)| way));
         let turning = numbers(turning.into_iter());
         let push = std::array::from_fn(|k| cholesky::dot(&pushes[k], &q));
         Mode { turning, ways, damping, stiffness: (1.0 / share - shift).max(pendulum), push }
@@ -191,7 +196,7 @@ fn numbers(vectors: impl Iterator<Item = Vector3<f64>>) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rod::{Cut, RodSource, Taper};
+    use crate::rod::{RodSource, SegmentSize, Taper};
     use crate::scene::Tree;
 
     const PULL: Vector3<f64> = Vector3::new(0.0, -G, 0.0);
@@ -207,8 +212,8 @@ mod tests {
             line_density: 6.6e-6,
             damping: 0.01,
             taper: Taper::NONE,
-            natural: None,
-            cut: Cut::FINE,
+            natural_strain: None,
+            segment_size: SegmentSize::FINE,
         })
         .unwrap()
     }
@@ -217,8 +222,8 @@ mod tests {
     fn limp_hair_swings_as_a_hanging_chain() {
         let rod = hair(40, 1e-13);
         let drag = vec![0.0; rod.points()];
-        let linear = Linear::new(&rod, &rod.start, &drag, &PULL);
-        let modes = modes(&linear, G / rod.length(), &Reach::default()).unwrap();
+        let linear = Linear::new(&rod, &rod.initial_q, &drag, &PULL);
+        let modes = modes(&linear, G / rod.length(), &LinearKinematics::default()).unwrap();
         // (j/2)² g/L, j the zeros of J0, each to two sides.
         for (mode, zero) in modes.iter().zip([2.404826, 2.404826, 5.520078, 5.520078]) {
             let chain = 0.25 * zero * zero * G / rod.length();
@@ -231,13 +236,13 @@ mod tests {
         // Two nodes with unknowns: its modes are all that have inertia.
         let rod = hair(3, 1e-9);
         let drag = vec![1e-5; rod.points()];
-        let linear = Linear::new(&rod, &rod.start, &drag, &PULL);
+        let linear = Linear::new(&rod, &rod.initial_q, &drag, &PULL);
         let n = linear.unknowns();
         let places: Vec<_> = rod.nodes.iter().map(|s| Vector3::y() * -s).collect();
-        let reach = Reach::new(&places, &rod.nodes);
-        let mut swing = Swing::new(&rod, &rod.start, &reach, &drag, &PULL);
+        let reach = LinearKinematics::new(&places, &rod.nodes);
+        let mut swing = ModalResponse::new(&rod, &rod.initial_q, &reach, &drag, &PULL);
         for k in 0..SHAKES {
-            let shake = Shake::unit(k);
+            let shake = HeadExcitation::unit(k);
             let mut q = linear.forces(|x, mass, drag| shake.force(x, mass, drag));
             let mut factor = linear.stiffness.clone();
             assert_eq!(cholesky::factor(&mut factor, n), 1);
@@ -246,7 +251,7 @@ mod tests {
             let still = linear.turning(&q);
             let size = still.iter().map(|turn| turn.norm()).fold(1e-3, f64::max);
             let (turning, ways) = swing.turning.split_at(3 * n);
-            for (way, (found, _)) in ways.chunks_exact(3).zip(reach.ways(still.iter().copied())) {
+            for (way, (found, _)) in ways.chunks_exact(3).zip(reach.displacements(still.iter().copied())) {
                 assert!(
                     (Vector3::from_column_slice(way) - found).norm() < 1e-6 * size,
                     "{k}: {way:?} {found}"
@@ -270,7 +275,7 @@ mod tests {
         let (speed, gain) = (Vector3::new(0.4, 0.0, -1.0), Vector3::new(2.0, 1.0, 0.0));
         let head = |t: f64| Isometry3::new(speed * t + gain * (0.5 * t * t), axis * (rate * t));
         let (h, t) = (1e-4, 0.2);
-        let shake = Shake::new(&std::array::from_fn(|k| head(t - k as f64 * h)), h, &PULL);
+        let shake = HeadExcitation::new(&std::array::from_fn(|k| head(t - k as f64 * h)), h, &PULL);
         let x = Vector3::new(0.05, 0.1, -0.02);
         let spin = axis * rate;
         let back = head(t).rotation.inverse();
@@ -283,6 +288,6 @@ mod tests {
                 shake.force(&x, mass, drag)
             );
         }
-        assert_eq!(shake.since(&shake).force(&x, 1.0, 1.0), Vector3::zeros());
+        assert_eq!(shake.minus(&shake).force(&x, 1.0, 1.0), Vector3::zeros());
     }
 }

@@ -1,11 +1,11 @@
 //! The strand that tests start from.
 
-use hairbake::rod::{Cut, Rod, RodSource, Taper};
+use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
 use hairbake::scene::Tree;
 use nalgebra::Vector3;
 
 /// A straight horizontal hair of `length`, m, clamped at the origin.
-pub fn hair(length: f64, cut: Cut) -> Rod {
+pub fn hair(length: f64, segment_size: SegmentSize) -> Rod {
     Rod::new(&RodSource {
         points: &[Vector3::zeros(), Vector3::x() * length],
         root_frame: None,
@@ -14,8 +14,8 @@ pub fn hair(length: f64, cut: Cut) -> Rod {
         line_density: 6.6e-6,
         damping: 0.005,
         taper: Taper::NONE,
-        natural: None,
-        cut,
+        natural_strain: None,
+        segment_size,
     })
     .unwrap()
 }

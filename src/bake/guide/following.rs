@@ -2,12 +2,12 @@
 
 use super::{Guide, Surroundings};
 use crate::math::se3::Pose;
-use crate::rod::Shape;
+use crate::rod::RodShape;
 
 impl Guide {
     /// Takes the motion up at time `t`, s, with the unknowns that it was given for now, and for one and two sub-steps of `h`, s, ago.
     pub(in crate::bake) fn take_up(&mut self, around: &Surroundings, t: f64, h: f64) {
-        let mut shape = Shape::default();
+        let mut shape = RodShape::default();
         let mut poses = |back: usize| -> Vec<Pose> {
             let root = around.root(&self.rod.root, t - back as f64 * h);
             shape.update(&self.rod, &root.r, &self.q[back]);

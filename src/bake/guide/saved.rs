@@ -3,7 +3,7 @@
 use super::{Guide, State};
 use crate::bake::clearance::Clearance;
 use crate::bake::state::{Part, Unfit};
-use crate::rod::pushed::Push;
+use crate::rod::contact_load::ContactLoad;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,7 @@ pub struct Saved {
     before: State,
     last: f64,
     past: [(f64, Vec<f64>); 2],
-    pushes: Vec<Push>,
+    pushes: Vec<ContactLoad>,
     pinched: bool,
 }
 

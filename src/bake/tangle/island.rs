@@ -113,7 +113,7 @@ impl Island {
             sides.push(*sides_here);
             let own = |side: usize| {
                 let (guide, (k, u)) = (&guides[guides_here[side]], places.on_rod(&place.meeting, side));
-                Friction::between(guide.friction, guide.rod.share(k, u))
+                Friction::between(guide.friction, guide.rod.arc_fraction(k, u))
             };
             laws.push(Law::Coulomb(Friction::between([own(0), own(1)], 0.5)));
             let force = to_world * place.reaction;

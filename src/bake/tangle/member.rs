@@ -6,7 +6,7 @@ use crate::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use crate::bake::touch::{MAX_MOVE, rows_at};
 use crate::contact::Bodies;
 use crate::math::se3::Pose;
-use crate::rod::Shape;
+use crate::rod::RodShape;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// Motion of a point in a round after which it has settled, m: the next round would move it by about the square of this over the
@@ -150,7 +150,7 @@ impl Member {
             let axes = place.axes(to_world).map(|d| if side == 0 { d } else { -d });
             let (k, s) = places.on_rod(&place.meeting, side);
             let solver = &mut self.work.solver;
-            let carriers = solver.shape.carriers(&guide.rod, k, s);
+            let carriers = solver.shape.blend_points(&guide.rod, k, s);
             rows_at(solver, k, carriers, &axes, rows);
             let cling = place.cling * places.per_hair(&place.meeting, side);
             solver.direction.iter_mut().zip(&rows[..n]).for_each(|(d, row)| *d -= cling * row);
@@ -175,10 +175,10 @@ impl Member {
         self.gather_forces(places, to_world);
         let Workspace { solver, load, q, .. } = &mut self.work;
         let forces = &self.forces;
-        let work = |shape: &Shape| {
-            forces.iter().map(|(k, s, f)| f.dot(&shape.place(&guide.rod, *k, *s))).sum::<f64>()
+        let work = |shape: &RodShape| {
+            forces.iter().map(|(k, s, f)| f.dot(&shape.curve_point(&guide.rod, *k, *s))).sum::<f64>()
         };
-        self.moved = solver.advance_under(&guide.rod, &self.root.r, load, q, work, MAX_MOVE);
+        self.moved = solver.advance_loaded(&guide.rod, &self.root.r, load, q, work, MAX_MOVE);
         self.trace(guide);
         self.meet_bodies(guide, bodies);
         self.stirred = self.moved > SETTLED || self.rounds == 1 && self.residual > SOUND;
@@ -209,7 +209,7 @@ impl Member {
     fn trace(&mut self, guide: &Guide) {
         let Workspace { solver, q, .. } = &self.work;
         self.curve.clear();
-        self.curve.extend(solver.shape.curve(&guide.rod, q).map(|x| x + self.root.p));
+        self.curve.extend(solver.shape.refined_curve(&guide.rod, q).map(|x| x + self.root.p));
     }
 
     /// Makes the unknowns as they are now its end.

@@ -13,7 +13,7 @@ mod tests;
 
 use super::guide::{Guide, StepRecord, Surroundings};
 use crate::contact::Bodies;
-use crate::rod::Shape;
+use crate::rod::RodShape;
 use island::{Island, Reactions, Sets};
 pub(super) use law::Skin;
 use member::{Member, Resort};
@@ -312,13 +312,13 @@ fn active<'a>(
 /// The curves of the guides that move at time `t`, s, in the frame of the head.
 fn curves(guides: &[Guide], movers: &[usize], around: &Surroundings, t: f64) -> Vec<Vector3<f64>> {
     let head = (around.head)(t).inverse();
-    let of = |shape: &mut Shape, g: &usize| -> Vec<Vector3<f64>> {
+    let of = |shape: &mut RodShape, g: &usize| -> Vec<Vector3<f64>> {
         let (rod, q) = (&guides[*g].rod, &guides[*g].q[0]);
         let root = around.root(&rod.root, t);
         shape.update(rod, &root.r, q);
-        shape.curve(rod, q).map(|x| carry(&head, &(x + root.p))).collect()
+        shape.refined_curve(rod, q).map(|x| carry(&head, &(x + root.p))).collect()
     };
-    let curves: Vec<_> = movers.par_iter().map_init(Shape::default, of).collect();
+    let curves: Vec<_> = movers.par_iter().map_init(RodShape::default, of).collect();
     curves.concat()
 }
 

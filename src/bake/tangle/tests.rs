@@ -10,7 +10,7 @@ use crate::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use crate::bake::together::Together;
 use crate::contact::Bodies;
 use crate::math::random;
-use crate::rod::{Cut, Rod, RodSource, Shape as RodShape, Taper};
+use crate::rod::{Rod, RodShape, RodSource, SegmentSize, Taper};
 use crate::scene::{Shape, Tree};
 use nalgebra::{Isometry3, UnitQuaternion, Vector2, Vector3};
 
@@ -35,8 +35,8 @@ fn bundle(from: V, to: V, stiff: f64, heavy: f64) -> Rod {
         line_density: 6.6e-6 * heavy,
         damping: 0.005,
         taper: Taper::NONE,
-        natural: None,
-        cut: Cut::FINE,
+        natural_strain: None,
+        segment_size: SegmentSize::FINE,
     })
     .unwrap()
 }
@@ -108,7 +108,7 @@ impl Scene<'_> {
                 let (root, mut shape) = (around.root(&g.rod.root, t), RodShape::default());
                 shape.update(&g.rod, &root.r, &g.q[0]);
                 shape
-                    .curve(&g.rod, &g.q[0])
+                    .refined_curve(&g.rod, &g.q[0])
                     .map(|x| head.transform_point(&(x + root.p).into()).coords)
                     .collect()
             };

@@ -2,7 +2,7 @@
 
 use super::{GAP_TOLERANCE, SAME_NORMAL};
 use crate::contact::Contact;
-use crate::rod::pushed::Push;
+use crate::rod::contact_load::ContactLoad;
 use nalgebra::Vector3;
 
 /// Sub-step of the rod, and the fraction of it, of the place `u` (0..=1) on half `half` of all sub-steps.
@@ -11,7 +11,7 @@ pub(super) fn on_rod(half: usize, u: f64) -> (usize, f64) {
 }
 
 /// That polyline, m: its points `x`, and between any two the middle of the cubic with the tangents `t` there, `arc` being
-/// the arc length of each point, m. Its middles move as the [`carriers`](crate::rod::Shape::carriers) of the fraction ½ do.
+/// the arc length of each point, m. Its middles move as the [`carriers`](crate::rod::RodShape::blend_points) of the fraction ½ do.
 pub(in crate::bake) fn with_middles(
     arc: &[f64],
     x: impl Fn(usize) -> Vector3<f64>,
@@ -44,7 +44,7 @@ impl Middles {
 
     /// Leaves of the `contacts` at middles, of a polyline of so many `places`, those that are nearer than both points beside them, have pushed, or are
     /// violated: what lies on a surface is held by its points, and held twice as often it would only be harder to solve for.
-    pub fn spare(&mut self, contacts: &mut Vec<Contact>, places: usize, pushes: &[Push]) {
+    pub fn spare(&mut self, contacts: &mut Vec<Contact>, places: usize, pushes: &[ContactLoad]) {
         let place = |c: &Contact| match c.u {
             0.0 => Some(c.body * places + c.segment),
             1.0 => Some(c.body * places + c.segment + 1),
@@ -61,7 +61,8 @@ impl Middles {
         contacts.retain(|c| match place(c) {
             Some(i) if i % places % 2 == 1 => {
                 let (k, s) = on_rod(c.segment, c.u);
-                let pushed = |p: &Push| (p.segment, p.u) == (k, s) && p.normal.dot(&c.normal) > SAME_NORMAL;
+                let pushed =
+                    |p: &ContactLoad| (p.segment, p.u) == (k, s) && p.normal.dot(&c.normal) > SAME_NORMAL;
                 let beside = nearest[i - 1].min(nearest[i + 1]).max(0.0);
                 let known = used.contains(&i);
                 let of_use = known || c.gap < beside - GAP_TOLERANCE || pushes.iter().any(pushed);
@@ -79,19 +80,19 @@ impl Middles {
 mod tests {
     use super::*;
     use crate::contact::Feature;
-    use crate::rod::{Rod, Shape};
+    use crate::rod::{Rod, RodShape};
 
     #[test]
     fn places_on_the_polyline_are_those_that_the_rod_carries() {
-        let (rod, q) = Rod::wound();
-        let (mut shape, mut line) = (Shape::default(), Vec::new());
+        let (rod, q) = Rod::bent_sample();
+        let (mut shape, mut line) = (RodShape::default(), Vec::new());
         assert!(shape.update(&rod, &rod.root.r, &q));
         with_middles(&rod.arc, |k| shape.x(k), |k| shape.tangent(k), &mut line);
         assert_eq!(line.len(), 2 * rod.points() - 1);
         for half in 0..line.len() - 1 {
             for u in [0.0, 0.3, 1.0] {
                 let (k, s) = on_rod(half, u);
-                let off = shape.place(&rod, k, s) - line[half].lerp(&line[half + 1], u);
+                let off = shape.curve_point(&rod, k, s) - line[half].lerp(&line[half + 1], u);
                 assert!(off.norm() < 1e-15, "{half} {u}: {off}");
             }
         }
@@ -106,7 +107,7 @@ mod tests {
     fn middles_are_of_use_where_they_are_nearest_and_stay_so() {
         // Points at the places 0, 2, 4, their middles at 1, 3.
         let mut middles = Middles::default();
-        let mut left = |at: [f64; 5], pushes: &[Push]| {
+        let mut left = |at: [f64; 5], pushes: &[ContactLoad]| {
             let mut contacts = vec![contact(0, 0.0, at[0])];
             contacts.extend((1..5).map(|k| contact(k - 1, 1.0, at[k])));
             contacts.push(contact(2, 0.3, -1e-4));
@@ -116,7 +117,8 @@ mod tests {
         // As near as the points beside it, or nearer than one of them only, or violated no more than is as good as none.
         assert_eq!(left([0.0; 5], &[]), [0.0, 2.0, 4.0, 2.3]);
         assert_eq!(left([2e-4, 1e-4, 0.0, -0.9e-5, 0.0], &[]), [0.0, 2.0, 4.0, 2.3]);
-        let push = Push { segment: 1, u: 0.5, force: Vector3::y(), normal: Vector3::y(), sticks: false };
+        let push =
+            ContactLoad { segment: 1, u: 0.5, force: Vector3::y(), normal: Vector3::y(), sticks: false };
         assert_eq!(left([0.0; 5], &[push]), [0.0, 2.0, 3.0, 4.0, 2.3]);
         assert_eq!(left([2e-4, 1e-4, 2e-4, 0.0, 0.0], &[]), [0.0, 1.0, 2.0, 3.0, 4.0, 2.3]);
         // What was of use in a step is for all of it.

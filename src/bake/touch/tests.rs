@@ -1,6 +1,6 @@
 use super::*;
 use crate::contact::{Feature, Workspace};
-use crate::rod::{Cut, RodSource, Taper};
+use crate::rod::{RodSource, SegmentSize, Taper};
 use crate::scene::Shape as SceneShape;
 use nalgebra::Isometry3;
 
@@ -16,8 +16,8 @@ fn straight() -> Rod {
         line_density: 1e-5,
         damping: 0.0,
         taper: Taper::NONE,
-        natural: None,
-        cut: Cut::FINE,
+        natural_strain: None,
+        segment_size: SegmentSize::FINE,
     })
     .unwrap()
 }
@@ -106,7 +106,7 @@ const SHARES: [f64; 5] = [0.0, 0.125, 0.25, 0.5, 1.0];
 /// much higher they are after the step of `h`, s. Returns which of [`SHARES`] cross a ball and what each lacks, the share that is chosen and whether it gains no speed.
 fn cut_short(h: f64, balls: &[[f64; 2]]) -> ([(bool, f64); 5], f64, bool) {
     let rod = straight();
-    let mut bent = rod.start.clone();
+    let mut bent = rod.initial_q.clone();
     let mut solver = Solver::default();
     bent.iter_mut().step_by(3).for_each(|q| *q += 14.0);
     solver.shape.update(&rod, &rod.root.r, &bent);
@@ -121,21 +121,21 @@ fn cut_short(h: f64, balls: &[[f64; 2]]) -> ([(bool, f64); 5], f64, bool) {
     };
     let motions: Vec<_> = balls.iter().map(motion).collect();
     let mut x0 = Vec::new();
-    solver.shape.update(&rod, &rod.root.r, &rod.start);
+    solver.shape.update(&rod, &rod.root.r, &rod.initial_q);
     with_middles(&rod.arc, |k| solver.shape.x(k), |k| solver.shape.tangent(k), &mut x0);
     let clearance = vec![[KEEP; 2]; balls.len() * (x0.len() - 1)];
     in_step(&rod, &bodies, &motions, &clearance, &x0, |touch| {
         let (mut memory, mut work) = (Workspace::default(), TouchWork::default());
         let tried = SHARES.map(|share| {
-            let q: Vec<_> = rod.start.iter().zip(&bent).map(|(a, b)| a + share * (b - a)).collect();
+            let q: Vec<_> = rod.initial_q.iter().zip(&bent).map(|(a, b)| a + share * (b - a)).collect();
             solver.shape.update(&rod, &rod.root.r, &q);
             let mut work = TouchWork::default();
             let clear = touch.find(&solver, &mut memory, &mut work);
             (!clear, work.lacking)
         });
         let mut q = bent.clone();
-        touch.shorten(&rod.start, &mut q, &mut solver, &mut memory, &mut work);
-        (tried, (q[0] - rod.start[0]) / 14.0, touch.gains_none(&work))
+        touch.shorten(&rod.initial_q, &mut q, &mut solver, &mut memory, &mut work);
+        (tried, (q[0] - rod.initial_q[0]) / 14.0, touch.gains_none(&work))
     })
 }
 

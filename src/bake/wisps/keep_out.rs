@@ -4,7 +4,7 @@ use super::{G, Rest, Surroundings};
 use crate::contact::Memory;
 use crate::math::cholesky;
 use crate::math::se3::Pose;
-use crate::rod::{Levers, Rod, Shape};
+use crate::rod::{LumpedSensitivity, Rod, RodShape};
 use nalgebra::{Isometry3, Vector3};
 
 /// Rounds of looking and moving at most: a way of 12 cm in a frame, beyond which it lags.
@@ -45,7 +45,7 @@ pub(super) struct Moment<'a> {
 #[derive(Default)]
 struct Placed {
     q: Vec<f64>,
-    shape: Shape,
+    shape: RodShape,
     /// Its places, m, world: the points, then the middles of the curve between any two.
     x: Vec<Vector3<f64>>,
 }
@@ -105,7 +105,7 @@ impl Placed {
     fn put(&mut self, rod: &Rod, q: &[f64], now: &Moment) {
         let root = now.root(rod);
         self.shape.update(rod, &root.r, q);
-        self.shape.places(rod, &root.p, &mut self.x);
+        self.shape.points_and_midpoints(rod, &root.p, &mut self.x);
     }
 
     /// Puts a guide where `out`, 1/m, keeps it.
@@ -259,9 +259,10 @@ fn most_missing(near: &[Near]) -> Option<f64> {
 }
 
 /// L of L Lᵀ = K + ∫ ρS ω² (∂x/∂q)ᵀ ∂x/∂q ds, ω² = g/L, of `rod` in `shape`: of all ways out, the one is taken that moves a hair, elastic and hanging, least.
-pub(super) fn softness(rod: &Rod, shape: &Shape) -> Vec<f64> {
-    let mut metric = Levers::new(rod, shape).squares(|node| rod.mass_at(node) * G / rod.length());
-    metric.iter_mut().zip(rod.elastic()).for_each(|(m, k)| *m += k);
+pub(super) fn softness(rod: &Rod, shape: &RodShape) -> Vec<f64> {
+    let mut metric =
+        LumpedSensitivity::new(rod, shape).mass_matrix(|node| rod.lumped_mass(node) * G / rod.length());
+    metric.iter_mut().zip(rod.elastic_matrix()).for_each(|(m, k)| *m += k);
     // It is positive definite as K is.
     cholesky::factor(&mut metric, rod.unknowns());
     metric
@@ -289,7 +290,7 @@ impl Step {
     /// Of a rod that is `placed` so by a change `out`, with L from [`softness`].
     fn find(&mut self, rod: &Rod, placed: &Placed, near: &[Near], metric: &[f64], out: &[f64]) {
         let n = rod.unknowns();
-        let levers = Levers::new(rod, &placed.shape);
+        let levers = LumpedSensitivity::new(rod, &placed.shape);
         self.rows.resize(n * near.len(), 0.0);
         for (row, near) in self.rows.chunks_exact_mut(n).zip(near) {
             let place = near.at % placed.x.len();
@@ -359,7 +360,7 @@ mod tests {
     use super::super::Settled;
     use super::*;
     use crate::contact::Bodies;
-    use crate::rod::{Cut, RodSource, Taper};
+    use crate::rod::{RodSource, SegmentSize, Taper};
     use crate::scene::{Shape as Solid, Tree};
     use nalgebra::UnitQuaternion;
 
@@ -373,8 +374,8 @@ mod tests {
             line_density: 6.6e-6,
             damping: 0.0,
             taper: Taper::NONE,
-            natural: None,
-            cut: Cut::FINE,
+            natural_strain: None,
+            segment_size: SegmentSize::FINE,
         })
         .unwrap()
     }

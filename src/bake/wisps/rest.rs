@@ -2,8 +2,8 @@
 
 use super::{Turning, keep_out, vectors};
 use crate::bake::guide::Guide;
-use crate::rod::{Rod, Shape};
-use crate::wisp::Reach;
+use crate::rod::{Rod, RodShape};
+use crate::wisp::LinearKinematics;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::sync::OnceLock;
@@ -14,7 +14,7 @@ pub(super) struct Rest {
     pub settled: Settled,
     /// Frames of the nodes that have unknowns, rest space.
     pub frame: Vec<Matrix3<f64>>,
-    pub reach: Reach,
+    pub reach: LinearKinematics,
     /// See [`Rest::metric`].
     metric: OnceLock<Vec<f64>>,
 }
@@ -30,14 +30,14 @@ pub(super) struct Settled {
 
 impl Rest {
     pub fn new(rod: &Rod, settled: Settled) -> Self {
-        let mut shape = Shape::default();
+        let mut shape = RodShape::default();
         shape.update(rod, &rod.root.r, &settled.q);
         let poses: Vec<_> = shape.poses().collect();
         let nodes: Vec<_> = (0..rod.nodes.len()).map(|node| poses[rod.node_point(node)]).collect();
         let places: Vec<_> = nodes.iter().map(|node| node.p).collect();
         Rest {
             frame: nodes[..nodes.len() - 1].iter().map(|node| node.r).collect(),
-            reach: Reach::new(&places, &rod.nodes),
+            reach: LinearKinematics::new(&places, &rod.nodes),
             settled,
             metric: OnceLock::new(),
         }
@@ -46,7 +46,7 @@ impl Rest {
     /// How changes of its unknowns are measured, as [`keep_out::softness`] of its shape at rest; known once it is asked for.
     pub fn metric(&self, rod: &Rod) -> &[f64] {
         self.metric.get_or_init(|| {
-            let mut shape = Shape::default();
+            let mut shape = RodShape::default();
             shape.update(rod, &rod.root.r, &self.settled.q);
             keep_out::softness(rod, &shape)
         })
@@ -63,7 +63,7 @@ impl Rest {
             }
         }
         let now = vectors(&turning[..self.settled.q.len()]);
-        let ways: Vec<_> = self.reach.ways(now).map(|(way, _)| way).collect();
+        let ways: Vec<_> = self.reach.displacements(now).map(|(way, _)| way).collect();
         ways.iter().for_each(|way| turning.extend_from_slice(way.as_slice()));
     }
 

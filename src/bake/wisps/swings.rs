@@ -4,7 +4,7 @@
 use super::{Means, Rest, Surroundings, ways};
 use crate::bake::guide::Guide;
 use crate::bake::state::Unfit;
-use crate::wisp::{Shake, Swing, Swung};
+use crate::wisp::{HeadExcitation, ModalResponse, ModeState};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -20,13 +20,13 @@ const DOUBT: f64 = 3.0;
 #[derive(Default)]
 pub(super) struct Swings {
     still: Still,
-    swings: Vec<Swing>,
+    swings: Vec<ModalResponse>,
 }
 
 /// What shook the guides when they rested.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 struct Still {
-    shake: Shake,
+    shake: HeadExcitation,
     /// What pulled them, m/s², rest space.
     pull: Vector3<f64>,
 }
@@ -69,9 +69,9 @@ impl Agreement {
 }
 
 /// What shakes the guides at time `t`, s, of steps of `h`, s.
-fn shake(around: &Surroundings, t: f64, h: f64) -> Shake {
+fn shake(around: &Surroundings, t: f64, h: f64) -> HeadExcitation {
     let heads = std::array::from_fn(|back| (around.head)(t - back as f64 * h));
-    Shake::new(&heads, h, &(around.gravity)(t))
+    HeadExcitation::new(&heads, h, &(around.gravity)(t))
 }
 
 impl Swings {
@@ -83,7 +83,7 @@ impl Swings {
 
     fn at_rest(guides: &[Guide], rest: &[Rest], still: Still) -> Self {
         let swing = |(guide, rest): (&Guide, &Rest)| {
-            Swing::new(&guide.rod, &rest.settled.q, &rest.reach, &guide.drag, &still.pull)
+            ModalResponse::new(&guide.rod, &rest.settled.q, &rest.reach, &guide.drag, &still.pull)
         };
         Swings { swings: guides.par_iter().zip(rest).map(swing).collect(), still }
     }
@@ -91,8 +91,8 @@ impl Swings {
     /// Swings all guides through the frame from time `t[0]` to `t[1]`, s, in steps of `h`, s.
     pub fn advance(&mut self, around: &Surroundings, t: [f64; 2], h: f64) {
         let steps = ((t[1] - t[0]) / h).round() as u32;
-        let at = |k: u32| shake(around, t[1] - f64::from(steps - k) * h, h).since(&self.still.shake);
-        let shakes: Vec<Shake> = (1..=steps).map(at).collect();
+        let at = |k: u32| shake(around, t[1] - f64::from(steps - k) * h, h).minus(&self.still.shake);
+        let shakes: Vec<HeadExcitation> = (1..=steps).map(at).collect();
         self.swings.par_iter_mut().for_each(|swing| swing.advance(&shakes, h));
     }
 
@@ -106,7 +106,7 @@ impl Swings {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Saved {
     still: Still,
-    swung: Vec<Vec<Swung>>,
+    swung: Vec<Vec<ModeState>>,
 }
 
 impl Swings {
@@ -114,7 +114,7 @@ impl Swings {
     pub fn state(&self) -> Saved {
         Saved {
             still: self.still.clone(),
-            swung: self.swings.iter().map(|swing| swing.swung().to_vec()).collect(),
+            swung: self.swings.iter().map(|swing| swing.mode_states().to_vec()).collect(),
         }
     }
 
@@ -126,8 +126,8 @@ impl Swings {
         }
         let mut swings = Swings::at_rest(guides, rest, state.still);
         for (swing, swung) in swings.swings.iter_mut().zip(state.swung) {
-            Unfit::unless_same("modes", swung.len(), swing.swung().len())?;
-            swing.go_on(swung);
+            Unfit::unless_same("modes", swung.len(), swing.mode_states().len())?;
+            swing.restore(swung);
         }
         Ok(swings)
     }

@@ -2,7 +2,7 @@
 
 use super::newton::Solver;
 use super::potential::{Load, gradient, hessian};
-use super::{Rod, Sensitivity, Shape};
+use super::{Rod, RodShape, Sensitivity};
 use crate::math::cholesky;
 use crate::math::lanes::Twist;
 use nalgebra::Vector3;
@@ -14,7 +14,7 @@ const STIFFENING: f64 = 100.0;
 
 /// A force on a place of a rod.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Push {
+pub struct ContactLoad {
     /// Segment of the place, from point `segment` to the next.
     pub segment: usize,
     /// Place on the segment, 0..=1.
@@ -27,9 +27,9 @@ pub struct Push {
     pub sticks: bool,
 }
 
-impl Push {
+impl ContactLoad {
     /// Adds to `row` what the place moves along the world direction `d`, by unknown.
-    fn add_row(&self, d: &Vector3<f64>, shape: &Shape, sensitivity: &Sensitivity, row: &mut [f64]) {
+    fn add_row(&self, d: &Vector3<f64>, shape: &RodShape, sensitivity: &Sensitivity, row: &mut [f64]) {
         for (k, share) in [(self.segment, 1.0 - self.u), (self.segment + 1, self.u)] {
             sensitivity.add_row(k, &shape.x(k), d, share, row);
         }
@@ -43,9 +43,9 @@ impl Push {
     }
 }
 
-/// Buffers of [`Solver::linearise_pushed`].
+/// Buffers of [`Solver::linearise_loaded`].
 #[derive(Debug, Default)]
-pub struct PushedWork {
+pub struct ContactLoadBuffers {
     load: Load,
     wrench: Vec<Twist<f64>>,
     hessian: Vec<f64>,
@@ -57,13 +57,13 @@ impl Solver {
     /// the direction leaves them out, for they are what is to be solved for. Where they make it indefinite, as in a strand that has
     /// buckled against a wall, it is stiffened along the directions in which the places are held, which changes no motion
     /// that keeps them there; where that does not suffice, the pushes are left out.
-    pub fn linearise_pushed(
+    pub fn linearise_loaded(
         &mut self,
         rod: &Rod,
         load: &Load,
-        pushes: &[Push],
+        pushes: &[ContactLoad],
         q: &[f64],
-        work: &mut PushedWork,
+        work: &mut ContactLoadBuffers,
     ) -> bool {
         if pushes.is_empty() {
             return self.linearise(rod, load, q);
@@ -72,7 +72,7 @@ impl Solver {
         work.load.clone_from(load);
         for push in pushes {
             for (k, share) in [(push.segment, 1.0 - push.u), (push.segment + 1, push.u)] {
-                work.load.push(k, &(push.force * share));
+                work.load.add_force(k, &(push.force * share));
             }
         }
         self.sensitivity.update(rod, &self.shape, q);
@@ -124,7 +124,7 @@ fn add_outer(row: &[f64], stiffening: f64, hessian: &mut [f64]) {
 mod tests {
     use super::*;
     use crate::rod::potential::PointLoad;
-    use crate::rod::{Cut, RodSource, Taper};
+    use crate::rod::{RodSource, SegmentSize, Taper};
 
     fn hair() -> Rod {
         Rod::new(&RodSource {
@@ -135,15 +135,15 @@ mod tests {
             line_density: 6.6e-6,
             damping: 0.004,
             taper: Taper::NONE,
-            natural: None,
-            cut: Cut { length: 0.005, turn: 0.8 },
+            natural_strain: None,
+            segment_size: SegmentSize { max_length: 0.005, max_turn: 0.8 },
         })
         .unwrap()
     }
 
     fn at_rest(rod: &Rod, h: f64) -> Load {
-        let mut shape = Shape::default();
-        shape.update(rod, &rod.root.r, &rod.start);
+        let mut shape = RodShape::default();
+        shape.update(rod, &rod.root.r, &rod.initial_q);
         let points = (0..rod.points()).map(|k| PointLoad {
             inertial: shape.x(k),
             previous: shape.x(k),
@@ -157,10 +157,10 @@ mod tests {
     }
 
     /// Factor of the Hessian, and minus the gradient without the pushes.
-    fn linearised(rod: &Rod, load: &Load, pushes: &[Push], q: &[f64]) -> (Solver, Vec<f64>) {
+    fn linearised(rod: &Rod, load: &Load, pushes: &[ContactLoad], q: &[f64]) -> (Solver, Vec<f64>) {
         let mut solver = Solver::default();
         solver.shape.update(rod, &rod.root.r, q);
-        assert!(solver.linearise_pushed(rod, load, pushes, q, &mut PushedWork::default()));
+        assert!(solver.linearise_loaded(rod, load, pushes, q, &mut ContactLoadBuffers::default()));
         let n = q.len();
         // The diagonal of L is stored inverted.
         let l = |a: usize, b: usize| solver.factor[a * n + b];
@@ -179,8 +179,13 @@ mod tests {
         let q: Vec<f64> = (0..rod.unknowns()).map(|i| (i as f64 * 1.7).cos() * 0.3).collect();
         let n = q.len();
         let force = Vector3::new(1e-7, 2e-7, 1e-7);
-        let pushes =
-            [5, 20].map(|segment| Push { segment, u: 0.3, force, normal: Vector3::y(), sticks: false });
+        let pushes = [5, 20].map(|segment| ContactLoad {
+            segment,
+            u: 0.3,
+            force,
+            normal: Vector3::y(),
+            sticks: false,
+        });
         // Slope of Φ less the work of the pushes.
         let gradient = |q: &[f64]| {
             let (solver, mut slope) = linearised(&rod, &load, &[], q);
@@ -222,11 +227,11 @@ mod tests {
     fn a_strand_that_its_load_would_buckle_is_held() {
         let rod = hair();
         let load = at_rest(&rod, 1.0);
-        let q = rod.start.clone();
+        let q = rod.initial_q.clone();
         let tip = rod.points() - 2;
         // More than a column of this length bears with a free end, less than with a pinned one.
         let along = Vector3::new(0.1, 0.15, 0.03).normalize();
-        let push = Push { segment: tip, u: 1.0, force: along * -2e-6, normal: along, sticks: true };
+        let push = ContactLoad { segment: tip, u: 1.0, force: along * -2e-6, normal: along, sticks: true };
         let (held, _) = linearised(&rod, &load, &[push], &q);
         let (free, _) = linearised(&rod, &load, &[], &q);
         // What the held tip gives way to a force is far less than the rod alone would.
