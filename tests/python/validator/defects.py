@@ -1,33 +1,26 @@
-"""Every fault that the validator claims to catch, injected into a good cache: exactly its own check must fail."""
-
-import json
-import os
-import subprocess
-import sys
-from pathlib import Path
+"""Defects that the validator must catch, each a change to a good cache, with the checks that must fail."""
 
 import numpy as np
 import pytest
-from conftest import CURVES, FPS, GUIDE_COUNT, POINTS, CacheBuilder, head_matrix
-from following_faults import FOLLOWING_FAULTS
-from hairbake_validate.run import CHECKS, validate
-from material_faults import MATERIAL_FAULTS
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
-from settings_faults import SETTINGS_FAULTS
+from validator.following_defects import FOLLOWING_DEFECTS
+from validator.good_cache import CURVES, FPS, GUIDE_COUNT, POINTS, CacheBuilder, head_matrix
+from validator.material_defects import MATERIAL_DEFECTS
+from validator.settings_defects import SETTINGS_DEFECTS
 
-FAULTS = [
+DEFECTS = [
     pytest.param(checks, inject, id=f"{checks[0]}-{inject.__name__}")
-    for checks, inject in SETTINGS_FAULTS + MATERIAL_FAULTS + FOLLOWING_FAULTS
+    for checks, inject in SETTINGS_DEFECTS + MATERIAL_DEFECTS + FOLLOWING_DEFECTS
 ]
 MIDDLE = 1003
 HAIR, GUIDES, SKULL = "/groom/hair", "/groom/guides", "/groom/colliders/skull"
 
 
-def fault(check: str, *others: str):
+def defect(check: str, *others: str):
     """Registers an injected fault under the check that must catch it, with others that cannot but see it too."""
 
     def register(inject):
-        FAULTS.append(pytest.param([check, *others], inject, id=f"{check}-{inject.__name__}"))
+        DEFECTS.append(pytest.param([check, *others], inject, id=f"{check}-{inject.__name__}"))
         return inject
 
     return register
@@ -63,42 +56,42 @@ def turned(curve: np.ndarray, axis: np.ndarray, angle: float) -> np.ndarray:
 # Files
 
 
-@fault("record")
+@defect("record")
 def wrong_version(cache):
     cache.record(lambda record: record.update(version=2))
 
 
-@fault("record", "frames")
+@defect("record", "frames")
 def no_settings(cache):
     cache.record(lambda record: record.pop("settings"))
 
 
-@fault("record")
+@defect("record")
 def input_without_hash(cache):
     cache.record(lambda record: record["inputs"][0].pop("sha256"))
 
 
-@fault("record")
+@defect("record")
 def frame_without_entry(cache):
     cache.record(lambda record: record["frames"].pop(2))
 
 
-@fault("record")
+@defect("record")
 def frame_with_two_entries(cache):
     cache.record(lambda record: record["frames"].append(record["frames"][0]))
 
 
-@fault("figures")
+@defect("figures")
 def no_figures(cache):
     cache.record(lambda record: record["frames"][2].update(figures={}))
 
 
-@fault("figures")
+@defect("figures")
 def infinite_figure(cache):
     cache.record(lambda record: record["frames"][2].update(figures={"depth": float("inf")}))
 
 
-@fault("checksums")
+@defect("checksums")
 def flipped_bit(cache):
     layer = Sdf.Layer.OpenAsAnonymous(str(cache.frame(MIDDLE)))
     points = np.array(layer.QueryTimeSample(f"{HAIR}.points", float(MIDDLE)))
@@ -107,23 +100,23 @@ def flipped_bit(cache):
     cache.frame(MIDDLE).write_bytes(bytes(data))
 
 
-@fault("checksums")
+@defect("checksums")
 def static_layer_changed(cache):
     with cache.path("hair.usda").open("a") as file:
         file.write("\n")
 
 
-@fault("checksums")
+@defect("checksums")
 def layer_without_checksum(cache):
     cache.record(lambda record: record["layers"].pop())
 
 
-@fault("temporaries")
+@defect("temporaries")
 def temporary_left(cache):
     cache.path(".aB3xY.tmp").write_bytes(b"")
 
 
-@fault("temporaries")
+@defect("temporaries")
 def frame_of_a_longer_bake(cache):
     cache.path("hair.1020.usdc").write_bytes(cache.frame(MIDDLE).read_bytes())
 
@@ -131,78 +124,78 @@ def frame_of_a_longer_bake(cache):
 # Stage
 
 
-@fault("framework")
+@defect("framework")
 def sublayer_missing(cache):
     cache.edit("hair.usda", lambda layer: layer.subLayerPaths.append("./nothing.usdc"))
 
 
-@fault("framework")
+@defect("framework")
 def gprim_below_a_gprim(cache):
     cache.edit_topology(
         lambda stage: UsdGeom.Sphere.Define(stage, f"{SKULL}/eye").CreateExtentAttr([(-1, -1, -1), (1, 1, 1)])
     )
 
 
-@fault("metadata")
+@defect("metadata")
 def no_default_prim(cache):
     cache.edit("hair.usda", lambda layer: layer.ClearDefaultPrim())
 
 
-@fault("metadata")
+@defect("metadata")
 def units_left_to_fallback(cache):
     cache.edit("hair.usda", lambda layer: layer.pseudoRoot.ClearInfo("metersPerUnit"))
     cache.edit("hair.topology.usdc", lambda layer: layer.pseudoRoot.ClearInfo("metersPerUnit"))
 
 
-@fault("metadata")
+@defect("metadata")
 def no_up_axis(cache):
     cache.edit("hair.usda", lambda layer: layer.pseudoRoot.ClearInfo("upAxis"))
 
 
-@fault("metadata")
+@defect("metadata")
 def frame_rates_differ(cache):
     cache.edit("hair.usda", lambda layer: setattr(layer, "framesPerSecond", 30.0))
 
 
-@fault("scale")
+@defect("scale")
 def wrong_units(cache):
     cache.edit("hair.usda", lambda layer: layer.pseudoRoot.SetInfo("metersPerUnit", 0.01))
 
 
-@fault("prims")
+@defect("prims")
 def no_kind(cache):
     cache.edit_topology(lambda stage: Usd.ModelAPI(stage.GetPrimAtPath("/groom")).SetKind(""))
 
 
-@fault("prims")
+@defect("prims")
 def guides_would_render(cache):
     cache.edit_topology(
         lambda stage: UsdGeom.Imageable(stage.GetPrimAtPath(GUIDES)).GetPurposeAttr().Set("default")
     )
 
 
-@fault("prims")
+@defect("prims")
 def collider_would_render(cache):
     cache.edit_topology(
         lambda stage: UsdGeom.Imageable(stage.GetPrimAtPath(SKULL)).GetPurposeAttr().Set("default")
     )
 
 
-@fault("prims")
+@defect("prims")
 def linear_curves(cache):
     cache.edit_topology(
         lambda stage: UsdGeom.BasisCurves(stage.GetPrimAtPath(HAIR)).GetTypeAttr().Set("linear")
     )
 
 
-@fault("prims")
+@defect("prims")
 def transform_above_world_points(cache):
     cache.edit_topology(
         lambda stage: UsdGeom.Xformable(stage.GetPrimAtPath(HAIR)).AddTranslateOp().Set(Gf.Vec3d(0, 1, 0))
     )
 
 
-@fault("topology")
+@defect("topology")
 def counts_off_by_one(cache):
     counts = [POINTS] * (CURVES - 1) + [POINTS - 1]
 
@@ -214,7 +207,7 @@ def counts_off_by_one(cache):
     cache.edit_topology(change)
 
 
-@fault("topology")
+@defect("topology")
 def index_without_point(cache):
     def change(stage):
         attribute = UsdGeom.Mesh(stage.GetPrimAtPath(SKULL)).GetFaceVertexIndicesAttr()
@@ -227,53 +220,53 @@ def set_primvar(cache: CacheBuilder, name: str, change) -> None:
     cache.edit_topology(lambda stage: change(UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(HAIR)).GetPrimvar(name)))
 
 
-@fault("primvars")
+@defect("primvars")
 def short_primvar(cache):
     set_primvar(cache, "groom_group_id", lambda primvar: primvar.Set([0] * (CURVES - 1)))
 
 
-@fault("primvars")
+@defect("primvars")
 def primvar_of_wrong_interpolation(cache):
     set_primvar(cache, "groom_root_uv", lambda primvar: primvar.SetInterpolation("vertex"))
 
 
-@fault("primvars")
+@defect("primvars")
 def primvar_missing(cache):
     cache.edit_topology(lambda stage: stage.GetPrimAtPath(HAIR).RemoveProperty("primvars:groom_guide"))
 
 
-@fault("primvars")
+@defect("primvars")
 def varying_widths(cache):
     cache.edit_topology(
         lambda stage: UsdGeom.BasisCurves(stage.GetPrimAtPath(HAIR)).SetWidthsInterpolation("varying")
     )
 
 
-@fault("primvars")
+@defect("primvars")
 def short_widths(cache):
     cache.edit_topology(
         lambda stage: UsdGeom.BasisCurves(stage.GetPrimAtPath(HAIR)).GetWidthsAttr().Set([8e-5] * CURVES)
     )
 
 
-@fault("ids")
+@defect("ids")
 def duplicate_id(cache):
     set_primvar(cache, "groom_id", lambda primvar: primvar.Set([0, *range(CURVES - 1)]))
 
 
-@fault("clips")
+@defect("clips")
 def clips_without_handle(cache):
     cache.edit("hair.usda", lambda layer: edit_clips(layer, "templateEndTime", 1006.0))
 
 
-@fault("clips")
+@defect("clips")
 def clip_manifest_missing(cache):
     cache.edit(
         "hair.usda", lambda layer: edit_clips(layer, "manifestAssetPath", Sdf.AssetPath("./none.usda"))
     )
 
 
-@fault("clips")
+@defect("clips")
 def wrong_template(cache):
     cache.edit("hair.usda", lambda layer: edit_clips(layer, "templateAssetPath", "hair.####.usdc"))
 
@@ -284,7 +277,7 @@ def edit_clips(layer: Sdf.Layer, key: str, value) -> None:
     layer.GetPrimAtPath("/groom").SetInfo("clips", clips)
 
 
-@fault("resolution")
+@defect("resolution")
 def stronger_opinion_hides_the_clips(cache):
     def change(layer):
         prim = Sdf.CreatePrimInLayer(layer, GUIDES)
@@ -297,26 +290,26 @@ def stronger_opinion_hides_the_clips(cache):
 # Frames
 
 
-@fault("frames")
+@defect("frames")
 def missing_frame(cache):
     cache.frame(MIDDLE).unlink()
     cache.seal()
 
 
-@fault("frames")
+@defect("frames")
 def no_handle_frame(cache):
     cache.frame(1007).unlink()
     cache.seal()
 
 
-@fault("frames")
+@defect("frames")
 def truncated_file(cache):
     data = cache.frame(MIDDLE).read_bytes()
     cache.frame(MIDDLE).write_bytes(data[: len(data) // 2])
     cache.seal()
 
 
-@fault("frames")
+@defect("frames")
 def wrong_time(cache):
     def change(layer):
         value = layer.QueryTimeSample(f"{HAIR}.velocities", float(MIDDLE))
@@ -326,7 +319,7 @@ def wrong_time(cache):
     cache.edit(cache.frame(MIDDLE).name, change)
 
 
-@fault("frames")
+@defect("frames")
 def second_time(cache):
     def change(layer):
         value = layer.QueryTimeSample(f"{HAIR}.points", float(MIDDLE))
@@ -335,7 +328,7 @@ def second_time(cache):
     cache.edit(cache.frame(MIDDLE).name, change)
 
 
-@fault("coverage")
+@defect("coverage")
 def attribute_missing_from_the_manifest(cache):
     def change(layer):
         prim = layer.GetPrimAtPath(HAIR)
@@ -344,17 +337,17 @@ def attribute_missing_from_the_manifest(cache):
     cache.edit("hair.manifest.usda", change)
 
 
-@fault("sizes")
+@defect("sizes")
 def one_point_short(cache):
     cache.edit_array(MIDDLE, f"{HAIR}.points", lambda points: points[:-1])
 
 
-@fault("sizes")
+@defect("sizes")
 def no_velocities(cache):
     cache.edit_array(MIDDLE, f"{GUIDES}.velocities", lambda velocities: velocities[:0])
 
 
-@fault("finite")
+@defect("finite")
 def nan_point(cache):
     def change(points):
         points[17, 1] = np.nan
@@ -363,7 +356,7 @@ def nan_point(cache):
     cache.edit_array(MIDDLE, f"{HAIR}.points", change)
 
 
-@fault("finite")
+@defect("finite")
 def infinite_velocity(cache):
     def change(velocities):
         velocities[3, 0] = np.inf
@@ -372,7 +365,7 @@ def infinite_velocity(cache):
     cache.edit_array(MIDDLE, f"{GUIDES}.velocities", change)
 
 
-@fault("rigid")
+@defect("rigid")
 def scaled_collider(cache):
     matrix = head_matrix((MIDDLE - 1001) / FPS)
     matrix[:3, :3] *= 1.00001
@@ -384,17 +377,17 @@ def scaled_collider(cache):
     )
 
 
-@fault("extent")
+@defect("extent")
 def shrunken_extent(cache):
     cache.edit_array(MIDDLE, f"{HAIR}.extent", lambda box: box * 0.99 + box.mean(0, keepdims=True) * 0.01)
 
 
-@fault("extent")
+@defect("extent")
 def extent_without_widths(cache):
     cache.edit_array(MIDDLE, f"{HAIR}.extent", lambda box: box + np.array([[4e-5], [-4e-5]], np.float32))
 
 
-@fault("roots")
+@defect("roots")
 def moved_root(cache):
     def change(curves):
         curves[5] += [0, 2e-5, 0]
@@ -403,7 +396,7 @@ def moved_root(cache):
     move_points(cache, MIDDLE, HAIR, change)
 
 
-@fault("roots")
+@defect("roots")
 def moved_guide(cache):
     def change(curves):
         curves[1] += [0, 2e-5, 0]
@@ -412,7 +405,7 @@ def moved_guide(cache):
     move_points(cache, MIDDLE, GUIDES, change)
 
 
-@fault("segments")
+@defect("segments")
 def stretched_segment(cache):
     def change(curves):
         curves[4, 4:] += 5e-4 * (curves[4, 4] - curves[4, 3])
@@ -421,7 +414,7 @@ def stretched_segment(cache):
     move_points(cache, MIDDLE, HAIR, change)
 
 
-@fault("guide_segments")
+@defect("guide_segments")
 def shifted_point_of_a_guide(cache):
     def change(curves):
         curves[1, 4] += 0.01 * (curves[1, 5] - curves[1, 4])
@@ -430,7 +423,7 @@ def shifted_point_of_a_guide(cache):
     move_points(cache, MIDDLE, GUIDES, change)
 
 
-@fault("guide_length")
+@defect("guide_length")
 def stretched_guide(cache):
     def change(curves):
         curves[1] = curves[1, 0] + 1.0009 * (curves[1] - curves[1, 0])
@@ -454,12 +447,12 @@ def push_in(cache: CacheBuilder, path: str) -> None:
         move_points(cache, frame, path, change)
 
 
-@fault("hair_penetration", "curve_velocities")
+@defect("hair_penetration", "curve_velocities")
 def strand_pushed_into_the_collider(cache):
     push_in(cache, HAIR)
 
 
-@fault("guide_penetration", "curve_velocities")
+@defect("guide_penetration", "curve_velocities")
 def guide_pushed_into_the_collider(cache):
     push_in(cache, GUIDES)
 
@@ -472,22 +465,22 @@ def scale_velocities(cache: CacheBuilder, factor: float | np.ndarray) -> None:
         cache.edit_array(frame, f"{HAIR}.velocities", lambda velocities: velocities * np.float32(factor))
 
 
-@fault("velocities", "curve_velocities", "sub_frames")
+@defect("velocities", "curve_velocities", "sub_frames")
 def velocities_per_frame(cache):
     scale_velocities(cache, 1 / FPS)
 
 
-@fault("velocities", "curve_velocities", "sub_frames")
+@defect("velocities", "curve_velocities", "sub_frames")
 def velocities_backwards(cache):
     scale_velocities(cache, -1)
 
 
-@fault("velocities", "curve_velocities", "sub_frames")
+@defect("velocities", "curve_velocities", "sub_frames")
 def velocities_in_centimetres(cache):
     scale_velocities(cache, 100)
 
 
-@fault("velocities", "curve_velocities", "sub_frames")
+@defect("velocities", "curve_velocities", "sub_frames")
 def velocities_of_the_neighbouring_frame(cache):
     def velocities(frame):
         layer = Sdf.Layer.OpenAsAnonymous(str(cache.frame(frame)))
@@ -497,7 +490,7 @@ def velocities_of_the_neighbouring_frame(cache):
         cache.edit_array(frame, f"{HAIR}.velocities", lambda _, value=value: value)
 
 
-@fault("curve_velocities")
+@defect("curve_velocities")
 def velocities_of_one_curve_in_twelve_backwards(cache):
     scale_velocities(cache, np.repeat(np.where(np.arange(CURVES) == 7, -1, 1), POINTS)[:, None])
 
@@ -507,12 +500,12 @@ def swung(curves):
     return curves
 
 
-@fault("spikes", "curve_velocities")
+@defect("spikes", "curve_velocities")
 def one_frame_pop(cache):
     move_points(cache, MIDDLE, HAIR, swung)
 
 
-@fault("spikes")
+@defect("spikes")
 def jump_that_stays(cache):
     for frame in range(MIDDLE, 1008):
         move_points(cache, frame, HAIR, swung)
@@ -520,81 +513,3 @@ def jump_that_stays(cache):
 
 def broken(report) -> set[str]:
     return {check for check, outcome in report.outcomes.items() if outcome.status != "pass"}
-
-
-def test_good_cache_passes(good_cache):
-    report = validate(good_cache.directory)
-    assert broken(report) == set(), report.as_text()
-
-
-@pytest.mark.parametrize("checks, inject", FAULTS)
-def test_fault_fails_its_own_check(good_cache, checks, inject):
-    inject(good_cache)
-    report = validate(good_cache.directory)
-    assert broken(report) == set(checks), report.as_text()
-    assert report.passed == (report.outcomes[checks[0]].status == "warn")
-
-
-def test_every_check_has_a_fault():
-    elsewhere = {"accelerations", "sub_frame_accelerations"}
-    assert {param.values[0][0] for param in FAULTS} | elsewhere == {check.id for check in CHECKS}
-
-
-def run(*arguments) -> subprocess.CompletedProcess:
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[1])}
-    return subprocess.run(
-        [sys.executable, "-m", "hairbake_validate", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        env=environment,
-    )
-
-
-def test_program_passes_a_good_cache(good_cache, tmp_path):
-    done = run(good_cache.directory, "--json", tmp_path / "report.json")
-    assert (done.returncode, done.stderr) == (0, "")
-    report = json.loads((tmp_path / "report.json").read_text())
-    assert report["passed"] and len(report["checks"]) == len(CHECKS)
-
-
-def test_program_names_the_place_of_a_fault(good_cache, tmp_path):
-    stretched_segment(good_cache)
-    done = run(good_cache.directory, "--json", tmp_path / "report.json")
-    assert done.returncode == 1
-    assert "FAILED" in done.stdout
-    checks = {check["id"]: check for check in json.loads((tmp_path / "report.json").read_text())["checks"]}
-    found = checks["segments"]
-    assert (found["status"], found["frame"], found["prim"], found["curve"]) == ("fail", MIDDLE, HAIR, 4)
-    assert found["worst"] == pytest.approx(5e-4, rel=0.05)
-    assert all(check["status"] == "pass" for name, check in checks.items() if name != "segments")
-
-
-@pytest.mark.parametrize(
-    "arguments", ["", "/nonexistent", "x --frames first", "x --frames 1-9x0", "x --only all", "x --jobs 0"]
-)
-def test_program_exits_2_on_wrong_usage(arguments):
-    done = run(*arguments.split())
-    assert done.returncode == 2
-    assert done.stderr
-
-
-def test_processes_find_what_one_finds(good_cache, monkeypatch):
-    one_frame_pop(good_cache)
-    stretched_guide(good_cache)
-    alone = validate(good_cache.directory).as_json()
-    monkeypatch.setattr("hairbake_validate.run.CHUNK", 3)
-    assert validate(good_cache.directory, jobs=2).as_json() == alone
-
-
-def test_frames_outside_the_choice_are_not_looked_at(good_cache):
-    stretched_segment(good_cache)
-    assert validate(good_cache.directory, frames=range(1005, 1007)).passed
-    assert not validate(good_cache.directory, frames=range(1003, 1004)).passed
-
-
-def test_quick_run_skips_checksums_and_misses_no_file(good_cache):
-    static_layer_changed(good_cache)
-    report = validate(good_cache.directory, quick=True)
-    assert report.passed and report.outcomes["checksums"].status == "skip"
-    good_cache.frame(1004).unlink()
-    assert not validate(good_cache.directory, frames=range(1001, 1002), quick=True).passed

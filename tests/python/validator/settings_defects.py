@@ -1,7 +1,7 @@
 """Faults against what the settings of the bake promise, curves and moments of a frame, each with the checks that must catch it."""
 
 import numpy as np
-from conftest import POINTS, SHUTTER
+from validator.good_cache import POINTS, SHUTTER
 
 FRAME, HAIR = 1003, "/groom/hair"
 
@@ -46,7 +46,7 @@ def point_short_at_one_moment(cache):
     cache.edit_array(FRAME, f"{HAIR}.points", lambda points: points[:-1], after=SHUTTER)
 
 
-SETTINGS_FAULTS = [
+SETTINGS_DEFECTS = [
     (["prims", "resolution"], guides_lost),
     (["sub_frames"], velocities_of_one_moment_backwards),
     (["sub_frame_roots"], root_off_the_head_at_one_moment),

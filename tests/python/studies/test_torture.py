@@ -1,24 +1,23 @@
 """A small part of the torture set: nothing passes through a body or another strand, by the independent count."""
 
-import os
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support import HAIRBAKE, needs_hairbake
 from hairbake_validate import crossing_check
 from hairbake_validate.cache import GUIDES, HEAD, TRANSFORM
 from physics.scene import Hairbake
 from torture.__main__ import torture
 from torture.scenes import SCENES
 
-HAIRBAKE = os.environ.get("HAIRBAKE", "")
 
 
-@pytest.mark.skipif(not HAIRBAKE, reason="HAIRBAKE names no program")
+@needs_hairbake
 @pytest.mark.parametrize(("name", "steps"), [("whip", 5), ("pops", 5), ("edges", 5), ("edges", 1), ("crossed", 5)])
 def test_nothing_passes_through_anything(name, steps):
-    found, _, totals = torture(Hairbake(Path(HAIRBAKE)), name, steps, seconds=0.3)
+    found, _, totals = torture(Hairbake(HAIRBAKE), name, steps, seconds=0.3)
     assert found.body_pairs + found.strand_pairs > 400
     assert not found.events
     assert totals["crossings"] == 0

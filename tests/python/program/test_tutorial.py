@@ -3,11 +3,10 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from support import HAIRBAKE, ROOT
 
-ROOT = Path(__file__).parents[2]
 LINES = [line.strip() for line in (ROOT / "docs/tutorial.md").read_text().splitlines() if line.startswith("    ")]
 
 
@@ -15,7 +14,7 @@ def test_every_line_of_the_tutorial(hairbake, tmp_path):
     """All but Blender's, which has a test of its own."""
     (tmp_path / "pipeline").symlink_to(ROOT / "pipeline")
     (tmp_path / ".venv").symlink_to(sys.prefix)
-    path = f"{Path(os.environ['HAIRBAKE']).parent}:{os.environ['PATH']}"
+    path = f"{HAIRBAKE.parent}:{os.environ['PATH']}"
     lines = [line for line in LINES if not line.startswith(".blender")]
     assert len(lines) == len(LINES) - 2 >= 8
     for line in lines:

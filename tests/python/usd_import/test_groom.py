@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from pxr import Gf, Sdf, UsdGeom
-from stages import FLOATS, INTS, NAMES, UVS, add_curves, add_primvar, hanging, new_stage
+from usd_import.stages import FLOATS, INTS, NAMES, UVS, add_curves, add_primvar, hanging, new_stage
 
 OPTIONS = ("--per-guide", "0", "--sections", "4")
 

@@ -2,7 +2,7 @@
 
 from hairbake_validate.__main__ import frame_list
 from hairbake_validate.run import validate
-from test_faults import one_frame_pop, static_layer_changed, stretched_guide
+from validator.defects import one_frame_pop, static_layer_changed, stretched_guide
 
 
 def test_parts_find_together_what_the_whole_finds(good_cache):

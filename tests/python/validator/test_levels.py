@@ -1,11 +1,11 @@
 """Levels of wisps in the frames: good caches pass, and faults in the levels are caught."""
 
 import pytest
-from conftest import HANDLES, CacheBuilder
+from validator.good_cache import HANDLES, CacheBuilder
 from hairbake_validate.cache import LEVEL
 from hairbake_validate.run import validate
 from pxr import Sdf, UsdGeom, Vt
-from test_faults import GUIDES, MIDDLE, broken
+from validator.defects import GUIDES, MIDDLE, broken
 
 
 def tell_levels(cache: CacheBuilder) -> None:

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
+from support import ROOT
 
-ROOT = Path(__file__).parents[2]
 PYTHON = os.environ.get("HAIRBAKE_BLENDER_PYTHON") or str(ROOT / ".blender/bin/python")
 
 

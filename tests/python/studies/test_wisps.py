@@ -1,19 +1,18 @@
 """A small part of the comparison of adaptive wisps with all guides by themselves."""
 
-import os
 from pathlib import Path
 
 import pytest
+from support import HAIRBAKE, needs_hairbake
 from wisps.__main__ import compare, sample
 
-HAIRBAKE = os.environ.get("HAIRBAKE", "")
 
 
-@pytest.mark.skipif(not HAIRBAKE, reason="HAIRBAKE names no program")
+@needs_hairbake
 def test_adaptive_wisps_are_between_coarse_ones_and_all_guides(tmp_path):
     options = ["--wisps", "24", "--strands", "600", "--head-rounds", "2"]
-    scene = sample(Path(HAIRBAKE), tmp_path / "long", "long", *options)
-    full, nudged, adaptive, coarse = compare(Path(HAIRBAKE), tmp_path, "long", scene, partings=(0.0015,))
+    scene = sample(HAIRBAKE, tmp_path / "long", "long", *options)
+    full, nudged, adaptive, coarse = compare(HAIRBAKE, tmp_path, "long", scene, partings=(0.0015,))
     assert full.mean == 0.0 and full.speed_up == 1.0
     assert full.nodes == nudged.nodes > adaptive.nodes > coarse.nodes
     assert full.mean == full.locks < nudged.mean < adaptive.mean < coarse.mean

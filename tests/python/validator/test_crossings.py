@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from conftest import HANDLES
+from validator.good_cache import HANDLES
 from hairbake_validate.cache import Cache
 from hairbake_validate.crossing_check import count, main
 from hairbake_validate.crossings import cubic_roots, meeting_boxes, strand_body, strand_strand
-from test_faults import GUIDES, MIDDLE
+from validator.defects import GUIDES, MIDDLE
 
 
 def test_roots_are_those_of_numpy():

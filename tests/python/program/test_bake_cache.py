@@ -1,8 +1,6 @@
 """A whole bake, as a user runs it, must pass the validator."""
 
 import json
-import os
-import subprocess
 
 import numpy as np
 import pytest
@@ -10,16 +8,7 @@ from hairbake_validate.cache import Cache
 from hairbake_validate.crossing_check import moments
 from hairbake_validate.run import validate
 
-HAIRBAKE = os.environ.get("HAIRBAKE", "")
 RADIUS, LENGTH, POINTS, GUIDES, STRANDS_A_GUIDE = 0.1, 0.15, 12, 24, 3
-
-
-def hairbake(*arguments) -> subprocess.CompletedProcess:
-    return subprocess.run([HAIRBAKE, *map(str, arguments)], capture_output=True, text=True)
-
-
-def can_bake() -> bool:
-    return bool(HAIRBAKE) and os.path.exists(HAIRBAKE) and "GROOM" in hairbake("--help").stdout
 
 
 def strands(count: int, twist: float) -> np.ndarray:
@@ -77,17 +66,15 @@ def scene(tmp_path):
     return tmp_path
 
 
-@pytest.mark.skipif(not can_bake(), reason="HAIRBAKE names no binary that can bake")
-def test_bake_passes_the_validator(scene):
+def test_bake_passes_the_validator(hairbake, scene):
     done = hairbake(scene / "groom.json", scene / "anim.json", "-o", scene / "out")
     assert done.returncode == 0, done.stderr
     report = validate(scene / "out")
     assert all(outcome.status == "pass" for outcome in report.outcomes.values()), report.as_text()
 
 
-@pytest.mark.skipif(not can_bake(), reason="HAIRBAKE names no binary that can bake")
 @pytest.mark.parametrize("contact", ["bodies", "full"])
-def test_steps_pass_the_validator(scene, contact):
+def test_steps_pass_the_validator(hairbake, scene, contact):
     done = hairbake(scene / "groom.json", scene / "anim.json", "-o", scene / "out", "--curves", "steps", "--contact", contact)
     assert done.returncode == 0, done.stderr
     report = validate(scene / "out")

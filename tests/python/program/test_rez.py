@@ -1,6 +1,5 @@
 """The rez package, built and entered by rez itself; cargo, which it calls, is a stand-in that copies the program that the tests have built."""
 
-import os
 import shutil
 import subprocess
 import sys
@@ -13,14 +12,13 @@ pytest.importorskip("rez")
 
 from rez.packages import get_developer_package
 from rez.resolved_context import ResolvedContext
+from support import HAIRBAKE, ROOT, needs_hairbake
 
-ROOT = Path(__file__).resolve().parents[2]
-HAIRBAKE = os.environ.get("HAIRBAKE", "")
 RUST = 'name = "rust"\nversion = "1"\ndef commands():\n    env.PATH.append("{root}/bin")\n'
 CARGO = '#!/bin/sh\n[ "$1 $2" = "install --locked" ] && mkdir -p "$6/bin" && cp "$HAIRBAKE" "$6/bin/hairbake"\n'
 
 
-@pytest.mark.skipif(not os.path.exists(HAIRBAKE), reason="no hairbake has been built")
+@needs_hairbake
 def test_the_package_builds_and_brings_the_program(tmp_path, monkeypatch):
     packages, source = tmp_path / "packages", tmp_path / "source/pipeline/rez"
     cargo = packages / "rust/1/bin/cargo"
@@ -30,6 +28,7 @@ def test_the_package_builds_and_brings_the_program(tmp_path, monkeypatch):
     (packages / "rust/1/package.py").write_text(RUST)
     source.mkdir(parents=True)
     shutil.copy(ROOT / "pipeline/rez/package.py", source)
+    monkeypatch.setenv("HAIRBAKE", str(HAIRBAKE))
     monkeypatch.setenv("REZ_PACKAGES_PATH", str(packages))
     monkeypatch.setenv("REZ_LOCAL_PACKAGES_PATH", str(packages))
     built = subprocess.run([Path(sys.executable).with_name("rez-build"), "--install"], cwd=source, capture_output=True, text=True)

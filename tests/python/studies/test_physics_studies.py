@@ -1,23 +1,21 @@
 """Quick versions of the studies of `validation/physics`: each runs, and meets its goals."""
 
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
+from support import HAIRBAKE, needs_hairbake
 from physics import air, buckling, cantilever, capstan, friction, helix, motion, page, vibration
 from physics.scene import Hairbake, Rod, Scene, Strand, straight
 from physics.study import Row, Study
 from physics.studies import STUDIES
 
-HAIRBAKE = os.environ.get("HAIRBAKE", "")
 
-pytestmark = pytest.mark.skipif(not HAIRBAKE, reason="HAIRBAKE names no program")
+pytestmark = needs_hairbake
 
 
 @pytest.fixture
 def hairbake() -> Hairbake:
-    return Hairbake(Path(HAIRBAKE))
+    return Hairbake(HAIRBAKE)
 
 
 QUICK = {

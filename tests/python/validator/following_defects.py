@@ -1,6 +1,6 @@
 """Faults in what strands say that they follow, with the checks that must catch them."""
 
-from conftest import CURVES, CacheBuilder
+from validator.good_cache import CURVES, CacheBuilder
 from pxr import UsdGeom
 
 
@@ -23,7 +23,7 @@ def guide_that_is_not_there(cache):
     set_primvar(cache, "groom_closest_guides", [999, 0, 0] * CURVES)
 
 
-FOLLOWING_FAULTS = [
+FOLLOWING_DEFECTS = [
     (["primvars"], weight_missing),
     (["following"], weights_of_more_than_one),
     (["following"], guide_that_is_not_there),

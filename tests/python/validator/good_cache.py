@@ -2,14 +2,10 @@
 
 import hashlib
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 FIRST, LAST, FPS = 1001, 1006, 24.0
 HANDLES = range(FIRST - 1, LAST + 2)
@@ -270,9 +266,3 @@ class CacheBuilder:
             )
         for path in ("/groom/head", "/groom/colliders/skull"):
             put(f"{path}.xformOp:transform", Gf.Matrix4d(*head_matrix(time).ravel().tolist()))
-
-
-@pytest.fixture
-def good_cache(tmp_path) -> CacheBuilder:
-    """A fresh good cache."""
-    return CacheBuilder(tmp_path / "cache")

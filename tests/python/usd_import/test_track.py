@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from pxr import Gf, UsdGeom, UsdSkel
-from stages import new_stage
+from usd_import.stages import new_stage
 
 SAMPLES = range(101, 113)
 

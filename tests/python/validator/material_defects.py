@@ -34,7 +34,7 @@ def material_without_a_surface(cache):
     cache.edit_topology(lambda stage: stage.GetPrimAtPath(MATERIAL).RemoveProperty("outputs:surface"))
 
 
-MATERIAL_FAULTS = [
+MATERIAL_DEFECTS = [
     (["material"], no_binding),
     (["material", "framework"], binding_without_its_schema),
     (["material", "framework"], binding_to_what_is_no_material),

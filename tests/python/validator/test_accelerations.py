@@ -4,13 +4,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import FPS, HANDLES, SAMPLES, SHUTTER, CacheBuilder
+from validator.good_cache import FPS, HANDLES, SAMPLES, SHUTTER, CacheBuilder
 from hairbake_validate import tolerances
 from hairbake_validate.cache import ACCELERATIONS, HAIR, Curves
 from hairbake_validate.checks_motion import accelerations
 from hairbake_validate.run import validate
 from pxr import Sdf, Vt
-from test_faults import GUIDES, MIDDLE, broken
+from validator.defects import GUIDES, MIDDLE, broken
 
 
 def tell_accelerations(cache: CacheBuilder) -> None:

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from conftest import HANDLES, CacheBuilder
+from validator.good_cache import HANDLES, CacheBuilder
 from hairbake_validate.run import validate
 from pxr import Sdf, UsdGeom, Vt
-from test_faults import GUIDES, MIDDLE, SKULL, broken, push_in
+from validator.defects import GUIDES, MIDDLE, SKULL, broken, push_in
 
 
 def soften(cache: CacheBuilder) -> None:

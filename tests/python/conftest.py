@@ -1,0 +1,63 @@
+"""Fixtures shared by all tests."""
+
+import os
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from support import HAIRBAKE, run_hairbake
+from usd_import.stages import Groom
+from validator.good_cache import CacheBuilder
+
+# `hairbake import` and `hairbake validate` run this Python.
+os.environ.setdefault("HAIRBAKE_PYTHON", sys.executable)
+
+
+@pytest.fixture
+def good_cache(tmp_path: Path) -> CacheBuilder:
+    """A fresh cache that passes every check."""
+    return CacheBuilder(tmp_path / "cache")
+
+
+@pytest.fixture
+def hairbake() -> Callable:
+    """Runs the program; see `run_hairbake`."""
+    if not HAIRBAKE.is_file():
+        pytest.skip(f"{HAIRBAKE} is missing: run `cargo build`")
+    return run_hairbake
+
+
+def unwrapped(message: str) -> str:
+    """A diagnostic on one line, without its frame. Lines break at spaces, and after slashes and hyphens in words."""
+    text = re.sub(r"(?<=\w[/-])\n[│╰─▶ ]*(?=\S)", "", message)
+    return " ".join(text.replace("│", " ").replace("╰─▶", " ").split())
+
+
+@pytest.fixture
+def imports(hairbake, tmp_path):
+    """Imports a groom and returns it with the messages."""
+
+    def imported(source: Path, *options) -> tuple[Groom, str]:
+        out = tmp_path / "shot" / "groom.json"
+        done = hairbake("import", "groom", source, *options, "-o", out)
+        assert done.returncode == 0, done.stderr
+        return Groom(out), done.stderr
+
+    return imported
+
+
+@pytest.fixture
+def refused(hairbake, tmp_path):
+    """Runs a command that must be refused as bad input with nothing written, and returns its message on one line."""
+
+    def words(*arguments) -> str:
+        out = tmp_path / "refused" / "out.json"
+        done = hairbake(*arguments, "-o", out)
+        assert (done.returncode, done.stdout) == (65, ""), done.stderr
+        assert not out.parent.exists()
+        assert "nothing written" in done.stderr
+        return unwrapped(done.stderr)
+
+    return words
