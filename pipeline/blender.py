@@ -1,7 +1,7 @@
 """Opens a hair cache in Blender, tells what came of it as JSON, and renders a frame. Needs a Python with `bpy` (PyPI), or Blender's own:
 
-    python pipeline/blender.py cache/hair.usda --frame 1012 -o frame.png
-    blender --background --python pipeline/blender.py -- cache/hair.usda --frame 1012 -o frame.png
+python pipeline/blender.py cache/hair.usda --frame 1012 -o frame.png
+blender --background --python pipeline/blender.py -- cache/hair.usda --frame 1012 -o frame.png
 """
 
 import argparse
@@ -16,15 +16,26 @@ from mathutils import Vector
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("cache", help="hair.usda of a cache")
     parser.add_argument("--frame", type=int, help="frame to render [default: the middle one]")
     parser.add_argument("-o", "--output", help="picture to write, PNG or JPEG [default: none]")
     parser.add_argument("--size", type=int, default=640, help="pixels in width and height")
     parser.add_argument("--samples", type=int, default=32, help="light samples a pixel")
-    parser.add_argument("--azimuth", type=float, default=35, help="where the viewer stands, degrees from the front to the subject's left")
-    parser.add_argument("--elevation", type=float, default=8, help="how high the viewer stands, degrees above the horizon")
-    parser.add_argument("--shutter", type=float, default=0, help="motion blur over so many frames from the frame on")
+    parser.add_argument(
+        "--azimuth",
+        type=float,
+        default=35,
+        help="where the viewer stands, degrees from the front to the subject's left",
+    )
+    parser.add_argument(
+        "--elevation", type=float, default=8, help="how high the viewer stands, degrees above the horizon"
+    )
+    parser.add_argument(
+        "--shutter", type=float, default=0, help="motion blur over so many frames from the frame on"
+    )
     parser.add_argument("--threads", type=int, default=0, help="threads that render [default: one a core]")
     options = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else None)
 
@@ -72,7 +83,8 @@ def describe(thing, first: int, last: int) -> dict:
 
 def hair_material() -> bpy.types.Material:
     """Hair in the colour that the cache gives it, as fibres, which reflect in a cone about themselves and let light through to each other: a plain surface
-    is flat on them. Blender 5.0 gives curves none of the materials that USD binds them to."""
+    is flat on them. Blender 5.0 gives curves none of the materials that USD binds them to.
+    """
     material = bpy.data.materials.new("hair")
     nodes, links = material.node_tree.nodes, material.node_tree.links
     nodes.clear()

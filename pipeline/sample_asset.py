@@ -1,6 +1,6 @@
 """Writes a small character asset to try `hairbake import` on: a ball for a head that looks round, and hair as B-splines; centimetres, Z up.
 
-    python pipeline/sample_asset.py asset.usda
+python pipeline/sample_asset.py asset.usda
 """
 
 import argparse
@@ -29,18 +29,31 @@ def hair() -> np.ndarray:
     length = LENGTH * (0.7 + 0.3 * (1 - out[:, 2]))[:, None, None]
     side = out * [1, 1, 0]
     side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-9)
-    return RADIUS * 1.01 * out[:, None] + length * (s * (1 - s) * out[:, None] + 0.6 * s**1.5 * side[:, None] - 0.75 * s**2 * np.array([0, 0, 1.0]))
+    return RADIUS * 1.01 * out[:, None] + length * (
+        s * (1 - s) * out[:, None] + 0.6 * s**1.5 * side[:, None] - 0.75 * s**2 * np.array([0, 0, 1.0])
+    )
 
 
 def ball(rings: int = 24, sides: int = 48) -> tuple[np.ndarray, list[int], list[int]]:
     """Vertices, corners of each face, and their indices."""
     polar = np.linspace(0, np.pi, rings + 1)[1:-1]
     turn = np.linspace(0, 2 * np.pi, sides, endpoint=False)
-    ring = np.stack([np.outer(np.sin(polar), np.cos(turn)), np.outer(np.sin(polar), np.sin(turn)), np.outer(np.cos(polar), np.ones(sides))], axis=-1)
+    ring = np.stack(
+        [
+            np.outer(np.sin(polar), np.cos(turn)),
+            np.outer(np.sin(polar), np.sin(turn)),
+            np.outer(np.cos(polar), np.ones(sides)),
+        ],
+        axis=-1,
+    )
     points = np.vstack([[[0, 0, 1]], ring.reshape(-1, 3), [[0, 0, -1]]]) * RADIUS
     at = lambda r, s: 1 + r * sides + s % sides
     faces = [[0, at(0, s), at(0, s + 1)] for s in range(sides)]
-    faces += [[at(r, s), at(r + 1, s), at(r + 1, s + 1), at(r, s + 1)] for r in range(rings - 2) for s in range(sides)]
+    faces += [
+        [at(r, s), at(r + 1, s), at(r + 1, s + 1), at(r, s + 1)]
+        for r in range(rings - 2)
+        for s in range(sides)
+    ]
     faces += [[len(points) - 1, at(rings - 2, s + 1), at(rings - 2, s)] for s in range(sides)]
     return points, [len(face) for face in faces], [i for face in faces for i in face]
 
@@ -77,11 +90,15 @@ def write(path: str) -> None:
     curves.CreateWidthsAttr([0.12])
     curves.SetWidthsInterpolation(UsdGeom.Tokens.constant)
     primvars = UsdGeom.PrimvarsAPI(curves)
-    primvars.CreatePrimvar("groom_id", Sdf.ValueTypeNames.IntArray, UsdGeom.Tokens.uniform).Set(list(range(STRANDS)))
+    primvars.CreatePrimvar("groom_id", Sdf.ValueTypeNames.IntArray, UsdGeom.Tokens.uniform).Set(
+        list(range(STRANDS))
+    )
     stage.Save()
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("file")
     write(parser.parse_args().file)

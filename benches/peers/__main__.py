@@ -30,7 +30,9 @@ def tables(binary: Path) -> dict[str, tuple[list, list]]:
 
 def main() -> int:
     """Prints the tables; 1 where a program that is compared misses the accuracy."""
-    parser = argparse.ArgumentParser(prog="peers", description="Times hairbake and its peers at equal accuracy.")
+    parser = argparse.ArgumentParser(
+        prog="peers", description="Times hairbake and its peers at equal accuracy."
+    )
     parser.add_argument("--hairbake", type=Path, required=True, help="the program")
     arguments = parser.parse_args()
     print(f"{task.RODS} rods, Γ = {task.GAMMA:g}, {task.FPS} frames/s, one thread. Errors of the tip in L.")
@@ -41,7 +43,9 @@ def main() -> int:
         rounds = [[program.seconds() for program in everyone] for _ in range(ROUNDS)]
         seconds = [statistics.median(times) for times in zip(*rounds)]
         print(f"\n{question}\n")
-        print(f"  {'':<11}{'clamp':<12}{'elements':>8}{'steps/frame':>13}{'at rest':>10}{'in motion':>11}{'CPU s/frame':>13}{'× hairbake':>12}")
+        print(
+            f"  {'':<11}{'clamp':<12}{'elements':>8}{'steps/frame':>13}{'at rest':>10}{'in motion':>11}{'CPU s/frame':>13}{'× hairbake':>12}"
+        )
         for program, error, cpu in zip(everyone, accuracy, seconds):
             print(
                 f"  {program.name:<11}{program.clamp:<12}{program.elements:>8}{program.substeps:>13}{error.rest:>10.1e}"

@@ -42,7 +42,11 @@ class MujocoRods:
             mass = task.LINE_DENSITY * l
             across = mass * (l * l / 12 + RADIUS**2 / 4)
             place = self.lengths[i - 1] if i else 0.0
-            joint = f'<joint type="ball" stiffness="{stiffness}" damping="{stiffness * task.DAMPING}"/>' if i else ""
+            joint = (
+                f'<joint type="ball" stiffness="{stiffness}" damping="{stiffness * task.DAMPING}"/>'
+                if i
+                else ""
+            )
             chain += f"""<body pos="{place} 0 0">{joint}
                 <inertial pos="{l / 2} 0 0" mass="{mass}" diaginertia="{mass * RADIUS**2 / 2} {across} {across}"/>"""
         # Nothing but the rod's own equations: neither contacts nor constraints are looked for.

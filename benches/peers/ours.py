@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+
 from physics import motion
 from physics.reference import planar
 from physics.scene import HORIZONTAL, Hairbake, Rod, Scene, Strand

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+
 from physics.motion import shake
 from physics.reference import planar
 from physics.scene import GRAVITY
@@ -63,9 +64,7 @@ def moving(damping: float) -> np.ndarray:
 def accuracy(at_rest: np.ndarray, tips: np.ndarray, damping: float) -> Accuracy:
     """Errors of a program's tips: at rest, and at each frame relative to the clamp, m."""
     off = ((tips - moving(damping)) ** 2).sum(axis=1)
-    return Accuracy(
-        float(np.linalg.norm(at_rest - rest())) / LENGTH, float(np.sqrt(off.mean())) / LENGTH
-    )
+    return Accuracy(float(np.linalg.norm(at_rest - rest())) / LENGTH, float(np.sqrt(off.mean())) / LENGTH)
 
 
 def gravity(t: float) -> np.ndarray:

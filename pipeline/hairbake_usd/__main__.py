@@ -23,7 +23,12 @@ def main() -> int:
     parser.add_argument("--prim", help="path of the prim; default: all of the stage")
     parser.add_argument("--time", type=float, help="time code; default: the rest pose, else the earliest")
     parser.add_argument("--out", type=Path, required=True, help="folder that is there")
-    parser.add_argument("--times", type=times, metavar="START,STEP,COUNT", help="time codes at which a mesh that moves is read too")
+    parser.add_argument(
+        "--times",
+        type=times,
+        metavar="START,STEP,COUNT",
+        help="time codes at which a mesh that moves is read too",
+    )
     parser.add_argument("--carrier", help="path of the prim that a mesh may go along with")
     parser.add_argument("--joint", help="joint of a skeleton, by path or name, whose motion is read")
     options = parser.parse_args()
@@ -33,7 +38,9 @@ def main() -> int:
         elif options.what == "motion":
             header, arrays = motion.read(options.file, options.prim, options.joint)
         else:
-            header, arrays = mesh.read(options.file, options.prim, options.time, options.times, options.carrier)
+            header, arrays = mesh.read(
+                options.file, options.prim, options.time, options.times, options.carrier
+            )
     except Faults as found:
         exchange.write_faults(options.out, found.faults)
         return 2

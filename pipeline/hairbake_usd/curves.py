@@ -50,10 +50,14 @@ def weights(kind: str, basis: str, wrap: str, count: int) -> np.ndarray:
     else:
         controls = eye
     places = [(s, i / SAMPLES[basis]) for s in range(n) for i in range(SAMPLES[basis])] + [(n - 1, 1.0)]
-    return np.array([polynomial.polyval(u, BASES[basis].T) @ controls[step * s : step * s + 4] for s, u in places])
+    return np.array(
+        [polynomial.polyval(u, BASES[basis].T) @ controls[step * s : step * s + 4] for s, u in places]
+    )
 
 
-def evaluate(kind: str, basis: str, wrap: str, counts: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def evaluate(
+    kind: str, basis: str, wrap: str, counts: np.ndarray, points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Number of points of each curve, and all their points; every count must have segments."""
     starts = np.concatenate([[0], np.cumsum(counts)])[:-1]
     rows = {int(n): weights(kind, basis, wrap, int(n)) for n in np.unique(counts)}

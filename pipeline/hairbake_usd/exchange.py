@@ -1,5 +1,6 @@
 """What this package hands to `hairbake`: `header.json` and, in the order in which it lists them, arrays as plain little-endian
-numbers in `data.bin`."""
+numbers in `data.bin`.
+"""
 
 import json
 from dataclasses import asdict

@@ -7,7 +7,17 @@ from pxr import Usd, UsdGeom
 
 from . import curves
 from .faults import Fault, Faults, fail
-from .stage import all_of, apply, composition_notes, convention, find, gather, moves_only, open_stage, to_world
+from .stage import (
+    all_of,
+    apply,
+    composition_notes,
+    convention,
+    find,
+    gather,
+    moves_only,
+    open_stage,
+    to_world,
+)
 
 #: Primvars that are read, by the names that Unreal's importer, Houdini and our own cache give them; the first that is there counts.
 IDS = ("groom_id", "id")
@@ -61,7 +71,10 @@ class Layout:
         if interpolation == UsdGeom.Tokens.vertex:
             return self.counts
         if interpolation in (UsdGeom.Tokens.varying, UsdGeom.Tokens.faceVarying):
-            of = {int(n): curves.varying(self.kind, self.basis, self.wrap, int(n)) for n in np.unique(self.counts)}
+            of = {
+                int(n): curves.varying(self.kind, self.basis, self.wrap, int(n))
+                for n in np.unique(self.counts)
+            }
             return np.array([of[int(n)] for n in self.counts])
         return np.ones(len(self.counts), int)
 
@@ -77,7 +90,12 @@ class Layout:
             wanted, last = int(sizes.sum()), np.cumsum(sizes) - 1
             if len(values) == wanted:
                 return values[last - sizes + 1], values[last]
-        raise fail(path, f"has {len(values)} values", f"{wanted} of interpolation {interpolation}", "export it again, or leave it out")
+        raise fail(
+            path,
+            f"has {len(values)} values",
+            f"{wanted} of interpolation {interpolation}",
+            "export it again, or leave it out",
+        )
 
 
 def read(path: str, prim_path: str | None, time: float | None) -> tuple[dict, dict]:
@@ -117,12 +135,16 @@ def _prim(prim: Usd.Prim, time: float | None) -> Strands:
     at, points_attr = _when(prim, shape, time, notes)
     counts = np.array(shape.GetCurveVertexCountsAttr().Get(at) or (), int)
     points = np.array(points_attr.Get(at) or (), float).reshape(-1, 3)
-    layout = Layout(*(str(a.Get(at)) for a in (shape.GetTypeAttr(), shape.GetBasisAttr(), shape.GetWrapAttr())), counts)
+    layout = Layout(
+        *(str(a.Get(at)) for a in (shape.GetTypeAttr(), shape.GetBasisAttr(), shape.GetWrapAttr())), counts
+    )
     _check(place, layout, len(points))
     matrix = to_world(prim, at)
     sizes, points = curves.evaluate(layout.kind, layout.basis, layout.wrap, counts, points)
     if layout.kind == "cubic" and not (layout.basis == "catmullRom" and layout.wrap == "pinned"):
-        notes.append(f"{place}: {layout.basis} curves, {layout.wrap}, evaluated at {sizes.mean():.1f} points each on average")
+        notes.append(
+            f"{place}: {layout.basis} curves, {layout.wrap}, evaluated at {sizes.mean():.1f} points each on average"
+        )
     if layout.wrap == "periodic":
         notes.append(f"{place}: closed curves are taken from their first point round to it again")
     primvars = _Primvars(prim, layout, at, notes)
@@ -148,7 +170,9 @@ def _prim(prim: Usd.Prim, time: float | None) -> Strands:
     )
 
 
-def _when(prim: Usd.Prim, shape: UsdGeom.BasisCurves, time: float | None, notes: list[str]) -> tuple[Usd.TimeCode, Usd.Attribute]:
+def _when(
+    prim: Usd.Prim, shape: UsdGeom.BasisCurves, time: float | None, notes: list[str]
+) -> tuple[Usd.TimeCode, Usd.Attribute]:
     """The time to read at, and the attribute that has the points: as asked for, else the rest pose, else the earliest."""
     points = shape.GetPointsAttr()
     if time is not None:
@@ -157,7 +181,11 @@ def _when(prim: Usd.Prim, shape: UsdGeom.BasisCurves, time: float | None, notes:
     # What moves the curves moves them at their own time, and their rest pose stands outside of it.
     for name in RESTS if samples else ():
         primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar(name)
-        if primvar and primvar.HasValue() and primvar.GetInterpolation() in (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying):
+        if (
+            primvar
+            and primvar.HasValue()
+            and primvar.GetInterpolation() in (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying)
+        ):
             notes.append(f"{prim.GetPath()}: moves; its rest pose primvars:{name} is taken")
             return Usd.TimeCode.Default(), primvar.GetAttr()
     if points.Get(Usd.TimeCode.Default()) is not None:
@@ -165,7 +193,9 @@ def _when(prim: Usd.Prim, shape: UsdGeom.BasisCurves, time: float | None, notes:
     # A transform that moves and has no value of its own would stand for none.
     samples = samples or moves_only(prim)
     if samples:
-        notes.append(f"{prim.GetPath()}: moves; taken as it is at time code {samples[0]:g} (--time for another)")
+        notes.append(
+            f"{prim.GetPath()}: moves; taken as it is at time code {samples[0]:g} (--time for another)"
+        )
         return Usd.TimeCode(samples[0]), points
     return Usd.TimeCode.Default(), points
 
@@ -174,14 +204,37 @@ def _check(place, layout: Layout, points: int) -> None:
     faults = []
     if not len(layout.counts) or not points:
         what = f"{len(layout.counts)} curves with {points} points"
-        raise fail(place, what, "one curve or more, with points", "name a prim that has curves, or --time for another time")
+        raise fail(
+            place,
+            what,
+            "one curve or more, with points",
+            "name a prim that has curves, or --time for another time",
+        )
     if (layout.counts < 0).any() or layout.counts.sum() != points:
-        faults.append(Fault(f"{place}.curveVertexCounts", f"are {layout.counts.sum()} in sum, for {points} points", "their sum is the number of points", "export the curves again"))
-    wrong = [c for c, n in enumerate(layout.counts) if curves.segments(layout.kind, layout.basis, layout.wrap, int(n)) is None]
+        faults.append(
+            Fault(
+                f"{place}.curveVertexCounts",
+                f"are {layout.counts.sum()} in sum, for {points} points",
+                "their sum is the number of points",
+                "export the curves again",
+            )
+        )
+    wrong = [
+        c
+        for c, n in enumerate(layout.counts)
+        if curves.segments(layout.kind, layout.basis, layout.wrap, int(n)) is None
+    ]
     if wrong:
         kind = "linear" if layout.kind == "linear" else f"{layout.wrap} {layout.basis}"
         what = f"{len(wrong)} curves that cannot be, the first number {wrong[0]} with {layout.counts[wrong[0]]} points"
-        faults.append(Fault(f"{place}.curveVertexCounts", what, f"numbers of points of {kind} curves", "correct type, basis or wrap, or leave such curves out"))
+        faults.append(
+            Fault(
+                f"{place}.curveVertexCounts",
+                what,
+                f"numbers of points of {kind} curves",
+                "correct type, basis or wrap, or leave such curves out",
+            )
+        )
     if faults:
         raise Faults(*faults)
 
@@ -193,9 +246,16 @@ def _widths(shape: UsdGeom.BasisCurves, layout: Layout, at: Usd.TimeCode, scale:
     values = np.array(attr.Get(at) or (), float)
     if not len(values):
         return None
-    interpolation = primvar.GetInterpolation() if attr == primvar.GetAttr() else shape.GetWidthsInterpolation()
+    interpolation = (
+        primvar.GetInterpolation() if attr == primvar.GetAttr() else shape.GetWidthsInterpolation()
+    )
     if not np.isfinite(values).all() or (values < 0).any():
-        raise fail(attr.GetPath(), "has widths that are negative or no number", "0 or more", "correct them, or leave them out")
+        raise fail(
+            attr.GetPath(),
+            "has widths that are negative or no number",
+            "0 or more",
+            "correct them, or leave them out",
+        )
     return np.stack(layout.ends(attr.GetPath(), values, interpolation), axis=1) * scale
 
 
@@ -233,8 +293,17 @@ class _Primvars:
             values = values.reshape(len(values), -1)[:, 0]
             wrong = np.flatnonzero(~((values >= least) & (values <= most)))
             if len(wrong):
-                what = f"is {values[wrong[0]]:g} of curve {wrong[0]}" + (f", and wrong of {len(wrong) - 1} more" if len(wrong) > 1 else "")
-                faults.append(Fault(f"{place}.primvars:hairbake:{name}", what, f"{least:g} to {most:g}", "correct the factor"))
+                what = f"is {values[wrong[0]]:g} of curve {wrong[0]}" + (
+                    f", and wrong of {len(wrong) - 1} more" if len(wrong) > 1 else ""
+                )
+                faults.append(
+                    Fault(
+                        f"{place}.primvars:hairbake:{name}",
+                        what,
+                        f"{least:g} to {most:g}",
+                        "correct the factor",
+                    )
+                )
             found[name] = values
         if faults:
             raise Faults(*faults)

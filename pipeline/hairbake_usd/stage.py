@@ -18,7 +18,9 @@ def open_stage(path: str) -> Usd.Stage:
         stage = Usd.Stage.Open(path)
     except Tf.ErrorException as error:
         reason = " ".join(str(error).split())
-        raise fail("", f"cannot be opened as USD: {reason}", "a .usd, .usda, .usdc or .usdz file", "export it again") from None
+        raise fail(
+            "", f"cannot be opened as USD: {reason}", "a .usd, .usda, .usdc or .usdz file", "export it again"
+        ) from None
     return stage
 
 
@@ -28,8 +30,17 @@ def convention(stage: Usd.Stage) -> dict:
     if UsdGeom.StageHasAuthoredMetersPerUnit(stage):
         unit = UsdGeom.GetStageMetersPerUnit(stage)
         if not (math.isfinite(unit) and unit > 0):
-            raise fail("metersPerUnit", f"is {unit}", "a length above 0", "correct it, or leave it out and give --units")
-    up = str(UsdGeom.GetStageUpAxis(stage)).lower() if stage.HasAuthoredMetadata(UsdGeom.Tokens.upAxis) else None
+            raise fail(
+                "metersPerUnit",
+                f"is {unit}",
+                "a length above 0",
+                "correct it, or leave it out and give --units",
+            )
+    up = (
+        str(UsdGeom.GetStageUpAxis(stage)).lower()
+        if stage.HasAuthoredMetadata(UsdGeom.Tokens.upAxis)
+        else None
+    )
     return {"metres_per_unit": unit, "up": up}
 
 
@@ -47,7 +58,12 @@ def find(stage: Usd.Stage, path: str | None) -> Usd.Prim:
         roots = ", ".join(str(child.GetPath()) for child in stage.GetPseudoRoot().GetAllChildren()) or "none"
         raise fail(path, "there is no such prim", f"a prim below one of these: {roots}", "correct the path")
     if not prim.IsActive() or not prim.IsDefined():
-        raise fail(path, "the prim is switched off or only an over", "a prim that is active and defined", "name another")
+        raise fail(
+            path,
+            "the prim is switched off or only an over",
+            "a prim that is active and defined",
+            "name another",
+        )
     return prim
 
 
@@ -60,11 +76,22 @@ def all_of(root: Usd.Prim, kind: type, what: str) -> list[Usd.Prim]:
     found = list(_walk(root, kind))
     if found:
         return found
-    others = sorted({str(prim.GetTypeName()) for prim in Usd.PrimRange(root, Usd.TraverseInstanceProxies()) if prim.GetTypeName()})
+    others = sorted(
+        {
+            str(prim.GetTypeName())
+            for prim in Usd.PrimRange(root, Usd.TraverseInstanceProxies())
+            if prim.GetTypeName()
+        }
+    )
     there = f"it holds {', '.join(others[:NAMED])}" if others else "it holds no prim of any type"
     where = "" if root.IsPseudoRoot() else str(root.GetPath())
     place = "the stage" if root.IsPseudoRoot() else f"{root.GetTypeName() or 'prim'} {where}"
-    raise fail(where, f"no {what} in {place}: {there}", f"a {what}, visible", f"name a prim with a {what} at or below it")
+    raise fail(
+        where,
+        f"no {what} in {place}: {there}",
+        f"a {what}, visible",
+        f"name a prim with a {what} at or below it",
+    )
 
 
 def _walk(root: Usd.Prim, kind: type) -> Iterator[Usd.Prim]:
@@ -80,7 +107,12 @@ def to_world(prim: Usd.Prim, time: Usd.TimeCode) -> np.ndarray:
     """Matrix from the prim's space to the world, for columns: 4 × 4."""
     matrix = np.array(UsdGeom.Imageable(prim).ComputeLocalToWorldTransform(time)).T
     if not np.isfinite(matrix).all() or abs(np.linalg.det(matrix[:3, :3])) < 1e-30:
-        raise fail(prim.GetPath(), f"its transform flattens all, or is no number, at {time}", "a transform that can be undone", "correct its xformOps")
+        raise fail(
+            prim.GetPath(),
+            f"its transform flattens all, or is no number, at {time}",
+            "a transform that can be undone",
+            "correct its xformOps",
+        )
     return matrix
 
 

@@ -130,7 +130,8 @@ def check_material(stage: Usd.Stage, header: dict) -> None:
 
 def check_lighting(folder: Path, header: dict, frames: list) -> None:
     """A stage of lighting's that references /groom elsewhere, with a surface of its own in the place of the cache's material, and one of
-    the prims bound to another material; points still come from the frames."""
+    the prims bound to another material; points still come from the frames.
+    """
     curves = [c["prim"].removeprefix("/groom") for c in header["curves"]]
     stage = Usd.Stage.CreateInMemory()
     stage.OverridePrim("/shot/hair").GetReferences().AddReference(str(folder / "hair.usda"), "/groom")
@@ -139,7 +140,9 @@ def check_lighting(folder: Path, header: dict, frames: list) -> None:
 
     ours = UsdShade.Shader.Define(stage, f"{place}/ours")
     ours.CreateIdAttr("UsdPreviewSurface")
-    UsdShade.Material.Get(stage, place).CreateSurfaceOutput().ConnectToSource(ours.ConnectableAPI(), "surface")
+    UsdShade.Material.Get(stage, place).CreateSurfaceOutput().ConnectToSource(
+        ours.ConnectableAPI(), "surface"
+    )
     for c in curves:
         assert bound(stage, f"/shot/hair{c}").ComputeSurfaceSource()[0].GetPath() == f"{place}/ours"
 
@@ -158,7 +161,10 @@ def check_lighting(folder: Path, header: dict, frames: list) -> None:
 
     for frame in frames:
         for c, moving in zip(curves, frame["curves"], strict=True):
-            same(UsdGeom.BasisCurves.Get(stage, f"/shot/hair{c}").GetPointsAttr().Get(frame["frame"]), moving["points"])
+            same(
+                UsdGeom.BasisCurves.Get(stage, f"/shot/hair{c}").GetPointsAttr().Get(frame["frame"]),
+                moving["points"],
+            )
 
 
 def bound(stage: Usd.Stage, path: str) -> UsdShade.Material:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
 from support import HAIRBAKE, run_hairbake
 from usd_import.stages import Groom
 from validator.good_cache import CacheBuilder

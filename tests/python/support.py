@@ -10,7 +10,9 @@ ROOT = Path(__file__).resolve().parents[2]
 HAIRBAKE = Path(os.environ.get("HAIRBAKE") or ROOT / "target/debug/hairbake")
 """The program under test: `HAIRBAKE`, else the debug build."""
 
-needs_hairbake = pytest.mark.skipif(not HAIRBAKE.is_file(), reason=f"{HAIRBAKE} is missing: run `cargo build`")
+needs_hairbake = pytest.mark.skipif(
+    not HAIRBAKE.is_file(), reason=f"{HAIRBAKE} is missing: run `cargo build`"
+)
 
 
 def run_hairbake(*arguments: object) -> subprocess.CompletedProcess[str]:

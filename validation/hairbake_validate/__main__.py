@@ -17,7 +17,9 @@ def frame_list(text: str) -> set[int]:
     for part in text.split(","):
         match = re.fullmatch(r"(-?\d+)(?:-(-?\d+)(?:[x:]0*([1-9]\d*))?)?", part.strip())
         if not match:
-            raise argparse.ArgumentTypeError(f"{part!r} is no frame or range of frames such as 1001-1010 or 1001-1100x5")
+            raise argparse.ArgumentTypeError(
+                f"{part!r} is no frame or range of frames such as 1001-1010 or 1001-1100x5"
+            )
         first = int(match[1])
         frames.update(range(first, int(match[2] or first) + 1, int(match[3] or 1)))
     return frames
@@ -63,7 +65,9 @@ def main() -> int:
     if arguments.jobs < 1:
         parser.error("--jobs must be at least 1")
     try:
-        report = validate(arguments.directory, arguments.frames, arguments.quick, arguments.jobs, arguments.only)
+        report = validate(
+            arguments.directory, arguments.frames, arguments.quick, arguments.jobs, arguments.only
+        )
         if arguments.json:
             arguments.json.write_text(json.dumps(report.as_json(), indent=2) + "\n", encoding="utf-8")
     except (Unreadable, OSError) as error:

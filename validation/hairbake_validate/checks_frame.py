@@ -121,7 +121,8 @@ def extent(window: Window) -> Iterator[Finding]:
 
 def roots(window: Window) -> Iterator[Finding]:
     """Point 0 against the rest point under the head, beyond the rounding of both to 32 bits (half a spacing a
-    coordinate, the rest's turned by the head)."""
+    coordinate, the rest's turned by the head).
+    """
     head = window.get(HEAD, TRANSFORM)
     for curves in window.cache.curves:
         points = window.get(curves.path, "points")
@@ -141,7 +142,8 @@ def root_offsets(
 
 def segments(window: Window) -> Iterator[Finding]:
     """Chords of render strands against their rest chords. Rounding moves each end of a chord by at most √3/2 of a
-    coordinate's spacing, at rest and now."""
+    coordinate's spacing, at rest and now.
+    """
     for curves in window.cache.curves:
         points = window.get(curves.path, "points")
         if points is None or curves.path != HAIR:

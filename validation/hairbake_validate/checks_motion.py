@@ -59,7 +59,8 @@ def velocities(window: Window) -> Iterator[Finding]:
 
     Hair that swings several times a second, as in a landing, is sampled too coarsely for the rule, and so is all of it where a head trembles in a slow
     moment; how far the rule may be off tells the trapezoidal one, by its difference from it and from the displacement: of the smaller, `tolerances.SIMPSON_ERROR` is
-    granted."""
+    granted.
+    """
     floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
     for curves, mean, residual in residuals(window):
         speed = np.sqrt(np.einsum("ij,ij->", mean, mean) / len(mean))
@@ -69,7 +70,8 @@ def velocities(window: Window) -> Iterator[Finding]:
 
 def curve_velocities(window: Window) -> Iterator[Finding]:
     """A minority of curves with wrong velocities leaves the median over all points as it is. Root mean squares over each
-    curve; the curve at the 95th percentile is named, since a few may hit something within the two frames."""
+    curve; the curve at the 95th percentile is named, since a few may hit something within the two frames.
+    """
     floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
     for curves, mean, residual in residuals(window):
 
@@ -79,9 +81,7 @@ def curve_velocities(window: Window) -> Iterator[Finding]:
         speed = root_mean_square(np.einsum("ij,ij->i", mean, mean))
         share = root_mean_square(residual**2) / np.maximum(speed, floor)
         at = int(np.argsort(share)[int(np.ceil(0.95 * (len(share) - 1)))])
-        yield Finding(
-            CURVE_VELOCITIES, float(share[at]), frame=window.frame, prim=curves.path, curve=at
-        )
+        yield Finding(CURVE_VELOCITIES, float(share[at]), frame=window.frame, prim=curves.path, curve=at)
 
 
 def residuals(window: Window) -> Iterator[tuple[Curves, np.ndarray, np.ndarray]]:
@@ -94,14 +94,18 @@ def residuals(window: Window) -> Iterator[tuple[Curves, np.ndarray, np.ndarray]]
         mean = (after.astype(float) - before) * window.cache.fps / 2
         simpson = (rates[0].astype(float) + 4 * rates[1] + rates[2]) / 6
         trapezoidal = (rates[0].astype(float) + rates[2]) / 2
-        off, *coarse = (np.linalg.norm(a - b, axis=1) for a, b in ((simpson, mean), (simpson, trapezoidal), (trapezoidal, mean)))
+        off, *coarse = (
+            np.linalg.norm(a - b, axis=1)
+            for a, b in ((simpson, mean), (simpson, trapezoidal), (trapezoidal, mean))
+        )
         # Where one frame alone is wrong, the trapezoidal rule is not, and where all are wrong alike, the two rules agree.
         yield curves, mean, np.maximum(off - tolerances.SIMPSON_ERROR * np.minimum(*coarse), 0)
 
 
 def sub_frames(window: Window) -> Iterator[Finding]:
     """Between two moments, so soon after each other, the mean of their velocities does. The median over the points. Those of the solver's own moments are of
-    the way there."""
+    the way there.
+    """
     if window.cache.stepwise:
         return
     floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
@@ -132,7 +136,9 @@ def accelerations(window: Window) -> Iterator[Finding]:
     end = window.cache.settings.get("shutter", 0.5) / 3
     for curves in window.cache.curves:
         found = window.get(curves.path, cache.ACCELERATIONS)
-        points, rates = ([window.get(curves.path, name, i) for i in (0, 1)] for name in ("points", "velocities"))
+        points, rates = (
+            [window.get(curves.path, name, i) for i in (0, 1)] for name in ("points", "velocities")
+        )
         if found is None or len(window.moments(curves.path, cache.ACCELERATIONS)) > 1:
             continue
         if any(value is None for value in (*points, *rates)):
@@ -149,9 +155,10 @@ def sub_frame_accelerations(window: Window) -> Iterator[Finding]:
         times = [[time for time, _ in part] for part in parts]
         if len(times[0]) < 2 or times[1:] != times[:-1]:
             continue
-        moments = [(time, *(value.astype(float) for value in values)) for time, *values in zip(
-            times[0], *([value for _, value in part] for part in parts), strict=True
-        )]
+        moments = [
+            (time, *(value.astype(float) for value in values))
+            for time, *values in zip(times[0], *([value for _, value in part] for part in parts), strict=True)
+        ]
         for (start, before, rate, found), (end, after, *_) in [*pairwise(moments), moments[:-3:-1]]:
             step = (end - start) / window.cache.fps
             wanted = 2 * (after - before - rate * step) / step**2
@@ -171,7 +178,8 @@ def acceleration_finding(
 def spikes(window: Window) -> Iterator[Finding]:
     """A jump throws the second difference one way and, a frame later, the other way, and between the two frames a point
     goes farther than its speeds around them take it. Hair whipped by a landing does the first, not the second: its
-    velocities tell of the motion. Each curve's largest jump counts."""
+    velocities tell of the motion. Each curve's largest jump counts.
+    """
     for curves in window.cache.curves:
         seen = [in_head(window, curves.path, offset) for offset in (-1, 0, 1, 2)]
         speeds = [speed_in_head(window, curves.path, offset) for offset in (-1, 0, 1, 2)]

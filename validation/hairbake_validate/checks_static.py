@@ -225,7 +225,8 @@ def prims(cache: Cache) -> Iterator[Finding]:
 
 def materials(cache: Cache) -> Iterator[Finding]:
     """What a renderer finds who asks for the material of the curves; composed, so that a target outside of /groom, which is lost
-    where that is referenced, is none."""
+    where that is referenced, is none.
+    """
     for curves in cache.curves:
         prim = cache.stage.GetPrimAtPath(curves.path)
         if not prim.HasAPI(UsdShade.MaterialBindingAPI):
@@ -328,7 +329,9 @@ def following(cache: Cache) -> Iterator[Finding]:
         return
     off = np.abs(weights.reshape(-1, FOLLOWED).sum(axis=1) - 1.0)
     if off.max() > tolerances.WEIGHT_SUM or weights.min() < 0.0:
-        yield Finding(FOLLOWING, value=float(off.max()), message="weights below 0, or whose sum is not 1", prim=HAIR)
+        yield Finding(
+            FOLLOWING, value=float(off.max()), message="weights below 0, or whose sum is not 1", prim=HAIR
+        )
     there = attribute_value(cache, GUIDES, "primvars:groom_id")
     if there:
         strange = set(guides[weights > 0.0].tolist()) - set(there)

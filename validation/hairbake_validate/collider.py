@@ -159,7 +159,8 @@ class Collider:
 
 def closest(points: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Point against triangle, pairwise (`M × 3`, `M × 3 × 3`): squared distance, the vector from the closest
-    point, and the feature it lies on."""
+    point, and the feature it lies on.
+    """
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     over = np.ones(len(points), bool)
     squared = np.full(len(points), np.inf)

@@ -96,7 +96,8 @@ class Moment:
 
     def seen_from(self, place: np.ndarray) -> np.ndarray:
         """The points in the space that `place` takes to the world. Between samples they are taken to move linearly there: a strand that
-        rides on a body that turns goes through nothing, though the chord of its way in the world may."""
+        rides on a body that turns goes through nothing, though the chord of its way in the world may.
+        """
         return transformed(self.points, np.linalg.inv(place))
 
 
@@ -145,7 +146,9 @@ def exempt(curves: Curves, first: np.ndarray, mesh: Mesh, to_groom: np.ndarray) 
 
 def main(arguments: list[str] | None = None) -> int:
     """Prints what was found; 0 where nothing crossed, 1 where something did, 2 without a readable cache."""
-    parser = argparse.ArgumentParser(prog="crossing_check", description="Counts crossings in a cache, between its samples.")
+    parser = argparse.ArgumentParser(
+        prog="crossing_check", description="Counts crossings in a cache, between its samples."
+    )
     parser.add_argument("cache", type=Path)
     parser.add_argument("--bodies-only", action="store_true", help="strands may pass through each other")
     options = parser.parse_args(arguments)

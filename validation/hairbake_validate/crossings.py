@@ -110,18 +110,28 @@ def point_in_triangle(points: np.ndarray) -> np.ndarray:
         return (u >= -EDGE) & (v >= -EDGE) & (u + v <= 1 + EDGE)
 
 
-def meeting_boxes(low: np.ndarray, high: np.ndarray, other_low: np.ndarray | None = None, other_high: np.ndarray | None = None):
+def meeting_boxes(
+    low: np.ndarray,
+    high: np.ndarray,
+    other_low: np.ndarray | None = None,
+    other_high: np.ndarray | None = None,
+):
     """Pairs of boxes that meet, `n × 2`: of one set with itself, the lower index first, or of two sets. A uniform grid with cells
     of the mean size of the boxes; a pair counts in the cell of the lower corner of what it shares.
     """
     alone = other_low is None
-    lows, highs = (low, high) if alone else (np.concatenate([low, other_low]), np.concatenate([high, other_high]))
+    lows, highs = (
+        (low, high) if alone else (np.concatenate([low, other_low]), np.concatenate([high, other_high]))
+    )
     if len(lows) == 0:
         return np.zeros((0, 2), int)
     size = highs - lows
     cell = max(float(size.max(axis=1).mean()) * 1.5, float(size.max()) / 16, 1e-9)
     origin = lows.min(axis=0)
-    first, last = np.floor((lows - origin) / cell).astype(np.int64), np.floor((highs - origin) / cell).astype(np.int64)
+    first, last = (
+        np.floor((lows - origin) / cell).astype(np.int64),
+        np.floor((highs - origin) / cell).astype(np.int64),
+    )
     spans = last - first + 1
     counts = spans.prod(axis=1)
     box = np.repeat(np.arange(len(lows)), counts)
@@ -134,7 +144,9 @@ def meeting_boxes(low: np.ndarray, high: np.ndarray, other_low: np.ndarray | Non
     starts = np.flatnonzero(np.r_[True, key[1:] != key[:-1]])
     ends = np.r_[starts[1:], len(key)]
     # Each entry with those after it in its cell.
-    after = np.repeat(ends - starts, ends - starts) - (np.arange(len(key)) - np.repeat(starts, ends - starts)) - 1
+    after = (
+        np.repeat(ends - starts, ends - starts) - (np.arange(len(key)) - np.repeat(starts, ends - starts)) - 1
+    )
     found = []
     bounds = np.searchsorted(np.cumsum(after), np.arange(CELLS, after.sum() + CELLS, CELLS))
     at = 0
@@ -177,7 +189,9 @@ def strand_strand(start: np.ndarray, end: np.ndarray, strand: np.ndarray) -> Cro
     return Crossings(len(pairs), pairs[found], hit[found])
 
 
-def strand_body(start: np.ndarray, end: np.ndarray, corners: np.ndarray, corners_end: np.ndarray) -> Crossings:
+def strand_body(
+    start: np.ndarray, end: np.ndarray, corners: np.ndarray, corners_end: np.ndarray
+) -> Crossings:
     """Segments `n × 2 × 3` that passed through, or into, moving triangles `m × 3 × 3`: an end through a face, or the segment
     through an edge. A strand that goes in with its tip, and one that is wrapped round an edge, so both count.
     """
@@ -185,11 +199,15 @@ def strand_body(start: np.ndarray, end: np.ndarray, corners: np.ndarray, corners
     s, t = pairs.T
     hits = []
     for k in range(2):
-        points = [np.concatenate([x[s, k : k + 1], y[t]], axis=1) for x, y in ((start, corners), (end, corners_end))]
+        points = [
+            np.concatenate([x[s, k : k + 1], y[t]], axis=1) for x, y in ((start, corners), (end, corners_end))
+        ]
         hits.append(first_hits(*points, point_in_triangle))
     for k in range(3):
         edge = [k, (k + 1) % 3]
-        points = [np.concatenate([x[s], y[t][:, edge]], axis=1) for x, y in ((start, corners), (end, corners_end))]
+        points = [
+            np.concatenate([x[s], y[t][:, edge]], axis=1) for x, y in ((start, corners), (end, corners_end))
+        ]
         hits.append(first_hits(*points, segments_meet))
     hit = np.fmin.reduce(hits) if hits else np.zeros(0)
     found = ~np.isnan(hit)

@@ -32,7 +32,8 @@ NODES, WEIGHTS = (lambda x, w: ((x + 1) / 2, w / 2))(*np.polynomial.legendre.leg
 
 def arc_lengths(points: np.ndarray, counts: np.ndarray) -> Arcs:
     """Arc of every segment of smooth curves through the points (`N × 3`, `n` counts), by the cubic through four
-    neighbouring points with chord lengths as parameters, since strands are sampled unevenly."""
+    neighbouring points with chord lengths as parameters, since strands are sampled unevenly.
+    """
     points = points.astype(float)
     segments = counts - 1
     # Of every segment: its first point, and the first and last point of its curve.
@@ -96,6 +97,7 @@ def derivative(u: np.ndarray, p: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 def third_derivative(u: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Size of the third derivative of the cubics through `p` (`n × 4 × 3`) at `u` (`n × 4`): κ√(κ² + τ²) for
-    curvature κ and torsion τ, where they vary slowly."""
+    curvature κ and torsion τ, where they vary slowly.
+    """
     scales = [np.prod([u[:, j] - u[:, i] for i in range(4) if i != j], axis=0) for j in range(4)]
     return 6 * np.linalg.norm(sum(p[:, j] / scales[j][:, None] for j in range(4)), axis=1)

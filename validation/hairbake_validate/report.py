@@ -17,7 +17,8 @@ class Severity(Enum):
 @dataclass(frozen=True)
 class Check:
     """One thing that is checked. `tolerance` is 0 for what is simply right or wrong; `unit` is that of
-    the tolerance and of the findings' values."""
+    the tolerance and of the findings' values.
+    """
 
     id: str
     description: str

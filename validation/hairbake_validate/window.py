@@ -102,7 +102,9 @@ class Window:
         for curves in cache.curves:
             if curves.sound:
                 points = (len(curves.rest), 3)
-                self._shapes |= {f"{curves.path}.{name}": points for name in ("points", "velocities", ACCELERATIONS)}
+                self._shapes |= {
+                    f"{curves.path}.{name}": points for name in ("points", "velocities", ACCELERATIONS)
+                }
                 self._shapes[f"{curves.path}.extent"] = (2, 3)
                 self._shapes[f"{curves.path}.{LEVEL}"] = (len(curves.counts),)
         for mesh in cache.colliders:

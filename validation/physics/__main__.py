@@ -8,8 +8,8 @@ from pathlib import Path
 
 from . import page
 from .scene import Hairbake
-from .study import Study
 from .studies import STUDIES
+from .study import Study
 
 
 def main() -> int:
@@ -32,7 +32,9 @@ def main() -> int:
         for row in study.rows:
             verdict = "" if row.goal is None else f"goal {row.goal:.3g} {'met' if row.passed else 'MISSED'}"
             print(f"  {row.what:<58} {row.error:9.2e}  {verdict}")
-    version = subprocess.run([hairbake.binary, "--version"], capture_output=True, text=True, check=True).stdout
+    version = subprocess.run(
+        [hairbake.binary, "--version"], capture_output=True, text=True, check=True
+    ).stdout
     arguments.out.mkdir(parents=True, exist_ok=True)
     page.write(arguments.out / "index.html", done, version.strip())
     print(f"\n{arguments.out / 'index.html'}")

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from .reference import stability
-from .scene import GRAVITY, HORIZONTAL, Hairbake, Rod, Scene, Strand, quaternion, straight
-from .study import AT_REST, Plot, Row, Study, relative
+from .scene import GRAVITY, Hairbake, Rod, Scene, Strand, quaternion, straight
+from .study import AT_REST, Plot, Study, relative
 
 TILT = 1e-6
 """Gravity's share across the plane: what makes the strand choose a side."""

@@ -26,7 +26,16 @@ SPEED = 7.2e-3
 STILL = 2.5
 """Time in which weight is put on and the strand laid down, before time 0, s."""
 
-CASES = ((0.3, 3.0), (0.3, 10.0), (0.3, 30.0), (0.3, 100.0), (1.0, 3.0), (1.0, 10.0), (1.0, 30.0), (1.0, 100.0))
+CASES = (
+    (0.3, 3.0),
+    (0.3, 10.0),
+    (0.3, 30.0),
+    (0.3, 100.0),
+    (1.0, 3.0),
+    (1.0, 10.0),
+    (1.0, 30.0),
+    (1.0, 100.0),
+)
 """µ, and the weight that hangs over EI/R²."""
 
 
@@ -69,7 +78,11 @@ def tensions(points: np.ndarray, rod: Rod) -> Tensions:
     force = np.array(force)
     tangent = x[first + 1] - x[first - 1]
     bent = 0.5 * stiffness / RADIUS**2
-    kept = force @ tangent / np.linalg.norm(tangent) + 0.5 * stiffness * curvature[first] ** 2 - weight * x[first, 1]
+    kept = (
+        force @ tangent / np.linalg.norm(tangent)
+        + 0.5 * stiffness * curvature[first] ** 2
+        - weight * x[first, 1]
+    )
 
     def at(angle: float) -> tuple[float, float]:
         """Arc length and height of the place at a polar angle."""
@@ -152,14 +165,27 @@ def study(hairbake: Hairbake, cases: Sequence[tuple[float, float]] = CASES, fram
         off = np.array([t.span / t.theory - 1 for t in read])
         # All that was slack has long been taken up.
         sliding = slice(frames // 2, None)
-        measured, theory = (np.array([of(t) / t.hanging for t in read[sliding]]) for of in (lambda t: t.span, lambda t: t.theory))
+        measured, theory = (
+            np.array([of(t) / t.hanging for t in read[sliding]])
+            for of in (lambda t: t.span, lambda t: t.theory)
+        )
         error = np.abs(measured / theory - 1)
         name = f"µ = {mu:g}, T R²/EI = {taut:g}: tension above over below"
-        rows.append(Row(f"{name}, r.m.s.", theory.mean(), measured.mean(), float(np.sqrt((error**2).mean())), 0.02))
+        rows.append(
+            Row(f"{name}, r.m.s.", theory.mean(), measured.mean(), float(np.sqrt((error**2).mean())), 0.02)
+        )
         worst = int(error.argmax())
         rows.append(Row(f"{name}, worst frame", theory[worst], measured[worst], float(error[worst]), None))
         ideal = np.mean([np.exp(mu * t.angle) for t in read[sliding]])
-        rows.append(Row("the same of a strand without weight and stiffness", ideal, measured.mean(), abs(measured.mean() / ideal - 1), None))
+        rows.append(
+            Row(
+                "the same of a strand without weight and stiffness",
+                ideal,
+                measured.mean(),
+                abs(measured.mean() / ideal - 1),
+                None,
+            )
+        )
         curves.append((mu, taut, off))
     cut = max(f["shortened"] for f in bake.figures[1:])
     rows.append(Row("motions cut short", 0, cut, float(cut), 0.0))
@@ -175,4 +201,6 @@ def study(hairbake: Hairbake, cases: Sequence[tuple[float, float]] = CASES, fram
 at {1e3 * SPEED:g} mm/s by a clamp that is {100 * SPAN:g} cm away. Their stiffness EI is chosen so that what hangs weighs 3 to 100 times EI/R². Tensions are read
 from the points of the cache by statics alone: below from the weight, above from the sag and the bending of the span. Theory: Euler and Eytelwein's law
 with the strand's own weight, and with the forces by which the cylinder holds a stiff strand where it comes to lie on it. {nodes} nodes, {FPS * SUBSTEPS:g} steps a second.</p>"""
-    return Study("The capstan", text, rows, [Plot("Tension above the cylinder while strands are drawn over it.", draw)])
+    return Study(
+        "The capstan", text, rows, [Plot("Tension above the cylinder while strands are drawn over it.", draw)]
+    )

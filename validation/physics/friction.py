@@ -14,7 +14,11 @@ ALONG_Z = (1.0, 0.0, 0.0, 0.0)
 UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
 THICKNESS = 5e-4
 """Distance kept from the plate, m."""
-PLATE = {"name": "plate", "shape": {"type": "plane", "point": [0, 0, 0], "normal": [0, 1, 0]}, "thickness_m": THICKNESS}
+PLATE = {
+    "name": "plate",
+    "shape": {"type": "plane", "point": [0, 0, 0], "normal": [0, 1, 0]},
+    "thickness_m": THICKNESS,
+}
 
 THRESHOLDS = {0.01: 0.0449, 0.04: 0.0919, 0.10: 0.1528, 0.16: 0.2043, 0.25: 0.2807, 0.31: 0.3361}
 """|Ft/Fn| under the tip by the shortening, in L."""
@@ -29,7 +33,9 @@ def ramp(t: float, start: float, end: float) -> float:
     return min(max((t - start) / (end - start), 0.0), 1.0)
 
 
-def stick_slip(hairbake: Hairbake, shortenings: Sequence[float] = tuple(THRESHOLDS), steps=600, nodes=16) -> Study:
+def stick_slip(
+    hairbake: Hairbake, shortenings: Sequence[float] = tuple(THRESHOLDS), steps=600, nodes=16
+) -> Study:
     """A strand on a plate, pressed until its tip slips."""
     rod, most = Rod(), 1.15 * max(shortenings)
     fine = np.linspace(0.02, 1.0, 120) ** 2 * most
@@ -41,10 +47,14 @@ def stick_slip(hairbake: Hairbake, shortenings: Sequence[float] = tuple(THRESHOL
     strands = []
     for i, mu in enumerate(mus):
         rod = Rod(friction=mu)
-        strands.append(Strand(rod, straight(rod, (0, -1, 0), (0.0, rod.length + above, 2 * i * rod.length)), DOWN))
+        strands.append(
+            Strand(rod, straight(rod, (0, -1, 0), (0.0, rod.length + above, 2 * i * rod.length)), DOWN)
+        )
 
     def lowered(t):
-        return np.array([0.0, -(above - THICKNESS) * ramp(t, -10, 0) - most * rod.length * ramp(t, 0, steps) ** 2, 0.0]), UNTURNED
+        return np.array(
+            [0.0, -(above - THICKNESS) * ramp(t, -10, 0) - most * rod.length * ramp(t, 0, steps) ** 2, 0.0]
+        ), UNTURNED
 
     # A breath from the side says where to buckle to; it is over before the first tip slips.
     breath = 1e-3 * rod.bending[0] / (rod.line_density * rod.length**3)
@@ -131,9 +141,21 @@ def incline(hairbake: Hairbake, ratios=(0.9, 0.99, 1.01, 1.2, 2.0), substeps=16,
             rows.append(Row(f"slope of {ratio:g} µ: moved, L", "0", moved, moved, 1e-9))
         else:
             outer = bake.velocities[0][-1, away.shape[1] // 2 :, 0] / times[-1]
-            rows.append(relative(f"slope of {ratio:g} µ: acceleration, mean of the outer half", free, outer.mean(), 0.01))
+            rows.append(
+                relative(
+                    f"slope of {ratio:g} µ: acceleration, mean of the outer half", free, outer.mean(), 0.01
+                )
+            )
             worst = float(np.abs(outer / free - 1).max())
-            rows.append(Row(f"slope of {ratio:g} µ: the same, its worst point", f"{free:.6g}", f"{outer[np.abs(outer - free).argmax()]:.6g}", worst, None))
+            rows.append(
+                Row(
+                    f"slope of {ratio:g} µ: the same, its worst point",
+                    f"{free:.6g}",
+                    f"{outer[np.abs(outer - free).argmax()]:.6g}",
+                    worst,
+                    None,
+                )
+            )
         curves.append((ratio, 0.5 * free * np.maximum(times, 0) ** 2, away[:, -1], times))
 
     def draw(axes):

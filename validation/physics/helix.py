@@ -37,7 +37,9 @@ def drawn(natural: np.ndarray, frame: np.ndarray, length: float, points: int = 4
     e3 = np.array([0.0, 0, 1])
     along, across = axis * axis[2], e3 - axis * axis[2]
     side = np.cross(axis, e3)
-    body = s[:, None] * along + (np.sin(n * s) / n)[:, None] * across + ((1 - np.cos(n * s)) / n)[:, None] * side
+    body = (
+        s[:, None] * along + (np.sin(n * s) / n)[:, None] * across + ((1 - np.cos(n * s)) / n)[:, None] * side
+    )
     return body @ frame.T
 
 
@@ -79,7 +81,10 @@ def study(
         axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
     caption = "Hanging curls: lines theory, dots the points that hairbake wrote."
-    text = TEXT + "<p>The columns theory and hairbake hold the height that the tip hangs below the root, in L.</p>"
+    text = (
+        TEXT
+        + "<p>The columns theory and hairbake hold the height that the tip hangs below the root, in L.</p>"
+    )
     return Study("Helix under gravity", text, rows, [Plot(caption, draw)])
 
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from .reference import planar
 from .scene import GRAVITY, HORIZONTAL, ISOLATED_DRAG, Hairbake, Rod, Scene, Strand, quaternion, straight
-from .study import SCHEMES, Plot, Row, Study, order, relative
+from .study import SCHEMES, Plot, Row, Study, order
 
 FPS = 25.0
 DOWN = quaternion(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]))
@@ -76,13 +76,24 @@ def whip(hairbake: Hairbake, substeps=(1, 2, 4, 8, 16, 32, 64, 128), nodes: int 
     rows = []
     for scheme, wanted in zip(SCHEMES, (1, 2)):
         rows += [
-            Row(f"{scheme}, {n} steps a frame: tip, r.m.s.", "0", e, e, None) for n, e in zip(substeps, errors[scheme])
+            Row(f"{scheme}, {n} steps a frame: tip, r.m.s.", "0", e, e, None)
+            for n, e in zip(substeps, errors[scheme])
         ]
         fit = [i for i, n in enumerate(substeps) if 4 <= n <= 16]
         slope = order([steps[i] for i in fit], [errors[scheme][i] for i in fit])
-        rows.append(Row(f"{scheme}: order in the step, 4 to 16 steps a frame", str(wanted), slope, max(0.0, wanted - slope), 0.2))
+        rows.append(
+            Row(
+                f"{scheme}: order in the step, 4 to 16 steps a frame",
+                str(wanted),
+                slope,
+                max(0.0, wanted - slope),
+                0.2,
+            )
+        )
     finest = errors[SCHEMES[1]][-1]
-    rows.append(Row(f"bdf2, {substeps[-1]} steps a frame, {nodes} nodes: tip, r.m.s.", "0", finest, finest, 1e-4))
+    rows.append(
+        Row(f"bdf2, {substeps[-1]} steps a frame, {nodes} nodes: tip, r.m.s.", "0", finest, finest, 1e-4)
+    )
     coarse = error(substeps[-1], SCHEMES[1], 8)
     rows.append(Row(f"bdf2, {substeps[-1]} steps a frame, 8 nodes: tip, r.m.s.", "0", coarse, coarse, 1e-3))
 
@@ -114,7 +125,8 @@ def energy_of(points: np.ndarray, velocities: np.ndarray, rod: Rod) -> np.ndarra
     weight = [rod.line_density * GRAVITY * whole(x[:, 1]) for x in points]
     fine = np.linspace(0.0, rod.length, 400)
     bending = [
-        0.5 * rod.bending[0] * np.trapezoid((CubicSpline(s, x)(fine, 2) ** 2).sum(axis=1), fine) for x in points
+        0.5 * rod.bending[0] * np.trapezoid((CubicSpline(s, x)(fine, 2) ** 2).sum(axis=1), fine)
+        for x in points
     ]
     return np.array(kinetic) + np.array(weight) + np.array(bending)
 
@@ -140,7 +152,15 @@ def energy(hairbake: Hairbake, substeps=(4, 16, 64)) -> Study:
             series.append((scheme, n, bake.times, drift))
             gained = float(max(drift.max(), 0.0))
             name = f"{scheme}, {100 * n} steps/s: energy after 2 s, in ρSgL²"
-            rows.append(Row(name, "0", float(drift[-1]), abs(float(drift[-1])), 1e-3 if n == substeps[-1] and scheme == SCHEMES[1] else None))
+            rows.append(
+                Row(
+                    name,
+                    "0",
+                    float(drift[-1]),
+                    abs(float(drift[-1])),
+                    1e-3 if n == substeps[-1] and scheme == SCHEMES[1] else None,
+                )
+            )
             rows.append(Row(f"{scheme}, {100 * n} steps/s: most energy gained", "0", gained, gained, 2e-3))
 
     def draw(axes):
@@ -151,7 +171,9 @@ def energy(hairbake: Hairbake, substeps=(4, 16, 64)) -> Study:
 
     text = """<p>A strand (Γ = 3, no damping, no air) let go from horizontal swings through large angles; 16 nodes. Energy: kinetic from the
 velocities of the cache, weight's and bending from its points (splines), so read to a few 1e-4.</p>"""
-    return Study("Energy and its drift", text, rows, [Plot("Energy of a free swing, per scheme and step.", draw)])
+    return Study(
+        "Energy and its drift", text, rows, [Plot("Energy of a free swing, per scheme and step.", draw)]
+    )
 
 
 @dataclass(frozen=True)
@@ -193,7 +215,14 @@ def swung(t: float) -> tuple[np.ndarray, np.ndarray]:
 def symmetries(hairbake: Hairbake, schemes=SCHEMES) -> Study:
     """Rigid motions of the world, and uniform motion."""
     rod = Rod(damping=0.005, drag=0.3)
-    bent = np.stack([0.2 * np.linspace(0, 1, 24), -0.1 * np.linspace(0, 1, 24) ** 2, 0.03 * np.sin(np.linspace(0, 3, 24))], axis=1)
+    bent = np.stack(
+        [
+            0.2 * np.linspace(0, 1, 24),
+            -0.1 * np.linspace(0, 1, 24) ** 2,
+            0.03 * np.sin(np.linspace(0, 3, 24)),
+        ],
+        axis=1,
+    )
     tangent = CubicSpline(np.linspace(0, 1, 24), bent)(0.0, 1)
     d3 = tangent / np.linalg.norm(tangent)
     d1 = np.cross([0.0, 1, 0], d3)
@@ -213,7 +242,9 @@ def symmetries(hairbake: Hairbake, schemes=SCHEMES) -> Study:
         here = hairbake.tip(scene)
         for name, turned in {
             "quarter turn": Turned(Rotation.from_rotvec([0, 0, np.pi / 2]), np.zeros(3)),
-            "slanted turn and shift of 3 m": Turned(Rotation.from_rotvec([0.7, -1.9, 0.4]), np.array([1.0, 2, -2])),
+            "slanted turn and shift of 3 m": Turned(
+                Rotation.from_rotvec([0.7, -1.9, 0.4]), np.array([1.0, 2, -2])
+            ),
         }.items():
             there = hairbake.tip(turned.scene(scene))
             error = float(np.linalg.norm(turned.turn.apply(here) + turned.shift - there) / rod.length)

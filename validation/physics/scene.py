@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+
 from hairbake_validate.cache import GUIDES, Cache, read_frame
 
 GRAVITY = 9.81
@@ -163,7 +164,10 @@ class Scene:
             "bodies": [
                 {"name": "clamp", "track": self._track(self.motion, origin)},
                 {"name": "floor", "track": still(origin)},
-                *({"name": name, "track": self._track(motion, origin)} for name, motion in self.bodies.items()),
+                *(
+                    {"name": name, "track": self._track(motion, origin)}
+                    for name, motion in self.bodies.items()
+                ),
             ],
             "colliders": [{"body": "floor", **collider} for collider in self.colliders],
             "gravity_m_s2": list(self.gravity),

@@ -7,7 +7,7 @@ import numpy as np
 from .reference import modes as eigen
 from .scene import HORIZONTAL, ISOLATED_DRAG, Hairbake, Rod, Scene, Strand
 from .signal import strongest
-from .study import SCHEMES, Plot, Row, Study, relative
+from .study import SCHEMES, Plot, Study, relative
 
 ROOTS = (1.87510407, 4.69409113, 7.85475744)
 """Roots of cos x cosh x = −1."""
@@ -76,7 +76,9 @@ def frequencies(hairbake: Hairbake, modes=3, refine=(20, 40, 80, 160, 320, 640))
     def draw(axes):
         for scheme, found in damped.items():
             axes.loglog(refine, [p.real / omega for p in found], "o-", label=f"{scheme}: loss per radian")
-            axes.loglog(refine, [abs(p.imag / omega - 1) for p in found], "s--", label=f"{scheme}: frequency error")
+            axes.loglog(
+                refine, [abs(p.imag / omega - 1) for p in found], "s--", label=f"{scheme}: frequency error"
+            )
         axes.set(xlabel="steps a period", ylabel="relative")
         axes.legend(fontsize=8)
 
@@ -84,7 +86,9 @@ def frequencies(hairbake: Hairbake, modes=3, refine=(20, 40, 80, 160, 320, 640))
 go. Frequency and decay are read from the tip's path (matrix pencil). Theory: {1.8751², 4.6941², 7.8548²} √(EI/ρSL⁴); for the pre-twisted
 ribbon (EI2 = 4 EI1, half a turn from root to tip) a Legendre-Galerkin eigenvalue problem.</p>"""
     caption = "What the schemes do to a free vibration: first order and third order loss."
-    return Study("Free vibration: frequencies and the schemes' own damping", text, rows, [Plot(caption, draw)])
+    return Study(
+        "Free vibration: frequencies and the schemes' own damping", text, rows, [Plot(caption, draw)]
+    )
 
 
 def twisted(hairbake: Hairbake, scheme: str, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -132,4 +136,3 @@ def damping(hairbake: Hairbake, modes=3) -> Study:
     text = """<p>The same vibrations with the material's damping (Kelvin-Voigt time τ: decay ω²τ/2) or in still air (drag c across the strand:
 decay c/2ρS), with nothing else. Backward Euler at 2000 steps a period, its own loss ω²h/2 added to the theory; BDF2 at 400, without.</p>"""
     return Study("Damping: decay times", text, rows)
-

@@ -16,7 +16,9 @@ STEPS = (5, 4, 3, 2, 1)
 """Steps a film frame."""
 
 
-def torture(hairbake: Hairbake, name: str, steps: int, seconds: float = 1.0) -> tuple[Count, list[Event], dict]:
+def torture(
+    hairbake: Hairbake, name: str, steps: int, seconds: float = 1.0
+) -> tuple[Count, list[Event], dict]:
     """Bakes a scene with so many steps a film frame; what was looked at, at every moment to which the solver brought the guides, and what crossed; what of that
     is in a frame of which hairbake's own record tells no crossing; and hairbake's own totals.
     """
@@ -24,7 +26,9 @@ def torture(hairbake: Hairbake, name: str, steps: int, seconds: float = 1.0) -> 
         scene = SCENES[name](Path(folder))
         rate = FPS * steps
         settings = {**scene.settings, "contact": "full", "curves": "steps"}
-        scene = replace(scene, fps=rate, substeps=1, frames=round(seconds * rate), preroll=0.25, settings=settings)
+        scene = replace(
+            scene, fps=rate, substeps=1, frames=round(seconds * rate), preroll=0.25, settings=settings
+        )
         cache = Cache(hairbake.bake_into(Path(folder), scene))
         found = count(cache)
         figures = {f["frame"]: f["figures"] for f in cache.record["frames"]}
@@ -36,7 +40,9 @@ def torture(hairbake: Hairbake, name: str, steps: int, seconds: float = 1.0) -> 
 
 def main() -> int:
     """Prints a line for each bake; 1 where something crossed."""
-    parser = argparse.ArgumentParser(prog="torture", description="Counts what passes through what under torture.")
+    parser = argparse.ArgumentParser(
+        prog="torture", description="Counts what passes through what under torture."
+    )
     parser.add_argument("--hairbake", type=Path, required=True, help="the program")
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help=f"of {', '.join(SCENES)}; default: all")
     arguments = parser.parse_args()
@@ -44,7 +50,9 @@ def main() -> int:
     if unknown:
         parser.error(f"no such scene: {', '.join(sorted(unknown))}")
     hairbake = Hairbake(arguments.hairbake.resolve())
-    print("scene       steps   body pairs  strand pairs  body crossings  strand crossings  untold  cut short  unconverged  deepest, mm")
+    print(
+        "scene       steps   body pairs  strand pairs  body crossings  strand crossings  untold  cut short  unconverged  deepest, mm"
+    )
     looked_at = crossings = unseen = 0
     for name in arguments.scenes or SCENES:
         for steps in STEPS:
@@ -57,7 +65,9 @@ def main() -> int:
                 f"{name:<10}  {steps:>5}  {found.body_pairs:>11}  {found.strand_pairs:>12}  {len(found.events) - strands:>14}"
                 f"  {strands:>16}  {len(untold):>6}  {totals['shortened']:>9}  {totals['unconverged']:>11}  {1e3 * totals['penetration_m']:>11.3f}"
             )
-    print(f"{crossings} crossings in {looked_at} pairs, {unseen} of them in frames of which the record tells none")
+    print(
+        f"{crossings} crossings in {looked_at} pairs, {unseen} of them in frames of which the record tells none"
+    )
     return 1 if crossings else 0
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+
 from physics.scene import Motion, Rod, Scene, Strand, quaternion
 
 FPS = 24.0
@@ -41,14 +42,19 @@ def head_of_hair(count: int, rod: Rod = HAIR) -> list[Strand]:
 
 def mesh(folder: Path, name: str, corners: Sequence[Sequence[float]], faces: Sequence[Sequence[int]]) -> dict:
     """A collider of triangles or quads, counter-clockwise from outside. Bodies of the torture set are meshes: what a cache holds of a ball is a mesh about it,
-    whose corners stand off the ball, and strands that graze the one go through the other."""
+    whose corners stand off the ball, and strands that graze the one go through the other.
+    """
     path = folder / f"{name}.obj"
-    lines = ["v {} {} {}".format(*c) for c in corners] + ["f " + " ".join(str(i + 1) for i in f) for f in faces]
+    lines = ["v {} {} {}".format(*c) for c in corners] + [
+        "f " + " ".join(str(i + 1) for i in f) for f in faces
+    ]
     path.write_text("\n".join(lines) + "\n")
     return {"name": name, "shape": {"type": "mesh", "file": str(path)}}
 
 
-def upright_capsule(folder: Path, name: str, ends: Sequence[Sequence[float]], radius: float, sides: int = 48) -> dict:
+def upright_capsule(
+    folder: Path, name: str, ends: Sequence[Sequence[float]], radius: float, sides: int = 48
+) -> dict:
     """A ball or, where its ends differ, a capsule along the second axis, the lower end first."""
     half = sides // 4
     angles = 2 * np.pi * np.arange(sides) / sides
@@ -135,7 +141,9 @@ def edges(folder: Path) -> Scene:
     def thrust(at: float) -> Motion:
         def motion(t):
             # From below the hair, at up to 4 m/s.
-            return np.array([at, -0.35 + 0.25 * (1 - np.cos(16.0 * begin(t))), 0.004 * at / 0.05]), turned(0.3 * at / 0.05)
+            return np.array([at, -0.35 + 0.25 * (1 - np.cos(16.0 * begin(t))), 0.004 * at / 0.05]), turned(
+                0.3 * at / 0.05
+            )
 
         return motion
 
@@ -153,7 +161,11 @@ def closing(folder: Path) -> Scene:
     ball = upright_capsule(folder, "ball", [[0.12, 0.07, 0]] * 2, 0.05)
     scene = edges(folder)
     spike = {**wedge(folder, "spike", 0.05), "body": "spike"}
-    return Scene(scene.strands, bodies={"spike": lambda t: (up(t)[0] + [0.12, 0, 0], UNTURNED)}, colliders=[ball, spike])
+    return Scene(
+        scene.strands,
+        bodies={"spike": lambda t: (up(t)[0] + [0.12, 0, 0], UNTURNED)},
+        colliders=[ball, spike],
+    )
 
 
 def crossed(_: Path) -> Scene:
@@ -163,7 +175,13 @@ def crossed(_: Path) -> Scene:
     for i in range(4):
         z = 0.05 * i
         along = np.array([1.0, 0.0, 0.0])
-        strands.append(Strand(stiff, np.array([0.0, 0.0, z]) + np.linspace(0, stiff.length, 12)[:, None] * along, frame_of(along)))
+        strands.append(
+            Strand(
+                stiff,
+                np.array([0.0, 0.0, z]) + np.linspace(0, stiff.length, 12)[:, None] * along,
+                frame_of(along),
+            )
+        )
         angle = (np.pi / 2, 0.5, 0.05, 0.005)[i]
         above = np.array([np.cos(angle), 0.0, np.sin(angle)])
         root = np.array([0.1, 0.01, z]) - 0.05 * above

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+
 from hairbake_validate.cache import Cache
 
 from .compare import Change, Run, changes, distances, lock_distances, pops, read, read_motion, rest
@@ -81,12 +82,22 @@ def sample(hairbake: Path, folder: Path, style: str, *options: object) -> tuple[
 
 
 def compare(
-    hairbake: Path, folder: Path, style: str, scene: tuple[Path, Path], partings=PARTINGS, contact: str = "bodies"
+    hairbake: Path,
+    folder: Path,
+    style: str,
+    scene: tuple[Path, Path],
+    partings=PARTINGS,
+    contact: str = "bodies",
 ) -> list[Row]:
     """Bakes groom and motion of a `style`, whose hair touches what `contact` says: all guides by themselves, twice, adaptive wisps, and coarse ones."""
     groom, motion = scene
     adaptive = {f"adaptive {p:g}": ("--resolution", "adaptive", "--parting", str(p)) for p in partings}
-    ways = {"full": ("--resolution", "full"), "nudged": ("--resolution", "full"), **adaptive, "coarse": ("--resolution", "coarse")}
+    ways = {
+        "full": ("--resolution", "full"),
+        "nudged": ("--resolution", "full"),
+        **adaptive,
+        "coarse": ("--resolution", "coarse"),
+    }
     rows: list[Row] = []
     full = None
     for name, way in ways.items():
@@ -121,14 +132,19 @@ def plot(path: Path, rows: list[Row]) -> None:
     axes = figure.subplots()
     for style in dict.fromkeys(row.style for row in rows):
         mine = [row for row in rows if row.style == style and row.name != "nudged"]
-        (line,) = axes.plot([r.seconds / mine[0].seconds for r in mine], [100 * r.mean for r in mine], "o-", label=style)
+        (line,) = axes.plot(
+            [r.seconds / mine[0].seconds for r in mine], [100 * r.mean for r in mine], "o-", label=style
+        )
         for r in rows:
             if (r.style, r.name) == (style, "nudged"):
                 axes.axhline(100 * r.mean, linestyle=":", color=line.get_color())
         for r in mine:
-            axes.annotate(r.name.removeprefix("adaptive "), (r.seconds / mine[0].seconds, 100 * r.mean), fontsize=7)
+            axes.annotate(
+                r.name.removeprefix("adaptive "), (r.seconds / mine[0].seconds, 100 * r.mean), fontsize=7
+            )
     axes.set(
-        xlabel="processor time of simulation, of that at full resolution", ylabel="mean distance of strands, % of length"
+        xlabel="processor time of simulation, of that at full resolution",
+        ylabel="mean distance of strands, % of length",
     )
     axes.set_xlim(left=0)
     axes.legend()
@@ -190,20 +206,45 @@ def print_sizes(hairbake: Path, folder: Path, style: str, wisps: list[int], part
         out = folder / f"{style}-{n}-bake"
         seconds = simulate(hairbake, groom, motion, out, "--resolution", "adaptive", "--parting", parting)
         shutil.rmtree(out)
-        print(f"{style:<11}  {parting:<8g}  {n:>6}  {1e3 * seconds:>9.2f}  {1e6 * seconds / n:>12.1f}", flush=True)
+        print(
+            f"{style:<11}  {parting:<8g}  {n:>6}  {1e3 * seconds:>9.2f}  {1e6 * seconds / n:>12.1f}",
+            flush=True,
+        )
 
 
 def main() -> int:
     """Prints a line for each bake, and draws them."""
-    parser = argparse.ArgumentParser(prog="wisps", description="Holds adaptive wisps against all guides by themselves.")
+    parser = argparse.ArgumentParser(
+        prog="wisps", description="Holds adaptive wisps against all guides by themselves."
+    )
     parser.add_argument("--hairbake", type=Path, required=True, help="the program")
     parser.add_argument("-o", "--out", type=Path, required=True, help="folder for bakes and plot")
-    parser.add_argument("--scene", type=Path, nargs=2, metavar=("GROOM", "ANIM"), help="compares on this scene in place of samples")
+    parser.add_argument(
+        "--scene",
+        type=Path,
+        nargs=2,
+        metavar=("GROOM", "ANIM"),
+        help="compares on this scene in place of samples",
+    )
     parser.add_argument("--frames", metavar="A-B", help="of the scene")
-    parser.add_argument("--partings", type=float, nargs="+", default=PARTINGS, metavar="P", help="of the adaptive bakes")
-    parser.add_argument("--contact", default="bodies", choices=("bodies", "full", "penalty"), help="what hair touches")
-    parser.add_argument("--changes", action="store_true", help="prints what changes of wisps do to momentum and energy instead")
-    parser.add_argument("--sizes", type=int, nargs="+", metavar="WISPS", help="prints the cost of samples of so many leaf wisps instead")
+    parser.add_argument(
+        "--partings", type=float, nargs="+", default=PARTINGS, metavar="P", help="of the adaptive bakes"
+    )
+    parser.add_argument(
+        "--contact", default="bodies", choices=("bodies", "full", "penalty"), help="what hair touches"
+    )
+    parser.add_argument(
+        "--changes",
+        action="store_true",
+        help="prints what changes of wisps do to momentum and energy instead",
+    )
+    parser.add_argument(
+        "--sizes",
+        type=int,
+        nargs="+",
+        metavar="WISPS",
+        help="prints the cost of samples of so many leaf wisps instead",
+    )
     parser.add_argument("styles", nargs="*", metavar="STYLE", help=f"of {', '.join(STYLES)}; default: all")
     arguments = parser.parse_args()
     unknown = set(arguments.styles) - set(STYLES)
@@ -214,7 +255,9 @@ def main() -> int:
     hairbake, out = arguments.hairbake.resolve(), arguments.out
     out.mkdir(parents=True, exist_ok=True)
     if arguments.changes:
-        print("style        parting   change      count  momentum: before, from it, next, mm/s   energy, mJ/kg")
+        print(
+            "style        parting   change      count  momentum: before, from it, next, mm/s   energy, mJ/kg"
+        )
         for style in arguments.styles or LEVELS_OF_TWO:
             if style not in LEVELS_OF_TWO:
                 parser.error(f"changes are told of {' and '.join(LEVELS_OF_TWO)} alone")

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+
 from hairbake_validate.cache import HEAD, LEVEL, TRANSFORM, Cache, read_frame
 
 GRAVITY = np.array([0.0, -9.81, 0.0])
@@ -65,7 +66,8 @@ def locks(run: Run, count: int) -> np.ndarray:
 
 def lock_distances(full: Run, other: Run) -> np.ndarray:
     """Distance of the mean curves of locks in two runs, over the mean length; `frames × locks × 9` places along them; locks count alike. What each curve does for itself, and
-    would do otherwise for any other reason, is not in it."""
+    would do otherwise for any other reason, is not in it.
+    """
     # Each of eight curves at least, on average.
     lock = locks(full, int(np.clip(len(full.counts) // 8, 1, 60)))
     starts = np.cumsum(full.counts) - full.counts
@@ -77,7 +79,8 @@ def lock_distances(full: Run, other: Run) -> np.ndarray:
 
 def pops(full: Run, run: Run, quantile: float = 0.999) -> tuple[float, float]:
     """High quantile of the points' accelerations over that of the full bake in the same frames: those with most splits and merges (the upper
-    quarter), and those with least. What pops is above 1 in the former alone; what is merely stirred is so in the full bake too."""
+    quarter), and those with least. What pops is above 1 in the former alone; what is merely stirred is so in the full bake too.
+    """
     accelerations = [np.linalg.norm(np.diff(r.points, 2, axis=0), axis=2) for r in (run, full)]
     changes = np.array([f["splits"] + f["merges"] for f in run.figures])
     # A second difference is of three frames, of which the changes are in two.

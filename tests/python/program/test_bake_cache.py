@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+
 from hairbake_validate.cache import Cache
 from hairbake_validate.crossing_check import moments
 from hairbake_validate.run import validate
@@ -75,7 +76,16 @@ def test_bake_passes_the_validator(hairbake, scene):
 
 @pytest.mark.parametrize("contact", ["bodies", "full"])
 def test_steps_pass_the_validator(hairbake, scene, contact):
-    done = hairbake(scene / "groom.json", scene / "anim.json", "-o", scene / "out", "--curves", "steps", "--contact", contact)
+    done = hairbake(
+        scene / "groom.json",
+        scene / "anim.json",
+        "-o",
+        scene / "out",
+        "--curves",
+        "steps",
+        "--contact",
+        contact,
+    )
     assert done.returncode == 0, done.stderr
     report = validate(scene / "out")
     assert all(outcome.status == "pass" for outcome in report.outcomes.values()), report.as_text()

@@ -12,10 +12,13 @@ pytest.importorskip("rez")
 
 from rez.packages import get_developer_package
 from rez.resolved_context import ResolvedContext
+
 from support import HAIRBAKE, ROOT, needs_hairbake
 
 RUST = 'name = "rust"\nversion = "1"\ndef commands():\n    env.PATH.append("{root}/bin")\n'
-CARGO = '#!/bin/sh\n[ "$1 $2" = "install --locked" ] && mkdir -p "$6/bin" && cp "$HAIRBAKE" "$6/bin/hairbake"\n'
+CARGO = (
+    '#!/bin/sh\n[ "$1 $2" = "install --locked" ] && mkdir -p "$6/bin" && cp "$HAIRBAKE" "$6/bin/hairbake"\n'
+)
 
 
 @needs_hairbake
@@ -31,10 +34,14 @@ def test_the_package_builds_and_brings_the_program(tmp_path, monkeypatch):
     monkeypatch.setenv("HAIRBAKE", str(HAIRBAKE))
     monkeypatch.setenv("REZ_PACKAGES_PATH", str(packages))
     monkeypatch.setenv("REZ_LOCAL_PACKAGES_PATH", str(packages))
-    built = subprocess.run([Path(sys.executable).with_name("rez-build"), "--install"], cwd=source, capture_output=True, text=True)
+    built = subprocess.run(
+        [Path(sys.executable).with_name("rez-build"), "--install"], cwd=source, capture_output=True, text=True
+    )
     assert built.returncode == 0, built.stdout + built.stderr
     context = ResolvedContext(["hairbake"], package_paths=[str(packages)])
-    said, _ = context.execute_shell(command="hairbake --version", stdout=subprocess.PIPE, text=True).communicate()
+    said, _ = context.execute_shell(
+        command="hairbake --version", stdout=subprocess.PIPE, text=True
+    ).communicate()
     version = tomllib.loads((ROOT / "Cargo.toml").read_text())["package"]["version"]
     assert said == f"hairbake {version}\n"
     assert str(get_developer_package(str(source)).version) == version

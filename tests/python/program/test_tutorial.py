@@ -5,9 +5,12 @@ import subprocess
 import sys
 
 import pytest
+
 from support import HAIRBAKE, ROOT
 
-LINES = [line.strip() for line in (ROOT / "docs/tutorial.md").read_text().splitlines() if line.startswith("    ")]
+LINES = [
+    line.strip() for line in (ROOT / "docs/tutorial.md").read_text().splitlines() if line.startswith("    ")
+]
 
 
 def test_every_line_of_the_tutorial(hairbake, tmp_path):
@@ -18,7 +21,9 @@ def test_every_line_of_the_tutorial(hairbake, tmp_path):
     lines = [line for line in LINES if not line.startswith(".blender")]
     assert len(lines) == len(LINES) - 2 >= 8
     for line in lines:
-        done = subprocess.run(line, shell=True, cwd=tmp_path, env={**os.environ, "PATH": path}, capture_output=True, text=True)
+        done = subprocess.run(
+            line, shell=True, cwd=tmp_path, env={**os.environ, "PATH": path}, capture_output=True, text=True
+        )
         assert done.returncode == 0, f"{line}\n{done.stderr}\n{done.stdout}"
     assert (tmp_path / "shot/sheet.png").stat().st_size > 10_000
     assert len(list((tmp_path / "shot/cache").glob("hair.1*.usdc"))) == 24 + 2

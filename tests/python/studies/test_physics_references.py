@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from physics import capstan
 from physics.reference import column, drape, kirchhoff, modes, planar, stability
 from physics.scene import GRAVITY
@@ -28,7 +29,9 @@ def test_a_pressed_column_needs_the_published_friction():
 @pytest.mark.parametrize("mu", [0.3, 1.0])
 def test_tensions_are_read_from_a_strand_that_lies_over_a_cylinder(mu):
     rod = capstan.strand(mu, 3.0, 0.0).rod
-    exact = drape.drape(rod.bending[0], rod.line_density * GRAVITY, capstan.RADIUS, mu, capstan.HANGS, 1.37, 0.14, 3.4e-3)
+    exact = drape.drape(
+        rod.bending[0], rod.line_density * GRAVITY, capstan.RADIUS, mu, capstan.HANGS, 1.37, 0.14, 3.4e-3
+    )
     read = capstan.tensions(exact.points, replace(rod, length=exact.length))
     assert read.hanging == pytest.approx(exact.hanging, rel=1e-3)
     assert read.span == pytest.approx(exact.span, rel=2e-3)
@@ -70,7 +73,9 @@ def test_frequencies_of_a_straight_rod_are_the_textbook_ones():
     roots = np.array([1.87510407, 4.69409113, 7.85475744])
     assert modes.frequencies(6)[::2] == pytest.approx(roots**2, rel=1e-7)
     # Of a ribbon: those of either direction.
-    assert modes.frequencies(3, ratio=4.0) == pytest.approx([roots[0] ** 2, 2 * roots[0] ** 2, roots[1] ** 2], rel=1e-7)
+    assert modes.frequencies(3, ratio=4.0) == pytest.approx(
+        [roots[0] ** 2, 2 * roots[0] ** 2, roots[1] ** 2], rel=1e-7
+    )
     # Twist turns with the section, it does not change a round rod.
     assert modes.frequencies(6, turn=2.0) == pytest.approx(modes.frequencies(6), rel=1e-7)
 

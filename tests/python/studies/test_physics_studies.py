@@ -1,14 +1,13 @@
 """Quick versions of the studies of `validation/physics`: each runs, and meets its goals."""
 
-
 import numpy as np
 import pytest
-from support import HAIRBAKE, needs_hairbake
+
 from physics import air, buckling, cantilever, capstan, friction, helix, motion, page, vibration
 from physics.scene import Hairbake, Rod, Scene, Strand, straight
-from physics.study import Row, Study
 from physics.studies import STUDIES
-
+from physics.study import Row, Study
+from support import HAIRBAKE, needs_hairbake
 
 pytestmark = needs_hairbake
 
@@ -54,12 +53,18 @@ def test_a_strand_that_can_touch_nothing_is_written_as_finely_as_one_that_may(ha
 
 
 def test_a_missed_goal_and_a_nan_are_marked():
-    rows = [Row("a", 1.0, 1.1, 0.1, 0.01), Row("b", 1.0, "none", float("nan"), 0.01), Row("c", 1.0, 1.0, 0.0, 0.01)]
+    rows = [
+        Row("a", 1.0, 1.1, 0.1, 0.01),
+        Row("b", 1.0, "none", float("nan"), 0.01),
+        Row("c", 1.0, 1.0, 0.0, 0.01),
+    ]
     assert [row.passed for row in rows] == [False, False, True]
     table = page.table(rows)
-    assert table.count("missed") == 2 and table.count("<td class=\"met\">met") == 1
+    assert table.count("missed") == 2 and table.count('<td class="met">met') == 1
 
 
 def test_the_page_counts_the_goals(tmp_path):
-    page.write(tmp_path / "index.html", [Study("S", "<p>t</p>", [Row("a", 1.0, 1.0, 0.0, 0.1)])], "hairbake 0")
+    page.write(
+        tmp_path / "index.html", [Study("S", "<p>t</p>", [Row("a", 1.0, 1.0, 0.0, 0.1)])], "hairbake 0"
+    )
     assert "1 of 1 goals met" in (tmp_path / "index.html").read_text()

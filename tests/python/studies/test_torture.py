@@ -1,21 +1,22 @@
 """A small part of the torture set: nothing passes through a body or another strand, by the independent count."""
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support import HAIRBAKE, needs_hairbake
+
 from hairbake_validate import crossing_check
 from hairbake_validate.cache import GUIDES, HEAD, TRANSFORM
 from physics.scene import Hairbake
+from support import HAIRBAKE, needs_hairbake
 from torture.__main__ import torture
 from torture.scenes import SCENES
 
 
-
 @needs_hairbake
-@pytest.mark.parametrize(("name", "steps"), [("whip", 5), ("pops", 5), ("edges", 5), ("edges", 1), ("crossed", 5)])
+@pytest.mark.parametrize(
+    ("name", "steps"), [("whip", 5), ("pops", 5), ("edges", 5), ("edges", 1), ("crossed", 5)]
+)
 def test_nothing_passes_through_anything(name, steps):
     found, _, totals = torture(Hairbake(HAIRBAKE), name, steps, seconds=0.3)
     assert found.body_pairs + found.strand_pairs > 400
@@ -47,8 +48,12 @@ def test_crossings_of_a_turning_body_are_those_in_its_own_space(monkeypatch, thr
         {f"{GUIDES}.points": points, f"{HEAD}.{TRANSFORM}": np.eye(4), f"/plate.{TRANSFORM}": turn(angle)}
         for points, angle in zip(ways, (0.0, np.pi / 2))
     ]
-    monkeypatch.setattr(crossing_check, "read_frame", lambda _, frame: SimpleNamespace(values=samples[frame], later={}))
+    monkeypatch.setattr(
+        crossing_check, "read_frame", lambda _, frame: SimpleNamespace(values=samples[frame], later={})
+    )
     plate = SimpleNamespace(path="/plate", points=corners, triangles=np.array([[0, 1, 2]]), deforms=False)
-    guides = SimpleNamespace(path=GUIDES, segments=np.array([0]), curve_of_point=np.array([0, 0]), rest=at(0.0, 0.05))
+    guides = SimpleNamespace(
+        path=GUIDES, segments=np.array([0]), curve_of_point=np.array([0, 0]), rest=at(0.0, 0.05)
+    )
     cache = SimpleNamespace(curves=[guides], colliders=[plate], frames=[0, 1], first=1)
     assert len(crossing_check.count(cache).events) == through

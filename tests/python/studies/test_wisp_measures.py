@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+
 from wisps.__main__ import NUDGE, nudged
 from wisps.compare import GRAVITY, Motion, Run, changes, distances, lock_distances, locks, pops, rest
 
@@ -13,7 +14,9 @@ FRAMES = 12
 
 def run(points: np.ndarray, active: list[int] | None = None, changed: int | None = None) -> Run:
     """Two curves of two points."""
-    figures = [{"active_nodes": 1, "splits": int(frame == changed), "merges": 0} for frame in range(len(points))]
+    figures = [
+        {"active_nodes": 1, "splits": int(frame == changed), "merges": 0} for frame in range(len(points))
+    ]
     for figure, nodes in zip(figures, active or []):
         figure["active_nodes"] = nodes
     return Run(points, np.array([2, 2]), np.array([0.1, 0.2]), 24.0, figures)
@@ -34,7 +37,9 @@ def test_what_curves_of_a_lock_do_each_for_itself_is_not_in_its_mean():
     moved[1, [1, 3], 0] = 0.03
     assert lock_distances(run(still), run(parted)).max() < 1e-15
     # Of nine places along them the second point is the nearest to four: to the even one in the middle the root is.
-    assert lock_distances(run(still), run(moved))[:, 0].mean(axis=1) == pytest.approx([0, 0.03 / 0.15 * 4 / 9, 0])
+    assert lock_distances(run(still), run(moved))[:, 0].mean(axis=1) == pytest.approx(
+        [0, 0.03 / 0.15 * 4 / 9, 0]
+    )
 
 
 @pytest.mark.parametrize(
@@ -49,7 +54,9 @@ def test_a_nudge_is_a_millionth_more_gravity(tmp_path, anim, gravity):
     (tmp_path / "shot.json").write_text(json.dumps(anim))
     written = json.loads(nudged(tmp_path / "shot.json").read_text())
     assert written["gravity_m_s2"] == pytest.approx([(1 + NUDGE) * g for g in gravity], rel=1e-12)
-    assert {k: v for k, v in written.items() if k != "gravity_m_s2"} == {k: v for k, v in anim.items() if k != "gravity_m_s2"}
+    assert {k: v for k, v in written.items() if k != "gravity_m_s2"} == {
+        k: v for k, v in anim.items() if k != "gravity_m_s2"
+    }
 
 
 def test_locks_are_of_roots_that_are_near():
@@ -102,5 +109,7 @@ def test_a_jump_at_a_change_is_seen_in_the_step_from_it_on():
     split, merged = changes(falling(0.3))
     fall = 9.81 * STEP
     assert split.momentum == pytest.approx([fall, np.hypot(fall, 0.3), fall])
-    assert split.energy[1] == pytest.approx(0.5 * 0.3**2) and split.energy[[0, 2]] == pytest.approx([0, 0], abs=1e-12)
+    assert split.energy[1] == pytest.approx(0.5 * 0.3**2) and split.energy[[0, 2]] == pytest.approx(
+        [0, 0], abs=1e-12
+    )
     assert merged.momentum == pytest.approx([fall] * 3)

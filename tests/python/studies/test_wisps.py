@@ -1,11 +1,7 @@
 """A small part of the comparison of adaptive wisps with all guides by themselves."""
 
-from pathlib import Path
-
-import pytest
 from support import HAIRBAKE, needs_hairbake
 from wisps.__main__ import compare, sample
-
 
 
 @needs_hairbake

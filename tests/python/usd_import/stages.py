@@ -7,7 +7,11 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 FLOATS = Sdf.ValueTypeNames.FloatArray
-INTS, UVS, NAMES = Sdf.ValueTypeNames.IntArray, Sdf.ValueTypeNames.TexCoord2fArray, Sdf.ValueTypeNames.StringArray
+INTS, UVS, NAMES = (
+    Sdf.ValueTypeNames.IntArray,
+    Sdf.ValueTypeNames.TexCoord2fArray,
+    Sdf.ValueTypeNames.StringArray,
+)
 
 
 class Groom:
@@ -47,7 +51,9 @@ def new_stage(path: Path, unit: float | None = 1.0, up: str | None = "Y") -> Usd
     return stage
 
 
-def add_curves(stage, path: str, points, kind="cubic", basis="catmullRom", wrap="pinned", counts=None) -> UsdGeom.BasisCurves:
+def add_curves(
+    stage, path: str, points, kind="cubic", basis="catmullRom", wrap="pinned", counts=None
+) -> UsdGeom.BasisCurves:
     points = np.asarray(points, np.float32)
     if counts is None:
         counts = [points.shape[1]] * len(points)

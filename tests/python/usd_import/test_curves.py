@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from hairbake_usd import curves
 from scipy.interpolate import BSpline, CubicSpline
+
+from hairbake_usd import curves
 
 RNG = np.random.default_rng(7)
 
@@ -30,7 +31,9 @@ def test_linear_curves_are_their_points():
 def test_bezier(wrap):
     controls = RNG.normal(size=(7, 3))
     u = np.linspace(0, 1, 4)[:, None]
-    segment = lambda p: (1 - u) ** 3 * p[0] + 3 * u * (1 - u) ** 2 * p[1] + 3 * u**2 * (1 - u) * p[2] + u**3 * p[3]
+    segment = lambda p: (
+        (1 - u) ** 3 * p[0] + 3 * u * (1 - u) ** 2 * p[1] + 3 * u**2 * (1 - u) * p[2] + u**3 * p[3]
+    )
     expected = np.vstack([segment(controls[:4])[:-1], segment(controls[3:])])
     assert np.allclose(evaluated(controls, "cubic", "bezier", wrap), expected, atol=1e-14)
 

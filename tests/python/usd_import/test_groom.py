@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from pxr import Gf, Sdf, UsdGeom
+
 from usd_import.stages import FLOATS, INTS, NAMES, UVS, add_curves, add_primvar, hanging, new_stage
 
 OPTIONS = ("--per-guide", "0", "--sections", "4")
@@ -120,7 +121,9 @@ def test_clumps_stay_together(imports, tmp_path):
     assert len(set(wisps[:5])) == 1 and wisps[5] == apart.array("strands", "wisp")[5]
 
 
-@pytest.mark.parametrize("interpolation, values", [("constant", [0.002]), ("varying", None), ("vertex", None)])
+@pytest.mark.parametrize(
+    "interpolation, values", [("constant", [0.002]), ("varying", None), ("vertex", None)]
+)
 def test_widths_of_every_interpolation(imports, tmp_path, interpolation, values):
     stage = new_stage(tmp_path / "a.usda", 0.5)
     hair = add_curves(stage, "/hair", hanging(2, 7) * 2, basis="bezier", wrap="nonperiodic")
@@ -145,7 +148,14 @@ def test_a_second_prim_names_the_guides(imports, tmp_path):
     assert groom.array("strands", "id").tolist() == [0, 1, 2, 3, 4]
     names = [g["name"] for g in groom.file["groups"]]
     assert [names[g] for g in groom.array("strands", "group")] == ["fringe"] * 3 + ["back"] * 2
-    both, _ = imports(tmp_path / "a.usda", "--prim", "/groom/guides", "--strands", f"{tmp_path}/a.usda:/groom/back", *OPTIONS)
+    both, _ = imports(
+        tmp_path / "a.usda",
+        "--prim",
+        "/groom/guides",
+        "--strands",
+        f"{tmp_path}/a.usda:/groom/back",
+        *OPTIONS,
+    )
     assert len(guides(both)) == 2 and len(both.array("strands", "id")) == 2
     chosen, _ = imports(tmp_path / "a.usda", "--guides", "3", *OPTIONS)
     assert len(guides(chosen)) == 3 and len(chosen.array("strands", "id")) == 5
@@ -156,12 +166,20 @@ def test_moving_curves_are_taken_at_rest_or_at_a_time(imports, tmp_path):
     hair = add_curves(stage, "/hair", hanging(2))
     hair.GetPointsAttr().Clear()
     for code, lift in [(10, 0.1), (20, 0.2)]:
-        hair.GetPointsAttr().Set([Gf.Vec3f(*p) for p in (hanging(2) + [0, lift, 0]).reshape(-1, 3).tolist()], code)
+        hair.GetPointsAttr().Set(
+            [Gf.Vec3f(*p) for p in (hanging(2) + [0, lift, 0]).reshape(-1, 3).tolist()], code
+        )
     stage.Save()
     height = lambda *options: guides(imports(tmp_path / "a.usda", *OPTIONS, *options)[0])[0, 0, 1]
     assert abs(height() - 1.6) < 1e-6
     assert abs(height("--time", "15") - 1.65) < 1e-6
-    add_primvar(hair, "rest", Sdf.ValueTypeNames.Point3fArray, "vertex", [Gf.Vec3f(*p) for p in hanging(2).reshape(-1, 3).tolist()])
+    add_primvar(
+        hair,
+        "rest",
+        Sdf.ValueTypeNames.Point3fArray,
+        "vertex",
+        [Gf.Vec3f(*p) for p in hanging(2).reshape(-1, 3).tolist()],
+    )
     stage.Save()
     assert abs(height() - 1.5) < 1e-6
 
@@ -200,11 +218,23 @@ def test_faults_are_told_and_nothing_is_written(refused, tmp_path):
     groom = lambda *options: refused("import", "groom", tmp_path / "a.usda", *options)
     # All of a stage at once.
     words = groom()
-    for part in ["4 errors", "/groom/cut", "11 in sum, for 12 points", "/groom/bezier", "6 points", "/groom/none", "0 curves", "groom_id", "3 values"]:
+    for part in [
+        "4 errors",
+        "/groom/cut",
+        "11 in sum, for 12 points",
+        "/groom/bezier",
+        "6 points",
+        "/groom/none",
+        "0 curves",
+        "groom_id",
+        "3 values",
+    ]:
         assert part in words, words
     assert "there is no such prim" in groom("--prim", "/groom/hat") and "/groom" in groom("--prim", "/no")
     assert "it holds Mesh" in groom("--prim", "/head")
-    assert "no triangle" in refused("import", "groom", tmp_path / "a.usda", "--prim", "/groom/hair", "--head", f"{tmp_path}/a.usda:/head")
+    assert "no triangle" in refused(
+        "import", "groom", tmp_path / "a.usda", "--prim", "/groom/hair", "--head", f"{tmp_path}/a.usda:/head"
+    )
     hair.GetPointsAttr().Set([Gf.Vec3f(float("nan"))] * 12)
     stage.Save()
     assert "2 not finite" in groom("--prim", "/groom/hair", "--units", "m")
@@ -214,7 +244,11 @@ def test_faults_are_told_and_nothing_is_written(refused, tmp_path):
 
 
 def test_files_that_are_no_usd(refused, tmp_path):
-    for name, content in [("a.usda", "#usda 1.0\ndef Xform {"), ("b.usdc", "PXR-USDC and no more"), ("c.usd", "")]:
+    for name, content in [
+        ("a.usda", "#usda 1.0\ndef Xform {"),
+        ("b.usdc", "PXR-USDC and no more"),
+        ("c.usd", ""),
+    ]:
         (tmp_path / name).write_text(content)
         assert "cannot be opened as USD" in refused("import", "groom", tmp_path / name)
 
@@ -244,13 +278,31 @@ def test_our_own_cache_comes_back(hairbake, imports, tmp_path):
     add_primvar(hair, "groom_guide", INTS, "uniform", [1, 0, 0, 1, 0, 0])
     add_primvar(hair, "groom_root_uv", UVS, "uniform", [(0.1 * i, 0.5) for i in range(6)])
     add_primvar(hair, "groom_group_id", INTS, "uniform", [7, 7, 4, 4, 7, 4])
-    add_primvar(hair, "groom_group_name", NAMES, "uniform", ["the fringe", "the fringe", "back", "back", "the fringe", "back"])
-    hair.CreateWidthsAttr(np.repeat([3e-4, 3e-4, 2e-4, 2e-4, 3e-4, 2e-4], 6) * np.tile(np.linspace(1, 0.25, 6), 6))
+    add_primvar(
+        hair,
+        "groom_group_name",
+        NAMES,
+        "uniform",
+        ["the fringe", "the fringe", "back", "back", "the fringe", "back"],
+    )
+    hair.CreateWidthsAttr(
+        np.repeat([3e-4, 3e-4, 2e-4, 2e-4, 3e-4, 2e-4], 6) * np.tile(np.linspace(1, 0.25, 6), 6)
+    )
     hair.SetWidthsInterpolation("vertex")
     stage.Save()
     first, _ = imports(tmp_path / "a.usda", *OPTIONS)
-    (tmp_path / "anim.json").write_text('{"format": "hairbake-anim", "version": 1, "fps": 24, "frames": [1, 1]}')
-    done = hairbake(tmp_path / "shot/groom.json", tmp_path / "anim.json", "-o", tmp_path / "cache", "--no-pictures", "--preroll", "0")
+    (tmp_path / "anim.json").write_text(
+        '{"format": "hairbake-anim", "version": 1, "fps": 24, "frames": [1, 1]}'
+    )
+    done = hairbake(
+        tmp_path / "shot/groom.json",
+        tmp_path / "anim.json",
+        "-o",
+        tmp_path / "cache",
+        "--no-pictures",
+        "--preroll",
+        "0",
+    )
     assert done.returncode == 0, done.stderr
     again, said = imports(tmp_path / "cache" / "hair.usda", *OPTIONS)
     assert "rest pose primvars:rest is taken" in said

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from pxr import Gf, UsdGeom, UsdSkel
+
 from usd_import.stages import new_stage
 
 SAMPLES = range(101, 113)
@@ -66,11 +67,19 @@ def test_a_transform_with_its_frames_unit_axis_and_rest_pose(track, tmp_path):
     stage = shot(tmp_path / "a.usda")
     stage.Save()
     anim, _, said = track(tmp_path / "a.usda", "--prim", "/char/head")
-    assert (anim["fps"], anim["frames"], anim["metres_per_unit"], anim["up_axis"]) == (30, [101, 112], 0.01, "z")
+    assert (anim["fps"], anim["frames"], anim["metres_per_unit"], anim["up_axis"]) == (
+        30,
+        [101, 112],
+        0.01,
+        "z",
+    )
     assert "1 unit = 0.01 m, Z up" in said and "as the file has it" in said
     # A point of the head as it was modelled, 1.6 m up, after nine frames: 18 cm out, turned by 27°.
     angle = np.radians(27)
-    assert np.allclose(head_at(anim, 9, [0, 0.05, 1.6]), [0.18 * np.cos(angle) - 0.05 * np.sin(angle), 0.18 * np.sin(angle) + 0.05 * np.cos(angle), 1.6])
+    assert np.allclose(
+        head_at(anim, 9, [0, 0.05, 1.6]),
+        [0.18 * np.cos(angle) - 0.05 * np.sin(angle), 0.18 * np.sin(angle) + 0.05 * np.cos(angle), 1.6],
+    )
     part, _, _ = track(tmp_path / "a.usda", "--prim", "/char/head", "--frames", "105-108")
     assert part["frames"] == [105, 108] and part["bodies"][0]["track"]["first_frame"] == 101
 
@@ -94,7 +103,12 @@ def rigged(path):
     joints = ["Hips", "Hips/Head"]
     up = lambda y: Gf.Matrix4d().SetTranslate(Gf.Vec3d(0, y, 0))
     skeleton.CreateJointsAttr(joints)
-    skeleton.CreateBindTransformsAttr([up(1) * Gf.Matrix4d().SetTranslate(Gf.Vec3d(3, 0, 0)), up(1.5) * Gf.Matrix4d().SetTranslate(Gf.Vec3d(3, 0, 0))])
+    skeleton.CreateBindTransformsAttr(
+        [
+            up(1) * Gf.Matrix4d().SetTranslate(Gf.Vec3d(3, 0, 0)),
+            up(1.5) * Gf.Matrix4d().SetTranslate(Gf.Vec3d(3, 0, 0)),
+        ]
+    )
     skeleton.CreateRestTransformsAttr([up(1), up(0.5)])
     move = UsdSkel.Animation.Define(stage, "/char/move")
     move.CreateJointsAttr(joints)
@@ -127,7 +141,15 @@ def test_meshes_that_go_along_and_meshes_that_deform(hairbake, track, tmp_path):
         cloth.GetPointsAttr().Set([(-10, 0, -10), (-10, 0.5 * code, 10), (10, 0, 10), (10, 0, -10)], code)
     stage.Save()
     mesh = lambda prim: ("--collider", f"{tmp_path}/a.usda:{prim}")
-    anim, folder, _ = track(tmp_path / "a.usda", "--prim", "/char/head", *mesh("/char/head/skin"), *mesh("/cloth"), "--frames", "104-109")
+    anim, folder, _ = track(
+        tmp_path / "a.usda",
+        "--prim",
+        "/char/head",
+        *mesh("/char/head/skin"),
+        *mesh("/cloth"),
+        "--frames",
+        "104-109",
+    )
     skin, worn = anim["colliders"]
     assert (skin["name"], skin.get("body"), worn["name"], worn["body"]) == ("skin", None, "cloth", "world")
     # In metres, Y up, as modelled: 1.5 m up.
@@ -155,7 +177,9 @@ def test_a_skinned_mesh_deforms_as_its_skeleton_asks(hairbake, track, tmp_path):
     skin.CreateGeomBindTransformAttr(Gf.Matrix4d().SetTranslate(Gf.Vec3d(3, 0, 0)))
     skin.CreateSkeletonRel().AddTarget("/char/rig")
     stage.Save()
-    anim, folder, _ = track(tmp_path / "a.usda", "--joint", "Head", "--collider", f"{tmp_path}/a.usda:/char/coat")
+    anim, folder, _ = track(
+        tmp_path / "a.usda", "--joint", "Head", "--collider", f"{tmp_path}/a.usda:/char/coat"
+    )
     (worn,) = anim["colliders"]
     assert (worn["name"], worn["body"], worn["shape"]["sequence"]) == ("coat", "world", "coat.####.obj")
 
@@ -168,14 +192,21 @@ def test_a_skinned_mesh_deforms_as_its_skeleton_asks(hairbake, track, tmp_path):
         along, nod = 0.1 * (code - 1), np.radians(10 * (code - 1))
         nodded = lambda x, up: np.array([3 + x, 1.5 + up * np.cos(nod), along + up * np.sin(nod)])
         half = (np.array([3.1, 1.25, along]) + nodded(0.1, -0.25)) / 2
-        assert np.allclose(vertices(f"coat.{code:04d}.obj"), [[3, 1, 0.1 + along], nodded(0, 0.2), half], atol=1e-5)
+        assert np.allclose(
+            vertices(f"coat.{code:04d}.obj"), [[3, 1, 0.1 + along], nodded(0, 0.2), half], atol=1e-5
+        )
     assert hairbake("check", folder / "anim.json").returncode == 0
 
 
 def test_faces_look_outwards_whichever_way_they_are_kept(track, tmp_path):
     """A left-handed mesh, a mirrored one, and one that is both: triangles that turn as seen from outside."""
     stage = shot(tmp_path / "a.usda")
-    for name, left, mirrored in [("plain", False, False), ("left", True, False), ("mirror", False, True), ("both", True, True)]:
+    for name, left, mirrored in [
+        ("plain", False, False),
+        ("left", True, False),
+        ("mirror", False, True),
+        ("both", True, True),
+    ]:
         mesh = plate(stage, f"/{name}")
         # The plate looks along y; wound for the left hand, or seen in a mirror, its corners are the other way round.
         mesh.GetFaceVertexIndicesAttr().Set([3, 2, 1, 0] if left else [0, 1, 2, 3])
@@ -183,7 +214,12 @@ def test_faces_look_outwards_whichever_way_they_are_kept(track, tmp_path):
         if mirrored:
             UsdGeom.Xformable(mesh).AddScaleOp().Set(Gf.Vec3f(-1, 1, 1))
     stage.Save()
-    _, folder, _ = track(tmp_path / "a.usda", "--prim", "/char/head", *[x for n in ("plain", "left", "mirror", "both") for x in ("--collider", f"{tmp_path}/a.usda:/{n}")])
+    _, folder, _ = track(
+        tmp_path / "a.usda",
+        "--prim",
+        "/char/head",
+        *[x for n in ("plain", "left", "mirror", "both") for x in ("--collider", f"{tmp_path}/a.usda:/{n}")],
+    )
     for name in ("plain", "left", "mirror", "both"):
         lines = [line.split() for line in (folder / f"{name}.obj").read_text().splitlines()]
         points = np.array([line[1:] for line in lines if line[0] == "v"], float)
@@ -208,8 +244,17 @@ def test_faults_are_told_and_nothing_is_written(refused, tmp_path):
     assert "no such prim" in words("--prim", "/nobody")
     assert "no transform" in words("--prim", "/scope")
     assert "mirrored" in words("--prim", "/mirrored")
-    assert "frames 90 to 95" in words("--prim", "/char", "--frames", "90-95") and "101 to 112" in words("--prim", "/char", "--frames", "90-95")
-    both = words("--prim", "/nobody", "--collider", f"{tmp_path}/a.usda:/holes", "--collider", f"{tmp_path}/a.usda:/torn")
+    assert "frames 90 to 95" in words("--prim", "/char", "--frames", "90-95") and "101 to 112" in words(
+        "--prim", "/char", "--frames", "90-95"
+    )
+    both = words(
+        "--prim",
+        "/nobody",
+        "--collider",
+        f"{tmp_path}/a.usda:/holes",
+        "--collider",
+        f"{tmp_path}/a.usda:/torn",
+    )
     assert "3 errors" in both and "go from 0 to 9, of 4 vertices" in both and "vertex 0 is no number" in both
 
 

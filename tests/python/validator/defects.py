@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+
 from validator.following_defects import FOLLOWING_DEFECTS
 from validator.good_cache import CURVES, FPS, GUIDE_COUNT, POINTS, CacheBuilder, head_matrix
 from validator.material_defects import MATERIAL_DEFECTS
@@ -434,7 +435,8 @@ def stretched_guide(cache):
 
 def push_in(cache: CacheBuilder, path: str) -> None:
     """Turns a curve about its root into the collider, in all frames but the first, from which on points are
-    judged; gently, so that it is no jump."""
+    judged; gently, so that it is no jump.
+    """
     for frame in range(1001, 1008):
         share = (frame - 1000) / 7
 

@@ -1,7 +1,8 @@
 """Faults in what strands say that they follow, with the checks that must catch them."""
 
-from validator.good_cache import CURVES, CacheBuilder
 from pxr import UsdGeom
+
+from validator.good_cache import CURVES, CacheBuilder
 
 
 def set_primvar(cache: CacheBuilder, name: str, values: list) -> None:

@@ -1,6 +1,7 @@
 """Faults against what the settings of the bake promise, curves and moments of a frame, each with the checks that must catch it."""
 
 import numpy as np
+
 from validator.good_cache import POINTS, SHUTTER
 
 FRAME, HAIR = 1003, "/groom/hair"

@@ -4,13 +4,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from validator.good_cache import FPS, HANDLES, SAMPLES, SHUTTER, CacheBuilder
+from pxr import Sdf, Vt
+
 from hairbake_validate import tolerances
 from hairbake_validate.cache import ACCELERATIONS, HAIR, Curves
 from hairbake_validate.checks_motion import accelerations
 from hairbake_validate.run import validate
-from pxr import Sdf, Vt
 from validator.defects import GUIDES, MIDDLE, broken
+from validator.good_cache import FPS, HANDLES, SAMPLES, SHUTTER, CacheBuilder
 
 
 def tell_accelerations(cache: CacheBuilder) -> None:
@@ -31,7 +32,9 @@ def tell_accelerations(cache: CacheBuilder) -> None:
             then = i + 1 if i + 1 < SAMPLES else i - 1
             step = (times[then] - time) / FPS
             value = 2 * (points[then] - points[i] - rates[i] * step) / step**2
-            layer.SetTimeSample(f"{GUIDES}.{ACCELERATIONS}", time, Vt.Vec3fArray.FromNumpy(value.astype("f4")))
+            layer.SetTimeSample(
+                f"{GUIDES}.{ACCELERATIONS}", time, Vt.Vec3fArray.FromNumpy(value.astype("f4"))
+            )
 
     cache.edit("hair.topology.usdc", declare)
     cache.edit("hair.manifest.usda", declare)
@@ -85,9 +88,7 @@ def worst(factor: float) -> float:
         return at({"points": position, "velocities": rate, ACCELERATIONS: factor * acceleration}[name])
 
     def found():
-        cache = SimpleNamespace(
-            curves=[curves], fps=FPS, metres_per_unit=1.0, settings={"shutter": SHUTTER}
-        )
+        cache = SimpleNamespace(curves=[curves], fps=FPS, metres_per_unit=1.0, settings={"shutter": SHUTTER})
         window = SimpleNamespace(cache=cache, frame=frame, get=get, moments=lambda *_: [0])
         return next(accelerations(window)).value
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from hairbake_validate.cache import Cache, Unreadable, read_frame
 
 

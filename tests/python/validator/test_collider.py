@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from validator.good_cache import RADIUS, sphere_mesh
+
 from hairbake_validate.collider import Collider
+from validator.good_cache import RADIUS, sphere_mesh
 
 BOX = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 0.5)])
 BOX_TRIANGLES = np.array(

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from validator.good_cache import HANDLES
+
 from hairbake_validate.cache import Cache
 from hairbake_validate.crossing_check import count, main
 from hairbake_validate.crossings import cubic_roots, meeting_boxes, strand_body, strand_strand
 from validator.defects import GUIDES, MIDDLE
+from validator.good_cache import HANDLES
 
 
 def test_roots_are_those_of_numpy():
@@ -26,13 +27,22 @@ def test_the_grid_finds_what_all_against_all_finds(two_sets):
     random = np.random.default_rng(2)
     low = random.uniform(0, 1, size=(300, 3))
     high = low + random.uniform(0, 0.2, size=(300, 3))
-    pairs = meeting_boxes(low[:100], high[:100], low[100:], high[100:]) if two_sets else meeting_boxes(low, high)
-    i, j = np.meshgrid(np.arange(100), np.arange(100, 300), indexing="ij") if two_sets else np.triu_indices(300, 1)
+    pairs = (
+        meeting_boxes(low[:100], high[:100], low[100:], high[100:]) if two_sets else meeting_boxes(low, high)
+    )
+    i, j = (
+        np.meshgrid(np.arange(100), np.arange(100, 300), indexing="ij")
+        if two_sets
+        else np.triu_indices(300, 1)
+    )
     i, j = i.ravel(), j.ravel()
     meet = np.all((low[i] <= high[j]) & (low[j] <= high[i]), axis=1)
     expected = {(a, b - 100 if two_sets else b) for a, b in zip(i[meet], j[meet])}
     assert len(expected) > 50
-    assert len(pairs) == len(expected) and {tuple(sorted(p)) if not two_sets else tuple(p) for p in pairs} == expected
+    assert (
+        len(pairs) == len(expected)
+        and {tuple(sorted(p)) if not two_sets else tuple(p) for p in pairs} == expected
+    )
 
 
 def needle(y: float, slope: float) -> np.ndarray:
@@ -76,7 +86,10 @@ def test_moving_pairs_against_dense_sampling():
     for a, b in random.integers(0, 400, size=(3000, 2)):
         if a == b:
             continue
-        p = start[[a, a, b, b], [0, 1, 0, 1]] + times[:, None, None] * (end - start)[[a, a, b, b], [0, 1, 0, 1]]
+        p = (
+            start[[a, a, b, b], [0, 1, 0, 1]]
+            + times[:, None, None] * (end - start)[[a, a, b, b], [0, 1, 0, 1]]
+        )
         side = np.einsum("ij,ij->i", np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), p[:, 3] - p[:, 0])
         for k in np.flatnonzero(side[1:] * side[:-1] < 0):
             d, e, w = p[k, 1] - p[k, 0], p[k, 3] - p[k, 2], p[k, 2] - p[k, 0]

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from validator.good_cache import HANDLES, CacheBuilder
-from hairbake_validate.run import validate
 from pxr import Sdf, UsdGeom, Vt
+
+from hairbake_validate.run import validate
 from validator.defects import GUIDES, MIDDLE, SKULL, broken, push_in
+from validator.good_cache import HANDLES, CacheBuilder
 
 
 def soften(cache: CacheBuilder) -> None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from hairbake_validate.geometry import arc_lengths, spacing
 
 

@@ -1,11 +1,12 @@
 """Levels of wisps in the frames: good caches pass, and faults in the levels are caught."""
 
 import pytest
-from validator.good_cache import HANDLES, CacheBuilder
+from pxr import Sdf, UsdGeom, Vt
+
 from hairbake_validate.cache import LEVEL
 from hairbake_validate.run import validate
-from pxr import Sdf, UsdGeom, Vt
 from validator.defects import GUIDES, MIDDLE, broken
+from validator.good_cache import HANDLES, CacheBuilder
 
 
 def tell_levels(cache: CacheBuilder) -> None:
@@ -30,7 +31,9 @@ def tell_levels(cache: CacheBuilder) -> None:
 
 
 def a_frame_without_levels(cache):
-    cache.edit(cache.frame(MIDDLE).name, lambda layer: layer.EraseTimeSample(f"{GUIDES}.{LEVEL}", float(MIDDLE)))
+    cache.edit(
+        cache.frame(MIDDLE).name, lambda layer: layer.EraseTimeSample(f"{GUIDES}.{LEVEL}", float(MIDDLE))
+    )
 
 
 def a_level_too_few(cache):

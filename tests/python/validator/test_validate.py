@@ -6,9 +6,19 @@ import subprocess
 import sys
 
 import pytest
+
 from hairbake_validate.run import CHECKS, validate
 from support import ROOT
-from validator.defects import DEFECTS, HAIR, MIDDLE, broken, one_frame_pop, static_layer_changed, stretched_guide, stretched_segment
+from validator.defects import (
+    DEFECTS,
+    HAIR,
+    MIDDLE,
+    broken,
+    one_frame_pop,
+    static_layer_changed,
+    stretched_guide,
+    stretched_segment,
+)
 
 
 def test_good_cache_passes(good_cache):

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
 from hairbake_validate import tolerances
 from hairbake_validate.cache import HAIR, Curves
 from hairbake_validate.checks_motion import curve_velocities, velocities
@@ -20,7 +21,8 @@ TOLERANCES = {
 
 def worst(check, factor: float, swings: float = SWINGS, wrong: int | None = None) -> float:
     """Largest finding over a second, of a curve that swings so often, whose velocities are wrong by a factor, in one frame or in all, as a share of what is let
-    pass."""
+    pass.
+    """
     turn = 2 * np.pi * swings
     curves = Curves(HAIR, np.array([2]), np.zeros((2, 3), np.float32), np.full(2, 1e-4, np.float32))
     values = {

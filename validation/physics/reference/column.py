@@ -18,7 +18,9 @@ def friction(shortening: np.ndarray) -> np.ndarray:
     k = CRITICAL
     angle = 2.0 * np.sqrt(shortening[0]) * (k * np.sin(k * s) + np.cos(k * s) - 1.0) / k
     step = s[1] - s[0]
-    y = np.array([angle, np.gradient(angle, s), np.cumsum(np.sin(angle)) * step, np.cumsum(np.cos(angle)) * step])
+    y = np.array(
+        [angle, np.gradient(angle, s), np.cumsum(np.sin(angle)) * step, np.cumsum(np.cos(angle)) * step]
+    )
     forces = np.array([k * k, 0.0])
     found = []
     for e in shortening:

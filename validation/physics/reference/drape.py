@@ -21,7 +21,16 @@ class Drape:
     """Tension where it begins to hang, N."""
 
 
-def drape(stiffness: float, weight: float, radius: float, mu: float, hangs: float, lies_to: float, spans: float, spacing: float) -> Drape:
+def drape(
+    stiffness: float,
+    weight: float,
+    radius: float,
+    mu: float,
+    hangs: float,
+    lies_to: float,
+    spans: float,
+    spacing: float,
+) -> Drape:
     """Lengths `hangs` and `spans` are free, m; it lies on the cylinder up to the polar angle `lies_to`, rad. `weight` is per length, N/m.
 
     Free parts: θ' = κ, EI κ' = −(t × F), F' = weight upwards, by initial values where they leave the cylinder, with κ = −1/R. Unknown are where
