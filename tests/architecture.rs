@@ -1,5 +1,5 @@
-//! The shape of the program: which module may use which, who prints, how long a file may be, and that the equations
-//! cited exist.
+//! The shape of the program: which module may use which, who prints, how long a file may be, that the theory's equations
+//! are numbered in order, and that those cited exist.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -183,46 +183,124 @@ fn files_are_short_enough_to_read() {
     assert!(long.is_empty(), "over {MAX_LINES} lines: {long:?}");
 }
 
-/// The references that follow a mention of the theory, such as `§4`, `§3-§5` or `eq. 4.2`: whether it is an equation,
-/// and its number.
+/// The numbers of the equations and sections of `docs/theory.md`, in the order of the page.
+struct Theory {
+    /// Those of `\tag{4.2}`, which stands on a line of its own.
+    equations: Vec<String>,
+    /// Those of `## 4 Title` and `### 4.1 Title`.
+    sections: Vec<String>,
+}
+
+impl Theory {
+    fn read() -> Self {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/theory.md");
+        let page = std::fs::read_to_string(path).unwrap();
+        let equation = |line: &str| Some(line.strip_prefix("\\tag{")?.strip_suffix('}')?.to_string());
+        let section = |line: &str| {
+            let title = line.strip_prefix("### ").or_else(|| line.strip_prefix("## "))?;
+            let number = title.split(' ').next()?;
+            number.starts_with(|c: char| c.is_ascii_digit()).then(|| number.to_string())
+        };
+        Theory {
+            equations: page.lines().filter_map(equation).collect(),
+            sections: page.lines().filter_map(section).collect(),
+        }
+    }
+}
+
+/// The parts of a number such as 5.10, for comparison.
+fn parts(number: &str) -> Vec<u32> {
+    number.split('.').map(|part| part.parse().unwrap_or_else(|_| panic!("no number: {number}"))).collect()
+}
+
+#[test]
+fn equations_and_sections_of_the_theory_are_numbered_in_order() {
+    let Theory { equations, sections } = Theory::read();
+    assert!(equations.len() > 20 && sections.len() > 20);
+    for numbers in [equations, sections] {
+        let parts: Vec<Vec<u32>> = numbers.iter().map(|number| parts(number)).collect();
+        for pair in parts.windows(2) {
+            let (last, next) = (&pair[0], &pair[1]);
+            let in_chapter = last[0] == next[0] && next.get(1) == Some(&(last.get(1).unwrap_or(&0) + 1));
+            let new_chapter = next[0] > last[0] && next.get(1).is_none_or(|n| *n == 1);
+            assert!(in_chapter || new_chapter, "{last:?} is followed by {next:?}");
+        }
+    }
+}
+
+/// The text of a source file with the marks of comments and the ends of lines taken out, so that a citation may go over the end of a line.
+fn running_text(source: &str) -> String {
+    let bare = |line: &str| line.trim_start().trim_start_matches(['/', '!', '#']).trim().to_string();
+    source.lines().map(bare).collect::<Vec<_>>().join(" ")
+}
+
+/// The references that follow a mention of the theory, such as `§4`, `§3-§5`, `eq. 4.2` or `eqs. 8.3 to 8.5`: whether it is an
+/// equation, and its number.
 fn references(mut text: &str) -> Vec<(bool, String)> {
-    let mut found = Vec::new();
+    let mut found: Vec<(bool, String)> = Vec::new();
     loop {
         text = text.trim_start_matches(['`', ' ', ',', '-', '–']);
-        let (equation, rest) = match (text.strip_prefix("eq. "), text.strip_prefix('§')) {
-            (Some(rest), _) => (true, rest),
-            (_, Some(rest)) => (false, rest),
-            _ => return found,
-        };
+        let range = found.last().filter(|(equation, _)| *equation).and_then(|_| {
+            let rest = text.strip_prefix("to ").or_else(|| text.strip_prefix("and "))?;
+            rest.starts_with(|c: char| c.is_ascii_digit()).then_some((true, rest))
+        });
+        let marked = [("eqs. ", true), ("eq. ", true), ("§", false)]
+            .into_iter()
+            .find_map(|(mark, equation)| Some((equation, text.strip_prefix(mark)?)));
+        let Some((equation, rest)) = marked.or(range) else { return found };
         let end = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());
         found.push((equation, rest[..end].trim_end_matches('.').into()));
         text = &rest[end..];
     }
 }
 
+/// All citations of the theory in a running text: what follows its name, and what stands before "of" its name.
+fn citations(text: &str) -> Vec<(bool, String)> {
+    let mut found = Vec::new();
+    let mut pieces = text.split("theory.md").peekable();
+    while let Some(before) = pieces.next() {
+        let Some(after) = pieces.peek() else { break };
+        found.extend(references(after));
+        let before = before.trim_end_matches("docs/").trim_end_matches('`');
+        let Some(before) = before.strip_suffix(" of ") else { continue };
+        let start = ["eqs. ", "eq. ", "§"].into_iter().filter_map(|mark| before.rfind(mark)).max();
+        // No other word stands between a citation and the name.
+        found.extend(
+            start.filter(|start| before.len() - start < 20).map_or(Vec::new(), |s| references(&before[s..])),
+        );
+    }
+    found
+}
+
+#[test]
+fn citations_of_the_theory_are_found() {
+    let cited =
+        |text: &str| citations(&running_text(text)).into_iter().map(|(_, number)| number).collect::<Vec<_>>();
+    assert_eq!(
+        cited("/// As in `docs/theory.md` §3-§5, by\n/// `docs/theory.md` eq. 4.2."),
+        ["3", "5", "4.2"]
+    );
+    assert_eq!(cited("//! (`docs/theory.md` eqs. 8.3 to\n//! 8.5). 7 of them"), ["8.3", "8.5"]);
+    assert_eq!(cited("/// The step (eq. 8.6 of `docs/theory.md`): by"), ["8.6"]);
+    assert_eq!(cited("# As T and S of `docs/theory.md` §3.4, m"), ["3.4"]);
+}
+
 #[test]
 fn cited_equations_and_sections_exist() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let theory = std::fs::read_to_string(root.join("docs/theory.md")).unwrap();
-    let has = |equation: bool, number: &str| {
-        let [chapter, section] = [format!("## {number} "), format!("**{number} ")];
-        theory.lines().any(|line| match equation {
-            true => line.trim_end().ends_with(&format!("({number})")),
-            false => line.starts_with(&chapter) || line.starts_with(&section),
-        })
-    };
+    let theory = Theory::read();
     let (mut cited, mut wrong) = (0, Vec::new());
-    for source in sources(&["src", "tests", "benches"], &["rs"]) {
-        for (n, line) in source.text.lines().enumerate() {
-            for (equation, number) in line.split("theory.md").skip(1).flat_map(references) {
-                cited += 1;
-                if !has(equation, &number) {
-                    let kind = if equation { "eq. " } else { "§" };
-                    wrong.push(format!("{}:{}: no {kind}{number}", source.path.display(), n + 1));
-                }
+    for source in sources(&["src", "tests", "benches", "validation", "pipeline"], &["rs", "py"]) {
+        if source.path.ends_with(file!()) {
+            continue;
+        }
+        for (equation, number) in citations(&running_text(&source.text)) {
+            cited += 1;
+            let (kind, known) = if equation { ("eq. ", &theory.equations) } else { ("§", &theory.sections) };
+            if !known.contains(&number) {
+                wrong.push(format!("{}: no {kind}{number}", source.path.display()));
             }
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
-    assert!(cited > 5, "citations are no longer found");
+    assert!(cited > 25, "citations are no longer found: {cited}");
 }

@@ -20,7 +20,7 @@ GRAVITY = 9.81
 """Size of gravity in all studies, m/s²."""
 
 ISOLATED_DRAG = 2.07e-4
-"""Drag per length and speed of an isolated hair across the flow, N·s/m² (docs/theory.md, 4.2); half of it along."""
+"""Drag per length and speed of an isolated hair across the flow, N·s/m² (docs/theory.md §4.2); half of it along."""
 
 Motion = Callable[[float], tuple[np.ndarray, np.ndarray]]
 """Position, m, and unit quaternion (w, x, y, z) of the clamp at a time, s."""

@@ -125,7 +125,7 @@ def damping(hairbake: Hairbake, modes=3) -> Study:
             rod = replace(Rod(), damping=0.005)
             decay = ring(hairbake, rod, mode, scheme, steps).real
             omega = frequency(rod, mode)
-            # Per radian, to leading order (docs/theory.md, 4.6); small against what is measured for BDF2.
+            # Per radian, to leading order (docs/theory.md §4.6); small against what is measured for BDF2.
             own = omega * np.pi / steps if scheme == SCHEMES[0] else 0.0
             name = f"Kelvin-Voigt 5 ms, mode {mode + 1}, {scheme}: decay, 1/s"
             rows.append(relative(name, own + 0.5 * omega**2 * rod.damping, decay, 0.02))

@@ -268,7 +268,7 @@ pub(super) fn softness(rod: &Rod, shape: &RodShape) -> Vec<f64> {
     metric
 }
 
-/// The least change of unknowns in a metric with which no place is too near, to first order (eq. 8.3a of `docs/theory.md`): by non-negative least squares of
+/// The least change of unknowns in a metric with which no place is too near, to first order (eq. 8.6 of `docs/theory.md`): by non-negative least squares of
 /// the dual problem, what pushes being found one by one (Lawson & Hanson 1974, chapter 23).
 #[derive(Default)]
 struct Step {
