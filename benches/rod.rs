@@ -3,9 +3,11 @@
 //! `cargo bench --bench rod` prints all tables; `cargo bench --bench rod -- nodes strands` some.
 #![allow(clippy::print_stdout)] // What a cost means depends on Newton steps and errors; they are told beside it.
 
-use hairbake::bake::company::Companies;
-use hairbake::bake::guide::{Guide, StepRecord, Surroundings};
 use hairbake::contact::Bodies;
+use hairbake::dynamics::batch::Batches;
+use hairbake::dynamics::environment::Environment;
+use hairbake::dynamics::guide::Guide;
+use hairbake::dynamics::step_record::StepRecord;
 use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, Vector3};
@@ -67,7 +69,7 @@ fn hairs(nodes: usize, count: usize) -> Vec<Rod> {
 struct Scene<'a> {
     place: &'a (dyn Fn(f64) -> Vector3<f64> + Sync),
     guides: Vec<Guide>,
-    companies: Companies,
+    batches: Batches,
     records: Vec<StepRecord>,
     /// Step, s.
     h: f64,
@@ -83,18 +85,18 @@ impl<'a> Scene<'a> {
         h: f64,
     ) -> Self {
         let records = vec![StepRecord::default(); rods.len()];
-        let (guides, companies) = (Vec::new(), Companies::default());
-        let mut scene = Scene { place, guides, companies, records, h, taken: 0 };
-        scene.guides = scene.around(|around| {
+        let (guides, batches) = (Vec::new(), Batches::default());
+        let mut scene = Scene { place, guides, batches, records, h, taken: 0 };
+        scene.guides = scene.env(|env| {
             let start = |rod: Rod| {
                 let drag = vec![drag; rod.points()];
-                let mut guide = Guide::new(rod, drag, 0.3, &[], around, 0.0, h);
+                let mut guide = Guide::new(rod, drag, 0.3, &[], env, 0.0, h);
                 guide.scheme = scheme;
                 guide
             };
             rods.into_iter().map(start).collect()
         });
-        scene.companies = Companies::muster(&scene.guides, |_| true);
+        scene.batches = Batches::rebuild(&scene.guides, |_| true);
         scene
     }
 
@@ -104,9 +106,9 @@ impl<'a> Scene<'a> {
         Scene::new(rods, scheme, place, 2e-5, 1.0 / rate)
     }
 
-    fn around<T>(&self, f: impl FnOnce(&Surroundings) -> T) -> T {
+    fn env<T>(&self, f: impl FnOnce(&Environment) -> T) -> T {
         let pose = |t: f64| Isometry3::from_parts((self.place)(t).into(), Default::default());
-        f(&Surroundings {
+        f(&Environment {
             head: &pose,
             gravity: &|_| Vector3::y() * -9.81,
             wind: &[],
@@ -125,7 +127,7 @@ impl<'a> Scene<'a> {
         let mut iterations = 0;
         for _ in 0..steps {
             let span = [f64::from(self.taken) * self.h, f64::from(self.taken + 1) * self.h];
-            self.around(|around| self.companies.advance(&mut guides, around, span, &mut records));
+            self.env(|env| self.batches.advance(&mut guides, env, span, &mut records));
             assert!(records.iter().all(|r| r.unconverged == 0));
             iterations += records.iter().map(|r| u64::from(r.iterations)).sum::<u64>();
             self.taken += 1;

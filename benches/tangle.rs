@@ -6,9 +6,9 @@
 //! machine that others use too.
 #![allow(clippy::print_stdout)] // Cost means little without what was found and how well it was solved.
 
-use hairbake::bake::guide::StepRecord;
-use hairbake::bake::rods::Rods;
-use hairbake::bake::simulation::Simulation;
+use hairbake::dynamics::guide_rods::GuideRods;
+use hairbake::dynamics::simulation::Simulation;
+use hairbake::dynamics::step_record::StepRecord;
 use hairbake::sample::{self, Motion, Size, Style};
 use hairbake::scene::anim::{Contact, Resolution};
 use hairbake::scene::{Anim, Groom};
@@ -111,7 +111,7 @@ fn cost(head: usize, guides: usize) -> Cost {
 
 /// Seconds and seconds of CPU a frame over [`FRAMES`], whose sub-steps are told to `each`.
 fn run(groom: &Groom, anim: &Anim, guides: usize, mut each: impl FnMut(&[StepRecord])) -> [f64; 2] {
-    let mut rods = Rods::new(groom, anim);
+    let mut rods = GuideRods::new(groom, anim);
     let height = |r: &GuideRod| r.rod.root.p.y;
     rods.simulated.sort_by(|a, b| height(b).total_cmp(&height(a)));
     rods.simulated.truncate(guides);

@@ -9,6 +9,7 @@ pub mod bake;
 pub mod cache;
 pub mod cli;
 pub mod contact;
+pub mod dynamics;
 pub mod error;
 pub mod farm;
 mod file;

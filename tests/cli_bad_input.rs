@@ -80,7 +80,7 @@ fn tracks_with_gaps_pops_and_frames_outside() {
     let text = refused(|_, anim| anim["bodies"][0]["track"]["translation"][4] = json!([0.4, 1.5, 0.0]));
     says(&text, &["jumps there and back", "0.4000 m", "1005"]);
     let text = refused(|_, anim| anim["frames"] = json!([1001, 1040]));
-    says(&text, &["covers frames", "1040", "shorten \"frames\""]);
+    says(&text, &["covers frames", "1040", "truncate \"frames\""]);
     let text = refused(|_, anim| anim["frames"] = json!([1008, 1001]));
     says(&text, &["frames", "1008"]);
 }

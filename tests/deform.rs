@@ -4,10 +4,12 @@ mod strand;
 
 use hairbake::bake;
 use hairbake::bake::control::Control;
-use hairbake::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use hairbake::bake::job::Job;
 use hairbake::cache::Reader;
 use hairbake::contact::Bodies;
+use hairbake::dynamics::environment::Environment;
+use hairbake::dynamics::guide::{Guide, Workspace};
+use hairbake::dynamics::step_record::StepRecord;
 use hairbake::rod::SegmentSize;
 use hairbake::scene::{self, Collider, Deformation, Reading, Shape, TriMesh};
 use nalgebra::{Isometry3, Vector3};
@@ -41,8 +43,8 @@ fn run(
     mut each: impl FnMut(&Guide, f64, StepRecord),
 ) -> Guide {
     let mut bodies = Bodies::new(colliders);
-    let around = |bodies: &Bodies, work: &mut dyn FnMut(&Surroundings)| {
-        work(&Surroundings {
+    let env = |bodies: &Bodies, work: &mut dyn FnMut(&Environment)| {
+        work(&Environment {
             head: &|_| Isometry3::identity(),
             gravity: &|_| Vector3::y() * -9.81,
             wind: &[],
@@ -57,15 +59,15 @@ fn run(
     let (thickness, h) = (vec![THICKNESS; colliders.len()], 1.0 / RATE);
     let (mut guide, mut work) = (None, Workspace::default());
     bodies.prepare([0.0, 0.0]);
-    around(&bodies, &mut |around| {
-        guide = Some(Guide::new(rod.clone(), drag.clone(), 0.3, &thickness, around, 0.0, h));
+    env(&bodies, &mut |env| {
+        guide = Some(Guide::new(rod.clone(), drag.clone(), 0.3, &thickness, env, 0.0, h));
     });
     let mut guide = guide.unwrap();
     for i in 0..(seconds * RATE) as u32 {
         let times = [f64::from(i) * h, f64::from(i + 1) * h];
         bodies.prepare(times);
-        around(&bodies, &mut |around| {
-            let record = guide.advance(around, times[0], times[1], &mut work);
+        env(&bodies, &mut |env| {
+            let record = guide.advance(env, times[0], times[1], &mut work);
             each(&guide, times[1], record);
         });
     }

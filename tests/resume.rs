@@ -1,8 +1,8 @@
 //! A simulation that is stopped between any two sub-steps and taken up by another process goes on as if nothing had been.
 
-use hairbake::bake::rods::Rods;
-use hairbake::bake::simulation::Simulation;
-use hairbake::bake::state::Part;
+use hairbake::dynamics::checkpoint::Checkpoint;
+use hairbake::dynamics::guide_rods::GuideRods;
+use hairbake::dynamics::simulation::Simulation;
 use hairbake::sample::{self, Size, Style};
 use hairbake::scene::anim::{Contact, Resolution};
 use hairbake::scene::{self, Anim, Groom};
@@ -57,7 +57,7 @@ fn a_resumed_simulation_has_the_same_bits() {
             // Wisps have come apart at the last places.
             anim.settings.preroll = 0.25;
         }
-        let rods = Rods::new(&groom, &anim);
+        let rods = GuideRods::new(&groom, &anim);
         let mut whole = Simulation::new(&groom, &anim, &rods);
         let (mut bodies, mut strands, mut splits) = (0, 0, 0);
         for cut in [1, 13, 60, 130] {
@@ -87,7 +87,7 @@ fn threads_change_no_bit_of_wisps_that_touch_each_other() {
     let folder = tempfile::tempdir().unwrap();
     let (groom, mut anim) = scene(folder.path(), Contact::Full, false);
     (anim.settings.resolution, anim.settings.preroll) = (Resolution::Adaptive, 0.25);
-    let rods = Rods::new(&groom, &anim);
+    let rods = GuideRods::new(&groom, &anim);
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
@@ -109,7 +109,7 @@ fn threads_change_no_bit_of_wisps_that_touch_each_other() {
 fn a_state_of_another_scene_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let (groom, anim) = scene(folder.path(), Contact::Bodies, false);
-    let rods = Rods::new(&groom, &anim);
+    let rods = GuideRods::new(&groom, &anim);
     let mut simulation = Simulation::new(&groom, &anim, &rods);
     let mut other = simulation.state();
     other.guides.pop();

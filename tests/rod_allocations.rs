@@ -2,9 +2,11 @@
 
 mod strand;
 
-use hairbake::bake::company::Companies;
-use hairbake::bake::guide::{Guide, StepRecord, Surroundings};
 use hairbake::contact::Bodies;
+use hairbake::dynamics::batch::Batches;
+use hairbake::dynamics::environment::Environment;
+use hairbake::dynamics::guide::Guide;
+use hairbake::dynamics::step_record::StepRecord;
 use hairbake::rod::SegmentSize;
 use nalgebra::{Isometry3, Vector3};
 use strand::hair;
@@ -12,7 +14,7 @@ use strand::hair;
 #[test]
 fn a_step_of_many_rods_allocates_nothing() {
     let head = |t: f64| Isometry3::translation(0.05 * (16.0 * t).sin(), 0.0, 0.0);
-    let around = Surroundings {
+    let env = Environment {
         head: &head,
         gravity: &|_| Vector3::y() * -9.81,
         wind: &[],
@@ -25,17 +27,17 @@ fn a_step_of_many_rods_allocates_nothing() {
     let guide = |i: u32| {
         let rod = hair(0.15 + 0.005 * f64::from(i), SegmentSize::COARSE);
         let drag = vec![2e-5; rod.points()];
-        Guide::new(rod, drag, 0.3, &[], &around, 0.0, h)
+        Guide::new(rod, drag, 0.3, &[], &env, 0.0, h)
     };
     let mut guides: Vec<Guide> = (0..25).map(guide).collect();
     let mut records = vec![StepRecord::default(); guides.len()];
     // One thread, whose allocations are counted.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| {
-        let companies = Companies::muster(&guides, |_| true);
+        let batches = Batches::rebuild(&guides, |_| true);
         let mut step = |i: u32| {
             let span = [f64::from(i) * h, f64::from(i + 1) * h];
-            companies.advance(&mut guides, &around, span, &mut records);
+            batches.advance(&mut guides, &env, span, &mut records);
             records.iter().map(|r| r.iterations).sum::<u32>()
         };
         let mut iterations = 0;

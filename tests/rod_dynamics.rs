@@ -1,7 +1,8 @@
 //! Dynamics of the rod: what each time scheme damps, and how it converges.
 
-use hairbake::bake::guide::{Guide, Surroundings, Workspace};
 use hairbake::contact::Bodies;
+use hairbake::dynamics::environment::Environment;
+use hairbake::dynamics::guide::{Guide, Workspace};
 use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, Vector3};
@@ -36,7 +37,7 @@ fn tips(
     rate: f64,
 ) -> Vec<Vector3<f64>> {
     let pose = |t: f64| Isometry3::from_parts(place(t).into(), nalgebra::UnitQuaternion::identity());
-    let around = Surroundings {
+    let env = Environment {
         head: &pose,
         gravity: &|_| Vector3::zeros(),
         wind: &[],
@@ -46,12 +47,12 @@ fn tips(
         brought_out: &|_| 1.0,
     };
     let h = 1.0 / rate;
-    let mut guide = Guide::new(rod.clone(), vec![0.0; rod.points()], 0.3, &[], &around, 0.0, h);
+    let mut guide = Guide::new(rod.clone(), vec![0.0; rod.points()], 0.3, &[], &env, 0.0, h);
     guide.scheme = scheme;
     let mut work = Workspace::default();
     (0..(seconds * rate).round() as u32)
         .map(|i| {
-            let record = guide.advance(&around, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
+            let record = guide.advance(&env, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
             assert_eq!((record.unconverged, record.halvings), (0, 0));
             guide.x[rod.points() - 1]
         })

@@ -1,7 +1,9 @@
 //! Rods far from ordinary hair: every step converges, halved where need be, and nothing blows up.
 
-use hairbake::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
 use hairbake::contact::Bodies;
+use hairbake::dynamics::environment::Environment;
+use hairbake::dynamics::guide::{Guide, Workspace};
+use hairbake::dynamics::step_record::StepRecord;
 use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
 use hairbake::scene::Tree;
 use hairbake::scene::anim::Scheme;
@@ -80,7 +82,7 @@ impl Hair {
         scheme: Scheme,
         pose: &(dyn Fn(f64) -> Isometry3<f64> + Sync),
     ) -> (StepRecord, f64, f64) {
-        let around = Surroundings {
+        let env = Environment {
             head: pose,
             gravity: &|_| Vector3::y() * -9.81,
             wind: &[],
@@ -91,7 +93,7 @@ impl Hair {
         };
         let (rod, h) = (self.rod_along(points), 1.0 / self.rate);
         let drag = vec![2e-5; rod.points()];
-        let mut guide = Guide::new(rod, drag, 0.3, &[], &around, 0.0, h);
+        let mut guide = Guide::new(rod, drag, 0.3, &[], &env, 0.0, h);
         guide.scheme = scheme;
         let mut work = Workspace::default();
         let mut sum = StepRecord::default();
@@ -99,7 +101,7 @@ impl Hair {
         let steps = (0.5 * self.rate) as u32;
         for i in 0..steps {
             let (t0, t1) = (f64::from(i) * h, f64::from(i + 1) * h);
-            let record = guide.advance(&around, t0, t1, &mut work);
+            let record = guide.advance(&env, t0, t1, &mut work);
             sum.iterations += record.iterations;
             sum.halvings += record.halvings;
             sum.unconverged += record.unconverged;

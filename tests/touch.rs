@@ -2,9 +2,11 @@
 
 mod strand;
 
-use hairbake::bake::guide::{Guide, StepRecord, Surroundings, Workspace};
-use hairbake::bake::tie::Tie;
 use hairbake::contact::Bodies;
+use hairbake::dynamics::environment::Environment;
+use hairbake::dynamics::guide::{Guide, Workspace};
+use hairbake::dynamics::step_record::StepRecord;
+use hairbake::dynamics::tie::Tie;
 use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
 use hairbake::scene::{Shape, Tree};
 use nalgebra::{Isometry3, Vector3};
@@ -35,7 +37,7 @@ fn run_as(
 ) -> Guide {
     let ball = Shape::Sphere { centre: Vector3::zeros(), radius: RADIUS };
     let bodies = Bodies::from_shapes(if balls { std::slice::from_ref(&ball) } else { &[] });
-    let around = Surroundings {
+    let env = Environment {
         head: &|_| Isometry3::identity(),
         gravity: &|_| Vector3::y() * -9.81,
         wind: &[],
@@ -47,12 +49,12 @@ fn run_as(
     let rod = hair(0.2, SegmentSize::FINE);
     let drag = vec![2e-5; rod.points()];
     let h = 1.0 / rate;
-    let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &around, 0.0, h);
+    let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &env, 0.0, h);
     guide.sprung = sprung;
     let mut work = Workspace::default();
     for i in 0..(seconds * rate) as u32 {
         let (t0, t1) = (f64::from(i) * h, f64::from(i + 1) * h);
-        let record = guide.advance(&around, t0, t1, &mut work);
+        let record = guide.advance(&env, t0, t1, &mut work);
         each(&guide, centre(t1), record);
     }
     guide
@@ -156,7 +158,7 @@ fn a_curve_that_bulges_over_its_points_is_held_by_what_bulges() {
     let bodies = Bodies::from_shapes(&[plane]);
     // Up by 15 mm in 0.3 s, from 1 cm below.
     let height = |t: f64| 0.015 * (t / 0.3).min(1.0);
-    let around = Surroundings {
+    let env = Environment {
         head: &|_| Isometry3::identity(),
         gravity: &|_| Vector3::zeros(),
         wind: &[],
@@ -166,12 +168,12 @@ fn a_curve_that_bulges_over_its_points_is_held_by_what_bulges() {
         brought_out: &|_| 1.0,
     };
     let (drag, h) = (vec![2e-5; rod.points()], 1.0 / 96.0);
-    let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &around, 0.0, h);
+    let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &env, 0.0, h);
     let (mut work, mut shape) = (Workspace::default(), hairbake::rod::RodShape::default());
     let (mut least, mut bulge) = (f64::INFINITY, 0.0_f64);
     for i in 0..60 {
         let (t0, t1) = (f64::from(i) * h, f64::from(i + 1) * h);
-        let record = guide.advance(&around, t0, t1, &mut work);
+        let record = guide.advance(&env, t0, t1, &mut work);
         assert_eq!((record.unconverged, record.shortened, record.unsettled), (0, 0, 0), "at {t1} s");
         assert!(shape.update(&guide.rod, &guide.rod.root.r, &guide.q[0]));
         let lowest = |x: &mut dyn Iterator<Item = Vector3<f64>>| x.map(|x| x.y).fold(f64::INFINITY, f64::min);
@@ -224,7 +226,7 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
     // The body stands, then moves sideways at up to 0.3 m/s.
     let carrier =
         |_: usize, t: f64| Isometry3::translation(0.0, 0.0, 0.05 * (6.0 * (t - 1.0).max(0.0)).sin());
-    let around = Surroundings {
+    let env = Environment {
         head: &|_| Isometry3::identity(),
         gravity: &|_| Vector3::y() * -9.81,
         wind: &[],
@@ -236,7 +238,7 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
     let rod = hair(0.2, SegmentSize::FINE);
     let drag = vec![2e-5; rod.points()];
     let h = 1.0 / 96.0;
-    let mut guide = Guide::new(rod, drag, 0.3, &[], &around, 0.0, h);
+    let mut guide = Guide::new(rod, drag, 0.3, &[], &env, 0.0, h);
     let goal = Vector3::new(0.04, -0.05, 0.02);
     guide.ties = vec![Tie { half: 28, u: 0.6, body: 0, goal, times: [0.0, 2.0] }];
     let mut work = Workspace::default();
@@ -244,7 +246,7 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
         |guide: &Guide, t: f64| (tied(guide) - (carrier(0, t) * nalgebra::Point3::from(goal)).coords).norm();
     for i in 0..288 {
         let (t0, t1) = (f64::from(i) * h, f64::from(i + 1) * h);
-        let record = guide.advance(&around, t0, t1, &mut work);
+        let record = guide.advance(&env, t0, t1, &mut work);
         assert_eq!((record.unconverged, record.unsettled, record.shortened), (0, 0, 0), "{t1} s");
         if (0.5..2.0).contains(&t1) {
             assert!(away(&guide, t1) < 1e-4, "{t1} s: {} m away", away(&guide, t1));
@@ -272,7 +274,7 @@ fn a_tie_gives_way_by_its_compliance() {
         segment_size: SegmentSize::FINE,
     })
     .unwrap();
-    let around = Surroundings {
+    let env = Environment {
         head: &|_| Isometry3::identity(),
         gravity: &|_| Vector3::y() * -gravity,
         wind: &[],
@@ -283,11 +285,11 @@ fn a_tie_gives_way_by_its_compliance() {
     };
     let (h, drag) = (1.0 / 192.0, vec![1e-2; rod.points()]);
     let half = 2 * rod.points() - 3;
-    let mut guide = Guide::new(rod, drag, 0.3, &[], &around, 0.0, h);
+    let mut guide = Guide::new(rod, drag, 0.3, &[], &env, 0.0, h);
     guide.ties = vec![Tie { half, u: 1.0, body: 0, goal: points[1], times: [0.0, 10.0] }];
     let mut work = Workspace::default();
     for i in 0..400 {
-        guide.advance(&around, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
+        guide.advance(&env, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
     }
     let given = points[1] - tied(&guide);
     let compliance = 0.1;
@@ -303,7 +305,7 @@ fn pressed_on_a_plate(friction: [f64; 2]) -> (f64, f64, u32) {
     let bodies = Bodies::from_shapes(&[plate]);
     // Clamped at the origin, pointing at the plate; pushed towards it by a fifth of its length in two seconds.
     let head = |t: f64| Isometry3::translation(0.02 * t, 0.0, 0.0);
-    let around = Surroundings {
+    let env = Environment {
         head: &head,
         gravity: &|_| Vector3::new(0.0, -1e-4, 1e-4),
         wind: &[],
@@ -315,13 +317,13 @@ fn pressed_on_a_plate(friction: [f64; 2]) -> (f64, f64, u32) {
     let rod = hair(0.2, SegmentSize::FINE);
     let drag = vec![2e-5; rod.points()];
     let h = 1.0 / 48.0;
-    let mut guide = Guide::new(rod, drag, 0.0, &[5e-4], &around, 0.0, h);
+    let mut guide = Guide::new(rod, drag, 0.0, &[5e-4], &env, 0.0, h);
     guide.friction = friction.map(Into::into);
     let mut work = Workspace::default();
     let mut stuck = None;
     let (mut crept, mut rounds) = (0.0_f64, 0);
     for i in 0..120 {
-        let record = guide.advance(&around, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
+        let record = guide.advance(&env, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
         assert_eq!((record.unconverged, record.shortened, record.halvings), (0, 0, 0), "step {i}");
         let tip = guide.x.last().unwrap();
         if record.active > 0 {
@@ -355,7 +357,7 @@ fn over_a_ball(gravity: f64, room: f64) -> (u32, f64) {
     let ball = |y: f64| Shape::Sphere { centre: Vector3::new(0.1, y, 0.0), radius: RADIUS };
     let bodies = Bodies::from_shapes(&[ball(-RADIUS - 1e-3), ball(RADIUS - 1e-3)]);
     let down = |t: f64| Vector3::y() * (room + 0.01 * (1.0 - t).max(0.0));
-    let around = Surroundings {
+    let env = Environment {
         head: &|_| Isometry3::identity(),
         gravity: &|_| Vector3::y() * -gravity,
         wind: &[],
@@ -368,11 +370,11 @@ fn over_a_ball(gravity: f64, room: f64) -> (u32, f64) {
     };
     let rod = hair(0.2, SegmentSize::FINE);
     let (h, drag) = (1.0 / 192.0, vec![2e-5; rod.points()]);
-    let mut guide = Guide::new(rod, drag, 0.3, &[5e-4; 2], &around, 0.0, h);
+    let mut guide = Guide::new(rod, drag, 0.3, &[5e-4; 2], &env, 0.0, h);
     let mut work = Workspace::default();
     let (mut restless, mut residual) = (0, 0.0_f64);
     for i in 0..384 {
-        let record = guide.advance(&around, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
+        let record = guide.advance(&env, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
         restless += record.unsettled + record.halvings;
         residual = residual.max(record.residual);
         assert_eq!((record.unconverged, record.crossed), (0, 0), "step {i}");

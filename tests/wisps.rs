@@ -1,8 +1,8 @@
 //! Wisps that guides come away from and join again.
 
-use hairbake::bake::guide::StepRecord;
-use hairbake::bake::rods::Rods;
-use hairbake::bake::simulation::{Simulation, steps_to};
+use hairbake::dynamics::guide_rods::GuideRods;
+use hairbake::dynamics::simulation::{Simulation, steps_to};
+use hairbake::dynamics::step_record::StepRecord;
 use hairbake::rod::{RodShape, SegmentSize};
 use hairbake::sample::{self, Size, Style};
 use hairbake::scene::anim::{Contact, Resolution};
@@ -25,7 +25,7 @@ fn scene(style: Style, still: i32) -> (Groom, Anim) {
 
 /// The points of all guides, m, seen from the head, and the strain nodes that move, at each frame from the end of the pre-roll to `frame`.
 fn run(groom: &Groom, anim: &Anim, frame: i32) -> Vec<(Vec<Vec<Vector3<f64>>>, u32)> {
-    let rods = Rods::new(groom, anim);
+    let rods = GuideRods::new(groom, anim);
     let mut simulation = Simulation::new(groom, anim, &rods);
     let (start, end) = (steps_to(anim, anim.frames.0 - 1), steps_to(anim, frame));
     let mut seen = Vec::new();
@@ -35,10 +35,11 @@ fn run(groom: &Groom, anim: &Anim, frame: i32) -> Vec<(Vec<Vec<Vector3<f64>>>, u
         if taken < start || (taken - start) % i64::from(anim.settings.substeps) != 0 {
             continue;
         }
-        let points = |(state, r): (hairbake::bake::state::GuideState, &hairbake::wisp::GuideRod)| {
-            shape.update(&r.rod, &r.rod.root.r, &state.q);
-            (0..r.rod.points()).map(|k| shape.x(k)).collect()
-        };
+        let points =
+            |(state, r): (hairbake::dynamics::guide_frame::GuideFrame, &hairbake::wisp::GuideRod)| {
+                shape.update(&r.rod, &r.rod.root.r, &state.q);
+                (0..r.rod.points()).map(|k| shape.x(k)).collect()
+            };
         seen.push((simulation.states().into_iter().zip(&rods.simulated).map(points).collect(), nodes));
     }
     seen
@@ -142,7 +143,7 @@ fn when_the_head_holds_still_wisps_join_again_and_nothing_jumps() {
 fn what_joins_goes_on_as_it_moved() {
     let (groom, mut anim) = scene(Style::ShortCurly, 20);
     (anim.settings.resolution, anim.settings.parting) = (Resolution::Adaptive, 0.003);
-    let rods = Rods::new(&groom, &anim);
+    let rods = GuideRods::new(&groom, &anim);
     let mut simulation = Simulation::new(&groom, &anim, &rods);
     let mut shape = RodShape::default();
     // Where the tips are and which guides move by themselves, at each frame.
@@ -201,9 +202,9 @@ fn guides_that_came_away_rub_as_they_do_at_full_resolution() {
         run(&groom, &anim, last)
     };
     let free = with(0.0, Resolution::Full);
-    let rubbed = with(60.0, Resolution::Full);
+    let friction_force = with(60.0, Resolution::Full);
     let adaptive = with(60.0, Resolution::Adaptive);
-    let (near, far) = (apart(&rubbed, &adaptive), apart(&free, &adaptive));
+    let (near, far) = (apart(&friction_force, &adaptive), apart(&free, &adaptive));
     assert!(near < 0.3 * far, "{near} {far}");
 }
 
@@ -217,7 +218,7 @@ struct Seen {
 
 /// Simulates to `frame` with contact between guides, which hold to taking their sub-steps together.
 fn touch(groom: &Groom, anim: &Anim, frame: i32) -> Vec<Seen> {
-    let rods = Rods::new(groom, anim);
+    let rods = GuideRods::new(groom, anim);
     let mut simulation = Simulation::new(groom, anim, &rods);
     let mut seen = Vec::new();
     while simulation.taken() < steps_to(anim, frame) {
@@ -228,7 +229,7 @@ fn touch(groom: &Groom, anim: &Anim, frame: i32) -> Vec<Seen> {
         };
         let caught_up = step.caught_up.iter().map(|(_, r)| *r).collect();
         seen.push(Seen { moved: of(true), followed: of(false), caught_up, splits: step.changes.splits });
-        assert!(simulation.guides.iter().all(|guide| guide.together));
+        assert!(simulation.guides.iter().all(|guide| guide.coupled));
     }
     seen
 }

@@ -1,12 +1,12 @@
 //! One bake of a scene into a folder: what every stage of it starts from.
 
-use super::base::{Base, Only};
+use super::base_cache::{Base, Only};
 use super::output::Written;
-use super::rods::Rods;
-use super::simulation;
-use super::work::Work;
+use super::work_dir::Work;
 use crate::Result;
 use crate::cache::{InputRecord, sha256};
+use crate::dynamics::guide_rods::GuideRods;
+use crate::dynamics::simulation;
 use crate::scene::anim::{Contact, Resolution};
 use crate::scene::{Anim, Groom, Override};
 use crate::strands::RETRACTION_SPAN;
@@ -22,7 +22,7 @@ pub struct Job {
     /// The animation, with the settings of this bake and the part of the shot that it covers.
     pub anim: Anim,
     /// The groom's guides as rods.
-    pub rods: Rods,
+    pub rods: GuideRods,
     /// The cache that has what this bake does not make, if it does not make all.
     pub base: Option<Base>,
     /// The files that the scene was read from.
@@ -51,7 +51,7 @@ impl Job {
         out: &Path,
     ) -> Result<Self> {
         let groom = groom.with_default_trees(anim.settings.nodes);
-        let mut rods = Rods::new(&groom, &anim);
+        let mut rods = GuideRods::new(&groom, &anim);
         let mut settings = settings(&anim, set);
         let base = match only {
             Some(only) => {
@@ -95,7 +95,7 @@ impl Job {
 
 /// Which guides a bake of some groups has to move: its own, those that its strands follow, and those that these rub
 /// against. The simulation adds what leads them in wisps.
-fn moved(groom: &Groom, anim: &Anim, rods: &Rods, base: &Base, written: &Written) -> Vec<bool> {
+fn moved(groom: &Groom, anim: &Anim, rods: &GuideRods, base: &Base, written: &Written) -> Vec<bool> {
     let settings = &anim.settings;
     let rubs = rods.simulated.iter().any(|r| r.material.wisp_friction > 0.0);
     // What leads rubs against others, and those may be led by more.

@@ -1,11 +1,11 @@
 //! From the simulation's state to the arrays of the cache, in the groom's own unit and axes.
 
-use super::base::Base;
-use super::rods::Rods;
-use super::state::{GuideState, Step};
+use super::base_cache::Base;
 use crate::Result;
 use crate::cache::{Closest, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 use crate::contact::Bodies;
+use crate::dynamics::guide_frame::{GuideFrame, SolverStep};
+use crate::dynamics::guide_rods::GuideRods;
 use crate::rod::{Rod, RodShape, Sensitivity};
 use crate::scene::anim::{Resolution, Written as Choice};
 use crate::scene::{Anim, Collider, Convention, Curves, Deformation, Groom, Strands, UpAxis};
@@ -13,6 +13,7 @@ use crate::strands::{
     DIFFERENCE_STEP, GuideMotion, GuideWeights, HeadMotion, Interpolator, MAX_GUIDES, Membership, Moment,
     Obstacles, Retractions, StrandMotion, clumping, guide_weights, thin,
 };
+use crate::wisp::GuideRod;
 use nalgebra::{Isometry3, Matrix3, Matrix4, Vector3};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -41,7 +42,7 @@ pub struct Seen {
 
 impl<'a> Output<'a> {
     /// Prepares the output of guides that are simulated as `rods`, over `base` if there is one.
-    pub fn new(groom: &'a Groom, anim: &'a Anim, rods: &'a Rods, base: Option<&'a Base>) -> Self {
+    pub fn new(groom: &'a Groom, anim: &'a Anim, rods: &'a GuideRods, base: Option<&'a Base>) -> Self {
         let written = Written::new(groom, anim, rods);
         let header = written.header();
         let Written { strands, mut follows, rods, .. } = written;
@@ -73,7 +74,7 @@ impl<'a> Output<'a> {
     }
 
     /// How far the strands retreat from bodies at `frame`, at which the guides are as in `guides`, and how they lie if they do not, where that is `wanted`.
-    pub fn seen(&mut self, frame: i32, guides: &[GuideState], wanted: bool) -> Seen {
+    pub fn seen(&mut self, frame: i32, guides: &[GuideFrame], wanted: bool) -> Seen {
         let t = self.anim.time(f64::from(frame));
         self.bodies.prepare([t - DIFFERENCE_STEP, t]);
         let Some(strands) = &self.strands else { return Seen::default() };
@@ -95,8 +96,8 @@ impl<'a> Output<'a> {
     pub fn frame(
         &mut self,
         frame: i32,
-        states: [&[GuideState]; 2],
-        steps: &[Step],
+        states: [&[GuideFrame]; 2],
+        steps: &[SolverStep],
         retreats: &Retractions,
         mut laid: Option<StrandMotion>,
     ) -> Result<Vec<Frame>> {
@@ -107,15 +108,15 @@ impl<'a> Output<'a> {
         offsets.extend((self.header.accelerations && written == 1).then_some(settings.shutter));
         let moment = |offset: f64| {
             let pairs = states[0].iter().zip(states[1]);
-            let between: Vec<GuideState> = match offset {
+            let between: Vec<GuideFrame> = match offset {
                 0.0 => Vec::new(),
-                _ => pairs.map(|(a, b)| GuideState::between(a, b, offset, interval)).collect(),
+                _ => pairs.map(|(a, b)| GuideFrame::between(a, b, offset, interval)).collect(),
             };
             let (guides, laid) = if offset == 0.0 { (states[0], laid.take()) } else { (&between[..], None) };
             self.moment((frame, offset), guides, retreats, laid)
         };
         let mut moments: Vec<Frame> = offsets.into_iter().map(moment).collect();
-        let after = |step: &Step| step.time * self.anim.fps - f64::from(frame);
+        let after = |step: &SolverStep| step.time * self.anim.fps - f64::from(frame);
         let steps: Vec<_> = steps.iter().map(|step| (after(step), &step.guides[..])).collect();
         moments.extend(
             steps.into_iter().map(|(offset, guides)| self.moment((frame, offset), guides, retreats, None)),
@@ -132,7 +133,7 @@ impl<'a> Output<'a> {
     fn moment(
         &mut self,
         (frame, offset): (i32, f64),
-        guides: &[GuideState],
+        guides: &[GuideFrame],
         retreats: &Retractions,
         laid: Option<StrandMotion>,
     ) -> Frame {
@@ -186,8 +187,8 @@ impl<'a> Output<'a> {
             / self.convention.metres_per_unit
     }
 
-    fn motion<'b>(&'b self, guides: &'b [GuideState]) -> Vec<GuideMotion<'b>> {
-        let motion = |(rod, g): (&&'b Rod, &'b GuideState)| GuideMotion { rod, q: &g.q, rate: &g.rate };
+    fn motion<'b>(&'b self, guides: &'b [GuideFrame]) -> Vec<GuideMotion<'b>> {
+        let motion = |(rod, g): (&&'b Rod, &'b GuideFrame)| GuideMotion { rod, q: &g.q, rate: &g.rate };
         self.rods.iter().zip(guides).map(motion).collect()
     }
 
@@ -318,7 +319,7 @@ pub struct Written<'a> {
 
 impl<'a> Written<'a> {
     /// What a bake writes whose guides are simulated as `rods`.
-    pub fn new(groom: &'a Groom, anim: &'a Anim, rods: &'a Rods) -> Self {
+    pub fn new(groom: &'a Groom, anim: &'a Anim, rods: &'a GuideRods) -> Self {
         let (strands, wider) = match (anim.settings.curves, anim.settings.keep) {
             (Choice::Guides | Choice::Steps, _) => (Cow::Owned(groom.strands.select(&[])), Vec::new()),
             (_, keep) if keep < 1.0 => {
@@ -327,7 +328,11 @@ impl<'a> Written<'a> {
             }
             _ => (Cow::Borrowed(&groom.strands), Vec::new()),
         };
-        let rods = rods.followed(groom);
+        let home = |guide: &GuideRod| Membership {
+            leaf: (guide.leaf.0 as u32, guide.leaf.1 as u32),
+            group: groom.guides.curves.group[guide.guide],
+        };
+        let rods: Vec<_> = rods.followed().map(|(rod, guide)| (rod, home(guide))).collect();
         let homes = strands.leaf.iter().zip(&strands.curves.group);
         let homes: Vec<Membership> =
             homes.map(|(leaf, group)| Membership { leaf: *leaf, group: *group }).collect();

@@ -1,7 +1,7 @@
 //! How far a stage is.
 
 use super::console::{self, LogFormat};
-use crate::bake::record::FrameRecord;
+use crate::bake::frame_record::FrameRecord;
 use crate::error::Result;
 use clap::ValueEnum;
 use indicatif::ProgressBar;

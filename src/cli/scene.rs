@@ -1,7 +1,7 @@
 //! The scene and the settings of a bake, as every stage of it is told them.
 
 use super::{summary, values};
-use crate::bake::base::Only;
+use crate::bake::base_cache::Only;
 use crate::bake::control::Control;
 use crate::bake::job::Job;
 use crate::cache::MANIFEST;

@@ -1,8 +1,8 @@
 //! `hairbake status`: what of a bake is done.
 
 use super::console;
-use crate::bake::sealed::Flaw;
-use crate::bake::work::Work;
+use crate::bake::checked_file::Flaw;
+use crate::bake::work_dir::Work;
 use crate::cache::MANIFEST;
 use crate::error::{Error, Result};
 use clap::Args;

@@ -1,7 +1,7 @@
 //! The end of a bake: the report, the contact sheet and a few lines to read.
 
 use super::preview::PICTURES;
-use crate::bake::record::FrameRecord;
+use crate::bake::frame_record::FrameRecord;
 use crate::bake::{BakeSummary, StageSeconds};
 use crate::cache::{Manifest, Reader, write_file};
 use crate::error::Result;

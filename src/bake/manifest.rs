@@ -1,0 +1,87 @@
+//! The end of a cache: root layer, manifest, checksums.
+
+use super::frame_record::FrameRecord;
+use super::frame_state::FrameState;
+use super::job::Job;
+use crate::cache::{self, Manifest, Writer};
+use crate::file::FileRecord;
+use crate::{Error, Result};
+use serde_json::{Map, Value, json};
+use std::collections::BTreeSet;
+
+/// What the manifest needs of a frame.
+#[derive(Clone)]
+pub(super) struct Finished {
+    pub record: FrameRecord,
+    machine: String,
+    file: FileRecord,
+}
+
+impl Finished {
+    pub fn new(state: &FrameState, file: FileRecord) -> Self {
+        Finished { record: state.record.clone(), machine: state.machine.clone(), file }
+    }
+}
+
+/// Ends the cache.
+pub(super) fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Result<Manifest> {
+    let mut manifest = Manifest::new(writer.header());
+    manifest.key = job.key.clone();
+    manifest.machines =
+        finished.iter().map(|f| f.machine.clone()).collect::<BTreeSet<_>>().into_iter().collect();
+    manifest.inputs = job.inputs.clone();
+    manifest.settings = job.settings.clone();
+    manifest.totals = totals(&finished);
+    // What is exempt in the end is so for good.
+    let exempt = finished.last().map_or(0, |f| f.record.exempt_segments);
+    let first = job.work.state(*job.frames().start()).map_err(|flaw| Error::NotYet(flaw.to_string()))?;
+    let [mean, largest] = job.rods.departure(&first.guides);
+    manifest.scene_figures = object(json!({
+        "exempt_guide_segments": exempt,
+        "groom_notes": job.groom.notes,
+        "sag_free": job.rods.held,
+        "first_frame_from_groom": { "mean": mean, "largest": largest },
+    }));
+    for Finished { record, file, .. } in finished {
+        manifest.frames.push(cache::FrameRecord { frame: record.frame, file, figures: figures(&record) });
+    }
+    let manifest = writer.finish(manifest)?;
+    job.work.settle_marks(&job.frames().collect::<Vec<_>>())?;
+    job.work.tidy(job.frames())?;
+    Ok(manifest)
+}
+
+/// Figures over all frames: the worst of each, and the sums of what should be rare.
+fn totals(finished: &[Finished]) -> Map<String, Value> {
+    let worst = |of: fn(&FrameRecord) -> f64| finished.iter().map(|f| of(&f.record)).fold(0.0, f64::max);
+    let sum = |of: fn(&FrameRecord) -> u32| finished.iter().map(|f| u64::from(of(&f.record))).sum::<u64>();
+    let totals = json!({
+        "penetration_m": worst(|f| f.penetration_m),
+        "length_drift": worst(|f| f.length_drift),
+        "speed_max_m_s": worst(|f| f.speed_max_m_s),
+        "contact_residual": worst(|f| f.contact_residual),
+        "unconverged": sum(|f| f.unconverged.len() as u32),
+        "shortened": sum(|f| f.shortened),
+        "unsettled": sum(|f| f.unsettled),
+        "strand_residual": worst(|f| f.strand_residual),
+        "crossings": sum(|f| f.crossings),
+        "strands_unsettled": sum(|f| f.strands_unsettled),
+        "strands_shortened": sum(|f| f.strands_shortened),
+        "tie_slack_m": worst(|f| f.tie_slack_m),
+        "halvings": sum(|f| f.halvings),
+    });
+    object(totals)
+}
+
+fn figures(record: &FrameRecord) -> Map<String, Value> {
+    let mut figures = object(json!(record));
+    figures.remove("frame");
+    figures
+}
+
+fn object(value: Value) -> Map<String, Value> {
+    match value {
+        Value::Object(map) => map,
+        _ => Map::new(),
+    }
+}

@@ -1,0 +1,170 @@
+//! The stages of a bake.
+
+use super::control::Control;
+use super::frame_record::FrameRecord;
+use super::frame_stepper::{FrameStepper, stopped};
+use super::frame_writer::FrameWriter;
+use super::job::Job;
+use super::manifest::{Finished, finish};
+use super::summary::{BakeSummary, StageSeconds};
+use crate::cache::{self, InputRecord};
+use crate::file::FileRecord;
+use crate::scene::Reading;
+use crate::strands::RETRACTION_SPAN;
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+
+/// Name and checksum of every file that a bake of the scene reads. Errors: files that cannot be read.
+pub fn inputs(groom: &Path, anim: &Path, reading: &Reading) -> Result<Vec<InputRecord>> {
+    let record = |(role, path): (&str, PathBuf)| {
+        let bytes = crate::file::read_file(&path).map_err(|e| Error::io(&path, e))?;
+        let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(InputRecord { role: role.into(), file, sha256: cache::sha256(&bytes) })
+    };
+    crate::scene::inputs(groom, anim, reading)?.into_iter().map(record).collect()
+}
+
+/// Does all that is left of a bake, frame by frame; `progress` is told each frame that is on disk, and how many of how many
+/// that makes.
+///
+/// # Errors
+/// [`Error::Stopped`] where `control` asked for it; [`Error::Io`] where a file cannot be written.
+pub fn bake(
+    job: &Job,
+    control: &Control,
+    mut progress: impl FnMut(&FrameRecord, usize, usize),
+) -> Result<BakeSummary> {
+    let frames: Vec<i32> = job.frames().collect();
+    let done: Vec<Option<FileRecord>> = frames.par_iter().map(|frame| job.work.done(*frame).ok()).collect();
+    let mut stepper = FrameStepper::new(job, control, job.simulated());
+    let mut strands = FrameWriter::new(job, &frames)?;
+    let mut summary = BakeSummary::default();
+    let mut finished = Vec::new();
+    // The strands of a frame depend on the guides of those around it, so the simulation is ahead.
+    let mut ahead = job.simulated().peekable();
+    let mut simulated = VecDeque::new();
+    for (i, (&frame, done)) in frames.iter().zip(done).enumerate() {
+        while let Some(next) = ahead.next_if(|next| *next <= frame + RETRACTION_SPAN as i32) {
+            stepper.attend()?;
+            let (state, seconds) = stepper.state(next)?;
+            simulated.push_back(seconds);
+            strands.hold(state);
+        }
+        let simulate = simulated.pop_front().flatten();
+        let mut seconds = simulate.map(|simulate| StageSeconds { simulate, ..StageSeconds::default() });
+        let file = match done {
+            Some(file) => file,
+            None => strands.write(frame, seconds.get_or_insert_default())?,
+        };
+        let state = strands.state(frame)?;
+        summary.note(job, &state.record, seconds);
+        progress(&state.record, i + 1, frames.len());
+        finished.push(Finished::new(state, file));
+    }
+    stepper.finish()?;
+    summary.manifest = Some(finish(job, strands.writer, finished)?);
+    Ok(summary)
+}
+
+/// Simulates the frames from `first` to `last` and keeps the guides' state at each. Where `first` is not the first of all, the stage that
+/// ends before it must be done.
+///
+/// # Errors
+/// As [`bake()`], and [`Error::NotYet`] where the frame before is not simulated.
+pub fn simulate(
+    job: &Job,
+    [first, last]: [i32; 2],
+    control: &Control,
+    mut progress: impl FnMut(&FrameRecord, usize, usize),
+) -> Result<BakeSummary> {
+    if first > *job.frames().start() && job.work.state(first - 1).is_err() {
+        return Err(Error::NotYet(format!(
+            "frame {} is not simulated yet, from where this goes on",
+            first - 1
+        )));
+    }
+    let mut stepper = FrameStepper::new(job, control, first..=last);
+    let mut summary = BakeSummary::default();
+    let total = (last - first + 1) as usize;
+    for (i, frame) in (first..=last).enumerate() {
+        stepper.attend()?;
+        // The last frame is only done if another stage can go on from there.
+        let whole = frame < last || job.work.has_checkpoint(job.steps_to(last));
+        let (state, seconds) = if whole {
+            stepper.state(frame)?
+        } else {
+            let (state, seconds) = stepper.simulate(frame)?;
+            (state, Some(seconds))
+        };
+        summary.note(
+            job,
+            &state.record,
+            seconds.map(|simulate| StageSeconds { simulate, ..StageSeconds::default() }),
+        );
+        progress(&state.record, i + 1, total);
+    }
+    stepper.finish()?;
+    Ok(summary)
+}
+
+/// Makes the files of `frames`, in any order, as far as they are not done, of the guides' states.
+///
+/// # Errors
+/// As [`bake()`], and [`Error::NotYet`] where a frame is not simulated.
+pub fn interpolate(
+    job: &Job,
+    frames: &[i32],
+    control: &Control,
+    mut progress: impl FnMut(&FrameRecord, usize, usize),
+) -> Result<BakeSummary> {
+    let mut strands = FrameWriter::new(job, frames)?;
+    let mut summary = BakeSummary::default();
+    for (i, &frame) in frames.iter().enumerate() {
+        if control.stops() {
+            return Err(stopped(&format!("before frame {frame}")));
+        }
+        let mut seconds = None;
+        if job.work.done(frame).is_err() {
+            strands.write(frame, seconds.get_or_insert_default())?;
+        }
+        let state = strands.state(frame)?;
+        summary.note(job, &state.record, seconds);
+        progress(&state.record, i + 1, frames.len());
+    }
+    job.work.settle_marks(frames)?;
+    Ok(summary)
+}
+
+/// Ends a cache all of whose frames are done: root layer, manifest, checksums.
+///
+/// # Errors
+/// [`Error::NotYet`] where frames are missing or damaged; it names them. [`Error::Io`].
+pub fn assemble(job: &Job) -> Result<BakeSummary> {
+    let frames: Vec<i32> = job.frames().collect();
+    let found: Vec<_> = frames
+        .par_iter()
+        .map(|&frame| {
+            let file = job.work.done(frame).map_err(|flaw| format!("the file of frame {frame}: {flaw}"))?;
+            let state =
+                job.work.state(frame).map_err(|flaw| format!("the guides at frame {frame}: {flaw}"))?;
+            Ok(Finished::new(&state, file))
+        })
+        .collect();
+    let missing: Vec<String> =
+        found.iter().filter_map(|f: &std::result::Result<_, String>| f.clone().err()).collect();
+    if let Some(first) = missing.first() {
+        return Err(Error::NotYet(format!(
+            "{} of {} frames are not done; {first}",
+            missing.len(),
+            frames.len()
+        )));
+    }
+    let finished: Vec<Finished> = found.into_iter().flatten().collect();
+    let mut summary = BakeSummary::default();
+    finished.iter().for_each(|f| summary.note(job, &f.record, None));
+    FrameStepper::new(job, &Control::default(), job.simulated()).finish()?;
+    summary.manifest = Some(finish(job, FrameWriter::new(job, &frames)?.writer, finished)?);
+    Ok(summary)
+}

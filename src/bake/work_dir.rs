@@ -1,0 +1,343 @@
+//! The work folder of a bake, `.hairbake` beside its frames: what is done, and from where to go on.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `job.json` | which bake this is: its key, its frames |
+//! | `states/1001` | the guides at a frame, for interpolation ([`FrameState`]) |
+//! | `frames/1001.json` | the mark that a frame's file is done, with its checksum |
+//! | `checkpoints/8064` | the whole simulation after so many sub-steps ([`RunCheckpoint`]) |
+//! | `retreats/1001` | how far the strands retreat at a frame that two tasks need, until the cache is ended |
+//!
+//! Every file has the bake's key in it and is written whole or not at all, by whichever process; no two that write the same
+//! file write other bytes. So nothing here needs a lock, and a stage that runs twice at once does no harm.
+
+use super::checked_file::{self, Flaw, Kind};
+use super::frame_record::FrameRecord;
+use super::frame_state::FrameState;
+use crate::cache::frame_file_name;
+use crate::dynamics::simulation;
+use crate::file::{self, FileRecord, read_file, record_of, remove_file, write_file_if_new, write_file_soon};
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// Name of the folder in that of the cache.
+pub const FOLDER: &str = ".hairbake";
+
+/// The folders in it.
+const FOLDERS: [&str; 4] = ["states", "frames", "checkpoints", "retreats"];
+
+/// Checkpoints kept while a simulation runs: the newest, and one should that be damaged.
+const KEPT: usize = 2;
+
+const STATE: Kind = Kind { name: "state", version: 1, lasting: false };
+const RETREATS: Kind = Kind { name: "retreats", version: 1, lasting: false };
+const CHECKPOINT: Kind = Kind { name: "checkpoint", version: 1, lasting: true };
+
+/// The whole simulation between two sub-steps.
+#[derive(Serialize, Deserialize)]
+pub struct RunCheckpoint {
+    /// The figures so far of the frame that it is on the way to.
+    pub record: FrameRecord,
+    /// Its state.
+    pub simulation: simulation::Saved,
+}
+
+/// Which bake a work folder is of.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Description {
+    /// Always `hairbake-work`.
+    pub format: String,
+    /// Version of this format.
+    pub version: u32,
+    /// The bake's key.
+    pub key: String,
+    /// First and last frame, handles included.
+    pub frames: (i32, i32),
+}
+
+/// The mark of a frame that is done.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct Mark {
+    key: String,
+    #[serde(flatten)]
+    file: FileRecord,
+}
+
+/// The work folder of one bake.
+#[derive(Debug, Clone)]
+pub struct Work {
+    out: PathBuf,
+    key: String,
+}
+
+impl Work {
+    /// The work folder in the cache folder `out`, made if it is not there. What another bake has left in it is removed, and its cache
+    /// made visibly unfinished.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn begin(out: &Path, key: &str, frames: (i32, i32)) -> Result<Self> {
+        let work = Work { out: out.into(), key: key.into() };
+        // A cache may be somebody else's gift: what it calls its work folder must not be a way out of it.
+        for folder in [out.join(FOLDER)].into_iter().chain(FOLDERS.map(|name| work.folder(name))) {
+            std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
+            if folder.is_symlink() {
+                return Err(Error::io(
+                    &folder,
+                    std::io::Error::other("is a link; work files stay in the cache's folder"),
+                ));
+            }
+        }
+        let description = Description { format: "hairbake-work".into(), version: 1, key: key.into(), frames };
+        if Description::read(out).ok().as_ref() != Some(&description) {
+            crate::cache::unfinish(out)?;
+            work.clear_other_bakes()?;
+            let json = serde_json::to_vec_pretty(&description).map_err(|e| Error::Internal(e.to_string()))?;
+            write_file_if_new(&out.join(FOLDER).join("job.json"), &[json])?;
+        }
+        Ok(work)
+    }
+
+    /// The work folder as it is, of the bake that it says it is of.
+    ///
+    /// # Errors
+    /// As [`Description::read`].
+    pub fn open(out: &Path) -> Result<(Self, Description)> {
+        let description = Description::read(out)?;
+        Ok((Work { out: out.into(), key: description.key.clone() }, description))
+    }
+
+    /// Removes the files of other bakes; this one's may be another process's, just written.
+    fn clear_other_bakes(&self) -> Result<()> {
+        for (name, kind) in [("states", STATE), ("checkpoints", CHECKPOINT), ("retreats", RETREATS)] {
+            for number in numbers::<i64>(&self.folder(name))? {
+                let path = self.folder(name).join(number.to_string());
+                if checked_file::read::<serde::de::IgnoredAny>(&path, kind, &self.key) == Err(Flaw::Stale) {
+                    remove_file(&path)?;
+                }
+            }
+        }
+        for frame in numbers(&self.folder("frames"))? {
+            if self.mark(frame) == Err(Flaw::Stale) {
+                remove_file(&self.mark_path(frame))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The guides at a frame.
+    ///
+    /// # Errors
+    /// [`Flaw`].
+    pub fn state(&self, frame: i32) -> std::result::Result<FrameState, Flaw> {
+        checked_file::read(&self.state_path(frame), STATE, &self.key)
+    }
+
+    /// Writes the guides at a frame.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn write_state(&self, state: &FrameState) -> Result<()> {
+        checked_file::write(&self.state_path(state.record.frame), STATE, &self.key, state)
+    }
+
+    /// The file of a frame that is done, as it was written.
+    ///
+    /// # Errors
+    /// [`Flaw`] of its mark.
+    pub fn mark(&self, frame: i32) -> std::result::Result<FileRecord, Flaw> {
+        let bytes = read_file(&self.mark_path(frame)).map_err(|_| Flaw::Missing)?;
+        let mark: Mark = serde_json::from_slice(&bytes).map_err(|e| Flaw::Damaged(e.to_string()))?;
+        if mark.key == self.key { Ok(mark.file) } else { Err(Flaw::Stale) }
+    }
+
+    /// The file of a frame that is done and there, of the length that it was written with; its bytes are not looked at.
+    ///
+    /// # Errors
+    /// [`Flaw`] of its mark, or of the file.
+    pub fn marked(&self, frame: i32) -> std::result::Result<FileRecord, Flaw> {
+        let mark = self.mark(frame)?;
+        match std::fs::metadata(self.out.join(frame_file_name(frame))) {
+            Ok(meta) if meta.len() == mark.bytes => Ok(mark),
+            Ok(_) => Err(Flaw::Damaged("its length differs".into())),
+            Err(_) => Err(Flaw::Missing),
+        }
+    }
+
+    /// The file of a frame that is done and as it was written.
+    ///
+    /// # Errors
+    /// [`Flaw`] of its mark, or of the file.
+    pub fn done(&self, frame: i32) -> std::result::Result<FileRecord, Flaw> {
+        let mark = self.mark(frame)?;
+        match record_of(&self.out.join(frame_file_name(frame))) {
+            Ok(found) if found == mark => Ok(mark),
+            Ok(_) => Err(Flaw::Damaged("its checksum differs".into())),
+            Err(_) => Err(Flaw::Missing),
+        }
+    }
+
+    /// Marks a frame's file, which is on the disk, as done.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn set_done(&self, frame: i32, file: &FileRecord) -> Result<()> {
+        let mark = Mark { key: self.key.clone(), file: file.clone() };
+        let json = serde_json::to_vec(&mark).map_err(|e| Error::Internal(e.to_string()))?;
+        write_file_soon(&self.mark_path(frame), &[json]).map(drop)
+    }
+
+    /// How far the strands retreat at a frame, at each of so many vertices, if another task has told.
+    pub fn retreats(&self, frame: i32, vertices: usize) -> Option<Vec<f32>> {
+        let some: Vec<(u32, f32)> =
+            checked_file::read(&self.retreats_path(frame), RETREATS, &self.key).ok()?;
+        let mut retreats = vec![0.0; vertices];
+        for (vertex, share) in some {
+            *retreats.get_mut(vertex as usize)? = share;
+        }
+        Some(retreats)
+    }
+
+    /// Tells other tasks how far the strands retreat at a frame. Most do not.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn write_retreats(&self, frame: i32, retreats: &[f32]) -> Result<()> {
+        let all = (0u32..).zip(retreats.iter().copied());
+        let some: Vec<(u32, f32)> = all.filter(|(_, share)| *share != 0.0).collect();
+        checked_file::write(&self.retreats_path(frame), RETREATS, &self.key, &some)
+    }
+
+    /// Brings the states of frames to the disk.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn settle_states(&self, frames: &[i32]) -> Result<()> {
+        let paths: Vec<PathBuf> = frames.iter().map(|frame| self.state_path(*frame)).collect();
+        file::settle(&self.folder("states"), &paths)
+    }
+
+    /// Brings the marks of frames to the disk.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn settle_marks(&self, frames: &[i32]) -> Result<()> {
+        let paths: Vec<PathBuf> = frames.iter().map(|frame| self.mark_path(*frame)).collect();
+        file::settle(&self.folder("frames"), &paths)
+    }
+
+    /// The newest sound checkpoint of fewer than `before` sub-steps; each damaged one is named in a warning.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where the folder cannot be read.
+    pub fn checkpoint(&self, before: i64) -> Result<Option<RunCheckpoint>> {
+        let mut all: Vec<i64> = numbers(&self.folder("checkpoints"))?;
+        all.retain(|taken| *taken < before);
+        for taken in all.into_iter().rev() {
+            let path = self.checkpoint_path(taken);
+            match checked_file::read(&path, CHECKPOINT, &self.key) {
+                Ok(checkpoint) => return Ok(Some(checkpoint)),
+                // Another process has just replaced it by newer ones, or it is another bake's.
+                Err(Flaw::Missing | Flaw::Stale) => {}
+                Err(flaw) => tracing::warn!("{}: {flaw}; going on from the one before", path.display()),
+            }
+        }
+        Ok(None)
+    }
+
+    /// Whether there is a sound checkpoint after `taken` sub-steps.
+    pub fn has_checkpoint(&self, taken: i64) -> bool {
+        checked_file::read::<RunCheckpoint>(&self.checkpoint_path(taken), CHECKPOINT, &self.key).is_ok()
+    }
+
+    /// Writes a checkpoint, and removes those older than the newest two of more than `since` sub-steps but those `kept`.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn write_checkpoint(
+        &self,
+        taken: i64,
+        checkpoint: &RunCheckpoint,
+        since: i64,
+        kept: &[i64],
+    ) -> Result<()> {
+        checked_file::write(&self.checkpoint_path(taken), CHECKPOINT, &self.key, checkpoint)?;
+        let mut all: Vec<i64> = numbers(&self.folder("checkpoints"))?;
+        all.retain(|other| (since + 1..=taken).contains(other) && !kept.contains(other));
+        all.iter().rev().skip(KEPT).try_for_each(|old| remove_file(&self.checkpoint_path(*old)))
+    }
+
+    /// Removes the checkpoints of a range of sub-steps but those listed.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn keep_checkpoints(&self, range: RangeInclusive<i64>, kept: &[i64]) -> Result<()> {
+        let all: Vec<i64> = numbers(&self.folder("checkpoints"))?;
+        let old = all.iter().filter(|taken| range.contains(taken) && !kept.contains(taken));
+        old.into_iter().try_for_each(|taken| remove_file(&self.checkpoint_path(*taken)))
+    }
+
+    /// Removes what killed processes have left, what tasks have told each other, and marks of frames that are not `frames`.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn tidy(&self, frames: RangeInclusive<i32>) -> Result<()> {
+        for folder in
+            [self.out.clone(), self.out.join(FOLDER)].into_iter().chain(FOLDERS.map(|name| self.folder(name)))
+        {
+            file::sweep(&folder)?;
+        }
+        let told: Vec<i32> = numbers(&self.folder("retreats"))?;
+        told.into_iter().try_for_each(|frame| remove_file(&self.retreats_path(frame)))?;
+        let marks: Vec<i32> = numbers(&self.folder("frames"))?;
+        let outside = marks.into_iter().filter(|frame| !frames.contains(frame));
+        outside.into_iter().try_for_each(|frame| remove_file(&self.mark_path(frame)))
+    }
+
+    fn folder(&self, name: &str) -> PathBuf {
+        self.out.join(FOLDER).join(name)
+    }
+
+    fn state_path(&self, frame: i32) -> PathBuf {
+        self.folder("states").join(frame.to_string())
+    }
+
+    fn retreats_path(&self, frame: i32) -> PathBuf {
+        self.folder("retreats").join(frame.to_string())
+    }
+
+    fn mark_path(&self, frame: i32) -> PathBuf {
+        self.folder("frames").join(format!("{frame}.json"))
+    }
+
+    fn checkpoint_path(&self, taken: i64) -> PathBuf {
+        self.folder("checkpoints").join(taken.to_string())
+    }
+}
+
+impl Description {
+    /// Reads that of the work folder in `out`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where there is none; [`Error::Damaged`] where it is none.
+    pub fn read(out: &Path) -> Result<Self> {
+        let path = out.join(FOLDER).join("job.json");
+        let bytes = read_file(&path).map_err(|e| Error::io(&path, e))?;
+        serde_json::from_slice(&bytes).map_err(|e| Error::Damaged { path, what: e.to_string() })
+    }
+}
+
+/// The numbers that files of a folder are named by, ascending.
+fn numbers<N: FromStr + Ord>(folder: &Path) -> Result<Vec<N>> {
+    let mut numbers = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))? {
+        let path = entry.map_err(|e| Error::io(folder, e))?.path();
+        let stem = path.file_stem().and_then(|stem| stem.to_str());
+        numbers.extend(stem.and_then(|stem| stem.parse().ok()));
+    }
+    numbers.sort_unstable();
+    Ok(numbers)
+}

@@ -1,0 +1,78 @@
+//! Time schemes of the guides: how velocities follow from positions (`docs/theory.md` §4.6).
+
+use crate::scene::anim::Scheme;
+
+/// Largest ratio of a step to the one before it at which BDF2 is used: it is stable below 1 + √2.
+const MAX_RATIO: f64 = 2.0;
+
+/// The difference formula of one step: the rate of any quantity y at its end is (y − y*)/η, with y* = a yⁿ + b yⁿ⁻¹.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct DifferenceFormula {
+    /// η, s: the step of backward Euler, two thirds of it for BDF2 at equal steps.
+    pub eta: f64,
+    /// Step to the one before it; 0 without history.
+    pub ratio: f64,
+    a: f64,
+    b: f64,
+}
+
+impl DifferenceFormula {
+    /// The formula of a step of `h`, s, after one of `last`, s; `last` is 0 where there is no history to build on, as at the start,
+    /// and then the formula is backward Euler's.
+    pub fn new(scheme: Scheme, h: f64, last: f64) -> Self {
+        let ratio = match scheme {
+            Scheme::Bdf2 if h <= MAX_RATIO * last => h / last,
+            _ => 0.0,
+        };
+        // Variable-step BDF2 (Hairer, Nørsett & Wanner 1993, §III.5); backward Euler at ratio 0.
+        let w = 1.0 + 2.0 * ratio;
+        DifferenceFormula {
+            eta: h * (1.0 + ratio) / w,
+            ratio,
+            a: (1.0 + ratio).powi(2) / w,
+            b: -ratio * ratio / w,
+        }
+    }
+
+    /// Whether the formula looks back beyond the start of the step.
+    pub fn looks_back(&self) -> bool {
+        self.ratio > 0.0
+    }
+
+    /// y*, from y at the start of the step and of the one before.
+    pub fn past<T: std::ops::Mul<f64, Output = T> + std::ops::Add<Output = T>>(
+        &self,
+        now: T,
+        before: T,
+    ) -> T {
+        now * self.a + before * self.b
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bdf2_is_exact_for_parabolas_at_any_ratio() {
+        for (h, last) in [(0.1, 0.1), (0.1, 0.07), (0.1, 0.2)] {
+            let f = DifferenceFormula::new(Scheme::Bdf2, h, last);
+            let y = |t: f64| 2.0 - 3.0 * t + 5.0 * t * t;
+            let rate = (y(h) - f.past(y(0.0), y(-last))) / f.eta;
+            assert!((rate - (10.0 * h - 3.0)).abs() < 1e-12, "{rate}");
+            assert!(f.looks_back());
+        }
+    }
+
+    #[test]
+    fn without_history_it_is_backward_euler() {
+        for f in [
+            DifferenceFormula::new(Scheme::Bdf2, 0.1, 0.0),
+            DifferenceFormula::new(Scheme::Bdf2, 0.1, 0.04),
+            DifferenceFormula::new(Scheme::BackwardEuler, 0.1, 0.1),
+        ] {
+            assert!(!f.looks_back());
+            assert_eq!((f.eta, f.past(3.0, 7.0)), (0.1, 3.0));
+        }
+    }
+}

@@ -1,0 +1,20 @@
+//! The guides of a groom in motion.
+
+pub mod air_drag;
+pub mod batch;
+mod body_contact;
+pub mod checkpoint;
+mod clearance;
+mod coupled_substep;
+pub mod environment;
+pub mod guide;
+pub mod guide_frame;
+pub mod guide_rods;
+mod integrator;
+pub mod sag_free;
+pub mod simulation;
+pub mod step_record;
+mod strand_contact;
+pub mod tie;
+mod wisp_friction;
+pub mod wisps;

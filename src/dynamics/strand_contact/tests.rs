@@ -1,0 +1,561 @@
+//! Guides that meet: none crosses another, by a check of its own; the law of friction; rest; equal bits.
+
+mod bundles;
+
+use super::contact_pairs::ContactPairs;
+use super::member::{Member, Resort};
+use super::{BundleProperties, StrandContacts};
+use crate::contact::Bodies;
+use crate::dynamics::batch::Batches;
+use crate::dynamics::coupled_substep::CoupledSubstep;
+use crate::dynamics::environment::Environment;
+use crate::dynamics::guide::{Guide, Workspace};
+use crate::dynamics::step_record::StepRecord;
+use crate::math::random;
+use crate::rod::{Rod, RodShape, RodSource, SegmentSize, Taper};
+use crate::scene::{Shape, Tree};
+use nalgebra::{Isometry3, UnitQuaternion, Vector2, Vector3};
+
+type V = Vector3<f64>;
+
+const H: f64 = 1.0 / 192.0;
+
+const SKIN: BundleProperties =
+    BundleProperties { hair: 4e-5, bundle: 3e-4, parallel: 1.0, cohesion: 0.0, hairs: 1.0 };
+
+/// A straight strand, `stiff` times as stiff as a hair, and as heavy as one.
+fn strand(from: V, to: V, stiff: f64) -> Rod {
+    bundle(from, to, stiff, 1.0)
+}
+
+/// A straight strand, `stiff` times as stiff as a hair and `heavy` times as heavy.
+fn bundle(from: V, to: V, stiff: f64, heavy: f64) -> Rod {
+    Rod::new(&RodSource {
+        points: &[from, to],
+        root_frame: None,
+        arc: &Tree::default_arc(8),
+        stiffness: [7.8e-9, 7.8e-9, 3.6e-9].map(|k| k * stiff),
+        line_density: 6.6e-6 * heavy,
+        damping: 0.005,
+        taper: Taper::NONE,
+        natural_strain: None,
+        segment_size: SegmentSize::FINE,
+    })
+    .unwrap()
+}
+
+/// Strands on a head that moves, under a field of force, in sub-steps of `h`, s.
+struct Scene<'a> {
+    h: f64,
+    rods: Vec<Rod>,
+    friction: f64,
+    /// Of each strand.
+    skins: Vec<BundleProperties>,
+    /// Of each strand, N·s/m².
+    drag: Vec<f64>,
+    head: &'a (dyn Fn(f64) -> Isometry3<f64> + Sync),
+    field: &'a (dyn Fn(f64) -> V + Sync),
+    bodies: Bodies,
+}
+
+/// A scene in motion.
+struct Motion {
+    guides: Vec<Guide>,
+    strand_contacts: StrandContacts,
+    records: Vec<StepRecord>,
+    /// Curves at the start of the last sub-step and at every moment to which they were brought in it, in the frame of the head, one point between any two
+    /// of the rods'.
+    x: Vec<Vec<Vec<V>>>,
+}
+
+const STILL: &(dyn Fn(f64) -> Isometry3<f64> + Sync) = &|_| Isometry3::identity();
+
+impl Scene<'_> {
+    fn new(rods: Vec<Rod>) -> Self {
+        Scene {
+            h: H,
+            friction: 0.3,
+            skins: vec![SKIN; rods.len()],
+            drag: vec![1e-4; rods.len()],
+            rods,
+            head: STILL,
+            field: &|_| V::y() * -9.81,
+            bodies: Bodies::default(),
+        }
+    }
+
+    /// Steps through `seconds`, calling `each` after every sub-step with the time.
+    fn run(&self, seconds: f64, mut each: impl FnMut(f64, &Motion)) -> Motion {
+        let env = Environment {
+            head: self.head,
+            gravity: self.field,
+            wind: &[],
+            bodies: &self.bodies,
+            body: &|_, t| (self.head)(t),
+            carrier: &|_, _| Isometry3::identity(),
+            brought_out: &|_| 1.0,
+        };
+        let guide = |(rod, drag): (&Rod, &f64)| {
+            let drag = vec![*drag; rod.points()];
+            let mut guide = Guide::new(rod.clone(), drag, self.friction, &[5e-4], &env, 0.0, self.h);
+            guide.coupled = true;
+            guide
+        };
+        let guides: Vec<Guide> = self.rods.iter().zip(&self.drag).map(guide).collect();
+        let batches = Batches::rebuild(&guides, |_| true);
+        let mut strand_contacts = StrandContacts::new(self.skins.clone());
+        strand_contacts.rebuild(&guides, |g| g, &env, 0.0);
+        let local = |guides: &[Guide], t: f64| -> Vec<Vec<V>> {
+            let head = (self.head)(t).inverse();
+            let of = |g: &Guide| {
+                let (root, mut shape) = (env.root(&g.rod.root, t), RodShape::default());
+                shape.update(&g.rod, &root.r, &g.q[0]);
+                shape
+                    .refined_curve(&g.rod, &g.q[0])
+                    .map(|x| head.transform_point(&(x + root.p).into()).coords)
+                    .collect()
+            };
+            guides.iter().map(of).collect()
+        };
+        let x = local(&guides, 0.0);
+        let records = vec![StepRecord::default(); guides.len()];
+        let mut motion = Motion { guides, strand_contacts, records, x: vec![x] };
+        for step in 0..(seconds / self.h) as u32 {
+            let t = [f64::from(step) * self.h, f64::from(step + 1) * self.h];
+            let Motion { guides, strand_contacts, records, x } = &mut motion;
+            x.drain(..x.len() - 1);
+            let note = &mut |t: f64, guides: &[Guide]| x.push(local(guides, t));
+            CoupledSubstep { guides, strand_contacts, batches: &batches, env: &env, note }
+                .advance(t, records);
+            each(t[1], &motion);
+        }
+        motion
+    }
+}
+
+impl Motion {
+    fn active(&self) -> u32 {
+        self.records.iter().map(|r| r.strands.active).sum()
+    }
+
+    fn held(&self) -> u32 {
+        self.records.iter().map(|r| r.strands.held + r.strands.alone).sum()
+    }
+
+    /// Pairs of segments of different strands that pass through each other in the last sub-step, at the roots excepted.
+    fn crossings(&self) -> usize {
+        self.x.windows(2).map(|x| self.crossings_between([&x[0], &x[1]])).sum()
+    }
+
+    fn crossings_between(&self, x: [&[Vec<V>]; 2]) -> usize {
+        let arc: Vec<Vec<f64>> = self.guides.iter().map(|g| g.rod.arc.clone()).collect();
+        let rooted = |g: usize, half: usize| arc[g][half / 2] < 0.01;
+        let mut count = 0;
+        for a in 0..self.guides.len() {
+            for b in a + 1..self.guides.len() {
+                for i in 0..x[0][a].len() - 1 {
+                    for j in 0..x[0][b].len() - 1 {
+                        if rooted(a, i) && rooted(b, j) {
+                            continue;
+                        }
+                        let of = |s: usize| [x[s][a][i], x[s][a][i + 1], x[s][b][j], x[s][b][j + 1]];
+                        count += usize::from(cross(of(0), of(1)));
+                    }
+                }
+            }
+        }
+        count
+    }
+
+    fn fastest(&self) -> f64 {
+        self.guides.iter().flat_map(|g| &g.v).map(|v| v.norm()).fold(0.0, f64::max)
+    }
+}
+
+/// Whether segments ab and cd meet while their ends move linearly: they do where the ends lie in a plane and the lines meet within
+/// both. The volume of the ends is a cubic in time; its sign changes are looked for in 64 parts.
+fn cross(start: [V; 4], end: [V; 4]) -> bool {
+    let at = |t: f64| [0, 1, 2, 3].map(|i: usize| start[i].lerp(&end[i], t));
+    let volume = |t: f64| {
+        let [a, b, c, d] = at(t);
+        (b - a).cross(&(d - c)).dot(&(c - a))
+    };
+    // Motions whose boxes do not meet, cheaply.
+    let extent = |i: usize, d: usize| {
+        let x = [start[i][d], start[i + 1][d], end[i][d], end[i + 1][d]];
+        (x.iter().copied().fold(f64::INFINITY, f64::min), x.iter().copied().fold(f64::NEG_INFINITY, f64::max))
+    };
+    if (0..3).any(|d| extent(0, d).0 > extent(2, d).1 || extent(2, d).0 > extent(0, d).1) {
+        return false;
+    }
+    let parts = 64;
+    (0..parts).any(|k| {
+        let (mut lo, mut hi) = (f64::from(k) / f64::from(parts), f64::from(k + 1) / f64::from(parts));
+        // Of segments that turn past each other's direction both the volume and the normal change sides, and they do not meet.
+        let normal = |t: f64| {
+            let [a, b, c, d] = at(t);
+            (b - a).cross(&(d - c))
+        };
+        if volume(lo).signum() == volume(hi).signum() || normal(lo).dot(&normal(hi)) < 0.0 {
+            return false;
+        }
+        for _ in 0..50 {
+            let middle = 0.5 * (lo + hi);
+            if volume(middle).signum() == volume(lo).signum() { lo = middle } else { hi = middle }
+        }
+        let [a, b, c, d] = at(lo);
+        let n = (b - a).cross(&(d - c));
+        let within = |x: V, other: V| {
+            let s = x.cross(&other).dot(&n) / n.norm_squared();
+            (0.0..=1.0).contains(&s)
+        };
+        within(c - a, d - c) && within(c - a, b - a)
+    })
+}
+
+#[test]
+fn the_check_sees_what_crosses() {
+    let a = [V::new(-1.0, 0.0, 0.0), V::new(1.0, 0.0, 0.0)];
+    let b = |y: f64, x: f64| [V::new(x, y, -1.0), V::new(x, y, 1.0)];
+    let ends = |b: [V; 2]| [a[0], a[1], b[0], b[1]];
+    assert!(cross(ends(b(1.0, 0.3)), ends(b(-1.0, 0.3))));
+    assert!(!cross(ends(b(1.0, 0.3)), ends(b(0.1, 0.3))));
+    assert!(!cross(ends(b(1.0, 1.5)), ends(b(-1.0, 1.5))));
+}
+
+#[test]
+fn what_passes_beside_a_place_that_is_kept_is_met() {
+    // Almost along each other, 20 µm apart where they are nearest: in the middle.
+    let (a, b) = ([V::zeros(), V::x() * 0.1], [V::new(0.0, 2e-5, -1e-3), V::new(0.1, 2e-5, 1e-3)]);
+    let with_middle = |[a, b]: [V; 2]| [a, a.lerp(&b, 0.5), b];
+    let mut places = ContactPairs::new(&[&[0.02, 0.12], &[0.02, 0.12]], vec![SKIN; 2]);
+    places.x = [[a, b].map(with_middle).concat(), [a, b].map(with_middle).concat()];
+    places.begin();
+    assert_eq!((places.found.len(), places.crossing.len()), (1, 0));
+    // The middle gives way; the place where they cross slides to where the second has tilted through the first.
+    places
+        .end_of(1)
+        .copy_from_slice(&with_middle([V::new(0.0, -2.7e-4, -8e-4), V::new(0.1, 3.3e-4, 1.2e-3)]));
+    places.look();
+    assert!(places.found[0].is_kept());
+    assert_eq!((places.found.len(), places.crossing.len()), (2, 1));
+}
+
+#[test]
+fn places_that_stand_for_each_other_are_held_once() {
+    // Along each other, the second wavy, a point of the one a millimetre past a point of the other.
+    let points =
+        |x: f64, y: [f64; 2]| (0..11).map(move |k| V::new(x + 0.01 * f64::from(k), y[k as usize % 2], 0.0));
+    let arc: Vec<f64> = (0..6).map(|k| 0.02 + 0.02 * f64::from(k)).collect();
+    let mut places = ContactPairs::new(&[&arc, &arc], vec![SKIN; 2]);
+    let x: Vec<V> = points(0.0, [0.0; 2]).chain(points(1e-3, [4e-4, 4.2e-4])).collect();
+    places.x = [x.clone(), x];
+    places.begin();
+    let along = |m| [0, 1].map(|side| places.on_rod(m, side)).map(|(k, u)| k as f64 + u);
+    let mut at: Vec<_> = places.found.iter().map(|p| along(&p.meeting)).collect();
+    at.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    assert!(at.len() >= 5, "{at:?}");
+    for two in at.windows(2) {
+        let slid: f64 = (0..2).map(|side| (two[1][side] - two[0][side]).abs()).sum();
+        assert!(slid > 0.3, "{at:?}");
+    }
+}
+
+/// A level strand that has taken a sub-step over a ball that comes up by `rise`, m, beneath it from half a millimetre off; the bodies have the
+/// last word. Calls `each` with the strand as a member of a tangle.
+fn over_a_ball(rise: f64, each: impl FnOnce(&mut Member, &mut Guide, &Environment, &mut StepRecord)) {
+    let ball = move |_: usize, t: f64| Isometry3::translation(0.1, -0.0215 + rise * t / H, 0.0);
+    let env = Environment {
+        head: STILL,
+        gravity: &|_| V::zeros(),
+        wind: &[],
+        bodies: &Bodies::from_shapes(&[Shape::Sphere { centre: V::zeros(), radius: 0.02 }]),
+        body: &ball,
+        carrier: &|_, _| Isometry3::identity(),
+        brought_out: &|_| 1.0,
+    };
+    let rod = strand(V::zeros(), V::x() * 0.2, 1.0);
+    let drag = vec![1e-4; rod.points()];
+    let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &env, 0.0, H);
+    let mut record = guide.advance(&env, 0.0, H, &mut Workspace::default());
+    let mut member = Member::new();
+    member.begin(&record);
+    assert!(member.whole && record.penetration < 1e-5, "{record:?}");
+    member.open(&mut guide, &env, [0.0, H]);
+    each(&mut member, &mut guide, &env, &mut record);
+}
+
+#[test]
+fn a_motion_that_is_cut_short_is_taken_whole_where_any_part_of_it_crosses_a_body_that_comes() {
+    for (rise, whole) in [(1.2e-3, false), (2.5e-3, true)] {
+        over_a_ball(rise, |member, guide, env, _| {
+            let (root, start, end) = (member.root, guide.q[0].clone(), member.work.q.clone());
+            let mut truncate = |q: &[f64]| {
+                member.work.q = q.to_vec();
+                guide.with_touch(env.bodies, &root, &mut member.work, |touch, moving| {
+                    moving.solver.shape.update(touch.rod, &root.r, moving.q);
+                    let stopped =
+                        touch.truncate(&start, moving.q, moving.solver, moving.memory, moving.touching);
+                    (stopped, moving.q.clone())
+                })
+            };
+            let (stopped, q) = truncate(&end);
+            assert!(stopped && (q == end) == whole, "rise {rise}: {stopped}");
+            // From where it began there is nothing to be had.
+            let (stopped, q) = truncate(&start);
+            assert!(stopped != whole && q == start, "rise {rise}: {stopped}");
+        });
+    }
+}
+
+#[test]
+fn what_others_do_not_let_go_goes_where_it_went_alone_if_a_body_comes() {
+    for (rise, resort) in [(-1e-3, Resort::Still), (2.5e-3, Resort::Alone)] {
+        over_a_ball(rise, |member, guide, env, _| {
+            while !member.has_yielded() {
+                member.cut_short(guide, env, [0.0, H]);
+            }
+            assert_eq!(member.resort, resort);
+        });
+    }
+}
+
+#[test]
+fn a_way_that_was_given_up_leaves_nothing_in_the_record() {
+    over_a_ball(2.5e-3, |member, guide, env, record| {
+        let alone = record.penetration;
+        // Straight through the ball.
+        member.work.q.fill(0.0);
+        member.work.solver.shape.update(&guide.rod, &member.root.r, &member.work.q);
+        member.meet_bodies(guide, env.bodies);
+        let mut through = *record;
+        member.note(guide, env.bodies, &mut through);
+        assert!(through.penetration > 5e-4, "{through:?}");
+        assert!(member.is_lost());
+        member.go_alone(guide);
+        member.note(guide, env.bodies, record);
+        assert_eq!((record.penetration, record.strands.alone), (alone, 1));
+    });
+}
+
+/// A hair that falls across a stiff one, `turn` from its direction, rad, and then is shaken there.
+fn falls_across(turn: f64) -> Vec<Rod> {
+    let across = V::new(turn.cos(), 0.0, turn.sin());
+    let middle = V::new(0.1, 0.006, 0.0);
+    vec![strand(V::zeros(), V::x() * 0.2, 300.0), strand(middle - across * 0.07, middle + across * 0.13, 1.0)]
+}
+
+#[test]
+fn a_strand_comes_to_rest_on_another() {
+    for turn in [std::f64::consts::FRAC_PI_2, 0.6, 0.03] {
+        let mut scene = Scene::new(falls_across(turn));
+        let alone = Scene { field: scene.field, ..Scene::new(scene.rods[1..].to_vec()) }.run(1.0, |_, _| {});
+        let lowest = |m: &Motion, g: usize| m.guides[g].x.iter().map(|x| x.y).fold(0.0, f64::min);
+        scene.friction = 0.5;
+        let (mut touched, mut held) = (0, 0);
+        let end = scene.run(1.5, |t, m| {
+            assert_eq!(m.crossings(), 0, "turned by {turn}, at {t} s");
+            touched += u32::from(m.active() > 0);
+            held += m.held();
+        });
+        assert!(touched > 150, "turned by {turn}: touched in {touched} sub-steps");
+        assert!(held <= 2, "turned by {turn}: {held} gave way");
+        // A nearly parallel one may roll off.
+        assert!(turn < 0.1 || lowest(&end, 1) > lowest(&alone, 0) + 0.01, "turned by {turn}: not held up");
+        assert!(end.fastest() < 2e-3, "turned by {turn}: still moves at {} m/s", end.fastest());
+    }
+}
+
+#[test]
+fn tips_that_swing_at_each_other_do_not_pass() {
+    let field = |t: f64| V::y() * (20.0 * (25.0 * t).sin()) + V::z() * (5.0 * (40.0 * t).cos());
+    let mut scene = Scene::new(vec![
+        strand(V::zeros(), V::new(0.11, 0.0, 0.0), 30.0),
+        strand(V::new(0.2, 0.001, 0.03), V::new(0.09, 0.001, -0.005), 3.0),
+    ]);
+    scene.field = &field;
+    let (mut touched, mut held) = (0, 0);
+    scene.run(2.0, |t, m| {
+        assert_eq!(m.crossings(), 0, "at {t} s");
+        touched += u32::from(m.active() > 0);
+        held += m.held();
+    });
+    assert!(touched > 10, "touched in {touched} sub-steps");
+    assert!(held <= 2, "{held} gave way");
+}
+
+#[test]
+fn mirrored_strands_stay_mirrored() {
+    // Two equal strands thrown together push each other with equal and opposite forces.
+    let mut scene = Scene::new(vec![
+        strand(V::new(0.0, 0.003, 0.0), V::new(0.14, 0.003, 0.14), 1.0),
+        strand(V::new(0.0, -0.003, 0.14), V::new(0.14, -0.003, 0.0), 1.0),
+    ]);
+    // The mirror is a half turn about the axis about which the head swings.
+    let middle = V::z() * 0.07;
+    let mirror = |x: &V| V::new(x.x, -x.y, 0.14 - x.z);
+    let swing = |t: f64| {
+        let turn = UnitQuaternion::from_scaled_axis(V::x() * (0.3 * (25.0 * t).sin()));
+        Isometry3::from_parts((middle - turn * middle).into(), turn)
+    };
+    scene.head = &swing;
+    scene.field = &|_| V::zeros();
+    let mut touched = 0;
+    scene.run(1.0, |t, m| {
+        touched += u32::from(m.active() > 0);
+        let off = m.guides[0].x.iter().zip(&m.guides[1].x).map(|(a, b)| (mirror(a) - b).norm());
+        let off = off.fold(0.0, f64::max);
+        assert!(off < 2e-5, "at {t} s: {off} m");
+    });
+    assert!(touched > 10, "touched in {touched} sub-steps");
+}
+
+/// Holds the law of friction at all places that push while a strand slides on another, drawn turned by `turn` from it, rad; friction along
+/// parallel ones is the share `parallel` of that across.
+fn obeys_coulomb(turn: f64, parallel: f64) {
+    let (mut stuck, mut slid, mut along, mut weakest) = (0, 0, 0, 1.0_f64);
+    for friction in [0.1, 0.6] {
+        let mut scene = Scene::new(falls_across(turn));
+        scene.friction = friction;
+        scene.skins.iter_mut().for_each(|skin| skin.parallel = parallel);
+        let sway = |t: f64| V::new(3.0 * (6.0 * t).sin(), -9.81, 0.0);
+        scene.field = &sway;
+        scene.run(2.0, |t, m| {
+            for place in m.strand_contacts.places.found.iter().filter(|p| p.pushes()) {
+                let [n, a, b] = place.axes(&UnitQuaternion::identity());
+                // In axes in which the cone is round.
+                let force = Vector2::new(place.reaction.dot(&a) / a.norm_squared(), place.reaction.dot(&b));
+                let slip = m.strand_contacts.places.last_slip(place);
+                let slip = Vector2::new(slip.dot(&a), slip.dot(&b));
+                let normal = place.reaction.dot(&n);
+                let bound = friction * normal;
+                assert!((b.norm() - 1.0).abs() < 1e-12);
+                assert!(a.norm() > parallel - 1e-12 && a.norm() < 1.0 + 1e-12);
+                weakest = a.norm().min(weakest);
+                assert!(normal > 0.0 && force.norm() < bound * (1.0 + 1e-6), "at {t} s");
+                if force.norm() < 0.9 * bound {
+                    stuck += 1;
+                    assert!(slip.norm() < 3e-6, "slides by {} m at {t} s below the bound", slip.norm());
+                } else if slip.norm() > 2e-5 {
+                    slid += 1;
+                    along += u32::from(slip.x.abs() > slip.y.abs());
+                    assert!(force.norm() > bound * (1.0 - 1e-3) && force.dot(&slip) < 0.0, "at {t} s");
+                }
+            }
+        });
+    }
+    assert!(stuck > 100 && slid > 20 && along > 0, "{stuck} {slid} {along}");
+    // The strand that falls bends, and with it the angle between them.
+    let drawn = parallel + (1.0 - parallel) * turn.sin().powi(2);
+    assert!((weakest - drawn).abs() < 0.5 * (1.0 - parallel) + 1e-9, "{weakest}");
+}
+
+#[test]
+fn friction_obeys_coulomb() {
+    obeys_coulomb(1.2, 1.0);
+}
+
+#[test]
+fn along_each_other_strands_slide_more_easily_than_across() {
+    obeys_coulomb(0.6, 0.3);
+}
+
+#[test]
+fn strands_that_cling_keep_together_until_their_weight_is_more() {
+    // A soft strand beside a stiff one, both held out: alone it hangs down, by centimetres.
+    let rods = vec![
+        strand(V::zeros(), V::x() * 0.1, 30.0),
+        strand(V::new(0.0, -1.5e-4, 0.0), V::new(0.1, -1.5e-4, 0.0), 1.0),
+    ];
+    let weight = 6.6e-6 * 9.81;
+    let apart = |cohesion: f64| {
+        let mut scene = Scene::new(rods.clone());
+        scene.skins.iter_mut().for_each(|skin| skin.cohesion = cohesion);
+        let end = scene.run(1.5, |t, m| assert_eq!(m.crossings(), 0, "at {t} s"));
+        let [a, b] = [0, 1].map(|g| *end.guides[g].x.last().unwrap());
+        assert!(end.fastest() < 2e-3, "{cohesion} N/m: still moves at {} m/s", end.fastest());
+        (a - b).norm()
+    };
+    let [alone, little, enough] = [0.0, 0.1, 20.0].map(|times| apart(times * weight));
+    assert!(alone > 0.02 && little > 0.02, "{alone} {little}");
+    assert!(enough < 6e-4, "{enough}");
+}
+
+/// Forty strands on a plate, drawn criss-cross.
+fn brush() -> Vec<Rod> {
+    let mut drawn = 0..;
+    let mut within = |scale: f64| (random::unit(7, drawn.next().unwrap()) - 0.5) * scale;
+    (0..40)
+        .map(|_| {
+            let root = V::new(within(0.05), 0.0, within(0.05));
+            strand(root, root + V::new(within(0.05), 0.11 + within(0.04), within(0.05)), 1.0)
+        })
+        .collect()
+}
+
+fn shaken(t: f64) -> Isometry3<f64> {
+    let s = if t < 0.75 { (25.0 * t).sin() } else { (25.0_f64 * 0.75).sin() };
+    Isometry3::from_parts(
+        V::new(0.04 * s, 0.0, 0.0).into(),
+        UnitQuaternion::from_scaled_axis(V::new(0.2, 0.0, 0.6) * s),
+    )
+}
+
+#[test]
+fn a_shaken_brush_does_not_cross_itself_and_comes_to_rest() {
+    let mut scene = Scene::new(brush());
+    scene.head = &shaken;
+    let ball = Shape::Sphere { centre: V::new(0.02, 0.07, 0.0), radius: 0.015 };
+    scene.bodies = Bodies::from_shapes(&[ball]);
+    let (mut most, mut held) = (0, 0);
+    let end = scene.run(3.5, |t, m| {
+        most = most.max(m.active());
+        held += m.held();
+        assert_eq!(m.crossings(), 0, "at {t} s");
+    });
+    assert!(most > 20, "at most {most} places push");
+    // Of 40 strands in 672 sub-steps.
+    assert!(held < 100, "{held} gave way");
+    // One still slides.
+    assert!(end.active() > 20 && end.fastest() < 0.01, "{} m/s, {} places", end.fastest(), end.active());
+    let speeds: Vec<f64> = end.guides.iter().flat_map(|g| &g.v).map(|v| v.norm()).collect();
+    let mean = speeds.iter().sum::<f64>() / speeds.len() as f64;
+    assert!(mean < 5e-4, "{mean} m/s");
+}
+
+#[test]
+fn a_brush_that_is_thrown_about_in_long_sub_steps_takes_them_in_parts_and_does_not_cross_itself() {
+    let mut scene = Scene::new(brush());
+    scene.h = 1.0 / 24.0;
+    scene.head = &|t: f64| {
+        let turn = UnitQuaternion::from_scaled_axis(V::z() * (2.0 * (30.0 * t).sin()));
+        Isometry3::from_parts(V::x().scale(0.1 * (40.0 * t).sin()).into(), turn)
+    };
+    let ball = Shape::Sphere { centre: V::new(0.02, 0.07, 0.0), radius: 0.015 };
+    scene.bodies = Bodies::from_shapes(&[ball]);
+    let (mut parts, mut steps) = (0, 0);
+    scene.run(0.13, |t, m| {
+        // All of them take the same parts, and each is known.
+        assert!(m.records.iter().all(|r| r.halvings as usize + 2 == m.x.len()));
+        parts += m.x.len() - 1;
+        steps += 1;
+        assert_eq!(m.crossings(), 0, "at {t} s");
+        assert_eq!(m.records.iter().map(|r| r.crossed + r.strands.crossings).sum::<u32>(), 0);
+    });
+    assert!(parts > steps, "{parts} parts of {steps} sub-steps");
+}
+
+#[test]
+fn threads_change_no_bit() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut scene = Scene::new(brush());
+            scene.head = &shaken;
+            let end = scene.run(0.2, |_, _| {});
+            assert!(end.active() > 0);
+            end.guides.into_iter().map(|g| (g.x, g.v)).collect::<Vec<_>>()
+        })
+    };
+    assert!(run(1) == run(2));
+}

@@ -1,0 +1,117 @@
+//! Ties: places of guides that a body holds in all directions.
+
+use super::body_contact::with_midpoints;
+use crate::rod::RodShape;
+use crate::scene::anim::TiePlace;
+use crate::scene::{Anim, Groom};
+use crate::wisp::GuideRod;
+use nalgebra::{Isometry3, Vector3};
+
+/// Speed at which a place is brought to where it is held, at most, m/s.
+const GATHERING: f64 = 0.5;
+
+/// A held place of a guide.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tie {
+    /// Half of the sub-steps of the guide's rod: from a point to the middle of the curve after it, or from there to the next point.
+    pub half: usize,
+    /// Place on it, 0..=1.
+    pub u: f64,
+    /// The body that holds it, index into [`Anim::bodies`].
+    pub body: usize,
+    /// Where it is held, rest space of the body, m.
+    pub goal: Vector3<f64>,
+    /// First and last time at which it holds, s.
+    pub times: [f64; 2],
+}
+
+impl Tie {
+    /// The place on that polyline.
+    pub fn place(&self, x: &[Vector3<f64>]) -> Vector3<f64> {
+        x[self.half] * (1.0 - self.u) + x[self.half + 1] * self.u
+    }
+
+    /// Where the place has to be at the end of a step of `h`, s, at whose start it was at `from`, world, m, with the body's pose (rest
+    /// space to world) at both ends; `None` where the tie does not hold at `t`, s.
+    pub fn target(
+        &self,
+        t: f64,
+        h: f64,
+        from: &Vector3<f64>,
+        poses: [Isometry3<f64>; 2],
+    ) -> Option<Vector3<f64>> {
+        if t < self.times[0] || t > self.times[1] {
+            return None;
+        }
+        let goal = (poses[1] * nalgebra::Point3::from(self.goal)).coords;
+        let carried = (poses[1] * poses[0].inverse_transform_point(&(*from).into())).coords;
+        let way = goal - carried;
+        Some(carried + way * (GATHERING * h / way.norm()).min(1.0))
+    }
+}
+
+/// The ties of each of `rods`.
+pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
+    let mut out = vec![Vec::new(); rods.len()];
+    let drawn: Vec<Vec<Vector3<f64>>> = rods.iter().map(drawn).collect();
+    let curves = &groom.guides.curves;
+    for tie in &anim.ties {
+        let centre = tie.gathered.or(tie.within).map(|(centre, _)| centre);
+        let mut held: Vec<(usize, usize, f64)> = Vec::new();
+        for (i, (r, points)) in rods.iter().zip(&drawn).enumerate() {
+            let group = &groom.groups[curves.group[r.guide] as usize].name;
+            let chosen = tie.ids.as_ref().is_none_or(|ids| ids.contains(&curves.id[r.guide]))
+                && tie.group.as_ref().is_none_or(|name| name == group)
+                && tie.within.is_none_or(|(centre, radius)| nearest(points, &centre).2 <= radius);
+            if !chosen {
+                continue;
+            }
+            let place = match (tie.place, centre) {
+                (TiePlace::Arc(arc), _) => at_arc(r, arc),
+                (TiePlace::Distance(factor), Some(at)) => at_arc(r, factor * (points[0] - at).norm()),
+                (TiePlace::Nearest, Some(at)) => Some(nearest(points, &at)).map(|(k, u, _)| (k, u)),
+                (_, None) => None,
+            };
+            held.extend(place.map(|(k, u)| (i, k, u)));
+        }
+        let at = |&(i, k, u): &(usize, usize, f64)| drawn[i][k] * (1.0 - u) + drawn[i][k + 1] * u;
+        let mean = held.iter().map(at).sum::<Vector3<f64>>() / held.len().max(1) as f64;
+        let widest = held.iter().map(|p| (at(p) - mean).norm()).fold(f64::MIN_POSITIVE, f64::max);
+        for place in held {
+            let goal = match tie.gathered {
+                // The bundle keeps the order in which it was drawn.
+                Some((centre, radius)) => centre + (at(&place) - mean) * (radius / widest).min(1.0),
+                None => at(&place),
+            };
+            let (i, half, u) = place;
+            out[i].push(Tie { half, u, body: tie.body, goal, times: tie.times });
+        }
+    }
+    out
+}
+
+/// Points and middles in the groom's pose, rest space, m.
+fn drawn(r: &GuideRod) -> Vec<Vector3<f64>> {
+    let (mut shape, mut line) = (RodShape::default(), Vec::new());
+    shape.update(&r.rod, &r.rod.root.r, &r.rod.initial_q);
+    with_midpoints(&r.rod.arc, |k| shape.x(k) + r.rod.root.p, |k| shape.tangent(k), &mut line);
+    line
+}
+
+/// Half and place on it nearest to `p`, and its distance, m.
+fn nearest(points: &[Vector3<f64>], p: &Vector3<f64>) -> (usize, f64, f64) {
+    let on = |(k, ends): (usize, &[Vector3<f64>])| {
+        let way = ends[1] - ends[0];
+        let u = (way.dot(&(p - ends[0])) / way.norm_squared()).clamp(0.0, 1.0);
+        (k, u, (ends[0] + way * u - p).norm())
+    };
+    points.windows(2).enumerate().map(on).fold((0, 0.0, f64::INFINITY), |a, b| if b.2 < a.2 { b } else { a })
+}
+
+/// Half and place on it at an arc length, m; `None` beyond the tip.
+fn at_arc(r: &GuideRod, arc: f64) -> Option<(usize, f64)> {
+    let s = &r.rod.arc;
+    let k = s.windows(2).position(|s| arc <= s[1])?;
+    let halves = 2.0 * (arc - s[k]) / (s[k + 1] - s[k]);
+    Some(if halves < 1.0 { (2 * k, halves) } else { (2 * k + 1, halves - 1.0) })
+}

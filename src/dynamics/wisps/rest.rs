@@ -1,0 +1,78 @@
+//! How guides rest, and how they are turned out of that.
+
+use super::{Turning, keep_out, vectors};
+use crate::dynamics::guide::Guide;
+use crate::rod::{Rod, RodShape};
+use crate::wisp::LinearKinematics;
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+use std::sync::OnceLock;
+
+/// A guide at rest.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Rest {
+    pub settled: Settled,
+    /// Frames of the nodes that have unknowns, rest space.
+    pub frame: Vec<Matrix3<f64>>,
+    pub reach: LinearKinematics,
+    /// See [`Rest::metric`].
+    metric: OnceLock<Vec<f64>>,
+}
+
+/// What a guide at rest is known by.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub(super) struct Settled {
+    /// Unknowns, 1/m.
+    pub q: Vec<f64>,
+    /// Distance that each place keeps from each body when it follows, m, as in [`Guide::kept`].
+    pub kept: Vec<f64>,
+}
+
+impl Rest {
+    pub fn new(rod: &Rod, settled: Settled) -> Self {
+        let mut shape = RodShape::default();
+        shape.update(rod, &rod.root.r, &settled.q);
+        let poses: Vec<_> = shape.poses().collect();
+        let nodes: Vec<_> = (0..rod.nodes.len()).map(|node| poses[rod.node_point(node)]).collect();
+        let places: Vec<_> = nodes.iter().map(|node| node.p).collect();
+        Rest {
+            frame: nodes[..nodes.len() - 1].iter().map(|node| node.r).collect(),
+            reach: LinearKinematics::new(&places, &rod.nodes),
+            settled,
+            metric: OnceLock::new(),
+        }
+    }
+
+    /// How changes of its unknowns are measured, as [`keep_out::softness`] of its shape at rest; known once it is asked for.
+    pub fn metric(&self, rod: &Rod) -> &[f64] {
+        self.metric.get_or_init(|| {
+            let mut shape = RodShape::default();
+            shape.update(rod, &rod.root.r, &self.settled.q);
+            keep_out::softness(rod, &shape)
+        })
+    }
+
+    /// How `guide` is and was turned.
+    pub fn turn(&self, guide: &Guide, turning: &mut Turning) {
+        turning.clear();
+        for q in &guide.q {
+            let at_rest = self.settled.q.chunks_exact(3).zip(&self.frame);
+            for (q, (rest, frame)) in q.chunks_exact(3).zip(at_rest) {
+                let deviation = Vector3::from_column_slice(q) - Vector3::from_column_slice(rest);
+                turning.extend_from_slice((frame * deviation * guide.rod.length()).as_slice());
+            }
+        }
+        let now = vectors(&turning[..self.settled.q.len()]);
+        let ways: Vec<_> = self.reach.displacements(now).map(|(way, _)| way).collect();
+        ways.iter().for_each(|way| turning.extend_from_slice(way.as_slice()));
+    }
+
+    /// Sets unknowns `q` to those of a guide that is turned so, 1/m.
+    pub fn unknowns(&self, rod: &Rod, turned: &[f64], q: &mut Vec<f64>) {
+        q.clone_from(&self.settled.q);
+        for ((q, turned), frame) in q.chunks_exact_mut(3).zip(vectors(turned)).zip(&self.frame) {
+            let deviation = frame.tr_mul(&turned) / rod.length();
+            q.iter_mut().zip(&deviation).for_each(|(q, more)| *q += more);
+        }
+    }
+}
