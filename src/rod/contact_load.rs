@@ -1,42 +1,52 @@
-//! The linearisation of a rod that contacts push: the forces carried along by the rod are part of its stiffness.
+//! Linearisation of a rod under contact forces: the forces move with the rod, so they are part of its
+//! stiffness.
 
+use super::hessian::hessian;
+use super::model::Rod;
 use super::newton::Solver;
-use super::potential::{Load, gradient, hessian};
-use super::{Rod, RodShape, Sensitivity};
+use super::potential::{Load, gradient};
+use super::sensitivity::Sensitivity;
+use super::shape::RodShape;
 use crate::math::cholesky;
 use crate::math::lanes::Twist;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// How much stiffer than the rod itself a place is made along a direction in which it is held, where the rod alone is unstable
-/// under what pushes it. The result of the rounds does not depend on it, only how soon they come to it.
+/// Stiffness added at a contact along its constrained directions, relative to the rod's own stiffness there,
+/// if the contact forces make the Hessian indefinite. It affects the convergence of the contact rounds, not
+/// their result.
 const STIFFENING: f64 = 100.0;
 
-/// A force on a place of a rod.
+/// A contact force at a place of a rod.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ContactLoad {
-    /// Segment of the place, from point `segment` to the next.
+    /// Segment of the place: from point `segment` to the next.
     pub segment: usize,
-    /// Place on the segment, 0..=1.
+    /// Fraction of the segment, 0..=1.
     pub u: f64,
-    /// The force, N, world axes.
+    /// Force, N, world axes.
     pub force: Vector3<f64>,
-    /// Unit direction in which the place is held, world axes; zero where it is no surface that holds it.
+    /// Unit normal of the surface, world axes; zero if the place is not held by a surface.
     pub normal: Vector3<f64>,
-    /// Whether it is held in all directions.
+    /// Whether the contact constrains all directions (sticking friction, attachment).
     pub sticks: bool,
 }
 
 impl ContactLoad {
-    /// Adds to `row` what the place moves along the world direction `d`, by unknown.
+    /// The two points of the segment with their weights in the place.
+    fn points(&self) -> [(usize, f64); 2] {
+        [(self.segment, 1.0 - self.u), (self.segment + 1, self.u)]
+    }
+
+    /// Adds the Jacobian row of the place along the world direction `d` to `row`.
     fn add_row(&self, d: &Vector3<f64>, shape: &RodShape, sensitivity: &Sensitivity, row: &mut [f64]) {
-        for (k, share) in [(self.segment, 1.0 - self.u), (self.segment + 1, self.u)] {
-            sensitivity.add_row(k, &shape.x(k), d, share, row);
+        for (k, weight) in self.points() {
+            sensitivity.add_row(k, &shape.x(k), d, weight, row);
         }
     }
 
-    /// Directions in which the place is held.
-    fn held(&self) -> impl Iterator<Item = Vector3<f64>> {
+    /// Directions that the contact constrains.
+    fn constrained(&self) -> impl Iterator<Item = Vector3<f64>> {
         let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
         let (all, one) = if self.sticks { (3, 0) } else { (0, 1) };
         axes.into_iter().take(all).chain(std::iter::once(self.normal).take(one))
@@ -53,49 +63,51 @@ pub struct ContactLoadBuffers {
 }
 
 impl Solver {
-    /// As [`Solver::linearise`], for a rod that `pushes` act on (`docs/theory.md` §5): the Hessian holds their geometric stiffness, while
-    /// the direction leaves them out, for they are what is to be solved for. Where they make it indefinite, as in a strand that has
-    /// buckled against a wall, it is stiffened along the directions in which the places are held, which changes no motion
-    /// that keeps them there; where that does not suffice, the pushes are left out.
+    /// [`Solver::linearise`] of a rod under `contacts` (`docs/theory.md` §5). The Hessian includes their
+    /// geometric stiffness; the direction excludes their forces, which are the unknowns of the contact
+    /// problem. If they make the Hessian indefinite (a strand buckled against a wall), it is stiffened along
+    /// the constrained directions, which does not affect motions that satisfy the constraints. If that does
+    /// not suffice, the contacts are ignored.
     pub fn linearise_loaded(
         &mut self,
         rod: &Rod,
         load: &Load,
-        pushes: &[ContactLoad],
+        contacts: &[ContactLoad],
         q: &[f64],
-        work: &mut ContactLoadBuffers,
+        buffers: &mut ContactLoadBuffers,
     ) -> bool {
-        if pushes.is_empty() {
+        if contacts.is_empty() {
             return self.linearise(rod, load, q);
         }
+        let ContactLoadBuffers { load: loaded, wrench, hessian: matrix, row } = buffers;
         let n = q.len();
-        work.load.clone_from(load);
-        for push in pushes {
-            for (k, share) in [(push.segment, 1.0 - push.u), (push.segment + 1, push.u)] {
-                work.load.add_force(k, &(push.force * share));
+        loaded.clone_from(load);
+        for contact in contacts {
+            for (k, weight) in contact.points() {
+                loaded.add_force(k, &(contact.force * weight));
             }
         }
         self.sensitivity.update(rod, &self.shape, q);
-        let (beam, shape, sensitivity) = (&rod.beam, &self.shape, &self.sensitivity);
-        gradient(beam, &work.load, shape, sensitivity, q, &mut self.direction, &mut work.wrench);
-        hessian(beam, &work.load, shape, sensitivity, &work.wrench, 1.0, &mut work.hessian);
+        let (core, shape, sensitivity) = (&rod.core, &self.shape, &self.sensitivity);
+        gradient(core, loaded, shape, sensitivity, q, &mut self.direction, wrench);
+        hessian(core, loaded, shape, sensitivity, wrench, 1.0, matrix);
         for d in &mut self.direction {
             *d = -*d;
         }
-        for push in pushes {
-            push.add_row(&-push.force, &self.shape, &self.sensitivity, &mut self.direction);
+        for contact in contacts {
+            contact.add_row(&-contact.force, &self.shape, &self.sensitivity, &mut self.direction);
         }
-        self.factor.clone_from(&work.hessian);
+        self.factor.clone_from(matrix);
         if cholesky::factor(&mut self.factor, n) != 1 {
-            for push in pushes {
-                for d in push.held() {
-                    work.row.clear();
-                    work.row.resize(n, 0.0);
-                    push.add_row(&d, &self.shape, &self.sensitivity, &mut work.row);
-                    add_outer(&work.row, STIFFENING, &mut work.hessian);
+            for contact in contacts {
+                for d in contact.constrained() {
+                    row.clear();
+                    row.resize(n, 0.0);
+                    contact.add_row(&d, &self.shape, &self.sensitivity, row);
+                    add_spring(row, STIFFENING, matrix);
                 }
             }
-            self.factor.clone_from(&work.hessian);
+            self.factor.clone_from(matrix);
             if cholesky::factor(&mut self.factor, n) != 1 {
                 return self.linearise(rod, load, q);
             }
@@ -105,17 +117,18 @@ impl Solver {
     }
 }
 
-/// Adds to the lower triangle of `hessian` a spring along `row`, `stiffening` times as stiff as the diagonal is along it.
-fn add_outer(row: &[f64], stiffening: f64, hessian: &mut [f64]) {
+/// Adds a spring along `row` to the lower triangle of `hessian`, `stiffening` times as stiff as its diagonal
+/// along `row`.
+fn add_spring(row: &[f64], stiffening: f64, hessian: &mut [f64]) {
     let n = row.len();
-    let yielding: f64 = (0..n).map(|a| row[a] * row[a] / hessian[a * n + a].abs()).sum();
-    // A place that cannot move, as at the root, needs no holding.
-    if !(yielding > 0.0 && yielding.is_finite()) {
+    let compliance: f64 = (0..n).map(|a| row[a] * row[a] / hessian[a * n + a].abs()).sum();
+    // A place that cannot move, such as the root, needs no spring.
+    if !(compliance > 0.0 && compliance.is_finite()) {
         return;
     }
     for a in 0..n {
         for b in 0..=a {
-            hessian[a * n + b] += stiffening / yielding * row[a] * row[b];
+            hessian[a * n + b] += stiffening / compliance * row[a] * row[b];
         }
     }
 }
@@ -123,8 +136,9 @@ fn add_outer(row: &[f64], stiffening: f64, hessian: &mut [f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rod::model::{RodSource, Taper};
     use crate::rod::potential::PointLoad;
-    use crate::rod::{RodSource, SegmentSize, Taper};
+    use crate::rod::segment::SegmentSize;
 
     fn hair() -> Rod {
         Rod::new(&RodSource {
@@ -156,11 +170,11 @@ mod tests {
         load
     }
 
-    /// Factor of the Hessian, and minus the gradient without the pushes.
-    fn linearised(rod: &Rod, load: &Load, pushes: &[ContactLoad], q: &[f64]) -> (Solver, Vec<f64>) {
+    /// The solver after the linearisation, and −gradient without the contact forces.
+    fn linearised(rod: &Rod, load: &Load, contacts: &[ContactLoad], q: &[f64]) -> (Solver, Vec<f64>) {
         let mut solver = Solver::default();
         solver.shape.update(rod, &rod.root.r, q);
-        assert!(solver.linearise_loaded(rod, load, pushes, q, &mut ContactLoadBuffers::default()));
+        assert!(solver.linearise_loaded(rod, load, contacts, q, &mut ContactLoadBuffers::default()));
         let n = q.len();
         // The diagonal of L is stored inverted.
         let l = |a: usize, b: usize| solver.factor[a * n + b];
@@ -173,28 +187,28 @@ mod tests {
     }
 
     #[test]
-    fn the_hessian_holds_how_the_pushes_turn() {
+    fn hessian_includes_the_geometric_stiffness_of_contact_forces() {
         let rod = hair();
         let load = at_rest(&rod, 0.1);
         let q: Vec<f64> = (0..rod.unknowns()).map(|i| (i as f64 * 1.7).cos() * 0.3).collect();
         let n = q.len();
         let force = Vector3::new(1e-7, 2e-7, 1e-7);
-        let pushes = [5, 20].map(|segment| ContactLoad {
+        let contacts = [5, 20].map(|segment| ContactLoad {
             segment,
             u: 0.3,
             force,
             normal: Vector3::y(),
             sticks: false,
         });
-        // Slope of Φ less the work of the pushes.
+        // −gradient of Φ minus the work of the contact forces.
         let gradient = |q: &[f64]| {
             let (solver, mut slope) = linearised(&rod, &load, &[], q);
-            for push in &pushes {
-                push.add_row(&push.force, &solver.shape, &solver.sensitivity, &mut slope);
+            for contact in &contacts {
+                contact.add_row(&contact.force, &solver.shape, &solver.sensitivity, &mut slope);
             }
             slope
         };
-        let (solver, slope) = linearised(&rod, &load, &pushes, &q);
+        let (solver, slope) = linearised(&rod, &load, &contacts, &q);
         let (_, alone) = linearised(&rod, &load, &[], &q);
         let scale = alone.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         assert!(slope.iter().zip(&alone).all(|(a, b)| (a - b).abs() < 1e-9 * scale));
@@ -205,7 +219,7 @@ mod tests {
             };
             (0..=b).map(|k| l(a, k) * l(b, k)).sum::<f64>()
         };
-        let (mut worst, mut largest, mut turned) = (0.0_f64, 0.0_f64, 0.0_f64);
+        let (mut worst, mut largest, mut geometric) = (0.0_f64, 0.0_f64, 0.0_f64);
         for b in 0..n {
             let moved = |d: f64| {
                 let mut p = q.clone();
@@ -216,31 +230,31 @@ mod tests {
             for a in b..n {
                 let numeric = (behind[a] - ahead[a]) / 2e-4;
                 worst = worst.max((numeric - entry(a, b)).abs());
-                turned = turned.max((numeric - (behind_alone[a] - ahead_alone[a]) / 2e-4).abs());
+                geometric = geometric.max((numeric - (behind_alone[a] - ahead_alone[a]) / 2e-4).abs());
                 largest = largest.max(numeric.abs());
             }
         }
-        assert!(worst < 1e-4 * turned && turned > 1e-3 * largest, "{worst} {turned} {largest}");
+        assert!(worst < 1e-4 * geometric && geometric > 1e-3 * largest, "{worst} {geometric} {largest}");
     }
 
     #[test]
-    fn a_strand_that_its_load_would_buckle_is_held() {
+    fn hessian_beyond_the_buckling_load_is_stiffened_at_contacts() {
         let rod = hair();
         let load = at_rest(&rod, 1.0);
         let q = rod.initial_q.clone();
         let tip = rod.points() - 2;
-        // More than a column of this length bears with a free end, less than with a pinned one.
+        // Above the buckling load of a column with a free end, below that with a pinned end.
         let along = Vector3::new(0.1, 0.15, 0.03).normalize();
-        let push = ContactLoad { segment: tip, u: 1.0, force: along * -2e-6, normal: along, sticks: true };
-        let (held, _) = linearised(&rod, &load, &[push], &q);
+        let contact = ContactLoad { segment: tip, u: 1.0, force: along * -2e-6, normal: along, sticks: true };
+        let (held, _) = linearised(&rod, &load, &[contact], &q);
         let (free, _) = linearised(&rod, &load, &[], &q);
-        // What the held tip gives way to a force is far less than the rod alone would.
-        let yielding = |solver: &Solver| {
+        // The compliance of the held tip is far below that of the free one.
+        let compliance = |solver: &Solver| {
             let mut row = vec![0.0; q.len()];
-            push.add_row(&Vector3::z(), &solver.shape, &solver.sensitivity, &mut row);
+            contact.add_row(&Vector3::z(), &solver.shape, &solver.sensitivity, &mut row);
             cholesky::solve_lower(&solver.factor, q.len(), &mut row);
             cholesky::dot(&row, &row)
         };
-        assert!(yielding(&held) < 0.1 * yielding(&free), "{} {}", yielding(&held), yielding(&free));
+        assert!(compliance(&held) < 0.1 * compliance(&free), "{} {}", compliance(&held), compliance(&free));
     }
 }

@@ -1,28 +1,49 @@
 //! Kirchhoff rods in curvature-and-twist coordinates (`docs/theory.md` §3-§5).
 //!
-//! A rod is inextensible and unshearable by construction: its shape follows from its strain
-//! Ω(s) = (κ1, κ2, τ) in the material frame. The natural shape keeps the groom's own resolution; the unknowns `q`
-//! are the deviation from it at a few nodes, linear in between. [`Rod`] is what does not change, [`RodShape`]
-//! and [`Sensitivity`] are the kinematics at one `q`, [`potential`] the incremental potential whose minimum is the
-//! implicit step, [`newton`] finds it.
+//! A Kirchhoff rod is the inextensible, unshearable Cosserat rod: its shape follows from its strain Ω(s) =
+//! (κ1, κ2, τ) in the material frame. The natural shape keeps the groom's own resolution; the unknowns `q`
+//! are the deviation of the strain from it at a few nodes, linear in between.
 //!
 //! | symbol | here | meaning | unit |
 //! |---|---|---|---|
 //! | s, L | `nodes`, `length` | arc length | m |
 //! | Ω, Ω̄ | strain, natural strain | (κ1, κ2, τ) along d1, d2, d3 | 1/m |
 //! | q | `q[3 i + c]` | deviation Ω − Ω̄ at node i, axis c; zero at the tip node | 1/m |
-//! | ψ | `Twist` | Magnus exponent of one sub-step | rad, m |
-//! | T, S | `Twist` columns | world twist that an unknown induces downstream | rad·m, m² per 1/m |
+//! | ψ | `Twist` | Magnus exponent of one segment | rad, m |
+//! | T, S | `Twist` | world twist of everything downstream per unit of an unknown | rad·m, m² |
 //! | K | `stiffness` | (E I1, E I2, G J) | N·m² |
+//!
+//! | file | content |
+//! |---|---|
+//! | `model` | [`Rod`]: constants of a rod, built from a [`RodSource`] |
+//! | `segment` | [`SegmentSize`]; the segments of the curve |
+//! | `shape` | [`RodShape`]: frames and points at one `q` |
+//! | `sensitivity` | [`Sensitivity`]: exact derivatives of the shape by `q` |
+//! | `lumped` | [`LumpedSensitivity`]: approximate ones, and matrices of linear models |
+//! | [`potential`], `hessian` | incremental potential Φ of one implicit step; its minimum is the new state |
+//! | [`newton`] | [`Solver`](newton::Solver): minimises Φ |
+//! | [`contact_load`] | linearisation of Φ under contact forces |
+//! | [`pack`] | several rods at once, one per SIMD lane |
 
 pub mod contact_load;
-mod kinematics;
-mod levers;
+mod drawn;
+mod hat;
+mod hessian;
+mod lumped;
 mod model;
 pub mod newton;
 pub mod pack;
 pub mod potential;
+mod secants;
+mod segment;
+mod sensitivity;
+mod shape;
 
-pub use kinematics::{RodShape, Sensitivity};
-pub use levers::LumpedSensitivity;
-pub use model::{Rod, RodSource, SegmentSize, Taper};
+pub use lumped::LumpedSensitivity;
+pub use model::{Rod, RodSource, Taper};
+pub use segment::SegmentSize;
+pub use sensitivity::Sensitivity;
+pub use shape::RodShape;
+
+#[cfg(test)]
+mod tests;

@@ -1,24 +1,24 @@
-//! Several rods stepped at once, one to a lane of the processor's vector registers.
+//! Several rods stepped at once, one per SIMD lane.
 //!
-//! The kernels are those of one rod ([`crate::math::lanes`]), so a rod's step has the same bits alone and in any company. Rods of
-//! one pack have the same number of nodes; where one has fewer sub-steps in an element than another, it gets sub-steps of no length,
-//! which add nothing.
+//! The kernels are those of one rod ([`crate::math::lanes`]), so the result of a rod has the same bits in any
+//! pack. The rods of a pack have the same number of nodes. A rod with fewer segments in an element than
+//! another gets segments of zero length, which contribute nothing.
 
-use super::kinematics::Turn;
-use super::model::{Beam, Step};
+use super::model::Rod;
 use super::newton::{NewtonOutcome, Solver};
-use super::potential::{Load, Tie};
-use super::{Rod, RodShape};
+use super::potential::{Load, PointSpring};
+use super::segment::{RodCore, Segment};
+use super::shape::{MagnusExponent, RodShape};
 use crate::math::lanes::{self, Lane, M3, MAX_LANES, Real, Twist, V3};
 use crate::math::se3::{Coefficients, Pose};
 use nalgebra::{Matrix3, Vector3};
 use pulp::{Arch, Simd, WithSimd};
 use std::any::Any;
 
-/// Rods that are stepped at once.
+/// Rods that are stepped at once. Type-erased: the lanes depend on the processor.
 pub struct Pack(Box<dyn Any + Send + Sync>);
 
-/// Workspace of the steps of packs, one at a time; reuse keeps the steps free of allocation.
+/// Buffers for the steps of packs, one pack at a time. Reuse avoids allocation.
 #[derive(Default)]
 pub struct PackBuffers(Option<Box<dyn Any + Send>>);
 
@@ -26,49 +26,48 @@ pub struct PackBuffers(Option<Box<dyn Any + Send>>);
 pub struct StepTask<'a> {
     /// Root frame at the end of the step, world axes.
     pub root: &'a Matrix3<f64>,
-    /// What drives the rod.
+    /// Loads on the rod.
     pub load: &'a Load,
-    /// Unknowns, 1/m: one start, and the result.
+    /// Unknowns, 1/m: in, one start of the solve; out, its result.
     pub q: &'a mut [f64],
     /// Another start, 1/m.
     pub other: &'a [f64],
-    /// RodShape at the result.
+    /// Output: shape at the result.
     pub shape: &'a mut RodShape,
-    /// How it went.
+    /// Output: outcome of the solve.
     pub outcome: &'a mut NewtonOutcome,
 }
 
-/// A rod of a pack at given unknowns.
+/// A request for the points of one rod of a pack.
 pub struct PointsTask<'a> {
-    /// Root, world.
+    /// Root pose, world.
     pub root: Pose,
     /// Unknowns, 1/m.
     pub q: &'a [f64],
-    /// Set to what [`RodShape::points_and_midpoints`] says.
-    pub places: &'a mut Vec<Vector3<f64>>,
+    /// Output: see [`RodShape::points_and_midpoints`].
+    pub points: &'a mut Vec<Vector3<f64>>,
 }
 
 impl Pack {
-    /// Rods that one pack takes, on this processor.
+    /// Number of rods that a pack takes on this processor.
     pub fn width() -> usize {
         Arch::new().dispatch(Width)
     }
 
-    /// Packs at most [`Pack::width`] rods, one at least, of the same number of nodes.
+    /// Packs one to [`Pack::width`] rods with the same number of nodes.
     pub fn new(rods: &[&Rod]) -> Pack {
         Arch::new().dispatch(Gather(rods))
     }
 
-    /// Does for every rod, in the order of [`Pack::new`], what [`Solver::minimise`] does.
-    /// There is no task where there is no rod.
-    pub fn minimise(&self, tasks: &mut [Option<StepTask>; MAX_LANES], work: &mut PackBuffers) {
-        Arch::new().dispatch(Minimise { pack: self, tasks, work });
+    /// [`Solver::minimise`] for every rod, in the order of [`Pack::new`]. Entries beyond the rods are `None`.
+    pub fn minimise(&self, tasks: &mut [Option<StepTask>; MAX_LANES], buffers: &mut PackBuffers) {
+        Arch::new().dispatch(Minimise { pack: self, tasks, buffers });
     }
 
-    /// Does for every rod, in the order of [`Pack::new`], what [`RodShape::update`] and [`RodShape::points_and_midpoints`] do. There is no `bent` where there is no rod, or it
-    /// does not matter.
-    pub fn place(&self, bent: &mut [Option<PointsTask>; MAX_LANES], work: &mut PackBuffers) {
-        Arch::new().dispatch(Place { pack: self, bent, work });
+    /// [`RodShape::update`] and [`RodShape::points_and_midpoints`] for every rod with a task, in the order of
+    /// [`Pack::new`]. Entries beyond the rods are `None`.
+    pub fn evaluate_points(&self, tasks: &mut [Option<PointsTask>; MAX_LANES], buffers: &mut PackBuffers) {
+        Arch::new().dispatch(EvaluatePoints { pack: self, tasks, buffers });
     }
 }
 
@@ -88,59 +87,59 @@ impl WithSimd for Gather<'_> {
     type Output = Pack;
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Pack {
-        Pack(Box::new(Beams::new(Lane::splat(simd, 0.0), self.0)))
+        Pack(Box::new(LaneRods::new(Lane::splat(simd, 0.0), self.0)))
     }
 }
 
 struct Minimise<'a, 'b> {
     pack: &'a Pack,
     tasks: &'a mut [Option<StepTask<'b>>; MAX_LANES],
-    work: &'a mut PackBuffers,
+    buffers: &'a mut PackBuffers,
 }
 
 impl WithSimd for Minimise<'_, '_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let (beams, buffers) = made_for(simd, self.pack, self.work);
-        beams.minimise(self.tasks, buffers);
+        let (rods, buffers) = downcast(simd, self.pack, self.buffers);
+        rods.minimise(self.tasks, buffers);
     }
 }
 
-struct Place<'a, 'b> {
+struct EvaluatePoints<'a, 'b> {
     pack: &'a Pack,
-    bent: &'a mut [Option<PointsTask<'b>>; MAX_LANES],
-    work: &'a mut PackBuffers,
+    tasks: &'a mut [Option<PointsTask<'b>>; MAX_LANES],
+    buffers: &'a mut PackBuffers,
 }
 
-impl WithSimd for Place<'_, '_> {
+impl WithSimd for EvaluatePoints<'_, '_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let (beams, buffers) = made_for(simd, self.pack, self.work);
-        beams.place(self.bent, buffers);
+        let (rods, buffers) = downcast(simd, self.pack, self.buffers);
+        rods.evaluate_points(self.tasks, buffers);
     }
 }
 
-/// A pack and a workspace as what they are on this processor.
+/// A pack and its buffers with their types on this processor.
 #[inline(always)]
-fn made_for<'a, S: Simd>(
+fn downcast<'a, S: Simd>(
     simd: S,
     pack: &'a Pack,
-    work: &'a mut PackBuffers,
-) -> (&'a Beams<Lane<S>>, &'a mut Buffers<Lane<S>>) {
-    let work = work.0.get_or_insert_with(|| Box::new(Buffers::new(Lane::splat(simd, 0.0))));
-    // A process sees one processor, so both were made for this one.
-    match (pack.0.downcast_ref(), work.downcast_mut()) {
-        (Some(beams), Some(buffers)) => (beams, buffers),
-        _ => unreachable!("packs and their workspaces are made by the same dispatch"),
+    buffers: &'a mut PackBuffers,
+) -> (&'a LaneRods<Lane<S>>, &'a mut Buffers<Lane<S>>) {
+    let buffers = buffers.0.get_or_insert_with(|| Box::new(Buffers::new(Lane::splat(simd, 0.0))));
+    // A process runs on one kind of processor, so both were created by the same dispatch.
+    match (pack.0.downcast_ref(), buffers.downcast_mut()) {
+        (Some(rods), Some(buffers)) => (rods, buffers),
+        _ => unreachable!("packs and their buffers are created by the same dispatch"),
     }
 }
 
-/// Rods in lanes.
-struct Beams<F> {
-    beam: Beam<F>,
-    /// For every lane, the sub-steps in the pack that are its own.
+/// One rod per lane.
+struct LaneRods<F> {
+    core: RodCore<F>,
+    /// For every lane, the indices of its rod's segments among those of the pack.
     own: Vec<Vec<usize>>,
 }
 
@@ -153,14 +152,167 @@ struct Buffers<F> {
 
 impl<F: Real> Buffers<F> {
     fn new(zero: F) -> Self {
-        let load = Load { hat: Vec::new(), inertia: zero, tie: Vec::new(), pull: Vec::new() };
+        let load = Load { hat: Vec::new(), inertia: zero, springs: Vec::new(), force: Vec::new() };
         Buffers { load, q: Vec::new(), other: Vec::new(), solver: Solver::default() }
     }
 }
 
-/// `of` every lane.
+impl<F: Real> LaneRods<F> {
+    fn new(zero: F, rods: &[&Rod]) -> Self {
+        // Unused lanes repeat the first rod.
+        let cores: Vec<&RodCore<f64>> =
+            (0..F::LANES).map(|i| &rods.get(i).copied().unwrap_or(rods[0]).core).collect();
+        let elements = cores[0].hat.len();
+        let (segments, own) = pack_segments(zero, &cores);
+        let core = RodCore {
+            segments,
+            hat: (0..elements).map(|e| [0, 1].map(|j| gather(zero, |i| cores[i].hat[e][j]))).collect(),
+            stiffness: [0, 1, 2].map(|c| gather(zero, |i| cores[i].stiffness[c])),
+            prebend: (0..3 * elements).map(|a| gather(zero, |i| cores[i].prebend[a])).collect(),
+            length: gather(zero, |i| cores[i].length),
+            longest: gather(zero, |i| cores[i].longest),
+            mass: gather(zero, |i| cores[i].mass),
+        };
+        LaneRods { core, own }
+    }
+
+    #[inline(always)]
+    fn minimise(&self, tasks: &mut [Option<StepTask>; MAX_LANES], buffers: &mut Buffers<F>) {
+        let zero = self.core.length.same(0.0);
+        let Buffers { load, q, other, solver } = buffers;
+        let Some(first) = &tasks[0] else { return };
+        let task = |i: usize| tasks[i].as_ref().unwrap_or(first);
+        load.hat.clear();
+        let hat = (0..self.core.hat.len()).map(|e| [0, 1].map(|j| gather(zero, |i| task(i).load.hat[e][j])));
+        load.hat.extend(hat);
+        load.inertia = gather(zero, |i| task(i).load.inertia);
+        let none = PointSpring { alpha: zero, u: V3::all(zero), target: V3::all(zero) };
+        load.springs.clear();
+        load.springs.resize(self.core.segments.len(), none);
+        for (i, own) in self.own.iter().enumerate() {
+            for (&k, spring) in own.iter().zip(&task(i).load.springs) {
+                let into = &mut load.springs[k];
+                into.alpha.set(i, spring.alpha);
+                for c in 0..3 {
+                    into.u.0[c].set(i, spring.u.0[c]);
+                    into.target.0[c].set(i, spring.target.0[c]);
+                }
+            }
+        }
+        for (into, from) in [(&mut load.force, 0), (&mut *q, 1), (&mut *other, 2)] {
+            into.clear();
+            into.resize(self.core.unknowns(), zero);
+            for i in 0..F::LANES {
+                let task = task(i);
+                let values = [&task.load.force[..], &*task.q, task.other][from];
+                for (into, x) in into.iter_mut().zip(values) {
+                    into.set(i, *x);
+                }
+            }
+        }
+        let root = M3([
+            gather_vectors(zero, |i| M3::from(*task(i).root).0[0]),
+            gather_vectors(zero, |i| M3::from(*task(i).root).0[1]),
+            gather_vectors(zero, |i| M3::from(*task(i).root).0[2]),
+        ]);
+        let outcomes = solver.solve(&self.core, root, load, q, other);
+        for (i, task) in tasks.iter_mut().flatten().enumerate() {
+            *task.outcome = outcomes[i];
+            for (x, q) in task.q.iter_mut().zip(&*q) {
+                *x = q.lane(i);
+            }
+            let RodShape { pose, exponent } = &mut *task.shape;
+            pose.clear();
+            exponent.clear();
+            pose.push(pose_in_lane(&solver.shape.pose[0], i));
+            for &k in &self.own[i] {
+                pose.push(pose_in_lane(&solver.shape.pose[k + 1], i));
+                exponent.push(exponent_in_lane(&solver.shape.exponent[k], i));
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn evaluate_points(&self, tasks: &mut [Option<PointsTask>; MAX_LANES], buffers: &mut Buffers<F>) {
+        let zero = self.core.length.same(0.0);
+        let Buffers { q, solver, .. } = buffers;
+        let shape = &mut solver.shape;
+        let Some(any) = tasks.iter().position(Option::is_some) else { return };
+        let of = |i: usize| tasks[i].as_ref().or(tasks[any].as_ref());
+        q.clear();
+        q.resize(self.core.unknowns(), zero);
+        let mut root = M3::diagonal(zero);
+        for i in 0..F::LANES {
+            let Some(task) = of(i) else { return };
+            q.iter_mut().zip(task.q).for_each(|(into, x)| into.set(i, *x));
+            let r = M3::<f64>::from(task.root.r);
+            for (into, from) in root.0.iter_mut().zip(r.0) {
+                (0..3).for_each(|c| into.0[c].set(i, from.0[c]));
+            }
+        }
+        shape.integrate(&self.core, root, q);
+        let world = |x: &V3<F>, i: usize, root: &Pose| Vector3::from(vector_in_lane(x, i)) + root.p;
+        for (i, task) in tasks.iter_mut().enumerate() {
+            let Some(PointsTask { root, points, .. }) = task else { continue };
+            points.clear();
+            points.push(world(&shape.pose[0].p, i, root));
+            points.extend(self.own[i].iter().map(|&k| world(&shape.pose[k + 1].p, i, root)));
+        }
+        // Midpoints replace the start of each segment.
+        for (k, segment) in self.core.segments.iter().enumerate() {
+            shape.pose[k].p = shape.cubic_midpoint(k, segment.h);
+        }
+        for (i, task) in tasks.iter_mut().enumerate() {
+            let Some(PointsTask { root, points, .. }) = task else { continue };
+            points.extend(self.own[i].iter().map(|&k| world(&shape.pose[k].p, i, root)));
+        }
+    }
+}
+
+/// The segments of one rod per lane, padded so that every element has as many segments in all lanes; and for
+/// every lane the indices of its own segments.
+fn pack_segments<F: Real>(zero: F, cores: &[&RodCore<f64>]) -> (Vec<Segment<F>>, Vec<Vec<usize>>) {
+    let elements = cores[0].hat.len();
+    let of = |core: &RodCore<f64>, element: usize| -> Vec<usize> {
+        (0..core.segments.len()).filter(|&k| core.segments[k].element == element).collect()
+    };
+    let mut own = vec![Vec::new(); F::LANES];
+    let mut segments = Vec::new();
+    for element in 0..elements {
+        let theirs: Vec<Vec<usize>> = cores.iter().map(|core| of(core, element)).collect();
+        let most = theirs.iter().map(Vec::len).max().unwrap_or(0);
+        for k in 0..most {
+            for (own, theirs) in own.iter_mut().zip(&theirs) {
+                own.extend((k < theirs.len()).then_some(segments.len()));
+            }
+            let segment = |i: usize| match theirs[i].get(k) {
+                Some(&k) => cores[i].segments[k],
+                None => padding(element),
+            };
+            segments.push(Segment {
+                element,
+                h: gather(zero, |i| segment(i).h),
+                natural: Twist {
+                    w: gather_vectors(zero, |i| segment(i).natural.w),
+                    v: gather_vectors(zero, |i| segment(i).natural.v),
+                },
+                strain: [0, 1].map(|g| gather_vectors(zero, |i| segment(i).strain[g])),
+                hat: [0, 1].map(|g| gather(zero, |i| segment(i).hat[g])),
+            });
+        }
+    }
+    (segments, own)
+}
+
+/// A segment of zero length.
+fn padding(element: usize) -> Segment<f64> {
+    let none = V3::all(0.0);
+    Segment { element, h: 0.0, natural: Twist { w: none, v: none }, strain: [none; 2], hat: [0.0; 2] }
+}
+
+/// The number `of(i)` in every lane i.
 #[inline(always)]
-fn lanes<F: Real>(zero: F, of: impl Fn(usize) -> f64) -> F {
+fn gather<F: Real>(zero: F, of: impl Fn(usize) -> f64) -> F {
     let mut x = zero;
     for i in 0..F::LANES {
         x.set(i, of(i));
@@ -168,8 +320,9 @@ fn lanes<F: Real>(zero: F, of: impl Fn(usize) -> f64) -> F {
     x
 }
 
+/// The vector `of(i)` in every lane i.
 #[inline(always)]
-fn vectors<F: Real>(zero: F, of: impl Fn(usize) -> V3<f64>) -> V3<F> {
+fn gather_vectors<F: Real>(zero: F, of: impl Fn(usize) -> V3<f64>) -> V3<F> {
     let mut x = V3::all(zero);
     for i in 0..F::LANES {
         let v = of(i);
@@ -178,149 +331,6 @@ fn vectors<F: Real>(zero: F, of: impl Fn(usize) -> V3<f64>) -> V3<F> {
         }
     }
     x
-}
-
-impl<F: Real> Beams<F> {
-    fn new(zero: F, rods: &[&Rod]) -> Self {
-        // Lanes to spare repeat the first rod.
-        let beams: Vec<&Beam<f64>> =
-            (0..F::LANES).map(|i| &rods.get(i).copied().unwrap_or(rods[0]).beam).collect();
-        let elements = beams[0].hat.len();
-        let of = |beam: &Beam<f64>, element: usize| -> Vec<usize> {
-            (0..beam.steps.len()).filter(|&k| beam.steps[k].element == element).collect()
-        };
-        let mut own = vec![Vec::new(); F::LANES];
-        let mut steps = Vec::new();
-        for element in 0..elements {
-            let theirs: Vec<Vec<usize>> = beams.iter().map(|b| of(b, element)).collect();
-            let most = theirs.iter().map(Vec::len).max().unwrap_or(0);
-            for k in 0..most {
-                for (own, theirs) in own.iter_mut().zip(&theirs) {
-                    own.extend((k < theirs.len()).then_some(steps.len()));
-                }
-                let step = |i: usize| match theirs[i].get(k) {
-                    Some(&k) => beams[i].steps[k],
-                    None => empty(element),
-                };
-                steps.push(Step {
-                    element,
-                    h: lanes(zero, |i| step(i).h),
-                    natural: Twist {
-                        w: vectors(zero, |i| step(i).natural.w),
-                        v: vectors(zero, |i| step(i).natural.v),
-                    },
-                    strain: [0, 1].map(|g| vectors(zero, |i| step(i).strain[g])),
-                    left: [0, 1].map(|g| lanes(zero, |i| step(i).left[g])),
-                });
-            }
-        }
-        let beam = Beam {
-            steps,
-            hat: (0..elements).map(|e| [0, 1].map(|j| lanes(zero, |i| beams[i].hat[e][j]))).collect(),
-            stiffness: [0, 1, 2].map(|c| lanes(zero, |i| beams[i].stiffness[c])),
-            prebend: (0..3 * elements).map(|a| lanes(zero, |i| beams[i].prebend[a])).collect(),
-            length: lanes(zero, |i| beams[i].length),
-            longest: lanes(zero, |i| beams[i].longest),
-            mass: lanes(zero, |i| beams[i].mass),
-        };
-        Beams { beam, own }
-    }
-
-    #[inline(always)]
-    fn minimise(&self, tasks: &mut [Option<StepTask>; MAX_LANES], work: &mut Buffers<F>) {
-        let zero = self.beam.length.same(0.0);
-        let Buffers { load, q, other, solver } = work;
-        let Some(first) = &tasks[0] else { return };
-        let task = |i: usize| tasks[i].as_ref().unwrap_or(first);
-        load.hat.clear();
-        let hat = (0..self.beam.hat.len()).map(|e| [0, 1].map(|j| lanes(zero, |i| task(i).load.hat[e][j])));
-        load.hat.extend(hat);
-        load.inertia = lanes(zero, |i| task(i).load.inertia);
-        let none = Tie { alpha: zero, u: V3::all(zero), target: V3::all(zero) };
-        load.tie.clear();
-        load.tie.resize(self.beam.steps.len(), none);
-        for (i, own) in self.own.iter().enumerate() {
-            for (&k, tie) in own.iter().zip(&task(i).load.tie) {
-                let into = &mut load.tie[k];
-                into.alpha.set(i, tie.alpha);
-                for c in 0..3 {
-                    into.u.0[c].set(i, tie.u.0[c]);
-                    into.target.0[c].set(i, tie.target.0[c]);
-                }
-            }
-        }
-        for (into, from) in [(&mut load.pull, 0), (&mut *q, 1), (&mut *other, 2)] {
-            into.clear();
-            into.resize(self.beam.unknowns(), zero);
-            for i in 0..F::LANES {
-                let task = task(i);
-                let values = [&task.load.pull[..], &*task.q, task.other][from];
-                for (into, x) in into.iter_mut().zip(values) {
-                    into.set(i, *x);
-                }
-            }
-        }
-        let root = M3([
-            vectors(zero, |i| M3::from(*task(i).root).0[0]),
-            vectors(zero, |i| M3::from(*task(i).root).0[1]),
-            vectors(zero, |i| M3::from(*task(i).root).0[2]),
-        ]);
-        let outcomes = solver.solve(&self.beam, root, load, q, other);
-        for (i, task) in tasks.iter_mut().flatten().enumerate() {
-            *task.outcome = outcomes[i];
-            for (x, q) in task.q.iter_mut().zip(&*q) {
-                *x = q.lane(i);
-            }
-            let RodShape { pose, turn } = &mut *task.shape;
-            pose.clear();
-            turn.clear();
-            pose.push(pose_in_lane(&solver.shape.pose[0], i));
-            for &k in &self.own[i] {
-                pose.push(pose_in_lane(&solver.shape.pose[k + 1], i));
-                turn.push(turn_in_lane(&solver.shape.turn[k], i));
-            }
-        }
-    }
-}
-
-impl<F: Real> Beams<F> {
-    #[inline(always)]
-    fn place(&self, bent: &mut [Option<PointsTask>; MAX_LANES], work: &mut Buffers<F>) {
-        let zero = self.beam.length.same(0.0);
-        let Buffers { q, solver, .. } = work;
-        let shape = &mut solver.shape;
-        let Some(any) = bent.iter().position(Option::is_some) else { return };
-        let of = |i: usize| bent[i].as_ref().or(bent[any].as_ref());
-        q.clear();
-        q.resize(self.beam.unknowns(), zero);
-        let mut root = M3::diagonal(zero);
-        for i in 0..F::LANES {
-            let Some(bent) = of(i) else { return };
-            q.iter_mut().zip(bent.q).for_each(|(into, x)| into.set(i, *x));
-            let r = M3::<f64>::from(bent.root.r);
-            for (into, from) in root.0.iter_mut().zip(r.0) {
-                (0..3).for_each(|c| into.0[c].set(i, from.0[c]));
-            }
-        }
-        shape.bend(&self.beam, root, q);
-        for (i, bent) in bent.iter_mut().enumerate() {
-            let Some(PointsTask { root, places, .. }) = bent else { continue };
-            let place = |x: &V3<F>| Vector3::from(vector_in_lane(x, i)) + root.p;
-            places.clear();
-            places.push(place(&shape.pose[0].p));
-            places.extend(self.own[i].iter().map(|&k| place(&shape.pose[k + 1].p)));
-        }
-        // In the place of the ends of sub-steps, their middles.
-        for (k, step) in self.beam.steps.iter().enumerate() {
-            shape.pose[k].p = shape.between(k, step.h);
-        }
-        for (i, bent) in bent.iter_mut().enumerate() {
-            let Some(PointsTask { root, places, .. }) = bent else { continue };
-            places.extend(
-                self.own[i].iter().map(|&k| Vector3::from(vector_in_lane(&shape.pose[k].p, i)) + root.p),
-            );
-        }
-    }
 }
 
 #[inline(always)]
@@ -336,28 +346,23 @@ fn pose_in_lane<F: Real>(pose: &lanes::Pose<F>, i: usize) -> lanes::Pose<f64> {
 }
 
 #[inline(always)]
-fn turn_in_lane<F: Real>(turn: &Turn<F>, i: usize) -> Turn<f64> {
-    let Coefficients { a, b, c, d, e } = &turn.coefficients;
-    Turn {
-        psi: Twist { w: vector_in_lane(&turn.psi.w, i), v: vector_in_lane(&turn.psi.v, i) },
+fn exponent_in_lane<F: Real>(exponent: &MagnusExponent<F>, i: usize) -> MagnusExponent<f64> {
+    let Coefficients { a, b, c, d, e } = &exponent.coefficients;
+    MagnusExponent {
+        psi: Twist { w: vector_in_lane(&exponent.psi.w, i), v: vector_in_lane(&exponent.psi.v, i) },
         coefficients: Coefficients { a: a.lane(i), b: b.lane(i), c: c.lane(i), d: d.lane(i), e: e.lane(i) },
     }
-}
-
-/// A sub-step of no length.
-fn empty(element: usize) -> Step<f64> {
-    let none = V3::all(0.0);
-    Step { element, h: 0.0, natural: Twist { w: none, v: none }, strain: [none; 2], left: [0.0; 2] }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rod::model::{RodSource, Taper};
     use crate::rod::potential::PointLoad;
-    use crate::rod::{RodSource, SegmentSize, Taper};
+    use crate::rod::segment::SegmentSize;
     use nalgebra::Vector3;
 
-    /// Hairs of one number of nodes and of many lengths, curls and numbers of sub-steps.
+    /// Hairs with equal numbers of nodes and various lengths, curls and numbers of segments.
     fn hairs(n: usize) -> Vec<Rod> {
         let hair = |i: usize| {
             let (long, curl) = (0.1 + 0.07 * (i % 4) as f64, 0.002 * (1 + i % 3) as f64);
@@ -401,9 +406,9 @@ mod tests {
     }
 
     #[test]
-    fn a_rod_has_the_same_bits_alone_and_in_any_company() {
+    fn rod_has_the_same_bits_alone_and_in_any_pack() {
         let rods = hairs(12);
-        // Some jump far enough for an indefinite Hessian and for short steps, some hardly move.
+        // Some roots jump far enough for an indefinite Hessian and short steps, some hardly move.
         let loads: Vec<Load> =
             rods.iter().enumerate().map(|(i, r)| load(r, [1e-4, 0.05, 0.4, 2.0, 1e-3][i % 5])).collect();
         let n = rods[0].unknowns();
@@ -415,27 +420,27 @@ mod tests {
         }
         assert!(alone.iter().map(|a| a.2.iterations).max() > alone.iter().map(|a| a.2.iterations).min());
         assert!(rods.iter().any(|r| r.points() != rods[0].points()));
-        let mut work = PackBuffers::default();
+        let mut buffers = PackBuffers::default();
         for (size, first) in (1..=Pack::width()).flat_map(|size| [(size, 0), (size, 1), (size, 5)]) {
-            // Neighbours at a distance, so that companies differ.
+            // Spread members, so that packs differ.
             let members: Vec<usize> = (0..size).map(|i| (first + 3 * i) % rods.len()).collect();
             let pack = Pack::new(&members.iter().map(|&i| &rods[i]).collect::<Vec<_>>());
-            let mut places = vec![Vec::new(); size];
+            let mut points = vec![Vec::new(); size];
             let roots = members.iter().map(|&i| Pose { p: Vector3::new(0.1, 0.2, i as f64), ..rods[i].root });
             let roots: Vec<Pose> = roots.collect();
-            let mut bent = places.iter_mut().zip(&members).zip(&roots).map(|((places, &i), root)| {
-                (i % 5 != 2).then_some(PointsTask { root: *root, q: &alone[i].0, places })
+            let mut tasks = points.iter_mut().zip(&members).zip(&roots).map(|((points, &i), root)| {
+                (i % 5 != 2).then_some(PointsTask { root: *root, q: &alone[i].0, points })
             });
-            let mut bent = std::array::from_fn(|_| bent.next().flatten());
-            pack.place(&mut bent, &mut work);
-            for ((places, &i), root) in places.iter().zip(&members).zip(&roots) {
+            let mut tasks = std::array::from_fn(|_| tasks.next().flatten());
+            pack.evaluate_points(&mut tasks, &mut buffers);
+            for ((points, &i), root) in points.iter().zip(&members).zip(&roots) {
                 let (mut shape, mut expected) = (RodShape::default(), Vec::new());
                 if i % 5 != 2 {
                     shape.update(&rods[i], &root.r, &alone[i].0);
                     shape.points_and_midpoints(&rods[i], &root.p, &mut expected);
                     assert_eq!(expected.len(), 2 * rods[i].points() - 1);
                 }
-                assert_eq!(*places, expected, "{i}");
+                assert_eq!(*points, expected, "{i}");
             }
             let mut results = vec![(vec![0.1; n], RodShape::default(), NewtonOutcome::default()); size];
             let other = vec![0.0; n];
@@ -444,7 +449,7 @@ mod tests {
                 StepTask { root, load, q, other: &other, shape, outcome }
             });
             let mut tasks = std::array::from_fn(|_| tasks.next());
-            pack.minimise(&mut tasks, &mut work);
+            pack.minimise(&mut tasks, &mut buffers);
             for ((q, shape, outcome), &i) in results.iter().zip(&members) {
                 assert!(*q == alone[i].0 && shape.pose == alone[i].1 && *outcome == alone[i].2, "{i}");
             }

@@ -361,10 +361,10 @@ impl Wisps {
         }
         let mut bent = led.iter().zip(&mut work.places).map(|(led, places)| {
             let Led { guide, .. } = led.as_ref()?;
-            Some(PointsTask { root: now.root(&guide.rod), q: &guide.q[0], places })
+            Some(PointsTask { root: now.root(&guide.rod), q: &guide.q[0], points: places })
         });
         let mut bent = std::array::from_fn(|_| bent.next().flatten());
-        file.pack.place(&mut bent, &mut work.pack);
+        file.pack.evaluate_points(&mut bent, &mut work.pack);
         let places = std::mem::take(&mut work.places);
         for ((i, led), places) in file.guides.iter().zip(led).zip(&places) {
             let Some(led) = led else { continue };

@@ -1,48 +1,70 @@
-//! How a rod moves with its unknowns, about: enough to choose by, and for what is looked at again after each move.
+//! Approximate derivatives of a rod's shape, and the matrices of its linear model.
 
-use super::{Rod, RodShape};
+use super::model::Rod;
+use super::shape::RodShape;
 use nalgebra::{Matrix3, Vector3};
 use std::cmp::Ordering;
 
-/// How places of a rod move with its unknowns, as if all that a node bends were upstream of what is beyond that node.
+/// Derivatives of a rod's shape by its unknowns if the bend of each node acted upstream of that node: cheaper
+/// than [`Sensitivity`](super::Sensitivity), to first order in the spacing of the nodes.
 #[derive(Debug, Clone)]
 pub struct LumpedSensitivity {
-    /// At each node: where it is, m, relative to the root, and at which point of the rod.
-    nodes: Vec<(Vector3<f64>, usize)>,
-    /// Of each node that has unknowns the turn, m, and the way at the root, m², that each of them gives to what is beyond: ∫ N R ds and ∫ N x × R ds, N
-    /// being the node's share of the strain.
-    twists: Vec<[Matrix3<f64>; 2]>,
+    nodes: Vec<Node>,
+    /// One entry per node that has unknowns.
+    twists: Vec<NodeTwist>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    /// Position relative to the root, m.
+    x: Vector3<f64>,
+    /// Index of the point at the node.
+    point: usize,
+}
+
+/// Twist about the root of everything beyond a node, per unknown of the node (columns).
+#[derive(Debug, Clone, Copy)]
+struct NodeTwist {
+    /// Rotation ∫ N R ds, m.
+    rotation: Matrix3<f64>,
+    /// Translation at the root ∫ N x × R ds, m².
+    translation: Matrix3<f64>,
 }
 
 impl LumpedSensitivity {
-    /// Of `rod` in `shape`.
+    /// The derivatives of `rod` at `shape`.
     pub fn new(rod: &Rod, shape: &RodShape) -> Self {
-        let nodes =
-            (0..rod.nodes.len()).map(|node| rod.node_point(node)).map(|point| (shape.x(point), point));
+        let nodes = (0..rod.nodes.len())
+            .map(|node| rod.node_point(node))
+            .map(|point| Node { x: shape.x(point), point })
+            .collect();
         let mut twists = vec![[Matrix3::zeros(); 2]; rod.nodes.len()];
         let mut start = [Matrix3::zeros(); 2];
         for (k, pose) in shape.poses().enumerate() {
             let carried = Matrix3::from_columns(&[0, 1, 2].map(|axis| pose.p.cross(&pose.r.column(axis))));
             let end = [pose.r, carried];
-            // By the trapezoidal rule on each sub-step.
-            if let Some((h, element, [left, right])) = k.checked_sub(1).map(|k| rod.segment(k)) {
-                for (side, share) in [left, right].into_iter().enumerate() {
-                    let twist = &mut twists[element + side];
-                    (0..2).for_each(|i| twist[i] += (start[i] + end[i]) * (0.5 * h * share));
+            // Trapezoidal rule on each segment, with the hat functions' mean over it.
+            if let Some(segment) = k.checked_sub(1).map(|k| &rod.core.segments[k]) {
+                let first = 0.5 * (segment.hat[0] + segment.hat[1]);
+                for (side, hat) in [first, 1.0 - first].into_iter().enumerate() {
+                    let twist = &mut twists[segment.element + side];
+                    (0..2).for_each(|i| twist[i] += (start[i] + end[i]) * (0.5 * segment.h * hat));
                 }
             }
             start = end;
         }
         twists.pop();
-        LumpedSensitivity { nodes: nodes.collect(), twists }
+        let twists = twists.into_iter().map(|[rotation, translation]| NodeTwist { rotation, translation });
+        LumpedSensitivity { nodes, twists: twists.collect() }
     }
 
-    /// Where node `node` is, m, relative to the root.
+    /// Position of node `node` relative to the root, m.
     pub fn node(&self, node: usize) -> Vector3<f64> {
-        self.nodes[node].0
+        self.nodes[node].x
     }
 
-    /// The way along `d` of a place at `x`, m, relative to the root, with each unknown, m²; the place lies upstream of point `end`, or is that point.
+    /// Jacobian row dᵀ ∂x/∂q, m² per unknown, of a place at `x` (relative to the root, m) along the world
+    /// direction `d`. The place lies at point `end` or on the segment before it.
     pub fn row(&self, end: usize, x: &Vector3<f64>, d: &Vector3<f64>) -> Vec<f64> {
         let mut row = vec![0.0; 3 * self.twists.len()];
         self.set_row(end, x, d, &mut row);
@@ -53,17 +75,18 @@ impl LumpedSensitivity {
     pub fn set_row(&self, end: usize, x: &Vector3<f64>, d: &Vector3<f64>, row: &mut [f64]) {
         row.fill(0.0);
         let about = x.cross(d);
-        let upstream = self.nodes.iter().zip(&self.twists).take_while(|((_, point), _)| *point < end);
-        for (row, (_, [turn, way])) in row.chunks_exact_mut(3).zip(upstream) {
-            row.copy_from_slice((turn.tr_mul(&about) + way.tr_mul(d)).as_slice());
+        let upstream = self.nodes.iter().zip(&self.twists).take_while(|(node, _)| node.point < end);
+        for (row, (_, twist)) in row.chunks_exact_mut(3).zip(upstream) {
+            row.copy_from_slice((twist.rotation.tr_mul(&about) + twist.translation.tr_mul(d)).as_slice());
         }
     }
 
-    /// Σ w (∂x/∂q)ᵀ ∂x/∂q over the nodes, w being what `weight` says of each; row-major.
+    /// Σ w (∂x/∂q)ᵀ ∂x/∂q over the nodes with weights w = `weight(node)`, row-major n × n: the mass matrix if
+    /// the weights are lumped masses, the damping matrix if they are drag coefficients.
     pub fn mass_matrix(&self, weight: impl Fn(usize) -> f64) -> Vec<f64> {
         let n = 3 * self.twists.len();
         let mut sum = vec![0.0; n * n];
-        for (node, (x, point)) in self.nodes.iter().enumerate().skip(1) {
+        for (node, Node { x, point }) in self.nodes.iter().enumerate().skip(1) {
             for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
                 let row = self.row(*point, x, &axis);
                 for (sums, a) in sum.chunks_exact_mut(n).zip(&row) {
@@ -75,22 +98,23 @@ impl LumpedSensitivity {
         sum
     }
 
-    /// Second derivative of −Σ f·x over the nodes, where `force` tells the constant force f, N, at each: how hair that is loaded so resists being turned, or
-    /// gives way; row-major, N·m³.
+    /// Geometric stiffness: second derivative of −Σ f·x over the nodes with constant forces f =
+    /// `force(node)`, N; row-major n × n, N·m³. Positive for a rod in tension, negative under compression.
     pub fn geometric_stiffness(&self, force: impl Fn(usize) -> Vector3<f64>) -> Vec<f64> {
         let n = 3 * self.twists.len();
-        let turn = |a: usize| Vector3::from(self.twists[a / 3][0].column(a % 3));
-        // Of each unknown, the torque of the loads at the ways that it gives them.
+        let rotation = |a: usize| Vector3::from(self.twists[a / 3].rotation.column(a % 3));
+        // For each unknown, Σ (displacement of the node per unknown) × force.
         let mut torque = vec![Vector3::zeros(); n];
-        for (node, (x, _)) in self.nodes.iter().enumerate().skip(1) {
+        for (node, Node { x, .. }) in self.nodes.iter().enumerate().skip(1) {
             let force = force(node);
             for (a, torque) in torque.iter_mut().enumerate().take(3 * node) {
-                let way = turn(a).cross(x) + self.twists[a / 3][1].column(a % 3);
-                *torque += way.cross(&force);
+                let displacement = rotation(a).cross(x) + self.twists[a / 3].translation.column(a % 3);
+                *torque += displacement.cross(&force);
             }
         }
-        // What is upstream turns the way that what is downstream gives; nodes are taken as turning at once with themselves.
-        let upstream = |a: usize, b: usize| -turn(a).dot(&torque[b]);
+        // An upstream unknown rotates the displacements of a downstream one. The order within a node is
+        // symmetrised.
+        let upstream = |a: usize, b: usize| -rotation(a).dot(&torque[b]);
         let entry = |a: usize, b: usize| match (a / 3).cmp(&(b / 3)) {
             Ordering::Less => upstream(a, b),
             Ordering::Equal => 0.5 * (upstream(a, b) + upstream(b, a)),
@@ -103,9 +127,10 @@ impl LumpedSensitivity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rod::{RodSource, SegmentSize, Taper};
+    use crate::rod::model::{RodSource, Taper};
+    use crate::rod::segment::SegmentSize;
 
-    /// A thin rod through these points with its nodes at these shares of the arc.
+    /// A thin rod through `points` with nodes at the arc-length fractions `arc`.
     fn through(points: &[Vector3<f64>], arc: &[f64]) -> Rod {
         Rod::new(&RodSource {
             points,
@@ -122,8 +147,8 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_how_the_tip_of_a_curl_moves() {
-        // A turn and a half, nodes a third of a turn apart.
+    fn rows_match_differences_at_the_tip_of_a_curl() {
+        // A turn and a half; the nodes are a third of a turn apart.
         let curl = |t: f64| Vector3::new(0.033 * t, 0.02 * t.cos(), 0.02 * t.sin());
         let points: Vec<_> = (0..90).map(|k| curl(0.1 * f64::from(k))).collect();
         let rod = through(&points, &[0.0, 0.2, 0.5, 0.7, 1.0]);
@@ -146,14 +171,14 @@ mod tests {
     }
 
     #[test]
-    fn stiffness_under_weight_is_how_the_forces_of_weight_change() {
+    fn geometric_stiffness_of_weight_matches_differences_of_its_forces() {
         let points: Vec<_> =
             (0..30).map(|k| 0.01 * f64::from(k)).map(|s| Vector3::new(s, 3.0 * s * s, -0.2 * s)).collect();
         let rod = through(&points, &[0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0]);
         let mut q = rod.initial_q.clone();
         let mut shape = RodShape::default();
         let weight = |node: usize| Vector3::new(1.0, -9.81, 2.0) * rod.lumped_mass(node);
-        // What the weights do along each unknown.
+        // Generalised force of the weights.
         let mut forces = |q: &[f64]| -> Vec<f64> {
             shape.update(&rod, &rod.root.r, q);
             let levers = LumpedSensitivity::new(&rod, &shape);

@@ -1,0 +1,243 @@
+//! Hessian of the incremental potential (`docs/theory.md` §4.4), swept from the tip to the root over
+//! composite bodies (Featherstone 2008, ch. 6), geometric stiffness included. Exact between segments; within
+//! one segment to third order in its rotation.
+
+use super::potential::{Load, PointSpring};
+use super::segment::{RodCore, Segment};
+use super::sensitivity::Sensitivity;
+use super::shape::{COMMUTATOR, RodShape};
+use crate::math::lanes::{M3, Real, Twist, V3};
+
+/// A symmetric matrix: xx, xy, xz, yy, yz, zz.
+struct Symmetric<F>([F; 6]);
+
+impl<F: Real> Symmetric<F> {
+    /// Adds d 1 − a bᵀ − c cᵀ, with a parallel to b.
+    #[inline(always)]
+    fn add(&mut self, d: F, a: V3<F>, b: V3<F>, c: V3<F>) {
+        // No closure in a kernel: compiled out of line, it would lose the target features of the dispatch.
+        for (entry, [i, j]) in [[0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2]].into_iter().enumerate() {
+            let less = a.0[i] * b.0[j] + c.0[i] * c.0[j];
+            self.0[entry] += if i == j { d - less } else { -less };
+        }
+    }
+
+    #[inline(always)]
+    fn full(&self) -> M3<F> {
+        let [xx, xy, xz, yy, yz, zz] = self.0;
+        M3([V3([xx, xy, xz]), V3([xy, yy, yz]), V3([xz, yz, zz])])
+    }
+}
+
+/// Sums over all points downstream of a segment, about the root. Blocks are named t (rotation, torque) and p
+/// (translation, force).
+struct Composite<F> {
+    /// Σ f.
+    force: V3<F>,
+    /// Σ x fᵀ.
+    moment: M3<F>,
+    /// Σ JᵀBJ with J = (−[x]×, 1), by blocks.
+    tt: Symmetric<F>,
+    tp: M3<F>,
+    pp: Symmetric<F>,
+}
+
+impl<F: Real> Composite<F> {
+    #[inline(always)]
+    fn new(zero: F) -> Self {
+        let m = M3::diagonal(zero);
+        Composite {
+            force: V3::all(zero),
+            moment: m,
+            tt: Symmetric([zero; 6]),
+            tp: m,
+            pp: Symmetric([zero; 6]),
+        }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, x: V3<F>, spring: &PointSpring<F>) {
+        let f = spring.force(x);
+        self.force += f;
+        self.moment = self.moment + M3::outer(x, f);
+        // [x]×B and −[x]×B[x]× for B = α 1 − u uᵀ, with c = x × u: α[x]× − c uᵀ and α(|x|² 1 − x xᵀ) − c cᵀ.
+        let (c, ax, none) = (x.cross(spring.u), x * spring.alpha, V3::all(spring.alpha.same(0.0)));
+        self.pp.add(spring.alpha, none, none, spring.u);
+        self.tp = self.tp + (M3::hat(ax) - M3::outer(c, spring.u));
+        self.tt.add(x.dot(ax), ax, x, c);
+    }
+
+    /// The response of everything downstream to twists, with its geometric stiffness scaled by `geometric`.
+    #[inline(always)]
+    fn response(&self, geometric: F) -> Response<F> {
+        let carried = self.moment - M3::diagonal(self.moment.trace());
+        Response {
+            tt: self.tt.full() - carried * geometric,
+            tp: self.tp + M3::hat(self.force) * geometric,
+            pt: self.tp,
+            pp: self.pp.full(),
+        }
+    }
+}
+
+/// Maps a twist to the wrench response P of everything downstream (`docs/theory.md` eq. 4.2): torque tt ω +
+/// tp v, force ptᵀ ω + pp v. Without geometric stiffness tp = pt.
+struct Response<F> {
+    tt: M3<F>,
+    tp: M3<F>,
+    pt: M3<F>,
+    pp: M3<F>,
+}
+
+impl<F: Real> Response<F> {
+    #[inline(always)]
+    fn to(&self, t: &Twist<F>) -> Twist<F> {
+        Twist { w: self.tt * t.w + self.tp * t.v, v: self.pt.transposed(t.w) + self.pp * t.v }
+    }
+}
+
+/// Contribution of the segments of one element to the Hessian.
+struct ElementBlock<F> {
+    /// Response to the element's six unknowns, summed over its segments: all that upstream unknowns need.
+    response: [Twist<F>; 6],
+    /// Response of the current segment.
+    own: [Twist<F>; 6],
+    /// Entry (b, a) of the element's own block is `half[a][b] + half[b][a]`.
+    half: [[F; 6]; 6],
+}
+
+impl<F: Real> ElementBlock<F> {
+    #[inline(always)]
+    fn new(zero: F) -> Self {
+        let none = [Twist::none(zero); 6];
+        ElementBlock { response: none, own: none, half: [[zero; 6]; 6] }
+    }
+
+    #[inline(always)]
+    fn clear(&mut self, zero: F) {
+        self.response.fill(Twist::none(zero));
+        self.half.fill([zero; 6]);
+    }
+
+    /// Adds a segment as if it were rigid. Its first `N` unknowns give the twists `own` through it and
+    /// `before` through the segments before it.
+    #[inline(always)]
+    fn add_rigid<const N: usize>(&mut self, to: &Response<F>, own: &[Twist<F>; 6], before: &[Twist<F>; 6]) {
+        // This segment against those before it in the element, and half of its product with itself. Symmetry
+        // adds the transposed product and the other half.
+        for ((sum, p), t) in self.response.iter_mut().zip(&mut self.own).zip(own).take(N) {
+            *p = to.to(t);
+            *sum = *sum + *p;
+        }
+        for a in 0..N {
+            let up = before[a] + own[a] * own[a].w.0[0].same(0.5);
+            for b in 0..N {
+                self.half[b][a] += up.dot(&self.own[b]);
+            }
+        }
+    }
+
+    /// Adds `geometric` times the second derivative of the segment's exponent ψ contracted with `wrench`, the
+    /// wrench of everything downstream as seen along the segment, for its first `N` unknowns
+    /// (`docs/theory.md` eq. 4.3).
+    #[inline(always)]
+    fn add_exponent<const N: usize>(
+        &mut self,
+        segment: &Segment<F>,
+        psi: &Twist<F>,
+        wrench: &Twist<F>,
+        geometric: F,
+    ) {
+        let (phi, rho, n, f) = (psi.w, psi.v, wrench.w, wrench.v);
+        let z = M3::outer(phi, n) + M3::outer(n, phi) + M3::outer(rho, f) + M3::outer(f, rho)
+            - M3::diagonal((n.dot(phi) + f.dot(rho)) * 2.0);
+        let z = z * (geometric * (1.0 / 12.0));
+        let [n1, n2] = segment.hat;
+        let (left, right) = ((n1 + n2) * segment.h * 0.5, (-(n1 + n2) + 2.0) * segment.h * 0.5);
+        let (ll, rr) = (z * (left * left), z * (right * right));
+        let commutator = (n1 - n2) * segment.h * segment.h * geometric * COMMUTATOR;
+        let rl = z * (left * right) - M3::hat(n) * commutator;
+        // An entry on the diagonal counts twice.
+        for b in 0..3 {
+            self.half[b][b] += ll.0[b].0[b] * 0.5;
+            for a in b + 1..3 {
+                self.half[b][a] += ll.0[b].0[a];
+            }
+            if N > 3 {
+                for a in 0..3 {
+                    self.half[b][3 + a] += rl.0[b].0[a];
+                }
+                self.half[3 + b][3 + b] += rr.0[b].0[b] * 0.5;
+                for a in b + 1..3 {
+                    self.half[3 + b][3 + a] += rr.0[b].0[a];
+                }
+            }
+        }
+    }
+}
+
+/// Sets the lower triangle of `hessian` (row-major n × n, N·m³) to that of Φ. `wrench` is from
+/// [`gradient`](super::potential::gradient). `geometric` scales the geometric stiffness: 1 gives the Hessian,
+/// 0 a positive definite approximation.
+#[inline(always)]
+pub(super) fn hessian<F: Real>(
+    core: &RodCore<F>,
+    load: &Load<F>,
+    shape: &RodShape<F>,
+    sensitivity: &Sensitivity<F>,
+    wrench: &[Twist<F>],
+    geometric: F,
+    hessian: &mut Vec<F>,
+) {
+    let (n, zero) = (core.unknowns(), geometric.same(0.0));
+    set_elastic(core, load, zero, hessian);
+    let mut downstream = Composite::new(zero);
+    let mut block = ElementBlock::new(zero);
+    for k in (0..core.segments.len()).rev() {
+        downstream.add(shape.pose[k + 1].p, &load.springs[k]);
+        let response = downstream.response(geometric);
+        let (segment, psi) = (&core.segments[k], &shape.exponent[k].psi);
+        let first = 3 * segment.element;
+        let (own, before) = (&sensitivity.own[k], &sensitivity.before[k]);
+        let live = if n - first > 3 {
+            block.add_rigid::<6>(&response, own, before);
+            block.add_exponent::<6>(segment, psi, &wrench[k], geometric);
+            6
+        } else {
+            block.add_rigid::<3>(&response, own, before);
+            block.add_exponent::<3>(segment, psi, &wrench[k], geometric);
+            3
+        };
+        if k == 0 || core.segments[k - 1].element != segment.element {
+            for a in 0..live {
+                let row = &mut hessian[(first + a) * n..];
+                for b in 0..=a {
+                    row[first + b] += block.half[a][b] + block.half[b][a];
+                }
+                for (h, s) in row.iter_mut().zip(&sensitivity.total[..first]) {
+                    *h += s.dot(&block.response[a]);
+                }
+            }
+            block.clear(zero);
+        }
+    }
+}
+
+/// Sets the lower triangle to the elastic and viscous part.
+#[inline(always)]
+fn set_elastic<F: Real>(core: &RodCore<F>, load: &Load<F>, zero: F, hessian: &mut Vec<F>) {
+    let n = core.unknowns();
+    hessian.resize(n * n, zero);
+    for (i, row) in hessian.chunks_exact_mut(n).enumerate() {
+        row[..i].fill(zero);
+    }
+    for i in 0..n / 3 {
+        for c in 0..3 {
+            let (a, stiffness) = (3 * i + c, core.stiffness[c]);
+            hessian[a * n + a] = stiffness * load.hat[i][0];
+            if i > 0 {
+                hessian[a * n + a - 3] = stiffness * load.hat[i - 1][1];
+            }
+        }
+    }
+}

@@ -1,0 +1,108 @@
+//! Updates of a kept Cholesky factor by the steps taken since (L-BFGS two-loop recursion; Nocedal & Wright
+//! 2006, algorithm 7.4), in every lane on its own.
+
+use crate::math::cholesky;
+use crate::math::lanes::{Mask, Real};
+
+/// A step and the change of the gradient over it.
+#[derive(Debug, Clone)]
+struct SecantPair<F> {
+    step: Vec<F>,
+    change: Vec<F>,
+    /// 1/(step · change); 0 in lanes where the pair is not used.
+    inverse: F,
+    /// α of the first loop of the recursion.
+    alpha: F,
+}
+
+/// Secant pairs since the last factorisation.
+#[derive(Debug, Clone)]
+pub(super) struct Secants<F> {
+    /// Buffers; the first `count` pairs are in use.
+    pairs: Vec<SecantPair<F>>,
+    count: usize,
+    /// −gradient of Φ at the start of the last step.
+    downhill: Vec<F>,
+    /// The last step.
+    step: Vec<F>,
+}
+
+impl<F> Default for Secants<F> {
+    fn default() -> Self {
+        Secants { pairs: Vec::new(), count: 0, downhill: Vec::new(), step: Vec::new() }
+    }
+}
+
+impl<F: Real> Secants<F> {
+    /// Records the last step as direction · t.
+    #[inline(always)]
+    pub fn set_step(&mut self, direction: &[F], t: F) {
+        self.step.resize(direction.len(), t.same(0.0));
+        for (step, d) in self.step.iter_mut().zip(direction) {
+            *step = *d * t;
+        }
+    }
+
+    /// Adds the pair of the last step in the lanes `kept`, which keep their factor; the other lanes drop all
+    /// pairs. `downhill` is the new −gradient of Φ.
+    #[inline(always)]
+    pub fn record(&mut self, kept: Mask, downhill: &Vec<F>) {
+        let zero = downhill[0].same(0.0);
+        if kept == 0 {
+            self.count = 0;
+            self.downhill.clone_from(downhill);
+            return;
+        }
+        for pair in &mut self.pairs[..self.count] {
+            pair.inverse = pair.inverse.or(kept, zero);
+        }
+        if self.count == self.pairs.len() {
+            self.pairs.push(SecantPair { step: Vec::new(), change: Vec::new(), inverse: zero, alpha: zero });
+        }
+        let pair = &mut self.pairs[self.count];
+        self.count += 1;
+        pair.step.clone_from(&self.step);
+        pair.change.clone_from(&self.downhill);
+        let mut curvature = zero;
+        for i in 0..pair.step.len() {
+            pair.change[i] -= downhill[i];
+            curvature += pair.change[i] * pair.step[i];
+        }
+        let convex = kept & zero.below(curvature);
+        pair.inverse = (zero.same(1.0) / curvature).or(convex, zero);
+        self.downhill.clone_from(downhill);
+    }
+
+    /// Turns `direction` from −gradient into the quasi-Newton direction; returns the slope of Φ along it, J.
+    #[inline(always)]
+    pub fn solve(&mut self, factor: &[F], direction: &mut [F]) -> F {
+        let n = direction.len();
+        let zero = direction[0].same(0.0);
+        for pair in self.pairs[..self.count].iter_mut().rev() {
+            let mut along = zero;
+            for i in 0..n {
+                along += pair.step[i] * direction[i];
+            }
+            pair.alpha = along * pair.inverse;
+            for i in 0..n {
+                direction[i] -= pair.change[i] * pair.alpha;
+            }
+        }
+        cholesky::solve(factor, n, direction);
+        for pair in &self.pairs[..self.count] {
+            let mut along = zero;
+            for i in 0..n {
+                along += pair.change[i] * direction[i];
+            }
+            let share = pair.alpha - along * pair.inverse;
+            for i in 0..n {
+                direction[i] += pair.step[i] * share;
+            }
+        }
+        let mut slope = zero;
+        for i in 0..n {
+            slope -= self.downhill[i] * direction[i];
+        }
+        slope
+    }
+}

@@ -1,0 +1,233 @@
+//! Tests of the rod that involve several of its files.
+
+use super::hessian::hessian;
+use super::model::{Rod, RodSource, Taper, lerp_from_one};
+use super::potential::{Load, PointLoad, energy, gradient};
+use super::segment::SegmentSize;
+use super::sensitivity::Sensitivity;
+use super::shape::RodShape;
+use crate::math::lanes::V3;
+use nalgebra::Vector3;
+
+#[test]
+fn tapered_rod_bends_as_a_tapered_beam() {
+    let (l, ei, density, g) = (0.1, 7.8e-9, 6.6e-6, 9.81);
+    let arc: Vec<f64> = (0..33).map(|i| f64::from(i) / 32.0).collect();
+    let taper = Taper { stiffness: 0.5, radius: 0.6, damping: 1.0 };
+    let rod = Rod::new(&RodSource {
+        points: &[Vector3::zeros(), Vector3::x() * l],
+        root_frame: None,
+        arc: &arc,
+        stiffness: [ei, ei, 3.6e-9],
+        line_density: density,
+        damping: 0.0,
+        taper,
+        natural_strain: None,
+        segment_size: SegmentSize::FINE,
+    })
+    .unwrap();
+    // Curvature M/EI at the root and at half length under the weight beyond, by quadrature.
+    let n = 20_000;
+    let moment = |s: f64| -> f64 {
+        let beyond = (0..n).map(|i| s + (l - s) * (f64::from(i) + 0.5) / f64::from(n));
+        beyond.map(|x| density * lerp_from_one(0.6, x / l).powi(2) * g * (x - s)).sum::<f64>() * (l - s)
+            / f64::from(n)
+    };
+    let mut shape = RodShape::default();
+    let (mut sensitivity, zero) = (Sensitivity::default(), vec![0.0; rod.unknowns()]);
+    shape.update(&rod, &rod.root.r, &zero);
+    sensitivity.update(&rod, &shape, &zero);
+    let mut load = vec![0.0; rod.unknowns()];
+    for k in 1..rod.points() {
+        sensitivity.add_row(k, &shape.x(k), &(Vector3::y() * -g), rod.mass[k], &mut load);
+    }
+    let strain = rod.static_strain(&load);
+    for (node, s) in [(0, 0.0), (16, 0.5 * l)] {
+        let u = s / l;
+        let stiffness = ei * lerp_from_one(0.5, u) * lerp_from_one(0.6, u).powi(4);
+        let found = Vector3::from_column_slice(&strain[3 * node..3 * node + 3]).norm();
+        assert!((found / (moment(s) / stiffness) - 1.0).abs() < 2e-3, "{found} {}", moment(s) / stiffness);
+    }
+    let mass = density * l * (1.0 + 0.6 + 0.36) / 3.0;
+    assert!((rod.mass.iter().sum::<f64>() / mass - 1.0).abs() < 1e-12);
+}
+
+fn curl() -> Rod {
+    curl_with_segments(0.01)
+}
+
+fn curl_with_segments(length: f64) -> Rod {
+    let points: Vec<_> = (0..40)
+        .map(|i| {
+            let a = i as f64 * 0.2;
+            Vector3::new(0.01 * a.cos(), -0.006 * a, 0.01 * a.sin())
+        })
+        .collect();
+    let arc: Vec<f64> = (0..6).map(|i| (i as f64 / 5.0).powf(1.3)).collect();
+    Rod::new(&RodSource {
+        points: &points,
+        root_frame: None,
+        arc: &arc,
+        stiffness: [8e-9, 6e-9, 4e-9],
+        line_density: 6.6e-6,
+        damping: 0.004,
+        taper: Taper::NONE,
+        natural_strain: None,
+        segment_size: SegmentSize { max_length: length, ..SegmentSize::FINE },
+    })
+    .unwrap()
+}
+
+/// A load with all terms.
+fn load(rod: &Rod, h: f64) -> Load {
+    let wave =
+        |k: usize, a: f64| Vector3::new((a + k as f64).sin(), (2.0 * a + k as f64).cos(), a.sin()) * 0.01;
+    let points = (0..rod.points()).map(|k| PointLoad {
+        inertial: wave(k, 1.0),
+        previous: wave(k, 1.1),
+        air: wave(k, 2.0) * 100.0,
+        tangent: wave(k, 0.3).normalize(),
+        drag: 2e-4 / (1.0 + k as f64),
+    });
+    let past: Vec<f64> = (0..rod.unknowns()).map(|i| (i as f64).sin() * 2.0).collect();
+    let mut load = Load::default();
+    load.set(rod, h, &Vector3::new(0.3, -9.81, 0.1), &past, points);
+    load
+}
+
+fn derivatives(rod: &Rod, load: &Load, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let (mut shape, mut sens) = (RodShape::default(), Sensitivity::default());
+    shape.update(rod, &rod.root.r, q);
+    sens.update(rod, &shape, q);
+    let (mut g, mut wrench, mut h) = (Vec::new(), Vec::new(), Vec::new());
+    gradient(&rod.core, load, &shape, &sens, q, &mut g, &mut wrench);
+    hessian(&rod.core, load, &shape, &sens, &wrench, 1.0, &mut h);
+    (g, h)
+}
+
+#[test]
+fn point_spring_is_inertia_weight_and_drag() {
+    let (rod, h, g) = (curl(), 0.01, Vector3::new(0.3, -9.81, 0.1));
+    let point = PointLoad {
+        inertial: Vector3::new(0.01, 0.02, -0.03),
+        previous: Vector3::new(0.02, -0.01, 0.01),
+        air: Vector3::new(1.0, 2.0, -1.0),
+        tangent: Vector3::new(0.6, 0.0, 0.8),
+        drag: 3e-4,
+    };
+    let mut load = Load::default();
+    let past = vec![0.0; rod.unknowns()];
+    load.set(&rod, h, &g, &past, std::iter::repeat_n(point, rod.points()));
+    let x = Vector3::new(0.03, 0.01, 0.02);
+    for (spring, (w, mass)) in load.springs.iter().zip(rod.weight.iter().zip(&rod.mass).skip(1)) {
+        let y = V3::from(x) - spring.target;
+        let force: Vector3<f64> = (spring.u * spring.u.dot(y) - y * spring.alpha).into();
+        let slip = (x - point.previous) / h - point.air;
+        let along = point.tangent * point.tangent.dot(&slip);
+        let sought =
+            g * *mass - (x - point.inertial) * (mass / (h * h)) - (slip - along * 0.5) * (point.drag * w);
+        assert!((force - sought).norm() < 1e-12 * sought.norm(), "{force} {sought}");
+    }
+}
+
+#[test]
+fn added_spring_adds_its_force_to_all_others() {
+    let rod = curl();
+    let (plain, goal, x) = (load(&rod, 0.01), Vector3::new(0.02, -0.03, 0.01), Vector3::new(0.01, 0.04, 0.0));
+    let mut pulled = plain.clone();
+    (0..rod.points()).for_each(|k| pulled.add_spring(k, &goal, 1e-3 * k as f64));
+    for (k, (before, now)) in plain.springs.iter().zip(&pulled.springs).enumerate() {
+        let more: Vector3<f64> = (now.force(x.into()) - before.force(x.into())).into();
+        let sought = (goal - x) * (1e-3 * (k + 1) as f64);
+        assert!((more - sought).norm() < 1e-12, "{more} {sought}");
+    }
+}
+
+#[test]
+fn natural_shape_is_reproduced_exactly() {
+    let rod = curl();
+    let mut shape = RodShape::default();
+    shape.update(&rod, &rod.root.r, &vec![0.0; rod.unknowns()]);
+    // The drawn tip relative to the drawn root.
+    let tip = Vector3::new(0.01 * 7.8_f64.cos(), -0.006 * 7.8, 0.01 * 7.8_f64.sin());
+    assert!((shape.x(rod.points() - 1) + rod.root.p - tip).norm() < 1e-13);
+    assert!((rod.weight.iter().sum::<f64>() - rod.length()).abs() < 1e-14);
+}
+
+#[test]
+fn gradient_matches_differences_of_the_energy() {
+    let rod = curl();
+    let load = load(&rod, 1.0 / 192.0);
+    let q: Vec<f64> = (0..rod.unknowns()).map(|i| (i as f64 * 1.7).cos() * 6.0).collect();
+    let (g, _) = derivatives(&rod, &load, &q);
+    let (mut shape, mut scratch) = (RodShape::default(), Vec::new());
+    let mut at = |q: &[f64]| {
+        shape.update(&rod, &rod.root.r, q);
+        energy(&rod.core, &load, &shape, q, &mut scratch)
+    };
+    let scale = g.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    assert!(scale > 0.0);
+    for i in 0..q.len() {
+        let mut p = q.clone();
+        p[i] += 1e-4;
+        let hi = at(&p);
+        p[i] -= 2e-4;
+        let slope = (hi - at(&p)) / 2e-4;
+        assert!((slope - g[i]).abs() < 1e-7 * scale, "{i}: {slope} {}", g[i]);
+    }
+}
+
+/// Largest error of the Hessian, relative to its largest entry: of pairs of unknowns that share an element,
+/// and of all other pairs.
+fn hessian_error(rod: &Rod) -> (f64, f64) {
+    let load = load(rod, 1.0 / 192.0);
+    let q: Vec<f64> = (0..rod.unknowns()).map(|i| (i as f64 * 1.7).cos() * 6.0).collect();
+    let n = q.len();
+    let (_, h) = derivatives(rod, &load, &q);
+    let (mut shared, mut apart, mut scale) = (0.0_f64, 0.0_f64, 0.0_f64);
+    for j in 0..n {
+        let mut p = q.clone();
+        p[j] += 1e-4;
+        let (hi, _) = derivatives(rod, &load, &p);
+        p[j] -= 2e-4;
+        let (lo, _) = derivatives(rod, &load, &p);
+        for i in j..n {
+            let e = ((hi[i] - lo[i]) / 2e-4 - h[i * n + j]).abs();
+            scale = scale.max(h[i * n + j].abs());
+            let worst = if i / 3 > j / 3 + 1 { &mut apart } else { &mut shared };
+            *worst = worst.max(e);
+        }
+    }
+    (shared / scale, apart / scale)
+}
+
+#[test]
+fn hessian_matches_differences_of_the_gradient() {
+    let (shared, apart) = hessian_error(&curl_with_segments(0.002));
+    assert!(apart < 1e-7, "{apart}");
+    // Within a segment the error is of fourth order in its rotation.
+    let (finer, apart) = hessian_error(&curl_with_segments(0.001));
+    assert!(apart < 1e-7, "{apart}");
+    assert!(finer < 0.1 * shared && shared < 2e-4, "{shared} {finer}");
+}
+
+#[test]
+fn jacobian_rows_and_velocities_match_differences_of_positions() {
+    let rod = curl();
+    let q: Vec<f64> = (0..rod.unknowns()).map(|i| (i as f64).cos() * 5.0).collect();
+    let (mut shape, mut sens, mut moved) = (RodShape::default(), Sensitivity::default(), RodShape::default());
+    shape.update(&rod, &rod.root.r, &q);
+    sens.update(&rod, &shape, &q);
+    let d = Vector3::new(0.3, -0.5, 0.8);
+    let rate: Vec<f64> = (0..q.len()).map(|i| (i as f64 * 0.9).sin()).collect();
+    let ahead: Vec<f64> = q.iter().zip(&rate).map(|(q, r)| q + 1e-5 * r).collect();
+    moved.update(&rod, &rod.root.r, &ahead);
+    for k in 1..rod.points() {
+        let mut row = vec![0.0; q.len()];
+        sens.add_row(k, &shape.x(k), &d, 2.0, &mut row);
+        let slope = (moved.x(k) - shape.x(k)) / 1e-5;
+        let by_row: f64 = row.iter().zip(&rate).map(|(a, b)| a * b).sum();
+        assert!((by_row - 2.0 * d.dot(&slope)).abs() < 1e-8, "{k}");
+        assert!((sens.velocity(k, &shape.x(k), &rate).0 - slope).norm() < 1e-8, "{k}");
+    }
+}
