@@ -127,15 +127,12 @@ fn motion() -> String {
 }
 
 /// The Python of the tests: `HAIRBAKE_PYTHON` or the one that `tests/run` makes.
-// Not every test program asks for it.
-#[allow(dead_code)]
 pub fn python() -> PathBuf {
     std::env::var_os("HAIRBAKE_PYTHON")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv/bin/python"), PathBuf::from)
 }
 
 /// A Python that has usd-core; without one the test says that it is skipped.
-#[allow(dead_code, clippy::print_stdout)]
 pub fn python_with_usd() -> Option<PathBuf> {
     let python = python();
     let has_usd = std::process::Command::new(&python).args(["-c", "import pxr.Usd, numpy"]).output();

@@ -1,7 +1,6 @@
 //! A step of rods takes no memory from the system.
 
-mod strand;
-
+use crate::strand::hair;
 use hairbake::contact::Bodies;
 use hairbake::dynamics::batch::Batches;
 use hairbake::dynamics::environment::Environment;
@@ -9,7 +8,6 @@ use hairbake::dynamics::guide::Guide;
 use hairbake::dynamics::step_record::StepRecord;
 use hairbake::rod::SegmentSize;
 use nalgebra::{Isometry3, Vector3};
-use strand::hair;
 
 #[test]
 fn a_step_of_many_rods_allocates_nothing() {

@@ -1,7 +1,7 @@
 //! Plans, on the engines that they are for.
 
+use super::shot::{Shot, workplace};
 use crate::common::{entries, hairbake, here, python};
-use crate::shot::{Shot, workplace};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::Command;

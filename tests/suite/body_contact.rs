@@ -1,7 +1,6 @@
 //! A strand against a ball (S17): it rests on it, slides round it, and a fast ball does not pass through it.
 
-mod strand;
-
+use crate::strand::hair;
 use hairbake::contact::Bodies;
 use hairbake::dynamics::environment::Environment;
 use hairbake::dynamics::guide::{Guide, Workspace};
@@ -10,7 +9,6 @@ use hairbake::dynamics::tie::Tie;
 use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
 use hairbake::scene::{Shape, Tree};
 use nalgebra::{Isometry3, Vector3};
-use strand::hair;
 
 const RADIUS: f64 = 0.04;
 

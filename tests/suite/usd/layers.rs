@@ -1,6 +1,6 @@
 //! Single layers: every type and many sizes, in both encodings.
 
-use crate::python;
+use super::python;
 use hairbake::Error;
 use hairbake::usd::{Attribute, Layer, Prim, Relationship, Specifier, Value, crate_file, text};
 use proptest::prelude::*;

@@ -1,9 +1,7 @@
 //! Files from outside: whatever is in them, nothing is written outside the folder asked for, no memory is taken that the file's own
 //! size does not account for, and nothing is run.
 
-mod common;
-
-use common::{Scene, bake, entries, hairbake, here};
+use crate::common::{Scene, bake, entries, hairbake, here};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;

@@ -1,6 +1,6 @@
 //! SIGKILL at random moments until the bake is done all the same.
 
-use crate::shot::{Shot, workplace};
+use super::shot::{Shot, workplace};
 use std::path::Path;
 use std::process::Child;
 use std::time::{Duration, Instant};

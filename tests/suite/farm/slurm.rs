@@ -1,7 +1,7 @@
 //! A plan on Slurm: two nodes on this machine, one of which dies; preemption, and a process that is killed; the same bytes in the end.
 
+use super::shot::{Shot, assert_same, wait_until, workplace};
 use crate::common::{entries, here};
-use crate::shot::{Shot, assert_same, wait_until, workplace};
 use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};

@@ -1,6 +1,6 @@
 //! What the system asks of a bake, and how long it may run.
 
-use crate::shot::{Shot, wait_until, workplace};
+use super::shot::{Shot, wait_until, workplace};
 use std::path::Path;
 use std::process::{Child, Command};
 use std::time::Duration;

@@ -1,6 +1,6 @@
 //! Caches that are unfinished, damaged or in the way.
 
-use crate::sample;
+use super::sample;
 use hairbake::Error;
 use hairbake::cache::{
     FrameRecord, Header, Manifest, Reader, TOPOLOGY, Writer, frame_file_name, unfinish, write_file,

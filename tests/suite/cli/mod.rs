@@ -1,12 +1,9 @@
 //! The program as a black box: what it prints, what it writes, and how it ends.
 
-mod common;
-#[path = "cli/groups.rs"]
 mod groups;
-#[path = "cli/motion.rs"]
 mod motion;
 
-use common::{Scene, bake, entries, hairbake, here};
+use crate::common::{Scene, bake, entries, hairbake, here};
 use hairbake::cache::Reader;
 use predicates::prelude::*;
 use predicates::str::contains;
@@ -383,7 +380,7 @@ fn a_python_without_usd_is_named() {
 
 #[test]
 fn validation_says_what_is_wrong_and_how_it_ended() {
-    let Some(python) = common::python_with_usd() else { return };
+    let Some(python) = crate::common::python_with_usd() else { return };
     let scene = Scene::import();
     let out = scene.folder.path().join("cache");
     bake(&scene.groom, &scene.anim, &out)

@@ -1,8 +1,6 @@
 //! What of a bake is written: guides, strands, a part of them, moments of a frame.
 
-mod common;
-
-use common::{Scene, bake, entries, hairbake, here};
+use crate::common::{Scene, bake, entries, hairbake, here};
 use hairbake::cache::{CurveSet, Frame, Header, Manifest, Reader};
 use hairbake::usd::crate_file;
 use std::path::{Path, PathBuf};

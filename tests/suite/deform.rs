@@ -1,7 +1,6 @@
 //! Strands and bodies that deform or close on them.
 
-mod strand;
-
+use crate::strand::hair;
 use hairbake::bake;
 use hairbake::bake::control::Control;
 use hairbake::bake::job::Job;
@@ -16,7 +15,6 @@ use nalgebra::{Isometry3, Vector3};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use strand::hair;
 
 const FPS: f64 = 24.0;
 /// Steps a second.

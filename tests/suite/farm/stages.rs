@@ -1,7 +1,7 @@
 //! Stages, in all the ways that a farm divides them.
 
+use super::shot::{FRAMES, Shot, workplace};
 use crate::common::{entries, hairbake, here};
-use crate::shot::{FRAMES, Shot, workplace};
 use std::path::Path;
 
 const DONE: Option<i32> = Some(0);

@@ -1,6 +1,6 @@
 //! Whole caches.
 
-use crate::{python, sample};
+use super::{python, sample};
 use hairbake::cache::{Basis, FrameRecord, Header, Manifest, Reader, Writer, sha256};
 use serde_json::{Value, json};
 use std::path::Path;

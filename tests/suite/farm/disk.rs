@@ -1,7 +1,7 @@
 //! Disks that are full, and folders that cannot be written.
 
+use super::shot::{Shot, workplace};
 use crate::common::{entries, here};
-use crate::shot::{Shot, workplace};
 use std::path::Path;
 use std::process::Command;
 

@@ -1,16 +1,14 @@
 //! Bad input, as a black box: every fault in one report with its words, exit code 65, nothing written.
 
-mod common;
-
+use crate::common::{Scene, bake, entries};
 use assert_cmd::assert::Assert;
-use common::{Scene, bake, entries};
 use serde_json::{Value, json};
 use std::path::Path;
 
 /// Bakes the scene after `change` to the JSON of its groom and anim; whatever comes of it must leave no output folder.
 fn baked(change: impl FnOnce(&mut Value, &mut Value)) -> Assert {
     let scene = Scene::import();
-    let read = |path: &Path| serde_json::from_slice::<Value>(&common::here(path)).unwrap();
+    let read = |path: &Path| serde_json::from_slice::<Value>(&crate::common::here(path)).unwrap();
     let (mut groom, mut anim) = (read(&scene.groom), read(&scene.anim));
     change(&mut groom, &mut anim);
     std::fs::write(&scene.groom, groom.to_string()).unwrap();
@@ -53,7 +51,7 @@ fn faults_of_both_files_are_in_one_report() {
 fn numbers_that_are_none() {
     // JSON has no NaN; exporters write it all the same.
     let scene = Scene::import();
-    let text = String::from_utf8(common::here(&scene.anim)).unwrap();
+    let text = String::from_utf8(crate::common::here(&scene.anim)).unwrap();
     std::fs::write(&scene.anim, text.replacen("\"fps\": 24", "\"fps\": NaN", 1)).unwrap();
     let out = scene.folder.path().join("out");
     let assert = bake(&scene.groom, &scene.anim, &out).assert().code(65);
@@ -124,7 +122,7 @@ fn units_that_cannot_be() {
     let scene = Scene::import();
     let groom = scene.folder.path().join("inches.json");
     let strands = scene.folder.path().join("strands.tfx");
-    let mut import = common::hairbake();
+    let mut import = crate::common::hairbake();
     import.args(["import", "groom"]).arg(strands).args(["--units", "0.00001", "-o"]).arg(&groom);
     let assert = import.assert().code(65);
     says(&String::from_utf8_lossy(&assert.get_output().stderr), &["strands.tfx", "--units"]);
@@ -140,7 +138,7 @@ fn check_tells_the_faults_of_all_its_files() {
         "{ \"format\": \"hairbake-anim\", \"version\": 1, \"fps\": 0, \"frames\": [1] }",
     )
     .unwrap();
-    let assert = common::hairbake().arg("check").args([&scene.groom, &scene.anim]).assert().code(65);
+    let assert = crate::common::hairbake().arg("check").args([&scene.groom, &scene.anim]).assert().code(65);
     let text = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
     says(&text, &["groom.json:1", "anim.json:1", "fps", "frames"]);
 }
@@ -156,6 +154,6 @@ fn folders_that_cannot_be_written_and_files_that_are_not_there_are_74() {
     }
     assert_eq!(entries(scene.folder.path()), ["ball.obj", "file", "shot", "strands.tfx", "turn.json"]);
     bake(Path::new("no-such-groom.json"), &scene.anim, &in_the_way).assert().code(74);
-    common::hairbake().args(["preview", "no-such-cache", "-o", "x.png"]).assert().code(74);
-    common::hairbake().args(["check", "no-such.json"]).assert().code(74);
+    crate::common::hairbake().args(["preview", "no-such-cache", "-o", "x.png"]).assert().code(74);
+    crate::common::hairbake().args(["check", "no-such.json"]).assert().code(74);
 }

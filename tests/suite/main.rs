@@ -1,0 +1,18 @@
+//! The integration tests, one program: each library it links is linked once.
+
+#![allow(clippy::print_stdout)] // A skipped test says so.
+
+mod architecture;
+mod bad_input;
+mod body_contact;
+mod cli;
+mod common;
+mod deform;
+mod farm;
+mod hostile;
+mod resume;
+mod rod;
+mod strand;
+mod usd;
+mod wisps;
+mod written;
