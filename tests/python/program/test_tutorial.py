@@ -4,13 +4,10 @@ import os
 import subprocess
 import sys
 
-import pytest
-
+from pages.markdown import Page
 from support import HAIRBAKE, ROOT
 
-LINES = [
-    line.strip() for line in (ROOT / "docs/tutorial.md").read_text().splitlines() if line.startswith("    ")
-]
+LINES = Page(ROOT / "docs/tutorial.md").commands()
 
 
 def test_every_line_of_the_tutorial(hairbake, tmp_path):
@@ -27,10 +24,3 @@ def test_every_line_of_the_tutorial(hairbake, tmp_path):
         assert done.returncode == 0, f"{line}\n{done.stderr}\n{done.stdout}"
     assert (tmp_path / "shot/sheet.png").stat().st_size > 10_000
     assert len(list((tmp_path / "shot/cache").glob("hair.1*.usdc"))) == 24 + 2
-
-
-@pytest.mark.parametrize("name", ["tutorial.md"])
-def test_what_the_tutorial_links_to_is_there(name):
-    text = (ROOT / "docs" / name).read_text()
-    links = [part.split(")")[0] for part in text.split("](")[1:]]
-    assert links and all((ROOT / "docs" / link).is_file() for link in links)
