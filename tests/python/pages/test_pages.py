@@ -153,6 +153,18 @@ def test_equations_that_pages_cite_exist(page: Page) -> None:
                 assert number in known, f"{page.name}: ({number}) in {line}"
 
 
+@each_page
+def test_modules_that_pages_name_exist(page: Page) -> None:
+    for name in re.findall(r"`((?:[a-z_]+::)+\w+)`", "\n".join(page.prose())):
+        *modules, last = name.split("::")
+        folder = ROOT / "src" / "/".join(modules)
+        if any((folder / below).exists() for below in (last, f"{last}.rs")):
+            continue
+        files = [folder.with_suffix(".rs"), *folder.glob("*.rs")]
+        item = re.compile(rf"\b(?:struct|enum|trait|fn|type|const) {last}\b")
+        assert any(path.is_file() and item.search(path.read_text()) for path in files), f"{page.name}: {name}"
+
+
 def test_the_references_of_the_theory_are_cited_and_known() -> None:
     body, _, references = THEORY.text.partition("\n## References\n")
     listed = []
