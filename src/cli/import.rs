@@ -3,7 +3,8 @@
 use super::{console, values};
 use crate::error::{Error, Result};
 use crate::import::{
-    self, BuildOptions, Depth, GroomOptions, Growth, Joint, Mesh, Resample, Rest, Source, TrackOptions,
+    self, BuildOptions, ColliderMesh, GroomOptions, Growth, HierarchyShape, JointSelector, Resample,
+    RestPose, Source, TrackOptions,
 };
 use crate::scene::anim::file::Pops;
 use crate::scene::{Material, RodSection, UpAxis, load_groom};
@@ -251,7 +252,7 @@ pub fn run(what: Import) -> Result<()> {
 
 fn groom(arguments: GroomArguments) -> Result<()> {
     let output = arguments.output.clone();
-    let head = arguments.head.as_ref().map(import::mesh).transpose();
+    let head = arguments.head.as_ref().map(import::read_mesh).transpose();
     let (mut options, head) = (arguments.resolve(), head?);
     if let Some(head) = head {
         say_all(&head.notes);
@@ -320,7 +321,7 @@ impl GroomArguments {
                     shorter: self.shorter,
                     clump: self.clump,
                 },
-                depth: Depth {
+                hierarchy: HierarchyShape {
                     levels: self.levels as usize,
                     coarse: self.coarse.map(|n| n as usize),
                     leaves: self.leaves.map(|n| n as usize),
@@ -359,21 +360,21 @@ impl TrackArguments {
             prim: self.prim.clone(),
             ..Source::new(&self.motion)
         };
-        let mesh = |source: &Source| Mesh {
+        let mesh = |source: &Source| ColliderMesh {
             friction: self.friction,
             thickness: self.thickness * 1e-3,
-            ..Mesh::new(source.clone())
+            ..ColliderMesh::new(source.clone())
         };
         TrackOptions {
             fps: self.fps,
             frames: self.frames.map(<[i32; 2]>::from),
             pivot,
             rest: self.rest.map(|rest| match rest {
-                RestName::Bind => Rest::Bind,
-                RestName::World => Rest::World,
-                RestName::First => Rest::First,
+                RestName::Bind => RestPose::Bind,
+                RestName::World => RestPose::World,
+                RestName::First => RestPose::First,
             }),
-            joint: Joint { name: self.joint.clone(), clip: self.clip.clone() },
+            joint: JointSelector { name: self.joint.clone(), clip: self.clip.clone() },
             colliders: self.colliders.iter().map(mesh).collect(),
             smoothing_hz: self.smoothing,
             pops: match self.pops {

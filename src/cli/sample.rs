@@ -46,7 +46,7 @@ pub fn run(arguments: &SampleArguments) -> Result<()> {
     let size = Size {
         wisps: arguments.wisps.map(|n| n as usize),
         strands: arguments.strands.map_or(usual.strands, |n| n as usize),
-        head_rounds: arguments.head_rounds.map_or(usual.head_rounds, usize::from),
+        head_subdivisions: arguments.head_rounds.map_or(usual.head_subdivisions, usize::from),
     };
     let Styles(styles, apart) = &arguments.style;
     for style in styles {

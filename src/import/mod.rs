@@ -1,39 +1,44 @@
-//! Plain strands and motion tracks made into `groom.json` and `anim.json`.
+//! Imports strands, meshes and head motion from other programs into `groom.json` and `anim.json`.
 //!
-//! [`groom`]: strand files are cleaned, guides chosen and resampled, the GC hierarchy built over them, render strands attached or
-//! grown, and the result measured. [`track`]: the motion of a joint becomes an animation.
+//! [`groom`](fn@groom) cleans strands, chooses and resamples guides, builds the wisp hierarchy over them, attaches
+//! or grows render strands, and measures the result. [`track`](fn@track) turns the motion of a joint into an
+//! animation.
+//!
+//! From the bottom: [`Source`] names a file; `plain` and `motion` hold what a file contains, in its own unit and
+//! axes; `formats` has a reader per format; `strand_file`, `mesh_file` and `motion_file` pick the reader and
+//! convert to metres, Y up; `groom` and `track` use the result.
 
-mod build;
-mod bytes;
-mod cluster;
-#[cfg(test)]
-mod faults;
-mod fidelity;
+mod formats;
 mod groom;
-mod grow;
-mod hair;
-mod hierarchy;
+mod mesh_file;
+#[cfg(test)]
+mod messages;
 mod motion;
-mod read;
+mod motion_file;
+mod plain;
 #[cfg(test)]
 mod real_data;
-mod resample;
-mod scalp;
-mod sections;
-mod tfx;
+mod rigid;
+mod source;
+mod strand_file;
 mod track;
-mod usd;
+mod units;
 
-pub(crate) use build::build;
-pub use build::{BuildOptions, BuildReport};
-pub use fidelity::{Curl, LevelFit};
-pub use groom::{ALL_GUIDES, CHOSEN_GUIDES, GroomOptions, GroomReport, groom};
-pub use grow::Growth;
-pub use hierarchy::Depth;
-pub use motion::Joint;
-pub use read::{ReadMesh, SHORTEST, Source, SourceReport, mesh};
-pub use resample::{Resample, ResampleError};
-pub use track::{Mesh, Rest, Track, TrackOptions, TrackReport, root_centroid, track};
-
-pub(crate) use scalp::Scalp;
-pub use scalp::{OFF_SCALP, RootReport};
+pub(crate) use groom::build::build;
+pub use groom::build::{BuildOptions, BuildReport};
+pub use groom::convert::groom;
+pub use groom::fidelity::{Curl, LevelFit};
+pub use groom::grow::Growth;
+pub use groom::hierarchy::HierarchyShape;
+pub use groom::options::{ALL_GUIDES_UP_TO, DEFAULT_GUIDES, GroomOptions};
+pub use groom::report::GroomReport;
+pub use groom::resample::{Resample, ResampleError};
+pub(crate) use groom::scalp::Scalp;
+pub use groom::scalp::{OFF_SCALP, RootReport};
+pub use mesh_file::{ImportedMesh, read_mesh};
+pub use motion::JointSelector;
+pub use source::Source;
+pub use strand_file::{MIN_STRAND_LENGTH, StrandFileReport};
+pub use track::convert::{Track, root_centroid, track};
+pub use track::options::{ColliderMesh, RestPose, TrackOptions};
+pub use track::report::TrackReport;

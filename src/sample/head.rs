@@ -1,24 +1,24 @@
-//! The head of the samples: a star-shaped surface with a face, ears and a nape, over a neck and shoulders.
+//! The head of the samples: a star-shaped surface with a face, ears and a nape, on a neck and shoulders.
 
 use crate::scene::TriMesh;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
-/// Middle of the head, m; the origin of rest space is where the head turns on the neck.
+/// Centre of the head, m. The head turns about the origin of rest space, in the neck.
 pub const CENTRE: Vector3<f64> = Vector3::new(0.0, 0.12, 0.012);
-/// Half width, height and depth of the skull, m.
+/// Semi-axes of the skull, m: width, height, depth.
 const RADII: Vector3<f64> = Vector3::new(0.078, 0.115, 0.097);
 
-/// Ends (m, rest space) and radius of the capsules below the head.
+/// Ends (m, rest space) and radius, m, of the capsule of the neck.
 pub const NECK: ([Vector3<f64>; 2], f64) =
     ([Vector3::new(0.0, 0.05, -0.005), Vector3::new(0.0, -0.11, -0.02)], 0.052);
-/// See [`NECK`].
+/// The capsule of the shoulders, as [`NECK`].
 pub const SHOULDERS: ([Vector3<f64>; 2], f64) =
     ([Vector3::new(-0.15, -0.16, -0.02), Vector3::new(0.15, -0.16, -0.02)], 0.062);
 
-/// A raised or sunken place of the head: height m, azimuth from the face and elevation rad, their spreads rad.
-/// On both sides of the face alike.
+/// A Gaussian bump: height, m; azimuth from the face and elevation, rad; standard deviations of both, rad. Symmetric
+/// about the face.
 struct Feature(f64, [f64; 2], [f64; 2]);
 
 const FEATURES: [Feature; 11] = [
@@ -39,8 +39,8 @@ const FEATURES: [Feature; 11] = [
 fn radius(d: Vector3<f64>) -> f64 {
     let (azimuth, elevation) = (d.x.abs().atan2(d.z), d.y.clamp(-1.0, 1.0).asin());
     let feature = |Feature(height, at, spread): &Feature| {
-        let away = [(azimuth - at[0]) / spread[0], (elevation - at[1]) / spread[1]];
-        height * (-0.5 * (away[0] * away[0] + away[1] * away[1])).exp()
+        let offset = [(azimuth - at[0]) / spread[0], (elevation - at[1]) / spread[1]];
+        height * (-0.5 * (offset[0] * offset[0] + offset[1] * offset[1])).exp()
     };
     1.0 / d.component_div(&RADII).norm() + FEATURES.iter().map(feature).sum::<f64>()
 }
@@ -50,10 +50,10 @@ pub fn point(d: Vector3<f64>) -> Vector3<f64> {
     CENTRE + d * radius(d)
 }
 
-/// Height of `x` over the head, neck or shoulders, whichever is nearest (negative inside; to first order, which serves near the
-/// surface), and the unit direction away from it.
+/// Signed distance of `x` from the nearest of head, neck and shoulders, m (negative inside; first order in the distance),
+/// and the outward unit normal.
 pub fn height(x: Vector3<f64>) -> (f64, Vector3<f64>) {
-    let over_head = |x: Vector3<f64>| {
+    let above_head = |x: Vector3<f64>| {
         let from = x - CENTRE;
         let distance = from.norm().max(1e-6);
         distance - radius(from / distance)
@@ -61,14 +61,14 @@ pub fn height(x: Vector3<f64>) -> (f64, Vector3<f64>) {
     let h = 1e-4;
     let slope = Vector3::from_fn(|i, _| {
         let step = Vector3::ith(i, h);
-        (over_head(x + step) - over_head(x - step)) / (2.0 * h)
+        (above_head(x + step) - above_head(x - step)) / (2.0 * h)
     });
     let steepness = slope.norm().max(1e-6);
-    let head = (over_head(x) / steepness, slope / steepness);
-    [NECK, SHOULDERS].iter().map(|c| over_capsule(x, c)).fold(head, |a, b| if b.0 < a.0 { b } else { a })
+    let head = (above_head(x) / steepness, slope / steepness);
+    [NECK, SHOULDERS].iter().map(|c| above_capsule(x, c)).fold(head, |a, b| if b.0 < a.0 { b } else { a })
 }
 
-fn over_capsule(x: Vector3<f64>, (ends, radius): &([Vector3<f64>; 2], f64)) -> (f64, Vector3<f64>) {
+fn above_capsule(x: Vector3<f64>, (ends, radius): &([Vector3<f64>; 2], f64)) -> (f64, Vector3<f64>) {
     let axis = ends[1] - ends[0];
     let u = ((x - ends[0]).dot(&axis) / axis.norm_squared()).clamp(0.0, 1.0);
     let from = x - ends[0] - axis * u;
@@ -76,15 +76,15 @@ fn over_capsule(x: Vector3<f64>, (ends, radius): &([Vector3<f64>; 2], f64)) -> (
     (distance - radius, from / distance)
 }
 
-/// The head as triangles: an icosahedron divided `rounds` times, 20 × 4^rounds triangles.
-pub fn mesh(rounds: usize) -> TriMesh {
+/// The head as a mesh: an icosahedron subdivided `subdivisions` times, with 20 × 4^`subdivisions` triangles.
+pub fn mesh(subdivisions: usize) -> TriMesh {
     let (mut directions, mut triangles) = icosahedron();
-    for _ in 0..rounds {
-        let mut middle: BTreeMap<[u32; 2], u32> = BTreeMap::new();
+    for _ in 0..subdivisions {
+        let mut midpoint: BTreeMap<[u32; 2], u32> = BTreeMap::new();
         let mut split = Vec::with_capacity(4 * triangles.len());
         for [a, b, c] in triangles {
             let mut between = |i: u32, j: u32| {
-                *middle.entry([i.min(j), i.max(j)]).or_insert_with(|| {
+                *midpoint.entry([i.min(j), i.max(j)]).or_insert_with(|| {
                     directions.push((directions[i as usize] + directions[j as usize]).normalize());
                     directions.len() as u32 - 1
                 })
@@ -97,7 +97,7 @@ pub fn mesh(rounds: usize) -> TriMesh {
     TriMesh { vertices: directions.into_iter().map(point).collect(), triangles, ..TriMesh::default() }
 }
 
-/// Unit vertices and triangles, counter-clockwise from outside.
+/// Unit vertices and triangles, counter-clockwise seen from outside.
 fn icosahedron() -> (Vec<Vector3<f64>>, Vec<[u32; 3]>) {
     let golden = (1.0 + 5.0_f64.sqrt()) / 2.0;
     let mut corners = Vec::with_capacity(12);
@@ -126,7 +126,7 @@ fn icosahedron() -> (Vec<Vector3<f64>>, Vec<[u32; 3]>) {
     (corners, triangles)
 }
 
-/// The mesh as Wavefront OBJ, metres, Y up.
+/// The text of a Wavefront OBJ file, metres, Y up.
 pub fn obj(mesh: &TriMesh) -> String {
     format!("# head of a hairbake sample, metres, Y up\no head\n{}", mesh.to_obj(5))
 }
@@ -136,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_mesh_is_closed_and_turned_outwards() {
+    fn the_mesh_is_closed_and_oriented_outwards() {
         let mesh = mesh(3);
         assert_eq!(mesh.triangles.len(), 1280);
         let mut edges: BTreeMap<[u32; 2], i32> = BTreeMap::new();
@@ -145,7 +145,7 @@ mod tests {
                 *edges.entry([a.min(b), a.max(b)]).or_default() += if a < b { 1 } else { -1 };
             }
         }
-        assert!(edges.values().all(|&n| n == 0), "every edge is walked once each way");
+        assert!(edges.values().all(|&n| n == 0), "every edge is used once in each direction");
         let volume: f64 = mesh
             .triangles
             .iter()
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn height_is_zero_on_the_surface_and_grows_outwards() {
+    fn height_is_the_signed_distance_near_the_surface() {
         for d in [Vector3::z(), Vector3::y(), Vector3::new(0.5, 0.5, -0.7).normalize()] {
             let (on, normal) = height(point(d));
             assert!(on.abs() < 1e-9);

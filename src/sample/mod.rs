@@ -1,7 +1,7 @@
 //! Procedural grooms and head motions.
 //!
-//! [`groom`] makes one of four hair styles on a simple head, [`Motion`] moves that head, and [`write()`] puts all of
-//! it into a folder that can be baked.
+//! [`groom`] makes one of four hair styles on a simple head, [`Motion`] moves the head, and [`write()`] writes both to a
+//! folder that can be baked.
 
 mod comb;
 pub mod head;
@@ -9,39 +9,39 @@ mod motion;
 mod style;
 
 use crate::file::write_file;
-use crate::import::{BuildOptions, BuildReport, Depth, Growth, Resample, Scalp, build};
+use crate::import::{BuildOptions, BuildReport, Growth, HierarchyShape, Resample, Scalp, build};
 use crate::scene::{Convention, Groom};
 use crate::{Error, Result};
 pub use motion::Motion;
 use std::path::Path;
 pub use style::Style;
 
-/// How large a sample is.
+/// Size of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Size {
-    /// Leaf wisps, of one guide each; `None` for those of the paper's table.
+    /// Number of leaf wisps, with one guide each; `None` for that of the style ([`Style::nodes`]).
     pub wisps: Option<usize>,
-    /// Render strands, to the nearest multiple of the wisps.
+    /// Number of render strands, rounded to a multiple of the wisps.
     pub strands: usize,
-    /// Rounds of division of the head mesh.
-    pub head_rounds: usize,
+    /// Subdivisions of the head mesh.
+    pub head_subdivisions: usize,
 }
 
 impl Default for Size {
     fn default() -> Self {
-        Size { wisps: None, strands: 8000, head_rounds: 4 }
+        Size { wisps: None, strands: 8000, head_subdivisions: 4 }
     }
 }
 
-/// Coarse wisps of a head, at least: it has a front, a back, two sides and a parting.
-const FEWEST: usize = 6;
+/// Fewest coarse wisps, which separate front, back, two sides and a parting.
+const MIN_COARSE_WISPS: usize = 6;
 
-/// The groom of a style, m, Y up, and how well its hierarchy represents it.
+/// Makes the groom of a style, m, Y up.
 pub fn groom(style: Style, size: Size) -> (Groom, BuildReport) {
     let cut = style.cut();
     let wisps = size.wisps.unwrap_or(cut.wisps).max(1);
     let guides = comb::guides(&cut, wisps);
-    let coarse = (cut.coarse * wisps).div_ceil(cut.wisps).max(FEWEST);
+    let coarse = (cut.coarse * wisps).div_ceil(cut.wisps).max(MIN_COARSE_WISPS);
     let options = BuildOptions {
         guide_vertices: Resample::Vertices(cut.vertices[0]),
         growth: Growth {
@@ -50,16 +50,16 @@ pub fn groom(style: Style, size: Size) -> (Groom, BuildReport) {
             shorter: 0.12,
             clump: 0.5,
         },
-        depth: Depth { levels: cut.levels, coarse: Some(coarse), leaves: Some(wisps) },
+        hierarchy: HierarchyShape { levels: cut.levels, coarse: Some(coarse), leaves: Some(wisps) },
         sections: cut.sections,
         ..BuildOptions::default()
     };
-    let scalp = Scalp::new(&head::mesh(size.head_rounds));
+    let scalp = Scalp::new(&head::mesh(size.head_subdivisions));
     build(&style.to_string(), Convention::default(), &guides, None, scalp.as_ref(), &options)
 }
 
-/// Writes a sample into `folder`, which is made if need be: `groom.json` and `groom.bin`, `head.obj`, and an
-/// animation for each motion (`shake.json`, `turn.json`).
+/// Writes a sample to `folder`, which is created if necessary: `groom.json` with `groom.bin`, `head.obj`, and an animation
+/// per motion (`shake.json`, `turn.json`).
 ///
 /// # Errors
 /// [`Error::Io`].
@@ -68,7 +68,7 @@ pub fn write(style: Style, size: Size, folder: &Path) -> Result<BuildReport> {
     let (groom, report) = groom(style, size);
     groom.write(&folder.join("groom.json"))?;
     let head = folder.join("head.obj");
-    write_file(&head, &[head::obj(&head::mesh(size.head_rounds))])?;
+    write_file(&head, &[head::obj(&head::mesh(size.head_subdivisions))])?;
     for motion in Motion::ALL {
         motion.anim().write(&folder.join(format!("{motion}.json")))?;
     }
@@ -81,9 +81,9 @@ mod tests {
     use nalgebra::Vector3;
 
     #[test]
-    fn hair_grows_from_the_scalp_keeps_out_of_the_head_and_off_the_face() {
+    fn hair_grows_on_the_scalp_outside_the_head_and_the_face() {
         for style in Style::ALL {
-            let (groom, _) = groom(style, Size { wisps: Some(80), strands: 160, head_rounds: 3 });
+            let (groom, _) = groom(style, Size { wisps: Some(80), strands: 160, head_subdivisions: 3 });
             let guides = &groom.guides.curves;
             assert_eq!((guides.len(), groom.strands.curves.len()), (80, 160));
             for g in 0..guides.len() {
@@ -98,8 +98,9 @@ mod tests {
     }
 
     #[test]
-    fn a_style_has_the_wisps_of_its_table() {
-        let (groom, report) = groom(Style::Long, Size { strands: 0, head_rounds: 1, ..Size::default() });
+    fn a_style_has_its_number_of_nodes_and_levels() {
+        let (groom, report) =
+            groom(Style::Long, Size { strands: 0, head_subdivisions: 1, ..Size::default() });
         let leaves: usize =
             groom.trees.iter().flat_map(|t| &t.wisps).filter(|w| !w.guides.is_empty()).count();
         assert_eq!(leaves * groom.trees[0].arc.len(), Style::Long.nodes());
@@ -108,9 +109,9 @@ mod tests {
     }
 
     #[test]
-    fn a_written_sample_is_a_sound_scene() {
+    fn a_written_sample_is_a_valid_scene() {
         let folder = tempfile::tempdir().unwrap();
-        let size = Size { wisps: Some(40), strands: 200, head_rounds: 3 };
+        let size = Size { wisps: Some(40), strands: 200, head_subdivisions: 3 };
         write(Style::ShortCurly, size, folder.path()).unwrap();
         for motion in Motion::ALL {
             let anim = folder.path().join(format!("{motion}.json"));
@@ -123,11 +124,12 @@ mod tests {
     }
 
     #[test]
-    fn the_committed_sample_is_what_this_code_makes() {
+    fn the_committed_sample_is_up_to_date() {
         let committed = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/short");
-        let made = tempfile::tempdir().unwrap();
-        write(Style::Short, Size { wisps: Some(88), strands: 970, head_rounds: 3 }, made.path()).unwrap();
-        // Sines and powers may differ in the last digit from one machine's library to another's.
+        let fresh = tempfile::tempdir().unwrap();
+        write(Style::Short, Size { wisps: Some(88), strands: 970, head_subdivisions: 3 }, fresh.path())
+            .unwrap();
+        // The last digits of sines and powers depend on the math library.
         let same = |a: &[Vector3<f64>], b: &[Vector3<f64>]| {
             a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).norm() < 1e-6)
         };
@@ -136,25 +138,28 @@ mod tests {
                 crate::scene::load(&folder.join("groom.json"), &folder.join(format!("{motion}.json")))
                     .unwrap()
             };
-            let ((groom, anim), (made_groom, made_anim)) = (load(&committed), load(made.path()));
+            let ((groom, anim), (fresh_groom, fresh_anim)) = (load(&committed), load(fresh.path()));
             for (a, b) in [
-                (&groom.guides.curves, &made_groom.guides.curves),
-                (&groom.strands.curves, &made_groom.strands.curves),
+                (&groom.guides.curves, &fresh_groom.guides.curves),
+                (&groom.strands.curves, &fresh_groom.strands.curves),
             ] {
                 assert!(same(&a.points, &b.points));
                 assert_eq!((&a.offsets, &a.id, &a.group), (&b.offsets, &b.id, &b.group));
             }
-            assert_eq!(groom.strands.leaf, made_groom.strands.leaf);
-            assert_eq!(groom.materials, made_groom.materials);
-            assert_eq!(groom.trees.len(), made_groom.trees.len());
-            assert_eq!((anim.frames, anim.fps), (made_anim.frames, made_anim.fps));
-            for (a, b) in anim.colliders.iter().zip(&made_anim.colliders) {
+            assert_eq!(groom.strands.leaf, fresh_groom.strands.leaf);
+            assert_eq!(groom.materials, fresh_groom.materials);
+            assert_eq!(groom.trees.len(), fresh_groom.trees.len());
+            assert_eq!((anim.frames, anim.fps), (fresh_anim.frames, fresh_anim.fps));
+            for (a, b) in anim.colliders.iter().zip(&fresh_anim.colliders) {
                 assert!(same(&a.shape.tessellate().vertices, &b.shape.tessellate().vertices), "{}", a.name);
             }
             for frame in anim.frames.0..=anim.frames.1 {
                 let pose = |anim: &crate::scene::Anim| anim.head_pose(anim.time(f64::from(frame)));
-                let apart = pose(&anim).inverse() * pose(&made_anim);
-                assert!(apart.translation.vector.norm() + apart.rotation.angle() < 1e-6, "{motion} {frame}");
+                let difference = pose(&anim).inverse() * pose(&fresh_anim);
+                assert!(
+                    difference.translation.vector.norm() + difference.rotation.angle() < 1e-6,
+                    "{motion} {frame}"
+                );
             }
         }
     }

@@ -7,29 +7,29 @@ use nalgebra::{UnitQuaternion, Vector3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::fmt;
 
-/// Samples of a motion a second.
+/// Samples per second of a motion.
 const RATE: f64 = 96.0;
-/// Frames of the bake a second.
+/// Frames per second of the bake.
 const FPS: f64 = 24.0;
 /// Frequency of the shake, Hz, and its amplitude, rad (25°).
 const SHAKE: (f64, f64) = (2.5, 0.436_332_312_998_582_4);
-/// Distance kept between a sample's body and the hair, m.
+/// Distance kept between body and hair, m.
 const THICKNESS: f64 = 5e-4;
 
-/// A motion of the head; each begins and ends at rest, so that the hair is seen to settle.
+/// A motion of the head that begins and ends at rest, so that the hair can settle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Motion {
-    /// "No": five turns of ±25° about the neck at 2.5 Hz, then still; 4 s.
+    /// Shaking the head: five oscillations of ±25° at 2.5 Hz, then rest; 4 s.
     Shake,
-    /// A quick look to the left: 90° in half a second, then still; 3 s.
+    /// A quick look to the left: 90° in 0.5 s, then rest; 3 s.
     Turn,
 }
 
 impl Motion {
-    /// Both.
+    /// All motions.
     pub const ALL: [Motion; 2] = [Motion::Shake, Motion::Turn];
 
-    /// Length, s.
+    /// Duration, s.
     pub fn duration(self) -> f64 {
         match self {
             Motion::Shake => 4.0,
@@ -37,11 +37,11 @@ impl Motion {
         }
     }
 
-    /// Turn of the head to its left at time `t`, s; rad.
+    /// Rotation of the head to its left at time `t`, s; rad.
     pub fn yaw(self, t: f64) -> f64 {
         let ease = |from: f64, to: f64| {
             let u = ((t - from) / (to - from)).clamp(0.0, 1.0);
-            // No jump in acceleration (quintic: Flash & Hogan 1985).
+            // A quintic without jumps in acceleration (Flash & Hogan 1985).
             u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
         };
         match self {
@@ -50,10 +50,10 @@ impl Motion {
         }
     }
 
-    /// The animation, m, Y up: a head (`head.obj` beside the file) that moves on shoulders that do not.
+    /// The animation, m, Y up: a moving head (`head.obj` in the same folder) on shoulders at rest.
     pub fn anim(self) -> AnimFile {
         let samples = (self.duration() * RATE).round() as usize + 1;
-        let turns = (0..samples).map(|i| {
+        let rotations = (0..samples).map(|i| {
             let q = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), self.yaw(i as f64 / RATE));
             [q.w, q.i, q.j, q.k]
         });
@@ -62,7 +62,7 @@ impl Motion {
         anim.head = Some("head".into());
         let track = TrackFile {
             fps: Some(RATE),
-            rotation_wxyz: Some(turns.collect::<Vec<_>>().into()),
+            rotation_wxyz: Some(rotations.collect::<Vec<_>>().into()),
             smoothing_hz: 0.0,
             ..TrackFile::default()
         };

@@ -1,50 +1,51 @@
-//! The four hair styles of the samples, after the table of Bertails & Cani 2004 (figure 6).
+//! The four hair styles of the samples, after Bertails & Cani 2004, figure 6.
 
 use crate::{Error, Result};
 use std::fmt;
 use std::str::FromStr;
 
-/// A style of the paper's table.
+/// A hair style.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Style {
-    /// Short and smooth.
+    /// Short, smooth hair.
     Short,
     /// Short curls.
     ShortCurly,
-    /// To the shoulders and below.
+    /// Hair below the shoulders.
     Long,
     /// Long ringlets.
     LongCurly,
 }
 
-/// What makes a style. Lengths in metres.
+/// Parameters of a style; lengths in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Cut {
-    /// Leaf wisps; each has one guide.
+    /// Number of leaf wisps, with one guide each.
     pub(super) wisps: usize,
-    /// Sections of a wisp.
+    /// Sections per wisp.
     pub(super) sections: usize,
-    /// Levels of the hierarchy, and its coarse wisps.
+    /// Levels of the hierarchy.
     pub(super) levels: usize,
+    /// Number of coarse wisps.
     pub(super) coarse: usize,
-    /// Longest hair, along its run.
+    /// Length of the longest hair, along its course.
     pub(super) longest: f64,
-    /// Height in rest space at which the hair is cut.
+    /// Height of the hem in rest space.
     pub(super) hem: f64,
     /// Radius of the curls.
     pub(super) curl_radius: f64,
-    /// Length of the run in one turn of a curl.
+    /// Length of the course per turn of a curl.
     pub(super) curl_pitch: f64,
-    /// Vertices of guides and render strands.
+    /// Vertices per guide and per render strand.
     pub(super) vertices: [usize; 2],
 }
 
 impl Style {
-    /// All of them, in the table's order.
+    /// All styles, in the order of the figure.
     pub const ALL: [Style; 4] = [Style::Short, Style::ShortCurly, Style::Long, Style::LongCurly];
 
-    /// Nodes of the finest level and levels in the paper's table.
-    pub fn paper(self) -> (usize, usize) {
+    /// Nodes of the finest level, and levels, in the figure.
+    pub fn published(self) -> (usize, usize) {
         match self {
             Style::Short => (5149, 2),
             Style::ShortCurly => (4909, 2),
@@ -53,13 +54,13 @@ impl Style {
         }
     }
 
-    /// Nodes of the finest level here: leaf wisps × sections, within three of the paper's.
+    /// Nodes of the finest level: leaf wisps × sections, within three of [`Style::published`].
     pub fn nodes(self) -> usize {
         self.cut().wisps * self.cut().sections
     }
 
     pub(super) fn cut(self) -> Cut {
-        let (_, levels) = self.paper();
+        let (_, levels) = self.published();
         match self {
             Style::Short => Cut {
                 wisps: 644,
@@ -125,7 +126,7 @@ impl FromStr for Style {
 
     fn from_str(name: &str) -> Result<Self> {
         Style::ALL.into_iter().find(|style| style.to_string() == name).ok_or_else(|| {
-            Error::Usage(format!("no sample {name}: there are short, short-curly, long and long-curly"))
+            Error::Usage(format!("no sample is named {name}: use short, short-curly, long or long-curly"))
         })
     }
 }
@@ -135,9 +136,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn node_counts_are_the_papers_within_three() {
+    fn node_counts_are_within_three_of_the_published_ones() {
         for style in Style::ALL {
-            assert!(style.nodes().abs_diff(style.paper().0) <= 3, "{style}: {}", style.nodes());
+            assert!(style.nodes().abs_diff(style.published().0) <= 3, "{style}: {}", style.nodes());
             assert_eq!(style.to_string().parse::<Style>().unwrap(), style);
         }
         assert!("bald".parse::<Style>().is_err());

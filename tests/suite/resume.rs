@@ -11,7 +11,7 @@ use std::path::Path;
 
 /// A small head of short hair that is shaken, with a suit that breathes if `deforms`.
 fn scene(folder: &Path, contact: Contact, deforms: bool) -> (Groom, Anim) {
-    let size = Size { wisps: Some(24), strands: 0, head_rounds: 2 };
+    let size = Size { wisps: Some(24), strands: 0, head_subdivisions: 2 };
     sample::write(Style::Short, size, folder).unwrap();
     let shake = folder.join("shake.json");
     if deforms {

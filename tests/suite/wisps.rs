@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 /// A head of hair that is shaken for two seconds and held still for `still` frames.
 fn scene(style: Style, still: i32) -> (Groom, Anim) {
     let folder = tempfile::tempdir().unwrap();
-    let size = Size { wisps: Some(40), strands: 0, head_rounds: 2 };
+    let size = Size { wisps: Some(40), strands: 0, head_subdivisions: 2 };
     sample::write(style, size, folder.path()).unwrap();
     let shake = folder.path().join("shake.json");
     let (groom, mut anim) = scene::load(&folder.path().join("groom.json"), &shake).unwrap();

@@ -1,0 +1,185 @@
+//! Runs the Python package that reads USD and parses what it returns.
+
+use crate::import::plain::Declared;
+use crate::import::source::Source;
+use crate::python::{Package, python_package};
+use crate::scene::UpAxis;
+use crate::{Diagnostic, Error, Result};
+use nalgebra::Vector3;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use std::path::Path;
+use std::process::Output;
+
+const PACKAGE: Package = python_package!(
+    "pipeline",
+    "hairbake_usd",
+    [
+        "__init__.py",
+        "__main__.py",
+        "curves.py",
+        "exchange.py",
+        "faults.py",
+        "groom.py",
+        "mesh.py",
+        "motion.py",
+        "stage.py"
+    ]
+);
+
+/// Exit code of the package for errors in the file.
+const BAD_INPUT: i32 = 2;
+
+/// The header: unit, up axis, notes, a list of arrays in data order, and what is specific to the kind of read.
+#[derive(Debug, Deserialize)]
+pub(super) struct Header<T> {
+    metres_per_unit: Option<f64>,
+    up: Option<UpAxis>,
+    pub(super) notes: Vec<String>,
+    arrays: Vec<ArrayHeader>,
+    #[serde(flatten)]
+    pub(super) more: T,
+}
+
+impl<T> Header<T> {
+    /// Unit and up axis that the stage declares.
+    pub(super) fn declared(&self) -> Declared {
+        Declared { metres_per_unit: self.metres_per_unit, up: self.up }
+    }
+}
+
+#[derive(Debug, Deserialize)]
+struct ArrayHeader {
+    name: String,
+    #[serde(rename = "type")]
+    kind: Kind,
+    count: usize,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Kind {
+    F32,
+    F64,
+    I32,
+    U32,
+}
+
+impl Kind {
+    fn bytes(self) -> usize {
+        if self == Kind::F64 { 8 } else { 4 }
+    }
+}
+
+/// What the package writes instead of a header if the file has errors.
+#[derive(Debug, Deserialize)]
+struct Failure {
+    faults: Vec<FileError>,
+}
+
+#[derive(Debug, Deserialize)]
+struct FileError {
+    key: String,
+    what: String,
+    allowed: String,
+    remedy: String,
+}
+
+/// The result of one read.
+pub(super) struct Exchange<T> {
+    pub(super) header: Header<T>,
+    data: Vec<u8>,
+}
+
+impl<T: DeserializeOwned> Exchange<T> {
+    /// Runs the package's subcommand `what` on a file, with `options` specific to it.
+    ///
+    /// # Errors
+    /// Every error in the file; [`Error::Config`] without a Python that has usd-core.
+    pub(super) fn read(what: &str, source: &Source, options: &[String]) -> Result<Self> {
+        let path = &source.path;
+        // The system's message for a missing file is clearer than that of the USD library.
+        std::fs::File::open(path).map_err(|e| Error::io(path, e))?;
+        let folder = tempfile::tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
+        let mut run = PACKAGE.prepare()?;
+        run.command.arg(what).arg(path).arg("--out").arg(folder.path()).args(options);
+        if let Some(prim) = &source.prim {
+            run.command.arg(format!("--prim={prim}"));
+        }
+        if let Some(time) = source.time {
+            run.command.arg(format!("--time={time}"));
+        }
+        let output = run.command.output().map_err(|e| Error::io(&run.python, e))?;
+        match output.status.code() {
+            Some(0) => {
+                let data = folder.path().join("data.bin");
+                let data = crate::file::read_file(&data).map_err(|e| Error::io(&data, e))?;
+                Ok(Exchange { header: read_header(folder.path())?, data })
+            }
+            Some(BAD_INPUT) => {
+                let Failure { faults } = read_header(folder.path())?;
+                let diagnostic = |e: FileError| Diagnostic::new(path, e.key, e.what, e.allowed, e.remedy);
+                Err(Error::BadInput(faults.into_iter().map(diagnostic).collect()))
+            }
+            _ => Err(crash(path, &output)),
+        }
+    }
+
+    /// The numbers of an array, `N` bytes each; `None` if there is no such array.
+    fn array<const N: usize, X>(&self, name: &str, kind: Kind, number: fn([u8; N]) -> X) -> Option<Vec<X>> {
+        let arrays = &self.header.arrays;
+        let index = arrays.iter().position(|a| a.name == name && a.kind == kind)?;
+        let start: usize = arrays[..index].iter().map(|a| a.count * a.kind.bytes()).sum();
+        let bytes = self.data.get(start..start + arrays[index].count * kind.bytes())?;
+        Some(bytes.as_chunks::<N>().0.iter().map(|b| number(*b)).collect())
+    }
+
+    pub(super) fn f64s(&self, name: &str) -> Option<Vec<f64>> {
+        self.array(name, Kind::F64, f64::from_le_bytes)
+    }
+
+    pub(super) fn f32s(&self, name: &str) -> Option<Vec<f32>> {
+        self.array(name, Kind::F32, f32::from_le_bytes)
+    }
+
+    pub(super) fn u32s(&self, name: &str) -> Option<Vec<u32>> {
+        self.array(name, Kind::U32, u32::from_le_bytes)
+    }
+
+    pub(super) fn i32s(&self, name: &str) -> Option<Vec<i32>> {
+        self.array(name, Kind::I32, i32::from_le_bytes)
+    }
+}
+
+/// Unwraps an array that the package always writes.
+pub(super) fn required<X>(array: Option<X>, name: &str) -> Result<X> {
+    array.ok_or_else(|| Error::Internal(format!("the USD reader wrote no array \"{name}\"")))
+}
+
+/// Groups numbers by threes.
+pub(super) fn points(numbers: &[f64]) -> Vec<Vector3<f64>> {
+    numbers.as_chunks().0.iter().map(|&p: &[f64; 3]| p.into()).collect()
+}
+
+fn read_header<H: DeserializeOwned>(folder: &Path) -> Result<H> {
+    let path = folder.join("header.json");
+    let bytes = crate::file::read_file(&path).map_err(|e| Error::io(&path, e))?;
+    serde_json::from_slice(&bytes)
+        .map_err(|e| Error::Internal(format!("the USD reader wrote an invalid header: {e}")))
+}
+
+fn crash(path: &Path, output: &Output) -> Error {
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    let last = stderr.trim_end().lines().last().unwrap_or_default();
+    Error::Internal(format!("{}: the USD reader failed with {}: {last}", path.display(), output.status))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_package_includes_every_module() {
+        crate::python::assert_whole("pipeline", &PACKAGE);
+    }
+}

@@ -1,0 +1,63 @@
+//! Motion of a prim or a skeleton joint of a USD stage.
+
+use super::exchange::{Exchange, required};
+use crate::Result;
+use crate::import::motion::{FrameNumbers, Motion};
+use crate::import::rigid::{self, RigidPoses};
+use crate::import::source::Source;
+use crate::scene::Convention;
+use nalgebra::Matrix4;
+use serde::Deserialize;
+
+/// The default of USD's metersPerUnit.
+const DEFAULT_METRES_PER_UNIT: f64 = 0.01;
+
+#[derive(Debug, Deserialize)]
+struct Header {
+    /// The prim whose motion was read.
+    prim: String,
+    /// Time codes per second.
+    rate: f64,
+    /// Time code of the first sample.
+    start: f64,
+    /// Time codes from one sample to the next.
+    step: f64,
+}
+
+/// Reads the motion of a prim, or of a joint of a skeleton at or below it.
+///
+/// # Errors
+/// As [`Exchange::read`]; a transform without a rotation.
+pub(in crate::import) fn read(source: &Source, joint: Option<&str>) -> Result<Motion> {
+    let options: Vec<String> = joint.iter().map(|name| format!("--joint={name}")).collect();
+    let read = Exchange::<Header>::read("motion", source, &options)?;
+    let over_time = matrices(&required(read.f64s("matrix"), "matrix")?);
+    let rest = matrices(&required(read.f64s("rest"), "rest")?);
+    let declared = read.header.declared();
+    let mut notes = read.header.notes;
+    let Header { prim, rate, start, step } = read.header.more;
+    let RigidPoses { poses, bind, warnings } = rigid::poses(source, &prim, &over_time, rest.first())?;
+    let metres_per_unit = source.metres_per_unit.or(declared.metres_per_unit);
+    if metres_per_unit.is_none() {
+        notes.push(
+            "no metersPerUnit in the stage: USD's default, centimetres (set --units to override)".into(),
+        );
+    }
+    Ok(Motion {
+        rate: rate / step,
+        numbering: Some(FrameNumbers { first: start, rate }),
+        convention: Convention {
+            metres_per_unit: metres_per_unit.unwrap_or(DEFAULT_METRES_PER_UNIT),
+            up: source.up.or(declared.up).unwrap_or_default(),
+        },
+        poses,
+        bind,
+        prim: Some(prim),
+        notes,
+        warnings,
+    })
+}
+
+fn matrices(numbers: &[f64]) -> Vec<Matrix4<f64>> {
+    numbers.as_chunks::<16>().0.iter().map(|rows| Matrix4::from_row_slice(rows)).collect()
+}

@@ -1,0 +1,62 @@
+//! What to import as a groom.
+
+use super::build::BuildOptions;
+use crate::import::source::Source;
+use crate::scene::TriMesh;
+use crate::{Error, Result};
+
+/// By default all strands become guides if the file has at most this many.
+pub const ALL_GUIDES_UP_TO: usize = 1000;
+/// Default number of guides chosen from a larger file.
+pub const DEFAULT_GUIDES: usize = 500;
+
+/// What [`groom`](super::convert::groom) imports.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GroomOptions {
+    /// Name of the groom.
+    pub name: String,
+    /// The strands from which guides are chosen. Strands that are not chosen become render strands.
+    pub guides: Source,
+    /// A separate file of render strands.
+    pub strands: Option<Source>,
+    /// The scalp, m, rest space: used to report root positions and to place the roots of grown strands.
+    pub scalp: Option<TriMesh>,
+    /// Factor on the length of all strands; their shape is scaled about the root.
+    pub length_scale: f64,
+    /// Number of guides to choose; `None` for the guides that the file marks, else all of up to [`ALL_GUIDES_UP_TO`]
+    /// strands, or [`DEFAULT_GUIDES`] of more.
+    pub guide_count: Option<usize>,
+    /// How the groom is built.
+    pub build: BuildOptions,
+}
+
+impl GroomOptions {
+    /// The defaults for a strand file; the groom is named after it.
+    pub fn new(guides: Source) -> Self {
+        let name = guides.path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+        GroomOptions {
+            name,
+            guides,
+            strands: None,
+            scalp: None,
+            length_scale: 1.0,
+            guide_count: None,
+            build: BuildOptions::default(),
+        }
+    }
+
+    /// Checks the ranges of all options.
+    ///
+    /// # Errors
+    /// [`Error::Usage`].
+    pub(super) fn check(&self) -> Result<()> {
+        self.build.check()?;
+        if self.guide_count == Some(0) {
+            return Err(Error::Usage("the number of guides must be at least 1".into()));
+        }
+        if !(1e-3..=1e3).contains(&self.length_scale) {
+            return Err(Error::Usage("the length scale must be 0.001 to 1000".into()));
+        }
+        Ok(())
+    }
+}

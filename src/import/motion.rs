@@ -1,0 +1,93 @@
+//! The motion of a joint, as read from a file.
+
+use super::source::Source;
+use crate::scene::anim::file::PoseFile;
+use crate::scene::{Convention, UpAxis};
+use crate::{Diagnostic, Error};
+use nalgebra::{Isometry3, Quaternion, UnitQuaternion};
+
+/// Most joints that an error message lists.
+const MAX_LISTED: usize = 60;
+
+/// Selects a joint of a motion file, and one of its animations.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct JointSelector {
+    /// Name of the joint (BVH, USD) or node (glTF); `None` for the file's only joint, or for the prim itself (USD).
+    pub name: Option<String>,
+    /// Name or number of the animation (glTF); `None` for the first.
+    pub clip: Option<String>,
+}
+
+/// Evenly sampled poses of a joint in the world.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Motion {
+    /// Samples per second.
+    pub(super) rate: f64,
+    /// Frame numbers, where the file has them.
+    pub(super) numbering: Option<FrameNumbers>,
+    /// Unit and up axis of the poses.
+    pub(super) convention: Convention,
+    /// The poses.
+    pub(super) poses: Vec<PoseFile>,
+    /// Pose of the joint in which the character was modelled, where the file has it.
+    pub(super) bind: Option<PoseFile>,
+    /// Path of the USD prim whose motion this is.
+    pub(super) prim: Option<String>,
+    /// Remarks for the artist.
+    pub(super) notes: Vec<String>,
+    /// What the artist should check.
+    pub(super) warnings: Vec<String>,
+}
+
+/// How a file numbers its frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct FrameNumbers {
+    /// Number of the first sample.
+    pub(super) first: f64,
+    /// Numbers per second.
+    pub(super) rate: f64,
+}
+
+impl Motion {
+    /// The poses in metres, Y up.
+    pub(super) fn in_metres(&self) -> Vec<Isometry3<f64>> {
+        let pose = |p: &PoseFile| self.convention.pose_in(p.translation.into(), rotation(p.rotation_wxyz));
+        self.poses.iter().map(pose).collect()
+    }
+}
+
+/// A rotation from the components of a nonzero quaternion.
+pub(super) fn rotation([w, x, y, z]: [f64; 4]) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
+}
+
+/// The error for a missing or unknown name of a joint or node (`kind`); `names` are those in the file.
+pub(super) fn unknown_joint(source: &Source, name: Option<&str>, names: &[&str], kind: &str) -> Error {
+    let what = match name {
+        Some(name) => format!("no {kind} is named \"{name}\""),
+        None => format!("the file has {} {kind}s, and none is selected", names.len()),
+    };
+    let more = if names.len() > MAX_LISTED { ", …" } else { "" };
+    let listed: Vec<&str> = names.iter().take(MAX_LISTED).copied().collect();
+    Diagnostic::new(
+        &source.path,
+        kind,
+        what,
+        format!("one of: {}{more}", listed.join(", ")),
+        "select one with --joint, for example the head",
+    )
+    .into()
+}
+
+/// Rounds a sampling rate to a whole number if it is within a thousandth of one: files round the frame time.
+pub(super) fn snap_rate(rate: f64) -> f64 {
+    if (rate - rate.round()).abs() < 1e-3 * rate { rate.round() } else { rate }
+}
+
+/// Unit and up axis: as given in `source`, else those of the format.
+pub(super) fn convention(source: &Source, metres_per_unit: f64, up: UpAxis) -> Convention {
+    Convention {
+        metres_per_unit: source.metres_per_unit.unwrap_or(metres_per_unit),
+        up: source.up.unwrap_or(up),
+    }
+}

@@ -1,0 +1,77 @@
+//! The contents of strand and mesh files, in the file's unit and axes. Readers return these types.
+
+use crate::scene::{Curves, Factors, TriMesh, UpAxis};
+use nalgebra::Vector3;
+
+/// The unit and up axis that a file declares.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Declared {
+    /// Metres per unit.
+    pub(super) metres_per_unit: Option<f64>,
+    /// Up axis.
+    pub(super) up: Option<UpAxis>,
+}
+
+/// The strands of a file.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct PlainStrands {
+    pub(super) curves: Curves,
+    /// Whether each curve is a guide; empty where the format does not mark guides.
+    pub(super) guide: Vec<bool>,
+    /// The groups that `curves.group` refers to; empty where the format has none.
+    pub(super) groups: Vec<PlainGroup>,
+    /// Attributes per curve; empty where the file has none.
+    pub(super) attributes: Vec<StrandAttributes>,
+    pub(super) declared: Declared,
+    /// Remarks for the artist.
+    pub(super) notes: Vec<String>,
+}
+
+/// A group of strands.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct PlainGroup {
+    pub(super) name: String,
+    /// Drawn width at root and tip where the file has one.
+    pub(super) width: Option<[f64; 2]>,
+}
+
+/// Attributes of one strand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct StrandAttributes {
+    /// Factor on the length; the shape is scaled about the root.
+    pub(super) length: f64,
+    /// Factors on the material, in the order of [`Factors::NAMES`].
+    pub(super) factors: [f64; Factors::NAMES.len()],
+    /// Clump of the strand.
+    pub(super) clump: Option<i32>,
+}
+
+impl StrandAttributes {
+    /// Factors of 1, no clump.
+    pub(super) const DEFAULT: StrandAttributes =
+        StrandAttributes { length: 1.0, factors: [1.0; Factors::NAMES.len()], clump: None };
+}
+
+/// The mesh of a file.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct PlainMesh {
+    pub(super) mesh: TriMesh,
+    /// Vertices at the requested times; empty if the mesh does not deform.
+    pub(super) samples: Vec<Vec<Vector3<f64>>>,
+    pub(super) declared: Declared,
+    /// Remarks for the artist.
+    pub(super) notes: Vec<String>,
+}
+
+/// Time codes at which to sample a deforming mesh.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct SampleTimes {
+    /// First time code.
+    pub(super) start: f64,
+    /// Step between time codes.
+    pub(super) step: f64,
+    /// Number of time codes.
+    pub(super) count: usize,
+    /// Path of a prim in the same file: a mesh that moves rigidly with it does not count as deforming.
+    pub(super) carrier: Option<String>,
+}

@@ -1,0 +1,140 @@
+//! Colliders of an animation.
+
+use super::options::ColliderMesh;
+use crate::import::mesh_file::ImportedMesh;
+use crate::import::source::Source;
+use crate::scene::anim::file::{ColliderFile, ShapeFile};
+use crate::scene::{Sequence, TriMesh, UpAxis};
+use crate::{Error, Result};
+use std::collections::BTreeSet;
+use std::path::{Component, Path, PathBuf};
+
+/// Decimal places of written vertices: nanometres.
+const OBJ_DIGITS: usize = 9;
+
+/// Name of the body at rest that carries deforming meshes.
+pub(super) const WORLD: &str = "world";
+
+/// Colliders and the mesh files that they refer to.
+#[derive(Default)]
+pub(super) struct Colliders {
+    pub(super) colliders: Vec<ColliderFile>,
+    /// Files to write: path and text.
+    pub(super) files: Vec<(PathBuf, String)>,
+    /// Remarks on the meshes.
+    pub(super) notes: Vec<String>,
+    names: BTreeSet<String>,
+}
+
+impl Colliders {
+    /// Whether any collider deforms and so needs the body [`WORLD`].
+    pub(super) fn any_deforms(&self) -> bool {
+        self.colliders.iter().any(|collider| collider.body.is_some())
+    }
+
+    /// Adds a collider. `first_file` is the file that was read, `read` its contents, `first_frame` the frame of its
+    /// first sample, `folder` that of the animation.
+    ///
+    /// # Errors
+    /// A path that has no absolute form.
+    pub(super) fn add(
+        &mut self,
+        mesh: &ColliderMesh,
+        first_file: &Source,
+        read: &ImportedMesh,
+        first_frame: i32,
+        folder: &Path,
+    ) -> Result<()> {
+        self.notes.extend(read.notes.iter().map(|note| format!("{}: {note}", mesh.source.path.display())));
+        let name = self.unique_name(&mesh.name);
+        let deforms = mesh.source != *first_file || !read.samples.is_empty();
+        let shape = if first_file.is_usd() {
+            self.write_obj(&name, read, first_frame, folder)
+        } else {
+            ShapeFile::Mesh {
+                file: relative(&first_file.path, folder)?,
+                sequence: if deforms { Some(relative(&mesh.source.path, folder)?) } else { None },
+                metres_per_unit: Some(read.convention.metres_per_unit),
+                up_axis: Some(read.convention.up),
+            }
+        };
+        self.colliders.push(ColliderFile {
+            name,
+            body: deforms.then(|| WORLD.into()),
+            shape,
+            friction: mesh.friction,
+            static_friction: None,
+            thickness_m: mesh.thickness,
+        });
+        Ok(())
+    }
+
+    /// `name`, with a number appended if it is taken.
+    fn unique_name(&mut self, name: &str) -> String {
+        let mut unique = name.to_string();
+        for i in 2.. {
+            if self.names.insert(unique.clone()) {
+                break;
+            }
+            unique = format!("{name}_{i}");
+        }
+        unique
+    }
+
+    /// Converts a USD mesh to OBJ files in `folder`, metres, Y up; the first sample is that of `first_frame`.
+    fn write_obj(&mut self, name: &str, read: &ImportedMesh, first_frame: i32, folder: &Path) -> ShapeFile {
+        let file = format!("{name}.obj");
+        self.files.push((folder.join(&file), read.mesh.to_obj(OBJ_DIGITS)));
+        let sequence = (!read.samples.is_empty()).then(|| format!("{name}.####.obj"));
+        if let Some(sequence) = sequence.as_deref().and_then(Sequence::new) {
+            for (frame, vertices) in (first_frame..).zip(&read.samples) {
+                let mesh = TriMesh { vertices: vertices.clone(), ..read.mesh.clone() };
+                self.files.push((sequence.path(folder, frame), mesh.to_obj(OBJ_DIGITS)));
+            }
+        }
+        ShapeFile::Mesh { file, sequence, metres_per_unit: Some(1.0), up_axis: Some(UpAxis::Y) }
+    }
+}
+
+/// The path of a file relative to `folder`, with forward slashes.
+fn relative(path: &Path, folder: &Path) -> Result<String> {
+    let (path, folder) = (absolute(path)?, absolute(folder)?);
+    let shared = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    let up = folder.components().skip(shared).map(|_| "..".to_string());
+    let down = path.components().skip(shared).map(|c| c.as_os_str().to_string_lossy().into_owned());
+    Ok(up.chain(down).collect::<Vec<_>>().join("/"))
+}
+
+/// The absolute path, with `..` resolved.
+fn absolute(path: &Path) -> Result<PathBuf> {
+    let absolute = std::path::absolute(path).map_err(|e| Error::io(path, e))?;
+    let mut out = PathBuf::new();
+    for part in absolute.components() {
+        match part {
+            Component::ParentDir => {
+                out.pop();
+            }
+            other => out.push(other),
+        }
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn relative_paths_start_in_the_folder() {
+        let from = |path: &str, folder: &str| relative(Path::new(path), Path::new(folder)).unwrap();
+        assert_eq!(from("/a/b/c.obj", "/a/b"), "c.obj");
+        assert_eq!(from("/a/b/../x/c.obj", "/a/b"), "../x/c.obj");
+        assert_eq!(from("c.obj", "d/e"), "../../c.obj");
+    }
+
+    #[test]
+    fn equal_names_are_numbered() {
+        let mut colliders = Colliders::default();
+        assert_eq!(["a", "a", "a", "b"].map(|name| colliders.unique_name(name)), ["a", "a_2", "a_3", "b"]);
+    }
+}

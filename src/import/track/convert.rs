@@ -1,0 +1,315 @@
+//! Makes an animation from a motion file and collider meshes.
+
+use super::colliders::{Colliders, WORLD};
+use super::options::{RestPose, TrackOptions};
+use super::report::TrackReport;
+use super::timing::{DEFAULT_FIRST_FRAME, Timing};
+use crate::import::mesh_file::{ImportedMesh, read_deforming_mesh};
+use crate::import::motion::{Motion, rotation};
+use crate::import::motion_file::read_motion;
+use crate::import::source::Source;
+use crate::scene::anim::file::{BodyFile, PoseFile, TrackFile};
+use crate::scene::track::find_pops;
+use crate::scene::{AnimFile, Groom};
+use crate::{Diagnostic, Error, Result};
+use nalgebra::Vector3;
+use std::path::{Path, PathBuf};
+
+/// An animation and the mesh files that belong to it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Track {
+    /// The animation.
+    pub anim: AnimFile,
+    /// OBJ files converted from USD: path and text.
+    pub meshes: Vec<(PathBuf, String)>,
+    /// The report.
+    pub report: TrackReport,
+}
+
+impl Track {
+    /// Writes the animation to `path`, which lies in [`TrackOptions::folder`], and the meshes.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn write(&self, path: &Path) -> Result<()> {
+        for (file, text) in &self.meshes {
+            crate::file::write_file(file, &[text])?;
+        }
+        self.anim.write(path)
+    }
+}
+
+/// Mean root position of a groom's guides, m, rest space: the default pivot.
+pub fn root_centroid(groom: &Groom) -> Vector3<f64> {
+    let guides = &groom.guides.curves;
+    (0..guides.len()).map(|c| guides.curve(c)[0]).sum::<Vector3<f64>>() / guides.len().max(1) as f64
+}
+
+/// Makes an animation from a motion file. Its first sample is the first frame, unless the file numbers its frames; unit
+/// and up axis stay those of the file.
+///
+/// # Errors
+/// Unreadable or invalid files, all in one report; options out of range.
+pub fn track(options: &TrackOptions) -> Result<Track> {
+    let Inputs { motion, timing, meshes } = Inputs::read(options)?;
+    let (kind, rest) = rest_pose(options, &motion)?;
+
+    let mut colliders = Colliders::default();
+    for (mesh, (file, read)) in options.colliders.iter().zip(&meshes) {
+        colliders.add(mesh, file, read, timing.first_mesh_frame(), &options.folder)?;
+    }
+    let mut report = TrackReport {
+        path: options.motion.path.clone(),
+        samples: (motion.poses.len(), motion.rate),
+        convention: motion.convention,
+        frames: (timing.frames, timing.fps),
+        first_frame: timing.first_sample,
+        rest: (kind, motion.convention.length_in(rest.translation.into()).into()),
+        first_rotation: rotation(motion.poses[0].rotation_wxyz)
+            .angle_to(&rotation(rest.rotation_wxyz))
+            .to_degrees(),
+        pops: find_pops(&motion.in_metres(), motion.rate).iter().map(|pop| pop.sample).collect(),
+        notes: [&motion.notes[..], &colliders.notes[..]].concat(),
+        warnings: motion.warnings.clone(),
+    };
+    report.add_warnings(options);
+
+    let mut anim = AnimFile::new(timing.fps, timing.frames);
+    anim.metres_per_unit = motion.convention.metres_per_unit;
+    anim.up_axis = motion.convention.up;
+    anim.bodies = vec![head(options, &motion, &timing, rest)];
+    if colliders.any_deforms() {
+        anim.bodies.push(BodyFile { name: WORLD.into(), track: None });
+    }
+    anim.colliders = colliders.colliders;
+    Ok(Track { anim, meshes: colliders.files, report })
+}
+
+/// The contents of all files.
+struct Inputs {
+    motion: Motion,
+    timing: Timing,
+    /// For each collider the file that was read and its contents.
+    meshes: Vec<(Source, ImportedMesh)>,
+}
+
+impl Inputs {
+    /// Reads the motion and the meshes.
+    ///
+    /// # Errors
+    /// The errors of all files in one report.
+    fn read(options: &TrackOptions) -> Result<Self> {
+        let motion = read_motion(&options.motion, &options.joint);
+        let timing = match &motion {
+            Ok(motion) => Some(Timing::new(options, motion)?),
+            Err(_) => None,
+        };
+        // If the motion cannot be read, the meshes are still checked.
+        let first = timing
+            .as_ref()
+            .map(|timing| timing.frames[0])
+            .or(options.frames.map(|f| f[0]))
+            .unwrap_or(DEFAULT_FIRST_FRAME);
+        let meshes = options.colliders.iter().map(|mesh| {
+            let file = mesh.first_file(first);
+            let times = timing.as_ref().map(|t| t.mesh_times(options, &file, motion.as_ref().ok()));
+            let read = read_deforming_mesh(&file, times.as_ref())?;
+            Ok((file, read))
+        });
+        let meshes = meshes.collect();
+        let (motion, meshes) = merge_errors(motion, meshes)?;
+        let timing = timing.ok_or_else(|| Error::Internal("a motion that was read has no frames".into()))?;
+        Ok(Inputs { motion, timing, meshes })
+    }
+}
+
+/// The motion and the meshes, or the errors in all of them.
+fn merge_errors<A, B>(motion: Result<A>, meshes: Vec<Result<B>>) -> Result<(A, Vec<B>)> {
+    let mut diagnostics = Vec::new();
+    let mut read = Vec::with_capacity(meshes.len());
+    let motion = match motion {
+        Err(Error::BadInput(found)) => {
+            diagnostics.extend(found);
+            None
+        }
+        other => Some(other?),
+    };
+    for mesh in meshes {
+        match mesh {
+            Err(Error::BadInput(found)) => diagnostics.extend(found),
+            other => read.push(other?),
+        }
+    }
+    match motion {
+        Some(motion) if diagnostics.is_empty() => Ok((motion, read)),
+        _ => Err(Error::BadInput(diagnostics)),
+    }
+}
+
+/// The pose of the joint that corresponds to the head as modelled, in the file's unit and axes.
+fn rest_pose(options: &TrackOptions, motion: &Motion) -> Result<(RestPose, PoseFile)> {
+    let kind = options.rest.unwrap_or(match (motion.bind, options.pivot) {
+        (Some(_), None) => RestPose::Bind,
+        _ => RestPose::World,
+    });
+    let pivot = motion.convention.length_out(options.pivot.unwrap_or_default()).into();
+    let pose = match (kind, motion.bind) {
+        (RestPose::Bind, Some(bind)) => bind,
+        (RestPose::Bind, None) => {
+            let what = "the motion file has no rest pose";
+            let remedy = "use --rest first, or --rest world with --pivot";
+            return Err(Diagnostic::new(
+                &options.motion.path,
+                "rest",
+                what,
+                "a USD, glTF or BVH file",
+                remedy,
+            )
+            .into());
+        }
+        (RestPose::World, _) => PoseFile { translation: pivot, rotation_wxyz: [1.0, 0.0, 0.0, 0.0] },
+        (RestPose::First, _) => PoseFile { translation: pivot, rotation_wxyz: motion.poses[0].rotation_wxyz },
+    };
+    Ok((kind, pose))
+}
+
+/// The body of the head.
+fn head(options: &TrackOptions, motion: &Motion, timing: &Timing, rest: PoseFile) -> BodyFile {
+    let Motion { rate, poses, .. } = motion;
+    let starts_at_first_frame = timing.first_sample == f64::from(timing.frames[0]);
+    let defaults = TrackFile::default();
+    BodyFile {
+        name: "head".into(),
+        track: Some(TrackFile {
+            fps: Some(*rate),
+            first_frame: (!starts_at_first_frame).then_some(timing.first_sample),
+            translation: Some(poses.iter().map(|p| p.translation).collect::<Vec<_>>().into()),
+            rotation_wxyz: Some(poses.iter().map(|p| p.rotation_wxyz).collect::<Vec<_>>().into()),
+            rest: Some(rest),
+            smoothing_hz: options.smoothing_hz.unwrap_or(defaults.smoothing_hz),
+            pops: options.pops,
+            ..defaults
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::track::options::ColliderMesh;
+    use crate::scene::load_anim;
+    use nalgebra::Point3;
+
+    /// `n` samples at 48 per second of a head that moves 1 cm along x and turns 1.5° about y per sample, starting at 90°.
+    fn motion_file(folder: &Path, n: usize) -> Source {
+        let frames: Vec<_> = (0..n)
+            .map(|i| {
+                let q = nalgebra::UnitQuaternion::from_axis_angle(
+                    &Vector3::y_axis(),
+                    (90.0 + 1.5 * i as f64).to_radians(),
+                );
+                serde_json::json!({
+                    "translation": [i as f64, 150.0, 0.0], "rotation_quat_wxyz": [q.w, q.i, q.j, q.k],
+                })
+            })
+            .collect();
+        let path = folder.join("walk.json");
+        let file = serde_json::json!({ "fps": 48.0, "units": "cm", "up_axis": "Y", "frames": frames });
+        std::fs::write(&path, file.to_string()).unwrap();
+        Source::new(path)
+    }
+
+    fn write_and_load(anim: &AnimFile, folder: &Path) -> crate::scene::Anim {
+        let path = folder.join("anim.json");
+        anim.write(&path).unwrap();
+        load_anim(&path).unwrap()
+    }
+
+    #[test]
+    fn a_track_keeps_its_motion_rate_and_rest_pose() {
+        let folder = tempfile::tempdir().unwrap();
+        let pivot = Vector3::new(0.0, 1.4, 0.1);
+        let mut options = TrackOptions::new(motion_file(folder.path(), 49), folder.path());
+        options.pivot = Some(pivot);
+        options.smoothing_hz = Some(0.0);
+        let Track { anim: file, report, .. } = track(&options).unwrap();
+        assert_eq!(file.frames, [1001, 1025]);
+        assert!(
+            (report.first_rotation - 90.0).abs() < 1e-9 && report.warnings[0].contains("--rest first"),
+            "{report}"
+        );
+        let anim = write_and_load(&file, folder.path());
+        for (frame, sample) in [(1001.0, 0.0), (1012.5, 23.0), (1025.0, 48.0)] {
+            let pose = anim.head_pose(anim.time(frame));
+            let joint = pose * Point3::from(pivot);
+            assert!((joint.coords - Vector3::new(0.01 * sample, 1.5, 0.0)).norm() < 1e-6, "{frame}: {joint}");
+            let turn = pose.rotation.angle().to_degrees();
+            assert!((turn - (90.0 + 1.5 * sample)).abs() < 1e-3, "{frame}: {turn}");
+        }
+
+        options.rest = Some(RestPose::First);
+        let Track { anim: file, report, .. } = track(&options).unwrap();
+        assert_eq!((report.first_rotation, report.warnings.len()), (0.0, 0));
+        let anim = write_and_load(&file, folder.path());
+        assert!(anim.head_pose(anim.time(1001.0)).rotation.angle() < 1e-6);
+        assert!((anim.head_pose(anim.time(1025.0)).rotation.angle().to_degrees() - 72.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn colliders_keep_their_own_unit() {
+        let folder = tempfile::tempdir().unwrap();
+        let shelf = folder.path().join("meshes");
+        std::fs::create_dir(&shelf).unwrap();
+        std::fs::write(shelf.join("7 head.obj"), "v 0 0 0\nv 200 0 0\nv 0 300 0\nf 1 2 3\n").unwrap();
+        let mut options = TrackOptions::new(motion_file(folder.path(), 9), folder.path().join("shots/a"));
+        std::fs::create_dir_all(&options.folder).unwrap();
+        options.colliders = vec![ColliderMesh::new(Source::new(shelf.join("7 head.obj")))];
+        let Track { anim: file, report, .. } = track(&options).unwrap();
+        assert!(report.notes[0].contains("millimetres"), "{report}");
+        let anim = write_and_load(&file, &options.folder);
+        assert_eq!(anim.colliders[0].name, "mesh_7_head");
+        let crate::scene::Shape::Mesh(mesh) = &anim.colliders[0].shape else { panic!("not a mesh") };
+        assert!((mesh.vertices[2].y - 0.3).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_mesh_sequence_deforms_in_the_world() {
+        let folder = tempfile::tempdir().unwrap();
+        for frame in 1001..=1005 {
+            let text = format!("v 0 {} 0\nv 200 0 0\nv 0 300 0\nf 1 2 3\n", frame - 1000);
+            std::fs::write(folder.path().join(format!("silk_shirt.{frame}.obj")), text).unwrap();
+        }
+        let mut options = TrackOptions::new(motion_file(folder.path(), 9), folder.path());
+        options.colliders = vec![ColliderMesh::new(Source::new(folder.path().join("silk_shirt.####.obj")))];
+        let file = track(&options).unwrap().anim;
+        let anim = write_and_load(&file, &options.folder);
+        let collider = &anim.colliders[0];
+        assert_eq!(
+            (collider.name.as_str(), anim.bodies[collider.body].name.as_str()),
+            ("silk_shirt", "world")
+        );
+        let deformation = collider.deformation.as_ref().unwrap();
+        assert!((deformation.vertices(anim.time(1003.0))[0].y - 0.003).abs() < 1e-9);
+        options.frames = Some([1006, 1007]);
+        let Err(Error::BadInput(diagnostics)) = track(&options) else { panic!("accepted") };
+        assert!(diagnostics[0].file.ends_with("silk_shirt.1006.obj"), "{:?}", diagnostics[0]);
+    }
+
+    #[test]
+    fn errors_of_all_files_are_in_one_report() {
+        let folder = tempfile::tempdir().unwrap();
+        let motion = folder.path().join("walk.json");
+        std::fs::write(&motion, r#"{ "fps": -1.0, "frames": [] }"#).unwrap();
+        let mut options = TrackOptions::new(Source::new(&motion), folder.path());
+        options.colliders = vec![ColliderMesh::new(Source::new(folder.path().join("no.obj")))];
+        let Err(Error::BadInput(diagnostics)) = track(&options) else { panic!("accepted") };
+        let files: Vec<_> =
+            diagnostics.iter().map(|p| p.file.file_name().unwrap().to_string_lossy()).collect();
+        assert_eq!(files, ["walk.json", "walk.json", "no.obj"]);
+
+        let mut options = TrackOptions::new(motion_file(folder.path(), 9), folder.path());
+        options.frames = Some([1, 9]);
+        let Err(Error::BadInput(diagnostics)) = track(&options) else { panic!("accepted") };
+        assert!(diagnostics[0].allowed.contains("1 to 5"), "{:?}", diagnostics[0]);
+    }
+}

@@ -1,0 +1,107 @@
+//! What to import as an animation.
+
+use crate::import::motion::JointSelector;
+use crate::import::source::Source;
+use crate::scene::Sequence;
+use crate::scene::anim::file::Pops;
+use nalgebra::Vector3;
+use std::path::{Path, PathBuf};
+
+/// Default distance kept between a collider and the strands, m.
+const DEFAULT_THICKNESS: f64 = 5e-4;
+
+/// Which pose of the joint corresponds to the head as modelled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RestPose {
+    /// The file's own rest pose: of a USD prim its pose outside of time, of a skeleton joint its bind pose, of a BVH
+    /// the pose without rotations. Position and orientation; the pivot is not used.
+    Bind,
+    /// At the pivot, aligned with the world axes.
+    World,
+    /// At the pivot, oriented as in the first sample, for rigs whose joint axes are arbitrary. The head starts as
+    /// modelled.
+    First,
+}
+
+/// A mesh that the hair collides with: carried by the head, or deforming in the world.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColliderMesh {
+    /// Unique name of letters, digits and `_` that does not start with a digit.
+    pub name: String,
+    /// The file, or one file per frame if the name has a `#` for each digit of the frame number (`cloth.####.obj`).
+    /// The offset must be zero.
+    pub source: Source,
+    /// Coulomb friction coefficient; `None` for that of the strands.
+    pub friction: Option<f64>,
+    /// Distance kept between the mesh and the strands, m.
+    pub thickness: f64,
+}
+
+impl ColliderMesh {
+    /// A mesh named after its prim or file.
+    pub fn new(source: Source) -> Self {
+        let prim = source.prim.as_deref().and_then(|prim| prim.rsplit('/').next()).map(String::from);
+        let stem = source.path.file_stem().map(|s| s.to_string_lossy().replace('#', ""));
+        let stem = prim.or(stem).unwrap_or_default();
+        let stem = stem.trim_end_matches(['.', '_', '-']);
+        let mut name: String =
+            stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+        if !name.starts_with(|c: char| c.is_ascii_alphabetic()) {
+            name.insert_str(0, "mesh_");
+        }
+        ColliderMesh { name, source, friction: None, thickness: DEFAULT_THICKNESS }
+    }
+
+    /// The file to read first: of a sequence, that of frame `first`.
+    pub(super) fn first_file(&self, first: i32) -> Source {
+        let path = self.source.path.to_string_lossy();
+        match Sequence::new(&path) {
+            Some(sequence) => Source { path: sequence.path(Path::new(""), first), ..self.source.clone() },
+            None => self.source.clone(),
+        }
+    }
+}
+
+/// What [`track`](super::convert::track) imports.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrackOptions {
+    /// The motion file: our JSON, BVH, glTF or USD.
+    pub motion: Source,
+    /// The joint in it.
+    pub joint: JointSelector,
+    /// Folder in which the animation will be written; paths of meshes are relative to it.
+    pub folder: PathBuf,
+    /// Frames per second of the bake; `None` for the rate at which the file numbers its frames, or 24.
+    pub fps: Option<f64>,
+    /// First and last frame; `None` for the frames of the file, or 1001 to the end of the motion if it numbers none.
+    pub frames: Option<[i32; 2]>,
+    /// Position of the joint in the head as modelled, m, Y up, rest space; `None` for the origin.
+    pub pivot: Option<Vector3<f64>>,
+    /// Pose of the head as modelled; `None` for [`RestPose::Bind`] if the file has a rest pose and no pivot is given,
+    /// else [`RestPose::World`].
+    pub rest: Option<RestPose>,
+    /// Meshes that the hair collides with.
+    pub colliders: Vec<ColliderMesh>,
+    /// Cutoff frequency of the smoothing filter, Hz; `None` for the default of the format, 0 for no filter.
+    pub smoothing_hz: Option<f64>,
+    /// How a bake handles one-frame pops.
+    pub pops: Pops,
+}
+
+impl TrackOptions {
+    /// The defaults for a motion file: no collider, no pivot.
+    pub fn new(motion: Source, folder: impl Into<PathBuf>) -> Self {
+        TrackOptions {
+            motion,
+            joint: JointSelector::default(),
+            folder: folder.into(),
+            fps: None,
+            frames: None,
+            pivot: None,
+            rest: None,
+            colliders: Vec::new(),
+            smoothing_hz: None,
+            pops: Pops::Error,
+        }
+    }
+}
