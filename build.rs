@@ -6,8 +6,9 @@ use std::path::Path;
 
 /// The modules that bake, and those that they use; a test of the program's shape holds that none is missing. What reads other formats, reports
 /// or is typed changes no byte of a cache.
-const BAKING: [&str; 12] = [
-    "bake", "cache", "contact", "dynamics", "error", "file", "math", "rod", "scene", "strands", "usd", "wisp",
+const BAKING: [&str; 13] = [
+    "bake", "cache", "contact", "dynamics", "error", "file", "geometry", "math", "rod", "scene", "strands",
+    "usd", "wisp",
 ];
 
 fn main() {

@@ -6,7 +6,8 @@
 use divan::Bencher;
 use hairbake::contact::friction::Law;
 use hairbake::contact::{Bodies, Motion, Polyline, Problem, Scratch, Tolerance, Workspace, solve};
-use hairbake::scene::{Convention, Shape, TriMesh};
+use hairbake::geometry::{Shape, TriMesh};
+use hairbake::scene::Convention;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::path::{Path, PathBuf};
 

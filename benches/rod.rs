@@ -112,7 +112,7 @@ impl<'a> Scene<'a> {
             head: &pose,
             gravity: &|_| Vector3::y() * -9.81,
             wind: &[],
-            bodies: &Bodies::new(&[]),
+            bodies: &Bodies::default(),
             body: &|_, t| pose(t),
             carrier: &|_, _| Isometry3::identity(),
             brought_out: &|_| 1.0,

@@ -1,7 +1,7 @@
 //! Offline hair baker: grooms and head tracks in, Cosserat rods in wisps, USD curve caches out.
 //!
 //! The modules follow the way of the data: [`import`] makes scenes from plain strands, [`scene`] is
-//! the validated input, [`bake`] runs the frames over [`rod`], [`wisp`] and [`contact`], [`strands`]
+//! the validated input (its shapes and meshes are [`geometry`]), [`bake`] runs the frames over [`rod`], [`wisp`] and [`contact`], [`strands`]
 //! turns guides into render strands, [`cache`] lays them out as USD through [`usd`], [`report`]
 //! shows the result, [`farm`] divides a bake for schedulers, and [`cli`] is the only module that prints. `docs/theory.md` holds the equations.
 
@@ -13,6 +13,7 @@ pub mod dynamics;
 pub mod error;
 pub mod farm;
 mod file;
+pub mod geometry;
 pub mod import;
 pub mod math;
 mod python;

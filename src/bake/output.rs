@@ -3,12 +3,13 @@
 use super::base_cache::Base;
 use crate::Result;
 use crate::cache::{Closest, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
-use crate::contact::Bodies;
+use crate::contact::{Bodies, Body};
 use crate::dynamics::guide_frame::{GuideFrame, SolverStep};
 use crate::dynamics::guide_rods::GuideRods;
+use crate::geometry::Deformation;
 use crate::rod::{Rod, RodShape, Sensitivity};
 use crate::scene::anim::{Resolution, Written as Choice};
-use crate::scene::{Anim, Collider, Convention, Curves, Deformation, Groom, Strands, UpAxis};
+use crate::scene::{Anim, Collider, Convention, Curves, Groom, Strands, UpAxis};
 use crate::strands::{
     DIFFERENCE_STEP, GuideMotion, GuideWeights, HeadMotion, Interpolator, MAX_GUIDES, Membership, Moment,
     Obstacles, Retractions, StrandMotion, clumping, guide_weights, thin,
@@ -47,7 +48,7 @@ impl<'a> Output<'a> {
         let header = written.header();
         let Written { strands, mut follows, rods, .. } = written;
         let rods: Vec<&Rod> = rods.into_iter().map(|(rod, _)| rod).collect();
-        let bodies = Bodies::new(&anim.colliders);
+        let bodies = Bodies::new(anim.colliders.iter().map(Body::from));
         let strands = header.hair.is_some().then(|| {
             let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
             let baked = base.map(|base| base.baked(&strands.curves).collect::<Vec<_>>());

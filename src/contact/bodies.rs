@@ -1,14 +1,14 @@
 //! The bodies of a scene, the polylines that meet them, and the memory that spares repeated searches.
 
-use super::shape::{Feature, Shape, Surface, SurfacePoint};
-use crate::scene::{Collider, Friction, Shape as SceneShape};
+use crate::geometry::{Deformation, Feature, Friction, MovingSurface, Shape, Solid, SurfacePoint};
 use nalgebra::{Isometry3, Vector3};
+use std::sync::Arc;
 
 /// One body.
 #[derive(Debug)]
 pub struct Body {
     /// Its surface, in its own frame.
-    pub shape: Shape,
+    pub solid: Solid,
     /// Its friction, or `None` to take the strand's own.
     pub friction: Option<Friction>,
 }
@@ -132,12 +132,12 @@ impl Default for Outside {
 impl Outside {
     /// Whether the point, which is `at` now, body frame, and the surface has gone `travel`, m, is surely farther away than `reach`, m: as far as is
     /// remembered, or known without a search.
-    fn surely_beyond(&mut self, reach: f64, shape: &Shape, travel: f64, at: &Vector3<f64>) -> bool {
+    fn surely_beyond(&mut self, reach: f64, solid: &Solid, travel: f64, at: &Vector3<f64>) -> bool {
         let spare = self.distance - (travel - self.travel).abs() - reach;
         if spare > 0.0 && (at - self.at).norm_squared() < spare * spare {
             return true;
         }
-        let least = shape.least_distance(at);
+        let least = solid.least_distance(at);
         if least > reach {
             // The foot is as old as it was.
             (self.at, self.distance) = (*at, least);
@@ -164,28 +164,30 @@ impl Default for Remembered {
 
 impl Remembered {
     /// The segment at `ends` at time `t` and its least distance, bounded by that of its middle.
-    fn look(shape: &Shape, t: f64, ends: [Vector3<f64>; 2], farther_than: f64) -> Self {
+    fn look(solid: &Solid, t: f64, ends: [Vector3<f64>; 2], farther_than: f64) -> Self {
         let half = 0.5 * (ends[1] - ends[0]).norm();
         // A search has no use beyond a few steps' motion, and costs more the farther it goes.
         let horizon = half + 8.0 * farther_than;
         let middle = 0.5 * (ends[0] + ends[1]);
-        let distance = match shape.over([t, t]) {
+        let distance = match solid.over([t, t]) {
             // Contacts with a convex shape are found at any depth: only outside is far.
-            Surface::Convex(convex) => convex.closest(&middle).distance,
-            Surface::Mesh([mesh, _]) => mesh.closest(&middle, horizon).map_or(horizon, |s| s.distance.abs()),
+            MovingSurface::Convex(convex) => convex.closest(&middle).distance,
+            MovingSurface::Mesh([mesh, _]) => {
+                mesh.closest(&middle, horizon).map_or(horizon, |s| s.distance.abs())
+            }
         };
         // The margin keeps the bound a bound under rounding.
-        Remembered { ends, distance: (distance - half) * (1.0 - 1e-9) - 1e-12, travel: shape.travel(t) }
+        Remembered { ends, distance: (distance - half) * (1.0 - 1e-9) - 1e-12, travel: solid.travel(t) }
     }
 
     /// Whether the segment is surely `reach` or more away at all of `places`, and anywhere between them: no point of it
     /// can have come closer than the farther-moved end has moved, and the surface.
-    fn far(&self, shape: &Shape, places: &[(f64, [Vector3<f64>; 2])], reach: f64) -> bool {
+    fn far(&self, solid: &Solid, places: &[(f64, [Vector3<f64>; 2])], reach: f64) -> bool {
         let moved = places
             .iter()
             .flat_map(|(_, x)| [(x[0] - self.ends[0]).norm_squared(), (x[1] - self.ends[1]).norm_squared()])
             .fold(0.0, f64::max);
-        let met = places.iter().map(|(t, _)| (shape.travel(*t) - self.travel).abs()).fold(0.0, f64::max);
+        let met = places.iter().map(|(t, _)| (solid.travel(*t) - self.travel).abs()).fold(0.0, f64::max);
         let spare = self.distance - reach - met;
         spare > 0.0 && moved < spare * spare
     }
@@ -209,46 +211,50 @@ impl Workspace {
         }
     }
 
-    /// Whether the segment in `slot` surely keeps `reach` from the surface of `shape` at all of `places` (time, s, and ends in the
+    /// Whether the segment in `slot` surely keeps `reach` from the surface of `solid` at all of `places` (time, s, and ends in the
     /// body's frame) and between them: from memory, or by one new look.
     pub(super) fn surely_far(
         &mut self,
-        shape: &Shape,
+        solid: &Solid,
         slot: usize,
         places: &[(f64, [Vector3<f64>; 2])],
         reach: f64,
     ) -> bool {
         let memory = &mut self.remembered[slot];
-        if memory.far(shape, places, reach) {
+        if memory.far(solid, places, reach) {
             return true;
         }
         let (t, ends) = places[0];
-        *memory = Remembered::look(shape, t, ends, reach);
-        memory.far(shape, places, reach)
+        *memory = Remembered::look(solid, t, ends, reach);
+        memory.far(solid, places, reach)
+    }
+}
+
+impl Body {
+    /// Of a shape in the body's own frame, whose vertices `deformation` moves there.
+    pub fn new(shape: &Shape, deformation: Option<&Arc<Deformation>>, friction: Option<Friction>) -> Self {
+        Body { solid: Solid::new(shape, deformation), friction }
     }
 }
 
 impl Bodies {
-    /// The colliders' shapes, each in its rest space.
-    pub fn new(colliders: &[Collider]) -> Self {
-        let body =
-            |c: &Collider| Body { shape: Shape::new(&c.shape, c.deformation.as_ref()), friction: c.friction };
-        Bodies { bodies: colliders.iter().map(body).collect() }
+    /// Of these bodies, in this order.
+    pub fn new(bodies: impl IntoIterator<Item = Body>) -> Self {
+        Bodies { bodies: bodies.into_iter().collect() }
     }
 
     /// Makes the bodies that deform ready for the step between two times, s: once for all that meets them.
     pub fn prepare(&mut self, times: [f64; 2]) {
         for body in &mut self.bodies {
-            if let Shape::Deforming(deforming) = &mut body.shape {
+            if let Solid::Deforming(deforming) = &mut body.solid {
                 deforming.prepare(times);
             }
         }
     }
 
     /// From shapes alone, friction left to the strands.
-    pub fn from_shapes(shapes: &[SceneShape]) -> Self {
-        let body = |shape| Body { shape: Shape::new(shape, None), friction: None };
-        Bodies { bodies: shapes.iter().map(body).collect() }
+    pub fn from_shapes(shapes: &[Shape]) -> Self {
+        Bodies::new(shapes.iter().map(|shape| Body::new(shape, None, None)))
     }
 
     /// Number of bodies.
@@ -272,26 +278,26 @@ impl Bodies {
         let Memory { points: seen, bunches, balls, near } = memory;
         let (bunches, points) = (bunches.chunks_mut(balls.len().max(1)), x.len().div_ceil(2));
         for (b, ((body, pose), bunches)) in self.bodies.iter().zip(poses).zip(bunches).enumerate() {
-            let travel = body.shape.travel(t);
+            let travel = body.solid.travel(t);
             let (turn, origin) = (pose.rotation.inverse().to_rotation_matrix(), pose.translation.vector);
             let of_body = b * x.len()..(b + 1) * x.len();
             let (within, seen) = (&within[of_body.clone()], &mut seen[of_body]);
             let most = within.iter().copied().fold(0.0, f64::max);
             near.clear();
             near.extend(balls.iter().zip(bunches).map(|((middle, radius), seen)| {
-                !seen.surely_beyond(radius + most, &body.shape, travel, &(turn * (middle - origin)))
+                !seen.surely_beyond(radius + most, &body.solid, travel, &(turn * (middle - origin)))
             }));
             for half in [0..points, points..x.len()] {
                 let first = half.start;
                 for k in half.filter(|k| near[(k - first) / BUNCH] && within[*k] > f64::NEG_INFINITY) {
                     let (at, seen) = (turn * (x[k] - origin), &mut seen[k]);
-                    if seen.surely_beyond(within[k].max(0.0), &body.shape, travel, &at) {
+                    if seen.surely_beyond(within[k].max(0.0), &body.solid, travel, &at) {
                         continue;
                     }
                     // The surface is no farther than where it was seen last; with a margin for rounding.
                     let gone = (travel - seen.travel).abs();
                     let horizon = ((at - seen.foot).norm() + gone) * (1.0 + 1e-9) + 1e-9;
-                    let surface = body.shape.closest(t, &at, horizon);
+                    let surface = body.solid.closest(t, &at, horizon);
                     let distance = surface.map_or(horizon, |s| s.distance);
                     let foot = surface.map_or(Outside::default().foot, |s| s.point);
                     *seen = Outside { at, distance: distance * (1.0 - 1e-9) - 1e-12, foot, travel };
@@ -310,12 +316,12 @@ impl Bodies {
 
     /// Closest point of a body at time `t`, s, all in its own frame; `None` beyond `max_distance`.
     pub fn closest(&self, body: usize, t: f64, p: &Vector3<f64>, max_distance: f64) -> Option<SurfacePoint> {
-        self.bodies[body].shape.closest(t, p, max_distance)
+        self.bodies[body].solid.closest(t, p, max_distance)
     }
 
     /// What the signed distance of `p` from a body, body frame, is not below, and its magnitude not above, m, as far as it is known without a search.
     pub fn distance_bounds(&self, body: usize, p: &Vector3<f64>) -> [f64; 2] {
-        self.bodies[body].shape.distance_bounds(p)
+        self.bodies[body].solid.distance_bounds(p)
     }
 
     /// Where the way from `a` to `b` first goes through the surface of a body at time `t`, s, from either side: share of the way, and the
@@ -327,12 +333,12 @@ impl Bodies {
         a: &Vector3<f64>,
         b: &Vector3<f64>,
     ) -> Option<(f64, Vector3<f64>)> {
-        self.bodies[body].shape.first_hit(t, a, b)
+        self.bodies[body].solid.first_hit(t, a, b)
     }
 
     /// Whether a point, in the body's own frame, is inside it at time `t`, s. For a mesh this is dear: for set-up only.
     pub fn inside(&self, body: usize, t: f64, p: &Vector3<f64>) -> bool {
-        self.bodies[body].shape.inside(t, p)
+        self.bodies[body].solid.inside(t, p)
     }
 }
 
@@ -416,7 +422,6 @@ mod tests {
         }
         assert_eq!(told, [(1, -20), (2, 0)].repeat(2));
     }
-    use crate::scene::Shape;
     use proptest::prelude::*;
 
     proptest! {

@@ -11,9 +11,9 @@
 //! is left to [`ccd`](super::ccd).
 
 use super::bodies::{Bodies, Contact, Found, Motion, Polyline, Workspace};
-use super::distance::{closest_on_triangle, segment_segment};
-use super::mesh::{Bounds, Mesh};
-use super::shape::{Convex, Feature, Surface, SurfacePoint};
+use crate::geometry::{Bounds, SolidMesh};
+use crate::geometry::{Convex, Feature, MovingSurface, SurfacePoint};
+use crate::geometry::{closest_on_triangle, segment_segment};
 use nalgebra::Vector3;
 
 /// Inner points nearer to an end of their segment than this, as a fraction, are left to the vertex there.
@@ -42,16 +42,16 @@ impl Bodies {
                 }
                 let near = reach + clearance[0].abs().max(clearance[1].abs());
                 let [x0, x1] = [&work.local[0], &work.local[1]].map(|x| [x[k], x[k + 1]]);
-                if work.surely_far(&body.shape, b * segments + k, &[(motion.times[1], x1)], near) {
+                if work.surely_far(&body.solid, b * segments + k, &[(motion.times[1], x1)], near) {
                     continue;
                 }
-                let travel = body.shape.travel(motion.times[1]) - body.shape.travel(motion.times[0]);
+                let travel = body.solid.travel(motion.times[1]) - body.solid.travel(motion.times[0]);
                 let first = k == 0 || is_exempt(&clearances[k - 1]);
                 let finder = Finder { clearance, segment: k, first, x0, x1, near, reach, travel };
                 let emit = |found: Found| out.push(found.into_world(b, body.friction, motion, line));
-                match body.shape.over(motion.times) {
-                    Surface::Convex(convex) => finder.on_convex(convex, emit),
-                    Surface::Mesh(meshes) => {
+                match body.solid.over(motion.times) {
+                    MovingSurface::Convex(convex) => finder.on_convex(convex, emit),
+                    MovingSurface::Mesh(meshes) => {
                         work.triangles.clear();
                         meshes[1].triangles_in(&Bounds::around(&x1, near), &mut work.triangles);
                         finder.on_mesh(meshes, &work.triangles, emit);
@@ -117,7 +117,7 @@ impl Finder {
     }
 
     /// Whether the step began inside the mesh, which was as in `start` then; the end is near its surface.
-    fn started_inside(&self, start: &Mesh, u: f64) -> bool {
+    fn started_inside(&self, start: &SolidMesh, u: f64) -> bool {
         let from = self.start(u);
         let enough = 2.0 * ((self.end(u) - from).norm() + self.near + self.travel);
         start.closest(&from, enough).is_some_and(|s| s.distance < 0.0)
@@ -142,7 +142,7 @@ impl Finder {
     }
 
     /// Contacts with a mesh, given as it was at the start and as it is at the end of the step.
-    fn on_mesh(&self, meshes: [&Mesh; 2], triangles: &[u32], mut emit: impl FnMut(Found)) {
+    fn on_mesh(&self, meshes: [&SolidMesh; 2], triangles: &[u32], mut emit: impl FnMut(Found)) {
         if triangles.is_empty() {
             return;
         }
@@ -152,7 +152,7 @@ impl Finder {
         }
     }
 
-    fn inner_points_on_mesh(&self, meshes: [&Mesh; 2], triangles: &[u32], emit: &mut impl FnMut(Found)) {
+    fn inner_points_on_mesh(&self, meshes: [&SolidMesh; 2], triangles: &[u32], emit: &mut impl FnMut(Found)) {
         let [start, mesh] = meshes;
         for &t in triangles {
             for e in mesh.edges_owned_by(t) {
@@ -186,7 +186,7 @@ impl Finder {
 
     fn vertex_on_mesh(
         &self,
-        [start, mesh]: [&Mesh; 2],
+        [start, mesh]: [&SolidMesh; 2],
         triangles: &[u32],
         u: f64,
         emit: &mut impl FnMut(Found),

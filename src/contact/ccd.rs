@@ -15,9 +15,9 @@
 
 use super::bodies::{Bodies, Contact, Found, Motion, Polyline, Workspace};
 use super::candidates::is_exempt;
-use super::distance::{Pair, segment_triangle, weights};
-use super::mesh::{Bounds, Mesh, at_weights};
-use super::shape::{Convex, Feature, Surface};
+use crate::geometry::{Bounds, SolidMesh, at_weights};
+use crate::geometry::{Convex, Feature, MovingSurface};
+use crate::geometry::{Pair, segment_triangle, weights};
 use crate::math::frame::transport;
 use nalgebra::Vector3;
 
@@ -51,15 +51,15 @@ impl Bodies {
                 let Some(watched) = Watched::new(clearance) else { continue };
                 let [x0, x1] = [&work.local[0], &work.local[1]].map(|x| [x[k], x[k + 1]]);
                 let (places, slot) = ([(motion.times[1], x1), (motion.times[0], x0)], b * segments + k);
-                if work.surely_far(&body.shape, slot, &places, watched.clearance) {
+                if work.surely_far(&body.solid, slot, &places, watched.clearance) {
                     continue;
                 }
                 let path = Path { start: watched.of(x0), end: watched.of(x1) };
-                let impact = match body.shape.over(motion.times) {
-                    Surface::Convex(convex) => path.first_on_convex(convex, watched.clearance),
-                    Surface::Mesh(meshes) => {
+                let impact = match body.solid.over(motion.times) {
+                    MovingSurface::Convex(convex) => path.first_on_convex(convex, watched.clearance),
+                    MovingSurface::Mesh(meshes) => {
                         work.triangles.clear();
-                        let travel = body.shape.travel(motion.times[1]) - body.shape.travel(motion.times[0]);
+                        let travel = body.solid.travel(motion.times[1]) - body.solid.travel(motion.times[0]);
                         let margin = (SEPARATION + TOLERANCE) * watched.clearance + travel;
                         meshes[1].triangles_in(&path.bounds(margin), &mut work.triangles);
                         path.first_on_mesh(meshes, &work.triangles, watched.clearance)
@@ -193,7 +193,7 @@ impl Path {
         Some(Impact { time, u, normal: s.normal, point: [s.point; 2], feature: s.feature })
     }
 
-    fn first_on_mesh(&self, meshes: [&Mesh; 2], triangles: &[u32], clearance: f64) -> Option<Impact> {
+    fn first_on_mesh(&self, meshes: [&SolidMesh; 2], triangles: &[u32], clearance: f64) -> Option<Impact> {
         let margin = (SEPARATION + TOLERANCE) * clearance;
         let mut first: Option<Impact> = None;
         for &t in triangles {
@@ -229,7 +229,7 @@ impl Path {
         ends.clone().all(|x| height(x) > high + margin) || ends.all(|x| height(x) < low - margin)
     }
 
-    fn starts_outside(&self, mesh: &Mesh, hit: &Impact) -> bool {
+    fn starts_outside(&self, mesh: &SolidMesh, hit: &Impact) -> bool {
         let x = self.start[0].lerp(&self.start[1], hit.u);
         // The triangle hit is itself this near, so a closest point exists.
         let enough = 2.0 * (x - hit.point[0]).norm() + TOUCHING;
@@ -239,7 +239,7 @@ impl Path {
 
 /// A triangle of a mesh, at the start and at the end of the motion.
 struct Triangle<'a> {
-    meshes: [&'a Mesh; 2],
+    meshes: [&'a SolidMesh; 2],
     index: u32,
     corners: [[&'a Vector3<f64>; 3]; 2],
 }

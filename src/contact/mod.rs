@@ -5,8 +5,6 @@
 //! pose(0)⁻¹ x0 to pose(1)⁻¹ x1. Against the true screw motion of a body that turns by α in the sub-step this errs by
 //! at most r (1 − cos α/2) at distance r from its axis: 2 µm at 0.1 m and 0.7°, and it is the same path at both ends.
 //!
-//! - `distance`: points, segments, triangles, ellipsoids.
-//! - `shape`, `mesh`: signed distance, closest point and normal of a body in its own frame.
 //! - `bodies`: all bodies of a scene, and the workspace that carries closest pairs from step to step.
 //! - `candidates`: contacts near the end of the step.
 //! - `ccd`: first impacts on the way there.
@@ -16,15 +14,11 @@
 mod bodies;
 mod candidates;
 mod ccd;
-mod distance;
 pub mod friction;
-mod mesh;
 pub mod pairs;
-mod shape;
 
 pub use bodies::{Bodies, Body, Contact, Memory, Motion, Polyline, Workspace};
 pub use friction::{Outcome, Problem, Scratch, Tolerance, solve};
-pub use shape::{Feature, SurfacePoint};
 
 #[cfg(test)]
 mod tests;

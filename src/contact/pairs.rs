@@ -4,8 +4,8 @@
 //! no motion of one strand against another. Every vertex moves linearly in that frame. A strand does not meet itself.
 
 use super::ccd::{SEPARATION, STEPS, TOLERANCE, TOUCHING};
-use super::distance::segment_segment;
-use super::mesh::Bounds;
+use crate::geometry::Bounds;
+use crate::geometry::segment_segment;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -286,7 +286,7 @@ impl Strands<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::tests::Random;
+    use crate::math::random::Random;
 
     /// Strands of four vertices each in a cube of `edge`, m, that move by up to `motion`, m.
     fn tangle(

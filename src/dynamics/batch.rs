@@ -152,9 +152,10 @@ impl Batch {
 mod tests {
     use super::*;
     use crate::contact::Bodies;
+    use crate::geometry::Shape;
     use crate::rod::{RodSource, SegmentSize, Taper};
+    use crate::scene::Tree;
     use crate::scene::anim::Scheme;
-    use crate::scene::{Shape, Tree};
     use nalgebra::{Isometry3, Vector3};
 
     /// A hair beside others of its kind; every fourth has fewer nodes.

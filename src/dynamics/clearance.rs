@@ -205,7 +205,7 @@ fn at_rest(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Shape, TriMesh};
+    use crate::geometry::{Shape, TriMesh};
 
     /// A triangle of the xy plane, clockwise, drawn out along z to `half` either way.
     fn prism(corners: [[f64; 2]; 3], half: f64) -> TriMesh {
@@ -213,7 +213,7 @@ mod tests {
         let vertices = [side(half), side(-half)].concat();
         let walls = [0, 1, 2].map(|i: u32| [i, (i + 1) % 3]).map(|[a, b]| [[a, b, a + 3], [b, b + 3, a + 3]]);
         let triangles = [walls.concat(), vec![[0, 2, 1], [3, 4, 5]]].concat();
-        TriMesh { vertices, triangles, ..TriMesh::default() }
+        TriMesh { vertices, triangles }
     }
 
     #[test]
@@ -279,8 +279,7 @@ mod tests {
         let triangles = [[0, 3, 1], [0, 2, 3], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4]];
         let more = [[2, 7, 3], [2, 6, 7], [0, 4, 6], [0, 6, 2], [1, 3, 7], [1, 7, 5]];
         let triangles = [triangles, more].concat();
-        let bodies =
-            Bodies::from_shapes(&[Shape::Mesh(TriMesh { vertices, triangles, ..TriMesh::default() })]);
+        let bodies = Bodies::from_shapes(&[Shape::Mesh(TriMesh { vertices, triangles })]);
         let kept = |heights: [f64; 7]| {
             let x: Vec<_> =
                 heights.iter().enumerate().map(|(k, h)| Vector3::new(0.003 * k as f64, *h, 0.0)).collect();

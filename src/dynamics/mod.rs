@@ -5,6 +5,7 @@ pub mod batch;
 mod body_contact;
 pub mod checkpoint;
 mod clearance;
+mod collider;
 mod coupled_substep;
 pub mod environment;
 pub mod guide;

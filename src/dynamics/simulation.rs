@@ -12,7 +12,7 @@ use super::step_record::StepRecord;
 use super::strand_contact::{BundleProperties, StrandContacts};
 use super::wisp_friction::{FrictionSampler, Moving, WispFriction};
 use super::wisps::{Changes, Wisps};
-use crate::contact::Bodies;
+use crate::contact::{Bodies, Body};
 use crate::rod::{Rod, RodShape};
 use crate::scene::anim::{Contact, Resolution, Written};
 use crate::scene::{Anim, Groom};
@@ -80,7 +80,7 @@ impl<'a> Simulation<'a> {
         let rods = &rods.simulated;
         let bulk = Bulk::new(rods.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
         let ties = super::tie::ties(groom, anim, rods);
-        let bodies = Bodies::new(&anim.colliders);
+        let bodies = Bodies::new(anim.colliders.iter().map(Body::from));
         let mut simulation = Simulation {
             anim,
             bodies,

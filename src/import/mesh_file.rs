@@ -4,7 +4,8 @@ use super::formats;
 use super::plain::{Declared, PlainMesh, SampleTimes};
 use super::source::Source;
 use super::units::{BODY_SIZE, convention};
-use crate::scene::{Convention, TriMesh};
+use crate::geometry::TriMesh;
+use crate::scene::Convention;
 use crate::{Diagnostic, Error, Result};
 use nalgebra::Vector3;
 

@@ -1,6 +1,7 @@
 //! The contents of strand and mesh files, in the file's unit and axes. Readers return these types.
 
-use crate::scene::{Curves, Factors, TriMesh, UpAxis};
+use crate::geometry::TriMesh;
+use crate::scene::{Curves, Factors, UpAxis};
 use nalgebra::Vector3;
 
 /// The unit and up axis that a file declares.

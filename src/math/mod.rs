@@ -2,6 +2,7 @@
 //! numbers. Imports nothing of ours.
 
 pub mod cholesky;
+pub mod coast;
 pub mod frame;
 pub mod lanes;
 pub mod polyline;

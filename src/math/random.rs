@@ -13,6 +13,32 @@ pub fn unit(seed: u64, n: u64) -> f64 {
     (bits(seed, n) >> 11) as f64 / (1u64 << 53) as f64
 }
 
+/// Random numbers in [-1, 1) for tests, the same in every run.
+#[cfg(test)]
+pub struct Random {
+    seed: u64,
+    next: u64,
+}
+
+#[cfg(test)]
+impl Random {
+    /// The sequence of a seed.
+    pub fn new(seed: u64) -> Self {
+        Random { seed, next: 0 }
+    }
+
+    /// The next number.
+    pub fn draw(&mut self) -> f64 {
+        self.next += 1;
+        2.0 * unit(self.seed, self.next - 1) - 1.0
+    }
+
+    /// A vector of the next three numbers.
+    pub fn vector(&mut self) -> nalgebra::Vector3<f64> {
+        nalgebra::Vector3::from_fn(|_, _| self.draw())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

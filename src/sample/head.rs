@@ -1,6 +1,6 @@
 //! The head of the samples: a star-shaped surface with a face, ears and a nape, on a neck and shoulders.
 
-use crate::scene::TriMesh;
+use crate::geometry::TriMesh;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -94,7 +94,7 @@ pub fn mesh(subdivisions: usize) -> TriMesh {
         }
         triangles = split;
     }
-    TriMesh { vertices: directions.into_iter().map(point).collect(), triangles, ..TriMesh::default() }
+    TriMesh { vertices: directions.into_iter().map(point).collect(), triangles }
 }
 
 /// Unit vertices and triangles, counter-clockwise seen from outside.

@@ -3,15 +3,14 @@
 pub mod file;
 pub(super) mod read;
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use crate::geometry::{Deformation, Friction, Shape};
+use nalgebra::{Isometry3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
 use std::sync::Arc;
 
 pub use super::keyed::Keyed;
 pub use super::track::Track;
-use super::{Deformation, Friction};
 pub use file::AnimFile;
 
 /// Most frames of a shot: a limit against memory without bound, far above any real one.
@@ -100,54 +99,6 @@ pub enum TiePlace {
     Arc(f64),
     /// At so many times the distance of the root from where the tie gathers.
     Distance(f64),
-}
-
-/// Shape of a collider, metres, rest space of its body.
-#[derive(Debug, Clone)]
-pub enum Shape {
-    /// Triangles, open or closed.
-    Mesh(TriMesh),
-    /// Ball.
-    Sphere {
-        /// Centre.
-        centre: Vector3<f64>,
-        /// Radius.
-        radius: f64,
-    },
-    /// Cylinder with round ends.
-    Capsule {
-        /// Ends of the axis.
-        ends: [Vector3<f64>; 2],
-        /// Radius.
-        radius: f64,
-    },
-    /// Ellipsoid.
-    Ellipsoid {
-        /// Centre.
-        centre: Vector3<f64>,
-        /// Semi-axes.
-        radii: Vector3<f64>,
-        /// Orientation of the axes.
-        rotation: UnitQuaternion<f64>,
-    },
-    /// Half-space below a plane.
-    Plane {
-        /// A point of the plane.
-        point: Vector3<f64>,
-        /// Unit normal, away from the solid side.
-        normal: Vector3<f64>,
-    },
-}
-
-/// A triangle mesh.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct TriMesh {
-    /// The file it came from.
-    pub file: PathBuf,
-    /// Vertices, m.
-    pub vertices: Vec<Vector3<f64>>,
-    /// Vertex indices, counter-clockwise seen from outside; none degenerate.
-    pub triangles: Vec<[u32; 3]>,
 }
 
 /// A wind field: a uniform velocity over time plus gusts.

@@ -6,7 +6,8 @@ pub mod file;
 pub(super) mod read;
 mod write;
 
-use super::{Convention, Friction};
+use super::Convention;
+use crate::geometry::Friction;
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// A groom, validated: every index in range, every number finite.

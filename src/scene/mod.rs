@@ -3,23 +3,18 @@
 
 pub mod anim;
 mod convention;
-mod deformation;
 mod document;
-mod friction;
 pub mod groom;
 mod inputs;
 mod keyed;
-mod mesh;
+mod obj;
 mod reading;
 mod sequence;
-mod shape_mesh;
 pub(crate) mod track;
 
-pub use anim::{Anim, AnimFile, Body, Collider, Settings, Shape, TriMesh};
+pub use anim::{Anim, AnimFile, Body, Collider, Settings};
 pub use convention::{Convention, UpAxis};
-pub use deformation::Deformation;
 pub use document::array::{Array, BufferFile, ElementType, View};
-pub use friction::Friction;
 pub use groom::{Curves, Factors, Groom, Group, Guides, Material, RodSection, Section, Strands, Tree, Wisp};
 pub use inputs::inputs;
 pub use reading::{Override, PathMap, Reading};

@@ -9,15 +9,11 @@
 mod pops;
 mod smooth;
 
+use crate::math::coast;
 use crate::math::spline::CubicSpline;
 use nalgebra::{Isometry3, Quaternion, SVector, Translation3, UnitQuaternion, Vector3, Vector4};
 
 pub use pops::find_pops;
-
-/// Time in which the velocity at an end of the track dies away beyond it, s.
-const COAST: f64 = 0.5;
-/// The same for the acceleration, s: short, since it is the least certain of the three.
-const EASE: f64 = 0.1;
 
 /// Position, then quaternion (w, x, y, z).
 type Coordinates = SVector<f64, 7>;
@@ -118,19 +114,10 @@ impl Track {
     }
 }
 
-/// Motion on from (x, v, a) after a time `s` beyond the end: velocity and acceleration die away along cubics,
-/// so that all three are continuous, and the motion stops after [`COAST`].
+/// Position and velocity a time `s`, s, beyond an end with position, velocity and acceleration (x, v, a); see [`coast`].
 fn come_to_rest(x: &Coordinates, v: &Coordinates, a: &Coordinates, s: f64) -> [Coordinates; 2] {
-    let (u, w) = ((s / COAST).min(1.0), (s / EASE).min(1.0));
-    let speed = v * (1.0 - u * u * (3.0 - 2.0 * u)) + a * (EASE * w * (1.0 - w) * (1.0 - w));
-    let [way_v, way_a] = coast(s);
-    [x + v * way_v + a * way_a, speed]
-}
-
-/// Way gone in a time `s`, s, beyond an end, by velocity (s) and by acceleration (s²) there: see [`come_to_rest`].
-pub(super) fn coast(s: f64) -> [f64; 2] {
-    let (u, w) = ((s / COAST).min(1.0), (s / EASE).min(1.0));
-    [COAST * u * (1.0 - u * u * (1.0 - u / 2.0)), EASE * EASE * w * w * (0.5 - w * (2.0 / 3.0 - w / 4.0))]
+    let ([speed_v, speed_a], [way_v, way_a]) = (coast::velocity(s), coast::displacement(s));
+    [x + v * way_v + a * way_a, v * speed_v + a * speed_a]
 }
 
 fn coordinates(pose: &Isometry3<f64>) -> Coordinates {

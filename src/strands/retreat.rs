@@ -86,7 +86,7 @@ pub(super) fn smoothed(asked: [f64; 2 * RETRACTION_SPAN + 1], u: f64) -> (f64, f
 mod tests {
     use super::*;
     use crate::contact::Bodies;
-    use crate::scene::Shape;
+    use crate::geometry::Shape;
     use nalgebra::Isometry3;
     use proptest::prelude::*;
 

@@ -192,7 +192,7 @@ fn velocities_are_the_slopes_of_the_points() {
 
 #[test]
 fn a_strand_is_turned_out_of_a_body_and_keeps_its_length_and_velocity() {
-    use crate::scene::Shape as Solid;
+    use crate::geometry::Shape as Solid;
     // A straight strand that its guide, which passes beside it, bends into a ball.
     let line: Vec<_> = (0..33).map(|i| Vector3::x() * (0.2 * f64::from(i) / 32.0)).collect();
     let r = rod(&line.iter().map(|p| p + BESIDE).collect::<Vec<_>>());
@@ -232,7 +232,7 @@ fn a_strand_is_turned_out_of_a_body_and_keeps_its_length_and_velocity() {
 
 #[test]
 fn a_body_is_seen_after_vertices_that_were_not_looked_for() {
-    use crate::scene::Shape as Solid;
+    use crate::geometry::Shape as Solid;
     // Far from its guide, so that the ball is looked for; near it, so that it is not; then into the ball, which has come here.
     let at = |x: f64, y: f64| Vector3::new(x, y, 0.0);
     let c = curves(&[vec![at(0.0, 0.0), at(0.01, 0.03), at(0.02, 0.0), at(0.05, 0.01)]]);
@@ -251,7 +251,7 @@ fn a_body_is_seen_after_vertices_that_were_not_looked_for() {
 
 #[test]
 fn a_strand_stays_out_of_two_bodies_that_it_runs_into_the_crease_of() {
-    use crate::scene::Shape as Solid;
+    use crate::geometry::Shape as Solid;
     // A floor and a wall that leans over it have come to where the strand is: what turns out of the wall turns into the floor.
     let run = Vector3::new(0.9, -0.3, 0.3).normalize() * 0.008;
     let line = |z: f64| (0..9).map(|i| run * f64::from(i) + Vector3::z() * z).collect::<Vec<_>>();
@@ -275,7 +275,7 @@ fn a_strand_stays_out_of_two_bodies_that_it_runs_into_the_crease_of() {
 
 #[test]
 fn a_strand_stays_on_its_guides_side_of_a_thin_body() {
-    use crate::scene::{Shape as Solid, TriMesh};
+    use crate::geometry::{Shape as Solid, TriMesh};
     // A guide bends down to above a plate, and its strand, which runs below it, would go through.
     let line = |y: f64| (0..33).map(|i| Vector3::new(0.2 * f64::from(i) / 32.0, y, 0.0)).collect::<Vec<_>>();
     let mut strand = line(0.0);
@@ -302,7 +302,6 @@ fn a_strand_stays_on_its_guides_side_of_a_thin_body() {
     };
     let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
     let plate = TriMesh {
-        file: "plate.obj".into(),
         vertices: (0..8).map(corner).collect(),
         triangles: quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
     };

@@ -6,8 +6,9 @@ use hairbake::dynamics::environment::Environment;
 use hairbake::dynamics::guide::{Guide, Workspace};
 use hairbake::dynamics::step_record::StepRecord;
 use hairbake::dynamics::tie::Tie;
+use hairbake::geometry::Shape;
 use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
-use hairbake::scene::{Shape, Tree};
+use hairbake::scene::Tree;
 use nalgebra::{Isometry3, Vector3};
 
 const RADIUS: f64 = 0.04;

@@ -5,12 +5,13 @@ use hairbake::bake;
 use hairbake::bake::control::Control;
 use hairbake::bake::job::Job;
 use hairbake::cache::Reader;
-use hairbake::contact::Bodies;
+use hairbake::contact::{Bodies, Body};
 use hairbake::dynamics::environment::Environment;
 use hairbake::dynamics::guide::{Guide, Workspace};
 use hairbake::dynamics::step_record::StepRecord;
+use hairbake::geometry::{Deformation, Shape, TriMesh};
 use hairbake::rod::SegmentSize;
-use hairbake::scene::{self, Collider, Deformation, Reading, Shape, TriMesh};
+use hairbake::scene::{self, Collider, Reading};
 use nalgebra::{Isometry3, Vector3};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -40,7 +41,7 @@ fn run(
     seconds: f64,
     mut each: impl FnMut(&Guide, f64, StepRecord),
 ) -> Guide {
-    let mut bodies = Bodies::new(colliders);
+    let mut bodies = Bodies::new(colliders.iter().map(Body::from));
     let env = |bodies: &Bodies, work: &mut dyn FnMut(&Environment)| {
         work(&Environment {
             head: &|_| Isometry3::identity(),
@@ -87,7 +88,6 @@ fn plate() -> TriMesh {
             .flat_map(|i| (0..16).map(move |j| [at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)]))
             .flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]])
             .collect(),
-        ..TriMesh::default()
     }
 }
 
@@ -242,7 +242,7 @@ fn hair_lies_on_a_garment_that_moves() {
 
     let cache = Reader::open(&out).unwrap();
     assert_eq!(cache.header().colliders.iter().map(|c| c.deforms).collect::<Vec<_>>(), [false, true]);
-    let mut bodies = Bodies::new(&anim.colliders);
+    let mut bodies = Bodies::new(anim.colliders.iter().map(Body::from));
     let (mut deepest, mut near) = (f64::INFINITY, 0);
     for frame in cache.frames() {
         let t = anim.time(f64::from(*frame));

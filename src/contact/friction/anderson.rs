@@ -89,14 +89,14 @@ fn replace(old: &mut Vec<f64>, new: impl Iterator<Item = f64>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::tests::Random;
+    use crate::math::random::Random;
 
     #[test]
     fn a_linear_map_of_as_many_unknowns_as_turns_is_solved_in_as_many() {
         let mut random = Random::new(9);
-        let mut m = SMatrix::<f64, DEPTH, DEPTH>::from_fn(|_, _| random.next());
+        let mut m = SMatrix::<f64, DEPTH, DEPTH>::from_fn(|_, _| random.draw());
         m *= 0.95 / m.norm();
-        let b = SVector::<f64, DEPTH>::from_fn(|_, _| random.next());
+        let b = SVector::<f64, DEPTH>::from_fn(|_, _| random.draw());
         let map = |x: &[f64]| m * SVector::<f64, DEPTH>::from_column_slice(x) + b;
         let mut anderson = Anderson::default();
         let (mut x, mut plain) = (vec![0.0; DEPTH], vec![0.0; DEPTH]);

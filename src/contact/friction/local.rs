@@ -1,7 +1,7 @@
 //! One contact: u = W r + q with Signorini's condition and Coulomb's cone, or held fast, exactly.
 
 use super::Law;
-use crate::scene::Friction;
+use crate::geometry::Friction;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 /// Relative size below which an eigenvalue of a mobility is no mobility at all.

@@ -161,14 +161,14 @@ impl Bordered<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::tests::Random;
+    use crate::math::random::Random;
 
     #[test]
     fn the_small_system_is_the_large_one() {
         let mut random = Random::new(31);
         for contacts in [4, 9, 20] {
             let n = 3 * contacts;
-            let rows = DMatrix::from_fn(n, 5, |_, _| random.next());
+            let rows = DMatrix::from_fn(n, 5, |_, _| random.draw());
             let w = &rows * rows.transpose();
             let traces = (0..contacts).map(|i| w.fixed_view::<3, 3>(3 * i, 3 * i).trace());
             let scales: Vec<f64> = traces.map(|trace| 3.0 / trace).collect();
@@ -176,7 +176,7 @@ mod tests {
             let Form::Thin(g) = &mobility.form else { panic!("{contacts} contacts have no thin factor") };
             assert_eq!(g.nrows(), 5);
             let full = DMatrix::from_fn(n, n, |i, j| w[(i, j)] * scales[j / 3]);
-            let x = DVector::from_fn(n, |_, _| random.next());
+            let x = DVector::from_fn(n, |_, _| random.draw());
             let apart = mobility.times(&x) - (&full * &x + &x * COMPLIANCE);
             assert!(apart.norm() < 1e-12 * n as f64, "{}", apart.norm());
             // Of contacts that are held A is no more than what they give way by: rounding counts a million times there.
@@ -185,13 +185,13 @@ mod tests {
                     i if i < held => Rounded::held(&Vector3::zeros()),
                     _ => Rounded {
                         value: Vector3::zeros(),
-                        by_r: Matrix3::from_fn(|_, _| random.next()),
-                        by_u: Matrix3::from_fn(|_, _| random.next()),
+                        by_r: Matrix3::from_fn(|_, _| random.draw()),
+                        by_u: Matrix3::from_fn(|_, _| random.draw()),
                         by_tau: random.vector(),
                     },
                 };
                 let laws: Vec<Rounded> = (0..contacts).map(law).collect();
-                let [right, border] = [0, 1].map(|_| DVector::from_fn(n + 1, |_, _| random.next()));
+                let [right, border] = [0, 1].map(|_| DVector::from_fn(n + 1, |_, _| random.draw()));
                 let system = Bordered { laws: &laws, tau: 0.3, right, border: &border };
                 let [small, large] = [mobility.solve(&system), system.solve_with(&full)].map(Option::unwrap);
                 let apart = (&small - &large).norm() / large.norm();

@@ -25,7 +25,7 @@ mod rounded;
 mod smoothed;
 mod sweep;
 
-use crate::scene::Friction;
+use crate::geometry::Friction;
 pub use coupled::{Coupled, Side, solve_coupled};
 pub use local::solve_local;
 use nalgebra::{Matrix3, Vector3};

@@ -133,19 +133,19 @@ mod tests {
     use super::super::newton::{descend, improve};
     use super::super::{Law, Problem};
     use super::*;
-    use crate::contact::tests::Random;
+    use crate::math::random::Random;
     use nalgebra::DMatrix;
 
     /// Contacts along a chain of half as many unknowns as they have components, each of which gives way a little: what moves one moves those beside it.
     fn wedged(random: &mut Random, contacts: usize) -> (Vec<f64>, Vec<f64>) {
         let (n, freedoms) = (3 * contacts, 3 * contacts / 2);
         let rows = DMatrix::from_fn(n, freedoms, |i, j| {
-            let x = random.next();
+            let x = random.draw();
             let off = i as f64 / n as f64 - j as f64 / freedoms as f64;
             if off.abs() < 0.15 { x } else { 0.0 }
         });
         let mobility = &rows * rows.transpose() + DMatrix::identity(n, n) * 1e-6;
-        let free = rows * DVector::from_fn(freedoms, |_, _| random.next());
+        let free = rows * DVector::from_fn(freedoms, |_, _| random.draw());
         (mobility.as_slice().to_vec(), free.as_slice().to_vec())
     }
 

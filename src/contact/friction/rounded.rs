@@ -83,7 +83,7 @@ fn projection(v: &Vector3<f64>, tau: f64) -> (Vector3<f64>, Matrix3<f64>, Vector
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::tests::Random;
+    use crate::math::random::Random;
 
     #[test]
     fn derivatives_are_those_of_differences() {

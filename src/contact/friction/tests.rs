@@ -1,13 +1,13 @@
 use super::*;
-use crate::contact::tests::Random;
+use crate::math::random::Random;
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use proptest::prelude::*;
 
 impl Random {
     /// Symmetric positive definite, eigenvalues from 1e-3 up.
     fn mobility(&mut self, spread: f64) -> Matrix3<f64> {
-        let stretch = Matrix3::from_diagonal(&Vector3::from_fn(|_, _| spread.powf(self.next())));
-        let m = Matrix3::from_fn(|_, _| self.next()) * stretch;
+        let stretch = Matrix3::from_diagonal(&Vector3::from_fn(|_, _| spread.powf(self.draw())));
+        let m = Matrix3::from_fn(|_, _| self.draw()) * stretch;
         m * m.transpose() + Matrix3::identity() * 1e-3
     }
 }
@@ -67,7 +67,7 @@ fn local_solve_agrees_with_enumeration() {
     for k in 0..5000 {
         let w = random.mobility(if k % 2 == 0 { 1.0 } else { 10.0 });
         let q = random.vector();
-        let mu = (random.next() + 1.0) * if k % 3 == 0 { 1.0 } else { 0.3 } + 0.01;
+        let mu = (random.draw() + 1.0) * if k % 3 == 0 { 1.0 } else { 0.3 } + 0.01;
         let r = solve_local(&w, &q, coulomb(mu));
         let found = enumerate(&w, &q, mu);
         let error = found.iter().map(|s| (s - r).norm()).fold(f64::INFINITY, f64::min);
@@ -102,7 +102,7 @@ fn check_law(problem: &Problem, r: &[f64], tolerance: f64) {
 /// A contact problem with W = M Mᵀ of full or lower rank: `contacts` on a body of `freedoms`.
 fn system(random: &mut Random, contacts: usize, freedoms: usize) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
     let n = 3 * contacts;
-    let jacobian: Vec<f64> = (0..n * freedoms).map(|_| random.next()).collect();
+    let jacobian: Vec<f64> = (0..n * freedoms).map(|_| random.draw()).collect();
     let row = |i: usize| &jacobian[i * freedoms..(i + 1) * freedoms];
     let mut w = vec![0.0; n * n];
     for i in 0..n {
@@ -111,9 +111,9 @@ fn system(random: &mut Random, contacts: usize, freedoms: usize) -> (Vec<f64>, V
         }
     }
     // b = J v keeps problems of low rank solvable: pushing back along v always opens all contacts.
-    let v: Vec<f64> = (0..freedoms).map(|_| random.next()).collect();
+    let v: Vec<f64> = (0..freedoms).map(|_| random.draw()).collect();
     let b = (0..n).map(|i| row(i).iter().zip(&v).map(|(a, b)| a * b).sum()).collect();
-    let mu = (0..contacts).map(|_| 0.2 + 0.1 * random.next()).collect();
+    let mu = (0..contacts).map(|_| 0.2 + 0.1 * random.draw()).collect();
     (w, b, mu)
 }
 
@@ -153,8 +153,8 @@ fn what_sticks_is_held_by_the_greater_coefficient_and_what_slides_braked_by_the_
     let mut kinds = [0; 3];
     for case in 0..5000 {
         let (w, q) = (random.mobility(1.0), random.vector());
-        let kinetic = 0.3 * (random.next() + 1.01);
-        let fixed = kinetic * (1.5 + 0.5 * random.next());
+        let kinetic = 0.3 * (random.draw() + 1.01);
+        let fixed = kinetic * (1.5 + 0.5 * random.draw());
         let r = solve_local(&w, &q, Law::Coulomb(Friction { fixed, kinetic }));
         let held = enumerate(&w, &q, fixed).into_iter().find(|r| (w * r + q).norm() < 1e-10);
         let (wanted, kind) = match held {
@@ -177,7 +177,7 @@ fn a_tangent_counted_longer_makes_the_cone_elliptic() {
     let mut kinds = [0; 3];
     for case in 0..2000 {
         let (w, q) = (random.mobility(1.0), random.vector());
-        let (mu, across) = (0.8 * (random.next() + 1.01), 2.0_f64.powf(random.next()));
+        let (mu, across) = (0.8 * (random.draw() + 1.01), 2.0_f64.powf(random.draw()));
         let axes = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, across));
         let r = axes * solve_local(&(axes * w * axes), &(axes * q), coulomb(mu));
         let u = w * r + q;
@@ -287,12 +287,12 @@ fn coupled_strands_obey_the_law_of_the_assembled_problem() {
         sides.push(ends.map(|end| {
             end.map(|s| {
                 let side = Side { unknowns: (s * n, n), rows: rows.len() };
-                rows.extend((0..3 * n).map(|_| random.next()));
+                rows.extend((0..3 * n).map(|_| random.draw()));
                 side
             })
         }));
     }
-    let b: Vec<f64> = (0..3 * contacts).map(|_| random.next() - 0.3).collect();
+    let b: Vec<f64> = (0..3 * contacts).map(|_| random.draw() - 0.3).collect();
     let mu: Vec<f64> = (0..contacts).map(|i| 0.1 * (i % 8) as f64).collect();
     // Y as a dense matrix, 3c rows of all unknowns.
     let mut dense = vec![0.0; 3 * contacts * strands * n];
@@ -418,9 +418,9 @@ fn wedged_contacts_of_which_sweeps_make_nothing_are_mended() {
     let mut swept_in_vain = 0;
     for (contacts, n, mu) in [(14, 12, 0.8), (20, 21, 0.5)] {
         for case in 0..60 {
-            let rows: Vec<f64> = (0..3 * contacts * n).map(|_| random.next()).collect();
+            let rows: Vec<f64> = (0..3 * contacts * n).map(|_| random.draw()).collect();
             // b = J v can always be undone.
-            let v: Vec<f64> = (0..n).map(|_| random.next()).collect();
+            let v: Vec<f64> = (0..n).map(|_| random.draw()).collect();
             let b: Vec<f64> =
                 rows.chunks_exact(n).map(|row| row.iter().zip(&v).map(|(a, b)| a * b).sum()).collect();
             let sides: Vec<_> =

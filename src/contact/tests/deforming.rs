@@ -1,8 +1,8 @@
 //! Meshes whose vertices move.
 
-use super::super::mesh::Deforming;
 use super::*;
-use crate::scene::{Collider, Deformation};
+use crate::geometry::tests::unsigned_brute;
+use crate::geometry::{Bounds, Deformation, DeformingMesh, closest_on_triangle};
 use nalgebra::Matrix3;
 use std::sync::Arc;
 
@@ -10,14 +10,7 @@ use std::sync::Arc;
 fn deforming(mesh: &TriMesh, samples: usize, shape: impl Fn(&Vector3<f64>, usize) -> Vector3<f64>) -> Bodies {
     let sample = |i: usize| mesh.vertices.iter().map(|p| shape(p, i)).collect();
     let deformation = Deformation { start: 0.0, rate: 1.0, samples: (0..samples).map(sample).collect() };
-    Bodies::new(&[Collider {
-        name: "soft".into(),
-        body: 0,
-        shape: mesh_shape(mesh),
-        deformation: Some(Arc::new(deformation)),
-        friction: None,
-        thickness: 1e-3,
-    }])
+    Bodies::new([Body::new(&mesh_shape(mesh), Some(&Arc::new(deformation)), None)])
 }
 
 /// A wave through the blob and a turn of it, another for each i.
@@ -26,7 +19,7 @@ fn writhing(seed: u64, amplitude: f64, turn: f64) -> impl Fn(&Vector3<f64>, usiz
         let mut random = Random::new(seed + i as u64);
         let (wave, way) = (random.vector() * 40.0, random.vector() * amplitude);
         UnitQuaternion::from_scaled_axis(random.vector() * turn)
-            * (p + way * (wave.dot(p) + 3.0 * random.next()).sin())
+            * (p + way * (wave.dot(p) + 3.0 * random.draw()).sin())
     }
 }
 
@@ -49,7 +42,6 @@ fn a_thrown_triangle_is_stopped_by_a_segment() {
     let triangle = TriMesh {
         vertices: vec![Vector3::zeros(), Vector3::x() * 0.02, Vector3::z() * -0.02],
         triangles: vec![[0, 1, 2]],
-        ..TriMesh::default()
     };
     let mut random = Random::new(61);
     let (mut hits, mut features) = (0, [0; 3]);
@@ -62,13 +54,13 @@ fn a_thrown_triangle_is_stopped_by_a_segment() {
         bodies.prepare([0.0, 1.0]);
         let x = [random.vector() * 0.02 - Vector3::y() * 0.04, random.vector() * 0.02 - Vector3::y() * 0.04];
         let line = Polyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]] };
-        let shape = &bodies.bodies[0].shape;
+        let shape = &bodies.bodies[0].solid;
         if least_distance(shape, &still(), &line, 0.0, 0.0, 1) < 1e-4 {
             continue;
         }
         let mut contacts = Vec::new();
         let toi = bodies.impacts(&[still()], &line, &mut Workspace::default(), &mut contacts);
-        let Surface::Mesh([before, _]) = shape.over([0.0, 1.0]) else { panic!("a mesh") };
+        let MovingSurface::Mesh([before, _]) = shape.over([0.0, 1.0]) else { panic!("a mesh") };
         let whole = least_distance(shape, &still(), &line, 0.0, 1.0, 800);
         if toi == 1.0 {
             // What starts behind the sheet is inside it and does not hit.
@@ -107,10 +99,12 @@ fn contacts_know_where_their_material_was() {
         let mut a = random.vector().normalize() * 0.16;
         if k % 2 == 0 {
             // Aimed at a vertex.
-            let Surface::Mesh([_, mesh]) = bodies.bodies[0].shape.over([0.0, 1.0]) else { panic!("a mesh") };
+            let MovingSurface::Mesh([_, mesh]) = bodies.bodies[0].solid.over([0.0, 1.0]) else {
+                panic!("a mesh")
+            };
             a = mesh.vertex(k / 2 % 60) * 2.0;
         }
-        let (x0, x1) = ([a, a * 1.2], [a * (0.51 + 0.2 * random.next().max(0.0)), a]);
+        let (x0, x1) = ([a, a * 1.2], [a * (0.51 + 0.2 * random.draw().max(0.0)), a]);
         let line = Polyline { x0: &x0, x1: &x1, clearance: &[[1e-3; 2]] };
         let (mut work, mut contacts) = (Workspace::default(), Vec::new());
         bodies.candidates(&[still()], &line, 5e-3, &mut work, &mut contacts);
@@ -142,7 +136,7 @@ fn a_turn_of_the_vertices_is_a_turn_of_the_body() {
     let mut compared = 0;
     for _ in 0..300 {
         let a = random.vector().normalize() * 0.16;
-        let (x0, x1) = ([a, a * 1.2], [a * (0.55 + 0.1 * random.next()), a]);
+        let (x0, x1) = ([a, a * 1.2], [a * (0.55 + 0.1 * random.draw()), a]);
         let line = Polyline { x0: &x0, x1: &x1, clearance: &[[1e-3; 2]] };
         let find = |bodies: &Bodies, motion: Motion| {
             let mut contacts = Vec::new();
@@ -207,10 +201,10 @@ fn memory_of_far_segments_changes_no_result_where_the_surface_moves() {
 fn parts_of_a_step_lie_on_straight_ways_and_prepared_shapes_have_no_history() {
     let mesh = blob(6, 0.08);
     let whole = deforming(&mesh, 6, writhing(95, 0.02, 0.3));
-    let Shape::Deforming(_) = &whole.bodies[0].shape else { panic!("deforms") };
+    let Solid::Deforming(_) = &whole.bodies[0].solid else { panic!("deforms") };
     let sample = |i: usize| mesh.vertices.iter().map(|p| writhing(95, 0.02, 0.3)(p, i)).collect();
     let motion = Arc::new(Deformation { start: 0.0, rate: 1.0, samples: (0..6).map(sample).collect() });
-    let new = || Deforming::new(&mesh.vertices, &mesh.triangles, motion.clone());
+    let new = || DeformingMesh::new(&mesh.vertices, &mesh.triangles, motion.clone());
     let (mut gone, mut fresh) = (new(), new());
     for i in 0..4 {
         gone.prepare([f64::from(i), f64::from(i) + 1.0]);
@@ -226,7 +220,7 @@ fn parts_of_a_step_lie_on_straight_ways_and_prepared_shapes_have_no_history() {
         }
         assert!((unsigned_brute(a, &p) - a.closest(&p, 1.0).unwrap().distance.abs()).abs() < 1e-14);
         let mut near = Vec::new();
-        a.triangles_in(&super::super::mesh::Bounds::around([&p], 0.05), &mut near);
+        a.triangles_in(&Bounds::around([&p], 0.05), &mut near);
         let all = (0..a.triangle_count() as u32)
             .filter(|&t| (closest_on_triangle(&p, a.triangle(t)).0 - p).norm() < 0.05)
             .all(|t| near.contains(&t));
@@ -242,7 +236,6 @@ fn what_parts_is_not_welded_and_what_collapses_makes_no_fault() {
     let mesh = TriMesh {
         vertices: vec![v(0., 0.), v(0., 1.), v(1., 0.), v(0., 0.), v(-1., 0.)],
         triangles: vec![[0, 1, 2], [3, 4, 1]],
-        ..TriMesh::default()
     };
     let opened = |i: usize| {
         let mut vertices = mesh.vertices.clone();
@@ -254,7 +247,7 @@ fn what_parts_is_not_welded_and_what_collapses_makes_no_fault() {
         vertices
     };
     let motion = Arc::new(Deformation { start: 0.0, rate: 1.0, samples: (0..3).map(opened).collect() });
-    let mut soft = Deforming::new(&mesh.vertices, &mesh.triangles, motion);
+    let mut soft = DeformingMesh::new(&mesh.vertices, &mesh.triangles, motion);
     soft.prepare([1.0, 2.0]);
     let p = Vector3::new(0.0, -0.19, 0.01);
     for (t, distance) in [(1.0, 0.09), (2.0, 0.01)] {

@@ -47,7 +47,7 @@ fn stands_for(contact: &Contact, impact: &Contact, beside: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::Feature;
+    use crate::geometry::Feature;
     use nalgebra::Vector3;
 
     #[test]

@@ -79,7 +79,7 @@ impl Midpoints {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::Feature;
+    use crate::geometry::Feature;
     use crate::rod::{Rod, RodShape};
 
     #[test]

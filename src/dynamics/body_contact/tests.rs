@@ -1,7 +1,7 @@
 use super::*;
-use crate::contact::{Feature, Workspace};
+use crate::contact::Workspace;
+use crate::geometry::{Feature, Shape as SceneShape};
 use crate::rod::{RodSource, SegmentSize, Taper};
-use crate::scene::Shape as SceneShape;
 use nalgebra::Isometry3;
 
 const KEEP: f64 = 5e-4;

@@ -5,8 +5,8 @@ use super::member::Member;
 use crate::contact::Tolerance;
 use crate::contact::friction::{Coupled, Law, Outcome, Scratch, Side, solve_coupled};
 use crate::dynamics::guide::Guide;
+use crate::geometry::Friction;
 use crate::math::cholesky::dot;
-use crate::scene::Friction;
 use nalgebra::UnitQuaternion;
 
 /// When the reactions are good enough: their residual multiplies displacements of a step, some 0.1 to 1 mm. In the first round, whose

@@ -11,9 +11,10 @@ use crate::dynamics::coupled_substep::CoupledSubstep;
 use crate::dynamics::environment::Environment;
 use crate::dynamics::guide::{Guide, Workspace};
 use crate::dynamics::step_record::StepRecord;
+use crate::geometry::Shape;
 use crate::math::random;
 use crate::rod::{Rod, RodShape, RodSource, SegmentSize, Taper};
-use crate::scene::{Shape, Tree};
+use crate::scene::Tree;
 use nalgebra::{Isometry3, UnitQuaternion, Vector2, Vector3};
 
 type V = Vector3<f64>;

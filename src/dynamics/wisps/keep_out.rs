@@ -360,8 +360,9 @@ mod tests {
     use super::super::Settled;
     use super::*;
     use crate::contact::Bodies;
+    use crate::geometry::Shape as Solid;
     use crate::rod::{RodSource, SegmentSize, Taper};
-    use crate::scene::{Shape as Solid, Tree};
+    use crate::scene::Tree;
     use nalgebra::UnitQuaternion;
 
     /// A hair of 10 cm along x, of points 1 cm apart.

@@ -213,10 +213,9 @@ mod tests {
     #[test]
     fn roots_lie_on_the_scalp() {
         let (guide, sections, arc) = one_guide(|u| Vector3::new(0.2 * u, 0.1, 0.0));
-        let mesh = crate::scene::TriMesh {
+        let mesh = crate::geometry::TriMesh {
             vertices: [[-1.0, 0.1, -1.0], [0.0, 0.1, 1.5], [1.0, 0.1, -1.0]].map(Vector3::from).to_vec(),
             triangles: vec![[0, 1, 2]],
-            ..Default::default()
         };
         let scalp = Scalp::new(&mesh).unwrap();
         let (grown, _) = grow(&guide, &sections, &[0.01; 6], &arc, Growth::default(), Some(&scalp));

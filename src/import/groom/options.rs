@@ -1,8 +1,8 @@
 //! What to import as a groom.
 
 use super::build::BuildOptions;
+use crate::geometry::TriMesh;
 use crate::import::source::Source;
-use crate::scene::TriMesh;
 use crate::{Error, Result};
 
 /// By default all strands become guides if the file has at most this many.

@@ -1,6 +1,6 @@
 //! Position of roots relative to the scalp.
 
-use crate::scene::TriMesh;
+use crate::geometry::TriMesh;
 use nalgebra::Vector3;
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::PointQuery;

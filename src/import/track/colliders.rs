@@ -1,10 +1,11 @@
 //! Colliders of an animation.
 
 use super::options::ColliderMesh;
+use crate::geometry::TriMesh;
 use crate::import::mesh_file::ImportedMesh;
 use crate::import::source::Source;
 use crate::scene::anim::file::{ColliderFile, ShapeFile};
-use crate::scene::{Sequence, TriMesh, UpAxis};
+use crate::scene::{Sequence, UpAxis};
 use crate::{Error, Result};
 use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};

@@ -268,7 +268,7 @@ mod tests {
         assert!(report.notes[0].contains("millimetres"), "{report}");
         let anim = write_and_load(&file, &options.folder);
         assert_eq!(anim.colliders[0].name, "mesh_7_head");
-        let crate::scene::Shape::Mesh(mesh) = &anim.colliders[0].shape else { panic!("not a mesh") };
+        let crate::geometry::Shape::Mesh(mesh) = &anim.colliders[0].shape else { panic!("not a mesh") };
         assert!((mesh.vertices[2].y - 0.3).abs() < 1e-6);
     }
 

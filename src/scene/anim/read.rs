@@ -4,10 +4,11 @@ mod deformation;
 mod track;
 
 use super::file::*;
-use super::{Anim, Body, Collider, Keyed, MAX_FRAMES, Settings, Shape, Tie, TiePlace, Track, TriMesh, Wind};
+use super::{Anim, Body, Collider, Keyed, MAX_FRAMES, Settings, Tie, TiePlace, Track, Wind};
+use crate::geometry::{Deformation, Friction, Shape, TriMesh};
+use crate::scene::Convention;
 use crate::scene::document::array::Buffers;
 use crate::scene::document::{Document, Faults, Key, MAX_NAMED};
-use crate::scene::{Convention, Deformation, Friction};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -5,9 +5,10 @@ mod wisps;
 
 use super::file::*;
 use super::{Curves, Factors, Groom, Group, Guides, Material, RodSection, Strands};
+use crate::geometry::Friction;
+use crate::scene::Convention;
 use crate::scene::document::array::{Array, Buffers, Element};
 use crate::scene::document::{Document, Faults, Key, MAX_NAMED};
-use crate::scene::{Convention, Friction};
 use curves::CurvesFile;
 use nalgebra::{UnitQuaternion, Vector3};
 

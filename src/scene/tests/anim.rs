@@ -1,6 +1,7 @@
 use super::super::track::Track;
 use super::super::*;
 use super::file;
+use crate::geometry::Shape;
 use crate::test_data::shared_data;
 use approx::assert_relative_eq;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};

@@ -4,7 +4,7 @@ mod anim;
 mod faults;
 mod fuzz;
 mod groom;
-mod mesh;
+mod obj;
 mod schemas;
 
 use std::path::PathBuf;

@@ -84,7 +84,12 @@ fn velocity_and_acceleration_are_continuous() {
         let h = side * 1e-6;
         ((velocity(t + h).1 - velocity(t).1) / h, (velocity(t + h).0 - velocity(t).0) / h)
     };
-    for knot in (0..=24).map(|i| f64::from(i) / 24.0).chain([-EASE, -COAST, 1.0 + EASE, 1.0 + COAST]) {
+    for knot in (0..=24).map(|i| f64::from(i) / 24.0).chain([
+        -coast::ACCELERATION_TIME,
+        -coast::VELOCITY_TIME,
+        1.0 + coast::ACCELERATION_TIME,
+        1.0 + coast::VELOCITY_TIME,
+    ]) {
         let ((a, alpha), (b, beta)) = (acceleration(knot, -1.0), acceleration(knot, 1.0));
         assert!((a - b).norm() < 1e-2 && (alpha - beta).norm() < 1e-2, "{knot}: {}", (a - b).norm());
     }
@@ -94,7 +99,7 @@ fn velocity_and_acceleration_are_continuous() {
 fn comes_to_rest_beyond_its_ends() {
     let track = Track::through(&samples(0.0, 24.0, 25), 0.0, &Isometry3::identity());
     for (end, away) in [(0.0, -1.0), (1.0, 1.0)] {
-        let stop = end + away * COAST;
+        let stop = end + away * coast::VELOCITY_TIME;
         assert_eq!(track.twist(stop + away * 3.0), (Vector3::zeros(), Vector3::zeros()));
         assert!(distance(&track.pose(stop), &track.pose(stop + away * 100.0)) < 1e-12);
         assert!(distance(&track.pose(stop), &track.pose(end)) < 1.5);

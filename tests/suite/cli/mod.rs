@@ -346,7 +346,7 @@ fn centimetres_and_metres_mix() {
     let anim = hairbake::scene::load_anim(&scene.anim).unwrap();
     assert_eq!(groom.convention.metres_per_unit, 0.01);
     assert!((groom.guides.curves.points[0].norm() - 0.1).abs() < 1e-6);
-    let hairbake::scene::Shape::Mesh(ball) = &anim.colliders[0].shape else { panic!("no mesh") };
+    let hairbake::geometry::Shape::Mesh(ball) = &anim.colliders[0].shape else { panic!("no mesh") };
     assert!((ball.vertices[0].norm() - 0.1).abs() < 1e-6);
     let head = anim.head_pose(anim.time(1001.0)).translation.vector;
     assert!((head - nalgebra::Vector3::new(0.0, 1.5, 0.0)).norm() < 1e-6, "{head}");

@@ -16,7 +16,7 @@ fn a_step_of_many_rods_allocates_nothing() {
         head: &head,
         gravity: &|_| Vector3::y() * -9.81,
         wind: &[],
-        bodies: &Bodies::new(&[]),
+        bodies: &Bodies::default(),
         body: &|_, _| Isometry3::identity(),
         carrier: &|_, _| Isometry3::identity(),
         brought_out: &|_| 1.0,

@@ -41,7 +41,7 @@ fn tips(
         head: &pose,
         gravity: &|_| Vector3::zeros(),
         wind: &[],
-        bodies: &Bodies::new(&[]),
+        bodies: &Bodies::default(),
         body: &|_, t| pose(t),
         carrier: &|_, _| Isometry3::identity(),
         brought_out: &|_| 1.0,

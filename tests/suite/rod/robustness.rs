@@ -86,7 +86,7 @@ impl Hair {
             head: pose,
             gravity: &|_| Vector3::y() * -9.81,
             wind: &[],
-            bodies: &Bodies::new(&[]),
+            bodies: &Bodies::default(),
             body: &|_, t| pose(t),
             carrier: &|_, _| Isometry3::identity(),
             brought_out: &|_| 1.0,

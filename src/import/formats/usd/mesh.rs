@@ -2,9 +2,9 @@
 
 use super::exchange::{Exchange, points, required};
 use crate::Result;
+use crate::geometry::TriMesh;
 use crate::import::plain::{PlainMesh, SampleTimes};
 use crate::import::source::Source;
-use crate::scene::TriMesh;
 use serde::Deserialize;
 
 #[derive(Debug, Deserialize)]
@@ -26,7 +26,7 @@ pub(in crate::import) fn read(source: &Source, times: Option<&SampleTimes>) -> R
     let moving = read.f64s("moving").unwrap_or_default();
     Ok(PlainMesh {
         samples: points(&moving).chunks(vertices.len().max(1)).map(<[_]>::to_vec).collect(),
-        mesh: TriMesh { file: source.path.clone(), vertices, triangles },
+        mesh: TriMesh { vertices, triangles },
         declared: read.header.declared(),
         notes: read.header.notes,
     })

@@ -1,9 +1,10 @@
 //! Deforming meshes: a sequence of OBJ files with the triangles of the mesh at rest.
 
 use super::Reader;
+use crate::geometry::{Deformation, TriMesh};
+use crate::scene::Convention;
 use crate::scene::document::{Key, MAX_NAMED};
 use crate::scene::sequence::Sequence;
-use crate::scene::{Convention, Deformation, TriMesh};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! Closest points with triangles.
 
-use super::segment_segment;
+use super::segment::segment_segment;
 use crate::math::polyline::closest_on_segment;
 use nalgebra::Vector3;
 

@@ -1,5 +1,8 @@
 use super::super::*;
 use super::file;
+use crate::geometry::tests::unsigned_brute;
+use crate::geometry::{SolidMesh, TriMesh};
+use crate::math::random::Random;
 use crate::test_data::shared_data;
 use approx::assert_relative_eq;
 use nalgebra::Vector3;
@@ -29,4 +32,32 @@ fn real_heads_load() {
     assert_eq!(load("sintel_bust_cm.obj", 0.01).triangles.len(), 5952);
     assert_eq!(load("makehuman_body_m.obj", 1.0).triangles.len(), 26756);
     assert_eq!(load("ratboy_body_m.obj", 1.0).triangles.len(), 25814);
+}
+
+#[test]
+fn distances_to_real_heads_agree_with_brute_force_and_winding_numbers() {
+    let Some(heads) = shared_data("heads") else { return };
+    for (name, closed) in [
+        ("sintel_bust_m", false),
+        ("sintel_collider_watertight_m", true),
+        ("makehuman_skirt_m", false),
+        ("makehuman_head_open_m", false),
+    ] {
+        let path = heads.join(format!("{name}.obj"));
+        let (soup, _) = TriMesh::load_obj(&path, &Convention::default()).unwrap();
+        let mesh = SolidMesh::new(&soup.vertices, &soup.triangles);
+        let (low, high) = soup
+            .vertices
+            .iter()
+            .fold((soup.vertices[0], soup.vertices[0]), |(low, high), v| (low.inf(v), high.sup(v)));
+        let mut random = Random::new(41);
+        for _ in 0..200 {
+            let p = low + (high - low).component_mul(&(random.vector().add_scalar(1.0) * 0.5));
+            let s = mesh.closest(&p, 10.0).unwrap();
+            assert!((s.distance.abs() - unsigned_brute(&mesh, &p)).abs() < 1e-12, "{name}");
+            if closed {
+                assert_eq!(s.distance < 0.0, mesh.winding_number(&p) > 0.5, "{name}");
+            }
+        }
+    }
 }

@@ -11,7 +11,7 @@ pub struct Friction {
 
 impl Friction {
     /// From the two coefficients as files have them: without one for what sticks, that for what slides.
-    pub(super) fn from_file(kinetic: f64, fixed: Option<f64>) -> Self {
+    pub fn from_file(kinetic: f64, fixed: Option<f64>) -> Self {
         Friction { fixed: fixed.unwrap_or(kinetic), kinetic }
     }
 }

@@ -1,6 +1,6 @@
 //! Motion of the vertices of a deforming mesh, smooth to any sub-frame: `docs/theory.md` eq. 5.2.
 
-use super::track::coast;
+use crate::math::coast;
 use nalgebra::Vector3;
 
 /// Evenly sampled shapes of a mesh, and the motion through them.
@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 /// Between samples i and i + 1 a vertex is at (1 − w) P_i + w P_(i+1), P_i the parabola through samples i − 1, i and i + 1, and
 /// w = u² (3 − 2u), u the share of the way. Overhauser's spline (1968) blends by u itself and is C1; this is C2.
 /// Motion of constant acceleration is met exactly, and four samples alone decide, so that a part of a shot moves as the whole does.
-/// Beyond its ends the mesh comes to rest as a [`Track`](super::anim::Track) does.
+/// Beyond its ends the mesh comes to rest as a [`Track`](crate::scene::anim::Track) does.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Deformation {
     /// Time of the first sample, s.
@@ -68,7 +68,7 @@ impl Deformation {
             2 => ([1.0, -1.0, 0.0], [0.0; 3]),
             _ => ([1.5, -2.0, 0.5], [1.0, -2.0, 1.0]),
         };
-        let [way_v, way_a] = coast(beyond / self.rate);
+        let [way_v, way_a] = coast::displacement(beyond / self.rate);
         let weight =
             |k: usize| f64::from(k == 0) + v[k] * self.rate * way_v + a[k] * self.rate * self.rate * way_a;
         (0..self.samples.len().min(3)).map(|k| (sample(k), weight(k))).collect()

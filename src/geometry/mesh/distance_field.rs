@@ -3,7 +3,8 @@
 //! Where there is no surface between two points, both are on the same side of it, but for open meshes: there the side changes, without a surface,
 //! where the border ceases to be what is closest. So near such places the grid says nothing of the side.
 
-use super::{Bounds, Mesh};
+use super::solid_mesh::SolidMesh;
+use crate::geometry::bounds::Bounds;
 use crate::math::polyline::closest_on_segment;
 use nalgebra::Vector3;
 use parry3d_f64::bounding_volume::Aabb;
@@ -69,7 +70,7 @@ impl Grid {
 
 impl DistanceField {
     /// Grids that nobody has asked yet; they take memory from the first question on.
-    pub fn new(mesh: &Mesh) -> Self {
+    pub fn new(mesh: &SolidMesh) -> Self {
         let bounds = Bounds::around(&mesh.vertices, 0.0);
         let size = (bounds.max - bounds.min).add_scalar(2.0 * MARGIN);
         let finest = (size.product() / CELLS).cbrt().max(FINEST);
@@ -97,7 +98,7 @@ impl DistanceField {
     }
 
     /// What a cell of `grid` holds, and how far `p`, body frame, may be from its middle, m, with a margin for rounding; `None` beyond the grid.
-    fn cell(&self, grid: &Grid, mesh: &Mesh, p: &Vector3<f64>) -> Option<(f64, f64)> {
+    fn cell(&self, grid: &Grid, mesh: &SolidMesh, p: &Vector3<f64>) -> Option<(f64, f64)> {
         let at = (p - self.corner) / grid.cell;
         if (0..3).any(|i| at[i] < 0.0 || at[i] >= grid.count[i] as f64) {
             return None;
@@ -132,7 +133,7 @@ impl DistanceField {
     }
 
     /// What the signed distance of `p`, body frame, from the mesh is not below, and its magnitude not above, m.
-    pub fn bounds(&self, mesh: &Mesh, p: &Vector3<f64>) -> [f64; 2] {
+    pub fn bounds(&self, mesh: &SolidMesh, p: &Vector3<f64>) -> [f64; 2] {
         let [.., finest] = &self.grids;
         match self.cell(finest, mesh, p) {
             Some((distance, away)) => [distance - away, distance.abs() + away],
@@ -141,7 +142,7 @@ impl DistanceField {
     }
 
     /// What the signed distance of `p`, body frame, from the mesh is not below, m: outside, a third of that at least, but near the surface and a border.
-    pub fn least(&self, mesh: &Mesh, p: &Vector3<f64>) -> f64 {
+    pub fn least(&self, mesh: &SolidMesh, p: &Vector3<f64>) -> f64 {
         let mut least = self.beyond(p);
         for grid in &self.grids {
             let Some((distance, away)) = self.cell(grid, mesh, p) else { continue };
@@ -158,15 +159,15 @@ impl DistanceField {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Shape;
+    use crate::geometry::Shape;
     use proptest::prelude::*;
 
     /// A capsule of triangles, whole or without some of them.
-    fn capsule(open: bool) -> Mesh {
+    fn capsule(open: bool) -> SolidMesh {
         let solid =
             Shape::Capsule { ends: [Vector3::zeros(), Vector3::y() * 0.05], radius: 0.03 }.tessellate();
         let kept = solid.triangles.iter().enumerate().filter(|(i, _)| !open || i % 50 != 7);
-        Mesh::new(&solid.vertices, &kept.map(|(_, t)| *t).collect::<Vec<_>>())
+        SolidMesh::new(&solid.vertices, &kept.map(|(_, t)| *t).collect::<Vec<_>>())
     }
 
     proptest! {

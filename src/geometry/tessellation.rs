@@ -1,6 +1,7 @@
 //! Triangles of any collider, for caches and pictures.
 
-use super::{Shape, TriMesh};
+use super::shape::Shape;
+use super::tri_mesh::TriMesh;
 use crate::math::frame::transport;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::{PI, TAU};
@@ -32,7 +33,7 @@ impl Shape {
                 let turn = pole_towards(normal);
                 let corner = |x: f64, z: f64| point + turn * Vector3::new(x, 0.0, z) * PLANE_HALF;
                 let vertices = vec![corner(-1., -1.), corner(-1., 1.), corner(1., 1.), corner(1., -1.)];
-                TriMesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]], ..TriMesh::default() }
+                TriMesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] }
             }
         }
     }
@@ -78,7 +79,7 @@ fn round(centres: [Vector3<f64>; 2], axes: &Matrix3<f64>) -> TriMesh {
         }
         triangles.push([south, at(last, j + 1), at(last, j)]);
     }
-    TriMesh { vertices, triangles, ..TriMesh::default() }
+    TriMesh { vertices, triangles }
 }
 
 #[cfg(test)]

@@ -1,71 +1,27 @@
 //! Triangle mesh as a solid: signed distance by angle-weighted pseudonormals (J. A. Baerentzen & H. Aanaes, "Signed
 //! distance computation using the angle weighted pseudonormal", 2005).
 
-mod deforming;
-mod field;
-mod topology;
-mod winding;
-
-pub use deforming::Deforming;
-pub use field::DistanceField;
-
-use super::distance::{Part, closest_on_triangle, weights};
-use super::shape::{Feature, SurfacePoint};
+use super::topology::Topology;
+use super::winding::Winding;
+use crate::geometry::bounds::Bounds;
+use crate::geometry::distance::{Part, closest_on_triangle, weights};
+use crate::geometry::surface_point::{Feature, SurfacePoint};
 use crate::math::polyline::closest_on_segment;
 use nalgebra::Vector3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
 use std::sync::{Arc, OnceLock};
-use topology::Topology;
-use winding::Winding;
 
 /// Below this length, m, a difference of coordinates is rounding and has no direction.
 const ROUNDING: f64 = 1e-12;
-
-/// An axis-aligned box.
-#[derive(Debug, Clone, Copy)]
-pub struct Bounds {
-    /// Lower corner.
-    pub min: Vector3<f64>,
-    /// Upper corner.
-    pub max: Vector3<f64>,
-}
-
-impl Bounds {
-    /// The box of some points, grown by `margin` on all sides.
-    pub fn around<'a>(points: impl IntoIterator<Item = &'a Vector3<f64>>, margin: f64) -> Self {
-        let mut min = Vector3::repeat(f64::INFINITY);
-        let mut max = -min;
-        for p in points {
-            min = min.inf(p);
-            max = max.sup(p);
-        }
-        Bounds { min: min.add_scalar(-margin), max: max.add_scalar(margin) }
-    }
-
-    /// Whether two boxes have a point in common.
-    pub fn overlaps(&self, other: &Bounds) -> bool {
-        (0..3).all(|i| self.min[i] <= other.max[i] && other.min[i] <= self.max[i])
-    }
-
-    fn meets(&self, node: &BvhNode) -> bool {
-        let (lo, hi) = (node.mins(), node.maxs());
-        lo.x <= self.max.x
-            && lo.y <= self.max.y
-            && lo.z <= self.max.z
-            && hi.x >= self.min.x
-            && hi.y >= self.min.y
-            && hi.z >= self.min.z
-    }
-}
 
 /// A triangle mesh in one shape, open or closed, with a bounding volume hierarchy over its triangles.
 ///
 /// Where the closest feature is on an open border the point counts as outside: it is beside the sheet, not behind it.
 #[derive(Debug)]
-pub struct Mesh {
-    topology: Arc<Topology>,
-    vertices: Vec<Vector3<f64>>,
+pub struct SolidMesh {
+    pub(super) topology: Arc<Topology>,
+    pub(super) vertices: Vec<Vector3<f64>>,
     face_normals: Vec<Vector3<f64>>,
     edge_normals: Vec<Vector3<f64>>,
     vertex_normals: Vec<Vector3<f64>>,
@@ -74,30 +30,30 @@ pub struct Mesh {
     winding: OnceLock<Winding>,
 }
 
-impl Mesh {
+impl SolidMesh {
     /// From a triangle soup, m, body frame; welded and wound consistently (see [`Topology::new`]).
     pub fn new(vertices: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Self {
-        Mesh::of_shapes(&[vertices], triangles)
+        SolidMesh::of_shapes(&[vertices], triangles)
     }
 
     /// A mesh that will take `shapes`, in the first of them.
-    fn of_shapes(shapes: &[&[Vector3<f64>]], triangles: &[[u32; 3]]) -> Self {
+    pub(super) fn of_shapes(shapes: &[&[Vector3<f64>]], triangles: &[[u32; 3]]) -> Self {
         let topology = Topology::new(shapes, triangles);
         let vertices: Vec<_> = topology.source.iter().map(|&i| shapes[0][i as usize]).collect();
         let boxes: Vec<Aabb> = topology.triangles.iter().map(|t| bounding_box(t, &vertices)).collect();
         let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
-        Mesh::with_normals(Arc::new(topology), vertices, bvh)
+        SolidMesh::with_normals(Arc::new(topology), vertices, bvh)
     }
 
     /// The same mesh with its vertices elsewhere, its hierarchy refitted: that of the mesh at rest, whatever came between, so
     /// that the order of what it finds has no history.
-    fn reshaped(&self, vertices: Vec<Vector3<f64>>) -> Self {
+    pub(super) fn reshaped(&self, vertices: Vec<Vector3<f64>>) -> Self {
         let mut bvh = self.bvh.clone();
         for (t, k) in self.topology.triangles.iter().zip(0..) {
             bvh.insert_or_update_partially(bounding_box(t, &vertices), k, 0.0);
         }
         bvh.refit_without_opt();
-        Mesh::with_normals(Arc::clone(&self.topology), vertices, bvh)
+        SolidMesh::with_normals(Arc::clone(&self.topology), vertices, bvh)
     }
 
     fn with_normals(topology: Arc<Topology>, vertices: Vec<Vector3<f64>>, bvh: Bvh) -> Self {
@@ -118,7 +74,15 @@ impl Mesh {
             face_normals.push(n);
         }
         edge_normals.iter_mut().chain(&mut vertex_normals).for_each(|n| *n = unit(*n));
-        Mesh { topology, vertices, face_normals, edge_normals, vertex_normals, bvh, winding: OnceLock::new() }
+        SolidMesh {
+            topology,
+            vertices,
+            face_normals,
+            edge_normals,
+            vertex_normals,
+            bvh,
+            winding: OnceLock::new(),
+        }
     }
 
     /// Number of triangles kept.
@@ -184,7 +148,7 @@ impl Mesh {
     }
 
     /// Where the material at `point` of `feature` is in another shape of this mesh.
-    pub fn carried(&self, point: &Vector3<f64>, feature: Feature, to: &Mesh) -> Vector3<f64> {
+    pub fn carried(&self, point: &Vector3<f64>, feature: Feature, to: &SolidMesh) -> Vector3<f64> {
         if std::ptr::eq(self, to) {
             return *point;
         }
@@ -286,7 +250,8 @@ impl Mesh {
     /// Generalised winding number of the mesh about `p`: 1 inside a closed mesh, 0 outside, in between where it is open.
     /// Sum of the triangles' solid angles over 4π.
     pub fn winding_number(&self, p: &Vector3<f64>) -> f64 {
-        self.winding.get_or_init(|| Winding::new(self)).number(self, p)
+        let winding = || Winding::new(&self.vertices, &self.topology.triangles);
+        self.winding.get_or_init(winding).number(&self.vertices, &self.topology.triangles, p)
     }
 }
 

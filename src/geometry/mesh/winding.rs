@@ -1,12 +1,26 @@
 //! Winding numbers (A. Jacobson, L. Kavan & O. Sorkine-Hornung, "Robust inside-outside segmentation using generalized winding numbers", 2013).
 
-use super::{Bounds, Mesh};
+use crate::geometry::bounds::Bounds;
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
 /// Most triangles of what is not divided further.
 const LEAF: usize = 16;
+
+/// A mesh as it is given.
+#[derive(Clone, Copy)]
+struct Triangles<'a> {
+    vertices: &'a [Vector3<f64>],
+    triangles: &'a [[u32; 3]],
+}
+
+impl<'a> Triangles<'a> {
+    /// Corners of a triangle.
+    fn triangle(&self, t: u32) -> [&'a Vector3<f64>; 3] {
+        self.triangles[t as usize].map(|v| &self.vertices[v as usize])
+    }
+}
 
 /// The triangles of a mesh, divided again and again: seen from outside the box around a part, it winds as any other surface with its border does that stays in
 /// the box, such as a fan (ibid., section 4.2).
@@ -38,15 +52,17 @@ type Border = Vec<([u32; 2], i32)>;
 
 impl Winding {
     /// Of a mesh that keeps its shape.
-    pub fn new(mesh: &Mesh) -> Self {
-        let mut triangles: Vec<u32> = (0..mesh.triangle_count() as u32).collect();
+    pub fn new(vertices: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Self {
+        let mesh = Triangles { vertices, triangles };
+        let mut triangles: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
         let count = triangles.len();
         let (root, _) = Part::new(mesh, &mut triangles, 0..count);
         Winding { triangles, root }
     }
 
-    /// See [`Mesh::winding_number`].
-    pub fn number(&self, mesh: &Mesh, p: &Vector3<f64>) -> f64 {
+    /// See [`SolidMesh::winding_number`](super::SolidMesh::winding_number).
+    pub fn number(&self, vertices: &[Vector3<f64>], triangles: &[[u32; 3]], p: &Vector3<f64>) -> f64 {
+        let mesh = Triangles { vertices, triangles };
         let mut sum = Sum::default();
         self.root.add(self, mesh, p, &mut sum);
         sum.turns()
@@ -55,13 +71,13 @@ impl Winding {
 
 impl Part {
     /// Of the triangles of a `range` of the list, which are put in the order of its parts; and its border.
-    fn new(mesh: &Mesh, triangles: &mut [u32], range: Range<usize>) -> (Part, Border) {
+    fn new(mesh: Triangles, triangles: &mut [u32], range: Range<usize>) -> (Part, Border) {
         let mine = &mut triangles[range.clone()];
         let count = mine.len();
         let bounds = Bounds::around(mine.iter().flat_map(|t| mesh.triangle(*t)), 0.0);
         let (within, border) = if count <= LEAF {
             let edges = mine.iter().flat_map(|t| {
-                let [a, b, c] = mesh.topology.triangles[*t as usize];
+                let [a, b, c] = mesh.triangles[*t as usize];
                 [[a, b], [b, c], [c, a]].map(|[a, b]| ([a.min(b), a.max(b)], if a < b { 1 } else { -1 }))
             });
             (Within::Triangles(range), joined(edges.collect()))
@@ -87,14 +103,14 @@ impl Part {
     }
 
     /// Adds what it winds about `p`.
-    fn add(&self, of: &Winding, mesh: &Mesh, p: &Vector3<f64>, sum: &mut Sum) {
+    fn add(&self, of: &Winding, mesh: Triangles, p: &Vector3<f64>, sum: &mut Sum) {
         let outside = (0..3).any(|i| p[i] < self.bounds.min[i] || p[i] > self.bounds.max[i]);
         match (&self.fan, &self.within) {
             (Some(edges), _) if outside => {
                 let Some([corner, _]) = edges.first() else { return };
-                let corner = mesh.vertex(*corner) - p;
+                let corner = mesh.vertices[*corner as usize] - p;
                 for edge in edges {
-                    let [a, b] = edge.map(|v| mesh.vertex(v) - p);
+                    let [a, b] = edge.map(|v| mesh.vertices[v as usize] - p);
                     sum.add(&[corner, a, b]);
                 }
             }

@@ -1,7 +1,8 @@
 //! Triangle meshes from Wavefront OBJ files.
 
-use super::{Convention, TriMesh};
+use super::Convention;
 use crate::file::read_file;
+use crate::geometry::TriMesh;
 use nalgebra::Vector3;
 use std::fmt::Write;
 use std::path::Path;
@@ -34,7 +35,7 @@ impl TriMesh {
         let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
         let (models, _) = tobj::load_obj_buf(&mut bytes.as_slice(), &options, no_materials)
             .map_err(|e| format!("is not a sound OBJ file: {e}"))?;
-        let mut mesh = TriMesh { file: path.into(), ..Default::default() };
+        let mut mesh = TriMesh::default();
         for model in &models {
             let first = mesh.vertices.len();
             let vertex =
@@ -68,24 +69,5 @@ impl TriMesh {
             let _ = writeln!(out, "f {} {} {}", t[0] + 1, t[1] + 1, t[2] + 1);
         }
         out
-    }
-
-    /// Drops the triangles of no area and counts them.
-    ///
-    /// # Errors
-    /// Where no triangle is left, in words.
-    pub(crate) fn drop_degenerate(&mut self) -> Result<usize, String> {
-        let all = self.triangles.len();
-        // Relative to the sides: a small triangle is no fault, a needle of no area has no normal.
-        self.triangles.retain(|t| {
-            let [a, b, c] = t.map(|i| self.vertices[i as usize]);
-            let (u, v) = (b - a, c - a);
-            u.cross(&v).norm() > 1e-12 * u.norm_squared().max(v.norm_squared())
-        });
-        match (self.triangles.len(), all) {
-            (0, 0) => Err("holds no triangle".into()),
-            (0, _) => Err(format!("holds no triangle of any area (without area: {all})")),
-            (kept, all) => Ok(all - kept),
-        }
     }
 }

@@ -1,7 +1,7 @@
 //! A mesh whose vertices move.
 
-use super::Mesh;
-use crate::scene::Deformation;
+use super::solid_mesh::SolidMesh;
+use crate::geometry::deformation::Deformation;
 use nalgebra::Vector3;
 use std::sync::{Arc, OnceLock};
 
@@ -11,12 +11,12 @@ const SAME: f64 = 1e-6;
 /// A deforming mesh over one step at a time. Between the ends of the step its vertices move linearly: that is what its motion
 /// *is*, for detection and for everyone, however a strand divides the step.
 #[derive(Debug)]
-pub struct Deforming {
+pub struct DeformingMesh {
     deformation: Arc<Deformation>,
     /// Start and end of the step, s; before all times until a step is prepared.
     times: [f64; 2],
     /// The mesh there.
-    ends: [Mesh; 2],
+    ends: [SolidMesh; 2],
     middle: Middle,
     /// Way that no vertex has exceeded since the mesh was made, m, at start and end.
     travel: [f64; 2],
@@ -25,16 +25,16 @@ pub struct Deforming {
 /// The mesh in the middle of a stretch of the step, and the middles of its halves: prepared when a part of a step first asks for it,
 /// once for all strands.
 #[derive(Debug, Default)]
-struct Middle(OnceLock<Box<(Mesh, [Middle; 2])>>);
+struct Middle(OnceLock<Box<(SolidMesh, [Middle; 2])>>);
 
-impl Deforming {
+impl DeformingMesh {
     /// The mesh at rest, of `vertices` and `triangles`, m, body frame; `deformation` moves these vertices.
     pub fn new(vertices: &[Vector3<f64>], triangles: &[[u32; 3]], deformation: Arc<Deformation>) -> Self {
         // Points that part later must not be welded.
         let mut shapes = vec![vertices];
         shapes.extend(deformation.samples.iter().map(Vec::as_slice));
-        let ends = [0; 2].map(|_| Mesh::of_shapes(&shapes, triangles));
-        Deforming {
+        let ends = [0; 2].map(|_| SolidMesh::of_shapes(&shapes, triangles));
+        DeformingMesh {
             deformation,
             times: [f64::NEG_INFINITY; 2],
             ends,
@@ -66,7 +66,7 @@ impl Deforming {
     }
 
     /// The mesh at time `t`, s, of the step; at the nearer end where it is outside of it.
-    pub fn at(&self, t: f64) -> &Mesh {
+    pub fn at(&self, t: f64) -> &SolidMesh {
         let share = self.share(t);
         if share <= SAME {
             return &self.ends[0];
@@ -107,7 +107,7 @@ impl Deforming {
         }
     }
 
-    fn between(&self, share: f64) -> Mesh {
+    fn between(&self, share: f64) -> SolidMesh {
         let [a, b] = &self.ends;
         a.reshaped(a.vertices.iter().zip(&b.vertices).map(|(a, b)| a.lerp(b, share)).collect())
     }

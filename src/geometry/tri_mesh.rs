@@ -1,0 +1,33 @@
+//! Plain triangle meshes.
+
+use nalgebra::Vector3;
+
+/// A triangle mesh.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct TriMesh {
+    /// Vertices, m.
+    pub vertices: Vec<Vector3<f64>>,
+    /// Vertex indices, counter-clockwise seen from outside; none degenerate.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl TriMesh {
+    /// Drops the triangles of no area and counts them.
+    ///
+    /// # Errors
+    /// Where no triangle is left, in words.
+    pub(crate) fn drop_degenerate(&mut self) -> Result<usize, String> {
+        let all = self.triangles.len();
+        // Relative to the sides: a small triangle is no fault, a needle of no area has no normal.
+        self.triangles.retain(|t| {
+            let [a, b, c] = t.map(|i| self.vertices[i as usize]);
+            let (u, v) = (b - a, c - a);
+            u.cross(&v).norm() > 1e-12 * u.norm_squared().max(v.norm_squared())
+        });
+        match (self.triangles.len(), all) {
+            (0, 0) => Err("holds no triangle".into()),
+            (0, _) => Err(format!("holds no triangle of any area (without area: {all})")),
+            (kept, all) => Ok(all - kept),
+        }
+    }
+}
