@@ -1,1 +1,1 @@
-"""hairbake against peers: the same rods and motion, at equal accuracy, timed in one run."""
+"""Times hairbake against other rod simulators on the same task at equal accuracy."""

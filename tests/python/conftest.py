@@ -16,10 +16,16 @@ from validator.good_cache import CacheBuilder
 os.environ.setdefault("HAIRBAKE_PYTHON", sys.executable)
 
 
+@pytest.fixture(scope="session")
+def good_cache_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The files of a cache that passes every check, not to be changed."""
+    return CacheBuilder(tmp_path_factory.mktemp("good") / "cache").directory
+
+
 @pytest.fixture
-def good_cache(tmp_path: Path) -> CacheBuilder:
-    """A fresh cache that passes every check."""
-    return CacheBuilder(tmp_path / "cache")
+def good_cache(tmp_path: Path, good_cache_files: Path) -> CacheBuilder:
+    """A fresh copy of a cache that passes every check."""
+    return CacheBuilder(tmp_path / "cache", copy_of=good_cache_files)
 
 
 @pytest.fixture

@@ -1,15 +1,18 @@
-"""Reads a cache: what does not move once, and one frame's file at a time.
+"""Reads a cache: its static values once, and the file of one frame at a time.
 
-Static values come from the composed stage, as an application sees them. Moving values come from the frame's own file,
-because composition hides faults: a missing file is interpolated over, and nothing says so.
+Static values come from the composed stage, as an application sees them. Animated values come from each
+frame's own file, because composition hides errors: USD interpolates over a missing file without a message.
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom
+
+from .geometry import Array, FloatArray, IntArray
 
 ROOT_LAYER = "hair.usda"
 RECORD = "manifest.json"
@@ -24,25 +27,26 @@ LEVEL = "primvars:groom_level"
 ACCELERATIONS = "accelerations"
 
 
-class Unreadable(Exception):
-    """The folder is no cache, or one that cannot be opened at all."""
+class CacheError(Exception):
+    """The folder holds no cache, or a file of the cache cannot be read."""
 
 
 @dataclass(frozen=True)
 class Curves:
-    """The static part of a BasisCurves prim: `n` curves, `N` points in all."""
+    """The static part of a BasisCurves prim with `n` curves and `N` points."""
 
     path: str
-    counts: np.ndarray
-    """Points of each curve, int, `n`."""
-    rest: np.ndarray
-    """Rest points, f32, `N × 3`, cache units."""
-    widths: np.ndarray
-    """Diameters, f32, `N`, cache units."""
+    """Path of the prim."""
+    counts: IntArray
+    """Number of points of each curve, `n`."""
+    rest: FloatArray
+    """Points of the rest pose in the space of the groom, f32, `N × 3`, stage units."""
+    widths: FloatArray
+    """Diameters, f32, `N`, stage units."""
 
     @property
-    def sound(self) -> bool:
-        """Whether the arrays agree, so that points can be told apart by curve."""
+    def consistent(self) -> bool:
+        """True if counts and rest points agree and are finite, so that points can be told apart by curve."""
         total = int(self.counts.sum())
         return bool(
             len(self.counts)
@@ -52,18 +56,19 @@ class Curves:
         )
 
     @property
-    def starts(self) -> np.ndarray:
+    def starts(self) -> IntArray:
         """Index of each curve's root point, `n`."""
-        return np.cumsum(self.counts) - self.counts
+        starts: IntArray = np.cumsum(self.counts) - self.counts
+        return starts
 
     @property
-    def curve_of_point(self) -> np.ndarray:
+    def curve_of_point(self) -> IntArray:
         """Index of each point's curve, `N`."""
         return np.repeat(np.arange(len(self.counts)), self.counts)
 
     @property
-    def segments(self) -> np.ndarray:
-        """Index of each segment's first point; the second is the next one."""
+    def segments(self) -> IntArray:
+        """Index of each segment's first point; its second point is the next one."""
         last = np.zeros(len(self.rest), dtype=bool)
         last[self.starts + self.counts - 1] = True
         return np.flatnonzero(~last)
@@ -71,26 +76,27 @@ class Curves:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A collider in the rest space of its body."""
+    """A collider in its own space."""
 
     path: str
-    points: np.ndarray
-    """f64, `V × 3`, cache units; at rest, where the mesh deforms."""
-    triangles: np.ndarray
+    """Path of the prim."""
+    points: FloatArray
+    """Vertices, f64, `V × 3`, stage units; at rest if the mesh deforms."""
+    triangles: IntArray
     """Vertex indices, `T × 3`."""
     deforms: bool
-    """Whether every frame has points of its own."""
+    """True if each frame has its own vertices."""
 
     @property
-    def sound(self) -> bool:
-        """Whether there are triangles, all of whose vertices exist."""
+    def consistent(self) -> bool:
+        """True if there are triangles, every index has a vertex, and vertices are finite."""
         within = len(self.triangles) and self.triangles.min() >= 0 and self.triangles.max() < len(self.points)
         return bool(within and np.isfinite(self.points).all())
 
 
 @dataclass(frozen=True)
 class Clip:
-    """The value clip set of the groom, as its metadata has it."""
+    """The value clip set of the groom, as its metadata holds it."""
 
     template: str
     start: float
@@ -101,47 +107,52 @@ class Clip:
 
 
 class Cache:
-    """An opened cache. Raises `Unreadable` where there is none."""
+    """An opened cache."""
 
-    def __init__(self, directory: Path):
+    def __init__(self, directory: Path) -> None:
+        """Opens the cache in `directory`.
+
+        Raises:
+            CacheError: the folder holds no cache that can be opened.
+        """
         self.directory = directory
         self.record = self._read_record()
         root = directory / ROOT_LAYER
         if not root.is_file():
-            raise Unreadable(f"{root}: no such file")
+            raise CacheError(f"{root}: no such file; pass the folder that a bake wrote")
         try:
             self.stage = Usd.Stage.Open(str(root))
         except Tf.ErrorException as error:
-            raise Unreadable(f"{root}: {error}") from error
+            raise CacheError(f"{root}: {error}") from error
         self.first = round(self.stage.GetStartTimeCode())
         self.last = round(self.stage.GetEndTimeCode())
         self.frames = range(self.first - 1, self.last + 2)
-        """The shot's frames and a handle at each end."""
-        self.fps = self.stage.GetTimeCodesPerSecond()
-        self.metres_per_unit = UsdGeom.GetStageMetersPerUnit(self.stage)
+        """The frames of the shot and one handle frame at each end."""
+        self.fps: float = self.stage.GetTimeCodesPerSecond()
+        self.metres_per_unit: float = UsdGeom.GetStageMetersPerUnit(self.stage)
         self.clip = self._read_clip()
         self.declared = self._read_declared()
-        """Paths of the attributes in the clip manifest, or None if it cannot be read."""
+        """Paths of the attributes in the clip manifest; None if it cannot be read."""
         self.curves = [self._read_curves(path) for path in (HAIR, GUIDES) if self.stage.GetPrimAtPath(path)]
         self.colliders = [self._read_mesh(prim) for prim in self._collider_prims()]
 
     @property
-    def settings(self) -> dict:
-        """The settings that the bake was told; none where the record has none."""
+    def settings(self) -> dict[str, Any]:
+        """The settings of the bake, from manifest.json; empty if it holds none."""
         settings = self.record.get("settings")
         return settings if isinstance(settings, dict) else {}
 
     @property
-    def stepwise(self) -> bool:
-        """Whether the frames' files hold all moments to which the solver brought the guides, whichever these are."""
-        return self.settings.get("curves") == "steps"
+    def has_solver_steps(self) -> bool:
+        """True if the cache has a time sample for every step of the solver (`--curves steps`)."""
+        return bool(self.settings.get("curves") == "steps")
 
     def frame_path(self, frame: int) -> Path:
-        """File of one frame, its number filled up to four characters as USD's clip template does (-1 is `00-1`)."""
+        """File of one frame. The number is padded to four characters as by USD's clips (-1 is `00-1`)."""
         return self.directory / f"hair.{str(frame).rjust(4, '0')}.usdc"
 
-    def moments(self, frame: int) -> list[float]:
-        """The times that a frame's file must hold: the frame, and the others evenly over the shutter that the bake was told."""
+    def sample_times(self, frame: int) -> list[float]:
+        """Time codes that a frame's file must hold: the frame, and the samples of its shutter interval."""
         samples, shutter = self.settings.get("samples", 1), self.settings.get("shutter", 0)
         if not isinstance(samples, int) or samples < 2 or not isinstance(shutter, int | float):
             return [float(frame)]
@@ -153,13 +164,13 @@ class Cache:
             f"{curves.path}.{name}" for curves in self.curves for name in ("points", "velocities", "extent")
         ]
         paths += [f"{path}.{TRANSFORM}" for path in [HEAD, *(mesh.path for mesh in self.colliders)]]
-        deforming = [mesh.path for mesh in self.colliders if mesh.deforms]
         paths += [
             f"{curves.path}.{name}"
             for curves in self.curves
             for name in (LEVEL, ACCELERATIONS)
             if self.stage.GetPrimAtPath(curves.path).GetAttribute(name).IsAuthored()
         ]
+        deforming = [mesh.path for mesh in self.colliders if mesh.deforms]
         return paths + [f"{path}.{name}" for path in deforming for name in ("points", "extent")]
 
     def _read_declared(self) -> set[str] | None:
@@ -171,14 +182,14 @@ class Cache:
             return None
         return attributes(layer)
 
-    def _read_record(self) -> dict:
+    def _read_record(self) -> dict[str, Any]:
         path = self.directory / RECORD
         try:
             record = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
-            raise Unreadable(f"{path}: {error}") from error
+            raise CacheError(f"{path}: {error}") from error
         if not isinstance(record, dict):
-            raise Unreadable(f"{path}: not a JSON object")
+            raise CacheError(f"{path}: not a JSON object")
         return record
 
     def _read_clip(self) -> Clip | None:
@@ -190,7 +201,7 @@ class Cache:
 
         def asset(key: str) -> str:
             value = values.get(key, "")
-            return value.path if isinstance(value, Sdf.AssetPath) else value
+            return str(value.path if isinstance(value, Sdf.AssetPath) else value)
 
         return Clip(
             template=asset("templateAssetPath"),
@@ -220,61 +231,66 @@ class Cache:
         counts = array(mesh.GetFaceVertexCountsAttr().Get(), int, 1)
         indices = array(mesh.GetFaceVertexIndicesAttr().Get(), int, 1)
         rest = UsdGeom.PrimvarsAPI(prim).GetPrimvar("rest")
-        points = rest.Get() if rest else mesh.GetPointsAttr().Get()
+        all_triangles = bool((counts == 3).all()) and len(indices) == 3 * len(counts)
         return Mesh(
             path=str(prim.GetPath()),
-            points=array(points, np.float64, 2),
+            points=array(rest.Get() if rest else mesh.GetPointsAttr().Get(), np.float64, 2),
             deforms=bool(rest),
-            triangles=indices.reshape(-1, 3)
-            if (counts == 3).all() and len(indices) == 3 * len(counts)
-            else np.empty((0, 3), int),
+            triangles=indices.reshape(-1, 3) if all_triangles else np.empty((0, 3), int),
         )
 
 
 @dataclass(frozen=True)
 class FrameFile:
-    """The moving values of one frame, from its own file."""
+    """The animated values of one frame, from its own file. Keys are attribute paths."""
 
     frame: int
-    times: dict[str, list[float]]
-    """Sample times of every attribute that the file holds, by path."""
-    values: dict[str, np.ndarray]
-    """Values at the frame's own time, by path."""
-    later: dict[float, dict[str, np.ndarray]]
-    """The same at the moments after it."""
+    times: dict[str, list[float]] = field(default_factory=dict)
+    """Time codes of each attribute's samples."""
+    values: dict[str, Array] = field(default_factory=dict)
+    """Values at the frame."""
+    later: dict[float, dict[str, Array]] = field(default_factory=dict)
+    """Values at the time codes after the frame."""
 
 
 def read_frame(cache: Cache, frame: int) -> FrameFile:
-    """Reads one frame's file whole. Raises `Unreadable` if it is missing or damaged."""
+    """Reads the whole file of one frame.
+
+    Raises:
+        CacheError: the file is missing or damaged.
+    """
     path = cache.frame_path(frame)
     if not path.is_file():
-        raise Unreadable("no such file")
-    times, values, later = {}, {}, {}
+        raise CacheError("no such file")
+    file = FrameFile(frame)
     try:
-        # Anonymous, so that the layer and its memory go when this function returns.
+        # An anonymous layer is not cached: its memory is freed when this function returns.
         layer = Sdf.Layer.OpenAsAnonymous(str(path))
         for name in sorted(attributes(layer)):
-            times[name] = list(layer.ListTimeSamplesForPath(name))
-            for time in times[name]:
+            file.times[name] = list(layer.ListTimeSamplesForPath(name))
+            for time in file.times[name]:
                 if time >= frame:
-                    at = values if time == frame else later.setdefault(time, {})
-                    at[name] = np.array(layer.QueryTimeSample(name, time))
+                    values = file.values if time == frame else file.later.setdefault(time, {})
+                    values[name] = np.array(layer.QueryTimeSample(name, time))
     except Tf.ErrorException as error:
-        raise Unreadable(f"damaged: {error.args[0] if error.args else error}") from error
-    return FrameFile(frame, times, values, later)
+        raise CacheError(f"damaged: {error.args[0] if error.args else error}") from error
+    return file
 
 
 def attributes(layer: Sdf.Layer) -> set[str]:
-    """Paths of all attributes that a layer holds."""
-    paths = set()
-    layer.Traverse(
-        Sdf.Path.absoluteRootPath, lambda path: paths.add(str(path)) if path.IsPropertyPath() else None
-    )
+    """Paths of all attributes in a layer."""
+    paths: set[str] = set()
+
+    def collect(path: Sdf.Path) -> None:
+        if path.IsPropertyPath():
+            paths.add(str(path))
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, collect)
     return paths
 
 
-def array(value, dtype, dimensions: int) -> np.ndarray:
-    """A USD array in numpy, empty where there is none."""
+def array(value: Any, dtype: type, dimensions: int) -> Array:
+    """A USD array as a numpy array of `dtype`; empty, of shape (0,) or (0, 3), if there is no value."""
     if value is None or len(value) == 0:
         return np.empty((0, 3)[:dimensions], dtype)
     return np.array(value, dtype)

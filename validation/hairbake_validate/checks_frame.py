@@ -1,4 +1,4 @@
-"""Checks of one frame: its file, sizes, extent, roots, lengths and penetration."""
+"""Checks of single frames: file, sizes, values, transforms, extent, roots, lengths and penetration."""
 
 from collections.abc import Callable, Iterator
 
@@ -6,70 +6,111 @@ import numpy as np
 
 from . import tolerances
 from .cache import GUIDES, HAIR, HEAD, TRANSFORM, Curves
-from .geometry import Arcs, arc_lengths, spacing, transformed
+from .geometry import Arcs, FloatArray, arc_lengths, spacing, transformed
 from .report import Check, Finding
 from .window import Window
 
 FRAMES = Check(
     "frames",
-    "every frame and handle frame has a readable file with all attributes, each at its own moments only",
+    "every frame and both handle frames have a readable file with all attributes, at their sample times only",
+    "bake these frames again, or restore their files",
 )
-COVERAGE = Check("coverage", "the clip manifest declares every attribute that the frame files hold")
-SIZES = Check("sizes", "points, velocities and extents have the size that the topology asks for")
-FINITE = Check("finite", "no value is NaN or infinite")
-RIGID = Check("rigid", "transforms of head and colliders are rigid", 1e-9, "(1)")
-EXTENT = Check("extent", "the extent holds the points and half their widths", tolerances.EXTENT_EXCESS_M, "m")
-ROOTS = Check("roots", "every root is its rest point on the head transform", tolerances.ROOT_OFFSET_M, "m")
+COVERAGE = Check(
+    "coverage",
+    "the clip manifest declares every attribute in the frame files",
+    "declare the attributes in hair.manifest.usda, or remove them from the frame files",
+)
+SIZES = Check(
+    "sizes",
+    "points, velocities, accelerations, extents and levels have the size that the topology requires",
+    "bake these frames again with the groom that the topology layer was written from",
+)
+FINITE = Check(
+    "finite",
+    "no value is NaN or infinite",
+    "bake these frames again; report a solver error if they stay so",
+)
+RIGID = Check(
+    "rigid",
+    "transforms of head and colliders are rigid",
+    "remove scale, shear and projection from the transforms of the animation",
+    1e-9,
+    "(1)",
+)
+EXTENT = Check(
+    "extent",
+    "the extent contains the points and half their widths",
+    "recompute the extents: renderers cull geometry outside them",
+    tolerances.EXTENT_EXCESS_M,
+    "m",
+)
+ROOTS = Check(
+    "roots",
+    "every root is at its rest point under the head transform",
+    "use the head transform that the frame was baked with, and move no roots",
+    tolerances.ROOT_OFFSET_M,
+    "m",
+)
 SEGMENTS = Check(
-    "segments", "segments of render strands keep their rest length", tolerances.SEGMENT_DRIFT, "relative"
+    "segments",
+    "segments of render strands keep their rest length",
+    "remove edits that stretch strands after the bake, or bake these frames again",
+    tolerances.SEGMENT_DRIFT,
+    "relative",
 )
 GUIDE_SEGMENTS = Check(
     "guide_segments",
     "arcs between points of a guide keep their rest length",
+    "remove edits that stretch guides after the bake, or bake these frames with more substeps or nodes",
     tolerances.GUIDE_SEGMENT_DRIFT,
     "relative",
 )
 GUIDE_LENGTH = Check(
-    "guide_length", "guides keep their whole length", tolerances.GUIDE_LENGTH_DRIFT, "relative"
+    "guide_length",
+    "guides keep their total length",
+    "remove edits that stretch guides after the bake, or bake these frames with more substeps or nodes",
+    tolerances.GUIDE_LENGTH_DRIFT,
+    "relative",
 )
 GUIDE_PENETRATION = Check(
     "guide_penetration",
-    "no point of a guide that was outside a collider, and not beside a stretch drawn through it, is inside",
+    "guide points outside a collider at rest stay outside, except next to a stretch drawn through it",
+    "bake these frames with more substeps, or check the collider's motion for jumps",
     tolerances.GUIDE_PENETRATION_M,
     "m",
 )
 HAIR_PENETRATION = Check(
     "hair_penetration",
-    "no point of a render strand that was outside a collider is inside",
+    "points of render strands outside a collider at rest stay outside",
+    "use more guides where strands penetrate, or bake these frames with more substeps",
     tolerances.HAIR_PENETRATION_M,
     "m",
 )
 
 
 def frames(window: Window) -> Iterator[Finding]:
-    """The file itself. A missing one is interpolated over in silence by every application."""
+    """Checks the file itself. Applications interpolate over a missing one without a message."""
+    cache, frame = window.cache, window.frame
     if window.file is None:
-        yield Finding(
-            FRAMES,
-            message=f"{window.cache.frame_path(window.frame).name}: {window.fault}",
-            frame=window.frame,
-        )
+        yield Finding(FRAMES, message=f"{cache.frame_path(frame).name}: {window.error}", frame=frame)
         return
-    moments = window.cache.moments(window.frame)
-    if window.cache.stepwise:
-        # Those of the head, the first of which is the frame.
-        after = window.file.times.get(f"{HEAD}.{TRANSFORM}", [])[1:]
-        moments += [time for time in after if window.frame < time < window.frame + 1]
-    for path in window.cache.animated():
+    expected = cache.sample_times(frame)
+    if cache.has_solver_steps:
+        # The times are the solver's choice: those of the head, the first of which is the frame, are the
+        # reference.
+        later = window.file.times.get(f"{HEAD}.{TRANSFORM}", [])[1:]
+        expected += [time for time in later if frame < time < frame + 1]
+    for path in cache.animated():
         times = window.file.times.get(path)
         if times is None:
-            yield Finding(FRAMES, message=f"no {path}", frame=window.frame)
-        elif len(times) != len(moments) or not np.allclose(times, moments, rtol=0, atol=1e-9):
-            yield Finding(FRAMES, message=f"{path} has samples at {times[:5]}", frame=window.frame)
+            yield Finding(FRAMES, message=f"{path} is missing", frame=frame)
+        elif len(times) != len(expected) or not np.allclose(times, expected, rtol=0, atol=1e-9):
+            message = f"{path} has samples at {times[:5]}, expected {expected[:5]}"
+            yield Finding(FRAMES, message=message, frame=frame)
 
 
 def coverage(window: Window) -> Iterator[Finding]:
-    """An attribute that the clip manifest does not declare resolves to nothing, without an error."""
+    """Checks that attributes are declared: USD resolves others to no value, without an error."""
     declared = window.cache.declared
     if window.file is not None and declared is not None:
         for path in sorted(set(window.file.times) - declared):
@@ -77,27 +118,27 @@ def coverage(window: Window) -> Iterator[Finding]:
 
 
 def sizes(window: Window) -> Iterator[Finding]:
-    """Every array against the shape that the topology gives it."""
+    """Checks the shape of every array."""
     for path, value in window.all_values():
-        wanted = window.shape(path)
-        if wanted is not None and value.shape != wanted:
-            yield Finding(SIZES, message=f"{path} has shape {value.shape}, not {wanted}", frame=window.frame)
+        expected = window.shape(path)
+        if expected is not None and value.shape != expected:
+            message = f"{path} has shape {value.shape}, expected {expected}"
+            yield Finding(SIZES, message=message, frame=window.frame)
 
 
 def finite(window: Window) -> Iterator[Finding]:
-    """NaN and infinity."""
+    """Checks for NaN and infinity."""
     for path, value in window.all_values():
-        bad = np.flatnonzero(~np.isfinite(value).reshape(len(value), -1).all(axis=1)) if len(value) else []
+        bad = np.flatnonzero(~np.isfinite(value).reshape(len(value), -1).all(axis=1)) if len(value) else value
         if len(bad):
-            yield Finding(
-                FINITE,
-                message=f"{path} is not finite at {len(bad)} places, first at {bad[0]}",
-                frame=window.frame,
+            message = (
+                f"{path}: {len(bad)} of {len(value)} entries are not finite, the first at index {bad[0]}"
             )
+            yield Finding(FINITE, message=message, frame=window.frame)
 
 
 def rigid(window: Window) -> Iterator[Finding]:
-    """Orthonormal rotation, no shear, scale or projection: what the solver was given."""
+    """Checks for an orthonormal rotation without shear, scale or projection, as in the solver's input."""
     for path in window.bodies():
         matrix = window.get(path, TRANSFORM)
         if matrix is not None:
@@ -109,7 +150,7 @@ def rigid(window: Window) -> Iterator[Finding]:
 
 
 def extent(window: Window) -> Iterator[Finding]:
-    """What lies outside its extent is culled."""
+    """Measures by how much points and widths exceed the extent, beyond rounding."""
     for curves in window.cache.curves:
         points, box = window.get(curves.path, "points"), window.get(curves.path, "extent")
         if points is None or box is None or len(curves.widths) != len(points):
@@ -120,9 +161,7 @@ def extent(window: Window) -> Iterator[Finding]:
 
 
 def roots(window: Window) -> Iterator[Finding]:
-    """Point 0 against the rest point under the head, beyond the rounding of both to 32 bits (half a spacing a
-    coordinate, the rest's turned by the head).
-    """
+    """Measures the distance of roots from their rest points under the head transform."""
     head = window.get(HEAD, TRANSFORM)
     for curves in window.cache.curves:
         points = window.get(curves.path, "points")
@@ -131,9 +170,12 @@ def roots(window: Window) -> Iterator[Finding]:
 
 
 def root_offsets(
-    window: Window, check: Check, curves: Curves, points: np.ndarray, head: np.ndarray
+    window: Window, check: Check, curves: Curves, points: FloatArray, head: FloatArray
 ) -> Finding:
-    """The root of `points` that is farthest from its rest point under `head`."""
+    """The root that is farthest from its rest point under `head`.
+
+    The rounding of both points to 32 bits, half a spacing in each coordinate, is subtracted.
+    """
     rest, now = curves.rest[curves.starts], points[curves.starts]
     offset = np.linalg.norm(now - transformed(rest, head), axis=1)
     rounding = np.sqrt(3) / 2 * (spacing(rest) + spacing(now))
@@ -141,8 +183,9 @@ def root_offsets(
 
 
 def segments(window: Window) -> Iterator[Finding]:
-    """Chords of render strands against their rest chords. Rounding moves each end of a chord by at most √3/2 of a
-    coordinate's spacing, at rest and now.
+    """Measures the change of length of render strands' segments, by their chords.
+
+    Rounding moves each end of a chord by at most √3/2 of a coordinate's spacing, at rest and in the frame.
     """
     for curves in window.cache.curves:
         points = window.get(curves.path, "points")
@@ -158,7 +201,7 @@ def segments(window: Window) -> Iterator[Finding]:
 
 
 def guide_segments(window: Window) -> Iterator[Finding]:
-    """Arcs of guides, beyond what the interpolating cubic itself is off by where the curve turns."""
+    """Measures the change of guides' arcs, beyond the error of the interpolating cubics."""
     for curves, rest, now, rounding in guide_arcs(window):
         floor = rounding + rest.error + now.error
         drift = np.zeros(len(curves.rest))
@@ -169,59 +212,58 @@ def guide_segments(window: Window) -> Iterator[Finding]:
 
 
 def guide_length(window: Window) -> Iterator[Finding]:
-    """Sum of a guide's arcs."""
+    """Measures the change of guides' total length, the sum of their arcs."""
     for curves, rest, now, rounding in guide_arcs(window):
         first = np.cumsum(curves.counts - 1) - (curves.counts - 1)
         total = np.add.reduceat(rest.length, first)
         drift = np.abs(np.add.reduceat(now.length, first) - total) - np.add.reduceat(
             rest.error + now.error + rounding, first
         )
-        yield worst(
-            window, GUIDE_LENGTH, curves, np.maximum(0, drift) / np.maximum(total, rounding), per_curve=True
-        )
+        share = np.maximum(0, drift) / np.maximum(total, rounding)
+        yield worst(window, GUIDE_LENGTH, curves, share, per_curve=True)
 
 
 def guide_arcs(window: Window) -> Iterator[tuple[Curves, Arcs, Arcs, float]]:
-    """Guides with the arcs of rest and frame, and the rounding of an arc."""
+    """Guides, their arcs at rest and in the frame, and the rounding error of an arc."""
+    rest_arcs = window.reference.rest_arcs
     for curves in window.cache.curves:
         points = window.get(curves.path, "points")
-        if points is not None and curves.path == GUIDES:
-            rounding = np.sqrt(3) * (spacing(curves.rest) + spacing(points))
-            yield curves, window.ground.rest_arcs, arc_lengths(points, curves.counts), rounding
+        if points is not None and rest_arcs is not None and curves.path == GUIDES:
+            rounding = float(np.sqrt(3)) * (spacing(curves.rest) + spacing(points))
+            yield curves, rest_arcs, arc_lengths(points, curves.counts), rounding
 
 
 def guide_penetration(window: Window) -> Iterator[Finding]:
-    """Guides against every collider."""
+    """Measures the penetration of colliders by guides."""
     yield from penetration(window, GUIDES, GUIDE_PENETRATION)
 
 
 def hair_penetration(window: Window) -> Iterator[Finding]:
-    """Render strands against every collider."""
+    """Measures the penetration of colliders by render strands."""
     yield from penetration(window, HAIR, HAIR_PENETRATION)
 
 
 def penetration(window: Window, path: str, check: Check) -> Iterator[Finding]:
-    """Depth of the points in each collider's own space, of those that it has to keep outside."""
+    """Depth, in each collider's own space, of the points that must stay outside it."""
     for curves in window.cache.curves:
         points = window.get(curves.path, "points")
         if points is None or curves.path != path:
             continue
-        for mesh, collider in window.ground.colliders:
+        for mesh, at_first in window.reference.colliders:
             matrix = window.get(mesh.path, TRANSFORM)
-            if mesh.deforms:
-                collider = window.collider(mesh)
+            collider = window.collider(mesh) if mesh.deforms else at_first
             if matrix is None or collider is None:
                 continue
-            outside = np.flatnonzero(window.ground.outside[curves.path, mesh.path])
+            outside = np.flatnonzero(window.reference.outside[curves.path, mesh.path])
             depth = np.zeros(len(points))
             depth[outside] = collider.depth(transformed(points[outside], np.linalg.inv(matrix)))
             yield worst(window, check, curves, depth * window.cache.metres_per_unit)
 
 
 def worst(
-    window: Window, check: Check, curves: Curves, values: np.ndarray, per_curve: bool = False
+    window: Window, check: Check, curves: Curves, values: FloatArray, per_curve: bool = False
 ) -> Finding:
-    """The largest of the values, one a point or one a curve."""
+    """The finding of the largest value; `values` has one entry for each point, or for each curve."""
     at = int(np.argmax(values))
     curve = at if per_curve else int(np.searchsorted(curves.starts, at, side="right")) - 1
     return Finding(check, max(0.0, float(values[at])), frame=window.frame, prim=curves.path, curve=curve)
@@ -241,4 +283,4 @@ FRAME: dict[Check, Callable[[Window], Iterator[Finding]]] = {
     GUIDE_PENETRATION: guide_penetration,
     HAIR_PENETRATION: hair_penetration,
 }
-"""The checks of one frame and what carries them out, in the order of the report."""
+"""The checks of single frames and their functions, in the order of the report."""

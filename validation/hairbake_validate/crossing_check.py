@@ -1,168 +1,181 @@
-"""Crossings of a written cache: `python -m hairbake_validate.crossing_check out/`.
+"""Counts crossings in a cache: `python -m hairbake_validate.crossing_check out/`.
 
-Looks at the guides between successive samples, handles included, against a body in its own space and against each other in that of the head; bake with
-`--curves steps` to look at every step of the solver. Ends with 1 where something crossed.
+Between successive samples, handles included, guides are tested against each collider in the collider's own
+space, and against each other in the space of the head. Bake with `--curves steps` to test every step of the
+solver.
 
-What is drawn through a body cannot be kept out of it, and a root stands in the scalp: a segment that pierces a body at
-rest, and all between it and the root, are left out for that body. How many these are is told.
+A collider cannot keep out a guide that is drawn through it, and roots lie in the scalp: for each collider,
+segments that pierce it at rest are excluded, and so are all between such a segment and the root. Their number
+is printed.
 """
 
 import argparse
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from .cache import GUIDES, HEAD, TRANSFORM, Cache, Curves, Mesh, Unreadable, read_frame
+from .cache import GUIDES, HEAD, TRANSFORM, Cache, CacheError, Curves, Mesh, read_frame
 from .crossings import boxes, meeting_boxes, segments_meet_faces, strand_body, strand_strand
-from .geometry import transformed
+from .geometry import Array, BoolArray, FloatArray, IntArray, transformed
+
+LISTED = 20
+"""Crossings that are printed."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """Two things passed through each other between two frames."""
+    """A crossing between two samples."""
 
     frame: int
-    """The later of the two, or that on the way to which it was."""
+    """Frame of the later sample; the frame after it for a sample between frames."""
     what: str
+    """Path of the collider that was crossed, or `strands`."""
     curves: tuple[int, ...]
-    """Curves by index."""
+    """Indices of the guides."""
 
 
 @dataclass
 class Count:
-    """What was looked at, and what was found."""
+    """The pairs that were tested and the crossings that were found."""
 
     body_pairs: int = 0
-    """Pairs of a segment and a triangle whose boxes meet, over all intervals."""
+    """Pairs of a segment and a triangle whose boxes intersect, over all intervals."""
     strand_pairs: int = 0
-    """The same of segments of two strands."""
-    left_out: int = 0
-    """Pairs of a segment and a body that are left out."""
-    events: list[Event] | None = None
-
-
-def count(cache: Cache, strands: bool = True) -> Count:
-    """Counts crossings of guides with colliders and, if `strands`, with each other."""
-    curves = next(c for c in cache.curves if c.path == GUIDES)
-    first = curves.segments
-    owner = curves.curve_of_point[first]
-    free = [~exempt(curves, first, mesh, rest_transform(cache, mesh)) for mesh in cache.colliders]
-    found = Count(left_out=sum(int((~f).sum()) for f in free), events=[])
-    ends = np.stack([first, first + 1], axis=1)
-    before = None
-    for now in moments(cache):
-        if before is not None:
-            frame = now.frame
-            for mesh, watched, old, new in zip(cache.colliders, free, before.bodies, now.bodies):
-                start, end = (m.seen_from(b.place)[ends[watched]] for m, b in ((before, old), (now, new)))
-                hit = strand_body(start, end, old.corners, new.corners)
-                found.body_pairs += hit.tested
-                crossed = np.unique(owner[watched][hit.pairs[:, 0]])
-                found.events += [Event(frame, mesh.path, (int(c),)) for c in crossed]
-            if strands:
-                start, end = (m.seen_from(m.head)[ends] for m in (before, now))
-                hit = strand_strand(start, end, owner)
-                found.strand_pairs += hit.tested
-                met = np.unique(np.sort(owner[hit.pairs], axis=1), axis=0)
-                found.events += [Event(frame, "strands", (int(a), int(b))) for a, b in met]
-        before = now
-    return found
+    """Pairs of segments of two guides whose boxes intersect, over all intervals."""
+    excluded: int = 0
+    """Pairs of a segment and a collider that are excluded."""
+    events: list[Event] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
 class Body:
-    """A collider at one moment."""
+    """A collider at one time."""
 
-    corners: np.ndarray
-    """Of its triangles, `m × 3 × 3`, in its own space."""
-    place: np.ndarray
-    """Its own space to the world, for row vectors."""
+    corners: FloatArray
+    """Corners of its triangles in its own space, `m × 3 × 3`."""
+    to_world: FloatArray
+    """Its own space to world, for row vectors, 4 × 4."""
 
 
 @dataclass(frozen=True)
-class Moment:
-    """A sample of the cache."""
+class Sample:
+    """The guides, the head and the colliders at one time."""
 
     frame: int
-    """Its own, or the one that it is on the way to."""
-    points: np.ndarray
-    """Of the guides, world."""
-    head: np.ndarray
-    """Space of the groom to the world."""
+    """The sample's frame; the next frame for a sample between frames."""
+    points: FloatArray
+    """Points of the guides in world space, `N × 3`."""
+    head: FloatArray
+    """Space of the groom to world, for row vectors, 4 × 4."""
     bodies: list[Body]
 
-    def seen_from(self, place: np.ndarray) -> np.ndarray:
-        """The points in the space that `place` takes to the world. Between samples they are taken to move linearly there: a strand that
-        rides on a body that turns goes through nothing, though the chord of its way in the world may.
+    def local_points(self, to_world: FloatArray) -> FloatArray:
+        """The points in the space that `to_world` transforms to world.
+
+        Between samples the points move linearly in this space: a strand that rides on a turning body does not
+        cross it, although its chord in world space may.
         """
-        return transformed(self.points, np.linalg.inv(place))
+        return transformed(self.points, np.linalg.inv(to_world))
 
 
-def moments(cache: Cache) -> Iterator[Moment]:
-    """All samples, handles included."""
+def count(cache: Cache, strands: bool = True) -> Count:
+    """Counts crossings of guides with colliders and, if `strands` is set, with each other."""
+    guides = next(curves for curves in cache.curves if curves.path == GUIDES)
+    first = guides.segments
+    ends = np.stack([first, first + 1], axis=1)
+    owner = guides.curve_of_point[first]
+    tested = [~excluded(guides, first, mesh, rest_to_groom(cache, mesh)) for mesh in cache.colliders]
+    found = Count(excluded=sum(int((~segments).sum()) for segments in tested))
+    for before, now in pairwise(samples(cache)):
+        for mesh, segments, old, new in zip(cache.colliders, tested, before.bodies, now.bodies, strict=True):
+            start = before.local_points(old.to_world)[ends[segments]]
+            end = now.local_points(new.to_world)[ends[segments]]
+            hit = strand_body(start, end, old.corners, new.corners)
+            found.body_pairs += hit.tested
+            crossed = np.unique(owner[segments][hit.pairs[:, 0]])
+            found.events += [Event(now.frame, mesh.path, (int(curve),)) for curve in crossed]
+        if strands:
+            hit = strand_strand(
+                before.local_points(before.head)[ends], now.local_points(now.head)[ends], owner
+            )
+            found.strand_pairs += hit.tested
+            met = np.unique(np.sort(owner[hit.pairs], axis=1), axis=0)
+            found.events += [Event(now.frame, "strands", (int(a), int(b))) for a, b in met]
+    return found
+
+
+def samples(cache: Cache) -> Iterator[Sample]:
+    """All samples of the cache, from the first handle frame to the last."""
     for frame in cache.frames:
         file = read_frame(cache, frame)
-        yield moment(cache, frame, file.values)
+        yield sample(cache, frame, file.values)
         if frame != cache.frames[-1]:
             for _, values in sorted(file.later.items()):
-                yield moment(cache, frame + 1, values)
+                yield sample(cache, frame + 1, values)
 
 
-def moment(cache: Cache, frame: int, values: dict[str, np.ndarray]) -> Moment:
-    """Of these values."""
+def sample(cache: Cache, frame: int, values: dict[str, Array]) -> Sample:
+    """The sample with these attribute values."""
     bodies = []
     for mesh in cache.colliders:
         points = values[f"{mesh.path}.points"].astype(float) if mesh.deforms else mesh.points
         bodies.append(Body(points[mesh.triangles], values[f"{mesh.path}.{TRANSFORM}"]))
-    return Moment(frame, values[f"{GUIDES}.points"].astype(float), values[f"{HEAD}.{TRANSFORM}"], bodies)
+    return Sample(frame, values[f"{GUIDES}.points"].astype(float), values[f"{HEAD}.{TRANSFORM}"], bodies)
 
 
-def rest_transform(cache: Cache, mesh: Mesh) -> np.ndarray:
-    """Takes a collider's rest space to that of the groom, as both stand in the first sample: where it rides on the head, none."""
+def rest_to_groom(cache: Cache, mesh: Mesh) -> FloatArray:
+    """A collider's own space to that of the groom, in the first sample; identity if it rides on the head."""
     values = read_frame(cache, cache.first - 1).values
-    return values[f"{mesh.path}.{TRANSFORM}"] @ np.linalg.inv(values[f"{HEAD}.{TRANSFORM}"])
+    matrix: FloatArray = values[f"{mesh.path}.{TRANSFORM}"] @ np.linalg.inv(values[f"{HEAD}.{TRANSFORM}"])
+    return matrix
 
 
-def exempt(curves: Curves, first: np.ndarray, mesh: Mesh, to_groom: np.ndarray) -> np.ndarray:
-    """Whether each segment pierces the mesh at rest or lies between the root and the first stretch that does so."""
+def excluded(curves: Curves, first: IntArray, mesh: Mesh, to_groom: FloatArray) -> BoolArray:
+    """Segments that pierce the mesh at rest, and those from the root to the first of them.
+
+    `first` is the first point of each segment.
+    """
     rest = curves.rest.astype(float)
     ends = rest[np.stack([first, first + 1], axis=1)]
     corners = transformed(mesh.points, to_groom)[mesh.triangles]
     pairs = meeting_boxes(*boxes(ends, ends), *boxes(corners, corners))
     pierced = segments_meet_faces(ends[pairs[:, 0]], corners[pairs[:, 1]])
-    through = np.zeros(len(first), bool)
-    through[pairs[pierced, 0]] = True
-    # From the root to the end of the first run of such segments.
-    out = through.copy()
+    piercing = np.zeros(len(first), bool)
+    piercing[pairs[pierced, 0]] = True
+    out = piercing.copy()
     owner = curves.curve_of_point[first]
-    for curve in np.unique(owner[through]):
-        mine = np.flatnonzero(owner == curve)
-        out[mine[: int(np.argmax(through[mine])) + 1]] = True
+    for curve in np.unique(owner[piercing]):
+        segments = np.flatnonzero(owner == curve)
+        out[segments[: int(np.argmax(piercing[segments])) + 1]] = True
     return out
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Prints what was found; 0 where nothing crossed, 1 where something did, 2 without a readable cache."""
+    """Prints the crossings. Exit code: 0 for none, 1 for some, 2 if the cache cannot be read."""
     parser = argparse.ArgumentParser(
-        prog="crossing_check", description="Counts crossings in a cache, between its samples."
+        prog="python -m hairbake_validate.crossing_check",
+        description="Count crossings of guides with colliders and each other, between a cache's samples.",
     )
-    parser.add_argument("cache", type=Path)
-    parser.add_argument("--bodies-only", action="store_true", help="strands may pass through each other")
+    parser.add_argument("cache", type=Path, help="folder of the cache")
+    parser.add_argument("--bodies-only", action="store_true", help="do not test guides against each other")
     options = parser.parse_args(arguments)
     try:
         found = count(Cache(options.cache), not options.bodies_only)
-    except Unreadable as error:
-        print(error, file=sys.stderr)
+    except CacheError as error:
+        print(f"crossing_check: {error}", file=sys.stderr)
         return 2
     print(
-        f"{found.body_pairs} pairs of segment and triangle, {found.strand_pairs} of two segments looked at; "
-        f"{found.left_out} segments drawn through a body left out; {len(found.events)} crossings"
+        f"tested {found.body_pairs} segment-triangle pairs and {found.strand_pairs} segment-segment pairs, "
+        f"excluded {found.excluded} segments drawn through a collider: {len(found.events)} crossings"
     )
-    for event in found.events[:20]:
+    for event in found.events[:LISTED]:
         print(f"  frame {event.frame}: {event.what}, guides {', '.join(map(str, event.curves))}")
+    if len(found.events) > LISTED:
+        print(f"  and {len(found.events) - LISTED} more")
     return 1 if found.events else 0
 
 

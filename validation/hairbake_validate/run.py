@@ -1,30 +1,33 @@
-"""Carries out the checks on a cache, its frames in parallel."""
+"""Runs the checks on a cache, with frames in parallel."""
 
 import multiprocessing
 from collections.abc import Container, Iterator
 from pathlib import Path
 
 from .cache import Cache
+from .checks_clips import CLIP_CHECKS
+from .checks_files import CHECKSUMS, FILES, checksums
 from .checks_frame import FRAME, FRAMES
 from .checks_motion import MOTION
-from .checks_static import CHECKSUMS, STATIC, checksums
+from .checks_stage import STAGE
+from .checks_topology import CURVE_DATA
 from .report import Check, Finding, Report
-from .window import Ground, Window
+from .window import Reference, Window
+
+STATIC = {**FILES, **STAGE, **CURVE_DATA, **CLIP_CHECKS}
+"""The checks of static data and their functions, without CHECKSUMS."""
 
 CHECKS: list[Check] = [*STATIC, CHECKSUMS, *FRAME, *MOTION]
 """Every check, in the order of the report."""
 
 CHUNK = 16
-"""Frames that one process takes at a time; each run of them reads its neighbours again."""
+"""Consecutive frames that one process takes at a time; each chunk reads the neighbours of its ends again."""
 
 QUICK = 5
-"""Frames at each of start, middle and end that a quick run looks at."""
+"""Frames that a quick run checks at each of start, middle and end."""
 
 PARTS = ("static", "moving")
-"""What can be checked by itself."""
-
-worker_window: Window
-"""The window of a worker process."""
+"""The parts of a validation that can run on their own."""
 
 
 def validate(
@@ -34,17 +37,24 @@ def validate(
     jobs: int = 1,
     only: str | None = None,
 ) -> Report:
-    """Checks the cache in `directory`; curves only of `frames`, if given, or of a few frames if `quick`; `only` one of
-    `PARTS`, if given.
+    """Validates the cache in `directory`.
 
-    Raises `Unreadable` if there is no cache to check.
+    Args:
+        directory: Folder of the cache.
+        frames: Frames whose curves are checked; default: all.
+        quick: Checks curves at the start, middle and end only, and no checksums.
+        jobs: Number of processes.
+        only: One of `PARTS`; default: both.
+
+    Raises:
+        CacheError: The folder holds no cache that can be opened.
     """
     cache = Cache(directory)
     report = Report(str(directory), CHECKS)
     if only != "moving":
-        for check, examine in STATIC.items():
+        for check, function in STATIC.items():
             report.ran([check])
-            report.add(list(examine(cache)))
+            report.add(list(function(cache)))
         if not quick:
             report.ran([CHECKSUMS])
             report.add(list(checksums(cache)))
@@ -54,46 +64,58 @@ def validate(
     if quick and len(chosen) > 3 * QUICK:
         middle = (len(chosen) - QUICK) // 2
         chosen = chosen[:QUICK] + chosen[middle : middle + QUICK] + chosen[-QUICK:]
-    ground = Ground.of(cache)
     report.ran([*FRAME, *MOTION])
-    for findings in over_frames(cache, ground, chosen, jobs):
+    for findings in check_frames(cache, Reference.of(cache), chosen, jobs):
         report.add(findings)
     if only is None:
-        others = [frame for frame in cache.frames if frame not in chosen]
-        missing = [frame for frame in others if not cache.frame_path(frame).is_file()]
-        report.add([Finding(FRAMES, message="no such file", frame=frame) for frame in missing])
+        report.add(missing_frames(cache, chosen))
     return report
 
 
-def over_frames(cache: Cache, ground: Ground, frames: list[int], jobs: int) -> Iterator[list[Finding]]:
-    """Findings of the moving part, a list a chunk, in the order of the frames."""
+def missing_frames(cache: Cache, chosen: list[int]) -> list[Finding]:
+    """Findings of frames without a file, among those that were not chosen."""
+    unchecked = (frame for frame in cache.frames if frame not in chosen)
+    missing = (frame for frame in unchecked if not cache.frame_path(frame).is_file())
+    return [
+        Finding(FRAMES, message=f"{cache.frame_path(frame).name}: no such file", frame=frame)
+        for frame in missing
+    ]
+
+
+def check_frames(cache: Cache, reference: Reference, frames: list[int], jobs: int) -> Iterator[list[Finding]]:
+    """Findings of the animated data, one list for each chunk of frames, in order."""
     chunks = [frames[i : i + CHUNK] for i in range(0, len(frames), CHUNK)]
     if jobs == 1 or len(chunks) == 1:
-        window = Window(cache, ground)
-        yield from (examine(window, chunk) for chunk in chunks)
+        window = Window(cache, reference)
+        yield from (check_chunk(window, chunk) for chunk in chunks)
         return
-    # USD runs threads of its own, which a fork would leave in an undefined state.
+    # USD has threads of its own, which a fork would leave in an undefined state.
     context = multiprocessing.get_context("spawn")
-    with context.Pool(min(jobs, len(chunks)), start_worker, (cache.directory, ground)) as pool:
-        yield from pool.imap(examine_in_worker, chunks)
+    with context.Pool(min(jobs, len(chunks)), _Worker.start, (cache.directory, reference)) as pool:
+        yield from pool.imap(_Worker.check, chunks)
 
 
-def examine(window: Window, frames: list[int]) -> list[Finding]:
-    """All moving checks on these frames."""
-    findings = []
+def check_chunk(window: Window, frames: list[int]) -> list[Finding]:
+    """Findings of all checks of animated data on these frames."""
+    findings: list[Finding] = []
     for frame in frames:
         window.move_to(frame)
-        for check in (*FRAME.values(), *MOTION.values()):
-            findings += check(window)
+        for function in (*FRAME.values(), *MOTION.values()):
+            findings += function(window)
     return findings
 
 
-def start_worker(directory: Path, ground: Ground) -> None:
-    """Opens the cache in a new process."""
-    global worker_window
-    worker_window = Window(Cache(directory), ground)
+class _Worker:
+    """State of a worker process."""
 
+    window: Window
 
-def examine_in_worker(frames: list[int]) -> list[Finding]:
-    """`examine` on the process's own window."""
-    return examine(worker_window, frames)
+    @classmethod
+    def start(cls, directory: Path, reference: Reference) -> None:
+        """Opens the cache in a new process."""
+        cls.window = Window(Cache(directory), reference)
+
+    @classmethod
+    def check(cls, frames: list[int]) -> list[Finding]:
+        """Runs `check_chunk` on the process's own window."""
+        return check_chunk(cls.window, frames)

@@ -1,77 +1,84 @@
-"""Every number that a check compares with, in one place, each with its reason.
+"""Every number that a check compares with, and the reason for it.
 
-Lengths are in metres and speeds in metres per second; the checks convert from the cache's own unit.
+Lengths are in metres and speeds in metres per second; the checks convert from the unit of the cache. Rounding
+of points to 32-bit floats is allowed for in the checks, in addition to these numbers.
 """
 
-# Widths (diameters) of hair and fur in metres: 17-180 µm on people, more on creatures and for strands
-# thickened to stand for several.
+# Diameters of hair and fur, m: 17 to 180 µm on people, more on creatures and for strands thickened to
+# represent several.
 WIDTH_M = (5e-6, 2e-3)
 
-# Segment lengths of render strands: chord against rest chord, relative, beyond the rounding of the
-# coordinates to 32 bits. Strands are inextensible by construction; 1e-4 is what the eye and a length-
-# preserving groom tool can never see.
+# Chord of a render strand's segment against its rest chord, relative. Strands are inextensible by
+# construction; 1e-4 is below what is visible and below what length-preserving groom tools resolve.
 SEGMENT_DRIFT = 1e-4
 
-# Guides lie on smooth inextensible curves, so arcs keep their length and chords do not. The arc is that
-# of the cubic through four neighbouring points. Its relative error is below ARC_ERROR × κ²(κ² + τ²)s⁴ for
-# curvature κ, torsion τ and the longest segment s of the four points; measured on helices of all kinds at
-# 0.0264, see tests/test_geometry.py. GUIDE_SEGMENT_DRIFT is what is asked beyond that, for strands whose
-# curvature changes within four points, as in contact.
+# Guides lie on smooth inextensible curves: arcs keep their length, chords do not. The arc is measured on the
+# cubic through four neighbouring points. Its relative error is below ARC_ERROR × κ²(κ² + τ²)s⁴ for curvature
+# κ, torsion τ and the longest segment s of the four points. The largest factor measured on helices is 0.0264
+# (tests/python/validator/test_geometry.py).
 ARC_ERROR = 0.03
+
+# Arc of a guide's segment against its rest arc, relative, beyond ARC_ERROR: the curvature of strands in
+# contact changes within four points.
 GUIDE_SEGMENT_DRIFT = 1e-3
 
-# The sum of the weights of the guides that a strand follows, off 1: three roundings to 32 bits.
-WEIGHT_SUM = 1e-6
-
-# The whole length of a guide: the errors of its arcs partly cancel, so less is let pass.
+# Length of a whole guide, relative: the errors of its arcs partly cancel.
 GUIDE_LENGTH_DRIFT = 5e-4
 
-# A root off the head transform, beyond the rounding of rest and world coordinates. Nothing physical moves
-# a root, so this only keeps clear of the rounding of the transform's own product.
+# Sum of a strand's guide weights, minus 1: three roundings to 32 bits.
+WEIGHT_SUM = 1e-6
+
+# Distance of a root from its rest point under the head transform, m. Roots follow the head exactly; this
+# covers the rounding of the matrix product.
 ROOT_OFFSET_M = 1e-6
 
-# Points outside the extent, beyond one rounding of its corners.
+# Distance of points outside their extent, m: one rounding of its corners.
 EXTENT_EXCESS_M = 1e-6
 
-# Median over points of the velocity residual, relative to the frame's root mean square speed. The
-# residual is that of Simpson's rule over two frame intervals: its own error is (ωh)⁴/180, 0.1 % for a 2.5
-# Hz shake at 24 frames a second and 2 % at 5 Hz. Solvers that return the last substep's mean velocity add
-# ω·h/16. Velocities per frame, of the wrong sign, or of the neighbouring frame give 0.3 and more.
+# Median over points of the residual of Simpson's rule over two frame intervals, relative to the frame's RMS
+# speed. The rule's own error is (ωh)⁴/180: 0.1 % for a shake of 2.5 Hz at 24 frames a second, 2 % at 5 Hz.
+# Velocities that are the mean over the last substep add ω·h/16. Velocities per frame, of the wrong sign, or
+# of the neighbouring frame give 0.3 and more.
 VELOCITY_RESIDUAL = 0.15
-# Frames slower than this are compared with this speed: a still groom has rounding for a velocity.
+
+# Slower frames are compared with this speed: the velocities of a still groom are rounding errors.
 VELOCITY_FLOOR_M_S = 0.02
 
-# The same residual of single curves, relative to their own speed, at the 95th percentile over the curves: a few
-# curves hit something at any time. Measured on the jump and landing described below: 0.15 in the worst frame. Fewer
-# wrong curves than one in twenty go unseen.
+# The same residual for each curve, relative to its own RMS speed, at the 95th percentile over curves because
+# a few curves collide at any time. The worst frame of the jump and landing described at SPIKE_M has 0.15.
+# Fewer wrong curves than one in twenty are not detected.
 CURVE_VELOCITY_RESIDUAL = 0.5
 
-# How far Simpson's rule may be off by the sampling alone, as a share of its difference from the trapezoidal rule and of that rule's own error. Measured in a landing, on
-# the curve at the 95th percentile: 0.42 for strands, 0.53 for guides, whose velocities, sampled four times as often, integrate to 1.5 % and 4 %;
-# over all points, in a slow moment of a head that trembles at some 8 Hz: 0.17 of their speed are 0.29 of it, and 0.01 % is left at eight times as many moments.
+# Allowed error of Simpson's rule due to coarse sampling, as a share of the smaller of its difference from the
+# trapezoidal rule and that rule's residual. Measured in a landing on the curve at the 95th percentile: 0.42
+# for strands, 0.53 for guides, whose residuals fall to 1.5 % and 4 % at four times as many samples. Measured
+# over all points of a slow frame of a head that trembles at 8 Hz: 0.29 (0.17 of the speed), which falls to
+# 0.01 % at eight times as many samples.
 SIMPSON_ERROR = 0.5
 
-# Median over points of what accelerations differ from the second derivative of the cubic through this frame's and the next one's points and
-# velocities, relative to its root mean square. Hair that hits something is no cubic between frames: 0.36 in the worst of 240 frames of a jump
-# and landing, 0.05 in the median. Accelerations per frame, of the wrong sign, or none give 0.6 and more in some frame.
+# Median over points of the difference between accelerations and the second derivative of the cubic through
+# this frame's and the next frame's points and velocities, relative to its RMS. Hair in collision is no cubic
+# between frames: 240 frames of a jump and landing have 0.36 in the worst frame and 0.05 in the median.
+# Accelerations per frame, of the wrong sign, or zero give 0.6 and more in some frame.
 ACCELERATION_RESIDUAL = 0.5
-# Between moments of one frame they are exact, but for rounding to 32 bits.
+
+# Between the samples of one frame accelerations are exact except for rounding to 32 bits.
 SUB_FRAME_ACCELERATION_RESIDUAL = 1e-3
-# Frames with less are compared with this: a still groom has rounding for an acceleration.
+
+# Frames with smaller accelerations are compared with this: those of a still groom are rounding errors.
 ACCELERATION_FLOOR_M_S2 = 0.5
 
-# A one-frame jump, seen from the head: |second difference| at two neighbouring frames with opposite
-# directions, over a way that SPIKE_SPEED times the greatest of the speeds from the frame before to the frame after
-# does not account for: hair that lands is fastest between frames.
-# Measured on a jump and landing of 240 frames at 24 a second with 8 sub-steps: guides whose every sub-step
-# is smooth have second differences of up to 94 mm, and go 10 mm beyond 1.5 times their speed. A guide that flips over
-# at 2 m/s went 32 mm beyond the speeds at the two frames alone; baked at 192 frames a second each of its steps is smooth.
+# One-frame jump in the space of the head, m: second differences at two neighbouring frames with opposite
+# directions, over a displacement that exceeds SPIKE_SPEED times the largest speed from the frame before to
+# the frame after. Hair that lands is fastest between frames. Measured on a jump and landing of 240 frames at
+# 24 a second with 8 substeps: guides that are smooth in every substep have second differences of up to 94 mm
+# and go up to 10 mm beyond 1.5 times their speed. A guide that flips over at 2 m/s went 32 mm beyond the
+# speeds at the two frames alone; baked at 192 frames a second each of its steps is smooth.
 SPIKE_M = 0.02
 SPIKE_SPEED = 1.5
 
-# Penetration of a collider by a point that was outside it in the rest pose. Guides are kept outside by
-# continuous collision detection: half a millimetre allows for the facets of a sphere or capsule and for
-# the rounding of points. Render strands are interpolated between guides and meet no collider of their
-# own.
+# Penetration of a collider by a point that is outside it at rest, m. Guides are kept outside by continuous
+# collision detection: half a millimetre covers the facets of spheres and capsules and the rounding of points.
+# Render strands are interpolated between guides and are not tested against colliders.
 GUIDE_PENETRATION_M = 5e-4
 HAIR_PENETRATION_M = 2e-3

@@ -1,1 +1,1 @@
-"""Physics of hairbake's rod held against independent solutions: studies, references, and the page that shows them."""
+"""Physics of hairbake's rod against independent solutions: studies, reference solvers, report page."""

@@ -1,17 +1,20 @@
 """Dry friction: a strand that sticks to a plate until it slips, and one that lies across a slope."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .arrays import FloatArray
+from .program import Bake, Hairbake
 from .reference import column
-from .scene import GRAVITY, Hairbake, Rod, Scene, Strand, quaternion, straight
-from .study import SCHEMES, Plot, Row, Study, relative
+from .scene import ALONG_Z, DOWN, GRAVITY, IDENTITY, Pose, Rod, Scene, Strand, straight
+from .study import SCHEMES, Plot, Row, Study, absolute, relative
 
-DOWN = quaternion(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]))
-"""Clamp straight down."""
-ALONG_Z = (1.0, 0.0, 0.0, 0.0)
-UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 THICKNESS = 5e-4
 """Distance kept from the plate, m."""
 PLATE = {
@@ -19,13 +22,15 @@ PLATE = {
     "shape": {"type": "plane", "point": [0, 0, 0], "normal": [0, 1, 0]},
     "thickness_m": THICKNESS,
 }
+ABOVE = 4 * THICKNESS
+"""Height above the plate at which strands are drawn, m, so that all of the thickness is kept."""
 
 THRESHOLDS = {0.01: 0.0449, 0.04: 0.0919, 0.10: 0.1528, 0.16: 0.2043, 0.25: 0.2807, 0.31: 0.3361}
 """|Ft/Fn| under the tip by the shortening, in L."""
 PRESSED = 1e-3
-"""Shortening, in L, from which on a tip surely presses."""
+"""Shortening, in L, from which a tip certainly presses on the plate."""
 SLIPPED = 1e-4
-"""A tip that has moved this far, in L, has slipped."""
+"""Displacement of the tip, in L, from which it counts as slipped."""
 
 
 def ramp(t: float, start: float, end: float) -> float:
@@ -33,33 +38,68 @@ def ramp(t: float, start: float, end: float) -> float:
     return min(max((t - start) / (end - start), 0.0), 1.0)
 
 
-def stick_slip(
-    hairbake: Hairbake, shortenings: Sequence[float] = tuple(THRESHOLDS), steps=600, nodes=16
-) -> Study:
-    """A strand on a plate, pressed until its tip slips."""
-    rod, most = Rod(), 1.15 * max(shortenings)
-    fine = np.linspace(0.02, 1.0, 120) ** 2 * most
-    theory = column.friction(fine)
-    slips_at = [float(np.interp(np.sqrt(e), np.sqrt(fine), theory)) for e in shortenings]
-    mus = [THRESHOLDS.get(e, mu) for e, mu in zip(shortenings, slips_at)]
-    # Drawn well above the plate, so that all of the thickness is kept; it comes to touch at time 0.
-    above = 4 * THICKNESS
+@dataclass(frozen=True)
+class Threshold:
+    """Theory of the pressed strand: |Ft/Fn| against the shortening."""
+
+    shortening: FloatArray
+    """In L, increasing."""
+    ratio: FloatArray
+
+    @classmethod
+    def up_to(cls, most: float) -> "Threshold":
+        """Shortenings up to `most`."""
+        fine = np.linspace(0.02, 1.0, 120) ** 2 * most
+        return cls(fine, column.friction(fine))
+
+    def at(self, shortening: float) -> float:
+        """|Ft/Fn| at a shortening."""
+        return float(np.interp(np.sqrt(shortening), np.sqrt(self.shortening), self.ratio))
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """One strand pressed on the plate."""
+
+    mu: float
+    moved: FloatArray
+    """Displacement of the tip in every frame, in L."""
+    slip: int
+    """The first frame in which the tip has slipped; 0 for none."""
+    onset: float
+    """Shortening at which the tip slips, in L."""
+    creep: float
+    """Largest displacement of the tip up to 98 % of that shortening, in L."""
+
+    @classmethod
+    def read(cls, mu: float, tip: FloatArray, length: float, shortening: FloatArray) -> "Pressed":
+        """From the path of the tip along x, m."""
+        touching = int(np.argmax(shortening > PRESSED))
+        moved = np.abs(tip - tip[touching]) / length
+        slip = int(np.argmax(moved > SLIPPED))
+        onset = float(np.sqrt(shortening[slip] * shortening[slip - 1])) if slip else float("nan")
+        sticking = (shortening > PRESSED) & (shortening < 0.98 * onset)
+        creep = float(moved[sticking].max()) if sticking.any() else float("nan")
+        return cls(mu, moved, slip, onset, creep)
+
+
+def pressed_scene(mus: Sequence[float], shortest: float, most: float, steps: int, nodes: int) -> Scene:
+    """One strand for each friction coefficient, pressed down by `most` lengths in `steps` steps."""
+    rod = Rod()
     strands = []
     for i, mu in enumerate(mus):
         rod = Rod(friction=mu)
-        strands.append(
-            Strand(rod, straight(rod, (0, -1, 0), (0.0, rod.length + above, 2 * i * rod.length)), DOWN)
-        )
+        root = (0.0, rod.length + ABOVE, 2 * i * rod.length)
+        strands.append(Strand(rod, straight(rod, (0, -1, 0), root), DOWN))
 
-    def lowered(t):
-        return np.array(
-            [0.0, -(above - THICKNESS) * ramp(t, -10, 0) - most * rod.length * ramp(t, 0, steps) ** 2, 0.0]
-        ), UNTURNED
+    def lowered(t: float) -> Pose:
+        height = -(ABOVE - THICKNESS) * ramp(t, -10, 0) - most * rod.length * ramp(t, 0, steps) ** 2
+        return np.array([0.0, height, 0.0]), IDENTITY
 
-    # A breath from the side says where to buckle to; it is over before the first tip slips.
-    breath = 1e-3 * rod.bending[0] / (rod.line_density * rod.length**3)
-    over = steps * 0.5 * np.sqrt(min(shortenings) / most)
-    scene = Scene(
+    # A slight lateral force selects the direction of buckling; it ends before the first tip slips.
+    push = 1e-3 * rod.bending[0] / (rod.line_density * rod.length**3)
+    over = steps * 0.5 * np.sqrt(shortest / most)
+    return Scene(
         strands,
         frames=steps,
         fps=1.0,
@@ -67,106 +107,131 @@ def stick_slip(
         preroll=20,
         nodes=nodes,
         gravity=(0, 0, 0),
-        force={"frames": [-30, 0.8 * over, over], "values": [[breath, 0, 0], [breath, 0, 0], [0, 0, 0]]},
+        force={"frames": [-30, 0.8 * over, over], "values": [[push, 0, 0], [push, 0, 0], [0, 0, 0]]},
         motion=lowered,
         colliders=[PLATE],
         settings={"scheme": SCHEMES[0]},
     )
-    bake = hairbake.bake(scene)
-    shortening = most * np.clip(bake.times / steps, 0, 1) ** 2
-    rows, curves = [], []
-    for e, known, mu, points in zip(shortenings, slips_at, mus, bake.points):
-        rows.append(relative(f"|Ft/Fn| at ε = {e:g}, theory against published", THRESHOLDS[e], known, 2e-3))
-        touching = int(np.argmax(shortening > PRESSED))
-        moved = np.abs(points[:, -1, 0] - points[touching, -1, 0]) / rod.length
-        slip = int(np.argmax(moved > SLIPPED))
-        where = float(np.sqrt(shortening[slip] * shortening[slip - 1])) if slip else float("nan")
-        measured = float(np.interp(np.sqrt(where), np.sqrt(fine), theory))
-        rows.append(relative(f"µ = {mu:g}: |Ft/Fn| where it slips", mu, measured, 0.01))
-        sticking = (shortening > PRESSED) & (shortening < 0.98 * where)
-        creep = float(moved[sticking].max()) if sticking.any() else float("nan")
-        rows.append(Row(f"µ = {mu:g}: creep while it sticks, L", "0", creep, creep, 1e-9))
-        curves.append((mu, moved))
 
-    def draw_theory(axes):
-        axes.plot(fine, theory, "k-", label="elastica")
-        axes.plot([np.interp(m, theory, fine) for m in mus], mus, "o", markersize=3)
-        for mu, moved in curves:
-            slip = int(np.argmax(moved > SLIPPED))
-            axes.plot(shortening[slip], mu, "x", label=f"µ = {mu:g} slips")
+
+def stick_slip(
+    hairbake: Hairbake, shortenings: Sequence[float] = tuple(THRESHOLDS), steps: int = 600, nodes: int = 16
+) -> Study:
+    """A strand on a plate, pressed until its tip slips."""
+    most = 1.15 * max(shortenings)
+    threshold = Threshold.up_to(most)
+    theory = [threshold.at(e) for e in shortenings]
+    mus = [THRESHOLDS.get(e, ratio) for e, ratio in zip(shortenings, theory, strict=True)]
+    bake = hairbake.bake(pressed_scene(mus, min(shortenings), most, steps, nodes))
+    shortening = most * np.clip(bake.times / steps, 0, 1) ** 2
+    rows, found = [], []
+    for e, ratio, mu, points in zip(shortenings, theory, mus, bake.points, strict=True):
+        pressed = Pressed.read(mu, points[:, -1, 0], Rod().length, shortening)
+        rows.append(relative(f"|Ft/Fn| at ε = {e:g}, theory against published", THRESHOLDS[e], ratio, 2e-3))
+        measured = threshold.at(pressed.onset)
+        rows.append(relative(f"µ = {mu:g}: |Ft/Fn| where it slips", mu, measured, 0.01))
+        rows.append(absolute(f"µ = {mu:g}: creep while it sticks, L", pressed.creep, 1e-9))
+        found.append(pressed)
+
+    text = f"""<p>A weightless strand is clamped straight above a plate, its tip free to turn on it, and
+the clamp is lowered slowly, by ε L. It buckles; its tip stands still until |Ft/Fn| of the clamped-pinned
+elastica (boundary-value solver, 1e-8) is µ, then slips. hairbake: one backward Euler step of a second
+each, {steps} steps. Creep is the largest motion of the tip up to 98 % of the ε at which it slips.</p>"""
+    return Study("Stick and slip", text, rows, stick_slip_plots(threshold, shortening, found))
+
+
+def stick_slip_plots(threshold: Threshold, shortening: FloatArray, found: list[Pressed]) -> list[Plot]:
+    """Where tips slip, and their displacement."""
+
+    def draw_theory(axes: "Axes") -> None:
+        axes.plot(threshold.shortening, threshold.ratio, "k-", label="elastica")
+        mus = [pressed.mu for pressed in found]
+        axes.plot(
+            [np.interp(mu, threshold.ratio, threshold.shortening) for mu in mus], mus, "o", markersize=3
+        )
+        for pressed in found:
+            axes.plot(shortening[pressed.slip], pressed.mu, "x", label=f"µ = {pressed.mu:g} slips")
         axes.set(xlabel="clamp lowered by / L", ylabel="|Ft/Fn|")
         axes.legend(fontsize=7)
 
-    def draw_moved(axes):
-        for mu, moved in curves:
-            axes.semilogy(shortening, np.maximum(moved, 1e-13), label=f"µ = {mu:g}")
+    def draw_moved(axes: "Axes") -> None:
+        for pressed in found:
+            axes.semilogy(shortening, np.maximum(pressed.moved, 1e-13), label=f"µ = {pressed.mu:g}")
         axes.set(xlabel="clamp lowered by / L", ylabel="tip moved / L")
         axes.legend(fontsize=7)
 
-    text = f"""<p>A weightless strand is clamped straight above a plate, its tip free to turn on it, and the clamp is lowered slowly, by
-ε L. It buckles; its tip stands still until |Ft/Fn| of the clamped-pinned elastica (boundary-value solver, 1e-8) is µ, then slips. hairbake: one backward Euler
-step of a second each, {steps} steps. Creep is the largest motion of the tip up to 98 % of the ε at which it slips.</p>"""
-    plots = [Plot("Where tips slip.", draw_theory), Plot("Tips stand still, then slip.", draw_moved)]
-    return Study("Stick and slip", text, rows, plots)
+    return [Plot("Where tips slip.", draw_theory), Plot("Tips stand still, then slip.", draw_moved)]
 
 
-def incline(hairbake: Hairbake, ratios=(0.9, 0.99, 1.01, 1.2, 2.0), substeps=16, nodes=16) -> Study:
+def free_acceleration(ratio: float, mu: float) -> float:
+    """Acceleration down a slope whose tangent is `ratio` · µ, m/s²; 0 if friction holds."""
+    slope = np.arctan(ratio * mu)
+    return max(0.0, float(GRAVITY * (np.sin(slope) - mu * np.cos(slope))))
+
+
+def incline_scene(rod: Rod, ratio: float, substeps: int, nodes: int) -> Scene:
+    """A strand across a slope, whose clamp slides down by the exact law."""
+    slope = np.arctan(ratio * rod.friction)
+    free = free_acceleration(ratio, rod.friction)
+
+    def motion(t: float) -> Pose:
+        return np.array([0.5 * free * max(t, 0.0) ** 2, -THICKNESS * ramp(t, -0.5, -0.2), 0.0]), IDENTITY
+
+    return Scene(
+        [Strand(rod, straight(rod, (0, 0, 1), (0, 2 * THICKNESS, 0)), ALONG_Z)],
+        frames=20,
+        fps=100.0,
+        substeps=substeps,
+        preroll=1.0,
+        nodes=nodes,
+        gravity=(0.0, -GRAVITY * np.cos(slope), 0.0),
+        force={"frames": [-0.01, 0], "values": [[0, 0, 0], [GRAVITY * np.sin(slope), 0, 0]]},
+        motion=motion,
+        colliders=[PLATE],
+    )
+
+
+def incline_rows(bake: Bake, rod: Rod, ratio: float) -> list[Row]:
+    """Displacement of a strand that holds, or acceleration of one that slides."""
+    away = bake.points[0][..., 0]
+    free = free_acceleration(ratio, rod.friction)
+    if free == 0.0:
+        moved = float(np.abs(away).max() / rod.length)
+        return [absolute(f"slope of {ratio:g} µ: moved, L", moved, 1e-9)]
+    outer = bake.velocities[0][-1, away.shape[1] // 2 :, 0] / bake.times[-1]
+    mean = relative(
+        f"slope of {ratio:g} µ: acceleration, mean of the outer half", free, float(outer.mean()), 0.01
+    )
+    name = f"slope of {ratio:g} µ: acceleration, worst point of the outer half"
+    worst = f"{outer[np.abs(outer - free).argmax()]:.6g}"
+    return [mean, Row(name, f"{free:.6g}", worst, float(np.abs(outer / free - 1).max()), None)]
+
+
+def incline(
+    hairbake: Hairbake,
+    ratios: Sequence[float] = (0.9, 0.99, 1.01, 1.2, 2.0),
+    substeps: int = 16,
+    nodes: int = 16,
+) -> Study:
     """A strand across a slope holds below the angle of friction and slides above it."""
-    rod, frames, fps = Rod(friction=0.3), 20, 100.0
+    rod = Rod(friction=0.3)
     rows, curves = [], []
     for ratio in ratios:
-        slope = np.arctan(ratio * rod.friction)
-        free = max(0.0, GRAVITY * (np.sin(slope) - rod.friction * np.cos(slope)))
+        bake = hairbake.bake(incline_scene(rod, ratio, substeps, nodes))
+        rows += incline_rows(bake, rod, ratio)
+        exact = 0.5 * free_acceleration(ratio, rod.friction) * np.maximum(bake.times, 0) ** 2
+        curves.append((ratio, bake.times, exact, bake.points[0][:, -1, 0]))
 
-        def motion(t, free=free):
-            # Lowered onto the plate, then sliding as the strand should.
-            return np.array([0.5 * free * max(t, 0.0) ** 2, -THICKNESS * ramp(t, -0.5, -0.2), 0.0]), UNTURNED
-
-        scene = Scene(
-            [Strand(rod, straight(rod, (0, 0, 1), (0, 2 * THICKNESS, 0)), ALONG_Z)],
-            frames=frames,
-            fps=fps,
-            substeps=substeps,
-            preroll=1.0,
-            nodes=nodes,
-            gravity=(0.0, -GRAVITY * np.cos(slope), 0.0),
-            force={"frames": [-0.01, 0], "values": [[0, 0, 0], [GRAVITY * np.sin(slope), 0, 0]]},
-            motion=motion,
-            colliders=[PLATE],
-        )
-        bake = hairbake.bake(scene)
-        away, times = bake.points[0][..., 0], bake.times
-        if free == 0.0:
-            moved = float(np.abs(away).max() / rod.length)
-            rows.append(Row(f"slope of {ratio:g} µ: moved, L", "0", moved, moved, 1e-9))
-        else:
-            outer = bake.velocities[0][-1, away.shape[1] // 2 :, 0] / times[-1]
-            rows.append(
-                relative(
-                    f"slope of {ratio:g} µ: acceleration, mean of the outer half", free, outer.mean(), 0.01
-                )
-            )
-            worst = float(np.abs(outer / free - 1).max())
-            rows.append(
-                Row(
-                    f"slope of {ratio:g} µ: the same, its worst point",
-                    f"{free:.6g}",
-                    f"{outer[np.abs(outer - free).argmax()]:.6g}",
-                    worst,
-                    None,
-                )
-            )
-        curves.append((ratio, 0.5 * free * np.maximum(times, 0) ** 2, away[:, -1], times))
-
-    def draw(axes):
-        for ratio, exact, tip, times in curves:
+    def draw(axes: "Axes") -> None:
+        for ratio, times, exact, tip in curves:
             line = axes.plot(times, 1e3 * tip, "o", markersize=3, label=f"{ratio:g} µ")[0]
             axes.plot(times, 1e3 * exact, "-", linewidth=0.8, color=line.get_color())
         axes.set(xlabel="t, s", ylabel="tip, mm")
         axes.legend(fontsize=7)
 
-    text = f"""<p>A 25 cm hair (µ = {rod.friction:g}) lies on a plate across the direction in which gravity is then tilted. A guide is clamped at its root, so
-the clamp is moved by the exact law, s = ½ g (sin α − µ cos α) t²: a strand under the right friction stays straight and lies beside
-it, any other one bends, for it is far too flexible (Γ = 130) to be dragged along. Told: how much it moves below the angle of friction, and
-above it the acceleration of its outer half.</p>"""
+    text = f"""<p>A 25 cm hair (µ = {rod.friction:g}) lies on a plate across the direction in which gravity
+is then tilted. A guide is clamped at its root, so the clamp moves by the exact law, s = ½ g (sin α − µ cos
+α) t². A strand under the right friction stays straight; any other one bends, because it is too flexible (Γ
+= 130) to be dragged along. Measured: the displacement below the angle of friction, and above it the
+acceleration of the outer half.</p>"""
     return Study("A strand on a slope", text, rows, [Plot("Lines: theory; dots: tips.", draw)])

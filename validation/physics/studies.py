@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from . import air, buckling, cantilever, capstan, friction, helix, motion, vibration
-from .scene import Hairbake
+from . import air, buckling, cantilever, capstan, energy, friction, helix, symmetries, vibration, whip
+from .program import Hairbake
 from .study import Study
 
 STUDIES: dict[str, Callable[[Hairbake], Study]] = {
@@ -14,9 +14,9 @@ STUDIES: dict[str, Callable[[Hairbake], Study]] = {
     "frequencies": vibration.frequencies,
     "damping": vibration.damping,
     "wind": air.study,
-    "whip": motion.whip,
-    "energy": motion.energy,
-    "symmetries": motion.symmetries,
+    "whip": whip.study,
+    "energy": energy.study,
+    "symmetries": symmetries.study,
     "stick-slip": friction.stick_slip,
     "incline": friction.incline,
     "capstan": capstan.study,

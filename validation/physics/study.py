@@ -1,8 +1,10 @@
-"""What a study hands to the page: rows of a table of errors, and plots."""
+"""The result of a study: rows of a table of errors, and plots."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -10,10 +12,15 @@ if TYPE_CHECKING:
 SCHEMES = ("backward-euler", "bdf2")
 """Time schemes of hairbake (`settings.scheme`)."""
 
-AT_REST = {"fps": 1.0, "substeps": 1, "preroll": 60.0, "settings": {"scheme": SCHEMES[0]}}
-"""How a scene is made to find an equilibrium: 60 steps of a second, each of which backward Euler damps to a fraction 1/ωh of all
-that swings at ω.
-"""
+AT_REST: dict[str, Any] = {
+    "fps": 1.0,
+    "substeps": 1,
+    "preroll": 60.0,
+    "settings": {"scheme": SCHEMES[0]},
+}
+"""Arguments of a `Scene` that finds an equilibrium: 60 steps of a second.
+
+Each backward Euler step h damps motion of frequency ω to a fraction 1/ωh."""
 
 
 @dataclass(frozen=True)
@@ -25,17 +32,17 @@ class Row:
     measured: float | str
     error: float
     goal: float | None
-    """Largest error that passes; None: told for information."""
+    """Largest error that passes; None: for information."""
 
     @property
     def passed(self) -> bool:
-        """Whether the goal is met. A NaN meets none."""
+        """True if the goal is met; NaN meets none."""
         return self.goal is None or self.error <= self.goal
 
 
 @dataclass(frozen=True)
 class Plot:
-    """A plot, drawn when the page is made."""
+    """A plot, drawn when the page is written."""
 
     caption: str
     draw: Callable[["Axes"], None]
@@ -43,11 +50,11 @@ class Plot:
 
 @dataclass(frozen=True)
 class Study:
-    """A finished study."""
+    """The result of a study."""
 
     title: str
     text: str
-    """What is compared with what, in HTML."""
+    """Setup and reference, in HTML."""
     rows: list[Row]
     plots: list[Plot] = field(default_factory=list)
 
@@ -57,8 +64,11 @@ def relative(what: str, expected: float, measured: float, goal: float | None) ->
     return Row(what, expected, measured, abs(measured / expected - 1), goal)
 
 
-def order(sizes: list[float], errors: list[float]) -> float:
-    """Slope of log(error) against log(size), least squares."""
-    import numpy as np
+def absolute(what: str, error: float, goal: float | None) -> Row:
+    """A row of a quantity that is to be 0."""
+    return Row(what, "0", error, abs(error), goal)
 
+
+def order(sizes: Sequence[float], errors: Sequence[float]) -> float:
+    """Order of convergence: slope of log(error) against log(size), by least squares."""
     return float(np.polyfit(np.log(sizes), np.log(errors), 1)[0])

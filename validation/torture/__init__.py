@@ -1,1 +1,1 @@
-"""Scenes made to pull strands through things, baked at every step and checked by `hairbake_validate.crossings`."""
+"""Scenes that provoke crossings, baked with every step written, and checked for crossings independently."""

@@ -3,25 +3,38 @@
 import argparse
 import sys
 import tempfile
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from hairbake_validate.cache import Cache
 from hairbake_validate.crossing_check import Count, Event, count
-from physics.scene import Hairbake
+from physics.program import Hairbake
 
 from .scenes import FPS, SCENES
 
 STEPS = (5, 4, 3, 2, 1)
-"""Steps a film frame."""
+"""Steps per film frame."""
+HEADER = (
+    "scene       steps   body pairs  strand pairs  body crossings  strand crossings  unreported  cut short"
+    "  unconverged  deepest, mm"
+)
 
 
-def torture(
-    hairbake: Hairbake, name: str, steps: int, seconds: float = 1.0
-) -> tuple[Count, list[Event], dict]:
-    """Bakes a scene with so many steps a film frame; what was looked at, at every moment to which the solver brought the guides, and what crossed; what of that
-    is in a frame of which hairbake's own record tells no crossing; and hairbake's own totals.
-    """
+@dataclass(frozen=True)
+class Result:
+    """The outcome of one bake."""
+
+    found: Count
+    """Pairs tested and crossings found, at every step of the solver."""
+    unreported: list[Event]
+    """Crossings in frames for which hairbake's own record reports none."""
+    totals: dict[str, Any]
+    """hairbake's own totals."""
+
+
+def torture(hairbake: Hairbake, name: str, steps: int, seconds: float = 1.0) -> Result:
+    """Bakes a scene with this many steps per film frame, and counts its crossings."""
     with tempfile.TemporaryDirectory() as folder:
         scene = SCENES[name](Path(folder))
         rate = FPS * steps
@@ -31,43 +44,48 @@ def torture(
         )
         cache = Cache(hairbake.bake_into(Path(folder), scene))
         found = count(cache)
-        figures = {f["frame"]: f["figures"] for f in cache.record["frames"]}
-        if any(f["divided"] for f in figures.values()):
-            raise RuntimeError("a guide took a step in parts by itself: its way is not known")
-        untold = [event for event in found.events if not figures[event.frame]["crossings"]]
-        return found, untold, cache.record["totals"]
+        figures = {frame["frame"]: frame["figures"] for frame in cache.record["frames"]}
+        if any(frame["divided"] for frame in figures.values()):
+            raise RuntimeError("a guide divided a step on its own: its motion within the step is not written")
+        unreported = [event for event in found.events if not figures[event.frame]["crossings"]]
+        return Result(found, unreported, cache.record["totals"])
+
+
+def line(name: str, steps: int, result: Result) -> str:
+    """One line of the table."""
+    found, totals = result.found, result.totals
+    strands = sum(event.what == "strands" for event in found.events)
+    return (
+        f"{name:<10}  {steps:>5}  {found.body_pairs:>11}  {found.strand_pairs:>12}"
+        f"  {len(found.events) - strands:>14}  {strands:>16}  {len(result.unreported):>10}"
+        f"  {totals['shortened']:>9}  {totals['unconverged']:>11}  {1e3 * totals['penetration_m']:>11.3f}"
+    )
 
 
 def main() -> int:
-    """Prints a line for each bake; 1 where something crossed."""
+    """Prints a line for each bake. Exit code: 0 for no crossings, else 1."""
     parser = argparse.ArgumentParser(
-        prog="torture", description="Counts what passes through what under torture."
+        prog="torture", description="Bake scenes that provoke crossings, and count the crossings."
     )
     parser.add_argument("--hairbake", type=Path, required=True, help="the program")
-    parser.add_argument("scenes", nargs="*", metavar="SCENE", help=f"of {', '.join(SCENES)}; default: all")
-    arguments = parser.parse_args()
-    unknown = set(arguments.scenes) - set(SCENES)
+    parser.add_argument(
+        "scenes", nargs="*", metavar="SCENE", help=f"{', '.join(SCENES)} [default: all of them]"
+    )
+    options = parser.parse_args()
+    unknown = set(options.scenes) - set(SCENES)
     if unknown:
-        parser.error(f"no such scene: {', '.join(sorted(unknown))}")
-    hairbake = Hairbake(arguments.hairbake.resolve())
-    print(
-        "scene       steps   body pairs  strand pairs  body crossings  strand crossings  untold  cut short  unconverged  deepest, mm"
-    )
-    looked_at = crossings = unseen = 0
-    for name in arguments.scenes or SCENES:
+        parser.error(f"no such scene: {', '.join(sorted(unknown))}; choose from {', '.join(SCENES)}")
+    hairbake = Hairbake(options.hairbake.resolve())
+    print(HEADER)
+    pairs = crossings = unreported = 0
+    for name in options.scenes or SCENES:
         for steps in STEPS:
-            found, untold, totals = torture(hairbake, name, steps)
-            strands = sum(e.what == "strands" for e in found.events)
-            looked_at += found.body_pairs + found.strand_pairs
-            crossings += len(found.events)
-            unseen += len(untold)
-            print(
-                f"{name:<10}  {steps:>5}  {found.body_pairs:>11}  {found.strand_pairs:>12}  {len(found.events) - strands:>14}"
-                f"  {strands:>16}  {len(untold):>6}  {totals['shortened']:>9}  {totals['unconverged']:>11}  {1e3 * totals['penetration_m']:>11.3f}"
-            )
-    print(
-        f"{crossings} crossings in {looked_at} pairs, {unseen} of them in frames of which the record tells none"
-    )
+            result = torture(hairbake, name, steps)
+            pairs += result.found.body_pairs + result.found.strand_pairs
+            crossings += len(result.found.events)
+            unreported += len(result.unreported)
+            print(line(name, steps, result), flush=True)
+    print(f"{crossings} crossings in {pairs} pairs, {unreported} of them not reported by hairbake")
     return 1 if crossings else 0
 
 

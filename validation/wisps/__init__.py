@@ -1,1 +1,1 @@
-"""Adaptive wisps against all guides by themselves: what is saved, and what it costs in accuracy."""
+"""Adaptive wisps compared with bakes that step every guide: cost, distance, momentum and energy."""

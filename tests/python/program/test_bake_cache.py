@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hairbake_validate.cache import Cache
-from hairbake_validate.crossing_check import moments
+from hairbake_validate.crossing_check import samples
 from hairbake_validate.run import validate
 
 RADIUS, LENGTH, POINTS, GUIDES, STRANDS_A_GUIDE = 0.1, 0.15, 12, 24, 3
@@ -89,4 +89,4 @@ def test_steps_pass_the_validator(hairbake, scene, contact):
     assert done.returncode == 0, done.stderr
     report = validate(scene / "out")
     assert all(outcome.status == "pass" for outcome in report.outcomes.values()), report.as_text()
-    assert sum(1 for _ in moments(Cache(scene / "out"))) >= 13 * 8 + 1
+    assert sum(1 for _ in samples(Cache(scene / "out"))) >= 13 * 8 + 1

@@ -1,11 +1,11 @@
-"""The references of the physics studies against published and closed-form figures."""
+"""Reference solvers of the physics studies against published and closed-form results."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from physics import capstan
+from physics import capstan, tension
 from physics.reference import column, drape, kirchhoff, modes, planar, stability
 from physics.scene import GRAVITY
 from physics.signal import poles
@@ -15,51 +15,59 @@ ELASTICA = {0.1: 0.012500, 1: 0.124562, 10: 1.066802, 100: 5.888105, 1000: 21.33
 
 
 @pytest.mark.parametrize("gamma", ELASTICA)
-def test_the_elastica_is_the_published_one(gamma):
+def test_elastica_matches_published_values(gamma: float) -> None:
     x, y = planar.equilibrium(gamma).tip
     assert -y / x == pytest.approx(ELASTICA[gamma], abs=1e-6)
 
 
-def test_a_pressed_column_needs_the_published_friction():
+def test_friction_of_a_pressed_column_matches_published_values() -> None:
     shortening = np.array([0.01, 0.04, 0.10, 0.16, 0.25, 0.31])
     published = [0.0449, 0.0919, 0.1528, 0.2043, 0.2807, 0.3361]
     assert column.friction(shortening) == pytest.approx(published, abs=6e-5)
 
 
 @pytest.mark.parametrize("mu", [0.3, 1.0])
-def test_tensions_are_read_from_a_strand_that_lies_over_a_cylinder(mu):
+def test_tensions_of_a_strand_over_a_cylinder_match_theory(mu: float) -> None:
     rod = capstan.strand(mu, 3.0, 0.0).rod
     exact = drape.drape(
-        rod.bending[0], rod.line_density * GRAVITY, capstan.RADIUS, mu, capstan.HANGS, 1.37, 0.14, 3.4e-3
+        stiffness=rod.bending[0],
+        weight=rod.line_density * GRAVITY,
+        radius=capstan.RADIUS,
+        mu=mu,
+        hangs=capstan.HANGS,
+        lies_to=1.37,
+        spans=0.14,
+        spacing=3.4e-3,
     )
-    read = capstan.tensions(exact.points, replace(rod, length=exact.length))
+    read = tension.tensions(exact.points, replace(rod, length=exact.length), capstan.RADIUS)
     assert read.hanging == pytest.approx(exact.hanging, rel=1e-3)
     assert read.span == pytest.approx(exact.span, rel=2e-3)
     assert read.theory == pytest.approx(exact.span, rel=2e-3)
-    slippery = capstan.tensions(exact.points, replace(rod, length=exact.length, friction=0.97 * mu))
+    smoother = replace(rod, length=exact.length, friction=0.97 * mu)
+    slippery = tension.tensions(exact.points, smoother, capstan.RADIUS)
     assert slippery.theory < 0.99 * exact.span
 
 
-def test_drag_along_a_rod_is_half_of_that_across():
-    # A weightless soft rod in a strong wind trails along it; the tension at the clamp is then half the drag across.
+def test_drag_along_a_rod_is_half_of_that_across() -> None:
+    # A weightless soft rod trails along a strong wind: its tension is half the drag across.
     shape = planar.equilibrium(1e-6, planar.DOWN, wind=3000.0)
-    angle, _, force, *_ = shape.at(0.3)
+    angle, _, force, *_ = shape.at(np.array(0.3))
     assert angle == pytest.approx(0.0, abs=1e-3)
     assert force == pytest.approx(0.5 * 3000.0 * 0.7, rel=1e-3)
 
 
-def test_thin_ribbons_buckle_at_prandtls_weight():
+def test_thin_ribbons_buckle_at_prandtls_weight() -> None:
     assert stability.critical_weight(1e-4, 1e-4) == pytest.approx(12.85e-4, rel=1e-3)
 
 
-def test_a_natural_shape_is_stable_and_a_straight_rod_that_hangs_too():
+def test_natural_arc_and_straight_hanging_rod_are_stable() -> None:
     arc = planar.equilibrium(1e-9, planar.DOWN, 3.0)
     assert stability.margin(arc, 1e-9, 3.0, 1.0, 0.5) > 0.1
     assert stability.margin(planar.equilibrium(50.0, planar.DOWN), 50.0, 0.0, 1.0, 0.5) > 0.1
 
 
-def test_heavy_curved_rods_share_one_boundary_layer():
-    # Only the last (EI/ρSg)^⅓ matters: the critical natural curvature grows as Γ^⅓.
+def test_critical_curvature_of_heavy_rods_grows_as_cube_root_of_weight() -> None:
+    # Only the last stretch of length (EI/ρSg)^⅓ matters: the critical natural curvature grows as Γ^⅓.
     for gamma in (300.0, 600.0):
         critical = 1.6112 * gamma ** (1 / 3)
         below, above = (
@@ -69,21 +77,21 @@ def test_heavy_curved_rods_share_one_boundary_layer():
         assert below > 0 > above
 
 
-def test_frequencies_of_a_straight_rod_are_the_textbook_ones():
+def test_frequencies_of_straight_and_twisted_rods_match_textbook_values() -> None:
     roots = np.array([1.87510407, 4.69409113, 7.85475744])
     assert modes.frequencies(6)[::2] == pytest.approx(roots**2, rel=1e-7)
-    # Of a ribbon: those of either direction.
+    # A ribbon has the frequencies of both directions.
     assert modes.frequencies(3, ratio=4.0) == pytest.approx(
         [roots[0] ** 2, 2 * roots[0] ** 2, roots[1] ** 2], rel=1e-7
     )
-    # Twist turns with the section, it does not change a round rod.
+    # Twist does not change a round rod.
     assert modes.frequencies(6, turn=2.0) == pytest.approx(modes.frequencies(6), rel=1e-7)
 
 
-def test_kirchhoffs_rod_is_a_helix_without_weight_and_the_elastica_in_a_plane():
+def test_kirchhoff_rod_is_a_helix_without_weight_and_the_elastica_in_a_plane() -> None:
     natural = np.array([0.0, 8.0, 6.0])
     line = kirchhoff.hanging(natural, np.array([1.0, 1, 0.5]), np.zeros(3), np.eye(3))
-    # Pitch over arc length: τ/|Ω|; after a whole turn the tangent is back.
+    # Pitch over arc length is τ/|Ω|; after a whole turn the tangent is the same.
     turn = 2 * np.pi / 10.0
     at = np.array([np.interp(turn, np.linspace(0, 1, 1001), c) for c in line.T])
     assert at == pytest.approx(turn * 0.6 * natural / 10.0, abs=1e-5)
@@ -92,18 +100,14 @@ def test_kirchhoffs_rod_is_a_helix_without_weight_and_the_elastica_in_a_plane():
     assert tip[:2] == pytest.approx(planar.equilibrium(10.0).tip, abs=1e-6)
 
 
-def test_a_small_swing_has_the_frequency_and_the_decay_of_its_mode():
+def test_small_swing_has_the_frequency_and_the_decay_of_its_mode() -> None:
     times = np.linspace(0.0, 4.0, 161)
     swing = planar.swing(
-        length=1.0,
-        bending=1.0,
-        line_density=1.0,
+        planar.PlanarRod(1.0, 1.0, 1.0, damping=0.01, drag=0.2),
         gravity=0.0,
         angle=lambda s: 1e-3 * (2 * s - s**2),
-        clamp=lambda t: (0.0, 0.0, 0.0),
+        clamp=lambda _: (0.0, 0.0, 0.0),
         times=times,
-        damping=0.01,
-        drag=0.2,
         modes=7,
     )
     pole = poles(times, swing.tip[:, 1], 3)[0]
@@ -112,7 +116,7 @@ def test_a_small_swing_has_the_frequency_and_the_decay_of_its_mode():
     assert pole.real == pytest.approx(0.5 * omega**2 * 0.01 + 0.1, rel=1e-3)
 
 
-def test_poles_of_two_damped_oscillations():
+def test_poles_of_two_damped_oscillations() -> None:
     t = np.linspace(0.0, 3.0, 300)
     values = np.exp(-0.3 * t) * np.cos(7 * t) + 0.1 * np.exp(-1.0 * t) * np.sin(19 * t)
     assert poles(t, values, 2) == pytest.approx([0.3 + 7j, 1.0 + 19j], abs=1e-6)

@@ -1,23 +1,31 @@
-"""Quick versions of the studies of `validation/physics`: each runs, and meets its goals."""
+"""Short versions of the physics studies run and meet their goals."""
+
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from physics import air, buckling, cantilever, capstan, friction, helix, motion, page, vibration
-from physics.scene import Hairbake, Rod, Scene, Strand, straight
+from physics import (
+    air,
+    buckling,
+    cantilever,
+    capstan,
+    energy,
+    friction,
+    helix,
+    page,
+    symmetries,
+    vibration,
+    whip,
+)
+from physics.program import Hairbake
+from physics.scene import Rod, Scene, Strand, straight
 from physics.studies import STUDIES
 from physics.study import Row, Study
 from support import HAIRBAKE, needs_hairbake
 
-pytestmark = needs_hairbake
-
-
-@pytest.fixture
-def hairbake() -> Hairbake:
-    return Hairbake(HAIRBAKE)
-
-
-QUICK = {
+SHORT: dict[str, Callable[[Hairbake], Study]] = {
     "cantilever": lambda h: cantilever.study(h, gammas=(1, 30, 100), nodes=(4, 8, 12, 16)),
     "bend-twist": lambda h: buckling.bend_twist(h, gammas=(100,), nodes=(8,)),
     "lateral-buckling": lambda h: buckling.lateral(h, ratios=(0.03,), nodes=(8,)),
@@ -25,34 +33,37 @@ QUICK = {
     "frequencies": lambda h: vibration.frequencies(h, modes=1, refine=()),
     "damping": lambda h: vibration.damping(h, modes=1),
     "wind": lambda h: air.study(h, winds=(1.0,), nodes=(8,)),
-    "whip": lambda h: motion.whip(h, substeps=(4, 8, 16)),
-    "energy": lambda h: motion.energy(h, substeps=(8,)),
-    "symmetries": lambda h: motion.symmetries(h, schemes=("bdf2",)),
+    "whip": lambda h: whip.study(h, substeps=(4, 8, 16)),
+    "energy": lambda h: energy.study(h, substeps=(8,)),
+    "symmetries": lambda h: symmetries.study(h, schemes=("bdf2",)),
     "stick-slip": lambda h: friction.stick_slip(h, shortenings=(0.04, 0.16), steps=200),
     "incline": lambda h: friction.incline(h, ratios=(0.99, 1.2), substeps=8),
     "capstan": lambda h: capstan.study(h, cases=((0.3, 10.0), (1.0, 10.0)), frames=72),
 }
 
 
-def test_every_study_has_a_quick_version():
-    assert list(QUICK) == list(STUDIES)
+def test_every_study_has_a_short_version() -> None:
+    assert list(SHORT) == list(STUDIES)
 
 
-@pytest.mark.parametrize("name", QUICK)
-def test_study_meets_its_goals(hairbake, name):
-    study = QUICK[name](hairbake)
-    held = [row for row in study.rows if row.goal is not None]
-    assert held
-    assert not [row for row in held if not row.passed]
+@needs_hairbake
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SHORT)
+def test_study_meets_its_goals(name: str) -> None:
+    study = SHORT[name](Hairbake(HAIRBAKE))
+    goals = [row for row in study.rows if row.goal is not None]
+    assert goals
+    assert not [row for row in goals if not row.passed]
 
 
-def test_a_strand_that_can_touch_nothing_is_written_as_finely_as_one_that_may(hairbake):
+@needs_hairbake
+def test_strand_without_contact_is_written_as_finely_as_one_with_contact() -> None:
     rod = Rod()
-    points = hairbake.bake(Scene([Strand(rod, straight(rod, (1, 0, 0)))])).points[0][-1]
+    points = Hairbake(HAIRBAKE).bake(Scene([Strand(rod, straight(rod, (1, 0, 0)))])).points[0][-1]
     assert np.linalg.norm(np.diff(points, axis=0), axis=1).max() < 0.0101
 
 
-def test_a_missed_goal_and_a_nan_are_marked():
+def test_missed_goals_and_nan_are_marked() -> None:
     rows = [
         Row("a", 1.0, 1.1, 0.1, 0.01),
         Row("b", 1.0, "none", float("nan"), 0.01),
@@ -63,7 +74,7 @@ def test_a_missed_goal_and_a_nan_are_marked():
     assert table.count("missed") == 2 and table.count('<td class="met">met') == 1
 
 
-def test_the_page_counts_the_goals(tmp_path):
+def test_page_counts_the_goals_met(tmp_path: Path) -> None:
     page.write(
         tmp_path / "index.html", [Study("S", "<p>t</p>", [Row("a", 1.0, 1.0, 0.0, 0.1)])], "hairbake 0"
     )

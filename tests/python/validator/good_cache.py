@@ -1,20 +1,31 @@
-"""A small good cache, written by Pixar's USD and not by hairbake, so that the validator is tested on its own."""
+"""A small cache that passes every check, written by Pixar's USD to test the validator on its own."""
 
 import hashlib
 import json
+import shutil
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
+
+from hairbake_validate.geometry import Array, FloatArray, IntArray
 
 FIRST, LAST, FPS = 1001, 1006, 24.0
 HANDLES = range(FIRST - 1, LAST + 2)
+"""The frames, and a handle frame at each end."""
 CURVES, POINTS, GUIDE_COUNT = 12, 8, 3
 RADIUS, LENGTH = 0.1, 0.2
+"""Radius of the skull and length of the strands, m."""
 SAMPLES, SHUTTER = 3, 0.5
+HAIR, GUIDES, SKULL, HEAD = "/groom/hair", "/groom/guides", "/groom/colliders/skull", "/groom/head"
+MATERIAL = "/groom/materials/hair"
 
 
-def head_matrix(time: float) -> np.ndarray:
+def head_matrix(time: float) -> NDArray[np.float64]:
     """Rest space to world at `time` seconds, for row vectors: a shake about Y with a little travel."""
     angle = 0.6 * np.sin(2 * np.pi * 1.5 * time)
     matrix = np.eye(4)
@@ -23,30 +34,35 @@ def head_matrix(time: float) -> np.ndarray:
     return matrix
 
 
-def rest_points(curves: int) -> np.ndarray:
-    """Gently bent inextensible strands that stand off a sphere about the origin; `curves × POINTS × 3`."""
+def rest_points(curves: int) -> FloatArray:
+    """Gently bent strands of length LENGTH that leave a sphere about the origin; `curves × POINTS × 3`."""
     index = np.arange(curves)
     azimuth, height = 2.4 * index, 0.2 + 0.6 * (index + 0.5) / curves
     flat = np.sqrt(1 - height**2)
     out = np.stack([flat * np.cos(azimuth), height, flat * np.sin(azimuth)], axis=1)
     side = np.stack([-np.sin(azimuth), np.zeros(curves), np.cos(azimuth)], axis=1)
-    return strands(out, side, bend=np.full(curves, 0.8))
+    return circular_arcs(out, side, bend=np.full(curves, 0.8))
 
 
-def strands(out: np.ndarray, side: np.ndarray, bend: np.ndarray) -> np.ndarray:
-    """Circular arcs of length LENGTH that leave the sphere along `out` and turn by `bend` radians to `side`."""
+def circular_arcs(out: FloatArray, side: FloatArray, bend: FloatArray) -> FloatArray:
+    """Arcs of length LENGTH that leave the sphere along `out` and turn by `bend` radians towards `side`."""
     angle = bend[:, None] * np.linspace(0, 1, POINTS)
     along = LENGTH / bend[:, None] * np.sin(angle)
     across = LENGTH / bend[:, None] * (1 - np.cos(angle))
-    return 1.02 * RADIUS * out[:, None] + along[..., None] * out[:, None] + across[..., None] * side[:, None]
+    arcs: FloatArray = (
+        1.02 * RADIUS * out[:, None] + along[..., None] * out[:, None] + across[..., None] * side[:, None]
+    )
+    return arcs
 
 
-def transform(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    return points @ matrix[:3, :3] + matrix[3, :3]
+def transform(points: FloatArray, matrix: FloatArray) -> FloatArray:
+    """Points under a matrix for row vectors; not the validator's own function, so that it is tested."""
+    moved: FloatArray = points @ matrix[:3, :3] + matrix[3, :3]
+    return moved
 
 
-def sphere_mesh() -> tuple[np.ndarray, np.ndarray]:
-    """A closed sphere of triangles, wound so that its normals point outwards."""
+def sphere_mesh() -> tuple[FloatArray, IntArray]:
+    """Vertices and triangles of a closed sphere with outward normals."""
     rings, sectors = 8, 12
     polar = np.pi * np.arange(1, rings) / rings
     turn = 2 * np.pi * np.arange(sectors) / sectors
@@ -59,7 +75,8 @@ def sphere_mesh() -> tuple[np.ndarray, np.ndarray]:
         axis=-1,
     )
     points = RADIUS * np.concatenate([[[0, 1, 0]], ring.reshape(-1, 3), [[0, -1, 0]]])
-    last, triangles = len(points) - 1, []
+    last = len(points) - 1
+    triangles: list[list[int]] = []
     for j in range(sectors):
         k = (j + 1) % sectors
         triangles.append([0, 1 + k, 1 + j])
@@ -71,14 +88,19 @@ def sphere_mesh() -> tuple[np.ndarray, np.ndarray]:
 
 
 class CacheBuilder:
-    """Writes the good cache into a folder, and what the tests then do to it."""
+    """Writes the good cache into a folder, and applies changes to it."""
 
-    def __init__(self, directory: Path):
+    def __init__(self, directory: Path, copy_of: Path | None = None) -> None:
+        """Writes a cache into `directory`, or copies one."""
         self.directory = directory
-        directory.mkdir(parents=True, exist_ok=True)
-        # As a bake leaves it: with what it needs to go on.
-        (directory / ".hairbake").mkdir(exist_ok=True)
-        self.counts = {"/groom/hair": CURVES, "/groom/guides": GUIDE_COUNT}
+        self.counts = {HAIR: CURVES, GUIDES: GUIDE_COUNT}
+        """Number of curves by prim."""
+        if copy_of is not None:
+            shutil.copytree(copy_of, directory)
+            return
+        directory.mkdir(parents=True)
+        # A bake leaves the folder from which it can resume.
+        (directory / ".hairbake").mkdir()
         self._write_topology()
         self._write_manifest()
         self._write_root()
@@ -109,35 +131,63 @@ class CacheBuilder:
         }
         self.path("manifest.json").write_text(json.dumps(record, indent=2))
 
-    def record(self, change) -> None:
+    def edit_record(self, change: Callable[[dict[str, Any]], Any]) -> None:
         """Rewrites manifest.json after `change(record)`."""
         record = json.loads(self.path("manifest.json").read_text())
         change(record)
         self.path("manifest.json").write_text(json.dumps(record))
 
-    def edit(self, name: str, change) -> None:
-        """Applies `change(layer)` to one file and renews the checksums."""
+    def edit(self, name: str, change: Callable[[Sdf.Layer], Any]) -> None:
+        """Applies `change(layer)` to one file and updates the checksums."""
         layer = Sdf.Layer.OpenAsAnonymous(str(self.path(name)))
         change(layer)
         layer.Export(str(self.path(name)))
         self.seal()
 
-    def edit_topology(self, change) -> None:
-        """Applies `change(stage)` to the topology layer and renews the checksums."""
+    def edit_topology(self, change: Callable[[Usd.Stage], Any]) -> None:
+        """Applies `change(stage)` to the topology layer and updates the checksums."""
         self.edit("hair.topology.usdc", lambda layer: change(Usd.Stage.Open(layer)))
 
-    def edit_array(self, frame: int, path: str, change, after: float = 0.0) -> None:
-        """Replaces one attribute's array in one frame's file, at the frame or `after` it, by `change(array)`."""
+    def edit_frame(self, frame: int, change: Callable[[Sdf.Layer], Any]) -> None:
+        """Applies `change(layer)` to one frame's file and updates the checksums."""
+        self.edit(self.frame(frame).name, change)
 
-        def rewrite(layer):
+    def edit_array(self, frame: int, path: str, change: Callable[[Array], Array], after: float = 0.0) -> None:
+        """Replaces one array of one frame's file, at the frame or `after` it, by `change(array)`."""
+
+        def rewrite(layer: Sdf.Layer) -> None:
             value = layer.QueryTimeSample(path, frame + after)
             changed = change(np.array(value))
             layer.SetTimeSample(path, frame + after, type(value).FromNumpy(np.ascontiguousarray(changed)))
 
-        self.edit(self.frame(frame).name, rewrite)
+        self.edit_frame(frame, rewrite)
+
+    def add_attribute(
+        self,
+        path: str,
+        kind: Sdf.ValueTypeName,
+        sample: Callable[[Sdf.Layer, int, float], Any],
+    ) -> None:
+        """Adds an animated attribute to the clip manifest and to every frame.
+
+        Its values are `sample(layer, frame, time)`, at the times of the guides' points.
+        """
+
+        def declare(layer: Sdf.Layer) -> None:
+            prim = Sdf.CreatePrimInLayer(layer, Sdf.Path(path).GetPrimPath())
+            Sdf.AttributeSpec(prim, Sdf.Path(path).name, kind)
+
+        def put(layer: Sdf.Layer, frame: int) -> None:
+            declare(layer)
+            for time in layer.ListTimeSamplesForPath(f"{GUIDES}.points"):
+                layer.SetTimeSample(path, time, sample(layer, frame, time))
+
+        self.edit("hair.manifest.usda", declare)
+        for frame in HANDLES:
+            self.edit_frame(frame, partial(put, frame=frame))
 
     @staticmethod
-    def _file_record(path: Path) -> dict:
+    def _file_record(path: Path) -> dict[str, Any]:
         data = path.read_bytes() if path.exists() else b""
         return {"file": path.name, "sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)}
 
@@ -146,17 +196,20 @@ class CacheBuilder:
         groom = UsdGeom.Xform.Define(stage, "/groom")
         Usd.ModelAPI(groom).SetKind(Kind.Tokens.component)
         stage.SetDefaultPrim(groom.GetPrim())
-        head = UsdGeom.Xform.Define(stage, "/groom/head")
-        head.AddTransformOp()
-        material = UsdShade.Material.Define(stage, "/groom/materials/hair")
-        surface = UsdShade.Shader.Define(stage, "/groom/materials/hair/surface")
+        UsdGeom.Xform.Define(stage, HEAD).AddTransformOp()
+        material = UsdShade.Material.Define(stage, MATERIAL)
+        surface = UsdShade.Shader.Define(stage, f"{MATERIAL}/surface")
         surface.CreateIdAttr("UsdPreviewSurface")
         material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
-        for path, curves in self.counts.items():
-            self._define_curves(stage, path, curves)
+        for path, count in self.counts.items():
+            self._define_curves(stage, path, count)
             UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(path)).Bind(material)
+        self._define_skull(stage)
+        stage.Save()
+
+    def _define_skull(self, stage: Usd.Stage) -> None:
         UsdGeom.Scope.Define(stage, "/groom/colliders")
-        mesh = UsdGeom.Mesh.Define(stage, "/groom/colliders/skull")
+        mesh = UsdGeom.Mesh.Define(stage, SKULL)
         mesh.AddTransformOp()
         points, triangles = sphere_mesh()
         mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points.astype(np.float32)))
@@ -165,7 +218,6 @@ class CacheBuilder:
         mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(triangles.ravel().astype(np.int32)))
         mesh.CreateSubdivisionSchemeAttr("none")
         mesh.CreatePurposeAttr("guide")
-        stage.Save()
 
     def _define_curves(self, stage: Usd.Stage, path: str, count: int) -> None:
         curves = UsdGeom.BasisCurves.Define(stage, path)
@@ -175,46 +227,42 @@ class CacheBuilder:
         curves.CreateCurveVertexCountsAttr([POINTS] * count)
         curves.CreateWidthsAttr(Vt.FloatArray([8e-5] * (POINTS * count)))
         curves.SetWidthsInterpolation("vertex")
-        if path.endswith("guides"):
+        if path == GUIDES:
             curves.CreatePurposeAttr("guide")
         primvars = UsdGeom.PrimvarsAPI(curves)
-        types, uniform = Sdf.ValueTypeNames, "uniform"
-        primvars.CreatePrimvar("groom_id", types.IntArray, uniform).Set(list(range(count)))
-        primvars.CreatePrimvar("groom_group_id", types.IntArray, uniform).Set([0] * count)
-        primvars.CreatePrimvar("groom_group_name", types.StringArray, uniform).Set(["hair"] * count)
-        primvars.CreatePrimvar("groom_guide", types.IntArray, uniform).Set(
-            [int(path.endswith("guides"))] * count
-        )
-        primvars.CreatePrimvar("groom_root_uv", types.TexCoord2fArray, uniform).Set(
-            [Gf.Vec2f(0.5, i / count) for i in range(count)]
-        )
-        if not path.endswith("guides"):
-            closest = primvars.CreatePrimvar("groom_closest_guides", types.IntArray, uniform, 3)
-            closest.Set([g for i in range(count) for g in (i % GUIDE_COUNT, 0, 0)])
-            weights = primvars.CreatePrimvar("groom_guide_weights", types.FloatArray, uniform, 3)
+        types = Sdf.ValueTypeNames
+        uniform = {
+            "groom_id": (types.IntArray, list(range(count))),
+            "groom_group_id": (types.IntArray, [0] * count),
+            "groom_group_name": (types.StringArray, ["hair"] * count),
+            "groom_guide": (types.IntArray, [int(path == GUIDES)] * count),
+            "groom_root_uv": (types.TexCoord2fArray, [Gf.Vec2f(0.5, i / count) for i in range(count)]),
+        }
+        for name, (kind, values) in uniform.items():
+            primvars.CreatePrimvar(name, kind, "uniform").Set(values)
+        if path == HAIR:
+            closest = primvars.CreatePrimvar("groom_closest_guides", types.IntArray, "uniform", 3)
+            closest.Set([guide for i in range(count) for guide in (i % GUIDE_COUNT, 0, 0)])
+            weights = primvars.CreatePrimvar("groom_guide_weights", types.FloatArray, "uniform", 3)
             weights.Set([1.0, 0.0, 0.0] * count)
         rest = rest_points(count).reshape(-1, 3).astype(np.float32)
         primvars.CreatePrimvar("rest", types.Point3fArray, "vertex").Set(Vt.Vec3fArray.FromNumpy(rest))
 
     def _write_manifest(self) -> None:
         layer = Sdf.Layer.CreateNew(str(self.path("hair.manifest.usda")))
-        for path, type_name in self._animated().items():
-            prim = Sdf.CreatePrimInLayer(layer, Sdf.Path(path).GetPrimPath())
-            Sdf.AttributeSpec(prim, Sdf.Path(path).name, type_name)
+        self._declare_animated(layer)
         layer.Save()
 
-    def _animated(self) -> dict[str, Sdf.ValueTypeName]:
+    def _declare_animated(self, layer: Sdf.Layer) -> None:
         types = Sdf.ValueTypeNames
-        paths = {}
+        kinds = {f"{path}.xformOp:transform": types.Matrix4d for path in (HEAD, SKULL)}
         for path in self.counts:
-            paths |= {
-                f"{path}.points": types.Point3fArray,
-                f"{path}.velocities": types.Vector3fArray,
-                f"{path}.extent": types.Float3Array,
-            }
-        return paths | {
-            f"{path}.xformOp:transform": types.Matrix4d for path in ("/groom/head", "/groom/colliders/skull")
-        }
+            kinds[f"{path}.points"] = types.Point3fArray
+            kinds[f"{path}.velocities"] = types.Vector3fArray
+            kinds[f"{path}.extent"] = types.Float3Array
+        for path, kind in kinds.items():
+            prim = Sdf.CreatePrimInLayer(layer, Sdf.Path(path).GetPrimPath())
+            Sdf.AttributeSpec(prim, Sdf.Path(path).name, kind)
 
     def _write_root(self) -> None:
         layer = Sdf.Layer.CreateNew(str(self.path("hair.usda")))
@@ -238,31 +286,24 @@ class CacheBuilder:
 
     def _write_frame(self, frame: int) -> None:
         layer = Sdf.Layer.CreateNew(str(self.frame(frame)))
-        for path, type_name in self._animated().items():
-            prim = Sdf.CreatePrimInLayer(layer, Sdf.Path(path).GetPrimPath())
-            Sdf.AttributeSpec(prim, Sdf.Path(path).name, type_name)
+        self._declare_animated(layer)
         for i in range(SAMPLES):
-            self._write_moment(layer, frame + SHUTTER * i / (SAMPLES - 1))
+            self._write_sample(layer, frame + SHUTTER * i / (SAMPLES - 1))
         layer.Save()
 
-    def _write_moment(self, layer: Sdf.Layer, at: float) -> None:
+    def _write_sample(self, layer: Sdf.Layer, at: float) -> None:
         time, step = (at - FIRST) / FPS, 1e-4
-
-        def put(path: str, value) -> None:
-            layer.SetTimeSample(path, at, value)
-
         for path, count in self.counts.items():
-            rest = rest_points(count)
-            points, before, after = (
-                transform(rest, head_matrix(t)) for t in (time, time - step, time + step)
-            )
-            points = points.reshape(-1, 3).astype(np.float32)
-            velocities = ((after - before) / (2 * step)).reshape(-1, 3).astype(np.float32)
-            put(f"{path}.points", Vt.Vec3fArray.FromNumpy(points))
-            put(f"{path}.velocities", Vt.Vec3fArray.FromNumpy(velocities))
-            put(
-                f"{path}.extent",
-                Vt.Vec3fArray.FromNumpy(np.stack([points.min(0) - 4e-5, points.max(0) + 4e-5])),
-            )
-        for path in ("/groom/head", "/groom/colliders/skull"):
-            put(f"{path}.xformOp:transform", Gf.Matrix4d(*head_matrix(time).ravel().tolist()))
+            rest = rest_points(count).reshape(-1, 3)
+            now, before, after = (transform(rest, head_matrix(t)) for t in (time, time - step, time + step))
+            points = now.astype(np.float32)
+            values = {
+                "points": points,
+                "velocities": ((after - before) / (2 * step)).astype(np.float32),
+                "extent": np.stack([points.min(0) - 4e-5, points.max(0) + 4e-5]),
+            }
+            for name, value in values.items():
+                layer.SetTimeSample(f"{path}.{name}", at, Vt.Vec3fArray.FromNumpy(value))
+        for path in (HEAD, SKULL):
+            matrix = Gf.Matrix4d(*head_matrix(time).ravel().tolist())
+            layer.SetTimeSample(f"{path}.xformOp:transform", at, matrix)

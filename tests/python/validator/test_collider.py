@@ -1,9 +1,10 @@
-"""Signed distance against closed forms."""
+"""Penetration depth against closed forms."""
 
 import numpy as np
 import pytest
 
 from hairbake_validate.collider import Collider
+from hairbake_validate.geometry import FloatArray
 from validator.good_cache import RADIUS, sphere_mesh
 
 BOX = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 0.5)])
@@ -25,25 +26,27 @@ BOX_TRIANGLES = np.array(
 )
 
 
-def box_depth(points):
-    return np.maximum(0, np.minimum(points, BOX.max(0) - points).min(axis=1))
+def box_depth(points: FloatArray) -> FloatArray:
+    """Penetration depth in the box."""
+    depth: FloatArray = np.maximum(0, np.minimum(points, BOX.max(0) - points).min(axis=1))
+    return depth
 
 
 @pytest.mark.parametrize("order", [[0, 1, 2], [2, 1, 0]])
-def test_box_is_exact_whichever_way_it_is_wound(order):
+def test_depth_in_a_box_is_exact_for_either_orientation(order: list[int]) -> None:
     points = np.random.default_rng(1).uniform(-0.5, 2.5, (4000, 3))
     depth = Collider(BOX, BOX_TRIANGLES[:, order]).depth(points)
     assert (depth > 0).sum() > 50
     np.testing.assert_allclose(depth, box_depth(points), atol=1e-12)
 
 
-def test_split_vertices_are_joined():
+def test_split_vertices_are_joined() -> None:
     points = np.random.default_rng(2).uniform(-0.2, 2.2, (2000, 3))
     loose = Collider(BOX[BOX_TRIANGLES].reshape(-1, 3), np.arange(36).reshape(-1, 3))
     np.testing.assert_allclose(loose.depth(points), box_depth(points), atol=1e-12)
 
 
-def test_sphere_within_its_facets():
+def test_depth_in_a_sphere_is_exact_to_its_facets() -> None:
     points = np.random.default_rng(3).uniform(-RADIUS, RADIUS, (3000, 3))
     depth = Collider(*sphere_mesh()).depth(points)
     exact = np.maximum(0, RADIUS - np.linalg.norm(points, axis=1))
@@ -52,7 +55,7 @@ def test_sphere_within_its_facets():
     assert (exact - depth).max() <= sagitta
 
 
-def test_open_sheet_has_an_inside_below_and_none_beyond_its_rim():
+def test_open_sheet_has_an_inside_below_and_none_beyond_its_boundary() -> None:
     sheet = Collider(
         np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
     )

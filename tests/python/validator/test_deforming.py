@@ -1,75 +1,64 @@
-"""A collider that deforms: good caches pass, and faults that only its own points show are caught."""
+"""A collider that deforms: good caches pass, and defects that only its animated points reveal are caught."""
 
 import numpy as np
 import pytest
-from pxr import Sdf, UsdGeom, Vt
+from pxr import Sdf, Usd, UsdGeom, Vt
 
+from hairbake_validate.geometry import Array
 from hairbake_validate.run import validate
-from validator.defects import GUIDES, MIDDLE, SKULL, broken, push_in
-from validator.good_cache import HANDLES, CacheBuilder
+from validator.defects import MIDDLE, Defect, failed, turn_into_collider
+from validator.good_cache import GUIDES, SKULL, CacheBuilder
 
 
-def soften(cache: CacheBuilder) -> None:
-    """Makes a deforming mesh of the collider: every frame's file has its points, and at rest it is half as large."""
-    animated = {"points": Sdf.ValueTypeNames.Point3fArray, "extent": Sdf.ValueTypeNames.Float3Array}
-    sphere = {}
+def make_collider_deform(cache: CacheBuilder) -> None:
+    """Gives the collider animated points; its rest points are half as large."""
+    kinds = {"points": Sdf.ValueTypeNames.Point3fArray, "extent": Sdf.ValueTypeNames.Float3Array}
+    values: dict[str, Array] = {}
 
-    def topology(stage):
+    def edit(stage: Usd.Stage) -> None:
         mesh = UsdGeom.Mesh(stage.GetPrimAtPath(SKULL))
-        for name in animated:
+        for name in kinds:
             attribute = mesh.GetPrim().GetAttribute(name)
-            sphere[name] = np.array(attribute.Get())
+            values[name] = np.array(attribute.Get())
             attribute.Clear()
         rest = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("rest", Sdf.ValueTypeNames.Point3fArray, "vertex")
-        rest.Set(Vt.Vec3fArray.FromNumpy(sphere["points"] / 2))
+        rest.Set(Vt.Vec3fArray.FromNumpy(values["points"] / 2))
 
-    def declare(layer):
-        for name, kind in animated.items():
-            Sdf.AttributeSpec(Sdf.CreatePrimInLayer(layer, SKULL), name, kind)
-
-    def put(layer, frame):
-        declare(layer)
-        for name, value in sphere.items():
-            for time in layer.ListTimeSamplesForPath(f"{SKULL}.xformOp:transform"):
-                layer.SetTimeSample(f"{SKULL}.{name}", time, Vt.Vec3fArray.FromNumpy(value))
-
-    cache.edit_topology(topology)
-    cache.edit("hair.manifest.usda", declare)
-    for frame in HANDLES:
-        cache.edit(cache.frame(frame).name, lambda layer, frame=frame: put(layer, frame))
+    cache.edit_topology(edit)
+    for name, kind in kinds.items():
+        value = Vt.Vec3fArray.FromNumpy(values[name])
+        cache.add_attribute(f"{SKULL}.{name}", kind, lambda *_, value=value: value)
 
 
-def guide_pushed_into_a_deforming_collider(cache):
-    push_in(cache, GUIDES)
+def guide_turned_into_the_collider(cache: CacheBuilder) -> None:
+    turn_into_collider(cache, GUIDES)
 
 
-def deforming_collider_without_points(cache):
-    cache.edit(
-        cache.frame(MIDDLE).name, lambda layer: layer.EraseTimeSample(f"{SKULL}.points", float(MIDDLE))
-    )
+def missing_sample(cache: CacheBuilder) -> None:
+    cache.edit_frame(MIDDLE, lambda layer: layer.EraseTimeSample(f"{SKULL}.points", float(MIDDLE)))
 
 
-def deforming_collider_of_another_size(cache):
+def one_point_short(cache: CacheBuilder) -> None:
     cache.edit_array(MIDDLE, f"{SKULL}.points", lambda points: points[:-1])
 
 
-def test_deforming_collider_passes(good_cache):
-    soften(good_cache)
+def test_deforming_collider_passes(good_cache: CacheBuilder) -> None:
+    make_collider_deform(good_cache)
     report = validate(good_cache.directory)
-    assert not broken(report), report.as_text()
+    assert not failed(report), report.as_text()
 
 
 @pytest.mark.parametrize(
-    "checks, inject",
+    ("checks", "inject"),
     [
-        # The curve is pushed in for one frame, which its velocities do not tell.
-        ({"guide_penetration", "curve_velocities"}, guide_pushed_into_a_deforming_collider),
-        ({"frames"}, deforming_collider_without_points),
-        ({"sizes"}, deforming_collider_of_another_size),
+        # The velocities do not contain the turn.
+        ({"guide_penetration", "curve_velocities"}, guide_turned_into_the_collider),
+        ({"frames"}, missing_sample),
+        ({"sizes"}, one_point_short),
     ],
 )
-def test_fault_fails_its_own_check(good_cache, checks, inject):
-    soften(good_cache)
+def test_defect_fails_its_own_check(good_cache: CacheBuilder, checks: set[str], inject: Defect) -> None:
+    make_collider_deform(good_cache)
     inject(good_cache)
     report = validate(good_cache.directory)
-    assert broken(report) == checks, report.as_text()
+    assert failed(report) == checks, report.as_text()

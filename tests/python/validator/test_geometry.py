@@ -1,4 +1,4 @@
-"""Arc lengths against helices, and the bound on their error that the tolerances rest on."""
+"""Arc lengths against helices and circles, and the bound on their error that the tolerances use."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from hairbake_validate.geometry import arc_lengths, spacing
 @pytest.mark.parametrize("pitch", [0.0, 0.4, 1.0, 3.0])
 @pytest.mark.parametrize("unevenness", [0.0, 1.0, 3.0])
 @pytest.mark.parametrize("turn", [0.1, 0.3, 0.8, 1.2])
-def test_arc_error_is_bounded_and_the_bound_is_close(pitch, unevenness, turn):
+def test_arc_error_is_bounded_and_the_bound_is_tight(pitch: float, unevenness: float, turn: float) -> None:
     rng = np.random.default_rng(4)
     shares = []
     for points in (6, 8, 16, 32):
@@ -22,7 +22,7 @@ def test_arc_error_is_bounded_and_the_bound_is_close(pitch, unevenness, turn):
     assert 0.3 < np.concatenate(shares).max() <= 1
 
 
-def test_arcs_beat_chords():
+def test_arcs_are_more_accurate_than_chords() -> None:
     angle = np.linspace(0, 3, 16)
     circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1)
     chord = np.linalg.norm(circle[1] - circle[0])
@@ -30,7 +30,7 @@ def test_arcs_beat_chords():
     assert abs(chord / 0.2 - 1) > 1e-3
 
 
-def test_curves_of_any_size_stay_in_order():
+def test_curves_of_any_size_keep_their_order() -> None:
     counts = np.array([2, 5, 3, 5])
     points = np.concatenate(
         [(k + 1) * np.outer(np.arange(count), [1.0, 0, 0]) for k, count in enumerate(counts)]
@@ -38,7 +38,7 @@ def test_curves_of_any_size_stay_in_order():
     np.testing.assert_allclose(arc_lengths(points, counts).length, np.repeat([1.0, 2, 3, 4], counts - 1))
 
 
-def test_curves_do_not_change_each_other():
+def test_curves_do_not_affect_each_other() -> None:
     rng = np.random.default_rng(7)
     counts = np.array([2, 9, 4, 3, 17])
     curves = [np.cumsum([1.0, 0, 0] + 0.3 * rng.normal(size=(count, 3)), axis=0) for count in counts]
@@ -48,5 +48,5 @@ def test_curves_do_not_change_each_other():
     np.testing.assert_allclose(together.error, np.concatenate([a.error for a in alone]), rtol=1e-9)
 
 
-def test_spacing_is_that_of_32_bits():
+def test_spacing_is_that_of_32_bit_floats() -> None:
     assert spacing(np.array([-1.5, 0.2])) == 2**-23

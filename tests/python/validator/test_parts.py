@@ -1,17 +1,22 @@
-"""A farm's division of the checks: all parts together find what the whole finds."""
+"""A validation divided into parts, as on a farm, finds what an undivided one finds."""
 
 from hairbake_validate.__main__ import frame_list
 from hairbake_validate.run import validate
-from validator.defects import one_frame_pop, static_layer_changed, stretched_guide
+from validator.file_defects import static_layer_changed
+from validator.frame_defects import stretched_guide
+from validator.good_cache import CacheBuilder
+from validator.motion_defects import one_frame_jump
 
 
-def test_parts_find_together_what_the_whole_finds(good_cache):
-    one_frame_pop(good_cache)
+def test_parts_together_find_what_the_whole_finds(good_cache: CacheBuilder) -> None:
+    one_frame_jump(good_cache)
     stretched_guide(good_cache)
     static_layer_changed(good_cache)
     parts = [validate(good_cache.directory, only="static")]
-    for frames in ("1000-1002", "1003", "1004-1007"):
-        parts.append(validate(good_cache.directory, frame_list(frames), only="moving"))
+    parts += [
+        validate(good_cache.directory, frame_list(frames), only="moving")
+        for frames in ("1000-1002", "1003", "1004-1007")
+    ]
     whole = validate(good_cache.directory)
     assert not whole.passed
     for check, outcome in whole.outcomes.items():
@@ -20,6 +25,6 @@ def test_parts_find_together_what_the_whole_finds(good_cache):
         assert [finding for part in found for finding in part.broken] == outcome.broken
 
 
-def test_lists_of_frames():
+def test_frame_lists() -> None:
     assert frame_list("1001-1010x4, 1002") == {1001, 1002, 1005, 1009}
     assert frame_list("-9--1:4,7") == {-9, -5, -1, 7}

@@ -1,5 +1,5 @@
-"""Independent solutions that hairbake is held against: boundary-value, eigenvalue and spectral solvers on numpy and scipy.
+"""Independent solutions: boundary-value, eigenvalue and spectral solvers on numpy and scipy.
 
-Everything here is dimensionless unless said otherwise: lengths in L, forces in EI/L², masses in ρSL. None of it shares
-code or discretisation with hairbake.
+Quantities are dimensionless unless stated otherwise: lengths in L, forces in EI/L², masses in ρSL. Nothing
+here shares code or discretization with hairbake.
 """

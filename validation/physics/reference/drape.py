@@ -1,27 +1,32 @@
-"""A heavy elastic strand that slides over a cylinder, its one end hanging."""
+"""A heavy elastic strand that slides over a cylinder while one end hangs."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from ..arrays import FloatArray
+
 
 @dataclass(frozen=True)
 class Drape:
-    """The strand in the x-y plane, the cylinder's axis at the origin."""
+    """The strand in the x-y plane, with the axis of the cylinder at the origin."""
 
-    points: np.ndarray
+    points: FloatArray
     """`n × 3`, m, from the span to the hanging end."""
     length: float
     """m"""
     span: float
     """Tension just beyond the cylinder, N."""
     hanging: float
-    """Tension where it begins to hang, N."""
+    """Tension where the strand begins to hang, N."""
 
 
 def drape(
+    *,
     stiffness: float,
     weight: float,
     radius: float,
@@ -31,23 +36,27 @@ def drape(
     spans: float,
     spacing: float,
 ) -> Drape:
-    """Lengths `hangs` and `spans` are free, m; it lies on the cylinder up to the polar angle `lies_to`, rad. `weight` is per length, N/m.
+    """A strand on a cylinder up to the polar angle `lies_to`, rad, with free lengths `hangs` and `spans`, m.
 
-    Free parts: θ' = κ, EI κ' = −(t × F), F' = weight upwards, by initial values where they leave the cylinder, with κ = −1/R. Unknown are where
-    that is at the hanging end, whose tip bears no moment, and the shear force at the other, for which the far span is bent by its weight
-    alone, κ = weight/|F|. On the cylinder T' = µ (T/R + weight sin α) + weight cos α along the arc, and µ times the shear at both its ends.
+    `weight` is per length, N/m. Free parts: θ' = κ, EI κ' = −(t × F), F' = weight upwards, as initial-value
+    problems from the points where they leave the cylinder with κ = −1/R. The unknowns are that point at the
+    hanging end, whose tip bears no moment, and the shear force at the other end, such that the far span is
+    bent by its weight alone, κ = weight/|F|. On the cylinder T' = µ (T/R + weight sin α) + weight cos α along
+    the arc, plus µ times the shear at both ends.
     """
 
-    def free(start: float, force, length: float, along: float):
-        def slope(s, y):
+    def free(
+        start: float, force: Callable[[float], tuple[float, float]], length: float, direction: float
+    ) -> Any:
+        def slope(s: float, y: FloatArray) -> FloatArray:
             fx, fy = force(s)
             c, n = np.cos(y[2]), np.sin(y[2])
-            return along * np.array([c, n, y[3], (n * fx - c * fy) / stiffness])
+            return direction * np.array([c, n, y[3], (n * fx - c * fy) / stiffness])
 
         begin = [radius * np.cos(start), radius * np.sin(start), start - 0.5 * np.pi, -1 / radius]
         return solve_ivp(slope, (0, length), begin, rtol=1e-10, atol=1e-13, dense_output=True)
 
-    def below(start):
+    def below(start: float) -> Any:
         return free(start, lambda s: (0.0, -weight * (hangs - s)), hangs, 1.0)
 
     start = brentq(lambda a: below(a).y[3, -1], 0.4, 1.2, xtol=1e-14)
@@ -60,17 +69,18 @@ def drape(
         rtol=1e-10,
     ).y[0, -1]
 
-    def pull(shear):
+    def pull(shear: float) -> FloatArray:
         across = np.array([np.cos(lies_to), np.sin(lies_to)])
-        return (on + mu * shear) * np.array([across[1], -across[0]]) + shear * across
+        force: FloatArray = (on + mu * shear) * np.array([across[1], -across[0]]) + shear * across
+        return force
 
-    def above(shear):
+    def above(shear: float) -> Any:
         fx, fy = pull(shear)
         return free(lies_to, lambda s: (fx, fy - weight * s), spans, -1.0)
 
-    # Were the span not bent by its weight, and with the tension on the cylinder: a little less than it is.
-    usual = np.sqrt(stiffness / radius**2 * (on + 0.25 * stiffness / radius**2))
-    shear = brentq(lambda q: above(q).y[3, -1] - weight / np.hypot(*pull(q)), usual, 1.3 * usual, xtol=1e-20)
+    # The shear of a span that is not bent by its weight, with the tension on the cylinder: a lower bound.
+    least = np.sqrt(stiffness / radius**2 * (on + 0.25 * stiffness / radius**2))
+    shear = brentq(lambda q: above(q).y[3, -1] - weight / np.hypot(*pull(q)), least, 1.3 * least, xtol=1e-20)
     before = np.arange(0, spans, spacing)[::-1]
     angles = np.arange(lies_to, start, -spacing / radius)[1:]
     parts = [

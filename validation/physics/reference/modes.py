@@ -3,17 +3,19 @@
 import numpy as np
 from scipy.linalg import eigh
 
+from ..arrays import FloatArray
 from .spectral import clamped, gauss
 
 MODES = 16
-"""Degree of the polynomials per direction."""
+"""Number of polynomials in each direction."""
 
 
-def frequencies(count: int, ratio: float = 1.0, turn: float = 0.0) -> np.ndarray:
-    """The lowest `count` angular frequencies, in √(EI1/ρSL⁴), of a rod with EI2 = ratio · EI1 whose section turns by `turn`
-    radians from root to tip (a pre-twisted rod). EI1 is the bending stiffness about d1, against displacement along d2.
+def frequencies(count: int, ratio: float = 1.0, turn: float = 0.0) -> FloatArray:
+    """The lowest `count` angular frequencies of a pre-twisted rod, in √(EI1/ρSL⁴).
 
-    Small bending is (D u'')'' = ω² u with D turning along the rod; twist decouples. Sections without rotary inertia.
+    EI2 = `ratio` · EI1, and the section turns by `turn` radians from root to tip. EI1 is the bending
+    stiffness about d1, against displacement along d2. Small bending obeys (D u'')'' = ω² u with D turning
+    along the rod; twist decouples. Sections have no rotary inertia.
     """
     s, w = gauss(3 * MODES)
     value, _, bend = clamped(s, MODES, 2)
@@ -22,4 +24,5 @@ def frequencies(count: int, ratio: float = 1.0, turn: float = 0.0) -> np.ndarray
     stiff = [[d * d + ratio * c * c, (ratio - 1) * c * d], [(ratio - 1) * c * d, c * c + ratio * d * d]]
     k = np.block([[(bend * (w * e)) @ bend.T for e in row] for row in stiff])
     m = np.kron(np.eye(2), (value * w) @ value.T)
-    return np.sqrt(eigh(k, m, eigvals_only=True, subset_by_index=[0, count - 1]))
+    squares: FloatArray = eigh(k, m, eigvals_only=True, subset_by_index=[0, count - 1])
+    return np.sqrt(squares)

@@ -1,23 +1,24 @@
-"""When a planar equilibrium buckles out of its plane."""
+"""Loss of stability of planar equilibria out of their plane."""
 
 import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
+from ..arrays import FloatArray
 from .planar import DOWN, HORIZONTAL, Shape, equilibrium
 from .spectral import clamped, gauss
 
 MODES = 24
-"""Degree of the polynomials that turn the sections."""
+"""Number of polynomials for each rotation."""
 
 
 def margin(shape: Shape, gamma: float, natural: float, out_of_plane: float, torsion: float) -> float:
-    """Lowest eigenvalue of the second variation of the energy of `shape` against turns φ = φ1 d1 + φ3 d3 of its sections
-    out of the plane; positive: stable. Stiffnesses are in the in-plane EI; d1 is the normal in the plane, d3 the
-    tangent.
+    """Lowest eigenvalue of the second variation of the energy of `shape` for rotations out of the plane.
 
-    With k the curvature, k̄ the natural one and w = Γ(1 − s), expanding R exp(φ) to second order gives
-    ½B1(φ1' + kφ3)² + ½C(φ3' − kφ1)² − ½(k − k̄)(k(φ1² + φ3²) + φ3φ1' − φ1φ3') + ½w(cos θ φ1φ3 − sin θ φ1²).
+    Positive: stable. Sections turn by φ = φ1 d1 + φ3 d3, with d1 the normal in the plane and d3 the tangent.
+    Stiffnesses are in the in-plane EI. With the curvature k, the natural one k̄ and w = Γ(1 − s), expansion
+    of R exp(φ) to second order gives ½B1(φ1' + kφ3)² + ½C(φ3' − kφ1)² − ½(k − k̄)(k(φ1² + φ3²) + φ3φ1' −
+    φ1φ3') + ½w(cos θ φ1φ3 − sin θ φ1²).
     """
     s, weight = gauss(4 * MODES)
     basis, slope, _ = clamped(s, MODES, 1)
@@ -27,9 +28,9 @@ def margin(shape: Shape, gamma: float, natural: float, out_of_plane: float, tors
     f1, f3 = np.vstack([basis, zero]), np.vstack([zero, basis])
     d1, d3 = np.vstack([slope, zero]), np.vstack([zero, slope])
 
-    def form(a, b, factor):
+    def form(a: FloatArray, b: FloatArray, factor: FloatArray | float) -> FloatArray:
         """The symmetric matrix of ∫ factor a b ds."""
-        m = (a * (factor * weight)) @ b.T
+        m: FloatArray = (a * (factor * weight)) @ b.T
         return 0.5 * (m + m.T)
 
     bend, twist, moment = d1 + k * f3, d3 - k * f1, k - natural
@@ -41,28 +42,31 @@ def margin(shape: Shape, gamma: float, natural: float, out_of_plane: float, tors
 
 
 def critical_natural_curvature(gamma: float, torsion: float) -> float:
-    """Smallest natural curvature, in 1/L, at which a rod (EI1 = EI2) of weight Γ = ρSgL³/EI that hangs from its clamp, in
-    the plane, ceases to be stable (Miller, Lazarus, Audoly & Reis 2014).
+    """Smallest natural curvature, 1/L, at which a hanging rod (EI1 = EI2) loses stability in its plane.
+
+    Γ = ρSgL³/EI is its weight (Miller, Lazarus, Audoly and Reis 2014).
     """
 
     def at(natural: float) -> float:
         return margin(equilibrium(gamma, DOWN, natural), gamma, natural, 1.0, torsion)
 
-    # Buckling is a matter of the last stretch that weighs little against its stiffness, (EI/ρSg)^⅓.
+    # The last stretch, of length (EI/ρSg)^⅓, buckles: its weight is small against its stiffness.
     step = 0.25 * gamma ** (1 / 3)
     natural = 4 * step
     while at(natural) > 0:
         natural += step
-    return brentq(at, natural - step, natural, xtol=1e-4)
+    return float(brentq(at, natural - step, natural, xtol=1e-4))
 
 
 def critical_weight(out_of_plane: float, torsion: float) -> float:
-    """Smallest weight Γ, by the in-plane EI, at which a straight rod held out horizontally falls over sideways. The
-    stiffnesses are in the in-plane EI. Prandtl's Γ = 12.85 √(out_of_plane torsion) is the limit of both going to 0.
+    """Smallest weight Γ at which a straight rod held out horizontally falls over sideways.
+
+    Weight and stiffnesses are relative to the in-plane EI. Prandtl's Γ = 12.85 √(out_of_plane torsion) is the
+    limit for both tending to 0.
     """
 
     def at(gamma: float) -> float:
         return margin(equilibrium(gamma, HORIZONTAL), gamma, 0.0, out_of_plane, torsion)
 
     estimate = 12.85 * np.sqrt(out_of_plane * torsion)
-    return brentq(at, 0.5 * estimate, 2.0 * estimate, xtol=1e-8 * estimate)
+    return float(brentq(at, 0.5 * estimate, 2.0 * estimate, xtol=1e-8 * estimate))

@@ -9,17 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
-from physics import motion
+from physics.program import Hairbake
 from physics.reference import planar
-from physics.scene import HORIZONTAL, Hairbake, Rod, Scene, Strand
+from physics.scene import HORIZONTAL, Rod, Scene, Strand
 from physics.study import AT_REST
+from physics.whip import shake, shaken
 
 from . import task
 
 
 @dataclass(frozen=True)
 class HairbakeRods:
-    """hairbake at some number of nodes and sub-steps a frame."""
+    """hairbake with a number of elements and substeps."""
 
     binary: Path
     elements: int
@@ -30,17 +31,17 @@ class HairbakeRods:
     damping = task.DAMPING
 
     def scene(self, rods: int, frames: int) -> Scene:
-        """Naturally straight rods, drawn as they sag."""
-        rod = Rod(damping=task.DAMPING, length=task.LENGTH, natural=(0.0, 0.0, 0.0)).weighing(task.GAMMA)
-        drawn = planar.equilibrium(task.GAMMA).at(np.linspace(0, 1, 65))[4:] * task.LENGTH
-        strand = Strand(rod, np.vstack([drawn, np.zeros(65)]).T, HORIZONTAL)
+        """Naturally straight rods, drawn in their sagged shape."""
+        rod = Rod(damping=task.DAMPING, length=task.LENGTH, natural=(0.0, 0.0, 0.0)).with_weight(task.GAMMA)
+        sagged = planar.equilibrium(task.GAMMA).at(np.linspace(0, 1, 65))[4:] * task.LENGTH
+        strand = Strand(rod, np.vstack([sagged, np.zeros(65)]).T, HORIZONTAL)
         return Scene(
             [strand] * rods,
             nodes=self.elements + 1,
             fps=task.FPS,
             substeps=self.substeps,
             frames=frames,
-            motion=motion.shaken,
+            motion=shaken,
             settings={"scheme": "bdf2"},
         )
 
@@ -49,13 +50,14 @@ class HairbakeRods:
         program = Hairbake(self.binary)
         scene = self.scene(1, task.FRAMES)
         still = replace(scene, motion=None, **AT_REST)
-        tips = program.bake(scene).points[0][1 : task.FRAMES + 1, -1, :2]
-        tips = tips - [[motion.shake(t / task.FPS)[0], 0.0] for t in range(1, task.FRAMES + 1)]
+        clamp = np.array([[shake(t / task.FPS)[0], 0.0] for t in range(1, task.FRAMES + 1)])
+        tips = program.bake(scene).points[0][1 : task.FRAMES + 1, -1, :2] - clamp
         return task.accuracy(program.tips(still)[0, :2], tips, self.damping)
 
     def seconds(self) -> float:
-        """CPU seconds a frame for all rods on one thread: a bake of the whole second less one of a frame, so that start-up falls
-        out; the writing of the cache stays in.
+        """CPU seconds per frame for all rods on one thread.
+
+        A bake of the whole second less one of two frames: start-up cancels, writing the cache does not.
         """
         return (self._cpu(task.FRAMES) - self._cpu(2)) / (task.FRAMES - 2)
 
@@ -66,8 +68,8 @@ class HairbakeRods:
             groom.write_text(json.dumps(scene.groom()))
             anim.write_text(json.dumps(scene.anim(np.zeros(3))))
             command = [self.binary, "--quiet", "--threads", "1", groom, anim, "-o", Path(folder, "out")]
-            child = subprocess.Popen([str(c) for c in command])
+            child = subprocess.Popen([str(part) for part in command])
             _, status, usage = os.wait4(child.pid, 0)
             if status:
-                raise RuntimeError("hairbake failed")
+                raise RuntimeError(f"hairbake failed with status {status}")
             return usage.ru_utime + usage.ru_stime

@@ -1,0 +1,70 @@
+"""Defects of the motion: velocities and jumps."""
+
+from collections.abc import Callable
+
+import numpy as np
+from pxr import Sdf
+
+from hairbake_validate.geometry import Array, FloatArray
+from validator.defects import MIDDLE, defect, move_points, turned
+from validator.good_cache import CURVES, FPS, HAIR, POINTS, SHUTTER, CacheBuilder
+
+
+def replace_by(value: Array) -> Callable[[Array], Array]:
+    return lambda _: value
+
+
+def scale_velocities(cache: CacheBuilder, factor: float | Array) -> None:
+    for frame in range(1000, 1008):
+        cache.edit_array(frame, f"{HAIR}.velocities", lambda velocities: velocities * np.float32(factor))
+
+
+@defect("velocities", "curve_velocities", "sub_frames")
+def velocities_per_frame(cache: CacheBuilder) -> None:
+    scale_velocities(cache, 1 / FPS)
+
+
+@defect("velocities", "curve_velocities", "sub_frames")
+def reversed_velocities(cache: CacheBuilder) -> None:
+    scale_velocities(cache, -1)
+
+
+@defect("velocities", "curve_velocities", "sub_frames")
+def velocities_in_centimetres(cache: CacheBuilder) -> None:
+    scale_velocities(cache, 100)
+
+
+@defect("velocities", "curve_velocities", "sub_frames")
+def velocities_of_the_neighbouring_frame(cache: CacheBuilder) -> None:
+    def velocities(frame: int) -> Array:
+        layer = Sdf.Layer.OpenAsAnonymous(str(cache.frame(frame)))
+        return np.array(layer.QueryTimeSample(f"{HAIR}.velocities", float(frame)))
+
+    for frame, value in [(frame, velocities(frame - 1)) for frame in range(1001, 1008)]:
+        cache.edit_array(frame, f"{HAIR}.velocities", replace_by(value))
+
+
+@defect("curve_velocities")
+def reversed_velocities_of_one_curve_in_twelve(cache: CacheBuilder) -> None:
+    scale_velocities(cache, np.repeat(np.where(np.arange(CURVES) == 7, -1, 1), POINTS)[:, None])
+
+
+@defect("sub_frames")
+def reversed_velocities_of_one_sample(cache: CacheBuilder) -> None:
+    cache.edit_array(MIDDLE, f"{HAIR}.velocities", lambda velocities: -velocities, after=SHUTTER)
+
+
+def swing_one_curve(curves: FloatArray) -> FloatArray:
+    curves[7] = turned(curves[7], np.array([0, 1.0, 0]), 0.6)
+    return curves
+
+
+@defect("spikes", "curve_velocities")
+def one_frame_jump(cache: CacheBuilder) -> None:
+    move_points(cache, MIDDLE, HAIR, swing_one_curve)
+
+
+@defect("spikes")
+def jump_that_stays(cache: CacheBuilder) -> None:
+    for frame in range(MIDDLE, 1008):
+        move_points(cache, frame, HAIR, swing_one_curve)
