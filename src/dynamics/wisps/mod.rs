@@ -12,7 +12,7 @@ use crate::contact::Memory;
 use crate::math::lanes::MAX_LANES;
 use crate::rod::Rod;
 use crate::rod::pack::{Pack, PackBuffers, PointsTask};
-use crate::wisp::Hierarchy;
+use crate::wisp::{Deflection, Hierarchy};
 use keep_out::Moment;
 use modal_correction::{Agreement, ModalCorrection};
 use nalgebra::Vector3;
@@ -46,9 +46,9 @@ pub(super) struct Wisps {
     memory: Vec<Memory>,
     /// Unknowns of each guide that follows at the end of the last frame, as [`Guide::q`].
     earlier: Vec<[Vec<f64>; 3]>,
-    /// Which guides lead others, and how they were turned at the end of the last frame.
+    /// Which guides lead others, and their deflections at the end of the last frame.
     leads: Vec<bool>,
-    turning: Vec<Turning>,
+    deflections: Vec<Deflection>,
     /// How all of them would swing; none before wisps are gathered.
     swings: ModalCorrection,
 }
@@ -99,26 +99,11 @@ pub struct Changes {
 }
 
 /// Three moments: now, and one and two sub-steps ago.
-const BACK: [usize; 3] = [0, 1, 2];
-
-/// Turning of a guide out of its rest at each node, three numbers each, per share of its length, as seen in rest space, rad: now, then one and two sub-steps
-/// ago; then the ways of its nodes but the root by that now, to first order, as shares of its length. Those of guides of any length and shape can be averaged.
-type Turning = Vec<f64>;
-
-/// The turning `back` sub-steps ago.
-fn moment(turning: &[f64], back: usize) -> &[f64] {
-    let n = turning.len() / (BACK.len() + 1);
-    &turning[back * n..][..n]
-}
-
-/// The ways.
-fn ways(turning: &[f64]) -> &[f64] {
-    moment(turning, BACK.len())
-}
+const BACK: [usize; Deflection::MOMENTS] = [0, 1, 2];
 
 /// The vector of each node.
-fn vectors(turning: &[f64]) -> impl Iterator<Item = Vector3<f64>> {
-    turning.chunks_exact(3).map(Vector3::from_column_slice)
+fn vectors(numbers: &[f64]) -> impl Iterator<Item = Vector3<f64>> {
+    numbers.chunks_exact(3).map(Vector3::from_column_slice)
 }
 
 /// Workspace of a thread in which guides follow.
@@ -132,13 +117,13 @@ struct Workspace {
     keep_out: keep_out::Work,
 }
 
-/// Means of what leads a guide.
+/// Weighted means over the leaders of a guide.
 #[derive(Default)]
 struct Means {
-    /// How they are turned.
-    turned: Turning,
-    /// How they swing.
-    swung: Turning,
+    /// Of their deflections.
+    deflection: Deflection,
+    /// Of their modal responses.
+    modal: Deflection,
 }
 
 /// A guide that follows.
@@ -167,7 +152,7 @@ impl Wisps {
         Wisps {
             hierarchy,
             leads,
-            turning: vec![Turning::default(); guides],
+            deflections: vec![Deflection::default(); guides],
             parting,
             h,
             frame,
@@ -256,9 +241,9 @@ impl Wisps {
     /// Asks the leaders of guide `i`, whose means are given, how much their swings tell.
     fn ask(&self, i: usize, means: &Means, agreement: &mut Agreement) {
         let leader =
-            |(j, share): &(usize, f64)| (share.abs(), &self.turning[*j][..], self.swings.turning(*j));
+            |(j, share): &(usize, f64)| (share.abs(), &self.deflections[*j], self.swings.deflection(*j));
         let leaders = self.hierarchy.leaders[i].iter().map(leader);
-        agreement.learn(self.frame, leaders, self.swings.turning(i), means);
+        agreement.learn(self.frame, leaders, self.swings.deflection(i), means);
     }
 
     /// Moves what follows of a level to where it is at the end of the frame from time `t[0]` to `t[1]`, s. What comes away there does so at the frame's start,
@@ -284,10 +269,10 @@ impl Wisps {
 
     /// Notes how what leads others is turned, of a level.
     pub fn note(&mut self, level: u32, guides: &[Guide]) {
-        let leading = self.turning.par_iter_mut().zip(guides).enumerate();
+        let leading = self.deflections.par_iter_mut().zip(guides).enumerate();
         leading
             .filter(|(i, _)| self.hierarchy.level[*i] == level && self.leads[*i])
-            .for_each(|(i, (turning, guide))| self.rest[i].turn(guide, turning));
+            .for_each(|(i, (deflection, guide))| self.rest[i].deflection(guide, deflection));
     }
 
     /// Lets guides that move by themselves follow, at time `t`, s, once all levels are noted; returns how many begin to.
@@ -355,7 +340,7 @@ impl Wisps {
             self.ask(*i, &work.means, &mut follower.agreement);
             self.swing_on(*i, follower.agreement.share(), &mut work.means);
             for (back, q) in guide.q.iter_mut().enumerate() {
-                self.rest[*i].unknowns(&guide.rod, moment(&work.means.turned, back), q);
+                self.rest[*i].unknowns(&guide.rod, work.means.deflection.strain(back), q);
                 follower.add_own(now.time() - back as f64 * self.h, q);
             }
         }
@@ -402,49 +387,44 @@ impl Wisps {
     }
 
     /// Sets `means` to those of the leaders of guide `i`.
-    fn average(&self, i: usize, Means { turned, swung }: &mut Means) {
-        for mean in [&mut *turned, swung] {
-            mean.clear();
-            mean.resize(self.swings.turning(i).len(), 0.0);
-        }
+    fn average(&self, i: usize, Means { deflection, modal }: &mut Means) {
+        let own = self.swings.deflection(i);
+        deflection.reset_like(own);
+        modal.reset_like(own);
         for (leader, share) in &self.hierarchy.leaders[i] {
-            let add = |mean: &mut [f64], of: &[f64]| {
-                mean.iter_mut().zip(of).for_each(|(mean, of)| *mean += share * of)
-            };
-            add(turned, &self.turning[*leader]);
-            add(swung, self.swings.turning(*leader));
+            deflection.add_scaled(*share, &self.deflections[*leader]);
+            modal.add_scaled(*share, self.swings.deflection(*leader));
         }
     }
 
     /// Adds `nu` times by how much guide `i` swings otherwise than its leaders.
-    fn swing_on(&self, i: usize, nu: f64, Means { turned, swung }: &mut Means) {
-        let otherwise = self.swings.turning(i).iter().zip(swung);
-        turned.iter_mut().zip(otherwise).for_each(|(turned, (own, led))| *turned += nu * (own - *led));
+    fn swing_on(&self, i: usize, nu: f64, Means { deflection, modal }: &mut Means) {
+        deflection.add_scaled_difference(nu, self.swings.deflection(i), modal);
     }
 
     /// How guide `i` is and was led to be turned.
-    fn led(&self, i: usize) -> Turning {
+    fn led(&self, i: usize) -> Deflection {
         let mut means = Means::default();
         self.average(i, &mut means);
         self.swing_on(i, self.followers[i].agreement.share(), &mut means);
-        means.turned
+        means.deflection
     }
 
     /// Speed of guide `i`, which moves by itself, as seen from where its leaders would move it, as a share of its length, 1/s.
     fn speed(&self, i: usize, guide: &Guide) -> f64 {
-        let (led, mut own) = (self.led(i), Turning::new());
-        self.rest[i].turn(guide, &mut own);
-        let rate = |n: usize| slope(BACK.map(|back| moment(&own, back)[n] - moment(&led, back)[n]), self.h);
-        let rates: Vec<f64> = (0..moment(&led, 0).len()).map(rate).collect();
+        let (led, mut own) = (self.led(i), Deflection::default());
+        self.rest[i].deflection(guide, &mut own);
+        let rate = |n: usize| slope(BACK.map(|back| own.strain(back)[n] - led.strain(back)[n]), self.h);
+        let rates: Vec<f64> = (0..led.strain(0).len()).map(rate).collect();
         self.rest[i].reach.mean_displacement(vectors(&rates))
     }
 
     /// What guide `i` is when it begins to follow at time `t`, s.
     fn joined(&self, i: usize, guide: &Guide, t: f64) -> Follower {
-        let turned = self.led(i);
+        let deflection = self.led(i);
         let led = BACK.map(|back| {
             let mut q = Vec::new();
-            self.rest[i].unknowns(&guide.rod, moment(&turned, back), &mut q);
+            self.rest[i].unknowns(&guide.rod, deflection.strain(back), &mut q);
             q
         });
         let own = |n: usize| BACK.map(|back| guide.q[back][n] - led[back][n]);
@@ -471,15 +451,17 @@ impl Wisps {
         self.average(i, &mut means);
         let reach = &self.rest[i].reach;
         if self.hierarchy.leaders[i].len() == 1 {
-            return reach.mean_displacement(vectors(moment(&means.turned, 0)));
+            return reach.mean_displacement(means.deflection.strain_vectors(0));
         }
         let nu = self.followers[i].agreement.share();
         let square = |&(leader, share): &(usize, f64)| {
-            let apart =
-                |of, mean| vectors(moment(of, 0)).zip(vectors(moment(mean, 0))).map(|(of, mean)| of - mean);
-            let turned = apart(&self.turning[leader][..], &means.turned[..]);
-            let swung = apart(self.swings.turning(leader), &means.swung);
-            let way = reach.mean_displacement(turned.zip(swung).map(|(turned, swung)| turned - nu * swung));
+            let difference = |of: &Deflection, mean: &Deflection| {
+                let vectors = of.strain_vectors(0).zip(mean.strain_vectors(0));
+                vectors.map(|(of, mean)| of - mean).collect::<Vec<_>>()
+            };
+            let own = difference(&self.deflections[leader], &means.deflection);
+            let modal = difference(self.swings.deflection(leader), &means.modal);
+            let way = reach.mean_displacement(own.iter().zip(&modal).map(|(own, modal)| own - nu * modal));
             share.abs() * way * way
         };
         self.hierarchy.leaders[i].iter().map(square).sum::<f64>().sqrt()

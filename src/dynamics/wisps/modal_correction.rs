@@ -1,10 +1,10 @@
 //! By how much guides that follow swing otherwise than those that lead them, as far as these differ from each other as they swing (`docs/theory.md` eqs. 8.3 to
 //! 8.5).
 
-use super::{Environment, Means, Rest, ways};
+use super::{Environment, Means, Rest};
 use crate::dynamics::checkpoint::StateMismatch;
 use crate::dynamics::guide::Guide;
-use crate::wisp::{HeadExcitation, ModalResponse, ModeState};
+use crate::wisp::{Deflection, HeadExcitation, ModalResponse, ModeState};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -51,16 +51,19 @@ impl Agreement {
     pub fn learn<'a>(
         &mut self,
         frame: f64,
-        leaders: impl Iterator<Item = (f64, &'a [f64], &'a [f64])>,
-        own: &[f64],
+        leaders: impl Iterator<Item = (f64, &'a Deflection, &'a Deflection)>,
+        own: &Deflection,
         means: &Means,
     ) {
         let kept = (-frame / WINDOW).exp();
         (self.told, self.asked) = (kept * self.told, kept * self.asked);
-        let apart = |of, mean| ways(of).iter().zip(ways(mean)).map(|(of, mean)| of - mean);
-        self.asked += DOUBT * apart(own, &means.swung).map(|way| way * way).sum::<f64>();
+        let apart = |of: &Deflection, mean: &Deflection| {
+            let numbers = of.displacement().iter().zip(mean.displacement());
+            numbers.map(|(of, mean)| of - mean).collect::<Vec<f64>>()
+        };
+        self.asked += DOUBT * apart(own, &means.modal).iter().map(|x| x * x).sum::<f64>();
         for (share, turned, swung) in leaders {
-            for (told, asked) in apart(turned, &means.turned).zip(apart(swung, &means.swung)) {
+            for (told, asked) in apart(turned, &means.deflection).iter().zip(&apart(swung, &means.modal)) {
                 self.told += share * told * asked;
                 self.asked += share * asked * asked;
             }
@@ -96,9 +99,9 @@ impl ModalCorrection {
         self.swings.par_iter_mut().for_each(|swing| swing.advance(&shakes, h));
     }
 
-    /// How guide `j` swings, as [`Turning`](super::Turning).
-    pub fn turning(&self, j: usize) -> &[f64] {
-        &self.swings[j].turning
+    /// The modal response of guide `j`.
+    pub fn deflection(&self, j: usize) -> &Deflection {
+        self.swings[j].deflection()
     }
 }
 
@@ -136,20 +139,23 @@ impl ModalCorrection {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::wisp::LinearKinematics;
 
     /// ν after a while in which two leaders are turned `turned` and swing `swung` to either side of their mean, and the guide itself swings `own` beside it.
     fn share(turned: f64, swung: f64, own: f64) -> f64 {
-        // Two nodes that turn about x alike, at three moments, and go along z.
-        let turning = |mean: f64, by: f64| {
-            let (turned, way) = (mean + by, [0.0, 0.0, mean + by]);
-            [[turned, 0.0, 0.0].repeat(6), way.to_vec(), way.map(|way| 3.0 * way).to_vec()].concat()
+        // Two nodes with equal strain about x at three moments, of a straight guide along y.
+        let kinematics = LinearKinematics::new(&[0.0, 1.0, 2.0].map(|y| Vector3::y() * y), &[0.0, 1.0, 2.0]);
+        let bent = |mean: f64, by: f64| {
+            let mut deflection = Deflection::default();
+            deflection.set(std::iter::repeat_n(Vector3::x() * (mean + by), 6), &kinematics);
+            deflection
         };
-        let leaders = [1.0, -1.0].map(|side| (0.5, turning(3.0, side * turned), turning(2.0, side * swung)));
-        let means = Means { turned: turning(3.0, 0.0), swung: turning(2.0, 0.0) };
+        let leaders = [1.0, -1.0].map(|side| (0.5, bent(3.0, side * turned), bent(2.0, side * swung)));
+        let means = Means { deflection: bent(3.0, 0.0), modal: bent(2.0, 0.0) };
         let mut agreement = Agreement::default();
         for _ in 0..48 {
-            let leaders = leaders.iter().map(|(share, turned, swung)| (*share, &turned[..], &swung[..]));
-            agreement.learn(1.0 / 24.0, leaders, &turning(2.0, own), &means);
+            let leaders = leaders.iter().map(|(share, turned, swung)| (*share, turned, swung));
+            agreement.learn(1.0 / 24.0, leaders, &bent(2.0, own), &means);
         }
         agreement.share()
     }

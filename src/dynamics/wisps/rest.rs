@@ -1,9 +1,9 @@
 //! How guides rest, and how they are turned out of that.
 
-use super::{Turning, keep_out, vectors};
+use super::{keep_out, vectors};
 use crate::dynamics::guide::Guide;
 use crate::rod::{Rod, RodShape};
-use crate::wisp::LinearKinematics;
+use crate::wisp::{Deflection, LinearKinematics};
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::sync::OnceLock;
@@ -52,26 +52,23 @@ impl Rest {
         })
     }
 
-    /// How `guide` is and was turned.
-    pub fn turn(&self, guide: &Guide, turning: &mut Turning) {
-        turning.clear();
-        for q in &guide.q {
+    /// Sets `deflection` to that of `guide`.
+    pub fn deflection(&self, guide: &Guide, deflection: &mut Deflection) {
+        let strain = guide.q.iter().flat_map(|q| {
             let at_rest = self.settled.q.chunks_exact(3).zip(&self.frame);
-            for (q, (rest, frame)) in q.chunks_exact(3).zip(at_rest) {
+            q.chunks_exact(3).zip(at_rest).map(|(q, (rest, frame))| {
                 let deviation = Vector3::from_column_slice(q) - Vector3::from_column_slice(rest);
-                turning.extend_from_slice((frame * deviation * guide.rod.length()).as_slice());
-            }
-        }
-        let now = vectors(&turning[..self.settled.q.len()]);
-        let ways: Vec<_> = self.reach.displacements(now).map(|(way, _)| way).collect();
-        ways.iter().for_each(|way| turning.extend_from_slice(way.as_slice()));
+                frame * deviation * guide.rod.length()
+            })
+        });
+        deflection.set(strain, &self.reach);
     }
 
-    /// Sets unknowns `q` to those of a guide that is turned so, 1/m.
-    pub fn unknowns(&self, rod: &Rod, turned: &[f64], q: &mut Vec<f64>) {
+    /// Sets `q` to the unknowns, 1/m, of a guide with the normalised strain `strain`.
+    pub fn unknowns(&self, rod: &Rod, strain: &[f64], q: &mut Vec<f64>) {
         q.clone_from(&self.settled.q);
-        for ((q, turned), frame) in q.chunks_exact_mut(3).zip(vectors(turned)).zip(&self.frame) {
-            let deviation = frame.tr_mul(&turned) / rod.length();
+        for ((q, strain), frame) in q.chunks_exact_mut(3).zip(vectors(strain)).zip(&self.frame) {
+            let deviation = frame.tr_mul(&strain) / rod.length();
             q.iter_mut().zip(&deviation).for_each(|(q, more)| *q += more);
         }
     }

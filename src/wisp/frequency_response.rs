@@ -1,67 +1,70 @@
-//! How guides answer small motions of the head: hair that answers alike moves alike.
+//! Frequency response of guides to small motions of the head: guides that respond alike move alike.
 
-use super::GuideRod;
-use super::linear::Linear;
+use super::guide_rod::GuideRod;
+use super::linear_model::LinearModel;
 use nalgebra::{Complex, DMatrix, Vector3};
 use std::f64::consts::TAU;
 
-/// Frequencies at which the head is thought to move, Hz: what heads do, and what hair does.
+/// Frequencies of the response, Hz: the range of head motion and of swinging hair.
 const FREQUENCIES: [f64; 4] = [1.0, 2.0, 3.5, 6.0];
 
 const G: f64 = 9.81;
 
-/// How roots lie, to measure turns of the head by.
+/// Extent of the roots, which scales rotations of the head.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Scalp {
+pub(super) struct RootExtent {
+    /// Mean of the roots, m, rest space.
     centre: Vector3<f64>,
     /// Root mean square of their distances from it, m.
     radius: f64,
 }
 
-impl Scalp {
+impl RootExtent {
     pub fn new(rods: &[GuideRod]) -> Self {
         let roots = || rods.iter().map(|r| r.rod.root.p);
         let centre = roots().sum::<Vector3<f64>>() / rods.len().max(1) as f64;
         let square = roots().map(|p| (p - centre).norm_squared()).sum::<f64>() / rods.len().max(1) as f64;
-        Scalp { centre, radius: square.sqrt() }
+        RootExtent { centre, radius: square.sqrt() }
     }
 }
 
-/// How guide `r`, with `drag` at its points, N·s/m², in the groom's pose and pulled by `pull`, m/s², turns at its nodes as the head is accelerated by g back
-/// and forth along each axis and about each, at each frequency: real and imaginary parts one after the other, in rest space, per share of its length, rad.
-pub(super) fn response(
+/// Frequency response of guide `r` in the groom's pose (`docs/theory.md` eq. 8.2) to harmonic accelerations
+/// of amplitude g along each axis and about each axis, at each of [`FREQUENCIES`]. Real and imaginary parts
+/// are separate entries, each the normalised strain of the nodes. `drag` holds the drag coefficients at the
+/// points of the rod, N·s/m²; `gravity`, m/s², is in rest space.
+pub(super) fn frequency_response(
     r: &GuideRod,
     drag: &[f64],
-    pull: &Vector3<f64>,
-    scalp: &Scalp,
+    gravity: &Vector3<f64>,
+    roots: &RootExtent,
 ) -> Vec<Vec<Vector3<f64>>> {
-    let linear = Linear::new(&r.rod, &r.rod.initial_q, drag, pull);
+    let linear = LinearModel::new(&r.rod, &r.rod.initial_q, drag, gravity);
     let n = linear.unknowns();
-    let shaken = |k: usize| {
+    let excitation = |k: usize| {
         let axis = Vector3::ith(k % 3, G);
-        linear.forces(|x, mass, _| match k {
+        linear.generalised_force(|x, mass, _| match k {
             0..3 => axis * mass,
-            _ => axis.cross(&(x - scalp.centre)) * (mass / scalp.radius.max(f64::MIN_POSITIVE)),
+            _ => axis.cross(&(x - roots.centre)) * (mass / roots.radius.max(f64::MIN_POSITIVE)),
         })
     };
-    let forces: Vec<Vec<f64>> = (0..6).map(shaken).collect();
+    let forces: Vec<Vec<f64>> = (0..6).map(excitation).collect();
     let forces = DMatrix::from_fn(n, forces.len(), |i, k| Complex::from(forces[k][i]));
-    let mut answers = Vec::new();
+    let mut responses = Vec::new();
     for frequency in FREQUENCIES {
         let omega = TAU * frequency;
         let system = DMatrix::from_fn(n, n, |i, j| {
             let at = i * n + j;
             Complex::new(linear.stiffness[at] - omega * omega * linear.mass[at], omega * linear.damping[at])
         });
-        // Where nothing damps what is shaken in step with itself there is no answer.
+        // An undamped resonance has no response.
         let q = system.lu().solve(&forces).unwrap_or_else(|| DMatrix::zeros(n, forces.ncols()));
         for column in q.column_iter() {
             for part in [|c: &Complex<f64>| c.re, |c: &Complex<f64>| c.im] {
-                answers.push(linear.turning(&column.iter().map(part).collect::<Vec<_>>()));
+                responses.push(linear.normalised_strain(&column.iter().map(part).collect::<Vec<_>>()));
             }
         }
     }
-    answers
+    responses
 }
 
 #[cfg(test)]
@@ -69,12 +72,12 @@ mod tests {
     use super::*;
     use crate::rod::{Rod, RodSource, SegmentSize, Taper};
     use crate::scene::{Material, Tree};
-    use crate::wisp::LinearKinematics;
+    use crate::wisp::linear_kinematics::LinearKinematics;
 
     #[test]
-    fn stiff_hair_bends_as_a_beam_does_that_its_weight_pulls_aside() {
+    fn stiff_hair_responds_as_a_beam_under_its_weight() {
         let (length, stiffness, density) = (0.05, 1e-6, 6.6e-6);
-        // A turn is taken from the node before it, to first order in their spacing.
+        // The error is of first order in the spacing of the nodes.
         let arc = Tree::default_arc(49);
         let rod = Rod::new(&RodSource {
             points: &[Vector3::zeros(), Vector3::y() * -length],
@@ -89,18 +92,18 @@ mod tests {
         })
         .unwrap();
         let drag = vec![0.0; rod.points()];
-        let places: Vec<_> = arc.iter().map(|s| Vector3::y() * (-length * s)).collect();
-        let reach = LinearKinematics::new(&places, &rod.nodes);
+        let nodes: Vec<_> = arc.iter().map(|s| Vector3::y() * (-length * s)).collect();
+        let kinematics = LinearKinematics::new(&nodes, &rod.nodes);
         let guide = GuideRod { guide: 0, leaf: (0, 0), hairs: 1.0, material: Material::default(), rod };
-        let answers =
-            response(&guide, &drag, &Vector3::zeros(), &Scalp { centre: Vector3::zeros(), radius: 0.1 });
-        assert_eq!(answers.len(), 12 * FREQUENCIES.len());
-        // Slowly accelerated along x, the real part: w L⁴/(8 E I) at the tip.
-        let (tip, _) = reach.displacements(answers[0].iter().copied()).last().unwrap();
+        let roots = RootExtent { centre: Vector3::zeros(), radius: 0.1 };
+        let responses = frequency_response(&guide, &drag, &Vector3::zeros(), &roots);
+        assert_eq!(responses.len(), 12 * FREQUENCIES.len());
+        // Real part at the lowest frequency along x: w L⁴/(8 E I) at the tip.
+        let (tip, _) = kinematics.displacements(responses[0].iter().copied()).last().unwrap();
         let beam = density * G * length.powi(3) / (8.0 * stiffness);
         assert!((tip.norm() / beam - 1.0).abs() < 0.05 && tip.x > 0.99 * tip.norm(), "{tip} {beam}");
-        // Along itself it cannot be bent.
-        let (along, _) = reach.displacements(answers[2].iter().copied()).last().unwrap();
+        // Acceleration along the rod bends nothing.
+        let (along, _) = kinematics.displacements(responses[2].iter().copied()).last().unwrap();
         assert!(along.norm() < 1e-9, "{along}");
     }
 }

@@ -1,0 +1,231 @@
+//! The modal response of a guide to the motion of the head: its slowest linear modes, integrated in time.
+
+use super::deflection::Deflection;
+use super::head_excitation::HeadExcitation;
+use super::linear_kinematics::LinearKinematics;
+use super::linear_model::LinearModel;
+use crate::math::cholesky;
+use crate::rod::Rod;
+use nalgebra::{DMatrix, SymmetricEigen, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Number of modes, the slowest: about two per order.
+const MODES: usize = 6;
+
+const G: f64 = 9.81;
+
+/// Response of a guide to the motion of the head in its slowest modes (`docs/theory.md` §8.2).
+#[derive(Debug, Clone, Default)]
+pub struct ModalResponse {
+    modes: Vec<Mode>,
+    states: Vec<ModeState>,
+    deflection: Deflection,
+}
+
+/// z̈ + c ż + ω² z = f.
+#[derive(Debug, Clone)]
+struct Mode {
+    /// Normalised strain of the nodes at z = 1.
+    strain: Vec<f64>,
+    /// Displacements of the nodes but the root at z = 1, over the length of the guide.
+    displacement: Vec<f64>,
+    /// c, 1/s.
+    damping: f64,
+    /// ω², 1/s².
+    stiffness: f64,
+    /// f per component of a [`HeadExcitation`].
+    force: [f64; HeadExcitation::COMPONENTS],
+}
+
+/// State of a mode.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct ModeState {
+    /// z now, and one and two steps ago.
+    z: [f64; 3],
+    /// ż now and one step ago.
+    rate: [f64; 2],
+}
+
+impl ModalResponse {
+    /// Of `rod` at rest at unknowns `q`, 1/m, where its kinematics are `kinematics`, with drag coefficients
+    /// `drag` at its points, N·s/m², under `gravity`, m/s², rest space.
+    pub fn new(
+        rod: &Rod,
+        q: &[f64],
+        kinematics: &LinearKinematics,
+        drag: &[f64],
+        gravity: &Vector3<f64>,
+    ) -> Self {
+        let pendulum = gravity.norm() / rod.length();
+        let modes = modes(&LinearModel::new(rod, q, drag, gravity), pendulum, kinematics).unwrap_or_default();
+        let states = vec![ModeState::default(); modes.len()];
+        ModalResponse { states, modes, deflection: Deflection::zeros(q.len()) }
+    }
+
+    /// Takes one BDF2 step of `h`, s, for each excitation: that at the end of the step, relative to rest.
+    pub fn advance(&mut self, excitations: &[HeadExcitation], h: f64) {
+        let eta = 2.0 / 3.0 * h;
+        for (mode, state) in self.modes.iter().zip(&mut self.states) {
+            for excitation in excitations {
+                let f: f64 = mode.force.iter().zip(excitation.components()).map(|(f, x)| f * x).sum();
+                let past = |now: f64, before: f64| (4.0 * now - before) / 3.0;
+                let ([z, before, _], [rate, rate_before]) = (state.z, state.rate);
+                let (from, rate_from) = (past(z, before), past(rate, rate_before));
+                let next = (rate_from + eta * (f - mode.stiffness * from))
+                    / (1.0 + eta * (mode.damping + eta * mode.stiffness));
+                *state = ModeState { z: [from + eta * next, z, before], rate: [next, rate] };
+            }
+        }
+        self.update_deflection();
+    }
+
+    fn update_deflection(&mut self) {
+        self.deflection.fill_zero();
+        for (mode, ModeState { z, .. }) in self.modes.iter().zip(&self.states) {
+            let parts = [
+                (&mode.strain, z[0]),
+                (&mode.strain, z[1]),
+                (&mode.strain, z[2]),
+                (&mode.displacement, z[0]),
+            ];
+            for (sums, (of, z)) in self.deflection.blocks_mut().zip(parts) {
+                sums.iter_mut().zip(of).for_each(|(sum, of)| *sum += of * z);
+            }
+        }
+    }
+
+    /// Deflection of the guide from rest in its modes.
+    pub fn deflection(&self) -> &Deflection {
+        &self.deflection
+    }
+
+    /// States of the modes.
+    pub fn mode_states(&self) -> &[ModeState] {
+        &self.states
+    }
+
+    /// Restores the states of the modes, of which there must be as many.
+    pub fn restore(&mut self, states: Vec<ModeState>) {
+        self.states = states;
+        self.update_deflection();
+    }
+}
+
+/// The slowest modes; `None` if the eigenvalue problem has no sense. `pendulum`, 1/s², is a lower bound on
+/// ω²: a mode that weight would tip over, as of hair that stands or leans on a body, swings as a pendulum.
+fn modes(linear: &LinearModel, pendulum: f64, kinematics: &LinearKinematics) -> Option<Vec<Mode>> {
+    let n = linear.unknowns();
+    let first_shift = G / linear.length();
+    // The modes are those of 𝐊 + s 𝐌, which is positive definite for large enough s.
+    let shifted = |shift: f64| {
+        let mut sum: Vec<f64> =
+            linear.stiffness.iter().zip(&linear.mass).map(|(k, m)| k + shift * m).collect();
+        (cholesky::factor(&mut sum, n) == 1).then_some((shift, sum))
+    };
+    let (shift, factor) = (0..32).map(|k| first_shift * f64::from(1_u32 << k)).find_map(shifted)?;
+    let solve_lower = |rows: &DMatrix<f64>| {
+        let mut columns = rows.transpose();
+        columns
+            .column_iter_mut()
+            .for_each(|mut column| cholesky::solve_lower(&factor, n, column.as_mut_slice()));
+        columns
+    };
+    let mass = solve_lower(&solve_lower(&DMatrix::from_row_slice(n, n, &linear.mass)));
+    let eigen = SymmetricEigen::new((&mass + mass.transpose()) * 0.5);
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+    let unit_force = |k| {
+        let unit = HeadExcitation::unit(k);
+        linear.generalised_force(|x, mass, drag| unit.force(x, mass, drag))
+    };
+    let forces: Vec<Vec<f64>> = (0..HeadExcitation::COMPONENTS).map(unit_force).collect();
+    let mode = |k: usize| {
+        // 1/(ω² + s).
+        let eigenvalue = eigen.eigenvalues[k];
+        let mut q: Vec<f64> = eigen.eigenvectors.column(k).iter().map(|y| y / eigenvalue.sqrt()).collect();
+        cholesky::solve_upper(&factor, n, &mut q);
+        let damping =
+            linear.damping.chunks_exact(n).zip(&q).map(|(row, q_i)| q_i * cholesky::dot(row, &q)).sum();
+        let strain = linear.normalised_strain(&q);
+        let displacement = numbers(kinematics.displacements(strain.iter().copied()).map(|(x, _)| x));
+        let strain = numbers(strain.into_iter());
+        let force = std::array::from_fn(|k| cholesky::dot(&forces[k], &q));
+        Mode { strain, displacement, damping, stiffness: (1.0 / eigenvalue - shift).max(pendulum), force }
+    };
+    Some(order.into_iter().take(MODES).filter(|k| eigen.eigenvalues[*k] > 0.0).map(mode).collect())
+}
+
+fn numbers(vectors: impl Iterator<Item = Vector3<f64>>) -> Vec<f64> {
+    vectors.flat_map(|v| [v.x, v.y, v.z]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rod::{RodSource, SegmentSize, Taper};
+    use crate::scene::Tree;
+
+    const GRAVITY: Vector3<f64> = Vector3::new(0.0, -G, 0.0);
+
+    /// A hair that hangs 20 cm down, 10 cm from the centre of the head.
+    fn hair(nodes: usize, stiffness: f64) -> Rod {
+        let root = Vector3::x() * 0.1;
+        Rod::new(&RodSource {
+            points: &[root, root - Vector3::y() * 0.2],
+            root_frame: None,
+            arc: &Tree::default_arc(nodes),
+            stiffness: [stiffness; 3],
+            line_density: 6.6e-6,
+            damping: 0.01,
+            taper: Taper::NONE,
+            natural_strain: None,
+            segment_size: SegmentSize::FINE,
+        })
+        .unwrap()
+    }
+
+    #[test]
+    fn limp_hair_has_the_frequencies_of_a_hanging_chain() {
+        let rod = hair(40, 1e-13);
+        let drag = vec![0.0; rod.points()];
+        let linear = LinearModel::new(&rod, &rod.initial_q, &drag, &GRAVITY);
+        let modes = modes(&linear, G / rod.length(), &LinearKinematics::default()).unwrap();
+        // (j/2)² g/L with the zeros j of J0, each in two directions.
+        for (mode, zero) in modes.iter().zip([2.404826, 2.404826, 5.520078, 5.520078]) {
+            let chain = 0.25 * zero * zero * G / rod.length();
+            assert!((mode.stiffness / chain - 1.0).abs() < 0.05, "{} {chain}", mode.stiffness);
+        }
+    }
+
+    #[test]
+    fn response_to_a_constant_excitation_converges_to_the_static_one() {
+        // Two nodes with unknowns: the modes are complete.
+        let rod = hair(3, 1e-9);
+        let drag = vec![1e-5; rod.points()];
+        let linear = LinearModel::new(&rod, &rod.initial_q, &drag, &GRAVITY);
+        let n = linear.unknowns();
+        let nodes: Vec<_> = rod.nodes.iter().map(|s| Vector3::y() * -s).collect();
+        let kinematics = LinearKinematics::new(&nodes, &rod.nodes);
+        let mut response = ModalResponse::new(&rod, &rod.initial_q, &kinematics, &drag, &GRAVITY);
+        for k in 0..HeadExcitation::COMPONENTS {
+            let excitation = HeadExcitation::unit(k);
+            let mut q = linear.generalised_force(|x, mass, drag| excitation.force(x, mass, drag));
+            let mut factor = linear.stiffness.clone();
+            assert_eq!(cholesky::factor(&mut factor, n), 1);
+            cholesky::solve(&factor, n, &mut q);
+            response.advance(&[excitation; 4000], 0.05);
+            let expected = linear.normalised_strain(&q);
+            let size = expected.iter().map(|strain| strain.norm()).fold(1e-3, f64::max);
+            let close = |found: &[f64], expected: Vector3<f64>| {
+                let found = Vector3::from_column_slice(found);
+                assert!((found - expected).norm() < 1e-6 * size, "{k}: {found} {expected}");
+            };
+            let found = response.deflection();
+            let displacements = kinematics.displacements(expected.iter().copied());
+            found.displacement().chunks_exact(3).zip(displacements).for_each(|(x, (y, _))| close(x, y));
+            for back in 0..Deflection::MOMENTS {
+                found.strain(back).chunks_exact(3).zip(&expected).for_each(|(x, y)| close(x, *y));
+            }
+        }
+    }
+}
