@@ -12,7 +12,7 @@ use crate::scene::anim::{Resolution, Written as Choice};
 use crate::scene::{Anim, Collider, Convention, Curves, Groom, Strands, UpAxis};
 use crate::strands::{
     DIFFERENCE_STEP, GuideMotion, GuideWeights, HeadMotion, Interpolator, MAX_GUIDES, Membership, Moment,
-    Obstacles, Retractions, StrandMotion, clumping, guide_weights, thin,
+    Obstacles, RetractionAt, Retractions, StrandMotion, clumping, guide_weights, thin,
 };
 use crate::wisp::GuideRod;
 use nalgebra::{Isometry3, Matrix3, Matrix4, Vector3};
@@ -146,8 +146,8 @@ impl<'a> Output<'a> {
         let levels = self.header.levels.then(|| guides.iter().map(|g| g.level as i32).collect::<Vec<_>>());
         let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
             let poses = self.poses(t);
-            let at = (retreats, offset, 1.0 / self.anim.fps);
-            let moving = strands.evaluate(&self.moments(t, &poses), &motion, at, &to_scene, laid);
+            let at = RetractionAt { frames: retreats, fraction: offset, interval: 1.0 / self.anim.fps };
+            let moving = strands.evaluate(&self.moments(t, &poses), &motion, &at, &to_scene, laid);
             let StrandMotion { points, velocities } = moving;
             let level = levels.as_ref().map(|l| strands.main_guides().map(|guide| l[guide]).collect());
             CurveFrame {

@@ -1,274 +1,261 @@
-//! One render strand: as it would be without bodies, and laid outside them.
+//! One render strand at one moment: its free chain, its retractions and its projected chain.
 
-use super::follow::{Place, RestGuide};
-use super::free::free;
-use super::keep_out::{Kept, Lean, Obstacles, Spare};
-use super::relax::relax;
-use super::{DIFFERENCE_STEP, GuideWeights, MAX_GUIDES, Moment, Stand};
+use super::chain::{Edge, RestChain, Vertex};
+use super::clearances::{Clearances, DistanceBounds};
+use super::fabrik::relax;
+use super::free_chain::lay_free;
+use super::guide_weights::GuideWeights;
+use super::moment::{DIFFERENCE_STEP, Moment};
+use super::obstacles::Obstacles;
+use super::posed_guide::PosedGuide;
+use super::projected_chain::{NextEdge, ProjectedChain};
+use super::rest_guide::{GuidePlace, RestGuide};
 use crate::contact::Bodies;
 use nalgebra::{Isometry3, Vector3};
 use std::{iter, slice};
 
-/// Tangent of the angle at which a strand comes to its guide, or goes from it, because of a body, at most. More, and strands cannot
-/// follow and go through; less, and what one place asks for is seen far from it.
+/// Largest slope at which a retracted strand approaches or leaves its guide. Steeper, strands cannot follow
+/// and pass through; shallower, a local retraction is seen far away.
 const SLOPE: f64 = 0.25;
 
-/// Violation of a clearance beyond which a vertex that has been turned out asks for more retreat, m.
-const TOO_DEEP: f64 = 1.5e-3;
+/// Violation of a clearance beyond which a projected vertex is retracted further, m.
+const MAX_VIOLATION: f64 = 1.5e-3;
 
-/// Times that the strand is laid to see whether it asks for more.
+/// Number of times that the chain is laid to find further retractions.
 const CORRECTIONS: usize = 2;
 
-/// A render strand at rest.
+/// A render strand.
 #[derive(Debug, Clone)]
 pub(super) struct Strand {
-    pub root: Vector3<f64>,
-    /// The guides by index, with their weights; what bodies are concerned, the first stands for all.
-    follow: GuideWeights,
-    pub edges: Vec<Edge>,
-    /// Place of the first guide that is beside the root.
-    beside: Place,
-    /// Whether a body lies between that and the root at rest.
-    apart: bool,
-    kept: Kept,
+    pub chain: RestChain,
+    /// The place on the first guide that corresponds to the root.
+    beside: GuidePlace,
+    /// Whether a body separates that place from the root at rest.
+    separated: bool,
+    clearances: Clearances,
 }
 
-/// An edge of a strand at rest, and the vertex at its end.
-#[derive(Debug, Clone)]
-pub(super) struct Edge {
-    /// From its start to its end, m, rest space: single, as it will be written, for much of the time goes into reading edges.
-    way: Vector3<f32>,
-    /// Where on each guide its middle is: at the same arc length.
-    middle: [Place; MAX_GUIDES],
-    /// Place of the first guide that is beside the end.
-    beside: Place,
-    /// Whether a body lies between that and the end at rest.
-    apart: bool,
-}
-
-impl Edge {
-    /// From its start to its end, m, rest space.
-    #[inline(always)]
-    pub fn way(&self) -> Vector3<f64> {
-        self.way.cast()
-    }
-
-    /// Length, m.
-    fn length(&self) -> f64 {
-        self.way().norm()
-    }
-}
-
-/// A point and its velocity, world, m and m/s.
-pub(super) type Track = (Vector3<f64>, Vector3<f64>);
-
-/// A strand at one moment.
+/// Workspace and result of one strand at one moment.
 #[derive(Debug, Default)]
-pub(super) struct Trace {
-    /// Share of its way from its guide by which each vertex retreats (0..=1).
-    pub retreat: Vec<f64>,
-    /// How it would be without bodies.
-    pub free: Vec<Track>,
-    /// How it is.
-    pub track: Vec<Track>,
-    /// Whether it leans on a body: the velocities are then those that it would have without.
-    leans: bool,
-    /// Distance of each vertex from the guide, where there are no bodies, m.
-    offset: Vec<f64>,
-    /// Vertices that came to lie too deep in a body.
-    deep: Vec<usize>,
-    spare: [Spare; 2],
+pub(super) struct StrandState {
+    /// Fraction (0..=1) of its path from the guide by which each vertex is retracted.
+    pub retraction: Vec<f64>,
+    /// The free chain.
+    pub free: Vec<Vertex>,
+    /// The result: the free chain up to the first vertex that needs projection, then the projected chain.
+    pub vertices: Vec<Vertex>,
+    /// Whether part of the result is projected. Its velocities are still those of the free chain then.
+    is_projected: bool,
+    /// Distance of each vertex of the free chain from its place on the guide, m.
+    guide_distance: Vec<f64>,
+    /// Vertices that violate a clearance by more than [`MAX_VIOLATION`].
+    violating: Vec<usize>,
+    bounds: Bounds,
 }
 
-impl Trace {
-    /// Of a strand with so many vertices, none of which retreats.
-    pub fn stay(&mut self, vertices: usize) {
-        self.retreat.clear();
-        self.retreat.resize(vertices, 0.0);
+#[derive(Debug, Default)]
+struct Bounds {
+    free: DistanceBounds,
+    projected: DistanceBounds,
+}
+
+impl StrandState {
+    /// No retraction of a strand with `vertices` vertices.
+    pub fn clear_retraction(&mut self, vertices: usize) {
+        self.retraction.clear();
+        self.retraction.resize(vertices, 0.0);
     }
 }
 
 impl Strand {
-    /// For a strand drawn at `points`, m, that follows these guides.
+    /// A strand with `points` in the groom, m, that follows `guides`.
     pub fn new(
         points: &[Vector3<f64>],
-        follow: GuideWeights,
+        guides: GuideWeights,
         rest: &[RestGuide],
         bodies: &Bodies,
         thickness: &[f64],
     ) -> Self {
-        let first = &rest[follow[0].0];
-        let ways = points.windows(2).map(|w| w[1] - w[0]);
-        // Past the end of a shorter guide there would be nothing to retreat to.
-        let pace = (first.length() / ways.clone().map(|way| way.norm()).sum::<f64>()).min(1.0);
+        let first = &rest[guides[0].0];
+        let vectors = points.windows(2).map(|w| w[1] - w[0]);
+        // A strand longer than its guide corresponds to it by arc-length fraction, so that all of it can be
+        // retracted.
+        let pace = (first.length() / vectors.clone().map(|edge| edge.norm()).sum::<f64>()).min(1.0);
         let poses = vec![Isometry3::identity(); thickness.len()];
         let at_rest = Obstacles { bodies, time: 0.0, poses: &poses };
-        let apart = |x: &Vector3<f64>, place| at_rest.retreat((&first.at(place), 0.0), x) > 0.0;
+        let separated = |x: &Vector3<f64>, place| at_rest.retraction((&first.position(place), 0.0), x) > 0.0;
         let mut arc = 0.0;
-        let edge = |(way, end): (Vector3<f64>, &Vector3<f64>)| {
-            let length = way.norm();
+        let edge = |(vector, end): (Vector3<f64>, &Vector3<f64>)| {
+            let length = vector.norm();
             let middle = arc + 0.5 * length;
             arc += length;
             let beside = first.place(arc * pace);
-            let middle = std::array::from_fn(|i| rest[follow[i.min(follow.len() - 1)].0].place(middle));
-            Edge { way: way.cast(), middle, beside, apart: apart(end, beside) }
+            let midpoint = std::array::from_fn(|i| rest[guides[i.min(guides.len() - 1)].0].place(middle));
+            Edge::new(vector, midpoint, beside, separated(end, beside))
         };
-        let edges = ways.zip(&points[1..]).map(edge).collect();
+        let edges = vectors.zip(&points[1..]).map(edge).collect();
         let beside = first.place(0.0);
-        let apart = apart(&points[0], beside);
-        Strand { root: points[0], follow, edges, beside, apart, kept: Kept::new(bodies, thickness, points) }
+        Strand {
+            separated: separated(&points[0], beside),
+            chain: RestChain { root: points[0], guides, edges },
+            beside,
+            clearances: Clearances::new(bodies, thickness, points),
+        }
     }
 
-    /// The guide that it follows most, by index.
-    pub fn nearest(&self) -> usize {
-        self.follow[0].0
-    }
-
-    /// How far it is from the place beside it on the first guide, m, rest space, at most.
-    pub fn reach(&self, rest: &RestGuide) -> f64 {
-        let mut x = self.root;
-        let mut far = (x - rest.at(self.beside)).norm();
-        for edge in &self.edges {
-            x += edge.way();
-            far = far.max((x - rest.at(edge.beside)).norm());
+    /// Largest distance of its vertices from their places on the first guide at rest, m.
+    pub fn max_guide_distance(&self, rest: &RestGuide) -> f64 {
+        let mut x = self.chain.root;
+        let mut far = (x - rest.position(self.beside)).norm();
+        for edge in &self.chain.edges {
+            x += edge.vector();
+            far = far.max((x - rest.position(edge.beside)).norm());
         }
         far
     }
 
-    /// What its guides have turned by up to the middle of edge `j`, rad, rest space, and the rate of that, 1/s.
-    #[inline(always)]
-    pub fn sum(&self, j: usize, stands: &[Stand]) -> [f64; 6] {
-        let mut sum = [0.0; 6];
-        for ((guide, weight), middle) in self.follow.iter().zip(self.edges[j].middle) {
-            let part = middle.sum(&stands[*guide].turned);
-            sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part * weight);
-        }
-        sum
-    }
-
-    /// By how much each vertex of the strand, which would be as in `trace.free`, has to retreat, into `out`, which is 0: for what lies between it and its
-    /// guide, and wholly where the strand so laid still comes to lie too deep.
-    pub fn retreat(&self, moment: &Moment, stands: &[Stand], trace: &mut Trace, out: &mut [f32]) {
+    /// Sets `out`, which is zero, to the retractions of the vertices, given the free chain in `state`: those
+    /// required by bodies between the vertices and their guide, and full retraction where the chain laid with
+    /// them violates clearances.
+    pub fn find_retractions(
+        &self,
+        moment: &Moment,
+        guides: &[PosedGuide],
+        state: &mut StrandState,
+        out: &mut [f32],
+    ) {
         if moment.obstacles.poses.is_empty() {
             return;
         }
-        let stand = &stands[self.nearest()];
-        let Trace { free, retreat, offset, .. } = trace;
-        retreat.clear();
-        offset.clear();
-        let places = iter::once((self.beside, self.apart));
-        let places = places.chain(self.edges.iter().map(|edge| (edge.beside, edge.apart)));
-        for ((place, apart), (x, _)) in places.zip(free) {
-            let guide = stand.at(place);
-            offset.push((*x - guide).norm());
-            // A guide that is itself inside does not tell.
-            let outside = stand.room[place.nearest()] > 0.0;
-            let hidden = outside && !apart && !stand.clears(place, x, 0.0);
-            let room = stand.room_at(place, &guide);
-            retreat.push(if hidden { moment.obstacles.retreat((&guide, room), x) } else { 0.0 });
-        }
-        if retreat.iter().all(|share| *share == 0.0) {
+        self.required_retractions(moment, &guides[self.chain.main_guide()], state);
+        if state.retraction.iter().all(|fraction| *fraction == 0.0) {
             return;
         }
-        self.spread(trace);
+        self.spread(state);
         for _ in 0..CORRECTIONS {
-            self.lay(moment, stands, trace);
-            if trace.deep.is_empty() {
+            self.lay(moment, guides, state);
+            if state.violating.is_empty() {
                 break;
             }
-            for &j in &trace.deep {
-                trace.retreat[j] = 1.0;
+            for &j in &state.violating {
+                state.retraction[j] = 1.0;
             }
-            self.spread(trace);
+            self.spread(state);
         }
-        out.iter_mut().zip(&trace.retreat).for_each(|(out, share)| *out = *share as f32);
+        out.iter_mut().zip(&state.retraction).for_each(|(out, fraction)| *out = *fraction as f32);
     }
 
-    /// Spreads retreats along the strand: it needs some length to come to its guide, and to go from it.
-    fn spread(&self, trace: &mut Trace) {
-        let Trace { retreat, offset, .. } = trace;
-        let fall = |j: usize| SLOPE * self.edges[j - 1].length() / offset[j].max(offset[j - 1]).max(1e-9);
-        for j in 1..retreat.len() {
-            retreat[j] = retreat[j].max(retreat[j - 1] - fall(j));
-        }
-        for j in (1..retreat.len()).rev() {
-            retreat[j - 1] = retreat[j - 1].max(retreat[j] - fall(j));
+    /// Sets the retractions in `state` to those required by bodies between each vertex and the guide.
+    fn required_retractions(&self, moment: &Moment, guide: &PosedGuide, state: &mut StrandState) {
+        let StrandState { free, retraction, guide_distance, .. } = state;
+        retraction.clear();
+        guide_distance.clear();
+        let places = iter::once((self.beside, self.separated));
+        let places = places.chain(self.chain.edges.iter().map(|edge| (edge.beside, edge.separated)));
+        for ((place, separated), Vertex { x, .. }) in places.zip(free) {
+            let from = guide.position(place);
+            guide_distance.push((*x - from).norm());
+            // A guide inside a body does not tell the side.
+            let outside = guide.clear[place.nearest_point()] > 0.0;
+            let hidden = outside && !separated && !guide.is_clear(place, x, 0.0);
+            let clear = guide.distance_bound(place, &from);
+            retraction.push(if hidden { moment.obstacles.retraction((&from, clear), x) } else { 0.0 });
         }
     }
 
-    /// Lays the strand, which would be as in `trace.free`, outside the bodies, with the retreats in `trace`; the guides stand as in `stands`.
-    fn lay(&self, moment: &Moment, stands: &[Stand], trace: &mut Trace) {
+    /// Raises the retractions along the strand so that they change no faster than [`SLOPE`] allows.
+    fn spread(&self, state: &mut StrandState) {
+        let StrandState { retraction, guide_distance, .. } = state;
+        let fall = |j: usize| {
+            SLOPE * self.chain.edges[j - 1].length() / guide_distance[j].max(guide_distance[j - 1]).max(1e-9)
+        };
+        for j in 1..retraction.len() {
+            retraction[j] = retraction[j].max(retraction[j - 1] - fall(j));
+        }
+        for j in (1..retraction.len()).rev() {
+            retraction[j - 1] = retraction[j - 1].max(retraction[j] - fall(j));
+        }
+    }
+
+    /// Sets the result in `state` from its free chain and retractions.
+    fn lay(&self, moment: &Moment, guides: &[PosedGuide], state: &mut StrandState) {
         let obstacles = &moment.obstacles;
-        let stand = &stands[self.nearest()];
-        let Trace { free, retreat, track, deep, spare, .. } = trace;
-        for spare in spare.iter_mut() {
-            spare.clear();
-            spare.resize(obstacles.poses.len(), 0.0);
-        }
-        let [spare, spare_leaning] = spare;
-        let mut lean: Option<Lean> = None;
-        track.clear();
-        track.push(free[0]);
-        deep.clear();
+        let guide = &guides[self.chain.main_guide()];
+        let StrandState { free, retraction, vertices, violating, bounds, .. } = state;
+        bounds.free.reset(obstacles.poses.len());
+        bounds.projected.reset(obstacles.poses.len());
+        let mut projected: Option<ProjectedChain> = None;
+        vertices.clear();
+        vertices.push(free[0]);
+        violating.clear();
         let mut from = self.beside;
-        for (j, edge) in self.edges.iter().enumerate() {
-            let [(start, _), (end, v)] = [free[j], free[j + 1]];
-            let (length, to) = (edge.length(), edge.beside);
-            let place = (j + 1, self.edges.len() + 1);
-            let clear = |x: &Vector3<f64>| stand.clears(to, x, self.kept.most());
-            if lean.is_none() {
-                let too_near = if clear(&end) {
-                    // It was not looked how far the bodies are.
-                    spare.iter_mut().for_each(|spare| *spare -= length);
+        for (j, edge) in self.chain.edges.iter().enumerate() {
+            let [start, Vertex { x: end, v }] = [free[j], free[j + 1]];
+            let start = start.x;
+            let (length, to, vertex) = (edge.length(), edge.beside, j + 1);
+            let is_clear = |x: &Vector3<f64>| guide.is_clear(to, x, self.clearances.largest());
+            if projected.is_none() {
+                let violates = if is_clear(&end) {
+                    bounds.free.move_by(length);
                     false
                 } else {
-                    obstacles.violation(&self.kept, place, &end, length, spare).0 > 0.0
+                    obstacles.violation(&self.clearances, vertex, &end, length, &mut bounds.free).0 > 0.0
                 };
-                lean = (too_near || retreat[j + 1] > 0.0).then_some(Lean(start));
+                projected = (violates || retraction[vertex] > 0.0).then_some(ProjectedChain { end: start });
             }
-            let x = lean.as_mut().map_or(end, |lean| {
-                let aim = [start.lerp(&stand.at(from), retreat[j]), end.lerp(&stand.at(to), retreat[j + 1])];
-                // Where retreats come together, as the strand would go without bodies.
-                let way = [aim[1] - aim[0], end - start].into_iter().find_map(|way| way.try_normalize(1e-9));
-                // An edge of no length needs no direction.
-                let way = way.unwrap_or_default();
-                if lean.advance(obstacles, &self.kept, (place, length), (&aim[0], &way), clear, spare_leaning)
-                    > TOO_DEEP
-                {
-                    deep.push(j + 1);
+            let x = projected.as_mut().map_or(end, |chain| {
+                // `docs/theory.md` eq. 7.3.
+                let target = [
+                    start.lerp(&guide.position(from), retraction[j]),
+                    end.lerp(&guide.position(to), retraction[vertex]),
+                ];
+                // Where both targets coincide, the direction of the free chain; an edge of zero length needs
+                // none.
+                let vectors = [target[1] - target[0], end - start];
+                let direction = vectors.into_iter().find_map(|vector| vector.try_normalize(1e-9));
+                let direction = direction.unwrap_or_default();
+                let next = NextEdge { vertex, length, direction, target: target[0] };
+                let bounds = &mut bounds.projected;
+                if chain.append(obstacles, &self.clearances, &next, is_clear, bounds) > MAX_VIOLATION {
+                    violating.push(vertex);
                 }
-                lean.0
+                chain.end
             });
             from = to;
-            track.push((x, v));
+            vertices.push(Vertex { x, v });
         }
-        trace.leans = lean.is_some();
+        state.is_projected = projected.is_some();
     }
 
-    /// Lays the strand at two moments [`DIFFERENCE_STEP`] apart, with the retreats in both traces; it would be as in `now.free` at the first. `now.track` is then where it is
-    /// and how it moves.
-    pub fn settle(&self, moments: &[Moment; 2], stands: &[Vec<Stand>; 2], [now, before]: &mut [Trace; 2]) {
-        self.lay(&moments[0], &stands[0], now);
-        if !now.leans {
+    /// Sets the result of the first of two moments [`DIFFERENCE_STEP`] apart, from the retractions in both
+    /// states and the free chain in the first. Projected strands get backward differences as velocities.
+    pub fn settle(
+        &self,
+        moments: &[Moment; 2],
+        guides: &[Vec<PosedGuide>; 2],
+        [now, before]: &mut [StrandState; 2],
+    ) {
+        self.lay(&moments[0], &guides[0], now);
+        if !now.is_projected {
             return;
         }
-        free(iter::once(self), &moments[1].head, &stands[1], false, slice::from_mut(&mut before.free));
-        self.lay(&moments[1], &stands[1], before);
+        let head = &moments[1].head;
+        lay_free(iter::once(&self.chain), head, &guides[1], false, slice::from_mut(&mut before.free));
+        self.lay(&moments[1], &guides[1], before);
         self.relax(&moments[0].obstacles, now);
         self.relax(&moments[1].obstacles, before);
-        for (now, before) in now.track.iter_mut().zip(&before.track) {
-            now.1 = (now.0 - before.0) / DIFFERENCE_STEP;
+        for (now, before) in now.vertices.iter_mut().zip(&before.vertices) {
+            now.v = (now.x - before.x) / DIFFERENCE_STEP;
         }
     }
 
-    /// Moves a strand that was laid out of bodies where it lies too deep in one.
-    fn relax(&self, obstacles: &Obstacles, trace: &mut Trace) {
-        let Some(&last) = trace.deep.last() else { return };
-        let mut x: Vec<_> = trace.track.iter().map(|(x, _)| *x).collect();
-        let vertices = x.len();
-        let push = |k: usize, x: &Vector3<f64>| obstacles.pushed_out(&self.kept, (k, vertices), x, TOO_DEEP);
-        let length: Vec<f64> = self.edges.iter().map(Edge::length).collect();
+    /// Relaxes a result that still violates clearances.
+    fn relax(&self, obstacles: &Obstacles, state: &mut StrandState) {
+        let Some(&last) = state.violating.last() else { return };
+        let mut x: Vec<_> = state.vertices.iter().map(|vertex| vertex.x).collect();
+        let push = |k: usize, x: &Vector3<f64>| obstacles.push_out(&self.clearances, k, x, MAX_VIOLATION);
+        let length: Vec<f64> = self.chain.edges.iter().map(Edge::length).collect();
         relax(&mut x, &length, last, push);
-        trace.track.iter_mut().zip(x).for_each(|(track, x)| track.0 = x);
+        state.vertices.iter_mut().zip(x).for_each(|(vertex, x)| vertex.x = x);
     }
 }

@@ -1,9 +1,14 @@
-//! Tests of interpolation as a whole.
+//! Tests of the interpolation as a whole.
 
-use super::*;
+use super::guide_weights::{Membership, guide_weights};
+use super::interpolator::{Interpolator, RetractionAt, StrandMotion};
+use super::moment::{GuideMotion, HeadMotion, Moment};
+use super::obstacles::Obstacles;
+use crate::contact::Bodies;
 use crate::math::se3;
-use crate::rod::{RodShape, RodSource, SegmentSize, Taper};
-use nalgebra::Isometry3;
+use crate::rod::{Rod, RodShape, RodSource, SegmentSize, Taper};
+use crate::scene::Curves;
+use nalgebra::{Isometry3, Matrix3, Vector3};
 
 const MEMBERSHIP: Membership = Membership { leaf: (0, 0), group: 0 };
 
@@ -58,11 +63,11 @@ fn curves(strands: &[Vec<Vector3<f64>>]) -> Curves {
     c
 }
 
-/// Strands of one wisp that follow these guides.
+/// Strands of one wisp that follow `rods`.
 fn interpolator(c: &Curves, rods: &[&Rod], bodies: &Bodies, thickness: &[f64]) -> Interpolator {
     let guides: Vec<_> = rods.iter().map(|r| (*r, MEMBERSHIP)).collect();
-    let follows = guide_weights(c, &vec![MEMBERSHIP; c.len()], &[0.0], &guides);
-    Interpolator::new(c, follows, rods, bodies, thickness)
+    let weights = guide_weights(c, &vec![MEMBERSHIP; c.len()], &[0.0], &guides);
+    Interpolator::new(c, weights, rods, bodies, thickness)
 }
 
 fn run(
@@ -80,19 +85,20 @@ fn run(
     evaluated(&interpolator, &moment, &motion, &interpolator.retractions(&[moment; 2], &motion))
 }
 
-/// Points and velocities of all strands, which retreat alike at all times.
+/// Points and velocities of all strands, with retractions that are constant in time.
 fn evaluated(
     interpolator: &Interpolator,
     moment: &Moment,
     motion: &[GuideMotion],
-    retreats: &[f32],
+    retractions: &[f32],
 ) -> [Vec<[f32; 3]>; 2] {
-    let evaluate = |laid| {
-        let at = (&[retreats; 5], 0.0, 1.0);
-        interpolator.evaluate(&[*moment; 2], motion, at, &Matrix3::identity(), laid)
+    let frames = [retractions; 5];
+    let evaluate = |unretracted: Option<StrandMotion>| {
+        let at = RetractionAt { frames: &frames, fraction: 0.0, interval: 1.0 };
+        interpolator.evaluate(&[*moment; 2], motion, &at, &Matrix3::identity(), unretracted)
     };
     let out = evaluate(None);
-    // What is known beforehand changes nothing.
+    // A known unretracted motion changes nothing.
     let (laid, asked) = interpolator.evaluate_unretracted(&[*moment; 2], motion, &Matrix3::identity());
     assert_eq!((evaluate(Some(laid)), asked), (out.clone(), interpolator.retractions(&[*moment; 2], motion)));
     [out.points, out.velocities]
@@ -103,7 +109,7 @@ fn wide(p: &[f32; 3]) -> Vector3<f64> {
 }
 
 #[test]
-fn rest_is_the_groom_and_edges_keep_their_length() {
+fn rest_shape_is_the_groom_and_edge_lengths_are_exact() {
     let strands = [helix(16, 0.0), helix(24, 1.0)];
     let r = rod(&strands[0]);
     let c = curves(&strands);
@@ -124,7 +130,7 @@ fn rest_is_the_groom_and_edges_keep_their_length() {
 }
 
 #[test]
-fn a_strand_on_its_guide_stays_on_it() {
+fn strand_on_its_guide_stays_on_it_to_second_order() {
     // Second order in the edges: 4 times closer with edges half as long.
     let off = |n: usize| {
         let points = helix(n, 0.0);
@@ -141,8 +147,8 @@ fn a_strand_on_its_guide_stays_on_it() {
 }
 
 #[test]
-fn a_strand_beside_its_guide_turns_as_the_guide_does() {
-    // Standing off across the guide, where a deviation carried along the smallest turn between the tangents fails.
+fn strand_beside_its_guide_rotates_with_it() {
+    // Across the guide, where transport by the smallest rotation between the tangents would fail.
     let line: Vec<_> = (0..200).map(|i| Vector3::x() * (0.2 * f64::from(i) / 199.0)).collect();
     let r = rod(&line);
     let across: Vec<_> =
@@ -156,12 +162,12 @@ fn a_strand_beside_its_guide_turns_as_the_guide_does() {
     let turn = shape.poses().last().unwrap().r * r.root.r.transpose();
     let rest = (across[128] - across[127]).normalize();
     let now = (wide(&p[128]) - wide(&p[127])).normalize();
-    assert!((now - rest).norm() > 0.1, "does not turn");
+    assert!((now - rest).norm() > 0.1, "the guide does not rotate");
     assert!((now - turn * rest).norm() < 0.01, "{now} {}", turn * rest);
 }
 
 #[test]
-fn velocities_are_the_slopes_of_the_points() {
+fn velocities_match_differences_of_the_points() {
     let strands = [helix(16, 0.3), helix(16, 2.0)];
     let rods = [rod(&strands[0]), rod(&strands[1])];
     let c = curves(&[helix(16, 1.0)]);
@@ -191,9 +197,9 @@ fn velocities_are_the_slopes_of_the_points() {
 }
 
 #[test]
-fn a_strand_is_turned_out_of_a_body_and_keeps_its_length_and_velocity() {
-    use crate::geometry::Shape as Solid;
-    // A straight strand that its guide, which passes beside it, bends into a ball.
+fn projected_strand_stays_out_of_a_body_with_exact_lengths_and_velocities() {
+    use crate::geometry::Shape;
+    // A straight strand that is bent into a ball by its guide, which passes beside it.
     let line: Vec<_> = (0..33).map(|i| Vector3::x() * (0.2 * f64::from(i) / 32.0)).collect();
     let r = rod(&line.iter().map(|p| p + BESIDE).collect::<Vec<_>>());
     let c = curves(&[line]);
@@ -203,25 +209,25 @@ fn a_strand_is_turned_out_of_a_body_and_keeps_its_length_and_velocity() {
     free.update(&r, &r.root.r, &q);
     let middle = free.x(r.points() * 6 / 10);
     let centre = middle + (middle - Vector3::x() * 0.12).normalize() * 0.02;
-    let ball = Solid::Sphere { centre, radius: 0.05 };
+    let ball = Shape::Sphere { centre, radius: 0.05 };
     let bodies = Bodies::from_shapes(&[ball]);
     let interpolator = interpolator(&c, &[&r], &bodies, &[0.0005]);
     let moment = Moment {
         head: still(),
         obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] },
     };
-    let retreats = interpolator.retractions(&[moment; 2], &[GuideMotion { rod: &r, q: &q, rate: &rate }]);
+    let retractions = interpolator.retractions(&[moment; 2], &[GuideMotion { rod: &r, q: &q, rate: &rate }]);
     let at = |t: f64| {
         let q: Vec<f64> = q.iter().zip(&rate).map(|(q, r)| q + t * r).collect();
-        evaluated(&interpolator, &moment, &[GuideMotion { rod: &r, q: &q, rate: &rate }], &retreats)
+        evaluated(&interpolator, &moment, &[GuideMotion { rod: &r, q: &q, rate: &rate }], &retractions)
     };
     let [p, v] = at(0.0);
     let depth = p.iter().map(|x| (wide(x) - centre).norm() - 0.05).fold(f64::INFINITY, f64::min);
-    assert!((-1e-6..0.002).contains(&depth), "does not lean on the ball: {depth}");
+    assert!((-1e-6..0.002).contains(&depth), "is not in contact with the ball: {depth}");
     for e in p.windows(2) {
         assert!(((wide(&e[1]) - wide(&e[0])).norm() / 0.00625 - 1.0).abs() < 1e-4);
     }
-    // It comes towards its guide, beside which it ran.
+    // It approaches its guide, beside which it ran.
     let across = (r.root.p + free.x(r.points() - 1) - wide(&p[32])).dot(&BESIDE.normalize());
     assert!(across < 0.9 * BESIDE.norm(), "{across} m beside its guide");
     let t = 2e-3;
@@ -231,33 +237,35 @@ fn a_strand_is_turned_out_of_a_body_and_keeps_its_length_and_velocity() {
 }
 
 #[test]
-fn a_body_is_seen_after_vertices_that_were_not_looked_for() {
-    use crate::geometry::Shape as Solid;
-    // Far from its guide, so that the ball is looked for; near it, so that it is not; then into the ball, which has come here.
+fn body_is_found_after_vertices_that_needed_no_search() {
+    use crate::geometry::Shape;
+    // Far from its guide, with a search for bodies; near it, without one; then into the ball, which has come
+    // here.
     let at = |x: f64, y: f64| Vector3::new(x, y, 0.0);
     let c = curves(&[vec![at(0.0, 0.0), at(0.01, 0.03), at(0.02, 0.0), at(0.05, 0.01)]]);
     let r = rod(&(0..9).map(|i| at(0.05 * f64::from(i) / 8.0, 0.0)).collect::<Vec<_>>());
-    let bodies = Bodies::from_shapes(&[Solid::Sphere { centre: Vector3::x(), radius: 0.01 }]);
+    let bodies = Bodies::from_shapes(&[Shape::Sphere { centre: Vector3::x(), radius: 0.01 }]);
     let interpolator = interpolator(&c, &[&r], &bodies, &[0.0005]);
     let poses = [Isometry3::translation(-0.945, 0.018, 0.0)];
     let moment = Moment { head: still(), obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &poses } };
     let still = vec![0.0; r.unknowns()];
     let motion = [GuideMotion { rod: &r, q: &still, rate: &still }];
-    let retreats = interpolator.retractions(&[moment; 2], &motion);
-    let [p, _] = evaluated(&interpolator, &moment, &motion, &retreats);
+    let retractions = interpolator.retractions(&[moment; 2], &motion);
+    let [p, _] = evaluated(&interpolator, &moment, &motion, &retractions);
     let distance = |x: &Vector3<f64>| (x - at(0.055, 0.018)).norm() - 0.01;
     assert!(distance(&c.points[3]) < -5e-4 && distance(&wide(&p[3])) > 4e-4, "{:?}", p[3]);
 }
 
 #[test]
-fn a_strand_stays_out_of_two_bodies_that_it_runs_into_the_crease_of() {
-    use crate::geometry::Shape as Solid;
-    // A floor and a wall that leans over it have come to where the strand is: what turns out of the wall turns into the floor.
+fn strand_stays_out_of_the_crease_between_two_bodies() {
+    use crate::geometry::Shape;
+    // A floor and a wall that overhangs it have moved to the strand: a rotation out of the wall leads into
+    // the floor.
     let run = Vector3::new(0.9, -0.3, 0.3).normalize() * 0.008;
     let line = |z: f64| (0..9).map(|i| run * f64::from(i) + Vector3::z() * z).collect::<Vec<_>>();
     let (c, r) = (curves(&[line(0.0)]), rod(&line(0.1)));
     let walls = [(Vector3::y(), -0.01), (Vector3::new(-0.75_f64.sqrt(), -0.5, 0.0), -0.02)];
-    let shapes = walls.map(|(normal, _)| Solid::Plane { point: -normal, normal });
+    let shapes = walls.map(|(normal, _)| Shape::Plane { point: -normal, normal });
     let bodies = Bodies::from_shapes(&shapes);
     let interpolator = interpolator(&c, &[&r], &bodies, &[0.0005; 2]);
     let poses = walls.map(|(normal, at)| Isometry3::from(normal * (1.0 + at)));
@@ -274,16 +282,17 @@ fn a_strand_stays_out_of_two_bodies_that_it_runs_into_the_crease_of() {
 }
 
 #[test]
-fn a_strand_stays_on_its_guides_side_of_a_thin_body() {
-    use crate::geometry::{Shape as Solid, TriMesh};
-    // A guide bends down to above a plate, and its strand, which runs below it, would go through.
+fn strand_stays_on_its_guides_side_of_a_thin_body() {
+    use crate::geometry::{Shape, TriMesh};
+    // A guide bends down to above a plate. Its strand, which runs below the guide, would pass through the
+    // plate.
     let line = |y: f64| (0..33).map(|i| Vector3::new(0.2 * f64::from(i) / 32.0, y, 0.0)).collect::<Vec<_>>();
     let mut strand = line(0.0);
-    // Real strands have edges of no length.
+    // Real strands have edges of zero length.
     strand.insert(16, strand[16]);
     let (r, c) = (rod(&line(0.03)), curves(&[strand]));
     let mut free = RodShape::default();
-    // Whichever entries of a rod along x bend it in this plane.
+    // The combination of entries of a rod along x that bends it in this plane.
     let bend = |i: usize| (0..r.unknowns()).map(|k| if k % 3 == i { 1.0 } else { 0.0 }).collect::<Vec<f64>>();
     let basis = [bend(0), bend(1)];
     let lift = basis.clone().map(|q| {
@@ -302,6 +311,7 @@ fn a_strand_stays_on_its_guides_side_of_a_thin_body() {
     };
     let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
     let plate = TriMesh {
+        file: "plate.obj".into(),
         vertices: (0..8).map(corner).collect(),
         triangles: quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
     };
@@ -310,22 +320,22 @@ fn a_strand_stays_on_its_guides_side_of_a_thin_body() {
         let interpolator = interpolator(&c, &[&r], bodies, &thickness);
         let moment = Moment { head: still(), obstacles: Obstacles { bodies, time: 0.0, poses } };
         let motion = [GuideMotion { rod: &r, q: &q, rate: &vec![0.0; q.len()] }];
-        let retreats = interpolator.retractions(&[moment; 2], &motion);
-        let [p, v] = evaluated(&interpolator, &moment, &motion, &retreats);
+        let retractions = interpolator.retractions(&[moment; 2], &motion);
+        let [p, v] = evaluated(&interpolator, &moment, &motion, &retractions);
         assert!(p.iter().chain(&v).flatten().all(|x| x.is_finite()));
         p.iter().map(|x| f64::from(x[1])).fold(0.0, f64::min)
     };
-    assert!(lowest(&Bodies::from_shapes(&[]), &[]) < -0.015, "would not go through");
-    let held = lowest(&Bodies::from_shapes(&[Solid::Mesh(plate)]), &[Isometry3::identity()]);
+    assert!(lowest(&Bodies::from_shapes(&[]), &[]) < -0.015, "would not pass through");
+    let held = lowest(&Bodies::from_shapes(&[Shape::Mesh(plate)]), &[Isometry3::identity()]);
     assert!(held > -0.005, "{held}");
 }
 
 #[test]
-fn a_strand_has_the_same_bits_alone_and_in_any_company() {
+fn strand_has_the_same_bits_alone_and_in_any_pack() {
     let r = rod(&helix(60, 0.0));
     let sizes = [9, 9, 9, 12, 9, 9, 9, 9, 9, 9, 9, 9, 9, 5, 5, 2];
     let strands: Vec<_> = sizes.iter().enumerate().map(|(i, n)| helix(*n, 0.3 * i as f64)).collect();
-    // Some of the turns from edge to edge are of more than half a circle.
+    // Some rotations from edge to edge exceed half a turn.
     let q: Vec<f64> = (0..r.unknowns()).map(|i| (i as f64).sin() * 150.0).collect();
     let rate: Vec<f64> = (0..r.unknowns()).map(|i| (i as f64).cos() * 40.0).collect();
     let head = HeadMotion { spin: Vector3::new(1.0, 2.0, 3.0), velocity: Vector3::x(), ..still() };

@@ -1,22 +1,22 @@
-//! The last resort of a strand whose edges find no way out of a body, as in the fold of an ear, where each edge alone cannot turn far enough.
+//! Constrained relaxation of a chain that no sequence of single-edge rotations brings out of a body (the fold
+//! of an ear).
 
 use nalgebra::Vector3;
 
-/// Times that all vertices are pushed out and all edges brought back to their lengths. A fixed number, so that the result is as smooth in time
-/// as what it begins with.
+/// Number of sweeps. Fixed, so that the result is as smooth in time as its start.
 const SWEEPS: usize = 30;
 
-/// Pushes the vertices `x`, m, out by `push` (vertex and place to place), and gives the edges their `length`, m, again, in turn: from the vertex
-/// `last` to the root and from the root to the tip, as A. Aristidou and J. Lasenby do for chains ("FABRIK", 2011). The root stays; lengths are
-/// exact.
+/// Alternates `push` (vertex and position to position) on all vertices `x`, m, with restoring the edges to
+/// their `length`, m: from vertex `last` to the root, then from the root to the tip (FABRIK; Aristidou &
+/// Lasenby 2011). The root stays; the final lengths are exact.
 pub(super) fn relax(
     x: &mut [Vector3<f64>],
     length: &[f64],
     last: usize,
     push: impl Fn(usize, &Vector3<f64>) -> Vector3<f64>,
 ) {
-    // An edge of no length needs no direction.
-    let beside = |from: Vector3<f64>, towards: Vector3<f64>, length: f64| {
+    // An edge of zero length needs no direction.
+    let at_length = |from: Vector3<f64>, towards: Vector3<f64>, length: f64| {
         from + (towards - from).try_normalize(0.0).unwrap_or_default() * length
     };
     for _ in 0..SWEEPS {
@@ -24,10 +24,10 @@ pub(super) fn relax(
             *x = push(k, x);
         }
         for k in (1..last).rev() {
-            x[k] = beside(x[k + 1], x[k], length[k]);
+            x[k] = at_length(x[k + 1], x[k], length[k]);
         }
         for k in 1..x.len() {
-            x[k] = beside(x[k - 1], x[k], length[k - 1]);
+            x[k] = at_length(x[k - 1], x[k], length[k - 1]);
         }
     }
 }
@@ -37,13 +37,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_chain_inside_a_ball_comes_out_with_its_lengths() {
-        // From its root on the ball a straight chain goes 2 cm deep; no edge of 5 mm alone gets out from there.
+    fn chain_inside_a_ball_comes_out_with_exact_lengths() {
+        // A straight chain from a root on the ball to 2 cm inside. No edge of 5 mm comes out by rotation
+        // alone.
         let (radius, n) = (0.05, 24);
         let root = Vector3::x() * radius;
         let mut x: Vec<_> = (0..n).map(|k| root - Vector3::new(0.6, 0.8, 0.0) * (0.005 * k as f64)).collect();
         let mut length = vec![0.005; n - 1];
-        // Real strands have edges of no length.
+        // Real strands have edges of zero length.
         (x[7], length[6]) = (x[6], 0.0);
         (7..n - 1).for_each(|k| x[k + 1] = x[k] - Vector3::new(0.6, 0.8, 0.0) * 0.005);
         let depth = |x: &Vector3<f64>| radius - x.norm();

@@ -1,32 +1,40 @@
-//! Level of detail: a part of the render strands, drawn wider so that together they cover as much.
+//! Level of detail: a subset of the render strands, widened to cover as much.
 
 use crate::scene::Strands;
 
-/// The share `keep` (above 0, to 1) of `strands`, in their order, and for each group by how much wider those that are left are to be drawn:
-/// length times width stays the same.
+/// The fraction `keep` (above 0, at most 1) of `strands`, in their order, and for each group the factor by
+/// which the rest are widened: length times width is conserved.
 ///
-/// Strands are numbered wisp by wisp within their group, and the ones whose number has a radical inverse (van der Corput 1935) below `keep`
-/// stay: of any stretch of wisps nearly that share, always some of a group, and of a smaller `keep` no other strands than of a larger one.
+/// Strands are numbered wisp by wisp within their group. Those whose number has a radical inverse (van der
+/// Corput 1935) below `keep` remain: about that fraction of any range of wisps, at least one of each group,
+/// and for a smaller `keep` a subset of those for a larger one.
 pub fn thin(strands: &Strands, keep: f64) -> (Strands, Vec<f64>) {
     let curves = &strands.curves;
     let mut order: Vec<usize> = (0..curves.len()).collect();
     order.sort_by_key(|&c| (curves.group[c], strands.leaf[c], c));
     let groups = curves.group.iter().max().map_or(0, |last| *last as usize + 1);
     let mut number = vec![0_u32; groups];
-    let mut lengths = vec![[0.0_f64; 2]; groups];
-    let mut stays = vec![false; curves.len()];
+    let mut lengths = vec![Lengths::default(); groups];
+    let mut remains = vec![false; curves.len()];
     for c in order {
         let group = curves.group[c] as usize;
         let inverse = f64::from(number[group].reverse_bits()) / 4_294_967_296.0;
         number[group] += 1;
-        stays[c] = inverse < keep;
+        remains[c] = inverse < keep;
         let length: f64 = curves.curve(c).windows(2).map(|edge| (edge[1] - edge[0]).norm()).sum();
-        lengths[group][0] += length;
-        lengths[group][1] += if stays[c] { length } else { 0.0 };
+        lengths[group].all += length;
+        lengths[group].remaining += if remains[c] { length } else { 0.0 };
     }
-    let left: Vec<usize> = (0..curves.len()).filter(|&c| stays[c]).collect();
-    let wider = lengths.iter().map(|[all, left]| if *left > 0.0 { all / left } else { 1.0 });
-    (strands.select(&left), wider.collect())
+    let remaining: Vec<usize> = (0..curves.len()).filter(|&c| remains[c]).collect();
+    let widening = |l: &Lengths| if l.remaining > 0.0 { l.all / l.remaining } else { 1.0 };
+    (strands.select(&remaining), lengths.iter().map(widening).collect())
+}
+
+/// Total lengths of the strands of a group, m.
+#[derive(Clone, Default)]
+struct Lengths {
+    all: f64,
+    remaining: f64,
 }
 
 #[cfg(test)]
@@ -54,7 +62,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_share_stays_of_every_wisp_and_covers_as_much(keep in 0.05..1.0_f64) {
+        fn every_wisp_keeps_the_fraction_and_cover_is_conserved(keep in 0.05..1.0_f64) {
             let all = strands(4000);
             let (left, wider) = thin(&all, keep);
             prop_assert!((left.curves.len() as f64 / 4000.0 - keep).abs() < 0.005);
@@ -73,14 +81,14 @@ mod tests {
         }
 
         #[test]
-        fn what_stays_of_less_stays_of_more(one in 0.0..1.0_f64, other in 0.0..1.0_f64) {
+        fn smaller_fraction_keeps_a_subset(one in 0.0..1.0_f64, other in 0.0..1.0_f64) {
             let ids = |keep| thin(&strands(300), keep).0.curves.id.into_iter().collect::<BTreeSet<_>>();
             prop_assert!(ids(one.min(other)).is_subset(&ids(one.max(other))));
         }
     }
 
     #[test]
-    fn what_stays_is_as_it_was_and_no_group_is_lost() {
+    fn remaining_strands_are_unchanged_and_no_group_is_lost() {
         let all = strands(300);
         let (left, _) = thin(&all, 0.01);
         assert_eq!(left.curves.group.iter().collect::<BTreeSet<_>>().len(), 2);

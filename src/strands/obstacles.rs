@@ -1,0 +1,84 @@
+//! The bodies that strands stay out of, at one moment.
+
+use super::clearances::{Clearances, DistanceBounds, SEARCH_RADIUS};
+use crate::contact::Bodies;
+use nalgebra::{Isometry3, Vector3};
+
+/// The bodies at one moment.
+#[derive(Debug, Clone, Copy)]
+pub struct Obstacles<'a> {
+    /// The bodies, prepared for `time`.
+    pub bodies: &'a Bodies,
+    /// The moment, s.
+    pub time: f64,
+    /// Rest space to world, one pose per body.
+    pub poses: &'a [Isometry3<f64>],
+}
+
+impl Obstacles<'_> {
+    /// Largest violation of the clearances of `vertex` at `x` (m, world) by any body, m, with the outward
+    /// normal of that body; 0 if there is none. `x` lies `moved`, m, from the place that `bounds` are for;
+    /// they are updated to `x`.
+    pub(super) fn violation(
+        &self,
+        clearances: &Clearances,
+        vertex: usize,
+        x: &Vector3<f64>,
+        moved: f64,
+        bounds: &mut DistanceBounds,
+    ) -> (f64, Vector3<f64>) {
+        let mut worst = (0.0, Vector3::zeros());
+        for (b, bound) in bounds.iter_mut().enumerate() {
+            let keep = clearances.get(b, vertex);
+            *bound -= moved;
+            if keep == f64::NEG_INFINITY || *bound > keep {
+                continue;
+            }
+            let pose = &self.poses[b];
+            let local = pose.inverse_transform_point(&(*x).into()).coords;
+            let [least, most] = self.bodies.distance_bounds(b, &local);
+            if least > keep {
+                *bound = least;
+                continue;
+            }
+            let radius = most.min(moved + SEARCH_RADIUS);
+            let Some(surface) = self.bodies.closest(b, self.time, &local, radius) else {
+                *bound = radius;
+                continue;
+            };
+            *bound = surface.distance;
+            if keep - surface.distance > worst.0 {
+                worst = (keep - surface.distance, pose.rotation * surface.normal);
+            }
+        }
+        worst
+    }
+
+    /// `x` (m, world) moved out of one body after the other until `vertex` violates its clearance by at most
+    /// `allowed`, m.
+    pub(super) fn push_out(
+        &self,
+        clearances: &Clearances,
+        vertex: usize,
+        x: &Vector3<f64>,
+        allowed: f64,
+    ) -> Vector3<f64> {
+        self.poses.iter().enumerate().fold(*x, |x, (b, pose)| {
+            let keep = clearances.get(b, vertex) - allowed;
+            let local = pose.inverse_transform_point(&x.into()).coords;
+            match self.bodies.closest(b, self.time, &local, SEARCH_RADIUS) {
+                Some(s) if s.distance < keep => x + pose.rotation * s.normal * (keep - s.distance),
+                _ => x,
+            }
+        })
+    }
+
+    /// Distance of `x` (m, world) from the closest body, m, at most `radius`; negative inside a body.
+    pub(super) fn distance(&self, x: &Vector3<f64>, radius: f64) -> f64 {
+        let distance = |(b, pose): (usize, &Isometry3<f64>)| {
+            let local = pose.inverse_transform_point(&(*x).into()).coords;
+            self.bodies.closest(b, self.time, &local, radius).map_or(radius, |s| s.distance)
+        };
+        self.poses.iter().enumerate().map(distance).fold(radius, f64::min)
+    }
+}
