@@ -311,7 +311,6 @@ fn strand_stays_on_its_guides_side_of_a_thin_body() {
     };
     let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
     let plate = TriMesh {
-        file: "plate.obj".into(),
         vertices: (0..8).map(corner).collect(),
         triangles: quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
     };
