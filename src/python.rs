@@ -1,4 +1,6 @@
-//! Programs in Python that are part of this one: Pixar's USD is at hand there, composition and all.
+//! Python packages that are built into the program, and the interpreter that runs them.
+//!
+//! They use Pixar's USD library, with all of its composition.
 
 use crate::error::{Error, Result};
 use std::io;
@@ -7,16 +9,16 @@ use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 use tempfile::TempDir;
 
-/// A Python package that is built into the program.
+/// A Python package built into the program.
 #[derive(Debug, Clone, Copy)]
 pub struct Package {
-    /// Its name.
+    /// Name of the package.
     pub name: &'static str,
-    /// Its modules: file name and text.
+    /// The modules: file name and source text.
     pub modules: &'static [(&'static str, &'static str)],
 }
 
-/// The package in a folder of the repository, with the modules that are named.
+/// A [`Package`] from a folder of the repository: folder, package, modules.
 macro_rules! python_package {
     ($folder:literal, $package:literal, [$($module:literal),+ $(,)?]) => {
         $crate::python::Package {
@@ -31,21 +33,21 @@ macro_rules! python_package {
 
 pub(crate) use python_package;
 
-/// A package that is about to run. Its files are gone when this is dropped.
+/// A package ready to run. Dropping it removes the unpacked files.
 #[derive(Debug)]
 pub struct Prepared {
-    /// Runs it; the arguments are still to be given.
+    /// The command that runs the package, without arguments.
     pub command: Command,
-    /// The interpreter, for messages.
+    /// The interpreter.
     pub python: PathBuf,
     _folder: TempDir,
 }
 
 impl Package {
-    /// Unpacks the package for the interpreter that [`interpreter`] finds.
+    /// Unpacks the package into a temporary folder, to run with [`interpreter`].
     ///
     /// # Errors
-    /// As [`interpreter`]; [`Error::Io`] where there is no room for temporary files.
+    /// As [`interpreter`]; [`Error::Io`] if temporary files cannot be written.
     pub fn prepare(&self) -> Result<Prepared> {
         let python = interpreter()?;
         let fail = |e: io::Error| Error::io(std::env::temp_dir(), e);
@@ -62,24 +64,24 @@ impl Package {
     }
 }
 
-/// The Python to run: `HAIRBAKE_PYTHON`; else `.venv/bin/python` of the current folder or one above it; else `python3`. It is tried
-/// once.
+/// The Python to run: `HAIRBAKE_PYTHON`; else `.venv/bin/python` in the current folder or one above it; else `python3`.
+/// It is checked once per process.
 ///
 /// # Errors
-/// [`Error::Config`] where it cannot be run or lacks a package.
+/// [`Error::Config`] if it does not run or lacks a package.
 pub fn interpreter() -> Result<PathBuf> {
-    static SOUND: OnceLock<PathBuf> = OnceLock::new();
-    if let Some(python) = SOUND.get() {
+    static CHECKED: OnceLock<PathBuf> = OnceLock::new();
+    if let Some(python) = CHECKED.get() {
         return Ok(python.clone());
     }
-    let python = named_or_found()?;
-    need_usd(&python)?;
-    Ok(SOUND.get_or_init(|| python).clone())
+    let python = find_interpreter()?;
+    require_usd(&python)?;
+    Ok(CHECKED.get_or_init(|| python).clone())
 }
 
-fn named_or_found() -> Result<PathBuf> {
-    if let Some(named) = std::env::var_os("HAIRBAKE_PYTHON") {
-        return Ok(named.into());
+fn find_interpreter() -> Result<PathBuf> {
+    if let Some(python) = std::env::var_os("HAIRBAKE_PYTHON") {
+        return Ok(python.into());
     }
     let here = std::env::current_dir().map_err(|e| Error::io(".", e))?;
     let found =
@@ -87,27 +89,27 @@ fn named_or_found() -> Result<PathBuf> {
     Ok(found.unwrap_or_else(|| "python3".into()))
 }
 
-/// Makes sure that the packages are there, for a clear word if they are not.
-fn need_usd(python: &Path) -> Result<()> {
+/// Checks that `python` has usd-core and numpy.
+fn require_usd(python: &Path) -> Result<()> {
     let mut probe = Command::new(python);
-    // To look for them is much quicker than to import them.
+    // Finding the packages is much faster than importing them.
     probe.args(["-c", "from importlib.util import find_spec as f; exit(not (f('pxr') and f('numpy')))"]);
     probe.stdout(Stdio::null()).stderr(Stdio::null());
-    let fault = match probe.status() {
+    let error = match probe.status() {
         Ok(status) if status.success() => return Ok(()),
-        Ok(_) => "has no usd-core and numpy".to_string(),
-        Err(e) => format!("cannot be run ({e})"),
+        Ok(_) => "does not have usd-core and numpy".to_string(),
+        Err(e) => format!("does not run ({e})"),
     };
     Err(Error::Config(format!(
-        "{} {fault}; they read USD files. Either run\n    python3 -m venv .venv && .venv/bin/python -m pip install usd-core \
-         numpy\nin this folder, or name a Python that has them in HAIRBAKE_PYTHON",
+        "{} {error}; reading USD files needs them. Run\n    python3 -m venv .venv && .venv/bin/python -m pip install \
+         usd-core numpy\nin this folder, or set HAIRBAKE_PYTHON to a Python that has them",
         python.display()
     )))
 }
 
-/// Holds, for tests, that `package` has every module of its `folder`.
+/// Asserts that `package` holds every module in its `folder`.
 #[cfg(test)]
-pub(crate) fn assert_whole(folder: &str, package: &Package) {
+pub(crate) fn assert_complete(folder: &str, package: &Package) {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder).join(package.name);
     let names = std::fs::read_dir(source).unwrap().map(|entry| entry.unwrap().file_name());
     let mut names: Vec<_> = names.map(|name| name.into_string().unwrap()).collect();

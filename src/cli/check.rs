@@ -6,15 +6,15 @@ use crate::error::{Error, Result};
 use crate::scene::{self, Format};
 use std::path::{Path, PathBuf};
 
-/// Reports all faults of the files.
+/// Reports every error in the files.
 pub fn check(files: &[PathBuf]) -> Result<()> {
     let paths: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
-    let problems = scene::check(&paths)?;
-    if !problems.is_empty() {
-        return Err(Error::BadInput(problems));
+    let errors = scene::check(&paths)?;
+    if !errors.is_empty() {
+        return Err(Error::BadInput(errors));
     }
     for file in files {
-        console::say(&format!("{}: no fault", file.display()));
+        console::say(&format!("{}: no errors", file.display()));
     }
     Ok(())
 }

@@ -1,11 +1,70 @@
-//! Where text goes.
+//! Output to the console: data on standard output, messages on standard error.
 
 use crate::error::{Diagnostic, Error, Result, render};
 use clap::ValueEnum;
+use clap::builder::styling::{AnsiColor, Style};
+use std::fmt;
 use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::path::Path;
 use std::sync::OnceLock;
+use tracing::{Event, Level, Subscriber};
+use tracing_subscriber::fmt::format::Writer;
+use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
+use tracing_subscriber::registry::LookupSpan;
 
-/// Writes data to standard output. A reader that has seen enough (`| head`) is no error.
+const ERROR: Style = AnsiColor::Red.on_default().bold();
+const WARNING: Style = AnsiColor::Yellow.on_default().bold();
+
+/// Format of the messages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum LogFormat {
+    /// Plain text
+    #[default]
+    Text,
+    /// One JSON object per line: timestamp, level, message and other fields
+    Json,
+}
+
+/// What [`start`] set.
+#[derive(Debug, Clone, Copy, Default)]
+struct Console {
+    quiet: bool,
+    format: LogFormat,
+}
+
+static CONSOLE: OnceLock<Console> = OnceLock::new();
+
+fn console() -> Console {
+    CONSOLE.get().copied().unwrap_or_default()
+}
+
+/// Sets the format of the messages, and sends the library's warnings to standard error. If `quiet`, only errors are
+/// printed.
+pub fn start(quiet: bool, format: LogFormat) {
+    CONSOLE.get_or_init(|| Console { quiet, format });
+    let level = match (quiet, format) {
+        (true, _) => Level::ERROR,
+        (false, LogFormat::Text) => Level::WARN,
+        (false, LogFormat::Json) => Level::INFO,
+    };
+    let log = tracing_subscriber::fmt().with_writer(io::stderr).with_max_level(level).with_target(false);
+    // It would report a closed standard error on standard error.
+    let log = log.log_internal_errors(false);
+    match format {
+        LogFormat::Text => log.event_format(PlainText).init(),
+        LogFormat::Json => log.json().flatten_event(true).with_current_span(false).init(),
+    }
+}
+
+/// The format of the messages.
+pub fn format() -> LogFormat {
+    console().format
+}
+
+/// Writes data to standard output. A reader that closes it early, such as `| head`, is not an error.
+///
+/// # Errors
+/// [`Error::Io`].
 pub fn data(bytes: &[u8]) -> Result<()> {
     let mut out = io::stdout().lock();
     match out.write_all(bytes).and_then(|()| out.flush()) {
@@ -14,38 +73,21 @@ pub fn data(bytes: &[u8]) -> Result<()> {
     }
 }
 
-/// How what is said on standard error is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum LogFormat {
-    /// Lines for people
-    #[default]
-    Text,
-    /// A JSON object a line: timestamp, level, message, and what else is known
-    Json,
-}
-
-/// Whether anything but errors is said, and how.
-static MANNER: OnceLock<(bool, LogFormat)> = OnceLock::new();
-
-fn manner() -> (bool, LogFormat) {
-    MANNER.get().copied().unwrap_or_default()
-}
-
-/// The format chosen at the start.
-pub fn format() -> LogFormat {
-    manner().1
-}
-
-/// Says something to people, or to a log, on standard error, unless asked to be quiet.
+/// Prints a message, unless quiet.
 pub fn say(text: &str) {
-    match manner() {
-        (true, _) => {}
-        (false, LogFormat::Text) => line(text),
-        (false, LogFormat::Json) => tracing::info!("{text}"),
+    match console() {
+        Console { quiet: true, .. } => {}
+        Console { format: LogFormat::Text, .. } => line(text),
+        Console { format: LogFormat::Json, .. } => tracing::info!("{text}"),
     }
 }
 
-/// Tells why the program stops.
+/// Prints that a file or folder was written, unless quiet.
+pub fn wrote(path: &Path) {
+    say(&format!("wrote {}", path.display()));
+}
+
+/// Prints why the program fails.
 pub fn fail(error: &Error) {
     let diagnostics = if let Error::BadInput(diagnostics) = error { &diagnostics[..] } else { &[] };
     let ending = if diagnostics.is_empty() { "" } else { "; nothing written" };
@@ -57,31 +99,45 @@ pub fn fail(error: &Error) {
         return;
     }
     if !diagnostics.is_empty() {
-        let colour = io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-        line(render(diagnostics, colour).trim_end());
+        line(render(diagnostics, is_coloured()).trim_end());
     }
-    line(&format!("hairbake: {error}{ending}"));
+    line(&format!("{} {error}{ending}", label("error:", ERROR)));
 }
 
-/// Writes a line as it is to standard error.
+/// Writes a line to standard error.
 pub fn line(text: &str) {
-    // There is nowhere left to tell that this failed.
+    // A failure could not be reported anywhere.
     let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
-/// Sends the library's warnings to standard error in a format, only its errors if `quiet`, and all that is said later likewise.
-pub fn start(quiet: bool, format: LogFormat) {
-    MANNER.get_or_init(|| (quiet, format));
-    let level = match (quiet, format) {
-        (true, _) => tracing::Level::ERROR,
-        (false, LogFormat::Text) => tracing::Level::WARN,
-        (false, LogFormat::Json) => tracing::Level::INFO,
-    };
-    let log = tracing_subscriber::fmt().with_writer(io::stderr).with_max_level(level).with_target(false);
-    // It would tell of a closed standard error on standard error.
-    let log = log.log_internal_errors(false);
-    match format {
-        LogFormat::Text => log.without_time().init(),
-        LogFormat::Json => log.json().flatten_event(true).with_current_span(false).init(),
+fn is_coloured() -> bool {
+    io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none()
+}
+
+fn label(text: &str, style: Style) -> String {
+    if is_coloured() { format!("{style}{text}{style:#}") } else { text.into() }
+}
+
+/// Messages of the library as `warning: text`.
+struct PlainText;
+
+impl<S, N> FormatEvent<S, N> for PlainText
+where
+    S: Subscriber + for<'a> LookupSpan<'a>,
+    N: for<'a> FormatFields<'a> + 'static,
+{
+    fn format_event(
+        &self,
+        context: &FmtContext<'_, S, N>,
+        mut writer: Writer<'_>,
+        event: &Event<'_>,
+    ) -> fmt::Result {
+        let label = match *event.metadata().level() {
+            Level::ERROR => label("error:", ERROR),
+            _ => label("warning:", WARNING),
+        };
+        write!(writer, "{label} ")?;
+        context.field_format().format_fields(writer.by_ref(), event)?;
+        writeln!(writer)
     }
 }

@@ -1,47 +1,53 @@
-//! The command line. The only module that prints: data on standard output, all else on standard error.
+//! The command line. Only this module prints: data on standard output, everything else on standard error.
 
 mod arguments;
 mod bake;
+mod bake_report;
 mod check;
+mod command_line;
+mod completions;
 mod console;
 mod estimate;
+mod explain;
+mod frame_list;
+mod help;
 mod import;
 mod plan;
 mod preview;
 mod progress;
+mod run_arguments;
 mod sample;
-mod scene;
-mod shell;
+mod scene_arguments;
+mod settings;
 mod signals;
+mod stages;
 mod status;
 mod summary;
 mod validate;
 mod values;
+mod wedges;
 
 use crate::error::{Error, Result};
 use arguments::{Arguments, Command};
-use clap::{ArgMatches, CommandFactory, FromArgMatches};
-use estimate::Typed;
+use clap::ArgMatches;
+use explain::OptionOrigins;
 use progress::Progress;
 use std::process::ExitCode;
 
 /// Exit code of wrong usage.
 const USAGE: u8 = 64;
 
-/// Runs the program on the process's own arguments.
+/// Runs the program on the arguments of the process.
 pub fn main() -> ExitCode {
-    let parsed = Arguments::command()
-        .try_get_matches_from(arguments::general_last(std::env::args_os().collect()))
-        .and_then(|matches| Ok((Arguments::from_arg_matches(&matches)?, matches)));
-    let (arguments, matches) = match parsed {
+    let (arguments, matches) = match command_line::parse(std::env::args_os().collect()) {
         Ok(parsed) => parsed,
         Err(message) => {
-            // A closed output is no reason to fail; there is nobody to tell.
+            // A closed output is not an error.
             let _ = message.print();
             return if message.use_stderr() { ExitCode::from(USAGE) } else { ExitCode::SUCCESS };
         }
     };
-    console::start(arguments.quiet, arguments.log_format);
+    console::start(arguments.general.quiet, arguments.general.log_format);
     match run(arguments, matches) {
         Ok(code) => code,
         Err(error) => {
@@ -52,42 +58,42 @@ pub fn main() -> ExitCode {
 }
 
 fn run(arguments: Arguments, matches: ArgMatches) -> Result<ExitCode> {
-    let Arguments { scene, bake, command, threads, quiet, progress, log_format: _ } = arguments;
-    let queue = start_threads(threads)?;
-    let typed = || Typed::new(Arguments::command(), matches, queue);
-    let progress = Progress::start(quiet, progress);
+    let Arguments { command, general } = arguments;
+    let queue = start_threads(general.threads)?;
+    let origins = || OptionOrigins::new(command_line::command(), matches, queue);
+    let progress = Progress::start(general.quiet, general.progress);
     match command {
-        None => match scene {
-            Some(scene) => bake::run(&scene, &bake, &typed(), progress)?,
-            None => return Err(Error::Usage("GROOM and ANIM, or a command, are needed: see --help".into())),
-        },
-        Some(Command::Check { files }) => check::check(&files)?,
-        Some(Command::Schema { format }) => check::schema(format)?,
-        Some(Command::Import { what }) => import::run(what)?,
-        Some(Command::Sample(options)) => sample::run(&options)?,
-        Some(Command::Estimate(options)) => estimate::run(&options, &typed(), progress)?,
-        Some(Command::Simulate(options)) => bake::simulate(&options, progress)?,
-        Some(Command::Interpolate(options)) => bake::interpolate(&options, progress)?,
-        Some(Command::Assemble(options)) => bake::assemble(&options)?,
-        Some(Command::Plan(options)) => plan::run(&options, threads)?,
-        Some(Command::Status(options)) => status::run(&options)?,
-        Some(Command::Preview(options)) => preview::run(&options)?,
-        Some(Command::Validate(options)) => return validate::run(&options),
-        Some(Command::Completions { shell }) => shell::completions(shell)?,
-        Some(Command::Man { command }) => shell::man(&command)?,
+        Command::Sample(options) => sample::run(&options)?,
+        Command::Import { what } => import::run(what)?,
+        Command::Check { files } => check::check(&files)?,
+        Command::Schema { format } => check::schema(format)?,
+        Command::Estimate(options) => estimate::run(&options, &origins(), progress)?,
+        Command::Bake(options) => bake::run(&options, &origins(), progress)?,
+        Command::Preview(options) => preview::run(&options)?,
+        Command::Status(options) => status::run(&options)?,
+        Command::Validate(options) => return validate::run(&options),
+        Command::Plan(options) => plan::run(&options, general.threads)?,
+        Command::Simulate(options) => stages::simulate(&options, progress)?,
+        Command::Interpolate(options) => stages::interpolate(&options, progress)?,
+        Command::Assemble(options) => stages::assemble(&options)?,
+        Command::Completions { shell } => completions::completions(shell)?,
+        Command::Man { command } => completions::man(&command)?,
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Starts as many worker threads as asked for: by option, by hairbake's own variable (clap reads both), or by that of the render
-/// farm's queue, which is returned; else one for each core that the process may use.
+/// Starts the worker threads: as many as `asked`, else as the queue of the render farm allows, else one per core.
+///
+/// Returns the variable of the queue that was used.
 fn start_threads(asked: Option<usize>) -> Result<Option<&'static str>> {
-    let of_queue =
-        |name: &'static str| Some((name, std::env::var(name).ok()?.parse().ok().filter(|n: &usize| *n > 0)?));
-    let queue = ["CUE_THREADS", "SLURM_CPUS_PER_TASK"].into_iter().find_map(of_queue);
+    let count = |name: &'static str| {
+        let count = std::env::var(name).ok()?.parse().ok().filter(|n: &usize| *n > 0)?;
+        Some((name, count))
+    };
+    let queue = ["CUE_THREADS", "SLURM_CPUS_PER_TASK"].into_iter().find_map(count);
     rayon::ThreadPoolBuilder::new()
         .num_threads(asked.or(queue.map(|(_, n)| n)).unwrap_or(0))
         .build_global()
-        .map_err(|e| Error::Internal(format!("starting threads: {e}")))?;
+        .map_err(|e| Error::Internal(format!("cannot start threads: {e}")))?;
     Ok(queue.map(|(name, _)| name))
 }

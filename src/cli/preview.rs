@@ -1,5 +1,6 @@
 //! `hairbake preview`.
 
+use super::frame_list::frame_range;
 use super::{console, values};
 use crate::cache::{Reader, write_file};
 use crate::error::{Error, Result};
@@ -8,7 +9,7 @@ use crate::report::preview::{self, Curves, Follow, Options, spread};
 use clap::{ArgGroup, Args, ValueEnum};
 use std::path::{Path, PathBuf};
 
-/// Pictures on a contact sheet unless asked otherwise.
+/// Default number of pictures on a contact sheet.
 pub const PICTURES: usize = 12;
 
 const EXAMPLES: &str = "\
@@ -18,50 +19,61 @@ Examples:
   hairbake preview out --animate shot.gif --size 320 --follow head
   hairbake preview out -o guides.png --curves guides";
 
+const CAMERA: &str = "Camera";
+
+/// `hairbake preview` as it is typed.
 #[derive(Debug, Args)]
-#[command(after_help = EXAMPLES, group(ArgGroup::new("made").required(true).multiple(true).args(["output", "animate"])))]
+#[command(after_help = EXAMPLES, group(ArgGroup::new("written").required(true).multiple(true).args(["output", "animate"])))]
 pub struct PreviewArguments {
-    /// Folder of the cache; an unfinished one will do. Of several, such as the wedges of a sweep, the sheet has a row each
-    #[arg(required = true)]
+    /// Folder of a cache, which may be unfinished
+    ///
+    /// With several caches, such as the wedges of a sweep, the contact sheet has one row per cache.
+    #[arg(required = true, value_name = "CACHE")]
     caches: Vec<PathBuf>,
-    /// Contact sheet to write, PNG
+    /// Contact sheet to write (PNG)
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Animation to write: GIF, which every viewer shows in 256 colours, or PNG (APNG), for browsers, in all colours
+    /// Animation to write: .gif (256 colours) or .apng, .png (all colours)
     #[arg(long, value_name = "FILE", value_parser = animation)]
     animate: Option<(PathBuf, Format)>,
-    /// Frames to draw [default: all of the shot]
-    #[arg(long, value_name = "A-B", value_parser = values::frames, allow_hyphen_values = true)]
+    /// Frames to draw, such as 1020-1030 [default: all of the shot]
+    #[arg(long, value_name = "A-B", value_parser = frame_range, allow_hyphen_values = true)]
     frames: Option<(i32, i32)>,
-    /// Pictures on the sheet, spread evenly over the frames
+    /// Number of pictures on the contact sheet
+    ///
+    /// They are spread evenly over the frames.
     #[arg(long, value_name = "N", default_value_t = PICTURES as u32, value_parser = clap::value_parser!(u32).range(1..=400))]
     pictures: u32,
-    /// Size of one picture, pixels
-    #[arg(long, value_name = "WxH", default_value = "480", value_parser = values::size)]
+    /// Size of one picture in pixels: one number for a square, or WIDTHxHEIGHT
+    #[arg(long, value_name = "SIZE", default_value = "480", value_parser = values::size)]
     size: (u32, u32),
-    /// What is drawn [default: hair where the cache has it, else guides]
-    #[arg(long, value_enum, value_name = "WHAT")]
+    /// Curves to draw [default: hair if the cache has it, else guides]
+    #[arg(long, value_enum, value_name = "NAME")]
     curves: Option<CurvesName>,
-    /// What colours tell: of an adaptive bake, blue is hair that moves with a coarse wisp, and the warmer the finer what came away from it
-    #[arg(long, value_enum, value_name = "WHAT", default_value = "hair")]
+    /// Meaning of the colours
+    #[arg(long, value_enum, value_name = "NAME", alias = "color", default_value = "hair")]
     colour: ColourName,
-    /// Factor on the drawn widths: raise it where few strands stand for a whole head of hair
-    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = values::positive)]
+    /// Scale factor for the drawn widths
+    ///
+    /// Raise it if few strands represent a whole head of hair.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = values::positive)]
     width_scale: f64,
-    /// Leave the head and other colliders out
+    /// Do not draw the head and other colliders
     #[arg(long)]
     no_colliders: bool,
-    /// What the camera moves with
-    #[arg(long, value_enum, value_name = "WHAT", default_value = "position", help_heading = "Camera")]
+    /// What the camera follows
+    #[arg(long, value_enum, value_name = "NAME", default_value = "position", help_heading = CAMERA)]
     follow: FollowName,
-    /// Where the viewer stands, degrees from the front to the subject's left; 180 is behind
-    #[arg(long, value_name = "DEG", default_value_t = 35.0, value_parser = values::angle, allow_hyphen_values = true, help_heading = "Camera")]
+    /// Direction of the viewer, in degrees from the front towards the subject's left; 180 is behind
+    #[arg(long, value_name = "DEGREES", default_value_t = 35.0, value_parser = values::angle, allow_hyphen_values = true, help_heading = CAMERA)]
     azimuth: f64,
-    /// How high the viewer stands, degrees above the horizon
-    #[arg(long, value_name = "DEG", default_value_t = 8.0, value_parser = values::angle, allow_hyphen_values = true, help_heading = "Camera")]
+    /// Elevation of the viewer, in degrees above the horizon
+    #[arg(long, value_name = "DEGREES", default_value_t = 8.0, value_parser = values::angle, allow_hyphen_values = true, help_heading = CAMERA)]
     elevation: f64,
-    /// Angle of view from bottom to top, degrees: smaller is flatter, larger exaggerates depth
-    #[arg(long, value_name = "DEG", default_value_t = 24.0, help_heading = "Camera")]
+    /// Vertical field of view, in degrees
+    ///
+    /// Raising it exaggerates depth.
+    #[arg(long, value_name = "DEGREES", default_value_t = 24.0, help_heading = CAMERA)]
     fov: f64,
 }
 
@@ -71,25 +83,25 @@ enum CurvesName {
     Hair,
     /// Guides, coloured by group
     Guides,
-    /// Guides amid thinned strands
+    /// Guides among thinned render strands
     Both,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum ColourName {
-    /// Hair as it is, guides by group
+    /// Natural colours for hair, one colour per group for guides
     Hair,
-    /// The level of the wisp that moves each curve
+    /// Wisp level that moves each curve: blue is a coarse wisp, warmer colours are finer
     Level,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum FollowName {
-    /// The head's place: its turns stay readable
+    /// Position of the head, so that its turns show
     Position,
-    /// The head's place and turn: the head stands still
+    /// Position and orientation of the head, which then stands still
     Head,
-    /// Nothing: the whole way fits the picture
+    /// Nothing; the whole motion fits the picture
     World,
 }
 
@@ -98,19 +110,19 @@ fn animation(text: &str) -> std::result::Result<(PathBuf, Format), String> {
     let format = match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
         Some("gif") => Format::Gif,
         Some("png" | "apng") => Format::Apng,
-        _ => return Err("a name that ends in .gif, .png or .apng".into()),
+        _ => return Err("expected a name that ends in .gif, .png or .apng".into()),
     };
     Ok((path, format))
 }
 
-/// Draws the pictures asked for.
+/// Draws the contact sheet and the animation.
 pub fn run(arguments: &PreviewArguments) -> Result<()> {
     let options = arguments.options();
     let shots: Vec<(Reader, Vec<i32>)> =
         arguments.caches.iter().map(|cache| arguments.shot(cache)).collect::<Result<_>>()?;
-    let [(reader, frames)] = &shots[..] else { return arguments.sweep(shots, &options) };
+    let [(reader, frames)] = &shots[..] else { return arguments.draw_sweep(shots, &options) };
     if let Some(path) = &arguments.output {
-        write(path, preview::sheet(reader, &options, &arguments.chosen(frames))?.to_png()?)?;
+        write(path, preview::sheet(reader, &options, &arguments.select(frames))?.to_png()?)?;
     }
     if let Some((path, format)) = &arguments.animate {
         let mut bytes = Vec::new();
@@ -122,47 +134,46 @@ pub fn run(arguments: &PreviewArguments) -> Result<()> {
 
 fn write(path: &Path, bytes: Vec<u8>) -> Result<()> {
     write_file(path, &[bytes])?;
-    console::say(&format!("written: {}", path.display()));
+    console::wrote(path);
     Ok(())
 }
 
 impl PreviewArguments {
-    /// A cache and its frames that are asked for.
+    /// Opens a cache; returns it with its frames to draw.
     fn shot(&self, cache: &Path) -> Result<(Reader, Vec<i32>)> {
         let reader = Reader::open(cache)?;
-        let (shot, asked) = (reader.header().frames, self.frames);
-        let (first, last) = asked.unwrap_or(shot);
+        let (first, last) = self.frames.unwrap_or(reader.header().frames);
         let frames: Vec<i32> =
             reader.frames().iter().copied().filter(|frame| (first..=last).contains(frame)).collect();
-        if frames.is_empty() || asked.is_some_and(|(a, b)| !frames.contains(&a) || !frames.contains(&b)) {
-            let there = reader.frames();
-            let range = there.first().zip(there.last()).map_or("none".into(), |(a, b)| format!("{a} to {b}"));
+        if frames.is_empty() || self.frames.is_some_and(|(a, b)| !frames.contains(&a) || !frames.contains(&b))
+        {
+            let all = reader.frames();
+            let range = all.first().zip(all.last()).map_or("none".into(), |(a, b)| format!("{a} to {b}"));
             return Err(Error::Usage(format!(
-                "frames {first} to {last} are not all in {}: there are {range}",
+                "{} does not have all frames from {first} to {last}; available: {range}",
                 cache.display()
             )));
         }
         Ok((reader, frames))
     }
 
-    /// The frames for the sheet.
-    fn chosen(&self, frames: &[i32]) -> Vec<i32> {
-        let chosen = spread((0, frames.len() as i32 - 1), self.pictures as usize);
-        chosen.into_iter().map(|i| frames[i as usize]).collect()
+    /// The frames for the contact sheet.
+    fn select(&self, frames: &[i32]) -> Vec<i32> {
+        let selected = spread((0, frames.len() as i32 - 1), self.pictures as usize);
+        selected.into_iter().map(|i| frames[i as usize]).collect()
     }
 
-    /// A sheet of several caches.
-    fn sweep(&self, shots: Vec<(Reader, Vec<i32>)>, options: &Options) -> Result<()> {
+    /// Draws a contact sheet of several caches.
+    fn draw_sweep(&self, shots: Vec<(Reader, Vec<i32>)>, options: &Options) -> Result<()> {
         let (Some(path), None) = (&self.output, &self.animate) else {
-            return Err(Error::Usage(
-                "of several caches there is a sheet only: -o FILE, no --animate".into(),
-            ));
+            let message = "several caches need -o FILE; --animate takes one cache";
+            return Err(Error::Usage(message.into()));
         };
         for (i, cache) in self.caches.iter().enumerate() {
             console::say(&format!("row {}: {}", i + 1, cache.display()));
         }
         let shots: Vec<_> =
-            shots.into_iter().map(|(reader, frames)| (reader, self.chosen(&frames))).collect();
+            shots.into_iter().map(|(reader, frames)| (reader, self.select(&frames))).collect();
         write(path, preview::sheet_of_shots(&shots, options)?.to_png()?)
     }
 

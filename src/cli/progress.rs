@@ -1,4 +1,4 @@
-//! How far a stage is.
+//! The progress of a stage.
 
 use super::console::{self, LogFormat};
 use crate::bake::frame_record::FrameRecord;
@@ -8,47 +8,47 @@ use indicatif::ProgressBar;
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
-/// Shortest time between two lines where there is no bar.
+/// Shortest time between two lines.
 const INTERVAL: Duration = Duration::from_secs(1);
 
-/// Who is to read the progress.
+/// How progress is reported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum ProgressStyle {
-    /// A bar on a terminal, lines elsewhere
+    /// A bar on a terminal, else lines
     #[default]
     Auto,
-    /// Lines, at most one a second
+    /// At most one line per second
     Lines,
-    /// Lines that OpenJD reads: openjd_progress: 41.7
+    /// Lines for OpenJD, as in openjd_progress: 41.7
     Openjd,
-    /// Lines that Tractor reads: ALF_PROGRESS 42%
+    /// Lines for Tractor, as in ALF_PROGRESS 42%
     Alf,
-    /// Nothing
+    /// No progress
     None,
 }
 
-/// A bar on a terminal; lines, at most one a second, elsewhere.
+/// Reports the progress of a stage.
 pub struct Progress {
     style: ProgressStyle,
     bar: Option<ProgressBar>,
-    /// When the first frame was done: the pre-roll before it says nothing about those to come.
+    /// When the first frame was done. The pre-roll before it does not count for the time per frame.
     first: Option<Instant>,
-    /// When the last line was said.
-    said: Option<Instant>,
+    /// When the last line was printed.
+    printed: Option<Instant>,
 }
 
 impl Progress {
-    /// Nothing is shown yet.
+    /// Prepares the report; shows nothing yet.
     pub fn start(quiet: bool, style: ProgressStyle) -> Self {
         let style = if quiet { ProgressStyle::None } else { style };
         let bar = style == ProgressStyle::Auto
             && console::format() == LogFormat::Text
             && std::io::stderr().is_terminal();
-        let bar = bar.then(|| ProgressBar::new_spinner().with_message("settling the groom"));
-        Progress { style, bar, first: None, said: None }
+        let bar = bar.then(|| ProgressBar::new_spinner().with_message("pre-roll"));
+        Progress { style, bar, first: None, printed: None }
     }
 
-    /// Shows how far `stage` is while it runs.
+    /// Runs `stage` and shows its progress.
     pub fn through<T>(
         mut self,
         stage: impl FnOnce(&mut dyn FnMut(&FrameRecord, usize, usize)) -> Result<T>,
@@ -63,11 +63,11 @@ impl Progress {
         result
     }
 
-    /// Shows that `done` of `total` frames are on disk, the last of them as in `record`.
+    /// Shows that `done` of `total` frames are written, the last one with the figures in `record`.
     fn show(&mut self, record: &FrameRecord, done: usize, total: usize) {
         if let Some(bar) = &self.bar {
             if done == 1 {
-                // The pre-roll is behind; only now does the time of a frame mean something.
+                // The time per frame starts after the pre-roll.
                 bar.reset();
                 bar.set_length(total as u64);
                 bar.set_style(bar_style());
@@ -78,10 +78,10 @@ impl Progress {
         }
         let now = Instant::now();
         let first = *self.first.get_or_insert(now);
-        if done < total && self.said.is_some_and(|last| now - last < INTERVAL) {
+        if done < total && self.printed.is_some_and(|last| now - last < INTERVAL) {
             return;
         }
-        self.said = Some(now);
+        self.printed = Some(now);
         let percent = 100.0 * done as f64 / total as f64;
         let pace = match done {
             0 | 1 => String::new(),
@@ -102,7 +102,7 @@ impl Progress {
 fn bar_style() -> indicatif::ProgressStyle {
     let template = "{wide_bar:.cyan} {pos}/{len} frames, {seconds} s/frame, {eta} left, {msg}";
     let seconds = |state: &indicatif::ProgressState, out: &mut dyn std::fmt::Write| {
-        // Nothing can be done about a bar that cannot be drawn.
+        // A bar that cannot be drawn is not an error.
         let _ = write!(out, "{:.3}", 1.0 / state.per_sec());
     };
     indicatif::ProgressStyle::with_template(template)

@@ -10,49 +10,65 @@ const EXAMPLES: &str = "\
 Examples:
   hairbake sample long-curly -o long-curly
   hairbake long-curly/groom.json long-curly/turn.json -o out
-  hairbake sample all -o samples --wisps 64 --strands 512     # all four styles, small";
+  hairbake sample all -o samples --wisps 64 --strands 512    # all four styles, small";
 
+/// `hairbake sample` as it is typed.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub struct SampleArguments {
-    /// short, short-curly, long or long-curly; or all, each in a folder of its own
+    /// Hair style: short, short-curly, long or long-curly; or all, each in its own folder
     #[arg(value_parser = styles)]
     style: Styles,
     /// Folder for groom.json, groom.bin, head.obj, shake.json and turn.json
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
-    /// Leaf wisps, one simulated guide each: more is finer and slower [default: as in the paper's table, 491 to 821]
+    /// Number of leaf wisps, with one simulated guide each [default: 491 to 821, depending on the style]
+    ///
+    /// More wisps are finer and slower to bake.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     wisps: Option<u32>,
-    /// Render strands: more is denser and larger on disk [default: 8000]
+    /// Number of render strands [default: 8000]
+    ///
+    /// More strands are denser and make the cache larger.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=10_000_000))]
     strands: Option<u32>,
-    /// Rounds of division of the head mesh, each with four times the triangles [default: 4]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=7))]
-    head_rounds: Option<u8>,
+    /// Subdivisions of the head mesh, 0 to 7 [default: 4]
+    ///
+    /// Each multiplies the number of triangles by four.
+    #[arg(long, value_name = "N", alias = "head-rounds", value_parser = clap::value_parser!(u8).range(0..=7))]
+    head_subdivisions: Option<u8>,
 }
 
-/// The styles asked for, and whether each gets a folder of its own.
+/// The styles to write.
 #[derive(Debug, Clone)]
-struct Styles(Vec<Style>, bool);
+struct Styles {
+    styles: Vec<Style>,
+    /// Whether each style gets a folder of its own.
+    in_folders: bool,
+}
 
 fn styles(name: &str) -> Result<Styles> {
-    Ok(if name == "all" { Styles(Style::ALL.to_vec(), true) } else { Styles(vec![name.parse()?], false) })
+    Ok(match name {
+        "all" => Styles { styles: Style::ALL.to_vec(), in_folders: true },
+        _ => Styles { styles: vec![name.parse()?], in_folders: false },
+    })
 }
 
-/// Writes the samples asked for.
+/// Writes the samples.
 pub fn run(arguments: &SampleArguments) -> Result<()> {
-    let usual = Size::default();
+    let default = Size::default();
     let size = Size {
         wisps: arguments.wisps.map(|n| n as usize),
-        strands: arguments.strands.map_or(usual.strands, |n| n as usize),
-        head_subdivisions: arguments.head_rounds.map_or(usual.head_subdivisions, usize::from),
+        strands: arguments.strands.map_or(default.strands, |n| n as usize),
+        head_subdivisions: arguments.head_subdivisions.map_or(default.head_subdivisions, usize::from),
     };
-    let Styles(styles, apart) = &arguments.style;
+    let Styles { styles, in_folders } = &arguments.style;
     for style in styles {
-        let folder = if *apart { arguments.output.join(style.to_string()) } else { arguments.output.clone() };
+        let output = &arguments.output;
+        let folder = if *in_folders { output.join(style.to_string()) } else { output.clone() };
         let report = sample::write(*style, size, &folder)?;
-        console::say(&format!("{}\nwritten: {}", report.to_string().trim_end(), folder.display()));
+        console::say(report.to_string().trim_end());
+        console::wrote(&folder);
     }
     Ok(())
 }

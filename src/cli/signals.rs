@@ -1,4 +1,4 @@
-//! What the system asks of a running stage.
+//! Signals that stop a stage or make it save.
 
 use crate::error::{Error, Result};
 #[cfg(unix)]
@@ -13,14 +13,14 @@ const STOPPING: [i32; 3] = [SIGINT, SIGTERM, SIGUSR1];
 #[cfg(not(unix))]
 const STOPPING: [i32; 2] = [SIGINT, SIGTERM];
 
-/// From now on INT, TERM and USR1 set `stop`, and once it is set end the process at once; HUP sets `save`.
+/// Installs the handlers: INT, TERM and USR1 set `stop`, and end the process if it is already set; HUP sets `save`.
 ///
 /// # Errors
-/// [`Error::Config`] where the system does not allow it.
+/// [`Error::Config`] if the system refuses a handler.
 pub fn listen(stop: &Arc<AtomicBool>, save: &Arc<AtomicBool>) -> Result<()> {
-    let refused = |e| Error::Config(format!("signals: {e}"));
+    let refused = |e| Error::Config(format!("cannot handle signals: {e}"));
     for signal in STOPPING {
-        // In this order: the first signal finds the flag down.
+        // In this order, so that the first signal finds the flag unset.
         flag::register_conditional_shutdown(signal, 128 + signal, stop.clone()).map_err(refused)?;
         flag::register(signal, stop.clone()).map_err(refused)?;
     }

@@ -1,4 +1,4 @@
-//! `hairbake status`: what of a bake is done.
+//! `hairbake status`: which frames of a bake are done.
 
 use super::console;
 use crate::bake::checked_file::Flaw;
@@ -7,74 +7,106 @@ use crate::cache::MANIFEST;
 use crate::error::{Error, Result};
 use clap::Args;
 use rayon::prelude::*;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
-/// The question as it is typed.
+const EXAMPLES: &str = "\
+Examples:
+  hairbake status out
+  hairbake status out --checksums --json
+
+Exit codes:
+   0  the bake is complete
+  75  the bake is incomplete";
+
+/// `hairbake status` as it is typed.
 #[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
 pub struct StatusArguments {
     /// Folder of the cache
     cache: PathBuf,
-    /// Read every frame and hold its checksum against its mark; else its mark is believed
+    /// Read every frame file and compare its checksum
+    ///
+    /// Without this option only the length of a file is compared.
     #[arg(long)]
     checksums: bool,
-    /// Print JSON: for states and files the frames that are done, missing, stale or damaged
+    /// Print JSON: lists of the frames that are done, missing, stale or damaged
     #[arg(long)]
     json: bool,
 }
 
-/// Says what is done, missing, stale or damaged. Done is all but one thing: it ends with an error that says to try again.
+/// The kinds of frames, in the order of [`kind`].
+const KINDS: [&str; 4] = ["done", "missing", "stale", "damaged"];
+
+/// Prints which frames are done, missing, stale or damaged.
+///
+/// # Errors
+/// [`Error::NotYet`] if the bake is incomplete.
 pub fn run(arguments: &StatusArguments) -> Result<()> {
     let (work, description) = Work::open(&arguments.cache)?;
     let (first, last) = description.frames;
     let frames: Vec<i32> = (first..=last).collect();
-    let state = |frame: &i32| work.state(*frame).map(drop);
-    let file = |frame: &i32| match arguments.checksums {
-        true => work.done(*frame).map(drop),
-        false => work.marked(*frame).map(drop),
+    let state = |frame: i32| work.state(frame).map(drop);
+    let file = |frame: i32| match arguments.checksums {
+        true => work.done(frame).map(drop),
+        false => work.marked(frame).map(drop),
     };
-    let finished = arguments.cache.join(MANIFEST).exists();
-    let states: Vec<_> = frames.par_iter().map(state).collect();
-    let files: Vec<_> = frames.par_iter().map(file).collect();
-    let kinds = ["done", "missing", "stale", "damaged"];
-    let sorted = |found: &[std::result::Result<(), Flaw>]| {
-        let of = |kind: &str| -> Vec<i32> {
-            let is = |found: &std::result::Result<(), Flaw>| match found {
-                Ok(()) => "done",
-                Err(Flaw::Missing) => "missing",
-                Err(Flaw::Stale) => "stale",
-                Err(Flaw::Damaged(_)) => "damaged",
-            };
-            frames.iter().zip(found).filter(|(_, found)| is(found) == kind).map(|(frame, _)| *frame).collect()
-        };
-        kinds.map(|kind| (kind, of(kind)))
-    };
-    let (states, files) = (sorted(&states), sorted(&files));
+    let assembled = arguments.cache.join(MANIFEST).exists();
+    let (states, files) = (Frames::sort(&frames, state), Frames::sort(&frames, file));
     if arguments.json {
-        let object = |sorted: &[(&str, Vec<i32>)]| -> serde_json::Value {
-            sorted.iter().map(|(kind, frames)| ((*kind).to_string(), json!(frames))).collect()
-        };
         let status = json!({
-            "key": description.key, "frames": description.frames, "states": object(&states), "files": object(&files),
-            "assembled": finished,
+            "key": description.key, "frames": description.frames, "states": states.to_json(), "files": files.to_json(),
+            "assembled": assembled,
         });
         console::data(format!("{status:#}\n").as_bytes())?;
     } else {
-        let line = |name: &str, sorted: &[(&str, Vec<i32>)]| {
-            let parts = sorted.iter().filter(|(_, frames)| !frames.is_empty());
-            let parts: Vec<String> =
-                parts.map(|(kind, frames)| format!("{} {kind} ({})", frames.len(), ranges(frames))).collect();
-            format!("{name:<12}{}\n", parts.join(", "))
-        };
-        let end = if finished { "assembled" } else { "not assembled" };
-        let text = [line("simulated", &states), line("frames", &files), format!("{:<12}{end}\n", "cache")];
+        let end = if assembled { "assembled" } else { "not assembled" };
+        let rows = [("simulated", states.to_string()), ("written", files.to_string()), ("cache", end.into())];
+        let text = rows.map(|(name, value)| format!("{name:<12}{value}\n"));
         console::data(text.concat().as_bytes())?;
     }
-    let whole = finished && files[0].1.len() == frames.len();
-    if whole { Ok(()) } else { Err(Error::NotYet(format!("{}: not done", arguments.cache.display()))) }
+    match assembled && files.0[0].len() == frames.len() {
+        true => Ok(()),
+        false => Err(Error::NotYet(format!("{}: the bake is incomplete", arguments.cache.display()))),
+    }
 }
 
-/// Frames in ascending order as ranges: `1001-1010,1015`.
+/// Frames by kind.
+struct Frames([Vec<i32>; KINDS.len()]);
+
+impl Frames {
+    /// Sorts `frames` by what `check` finds.
+    fn sort(frames: &[i32], check: impl Fn(i32) -> std::result::Result<(), Flaw> + Sync) -> Self {
+        let kinds: Vec<usize> = frames.par_iter().map(|frame| kind(&check(*frame))).collect();
+        let of =
+            |k: usize| frames.iter().zip(&kinds).filter(|(_, kind)| **kind == k).map(|(f, _)| *f).collect();
+        Frames(std::array::from_fn(of))
+    }
+
+    fn to_json(&self) -> Value {
+        KINDS.iter().zip(&self.0).map(|(kind, frames)| ((*kind).to_string(), json!(frames))).collect()
+    }
+}
+
+impl std::fmt::Display for Frames {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let kinds = KINDS.iter().zip(&self.0).filter(|(_, frames)| !frames.is_empty());
+        let kinds = kinds.map(|(kind, frames)| format!("{} {kind} ({})", frames.len(), ranges(frames)));
+        f.write_str(&kinds.collect::<Vec<_>>().join(", "))
+    }
+}
+
+/// Index into [`KINDS`].
+fn kind(found: &std::result::Result<(), Flaw>) -> usize {
+    match found {
+        Ok(()) => 0,
+        Err(Flaw::Missing) => 1,
+        Err(Flaw::Stale) => 2,
+        Err(Flaw::Damaged(_)) => 3,
+    }
+}
+
+/// Formats frames in ascending order as ranges: `1001-1010,1015`.
 fn ranges(frames: &[i32]) -> String {
     let parts = frames.chunk_by(|a, b| a + 1 == *b).map(|run| match run {
         [one] => one.to_string(),
@@ -88,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_are_told_in_ranges() {
+    fn frames_are_listed_as_ranges() {
         assert_eq!(ranges(&[1, 2, 3, 7, 9, 10]), "1-3,7,9-10");
         assert_eq!(ranges(&[-2, -1, 5]), "-2--1,5");
         assert_eq!(ranges(&[]), "");

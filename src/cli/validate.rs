@@ -1,6 +1,6 @@
-//! `hairbake validate`: runs the Python validator, which is part of the program.
+//! `hairbake validate`: runs the Python validator, which is built into the program.
 
-use super::values::{self, FrameList};
+use super::frame_list::{FrameList, frame_list};
 use crate::error::{Error, Result};
 use crate::python::{Package, python_package};
 use clap::{Args, ValueEnum};
@@ -12,26 +12,38 @@ Examples:
   hairbake validate out
   hairbake validate out --quick --json report.json
 
-Python: HAIRBAKE_PYTHON names the interpreter; else .venv/bin/python of this folder or one above it is taken, else python3. It
-needs usd-core and numpy: python3 -m venv .venv && .venv/bin/python -m pip install usd-core numpy
+Python:
+  The validator needs Python with usd-core and numpy:
+    python3 -m venv .venv && .venv/bin/python -m pip install usd-core numpy
+  hairbake runs the Python in HAIRBAKE_PYTHON; else .venv/bin/python in this folder
+  or one above it; else python3.
 
-Exit code: 0 all checks passed, 1 a check failed, 65 no readable cache, 78 no Python with usd-core.";
+Exit codes:
+   0  all checks passed
+   1  a check failed
+  65  not a readable cache
+  78  no Python with usd-core and numpy";
 
+/// `hairbake validate` as it is typed.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub struct ValidateArguments {
     /// Folder of the cache
     cache: PathBuf,
-    /// Write the report as JSON: status, worst value, tolerance, frame, prim and curve of every check
+    /// Write the report as JSON: status, worst value, tolerance, frame, prim and curve of each check
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Look at the curves of these frames only, such as 1001-1010 or 1001-1100x5; files, metadata and checksums are checked in full
-    #[arg(long, value_name = "LIST", value_parser = values::frame_list, allow_hyphen_values = true)]
+    /// Check the curves of these frames only, such as 1001-1010 or 1001-1100x5 [default: all]
+    ///
+    /// Files, metadata and checksums are checked in full.
+    #[arg(long, value_name = "LIST", value_parser = frame_list, allow_hyphen_values = true)]
     frames: Option<FrameList>,
-    /// Do one part of the checks only, so that a farm can divide the frames and do the rest once
-    #[arg(long, value_enum)]
+    /// Run one part of the checks only [default: both]
+    ///
+    /// On a farm, run static once and moving for each range of frames.
+    #[arg(long, value_enum, value_name = "PART")]
     only: Option<Part>,
-    /// Look at the curves of five frames at the start, middle and end, and at no checksum
+    /// Check the curves of five frames only, and no checksums
     #[arg(long)]
     quick: bool,
 }
@@ -41,7 +53,7 @@ pub struct ValidateArguments {
 enum Part {
     /// Files, metadata, topology and checksums
     Static,
-    /// The curves of frames
+    /// Curves of the frames
     Moving,
 }
 
@@ -69,7 +81,7 @@ const VALIDATOR: Package = python_package!(
     ]
 );
 
-/// Runs the validator; its own exit code says how it went.
+/// Runs the validator and returns its result as exit code.
 pub fn run(arguments: &ValidateArguments) -> Result<ExitCode> {
     let mut run = VALIDATOR.prepare()?;
     let command = &mut run.command;
@@ -93,16 +105,16 @@ pub fn run(arguments: &ValidateArguments) -> Result<ExitCode> {
     let status = command.status().map_err(|e| Error::io(&run.python, e))?;
     match status.code() {
         Some(code @ (0 | 1)) => Ok(ExitCode::from(code as u8)),
-        // It has said which file it could not read.
+        // The validator has printed the reason.
         Some(2) => Ok(ExitCode::from(Error::BadInput(Vec::new()).exit_code())),
-        _ => Err(Error::Internal(format!("the validator ended with {status}"))),
+        _ => Err(Error::Internal(format!("the validator failed with {status}"))),
     }
 }
 
 #[cfg(test)]
 mod tests {
     #[test]
-    fn no_module_of_the_validator_is_missing() {
-        crate::python::assert_whole("validation", &super::VALIDATOR);
+    fn every_module_of_the_validator_is_built_in() {
+        crate::python::assert_complete("validation", &super::VALIDATOR);
     }
 }

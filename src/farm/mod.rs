@@ -1,8 +1,8 @@
-//! A bake as a graph of tasks, for the schedulers that exist: [`openjd`], [`slurm`], and JSON for all others.
+//! A bake as a graph of tasks for schedulers: [`openjd`], [`slurm`], and JSON for all others.
 //!
-//! Segments of the simulation follow each other; each is followed by chunks of frames that depend on nothing else; then the cache
-//! is assembled, and checked in chunks. A sweep of parameters, or wedge, is such a graph for each combination of values, and a
-//! contact sheet over all.
+//! Segments of the simulation run one after the other. The chunks of frames of a segment depend only on the simulation
+//! up to it. When all chunks are done the cache is assembled, then validated in chunks. A sweep has such a graph for each
+//! combination of values, and a contact sheet of all.
 
 pub mod openjd;
 pub mod slurm;
@@ -11,13 +11,13 @@ use crate::{Error, Result};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// Stands for the frames of a task in [`Step::command`].
+/// Placeholder in [`Step::command`] for the frames of a task.
 pub const FRAMES: &str = "{frames}";
 
-/// Stands for the file of the session's path rules in [`Step::command`], for schedulers that write one.
+/// Placeholder in [`Step::command`] for the file of path map rules that the scheduler writes.
 pub const PATH_MAP: &str = "{path map}";
 
-/// Most tasks of a plan: a limit against memory without bound.
+/// Most tasks of a plan. Bounds the memory.
 const MAX_TASKS: usize = 1_000_000;
 
 /// A graph of tasks.
@@ -25,53 +25,62 @@ const MAX_TASKS: usize = 1_000_000;
 pub struct Plan {
     /// Name of the job.
     pub name: String,
-    /// Processors that a task is to use; `None` leaves it to the scheduler.
+    /// Processors per task; `None` leaves it to the scheduler.
     pub threads: Option<usize>,
-    /// The steps, each after all that it needs.
+    /// The steps, each after the steps that it needs.
     pub steps: Vec<Step>,
 }
 
-/// Tasks that differ in their frames only, or a single task.
+/// A single task, or tasks that differ only in their frames.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Step {
-    /// Its name, unique.
+    /// Unique name.
     pub name: String,
-    /// The command line; [`FRAMES`] stands for the frames of the task.
+    /// The command line, with [`FRAMES`] for the frames of the task.
     pub command: Vec<String>,
-    /// First and last frame of each task; none for a single task without frames.
+    /// First and last frame of each task; empty for a single task without frames.
     pub chunks: Vec<(i32, i32)>,
-    /// Names of the steps that must be done before.
+    /// Names of the steps that must be done first.
     pub needs: Vec<String>,
 }
 
-/// How a bake is divided.
+/// How a bake is divided into tasks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Division {
-    /// First and last frame, handles included.
+    /// First and last frame, including handle frames.
     pub frames: (i32, i32),
-    /// Frames that the simulation has to be ahead of a frame before that can be made.
-    pub ahead: i32,
-    /// Frames of a segment of the simulation.
+    /// How many frames past a frame must be simulated before it can be interpolated.
+    pub lookahead: i32,
+    /// Frames per segment of the simulation.
     pub segment: u32,
-    /// Frames of a task that interpolates.
-    pub chunk: u32,
-    /// Frames of a task that validates.
-    pub check: u32,
+    /// Frames per task that interpolates.
+    pub interpolate: u32,
+    /// Frames per task that validates.
+    pub validate: u32,
 }
 
-/// The commands of the stages of one bake; [`FRAMES`] stands for frames where a stage is divided.
+/// The commands of the stages of one bake, with [`FRAMES`] for the frames of a task.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Commands {
-    /// What the names of the steps begin with; empty for the only bake of a plan.
+    /// Prefix of the names of the steps; empty for the only bake of a plan.
     pub name: String,
     /// Simulates a segment.
     pub simulate: Vec<String>,
-    /// Makes a chunk of frames.
+    /// Writes a chunk of frames.
     pub interpolate: Vec<String>,
-    /// Ends the cache.
+    /// Finishes the cache.
     pub assemble: Vec<String>,
-    /// Checks what does not move, and a chunk of frames.
-    pub validate: Option<[Vec<String>; 2]>,
+    /// Validates the cache.
+    pub validate: Option<ValidateCommands>,
+}
+
+/// The commands that validate a cache.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ValidateCommands {
+    /// Validates files, metadata, topology and checksums.
+    pub files: Vec<String>,
+    /// Validates a chunk of frames.
+    pub frames: Vec<String>,
 }
 
 impl Plan {
@@ -80,64 +89,74 @@ impl Plan {
         Plan { name: name.into(), threads, steps: Vec::new() }
     }
 
-    /// Adds a bake; returns the name of the step after which its cache is whole.
+    /// Adds a bake. Returns the name of the step that finishes its cache.
     ///
     /// # Errors
-    /// [`Error::Usage`] where that makes too many tasks.
+    /// [`Error::Usage`] for too many tasks.
     pub fn add_bake(&mut self, commands: &Commands, division: Division) -> Result<String> {
-        let Commands { name, simulate, interpolate, assemble, validate } = commands;
-        let prefix = if name.is_empty() { String::new() } else { format!("{name} ") };
-        let Division { frames: (first, last), ahead, .. } = division;
-        let mut before = Vec::new();
-        let mut made = Vec::new();
-        for (i, segment) in chunks((first, last + ahead), division.segment).enumerate() {
+        let prefix = match &*commands.name {
+            "" => String::new(),
+            name => format!("{name} "),
+        };
+        let interpolated = self.add_segments(&prefix, commands, division)?;
+        let assembled = format!("{prefix}assemble");
+        self.add(Step {
+            name: assembled.clone(),
+            command: commands.assemble.clone(),
+            chunks: Vec::new(),
+            needs: interpolated,
+        })?;
+        if let Some(ValidateCommands { files, frames }) = &commands.validate {
+            let needs = vec![assembled.clone()];
+            let name = format!("{prefix}validate files");
+            self.add(Step { name, command: files.clone(), chunks: Vec::new(), needs: needs.clone() })?;
+            let name = format!("{prefix}validate frames");
+            let chunks = chunks(division.frames, division.validate).collect();
+            self.add(Step { name, command: frames.clone(), chunks, needs })?;
+        }
+        Ok(assembled)
+    }
+
+    /// Adds the simulation in segments, and after each segment the interpolation of the frames that it allows. Returns the
+    /// names of the steps that interpolate.
+    fn add_segments(&mut self, prefix: &str, commands: &Commands, division: Division) -> Result<Vec<String>> {
+        let Division { frames: (first, last), lookahead, .. } = division;
+        let mut needs = Vec::new();
+        let mut interpolated = Vec::new();
+        for (i, segment) in chunks((first, last + lookahead), division.segment).enumerate() {
             let simulated = format!("{prefix}simulate {}", i + 1);
             let frames = format!("{}-{}", segment.0, segment.1);
-            let command = simulate.iter().map(|a| a.replace(FRAMES, &frames)).collect();
-            self.add(Step { name: simulated.clone(), command, chunks: Vec::new(), needs: before.clone() })?;
-            before = vec![simulated];
-            let chunks: Vec<_> =
-                chunks(((segment.0 - ahead).max(first), segment.1 - ahead), division.chunk).collect();
+            let command = commands.simulate.iter().map(|word| word.replace(FRAMES, &frames)).collect();
+            self.add(Step { name: simulated.clone(), command, chunks: Vec::new(), needs })?;
+            needs = vec![simulated];
+            let ready = ((segment.0 - lookahead).max(first), segment.1 - lookahead);
+            let chunks: Vec<_> = chunks(ready, division.interpolate).collect();
             if chunks.is_empty() {
                 continue;
             }
-            let step = format!("{prefix}interpolate {}", i + 1);
-            self.add(Step {
-                name: step.clone(),
-                command: interpolate.clone(),
-                chunks,
-                needs: before.clone(),
-            })?;
-            made.push(step);
+            let name = format!("{prefix}interpolate {}", i + 1);
+            let command = commands.interpolate.clone();
+            self.add(Step { name: name.clone(), command, chunks, needs: needs.clone() })?;
+            interpolated.push(name);
         }
-        let whole = format!("{prefix}assemble");
-        self.add(Step { name: whole.clone(), command: assemble.clone(), chunks: Vec::new(), needs: made })?;
-        if let Some([still, moving]) = validate {
-            let needs = vec![whole.clone()];
-            let frames = chunks(division.frames, division.check).collect();
-            let name = format!("{prefix}validate files");
-            self.add(Step { name, command: still.clone(), chunks: Vec::new(), needs: needs.clone() })?;
-            let name = format!("{prefix}validate frames");
-            self.add(Step { name, command: moving.clone(), chunks: frames, needs })?;
-        }
-        Ok(whole)
+        Ok(interpolated)
     }
 
     /// Adds a step.
     ///
     /// # Errors
-    /// [`Error::Usage`] where that makes too many tasks.
+    /// [`Error::Usage`] for too many tasks.
     pub fn add(&mut self, step: Step) -> Result<()> {
         self.steps.push(step);
         match self.steps.iter().map(|s| s.chunks.len().max(1)).sum::<usize>() {
             n if n > MAX_TASKS => {
-                Err(Error::Usage(format!("more than {MAX_TASKS} tasks: ask for longer segments and chunks")))
+                Err(Error::Usage(format!("more than {MAX_TASKS} tasks; use longer segments and chunks")))
             }
             _ => Ok(()),
         }
     }
 
-    /// The plan as JSON, every task with its whole command line.
+    /// The plan as JSON, with the complete command line of every task.
     pub fn to_json(&self) -> Value {
         let steps: Vec<Value> = self
             .steps
@@ -161,10 +180,10 @@ impl Step {
     }
 }
 
-/// Frames in parts of so many.
-fn chunks((first, last): (i32, i32), frames: u32) -> impl Iterator<Item = (i32, i32)> {
-    let end = move |a: i64| i32::try_from(a + i64::from(frames) - 1).map_or(last, |b| b.min(last));
-    let starts = (i64::from(first)..=i64::from(last)).step_by(frames.max(1) as usize);
+/// Divides the frames `first` to `last` into ranges of `size` frames; the last may be shorter.
+fn chunks((first, last): (i32, i32), size: u32) -> impl Iterator<Item = (i32, i32)> {
+    let end = move |a: i64| i32::try_from(a + i64::from(size) - 1).map_or(last, |b| b.min(last));
+    let starts = (i64::from(first)..=i64::from(last)).step_by(size.max(1) as usize);
     starts.map(move |a| (a as i32, end(a)))
 }
 

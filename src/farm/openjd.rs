@@ -1,21 +1,22 @@
-//! A plan as a job template of Open Job Description 2023-09, with its extension for chunks of tasks.
+//! A plan as a job template of Open Job Description 2023-09, with the extension TASK_CHUNKING.
 
 use super::{FRAMES, PATH_MAP, Plan, Step};
 use crate::{Error, Result};
 use serde_json::{Value, json};
 
-/// Time from the wish to stop to the end by force, s: a checkpoint takes a second.
+/// Time between the request to stop and the kill, s. A checkpoint takes about one second.
 const NOTICE: u32 = 60;
 
-/// The template. Paths that are `parameters`, (name, value), become parameters of the job, which the scheduler maps to where it runs.
+/// The template. Paths that start with the value of one of `parameters` (name, value) refer to that job parameter, which the
+/// scheduler maps to its path on the worker.
 ///
 /// # Errors
-/// [`Error::Usage`] where a value holds `{{`, which the template would take for a variable of its own.
+/// [`Error::Usage`] for a value with `{{`, which starts a variable of the template.
 pub fn template(plan: &Plan, parameters: &[(&str, String)]) -> Result<Value> {
     let mut definitions = Vec::new();
     for (name, value) in parameters {
-        plain(value)?;
-        // A default may not be absolute; whoever submits gives the paths.
+        check_plain(value)?;
+        // The default of a path may not be absolute; it is given when the job is submitted.
         definitions.push(json!({ "name": name, "type": "PATH", "dataFlow": "NONE" }));
     }
     let steps: Vec<Value> = plan.steps.iter().map(|s| step(plan, s, parameters)).collect::<Result<_>>()?;
@@ -31,7 +32,7 @@ pub fn template(plan: &Plan, parameters: &[(&str, String)]) -> Result<Value> {
 
 fn step(plan: &Plan, step: &Step, parameters: &[(&str, String)]) -> Result<Value> {
     let word = |word: &String| {
-        plain(word)?;
+        check_plain(word)?;
         let below = |(name, value): &(&str, String)| {
             let rest =
                 word.strip_prefix(value.as_str()).filter(|rest| rest.is_empty() || rest.starts_with('/'))?;
@@ -44,8 +45,7 @@ fn step(plan: &Plan, step: &Step, parameters: &[(&str, String)]) -> Result<Value
         }))
     };
     let words: Vec<String> = step.command.iter().map(word).collect::<Result<_>>()?;
-    let (command, arguments) =
-        words.split_first().ok_or_else(|| Error::Internal("an empty command".into()))?;
+    let (command, arguments) = words.split_first().ok_or_else(|| Error::Internal("empty command".into()))?;
     let mut value = json!({
         "name": step.name,
         "script": { "actions": { "onRun": {
@@ -71,9 +71,9 @@ fn step(plan: &Plan, step: &Step, parameters: &[(&str, String)]) -> Result<Value
     Ok(value)
 }
 
-fn plain(text: &str) -> Result<()> {
+fn check_plain(text: &str) -> Result<()> {
     if text.contains("{{") {
-        return Err(Error::Usage(format!("\"{text}\" holds {{{{, which OpenJD takes for a variable")));
+        return Err(Error::Usage(format!("\"{text}\" contains {{{{, which starts a variable in OpenJD")));
     }
     Ok(())
 }

@@ -4,26 +4,26 @@ use super::Plan;
 use crate::{Error, Result};
 use std::fmt::Write;
 
-/// What the script begins with.
+/// Start of the script.
 const SUBMIT: &str = include_str!("submit.sh");
 
-/// The script. Each task is a batch job that passes its signals on to hairbake: USR1 a minute before its time is up or when it is
-/// preempted. It then ends with exit code 85 and is queued again, if the cluster is set up to (`RequeueExit=75,85`).
+/// The script. Each task is a batch job that passes signals on to hairbake: Slurm sends USR1 a minute before the time limit
+/// and on preemption. The task then exits with code 85, and Slurm requeues it if configured with `RequeueExit=75,85`.
 ///
 /// # Errors
-/// [`Error::Usage`] where a word of a command holds a line break: commands are told apart by lines.
+/// [`Error::Usage`] for a line break in a command, because line breaks separate the commands in the script.
 pub fn script(plan: &Plan) -> Result<String> {
     let mut text = String::from(SUBMIT);
     let threads = plan.threads.map(|n| format!(" --cpus-per-task={n}")).unwrap_or_default();
     for (i, step) in plan.steps.iter().enumerate() {
-        let of = |name: &String| {
+        let variable = |name: &String| {
             let number = plan.steps.iter().position(|s| s.name == *name).unwrap_or_default();
             format!("$step{number}")
         };
-        let needed: Vec<String> = step.needs.iter().map(of).collect();
+        let needed: Vec<String> = step.needs.iter().map(variable).collect();
         if let Some(word) = step.command.iter().find(|word| word.contains('\n')) {
             return Err(Error::Usage(format!(
-                "{word:?} holds a line break, which divides the commands of the script"
+                "{word:?} contains a line break, which a Slurm script cannot express"
             )));
         }
         let commands: Vec<String> = step
@@ -44,7 +44,7 @@ pub fn script(plan: &Plan) -> Result<String> {
     Ok(text)
 }
 
-/// A word as the shell reads it back.
+/// Quotes a word for the shell.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,@%+".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

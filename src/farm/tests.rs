@@ -10,20 +10,24 @@ fn commands(name: &str) -> Commands {
         simulate: words("hairbake simulate --frames {frames}"),
         interpolate: words("hairbake interpolate --frames {frames}"),
         assemble: words("hairbake assemble"),
-        validate: Some(["hairbake validate --only=static", "hairbake validate --frames {frames}"].map(words)),
+        validate: Some(ValidateCommands {
+            files: words("hairbake validate --only=static"),
+            frames: words("hairbake validate --frames {frames}"),
+        }),
     }
 }
 
-const DIVISION: Division = Division { frames: (1000, 1021), ahead: 2, segment: 10, chunk: 4, check: 99 };
+const DIVISION: Division =
+    Division { frames: (1000, 1021), lookahead: 2, segment: 10, interpolate: 4, validate: 99 };
 
 #[test]
-fn every_frame_is_made_once_and_only_after_the_frames_that_it_needs() {
+fn every_frame_is_interpolated_once_after_the_frames_that_it_needs() {
     for segment in [1, 2, 3, 7, 10, 24, 99] {
-        for chunk in [1, 3, 99] {
+        for interpolate in [1, 3, 99] {
             let mut plan = Plan::new("shot", None);
-            plan.add_bake(&commands(""), Division { segment, chunk, ..DIVISION }).unwrap();
+            plan.add_bake(&commands(""), Division { segment, interpolate, ..DIVISION }).unwrap();
             let mut simulated = Vec::new();
-            let mut made = Vec::new();
+            let mut interpolated = Vec::new();
             for (i, step) in plan.steps.iter().enumerate() {
                 assert!(step.needs.iter().all(|name| plan.steps[..i].iter().any(|s| s.name == *name)));
                 if step.name.starts_with("simulate") {
@@ -35,11 +39,11 @@ fn every_frame_is_made_once_and_only_after_the_frames_that_it_needs() {
                 if step.name.starts_with("interpolate") {
                     let frames: Vec<i32> = step.chunks.iter().flat_map(|(a, b)| *a..=*b).collect();
                     assert!(frames.iter().all(|frame| simulated.contains(&(frame + 2))));
-                    made.extend(frames);
+                    interpolated.extend(frames);
                 }
             }
             assert_eq!(simulated, (1000..=1023).collect::<Vec<_>>());
-            assert_eq!(made, (1000..=1021).collect::<Vec<_>>());
+            assert_eq!(interpolated, (1000..=1021).collect::<Vec<_>>());
         }
     }
 }
@@ -47,12 +51,12 @@ fn every_frame_is_made_once_and_only_after_the_frames_that_it_needs() {
 #[test]
 fn too_many_tasks_are_refused() {
     let mut plan = Plan::new("shot", None);
-    let division = Division { frames: (0, 2_000_000), chunk: 1, segment: 3_000_000, ..DIVISION };
+    let division = Division { frames: (0, 2_000_000), interpolate: 1, segment: 3_000_000, ..DIVISION };
     assert!(matches!(plan.add_bake(&commands(""), division), Err(Error::Usage(_))));
 }
 
 #[test]
-fn openjd_takes_no_variable_from_outside() {
+fn openjd_rejects_template_variables_in_values() {
     let mut plan = Plan::new("shot", None);
     plan.add_bake(&commands(""), DIVISION).unwrap();
     let template = openjd::template(&plan, &[("Groom", "/a/{{Param.Secret}}".into())]);
@@ -62,12 +66,12 @@ fn openjd_takes_no_variable_from_outside() {
 }
 
 #[test]
-fn the_shell_reads_words_back_as_they_were() {
+fn words_survive_the_shell() {
     let mut plan = Plan::new("it's; a $(shot)", Some(3));
     let command = words("printf %s| $(false) `a` it's \"b\" ; $HOME \\n & LINES EOF * {frames}");
     plan.add(Step { name: "a".into(), command, chunks: vec![(1, 2), (3, 4)], needs: Vec::new() }).unwrap();
     let script = slurm::script(&plan).unwrap();
-    // In place of Slurm: says its options, and runs the second task.
+    // Replaces sbatch: prints its options and runs the second task.
     let fake = "sbatch() { printf '%s|' \"$@\" >&2; SLURM_ARRAY_TASK_ID=2 sh >&2; echo 7; }\n";
     let ran = std::process::Command::new("bash").args(["-c", &format!("{fake}{script}")]).output().unwrap();
     let said = String::from_utf8(ran.stderr).unwrap();

@@ -180,6 +180,6 @@ mod tests {
 
     #[test]
     fn the_package_includes_every_module() {
-        crate::python::assert_whole("pipeline", &PACKAGE);
+        crate::python::assert_complete("pipeline", &PACKAGE);
     }
 }

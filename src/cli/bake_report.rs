@@ -1,0 +1,235 @@
+//! The report of a bake: charts over its frames, its settings, and warnings.
+
+use crate::bake::frame_record::FrameRecord;
+use crate::bake::{BakeSummary, StageSeconds};
+use crate::cache::Manifest;
+use crate::report::{BakeReport, Chart, Series};
+
+/// Most entries that a warning lists.
+const MAX_LISTED: usize = 8;
+
+/// The report of a bake, without pictures.
+pub fn bake_report(summary: &BakeSummary, title: &str) -> BakeReport {
+    let frames = &summary.frames;
+    let stage = |name: &str, of: fn(&StageSeconds) -> f64| Series {
+        name: name.into(),
+        // The time of frames that another process did is unknown.
+        values: summary.seconds.iter().map(|s| s.as_ref().map_or(f64::NAN, of)).collect(),
+    };
+    BakeReport {
+        title: title.into(),
+        settings: settings(summary),
+        frames: frames.iter().map(|f| f.frame).collect(),
+        stages: vec![
+            stage("simulate", |s| s.simulate),
+            stage("interpolate", |s| s.interpolate),
+            stage("write", |s| s.write),
+        ],
+        charts: [contact_charts(frames), motion_charts(frames), solver_charts(frames), wisp_charts(frames)]
+            .concat(),
+        warnings: warnings(frames),
+        pictures: Vec::new(),
+    }
+}
+
+fn chart(name: &str, unit: &str, note: &str, series: Vec<Series>) -> Chart {
+    Chart { name: name.into(), unit: unit.into(), note: note.into(), logarithmic: false, series }
+}
+
+fn series(frames: &[FrameRecord], name: &str, of: fn(&FrameRecord) -> f64) -> Series {
+    Series { name: name.into(), values: frames.iter().map(of).collect() }
+}
+
+fn contact_charts(frames: &[FrameRecord]) -> Vec<Chart> {
+    let series = |name, of| series(frames, name, of);
+    let mut charts = vec![chart(
+        "Contacts",
+        "",
+        "Contacts between guides and bodies in the last sub-step of the frame.",
+        vec![
+            series("found", |f| f64::from(f.contacts_found)),
+            series("active", |f| f64::from(f.contacts_active)),
+        ],
+    )];
+    if frames.iter().any(|f| f.strand_rounds > 0) {
+        charts.push(chart(
+            "Contacts between guides",
+            "",
+            "Contacts between pairs of guides in the last sub-step of the frame.",
+            vec![
+                series("found", |f| f64::from(f.strand_contacts_found)),
+                series("active", |f| f64::from(f.strand_contacts_active)),
+            ],
+        ));
+    }
+    let residual = chart(
+        "Contact residual",
+        "",
+        "Largest residual of the contact law, relative to the contact forces.",
+        vec![series("bodies", |f| f.contact_residual), series("guides", |f| f.strand_residual)],
+    );
+    charts.push(Chart { logarithmic: true, ..residual });
+    charts.push(chart(
+        "Penetration",
+        "mm",
+        "Deepest point inside a body. Roots that start inside a body are exempt.",
+        vec![series("deepest", |f| f.penetration_m * 1e3)],
+    ));
+    charts
+}
+
+fn motion_charts(frames: &[FrameRecord]) -> Vec<Chart> {
+    let series = |name, of| series(frames, name, of);
+    let drift = chart(
+        "Length drift of guides",
+        "",
+        "Largest relative change of the length of a segment between two points of a guide. The rods are inextensible; \
+         the drift is the error of approximating them by segments of this length.",
+        vec![series("largest", |f| f.length_drift)],
+    );
+    let speed = chart(
+        "Speed relative to the head",
+        "m/s",
+        "Speed of the points of guides. It is zero on a still head once the hair has settled.",
+        vec![
+            series("mean", |f| f.speed_mean_m_s),
+            series("95th percentile", |f| f.speed_p95_m_s),
+            series("largest", |f| f.speed_max_m_s),
+        ],
+    );
+    vec![Chart { logarithmic: true, ..drift }, speed]
+}
+
+fn solver_charts(frames: &[FrameRecord]) -> Vec<Chart> {
+    let series = |name, of| series(frames, name, of);
+    let newton = chart(
+        "Newton iterations",
+        "",
+        "Per guide and sub-step.",
+        vec![series("mean", |f| f.newton_mean), series("largest", |f| f64::from(f.newton_max))],
+    );
+    let fallbacks = chart(
+        "Fallbacks",
+        "",
+        "Sub-steps halved because the solver failed; motions cut short at a surface or at another guide; crossings of a \
+         surface; contacts not converged to rest; guides moved rigidly because a solve did not converge. Zero is best.",
+        vec![
+            series("halvings", |f| f64::from(f.halvings)),
+            series("shortened", |f| f64::from(f.shortened)),
+            series("shortened for guides", |f| f64::from(f.strands_shortened)),
+            series("crossings", |f| f64::from(f.crossings)),
+            series("unsettled", |f| f64::from(f.unsettled + f.strands_unsettled)),
+            series("unconverged", |f| f.unconverged.len() as f64),
+        ],
+    );
+    vec![newton, fallbacks]
+}
+
+/// Charts of an adaptive bake; none if no guide split or merged.
+fn wisp_charts(frames: &[FrameRecord]) -> Vec<Chart> {
+    if frames.iter().all(|f| f.splits + f.merges == 0) {
+        return Vec::new();
+    }
+    let series = |name, of| series(frames, name, of);
+    let nodes = chart(
+        "Nodes of active guides",
+        "",
+        "Strain nodes that are simulated at the end of the frame. All other guides follow their wisps.",
+        vec![series("nodes", |f| f64::from(f.active_nodes))],
+    );
+    let changes = chart(
+        "Splits and merges",
+        "",
+        "Guides that split from their wisps, and guides that merged with them again.",
+        vec![series("splits", |f| f64::from(f.splits)), series("merges", |f| f64::from(f.merges))],
+    );
+    vec![nodes, changes]
+}
+
+/// Settings, inputs and origin of the bake, from the manifest.
+fn settings(summary: &BakeSummary) -> Vec<(String, String)> {
+    let mut rows = Vec::new();
+    rows.extend(summary.preroll_seconds.map(|s| ("pre-roll time".to_string(), format!("{s:.1} s"))));
+    let Some(manifest) = &summary.manifest else { return rows };
+    let settings = manifest.settings.as_object().into_iter().flatten();
+    rows.extend(settings.map(|(name, value)| (name.clone(), value.to_string())));
+    let inputs = manifest.inputs.iter();
+    rows.extend(inputs.map(|i| (i.role.clone(), format!("{} ({})", i.file, &i.sha256[..12]))));
+    rows.push(("hairbake".into(), format!("{}, build {}", manifest.hairbake, manifest.build)));
+    rows.push(("simulated on".into(), manifest.machines.join("; ")));
+    rows.push(("key".into(), manifest.key.clone()));
+    if let Some(exempt) = manifest.scene_figures.get("exempt_guide_segments") {
+        rows.push(("guide segments exempt from contact".into(), exempt.to_string()));
+    }
+    rows.extend(deviation(manifest).into_iter().map(|(name, value)| (name.into(), value)));
+    let notes = manifest.scene_figures.get("groom_notes").and_then(|notes| notes.as_array());
+    let notes = notes.into_iter().flatten().filter_map(|note| note.as_str());
+    rows.extend(notes.map(|note| ("groom".to_string(), note.to_string())));
+    rows
+}
+
+/// How far the first frame is from the groom, and how the sag-free rest shape was reached.
+pub fn deviation(manifest: &Manifest) -> Vec<(&'static str, String)> {
+    let number = |object: &str, key: &str| manifest.scene_figures.get(object)?.get(key)?.as_f64();
+    let first = |key: &str| number("first_frame_from_groom", key);
+    let sag_free = |key: &str| number("sag_free", key);
+    let mut rows = Vec::new();
+    if let (Some(mean), Some(largest)) = (first("mean"), first("largest")) {
+        let (mean, largest) = (mean * 100.0, largest * 100.0);
+        rows.push((
+            "first frame",
+            format!("guides deviate from the groom by {mean:.2} % of their length (max {largest:.1} %)"),
+        ));
+    }
+    if let (Some(guides), Some(stiffened), Some(stiffest), Some(sagging)) =
+        (sag_free("guides"), sag_free("stiffened"), sag_free("stiffest"), sag_free("sagging"))
+        && guides > 0.0
+    {
+        let mut text = format!("{stiffened} of {guides} guides stiffened (up to {stiffest:.1} times)");
+        if sagging > 0.0 {
+            text += &format!("; {sagging} still sag (stiffness bound reached)");
+        }
+        rows.push(("sag-free", text));
+    }
+    rows
+}
+
+/// What the user should look at.
+pub fn warnings(frames: &[FrameRecord]) -> Vec<String> {
+    let unsettled = |f: &FrameRecord| f.unsettled + f.strands_unsettled;
+    let count = |n: u32| (n > 0).then(|| n.to_string());
+    let unconverged = |f: &FrameRecord| {
+        let ids: Vec<String> = f.unconverged.iter().take(MAX_LISTED).map(i32::to_string).collect();
+        let more = if f.unconverged.len() > MAX_LISTED { ", ..." } else { "" };
+        (!ids.is_empty()).then(|| format!("guides {}{more}", ids.join(", ")))
+    };
+    [
+        warning(
+            frames,
+            "solves did not converge; these guides were moved rigidly with the head",
+            ADVICE,
+            unconverged,
+        ),
+        warning(frames, "motions were cut short at a surface", "", |f| count(f.shortened)),
+        warning(frames, "contacts did not converge to rest", ADVICE, |f| count(unsettled(f))),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+const ADVICE: &str = "; more sub-steps may help";
+
+/// A warning that lists the frames for which `detail` returns something.
+fn warning(
+    frames: &[FrameRecord],
+    what: &str,
+    advice: &str,
+    detail: impl Fn(&FrameRecord) -> Option<String>,
+) -> Option<String> {
+    let found: Vec<String> =
+        frames.iter().filter_map(|f| Some(format!("{} ({})", f.frame, detail(f)?))).collect();
+    let more = if found.len() > MAX_LISTED { ", ..." } else { "" };
+    let listed = found.iter().take(MAX_LISTED).cloned().collect::<Vec<_>>().join(", ");
+    (!found.is_empty()).then(|| format!("{what} in {} frames: {listed}{more}{advice}", found.len()))
+}

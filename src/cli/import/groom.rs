@@ -1,0 +1,290 @@
+//! `hairbake import groom`.
+
+use super::super::{console, values};
+use super::{count, create_folder_of, prim};
+use crate::error::Result;
+use crate::import::{self, BuildOptions, GroomOptions, Growth, HierarchyShape, Resample, Source};
+use crate::scene::{Material, RodSection, UpAxis};
+use clap::Args;
+use nalgebra::Vector3;
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+  hairbake import groom hair.tfx --units cm --head bust.obj:cm -o groom.json
+  hairbake import groom guides.tfx --strands full.tfx:m --head bust.obj:m -o groom.json
+  hairbake import groom asset.usd --prim /char/groom --head asset.usd:/char/body -o groom.json
+  hairbake import groom straight.hair --guides 300 --levels 3 --diameter 90 -o groom.json";
+
+const USD: &str = "USD";
+const SPACE: &str = "Space";
+const STRANDS: &str = "Guides and render strands";
+const HIERARCHY: &str = "Wisp hierarchy";
+
+/// `hairbake import groom` as it is typed.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub struct GroomArguments {
+    /// Strand file: USD, .tfx or .hair
+    ///
+    /// Guides are chosen from its strands. If it holds more strands than guides, all of them become render strands. In USD,
+    /// curves of purpose guide or with primvars:groom_guide are the guides.
+    strands: PathBuf,
+    /// Groom file to write; long arrays go to a .bin file next to it
+    #[arg(long, short, value_name = "FILE")]
+    output: PathBuf,
+    /// Name of the groom [default: name of the strand file]
+    #[arg(long, value_name = "NAME")]
+    name: Option<String>,
+
+    /// Prim of a USD file that holds the strands, itself or below it [default: the whole stage]
+    #[arg(long, value_name = "PATH", value_parser = prim, help_heading = USD)]
+    prim: Option<String>,
+    /// Time code at which animated USD curves are read [default: their rest pose, else the earliest]
+    #[arg(long, value_name = "CODE", allow_hyphen_values = true, help_heading = USD)]
+    time: Option<f64>,
+
+    /// Unit of the strands: m, cm, mm, in, ft or metres per unit [default: from the file, else from the size of the groom]
+    #[arg(long, value_name = "UNIT", value_parser = values::units, help_heading = SPACE)]
+    units: Option<f64>,
+    /// Up axis of the strands, y or z [default: from the file, else z for .hair and y for other files]
+    #[arg(long, value_name = "AXIS", value_parser = values::up_axis, help_heading = SPACE)]
+    up: Option<UpAxis>,
+    /// Translation of all strands to the head, in metres, Y up
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = values::vector, allow_hyphen_values = true, help_heading = SPACE)]
+    offset: Vector3<f64>,
+    /// Head mesh (OBJ or USD) that the hair grows on
+    ///
+    /// Used to report how far the roots are from the head, and to root generated strands on it.
+    #[arg(long, value_name = "FILE[:PRIM][:UNITS][:UP]", value_parser = values::source, help_heading = SPACE)]
+    head: Option<Source>,
+
+    /// Separate file with the render strands
+    #[arg(long = "strands", value_name = "FILE[:PRIM][:UNITS][:UP]", value_parser = values::source, help_heading = STRANDS)]
+    render: Option<Source>,
+    /// Number of guides to simulate [default: those named in the file; else all, or 500 of more than 1000]
+    ///
+    /// They are spread evenly over the strands. More guides follow the groom more closely and cost more.
+    #[arg(long, value_name = "N", value_parser = count(1, 100_000), help_heading = STRANDS)]
+    guides: Option<u32>,
+    /// Vertices per guide
+    ///
+    /// More vertices follow tighter curls.
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = count(2, 4096), help_heading = STRANDS)]
+    guide_vertices: u32,
+    /// Vertices per render strand [default: as in the file; 16 for generated strands]
+    ///
+    /// More vertices draw smoother strands and make the cache larger.
+    #[arg(long, value_name = "N", value_parser = count(2, 4096), help_heading = STRANDS)]
+    strand_vertices: Option<u32>,
+    /// Render strands to generate around each guide if the file holds guides only; 0 for none
+    ///
+    /// More strands are denser and make the cache larger.
+    #[arg(long, value_name = "N", alias = "per-guide", default_value_t = 50, value_parser = count(0, 100_000), help_heading = STRANDS)]
+    strands_per_guide: u32,
+    /// Largest shortening of a generated strand relative to its guide, 0 to 1
+    ///
+    /// Raising it frays the ends.
+    #[arg(long, value_name = "FRACTION", alias = "shorter", default_value_t = 0.08, value_parser = values::fraction, help_heading = STRANDS)]
+    length_variation: f64,
+    /// Scale factor for the length of all strands; their shape is kept
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = values::positive, help_heading = STRANDS)]
+    length_scale: f64,
+    /// How far generated strands converge on their guide towards the tip, 0 to 1
+    ///
+    /// 0 keeps their distance; 1 makes pointed locks.
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.4, value_parser = values::fraction, help_heading = STRANDS)]
+    clump: f64,
+    /// Drawn width of the strands at root and tip, in mm [default: covers the head like 100,000 hairs]
+    ///
+    /// Wider strands cover more of the head.
+    #[arg(long, value_name = "ROOT,TIP", value_parser = widths, help_heading = STRANDS)]
+    width: Option<[f64; 2]>,
+
+    /// Levels of the wisp hierarchy; 1 for leaf wisps only
+    ///
+    /// With more levels, an adaptive bake starts from coarser wisps.
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = count(1, 8), help_heading = HIERARCHY)]
+    levels: u32,
+    /// Number of wisps on the coarsest level [default: a fifth of the next level]
+    ///
+    /// With more of them, an adaptive bake follows the groom more closely and costs more.
+    #[arg(long, value_name = "N", alias = "coarse", value_parser = count(1, 100_000), help_heading = HIERARCHY)]
+    coarse_wisps: Option<u32>,
+    /// Number of leaf wisps, each with one to three guides [default: half the number of guides]
+    ///
+    /// More leaf wisps represent the strands more closely.
+    #[arg(long, value_name = "N", alias = "leaves", value_parser = count(1, 100_000), help_heading = HIERARCHY)]
+    leaf_wisps: Option<u32>,
+    /// Sections per wisp, which are the strain nodes of its guides
+    ///
+    /// More sections resolve finer bends and cost more.
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = count(2, 64), help_heading = HIERARCHY)]
+    sections: u32,
+
+    #[command(flatten)]
+    material: MaterialArguments,
+}
+
+/// The material of the strands.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Material (defaults: human scalp hair)")]
+struct MaterialArguments {
+    /// Young's modulus, in GPa [default: 3.89]
+    ///
+    /// Raising it stiffens the hair against bending.
+    #[arg(long, value_name = "GPA", value_parser = values::positive)]
+    young: Option<f64>,
+    /// Shear modulus, in GPa [default: 0.89]
+    ///
+    /// Raising it stiffens the hair against twisting.
+    #[arg(long, value_name = "GPA", value_parser = values::positive)]
+    shear: Option<f64>,
+    /// Density, in kg/m³ [default: 1320]
+    ///
+    /// Raising it makes the hair hang lower.
+    #[arg(long, value_name = "KG/M3", value_parser = values::positive)]
+    density: Option<f64>,
+    /// Diameter of a hair, in µm [default: 80]
+    ///
+    /// Stiffness grows with its fourth power, weight with its square.
+    #[arg(long, value_name = "UM", value_parser = values::positive)]
+    diameter: Option<f64>,
+    /// Internal damping time, in seconds [default: 0.005]
+    ///
+    /// Raising it calms bouncing sooner.
+    #[arg(long, value_name = "SECONDS", value_parser = values::not_negative)]
+    damping: Option<f64>,
+    /// Coulomb friction coefficient against bodies [default: 0.3]
+    ///
+    /// Raising it holds the hair on bodies longer.
+    #[arg(long, value_name = "MU", value_parser = values::not_negative)]
+    friction: Option<f64>,
+    /// Scale factor for air drag; 0 for none [default: 1]
+    ///
+    /// Raising it makes the hair follow the air more closely.
+    #[arg(long, value_name = "FACTOR", value_parser = values::not_negative)]
+    drag: Option<f64>,
+    /// Fraction of gravity that the rest shape compensates, 0 to 1
+    ///
+    /// 1 keeps the shape of the groom at rest, with stiffer hair if necessary. 0 lets the hair sag.
+    #[arg(long, value_name = "FRACTION", default_value_t = 1.0, value_parser = values::fraction)]
+    sag_free: f64,
+}
+
+/// Parses two widths in millimetres to metres.
+fn widths(text: &str) -> std::result::Result<[f64; 2], String> {
+    let (root, tip) = text.split_once(',').ok_or("expected two numbers, such as 0.2,0.05")?;
+    Ok([values::positive(root)? * 1e-3, values::not_negative(tip)? * 1e-3])
+}
+
+/// Imports a groom.
+pub fn run(arguments: GroomArguments) -> Result<()> {
+    let output = arguments.output.clone();
+    let head = arguments.head.as_ref().map(import::read_mesh).transpose()?;
+    let mut options = arguments.options();
+    if let Some(head) = head {
+        head.notes.iter().for_each(|note| console::say(note));
+        options.scalp = Some(head.mesh);
+    }
+    let (groom, report) = import::groom(&options)?;
+    create_folder_of(&output)?;
+    groom.write(&output)?;
+    console::say(report.to_string().trim_end());
+    console::wrote(&output);
+    Ok(())
+}
+
+impl GroomArguments {
+    fn options(self) -> GroomOptions {
+        let offset = |source: Source| Source { offset: self.offset, ..source };
+        let guides = Source {
+            metres_per_unit: self.units,
+            up: self.up,
+            prim: self.prim,
+            time: self.time,
+            ..Source::new(self.strands)
+        };
+        let default = GroomOptions::new(offset(guides));
+        let growth = Growth::default();
+        GroomOptions {
+            name: self.name.unwrap_or(default.name),
+            guides: default.guides,
+            strands: self.render.map(offset),
+            scalp: None,
+            length_scale: self.length_scale,
+            guide_count: self.guides.map(|n| n as usize),
+            build: BuildOptions {
+                guide_vertices: Resample::Vertices(self.guide_vertices as usize),
+                strand_vertices: self
+                    .strand_vertices
+                    .map_or(Resample::Keep, |n| Resample::Vertices(n as usize)),
+                growth: Growth {
+                    per_guide: self.strands_per_guide as usize,
+                    vertices: self.strand_vertices.map_or(growth.vertices, |n| n as usize),
+                    shorter: self.length_variation,
+                    clump: self.clump,
+                },
+                hierarchy: HierarchyShape {
+                    levels: self.levels as usize,
+                    coarse: self.coarse_wisps.map(|n| n as usize),
+                    leaves: self.leaf_wisps.map(|n| n as usize),
+                },
+                sections: self.sections as usize,
+                material: self.material.material(),
+                width: self.width,
+            },
+        }
+    }
+}
+
+impl MaterialArguments {
+    fn material(self) -> Material {
+        let default = Material::default();
+        let section = self.diameter.map(|microns| 0.5e-6 * microns).map(|a| RodSection { a1: a, a2: a });
+        Material {
+            young_modulus: self.young.map_or(default.young_modulus, |gpa| gpa * 1e9),
+            shear_modulus: self.shear.map_or(default.shear_modulus, |gpa| gpa * 1e9),
+            density: self.density.unwrap_or(default.density),
+            section: section.unwrap_or(default.section),
+            damping: self.damping.unwrap_or(default.damping),
+            friction: self.friction.map_or(default.friction, Into::into),
+            drag: self.drag.unwrap_or(default.drag),
+            sag_free: self.sag_free,
+            ..default
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::{CommandFactory, Parser};
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        material: MaterialArguments,
+    }
+
+    #[test]
+    fn the_help_states_the_default_material() {
+        let default = Material::default();
+        let command = Line::command();
+        let mut words = vec!["hairbake".to_string()];
+        for argument in
+            command.get_arguments().filter(|a| !matches!(a.get_id().as_str(), "help" | "sag_free"))
+        {
+            let help = argument.get_help().unwrap().to_string();
+            let stated = help.split_once("[default: ").unwrap().1.trim_end_matches(']');
+            words.extend([format!("--{}", argument.get_long().unwrap()), stated.into()]);
+        }
+        let stated = Line::parse_from(words).material.material();
+        let values = |m: &Material| {
+            [m.young_modulus, m.shear_modulus, m.density, m.section.a1, m.damping, m.friction.kinetic, m.drag]
+        };
+        for (stated, default) in values(&stated).into_iter().zip(values(&default)) {
+            approx::assert_relative_eq!(stated, default, max_relative = 1e-12);
+        }
+    }
+}

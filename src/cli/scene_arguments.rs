@@ -1,0 +1,229 @@
+//! The scene of a bake: groom, animation, settings and output folder, the same for every stage.
+
+use super::settings::{Explained, SettingsArguments};
+use super::{summary, values};
+use crate::bake::base_cache::Only;
+use crate::bake::job::Job;
+use crate::cache::MANIFEST;
+use crate::error::{Diagnostic, Error, Result};
+use crate::scene::anim::{Resolution, Settings, Written};
+use crate::scene::{PathMap, Reading};
+use crate::{bake, scene};
+use clap::Args;
+use clap::builder::{OsStringValueParser, TypedValueParser};
+use std::path::{Path, PathBuf};
+
+/// Heading of the options that select a part of the shot.
+pub const SELECTION: &str = "Selection";
+/// Heading of the options on what a command writes.
+pub const OUTPUT: &str = "Output";
+/// Heading of the options for render farms.
+pub const FARM: &str = "Render farm";
+
+/// The scene as it is typed. All stages of a bake need the same one.
+#[derive(Debug, Args)]
+pub struct SceneArguments {
+    /// Groom file (groom.json): materials, wisps, guides, render strands
+    pub groom: PathBuf,
+    /// Animation file (anim.json): frames, head motion, colliders, wind, settings
+    pub anim: PathBuf,
+    /// Folder for the cache, its report and its contact sheet; created if missing
+    ///
+    /// An unfinished bake in this folder is resumed. A bake with other inputs or settings is replaced.
+    #[arg(long, short, value_name = "DIR", help_heading = OUTPUT)]
+    pub output: PathBuf,
+    /// Bake only these groups of the groom, by comma-separated names; needs --base
+    ///
+    /// All other curves are copied from --base, so that hair already approved does not change.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "base", help_heading = SELECTION)]
+    groups: Vec<String>,
+    /// Finished cache that provides the curves of all other groups
+    ///
+    /// It must have the same head motion, frames, units and samples, and the same groom except for --groups.
+    #[arg(long, value_name = "CACHE", requires = "groups", help_heading = SELECTION)]
+    base: Option<PathBuf>,
+    #[command(flatten)]
+    settings: SettingsArguments,
+    #[command(flatten)]
+    paths: PathMapArguments,
+}
+
+/// Where files are that have other paths on the machine that made the scene.
+#[derive(Debug, Args)]
+struct PathMapArguments {
+    /// Replace the start FROM of paths by TO; may be repeated
+    ///
+    /// Applies to the command line and to the names of files inside the input files. FROM matches whole names:
+    /// /show does not match /shows.
+    #[arg(long, value_name = "FROM=TO", value_parser = values::path_rule, help_heading = FARM)]
+    path_map: Vec<(String, String)>,
+    /// Read path map rules from a JSON file in the format of OpenJD
+    #[arg(long, value_name = "FILE", value_parser = OsStringValueParser::new().map(PathBuf::from),
+        env = "HAIRBAKE_PATH_MAP_FILE", help_heading = FARM)]
+    path_map_file: Option<PathBuf>,
+}
+
+impl PathMapArguments {
+    fn read(&self) -> Result<PathMap> {
+        let mut map = PathMap(self.path_map.clone());
+        // An empty variable names no file.
+        if let Some(file) = self.path_map_file.as_ref().filter(|file| !file.as_os_str().is_empty()) {
+            map.0.extend(PathMap::read(file)?.0);
+        }
+        Ok(map)
+    }
+}
+
+impl SceneArguments {
+    /// Reads and checks the scene of the frames `shot`, or of all frames, with the settings of the command line.
+    ///
+    /// # Errors
+    /// [`Error::BadInput`], [`Error::Io`]; [`Error::Config`] for a path map that cannot be read; [`Error::Usage`] for
+    /// settings that contradict each other.
+    pub fn load(&self, shot: Option<(i32, i32)>) -> Result<Scene> {
+        let paths = self.paths.read()?;
+        let [groom_file, anim_file, out] =
+            [&self.groom, &self.anim, &self.output].map(|path| paths.map_path(path));
+        let base = self.base.as_ref().map(|base| paths.map_path(base));
+        if base.as_deref().is_some_and(|base| is_same_folder(base, &out)) {
+            let message = "--base and --output are the same folder; choose another with -o";
+            return Err(Error::Usage(message.into()));
+        }
+        let only = base.map(|base| Only { groups: self.groups.clone(), base });
+        let reading = Reading { set: self.settings.overrides().to_vec(), paths };
+        let (groom, mut anim) = scene::load_as(&groom_file, &anim_file, &reading)?;
+        if let Some(frames) = shot {
+            check_frames(&anim_file, frames, anim.frames)?;
+            anim.frames = frames;
+        }
+        self.settings.apply(&mut anim.settings);
+        let scene = Scene { groom, anim, groom_file, anim_file, reading, only, out };
+        scene.check_curves()?;
+        Ok(scene)
+    }
+
+    /// Starts or resumes the bake of the frames `shot`, or of all frames. Calls `check` before anything is written.
+    ///
+    /// # Errors
+    /// As [`SceneArguments::load`]; those of `check`.
+    pub fn job(&self, shot: Option<(i32, i32)>, check: impl FnOnce(&Settings) -> Result<()>) -> Result<Job> {
+        let scene = self.load(shot)?;
+        check(&scene.anim.settings)?;
+        let out = scene.out.clone();
+        let job = scene.begin(&out)?;
+        if !out.join(MANIFEST).exists() {
+            summary::remove_old(&out)?;
+        }
+        Ok(job)
+    }
+
+    /// Groom, animation and output folder as absolute paths.
+    ///
+    /// # Errors
+    /// [`Error::Io`] without a current folder; [`Error::Usage`] for a path that is not Unicode.
+    pub fn absolute_paths(&self) -> Result<[String; 3]> {
+        let absolute = |path: &Path| {
+            let path = std::path::absolute(path).map_err(|e| Error::io(path, e))?;
+            let text = path.to_str().map(String::from);
+            text.ok_or_else(|| Error::Usage(format!("the path {} is not valid Unicode", path.display())))
+        };
+        Ok([absolute(&self.groom)?, absolute(&self.anim)?, absolute(&self.output)?])
+    }
+
+    /// Every setting of `scene` with its value and origin.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the animation can no longer be read.
+    pub fn explained(&self, scene: &Scene) -> Result<Vec<Explained>> {
+        let bytes = crate::file::read_file(&scene.anim_file).map_err(|e| Error::io(&scene.anim_file, e))?;
+        let file: serde_json::Value = serde_json::from_slice(&bytes).unwrap_or_default();
+        let name = scene.anim_file.display().to_string();
+        let in_file = |key: &str| file["settings"].get(key).is_some();
+        let mut rows = self.settings.explained(&scene.anim.settings, &name, in_file);
+        if let Some(only) = &scene.only {
+            for (name, value) in
+                [("groups", only.groups.join(", ")), ("base", only.base.display().to_string())]
+            {
+                rows.push(Explained { name: name.into(), value, origin: format!("--{name}") });
+            }
+        }
+        Ok(rows)
+    }
+
+    /// The options that give the same scene again, without groom, animation and output.
+    pub fn to_words(&self) -> Vec<String> {
+        let mut words = self.settings.to_words();
+        if let Some(base) = &self.base {
+            words.extend(["--groups".into(), self.groups.join(",")]);
+            words.extend(["--base".into(), base.display().to_string()]);
+        }
+        for (from, to) in &self.paths.path_map {
+            words.extend(["--path-map".into(), format!("{from}={to}")]);
+        }
+        words
+    }
+
+    /// Name of the shot for the report.
+    pub fn title(&self) -> String {
+        self.anim.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    }
+}
+
+/// A scene and the files it was read from.
+pub struct Scene {
+    /// The groom.
+    pub groom: scene::Groom,
+    /// The animation, with the settings of the bake.
+    pub anim: scene::Anim,
+    groom_file: PathBuf,
+    anim_file: PathBuf,
+    reading: Reading,
+    only: Option<Only>,
+    out: PathBuf,
+}
+
+impl Scene {
+    /// Starts or resumes the bake in the folder `out`.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn begin(self, out: &Path) -> Result<Job> {
+        let Scene { groom, anim, groom_file, anim_file, reading, only, .. } = self;
+        let inputs = bake::inputs(&groom_file, &anim_file, &reading)?;
+        Job::begin(groom, anim, inputs, &reading.set, only.as_ref(), out)
+    }
+
+    /// Checks that the curves to write exist.
+    fn check_curves(&self) -> Result<()> {
+        let settings = &self.anim.settings;
+        if settings.curves == Written::Strands && self.groom.strands.curves.is_empty() {
+            let message = "the groom has no render strands to write; use --curves guides";
+            return Err(Error::Usage(message.into()));
+        }
+        let frames_only =
+            settings.samples > 1 || settings.resolution() != Resolution::Full || self.only.is_some();
+        if settings.curves == Written::Steps && frames_only {
+            let message = "--curves steps needs --resolution full and --samples 1, and excludes --base";
+            return Err(Error::Usage(message.into()));
+        }
+        Ok(())
+    }
+}
+
+fn is_same_folder(a: &Path, b: &Path) -> bool {
+    a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
+}
+
+fn check_frames(file: &Path, (first, last): (i32, i32), shot: (i32, i32)) -> Result<()> {
+    if first >= shot.0 && last <= shot.1 {
+        return Ok(());
+    }
+    Err(Error::BadInput(vec![Diagnostic {
+        file: file.into(),
+        span: None,
+        key: "frames".into(),
+        message: format!("--frames selects {first} to {last}"),
+        allowed: format!("{} to {}, the frames of the animation", shot.0, shot.1),
+        help: "select fewer frames, or extend \"frames\" in the file if its track covers more".into(),
+    }]))
+}
