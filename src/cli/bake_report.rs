@@ -185,7 +185,10 @@ pub fn deviation(manifest: &Manifest) -> Vec<(&'static str, String)> {
         (sag_free("guides"), sag_free("stiffened"), sag_free("stiffest"), sag_free("sagging"))
         && guides > 0.0
     {
-        let mut text = format!("{stiffened} of {guides} guides stiffened (up to {stiffest:.1} times)");
+        let mut text = format!("{stiffened} of {guides} guides stiffened");
+        if stiffened > 0.0 {
+            text += &format!(" (up to {stiffest:.1} times)");
+        }
         if sagging > 0.0 {
             text += &format!("; {sagging} still sag (stiffness bound reached)");
         }

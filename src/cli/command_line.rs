@@ -181,6 +181,20 @@ mod tests {
         }
     }
 
+    #[test]
+    fn former_names_of_options_work() {
+        for line in [
+            "hairbake a.json b.json -o c --parting 0.01",
+            "hairbake plan a.json b.json -o c --parting 0.01",
+            "hairbake import groom a -o b --per-guide 9 --shorter 0.1 --coarse 9 --leaves 99",
+            "hairbake import track a -o b --smoothing 9",
+            "hairbake sample short -o a --head-rounds 2",
+            "hairbake preview a -o b --color level",
+        ] {
+            assert!(parsed(line).is_ok(), "{line}");
+        }
+    }
+
     /// A command and all below it, except `help`.
     fn all_commands(command: &Command) -> Vec<Command> {
         let below =

@@ -35,7 +35,7 @@ fn says(text: &str, words: &[&str]) {
 }
 
 #[test]
-fn faults_of_both_files_are_in_one_report() {
+fn errors_in_both_files_are_in_one_report() {
     let text = refused(|groom, anim| {
         groom["materials"][0]["density_kg_m3"] = json!(-5.0);
         groom["version"] = json!(9);
@@ -48,7 +48,7 @@ fn faults_of_both_files_are_in_one_report() {
 }
 
 #[test]
-fn numbers_that_are_none() {
+fn nan_is_rejected() {
     // JSON has no NaN; exporters write it all the same.
     let scene = Scene::import();
     let text = String::from_utf8(crate::common::here(&scene.anim)).unwrap();
@@ -61,7 +61,7 @@ fn numbers_that_are_none() {
 }
 
 #[test]
-fn tracks_with_gaps_pops_and_frames_outside() {
+fn tracks_with_gaps_pops_or_missing_frames_are_rejected() {
     let track = |anim: &mut Value| anim["bodies"][0]["track"].clone();
     let text = refused(|_, anim| {
         let mut gap = track(anim);
@@ -84,7 +84,7 @@ fn tracks_with_gaps_pops_and_frames_outside() {
 }
 
 #[test]
-fn frames_asked_for_outside_the_shot() {
+fn frames_outside_the_shot_are_rejected() {
     let scene = Scene::import();
     let out = scene.folder.path().join("out");
     let assert = bake(&scene.groom, &scene.anim, &out).args(["--frames", "990-1003"]).assert().code(65);
@@ -93,7 +93,7 @@ fn frames_asked_for_outside_the_shot() {
 }
 
 #[test]
-fn empty_wisps_and_strands_of_no_length() {
+fn empty_wisps_and_zero_length_strands_are_rejected() {
     let one_guide = |points: Value| json!({ "format": "hairbake-groom", "version": 1, "guides": { "points": points, "vertices": [3] } });
     let text = refused(|groom, _| *groom = one_guide(json!([[0, 0, 0], [0, 0, 0], [0, 0, 0]])));
     says(&text, &["guides.points", "length"]);
@@ -105,7 +105,7 @@ fn empty_wisps_and_strands_of_no_length() {
 }
 
 #[test]
-fn meshes_that_are_missing_or_hold_no_triangle() {
+fn missing_and_empty_meshes_are_rejected() {
     let mesh = |file: &str| json!({ "type": "mesh", "file": file });
     let text = refused(|_, anim| anim["colliders"][0]["shape"] = mesh("no-such.obj"));
     says(&text, &["colliders[0].shape.file", "no-such.obj"]);
@@ -118,7 +118,7 @@ fn meshes_that_are_missing_or_hold_no_triangle() {
 }
 
 #[test]
-fn units_that_cannot_be() {
+fn implausible_units_are_rejected() {
     let scene = Scene::import();
     let groom = scene.folder.path().join("inches.json");
     let strands = scene.folder.path().join("strands.tfx");
@@ -130,7 +130,7 @@ fn units_that_cannot_be() {
 }
 
 #[test]
-fn check_tells_the_faults_of_all_its_files() {
+fn check_reports_the_errors_of_all_files() {
     let scene = Scene::import();
     std::fs::write(&scene.groom, "{ \"format\": \"hairbake-groom\", \"version\": 1 ").unwrap();
     std::fs::write(
@@ -144,7 +144,7 @@ fn check_tells_the_faults_of_all_its_files() {
 }
 
 #[test]
-fn folders_that_cannot_be_written_and_files_that_are_not_there_are_74() {
+fn unwritable_folders_and_missing_files_exit_with_74() {
     let scene = Scene::import();
     let in_the_way = scene.folder.path().join("file");
     std::fs::write(&in_the_way, "").unwrap();

@@ -57,7 +57,7 @@ impl Scene {
         hairbake()
             .args(["import", "groom"])
             .arg(at("strands.tfx"))
-            .args(["--units", "cm", "--per-guide", "4", "--head", &mesh, "-o"])
+            .args(["--units", "cm", "--strands-per-guide", "4", "--head", &mesh, "-o"])
             .arg(&groom)
             .assert()
             .success();

@@ -43,7 +43,7 @@ def print_changes(hairbake: Path, out: Path, styles: list[str], split_tolerances
         folder = out / f"{style}-steps-bake"
         for tolerance in split_tolerances:
             shutil.rmtree(folder, ignore_errors=True)
-            adaptive = ("--substeps", 1, "--resolution", "adaptive", "--parting", tolerance)
+            adaptive = ("--substeps", 1, "--resolution", "adaptive", "--split-tolerance", tolerance)
             processor_time(hairbake, scene.groom, anim, *adaptive, "-o", folder)
             changes = level_changes(read_guides(Cache(folder)))
             for name, change in zip(("splits", "merges"), changes, strict=True):
@@ -62,7 +62,7 @@ def print_sizes(hairbake: Path, out: Path, style: str, sizes: list[int], split_t
     for n in sizes:
         scene = sample(hairbake, out / f"{style}-{n}", style, "--strands", 0, "--wisps", n)
         folder = out / f"{style}-{n}-bake"
-        adaptive = ("--resolution", "adaptive", "--parting", split_tolerance)
+        adaptive = ("--resolution", "adaptive", "--split-tolerance", split_tolerance)
         seconds = simulate(hairbake, scene, folder, *adaptive)
         shutil.rmtree(folder)
         cost = f"{1e3 * seconds:>9.2f}  {1e6 * seconds / n:>12.1f}"

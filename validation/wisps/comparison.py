@@ -64,7 +64,7 @@ def compare(
     """Bakes the scene of a `style` with every guide stepped, the same nudged, adaptive, and coarse."""
     resolutions = {"full": ["--resolution", "full"], "nudged": ["--resolution", "full"]}
     for tolerance in split_tolerances:
-        adaptive = ["--resolution", "adaptive", "--parting", str(tolerance)]
+        adaptive = ["--resolution", "adaptive", "--split-tolerance", str(tolerance)]
         resolutions[f"adaptive {tolerance:g}"] = adaptive
     resolutions["coarse"] = ["--resolution", "coarse"]
     rows: list[Row] = []

@@ -6,7 +6,7 @@ from pxr import Gf, Sdf, UsdGeom
 
 from usd_import.stages import FLOATS, INTS, NAMES, UVS, add_curves, add_primvar, hanging, new_stage
 
-OPTIONS = ("--per-guide", "0", "--sections", "4")
+OPTIONS = ("--strands-per-guide", "0", "--sections", "4")
 
 
 def guides(groom) -> np.ndarray:
@@ -110,7 +110,7 @@ def test_clumps_stay_together(imports, tmp_path):
     stage = new_stage(tmp_path / "a.usda")
     hair = add_curves(stage, "/groom/hair", hanging(8))
     add_primvar(hair, "groom_guide", INTS, "uniform", [1, 0, 0, 0, 0, 0, 0, 1])
-    options = (*OPTIONS, "--leaves", "2", "--levels", "1")
+    options = (*OPTIONS, "--leaf-wisps", "2", "--levels", "1")
     stage.Save()
     apart, _ = imports(tmp_path / "a.usda", *options)
     add_primvar(hair, "clump_id", INTS, "uniform", [0, 7, 7, 7, 7, 7, -1, 0])

@@ -67,7 +67,7 @@ fn of_group(cache: &Path, group: i32) -> Vec<[f32; 3]> {
 }
 
 #[test]
-fn groups_are_baked_over_a_cache_that_keeps_the_others() {
+fn groups_are_baked_over_a_base_cache() {
     let scene = Scene::import();
     let (soft, stiff) = (in_groups(&scene, "soft.json", 1.0), in_groups(&scene, "stiff.json", 50.0));
     let before = baked(&soft, &scene, "before", &["--accelerations"]);
@@ -89,7 +89,7 @@ fn groups_are_baked_over_a_cache_that_keeps_the_others() {
 }
 
 #[test]
-fn a_base_that_does_not_fit_is_told_before_anything_is_written() {
+fn a_mismatched_base_is_rejected_before_anything_is_written() {
     let scene = Scene::import();
     let groom = in_groups(&scene, "grouped.json", 1.0);
     let base = baked(&groom, &scene, "base", &[]);

@@ -11,18 +11,18 @@ use serde_json::{Value, json};
 use std::path::Path;
 
 #[test]
-fn help_and_version_are_data() {
-    hairbake()
-        .arg("--help")
-        .assert()
-        .success()
-        .stdout(contains("Exit codes").and(contains("--substeps <N>")));
+fn help_and_version_go_to_standard_output() {
+    hairbake().arg("--help").assert().success().stdout(contains("Exit codes").and(contains("--threads <N>")));
+    hairbake().args(["bake", "--help"]).assert().success().stdout(contains("--substeps <N>"));
     hairbake().arg("--version").assert().success().stdout(contains(env!("CARGO_PKG_VERSION")));
     for command in [
         "check",
         "schema",
         "sample",
         "estimate",
+        "bake",
+        "plan",
+        "status",
         "simulate",
         "interpolate",
         "assemble",
@@ -44,7 +44,7 @@ fn help_and_version_are_data() {
 }
 
 #[test]
-fn no_guarantee_is_asked_of_what_gives_none() {
+fn strict_refuses_penalty_contact() {
     let scene = Scene::import();
     let out = scene.folder.path().join("out");
     let mut bake = bake(&scene.groom, &scene.anim, &out);
@@ -54,7 +54,7 @@ fn no_guarantee_is_asked_of_what_gives_none() {
 }
 
 #[test]
-fn steps_that_do_not_come_to_rest_in_contact_are_divided() {
+fn sub_steps_are_halved_until_contacts_converge() {
     let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/short");
     let folder = tempfile::tempdir().unwrap();
     let totals = |wind: u32| {
@@ -66,7 +66,7 @@ fn steps_that_do_not_come_to_rest_in_contact_are_divided() {
         bake.args(["--frames", "1001-1004", "--substeps", "1", "--preroll", "0", "--curves", "guides"]);
         let done = bake.args(["--strict", "--no-pictures", "--set", &wind]).assert().success();
         let told =
-            String::from_utf8_lossy(&done.get_output().stderr).contains("contacts had not come to rest");
+            String::from_utf8_lossy(&done.get_output().stderr).contains("contacts did not converge to rest");
         let totals = Reader::open(&out).unwrap().read_manifest().unwrap().totals;
         let residual = totals["contact_residual"].as_f64().unwrap();
         assert!(!told && totals["unsettled"] == 0 && residual < 1e-3, "{totals:?}");
@@ -78,7 +78,7 @@ fn steps_that_do_not_come_to_rest_in_contact_are_divided() {
 }
 
 #[test]
-fn where_guarantees_are_broken_a_strict_bake_tells_and_ends_with_1() {
+fn strict_exits_with_1_if_a_guarantee_is_broken() {
     let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/short");
     let folder = tempfile::tempdir().unwrap();
     let mut anim: Value =
@@ -104,14 +104,14 @@ fn where_guarantees_are_broken_a_strict_bake_tells_and_ends_with_1() {
     run(true, &strict)
         .code(1)
         .stderr(contains("crossings of a surface").and(contains("guarantees are broken")));
-    run(false, &lax).success().stderr(contains("motions cut short at a surface"));
+    run(false, &lax).success().stderr(contains("motions were cut short at a surface"));
     // What is told is the bake that would have been made without it.
     let [strict, lax] = [strict, lax].map(|out| Reader::open(&out).unwrap().read_manifest().unwrap());
     assert!(strict.totals["crossings"].as_u64() > Some(0) && strict.frames.len() == lax.frames.len());
 }
 
 #[test]
-fn wrong_usage_is_64() {
+fn wrong_usage_exits_with_64() {
     let wrong: [&[&str]; 10] = [
         &[],
         &["groom.json"],
@@ -128,6 +128,24 @@ fn wrong_usage_is_64() {
         hairbake().args(arguments).assert().code(64).stdout("").stderr(contains("--help"));
     }
     hairbake().env("HAIRBAKE_THREADS", "many").args(["schema", "groom"]).assert().code(64);
+}
+
+#[test]
+fn a_line_without_a_command_prints_the_help_and_exits_with_64() {
+    let help = || contains("Render farm:").and(contains("Examples:"));
+    hairbake().assert().code(64).stdout("").stderr(help());
+    // A variable of the environment is not an argument.
+    hairbake().env("HAIRBAKE_THREADS", "4").assert().code(64).stdout("").stderr(help());
+}
+
+#[test]
+fn mistyped_commands_are_corrected() {
+    let lines =
+        [(["chek", "a.json"], "check"), (["previw", "out"], "preview"), (["import", "grom"], "groom")];
+    for (line, similar) in lines {
+        let message = format!("did you mean `{similar}`?");
+        hairbake().args(line).assert().code(64).stdout("").stderr(contains(message));
+    }
 }
 
 #[test]
@@ -149,7 +167,7 @@ fn shell(line: &str, arguments: &[&Path]) -> std::process::Output {
 }
 
 #[test]
-fn a_closed_output_is_no_failure() {
+fn a_closed_output_is_not_an_error() {
     let scene = Scene::import();
     let out = scene.folder.path().join("out");
     for line in [
@@ -177,7 +195,7 @@ fn said(scene: &Scene, options: &[&str]) -> Vec<String> {
 }
 
 #[test]
-fn progress_is_said_as_each_queue_reads_it() {
+fn progress_has_the_format_of_each_queue() {
     let scene = Scene::import();
     let percent = |lines: &[String], before: &str, after: &str| -> Vec<f64> {
         let number = |line: &String| line.strip_prefix(before)?.strip_suffix(after)?.parse().ok();
@@ -195,7 +213,7 @@ fn progress_is_said_as_each_queue_reads_it() {
 }
 
 #[test]
-fn logs_in_json_are_an_object_a_line() {
+fn json_logs_have_one_object_per_line() {
     let scene = Scene::import();
     let objects = |lines: Vec<String>| -> Vec<serde_json::Value> {
         lines
@@ -259,9 +277,14 @@ fn paths_are_mapped_in_files_and_on_the_command_line() {
 }
 
 #[test]
-fn strands_and_a_track_become_a_cache_with_pictures() {
+fn an_imported_scene_bakes_to_a_cache_with_pictures() {
     let scene = Scene::import();
-    hairbake().arg("check").args([&scene.groom, &scene.anim]).assert().success().stderr(contains("no fault"));
+    hairbake()
+        .arg("check")
+        .args([&scene.groom, &scene.anim])
+        .assert()
+        .success()
+        .stderr(contains("no errors"));
     let out = scene.folder.path().join("cache");
     bake(&scene.groom, &scene.anim, &out)
         .args(["--frames", "1002-1004", "--preroll", "0.1"])
@@ -319,7 +342,7 @@ fn strands_and_a_track_become_a_cache_with_pictures() {
 }
 
 #[test]
-fn threads_do_not_change_a_bit() {
+fn results_do_not_depend_on_the_number_of_threads() {
     let scene = Scene::import();
     let mut caches = Vec::new();
     for threads in ["1", "2"] {
@@ -340,7 +363,7 @@ fn threads_do_not_change_a_bit() {
 }
 
 #[test]
-fn centimetres_and_metres_mix() {
+fn groom_and_head_may_have_different_units() {
     let scene = Scene::import();
     let groom = hairbake::scene::load_groom(&scene.groom).unwrap();
     let anim = hairbake::scene::load_anim(&scene.anim).unwrap();
@@ -357,7 +380,7 @@ fn samples_are_written() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("all");
     hairbake()
-        .args(["sample", "all", "--wisps", "8", "--strands", "8", "--head-rounds", "1", "-o"])
+        .args(["sample", "all", "--wisps", "8", "--strands", "8", "--head-subdivisions", "1", "-o"])
         .arg(&out)
         .assert()
         .success();
@@ -367,7 +390,7 @@ fn samples_are_written() {
 }
 
 #[test]
-fn a_python_without_usd_is_named() {
+fn a_python_without_usd_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let asked = |python: &str| {
         let mut command = hairbake();
@@ -379,7 +402,7 @@ fn a_python_without_usd_is_named() {
 }
 
 #[test]
-fn validation_says_what_is_wrong_and_how_it_ended() {
+fn validate_reports_damage_and_exits_with_its_code() {
     let Some(python) = crate::common::python_with_usd() else { return };
     let scene = Scene::import();
     let out = scene.folder.path().join("cache");
@@ -402,7 +425,7 @@ fn validation_says_what_is_wrong_and_how_it_ended() {
 }
 
 #[test]
-fn a_dry_run_tells_where_each_value_comes_from_and_writes_nothing() {
+fn a_dry_run_prints_the_origin_of_each_value_and_writes_nothing() {
     let scene = Scene::import();
     let mut anim: serde_json::Value = serde_json::from_slice(&here(&scene.anim)).unwrap();
     anim["settings"] = serde_json::json!({ "nodes": 6, "preroll_s": 0.1 });
@@ -433,7 +456,7 @@ fn a_dry_run_tells_where_each_value_comes_from_and_writes_nothing() {
 }
 
 #[test]
-fn an_estimate_is_near_what_the_bake_takes() {
+fn an_estimate_matches_the_bake() {
     let scene = Scene::import();
     let out = scene.folder.path().join("out");
     let mut command = hairbake();

@@ -56,18 +56,12 @@ fn gltf(folder: &Path) -> PathBuf {
 }
 
 #[test]
-fn a_head_goes_as_its_joint_in_bvh_and_gltf() {
+fn the_head_follows_its_joint_in_bvh_and_gltf() {
     let scene = Scene::import();
     for motion in [bvh(scene.folder.path()), gltf(scene.folder.path())] {
         let anim = motion.with_extension("anim.json");
         let mut import = hairbake();
-        import.args(["-q", "import", "track"]).arg(&motion).args([
-            "--joint",
-            "Head",
-            "--smoothing",
-            "0",
-            "-o",
-        ]);
+        import.args(["-q", "import", "track"]).arg(&motion).args(["--joint", "Head", "--cutoff", "0", "-o"]);
         import.arg(&anim).assert().success().stderr("");
         let out = motion.with_extension("out");
         let options = ["--frames", "1011-1012", "--preroll", "0", "--substeps", "1", "--no-pictures", "-q"];
@@ -92,7 +86,7 @@ fn a_head_goes_as_its_joint_in_bvh_and_gltf() {
 }
 
 #[test]
-fn a_joint_that_is_not_there_is_bad_input() {
+fn a_missing_joint_is_bad_input() {
     let folder = tempfile::tempdir().unwrap();
     for motion in [bvh(folder.path()), gltf(folder.path())] {
         let out = folder.path().join("anim.json");

@@ -24,7 +24,7 @@ impl Drop for SmallDisk<'_> {
 }
 
 #[test]
-fn a_full_disk_keeps_what_is_done_and_the_bake_goes_on_when_there_is_room() {
+fn a_bake_resumes_after_a_full_disk() {
     let shot = Shot::get();
     let folder = workplace();
     let Some(disk) = SmallDisk::mount(folder.path(), 700) else {
@@ -48,7 +48,7 @@ fn a_full_disk_keeps_what_is_done_and_the_bake_goes_on_when_there_is_room() {
 }
 
 #[test]
-fn a_folder_that_cannot_be_written_is_74() {
+fn a_read_only_folder_exits_with_74() {
     let shot = Shot::get();
     let folder = workplace();
     let Some(disk) = SmallDisk::mount(folder.path(), 700) else {

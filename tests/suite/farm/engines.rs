@@ -28,7 +28,7 @@ fn openjd() -> Option<PathBuf> {
 }
 
 #[test]
-fn openjd_checks_the_template_and_runs_the_bake_to_the_same_bytes() {
+fn openjd_runs_the_template_to_the_same_bytes() {
     let shot = Shot::get();
     let Some(openjd) = openjd() else { return };
     let folder = workplace();
@@ -61,7 +61,7 @@ fn openjd_checks_the_template_and_runs_the_bake_to_the_same_bytes() {
 }
 
 #[test]
-fn the_examples_are_what_plan_prints() {
+fn the_examples_are_the_output_of_plan() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = workplace();
     // In the examples the included sample lies where a studio may have it.
@@ -92,7 +92,7 @@ fn the_examples_are_what_plan_prints() {
 }
 
 #[test]
-fn the_tasks_of_a_plan_run_one_after_the_other_make_the_same_bytes() {
+fn the_tasks_of_a_plan_make_the_same_bytes() {
     let shot = Shot::get();
     let folder = workplace();
     let out = folder.path().join("out");
@@ -102,7 +102,7 @@ fn the_tasks_of_a_plan_run_one_after_the_other_make_the_same_bytes() {
 }
 
 #[test]
-fn wedges_are_baked_side_by_side_and_shown_on_one_sheet() {
+fn wedges_bake_every_combination_and_one_sheet() {
     let shot = Shot::get();
     let folder = workplace();
     let out = folder.path().join("sweep");
@@ -122,7 +122,7 @@ fn wedges_are_baked_side_by_side_and_shown_on_one_sheet() {
 }
 
 #[test]
-fn status_tells_what_is_done_missing_stale_and_damaged() {
+fn status_lists_done_missing_stale_and_damaged_frames() {
     let shot = Shot::get();
     let folder = workplace();
     let out = folder.path();

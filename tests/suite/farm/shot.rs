@@ -24,7 +24,17 @@ impl Shot {
         SHOT.get_or_init(|| {
             let folder = workplace();
             hairbake()
-                .args(["sample", "short", "--wisps", "16", "--strands", "64", "--head-rounds", "2", "-o"])
+                .args([
+                    "sample",
+                    "short",
+                    "--wisps",
+                    "16",
+                    "--strands",
+                    "64",
+                    "--head-subdivisions",
+                    "2",
+                    "-o",
+                ])
                 .arg(folder.path())
                 .assert()
                 .success();

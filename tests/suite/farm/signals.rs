@@ -40,7 +40,7 @@ fn stopping_signals_save_and_exit_with_85() {
 }
 
 #[test]
-fn a_hangup_saves_and_the_bake_goes_on() {
+fn a_hangup_saves_without_stopping() {
     let shot = Shot::get();
     let folder = workplace();
     let mut child = long_bake(shot, folder.path());
@@ -55,7 +55,7 @@ fn a_hangup_saves_and_the_bake_goes_on() {
 }
 
 #[test]
-fn a_second_signal_ends_it_at_once() {
+fn a_second_signal_ends_the_process_at_once() {
     let shot = Shot::get();
     let folder = workplace();
     let mut child = long_bake(shot, folder.path());
@@ -70,7 +70,7 @@ fn a_second_signal_ends_it_at_once() {
 }
 
 #[test]
-fn a_limit_of_time_stops_it_again_and_again_until_it_is_done() {
+fn a_bake_completes_in_many_runs_of_limited_time() {
     let shot = Shot::get();
     let folder = workplace();
     let mut stops = 0;

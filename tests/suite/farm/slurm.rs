@@ -165,7 +165,7 @@ fn process(words: &[&str]) -> Option<u32> {
 }
 
 #[test]
-fn slurm_bakes_through_preemption_a_kill_and_the_loss_of_a_node_to_the_same_bytes() {
+fn slurm_survives_preemption_a_kill_and_a_lost_node() {
     let Some(mut cluster) = Cluster::start() else { return };
     let shot = Shot::get();
     let folder = workplace();

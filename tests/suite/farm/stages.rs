@@ -24,7 +24,7 @@ fn divided(shot: &Shot, out: &Path, threads: &str, segment: usize, chunk: usize)
 }
 
 #[test]
-fn threads_chunks_and_segments_change_no_byte() {
+fn results_do_not_depend_on_threads_chunks_or_segments() {
     let shot = Shot::get();
     for (threads, segment, chunk) in
         [("1", 99, 1), ("2", 99, 8), ("7", 99, 99), ("7", 1, 8), ("1", 5, 99), ("2", 4, 1), ("7", 7, 5)]
@@ -36,7 +36,7 @@ fn threads_chunks_and_segments_change_no_byte() {
 }
 
 #[test]
-fn the_one_command_and_stages_take_up_each_others_work() {
+fn bake_and_stages_resume_each_others_work() {
     let shot = Shot::get();
     let folder = workplace();
     let out = folder.path();
@@ -55,7 +55,7 @@ fn the_one_command_and_stages_take_up_each_others_work() {
 }
 
 #[test]
-fn what_is_not_there_yet_is_75() {
+fn missing_input_of_a_stage_exits_with_75() {
     let shot = Shot::get();
     let folder = workplace();
     let out = folder.path();
@@ -70,7 +70,7 @@ fn what_is_not_there_yet_is_75() {
 }
 
 #[test]
-fn frames_with_a_step_are_made_alone_and_the_rest_when_asked_for() {
+fn a_list_with_a_step_writes_only_its_frames() {
     let shot = Shot::get();
     let folder = workplace();
     let out = folder.path();
@@ -85,7 +85,7 @@ fn frames_with_a_step_are_made_alone_and_the_rest_when_asked_for() {
 }
 
 #[test]
-fn damage_is_named_and_made_good() {
+fn damaged_files_are_reported_and_repaired() {
     let shot = Shot::get();
     let folder = workplace();
     let out = folder.path();
@@ -118,7 +118,7 @@ fn damage_is_named_and_made_good() {
 }
 
 #[test]
-fn a_damaged_checkpoint_is_refused_and_the_one_before_used() {
+fn a_damaged_checkpoint_falls_back_to_the_one_before() {
     let shot = Shot::get();
     let folder = workplace();
     let out = folder.path();
@@ -141,7 +141,7 @@ fn a_damaged_checkpoint_is_refused_and_the_one_before_used() {
 }
 
 #[test]
-fn other_settings_begin_anew_and_a_longer_shot_goes_on() {
+fn other_settings_restart_and_a_longer_shot_resumes() {
     let shot = Shot::get();
     let folder = workplace();
     let out = folder.path();
@@ -164,7 +164,7 @@ fn other_settings_begin_anew_and_a_longer_shot_goes_on() {
 }
 
 #[test]
-fn frames_that_make_no_sense_are_usage() {
+fn invalid_frame_lists_exit_with_64() {
     let shot = Shot::get();
     for frames in ["1001-", "5-1", "1001-1010x0", "0-2000000000", "1001;1002"] {
         let mut command = hairbake();

@@ -66,7 +66,7 @@ fn storm(at_once: usize, kills: usize, chance: &mut Chance) {
 }
 
 #[test]
-fn kills_at_random_moments_change_no_byte() {
+fn results_do_not_depend_on_kills() {
     let seed = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_nanos() as u64;
     println!("seed {seed}");
     let mut chance = Chance(seed);
@@ -75,7 +75,7 @@ fn kills_at_random_moments_change_no_byte() {
 }
 
 #[test]
-fn twice_at_once_does_no_harm() {
+fn concurrent_processes_make_the_same_cache() {
     let shot = Shot::get();
     let folder = workplace();
     let children: Vec<Child> = (0..3).map(|_| start(shot, folder.path())).collect();
