@@ -1,9 +1,21 @@
-//! Offline hair baker: grooms and head tracks in, Cosserat rods in wisps, USD curve caches out.
+//! Offline hair baking: the guides of a groom are simulated as elastic rods on a moving head, and the render strands are
+//! written as a USD curve cache.
 //!
-//! The modules follow the way of the data: [`import`] makes scenes from plain strands, [`scene`] is
-//! the validated input (its shapes and meshes are [`geometry`]), [`bake`] runs the frames over [`rod`], [`wisp`] and [`contact`], [`strands`]
-//! turns guides into render strands, [`cache`] lays them out as USD through [`usd`], [`report`]
-//! shows the result, [`farm`] divides a bake for schedulers, and [`cli`] is the only module that prints. `docs/theory.md` holds the equations.
+//! | module | task |
+//! |---|---|
+//! | [`import`], [`sample`] | convert strands and head motions of other programs to scenes; make scenes from nothing |
+//! | [`scene`], [`geometry`] | read `groom.json` and `anim.json` into validated data; shapes, meshes and distances |
+//! | [`rod`] | one Kirchhoff rod: inextensible, unshearable, implicit in time |
+//! | [`wisp`], [`contact`] | the hierarchy of wisps; collision detection and friction |
+//! | [`dynamics`] | step all guides in time |
+//! | [`strands`] | interpolate render strands from guides |
+//! | [`bake`] | run a job in stages that can be stopped, resumed and divided |
+//! | [`cache`], [`usd`] | write and read the cache; USD layers and crate files |
+//! | [`report`] | pictures and reports of a bake |
+//! | [`farm`] | divide a bake into tasks for schedulers |
+//! | [`cli`] | the command line, the only module that prints |
+//!
+//! `docs/theory.md` has the equations.
 
 pub mod bake;
 pub mod cache;
@@ -29,5 +41,5 @@ pub mod wisp;
 
 pub use error::{Diagnostic, Error, Result};
 
-/// Which build this is: a hash of the sources that bake. What one build has begun, another of other sources begins anew.
+/// The build: a hash of the sources that affect the bytes of a cache. A bake is resumed only by the same build.
 pub const BUILD: &str = env!("HAIRBAKE_BUILD");

@@ -1,4 +1,4 @@
-//! `hairbake`: see [`hairbake::cli`].
+//! The program `hairbake`; see [`hairbake::cli`].
 
 fn main() -> std::process::ExitCode {
     hairbake::cli::main()

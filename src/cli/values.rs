@@ -4,7 +4,7 @@ use crate::import::Source;
 use crate::scene::UpAxis;
 use crate::scene::anim::{Contact, Resolution, Scheme, Written};
 use clap::ValueEnum;
-use clap::builder::PossibleValue;
+use clap::builder::{PossibleValue, TypedValueParser};
 use nalgebra::Vector3;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -51,6 +51,19 @@ value_enum! { Written:
 /// The name of a value as it is typed.
 pub fn name<T: ValueEnum>(value: &T) -> String {
     value.to_possible_value().map_or_else(String::new, |value| value.get_name().into())
+}
+
+/// A parser of numbers from `least` to `most`.
+pub fn count(least: i64, most: i64) -> impl TypedValueParser<Value = u32> {
+    clap::value_parser!(u32).range(least..=most)
+}
+
+/// The path of a USD prim.
+pub fn prim(text: &str) -> Result<String, String> {
+    match text.starts_with('/') {
+        true => Ok(text.into()),
+        false => Err("expected an absolute prim path, such as /groom/hair".into()),
+    }
 }
 
 /// Metres per unit of length: the name of a unit, or the number itself.

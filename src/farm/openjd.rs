@@ -1,6 +1,6 @@
 //! A plan as a job template of Open Job Description 2023-09, with the extension TASK_CHUNKING.
 
-use super::{FRAMES, PATH_MAP, Plan, Step};
+use super::plan::{FRAMES, PATH_MAP, Plan, Step};
 use crate::{Error, Result};
 use serde_json::{Value, json};
 

@@ -1,6 +1,6 @@
 //! A plan as a shell script that submits it to Slurm.
 
-use super::Plan;
+use super::plan::Plan;
 use crate::{Error, Result};
 use std::fmt::Write;
 

@@ -1,4 +1,5 @@
 use super::*;
+use crate::Error;
 
 fn words(text: &str) -> Vec<String> {
     text.split(' ').map(String::from).collect()

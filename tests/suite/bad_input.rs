@@ -1,11 +1,11 @@
-//! Bad input, as a black box: every fault in one report with its words, exit code 65, nothing written.
+//! Bad input: every error in one report, exit code 65, nothing written.
 
 use crate::common::{Scene, bake, entries};
 use assert_cmd::assert::Assert;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Bakes the scene after `change` to the JSON of its groom and anim; whatever comes of it must leave no output folder.
+/// Bakes the scene after `change` of its groom and animation. The bake must not make an output folder.
 fn baked(change: impl FnOnce(&mut Value, &mut Value)) -> Assert {
     let scene = Scene::import();
     let read = |path: &Path| serde_json::from_slice::<Value>(&crate::common::here(path)).unwrap();
@@ -19,7 +19,7 @@ fn baked(change: impl FnOnce(&mut Value, &mut Value)) -> Assert {
     assert
 }
 
-/// The words of a report on bad input, put back into lines without breaks.
+/// The report of a bake that is refused as bad input, without its line breaks.
 fn refused(change: impl FnOnce(&mut Value, &mut Value)) -> String {
     let output = baked(change).code(65).stdout("").get_output().stderr.clone();
     let text = String::from_utf8(output).unwrap();
@@ -49,7 +49,7 @@ fn errors_in_both_files_are_in_one_report() {
 
 #[test]
 fn nan_is_rejected() {
-    // JSON has no NaN; exporters write it all the same.
+    // JSON has no NaN, but some exporters write it.
     let scene = Scene::import();
     let text = String::from_utf8(crate::common::here(&scene.anim)).unwrap();
     std::fs::write(&scene.anim, text.replacen("\"fps\": 24", "\"fps\": NaN", 1)).unwrap();

@@ -1,11 +1,11 @@
-//! A tiny scene, brought in through the program itself.
+//! A small scene, imported by the program itself.
 
 use assert_cmd::Command;
 use std::f32::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// The program, without what the caller's environment would change.
+/// The program, independent of the caller's environment.
 pub fn hairbake() -> Command {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("hairbake"));
     for variable in ["HAIRBAKE_THREADS", "CUE_THREADS", "SLURM_CPUS_PER_TASK", "HAIRBAKE_PYTHON"] {
@@ -21,12 +21,12 @@ pub fn bake(groom: &Path, anim: &Path, out: &Path) -> Command {
     command
 }
 
-/// The bytes of a file that must be there.
+/// The bytes of a file that must exist.
 pub fn here(path: &Path) -> Vec<u8> {
     std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
-/// Names in a folder, sorted.
+/// Sorted names of the entries of a folder.
 pub fn entries(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> =
         std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
@@ -34,9 +34,9 @@ pub fn entries(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Strands in centimetres on a ball in metres, on a track in metres, as `groom.json` and `anim.json`.
+/// Strands in centimetres on a ball in metres that follows a track in metres.
 pub struct Scene {
-    /// Holds all of it.
+    /// Holds all files.
     pub folder: TempDir,
     /// `groom.json`
     pub groom: PathBuf,
@@ -45,7 +45,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Writes the sources and imports them.
+    /// Writes the source files and imports them.
     pub fn import() -> Scene {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
@@ -72,7 +72,7 @@ impl Scene {
     }
 }
 
-/// Eight strands of 12 cm in centimetres, radially out of the upper half of a ball of 10 cm.
+/// Eight radial strands of 12 cm on the upper half of a ball of radius 10 cm, in centimetres.
 fn tfx() -> Vec<u8> {
     const STRANDS: u32 = 8;
     const VERTICES: u32 = 6;
@@ -94,7 +94,7 @@ fn tfx() -> Vec<u8> {
     bytes
 }
 
-/// A ball of 10 cm in metres.
+/// A ball of radius 10 cm, in metres.
 fn ball() -> String {
     let (rings, sides) = (12, 24);
     let mut text = String::new();
@@ -116,7 +116,7 @@ fn ball() -> String {
     text
 }
 
-/// A head 1.5 m up that turns by 2° a sample, 24 samples a second, in metres.
+/// A head at a height of 1.5 m that turns by 2° per sample at 24 samples per second, in metres.
 fn motion() -> String {
     let frame = |i: i32| {
         let (sin, cos) = f64::from(i).to_radians().sin_cos();
@@ -126,19 +126,19 @@ fn motion() -> String {
     serde_json::json!({ "fps": 24.0, "units": "m", "up_axis": "Y", "frames": frames }).to_string()
 }
 
-/// The Python of the tests: `HAIRBAKE_PYTHON` or the one that `tests/run` makes.
+/// The Python of the tests: `HAIRBAKE_PYTHON`, or the environment that `tests/run` makes.
 pub fn python() -> PathBuf {
     std::env::var_os("HAIRBAKE_PYTHON")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv/bin/python"), PathBuf::from)
 }
 
-/// A Python that has usd-core; without one the test says that it is skipped.
+/// A Python with usd-core. Without one, prints that the test is skipped.
 pub fn python_with_usd() -> Option<PathBuf> {
     let python = python();
     let has_usd = std::process::Command::new(&python).args(["-c", "import pxr.Usd, numpy"]).output();
     if has_usd.is_ok_and(|output| output.status.success()) {
         return Some(python);
     }
-    println!("skipped: {} has no usd-core; tests/run makes one that has", python.display());
+    println!("skipped: {} has no usd-core; tests/run makes an environment that has", python.display());
     None
 }

@@ -1,7 +1,7 @@
 //! `hairbake import groom`.
 
-use super::super::{console, values};
-use super::{count, create_folder_of, prim};
+use crate::cli::values::{self, count};
+use crate::cli::{console, output_file};
 use crate::error::Result;
 use crate::import::{self, BuildOptions, GroomOptions, Growth, HierarchyShape, Resample, Source};
 use crate::scene::{Material, RodSection, UpAxis};
@@ -38,7 +38,7 @@ pub struct GroomArguments {
     name: Option<String>,
 
     /// Prim of a USD file that holds the strands, itself or below it [default: the whole stage]
-    #[arg(long, value_name = "PATH", value_parser = prim, help_heading = USD)]
+    #[arg(long, value_name = "PATH", value_parser = values::prim, help_heading = USD)]
     prim: Option<String>,
     /// Time code at which animated USD curves are read [default: their rest pose, else the earliest]
     #[arg(long, value_name = "CODE", allow_hyphen_values = true, help_heading = USD)]
@@ -188,7 +188,7 @@ pub fn run(arguments: GroomArguments) -> Result<()> {
         options.scalp = Some(head.mesh);
     }
     let (groom, report) = import::groom(&options)?;
-    create_folder_of(&output)?;
+    output_file::create_folder(&output)?;
     groom.write(&output)?;
     console::say(report.to_string().trim_end());
     console::wrote(&output);

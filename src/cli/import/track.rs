@@ -1,8 +1,7 @@
 //! `hairbake import track`.
 
-use super::super::frame_list::frame_range;
-use super::super::{console, values};
-use super::{create_folder_of, folder_of, prim};
+use crate::cli::frame_list::frame_range;
+use crate::cli::{console, output_file, values};
 use crate::error::Result;
 use crate::import::{self, ColliderMesh, JointSelector, RestPose, Source, TrackOptions};
 use crate::scene::anim::file::Pops;
@@ -43,7 +42,7 @@ pub struct TrackArguments {
     #[arg(long, value_name = "NAME", help_heading = MOTION)]
     clip: Option<String>,
     /// USD prim to follow, or the skeleton of --joint [default: the only prim that moves]
-    #[arg(long, value_name = "PATH", value_parser = prim, help_heading = MOTION)]
+    #[arg(long, value_name = "PATH", value_parser = values::prim, help_heading = MOTION)]
     prim: Option<String>,
     /// Unit of the motion: m, cm, mm, in, ft or metres per unit [default: from the file; m for glTF, cm for BVH]
     #[arg(long, value_name = "UNIT", value_parser = values::units, help_heading = MOTION)]
@@ -127,7 +126,7 @@ pub fn run(arguments: &TrackArguments) -> Result<()> {
         (None, pivot) => pivot,
     };
     let track = import::track(&arguments.options(pivot))?;
-    create_folder_of(output)?;
+    output_file::create_folder(output)?;
     track.write(output)?;
     console::say(track.report.to_string().trim_end());
     console::wrote(output);
@@ -164,7 +163,7 @@ impl TrackArguments {
                 PopsName::Bridge => Pops::Bridge,
                 PopsName::Keep => Pops::Keep,
             },
-            ..TrackOptions::new(motion, folder_of(&self.output))
+            ..TrackOptions::new(motion, output_file::folder(&self.output))
         }
     }
 }

@@ -1,4 +1,4 @@
-//! A bake of some groups over an earlier cache, through the program itself.
+//! Bakes of some groups over a base cache.
 
 use crate::common::{Scene, bake, entries};
 use hairbake::cache::{CurveFrame, CurveSet, Frame, Reader};
@@ -8,7 +8,7 @@ use predicates::str::contains;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// The scene's groom with its curves in two groups by turns, the second of a material of its own, `stiffer` times as stiff.
+/// Writes the groom of the scene in two groups, the second with a material `stiffer` times as stiff.
 fn in_groups(scene: &Scene, name: &str, stiffer: f64) -> PathBuf {
     let mut groom: Value = serde_json::from_slice(&std::fs::read(&scene.groom).unwrap()).unwrap();
     let sizes = scene::load_groom(&scene.groom).unwrap();
@@ -37,7 +37,7 @@ fn baked(groom: &Path, scene: &Scene, out: &str, options: &[&str]) -> PathBuf {
     out
 }
 
-/// Points, velocities and accelerations of the curves of one group at all moments of all frames.
+/// Points, velocities and accelerations of the curves of one group at all samples of all frames.
 fn of_group(cache: &Path, group: i32) -> Vec<[f32; 3]> {
     let reader = Reader::open(cache).unwrap();
     let curves = |set: &CurveSet, frame: &CurveFrame| {
@@ -80,7 +80,7 @@ fn groups_are_baked_over_a_base_cache() {
     let manifest = Reader::open(&after).unwrap().read_manifest().unwrap();
     assert_eq!(manifest.settings["groups"], json!(["back"]));
     assert!(manifest.inputs.iter().any(|input| input.role == "base"));
-    // Guides of the other group are not stepped.
+    // Guides of the other group are not simulated.
     let nodes = |cache: &Path| {
         let manifest = Reader::open(cache).unwrap().read_manifest().unwrap();
         manifest.frames[2].figures["active_nodes"].as_u64().unwrap()
@@ -112,7 +112,7 @@ fn a_mismatched_base_is_rejected_before_anything_is_written() {
     with(&[&kept[..], &["--set", "groom.metres_per_unit=0.1"]].concat())
         .code(65)
         .stderr(contains("metres_per_unit"));
-    // A kept guide that is another at rest.
+    // A kept guide with another rest shape.
     let other = in_groups(&scene, "other.json", 1.0);
     let mut text_of: Value = serde_json::from_slice(&std::fs::read(&other).unwrap()).unwrap();
     let count = text_of["guides"]["group"].as_array().unwrap().len();
@@ -126,9 +126,9 @@ fn a_mismatched_base_is_rejected_before_anything_is_written() {
         .stderr(contains("of group \"back\""));
     bake(&groom, &scene.anim, &base).args(["--groups", "fringe", "--base", text]).assert().code(64);
     assert!(!out.exists());
-    assert!(entries(&base).contains(&"manifest.json".into()), "the base is whole");
+    assert!(entries(&base).contains(&"manifest.json".into()), "the base is intact");
 
-    // Another byte in a frame that is kept from.
+    // A corrupt frame of the base.
     let frame = base.join("hair.1002.usdc");
     let mut bytes = std::fs::read(&frame).unwrap();
     let middle = bytes.len() / 2;

@@ -1,4 +1,4 @@
-//! The program as a black box: what it prints, what it writes, and how it ends.
+//! The program as a black box: output, files and exit codes.
 
 mod groups;
 mod motion;
@@ -65,15 +65,15 @@ fn sub_steps_are_halved_until_contacts_converge() {
         let mut bake = bake(&sample.join("groom.json"), &sample.join("turn.json"), &out);
         bake.args(["--frames", "1001-1004", "--substeps", "1", "--preroll", "0", "--curves", "guides"]);
         let done = bake.args(["--strict", "--no-pictures", "--set", &wind]).assert().success();
-        let told =
+        let warned =
             String::from_utf8_lossy(&done.get_output().stderr).contains("contacts did not converge to rest");
         let totals = Reader::open(&out).unwrap().read_manifest().unwrap().totals;
         let residual = totals["contact_residual"].as_f64().unwrap();
-        assert!(!told && totals["unsettled"] == 0 && residual < 1e-3, "{totals:?}");
+        assert!(!warned && totals["unsettled"] == 0 && residual < 1e-3, "{totals:?}");
         totals["halvings"].as_u64().unwrap()
     };
     assert_eq!(totals(0), 0);
-    // A storm presses hair into the head, at one step a frame.
+    // A storm presses the hair into the head, at one sub-step per frame.
     assert!(totals(50) > 0);
 }
 
@@ -83,7 +83,7 @@ fn strict_exits_with_1_if_a_guarantee_is_broken() {
     let folder = tempfile::tempdir().unwrap();
     let mut anim: Value =
         serde_json::from_str(&std::fs::read_to_string(sample.join("shake.json")).unwrap()).unwrap();
-    // A ball that is over the head in one frame and deep in it in the next.
+    // A ball above the head in one frame and deep inside it in the next.
     let places = [[0.0, 0.25, 0.0], [0.0, 0.25, 0.0], [0.0, 0.11, 0.0], [0.0, 0.11, 0.0]];
     let track = json!({ "fps": 24.0, "first_frame": 1000, "translation": places, "pops": "keep" });
     anim["frames"] = json!([1001, 1002]);
@@ -105,7 +105,7 @@ fn strict_exits_with_1_if_a_guarantee_is_broken() {
         .code(1)
         .stderr(contains("crossings of a surface").and(contains("guarantees are broken")));
     run(false, &lax).success().stderr(contains("motions were cut short at a surface"));
-    // What is told is the bake that would have been made without it.
+    // The cache is the same without --strict.
     let [strict, lax] = [strict, lax].map(|out| Reader::open(&out).unwrap().read_manifest().unwrap());
     assert!(strict.totals["crossings"].as_u64() > Some(0) && strict.frames.len() == lax.frames.len());
 }
@@ -159,7 +159,7 @@ fn schemas_are_json_schema() {
     }
 }
 
-/// What a shell says of a line in which $0 is the program, with the failure of any command of a pipe.
+/// Runs a line in a shell, with the program as $0 and `arguments` from $1 on. A failure in a pipe fails the line.
 fn shell(line: &str, arguments: &[&Path]) -> std::process::Output {
     let mut command = std::process::Command::new("bash");
     command.args(["-c", &format!("set -o pipefail; {line}")]).arg(assert_cmd::cargo::cargo_bin!("hairbake"));
@@ -185,8 +185,8 @@ fn a_closed_output_is_not_an_error() {
     }
 }
 
-/// What is said on standard error by a bake of four frames, line by line.
-fn said(scene: &Scene, options: &[&str]) -> Vec<String> {
+/// The lines on standard error of a bake of four frames.
+fn messages(scene: &Scene, options: &[&str]) -> Vec<String> {
     let out = scene.folder.path().join("out");
     let mut command = bake(&scene.groom, &scene.anim, &out);
     command.args(["--frames", "1001-1002", "--preroll", "0.1", "--no-pictures"]).args(options);
@@ -201,14 +201,14 @@ fn progress_has_the_format_of_each_queue() {
         let number = |line: &String| line.strip_prefix(before)?.strip_suffix(after)?.parse().ok();
         lines.iter().filter_map(number).collect()
     };
-    let alf = percent(&said(&scene, &["--progress", "alf"]), "ALF_PROGRESS ", "%");
+    let alf = percent(&messages(&scene, &["--progress", "alf"]), "ALF_PROGRESS ", "%");
     assert_eq!((alf[0], alf[alf.len() - 1]), (25.0, 100.0));
-    let openjd = percent(&said(&scene, &["--progress", "openjd"]), "openjd_progress: ", "");
+    let openjd = percent(&messages(&scene, &["--progress", "openjd"]), "openjd_progress: ", "");
     assert_eq!((openjd[0], openjd[openjd.len() - 1]), (25.0, 100.0));
-    let none = said(&scene, &["--progress", "none"]);
+    let none = messages(&scene, &["--progress", "none"]);
     assert!(none.iter().all(|line| !line.contains("of 4")), "{none:?}");
     assert!(
-        said(&scene, &["--progress", "lines"]).iter().any(|line| line.starts_with("frame 1003 (4 of 4)"))
+        messages(&scene, &["--progress", "lines"]).iter().any(|line| line.starts_with("frame 1003 (4 of 4)"))
     );
 }
 
@@ -221,7 +221,7 @@ fn json_logs_have_one_object_per_line() {
             .map(|line| serde_json::from_str(line).unwrap_or_else(|e| panic!("{line}: {e}")))
             .collect()
     };
-    let lines = objects(said(&scene, &["--log-format", "json"]));
+    let lines = objects(messages(&scene, &["--log-format", "json"]));
     let has = |line: &serde_json::Value, name: &str| line[name].is_string();
     assert!(lines.iter().all(|line| ["timestamp", "level", "message"].iter().all(|name| has(line, name))));
     assert!(lines.iter().any(|line| line["level"] == "WARN"), "the ball has triangles of no area");
@@ -331,7 +331,7 @@ fn an_imported_scene_bakes_to_a_cache_with_pictures() {
     assert!(here(&moving).starts_with(b"GIF89a"));
     hairbake().arg("preview").arg(&out).args(["-o", "x.png", "--frames", "1-2"]).assert().code(64);
 
-    // A second bake without pictures leaves none of the first's.
+    // A second bake without pictures removes those of the first.
     bake(&scene.groom, &scene.anim, &out)
         .args(["--frames", "1002-1002", "--preroll", "0", "--no-pictures", "--quiet"])
         .assert()
@@ -352,7 +352,7 @@ fn results_do_not_depend_on_the_number_of_threads() {
             .assert()
             .success();
         let mut files = entries(&out);
-        // The reports hold timings; what the bake goes on from is held to its bytes by the tests of the farm.
+        // The reports contain timings; the tests of the farm compare the work files.
         files.retain(|name| !name.starts_with("report.") && name != ".hairbake");
         let bytes: Vec<_> =
             files.iter().map(|name| hairbake::cache::sha256(&here(&out.join(name)))).collect();

@@ -1,4 +1,4 @@
-//! Head tracks of motion files, through the program itself: the same motion as BVH in centimetres and as glTF in metres.
+//! Head motions from files: the same motion as BVH in centimetres and as glTF in metres.
 
 use crate::common::{Scene, bake, hairbake};
 use hairbake::cache::Reader;
@@ -6,7 +6,8 @@ use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Samples, 24 a second: at each the hips are 1 cm farther along x, and the head, half a metre above, has turned by 2° more about y.
+/// Number of samples, 24 per second. Per sample the hips move by 1 cm along x, and the head, half a metre above them, turns by 2°
+/// about y.
 const SAMPLES: usize = 25;
 
 fn bvh(folder: &Path) -> PathBuf {
@@ -68,7 +69,7 @@ fn the_head_follows_its_joint_in_bvh_and_gltf() {
         bake(&scene.groom, &anim, &out).args(options).assert().success();
         let reader = Reader::open(&out).unwrap();
         let (head, unit) = (reader.read_frame(1011).unwrap().head, reader.header().metres_per_unit);
-        // Where the joint was at rest, and 10 cm beside it.
+        // The rest position of the joint, and a point 10 cm from it.
         let goes = |p: [f64; 3]| -> Vec<f64> {
             let p = [p[0] / unit, p[1] / unit, p[2] / unit, 1.0];
             head.iter().map(|row| row.iter().zip(p).map(|(m, p)| m * p).sum::<f64>() * unit).collect()

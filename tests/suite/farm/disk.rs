@@ -1,15 +1,15 @@
-//! Disks that are full, and folders that cannot be written.
+//! Full disks and read-only folders.
 
 use super::shot::{Shot, workplace};
 use crate::common::{entries, here};
 use std::path::Path;
 use std::process::Command;
 
-/// A small file system in memory, as long as it lives.
+/// A small file system in memory, mounted until it is dropped.
 struct SmallDisk<'a>(&'a Path);
 
 impl<'a> SmallDisk<'a> {
-    /// Mounts it, which only root may do.
+    /// Mounts the file system; `None` without the rights of root.
     fn mount(at: &'a Path, kib: u32) -> Option<Self> {
         let size = format!("size={kib}k");
         let mounted = Command::new("mount").args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(at).output();

@@ -1,4 +1,4 @@
-//! Plans, on the engines that they are for.
+//! Plans, run by their schedulers.
 
 use super::shot::{Shot, workplace};
 use crate::common::{entries, hairbake, here, python};
@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Runs the tasks of a plan one after the other, and returns the plan.
+/// Runs the tasks of a plan in order, and returns the plan.
 fn run_all(plan: &str) -> Value {
     let plan: Value = serde_json::from_str(plan).unwrap();
     for task in plan["steps"].as_array().unwrap().iter().flat_map(|step| step["tasks"].as_array().unwrap()) {
@@ -17,7 +17,7 @@ fn run_all(plan: &str) -> Value {
     plan
 }
 
-/// The OpenJD of the Python environment that the tests make; without one the test says that it is skipped.
+/// The OpenJD command of the tests' Python environment. Without it, prints that the test is skipped.
 fn openjd() -> Option<PathBuf> {
     let openjd = python().with_file_name("openjd");
     if openjd.is_file() {
@@ -38,7 +38,7 @@ fn openjd_runs_the_template_to_the_same_bytes() {
     std::fs::write(&template, shot.plan(&out, &options)).unwrap();
     let checked = Command::new(&openjd).arg("check").arg(&template).output().unwrap();
     assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stdout));
-    // The scene was made where a worker has it elsewhere.
+    // The worker has the scene at another path than the author.
     let rules = folder.path().join("rules.json");
     let rule =
         json!({ "source_path_format": "POSIX", "source_path": "/show", "destination_path": shot.path("") });
@@ -64,7 +64,7 @@ fn openjd_runs_the_template_to_the_same_bytes() {
 fn the_examples_are_the_output_of_plan() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = workplace();
-    // In the examples the included sample lies where a studio may have it.
+    // The examples name the sample at a path as in a studio.
     let rules = folder.path().join("rules.json");
     let rule = json!({ "source_path": "/show/shot", "destination_path": root.join("samples/short") });
     std::fs::write(&rules, json!({ "path_mapping_rules": [rule] }).to_string()).unwrap();

@@ -1,4 +1,4 @@
-//! A bake on a farm: divided, killed, stopped, run twice, out of space; whatever happens, the same bytes in the end.
+//! Bakes on a farm: divided, killed, stopped, run twice or out of disk space, all with the same bytes.
 
 mod disk;
 mod engines;

@@ -1,4 +1,4 @@
-//! A small shot, and what a bake of it has to come to.
+//! A small shot and its reference bake.
 
 use crate::common::{hairbake, here};
 use hairbake::cache::sha256;
@@ -8,17 +8,17 @@ use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// First and last frame, handles included.
+/// First and last frame, including handle frames.
 pub const FRAMES: [i32; 2] = [1000, 1012];
 
-/// A head of short hair that is shaken.
+/// A shaken head of short hair.
 pub struct Shot {
     folder: TempDir,
     tree: String,
 }
 
 impl Shot {
-    /// The shot of all these tests, baked once by one command.
+    /// The shot of these tests, baked once in one process.
     pub fn get() -> &'static Shot {
         static SHOT: OnceLock<Shot> = OnceLock::new();
         SHOT.get_or_init(|| {
@@ -51,7 +51,7 @@ impl Shot {
         })
     }
 
-    /// A stage of it, or the one command for "".
+    /// The command of a stage; `bake` for "".
     pub fn command(&self, stage: &str, out: &Path, options: &[&str]) -> Command {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("hairbake"));
         command.args(Some(stage).filter(|s| !s.is_empty()));
@@ -61,19 +61,19 @@ impl Shot {
         command
     }
 
-    /// The one command, without pictures.
+    /// The command that bakes frames 1001 to 1011 without pictures.
     pub fn bake(&self, out: &Path, options: &[&str]) -> Command {
         let mut command = self.command("", out, &["--frames", "1001-1011", "--no-pictures"]);
         command.args(options);
         command
     }
 
-    /// Runs a stage of the bake of 1001 to 1011 and returns its exit code.
+    /// Runs a stage of the bake of frames 1001 to 1011 and returns its exit code.
     pub fn stage(&self, stage: &str, out: &Path, options: &[&str]) -> Option<i32> {
         self.command(stage, out, &["--shot", "1001-1011"]).args(options).status().unwrap().code()
     }
 
-    /// What `hairbake plan` prints for the bake of 1001 to 1011.
+    /// The output of `hairbake plan` for frames 1001 to 1011.
     pub fn plan(&self, out: &Path, options: &[&str]) -> String {
         let mut command = self.command("plan", out, &["--frames", "1001-1011", "--program"]);
         command.arg(assert_cmd::cargo::cargo_bin!("hairbake")).args(options).stdout(Stdio::piped());
@@ -87,14 +87,14 @@ impl Shot {
         self.folder.path().join(name)
     }
 
-    /// Holds that the bake in `out` is that of the one command, file by file and byte by byte.
+    /// Asserts that all files in `out` equal those of the reference bake, byte by byte.
     #[track_caller]
     pub fn assert_same(&self, out: &Path) {
         assert_like(&self.tree, out);
     }
 }
 
-/// Holds that the files of two bakes are the same.
+/// Asserts that the files of two bakes are equal.
 #[track_caller]
 pub fn assert_same(one: &Path, other: &Path) {
     assert_like(&tree(one), other);
@@ -108,7 +108,7 @@ fn assert_like(tree: &str, out: &Path) {
     assert!(found == tree, "other files: {others:#?}\nin place of: {missing:#?}");
 }
 
-/// Waits until `seen`, at most for ten minutes: a machine may be busy with other things.
+/// Waits until `seen`, at most ten minutes, for a busy machine.
 #[track_caller]
 pub fn wait_until(what: &str, mut seen: impl FnMut() -> bool) {
     let begun = Instant::now();
@@ -118,13 +118,13 @@ pub fn wait_until(what: &str, mut seen: impl FnMut() -> bool) {
     }
 }
 
-/// A folder in memory where there is one: a disk takes its time to promise that it will not forget.
+/// A temporary folder, in memory if possible: syncing to disk is slow.
 pub fn workplace() -> TempDir {
     let memory = Path::new("/dev/shm");
     if memory.is_dir() { tempfile::tempdir_in(memory).unwrap() } else { tempfile::tempdir().unwrap() }
 }
 
-/// Name and checksum of every file below `folder`, work files and temporary ones too; but not the reports, which tell how long it took.
+/// Name and checksum of every file below `folder`, including work files; without the reports, which contain timings.
 fn tree(folder: &Path) -> String {
     let mut lines = Vec::new();
     let mut folders = vec![folder.to_path_buf()];

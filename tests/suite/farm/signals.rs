@@ -1,11 +1,11 @@
-//! What the system asks of a bake, and how long it may run.
+//! Signals and time limits.
 
 use super::shot::{Shot, wait_until, workplace};
 use std::path::Path;
 use std::process::{Child, Command};
 use std::time::Duration;
 
-/// A bake whose frames are so long that it can be met on the way to one.
+/// A bake with frames long enough to be interrupted.
 fn long_bake(shot: &Shot, out: &Path) -> Child {
     shot.bake(out, &["--substeps", "400", "--checkpoint-seconds", "0"]).spawn().unwrap()
 }
@@ -64,7 +64,7 @@ fn a_second_signal_ends_the_process_at_once() {
     send("TERM", &child);
     send("INT", &child);
     send("CONT", &child);
-    // Both are pending when it goes on; whichever comes second ends it.
+    // Both signals are pending when the process continues; the second one ends it.
     let code = child.wait().unwrap().code();
     assert!([Some(128 + 2), Some(128 + 15)].contains(&code), "{code:?}");
 }
@@ -75,7 +75,7 @@ fn a_bake_completes_in_many_runs_of_limited_time() {
     let folder = workplace();
     let mut stops = 0;
     loop {
-        // Longer each time: to read the scene takes its time too.
+        // Longer each time, since reading the scene takes time too.
         let limit = format!("{}s", 0.04 + 0.01 * f64::from(stops));
         let status = shot.bake(folder.path(), &["--max-runtime", &limit]).status().unwrap();
         if status.success() {

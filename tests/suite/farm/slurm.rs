@@ -1,4 +1,4 @@
-//! A plan on Slurm: two nodes on this machine, one of which dies; preemption, and a process that is killed; the same bytes in the end.
+//! A plan on a Slurm cluster of two nodes on this machine, with preemption, a killed process and a lost node.
 
 use super::shot::{Shot, assert_same, wait_until, workplace};
 use crate::common::{entries, here};
@@ -7,23 +7,23 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use tempfile::TempDir;
 
-/// What Debian's packages bring.
+/// The programs of Debian's packages.
 const PROGRAMS: [&str; 5] = ["munged", "slurmctld", "slurmd", "sbatch", "unshare"];
 
-/// The nodes' names.
+/// Names of the nodes.
 const NODES: [&str; 2] = ["n1", "n2"];
 
-/// Slurm on this machine, as long as it lives.
+/// Slurm on this machine, running until it is dropped.
 struct Cluster {
     folder: TempDir,
     /// Authentication and controller.
     services: Vec<Child>,
-    /// The nodes, each with all its processes in a name space of its own, so that they die together as a machine's do.
+    /// The nodes. The processes of a node have a name space of their own, so that they die together.
     nodes: Vec<Child>,
 }
 
 impl Cluster {
-    /// Installs Slurm if need be and starts it; where that cannot be, says why the test is skipped.
+    /// Installs Slurm if necessary and starts it. If that fails, prints why the test is skipped.
     fn start() -> Option<Cluster> {
         if let Err(why) = install() {
             println!("skipped: {why}");
@@ -37,7 +37,7 @@ impl Cluster {
         let at = |name: &str| format!("{}/{name}", cluster.folder.path().display());
         let munge = ["key-file", "socket", "pid-file", "log-file", "seed-file"]
             .map(|option| format!("--{option}={}", at(option.trim_end_matches("-file"))));
-        // The folders of tests are too private or too public for its taste.
+        // munge refuses the permissions of temporary folders otherwise.
         let munge = cluster.spawn("munged", ["--foreground".into(), "--force".into()].iter().chain(&munge));
         cluster.services.push(munge);
         wait_until("munge", || Path::new(&at("socket")).exists());
@@ -64,12 +64,12 @@ impl Cluster {
         command
     }
 
-    /// What a command says on standard output.
+    /// The standard output of a command.
     fn ask(&self, program: &str, arguments: &[&str]) -> String {
         String::from_utf8(self.command(program).args(arguments).output().unwrap().stdout).unwrap()
     }
 
-    /// What Slurm knows of all jobs of this name, a line each.
+    /// One line for each job of this name.
     fn job(&self, name: &str) -> String {
         let all = self.ask("scontrol", &["show", "job", "-o"]);
         all.lines().filter(|line| line.contains(&format!("JobName={name} "))).collect::<Vec<_>>().join("\n")
@@ -86,7 +86,7 @@ impl Drop for Cluster {
 }
 
 /// # Errors
-/// Why there is no Slurm to be had.
+/// The reason why Slurm cannot be installed.
 fn install() -> Result<(), &'static str> {
     let succeeds = |program: &str, arguments: &[&str]| {
         Command::new(program).args(arguments).output().is_ok_and(|output| output.status.success())
@@ -112,8 +112,8 @@ fn install() -> Result<(), &'static str> {
     Ok(())
 }
 
-/// A cluster that requeues as docs/farm.md asks for, quicker than one that is not for tests: a node that is silent for 10 s is dead, and a
-/// task that is queued again waits for 5 s. What is in the partition `high` preempts what is in `low`.
+/// A cluster that requeues as in docs/farm.md, with short times for the tests: a node that is silent for 10 s counts as dead,
+/// and a requeued task waits 5 s. Jobs in the partition `high` preempt those in `low`.
 fn configuration(folder: &Path) -> String {
     let host = String::from_utf8(here(Path::new("/proc/sys/kernel/hostname"))).unwrap();
     let (folder, host) = (folder.display(), host.trim());
@@ -152,7 +152,7 @@ fn configuration(folder: &Path) -> String {
     )
 }
 
-/// The process of this program whose command line has all these words.
+/// The process of hairbake whose command line has all these words.
 fn process(words: &[&str]) -> Option<u32> {
     let program = assert_cmd::cargo::cargo_bin!("hairbake");
     let is_it = |id: &u32| {
@@ -169,7 +169,7 @@ fn slurm_survives_preemption_a_kill_and_a_lost_node() {
     let Some(mut cluster) = Cluster::start() else { return };
     let shot = Shot::get();
     let folder = workplace();
-    // Slow enough to be met on the way to a frame.
+    // Slow enough to be interrupted.
     let slow = ["--substeps", "400"];
     let [once, out] = ["once", "out"].map(|name| folder.path().join(name));
     let mut at_once = shot.bake(&once, &slow).spawn().unwrap();
@@ -201,7 +201,7 @@ fn slurm_survives_preemption_a_kill_and_a_lost_node() {
     for name in ["simulate 1", "simulate 2", "simulate 3", "assemble"] {
         let job = cluster.job(&format!("shake: {name}"));
         assert!(job.contains("JobState=COMPLETED"), "{job}\n{}", said(name));
-        // Preempted, and on a node that died.
+        // One was preempted, one ran on the lost node.
         let restarted = ["simulate 1", "simulate 2"].contains(&name);
         assert!(!restarted || !job.contains("Restarts=0 "), "{job}");
     }

@@ -1,4 +1,4 @@
-//! Stages, in all the ways that a farm divides them.
+//! Stages, divided in many ways.
 
 use super::shot::{FRAMES, Shot, workplace};
 use crate::common::{entries, hairbake, here};
@@ -7,16 +7,16 @@ use std::path::Path;
 const DONE: Option<i32> = Some(0);
 const NOT_YET: Option<i32> = Some(75);
 
-/// The whole bake in segments of the simulation and chunks of frames, both of so many frames.
+/// Bakes the shot in segments of the simulation and chunks of frames of these sizes.
 fn divided(shot: &Shot, out: &Path, threads: &str, segment: usize, chunk: usize) {
     let frames: Vec<i32> = (FRAMES[0]..=FRAMES[1]).collect();
-    // The strands of a frame look two frames ahead.
+    // The strands of a frame depend on guides two frames ahead.
     let simulated: Vec<i32> = (FRAMES[0]..=FRAMES[1] + 2).collect();
     let range = |part: &[i32]| format!("{}-{}", part[0], part[part.len() - 1]);
     for part in simulated.chunks(segment) {
         assert_eq!(shot.stage("simulate", out, &["--frames", &range(part), "--threads", threads]), DONE);
     }
-    // The last chunk first: nothing depends on the order.
+    // In reverse order: the chunks are independent.
     for part in frames.chunks(chunk).rev() {
         assert_eq!(shot.stage("interpolate", out, &["--frames", &range(part), "--threads", threads]), DONE);
     }
@@ -44,7 +44,7 @@ fn bake_and_stages_resume_each_others_work() {
     assert_eq!(shot.stage("interpolate", out, &["--frames", "1002-1004x2,1001"]), DONE);
     assert!(shot.bake(out, &["--threads", "2"]).status().unwrap().success());
     shot.assert_same(out);
-    // All of it is done: whatever is asked for, nothing changes.
+    // Everything is done; no stage changes anything.
     for stage in ["simulate", "interpolate", "assemble"] {
         let options: &[&str] = if stage == "assemble" { &["--no-pictures"] } else { &[] };
         assert_eq!(shot.stage(stage, out, options), DONE, "{stage}");
@@ -154,7 +154,7 @@ fn other_settings_restart_and_a_longer_shot_resumes() {
     assert!(shorter(&[]).success());
     let this = here(&out.join("hair.1003.usdc"));
     assert_ne!(other, this);
-    // A longer shot has the same frames.
+    // A longer shot keeps these frames.
     let made = std::fs::metadata(out.join("hair.1003.usdc")).unwrap().modified().unwrap();
     assert!(shot.bake(out, &[]).status().unwrap().success());
     assert_eq!(std::fs::metadata(out.join("hair.1003.usdc")).unwrap().modified().unwrap(), made);

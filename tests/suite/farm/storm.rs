@@ -1,14 +1,14 @@
-//! SIGKILL at random moments until the bake is done all the same.
+//! SIGKILL at random moments, until the bake is done.
 
 use super::shot::{Shot, workplace};
 use std::path::Path;
 use std::process::Child;
 use std::time::{Duration, Instant};
 
-/// Kills in all: of one process at a time, and of two that do the same work at once.
+/// Number of kills with one process at a time, and with two processes that do the same work.
 const KILLS: [usize; 2] = [60, 50];
 
-/// Random numbers in 0..1 (Vigna 2015, splitmix64): the moments of the kills, which need not be the same in every run of the test.
+/// Random numbers in 0..1 (splitmix64, Vigna 2015), seeded differently in each run.
 struct Chance(u64);
 
 impl Chance {
@@ -25,7 +25,7 @@ fn start(shot: &Shot, out: &Path) -> Child {
     shot.bake(out, &["--checkpoint-seconds", "0.02", "--threads", "2"]).spawn().unwrap()
 }
 
-/// Kills `child` after a while; `false` where it was done by then.
+/// Kills `child` after `time`; returns `false` if it was done by then.
 fn kill_after(mut child: Child, time: Duration) -> bool {
     std::thread::sleep(time);
     if let Some(status) = child.try_wait().unwrap() {
@@ -36,13 +36,13 @@ fn kill_after(mut child: Child, time: Duration) -> bool {
     !child.wait().unwrap().success()
 }
 
-/// Bakes into new folders, `at_once` processes at a time, killing them until so many are killed.
+/// Bakes into new folders with `at_once` processes at a time, until `kills` processes were killed.
 fn storm(at_once: usize, kills: usize, chance: &mut Chance) {
     let shot = Shot::get();
     let begun = Instant::now();
     let folder = workplace();
     assert!(start(shot, &folder.path().join("calm")).wait().unwrap().success());
-    // Long enough that some get a little further, short enough that many do not end.
+    // Long enough for some progress, short enough that most do not finish.
     let longest = begun.elapsed().as_secs_f64() * 0.4;
     let (mut killed, mut baked) = (0, 0);
     while killed < kills {
@@ -57,7 +57,7 @@ fn storm(at_once: usize, kills: usize, chance: &mut Chance) {
                 break;
             }
         }
-        // What the killed have left is cleared away by the last one.
+        // The last process removes the files that the killed ones left.
         assert!(start(shot, &out).wait().unwrap().success());
         shot.assert_same(&out);
         baked += 1;
