@@ -1,5 +1,5 @@
-//! Offline hair baking: the guides of a groom are simulated as elastic rods on a moving head, and the render strands are
-//! written as a USD curve cache.
+//! Offline hair baking: the guides of a groom are simulated as elastic rods on a moving head, and the render
+//! strands are written as a USD curve cache.
 //!
 //! | module | task |
 //! |---|---|
@@ -41,5 +41,6 @@ pub mod wisp;
 
 pub use error::{Diagnostic, Error, Result};
 
-/// The build: a hash of the sources that affect the bytes of a cache. A bake is resumed only by the same build.
+/// The build: a hash of the sources that affect the bytes of a cache. A bake is resumed only by the same
+/// build.
 pub const BUILD: &str = env!("HAIRBAKE_BUILD");

@@ -2,8 +2,8 @@
 # Submits a bake to Slurm: bash THIS [OPTION OF SBATCH]... The cluster needs RequeueExit=75,85 (docs/farm.md).
 set -euo pipefail
 
-# submit NAME NEEDED COMMANDS OPTION...: submits an array of one task for each line of commands, to run after the tasks NEEDED; says
-# the tasks' ids, joined by colons. They are waited for one by one, as an array with a task that was queued again never counts as done.
+# submit NAME NEEDED COMMANDS OPTION...: submits an array with one task per line of COMMANDS, to run after the tasks NEEDED.
+# Prints the ids of the tasks, joined by colons: an array with a requeued task never counts as done, but its tasks do.
 submit() {
     local name=$1 needed=$2 commands=$3 count id
     shift 3
@@ -17,11 +17,11 @@ LINES
 )
 trap 'kill -USR1 \$task' USR1
 trap 'kill -TERM \$task' TERM
-# Slurm queues nothing again that is killed alone, as where memory runs out. It goes on from its last checkpoint.
+# Slurm does not requeue a killed process (out of memory). Start it again; it resumes from its last checkpoint.
 for attempt in 1 2 3; do
     eval "\$command &"
     task=\$!
-    # A signal that is passed on ends the waiting, but not yet the task.
+    # wait also returns when a signal arrives, before the task ends.
     while wait \$task; code=\$?; kill -0 \$task 2>/dev/null; do :; done
     [ \$code -eq 137 ] || break
     echo "killed in attempt \$attempt of 3" >&2

@@ -16,8 +16,9 @@ use std::path::PathBuf;
 
 /// Bake hair: turn a groom and a moving head into a USD curve cache
 ///
-/// Simulates the guides of a groom as elastic rods on a moving head, keeps them out of the body, interpolates the
-/// render strands, and writes one USD file per frame with a root layer, a manifest, a report and a contact sheet.
+/// Simulates the guides of a groom as elastic rods on a moving head, keeps them out of the body, interpolates
+/// the render strands, and writes one USD file per frame with a root layer, a manifest, a report and a
+/// contact sheet.
 #[derive(Debug, Parser)]
 #[command(name = "hairbake", version)]
 pub struct Arguments {
@@ -30,7 +31,8 @@ pub struct Arguments {
 /// The options that every command accepts.
 #[derive(Debug, Args)]
 pub struct GeneralArguments {
-    /// Number of worker threads; changes speed, never results [default: CUE_THREADS, SLURM_CPUS_PER_TASK, or one per core]
+    /// Number of worker threads; changes speed, never results [default: CUE_THREADS, SLURM_CPUS_PER_TASK, or
+    /// one per core]
     #[arg(long, global = true, value_name = "N", env = "HAIRBAKE_THREADS", value_parser = threads)]
     pub threads: Option<usize>,
     /// How to report progress on standard error

@@ -32,8 +32,8 @@ pub struct BakeArguments {
     scene: SceneArguments,
     /// Frames to bake, such as 1001-1100 [default: all frames of ANIM]
     ///
-    /// With a step, as in 1001-1100x5, only these frames are written and the cache stays unfinished. Run again without
-    /// the step to finish it.
+    /// With a step, as in 1001-1100x5, only these frames are written and the cache stays unfinished. Run
+    /// again without the step to finish it.
     #[arg(long, value_name = "LIST", value_parser = frame_list, allow_hyphen_values = true, help_heading = SELECTION)]
     frames: Option<FrameList>,
     #[command(flatten)]
@@ -60,8 +60,8 @@ pub struct FinishArguments {
     no_pictures: bool,
     /// Exit with code 1 if the bake broke a guarantee
     ///
-    /// Guarantees: hair crosses no surface, no motion is cut short, every solve converges, and contact forces balance to
-    /// 1e-3. The cache is written in either case.
+    /// Guarantees: hair crosses no surface, no motion is cut short, every solve converges, and contact forces
+    /// balance to 1e-3. The cache is written in either case.
     #[arg(long, help_heading = OUTPUT)]
     strict: bool,
 }

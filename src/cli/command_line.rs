@@ -18,11 +18,12 @@ pub fn command() -> Command {
 
 /// Parses `words`, the first of which is the program.
 ///
-/// If the first word after the general options is a file or an option, [`DEFAULT_COMMAND`] is inserted before it.
+/// If the first word after the general options is a file or an option, [`DEFAULT_COMMAND`] is inserted before
+/// it.
 ///
 /// # Errors
-/// Wrong usage, or a request for help or the version. A line without a command yields the help on standard error:
-/// a script whose arguments expand to nothing must not seem to succeed.
+/// Wrong usage, or a request for help or the version. A line without a command yields the help on standard
+/// error: a script whose arguments expand to nothing must not seem to succeed.
 pub fn parse(mut words: Vec<OsString>) -> Result<(Arguments, ArgMatches), clap::Error> {
     let command = command();
     let at = skip_general_options(&command, &words);

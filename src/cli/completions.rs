@@ -8,7 +8,8 @@ use clap::{Arg, CommandFactory};
 
 /// Prints a completion script.
 pub fn completions(shell: clap_complete::Shell) -> Result<()> {
-    // Completes hidden general options too, so the help's layout is left out; and the options of the default command.
+    // Completes hidden general options too, so the help's layout is left out; and the options of the default
+    // command.
     let mut command = Arguments::command();
     let default =
         command.find_subcommand(DEFAULT_COMMAND).map(|c| c.get_arguments().cloned().collect::<Vec<Arg>>());

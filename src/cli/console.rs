@@ -38,8 +38,8 @@ fn console() -> Console {
     CONSOLE.get().copied().unwrap_or_default()
 }
 
-/// Sets the format of the messages, and sends the library's warnings to standard error. If `quiet`, only errors are
-/// printed.
+/// Sets the format of the messages, and sends the library's warnings to standard error. If `quiet`, only
+/// errors are printed.
 pub fn start(quiet: bool, format: LogFormat) {
     CONSOLE.get_or_init(|| Console { quiet, format });
     let level = match (quiet, format) {

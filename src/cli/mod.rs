@@ -83,7 +83,8 @@ fn run(arguments: Arguments, matches: ArgMatches) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Starts the worker threads: as many as `asked`, else as the queue of the render farm allows, else one per core.
+/// Starts the worker threads: as many as `asked`, else as the queue of the render farm allows, else one per
+/// core.
 ///
 /// Returns the variable of the queue that was used.
 fn start_threads(asked: Option<usize>) -> Result<Option<&'static str>> {

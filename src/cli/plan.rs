@@ -51,8 +51,8 @@ pub struct PlanArguments {
     no_validate: bool,
     /// Bake once per value, each into a folder of its own below the output folder; may be repeated
     ///
-    /// NAME is a setting, such as substeps=4,8, or a value of an input file as for --set. Several wedges give every
-    /// combination, and a contact sheet compares them.
+    /// NAME is a setting, such as substeps=4,8, or a value of an input file as for --set. Several wedges give
+    /// every combination, and a contact sheet compares them.
     #[arg(long, value_name = "NAME=V1,V2,...", value_parser = wedges::wedge, help_heading = HEADING)]
     wedge: Vec<Wedge>,
     /// Command that starts hairbake where the tasks run
@@ -93,7 +93,8 @@ fn pretty(value: &serde_json::Value) -> Result<String> {
 }
 
 impl PlanArguments {
-    /// One bake, or one per combination of the wedges with a contact sheet of all; `paths` are groom, animation and output.
+    /// One bake, or one per combination of the wedges with a contact sheet of all; `paths` are groom,
+    /// animation and output.
     fn plan(&self, paths: &[String; 3], threads: Option<usize>) -> Result<Plan> {
         let frames = self.scene.load(self.frames)?.anim.frames;
         let division = Division {

@@ -53,8 +53,8 @@ pub struct SceneArguments {
 struct PathMapArguments {
     /// Replace the start FROM of paths by TO; may be repeated
     ///
-    /// Applies to the command line and to the names of files inside the input files. FROM matches whole names:
-    /// /show does not match /shows.
+    /// Applies to the command line and to the names of files inside the input files. FROM matches whole
+    /// names: /show does not match /shows.
     #[arg(long, value_name = "FROM=TO", value_parser = values::path_rule, help_heading = FARM)]
     path_map: Vec<(String, String)>,
     /// Read path map rules from a JSON file in the format of OpenJD
@@ -75,11 +75,12 @@ impl PathMapArguments {
 }
 
 impl SceneArguments {
-    /// Reads and checks the scene of the frames `shot`, or of all frames, with the settings of the command line.
+    /// Reads and checks the scene of the frames `shot`, or of all frames, with the settings of the command
+    /// line.
     ///
     /// # Errors
-    /// [`Error::BadInput`], [`Error::Io`]; [`Error::Config`] for a path map that cannot be read; [`Error::Usage`] for
-    /// settings that contradict each other.
+    /// [`Error::BadInput`], [`Error::Io`]; [`Error::Config`] for a path map that cannot be read;
+    /// [`Error::Usage`] for settings that contradict each other.
     pub fn load(&self, shot: Option<(i32, i32)>) -> Result<Scene> {
         let paths = self.paths.read()?;
         let [groom_file, anim_file, out] =
@@ -102,7 +103,8 @@ impl SceneArguments {
         Ok(scene)
     }
 
-    /// Starts or resumes the bake of the frames `shot`, or of all frames. Calls `check` before anything is written.
+    /// Starts or resumes the bake of the frames `shot`, or of all frames. Calls `check` before anything is
+    /// written.
     ///
     /// # Errors
     /// As [`SceneArguments::load`]; those of `check`.

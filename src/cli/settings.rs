@@ -17,7 +17,8 @@ pub struct SettingsArguments {
     substeps: Option<u32>,
     /// Time simulated before the first frame, in seconds [default: 1]
     ///
-    /// From 0 to 60. The hair settles and moves out of the bodies in this time. Raise it if hair still moves at the start.
+    /// From 0 to 60. The hair settles and moves out of the bodies in this time. Raise it if hair still moves
+    /// at the start.
     #[arg(long, value_name = "SECONDS", value_parser = values::preroll, help_heading = HEADING)]
     preroll: Option<f64>,
     /// Strain nodes per guide, for grooms without wisps [default: 8]
@@ -36,7 +37,8 @@ pub struct SettingsArguments {
     resolution: Option<Resolution>,
     /// Error at which a guide splits from its wisp, as a fraction of guide length [default: 0.005]
     ///
-    /// The error is estimated. From 0 to 1, for adaptive resolution only. Raising it is faster and less accurate.
+    /// The error is estimated. From 0 to 1, for adaptive resolution only. Raising it is faster and less
+    /// accurate.
     #[arg(long, value_name = "FRACTION", alias = "parting", value_parser = values::fraction, help_heading = HEADING)]
     split_tolerance: Option<f64>,
     /// Curves to write [default: both]
@@ -44,13 +46,14 @@ pub struct SettingsArguments {
     curves: Option<Written>,
     /// Fraction of the render strands to write, up to 1 [default: 1]
     ///
-    /// Level of detail: lowering it makes the cache smaller. The remaining strands are widened to cover as much.
+    /// Level of detail: lowering it makes the cache smaller. The remaining strands are widened to cover as
+    /// much.
     #[arg(long, value_name = "FRACTION", value_parser = values::positive_fraction, help_heading = HEADING)]
     keep: Option<f64>,
     /// Motion-blur samples per frame, 1 to 64 [default: 1]
     ///
-    /// The samples are spread evenly from the frame to the end of the shutter. More samples follow curved motion more
-    /// closely and make the cache larger in proportion.
+    /// The samples are spread evenly from the frame to the end of the shutter. More samples follow curved
+    /// motion more closely and make the cache larger in proportion.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64), help_heading = HEADING)]
     samples: Option<u32>,
     /// Shutter time after the frame, in frames, 0.001 to 0.999 [default: 0.5]
@@ -60,8 +63,8 @@ pub struct SettingsArguments {
     shutter: Option<f64>,
     /// Write accelerations as well
     ///
-    /// Points, velocities and accelerations then give the motion up to the end of the shutter, for renderers that blur by
-    /// them.
+    /// Points, velocities and accelerations then give the motion up to the end of the shutter, for renderers
+    /// that blur by them.
     #[arg(long, help_heading = HEADING)]
     accelerations: bool,
     /// Override a value of an input file; may be repeated
@@ -143,7 +146,8 @@ impl SettingsArguments {
         ]
     }
 
-    /// Every setting with its value in `settings` and its origin; `in_file` tells whether the animation `file` has a key.
+    /// Every setting with its value in `settings` and its origin; `in_file` tells whether the animation
+    /// `file` has a key.
     pub fn explained(
         &self,
         settings: &Settings,

@@ -13,7 +13,8 @@ const STOPPING: [i32; 3] = [SIGINT, SIGTERM, SIGUSR1];
 #[cfg(not(unix))]
 const STOPPING: [i32; 2] = [SIGINT, SIGTERM];
 
-/// Installs the handlers: INT, TERM and USR1 set `stop`, and end the process if it is already set; HUP sets `save`.
+/// Installs the handlers: INT, TERM and USR1 set `stop`, and end the process if it is already set; HUP sets
+/// `save`.
 ///
 /// # Errors
 /// [`Error::Config`] if the system refuses a handler.

@@ -52,7 +52,8 @@ pub fn combinations(wedges: &[Wedge]) -> Result<Vec<Vec<(String, String)>>> {
     Ok(all)
 }
 
-/// The folder of a combination below `out`: its number and values, in characters that every file system accepts.
+/// The folder of a combination below `out`: its number and values, in characters that every file system
+/// accepts.
 pub fn folder(out: &str, number: &str, values: &[(String, String)]) -> String {
     let words: Vec<String> = values
         .iter()

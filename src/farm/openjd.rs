@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 /// Time between the request to stop and the kill, s. A checkpoint takes about one second.
 const NOTICE: u32 = 60;
 
-/// The template. Paths that start with the value of one of `parameters` (name, value) refer to that job parameter, which the
-/// scheduler maps to its path on the worker.
+/// The template. Paths that start with the value of one of `parameters` (name, value) refer to that job
+/// parameter, which the scheduler maps to its path on the worker.
 ///
 /// # Errors
 /// [`Error::Usage`] for a value with `{{`, which starts a variable of the template.

@@ -110,8 +110,8 @@ impl Plan {
         Ok(assembled)
     }
 
-    /// Adds the simulation in segments, and after each segment the interpolation of the frames that it allows. Returns the
-    /// names of the steps that interpolate.
+    /// Adds the simulation in segments, and after each segment the interpolation of the frames that it
+    /// allows. Returns the names of the steps that interpolate.
     fn add_segments(&mut self, prefix: &str, commands: &Commands, division: Division) -> Result<Vec<String>> {
         let Division { frames: (first, last), lookahead, .. } = division;
         let mut needs = Vec::new();

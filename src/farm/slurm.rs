@@ -7,8 +7,9 @@ use std::fmt::Write;
 /// Start of the script.
 const SUBMIT: &str = include_str!("submit.sh");
 
-/// The script. Each task is a batch job that passes signals on to hairbake: Slurm sends USR1 a minute before the time limit
-/// and on preemption. The task then exits with code 85, and Slurm requeues it if configured with `RequeueExit=75,85`.
+/// The script. Each task is a batch job that passes signals on to hairbake: Slurm sends USR1 a minute before
+/// the time limit and on preemption. The task then exits with code 85, and Slurm requeues it if configured
+/// with `RequeueExit=75,85`.
 ///
 /// # Errors
 /// [`Error::Usage`] for a line break in a command, because line breaks separate the commands in the script.

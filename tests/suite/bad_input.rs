@@ -78,7 +78,7 @@ fn tracks_with_gaps_pops_or_missing_frames_are_rejected() {
     let text = refused(|_, anim| anim["bodies"][0]["track"]["translation"][4] = json!([0.4, 1.5, 0.0]));
     says(&text, &["jumps there and back", "0.4000 m", "1005"]);
     let text = refused(|_, anim| anim["frames"] = json!([1001, 1040]));
-    says(&text, &["covers frames", "1040", "truncate \"frames\""]);
+    says(&text, &["covers frames", "1040", "shorten \"frames\""]);
     let text = refused(|_, anim| anim["frames"] = json!([1008, 1001]));
     says(&text, &["frames", "1008"]);
 }

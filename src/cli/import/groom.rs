@@ -27,8 +27,8 @@ const HIERARCHY: &str = "Wisp hierarchy";
 pub struct GroomArguments {
     /// Strand file: USD, .tfx or .hair
     ///
-    /// Guides are chosen from its strands. If it holds more strands than guides, all of them become render strands. In USD,
-    /// curves of purpose guide or with primvars:groom_guide are the guides.
+    /// Guides are chosen from its strands. If it holds more strands than guides, all of them become render
+    /// strands. In USD, curves of purpose guide or with primvars:groom_guide are the guides.
     strands: PathBuf,
     /// Groom file to write; long arrays go to a .bin file next to it
     #[arg(long, short, value_name = "FILE")]
@@ -44,7 +44,8 @@ pub struct GroomArguments {
     #[arg(long, value_name = "CODE", allow_hyphen_values = true, help_heading = USD)]
     time: Option<f64>,
 
-    /// Unit of the strands: m, cm, mm, in, ft or metres per unit [default: from the file, else from the size of the groom]
+    /// Unit of the strands: m, cm, mm, in, ft or metres per unit [default: from the file, else from the size
+    /// of the groom]
     #[arg(long, value_name = "UNIT", value_parser = values::units, help_heading = SPACE)]
     units: Option<f64>,
     /// Up axis of the strands, y or z [default: from the file, else z for .hair and y for other files]

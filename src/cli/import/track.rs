@@ -44,7 +44,8 @@ pub struct TrackArguments {
     /// USD prim to follow, or the skeleton of --joint [default: the only prim that moves]
     #[arg(long, value_name = "PATH", value_parser = values::prim, help_heading = MOTION)]
     prim: Option<String>,
-    /// Unit of the motion: m, cm, mm, in, ft or metres per unit [default: from the file; m for glTF, cm for BVH]
+    /// Unit of the motion: m, cm, mm, in, ft or metres per unit [default: from the file; m for glTF, cm for
+    /// BVH]
     #[arg(long, value_name = "UNIT", value_parser = values::units, help_heading = MOTION)]
     units: Option<f64>,
     /// Up axis of the motion, y or z [default: from the file, else y]
@@ -53,10 +54,12 @@ pub struct TrackArguments {
 
     /// Frames per second of the bake [default: time codes per second in USD, else 24]
     ///
-    /// May differ from the rate of the motion. A higher rate takes shorter solver steps and writes more frames.
+    /// May differ from the rate of the motion. A higher rate takes shorter solver steps and writes more
+    /// frames.
     #[arg(long, value_name = "FPS", value_parser = values::positive, help_heading = TIME)]
     fps: Option<f64>,
-    /// Frames of the bake, such as 1001-1240 [default: those of the USD stage, else 1001 to the end of the motion]
+    /// Frames of the bake, such as 1001-1240 [default: those of the USD stage, else 1001 to the end of the
+    /// motion]
     ///
     /// The motion starts at the first frame, except in USD, where time codes are frames.
     #[arg(long, value_name = "A-B", value_parser = frame_range, allow_hyphen_values = true, help_heading = TIME)]
@@ -70,20 +73,22 @@ pub struct TrackArguments {
     #[arg(long, value_enum, value_name = "ACTION", default_value = "error", help_heading = TIME)]
     pops: PopsName,
 
-    /// Position of the joint in the modelled head, in metres, Y up [default: centre of the roots of --groom, else 0,0,0]
+    /// Position of the joint in the modelled head, in metres, Y up [default: centre of the roots of --groom,
+    /// else 0,0,0]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::vector, allow_hyphen_values = true, help_heading = REST)]
     pivot: Option<Vector3<f64>>,
     /// Groom whose roots give the pivot
     #[arg(long, value_name = "FILE", conflicts_with = "pivot", help_heading = REST)]
     groom: Option<PathBuf>,
-    /// Orientation of the joint in the modelled head [default: bind if the file has one and no pivot is given, else world]
+    /// Orientation of the joint in the modelled head [default: bind if the file has one and no pivot is
+    /// given, else world]
     #[arg(long, value_enum, value_name = "POSE", help_heading = REST)]
     rest: Option<RestName>,
 
     /// Mesh that the hair collides with, OBJ or USD; may be repeated
     ///
-    /// The head carries the mesh. A deforming mesh stays in world space: a USD mesh with its own motion, or a sequence
-    /// with one file per frame such as cloth.####.obj.
+    /// The head carries the mesh. A deforming mesh stays in world space: a USD mesh with its own motion, or a
+    /// sequence with one file per frame such as cloth.####.obj.
     #[arg(long = "collider", value_name = "FILE[:PRIM][:UNITS][:UP]", value_parser = values::source, help_heading = COLLIDERS)]
     colliders: Vec<Source>,
     /// Coulomb friction coefficient of the colliders [default: that of the strands]

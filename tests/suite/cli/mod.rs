@@ -159,7 +159,8 @@ fn schemas_are_json_schema() {
     }
 }
 
-/// Runs a line in a shell, with the program as $0 and `arguments` from $1 on. A failure in a pipe fails the line.
+/// Runs a line in a shell, with the program as $0 and `arguments` from $1 on. A failure in a pipe fails the
+/// line.
 fn shell(line: &str, arguments: &[&Path]) -> std::process::Output {
     let mut command = std::process::Command::new("bash");
     command.args(["-c", &format!("set -o pipefail; {line}")]).arg(assert_cmd::cargo::cargo_bin!("hairbake"));

@@ -6,8 +6,8 @@ use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Number of samples, 24 per second. Per sample the hips move by 1 cm along x, and the head, half a metre above them, turns by 2°
-/// about y.
+/// Number of samples, 24 per second. Per sample the hips move by 1 cm along x, and the head, half a metre
+/// above them, turns by 2° about y.
 const SAMPLES: usize = 25;
 
 fn bvh(folder: &Path) -> PathBuf {

@@ -124,7 +124,8 @@ pub fn workplace() -> TempDir {
     if memory.is_dir() { tempfile::tempdir_in(memory).unwrap() } else { tempfile::tempdir().unwrap() }
 }
 
-/// Name and checksum of every file below `folder`, including work files; without the reports, which contain timings.
+/// Name and checksum of every file below `folder`, including work files; without the reports, which contain
+/// timings.
 fn tree(folder: &Path) -> String {
     let mut lines = Vec::new();
     let mut folders = vec![folder.to_path_buf()];

@@ -112,8 +112,8 @@ fn install() -> Result<(), &'static str> {
     Ok(())
 }
 
-/// A cluster that requeues as in docs/farm.md, with short times for the tests: a node that is silent for 10 s counts as dead,
-/// and a requeued task waits 5 s. Jobs in the partition `high` preempt those in `low`.
+/// A cluster that requeues as in docs/farm.md, with short times for the tests: a node that is silent for 10 s
+/// counts as dead, and a requeued task waits 5 s. Jobs in the partition `high` preempt those in `low`.
 fn configuration(folder: &Path) -> String {
     let host = String::from_utf8(here(Path::new("/proc/sys/kernel/hostname"))).unwrap();
     let (folder, host) = (folder.display(), host.trim());
