@@ -1,12 +1,12 @@
 //! Imports strands, meshes and head motion from other programs into `groom.json` and `anim.json`.
 //!
-//! [`groom`](fn@groom) cleans strands, chooses and resamples guides, builds the wisp hierarchy over them, attaches
-//! or grows render strands, and measures the result. [`track`](fn@track) turns the motion of a joint into an
-//! animation.
+//! [`groom`](fn@groom) cleans strands, chooses and resamples guides, builds the wisp hierarchy over them,
+//! attaches or generates render strands, and measures the result. [`track`](fn@track) turns the motion of a
+//! joint into an animation.
 //!
-//! From the bottom: [`Source`] names a file; `plain` and `motion` hold what a file contains, in its own unit and
-//! axes; `formats` has a reader per format; `strand_file`, `mesh_file` and `motion_file` pick the reader and
-//! convert to metres, Y up; `groom` and `track` use the result.
+//! From the bottom: [`Source`] names a file; `plain` and `motion` hold what a file contains, in its own unit
+//! and axes; `formats` has a reader per format; `strand_file`, `mesh_file` and `motion_file` pick the reader
+//! and convert to metres, Y up; `groom` and `track` use the result.
 
 mod formats;
 mod groom;
@@ -28,7 +28,7 @@ pub(crate) use groom::build::build;
 pub use groom::build::{BuildOptions, BuildReport};
 pub use groom::convert::groom;
 pub use groom::fidelity::{Curl, LevelFit};
-pub use groom::grow::Growth;
+pub use groom::generate::Generation;
 pub use groom::hierarchy::HierarchyShape;
 pub use groom::options::{ALL_GUIDES_UP_TO, DEFAULT_GUIDES, GroomOptions};
 pub use groom::report::GroomReport;

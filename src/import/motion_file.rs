@@ -7,7 +7,8 @@ use crate::scene::anim::file::{MotionFrame, PoseFile};
 use crate::scene::{self, Convention};
 use crate::{Error, Result};
 
-/// Reads a motion with the reader that the extension selects; a file with any other extension is read as JSON.
+/// Reads a motion with the reader that the extension selects; a file with any other extension is read as
+/// JSON.
 ///
 /// # Errors
 /// Every error in the file; [`Error::Usage`] if a joint or prim is selected in a file that has none.

@@ -49,7 +49,8 @@ fn guides_are_chosen_from_the_strands_of_ratboy() {
     assert!(groom.strands.curves.root_uv.iter().any(|uv| uv[0] > 0.0));
 }
 
-/// Largest differences, m and rad, between the poses of a joint and those that another program exported (`reference`).
+/// Largest differences, m and rad, between the poses of a joint and those that another program exported
+/// (`reference`).
 fn difference(file: Source, joint: &str, reference: &str) -> Option<[f64; 2]> {
     let theirs = motion(&shared_data(reference)?).unwrap().1;
     let mut options = TrackOptions::new(file, "");

@@ -66,8 +66,8 @@ pub(super) fn poses(
     })
 }
 
-/// The rigid part of a transform and its mean scale. The rotation is the nearest to the linear part (its orthogonal
-/// polar factor). `None` if the transform mirrors, is singular or not finite.
+/// The rigid part of a transform and its mean scale. The rotation is the nearest to the linear part (its
+/// orthogonal polar factor). `None` if the transform mirrors, is singular or not finite.
 fn decompose(matrix: &Matrix4<f64>) -> Option<(PoseFile, f64)> {
     let linear: Matrix3<f64> = matrix.fixed_view::<3, 3>(0, 0).into_owned();
     let at = Vector3::new(matrix[(0, 3)], matrix[(1, 3)], matrix[(2, 3)]);

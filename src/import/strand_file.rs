@@ -135,9 +135,9 @@ fn scale_about_root(points: &mut [Vector3<f64>], factor: f64) {
     }
 }
 
-/// Copies the usable strands among `which` (curves in metres), with coincident vertices merged. Updates the counts in
-/// `report`; `report.length[1]` holds the sum of lengths until the caller divides it. Strands keep the ids of the
-/// file, so that they can be traced back.
+/// Copies the usable strands among `which` (curves in metres), with coincident vertices merged. Updates the
+/// counts in `report`; `report.length[1]` holds the sum of lengths until the caller divides it. Strands keep
+/// the ids of the file, so that they can be traced back.
 fn clean(curves: &Curves, which: impl Iterator<Item = usize>, report: &mut StrandFileReport) -> Curves {
     let mut kept = Curves { offsets: vec![0], ..Curves::default() };
     let mut seen = HashSet::new();
@@ -223,7 +223,8 @@ impl fmt::Display for StrandFileReport {
         writeln!(f)?;
         writeln!(
             f,
-            "  length {shortest:.1} to {longest:.1} cm, mean {mean:.1} cm; longest to shortest segment of a strand: up to {:.1}",
+            "  length {shortest:.1} to {longest:.1} cm, mean {mean:.1} cm; \
+             longest to shortest segment of a strand: up to {:.1}",
             self.segment_ratio
         )?;
         if self.merged_vertices > 0 {

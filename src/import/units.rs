@@ -11,9 +11,9 @@ pub(super) const HAIR_SIZE: [f64; 2] = [0.1, 2.0];
 /// Plausible sizes of a head or body mesh (diagonal of the bounding box), m.
 pub(super) const BODY_SIZE: [f64; 2] = [0.15, 3.0];
 
-/// The unit and up axis of `points`: as given in `source`, else as the file declares. A missing unit is guessed
-/// such that the size of the bounding box lies in `plausible` (m), and the guess is noted. A missing up axis is the
-/// format's default.
+/// The unit and up axis of `points`: as given in `source`, else as the file declares. A missing unit is
+/// guessed such that the size of the bounding box lies in `plausible` (m), and the guess is noted. A missing
+/// up axis is the format's default.
 ///
 /// # Errors
 /// A unit that is not positive, or that cannot be guessed.

@@ -42,8 +42,8 @@ fn hairline(azimuth: f64) -> f64 {
     e0 + (e1 - e0) * (azimuth - a0) / (a1 - a0)
 }
 
-/// `count` directions from the centre of the head, evenly spread over the scalp: the points of a Fibonacci sphere above
-/// the hairline.
+/// `count` directions from the centre of the head, evenly spread over the scalp: the points of a Fibonacci
+/// sphere above the hairline.
 fn scalp_directions(count: usize) -> Vec<Vector3<f64>> {
     let on_scalp = |points: usize| -> Vec<Vector3<f64>> {
         (0..points)
@@ -112,7 +112,8 @@ fn lift(x: Vector3<f64>, grown: f64) -> Vector3<f64> {
     x + normal * (minimum - height).max(0.0)
 }
 
-/// Combing direction at `x`: away from the parting and the face, then down. `side` is that of the parting, −1 or 1.
+/// Combing direction at `x`: away from the parting and the face, then down. `side` is that of the parting, −1
+/// or 1.
 fn combing_direction(x: Vector3<f64>, side: f64) -> Vector3<f64> {
     let from = x - head::CENTRE;
     let top = ((from.y - 0.03) / 0.07).clamp(0.0, 1.0);

@@ -17,8 +17,8 @@ pub const NECK: ([Vector3<f64>; 2], f64) =
 pub const SHOULDERS: ([Vector3<f64>; 2], f64) =
     ([Vector3::new(-0.15, -0.16, -0.02), Vector3::new(0.15, -0.16, -0.02)], 0.062);
 
-/// A Gaussian bump: height, m; azimuth from the face and elevation, rad; standard deviations of both, rad. Symmetric
-/// about the face.
+/// A Gaussian bump: height, m; azimuth from the face and elevation, rad; standard deviations of both, rad.
+/// Symmetric about the face.
 struct Feature(f64, [f64; 2], [f64; 2]);
 
 const FEATURES: [Feature; 11] = [
@@ -50,8 +50,8 @@ pub fn point(d: Vector3<f64>) -> Vector3<f64> {
     CENTRE + d * radius(d)
 }
 
-/// Signed distance of `x` from the nearest of head, neck and shoulders, m (negative inside; first order in the distance),
-/// and the outward unit normal.
+/// Signed distance of `x` from the nearest of head, neck and shoulders, m (negative inside; first order in
+/// the distance), and the outward unit normal.
 pub fn height(x: Vector3<f64>) -> (f64, Vector3<f64>) {
     let above_head = |x: Vector3<f64>| {
         let from = x - CENTRE;

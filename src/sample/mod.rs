@@ -1,7 +1,7 @@
 //! Procedural grooms and head motions.
 //!
-//! [`groom`] makes one of four hair styles on a simple head, [`Motion`] moves the head, and [`write()`] writes both to a
-//! folder that can be baked.
+//! [`groom`] makes one of four hair styles on a simple head, [`Motion`] moves the head, and [`write()`]
+//! writes both to a folder that can be baked.
 
 mod comb;
 pub mod head;
@@ -9,7 +9,7 @@ mod motion;
 mod style;
 
 use crate::file::write_file;
-use crate::import::{BuildOptions, BuildReport, Growth, HierarchyShape, Resample, Scalp, build};
+use crate::import::{BuildOptions, BuildReport, Generation, HierarchyShape, Resample, Scalp, build};
 use crate::scene::{Convention, Groom};
 use crate::{Error, Result};
 pub use motion::Motion;
@@ -44,10 +44,10 @@ pub fn groom(style: Style, size: Size) -> (Groom, BuildReport) {
     let coarse = (cut.coarse * wisps).div_ceil(cut.wisps).max(MIN_COARSE_WISPS);
     let options = BuildOptions {
         guide_vertices: Resample::Vertices(cut.vertices[0]),
-        growth: Growth {
+        generation: Generation {
             per_guide: (size.strands as f64 / wisps as f64).round() as usize,
             vertices: cut.vertices[1],
-            shorter: 0.12,
+            length_variation: 0.12,
             clump: 0.5,
         },
         hierarchy: HierarchyShape { levels: cut.levels, coarse: Some(coarse), leaves: Some(wisps) },
@@ -58,8 +58,8 @@ pub fn groom(style: Style, size: Size) -> (Groom, BuildReport) {
     build(&style.to_string(), Convention::default(), &guides, None, scalp.as_ref(), &options)
 }
 
-/// Writes a sample to `folder`, which is created if necessary: `groom.json` with `groom.bin`, `head.obj`, and an animation
-/// per motion (`shake.json`, `turn.json`).
+/// Writes a sample to `folder`, which is created if necessary: `groom.json` with `groom.bin`, `head.obj`, and
+/// an animation per motion (`shake.json`, `turn.json`).
 ///
 /// # Errors
 /// [`Error::Io`].

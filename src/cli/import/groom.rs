@@ -3,7 +3,7 @@
 use crate::cli::values::{self, count};
 use crate::cli::{console, output_file};
 use crate::error::Result;
-use crate::import::{self, BuildOptions, GroomOptions, Growth, HierarchyShape, Resample, Source};
+use crate::import::{self, BuildOptions, Generation, GroomOptions, HierarchyShape, Resample, Source};
 use crate::scene::{Material, RodSection, UpAxis};
 use clap::Args;
 use nalgebra::Vector3;
@@ -207,7 +207,7 @@ impl GroomArguments {
             ..Source::new(self.strands)
         };
         let default = GroomOptions::new(offset(guides));
-        let growth = Growth::default();
+        let generation = Generation::default();
         GroomOptions {
             name: self.name.unwrap_or(default.name),
             guides: default.guides,
@@ -220,10 +220,10 @@ impl GroomArguments {
                 strand_vertices: self
                     .strand_vertices
                     .map_or(Resample::Keep, |n| Resample::Vertices(n as usize)),
-                growth: Growth {
+                generation: Generation {
                     per_guide: self.strands_per_guide as usize,
-                    vertices: self.strand_vertices.map_or(growth.vertices, |n| n as usize),
-                    shorter: self.length_variation,
+                    vertices: self.strand_vertices.map_or(generation.vertices, |n| n as usize),
+                    length_variation: self.length_variation,
                     clump: self.clump,
                 },
                 hierarchy: HierarchyShape {

@@ -1,7 +1,8 @@
 //! Biovision hierarchies (`.bvh`): a skeleton, then one row of channel values per frame.
 //!
-//! A joint lies at its offset from its parent; position channels replace the offset, as all exporters write them.
-//! Rotations are in degrees, about the joint's own axes, in the order of the channels. The format has no unit.
+//! A joint lies at its offset from its parent; position channels replace the offset, as all exporters write
+//! them. Rotations are in degrees, about the joint's own axes, in the order of the channels. The format has
+//! no unit.
 
 use crate::import::motion::{JointSelector, Motion, convention, snap_rate, unknown_joint};
 use crate::import::source::Source;
@@ -41,7 +42,7 @@ struct Bone<'a> {
 ///
 /// # Errors
 /// Every error in the file, with its position.
-pub(in crate::import) fn parse(source: &Source, joint: &JointSelector, bytes: &[u8]) -> Result<Motion> {
+pub(crate) fn parse(source: &Source, joint: &JointSelector, bytes: &[u8]) -> Result<Motion> {
     let text = String::from_utf8_lossy(bytes);
     let mut parser = Parser { source, text: &text, at: 0, diagnostics: Vec::new() };
     let bones = parser.hierarchy();
@@ -236,7 +237,8 @@ impl<'a> Parser<'a> {
         Some(Bone { name, parent, offset: offset.unwrap_or_default(), channels, first })
     }
 
-    /// Reads end sites and closing braces up to the name of the next joint. Returns true at the end of the skeleton.
+    /// Reads end sites and closing braces up to the name of the next joint. Returns true at the end of the
+    /// skeleton.
     fn close_until_next_joint(&mut self, open: &mut Vec<usize>) -> Option<bool> {
         loop {
             let (word, _) = self.expect(&["JOINT", "End", "}"])?;

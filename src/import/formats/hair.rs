@@ -1,8 +1,8 @@
 //! Cem Yuksel's strands (`.hair`; cemyuksel.com/research/hairmodels).
 //!
-//! Layout: a 128-byte header ("HAIR", u32 strands, u32 points, u32 flags, u32 default segments, f32 defaults, 88
-//! bytes of text), then the arrays that the flags select, in order: segments (u16 per strand), points (3 f32),
-//! thickness, transparency (f32 per point), colour (3 f32).
+//! Layout: a 128-byte header ("HAIR", u32 strands, u32 points, u32 flags, u32 default segments, f32 defaults,
+//! 88 bytes of text), then the arrays that the flags select, in order: segments (u16 per strand), points (3
+//! f32), thickness, transparency (f32 per point), colour (3 f32).
 
 use super::bytes::{point_at, u16_at, u32_at};
 use crate::import::plain::PlainStrands;
@@ -29,7 +29,7 @@ struct Header {
 ///
 /// # Errors
 /// Every error in the header and sizes, at once.
-pub(in crate::import) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
+pub(crate) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
     let header = header(file, bytes)?;
     let offsets = offsets(file, bytes, &header)?;
     let Header { strands, points, points_at, .. } = header;

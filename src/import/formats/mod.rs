@@ -1,5 +1,5 @@
-//! Readers, one per file format. Each returns what the file contains, in the file's unit and axes, and reports every
-//! error it finds at once.
+//! Readers, one per file format. Each returns what the file contains, in the file's unit and axes, and
+//! reports every error it finds at once.
 
 pub(super) mod bvh;
 mod bytes;

@@ -1,8 +1,8 @@
 //! TressFX 4 strands (`.tfx`), as defined by AMD's `TressFXAsset.h`.
 //!
-//! Layout: a 160-byte header (f32 version, u32 strands, u32 vertices per strand, u32 offset of the positions, u32
-//! offset of the root texture coordinates, unused words); strands × vertices × (x, y, z, w) f32, root first; two f32
-//! texture coordinates per strand.
+//! Layout: a 160-byte header (f32 version, u32 strands, u32 vertices per strand, u32 offset of the positions,
+//! u32 offset of the root texture coordinates, unused words); strands × vertices × (x, y, z, w) f32, root
+//! first; two f32 texture coordinates per strand.
 
 use super::bytes::{f32_at, point_at, u32_at};
 use crate::import::plain::PlainStrands;
@@ -25,7 +25,7 @@ struct Header {
 ///
 /// # Errors
 /// Every error in the header, at once.
-pub(in crate::import) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
+pub(crate) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
     let Header { strands, vertices, position_offset, uv_offset } = header(file, bytes)?;
     let count = strands * vertices;
     let points = (0..count).map(|i| point_at(bytes, position_offset + 16 * i)).collect();

@@ -2,7 +2,7 @@
 
 use super::features::{Features, nearest};
 use super::fidelity::{self, Curl, LevelFit};
-use super::grow::{self, Growth};
+use super::generate::{self, Generation};
 use super::hierarchy::{self, HierarchyShape, Members};
 use super::resample::{Resample, ResampleError, resample};
 use super::scalp::Scalp;
@@ -19,15 +19,16 @@ pub struct BuildOptions {
     pub guide_vertices: Resample,
     /// Vertices of given render strands.
     pub strand_vertices: Resample,
-    /// How render strands are grown if none are given.
-    pub growth: Growth,
+    /// How render strands are generated if none are given.
+    pub generation: Generation,
     /// Size of the hierarchy.
     pub hierarchy: HierarchyShape,
     /// Sections of each wisp, equal to the strain nodes of its guides; 2 to 64.
     pub sections: usize,
     /// Material of the strands.
     pub material: Material,
-    /// Drawn width at root and tip, m; `None` for the width at which the strands cover as much as 100,000 hairs.
+    /// Drawn width at root and tip, m; `None` for the width at which the strands cover as much as 100,000
+    /// hairs.
     pub width: Option<[f64; 2]>,
 }
 
@@ -37,7 +38,7 @@ impl Default for BuildOptions {
         BuildOptions {
             guide_vertices: Resample::Vertices(32),
             strand_vertices: Resample::Keep,
-            growth: Growth::default(),
+            generation: Generation::default(),
             hierarchy: HierarchyShape { levels: 2, coarse: None, leaves: None },
             sections: 8,
             material: Material { sag_free: 1.0, ..Material::default() },
@@ -61,12 +62,15 @@ impl BuildOptions {
         require((2..=64).contains(&self.sections), "the number of sections must be 2 to 64");
         require((1..=8).contains(&self.hierarchy.levels), "the number of levels must be 1 to 8");
         require(self.hierarchy.coarse != Some(0), "the number of coarse wisps must be at least 1");
-        require(self.growth.vertices >= 2, "grown strands need at least 2 vertices");
+        require(self.generation.vertices >= 2, "generated strands need at least 2 vertices");
         require(
-            (0.0..1.0).contains(&self.growth.shorter),
-            "the shortening of grown strands must be at least 0 and less than 1",
+            (0.0..1.0).contains(&self.generation.length_variation),
+            "the shortening of generated strands must be at least 0 and less than 1",
         );
-        require((0.0..=1.0).contains(&self.growth.clump), "the clumping of grown strands must be 0 to 1");
+        require(
+            (0.0..=1.0).contains(&self.generation.clump),
+            "the clumping of generated strands must be 0 to 1",
+        );
         for to in [self.guide_vertices, self.strand_vertices] {
             require(
                 !matches!(to, Resample::Vertices(0 | 1)),
@@ -88,7 +92,7 @@ pub struct BuildReport {
     pub counts: [usize; 3],
     /// Change of the guides by resampling.
     pub guide_error: ResampleError,
-    /// Change of the render strands by resampling; `None` if they are grown.
+    /// Change of the render strands by resampling; `None` if they are generated.
     pub strand_error: Option<ResampleError>,
     /// Curvature of the guides.
     pub curl: Curl,
@@ -104,8 +108,8 @@ pub(crate) struct RenderStrands {
     pub(super) clumps: Vec<Option<i32>>,
 }
 
-/// Builds a groom over `guides` (m, rest space; at least one, each with a length) and the given render strands; grows
-/// render strands if none are given. `convention` is that of the written groom.
+/// Builds a groom over `guides` (m, rest space; at least one, each with a length) and the given render
+/// strands; generates render strands if none are given. `convention` is that of the written groom.
 pub(crate) fn build(
     name: &str,
     convention: Convention,
@@ -119,7 +123,7 @@ pub(crate) fn build(
     let guides = MeasuredGuides::new(guides, &arc);
     let strands = match strands {
         Some(given) => AttachedStrands::attach(given, options.strand_vertices, &guides, &arc),
-        None => AttachedStrands::grow(&guides, options.growth, scalp, &arc),
+        None => AttachedStrands::generate(&guides, options.generation, scalp, &arc),
     };
     let hairs = hairs_per_guide(guides.curves.len(), &strands.guide);
     let weight: Vec<f64> = hairs.iter().map(|&h| f64::from(h)).collect();
@@ -187,7 +191,7 @@ struct AttachedStrands {
     curves: Curves,
     sections: Sections,
     guide: Vec<u32>,
-    /// Change by resampling; `None` for grown strands.
+    /// Change by resampling; `None` for generated strands.
     error: Option<ResampleError>,
 }
 
@@ -201,10 +205,10 @@ impl AttachedStrands {
         AttachedStrands { curves, sections, guide, error: Some(error) }
     }
 
-    /// Grows strands around the guides.
-    fn grow(guides: &MeasuredGuides, growth: Growth, scalp: Option<&Scalp>, arc: &[f64]) -> Self {
+    /// Generates strands around the guides.
+    fn generate(guides: &MeasuredGuides, generation: Generation, scalp: Option<&Scalp>, arc: &[f64]) -> Self {
         let (curves, guide) =
-            grow::grow(&guides.curves, &guides.sections, &guides.footprint, arc, growth, scalp);
+            generate::generate(&guides.curves, &guides.sections, &guides.footprint, arc, generation, scalp);
         let sections = Sections::of(&curves, arc);
         AttachedStrands { curves, sections, guide, error: None }
     }
@@ -218,7 +222,8 @@ fn hairs_per_guide(guides: usize, guide_of_strand: &[u32]) -> Vec<u32> {
     hairs
 }
 
-/// Attaches all strands of a clump to one guide: the one that most of them are nearest to, of several the first.
+/// Attaches all strands of a clump to one guide: the one that most of them are nearest to, of several the
+/// first.
 fn unite_clumps(guide: &mut [u32], clumps: &[Option<i32>]) {
     let mut votes: BTreeMap<i32, BTreeMap<u32, usize>> = BTreeMap::new();
     for (guide, clump) in guide.iter().zip(clumps).filter_map(|(guide, clump)| Some((*guide, (*clump)?))) {
@@ -253,7 +258,8 @@ fn leaf_of_guides(trees: &[Tree], guides: usize) -> Vec<(u32, u32)> {
 impl fmt::Display for BuildReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [guides, leaves, strands] = self.counts;
-        let origin = if self.strand_error.is_some() { "from the file" } else { "grown around the guides" };
+        let origin =
+            if self.strand_error.is_some() { "from the file" } else { "generated around the guides" };
         writeln!(f, "{guides} guides in {leaves} leaf wisps; {strands} render strands {origin}")?;
         writeln!(f, "guides: {}", self.curl)?;
         writeln!(f, "guides resampled: {}", self.guide_error)?;

@@ -1,9 +1,9 @@
 //! Divisive clustering: the cluster with the largest scatter is bisected until there are enough.
 //!
 //! A bisection splits at the mean along the principal direction (Boley 1998, "Principal direction divisive
-//! partitioning") and is refined by Lloyd's iteration with two centres. There is no random start, and sums run over
-//! fixed blocks in a fixed order, so that the clusters do not depend on the number of threads or the processor.
-//! O(n log(clusters)) for balanced clusters.
+//! partitioning") and is refined by Lloyd's iteration with two centres. There is no random start, and sums
+//! run over fixed blocks in a fixed order, so that the clusters do not depend on the number of threads or the
+//! processor. O(n log(clusters)) for balanced clusters.
 
 use super::features::{Features, distance_squared, project};
 use rayon::prelude::*;
@@ -36,8 +36,8 @@ pub(super) struct Space<'a> {
     pub(super) weight: &'a [f64],
 }
 
-/// Divides `sets` into at least `target` clusters of at most `most` strands each. Returns the clusters of each set,
-/// ordered by their first member.
+/// Divides `sets` into at least `target` clusters of at most `most` strands each. Returns the clusters of
+/// each set, ordered by their first member.
 pub(super) fn divide(space: Space, sets: &[Vec<u32>], target: usize, most: usize) -> Vec<Vec<Cluster>> {
     let mut queue: BinaryHeap<Ranked> = sets
         .iter()
@@ -170,7 +170,8 @@ impl Space<'_> {
         halves
     }
 
-    /// Direction of the largest scatter, not normalised: power iteration, started at the member farthest from the mean.
+    /// Direction of the largest scatter, not normalised: power iteration, started at the member farthest from
+    /// the mean.
     fn principal_direction(&self, cluster: &Cluster) -> Vec<f64> {
         let from_mean = |i: u32| self.row(i).iter().zip(&cluster.mean).map(|(x, m)| x - m);
         let distance = |i: u32| distance_squared(self.row(i), &cluster.mean);

@@ -84,8 +84,8 @@ struct GuideChoice {
 }
 
 impl GuideChoice {
-    /// Takes the marked guides of a file unless a number of guides is asked for and there are other strands to choose
-    /// from; `separate` is whether a separate file has the render strands.
+    /// Takes the marked guides of a file unless a number of guides is asked for and there are other strands
+    /// to choose from; `separate` is whether a separate file has the render strands.
     fn new(input: CleanStrands, separate: bool, options: &GroomOptions) -> Self {
         let CleanStrands { curves, guides: marked, report, .. } = input;
         let choose = |from: &Curves, n| choose_guides(from, n, options.build.sections, report.length[1]);
@@ -119,8 +119,8 @@ fn choose_guides(input: &Curves, wanted: usize, sections: usize, mean_length: f6
     input.select(chosen.into_iter().map(|c| c as usize))
 }
 
-/// The render strands of a separate file; marked guides count only if the file has no other strands. Adds the groups of
-/// the file to `groups`.
+/// The render strands of a separate file; marked guides count only if the file has no other strands. Adds the
+/// groups of the file to `groups`.
 fn separate_strands(file: CleanStrands, groups: &mut Vec<PlainGroup>) -> RenderStrands {
     let marked = file.curves.is_empty();
     let mut curves = if marked { file.guides } else { file.curves };
@@ -129,8 +129,8 @@ fn separate_strands(file: CleanStrands, groups: &mut Vec<PlainGroup>) -> RenderS
     RenderStrands { curves, clumps }
 }
 
-/// Adds the groups of a second file to those of the first and renumbers the groups of its strands. Groups of the same
-/// name are one; the width of the second file takes precedence, because its strands are drawn.
+/// Adds the groups of a second file to those of the first and renumbers the groups of its strands. Groups of
+/// the same name are one; the width of the second file takes precedence, because its strands are drawn.
 fn join_groups(groups: &mut Vec<PlainGroup>, others: Vec<PlainGroup>, strands: &mut Curves) {
     let join = |other: PlainGroup| -> u32 {
         match groups.iter_mut().position(|group| group.name == other.name) {

@@ -3,13 +3,13 @@
 use super::sections::Sections;
 use rayon::prelude::*;
 
-/// Strands as points of a Euclidean space, for "near roots and similar orientation along the whole length" (Bertails &
-/// Cani 2004, section 4.3). The squared distance of two strands, m², is
+/// Strands as points of a Euclidean space, for "near roots and similar orientation along the whole length"
+/// (Bertails & Cani 2004, section 4.3). The squared distance of two strands, m², is
 ///
 ///   Σ_k w_k (|Δx_k|² + λ² |Δt_k|²) + |Δx_0|²
 ///
-/// with the points x_k and unit tangents t_k of the sections, their trapezoidal weights w_k (which sum to 1), and λ =
-/// 0.1 × the mean length.
+/// with the points x_k and unit tangents t_k of the sections, their trapezoidal weights w_k (which sum to 1),
+/// and λ = 0.1 × the mean length.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Features {
     /// Length of a row.
@@ -62,8 +62,8 @@ pub(super) fn project(row: &[f64], origin: &[f64], direction: &[f64]) -> f64 {
     sum_in_lanes(row, origin, direction, |x, o, d| (x - o) * d)
 }
 
-/// Sums a term over three rows of equal length in [`LANES`] partial sums, an order that vectorises and does not depend
-/// on the processor.
+/// Sums a term over three rows of equal length in [`LANES`] partial sums, an order that vectorises and does
+/// not depend on the processor.
 fn sum_in_lanes(a: &[f64], b: &[f64], c: &[f64], term: impl Fn(f64, f64, f64) -> f64) -> f64 {
     let ([a, b, c], mut sums) = ([a, b, c].map(<[f64]>::as_chunks::<LANES>), [0.0; LANES]);
     for ((a, b), c) in a.0.iter().zip(b.0).zip(c.0) {

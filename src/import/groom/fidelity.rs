@@ -20,8 +20,8 @@ pub struct LevelFit {
     pub wisps: usize,
     /// Mean radius over wisps and sections, m.
     pub radius: f64,
-    /// Perpendicular distance of the strands from the centre line of their wisp, m: mean and 95th percentile over strands
-    /// and sections.
+    /// Perpendicular distance of the strands from the centre line of their wisp, m: mean and 95th percentile
+    /// over strands and sections.
     pub distance: [f64; 2],
     /// Mean distance relative to the radius of the section.
     pub distance_per_radius: f64,
@@ -44,12 +44,13 @@ pub struct Curl {
     pub torsion: f64,
     /// Mean number of turns of the tangent along a strand: curvature × length / 2π.
     pub turns: f64,
-    /// Diameter of the helix with the mean curvature κ and the torsion τ, 2κ/(κ² + τ²), m; `None` for fewer turns than one.
+    /// Diameter of the helix with the mean curvature κ and the torsion τ, 2κ/(κ² + τ²), m; `None` for fewer
+    /// turns than one.
     pub curl_diameter: Option<f64>,
 }
 
-/// Measures the fit of `strands` to the wisps of every level, from the coarse one; `leaf` is the leaf wisp (tree, wisp) of
-/// each strand.
+/// Measures the fit of `strands` to the wisps of every level, from the coarse one; `leaf` is the leaf wisp
+/// (tree, wisp) of each strand.
 pub(super) fn levels(trees: &[Tree], strands: &Sections, leaf: &[(u32, u32)]) -> Vec<LevelFit> {
     let lineages: Vec<Vec<usize>> =
         leaf.iter().map(|&(tree, wisp)| lineage(&trees[tree as usize], wisp)).collect();
@@ -155,8 +156,8 @@ impl fmt::Display for LevelFit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} wisps, mean radius {:.1} mm; distance of strands from the centre line {:.1} mm on average (95 % below {:.1} mm), \
-             {:.0} % of the radius, {:.1} % of the length; {:.0} % of strands inside their wisp",
+            "{} wisps, mean radius {:.1} mm; strands are {:.1} mm from the centre line on average \
+             (95 % below {:.1} mm), {:.0} % of the radius, {:.1} % of the length; {:.0} % stay within the radius",
             self.wisps,
             self.radius * 1e3,
             self.distance[0] * 1e3,

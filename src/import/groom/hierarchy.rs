@@ -1,5 +1,5 @@
-//! The wisp hierarchy over a set of guides (generalised cylinders: Bertails & Cani 2004): nested wisps of guides that
-//! are near in the metric of [`Features`], with centre lines, frames and radii.
+//! The wisp hierarchy over a set of guides (generalised cylinders: Bertails & Cani 2004): nested wisps of
+//! guides that are near in the metric of [`Features`], with centre lines, frames and radii.
 
 use super::cluster::{Space, divide};
 use super::features::{Features, distance_squared};
@@ -73,8 +73,9 @@ pub(super) fn nest(features: &Features, weight: &[f64], shape: HierarchyShape) -
     levels
 }
 
-/// Radius around each guide that its hairs may fill: at each section half the mean distance to the nearest neighbours,
-/// perpendicular to the guide; m, `guides × sections`. Neighbours are nearest in the metric of [`Features`].
+/// Radius around each guide that its hairs may fill: at each section half the mean distance to the nearest
+/// neighbours, perpendicular to the guide; m, `guides × sections`. Neighbours are nearest in the metric of
+/// [`Features`].
 pub(super) fn footprints(guides: &Sections, features: &Features) -> Vec<f64> {
     let n = guides.len();
     let row = |i: usize| {
@@ -117,8 +118,9 @@ pub(super) struct Members<'a> {
     pub(super) guide_of_strand: &'a [u32],
 }
 
-/// Builds the trees of nested guide sets. The centre line of a wisp is the mean of its members. Its radius covers 95 % of
-/// them or, without render strands, the footprints of all its guides. Its frames are rotation-minimising.
+/// Builds the trees of nested guide sets. The centre line of a wisp is the mean of its members. Its radius
+/// covers 95 % of them or, without render strands, the footprints of all its guides. Its frames are
+/// rotation-minimising.
 pub(super) fn build(levels: &[Vec<GuideSet>], arc: &[f64], members: &Members) -> Vec<Tree> {
     let mut strands_of: Vec<Vec<u32>> = vec![Vec::new(); members.guides.len()];
     for (strand, &guide) in members.guide_of_strand.iter().enumerate() {
@@ -214,7 +216,8 @@ impl CentreLine {
     fn through(centre: &[Vector3<f64>], arc: &[f64]) -> Self {
         match ArcSpline::through(centre) {
             Some(spline) => {
-                // The spline skips coincident centres, so sections are located by arc length and not by index.
+                // The spline skips coincident centres, so sections are located by arc length and not by
+                // index.
                 let length = spline.length();
                 let s: Vec<f64> = arc.iter().map(|a| a * length).collect();
                 CentreLine { length, frame: rotation_minimising(&spline, &s, None) }

@@ -1,14 +1,14 @@
 //! Builds a groom from strands.
 //!
-//! `convert` chooses the guides among the strands of a file. `build` resamples them, clusters them into the wisp
-//! hierarchy, attaches the render strands or grows them, and measures the fit.
+//! `convert` chooses the guides among the strands of a file. `build` resamples them, clusters them into the
+//! wisp hierarchy, attaches the render strands or generates them, and measures the fit.
 
 pub(super) mod build;
 mod cluster;
 pub(super) mod convert;
 mod features;
 pub(super) mod fidelity;
-pub(super) mod grow;
+pub(super) mod generate;
 pub(super) mod hierarchy;
 pub(super) mod options;
 pub(super) mod report;

@@ -19,12 +19,12 @@ pub struct GroomOptions {
     pub guides: Source,
     /// A separate file of render strands.
     pub strands: Option<Source>,
-    /// The scalp, m, rest space: used to report root positions and to place the roots of grown strands.
+    /// The scalp, m, rest space: used to report root positions and to place the roots of generated strands.
     pub scalp: Option<TriMesh>,
     /// Factor on the length of all strands; their shape is scaled about the root.
     pub length_scale: f64,
-    /// Number of guides to choose; `None` for the guides that the file marks, else all of up to [`ALL_GUIDES_UP_TO`]
-    /// strands, or [`DEFAULT_GUIDES`] of more.
+    /// Number of guides to choose; `None` for the guides that the file marks, else all of up to
+    /// [`ALL_GUIDES_UP_TO`] strands, or [`DEFAULT_GUIDES`] of more.
     pub guide_count: Option<usize>,
     /// How the groom is built.
     pub build: BuildOptions,

@@ -18,7 +18,8 @@ pub enum Resample {
     Spacing(f64),
 }
 
-/// Largest ratio of the lengths of neighbouring segments: beyond it the spline through the vertices overshoots.
+/// Largest ratio of the lengths of neighbouring segments: beyond it the spline through the vertices
+/// overshoots.
 const MAX_SEGMENT_RATIO: f64 = 3.0;
 
 /// Most vertices of a resampled strand.
@@ -37,7 +38,8 @@ impl fmt::Display for ResampleError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "length error {:.3} % on average, {:.2} % at most; vertex error {:.4} mm on average, 95 % below {:.4} mm, {:.2} mm at most",
+            "length error {:.3} % on average, {:.2} % at most; vertex error {:.4} mm on average, \
+             95 % below {:.4} mm, {:.2} mm at most",
             self.length[0] * 100.0,
             self.length[1] * 100.0,
             self.distance[0] * 1e3,
@@ -91,8 +93,8 @@ pub fn resample(curves: &Curves, to: Resample) -> (Curves, ResampleError) {
     (out, error)
 }
 
-/// The vertices of a strand, with long segments halved until none is more than [`MAX_SEGMENT_RATIO`] times as long as a
-/// neighbour.
+/// The vertices of a strand, with long segments halved until none is more than [`MAX_SEGMENT_RATIO`] times as
+/// long as a neighbour.
 fn grade(points: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     let mut points = points.to_vec();
     points.dedup();

@@ -18,7 +18,8 @@ pub(crate) struct Scalp(Surface);
 pub(super) struct Foot {
     /// The closest point, m.
     pub(super) point: Vector3<f64>,
-    /// Signed distance to it, negative inside the head, m. At an open edge the sign is that of the nearest face.
+    /// Signed distance to it, negative inside the head, m. At an open edge the sign is that of the nearest
+    /// face.
     pub(super) height: f64,
 }
 
@@ -84,8 +85,8 @@ impl fmt::Display for RootReport {
         let share = |n: usize| 100.0 * n as f64 / self.roots.max(1) as f64;
         write!(
             f,
-            "{} roots: {} inside the head ({:.0} %, deepest {:.1} mm), {} more than {:.0} mm off the scalp ({:.0} %); mean distance \
-             {:.2} mm, largest {:.1} mm",
+            "{} roots: {} inside the head ({:.0} %, deepest {:.1} mm), {} more than {:.0} mm off the scalp ({:.0} %); \
+             mean distance {:.2} mm, largest {:.1} mm",
             self.roots,
             self.inside,
             share(self.inside),

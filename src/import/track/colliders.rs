@@ -33,8 +33,8 @@ impl Colliders {
         self.colliders.iter().any(|collider| collider.body.is_some())
     }
 
-    /// Adds a collider. `first_file` is the file that was read, `read` its contents, `first_frame` the frame of its
-    /// first sample, `folder` that of the animation.
+    /// Adds a collider. `first_file` is the file that was read, `read` its contents, `first_frame` the frame
+    /// of its first sample, `folder` that of the animation.
     ///
     /// # Errors
     /// A path that has no absolute form.

@@ -45,8 +45,8 @@ pub fn root_centroid(groom: &Groom) -> Vector3<f64> {
     (0..guides.len()).map(|c| guides.curve(c)[0]).sum::<Vector3<f64>>() / guides.len().max(1) as f64
 }
 
-/// Makes an animation from a motion file. Its first sample is the first frame, unless the file numbers its frames; unit
-/// and up axis stay those of the file.
+/// Makes an animation from a motion file. Its first sample is the first frame, unless the file numbers its
+/// frames; unit and up axis stay those of the file.
 ///
 /// # Errors
 /// Unreadable or invalid files, all in one report; options out of range.
@@ -200,7 +200,8 @@ mod tests {
     use crate::scene::load_anim;
     use nalgebra::Point3;
 
-    /// `n` samples at 48 per second of a head that moves 1 cm along x and turns 1.5° about y per sample, starting at 90°.
+    /// `n` samples at 48 per second of a head that moves 1 cm along x and turns 1.5° about y per sample,
+    /// starting at 90°.
     fn motion_file(folder: &Path, n: usize) -> Source {
         let frames: Vec<_> = (0..n)
             .map(|i| {

@@ -13,13 +13,13 @@ const DEFAULT_THICKNESS: f64 = 5e-4;
 /// Which pose of the joint corresponds to the head as modelled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RestPose {
-    /// The file's own rest pose: of a USD prim its pose outside of time, of a skeleton joint its bind pose, of a BVH
-    /// the pose without rotations. Position and orientation; the pivot is not used.
+    /// The file's own rest pose: of a USD prim its pose outside of time, of a skeleton joint its bind pose,
+    /// of a BVH the pose without rotations. Position and orientation; the pivot is not used.
     Bind,
     /// At the pivot, aligned with the world axes.
     World,
-    /// At the pivot, oriented as in the first sample, for rigs whose joint axes are arbitrary. The head starts as
-    /// modelled.
+    /// At the pivot, oriented as in the first sample, for rigs whose joint axes are arbitrary. The head
+    /// starts as modelled.
     First,
 }
 
@@ -28,8 +28,8 @@ pub enum RestPose {
 pub struct ColliderMesh {
     /// Unique name of letters, digits and `_` that does not start with a digit.
     pub name: String,
-    /// The file, or one file per frame if the name has a `#` for each digit of the frame number (`cloth.####.obj`).
-    /// The offset must be zero.
+    /// The file, or one file per frame if the name has a `#` for each digit of the frame number
+    /// (`cloth.####.obj`). The offset must be zero.
     pub source: Source,
     /// Coulomb friction coefficient; `None` for that of the strands.
     pub friction: Option<f64>,
@@ -73,12 +73,13 @@ pub struct TrackOptions {
     pub folder: PathBuf,
     /// Frames per second of the bake; `None` for the rate at which the file numbers its frames, or 24.
     pub fps: Option<f64>,
-    /// First and last frame; `None` for the frames of the file, or 1001 to the end of the motion if it numbers none.
+    /// First and last frame; `None` for the frames of the file, or 1001 to the end of the motion if it
+    /// numbers none.
     pub frames: Option<[i32; 2]>,
     /// Position of the joint in the head as modelled, m, Y up, rest space; `None` for the origin.
     pub pivot: Option<Vector3<f64>>,
-    /// Pose of the head as modelled; `None` for [`RestPose::Bind`] if the file has a rest pose and no pivot is given,
-    /// else [`RestPose::World`].
+    /// Pose of the head as modelled; `None` for [`RestPose::Bind`] if the file has a rest pose and no pivot
+    /// is given, else [`RestPose::World`].
     pub rest: Option<RestPose>,
     /// Meshes that the hair collides with.
     pub colliders: Vec<ColliderMesh>,

@@ -54,14 +54,15 @@ impl Timing {
         Ok(Timing { fps, frames, first_sample, last_sample, codes_per_frame })
     }
 
-    /// First frame at which a deforming mesh is sampled: up to [`HANDLES`] frames before the bake, within the motion.
+    /// First frame at which a deforming mesh is sampled: up to [`HANDLES`] frames before the bake, within the
+    /// motion.
     pub(super) fn first_mesh_frame(&self) -> i32 {
         let before = self.frames[0] - (self.first_sample - FRAME_TOLERANCE).ceil() as i32;
         self.frames[0] - before.clamp(0, HANDLES)
     }
 
-    /// Time codes at which a deforming USD mesh is sampled: the frames of the bake and up to [`HANDLES`] more at each
-    /// end, within the motion.
+    /// Time codes at which a deforming USD mesh is sampled: the frames of the bake and up to [`HANDLES`] more
+    /// at each end, within the motion.
     pub(super) fn mesh_times(
         &self,
         options: &TrackOptions,

@@ -7,7 +7,8 @@ use gltf::{Document, buffer};
 /// Prefix of a buffer embedded as text.
 const DATA_URI: &str = "data:";
 
-/// Reads every buffer: the binary chunk, a file in the same folder, or base64 text. `blob` is the binary chunk.
+/// Reads every buffer: the binary chunk, a file in the same folder, or base64 text. `blob` is the binary
+/// chunk.
 ///
 /// # Errors
 /// Every buffer that cannot be read.
@@ -75,7 +76,7 @@ fn decode_base64(text: &str) -> Option<Vec<u8>> {
 pub(super) mod tests {
     use super::*;
 
-    pub(in crate::import::formats::gltf) fn to_base64(bytes: &[u8]) -> String {
+    pub(crate) fn to_base64(bytes: &[u8]) -> String {
         const LETTERS: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
         let group = |part: &[u8]| {
             let bits = part.iter().fold(0u32, |bits, b| bits << 8 | u32::from(*b)) << (8 * (3 - part.len()));

@@ -24,7 +24,7 @@ const MAX_DURATION: f64 = 3600.0;
 ///
 /// # Errors
 /// Every error in the file.
-pub(in crate::import) fn parse(source: &Source, joint: &JointSelector, bytes: &[u8]) -> Result<Motion> {
+pub(crate) fn parse(source: &Source, joint: &JointSelector, bytes: &[u8]) -> Result<Motion> {
     let Gltf { document, blob } = Gltf::from_slice(bytes).map_err(|e| {
         error(
             source,
@@ -45,7 +45,8 @@ pub(in crate::import) fn parse(source: &Source, joint: &JointSelector, bytes: &[
 
     let world = |t: f64| chain.iter().fold(Matrix4::identity(), |parent, node| parent * node.at(t));
     let matrices: Vec<_> = (0..times.count).map(|i| world(times.start + i as f64 / times.rate)).collect();
-    // The nodes without animation. A skin's inverse bind matrices are relative to the mesh's own space instead.
+    // The nodes without animation. A skin's inverse bind matrices are relative to the mesh's own space
+    // instead.
     let bind = chain.iter().fold(Matrix4::identity(), |parent, node| parent * node.rest);
     let RigidPoses { poses, bind, warnings } =
         rigid::poses(source, &format!("nodes[{node}]"), &matrices, Some(&bind))?;
@@ -228,7 +229,8 @@ mod tests {
     use crate::import::motion::rotation;
     use proptest::prelude::*;
 
-    /// A head on a body with scale 0.5 at x = 1 m. The head turns 90° about Y within 1 s; its keys are 0.5 s apart.
+    /// A head on a body with scale 0.5 at x = 1 m. The head turns 90° about Y within 1 s; its keys are 0.5 s
+    /// apart.
     fn file(how: &str) -> String {
         let half = std::f32::consts::FRAC_PI_8;
         let turns = [0.0, half, 2.0 * half].map(|a: f32| [0.0, a.sin(), 0.0, a.cos()]);

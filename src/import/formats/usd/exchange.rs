@@ -30,7 +30,8 @@ const PACKAGE: Package = python_package!(
 /// Exit code of the package for errors in the file.
 const BAD_INPUT: i32 = 2;
 
-/// The header: unit, up axis, notes, a list of arrays in data order, and what is specific to the kind of read.
+/// The header: unit, up axis, notes, a list of arrays in data order, and what is specific to the kind of
+/// read.
 #[derive(Debug, Deserialize)]
 pub(super) struct Header<T> {
     metres_per_unit: Option<f64>,

@@ -14,7 +14,7 @@ struct Header {}
 ///
 /// # Errors
 /// As [`Exchange::read`].
-pub(in crate::import) fn read(source: &Source, times: Option<&SampleTimes>) -> Result<PlainMesh> {
+pub(crate) fn read(source: &Source, times: Option<&SampleTimes>) -> Result<PlainMesh> {
     let mut options = Vec::new();
     if let Some(SampleTimes { start, step, count, carrier }) = times {
         options.push(format!("--times={start},{step},{count}"));

@@ -28,7 +28,7 @@ struct Header {
 ///
 /// # Errors
 /// As [`Exchange::read`]; a transform without a rotation.
-pub(in crate::import) fn read(source: &Source, joint: Option<&str>) -> Result<Motion> {
+pub(crate) fn read(source: &Source, joint: Option<&str>) -> Result<Motion> {
     let options: Vec<String> = joint.iter().map(|name| format!("--joint={name}")).collect();
     let read = Exchange::<Header>::read("motion", source, &options)?;
     let over_time = matrices(&required(read.f64s("matrix"), "matrix")?);

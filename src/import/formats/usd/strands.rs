@@ -16,7 +16,7 @@ struct Header {
 ///
 /// # Errors
 /// As [`Exchange::read`].
-pub(in crate::import) fn read(source: &Source) -> Result<PlainStrands> {
+pub(crate) fn read(source: &Source) -> Result<PlainStrands> {
     let read = Exchange::<Header>::read("strands", source, &[])?;
     let counts = required(read.u32s("counts"), "counts")?;
     let root_uv = required(read.f32s("root_uv"), "root_uv")?;
@@ -65,8 +65,8 @@ fn attributes(read: &Exchange<Header>, n: usize) -> Vec<StrandAttributes> {
     (0..n).map(of_curve).collect()
 }
 
-/// Mean width at root and tip of the curves in group `wanted` that are not guides, or of its guides if it has no other
-/// curves with a width; `None` if it has no width.
+/// Mean width at root and tip of the curves in group `wanted` that are not guides, or of its guides if it has
+/// no other curves with a width; `None` if it has no width.
 fn mean_width(widths: &[[f64; 2]], group: &[u32], guide: &[bool], wanted: u32) -> Option<[f64; 2]> {
     let mean = |guides: bool| {
         let members: Vec<_> =

@@ -1,4 +1,4 @@
-//! Grows render strands around guides if the groom has none.
+//! Generates render strands around guides if the groom has none.
 
 use super::scalp::Scalp;
 use super::sections::Sections;
@@ -23,47 +23,48 @@ const COURSE_WINDOW: usize = 6;
 /// Passes of the box filter: three approximate a Gaussian.
 const COURSE_PASSES: usize = 3;
 
-/// How strands are grown.
+/// How strands are generated.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Growth {
+pub struct Generation {
     /// New strands around each guide.
     pub per_guide: usize,
     /// Vertices of each.
     pub vertices: usize,
     /// Largest relative shortening of a strand against its guide; 0 to 1.
-    pub shorter: f64,
-    /// Share by which strands converge to their guide from root to tip: 0 for parallel strands, 1 for a point.
+    pub length_variation: f64,
+    /// Share by which strands converge to their guide from root to tip: 0 for parallel strands, 1 for a
+    /// point.
     pub clump: f64,
 }
 
-impl Default for Growth {
+impl Default for Generation {
     fn default() -> Self {
-        Growth { per_guide: 50, vertices: 16, shorter: 0.08, clump: 0.4 }
+        Generation { per_guide: 50, vertices: 16, length_variation: 0.08, clump: 0.4 }
     }
 }
 
-/// Grows strands within the footprint of each guide (m, guides × sections at the fractions `arc`). Returns the strands
-/// and the guide of each.
+/// Generates strands within the footprint of each guide (m, guides × sections at the fractions `arc`).
+/// Returns the strands and the guide of each.
 ///
-/// Strands are evenly spread over a disc, each at a fixed share of the footprint's radius, in frames that follow the
-/// smoothed course of the guide rather than its curls, so that curls stay alike. With a scalp, each root is placed as
-/// high above it as the root of its guide.
-pub(super) fn grow(
+/// Strands are evenly spread over a disc, each at a fixed share of the footprint's radius, in frames that
+/// follow the smoothed course of the guide rather than its curls, so that curls stay alike. With a scalp,
+/// each root is placed as high above it as the root of its guide.
+pub(super) fn generate(
     guides: &Curves,
     sections: &Sections,
     footprint: &[f64],
     arc: &[f64],
-    growth: Growth,
+    generation: Generation,
     scalp: Option<&Scalp>,
 ) -> (Curves, Vec<u32>) {
-    let vertices = growth.vertices;
+    let vertices = generation.vertices;
     let tuft = |g: usize| -> Vec<Vector3<f64>> {
         let footprint = &footprint[g * sections.count..(g + 1) * sections.count];
         let Some(tuft) = Tuft::new(g, guides.curve(g), arc, footprint) else { return Vec::new() };
-        let mut points = Vec::with_capacity(growth.per_guide * vertices);
-        for i in 0..growth.per_guide {
+        let mut points = Vec::with_capacity(generation.per_guide * vertices);
+        for i in 0..generation.per_guide {
             let start = points.len();
-            tuft.add_strand(i, growth, &mut points);
+            tuft.add_strand(i, generation, &mut points);
             if let Some(scalp) = scalp {
                 lift_root(&mut points[start..], &tuft.guide.at(0.0).x, scalp);
             }
@@ -104,13 +105,13 @@ impl<'a> Tuft<'a> {
     }
 
     /// Appends the vertices of strand `i`.
-    fn add_strand(&self, i: usize, growth: Growth, points: &mut Vec<Vector3<f64>>) {
-        let Growth { per_guide, vertices, shorter, clump } = growth;
+    fn add_strand(&self, i: usize, generation: Generation, points: &mut Vec<Vector3<f64>>) {
+        let Generation { per_guide, vertices, length_variation, clump } = generation;
         let g = self.index;
         // Each tuft is rotated by its own angle, so that neighbours differ.
         let angle = (i as f64 + g as f64 * GOLDEN_RATIO) * GOLDEN_ANGLE;
         let share = ((i as f64 + 0.5) / per_guide as f64).sqrt();
-        let cut = 1.0 - shorter * (((i + g) as f64) * GOLDEN_RATIO).fract();
+        let cut = 1.0 - length_variation * (((i + g) as f64) * GOLDEN_RATIO).fract();
         let along: Vec<f64> = (0..vertices).map(|v| fraction(v, vertices) * cut).collect();
         let on_course: Vec<f64> = along.iter().map(|a| a * self.course.length()).collect();
         let frames: Vec<UnitQuaternion<f64>> = rotation_minimising(&self.course, &on_course, None);
@@ -122,8 +123,8 @@ impl<'a> Tuft<'a> {
     }
 }
 
-/// Moves the root of a strand to the height of its guide's root above the scalp; the displacement fades out along the
-/// strand.
+/// Moves the root of a strand to the height of its guide's root above the scalp; the displacement fades out
+/// along the strand.
 fn lift_root(strand: &mut [Vector3<f64>], guide_root: &Vector3<f64>, scalp: &Scalp) {
     let vertices = strand.len();
     let lift = scalp.lift(guide_root, &strand[0]);
@@ -137,8 +138,8 @@ fn fraction(v: usize, vertices: usize) -> f64 {
     v as f64 / (vertices - 1) as f64
 }
 
-/// The course of a strand without its curls: [`COURSE_SAMPLES`] points under a box filter that narrows towards the ends,
-/// so that root and tip stay in place.
+/// The course of a strand without its curls: [`COURSE_SAMPLES`] points under a box filter that narrows
+/// towards the ends, so that root and tip stay in place.
 fn smooth_course(spline: &ArcSpline) -> Vec<Vector3<f64>> {
     let last = COURSE_SAMPLES - 1;
     let mut points: Vec<_> =
@@ -176,17 +177,18 @@ mod tests {
     #[test]
     fn strands_fill_the_footprint_and_no_more() {
         let (guide, sections, arc) = one_guide(|u| Vector3::new(0.0, -0.2 * u, 0.02 * u * u));
-        let growth = Growth { per_guide: 100, vertices: 9, shorter: 0.1, clump: 0.5 };
-        let (grown, guide_of_strand) = grow(&guide, &sections, &[0.01; 6], &arc, growth, None);
-        assert_eq!((grown.len(), guide_of_strand), (100, vec![0; 100]));
-        assert_eq!(grown.root_uv[99], [0.5, 0.25]);
-        let reach =
-            |v: usize| (0..100).map(|c| grown.curve(c)[v]).map(move |x| x.x.hypot(x.z)).fold(0.0, f64::max);
+        let generation = Generation { per_guide: 100, vertices: 9, length_variation: 0.1, clump: 0.5 };
+        let (generated, guide_of_strand) = generate(&guide, &sections, &[0.01; 6], &arc, generation, None);
+        assert_eq!((generated.len(), guide_of_strand), (100, vec![0; 100]));
+        assert_eq!(generated.root_uv[99], [0.5, 0.25]);
+        let reach = |v: usize| {
+            (0..100).map(|c| generated.curve(c)[v]).map(move |x| x.x.hypot(x.z)).fold(0.0, f64::max)
+        };
         assert!(reach(0) > 0.0095 && reach(0) <= 0.01 + 1e-12, "{}", reach(0));
-        let centre = (0..100).map(|c| grown.curve(c)[0]).sum::<Vector3<f64>>() / 100.0;
+        let centre = (0..100).map(|c| generated.curve(c)[0]).sum::<Vector3<f64>>() / 100.0;
         assert!(centre.norm() < 1e-3);
         let width = |v: usize| {
-            let x = || (0..100).map(|c| grown.curve(c)[v].x);
+            let x = || (0..100).map(|c| generated.curve(c)[v].x);
             x().fold(f64::MIN, f64::max) - x().fold(f64::MAX, f64::min)
         };
         assert!(width(8) < 0.6 * width(0), "strands converge: {} {}", width(8), width(0));
@@ -196,12 +198,13 @@ mod tests {
     fn offsets_do_not_rotate_with_the_curls_of_the_guide() {
         let curl = |u: f64| Vector3::new(0.01 * (40.0 * u).cos(), -0.2 * u, 0.01 * (40.0 * u).sin());
         let (guide, sections, arc) = one_guide(curl);
-        let growth = Growth { per_guide: 7, vertices: 40, shorter: 0.0, clump: 0.0 };
-        let (grown, _) = grow(&guide, &sections, &[0.004; 6], &arc, growth, None);
+        let generation = Generation { per_guide: 7, vertices: 40, length_variation: 0.0, clump: 0.0 };
+        let (generated, _) = generate(&guide, &sections, &[0.004; 6], &arc, generation, None);
         let spline = ArcSpline::through(guide.curve(0)).unwrap();
         for c in 0..7 {
-            let off: Vec<_> =
-                (8..32).map(|v| grown.curve(c)[v] - spline.at(spline.length() * v as f64 / 39.0).x).collect();
+            let off: Vec<_> = (8..32)
+                .map(|v| generated.curve(c)[v] - spline.at(spline.length() * v as f64 / 39.0).x)
+                .collect();
             assert!(
                 off.iter().all(|d| d.angle(&off[0]) < 0.9),
                 "{:?}",
@@ -218,8 +221,9 @@ mod tests {
             triangles: vec![[0, 1, 2]],
         };
         let scalp = Scalp::new(&mesh).unwrap();
-        let (grown, _) = grow(&guide, &sections, &[0.01; 6], &arc, Growth::default(), Some(&scalp));
-        assert!((0..50).all(|c| (grown.curve(c)[0].y - 0.1).abs() < 1e-9));
-        assert!((0..50).any(|c| (grown.curve(c)[12].y - 0.1).abs() > 1e-3));
+        let (generated, _) =
+            generate(&guide, &sections, &[0.01; 6], &arc, Generation::default(), Some(&scalp));
+        assert!((0..50).all(|c| (generated.curve(c)[0].y - 0.1).abs() < 1e-9));
+        assert!((0..50).any(|c| (generated.curve(c)[12].y - 0.1).abs() > 1e-3));
     }
 }
