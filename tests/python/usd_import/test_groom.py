@@ -62,7 +62,7 @@ def test_ids_order_groups_widths_and_root_coordinates(imports, tmp_path, numbere
     hair.SetWidthsInterpolation("uniform")
     stage.Save()
     groom, said = imports(tmp_path / "a.usda", *OPTIONS)
-    assert "2 of them named as guides" in said
+    assert "2 of them marked as guides" in said
     assert groom.array("guides", "id").tolist() == [10, 20]
     assert groom.array("strands", "id").tolist() == [40, 30]
     assert np.allclose(groom.array("guides", "root_uv"), [[0.1, 0.2], [0.3, 0.2]])

@@ -73,7 +73,7 @@ def test_a_transform_with_its_frames_unit_axis_and_rest_pose(track, tmp_path):
         0.01,
         "z",
     )
-    assert "1 unit = 0.01 m, Z up" in said and "as the file has it" in said
+    assert "1 unit = 0.01 m, Z up" in said and "oriented as in the file" in said
     # A point of the head as it was modelled, 1.6 m up, after nine frames: 18 cm out, turned by 27°.
     angle = np.radians(27)
     assert np.allclose(
@@ -243,8 +243,8 @@ def test_faults_are_told_and_nothing_is_written(refused, tmp_path):
     assert "/char, /char/head" in words()
     assert "no such prim" in words("--prim", "/nobody")
     assert "no transform" in words("--prim", "/scope")
-    assert "mirrored" in words("--prim", "/mirrored")
-    assert "frames 90 to 95" in words("--prim", "/char", "--frames", "90-95") and "101 to 112" in words(
+    assert "mirror" in words("--prim", "/mirrored")
+    assert "frames: 90 to 95" in words("--prim", "/char", "--frames", "90-95") and "101 to 112" in words(
         "--prim", "/char", "--frames", "90-95"
     )
     both = words(
