@@ -5,7 +5,10 @@
 
 use divan::Bencher;
 use hairbake::contact::friction::Law;
-use hairbake::contact::{Bodies, Motion, Polyline, Problem, Scratch, Tolerance, Workspace, solve};
+use hairbake::contact::{
+    Bodies, BodyMotion, ContactCache, FrictionProblem, FrictionScratch, FrictionTolerance, MovingPolyline,
+    solve,
+};
 use hairbake::geometry::{Shape, TriMesh};
 use hairbake::scene::Convention;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -19,7 +22,7 @@ const SEGMENTS: usize = 16;
 
 struct Scene {
     bodies: Bodies,
-    motion: Motion,
+    motion: BodyMotion,
     /// Vertices at the start and at the end, and clearances, of each guide.
     guides: Vec<[Vec<Vector3<f64>>; 2]>,
     clearances: Vec<Vec<[f64; 2]>>,
@@ -49,7 +52,7 @@ fn sintel() -> Option<Scene> {
     let centre = curves.iter().map(|curve| curve[0]).sum::<Vector3<f64>>() / curves.len() as f64;
     let turn = UnitQuaternion::from_scaled_axis(Vector3::y() * 5.0 * step);
     let end = Isometry3::from_parts(Translation3::from(centre - turn * centre + Vector3::x() * step), turn);
-    let motion = Motion { times: [0.0, 1.0], start: Isometry3::identity(), end };
+    let motion = BodyMotion { times: [0.0, 1.0], start: Isometry3::identity(), end };
     let mut scene = Scene { bodies, motion, guides: Vec::new(), clearances: Vec::new() };
     for x0 in curves {
         let carried = |x: &Vector3<f64>| end.rotation * x + end.translation.vector;
@@ -66,15 +69,15 @@ fn sintel() -> Option<Scene> {
     Some(scene)
 }
 
-fn each_guide(bencher: Bencher, mut work: impl FnMut(&Scene, &Polyline, &mut Workspace) -> usize) {
+fn each_guide(bencher: Bencher, mut work: impl FnMut(&Scene, &MovingPolyline, &mut ContactCache) -> usize) {
     let Some(scene) = sintel() else { return };
-    let mut workspaces = vec![Workspace::default(); scene.guides.len()];
+    let mut workspaces = vec![ContactCache::default(); scene.guides.len()];
     bencher.bench_local(|| {
         let mut found = 0;
         for (([x0, x1], clearance), workspace) in
             scene.guides.iter().zip(&scene.clearances).zip(&mut workspaces)
         {
-            found += work(&scene, &Polyline { x0, x1, clearance }, workspace);
+            found += work(&scene, &MovingPolyline { x0, x1, clearance }, workspace);
         }
         assert!(found > 0, "nothing near: not the scene that was meant");
         found
@@ -118,7 +121,7 @@ fn candidates_and_impacts_without_memory(bencher: Bencher) {
     let mut contacts = Vec::new();
     each_guide(bencher, |scene, line, _| {
         contacts.clear();
-        let mut work = Workspace::default();
+        let mut work = ContactCache::default();
         scene.bodies.candidates(&[scene.motion], line, 5e-4, &mut work, &mut contacts);
         scene.bodies.impacts(&[scene.motion], line, &mut work, &mut contacts);
         contacts.len()
@@ -149,9 +152,9 @@ fn coulomb(bencher: Bencher, n: usize) {
         .collect();
     let b: Vec<f64> = (0..rows).map(|i| (0..freedoms).map(|j| entry(i, j) * entry(j, 7)).sum()).collect();
     let laws = vec![Law::Coulomb(0.3.into()); n];
-    let problem = Problem { w: &w, b: &b, laws: &laws };
-    let tolerance = Tolerance { residual: 1e-6, sweeps: 500 };
-    let (mut r, mut scratch) = (vec![0.0; rows], Scratch::default());
+    let problem = FrictionProblem { w: &w, b: &b, laws: &laws };
+    let tolerance = FrictionTolerance { residual: 1e-6, sweeps: 500 };
+    let (mut r, mut scratch) = (vec![0.0; rows], FrictionScratch::default());
     bencher.bench_local(|| {
         r.fill(0.0);
         solve(&problem, tolerance, &mut r, &mut scratch)

@@ -21,9 +21,9 @@ pub struct Bodies {
     pub bodies: Vec<Body>,
 }
 
-/// Motion of a body over a step or a part of one.
+/// BodyMotion of a body over a step or a part of one.
 #[derive(Debug, Clone, Copy)]
-pub struct Motion {
+pub struct BodyMotion {
     /// Start and end, s, within the step that the bodies are prepared for: when a body that deforms has its shape.
     pub times: [f64; 2],
     /// Body frame to world at the start.
@@ -34,7 +34,7 @@ pub struct Motion {
 
 /// A polyline that moves over a sub-step; `n` vertices, root first, world frame, m.
 #[derive(Debug, Clone, Copy)]
-pub struct Polyline<'a> {
+pub struct MovingPolyline<'a> {
     /// Vertices at the start.
     pub x0: &'a [Vector3<f64>],
     /// Candidate vertices at the end.
@@ -69,7 +69,7 @@ pub struct Contact {
 /// Buffers and memory of one polyline, reused from step to step. Its memory never changes a result: it only spares
 /// searches whose answer it proves to be "nothing near".
 #[derive(Debug, Clone, Default)]
-pub struct Workspace {
+pub struct ContactCache {
     /// Vertices at start and end in the frame of the body at hand.
     pub(super) local: [Vec<Vector3<f64>>; 2],
     /// Triangles near the segment at hand.
@@ -81,9 +81,9 @@ pub struct Workspace {
 /// Points of a polyline, and middles behind them, that are asked about at once: where they are all far from a body, one answer does.
 const BUNCH: usize = 4;
 
-/// What spares searches for the points of one [`Bodies::each_nearer`].
+/// What spares searches for the points of one [`Bodies::each_point_within`].
 #[derive(Debug, Clone, Default)]
-pub struct Memory {
+pub struct ProximityCache {
     /// Of each point beside each body.
     points: Vec<Outside>,
     /// Of the middle of each bunch beside each body.
@@ -94,7 +94,7 @@ pub struct Memory {
     near: Vec<bool>,
 }
 
-impl Memory {
+impl ProximityCache {
     /// Puts balls around bunches of `x`, and makes room for so many bodies.
     fn gather(&mut self, x: &[Vector3<f64>], bodies: usize) {
         let (points, middles) = x.split_at(x.len().div_ceil(2));
@@ -137,7 +137,7 @@ impl Outside {
         if spare > 0.0 && (at - self.at).norm_squared() < spare * spare {
             return true;
         }
-        let least = solid.least_distance(at);
+        let least = solid.distance_lower_bound(at);
         if least > reach {
             // The foot is as old as it was.
             (self.at, self.distance) = (*at, least);
@@ -169,7 +169,7 @@ impl Remembered {
         // A search has no use beyond a few steps' motion, and costs more the farther it goes.
         let horizon = half + 8.0 * farther_than;
         let middle = 0.5 * (ends[0] + ends[1]);
-        let distance = match solid.over([t, t]) {
+        let distance = match solid.surface_over([t, t]) {
             // Contacts with a convex shape are found at any depth: only outside is far.
             MovingSurface::Convex(convex) => convex.closest(&middle).distance,
             MovingSurface::Mesh([mesh, _]) => {
@@ -177,7 +177,7 @@ impl Remembered {
             }
         };
         // The margin keeps the bound a bound under rounding.
-        Remembered { ends, distance: (distance - half) * (1.0 - 1e-9) - 1e-12, travel: solid.travel(t) }
+        Remembered { ends, distance: (distance - half) * (1.0 - 1e-9) - 1e-12, travel: solid.max_travel(t) }
     }
 
     /// Whether the segment is surely `reach` or more away at all of `places`, and anywhere between them: no point of it
@@ -187,15 +187,15 @@ impl Remembered {
             .iter()
             .flat_map(|(_, x)| [(x[0] - self.ends[0]).norm_squared(), (x[1] - self.ends[1]).norm_squared()])
             .fold(0.0, f64::max);
-        let met = places.iter().map(|(t, _)| (solid.travel(*t) - self.travel).abs()).fold(0.0, f64::max);
+        let met = places.iter().map(|(t, _)| (solid.max_travel(*t) - self.travel).abs()).fold(0.0, f64::max);
         let spare = self.distance - reach - met;
         spare > 0.0 && moved < spare * spare
     }
 }
 
-impl Workspace {
+impl ContactCache {
     /// Moves the polyline into the frame of a body.
-    pub(super) fn enter(&mut self, line: &Polyline, motion: &Motion) {
+    pub(super) fn enter(&mut self, line: &MovingPolyline, motion: &BodyMotion) {
         let poses = [motion.start.inverse(), motion.end.inverse()];
         for ((local, world), pose) in self.local.iter_mut().zip([line.x0, line.x1]).zip(poses) {
             local.clear();
@@ -266,19 +266,19 @@ impl Bodies {
     /// says, m, at body b and place k at `b * x.len() + k`, in order: that index, the distance, m, and the body's outward normal, world. The bodies are at
     /// time `t`, s, at `poses`. `memory` is that of the same places before; it changes no answer but beside an open border of a mesh, where a place comes to
     /// the other side without going through the surface.
-    pub fn each_nearer(
+    pub fn each_point_within(
         &self,
         (t, poses): (f64, &[Isometry3<f64>]),
         x: &[Vector3<f64>],
         within: &[f64],
-        memory: &mut Memory,
+        memory: &mut ProximityCache,
         mut found: impl FnMut(usize, f64, Vector3<f64>),
     ) {
         memory.gather(x, self.len());
-        let Memory { points: seen, bunches, balls, near } = memory;
+        let ProximityCache { points: seen, bunches, balls, near } = memory;
         let (bunches, points) = (bunches.chunks_mut(balls.len().max(1)), x.len().div_ceil(2));
         for (b, ((body, pose), bunches)) in self.bodies.iter().zip(poses).zip(bunches).enumerate() {
-            let travel = body.solid.travel(t);
+            let travel = body.solid.max_travel(t);
             let (turn, origin) = (pose.rotation.inverse().to_rotation_matrix(), pose.translation.vector);
             let of_body = b * x.len()..(b + 1) * x.len();
             let (within, seen) = (&within[of_body.clone()], &mut seen[of_body]);
@@ -326,19 +326,19 @@ impl Bodies {
 
     /// Where the way from `a` to `b` first goes through the surface of a body at time `t`, s, from either side: share of the way, and the
     /// outward normal there, all in the body's own frame.
-    pub fn first_hit(
+    pub fn first_intersection(
         &self,
         body: usize,
         t: f64,
         a: &Vector3<f64>,
         b: &Vector3<f64>,
     ) -> Option<(f64, Vector3<f64>)> {
-        self.bodies[body].solid.first_hit(t, a, b)
+        self.bodies[body].solid.first_intersection(t, a, b)
     }
 
     /// Whether a point, in the body's own frame, is inside it at time `t`, s. For a mesh this is dear: for set-up only.
-    pub fn inside(&self, body: usize, t: f64, p: &Vector3<f64>) -> bool {
-        self.bodies[body].solid.inside(t, p)
+    pub fn contains(&self, body: usize, t: f64, p: &Vector3<f64>) -> bool {
+        self.bodies[body].solid.contains(t, p)
     }
 }
 
@@ -360,8 +360,8 @@ impl Found {
         self,
         body: usize,
         friction: Option<Friction>,
-        motion: &Motion,
-        line: &Polyline,
+        motion: &BodyMotion,
+        line: &MovingPolyline,
     ) -> Contact {
         let Found { segment: k, u, feature, normal, point } = self;
         let to_world = |pose: &Isometry3<f64>, y: &Vector3<f64>| pose.rotation * y + pose.translation.vector;
@@ -372,9 +372,9 @@ impl Found {
     }
 }
 
-impl Polyline<'_> {
+impl MovingPolyline<'_> {
     /// Clearances from a body of all segments.
-    pub(super) fn beside(&self, body: usize) -> &[[f64; 2]] {
+    pub(super) fn clearances(&self, body: usize) -> &[[f64; 2]] {
         let segments = self.x0.len().saturating_sub(1);
         &self.clearance[body * segments..][..segments]
     }
@@ -383,19 +383,19 @@ impl Polyline<'_> {
     pub fn gap(&self, contact: &Contact) -> f64 {
         let k = contact.segment;
         let x = self.x1[k] + (self.x1[k + 1] - self.x1[k]) * contact.u;
-        contact.normal.dot(&(x - contact.point[1])) - self.kept_at(contact)
+        contact.normal.dot(&(x - contact.point[1])) - self.clearance_at(contact)
     }
 
     /// How far the place of `contact` has moved along its plane from where that touches the surface, m.
-    pub fn beside_plane(&self, contact: &Contact) -> f64 {
+    pub fn tangential_offset(&self, contact: &Contact) -> f64 {
         let k = contact.segment;
         let x = self.x1[k] + (self.x1[k + 1] - self.x1[k]) * contact.u - contact.point[1];
         (x - contact.normal * contact.normal.dot(&x)).norm()
     }
 
     /// Clearance at the place of `contact`, m.
-    pub fn kept_at(&self, contact: &Contact) -> f64 {
-        let [from, to] = self.beside(contact.body)[contact.segment];
+    pub fn clearance_at(&self, contact: &Contact) -> f64 {
+        let [from, to] = self.clearances(contact.body)[contact.segment];
         from + (to - from) * contact.u
     }
 }
@@ -409,10 +409,10 @@ mod tests {
         let ball = Shape::Sphere { centre: Vector3::zeros(), radius: 0.3 }.tessellate();
         let bodies = Bodies::from_shapes(&[Shape::Mesh(ball)]);
         let x = [Vector3::x() * 0.5, Vector3::x() * 0.1, Vector3::x() * 0.3];
-        let (mut memory, mut told) = (Memory::default(), Vec::new());
+        let (mut memory, mut told) = (ProximityCache::default(), Vec::new());
         // Twice: what is remembered is as right as what is found.
         for _ in 0..2 {
-            bodies.each_nearer(
+            bodies.each_point_within(
                 (0.0, &[Isometry3::identity()]),
                 &x,
                 &[5e-4; 3],
@@ -442,7 +442,7 @@ mod tests {
             // Some may be a little inside; of some nothing is asked.
             let count = 2 * points.len() - 1;
             let within: Vec<_> = [-1e-3, 5e-4, 5e-3, f64::NEG_INFINITY, 0.0].into_iter().cycle().take(2 * count).collect();
-            let mut memory = Memory::default();
+            let mut memory = ProximityCache::default();
             for step in steps {
                 let [one, other] = [0, 3].map(|i| Vector3::from_column_slice(&step[i..i + 3]));
                 points.iter_mut().step_by(2).for_each(|x| *x += one);
@@ -457,7 +457,7 @@ mod tests {
                 };
                 let nearer: Vec<_> = (0..2 * count).filter(|i| distance(*i) < within[*i]).collect();
                 let mut found = Vec::new();
-                bodies.each_nearer((0.0, &poses), &x, &within, &mut memory, |i, at, _| found.push((i, at)));
+                bodies.each_point_within((0.0, &poses), &x, &within, &mut memory, |i, at, _| found.push((i, at)));
                 prop_assert_eq!(found.iter().map(|f| f.0).collect::<Vec<_>>(), nearer);
                 prop_assert!(found.iter().all(|(i, at)| (at - distance(*i)).abs() < 1e-12));
             }

@@ -10,7 +10,7 @@
 //! at the closest surface. Behind a mesh this holds to a depth of reach + |clearance|; what went deeper, or right through,
 //! is left to [`ccd`](super::ccd).
 
-use super::bodies::{Bodies, Contact, Found, Motion, Polyline, Workspace};
+use super::bodies::{Bodies, BodyMotion, Contact, ContactCache, Found, MovingPolyline};
 use crate::geometry::{Bounds, SolidMesh};
 use crate::geometry::{Convex, Feature, MovingSurface, SurfacePoint};
 use crate::geometry::{closest_on_triangle, segment_segment};
@@ -24,16 +24,16 @@ impl Bodies {
     /// body, root to tip.
     pub fn candidates(
         &self,
-        motions: &[Motion],
-        line: &Polyline,
+        motions: &[BodyMotion],
+        line: &MovingPolyline,
         reach: f64,
-        work: &mut Workspace,
+        work: &mut ContactCache,
         out: &mut Vec<Contact>,
     ) {
         let segments = line.x0.len().saturating_sub(1);
         work.size(self.len(), segments);
         for (b, (body, motion)) in self.bodies.iter().zip(motions).enumerate() {
-            let clearances = line.beside(b);
+            let clearances = line.clearances(b);
             work.enter(line, motion);
             for k in 0..segments {
                 let clearance = clearances[k];
@@ -45,11 +45,11 @@ impl Bodies {
                 if work.surely_far(&body.solid, b * segments + k, &[(motion.times[1], x1)], near) {
                     continue;
                 }
-                let travel = body.solid.travel(motion.times[1]) - body.solid.travel(motion.times[0]);
+                let travel = body.solid.max_travel(motion.times[1]) - body.solid.max_travel(motion.times[0]);
                 let first = k == 0 || is_exempt(&clearances[k - 1]);
                 let finder = Finder { clearance, segment: k, first, x0, x1, near, reach, travel };
                 let emit = |found: Found| out.push(found.into_world(b, body.friction, motion, line));
-                match body.solid.over(motion.times) {
+                match body.solid.surface_over(motion.times) {
                     MovingSurface::Convex(convex) => finder.on_convex(convex, emit),
                     MovingSurface::Mesh(meshes) => {
                         work.triangles.clear();

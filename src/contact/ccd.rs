@@ -13,11 +13,11 @@
 //! ξ is a fraction of the smaller of the clearance and the distance at the start, so a segment that is outside at the
 //! start of a step is outside at its end, however often it is stopped.
 
-use super::bodies::{Bodies, Contact, Found, Motion, Polyline, Workspace};
+use super::bodies::{Bodies, BodyMotion, Contact, ContactCache, Found, MovingPolyline};
 use super::candidates::is_exempt;
-use crate::geometry::{Bounds, SolidMesh, at_weights};
+use crate::geometry::{Bounds, SolidMesh, barycentric_point};
+use crate::geometry::{ClosestPoints, barycentric, segment_triangle};
 use crate::geometry::{Convex, Feature, MovingSurface};
-use crate::geometry::{Pair, segment_triangle, weights};
 use crate::math::frame::transport;
 use nalgebra::Vector3;
 
@@ -37,9 +37,9 @@ impl Bodies {
     /// Only stretches with positive clearance are watched, and only what is outside a body at the start can hit it.
     pub fn impacts(
         &self,
-        motions: &[Motion],
-        line: &Polyline,
-        work: &mut Workspace,
+        motions: &[BodyMotion],
+        line: &MovingPolyline,
+        work: &mut ContactCache,
         out: &mut Vec<Contact>,
     ) -> f64 {
         let mut first: f64 = 1.0;
@@ -47,7 +47,7 @@ impl Bodies {
         work.size(self.len(), segments);
         for (b, (body, motion)) in self.bodies.iter().zip(motions).enumerate() {
             work.enter(line, motion);
-            for (k, clearance) in line.beside(b).iter().enumerate() {
+            for (k, clearance) in line.clearances(b).iter().enumerate() {
                 let Some(watched) = Watched::new(clearance) else { continue };
                 let [x0, x1] = [&work.local[0], &work.local[1]].map(|x| [x[k], x[k + 1]]);
                 let (places, slot) = ([(motion.times[1], x1), (motion.times[0], x0)], b * segments + k);
@@ -55,11 +55,12 @@ impl Bodies {
                     continue;
                 }
                 let path = Path { start: watched.of(x0), end: watched.of(x1) };
-                let impact = match body.solid.over(motion.times) {
+                let impact = match body.solid.surface_over(motion.times) {
                     MovingSurface::Convex(convex) => path.first_on_convex(convex, watched.clearance),
                     MovingSurface::Mesh(meshes) => {
                         work.triangles.clear();
-                        let travel = body.solid.travel(motion.times[1]) - body.solid.travel(motion.times[0]);
+                        let travel =
+                            body.solid.max_travel(motion.times[1]) - body.solid.max_travel(motion.times[0]);
                         let margin = (SEPARATION + TOLERANCE) * watched.clearance + travel;
                         meshes[1].triangles_in(&path.bounds(margin), &mut work.triangles);
                         path.first_on_mesh(meshes, &work.triangles, watched.clearance)
@@ -275,19 +276,25 @@ impl Triangle<'_> {
         if !self.moves() {
             return Impact { time, u: pair.u, normal, point: [pair.point; 2], feature };
         }
-        let w = weights(pair.part, &pair.point, now.each_ref());
+        let w = barycentric(pair.part, &pair.point, now.each_ref());
         // The normal turns with the surface, as seen by the pseudonormal of what was hit.
         let [before, after] = self.meshes.map(|mesh| mesh.pseudonormal(feature));
         let turned = match before.lerp(&after, time).try_normalize(0.0) {
             Some(then) if after != Vector3::zeros() => transport(&then, &after) * normal,
             _ => normal,
         };
-        Impact { time, u: pair.u, normal: turned, point: self.corners.map(|c| at_weights(c, &w)), feature }
+        Impact {
+            time,
+            u: pair.u,
+            normal: turned,
+            point: self.corners.map(|c| barycentric_point(c, &w)),
+            feature,
+        }
     }
 }
 
 /// Closest points of a segment and a triangle, and the unit direction from the triangle to the segment; zero where they meet.
-fn closest(ends: &[Vector3<f64>; 2], corners: [&Vector3<f64>; 3]) -> (Pair, Vector3<f64>) {
+fn closest(ends: &[Vector3<f64>; 2], corners: [&Vector3<f64>; 3]) -> (ClosestPoints, Vector3<f64>) {
     let pair = segment_triangle(&ends[0], &ends[1], corners);
     let offset = ends[0].lerp(&ends[1], pair.u) - pair.point;
     (pair, offset.try_normalize(0.0).unwrap_or_else(Vector3::zeros))

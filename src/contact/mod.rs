@@ -1,15 +1,15 @@
-//! Contact of moving polylines with bodies: finding, continuous detection, Coulomb solve. Knows no rods.
+//! Contact of moving polylines with bodies and with each other: detection, and Coulomb friction.
 //!
-//! A polyline moves over a sub-step from `x0` to `x1`; bodies are kinematic, with a pose at the start and at the end of it, and
-//! are rigid or deform in their own frame, where their vertices then move linearly. The motion of a vertex is taken as linear **in the frame of the body** it is tested against, from
-//! pose(0)⁻¹ x0 to pose(1)⁻¹ x1. Against the true screw motion of a body that turns by α in the sub-step this errs by
-//! at most r (1 − cos α/2) at distance r from its axis: 2 µm at 0.1 m and 0.7°, and it is the same path at both ends.
+//! A polyline moves over a sub-step from `x0` to `x1`. Bodies are kinematic: each has a pose at the start and at the end of the
+//! sub-step, and is rigid or deforms in its own frame, where its vertices then move linearly. A vertex of a polyline is taken to
+//! move linearly **in the frame of the body** it is tested against, from pose(0)⁻¹ x0 to pose(1)⁻¹ x1. For a body that rotates by α
+//! in the sub-step, this differs from the screw motion by at most r (1 − cos α/2) at distance r from its axis (2 µm at 0.1 m and
+//! 0.7°), and agrees with it at both ends.
 //!
-//! - `bodies`: all bodies of a scene, and the workspace that carries closest pairs from step to step.
-//! - `candidates`: contacts near the end of the step.
-//! - `ccd`: first impacts on the way there.
-//! - [`pairs`]: strands against strands, near each other and on the way there.
-//! - [`friction`]: Signorini's condition with Coulomb's cone, solved to a stated residual.
+//! - `candidates`: contacts near the end of the sub-step (discrete detection).
+//! - `ccd`: times of impact (continuous detection).
+//! - [`pairs`]: strands against strands, discrete and continuous.
+//! - [`friction`]: Signorini's condition with Coulomb's law, solved to a given residual.
 
 mod bodies;
 mod candidates;
@@ -17,8 +17,8 @@ mod ccd;
 pub mod friction;
 pub mod pairs;
 
-pub use bodies::{Bodies, Body, Contact, Memory, Motion, Polyline, Workspace};
-pub use friction::{Outcome, Problem, Scratch, Tolerance, solve};
+pub use bodies::{Bodies, Body, BodyMotion, Contact, ContactCache, MovingPolyline, ProximityCache};
+pub use friction::{FrictionOutcome, FrictionProblem, FrictionScratch, FrictionTolerance, solve};
 
 #[cfg(test)]
 mod tests;

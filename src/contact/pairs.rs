@@ -1,4 +1,4 @@
-//! Strands against strands: which segments are near each other, and when moving ones first come too close.
+//! MovingStrands against strands: which segments are near each other, and when moving ones first come too close.
 //!
 //! All strands of a scene move over a sub-step in a common frame, best that of the head: what the head carries along is
 //! no motion of one strand against another. Every vertex moves linearly in that frame. A strand does not meet itself.
@@ -21,9 +21,9 @@ const LAST_CELL: u64 = (1 << 21) - 1;
 /// Distance at which segments meet, m: above what rounding leaves of none, far below what strands keep.
 const MEETING: f64 = 1e-9;
 
-/// Strands that move over a sub-step: the vertices of all, one strand after another, root first.
+/// MovingStrands that move over a sub-step: the vertices of all, one strand after another, root first.
 #[derive(Debug, Clone, Copy)]
-pub struct Strands<'a> {
+pub struct MovingStrands<'a> {
     /// Vertices at the start, m.
     pub x0: &'a [Vector3<f64>],
     /// Vertices at the end, m.
@@ -33,13 +33,13 @@ pub struct Strands<'a> {
 }
 
 /// Two segments of different strands by their first vertices, the lower first.
-pub type Pair = (u32, u32);
+pub type SegmentPair = (u32, u32);
 
 /// A pair with its closest points at the start of the sub-step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Near {
+pub struct ClosestPair {
     /// The segments.
-    pub pair: Pair,
+    pub pair: SegmentPair,
     /// The closest points on them, 0..=1.
     pub u: [f64; 2],
     /// Unit direction from the second to the first; not a number where the segments meet.
@@ -50,9 +50,9 @@ pub struct Near {
 
 /// A place where two strands must keep their distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Meeting {
+pub struct SegmentContact {
     /// The segments.
-    pub pair: Pair,
+    pub pair: SegmentPair,
     /// Places on them, 0..=1.
     pub u: [f64; 2],
     /// Unit direction from the second segment to the first.
@@ -61,7 +61,7 @@ pub struct Meeting {
     pub distance: f64,
 }
 
-impl Strands<'_> {
+impl MovingStrands<'_> {
     /// Whether a segment starts at vertex `k`.
     fn is_segment(&self, k: usize) -> bool {
         self.strand.get(k + 1) == Some(&self.strand[k])
@@ -81,7 +81,7 @@ impl Strands<'_> {
     ///
     /// A uniform grid, its cells somewhat larger than the boxes; a pair is told by the cell of the lower corner of the boxes'
     /// intersection, so once.
-    pub fn pairs(&self, reach: f64) -> Vec<Pair> {
+    pub fn broad_phase(&self, reach: f64) -> Vec<SegmentPair> {
         let segments: Vec<u32> =
             (0..self.strand.len()).filter(|&k| self.is_segment(k)).map(|k| k as u32).collect();
         if segments.is_empty() {
@@ -101,7 +101,7 @@ impl Strands<'_> {
         };
         let mut entries: Vec<(u64, u32)> = boxes.par_iter().enumerate().flat_map_iter(cells_of).collect();
         entries.par_sort_unstable();
-        let mut found: Vec<Pair> = entries
+        let mut found: Vec<SegmentPair> = entries
             .par_chunk_by(|a, b| a.0 == b.0)
             .flat_map_iter(|cell| {
                 let (boxes, segments) = (&boxes, &segments);
@@ -124,20 +124,20 @@ impl Strands<'_> {
     }
 
     /// The closest points of a pair at the start of the step.
-    pub fn near(&self, pair: Pair) -> Near {
+    pub fn closest_pair(&self, pair: SegmentPair) -> ClosestPair {
         Self::closest(pair, [Self::ends(self.x0, pair.0), Self::ends(self.x0, pair.1)])
     }
 
-    fn closest(pair: Pair, [p, q]: [[Vector3<f64>; 2]; 2]) -> Near {
+    fn closest(pair: SegmentPair, [p, q]: [[Vector3<f64>; 2]; 2]) -> ClosestPair {
         let (u, v) = segment_segment([&p[0], &p[1]], [&q[0], &q[1]]);
         let offset = p[0].lerp(&p[1], u) - q[0].lerp(&q[1], v);
         let distance = offset.norm();
-        Near { pair, u: [u, v], normal: offset / distance, distance }
+        ClosestPair { pair, u: [u, v], normal: offset / distance, distance }
     }
 
     /// What the distance of a pair does not fall below in the step, m: that at the start less the most that an end of one moves against an
     /// end of the other.
-    pub fn least_distance(&self, near: &Near) -> f64 {
+    pub fn distance_lower_bound(&self, near: &ClosestPair) -> f64 {
         let [p, q] = [near.pair.0, near.pair.1].map(|k| {
             let (start, end) = (Self::ends(self.x0, k), Self::ends(self.x1, k));
             [end[0] - start[0], end[1] - start[1]]
@@ -148,17 +148,17 @@ impl Strands<'_> {
 
     /// The closest points at the start of the step as a place. `None` where they are at a
     /// vertex and the segment beyond it is nearer, or speaks for it; and where the segments meet, so that there is no direction.
-    pub fn facing(&self, near: &Near) -> Option<Meeting> {
-        let Near { pair, u, normal, distance } = *near;
+    pub fn contact_candidate(&self, near: &ClosestPair) -> Option<SegmentContact> {
+        let ClosestPair { pair, u, normal, distance } = *near;
         let left = || self.left_to_next(pair.0, u[0], &normal) || self.left_to_next(pair.1, u[1], &-normal);
-        (distance > TOUCHING && !left()).then(|| self.meeting(near))
+        (distance > TOUCHING && !left()).then(|| self.contact(near))
     }
 
     /// The closest points of a pair as a place, with the vertices as they are now at the end of the step.
-    fn meeting(&self, near: &Near) -> Meeting {
-        let Near { pair, u, normal, .. } = *near;
-        let meeting = Meeting { pair, u, normal, distance: 0.0 };
-        Meeting { distance: self.distance(&meeting), ..meeting }
+    fn contact(&self, near: &ClosestPair) -> SegmentContact {
+        let ClosestPair { pair, u, normal, .. } = *near;
+        let contact = SegmentContact { pair, u, normal, distance: 0.0 };
+        SegmentContact { distance: self.distance(&contact), ..contact }
     }
 
     /// Whether a closest point at `u` on segment `k`, seen in direction `normal` from the other strand, is another segment's: vertices are
@@ -171,18 +171,18 @@ impl Strands<'_> {
         u == 1.0 && self.is_segment(k + 1) && normal.dot(&(self.x0[k + 2] - self.x0[k + 1])) < 0.0
     }
 
-    /// Distance along the meeting's normal, at its places, with the vertices as they are now at the end of the step, m.
-    pub fn distance(&self, meeting: &Meeting) -> f64 {
-        meeting.normal.dot(&self.offset(self.x1, meeting))
+    /// Distance along the contact's normal, at its places, with the vertices as they are now at the end of the step, m.
+    pub fn distance(&self, contact: &SegmentContact) -> f64 {
+        contact.normal.dot(&self.offset(self.x1, contact))
     }
 
     /// How far the place on the first strand moves past that on the second, m.
-    pub fn slip(&self, meeting: &Meeting) -> Vector3<f64> {
-        self.offset(self.x1, meeting) - self.offset(self.x0, meeting)
+    pub fn slip(&self, contact: &SegmentContact) -> Vector3<f64> {
+        self.offset(self.x1, contact) - self.offset(self.x0, contact)
     }
 
     /// Unit directions of the segments of a pair at the start of the step; null vectors where they have no length.
-    pub fn directions(&self, pair: Pair) -> [Vector3<f64>; 2] {
+    pub fn directions(&self, pair: SegmentPair) -> [Vector3<f64>; 2] {
         [pair.0, pair.1].map(|k| {
             let [a, b] = Self::ends(self.x0, k);
             (b - a).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
@@ -190,7 +190,7 @@ impl Strands<'_> {
     }
 
     /// Mean length of the segments of a pair at the start of the step, m.
-    pub fn mean_length(&self, pair: Pair) -> f64 {
+    pub fn mean_length(&self, pair: SegmentPair) -> f64 {
         let [a, b] = [pair.0, pair.1].map(|k| {
             let [a, b] = Self::ends(self.x0, k);
             (b - a).norm()
@@ -198,15 +198,15 @@ impl Strands<'_> {
         0.5 * (a + b)
     }
 
-    fn offset(&self, x: &[Vector3<f64>], meeting: &Meeting) -> Vector3<f64> {
-        let (p, q) = (Self::ends(x, meeting.pair.0), Self::ends(x, meeting.pair.1));
-        p[0].lerp(&p[1], meeting.u[0]) - q[0].lerp(&q[1], meeting.u[1])
+    fn offset(&self, x: &[Vector3<f64>], contact: &SegmentContact) -> Vector3<f64> {
+        let (p, q) = (Self::ends(x, contact.pair.0), Self::ends(x, contact.pair.1));
+        p[0].lerp(&p[1], contact.u[0]) - q[0].lerp(&q[1], contact.u[1])
     }
 
     /// Whether the segments of a pair pass through each other: whether their ends come to lie in a plane, a root of a cubic in time (Provot
     /// 1997), in which the segments meet. To come as near as one may like is not to cross, nor is to turn past each other's direction, where all four
     /// ends lie in a plane too, but the segments apart.
-    pub fn crosses(&self, pair: Pair) -> bool {
+    pub fn crosses(&self, pair: SegmentPair) -> bool {
         let ends = |x| [Self::ends(x, pair.0), Self::ends(x, pair.1)];
         let (start, end) = (ends(self.x0), ends(self.x1));
         let at = |t: f64| [0, 1].map(|s: usize| [0, 1].map(|i: usize| start[s][i].lerp(&end[s][i], t)));
@@ -245,7 +245,7 @@ impl Strands<'_> {
     ///
     /// Conservative advancement along the direction between the closest points, as for bodies (`ccd`): each of the ends of
     /// one segment against each of the other.
-    pub fn impact(&self, near: &Near, clearance: f64) -> Option<(Meeting, f64)> {
+    pub fn impact(&self, near: &ClosestPair, clearance: f64) -> Option<(SegmentContact, f64)> {
         let pair = near.pair;
         let start = [Self::ends(self.x0, pair.0), Self::ends(self.x0, pair.1)];
         let end = [Self::ends(self.x1, pair.0), Self::ends(self.x1, pair.1)];
@@ -279,7 +279,7 @@ impl Strands<'_> {
                 break;
             }
         }
-        Some((self.meeting(&near), t))
+        Some((self.contact(&near), t))
     }
 }
 
@@ -288,7 +288,7 @@ mod tests {
     use super::*;
     use crate::math::random::Random;
 
-    /// Strands of four vertices each in a cube of `edge`, m, that move by up to `motion`, m.
+    /// MovingStrands of four vertices each in a cube of `edge`, m, that move by up to `motion`, m.
     fn tangle(
         count: u32,
         edge: f64,
@@ -310,7 +310,7 @@ mod tests {
         (x0, x1, strand)
     }
 
-    fn all_pairs(strands: &Strands) -> Vec<Pair> {
+    fn all_pairs(strands: &MovingStrands) -> Vec<SegmentPair> {
         let n = strands.strand.len();
         let segments: Vec<usize> = (0..n).filter(|&k| strands.is_segment(k)).collect();
         let mut out = Vec::new();
@@ -328,13 +328,13 @@ mod tests {
     fn the_grid_finds_what_all_against_all_finds() {
         for (seed, motion) in [(1, 0.0), (2, 0.01), (3, 0.2)] {
             let (x0, x1, strand) = tangle(60, 0.3, motion, seed);
-            let strands = Strands { x0: &x0, x1: &x1, strand: &strand };
+            let strands = MovingStrands { x0: &x0, x1: &x1, strand: &strand };
             let reach = 0.004;
             let boxes = |k: u32| strands.bounds(k as usize, 0.5 * reach);
-            let wanted: Vec<Pair> =
+            let wanted: Vec<SegmentPair> =
                 all_pairs(&strands).into_iter().filter(|&(k, l)| boxes(k).overlaps(&boxes(l))).collect();
             assert!(wanted.len() > 10, "{}", wanted.len());
-            assert_eq!(strands.pairs(reach), wanted);
+            assert_eq!(strands.broad_phase(reach), wanted);
         }
     }
 
@@ -344,17 +344,17 @@ mod tests {
         let mut hits = 0;
         for seed in 0..40 {
             let (x0, x1, strand) = tangle(6, 0.05, 0.08, seed);
-            let strands = Strands { x0: &x0, x1: &x1, strand: &strand };
+            let strands = MovingStrands { x0: &x0, x1: &x1, strand: &strand };
             for pair in all_pairs(&strands) {
-                let near = strands.near(pair);
+                let near = strands.closest_pair(pair);
                 let least = (0..=400)
                     .map(|i| {
                         let t = f64::from(i) / 400.0;
                         let x: Vec<_> = x0.iter().zip(&x1).map(|(a, b)| a.lerp(b, t)).collect();
-                        Strands { x0: &x, x1: &x, strand: &strand }.near(pair).distance
+                        MovingStrands { x0: &x, x1: &x, strand: &strand }.closest_pair(pair).distance
                     })
                     .fold(f64::INFINITY, f64::min);
-                assert!(least >= strands.least_distance(&near));
+                assert!(least >= strands.distance_lower_bound(&near));
                 let scale = clearance.min(near.distance);
                 match strands.impact(&near, clearance) {
                     None => assert!(least > 0.99 * SEPARATION * scale, "{pair:?} passed at {least}"),
@@ -377,7 +377,7 @@ mod tests {
         let needle = |x: f64, y: [f64; 2]| [Vector3::new(x, y[0], -1.0), Vector3::new(x, y[1], 1.0)];
         let crosses = |a: [Vector3<f64>; 2], b: [Vector3<f64>; 2]| {
             let (x0, x1) = ([still, a].concat(), [still, b].concat());
-            Strands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1] }.crosses((0, 2))
+            MovingStrands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1] }.crosses((0, 2))
         };
         for depth in [1e-9, 1e-3, 1.0] {
             assert!(crosses(needle(0.3, [1e-6, 1e-6]), needle(0.3, [-depth, -depth])));
@@ -395,7 +395,7 @@ mod tests {
         let turned = |y: f64, z: f64| [Vector3::new(-1.0, -y, z), Vector3::new(1.0, y, z)];
         let crosses = |z: [f64; 2]| {
             let (x0, x1) = ([still, turned(1e-3, z[0])].concat(), [still, turned(-2e-3, z[1])].concat());
-            Strands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1] }.crosses((0, 2))
+            MovingStrands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1] }.crosses((0, 2))
         };
         for z in [1e-6, 1e-5, 0.1] {
             assert!(!crosses([z, z]) && !crosses([-z, -0.5 * z]));
@@ -408,12 +408,12 @@ mod tests {
         let mut counts = [0; 2];
         for seed in 0..60 {
             let (x0, x1, strand) = tangle(6, 0.05, 0.08, seed);
-            let strands = Strands { x0: &x0, x1: &x1, strand: &strand };
+            let strands = MovingStrands { x0: &x0, x1: &x1, strand: &strand };
             for pair in all_pairs(&strands) {
                 // The side on which the second segment is where their closest points are within both changes at a crossing, and nowhere else.
                 let side = |t: f64| {
                     let x: Vec<_> = x0.iter().zip(&x1).map(|(a, b)| a.lerp(b, t)).collect();
-                    let (p, q) = (Strands::ends(&x, pair.0), Strands::ends(&x, pair.1));
+                    let (p, q) = (MovingStrands::ends(&x, pair.0), MovingStrands::ends(&x, pair.1));
                     let (u, v) = segment_segment([&p[0], &p[1]], [&q[0], &q[1]]);
                     let inner = |s: f64| s > 0.0 && s < 1.0;
                     let normal = (p[1] - p[0]).cross(&(q[1] - q[0]));
@@ -441,8 +441,8 @@ mod tests {
             let mut x1 = x0;
             x1[2].y = -1.0;
             x1[3].y = -1.0;
-            let strands = Strands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1] };
-            let (hit, _) = strands.impact(&strands.near((0, 2)), 1e-4).expect("stopped");
+            let strands = MovingStrands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1] };
+            let (hit, _) = strands.impact(&strands.closest_pair((0, 2)), 1e-4).expect("stopped");
             assert!(hit.normal.y < -0.99 && hit.distance < -0.9, "{hit:?}");
             assert!(strands.crosses((0, 2)));
         }

@@ -8,8 +8,8 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 mod deforming;
 
-fn still() -> Motion {
-    Motion { times: [0.0, 1.0], start: Isometry3::identity(), end: Isometry3::identity() }
+fn still() -> BodyMotion {
+    BodyMotion { times: [0.0, 1.0], start: Isometry3::identity(), end: Isometry3::identity() }
 }
 
 fn mesh_shape(mesh: &TriMesh) -> Shape {
@@ -18,10 +18,10 @@ fn mesh_shape(mesh: &TriMesh) -> Shape {
 
 /// Least signed distance of the polyline to a body's surface over dense samples in time, body frame, from time `from` to
 /// time `to`; negative where it went inside.
-fn least_distance(
+fn distance_lower_bound(
     shape: &Solid,
-    motion: &Motion,
-    line: &Polyline,
+    motion: &BodyMotion,
+    line: &MovingPolyline,
     from: f64,
     to: f64,
     samples: usize,
@@ -34,7 +34,7 @@ fn least_distance(
             .map(|k| into(&motion.start, &line.x0[k]).coords.lerp(&into(&motion.end, &line.x1[k]).coords, t))
             .collect();
         for k in 0..x.len() - 1 {
-            match shape.over(motion.times) {
+            match shape.surface_over(motion.times) {
                 MovingSurface::Convex(convex) => {
                     least = least.min(convex.closest_to_segment(&x[k], &x[k + 1]).1.distance)
                 }
@@ -67,7 +67,7 @@ fn no_tunnelling_over(
     mut step: impl FnMut(&mut Bodies, usize) -> [f64; 2],
 ) {
     let mut random = Random::new(seed);
-    let mut work = Workspace::default();
+    let mut work = ContactCache::default();
     let (mut hits, mut free) = (0, 0);
     while hits + free < cases {
         let start = random.vector() * 0.25;
@@ -75,7 +75,7 @@ fn no_tunnelling_over(
         let x0: Vec<_> =
             (0..4).map(|k| start + direction * 0.03 * k as f64 + random.vector() * 0.01).collect();
         let times = step(bodies, hits + free);
-        let motion = Motion {
+        let motion = BodyMotion {
             times,
             start: Isometry3::identity(),
             end: Isometry3::from_parts(
@@ -86,21 +86,21 @@ fn no_tunnelling_over(
         let throw = random.vector() * 0.08 - start;
         let x1: Vec<_> = x0.iter().map(|x| x + throw + random.vector() * 0.02).collect();
         let clearance = [[1e-3; 2]; 3];
-        let line = Polyline { x0: &x0, x1: &x1, clearance: &clearance };
+        let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &clearance };
         let shape = &bodies.bodies[0].solid;
-        let inside = x0.iter().any(|x| shape.inside(times[0], x));
-        if inside || least_distance(shape, &motion, &line, 0.0, 0.0, 1) <= 1e-6 {
+        let inside = x0.iter().any(|x| shape.contains(times[0], x));
+        if inside || distance_lower_bound(shape, &motion, &line, 0.0, 0.0, 1) <= 1e-6 {
             continue;
         }
         let mut contacts = Vec::new();
         let toi = bodies.impacts(&[motion], &line, &mut work, &mut contacts);
-        let fresh = bodies.impacts(&[motion], &line, &mut Workspace::default(), &mut Vec::new());
+        let fresh = bodies.impacts(&[motion], &line, &mut ContactCache::default(), &mut Vec::new());
         assert_eq!(toi, fresh, "memory changes no result");
         // A sample may fall between two grazes; the bound is that of what must never be reached at all.
-        assert!(least_distance(shape, &motion, &line, 0.0, toi, 150) > 0.0, "tunnels before {toi}");
+        assert!(distance_lower_bound(shape, &motion, &line, 0.0, toi, 150) > 0.0, "tunnels before {toi}");
         if toi < 1.0 {
             hits += 1;
-            let at = least_distance(shape, &motion, &line, toi, toi, 1);
+            let at = distance_lower_bound(shape, &motion, &line, toi, toi, 1);
             assert!(at > 0.0 && at < 0.26e-3, "stops {at} m away");
             assert!(contacts.iter().any(|c| c.gap < 0.0 || c.normal.norm() > 0.999));
         } else {
@@ -148,8 +148,8 @@ fn vertices_and_edges_hit_head_on_are_found_at_the_right_time() {
     let drop = |a: Vector3<f64>, b: Vector3<f64>, fall: Vector3<f64>| {
         let (x0, x1) = ([a, b], [a + fall, b + fall]);
         let mut contacts = Vec::new();
-        let line = Polyline { x0: &x0, x1: &x1, clearance: &d };
-        let toi = body.impacts(&[still()], &line, &mut Workspace::default(), &mut contacts);
+        let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &d };
+        let toi = body.impacts(&[still()], &line, &mut ContactCache::default(), &mut contacts);
         assert_eq!(contacts.len(), 1);
         (toi, contacts[0])
     };
@@ -177,11 +177,11 @@ fn a_pop_of_the_head_is_caught() {
         Translation3::new(0.18, 0.0, 0.0),
         UnitQuaternion::from_scaled_axis(Vector3::new(0.0, 127f64.to_radians(), 0.0)),
     );
-    let motion = Motion { times: [0.0, 1.0], start: Isometry3::identity(), end: pop };
-    let line = Polyline { x0: &x0, x1: &x0, clearance: &[[1e-4; 2]; 16] };
-    let toi = body.impacts(&[motion], &line, &mut Workspace::default(), &mut Vec::new());
+    let motion = BodyMotion { times: [0.0, 1.0], start: Isometry3::identity(), end: pop };
+    let line = MovingPolyline { x0: &x0, x1: &x0, clearance: &[[1e-4; 2]; 16] };
+    let toi = body.impacts(&[motion], &line, &mut ContactCache::default(), &mut Vec::new());
     assert!(toi > 0.0 && toi < 1.0);
-    assert!(least_distance(&body.bodies[0].solid, &motion, &line, 0.0, toi, 400) > 0.0);
+    assert!(distance_lower_bound(&body.bodies[0].solid, &motion, &line, 0.0, toi, 400) > 0.0);
 }
 
 #[test]
@@ -189,7 +189,7 @@ fn memory_of_far_segments_changes_no_result() {
     let shapes = [mesh_shape(&blob(10, 0.1)), Shape::Sphere { centre: Vector3::x() * 0.2, radius: 0.05 }];
     let bodies = Bodies::from_shapes(&shapes);
     let mut random = Random::new(31);
-    let mut remembering = Workspace::default();
+    let mut remembering = ContactCache::default();
     let mut x: Vec<_> = (0..12).map(|k| Vector3::new(0.11 + 0.012 * k as f64, 0.05, 0.0)).collect();
     let mut pose = Isometry3::identity();
     let (mut found, mut spared) = (0, 0);
@@ -199,9 +199,9 @@ fn memory_of_far_segments_changes_no_result() {
             Translation3::from(pose.translation.vector + random.vector() * 0.002),
             UnitQuaternion::from_scaled_axis(random.vector() * 0.02) * pose.rotation,
         );
-        let motions = [Motion { times: [0.0, 1.0], start: pose, end }; 2];
-        let line = Polyline { x0: &x, x1: &x1, clearance: &[[1e-3; 2]; 22] };
-        let all = |work: &mut Workspace| {
+        let motions = [BodyMotion { times: [0.0, 1.0], start: pose, end }; 2];
+        let line = MovingPolyline { x0: &x, x1: &x1, clearance: &[[1e-3; 2]; 22] };
+        let all = |work: &mut ContactCache| {
             let mut contacts = Vec::new();
             bodies.candidates(&motions, &line, 2e-3, work, &mut contacts);
             let toi = bodies.impacts(&motions, &line, work, &mut contacts);
@@ -209,7 +209,7 @@ fn memory_of_far_segments_changes_no_result() {
         };
         let before = remembering.remembered.clone();
         let with = all(&mut remembering);
-        assert_eq!(with, all(&mut Workspace::default()));
+        assert_eq!(with, all(&mut ContactCache::default()));
         found += with.1.len();
         spared += before.iter().zip(&remembering.remembered).filter(|(a, b)| a == b).count();
         (x, pose) = (x1, end);
@@ -222,9 +222,9 @@ fn a_segment_at_rest_on_a_plane_is_held_at_both_ends() {
     let plane = Shape::Plane { point: Vector3::zeros(), normal: Vector3::y() };
     let bodies = Bodies::from_shapes(&[plane]);
     let x = [Vector3::new(0.0, 1e-3, 0.0), Vector3::new(0.1, 1e-3, 0.0)];
-    let line = Polyline { x0: &x, x1: &x, clearance: &[[1e-3; 2]] };
+    let line = MovingPolyline { x0: &x, x1: &x, clearance: &[[1e-3; 2]] };
     let mut contacts = Vec::new();
-    bodies.candidates(&[still()], &line, 1e-4, &mut Workspace::default(), &mut contacts);
+    bodies.candidates(&[still()], &line, 1e-4, &mut ContactCache::default(), &mut contacts);
     assert_eq!(contacts.iter().map(|c| c.u).collect::<Vec<_>>(), [0.0, 1.0]);
     assert!(contacts.iter().all(|c| c.gap.abs() < 1e-15 && c.normal == Vector3::y()));
 }
@@ -237,9 +237,9 @@ fn in_a_crease_both_walls_hold_a_vertex() {
     let triangles = vec![[0, 1, 3], [0, 3, 2], [0, 4, 5], [0, 5, 1]];
     let bodies = Bodies::from_shapes(&[mesh_shape(&TriMesh { vertices, triangles })]);
     let x = [Vector3::new(0.001, 0.5, 0.2), Vector3::new(0.001, 0.01, 0.2)];
-    let line = Polyline { x0: &x, x1: &x, clearance: &[[1e-3; 2]] };
+    let line = MovingPolyline { x0: &x, x1: &x, clearance: &[[1e-3; 2]] };
     let mut contacts = Vec::new();
-    bodies.candidates(&[still()], &line, 0.01, &mut Workspace::default(), &mut contacts);
+    bodies.candidates(&[still()], &line, 0.01, &mut ContactCache::default(), &mut contacts);
     assert_eq!(contacts.len(), 2);
     assert!(contacts.iter().all(|c| c.u == 1.0 && c.normal.y > 0.7));
     assert!(contacts[0].normal.x * contacts[1].normal.x < -0.49);
@@ -256,9 +256,9 @@ fn what_passed_into_a_thin_part_is_pushed_back_the_way_it_came() {
     let plate = TriMesh { vertices: box_vertices, triangles };
     let bodies = Bodies::from_shapes(&[mesh_shape(&plate)]);
     let at = |y: f64| [Vector3::new(0.01, y + 0.01, 0.0), Vector3::new(0.01, y, 0.0)];
-    let line = Polyline { x0: &at(0.003), x1: &at(-0.0007), clearance: &[[1e-4; 2]] };
+    let line = MovingPolyline { x0: &at(0.003), x1: &at(-0.0007), clearance: &[[1e-4; 2]] };
     let mut contacts = Vec::new();
-    bodies.candidates(&[still()], &line, 2e-3, &mut Workspace::default(), &mut contacts);
+    bodies.candidates(&[still()], &line, 2e-3, &mut ContactCache::default(), &mut contacts);
     assert_eq!(contacts.len(), 1, "{contacts:?}");
     assert!((contacts[0].normal - Vector3::y()).norm() < 1e-12);
     assert!((contacts[0].gap + 0.0018).abs() < 1e-12);
@@ -270,15 +270,15 @@ fn exempt_roots_meet_nothing_and_points_inside_are_brought_out_gently() {
     let x: Vec<_> = (0..4).map(|k| Vector3::new(0.0, 0.08 + 0.02 * k as f64, 0.0)).collect();
     let mut contacts = Vec::new();
     let exempt = [[f64::NEG_INFINITY; 2], [f64::NEG_INFINITY, 1e-3], [1e-3; 2]];
-    let line = Polyline { x0: &x, x1: &x, clearance: &exempt };
-    let mut work = Workspace::default();
+    let line = MovingPolyline { x0: &x, x1: &x, clearance: &exempt };
+    let mut work = ContactCache::default();
     bodies.candidates(&[still()], &line, 5e-3, &mut work, &mut contacts);
     assert!(contacts.iter().all(|c| c.segment + usize::from(c.u == 1.0) >= 2));
     assert_eq!(bodies.impacts(&[still()], &line, &mut work, &mut contacts), 1.0);
     // A vertex 30 mm deep that must now be no deeper than 25 mm.
     contacts.clear();
     let gentle = [[-0.025; 2], [f64::NEG_INFINITY; 2], [f64::NEG_INFINITY; 2]];
-    let line = Polyline { x0: &x, x1: &x, clearance: &gentle };
+    let line = MovingPolyline { x0: &x, x1: &x, clearance: &gentle };
     bodies.candidates(&[still()], &line, 5e-3, &mut work, &mut contacts);
     assert_eq!(contacts.len(), 1);
     let depth = bodies.closest(0, 0.0, &x[0], 1.0).unwrap().distance;
@@ -296,9 +296,9 @@ fn the_middle_of_a_segment_that_began_inside_is_pushed_out_too() {
     let bodies = Bodies::from_shapes(&[mesh_shape(&roof)]);
     let x = [Vector3::new(-0.05, 0.097, 0.013), Vector3::new(0.05, 0.097, 0.013)];
     assert!(x.iter().all(|x| bodies.closest(0, 0.0, x, 1.0).unwrap().distance > 0.03));
-    let line = Polyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]] };
+    let line = MovingPolyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]] };
     let mut contacts = Vec::new();
-    bodies.candidates(&[still()], &line, 5e-3, &mut Workspace::default(), &mut contacts);
+    bodies.candidates(&[still()], &line, 5e-3, &mut ContactCache::default(), &mut contacts);
     assert_eq!(contacts.len(), 1, "{contacts:?}");
     let Contact { u, normal, gap, .. } = contacts[0];
     assert!((u - 0.5).abs() < 1e-9 && (normal - Vector3::y()).norm() < 1e-9 && (gap + 3.5e-3).abs() < 1e-9);

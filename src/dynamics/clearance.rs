@@ -13,7 +13,7 @@
 //! - a point inside later on, and a segment that cuts the surface: brought out to min(d, s/4) during the pre-roll, gently, s being its
 //!   arc length from the root; segments that are still in the body then are exempt from then on.
 
-use crate::contact::{Bodies, Contact, Motion, Polyline, Workspace};
+use crate::contact::{Bodies, BodyMotion, Contact, ContactCache, MovingPolyline};
 use nalgebra::{Isometry3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -79,7 +79,7 @@ impl Clearance {
                     // The winding number, not the nearest triangle's side: it holds on open and dirty meshes. It is asked for at every second
                     // point at least.
                     let inside = known.take().filter(|_| way < far);
-                    let inside = inside.unwrap_or_else(|| *known.insert(bodies.inside(b, t, &local[k])));
+                    let inside = inside.unwrap_or_else(|| *known.insert(bodies.contains(b, t, &local[k])));
                     match inside {
                         true => Point { keep: d.min(STEEPEST * s), depth: far, normal },
                         false => Point { keep: d.min(0.5 * far), depth: 0.0, normal },
@@ -115,7 +115,7 @@ impl Clearance {
                     _ => EXEMPT,
                 })
                 .collect();
-            at_rest(bodies, t, pose, thickness, &Polyline { x0: x, x1: x, clearance: &touching })
+            at_rest(bodies, t, pose, thickness, &MovingPolyline { x0: x, x1: x, clearance: &touching })
         };
         let of = |c: &Contact| c.body * (x.len() - 1) + c.segment;
         let clips = |c: &&Contact| c.gap < 0.0 && -c.gap < 2.0 * thickness[c.body];
@@ -173,7 +173,7 @@ impl Clearance {
             }
             let (b, k) = (i / segments, i % segments);
             let ends = [x[k], x[k + 1]].map(|x| pose[b].inverse_transform_point(&x.into()).coords);
-            if ends.iter().any(|y| bodies.inside(b, t, y)) || passes(bodies, b, t, &ends) {
+            if ends.iter().any(|y| bodies.contains(b, t, y)) || passes(bodies, b, t, &ends) {
                 *to = EXEMPT;
             }
             *from = *to;
@@ -183,7 +183,8 @@ impl Clearance {
 
 /// Whether the way between two points outside a body, in its frame, goes through it: in on one side and out on another.
 fn passes(bodies: &Bodies, body: usize, t: f64, [from, to]: &[Vector3<f64>; 2]) -> bool {
-    let sides = bodies.first_hit(body, t, from, to).zip(bodies.first_hit(body, t, to, from));
+    let sides =
+        bodies.first_intersection(body, t, from, to).zip(bodies.first_intersection(body, t, to, from));
     sides.is_some_and(|((_, entry), (_, exit))| entry.dot(&exit) < 0.0)
 }
 
@@ -193,12 +194,13 @@ fn at_rest(
     t: f64,
     pose: &[Isometry3<f64>],
     thickness: &[f64],
-    line: &Polyline,
+    line: &MovingPolyline,
 ) -> Vec<Contact> {
-    let motions: Vec<Motion> = pose.iter().map(|p| Motion { times: [t, t], start: *p, end: *p }).collect();
+    let motions: Vec<BodyMotion> =
+        pose.iter().map(|p| BodyMotion { times: [t, t], start: *p, end: *p }).collect();
     let reach = 2.0 * thickness.iter().copied().fold(0.0, f64::max);
     let mut found = Vec::new();
-    bodies.candidates(&motions, line, reach, &mut Workspace::default(), &mut found);
+    bodies.candidates(&motions, line, reach, &mut ContactCache::default(), &mut found);
     found
 }
 
@@ -234,7 +236,7 @@ mod tests {
         // The end of the segment drawn through is held by the segment after it.
         let mut pushed = x;
         pushed[2] = at(-0.0099);
-        let line = Polyline { x0: &x, x1: &pushed, clearance: &kept };
+        let line = MovingPolyline { x0: &x, x1: &pushed, clearance: &kept };
         let found = at_rest(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &line);
         assert!(found.iter().any(|c| (c.segment, c.u) == (2, 0.0) && c.gap < 0.0), "{found:?}");
     }

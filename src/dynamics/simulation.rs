@@ -386,7 +386,7 @@ fn start(anim: &Anim, bulk: &Bulk, r: &GuideRod, env: &Environment, t: f64, step
     guide.scheme = anim.settings.scheme;
     guide.sprung = anim.settings.contact == Contact::Penalty;
     guide.coupled = anim.settings.contact == Contact::Full;
-    guide.friction[1] = r.material.friction.times(r.material.friction_at_tip);
+    guide.friction[1] = r.material.friction.scaled(r.material.friction_at_tip);
     guide.across = r.material.friction_across;
     guide.goal = goal(&r.rod, &shape, r.material.goal);
     guide

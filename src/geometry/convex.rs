@@ -60,7 +60,11 @@ impl Convex {
     }
 
     /// Where the way from `a` to `b` first goes through the surface: share of the way, and the outward normal.
-    pub(super) fn first_hit(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
+    pub(super) fn first_intersection(
+        &self,
+        a: &Vector3<f64>,
+        b: &Vector3<f64>,
+    ) -> Option<(f64, Vector3<f64>)> {
         let outside = |u: f64| self.closest(&a.lerp(b, u)).distance > 0.0;
         let (u, _) = self.closest_to_segment(a, b);
         let (mut from, mut to) = (0.0, if outside(0.0) { u } else { 1.0 });

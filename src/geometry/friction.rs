@@ -1,37 +1,35 @@
-//! Dry friction, by its coefficients.
+//! Coefficients of dry friction.
 
-/// Coefficients of dry friction (Coulomb), tangential over normal force.
+/// Coefficients of dry friction (Coulomb): the ratio of tangential to normal force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Friction {
-    /// Up to which what sticks is held; not less than `kinetic`.
-    pub fixed: f64,
-    /// With which what slides is braked.
-    pub kinetic: f64,
+    /// Static coefficient μ_s; at least `mu_k`.
+    pub mu_s: f64,
+    /// Kinetic coefficient μ_k.
+    pub mu_k: f64,
 }
 
 impl Friction {
-    /// From the two coefficients as files have them: without one for what sticks, that for what slides.
-    pub fn from_file(kinetic: f64, fixed: Option<f64>) -> Self {
-        Friction { fixed: fixed.unwrap_or(kinetic), kinetic }
-    }
-}
-
-impl Friction {
-    /// Both coefficients times a factor.
-    pub fn times(self, factor: f64) -> Self {
-        Friction { fixed: self.fixed * factor, kinetic: self.kinetic * factor }
+    /// From the kinetic and the static coefficient; the static one defaults to the kinetic one.
+    pub fn new(mu_k: f64, mu_s: Option<f64>) -> Self {
+        Friction { mu_s: mu_s.unwrap_or(mu_k), mu_k }
     }
 
-    /// Between two ends, at a share of the way.
-    pub fn between([from, to]: [Self; 2], share: f64) -> Self {
-        let at = |a: f64, b: f64| a + (b - a) * share;
-        Friction { fixed: at(from.fixed, to.fixed), kinetic: at(from.kinetic, to.kinetic) }
+    /// Both coefficients multiplied by `factor`.
+    pub fn scaled(self, factor: f64) -> Self {
+        Friction { mu_s: self.mu_s * factor, mu_k: self.mu_k * factor }
+    }
+
+    /// Linear interpolation between two materials; `u` in 0..=1.
+    pub fn lerp([from, to]: [Self; 2], u: f64) -> Self {
+        let at = |a: f64, b: f64| a + (b - a) * u;
+        Friction { mu_s: at(from.mu_s, to.mu_s), mu_k: at(from.mu_k, to.mu_k) }
     }
 }
 
 impl From<f64> for Friction {
-    /// One coefficient for both.
+    /// The same coefficient for sticking and sliding.
     fn from(mu: f64) -> Self {
-        Friction { fixed: mu, kinetic: mu }
+        Friction { mu_s: mu, mu_k: mu }
     }
 }

@@ -16,10 +16,11 @@ pub use bounds::Bounds;
 pub use convex::Convex;
 pub use deformation::Deformation;
 pub use distance::{
-    Pair, Part, closest_on_ellipsoid, closest_on_triangle, segment_segment, segment_triangle, weights,
+    ClosestPoints, TriangleFeature, barycentric, closest_on_ellipsoid, closest_on_triangle, segment_segment,
+    segment_triangle,
 };
 pub use friction::Friction;
-pub use mesh::{DeformingMesh, DistanceField, SolidMesh, at_weights};
+pub use mesh::{DeformingMesh, DistanceField, SolidMesh, barycentric_point};
 pub use shape::Shape;
 pub use solid::{MovingSurface, Solid};
 pub use surface_point::{Feature, SurfacePoint};

@@ -20,7 +20,7 @@ pub enum Solid {
     Deforming(Box<DeformingMesh>),
 }
 
-/// A body's surface over some time.
+/// A body's surface surface_over some time.
 #[derive(Debug, Clone, Copy)]
 pub enum MovingSurface<'a> {
     /// A convex formula.
@@ -55,7 +55,7 @@ impl Solid {
     }
 
     /// The surface between two times, s.
-    pub fn over(&self, times: [f64; 2]) -> MovingSurface<'_> {
+    pub fn surface_over(&self, times: [f64; 2]) -> MovingSurface<'_> {
         match self {
             Solid::Convex(convex) => MovingSurface::Convex(convex),
             Solid::Mesh(mesh, _) => MovingSurface::Mesh([mesh, mesh]),
@@ -64,7 +64,7 @@ impl Solid {
     }
 
     /// Way in the body's frame that no point of the surface has exceeded up to time `t`, s; m.
-    pub fn travel(&self, t: f64) -> f64 {
+    pub fn max_travel(&self, t: f64) -> f64 {
         match self {
             Solid::Convex(_) | Solid::Mesh(..) => 0.0,
             Solid::Deforming(deforming) => deforming.travel(t),
@@ -73,7 +73,7 @@ impl Solid {
 
     /// Closest surface point to `p`, body frame, at time `t`, s, or `None` where it is `max_distance` away or more.
     pub fn closest(&self, t: f64, p: &Vector3<f64>, max_distance: f64) -> Option<SurfacePoint> {
-        match self.over([t, t]) {
+        match self.surface_over([t, t]) {
             MovingSurface::Convex(convex) => {
                 Some(convex.closest(p)).filter(|s| s.distance.abs() < max_distance)
             }
@@ -91,7 +91,7 @@ impl Solid {
     }
 
     /// What the signed distance of `p`, body frame, is not below, m; far from a mesh less exactly than [`Solid::distance_bounds`] says, and sooner.
-    pub fn least_distance(&self, p: &Vector3<f64>) -> f64 {
+    pub fn distance_lower_bound(&self, p: &Vector3<f64>) -> f64 {
         match self {
             Solid::Mesh(mesh, field) => field.least(mesh, p),
             Solid::Convex(Convex::Capsule { ends: [a, b], radius }) => {
@@ -102,19 +102,24 @@ impl Solid {
     }
 
     /// Where the way from `a` to `b`, body frame, first goes through the surface at time `t`, s: share of the way, and the outward normal.
-    pub fn first_hit(&self, t: f64, a: &Vector3<f64>, b: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
-        match self.over([t, t]) {
-            MovingSurface::Convex(convex) => convex.first_hit(a, b),
+    pub fn first_intersection(
+        &self,
+        t: f64,
+        a: &Vector3<f64>,
+        b: &Vector3<f64>,
+    ) -> Option<(f64, Vector3<f64>)> {
+        match self.surface_over([t, t]) {
+            MovingSurface::Convex(convex) => convex.first_intersection(a, b),
             MovingSurface::Mesh([mesh, _]) => {
-                let (share, triangle) = mesh.first_hit(a, b)?;
+                let (share, triangle) = mesh.first_intersection(a, b)?;
                 Some((share, mesh.pseudonormal(Feature::Face(triangle))))
             }
         }
     }
 
     /// Whether `p`, body frame, is inside the solid at time `t`, s. For a mesh by its winding number: dear, for set-up only.
-    pub fn inside(&self, t: f64, p: &Vector3<f64>) -> bool {
-        match self.over([t, t]) {
+    pub fn contains(&self, t: f64, p: &Vector3<f64>) -> bool {
+        match self.surface_over([t, t]) {
             MovingSurface::Convex(convex) => convex.closest(p).distance < 0.0,
             MovingSurface::Mesh([mesh, _]) => mesh.winding_number(p) > 0.5,
         }

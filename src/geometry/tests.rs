@@ -209,7 +209,7 @@ fn first_hit_is_where_the_distance_first_changes_sign() {
             let steps = 200;
             let side = |k: usize| distance(k as f64 / steps as f64) > 0.0;
             let changed = (1..=steps).find(|k| side(*k) != side(0));
-            match shape.first_hit(0.0, &a, &b) {
+            match shape.first_intersection(0.0, &a, &b) {
                 Some((share, normal)) => {
                     hits += 1;
                     assert!(distance(share).abs() < 1e-9, "{shape:?}");

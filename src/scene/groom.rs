@@ -257,7 +257,7 @@ impl Groom {
         m.young_modulus *= stiffness;
         m.shear_modulus *= stiffness;
         m.damping *= damping;
-        m.friction = m.friction.times(friction);
+        m.friction = m.friction.scaled(friction);
         m.drag *= drag;
         m.goal = m.goal.map(|hz| hz * goal);
         m

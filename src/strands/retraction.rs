@@ -48,7 +48,7 @@ impl Obstacles<'_> {
         if clear.max(least_distance(guide)).max(0.0) + least_distance(free).max(0.0) > (free - guide).norm() {
             return 0.0;
         }
-        let hit = |a, b| self.bodies.first_hit(body, self.time, a, b);
+        let hit = |a, b| self.bodies.first_intersection(body, self.time, a, b);
         let Some((fraction, entry)) = hit(guide, free) else { return 0.0 };
         let path = free - guide;
         // The guide is outside: a face that looks along the path is the back of an open sheet.

@@ -282,7 +282,7 @@ mod tests {
         }
         let stated = Line::parse_from(words).material.material();
         let values = |m: &Material| {
-            [m.young_modulus, m.shear_modulus, m.density, m.section.a1, m.damping, m.friction.kinetic, m.drag]
+            [m.young_modulus, m.shear_modulus, m.density, m.section.a1, m.damping, m.friction.mu_k, m.drag]
         };
         for (stated, default) in values(&stated).into_iter().zip(values(&default)) {
             approx::assert_relative_eq!(stated, default, max_relative = 1e-12);

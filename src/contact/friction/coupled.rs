@@ -4,7 +4,10 @@
 //! that are swept over are formed, and copied while they stay so; a sweep then costs nine products for each of those that a contact shares a strand with, a few as
 //! a rule, where by way of the strands' unknowns, w = Y r, it would cost six for each of these. That way the others are looked at.
 
-use super::{Law, Outcome, Problem, Residual, Scratch, System, Tolerance, at, mobility, newton, sweep};
+use super::{
+    FrictionOutcome, FrictionProblem, FrictionScratch, FrictionTolerance, Law, Residual, System, at,
+    mobility, newton, sweep,
+};
 use crate::math::cholesky::dot;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -21,18 +24,20 @@ const MENDED: usize = 60;
 
 /// One strand's part in a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Side {
-    /// First unknown of the strand in w, which tells it from the others, and how many it has.
-    pub unknowns: (usize, usize),
-    /// Where its three rows of Y (normal, tangents) begin in [`Coupled::rows`].
-    pub rows: usize,
+pub struct StrandRows {
+    /// Index of the strand's first unknown in w; it identifies the strand.
+    pub first_unknown: usize,
+    /// Number of unknowns of the strand.
+    pub unknowns: usize,
+    /// Start of the strand's three rows of Y (normal, tangents) in [`CoupledFrictionProblem::rows`].
+    pub offset: usize,
 }
 
 /// A frictional problem of c contacts between strands, or of strands with bodies.
 #[derive(Debug, Clone, Copy)]
-pub struct Coupled<'a> {
+pub struct CoupledFrictionProblem<'a> {
     /// The strands of each contact; one where the other side is a body.
-    pub sides: &'a [[Option<Side>; 2]],
+    pub strands: &'a [[Option<StrandRows>; 2]],
     /// L⁻¹Jᵀ, row after row.
     pub rows: &'a [f64],
     /// b, 3c: gap and slip without contact forces.
@@ -41,17 +46,17 @@ pub struct Coupled<'a> {
     pub laws: &'a [Law],
 }
 
-impl Coupled<'_> {
-    fn row(&self, side: &Side, d: usize) -> &[f64] {
-        let n = side.unknowns.1;
-        &self.rows[side.rows + d * n..][..n]
+impl CoupledFrictionProblem<'_> {
+    fn row(&self, side: &StrandRows, d: usize) -> &[f64] {
+        let n = side.unknowns;
+        &self.rows[side.offset + d * n..][..n]
     }
 
     /// The block of W of two contacts.
     fn block(&self, i: usize, j: usize) -> Matrix3<f64> {
         let mut block = Matrix3::zeros();
-        for a in self.sides[i].iter().flatten() {
-            for b in self.sides[j].iter().flatten().filter(|b| b.unknowns == a.unknowns) {
+        for a in self.strands[i].iter().flatten() {
+            for b in self.strands[j].iter().flatten().filter(|b| b.first_unknown == a.first_unknown) {
                 block += Matrix3::from_fn(|row, column| dot(self.row(a, row), self.row(b, column)));
             }
         }
@@ -61,9 +66,9 @@ impl Coupled<'_> {
     /// Y r, in `w`.
     fn push(&self, r: &[f64], w: &mut [f64]) {
         w.fill(0.0);
-        for (sides, r) in self.sides.iter().zip(r.chunks_exact(3)).filter(|(_, r)| **r != [0.0; 3]) {
+        for (sides, r) in self.strands.iter().zip(r.chunks_exact(3)).filter(|(_, r)| **r != [0.0; 3]) {
             for side in sides.iter().flatten() {
-                let (first, n) = side.unknowns;
+                let (first, n) = (side.first_unknown, side.unknowns);
                 for (d, r) in r.iter().enumerate() {
                     w[first..first + n].iter_mut().zip(self.row(side, d)).for_each(|(w, y)| *w += y * r);
                 }
@@ -74,8 +79,8 @@ impl Coupled<'_> {
     /// u of contact `i`, w being Y r.
     fn velocity(&self, w: &[f64], i: usize) -> Vector3<f64> {
         let mut u = at(self.b, i);
-        for side in self.sides[i].iter().flatten() {
-            let (first, n) = side.unknowns;
+        for side in self.strands[i].iter().flatten() {
+            let (first, n) = (side.first_unknown, side.unknowns);
             u += Vector3::from_fn(|d, _| dot(self.row(side, d), &w[first..first + n]));
         }
         u
@@ -97,8 +102,8 @@ impl Delassus {
     const NONE: u32 = u32::MAX;
 
     /// Of `contacts`; blocks that `known` has are taken from there.
-    fn new(problem: &Coupled, contacts: &[u32], known: &Delassus) -> Self {
-        let strands = |i: u32| problem.sides[i as usize].iter().flatten().map(|side| side.unknowns.0);
+    fn new(problem: &CoupledFrictionProblem, contacts: &[u32], known: &Delassus) -> Self {
+        let strands = |i: u32| problem.strands[i as usize].iter().flatten().map(|side| side.first_unknown);
         let mut parts: Vec<(usize, u32)> =
             contacts.iter().flat_map(|&i| strands(i).map(move |strand| (strand, i))).collect();
         parts.sort_unstable();
@@ -141,12 +146,12 @@ impl Delassus {
 /// What sweeps leave is nearly all in a few contacts, wedged between strands. These are solved for by themselves, and sweeps go on from there, as
 /// long as that leaves less.
 pub fn solve_coupled(
-    problem: &Coupled,
-    tolerance: Tolerance,
+    problem: &CoupledFrictionProblem,
+    tolerance: FrictionTolerance,
     r: &mut [f64],
     w: &mut [f64],
-    scratch: &mut Scratch,
-) -> Outcome {
+    scratch: &mut FrictionScratch,
+) -> FrictionOutcome {
     let diagonal = (0..r.len() / 3).into_par_iter().map(|i| problem.block(i, i)).collect();
     let mut network = Network { problem, diagonal, delassus: Delassus::default(), r, w };
     let mut outcome = sweep(&mut network, tolerance, true, scratch);
@@ -156,7 +161,7 @@ pub fn solve_coupled(
         }
         let before = network.r.to_vec();
         network.mend(tolerance.residual);
-        let Outcome { sweeps, residual } = sweep(&mut network, tolerance, true, scratch);
+        let FrictionOutcome { sweeps, residual } = sweep(&mut network, tolerance, true, scratch);
         outcome.sweeps += sweeps;
         if residual >= outcome.residual {
             network.r.copy_from_slice(&before);
@@ -169,7 +174,7 @@ pub fn solve_coupled(
 }
 
 struct Network<'a> {
-    problem: &'a Coupled<'a>,
+    problem: &'a CoupledFrictionProblem<'a>,
     /// Diagonal blocks of all contacts.
     diagonal: Vec<Matrix3<f64>>,
     /// Of those that are swept over.
@@ -199,7 +204,7 @@ impl Network<'_> {
             }
             b.extend_from_slice(free.as_slice());
         }
-        let problem = Problem { w: &w, b: &b, laws: &laws };
+        let problem = FrictionProblem { w: &w, b: &b, laws: &laws };
         if problem.residual(&impulses) > mobility::COMPLIANCE {
             newton::improve(&problem, wanted, &mut impulses);
             for (&i, impulse) in chosen.iter().zip(impulses.chunks_exact(3)) {

@@ -50,14 +50,14 @@ impl Local {
     }
 
     pub fn solve(&mut self, q: &Vector3<f64>, law: Law) -> Vector3<f64> {
-        let Law::Coulomb(Friction { fixed, kinetic: mu }) = law else {
+        let Law::Coulomb(Friction { mu_s, mu_k: mu }) = law else {
             return self.w.cholesky().map_or_else(Vector3::zeros, |w| -w.solve(q));
         };
         if q.x >= 0.0 || self.normal == 0.0 {
             return Vector3::zeros();
         }
         let normal_alone = -q.x / self.normal;
-        if fixed == 0.0 {
+        if mu_s == 0.0 {
             return Vector3::new(normal_alone, 0.0, 0.0);
         }
         // In the eigenbasis of A.
@@ -69,10 +69,10 @@ impl Local {
             (normal_alone - c.dot(&tangent), tangent, softness)
         };
         let (mut normal, mut tangent, _) = impulse(0.0);
-        if tangent.norm() > fixed * normal && mu == 0.0 {
+        if tangent.norm() > mu_s * normal && mu == 0.0 {
             return Vector3::new(normal_alone, 0.0, 0.0);
         }
-        if tangent.norm() > fixed * normal {
+        if tangent.norm() > mu_s * normal {
             self.rate = slip_rate(mu, &c, self.lambda.max(), self.rate, impulse);
             (normal, tangent, _) = impulse(self.rate);
         }

@@ -1,4 +1,4 @@
-//! Signorini's condition with Coulomb's cone, for the contacts of one strand, and ([`Coupled`]) of many that touch each other.
+//! Signorini's condition with Coulomb's cone, for the contacts of one strand, and ([`CoupledFrictionProblem`]) of many that touch each other.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
@@ -26,15 +26,15 @@ mod smoothed;
 mod sweep;
 
 use crate::geometry::Friction;
-pub use coupled::{Coupled, Side, solve_coupled};
+pub use coupled::{CoupledFrictionProblem, StrandRows, solve_coupled};
 pub use local::solve_local;
 use nalgebra::{Matrix3, Vector3};
-pub use sweep::Scratch;
+pub use sweep::FrictionScratch;
 use sweep::{System, sweep};
 
 /// One frictional contact problem of c contacts.
 #[derive(Debug, Clone, Copy)]
-pub struct Problem<'a> {
+pub struct FrictionProblem<'a> {
     /// W, 3c × 3c, row after row.
     pub w: &'a [f64],
     /// b, 3c.
@@ -48,36 +48,36 @@ pub struct Problem<'a> {
 pub enum Law {
     /// Signorini's condition with Coulomb's cone: that of the coefficient for what sticks where it sticks, else that for what slides.
     Coulomb(Friction),
-    /// u = 0, whatever impulse that takes: a bilateral constraint.
-    Held,
+    /// Bilateral constraint: u = 0 for any impulse.
+    Bilateral,
 }
 
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tolerance {
-    /// Relative residual (see [`Problem::residual`]) at which the solve has converged. Lower costs sweeps.
+pub struct FrictionTolerance {
+    /// Relative residual (see [`FrictionProblem::residual`]) at which the solve has converged. Lower costs sweeps.
     pub residual: f64,
     /// Sweeps at most. Friction couples contacts; a strand with tens of them may need hundreds.
     pub sweeps: usize,
 }
 
-impl Default for Tolerance {
+impl Default for FrictionTolerance {
     /// 1e-8 and 1000 sweeps: far below what a step's linearisation is worth, reached in tens of sweeps as a rule.
     fn default() -> Self {
-        Tolerance { residual: 1e-8, sweeps: 1000 }
+        FrictionTolerance { residual: 1e-8, sweeps: 1000 }
     }
 }
 
 /// How a solve ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Outcome {
+pub struct FrictionOutcome {
     /// Sweeps done.
     pub sweeps: usize,
     /// Relative residual reached.
     pub residual: f64,
 }
 
-impl Problem<'_> {
+impl FrictionProblem<'_> {
     /// Number of contacts c.
     pub fn len(&self) -> usize {
         self.laws.len()
@@ -150,12 +150,12 @@ impl Residual {
         self.error += match law {
             Law::Coulomb(friction) => {
                 // What is beyond the cone of what slides must stick.
-                let sliding = r.yz().norm() <= friction.kinetic * r.x * (1.0 + 1e-12);
-                let mu = if sliding { friction.kinetic } else { friction.fixed };
+                let sliding = r.yz().norm() <= friction.mu_k * r.x * (1.0 + 1e-12);
+                let mu = if sliding { friction.mu_k } else { friction.mu_s };
                 let changed = Vector3::new(u.x + mu * u.yz().norm(), u.y, u.z);
                 (r - project_on_cone(r - changed, mu)).norm_squared()
             }
-            Law::Held => u.norm_squared(),
+            Law::Bilateral => u.norm_squared(),
         };
         self.impulse += r.norm_squared();
         self.free += b.norm_squared();
@@ -183,16 +183,21 @@ fn project_on_cone(v: Vector3<f64>, mu: f64) -> Vector3<f64> {
 
 /// Solves `problem` for the impulses `r` (3c), starting from what they hold (zero, or the last step's): by sweeps, and where these do not do, by
 /// Newton's method.
-pub fn solve(problem: &Problem, tolerance: Tolerance, r: &mut [f64], scratch: &mut Scratch) -> Outcome {
+pub fn solve(
+    problem: &FrictionProblem,
+    tolerance: FrictionTolerance,
+    r: &mut [f64],
+    scratch: &mut FrictionScratch,
+) -> FrictionOutcome {
     let outcome = sweep(&mut Dense { problem, r }, tolerance, false, scratch);
     if outcome.residual <= tolerance.residual {
         return outcome;
     }
-    Outcome { residual: newton::improve(problem, tolerance.residual, r), ..outcome }
+    FrictionOutcome { residual: newton::improve(problem, tolerance.residual, r), ..outcome }
 }
 
 struct Dense<'a> {
-    problem: &'a Problem<'a>,
+    problem: &'a FrictionProblem<'a>,
     r: &'a mut [f64],
 }
 

@@ -4,7 +4,7 @@
 //! The law, rounded off by τ ([`Smoothed`]), is solved while τ falls from step to step. Where the solution turns back as τ falls, that gets caught; then it
 //! is followed along its path ([`path`]).
 
-use super::Problem;
+use super::FrictionProblem;
 use super::mobility::COMPLIANCE;
 use super::path;
 use super::smoothed::Smoothed;
@@ -21,7 +21,7 @@ const PASSABLY: f64 = 0.7;
 ///
 /// What is solved, to a residual of `wanted`, is a problem whose contacts give way: without that, impulses that balance each other and move next to nothing
 /// would be of any size, for contacts wedge a strand at its root.
-pub(super) fn improve(problem: &Problem, wanted: f64, r: &mut [f64]) -> f64 {
+pub(super) fn improve(problem: &FrictionProblem, wanted: f64, r: &mut [f64]) -> f64 {
     let mut soft = r.to_vec();
     if let Some(smoothed) = Smoothed::new(problem, r) {
         let left = descend(&smoothed, problem, wanted, &mut soft);
@@ -37,7 +37,7 @@ pub(super) fn improve(problem: &Problem, wanted: f64, r: &mut [f64]) -> f64 {
 }
 
 /// Newton's method from `r`, which holds the best that was met at the end. Returns its residual where contacts give way.
-pub(super) fn descend(smoothed: &Smoothed, problem: &Problem, wanted: f64, r: &mut [f64]) -> f64 {
+pub(super) fn descend(smoothed: &Smoothed, problem: &FrictionProblem, wanted: f64, r: &mut [f64]) -> f64 {
     let mut best = problem.residual_giving(r, COMPLIANCE);
     let mut x = smoothed.scaled(r);
     let mut trial_r = r.to_vec();

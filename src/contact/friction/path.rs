@@ -5,7 +5,7 @@
 //! that Newton's method from one τ to the next stands before nothing. So the path is followed along its own length, in x and ln τ (H. B. Keller, "Numerical solution of
 //! bifurcation and nonlinear eigenvalue problems", 1977).
 
-use super::Problem;
+use super::FrictionProblem;
 use super::mobility::COMPLIANCE;
 use super::smoothed::{Point, Smoothed};
 use nalgebra::DVector;
@@ -30,7 +30,7 @@ const ON_PATH: f64 = 1e-6;
 const ROUNDING: f64 = 1e-11;
 
 /// Improves `r` where the path leads to a solution whose residual is less, and ends where that is `wanted`.
-pub(super) fn follow(smoothed: &Smoothed, problem: &Problem, wanted: f64, r: &mut [f64]) {
+pub(super) fn follow(smoothed: &Smoothed, problem: &FrictionProblem, wanted: f64, r: &mut [f64]) {
     let Some(mut path) = Path::enter(smoothed) else { return };
     let mut best = problem.residual_giving(r, COMPLIANCE);
     let mut trial = r.to_vec();
@@ -131,7 +131,7 @@ impl<'a> Path<'a> {
 #[cfg(test)]
 mod tests {
     use super::super::newton::{descend, improve};
-    use super::super::{Law, Problem};
+    use super::super::{FrictionProblem, Law};
     use super::*;
     use crate::math::random::Random;
     use nalgebra::DMatrix;
@@ -157,7 +157,7 @@ mod tests {
             let contacts = 8 + case % 12;
             let (w, b) = wedged(&mut random, contacts);
             let laws = vec![Law::Coulomb(0.3.into()); contacts];
-            let problem = Problem { w: &w, b: &b, laws: &laws };
+            let problem = FrictionProblem { w: &w, b: &b, laws: &laws };
             let mut r = vec![0.0; 3 * contacts];
             let smoothed = Smoothed::new(&problem, &r).unwrap();
             caught += u32::from(descend(&smoothed, &problem, 1e-8, &mut r) > 1e-5);
@@ -183,7 +183,7 @@ mod tests {
         let mut random = Random::new(13);
         for _ in 0..20 {
             let (w, b) = wedged(&mut random, 10);
-            let problem = Problem { w: &w, b: &b, laws: &[Law::Coulomb(0.0.into()); 10] };
+            let problem = FrictionProblem { w: &w, b: &b, laws: &[Law::Coulomb(0.0.into()); 10] };
             let smoothed = Smoothed::new(&problem, &[0.0; 30]).unwrap();
             let mut path = Path::enter(&smoothed).unwrap();
             while path.at[smoothed.len()] > 1e-6_f64.ln() {

@@ -2,7 +2,7 @@
 
 use super::mobility::{Bordered, Mobility};
 use super::rounded::{Rounded, cone, frictionless};
-use super::{Law, Problem, at};
+use super::{FrictionProblem, Law, at};
 use nalgebra::{DVector, Vector3};
 
 /// Shortest share of a step that is tried.
@@ -44,16 +44,16 @@ pub(super) struct Point {
 
 impl Smoothed {
     /// A contact that holds by static friction, at `r`, goes on to. `None` where nothing moves without contact forces.
-    pub fn new(problem: &Problem, r: &[f64]) -> Option<Self> {
+    pub fn new(problem: &FrictionProblem, r: &[f64]) -> Option<Self> {
         let traces: Vec<f64> = (0..problem.len()).map(|i| problem.block(i).trace()).collect();
         let least = RIGID * traces.iter().fold(0.0, |a: f64, b| a.max(*b));
         let contacts: Vec<usize> = (0..problem.len()).filter(|&i| traces[i] > least).collect();
         let kind = |i: &usize| match problem.laws[*i] {
-            Law::Held => Kind::Held,
+            Law::Bilateral => Kind::Held,
             Law::Coulomb(friction) => {
                 let r = at(r, *i);
-                let sticks = r.yz().norm() > friction.kinetic * r.x * (1.0 + 1e-12);
-                let mu = if sticks { friction.fixed } else { friction.kinetic };
+                let sticks = r.yz().norm() > friction.mu_k * r.x * (1.0 + 1e-12);
+                let mu = if sticks { friction.mu_s } else { friction.mu_k };
                 if mu < SMOOTH { Kind::Frictionless } else { Kind::Cone(mu) }
             }
         };

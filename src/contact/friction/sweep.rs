@@ -2,7 +2,7 @@
 
 use super::anderson::Anderson;
 use super::local::Local;
-use super::{Law, Outcome, Residual, Tolerance};
+use super::{FrictionOutcome, FrictionTolerance, Law, Residual};
 use nalgebra::{Matrix3, Vector3};
 
 /// Sweeps between two looks at the contacts that are open.
@@ -30,7 +30,7 @@ pub(super) trait System {
 
 /// Contacts prepared for a solve, kept to spare allocations.
 #[derive(Debug, Default)]
-pub struct Scratch {
+pub struct FrictionScratch {
     locals: Vec<Local>,
     /// Contacts that are swept over, and whether each is.
     live: Vec<u32>,
@@ -54,11 +54,11 @@ pub struct Scratch {
 /// strand, that leads astray; then the best look's impulses are gone back to, and sweeps go on as they are.
 pub(super) fn sweep(
     system: &mut impl System,
-    tolerance: Tolerance,
+    tolerance: FrictionTolerance,
     mut accelerated: bool,
-    scratch: &mut Scratch,
-) -> Outcome {
-    let Scratch { locals, live, is_live, seen, before, after, anderson, best } = scratch;
+    scratch: &mut FrictionScratch,
+) -> FrictionOutcome {
+    let FrictionScratch { locals, live, is_live, seen, before, after, anderson, best } = scratch;
     let mut least = f64::INFINITY;
     locals.clear();
     locals.extend((0..system.contacts()).map(|i| Local::new(&system.block(i))));
@@ -77,7 +77,7 @@ pub(super) fn sweep(
         for (i, (local, u)) in locals.iter().zip(&*seen).enumerate() {
             let (r, law) = (system.impulse(i), system.law(i));
             residual.add(local.w.trace(), *u, &r, &system.free(i), law);
-            let counts = u.x < 0.0 || r != Vector3::zeros() || law == Law::Held;
+            let counts = u.x < 0.0 || r != Vector3::zeros() || law == Law::Bilateral;
             if counts && !is_live[i] {
                 is_live[i] = true;
                 live.push(i as u32);
@@ -100,7 +100,7 @@ pub(super) fn sweep(
             continue;
         }
         if residual <= tolerance.residual || ends {
-            return Outcome { sweeps, residual };
+            return FrictionOutcome { sweeps, residual };
         }
         let last = sweeps + LOOK.min(tolerance.sweeps - sweeps);
         loop {
@@ -111,7 +111,7 @@ pub(super) fn sweep(
             for &i in &*live {
                 let (i, local) = (i as usize, &mut locals[i as usize]);
                 let (u, old, law) = (system.velocity(i), system.impulse(i), system.law(i));
-                if u.x < 0.0 || old != Vector3::zeros() || law == Law::Held {
+                if u.x < 0.0 || old != Vector3::zeros() || law == Law::Bilateral {
                     let before = local.w * old;
                     let new = local.solve(&(u - before), law);
                     moved += (local.w * new - before).norm_squared();
@@ -132,7 +132,7 @@ pub(super) fn sweep(
             anderson.accelerate(before, after);
             for (&i, x) in live.iter().zip(after.chunks_exact(3)) {
                 let (i, scale) = (i as usize, locals[i as usize].w.trace().sqrt());
-                if scale > 0.0 && (system.impulse(i) != Vector3::zeros() || system.law(i) == Law::Held) {
+                if scale > 0.0 && (system.impulse(i) != Vector3::zeros() || system.law(i) == Law::Bilateral) {
                     system.set(i, Vector3::from_column_slice(x) / scale);
                 }
             }

@@ -85,11 +85,11 @@ fn local_solve_agrees_with_enumeration() {
 }
 
 /// One contact of `problem` fulfils the law: cone, no penetration, complementarity, slip against friction.
-fn check_law(problem: &Problem, r: &[f64], tolerance: f64) {
+fn check_law(problem: &FrictionProblem, r: &[f64], tolerance: f64) {
     for i in 0..problem.len() {
         let u = problem.velocity(r, i);
         let r = Vector3::from_column_slice(&r[3 * i..3 * i + 3]);
-        let Law::Coulomb(Friction { kinetic: mu, .. }) = problem.laws[i] else { continue };
+        let Law::Coulomb(Friction { mu_k: mu, .. }) = problem.laws[i] else { continue };
         assert!(r.x >= 0.0 && r.yz().norm() <= mu * r.x * (1.0 + 1e-12) + tolerance);
         assert!(u.x >= -tolerance, "penetrates: {u}");
         assert!((u.x * r.x).abs() <= tolerance, "pushes while apart: {u} {r}");
@@ -123,10 +123,14 @@ fn gauss_seidel_fulfils_the_law_at_every_contact() {
     for contacts in [1, 2, 5, 12] {
         for _ in 0..20 {
             let (w, b, mu) = system(&mut random, contacts, 4 * contacts + 3);
-            let problem = Problem { w: &w, b: &b, laws: &laws(&mu) };
+            let problem = FrictionProblem { w: &w, b: &b, laws: &laws(&mu) };
             let mut r = vec![0.0; 3 * contacts];
-            let outcome =
-                solve(&problem, Tolerance { residual: 1e-12, sweeps: 5000 }, &mut r, &mut Scratch::default());
+            let outcome = solve(
+                &problem,
+                FrictionTolerance { residual: 1e-12, sweeps: 5000 },
+                &mut r,
+                &mut FrictionScratch::default(),
+            );
             assert!(outcome.residual <= 1e-12, "{contacts} contacts: {outcome:?}");
             check_law(&problem, &r, 1e-9);
         }
@@ -138,10 +142,14 @@ fn more_contacts_than_freedoms_still_converge() {
     let mut random = Random::new(11);
     for _ in 0..20 {
         let (w, b, mu) = system(&mut random, 10, 12);
-        let problem = Problem { w: &w, b: &b, laws: &laws(&mu) };
+        let problem = FrictionProblem { w: &w, b: &b, laws: &laws(&mu) };
         let mut r = vec![0.0; 30];
-        let outcome =
-            solve(&problem, Tolerance { residual: 1e-8, sweeps: 20_000 }, &mut r, &mut Scratch::default());
+        let outcome = solve(
+            &problem,
+            FrictionTolerance { residual: 1e-8, sweeps: 20_000 },
+            &mut r,
+            &mut FrictionScratch::default(),
+        );
         assert!(outcome.residual <= 1e-8, "{outcome:?}");
         check_law(&problem, &r, 1e-5);
     }
@@ -155,7 +163,7 @@ fn what_sticks_is_held_by_the_greater_coefficient_and_what_slides_braked_by_the_
         let (w, q) = (random.mobility(1.0), random.vector());
         let kinetic = 0.3 * (random.draw() + 1.01);
         let fixed = kinetic * (1.5 + 0.5 * random.draw());
-        let r = solve_local(&w, &q, Law::Coulomb(Friction { fixed, kinetic }));
+        let r = solve_local(&w, &q, Law::Coulomb(Friction { mu_s: fixed, mu_k: kinetic }));
         let held = enumerate(&w, &q, fixed).into_iter().find(|r| (w * r + q).norm() < 1e-10);
         let (wanted, kind) = match held {
             _ if q.x >= 0.0 => (vec![Vector3::zeros()], 0),
@@ -209,12 +217,12 @@ fn held_places_beside_contacts_do_not_move() {
     for _ in 0..20 {
         let (w, b, mu) = system(&mut random, 6, 40);
         let mut laws = laws(&mu);
-        laws[2] = Law::Held;
-        laws[5] = Law::Held;
-        let problem = Problem { w: &w, b: &b, laws: &laws };
+        laws[2] = Law::Bilateral;
+        laws[5] = Law::Bilateral;
+        let problem = FrictionProblem { w: &w, b: &b, laws: &laws };
         let mut r = vec![0.0; 18];
-        let tolerance = Tolerance { residual: 1e-12, sweeps: 5000 };
-        let outcome = solve(&problem, tolerance, &mut r, &mut Scratch::default());
+        let tolerance = FrictionTolerance { residual: 1e-12, sweeps: 5000 };
+        let outcome = solve(&problem, tolerance, &mut r, &mut FrictionScratch::default());
         assert!(outcome.residual <= 1e-12, "{outcome:?}");
         check_law(&problem, &r, 1e-9);
         for i in [2, 5] {
@@ -226,11 +234,16 @@ fn held_places_beside_contacts_do_not_move() {
 #[test]
 fn a_warm_start_at_the_solution_needs_no_sweep() {
     let (w, b, mu) = system(&mut Random::new(3), 6, 30);
-    let problem = Problem { w: &w, b: &b, laws: &laws(&mu) };
+    let problem = FrictionProblem { w: &w, b: &b, laws: &laws(&mu) };
     let mut r = vec![0.0; 18];
-    assert!(solve(&problem, Tolerance::default(), &mut r, &mut Scratch::default()).sweeps > 0);
+    assert!(
+        solve(&problem, FrictionTolerance::default(), &mut r, &mut FrictionScratch::default()).sweeps > 0
+    );
     assert!(r.iter().any(|&x| x > 0.0));
-    assert_eq!(solve(&problem, Tolerance::default(), &mut r, &mut Scratch::default()).sweeps, 0);
+    assert_eq!(
+        solve(&problem, FrictionTolerance::default(), &mut r, &mut FrictionScratch::default()).sweeps,
+        0
+    );
 }
 
 #[test]
@@ -239,9 +252,9 @@ fn a_block_on_an_incline_holds_below_the_angle_of_friction_and_slides_above() {
     let w: Vec<f64> = (Matrix3::identity() / mass).iter().copied().collect();
     for (angle, slides) in [(0.99 * f64::atan(mu), false), (1.01 * f64::atan(mu), true)] {
         let b = [-gravity * angle.cos() * step, gravity * angle.sin() * step, 0.0];
-        let problem = Problem { w: &w, b: &b, laws: &laws(&[mu]) };
+        let problem = FrictionProblem { w: &w, b: &b, laws: &laws(&[mu]) };
         let mut r = [0.0; 3];
-        solve(&problem, Tolerance::default(), &mut r, &mut Scratch::default());
+        solve(&problem, FrictionTolerance::default(), &mut r, &mut FrictionScratch::default());
         let u = problem.velocity(&r, 0);
         let acceleration = if slides { gravity * (angle.sin() - mu * angle.cos()) } else { 0.0 };
         assert!((r[0] - mass * gravity * angle.cos() * step).abs() < 1e-12);
@@ -252,9 +265,9 @@ fn a_block_on_an_incline_holds_below_the_angle_of_friction_and_slides_above() {
 
 #[test]
 fn immovable_contacts_are_left_alone() {
-    let problem = Problem { w: &[0.0; 9], b: &[-1.0, 0.0, 0.0], laws: &[coulomb(0.3)] };
+    let problem = FrictionProblem { w: &[0.0; 9], b: &[-1.0, 0.0, 0.0], laws: &[coulomb(0.3)] };
     let mut r = [0.0; 3];
-    let outcome = solve(&problem, Tolerance::default(), &mut r, &mut Scratch::default());
+    let outcome = solve(&problem, FrictionTolerance::default(), &mut r, &mut FrictionScratch::default());
     assert_eq!((r, outcome.residual), ([0.0; 3], 0.0));
 }
 
@@ -286,7 +299,7 @@ fn coupled_strands_obey_the_law_of_the_assembled_problem() {
         let ends = [Some(a), (i % 3 > 0 && b != a).then_some(b)];
         sides.push(ends.map(|end| {
             end.map(|s| {
-                let side = Side { unknowns: (s * n, n), rows: rows.len() };
+                let side = StrandRows { first_unknown: s * n, unknowns: n, offset: rows.len() };
                 rows.extend((0..3 * n).map(|_| random.draw()));
                 side
             })
@@ -300,7 +313,8 @@ fn coupled_strands_obey_the_law_of_the_assembled_problem() {
         for side in both.iter().flatten() {
             for d in 0..3 {
                 for k in 0..n {
-                    dense[(3 * i + d) * strands * n + side.unknowns.0 + k] += rows[side.rows + d * n + k];
+                    dense[(3 * i + d) * strands * n + side.first_unknown + k] +=
+                        rows[side.offset + d * n + k];
                 }
             }
         }
@@ -311,15 +325,15 @@ fn coupled_strands_obey_the_law_of_the_assembled_problem() {
         .map(|k| dot(line(k / (3 * contacts)), line(k % (3 * contacts))))
         .collect();
     let (mut r, mut moved) = (vec![0.0; 3 * contacts], vec![0.0; strands * n]);
-    let coupled = Coupled { sides: &sides, rows: &rows, b: &b, laws: &laws(&mu) };
+    let coupled = CoupledFrictionProblem { strands: &sides, rows: &rows, b: &b, laws: &laws(&mu) };
     let outcome = solve_coupled(
         &coupled,
-        Tolerance { residual: 1e-11, sweeps: 20_000 },
+        FrictionTolerance { residual: 1e-11, sweeps: 20_000 },
         &mut r,
         &mut moved,
-        &mut Scratch::default(),
+        &mut FrictionScratch::default(),
     );
-    let problem = Problem { w: &w, b: &b, laws: &laws(&mu) };
+    let problem = FrictionProblem { w: &w, b: &b, laws: &laws(&mu) };
     assert!(outcome.residual <= 1e-11 && outcome.sweeps > 1, "{outcome:?}");
     assert!((problem.residual(&r) - outcome.residual).abs() < 1e-10);
     assert!(r.chunks(3).filter(|r| r[0] > 0.0).count() > 3);
@@ -394,14 +408,18 @@ fn a_string_that_slides_over_an_arc_is_held_as_euler_and_eytelwein_say() {
         let b = &rope.j * h.solve(&rope.pull);
         let w = &rope.j * h.solve(&rope.j.transpose());
         let laws = vec![coulomb(mu); nodes];
-        let problem = Problem { w: w.as_slice(), b: b.as_slice(), laws: &laws };
-        let tolerance = Tolerance { residual: 1e-6, sweeps: 100 };
+        let problem = FrictionProblem { w: w.as_slice(), b: b.as_slice(), laws: &laws };
+        let tolerance = FrictionTolerance { residual: 1e-6, sweeps: 100 };
         let mut r = vec![0.0; 3 * nodes];
-        let sweeps =
-            sweep(&mut Dense { problem: &problem, r: &mut r }, tolerance, false, &mut Scratch::default());
+        let sweeps = sweep(
+            &mut Dense { problem: &problem, r: &mut r },
+            tolerance,
+            false,
+            &mut FrictionScratch::default(),
+        );
         assert!(sweeps.residual > 5e-3, "the test is of no use: {sweeps:?}");
         r.fill(0.0);
-        let outcome = solve(&problem, tolerance, &mut r, &mut Scratch::default());
+        let outcome = solve(&problem, tolerance, &mut r, &mut FrictionScratch::default());
         assert!(outcome.residual <= 1e-4, "{outcome:?}");
         assert!((problem.residual(&r) / outcome.residual - 1.0).abs() < 1e-9);
         // Of nodes with an angle between the chords; that of an arc is nearly the same.
@@ -423,13 +441,15 @@ fn wedged_contacts_of_which_sweeps_make_nothing_are_mended() {
             let v: Vec<f64> = (0..n).map(|_| random.draw()).collect();
             let b: Vec<f64> =
                 rows.chunks_exact(n).map(|row| row.iter().zip(&v).map(|(a, b)| a * b).sum()).collect();
-            let sides: Vec<_> =
-                (0..contacts).map(|i| [Some(Side { unknowns: (0, n), rows: 3 * n * i }), None]).collect();
+            let sides: Vec<_> = (0..contacts)
+                .map(|i| [Some(StrandRows { first_unknown: 0, unknowns: n, offset: 3 * n * i }), None])
+                .collect();
             let laws = vec![coulomb(mu); contacts];
-            let problem = Coupled { sides: &sides, rows: &rows, b: &b, laws: &laws };
+            let problem = CoupledFrictionProblem { strands: &sides, rows: &rows, b: &b, laws: &laws };
             let (mut r, mut moved) = (vec![0.0; 3 * contacts], vec![0.0; n]);
-            let tolerance = Tolerance { residual: 1e-6, sweeps: 200 };
-            let outcome = solve_coupled(&problem, tolerance, &mut r, &mut moved, &mut Scratch::default());
+            let tolerance = FrictionTolerance { residual: 1e-6, sweeps: 200 };
+            let outcome =
+                solve_coupled(&problem, tolerance, &mut r, &mut moved, &mut FrictionScratch::default());
             assert!(outcome.residual <= 1e-6, "{contacts} contacts, case {case}: {outcome:?}");
             swept_in_vain += u32::from(outcome.sweeps > tolerance.sweeps);
         }

@@ -53,15 +53,15 @@ fn a_thrown_triangle_is_stopped_by_a_segment() {
         let mut bodies = deforming(&triangle, 2, |p, i| p + offsets[i][corner(p)] + throw * i as f64);
         bodies.prepare([0.0, 1.0]);
         let x = [random.vector() * 0.02 - Vector3::y() * 0.04, random.vector() * 0.02 - Vector3::y() * 0.04];
-        let line = Polyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]] };
+        let line = MovingPolyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]] };
         let shape = &bodies.bodies[0].solid;
-        if least_distance(shape, &still(), &line, 0.0, 0.0, 1) < 1e-4 {
+        if distance_lower_bound(shape, &still(), &line, 0.0, 0.0, 1) < 1e-4 {
             continue;
         }
         let mut contacts = Vec::new();
-        let toi = bodies.impacts(&[still()], &line, &mut Workspace::default(), &mut contacts);
-        let MovingSurface::Mesh([before, _]) = shape.over([0.0, 1.0]) else { panic!("a mesh") };
-        let whole = least_distance(shape, &still(), &line, 0.0, 1.0, 800);
+        let toi = bodies.impacts(&[still()], &line, &mut ContactCache::default(), &mut contacts);
+        let MovingSurface::Mesh([before, _]) = shape.surface_over([0.0, 1.0]) else { panic!("a mesh") };
+        let whole = distance_lower_bound(shape, &still(), &line, 0.0, 1.0, 800);
         if toi == 1.0 {
             // What starts behind the sheet is inside it and does not hit.
             let inside =
@@ -70,8 +70,8 @@ fn a_thrown_triangle_is_stopped_by_a_segment() {
             assert!(whole > 0.0 || behind, "passes through unseen");
             continue;
         }
-        assert!(least_distance(shape, &still(), &line, 0.0, toi, 800) > 0.0, "stops too late");
-        let at = least_distance(shape, &still(), &line, toi, toi, 1);
+        assert!(distance_lower_bound(shape, &still(), &line, 0.0, toi, 800) > 0.0, "stops too late");
+        let at = distance_lower_bound(shape, &still(), &line, toi, toi, 1);
         assert!(at > 0.0 && at < 0.126e-3, "stops {at} m away");
         hits += 1;
         features[match contacts[0].feature {
@@ -99,14 +99,14 @@ fn contacts_know_where_their_material_was() {
         let mut a = random.vector().normalize() * 0.16;
         if k % 2 == 0 {
             // Aimed at a vertex.
-            let MovingSurface::Mesh([_, mesh]) = bodies.bodies[0].solid.over([0.0, 1.0]) else {
+            let MovingSurface::Mesh([_, mesh]) = bodies.bodies[0].solid.surface_over([0.0, 1.0]) else {
                 panic!("a mesh")
             };
             a = mesh.vertex(k / 2 % 60) * 2.0;
         }
         let (x0, x1) = ([a, a * 1.2], [a * (0.51 + 0.2 * random.draw().max(0.0)), a]);
-        let line = Polyline { x0: &x0, x1: &x1, clearance: &[[1e-3; 2]] };
-        let (mut work, mut contacts) = (Workspace::default(), Vec::new());
+        let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &[[1e-3; 2]] };
+        let (mut work, mut contacts) = (ContactCache::default(), Vec::new());
         bodies.candidates(&[still()], &line, 5e-3, &mut work, &mut contacts);
         bodies.impacts(&[still()], &line, &mut work, &mut contacts);
         for c in &contacts {
@@ -131,18 +131,18 @@ fn a_turn_of_the_vertices_is_a_turn_of_the_body() {
     let mut soft = deforming(&mesh, 2, |p, i| if i == 0 { *p } else { turn * p + shift });
     soft.prepare([0.0, 1.0]);
     let rigid = Bodies::from_shapes(&[mesh_shape(&mesh)]);
-    let moving = Motion { end: Isometry3::from_parts(shift.into(), turn), ..still() };
+    let moving = BodyMotion { end: Isometry3::from_parts(shift.into(), turn), ..still() };
     let mut random = Random::new(81);
     let mut compared = 0;
     for _ in 0..300 {
         let a = random.vector().normalize() * 0.16;
         let (x0, x1) = ([a, a * 1.2], [a * (0.55 + 0.1 * random.draw()), a]);
-        let line = Polyline { x0: &x0, x1: &x1, clearance: &[[1e-3; 2]] };
-        let find = |bodies: &Bodies, motion: Motion| {
+        let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &[[1e-3; 2]] };
+        let find = |bodies: &Bodies, motion: BodyMotion| {
             let mut contacts = Vec::new();
-            bodies.candidates(&[motion], &line, 2e-3, &mut Workspace::default(), &mut contacts);
+            bodies.candidates(&[motion], &line, 2e-3, &mut ContactCache::default(), &mut contacts);
             let candidates = contacts.len();
-            let toi = bodies.impacts(&[motion], &line, &mut Workspace::default(), &mut contacts);
+            let toi = bodies.impacts(&[motion], &line, &mut ContactCache::default(), &mut contacts);
             (toi, candidates, contacts)
         };
         let (toi, n, contacts) = find(&soft, still());
@@ -167,7 +167,7 @@ fn a_turn_of_the_vertices_is_a_turn_of_the_body() {
 fn memory_of_far_segments_changes_no_result_where_the_surface_moves() {
     let bodies = &mut deforming(&blob(8, 0.08), 200, writhing(91, 0.01, 0.02));
     let mut random = Random::new(92);
-    let mut remembering = Workspace::default();
+    let mut remembering = ContactCache::default();
     let home: Vec<_> = (0..12).map(|k| Vector3::new(0.08 + 0.012 * k as f64, 0.03, 0.0)).collect();
     let mut x = home.clone();
     let (mut found, mut spared) = (0, 0);
@@ -178,9 +178,9 @@ fn memory_of_far_segments_changes_no_result_where_the_surface_moves() {
         let parts: &[[f64; 2]] = if i % 2 == 0 { &[[0.0, 1.0]] } else { &[[0.0, 0.5], [0.5, 1.0]] };
         for part in parts {
             let x1: Vec<_> = home.iter().map(|v| v + random.vector() * 4e-4).collect();
-            let line = Polyline { x0: &x, x1: &x1, clearance: &[[1e-3; 2]; 11] };
-            let motion = Motion { times: part.map(|u| start + u), ..still() };
-            let all = |work: &mut Workspace| {
+            let line = MovingPolyline { x0: &x, x1: &x1, clearance: &[[1e-3; 2]; 11] };
+            let motion = BodyMotion { times: part.map(|u| start + u), ..still() };
+            let all = |work: &mut ContactCache| {
                 let mut contacts = Vec::new();
                 bodies.candidates(&[motion], &line, 2e-3, work, &mut contacts);
                 let toi = bodies.impacts(&[motion], &line, work, &mut contacts);
@@ -188,7 +188,7 @@ fn memory_of_far_segments_changes_no_result_where_the_surface_moves() {
             };
             let before = remembering.remembered.clone();
             let with = all(&mut remembering);
-            assert_eq!(with, all(&mut Workspace::default()));
+            assert_eq!(with, all(&mut ContactCache::default()));
             found += with.1.len();
             spared += before.iter().zip(&remembering.remembered).filter(|(a, b)| a == b).count();
             x = x1;

@@ -1,6 +1,6 @@
 //! Impacts that stay in the contact problem of a step, though they are not found again.
 
-use crate::contact::{Contact, Polyline};
+use crate::contact::{Contact, MovingPolyline};
 
 /// Impacts met in any round of a step, and whether each was met more than once. Once averted an impact is out of sight; forgotten, it
 /// would come back in the round after.
@@ -24,11 +24,11 @@ impl Impacts {
     }
 
     /// Adds those to `contacts` that none of them stands for. What stood for one that was met again did not avert it.
-    pub fn join(&mut self, line: &Polyline, contacts: &mut Vec<Contact>) {
+    pub fn join(&mut self, line: &MovingPolyline, contacts: &mut Vec<Contact>) {
         let seen = contacts.len();
         for (impact, again) in &mut self.0 {
             impact.gap = line.gap(impact);
-            let beside = line.kept_at(impact);
+            let beside = line.clearance_at(impact);
             if *again || !contacts[..seen].iter().any(|c| stands_for(c, impact, beside)) {
                 contacts.push(*impact);
             }
@@ -92,7 +92,7 @@ mod tests {
         };
         let other = Contact { feature: Feature::Face(3), ..impact };
         let x = [Vector3::x() * -0.01, Vector3::x() * 0.01];
-        let line = Polyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]] };
+        let line = MovingPolyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]] };
         let mut impacts_met = Impacts::default();
         let mut joined = |impact| {
             let mut contacts = vec![other];

@@ -9,7 +9,9 @@ mod truncate;
 
 use super::tie::Tie;
 use crate::contact::friction::Law;
-use crate::contact::{Bodies, Contact, Motion, Polyline, Problem, Tolerance, friction};
+use crate::contact::{
+    Bodies, BodyMotion, Contact, FrictionProblem, FrictionTolerance, MovingPolyline, friction,
+};
 use crate::geometry::Friction;
 use crate::math::cholesky::{dot, solve_lower, solve_upper};
 use crate::math::frame::frame_towards;
@@ -37,7 +39,7 @@ const TURNING_ROUNDS: u32 = 5;
 /// Violation of a clearance that is as good as none, m: a tenth of the diameter of a hair, a fiftieth of the usual clearance.
 pub(super) const GAP_TOLERANCE: f64 = 1e-5;
 
-/// Motion of a point between rounds that is as good as none, m.
+/// BodyMotion of a point between rounds that is as good as none, m.
 const MOVE_TOLERANCE: f64 = 5e-6;
 
 /// Share of a violation that was there before the step that is undone in the step. All at once, a tenth of a millimetre near
@@ -107,16 +109,16 @@ const SKIN: f64 = 1e-6;
 const SPRING: f64 = 1.0;
 
 /// When the forces of springs are good enough for a quick look.
-const ROUGHLY: Tolerance = Tolerance { residual: 1e-2, sweeps: 20 };
+const ROUGHLY: FrictionTolerance = FrictionTolerance { residual: 1e-2, sweeps: 20 };
 
 /// When the reactions are good enough: their residual multiplies displacements of a step, some 0.1 mm.
-const TOLERANCE: Tolerance = Tolerance { residual: 1e-6, sweeps: 100 };
+const TOLERANCE: FrictionTolerance = FrictionTolerance { residual: 1e-6, sweeps: 100 };
 
 /// The problem of one guide in one step.
 pub(super) struct BodyContact<'a> {
     pub rod: &'a Rod,
     pub bodies: &'a Bodies,
-    pub motions: &'a [Motion],
+    pub motions: &'a [BodyMotion],
     /// Clearance from body b at both ends of half k of the rod's sub-steps, at `b * halves + k`, m.
     pub clearance: &'a [[f64; 2]],
     /// Points and middles ([`with_middles`]) at the start of the step, world, m.
@@ -159,7 +161,7 @@ pub(super) struct BodyContactScratch {
     pub(super) frames: Vec<(usize, f64, [Vector3<f64>; 3])>,
     /// Reactions, those of the contacts first, then those of the ties.
     pub(super) reaction: Vec<f64>,
-    scratch: friction::Scratch,
+    scratch: friction::FrictionScratch,
     /// The last reactions that push, as the rod feels them: where the next solve starts from.
     pub(super) pushes: Vec<ContactLoad>,
     pushed: ContactLoadBuffers,
@@ -212,7 +214,7 @@ impl BodyContact<'_> {
         last: bool,
         q: &mut [f64],
         solver: &mut Solver,
-        memory: &mut crate::contact::Workspace,
+        memory: &mut crate::contact::ContactCache,
         work: &mut BodyContactScratch,
     ) -> bool {
         let mut moved = f64::INFINITY;
@@ -284,11 +286,11 @@ impl BodyContact<'_> {
         &self,
         q: &mut [f64],
         solver: &mut Solver,
-        memory: &mut crate::contact::Workspace,
+        memory: &mut crate::contact::ContactCache,
         work: &mut BodyContactScratch,
     ) -> bool {
         self.trace(solver, work);
-        let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
+        let line = MovingPolyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
         work.found.clear();
         self.bodies.candidates(self.motions, &line, REACH, memory, &mut work.found);
         if self.ties.is_empty() && work.found.iter().all(|c| c.gap >= 0.0) {
@@ -332,24 +334,24 @@ impl BodyContact<'_> {
     pub fn find(
         &self,
         solver: &Solver,
-        memory: &mut crate::contact::Workspace,
+        memory: &mut crate::contact::ContactCache,
         work: &mut BodyContactScratch,
     ) -> bool {
         self.trace(solver, work);
-        let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
+        let line = MovingPolyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
         work.impacts.clear();
         work.found.clear();
         self.bodies.candidates(self.motions, &line, REACH, memory, &mut work.found);
         self.bodies.impacts(self.motions, &line, memory, &mut work.impacts);
         let in_front = |c: &Contact| {
-            let distance = line.gap(c) + line.kept_at(c);
-            distance >= -SKIN || distance >= self.before(&line, c) || line.kept_at(c) < 0.0
+            let distance = line.gap(c) + line.clearance_at(c);
+            distance >= -SKIN || distance >= self.before(&line, c) || line.clearance_at(c) < 0.0
         };
         let clear = work.impacts.iter().chain(&work.found).all(in_front);
         work.impacts.drain(..).for_each(|impact| work.impacts_met.meet(impact));
         work.found.iter_mut().for_each(|c| c.gap -= self.tolerated(&line, c));
         if work.frozen {
-            work.planes.retain(|c| line.beside_plane(c) < REACH);
+            work.planes.retain(|c| line.tangential_offset(c) < REACH);
             for plane in &mut work.planes {
                 plane.gap = line.gap(plane) - self.tolerated(&line, plane);
             }
@@ -382,8 +384,8 @@ impl BodyContact<'_> {
     }
 
     /// What is tolerated of a violation that was there before the step, m, not above 0.
-    fn tolerated(&self, line: &Polyline, contact: &Contact) -> f64 {
-        let keep = line.kept_at(contact);
+    fn tolerated(&self, line: &MovingPolyline, contact: &Contact) -> f64 {
+        let keep = line.clearance_at(contact);
         let before = self.before(line, contact);
         let tolerated = ((1.0 - UNDONE) * (before - keep)).min(0.0).max(-USED_UP * keep.abs());
         if keep < 0.0 {
@@ -394,12 +396,12 @@ impl BodyContact<'_> {
     }
 
     /// What `contact` lacks of the distance that even what is pinched must keep, m, not below 0: a share of what the step asks, or what it had.
-    fn lacking(&self, line: &Polyline, contact: &Contact) -> f64 {
+    fn lacking(&self, line: &MovingPolyline, contact: &Contact) -> f64 {
         if contact.gap >= -GAP_TOLERANCE {
             return 0.0;
         }
         let lacking = -(contact.gap + ACCEPTABLE_GAP);
-        if line.kept_at(contact) < 0.0 {
+        if line.clearance_at(contact) < 0.0 {
             return lacking.max(0.0);
         }
         let asked = asked(line, contact);
@@ -408,7 +410,7 @@ impl BodyContact<'_> {
     }
 
     /// Distance of the place of `contact` from its plane at the start of the step, m.
-    fn before(&self, line: &Polyline, contact: &Contact) -> f64 {
+    fn before(&self, line: &MovingPolyline, contact: &Contact) -> f64 {
         let (k, u) = (contact.segment, contact.u);
         let motion = &self.motions[contact.body];
         let normal = motion.start.rotation * motion.end.rotation.inverse_transform_vector(&contact.normal);
@@ -447,14 +449,14 @@ impl BodyContact<'_> {
             for (gap, row) in gap.iter().zip(rows.chunks_exact(n)) {
                 work.free.push(gap + dot(row, &solver.direction));
             }
-            work.laws.push(Law::Held);
+            work.laws.push(Law::Bilateral);
         }
     }
 
     /// The Delassus matrix, and the reactions to start from.
     fn assemble(&self, work: &mut BodyContactScratch) {
         self.remember(work);
-        let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
+        let line = MovingPolyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
         let (n, c) = (self.rod.unknowns(), work.contacts.len() + self.ties.len());
         work.delassus.clear();
         work.delassus.resize(9 * c * c, 0.0);
@@ -479,15 +481,15 @@ impl BodyContact<'_> {
     /// The distance, m, of which a contact gives way by a share: what it keeps, and in proportion less where less than old violations may leave is asked for.
     /// So what is pressed in however many steps stays in front of the surface. What is asked to be behind it gives way as well: on its way out of one body it may be
     /// held by another.
-    fn yielding(&self, line: &Polyline, contact: &Contact) -> f64 {
-        let keep = line.kept_at(contact);
+    fn yielding(&self, line: &MovingPolyline, contact: &Contact) -> f64 {
+        let keep = line.clearance_at(contact);
         keep.min(asked(line, contact).abs() / (1.0 - USED_UP)).max(0.0)
     }
 
     /// Friction of a contact.
     fn friction_at(&self, contact: &Contact) -> Friction {
         let (k, s) = on_rod(contact.segment, contact.u);
-        let own = || Friction::between(self.friction, self.rod.arc_fraction(k, s));
+        let own = || Friction::lerp(self.friction, self.rod.arc_fraction(k, s));
         contact.friction.unwrap_or_else(own)
     }
 
@@ -522,13 +524,13 @@ impl BodyContact<'_> {
         }
         self.rows(solver, work);
         self.assemble(work);
-        Problem { w: &work.delassus, b: &work.free, laws: &work.laws }.residual(&work.reaction)
+        FrictionProblem { w: &work.delassus, b: &work.free, laws: &work.laws }.residual(&work.reaction)
     }
 
     /// Solves for the reactions and adds to the solver's direction L⁻¹ times them.
-    fn react(&self, tolerance: Tolerance, solver: &mut Solver, work: &mut BodyContactScratch) {
+    fn react(&self, tolerance: FrictionTolerance, solver: &mut Solver, work: &mut BodyContactScratch) {
         let n = self.rod.unknowns();
-        let problem = Problem { w: &work.delassus, b: &work.free, laws: &work.laws };
+        let problem = FrictionProblem { w: &work.delassus, b: &work.free, laws: &work.laws };
         let outcome = friction::solve(&problem, tolerance, &mut work.reaction, &mut work.scratch);
         work.stats.residual = outcome.residual;
         for (row, r) in work.rows.chunks_exact(n).zip(&work.reaction) {
@@ -543,7 +545,7 @@ impl BodyContact<'_> {
             let force = frame[0] * r[0] + frame[1] * r[1] + frame[2] * r[2];
             let (normal, sticks) = match work.contacts.get(i) {
                 Some(contact) => {
-                    let most = self.friction_at(contact).kinetic * r[0];
+                    let most = self.friction_at(contact).mu_k * r[0];
                     (contact.normal, (r[1].hypot(r[2]) / most - 1.0).abs() > SLIDING)
                 }
                 None => (Vector3::zeros(), true),
@@ -568,8 +570,8 @@ impl BodyContact<'_> {
 }
 
 /// Distance from its plane that a step asks of the place of `contact`, m.
-fn asked(line: &Polyline, contact: &Contact) -> f64 {
-    line.gap(contact) + line.kept_at(contact) - contact.gap
+fn asked(line: &MovingPolyline, contact: &Contact) -> f64 {
+    line.gap(contact) + line.clearance_at(contact) - contact.gap
 }
 
 /// Whether two contacts of a strand are all but the same.

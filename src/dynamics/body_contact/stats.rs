@@ -1,7 +1,7 @@
 //! What the record of a step tells of its contact with bodies.
 
 use super::{BodyContact, BodyContactScratch};
-use crate::contact::Polyline;
+use crate::contact::MovingPolyline;
 use crate::dynamics::step_record::StepRecord;
 use crate::dynamics::tie::Tie;
 use nalgebra::Vector3;
@@ -48,9 +48,9 @@ impl BodyContact<'_> {
         work.stats.penetration = 0.0;
         let slack = |(tie, target): &(Tie, Vector3<f64>)| (tie.place(&work.x1) - target).norm();
         work.stats.slack = self.ties.iter().map(slack).fold(0.0, f64::max);
-        let line = Polyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
+        let line = MovingPolyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
         for c in &work.found {
-            let keep = line.kept_at(c);
+            let keep = line.clearance_at(c);
             // Points on their way out of a body are not at fault.
             if keep >= 0.0 {
                 work.stats.penetration = work.stats.penetration.max(-(line.gap(c) + keep));

@@ -1,5 +1,5 @@
 use super::*;
-use crate::contact::Workspace;
+use crate::contact::ContactCache;
 use crate::geometry::{Feature, Shape as SceneShape};
 use crate::rod::{RodSource, SegmentSize, Taper};
 use nalgebra::Isometry3;
@@ -26,7 +26,7 @@ fn straight() -> Rod {
 fn in_step<R>(
     rod: &Rod,
     bodies: &Bodies,
-    motions: &[Motion],
+    motions: &[BodyMotion],
     clearance: &[[f64; 2]],
     x0: &[Vector3<f64>],
     of: impl FnOnce(&BodyContact) -> R,
@@ -51,12 +51,12 @@ fn over_a_plane<R>(
     h: f64,
     before: f64,
     now: f64,
-    of: impl FnOnce(&BodyContact, &Polyline, Contact) -> R,
+    of: impl FnOnce(&BodyContact, &MovingPolyline, Contact) -> R,
 ) -> R {
-    let motion = Motion { times: [0.0, h], start: Isometry3::identity(), end: Isometry3::identity() };
+    let motion = BodyMotion { times: [0.0, h], start: Isometry3::identity(), end: Isometry3::identity() };
     let at = |y: f64| [Vector3::new(0.0, y, 0.0), Vector3::new(0.01, y, 0.0)];
     let (x0, x1) = (at(before), at(now));
-    let line = Polyline { x0: &x0, x1: &x1, clearance: &[[KEEP; 2]] };
+    let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &[[KEEP; 2]] };
     let mut contact = Contact {
         segment: 0,
         u: 0.5,
@@ -119,7 +119,7 @@ fn cut_short(h: f64, balls: &[[f64; 2]]) -> ([(bool, f64); 5], f64, bool) {
     let up = (tip - Vector3::x() * tip.x).normalize();
     let ball = |[y, _]: &[f64; 2]| SceneShape::Sphere { centre: Vector3::x() * 0.04 + up * *y, radius: 0.02 };
     let bodies = Bodies::from_shapes(&balls.iter().map(ball).collect::<Vec<_>>());
-    let motion = |[_, by]: &[f64; 2]| Motion {
+    let motion = |[_, by]: &[f64; 2]| BodyMotion {
         times: [0.0, h],
         start: Isometry3::identity(),
         end: Isometry3::from(nalgebra::Translation3::from(up * *by)),
@@ -130,7 +130,7 @@ fn cut_short(h: f64, balls: &[[f64; 2]]) -> ([(bool, f64); 5], f64, bool) {
     with_midpoints(&rod.arc, |k| solver.shape.x(k), |k| solver.shape.tangent(k), &mut x0);
     let clearance = vec![[KEEP; 2]; balls.len() * (x0.len() - 1)];
     in_step(&rod, &bodies, &motions, &clearance, &x0, |touch| {
-        let (mut memory, mut work) = (Workspace::default(), BodyContactScratch::default());
+        let (mut memory, mut work) = (ContactCache::default(), BodyContactScratch::default());
         let tried = SHARES.map(|share| {
             let q: Vec<_> = rod.initial_q.iter().zip(&bent).map(|(a, b)| a + share * (b - a)).collect();
             solver.shape.update(&rod, &rod.root.r, &q);

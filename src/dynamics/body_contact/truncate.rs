@@ -30,7 +30,7 @@ impl BodyContact<'_> {
         start: &[f64],
         q: &mut [f64],
         solver: &mut Solver,
-        memory: &mut crate::contact::Workspace,
+        memory: &mut crate::contact::ContactCache,
         work: &mut BodyContactScratch,
     ) -> bool {
         work.whole.clear();
@@ -59,7 +59,7 @@ impl BodyContact<'_> {
         start: &[f64],
         q: &mut [f64],
         solver: &mut Solver,
-        memory: &mut crate::contact::Workspace,
+        memory: &mut crate::contact::ContactCache,
         work: &mut BodyContactScratch,
     ) -> bool {
         for ((q, a), whole) in q.iter_mut().zip(start).zip(&work.whole) {

@@ -1,7 +1,7 @@
 //! A guide and the bodies within one step.
 
 use super::{Environment, Guide, Workspace};
-use crate::contact::{Bodies, Motion};
+use crate::contact::{Bodies, BodyMotion};
 use crate::dynamics::body_contact::{BodyContact, BodyContactScratch, with_midpoints};
 use crate::math::se3::Pose;
 use crate::rod::newton::Solver;
@@ -10,7 +10,7 @@ use crate::rod::newton::Solver;
 pub(in crate::dynamics) struct Moving<'a> {
     pub q: &'a mut Vec<f64>,
     pub solver: &'a mut Solver,
-    pub memory: &'a mut crate::contact::Workspace,
+    pub memory: &'a mut crate::contact::ContactCache,
     pub touching: &'a mut BodyContactScratch,
 }
 
@@ -72,7 +72,7 @@ impl Guide {
             Some((tie.clone(), tie.target(t1, t1 - t0, &tie.place(&work.line), poses)?))
         }));
         work.motions.clear();
-        work.motions.extend((0..env.bodies.len()).map(|b| Motion {
+        work.motions.extend((0..env.bodies.len()).map(|b| BodyMotion {
             times: [t0, t1],
             start: (env.body)(b, t0),
             end: (env.body)(b, t1),

@@ -11,7 +11,7 @@ use super::environment::Environment;
 use super::integrator::DifferenceFormula;
 use super::step_record::StepRecord;
 use super::tie::Tie;
-use crate::contact::Motion;
+use crate::contact::BodyMotion;
 use crate::geometry::Friction;
 use crate::math::se3::Pose;
 use crate::rod::contact_load::ContactLoad;
@@ -72,7 +72,7 @@ pub struct Guide {
     /// The last solve and the one before: its length, s, and the rate of the unknowns over it, 1/(m·s). The next starts from them.
     past: [(f64, Vec<f64>); 2],
     /// Where the bodies were last seen.
-    memory: crate::contact::Workspace,
+    memory: crate::contact::ContactCache,
     /// What bodies pushed it with at the end of the last step.
     pushes: Vec<ContactLoad>,
     /// Whether no part of the last sub-step went as it should: bodies have closed on the strand, and no division helps.
@@ -105,7 +105,7 @@ pub struct Workspace {
     pub(super) q: Vec<f64>,
     past: Vec<f64>,
     free: Vec<f64>,
-    motions: Vec<Motion>,
+    motions: Vec<BodyMotion>,
     clearance: Vec<[f64; 2]>,
     line: Vec<Vector3<f64>>,
     /// Speed that gravity and force fields give in the step, m/s.
@@ -159,7 +159,7 @@ impl Guide {
             friction_force: Vec::new(),
             drag,
             rod,
-            memory: crate::contact::Workspace::default(),
+            memory: crate::contact::ContactCache::default(),
             pushes: Vec::new(),
             pinched: false,
         };

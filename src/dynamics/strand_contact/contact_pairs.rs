@@ -4,7 +4,7 @@
 //! is that of `docs/theory.md` §5.2: crossing guides keep the thickness of their bundles, parallel ones that of a hair.
 
 use super::law::{BundleProperties, Encounter, REACH};
-use crate::contact::pairs::{Meeting, Near, Pair, Strands};
+use crate::contact::pairs::{ClosestPair, MovingStrands, SegmentContact, SegmentPair};
 use crate::dynamics::body_contact::GAP_TOLERANCE;
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
@@ -39,7 +39,7 @@ const SAME: f64 = 0.3;
 /// included: contacts that turned with every round would never come to rest.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ContactPair {
-    pub meeting: Meeting,
+    pub contact: SegmentContact,
     /// Distance at the end of the sub-step that is asked for, m.
     pub keep: f64,
     /// The most that the pair is asked to keep, m: no more than it has had.
@@ -60,7 +60,7 @@ impl ContactPair {
 
     /// Force on the first guide, N.
     pub fn force(&self) -> Vector3<f64> {
-        self.reaction - self.meeting.normal * self.cling
+        self.reaction - self.contact.normal * self.cling
     }
 
     /// Whether it asks for its guides to be solved together, before anything has come of their motion.
@@ -70,12 +70,12 @@ impl ContactPair {
 
     /// Distance over what is to be kept, m.
     pub fn gap(&self) -> f64 {
-        self.meeting.distance - self.keep
+        self.contact.distance - self.keep
     }
 
     /// Whether it keeps its distance, near enough.
     pub fn is_kept(&self) -> bool {
-        self.meeting.distance >= SQUEEZED * self.keep
+        self.contact.distance >= SQUEEZED * self.keep
     }
 
     /// Whether its guides push each other.
@@ -96,7 +96,7 @@ pub(super) struct Known {
 /// A pair that may meet within the sub-step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Candidate {
-    near: Near,
+    near: ClosestPair,
     /// Distance by the angle between its segments, m.
     law: f64,
 }
@@ -105,7 +105,7 @@ pub(super) struct Candidate {
 struct Hit {
     guides: [usize; 2],
     time: f64,
-    meeting: Meeting,
+    contact: SegmentContact,
     /// Whether the segments would pass through each other.
     crosses: bool,
 }
@@ -126,7 +126,7 @@ pub(super) struct ContactPairs {
     /// The places of this sub-step, in ascending order of pairs as far as they were found at the same time.
     pub found: Vec<ContactPair>,
     /// Pairs that would pass through each other.
-    pub crossing: Vec<Pair>,
+    pub crossing: Vec<SegmentPair>,
     /// What the sub-step before has left.
     pub known: Vec<Known>,
 }
@@ -152,31 +152,31 @@ impl ContactPairs {
         }
     }
 
-    /// What a force between guides comes to on one hair of that on one side of a meeting, as a share of it.
-    pub fn per_hair(&self, meeting: &Meeting, side: usize) -> f64 {
-        1.0 / self.skin[self.guides(meeting)[side]].hairs
+    /// What a force between guides comes to on one hair of that on one side of a contact, as a share of it.
+    pub fn per_hair(&self, contact: &SegmentContact, side: usize) -> f64 {
+        1.0 / self.skin[self.guides(contact)[side]].hairs
     }
 
     /// The two guides of a pair.
-    pub fn guides_of(&self, pair: Pair) -> [usize; 2] {
+    pub fn guides_of(&self, pair: SegmentPair) -> [usize; 2] {
         [pair.0, pair.1].map(|k| self.guide[k as usize] as usize)
     }
 
-    /// The two guides of a meeting.
-    pub fn guides(&self, meeting: &Meeting) -> [usize; 2] {
-        self.guides_of(meeting.pair)
+    /// The two guides of a contact.
+    pub fn guides(&self, contact: &SegmentContact) -> [usize; 2] {
+        self.guides_of(contact.pair)
     }
 
-    /// Where a meeting is on one side: the sub-step of the guide's rod, and the fraction of it.
-    pub fn on_rod(&self, meeting: &Meeting, side: usize) -> (usize, f64) {
-        let k = [meeting.pair.0, meeting.pair.1][side];
+    /// Where a contact is on one side: the sub-step of the guide's rod, and the fraction of it.
+    pub fn on_rod(&self, contact: &SegmentContact, side: usize) -> (usize, f64) {
+        let k = [contact.pair.0, contact.pair.1][side];
         let half = k - self.first[self.guide[k as usize] as usize];
-        ((half / 2) as usize, 0.5 * (f64::from(half % 2) + meeting.u[side]))
+        ((half / 2) as usize, 0.5 * (f64::from(half % 2) + contact.u[side]))
     }
 
-    /// Where a meeting is along the two guides, in sub-steps of their rods from the root.
-    fn along_rods(&self, meeting: &Meeting) -> [f64; 2] {
-        let (at, guides) = (along(meeting), self.guides(meeting));
+    /// Where a contact is along the two guides, in sub-steps of their rods from the root.
+    fn along_rods(&self, contact: &SegmentContact) -> [f64; 2] {
+        let (at, guides) = (along(contact), self.guides(contact));
         [0, 1].map(|side| at[side] - 0.5 * f64::from(self.first[guides[side]]))
     }
 
@@ -206,13 +206,13 @@ impl ContactPairs {
         end[range.clone()].copy_from_slice(&start[range]);
     }
 
-    fn strands(&self) -> Strands<'_> {
-        Strands { x0: &self.x[0], x1: &self.x[1], strand: &self.guide }
+    fn strands(&self) -> MovingStrands<'_> {
+        MovingStrands { x0: &self.x[0], x1: &self.x[1], strand: &self.guide }
     }
 
     /// How far the first guide of a place slides past the second, m.
     pub fn slip(&self, place: &ContactPair) -> Vector3<f64> {
-        self.strands().slip(&place.meeting)
+        self.strands().slip(&place.contact)
     }
 
     /// Begins a sub-step: the places that are there at its start, or are met on the way to the ends that the guides have now.
@@ -221,8 +221,8 @@ impl ContactPairs {
         self.find_pairs();
         let (strands, places) = (self.strands(), &*self);
         let near = |Candidate { near, law }: &Candidate| {
-            let meeting = (near.distance < law + REACH).then(|| strands.facing(near))??;
-            Some(places.place(meeting))
+            let contact = (near.distance < law + REACH).then(|| strands.contact_candidate(near))??;
+            Some(places.place(contact))
         };
         let near: Vec<ContactPair> = self.pairs.par_iter().filter_map(near).collect();
         self.found = self.thinned(near);
@@ -232,16 +232,17 @@ impl ContactPairs {
     /// Of places that stand for each other only the tightest: together they would hold the same thing twice, and share the force between them as
     /// they please.
     fn thinned(&self, near: Vec<ContactPair>) -> Vec<ContactPair> {
-        let slack = |p: &ContactPair| self.strands().near(p.meeting.pair).distance - self.law(p.meeting.pair);
+        let slack =
+            |p: &ContactPair| self.strands().closest_pair(p.contact.pair).distance - self.law(p.contact.pair);
         let slack: Vec<f64> = near.par_iter().map(slack).collect();
-        let guides = |i: usize| self.guides(&near[i].meeting);
+        let guides = |i: usize| self.guides(&near[i].contact);
         let mut order: Vec<usize> = (0..near.len()).collect();
         order.par_sort_by_key(|&i| guides(i));
         let tightest = |same: &mut [usize]| {
             same.sort_by(|&i, &j| slack[i].total_cmp(&slack[j]));
             let mut kept: Vec<usize> = Vec::new();
             for &i in &*same {
-                if kept.iter().all(|&k| !stands_for(&near[k].meeting, &near[i].meeting)) {
+                if kept.iter().all(|&k| !stands_for(&near[k].contact, &near[i].contact)) {
                     kept.push(i);
                 }
             }
@@ -258,13 +259,14 @@ impl ContactPairs {
         let widest = self.skin.iter().map(|s| s.hair + s.bundle).fold(0.0, f64::max);
         let reach = 2.0 * widest + REACH + MARGIN;
         let (strands, places) = (self.strands(), &*self);
-        let candidate = |pair: Pair| {
+        let candidate = |pair: SegmentPair| {
             let rooted = [pair.0, pair.1].iter().all(|&k| places.rooted[k as usize]);
-            let near =
-                (!rooted).then(|| strands.near(pair)).filter(|near| strands.least_distance(near) < reach)?;
+            let near = (!rooted)
+                .then(|| strands.closest_pair(pair))
+                .filter(|near| strands.distance_lower_bound(near) < reach)?;
             Some(Candidate { near, law: places.law(pair) })
         };
-        self.pairs = strands.pairs(reach).into_par_iter().filter_map(candidate).collect();
+        self.pairs = strands.broad_phase(reach).into_par_iter().filter_map(candidate).collect();
     }
 
     /// Looks along the motion to the ends as they are now: brings the distances of all places up to date, adds those that are met on the way
@@ -275,18 +277,18 @@ impl ContactPairs {
             .pairs
             .par_iter()
             .filter_map(|Candidate { near, law }| {
-                let (meeting, time) = strands.impact(near, *law)?;
-                let guides = places.guides(&meeting);
-                Some(Hit { guides, time, meeting, crosses: strands.crosses(near.pair) })
+                let (contact, time) = strands.impact(near, *law)?;
+                let guides = places.guides(&contact);
+                Some(Hit { guides, time, contact, crosses: strands.crosses(near.pair) })
             })
             .collect();
         self.crossing.clear();
-        self.crossing.extend(hits.iter().filter(|h| h.crosses).map(|h| h.meeting.pair));
-        let strands = Strands { x0: &self.x[0], x1: &self.x[1], strand: &self.guide };
-        self.found.par_iter_mut().for_each(|place| place.meeting.distance = strands.distance(&place.meeting));
+        self.crossing.extend(hits.iter().filter(|h| h.crosses).map(|h| h.contact.pair));
+        let strands = MovingStrands { x0: &self.x[0], x1: &self.x[1], strand: &self.guide };
+        self.found.par_iter_mut().for_each(|place| place.contact.distance = strands.distance(&place.contact));
         hits.sort_by(|a, b| a.guides.cmp(&b.guides).then(a.time.total_cmp(&b.time)));
         let mut known: Vec<([usize; 2], ContactPair)> =
-            self.found.iter().map(|p| (self.guides(&p.meeting), *p)).collect();
+            self.found.iter().map(|p| (self.guides(&p.contact), *p)).collect();
         known.sort_by_key(|(guides, _)| *guides);
         let old = self.found.len();
         for hits in hits.chunk_by(|a, b| a.guides == b.guides) {
@@ -297,14 +299,14 @@ impl ContactPairs {
                 // What follows an impact close by, or a place that has not been kept, would not happen without it. A place that stands for
                 // the impact, and is kept, but lets the segments through all the same, does not hold them: near to each other and
                 // almost along each other, they pass beside it.
-                let follows = |m: &Meeting| slid(m, &hit.meeting) <= BESIDE;
+                let follows = |m: &SegmentContact| slid(m, &hit.contact) <= BESIDE;
                 let averts = |p: &ContactPair| !hit.crosses || !p.is_kept();
                 let in_vain = known.clone().any(|(_, p)| {
-                    follows(&p.meeting) && p.meeting.distance < 0.0
-                        || stands_for(&p.meeting, &hit.meeting) && averts(p)
+                    follows(&p.contact) && p.contact.distance < 0.0
+                        || stands_for(&p.contact, &hit.contact) && averts(p)
                 });
-                if !in_vain && !self.found[first..].iter().any(|p| follows(&p.meeting)) {
-                    self.found.push(self.place(hit.meeting));
+                if !in_vain && !self.found[first..].iter().any(|p| follows(&p.contact)) {
+                    self.found.push(self.place(hit.contact));
                 }
             }
         }
@@ -312,35 +314,35 @@ impl ContactPairs {
     }
 
     /// Distance by the angle between two segments, m (S6).
-    fn law(&self, pair: Pair) -> f64 {
+    fn law(&self, pair: SegmentPair) -> f64 {
         self.encounter(pair).kept()
     }
 
-    fn encounter(&self, pair: Pair) -> Encounter {
+    fn encounter(&self, pair: SegmentPair) -> Encounter {
         Encounter::new(self.guides_of(pair).map(|g| self.skin[g]), self.strands().directions(pair))
     }
 
-    fn place(&self, meeting: Meeting) -> ContactPair {
-        let before = self.strands().near(meeting.pair).distance;
-        let known = self.recall(&meeting);
+    fn place(&self, contact: SegmentContact) -> ContactPair {
+        let before = self.strands().closest_pair(contact.pair).distance;
+        let known = self.recall(&contact);
         let limit = known.map_or(before, |k| k.limit.max(before));
-        let encounter = self.encounter(meeting.pair);
+        let encounter = self.encounter(contact.pair);
         let wanted = encounter.kept().min(limit.max(LEAST));
         let keep = if before < wanted { before + GAINED * (wanted - before) } else { wanted };
         ContactPair {
-            meeting,
+            contact,
             keep,
             limit,
-            axes: encounter.axes(&meeting.normal),
-            cling: encounter.cohesion(before - wanted, self.strands().mean_length(meeting.pair)),
+            axes: encounter.axes(&contact.normal),
+            cling: encounter.cohesion(before - wanted, self.strands().mean_length(contact.pair)),
             reaction: known.map_or_else(Vector3::zeros, |k| k.reaction),
         }
     }
 
     /// What is known of a place: of the nearest one of the same two guides.
-    fn recall(&self, meeting: &Meeting) -> Option<&Known> {
-        let guides = self.guides(meeting).map(|g| g as u32);
-        let at = self.along_rods(meeting);
+    fn recall(&self, contact: &SegmentContact) -> Option<&Known> {
+        let guides = self.guides(contact).map(|g| g as u32);
+        let at = self.along_rods(contact);
         let from = self.known.partition_point(|k| k.guides < guides);
         self.known[from..]
             .iter()
@@ -354,9 +356,9 @@ impl ContactPairs {
     /// Ends a sub-step: keeps what the next needs to know.
     pub fn end(&mut self) {
         let known = self.found.iter().map(|p| Known {
-            guides: self.guides(&p.meeting).map(|g| g as u32),
-            at: self.along_rods(&p.meeting),
-            limit: p.limit.max(p.meeting.distance),
+            guides: self.guides(&p.contact).map(|g| g as u32),
+            at: self.along_rods(&p.contact),
+            limit: p.limit.max(p.contact.distance),
             reaction: p.reaction,
         });
         self.known = known.collect();
@@ -370,22 +372,22 @@ impl ContactPairs {
     /// How far a place of the sub-step that has just ended slid, m.
     #[cfg(test)]
     pub fn last_slip(&self, place: &ContactPair) -> Vector3<f64> {
-        Strands { x0: &self.x[1], x1: &self.x[0], strand: &self.guide }.slip(&place.meeting)
+        MovingStrands { x0: &self.x[1], x1: &self.x[0], strand: &self.guide }.slip(&place.contact)
     }
 }
 
-/// Where a meeting is along the two guides, in sub-steps of the rods from the first of all.
-fn along(meeting: &Meeting) -> [f64; 2] {
-    [f64::from(meeting.pair.0) + meeting.u[0], f64::from(meeting.pair.1) + meeting.u[1]].map(|k| 0.5 * k)
+/// Where a contact is along the two guides, in sub-steps of the rods from the first of all.
+fn along(contact: &SegmentContact) -> [f64; 2] {
+    [f64::from(contact.pair.0) + contact.u[0], f64::from(contact.pair.1) + contact.u[1]].map(|k| 0.5 * k)
 }
 
 /// How far apart two meetings are along both guides together, in sub-steps of the rods.
-fn slid(a: &Meeting, b: &Meeting) -> f64 {
+fn slid(a: &SegmentContact, b: &SegmentContact) -> f64 {
     let (a, b) = (along(a), along(b));
     (a[0] - b[0]).abs() + (a[1] - b[1]).abs()
 }
 
 /// Whether holding two segments apart at `a` does so at `b` too.
-fn stands_for(a: &Meeting, b: &Meeting) -> bool {
+fn stands_for(a: &SegmentContact, b: &SegmentContact) -> bool {
     slid(a, b) < SAME && a.normal.dot(&b.normal) > 0.98
 }

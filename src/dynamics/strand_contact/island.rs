@@ -2,8 +2,10 @@
 
 use super::contact_pairs::ContactPairs;
 use super::member::Member;
-use crate::contact::Tolerance;
-use crate::contact::friction::{Coupled, Law, Outcome, Scratch, Side, solve_coupled};
+use crate::contact::FrictionTolerance;
+use crate::contact::friction::{
+    CoupledFrictionProblem, FrictionOutcome, FrictionScratch, Law, StrandRows, solve_coupled,
+};
 use crate::dynamics::guide::Guide;
 use crate::geometry::Friction;
 use crate::math::cholesky::dot;
@@ -11,8 +13,8 @@ use nalgebra::UnitQuaternion;
 
 /// When the reactions are good enough: their residual multiplies displacements of a step, some 0.1 to 1 mm. In the first round, whose
 /// linearisation is worth no more, and in those that follow.
-const TOLERANCES: [Tolerance; 2] =
-    [Tolerance { residual: 1e-4, sweeps: 60 }, Tolerance { residual: SOUND, sweeps: 200 }];
+const TOLERANCES: [FrictionTolerance; 2] =
+    [FrictionTolerance { residual: 1e-4, sweeps: 60 }, FrictionTolerance { residual: SOUND, sweeps: 200 }];
 
 /// Residual after which no other round is asked for on its account.
 pub(super) const SOUND: f64 = 1e-6;
@@ -32,7 +34,7 @@ pub(super) struct Reactions {
     pub pushes: Vec<f64>,
     /// Of the contacts of its members' rods with bodies, then of its places, in the frames of the contacts, N.
     pub forces: Vec<f64>,
-    pub outcome: Outcome,
+    pub outcome: FrictionOutcome,
 }
 
 impl Island {
@@ -81,7 +83,7 @@ impl Island {
             let m = &members[g];
             let (n, touch, at) = (guides[g].rod.unknowns(), &m.work.touch, rows.len());
             let hairs = places.skin[g].hairs;
-            let part = |j: usize| Side { unknowns: (unknowns, n), rows: at + 3 * n * j };
+            let part = |j: usize| StrandRows { first_unknown: unknowns, unknowns: n, offset: at + 3 * n * j };
             let bodies = touch.laws.len();
             for (j, &(i, side)) in m.parts.iter().enumerate() {
                 if let Ok(place) = self.places.binary_search(&i) {
@@ -98,33 +100,34 @@ impl Island {
         }
         for (&i, sides_here) in self.places.iter().zip(&sides_of_places) {
             let place = &places.found[i];
-            let guides_here = places.guides(&place.meeting);
+            let guides_here = places.guides(&place.contact);
             let axes = place.axes(to_world);
             let slip = to_world * places.slip(place);
             let mut free = [place.gap(), slip.dot(&axes[1]), slip.dot(&axes[2])];
             for (side, g) in sides_here.iter().zip(guides_here).filter_map(|(side, g)| Some(((*side)?, g))) {
-                let (n, hairs) = (side.unknowns.1, places.skin[g].hairs);
+                let (n, hairs) = (side.unknowns, places.skin[g].hairs);
                 for (d, free) in free.iter_mut().enumerate() {
-                    let row = &rows[side.rows + d * n..][..n];
+                    let row = &rows[side.offset + d * n..][..n];
                     *free += dot(row, &members[g].work.solver.direction) * hairs.sqrt();
                 }
             }
             b.extend(free);
             sides.push(*sides_here);
             let own = |side: usize| {
-                let (guide, (k, u)) = (&guides[guides_here[side]], places.on_rod(&place.meeting, side));
-                Friction::between(guide.friction, guide.rod.arc_fraction(k, u))
+                let (guide, (k, u)) = (&guides[guides_here[side]], places.on_rod(&place.contact, side));
+                Friction::lerp(guide.friction, guide.rod.arc_fraction(k, u))
             };
-            laws.push(Law::Coulomb(Friction::between([own(0), own(1)], 0.5)));
+            laws.push(Law::Coulomb(Friction::lerp([own(0), own(1)], 0.5)));
             let force = to_world * place.reaction;
             let [n, along, across] = axes.map(|d| force.dot(&d) / d.norm_squared());
             forces.extend([n.max(0.0), along, across]);
         }
         let mut pushes = vec![0.0; unknowns];
-        let problem = Coupled { sides: &sides, rows: &rows, b: &b, laws: &laws };
+        let problem = CoupledFrictionProblem { strands: &sides, rows: &rows, b: &b, laws: &laws };
         let first = self.members.iter().all(|&g| members[g].rounds == 0);
         let tolerance = TOLERANCES[usize::from(!first)];
-        let outcome = solve_coupled(&problem, tolerance, &mut forces, &mut pushes, &mut Scratch::default());
+        let outcome =
+            solve_coupled(&problem, tolerance, &mut forces, &mut pushes, &mut FrictionScratch::default());
         let (mut pushes_left, mut forces_left) = (&mut pushes[..], &mut forces[..]);
         for &g in &self.members {
             let hairs = places.skin[g].hairs;

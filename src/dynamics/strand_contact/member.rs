@@ -150,11 +150,11 @@ impl Member {
         for (&(i, side), rows) in self.parts.iter().zip(self.rows.chunks_exact_mut(3 * n)) {
             let place = &places.found[i];
             let axes = place.axes(to_world).map(|d| if side == 0 { d } else { -d });
-            let (k, s) = places.on_rod(&place.meeting, side);
+            let (k, s) = places.on_rod(&place.contact, side);
             let solver = &mut self.work.solver;
             let carriers = solver.shape.blend_points(&guide.rod, k, s);
             rows_at(solver, k, carriers, &axes, rows);
-            let cling = place.cling * places.per_hair(&place.meeting, side);
+            let cling = place.cling * places.per_hair(&place.contact, side);
             solver.direction.iter_mut().zip(&rows[..n]).for_each(|(d, row)| *d -= cling * row);
         }
         guide.with_touch(bodies, &self.root, &mut self.work, |touch, moving| {
@@ -200,9 +200,9 @@ impl Member {
         }
         for &(i, side) in &self.parts {
             let place = &places.found[i];
-            let share = places.per_hair(&place.meeting, side);
+            let share = places.per_hair(&place.contact, side);
             let force = to_world * place.force() * if side == 0 { share } else { -share };
-            let (k, s) = places.on_rod(&place.meeting, side);
+            let (k, s) = places.on_rod(&place.contact, side);
             self.forces.push((k, s, force));
         }
     }

@@ -120,7 +120,7 @@ impl StrandContacts {
         let mut sets = Sets::new(guides.len());
         let mut wanted = self.pushed.clone();
         for place in &self.places.found {
-            let [a, b] = self.places.guides(&place.meeting);
+            let [a, b] = self.places.guides(&place.contact);
             if whole(a) && whole(b) {
                 sets.join(a, b);
             }
@@ -133,7 +133,7 @@ impl StrandContacts {
         let (mut islands, island_of) = Island::of(sets, guides.len(), wanted);
         self.members.iter_mut().for_each(|m| m.parts.clear());
         for (i, place) in self.places.found.iter().enumerate() {
-            for (side, g) in self.places.guides(&place.meeting).into_iter().enumerate() {
+            for (side, g) in self.places.guides(&place.contact).into_iter().enumerate() {
                 let Some(island) = island_of[g] else { continue };
                 if islands[island].places.last() != Some(&i) {
                     islands[island].places.push(i);
@@ -210,7 +210,7 @@ impl StrandContacts {
         let old = self.places.found.len();
         self.places.look();
         for (i, place) in self.places.found.iter().enumerate() {
-            for g in self.places.guides(&place.meeting) {
+            for g in self.places.guides(&place.contact) {
                 self.members[g].stirred |= i >= old;
                 self.members[g].stir(!place.is_kept());
             }
@@ -266,7 +266,7 @@ impl StrandContacts {
             m.note(guide, bodies, record);
         }
         for place in &self.places.found {
-            let record = &mut records[self.places.guides(&place.meeting)[0]].strands;
+            let record = &mut records[self.places.guides(&place.contact)[0]].strands;
             record.found += 1;
             record.active += u32::from(place.pushes());
         }
@@ -286,7 +286,7 @@ impl StrandContacts {
         });
         self.pushed.fill(false);
         for place in self.places.found.iter().filter(|p| p.pushes()) {
-            for g in self.places.guides(&place.meeting) {
+            for g in self.places.guides(&place.contact) {
                 self.pushed[g] = true;
             }
         }

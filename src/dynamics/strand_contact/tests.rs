@@ -253,7 +253,7 @@ fn places_that_stand_for_each_other_are_held_once() {
     places.x = [x.clone(), x];
     places.begin();
     let along = |m| [0, 1].map(|side| places.on_rod(m, side)).map(|(k, u)| k as f64 + u);
-    let mut at: Vec<_> = places.found.iter().map(|p| along(&p.meeting)).collect();
+    let mut at: Vec<_> = places.found.iter().map(|p| along(&p.contact)).collect();
     at.sort_by(|a, b| a[0].total_cmp(&b[0]));
     assert!(at.len() >= 5, "{at:?}");
     for two in at.windows(2) {

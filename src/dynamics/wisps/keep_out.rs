@@ -1,7 +1,7 @@
 //! Keeping guides that follow out of bodies: as little as it takes is added to their strains, on from what was added the frame before.
 
 use super::{Environment, G, Rest};
-use crate::contact::Memory;
+use crate::contact::ProximityCache;
 use crate::math::cholesky;
 use crate::math::se3::Pose;
 use crate::rod::{LumpedSensitivity, Rod, RodShape};
@@ -137,9 +137,13 @@ impl<'a> Moment<'a> {
         let mut placed = Placed::default();
         placed.put(rod, q, self);
         let at = (self.t, &self.poses[..]);
-        self.env.bodies.each_nearer(at, &placed.x, most, &mut Memory::default(), |i, distance, _| {
-            distances[i] = distance
-        });
+        self.env.bodies.each_point_within(
+            at,
+            &placed.x,
+            most,
+            &mut ProximityCache::default(),
+            |i, distance, _| distances[i] = distance,
+        );
         distances
     }
 
@@ -151,12 +155,12 @@ impl<'a> Moment<'a> {
     /// Finds how a guide that is led is kept out of the bodies: by what `out`, 1/m, must be added to its unknowns that its places keep their distances, as far as
     /// they can. `out` is that of the frame before, empty where nothing kept it out; from there it goes on. Returns the mean way of its places, m, if there
     /// is any, infinite where it is left inside a body deeper than it rested. `memory` spares searches, as in
-    /// [`Bodies::each_nearer`](crate::contact::Bodies::each_nearer); what is in `work` changes no result.
+    /// [`Bodies::each_point_within`](crate::contact::Bodies::each_point_within); what is in `work` changes no result.
     pub fn bring_out(
         &self,
         led: &Led,
         out: &mut Vec<f64>,
-        memory: &mut Memory,
+        memory: &mut ProximityCache,
         work: &mut Work,
     ) -> Option<f64> {
         let kept = &led.rest.settled.kept;
@@ -197,7 +201,7 @@ impl<'a> Moment<'a> {
         led: &Led,
         out: &mut Vec<f64>,
         deep: f64,
-        memory: &mut Memory,
+        memory: &mut ProximityCache,
         work: &mut Work,
     ) -> Best {
         let kept = &led.rest.settled.kept;
@@ -246,11 +250,17 @@ impl<'a> Moment<'a> {
     }
 
     /// Notes those of the places `x` that are nearer to a body than `within`, m, in order.
-    fn look(&self, x: &[Vector3<f64>], within: &[f64], memory: &mut Memory, near: &mut Vec<Near>) {
+    fn look(&self, x: &[Vector3<f64>], within: &[f64], memory: &mut ProximityCache, near: &mut Vec<Near>) {
         near.clear();
-        self.env.bodies.each_nearer((self.t, &self.poses), x, within, memory, |at, distance, normal| {
-            near.push(Near { at, missing: within[at] - distance, normal });
-        });
+        self.env.bodies.each_point_within(
+            (self.t, &self.poses),
+            x,
+            within,
+            memory,
+            |at, distance, normal| {
+                near.push(Near { at, missing: within[at] - distance, normal });
+            },
+        );
     }
 }
 
@@ -408,7 +418,7 @@ mod tests {
         let kept = vec![5e-4; solids.len() * places];
         let far = vec![1.0; kept.len()];
         let rest = Rest::new(&rod, Settled { q: vec![0.0; rod.unknowns()], kept });
-        let (mut memory, mut work) = (Memory::default(), Work::default());
+        let (mut memory, mut work) = (ProximityCache::default(), Work::default());
         done(&mut |q, before, out| {
             let mut placed = Placed::default();
             placed.put(&rod, q, &now);

@@ -8,7 +8,7 @@ mod rest;
 use super::checkpoint::StateMismatch;
 use super::environment::Environment;
 use super::guide::Guide;
-use crate::contact::Memory;
+use crate::contact::ProximityCache;
 use crate::math::lanes::MAX_LANES;
 use crate::rod::Rod;
 use crate::rod::pack::{Pack, PackBuffers, PointsTask};
@@ -43,7 +43,7 @@ pub(super) struct Wisps {
     files: Vec<Vec<File>>,
     followers: Vec<Follower>,
     /// Where each guide that follows was last seen outside of bodies.
-    memory: Vec<Memory>,
+    memory: Vec<ProximityCache>,
     /// Unknowns of each guide that follows at the end of the last frame, as [`Guide::q`].
     earlier: Vec<[Vec<f64>; 3]>,
     /// Which guides lead others, and their deflections at the end of the last frame.
@@ -131,7 +131,7 @@ struct Led<'a> {
     guide: &'a mut Guide,
     follower: &'a mut Follower,
     /// Where it was last seen outside of bodies.
-    memory: &'a mut Memory,
+    memory: &'a mut ProximityCache,
     earlier: &'a mut [Vec<f64>; 3],
 }
 
@@ -159,7 +159,7 @@ impl Wisps {
             rest: Vec::new(),
             files: Vec::new(),
             followers: vec![Follower::default(); guides],
-            memory: vec![Memory::default(); guides],
+            memory: vec![ProximityCache::default(); guides],
             earlier: vec![Default::default(); guides],
             swings: ModalCorrection::default(),
         }

@@ -6,4 +6,4 @@ mod triangle;
 
 pub use ellipsoid::closest_on_ellipsoid;
 pub use segment::segment_segment;
-pub use triangle::{Pair, Part, closest_on_triangle, segment_triangle, weights};
+pub use triangle::{ClosestPoints, TriangleFeature, barycentric, closest_on_triangle, segment_triangle};

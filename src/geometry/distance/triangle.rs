@@ -4,9 +4,9 @@ use super::segment::segment_segment;
 use crate::math::polyline::closest_on_segment;
 use nalgebra::Vector3;
 
-/// Part of a triangle; edge i runs from vertex i to vertex i + 1 (mod 3).
+/// TriangleFeature of a triangle; edge i runs from vertex i to vertex i + 1 (mod 3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Part {
+pub enum TriangleFeature {
     /// A corner.
     Vertex(usize),
     /// The inside of an edge.
@@ -17,7 +17,7 @@ pub enum Part {
 
 /// Closest points of a segment and a triangle.
 #[derive(Debug, Clone, Copy)]
-pub struct Pair {
+pub struct ClosestPoints {
     /// Parameter on the segment, 0..=1.
     pub u: f64,
     /// Point of the triangle.
@@ -25,57 +25,57 @@ pub struct Pair {
     /// Squared distance; 0 where the segment pierces the triangle.
     pub distance2: f64,
     /// Where on the triangle.
-    pub part: Part,
+    pub part: TriangleFeature,
 }
 
 /// Point of triangle `v` closest to `p`, and the part it lies on (Ericson 2005, Voronoi regions).
-pub fn closest_on_triangle(p: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> (Vector3<f64>, Part) {
+pub fn closest_on_triangle(p: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> (Vector3<f64>, TriangleFeature) {
     let [a, b, c] = v;
     let (ab, ac) = (b - a, c - a);
     let ap = p - a;
     let (d1, d2) = (ab.dot(&ap), ac.dot(&ap));
     if d1 <= 0.0 && d2 <= 0.0 {
-        return (*a, Part::Vertex(0));
+        return (*a, TriangleFeature::Vertex(0));
     }
     let bp = p - b;
     let (d3, d4) = (ab.dot(&bp), ac.dot(&bp));
     if d3 >= 0.0 && d4 <= d3 {
-        return (*b, Part::Vertex(1));
+        return (*b, TriangleFeature::Vertex(1));
     }
-    // Barycentric weights of c, b, a, times twice the squared area.
+    // Barycentric barycentric of c, b, a, times twice the squared area.
     let wc = d1 * d4 - d3 * d2;
     if wc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        return (a + ab * (d1 / (d1 - d3)), Part::Edge(0));
+        return (a + ab * (d1 / (d1 - d3)), TriangleFeature::Edge(0));
     }
     let cp = p - c;
     let (d5, d6) = (ab.dot(&cp), ac.dot(&cp));
     if d6 >= 0.0 && d5 <= d6 {
-        return (*c, Part::Vertex(2));
+        return (*c, TriangleFeature::Vertex(2));
     }
     let wb = d5 * d2 - d1 * d6;
     if wb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return (a + ac * (d2 / (d2 - d6)), Part::Edge(2));
+        return (a + ac * (d2 / (d2 - d6)), TriangleFeature::Edge(2));
     }
     let wa = d3 * d6 - d5 * d4;
     let (to_c, to_b) = (d4 - d3, d5 - d6);
     if wa <= 0.0 && to_c >= 0.0 && to_b >= 0.0 {
-        return (b + (c - b) * (to_c / (to_c + to_b)), Part::Edge(1));
+        return (b + (c - b) * (to_c / (to_c + to_b)), TriangleFeature::Edge(1));
     }
     let scale = 1.0 / (wa + wb + wc);
-    (a + ab * (wb * scale) + ac * (wc * scale), Part::Face)
+    (a + ab * (wb * scale) + ac * (wc * scale), TriangleFeature::Face)
 }
 
-/// Barycentric weights of a point on `part` of triangle `v`.
-pub fn weights(part: Part, p: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> [f64; 3] {
+/// Barycentric barycentric of a point on `part` of triangle `v`.
+pub fn barycentric(part: TriangleFeature, p: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> [f64; 3] {
     let mut w = [0.0; 3];
     match part {
-        Part::Vertex(i) => w[i] = 1.0,
-        Part::Edge(i) => {
+        TriangleFeature::Vertex(i) => w[i] = 1.0,
+        TriangleFeature::Edge(i) => {
             let j = (i + 1) % 3;
             w[j] = closest_on_segment(p, v[i], v[j]);
             w[i] = 1.0 - w[j];
         }
-        Part::Face => {
+        TriangleFeature::Face => {
             let n = (v[1] - v[0]).cross(&(v[2] - v[0]));
             let opposite = |i: usize| n.dot(&(v[(i + 1) % 3] - p).cross(&(v[(i + 2) % 3] - p)));
             w = [0, 1, 2].map(|i| opposite(i) / n.norm_squared());
@@ -86,10 +86,10 @@ pub fn weights(part: Part, p: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> [f64; 3] 
 
 /// Closest points of segment `ab` and triangle `v`. The minimum is at an end of the segment or on an edge of the triangle,
 /// unless the segment pierces the face.
-pub fn segment_triangle(a: &Vector3<f64>, b: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> Pair {
+pub fn segment_triangle(a: &Vector3<f64>, b: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> ClosestPoints {
     let at_end = |u: f64, x: &Vector3<f64>| {
         let (point, part) = closest_on_triangle(x, v);
-        Pair { u, point, distance2: (x - point).norm_squared(), part }
+        ClosestPoints { u, point, distance2: (x - point).norm_squared(), part }
     };
     let mut best = at_end(0.0, a);
     let end = at_end(1.0, b);
@@ -103,11 +103,11 @@ pub fn segment_triangle(a: &Vector3<f64>, b: &Vector3<f64>, v: [&Vector3<f64>; 3
         let distance2 = (a + (b - a) * u - point).norm_squared();
         if distance2 < best.distance2 {
             let part = match t {
-                0.0 => Part::Vertex(i),
-                1.0 => Part::Vertex((i + 1) % 3),
-                _ => Part::Edge(i),
+                0.0 => TriangleFeature::Vertex(i),
+                1.0 => TriangleFeature::Vertex((i + 1) % 3),
+                _ => TriangleFeature::Edge(i),
             };
-            best = Pair { u, point, distance2, part };
+            best = ClosestPoints { u, point, distance2, part };
         }
     }
     let n = (v[1] - v[0]).cross(&(v[2] - v[0]));
@@ -116,7 +116,7 @@ pub fn segment_triangle(a: &Vector3<f64>, b: &Vector3<f64>, v: [&Vector3<f64>; 3
         let u = ha / (ha - hb);
         let x = a + (b - a) * u;
         if (0..3).all(|i| n.dot(&(v[(i + 1) % 3] - v[i]).cross(&(x - v[i]))) >= 0.0) {
-            best = Pair { u, point: x, distance2: 0.0, part: Part::Face };
+            best = ClosestPoints { u, point: x, distance2: 0.0, part: TriangleFeature::Face };
         }
     }
     best

@@ -8,4 +8,4 @@ mod winding;
 
 pub use deforming::DeformingMesh;
 pub use distance_field::DistanceField;
-pub use solid_mesh::{SolidMesh, at_weights};
+pub use solid_mesh::{SolidMesh, barycentric_point};

@@ -4,7 +4,7 @@
 use super::topology::Topology;
 use super::winding::Winding;
 use crate::geometry::bounds::Bounds;
-use crate::geometry::distance::{Part, closest_on_triangle, weights};
+use crate::geometry::distance::{TriangleFeature, barycentric, closest_on_triangle};
 use crate::geometry::surface_point::{Feature, SurfacePoint};
 use crate::math::polyline::closest_on_segment;
 use nalgebra::Vector3;
@@ -106,17 +106,17 @@ impl SolidMesh {
     }
 
     /// A part of a triangle as a feature of the mesh.
-    pub fn feature(&self, triangle: u32, part: Part) -> Feature {
+    pub fn feature(&self, triangle: u32, part: TriangleFeature) -> Feature {
         let t = triangle as usize;
         match part {
-            Part::Vertex(i) => Feature::Vertex(self.topology.triangles[t][i]),
-            Part::Edge(i) => Feature::Edge(self.topology.triangle_edges[t][i]),
-            Part::Face => Feature::Face(triangle),
+            TriangleFeature::Vertex(i) => Feature::Vertex(self.topology.triangles[t][i]),
+            TriangleFeature::Edge(i) => Feature::Edge(self.topology.triangle_edges[t][i]),
+            TriangleFeature::Face => Feature::Face(triangle),
         }
     }
 
     /// Whether triangle `t` is the first of those that share its part `part`: each feature is owned once.
-    pub fn owns(&self, t: u32, part: Part) -> bool {
+    pub fn owns(&self, t: u32, part: TriangleFeature) -> bool {
         let topology = &self.topology;
         match self.feature(t, part) {
             Feature::Edge(e) => topology.edge_triangles.get(e)[0] == t,
@@ -153,7 +153,10 @@ impl SolidMesh {
             return *point;
         }
         match feature {
-            Feature::Face(t) => at_weights(to.triangle(t), &weights(Part::Face, point, self.triangle(t))),
+            Feature::Face(t) => barycentric_point(
+                to.triangle(t),
+                &barycentric(TriangleFeature::Face, point, self.triangle(t)),
+            ),
             Feature::Edge(e) => {
                 let ([a, b], [c, d]) = (self.edge(e), to.edge(e));
                 c.lerp(d, closest_on_segment(point, a, b))
@@ -224,7 +227,7 @@ impl SolidMesh {
     }
 
     /// Where the way from `a` to `b` first goes through the surface, as a share of the way, and the triangle there.
-    pub fn first_hit(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> Option<(f64, u32)> {
+    pub fn first_intersection(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> Option<(f64, u32)> {
         let way = b - a;
         let inverse = way.map(f64::recip);
         let entry = |node: &BvhNode, best: f64| {
@@ -255,8 +258,8 @@ impl SolidMesh {
     }
 }
 
-/// The point of a triangle with these barycentric weights.
-pub fn at_weights(corners: [&Vector3<f64>; 3], w: &[f64; 3]) -> Vector3<f64> {
+/// The point of a triangle with these barycentric barycentric.
+pub fn barycentric_point(corners: [&Vector3<f64>; 3], w: &[f64; 3]) -> Vector3<f64> {
     corners[0] * w[0] + corners[1] * w[1] + corners[2] * w[2]
 }
 
@@ -288,7 +291,7 @@ impl parry3d_f64::partitioning::BvhLeafCost for Hit {
 }
 
 /// Squared distance, point and part, ordered by the first.
-struct Nearest(f64, Vector3<f64>, Part);
+struct Nearest(f64, Vector3<f64>, TriangleFeature);
 
 impl parry3d_f64::partitioning::BvhLeafCost for Nearest {
     fn cost(&self) -> f64 {

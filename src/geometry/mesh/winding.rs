@@ -28,12 +28,12 @@ impl<'a> Triangles<'a> {
 pub struct Winding {
     /// In the order of the parts.
     triangles: Vec<u32>,
-    root: Part,
+    root: Node,
 }
 
 /// Some of the triangles.
 #[derive(Debug)]
-struct Part {
+struct Node {
     bounds: Bounds,
     /// The edges of the fan, which all meet where the first begins; only of a part that has more triangles than edges.
     fan: Option<Vec<[u32; 2]>>,
@@ -42,7 +42,7 @@ struct Part {
 
 #[derive(Debug)]
 enum Within {
-    Parts(Box<[Part; 2]>),
+    Parts(Box<[Node; 2]>),
     /// Where they are in the list of all.
     Triangles(Range<usize>),
 }
@@ -56,22 +56,22 @@ impl Winding {
         let mesh = Triangles { vertices, triangles };
         let mut triangles: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
         let count = triangles.len();
-        let (root, _) = Part::new(mesh, &mut triangles, 0..count);
+        let (root, _) = Node::new(mesh, &mut triangles, 0..count);
         Winding { triangles, root }
     }
 
     /// See [`SolidMesh::winding_number`](super::SolidMesh::winding_number).
     pub fn number(&self, vertices: &[Vector3<f64>], triangles: &[[u32; 3]], p: &Vector3<f64>) -> f64 {
         let mesh = Triangles { vertices, triangles };
-        let mut sum = Sum::default();
+        let mut sum = SolidAngleSum::default();
         self.root.add(self, mesh, p, &mut sum);
         sum.turns()
     }
 }
 
-impl Part {
+impl Node {
     /// Of the triangles of a `range` of the list, which are put in the order of its parts; and its border.
-    fn new(mesh: Triangles, triangles: &mut [u32], range: Range<usize>) -> (Part, Border) {
+    fn new(mesh: Triangles, triangles: &mut [u32], range: Range<usize>) -> (Node, Border) {
         let mine = &mut triangles[range.clone()];
         let count = mine.len();
         let bounds = Bounds::around(mine.iter().flat_map(|t| mesh.triangle(*t)), 0.0);
@@ -88,7 +88,7 @@ impl Part {
             mine.select_nth_unstable_by(half, |a, b| middle(a).total_cmp(&middle(b)).then(a.cmp(b)));
             let [(first, mut border), (second, others)] =
                 [range.start..range.start + half, range.start + half..range.end]
-                    .map(|range| Part::new(mesh, triangles, range));
+                    .map(|range| Node::new(mesh, triangles, range));
             border.extend(others);
             (Within::Parts(Box::new([first, second])), joined(border))
         };
@@ -99,11 +99,11 @@ impl Part {
             })
         };
         let fan = (edges().count() < count).then(|| edges().collect());
-        (Part { bounds, fan, within }, border)
+        (Node { bounds, fan, within }, border)
     }
 
     /// Adds what it winds about `p`.
-    fn add(&self, of: &Winding, mesh: Triangles, p: &Vector3<f64>, sum: &mut Sum) {
+    fn add(&self, of: &Winding, mesh: Triangles, p: &Vector3<f64>, sum: &mut SolidAngleSum) {
         let outside = (0..3).any(|i| p[i] < self.bounds.min[i] || p[i] > self.bounds.max[i]);
         match (&self.fan, &self.within) {
             (Some(edges), _) if outside => {
@@ -138,21 +138,21 @@ fn joined(mut border: Border) -> Border {
     border
 }
 
-/// Sum of solid angles of triangles (A. Van Oosterom & J. Strackee 1983), halved: these are added by multiplying complex numbers, and counting how often the
+/// SolidAngleSum of solid angles of triangles (A. Van Oosterom & J. Strackee 1983), halved: these are added by multiplying complex numbers, and counting how often the
 /// product's own angle, within ±π, goes over that.
-struct Sum {
+struct SolidAngleSum {
     re: f64,
     im: f64,
     turns: f64,
 }
 
-impl Default for Sum {
+impl Default for SolidAngleSum {
     fn default() -> Self {
-        Sum { re: 1.0, im: 0.0, turns: 0.0 }
+        SolidAngleSum { re: 1.0, im: 0.0, turns: 0.0 }
     }
 }
 
-impl Sum {
+impl SolidAngleSum {
     /// Adds a triangle with these corners as seen from the origin.
     fn add(&mut self, [a, b, c]: &[Vector3<f64>; 3]) {
         let (la, lb, lc) = (a.norm(), b.norm(), c.norm());

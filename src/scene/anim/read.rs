@@ -192,7 +192,7 @@ impl Reader<'_> {
             let remedy = "what sticks is held at least as well as what slides";
             self.faults.add(&key.name("static_friction"), format!("is {fixed}"), allowed, remedy);
         }
-        sliding.map(|sliding| Friction::from_file(sliding, fixed))
+        sliding.map(|sliding| Friction::new(sliding, fixed))
     }
 
     fn ties(&mut self, files: Vec<TieFile>, bodies: &[String], head: Option<usize>) -> Vec<Option<Tie>> {

@@ -143,7 +143,7 @@ impl From<&MaterialFile> for Material {
             goal: file.goal_hz,
             damping: file.damping_s,
             damping_at_tip: file.damping_at_tip,
-            friction: Friction::from_file(file.friction, file.static_friction),
+            friction: Friction::new(file.friction, file.static_friction),
             friction_at_tip: file.friction_at_tip,
             friction_across: file.friction_across,
             friction_parallel: file.friction_parallel,

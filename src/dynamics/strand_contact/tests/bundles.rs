@@ -87,7 +87,7 @@ fn tangled() -> (f64, Motion, [usize; 2]) {
     let mut now = 0.0;
     let motion = scene.run(0.3, |t, _| now = t);
     let place = motion.strand_contacts.places.found.iter().find(|p| p.pushes()).expect("something pushes");
-    let two = motion.strand_contacts.places.guides(&place.meeting);
+    let two = motion.strand_contacts.places.guides(&place.contact);
     (now, motion, two)
 }
 
@@ -108,7 +108,7 @@ fn pushed(strand_contacts: &mut StrandContacts) -> Vec<([usize; 2], V)> {
     strand_contacts.places.x[1] = strand_contacts.places.x[0].clone();
     strand_contacts.places.begin();
     let pushing = strand_contacts.places.found.iter().filter(|p| p.pushes());
-    pushing.map(|p| (strand_contacts.places.guides(&p.meeting), p.reaction)).collect()
+    pushing.map(|p| (strand_contacts.places.guides(&p.contact), p.reaction)).collect()
 }
 
 #[test]
