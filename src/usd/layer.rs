@@ -1,8 +1,8 @@
-//! The layer model that both encodings share: what one USD file says, before composition.
+//! The layer model of both encodings: the content of one USD file, before composition.
 
 use std::borrow::Cow;
 
-/// Metadata fields of a layer, prim or attribute, by field name, in the order in which they are written.
+/// Metadata fields of a layer, prim or attribute: name and value, in the order in which they are written.
 pub type Metadata<'a> = Vec<(String, Value<'a>)>;
 
 /// One USD layer.
@@ -19,9 +19,9 @@ pub struct Layer<'a> {
 /// One prim spec.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prim<'a> {
-    /// How the prim stands to weaker layers.
+    /// Relation of the prim to weaker layers.
     pub specifier: Specifier,
-    /// Schema, such as `BasisCurves`; empty for none.
+    /// Type name, such as `BasisCurves`; empty for none.
     pub type_name: String,
     /// Name; an identifier.
     pub name: String,
@@ -35,47 +35,48 @@ pub struct Prim<'a> {
     pub children: Vec<Prim<'a>>,
 }
 
-/// How a prim spec stands to weaker layers.
+/// Relation of a prim spec to weaker layers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Specifier {
     /// Defines the prim.
     Def,
-    /// Adds to a prim that another layer defines.
+    /// Adds opinions to a prim that another layer defines.
     Over,
-    /// Defines a class, for others to inherit from.
+    /// Defines a class for inheritance.
     Class,
 }
 
-/// One attribute spec. With neither default nor samples it only declares the attribute.
+/// One attribute spec. Without default, samples and connections it only declares the attribute.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Attribute<'a> {
-    /// Name, with its namespaces.
+    /// Name, including namespaces.
     pub name: String,
-    /// Value type name, such as `point3f[]`; the role is in it, [`Value`] only holds the numbers.
+    /// Value type name, such as `point3f[]`. It includes the role; [`Value`] holds the numbers only.
     pub type_name: String,
-    /// Whether the value may not change over time.
+    /// Whether the value is constant over time.
     pub uniform: bool,
     /// Metadata fields, such as `interpolation`.
     pub metadata: Metadata<'a>,
-    /// Value where there are no samples.
+    /// Value in the absence of samples.
     pub default: Option<Value<'a>>,
-    /// (time code, value), times increasing.
+    /// (time code, value), with increasing time codes.
     pub samples: Vec<(f64, Value<'a>)>,
-    /// Absolute paths, such as `/groom/materials/hair/surface.outputs:surface`, of what it takes its value from, in shading
-    /// networks; none where this layer says nothing of it.
+    /// Sources of its value in a shading network: absolute paths such as
+    /// `/groom/materials/hair/surface.outputs:surface`. Empty if this layer has no opinion.
     pub connections: Vec<String>,
 }
 
-/// One relationship spec: it points at other prims or properties.
+/// One relationship spec: it targets other prims or properties.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Relationship {
-    /// Name, with its namespaces.
+    /// Name, including namespaces.
     pub name: String,
-    /// Absolute paths of what it points at, in place of what weaker layers say; with none it only declares the relationship.
+    /// Absolute paths of the targets, which replace those of weaker layers. Empty: only declares the
+    /// relationship.
     pub targets: Vec<String>,
 }
 
-/// A value. Large arrays are borrowed on the way out, so that writing a frame copies no points.
+/// A value. Arrays may be borrowed, so that writing a frame copies no points.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value<'a> {
     /// `bool`
@@ -92,7 +93,7 @@ pub enum Value<'a> {
     Token(String),
     /// `asset`
     Asset(String),
-    /// `matrix4d`, USD's row-vector convention: translation in the last row.
+    /// `matrix4d` in the row-vector convention of USD: translation in the last row
     Matrix4d([[f64; 4]; 4]),
     /// `int[]`
     Ints(Cow<'a, [i32]>),
@@ -123,7 +124,7 @@ impl<'a> Layer<'a> {
 }
 
 impl<'a> Prim<'a> {
-    /// A prim with nothing in it.
+    /// An empty prim.
     pub fn new(specifier: Specifier, type_name: &str, name: &str) -> Self {
         Prim {
             specifier,
@@ -136,14 +137,14 @@ impl<'a> Prim<'a> {
         }
     }
 
-    /// The attribute of that name.
+    /// The attribute `name`.
     pub fn attribute_mut(&mut self, name: &str) -> Option<&mut Attribute<'a>> {
         self.attributes.iter_mut().find(|a| a.name == name)
     }
 }
 
 impl<'a> Attribute<'a> {
-    /// A declaration: no value yet.
+    /// A declaration without value.
     pub fn new(name: &str, type_name: &str) -> Self {
         Attribute {
             name: name.into(),
@@ -156,31 +157,31 @@ impl<'a> Attribute<'a> {
         }
     }
 
-    /// With `value` as its default.
+    /// Sets the default.
     pub fn with_default(mut self, value: Value<'a>) -> Self {
         self.default = Some(value);
         self
     }
 
-    /// With `value` at `time`, after the samples it has.
+    /// Appends the sample `value` at time code `time`.
     pub fn with_sample(mut self, time: f64, value: Value<'a>) -> Self {
         self.samples.push((time, value));
         self
     }
 
-    /// With its value taken from the attribute at `path`.
+    /// Adds a connection to the attribute at `path`.
     pub fn with_connection(mut self, path: &str) -> Self {
         self.connections.push(path.into());
         self
     }
 
-    /// With a metadata field.
+    /// Adds a metadata field.
     pub fn with_metadata(mut self, name: &str, value: Value<'a>) -> Self {
         self.metadata.push((name.into(), value));
         self
     }
 
-    /// Not changing over time.
+    /// Makes it constant over time.
     pub fn uniform(mut self) -> Self {
         self.uniform = true;
         self

@@ -1,5 +1,5 @@
-//! USD layers: one model ([`Layer`]), two encodings, crate (usdc, [`crate_file`]) and text (usda,
-//! [`text`]). Knows prims, attributes, relationships and arrays, not hair.
+//! USD layers: one model ([`Layer`]) with two encodings, crate (usdc, [`crate_file`]) and text (usda,
+//! [`text`]). Generic: it has prims, attributes, relationships and arrays, but no notion of hair.
 
 pub mod crate_file;
 mod layer;

@@ -1,11 +1,11 @@
-//! Text (usda) encoding of a [`Layer`].
+//! The text (usda) encoding of a [`Layer`]: writer.
 
-use super::{Attribute, Layer, Metadata, Prim, Specifier, Value};
+use super::layer::{Attribute, Layer, Metadata, Prim, Specifier, Value};
 use std::fmt::{Debug, Write};
 
 /// The layer as usda text.
 pub fn encode(layer: &Layer) -> String {
-    let mut out = Text { text: "#usda 1.0\n".into(), depth: 0 };
+    let mut out = Writer { text: "#usda 1.0\n".into(), depth: 0 };
     if !layer.metadata.is_empty() || !layer.sub_layers.is_empty() {
         out.line("(");
         out.depth += 1;
@@ -23,12 +23,12 @@ pub fn encode(layer: &Layer) -> String {
     out.text
 }
 
-struct Text {
+struct Writer {
     text: String,
     depth: usize,
 }
 
-impl Text {
+impl Writer {
     fn line(&mut self, line: &str) {
         // Writing to a String cannot fail.
         let _ = writeln!(self.text, "{:1$}{line}", "", 4 * self.depth);
@@ -65,13 +65,13 @@ impl Text {
     fn attribute(&mut self, a: &Attribute) {
         let variability = if a.uniform { "uniform " } else { "" };
         let declaration = format!("{variability}{} {}", a.type_name, a.name);
-        // Metadata may stand once only; it goes with the first statement that names the attribute.
+        // Metadata may be written once only, with the first statement of the attribute.
         let first = match &a.default {
             Some(value) => format!("{declaration} = {}", value_text(value, self.depth)),
             None => declaration.clone(),
         };
-        let said_below = !a.samples.is_empty() || !a.connections.is_empty();
-        if a.default.is_some() || !said_below || !a.metadata.is_empty() {
+        let has_statements_below = !a.samples.is_empty() || !a.connections.is_empty();
+        if a.default.is_some() || !has_statements_below || !a.metadata.is_empty() {
             self.with_metadata(&first, &a.metadata);
         }
         if !a.samples.is_empty() {
@@ -111,7 +111,7 @@ impl Text {
     }
 }
 
-/// Type name before a key of a dictionary.
+/// Type name written before a dictionary key.
 fn dictionary_type(value: &Value) -> &'static str {
     match value {
         Value::Bool(_) => "bool",
@@ -132,7 +132,7 @@ fn dictionary_type(value: &Value) -> &'static str {
     }
 }
 
-/// A value as text; `depth` is the indentation of the line that it ends on (dictionaries take several).
+/// A value as text. `depth` is the indentation of its last line; dictionaries take several lines.
 fn value_text(value: &Value, depth: usize) -> String {
     match value {
         Value::Bool(b) => b.to_string(),
@@ -175,13 +175,13 @@ fn tuple(items: &[impl Debug]) -> String {
     format!("({})", items.iter().map(number).collect::<Vec<_>>().join(", "))
 }
 
-/// The shortest digits that read back as the same float. `Debug` knows exponents, `Display` does not,
-/// and USD warns of integers that do not fit.
+/// The shortest decimal that parses to the same float. `Debug` writes exponents where `Display` writes long
+/// integers, about which USD warns.
 fn number(float: &impl Debug) -> String {
     format!("{float:?}")
 }
 
-/// Targets of a relationship or connections; one stands by itself.
+/// Targets or connections: a list, or the path alone if there is only one.
 fn paths(paths: &[String]) -> String {
     match paths {
         [path] => format!("<{path}>"),

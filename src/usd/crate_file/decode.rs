@@ -1,27 +1,27 @@
-//! Reader of what the writer writes, and of the same things written by USD itself. Fields of types that
-//! [`Value`] does not have, specs of other kinds than a [`Layer`] has, and edits of lists other than those
-//! written here are passed over.
+//! Reader of the subset of the format that the writer uses, also of files written by USD itself. It skips
+//! values of types that [`Value`] does not have, specs of kinds that a [`Layer`] does not have, and other
+//! list operations.
 //!
-//! A file may be damaged or hostile: every offset and count is checked, and memory is only taken
-//! against a budget that grows with the length of the file.
+//! A file may be damaged or hostile: every offset and count is checked, and memory is limited by a budget
+//! that grows with the length of the file.
 
+use super::format::{LIST_OP_EXPLICIT, LIST_OP_PREPENDED, ValueRep, kind, spec};
 use super::integers::{decompress_ints, max_coded_len};
-use super::source::{Fault, Source};
+use super::source::{Decoded, Source};
 use super::tables::Tables;
-use super::{LIST_OP_EXPLICIT, LIST_OP_PREPENDED, ValueRep, kind, spec};
-use crate::usd::{Attribute, Layer, Metadata, Prim, Relationship, Specifier, Value};
+use crate::usd::layer::{Attribute, Layer, Metadata, Prim, Relationship, Specifier, Value};
 use crate::{Error, Result};
 use bytemuck::Pod;
 use std::borrow::Cow;
 use std::path::Path;
 
-/// Dictionaries nested deeper than this are taken for damage.
+/// Largest nesting depth of dictionaries.
 const MAX_DICTIONARY_DEPTH: usize = 16;
 
-/// The layer that the bytes of a crate file hold; `path` is for the message.
+/// Decodes the bytes of a crate file; `path` is for the message.
 ///
 /// # Errors
-/// [`Error::Damaged`] where the bytes are no crate file, or one that contradicts itself.
+/// [`Error::Damaged`] if the bytes are not a consistent crate file.
 pub fn decode(path: &Path, bytes: &[u8]) -> Result<Layer<'static>> {
     let damaged = |what| Error::Damaged { path: path.to_path_buf(), what };
     let source = Source::new(bytes);
@@ -34,7 +34,7 @@ struct Decoder<'b> {
     tables: Tables,
 }
 
-/// What a prim or the root collects while its subtree is read, last first.
+/// Children of a prim or the root while its subtree is read, last first.
 #[derive(Default)]
 struct Subtree {
     attributes: Vec<Attribute<'static>>,
@@ -43,11 +43,11 @@ struct Subtree {
 }
 
 impl Decoder<'_> {
-    fn layer(&self) -> Fault<Layer<'static>> {
+    fn layer(&self) -> Decoded<Layer<'static>> {
         let paths = &self.tables.paths;
         self.source.charge(paths.len(), size_of::<Subtree>())?;
         let mut subtrees: Vec<Subtree> = paths.iter().map(|_| Subtree::default()).collect();
-        // Backwards, children are complete before their parent.
+        // In reverse, children are complete before their parent.
         for (i, path) in paths.iter().enumerate().rev() {
             let (Some(parent), Some((kind, set))) = (path.parent, path.spec) else { continue };
             match kind {
@@ -72,19 +72,19 @@ impl Decoder<'_> {
         }
         match (paths.first().and_then(|p| p.spec), subtrees.into_iter().next()) {
             (Some((spec::PSEUDO_ROOT, set)), Some(subtree)) => self.root(set, subtree),
-            _ => Err("no root".into()),
+            _ => Err("there is no root".into()),
         }
     }
 
-    /// The fields of a spec; many specs of a damaged file may name one long set.
-    fn fields(&self, set: u32) -> impl Iterator<Item = Fault<(&str, ValueRep)>> {
+    /// The fields of a spec. Charged, because many specs of a damaged file may refer to one long set.
+    fn fields(&self, set: u32) -> impl Iterator<Item = Decoded<(&str, ValueRep)>> {
         self.tables.field_set(set).map(|field| {
             self.source.charge(1, size_of::<(&str, ValueRep)>())?;
             field
         })
     }
 
-    fn root(&self, set: u32, subtree: Subtree) -> Fault<Layer<'static>> {
+    fn root(&self, set: u32, subtree: Subtree) -> Decoded<Layer<'static>> {
         let mut layer = Layer::default();
         for field in self.fields(set) {
             match field? {
@@ -97,7 +97,7 @@ impl Decoder<'_> {
         Ok(layer)
     }
 
-    fn prim(&self, element: u32, set: u32, subtree: Subtree) -> Fault<Prim<'static>> {
+    fn prim(&self, element: u32, set: u32, subtree: Subtree) -> Decoded<Prim<'static>> {
         let mut prim = Prim::new(Specifier::Over, "", &self.text(self.tables.token(element.into())?)?);
         for field in self.fields(set) {
             match field? {
@@ -106,7 +106,7 @@ impl Decoder<'_> {
                         0 => Specifier::Def,
                         1 => Specifier::Over,
                         2 => Specifier::Class,
-                        other => return Err(format!("specifier {other}")),
+                        other => return Err(format!("unknown specifier {other}")),
                     }
                 }
                 ("typeName", rep) => prim.type_name = self.text(self.tables.token(rep.payload())?)?,
@@ -120,7 +120,7 @@ impl Decoder<'_> {
         Ok(prim)
     }
 
-    fn attribute(&self, element: u32, set: u32) -> Fault<Attribute<'static>> {
+    fn attribute(&self, element: u32, set: u32) -> Decoded<Attribute<'static>> {
         let mut attribute = Attribute::new(&self.text(self.tables.token(element.into())?)?, "");
         for field in self.fields(set) {
             match field? {
@@ -136,7 +136,7 @@ impl Decoder<'_> {
         Ok(attribute)
     }
 
-    fn relationship(&self, element: u32, set: u32) -> Fault<Relationship> {
+    fn relationship(&self, element: u32, set: u32) -> Decoded<Relationship> {
         let name = self.text(self.tables.token(element.into())?)?;
         let mut targets = Vec::new();
         for field in self.fields(set) {
@@ -147,21 +147,21 @@ impl Decoder<'_> {
         Ok(Relationship { name, targets })
     }
 
-    fn metadata(&self, name: &str, rep: ValueRep, metadata: &mut Metadata<'static>) -> Fault<()> {
+    fn metadata(&self, name: &str, rep: ValueRep, metadata: &mut Metadata<'static>) -> Decoded<()> {
         if let Some(value) = self.value(rep, 0)? {
             metadata.push((self.text(name)?, value));
         }
         Ok(())
     }
 
-    /// A copy of a text of the tables: a few bytes of a damaged file may ask for many.
-    fn text(&self, text: &str) -> Fault<String> {
+    /// A copy of a text of the tables. Charged, because a few bytes of a damaged file may refer to many.
+    fn text(&self, text: &str) -> Decoded<String> {
         self.source.charge(1, size_of::<String>() + text.len())?;
         Ok(text.to_string())
     }
 
-    /// The value, or `None` for a type that [`Value`] does not have.
-    fn value(&self, rep: ValueRep, depth: usize) -> Fault<Option<Value<'static>>> {
+    /// The value; `None` for a type that [`Value`] does not have.
+    fn value(&self, rep: ValueRep, depth: usize) -> Decoded<Option<Value<'static>>> {
         if rep.has(ValueRep::ARRAY) {
             return self.array(rep);
         }
@@ -193,7 +193,7 @@ impl Decoder<'_> {
         Ok(Some(value))
     }
 
-    fn array(&self, rep: ValueRep) -> Fault<Option<Value<'static>>> {
+    fn array(&self, rep: ValueRep) -> Decoded<Option<Value<'static>>> {
         let compressed = rep.has(ValueRep::COMPRESSED);
         Ok(Some(match rep.kind() {
             kind::INT if compressed => {
@@ -202,7 +202,7 @@ impl Decoder<'_> {
                 self.source.charge(max_coded_len(count), 2)?;
                 Value::Ints(Cow::Owned(decompress_ints(at.sized()?, count)?))
             }
-            _ if compressed => return Err("a compressed array of floats, which is not read here".into()),
+            _ if compressed => return Err("compressed float arrays are not supported".into()),
             kind::INT => Value::Ints(self.items(rep)?.into()),
             kind::FLOAT => Value::Floats(self.items(rep)?.into()),
             kind::FLOAT2 => Value::Float2s(self.items(rep)?.into()),
@@ -213,8 +213,8 @@ impl Decoder<'_> {
         }))
     }
 
-    /// A count and that many items; offset 0 stands for none.
-    fn items<T: Pod>(&self, rep: ValueRep) -> Fault<Vec<T>> {
+    /// A count and that many items; offset 0 denotes none.
+    fn items<T: Pod>(&self, rep: ValueRep) -> Decoded<Vec<T>> {
         if rep.payload() == 0 {
             return Ok(Vec::new());
         }
@@ -223,31 +223,31 @@ impl Decoder<'_> {
         at.items(count, &self.source)
     }
 
-    fn tokens(&self, indices: Vec<u32>) -> Fault<Vec<String>> {
+    fn tokens(&self, indices: Vec<u32>) -> Decoded<Vec<String>> {
         indices.into_iter().map(|index| self.text(self.tables.token(index.into())?)).collect()
     }
 
-    fn strings(&self, rep: ValueRep) -> Fault<Vec<String>> {
+    fn strings(&self, rep: ValueRep) -> Decoded<Vec<String>> {
         let indices: Vec<u32> = self.items(rep)?;
         indices.into_iter().map(|index| self.text(self.tables.string(index.into())?)).collect()
     }
 
-    fn prepended_tokens(&self, offset: u64) -> Fault<Option<Value<'static>>> {
+    fn prepended_tokens(&self, offset: u64) -> Decoded<Option<Value<'static>>> {
         let items = self.list_op(offset, LIST_OP_PREPENDED)?;
         items.map(|items| self.tokens(items).map(Value::PrependedTokens)).transpose()
     }
 
     /// The paths of an explicit list.
-    fn path_list(&self, rep: ValueRep) -> Fault<Vec<String>> {
+    fn path_list(&self, rep: ValueRep) -> Decoded<Vec<String>> {
         if rep.kind() != kind::PATH_LIST_OP || rep.has(ValueRep::INLINED | ValueRep::ARRAY) {
-            return Err("a list of paths of the wrong type".into());
+            return Err("a list of paths has the wrong type".into());
         }
         let paths = self.list_op(rep.payload(), LIST_OP_EXPLICIT)?.unwrap_or_default();
         paths.into_iter().map(|index| self.text(&self.tables.path(index)?)).collect()
     }
 
-    /// The items, token or path indices, of a list operation with that header.
-    fn list_op(&self, offset: u64, header: u8) -> Fault<Option<Vec<u32>>> {
+    /// The items (token or path indices) of a list operation if it has the given header.
+    fn list_op(&self, offset: u64, header: u8) -> Decoded<Option<Vec<u32>>> {
         let mut at = self.source.at(offset)?;
         if at.value::<u8>()? != header {
             return Ok(None);
@@ -256,9 +256,9 @@ impl Decoder<'_> {
         at.items(count, &self.source).map(Some)
     }
 
-    fn dictionary(&self, offset: u64, depth: usize) -> Fault<Vec<(String, Value<'static>)>> {
+    fn dictionary(&self, offset: u64, depth: usize) -> Decoded<Vec<(String, Value<'static>)>> {
         if depth >= MAX_DICTIONARY_DEPTH {
-            return Err(format!("dictionaries nested deeper than {MAX_DICTIONARY_DEPTH}"));
+            return Err(format!("dictionaries are nested deeper than {MAX_DICTIONARY_DEPTH}"));
         }
         let mut at = self.source.at(offset)?;
         let mut entries = Vec::new();
@@ -275,22 +275,22 @@ impl Decoder<'_> {
         Ok(entries)
     }
 
-    fn time_samples(&self, rep: ValueRep) -> Fault<Vec<(f64, Value<'static>)>> {
+    fn time_samples(&self, rep: ValueRep) -> Decoded<Vec<(f64, Value<'static>)>> {
         if rep.kind() != kind::TIME_SAMPLES || rep.has(ValueRep::INLINED) {
-            return Err("time samples of the wrong type".into());
+            return Err("time samples have the wrong type".into());
         }
         let mut at = self.source.at(rep.payload())?;
         at.follow()?;
         let times = ValueRep(at.value()?);
         if times.kind() != kind::DOUBLE_VECTOR || times.has(ValueRep::INLINED) {
-            return Err("sample times of the wrong type".into());
+            return Err("sample times have the wrong type".into());
         }
         let times: Vec<f64> = self.items(times)?;
         at.follow()?;
         let count = at.count()?;
         let reps: Vec<u64> = at.items(count, &self.source)?;
         if times.len() != reps.len() {
-            return Err(format!("{} times for {} samples", times.len(), reps.len()));
+            return Err(format!("there are {} times for {} samples", times.len(), reps.len()));
         }
         let mut samples = Vec::new();
         for (time, rep) in times.into_iter().zip(reps) {

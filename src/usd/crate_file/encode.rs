@@ -1,24 +1,21 @@
-//! Writer: one pass over a [`Layer`], values first, tables after them.
+//! Writer: one pass over a [`Layer`]; values first, then the tables.
 
-use super::integers::{compress, compress_ints};
-use super::{
+use super::format::{
     BOOTSTRAP_LEN, FIELD_SET_END, Jump, LIST_OP_EXPLICIT, LIST_OP_PREPENDED, MAGIC, MIN_COMPRESSED_INTS,
     SECTION_NAME_LEN, VERSION, ValueRep, kind, spec,
 };
-use crate::usd::{Attribute, Layer, Prim, Relationship, Specifier, Value};
-use bytemuck::NoUninit;
+use super::integers::compress;
+use super::output::Output;
+use crate::usd::layer::{Attribute, Layer, Prim, Relationship, Specifier, Value};
 use std::borrow::Cow;
 use std::collections::HashMap;
 
-/// Arrays at least this long, bytes, are borrowed from the layer and not copied.
-const BORROWED_LEN: usize = 4096;
-
-/// The bytes of the crate file as consecutive parts, large arrays borrowed from the layer.
-/// Equal layers give equal bytes. Text is cut at a NUL, which the format cannot hold.
+/// The bytes of the crate file as consecutive parts, large arrays borrowed from the layer. Equal layers give
+/// equal bytes. Text is truncated at a NUL, which the format cannot represent.
 pub fn encode<'a>(layer: &'a Layer<'_>) -> Vec<Cow<'a, [u8]>> {
-    let mut encoder = Encoder { flushed: BOOTSTRAP_LEN, ..Encoder::default() };
-    // The name of `/` is the empty token. It stands first because a property's token index is stored
-    // negated, so that index 0 must never name a property.
+    let mut encoder = Encoder::new();
+    // The name of `/` is the empty token. It comes first because properties are stored with negated token
+    // indices: index 0 must not name a property.
     let root = encoder.tokens.index("");
     encoder.paths.push(Path { element: root as i32, children: Vec::new() });
     encoder.add_paths(0, &layer.prims);
@@ -26,16 +23,11 @@ pub fn encode<'a>(layer: &'a Layer<'_>) -> Vec<Cow<'a, [u8]>> {
     encoder.finish()
 }
 
-/// Name of a section and what writes it.
+/// Name and writer of a section.
 type Section<'a> = (&'static str, fn(&mut Encoder<'a>));
 
-#[derive(Default)]
 struct Encoder<'a> {
-    /// Finished parts and their length, the bootstrap counted.
-    parts: Vec<Cow<'a, [u8]>>,
-    flushed: usize,
-    /// The part under way.
-    buffer: Vec<u8>,
+    out: Output<'a>,
     tokens: Tokens,
     strings: Vec<u32>,
     string_index: HashMap<u32, u32>,
@@ -43,25 +35,26 @@ struct Encoder<'a> {
     field_index: HashMap<(u32, ValueRep), u32>,
     field_sets: Vec<u32>,
     field_set_index: HashMap<Vec<u32>, u32>,
-    /// The root, all paths that have specs, in the order of these, and those that are only pointed at.
+    /// The root, all paths with specs, in the order of the specs, and paths that are only targets.
     paths: Vec<Path>,
-    /// Index of the path below a path, by its element.
+    /// Index of a path, by its parent and element.
     path_index: HashMap<(u32, i32), u32>,
-    /// Field set and kind of the spec at each of the first paths.
+    /// Field set and kind of the spec at each of the leading paths.
     specs: Vec<(u32, u32)>,
 }
 
 /// A node of the path tree.
 struct Path {
-    /// Token of the last element, negated for a property.
+    /// Token of its last element, negated for a property.
     element: i32,
-    /// Indices of the paths below.
+    /// Indices of its child paths.
     children: Vec<u32>,
 }
 
+/// Interned tokens.
 #[derive(Default)]
 struct Tokens {
-    /// All tokens so far, each ended by a NUL.
+    /// All tokens so far, each terminated by a NUL.
     text: Vec<u8>,
     indices: HashMap<String, u32>,
 }
@@ -81,6 +74,22 @@ impl Tokens {
 }
 
 impl<'a> Encoder<'a> {
+    fn new() -> Self {
+        Encoder {
+            out: Output::new(),
+            tokens: Tokens::default(),
+            strings: Vec::new(),
+            string_index: HashMap::new(),
+            fields: Vec::new(),
+            field_index: HashMap::new(),
+            field_sets: Vec::new(),
+            field_set_index: HashMap::new(),
+            paths: Vec::new(),
+            path_index: HashMap::new(),
+            specs: Vec::new(),
+        }
+    }
+
     fn pseudo_root(&mut self, layer: &'a Layer<'_>) {
         let mut fields = self.metadata(&layer.metadata);
         if !layer.sub_layers.is_empty() {
@@ -141,7 +150,7 @@ impl<'a> Encoder<'a> {
         self.spec(fields, spec::RELATIONSHIP);
     }
 
-    /// Opens the paths of all specs below a path, in the order in which the specs are written.
+    /// Adds the paths of all specs below `parent`, in the order in which the specs are written.
     fn add_paths(&mut self, parent: u32, prims: &[Prim]) {
         for prim in prims {
             let element = self.tokens.index(&prim.name) as i32;
@@ -162,7 +171,7 @@ impl<'a> Encoder<'a> {
         path
     }
 
-    /// Index of an absolute path.
+    /// Index of an absolute path, added if new.
     fn path(&mut self, path: &str) -> u32 {
         let (prim, property) = path.split_once('.').map_or((path, None), |(prim, name)| (prim, Some(name)));
         let names = prim.split('/').filter(|name| !name.is_empty());
@@ -174,7 +183,7 @@ impl<'a> Encoder<'a> {
         })
     }
 
-    /// The field of what is pointed at, if anything is.
+    /// Appends the field of target paths, if there are any.
     fn path_list(&mut self, field: &str, paths: &[String], fields: &mut Vec<u32>) {
         if !paths.is_empty() {
             let paths: Vec<u32> = paths.iter().map(|path| self.path(path)).collect();
@@ -183,7 +192,7 @@ impl<'a> Encoder<'a> {
         }
     }
 
-    /// The spec of the next path.
+    /// Adds the spec of the next path.
     fn spec(&mut self, mut fields: Vec<u32>, kind: u32) {
         fields.push(FIELD_SET_END);
         let start = self.field_sets.len() as u32;
@@ -206,7 +215,7 @@ impl<'a> Encoder<'a> {
     fn name_list<'n>(&mut self, field: &str, names: impl Iterator<Item = &'n str>, fields: &mut Vec<u32>) {
         let tokens: Vec<u32> = names.map(|name| self.tokens.index(name)).collect();
         if !tokens.is_empty() {
-            let rep = ValueRep::at(kind::TOKEN_VECTOR, self.counted(&tokens));
+            let rep = ValueRep::at(kind::TOKEN_VECTOR, self.out.counted(&tokens));
             fields.push(self.field(field, rep));
         }
     }
@@ -241,37 +250,37 @@ impl<'a> Encoder<'a> {
                 ValueRep::inlined(kind::DOUBLE, (*d as f32).to_bits())
             }
             Value::Double(d) => {
-                let offset = self.align();
-                self.put(*d);
+                let offset = self.out.align();
+                self.out.put(*d);
                 ValueRep::at(kind::DOUBLE, offset)
             }
             Value::String(text) => ValueRep::inlined(kind::STRING, self.string(text)),
             Value::Token(text) => ValueRep::inlined(kind::TOKEN, self.tokens.index(text)),
             Value::Asset(text) => ValueRep::inlined(kind::ASSET, self.tokens.index(text)),
             Value::Matrix4d(rows) => {
-                let offset = self.align();
-                self.put(*rows);
+                let offset = self.out.align();
+                self.out.put(*rows);
                 ValueRep::at(kind::MATRIX4D, offset)
             }
             Value::Ints(ints) if ints.len() >= MIN_COMPRESSED_INTS => {
-                let offset = self.align();
-                self.put(ints.len() as u64);
-                self.put_compressed_ints(ints.iter().copied());
+                let offset = self.out.align();
+                self.out.put(ints.len() as u64);
+                self.out.put_compressed_ints(ints.iter().copied());
                 ValueRep(ValueRep::array(kind::INT, offset).0 | ValueRep::COMPRESSED)
             }
-            Value::Ints(ints) => self.array(kind::INT, ints),
-            Value::Floats(floats) => self.array(kind::FLOAT, floats),
-            Value::Float2s(floats) => self.array(kind::FLOAT2, floats),
-            Value::Float3s(floats) => self.array(kind::FLOAT3, floats),
+            Value::Ints(ints) => self.out.array(kind::INT, ints),
+            Value::Floats(floats) => self.out.array(kind::FLOAT, floats),
+            Value::Float2s(floats) => self.out.array(kind::FLOAT2, floats),
+            Value::Float3s(floats) => self.out.array(kind::FLOAT3, floats),
             Value::Strings(texts) if texts.is_empty() => ValueRep::array(kind::STRING, 0),
             Value::Strings(texts) => {
                 let strings = self.string_indices(texts);
-                ValueRep::array(kind::STRING, self.counted(&strings))
+                ValueRep::array(kind::STRING, self.out.counted(&strings))
             }
             Value::Tokens(texts) if texts.is_empty() => ValueRep::array(kind::TOKEN, 0),
             Value::Tokens(texts) => {
                 let tokens = self.token_indices(texts);
-                ValueRep::array(kind::TOKEN, self.counted(&tokens))
+                ValueRep::array(kind::TOKEN, self.out.counted(&tokens))
             }
             Value::Dictionary(entries) => self.dictionary(entries),
             Value::PrependedTokens(texts) => {
@@ -281,34 +290,17 @@ impl<'a> Encoder<'a> {
         }
     }
 
-    /// A list operation with one list of items, token or path indices.
+    /// Writes a list operation with one list of items: token or path indices.
     fn list_op(&mut self, kind: u8, header: u8, items: &[u32]) -> ValueRep {
-        let offset = self.align();
-        self.put(header);
-        self.put(items.len() as u64);
-        self.buffer.extend_from_slice(bytemuck::cast_slice(items));
+        let offset = self.out.align();
+        self.out.put(header);
+        self.out.put(items.len() as u64);
+        self.out.put_slice(items);
         ValueRep::at(kind, offset)
     }
 
     fn token_indices(&mut self, texts: &[String]) -> Vec<u32> {
         texts.iter().map(|text| self.tokens.index(text)).collect()
-    }
-
-    fn array<T: NoUninit>(&mut self, kind: u8, items: &'a [T]) -> ValueRep {
-        if items.is_empty() {
-            return ValueRep::array(kind, 0);
-        }
-        let offset = self.align();
-        self.put(items.len() as u64);
-        let bytes: &'a [u8] = bytemuck::cast_slice(items);
-        if bytes.len() < BORROWED_LEN {
-            self.buffer.extend_from_slice(bytes);
-        } else {
-            self.flush();
-            self.flushed += bytes.len();
-            self.parts.push(Cow::Borrowed(bytes));
-        }
-        ValueRep::array(kind, offset)
     }
 
     fn dictionary(&mut self, entries: &'a [(String, Value<'_>)]) -> ValueRep {
@@ -317,32 +309,27 @@ impl<'a> Encoder<'a> {
         }
         let entries: Vec<_> =
             entries.iter().map(|(key, value)| (self.string(key), self.value(value))).collect();
-        let offset = self.align();
-        self.put(entries.len() as u64);
+        let offset = self.out.align();
+        self.out.put(entries.len() as u64);
         for (key, rep) in entries {
-            self.put(key);
-            self.put_rep_next();
-            self.put(rep.0);
+            self.out.put(key);
+            self.out.put_rep_distance();
+            self.out.put(rep.0);
         }
         ValueRep::at(kind::DICTIONARY, offset)
     }
 
     fn time_samples(&mut self, samples: &'a [(f64, Value<'_>)]) -> ValueRep {
         let times: Vec<f64> = samples.iter().map(|(time, _)| *time).collect();
-        let times = ValueRep::at(kind::DOUBLE_VECTOR, self.counted(&times));
+        let times = ValueRep::at(kind::DOUBLE_VECTOR, self.out.counted(&times));
         let reps: Vec<u64> = samples.iter().map(|(_, value)| self.value(value).0).collect();
-        let offset = self.align();
-        self.put_rep_next();
-        self.put(times.0);
-        self.put_rep_next();
-        self.put(reps.len() as u64);
-        self.buffer.extend_from_slice(bytemuck::cast_slice(&reps));
+        let offset = self.out.align();
+        self.out.put_rep_distance();
+        self.out.put(times.0);
+        self.out.put_rep_distance();
+        self.out.put(reps.len() as u64);
+        self.out.put_slice(&reps);
         ValueRep::at(kind::TIME_SAMPLES, offset)
-    }
-
-    /// The distance from here to where a nested value's representation stands: right behind.
-    fn put_rep_next(&mut self) {
-        self.put(size_of::<i64>() as i64);
     }
 
     fn string_indices(&mut self, texts: &[String]) -> Vec<u32> {
@@ -351,49 +338,12 @@ impl<'a> Encoder<'a> {
 
     fn string_vector(&mut self, texts: &[String]) -> ValueRep {
         let strings = self.string_indices(texts);
-        ValueRep::at(kind::STRING_VECTOR, self.counted(&strings))
+        ValueRep::at(kind::STRING_VECTOR, self.out.counted(&strings))
     }
 
-    /// Sublayer offsets (offset, scale) that leave times as they are.
+    /// Writes identity sublayer offsets: (offset, scale) = (0, 1).
     fn identity_offsets(&mut self, count: usize) -> ValueRep {
-        ValueRep::at(kind::LAYER_OFFSET_VECTOR, self.counted(&vec![[0.0f64, 1.0]; count]))
-    }
-
-    /// Writes a count and that many items; returns the offset.
-    fn counted<T: NoUninit>(&mut self, items: &[T]) -> u64 {
-        let offset = self.align();
-        self.put(items.len() as u64);
-        self.buffer.extend_from_slice(bytemuck::cast_slice(items));
-        offset
-    }
-
-    fn put<T: NoUninit>(&mut self, value: T) {
-        self.buffer.extend_from_slice(bytemuck::bytes_of(&value));
-    }
-
-    fn put_compressed_ints(&mut self, ints: impl Iterator<Item = i32> + Clone) {
-        self.put_sized(&compress_ints(ints));
-    }
-
-    fn put_sized(&mut self, bytes: &[u8]) {
-        self.put(bytes.len() as u64);
-        self.buffer.extend_from_slice(bytes);
-    }
-
-    /// Fills up to a multiple of 8 and returns the offset in the file.
-    fn align(&mut self) -> u64 {
-        let padding = self.position().wrapping_neg() % 8;
-        self.buffer.resize(self.buffer.len() + padding, 0);
-        self.position() as u64
-    }
-
-    fn position(&self) -> usize {
-        self.flushed + self.buffer.len()
-    }
-
-    fn flush(&mut self) {
-        self.flushed += self.buffer.len();
-        self.parts.push(Cow::Owned(std::mem::take(&mut self.buffer)));
+        ValueRep::at(kind::LAYER_OFFSET_VECTOR, self.out.counted(&vec![[0.0f64, 1.0]; count]))
     }
 
     fn finish(mut self) -> Vec<Cow<'a, [u8]>> {
@@ -406,64 +356,61 @@ impl<'a> Encoder<'a> {
             ("SPECS", Self::specs_section),
         ];
         let sections = writers.map(|(name, write)| {
-            let start = self.position() as u64;
+            let start = self.out.position() as u64;
             write(&mut self);
-            (name, start, self.position() as u64 - start)
+            (name, start, self.out.position() as u64 - start)
         });
-        let contents = self.position() as u64;
-        self.put(sections.len() as u64);
+        let contents = self.out.position() as u64;
+        self.out.put(sections.len() as u64);
         for (name, start, size) in sections {
             let mut padded = [0; SECTION_NAME_LEN];
             padded[..name.len()].copy_from_slice(name.as_bytes());
-            self.put(padded);
-            self.put([start, size]);
+            self.out.put(padded);
+            self.out.put([start, size]);
         }
-        self.flush();
-
         let mut bootstrap = vec![0; BOOTSTRAP_LEN];
         bootstrap[..8].copy_from_slice(MAGIC);
         bootstrap[8..11].copy_from_slice(&VERSION);
         bootstrap[16..24].copy_from_slice(&contents.to_le_bytes());
-        self.parts.insert(0, Cow::Owned(bootstrap));
-        self.parts
+        self.out.finish(bootstrap)
     }
 
     fn tokens_section(&mut self) {
-        let tokens = std::mem::take(&mut self.tokens);
-        self.put([tokens.indices.len() as u64, tokens.text.len() as u64]);
-        self.put_sized(&compress(&tokens.text));
+        let Encoder { out, tokens, .. } = self;
+        out.put([tokens.indices.len() as u64, tokens.text.len() as u64]);
+        out.put_sized(&compress(&tokens.text));
     }
 
     fn strings_section(&mut self) {
-        self.put(self.strings.len() as u64);
-        self.buffer.extend_from_slice(bytemuck::cast_slice(&self.strings));
+        self.out.put(self.strings.len() as u64);
+        self.out.put_slice(&self.strings);
     }
 
     fn fields_section(&mut self) {
-        let fields = std::mem::take(&mut self.fields);
-        self.put(fields.len() as u64);
-        self.put_compressed_ints(fields.iter().map(|(token, _)| token.cast_signed()));
+        let Encoder { out, fields, .. } = self;
+        out.put(fields.len() as u64);
+        out.put_compressed_ints(fields.iter().map(|(token, _)| token.cast_signed()));
         let reps: Vec<u64> = fields.iter().map(|(_, rep)| rep.0).collect();
-        self.put_sized(&compress(bytemuck::cast_slice(&reps)));
+        out.put_sized(&compress(bytemuck::cast_slice(&reps)));
     }
 
     fn field_sets_section(&mut self) {
-        let sets = std::mem::take(&mut self.field_sets);
-        self.put(sets.len() as u64);
-        self.put_compressed_ints(sets.iter().map(|field| field.cast_signed()));
+        let Encoder { out, field_sets, .. } = self;
+        out.put(field_sets.len() as u64);
+        out.put_compressed_ints(field_sets.iter().map(|field| field.cast_signed()));
     }
 
     fn paths_section(&mut self) {
         let mut table = Vec::with_capacity(self.paths.len());
         self.pre_order(0, false, &mut table);
-        // How many paths there are, and how many of them the tree holds: all.
-        self.put([table.len() as u64; 2]);
+        // Number of paths, and number of them in the tree: all.
+        self.out.put([table.len() as u64; 2]);
         for column in 0..3 {
-            self.put_compressed_ints(table.iter().map(|row: &[i32; 3]| row[column]));
+            self.out.put_compressed_ints(table.iter().map(|row: &[i32; 3]| row[column]));
         }
     }
 
-    /// Appends index, element and jump of a path and of all below it.
+    /// Appends index, element and jump of a path and of all its descendants.
     fn pre_order(&self, path: u32, has_sibling: bool, table: &mut Vec<[i32; 3]>) {
         let Path { element, children } = &self.paths[path as usize];
         let place = table.len();
@@ -481,15 +428,15 @@ impl<'a> Encoder<'a> {
     }
 
     fn specs_section(&mut self) {
-        let specs = std::mem::take(&mut self.specs);
-        self.put(specs.len() as u64);
-        self.put_compressed_ints(0..specs.len() as i32);
-        self.put_compressed_ints(specs.iter().map(|(set, _)| set.cast_signed()));
-        self.put_compressed_ints(specs.iter().map(|(_, kind)| kind.cast_signed()));
+        let Encoder { out, specs, .. } = self;
+        out.put(specs.len() as u64);
+        out.put_compressed_ints(0..specs.len() as i32);
+        out.put_compressed_ints(specs.iter().map(|(set, _)| set.cast_signed()));
+        out.put_compressed_ints(specs.iter().map(|(_, kind)| kind.cast_signed()));
     }
 }
 
-/// In the order in which they are written.
+/// Names of attributes and relationships in the order in which their specs are written.
 fn property_names<'n>(prim: &'n Prim) -> impl Iterator<Item = &'n str> {
     let relationships = prim.relationships.iter().map(|relationship| relationship.name.as_str());
     prim.attributes.iter().map(|attribute| attribute.name.as_str()).chain(relationships)
