@@ -1,89 +1,114 @@
-"""Opens a hair cache in Blender, tells what came of it as JSON, and renders a frame. Needs a Python with `bpy` (PyPI), or Blender's own:
+"""Opens a hair cache in Blender, prints its curves as JSON, and renders a frame.
 
-python pipeline/blender.py cache/hair.usda --frame 1012 -o frame.png
-blender --background --python pipeline/blender.py -- cache/hair.usda --frame 1012 -o frame.png
+    python pipeline/blender.py cache/hair.usda --frame 1012 -o frame.png
+    blender --background --python pipeline/blender.py -- cache/hair.usda --frame 1012 -o frame.png
+
+It needs a Python with `bpy` (PyPI), or Blender's own.
 """
 
 import argparse
 import json
 import math
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
 from mathutils import Vector
+from numpy.typing import NDArray
+
+Points = NDArray[np.floating[Any]]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("cache", help="hair.usda of a cache")
-    parser.add_argument("--frame", type=int, help="frame to render [default: the middle one]")
-    parser.add_argument("-o", "--output", help="picture to write, PNG or JPEG [default: none]")
-    parser.add_argument("--size", type=int, default=640, help="pixels in width and height")
-    parser.add_argument("--samples", type=int, default=32, help="light samples a pixel")
-    parser.add_argument(
-        "--azimuth",
-        type=float,
-        default=35,
-        help="where the viewer stands, degrees from the front to the subject's left",
-    )
-    parser.add_argument(
-        "--elevation", type=float, default=8, help="how high the viewer stands, degrees above the horizon"
-    )
-    parser.add_argument(
-        "--shutter", type=float, default=0, help="motion blur over so many frames from the frame on"
-    )
-    parser.add_argument("--threads", type=int, default=0, help="threads that render [default: one a core]")
-    options = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else None)
-
+    """Opens the cache, prints its curves, and renders if asked to."""
+    options = parse_options()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.wm.usd_import(filepath=options.cache, set_frame_range=True, import_guide=True)
     scene = bpy.context.scene
     first, last = scene.frame_start, scene.frame_end
     hair = [thing for thing in scene.objects if thing.type == "CURVES"]
-    told = {"frames": [first, last], "curves": {thing.name: describe(thing, first, last) for thing in hair}}
+    curves = {thing.name: describe(thing, first, last) for thing in hair}
     if options.output:
         scene.frame_set(options.frame or (first + last) // 2)
-        render(scene, hair, options)
-    print(json.dumps(told))
+        render(scene, options)
+    print(json.dumps({"frames": [first, last], "curves": curves}))
 
 
-def points(thing, frame: int) -> np.ndarray:
-    """World places of all points at a frame."""
+def parse_options() -> argparse.Namespace:
+    """The options; those after `--` if Blender runs the script."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    add = parser.add_argument
+    add("cache", help="hair.usda of a cache")
+    add("--frame", type=int, help="frame to render [default: the middle one]")
+    add("-o", "--output", help="picture to write, PNG or JPEG [default: none]")
+    add("--size", type=int, default=640, help="width and height in pixels [default: 640]")
+    add("--samples", type=int, default=32, help="light samples per pixel [default: 32]")
+    add(
+        "--azimuth",
+        type=float,
+        default=35,
+        help="direction of the viewer, degrees from the front to the subject's left [default: 35]",
+    )
+    add(
+        "--elevation",
+        type=float,
+        default=8,
+        help="direction of the viewer, degrees above the horizon [default: 8]",
+    )
+    add("--shutter", type=float, default=0, help="frames of motion blur, from the frame on [default: 0]")
+    add("--threads", type=int, default=0, help="render threads [default: one for each core]")
+    return parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else None)
+
+
+def evaluated_curves(thing: bpy.types.Object) -> bpy.types.Curves:
+    """The evaluated curves of an object, valid until the frame changes."""
+    return thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+
+
+def world_points(thing: bpy.types.Object, frame: int) -> Points:
+    """World positions of all points of an object at a frame, m, `N × 3`."""
     bpy.context.scene.frame_set(frame)
-    curves = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    curves = evaluated_curves(thing)
     flat = np.empty(3 * len(curves.points), np.float32)
     curves.attributes["position"].data.foreach_get("vector", flat)
     matrix = np.array(thing.matrix_world)
-    return flat.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+    points: Points = flat.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+    return points
 
 
-def describe(thing, first: int, last: int) -> dict:
-    """Counts, widths (m, at root and tip of the first curve) and motion (mean and largest way of a point from the first frame to the last, m)."""
-    at_first = points(thing, first)
-    # What is evaluated is gone with the next change of frame.
-    curves = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+def describe(thing: bpy.types.Object, first: int, last: int) -> dict[str, Any]:
+    """Counts, widths and motion of curves.
+
+    `widths` are those at root and tip of the first curve, m; `way` is the mean and the largest displacement
+    of points from the first frame to the last, m.
+    """
+    at_first = world_points(thing, first)
+    curves = evaluated_curves(thing)
     radius = np.empty(len(curves.points), np.float32)
     curves.attributes["radius"].data.foreach_get("value", radius)
     count, size = len(curves.curves), curves.curves[0].points_length
-    # Blender keeps the file's unit and scales the object.
+    # Blender keeps the unit of the file and scales the object.
     widths = 2 * radius * thing.matrix_world.median_scale
-    way = np.linalg.norm(points(thing, last) - at_first, axis=1)
+    displacement = np.linalg.norm(world_points(thing, last) - at_first, axis=1)
     return {
         "curves": count,
         "points": len(radius),
         "widths": [float(widths[0]), float(widths[size - 1])],
         "first_root": at_first[0].tolist(),
-        "way": [float(way.mean()), float(way.max())],
+        "way": [float(displacement.mean()), float(displacement.max())],
     }
 
 
 def hair_material() -> bpy.types.Material:
-    """Hair in the colour that the cache gives it, as fibres, which reflect in a cone about themselves and let light through to each other: a plain surface
-    is flat on them. Blender 5.0 gives curves none of the materials that USD binds them to.
+    """Hair fibres in the display colour of the cache.
+
+    Blender 5.0 ignores the materials that USD binds to curves. A surface material shades fibres as if they
+    were flat.
     """
     material = bpy.data.materials.new("hair")
     nodes, links = material.node_tree.nodes, material.node_tree.links
@@ -98,7 +123,7 @@ def hair_material() -> bpy.types.Material:
 
 
 def body_material() -> bpy.types.Material:
-    """Bodies in the colour that the cache gives them, without gloss."""
+    """A matte surface in the display colour of the cache."""
     material = bpy.data.materials.new("body")
     nodes, links = material.node_tree.nodes, material.node_tree.links
     surface = nodes["Principled BSDF"]
@@ -107,71 +132,115 @@ def body_material() -> bpy.types.Material:
     return material
 
 
-def display_colour(nodes) -> bpy.types.NodeSocket:
-    """`primvars:displayColor` in a shader."""
+def display_colour(nodes: bpy.types.Nodes) -> bpy.types.NodeSocket:
+    """A shader output with `primvars:displayColor`."""
     attribute = nodes.new("ShaderNodeAttribute")
     attribute.attribute_name = "displayColor"
     return attribute.outputs["Color"]
 
 
-def render(scene, hair: list, options) -> None:
-    """All hair and bodies in the frame, under a key light, a fill, a light from behind and a dim sky, by Cycles on the processor."""
-    places = []
+@dataclass(frozen=True)
+class Subject:
+    """The points in the picture."""
+
+    points: Points
+    centre: Vector
+    radius: float
+    """Largest distance of a point from the centre, m."""
+
+    @classmethod
+    def of(cls, scene: bpy.types.Scene) -> "Subject":
+        """The hair, and the bounding boxes of the bodies, at the current frame."""
+        parts = []
+        for thing in scene.objects:
+            if thing.type == "CURVES":
+                parts.append(world_points(thing, scene.frame_current))
+            elif thing.type == "MESH":
+                parts.append(np.array([thing.matrix_world @ Vector(corner) for corner in thing.bound_box]))
+        points = np.concatenate(parts)
+        centre = Vector((points.min(axis=0) + points.max(axis=0)) / 2)
+        return cls(points, centre, float(np.linalg.norm(points - centre, axis=1).max()))
+
+
+def place(
+    scene: bpy.types.Scene,
+    thing: bpy.types.Object,
+    centre: Vector,
+    direction: tuple[float, float],
+    distance: float,
+) -> None:
+    """Adds a camera or light at `distance` from the centre, turned towards it.
+
+    `direction` is azimuth and elevation in degrees, from the front to the subject's left and up.
+    """
+    turn, rise = (math.radians(angle) for angle in direction)
+    outwards = Vector((math.sin(turn) * math.cos(rise), -math.cos(turn) * math.cos(rise), math.sin(rise)))
+    thing.rotation_euler = (-outwards).to_track_quat("-Z", "Y").to_euler()
+    thing.location = centre + outwards * distance
+    scene.collection.objects.link(thing)
+
+
+def add_materials(scene: bpy.types.Scene) -> None:
+    """Assigns materials, and hides guides if there are strands."""
     strands, body = hair_material(), body_material()
+    several = sum(thing.type == "CURVES" for thing in scene.objects) > 1
     for thing in scene.objects:
+        if thing.type in ("CURVES", "MESH"):
+            thing.data.materials.clear()
+            thing.data.materials.append(strands if thing.type == "CURVES" else body)
         if thing.type == "CURVES":
-            thing.data.materials.clear()
-            thing.data.materials.append(strands)
-            thing.hide_render = "guides" in thing.name and len(hair) > 1
-            places.append(points(thing, scene.frame_current))
+            thing.hide_render = "guides" in thing.name and several
         elif thing.type == "MESH":
-            thing.data.materials.clear()
-            thing.data.materials.append(body)
             thing.data.shade_smooth()
-            places.append(np.array([thing.matrix_world @ Vector(corner) for corner in thing.bound_box]))
-    places = np.concatenate(places)
-    centre = Vector((places.min(axis=0) + places.max(axis=0)) / 2)
-    reach = float(np.linalg.norm(places - centre, axis=1).max())
 
-    def aim(thing, azimuth: float, elevation: float, distance: float) -> None:
-        """Puts a camera or a light at angles, degrees from the front to the subject's left and up, and turns it to the subject's centre."""
-        turn, rise = math.radians(azimuth), math.radians(elevation)
-        way = Vector((math.sin(turn) * math.cos(rise), -math.cos(turn) * math.cos(rise), math.sin(rise)))
-        thing.rotation_euler = (-way).to_track_quat("-Z", "Y").to_euler()
-        thing.location = centre + way * distance
-        scene.collection.objects.link(thing)
 
+def add_camera(scene: bpy.types.Scene, subject: Subject, direction: tuple[float, float]) -> None:
+    """Adds a camera as near as the whole subject fits in the picture."""
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     camera.data.angle = math.radians(24)
-    aim(camera, options.azimuth, options.elevation, 0)
-    # As near as all of it fits: right, up and towards the viewer, as the camera sees it.
-    seen = (places - np.array(centre)) @ np.array(camera.rotation_euler.to_matrix())
-    seen[:, :2] -= (middle := (seen[:, :2].min(axis=0) + seen[:, :2].max(axis=0)) / 2)
+    place(scene, camera, subject.centre, direction, 0)
+    # In the axes of the camera: right, up, towards the viewer.
+    seen = (subject.points - np.array(subject.centre)) @ np.array(camera.rotation_euler.to_matrix())
+    middle = (seen[:, :2].min(axis=0) + seen[:, :2].max(axis=0)) / 2
+    seen[:, :2] -= middle
     near = (seen[:, 2] + np.abs(seen[:, :2]).max(axis=1) / math.tan(camera.data.angle / 2)).max()
     camera.location += camera.rotation_euler.to_matrix() @ Vector((*middle, 1.04 * near))
     scene.camera = camera
-    for azimuth, elevation, watts, colour in [
-        (options.azimuth - 40, 45, 90, (1, 0.95, 0.88)),
-        (options.azimuth + 60, 10, 20, (0.85, 0.92, 1)),
-        (options.azimuth + 160, 40, 160, (1, 0.97, 0.92)),
+
+
+def add_lights(scene: bpy.types.Scene, subject: Subject, azimuth: float) -> None:
+    """Adds a key light, a fill light, a light from behind, and a dim sky."""
+    for direction, watts, colour in [
+        ((azimuth - 40, 45), 90, (1, 0.95, 0.88)),
+        ((azimuth + 60, 10), 20, (0.85, 0.92, 1)),
+        ((azimuth + 160, 40), 160, (1, 0.97, 0.92)),
     ]:
         light = bpy.data.lights.new("light", "AREA")
-        light.energy, light.size, light.color = watts * reach * reach, reach, colour
-        aim(bpy.data.objects.new("light", light), azimuth, elevation, 3.5 * reach)
+        light.energy, light.size, light.color = watts * subject.radius**2, subject.radius, colour
+        thing = bpy.data.objects.new("light", light)
+        place(scene, thing, subject.centre, direction, 3.5 * subject.radius)
     scene.world = bpy.data.worlds.new("sky")
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.16, 0.175, 0.2, 1)
+
+
+def render(scene: bpy.types.Scene, options: argparse.Namespace) -> None:
+    """Renders hair and bodies with Cycles on the CPU."""
+    add_materials(scene)
+    subject = Subject.of(scene)
+    add_camera(scene, subject, (options.azimuth, options.elevation))
+    add_lights(scene, subject, options.azimuth)
     scene.render.engine = "CYCLES"
     scene.cycles.device = "CPU"
     scene.cycles.samples = options.samples
     scene.cycles.use_denoising = True
     if options.shutter:
-        # As the cache has it: it opens at the frame.
+        # The shutter opens at the frame, as in the cache.
         scene.render.use_motion_blur = True
         scene.render.motion_blur_position, scene.render.motion_blur_shutter = "START", options.shutter
     if options.threads:
         scene.render.threads_mode, scene.render.threads = "FIXED", options.threads
     scene.render.resolution_x, scene.render.resolution_y = options.size, options.size
-    # Blender takes a bare name for one of its own folders.
+    # Blender resolves a relative name against a folder of its own.
     scene.render.filepath = str(Path(options.output).absolute())
     scene.render.image_settings.file_format = "JPEG" if options.output.endswith((".jpg", ".jpeg")) else "PNG"
     bpy.ops.render.render(write_still=True)

@@ -67,7 +67,8 @@ class HairbakeRods:
             groom, anim = Path(folder, "groom.json"), Path(folder, "anim.json")
             groom.write_text(json.dumps(scene.groom()))
             anim.write_text(json.dumps(scene.anim(np.zeros(3))))
-            command = [self.binary, "--quiet", "--threads", "1", groom, anim, "-o", Path(folder, "out")]
+            options = ["--quiet", "--no-pictures", "--threads", "1"]
+            command = [self.binary, *options, groom, anim, "-o", Path(folder, "out")]
             child = subprocess.Popen([str(part) for part in command])
             _, status, usage = os.wait4(child.pid, 0)
             if status:

@@ -1,1 +1,1 @@
-"""Reads grooms, meshes and motions from USD stages for `hairbake import`, with Pixar's own library."""
+"""Reads grooms, meshes and motions from USD stages for `hairbake import`, with Pixar's USD."""

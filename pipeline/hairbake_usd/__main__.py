@@ -1,6 +1,6 @@
-"""The command line: what to read, from where, and the folder for what was read.
+"""Command line of the USD reader, run by `hairbake import`.
 
-Exit code 0: read; 2: the file is faulty, and the header tells how.
+Exit code: 0 if the file was read; 2 if it has errors, which the header then holds.
 """
 
 import argparse
@@ -8,41 +8,46 @@ import sys
 from pathlib import Path
 
 from . import exchange, groom, mesh, motion
-from .faults import Faults
+from .errors import InputErrors
 
 
 def times(text: str) -> mesh.Times:
+    """Time codes from `START,STEP,COUNT`."""
     start, step, count = text.split(",")
     return mesh.Times(float(start), float(step), int(count))
 
 
-def main() -> int:
+def argument_parser() -> argparse.ArgumentParser:
+    """The options."""
     parser = argparse.ArgumentParser(prog="hairbake_usd", description=__doc__)
-    parser.add_argument("what", choices=["strands", "mesh", "motion"])
-    parser.add_argument("file")
-    parser.add_argument("--prim", help="path of the prim; default: all of the stage")
-    parser.add_argument("--time", type=float, help="time code; default: the rest pose, else the earliest")
-    parser.add_argument("--out", type=Path, required=True, help="folder that is there")
+    parser.add_argument("what", choices=["strands", "mesh", "motion"], help="what to read")
+    parser.add_argument("file", help="USD file")
+    parser.add_argument("--prim", help="path of the prim [default: all prims of the stage]")
     parser.add_argument(
-        "--times",
-        type=times,
-        metavar="START,STEP,COUNT",
-        help="time codes at which a mesh that moves is read too",
+        "--time", type=float, help="time code [default: the rest pose, else the first sample]"
     )
-    parser.add_argument("--carrier", help="path of the prim that a mesh may go along with")
-    parser.add_argument("--joint", help="joint of a skeleton, by path or name, whose motion is read")
-    options = parser.parse_args()
+    parser.add_argument("--out", type=Path, required=True, help="existing folder for the result")
+    parser.add_argument(
+        "--times", type=times, metavar="START,STEP,COUNT", help="time codes of an animated mesh"
+    )
+    parser.add_argument("--carrier", help="path of the prim that may carry the mesh rigidly")
+    parser.add_argument("--joint", help="path or name of the joint whose motion is read")
+    return parser
+
+
+def main() -> int:
+    """Reads the file and writes the result; returns the exit code."""
+    options = argument_parser().parse_args()
     try:
         if options.what == "strands":
             header, arrays = groom.read(options.file, options.prim, options.time)
         elif options.what == "motion":
             header, arrays = motion.read(options.file, options.prim, options.joint)
         else:
-            header, arrays = mesh.read(
-                options.file, options.prim, options.time, options.times, options.carrier
-            )
-    except Faults as found:
-        exchange.write_faults(options.out, found.faults)
+            selection = mesh.Selection(options.prim, options.time, options.times, options.carrier)
+            header, arrays = mesh.read(options.file, selection)
+    except InputErrors as found:
+        exchange.write_errors(options.out, found.errors)
         return 2
     exchange.write(options.out, header, arrays)
     return 0

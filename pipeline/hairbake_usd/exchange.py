@@ -1,22 +1,38 @@
-"""What this package hands to `hairbake`: `header.json` and, in the order in which it lists them, arrays as plain little-endian
-numbers in `data.bin`.
+"""The result of a read, written for `hairbake`.
+
+`header.json` holds metadata and a list of arrays; `data.bin` holds their numbers in that order,
+little-endian.
 """
 
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .faults import Fault
+from .errors import InputError
 
-TYPES = {"f32": np.dtype("<f4"), "f64": np.dtype("<f8"), "i32": np.dtype("<i4"), "u32": np.dtype("<u4")}
+TYPES: dict[str, np.dtype[Any]] = {
+    "f32": np.dtype("<f4"),
+    "f64": np.dtype("<f8"),
+    "i32": np.dtype("<i4"),
+    "u32": np.dtype("<u4"),
+}
+
+Array = NDArray[Any]
+FloatArray = NDArray[np.floating[Any]]
+IntArray = NDArray[np.integer[Any]]
+Header = dict[str, Any]
+Arrays = dict[str, tuple[str, Array]]
+"""Type, a key of `TYPES`, and numbers of each array by its name."""
 
 
-def write(folder: Path, header: dict, arrays: dict[str, tuple[str, np.ndarray]]) -> None:
-    """Writes the header and the arrays, each a name with its type and its numbers."""
+def write(folder: Path, header: Header, arrays: Arrays) -> None:
+    """Writes the header and the arrays."""
     listed = []
-    with open(folder / "data.bin", "wb") as data:
+    with (folder / "data.bin").open("wb") as data:
         for name, (kind, numbers) in arrays.items():
             flat = np.ascontiguousarray(numbers, TYPES[kind]).reshape(-1)
             data.write(flat.data)
@@ -24,6 +40,6 @@ def write(folder: Path, header: dict, arrays: dict[str, tuple[str, np.ndarray]])
     (folder / "header.json").write_text(json.dumps({**header, "arrays": listed}))
 
 
-def write_faults(folder: Path, faults: list[Fault]) -> None:
-    """Writes what is wrong instead."""
-    (folder / "header.json").write_text(json.dumps({"faults": [asdict(fault) for fault in faults]}))
+def write_errors(folder: Path, errors: list[InputError]) -> None:
+    """Writes errors in place of the header."""
+    (folder / "header.json").write_text(json.dumps({"errors": [asdict(error) for error in errors]}))

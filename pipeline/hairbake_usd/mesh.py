@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdSkel
 
-from .faults import Fault, Faults, fail
+from .errors import InputError, InputErrors, input_error
+from .exchange import Array, Arrays, FloatArray, Header
 from .stage import (
     all_of,
     apply,
@@ -13,161 +14,182 @@ from .stage import (
     convention,
     find,
     gather,
-    moves_only,
     open_stage,
+    times_without_rest,
     to_world,
 )
 
-#: Largest change of a place, relative to the size of the mesh, that counts as none.
 STILL = 1e-6
+"""Largest displacement of a vertex, relative to the size of the mesh, that counts as none."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Times:
-    """Time codes: `count` of them from `start`, `step` apart."""
+    """`count` time codes from `start`, `step` apart."""
 
     start: float
     step: float
     count: int
 
     def codes(self) -> list[float]:
+        """The time codes."""
         return [self.start + self.step * i for i in range(self.count)]
 
 
-def read(
-    path: str, prim_path: str | None, time: float | None, times: Times | None, carrier: str | None
-) -> tuple[dict, dict]:
-    """Header and arrays of the meshes at and below a prim, as one.
+@dataclass(frozen=True)
+class Selection:
+    """What to read of a stage's meshes."""
 
-    vertices are those at rest; with `times`, moving are those at each of them, unless the mesh stands still or goes along with the prim
-    `carrier`.
+    prim: str | None
+    """Path of the prim at and below which meshes are read; None: the whole stage."""
+    time: float | None
+    """Time code; None: the rest pose, else the first sample."""
+    times: Times | None
+    """Time codes at which an animated mesh is read too."""
+    carrier: str | None
+    """Path of the prim that may carry the mesh rigidly."""
+
+
+def read(path: str, selection: Selection) -> tuple[Header, Arrays]:
+    """Header and arrays of the selected meshes, merged into one.
+
+    `vertices` and `triangles` are those at rest. `moving` holds the vertices at each of the selected times,
+    unless the mesh stands still or only moves with the carrier.
+
+    Raises:
+        InputErrors: All errors in the meshes.
     """
     stage = open_stage(path)
     header = convention(stage)
-    root = find(stage, prim_path)
+    root = find(stage, selection.prim)
     prims = all_of(root, UsdGeom.Mesh, "Mesh")
     notes = composition_notes(stage)
-    rests = gather(prims, lambda prim: _rest_time(prim, time))
-    # What is skinned is read at rest before the skinning is worked out in its place.
-    parts = gather(list(zip(prims, rests)), lambda part: _triangles(*part, notes))
-    firsts = np.cumsum([0] + [len(points) for points, _ in parts])
+    rests = gather(prims, lambda prim: choose_time(prim, selection.time))
+    # The rest pose is read first: baking the skinning overwrites the points.
+    parts = gather(list(zip(prims, rests, strict=True)), lambda part: read_triangles(*part, notes))
+    firsts = np.cumsum([0] + [len(points) for points, _ in parts])[:-1]
     vertices = np.concatenate([points for points, _ in parts])
-    triangles = np.concatenate([corners + first for (_, corners), first in zip(parts, firsts)])
+    triangles = np.concatenate([corners + first for (_, corners), first in zip(parts, firsts, strict=True)])
     if not len(triangles):
-        raise fail(
+        raise input_error(
             root.GetPath(),
             "the mesh holds no triangle",
             "faces of three corners or more",
             "name a mesh that has faces",
         )
-    arrays = {"vertices": ("f64", vertices), "triangles": ("u32", triangles)}
-    if times is not None:
-        carried_by = find(stage, carrier) if carrier else None
-        moving = _over(
-            stage, prims, rests, triangles, times, carried_by, float(np.ptp(vertices, axis=0).max())
-        )
-        if moving is not None:
+    arrays: Arrays = {"vertices": ("f64", vertices), "triangles": ("u32", triangles)}
+    if selection.times is not None:
+        codes = selection.times.codes()
+        moving = read_moving(prims, codes)
+        if moving.shape[1] <= triangles.max():
+            raise input_error(
+                prims[0].GetPath(),
+                "has fewer points at some times than at rest",
+                "the same points at all times",
+                "export the mesh again",
+            )
+        carrier = find(stage, selection.carrier) if selection.carrier else None
+        if deforms(moving, carrier, codes, float(np.ptp(vertices, axis=0).max())):
             arrays["moving"] = ("f64", moving)
     return {**header, "notes": notes}, arrays
 
 
-def _rest_time(prim: Usd.Prim, time: float | None) -> Usd.TimeCode:
+def choose_time(prim: Usd.Prim, time: float | None) -> Usd.TimeCode:
+    """The time to read at: `time` if given, else the rest pose, else the first sample."""
     if time is not None:
         return Usd.TimeCode(time)
     points = UsdGeom.Mesh(prim).GetPointsAttr()
     samples = [] if points.Get(Usd.TimeCode.Default()) is not None else points.GetTimeSamples()
-    samples = samples or moves_only(prim)
+    samples = samples or times_without_rest(prim)
     return Usd.TimeCode(samples[0]) if samples else Usd.TimeCode.Default()
 
 
-def _points(prim: Usd.Prim, at: Usd.TimeCode) -> np.ndarray:
+def read_points(prim: Usd.Prim, at: Usd.TimeCode) -> FloatArray:
+    """Vertices in world space, `V × 3`.
+
+    Raises:
+        InputErrors: A vertex is not finite.
+    """
     points = np.array(UsdGeom.Mesh(prim).GetPointsAttr().Get(at) or (), float).reshape(-1, 3)
     if not np.isfinite(points).all():
         bad = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
-        raise fail(
-            f"{prim.GetPath()}.points",
-            f"vertex {bad} is no number at {at}",
-            "finite numbers",
-            "export the mesh again",
+        key = f"{prim.GetPath()}.points"
+        raise input_error(
+            key, f"vertex {bad} is not finite at {at}", "finite numbers", "export the mesh again"
         )
     return apply(to_world(prim, at), points)
 
 
-def _triangles(prim: Usd.Prim, at: Usd.TimeCode, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Places in the world, and faces as fans of triangles, counter-clockwise from outside."""
-    shape, place = UsdGeom.Mesh(prim), prim.GetPath()
-    for attr in (shape.GetFaceVertexCountsAttr(), shape.GetFaceVertexIndicesAttr()):
+def read_triangles(prim: Usd.Prim, at: Usd.TimeCode, notes: list[str]) -> tuple[FloatArray, Array]:
+    """Vertices in world space, and faces as triangle fans, counter-clockwise from outside.
+
+    Raises:
+        InputErrors: Faces change over time, or do not match the vertices.
+    """
+    mesh = UsdGeom.Mesh(prim)
+    for attr in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()):
         if attr.GetNumTimeSamples() > 1:
-            raise fail(
+            raise input_error(
                 attr.GetPath(),
                 "changes over time",
                 "the same faces at all times",
-                "export a mesh that keeps its faces",
+                "export a mesh with constant topology",
             )
-    points = _points(prim, at)
-    counts = np.array(shape.GetFaceVertexCountsAttr().Get(Usd.TimeCode.EarliestTime()) or (), int)
-    indices = np.array(shape.GetFaceVertexIndicesAttr().Get(Usd.TimeCode.EarliestTime()) or (), int)
-    faults = []
-    if (counts < 0).any() or counts.sum() != len(indices):
-        what = f"are {counts.sum()} in sum, for {len(indices)} indices"
-        faults.append(
-            Fault(
-                f"{place}.faceVertexCounts",
-                what,
-                "their sum is the number of indices",
-                "export the mesh again",
-            )
-        )
-    if len(indices) and (indices.min() < 0 or indices.max() >= len(points)):
-        what = f"go from {indices.min()} to {indices.max()}, of {len(points)} vertices"
-        faults.append(
-            Fault(f"{place}.faceVertexIndices", what, "indices of vertices", "export the mesh again")
-        )
-    if faults:
-        raise Faults(*faults)
+    points = read_points(prim, at)
+    earliest = Usd.TimeCode.EarliestTime()
+    counts = np.array(mesh.GetFaceVertexCountsAttr().Get(earliest) or (), int)
+    indices = np.array(mesh.GetFaceVertexIndicesAttr().Get(earliest) or (), int)
+    check_faces(prim, counts, indices, len(points))
     starts = np.repeat(np.cumsum(counts) - counts, np.maximum(counts - 2, 0))
     step = np.concatenate([np.arange(n - 2) for n in counts]) if len(counts) else np.zeros(0, int)
-    corners = (
-        np.stack([indices[starts], indices[starts + step + 1], indices[starts + step + 2]], axis=1)
-        if len(starts)
-        else np.zeros((0, 3), int)
-    )
+    corners = np.zeros((0, 3), int)
+    if len(starts):
+        corners = np.stack([indices[starts], indices[starts + step + 1], indices[starts + step + 2]], axis=1)
     mirrored = np.linalg.det(to_world(prim, at)[:3, :3]) < 0
-    if (shape.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded) != mirrored:
+    if (mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded) != mirrored:
         corners = corners[:, ::-1]
-    if (
-        shape.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none
-        and shape.GetSubdivisionSchemeAttr().HasAuthoredValue()
-    ):
-        notes.append(f"{place}: a subdivision surface; its cage is taken")
+    scheme = mesh.GetSubdivisionSchemeAttr()
+    if scheme.Get() != UsdGeom.Tokens.none and scheme.HasAuthoredValue():
+        notes.append(f"{prim.GetPath()}: a subdivision surface; its control mesh is used")
     return points, corners
 
 
-def _over(stage, prims, rests, triangles, times: Times, carrier, size: float) -> np.ndarray | None:
-    """Places at all times; None where nothing moves but as `carrier` does."""
-    roots = {
-        UsdSkel.Root.Find(prim)
-        for prim in prims
-        if UsdSkel.BindingAPI(prim).GetJointIndicesPrimvar().HasValue()
-    }
-    codes = times.codes()
-    for root in roots:
+def check_faces(prim: Usd.Prim, counts: Array, indices: Array, vertices: int) -> None:
+    """Checks that counts match indices and that every index has a vertex.
+
+    Raises:
+        InputErrors: The errors found.
+    """
+    errors = []
+    path, help = prim.GetPath(), "export the mesh again"
+    if (counts < 0).any() or counts.sum() != len(indices):
+        message = f"the counts sum to {counts.sum()}, for {len(indices)} indices"
+        allowed = "counts that sum to the number of indices"
+        errors.append(InputError(f"{path}.faceVertexCounts", message, allowed, help))
+    if len(indices) and (indices.min() < 0 or indices.max() >= vertices):
+        message = f"indices {indices.min()} to {indices.max()}, for {vertices} vertices"
+        errors.append(InputError(f"{path}.faceVertexIndices", message, f"0 to {vertices - 1}", help))
+    if errors:
+        raise InputErrors(*errors)
+
+
+def read_moving(prims: list[Usd.Prim], codes: list[float]) -> FloatArray:
+    """Vertices of all meshes in world space at each time code, `times × V × 3`.
+
+    Skinned meshes are deformed: their points on the stage are overwritten.
+    """
+    skinned = (prim for prim in prims if UsdSkel.BindingAPI(prim).GetJointIndicesPrimvar().HasValue())
+    for root in {UsdSkel.Root.Find(prim) for prim in skinned}:
         if root:
             UsdSkel.BakeSkinning(root, Gf.Interval(codes[0], codes[-1]))
-    out = np.concatenate(
-        [np.stack([_points(prim, Usd.TimeCode(code)) for code in codes]) for prim in prims], axis=1
-    )
-    if out.shape[1] <= triangles.max():
-        raise fail(
-            prims[0].GetPath(),
-            "has fewer points at some times than at rest",
-            "the same points at all times",
-            "export it again",
-        )
-    still = out
+    times = [Usd.TimeCode(code) for code in codes]
+    return np.concatenate([np.stack([read_points(prim, time) for time in times]) for prim in prims], axis=1)
+
+
+def deforms(moving: FloatArray, carrier: Usd.Prim | None, codes: list[float], size: float) -> bool:
+    """True if vertices (`times × V × 3`) move relative to the carrier, or to the world without one."""
+    local = moving
     if carrier is not None:
-        # Back to where each was in the space of what may carry it.
-        still = np.stack(
-            [apply(np.linalg.inv(to_world(carrier, Usd.TimeCode(code))), x) for code, x in zip(codes, out)]
-        )
-    return None if np.abs(still - still[0]).max() <= STILL * size else out
+        inverses = [np.linalg.inv(to_world(carrier, Usd.TimeCode(code))) for code in codes]
+        local = np.stack([apply(inverse, points) for inverse, points in zip(inverses, moving, strict=True)])
+    return bool(np.abs(local - local[0]).max() > STILL * size)

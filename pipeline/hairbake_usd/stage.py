@@ -1,147 +1,169 @@
-"""A stage that was opened, its unit and axis, and the prims that were asked for."""
+"""Opening a stage: its unit and axis, its prims, and their transforms."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from typing import TypeVar
 
 import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
-from .faults import Faults, fail
+from .errors import InputError, InputErrors, input_error
+from .exchange import FloatArray, Header
 
-#: Prims that a fault names at most.
 NAMED = 8
+"""Largest number of prims that a message lists."""
+
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
 
 
 def open_stage(path: str) -> Usd.Stage:
-    """Opens a stage with all its payloads."""
+    """Opens a stage with all its payloads.
+
+    Raises:
+        InputErrors: USD cannot open it.
+    """
     try:
-        stage = Usd.Stage.Open(path)
+        return Usd.Stage.Open(path)
     except Tf.ErrorException as error:
         reason = " ".join(str(error).split())
-        raise fail(
-            "", f"cannot be opened as USD: {reason}", "a .usd, .usda, .usdc or .usdz file", "export it again"
+        raise input_error(
+            "",
+            f"cannot be opened as USD: {reason}",
+            "a .usd, .usda, .usdc or .usdz file",
+            "export the file again; the copy may be incomplete",
         ) from None
-    return stage
 
 
-def convention(stage: Usd.Stage) -> dict:
-    """Unit and up axis as far as the stage says them; what it does not say is None."""
+def convention(stage: Usd.Stage) -> Header:
+    """Unit and up axis; None for what the stage does not declare.
+
+    Raises:
+        InputErrors: The unit is not a positive length.
+    """
     unit = None
     if UsdGeom.StageHasAuthoredMetersPerUnit(stage):
         unit = UsdGeom.GetStageMetersPerUnit(stage)
         if not (math.isfinite(unit) and unit > 0):
-            raise fail(
-                "metersPerUnit",
-                f"is {unit}",
-                "a length above 0",
-                "correct it, or leave it out and give --units",
-            )
-    up = (
-        str(UsdGeom.GetStageUpAxis(stage)).lower()
-        if stage.HasAuthoredMetadata(UsdGeom.Tokens.upAxis)
-        else None
-    )
+            help = "correct it, or remove it and give --units"
+            raise input_error("metersPerUnit", f"{unit} m", "a positive length", help)
+    has_axis = stage.HasAuthoredMetadata(UsdGeom.Tokens.upAxis)
+    up = str(UsdGeom.GetStageUpAxis(stage)).lower() if has_axis else None
     return {"metres_per_unit": unit, "up": up}
 
 
 def composition_notes(stage: Usd.Stage) -> list[str]:
-    """What the stage names and could not find."""
+    """Notes on layers and prims that the stage refers to and USD does not find."""
     return [f"not found: {' '.join(str(error).split())}" for error in stage.GetCompositionErrors()]
 
 
 def find(stage: Usd.Stage, path: str | None) -> Usd.Prim:
-    """The prim at `path`, or the root of the stage."""
+    """The prim at `path`; the pseudo-root if `path` is None.
+
+    Raises:
+        InputErrors: There is no such prim, or it is inactive or an over.
+    """
     if path is None:
         return stage.GetPseudoRoot()
     prim = stage.GetPrimAtPath(path) if Tf.IsValidIdentifier(path.strip("/").split("/")[0]) else None
     if not prim:
         roots = ", ".join(str(child.GetPath()) for child in stage.GetPseudoRoot().GetAllChildren()) or "none"
-        raise fail(path, "there is no such prim", f"a prim below one of these: {roots}", "correct the path")
+        raise input_error(path, "no such prim", f"a prim at or below one of: {roots}", "correct the path")
     if not prim.IsActive() or not prim.IsDefined():
-        raise fail(
-            path,
-            "the prim is switched off or only an over",
-            "a prim that is active and defined",
-            "name another",
+        raise input_error(
+            path, "the prim is inactive or only an over", "an active, defined prim", "name another prim"
         )
     return prim
 
 
-def all_of(root: Usd.Prim, kind: type, what: str) -> list[Usd.Prim]:
-    """The prims of schema `kind` at and below `root` in the order of the stage, those inside of instances included. What is hidden, and
-    what is a prototype of a point instancer, is left out.
+def all_of(root: Usd.Prim, schema: type, name: str) -> list[Usd.Prim]:
+    """The prims of a schema at and below `root`, in stage order, including those inside instances.
 
-    Raises where there is none, naming what else is there.
+    Invisible prims and prototypes of point instancers are left out.
+
+    Raises:
+        InputErrors: There is none; the message lists the types that there are.
     """
-    found = list(_walk(root, kind))
+    found = list(_walk(root, schema))
     if found:
         return found
-    others = sorted(
-        {
-            str(prim.GetTypeName())
-            for prim in Usd.PrimRange(root, Usd.TraverseInstanceProxies())
-            if prim.GetTypeName()
-        }
-    )
-    there = f"it holds {', '.join(others[:NAMED])}" if others else "it holds no prim of any type"
-    where = "" if root.IsPseudoRoot() else str(root.GetPath())
-    place = "the stage" if root.IsPseudoRoot() else f"{root.GetTypeName() or 'prim'} {where}"
-    raise fail(
-        where,
-        f"no {what} in {place}: {there}",
-        f"a {what}, visible",
-        f"name a prim with a {what} at or below it",
+    below = Usd.PrimRange(root, Usd.TraverseInstanceProxies())
+    others = sorted({str(prim.GetTypeName()) for prim in below if prim.GetTypeName()})
+    contents = f"it holds {', '.join(others[:NAMED])}" if others else "it holds no typed prim"
+    path = "" if root.IsPseudoRoot() else str(root.GetPath())
+    place = "the stage" if root.IsPseudoRoot() else f"{root.GetTypeName() or 'prim'} {path}"
+    raise input_error(
+        path,
+        f"no {name} in {place}: {contents}",
+        f"a visible {name}",
+        f"name a prim with a {name} at or below it",
     )
 
 
-def _walk(root: Usd.Prim, kind: type) -> Iterator[Usd.Prim]:
+def _walk(root: Usd.Prim, schema: type) -> Iterator[Usd.Prim]:
     prims = iter(Usd.PrimRange(root, Usd.TraverseInstanceProxies()))
     for prim in prims:
         if prim.IsA(UsdGeom.PointInstancer):
             prims.PruneChildren()
-        elif prim.IsA(kind) and UsdGeom.Imageable(prim).ComputeVisibility() != UsdGeom.Tokens.invisible:
+        elif prim.IsA(schema) and UsdGeom.Imageable(prim).ComputeVisibility() != UsdGeom.Tokens.invisible:
             yield prim
 
 
-def to_world(prim: Usd.Prim, time: Usd.TimeCode) -> np.ndarray:
-    """Matrix from the prim's space to the world, for columns: 4 × 4."""
-    matrix = np.array(UsdGeom.Imageable(prim).ComputeLocalToWorldTransform(time)).T
+def to_world(prim: Usd.Prim, time: Usd.TimeCode) -> FloatArray:
+    """Matrix from the prim's space to world, for column vectors, 4 × 4.
+
+    Raises:
+        InputErrors: The matrix is singular or not finite.
+    """
+    matrix: FloatArray = np.array(UsdGeom.Imageable(prim).ComputeLocalToWorldTransform(time)).T
     if not np.isfinite(matrix).all() or abs(np.linalg.det(matrix[:3, :3])) < 1e-30:
-        raise fail(
+        raise input_error(
             prim.GetPath(),
-            f"its transform flattens all, or is no number, at {time}",
-            "a transform that can be undone",
+            f"its transform is singular or not finite at {time}",
+            "an invertible transform",
             "correct its xformOps",
         )
     return matrix
 
 
-def moves_only(prim: Usd.Prim) -> list[float]:
-    """Time samples of the transforms of a prim and all above it that have no value outside of time, in order."""
-    times = set()
+def xform_ops(prim: Usd.Prim) -> Iterator[UsdGeom.XformOp]:
+    """The transform operations of a prim and of all its ancestors."""
     while prim and not prim.IsPseudoRoot():
-        for op in UsdGeom.Xformable(prim).GetOrderedXformOps() if prim.IsA(UsdGeom.Xformable) else ():
-            if op.Get(Usd.TimeCode.Default()) is None:
-                times.update(op.GetTimeSamples())
+        if prim.IsA(UsdGeom.Xformable):
+            yield from UsdGeom.Xformable(prim).GetOrderedXformOps()
         prim = prim.GetParent()
+
+
+def times_without_rest(prim: Usd.Prim) -> list[float]:
+    """Sorted time samples of the transform operations, of a prim and its ancestors, without default value."""
+    times: set[float] = set()
+    for op in xform_ops(prim):
+        if op.Get(Usd.TimeCode.Default()) is None:
+            times.update(op.GetTimeSamples())
     return sorted(times)
 
 
-def apply(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Points of shape (n, 3) under a matrix of `to_world`."""
+def apply(matrix: FloatArray, points: FloatArray) -> FloatArray:
+    """Points (`n × 3`) under a matrix of `to_world`."""
     if np.array_equal(matrix, np.eye(4)):
         return points
-    return points @ matrix[:3, :3].T + matrix[:3, 3]
+    moved: FloatArray = points @ matrix[:3, :3].T + matrix[:3, 3]
+    return moved
 
 
-def gather(parts: list, read) -> list:
-    """`read` of each part; the faults of all are raised together."""
-    done, faults = [], []
-    for part in parts:
+def gather(items: Iterable[_Item], read: Callable[[_Item], _Result]) -> list[_Result]:
+    """`read` of each item.
+
+    Raises:
+        InputErrors: The errors of all items.
+    """
+    results: list[_Result] = []
+    errors: list[InputError] = []
+    for item in items:
         try:
-            done.append(read(part))
-        except Faults as found:
-            faults.extend(found.faults)
-    if faults:
-        raise Faults(*faults)
-    return done
+            results.append(read(item))
+        except InputErrors as found:
+            errors.extend(found.errors)
+    if errors:
+        raise InputErrors(*errors)
+    return results

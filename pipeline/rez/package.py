@@ -1,4 +1,5 @@
-# hairbake as a package of rez (https://rez.readthedocs.io). Building it needs a package `rust` that brings cargo.
+# hairbake as a package of rez (https://rez.readthedocs.io). Building it needs a package `rust` that brings
+# cargo.
 #
 #     cd pipeline/rez && rez build --install
 #     rez env hairbake -- hairbake --help

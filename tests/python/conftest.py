@@ -1,14 +1,13 @@
 """Fixtures shared by all tests."""
 
 import os
-import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from support import HAIRBAKE, run_hairbake
+from support import HAIRBAKE, Run, run_hairbake, unwrapped
 from usd_import.stages import Groom
 from validator.good_cache import CacheBuilder
 
@@ -29,24 +28,18 @@ def good_cache(tmp_path: Path, good_cache_files: Path) -> CacheBuilder:
 
 
 @pytest.fixture
-def hairbake() -> Callable:
+def hairbake() -> Run:
     """Runs the program; see `run_hairbake`."""
     if not HAIRBAKE.is_file():
         pytest.skip(f"{HAIRBAKE} is missing: run `cargo build`")
     return run_hairbake
 
 
-def unwrapped(message: str) -> str:
-    """A diagnostic on one line, without its frame. Lines break at spaces, and after slashes and hyphens in words."""
-    text = re.sub(r"(?<=\w[/-])\n[│╰─▶ ]*(?=\S)", "", message)
-    return " ".join(text.replace("│", " ").replace("╰─▶", " ").split())
-
-
 @pytest.fixture
-def imports(hairbake, tmp_path):
+def imports(hairbake: Run, tmp_path: Path) -> Callable[..., tuple[Groom, str]]:
     """Imports a groom and returns it with the messages."""
 
-    def imported(source: Path, *options) -> tuple[Groom, str]:
+    def imported(source: Path, *options: object) -> tuple[Groom, str]:
         out = tmp_path / "shot" / "groom.json"
         done = hairbake("import", "groom", source, *options, "-o", out)
         assert done.returncode == 0, done.stderr
@@ -56,10 +49,10 @@ def imports(hairbake, tmp_path):
 
 
 @pytest.fixture
-def refused(hairbake, tmp_path):
-    """Runs a command that must be refused as bad input with nothing written, and returns its message on one line."""
+def refused(hairbake: Run, tmp_path: Path) -> Callable[..., str]:
+    """Runs a command that must be refused as bad input with nothing written, and returns its message."""
 
-    def words(*arguments) -> str:
+    def message(*arguments: object) -> str:
         out = tmp_path / "refused" / "out.json"
         done = hairbake(*arguments, "-o", out)
         assert (done.returncode, done.stdout) == (65, ""), done.stderr
@@ -67,4 +60,4 @@ def refused(hairbake, tmp_path):
         assert "nothing written" in done.stderr
         return unwrapped(done.stderr)
 
-    return words
+    return message

@@ -52,7 +52,7 @@ class Hairbake:
         groom, anim, out = folder / "groom.json", folder / "anim.json", folder / "cache"
         groom.write_text(json.dumps(scene.groom()))
         anim.write_text(json.dumps(scene.anim(np.asarray(origin, float))))
-        command = [str(part) for part in (self.binary, "--quiet", groom, anim, "-o", out)]
+        command = [str(part) for part in (self.binary, "--quiet", "--no-pictures", groom, anim, "-o", out)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             raise RuntimeError(f"hairbake exited with {done.returncode}:\n{done.stderr}")

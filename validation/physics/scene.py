@@ -18,7 +18,7 @@ GRAVITY = 9.81
 """Acceleration of gravity in all studies, m/s²."""
 
 ISOLATED_DRAG = 2.07e-4
-"""Drag of an isolated hair across the flow per length and speed, N·s/m² (docs/theory.md §4.2); half along it."""
+"""Drag of an isolated hair across flow, per length and speed, N·s/m² (docs/theory.md §4.2); half along."""
 
 Pose = tuple[FloatArray, FloatArray]
 """Position, m, and unit quaternion (w, x, y, z)."""

@@ -43,7 +43,15 @@ def print_changes(hairbake: Path, out: Path, styles: list[str], split_tolerances
         folder = out / f"{style}-steps-bake"
         for tolerance in split_tolerances:
             shutil.rmtree(folder, ignore_errors=True)
-            adaptive = ("--substeps", 1, "--resolution", "adaptive", "--split-tolerance", tolerance)
+            adaptive = (
+                "--substeps",
+                1,
+                "--no-pictures",
+                "--resolution",
+                "adaptive",
+                "--split-tolerance",
+                tolerance,
+            )
             processor_time(hairbake, scene.groom, anim, *adaptive, "-o", folder)
             changes = level_changes(read_guides(Cache(folder)))
             for name, change in zip(("splits", "merges"), changes, strict=True):

@@ -51,7 +51,8 @@ def bake(hairbake: Path, scene: SceneFiles, out: Path, *options: object) -> tupl
     """Bakes into `out` and returns the strands, and the processor time of `simulate`."""
     seconds = simulate(hairbake, scene, out, *options)
     # Resumes from the simulation.
-    processor_time(hairbake, scene.groom, scene.anim, "--substeps", STEPS, *options, "-o", out)
+    inputs = (scene.groom, scene.anim, "--substeps", STEPS, "--no-pictures")
+    processor_time(hairbake, *inputs, *options, "-o", out)
     return read_strands(Cache(out)), seconds
 
 

@@ -1,49 +1,52 @@
-"""A whole bake, as a user runs it, must pass the validator."""
+"""Whole bakes, as a user runs them, pass the validator."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hairbake_validate.cache import Cache
 from hairbake_validate.crossing_check import samples
+from hairbake_validate.geometry import FloatArray
 from hairbake_validate.run import validate
+from support import Run
 
-RADIUS, LENGTH, POINTS, GUIDES, STRANDS_A_GUIDE = 0.1, 0.15, 12, 24, 3
+RADIUS, LENGTH, POINTS, GUIDES, STRANDS_PER_GUIDE = 0.1, 0.15, 12, 24, 3
 
 
-def strands(count: int, twist: float) -> np.ndarray:
-    """Arcs that leave the upper half of a ball and bend down; `count × POINTS × 3`."""
+def strands(count: int, twist: float) -> FloatArray:
+    """Arcs that leave the upper half of a ball and bend down, m; `count × POINTS × 3`."""
     index = np.arange(count)
     azimuth, height = 2.4 * index + twist, 0.3 + 0.6 * (index + 0.5) / count
-    out = np.stack(
-        [np.sqrt(1 - height**2) * np.cos(azimuth), height, np.sqrt(1 - height**2) * np.sin(azimuth)], axis=1
-    )
+    flat = np.sqrt(1 - height**2)
+    out = np.stack([flat * np.cos(azimuth), height, flat * np.sin(azimuth)], axis=1)
     down = np.cross(np.cross(out, [0.0, -1.0, 0.0]), out)
     down /= np.linalg.norm(down, axis=1, keepdims=True)
     angle = np.linspace(0, 1.0, POINTS)
     along, across = LENGTH * np.sin(angle), LENGTH * (1 - np.cos(angle))
-    return RADIUS * out[:, None] + along[:, None] * out[:, None] + across[:, None] * down[:, None]
+    points: FloatArray = (
+        RADIUS * out[:, None] + along[:, None] * out[:, None] + across[:, None] * down[:, None]
+    )
+    return points
 
 
-def rounded(points: np.ndarray) -> list:
-    return points.reshape(-1, 3).round(9).tolist()
+def rounded(points: FloatArray) -> list[list[float]]:
+    return [list(map(float, point)) for point in points.reshape(-1, 3).round(9)]
 
 
 @pytest.fixture
-def scene(tmp_path):
-    """groom.json and anim.json: a ball with short hair that shakes and travels."""
-    wisps = np.tile(np.arange(GUIDES), STRANDS_A_GUIDE)
+def scene(tmp_path: Path) -> Path:
+    """A folder with groom.json and anim.json: a ball with short hair that shakes and travels."""
+    copies = [strands(GUIDES, 0.02 * (k + 1)) for k in range(STRANDS_PER_GUIDE)]
     groom = {
         "format": "hairbake-groom",
         "version": 1,
         "guides": {"vertices": POINTS, "points": rounded(strands(GUIDES, 0.0))},
         "strands": {
             "vertices": POINTS,
-            "points": rounded(
-                np.concatenate([strands(GUIDES, 0.02 * (k + 1)) for k in range(STRANDS_A_GUIDE)])
-            ),
-            "wisp": wisps.tolist(),
+            "points": rounded(np.concatenate(copies)),
+            "wisp": np.tile(np.arange(GUIDES), STRANDS_PER_GUIDE).tolist(),
         },
     }
     # Samples before the first and after the last frame, for pre-roll and handles.
@@ -67,26 +70,20 @@ def scene(tmp_path):
     return tmp_path
 
 
-def test_bake_passes_the_validator(hairbake, scene):
-    done = hairbake(scene / "groom.json", scene / "anim.json", "-o", scene / "out")
+def bake_and_validate(hairbake: Run, scene: Path, *options: str) -> None:
+    done = hairbake(scene / "groom.json", scene / "anim.json", "-o", scene / "out", *options)
     assert done.returncode == 0, done.stderr
     report = validate(scene / "out")
     assert all(outcome.status == "pass" for outcome in report.outcomes.values()), report.as_text()
 
 
+@pytest.mark.slow
+def test_bake_passes_the_validator(hairbake: Run, scene: Path) -> None:
+    bake_and_validate(hairbake, scene)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("contact", ["bodies", "full"])
-def test_steps_pass_the_validator(hairbake, scene, contact):
-    done = hairbake(
-        scene / "groom.json",
-        scene / "anim.json",
-        "-o",
-        scene / "out",
-        "--curves",
-        "steps",
-        "--contact",
-        contact,
-    )
-    assert done.returncode == 0, done.stderr
-    report = validate(scene / "out")
-    assert all(outcome.status == "pass" for outcome in report.outcomes.values()), report.as_text()
+def test_bake_of_solver_steps_passes_the_validator(hairbake: Run, scene: Path, contact: str) -> None:
+    bake_and_validate(hairbake, scene, "--curves", "steps", "--contact", contact, "--no-pictures")
     assert sum(1 for _ in samples(Cache(scene / "out"))) >= 13 * 8 + 1

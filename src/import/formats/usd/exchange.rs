@@ -18,11 +18,12 @@ const PACKAGE: Package = python_package!(
         "__init__.py",
         "__main__.py",
         "curves.py",
+        "errors.py",
         "exchange.py",
-        "faults.py",
         "groom.py",
         "mesh.py",
         "motion.py",
+        "primvars.py",
         "stage.py"
     ]
 );
@@ -75,15 +76,15 @@ impl Kind {
 /// What the package writes instead of a header if the file has errors.
 #[derive(Debug, Deserialize)]
 struct Failure {
-    faults: Vec<FileError>,
+    errors: Vec<FileError>,
 }
 
 #[derive(Debug, Deserialize)]
 struct FileError {
     key: String,
-    what: String,
+    message: String,
     allowed: String,
-    remedy: String,
+    help: String,
 }
 
 /// The result of one read.
@@ -118,9 +119,9 @@ impl<T: DeserializeOwned> Exchange<T> {
                 Ok(Exchange { header: read_header(folder.path())?, data })
             }
             Some(BAD_INPUT) => {
-                let Failure { faults } = read_header(folder.path())?;
-                let diagnostic = |e: FileError| Diagnostic::new(path, e.key, e.what, e.allowed, e.remedy);
-                Err(Error::BadInput(faults.into_iter().map(diagnostic).collect()))
+                let Failure { errors } = read_header(folder.path())?;
+                let diagnostic = |e: FileError| Diagnostic::new(path, e.key, e.message, e.allowed, e.help);
+                Err(Error::BadInput(errors.into_iter().map(diagnostic).collect()))
             }
             _ => Err(crash(path, &output)),
         }
