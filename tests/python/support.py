@@ -33,5 +33,5 @@ def run_hairbake(*arguments: object) -> Done:
 
 def unwrapped(message: str) -> str:
     """A diagnostic on one line, without its frame. Lines break at spaces, and after slashes and hyphens."""
-    text = re.sub(r"(?<=\w[/-])\n[│╰─▶ ]*(?=\S)", "", message)
+    text = re.sub(r"(?:(?<=/)|(?<=\w-))\n[│╰─▶ ]*(?=\S)", "", message)
     return " ".join(text.replace("│", " ").replace("╰─▶", " ").split())

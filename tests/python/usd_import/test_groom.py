@@ -82,7 +82,7 @@ def test_ids_order_groups_widths_and_root_coordinates(
     hair.SetWidthsInterpolation("uniform")
     stage.Save()
     groom, messages = imports(tmp_path / "a.usda", *OPTIONS)
-    assert "2 of them named as guides" in messages
+    assert "2 of them marked as guides" in messages
     assert groom.array("guides", "id").tolist() == [10, 20]
     assert groom.array("strands", "id").tolist() == [40, 30]
     assert np.allclose(groom.array("guides", "root_uv"), [[0.1, 0.2], [0.3, 0.2]])

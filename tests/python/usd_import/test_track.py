@@ -79,7 +79,7 @@ def test_transform_with_frames_unit_axis_and_rest_pose(track: Track, tmp_path: P
     anim, _, messages = track(tmp_path / "a.usda", "--prim", "/char/head")
     found = (anim["fps"], anim["frames"], anim["metres_per_unit"], anim["up_axis"])
     assert found == (30, [101, 112], 0.01, "z")
-    assert "1 unit = 0.01 m, Z up" in messages and "as the file has it" in messages
+    assert "1 unit = 0.01 m, Z up" in messages and "oriented as in the file" in messages
     # After nine frames a point of the head at 1.6 m is moved by 18 cm and turned by 27°.
     angle = np.radians(27)
     assert np.allclose(
