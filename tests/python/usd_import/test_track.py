@@ -249,9 +249,9 @@ def test_errors_are_reported_and_nothing_is_written(refused: Refused, tmp_path: 
     assert "/char, /char/head" in message()
     assert "/nobody: no such prim" in message("--prim", "/nobody")
     assert "Scope has no transform" in message("--prim", "/scope")
-    assert "mirrored" in message("--prim", "/mirrored")
+    assert "mirror" in message("--prim", "/mirrored")
     outside = message("--prim", "/char", "--frames", "90-95")
-    assert "90 to 95" in outside and "101 to 112" in outside
+    assert "frames: 90 to 95" in outside and "101 to 112" in outside
     meshes = ("--collider", f"{tmp_path}/a.usda:/holes", "--collider", f"{tmp_path}/a.usda:/torn")
     both = message("--prim", "/nobody", *meshes)
     assert "3 errors" in both
