@@ -1,7 +1,6 @@
 //! What a frame of the bake did: the figures of the manifest and the report.
 
-use crate::dynamics::guide::Guide;
-use crate::dynamics::simulation::SubStep;
+use crate::dynamics::simulation::{Simulation, SubstepRecord};
 use crate::strands::HeadMotion;
 use serde::{Deserialize, Serialize};
 
@@ -91,13 +90,13 @@ impl FrameRecord {
     }
 
     /// Adds what one sub-step did; `ids` are the guides' ids.
-    pub fn add(&mut self, step: &SubStep, ids: &[i32]) {
-        self.active_nodes = step.nodes;
+    pub fn add(&mut self, step: &SubstepRecord, ids: &[i32]) {
+        self.active_nodes = step.active_nodes;
         self.splits += step.changes.splits;
         self.merges += step.changes.merges;
         (self.contacts_found, self.contacts_active) = (0, 0);
         (self.strand_contacts_found, self.strand_contacts_active) = (0, 0);
-        let stepped = step.records.iter().enumerate().filter(|(i, _)| step.stepped[*i]);
+        let stepped = step.guides.iter().enumerate().filter(|(i, _)| step.active[*i]);
         for (_, r) in stepped.clone() {
             self.contacts_found += r.found;
             self.contacts_active += r.active;
@@ -105,7 +104,7 @@ impl FrameRecord {
             self.strand_contacts_active += r.strands.active;
         }
         let stepped = stepped.map(|(i, r)| (i, r, !step.coupled));
-        for (i, r, by_itself) in stepped.chain(step.caught_up.iter().map(|(i, r)| (*i, r, true))) {
+        for (i, r, by_itself) in stepped.chain(step.catch_up.iter().map(|(i, r)| (*i, r, true))) {
             self.solves += 1;
             // A running mean.
             self.newton_mean += (f64::from(r.iterations) - self.newton_mean) / self.solves as f64;
@@ -116,12 +115,12 @@ impl FrameRecord {
             self.unsettled += r.unsettled;
             self.strands_unsettled += r.strands.unsettled;
             self.penetration_m = self.penetration_m.max(r.penetration);
-            self.shortened += r.shortened;
+            self.shortened += r.truncated;
             self.strand_rounds = self.strand_rounds.max(r.strands.rounds);
             self.strand_residual = self.strand_residual.max(r.strands.residual);
             self.crossings += r.crossed + r.strands.crossings;
-            self.strands_shortened += r.strands.alone + r.strands.held;
-            self.tie_slack_m = self.tie_slack_m.max(r.slack);
+            self.strands_shortened += r.strands.uncoupled + r.strands.truncated;
+            self.tie_slack_m = self.tie_slack_m.max(r.tie_slack);
             if r.halvings > 0 && by_itself && !self.divided.contains(&ids[i]) {
                 self.divided.push(ids[i]);
             }
@@ -132,14 +131,15 @@ impl FrameRecord {
     }
 
     /// Fills the figures of the state at the end of the frame, of guides that move by themselves.
-    pub fn close<'a>(&mut self, guides: impl Iterator<Item = &'a Guide>, head: &HeadMotion) {
+    pub fn close(&mut self, simulation: &Simulation, head: &HeadMotion) {
         let mut speeds: Vec<f64> = Vec::new();
-        for g in guides {
+        for i in simulation.active() {
+            let g = &simulation.state.guides[i];
             for (x, v) in g.x.iter().zip(&g.v).skip(1) {
                 let carried = head.velocity + head.spin.cross(&(x - head.translation));
                 speeds.push((v - carried).norm());
             }
-            self.length_drift = self.length_drift.max(g.length_drift());
+            self.length_drift = self.length_drift.max(simulation.length_drift(i));
             self.exempt_segments += g.clearance.counts().0 as u32;
         }
         speeds.sort_by(f64::total_cmp);

@@ -129,11 +129,11 @@ impl<'a> Run<'a> {
         let frame = self.next;
         while self.simulation.taken() < self.job.steps_to(frame) {
             self.attend()?;
-            self.record.add(&self.simulation.advance(), &self.job.groom.guides.curves.id);
+            self.record.add(self.simulation.step(), &self.job.groom.guides.curves.id);
         }
-        let (mut record, steps) = (std::mem::take(&mut self.record), self.simulation.steps());
+        let (mut record, steps) = (std::mem::take(&mut self.record), self.simulation.take_path());
         record.frame = frame;
-        record.close(self.simulation.free(), &head_motion(&self.job.anim, self.simulation.time()));
+        record.close(&self.simulation, &head_motion(&self.job.anim, self.simulation.time()));
         self.next += 1;
         // From the last frame a later stage may go on; the one before it stands in should that be damaged. They are on the disk before
         // the state is, so that who finds all states finds these too.
@@ -141,7 +141,7 @@ impl<'a> Run<'a> {
         if due || frame >= self.stage.end() - 1 {
             self.save()?;
         }
-        Ok(FrameState { record, machine: machine(), guides: self.simulation.states(), steps })
+        Ok(FrameState { record, machine: machine(), guides: self.simulation.frame(), steps })
     }
 
     fn attend(&mut self) -> Result<()> {

@@ -6,7 +6,7 @@ use super::work_dir::Work;
 use crate::Result;
 use crate::cache::{InputRecord, sha256};
 use crate::dynamics::guide_rods::GuideRods;
-use crate::dynamics::simulation;
+use crate::dynamics::model;
 use crate::scene::anim::{Contact, Resolution};
 use crate::scene::{Anim, Groom, Override};
 use crate::strands::RETRACTION_SPAN;
@@ -83,7 +83,7 @@ impl Job {
 
     /// Sub-steps from the start of the pre-roll to a frame.
     pub(super) fn steps_to(&self, frame: i32) -> i64 {
-        simulation::steps_to(&self.anim, frame)
+        model::substeps_to(&self.anim, frame)
     }
 
     /// Sub-steps from the start of the pre-roll to where a stage begins whose first frame is `frame`: to the frame before, but the

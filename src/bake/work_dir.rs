@@ -15,7 +15,7 @@ use super::checked_file::{self, Flaw, Kind};
 use super::frame_record::FrameRecord;
 use super::frame_state::FrameState;
 use crate::cache::frame_file_name;
-use crate::dynamics::simulation;
+use crate::dynamics::simulation::SimulationState;
 use crate::file::{self, FileRecord, read_file, record_of, remove_file, write_file_if_new, write_file_soon};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -42,7 +42,7 @@ pub struct RunCheckpoint {
     /// The figures so far of the frame that it is on the way to.
     pub record: FrameRecord,
     /// Its state.
-    pub simulation: simulation::Saved,
+    pub simulation: SimulationState,
 }
 
 /// Which bake a work folder is of.

@@ -19,14 +19,14 @@ const CELL: f64 = 0.01;
 
 /// Length of hair per volume in the groom's rest pose, on a grid.
 #[derive(Debug, Default)]
-pub struct Bulk {
+pub struct HairBulk {
     cells: BTreeMap<[i64; 3], f64>,
 }
 
-impl Bulk {
+impl HairBulk {
     /// Counts the groom's guides, each as the hairs it stands for.
     pub fn new<'a>(polylines: impl Iterator<Item = (&'a [Vector3<f64>], f64)>) -> Self {
-        let mut bulk = Bulk::default();
+        let mut bulk = HairBulk::default();
         for (points, hairs) in polylines {
             for w in points.windows(2) {
                 let share = (w[1] - w[0]).norm() * hairs / (CELL * CELL * CELL);
@@ -99,7 +99,7 @@ fn unit_draw(seed: u32, index: u32) -> f64 {
 }
 
 /// Drag per length and speed at a point of rest space of a strand of material `m`, N·s/m².
-pub fn drag(m: &Material, bulk: &Bulk, p: &Vector3<f64>) -> f64 {
+pub fn coefficient(m: &Material, bulk: &HairBulk, p: &Vector3<f64>) -> f64 {
     ISOLATED_DRAG * m.drag * (1.0 - m.shielding * bulk.shielded(p))
 }
 
@@ -132,8 +132,8 @@ mod tests {
     #[test]
     fn a_lone_strand_is_free_and_the_bulk_is_shielded() {
         let line: Vec<_> = (0..20).map(|i| Vector3::new(0.05, 0.01 * f64::from(i), 0.05)).collect();
-        let lone = Bulk::new([(&line[..], 1.0)].into_iter());
-        let thick = Bulk::new([(&line[..], 1000.0)].into_iter());
+        let lone = HairBulk::new([(&line[..], 1.0)].into_iter());
+        let thick = HairBulk::new([(&line[..], 1000.0)].into_iter());
         assert!(lone.shielded(&line[5]) < 0.1);
         assert!(thick.shielded(&line[5]) > 0.9);
         assert_eq!(thick.shielded(&Vector3::new(1.0, 1.0, 1.0)), 0.0);

@@ -1,106 +1,112 @@
-//! Guides stepped together: their free motions are solved for in the lanes of one pack, contact guide by guide.
+//! Guides with equal numbers of unknowns, whose free motions are solved in the SIMD lanes of one pack. Contact is resolved guide
+//! by guide.
 
 use super::environment::Environment;
-use super::guide::{Guide, Solved, Workspace};
+use super::guide::{ContactMode, FreeSolve, GuideModel, GuideScratch, GuideState};
 use super::step_record::StepRecord;
 use crate::math::lanes::MAX_LANES;
 use crate::rod::Rod;
 use crate::rod::newton::NewtonOutcome;
 use crate::rod::pack::{Pack, PackBuffers, StepTask};
+use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-/// All guides of a list, in companies.
+/// The active guides of a list, in batches.
 #[derive(Default)]
 pub struct Batches {
     batches: Vec<Batch>,
-    /// One for each thread, made once.
-    works: Vec<Mutex<BatchScratch>>,
+    /// One for each thread.
+    scratch: Vec<Mutex<BatchScratch>>,
 }
 
-/// Guides that follow each other in a list, those of which that move by themselves are stepped together.
+/// Consecutive guides of a list, whose active members are stepped in one pack.
 struct Batch {
     pack: Pack,
-    /// Which of them are.
-    free: Vec<bool>,
+    /// For each guide of the batch, whether it is active.
+    active: Vec<bool>,
 }
 
-impl Batch {
-    /// Of an entry for each guide those of guides that are stepped.
-    fn of<'a, T>(&'a self, entries: impl IntoIterator<Item = T> + 'a) -> impl Iterator<Item = T> + 'a {
-        entries.into_iter().zip(&self.free).filter(|(_, free)| **free).map(|(entry, _)| entry)
-    }
+/// The arguments of a step of all guides.
+struct Step<'a> {
+    models: &'a [GuideModel],
+    env: &'a Environment<'a>,
+    span: [f64; 2],
+    mode: ContactMode,
 }
 
-/// Workspace of the steps of one thread.
+/// Buffers of one thread.
 #[derive(Default)]
 struct BatchScratch {
-    guides: Vec<Workspace>,
-    solved: Vec<Solved>,
+    guides: Vec<GuideScratch>,
+    solved: Vec<FreeSolve>,
     pack: PackBuffers,
 }
 
 impl Batches {
-    /// Divides guides into companies, in order; those that are not `free` are not stepped.
-    pub fn rebuild(guides: &[Guide], free: impl Fn(usize) -> bool) -> Self {
-        let free: Vec<bool> = (0..guides.len()).map(free).collect();
+    /// Divides guides into batches, in order; only guides for which `active` holds are stepped.
+    pub fn new(models: &[GuideModel], active: impl Fn(usize) -> bool) -> Self {
+        let active: Vec<bool> = (0..models.len()).map(active).collect();
         let mut batches = Vec::new();
         let (mut start, mut rods) = (0, Vec::new());
-        let mut close = |rods: &mut Vec<&Rod>, range: std::ops::Range<usize>| {
+        let mut close = |rods: &mut Vec<&Rod>, range: Range<usize>| {
             if !rods.is_empty() {
-                batches.push(Batch { pack: Pack::new(rods), free: free[range].to_vec() });
+                batches.push(Batch { pack: Pack::new(rods), active: active[range].to_vec() });
                 rods.clear();
             }
         };
-        for (i, guide) in guides.iter().enumerate().filter(|(i, _)| free[*i]) {
-            let unlike = rods.first().is_some_and(|first: &&Rod| first.unknowns() != guide.rod.unknowns());
+        for (i, model) in models.iter().enumerate().filter(|(i, _)| active[*i]) {
+            let unlike = rods.first().is_some_and(|first: &&Rod| first.unknowns() != model.rod.unknowns());
             if unlike || rods.len() == Pack::width() {
                 close(&mut rods, start..i);
                 start = i;
             }
-            rods.push(&guide.rod);
+            rods.push(&model.rod);
         }
-        close(&mut rods, start..guides.len());
-        let works = (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect();
-        Batches { batches, works }
+        close(&mut rods, start..models.len());
+        let scratch = (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect();
+        Batches { batches, scratch }
     }
 
-    /// Does for every guide of the list that is stepped what [`Guide::advance`] does, bit for bit, on all threads; `span` is the sub-step's start and
-    /// end, s, and `records` has an entry for each guide.
-    pub fn advance(
+    /// Does for every active guide what [`GuideModel::step`] does, bit for bit, on all threads. `span` is the start and end
+    /// of the sub-step, s; `states` and `records` have an entry for each guide.
+    pub fn step(
         &self,
-        guides: &mut [Guide],
+        models: &[GuideModel],
         env: &Environment,
+        states: &mut [GuideState],
         span: [f64; 2],
+        mode: ContactMode,
         records: &mut [StepRecord],
     ) {
-        self.split(&self.batches, guides, env, span, records);
+        self.split(&self.batches, &Step { models, env, span, mode }, states, records);
     }
 
-    /// In halves as threads are free to take them, without a list of the parts.
-    fn split(
-        &self,
-        batches: &[Batch],
-        guides: &mut [Guide],
-        env: &Environment,
-        span: [f64; 2],
-        records: &mut [StepRecord],
-    ) {
+    /// Recursive halving over rayon, without a list of parts.
+    fn split(&self, batches: &[Batch], step: &Step, states: &mut [GuideState], records: &mut [StepRecord]) {
         match batches {
             [] => {}
             [batch] => {
-                // No other thread of a pool has this one's number.
-                let work = &self.works[rayon::current_thread_index().unwrap_or(0) % self.works.len()];
-                let mut work = work.lock().unwrap_or_else(PoisonError::into_inner);
-                batch.advance(guides, env, span, &mut work, records);
+                // No other thread of a pool has this one's index, so the lock is free.
+                let scratch = &self.scratch[rayon::current_thread_index().unwrap_or(0) % self.scratch.len()];
+                let mut scratch = scratch.lock().unwrap_or_else(PoisonError::into_inner);
+                batch.step(step, states, records, &mut scratch);
             }
             _ => {
                 let (first, second) = batches.split_at(batches.len() / 2);
-                let len = first.iter().map(|c| c.free.len()).sum();
-                let (guides, their_guides) = guides.split_at_mut(len);
-                let (records, their_records) = records.split_at_mut(len);
+                let len = first.iter().map(|b| b.active.len()).sum();
+                let (models, second_models) = step.models.split_at(len);
+                let (states, second_states) = states.split_at_mut(len);
+                let (records, second_records) = records.split_at_mut(len);
                 rayon::join(
-                    || self.split(first, guides, env, span, records),
-                    || self.split(second, their_guides, env, span, their_records),
+                    || self.split(first, &Step { models, ..*step }, states, records),
+                    || {
+                        self.split(
+                            second,
+                            &Step { models: second_models, ..*step },
+                            second_states,
+                            second_records,
+                        )
+                    },
                 );
             }
         }
@@ -108,42 +114,42 @@ impl Batches {
 }
 
 impl Batch {
-    /// Does for the guides of the company that are stepped what [`Guide::advance`] does for each, bit for bit; `span` is the sub-step's start and end,
-    /// s, and `records` has an entry for each guide.
-    fn advance(
+    /// Filters per-guide entries to the active guides.
+    fn active<'a, T>(&'a self, entries: impl IntoIterator<Item = T> + 'a) -> impl Iterator<Item = T> + 'a {
+        entries.into_iter().zip(&self.active).filter(|(_, active)| **active).map(|(entry, _)| entry)
+    }
+
+    fn step(
         &self,
-        guides: &mut [Guide],
-        env: &Environment,
-        span: [f64; 2],
-        work: &mut BatchScratch,
+        Step { models, env, span, mode }: &Step,
+        states: &mut [GuideState],
         records: &mut [StepRecord],
+        scratch: &mut BatchScratch,
     ) {
-        let BatchScratch { guides: works, solved, pack } = work;
-        works.resize_with(works.len().max(Pack::width()), Workspace::default);
+        let BatchScratch { guides: buffers, solved, pack } = scratch;
+        buffers.resize_with(buffers.len().max(Pack::width()), GuideScratch::default);
         solved.clear();
-        for (guide, work) in self.of(guides.iter()).zip(&mut *works) {
-            let formula = guide.formula(span[1] - span[0]);
-            let root = guide.prepare(env, span, &formula, work);
-            solved.push(Solved { root, outcome: NewtonOutcome::default() });
+        for ((model, state), buffer) in self.active(models.iter().zip(states.iter())).zip(&mut *buffers) {
+            let formula = model.difference_formula(state, span[1] - span[0]);
+            let root = model.prepare(env, state, *span, &formula, buffer);
+            solved.push(FreeSolve { root, outcome: NewtonOutcome::default() });
         }
         {
-            let mut tasks =
-                self.of(guides.iter()).zip(&mut *works).zip(&mut *solved).map(|((guide, work), solved)| {
-                    StepTask {
-                        root: &solved.root.r,
-                        load: &work.load,
-                        q: &mut work.q,
-                        other: &guide.q[0],
-                        shape: &mut work.solver.shape,
-                        outcome: &mut solved.outcome,
-                    }
-                });
+            let active = self.active(states.iter()).zip(&mut *buffers).zip(&mut *solved);
+            let mut tasks = active.map(|((state, buffer), solved)| StepTask {
+                root: &solved.root.r,
+                load: &buffer.load,
+                q: &mut buffer.q,
+                other: &state.q[0],
+                shape: &mut buffer.solver.shape,
+                outcome: &mut solved.outcome,
+            });
             let mut tasks: [_; MAX_LANES] = std::array::from_fn(|_| tasks.next());
             self.pack.minimise(&mut tasks, pack);
         }
-        let free = self.of(guides.iter_mut().zip(records));
-        for (((guide, record), work), solved) in free.zip(works).zip(solved) {
-            *record = guide.complete(env, span, Some(*solved), work);
+        let active = self.active(models.iter().zip(states.iter_mut()).zip(records));
+        for ((((model, state), record), buffer), solved) in active.zip(buffers).zip(solved) {
+            *record = model.step_from(Some(*solved), env, state, *span, *mode, buffer);
         }
     }
 }
@@ -176,41 +182,36 @@ mod tests {
     }
 
     #[test]
-    fn company_changes_no_bit() {
+    fn batching_changes_no_bit() {
         // A head that jerks above a ball: some strands are thrown about, some come to lie on it.
         let bodies = Bodies::from_shapes(&[Shape::Sphere { centre: Vector3::zeros(), radius: 0.04 }]);
         let head = |t: f64| Isometry3::translation(0.0, 0.05 + 0.03 * (40.0 * t).sin(), -0.06);
-        let env = Environment {
-            head: &head,
-            gravity: &|_| Vector3::y() * -9.81,
-            wind: &[],
-            bodies: &bodies,
-            body: &|_, _| Isometry3::identity(),
-            carrier: &|_, _| Isometry3::identity(),
-            brought_out: &|_| 1.0,
-        };
+        let env = Environment { head: Box::new(head), ..Environment::at_rest(bodies) };
         let h = 1.0 / 96.0;
         for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
-            let guide = |i| {
+            let model = |i| {
                 let rod = hair(i);
                 let drag = vec![2e-5; rod.points()];
-                let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &env, 0.0, h);
-                guide.scheme = scheme;
-                guide
+                GuideModel { scheme, ..GuideModel::new(rod, drag, 0.3) }
             };
-            let mut alone: Vec<Guide> = (0..7).map(guide).collect();
-            let mut coupled = alone.clone();
-            let batches = Batches::rebuild(&coupled, |_| true);
-            let mut work = Workspace::default();
+            let models: Vec<GuideModel> = (0..7).map(model).collect();
+            let state = |model| GuideState::new(model, &[5e-4], &env, 0.0, h);
+            let mut single: Vec<GuideState> = models.iter().map(state).collect();
+            let mut batched = single.clone();
+            let batches = Batches::new(&models, |_| true);
+            let mut scratch = GuideScratch::default();
             let mut touched = 0;
             for step in 0..60 {
                 let span = [f64::from(step) * h, f64::from(step + 1) * h];
-                let one: Vec<StepRecord> =
-                    alone.iter_mut().map(|g| g.advance(&env, span[0], span[1], &mut work)).collect();
-                let mut all = vec![StepRecord::default(); coupled.len()];
-                batches.advance(&mut coupled, &env, span, &mut all);
+                let mode = ContactMode::Bodies;
+                let step = |(model, state): (&GuideModel, &mut GuideState)| {
+                    model.step(&env, state, span, mode, &mut scratch)
+                };
+                let one: Vec<StepRecord> = models.iter().zip(&mut single).map(step).collect();
+                let mut all = vec![StepRecord::default(); models.len()];
+                batches.step(&models, &env, &mut batched, span, mode, &mut all);
                 assert_eq!(one, all);
-                assert!(alone.iter().zip(&coupled).all(|(a, b)| a.x == b.x && a.v == b.v && a.q == b.q));
+                assert!(single.iter().zip(&batched).all(|(a, b)| a.x == b.x && a.v == b.v && a.q == b.q));
                 touched += all.iter().filter(|r| r.active > 0).count();
             }
             assert!(touched > 0);

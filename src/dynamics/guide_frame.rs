@@ -1,7 +1,7 @@
 //! A guide as it is written: its unknowns and their rates at a frame, or between frames.
 
-use super::guide::Guide;
-use super::wisps::slope;
+use super::guide::GuideState;
+use super::integrator::backward_difference;
 use serde::{Deserialize, Serialize};
 
 /// The guides between two frames.
@@ -26,16 +26,16 @@ pub struct GuideFrame {
 
 impl SolverStep {
     /// Of guides that all move by themselves.
-    pub(super) fn new(time: f64, guides: &[Guide]) -> Self {
-        let state = |g: &Guide| GuideFrame { q: g.q[0].clone(), rate: g.rate().to_vec(), level: 0 };
-        SolverStep { time, guides: guides.iter().map(state).collect() }
+    pub(super) fn new(time: f64, states: &[GuideState]) -> Self {
+        let frame = |g: &GuideState| GuideFrame { q: g.q[0].clone(), rate: g.rate().to_vec(), level: 0 };
+        SolverStep { time, guides: states.iter().map(frame).collect() }
     }
 }
 
 impl GuideFrame {
     /// A guide by its unknowns `q` now, and one and two sub-steps of `h`, s, ago, 1/m; the rate is of second order.
     pub fn new(q: [&[f64]; 3], h: f64, level: u32) -> Self {
-        let rate = (0..q[0].len()).map(|i| slope(q.map(|q| q[i]), h)).collect();
+        let rate = (0..q[0].len()).map(|i| backward_difference(q.map(|q| q[i]), h)).collect();
         GuideFrame { q: q[0].to_vec(), rate, level }
     }
 

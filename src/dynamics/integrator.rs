@@ -40,13 +40,18 @@ impl DifferenceFormula {
     }
 
     /// y*, from y at the start of the step and of the one before.
-    pub fn past<T: std::ops::Mul<f64, Output = T> + std::ops::Add<Output = T>>(
+    pub fn y_star<T: std::ops::Mul<f64, Output = T> + std::ops::Add<Output = T>>(
         &self,
         now: T,
         before: T,
     ) -> T {
         now * self.a + before * self.b
     }
+}
+
+/// Rate now from three values a step of `h`, s, apart, the newest first; of second order.
+pub(super) fn backward_difference([now, one, two]: [f64; 3], h: f64) -> f64 {
+    (3.0 * now - 4.0 * one + two) / (2.0 * h)
 }
 
 #[cfg(test)]
@@ -58,7 +63,7 @@ mod tests {
         for (h, last) in [(0.1, 0.1), (0.1, 0.07), (0.1, 0.2)] {
             let f = DifferenceFormula::new(Scheme::Bdf2, h, last);
             let y = |t: f64| 2.0 - 3.0 * t + 5.0 * t * t;
-            let rate = (y(h) - f.past(y(0.0), y(-last))) / f.eta;
+            let rate = (y(h) - f.y_star(y(0.0), y(-last))) / f.eta;
             assert!((rate - (10.0 * h - 3.0)).abs() < 1e-12, "{rate}");
             assert!(f.looks_back());
         }
@@ -72,7 +77,7 @@ mod tests {
             DifferenceFormula::new(Scheme::BackwardEuler, 0.1, 0.1),
         ] {
             assert!(!f.looks_back());
-            assert_eq!((f.eta, f.past(3.0, 7.0)), (0.1, 3.0));
+            assert_eq!((f.eta, f.y_star(3.0, 7.0)), (0.1, 3.0));
         }
     }
 }

@@ -1,405 +1,334 @@
-//! All guides in time: the groom's pose settled in a pre-roll, then sub-step by sub-step.
+//! All guides in time: the groom's pose settles in a pre-roll, then sub-step follows sub-step.
+//!
+//! [`step`] takes the model, the environment and the state, and returns a record.
 
-use super::air_drag::{self, Bulk};
 use super::batch::Batches;
 use super::checkpoint::{Checkpoint, StateMismatch};
 use super::coupled_substep::CoupledSubstep;
 use super::environment::Environment;
-use super::guide::Guide;
+use super::guide::{ContactMode, GuideState};
 use super::guide_frame::{GuideFrame, SolverStep};
 use super::guide_rods::GuideRods;
+use super::model::Model;
 use super::step_record::StepRecord;
-use super::strand_contact::{BundleProperties, StrandContacts};
-use super::wisp_friction::{FrictionSampler, Moving, WispFriction};
+use super::strand_contact::StrandContacts;
+use super::wisp_friction::HeadVelocity;
 use super::wisps::{Changes, Wisps};
 use crate::contact::{Bodies, Body};
-use crate::rod::{Rod, RodShape};
-use crate::scene::anim::{Contact, Resolution, Written};
+use crate::scene::anim::{Contact, Resolution};
 use crate::scene::{Anim, Groom};
-use crate::wisp::{GuideRod, Hierarchy};
+use crate::wisp::Hierarchy;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-
-/// Share of the section of a pressed bundle of hair that is hair: between loose (0.4) and hexagonal (0.9).
-const PACKING: f64 = 0.6;
-
-/// What a sub-step did.
-#[derive(Debug, Clone, Copy)]
-pub struct SubStep<'a> {
-    /// To each guide.
-    pub records: &'a [StepRecord],
-    /// Which guides moved by themselves; there are no figures of the others.
-    pub stepped: &'a [bool],
-    /// Whether guides met each other, and took what parts it was taken in all at once.
-    pub coupled: bool,
-    /// Strain nodes with unknowns of the guides that move by themselves from now on.
-    pub nodes: u32,
-    /// To wisps.
-    pub changes: Changes,
-    /// Guides that came away from their wisps at the start of the frame that ends now, and what each sub-step of it did to them.
-    pub caught_up: &'a [(usize, StepRecord)],
-}
+use std::ops::Range;
 
 /// The guides of a groom in motion.
 pub struct Simulation<'a> {
-    anim: &'a Anim,
-    /// What the guides collide with, one per collider of the animation.
-    pub bodies: Bodies,
-    /// The guides, in the groom's order.
-    pub guides: Vec<Guide>,
-    /// What the last sub-step did, guide by guide.
-    records: Vec<StepRecord>,
-    /// Which guides moved by themselves in it.
-    stepped: Vec<bool>,
-    /// Which guides move at all.
-    moved: Vec<bool>,
-    batches: Batches,
-    /// The guides as they touch each other, if they do.
+    /// What does not change.
+    pub model: Model<'a>,
+    /// What acts on the guides.
+    pub env: Environment<'a>,
+    /// Where the guides are.
+    pub state: State,
+    /// Segment lengths of each guide at the start, m.
+    initial_lengths: Vec<Vec<f64>>,
+}
+
+/// The state of all guides between two sub-steps.
+pub struct State {
+    /// The guides, in the groom's order; followers are where they were at the end of the last frame.
+    pub guides: Vec<GuideState>,
+    /// Contact between guides, with `--contact full`.
     strand_contacts: Option<StrandContacts>,
-    /// The friction of guides within their wisps, if there is any.
-    wisp_friction: Option<WispFriction>,
-    /// The guides as wisps, where not all move by themselves.
+    /// The guides as wisps, unless the resolution is full.
     wisps: Option<Wisps>,
-    /// See [`SubStep::caught_up`].
-    caught_up: Vec<(usize, StepRecord)>,
-    /// Where the guides were brought since the last frame, where that is written.
-    steps: Vec<SolverStep>,
+    /// The active guides in batches; follows from `wisps`.
+    batches: Batches,
+    /// Configurations that the solver reached since the last frame, if they are written.
+    path: Vec<SolverStep>,
     /// Sub-steps taken since the start of the pre-roll.
     taken: i64,
-    /// Sub-steps of the pre-roll.
-    preroll: i64,
+    /// What the last sub-step did.
+    record: SubstepRecord,
+}
+
+/// What one sub-step did.
+#[derive(Debug, Clone, Default)]
+pub struct SubstepRecord {
+    /// Records of the guides; default for followers.
+    pub guides: Vec<StepRecord>,
+    /// Whether each guide was active.
+    pub active: Vec<bool>,
+    /// True if the guides took the sub-step coupled, halving it for all of them at once.
+    pub coupled: bool,
+    /// Strain nodes with unknowns of the guides that are active from now on.
+    pub active_nodes: u32,
+    /// Splits and merges.
+    pub changes: Changes,
+    /// Sub-steps of the current frame taken by guides that split at its start.
+    pub catch_up: Vec<(usize, StepRecord)>,
+}
+
+impl State {
+    /// Whether guide `i` is active: simulated, and not a follower.
+    pub fn is_active(&self, model: &Model, i: usize) -> bool {
+        model.simulated[i] && self.wisps.as_ref().is_none_or(|wisps| wisps.is_active(i))
+    }
+
+    /// Rebuilds what depends on which guides are active.
+    fn rebuild(&mut self, model: &Model, env: &Environment) {
+        self.batches = Batches::new(&model.guides, |i| self.is_active(model, i));
+        let State { guides, strand_contacts, wisps, taken, .. } = self;
+        if let Some(contacts) = strand_contacts {
+            contacts.rebuild(&model.guides, guides, |i| leader(wisps, i), env, model.time_after(*taken));
+        }
+    }
+}
+
+/// The active guide that guide `i` moves with: itself, or the guide that it follows.
+fn leader(wisps: &Option<Wisps>, i: usize) -> usize {
+    wisps.as_ref().map_or(i, |wisps| wisps.leader(i))
+}
+
+/// Takes one sub-step of all guides; returns what it did.
+pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &'s SubstepRecord {
+    for i in 0..state.guides.len() {
+        state.record.active[i] = state.is_active(model, i);
+    }
+    let span = [state.taken, state.taken + 1].map(|taken| model.time_after(taken));
+    env.bodies.prepare(span);
+    if let Some(friction) = &model.wisp_friction {
+        let (head, wisps) = (HeadVelocity::new(env, span[0]), &state.wisps);
+        friction.apply(&mut state.guides, |i| leader(wisps, i), &head, span[1] - span[0]);
+    }
+    advance(model, env, state, span);
+    state.taken += 1;
+    if model.is_at_frame(state.taken) {
+        // The last configuration is the frame's own.
+        state.path.pop();
+    }
+    adapt(model, env, state);
+    let active = (0..state.guides.len()).filter(|&i| state.is_active(model, i));
+    state.record.active_nodes = active.map(|i| model.guides[i].rod.unknowns() as u32 / 3).sum();
+    &state.record
+}
+
+/// Advances the active guides over `span`, s.
+fn advance(model: &Model, env: &Environment, state: &mut State, span: [f64; 2]) {
+    let writes = model.writes_steps(state.taken);
+    let State { guides, strand_contacts, batches, path, record, .. } = state;
+    let records = &mut record.guides[..];
+    records.fill(StepRecord::default());
+    let mut observe = |t: f64, guides: &[GuideState]| {
+        if writes {
+            path.push(SolverStep::new(t, guides));
+        }
+    };
+    match strand_contacts {
+        None => {
+            batches.step(&model.guides, env, guides, span, model.contact_mode(), records);
+            observe(span[1], guides);
+        }
+        Some(strand_contacts) => {
+            let (models, states) = (&model.guides[..], &mut guides[..]);
+            CoupledSubstep { models, states, strand_contacts, batches, env, observe: &mut observe }
+                .step(span, records);
+        }
+    }
+}
+
+/// Gathers the wisps at the end of the pre-roll; from then on, at the end of every frame, moves the followers, and splits and
+/// merges guides.
+fn adapt(model: &Model, env: &mut Environment, state: &mut State) {
+    let State { guides, wisps, taken, record, .. } = state;
+    let SubstepRecord { changes, catch_up, .. } = record;
+    *changes = Changes::default();
+    catch_up.clear();
+    let Some(wisps) = wisps.as_mut().filter(|_| model.is_at_frame(*taken)) else { return };
+    let starts = model.is_preroll_end(*taken);
+    if starts {
+        wisps.gather(&model.guides, guides, env, model.time_after(*taken));
+    } else {
+        let first = *taken - i64::from(model.anim.settings.substeps);
+        let frame = [first, *taken].map(|taken| model.time_after(taken));
+        wisps.advance_modes(env, frame);
+        for level in 0..wisps.levels() {
+            let split = wisps.lead(level, &model.guides, guides, env, frame);
+            take_through(model, env, guides, &split, first..*taken, catch_up);
+            wisps.record_level(level, &model.guides, guides);
+            changes.splits += split.len() as u32;
+        }
+        changes.merges = wisps.merge(&model.guides, guides, frame[1]);
+    }
+    if starts || *changes != Changes::default() {
+        state.rebuild(model, env);
+    }
+}
+
+/// Takes the guides `split` through the sub-steps of a frame, each alone: other guides have already gone there and are met from
+/// then on. Adds to `records` what each sub-step did.
+fn take_through(
+    model: &Model,
+    env: &mut Environment,
+    guides: &mut [GuideState],
+    split: &[usize],
+    substeps: Range<i64>,
+    records: &mut Vec<(usize, StepRecord)>,
+) {
+    let split: Vec<usize> = split.iter().copied().filter(|i| model.simulated[*i]).collect();
+    if split.is_empty() {
+        return;
+    }
+    let mode = match model.contact_mode() {
+        ContactMode::Coupled => ContactMode::Bodies,
+        mode => mode,
+    };
+    let batches = Batches::new(&model.guides, |i| split.binary_search(&i).is_ok());
+    let mut of_all = vec![StepRecord::default(); guides.len()];
+    for substep in substeps {
+        let span = [substep, substep + 1].map(|taken| model.time_after(taken));
+        env.bodies.prepare(span);
+        batches.step(&model.guides, env, guides, span, mode, &mut of_all);
+        records.extend(split.iter().map(|&i| (i, of_all[i])));
+    }
 }
 
 impl<'a> Simulation<'a> {
     /// The groom at the start of its pre-roll. `groom` must have its trees, `rods` are its own.
     pub fn new(groom: &Groom, anim: &'a Anim, rods: &GuideRods) -> Self {
-        let step = 1.0 / (anim.fps * f64::from(anim.settings.substeps));
-        let preroll = preroll(anim);
-        let moved = rods.moved.clone();
-        let rods = &rods.simulated;
-        let bulk = Bulk::new(rods.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
-        let ties = super::tie::ties(groom, anim, rods);
-        let bodies = Bodies::new(anim.colliders.iter().map(Body::from));
-        let mut simulation = Simulation {
-            anim,
-            bodies,
-            guides: Vec::new(),
-            records: vec![StepRecord::default(); rods.len()],
-            stepped: moved.clone(),
-            moved,
-            batches: Batches::default(),
-            strand_contacts: (anim.settings.contact == Contact::Full)
-                .then(|| StrandContacts::new(skins(rods))),
-            wisp_friction: wisp_friction(rods),
-            wisps: None,
-            caught_up: Vec::new(),
-            steps: Vec::new(),
-            taken: 0,
-            preroll,
-        };
-        let t = simulation.time();
-        simulation.bodies.prepare([t, t]);
-        simulation.guides =
-            simulation.env(|env| rods.par_iter().map(|r| start(anim, &bulk, r, env, t, step)).collect());
-        for (guide, ties) in simulation.guides.iter_mut().zip(ties) {
-            guide.ties = ties;
-        }
-        simulation.wisps = match anim.settings.resolution() {
+        let mut model = Model::new(groom, anim, rods);
+        let (t, h) = (model.time_after(0), model.substep());
+        let mut env = environment(&model);
+        env.bodies.prepare([t, t]);
+        let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
+        let start = |guide| GuideState::new(guide, &thickness, &env, t, h);
+        let guides: Vec<GuideState> = model.guides.par_iter().map(start).collect();
+        let lengths = |(state, guide): (&GuideState, _)| state.segment_lengths(guide);
+        let initial_lengths = guides.iter().zip(&model.guides).map(lengths).collect();
+        let wisps = match anim.settings.resolution() {
             Resolution::Full => None,
-            resolution => {
-                let parting = (resolution == Resolution::Adaptive).then_some(anim.settings.parting);
-                let pull = simulation.env(|env| (env.head)(t).rotation.inverse() * (env.gravity)(t));
-                let mut hierarchy = Hierarchy::new(groom, rods, &pull, |i| &simulation.guides[i].drag);
-                hierarchy.restrict_to(&mut simulation.moved);
-                Some(Wisps::new(hierarchy, parting, step, 1.0 / anim.fps))
+            _ => {
+                let pull = (env.head)(t).rotation.inverse() * (env.gravity)(t);
+                let mut hierarchy = Hierarchy::new(groom, &rods.simulated, &pull, |i| &model.guides[i].drag);
+                hierarchy.restrict_to(&mut model.simulated);
+                Some(Wisps::new(hierarchy, model.split_tolerance, h, 1.0 / anim.fps))
             }
         };
-        simulation.rebuild();
-        // Where there is no pre-roll it has ended.
-        simulation.adapt();
-        simulation
+        let full = anim.settings.contact == Contact::Full;
+        let record = SubstepRecord {
+            guides: vec![StepRecord::default(); guides.len()],
+            active: vec![false; guides.len()],
+            coupled: full,
+            ..SubstepRecord::default()
+        };
+        let mut state = State {
+            guides,
+            strand_contacts: full.then(|| StrandContacts::new(model.bundles.clone())),
+            wisps,
+            batches: Batches::default(),
+            path: Vec::new(),
+            taken: 0,
+            record,
+        };
+        state.rebuild(&model, &env);
+        // Without a pre-roll it has ended already.
+        adapt(&model, &mut env, &mut state);
+        Simulation { model, env, state, initial_lengths }
     }
 
-    /// Length of a sub-step, s.
-    pub fn step(&self) -> f64 {
-        1.0 / (self.anim.fps * f64::from(self.anim.settings.substeps))
+    /// Takes one sub-step; returns what it did.
+    pub fn step(&mut self) -> &SubstepRecord {
+        step(&self.model, &mut self.env, &mut self.state)
     }
 
-    /// Time now, s. The pre-roll ends one frame before the first, on the handle frame.
+    /// Time now, s.
     pub fn time(&self) -> f64 {
-        self.time_after(self.taken)
-    }
-
-    fn time_after(&self, taken: i64) -> f64 {
-        let substeps = i64::from(self.anim.settings.substeps);
-        let first = (i64::from(self.anim.frames.0) - 1) * substeps;
-        (first + taken - self.preroll) as f64 / (self.anim.fps * substeps as f64)
+        self.model.time_after(self.state.taken)
     }
 
     /// Sub-steps taken since the start of the pre-roll.
     pub fn taken(&self) -> i64 {
-        self.taken
+        self.state.taken
     }
 
-    /// Whether guide `i` moves by itself.
-    pub fn is_free(&self, i: usize) -> bool {
-        self.moved[i] && self.wisps.as_ref().is_none_or(|wisps| wisps.is_free(i))
+    /// Indices of the active guides.
+    pub fn active(&self) -> impl Iterator<Item = usize> {
+        (0..self.state.guides.len()).filter(|&i| self.state.is_active(&self.model, i))
     }
 
-    /// The guides that move by themselves.
-    pub fn free(&self) -> impl Iterator<Item = &Guide> {
-        self.guides.iter().enumerate().filter(|(i, _)| self.is_free(*i)).map(|(_, guide)| guide)
+    /// Largest relative change of the length of a segment of guide `i` since the start.
+    pub fn length_drift(&self, i: usize) -> f64 {
+        let now = self.state.guides[i].segment_lengths(&self.model.guides[i]);
+        now.iter().zip(&self.initial_lengths[i]).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max)
     }
 
-    /// The guides now, in the groom's order; what follows others is where it was at the end of the last frame.
-    pub fn states(&self) -> Vec<GuideFrame> {
-        let h = self.step();
-        let level = |i: usize| self.wisps.as_ref().map_or(0, |wisps| wisps.level(i));
-        let state =
-            |(i, guide): (usize, &Guide)| GuideFrame::new(guide.q.each_ref().map(|q| &q[..]), h, level(i));
-        self.guides.par_iter().enumerate().map(state).collect()
-    }
-
-    /// Where the solver brought the guides since the last frame, if that is written; forgets it.
-    pub fn steps(&mut self) -> Vec<SolverStep> {
-        std::mem::take(&mut self.steps)
-    }
-
-    /// The guide with which guide `i` moves: itself, or one that it follows.
-    fn mover(&self, i: usize) -> usize {
-        self.wisps.as_ref().map_or(i, |wisps| wisps.mover(i))
-    }
-
-    /// Takes over which guides move by themselves from now on.
-    fn rebuild(&mut self) {
-        self.batches = Batches::rebuild(&self.guides, |i| self.is_free(i));
-        self.strand_contacts = self.strand_contacts.take().map(|mut strand_contacts| {
-            self.env(|env| strand_contacts.rebuild(&self.guides, |i| self.mover(i), env, self.time()));
-            strand_contacts
-        });
-    }
-
-    /// Takes one sub-step; returns what it did.
-    pub fn advance(&mut self) -> SubStep<'_> {
-        for i in 0..self.stepped.len() {
-            self.stepped[i] = self.is_free(i);
-        }
-        let (t0, t1) = (self.time_after(self.taken), self.time_after(self.taken + 1));
-        self.bodies.prepare([t0, t1]);
-        let (mut guides, mut records) = (std::mem::take(&mut self.guides), std::mem::take(&mut self.records));
-        records.fill(StepRecord::default());
-        if let Some(wisp_friction) = &self.wisp_friction {
-            let mover = |i: usize| self.mover(i);
-            self.env(|env| wisp_friction.act(&mut guides, mover, &Moving::new(env, t0), t1 - t0));
-        }
-        let (mut strand_contacts, mut steps) = (self.strand_contacts.take(), std::mem::take(&mut self.steps));
-        let mut note = |t: f64, guides: &[Guide]| {
-            if self.anim.settings.curves == Written::Steps && self.taken >= self.preroll {
-                steps.push(SolverStep::new(t, guides));
-            }
+    /// The guides now, in the groom's order; followers are where they were at the end of the last frame.
+    pub fn frame(&self) -> Vec<GuideFrame> {
+        let h = self.model.substep();
+        let level = |i: usize| self.state.wisps.as_ref().map_or(0, |wisps| wisps.level(i));
+        let frame = |(i, state): (usize, &GuideState)| {
+            GuideFrame::new(state.q.each_ref().map(|q| &q[..]), h, level(i))
         };
-        self.env(|env| match &mut strand_contacts {
-            None => {
-                self.batches.advance(&mut guides, env, [t0, t1], &mut records);
-                note(t1, &guides);
-            }
-            Some(strand_contacts) => {
-                let (batches, guides) = (&self.batches, &mut guides);
-                CoupledSubstep { guides, strand_contacts, batches, env, note: &mut note }
-                    .advance([t0, t1], &mut records);
-            }
-        });
-        (self.guides, self.records, self.strand_contacts, self.steps) =
-            (guides, records, strand_contacts, steps);
-        self.taken += 1;
-        if self.is_at_frame() {
-            // That is the frame's own state.
-            self.steps.pop();
-        }
-        let changes = self.adapt();
-        let nodes = self.free().map(|g| g.rod.unknowns() as u32 / 3).sum();
-        let coupled = self.strand_contacts.is_some();
-        let (records, stepped, caught_up) = (&self.records, &self.stepped, &self.caught_up);
-        SubStep { records, stepped, coupled, nodes, changes, caught_up }
+        self.state.guides.par_iter().enumerate().map(frame).collect()
     }
 
-    /// Whether a sub-step has just ended at a frame.
-    fn is_at_frame(&self) -> bool {
-        let moved = self.taken - self.preroll;
-        moved >= 0 && moved % i64::from(self.anim.settings.substeps) == 0
-    }
-
-    /// Gathers the wisps at the end of the pre-roll; from then on, at the end of every frame, moves what follows, and lets guides come away and join.
-    fn adapt(&mut self) -> Changes {
-        self.caught_up.clear();
-        let mut changes = Changes::default();
-        if !self.is_at_frame() {
-            return changes;
-        }
-        let starts = self.taken == self.preroll;
-        let Some(mut wisps) = self.wisps.take() else { return changes };
-        let mut guides = std::mem::take(&mut self.guides);
-        if starts {
-            self.env(|env| wisps.gather(&guides, env, self.time()));
-        } else {
-            let first = self.taken - i64::from(self.anim.settings.substeps);
-            let frame = [first, self.taken].map(|taken| self.time_after(taken));
-            self.env(|env| wisps.swing(env, frame));
-            for level in 0..wisps.levels() {
-                let away = self.env(|env| wisps.lead(level, &mut guides, env, frame));
-                self.catch_up(first, &away, &mut guides);
-                wisps.note(level, &guides);
-                changes.splits += away.len() as u32;
-            }
-            changes.merges = wisps.join(&guides, frame[1]);
-        }
-        (self.guides, self.wisps) = (guides, Some(wisps));
-        if starts || changes != Changes::default() {
-            self.rebuild();
-        }
-        changes
-    }
-
-    /// Takes the guides `away` from the end of the sub-step before number `first` to now, each by itself and past other guides, which have gone
-    /// there already; those they meet from then on.
-    fn catch_up(&mut self, first: i64, away: &[usize], guides: &mut [Guide]) {
-        let away: Vec<usize> = away.iter().copied().filter(|i| self.moved[*i]).collect();
-        if away.is_empty() {
-            return;
-        }
-        away.iter().for_each(|&i| guides[i].coupled = false);
-        let batches = Batches::rebuild(guides, |i| away.binary_search(&i).is_ok());
-        let mut records = vec![StepRecord::default(); guides.len()];
-        for taken in first..self.taken {
-            let span = [taken, taken + 1].map(|taken| self.time_after(taken));
-            self.bodies.prepare(span);
-            self.env(|env| batches.advance(guides, env, span, &mut records));
-            self.caught_up.extend(away.iter().map(|&i| (i, records[i])));
-        }
-        away.iter().for_each(|&i| guides[i].coupled = self.strand_contacts.is_some());
-    }
-
-    fn env<T>(&self, f: impl FnOnce(&Environment) -> T) -> T {
-        let anim = self.anim;
-        let out = self.time_after(self.preroll);
-        f(&Environment {
-            bodies: &self.bodies,
-            body: &|b, t| anim.bodies[anim.colliders[b].body].track.pose(t),
-            brought_out: &|t| match anim.settings.preroll {
-                // Half of the pre-roll to come out, half to settle.
-                p if p > 0.0 => ((t - out + p) / (0.5 * p)).clamp(0.0, 1.0),
-                _ => 1.0,
-            },
-            carrier: &|b, t| anim.bodies[b].track.pose(t),
-            head: &|t| anim.head_pose(t),
-            gravity: &|t| anim.gravity + anim.forces.iter().map(|k| k.at(t)).sum::<Vector3<f64>>(),
-            wind: &anim.wind,
-        })
+    /// Takes the configurations that the solver reached since the last frame, if they are written.
+    pub fn take_path(&mut self) -> Vec<SolverStep> {
+        std::mem::take(&mut self.state.path)
     }
 }
 
-/// Sub-steps of the pre-roll.
-fn preroll(anim: &Anim) -> i64 {
-    let step = 1.0 / (anim.fps * f64::from(anim.settings.substeps));
-    (anim.settings.preroll / step).ceil() as i64
+/// The environment of an animation.
+fn environment<'a>(model: &Model<'a>) -> Environment<'a> {
+    let anim = model.anim;
+    let push_out = model.push_out();
+    Environment {
+        bodies: Bodies::new(anim.colliders.iter().map(Body::from)),
+        body: Box::new(|b, t| anim.bodies[anim.colliders[b].body].track.pose(t)),
+        push_out: Box::new(push_out),
+        carrier: Box::new(|b, t| anim.bodies[b].track.pose(t)),
+        head: Box::new(|t| anim.head_pose(t)),
+        gravity: Box::new(|t| anim.gravity + anim.forces.iter().map(|k| k.at(t)).sum::<Vector3<f64>>()),
+        wind: &anim.wind,
+    }
 }
 
-/// Sub-steps from the start of the pre-roll to a frame, which is not before the handle frame.
-pub fn steps_to(anim: &Anim, frame: i32) -> i64 {
-    let frames = i64::from(frame) - i64::from(anim.frames.0) + 1;
-    preroll(anim) + frames * i64::from(anim.settings.substeps)
-}
-
-/// All guides in time, between two sub-steps.
+/// What a checkpoint holds of a simulation.
 #[derive(Serialize, Deserialize)]
-pub struct Saved {
+pub struct SimulationState {
     /// Sub-steps taken.
     pub taken: i64,
-    /// The guides.
-    pub guides: <Vec<Guide> as Checkpoint>::State,
+    guides: Vec<GuideState>,
     strand_contacts: <Option<StrandContacts> as Checkpoint>::State,
-    wisps: Option<super::wisps::Saved>,
-    steps: Vec<SolverStep>,
+    wisps: Option<super::wisps::WispsState>,
+    path: Vec<SolverStep>,
 }
 
 impl Checkpoint for Simulation<'_> {
-    type State = Saved;
+    type State = SimulationState;
 
-    fn state(&self) -> Saved {
-        Saved {
-            taken: self.taken,
-            guides: self.guides.state(),
-            strand_contacts: self.strand_contacts.state(),
-            wisps: self.wisps.as_ref().map(Wisps::state),
-            steps: self.steps.clone(),
+    fn state(&self) -> SimulationState {
+        let State { guides, strand_contacts, wisps, batches: _, path, taken, record: _ } = &self.state;
+        SimulationState {
+            taken: *taken,
+            guides: guides.state(),
+            strand_contacts: strand_contacts.state(),
+            wisps: wisps.as_ref().map(Wisps::state),
+            path: path.clone(),
         }
     }
 
-    fn restore(&mut self, state: Saved) -> Result<(), StateMismatch> {
-        (self.taken, self.steps) = (state.taken, state.steps);
-        self.guides.restore(state.guides)?;
-        let found = state.wisps.iter().count();
-        StateMismatch::unless_same("hierarchies", found, self.wisps.iter().count())?;
-        if let (Some(wisps), Some(state)) = (&mut self.wisps, state.wisps) {
-            wisps.restore(state, &self.guides)?;
-            self.rebuild();
+    fn restore(&mut self, saved: SimulationState) -> Result<(), StateMismatch> {
+        let Simulation { model, env, state, .. } = self;
+        (state.taken, state.path) = (saved.taken, saved.path);
+        state.guides.restore(saved.guides)?;
+        let found = saved.wisps.iter().count();
+        StateMismatch::unless_same("hierarchies", found, state.wisps.iter().count())?;
+        if let (Some(wisps), Some(saved)) = (&mut state.wisps, saved.wisps) {
+            wisps.restore(saved, &model.guides, &state.guides)?;
+            state.rebuild(model, env);
         }
-        self.strand_contacts.restore(state.strand_contacts)
+        state.strand_contacts.restore(saved.strand_contacts)
     }
-}
-
-/// What guides are to others that they touch, each with its own hairs: how many those are counts as a share of what the median guide stands for.
-fn skins(rods: &[GuideRod]) -> Vec<BundleProperties> {
-    let mut hairs: Vec<f64> = rods.iter().map(|r| r.hairs).collect();
-    hairs.sort_by(f64::total_cmp);
-    let skin = |r: &GuideRod| {
-        let material = &r.material;
-        let area = material.section.area();
-        let radius = |area: f64| (area / std::f64::consts::PI).sqrt();
-        BundleProperties {
-            hair: radius(area),
-            bundle: radius(area * r.hairs / PACKING),
-            parallel: material.friction_parallel,
-            cohesion: material.cohesion,
-            hairs: r.hairs / hairs[hairs.len() / 2],
-        }
-    };
-    rods.iter().map(skin).collect()
-}
-
-/// How guides rub within their coarse wisps, if they do.
-fn wisp_friction(rods: &[GuideRod]) -> Option<WispFriction> {
-    let friction_force = |r: &GuideRod| FrictionSampler::new(&r.rod, r.hairs, r.material.wisp_friction);
-    let wisps: Vec<usize> = rods.iter().map(|r| r.leaf.0).collect();
-    WispFriction::new(rods.iter().map(friction_force).collect(), &wisps)
-}
-
-/// One guide at rest on the head, shielded from the air.
-fn start(anim: &Anim, bulk: &Bulk, r: &GuideRod, env: &Environment, t: f64, step: f64) -> Guide {
-    let mut shape = RodShape::default();
-    shape.update(&r.rod, &r.rod.root.r, &r.rod.initial_q);
-    let place = |k: usize| shape.x(k) + r.rod.root.p;
-    let drag = (0..r.rod.points()).map(|k| air_drag::drag(&r.material, bulk, &place(k))).collect();
-    let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
-    let mut guide = Guide::new(r.rod.clone(), drag, r.material.friction, &thickness, env, t, step);
-    guide.scheme = anim.settings.scheme;
-    guide.sprung = anim.settings.contact == Contact::Penalty;
-    guide.coupled = anim.settings.contact == Contact::Full;
-    guide.friction[1] = r.material.friction.scaled(r.material.friction_at_tip);
-    guide.across = r.material.friction_across;
-    guide.goal = goal(&r.rod, &shape, r.material.goal);
-    guide
-}
-
-/// What pulls the points of a rod that starts as `shape` to where they start, at frequencies `hz` from root to tip.
-fn goal(rod: &Rod, shape: &RodShape, hz: [f64; 2]) -> Vec<(Vector3<f64>, f64)> {
-    if hz == [0.0; 2] {
-        return Vec::new();
-    }
-    let at = |(k, s): (usize, f64)| {
-        let omega = std::f64::consts::TAU * (hz[0] + (hz[1] - hz[0]) * (s / rod.length()));
-        (rod.root.r.transpose() * shape.x(k), rod.mass[k] * omega * omega)
-    };
-    rod.arc.iter().copied().enumerate().map(at).collect()
 }

@@ -1,70 +1,70 @@
 //! What one sub-step did to one guide.
 
-/// What one step of a guide did.
+/// Counts and extremes of one sub-step of one guide.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct StepRecord {
-    /// Newton steps taken, over all solves.
+    /// Newton steps over all solves.
     pub iterations: u32,
-    /// Times the step was cut in half.
+    /// Times the sub-step was halved.
     pub halvings: u32,
-    /// Solves that did not converge: the rod was carried along rigidly instead.
+    /// Solves that did not converge; the rod was carried rigidly with its root instead.
     pub unconverged: u32,
-    /// Contacts found, in the last solve.
+    /// Contacts with bodies found in the last solve.
     pub found: u32,
-    /// Contacts that push, in the last solve.
+    /// Contacts with a non-zero reaction in the last solve.
     pub active: u32,
-    /// Rounds of contact, at most.
+    /// Contact rounds, largest of all solves.
     pub rounds: u32,
-    /// Relative residual of the reactions, largest.
+    /// Relative residual of the contact reactions, largest of all solves.
     pub residual: f64,
-    /// Deepest point inside a body, m; 0 where there is none.
+    /// Deepest point inside a body, m; 0 if none.
     pub penetration: f64,
-    /// Solves whose motion was cut short at a surface, or taken whole since no part of it may be.
-    pub shortened: u32,
-    /// Of those, the ones that crossed it nevertheless.
+    /// Solves whose motion was truncated at a surface, or taken whole because no part of it is admissible.
+    pub truncated: u32,
+    /// Truncated solves whose motion still crosses a surface.
     pub crossed: u32,
-    /// Solves that were taken though the guide had not come to rest on the bodies.
+    /// Solves accepted before the guide came to rest on the bodies.
     pub unsettled: u32,
-    /// Farthest that a tie is from where it has to be, m.
-    pub slack: f64,
+    /// Largest distance of a tie from its target, m.
+    pub tie_slack: f64,
     /// Contact with other guides.
     pub strands: StrandRecord,
 }
 
-/// What one step of a guide did in contact with other guides.
+/// Counts and extremes of the contact of one guide with other guides in one sub-step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct StrandRecord {
-    /// Places where it is near a guide further down the order, or met one.
+    /// Contact pairs with guides of higher index.
     pub found: u32,
-    /// Those of them that push.
+    /// Pairs of them with a non-zero reaction.
     pub active: u32,
-    /// Rounds of solving and looking.
+    /// Rounds of solving and detection.
     pub rounds: u32,
-    /// Relative residual of the reactions that it was solved with.
+    /// Relative residual of the reactions of the last round.
     pub residual: f64,
-    /// 1 where it was taken together with others though they had not come to rest.
+    /// 1 if the coupled solve was accepted before it converged.
     pub unsettled: u32,
-    /// 1 where its motion together with the others came to no good, and it went where it would have gone alone.
-    pub alone: u32,
-    /// 1 where it went a part of its way only, or did not move on the head, for it would have crossed another guide.
-    pub held: u32,
-    /// Places where the motion of a segment crosses that of a guide further down the order.
+    /// 1 if the coupled solve was rejected and the guide kept its uncoupled motion.
+    pub uncoupled: u32,
+    /// 1 if the motion was truncated, or the guide held at rest on the head, to avoid crossing another guide.
+    pub truncated: u32,
+    /// Segments whose motion crosses a segment of a guide of higher index.
     pub crossings: u32,
 }
 
 impl StepRecord {
-    /// Whether something passed through something.
+    /// True if the motion crossed a body or another guide.
     pub(super) fn crosses(&self) -> bool {
         self.crossed + self.strands.crossings > 0
     }
 
-    /// Whether it did not go as contact and its own equation ask.
-    pub(super) fn is_astray(&self) -> bool {
-        let among_others = self.strands.unsettled + self.strands.alone + self.strands.held;
-        self.crosses() || self.shortened + self.unconverged + self.unsettled + among_others > 0
+    /// True if a solve failed, was accepted before it settled, or was replaced by a fallback.
+    pub(super) fn failed(&self) -> bool {
+        let strands = self.strands.unsettled + self.strands.uncoupled + self.strands.truncated;
+        self.crosses() || self.truncated + self.unconverged + self.unsettled + strands > 0
     }
 
-    /// Of a step in two halves, of which this was the first.
+    /// Combines the records of the two halves of a halved sub-step.
     pub(super) fn then(&self, second: &StepRecord) -> StepRecord {
         let (a, b) = (&self.strands, &second.strands);
         StepRecord {
@@ -76,18 +76,18 @@ impl StepRecord {
             rounds: self.rounds.max(second.rounds),
             residual: self.residual.max(second.residual),
             penetration: self.penetration.max(second.penetration),
-            shortened: self.shortened + second.shortened,
+            truncated: self.truncated + second.truncated,
             crossed: self.crossed + second.crossed,
             unsettled: self.unsettled + second.unsettled,
-            slack: self.slack.max(second.slack),
+            tie_slack: self.tie_slack.max(second.tie_slack),
             strands: StrandRecord {
                 found: b.found,
                 active: b.active,
                 rounds: a.rounds.max(b.rounds),
                 residual: a.residual.max(b.residual),
                 unsettled: a.unsettled + b.unsettled,
-                alone: a.alone + b.alone,
-                held: a.held + b.held,
+                uncoupled: a.uncoupled + b.uncoupled,
+                truncated: a.truncated + b.truncated,
                 crossings: a.crossings + b.crossings,
             },
         }

@@ -1,6 +1,6 @@
 //! Ties: places of guides that a body holds in all directions.
 
-use super::body_contact::with_midpoints;
+use super::contact_polyline::with_midpoints;
 use crate::rod::RodShape;
 use crate::scene::anim::TiePlace;
 use crate::scene::{Anim, Groom};

@@ -1,7 +1,7 @@
 //! Internal friction of wisps (S19): what a guide moves otherwise than its wisp does dies away (`docs/theory.md` §4.7).
 
 use super::environment::Environment;
-use super::guide::Guide;
+use super::guide::GuideState;
 use crate::rod::Rod;
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
@@ -19,6 +19,8 @@ pub(super) struct FrictionSampler {
     pub hairs: f64,
     /// Rate at which it loses what it moves otherwise than its wisp, 1/s.
     pub rate: f64,
+    /// Strain nodes of the rod.
+    nodes: usize,
     places: Vec<Place>,
 }
 
@@ -41,7 +43,12 @@ impl FrictionSampler {
             let beyond = (s - rod.nodes[node]) / (rod.nodes[node + 1] - rod.nodes[node]);
             Place { node, shares: [1.0 - beyond, beyond], mass }
         };
-        FrictionSampler { hairs, rate, places: rod.arc.iter().zip(&rod.mass).map(place).collect() }
+        FrictionSampler {
+            hairs,
+            rate,
+            nodes: rod.nodes.len(),
+            places: rod.arc.iter().zip(&rod.mass).map(place).collect(),
+        }
     }
 
     /// The points that move by themselves, all but the root.
@@ -50,8 +57,8 @@ impl FrictionSampler {
     }
 
     /// The guide at its nodes, as seen from the head, in its frame.
-    fn at_nodes(&self, guide: &Guide, head: &Moving) -> AtNodes {
-        let mut nodes = vec![(0.0, Vector3::zeros()); guide.rod.nodes.len()];
+    fn at_nodes(&self, guide: &GuideState, head: &HeadVelocity) -> AtNodes {
+        let mut nodes = vec![(0.0, Vector3::zeros()); self.nodes];
         for (k, place) in self.moving() {
             let v = head.seen(&guide.x[k], &guide.v[k]);
             for (node, share) in nodes[place.node..].iter_mut().zip(&place.shares) {
@@ -91,11 +98,17 @@ impl WispFriction {
 
     /// Sets the forces on `guides` over a step of `h`, s, that starts now, where the head is as `head` says. `mover` is the guide with which each moves:
     /// itself, or the one that it follows.
-    pub fn act(&self, guides: &mut [Guide], mover: impl Fn(usize) -> usize + Sync, head: &Moving, h: f64) {
+    pub fn apply(
+        &self,
+        states: &mut [GuideState],
+        mover: impl Fn(usize) -> usize + Sync,
+        head: &HeadVelocity,
+        h: f64,
+    ) {
         let forces: Vec<_> =
-            self.wisps.par_iter().map(|wisp| self.forces(wisp, guides, &mover, head, h)).collect();
+            self.wisps.par_iter().map(|wisp| self.forces(wisp, states, &mover, head, h)).collect();
         for (i, forces) in forces.into_iter().flatten() {
-            guides[i].friction_force = forces;
+            states[i].set_friction_force(forces);
         }
     }
 
@@ -103,9 +116,9 @@ impl WispFriction {
     fn forces(
         &self,
         wisp: &[usize],
-        guides: &[Guide],
+        states: &[GuideState],
         mover: impl Fn(usize) -> usize,
-        head: &Moving,
+        head: &HeadVelocity,
         h: f64,
     ) -> Vec<(usize, Vec<Vector3<f64>>)> {
         let mut hairs: Vec<(usize, f64)> = wisp.iter().map(|&i| (mover(i), self.guides[i].hairs)).collect();
@@ -117,7 +130,7 @@ impl WispFriction {
             }
             same
         });
-        let nodes: Vec<_> = hairs.iter().map(|&(i, _)| self.guides[i].at_nodes(&guides[i], head)).collect();
+        let nodes: Vec<_> = hairs.iter().map(|&(i, _)| self.guides[i].at_nodes(&states[i], head)).collect();
         // Weighted with what each loses, so that what one loses others gain.
         let mut mean = vec![(0.0, Vector3::zeros()); nodes[0].len()];
         for ((i, hairs), nodes) in hairs.iter().zip(&nodes) {
@@ -139,24 +152,24 @@ impl WispFriction {
 }
 
 /// The head at a moment, and how it moves.
-pub(super) struct Moving {
+pub(super) struct HeadVelocity {
     pose: Isometry3<f64>,
     beside: [Isometry3<f64>; 2],
 }
 
-impl Moving {
+impl HeadVelocity {
     /// Half the time over which its velocity is taken, s.
     const DELTA: f64 = 1e-4;
 
     pub fn new(env: &Environment, t: f64) -> Self {
-        let beside = [t + Moving::DELTA, t - Moving::DELTA].map(|t| (env.head)(t));
-        Moving { pose: (env.head)(t), beside }
+        let beside = [t + HeadVelocity::DELTA, t - HeadVelocity::DELTA].map(|t| (env.head)(t));
+        HeadVelocity { pose: (env.head)(t), beside }
     }
 
     /// Velocity `v`, m/s, of what is at `x`, m, as seen from the head, in its frame.
     pub fn seen(&self, x: &Vector3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
         let local = self.pose.inverse_transform_point(&(*x).into());
-        let carried = (self.beside[0] * local - self.beside[1] * local) / (2.0 * Moving::DELTA);
+        let carried = (self.beside[0] * local - self.beside[1] * local) / (2.0 * HeadVelocity::DELTA);
         self.pose.rotation.inverse() * (v - carried)
     }
 
@@ -232,12 +245,12 @@ mod tests {
         let bodies = Bodies::default();
         let env = env(&turning, &bodies);
         let (mut guides, wisp_friction) = wisp(&[0.1, 0.23, 0.17], &[10.0, 300.0, 0.0], &env, H);
-        let head = Moving::new(&env, 0.0);
+        let head = HeadVelocity::new(&env, 0.0);
         let mut drawn = 0..;
         for guide in &mut guides {
             guide.v.fill_with(|| V::from_fn(|_, _| random::unit(5, drawn.next().unwrap()) - 0.5));
         }
-        wisp_friction.act(&mut guides, |i| i, &head, H);
+        wisp_friction.apply(&mut guides, |i| i, &head, H);
         let (mut force, mut power, mut energy, mut size) = (V::zeros(), 0.0, 0.0, 0.0);
         for (guide, FrictionSampler { hairs, places, .. }) in guides.iter().zip(&wisp_friction.guides) {
             for ((f, place), (x, v)) in
@@ -261,7 +274,7 @@ mod tests {
         let bodies = Bodies::default();
         let env = env(&turning, &bodies);
         let (mut guides, wisp_friction) = wisp(&[0.1, 0.23, 0.17], &[50.0; 3], &env, H);
-        let head = Moving::new(&env, 0.0);
+        let head = HeadVelocity::new(&env, 0.0);
         for guide in &mut guides {
             for (x, v) in guide.x.iter().zip(&mut guide.v) {
                 // As the head carries them, and all in one direction.
@@ -269,7 +282,7 @@ mod tests {
                     + (turning(1e-5) * turning(0.0).inverse_transform_point(&(*x).into()) - *x).coords / 1e-5;
             }
         }
-        wisp_friction.act(&mut guides, |i| i, &head, H);
+        wisp_friction.apply(&mut guides, |i| i, &head, H);
         let largest = guides.iter().flat_map(|g| &g.friction_force).map(|f| f.norm()).fold(0.0, f64::max);
         assert!(largest < 1e-9, "{largest} N");
     }
@@ -287,9 +300,9 @@ mod tests {
         let steps = (1.0 / h) as u32;
         for step in 0..steps {
             let t = [f64::from(step) * h, f64::from(step + 1) * h];
-            let head = Moving::new(&env, t[0]);
+            let head = HeadVelocity::new(&env, t[0]);
             if rate > 0.0 {
-                wisp_friction.act(&mut guides, |i| i, &head, h);
+                wisp_friction.apply(&mut guides, |i| i, &head, h);
             }
             for guide in &mut guides {
                 let record = guide.advance(&env, t[0], t[1], &mut work);

@@ -1,31 +1,9 @@
-//! The polyline in which a strand meets bodies: the points of its rod, and the middles of the curve between them.
+//! Which contacts at midpoints of the contact polyline are used.
 
 use super::{GAP_TOLERANCE, SAME_NORMAL};
 use crate::contact::Contact;
+use crate::dynamics::contact_polyline::on_rod;
 use crate::rod::contact_load::ContactLoad;
-use nalgebra::Vector3;
-
-/// Sub-step of the rod, and the fraction of it, of the place `u` (0..=1) on half `half` of all sub-steps.
-pub(super) fn on_rod(half: usize, u: f64) -> (usize, f64) {
-    (half / 2, 0.5 * ((half % 2) as f64 + u))
-}
-
-/// That polyline, m: its points `x`, and between any two the middle of the cubic with the tangents `t` there, `arc` being
-/// the arc length of each point, m. Its middles move as the [`carriers`](crate::rod::RodShape::blend_points) of the fraction ½ do.
-pub(in crate::dynamics) fn with_midpoints(
-    arc: &[f64],
-    x: impl Fn(usize) -> Vector3<f64>,
-    t: impl Fn(usize) -> Vector3<f64>,
-    line: &mut Vec<Vector3<f64>>,
-) {
-    line.clear();
-    line.push(x(0));
-    for (k, s) in arc.windows(2).enumerate() {
-        let next = x(k + 1);
-        line.push(0.5 * (line[2 * k] + next) + (t(k) - t(k + 1)) * (0.125 * (s[1] - s[0])));
-        line.push(next);
-    }
-}
 
 /// Sorts out which contacts at middles are of use.
 #[derive(Debug, Default)]

@@ -7,6 +7,7 @@ mod midpoints;
 mod stats;
 mod truncate;
 
+use super::contact_polyline::{on_rod, with_midpoints};
 use super::tie::Tie;
 use crate::contact::friction::Law;
 use crate::contact::{
@@ -21,8 +22,7 @@ use crate::rod::newton::Solver;
 use crate::rod::potential::Load;
 use crate::rod::{Rod, RodShape};
 use impacts::Impacts;
-pub(super) use midpoints::with_midpoints;
-use midpoints::{Midpoints, on_rod};
+use midpoints::Midpoints;
 use nalgebra::Vector3;
 pub(super) use stats::ContactStats;
 

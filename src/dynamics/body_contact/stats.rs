@@ -34,7 +34,7 @@ impl ContactStats {
         record.penetration = record.penetration.max(self.penetration);
         record.unsettled += u32::from(self.unsettled);
         record.crossed += u32::from(self.crossed);
-        record.slack = record.slack.max(self.slack);
+        record.tie_slack = record.tie_slack.max(self.slack);
     }
 }
 

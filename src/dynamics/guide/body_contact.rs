@@ -1,132 +1,156 @@
-//! A guide and the bodies within one step.
+//! Contact of a guide with bodies within one step.
 
-use super::{Environment, Guide, Workspace};
-use crate::contact::{Bodies, BodyMotion};
-use crate::dynamics::body_contact::{BodyContact, BodyContactScratch, with_midpoints};
+use super::model::GuideModel;
+use super::scratch::{ContactInputs, GuideScratch};
+use super::state::GuideState;
+use crate::contact::BodyMotion;
+use crate::dynamics::body_contact::{BodyContact, BodyContactScratch};
+use crate::dynamics::contact_polyline::with_midpoints;
+use crate::dynamics::environment::Environment;
 use crate::math::se3::Pose;
 use crate::rod::newton::Solver;
+use nalgebra::Vector3;
 
-/// What changes while a guide's contacts are resolved.
-pub(in crate::dynamics) struct Moving<'a> {
+/// What changes while contacts are resolved.
+pub(in crate::dynamics) struct ContactSolve<'a> {
+    /// Unknowns, 1/m.
     pub q: &'a mut Vec<f64>,
+    /// Solver with the shape at `q`.
     pub solver: &'a mut Solver,
+    /// Where bodies were last found.
     pub memory: &'a mut crate::contact::ContactCache,
-    pub touching: &'a mut BodyContactScratch,
+    /// Buffers.
+    pub scratch: &'a mut BodyContactScratch,
 }
 
-impl Guide {
-    /// Resolves contact from time `t[0]` to `t[1]`; `false` where it cannot be taken as it is ([`BodyContact::resolve`]), in which case it has been cut
-    /// short if this is the `last` resort.
-    pub(super) fn touch(
-        &mut self,
+impl GuideModel {
+    /// Resolves contact from time `t[0]` to `t[1]`, s. `free` says that `scratch` holds the solution without contact; `last`
+    /// that the step can no longer be halved. Returns `false` if the result is not admissible ([`BodyContact::resolve`]);
+    /// with `last` it is truncated then.
+    pub(super) fn resolve_contact(
+        &self,
         env: &Environment,
+        state: &mut GuideState,
         root: &Pose,
         t: [f64; 2],
-        free: bool,
-        last: bool,
-        work: &mut Workspace,
+        (free, last): (bool, bool),
+        scratch: &mut GuideScratch,
     ) -> bool {
-        self.meet(env, t, work);
-        if env.bodies.is_empty() && work.ties.is_empty() {
+        self.prepare_contact(env, state, t, &mut scratch.inputs);
+        if env.bodies.is_empty() && scratch.inputs.ties.is_empty() {
             return true;
         }
-        let start = std::mem::take(&mut self.q[0]);
-        let clear = self.with_touch(env.bodies, root, work, |touch, moving| {
-            let Moving { q, solver, memory, touching } = moving;
-            let clear = touch.resolve(free, last, q, solver, memory, touching);
-            if !clear && last {
-                let stopped = touch.truncate(&start, q, solver, memory, touching);
-                touching.stats.crossed = !stopped;
-            }
-            clear
-        });
-        self.q[0] = start;
+        let GuideState { q: start, v, transient, .. } = state;
+        let (contact, solve) = self.body_contact_with(env, v, &mut transient.memory, root, scratch);
+        let ContactSolve { q, solver, memory, scratch } = solve;
+        let clear = contact.resolve(free, last, q, solver, memory, scratch);
+        if !clear && last {
+            let stopped = contact.truncate(&start[0], q, solver, memory, scratch);
+            scratch.stats.crossed = !stopped;
+        }
         clear
     }
 
-    /// Lets springs of bodies push it away that it is in at the end of the step from time `t[0]` to `t[1]`; whether any did.
-    pub(super) fn push_away(
-        &mut self,
+    /// Pushes the guide out of bodies by springs at the end of the step from time `t[0]` to `t[1]`, s; returns whether any
+    /// spring acts.
+    pub(super) fn push_out_by_springs(
+        &self,
         env: &Environment,
+        state: &mut GuideState,
         root: &Pose,
         t: [f64; 2],
-        work: &mut Workspace,
+        scratch: &mut GuideScratch,
     ) -> bool {
-        self.meet(env, t, work);
-        if env.bodies.is_empty() && work.ties.is_empty() {
+        self.prepare_contact(env, state, t, &mut scratch.inputs);
+        if env.bodies.is_empty() && scratch.inputs.ties.is_empty() {
             return false;
         }
-        self.with_touch(env.bodies, root, work, |touch, moving| {
-            let Moving { q, solver, memory, touching } = moving;
-            touch.push_away(q, solver, memory, touching)
-        })
+        let (contact, ContactSolve { q, solver, memory, scratch }) =
+            self.body_contact(env, state, root, scratch);
+        contact.push_away(q, solver, memory, scratch)
     }
 
-    /// Notes how the bodies move from time `t[0]` to `t[1]`, s, what the guide keeps from them, and where its ties have to be.
-    pub(super) fn meet(&self, env: &Environment, [t0, t1]: [f64; 2], work: &mut Workspace) {
-        self.trace(&mut work.line);
-        work.falling = (env.gravity)(t1).norm() * (t1 - t0);
-        work.ties.clear();
-        work.ties.extend(self.ties.iter().filter_map(|tie| {
+    /// Sets the motion of the bodies from time `t0` to `t1`, s, the distances to keep from them, and the targets of the ties.
+    pub(super) fn prepare_contact(
+        &self,
+        env: &Environment,
+        state: &GuideState,
+        [t0, t1]: [f64; 2],
+        inputs: &mut ContactInputs,
+    ) {
+        state.contact_polyline(self, &mut inputs.polyline);
+        inputs.falling_speed = (env.gravity)(t1).norm() * (t1 - t0);
+        inputs.ties.clear();
+        inputs.ties.extend(self.ties.iter().filter_map(|tie| {
             let poses = [(env.carrier)(tie.body, t0), (env.carrier)(tie.body, t1)];
-            Some((tie.clone(), tie.target(t1, t1 - t0, &tie.place(&work.line), poses)?))
+            Some((tie.clone(), tie.target(t1, t1 - t0, &tie.place(&inputs.polyline), poses)?))
         }));
-        work.motions.clear();
-        work.motions.extend((0..env.bodies.len()).map(|b| BodyMotion {
+        inputs.motions.clear();
+        inputs.motions.extend((0..env.bodies.len()).map(|b| BodyMotion {
             times: [t0, t1],
             start: (env.body)(b, t0),
             end: (env.body)(b, t1),
         }));
-        self.clearance.at((env.brought_out)(t1), &mut work.clearance);
+        state.clearance.at((env.push_out)(t1), &mut inputs.clearance);
     }
 
-    /// Passes the contact problem with the bodies to `f`.
-    pub(in crate::dynamics) fn with_touch<T>(
-        &mut self,
-        bodies: &Bodies,
-        root: &Pose,
-        work: &mut Workspace,
-        f: impl FnOnce(&BodyContact, Moving) -> T,
-    ) -> T {
-        let touch = BodyContact {
+    /// The contact problem of the prepared step, and what its solution changes.
+    pub(in crate::dynamics) fn body_contact<'a>(
+        &'a self,
+        env: &'a Environment,
+        state: &'a mut GuideState,
+        root: &'a Pose,
+        scratch: &'a mut GuideScratch,
+    ) -> (BodyContact<'a>, ContactSolve<'a>) {
+        self.body_contact_with(env, &state.v, &mut state.transient.memory, root, scratch)
+    }
+
+    fn body_contact_with<'a>(
+        &'a self,
+        env: &'a Environment,
+        v: &[Vector3<f64>],
+        memory: &'a mut crate::contact::ContactCache,
+        root: &'a Pose,
+        scratch: &'a mut GuideScratch,
+    ) -> (BodyContact<'a>, ContactSolve<'a>) {
+        let GuideScratch { solver, load, q, inputs, contact, .. } = scratch;
+        let fastest = v.iter().map(|v| v.norm()).fold(0.0, f64::max) + inputs.falling_speed;
+        let problem = BodyContact {
             rod: &self.rod,
-            bodies,
-            motions: &work.motions,
-            clearance: &work.clearance,
-            x0: &work.line,
-            fastest: self.v.iter().map(|v| v.norm()).fold(0.0, f64::max) + work.falling,
-            ties: &work.ties,
+            bodies: &env.bodies,
+            motions: &inputs.motions,
+            clearance: &inputs.clearance,
+            x0: &inputs.polyline,
+            fastest,
+            ties: &inputs.ties,
             friction: self.friction,
-            across: self.across,
+            across: self.friction_across,
             root,
-            load: &work.load,
+            load,
         };
-        let moving = Moving {
-            q: &mut work.q,
-            solver: &mut work.solver,
-            memory: &mut self.memory,
-            touching: &mut work.touch,
-        };
-        f(&touch, moving)
+        (problem, ContactSolve { q, solver, memory, scratch: contact })
     }
 
-    /// Whether nothing crosses a body if the sub-step from `t[0]` to `t[1]`, s, that was taken or opened again, ends as [`Guide::hold`] ends it.
-    pub(in crate::dynamics) fn may_hold(
-        &mut self,
+    /// True if no body is crossed when the sub-step from `t[0]` to `t[1]`, s, taken or reopened, ends at rest on the head
+    /// ([`GuideState::rest_on_head`]).
+    pub(in crate::dynamics) fn may_rest_on_head(
+        &self,
         env: &Environment,
+        state: &mut GuideState,
         t: [f64; 2],
-        work: &mut Workspace,
+        scratch: &mut GuideScratch,
     ) -> bool {
-        work.q.clone_from(&self.q[1]);
-        work.touch.clear();
-        self.meet(env, t, work);
+        scratch.q.clone_from(&state.q[1]);
+        scratch.contact.clear();
+        self.prepare_contact(env, state, t, &mut scratch.inputs);
         let [from, root] = t.map(|t| env.root(&self.rod.root, t));
-        let Workspace { solver, q, line, .. } = &mut *work;
+        let GuideScratch { solver, q, inputs, .. } = &mut *scratch;
+        let polyline = &mut inputs.polyline;
         solver.shape.update(&self.rod, &from.r, q);
-        with_midpoints(&self.rod.arc, |k| solver.shape.x(k) + from.p, |k| solver.shape.tangent(k), line);
+        with_midpoints(&self.rod.arc, |k| solver.shape.x(k) + from.p, |k| solver.shape.tangent(k), polyline);
         solver.shape.update(&self.rod, &root.r, q);
-        self.with_touch(env.bodies, &root, work, |touch, moving| {
-            touch.find(moving.solver, moving.memory, moving.touching)
-        })
+        let (contact, ContactSolve { solver, memory, scratch, .. }) =
+            self.body_contact(env, state, &root, scratch);
+        contact.find(solver, memory, scratch)
     }
 }

@@ -19,7 +19,7 @@ impl Checkpoint for StrandContacts {
 
     fn state(&self) -> Saved {
         // All fields by name: whoever adds one has to say here whether a later sub-step depends on it.
-        let StrandContacts { own: _, movers: _, places, members: _, pushed } = self;
+        let StrandContacts { own: _, active: _, places, members: _, pushed } = self;
         let ContactPairs {
             skin: _,
             rooted: _,

@@ -6,7 +6,7 @@ use crate::contact::FrictionTolerance;
 use crate::contact::friction::{
     CoupledFrictionProblem, FrictionOutcome, FrictionScratch, Law, StrandRows, solve_coupled,
 };
-use crate::dynamics::guide::Guide;
+use crate::dynamics::guide::GuideModel;
 use crate::geometry::Friction;
 use crate::math::cholesky::dot;
 use nalgebra::UnitQuaternion;
@@ -70,7 +70,7 @@ impl Island {
     /// moves by L⁻ᵀL⁻¹Jᵀr/n, and so rows are over √n here, which keeps W symmetric, and forces are those on bundles.
     pub fn react(
         &self,
-        guides: &[Guide],
+        models: &[GuideModel],
         members: &[Member],
         places: &ContactPairs,
         to_world: &UnitQuaternion<f64>,
@@ -81,7 +81,7 @@ impl Island {
         let mut sides_of_places = vec![[None; 2]; self.places.len()];
         for &g in &self.members {
             let m = &members[g];
-            let (n, touch, at) = (guides[g].rod.unknowns(), &m.work.touch, rows.len());
+            let (n, touch, at) = (models[g].rod.unknowns(), &m.scratch.contact, rows.len());
             let hairs = places.skin[g].hairs;
             let part = |j: usize| StrandRows { first_unknown: unknowns, unknowns: n, offset: at + 3 * n * j };
             let bodies = touch.laws.len();
@@ -108,14 +108,14 @@ impl Island {
                 let (n, hairs) = (side.unknowns, places.skin[g].hairs);
                 for (d, free) in free.iter_mut().enumerate() {
                     let row = &rows[side.offset + d * n..][..n];
-                    *free += dot(row, &members[g].work.solver.direction) * hairs.sqrt();
+                    *free += dot(row, &members[g].scratch.solver.direction) * hairs.sqrt();
                 }
             }
             b.extend(free);
             sides.push(*sides_here);
             let own = |side: usize| {
-                let (guide, (k, u)) = (&guides[guides_here[side]], places.on_rod(&place.contact, side));
-                Friction::lerp(guide.friction, guide.rod.arc_fraction(k, u))
+                let (model, (k, u)) = (&models[guides_here[side]], places.on_rod(&place.contact, side));
+                Friction::lerp(model.friction, model.rod.arc_fraction(k, u))
             };
             laws.push(Law::Coulomb(Friction::lerp([own(0), own(1)], 0.5)));
             let force = to_world * place.reaction;
@@ -131,9 +131,9 @@ impl Island {
         let (mut pushes_left, mut forces_left) = (&mut pushes[..], &mut forces[..]);
         for &g in &self.members {
             let hairs = places.skin[g].hairs;
-            let (push, others) = pushes_left.split_at_mut(guides[g].rod.unknowns());
+            let (push, others) = pushes_left.split_at_mut(models[g].rod.unknowns());
             push.iter_mut().for_each(|w| *w /= hairs.sqrt());
-            let (of_bodies, of_others) = forces_left.split_at_mut(3 * members[g].work.touch.laws.len());
+            let (of_bodies, of_others) = forces_left.split_at_mut(3 * members[g].scratch.contact.laws.len());
             of_bodies.iter_mut().for_each(|r| *r /= hairs);
             (pushes_left, forces_left) = (others, of_others);
         }

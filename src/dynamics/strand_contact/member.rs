@@ -2,10 +2,9 @@
 
 use super::contact_pairs::ContactPairs;
 use super::island::SOUND;
-use crate::contact::Bodies;
 use crate::dynamics::body_contact::{MAX_MOVE, rows_at};
 use crate::dynamics::environment::Environment;
-use crate::dynamics::guide::{Guide, Workspace};
+use crate::dynamics::guide::{ContactSolve, GuideModel, GuideScratch, GuideState};
 use crate::dynamics::step_record::StepRecord;
 use crate::math::se3::Pose;
 use crate::rod::RodShape;
@@ -59,7 +58,7 @@ pub(super) struct Member {
     /// Root at the end of the step, world.
     pub root: Pose,
     /// Its system and its contacts with bodies.
-    pub work: Workspace,
+    pub scratch: GuideScratch,
     /// Its part in the places: (place, which of the two sides), ascending.
     pub parts: Vec<(usize, usize)>,
     /// L⁻¹Jᵀ of `parts`: three rows each.
@@ -85,7 +84,7 @@ impl Member {
             moved: 0.0,
             alone: Vec::new(),
             root: Pose { r: Matrix3::identity(), p: Vector3::zeros() },
-            work: Workspace::default(),
+            scratch: GuideScratch::default(),
             parts: Vec::new(),
             rows: Vec::new(),
             curve: Vec::new(),
@@ -104,27 +103,27 @@ impl Member {
     }
 
     /// Takes part in the sub-step from `t[0]` to `t[1]`, s, that the guide has just taken alone.
-    pub fn open(&mut self, guide: &mut Guide, env: &Environment, t: [f64; 2]) {
-        self.root = guide.reopen(env, t, &mut self.work);
-        self.alone.clone_from(&self.work.q);
-        self.trace(guide);
+    pub fn open(&mut self, model: &GuideModel, state: &mut GuideState, env: &Environment, t: [f64; 2]) {
+        self.root = model.reopen(env, state, t, &mut self.scratch);
+        self.alone.clone_from(&self.scratch.q);
+        self.trace(model);
         self.open = true;
         self.stirred = true;
         self.lacking = 0.0;
-        self.meet_bodies(guide, env.bodies);
+        self.meet_bodies(model, state, env);
         if !self.is_well {
             // Nothing is gained by going back there.
-            self.lacking = self.work.touch.lacking;
+            self.lacking = self.scratch.contact.lacking;
         }
     }
 
     /// Finds the contacts with bodies at the end as it is now.
-    pub fn meet_bodies(&mut self, guide: &mut Guide, bodies: &Bodies) {
-        let clear = guide.with_touch(bodies, &self.root, &mut self.work, |touch, moving| {
-            touch.find(moving.solver, moving.memory, moving.touching)
-        });
-        self.work.touch.frozen = true;
-        self.is_well = clear && self.work.touch.lacking <= self.lacking;
+    pub fn meet_bodies(&mut self, model: &GuideModel, state: &mut GuideState, env: &Environment) {
+        let (contact, ContactSolve { solver, memory, scratch, .. }) =
+            model.body_contact(env, state, &self.root, &mut self.scratch);
+        let clear = contact.find(solver, memory, scratch);
+        self.scratch.contact.frozen = true;
+        self.is_well = clear && self.scratch.contact.lacking <= self.lacking;
     }
 
     /// Whether it ends where no step of it alone may.
@@ -136,37 +135,39 @@ impl Member {
     /// factored, for it holds numbers that are not finite, goes alone.
     pub fn linearise(
         &mut self,
-        guide: &mut Guide,
-        bodies: &Bodies,
+        model: &GuideModel,
+        state: &mut GuideState,
+        env: &Environment,
         places: &ContactPairs,
         to_world: &UnitQuaternion<f64>,
     ) {
-        if !self.work.solver.linearise(&guide.rod, &self.work.load, &self.work.q) {
-            self.go_alone(guide);
+        if !self.scratch.solver.linearise(&model.rod, &self.scratch.load, &self.scratch.q) {
+            self.go_alone(model);
         }
-        let n = guide.rod.unknowns();
+        let n = model.rod.unknowns();
         self.rows.clear();
         self.rows.resize(3 * n * self.parts.len(), 0.0);
         for (&(i, side), rows) in self.parts.iter().zip(self.rows.chunks_exact_mut(3 * n)) {
             let place = &places.found[i];
             let axes = place.axes(to_world).map(|d| if side == 0 { d } else { -d });
             let (k, s) = places.on_rod(&place.contact, side);
-            let solver = &mut self.work.solver;
-            let carriers = solver.shape.blend_points(&guide.rod, k, s);
+            let solver = &mut self.scratch.solver;
+            let carriers = solver.shape.blend_points(&model.rod, k, s);
             rows_at(solver, k, carriers, &axes, rows);
             let cling = place.cling * places.per_hair(&place.contact, side);
             solver.direction.iter_mut().zip(&rows[..n]).for_each(|(d, row)| *d -= cling * row);
         }
-        guide.with_touch(bodies, &self.root, &mut self.work, |touch, moving| {
-            touch.rows(moving.solver, moving.touching);
-        });
+        let (contact, ContactSolve { solver, scratch, .. }) =
+            model.body_contact(env, state, &self.root, &mut self.scratch);
+        contact.rows(solver, scratch);
     }
 
     /// Moves as the reactions ask, of which the solver's direction holds L⁻¹ times all forces, and looks at the bodies.
     pub fn advance(
         &mut self,
-        guide: &mut Guide,
-        bodies: &Bodies,
+        model: &GuideModel,
+        state: &mut GuideState,
+        env: &Environment,
         places: &ContactPairs,
         to_world: &UnitQuaternion<f64>,
     ) {
@@ -175,14 +176,14 @@ impl Member {
             return;
         }
         self.gather_forces(places, to_world);
-        let Workspace { solver, load, q, .. } = &mut self.work;
+        let GuideScratch { solver, load, q, .. } = &mut self.scratch;
         let forces = &self.forces;
         let work = |shape: &RodShape| {
-            forces.iter().map(|(k, s, f)| f.dot(&shape.curve_point(&guide.rod, *k, *s))).sum::<f64>()
+            forces.iter().map(|(k, s, f)| f.dot(&shape.curve_point(&model.rod, *k, *s))).sum::<f64>()
         };
-        self.moved = solver.advance_loaded(&guide.rod, &self.root.r, load, q, work, MAX_MOVE);
-        self.trace(guide);
-        self.meet_bodies(guide, bodies);
+        self.moved = solver.advance_loaded(&model.rod, &self.root.r, load, q, work, MAX_MOVE);
+        self.trace(model);
+        self.meet_bodies(model, state, env);
         self.stirred = self.moved > SETTLED || self.rounds == 1 && self.residual > SOUND;
         self.stir(!self.is_well);
     }
@@ -193,7 +194,7 @@ impl Member {
     }
 
     fn gather_forces(&mut self, places: &ContactPairs, to_world: &UnitQuaternion<f64>) {
-        let touch = &self.work.touch;
+        let touch = &self.scratch.contact;
         self.forces.clear();
         for ((k, s, [n, t1, t2]), r) in touch.frames.iter().zip(touch.reaction.chunks_exact(3)) {
             self.forces.push((*k, *s, n * r[0] + t1 * r[1] + t2 * r[2]));
@@ -208,44 +209,44 @@ impl Member {
     }
 
     /// Takes over the curve of the end as it is now.
-    fn trace(&mut self, guide: &Guide) {
-        let Workspace { solver, q, .. } = &self.work;
+    fn trace(&mut self, model: &GuideModel) {
+        let GuideScratch { solver, q, .. } = &self.scratch;
         self.curve.clear();
-        self.curve.extend(solver.shape.refined_curve(&guide.rod, q).map(|x| x + self.root.p));
+        self.curve.extend(solver.shape.refined_curve(&model.rod, q).map(|x| x + self.root.p));
     }
 
     /// Makes the unknowns as they are now its end.
-    fn end_there(&mut self, guide: &Guide) {
-        self.work.solver.shape.update(&guide.rod, &self.root.r, &self.work.q);
-        self.trace(guide);
+    fn end_there(&mut self, model: &GuideModel) {
+        self.scratch.solver.shape.update(&model.rod, &self.root.r, &self.scratch.q);
+        self.trace(model);
     }
 
     /// Ends the sub-step as if no other guide were there.
-    pub fn go_alone(&mut self, guide: &Guide) {
+    pub fn go_alone(&mut self, model: &GuideModel) {
         self.resort = Resort::Alone;
         if self.open {
-            self.work.q.clone_from(&self.alone);
-            self.end_there(guide);
+            self.scratch.q.clone_from(&self.alone);
+            self.end_there(model);
         }
     }
 
     /// Goes half of the way on the head that it went so far; none where that would be too little, takes it through a body, or is not known.
-    pub fn cut_short(&mut self, guide: &mut Guide, env: &Environment, t: [f64; 2]) {
+    pub fn cut_short(&mut self, model: &GuideModel, state: &mut GuideState, env: &Environment, t: [f64; 2]) {
         self.share *= 0.5;
         if self.open && self.share >= LEAST_SHARE {
-            for (q, start) in self.work.q.iter_mut().zip(&guide.q[0]) {
+            for (q, start) in self.scratch.q.iter_mut().zip(&state.q[0]) {
                 *q = start + 0.5 * (*q - start);
             }
-            self.end_there(guide);
-            self.meet_bodies(guide, env.bodies);
+            self.end_there(model);
+            self.meet_bodies(model, state, env);
             if self.is_well {
                 return;
             }
         }
         self.share = 0.0;
         self.resort = Resort::Still;
-        if !guide.may_hold(env, t, &mut self.work) {
-            self.go_alone(guide);
+        if !model.may_rest_on_head(env, state, t, &mut self.scratch) {
+            self.go_alone(model);
         }
     }
 
@@ -255,17 +256,25 @@ impl Member {
     }
 
     /// Enters in `record`, which tells how the guide took the sub-step alone, how it ends it.
-    pub fn note(&mut self, guide: &mut Guide, bodies: &Bodies, record: &mut StepRecord) {
+    pub fn note(
+        &mut self,
+        model: &GuideModel,
+        state: &mut GuideState,
+        env: &Environment,
+        record: &mut StepRecord,
+    ) {
         // What goes alone does as its record tells already; what its contacts hold is of the way that was given up.
         if self.resort != Resort::Alone && (self.open || self.has_yielded()) {
-            guide.with_touch(bodies, &self.root, &mut self.work, |touch, moving| touch.note(moving.touching));
-            self.work.touch.stats.enter(record);
+            let (contact, ContactSolve { scratch, .. }) =
+                model.body_contact(env, state, &self.root, &mut self.scratch);
+            contact.note(scratch);
+            scratch.stats.enter(record);
         }
         record.strands.rounds = self.rounds;
         record.strands.residual = self.residual;
         let unsettled = self.open && self.stirred && self.resort == Resort::CoupledSubstep;
         record.strands.unsettled = u32::from(unsettled);
-        record.strands.alone = u32::from(self.resort == Resort::Alone);
-        record.strands.held = u32::from(self.share < 1.0);
+        record.strands.uncoupled = u32::from(self.resort == Resort::Alone);
+        record.strands.truncated = u32::from(self.share < 1.0);
     }
 }

@@ -12,9 +12,8 @@ mod member;
 mod tests;
 
 use super::environment::Environment;
-use super::guide::Guide;
+use super::guide::{GuideModel, GuideState};
 use super::step_record::StepRecord;
-use crate::contact::Bodies;
 use crate::rod::RodShape;
 use contact_pairs::ContactPairs;
 use island::{Island, Reactions, Sets};
@@ -33,7 +32,7 @@ pub(super) struct StrandContacts {
     /// What each guide is with its own hairs alone.
     own: Vec<BundleProperties>,
     /// The guides that move by themselves, ascending.
-    movers: Vec<usize>,
+    active: Vec<usize>,
     places: ContactPairs,
     members: Vec<Member>,
     /// Guides that another pushed in the sub-step before. They are solved with the others from the start: alone, they would fall
@@ -45,7 +44,7 @@ impl StrandContacts {
     /// Of guides that are this to each other, none of which are in it before [`StrandContacts::muster`].
     pub fn new(own: Vec<BundleProperties>) -> Self {
         StrandContacts {
-            movers: Vec::new(),
+            active: Vec::new(),
             members: own.iter().map(|_| Member::new()).collect(),
             pushed: vec![false; own.len()],
             places: ContactPairs::new(&[], Vec::new()),
@@ -55,15 +54,22 @@ impl StrandContacts {
 
     /// Takes over who moves by itself from time `t`, s, on, and where it is; `mover` is the guide with which each moves, itself or another. What is known
     /// of the contacts of guides that stay in is kept.
-    pub fn rebuild(&mut self, guides: &[Guide], mover: impl Fn(usize) -> usize, env: &Environment, t: f64) {
+    pub fn rebuild(
+        &mut self,
+        models: &[GuideModel],
+        states: &[GuideState],
+        mover: impl Fn(usize) -> usize,
+        env: &Environment,
+        t: f64,
+    ) {
         let mut skin = self.own.clone();
-        let mut arc: Vec<&[f64]> = vec![&[]; guides.len()];
-        self.movers.clear();
-        for (g, guide) in guides.iter().enumerate() {
+        let mut arc: Vec<&[f64]> = vec![&[]; models.len()];
+        self.active.clear();
+        for (g, model) in models.iter().enumerate() {
             let mover = mover(g);
             if mover == g {
-                arc[g] = &guide.rod.arc;
-                self.movers.push(g);
+                arc[g] = &model.rod.arc;
+                self.active.push(g);
             } else {
                 skin[mover].carry(&self.own[g]);
                 self.pushed[g] = false;
@@ -72,52 +78,59 @@ impl StrandContacts {
         let known = std::mem::take(&mut self.places.known);
         self.places = ContactPairs { known, ..ContactPairs::new(&arc, skin) };
         self.places.forget(|g| !arc[g].is_empty());
-        self.places.x[0] = curves(guides, &self.movers, env, t);
+        self.places.x[0] = curves(models, states, &self.active, env, t);
     }
 
     /// The guides that move by themselves, ascending.
-    pub fn movers(&self) -> &[usize] {
-        &self.movers
+    pub fn active(&self) -> &[usize] {
+        &self.active
     }
 
     /// Keeps apart what would come too close in the sub-step from `t[0]` to `t[1]`, s, which each of them has just taken alone.
     pub fn resolve(
         &mut self,
-        guides: &mut [Guide],
+        models: &[GuideModel],
+        states: &mut [GuideState],
         env: &Environment,
         t: [f64; 2],
         records: &mut [StepRecord],
     ) {
         let head = (env.head)(t[1]).inverse();
         let to_world = head.rotation.inverse();
-        self.places.x[1] = curves(guides, &self.movers, env, t[1]);
+        self.places.x[1] = curves(models, states, &self.active, env, t[1]);
         self.places.begin();
         self.members.iter_mut().zip(&*records).for_each(|(m, record)| m.begin(record));
         let mut strayed = 0.0;
         for _ in 0..MAX_ROUNDS {
-            let mut islands = self.open(guides, env, t);
+            let mut islands = self.open(models, states, env, t);
             islands.retain(|island| island.members.iter().any(|&g| self.members[g].stirred));
             if islands.is_empty() {
                 break;
             }
-            self.solve(guides, env.bodies, &islands, &to_world);
-            strayed += self.advance(guides, env.bodies, &islands, &head);
+            self.solve(models, states, env, &islands, &to_world);
+            strayed += self.advance(models, states, env, &islands, &head);
             if strayed > contact_pairs::MARGIN {
                 strayed = 0.0;
                 self.places.find_pairs();
             }
             self.look();
         }
-        self.give_way(guides, env, t);
-        self.note(guides, env.bodies, records);
-        self.close(guides, env, t);
+        self.give_way(models, states, env, t);
+        self.note(models, states, env, records);
+        self.close(models, states, env, t);
     }
 
     /// Opens the guides that hang together, over places, with one that is too close to another, clings to it, or was pushed; returns these islands. What
     /// did not converge stays where it is.
-    fn open(&mut self, guides: &mut [Guide], env: &Environment, t: [f64; 2]) -> Vec<Island> {
+    fn open(
+        &mut self,
+        models: &[GuideModel],
+        states: &mut [GuideState],
+        env: &Environment,
+        t: [f64; 2],
+    ) -> Vec<Island> {
         let whole = |g: usize| self.members[g].whole;
-        let mut sets = Sets::new(guides.len());
+        let mut sets = Sets::new(models.len());
         let mut wanted = self.pushed.clone();
         for place in &self.places.found {
             let [a, b] = self.places.guides(&place.contact);
@@ -129,8 +142,8 @@ impl StrandContacts {
                 wanted[b] = true;
             }
         }
-        let wanted = (0..guides.len()).filter(|&g| whole(g) && (wanted[g] || self.members[g].open));
-        let (mut islands, island_of) = Island::of(sets, guides.len(), wanted);
+        let wanted = (0..models.len()).filter(|&g| whole(g) && (wanted[g] || self.members[g].open));
+        let (mut islands, island_of) = Island::of(sets, models.len(), wanted);
         self.members.iter_mut().for_each(|m| m.parts.clear());
         for (i, place) in self.places.found.iter().enumerate() {
             for (side, g) in self.places.guides(&place.contact).into_iter().enumerate() {
@@ -141,10 +154,10 @@ impl StrandContacts {
                 self.members[g].parts.push((i, side));
             }
         }
-        let opened = self.members.par_iter_mut().zip(guides).zip(&island_of);
+        let opened = self.members.par_iter_mut().zip(models).zip(states).zip(&island_of);
         opened
-            .filter(|((m, _), island)| island.is_some() && !m.open)
-            .for_each(|((m, guide), _)| m.open(guide, env, t));
+            .filter(|(((m, _), _), island)| island.is_some() && !m.open)
+            .for_each(|(((m, model), state), _)| m.open(model, state, env, t));
         islands
     }
 
@@ -152,25 +165,27 @@ impl StrandContacts {
     /// directions.
     fn solve(
         &mut self,
-        guides: &mut [Guide],
-        bodies: &Bodies,
+        models: &[GuideModel],
+        states: &mut [GuideState],
+        env: &Environment,
         islands: &[Island],
         to_world: &UnitQuaternion<f64>,
     ) {
         let StrandContacts { members, places, .. } = self;
-        active(members, guides, islands).for_each(|(m, guide)| m.linearise(guide, bodies, places, to_world));
+        active(members, models, states, islands)
+            .for_each(|(m, model, state)| m.linearise(model, state, env, places, to_world));
         let reactions: Vec<_> =
-            islands.par_iter().map(|island| island.react(guides, members, places, to_world)).collect();
+            islands.par_iter().map(|island| island.react(models, members, places, to_world)).collect();
         for (island, Reactions { pushes, forces, outcome }) in islands.iter().zip(&reactions) {
             let (mut pushes, mut forces) = (&pushes[..], &forces[..]);
             for &g in &island.members {
                 let m = &mut members[g];
-                let direction = &mut m.work.solver.direction;
+                let direction = &mut m.scratch.solver.direction;
                 let (push, pushes_left) = pushes.split_at(direction.len());
                 direction.iter_mut().zip(push).for_each(|(d, w)| *d += w);
-                let (last, forces_left) = forces.split_at(3 * m.work.touch.laws.len());
-                m.work.touch.reaction.clear();
-                m.work.touch.reaction.extend_from_slice(last);
+                let (last, forces_left) = forces.split_at(3 * m.scratch.contact.laws.len());
+                m.scratch.contact.reaction.clear();
+                m.scratch.contact.reaction.extend_from_slice(last);
                 m.residual = outcome.residual;
                 m.rounds += 1;
                 (pushes, forces) = (pushes_left, forces_left);
@@ -184,14 +199,16 @@ impl StrandContacts {
     /// Moves the members of the islands along their directions; returns the largest displacement, m.
     fn advance(
         &mut self,
-        guides: &mut [Guide],
-        bodies: &Bodies,
+        models: &[GuideModel],
+        states: &mut [GuideState],
+        env: &Environment,
         islands: &[Island],
         head: &Isometry3<f64>,
     ) -> f64 {
         let to_world = head.rotation.inverse();
         let StrandContacts { members, places, .. } = self;
-        active(members, guides, islands).for_each(|(m, guide)| m.advance(guide, bodies, places, &to_world));
+        active(members, models, states, islands)
+            .for_each(|(m, model, state)| m.advance(model, state, env, places, &to_world));
         self.gather(head);
         islands.iter().flat_map(|i| &i.members).map(|&g| self.members[g].moved).fold(0.0, f64::max)
     }
@@ -225,11 +242,11 @@ impl StrandContacts {
     /// The last resorts. A guide that still crosses a body, or is deep in what it keeps from one, goes where it went alone; guides that cross
     /// each other go half of their way, or a quarter, or do not move on the head, and so does what then crosses one of them. The last word is
     /// the bodies': what may not rest on the head for their sake goes where it went alone, whatever other guide is there.
-    fn give_way(&mut self, guides: &mut [Guide], env: &Environment, t: [f64; 2]) {
+    fn give_way(&mut self, models: &[GuideModel], states: &mut [GuideState], env: &Environment, t: [f64; 2]) {
         let head = &(env.head)(t[1]).inverse();
-        let lost: Vec<usize> = (0..guides.len()).filter(|&g| self.members[g].is_lost()).collect();
+        let lost: Vec<usize> = (0..models.len()).filter(|&g| self.members[g].is_lost()).collect();
         for &g in &lost {
-            self.members[g].go_alone(&guides[g]);
+            self.members[g].go_alone(&models[g]);
         }
         if !lost.is_empty() {
             self.look_afresh(head);
@@ -241,11 +258,11 @@ impl StrandContacts {
                 break;
             }
             for g in crossing {
-                let (m, guide) = (&mut self.members[g], &mut guides[g]);
+                let (m, model, state) = (&mut self.members[g], &models[g], &mut states[g]);
                 if !m.open && m.whole {
-                    m.open(guide, env, t);
+                    m.open(model, state, env, t);
                 }
-                m.cut_short(guide, env, t);
+                m.cut_short(model, state, env, t);
                 if m.resort == Resort::Still {
                     self.places.stop(g);
                 }
@@ -261,9 +278,16 @@ impl StrandContacts {
         self.places.look();
     }
 
-    fn note(&mut self, guides: &mut [Guide], bodies: &Bodies, records: &mut [StepRecord]) {
-        for ((guide, m), record) in guides.iter_mut().zip(&mut self.members).zip(&mut *records) {
-            m.note(guide, bodies, record);
+    fn note(
+        &mut self,
+        models: &[GuideModel],
+        states: &mut [GuideState],
+        env: &Environment,
+        records: &mut [StepRecord],
+    ) {
+        let members = self.members.iter_mut().zip(models).zip(states).zip(&mut *records);
+        for (((m, model), state), record) in members {
+            m.note(model, state, env, record);
         }
         for place in &self.places.found {
             let record = &mut records[self.places.guides(&place.contact)[0]].strands;
@@ -276,12 +300,12 @@ impl StrandContacts {
     }
 
     /// Ends the sub-step.
-    fn close(&mut self, guides: &mut [Guide], env: &Environment, t: [f64; 2]) {
-        self.members.par_iter_mut().zip(guides).for_each(|(m, guide)| {
+    fn close(&mut self, models: &[GuideModel], states: &mut [GuideState], env: &Environment, t: [f64; 2]) {
+        self.members.par_iter_mut().zip(models).zip(states).for_each(|((m, model), state)| {
             if m.resort == Resort::Still {
-                guide.hold(env, t);
+                state.rest_on_head(model, env, t);
             } else if m.open {
-                guide.close(&m.root, t[1] - t[0], &m.work);
+                model.close(state, &m.root, t[1] - t[0], &m.scratch);
             }
         });
         self.pushed.fill(false);
@@ -297,24 +321,32 @@ impl StrandContacts {
 /// The members of islands, with their guides.
 fn active<'a>(
     members: &'a mut [Member],
-    guides: &'a mut [Guide],
+    models: &'a [GuideModel],
+    states: &'a mut [GuideState],
     islands: &[Island],
-) -> impl ParallelIterator<Item = (&'a mut Member, &'a mut Guide)> {
-    let mut chosen = vec![false; guides.len()];
+) -> impl ParallelIterator<Item = (&'a mut Member, &'a GuideModel, &'a mut GuideState)> {
+    let mut chosen = vec![false; models.len()];
     islands.iter().flat_map(|island| &island.members).for_each(|&g| chosen[g] = true);
-    members.par_iter_mut().zip(guides).zip(chosen).filter(|(_, chosen)| *chosen).map(|(pair, _)| pair)
+    let all = members.par_iter_mut().zip(models).zip(states).zip(chosen).filter(|(_, chosen)| *chosen);
+    all.map(|(((member, model), state), _)| (member, model, state))
 }
 
 /// The curves of the guides that move at time `t`, s, in the frame of the head.
-fn curves(guides: &[Guide], movers: &[usize], env: &Environment, t: f64) -> Vec<Vector3<f64>> {
+fn curves(
+    models: &[GuideModel],
+    states: &[GuideState],
+    active: &[usize],
+    env: &Environment,
+    t: f64,
+) -> Vec<Vector3<f64>> {
     let head = (env.head)(t).inverse();
     let of = |shape: &mut RodShape, g: &usize| -> Vec<Vector3<f64>> {
-        let (rod, q) = (&guides[*g].rod, &guides[*g].q[0]);
+        let (rod, q) = (&models[*g].rod, &states[*g].q[0]);
         let root = env.root(&rod.root, t);
         shape.update(rod, &root.r, q);
         shape.refined_curve(rod, q).map(|x| carry(&head, &(x + root.p))).collect()
     };
-    let curves: Vec<_> = movers.par_iter().map_init(RodShape::default, of).collect();
+    let curves: Vec<_> = active.par_iter().map_init(RodShape::default, of).collect();
     curves.concat()
 }
 

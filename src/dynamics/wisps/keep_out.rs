@@ -121,7 +121,7 @@ impl Placed {
 impl<'a> Moment<'a> {
     /// At time `t`, s.
     pub fn new(env: &'a Environment<'a>, t: f64) -> Self {
-        let poses = (0..env.bodies.len()).map(|b| (env.body)(b, t)).collect();
+        let poses = env.body_poses(t);
         Moment { env, t, head: (env.head)(t), poses }
     }
 
@@ -149,7 +149,7 @@ impl<'a> Moment<'a> {
 
     /// Root of a rod, world.
     pub fn root(&self, rod: &Rod) -> Pose {
-        Environment::rooted(&self.head, &rod.root)
+        Environment::root_on(&self.head, &rod.root)
     }
 
     /// Finds how a guide that is led is kept out of the bodies: by what `out`, 1/m, must be added to its unknowns that its places keep their distances, as far as

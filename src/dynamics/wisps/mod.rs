@@ -7,7 +7,8 @@ mod rest;
 
 use super::checkpoint::StateMismatch;
 use super::environment::Environment;
-use super::guide::Guide;
+use super::guide::{GuideModel, GuideState};
+use super::integrator::backward_difference;
 use crate::contact::ProximityCache;
 use crate::math::lanes::MAX_LANES;
 use crate::rod::Rod;
@@ -44,7 +45,7 @@ pub(super) struct Wisps {
     followers: Vec<Follower>,
     /// Where each guide that follows was last seen outside of bodies.
     memory: Vec<ProximityCache>,
-    /// Unknowns of each guide that follows at the end of the last frame, as [`Guide::q`].
+    /// Unknowns of each guide that follows at the end of the last frame, as [`GuideState::q`].
     earlier: Vec<[Vec<f64>; 3]>,
     /// Which guides lead others, and their deflections at the end of the last frame.
     leads: Vec<bool>,
@@ -128,7 +129,8 @@ struct Means {
 
 /// A guide that follows.
 struct Led<'a> {
-    guide: &'a mut Guide,
+    model: &'a GuideModel,
+    state: &'a mut GuideState,
     follower: &'a mut Follower,
     /// Where it was last seen outside of bodies.
     memory: &'a mut ProximityCache,
@@ -166,50 +168,50 @@ impl Wisps {
     }
 
     /// Whether guide `i` moves by itself.
-    pub fn is_free(&self, i: usize) -> bool {
+    pub fn is_active(&self, i: usize) -> bool {
         !self.followers[i].follows
     }
 
     /// The guide that stands for what guide `i` moves with, and moves by itself: that, or that of a wisp around its own.
-    pub fn mover(&self, i: usize) -> usize {
+    pub fn leader(&self, i: usize) -> usize {
         match self.hierarchy.parent[i] {
-            Some(env) if !self.is_free(i) => self.mover(env),
+            Some(env) if !self.is_active(i) => self.leader(env),
             _ => i,
         }
     }
 
     /// Level of the wisp that guide `i` moves with.
     pub fn level(&self, i: usize) -> u32 {
-        self.hierarchy.level[self.mover(i)]
+        self.hierarchy.level[self.leader(i)]
     }
 
     /// Lets all guides that something leads follow; how each of `guides` is at time `t`, s, beside the others, is how it rests. What a tie holds moves by
     /// itself.
-    pub fn gather(&mut self, guides: &[Guide], env: &Environment, t: f64) {
+    pub fn gather(&mut self, models: &[GuideModel], states: &[GuideState], env: &Environment, t: f64) {
         let now = Moment::new(env, t);
-        let settled = |guide: &Guide| Settled {
-            q: guide.q[0].clone(),
+        let settled = |(model, state): (&GuideModel, &GuideState)| Settled {
+            q: state.q[0].clone(),
             // What lies nearer to a body than it should is not to start.
-            kept: now.distances(&guide.rod, &guide.q[0], &guide.kept()),
+            kept: now.distances(&model.rod, &state.q[0], &state.required_distances()),
         };
-        self.settle(guides, guides.par_iter().map(settled).collect());
-        self.swings = ModalCorrection::new(guides, &self.rest, env, t, self.h);
+        self.settle(models, models.par_iter().zip(states).map(settled).collect());
+        self.swings = ModalCorrection::new(models, &self.rest, env, t, self.h);
         for (i, follower) in self.followers.iter_mut().enumerate() {
-            follower.follows = !self.hierarchy.leaders[i].is_empty() && guides[i].ties.is_empty();
+            follower.follows = !self.hierarchy.leaders[i].is_empty() && models[i].ties.is_empty();
         }
     }
 
-    fn settle(&mut self, guides: &[Guide], settled: Vec<Settled>) {
-        self.rest = settled.into_par_iter().zip(guides).map(|(s, guide)| Rest::new(&guide.rod, s)).collect();
+    fn settle(&mut self, models: &[GuideModel], settled: Vec<Settled>) {
+        self.rest = settled.into_par_iter().zip(models).map(|(s, model)| Rest::new(&model.rod, s)).collect();
         let deepest = self.hierarchy.level.iter().copied().max().unwrap_or(0);
         let file = |members: &[usize]| {
-            let rods: Vec<&Rod> = members.iter().map(|i| &guides[*i].rod).collect();
+            let rods: Vec<&Rod> = members.iter().map(|i| &models[*i].rod).collect();
             File { guides: members.to_vec(), pack: Pack::new(&rods) }
         };
         let of_level = |level: u32| {
             let led = |i: &usize| self.hierarchy.level[*i] == level && !self.hierarchy.leaders[*i].is_empty();
-            let led: Vec<usize> = (0..guides.len()).filter(led).collect();
-            let alike = led.chunk_by(|a, b| guides[*a].rod.unknowns() == guides[*b].rod.unknowns());
+            let led: Vec<usize> = (0..models.len()).filter(led).collect();
+            let alike = led.chunk_by(|a, b| models[*a].rod.unknowns() == models[*b].rod.unknowns());
             alike.flat_map(|alike| alike.chunks(Pack::width())).map(file).collect()
         };
         self.files = (0..=deepest).map(of_level).collect();
@@ -221,7 +223,7 @@ impl Wisps {
     }
 
     /// ModalCorrection all guides through the frame from time `t[0]` to `t[1]`, s, before they are led.
-    pub fn swing(&mut self, env: &Environment, t: [f64; 2]) {
+    pub fn advance_modes(&mut self, env: &Environment, t: [f64; 2]) {
         self.swings.advance(env, t, self.h);
     }
 
@@ -248,19 +250,26 @@ impl Wisps {
 
     /// Moves what follows of a level to where it is at the end of the frame from time `t[0]` to `t[1]`, s. What comes away there does so at the frame's start,
     /// where it still followed well: it is put back there, to be taken through the frame by itself. Returns which guides do.
-    pub fn lead(&mut self, level: u32, guides: &mut [Guide], env: &Environment, t: [f64; 2]) -> Vec<usize> {
-        self.place_all(level, guides, &Moment::new(env, t[1]));
+    pub fn lead(
+        &mut self,
+        level: u32,
+        models: &[GuideModel],
+        states: &mut [GuideState],
+        env: &Environment,
+        t: [f64; 2],
+    ) -> Vec<usize> {
+        self.place_all(level, models, states, &Moment::new(env, t[1]));
         let Some(parting) = self.parting else { return Vec::new() };
         self.learn(level);
         let parts = |i: &usize| {
             self.hierarchy.level[*i] == level
-                && !self.is_free(*i)
+                && !self.is_active(*i)
                 && self.followers[*i].off + self.missed(*i) > parting
         };
-        let away: Vec<usize> = (0..guides.len()).into_par_iter().filter(parts).collect();
+        let away: Vec<usize> = (0..models.len()).into_par_iter().filter(parts).collect();
         for &i in &away {
-            guides[i].q.clone_from(&self.earlier[i]);
-            guides[i].take_up(env, t[0], self.h);
+            states[i].q.clone_from(&self.earlier[i]);
+            states[i].resume(&models[i], env, t[0], self.h);
             let agreement = self.followers[i].agreement;
             self.followers[i] = Follower { since: t[1], agreement, ..Follower::default() };
         }
@@ -268,28 +277,28 @@ impl Wisps {
     }
 
     /// Notes how what leads others is turned, of a level.
-    pub fn note(&mut self, level: u32, guides: &[Guide]) {
-        let leading = self.deflections.par_iter_mut().zip(guides).enumerate();
+    pub fn record_level(&mut self, level: u32, models: &[GuideModel], states: &[GuideState]) {
+        let leading = self.deflections.par_iter_mut().zip(states).enumerate();
         leading
             .filter(|(i, _)| self.hierarchy.level[*i] == level && self.leads[*i])
-            .for_each(|(i, (deflection, guide))| self.rest[i].deflection(guide, deflection));
+            .for_each(|(i, (deflection, state))| self.rest[i].deflection(&models[i].rod, state, deflection));
     }
 
     /// Lets guides that move by themselves follow, at time `t`, s, once all levels are noted; returns how many begin to.
-    pub fn join(&mut self, guides: &[Guide], t: f64) -> u32 {
+    pub fn merge(&mut self, models: &[GuideModel], states: &[GuideState], t: f64) -> u32 {
         let Some(parting) = self.parting else { return 0 };
         let change = |i: usize| {
-            if !self.is_free(i) || self.hierarchy.leaders[i].is_empty() || !guides[i].ties.is_empty() {
+            if !self.is_active(i) || self.hierarchy.leaders[i].is_empty() || !models[i].ties.is_empty() {
                 return None;
             }
-            let still = self.speed(i, &guides[i]) < parting * (G / guides[i].rod.length()).sqrt();
+            let still = self.speed(i, &models[i], &states[i]) < parting * (G / models[i].rod.length()).sqrt();
             if !still || self.missed(i) > CALM * parting {
                 return Some(Change::Wait);
             }
             let rested = t - self.followers[i].since >= FADING - 0.5 * self.h;
-            rested.then(|| Change::Merge(self.joined(i, &guides[i], t)))
+            rested.then(|| Change::Merge(self.joined(i, &models[i], &states[i], t)))
         };
-        let changes: Vec<Option<Change>> = (0..guides.len()).into_par_iter().map(change).collect();
+        let changes: Vec<Option<Change>> = (0..models.len()).into_par_iter().map(change).collect();
         let mut merges = 0;
         for (follower, change) in self.followers.iter_mut().zip(changes) {
             match change {
@@ -305,16 +314,17 @@ impl Wisps {
     }
 
     /// Moves what follows of a level to where it is `now`.
-    fn place_all(&mut self, level: u32, guides: &mut [Guide], now: &Moment) {
+    fn place_all(&mut self, level: u32, models: &[GuideModel], states: &mut [GuideState], now: &Moment) {
         let (mut followers, mut memory, mut earlier) = (
             std::mem::take(&mut self.followers),
             std::mem::take(&mut self.memory),
             std::mem::take(&mut self.earlier),
         );
-        let of_all = guides.iter_mut().zip(&mut followers).zip(memory.iter_mut().zip(&mut earlier));
+        let guides = models.iter().zip(states);
+        let of_all = guides.zip(&mut followers).zip(memory.iter_mut().zip(&mut earlier));
         let mut of_all: Vec<Option<Led>> = of_all
-            .map(|((guide, follower), (memory, earlier))| {
-                follower.follows.then_some(Led { guide, follower, memory, earlier })
+            .map(|(((model, state), follower), (memory, earlier))| {
+                follower.follows.then_some(Led { model, state, follower, memory, earlier })
             })
             .collect();
         let mut of_files: Vec<(&File, [Option<Led>; MAX_LANES])> = self.files[level as usize]
@@ -333,20 +343,20 @@ impl Wisps {
     /// Moves the guides of a file that follow to where they are led.
     fn place(&self, file: &File, led: &mut [Option<Led>; MAX_LANES], now: &Moment, work: &mut Workspace) {
         for (i, led) in file.guides.iter().zip(&mut *led) {
-            let Some(Led { guide, follower, earlier, .. }) = led else { continue };
+            let Some(Led { model, state, follower, earlier, .. }) = led else { continue };
             // All of it is set anew.
-            std::mem::swap(*earlier, &mut guide.q);
+            std::mem::swap(*earlier, &mut state.q);
             self.average(*i, &mut work.means);
             self.ask(*i, &work.means, &mut follower.agreement);
             self.swing_on(*i, follower.agreement.share(), &mut work.means);
-            for (back, q) in guide.q.iter_mut().enumerate() {
-                self.rest[*i].unknowns(&guide.rod, work.means.deflection.strain(back), q);
+            for (back, q) in state.q.iter_mut().enumerate() {
+                self.rest[*i].unknowns(&model.rod, work.means.deflection.strain(back), q);
                 follower.add_own(now.time() - back as f64 * self.h, q);
             }
         }
         let mut bent = led.iter().zip(&mut work.places).map(|(led, places)| {
-            let Led { guide, .. } = led.as_ref()?;
-            Some(PointsTask { root: now.root(&guide.rod), q: &guide.q[0], points: places })
+            let Led { model, state, .. } = led.as_ref()?;
+            Some(PointsTask { root: now.root(&model.rod), q: &state.q[0], points: places })
         });
         let mut bent = std::array::from_fn(|_| bent.next().flatten());
         file.pack.evaluate_points(&mut bent, &mut work.pack);
@@ -362,13 +372,13 @@ impl Wisps {
     fn keep_out(
         &self,
         rest: &Rest,
-        Led { guide, follower, memory, earlier }: &mut Led,
+        Led { model, state, follower, memory, earlier }: &mut Led,
         places: &[Vector3<f64>],
         now: &Moment,
         work: &mut Workspace,
     ) {
         let Workspace { out, keep_out, .. } = work;
-        let (rod, q) = (&guide.rod, &mut guide.q);
+        let (rod, q) = (&model.rod, &mut state.q);
         out.clone_from(&follower.out);
         let led = keep_out::Led { rod, rest, q: &q[0], places, before: &earlier[0] };
         let way = now.bring_out(&led, out, memory, keep_out);
@@ -411,29 +421,31 @@ impl Wisps {
     }
 
     /// Speed of guide `i`, which moves by itself, as seen from where its leaders would move it, as a share of its length, 1/s.
-    fn speed(&self, i: usize, guide: &Guide) -> f64 {
+    fn speed(&self, i: usize, model: &GuideModel, state: &GuideState) -> f64 {
         let (led, mut own) = (self.led(i), Deflection::default());
-        self.rest[i].deflection(guide, &mut own);
-        let rate = |n: usize| slope(BACK.map(|back| own.strain(back)[n] - led.strain(back)[n]), self.h);
+        self.rest[i].deflection(&model.rod, state, &mut own);
+        let rate = |n: usize| {
+            backward_difference(BACK.map(|back| own.strain(back)[n] - led.strain(back)[n]), self.h)
+        };
         let rates: Vec<f64> = (0..led.strain(0).len()).map(rate).collect();
         self.rest[i].reach.mean_displacement(vectors(&rates))
     }
 
     /// What guide `i` is when it begins to follow at time `t`, s.
-    fn joined(&self, i: usize, guide: &Guide, t: f64) -> Follower {
+    fn joined(&self, i: usize, model: &GuideModel, state: &GuideState, t: f64) -> Follower {
         let deflection = self.led(i);
         let led = BACK.map(|back| {
             let mut q = Vec::new();
-            self.rest[i].unknowns(&guide.rod, deflection.strain(back), &mut q);
+            self.rest[i].unknowns(&model.rod, deflection.strain(back), &mut q);
             q
         });
-        let own = |n: usize| BACK.map(|back| guide.q[back][n] - led[back][n]);
+        let own = |n: usize| BACK.map(|back| state.q[back][n] - led[back][n]);
         let n = 0..led[0].len();
         Follower {
             follows: true,
             since: t,
             offset: n.clone().map(|n| own(n)[0]).collect(),
-            drift: n.map(|n| slope(own(n), self.h)).collect(),
+            drift: n.map(|n| backward_difference(own(n), self.h)).collect(),
             agreement: self.followers[i].agreement,
             ..Follower::default()
         }
@@ -468,14 +480,9 @@ impl Wisps {
     }
 }
 
-/// Rate now by three values a step of `h`, s, apart, the newest first; of second order.
-pub(super) fn slope([now, one, two]: [f64; 3], h: f64) -> f64 {
-    (3.0 * now - 4.0 * one + two) / (2.0 * h)
-}
-
 /// What a checkpoint holds of wisps.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(super) struct Saved {
+pub(super) struct WispsState {
     rest: Vec<Settled>,
     followers: Vec<Follower>,
     swings: modal_correction::Saved,
@@ -483,8 +490,8 @@ pub(super) struct Saved {
 
 impl Wisps {
     /// What changes.
-    pub fn state(&self) -> Saved {
-        Saved {
+    pub fn state(&self) -> WispsState {
+        WispsState {
             rest: self.rest.iter().map(|r| r.settled.clone()).collect(),
             followers: self.followers.clone(),
             swings: self.swings.state(),
@@ -492,19 +499,28 @@ impl Wisps {
     }
 
     /// Goes back to a state of the same `guides`.
-    pub fn restore(&mut self, state: Saved, guides: &[Guide]) -> Result<(), StateMismatch> {
-        StateMismatch::unless_same("followers", state.followers.len(), guides.len())?;
+    pub fn restore(
+        &mut self,
+        state: WispsState,
+        models: &[GuideModel],
+        states: &[GuideState],
+    ) -> Result<(), StateMismatch> {
+        StateMismatch::unless_same("followers", state.followers.len(), models.len())?;
         self.followers = state.followers;
         self.rest.clear();
         if !state.rest.is_empty() {
-            StateMismatch::unless_same("guides at rest", state.rest.len(), guides.len())?;
-            for (rest, guide) in state.rest.iter().zip(guides) {
-                StateMismatch::unless_same("unknowns at rest", rest.q.len(), guide.rod.unknowns())?;
-                StateMismatch::unless_same("distances kept", rest.kept.len(), guide.kept().len())?;
+            StateMismatch::unless_same("guides at rest", state.rest.len(), models.len())?;
+            for ((rest, model), guide) in state.rest.iter().zip(models).zip(states) {
+                StateMismatch::unless_same("unknowns at rest", rest.q.len(), model.rod.unknowns())?;
+                StateMismatch::unless_same(
+                    "distances kept",
+                    rest.kept.len(),
+                    guide.required_distances().len(),
+                )?;
             }
-            self.settle(guides, state.rest);
+            self.settle(models, state.rest);
         }
-        self.swings = ModalCorrection::restored(state.swings, guides, &self.rest)?;
+        self.swings = ModalCorrection::restored(state.swings, models, &self.rest)?;
         Ok(())
     }
 }

@@ -3,7 +3,7 @@
 
 use super::{Environment, Means, Rest};
 use crate::dynamics::checkpoint::StateMismatch;
-use crate::dynamics::guide::Guide;
+use crate::dynamics::guide::GuideModel;
 use crate::wisp::{Deflection, HeadExcitation, ModalResponse, ModeState};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -79,16 +79,16 @@ fn shake(env: &Environment, t: f64, h: f64) -> HeadExcitation {
 
 impl ModalCorrection {
     /// Of `guides` at `rest` at time `t`, s, of steps of `h`, s.
-    pub fn new(guides: &[Guide], rest: &[Rest], env: &Environment, t: f64, h: f64) -> Self {
+    pub fn new(models: &[GuideModel], rest: &[Rest], env: &Environment, t: f64, h: f64) -> Self {
         let pull = (env.head)(t).rotation.inverse() * (env.gravity)(t);
-        ModalCorrection::at_rest(guides, rest, Still { shake: shake(env, t, h), pull })
+        ModalCorrection::at_rest(models, rest, Still { shake: shake(env, t, h), pull })
     }
 
-    fn at_rest(guides: &[Guide], rest: &[Rest], still: Still) -> Self {
-        let swing = |(guide, rest): (&Guide, &Rest)| {
-            ModalResponse::new(&guide.rod, &rest.settled.q, &rest.reach, &guide.drag, &still.pull)
+    fn at_rest(models: &[GuideModel], rest: &[Rest], still: Still) -> Self {
+        let swing = |(model, rest): (&GuideModel, &Rest)| {
+            ModalResponse::new(&model.rod, &rest.settled.q, &rest.reach, &model.drag, &still.pull)
         };
-        ModalCorrection { swings: guides.par_iter().zip(rest).map(swing).collect(), still }
+        ModalCorrection { swings: models.par_iter().zip(rest).map(swing).collect(), still }
     }
 
     /// ModalCorrection all guides through the frame from time `t[0]` to `t[1]`, s, in steps of `h`, s.
@@ -122,12 +122,12 @@ impl ModalCorrection {
     }
 
     /// Those of that state, of the same `guides` at the same `rest`.
-    pub fn restored(state: Saved, guides: &[Guide], rest: &[Rest]) -> Result<Self, StateMismatch> {
+    pub fn restored(state: Saved, models: &[GuideModel], rest: &[Rest]) -> Result<Self, StateMismatch> {
         StateMismatch::unless_same("swings", state.swung.len(), rest.len())?;
         if rest.is_empty() {
             return Ok(ModalCorrection::default());
         }
-        let mut swings = ModalCorrection::at_rest(guides, rest, state.still);
+        let mut swings = ModalCorrection::at_rest(models, rest, state.still);
         for (swing, swung) in swings.swings.iter_mut().zip(state.swung) {
             StateMismatch::unless_same("modes", swung.len(), swing.mode_states().len())?;
             swing.restore(swung);

@@ -1,7 +1,7 @@
 //! How guides rest, and how they are turned out of that.
 
 use super::{keep_out, vectors};
-use crate::dynamics::guide::Guide;
+use crate::dynamics::guide::GuideState;
 use crate::rod::{Rod, RodShape};
 use crate::wisp::{Deflection, LinearKinematics};
 use nalgebra::{Matrix3, Vector3};
@@ -24,7 +24,7 @@ pub(super) struct Rest {
 pub(super) struct Settled {
     /// Unknowns, 1/m.
     pub q: Vec<f64>,
-    /// Distance that each place keeps from each body when it follows, m, as in [`Guide::kept`].
+    /// Distance that each place keeps from each body when it follows, m, as in [`GuideState::required_distances`].
     pub kept: Vec<f64>,
 }
 
@@ -52,13 +52,13 @@ impl Rest {
         })
     }
 
-    /// Sets `deflection` to that of `guide`.
-    pub fn deflection(&self, guide: &Guide, deflection: &mut Deflection) {
-        let strain = guide.q.iter().flat_map(|q| {
+    /// Sets `deflection` to that of a guide of `rod`.
+    pub fn deflection(&self, rod: &Rod, state: &GuideState, deflection: &mut Deflection) {
+        let strain = state.q.iter().flat_map(|q| {
             let at_rest = self.settled.q.chunks_exact(3).zip(&self.frame);
             q.chunks_exact(3).zip(at_rest).map(|(q, (rest, frame))| {
                 let deviation = Vector3::from_column_slice(q) - Vector3::from_column_slice(rest);
-                frame * deviation * guide.rod.length()
+                frame * deviation * rod.length()
             })
         });
         deflection.set(strain, &self.reach);

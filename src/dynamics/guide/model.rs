@@ -1,0 +1,64 @@
+//! The constants of a guide.
+
+use crate::dynamics::tie::Tie;
+use crate::geometry::Friction;
+use crate::rod::Rod;
+use crate::scene::anim::Scheme;
+use nalgebra::Vector3;
+
+/// The constants of a guide: its rod and what acts on it.
+#[derive(Debug, Clone)]
+pub struct GuideModel {
+    /// The Kirchhoff rod.
+    pub rod: Rod,
+    /// Time scheme.
+    pub scheme: Scheme,
+    /// Drag coefficient at each point: force per length and speed, N·s/m².
+    pub drag: Vec<f64>,
+    /// Friction along the strand at root and tip, used where a body has none of its own.
+    pub friction: [Friction; 2],
+    /// Ratio of the friction across the strand to that along it.
+    pub friction_across: f64,
+    /// Springs that pull the points to the groom's pose, one per point; empty without a goal.
+    pub goal: Vec<GoalSpring>,
+    /// Places of the strand that are held to bodies.
+    pub ties: Vec<Tie>,
+}
+
+/// A spring that pulls one point to its place in the groom's pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GoalSpring {
+    /// Anchor in the frame of the root, m.
+    pub anchor: Vector3<f64>,
+    /// Stiffness, N/m.
+    pub stiffness: f64,
+}
+
+/// How contact constrains the sub-step of a guide.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ContactMode {
+    /// Constraints keep the guide out of bodies; the guide halves its own sub-step where it has to.
+    #[default]
+    Bodies,
+    /// As `Bodies`, but the guide takes its sub-step whole: a [`CoupledSubstep`](crate::dynamics::coupled_substep)
+    /// halves it for all guides at once.
+    Coupled,
+    /// Springs push the guide out of bodies: fast, without guarantees.
+    Springs,
+}
+
+impl GuideModel {
+    /// A guide without ties and goal, with isotropic friction, under the default time scheme. `drag` is per point,
+    /// N·s/m².
+    pub fn new(rod: Rod, drag: Vec<f64>, friction: impl Into<Friction>) -> Self {
+        GuideModel {
+            rod,
+            scheme: Scheme::default(),
+            drag,
+            friction: [friction.into(); 2],
+            friction_across: 1.0,
+            goal: Vec::new(),
+            ties: Vec::new(),
+        }
+    }
+}

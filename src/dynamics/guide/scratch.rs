@@ -1,0 +1,52 @@
+//! Buffers of the steps of one thread.
+
+use crate::contact::BodyMotion;
+use crate::dynamics::body_contact::BodyContactScratch;
+use crate::dynamics::tie::Tie;
+use crate::math::se3::Pose;
+use crate::rod::newton::{NewtonOutcome, Solver};
+use crate::rod::potential::Load;
+use nalgebra::Vector3;
+
+/// Buffers of the steps of one thread. They carry nothing from one step to the next.
+#[derive(Debug, Default)]
+pub struct GuideScratch {
+    /// Newton solver with the shape at `q`.
+    pub(in crate::dynamics) solver: Solver,
+    /// Load of the step.
+    pub(in crate::dynamics) load: Load,
+    /// Unknowns at the end of the step, 1/m.
+    pub(in crate::dynamics) q: Vec<f64>,
+    /// Unknowns q* that the difference formula asks for, 1/m.
+    pub(super) q_star: Vec<f64>,
+    /// Unknowns of the solve without contact, 1/m.
+    pub(super) free_q: Vec<f64>,
+    /// What the guide meets in the step.
+    pub(super) inputs: ContactInputs,
+    /// Buffers of the contact with bodies.
+    pub(in crate::dynamics) contact: BodyContactScratch,
+}
+
+/// What a guide meets in one step.
+#[derive(Debug, Default)]
+pub(super) struct ContactInputs {
+    /// Motion of each body.
+    pub motions: Vec<BodyMotion>,
+    /// Distance to keep from body b at both ends of half segment k, m, at `b * halves + k`.
+    pub clearance: Vec<[f64; 2]>,
+    /// Contact polyline at the start of the step, m, world.
+    pub polyline: Vec<Vector3<f64>>,
+    /// Speed gained from gravity and force fields in the step, m/s.
+    pub falling_speed: f64,
+    /// Active ties with their targets, m, world.
+    pub ties: Vec<(Tie, Vector3<f64>)>,
+}
+
+/// The solved motion of a step without contact.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::dynamics) struct FreeSolve {
+    /// Root at the end of the step, world.
+    pub root: Pose,
+    /// Outcome of the Newton solve.
+    pub outcome: NewtonOutcome,
+}

@@ -1,0 +1,369 @@
+//! The state of a guide.
+
+use super::model::GuideModel;
+use crate::dynamics::checkpoint::{Checkpoint, StateMismatch};
+use crate::dynamics::clearance::Clearance;
+use crate::dynamics::contact_polyline::with_midpoints;
+use crate::dynamics::environment::Environment;
+use crate::dynamics::integrator::DifferenceFormula;
+use crate::math::se3::Pose;
+use crate::rod::RodShape;
+use crate::rod::contact_load::ContactLoad;
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// The state of a guide between two sub-steps.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct GuideState {
+    /// Unknowns now, one and two sub-steps ago, 1/m.
+    pub q: [Vec<f64>; 3],
+    /// Points, m, world.
+    pub x: Vec<Vector3<f64>>,
+    /// Velocities of the points, m/s.
+    pub v: Vec<Vector3<f64>>,
+    /// Unit tangents at the points.
+    pub tangent: Vec<Vector3<f64>>,
+    /// Distances to keep from each body.
+    pub clearance: Clearance,
+    /// What the next solve is extrapolated from.
+    history: History,
+    /// Reactions of bodies at the end of the last step: the next step starts from them.
+    pub(super) contact_loads: Vec<ContactLoad>,
+    /// True if no part of the last sub-step was admissible: bodies have closed on the strand, and halving does not help.
+    pub(in crate::dynamics) pinched: bool,
+    /// Values that speed up or feed one sub-step; no later sub-step depends on them.
+    #[serde(skip)]
+    pub(super) transient: Transient,
+}
+
+/// The solves that led to a state.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct History {
+    /// The configuration at the start of the last solve.
+    previous: Configuration,
+    /// Length of the step that led here, s; 0 if the next step must not use `previous` (restart with backward Euler).
+    last_step: f64,
+    /// The last solve and the one before it.
+    rates: [SolveRate; 2],
+}
+
+/// What a time scheme remembers of a configuration.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Configuration {
+    q: Vec<f64>,
+    x: Vec<Vector3<f64>>,
+    v: Vec<Vector3<f64>>,
+    tangent: Vec<Vector3<f64>>,
+}
+
+/// Mean rate of the unknowns over one solve.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct SolveRate {
+    /// Duration of the solve's step, s.
+    step: f64,
+    /// Rate of the unknowns, 1/(m·s).
+    rate: Vec<f64>,
+}
+
+/// Values that no later sub-step depends on.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Transient {
+    /// Friction force within the wisp on each point over the coming sub-step, N, world; empty without friction.
+    pub friction_force: Vec<Vector3<f64>>,
+    /// Where bodies were last found: shortens searches and changes no result.
+    pub memory: crate::contact::ContactCache,
+}
+
+impl GuideState {
+    /// The groom's pose at time `t`, s, carried rigidly by the head. `h` is the sub-step, s, and `thickness` the distance
+    /// to keep from each body, m.
+    pub fn new(model: &GuideModel, thickness: &[f64], env: &Environment, t: f64, h: f64) -> Self {
+        let rod = &model.rod;
+        let q = rod.initial_q.clone();
+        let mut shape = RodShape::default();
+        let mut poses = |t: f64| -> Vec<Pose> {
+            let root = env.root(&rod.root, t);
+            shape.update(rod, &root.r, &q);
+            shape.poses().map(|g| Pose { r: g.r, p: g.p + root.p }).collect()
+        };
+        let (now, before) = (poses(t), poses(t - h));
+        let x: Vec<Vector3<f64>> = now.iter().map(|g| g.p).collect();
+        let mut polyline = Vec::new();
+        with_midpoints(&rod.arc, |k| x[k], |k| now[k].r.column(2).into(), &mut polyline);
+        let clearance = Clearance::new(&env.bodies, t, &env.body_poses(t), thickness, &polyline);
+        let v: Vec<Vector3<f64>> = now.iter().zip(&before).map(|(a, b)| (a.p - b.p) / h).collect();
+        let tangent: Vec<Vector3<f64>> = now.iter().map(|g| g.r.column(2).into()).collect();
+        let rates = std::array::from_fn(|_| SolveRate { step: h, rate: vec![0.0; q.len()] });
+        let previous = Configuration { q: q.clone(), x: x.clone(), v: v.clone(), tangent: tangent.clone() };
+        GuideState {
+            clearance,
+            x,
+            v,
+            tangent,
+            history: History { previous, last_step: 0.0, rates },
+            q: [q.clone(), q.clone(), q],
+            contact_loads: Vec::new(),
+            pinched: false,
+            transient: Transient::default(),
+        }
+    }
+
+    /// Mean rate of the unknowns over the last solve, 1/(m·s).
+    pub(in crate::dynamics) fn rate(&self) -> &[f64] {
+        &self.history.rates[0].rate
+    }
+
+    /// Length of the step that led here, s; 0 if the next step must not look back.
+    pub(super) fn last_step(&self) -> f64 {
+        self.history.last_step
+    }
+
+    /// Makes the next step start anew with backward Euler.
+    pub(super) fn restart_scheme(&mut self) {
+        self.history.last_step = 0.0;
+    }
+
+    /// Sets the friction forces of the wisp over the coming sub-step, N, world, per point.
+    pub(in crate::dynamics) fn set_friction_force(&mut self, force: Vec<Vector3<f64>>) {
+        self.transient.friction_force = force;
+    }
+
+    /// The polyline that meets bodies, m, world: the points, with the midpoints of the curve between them.
+    pub fn contact_polyline(&self, model: &GuideModel, polyline: &mut Vec<Vector3<f64>>) {
+        with_midpoints(&model.rod.arc, |k| self.x[k], |k| self.tangent[k], polyline);
+    }
+
+    /// Shifts the sub-step history of the unknowns.
+    pub(super) fn begin_substep(&mut self) {
+        let [now, one, two] = &mut self.q;
+        two.copy_from_slice(one);
+        one.copy_from_slice(now);
+    }
+
+    /// Values of point `k` that enter a step with a difference formula (docs/theory.md §4.6): x* + η v*, x*, both relative
+    /// to `root`, m, and the extrapolated unit tangent.
+    pub(super) fn formula_values(
+        &self,
+        k: usize,
+        formula: &DifferenceFormula,
+        root: &Vector3<f64>,
+    ) -> (Vector3<f64>, Vector3<f64>, Vector3<f64>) {
+        let before = &self.history.previous;
+        let x_star = formula.y_star(self.x[k], before.x[k]) - root;
+        let inertial = x_star + formula.y_star(self.v[k], before.v[k]) * formula.eta;
+        let tangent = (self.tangent[k] + (self.tangent[k] - before.tangent[k]) * formula.ratio).normalize();
+        (inertial, x_star, tangent)
+    }
+
+    /// q* of a difference formula, 1/m.
+    pub(super) fn q_star(&self, formula: &DifferenceFormula) -> impl Iterator<Item = f64> {
+        self.q[0].iter().zip(&self.history.previous.q).map(|(q, before)| formula.y_star(*q, *before))
+    }
+
+    /// Extrapolates the unknowns by `h`, s, with the parabola through the last three states (Newton's divided
+    /// differences).
+    pub(super) fn extrapolate(&self, h: f64, q: &mut Vec<f64>) {
+        let [SolveRate { step: h1, rate: r1 }, SolveRate { step: h2, rate: r2 }] = &self.history.rates;
+        let bend = h * (h + h1) / (h1 + h2);
+        q.clear();
+        let ahead = self.q[0].iter().zip(r1).zip(r2);
+        q.extend(ahead.map(|((q, r1), r2)| q + r1 * h + (r1 - r2) * bend));
+    }
+
+    /// Ends a step of `h`, s: takes over the solved unknowns `q` and their `shape` on the root's pose `root`.
+    pub(super) fn commit(
+        &mut self,
+        root: &Pose,
+        h: f64,
+        formula: &DifferenceFormula,
+        (q, shape): (&[f64], &RodShape),
+    ) {
+        let History { previous, rates, last_step } = &mut self.history;
+        previous.q.clone_from(&self.q[0]);
+        rates.swap(0, 1);
+        let SolveRate { step, rate } = &mut rates[0];
+        *step = h;
+        for ((rate, q), new) in rate.iter_mut().zip(&mut self.q[0]).zip(q) {
+            *rate = (new - *q) / h;
+            *q = *new;
+        }
+        for k in 0..self.x.len() {
+            let x = root.p + shape.x(k);
+            let v = (x - formula.y_star(self.x[k], previous.x[k])) / formula.eta;
+            previous.v[k] = std::mem::replace(&mut self.v[k], v);
+            previous.x[k] = std::mem::replace(&mut self.x[k], x);
+            previous.tangent[k] = std::mem::replace(&mut self.tangent[k], shape.tangent(k));
+        }
+        *last_step = h;
+    }
+
+    /// Returns to the start of the last step; `history.previous` then holds its end. Only valid directly after a step that
+    /// was taken whole.
+    pub(super) fn swap_with_previous(&mut self) {
+        let History { previous, rates, .. } = &mut self.history;
+        std::mem::swap(&mut self.q[0], &mut previous.q);
+        std::mem::swap(&mut self.x, &mut previous.x);
+        std::mem::swap(&mut self.v, &mut previous.v);
+        std::mem::swap(&mut self.tangent, &mut previous.tangent);
+        rates.swap(0, 1);
+    }
+
+    /// Unknowns of the previous configuration, 1/m.
+    pub(super) fn previous_q(&self) -> &Vec<f64> {
+        &self.history.previous.q
+    }
+
+    /// Carries the rod rigidly with its root from one pose to another, with its velocity rotated and halved: the fallback
+    /// where no solve converges, as when the head jumps. Unsolvable motion dies out.
+    pub(super) fn carry_rigidly(&mut self, from: &Pose, to: &Pose) {
+        let turn = to.r * from.r.transpose();
+        for k in 0..self.x.len() {
+            self.x[k] = to.p + turn * (self.x[k] - from.p);
+            self.v[k] = turn * self.v[k] * 0.5;
+            self.tangent[k] = turn * self.tangent[k];
+        }
+        self.forget_history();
+    }
+
+    /// Ends the sub-step from `t[0]` to `t[1]`, s, as it began, at rest relative to the head.
+    pub(in crate::dynamics) fn rest_on_head(
+        &mut self,
+        model: &GuideModel,
+        env: &Environment,
+        [t0, t1]: [f64; 2],
+    ) {
+        let mut shape = RodShape::default();
+        self.q[0] = self.q[1].clone();
+        for t in [t0, t1] {
+            let root = env.root(&model.rod.root, t);
+            shape.update(&model.rod, &root.r, &self.q[0]);
+            for k in 0..self.x.len() {
+                let x = shape.x(k) + root.p;
+                self.v[k] = (x - self.x[k]) / (t1 - t0);
+                self.x[k] = x;
+                self.tangent[k] = shape.tangent(k);
+            }
+        }
+        self.forget_history();
+    }
+
+    fn forget_history(&mut self) {
+        for SolveRate { rate, .. } in &mut self.history.rates {
+            rate.fill(0.0);
+        }
+        self.history.previous = Configuration {
+            q: self.q[0].clone(),
+            x: self.x.clone(),
+            v: self.v.clone(),
+            tangent: self.tangent.clone(),
+        };
+        self.contact_loads.clear();
+        self.restart_scheme();
+    }
+
+    /// Starts to move actively at time `t`, s, from the unknowns `q` set for now and for one and two sub-steps of `h`, s,
+    /// ago.
+    pub(in crate::dynamics) fn resume(&mut self, model: &GuideModel, env: &Environment, t: f64, h: f64) {
+        let mut shape = RodShape::default();
+        let mut poses = |back: usize| -> Vec<Pose> {
+            let root = env.root(&model.rod.root, t - back as f64 * h);
+            shape.update(&model.rod, &root.r, &self.q[back]);
+            shape.poses().map(|g| Pose { r: g.r, p: g.p + root.p }).collect()
+        };
+        let [now, one, two] = [0, 1, 2].map(&mut poses);
+        let previous = &mut self.history.previous;
+        for k in 0..self.x.len() {
+            let [x, x1, x2] = [now[k].p, one[k].p, two[k].p];
+            (self.x[k], self.v[k]) = (x, (x * 3.0 - x1 * 4.0 + x2) / (2.0 * h));
+            self.tangent[k] = now[k].r.column(2).into();
+            (previous.x[k], previous.v[k]) = (x1, (x - x2) / (2.0 * h));
+            previous.tangent[k] = one[k].r.column(2).into();
+        }
+        let rate = |a: &[f64], b: &[f64]| {
+            let rate = a.iter().zip(b).map(|(a, b)| (a - b) / h).collect();
+            SolveRate { step: h, rate }
+        };
+        self.history.rates = [rate(&self.q[0], &self.q[1]), rate(&self.q[1], &self.q[2])];
+        previous.q.clone_from(&self.q[1]);
+        self.history.last_step = h;
+        self.contact_loads.clear();
+        self.transient.friction_force.clear();
+        self.pinched = false;
+    }
+
+    /// Distance that each place must keep from each body, m, −∞ if exempt; at body b and place k at `b * places + k`, the
+    /// points first, then the midpoints.
+    pub(in crate::dynamics) fn required_distances(&self) -> Vec<f64> {
+        let mut clearance = Vec::new();
+        self.clearance.at(1.0, &mut clearance);
+        let halves = 2 * (self.x.len() - 1);
+        let of = |ends: &[[f64; 2]]| {
+            let between = |k: usize| ends[k - 1][1].min(ends[k][0]);
+            let points = [f64::NEG_INFINITY].into_iter().chain((2..halves).step_by(2).map(between));
+            points.chain([ends[halves - 1][1]]).chain((1..halves).step_by(2).map(between)).collect::<Vec<_>>()
+        };
+        clearance.chunks_exact(halves).flat_map(of).collect()
+    }
+
+    /// Arc length of each segment, m: of the cubic through its ends with their tangents, by three-point Gauss quadrature.
+    pub fn segment_lengths(&self, model: &GuideModel) -> Vec<f64> {
+        let s = &model.rod.arc;
+        (0..s.len() - 1)
+            .map(|k| {
+                let (h, chord) = (s[k + 1] - s[k], self.x[k + 1] - self.x[k]);
+                let (ta, tb) = (self.tangent[k] * h, self.tangent[k + 1] * h);
+                let speed = |u: f64| {
+                    let (d, e, f) = (6.0 * u * (1.0 - u), 1.0 - 4.0 * u + 3.0 * u * u, 3.0 * u * u - 2.0 * u);
+                    (chord * d + ta * e + tb * f).norm()
+                };
+                let r = 0.5 * 0.6_f64.sqrt();
+                (5.0 * speed(0.5 - r) + 8.0 * speed(0.5) + 5.0 * speed(0.5 + r)) / 18.0
+            })
+            .collect()
+    }
+}
+
+impl Checkpoint for GuideState {
+    type State = GuideState;
+
+    fn state(&self) -> GuideState {
+        // All fields by name: whoever adds one decides here whether a later sub-step depends on it.
+        let GuideState { q, x, v, tangent, clearance, history, contact_loads, pinched, transient: _ } = self;
+        GuideState {
+            q: q.clone(),
+            x: x.clone(),
+            v: v.clone(),
+            tangent: tangent.clone(),
+            clearance: clearance.clone(),
+            history: history.clone(),
+            contact_loads: contact_loads.clone(),
+            pinched: *pinched,
+            transient: Transient::default(),
+        }
+    }
+
+    fn restore(&mut self, state: GuideState) -> Result<(), StateMismatch> {
+        let (points, unknowns) = (self.x.len(), self.q[0].len());
+        let History { previous, rates, .. } = &state.history;
+        for (what, found, expected) in [
+            ("clearances", state.clearance.len(), self.clearance.len()),
+            ("unknowns", state.q[0].len(), unknowns),
+            ("unknowns one step back", state.q[1].len(), unknowns),
+            ("unknowns two steps back", state.q[2].len(), unknowns),
+            ("points", state.x.len(), points),
+            ("velocities", state.v.len(), points),
+            ("tangents", state.tangent.len(), points),
+            ("previous unknowns", previous.q.len(), unknowns),
+            ("previous points", previous.x.len(), points),
+            ("previous velocities", previous.v.len(), points),
+            ("previous tangents", previous.tangent.len(), points),
+            ("rates", rates[0].rate.len(), unknowns),
+            ("previous rates", rates[1].rate.len(), unknowns),
+        ] {
+            StateMismatch::unless_same(what, found, expected)?;
+        }
+        let transient = std::mem::take(&mut self.transient);
+        *self = GuideState { transient, ..state };
+        Ok(())
+    }
+}

@@ -1,0 +1,235 @@
+//! One implicit step of a guide (docs/theory.md §4).
+
+use super::model::{ContactMode, GuideModel};
+use super::scratch::{FreeSolve, GuideScratch};
+use super::state::GuideState;
+use crate::dynamics::air_drag;
+use crate::dynamics::environment::Environment;
+use crate::dynamics::integrator::DifferenceFormula;
+use crate::dynamics::step_record::StepRecord;
+use crate::math::se3::Pose;
+use crate::rod::potential::PointLoad;
+use crate::scene::anim::Scheme;
+use nalgebra::Vector3;
+
+/// Times a step is halved before a solve that does not converge is replaced by rigid motion with the root, or a motion
+/// that still crosses a surface is truncated. Both are recorded.
+pub(in crate::dynamics) const MAX_HALVINGS: u32 = 5;
+
+/// Largest motion of a point, m, in a step that starts from the extrapolated state with the last contact loads: beyond it
+/// the strand soon meets other surfaces than those it touched.
+const MAX_WARM_START: f64 = 0.02;
+
+impl GuideModel {
+    /// Advances `state` over `span`, its start and end time, s: one sub-step, halved where the solver needs it.
+    pub fn step(
+        &self,
+        env: &Environment,
+        state: &mut GuideState,
+        span: [f64; 2],
+        mode: ContactMode,
+        scratch: &mut GuideScratch,
+    ) -> StepRecord {
+        self.step_from(None, env, state, span, mode, scratch)
+    }
+
+    /// [`GuideModel::step`] once the motion without contact is known, if it is.
+    pub(in crate::dynamics) fn step_from(
+        &self,
+        free: Option<FreeSolve>,
+        env: &Environment,
+        state: &mut GuideState,
+        span: [f64; 2],
+        mode: ContactMode,
+        scratch: &mut GuideScratch,
+    ) -> StepRecord {
+        state.begin_substep();
+        let mut record = StepRecord::default();
+        let coupled = mode == ContactMode::Coupled;
+        let depth = if coupled { MAX_HALVINGS } else { 0 };
+        self.step_part(free, env, state, span, (mode, depth), scratch, &mut record);
+        if !coupled {
+            state.pinched = record.truncated > record.halvings;
+        }
+        if state.clearance.counts().1 > 0 && (env.push_out)(span[1]) >= 1.0 {
+            // Segments still inside at the end of the push-out are drawn through the body: they stay exempt.
+            let poses = env.body_poses(span[1]);
+            state.contact_polyline(self, &mut scratch.inputs.polyline);
+            state.clearance.arrive(&env.bodies, span[1], &poses, &scratch.inputs.polyline);
+        }
+        record
+    }
+
+    /// Takes a part of a sub-step that was halved `depth` times.
+    #[allow(clippy::too_many_arguments)] // A recursion over all of a step's parameters.
+    fn step_part(
+        &self,
+        mut free: Option<FreeSolve>,
+        env: &Environment,
+        state: &mut GuideState,
+        [t0, t1]: [f64; 2],
+        (mode, depth): (ContactMode, u32),
+        scratch: &mut GuideScratch,
+        record: &mut StepRecord,
+    ) {
+        let last = state.pinched || depth >= MAX_HALVINGS;
+        let mut formula = self.difference_formula(state, t1 - t0);
+        let (mut root, mut outcome, mut clear);
+        loop {
+            FreeSolve { root, outcome } = match free.take() {
+                Some(solved) => solved,
+                None => {
+                    let root = self.prepare(env, state, [t0, t1], &formula, scratch);
+                    let GuideScratch { solver, load, q, .. } = scratch;
+                    FreeSolve { root, outcome: solver.minimise(&self.rod, &root.r, load, q, &state.q[0]) }
+                }
+            };
+            record.iterations += outcome.iterations;
+            if mode == ContactMode::Springs {
+                clear = outcome.converged;
+                scratch.contact.clear();
+                if clear && self.push_out_by_springs(env, state, &root, [t0, t1], scratch) {
+                    formula = DifferenceFormula::new(self.scheme, t1 - t0, 0.0);
+                }
+                break;
+            }
+            if self.solve_from_contact(env, state, &root, [t0, t1], scratch) {
+                (clear, outcome.converged) = (true, true);
+                break;
+            }
+            scratch.contact.clear();
+            clear =
+                outcome.converged && self.resolve_contact(env, state, &root, [t0, t1], (true, last), scratch);
+            // A contact stops a motion within one step; a formula that looks further back would throw it back.
+            if !(formula.looks_back() && scratch.contact.stats.touched()) {
+                break;
+            }
+            formula = DifferenceFormula::new(self.scheme, t1 - t0, 0.0);
+        }
+        let coupled = mode == ContactMode::Coupled;
+        let whole = clear || coupled || depth >= MAX_HALVINGS || state.pinched && outcome.converged;
+        if !whole {
+            record.halvings += 1;
+            let middle = 0.5 * (t0 + t1);
+            for part in [[t0, middle], [middle, t1]] {
+                self.step_part(None, env, state, part, (mode, depth + 1), scratch, record);
+            }
+            return;
+        }
+        record.unconverged += u32::from(!outcome.converged);
+        record.truncated += u32::from(outcome.converged && !clear);
+        scratch.contact.stats.enter(record);
+        if outcome.converged {
+            state.commit(&root, t1 - t0, &formula, (&scratch.q, &scratch.solver.shape));
+            state.contact_loads.clear();
+            if clear {
+                state.contact_loads.extend_from_slice(&scratch.contact.pushes);
+            }
+            if scratch.contact.stats.touched() {
+                state.restart_scheme();
+            }
+        } else {
+            state.carry_rigidly(&env.root(&self.rod.root, t0), &root);
+        }
+    }
+
+    /// Solves the step of a strand in contact from the extrapolated state with the last contact loads; `false` if that
+    /// fails. The motion without contact would pass through what holds the strand, and away from its shape where it is bent
+    /// hard against it.
+    fn solve_from_contact(
+        &self,
+        env: &Environment,
+        state: &mut GuideState,
+        root: &Pose,
+        t: [f64; 2],
+        scratch: &mut GuideScratch,
+    ) -> bool {
+        if state.contact_loads.is_empty() {
+            return false;
+        }
+        scratch.free_q.clone_from(&scratch.q);
+        state.extrapolate(t[1] - t[0], &mut scratch.q);
+        if !scratch.solver.shape.update(&self.rod, &root.r, &scratch.q) {
+            scratch.q.clone_from(&state.q[0]);
+            scratch.solver.shape.update(&self.rod, &root.r, &scratch.q);
+        }
+        let far =
+            |(k, x): (usize, &Vector3<f64>)| (scratch.solver.shape.x(k) + root.p - x).norm() > MAX_WARM_START;
+        scratch.contact.clear();
+        scratch.contact.pushes.clone_from(&state.contact_loads);
+        if !state.x.iter().enumerate().any(far)
+            && self.resolve_contact(env, state, root, t, (false, false), scratch)
+        {
+            return true;
+        }
+        scratch.q.clone_from(&scratch.free_q);
+        scratch.solver.shape.update(&self.rod, &root.r, &scratch.q);
+        false
+    }
+
+    /// The difference formula of the next step, of `h`, s.
+    pub(in crate::dynamics) fn difference_formula(&self, state: &GuideState, h: f64) -> DifferenceFormula {
+        DifferenceFormula::new(self.scheme, h, state.last_step())
+    }
+
+    /// Fills the load of a step and the unknowns to start its solve from; returns the root's pose at its end.
+    pub(in crate::dynamics) fn prepare(
+        &self,
+        env: &Environment,
+        state: &GuideState,
+        [t0, t1]: [f64; 2],
+        formula: &DifferenceFormula,
+        scratch: &mut GuideScratch,
+    ) -> Pose {
+        let root = env.root(&self.rod.root, t1);
+        let GuideScratch { load, q, q_star, .. } = scratch;
+        let points = (0..state.x.len()).map(|k| {
+            let (inertial, previous, tangent) = state.formula_values(k, formula, &root.p);
+            let air = air_drag::velocity(env.wind, &state.x[k], t1);
+            PointLoad { inertial, previous, air, tangent, drag: self.drag[k] }
+        });
+        q_star.clear();
+        q_star.extend(state.q_star(formula));
+        load.set(&self.rod, formula.eta, &(env.gravity)(t1), q_star, points);
+        for (k, spring) in self.goal.iter().enumerate() {
+            load.add_spring(k, &(root.r * spring.anchor), spring.stiffness);
+        }
+        state.transient.friction_force.iter().enumerate().for_each(|(k, f)| load.add_force(k, f));
+        state.extrapolate(t1 - t0, q);
+        root
+    }
+
+    /// Returns to the start of the sub-step from `t[0]` to `t[1]`, s, that was just taken whole, and reopens it as one step
+    /// of backward Euler; `scratch` then holds the end that the step had. Returns the root's pose there.
+    pub(in crate::dynamics) fn reopen(
+        &self,
+        env: &Environment,
+        state: &mut GuideState,
+        t: [f64; 2],
+        scratch: &mut GuideScratch,
+    ) -> Pose {
+        state.swap_with_previous();
+        let formula = DifferenceFormula::new(Scheme::BackwardEuler, t[1] - t[0], 0.0);
+        let root = self.prepare(env, state, t, &formula, scratch);
+        scratch.q.clone_from(state.previous_q());
+        scratch.solver.shape.update(&self.rod, &root.r, &scratch.q);
+        scratch.contact.clear();
+        self.prepare_contact(env, state, t, &mut scratch.inputs);
+        root
+    }
+
+    /// Ends a reopened sub-step of `h`, s.
+    pub(in crate::dynamics) fn close(
+        &self,
+        state: &mut GuideState,
+        root: &Pose,
+        h: f64,
+        scratch: &GuideScratch,
+    ) {
+        let formula = DifferenceFormula::new(Scheme::BackwardEuler, h, 0.0);
+        state.commit(root, h, &formula, (&scratch.q, &scratch.solver.shape));
+        // Loads of bodies alone are no start among other guides.
+        state.contact_loads.clear();
+        state.restart_scheme();
+    }
+}

@@ -1,0 +1,168 @@
+//! What does not change during a simulation.
+
+use super::air_drag::{self, HairBulk};
+use super::guide::{ContactMode, GoalSpring, GuideModel};
+use super::guide_rods::GuideRods;
+use super::strand_contact::BundleProperties;
+use super::tie;
+use super::wisp_friction::{FrictionSampler, WispFriction};
+use crate::rod::{Rod, RodShape};
+use crate::scene::anim::{Contact, Resolution, Written};
+use crate::scene::{Anim, Groom};
+use crate::wisp::GuideRod;
+use rayon::prelude::*;
+
+/// Volume fraction of hair in a pressed bundle: between loose (0.4) and hexagonal (0.9) packing.
+const PACKING: f64 = 0.6;
+
+/// What does not change during a simulation: the guides' models and the settings of the animation.
+pub struct Model<'a> {
+    /// The animation.
+    pub anim: &'a Anim,
+    /// The guides, in the groom's order.
+    pub guides: Vec<GuideModel>,
+    /// Whether each guide is simulated at all.
+    pub simulated: Vec<bool>,
+    /// Each guide with its own hairs, as other guides touch it.
+    pub(super) bundles: Vec<BundleProperties>,
+    /// Friction within coarse wisps, if any material has it.
+    pub(super) wisp_friction: Option<WispFriction>,
+    /// Tolerance at which guides split from their wisp, as a share of their length; `None` where none does.
+    pub(super) split_tolerance: Option<f64>,
+    /// Sub-steps of the pre-roll.
+    preroll: i64,
+}
+
+impl<'a> Model<'a> {
+    /// The model of a groom, which must have its trees; `rods` are its own.
+    pub fn new(groom: &Groom, anim: &'a Anim, rods: &GuideRods) -> Self {
+        let simulated = rods.moved.clone();
+        let rods = &rods.simulated;
+        let bulk = HairBulk::new(rods.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
+        let mut guides: Vec<GuideModel> = rods.par_iter().map(|r| guide(anim, &bulk, r)).collect();
+        for (guide, ties) in guides.iter_mut().zip(tie::ties(groom, anim, rods)) {
+            guide.ties = ties;
+        }
+        let adaptive = anim.settings.resolution() == Resolution::Adaptive;
+        Model {
+            anim,
+            guides,
+            simulated,
+            bundles: bundles(rods),
+            wisp_friction: wisp_friction(rods),
+            split_tolerance: adaptive.then_some(anim.settings.parting),
+            preroll: preroll(anim),
+        }
+    }
+
+    /// Sub-step, s.
+    pub fn substep(&self) -> f64 {
+        1.0 / (self.anim.fps * f64::from(self.anim.settings.substeps))
+    }
+
+    /// Time after `taken` sub-steps, s. The pre-roll ends one frame before the first, on the handle frame.
+    pub fn time_after(&self, taken: i64) -> f64 {
+        let substeps = i64::from(self.anim.settings.substeps);
+        let first = (i64::from(self.anim.frames.0) - 1) * substeps;
+        (first + taken - self.preroll) as f64 / (self.anim.fps * substeps as f64)
+    }
+
+    /// True if `taken` sub-steps are those of the pre-roll.
+    pub(super) fn is_preroll_end(&self, taken: i64) -> bool {
+        taken == self.preroll
+    }
+
+    /// True if a frame ends after `taken` sub-steps.
+    pub(super) fn is_at_frame(&self, taken: i64) -> bool {
+        let after_preroll = taken - self.preroll;
+        after_preroll >= 0 && after_preroll % i64::from(self.anim.settings.substeps) == 0
+    }
+
+    /// True if the configurations between frames are written after `taken` sub-steps.
+    pub(super) fn writes_steps(&self, taken: i64) -> bool {
+        self.anim.settings.curves == Written::Steps && taken >= self.preroll
+    }
+
+    /// How contact constrains a sub-step.
+    pub(super) fn contact_mode(&self) -> ContactMode {
+        match self.anim.settings.contact {
+            Contact::Bodies => ContactMode::Bodies,
+            Contact::Full => ContactMode::Coupled,
+            Contact::Penalty => ContactMode::Springs,
+        }
+    }
+
+    /// Progress (0..=1) over time, s, of pushing out of bodies what starts inside them: the first half of the pre-roll pushes
+    /// out, the second settles.
+    pub(super) fn push_out(&self) -> impl Fn(f64) -> f64 + Sync + 'static {
+        let (end, preroll) = (self.time_after(self.preroll), self.anim.settings.preroll);
+        move |t| match preroll {
+            p if p > 0.0 => ((t - end + p) / (0.5 * p)).clamp(0.0, 1.0),
+            _ => 1.0,
+        }
+    }
+}
+
+/// Sub-steps of the pre-roll.
+fn preroll(anim: &Anim) -> i64 {
+    let step = 1.0 / (anim.fps * f64::from(anim.settings.substeps));
+    (anim.settings.preroll / step).ceil() as i64
+}
+
+/// Sub-steps from the start of the pre-roll to `frame`, which is not before the handle frame.
+pub fn substeps_to(anim: &Anim, frame: i32) -> i64 {
+    let frames = i64::from(frame) - i64::from(anim.frames.0) + 1;
+    preroll(anim) + frames * i64::from(anim.settings.substeps)
+}
+
+fn guide(anim: &Anim, bulk: &HairBulk, r: &GuideRod) -> GuideModel {
+    let mut shape = RodShape::default();
+    shape.update(&r.rod, &r.rod.root.r, &r.rod.initial_q);
+    let place = |k: usize| shape.x(k) + r.rod.root.p;
+    let drag = (0..r.rod.points()).map(|k| air_drag::coefficient(&r.material, bulk, &place(k))).collect();
+    let at_tip = r.material.friction.scaled(r.material.friction_at_tip);
+    GuideModel {
+        scheme: anim.settings.scheme,
+        friction: [r.material.friction, at_tip],
+        friction_across: r.material.friction_across,
+        goal: goal(&r.rod, &shape, r.material.goal),
+        ..GuideModel::new(r.rod.clone(), drag, r.material.friction)
+    }
+}
+
+/// Springs of frequencies `hz`, going linearly from root to tip, that pull the points of a rod to where they are in `shape`.
+fn goal(rod: &Rod, shape: &RodShape, hz: [f64; 2]) -> Vec<GoalSpring> {
+    if hz == [0.0; 2] {
+        return Vec::new();
+    }
+    let spring = |(k, s): (usize, f64)| {
+        let omega = std::f64::consts::TAU * (hz[0] + (hz[1] - hz[0]) * (s / rod.length()));
+        GoalSpring { anchor: rod.root.r.transpose() * shape.x(k), stiffness: rod.mass[k] * omega * omega }
+    };
+    rod.arc.iter().copied().enumerate().map(spring).collect()
+}
+
+/// Each guide with its own hairs, counted as a share of what the median guide represents.
+fn bundles(rods: &[GuideRod]) -> Vec<BundleProperties> {
+    let mut hairs: Vec<f64> = rods.iter().map(|r| r.hairs).collect();
+    hairs.sort_by(f64::total_cmp);
+    let bundle = |r: &GuideRod| {
+        let material = &r.material;
+        let area = material.section.area();
+        let radius = |area: f64| (area / std::f64::consts::PI).sqrt();
+        BundleProperties {
+            hair: radius(area),
+            bundle: radius(area * r.hairs / PACKING),
+            parallel: material.friction_parallel,
+            cohesion: material.cohesion,
+            hairs: r.hairs / hairs[hairs.len() / 2],
+        }
+    };
+    rods.iter().map(bundle).collect()
+}
+
+fn wisp_friction(rods: &[GuideRod]) -> Option<WispFriction> {
+    let sampler = |r: &GuideRod| FrictionSampler::new(&r.rod, r.hairs, r.material.wisp_friction);
+    let wisps: Vec<usize> = rods.iter().map(|r| r.leaf.0).collect();
+    WispFriction::new(rods.iter().map(sampler).collect(), &wisps)
+}
