@@ -6,7 +6,7 @@
 use hairbake::contact::Bodies;
 use hairbake::dynamics::batch::Batches;
 use hairbake::dynamics::environment::Environment;
-use hairbake::dynamics::guide::Guide;
+use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideState};
 use hairbake::dynamics::step_record::StepRecord;
 use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
 use hairbake::scene::anim::Scheme;
@@ -67,8 +67,9 @@ fn hairs(nodes: usize, count: usize) -> Vec<Rod> {
 
 /// Rods without contact on a head that moves by `place`.
 struct Scene<'a> {
-    place: &'a (dyn Fn(f64) -> Vector3<f64> + Sync),
-    guides: Vec<Guide>,
+    env: Environment<'a>,
+    models: Vec<GuideModel>,
+    states: Vec<GuideState>,
     batches: Batches,
     records: Vec<StepRecord>,
     /// Step, s.
@@ -85,19 +86,20 @@ impl<'a> Scene<'a> {
         h: f64,
     ) -> Self {
         let records = vec![StepRecord::default(); rods.len()];
-        let (guides, batches) = (Vec::new(), Batches::default());
-        let mut scene = Scene { place, guides, batches, records, h, taken: 0 };
-        scene.guides = scene.env(|env| {
-            let start = |rod: Rod| {
-                let drag = vec![drag; rod.points()];
-                let mut guide = Guide::new(rod, drag, 0.3, &[], env, 0.0, h);
-                guide.scheme = scheme;
-                guide
-            };
-            rods.into_iter().map(start).collect()
-        });
-        scene.batches = Batches::rebuild(&scene.guides, |_| true);
-        scene
+        let pose = move |t: f64| Isometry3::from_parts(place(t).into(), Default::default());
+        let env = Environment {
+            head: Box::new(pose),
+            body: Box::new(move |_, t| pose(t)),
+            ..Environment::at_rest(Bodies::default())
+        };
+        let model = |rod: Rod| {
+            let drag = vec![drag; rod.points()];
+            GuideModel { scheme, ..GuideModel::new(rod, drag, 0.3) }
+        };
+        let models: Vec<GuideModel> = rods.into_iter().map(model).collect();
+        let states = models.iter().map(|model| GuideState::new(model, &[], &env, 0.0, h)).collect();
+        let batches = Batches::new(&models, |_| true);
+        Scene { env, models, states, batches, records, h, taken: 0 }
     }
 
     /// Hairs on a shaken head.
@@ -106,35 +108,20 @@ impl<'a> Scene<'a> {
         Scene::new(rods, scheme, place, 2e-5, 1.0 / rate)
     }
 
-    fn env<T>(&self, f: impl FnOnce(&Environment) -> T) -> T {
-        let pose = |t: f64| Isometry3::from_parts((self.place)(t).into(), Default::default());
-        f(&Environment {
-            head: &pose,
-            gravity: &|_| Vector3::y() * -9.81,
-            wind: &[],
-            bodies: &Bodies::default(),
-            body: &|_, t| pose(t),
-            carrier: &|_, _| Isometry3::identity(),
-            brought_out: &|_| 1.0,
-        })
-    }
-
     /// Takes some steps.
     fn run(&mut self, steps: u32) -> Cost {
-        let mut guides = std::mem::take(&mut self.guides);
-        let mut records = std::mem::take(&mut self.records);
+        let Scene { env, models, states, batches, records, .. } = self;
         let (start, cpu) = (Instant::now(), cpu_seconds());
         let mut iterations = 0;
         for _ in 0..steps {
             let span = [f64::from(self.taken) * self.h, f64::from(self.taken + 1) * self.h];
-            self.env(|env| self.batches.advance(&mut guides, env, span, &mut records));
+            batches.step(models, env, states, span, ContactMode::Bodies, records);
             assert!(records.iter().all(|r| r.unconverged == 0));
             iterations += records.iter().map(|r| u64::from(r.iterations)).sum::<u64>();
             self.taken += 1;
         }
         let (wall, cpu) = (start.elapsed().as_secs_f64(), cpu_seconds() - cpu);
-        let taken = f64::from(steps) * guides.len() as f64;
-        (self.guides, self.records) = (guides, records);
+        let taken = f64::from(steps) * models.len() as f64;
         Cost { wall, cpu, taken, iterations: iterations as f64 / taken }
     }
 }
@@ -182,7 +169,7 @@ fn cantilevers() {
         let frames = 48;
         let cost = scene.run(10 * frames);
         scene.run(2400);
-        let tip = scene.guides[0].x.last().unwrap() / length;
+        let tip = scene.states[0].x.last().unwrap() / length;
         println!(
             "{nodes} nodes: {:.4} CPU s a frame ({:.2} us and {:.2} Newton steps a step), tip {:.1e} L from the elastica",
             cost.cpu / f64::from(frames),

@@ -183,7 +183,7 @@ impl HeadVelocity {
 mod tests {
     use super::*;
     use crate::contact::Bodies;
-    use crate::dynamics::guide::Workspace;
+    use crate::dynamics::guide::{ContactMode, GuideModel, GuideScratch};
     use crate::math::random;
     use crate::rod::{RodSource, SegmentSize, Taper};
     use crate::scene::Tree;
@@ -208,29 +208,31 @@ mod tests {
         .unwrap()
     }
 
-    fn env<'a>(head: &'a (dyn Fn(f64) -> Isometry3<f64> + Sync), bodies: &'a Bodies) -> Environment<'a> {
-        Environment {
-            head,
-            gravity: &|_| V::y() * -9.81,
-            wind: &[],
-            bodies,
-            body: &|_, _| Isometry3::identity(),
-            carrier: &|_, _| Isometry3::identity(),
-            brought_out: &|_| 1.0,
-        }
+    fn turning_head() -> Environment<'static> {
+        Environment { head: Box::new(turning), ..Environment::at_rest(Bodies::default()) }
+    }
+
+    /// Guides of one wisp, and their friction.
+    struct Wisp {
+        models: Vec<GuideModel>,
+        states: Vec<GuideState>,
+        friction: WispFriction,
     }
 
     /// Guides of the given lengths, and of one wisp that rubs at the given rates; each guide stands for more hairs than the one before.
-    fn wisp(lengths: &[f64], rates: &[f64], env: &Environment, h: f64) -> (Vec<Guide>, WispFriction) {
+    fn wisp(lengths: &[f64], rates: &[f64], env: &Environment, h: f64) -> Wisp {
         let rods: Vec<Rod> = lengths.iter().enumerate().map(|(i, l)| hair(i, *l)).collect();
-        let friction_force =
+        let sampler =
             |(i, (rod, rate)): (usize, (&Rod, &f64))| FrictionSampler::new(rod, 1.0 + i as f64, *rate);
-        let friction_force = rods.iter().zip(rates).enumerate().map(friction_force).collect();
-        let guides = rods.into_iter().map(|rod| {
+        let samplers = rods.iter().zip(rates).enumerate().map(sampler).collect();
+        let friction = WispFriction::new(samplers, &vec![0; lengths.len()]).unwrap();
+        let model = |rod: Rod| {
             let drag = vec![0.0; rod.points()];
-            Guide::new(rod, drag, 0.3, &[], env, 0.0, h)
-        });
-        (guides.collect(), WispFriction::new(friction_force, &vec![0; lengths.len()]).unwrap())
+            GuideModel::new(rod, drag, 0.3)
+        };
+        let models: Vec<GuideModel> = rods.into_iter().map(model).collect();
+        let states = models.iter().map(|model| GuideState::new(model, &[], env, 0.0, h)).collect();
+        Wisp { models, states, friction }
     }
 
     fn turning(t: f64) -> Isometry3<f64> {
@@ -242,19 +244,18 @@ mod tests {
 
     #[test]
     fn what_one_loses_others_gain_and_together_they_lose_energy() {
-        let bodies = Bodies::default();
-        let env = env(&turning, &bodies);
-        let (mut guides, wisp_friction) = wisp(&[0.1, 0.23, 0.17], &[10.0, 300.0, 0.0], &env, H);
+        let env = turning_head();
+        let Wisp { mut states, friction, .. } = wisp(&[0.1, 0.23, 0.17], &[10.0, 300.0, 0.0], &env, H);
         let head = HeadVelocity::new(&env, 0.0);
         let mut drawn = 0..;
-        for guide in &mut guides {
+        for guide in &mut states {
             guide.v.fill_with(|| V::from_fn(|_, _| random::unit(5, drawn.next().unwrap()) - 0.5));
         }
-        wisp_friction.apply(&mut guides, |i| i, &head, H);
+        friction.apply(&mut states, |i| i, &head, H);
         let (mut force, mut power, mut energy, mut size) = (V::zeros(), 0.0, 0.0, 0.0);
-        for (guide, FrictionSampler { hairs, places, .. }) in guides.iter().zip(&wisp_friction.guides) {
+        for (guide, FrictionSampler { hairs, places, .. }) in states.iter().zip(&friction.guides) {
             for ((f, place), (x, v)) in
-                guide.friction_force.iter().zip(places).zip(guide.x.iter().zip(&guide.v)).skip(1)
+                guide.friction_force().iter().zip(places).zip(guide.x.iter().zip(&guide.v)).skip(1)
             {
                 let v = head.to_world(&head.seen(x, v));
                 force += f * *hairs;
@@ -262,7 +263,7 @@ mod tests {
                 power += f.dot(&v) * hairs;
                 energy += 0.5 * place.mass * v.norm_squared() * hairs;
             }
-            assert_eq!(guide.friction_force[0], V::zeros());
+            assert_eq!(guide.friction_force()[0], V::zeros());
         }
         assert!(force.norm() < 1e-12 * size, "{force}");
         // No more than there is in a step, whatever the rate.
@@ -271,49 +272,46 @@ mod tests {
 
     #[test]
     fn what_all_move_together_is_left_alone() {
-        let bodies = Bodies::default();
-        let env = env(&turning, &bodies);
-        let (mut guides, wisp_friction) = wisp(&[0.1, 0.23, 0.17], &[50.0; 3], &env, H);
+        let env = turning_head();
+        let Wisp { mut states, friction, .. } = wisp(&[0.1, 0.23, 0.17], &[50.0; 3], &env, H);
         let head = HeadVelocity::new(&env, 0.0);
-        for guide in &mut guides {
+        for guide in &mut states {
             for (x, v) in guide.x.iter().zip(&mut guide.v) {
                 // As the head carries them, and all in one direction.
                 *v = V::new(0.5, -2.0, 0.1)
                     + (turning(1e-5) * turning(0.0).inverse_transform_point(&(*x).into()) - *x).coords / 1e-5;
             }
         }
-        wisp_friction.apply(&mut guides, |i| i, &head, H);
-        let largest = guides.iter().flat_map(|g| &g.friction_force).map(|f| f.norm()).fold(0.0, f64::max);
+        friction.apply(&mut states, |i| i, &head, H);
+        let largest =
+            states.iter().flat_map(GuideState::friction_force).map(|f| f.norm()).fold(0.0, f64::max);
         assert!(largest < 1e-9, "{largest} N");
     }
 
     /// Mean over time of the energy of what guides of three lengths move otherwise than their wisp, J, after they were let go from the side,
     /// in steps of `h`, s.
     fn unrest(rate: f64, h: f64, scheme: Scheme) -> (f64, f64) {
-        let bodies = Bodies::default();
-        let still = |_: f64| Isometry3::identity();
-        let env = Environment { gravity: &|_| V::x() * 9.81, ..env(&still, &bodies) };
-        let (mut guides, wisp_friction) = wisp(&[0.1, 0.15, 0.22], &[rate.max(1e-9); 3], &env, h);
-        guides.iter_mut().for_each(|g| g.scheme = scheme);
-        let mut work = Workspace::default();
+        let gravity = Box::new(|_| V::x() * 9.81);
+        let env = Environment { gravity, ..Environment::at_rest(Bodies::default()) };
+        let Wisp { mut models, mut states, friction } =
+            wisp(&[0.1, 0.15, 0.22], &[rate.max(1e-9); 3], &env, h);
+        models.iter_mut().for_each(|model| model.scheme = scheme);
+        let mut scratch = GuideScratch::default();
         let (mut energy, mut fastest) = (0.0, 0.0_f64);
         let steps = (1.0 / h) as u32;
         for step in 0..steps {
             let t = [f64::from(step) * h, f64::from(step + 1) * h];
             let head = HeadVelocity::new(&env, t[0]);
             if rate > 0.0 {
-                wisp_friction.apply(&mut guides, |i| i, &head, h);
+                friction.apply(&mut states, |i| i, &head, h);
             }
-            for guide in &mut guides {
-                let record = guide.advance(&env, t[0], t[1], &mut work);
+            for (model, state) in models.iter().zip(&mut states) {
+                let record = model.step(&env, state, t, ContactMode::Bodies, &mut scratch);
                 assert_eq!(record.unconverged, 0);
-                fastest = guide.v.iter().map(|v| v.norm()).fold(fastest, f64::max);
+                fastest = state.v.iter().map(|v| v.norm()).fold(fastest, f64::max);
             }
-            let nodes: Vec<_> = guides
-                .iter()
-                .zip(&wisp_friction.guides)
-                .map(|(g, r)| (r.hairs, r.at_nodes(g, &head)))
-                .collect();
+            let nodes: Vec<_> =
+                states.iter().zip(&friction.guides).map(|(g, r)| (r.hairs, r.at_nodes(g, &head))).collect();
             for k in 0..nodes[0].1.len() {
                 let mass: f64 = nodes.iter().map(|(hairs, n)| hairs * n[k].0).sum();
                 let mean = nodes.iter().map(|(hairs, n)| n[k].1 * (hairs * n[k].0)).sum::<V>() / mass;

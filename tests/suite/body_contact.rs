@@ -3,7 +3,7 @@
 use crate::strand::hair;
 use hairbake::contact::Bodies;
 use hairbake::dynamics::environment::Environment;
-use hairbake::dynamics::guide::{Guide, Workspace};
+use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideScratch, GuideState};
 use hairbake::dynamics::step_record::StepRecord;
 use hairbake::dynamics::tie::Tie;
 use hairbake::geometry::Shape;
@@ -13,54 +13,49 @@ use nalgebra::{Isometry3, Vector3};
 
 const RADIUS: f64 = 0.04;
 
-/// Bakes `seconds` at `rate` steps a second; the ball's centre moves by `centre`. Calls `each` after every step with the guide,
-/// the centre and the record.
+/// Simulates `seconds` at `rate` steps a second; the ball's centre moves as `centre`. Calls `each` after every step with the
+/// guide, the centre and the record.
 fn run(
     balls: bool,
     centre: &(dyn Fn(f64) -> Vector3<f64> + Sync),
     seconds: f64,
     rate: f64,
-    each: impl FnMut(&Guide, Vector3<f64>, StepRecord),
-) -> Guide {
-    run_as(balls, false, centre, seconds, rate, each)
+    each: impl FnMut(&GuideState, Vector3<f64>, StepRecord),
+) -> GuideState {
+    run_as(balls, ContactMode::Bodies, centre, seconds, rate, each)
 }
 
-/// The same; `sprung` balls push by springs.
+/// The same with a contact mode.
 fn run_as(
     balls: bool,
-    sprung: bool,
+    mode: ContactMode,
     centre: &(dyn Fn(f64) -> Vector3<f64> + Sync),
     seconds: f64,
     rate: f64,
-    mut each: impl FnMut(&Guide, Vector3<f64>, StepRecord),
-) -> Guide {
+    mut each: impl FnMut(&GuideState, Vector3<f64>, StepRecord),
+) -> GuideState {
     let ball = Shape::Sphere { centre: Vector3::zeros(), radius: RADIUS };
     let bodies = Bodies::from_shapes(if balls { std::slice::from_ref(&ball) } else { &[] });
     let env = Environment {
-        head: &|_| Isometry3::identity(),
-        gravity: &|_| Vector3::y() * -9.81,
-        wind: &[],
-        bodies: &bodies,
-        body: &|_, t| Isometry3::from_parts(centre(t).into(), nalgebra::UnitQuaternion::identity()),
-        carrier: &|_, _| Isometry3::identity(),
-        brought_out: &|_| 1.0,
+        body: Box::new(|_, t| Isometry3::from_parts(centre(t).into(), nalgebra::UnitQuaternion::identity())),
+        ..Environment::at_rest(bodies)
     };
     let rod = hair(0.2, SegmentSize::FINE);
     let drag = vec![2e-5; rod.points()];
     let h = 1.0 / rate;
-    let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &env, 0.0, h);
-    guide.sprung = sprung;
-    let mut work = Workspace::default();
+    let model = GuideModel::new(rod, drag, 0.3);
+    let mut state = GuideState::new(&model, &[5e-4], &env, 0.0, h);
+    let mut scratch = GuideScratch::default();
     for i in 0..(seconds * rate) as u32 {
         let (t0, t1) = (f64::from(i) * h, f64::from(i + 1) * h);
-        let record = guide.advance(&env, t0, t1, &mut work);
-        each(&guide, centre(t1), record);
+        let record = model.step(&env, &mut state, [t0, t1], mode, &mut scratch);
+        each(&state, centre(t1), record);
     }
-    guide
+    state
 }
 
 /// The polyline in which a guide meets bodies, m.
-fn line(guide: &Guide) -> Vec<Vector3<f64>> {
+fn line(guide: &GuideState) -> Vec<Vector3<f64>> {
     let mut line = Vec::new();
     guide.trace(&mut line);
     line
@@ -97,7 +92,7 @@ fn a_falling_strand_comes_to_rest_on_a_ball() {
     let guide = run(true, &place, 3.0, 192.0, |g, c, r| {
         deepest = deepest.min(least(&g.x, c));
         active = r.active;
-        assert_eq!((r.unconverged, r.shortened), (0, 0));
+        assert_eq!((r.unconverged, r.truncated), (0, 0));
     });
     assert!(deepest > 0.0, "inside by {} mm", -1e3 * deepest);
     assert!(active > 0, "does not touch the ball");
@@ -109,11 +104,11 @@ fn a_falling_strand_comes_to_rest_on_a_ball() {
 fn springs_hold_a_strand_about_where_constraints_do_and_never_throw_it() {
     let place = |_: f64| Vector3::new(0.08, -0.09, 0.003);
     for rate in [24.0, 192.0] {
-        let ends = [false, true].map(|sprung| {
+        let ends = [ContactMode::Bodies, ContactMode::Springs].map(|mode| {
             let mut fastest = 0.0_f64;
-            let guide = run_as(true, sprung, &place, 3.0, rate, |g, _, r| {
+            let guide = run_as(true, mode, &place, 3.0, rate, |g, _, r| {
                 fastest = g.v.iter().map(|v| v.norm()).fold(fastest, f64::max);
-                assert_eq!((r.unconverged, r.halvings * u32::from(sprung)), (0, 0));
+                assert_eq!((r.unconverged, r.halvings * u32::from(mode == ContactMode::Springs)), (0, 0));
             });
             let still = guide.v.iter().map(|v| v.norm()).fold(0.0, f64::max);
             assert!(still < 1e-2, "{rate} steps a second: still moves at {still} m/s");
@@ -158,27 +153,24 @@ fn a_curve_that_bulges_over_its_points_is_held_by_what_bulges() {
     // Up by 15 mm in 0.3 s, from 1 cm below.
     let height = |t: f64| 0.015 * (t / 0.3).min(1.0);
     let env = Environment {
-        head: &|_| Isometry3::identity(),
-        gravity: &|_| Vector3::zeros(),
-        wind: &[],
-        bodies: &bodies,
-        body: &|_, t| Isometry3::translation(0.0, height(t), 0.0),
-        carrier: &|_, _| Isometry3::identity(),
-        brought_out: &|_| 1.0,
+        gravity: Box::new(|_| Vector3::zeros()),
+        body: Box::new(|_, t| Isometry3::translation(0.0, height(t), 0.0)),
+        ..Environment::at_rest(bodies)
     };
     let (drag, h) = (vec![2e-5; rod.points()], 1.0 / 96.0);
-    let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &env, 0.0, h);
-    let (mut work, mut shape) = (Workspace::default(), hairbake::rod::RodShape::default());
+    let mut model = GuideModel::new(rod, drag, 0.3);
+    let mut state = GuideState::new(&model, &[5e-4], &env, 0.0, h);
+    let (mut scratch, mut shape) = (GuideScratch::default(), hairbake::rod::RodShape::default());
     let (mut least, mut bulge) = (f64::INFINITY, 0.0_f64);
     for i in 0..60 {
         let (t0, t1) = (f64::from(i) * h, f64::from(i + 1) * h);
-        let record = guide.advance(&env, t0, t1, &mut work);
-        assert_eq!((record.unconverged, record.shortened, record.unsettled), (0, 0, 0), "at {t1} s");
-        assert!(shape.update(&guide.rod, &guide.rod.root.r, &guide.q[0]));
+        let record = model.step(&env, &mut state, [t0, t1], ContactMode::Bodies, &mut scratch);
+        assert_eq!((record.unconverged, record.truncated, record.unsettled), (0, 0, 0), "at {t1} s");
+        assert!(shape.update(&model.rod, &model.rod.root.r, &state.q[0]));
         let lowest = |x: &mut dyn Iterator<Item = Vector3<f64>>| x.map(|x| x.y).fold(f64::INFINITY, f64::min);
-        let curve = lowest(&mut shape.refined_curve(&guide.rod, &guide.q[0]).map(|x| x + guide.rod.root.p));
+        let curve = lowest(&mut shape.refined_curve(&model.rod, &state.q[0]).map(|x| x + model.rod.root.p));
         least = least.min(curve - (height(t1) - 0.03));
-        bulge = bulge.max(lowest(&mut guide.x.iter().copied()) - curve);
+        bulge = bulge.max(lowest(&mut state.x.iter().copied()) - curve);
     }
     assert!(bulge > 8e-4, "its points are as low: {bulge} m");
     assert!((4.5e-4..6e-4).contains(&least), "{least} m from the plane");
@@ -202,7 +194,7 @@ fn a_rising_ball_takes_the_strand_along() {
             before = Some((g.x.clone(), c));
             deepest = deepest.min(least(&g.x, c));
             top = c.y;
-            assert_eq!((r.unconverged, r.shortened), (0, 0));
+            assert_eq!((r.unconverged, r.truncated), (0, 0));
         });
         assert!(deepest > 0.0, "{speed} m/s, {rate} steps a second: inside by {} mm", -1e3 * deepest);
         assert!(through > 0.0, "{speed} m/s, {rate} steps a second: went through by {} mm", -1e3 * through);
@@ -216,8 +208,8 @@ fn a_rising_ball_takes_the_strand_along() {
 }
 
 /// The place of the first tie of a guide, m.
-fn tied(guide: &Guide) -> Vector3<f64> {
-    guide.ties[0].place(&line(guide))
+fn tied(model: &GuideModel, state: &GuideState) -> Vector3<f64> {
+    model.ties[0].place(&line(state))
 }
 
 #[test]
@@ -225,34 +217,28 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
     // The body stands, then moves sideways at up to 0.3 m/s.
     let carrier =
         |_: usize, t: f64| Isometry3::translation(0.0, 0.0, 0.05 * (6.0 * (t - 1.0).max(0.0)).sin());
-    let env = Environment {
-        head: &|_| Isometry3::identity(),
-        gravity: &|_| Vector3::y() * -9.81,
-        wind: &[],
-        bodies: &Bodies::default(),
-        body: &|_, _| Isometry3::identity(),
-        carrier: &carrier,
-        brought_out: &|_| 1.0,
-    };
+    let env = Environment { carrier: Box::new(&carrier), ..Environment::at_rest(Bodies::default()) };
     let rod = hair(0.2, SegmentSize::FINE);
     let drag = vec![2e-5; rod.points()];
     let h = 1.0 / 96.0;
-    let mut guide = Guide::new(rod, drag, 0.3, &[], &env, 0.0, h);
+    let mut model = GuideModel::new(rod, drag, 0.3);
+    let mut state = GuideState::new(&model, &[], &env, 0.0, h);
     let goal = Vector3::new(0.04, -0.05, 0.02);
-    guide.ties = vec![Tie { half: 28, u: 0.6, body: 0, goal, times: [0.0, 2.0] }];
-    let mut work = Workspace::default();
-    let away =
-        |guide: &Guide, t: f64| (tied(guide) - (carrier(0, t) * nalgebra::Point3::from(goal)).coords).norm();
+    model.ties = vec![Tie { half: 28, u: 0.6, body: 0, goal, times: [0.0, 2.0] }];
+    let mut scratch = GuideScratch::default();
+    let away = |state: &GuideState, t: f64| {
+        (tied(&model, state) - (carrier(0, t) * nalgebra::Point3::from(goal)).coords).norm()
+    };
     for i in 0..288 {
         let (t0, t1) = (f64::from(i) * h, f64::from(i + 1) * h);
-        let record = guide.advance(&env, t0, t1, &mut work);
-        assert_eq!((record.unconverged, record.unsettled, record.shortened), (0, 0, 0), "{t1} s");
+        let record = model.step(&env, &mut state, [t0, t1], ContactMode::Bodies, &mut scratch);
+        assert_eq!((record.unconverged, record.unsettled, record.truncated), (0, 0, 0), "{t1} s");
         if (0.5..2.0).contains(&t1) {
-            assert!(away(&guide, t1) < 1e-4, "{t1} s: {} m away", away(&guide, t1));
-            assert!(record.slack < 1e-4);
+            assert!(away(&state, t1) < 1e-4, "{t1} s: {} m away", away(&state, t1));
+            assert!(record.tie_slack < 1e-4);
         }
     }
-    assert!(away(&guide, 3.0) > 0.05, "not let go: {} m", away(&guide, 3.0));
+    assert!(away(&state, 3.0) > 0.05, "not let go: {} m", away(&state, 3.0));
 }
 
 #[test]
@@ -274,23 +260,25 @@ fn a_tie_gives_way_by_its_compliance() {
     })
     .unwrap();
     let env = Environment {
-        head: &|_| Isometry3::identity(),
-        gravity: &|_| Vector3::y() * -gravity,
-        wind: &[],
-        bodies: &Bodies::default(),
-        body: &|_, _| Isometry3::identity(),
-        carrier: &|_, _| Isometry3::identity(),
-        brought_out: &|_| 1.0,
+        gravity: Box::new(|_| Vector3::y() * -gravity),
+        ..Environment::at_rest(Bodies::default())
     };
     let (h, drag) = (1.0 / 192.0, vec![1e-2; rod.points()]);
     let half = 2 * rod.points() - 3;
-    let mut guide = Guide::new(rod, drag, 0.3, &[], &env, 0.0, h);
-    guide.ties = vec![Tie { half, u: 1.0, body: 0, goal: points[1], times: [0.0, 10.0] }];
-    let mut work = Workspace::default();
+    let mut model = GuideModel::new(rod, drag, 0.3);
+    let mut state = GuideState::new(&model, &[], &env, 0.0, h);
+    model.ties = vec![Tie { half, u: 1.0, body: 0, goal: points[1], times: [0.0, 10.0] }];
+    let mut scratch = GuideScratch::default();
     for i in 0..400 {
-        guide.advance(&env, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
+        model.step(
+            &env,
+            &mut state,
+            [f64::from(i) * h, f64::from(i + 1) * h],
+            ContactMode::Bodies,
+            &mut scratch,
+        );
     }
-    let given = points[1] - tied(&guide);
+    let given = points[1] - tied(&model, &state);
     let compliance = 0.1;
     let propped = 0.375 * 6.6e-6 * length * gravity / (1.0 + 3.0 * compliance * 7.8e-4 / length.powi(3));
     let wanted = compliance * propped;
@@ -305,33 +293,36 @@ fn pressed_on_a_plate(friction: [f64; 2]) -> (f64, f64, u32) {
     // Clamped at the origin, pointing at the plate; pushed towards it by a fifth of its length in two seconds.
     let head = |t: f64| Isometry3::translation(0.02 * t, 0.0, 0.0);
     let env = Environment {
-        head: &head,
-        gravity: &|_| Vector3::new(0.0, -1e-4, 1e-4),
-        wind: &[],
-        bodies: &bodies,
-        body: &|_, _| Isometry3::identity(),
-        carrier: &|_, _| Isometry3::identity(),
-        brought_out: &|_| 1.0,
+        head: Box::new(&head),
+        gravity: Box::new(|_| Vector3::new(0.0, -1e-4, 1e-4)),
+        ..Environment::at_rest(bodies)
     };
     let rod = hair(0.2, SegmentSize::FINE);
     let drag = vec![2e-5; rod.points()];
     let h = 1.0 / 48.0;
-    let mut guide = Guide::new(rod, drag, 0.0, &[5e-4], &env, 0.0, h);
-    guide.friction = friction.map(Into::into);
-    let mut work = Workspace::default();
+    let mut model = GuideModel::new(rod, drag, 0.0);
+    let mut state = GuideState::new(&model, &[5e-4], &env, 0.0, h);
+    model.friction = friction.map(Into::into);
+    let mut scratch = GuideScratch::default();
     let mut stuck = None;
     let (mut crept, mut rounds) = (0.0_f64, 0);
     for i in 0..120 {
-        let record = guide.advance(&env, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
-        assert_eq!((record.unconverged, record.shortened, record.halvings), (0, 0, 0), "step {i}");
-        let tip = guide.x.last().unwrap();
+        let record = model.step(
+            &env,
+            &mut state,
+            [f64::from(i) * h, f64::from(i + 1) * h],
+            ContactMode::Bodies,
+            &mut scratch,
+        );
+        assert_eq!((record.unconverged, record.truncated, record.halvings), (0, 0, 0), "step {i}");
+        let tip = state.x.last().unwrap();
         if record.active > 0 {
             let start = *stuck.get_or_insert(*tip);
             crept = crept.max((tip - start).yz().norm());
             rounds = record.rounds;
         }
     }
-    let aside = guide.x.iter().map(|x| x.yz().norm()).fold(0.0, f64::max);
+    let aside = state.x.iter().map(|x| x.yz().norm()).fold(0.0, f64::max);
     (crept, aside, rounds)
 }
 
@@ -357,23 +348,26 @@ fn over_a_ball(gravity: f64, room: f64) -> (u32, f64) {
     let bodies = Bodies::from_shapes(&[ball(-RADIUS - 1e-3), ball(RADIUS - 1e-3)]);
     let down = |t: f64| Vector3::y() * (room + 0.01 * (1.0 - t).max(0.0));
     let env = Environment {
-        head: &|_| Isometry3::identity(),
-        gravity: &|_| Vector3::y() * -gravity,
-        wind: &[],
-        bodies: &bodies,
-        body: &|b, t| {
+        gravity: Box::new(|_| Vector3::y() * -gravity),
+        body: Box::new(|b, t| {
             Isometry3::from_parts((down(t) * b as f64).into(), nalgebra::UnitQuaternion::identity())
-        },
-        carrier: &|_, _| Isometry3::identity(),
-        brought_out: &|_| 1.0,
+        }),
+        ..Environment::at_rest(bodies)
     };
     let rod = hair(0.2, SegmentSize::FINE);
     let (h, drag) = (1.0 / 192.0, vec![2e-5; rod.points()]);
-    let mut guide = Guide::new(rod, drag, 0.3, &[5e-4; 2], &env, 0.0, h);
-    let mut work = Workspace::default();
+    let mut model = GuideModel::new(rod, drag, 0.3);
+    let mut state = GuideState::new(&model, &[5e-4; 2], &env, 0.0, h);
+    let mut scratch = GuideScratch::default();
     let (mut restless, mut residual) = (0, 0.0_f64);
     for i in 0..384 {
-        let record = guide.advance(&env, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
+        let record = model.step(
+            &env,
+            &mut state,
+            [f64::from(i) * h, f64::from(i + 1) * h],
+            ContactMode::Bodies,
+            &mut scratch,
+        );
         restless += record.unsettled + record.halvings;
         residual = residual.max(record.residual);
         assert_eq!((record.unconverged, record.crossed), (0, 0), "step {i}");

@@ -62,15 +62,15 @@ fn a_resumed_simulation_has_the_same_bits() {
         let (mut bodies, mut strands, mut splits) = (0, 0, 0);
         for cut in [1, 13, 60, 130] {
             while whole.taken() < cut {
-                splits += whole.advance().changes.splits;
+                splits += whole.step().changes.splits;
             }
             let state = bytes(&whole);
             let mut resumed = Simulation::new(&groom, &anim, &rods);
             resumed.restore(postcard::from_bytes(&state).unwrap()).unwrap();
             assert_eq!(bytes(&resumed), state);
             for step in 0..12 {
-                let records = whole.advance().records.to_vec();
-                assert_eq!(records, resumed.advance().records, "{contact:?}, {step} sub-steps after {cut}");
+                let records = whole.step().records.to_vec();
+                assert_eq!(records, resumed.step().records, "{contact:?}, {step} sub-steps after {cut}");
                 bodies += records.iter().map(|r| r.active).sum::<u32>();
                 strands += records.iter().map(|r| r.strands.active).sum::<u32>();
             }
@@ -94,7 +94,7 @@ fn threads_change_no_bit_of_wisps_that_touch_each_other() {
             let mut simulation = Simulation::new(&groom, &anim, &rods);
             let (mut splits, mut strands) = (0, 0);
             while simulation.taken() < 110 {
-                let step = simulation.advance();
+                let step = simulation.step();
                 splits += step.changes.splits;
                 strands += step.records.iter().map(|r| r.strands.active).sum::<u32>();
             }

@@ -1,7 +1,8 @@
 //! Wisps that guides come away from and join again.
 
 use hairbake::dynamics::guide_rods::GuideRods;
-use hairbake::dynamics::simulation::{Simulation, steps_to};
+use hairbake::dynamics::model::substeps_to;
+use hairbake::dynamics::simulation::Simulation;
 use hairbake::dynamics::step_record::StepRecord;
 use hairbake::rod::{RodShape, SegmentSize};
 use hairbake::sample::{self, Size, Style};
@@ -27,11 +28,11 @@ fn scene(style: Style, still: i32) -> (Groom, Anim) {
 fn run(groom: &Groom, anim: &Anim, frame: i32) -> Vec<(Vec<Vec<Vector3<f64>>>, u32)> {
     let rods = GuideRods::new(groom, anim);
     let mut simulation = Simulation::new(groom, anim, &rods);
-    let (start, end) = (steps_to(anim, anim.frames.0 - 1), steps_to(anim, frame));
+    let (start, end) = (substeps_to(anim, anim.frames.0 - 1), substeps_to(anim, frame));
     let mut seen = Vec::new();
     let mut shape = RodShape::default();
     for taken in 1..=end {
-        let nodes = simulation.advance().nodes;
+        let nodes = simulation.step().active_nodes;
         if taken < start || (taken - start) % i64::from(anim.settings.substeps) != 0 {
             continue;
         }
@@ -40,7 +41,7 @@ fn run(groom: &Groom, anim: &Anim, frame: i32) -> Vec<(Vec<Vec<Vector3<f64>>>, u
                 shape.update(&r.rod, &r.rod.root.r, &state.q);
                 (0..r.rod.points()).map(|k| shape.x(k)).collect()
             };
-        seen.push((simulation.states().into_iter().zip(&rods.simulated).map(points).collect(), nodes));
+        seen.push((simulation.frame().into_iter().zip(&rods.simulated).map(points).collect(), nodes));
     }
     seen
 }
@@ -148,14 +149,14 @@ fn what_joins_goes_on_as_it_moved() {
     let mut shape = RodShape::default();
     // Where the tips are and which guides move by themselves, at each frame.
     let mut seen: Vec<Vec<(Vector3<f64>, bool)>> = Vec::new();
-    for _ in 0..steps_to(&anim, anim.frames.1) {
-        simulation.advance();
-        if simulation.taken() < steps_to(&anim, anim.frames.0) || simulation.taken() % 4 != 0 {
+    for _ in 0..substeps_to(&anim, anim.frames.1) {
+        simulation.step();
+        if simulation.taken() < substeps_to(&anim, anim.frames.0) || simulation.taken() % 4 != 0 {
             continue;
         }
-        let tips = simulation.states().into_iter().zip(&rods.simulated).enumerate().map(|(i, (state, r))| {
+        let tips = simulation.frame().into_iter().zip(&rods.simulated).enumerate().map(|(i, (state, r))| {
             shape.update(&r.rod, &r.rod.root.r, &state.q);
-            (shape.x(r.rod.points() - 1), simulation.is_free(i))
+            (shape.x(r.rod.points() - 1), simulation.state.is_active(&simulation.model, i))
         });
         seen.push(tips.collect());
     }
@@ -221,8 +222,8 @@ fn touch(groom: &Groom, anim: &Anim, frame: i32) -> Vec<Seen> {
     let rods = GuideRods::new(groom, anim);
     let mut simulation = Simulation::new(groom, anim, &rods);
     let mut seen = Vec::new();
-    while simulation.taken() < steps_to(anim, frame) {
-        let step = simulation.advance();
+    while simulation.taken() < substeps_to(anim, frame) {
+        let step = simulation.step();
         let of = |free: bool| {
             let records = step.records.iter().zip(step.stepped);
             records.filter(|(_, stepped)| **stepped == free).map(|(r, _)| *r).collect()

@@ -58,23 +58,7 @@ impl Midpoints {
 mod tests {
     use super::*;
     use crate::geometry::Feature;
-    use crate::rod::{Rod, RodShape};
-
-    #[test]
-    fn places_on_the_polyline_are_those_that_the_rod_carries() {
-        let (rod, q) = Rod::bent_sample();
-        let (mut shape, mut line) = (RodShape::default(), Vec::new());
-        assert!(shape.update(&rod, &rod.root.r, &q));
-        with_midpoints(&rod.arc, |k| shape.x(k), |k| shape.tangent(k), &mut line);
-        assert_eq!(line.len(), 2 * rod.points() - 1);
-        for half in 0..line.len() - 1 {
-            for u in [0.0, 0.3, 1.0] {
-                let (k, s) = on_rod(half, u);
-                let off = shape.curve_point(&rod, k, s) - line[half].lerp(&line[half + 1], u);
-                assert!(off.norm() < 1e-15, "{half} {u}: {off}");
-            }
-        }
-    }
+    use nalgebra::Vector3;
 
     fn contact(segment: usize, u: f64, gap: f64) -> Contact {
         let (normal, point) = (Vector3::y(), [Vector3::zeros(); 2]);

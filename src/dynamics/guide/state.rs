@@ -128,6 +128,12 @@ impl GuideState {
         self.transient.friction_force = force;
     }
 
+    /// Friction forces of the wisp over the coming sub-step, N, world, per point; empty without friction.
+    #[cfg(test)]
+    pub(in crate::dynamics) fn friction_force(&self) -> &[Vector3<f64>] {
+        &self.transient.friction_force
+    }
+
     /// The polyline that meets bodies, m, world: the points, with the midpoints of the curve between them.
     pub fn contact_polyline(&self, model: &GuideModel, polyline: &mut Vec<Vector3<f64>>) {
         with_midpoints(&model.rod.arc, |k| self.x[k], |k| self.tangent[k], polyline);

@@ -9,7 +9,7 @@ use crate::contact::Bodies;
 use crate::dynamics::batch::Batches;
 use crate::dynamics::coupled_substep::CoupledSubstep;
 use crate::dynamics::environment::Environment;
-use crate::dynamics::guide::{Guide, Workspace};
+use crate::dynamics::guide::{ContactMode, ContactSolve, GuideModel, GuideScratch, GuideState};
 use crate::dynamics::step_record::StepRecord;
 use crate::geometry::Shape;
 use crate::math::random;
@@ -56,12 +56,14 @@ struct Scene<'a> {
     drag: Vec<f64>,
     head: &'a (dyn Fn(f64) -> Isometry3<f64> + Sync),
     field: &'a (dyn Fn(f64) -> V + Sync),
-    bodies: Bodies,
+    /// Bodies that the head carries.
+    bodies: Vec<Shape>,
 }
 
 /// A scene in motion.
 struct Motion {
-    guides: Vec<Guide>,
+    models: Vec<GuideModel>,
+    guides: Vec<GuideState>,
     strand_contacts: StrandContacts,
     records: Vec<StepRecord>,
     /// Curves at the start of the last sub-step and at every moment to which they were brought in it, in the frame of the head, one point between any two
@@ -81,53 +83,49 @@ impl Scene<'_> {
             rods,
             head: STILL,
             field: &|_| V::y() * -9.81,
-            bodies: Bodies::default(),
+            bodies: Vec::new(),
         }
     }
 
     /// Steps through `seconds`, calling `each` after every sub-step with the time.
     fn run(&self, seconds: f64, mut each: impl FnMut(f64, &Motion)) -> Motion {
         let env = Environment {
-            head: self.head,
-            gravity: self.field,
-            wind: &[],
-            bodies: &self.bodies,
-            body: &|_, t| (self.head)(t),
-            carrier: &|_, _| Isometry3::identity(),
-            brought_out: &|_| 1.0,
+            head: Box::new(self.head),
+            gravity: Box::new(self.field),
+            body: Box::new(|_, t| (self.head)(t)),
+            ..Environment::at_rest(Bodies::from_shapes(&self.bodies))
         };
-        let guide = |(rod, drag): (&Rod, &f64)| {
-            let drag = vec![*drag; rod.points()];
-            let mut guide = Guide::new(rod.clone(), drag, self.friction, &[5e-4], &env, 0.0, self.h);
-            guide.coupled = true;
-            guide
+        let model = |(rod, drag): (&Rod, &f64)| {
+            GuideModel::new(rod.clone(), vec![*drag; rod.points()], self.friction)
         };
-        let guides: Vec<Guide> = self.rods.iter().zip(&self.drag).map(guide).collect();
-        let batches = Batches::rebuild(&guides, |_| true);
+        let models: Vec<GuideModel> = self.rods.iter().zip(&self.drag).map(model).collect();
+        let state = |model: &GuideModel| GuideState::new(model, &[5e-4], &env, 0.0, self.h);
+        let guides: Vec<GuideState> = models.iter().map(state).collect();
+        let batches = Batches::new(&models, |_| true);
         let mut strand_contacts = StrandContacts::new(self.skins.clone());
-        strand_contacts.rebuild(&guides, |g| g, &env, 0.0);
-        let local = |guides: &[Guide], t: f64| -> Vec<Vec<V>> {
+        strand_contacts.rebuild(&models, &guides, |g| g, &env, 0.0);
+        let local = |models: &[GuideModel], guides: &[GuideState], t: f64| -> Vec<Vec<V>> {
             let head = (self.head)(t).inverse();
-            let of = |g: &Guide| {
-                let (root, mut shape) = (env.root(&g.rod.root, t), RodShape::default());
-                shape.update(&g.rod, &root.r, &g.q[0]);
+            let of = |(model, g): (&GuideModel, &GuideState)| {
+                let (root, mut shape) = (env.root(&model.rod.root, t), RodShape::default());
+                shape.update(&model.rod, &root.r, &g.q[0]);
                 shape
-                    .refined_curve(&g.rod, &g.q[0])
+                    .refined_curve(&model.rod, &g.q[0])
                     .map(|x| head.transform_point(&(x + root.p).into()).coords)
                     .collect()
             };
-            guides.iter().map(of).collect()
+            models.iter().zip(guides).map(of).collect()
         };
-        let x = local(&guides, 0.0);
+        let x = local(&models, &guides, 0.0);
         let records = vec![StepRecord::default(); guides.len()];
-        let mut motion = Motion { guides, strand_contacts, records, x: vec![x] };
+        let mut motion = Motion { models, guides, strand_contacts, records, x: vec![x] };
         for step in 0..(seconds / self.h) as u32 {
             let t = [f64::from(step) * self.h, f64::from(step + 1) * self.h];
-            let Motion { guides, strand_contacts, records, x } = &mut motion;
+            let Motion { models, guides: states, strand_contacts, records, x } = &mut motion;
             x.drain(..x.len() - 1);
-            let note = &mut |t: f64, guides: &[Guide]| x.push(local(guides, t));
-            CoupledSubstep { guides, strand_contacts, batches: &batches, env: &env, note }
-                .advance(t, records);
+            let observe = &mut |t: f64, guides: &[GuideState]| x.push(local(models, guides, t));
+            CoupledSubstep { models, states, strand_contacts, batches: &batches, env: &env, observe }
+                .step(t, records);
             each(t[1], &motion);
         }
         motion
@@ -140,7 +138,7 @@ impl Motion {
     }
 
     fn held(&self) -> u32 {
-        self.records.iter().map(|r| r.strands.held + r.strands.alone).sum()
+        self.records.iter().map(|r| r.strands.truncated + r.strands.uncoupled).sum()
     }
 
     /// Pairs of segments of different strands that pass through each other in the last sub-step, at the roots excepted.
@@ -149,7 +147,7 @@ impl Motion {
     }
 
     fn crossings_between(&self, x: [&[Vec<V>]; 2]) -> usize {
-        let arc: Vec<Vec<f64>> = self.guides.iter().map(|g| g.rod.arc.clone()).collect();
+        let arc: Vec<Vec<f64>> = self.models.iter().map(|m| m.rod.arc.clone()).collect();
         let rooted = |g: usize, half: usize| arc[g][half / 2] < 0.01;
         let mut count = 0;
         for a in 0..self.guides.len() {
@@ -264,41 +262,42 @@ fn places_that_stand_for_each_other_are_held_once() {
 
 /// A level strand that has taken a sub-step over a ball that comes up by `rise`, m, beneath it from half a millimetre off; the bodies have the
 /// last word. Calls `each` with the strand as a member of a tangle.
-fn over_a_ball(rise: f64, each: impl FnOnce(&mut Member, &mut Guide, &Environment, &mut StepRecord)) {
+fn over_a_ball(
+    rise: f64,
+    each: impl FnOnce(&mut Member, (&GuideModel, &mut GuideState), &Environment, &mut StepRecord),
+) {
     let ball = move |_: usize, t: f64| Isometry3::translation(0.1, -0.0215 + rise * t / H, 0.0);
+    let bodies = Bodies::from_shapes(&[Shape::Sphere { centre: V::zeros(), radius: 0.02 }]);
     let env = Environment {
-        head: STILL,
-        gravity: &|_| V::zeros(),
-        wind: &[],
-        bodies: &Bodies::from_shapes(&[Shape::Sphere { centre: V::zeros(), radius: 0.02 }]),
-        body: &ball,
-        carrier: &|_, _| Isometry3::identity(),
-        brought_out: &|_| 1.0,
+        gravity: Box::new(|_| V::zeros()),
+        body: Box::new(ball),
+        ..Environment::at_rest(bodies)
     };
     let rod = strand(V::zeros(), V::x() * 0.2, 1.0);
     let drag = vec![1e-4; rod.points()];
-    let mut guide = Guide::new(rod, drag, 0.3, &[5e-4], &env, 0.0, H);
-    let mut record = guide.advance(&env, 0.0, H, &mut Workspace::default());
+    let model = GuideModel::new(rod, drag, 0.3);
+    let mut state = GuideState::new(&model, &[5e-4], &env, 0.0, H);
+    let mut record =
+        model.step(&env, &mut state, [0.0, H], ContactMode::Bodies, &mut GuideScratch::default());
     let mut member = Member::new();
     member.begin(&record);
     assert!(member.whole && record.penetration < 1e-5, "{record:?}");
-    member.open(&mut guide, &env, [0.0, H]);
-    each(&mut member, &mut guide, &env, &mut record);
+    member.open(&model, &mut state, &env, [0.0, H]);
+    each(&mut member, (&model, &mut state), &env, &mut record);
 }
 
 #[test]
 fn a_motion_that_is_cut_short_is_taken_whole_where_any_part_of_it_crosses_a_body_that_comes() {
     for (rise, whole) in [(1.2e-3, false), (2.5e-3, true)] {
-        over_a_ball(rise, |member, guide, env, _| {
-            let (root, start, end) = (member.root, guide.q[0].clone(), member.work.q.clone());
+        over_a_ball(rise, |member, (model, state), env, _| {
+            let (root, start, end) = (member.root, state.q[0].clone(), member.scratch.q.clone());
             let mut truncate = |q: &[f64]| {
-                member.work.q = q.to_vec();
-                guide.with_touch(env.bodies, &root, &mut member.work, |touch, moving| {
-                    moving.solver.shape.update(touch.rod, &root.r, moving.q);
-                    let stopped =
-                        touch.truncate(&start, moving.q, moving.solver, moving.memory, moving.touching);
-                    (stopped, moving.q.clone())
-                })
+                member.scratch.q = q.to_vec();
+                let (contact, ContactSolve { q, solver, memory, scratch }) =
+                    model.body_contact(env, state, &root, &mut member.scratch);
+                solver.shape.update(contact.rod, &root.r, q);
+                let stopped = contact.truncate(&start, q, solver, memory, scratch);
+                (stopped, q.clone())
             };
             let (stopped, q) = truncate(&end);
             assert!(stopped && (q == end) == whole, "rise {rise}: {stopped}");
@@ -312,9 +311,9 @@ fn a_motion_that_is_cut_short_is_taken_whole_where_any_part_of_it_crosses_a_body
 #[test]
 fn what_others_do_not_let_go_goes_where_it_went_alone_if_a_body_comes() {
     for (rise, resort) in [(-1e-3, Resort::Still), (2.5e-3, Resort::Alone)] {
-        over_a_ball(rise, |member, guide, env, _| {
+        over_a_ball(rise, |member, (model, state), env, _| {
             while !member.has_yielded() {
-                member.cut_short(guide, env, [0.0, H]);
+                member.cut_short(model, state, env, [0.0, H]);
             }
             assert_eq!(member.resort, resort);
         });
@@ -323,19 +322,19 @@ fn what_others_do_not_let_go_goes_where_it_went_alone_if_a_body_comes() {
 
 #[test]
 fn a_way_that_was_given_up_leaves_nothing_in_the_record() {
-    over_a_ball(2.5e-3, |member, guide, env, record| {
+    over_a_ball(2.5e-3, |member, (model, state), env, record| {
         let alone = record.penetration;
         // Straight through the ball.
-        member.work.q.fill(0.0);
-        member.work.solver.shape.update(&guide.rod, &member.root.r, &member.work.q);
-        member.meet_bodies(guide, env.bodies);
+        member.scratch.q.fill(0.0);
+        member.scratch.solver.shape.update(&model.rod, &member.root.r, &member.scratch.q);
+        member.meet_bodies(model, state, env);
         let mut through = *record;
-        member.note(guide, env.bodies, &mut through);
+        member.note(model, state, env, &mut through);
         assert!(through.penetration > 5e-4, "{through:?}");
         assert!(member.is_lost());
-        member.go_alone(guide);
-        member.note(guide, env.bodies, record);
-        assert_eq!((record.penetration, record.strands.alone), (alone, 1));
+        member.go_alone(model);
+        member.note(model, state, env, record);
+        assert_eq!((record.penetration, record.strands.uncoupled), (alone, 1));
     });
 }
 
@@ -507,7 +506,7 @@ fn a_shaken_brush_does_not_cross_itself_and_comes_to_rest() {
     let mut scene = Scene::new(brush());
     scene.head = &shaken;
     let ball = Shape::Sphere { centre: V::new(0.02, 0.07, 0.0), radius: 0.015 };
-    scene.bodies = Bodies::from_shapes(&[ball]);
+    scene.bodies = vec![ball];
     let (mut most, mut held) = (0, 0);
     let end = scene.run(3.5, |t, m| {
         most = most.max(m.active());
@@ -533,7 +532,7 @@ fn a_brush_that_is_thrown_about_in_long_sub_steps_takes_them_in_parts_and_does_n
         Isometry3::from_parts(V::x().scale(0.1 * (40.0 * t).sin()).into(), turn)
     };
     let ball = Shape::Sphere { centre: V::new(0.02, 0.07, 0.0), radius: 0.015 };
-    scene.bodies = Bodies::from_shapes(&[ball]);
+    scene.bodies = vec![ball];
     let (mut parts, mut steps) = (0, 0);
     scene.run(0.13, |t, m| {
         // All of them take the same parts, and each is known.

@@ -403,16 +403,7 @@ mod tests {
         solids: &[Solid],
         done: impl FnOnce(&mut dyn FnMut(&[f64], &[f64], &mut Vec<f64>) -> BroughtOut),
     ) {
-        let bodies = Bodies::from_shapes(solids);
-        let env = Environment {
-            head: &|_| Isometry3::identity(),
-            gravity: &|_| Vector3::y() * -9.81,
-            wind: &[],
-            bodies: &bodies,
-            body: &|_, _| Isometry3::identity(),
-            carrier: &|_, _| Isometry3::identity(),
-            brought_out: &|_| 1.0,
-        };
+        let env = Environment::at_rest(Bodies::from_shapes(solids));
         let (now, rod) = (Moment::new(&env, 0.0), hair());
         let places = 2 * rod.points() - 1;
         let kept = vec![5e-4; solids.len() * places];

@@ -4,7 +4,7 @@ use crate::strand::hair;
 use hairbake::contact::Bodies;
 use hairbake::dynamics::batch::Batches;
 use hairbake::dynamics::environment::Environment;
-use hairbake::dynamics::guide::Guide;
+use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideState};
 use hairbake::dynamics::step_record::StepRecord;
 use hairbake::rod::SegmentSize;
 use nalgebra::{Isometry3, Vector3};
@@ -12,30 +12,24 @@ use nalgebra::{Isometry3, Vector3};
 #[test]
 fn a_step_of_many_rods_allocates_nothing() {
     let head = |t: f64| Isometry3::translation(0.05 * (16.0 * t).sin(), 0.0, 0.0);
-    let env = Environment {
-        head: &head,
-        gravity: &|_| Vector3::y() * -9.81,
-        wind: &[],
-        bodies: &Bodies::default(),
-        body: &|_, _| Isometry3::identity(),
-        carrier: &|_, _| Isometry3::identity(),
-        brought_out: &|_| 1.0,
-    };
+    let env = Environment { head: Box::new(&head), ..Environment::at_rest(Bodies::default()) };
     let h = 1.0 / 25.0;
-    let guide = |i: u32| {
+    let model = |i: u32| {
         let rod = hair(0.15 + 0.005 * f64::from(i), SegmentSize::COARSE);
         let drag = vec![2e-5; rod.points()];
-        Guide::new(rod, drag, 0.3, &[], &env, 0.0, h)
+        GuideModel::new(rod, drag, 0.3)
     };
-    let mut guides: Vec<Guide> = (0..25).map(guide).collect();
-    let mut records = vec![StepRecord::default(); guides.len()];
+    let models: Vec<GuideModel> = (0..25).map(model).collect();
+    let state = |model| GuideState::new(model, &[], &env, 0.0, h);
+    let mut states: Vec<GuideState> = models.iter().map(state).collect();
+    let mut records = vec![StepRecord::default(); models.len()];
     // One thread, whose allocations are counted.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| {
-        let batches = Batches::rebuild(&guides, |_| true);
+        let batches = Batches::new(&models, |_| true);
         let mut step = |i: u32| {
             let span = [f64::from(i) * h, f64::from(i + 1) * h];
-            batches.advance(&mut guides, &env, span, &mut records);
+            batches.step(&models, &env, &mut states, span, ContactMode::Bodies, &mut records);
             records.iter().map(|r| r.iterations).sum::<u32>()
         };
         let mut iterations = 0;

@@ -2,7 +2,7 @@
 
 use hairbake::contact::Bodies;
 use hairbake::dynamics::environment::Environment;
-use hairbake::dynamics::guide::{Guide, Workspace};
+use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideScratch, GuideState};
 use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, Vector3};
@@ -38,23 +38,27 @@ fn tips(
 ) -> Vec<Vector3<f64>> {
     let pose = |t: f64| Isometry3::from_parts(place(t).into(), nalgebra::UnitQuaternion::identity());
     let env = Environment {
-        head: &pose,
-        gravity: &|_| Vector3::zeros(),
-        wind: &[],
-        bodies: &Bodies::default(),
-        body: &|_, t| pose(t),
-        carrier: &|_, _| Isometry3::identity(),
-        brought_out: &|_| 1.0,
+        head: Box::new(&pose),
+        gravity: Box::new(|_| Vector3::zeros()),
+        body: Box::new(|_, t| pose(t)),
+        ..Environment::at_rest(Bodies::default())
     };
     let h = 1.0 / rate;
-    let mut guide = Guide::new(rod.clone(), vec![0.0; rod.points()], 0.3, &[], &env, 0.0, h);
-    guide.scheme = scheme;
-    let mut work = Workspace::default();
+    let mut model = GuideModel::new(rod.clone(), vec![0.0; rod.points()], 0.3);
+    let mut state = GuideState::new(&model, &[], &env, 0.0, h);
+    model.scheme = scheme;
+    let mut scratch = GuideScratch::default();
     (0..(seconds * rate).round() as u32)
         .map(|i| {
-            let record = guide.advance(&env, f64::from(i) * h, f64::from(i + 1) * h, &mut work);
+            let record = model.step(
+                &env,
+                &mut state,
+                [f64::from(i) * h, f64::from(i + 1) * h],
+                ContactMode::Bodies,
+                &mut scratch,
+            );
             assert_eq!((record.unconverged, record.halvings), (0, 0));
-            guide.x[rod.points() - 1]
+            state.x[rod.points() - 1]
         })
         .collect()
 }

@@ -2,7 +2,7 @@
 
 use hairbake::contact::Bodies;
 use hairbake::dynamics::environment::Environment;
-use hairbake::dynamics::guide::{Guide, Workspace};
+use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideScratch, GuideState};
 use hairbake::dynamics::step_record::StepRecord;
 use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
 use hairbake::scene::Tree;
@@ -83,35 +83,32 @@ impl Hair {
         pose: &(dyn Fn(f64) -> Isometry3<f64> + Sync),
     ) -> (StepRecord, f64, f64) {
         let env = Environment {
-            head: pose,
-            gravity: &|_| Vector3::y() * -9.81,
-            wind: &[],
-            bodies: &Bodies::default(),
-            body: &|_, t| pose(t),
-            carrier: &|_, _| Isometry3::identity(),
-            brought_out: &|_| 1.0,
+            head: Box::new(pose),
+            body: Box::new(|_, t| pose(t)),
+            ..Environment::at_rest(Bodies::default())
         };
         let (rod, h) = (self.rod_along(points), 1.0 / self.rate);
         let drag = vec![2e-5; rod.points()];
-        let mut guide = Guide::new(rod, drag, 0.3, &[], &env, 0.0, h);
-        guide.scheme = scheme;
-        let mut work = Workspace::default();
+        let mut model = GuideModel::new(rod, drag, 0.3);
+        let mut state = GuideState::new(&model, &[], &env, 0.0, h);
+        model.scheme = scheme;
+        let mut scratch = GuideScratch::default();
         let mut sum = StepRecord::default();
         let mut fastest = 0.0_f64;
         let steps = (0.5 * self.rate) as u32;
         for i in 0..steps {
             let (t0, t1) = (f64::from(i) * h, f64::from(i + 1) * h);
-            let record = guide.advance(&env, t0, t1, &mut work);
+            let record = model.step(&env, &mut state, [t0, t1], ContactMode::Bodies, &mut scratch);
             sum.iterations += record.iterations;
             sum.halvings += record.halvings;
             sum.unconverged += record.unconverged;
-            fastest = guide.v.iter().map(|v| v.norm()).fold(fastest, f64::max);
-            let root = pose(t1) * nalgebra::Point3::from(guide.rod.root.p);
-            let reach = guide.x.iter().map(|x| (x - root.coords).norm()).fold(0.0, f64::max);
+            fastest = state.v.iter().map(|v| v.norm()).fold(fastest, f64::max);
+            let root = pose(t1) * nalgebra::Point3::from(model.rod.root.p);
+            let reach = state.x.iter().map(|x| (x - root.coords).norm()).fold(0.0, f64::max);
             assert!(reach < self.length * (1.0 + 1e-9), "stretched to {reach} m of {}", self.length);
             assert!(fastest.is_finite());
         }
-        let calm = guide.v.iter().map(|v| v.norm()).fold(0.0, f64::max);
+        let calm = state.v.iter().map(|v| v.norm()).fold(0.0, f64::max);
         (sum, fastest, calm)
     }
 }

@@ -61,8 +61,7 @@ fn what_stands_for_many_hairs_moves_as_what_is_so_much_stiffer_and_heavier() {
         let girth = 2.0 / (1.0 + 1.0 / hairs.sqrt());
         scene.skins.iter_mut().for_each(|skin| skin.cohesion = 0.02 / girth);
         // Under the tip of the other; so what is between guides is balanced by what bodies do.
-        scene.bodies =
-            Bodies::from_shapes(&[Shape::Sphere { centre: V::new(0.1, -0.025, 0.0), radius: 0.02 }]);
+        scene.bodies = vec![Shape::Sphere { centre: V::new(0.1, -0.025, 0.0), radius: 0.02 }];
         let (mut ways, mut touched, mut both) = (Vec::new(), 0, 0);
         scene.run(0.6, |_, m| {
             touched += u32::from(m.active() > 0);
@@ -91,16 +90,9 @@ fn tangled() -> (f64, Motion, [usize; 2]) {
     (now, motion, two)
 }
 
-fn shaken_about<'a>(bodies: &'a Bodies) -> Environment<'a> {
-    Environment {
-        head: &shaken,
-        gravity: &|_| V::zeros(),
-        wind: &[],
-        bodies,
-        body: &|_, _| Isometry3::identity(),
-        carrier: &|_, _| Isometry3::identity(),
-        brought_out: &|_| 1.0,
-    }
+fn shaken_about() -> Environment<'static> {
+    let gravity = Box::new(|_| V::zeros());
+    Environment { head: Box::new(shaken), gravity, ..Environment::at_rest(Bodies::default()) }
 }
 
 /// The guides of the places that are known to push, with the forces, N, were nothing to move.
@@ -113,22 +105,21 @@ fn pushed(strand_contacts: &mut StrandContacts) -> Vec<([usize; 2], V)> {
 
 #[test]
 fn what_follows_leaves_and_what_it_follows_is_as_thick_and_heavy_as_both() {
-    let (t, Motion { guides, mut strand_contacts, .. }, [stays, goes]) = tangled();
-    let bodies = Bodies::default();
-    let env = shaken_about(&bodies);
+    let (t, Motion { models, guides, mut strand_contacts, .. }, [stays, goes]) = tangled();
+    let env = shaken_about();
     let (own, before) = (strand_contacts.places.skin.clone(), strand_contacts.places.x[0].clone());
-    strand_contacts.rebuild(&guides, |g| if g == goes { stays } else { g }, &env, t);
-    assert!(!strand_contacts.movers().contains(&goes) && strand_contacts.movers().len() == guides.len() - 1);
-    assert_eq!(strand_contacts.places.x[0].len(), before.len() - (2 * guides[goes].rod.points() - 1));
+    strand_contacts.rebuild(&models, &guides, |g| if g == goes { stays } else { g }, &env, t);
+    assert!(!strand_contacts.active().contains(&goes) && strand_contacts.active().len() == guides.len() - 1);
+    assert_eq!(strand_contacts.places.x[0].len(), before.len() - (2 * models[goes].rod.points() - 1));
     let skin = &strand_contacts.places.skin[stays];
     let squares = own[stays].bundle.powi(2) + own[goes].bundle.powi(2);
     assert!((skin.bundle.powi(2) - squares).abs() < 1e-12 * squares);
     assert_eq!(skin.hairs, own[stays].hairs + own[goes].hairs);
     assert!(!strand_contacts.pushed[goes]);
     // Comes back, and nothing is known of it.
-    strand_contacts.rebuild(&guides, |g| g, &env, t);
+    strand_contacts.rebuild(&models, &guides, |g| g, &env, t);
     assert_eq!(strand_contacts.places.skin, own);
-    assert_eq!(strand_contacts.movers().len(), guides.len());
+    assert_eq!(strand_contacts.active().len(), guides.len());
     let off =
         strand_contacts.places.x[0].iter().zip(&before).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
     assert!(off < 1e-15, "{off}");
@@ -138,14 +129,13 @@ fn what_follows_leaves_and_what_it_follows_is_as_thick_and_heavy_as_both() {
 
 #[test]
 fn what_is_known_of_contacts_stays_known_when_another_guide_leaves() {
-    let (t, Motion { guides, mut strand_contacts, .. }, _) = tangled();
-    let bodies = Bodies::default();
-    let env = shaken_about(&bodies);
+    let (t, Motion { models, guides, mut strand_contacts, .. }, _) = tangled();
+    let env = shaken_about();
     // All behind it are numbered otherwise then.
     let mut wanted = pushed(&mut strand_contacts);
     wanted.retain(|(guides, _)| !guides.contains(&0));
     assert!(wanted.len() > 5, "{}", wanted.len());
-    strand_contacts.rebuild(&guides, |g| g.max(1), &env, t);
+    strand_contacts.rebuild(&models, &guides, |g| g.max(1), &env, t);
     let mut found = pushed(&mut strand_contacts);
     // The thicker one may meet more.
     found.retain(|(guides, _)| !guides.contains(&1));

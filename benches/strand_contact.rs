@@ -84,7 +84,7 @@ fn cost(head: usize, guides: usize) -> Cost {
                 let sum = |of: fn(&StepRecord) -> u32| records.iter().map(of).sum::<u32>();
                 found += sum(|r| r.strands.found);
                 active += sum(|r| r.strands.active);
-                short += sum(|r| r.strands.alone + r.strands.held);
+                short += sum(|r| r.strands.uncoupled + r.strands.truncated);
                 rounds += records.iter().map(|r| r.strands.rounds).max().unwrap_or(0);
                 let here = records.iter().map(|r| r.strands.residual).fold(0.0, f64::max);
                 residual += here;
@@ -117,14 +117,14 @@ fn run(groom: &Groom, anim: &Anim, guides: usize, mut each: impl FnMut(&[StepRec
     rods.simulated.truncate(guides);
     rods.moved.truncate(guides);
     let mut simulation = Simulation::new(groom, anim, &rods);
-    let half = 0.5 * simulation.step();
+    let half = 0.5 * simulation.model.substep();
     let time = |frame: i32| f64::from(frame) / anim.fps - half;
     while simulation.time() < time(FRAMES.0) {
-        simulation.advance();
+        simulation.step();
     }
     let (start, before) = (Instant::now(), cpu());
     while simulation.time() < time(FRAMES.1) {
-        each(simulation.advance().records);
+        each(&simulation.step().guides);
     }
     let frames = f64::from(FRAMES.1 - FRAMES.0);
     [start.elapsed().as_secs_f64() / frames, (cpu() - before) / frames]
