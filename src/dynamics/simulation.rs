@@ -299,7 +299,8 @@ fn environment<'a>(model: &Model<'a>) -> Environment<'a> {
 pub struct SimulationState {
     /// Sub-steps taken.
     pub taken: i64,
-    guides: Vec<GuideState>,
+    /// The guides.
+    pub guides: Vec<GuideState>,
     strand_contacts: <Option<StrandContacts> as Checkpoint>::State,
     wisps: Option<super::wisps::WispsState>,
     path: Vec<SolverStep>,

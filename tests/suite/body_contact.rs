@@ -13,6 +13,13 @@ use nalgebra::{Isometry3, Vector3};
 
 const RADIUS: f64 = 0.04;
 
+/// A hair of 20 cm.
+fn model() -> GuideModel {
+    let rod = hair(0.2, SegmentSize::FINE);
+    let drag = vec![2e-5; rod.points()];
+    GuideModel::new(rod, drag, 0.3)
+}
+
 /// Simulates `seconds` at `rate` steps a second; the ball's centre moves as `centre`. Calls `each` after every step with the
 /// guide, the centre and the record.
 fn run(
@@ -40,10 +47,7 @@ fn run_as(
         body: Box::new(|_, t| Isometry3::from_parts(centre(t).into(), nalgebra::UnitQuaternion::identity())),
         ..Environment::at_rest(bodies)
     };
-    let rod = hair(0.2, SegmentSize::FINE);
-    let drag = vec![2e-5; rod.points()];
-    let h = 1.0 / rate;
-    let model = GuideModel::new(rod, drag, 0.3);
+    let (model, h) = (model(), 1.0 / rate);
     let mut state = GuideState::new(&model, &[5e-4], &env, 0.0, h);
     let mut scratch = GuideScratch::default();
     for i in 0..(seconds * rate) as u32 {
@@ -55,9 +59,9 @@ fn run_as(
 }
 
 /// The polyline in which a guide meets bodies, m.
-fn line(guide: &GuideState) -> Vec<Vector3<f64>> {
+fn line(model: &GuideModel, state: &GuideState) -> Vec<Vector3<f64>> {
     let mut line = Vec::new();
-    guide.trace(&mut line);
+    state.contact_polyline(model, &mut line);
     line
 }
 
@@ -112,7 +116,7 @@ fn springs_hold_a_strand_about_where_constraints_do_and_never_throw_it() {
             });
             let still = guide.v.iter().map(|v| v.norm()).fold(0.0, f64::max);
             assert!(still < 1e-2, "{rate} steps a second: still moves at {still} m/s");
-            (line(&guide), fastest)
+            (line(&model(), &guide), fastest)
         });
         let [(held, fast), (pushed, sprung_fast)] = &ends;
         assert!(*sprung_fast < 1.2 * fast, "{rate} steps a second: {sprung_fast} of {fast} m/s");
@@ -158,7 +162,7 @@ fn a_curve_that_bulges_over_its_points_is_held_by_what_bulges() {
         ..Environment::at_rest(bodies)
     };
     let (drag, h) = (vec![2e-5; rod.points()], 1.0 / 96.0);
-    let mut model = GuideModel::new(rod, drag, 0.3);
+    let model = GuideModel::new(rod, drag, 0.3);
     let mut state = GuideState::new(&model, &[5e-4], &env, 0.0, h);
     let (mut scratch, mut shape) = (GuideScratch::default(), hairbake::rod::RodShape::default());
     let (mut least, mut bulge) = (f64::INFINITY, 0.0_f64);
@@ -209,7 +213,7 @@ fn a_rising_ball_takes_the_strand_along() {
 
 /// The place of the first tie of a guide, m.
 fn tied(model: &GuideModel, state: &GuideState) -> Vector3<f64> {
-    model.ties[0].place(&line(state))
+    model.ties[0].place(&line(model, state))
 }
 
 #[test]
@@ -356,7 +360,7 @@ fn over_a_ball(gravity: f64, room: f64) -> (u32, f64) {
     };
     let rod = hair(0.2, SegmentSize::FINE);
     let (h, drag) = (1.0 / 192.0, vec![2e-5; rod.points()]);
-    let mut model = GuideModel::new(rod, drag, 0.3);
+    let model = GuideModel::new(rod, drag, 0.3);
     let mut state = GuideState::new(&model, &[5e-4; 2], &env, 0.0, h);
     let mut scratch = GuideScratch::default();
     let (mut restless, mut residual) = (0, 0.0_f64);

@@ -69,8 +69,8 @@ fn a_resumed_simulation_has_the_same_bits() {
             resumed.restore(postcard::from_bytes(&state).unwrap()).unwrap();
             assert_eq!(bytes(&resumed), state);
             for step in 0..12 {
-                let records = whole.step().records.to_vec();
-                assert_eq!(records, resumed.step().records, "{contact:?}, {step} sub-steps after {cut}");
+                let records = whole.step().guides.to_vec();
+                assert_eq!(records, resumed.step().guides, "{contact:?}, {step} sub-steps after {cut}");
                 bodies += records.iter().map(|r| r.active).sum::<u32>();
                 strands += records.iter().map(|r| r.strands.active).sum::<u32>();
             }
@@ -96,7 +96,7 @@ fn threads_change_no_bit_of_wisps_that_touch_each_other() {
             while simulation.taken() < 110 {
                 let step = simulation.step();
                 splits += step.changes.splits;
-                strands += step.records.iter().map(|r| r.strands.active).sum::<u32>();
+                strands += step.guides.iter().map(|r| r.strands.active).sum::<u32>();
             }
             assert!(splits > 0 && strands > 0, "{splits} {strands}");
             bytes(&simulation)

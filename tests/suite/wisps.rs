@@ -225,12 +225,12 @@ fn touch(groom: &Groom, anim: &Anim, frame: i32) -> Vec<Seen> {
     while simulation.taken() < substeps_to(anim, frame) {
         let step = simulation.step();
         let of = |free: bool| {
-            let records = step.records.iter().zip(step.stepped);
+            let records = step.guides.iter().zip(&step.active);
             records.filter(|(_, stepped)| **stepped == free).map(|(r, _)| *r).collect()
         };
-        let caught_up = step.caught_up.iter().map(|(_, r)| *r).collect();
+        let caught_up = step.catch_up.iter().map(|(_, r)| *r).collect();
+        assert!(step.coupled);
         seen.push(Seen { moved: of(true), followed: of(false), caught_up, splits: step.changes.splits });
-        assert!(simulation.guides.iter().all(|guide| guide.coupled));
     }
     seen
 }

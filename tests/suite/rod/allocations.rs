@@ -7,7 +7,7 @@ use hairbake::dynamics::environment::Environment;
 use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideState};
 use hairbake::dynamics::step_record::StepRecord;
 use hairbake::rod::SegmentSize;
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Isometry3;
 
 #[test]
 fn a_step_of_many_rods_allocates_nothing() {
