@@ -5,7 +5,7 @@
 //! program, a real one the disk).
 
 use divan::{Bencher, counter::BytesCount};
-use hairbake::cache::{Closest, CurveFrame, CurveSet, Frame, Header, Reader, Writer, sha256};
+use hairbake::cache::{ClosestGuides, CurveFrame, CurveSet, Frame, Header, Reader, Writer, sha256};
 use std::fs::File;
 use std::io::Write;
 use std::path::PathBuf;
@@ -36,7 +36,7 @@ impl Shot {
             guide: vec![0; curves],
             group_name: vec!["hair".into(); curves],
             root_uv: vec![[0.5; 2]; curves],
-            closest: Closest { guides: vec![0; 3 * curves], weights: vec![0.5; 3 * curves] },
+            closest: ClosestGuides { guides: vec![0; 3 * curves], weights: vec![0.5; 3 * curves] },
         };
         let moving = CurveFrame {
             points: hair.rest.clone(),

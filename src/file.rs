@@ -1,4 +1,4 @@
-//! Files: read within bounds, written whole or not at all, told by their checksum.
+//! Files: bounded reads, atomic writes, checksums.
 
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -9,46 +9,46 @@ use std::panic::resume_unwind;
 use std::path::{Component, Path, PathBuf};
 use tempfile::NamedTempFile;
 
-/// Largest file that is read, bytes: a limit against memory without bound, far above any real input.
+/// Largest file that is read, bytes: guards memory; far above any real input.
 const MAX_BYTES: u64 = 1 << 32;
-/// How temporary files are named: what a killed process leaves is told by it.
+/// Prefix and suffix of temporary files, by which those left by killed processes are recognised.
 const TEMPORARY: (&str, &str) = (".hairbake-", ".tmp");
-/// Files that wait for the disk at the same time.
-const SETTLED_AT_ONCE: usize = 16;
-/// Bytes hashed and then written at a time: few enough that writing finds them in the processor's cache.
+/// Number of files that are synced concurrently.
+const CONCURRENT_SYNCS: usize = 16;
+/// Bytes hashed and then written at a time: few enough to stay in the cache of the processor.
 const BLOCK_LEN: usize = 256 << 10;
 
-/// A file that was written; the manifest of a cache lists its files so.
+/// A written file, as listed in the manifest of a cache.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileRecord {
-    /// Name, without its folder.
+    /// Name without folder.
     pub file: String,
     /// SHA-256 of its bytes, lower-case hexadecimal.
     pub sha256: String,
-    /// Its length, bytes.
+    /// Length, bytes.
     pub bytes: u64,
 }
 
-/// Reads a plain file whole.
+/// Reads a whole regular file.
 ///
 /// # Errors
-/// What the system says; also for what is no plain file (a pipe would hang) and for what is too large.
+/// Those of the system; also if it is not a regular file (a pipe would block) or is too large.
 pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     let meta = std::fs::metadata(path)?;
     if !meta.is_file() {
-        return Err(io::Error::other("not a plain file"));
+        return Err(io::Error::other("not a regular file"));
     }
     if meta.len() > MAX_BYTES {
-        return Err(io::Error::other(format!("{} bytes, more than {MAX_BYTES}", meta.len())));
+        return Err(io::Error::other(format!("{} bytes exceed the limit of {MAX_BYTES}", meta.len())));
     }
     let mut bytes = Vec::new();
-    // A file may have holes and be far larger than the disk that it is on.
+    // A sparse file may be far larger than its disk.
     bytes.try_reserve_exact(meta.len() as usize)?;
     File::open(path)?.take(MAX_BYTES).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
-/// Whether a name that a file gives is one of a file beside it: no folder, no `..`, no scheme.
+/// Whether `name` is a plain file name: no folder, no `..`, no scheme.
 pub fn is_plain_name(name: &str) -> bool {
     let mut components = Path::new(name).components();
     matches!((components.next(), components.next()), (Some(Component::Normal(_)), None))
@@ -60,36 +60,37 @@ pub fn sha256(bytes: &[u8]) -> String {
     hex(Sha256::digest(bytes).as_slice())
 }
 
-/// Writes the parts one after the other to a temporary file in the same folder, and renames it to `path`
-/// once it is on the disk. Two processes that write the same path at once do each other no harm.
+/// Writes the parts in order, atomically: to a temporary file in the same folder, which is synced to disk and
+/// renamed to `path`. Concurrent writes to the same path are safe.
 ///
 /// # Errors
-/// [`Error::Io`] with `path`; then no temporary file is left, and what `path` held before is untouched.
+/// [`Error::Io`] with `path`. Then no temporary file remains, and the previous file at `path` is unchanged.
 pub fn write_file(path: &Path, parts: &[impl AsRef<[u8]>]) -> Result<FileRecord> {
     write(path, parts, true).map_err(|e| Error::io(path, e))
 }
 
-/// As [`write_file`], but leaves it to the system when the bytes get on the disk: after a crash of the machine the file may be
-/// damaged, until [`settle`] has had it. For what tells by itself whether it is whole, and can be made again.
+/// [`write_file`] without syncing to disk: after a crash of the machine the file may be damaged unless
+/// [`sync_files`] has synced it. For files that are checked when read and can be made again.
 ///
 /// # Errors
 /// As [`write_file`].
-pub fn write_file_soon(path: &Path, parts: &[impl AsRef<[u8]>]) -> Result<FileRecord> {
+pub fn write_file_unsynced(path: &Path, parts: &[impl AsRef<[u8]>]) -> Result<FileRecord> {
     write(path, parts, false).map_err(|e| Error::io(path, e))
 }
 
-/// Brings files of one folder that were left to the system to the disk; one that is there no more was replaced or is not needed.
+/// Syncs files of one folder, and the folder, to disk. Missing files are ignored: they were replaced or are
+/// not needed.
 ///
 /// # Errors
-/// [`Error::Io`] with the first that cannot be.
-pub fn settle(folder: &Path, files: &[PathBuf]) -> Result<()> {
+/// [`Error::Io`] for the first that fails.
+pub fn sync_files(folder: &Path, files: &[PathBuf]) -> Result<()> {
     let sync = |path: &Path| match File::open(path).and_then(|file| file.sync_all()) {
         Err(e) if e.kind() != ErrorKind::NotFound => Err(Error::io(path, e)),
         _ => Ok(()),
     };
-    // The disk does many that wait at once in hardly more time than one.
+    // Concurrent syncs take hardly longer than one.
     std::thread::scope(|scope| {
-        let parts = files.chunks(files.len().div_ceil(SETTLED_AT_ONCE).max(1));
+        let parts = files.chunks(files.len().div_ceil(CONCURRENT_SYNCS).max(1));
         let waiting: Vec<_> =
             parts.map(|part| scope.spawn(move || part.iter().try_for_each(|path| sync(path)))).collect();
         waiting.into_iter().try_for_each(|part| part.join().unwrap_or_else(|panic| resume_unwind(panic)))
@@ -97,13 +98,13 @@ pub fn settle(folder: &Path, files: &[PathBuf]) -> Result<()> {
     if files.is_empty() { Ok(()) } else { sync(folder) }
 }
 
-/// As [`write_file`], unless `path` holds these bytes already; then it is left as it is.
+/// [`write_file`], unless `path` has these bytes already.
 ///
 /// # Errors
 /// As [`write_file`].
-pub fn write_file_if_new(path: &Path, parts: &[impl AsRef<[u8]>]) -> Result<FileRecord> {
+pub fn write_file_if_changed(path: &Path, parts: &[impl AsRef<[u8]>]) -> Result<FileRecord> {
     match record_of(path) {
-        Ok(there) if there == record(path, parts) => Ok(there),
+        Ok(existing) if existing == record(path, parts) => Ok(existing),
         _ => write_file(path, parts),
     }
 }
@@ -123,10 +124,10 @@ fn record(path: &Path, parts: &[impl AsRef<[u8]>]) -> FileRecord {
     FileRecord { file: name(path), sha256: hex(hasher.finalize().as_slice()), bytes }
 }
 
-/// Removes a file that may not be there.
+/// Removes a file if it exists.
 ///
 /// # Errors
-/// [`Error::Io`] where it is there and stays.
+/// [`Error::Io`] if it cannot be removed.
 pub fn remove_file(path: &Path) -> Result<()> {
     match std::fs::remove_file(path) {
         Err(e) if !matches!(e.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
@@ -136,18 +137,18 @@ pub fn remove_file(path: &Path) -> Result<()> {
     }
 }
 
-/// Removes the temporary files of [`write_file`] that processes which are no more have left in `folder`.
+/// Removes temporary files of [`write_file`] that dead processes left in `folder`.
 ///
 /// # Errors
-/// [`Error::Io`] where the folder cannot be read.
-pub fn sweep(folder: &Path) -> Result<()> {
+/// [`Error::Io`] if the folder cannot be read.
+pub fn remove_stale_temporaries(folder: &Path) -> Result<()> {
     for entry in std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))? {
         let path = entry.map_err(|e| Error::io(folder, e))?.path();
         let name = name(&path);
         if !(name.starts_with(TEMPORARY.0) && name.ends_with(TEMPORARY.1)) {
             continue;
         }
-        // Whoever still writes it holds its lock; one that goes away meanwhile is no concern either.
+        // A live writer holds the lock. A file that vanishes meanwhile needs nothing.
         if File::open(&path).is_ok_and(|file| file.try_lock().is_ok()) {
             remove_file(&path)?;
         }
@@ -155,7 +156,7 @@ pub fn sweep(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-fn write(path: &Path, parts: &[impl AsRef<[u8]>], at_once: bool) -> io::Result<FileRecord> {
+fn write(path: &Path, parts: &[impl AsRef<[u8]>], sync: bool) -> io::Result<FileRecord> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut temp = temporary(folder)?;
     let mut hasher = Sha256::new();
@@ -165,29 +166,29 @@ fn write(path: &Path, parts: &[impl AsRef<[u8]>], at_once: bool) -> io::Result<F
         temp.write_all(block)?;
         bytes += block.len() as u64;
     }
-    if at_once {
+    if sync {
         temp.as_file().sync_all()?;
     }
     temp.persist(path)?;
-    if at_once {
-        // The name itself is only safe once the folder is on the disk.
+    if sync {
+        // The name is durable only after the folder is synced.
         File::open(folder)?.sync_all()?;
     }
     Ok(FileRecord { file: name(path), sha256: hex(hasher.finalize().as_slice()), bytes })
 }
 
-/// A temporary file that is locked, so that [`sweep`] lets it be.
+/// A locked temporary file, which [`remove_stale_temporaries`] skips.
 fn temporary(folder: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(TEMPORARY.0).suffix(TEMPORARY.1);
-    // A temporary file is private by default; what is written here is for others to read, as far as umask allows.
+    // Temporary files are private by default; these are for others to read, subject to the umask.
     #[cfg(unix)]
     builder.permissions(<Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666));
     loop {
         let temp = builder.tempfile_in(folder)?;
-        // A file system without locks has none for the sweep either.
+        // Without locks on the file system, the removal finds none either.
         let _ = temp.as_file().lock();
-        // Swept between its making and its locking?
+        // It may have been removed between creation and locking.
         if temp.path().exists() {
             return Ok(temp);
         }
@@ -207,14 +208,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_sweep_takes_what_the_dead_left_and_nothing_else() {
+    fn only_temporaries_of_dead_processes_are_removed() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         let alive = temporary(folder.path()).unwrap();
         std::fs::write(path(".hairbake-abc123.tmp"), "half").unwrap();
         std::fs::write(path(".hidden.tmp"), "mine").unwrap();
         std::fs::write(path("hair.usda"), "whole").unwrap();
-        sweep(folder.path()).unwrap();
+        remove_stale_temporaries(folder.path()).unwrap();
         let mut left: Vec<String> =
             std::fs::read_dir(folder.path()).unwrap().map(|e| name(&e.unwrap().path())).collect();
         left.sort();
@@ -222,15 +223,15 @@ mod tests {
     }
 
     #[test]
-    fn what_is_there_already_is_not_written_again() {
+    fn unchanged_files_are_not_rewritten() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         let modified = || std::fs::metadata(&path).unwrap().modified().unwrap();
-        let first = write_file_if_new(&path, &["one", "two"]).unwrap();
+        let first = write_file_if_changed(&path, &["one", "two"]).unwrap();
         let then = modified();
-        assert_eq!(write_file_if_new(&path, &["onetwo"]).unwrap(), first);
+        assert_eq!(write_file_if_changed(&path, &["onetwo"]).unwrap(), first);
         assert_eq!(modified(), then);
-        assert_ne!(write_file_if_new(&path, &["three"]).unwrap(), first);
+        assert_ne!(write_file_if_changed(&path, &["three"]).unwrap(), first);
         assert_eq!(read_file(&path).unwrap(), b"three");
     }
 }

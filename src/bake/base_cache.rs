@@ -126,7 +126,7 @@ impl Base {
             let what = "its checksum is not that of the manifest: bake the base again".into();
             return Err(Error::Damaged { path, what });
         }
-        let old = self.reader.read_moments(frame, moments.iter().map(|m| m.offset))?;
+        let old = self.reader.read_samples(frame, moments.iter().map(|m| m.offset))?;
         for (new, old) in moments.iter_mut().zip(old) {
             let largest = new.head.as_flattened().iter().fold(0.0_f64, |most, x| most.max(x.abs()));
             let mut entries = new.head.as_flattened().iter().zip(old.head.as_flattened());

@@ -2,7 +2,7 @@
 //!
 //! One line of text, `hairbake KIND VERSION KEY SHA256`, then the value in postcard's encoding, of which the hash is.
 
-use crate::file::{read_file, sha256, write_file, write_file_soon};
+use crate::file::{read_file, sha256, write_file, write_file_unsynced};
 use crate::{Error, Result};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -42,7 +42,7 @@ pub fn write(path: &Path, kind: Kind, key: &str, value: &impl Serialize) -> Resu
     let body = postcard::to_stdvec(value).map_err(|e| Error::Internal(e.to_string()))?;
     let head = format!("hairbake {} {} {key} {}\n", kind.name, kind.version, sha256(&body));
     let parts = [head.into_bytes(), body];
-    if kind.lasting { write_file(path, &parts) } else { write_file_soon(path, &parts) }.map(drop)
+    if kind.lasting { write_file(path, &parts) } else { write_file_unsynced(path, &parts) }.map(drop)
 }
 
 /// Reads a value of the bake `key`.

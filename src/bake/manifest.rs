@@ -43,7 +43,7 @@ pub(super) fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Resu
         "first_frame_from_groom": { "mean": mean, "largest": largest },
     }));
     for Finished { record, file, .. } in finished {
-        manifest.frames.push(cache::FrameRecord { frame: record.frame, file, figures: figures(&record) });
+        manifest.frames.push(cache::FrameEntry { frame: record.frame, file, figures: figures(&record) });
     }
     let manifest = writer.finish(manifest)?;
     job.work.settle_marks(&job.frames().collect::<Vec<_>>())?;

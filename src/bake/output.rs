@@ -2,7 +2,7 @@
 
 use super::base_cache::Base;
 use crate::Result;
-use crate::cache::{Closest, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
+use crate::cache::{ClosestGuides, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 use crate::contact::{Bodies, Body};
 use crate::dynamics::guide_frame::{GuideFrame, SolverStep};
 use crate::dynamics::guide_rods::GuideRods;
@@ -302,7 +302,7 @@ pub fn head_motion(anim: &Anim, t: f64) -> HeadMotion {
     }
 }
 
-const _: () = assert!(MAX_GUIDES <= Closest::EACH, "the cache tells all that a strand follows");
+const _: () = assert!(MAX_GUIDES <= ClosestGuides::PER_STRAND, "the cache tells all that a strand follows");
 
 /// What a bake writes.
 pub struct Written<'a> {
@@ -376,14 +376,14 @@ impl<'a> Written<'a> {
     }
 
     /// Ids and weights of the guides that each strand follows.
-    fn closest(&self) -> Closest {
+    fn closest(&self) -> ClosestGuides {
         let id = &self.groom.guides.curves.id;
         // Where there are fewer, the first stands for the others, with no weight.
         let entry =
             |f: &GuideWeights, i: usize| f.get(i).map_or((id[f[0].0], 0.0), |(g, w)| (id[*g], *w as f32));
-        let each = self.follows.iter().flat_map(|f| (0..Closest::EACH).map(move |i| entry(f, i)));
+        let each = self.follows.iter().flat_map(|f| (0..ClosestGuides::PER_STRAND).map(move |i| entry(f, i)));
         let (guides, weights) = each.unzip();
-        Closest { guides, weights }
+        ClosestGuides { guides, weights }
     }
 }
 
@@ -427,7 +427,7 @@ fn curve_set(
         group_name: curves.group.iter().map(|g| groom.groups[*g as usize].name.clone()).collect(),
         guide: vec![guide; curves.len()],
         root_uv: curves.root_uv.clone(),
-        closest: Closest::default(),
+        closest: ClosestGuides::default(),
     }
 }
 

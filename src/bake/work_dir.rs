@@ -16,7 +16,9 @@ use super::frame_record::FrameRecord;
 use super::frame_state::FrameState;
 use crate::cache::frame_file_name;
 use crate::dynamics::simulation::SimulationState;
-use crate::file::{self, FileRecord, read_file, record_of, remove_file, write_file_if_new, write_file_soon};
+use crate::file::{
+    self, FileRecord, read_file, record_of, remove_file, write_file_if_changed, write_file_unsynced,
+};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
@@ -93,10 +95,10 @@ impl Work {
         }
         let description = Description { format: "hairbake-work".into(), version: 1, key: key.into(), frames };
         if Description::read(out).ok().as_ref() != Some(&description) {
-            crate::cache::unfinish(out)?;
+            crate::cache::mark_unfinished(out)?;
             work.clear_other_bakes()?;
             let json = serde_json::to_vec_pretty(&description).map_err(|e| Error::Internal(e.to_string()))?;
-            write_file_if_new(&out.join(FOLDER).join("job.json"), &[json])?;
+            write_file_if_changed(&out.join(FOLDER).join("job.json"), &[json])?;
         }
         Ok(work)
     }
@@ -187,7 +189,7 @@ impl Work {
     pub fn set_done(&self, frame: i32, file: &FileRecord) -> Result<()> {
         let mark = Mark { key: self.key.clone(), file: file.clone() };
         let json = serde_json::to_vec(&mark).map_err(|e| Error::Internal(e.to_string()))?;
-        write_file_soon(&self.mark_path(frame), &[json]).map(drop)
+        write_file_unsynced(&self.mark_path(frame), &[json]).map(drop)
     }
 
     /// How far the strands retreat at a frame, at each of so many vertices, if another task has told.
@@ -217,7 +219,7 @@ impl Work {
     /// [`Error::Io`].
     pub fn settle_states(&self, frames: &[i32]) -> Result<()> {
         let paths: Vec<PathBuf> = frames.iter().map(|frame| self.state_path(*frame)).collect();
-        file::settle(&self.folder("states"), &paths)
+        file::sync_files(&self.folder("states"), &paths)
     }
 
     /// Brings the marks of frames to the disk.
@@ -226,7 +228,7 @@ impl Work {
     /// [`Error::Io`].
     pub fn settle_marks(&self, frames: &[i32]) -> Result<()> {
         let paths: Vec<PathBuf> = frames.iter().map(|frame| self.mark_path(*frame)).collect();
-        file::settle(&self.folder("frames"), &paths)
+        file::sync_files(&self.folder("frames"), &paths)
     }
 
     /// The newest sound checkpoint of fewer than `before` sub-steps; each damaged one is named in a warning.
@@ -288,7 +290,7 @@ impl Work {
         for folder in
             [self.out.clone(), self.out.join(FOLDER)].into_iter().chain(FOLDERS.map(|name| self.folder(name)))
         {
-            file::sweep(&folder)?;
+            file::remove_stale_temporaries(&folder)?;
         }
         let told: Vec<i32> = numbers(&self.folder("retreats"))?;
         told.into_iter().try_for_each(|frame| remove_file(&self.retreats_path(frame)))?;

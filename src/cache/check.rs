@@ -1,9 +1,10 @@
-//! Sizes that must agree with each other, on the way out (a bug of ours) and on the way in (damage).
+//! Consistency of array sizes. A mismatch is a bug on writing and damage on reading.
 
-use super::{Closest, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
+use super::frame::{ColliderFrame, CurveFrame, Frame};
+use super::header::{ClosestGuides, ColliderMesh, CurveSet, Header};
 
 impl Header {
-    /// What does not fit together, in words.
+    /// Describes the first inconsistency.
     pub(super) fn check(&self) -> Result<(), String> {
         for curves in self.hair.iter().chain([&self.guides]) {
             curves.check()?;
@@ -15,7 +16,7 @@ impl Header {
 impl CurveSet {
     fn check(&self) -> Result<(), String> {
         if let Some(count) = self.counts.iter().find(|&&count| count < 2) {
-            return Err(format!("a curve of {count} points"));
+            return Err(format!("a curve has {count} points"));
         }
         let points: i64 = self.counts.iter().map(|&count| i64::from(count)).sum();
         let (n, points) = (self.counts.len(), usize::try_from(points).unwrap_or_default());
@@ -26,10 +27,10 @@ impl CurveSet {
         same("names of groups", self.group_name.len(), n)?;
         same("guide flags", self.guide.len(), n)?;
         same("root coordinates", self.root_uv.len(), n)?;
-        let Closest { guides, weights } = &self.closest;
-        let followed = if guides.is_empty() { 0 } else { n * Closest::EACH };
-        same("closest guides", guides.len(), followed)?;
-        same("weights of guides", weights.len(), followed)
+        let ClosestGuides { guides, weights } = &self.closest;
+        let expected = if guides.is_empty() { 0 } else { n * ClosestGuides::PER_STRAND };
+        same("closest guides", guides.len(), expected)?;
+        same("weights of guides", weights.len(), expected)
     }
 }
 
@@ -46,22 +47,26 @@ impl ColliderMesh {
 }
 
 impl Frame {
-    /// The number of the frame of which these are moments, or what does not fit together or to the header, in words.
-    pub(super) fn check_all(moments: &[Frame], header: &Header) -> Result<i32, String> {
-        let frame =
-            moments.first().filter(|first| first.offset == 0.0).ok_or("no moment at the frame")?.frame;
-        if moments.iter().any(|m| m.frame != frame || !(0.0..1.0).contains(&m.offset))
-            || !moments.is_sorted_by(|a, b| a.offset < b.offset)
+    /// The frame number of time samples of one frame, or the first inconsistency among them or with the
+    /// header.
+    pub(super) fn check_all(samples: &[Frame], header: &Header) -> Result<i32, String> {
+        let frame = samples
+            .first()
+            .filter(|first| first.offset == 0.0)
+            .ok_or("there is no time sample at the frame itself")?
+            .frame;
+        if samples.iter().any(|m| m.frame != frame || !(0.0..1.0).contains(&m.offset))
+            || !samples.is_sorted_by(|a, b| a.offset < b.offset)
         {
-            return Err(format!("moments of frame {frame} are not in order within it"));
+            return Err(format!("the time samples of frame {frame} are not in order within it"));
         }
-        moments.iter().try_for_each(|moment| moment.check(header)).map(|()| frame)
+        samples.iter().try_for_each(|sample| sample.check(header)).map(|()| frame)
     }
 
-    /// What does not fit to the header, in words.
+    /// Describes the first inconsistency with the header.
     pub(super) fn check(&self, header: &Header) -> Result<(), String> {
         if self.hair.is_some() != header.hair.is_some() {
-            return Err("render strands in the frame or in the header, but not in both".into());
+            return Err("only one of frame and header has render strands".into());
         }
         for (frame, curves) in self.hair.iter().zip(&header.hair).chain([(&self.guides, &header.guides)]) {
             frame.check(curves, header)?;
@@ -76,9 +81,7 @@ impl ColliderFrame {
         match &self.points {
             Some(points) if mesh.deforms => same("points of a collider", points.len(), mesh.points.len()),
             None if !mesh.deforms => Ok(()),
-            _ => {
-                Err(format!("collider {} deforms in the frame or in the header, but not in both", mesh.name))
-            }
+            _ => Err(format!("collider {} deforms in only one of frame and header", mesh.name)),
         }
     }
 }
@@ -99,11 +102,11 @@ impl CurveFrame {
         optional.into_iter().try_for_each(|(what, found, expected, n)| match found {
             Some(found) if expected => same(what, found, n),
             None if !expected || n == 0 => Ok(()),
-            _ => Err(format!("{what} in the frame or in the header, but not in both")),
+            _ => Err(format!("only one of frame and header has {what}")),
         })
     }
 }
 
 fn same(what: &str, found: usize, expected: usize) -> Result<(), String> {
-    if found == expected { Ok(()) } else { Err(format!("{found} {what} where {expected} are expected")) }
+    if found == expected { Ok(()) } else { Err(format!("there are {found} {what}, expected {expected}")) }
 }

@@ -1,12 +1,14 @@
-//! `manifest.json`: what a cache was made from and what it should hold. Nothing in it depends on the time, the folder, or how the
-//! work was divided; only [`Manifest::machines`] on what it ran on.
+//! `manifest.json`: provenance and contents of a cache. It does not depend on the time, the folder, or the
+//! division of the work; only [`Manifest::machines`] depends on the machines.
 
-use super::{CurveSet, FileRecord, Header};
+use super::header::{CurveSet, Header};
+use super::names::{collider_prim_names, up_axis};
+use crate::file::FileRecord;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-/// The whole manifest; keys stand in this order.
+/// The manifest; keys are written in this order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Always `hairbake-cache`.
@@ -15,37 +17,38 @@ pub struct Manifest {
     pub version: u32,
     /// Version of the program that wrote the cache.
     pub hairbake: String,
-    /// Which build of it: a hash of its sources.
+    /// Build of the program: a hash of its sources.
     #[serde(default)]
     pub build: String,
-    /// What the bytes of the cache follow from: a hash of inputs, settings, first frame, version and build.
+    /// Hash of everything that determines the bytes of the cache: inputs, settings, first frame, version and
+    /// build.
     #[serde(default)]
     pub key: String,
-    /// Instruction sets that the frames were simulated with, each once, in order.
+    /// Instruction sets with which the frames were simulated, each once, sorted.
     #[serde(default)]
     pub machines: Vec<String>,
     /// Files that the bake read.
     pub inputs: Vec<InputRecord>,
-    /// Settings of the bake, all resolved.
+    /// Resolved settings of the bake.
     pub settings: Value,
-    /// What the cache holds.
+    /// Contents of the cache.
     pub summary: Summary,
     /// Root, topology and clip manifest.
     pub layers: Vec<FileRecord>,
     /// Frame files, handles included, in order.
-    pub frames: Vec<FrameRecord>,
-    /// Figures over all frames, such as the deepest penetration.
+    pub frames: Vec<FrameEntry>,
+    /// Figures over all frames, such as the largest penetration.
     pub totals: Map<String, Value>,
-    /// Figures of the scene as such, such as how well the wisps represent the strands.
+    /// Figures of the scene itself, such as how well the wisps represent the strands.
     pub scene_figures: Map<String, Value>,
 }
 
 /// A file that the bake read.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InputRecord {
-    /// What it is to the bake, such as `groom`, `anim`, `collider`.
+    /// Its role, such as `groom`, `anim`, `collider`.
     pub role: String,
-    /// File name without its folder.
+    /// File name without folder.
     pub file: String,
     /// SHA-256 of its bytes, lower-case hexadecimal.
     pub sha256: String,
@@ -53,7 +56,7 @@ pub struct InputRecord {
 
 /// One frame file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FrameRecord {
+pub struct FrameEntry {
     /// Frame number.
     pub frame: i32,
     /// Its file.
@@ -63,27 +66,27 @@ pub struct FrameRecord {
     pub figures: Map<String, Value>,
 }
 
-/// The header in short.
+/// Summary of a [`Header`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
-    /// Metres in one scene unit.
+    /// Metres per scene unit.
     pub metres_per_unit: f64,
     /// `Y` or `Z`.
     pub up_axis: String,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
-    /// First and last frame of the shot; the handle frames lie one before and one after.
+    /// First and last frame of the shot, without the handle frames.
     pub frames: (i32, i32),
-    /// Number of render strands, and of their points.
+    /// Numbers of render strands and of their points.
     pub hair: (usize, usize),
-    /// Number of guides, and of their points.
+    /// Numbers of guides and of their points.
     pub guides: (usize, usize),
-    /// Names of the colliders' prims.
+    /// Prim names of the colliders.
     pub colliders: Vec<String>,
 }
 
 impl Manifest {
-    /// A manifest for a cache of that header, with no inputs, settings, frames or figures yet.
+    /// The manifest of a cache with that header, without inputs, settings, frames and figures.
     pub fn new(header: &Header) -> Self {
         let size = |curves: &CurveSet| (curves.counts.len(), curves.rest.len());
         Manifest {
@@ -97,12 +100,12 @@ impl Manifest {
             settings: Value::Null,
             summary: Summary {
                 metres_per_unit: header.metres_per_unit,
-                up_axis: super::layout::up_axis(header).into(),
+                up_axis: up_axis(header).into(),
                 fps: header.fps,
                 frames: header.frames,
                 hair: header.hair.as_ref().map(size).unwrap_or_default(),
                 guides: size(&header.guides),
-                colliders: super::layout::collider_prim_names(header),
+                colliders: collider_prim_names(header),
             },
             layers: Vec::new(),
             frames: Vec::new(),
@@ -110,7 +113,8 @@ impl Manifest {
             scene_figures: Map::new(),
         }
     }
-    /// As the file holds it.
+
+    /// The content of the file.
     pub(super) fn to_json(&self) -> Result<Vec<u8>> {
         let mut json = serde_json::to_vec_pretty(self).map_err(|e| Error::Internal(e.to_string()))?;
         json.push(b'\n');

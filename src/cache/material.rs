@@ -1,11 +1,11 @@
-//! The material that the curves of a cache are bound to.
+//! The material of the curves of a cache.
 //!
-//! It stands where every cache has it, within `/groom`, so that whoever references that can put a shader of their own there, and shows
-//! the curves in the colour that they have: a UsdPreviewSurface whose diffuse colour is `primvars:displayColor`.
+//! Every cache has it at the same path below `/groom`, where a stage that references the cache can replace
+//! its shader. The default is a UsdPreviewSurface with `primvars:displayColor` as diffuse colour.
 
 use crate::usd::{Attribute, Prim, Relationship, Specifier, Value};
 
-/// Scope below `/groom`, and the name of the material in it.
+/// Name of the scope below `/groom`, and of the material in it.
 const SCOPE: &str = "materials";
 const NAME: &str = "hair";
 
@@ -36,7 +36,7 @@ pub(super) fn scope() -> Prim<'static> {
     scope
 }
 
-/// A path of the material or below it.
+/// Path of the material followed by `below`.
 fn path(below: &str) -> String {
     format!("/groom/{SCOPE}/{NAME}{below}")
 }

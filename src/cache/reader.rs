@@ -1,9 +1,13 @@
-//! Reading a cache back.
+//! Reading a cache.
 
-use super::layout::{
-    CLOSEST, GUIDE_WEIGHTS, LEVEL, MANIFEST, TOPOLOGY, frame_file_name, frame_of_file_name, transposed,
+use super::frame::{ColliderFrame, CurveFrame, Frame};
+use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header};
+use super::layers::transposed;
+use super::manifest::Manifest;
+use super::names::{
+    CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, MANIFEST, TOPOLOGY, collider_prim_names, frame_file_name,
+    frames_on_disk,
 };
-use super::{Basis, Closest, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header, Manifest};
 use crate::usd::{Layer, Value, crate_file};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -20,11 +24,11 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// Opens the cache in `dir`: reads its topology and lists its frames.
+    /// Opens the cache in `dir`: reads its topology and lists its frame files.
     ///
     /// # Errors
-    /// [`Error::Io`] where there is none or it cannot be read; [`Error::Damaged`] where the topology is no
-    /// crate file or does not hold what a cache holds.
+    /// [`Error::Io`] if there is none or it cannot be read; [`Error::Damaged`] if the topology is not the
+    /// crate file of a cache.
     pub fn open(dir: &Path) -> Result<Self> {
         let header = Source::open(dir.join(TOPOLOGY))?.header()?;
         Ok(Reader { dir: dir.to_path_buf(), header, frames: frames_on_disk(dir)? })
@@ -35,12 +39,12 @@ impl Reader {
         &self.dir
     }
 
-    /// What does not change.
+    /// The constant part.
     pub fn header(&self) -> &Header {
         &self.header
     }
 
-    /// Frames that have a file, in order, handles included.
+    /// Frames with a file, in order, handle frames included.
     pub fn frames(&self) -> &[i32] {
         &self.frames
     }
@@ -48,29 +52,29 @@ impl Reader {
     /// Reads one frame.
     ///
     /// # Errors
-    /// [`Error::Io`] where its file is missing or cannot be read; [`Error::Damaged`] where it is no crate
-    /// file, lacks an attribute, or does not fit to the header.
+    /// [`Error::Io`] if its file is missing or cannot be read; [`Error::Damaged`] if it is not a crate file,
+    /// lacks an attribute, or contradicts the header.
     pub fn read_frame(&self, frame: i32) -> Result<Frame> {
-        self.source(frame)?.moment(&self.header, frame, 0.0)
+        self.source(frame)?.sample(&self.header, frame, 0.0)
     }
 
-    /// Reads the moments of one frame that are `offsets`, frames (0..1), after it.
+    /// Reads the time samples of one frame at `offsets`, frames (0..1), after it.
     ///
     /// # Errors
     /// As [`Reader::read_frame`].
-    pub fn read_moments(&self, frame: i32, offsets: impl IntoIterator<Item = f64>) -> Result<Vec<Frame>> {
+    pub fn read_samples(&self, frame: i32, offsets: impl IntoIterator<Item = f64>) -> Result<Vec<Frame>> {
         let mut source = self.source(frame)?;
-        offsets.into_iter().map(|offset| source.moment(&self.header, frame, offset)).collect()
+        offsets.into_iter().map(|offset| source.sample(&self.header, frame, offset)).collect()
     }
 
     fn source(&self, frame: i32) -> Result<Source> {
         Source::open(self.dir.join(frame_file_name(frame)))
     }
 
-    /// Reads `manifest.json`, which an unfinished cache does not have.
+    /// Reads `manifest.json`, which an unfinished cache lacks.
     ///
     /// # Errors
-    /// [`Error::Io`] where it is missing or cannot be read; [`Error::Damaged`] where it is no manifest.
+    /// [`Error::Io`] if it is missing or cannot be read; [`Error::Damaged`] if it is not a manifest.
     pub fn read_manifest(&self) -> Result<Manifest> {
         let path = self.dir.join(MANIFEST);
         let bytes = std::fs::read(&path).map_err(|e| Error::io(&path, e))?;
@@ -78,18 +82,7 @@ impl Reader {
     }
 }
 
-/// Frames that have a file in `dir`, in order.
-pub(super) fn frames_on_disk(dir: &Path) -> Result<Vec<i32>> {
-    let mut frames = Vec::new();
-    for entry in std::fs::read_dir(dir).map_err(|e| Error::io(dir, e))? {
-        let entry = entry.map_err(|e| Error::io(dir, e))?;
-        frames.extend(entry.file_name().to_str().and_then(frame_of_file_name));
-    }
-    frames.sort_unstable();
-    Ok(frames)
-}
-
-/// A layer whose values are taken out one by one.
+/// A layer from which values are taken one by one.
 struct Source {
     path: PathBuf,
     layer: Layer<'static>,
@@ -138,7 +131,7 @@ impl Source {
         Ok(header)
     }
 
-    fn moment(&mut self, header: &Header, frame: i32, offset: f64) -> Result<Frame> {
+    fn sample(&mut self, header: &Header, frame: i32, offset: f64) -> Result<Frame> {
         let time = f64::from(frame) + offset;
         let hair = match &header.hair {
             Some(_) => Some(self.moving_curves(HAIR, time, header)?),
@@ -150,7 +143,7 @@ impl Source {
         };
         let head = self.transform("/groom/head", time)?;
         let mut colliders = Vec::with_capacity(header.colliders.len());
-        for (mesh, name) in header.colliders.iter().zip(super::layout::collider_prim_names(header)) {
+        for (mesh, name) in header.colliders.iter().zip(collider_prim_names(header)) {
             let prim = format!("/groom/colliders/{name}");
             let transform = self.transform(&prim, time)?;
             let points =
@@ -172,12 +165,12 @@ impl Source {
             group_name: self.take(prim, "primvars:groom_group_name", None, strings)?,
             guide: self.take(prim, "primvars:groom_guide", None, ints)?,
             root_uv: self.take(prim, "primvars:groom_root_uv", None, float2s)?,
-            closest: match self.has(prim, CLOSEST) {
-                true => Closest {
-                    guides: self.take(prim, CLOSEST, None, ints)?,
+            closest: match self.has(prim, CLOSEST_GUIDES) {
+                true => ClosestGuides {
+                    guides: self.take(prim, CLOSEST_GUIDES, None, ints)?,
                     weights: self.take(prim, GUIDE_WEIGHTS, None, floats)?,
                 },
-                false => Closest::default(),
+                false => ClosestGuides::default(),
             },
         })
     }
@@ -187,7 +180,7 @@ impl Source {
         let indices = self.take(&prim, "faceVertexIndices", None, ints)?;
         let (triangles, rest) = indices.as_chunks::<3>();
         if !rest.is_empty() {
-            return Err(self.damaged(format!("{prim} is not made of triangles")));
+            return Err(self.damaged(format!("{prim} has faces other than triangles")));
         }
         let deforms = self.has(&prim, "primvars:rest");
         let points = if deforms { "primvars:rest" } else { "points" };
@@ -268,7 +261,7 @@ fn text(value: Value<'static>) -> Option<String> {
 
 fn strings(value: Value<'static>) -> Option<Vec<String>> {
     match value {
-        // Names of groups were tokens once.
+        // Older caches store the names of groups as tokens.
         Value::Strings(v) | Value::Tokens(v) => Some(v),
         _ => None,
     }

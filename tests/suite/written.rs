@@ -141,7 +141,7 @@ fn steps_are_where_the_solver_brought_the_guides() {
         let plain = ["--curves", "guides", "--contact", contact, "--resolution", "full"];
         let (_, of_guides, _) = read(&baked(&scene, "guides", &plain));
         assert_eq!((header.hair, &at_frame), (None, &of_guides));
-        let moments = Reader::open(&out).unwrap().read_moments(1003, [0.0, 0.5]).unwrap();
+        let moments = Reader::open(&out).unwrap().read_samples(1003, [0.0, 0.5]).unwrap();
         assert!(moments[0].guides.points != moments[1].guides.points && moments[0].head != moments[1].head);
         let path = out.join("hair.1003.usdc");
         let mut layer = crate_file::decode(&path, &here(&path)).unwrap();
@@ -162,7 +162,7 @@ fn accelerations_lead_to_the_end_of_the_shutter() {
     let scene = Scene::import();
     let blur = |name: &str, more: &[&str]| baked(&scene, name, &[&["--shutter", "0.4"], more].concat());
     let moments = |out: &Path, offsets: &[f64]| {
-        Reader::open(out).unwrap().read_moments(1003, offsets.iter().copied()).unwrap()
+        Reader::open(out).unwrap().read_samples(1003, offsets.iter().copied()).unwrap()
     };
     let single = moments(&blur("single", &["--accelerations"]), &[0.0]).remove(0);
     let several = moments(&blur("several", &["--accelerations", "--samples", "3"]), &[0.0, 0.2, 0.4]);

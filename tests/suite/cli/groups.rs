@@ -62,7 +62,7 @@ fn of_group(cache: &Path, group: i32) -> Vec<[f32; 3]> {
         ]
         .concat()
     };
-    let moments = |frame: &i32| reader.read_moments(*frame, [0.0, 0.5]).unwrap();
+    let moments = |frame: &i32| reader.read_samples(*frame, [0.0, 0.5]).unwrap();
     reader.frames().iter().flat_map(moments).flat_map(moment).collect()
 }
 

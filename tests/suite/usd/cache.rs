@@ -1,7 +1,7 @@
 //! Whole caches.
 
 use super::{python, sample};
-use hairbake::cache::{Basis, FrameRecord, Header, Manifest, Reader, Writer, sha256};
+use hairbake::cache::{Basis, FrameEntry, Header, Manifest, Reader, Writer, sha256};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -13,7 +13,7 @@ fn write_cache(dir: &Path, header: &Header) -> Manifest {
     manifest.totals.insert("contacts".into(), 12.into());
     for frame in header.frames.0 - 1..=header.frames.1 + 1 {
         let file = writer.write_frame(&[sample::frame(header, frame)]).unwrap();
-        manifest.frames.push(FrameRecord { frame, file, figures: Default::default() });
+        manifest.frames.push(FrameEntry { frame, file, figures: Default::default() });
     }
     writer.finish(manifest).unwrap()
 }

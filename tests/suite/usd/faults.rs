@@ -3,7 +3,7 @@
 use super::sample;
 use hairbake::Error;
 use hairbake::cache::{
-    FrameRecord, Header, Manifest, Reader, TOPOLOGY, Writer, frame_file_name, unfinish, write_file,
+    FrameEntry, Header, Manifest, Reader, TOPOLOGY, Writer, frame_file_name, mark_unfinished, write_file,
 };
 use proptest::prelude::*;
 use std::path::Path;
@@ -32,7 +32,7 @@ fn write_frames(writer: &Writer, header: &Header) -> Manifest {
     });
     // Last frame first: the manifest has an order of its own.
     for (&frame, file) in frames.iter().zip(files).rev() {
-        manifest.frames.push(FrameRecord { frame, file, figures: Default::default() });
+        manifest.frames.push(FrameEntry { frame, file, figures: Default::default() });
     }
     manifest
 }
@@ -62,7 +62,7 @@ fn a_shorter_bake_removes_frames_outside_of_its_range_and_nothing_else() {
     let long = Header { frames: (1001, 1006), ..sample::header(true) };
     write_cache(dir.path(), &long);
     std::fs::write(dir.path().join("notes.txt"), "not ours").unwrap();
-    unfinish(dir.path()).unwrap();
+    mark_unfinished(dir.path()).unwrap();
     let left = names(dir.path());
     assert!(!left.iter().any(|name| name == "manifest.json" || name == "hair.usda"));
     let reader = Reader::open(dir.path()).unwrap();

@@ -1,6 +1,6 @@
 //! A small cache with every part in it, all values different.
 
-use hairbake::cache::{Closest, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
+use hairbake::cache::{ClosestGuides, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 
 /// 40 curves of 2 to 5 points, 18 guides, two colliders, the second of which deforms.
 pub fn header(hair: bool) -> Header {
@@ -71,7 +71,7 @@ fn curves(count: i32, guide: i32) -> CurveSet {
         guide: vec![guide; count as usize],
         group_name: (0..count).map(|c| ["fringe", "the back"][c as usize % 2].into()).collect(),
         root_uv: (0..count).map(|c| [c as f32 / 64.0, 1.0 - c as f32 / 50.0]).collect(),
-        closest: Closest {
+        closest: ClosestGuides {
             guides: (0..if guide == 0 { 3 * count } else { 0 }).map(|i| 2000 + 7 * (i % 18)).collect(),
             weights: (0..if guide == 0 { 3 * count } else { 0 })
                 .map(|i| [0.5, 0.25, 0.25][i as usize % 3])

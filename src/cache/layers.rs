@@ -1,81 +1,25 @@
-//! Where everything stands in the USD layers of a cache.
+//! The USD layers of a cache.
 //!
-//! The same [`skeleton`] and the same [`animated`] declarations go into topology, clip manifest and
-//! frames, because an attribute that a clip holds but the clip manifest lacks resolves to nothing,
-//! without an error.
+//! Topology, clip manifest and frame files have the same [`skeleton`] of prims and the same [`animated`]
+//! declarations: an attribute of a clip that the clip manifest lacks resolves to nothing, without an error.
 
-use super::{
-    Basis, Closest, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header, Manifest, material,
+use super::frame::{ColliderFrame, CurveFrame, Frame};
+use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header};
+use super::manifest::Manifest;
+use super::material;
+use super::names::{
+    CLIP_MANIFEST, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, TOPOLOGY, clip_template, collider_prim_names,
+    frames_with_handles, up_axis,
 };
 use crate::usd::{Attribute, Layer, Metadata, Prim, Specifier, Value};
 use std::borrow::Cow;
 
-/// Root layer: the one to open or to reference.
-pub const ROOT: &str = "hair.usda";
-/// Layer of all that does not move.
-pub const TOPOLOGY: &str = "hair.topology.usdc";
-/// Clip manifest: declares every attribute that the frame files animate.
-pub const CLIP_MANIFEST: &str = "hair.manifest.usda";
-/// The cache's own manifest, written last.
-pub const MANIFEST: &str = "manifest.json";
-
-/// Digits to which frame numbers are filled up; `####` in the clip template.
-const FRAME_DIGITS: usize = 4;
-/// Names of the attributes that tell the guides that each strand follows, and their weights, as Unreal reads them.
-pub(super) const CLOSEST: &str = "primvars:groom_closest_guides";
-pub(super) const GUIDE_WEIGHTS: &str = "primvars:groom_guide_weights";
-/// Name of the attribute that tells the level of each curve.
-pub(super) const LEVEL: &str = "primvars:groom_level";
-/// Brown hair under neutral light, linear.
+/// Brown hair, linear.
 const HAIR_COLOUR: [f32; 3] = [0.16, 0.075, 0.035];
-/// Guides stand out from the strands.
+/// Guides contrast with the strands.
 const GUIDE_COLOUR: [f32; 3] = [0.9, 0.45, 0.05];
 /// Pale skin.
 const COLLIDER_COLOUR: [f32; 3] = [0.55, 0.42, 0.36];
-
-/// File of a frame, as USD's clip template `hair.####.usdc` resolves it: filled up with zeros to four
-/// characters, the sign among them (frame −1 is `hair.-001.usdc`).
-pub fn frame_file_name(frame: i32) -> String {
-    format!("hair.{frame:0FRAME_DIGITS$}.usdc")
-}
-
-/// The frame of a file, where its name is one of [`frame_file_name`].
-pub(super) fn frame_of_file_name(name: &str) -> Option<i32> {
-    let digits = name.strip_prefix("hair.")?.strip_suffix(".usdc")?;
-    let frame = digits.parse().ok()?;
-    (frame_file_name(frame) == name).then_some(frame)
-}
-
-/// Frames on disk: the shot's and one handle before and after, so that the first and the last shutter
-/// have motion.
-pub(super) fn frames_with_handles(header: &Header) -> std::ops::RangeInclusive<i32> {
-    header.frames.0.saturating_sub(1)..=header.frames.1.saturating_add(1)
-}
-
-pub(super) fn up_axis(header: &Header) -> &'static str {
-    if header.z_up { "Z" } else { "Y" }
-}
-
-/// Prim names of the colliders: every other character than ASCII letters, digits and `_` becomes `_`,
-/// and a name that was there already gets a number.
-pub(super) fn collider_prim_names(header: &Header) -> Vec<String> {
-    let mut names: Vec<String> = Vec::new();
-    for ColliderMesh { name, .. } in &header.colliders {
-        let mut stem: String =
-            name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
-        if stem.is_empty() || stem.starts_with(|c: char| c.is_ascii_digit()) {
-            stem.insert(0, '_');
-        }
-        let mut name = stem.clone();
-        let mut number = 2;
-        while names.contains(&name) {
-            name = format!("{stem}_{number}");
-            number += 1;
-        }
-        names.push(name);
-    }
-    names
-}
 
 /// A part of the cache that moves.
 #[derive(Clone, Copy)]
@@ -86,11 +30,11 @@ enum Part {
     Collider(usize),
 }
 
-/// `hair.usda`; it tells what the cache was made from, as far as that does not change from run to run.
+/// `hair.usda`. It includes the provenance of the cache, except what varies between runs.
 pub(super) fn root_layer(header: &Header, manifest: &Manifest) -> Layer<'static> {
     let handles = frames_with_handles(header);
     let clips = vec![
-        ("templateAssetPath".into(), Value::string(&format!("./hair.{}.usdc", "#".repeat(FRAME_DIGITS)))),
+        ("templateAssetPath".into(), Value::string(&clip_template())),
         ("templateStartTime".into(), Value::Double((*handles.start()).into())),
         ("templateEndTime".into(), Value::Double((*handles.end()).into())),
         ("templateStride".into(), Value::Double(1.0)),
@@ -131,7 +75,7 @@ pub(super) fn topology_layer(header: &Header) -> Layer<'_> {
         attributes
     });
     groom.metadata.push(("kind".into(), Value::token("component")));
-    // By this Unreal knows a groom; to others it says nothing.
+    // Identifies a groom to Unreal; others ignore it.
     groom.metadata.push(("apiSchemas".into(), Value::PrependedTokens(vec!["GroomAPI".into()])));
     for child in &mut groom.children {
         if matches!(child.name.as_str(), "guides" | "colliders") {
@@ -151,17 +95,17 @@ pub(super) fn clip_manifest_layer(header: &Header) -> Layer<'static> {
     Layer { prims: vec![groom], ..Layer::default() }
 }
 
-/// One frame file, of the moments of its frame; points and velocities are borrowed.
-pub(super) fn frame_layer<'a>(header: &Header, moments: &'a [Frame]) -> Layer<'a> {
+/// One frame file with the time samples of its frame. Points and velocities are borrowed.
+pub(super) fn frame_layer<'a>(header: &Header, samples: &'a [Frame]) -> Layer<'a> {
     let groom = skeleton(header, Specifier::Over, |part| {
         let mut attributes = animated(header, part);
-        for moment in moments {
-            let time = f64::from(moment.frame) + moment.offset;
+        for sample in samples {
+            let time = f64::from(sample.frame) + sample.offset;
             let values = match part {
-                Part::Head => vec![transform(&moment.head)],
-                Part::Hair => moment.hair.as_ref().map(moving_curves).unwrap_or_default(),
-                Part::Guides => moving_curves(&moment.guides),
-                Part::Collider(i) => moving_collider(&moment.colliders[i]),
+                Part::Head => vec![transform(&sample.head)],
+                Part::Hair => sample.hair.as_ref().map(moving_curves).unwrap_or_default(),
+                Part::Guides => moving_curves(&sample.guides),
+                Part::Collider(i) => moving_collider(&sample.colliders[i]),
             };
             for (attribute, value) in attributes.iter_mut().zip(values) {
                 attribute.samples.push((time, value));
@@ -172,7 +116,7 @@ pub(super) fn frame_layer<'a>(header: &Header, moments: &'a [Frame]) -> Layer<'a
     Layer { metadata: layer_metadata(header), sub_layers: Vec::new(), prims: vec![groom] }
 }
 
-/// What every layer of the cache says of itself.
+/// Metadata of every layer of the cache.
 fn layer_metadata(header: &Header) -> Metadata<'static> {
     let creator = Value::string(concat!("hairbake ", env!("CARGO_PKG_VERSION")));
     [
@@ -187,7 +131,8 @@ fn layer_metadata(header: &Header) -> Metadata<'static> {
     .into()
 }
 
-/// The same and the range of the shot: for root and topology, but not for a frame, which is the same in a longer shot.
+/// [`layer_metadata`] and the frame range: for root and topology. Frame files omit the range, so that they
+/// are equal in a longer shot.
 fn stage_metadata(header: &Header) -> Metadata<'static> {
     let mut metadata = layer_metadata(header);
     metadata.extend([
@@ -197,7 +142,7 @@ fn stage_metadata(header: &Header) -> Metadata<'static> {
     metadata
 }
 
-/// `/groom` and all below it; prims of an `over` have no type.
+/// `/groom` and all prims below it. The prims of an `over` have no type.
 fn skeleton<'a>(
     header: &Header,
     specifier: Specifier,
@@ -227,7 +172,7 @@ fn skeleton<'a>(
     groom
 }
 
-/// Declarations of what the frame files hold, in the order of [`frame_layer`]'s values.
+/// Declarations of the animated attributes, in the order of the values in [`frame_layer`].
 fn animated<'a>(header: &Header, part: Part) -> Vec<Attribute<'a>> {
     let transform = Attribute::new("xformOp:transform", "matrix4d");
     match part {
@@ -274,7 +219,7 @@ fn moving_collider(collider: &ColliderFrame) -> Vec<Value<'_>> {
     values
 }
 
-/// USD multiplies row vectors from the left, so its matrices are the transposed ones.
+/// A matrix in the row-vector convention of USD: transposed.
 fn transform(matrix: &[[f64; 4]; 4]) -> Value<'static> {
     Value::Matrix4d(transposed(matrix))
 }
@@ -292,7 +237,7 @@ fn curves(curves: &CurveSet, basis: Basis, colour: [f32; 3]) -> Vec<Attribute<'_
     let mut attributes = vec![
         uniform_token("type", "cubic"),
         uniform_token("basis", basis),
-        // Curves reach their first and last point without doubled or phantom points.
+        // Curves reach their end points without duplicated or phantom points.
         uniform_token("wrap", "pinned"),
         Attribute::new("curveVertexCounts", "int[]").with_default(ints(&curves.counts)),
         interpolated("widths", "float[]", "vertex", Value::Floats(Cow::Borrowed(&curves.widths))),
@@ -314,12 +259,12 @@ fn curves(curves: &CurveSet, basis: Basis, colour: [f32; 3]) -> Vec<Attribute<'_
         ),
         interpolated("primvars:rest", "point3f[]", "vertex", Value::Float3s(Cow::Borrowed(&curves.rest))),
     ];
-    let Closest { guides, weights } = &curves.closest;
+    let ClosestGuides { guides, weights } = &curves.closest;
     if !guides.is_empty() {
         let weights = Value::Floats(Cow::Borrowed(weights));
-        let of_each = [(CLOSEST, "int[]", ints(guides)), (GUIDE_WEIGHTS, "float[]", weights)];
-        attributes.extend(of_each.map(|(name, type_name, value)| {
-            let size = Value::Int(Closest::EACH as i32);
+        let arrays = [(CLOSEST_GUIDES, "int[]", ints(guides)), (GUIDE_WEIGHTS, "float[]", weights)];
+        attributes.extend(arrays.map(|(name, type_name, value)| {
+            let size = Value::Int(ClosestGuides::PER_STRAND as i32);
             interpolated(name, type_name, "uniform", value).with_metadata("elementSize", size)
         }));
     }
@@ -329,7 +274,7 @@ fn curves(curves: &CurveSet, basis: Basis, colour: [f32; 3]) -> Vec<Attribute<'_
 fn collider(mesh: &ColliderMesh) -> Vec<Attribute<'_>> {
     let points = Value::Float3s(Cow::Borrowed(&mesh.points));
     let mut attributes = vec![
-        // Where a mesh that deforms was at rest has the name that it has for curves: its points are the frames'.
+        // The points of a deforming mesh are in the frames; its rest points are named as those of curves.
         if mesh.deforms {
             interpolated("primvars:rest", "point3f[]", "vertex", points)
         } else {

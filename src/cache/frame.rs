@@ -1,0 +1,42 @@
+//! The time-varying part of a cache. Arrays are in the unit and axes of the cache.
+
+/// A collider at one frame.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ColliderFrame {
+    /// Rest space of its body to world, column-vector convention.
+    pub transform: [[f64; 4]; 4],
+    /// Vertices in the rest space of its body, scene units, if it deforms.
+    pub points: Option<Vec<[f32; 3]>>,
+}
+
+/// The time-varying part of a cache, at one time sample.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Frame {
+    /// Frame number.
+    pub frame: i32,
+    /// Time since the frame, frames (0..1).
+    pub offset: f64,
+    /// Render strands, if the header has them.
+    pub hair: Option<CurveFrame>,
+    /// Guides.
+    pub guides: CurveFrame,
+    /// Head: rest space to world, column-vector convention.
+    pub head: [[f64; 4]; 4],
+    /// The colliders of the header.
+    pub colliders: Vec<ColliderFrame>,
+}
+
+/// A set of curves at one time sample.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CurveFrame {
+    /// Points, world space, scene units.
+    pub points: Vec<[f32; 3]>,
+    /// Velocities, scene units per second.
+    pub velocities: Vec<[f32; 3]>,
+    /// Accelerations, scene units per second squared, if the header includes them.
+    pub accelerations: Option<Vec<[f32; 3]>>,
+    /// Lowest and highest corner of the points, padded by half the widths.
+    pub extent: [[f32; 3]; 2],
+    /// Level of the wisp with which each curve moves, 0 for the coarsest, if the header includes levels.
+    pub level: Option<Vec<i32>>,
+}

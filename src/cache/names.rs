@@ -1,0 +1,85 @@
+//! Names of the files, prims and attributes of a cache.
+
+use super::header::{ColliderMesh, Header};
+use crate::{Error, Result};
+use std::ops::RangeInclusive;
+use std::path::Path;
+
+/// Root layer: the one to open or to reference.
+pub const ROOT: &str = "hair.usda";
+/// Layer of everything that does not move.
+pub const TOPOLOGY: &str = "hair.topology.usdc";
+/// Clip manifest: declares every attribute that the frame files animate.
+pub const CLIP_MANIFEST: &str = "hair.manifest.usda";
+/// The cache's own manifest, written last.
+pub const MANIFEST: &str = "manifest.json";
+
+/// Guides that each strand follows, under the name that Unreal reads.
+pub(super) const CLOSEST_GUIDES: &str = "primvars:groom_closest_guides";
+/// Weights of these guides, under the name that Unreal reads.
+pub(super) const GUIDE_WEIGHTS: &str = "primvars:groom_guide_weights";
+/// Level of each curve.
+pub(super) const LEVEL: &str = "primvars:groom_level";
+
+/// Minimal width of frame numbers in file names, padded with zeros: `####` in the clip template.
+const FRAME_DIGITS: usize = 4;
+
+/// File name of a frame, as USD resolves the clip template `hair.####.usdc`: padded with zeros to four
+/// characters including the sign (frame −1 is `hair.-001.usdc`).
+pub fn frame_file_name(frame: i32) -> String {
+    format!("hair.{frame:0FRAME_DIGITS$}.usdc")
+}
+
+/// The template of [`frame_file_name`] in the clip metadata.
+pub(super) fn clip_template() -> String {
+    format!("./hair.{}.usdc", "#".repeat(FRAME_DIGITS))
+}
+
+/// The frame of a file, if its name is one of [`frame_file_name`].
+fn frame_of_file_name(name: &str) -> Option<i32> {
+    let digits = name.strip_prefix("hair.")?.strip_suffix(".usdc")?;
+    let frame = digits.parse().ok()?;
+    (frame_file_name(frame) == name).then_some(frame)
+}
+
+/// Frames that have a file in `dir`, in order.
+pub(super) fn frames_on_disk(dir: &Path) -> Result<Vec<i32>> {
+    let mut frames = Vec::new();
+    for entry in std::fs::read_dir(dir).map_err(|e| Error::io(dir, e))? {
+        let entry = entry.map_err(|e| Error::io(dir, e))?;
+        frames.extend(entry.file_name().to_str().and_then(frame_of_file_name));
+    }
+    frames.sort_unstable();
+    Ok(frames)
+}
+
+/// Frames of a complete cache: those of the shot and one handle frame before and after, which give the first
+/// and the last shutter interval motion.
+pub(super) fn frames_with_handles(header: &Header) -> RangeInclusive<i32> {
+    header.frames.0.saturating_sub(1)..=header.frames.1.saturating_add(1)
+}
+
+pub(super) fn up_axis(header: &Header) -> &'static str {
+    if header.z_up { "Z" } else { "Y" }
+}
+
+/// Prim names of the colliders: characters other than ASCII letters, digits and `_` become `_`, and
+/// duplicates get a number.
+pub(super) fn collider_prim_names(header: &Header) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for ColliderMesh { name, .. } in &header.colliders {
+        let mut stem: String =
+            name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+        if stem.is_empty() || stem.starts_with(|c: char| c.is_ascii_digit()) {
+            stem.insert(0, '_');
+        }
+        let mut name = stem.clone();
+        let mut number = 2;
+        while names.contains(&name) {
+            name = format!("{stem}_{number}");
+            number += 1;
+        }
+        names.push(name);
+    }
+    names
+}
