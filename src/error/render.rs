@@ -38,9 +38,8 @@ impl std::fmt::Display for Report<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Diagnostic { file, key, message, .. } = self.diagnostic;
         match (&self.excerpt, key.as_str()) {
-            (Some(_), "") => write!(f, "the file {message}"),
+            (_, "") => write!(f, "{}: {message}", file.display()),
             (Some(_), key) => write!(f, "{key}: {message}"),
-            (None, "") => write!(f, "{}: {message}", file.display()),
             (None, key) => write!(f, "{}: {key}: {message}", file.display()),
         }
     }

@@ -1,10 +1,10 @@
-//! Units and up axis of a file, and the way to the inside convention (metres, Y up) and back.
+//! Units and axes of files, and their conversion to and from the internal convention: metres, Y up.
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Which axis of a file points up.
+/// The axis of a file that points up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum UpAxis {
@@ -18,7 +18,7 @@ pub enum UpAxis {
 /// Length unit and up axis of a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Convention {
-    /// Metres in one scene unit (0.01 for centimetres).
+    /// Metres per scene unit (0.01 for centimetres).
     pub metres_per_unit: f64,
     /// Up axis.
     pub up: UpAxis,
@@ -39,38 +39,38 @@ impl Convention {
         }
     }
 
-    /// A position or displacement of the file, in metres, Y up.
+    /// A position or displacement of the file, converted to metres, Y up.
     pub fn length_in(&self, v: Vector3<f64>) -> Vector3<f64> {
         self.to_y_up() * v * self.metres_per_unit
     }
 
-    /// The way back: metres, Y up, to the file's unit and axes.
+    /// The inverse of [`Self::length_in`].
     pub fn length_out(&self, v: Vector3<f64>) -> Vector3<f64> {
         self.to_y_up().inverse() * v / self.metres_per_unit
     }
 
-    /// A direction, or a vector already in SI units, turned to Y up.
+    /// A direction, or a vector in SI units, in the file's axes, turned to Y up.
     pub fn direction_in(&self, v: Vector3<f64>) -> Vector3<f64> {
         self.to_y_up() * v
     }
 
-    /// An orientation given in the file's axes, turned to Y up (conjugation by [`Self::to_y_up`]).
+    /// A rotation of the file, turned to Y up (conjugation by [`Self::to_y_up`]).
     pub fn rotation_in(&self, q: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
         let a = self.to_y_up();
         a * q * a.inverse()
     }
 
-    /// A pose given in the file's unit and axes, in metres, Y up.
+    /// A pose of the file, converted to metres, Y up.
     pub fn pose_in(&self, translation: Vector3<f64>, rotation: UnitQuaternion<f64>) -> Isometry3<f64> {
         Isometry3::from_parts(self.length_in(translation).into(), self.rotation_in(rotation))
     }
 
-    /// An orientation whose columns are directions in the file's axes, turned to Y up: the columns turn.
+    /// A frame whose columns are directions in the file's axes, turned to Y up: each column turns.
     pub fn frame_in(&self, q: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
         self.to_y_up() * q
     }
 
-    /// The way back of [`Self::frame_in`].
+    /// The inverse of [`Self::frame_in`].
     pub fn frame_out(&self, q: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
         self.to_y_up().inverse() * q
     }

@@ -1,6 +1,6 @@
-//! Triangle meshes from Wavefront OBJ files.
+//! Triangle meshes in Wavefront OBJ files.
 
-use super::Convention;
+use super::convention::Convention;
 use crate::file::read_file;
 use crate::geometry::TriMesh;
 use nalgebra::Vector3;
@@ -8,18 +8,19 @@ use std::fmt::Write;
 use std::path::Path;
 
 impl TriMesh {
-    /// Reads an OBJ file whose lengths and axes follow `convention`; polygons are split into triangles, and
-    /// triangles of no area are dropped and counted. Returns the mesh and that count.
+    /// Reads an OBJ file whose lengths and axes follow `convention`. Splits polygons into triangles and drops
+    /// triangles without area. Returns the mesh and the number of triangles dropped.
     ///
     /// # Errors
-    /// What is wrong, in words.
+    /// What is wrong, in words that follow the name of the file.
     pub fn load_obj(path: &Path, convention: &Convention) -> Result<(TriMesh, usize), String> {
         let mut mesh = TriMesh::load_obj_as_it_is(path, convention)?;
         let degenerate = mesh.drop_degenerate()?;
         Ok((mesh, degenerate))
     }
 
-    /// The same with all triangles: two files with the same faces give the same triangles.
+    /// As [`TriMesh::load_obj`], but keeps all triangles: two files with the same faces give the same
+    /// triangles.
     ///
     /// # Errors
     /// As [`TriMesh::load_obj`].
@@ -31,10 +32,10 @@ impl TriMesh {
             ignore_lines: true,
             ..Default::default()
         };
-        // Materials do not matter to a collider; a missing material file is no fault.
+        // A collider has no use for materials, so a missing material file is not an error.
         let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
         let (models, _) = tobj::load_obj_buf(&mut bytes.as_slice(), &options, no_materials)
-            .map_err(|e| format!("is not a sound OBJ file: {e}"))?;
+            .map_err(|e| format!("is not a valid OBJ file: {e}"))?;
         let mut mesh = TriMesh::default();
         for model in &models {
             let first = mesh.vertices.len();
@@ -45,7 +46,7 @@ impl TriMesh {
                 let triangle = [corners[0], corners[1], corners[2]].map(|i| first + i as usize);
                 if let Some(outside) = triangle.iter().find(|&&i| i >= mesh.vertices.len()) {
                     return Err(format!(
-                        "has a face with vertex {outside}, of {} vertices",
+                        "has a face with vertex {outside}, but only {} vertices",
                         mesh.vertices.len()
                     ));
                 }
@@ -58,7 +59,7 @@ impl TriMesh {
         Ok(mesh)
     }
 
-    /// The mesh as Wavefront OBJ in the unit of its vertices, with so many digits after the point.
+    /// The mesh as Wavefront OBJ in the unit of its vertices, with `digits` decimal places.
     pub(crate) fn to_obj(&self, digits: usize) -> String {
         let mut out = String::new();
         // Writing to a string does not fail.

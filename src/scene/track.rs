@@ -1,10 +1,11 @@
-//! Rigid motion over time, smooth to any sub-frame.
+//! Rigid motion over time, smooth between samples.
 //!
-//! Samples of a joint (position and quaternion, seven numbers) are filtered ([`smooth`]) and joined by a C2
-//! cubic spline; the quaternion is normalised when read. Working on the components of quaternions of
-//! aligned sign rather than on logarithms keeps the result independent of the frames chosen: to change them is
-//! to multiply from left or right, which is linear in the components, and filter and spline are linear. It
-//! also has no singularity at half a turn. The error of the chord is of fourth order, as the spline's.
+//! The samples of a joint, position and quaternion (seven numbers), are low-pass filtered ([`smooth`]) and
+//! interpolated by a C2 cubic spline; the quaternion is normalised on evaluation. Filter and spline act on
+//! quaternion components of aligned sign, not on logarithms: a change of frames multiplies the quaternions
+//! from the left or the right, which is linear in the components as filter and spline are, so the result does
+//! not depend on the choice of frames. Nor is there a singularity at half a turn. Normalisation adds an error
+//! of fourth order, as that of the spline.
 
 mod pops;
 mod smooth;
@@ -13,14 +14,15 @@ use crate::math::coast;
 use crate::math::spline::CubicSpline;
 use nalgebra::{Isometry3, Quaternion, SVector, Translation3, UnitQuaternion, Vector3, Vector4};
 
-pub use pops::find_pops;
+pub use pops::{Pop, find_pops};
 
-/// Position, then quaternion (w, x, y, z).
+/// Position and quaternion (w, x, y, z).
 type Coordinates = SVector<f64, 7>;
 
-/// Rest space to world over time.
+/// The pose of rest space in the world, over time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Track {
+    /// Joint to world.
     joint: CubicSpline<7>,
     /// Rest space to joint.
     rest_inverse: Isometry3<f64>,
@@ -28,15 +30,15 @@ pub struct Track {
 
 /// Evenly sampled poses of a joint in the world.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Samples {
-    /// Time of the first, s.
+pub struct PoseSamples {
+    /// Time of the first sample, s.
     pub start: f64,
-    /// Samples a second.
+    /// Samples per second.
     pub rate: f64,
     /// The poses, joint to world, metres, Y up.
     pub poses: Vec<Isometry3<f64>>,
-    /// Samples that are missing or not to be trusted, increasing; they are bridged from their neighbours.
-    /// At least three must remain.
+    /// Increasing indices of missing or invalid samples, which are interpolated. At least three samples must
+    /// be valid.
     pub bridged: Vec<usize>,
 }
 
@@ -47,9 +49,10 @@ impl Track {
         Track { joint, rest_inverse: Isometry3::identity() }
     }
 
-    /// The track through `samples`, low-pass filtered at `smoothing_hz` (Whittaker's filter; not if
-    /// that is 0 or not below the Nyquist frequency of the samples). `rest`: pose of the joint in the rest space.
-    pub fn through(samples: &Samples, smoothing_hz: f64, rest: &Isometry3<f64>) -> Self {
+    /// The track through `samples`, low-pass filtered with the cutoff `smoothing_hz`, Hz; not filtered if the
+    /// cutoff is 0 or not below the Nyquist frequency of the samples. `rest`: pose of the joint in rest
+    /// space.
+    pub fn through(samples: &PoseSamples, smoothing_hz: f64, rest: &Isometry3<f64>) -> Self {
         let mut points: Vec<Coordinates> = samples.poses.iter().map(coordinates).collect();
         let mut weights = vec![1.0; points.len()];
         for &i in &samples.bridged {
@@ -58,9 +61,9 @@ impl Track {
         align_signs(&mut points, &weights);
         let relative = smoothing_hz / samples.rate;
         if relative > 0.0 && relative < 0.5 {
-            points = smooth::whittaker(&points, &weights, smooth::stiffness(relative));
+            points = smooth::whittaker(&points, &weights, smooth::penalty(relative));
         } else if !samples.bridged.is_empty() {
-            // Filtered so lightly that the trusted samples would not move; they are kept to the bit.
+            // Interpolate by a filter too weak to move the valid samples, which keep their exact values.
             let filled = smooth::whittaker(&points, &weights, 1e-6);
             for &i in &samples.bridged {
                 points[i] = filled[i];
@@ -78,25 +81,25 @@ impl Track {
         }
     }
 
-    /// World pose of rest space at time `t`, s. Beyond its ends the track comes to rest smoothly, its
-    /// velocity dying away in half a second.
+    /// World pose of rest space at time `t`, s. Beyond its ends the track comes to rest smoothly within half
+    /// a second.
     pub fn pose(&self, t: f64) -> Isometry3<f64> {
         let [x, _] = self.joint_at(t);
         pose(&x) * self.rest_inverse
     }
 
-    /// Velocity of rest space in the world at time `t`: angular, rad/s, and that of the point that is the origin
-    /// of rest space, m/s. A point at x in the world moves with `linear + angular × (x − pose(t).translation)`.
+    /// Velocity of rest space in the world at time `t`, s: angular, rad/s, and linear at the origin of rest
+    /// space, m/s. A point at x in the world moves with `linear + angular × (x − pose(t).translation)`.
     pub fn twist(&self, t: f64) -> (Vector3<f64>, Vector3<f64>) {
         let [x, v] = self.joint_at(t);
         let (q, dq) = (quaternion(&x), quaternion(&v));
-        // ω = 2 q̇ q⁻¹; the part of q̇ along q, which normalisation takes out, falls on the real part.
+        // ω = 2 q̇ q⁻¹. The component of q̇ along q, which normalisation removes, only affects the real part.
         let angular = (dq * q.conjugate()).imag() * (2.0 / q.norm_squared());
         let arm = (pose(&x) * self.rest_inverse).translation.vector - x.fixed_rows::<3>(0);
         (angular, v.fixed_rows::<3>(0) + angular.cross(&arm))
     }
 
-    /// Coordinates of the joint at `t` and their derivative.
+    /// Coordinates of the joint at time `t`, s, and their derivative.
     fn joint_at(&self, t: f64) -> [Coordinates; 2] {
         let Some((first, last)) = self.span() else {
             let [x, v, _] = self.joint.at(t);
@@ -114,7 +117,8 @@ impl Track {
     }
 }
 
-/// Position and velocity a time `s`, s, beyond an end with position, velocity and acceleration (x, v, a); see [`coast`].
+/// Position and velocity a time `s`, s, beyond an end with position, velocity and acceleration (x, v, a); see
+/// [`coast`].
 fn come_to_rest(x: &Coordinates, v: &Coordinates, a: &Coordinates, s: f64) -> [Coordinates; 2] {
     let ([speed_v, speed_a], [way_v, way_a]) = (coast::velocity(s), coast::displacement(s));
     [x + v * way_v + a * way_a, v * speed_v + a * speed_a]
@@ -134,7 +138,8 @@ fn pose(x: &Coordinates) -> Isometry3<f64> {
     Isometry3::from_parts(translation, UnitQuaternion::from_quaternion(quaternion(x)))
 }
 
-/// Of the two quaternions of each rotation takes the one nearer to that before it; q and −q are the same rotation.
+/// Replaces each quaternion q by −q, the same rotation, if that is nearer to the previous one. Ignores
+/// samples of weight 0.
 fn align_signs(points: &mut [Coordinates], weights: &[f64]) {
     let mut last: Option<Vector4<f64>> = None;
     for (point, &weight) in points.iter_mut().zip(weights) {

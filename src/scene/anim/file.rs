@@ -1,17 +1,17 @@
-//! `anim.json` as it stands in the file: the one description of the format. Its JSON Schema is derived
-//! from here; the doc comments are the schema's descriptions.
+//! The structure of `anim.json`. These structs are the only description of the format: its JSON Schema is
+//! derived from them, and their doc comments are the descriptions in the schema.
 
+use super::settings_file::SettingsFile;
 use crate::error::Result;
-use crate::scene::anim::{Contact, Resolution, Scheme, Settings, Written};
 use crate::scene::convention::UpAxis;
-use crate::scene::document;
-use crate::scene::document::array::{Array, BufferFile};
+use crate::scene::json::array::{Array, BufferFile};
+use crate::scene::json::pretty::write_json;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// An animation for hairbake: bodies on tracks, colliders, wind, forces, settings.
-/// Only `format`, `version`, `fps` and `frames` are required.
+/// An animation for hairbake: bodies on tracks, colliders, ties, wind, forces, settings. Required are
+/// `format`, `version`, `fps` and `frames`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
 pub struct AnimFile {
@@ -20,44 +20,45 @@ pub struct AnimFile {
     /// Version of the format: 1.
     #[schemars(range(min = 1, max = 1))]
     pub version: u32,
-    /// Metres in one unit of the lengths in this file that name no unit: 0.01 for centimetres; default 1.
+    /// Metres per scene unit, the unit of all lengths in this file without a unit in their key: 0.01 for
+    /// centimetres. Default 1.
     #[serde(default = "one")]
     #[schemars(range(min = 1e-6, max = 1e4))]
     pub metres_per_unit: f64,
-    /// Axis that points up, "y" or "z", right-handed; default "y".
+    /// Axis that points up, "y" or "z"; axes are right-handed. Default "y".
     #[serde(default)]
     pub up_axis: UpAxis,
-    /// Frames a second of the bake.
+    /// Frames per second of the bake.
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub fps: f64,
     /// First and last frame of the bake, inclusive.
     pub frames: [i32; 2],
-    /// Name of the body that carries the groom; default: the first body.
+    /// Name of the body that carries the groom. Default: the first body.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub head: Option<String>,
-    /// Binary files beside this one that hold long arrays.
+    /// Binary files next to this one that hold long arrays.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub buffers: Vec<BufferFile>,
-    /// Rigid bodies; default: one named "head" that stands still.
+    /// Rigid bodies. Default: one, named "head", that does not move.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub bodies: Vec<BodyFile>,
-    /// What the hair collides with.
+    /// Shapes that the hair collides with.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub colliders: Vec<ColliderFile>,
-    /// What holds hair to bodies: ties, clips, braids.
+    /// Ties that hold hair to bodies: hair ties, clips, ends of braids.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ties: Vec<TieFile>,
-    /// Gravity, m/s², in the axes of this file; default 9.81 down.
+    /// Gravity, m/s², in the axes of this file. Default: 9.81 downwards.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(inner(range(min = -1e4, max = 1e4)))]
     pub gravity_m_s2: Option<[f64; 3]>,
     /// Wind fields; their velocities add.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub wind: Vec<WindFile>,
-    /// Accelerations over time that act on all strands, added to gravity.
+    /// Uniform accelerations over time, added to gravity.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub forces: Vec<ForceFile>,
-    /// Settings of the simulation.
+    /// Settings of the simulation and of its output.
     #[serde(default)]
     pub settings: SettingsFile,
 }
@@ -76,48 +77,48 @@ pub enum AnimFormat {
 pub struct BodyFile {
     /// Name, unique.
     pub name: String,
-    /// Its motion; default: it stands still where the groom was modelled.
+    /// Its motion. Default: it does not move from where the groom was modelled.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub track: Option<TrackFile>,
 }
 
-/// Motion of a joint, evenly sampled: from a file of its own, or given here as `translation` and
-/// `rotation_wxyz`. A point p of the groom's rest space is at T(t) · rest⁻¹ · p in the world, T(t) the pose
-/// of the joint.
+/// Motion of a joint, evenly sampled, from a motion file or from `translation` and `rotation_wxyz`. A point p
+/// of the groom's rest space is at T(t) · rest⁻¹ · p in the world, where T(t) is the pose of the joint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 #[schemars(deny_unknown_fields)]
 pub struct TrackFile {
-    /// A motion file, beside this one or by a path relative to it: { "fps", "units": "m" | "cm" | "mm",
+    /// Path of a motion file, relative to the folder of this file: { "fps", "units": "m" | "cm" | "mm",
     /// "up_axis": "Y" | "Z", "frames": [{ "translation", "rotation_quat_wxyz" }] }.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<String>,
-    /// Samples a second; default: the fps of the bake. A motion file has its own.
+    /// Samples per second. Default: the fps of the bake. Not with `file`, which has its own.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1.0, max = 10000.0))]
     pub fps: Option<f64>,
-    /// Frame of the bake, may be fractional, at which the first sample lies; default: the first frame.
+    /// Frame of the first sample; may be fractional. Default: the first frame of the bake.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_frame: Option<f64>,
-    /// Number of each sample, counted in samples, to mark gaps: increasing, by 1 where there is none. A gap
-    /// is an error unless `pops` is "bridge".
+    /// Number of each sample, increasing; an increase of more than 1 marks a gap. A gap is an error unless
+    /// `pops` is "bridge".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<Array<i32>>,
-    /// Position of the joint in the world, scene units, one per sample; default: the origin.
+    /// Position of the joint in the world, scene units, one per sample. Default: the origin.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub translation: Option<Array<[f64; 3]>>,
-    /// Orientation of the joint in the world as a unit quaternion (w, x, y, z), one per sample; default: none turned.
+    /// Orientation of the joint in the world as a unit quaternion (w, x, y, z), one per sample. Default: no
+    /// rotation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rotation_wxyz: Option<Array<[f64; 4]>>,
-    /// Pose of the joint in the space that the groom and the head were modelled in; default: its origin.
+    /// Pose of the joint in the rest space, in which groom and head were modelled. Default: its origin.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rest: Option<PoseFile>,
-    /// Frequency above which motion is taken as noise and filtered out, Hz: half of the amplitude passes
-    /// there. Lower is smoother and lags at sharp turns; a track whose own Nyquist frequency is not above
-    /// it is left as it is; 0 turns the filter off.
+    /// Cutoff of the low-pass filter against tracker noise, Hz: half of the amplitude passes at this
+    /// frequency. Lower is smoother and rounds sharp turns. Default 12, which keeps head motion and removes
+    /// the jitter of motion capture. 0, or a cutoff not below half the sample rate, turns the filter off.
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub smoothing_hz: f64,
-    /// What to do with a one-frame pop, a sample far from where its neighbours are.
+    /// What to do with pops: samples that jump as no head can move.
     pub pops: Pops,
 }
 
@@ -125,12 +126,12 @@ pub struct TrackFile {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Pops {
-    /// They are errors.
+    /// Pops and gaps are errors.
     #[default]
     Error,
-    /// One-frame pops and gaps are bridged from their neighbours.
+    /// One-frame pops and gaps are replaced by interpolation.
     Bridge,
-    /// Pops are followed.
+    /// Pops are kept as they are; gaps are errors.
     Keep,
 }
 
@@ -138,77 +139,80 @@ pub enum Pops {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
 pub struct PoseFile {
-    /// Position, scene units; default: the origin.
+    /// Position, scene units. Default: the origin.
     #[serde(default)]
     pub translation: [f64; 3],
-    /// Orientation as a unit quaternion (w, x, y, z); default: none turned.
-    #[serde(default = "unturned")]
+    /// Orientation as a unit quaternion (w, x, y, z). Default: no rotation.
+    #[serde(default = "no_rotation")]
     pub rotation_wxyz: [f64; 4],
 }
 
-/// Something the hair cannot enter.
+/// A shape that the hair cannot enter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
 pub struct ColliderFile {
-    /// Name, unique: letters, digits and _, no digit first.
+    /// Unique name: letters, digits and _, not starting with a digit.
     pub name: String,
-    /// Name of the body that carries it; default: the head.
+    /// Name of the body that carries it. Default: the head.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
-    /// Its shape, in the rest space of its body.
+    /// Shape, in the rest space of its body.
     pub shape: ShapeFile,
-    /// Coulomb friction coefficient of what slides; default: that of the strand.
+    /// Coefficient of kinetic (sliding) Coulomb friction. Higher slides less. Default: that of the strand.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub friction: Option<f64>,
-    /// The same of what sticks, not below `friction`, and only with it; default: as `friction`.
+    /// Coefficient of static friction, not below `friction`, and only together with it. Higher sticks longer.
+    /// Default: `friction`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub static_friction: Option<f64>,
-    /// Distance kept between the shape and the strands, m; default 0.0005.
+    /// Distance kept between the shape and the strands, m. Higher hides gaps of a coarse mesh. Default
+    /// 0.0005, half a millimetre.
     #[serde(default = "thickness")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub thickness_m: f64,
 }
 
-/// Holds one place of each of some guides to a body: a hair tie, a clip, the end of a braid. Hair that is drawn elsewhere is
-/// brought there at 0.5 m/s at most: give it time in the pre-roll. Without `ids`, `group` and `within` it holds all guides; with several
-/// of them, those that fulfil all.
+/// Holds one point of each of some guides to a body: a hair tie, a clip, the end of a braid. Hair drawn
+/// elsewhere moves there at 0.5 m/s at most; the pre-roll must be long enough for that. Selects the guides
+/// that match all of `ids`, `group` and `within` that are given; all guides if none is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
 pub struct TieFile {
-    /// Name, unique.
+    /// Unique name.
     pub name: String,
-    /// Name of the body that holds the hair; default: the head.
+    /// Name of the body that holds the hair. Default: the head.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
-    /// Ids of the guides.
+    /// Selects guides by their ids.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ids: Option<Vec<i32>>,
-    /// Group of the guides.
+    /// Selects the guides of a group, by its name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub group: Option<String>,
-    /// The guides that come into a ball in the groom's pose.
+    /// Selects the guides that enter a ball in the groom's pose.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub within: Option<BallFile>,
-    /// Where the held places are gathered, scene units, in the rest space of the body, in a bundle of `radius`; default: each stays where
-    /// it was drawn.
+    /// Where the held points are gathered in a bundle of `radius`, scene units, rest space of the body.
+    /// Default: each point stays where it was drawn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at: Option<[f64; 3]>,
-    /// Radius of the bundle, scene units; default 0: all in one point.
+    /// Radius of the bundle, scene units. Higher is a looser tie. Default 0: all in one point.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub radius: f64,
-    /// The place of each guide that is held, by its arc length from the root, m. Shorter guides are not held.
+    /// The point of each guide that is held: its arc length from the root, m. Shorter guides are not held.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub arc_m: Option<f64>,
-    /// The same as a multiple of the distance from the root to `at`: 1.3 leaves hair room to go round the head. Default without
-    /// `arc_m`: the place drawn nearest to `at`, or to the centre of `within`.
+    /// The same arc length, as a multiple of the distance from the root to `at`. Higher leaves more slack:
+    /// 1.3 lets hair pass around the head. Default, without `arc_m`: the point drawn nearest to `at`, or to
+    /// the centre of `within`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1.0, max = 10.0))]
     pub arc_by_distance: Option<f64>,
-    /// First and last frame, may be fractional, between which it holds; default: always.
+    /// First and last frame at which the tie holds; may be fractional. Default: always.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<[f64; 2]>,
 }
@@ -231,22 +235,23 @@ pub struct BallFile {
 pub enum ShapeFile {
     /// Triangles of a Wavefront OBJ file.
     Mesh {
-        /// Path of the file, relative to this one. The mesh as it was when the groom was drawn.
+        /// Path of the file, relative to the folder of this file: the mesh for which the groom was drawn.
         file: String,
-        /// For a mesh that deforms: path of OBJ files with the faces of `file`, one for each frame of the bake, relative to this
-        /// one, # for each digit of the frame's number (cloth.####.obj). Where they are there, two more frames before the first
-        /// and after the last are read. Default: it is rigid.
+        /// For a deforming mesh: path of OBJ files with the faces of `file`, one per frame of the bake, with
+        /// # for each digit of the frame number (cloth.####.obj), relative to the folder of this file. Up to
+        /// two frames before the first and after the last are read too, if there are files for them. Default:
+        /// the mesh is rigid.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sequence: Option<String>,
-        /// Metres in one unit of the mesh; default: as in this file.
+        /// Metres per unit of the mesh. Default: as in this file.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(range(min = 1e-6, max = 1e4))]
         metres_per_unit: Option<f64>,
-        /// Axis of the mesh that points up; default: as in this file.
+        /// Axis of the mesh that points up. Default: as in this file.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         up_axis: Option<UpAxis>,
     },
-    /// Ball.
+    /// A ball.
     Sphere {
         /// Centre.
         centre: [f64; 3],
@@ -254,7 +259,7 @@ pub enum ShapeFile {
         #[schemars(range(min = 1e-6))]
         radius: f64,
     },
-    /// Cylinder with round ends.
+    /// A cylinder with hemispherical ends.
     Capsule {
         /// Ends of the axis.
         ends: [[f64; 3]; 2],
@@ -262,22 +267,22 @@ pub enum ShapeFile {
         #[schemars(range(min = 1e-6))]
         radius: f64,
     },
-    /// Ellipsoid.
+    /// An ellipsoid.
     Ellipsoid {
         /// Centre.
         centre: [f64; 3],
         /// Semi-axes.
         #[schemars(inner(range(min = 1e-6)))]
         radii: [f64; 3],
-        /// Orientation of the axes as a unit quaternion (w, x, y, z); default: none turned.
-        #[serde(default = "unturned")]
+        /// Orientation of the axes as a unit quaternion (w, x, y, z). Default: no rotation.
+        #[serde(default = "no_rotation")]
         rotation_wxyz: [f64; 4],
     },
-    /// Half-space below a plane.
+    /// The half-space below a plane.
     Plane {
         /// A point of the plane.
         point: [f64; 3],
-        /// Normal, away from the solid side; any length but zero.
+        /// Normal that points away from the solid side, of any length above 0.
         normal: [f64; 3],
     },
 }
@@ -286,14 +291,14 @@ pub enum ShapeFile {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 #[schemars(deny_unknown_fields)]
-pub enum KeyedFile {
-    /// Always the same.
+pub enum KeyframesFile {
+    /// A constant.
     Constant([f64; 3]),
-    /// Keys, interpolated smoothly without overshoot; held before the first and after the last.
+    /// Keyframes, interpolated smoothly without overshoot; constant before the first and after the last.
     Keys {
-        /// Frames of the bake at which the keys lie, may be fractional, increasing.
+        /// Frames of the keys, increasing; may be fractional.
         frames: Vec<f64>,
-        /// Value at each.
+        /// Value at each key.
         values: Vec<[f64; 3]>,
     },
 }
@@ -303,16 +308,17 @@ pub enum KeyedFile {
 #[schemars(deny_unknown_fields)]
 pub struct WindFile {
     /// Mean velocity, m/s, in the axes of this file.
-    pub velocity_m_s: KeyedFile,
-    /// Root-mean-square speed of the gusts, m/s; default 0: steady.
+    pub velocity_m_s: KeyframesFile,
+    /// Root-mean-square speed of the gusts, m/s. Higher is more turbulent. Default 0: steady wind.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 100.0))]
     pub gust_speed_m_s: f64,
-    /// Size of the gusts, m; default 0.5. Larger moves more of the hair at once.
+    /// Size of the gusts, m. Higher moves more of the hair together. Default 0.5, about the size of a head of
+    /// hair.
     #[serde(default = "gust_length")]
     #[schemars(range(min = 1e-3, max = 1e3))]
     pub gust_length_m: f64,
-    /// Seed of the gusts; default 0.
+    /// Random seed of the gusts: fields with different seeds are independent. Default 0.
     #[serde(default)]
     pub seed: u32,
 }
@@ -322,50 +328,11 @@ pub struct WindFile {
 #[schemars(deny_unknown_fields)]
 pub struct ForceFile {
     /// Acceleration, m/s², in the axes of this file.
-    pub acceleration_m_s2: KeyedFile,
-}
-
-/// Settings of the simulation; the command line may override them.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default)]
-#[schemars(deny_unknown_fields)]
-pub struct SettingsFile {
-    /// Steps of the solver in one frame. More is more accurate and slower.
-    #[schemars(range(min = 1, max = 10000))]
-    pub substeps: u32,
-    /// Time simulated before the first frame, s, in which the groom settles and overlaps are worked out.
-    #[schemars(range(min = 0.0, max = 60.0))]
-    pub preroll_s: f64,
-    /// Strain nodes on a guide where the groom has no wisps of its own. More is more accurate and slower.
-    #[schemars(range(min = 2, max = 256))]
-    pub nodes: u32,
-    /// Time scheme of the solver.
-    pub scheme: Scheme,
-    /// What hair touches.
-    pub contact: Contact,
-    /// What moves by itself.
-    pub resolution: Resolution,
-    /// Where the resolution is adaptive: share of its length by which a guide may be off where those that lead it put it, as estimated by what they
-    /// differ on, and bodies push it from there, before it comes away. Less is more accurate and slower.
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub parting: f64,
-    /// Which curves are written.
-    pub curves: Written,
-    /// Share of the render strands that is written; those are wider, so that they cover as much.
-    #[schemars(range(min = 1e-6, max = 1.0))]
-    pub keep: f64,
-    /// Moments of a frame that are written, for motion blur: the frame itself, and the others evenly over the shutter.
-    #[schemars(range(min = 1, max = 64))]
-    pub samples: u32,
-    /// How long the shutter is open from a frame on, frames; of no effect with one sample and no accelerations.
-    #[schemars(range(min = 0.001, max = 0.999))]
-    pub shutter: f64,
-    /// Whether accelerations are written too, for renderers that blur motion by them: half as much disk again.
-    pub accelerations: bool,
+    pub acceleration_m_s2: KeyframesFile,
 }
 
 impl AnimFile {
-    /// An animation of `frames` (first, last) at `fps`, metres, Y up, all else at its default.
+    /// An animation of `frames` (first, last) at `fps`, in metres, Y up, with defaults for everything else.
     pub fn new(fps: f64, frames: [i32; 2]) -> Self {
         AnimFile {
             format: AnimFormat::Anim,
@@ -391,7 +358,7 @@ impl AnimFile {
     /// # Errors
     /// [`crate::Error::Io`].
     pub fn write(&self, path: &Path) -> Result<()> {
-        document::write(path, self)
+        write_json(path, self)
     }
 }
 
@@ -411,114 +378,11 @@ impl Default for TrackFile {
     }
 }
 
-impl Default for SettingsFile {
-    fn default() -> Self {
-        let Settings {
-            substeps,
-            preroll,
-            nodes,
-            scheme,
-            contact,
-            resolution,
-            parting,
-            curves,
-            keep,
-            samples,
-            shutter,
-            accelerations,
-        } = Settings::default();
-        SettingsFile {
-            substeps,
-            preroll_s: preroll,
-            nodes,
-            scheme,
-            contact,
-            resolution,
-            parting,
-            curves,
-            keep,
-            samples,
-            shutter,
-            accelerations,
-        }
-    }
-}
-
-/// A motion file, as head trackers and exporters write it. Keys it has beyond these are not read.
-#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
-pub struct MotionFile {
-    /// Samples a second.
-    #[schemars(range(min = 1.0, max = 10000.0))]
-    pub fps: f64,
-    /// Unit of the translations; default "m".
-    #[serde(default)]
-    pub units: Unit,
-    /// Axis that points up; default "Y".
-    #[serde(default)]
-    pub up_axis: MotionUpAxis,
-    /// The samples.
-    #[schemars(length(min = 1))]
-    pub frames: Vec<MotionFrame>,
-}
-
-/// One sample of a motion file.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
-pub struct MotionFrame {
-    /// Position of the joint in the world.
-    pub translation: [f64; 3],
-    /// Orientation of the joint in the world as a unit quaternion (w, x, y, z).
-    pub rotation_quat_wxyz: [f64; 4],
-}
-
-/// Unit of length of a motion file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
-pub enum Unit {
-    /// Metres.
-    #[default]
-    #[serde(rename = "m")]
-    Metre,
-    /// Centimetres.
-    #[serde(rename = "cm")]
-    Centimetre,
-    /// Millimetres.
-    #[serde(rename = "mm")]
-    Millimetre,
-}
-
-impl Unit {
-    /// Metres in one.
-    pub fn metres(self) -> f64 {
-        match self {
-            Unit::Metre => 1.0,
-            Unit::Centimetre => 0.01,
-            Unit::Millimetre => 0.001,
-        }
-    }
-}
-
-/// Up axis of a motion file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
-#[allow(missing_docs)]
-pub enum MotionUpAxis {
-    #[default]
-    Y,
-    Z,
-}
-
-impl From<MotionUpAxis> for UpAxis {
-    fn from(up: MotionUpAxis) -> Self {
-        match up {
-            MotionUpAxis::Y => UpAxis::Y,
-            MotionUpAxis::Z => UpAxis::Z,
-        }
-    }
-}
-
 fn one() -> f64 {
     1.0
 }
 
-fn unturned() -> [f64; 4] {
+fn no_rotation() -> [f64; 4] {
     [1.0, 0.0, 0.0, 0.0]
 }
 

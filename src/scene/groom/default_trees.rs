@@ -1,14 +1,13 @@
-//! Wisps for a groom that has none.
+//! Default wisps: one per guide.
 
-use super::{Curves, Groom, Section, Tree, Wisp};
+use super::model::{Curves, Groom, Section, Tree, Wisp};
 use crate::math::frame::rotation_minimising;
 use crate::math::spline::ArcSpline;
 use nalgebra::{UnitQuaternion, Vector3};
 
 impl Tree {
-    /// Arc-length fractions of the strain nodes of a guide: s_k = (k / (n − 1))^p, p = 1.5, k = 0 … n − 1.
-    /// Gravity loads the root most (the bending moment of a hanging strand falls with the length below),
-    /// so nodes crowd there.
+    /// Arc-length fractions of the n strain nodes of a guide: s_k = (k / (n − 1))^1.5, k = 0 … n − 1. Nodes
+    /// are denser towards the root, which carries the largest bending moment.
     pub fn default_arc(nodes: usize) -> Vec<f64> {
         let last = nodes.max(2) - 1;
         (0..=last).map(|k| (k as f64 / last as f64).powf(1.5)).collect()
@@ -16,8 +15,8 @@ impl Tree {
 }
 
 impl Groom {
-    /// The groom with a tree of one wisp for every guide if it has no trees of its own; otherwise as it is.
-    /// `nodes`: strain nodes on a guide (see [`crate::scene::Settings::nodes`]), 2 or more.
+    /// The groom with one tree of one wisp per guide, if it has no trees; otherwise the groom unchanged.
+    /// `nodes`: strain nodes per guide, at least 2.
     pub fn with_default_trees(mut self, nodes: u32) -> Self {
         if !self.trees.is_empty() {
             return self;
@@ -31,15 +30,15 @@ impl Groom {
         let tree = |(g, strand_count): (usize, u32)| {
             let section = self.materials[self.groups[guides.group[g] as usize].material as usize].section;
             let root = self.guides.root_frame.as_ref().map(|frames| frames[g]);
-            wisp(guides, g, root, &arc, section.a1.max(section.a2), strand_count.max(1))
+            tree_of_guide(guides, g, root, &arc, section.a1.max(section.a2), strand_count.max(1))
         };
         self.trees = strands.into_iter().enumerate().map(tree).collect();
         self
     }
 }
 
-/// The wisp of guide `g` alone.
-fn wisp(
+/// The tree of guide `g`.
+fn tree_of_guide(
     guides: &Curves,
     g: usize,
     root: Option<UnitQuaternion<f64>>,

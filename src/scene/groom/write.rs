@@ -1,17 +1,18 @@
-//! A [`Groom`] to `groom.json` and its buffer.
+//! Writes a [`Groom`] as `groom.json` with its buffer.
 
 use super::file::*;
-use super::{Curves, Groom, Material, RodSection};
+use super::material_file::MaterialFile;
+use super::model::{Curves, Groom, Tree};
 use crate::error::Result;
-use crate::scene::document;
-use crate::scene::document::array::Packer;
+use crate::scene::json::packer::Packer;
+use crate::scene::json::pretty::write_json;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::path::Path;
 
 impl Groom {
-    /// Writes the groom in its own unit and axes as JSON at `path`, with long arrays in a binary file of
-    /// the same stem (`groom.json`, `groom.bin`): guides and wisps as f64, render strands as f32. Each
-    /// file is written whole or not at all.
+    /// Writes the groom, in its own unit and axes, as JSON at `path`. Long arrays go to a binary file of the
+    /// same stem (`groom.json`, `groom.bin`): guides and wisps as f64, render strands as f32. Each file is
+    /// written whole or not at all.
     ///
     /// # Errors
     /// [`crate::Error::Io`].
@@ -19,11 +20,10 @@ impl Groom {
         let mut packer = Packer::default();
         let mut file = self.to_file(&mut packer);
         file.buffers = packer.write(path)?;
-        document::write(path, &file)
+        write_json(path, &file)
     }
 
     fn to_file(&self, packer: &mut Packer) -> GroomFile {
-        let guides = &self.guides.curves;
         GroomFile {
             format: GroomFormat::Groom,
             version: 1,
@@ -42,32 +42,37 @@ impl Groom {
                     width_m: Some(g.width),
                 })
                 .collect(),
-            guides: GuidesFile {
-                vertices: Some(vertices(guides, packer)),
-                points: packer.array(self.lengths(&guides.points)),
-                id: Some(packer.array(guides.id.clone())),
-                group: Some(packer.array(guides.group.clone())),
-                root_uv: Some(packer.array(root_uv(guides))),
-                root_frame_wxyz: self
-                    .guides
-                    .root_frame
-                    .as_ref()
-                    .map(|frames| packer.array(frames.iter().map(|q| self.frame(q)).collect())),
-                factors: {
-                    let [stiffness, damping, friction, drag, goal] =
-                        self.guides.factors.each().map(|f| f.clone().map(|f| packer.array(f)));
-                    FactorsFile { stiffness, damping, friction, drag, goal }
-                },
-            },
-            wisps: (!self.trees.is_empty()).then(|| self.wisps(packer)),
+            guides: self.guides_file(packer),
+            wisps: (!self.trees.is_empty()).then(|| self.wisps_file(packer)),
             strands: (!self.strands.curves.is_empty()).then(|| self.strands_file(packer)),
+        }
+    }
+
+    fn guides_file(&self, packer: &mut Packer) -> GuidesFile {
+        let curves = &self.guides.curves;
+        GuidesFile {
+            vertices: Some(vertices(curves, packer)),
+            points: packer.array(self.lengths(&curves.points)),
+            id: Some(packer.array(curves.id.clone())),
+            group: Some(packer.array(curves.group.clone())),
+            root_uv: Some(packer.array(root_uv(curves))),
+            root_frame_wxyz: self
+                .guides
+                .root_frame
+                .as_ref()
+                .map(|frames| packer.array(frames.iter().map(|q| self.frame(q)).collect())),
+            factors: {
+                let [stiffness, damping, friction, drag, goal] =
+                    self.guides.factors.each().map(|f| f.clone().map(|f| packer.array(f)));
+                FactorsFile { stiffness, damping, friction, drag, goal }
+            },
         }
     }
 
     fn strands_file(&self, packer: &mut Packer) -> StrandsFile {
         let curves = &self.strands.curves;
         let starts = self.tree_starts();
-        // Without trees a leaf is (guide, 0): see `Strands::leaf`.
+        // Without trees a leaf is (guide, 0).
         let start = |tree: u32| starts.get(tree as usize).copied().unwrap_or(tree);
         StrandsFile {
             vertices: Some(vertices(curves, packer)),
@@ -79,7 +84,7 @@ impl Groom {
         }
     }
 
-    fn wisps(&self, packer: &mut Packer) -> WispsFile {
+    fn wisps_file(&self, packer: &mut Packer) -> WispsFile {
         let starts = self.tree_starts();
         let all = || self.trees.iter().flat_map(|tree| &tree.wisps);
         let sections = || all().flat_map(|wisp| &wisp.sections);
@@ -105,7 +110,7 @@ impl Groom {
     /// Index of the first wisp of each tree among all wisps.
     fn tree_starts(&self) -> Vec<u32> {
         let mut next = 0;
-        let start = |tree: &super::Tree| {
+        let start = |tree: &Tree| {
             let start = next;
             next += tree.wisps.len() as u32;
             start
@@ -120,40 +125,6 @@ impl Groom {
     fn frame(&self, q: &UnitQuaternion<f64>) -> [f64; 4] {
         let q = self.convention.frame_out(*q);
         [q.w, q.i, q.j, q.k]
-    }
-}
-
-impl From<&Material> for MaterialFile {
-    fn from(m: &Material) -> Self {
-        let RodSection { a1, a2 } = m.section;
-        MaterialFile {
-            name: m.name.clone(),
-            young_modulus_pa: m.young_modulus,
-            shear_modulus_pa: m.shear_modulus,
-            density_kg_m3: m.density,
-            section: if a1 == a2 {
-                SectionFile::Round { radius_m: a1 }
-            } else {
-                SectionFile::Elliptic { semi_axes_m: [a1, a2] }
-            },
-            natural_curvature_per_m: m.natural.map(Into::into),
-            sag_free: m.sag_free,
-            stiffness_at_tip: m.stiffness_at_tip,
-            radius_at_tip: m.radius_at_tip,
-            goal_hz: m.goal,
-            damping_s: m.damping,
-            damping_at_tip: m.damping_at_tip,
-            friction: m.friction.mu_k,
-            static_friction: (m.friction.mu_s != m.friction.mu_k).then_some(m.friction.mu_s),
-            friction_at_tip: m.friction_at_tip,
-            friction_across: m.friction_across,
-            friction_parallel: m.friction_parallel,
-            cohesion_n_m: m.cohesion,
-            clumping: m.clumping,
-            wisp_friction_per_s: m.wisp_friction,
-            drag: m.drag,
-            shielding: m.shielding,
-        }
     }
 }
 

@@ -1,16 +1,17 @@
-use super::super::track::Track;
+use super::super::track::{PoseSamples, Track};
 use super::super::*;
 use super::file;
+use crate::error::Error;
 use crate::geometry::Shape;
 use crate::test_data::shared_data;
 use approx::assert_relative_eq;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
-const SMALLEST: &str = r#"{ "format": "hairbake-anim", "version": 1, "fps": 24, "frames": [1, 48] }"#;
+const MINIMAL: &str = r#"{ "format": "hairbake-anim", "version": 1, "fps": 24, "frames": [1, 48] }"#;
 
 #[test]
-fn a_static_clamp_is_an_animation() {
-    let (_folder, path) = file("still.json", SMALLEST);
+fn the_minimal_file_is_a_head_that_does_not_move() {
+    let (_folder, path) = file("still.json", MINIMAL);
     let anim = load_anim(&path).unwrap();
     assert_eq!((anim.fps, anim.frames, anim.head, anim.bodies.len()), (24.0, (1, 48), 0, 1));
     assert_eq!(anim.gravity, Vector3::new(0.0, -9.81, 0.0));
@@ -18,15 +19,15 @@ fn a_static_clamp_is_an_animation() {
     assert_eq!(anim.settings, Settings::default());
 }
 
-/// Every real track loads as it is, by reference to its file.
+/// Real tracks, referenced as motion files.
 #[test]
-fn real_tracks_load_clean_with_defaults() {
+fn real_tracks_load_with_default_settings() {
     let Some(motions) = shared_data("motion") else { return };
     let mut tracks = 0;
     for entry in std::fs::read_dir(motions).unwrap() {
         let track = entry.unwrap().path().canonicalize().unwrap();
         let text = std::fs::read_to_string(&track).unwrap();
-        let motion: anim::file::MotionFile = serde_json::from_str(&text).unwrap();
+        let motion: anim::motion_file::MotionFile = serde_json::from_str(&text).unwrap();
         let last = ((motion.frames.len() - 1) as f64 * 24.0 / motion.fps) as i32;
         let mut scene = AnimFile::new(24.0, [0, last]);
         scene.bodies = vec![anim::file::BodyFile {
@@ -39,7 +40,7 @@ fn real_tracks_load_clean_with_defaults() {
         let (_folder, path) = file("anim.json", "");
         scene.write(&path).unwrap();
         let anim = load_anim(&path).unwrap_or_else(|e| panic!("{}: {e:?}", track.display()));
-        // The filter keeps to the samples: noise is of the order of millimetres.
+        // The filter stays close to the samples: their noise is of the order of millimetres.
         for (i, frame) in motion.frames.iter().enumerate() {
             let pose = anim.head_pose(i as f64 / motion.fps);
             let off = (pose.translation.vector - Vector3::from(frame.translation)).norm();
@@ -50,13 +51,13 @@ fn real_tracks_load_clean_with_defaults() {
     assert!(tracks >= 5);
 }
 
-/// What the solver feels of a track is its second difference. Raw mocap at 120 Hz shows the solver many times
-/// the acceleration of the head; filtered, what is left is its motion.
+/// The solver sees the second difference of a track. That of raw motion capture at 120 Hz is many times the
+/// acceleration of the head.
 #[test]
-fn noise_of_a_real_track_is_not_turned_into_force() {
+fn smoothing_removes_the_accelerations_of_noise() {
     let Some(track) = shared_data("motion/cmu_01_01_jump_turn_120fps.json") else { return };
     let text = std::fs::read_to_string(track).unwrap();
-    let motion: anim::file::MotionFile = serde_json::from_str(&text).unwrap();
+    let motion: anim::motion_file::MotionFile = serde_json::from_str(&text).unwrap();
     let poses: Vec<Isometry3<f64>> = motion
         .frames
         .iter()
@@ -66,8 +67,8 @@ fn noise_of_a_real_track_is_not_turned_into_force() {
             Isometry3::from_parts(Vector3::from(f.translation).into(), q)
         })
         .collect();
-    let samples = track::Samples { start: 0.0, rate: motion.fps, poses, bridged: vec![] };
-    // Peak linear and angular acceleration by central differences over one sample at each sample.
+    let samples = PoseSamples { start: 0.0, rate: motion.fps, poses, bridged: vec![] };
+    // Peak linear and angular acceleration, by central differences over one sample.
     let peaks = |smoothing: f64| {
         let track = Track::through(&samples, smoothing, &Isometry3::identity());
         let h = 1.0 / samples.rate;
@@ -83,11 +84,10 @@ fn noise_of_a_real_track_is_not_turned_into_force() {
     };
     let (raw, smooth) = (peaks(0.0), peaks(12.0));
     assert!(raw[0] > 190.0 && raw[1] > 1700.0);
-    // 28 m/s² and 103 rad/s² are left of 195 and 1783.
+    // Measured: 28 of 195 m/s² and 103 of 1783 rad/s².
     assert!(smooth[0] < 35.0 && smooth[1] < 130.0, "{smooth:?}");
 }
 
-/// A pop and a gap in a track are bridged if asked; the head stays where its neighbours put it.
 #[test]
 fn pops_and_gaps_are_bridged_or_kept_on_request() {
     let scene = |pops: &str| {
@@ -98,7 +98,7 @@ fn pops_and_gaps_are_bridged_or_kept_on_request() {
             if pops == "bridge" { "[0,1,2,3,4,5,6,7,8,10,11,12]" } else { "[0,1,2,3,4,5,6,7,8,9,10,11]" };
         let track =
             format!(r#"{{ "pops": "{pops}", "frames": {numbers}, "translation": [{}] }}"#, samples.join(","));
-        SMALLEST
+        MINIMAL
             .replace("[1, 48]", "[0, 11]")
             .replace(" }", &format!(r#", "bodies": [{{ "name": "head", "track": {track} }}] }}"#))
     };
@@ -109,15 +109,15 @@ fn pops_and_gaps_are_bridged_or_kept_on_request() {
     };
     assert_relative_eq!(x("keep", 5.0), Vector3::new(0.5, 0.0, 0.0), epsilon = 1e-9);
     assert_relative_eq!(x("bridge", 5.0), Vector3::new(0.0, 0.05, 0.0), epsilon = 1e-6);
-    // Sample 9 is missing and those after it move by 0.01 less than their number.
+    // Sample 9 is missing; the later ones lag by 0.01.
     assert!((x("bridge", 9.0).y - 0.085).abs() < 0.003);
     let (_folder, path) = file("anim.json", &scene("error"));
-    assert!(matches!(load_anim(&path), Err(Error::BadInput(problems)) if problems.len() == 1));
+    assert!(matches!(load_anim(&path), Err(Error::BadInput(diagnostics)) if diagnostics.len() == 1));
 }
 
-/// The same scene in centimetres, Z up, and in metres, Y up, is the same scene.
+/// A scene in centimetres, Z up, equals the same scene in metres, Y up.
 #[test]
-fn units_and_axes_make_no_difference() {
+fn units_and_axes_are_converted() {
     let scene = |unit: &str, up: &str, p: &str, quaternion: &str, gravity: &str, normal: &str| {
         format!(
             r#"{{ "format": "hairbake-anim", "version": 1, "metres_per_unit": {unit}, "up_axis": "{up}", "fps": 24,
@@ -137,16 +137,16 @@ fn units_and_axes_make_no_difference() {
     assert_relative_eq!(a.head_pose(0.0), b.head_pose(0.0), epsilon = 1e-12);
     let plane = |anim: &Anim| match anim.colliders[0].shape {
         Shape::Plane { point, normal } => (point, normal),
-        _ => panic!("a plane was given"),
+        _ => panic!("not a plane"),
     };
     assert_relative_eq!(plane(&a).0, plane(&b).0, epsilon = 1e-12);
     assert_relative_eq!(plane(&a).1, plane(&b).1, epsilon = 1e-12);
 }
 
-/// A mesh that deforms keeps the unit and axes of its file, and is between its frames where its neighbours put it.
+/// The frames of a deforming mesh have the unit and axes of its file, and are interpolated.
 #[test]
-fn a_deforming_mesh_is_read_frame_by_frame() {
-    let text = SMALLEST.replace("[1, 48]", "[10, 12]").replace(
+fn a_deforming_mesh_is_read_from_numbered_files() {
+    let text = MINIMAL.replace("[1, 48]", "[10, 12]").replace(
         " }",
         r#", "colliders": [{ "name": "cloth", "shape": { "type": "mesh", "file": "rest.obj", "sequence": "cloth.##.obj",
             "metres_per_unit": 0.01, "up_axis": "z" } }] }"#,
@@ -154,7 +154,7 @@ fn a_deforming_mesh_is_read_frame_by_frame() {
     let (folder, path) = file("anim.json", &text);
     let mesh = |height: i32| format!("v 0 0 {height}\nv 100 0 0\nv 0 100 0\nv 0 0 0\nf 1 2 3\nf 4 4 2\n");
     std::fs::write(folder.path().join("rest.obj"), mesh(7)).unwrap();
-    // Frame 9 is the handle's; 8 is missing, so 7 is not read, and 15 is too far.
+    // Frame 9 is a handle. 8 is missing, so 7 is not read; 15 is too far.
     for frame in [7, 9, 10, 11, 12, 13, 14, 15] {
         std::fs::write(folder.path().join(format!("cloth.{frame:02}.obj")), mesh((frame - 9) * (frame - 9)))
             .unwrap();
@@ -173,7 +173,7 @@ fn a_deforming_mesh_is_read_frame_by_frame() {
         assert_relative_eq!(vertices[2], -Vector3::z(), epsilon = 1e-15);
     }
     let (_groom_folder, groom) = file("groom.json", "{}");
-    let files = inputs(&groom, &path, &Reading::default()).unwrap();
+    let files = inputs(&groom, &path, &LoadOptions::default()).unwrap();
     let names: Vec<_> =
         files.iter().map(|(role, file)| (*role, file.file_name().unwrap().to_str().unwrap())).collect();
     assert_eq!(names[2], ("collider", "rest.obj"));
@@ -182,18 +182,25 @@ fn a_deforming_mesh_is_read_frame_by_frame() {
 }
 
 #[test]
-fn what_moves_by_itself_follows_from_what_hair_touches_unless_it_is_asked_for() {
-    use anim::{Contact, Resolution, Written};
-    for (resolution, contact, curves, resolved) in [
-        (Resolution::Auto, Contact::Bodies, Written::Both, Resolution::Adaptive),
-        (Resolution::Auto, Contact::Penalty, Written::Strands, Resolution::Adaptive),
-        (Resolution::Auto, Contact::Full, Written::Both, Resolution::Full),
-        (Resolution::Auto, Contact::Bodies, Written::Steps, Resolution::Full),
-        (Resolution::Adaptive, Contact::Full, Written::Both, Resolution::Adaptive),
-        (Resolution::Coarse, Contact::Full, Written::Both, Resolution::Coarse),
-        (Resolution::Full, Contact::Bodies, Written::Both, Resolution::Full),
-    ] {
-        let settings = anim::Settings { resolution, contact, curves, ..anim::Settings::default() };
-        assert_eq!(settings.resolution(), resolved, "{resolution:?} {contact:?} {curves:?}");
+fn the_former_name_of_split_tolerance_is_read() {
+    let text = MINIMAL.replace(" }", r#", "settings": { "parting": 0.25 } }"#);
+    let (_folder, path) = file("anim.json", &text);
+    assert_eq!(load_anim(&path).unwrap().settings.split_tolerance, 0.25);
+    let file: AnimFile = serde_json::from_str(&text).unwrap();
+    assert_eq!(file.settings.split_tolerance, 0.25);
+    assert!(serde_json::to_string(&file).unwrap().contains("\"split_tolerance\":0.25"));
+    let options = |text: &str| LoadOptions {
+        overrides: vec![Override::parse(text).unwrap()],
+        ..LoadOptions::default()
+    };
+    let (_groom_folder, groom) = self::file(
+        "groom.json",
+        r#"{ "format": "hairbake-groom", "version": 1, "guides": { "points": [[0, 0, 0], [0, 1, 0]] } }"#,
+    );
+    for (assignment, value) in
+        [("anim.settings.parting=0.5", 0.5), ("anim.settings.split_tolerance=0.75", 0.75)]
+    {
+        let (_, anim) = load_with(&groom, &path, &options(assignment)).unwrap();
+        assert_eq!(anim.settings.split_tolerance, value, "{assignment}");
     }
 }

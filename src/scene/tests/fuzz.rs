@@ -1,7 +1,7 @@
-//! Wrong files by the thousand: whatever is in them, reading ends with a result or a report, never a panic.
+//! Random invalid files: loading ends with a result or with diagnostics, never with a panic.
 
 use super::super::*;
-use crate::error::render;
+use crate::error::{Diagnostic, render};
 use proptest::prelude::*;
 
 const GROOM: &str = r#"{"format":"hairbake-groom","version":1,"metres_per_unit":1,"up_axis":"z",
@@ -19,7 +19,7 @@ const ANIM: &str = r#"{"format":"hairbake-anim","version":1,"fps":24,"frames":[0
 "colliders":[{"name":"c","shape":{"type":"sphere","centre":[0,0,0],"radius":1}}],
 "wind":[{"velocity_m_s":{"frames":[0,1],"values":[[0,0,0],[1,0,0]]}}],"settings":{"nodes":8}}"#;
 
-/// Pieces that wrong files are made with.
+/// Text that replaces parts of a valid file.
 const PIECES: &[&str] = &[
     "null",
     "-1",
@@ -47,22 +47,22 @@ const PIECES: &[&str] = &[
     "\"",
 ];
 
-/// Starts of the values in a JSON text, roughly: after what separates them.
+/// Approximate starts of the values in a JSON text: after each separator.
 fn places(text: &str) -> Vec<usize> {
     text.char_indices().filter(|(_, c)| ":[,".contains(*c)).map(|(i, _)| i + 1).collect()
 }
 
-/// `text` with some values, or stretches of it, replaced.
+/// `text` with some values, or other parts of it, replaced.
 fn mutated(text: &str, changes: &[(usize, usize, bool)]) -> String {
     let mut text = text.to_string();
     for &(place, piece, whole) in changes {
         let places = places(&text);
         let start = places[place % places.len()];
-        let rest = &text[start..];
+        let tail = &text[start..];
         let end = if whole {
-            rest.find([',', ']', '}']).unwrap_or(rest.len())
+            tail.find([',', ']', '}']).unwrap_or(tail.len())
         } else {
-            (place % 7).min(rest.len())
+            (place % 7).min(tail.len())
         };
         text.replace_range(start..start + end, PIECES[piece % PIECES.len()]);
     }
@@ -80,7 +80,7 @@ fn read(name: &str, text: &[u8]) -> Vec<Diagnostic> {
 }
 
 #[test]
-fn the_files_that_are_mutated_are_sound() {
+fn the_files_are_valid_before_mutation() {
     assert_eq!(read("groom.json", GROOM.as_bytes()), []);
     assert_eq!(read("anim.json", ANIM.as_bytes()), []);
 }
@@ -89,7 +89,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 10_000, ..ProptestConfig::default() })]
 
     #[test]
-    fn changed_values(
+    fn files_with_changed_values_give_diagnostics(
         anim in any::<bool>(),
         changes in proptest::collection::vec((0..400usize, 0..99usize, proptest::bool::weighted(0.9)), 1..4),
     ) {
@@ -100,7 +100,7 @@ proptest! {
     }
 
     #[test]
-    fn changed_bytes(anim in any::<bool>(), changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4)) {
+    fn files_with_changed_bytes_do_not_panic(anim in any::<bool>(), changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4)) {
         let mut bytes = if anim { ANIM } else { GROOM }.as_bytes().to_vec();
         for (at, byte) in changes {
             let i = at.index(bytes.len());

@@ -3,15 +3,15 @@ use super::file;
 use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
 
-const SMALLEST: &str = r#"{
+const MINIMAL: &str = r#"{
   "format": "hairbake-groom",
   "version": 1,
   "guides": { "points": [[0, 0, 0], [0, -0.1, 0], [0, -0.25, 0]] }
 }"#;
 
 #[test]
-fn one_strand_by_hand_is_a_groom() {
-    let (_folder, path) = file("one.json", SMALLEST);
+fn the_minimal_file_is_a_groom_of_one_guide() {
+    let (_folder, path) = file("one.json", MINIMAL);
     let groom = load_groom(&path).unwrap();
     assert_eq!(groom.name, "one");
     assert_eq!(groom.materials, [Material::default()]);
@@ -31,7 +31,7 @@ fn one_strand_by_hand_is_a_groom() {
 }
 
 #[test]
-fn default_arc_runs_from_root_to_tip_and_crowds_at_the_root() {
+fn default_arc_runs_from_0_to_1_and_is_densest_at_the_root() {
     for nodes in [2, 3, 8, 64] {
         let arc = Tree::default_arc(nodes);
         assert_eq!((arc.len(), arc[0], arc[nodes - 1]), (nodes, 0.0, 1.0));
@@ -40,7 +40,7 @@ fn default_arc_runs_from_root_to_tip_and_crowds_at_the_root() {
     }
 }
 
-/// Three levels, two trees, all optional keys set.
+/// A groom of two trees with all optional keys set.
 fn full(convention: Convention, curves: usize) -> Groom {
     let turn = |i: usize| UnitQuaternion::from_euler_angles(0.1 * i as f64, 0.3, -0.2 * i as f64);
     let points = |n: usize| -> Vec<Vector3<f64>> {
@@ -54,7 +54,7 @@ fn full(convention: Convention, curves: usize) -> Groom {
         root_uv: (0..n).map(|c| [c as f32 / 64.0, 0.5]).collect(),
     };
     let mut guides = curves_of(curves, 5);
-    // One guide of another length.
+    // One guide has fewer points.
     guides.points.pop();
     *guides.offsets.last_mut().unwrap() -= 1;
     let section = |i: usize| Section { centre: points(9)[i % 9], frame: turn(i), radius: 0.001 * i as f64 };
@@ -65,7 +65,7 @@ fn full(convention: Convention, curves: usize) -> Groom {
         sections: (0..sections).map(section).collect(),
         guides,
     };
-    let rest = (2..curves as u32).collect();
+    let others = (2..curves as u32).collect();
     Groom {
         name: "full".into(),
         notes: vec!["one strand left out".into(), "λ".into()],
@@ -101,7 +101,7 @@ fn full(convention: Convention, curves: usize) -> Groom {
                 arc: vec![0.0, 0.25, 1.0],
                 wisps: vec![wisp(None, vec![], 3), wisp(Some(0), vec![1], 3), wisp(Some(0), vec![0], 3)],
             },
-            Tree { arc: vec![0.0, 1.0], wisps: vec![wisp(None, rest, 2)] },
+            Tree { arc: vec![0.0, 1.0], wisps: vec![wisp(None, others, 2)] },
         ],
         strands: Strands { curves: curves_of(4, 16), leaf: vec![(0, 2), (1, 0), (0, 1), (1, 0)] },
     }
@@ -138,9 +138,9 @@ fn assert_same(a: &Groom, b: &Groom) {
 }
 
 #[test]
-fn a_groom_comes_back_as_it_was_written() {
+fn a_written_groom_loads_as_it_was() {
     for up in [UpAxis::Y, UpAxis::Z] {
-        // With 4 guides the arrays stay in the JSON, with 40 they go to the buffer.
+        // The arrays of 4 guides stay in the JSON, those of 40 go to the buffer.
         for curves in [4, 40] {
             let groom = full(Convention { metres_per_unit: 0.01, up }, curves);
             let folder = tempfile::tempdir().unwrap();
@@ -148,14 +148,14 @@ fn a_groom_comes_back_as_it_was_written() {
             groom.write(&path).unwrap();
             assert_same(&groom, &load_groom(&path).unwrap());
             let names = std::fs::read_dir(folder.path()).unwrap().count();
-            assert_eq!(names, 2, "full.json and full.bin, nothing temporary");
+            assert_eq!(names, 2, "only full.json and full.bin");
         }
     }
 }
 
 #[test]
-fn points_are_turned_to_metres_y_up() {
-    let text = SMALLEST
+fn points_are_converted_to_metres_y_up() {
+    let text = MINIMAL
         .replace("\"version\": 1,", "\"version\": 1, \"metres_per_unit\": 0.01, \"up_axis\": \"z\",")
         .replace("[0, -0.25, 0]", "[1, 2, 30]");
     let (_folder, path) = file("z.json", &text);
@@ -164,7 +164,7 @@ fn points_are_turned_to_metres_y_up() {
 }
 
 #[test]
-fn trees_are_left_alone_where_the_groom_has_some() {
+fn default_trees_do_not_replace_trees() {
     let groom = full(Convention::default(), 4);
     assert_eq!(groom.clone().with_default_trees(9), groom);
 }

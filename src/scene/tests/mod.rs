@@ -1,7 +1,7 @@
-//! Tests of the two formats: round trips, real data, and a snapshot of every fault they name.
+//! Tests of the two formats: round trips, real data, diagnostics.
 
 mod anim;
-mod faults;
+mod diagnostics;
 mod fuzz;
 mod groom;
 mod obj;
@@ -9,7 +9,7 @@ mod schemas;
 
 use std::path::PathBuf;
 
-/// A file of this text in a folder of its own.
+/// A file with this text in a folder of its own.
 fn file(name: &str, text: &str) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);

@@ -8,7 +8,7 @@ use approx::assert_relative_eq;
 use nalgebra::Vector3;
 
 #[test]
-fn polygons_are_split_and_degenerate_triangles_dropped() {
+fn polygons_are_triangulated_and_triangles_without_area_dropped() {
     let text =
         "o a\nv 0 0 0\nv 100 0 0\nv 100 0 100\nv 0 0 100\nf 1 2 3 4\no b\nv 0 0 200\nf 1 2 -1\nf 1 2 2\n";
     let (_folder, path) = file("box.obj", text);

@@ -1,39 +1,39 @@
-//! Pops: places where a track jumps as no head can move.
+//! Pops: samples of a track that jump as no head can move.
 //!
-//! A jump is told from fast motion by its surroundings as much as by its size: a runner's head moves 0.25 m
-//! in a frame, but as far in the frames around it.
+//! The test compares a jump with the motion around it, not only with an absolute limit: the head of a runner
+//! moves 0.25 m per frame, but it moves as far in the neighbouring frames.
 
 use nalgebra::Isometry3;
 
-/// Largest change of velocity of a head, m/s², with room to spare: a violent shake or a landing.
+/// Largest change of velocity of a head, m/s², with a margin: a violent shake or a landing.
 const MAX_ACCELERATION: f64 = 80.0;
-/// The same for rotation, rad/s².
+/// Largest change of angular velocity of a head, rad/s², with a margin.
 const MAX_ANGULAR_ACCELERATION: f64 = 400.0;
-/// Noise of a tracker, m: jumps below it are left to the filter.
+/// Noise of a tracker, m: the filter removes smaller jumps.
 const NOISE: f64 = 0.03;
-/// The same for rotation, rad.
+/// Angular noise of a tracker, rad.
 const ANGULAR_NOISE: f64 = 0.26;
-/// How many times as far as the motion around it a sample must jump.
-const CONTRAST: f64 = 3.0;
+/// Smallest ratio of a jump to the motion around it.
+const MIN_CONTRAST: f64 = 3.0;
 
 /// A jump in a track.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pop {
-    /// Sample that is far from where its neighbours put it, or the first after a jump.
+    /// The sample that is off, or the first sample after a jump.
     pub sample: usize,
-    /// Whether the sample alone is off (its neighbours agree); otherwise the track goes on from there.
-    pub alone: bool,
-    /// Whether `size`, `limit` and `around` are angles in rad; otherwise they are lengths in m.
+    /// True if only this sample is off (its neighbours agree); false if the track continues from it.
+    pub isolated: bool,
+    /// True if `size`, `limit` and `nearby` are angles, rad; false if they are lengths, m.
     pub angular: bool,
-    /// How far it jumps.
+    /// Size of the jump.
     pub size: f64,
-    /// How far it may.
+    /// Largest size allowed.
     pub limit: f64,
-    /// How far the samples around it move at most in one step.
-    pub around: f64,
+    /// Largest motion between two of the neighbouring samples.
+    pub nearby: f64,
 }
 
-/// The pops in poses sampled at `rate`, 1/s; at most one a sample.
+/// The pops in poses sampled at `rate`, 1/s; at most one per sample.
 pub fn find_pops(poses: &[Isometry3<f64>], rate: f64) -> Vec<Pop> {
     let step2 = 1.0 / (rate * rate);
     let distance = |i: usize, j: usize| (poses[i].translation.vector - poses[j].translation.vector).norm();
@@ -48,31 +48,31 @@ pub fn find_pops(poses: &[Isometry3<f64>], rate: f64) -> Vec<Pop> {
     (1..poses.len()).filter_map(at).collect()
 }
 
-/// The pop at sample `i` of `n` by a measure of distance between two samples.
+/// The pop at sample `i` of `n`, by a measure of the distance between two samples.
 fn jump(n: usize, i: usize, limit: f64, distance: &impl Fn(usize, usize) -> f64) -> Option<Pop> {
     let size = distance(i - 1, i);
-    // Steps around, those to sample i left out.
+    // The neighbouring steps, without those to sample i.
     let before = if i >= 2 { distance(i - 2, i - 1) } else { 0.0 };
-    let mut around = before;
-    let mut alone = false;
+    let mut nearby = before;
+    let mut isolated = false;
     if i + 1 < n {
         let back = distance(i, i + 1);
         // The neighbours are two steps apart.
         let across = distance(i - 1, i + 1) / 2.0;
-        alone = back.min(size) > CONTRAST * across;
-        around = around.max(if alone { across } else { back });
-        if alone && i + 2 < n {
-            around = around.max(distance(i + 1, i + 2));
+        isolated = back.min(size) > MIN_CONTRAST * across;
+        nearby = nearby.max(if isolated { across } else { back });
+        if isolated && i + 2 < n {
+            nearby = nearby.max(distance(i + 1, i + 2));
         }
     }
-    // With nothing on one side a jump cannot be told from a start.
+    // With samples on one side only, a jump looks like the start of a motion.
     let surrounded = n > 2;
-    (surrounded && size > limit && size > CONTRAST * around).then_some(Pop {
+    (surrounded && size > limit && size > MIN_CONTRAST * nearby).then_some(Pop {
         sample: i,
-        alone,
+        isolated,
         angular: true,
         size,
         limit,
-        around,
+        nearby,
     })
 }

@@ -1,23 +1,24 @@
-//! The low-pass filter of tracks: Whittaker's penalised least squares (Whittaker 1923; Eilers 2003, "A perfect
-//! smoother"), z = argmin Σ w_i |y_i − z_i|² + λ Σ |Δ³z_i|².
+//! Low-pass filter of tracks: penalised least squares (Whittaker 1923; Eilers 2003, "A perfect smoother"),
+//! z = argmin Σ w_i |y_i − z_i|² + λ Σ |Δ³z_i|².
 //!
-//! Third differences leave quadratics as they are, so a constant acceleration passes to the very ends of the
-//! track. On a long track of unit weights a wave of frequency f (in cycles per sample) passes with the gain
-//! 1 / (1 + λ (2 sin πf)⁶): flat up to the cutoff, no phase, and zero weights bridge what is missing. The
-//! normal equations are banded; one LDLᵀ in a fixed order gives the same bits everywhere.
+//! The penalty on third differences leaves quadratics unchanged, so a constant acceleration passes up to the
+//! ends of the track. On a long track with unit weights a wave of frequency f, cycles per sample, has the
+//! gain 1 / (1 + λ (2 sin πf)⁶): flat up to the cutoff, without phase shift. Samples of weight zero are
+//! bridged. The normal equations are banded; one LDLᵀ factorisation in a fixed order gives the same bits on
+//! every machine.
 
 use nalgebra::SVector;
 
-/// Third difference.
+/// Coefficients of the third difference.
 const DELTA3: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
 
-/// λ that lets half of the amplitude pass at the frequency `f`, cycles per sample, below ½.
-pub fn stiffness(f: f64) -> f64 {
+/// The λ for which half of the amplitude passes at the frequency `f`, cycles per sample, below ½.
+pub fn penalty(f: f64) -> f64 {
     (2.0 * (std::f64::consts::PI * f).sin()).powi(-6)
 }
 
-/// The smoothed sequence. `weights`: one per value, 0 or more, at least three above 0; fewer than four values come
-/// back as they are.
+/// The filtered sequence. `weights`: one per value, not negative, at least three positive. Fewer than four
+/// values are returned unchanged.
 pub fn whittaker<const D: usize>(
     y: &[SVector<f64, D>],
     weights: &[f64],
@@ -27,7 +28,7 @@ pub fn whittaker<const D: usize>(
     if n < DELTA3.len() {
         return y.to_vec();
     }
-    // Row i holds A[i][i − 3 ..= i], then the same of L with D on its diagonal.
+    // Row i holds A[i][i − 3 ..= i]; the factorisation replaces it by the row of L, with D on the diagonal.
     let mut band = vec![[0.0; 4]; n];
     for (row, &w) in band.iter_mut().zip(weights) {
         row[3] = w;

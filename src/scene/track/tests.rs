@@ -1,11 +1,11 @@
 use super::pops::Pop;
-use super::smooth::{stiffness, whittaker};
+use super::smooth::{penalty, whittaker};
 use super::*;
 use approx::assert_relative_eq;
 use nalgebra::Vector1;
 use proptest::prelude::*;
 
-/// A head that nods, turns and walks; smooth.
+/// A smooth motion: a head that nods, turns and walks.
 fn motion(t: f64) -> Isometry3<f64> {
     let rotation = UnitQuaternion::from_euler_angles(0.4 * (3.0 * t).sin(), 2.0 * t, 0.2 * (5.0 * t).cos());
     Isometry3::from_parts(
@@ -14,9 +14,9 @@ fn motion(t: f64) -> Isometry3<f64> {
     )
 }
 
-fn samples(start: f64, rate: f64, n: usize) -> Samples {
+fn samples(start: f64, rate: f64, n: usize) -> PoseSamples {
     let poses = (0..n).map(|i| motion(start + i as f64 / rate)).collect();
-    Samples { start, rate, poses, bridged: Vec::new() }
+    PoseSamples { start, rate, poses, bridged: Vec::new() }
 }
 
 fn distance(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
@@ -28,7 +28,7 @@ fn rest() -> Isometry3<f64> {
 }
 
 #[test]
-fn sampled_without_filter_meets_its_samples() {
+fn unfiltered_track_passes_through_its_samples() {
     let samples = samples(-0.5, 24.0, 40);
     let track = Track::through(&samples, 0.0, &Isometry3::identity());
     for (i, pose) in samples.poses.iter().enumerate() {
@@ -51,11 +51,11 @@ fn error_between_samples_is_of_fourth_order() {
 }
 
 #[test]
-fn rest_pose_is_taken_out() {
+fn rest_pose_of_the_joint_is_removed() {
     let track = Track::through(&samples(0.0, 60.0, 30), 0.0, &rest());
     let t = 0.25;
     assert!(distance(&track.pose(t), &(motion(t) * rest().inverse())) < 1e-5);
-    // Where the joint lies in rest space is carried to where it is in the world.
+    // The position of the joint in rest space maps to its position in the world.
     let joint = nalgebra::Point3::from(rest().translation.vector);
     assert_relative_eq!((track.pose(t) * joint).coords, motion(t).translation.vector, epsilon = 1e-5);
 }
@@ -64,7 +64,7 @@ fn rest_pose_is_taken_out() {
 fn twist_is_the_derivative_of_the_pose() {
     let track = Track::through(&samples(0.0, 30.0, 61), 12.0, &rest());
     let h = 1e-5;
-    // Inside, at a sample, while coming to rest on either side, and at rest.
+    // Inside, at a sample, while the motion decays on either side, and at rest.
     for t in [0.01, 0.777, 1.0, -0.05, -0.3, 2.05, 2.3, 9.0] {
         let (a, b) = (track.pose(t - h), track.pose(t + h));
         let (angular, linear) = track.twist(t);
@@ -75,7 +75,7 @@ fn twist_is_the_derivative_of_the_pose() {
     assert!(track.twist(1.0).0.norm() > 0.5 && track.twist(1.0).1.norm() > 0.5);
 }
 
-/// No jump of velocity anywhere and a bounded change of acceleration: at samples, at the ends, where it stops.
+/// At samples, at the ends, and where the motion stops.
 #[test]
 fn velocity_and_acceleration_are_continuous() {
     let track = Track::through(&samples(0.0, 24.0, 25), 0.0, &rest());
@@ -107,7 +107,7 @@ fn comes_to_rest_beyond_its_ends() {
 }
 
 #[test]
-fn few_samples_are_enough() {
+fn tracks_of_few_samples_work() {
     for n in 1..6 {
         let track = Track::through(&samples(0.0, 60.0, n), 12.0, &Isometry3::identity());
         assert!(distance(&track.pose(0.0), &motion(0.0)) < 0.02, "{n}");
@@ -115,9 +115,9 @@ fn few_samples_are_enough() {
     }
 }
 
-/// Filter and spline give the same motion in any frames: g · track(q) · k = track(g · q · k).
+/// g · track(q) · k = track(g · q · k).
 #[test]
-fn does_not_depend_on_the_frames_chosen() {
+fn result_is_independent_of_frames() {
     let (g, k) =
         (Isometry3::rotation(Vector3::new(2.0, -1.0, 0.4)), Isometry3::rotation(Vector3::new(0.0, 0.0, 3.0)));
     let plain = samples(0.0, 30.0, 30);
@@ -132,12 +132,12 @@ fn does_not_depend_on_the_frames_chosen() {
 }
 
 #[test]
-fn filter_passes_half_at_its_cutoff_and_all_below() {
+fn filter_gain_is_one_half_at_the_cutoff_and_one_below() {
     let gain = |f: f64| {
         let n = 4000;
         let wave: Vec<_> =
             (0..n).map(|i| Vector1::new((std::f64::consts::TAU * f * f64::from(i)).cos())).collect();
-        let smooth = whittaker(&wave, &vec![1.0; wave.len()], stiffness(0.1));
+        let smooth = whittaker(&wave, &vec![1.0; wave.len()], penalty(0.1));
         let (from, to) = (1000, 3000);
         let product =
             |a: &[Vector1<f64>], b: &[Vector1<f64>]| (from..to).map(|i| a[i].x * b[i].x).sum::<f64>();
@@ -147,7 +147,7 @@ fn filter_passes_half_at_its_cutoff_and_all_below() {
     assert!(gain(0.05) > 0.98 && gain(0.2) < 0.03, "{} {}", gain(0.05), gain(0.2));
 }
 
-/// Against the dense normal equations.
+/// Compares with a dense solve of the normal equations.
 #[test]
 fn filter_solves_its_normal_equations() {
     let n = 12;
@@ -169,14 +169,14 @@ fn filter_solves_its_normal_equations() {
 }
 
 #[test]
-fn quadratics_pass_the_filter_to_the_ends_and_across_gaps() {
+fn filter_preserves_quadratics_up_to_the_ends_and_across_gaps() {
     let y: Vec<_> =
         (0..50).map(|i| Vector1::new(3.0 - 0.2 * f64::from(i) + 0.05 * f64::from(i * i))).collect();
     let mut weights = vec![1.0; 50];
     weights[20..25].fill(0.0);
     let mut gapped = y.clone();
     gapped[20..25].fill(Vector1::new(1e6));
-    for (z, y) in whittaker(&gapped, &weights, stiffness(0.05)).iter().zip(&y) {
+    for (z, y) in whittaker(&gapped, &weights, penalty(0.05)).iter().zip(&y) {
         assert_relative_eq!(z.x, y.x, epsilon = 1e-7);
     }
 }
@@ -190,7 +190,7 @@ fn pops_after(rate: f64, change: impl Fn(usize, &mut Isometry3<f64>)) -> Vec<Pop
 }
 
 #[test]
-fn pops_are_found_and_motion_is_not() {
+fn pops_are_found_and_fast_motion_is_not() {
     for rate in [24.0, 30.0, 60.0, 120.0] {
         assert_eq!(pops_after(rate, |_, _| {}), []);
         let spike = pops_after(rate, |i, p| {
@@ -199,7 +199,7 @@ fn pops_are_found_and_motion_is_not() {
             }
         });
         assert_eq!(
-            spike.iter().map(|p| (p.sample, p.alone, p.angular)).collect::<Vec<_>>(),
+            spike.iter().map(|p| (p.sample, p.isolated, p.angular)).collect::<Vec<_>>(),
             [(30, true, false)]
         );
         let step = pops_after(rate, |i, p| {
@@ -208,7 +208,7 @@ fn pops_are_found_and_motion_is_not() {
             }
         });
         assert_eq!(
-            step.iter().map(|p| (p.sample, p.alone, p.angular)).collect::<Vec<_>>(),
+            step.iter().map(|p| (p.sample, p.isolated, p.angular)).collect::<Vec<_>>(),
             [(30, false, false)]
         );
         let turn = pops_after(rate, |i, p| {
@@ -217,11 +217,11 @@ fn pops_are_found_and_motion_is_not() {
             }
         });
         assert_eq!(
-            turn.iter().map(|p| (p.sample, p.alone, p.angular)).collect::<Vec<_>>(),
+            turn.iter().map(|p| (p.sample, p.isolated, p.angular)).collect::<Vec<_>>(),
             [(30, true, true)]
         );
     }
-    // A sprint of 12 m/s with stride, and a head thrown round at 25 rad/s, are motion.
+    // A sprint at 12 m/s with strides, and a head that turns at 25 rad/s.
     let fast: Vec<_> = (0..60)
         .map(|i| f64::from(i) / 24.0)
         .map(|t| {
@@ -232,7 +232,7 @@ fn pops_are_found_and_motion_is_not() {
 }
 
 #[test]
-fn bridged_samples_take_their_place_between_their_neighbours() {
+fn bridged_samples_are_interpolated() {
     for cutoff in [0.0, 12.0] {
         let sound = samples(0.0, 60.0, 40);
         let mut popped = sound.clone();
@@ -256,7 +256,7 @@ proptest! {
             .iter()
             .map(|&(x, y, a, b)| Isometry3::new(Vector3::new(x, y, a), Vector3::new(a, b, x)))
             .collect();
-        let track = Track::through(&Samples { start: 0.0, rate: 24.0, poses, bridged: vec![] }, cutoff, &rest());
+        let track = Track::through(&PoseSamples { start: 0.0, rate: 24.0, poses, bridged: vec![] }, cutoff, &rest());
         let (angular, linear) = track.twist(t);
         prop_assert!(track.pose(t).to_homogeneous().iter().all(|x| x.is_finite()));
         prop_assert!(angular.iter().chain(linear.iter()).all(|x| x.is_finite()));

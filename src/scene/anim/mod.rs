@@ -1,0 +1,14 @@
+//! The animation and its formats, `anim.json` and motion files.
+
+pub mod file;
+pub mod model;
+pub mod motion_file;
+pub(super) mod read;
+pub mod settings;
+pub mod settings_file;
+
+pub use super::keyframes::Keyframes;
+pub use super::track::Track;
+pub use file::AnimFile;
+pub use model::{Anim, Body, Collider, MAX_FRAMES, Tie, TiePoint, Wind};
+pub use settings::{ContactMode, OutputCurves, Resolution, Scheme, Settings};

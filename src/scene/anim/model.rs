@@ -1,0 +1,121 @@
+//! The animation: bodies on tracks, colliders, ties, wind, forces, settings. SI units, Y up, world space.
+
+use super::settings::Settings;
+use crate::geometry::{Deformation, Friction, Shape};
+use crate::scene::keyframes::Keyframes;
+use crate::scene::track::Track;
+use nalgebra::{Isometry3, Vector3};
+use std::sync::Arc;
+
+/// Most frames of a shot: bounds memory; far above any real shot.
+pub const MAX_FRAMES: i64 = 1_000_000;
+
+/// A validated animation.
+#[derive(Debug, Clone)]
+pub struct Anim {
+    /// Frames per second of the bake.
+    pub fps: f64,
+    /// First and last frame, inclusive.
+    pub frames: (i32, i32),
+    /// Index into [`Anim::bodies`] of the body that carries the groom.
+    pub head: usize,
+    /// Rigid bodies; at least the head.
+    pub bodies: Vec<Body>,
+    /// Shapes that the hair collides with.
+    pub colliders: Vec<Collider>,
+    /// Ties that hold guides to bodies: hair ties, clips, ends of braids.
+    pub ties: Vec<Tie>,
+    /// Gravity, m/s².
+    pub gravity: Vector3<f64>,
+    /// Wind fields; their velocities add.
+    pub wind: Vec<Wind>,
+    /// Uniform accelerations over time, m/s², added to gravity.
+    pub forces: Vec<Keyframes>,
+    /// Simulation settings.
+    pub settings: Settings,
+}
+
+/// A rigid body on a track. A point p of rest space is at [`Track::pose`] · p in the world.
+#[derive(Debug, Clone)]
+pub struct Body {
+    /// Name.
+    pub name: String,
+    /// The pose of rest space in the world, over time.
+    pub track: Track,
+}
+
+/// A shape that the hair cannot enter.
+#[derive(Debug, Clone)]
+pub struct Collider {
+    /// Unique name; a valid USD prim name.
+    pub name: String,
+    /// Body that carries it: index into [`Anim::bodies`].
+    pub body: usize,
+    /// Shape, in the rest space of its body.
+    pub shape: Shape,
+    /// Motion of the vertices of its mesh in that space; `None` for a rigid shape.
+    pub deformation: Option<Arc<Deformation>>,
+    /// Its friction; `None` for that of the strand.
+    pub friction: Option<Friction>,
+    /// Distance kept between the shape and the strands, m.
+    pub thickness: f64,
+}
+
+/// Holds one point of each of some guides to a body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tie {
+    /// Unique name.
+    pub name: String,
+    /// Body that holds the guides: index into [`Anim::bodies`].
+    pub body: usize,
+    /// Ids of the guides selected; `None` for all.
+    pub ids: Option<Vec<i32>>,
+    /// Group of the guides selected; `None` for all.
+    pub group: Option<String>,
+    /// Selects the guides that enter this ball in the groom's pose: centre and radius, m, rest space; `None`
+    /// for all.
+    pub within: Option<(Vector3<f64>, f64)>,
+    /// The point of each guide that is held.
+    pub point: TiePoint,
+    /// Bundle in which the held points are gathered: centre and radius, m, rest space of the body; `None`
+    /// keeps each where it was drawn.
+    pub bundle: Option<(Vector3<f64>, f64)>,
+    /// First and last time at which it holds, s.
+    pub times: [f64; 2],
+}
+
+/// The point of a guide that a tie holds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum TiePoint {
+    /// The point drawn nearest to the centre of the bundle; without a bundle, to the centre of the ball.
+    Nearest,
+    /// The point at an arc length from the root, m.
+    Arc(f64),
+    /// The point whose arc length is this multiple of the distance from the root to the centre of the bundle.
+    Distance(f64),
+}
+
+/// A wind field: a uniform velocity over time plus gusts.
+#[derive(Debug, Clone)]
+pub struct Wind {
+    /// Mean velocity over time, m/s.
+    pub velocity: Keyframes,
+    /// Root-mean-square speed of the gusts, m/s; 0: steady.
+    pub gust_speed: f64,
+    /// Size of the gusts, m.
+    pub gust_length: f64,
+    /// Random seed of the gusts.
+    pub seed: u32,
+}
+
+impl Anim {
+    /// Time of a frame, s: frame 0 is at 0.
+    pub fn time(&self, frame: f64) -> f64 {
+        frame / self.fps
+    }
+
+    /// World pose of rest space on the head at time `t`, s.
+    pub fn head_pose(&self, t: f64) -> Isometry3<f64> {
+        self.bodies[self.head].track.pose(t)
+    }
+}

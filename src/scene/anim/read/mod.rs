@@ -1,0 +1,100 @@
+//! Reads an [`Anim`] from the structure of its file: checks its meaning, converts units and axes, reads the
+//! files it names.
+
+mod bodies;
+mod colliders;
+mod context;
+mod deformation;
+mod keyframes;
+mod ties;
+mod track;
+
+use super::file::AnimFile;
+use super::model::{Anim, MAX_FRAMES, Wind};
+use super::settings::Settings;
+use crate::scene::convention::Convention;
+use crate::scene::json::buffers::Buffers;
+use crate::scene::json::diagnostics::Diagnostics;
+use crate::scene::json::document::Document;
+use crate::scene::json::key::Key;
+use context::Context;
+use nalgebra::Vector3;
+
+/// Gravity, m/s², if the file gives none.
+const GRAVITY: f64 = 9.81;
+
+/// Largest frame number: 32 bits must hold numbers derived from it.
+const MAX_FRAME: i32 = 1_000_000_000;
+
+/// Sections of the file, each with a section that it depends on; see [`Document::finish`].
+pub const DEPENDENCIES: &[(&str, &str)] = &[
+    ("bodies", "buffers"),
+    ("bodies", "fps"),
+    ("head", "bodies"),
+    ("colliders", "bodies"),
+    ("ties", "bodies"),
+];
+
+/// The animation that `file` describes. Returns `None` only after reporting an error.
+pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
+    let folder = doc.folder();
+    let diagnostics = &mut doc.diagnostics;
+    let buffers = Buffers::read(&file.buffers, &folder, diagnostics);
+    let [first, last] = file.frames;
+    check_frames(diagnostics, first, last);
+    let frames = (first, last);
+    let convention = Convention { metres_per_unit: file.metres_per_unit, up: file.up_axis };
+    let mut context = Context { convention, fps: file.fps, frames, folder, buffers, diagnostics };
+    let bodies = bodies::bodies(&mut context, file.bodies);
+    let names: Vec<String> = bodies.iter().map(|body| body.name.clone()).collect();
+    let head = match &file.head {
+        Some(head) => context.body_index(&Key::at("head"), head, &names),
+        None => Some(0),
+    };
+    let colliders = colliders::colliders(&mut context, file.colliders, &names, head);
+    let ties = ties::ties(&mut context, file.ties, &names, head);
+    let wind: Vec<_> = file
+        .wind
+        .into_iter()
+        .enumerate()
+        .map(|(i, wind)| {
+            let key = Key::at("wind").index(i).name("velocity_m_s");
+            let velocity = keyframes::keyframes(&mut context, &key, wind.velocity_m_s)?;
+            let (gust_speed, gust_length) = (wind.gust_speed_m_s, wind.gust_length_m);
+            Some(Wind { velocity, gust_speed, gust_length, seed: wind.seed })
+        })
+        .collect();
+    let forces: Vec<_> = file
+        .forces
+        .into_iter()
+        .enumerate()
+        .map(|(i, force)| {
+            let key = Key::at("forces").index(i).name("acceleration_m_s2");
+            keyframes::keyframes(&mut context, &key, force.acceleration_m_s2)
+        })
+        .collect();
+    Some(Anim {
+        fps: file.fps,
+        frames,
+        head: head?,
+        bodies: bodies.into_iter().map(bodies::NamedTrack::into_body).collect::<Option<_>>()?,
+        colliders: colliders.into_iter().collect::<Option<_>>()?,
+        ties: ties.into_iter().collect::<Option<_>>()?,
+        gravity: file.gravity_m_s2.map_or(Vector3::y() * -GRAVITY, |g| convention.direction_in(g.into())),
+        wind: wind.into_iter().collect::<Option<_>>()?,
+        forces: forces.into_iter().collect::<Option<_>>()?,
+        settings: Settings::from(file.settings),
+    })
+}
+
+fn check_frames(diagnostics: &mut Diagnostics, first: i32, last: i32) {
+    let key = Key::at("frames");
+    if first > last {
+        let message = format!("first frame {first} is after last frame {last}");
+        diagnostics.add(&key, message, "[first, last] with first ≤ last", "swap the two");
+    } else if i64::from(last) - i64::from(first) >= MAX_FRAMES || first < -MAX_FRAME || last > MAX_FRAME {
+        let message = format!("frames {first} to {last} are out of range");
+        let allowed = format!("up to {MAX_FRAMES} frames, numbered -{MAX_FRAME} to {MAX_FRAME}");
+        diagnostics.add(&key, message, allowed, "split the shot");
+    }
+}

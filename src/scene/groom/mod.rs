@@ -1,0 +1,10 @@
+//! The groom and its format, `groom.json`.
+
+mod default_trees;
+pub mod file;
+pub mod material_file;
+pub mod model;
+pub(super) mod read;
+mod write;
+
+pub use model::{Curves, Factors, Groom, Group, Guides, Material, RodSection, Section, Strands, Tree, Wisp};

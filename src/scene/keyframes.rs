@@ -1,0 +1,102 @@
+//! A vector over time.
+
+use nalgebra::Vector3;
+
+/// A vector over time: keyframes interpolated smoothly. Before the first and after the last key it is
+/// constant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Keyframes {
+    /// Times of the keys, s, increasing; at least one.
+    pub times: Vec<f64>,
+    /// Values at the keys.
+    pub values: Vec<Vector3<f64>>,
+}
+
+impl Keyframes {
+    /// A constant vector.
+    pub fn constant(value: Vector3<f64>) -> Self {
+        Keyframes { times: vec![0.0], values: vec![value] }
+    }
+
+    /// The value at time `t`, s.
+    ///
+    /// Twice continuously differentiable. Between two keys no component leaves the interval of its values
+    /// there: a wind that rises does not first blow backwards. Each piece is a quintic with zero second
+    /// derivative at the keys. The slope at a key is the harmonic mean of the slopes on both sides, and zero
+    /// at extrema (Fritsch & Butland 1984).
+    pub fn at(&self, t: f64) -> Vector3<f64> {
+        let n = self.times.len();
+        let i = self.times.partition_point(|&key| key <= t);
+        if i == 0 || i == n {
+            return self.values[i.min(n - 1)];
+        }
+        let i = i - 1;
+        let h = self.times[i + 1] - self.times[i];
+        let u = (t - self.times[i]) / h;
+        // Quintic Hermite basis on [0, 1]: the step, and the slopes at its start and end.
+        let step = u * u * u * (10.0 - u * (15.0 - 6.0 * u));
+        let start = u * (1.0 - u * u * (6.0 - u * (8.0 - 3.0 * u)));
+        let end = -u * u * u * (4.0 - u * (7.0 - 3.0 * u));
+        let (a, b) = (self.values[i], self.values[i + 1]);
+        a + (b - a) * step + (self.slope(i) * start + self.slope(i + 1) * end) * h
+    }
+
+    /// Slope at key `i`, 1/s times the unit of the values.
+    fn slope(&self, i: usize) -> Vector3<f64> {
+        if i == 0 || i + 1 == self.times.len() {
+            return Vector3::zeros();
+        }
+        let chord = |i: usize| (self.values[i + 1] - self.values[i]) / (self.times[i + 1] - self.times[i]);
+        chord(i - 1).zip_map(&chord(i), |p, q| if p * q > 0.0 { 2.0 * p * q / (p + q) } else { 0.0 })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use proptest::prelude::*;
+
+    fn keyframes(values: &[(f64, f64)]) -> Keyframes {
+        let (times, values) = values.iter().map(|&(t, x)| (t, Vector3::new(x, -x, 1.0))).unzip();
+        Keyframes { times, values }
+    }
+
+    #[test]
+    fn interpolates_its_keys_and_is_constant_beyond_them() {
+        let wind = keyframes(&[(0.0, 1.0), (1.0, 4.0), (1.5, 2.0), (4.0, 2.0)]);
+        for (t, value) in wind.times.iter().zip(&wind.values) {
+            assert_relative_eq!(wind.at(*t), *value, epsilon = 1e-15);
+        }
+        assert_eq!(wind.at(-9.0), wind.values[0]);
+        assert_eq!(wind.at(9.0), wind.values[3]);
+        assert_eq!(Keyframes::constant(Vector3::x()).at(3.0), Vector3::x());
+    }
+
+    #[test]
+    fn is_twice_differentiable_at_its_keys() {
+        let wind = keyframes(&[(0.0, 1.0), (1.0, 2.0), (1.5, 4.0), (4.0, 5.0)]);
+        let h = 1e-4;
+        for &key in &wind.times {
+            let second = |t: f64| (wind.at(t + h) - wind.at(t) * 2.0 + wind.at(t - h)) / (h * h);
+            let first = |t: f64| (wind.at(t + h) - wind.at(t - h)) / (2.0 * h);
+            assert!((first(key + 2.0 * h) - first(key - 2.0 * h)).norm() < 1e-2);
+            assert!((second(key + 2.0 * h) - second(key - 2.0 * h)).norm() < 0.5);
+        }
+        assert!((wind.at(1.0 + h) - wind.at(1.0 - h)).norm() > h, "it moves through the key");
+    }
+
+    proptest! {
+        #[test]
+        fn never_overshoots(x in proptest::collection::vec(-9.0..9.0, 2..8), gaps in proptest::collection::vec(0.01..3.0, 8), u in 0.0..1.0) {
+            let mut t = 0.0;
+            let keys: Vec<(f64, f64)> = x.iter().zip(gaps).map(|(&x, gap)| { t += gap; (t, x) }).collect();
+            let wind = keyframes(&keys);
+            for pair in keys.windows(2) {
+                let (low, high) = (pair[0].1.min(pair[1].1), pair[0].1.max(pair[1].1));
+                let value = wind.at(pair[0].0 + u * (pair[1].0 - pair[0].0)).x;
+                prop_assert!((low - 1e-9..=high + 1e-9).contains(&value));
+            }
+        }
+    }
+}

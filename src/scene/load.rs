@@ -1,0 +1,134 @@
+//! Loads and checks grooms and animations.
+
+use super::anim::file::AnimFile;
+use super::anim::model::Anim;
+use super::anim::read as anim_reader;
+use super::format::Format;
+use super::groom::file::GroomFile;
+use super::groom::model::Groom;
+use super::groom::read as groom_reader;
+use super::json::document::Document;
+use super::json::key::Key;
+use super::json::pretty::pretty;
+use super::load_options::LoadOptions;
+use crate::error::{Diagnostic, Error, Result};
+use std::path::Path;
+
+/// Loads and checks a groom.
+///
+/// # Errors
+/// [`Error::Io`] if the file cannot be read, [`Error::BadInput`] with every error found.
+pub fn load_groom(path: &Path) -> Result<Groom> {
+    read_groom(Document::open(path)?, path)
+}
+
+/// Loads and checks an animation and the files it names.
+///
+/// # Errors
+/// As [`load_groom`].
+pub fn load_anim(path: &Path) -> Result<Anim> {
+    read_anim(Document::open(path)?)
+}
+
+/// Loads and checks a groom and its animation.
+///
+/// # Errors
+/// As [`load_groom`], with the errors of both files in one report.
+pub fn load(groom: &Path, anim: &Path) -> Result<(Groom, Anim)> {
+    load_with(groom, anim, &LoadOptions::default())
+}
+
+/// As [`load`], with `options` applied to the files.
+///
+/// # Errors
+/// As [`load`], and [`Error::Usage`] if a file has no place for an override.
+pub fn load_with(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<(Groom, Anim)> {
+    let loaded_groom = options.open(Format::Groom, groom).and_then(|doc| read_groom(doc, groom));
+    let loaded_anim = options.open(Format::Anim, anim).and_then(read_anim);
+    match (loaded_groom, loaded_anim) {
+        (Ok(loaded_groom), Ok(loaded_anim)) => {
+            Error::if_any(check_ties(&loaded_groom, &loaded_anim, anim))?;
+            Ok((loaded_groom, loaded_anim))
+        }
+        (Err(Error::BadInput(mut diagnostics)), Err(Error::BadInput(others))) => {
+            diagnostics.extend(others);
+            Err(Error::BadInput(diagnostics))
+        }
+        (Err(e), _) | (_, Err(e)) => Err(e),
+    }
+}
+
+/// Reports the guides and groups that the ties of `anim`, read from `file`, name but `groom` does not have.
+fn check_ties(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
+    let mut diagnostics = Vec::new();
+    for (i, tie) in anim.ties.iter().enumerate() {
+        let mut report = |name: &str, message: String, allowed: String, help: &str| {
+            diagnostics.push(Diagnostic::new(file, format!("ties[{i}].{name}"), message, allowed, help));
+        };
+        let unknown = |id: &&i32| !groom.guides.curves.id.contains(id);
+        let ids: Vec<String> = tie.ids.iter().flatten().filter(unknown).map(i32::to_string).collect();
+        if !ids.is_empty() {
+            let message = format!("the groom has no guides with ids {}", ids.join(", "));
+            report("ids", message, "ids of guides of the groom".into(), "correct or remove them");
+        }
+        if let Some(name) = tie.group.as_ref().filter(|name| groom.groups.iter().all(|g| g.name != **name)) {
+            let message = format!("the groom has no group \"{name}\"");
+            let names: Vec<&str> = groom.groups.iter().map(|g| g.name.as_str()).collect();
+            let allowed = format!("a group of the groom: \"{}\"", names.join("\", \""));
+            report("group", message, allowed, "correct the name");
+        }
+    }
+    diagnostics
+}
+
+/// All errors in the files `paths`, grooms and animations in any order, distinguished by their `format`.
+///
+/// # Errors
+/// [`Error::Io`] if a file cannot be read.
+pub fn check(paths: &[&Path]) -> Result<Vec<Diagnostic>> {
+    let mut diagnostics = Vec::new();
+    for path in paths {
+        match Document::open(path).and_then(|doc| check_document(doc, path)) {
+            Ok(()) => {}
+            Err(Error::BadInput(found)) => diagnostics.extend(found),
+            Err(e) => return Err(e),
+        }
+    }
+    Ok(diagnostics)
+}
+
+fn check_document(mut doc: Document, path: &Path) -> Result<()> {
+    match doc.string("format") {
+        Some("hairbake-anim") => read_anim(doc).map(drop),
+        Some("hairbake-groom") => read_groom(doc, path).map(drop),
+        other => {
+            let message = match other {
+                Some(name) => format!("unknown format \"{name}\""),
+                None => "required key is missing".into(),
+            };
+            let allowed = "\"hairbake-groom\" or \"hairbake-anim\"";
+            doc.diagnostics.add(&Key::at("format"), message, allowed, "set \"format\"");
+            doc.finish(None, &[])
+        }
+    }
+}
+
+/// The JSON Schema of a format.
+pub fn schema(format: Format) -> String {
+    let schema = match format {
+        Format::Groom => schemars::schema_for!(GroomFile),
+        Format::Anim => schemars::schema_for!(AnimFile),
+    };
+    pretty(&schema.to_value())
+}
+
+fn read_groom(mut doc: Document, path: &Path) -> Result<Groom> {
+    let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let groom = doc.deserialize().and_then(|file| groom_reader::groom(file, &stem, &mut doc));
+    doc.finish(groom, groom_reader::DEPENDENCIES)
+}
+
+fn read_anim(mut doc: Document) -> Result<Anim> {
+    let anim = doc.deserialize().and_then(|file| anim_reader::anim(file, &mut doc));
+    doc.finish(anim, anim_reader::DEPENDENCIES)
+}
