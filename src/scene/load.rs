@@ -10,6 +10,7 @@ use super::groom::read as groom_reader;
 use super::json::document::Document;
 use super::json::key::Key;
 use super::json::pretty::pretty;
+use super::json::schema::schema_of;
 use super::load_options::LoadOptions;
 use crate::error::{Diagnostic, Error, Result};
 use std::path::Path;
@@ -115,11 +116,10 @@ fn check_document(mut doc: Document, path: &Path) -> Result<()> {
 
 /// The JSON Schema of a format.
 pub fn schema(format: Format) -> String {
-    let schema = match format {
-        Format::Groom => schemars::schema_for!(GroomFile),
-        Format::Anim => schemars::schema_for!(AnimFile),
-    };
-    pretty(&schema.to_value())
+    pretty(&match format {
+        Format::Groom => schema_of::<GroomFile>(),
+        Format::Anim => schema_of::<AnimFile>(),
+    })
 }
 
 fn read_groom(mut doc: Document, path: &Path) -> Result<Groom> {

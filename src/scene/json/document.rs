@@ -2,6 +2,7 @@
 
 use super::diagnostics::Diagnostics;
 use super::key::Key;
+use super::schema::schema_of;
 use super::{former_names, locate, parse, schema_check};
 use crate::error::{Diagnostic, Error, Result};
 use crate::file::read_file;
@@ -94,7 +95,7 @@ impl Document {
     /// optional values of a wrong type, so that the caller can continue and find further errors. Returns
     /// `None` if a required value is wrong or missing.
     pub fn deserialize<T: DeserializeOwned + JsonSchema>(&mut self) -> Option<T> {
-        let schema = schemars::schema_for!(T).to_value();
+        let schema = schema_of::<T>();
         for key in schema_check::check(&self.value, &schema, &mut self.diagnostics) {
             schema_check::remove(&mut self.value, &key);
             self.incomplete.push(key.section().into());

@@ -16,4 +16,5 @@ mod locate;
 pub mod packer;
 mod parse;
 pub mod pretty;
+pub mod schema;
 mod schema_check;

@@ -180,8 +180,8 @@ impl<'a> Checker<'a> {
 
     /// Reports that the required property `name` is missing.
     fn missing(&mut self, name: &str, property: &Value) {
-        let description = property["description"].as_str().map(|d| d.replace('\n', " "));
-        let meaning = description.as_ref().and_then(|d| d.split_terminator(['.', ';']).next());
+        let description = property["description"].as_str();
+        let meaning = description.and_then(|d| d.split_terminator(['.', ';', '\n']).next());
         let help = match meaning {
             Some(meaning) => format!("add \"{name}\" ({})", lower_first(meaning)),
             None => format!("add \"{name}\""),
