@@ -8,7 +8,7 @@ use crate::dynamics::guide_frame::{GuideFrame, SolverStep};
 use crate::dynamics::guide_rods::GuideRods;
 use crate::geometry::Deformation;
 use crate::rod::{Rod, RodShape, Sensitivity};
-use crate::scene::anim::{Resolution, Written as Choice};
+use crate::scene::anim::{OutputCurves as Choice, Resolution};
 use crate::scene::{Anim, Collider, Convention, Curves, Groom, Strands, UpAxis};
 use crate::strands::{
     DIFFERENCE_STEP, GuideMotion, GuideWeights, HeadMotion, Interpolator, MAX_GUIDES, Membership, Moment,

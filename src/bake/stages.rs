@@ -9,7 +9,7 @@ use super::manifest::{Finished, finish};
 use super::summary::{BakeSummary, StageSeconds};
 use crate::cache::{self, InputRecord};
 use crate::file::FileRecord;
-use crate::scene::Reading;
+use crate::scene::LoadOptions;
 use crate::strands::RETRACTION_SPAN;
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -17,13 +17,13 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 /// Name and checksum of every file that a bake of the scene reads. Errors: files that cannot be read.
-pub fn inputs(groom: &Path, anim: &Path, reading: &Reading) -> Result<Vec<InputRecord>> {
+pub fn inputs(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<Vec<InputRecord>> {
     let record = |(role, path): (&str, PathBuf)| {
         let bytes = crate::file::read_file(&path).map_err(|e| Error::io(&path, e))?;
         let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Ok(InputRecord { role: role.into(), file, sha256: cache::sha256(&bytes) })
     };
-    crate::scene::inputs(groom, anim, reading)?.into_iter().map(record).collect()
+    crate::scene::inputs(groom, anim, options)?.into_iter().map(record).collect()
 }
 
 /// Does all that is left of a bake, frame by frame; `progress` is told each frame that is on disk, and how many of how many

@@ -6,8 +6,8 @@ use crate::bake::base_cache::Only;
 use crate::bake::job::Job;
 use crate::cache::MANIFEST;
 use crate::error::{Diagnostic, Error, Result};
-use crate::scene::anim::{Resolution, Settings, Written};
-use crate::scene::{PathMap, Reading};
+use crate::scene::anim::{OutputCurves, Resolution, Settings};
+use crate::scene::{LoadOptions, PathMap};
 use crate::{bake, scene};
 use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser};
@@ -91,14 +91,14 @@ impl SceneArguments {
             return Err(Error::Usage(message.into()));
         }
         let only = base.map(|base| Only { groups: self.groups.clone(), base });
-        let reading = Reading { set: self.settings.overrides().to_vec(), paths };
-        let (groom, mut anim) = scene::load_as(&groom_file, &anim_file, &reading)?;
+        let options = LoadOptions { overrides: self.settings.overrides().to_vec(), path_map: paths };
+        let (groom, mut anim) = scene::load_with(&groom_file, &anim_file, &options)?;
         if let Some(frames) = shot {
             check_frames(&anim_file, frames, anim.frames)?;
             anim.frames = frames;
         }
         self.settings.apply(&mut anim.settings);
-        let scene = Scene { groom, anim, groom_file, anim_file, reading, only, out };
+        let scene = Scene { groom, anim, groom_file, anim_file, options, only, out };
         scene.check_curves()?;
         Ok(scene)
     }
@@ -140,7 +140,10 @@ impl SceneArguments {
         let bytes = crate::file::read_file(&scene.anim_file).map_err(|e| Error::io(&scene.anim_file, e))?;
         let file: serde_json::Value = serde_json::from_slice(&bytes).unwrap_or_default();
         let name = scene.anim_file.display().to_string();
-        let in_file = |key: &str| file["settings"].get(key).is_some();
+        let in_file = |key: &str| {
+            let names = [Some(key), scene::former_name("settings", key)];
+            names.into_iter().flatten().any(|name| file["settings"].get(name).is_some())
+        };
         let mut rows = self.settings.explained(&scene.anim.settings, &name, in_file);
         if let Some(only) = &scene.only {
             for (name, value) in
@@ -179,7 +182,7 @@ pub struct Scene {
     pub anim: scene::Anim,
     groom_file: PathBuf,
     anim_file: PathBuf,
-    reading: Reading,
+    options: LoadOptions,
     only: Option<Only>,
     out: PathBuf,
 }
@@ -190,21 +193,21 @@ impl Scene {
     /// # Errors
     /// [`Error::Io`].
     pub fn begin(self, out: &Path) -> Result<Job> {
-        let Scene { groom, anim, groom_file, anim_file, reading, only, .. } = self;
-        let inputs = bake::inputs(&groom_file, &anim_file, &reading)?;
-        Job::begin(groom, anim, inputs, &reading.set, only.as_ref(), out)
+        let Scene { groom, anim, groom_file, anim_file, options, only, .. } = self;
+        let inputs = bake::inputs(&groom_file, &anim_file, &options)?;
+        Job::begin(groom, anim, inputs, &options.overrides, only.as_ref(), out)
     }
 
     /// Checks that the curves to write exist.
     fn check_curves(&self) -> Result<()> {
         let settings = &self.anim.settings;
-        if settings.curves == Written::Strands && self.groom.strands.curves.is_empty() {
+        if settings.curves == OutputCurves::Strands && self.groom.strands.curves.is_empty() {
             let message = "the groom has no render strands to write; use --curves guides";
             return Err(Error::Usage(message.into()));
         }
         let frames_only =
             settings.samples > 1 || settings.resolution() != Resolution::Full || self.only.is_some();
-        if settings.curves == Written::Steps && frames_only {
+        if settings.curves == OutputCurves::Steps && frames_only {
             let message = "--curves steps needs --resolution full and --samples 1, and excludes --base";
             return Err(Error::Usage(message.into()));
         }

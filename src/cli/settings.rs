@@ -2,7 +2,7 @@
 
 use super::values;
 use crate::scene::Override;
-use crate::scene::anim::{Contact, Resolution, Scheme, Settings, Written};
+use crate::scene::anim::{ContactMode, OutputCurves, Resolution, Scheme, Settings};
 use clap::{Args, ValueEnum};
 
 const HEADING: &str = "Settings (override those of ANIM)";
@@ -31,7 +31,7 @@ pub struct SettingsArguments {
     scheme: Option<Scheme>,
     /// What the hair collides with [default: bodies]
     #[arg(long, value_name = "NAME", value_enum, help_heading = HEADING)]
-    contact: Option<Contact>,
+    contact: Option<ContactMode>,
     /// Which guides are simulated [default: auto]
     #[arg(long, value_name = "NAME", value_enum, help_heading = HEADING)]
     resolution: Option<Resolution>,
@@ -43,7 +43,7 @@ pub struct SettingsArguments {
     split_tolerance: Option<f64>,
     /// Curves to write [default: both]
     #[arg(long, value_name = "NAME", value_enum, help_heading = HEADING)]
-    curves: Option<Written>,
+    curves: Option<OutputCurves>,
     /// Fraction of the render strands to write, up to 1 [default: 1]
     ///
     /// Level of detail: lowering it makes the cache smaller. The remaining strands are widened to cover as
@@ -109,7 +109,7 @@ impl SettingsArguments {
         settings.scheme = self.scheme.unwrap_or(settings.scheme);
         settings.contact = self.contact.unwrap_or(settings.contact);
         settings.resolution = self.resolution.unwrap_or(settings.resolution);
-        settings.parting = self.split_tolerance.unwrap_or(settings.parting);
+        settings.split_tolerance = self.split_tolerance.unwrap_or(settings.split_tolerance);
         settings.curves = self.curves.unwrap_or(settings.curves);
         settings.keep = self.keep.unwrap_or(settings.keep);
         settings.samples = self.samples.unwrap_or(settings.samples);
@@ -137,7 +137,7 @@ impl SettingsArguments {
             named("scheme", self.scheme.as_ref(), &settings.scheme),
             named("contact", self.contact.as_ref(), &settings.contact),
             named("resolution", self.resolution.as_ref(), &settings.resolution()),
-            of("split-tolerance", "parting", self.split_tolerance, settings.parting),
+            of("split-tolerance", "split_tolerance", self.split_tolerance, settings.split_tolerance),
             named("curves", self.curves.as_ref(), &settings.curves),
             of("keep", "keep", self.keep, settings.keep),
             of("samples", "samples", self.samples, settings.samples),
@@ -212,7 +212,7 @@ mod tests {
     fn the_former_name_of_the_split_tolerance_works() {
         let mut settings = Settings::default();
         parsed(&["--parting", "0.25"]).apply(&mut settings);
-        assert_eq!(settings.parting, 0.25);
+        assert_eq!(settings.split_tolerance, 0.25);
         assert_eq!(parsed(&["--parting", "0.25"]).to_words(), ["--split-tolerance", "0.25"]);
     }
 

@@ -2,7 +2,7 @@
 
 use crate::import::Source;
 use crate::scene::UpAxis;
-use crate::scene::anim::{Contact, Resolution, Scheme, Written};
+use crate::scene::anim::{ContactMode, OutputCurves, Resolution, Scheme};
 use clap::ValueEnum;
 use clap::builder::{PossibleValue, TypedValueParser};
 use nalgebra::Vector3;
@@ -41,7 +41,7 @@ value_enum! { Resolution:
     Full, "full", "Every guide";
     Coarse, "coarse", "Coarse wisps only: for a quick look";
 }
-value_enum! { Written:
+value_enum! { OutputCurves:
     Both, "both", "Guides and render strands";
     Guides, "guides", "Guides";
     Strands, "strands", "Render strands";
@@ -259,8 +259,8 @@ mod tests {
             }
         }
         check::<Scheme>();
-        check::<Contact>();
+        check::<ContactMode>();
         check::<Resolution>();
-        check::<Written>();
+        check::<OutputCurves>();
     }
 }

@@ -106,12 +106,12 @@ pub fn coefficient(m: &Material, bulk: &HairBulk, p: &Vector3<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::anim::Keyed;
+    use crate::scene::anim::Keyframes;
 
     #[test]
     fn gusts_have_the_speed_asked_for_and_mean_nothing() {
         let wind = Wind {
-            velocity: Keyed::constant(Vector3::x() * 2.0),
+            velocity: Keyframes::constant(Vector3::x() * 2.0),
             gust_speed: 1.5,
             gust_length: 0.3,
             seed: 7,

@@ -3,7 +3,7 @@
 use super::guide_frame::GuideFrame;
 use super::sag_free::{self, SagFreeReport};
 use crate::rod::{Rod, RodShape, SegmentSize};
-use crate::scene::anim::Contact;
+use crate::scene::anim::ContactMode;
 use crate::scene::{Anim, Groom};
 use crate::wisp::{self, GuideRod};
 use rayon::prelude::*;
@@ -25,7 +25,7 @@ impl GuideRods {
     /// The rods of `groom`, which must have its trees, coarse where `anim` lets nothing touch them.
     pub fn new(groom: &Groom, anim: &Anim) -> Self {
         let alone =
-            anim.colliders.is_empty() && anim.ties.is_empty() && anim.settings.contact != Contact::Full;
+            anim.colliders.is_empty() && anim.ties.is_empty() && anim.settings.contact != ContactMode::Full;
         let mut simulated =
             wisp::guide_rods(groom, if alone { SegmentSize::COARSE } else { SegmentSize::FINE });
         let fine = if alone { wisp::guide_rods(groom, SegmentSize::FINE) } else { Vec::new() };

@@ -7,7 +7,7 @@ use super::strand_contact::BundleProperties;
 use super::tie;
 use super::wisp_friction::{FrictionSampler, WispFriction};
 use crate::rod::{Rod, RodShape};
-use crate::scene::anim::{Contact, Resolution, Written};
+use crate::scene::anim::{ContactMode, Resolution, OutputCurves};
 use crate::scene::{Anim, Groom};
 use crate::wisp::GuideRod;
 use rayon::prelude::*;
@@ -50,7 +50,7 @@ impl<'a> Model<'a> {
             simulated,
             bundles: bundles(rods),
             wisp_friction: wisp_friction(rods),
-            split_tolerance: adaptive.then_some(anim.settings.parting),
+            split_tolerance: adaptive.then_some(anim.settings.split_tolerance),
             preroll: preroll(anim),
         }
     }
@@ -80,15 +80,15 @@ impl<'a> Model<'a> {
 
     /// True if the configurations between frames are written after `taken` sub-steps.
     pub(super) fn writes_steps(&self, taken: i64) -> bool {
-        self.anim.settings.curves == Written::Steps && taken >= self.preroll
+        self.anim.settings.curves == OutputCurves::Steps && taken >= self.preroll
     }
 
     /// How contact constrains a sub-step.
     pub(super) fn contact_mode(&self) -> ContactMode {
         match self.anim.settings.contact {
-            Contact::Bodies => ContactMode::Bodies,
-            Contact::Full => ContactMode::Coupled,
-            Contact::Penalty => ContactMode::Springs,
+            ContactMode::Bodies => ContactMode::Bodies,
+            ContactMode::Full => ContactMode::Coupled,
+            ContactMode::Penalty => ContactMode::Springs,
         }
     }
 

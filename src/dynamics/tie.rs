@@ -2,7 +2,7 @@
 
 use super::contact_polyline::with_midpoints;
 use crate::rod::RodShape;
-use crate::scene::anim::TiePlace;
+use crate::scene::anim::TiePoint;
 use crate::scene::{Anim, Groom};
 use crate::wisp::GuideRod;
 use nalgebra::{Isometry3, Vector3};
@@ -56,7 +56,7 @@ pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
     let drawn: Vec<Vec<Vector3<f64>>> = rods.iter().map(drawn).collect();
     let curves = &groom.guides.curves;
     for tie in &anim.ties {
-        let centre = tie.gathered.or(tie.within).map(|(centre, _)| centre);
+        let centre = tie.bundle.or(tie.within).map(|(centre, _)| centre);
         let mut held: Vec<(usize, usize, f64)> = Vec::new();
         for (i, (r, points)) in rods.iter().zip(&drawn).enumerate() {
             let group = &groom.groups[curves.group[r.guide] as usize].name;
@@ -66,10 +66,10 @@ pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
             if !chosen {
                 continue;
             }
-            let place = match (tie.place, centre) {
-                (TiePlace::Arc(arc), _) => at_arc(r, arc),
-                (TiePlace::Distance(factor), Some(at)) => at_arc(r, factor * (points[0] - at).norm()),
-                (TiePlace::Nearest, Some(at)) => Some(nearest(points, &at)).map(|(k, u, _)| (k, u)),
+            let place = match (tie.point, centre) {
+                (TiePoint::Arc(arc), _) => at_arc(r, arc),
+                (TiePoint::Distance(factor), Some(at)) => at_arc(r, factor * (points[0] - at).norm()),
+                (TiePoint::Nearest, Some(at)) => Some(nearest(points, &at)).map(|(k, u, _)| (k, u)),
                 (_, None) => None,
             };
             held.extend(place.map(|(k, u)| (i, k, u)));
@@ -78,7 +78,7 @@ pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
         let mean = held.iter().map(at).sum::<Vector3<f64>>() / held.len().max(1) as f64;
         let widest = held.iter().map(|p| (at(p) - mean).norm()).fold(f64::MIN_POSITIVE, f64::max);
         for place in held {
-            let goal = match tie.gathered {
+            let goal = match tie.bundle {
                 // The bundle keeps the order in which it was drawn.
                 Some((centre, radius)) => centre + (at(&place) - mean) * (radius / widest).min(1.0),
                 None => at(&place),

@@ -25,8 +25,8 @@ impl TriMesh {
             u.cross(&v).norm() > 1e-12 * u.norm_squared().max(v.norm_squared())
         });
         match (self.triangles.len(), all) {
-            (0, 0) => Err("holds no triangle".into()),
-            (0, _) => Err(format!("holds no triangle of any area (without area: {all})")),
+            (0, 0) => Err("has no triangles".into()),
+            (0, _) => Err(format!("has no triangles with area: all {all} are degenerate")),
             (kept, all) => Ok(all - kept),
         }
     }

@@ -146,7 +146,7 @@ fn strands_of_any_format() {
 fn meshes() {
     let mesh = |text: &str| message("a.obj", text.as_bytes(), |path| read_mesh(&Source::new(path)));
     assert_snapshot!(mesh("# nothing\n"), @r#"
-    × a.obj: holds no triangle
+    × a.obj: has no triangles
     help: export the mesh again, or correct the path
           allowed: a Wavefront OBJ or USD file with triangles
     "#);

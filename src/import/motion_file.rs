@@ -3,7 +3,8 @@
 use super::formats;
 use super::motion::{JointSelector, Motion};
 use super::source::Source;
-use crate::scene::anim::file::{MotionFrame, PoseFile};
+use crate::scene::anim::file::PoseFile;
+use crate::scene::anim::motion_file::MotionFrame;
 use crate::scene::{self, Convention};
 use crate::{Error, Result};
 
@@ -28,7 +29,7 @@ pub(super) fn read_motion(source: &Source, joint: &JointSelector) -> Result<Moti
 
 /// Reads a motion file in our JSON format.
 fn read_json(source: &Source) -> Result<Motion> {
-    let (file, _) = scene::motion(&source.path)?;
+    let (file, _) = scene::load_motion(&source.path)?;
     let pose = |f: &MotionFrame| PoseFile { translation: f.translation, rotation_wxyz: f.rotation_quat_wxyz };
     Ok(Motion {
         rate: file.fps,

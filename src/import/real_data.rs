@@ -6,7 +6,7 @@ use super::motion::{JointSelector, rotation};
 use super::source::Source;
 use super::track::convert::track;
 use super::track::options::TrackOptions;
-use crate::scene::{Array, Convention, UpAxis, motion};
+use crate::scene::{Array, Convention, UpAxis, load_motion};
 use crate::test_data::shared_data;
 use nalgebra::{Isometry3, Vector3};
 
@@ -52,7 +52,7 @@ fn guides_are_chosen_from_the_strands_of_ratboy() {
 /// Largest differences, m and rad, between the poses of a joint and those that another program exported
 /// (`reference`).
 fn difference(file: Source, joint: &str, reference: &str) -> Option<[f64; 2]> {
-    let theirs = motion(&shared_data(reference)?).unwrap().1;
+    let theirs = load_motion(&shared_data(reference)?).unwrap().1;
     let mut options = TrackOptions::new(file, "");
     options.joint = JointSelector { name: Some(joint.into()), clip: None };
     let anim = track(&options).unwrap().anim;

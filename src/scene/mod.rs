@@ -22,6 +22,7 @@ pub use format::Format;
 pub use groom::{Curves, Factors, Groom, Group, Guides, Material, RodSection, Section, Strands, Tree, Wisp};
 pub use inputs::inputs;
 pub use json::array::{Array, BufferFile, ElementType, View};
+pub(crate) use json::former_names::former_name;
 pub use load::{check, load, load_anim, load_groom, load_with, schema};
 pub use load_options::{LoadOptions, Override, PathMap};
 

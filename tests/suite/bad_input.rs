@@ -56,7 +56,7 @@ fn nan_is_rejected() {
     let out = scene.folder.path().join("out");
     let assert = bake(&scene.groom, &scene.anim, &out).assert().code(65);
     let text = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
-    says(&text, &["anim.json", "not JSON", "NaN"]);
+    says(&text, &["anim.json", "invalid JSON", "NaN"]);
     assert!(!out.exists());
 }
 
@@ -113,7 +113,7 @@ fn missing_and_empty_meshes_are_rejected() {
     std::fs::write(scene.folder.path().join("ball.obj"), "v 0 0 0\nv 1 0 0\n").unwrap();
     let out = scene.folder.path().join("out");
     let assert = bake(&scene.groom, &scene.anim, &out).assert().code(65);
-    says(&String::from_utf8_lossy(&assert.get_output().stderr), &["ball.obj", "holds no triangle"]);
+    says(&String::from_utf8_lossy(&assert.get_output().stderr), &["ball.obj", "has no triangles"]);
     assert!(!out.exists());
 }
 

@@ -11,7 +11,7 @@ use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideScratch, GuideStat
 use hairbake::dynamics::step_record::StepRecord;
 use hairbake::geometry::{Deformation, Shape, TriMesh};
 use hairbake::rod::SegmentSize;
-use hairbake::scene::{self, Collider, Reading};
+use hairbake::scene::{self, Collider, LoadOptions};
 use nalgebra::{Isometry3, Vector3};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -222,7 +222,7 @@ fn hair_lies_on_a_garment_that_moves() {
     std::fs::write(&anim_path, anim.to_string()).unwrap();
 
     let (groom, anim) = scene::load(&groom_path, &anim_path).unwrap();
-    let inputs = bake::inputs(&groom_path, &anim_path, &Reading::default()).unwrap();
+    let inputs = bake::inputs(&groom_path, &anim_path, &LoadOptions::default()).unwrap();
     assert_eq!(inputs.iter().filter(|i| i.role == "deformation").count(), 18);
     let (mut active, mut shortened) = (0, 0);
     let job = Job::begin(groom, anim.clone(), inputs, &[], None, &out).unwrap();

@@ -1,5 +1,5 @@
-//! Files from outside: whatever is in them, nothing is written outside the folder asked for, no memory is taken that the file's own
-//! size does not account for, and nothing is run.
+//! Hostile input files: the program writes nothing outside the output folder, allocates no more memory than
+//! the size of a file justifies, and runs nothing that a file names.
 
 use crate::common::{Scene, bake, entries, hairbake, here};
 use rayon::prelude::*;
@@ -8,13 +8,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Memory that a process may ask for, KiB: little more than it takes to start.
+/// Address space of a process, KiB: little more than it takes to start.
 const MEMORY_KIB: u32 = 1 << 20;
 
-/// Runs the program within bounds of memory; it must come to an end of its own, with one of the codes of bad input, of a file that
-/// cannot be read, or of nothing wrong.
+/// Runs the program with limited memory and returns its exit code. It must exit by itself: with success, bad
+/// input or usage, an unreadable file, or stopped.
 #[track_caller]
-fn within_bounds(what: &str, arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> i32 {
+fn run_limited(what: &str, arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> i32 {
     let mut command = Command::new("sh");
     command.args(["-c", &format!("ulimit -v {MEMORY_KIB}; HAIRBAKE_THREADS=2 exec \"$0\" \"$@\"")]);
     command.arg(assert_cmd::cargo::cargo_bin!("hairbake"));
@@ -25,7 +25,7 @@ fn within_bounds(what: &str, arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> i32 {
         .unwrap_or_else(|| panic!("{what}: {:?}\n{}", output.status, String::from_utf8_lossy(&output.stderr)))
 }
 
-/// A groom of one strand, and a scene that uses all that there is in an animation.
+/// A groom of one guide, and an animation that uses all features of the format.
 fn scene() -> [Value; 2] {
     let groom = json!({
         "format": "hairbake-groom", "version": 1, "metres_per_unit": 1, "up_axis": "y",
@@ -59,7 +59,7 @@ fn scene() -> [Value; 2] {
     [groom, anim]
 }
 
-/// Writes the scene with all that it names into a folder.
+/// Writes the scene and all files that it names into a folder.
 fn write(folder: &Path, [groom, anim]: &[Value; 2]) -> [PathBuf; 2] {
     let file = |name: &str| folder.join(name);
     std::fs::create_dir_all(folder).unwrap();
@@ -73,7 +73,7 @@ fn write(folder: &Path, [groom, anim]: &[Value; 2]) -> [PathBuf; 2] {
     [file("groom.json"), file("anim.json")]
 }
 
-/// JSON pointers to the numbers of a file; of an array of numbers, to its first.
+/// JSON pointers to the numbers of a file; of an array of numbers, to the first.
 fn numbers(value: &Value, at: &str, found: &mut Vec<String>) {
     match value {
         Value::Number(_) => found.push(at.into()),
@@ -92,12 +92,12 @@ fn numbers(value: &Value, at: &str, found: &mut Vec<String>) {
 }
 
 #[test]
-fn huge_numbers_take_no_memory() {
+fn extreme_numbers_do_not_exhaust_memory() {
     let folder = tempfile::tempdir().unwrap();
     let sound = scene();
     let [groom, anim] = write(&folder.path().join("sound"), &sound);
     let out = folder.path().join("out");
-    assert_eq!(within_bounds("sound", &[&groom, &anim, &"-o", &out, &"--no-pictures"]), 0);
+    assert_eq!(run_limited("valid", &[&groom, &anim, &"-o", &out, &"--no-pictures"]), 0);
     let mut wrong = Vec::new();
     for (i, file) in sound.iter().enumerate() {
         let mut places = Vec::new();
@@ -119,7 +119,7 @@ fn huge_numbers_take_no_memory() {
             let folder = folder.path().join(n.to_string());
             let mut scene = sound.clone();
             *scene[*i].pointer_mut(place).unwrap() = value.clone();
-            // Nothing that moves limits the frames of a shot as a track does.
+            // A track would limit the frames of the shot.
             if place == "/frames" {
                 let file = scene[1].as_object_mut().unwrap();
                 ["bodies", "head", "colliders", "ties"].iter().for_each(|name| drop(file.remove(*name)));
@@ -127,7 +127,7 @@ fn huge_numbers_take_no_memory() {
             let [groom, anim] = write(&folder, &scene);
             let out = folder.join("out");
             let options = ["--no-pictures", "--max-runtime", "0.3"];
-            let code = within_bounds(
+            let code = run_limited(
                 &format!("{place} = {value}"),
                 &[&groom, &anim, &"-o", &out, &options[0], &options[1], &options[2]],
             );
@@ -137,14 +137,14 @@ fn huge_numbers_take_no_memory() {
     assert!(refused > 60, "{refused}");
 }
 
-/// A file of that many bytes, most of which are a hole and take no room on the disk.
-fn with_hole(path: &Path, start: &[u8], bytes: u64) {
+/// A sparse file of `bytes` bytes that starts with `start`; it takes no space on disk.
+fn sparse_file(path: &Path, start: &[u8], bytes: u64) {
     std::fs::write(path, start).unwrap();
     std::fs::File::options().append(true).open(path).unwrap().set_len(bytes).unwrap();
 }
 
 #[test]
-fn sizes_are_checked_before_memory_is_taken() {
+fn sizes_are_checked_before_memory_is_allocated() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| folder.path().join(name);
     let words = |words: &[u32]| -> Vec<u8> { words.iter().flat_map(|word| word.to_le_bytes()).collect() };
@@ -165,9 +165,9 @@ fn sizes_are_checked_before_memory_is_taken() {
         ("far.tfx", Vec::new(), 1 << 40),
     ];
     for (name, start, bytes) in strands {
-        with_hole(&file(name), start, *bytes);
+        sparse_file(&file(name), start, *bytes);
         let made = file("made.json");
-        let code = within_bounds(name, &[&"import", &"groom", &file(name), &"--units", &"cm", &"-o", &made]);
+        let code = run_limited(name, &[&"import", &"groom", &file(name), &"--units", &"cm", &"-o", &made]);
         assert!(code != 0 && !made.exists(), "{name}");
     }
 
@@ -176,9 +176,9 @@ fn sizes_are_checked_before_memory_is_taken() {
     names[0]["buffers"] = json!([{ "uri": "hole.bin", "bytes": 12_u64 << 28 }]);
     names[0]["guides"]["points"]["count"] = json!(1 << 28);
     names[0]["guides"]["vertices"] = json!([1 << 28]);
-    with_hole(&file("hole.bin"), b"", 12 << 28);
+    sparse_file(&file("hole.bin"), b"", 12 << 28);
     let [groom, anim] = write(folder.path(), &names);
-    assert_eq!(within_bounds("buffer", &[&"check", &groom, &anim]), 65);
+    assert_eq!(run_limited("buffer", &[&"check", &groom, &anim]), 65);
 
     let texts: &[(&str, String, u64)] = &[
         ("hole", "{".into(), 1 << 40),
@@ -186,8 +186,8 @@ fn sizes_are_checked_before_memory_is_taken() {
         ("objects", "{\"a\":".repeat(1 << 20), 5 << 20),
     ];
     for (name, start, bytes) in texts {
-        with_hole(&groom, start.as_bytes(), *bytes);
-        assert_eq!(within_bounds(name, &[&"check", &groom]), 65, "{name}");
+        sparse_file(&groom, start.as_bytes(), *bytes);
+        assert_eq!(run_limited(name, &[&"check", &groom]), 65, "{name}");
     }
 
     let [groom, anim] = write(folder.path(), &sound);
@@ -199,14 +199,14 @@ fn sizes_are_checked_before_memory_is_taken() {
         "mtllib /dev/zero\nusemtl a\nf\n",
     ] {
         std::fs::write(file("m.obj"), mesh).unwrap();
-        assert_eq!(within_bounds(mesh, &[&"check", &groom, &anim]), 65, "{mesh}");
+        assert_eq!(run_limited(mesh, &[&"check", &groom, &anim]), 65, "{mesh}");
     }
-    // What never ends, and what is not a file.
+    // Endless files, and paths that are not plain files.
     for name in ["/dev/zero", "/dev/stdin", "/proc/self/mem", "/"] {
         let mut scene = sound.clone();
         scene[1]["colliders"][1]["shape"] = json!({ "type": "mesh", "file": name });
         let [groom, anim] = write(folder.path(), &scene);
-        assert_eq!(within_bounds(name, &[&"check", &groom, &anim]), 65, "{name}");
+        assert_eq!(run_limited(name, &[&"check", &groom, &anim]), 65, "{name}");
     }
 
     let pose = json!({ "translation": [0, 0, 0], "rotation_quat_wxyz": [1, 0, 0, 0] });
@@ -214,17 +214,17 @@ fn sizes_are_checked_before_memory_is_taken() {
         let motion = json!({ "fps": fps, "units": "m", "up_axis": "Y", "frames": vec![pose.clone(); 8] });
         std::fs::write(file("motion.json"), motion.to_string()).unwrap();
         let what = format!("{fps} frames a second");
-        within_bounds(&what, &[&"import", &"track", &file("motion.json"), &"-o", &file("moves.json")]);
+        run_limited(&what, &[&"import", &"track", &file("motion.json"), &"-o", &file("moves.json")]);
     }
 }
 
-/// Every file below a folder but those of `out`, with its bytes; a link with its target's.
-fn outside(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+/// All files below a folder, except those in `out`, with their bytes; links are followed.
+fn files_outside(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut files = BTreeMap::new();
     for name in entries(folder) {
         let path = folder.join(name);
         if path.is_dir() && !path.ends_with("out") {
-            files.extend(outside(&path));
+            files.extend(files_outside(&path));
         } else if path.is_file() {
             files.insert(path.clone(), here(&path));
         }
@@ -233,15 +233,15 @@ fn outside(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 #[test]
-fn nothing_is_written_outside_the_folder_asked_for() {
+fn nothing_is_written_outside_the_output_folder() {
     let folder = tempfile::tempdir().unwrap();
     let scene_folder = folder.path().join("in");
     let out = folder.path().join("a/out");
     std::fs::create_dir_all(folder.path().join("elsewhere")).unwrap();
     std::fs::write(folder.path().join("elsewhere/mine"), "mine").unwrap();
 
-    // Names that are ways out, in every place that takes one.
-    let ways_out = [
+    // Names that lead out of the folder, at every key that takes a name.
+    let escapes = [
         "../../elsewhere/mine",
         "/tmp/../../elsewhere",
         "..",
@@ -262,17 +262,17 @@ fn nothing_is_written_outside_the_folder_asked_for() {
         (1, "/ties/0/name"),
     ];
     for (file, place) in places {
-        for name in ways_out {
+        for name in escapes {
             let mut scene = scene();
             *scene[file].pointer_mut(place).unwrap() = json!(name);
             let [groom, anim] = write(&scene_folder, &scene);
-            let before = outside(folder.path());
+            let before = files_outside(folder.path());
             bake(&groom, &anim, &out).args(["--frames", "1-1", "--quiet"]).output().unwrap();
-            assert_eq!(outside(folder.path()), before, "{place} = {name:?}");
+            assert_eq!(files_outside(folder.path()), before, "{place} = {name:?}");
         }
     }
 
-    // A cache that somebody gave, whose files are links to others.
+    // A cache whose files are links to files elsewhere.
     let [groom, anim] = write(&scene_folder, &scene());
     bake(&groom, &anim, &out).args(["--frames", "1-1", "--quiet"]).assert().success();
     let names = entries(&out).into_iter().filter(|name| out.join(name).is_file());
@@ -281,9 +281,9 @@ fn nothing_is_written_outside_the_folder_asked_for() {
         std::fs::remove_file(out.join(&name)).unwrap();
         std::os::unix::fs::symlink(folder.path().join("elsewhere/mine"), out.join(&name)).unwrap();
     }
-    let before = outside(folder.path());
+    let before = files_outside(folder.path());
     bake(&groom, &anim, &out).args(["--frames", "1-1", "--quiet"]).assert().success();
-    assert_eq!(outside(folder.path()), before);
+    assert_eq!(files_outside(folder.path()), before);
     for inside in [".hairbake/states", ".hairbake"] {
         std::fs::remove_dir_all(out.join(inside)).unwrap();
         std::os::unix::fs::symlink(folder.path().join("elsewhere"), out.join(inside)).unwrap();
@@ -294,7 +294,7 @@ fn nothing_is_written_outside_the_folder_asked_for() {
 }
 
 #[test]
-fn nothing_that_a_name_says_is_run() {
+fn names_are_not_run_as_commands() {
     let scene = Scene::import();
     let folder = scene.folder.path();
     let nasty = "$(touch run)`touch run`;touch run;'touch run'<script>alert(1)</script>{{Param.x}}";
@@ -310,7 +310,7 @@ fn nothing_that_a_name_says_is_run() {
         .args(["--frames", "1001-1001", "--preroll", "0"])
         .current_dir(folder)
         .assert();
-    // A name that is not taken is as good as one that does no harm.
+    // The name may be refused, or be accepted and do no harm.
     assert!(matches!(baked.get_output().status.code(), Some(0 | 65)));
     std::fs::write(&anim, here(&scene.anim)).unwrap();
     bake(&groom, &anim, &out)
@@ -325,10 +325,10 @@ fn nothing_that_a_name_says_is_run() {
     plan.arg("plan").args([&groom, &anim]).arg("-o").arg(&out).args(["--format", "slurm"]);
     let script = folder.join("job.sh");
     std::fs::write(&script, &plan.assert().success().get_output().stdout).unwrap();
-    // In place of Slurm: begins every task; there is no hairbake on the path.
+    // A fake sbatch that runs the task; hairbake is not on the path.
     let fake = "sbatch() { SLURM_ARRAY_TASK_ID=1 sh >&2; echo 1; }; export -f sbatch; bash job.sh";
     let ran = Command::new("bash").args(["-c", fake]).current_dir(folder).output().unwrap();
-    assert!(String::from_utf8_lossy(&ran.stderr).contains("hairbake"), "no task was begun");
+    assert!(String::from_utf8_lossy(&ran.stderr).contains("hairbake"), "no task was started");
     assert!(!entries(folder).contains(&"run".to_string()), "a name was run");
     hairbake()
         .arg("plan")

@@ -6,7 +6,7 @@ use hairbake::dynamics::simulation::Simulation;
 use hairbake::dynamics::step_record::StepRecord;
 use hairbake::rod::{RodShape, SegmentSize};
 use hairbake::sample::{self, Size, Style};
-use hairbake::scene::anim::{Contact, Resolution};
+use hairbake::scene::anim::{ContactMode, Resolution};
 use hairbake::scene::{self, Anim, Groom};
 use hairbake::wisp::{self, Hierarchy};
 use nalgebra::Vector3;
@@ -64,7 +64,7 @@ fn less_parting_is_nearer_to_all_guides_by_themselves_and_more_of_them() {
     let (groom, mut anim) = scene(Style::Long, 0);
     let last = anim.frames.0 + 30;
     let mut with = |resolution, parting| {
-        (anim.settings.resolution, anim.settings.parting) = (resolution, parting);
+        (anim.settings.resolution, anim.settings.split_tolerance) = (resolution, parting);
         run(&groom, &anim, last)
     };
     let full = with(Resolution::Full, 0.0);
@@ -92,7 +92,7 @@ fn what_comes_away_moves_by_itself_from_the_frame_before() {
     anim.frames.0 += 20;
     let last = anim.frames.0 + 4;
     let mut with = |resolution| {
-        (anim.settings.resolution, anim.settings.parting) = (resolution, 1e-9);
+        (anim.settings.resolution, anim.settings.split_tolerance) = (resolution, 1e-9);
         run(&groom, &anim, last)
     };
     let full = with(Resolution::Full);
@@ -119,7 +119,7 @@ fn what_follows_swings_otherwise_than_its_leaders() {
 fn when_the_head_holds_still_wisps_join_again_and_nothing_jumps() {
     let (groom, mut anim) = scene(Style::Short, 60);
     anim.settings.resolution = Resolution::Adaptive;
-    anim.settings.parting = 0.003;
+    anim.settings.split_tolerance = 0.003;
     let frames = run(&groom, &anim, anim.frames.1);
     let nodes: Vec<u32> = frames.iter().map(|(_, nodes)| *nodes).collect();
     let (coarse, most) = (nodes[0], *nodes.iter().max().unwrap());
@@ -143,7 +143,7 @@ fn when_the_head_holds_still_wisps_join_again_and_nothing_jumps() {
 #[test]
 fn what_joins_goes_on_as_it_moved() {
     let (groom, mut anim) = scene(Style::ShortCurly, 20);
-    (anim.settings.resolution, anim.settings.parting) = (Resolution::Adaptive, 0.003);
+    (anim.settings.resolution, anim.settings.split_tolerance) = (Resolution::Adaptive, 0.003);
     let rods = GuideRods::new(&groom, &anim);
     let mut simulation = Simulation::new(&groom, &anim, &rods);
     let mut shape = RodShape::default();
@@ -199,7 +199,7 @@ fn guides_that_came_away_rub_as_they_do_at_full_resolution() {
     let last = anim.frames.0 + 20;
     let mut with = |friction, resolution| {
         groom.materials.iter_mut().for_each(|m| m.wisp_friction = friction);
-        (anim.settings.resolution, anim.settings.parting) = (resolution, 0.0004);
+        (anim.settings.resolution, anim.settings.split_tolerance) = (resolution, 0.0004);
         run(&groom, &anim, last)
     };
     let free = with(0.0, Resolution::Full);
@@ -240,10 +240,10 @@ fn what_moves_by_itself_touches_its_like_and_passes_through_none() {
     let (mut groom, mut anim) = scene(Style::Long, 0);
     // Thick ones.
     groom.trees.iter_mut().flat_map(|tree| &mut tree.wisps).for_each(|wisp| wisp.strand_count = 2000);
-    anim.settings.contact = Contact::Full;
+    anim.settings.contact = ContactMode::Full;
     let last = anim.frames.0 + 30;
     for resolution in [Resolution::Coarse, Resolution::Adaptive] {
-        (anim.settings.resolution, anim.settings.parting) = (resolution, 0.02);
+        (anim.settings.resolution, anim.settings.split_tolerance) = (resolution, 0.02);
         let seen = touch(&groom, &anim, last);
         let sum = |of: fn(&StepRecord) -> u32| seen.iter().flat_map(|s| &s.moved).map(of).sum::<u32>();
         assert!(sum(|r| r.strands.active) > 20, "{resolution:?}: {}", sum(|r| r.strands.active));
@@ -259,8 +259,8 @@ fn what_moves_by_itself_touches_its_like_and_passes_through_none() {
 #[test]
 fn what_comes_away_divides_its_sub_steps_for_itself_until_it_is_there() {
     let (groom, mut anim) = scene(Style::Long, 0);
-    (anim.settings.contact, anim.settings.resolution) = (Contact::Full, Resolution::Adaptive);
-    (anim.settings.parting, anim.settings.substeps, anim.settings.preroll) = (0.002, 1, 0.1);
+    (anim.settings.contact, anim.settings.resolution) = (ContactMode::Full, Resolution::Adaptive);
+    (anim.settings.split_tolerance, anim.settings.substeps, anim.settings.preroll) = (0.002, 1, 0.1);
     // It falls hard.
     anim.gravity *= 60.0;
     let seen = touch(&groom, &anim, anim.frames.0 + 1);

@@ -5,7 +5,7 @@ use crate::geometry::TriMesh;
 use crate::import::mesh_file::ImportedMesh;
 use crate::import::source::Source;
 use crate::scene::anim::file::{ColliderFile, ShapeFile};
-use crate::scene::{Sequence, UpAxis};
+use crate::scene::{FileSequence, UpAxis};
 use crate::{Error, Result};
 use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
@@ -87,7 +87,7 @@ impl Colliders {
         let file = format!("{name}.obj");
         self.files.push((folder.join(&file), read.mesh.to_obj(OBJ_DIGITS)));
         let sequence = (!read.samples.is_empty()).then(|| format!("{name}.####.obj"));
-        if let Some(sequence) = sequence.as_deref().and_then(Sequence::new) {
+        if let Some(sequence) = sequence.as_deref().and_then(FileSequence::new) {
             for (frame, vertices) in (first_frame..).zip(&read.samples) {
                 let mesh = TriMesh { vertices: vertices.clone(), ..read.mesh.clone() };
                 self.files.push((sequence.path(folder, frame), mesh.to_obj(OBJ_DIGITS)));

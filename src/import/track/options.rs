@@ -2,7 +2,7 @@
 
 use crate::import::motion::JointSelector;
 use crate::import::source::Source;
-use crate::scene::Sequence;
+use crate::scene::FileSequence;
 use crate::scene::anim::file::Pops;
 use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
@@ -55,7 +55,7 @@ impl ColliderMesh {
     /// The file to read first: of a sequence, that of frame `first`.
     pub(super) fn first_file(&self, first: i32) -> Source {
         let path = self.source.path.to_string_lossy();
-        match Sequence::new(&path) {
+        match FileSequence::new(&path) {
             Some(sequence) => Source { path: sequence.path(Path::new(""), first), ..self.source.clone() },
             None => self.source.clone(),
         }

@@ -33,6 +33,11 @@ pub fn update(root: &mut Value, diagnostics: &mut Diagnostics) -> Vec<(Key, Key)
     replaced
 }
 
+/// The former name of the key `current` in `section`, if it was renamed.
+pub fn former_name(section: &str, current: &str) -> Option<&'static str> {
+    RENAMED.iter().find(|r| r.section == section && r.current == current).map(|r| r.former)
+}
+
 /// Replaces a former name in `key` by the current one.
 pub fn update_key(key: &mut Key) {
     for Renamed { section, former, current } in RENAMED {

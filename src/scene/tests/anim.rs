@@ -198,7 +198,7 @@ fn the_former_name_of_split_tolerance_is_read() {
         r#"{ "format": "hairbake-groom", "version": 1, "guides": { "points": [[0, 0, 0], [0, 1, 0]] } }"#,
     );
     for (assignment, value) in
-        [("anim.settings.parting=0.5", 0.5), ("anim.settings.split_tolerance=0.75", 0.75)]
+        [("anim.settings.split_tolerance=0.5", 0.5), ("anim.settings.split_tolerance=0.75", 0.75)]
     {
         let (_, anim) = load_with(&groom, &path, &options(assignment)).unwrap();
         assert_eq!(anim.settings.split_tolerance, value, "{assignment}");

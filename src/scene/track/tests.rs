@@ -234,14 +234,14 @@ fn pops_are_found_and_fast_motion_is_not() {
 #[test]
 fn bridged_samples_are_interpolated() {
     for cutoff in [0.0, 12.0] {
-        let sound = samples(0.0, 60.0, 40);
-        let mut popped = sound.clone();
+        let valid = samples(0.0, 60.0, 40);
+        let mut popped = valid.clone();
         popped.poses[17].translation.vector.x += 0.5;
         popped.poses[17].rotation *= UnitQuaternion::from_euler_angles(0.0, 2.2, 0.0);
         popped.bridged = vec![17];
-        let [sound, popped] = [sound, popped].map(|s| Track::through(&s, cutoff, &Isometry3::identity()));
+        let [valid, popped] = [valid, popped].map(|s| Track::through(&s, cutoff, &Isometry3::identity()));
         let t = 17.0 / 60.0;
-        assert!(distance(&sound.pose(t), &popped.pose(t)) < 2e-3, "{cutoff}");
+        assert!(distance(&valid.pose(t), &popped.pose(t)) < 2e-3, "{cutoff}");
     }
 }
 
