@@ -30,7 +30,7 @@ value_enum! { Scheme:
     Bdf2, "bdf2", "Second order, with little numerical damping";
     BackwardEuler, "backward-euler", "First order: cheaper in contact, damps swinging hair more than air and hair do";
 }
-value_enum! { Contact:
+value_enum! { ContactMode:
     Bodies, "bodies", "Bodies";
     Full, "full", "Bodies and other hair; slower";
     Penalty, "penalty", "Bodies, by springs: for a quick look, without guarantees";
