@@ -7,7 +7,7 @@ use super::strand_contact::BundleProperties;
 use super::tie;
 use super::wisp_friction::{FrictionSampler, WispFriction};
 use crate::rod::{Rod, RodShape};
-use crate::scene::anim::{ContactMode, Resolution, OutputCurves};
+use crate::scene::anim::{ContactMode, OutputCurves, Resolution};
 use crate::scene::{Anim, Groom};
 use crate::wisp::GuideRod;
 use rayon::prelude::*;
