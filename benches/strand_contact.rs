@@ -10,7 +10,7 @@ use hairbake::dynamics::guide_rods::GuideRods;
 use hairbake::dynamics::simulation::Simulation;
 use hairbake::dynamics::step_record::StepRecord;
 use hairbake::sample::{self, Motion, Size, Style};
-use hairbake::scene::anim::{ContactMode, Resolution};
+use hairbake::scene::anim::{ContactSetting, Resolution};
 use hairbake::scene::{Anim, Groom};
 use hairbake::wisp::GuideRod;
 use std::time::Instant;
@@ -77,10 +77,10 @@ fn cost(head: usize, guides: usize) -> Cost {
     let mut costs = [[0.0; 2]; 2];
     let (mut found, mut active, mut steps, mut rounds) = (0, 0, 0, 0);
     let (mut residual, mut worst, mut short) = (0.0, 0.0_f64, 0);
-    for (cost, contact) in costs.iter_mut().zip([ContactMode::Bodies, ContactMode::Full]) {
+    for (cost, contact) in costs.iter_mut().zip([ContactSetting::Bodies, ContactSetting::Full]) {
         anim.settings.contact = contact;
         *cost = run(&groom, &anim, guides, |records| {
-            if contact == ContactMode::Full {
+            if contact == ContactSetting::Full {
                 let sum = |of: fn(&StepRecord) -> u32| records.iter().map(of).sum::<u32>();
                 found += sum(|r| r.strands.found);
                 active += sum(|r| r.strands.active);

@@ -7,7 +7,7 @@ use crate::Result;
 use crate::cache::{InputRecord, sha256};
 use crate::dynamics::guide_rods::GuideRods;
 use crate::dynamics::model;
-use crate::scene::anim::{ContactMode, Resolution};
+use crate::scene::anim::{ContactSetting, Resolution};
 use crate::scene::{Anim, Groom, Override};
 use crate::strands::RETRACTION_SPAN;
 use serde_json::{Value, json};
@@ -99,7 +99,7 @@ fn moved(groom: &Groom, anim: &Anim, rods: &GuideRods, base: &Base, written: &Wr
     let settings = &anim.settings;
     let rubs = rods.simulated.iter().any(|r| r.material.wisp_friction > 0.0);
     // What leads rubs against others, and those may be led by more.
-    if settings.contact == ContactMode::Full || rubs && settings.resolution() != Resolution::Full {
+    if settings.contact == ContactSetting::Full || rubs && settings.resolution() != Resolution::Full {
         return vec![true; rods.simulated.len()];
     }
     let mut moved = vec![false; rods.simulated.len()];

@@ -8,7 +8,7 @@ use super::scene_arguments::{OUTPUT, SELECTION, SceneArguments};
 use super::{console, summary};
 use crate::bake::{self, BakeSummary};
 use crate::error::{Error, Result};
-use crate::scene::anim::{ContactMode, Settings};
+use crate::scene::anim::{ContactSetting, Settings};
 use crate::strands::RETRACTION_SPAN;
 use clap::Args;
 use std::path::Path;
@@ -70,7 +70,7 @@ impl FinishArguments {
     /// # Errors
     /// [`Error::Usage`] for `--strict` with settings that guarantee nothing.
     pub fn check(&self, settings: &Settings) -> Result<()> {
-        if self.strict && settings.contact == ContactMode::Penalty {
+        if self.strict && settings.contact == ContactSetting::Penalty {
             let message = "--contact penalty guarantees nothing; use --contact bodies or omit --strict";
             return Err(Error::Usage(message.into()));
         }

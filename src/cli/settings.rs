@@ -2,7 +2,7 @@
 
 use super::values;
 use crate::scene::Override;
-use crate::scene::anim::{ContactMode, OutputCurves, Resolution, Scheme, Settings};
+use crate::scene::anim::{ContactSetting, OutputCurves, Resolution, Scheme, Settings};
 use clap::{Args, ValueEnum};
 
 const HEADING: &str = "Settings (override those of ANIM)";
@@ -31,7 +31,7 @@ pub struct SettingsArguments {
     scheme: Option<Scheme>,
     /// What the hair collides with [default: bodies]
     #[arg(long, value_name = "NAME", value_enum, help_heading = HEADING)]
-    contact: Option<ContactMode>,
+    contact: Option<ContactSetting>,
     /// Which guides are simulated [default: auto]
     #[arg(long, value_name = "NAME", value_enum, help_heading = HEADING)]
     resolution: Option<Resolution>,

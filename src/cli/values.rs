@@ -2,7 +2,7 @@
 
 use crate::import::Source;
 use crate::scene::UpAxis;
-use crate::scene::anim::{ContactMode, OutputCurves, Resolution, Scheme};
+use crate::scene::anim::{ContactSetting, OutputCurves, Resolution, Scheme};
 use clap::ValueEnum;
 use clap::builder::{PossibleValue, TypedValueParser};
 use nalgebra::Vector3;
@@ -30,7 +30,7 @@ value_enum! { Scheme:
     Bdf2, "bdf2", "Second order, with little numerical damping";
     BackwardEuler, "backward-euler", "First order: cheaper in contact, damps swinging hair more than air and hair do";
 }
-value_enum! { ContactMode:
+value_enum! { ContactSetting:
     Bodies, "bodies", "Bodies";
     Full, "full", "Bodies and other hair; slower";
     Penalty, "penalty", "Bodies, by springs: for a quick look, without guarantees";
@@ -259,7 +259,7 @@ mod tests {
             }
         }
         check::<Scheme>();
-        check::<ContactMode>();
+        check::<ContactSetting>();
         check::<Resolution>();
         check::<OutputCurves>();
     }

@@ -3,7 +3,7 @@
 use super::guide_frame::GuideFrame;
 use super::sag_free::{self, SagFreeReport};
 use crate::rod::{Rod, RodShape, SegmentSize};
-use crate::scene::anim::ContactMode;
+use crate::scene::anim::ContactSetting;
 use crate::scene::{Anim, Groom};
 use crate::wisp::{self, GuideRod};
 use rayon::prelude::*;
@@ -24,8 +24,9 @@ pub struct GuideRods {
 impl GuideRods {
     /// The rods of `groom`, which must have its trees, coarse where `anim` lets nothing touch them.
     pub fn new(groom: &Groom, anim: &Anim) -> Self {
-        let alone =
-            anim.colliders.is_empty() && anim.ties.is_empty() && anim.settings.contact != ContactMode::Full;
+        let alone = anim.colliders.is_empty()
+            && anim.ties.is_empty()
+            && anim.settings.contact != ContactSetting::Full;
         let mut simulated =
             wisp::guide_rods(groom, if alone { SegmentSize::COARSE } else { SegmentSize::FINE });
         let fine = if alone { wisp::guide_rods(groom, SegmentSize::FINE) } else { Vec::new() };

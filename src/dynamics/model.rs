@@ -7,7 +7,7 @@ use super::strand_contact::BundleProperties;
 use super::tie;
 use super::wisp_friction::{FrictionSampler, WispFriction};
 use crate::rod::{Rod, RodShape};
-use crate::scene::anim::{ContactMode, OutputCurves, Resolution};
+use crate::scene::anim::{ContactSetting, OutputCurves, Resolution};
 use crate::scene::{Anim, Groom};
 use crate::wisp::GuideRod;
 use rayon::prelude::*;
@@ -86,9 +86,9 @@ impl<'a> Model<'a> {
     /// How contact constrains a sub-step.
     pub(super) fn contact_mode(&self) -> ContactMode {
         match self.anim.settings.contact {
-            ContactMode::Bodies => ContactMode::Bodies,
-            ContactMode::Full => ContactMode::Coupled,
-            ContactMode::Penalty => ContactMode::Springs,
+            ContactSetting::Bodies => ContactMode::Bodies,
+            ContactSetting::Full => ContactMode::Coupled,
+            ContactSetting::Penalty => ContactMode::Springs,
         }
     }
 

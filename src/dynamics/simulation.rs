@@ -15,7 +15,7 @@ use super::strand_contact::StrandContacts;
 use super::wisp_friction::HeadVelocity;
 use super::wisps::{Changes, Wisps};
 use crate::contact::{Bodies, Body};
-use crate::scene::anim::{ContactMode, Resolution};
+use crate::scene::anim::{ContactSetting, Resolution};
 use crate::scene::{Anim, Groom};
 use crate::wisp::Hierarchy;
 use nalgebra::Vector3;
@@ -215,7 +215,7 @@ impl<'a> Simulation<'a> {
                 Some(Wisps::new(hierarchy, model.split_tolerance, h, 1.0 / anim.fps))
             }
         };
-        let full = anim.settings.contact == ContactMode::Full;
+        let full = anim.settings.contact == ContactSetting::Full;
         let record = SubstepRecord {
             guides: vec![StepRecord::default(); guides.len()],
             active: vec![false; guides.len()],

@@ -4,13 +4,13 @@ use hairbake::dynamics::checkpoint::Checkpoint;
 use hairbake::dynamics::guide_rods::GuideRods;
 use hairbake::dynamics::simulation::Simulation;
 use hairbake::sample::{self, Size, Style};
-use hairbake::scene::anim::{ContactMode, Resolution};
+use hairbake::scene::anim::{ContactSetting, Resolution};
 use hairbake::scene::{self, Anim, Groom};
 use serde_json::json;
 use std::path::Path;
 
 /// A small head of short hair that is shaken, with a suit that breathes if `deforms`.
-fn scene(folder: &Path, contact: ContactMode, deforms: bool) -> (Groom, Anim) {
+fn scene(folder: &Path, contact: ContactSetting, deforms: bool) -> (Groom, Anim) {
     let size = Size { wisps: Some(24), strands: 0, head_subdivisions: 2 };
     sample::write(Style::Short, size, folder).unwrap();
     let shake = folder.join("shake.json");
@@ -45,9 +45,10 @@ fn bytes(simulation: &Simulation) -> Vec<u8> {
 
 #[test]
 fn a_resumed_simulation_has_the_same_bits() {
-    let alike = [(ContactMode::Bodies, false), (ContactMode::Bodies, true), (ContactMode::Full, false)];
+    let alike =
+        [(ContactSetting::Bodies, false), (ContactSetting::Bodies, true), (ContactSetting::Full, false)];
     let scenes = alike.map(|(contact, deforms)| (contact, deforms, Resolution::Full));
-    let wisps = [ContactMode::Bodies, ContactMode::Full]
+    let wisps = [ContactSetting::Bodies, ContactSetting::Full]
         .map(|contact| [Resolution::Adaptive, Resolution::Coarse].map(|r| (contact, false, r)));
     for (contact, deforms, resolution) in scenes.into_iter().chain(wisps.into_iter().flatten()) {
         let folder = tempfile::tempdir().unwrap();
@@ -78,14 +79,14 @@ fn a_resumed_simulation_has_the_same_bits() {
         }
         assert!(bodies > 0, "nothing touched a body");
         assert_eq!(splits > 0, resolution == Resolution::Adaptive);
-        assert_eq!(strands > 0, contact == ContactMode::Full, "{strands} contacts of strands");
+        assert_eq!(strands > 0, contact == ContactSetting::Full, "{strands} contacts of strands");
     }
 }
 
 #[test]
 fn threads_change_no_bit_of_wisps_that_touch_each_other() {
     let folder = tempfile::tempdir().unwrap();
-    let (groom, mut anim) = scene(folder.path(), ContactMode::Full, false);
+    let (groom, mut anim) = scene(folder.path(), ContactSetting::Full, false);
     (anim.settings.resolution, anim.settings.preroll) = (Resolution::Adaptive, 0.25);
     let rods = GuideRods::new(&groom, &anim);
     let run = |threads: usize| {
@@ -108,7 +109,7 @@ fn threads_change_no_bit_of_wisps_that_touch_each_other() {
 #[test]
 fn a_state_of_another_scene_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let (groom, anim) = scene(folder.path(), ContactMode::Bodies, false);
+    let (groom, anim) = scene(folder.path(), ContactSetting::Bodies, false);
     let rods = GuideRods::new(&groom, &anim);
     let mut simulation = Simulation::new(&groom, &anim, &rods);
     let mut other = simulation.state();

@@ -6,7 +6,7 @@ use hairbake::dynamics::simulation::Simulation;
 use hairbake::dynamics::step_record::StepRecord;
 use hairbake::rod::{RodShape, SegmentSize};
 use hairbake::sample::{self, Size, Style};
-use hairbake::scene::anim::{ContactMode, Resolution};
+use hairbake::scene::anim::{ContactSetting, Resolution};
 use hairbake::scene::{self, Anim, Groom};
 use hairbake::wisp::{self, Hierarchy};
 use nalgebra::Vector3;
@@ -240,7 +240,7 @@ fn what_moves_by_itself_touches_its_like_and_passes_through_none() {
     let (mut groom, mut anim) = scene(Style::Long, 0);
     // Thick ones.
     groom.trees.iter_mut().flat_map(|tree| &mut tree.wisps).for_each(|wisp| wisp.strand_count = 2000);
-    anim.settings.contact = ContactMode::Full;
+    anim.settings.contact = ContactSetting::Full;
     let last = anim.frames.0 + 30;
     for resolution in [Resolution::Coarse, Resolution::Adaptive] {
         (anim.settings.resolution, anim.settings.split_tolerance) = (resolution, 0.02);
@@ -259,7 +259,7 @@ fn what_moves_by_itself_touches_its_like_and_passes_through_none() {
 #[test]
 fn what_comes_away_divides_its_sub_steps_for_itself_until_it_is_there() {
     let (groom, mut anim) = scene(Style::Long, 0);
-    (anim.settings.contact, anim.settings.resolution) = (ContactMode::Full, Resolution::Adaptive);
+    (anim.settings.contact, anim.settings.resolution) = (ContactSetting::Full, Resolution::Adaptive);
     (anim.settings.split_tolerance, anim.settings.substeps, anim.settings.preroll) = (0.002, 1, 0.1);
     // It falls hard.
     anim.gravity *= 60.0;

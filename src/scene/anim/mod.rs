@@ -11,4 +11,4 @@ pub use super::keyframes::Keyframes;
 pub use super::track::Track;
 pub use file::AnimFile;
 pub use model::{Anim, Body, Collider, MAX_FRAMES, Tie, TiePoint, Wind};
-pub use settings::{ContactMode, OutputCurves, Resolution, Scheme, Settings};
+pub use settings::{ContactSetting, OutputCurves, Resolution, Scheme, Settings};

@@ -15,7 +15,7 @@ pub struct Settings {
     /// Time integration scheme.
     pub scheme: Scheme,
     /// What hair collides with.
-    pub contact: ContactMode,
+    pub contact: ContactSetting,
     /// Which guides are simulated, as requested; see [`Settings::resolution`].
     pub resolution: Resolution,
     /// With adaptive resolution: the estimated deviation from its leaders' motion at which a guide splits
@@ -69,7 +69,7 @@ pub enum OutputCurves {
 /// What hair collides with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum ContactMode {
+pub enum ContactSetting {
     /// Colliders and other hair: strands rest on each other, slide with friction, and do not pass through
     /// each other. Followers of a wisp do pass through other hair.
     Full,
@@ -98,7 +98,9 @@ impl Settings {
     /// Which guides are simulated; never [`Resolution::Auto`].
     pub fn resolution(&self) -> Resolution {
         match self.resolution {
-            Resolution::Auto if self.contact == ContactMode::Full || self.curves == OutputCurves::Steps => {
+            Resolution::Auto
+                if self.contact == ContactSetting::Full || self.curves == OutputCurves::Steps =>
+            {
                 Resolution::Full
             }
             Resolution::Auto => Resolution::Adaptive,
@@ -120,7 +122,7 @@ impl Default for Settings {
             preroll: 1.0,
             nodes: 8,
             scheme: Scheme::default(),
-            contact: ContactMode::default(),
+            contact: ContactSetting::default(),
             resolution: Resolution::default(),
             // Positions then deviate by a few tenths of a percent of the strand's length, about as much as by
             // time steps of 1/96 s instead of much shorter ones.
@@ -141,13 +143,13 @@ mod tests {
     #[test]
     fn automatic_resolution_follows_from_contact_and_output() {
         for (resolution, contact, curves, resolved) in [
-            (Resolution::Auto, ContactMode::Bodies, OutputCurves::Both, Resolution::Adaptive),
-            (Resolution::Auto, ContactMode::Penalty, OutputCurves::Strands, Resolution::Adaptive),
-            (Resolution::Auto, ContactMode::Full, OutputCurves::Both, Resolution::Full),
-            (Resolution::Auto, ContactMode::Bodies, OutputCurves::Steps, Resolution::Full),
-            (Resolution::Adaptive, ContactMode::Full, OutputCurves::Both, Resolution::Adaptive),
-            (Resolution::Coarse, ContactMode::Full, OutputCurves::Both, Resolution::Coarse),
-            (Resolution::Full, ContactMode::Bodies, OutputCurves::Both, Resolution::Full),
+            (Resolution::Auto, ContactSetting::Bodies, OutputCurves::Both, Resolution::Adaptive),
+            (Resolution::Auto, ContactSetting::Penalty, OutputCurves::Strands, Resolution::Adaptive),
+            (Resolution::Auto, ContactSetting::Full, OutputCurves::Both, Resolution::Full),
+            (Resolution::Auto, ContactSetting::Bodies, OutputCurves::Steps, Resolution::Full),
+            (Resolution::Adaptive, ContactSetting::Full, OutputCurves::Both, Resolution::Adaptive),
+            (Resolution::Coarse, ContactSetting::Full, OutputCurves::Both, Resolution::Coarse),
+            (Resolution::Full, ContactSetting::Bodies, OutputCurves::Both, Resolution::Full),
         ] {
             let settings = Settings { resolution, contact, curves, ..Settings::default() };
             assert_eq!(settings.resolution(), resolved, "{resolution:?} {contact:?} {curves:?}");

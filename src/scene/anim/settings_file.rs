@@ -1,6 +1,6 @@
 //! Settings in `anim.json`.
 
-use super::settings::{ContactMode, OutputCurves, Resolution, Scheme, Settings};
+use super::settings::{ContactSetting, OutputCurves, Resolution, Scheme, Settings};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -22,7 +22,7 @@ pub struct SettingsFile {
     /// Time integration scheme.
     pub scheme: Scheme,
     /// What hair collides with.
-    pub contact: ContactMode,
+    pub contact: ContactSetting,
     /// Which guides are simulated.
     pub resolution: Resolution,
     /// With adaptive resolution: the deviation at which a guide splits off from the guides that lead it,
