@@ -4,8 +4,8 @@ use super::frame_list::frame_range;
 use super::{console, values};
 use crate::cache::{Reader, write_file};
 use crate::error::{Error, Result};
-use crate::report::picture::Format;
-use crate::report::preview::{self, Curves, Follow, Options, spread};
+use crate::report::picture::AnimationFormat;
+use crate::report::preview::{self, CurveSelection, Follow, Options, spread};
 use clap::{ArgGroup, Args, ValueEnum};
 use std::path::{Path, PathBuf};
 
@@ -35,7 +35,7 @@ pub struct PreviewArguments {
     output: Option<PathBuf>,
     /// Animation to write: .gif (256 colours) or .apng, .png (all colours)
     #[arg(long, value_name = "FILE", value_parser = animation)]
-    animate: Option<(PathBuf, Format)>,
+    animate: Option<(PathBuf, AnimationFormat)>,
     /// Frames to draw, such as 1020-1030 [default: all of the shot]
     #[arg(long, value_name = "A-B", value_parser = frame_range, allow_hyphen_values = true)]
     frames: Option<(i32, i32)>,
@@ -105,11 +105,11 @@ enum FollowName {
     World,
 }
 
-fn animation(text: &str) -> std::result::Result<(PathBuf, Format), String> {
+fn animation(text: &str) -> std::result::Result<(PathBuf, AnimationFormat), String> {
     let path = PathBuf::from(text);
     let format = match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-        Some("gif") => Format::Gif,
-        Some("png" | "apng") => Format::Apng,
+        Some("gif") => AnimationFormat::Gif,
+        Some("png" | "apng") => AnimationFormat::Apng,
         _ => return Err("expected a name that ends in .gif, .png or .apng".into()),
     };
     Ok((path, format))
@@ -181,9 +181,9 @@ impl PreviewArguments {
         Options {
             size: self.size,
             curves: self.curves.map(|curves| match curves {
-                CurvesName::Hair => Curves::Hair,
-                CurvesName::Guides => Curves::Guides,
-                CurvesName::Both => Curves::Both,
+                CurvesName::Hair => CurveSelection::Hair,
+                CurvesName::Guides => CurveSelection::Guides,
+                CurvesName::Both => CurveSelection::Both,
             }),
             levels: self.colour == ColourName::Level,
             width_scale: self.width_scale,

@@ -1,4 +1,4 @@
-//! The report of a bake: `report.html`, one file with everything in it, and `report.json`, its data.
+//! The report of a bake: `report.html`, a self-contained page, and `report.json`, its data.
 
 use std::fmt::Write;
 
@@ -8,32 +8,32 @@ use super::plot::{self, Axis, Line, Plot, Scale};
 use super::text::{base64, escape, figure};
 use crate::error::{Error, Result};
 
-/// What a bake has to tell. All per-frame values stand in the order of `frames`; a frame without a value
-/// holds NaN, which becomes `null` in JSON.
+/// Data of a report. Per-frame values are in the order of `frames`; a missing value is NaN, which becomes
+/// `null` in JSON.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct BakeReport {
     /// Name of the shot.
     pub title: String,
-    /// What was asked for, as (name, value with unit).
+    /// Settings of the bake: name, and value with unit.
     pub settings: Vec<(String, String)>,
     /// Frame numbers.
     pub frames: Vec<i32>,
-    /// What a frame's time went to, in seconds a frame.
+    /// Time of each stage, seconds per frame.
     pub stages: Vec<Series>,
-    /// Everything else that was measured.
+    /// All other measurements.
     pub charts: Vec<Chart>,
-    /// What the reader has to know.
+    /// Warnings to the user.
     pub warnings: Vec<String>,
     /// Pictures of the shot.
     pub pictures: Vec<Picture>,
 }
 
-/// One value a frame.
+/// One value per frame.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Series {
-    /// Such as `mean` or `deepest`.
+    /// Name, such as `mean` or `largest`.
     pub name: String,
-    /// One value a frame.
+    /// One value per frame.
     pub values: Vec<f64>,
 }
 
@@ -44,22 +44,22 @@ pub struct Chart {
     pub name: String,
     /// Its unit; empty for a count.
     pub unit: String,
-    /// What a good value is, or how it was measured.
+    /// Definition, or how to judge it.
     pub note: String,
-    /// Whether the plot's axis is logarithmic.
+    /// Whether the vertical axis is logarithmic.
     pub logarithmic: bool,
-    /// What is drawn.
+    /// Its series.
     pub series: Vec<Series>,
 }
 
 /// A picture in the report.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Picture {
-    /// What it shows.
+    /// Caption.
     pub caption: String,
     /// MIME type, such as `image/png` (APNG too).
     pub media_type: String,
-    /// The file; not repeated in the JSON.
+    /// The encoded file; omitted in the JSON.
     #[serde(skip)]
     pub bytes: Vec<u8>,
 }
@@ -67,19 +67,19 @@ pub struct Picture {
 const STYLE: &str = include_str!("style.css");
 
 impl BakeReport {
-    /// The data as JSON, pictures left out.
+    /// The data as JSON, without pictures.
     ///
     /// # Errors
-    /// [`Error::Internal`] where a series is not as long as the frames.
+    /// [`Error::Internal`] if the length of a series is not the number of frames.
     pub fn to_json(&self) -> Result<String> {
         self.check()?;
         serde_json::to_string_pretty(self).map_err(|e| Error::Internal(format!("report.json: {e}")))
     }
 
-    /// The page, with plots and pictures inside; it needs no script and no network.
+    /// The page with embedded plots and pictures. It needs neither scripts nor network.
     ///
     /// # Errors
-    /// [`Error::Internal`] where a series is not as long as the frames.
+    /// [`Error::Internal`] if the length of a series is not the number of frames.
     pub fn to_html(&self) -> Result<String> {
         self.check()?;
         let title = escape(&self.title);
@@ -111,7 +111,7 @@ impl BakeReport {
         let time = Chart {
             name: "Time by stage".into(),
             unit: "s".into(),
-            note: "Wall-clock seconds of each frame, one stage on top of the other.".into(),
+            note: "Wall-clock time of each frame, stacked by stage.".into(),
             logarithmic: false,
             series: self.stages.clone(),
         };
@@ -126,7 +126,7 @@ impl BakeReport {
         Ok(page)
     }
 
-    /// One line on the whole bake.
+    /// One line about the whole bake.
     fn lead(&self) -> String {
         let total: f64 = self.stages.iter().flat_map(|s| &s.values).filter(|v| v.is_finite()).sum();
         match (self.frames.first(), self.frames.last()) {
@@ -134,10 +134,10 @@ impl BakeReport {
                 let n = self.frames.len();
                 let (whole, each) = (figure(total), figure(total / n as f64));
                 format!(
-                    "<p class=\"lead\">Frames {first} to {last} ({n}), {whole} s in all, {each} s a frame.</p>\n"
+                    "<p class=\"lead\">Frames {first} to {last} ({n} frames). Total time {whole} s, {each} s per frame.</p>\n"
                 )
             }
-            _ => "<p class=\"lead\">No frame was baked.</p>\n".into(),
+            _ => "<p class=\"lead\">No frames were baked.</p>\n".into(),
         }
     }
 
@@ -160,28 +160,28 @@ impl BakeReport {
         let rows: String = chart.series.iter().enumerate().map(|(i, s)| self.row(i, s)).collect();
         format!(
             "<section class=\"card\"><h2>{name}{unit}</h2><p>{note}</p>{svg}\
-             <table><thead><tr><th></th><th>mean</th><th>least</th><th>most</th><th>at frame</th></tr></thead>\
+             <table><thead><tr><th></th><th>mean</th><th>min</th><th>max</th><th>max at frame</th></tr></thead>\
              <tbody>{rows}</tbody></table></section>\n"
         )
     }
 
     fn row(&self, i: usize, series: &Series) -> String {
-        let known = || self.frames.iter().zip(&series.values).filter(|(_, v)| v.is_finite());
-        let mean = known().map(|(_, v)| v).sum::<f64>() / known().count() as f64;
-        let least = known().map(|(_, v)| *v).fold(f64::NAN, f64::min);
-        // The first of equal frames, so that a series that is always zero points at its start.
-        let most = known().rev().max_by(|a, b| a.1.total_cmp(b.1));
-        let (most, frame) = most.map_or((f64::NAN, String::new()), |(f, v)| (*v, f.to_string()));
+        let finite = || self.frames.iter().zip(&series.values).filter(|(_, v)| v.is_finite());
+        let mean = finite().map(|(_, v)| v).sum::<f64>() / finite().count() as f64;
+        let min = finite().map(|(_, v)| *v).fold(f64::NAN, f64::min);
+        // The first of equal values.
+        let max = finite().rev().max_by(|a, b| a.1.total_cmp(b.1));
+        let (max, frame) = max.map_or((f64::NAN, String::new()), |(f, v)| (*v, f.to_string()));
         let (name, colour) = (escape(&series.name), plot::colour(i));
         format!(
             "<tr><th><i style=\"background:{colour}\"></i>{name}</th><td>{}</td><td>{}</td><td>{}</td><td>{frame}</td></tr>",
             figure(mean),
-            figure(least),
-            figure(most)
+            figure(min),
+            figure(max)
         )
     }
 
-    /// Every series has one value a frame.
+    /// Checks the lengths of all series.
     fn check(&self) -> Result<()> {
         let n = self.frames.len();
         let all = self.stages.iter().chain(self.charts.iter().flat_map(|c| &c.series));
@@ -215,7 +215,7 @@ fn add(text: &mut String, arguments: std::fmt::Arguments<'_>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::Image;
+    use crate::report::picture::Image;
     use crate::report::text::check_markup;
 
     fn sample() -> BakeReport {
@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_is_well_formed_and_holds_everything() {
+    fn page_is_well_formed_and_complete() {
         let report = sample();
         let page = report.to_html().unwrap();
         check_markup(&page).unwrap();
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_give_the_extremes_and_where_they_are() {
+    fn tables_give_the_extremes_and_their_frames() {
         let mut report = sample();
         report.charts = vec![Chart {
             series: vec![Series { name: "depth".into(), values: vec![f64::NAN; 48] }],
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn json_holds_the_same_numbers_and_null_for_none() {
+    fn json_has_the_same_numbers_and_null_for_missing_values() {
         let report = sample();
         let json: serde_json::Value = serde_json::from_str(&report.to_json().unwrap()).unwrap();
         let values = &json["charts"][1]["series"][0]["values"];
@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn a_series_of_the_wrong_length_is_refused() {
+    fn series_of_the_wrong_length_is_an_error() {
         let mut report = sample();
         report.stages[1].values.pop();
         let error = report.to_html().unwrap_err().to_string();
@@ -307,9 +307,9 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_report_is_still_a_page() {
+    fn empty_report_is_a_page() {
         let page = BakeReport::default().to_html().unwrap();
         check_markup(&page).unwrap();
-        assert!(page.contains("No frame was baked"));
+        assert!(page.contains("No frames were baked"));
     }
 }

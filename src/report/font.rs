@@ -1,15 +1,15 @@
-//! A bitmap font of our own for frame numbers: the ten digits and the minus sign, five by seven dots.
+//! A bitmap font for frame numbers: the ten digits and the minus sign, five by seven dots.
 
-use super::Image;
+use super::picture::Image;
 
-/// Dots across a glyph.
+/// Width of a glyph, dots.
 pub const WIDTH: usize = 5;
-/// Dots down a glyph.
+/// Height of a glyph, dots.
 pub const HEIGHT: usize = 7;
-/// Dots from the start of one glyph to the start of the next.
+/// Distance between the starts of adjacent glyphs, dots.
 pub const ADVANCE: usize = 6;
 
-/// Rows of a glyph from the top; bit 4 is the leftmost dot. `None` for a character the font lacks.
+/// Rows of a glyph from the top; bit 4 is the leftmost dot. `None` for an unsupported character.
 pub fn glyph(c: char) -> Option<[u8; HEIGHT]> {
     Some(match c {
         '0' => [0b01110, 0b10001, 0b10011, 0b10101, 0b11001, 0b10001, 0b01110],
@@ -27,8 +27,7 @@ pub fn glyph(c: char) -> Option<[u8; HEIGHT]> {
     })
 }
 
-/// Draws a number with its top left dot at (`x`, `y`), each dot `scale` pixels wide. What falls
-/// outside the image is left out.
+/// Draws a number with its top left dot at (`x`, `y`), with dots of `scale` pixels, clipped to the image.
 pub fn draw_number(image: &mut Image, number: i32, x: u32, y: u32, scale: u32, colour: [u8; 3]) {
     for (i, rows) in number.to_string().chars().filter_map(glyph).enumerate() {
         for (row, bits) in rows.iter().enumerate() {
@@ -44,7 +43,7 @@ pub fn draw_number(image: &mut Image, number: i32, x: u32, y: u32, scale: u32, c
     }
 }
 
-/// Reads `n` characters back by comparing the dots of each place with every glyph.
+/// Reads `n` characters by comparison with all glyphs.
 #[cfg(test)]
 pub fn read_number(image: &Image, x: u32, y: u32, scale: u32, n: usize, colour: [u8; 3]) -> String {
     let dot = |i: usize, row: usize, column: usize| {
@@ -62,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_read_back() {
+    fn numbers_round_trip() {
         for number in [1001, -23, 456, 7890] {
             let mut image = Image::new(80, 30);
             draw_number(&mut image, number, 3, 4, 2, [255; 3]);
@@ -71,9 +70,9 @@ mod tests {
         }
     }
 
-    /// Two digits drawn by hand: the table read upside down or mirrored would not match.
+    /// Catches a flipped or mirrored table.
     #[test]
-    fn digits_stand_upright() {
+    fn digits_are_upright() {
         let art = [
             "  #   ### ",
             " ##  #   #",
@@ -87,7 +86,7 @@ mod tests {
         draw_number(&mut image, 12, 0, 0, 1, [255; 3]);
         for (y, row) in art.iter().enumerate() {
             for (x, dot) in row.chars().enumerate() {
-                // The art leaves out the empty column between the two.
+                // The art omits the empty column between the digits.
                 let x = if x < WIDTH { x } else { x + 1 };
                 assert_eq!(image.get(x as u32, y as u32) == [255; 3], dot == '#', "dot {x}, {y}");
             }
@@ -95,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn what_falls_outside_is_left_out() {
+    fn numbers_are_clipped_to_the_image() {
         let mut image = Image::new(4, 4);
         draw_number(&mut image, 8888, 1, 1, 3, [255; 3]);
         assert_eq!(image.rgb.len(), 48);

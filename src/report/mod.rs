@@ -1,4 +1,4 @@
-//! Pictures, plots and the report of a bake.
+//! The report of a bake, and pictures of a cache.
 
 mod bake_report;
 mod font;

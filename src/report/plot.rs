@@ -1,42 +1,42 @@
-//! Line plots as SVG: for the report of a bake and for studies. Colours come from CSS variables with
-//! values of their own to fall back on, so a plot stands in a page of either brightness, or alone.
+//! Line plots as SVG. Colours are CSS variables with fallback values, so that a plot suits light and dark
+//! pages and works alone.
 
 use std::fmt::Write;
 
 use super::text::{escape, figure};
 
-/// How an axis is divided.
+/// Scale of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Scale {
-    /// Evenly.
+    /// Linear.
     #[default]
     Linear,
-    /// By powers of ten; values of zero and below are left out.
+    /// Logarithmic; values of zero and below are omitted.
     Log,
 }
 
-/// What an axis shows.
+/// An axis of a plot.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Axis {
     /// Quantity and unit.
     pub label: String,
-    /// How it is divided.
+    /// Its scale.
     pub scale: Scale,
 }
 
-/// One line of a plot. Where a value is not a finite number, the line is broken.
+/// One line of a plot. Non-finite values break the line.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Line {
     /// Name in the legend.
     pub name: String,
-    /// Points in the order they are joined.
+    /// Points, in the order in which they are joined.
     pub points: Vec<(f64, f64)>,
 }
 
 /// A plot of one or more lines.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Plot {
-    /// What it shows, for readers who do not see it.
+    /// Title for screen readers.
     pub title: String,
     /// Horizontal axis.
     pub x: Axis,
@@ -44,9 +44,9 @@ pub struct Plot {
     pub y: Axis,
     /// Lines, in the order of the legend.
     pub lines: Vec<Line>,
-    /// Draws lines as areas, each on top of those before; all have to share their x values.
+    /// Draws lines as stacked areas; all must have the same x values.
     pub stacked: bool,
-    /// Marks every point with a dot, for measurements few and far between.
+    /// Marks every point with a dot.
     pub dots: bool,
 }
 
@@ -54,7 +54,7 @@ pub struct Plot {
 const SIZE: (f64, f64) = (640.0, 270.0);
 const MARGIN: (f64, f64, f64, f64) = (64.0, 30.0, 14.0, 40.0);
 
-/// Colours told apart with any kind of sight, on white and on black.
+/// Colours that are distinguishable with colour vision deficiencies, on white and on black.
 const COLOURS: [&str; 8] =
     ["#3b7dd8", "#e08a1e", "#2a9d6f", "#c8507a", "#8a63d2", "#a08c00", "#2fa3b8", "#7a8594"];
 
@@ -66,7 +66,7 @@ pub fn colour(i: usize) -> String {
 impl Plot {
     /// The plot as an `svg` element.
     pub fn to_svg(&self) -> String {
-        let lines = self.heaped();
+        let lines = self.stacked_points();
         let values = |pick: fn(&(f64, f64)) -> f64| lines.iter().flat_map(move |l| l.iter().map(pick));
         let x = Ruler::new(self.x.scale, values(|p| p.0), false, (MARGIN.0, SIZE.0 - MARGIN.2));
         let from_zero = self.stacked || self.y.scale == Scale::Linear;
@@ -92,8 +92,8 @@ impl Plot {
         svg
     }
 
-    /// The lines' points; where stacked, each raised by those before.
-    fn heaped(&self) -> Vec<Vec<(f64, f64)>> {
+    /// Points of the lines, accumulated if stacked.
+    fn stacked_points(&self) -> Vec<Vec<(f64, f64)>> {
         let mut lines: Vec<Vec<(f64, f64)>> = self.lines.iter().map(|l| l.points.clone()).collect();
         if self.stacked {
             for i in 1..lines.len() {
@@ -137,14 +137,14 @@ impl Plot {
         push(svg, format_args!(r#"<text x="8" y="{high:.1}" {ink}>{y_label}</text>"#));
     }
 
-    /// Names above the plot, from the right; a single line needs none.
+    /// Legend above the plot, right-aligned; omitted for a single line.
     fn draw_legend(&self, svg: &mut String) {
         if self.lines.len() < 2 {
             return;
         }
         let mut x = SIZE.0 - MARGIN.2;
         for (i, line) in self.lines.iter().enumerate().rev() {
-            // A sans-serif letter of 11 px is about 6 wide; the rest is the swatch and the gaps.
+            // A sans-serif letter at 11 px is about 6 px wide; the remainder is the swatch and the gaps.
             x -= 6.2 * line.name.chars().count() as f64 + 32.0;
             let (c, tx, name) = (colour(i), x + 14.0, escape(&line.name));
             push(svg, format_args!(r#"<rect x="{x:.1}" y="7" width="10" height="10" rx="2" fill="{c}"/>"#));
@@ -186,14 +186,14 @@ fn area(svg: &mut String, points: &[(f64, f64)], below: &[(f64, f64)], x: &Ruler
     push(svg, format_args!(r#"<path d="{path}" fill="{colour}" fill-opacity="0.85"/>"#));
 }
 
-/// An axis laid along the drawing.
+/// Map from values to positions along an axis of the drawing.
 struct Ruler {
     scale: Scale,
-    /// Ends of the axis, in powers of ten where it is logarithmic.
+    /// Ends of the axis; their decadic logarithms if it is logarithmic.
     low: f64,
     high: f64,
     step: f64,
-    /// Where the ends lie in the drawing.
+    /// Positions of the ends in the drawing.
     span: (f64, f64),
 }
 
@@ -211,7 +211,7 @@ impl Ruler {
         };
         let step = round_step((high - low) / 5.0);
         let step = if scale == Scale::Log { step.round().max(1.0) } else { step };
-        // The vertical axis ends on round numbers, so that no line touches its border by chance.
+        // The vertical axis ends at round numbers, so that no line coincides with its border.
         let (low, high) = if from_zero {
             ((low / step).floor() * step, (high / step - 1e-9).ceil() * step)
         } else {
@@ -225,7 +225,7 @@ impl Ruler {
         Some(self.span.0 + (v - self.low) / (self.high - self.low) * (self.span.1 - self.span.0))
     }
 
-    /// Place and label of each tick.
+    /// Position and label of each tick.
     fn ticks(&self) -> Vec<(f64, String)> {
         let first = (self.low / self.step - 1e-9).ceil();
         let count = ((self.high - first * self.step) / self.step + 1e-6).floor();
@@ -240,13 +240,13 @@ impl Ruler {
     }
 }
 
-/// A value as its axis measures it, where it can.
+/// A value in the units of the scale; `None` if it is not finite.
 fn measure(scale: Scale, value: f64) -> Option<f64> {
     let v = if scale == Scale::Log { value.log10() } else { value };
     v.is_finite().then_some(v)
 }
 
-/// The round number (1, 2 or 5 times a power of ten) next above `x`.
+/// The smallest of 1, 2 or 5 times a power of ten that is at least `x`.
 fn round_step(x: f64) -> f64 {
     let power = 10f64.powf(x.log10().floor());
     let digit = x / power;
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn plots_are_well_formed_and_name_their_lines() {
+    fn plots_are_well_formed_and_include_line_names() {
         for scale in [Scale::Linear, Scale::Log] {
             for (stacked, dots) in [(false, true), (true, false)] {
                 let svg = Plot { stacked, dots, ..sample(scale) }.to_svg();
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn a_logarithmic_axis_spaces_decades_evenly() {
+    fn logarithmic_axis_has_evenly_spaced_decades() {
         let ruler =
             Ruler::new(Scale::Log, [0.002, 30.0, 0.0, -1.0, f64::NAN].into_iter(), false, (0.0, 500.0));
         let labels: Vec<_> = ruler.ticks().into_iter().map(|t| t.1).collect();
@@ -297,14 +297,14 @@ mod tests {
     }
 
     #[test]
-    fn a_linear_axis_ends_on_round_numbers_around_its_values() {
+    fn linear_axis_ends_at_round_numbers() {
         let ruler = Ruler::new(Scale::Linear, [0.3, 8.7].into_iter(), true, (100.0, 0.0));
         assert_eq!((ruler.low, ruler.high, ruler.step), (0.0, 10.0, 2.0));
         assert_eq!(ruler.place(5.0), Some(50.0));
     }
 
     #[test]
-    fn lines_break_where_values_are_missing_and_odd_data_draw_something() {
+    fn missing_values_break_lines_and_degenerate_data_are_drawn() {
         let broken =
             Line { name: "n".into(), points: vec![(0.0, 1.0), (1.0, f64::NAN), (2.0, 3.0), (3.0, 3.0)] };
         let svg = Plot { lines: vec![broken], ..Plot::default() }.to_svg();

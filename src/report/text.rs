@@ -1,7 +1,7 @@
-//! Text for pages: escaping, figures, and pictures as data.
+//! Text for pages: escaping, numbers, and Base64.
 
-/// Text made safe between tags and in quoted attributes of HTML and SVG. Control characters, which
-/// neither allows, become U+FFFD.
+/// Escapes text for content and quoted attributes of HTML and SVG. Control characters, which neither allows,
+/// become U+FFFD.
 pub fn escape(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for c in text.chars() {
@@ -19,7 +19,8 @@ pub fn escape(text: &str) -> String {
     safe
 }
 
-/// A number to four digits, in powers of ten where it is very small or large; a dash for what is none.
+/// A number with four significant digits, in scientific notation if it is very small or large; a dash if it
+/// is not finite.
 pub fn figure(value: f64) -> String {
     if !value.is_finite() {
         return "–".into();
@@ -56,7 +57,7 @@ pub fn base64(bytes: &[u8]) -> String {
     text
 }
 
-/// Checks that markup is well formed: one root, tags that close, attributes quoted, references known.
+/// Checks that markup is well formed: one root, closed tags, quoted attributes, known references.
 #[cfg(test)]
 pub fn check_markup(text: &str) -> Result<(), String> {
     let mut open: Vec<&str> = Vec::new();
@@ -106,7 +107,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn figures_are_short_and_true() {
+    fn figures_have_four_significant_digits() {
         let cases = [
             (0.0, "0"),
             (1.0, "1"),
@@ -125,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn base64_matches_the_vectors_of_its_standard() {
+    fn base64_matches_the_test_vectors_of_rfc_4648() {
         let cases = [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")];
         for (plain, coded) in cases {
             assert_eq!(base64(plain.as_bytes()), coded);
@@ -134,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn escaped_text_passes_the_check_and_raw_text_fails_it() {
+    fn escaped_text_is_well_formed_and_raw_text_is_not() {
         let nasty = "<script>\"a\" & 'b'</script>\u{0}";
         check_markup(&format!("<p title=\"{0}\">{0}</p>", escape(nasty))).unwrap();
         for bad in ["<p>&</p>", "<p><b></p>", "<p a=b></p>", "<p/><p/>", "<p a=\"b>", "<p>"] {

@@ -1,21 +1,21 @@
-//! A pinhole camera, and how it is made to frame a shot.
+//! A pinhole camera, and its framing of a shot.
 
 use nalgebra::Vector3;
 
-/// Orthonormal viewing axes in the space of the pictures (Y up).
+/// Orthonormal viewing axes in picture space (Y up).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Axes {
-    /// To the right of the picture.
+    /// Towards the right of the picture.
     pub right: Vector3<f32>,
-    /// To its top.
+    /// Towards the top of the picture.
     pub up: Vector3<f32>,
     /// Towards the viewer.
     pub back: Vector3<f32>,
 }
 
 impl Axes {
-    /// Axes of a viewer standing `azimuth` degrees to the subject's left of straight ahead (+Z) and
-    /// `elevation` degrees above the horizon.
+    /// Axes of a viewer at `azimuth` degrees from the front (+Z) to the left of the subject and `elevation`
+    /// degrees above the horizon.
     pub fn looking(azimuth: f64, elevation: f64) -> Self {
         let (sin_a, cos_a) = azimuth.to_radians().sin_cos();
         let (sin_e, cos_e) = elevation.to_radians().sin_cos();
@@ -37,34 +37,34 @@ impl Axes {
     }
 }
 
-/// A point as the camera sees it.
+/// The image of a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Projected {
     /// Pixels from the left.
     pub x: f32,
     /// Pixels from the top.
     pub y: f32,
-    /// One over the distance along the optical axis: linear across the picture, larger is nearer.
+    /// Reciprocal of the distance along the optical axis: linear across the picture, larger is nearer.
     pub inverse_depth: f32,
 }
 
 /// A pinhole camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// Where it looks.
+    /// Viewing axes.
     pub axes: Axes,
-    /// Where it stands.
+    /// Position.
     pub eye: Vector3<f32>,
     /// Focal length in pixels.
     pub focal: f32,
-    /// The optical axis in the picture, in pixels from the top left.
+    /// Image of the optical axis, pixels from the top left.
     pub centre: [f32; 2],
-    /// Nothing closer than this is drawn.
+    /// Distance of the near plane.
     pub near: f32,
 }
 
 impl Camera {
-    /// The image of a point, or `None` where it lies before the near plane.
+    /// The image of a point; `None` if it is closer than the near plane.
     pub fn project(&self, p: Vector3<f32>) -> Option<Projected> {
         let c = self.axes.components(p - self.eye);
         (-c.z > self.near).then(|| {
@@ -75,7 +75,7 @@ impl Camera {
     }
 }
 
-/// Box of everything to be shown, along the viewing axes and relative to the followed point.
+/// Bounding box of everything to show, along the viewing axes and relative to the followed point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Framing {
     low: Vector3<f32>,
@@ -89,25 +89,24 @@ impl Default for Framing {
 }
 
 impl Framing {
-    /// Takes in one more point, given by its components along the viewing axes.
+    /// Extends the box to a point, given by its components along the viewing axes.
     pub fn add(&mut self, c: Vector3<f32>) {
         self.low = self.low.inf(&c);
         self.high = self.high.sup(&c);
     }
 
-    /// Whether it holds anything.
+    /// Whether it contains any point.
     pub fn is_bounded(&self) -> bool {
         self.low.x <= self.high.x
     }
 
-    /// The camera that shows the whole box: its distance is such that the box's near face fills the
-    /// picture but for a margin.
+    /// The camera that shows the whole box: the near face of the box fills the picture except for a margin.
     pub fn camera(&self, axes: Axes, followed: Vector3<f32>, fov_deg: f64, size: (u32, u32)) -> Camera {
         const MARGIN: f32 = 1.06;
         let (width, height) = (size.0 as f32, size.1 as f32);
         let half = (self.high - self.low) * 0.5 * MARGIN;
         let tan = (fov_deg * 0.5).to_radians().tan() as f32;
-        // A single point has no size: any distance will do.
+        // Any distance suits a single point.
         let reach = half.y.max(half.x * height / width).max(1e-6);
         let distance = reach / tan;
         let middle = (self.low + self.high) * 0.5;
@@ -128,7 +127,7 @@ mod tests {
     use approx::assert_relative_eq;
 
     #[test]
-    fn axes_are_right_handed_and_look_from_the_front() {
+    fn axes_are_right_handed_and_face_the_subject() {
         let axes = Axes::looking(35.0, 12.0);
         assert_relative_eq!(axes.right.cross(&axes.up), axes.back, epsilon = 1e-6);
         let front = Axes::looking(0.0, 0.0);
@@ -138,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn the_framed_box_fills_the_picture_without_leaving_it() {
+    fn framed_box_fills_the_picture_and_stays_inside() {
         let axes = Axes::looking(20.0, 10.0);
         let mut framing = Framing::default();
         for corner in [[-1.0, -2.0, -0.5], [1.0, 3.0, 0.5]] {

@@ -1,4 +1,4 @@
-//! How hair is lit: a fibre's scattering, and a volume of optical depths that shades hair by hair.
+//! Lighting of hair: scattering by a fibre, and a volume of optical depths for shadows.
 //!
 //! | symbol | meaning |
 //! |---|---|
@@ -7,7 +7,7 @@
 //! | θi, θr | inclination of l and v to the fibre's normal plane, positive towards the tip |
 //! | θh, θd | half sum and half difference of θi and θr |
 //! | φ | angle between l and v seen along the fibre |
-//! | σ | extinction, 1 per scene unit |
+//! | σ | extinction, 1/scene unit |
 //! | τ | optical depth |
 
 use nalgebra::Vector3;
@@ -16,11 +16,11 @@ use rayon::prelude::*;
 /// Linear red, green, blue.
 pub type Rgb = Vector3<f32>;
 
-/// Light that a fibre of colour `tint` sends from `l` to `v`, relative to the light's colour: the
-/// three lobes of Marschner et al. (2003, eq. 8) with Gaussians in θh and simple profiles in φ, over the
-/// diffuse term of Kajiya & Kay (1989, eq. 14). `tilt` (radians) turns all lobes, strand by strand.
+/// Light scattered from `l` to `v` by a fibre of colour `tint`, relative to the light's colour: the three
+/// lobes of Marschner et al. (2003, eq. 8) with Gaussians in θh and simple profiles in φ, plus the diffuse
+/// term of Kajiya & Kay (1989, eq. 14). `tilt`, rad, rotates all lobes.
 pub fn scatter(t: Vector3<f32>, l: Vector3<f32>, v: Vector3<f32>, tint: Rgb, tilt: f32) -> Rgb {
-    // Cuticle tilt and roughness of human hair (Marschner et al. 2003, table 1), in radians.
+    // Cuticle tilt and roughness of human hair (Marschner et al. 2003, table 1), rad.
     const ALPHA: f32 = -0.105;
     const BETA: f32 = 0.14;
     let (sin_i, sin_r) = (t.dot(&l).clamp(-1.0, 1.0), t.dot(&v).clamp(-1.0, 1.0));
@@ -36,12 +36,12 @@ pub fn scatter(t: Vector3<f32>, l: Vector3<f32>, v: Vector3<f32>, tint: Rgb, til
     let through = 1.3 * lobe(-0.5 * ALPHA, BETA) * (1.0 - toward).powi(8);
     let shape = cos_i / theta_d.cos().powi(2).max(0.2);
     let body = tint * (0.75 * cos_i);
-    // Two passes through the pigment deepen the colour of the second highlight.
+    // The second highlight passes the pigment twice.
     let deep = tint.map(|c| c.powf(0.9));
     body + (Rgb::repeat(reflected) + deep * (twice_through + through)) * shape
 }
 
-/// Extinction on a grid of cubic cells, and optical depths through it.
+/// Extinction on a grid of cubic cells.
 pub struct Volume {
     origin: Vector3<f32>,
     cell: f32,
@@ -53,7 +53,7 @@ pub struct Volume {
 pub struct Depths(Vec<f32>);
 
 impl Volume {
-    /// An empty volume over the box from `low` to `high`, with `cells` cells along its longest side.
+    /// An empty volume over the box from `low` to `high` with `cells` cells along its longest side.
     pub fn new(low: Vector3<f32>, high: Vector3<f32>, cells: usize) -> Self {
         let cell = ((high - low).max() / cells as f32).max(f32::MIN_POSITIVE);
         let size = std::array::from_fn(|k| ((high[k] - low[k]) / cell).ceil().max(1.0) as usize + 2);
@@ -65,7 +65,7 @@ impl Volume {
         self.cell
     }
 
-    /// Adds something at `p` that blocks the area `shadow` of light; left out where outside the box.
+    /// Adds an occluder with cross section `shadow` at `p`; ignored outside the box.
     pub fn add(&mut self, p: Vector3<f32>, shadow: f32) {
         let c = (p - self.origin) / self.cell;
         if (0..3).all(|k| c[k] >= 0.0 && c[k] < self.size[k] as f32) {
@@ -74,8 +74,8 @@ impl Volume {
         }
     }
 
-    /// Optical depth from every cell towards the far light in direction `l`: slices are swept from the
-    /// light's side, τ(p) = τ(p + d) + σ(p + d) |d|, with d along `l` to the next slice. A cell does
+    /// Optical depth from every cell towards a distant light in direction `l`, by a sweep over slices from
+    /// the side of the light: τ(p) = τ(p + d) + σ(p + d) |d| with d along `l` to the next slice. A cell does
     /// not shade itself.
     pub fn depths(&self, l: Vector3<f32>) -> Depths {
         let main = l.iamax();
@@ -113,14 +113,14 @@ impl Volume {
         Depths(tau)
     }
 
-    /// Mean over `directions` of the light that arrives at each cell, exp(−`gain`·τ).
+    /// Mean over `directions` of the transmittance to each cell, exp(−`gain`·τ).
     pub fn openness(&self, directions: &[Vector3<f32>], gain: f32) -> Depths {
         let each: Vec<Depths> = directions.par_iter().map(|l| self.depths(*l)).collect();
         let mean = |i: usize| each.iter().map(|d| (-gain * d.0[i]).exp()).sum::<f32>() / each.len() as f32;
         Depths((0..self.sigma.len()).into_par_iter().map(mean).collect())
     }
 
-    /// Trilinear value of `field` at `p`; points outside take the nearest cell's.
+    /// Trilinear interpolation of `field` at `p`, clamped to the grid.
     pub fn at(&self, field: &Depths, p: Vector3<f32>) -> f32 {
         let c = (p - self.origin) / self.cell - Vector3::repeat(0.5);
         let mut base = [0; 3];
@@ -149,9 +149,9 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
 
-    /// A slab of known optical depth shades what lies behind it by that depth, whatever the slant.
+    /// The shadow of a slab has its optical depth, also at an angle.
     #[test]
-    fn a_slab_has_its_optical_depth() {
+    fn slab_has_its_optical_depth() {
         let mut volume = Volume::new(Vector3::zeros(), Vector3::repeat(1.0), 40);
         let tau = 0.8;
         let spacing = 0.0125;
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn the_white_highlight_leans_to_the_root() {
+    fn white_highlight_shifts_towards_the_root() {
         let t = Vector3::x();
         let at = |degrees: f32| {
             let (s, c) = degrees.to_radians().sin_cos();

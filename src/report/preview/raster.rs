@@ -1,15 +1,15 @@
-//! Draws shaded triangles and hair-thin ribbons into a picture.
+//! Rasteriser for shaded triangles and thin ribbons.
 //!
-//! The picture is drawn `s` times finer each way and averaged. Triangles go into a depth buffer; ribbons
-//! are laid over each other from far to near, each covering of every fine pixel exactly the part that
-//! its true width covers, so that a strand far thinner than a pixel neither breaks up nor grows.
+//! The picture is supersampled and averaged. Triangles use a depth buffer. Ribbons are blended from far to
+//! near with their exact coverage of each fine pixel, so that a strand far thinner than a pixel neither
+//! breaks up nor widens.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::camera::Projected;
 use super::light::Rgb;
-use crate::report::Image;
+use crate::report::picture::Image;
 
 /// A short straight piece of a strand, in fine pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,9 +31,10 @@ pub struct Triangle {
     pub colours: [Rgb; 3],
 }
 
-/// Rows of final pixels that one task draws.
+/// Rows of final pixels per task.
 const BAND: usize = 16;
 
+/// A band of fine rows.
 struct Band<'a> {
     /// First fine row.
     top: usize,
@@ -42,8 +43,9 @@ struct Band<'a> {
     inverse_depth: &'a mut [f32],
 }
 
-/// Draws a picture of `size` final pixels, `fine` times supersampled each way, over `background` (linear
-/// colour at a place given in fractions of the picture). The same picture for any number of threads.
+/// Draws a picture of `size` final pixels, supersampled `fine` times in each direction, over `background`
+/// (linear colour at a position in fractions of the picture). The picture does not depend on the number of
+/// threads.
 pub fn draw(
     size: (u32, u32),
     fine: u32,
@@ -79,9 +81,9 @@ pub fn draw(
     image
 }
 
-/// Ribbons that touch each band, from far to near; ties in the order given.
+/// Indices of the ribbons that touch each band, from far to near; ties in input order.
 fn far_to_near_in_bands(ribbons: &[Ribbon], bands: usize, rows: usize) -> Vec<Vec<u32>> {
-    // Positive floats compare as their bits do.
+    // Positive floats compare like their bits.
     let key = |(i, r): (usize, &Ribbon)| {
         let depth = (r.ends[0].inverse_depth + r.ends[1].inverse_depth).to_bits();
         (u64::from(depth) << 32) | i as u64
@@ -91,7 +93,7 @@ fn far_to_near_in_bands(ribbons: &[Ribbon], bands: usize, rows: usize) -> Vec<Ve
     let mut by_band = vec![Vec::new(); bands];
     for i in order.into_iter().map(|k| k as u32) {
         let r = &ribbons[i as usize];
-        // At most √2 of the width counts across, for the fixed axis of a sloping ribbon, and a pixel of blur.
+        // Across the fixed axis a sloping ribbon covers at most √2 of its width, plus a pixel.
         let reach = r.width + 1.0;
         let low = (r.ends[0].y.min(r.ends[1].y) - reach) / rows as f32;
         let high = (r.ends[0].y.max(r.ends[1].y) + reach) / rows as f32;
@@ -138,8 +140,8 @@ impl Band<'_> {
         }
     }
 
-    /// Steps along the axis that the ribbon mostly follows, one fine pixel at a time, and covers across it.
-    /// The steps whose centres lie on [start, end) add up, so joined ribbons meet without gap or overlap.
+    /// Steps along the dominant axis of the ribbon by fine pixels, and covers across it. Steps have their
+    /// centres on [start, end), so that joined ribbons meet without gap or overlap.
     fn ribbon(&mut self, r: &Ribbon) {
         let [p, q] = r.ends;
         let steep = (q.y - p.y).abs() > (q.x - p.x).abs();
@@ -179,7 +181,7 @@ fn fine_range(low: f32, high: f32) -> std::ops::Range<usize> {
     index(low)..index(high)
 }
 
-/// Linear colour to eight-bit sRGB, highlights rolled off above 0.8 instead of cut.
+/// Linear colour to eight-bit sRGB. Highlights above 0.8 are compressed instead of clipped.
 fn to_srgb(linear: Rgb) -> [u8; 3] {
     let encode = |c: f32| {
         let c = if c > 0.8 { 1.0 - 0.2 * (-(c - 0.8) / 0.2).exp() } else { c.max(0.0) };
@@ -202,7 +204,7 @@ mod tests {
         Rgb::zeros()
     }
 
-    /// Light in a picture on black, in pixels of linear 1.
+    /// Sum of the linear values of a picture.
     fn total(image: &Image) -> f64 {
         let linear = |s: u8| {
             let s = f64::from(s) / 255.0;
@@ -211,7 +213,7 @@ mod tests {
         image.rgb.iter().step_by(3).map(|s| linear(*s)).sum()
     }
 
-    /// Half grey, out of the highlights' roll-off.
+    /// Below the compression of highlights.
     const GREY: f32 = 0.5;
 
     fn area_of(ends: [Projected; 2], width: f32, fine: u32) -> f64 {
@@ -220,10 +222,10 @@ mod tests {
     }
 
     #[test]
-    fn a_strand_covers_its_width_times_its_length() {
+    fn strand_covers_its_width_times_its_length() {
         for fine in [1u32, 3] {
             let f = fine as f32;
-            // Fine pixels; widths from a tenth of a pixel to two, at several places between pixels.
+            // Widths from a tenth of a pixel to two, at several subpixel positions.
             for width in [0.1, 0.4, 1.0, 2.3] {
                 for x in [20.0, 20.3, 20.5, 20.8] {
                     let vertical = [at(x * f, 8.0 * f, 1.0), at(x * f, 48.0 * f, 1.0)];
@@ -250,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn nearer_hides_farther_whatever_the_order() {
+    fn nearer_hides_farther_in_any_order() {
         let bar = |inverse_depth, colour| Ribbon {
             ends: [at(16.0, 0.0, inverse_depth), at(16.0, 32.0, inverse_depth)],
             width: 8.0,
@@ -276,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn triangles_that_share_an_edge_leave_no_gap() {
+    fn triangles_with_a_common_edge_leave_no_gap() {
         let corners = [at(2.0, 3.0, 1.0), at(30.0, 1.0, 1.0), at(28.0, 29.0, 1.0), at(1.0, 31.0, 1.0)];
         let half =
             |k: [usize; 3]| Triangle { corners: k.map(|i| corners[i]), colours: [Rgb::repeat(GREY); 3] };
@@ -287,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_off_the_picture_does_no_harm() {
+    fn ribbons_off_the_picture_are_clipped() {
         let ribbon = |x0, y0, x1, y1| Ribbon {
             ends: [at(x0, y0, 1.0), at(x1, y1, 1.0)],
             width: 3.0,

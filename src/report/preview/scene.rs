@@ -1,4 +1,4 @@
-//! One picture: strands and meshes lit and handed to the rasteriser.
+//! One picture: lighting of curves and meshes.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -9,50 +9,56 @@ use super::raster::{self, Ribbon, Triangle};
 use super::strand::{self, Piece};
 use crate::cache::{Basis, CurveSet};
 use crate::math::random;
-use crate::report::Image;
+use crate::report::picture::Image;
 
-/// How a set of curves is drawn.
+/// Style of a set of curves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Style {
-    /// Hair at its own width.
+    /// Hair with its true width.
     Hair,
-    /// Flat colours by group, never thinner than can be seen.
+    /// Flat colours by group, with a visible minimum width.
     Guides,
 }
 
-/// Curves to draw, in the space of the pictures.
-pub struct Strands<'a> {
-    /// What does not move.
+/// Curves to draw, in picture space.
+pub struct DrawnCurves<'a> {
+    /// Their constant part.
     pub set: &'a CurveSet,
-    /// How the curves run between their points.
+    /// Their basis.
     pub basis: Basis,
-    /// All points.
+    /// Their points.
     pub points: Vec<Vector3<f32>>,
-    /// How it is drawn.
+    /// Their style.
     pub style: Style,
-    /// Level of each curve, where colours tell that.
+    /// Level of each curve, if colours show it.
     pub level: Option<&'a [i32]>,
     /// Factor on all widths.
     pub width_scale: f32,
 }
 
-/// A collider to draw, in the space of the pictures.
-pub struct Mesh<'a> {
+/// A collider to draw, in picture space.
+pub struct DrawnMesh<'a> {
     /// Vertices.
     pub points: Vec<Vector3<f32>>,
-    /// Vertex indices, three a triangle, all within `points`.
+    /// Vertex indices of each triangle, all valid.
     pub triangles: &'a [[i32; 3]],
 }
 
 /// Cells along the longest side of the shading volume.
 const CELLS: usize = 88;
-/// Optical depth of a mesh's surface: dark, but soft at its border.
+/// Optical depth of the surface of a mesh: dark with soft shadow edges.
 const SOLID: f32 = 3.0;
-/// Part of the extinction that darkens: light scattered forward goes on through hair of this colour.
+/// Fraction of the extinction that darkens: forward-scattered light continues through hair of this colour.
 const GAIN: f32 = 0.55;
 
-/// Draws one picture of `size` pixels, `fine` times supersampled; `camera` works in fine pixels.
-pub fn draw(camera: &Camera, size: (u32, u32), fine: u32, strands: &[Strands], meshes: &[Mesh]) -> Image {
+/// Draws one picture of `size` pixels, supersampled `fine` times; `camera` projects to fine pixels.
+pub fn draw(
+    camera: &Camera,
+    size: (u32, u32),
+    fine: u32,
+    strands: &[DrawnCurves],
+    meshes: &[DrawnMesh],
+) -> Image {
     let cut: Vec<Vec<Piece>> =
         strands.iter().map(|s| strand::pieces(s.set, s.basis, &s.points, camera, fine as f32)).collect();
     let light = Lighting::new(camera.axes, strands, &cut, meshes);
@@ -75,13 +81,14 @@ struct Light {
 struct Lighting {
     volume: Volume,
     lights: Vec<Light>,
-    /// How much of the sky each cell sees.
+    /// Visibility of the sky from each cell.
     sky: Depths,
 }
 
 impl Lighting {
-    /// Key light over the viewer's left shoulder, a cooler rim light from behind on the right, and a sky.
-    fn new(axes: Axes, strands: &[Strands], cut: &[Vec<Piece>], meshes: &[Mesh]) -> Self {
+    /// A key light over the left shoulder of the viewer, a cooler rim light from behind on the right, and a
+    /// sky.
+    fn new(axes: Axes, strands: &[DrawnCurves], cut: &[Vec<Piece>], meshes: &[DrawnMesh]) -> Self {
         let finite = |p: &&Vector3<f32>| p.iter().all(|x| x.is_finite());
         let points = || strands.iter().flat_map(|s| s.points.iter().filter(finite));
         let low = points().fold(Vector3::repeat(f32::INFINITY), |a, p| a.inf(p));
@@ -112,7 +119,7 @@ impl Lighting {
         Lighting { volume, lights, sky }
     }
 
-    /// Light arriving at `p` from each lamp, as (direction, colour), and from the sky.
+    /// Light arriving at `p`: direction and colour from each lamp, and colour from the sky.
     fn arriving(&self, p: Vector3<f32>) -> (impl Iterator<Item = (Vector3<f32>, Rgb)> + '_, Rgb) {
         let lamps = self
             .lights
@@ -122,16 +129,16 @@ impl Lighting {
     }
 }
 
-/// Makes a triangle block light in the cells that it crosses.
+/// Adds a triangle to the extinction of the cells that it crosses.
 fn block(volume: &mut Volume, [a, b, c]: [Vector3<f32>; 3]) {
     let (u, v) = (b - a, c - a);
     let longest = u.norm().max(v.norm()).max((c - b).norm());
-    // Far larger triangles are floors and walls, whose shadow the preview can do without.
+    // Far larger triangles are floors and walls, whose shadows are unimportant.
     let n = (longest / volume.cell()).ceil().clamp(1.0, 128.0) as usize;
     let area = 0.5 * u.cross(&v).norm() / (n * n) as f32;
     for i in 0..n {
         for j in 0..n {
-            // Centroids of the n² like triangles: those upright, then, mirrored, those upside down.
+            // Centroids of the n² equal subtriangles: the upright ones, then the inverted ones by reflection.
             let (s, t) = ((i as f32 + 1.0 / 3.0) / n as f32, (j as f32 + 1.0 / 3.0) / n as f32);
             let (s, t) = if i + j < n { (s, t) } else { (1.0 - t, 1.0 - s) };
             volume.add(a + u * s + v * t, SOLID * area);
@@ -139,7 +146,7 @@ fn block(volume: &mut Volume, [a, b, c]: [Vector3<f32>; 3]) {
     }
 }
 
-fn ribbon(strands: &Strands, p: &Piece, camera: &Camera, fine: u32, light: &Lighting) -> Ribbon {
+fn ribbon(strands: &DrawnCurves, p: &Piece, camera: &Camera, fine: u32, light: &Lighting) -> Ribbon {
     let curve = p.curve as usize;
     let middle = (p.from + p.to) * 0.5;
     let colour = match strands.style {
@@ -168,24 +175,24 @@ fn ribbon(strands: &Strands, p: &Piece, camera: &Camera, fine: u32, light: &Ligh
     Ribbon { ends: p.ends, width, colour }
 }
 
-/// Colour and tilt of a strand's highlights: chestnut, each strand a little its own.
+/// Colour of a strand and tilt of its highlights: chestnut, with variation between strands.
 fn own_look(id: i32) -> (Rgb, f32) {
     let [a, b, c] = noise(id as u32);
     let tint = Rgb::new(0.165, 0.083, 0.044).lerp(&Rgb::new(0.085, 0.04, 0.022), a);
     (tint * (0.75 + 0.5 * b), 0.09 * (c - 0.5))
 }
 
-/// A hue for each group, as far from the last as the golden ratio puts it.
+/// A hue for each group, spaced by the golden ratio.
 fn group_colour(group: i32) -> Rgb {
     colour((f64::from(group) * 0.618_033_988_749_895).rem_euclid(1.0) as f32)
 }
 
-/// Blue for coarse wisps, warmer for finer ones.
+/// Blue for coarse wisps, warmer colours for finer ones.
 fn level_colour(level: i32) -> Rgb {
     colour(0.6 * 0.55_f32.powi(level.max(0)) - if level > 0 { 0.16 } else { 0.0 })
 }
 
-/// The colour of a hue, 0..1 round the circle from red.
+/// The colour of a hue (0..1 around the circle from red).
 fn colour(hue: f32) -> Rgb {
     Rgb::from_fn(|k, _| {
         let x = (hue * 6.0 + [0.0, 4.0, 2.0][k]).rem_euclid(6.0);
@@ -199,8 +206,8 @@ fn noise(id: u32) -> [f32; 3] {
     [0, 20, 40].map(|shift| (x >> shift & 0xf_ffff) as f32 / (1u32 << 20) as f32)
 }
 
-/// Triangles of a mesh in a neutral clay, lit softly at the vertices.
-fn lit_triangles(mesh: &Mesh, camera: &Camera, light: &Lighting) -> Vec<Triangle> {
+/// Triangles of a mesh in neutral clay, softly lit at the vertices.
+fn lit_triangles(mesh: &DrawnMesh, camera: &Camera, light: &Lighting) -> Vec<Triangle> {
     let clay = Rgb::new(0.40, 0.335, 0.30);
     let mut normals = vec![Vector3::zeros(); mesh.points.len()];
     for t in mesh.triangles {
@@ -209,7 +216,7 @@ fn lit_triangles(mesh: &Mesh, camera: &Camera, light: &Lighting) -> Vec<Triangle
     }
     let colour = |(p, n): (&Vector3<f32>, &Vector3<f32>)| {
         let n = n.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
-        // A step off the surface, out of its own shadow.
+        // Offset from the surface against self-shadowing.
         let (lamps, sky) = light.arriving(p + n * (2.0 * light.volume.cell()));
         let lit: Rgb = lamps.map(|(l, c)| c * (0.25 + 0.75 * n.dot(&l)).max(0.0) * 0.6).sum();
         (lit + sky).component_mul(&clay)
@@ -226,7 +233,7 @@ fn lit_triangles(mesh: &Mesh, camera: &Camera, light: &Lighting) -> Vec<Triangle
     mesh.triangles.iter().filter_map(triangle).collect()
 }
 
-/// A quiet grey, lighter above and in the middle.
+/// A neutral grey gradient, lighter at the top and in the middle.
 fn backdrop(u: f32, v: f32) -> Rgb {
     let fall = 1.0 - 0.5 * ((u - 0.5).powi(2) + (v - 0.45).powi(2));
     Rgb::new(0.40, 0.43, 0.47).lerp(&Rgb::new(0.21, 0.225, 0.25), v) * fall

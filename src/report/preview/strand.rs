@@ -1,4 +1,4 @@
-//! Curves of a cache cut into short straight pieces, fine enough for the picture.
+//! Subdivision of the curves of a cache into short straight pieces.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -6,29 +6,29 @@ use rayon::prelude::*;
 use super::camera::{Camera, Projected};
 use crate::cache::{Basis, CurveSet};
 
-/// A straight piece of a strand in the space of the pictures.
+/// A straight piece of a strand, in picture space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Piece {
-    /// Where it starts, on the root's side.
+    /// End towards the root.
     pub from: Vector3<f32>,
-    /// Where it ends.
+    /// End towards the tip.
     pub to: Vector3<f32>,
     /// Images of both ends.
     pub ends: [Projected; 2],
-    /// Diameter in the middle.
+    /// Diameter at its midpoint.
     pub width: f32,
-    /// Which curve of its set it belongs to.
+    /// Index of its curve in the set.
     pub curve: u32,
 }
 
-/// Longest piece, in final pixels.
-const REACH: f32 = 4.0;
-/// Most pieces between two points of a curve, whatever the picture's size.
-const MOST: f32 = 32.0;
+/// Target length of a piece, final pixels.
+const TARGET_LENGTH: f32 = 4.0;
+/// Largest number of pieces between two points of a curve.
+const MAX_PIECES: f32 = 32.0;
 
-/// Cuts cubic, pinned curves (phantom end points 2·p₀ − p₁, as UsdGeomBasisCurves has them) into pieces of
-/// about [`REACH`] pixels; `pixel` is the side of a final pixel in the camera's own. Pieces with an end
-/// before the camera are left out.
+/// Subdivides cubic, pinned curves (phantom end points 2·p₀ − p₁, as in UsdGeomBasisCurves) into pieces of
+/// about [`TARGET_LENGTH`] pixels. `pixel` is the side of a final pixel in camera pixels. Pieces with an end
+/// behind the near plane are omitted.
 pub fn pieces(
     set: &CurveSet,
     basis: Basis,
@@ -62,7 +62,7 @@ fn one_curve(
     for i in 1..points.len() {
         let (Some(start), Some(end)) = (seen[i - 1], seen[i]) else { continue };
         let chord = (end.x - start.x).hypot(end.y - start.y) / pixel;
-        let n = (chord / REACH).ceil().clamp(1.0, MOST);
+        let n = (chord / TARGET_LENGTH).ceil().clamp(1.0, MAX_PIECES);
         let mut last = None;
         for k in 0..=n as u32 {
             let t = k as f32 / n;
@@ -108,7 +108,7 @@ mod tests {
     use approx::assert_relative_eq;
 
     #[test]
-    fn a_parabola_is_kept_and_the_points_are_met() {
+    fn catmull_rom_reproduces_parabolas_and_interpolates_the_points() {
         let span = |points: &[_], i, t| super::span(Basis::CatmullRom, points, i, t);
         let f = |x: f32| Vector3::new(x, x * x, 0.5 - x);
         let points: Vec<_> = (0..5).map(|i| f(i as f32)).collect();
@@ -121,9 +121,9 @@ mod tests {
         assert_relative_eq!(span(&points, 4, 1.0), points[4]);
     }
 
-    /// A cubic B-spline turns the points of x² into x² + 1/3, and starts and ends at its pinned points.
+    /// A cubic B-spline maps points of x² to x² + 1/3.
     #[test]
-    fn a_b_spline_is_pinned_and_smooths() {
+    fn b_spline_smooths_and_is_pinned() {
         let f = |x: f32| Vector3::new(x, x * x, 0.0);
         let points: Vec<_> = (0..5).map(|i| f(i as f32)).collect();
         let shifted = f(1.4) + Vector3::new(0.0, 1.0 / 3.0, 0.0);
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn two_points_make_a_straight_line_in_short_pieces() {
+    fn two_points_give_a_straight_line_in_short_pieces() {
         let points = [Vector3::zeros(), Vector3::new(0.0, 1.0, 0.0)];
         let set = CurveSet { counts: vec![1, 0, 2], widths: vec![1.0; 3], ..CurveSet::default() };
         let mut framing = Framing::default();
@@ -141,7 +141,7 @@ mod tests {
         let camera = framing.camera(Axes::looking(0.0, 0.0), Vector3::zeros(), 30.0, (100, 100));
         let points = [Vector3::zeros(), points[0], points[1]];
         let all = pieces(&set, Basis::default(), &points, &camera, 1.0);
-        assert_eq!(all.len(), (100.0f32 / 1.06 / REACH).ceil() as usize);
+        assert_eq!(all.len(), (100.0f32 / 1.06 / TARGET_LENGTH).ceil() as usize);
         assert!(all.iter().all(|p| p.curve == 2 && p.from.x == 0.0));
         assert_eq!(all.last().unwrap().to, points[2]);
     }

@@ -1,7 +1,15 @@
-//! Whole pictures: a small head of hair made here, drawn and read back.
+//! Whole pictures of a small synthetic head of hair, drawn and read back.
 
-use super::*;
-use crate::report::picture::Format;
+use super::frame_range::spread;
+use super::options::{Follow, Options};
+use super::renderer::Renderer;
+use super::sheet::{animate, sheet};
+use super::shot::Shot;
+use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
+use crate::error::{Error, Result};
+use crate::report::font;
+use crate::report::picture::{AnimationFormat, Image};
+use std::path::Path;
 
 struct Memory {
     header: Header,
@@ -20,7 +28,7 @@ impl Shot for Memory {
     }
 }
 
-/// `n` strands of `POINTS` points that hang from a half sphere, moving sideways from frame to frame.
+/// `n` strands of `POINTS` points that hang from a half sphere, which moves sideways from frame to frame.
 fn head_of_hair(n: usize, frames: i32) -> Memory {
     const POINTS: usize = 6;
     let mut set = CurveSet { counts: vec![POINTS as i32; n], ..CurveSet::default() };
@@ -75,7 +83,7 @@ fn small() -> Options {
 }
 
 #[test]
-fn frames_are_spread_evenly_with_both_ends() {
+fn spread_frames_are_even_and_include_both_ends() {
     assert_eq!(spread((1001, 1100), 4), [1001, 1034, 1067, 1100]);
     assert_eq!(spread((5, 7), 12), [5, 6, 7]);
     assert_eq!(spread((5, 9), 1), [5]);
@@ -83,7 +91,7 @@ fn frames_are_spread_evenly_with_both_ends() {
 }
 
 #[test]
-fn the_same_picture_on_one_thread_and_on_four() {
+fn pictures_do_not_depend_on_the_number_of_threads() {
     let shot = head_of_hair(300, 2);
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -93,13 +101,13 @@ fn the_same_picture_on_one_thread_and_on_four() {
 }
 
 #[test]
-fn hair_fills_the_picture_and_the_camera_follows_it() {
+fn hair_fills_the_picture_and_the_camera_follows() {
     let shot = head_of_hair(400, 2);
     let bare = |follow| {
         let renderer = Renderer::new(&shot, Options { follow, ..small() }, &[1001, 1002]).unwrap();
         [renderer.render(1001).unwrap(), renderer.render(1002).unwrap()]
     };
-    // Redder than blue is hair; the backdrop is bluish.
+    // Hair is more red than blue; the backdrop is bluish.
     let columns_of_hair = |image: &Image| {
         let hair = |x: u32| {
             (0..image.height).any(|y| {
@@ -110,7 +118,7 @@ fn hair_fills_the_picture_and_the_camera_follows_it() {
         (0..image.width).filter(|x| hair(*x)).collect::<Vec<_>>()
     };
     let [first, second] = bare(Follow::Position);
-    // Equal but for the rounding of single-precision world positions.
+    // Equal up to the rounding of single-precision positions.
     let (a, b) = (columns_of_hair(&first), columns_of_hair(&second));
     assert!(a[0].abs_diff(b[0]) <= 1 && a.len() > 40, "{a:?} {b:?}");
     let [first, second] = bare(Follow::World);
@@ -118,7 +126,7 @@ fn hair_fills_the_picture_and_the_camera_follows_it() {
 }
 
 #[test]
-fn z_up_and_y_up_caches_look_alike() {
+fn z_up_and_y_up_caches_give_equal_pictures() {
     let y_up = head_of_hair(200, 1);
     let mut z_up = head_of_hair(200, 1);
     z_up.header.z_up = true;
@@ -135,7 +143,7 @@ fn z_up_and_y_up_caches_look_alike() {
 }
 
 #[test]
-fn guides_are_drawn_wide_enough_to_see() {
+fn guides_have_a_visible_minimum_width() {
     let mut shot = head_of_hair(30, 1);
     shot.header.guides = shot.header.hair.take().unwrap();
     shot.header.guides.widths.fill(1e-6);
@@ -148,7 +156,7 @@ fn guides_are_drawn_wide_enough_to_see() {
 }
 
 #[test]
-fn colours_tell_the_level_of_each_strand() {
+fn colours_show_the_level_of_each_strand() {
     let mut shot = head_of_hair(60, 1);
     let options = Options { levels: true, ..small() };
     assert!(Renderer::new(&shot, options.clone(), &[1001]).is_err_and(|e| matches!(e, Error::Usage(_))));
@@ -162,7 +170,7 @@ fn colours_tell_the_level_of_each_strand() {
         redness(&shot, &options)
     });
     assert!(by_level.is_sorted_by(|a, b| a + 1000.0 < *b), "{by_level:?}");
-    // Colours of hair do not heed it.
+    // Hair colours do not depend on it.
     by_level[1] = redness(&shot, &small());
     shot.frames[0].hair.as_mut().unwrap().level = Some(vec![0; 60]);
     assert_eq!(redness(&shot, &small()), by_level[1]);
@@ -172,11 +180,11 @@ fn colours_tell_the_level_of_each_strand() {
 }
 
 #[test]
-fn an_animation_reads_back_frame_for_frame() {
+fn apng_round_trips_frame_by_frame() {
     let shot = head_of_hair(150, 3);
     let frames = [1001, 1002, 1003];
     let mut bytes = Vec::new();
-    animate(&shot, &small(), &frames, 24.0, Format::Apng, &mut bytes).unwrap();
+    animate(&shot, &small(), &frames, 24.0, AnimationFormat::Apng, &mut bytes).unwrap();
     let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
     assert_eq!(reader.info().animation_control().unwrap().num_frames, 3);
     let renderer = Renderer::new(&shot, small(), &frames).unwrap();
@@ -190,11 +198,11 @@ fn an_animation_reads_back_frame_for_frame() {
 }
 
 #[test]
-fn a_gif_keeps_the_pictures_but_for_its_palette_and_lasts_as_long_as_the_shot() {
+fn gif_matches_the_pictures_up_to_its_palette_and_the_duration_of_the_shot() {
     let shot = head_of_hair(150, 4);
     let frames = [1001, 1002, 1003, 1004];
     let mut bytes = Vec::new();
-    animate(&shot, &small(), &frames, 24.0, Format::Gif, &mut bytes).unwrap();
+    animate(&shot, &small(), &frames, 24.0, AnimationFormat::Gif, &mut bytes).unwrap();
     let mut options = gif::DecodeOptions::new();
     options.set_color_output(gif::ColorOutput::RGBA);
     let mut reader = options.read_info(bytes.as_slice()).unwrap();
@@ -213,10 +221,10 @@ fn a_gif_keeps_the_pictures_but_for_its_palette_and_lasts_as_long_as_the_shot() 
 }
 
 #[test]
-fn a_sheet_is_a_png_of_all_its_cells() {
+fn sheet_is_a_png_of_labelled_cells() {
     let shot = head_of_hair(50, 5);
     let page = sheet(&shot, &small(), &[1001, 1002, 1003, 1004, 1005]).unwrap();
-    // Cells of 100 by 84 pixels with their gaps; labels stand 5 from the left and 12 from the bottom.
+    // Cells of 100 by 84 pixels including gaps; labels are 5 from the left and 12 from the bottom.
     for (k, frame) in (1001..=1005).enumerate() {
         let (x, y) = (4 + k as u32 % 2 * 100 + 5, 4 + k as u32 / 2 * 84 + 80 - 12);
         assert_eq!(font::read_number(&page, x, y, 1, 4, [245; 3]), frame.to_string());
@@ -230,7 +238,7 @@ fn a_sheet_is_a_png_of_all_its_cells() {
 }
 
 #[test]
-fn a_deforming_collider_is_drawn_as_it_is_at_the_frame() {
+fn deforming_collider_is_drawn_with_the_points_of_the_frame() {
     let mut shot = head_of_hair(20, 1);
     let rigid = sheet(&shot, &small(), &[1001]).unwrap();
     let raised = |p: &[f32; 3]| [p[0], p[1] + 0.06, p[2]];
@@ -248,7 +256,7 @@ fn a_deforming_collider_is_drawn_as_it_is_at_the_frame() {
 }
 
 #[test]
-fn a_cache_without_curves_is_refused() {
+fn cache_without_curves_is_bad_input() {
     let mut shot = head_of_hair(0, 1);
     let error = sheet(&shot, &small(), &[1001]).unwrap_err();
     assert_eq!(error.exit_code(), 65);
@@ -259,9 +267,9 @@ fn a_cache_without_curves_is_refused() {
 }
 
 #[test]
-fn arrays_that_do_not_fit_are_damage_not_a_panic() {
-    type Fault = fn(&mut Memory);
-    let faults: [Fault; 8] = [
+fn inconsistent_arrays_are_damage_not_a_panic() {
+    type Damage = fn(&mut Memory);
+    let damages: [Damage; 8] = [
         |s| s.frames[0].hair.as_mut().unwrap().points.truncate(7),
         |s| s.frames[0].hair = None,
         |s| s.header.hair.as_mut().unwrap().widths.truncate(7),
@@ -271,16 +279,16 @@ fn arrays_that_do_not_fit_are_damage_not_a_panic() {
         |s| s.frames[0].colliders[0].points = Some(vec![[0.0; 3]; 2]),
         |s| s.frames[0].hair.as_mut().unwrap().points.fill([f32::NAN; 3]),
     ];
-    for fault in faults {
+    for damage in damages {
         let mut shot = head_of_hair(20, 1);
-        fault(&mut shot);
+        damage(&mut shot);
         let error = sheet(&shot, &small(), &[1001]).unwrap_err();
         assert!(matches!(error, Error::Damaged { .. }), "{error}");
     }
 }
 
 #[test]
-fn a_few_points_that_are_no_numbers_leave_the_rest_visible() {
+fn nonfinite_points_leave_other_strands_visible() {
     let mut shot = head_of_hair(100, 1);
     shot.frames[0].hair.as_mut().unwrap().points[30] = [f32::NAN, f32::INFINITY, 0.0];
     let image = sheet(&shot, &small(), &[1001]).unwrap();

@@ -1,0 +1,241 @@
+//! Draws the frames of a shot.
+
+use super::camera::{Axes, Framing};
+use super::frame_range::spread_over;
+use super::options::{CurveSelection, Follow, Options};
+use super::scene;
+use super::shot::Shot;
+use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame};
+use crate::error::{Diagnostic, Error, Result};
+use crate::report::picture::Image;
+use nalgebra::{Matrix4, Vector3};
+
+/// Factor on the widths of strands that are drawn with guides.
+const THINNED: f32 = 0.3;
+
+/// Draws the frames of one shot with a common framing.
+pub struct Renderer<'a, S: Shot> {
+    shot: &'a S,
+    options: Options,
+    curves: CurveSelection,
+    /// Centre of the roots in rest space.
+    pivot: Vector3<f64>,
+    framing: Framing,
+}
+
+impl<'a, S: Shot> Renderer<'a, S> {
+    /// Prepares to draw `shot`. The framing covers `frames`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for unsuitable options, [`Error::BadInput`] for a cache without curves to draw,
+    /// [`Error::Damaged`] for inconsistent arrays, and those of [`Shot::frame`].
+    pub fn new(shot: &'a S, options: Options, frames: &[i32]) -> Result<Self> {
+        options.check()?;
+        if frames.is_empty() {
+            return Err(Error::Usage("there is no frame to draw".into()));
+        }
+        let header = shot.header();
+        if options.levels && !header.levels {
+            let what = format!("{} has no levels: it was baked at full resolution", shot.path().display());
+            return Err(Error::Usage(what));
+        }
+        let curves = options.curves.unwrap_or(if header.hair.is_some() {
+            CurveSelection::Hair
+        } else {
+            CurveSelection::Guides
+        });
+        let pivot = Vector3::zeros();
+        let mut renderer = Renderer { shot, options, curves, pivot, framing: Framing::default() };
+        let roots = renderer.roots()?;
+        renderer.pivot = roots.iter().sum::<Vector3<f64>>() / roots.len() as f64;
+        let mut framing = Framing::default();
+        for frame in spread_over(frames, 12) {
+            let frame = renderer.read(frame)?;
+            let (axes, followed) = renderer.view(&frame);
+            for (_, moving) in renderer.drawn(&frame) {
+                for p in moving.points.iter().map(|p| renderer.y_up(*p)) {
+                    if p.iter().all(|x| x.is_finite()) {
+                        framing.add(axes.components(p - followed));
+                    }
+                }
+            }
+        }
+        renderer.framing = framing;
+        if !renderer.framing.is_bounded() {
+            return Err(renderer.damaged("the requested frames have no finite points".into()));
+        }
+        Ok(renderer)
+    }
+
+    /// Draws one frame.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] for arrays that contradict the header, and those of [`Shot::frame`].
+    pub fn render(&self, number: i32) -> Result<Image> {
+        let frame = self.read(number)?;
+        let (axes, followed) = self.view(&frame);
+        let fine = self.options.supersampling;
+        let size = (self.options.size.0 * fine, self.options.size.1 * fine);
+        let camera = self.framing.camera(axes, followed, self.options.fov_deg, size);
+        let meshes = if self.options.colliders { self.meshes(&frame) } else { Vec::new() };
+        let drawn = self.drawn(&frame).into_iter();
+        let strands: Vec<scene::DrawnCurves> = drawn
+            .map(|(set, moving)| {
+                let points: Vec<_> = moving.points.iter().map(|p| self.y_up(*p)).collect();
+                let guides = std::ptr::eq(set, &self.shot.header().guides);
+                let style = if guides { scene::Style::Guides } else { scene::Style::Hair };
+                let thinned = if self.curves == CurveSelection::Both && !guides { THINNED } else { 1.0 };
+                let basis = self.shot.header().basis;
+                scene::DrawnCurves {
+                    set,
+                    basis,
+                    points,
+                    style,
+                    level: moving.level.as_deref().filter(|_| self.options.levels),
+                    width_scale: self.options.width_scale as f32 * thinned,
+                }
+            })
+            .collect();
+        Ok(scene::draw(&camera, self.options.size, fine, &strands, &meshes))
+    }
+
+    /// Reads a frame and checks its arrays against the header.
+    fn read(&self, number: i32) -> Result<Frame> {
+        let frame = self.shot.frame(number)?;
+        let header = self.shot.header();
+        for (set, moving) in self.drawn(&frame) {
+            let n: usize = set.counts.iter().map(|c| *c as usize).sum();
+            if moving.points.len() != n {
+                let found = moving.points.len();
+                return Err(self.damaged(format!("frame {number} has {found} points, the topology has {n}")));
+            }
+            let found = moving.level.as_ref().map_or(set.counts.len(), Vec::len);
+            if found != set.counts.len() {
+                return Err(self.damaged(format!(
+                    "frame {number} has {found} levels, the topology has {} curves",
+                    set.counts.len()
+                )));
+            }
+        }
+        if frame.colliders.len() != header.colliders.len() {
+            let (found, n) = (frame.colliders.len(), header.colliders.len());
+            return Err(self.damaged(format!("frame {number} has {found} colliders, the topology has {n}")));
+        }
+        for (moving, mesh) in frame.colliders.iter().zip(&header.colliders) {
+            let (found, n) = (moving.points.as_ref().map_or(mesh.points.len(), Vec::len), mesh.points.len());
+            if found != n {
+                let what = format!(
+                    "frame {number} has {found} points of collider {}, the topology has {n}",
+                    mesh.name
+                );
+                return Err(self.damaged(what));
+            }
+        }
+        Ok(frame)
+    }
+
+    /// First rest points of all curves to draw. Also checks the header.
+    fn roots(&self) -> Result<Vec<Vector3<f64>>> {
+        let header = self.shot.header();
+        let mut roots = Vec::new();
+        for set in self.sets() {
+            let n = set.counts.iter().map(|c| usize::try_from(*c).unwrap_or(usize::MAX));
+            let n = n.fold(0usize, usize::saturating_add);
+            if set.rest.len() != n || set.widths.len() != n || set.id.len() != set.counts.len() {
+                let (rest, widths) = (set.rest.len(), set.widths.len());
+                let what = format!("curves with {n} points have {rest} rest points and {widths} widths");
+                return Err(self.damaged(what));
+            }
+            let mut start = 0;
+            for count in &set.counts {
+                if *count > 0 {
+                    roots.push(Vector3::from(set.rest[start]).cast());
+                }
+                start += *count as usize;
+            }
+        }
+        for mesh in &header.colliders {
+            if mesh.triangles.iter().flatten().any(|i| *i < 0 || *i as usize >= mesh.points.len()) {
+                return Err(
+                    self.damaged(format!("triangles of collider {} refer to missing vertices", mesh.name))
+                );
+            }
+        }
+        if roots.is_empty() {
+            let error = Diagnostic::new(
+                self.shot.path(),
+                "",
+                format!("the cache holds no {} to draw", self.curves.noun()),
+                "at least one curve with a point",
+                "bake with these curves, or draw the other kind",
+            );
+            return Err(error.into());
+        }
+        Ok(roots)
+    }
+
+    fn sets(&self) -> Vec<&'a CurveSet> {
+        let header = self.shot.header();
+        let hair = header.hair.iter().filter(|_| self.curves != CurveSelection::Guides);
+        let guides = (self.curves != CurveSelection::Hair).then_some(&header.guides);
+        hair.chain(guides).collect()
+    }
+
+    fn drawn<'f>(&self, frame: &'f Frame) -> Vec<(&'a CurveSet, &'f CurveFrame)> {
+        let header = self.shot.header();
+        let hair = header.hair.iter().zip(&frame.hair).filter(|_| self.curves != CurveSelection::Guides);
+        let guides = (self.curves != CurveSelection::Hair).then_some((&header.guides, &frame.guides));
+        hair.chain(guides).collect()
+    }
+
+    /// Viewing axes and followed point at one frame.
+    fn view(&self, frame: &Frame) -> (Axes, Vector3<f32>) {
+        let axes = Axes::looking(self.options.azimuth_deg, self.options.elevation_deg);
+        let head = matrix(&frame.head);
+        let place = self.y_up(head.transform_point(&self.pivot.into()).coords.cast::<f32>().into());
+        match self.options.follow {
+            Follow::World => (axes, Vector3::zeros()),
+            Follow::Position => (axes, place),
+            Follow::Head => {
+                let turn = |v: Vector3<f32>| {
+                    self.y_up(head.transform_vector(&self.y_up_inverse(v).cast()).cast::<f32>().into())
+                        .normalize()
+                };
+                (Axes { right: turn(axes.right), up: turn(axes.up), back: turn(axes.back) }, place)
+            }
+        }
+    }
+
+    fn meshes(&self, frame: &Frame) -> Vec<scene::DrawnMesh<'a>> {
+        let of = |(mesh, moving): (&'a ColliderMesh, &ColliderFrame)| {
+            let motion = matrix(&moving.transform);
+            let world = |p: &[f32; 3]| motion.transform_point(&Vector3::from(*p).cast::<f64>().into()).coords;
+            let points = moving
+                .points
+                .as_ref()
+                .unwrap_or(&mesh.points)
+                .iter()
+                .map(|p| self.y_up(world(p).cast::<f32>().into()))
+                .collect();
+            scene::DrawnMesh { points, triangles: &mesh.triangles }
+        };
+        self.shot.header().colliders.iter().zip(&frame.colliders).map(of).collect()
+    }
+
+    /// A point or vector of the cache in picture space, where Y is up.
+    fn y_up(&self, p: [f32; 3]) -> Vector3<f32> {
+        if self.shot.header().z_up { Vector3::new(p[0], p[2], -p[1]) } else { p.into() }
+    }
+
+    fn y_up_inverse(&self, p: Vector3<f32>) -> Vector3<f32> {
+        if self.shot.header().z_up { Vector3::new(p.x, -p.z, p.y) } else { p }
+    }
+
+    fn damaged(&self, what: String) -> Error {
+        Error::Damaged { path: self.shot.path().to_path_buf(), what }
+    }
+}
+
+fn matrix(rows: &[[f64; 4]; 4]) -> Matrix4<f64> {
+    Matrix4::from_fn(|i, j| rows[i][j])
+}
