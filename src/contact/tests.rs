@@ -1,4 +1,4 @@
-//! Contact against brute force: dense sampling in place and time, triangle by triangle.
+//! Contact detection compared with brute force: dense samples in space and time, and each triangle in turn.
 
 use super::*;
 use crate::geometry::tests::blob;
@@ -16,9 +16,9 @@ fn mesh_shape(mesh: &TriMesh) -> Shape {
     Shape::Mesh(mesh.clone())
 }
 
-/// Least signed distance of the polyline to a body's surface over dense samples in time, body frame, from time `from` to
-/// time `to`; negative where it went inside.
-fn distance_lower_bound(
+/// Minimum distance of the polyline from a solid, m, over dense samples of the motion between the fractions
+/// `from` and `to`; signed for a convex shape.
+fn sampled_distance(
     shape: &Solid,
     motion: &BodyMotion,
     line: &MovingPolyline,
@@ -52,14 +52,15 @@ fn distance_lower_bound(
     least
 }
 
-/// Random moving polylines against a body: what the detection lets pass never came near, and where it stops it is near.
-fn no_tunnelling(shape: Shape, seed: u64, cases: usize, spin: f64) {
+/// Asserts for random moving polylines that those without impact stay outside a body, and that the others are
+/// close to it at the time of impact.
+fn check_impacts(shape: Shape, seed: u64, cases: usize, spin: f64) {
     let bodies = &mut Bodies::from_shapes(&[shape]);
-    no_tunnelling_over(bodies, seed, cases, spin, |_, _| [0.0, 1.0]);
+    check_impacts_over(bodies, seed, cases, spin, |_, _| [0.0, 1.0]);
 }
 
-/// The same; `step` prepares the body for the step of a case and says which part of it is meant.
-fn no_tunnelling_over(
+/// The same for a deforming body: `step` prepares it for a case and returns the times of the sub-step.
+fn check_impacts_over(
     bodies: &mut Bodies,
     seed: u64,
     cases: usize,
@@ -67,7 +68,7 @@ fn no_tunnelling_over(
     mut step: impl FnMut(&mut Bodies, usize) -> [f64; 2],
 ) {
     let mut random = Random::new(seed);
-    let mut work = ContactCache::default();
+    let mut cache = ContactCache::default();
     let (mut hits, mut free) = (0, 0);
     while hits + free < cases {
         let start = random.vector() * 0.25;
@@ -89,18 +90,18 @@ fn no_tunnelling_over(
         let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &clearance };
         let shape = &bodies.bodies[0].solid;
         let inside = x0.iter().any(|x| shape.contains(times[0], x));
-        if inside || distance_lower_bound(shape, &motion, &line, 0.0, 0.0, 1) <= 1e-6 {
+        if inside || sampled_distance(shape, &motion, &line, 0.0, 0.0, 1) <= 1e-6 {
             continue;
         }
         let mut contacts = Vec::new();
-        let toi = bodies.impacts(&[motion], &line, &mut work, &mut contacts);
+        let toi = bodies.impacts(&[motion], &line, &mut cache, &mut contacts);
         let fresh = bodies.impacts(&[motion], &line, &mut ContactCache::default(), &mut Vec::new());
-        assert_eq!(toi, fresh, "memory changes no result");
-        // A sample may fall between two grazes; the bound is that of what must never be reached at all.
-        assert!(distance_lower_bound(shape, &motion, &line, 0.0, toi, 150) > 0.0, "tunnels before {toi}");
+        assert_eq!(toi, fresh, "the cache changes no result");
+        // Zero, not the minimum separation: samples may miss a near approach.
+        assert!(sampled_distance(shape, &motion, &line, 0.0, toi, 150) > 0.0, "tunnels before {toi}");
         if toi < 1.0 {
             hits += 1;
-            let at = distance_lower_bound(shape, &motion, &line, toi, toi, 1);
+            let at = sampled_distance(shape, &motion, &line, toi, toi, 1);
             assert!(at > 0.0 && at < 0.26e-3, "stops {at} m away");
             assert!(contacts.iter().any(|c| c.gap < 0.0 || c.normal.norm() > 0.999));
         } else {
@@ -112,30 +113,30 @@ fn no_tunnelling_over(
 }
 
 #[test]
-fn nothing_tunnels_into_a_mesh() {
-    no_tunnelling(mesh_shape(&blob(5, 0.08)), 21, 60, 0.3);
+fn impacts_with_a_mesh_prevent_tunnelling() {
+    check_impacts(mesh_shape(&blob(5, 0.08)), 21, 60, 0.3);
 }
 
 #[test]
-fn nothing_tunnels_into_a_thin_mesh_that_turns_fast() {
+fn impacts_with_a_fast_rotating_thin_mesh_prevent_tunnelling() {
     let mut thin = blob(5, 0.1);
     thin.vertices.iter_mut().for_each(|v| v.y *= 0.01);
-    no_tunnelling(mesh_shape(&thin), 22, 60, 2.2);
+    check_impacts(mesh_shape(&thin), 22, 60, 2.2);
 }
 
 #[test]
-fn nothing_tunnels_into_convex_shapes() {
-    no_tunnelling(Shape::Sphere { centre: Vector3::zeros(), radius: 0.07 }, 23, 100, 0.3);
+fn impacts_with_convex_shapes_prevent_tunnelling() {
+    check_impacts(Shape::Sphere { centre: Vector3::zeros(), radius: 0.07 }, 23, 100, 0.3);
     let ends = [Vector3::new(-0.05, 0.0, 0.0), Vector3::new(0.05, 0.02, 0.0)];
-    no_tunnelling(Shape::Capsule { ends, radius: 0.01 }, 24, 100, 2.2);
+    check_impacts(Shape::Capsule { ends, radius: 0.01 }, 24, 100, 2.2);
     let radii = Vector3::new(0.1, 0.003, 0.06);
     let rotation = UnitQuaternion::from_euler_angles(0.3, 0.2, 0.1);
-    no_tunnelling(Shape::Ellipsoid { centre: Vector3::zeros(), radii, rotation }, 25, 60, 1.0);
-    no_tunnelling(Shape::Plane { point: Vector3::zeros(), normal: Vector3::y() }, 26, 100, 0.3);
+    check_impacts(Shape::Ellipsoid { centre: Vector3::zeros(), radii, rotation }, 25, 60, 1.0);
+    check_impacts(Shape::Plane { point: Vector3::zeros(), normal: Vector3::y() }, 26, 100, 0.3);
 }
 
 #[test]
-fn vertices_and_edges_hit_head_on_are_found_at_the_right_time() {
+fn head_on_impacts_have_exact_time_and_feature() {
     // An octahedron: its top vertex at y = 0.1, its upper edges between.
     let r = 0.1;
     let vertices = [(r, 0., 0.), (-r, 0., 0.), (0., r, 0.), (0., -r, 0.), (0., 0., r), (0., 0., -r)]
@@ -170,7 +171,7 @@ fn vertices_and_edges_hit_head_on_are_found_at_the_right_time() {
 }
 
 #[test]
-fn a_pop_of_the_head_is_caught() {
+fn a_jump_of_the_head_causes_an_impact() {
     let body = Bodies::from_shapes(&[mesh_shape(&blob(8, 0.1))]);
     let x0: Vec<_> = (0..17).map(|k| Vector3::new(0.14 + 0.001 * k as f64, -0.012 * k as f64, 0.0)).collect();
     let pop = Isometry3::from_parts(
@@ -181,18 +182,18 @@ fn a_pop_of_the_head_is_caught() {
     let line = MovingPolyline { x0: &x0, x1: &x0, clearance: &[[1e-4; 2]; 16] };
     let toi = body.impacts(&[motion], &line, &mut ContactCache::default(), &mut Vec::new());
     assert!(toi > 0.0 && toi < 1.0);
-    assert!(distance_lower_bound(&body.bodies[0].solid, &motion, &line, 0.0, toi, 400) > 0.0);
+    assert!(sampled_distance(&body.bodies[0].solid, &motion, &line, 0.0, toi, 400) > 0.0);
 }
 
 #[test]
-fn memory_of_far_segments_changes_no_result() {
+fn cached_bounds_change_no_contact() {
     let shapes = [mesh_shape(&blob(10, 0.1)), Shape::Sphere { centre: Vector3::x() * 0.2, radius: 0.05 }];
     let bodies = Bodies::from_shapes(&shapes);
     let mut random = Random::new(31);
-    let mut remembering = ContactCache::default();
+    let mut cache = ContactCache::default();
     let mut x: Vec<_> = (0..12).map(|k| Vector3::new(0.11 + 0.012 * k as f64, 0.05, 0.0)).collect();
     let mut pose = Isometry3::identity();
-    let (mut found, mut spared) = (0, 0);
+    let (mut found, mut skipped) = (0, 0);
     for _ in 0..300 {
         let x1: Vec<_> = x.iter().map(|v| v + random.vector() * 0.004).collect();
         let end = Isometry3::from_parts(
@@ -201,24 +202,24 @@ fn memory_of_far_segments_changes_no_result() {
         );
         let motions = [BodyMotion { times: [0.0, 1.0], start: pose, end }; 2];
         let line = MovingPolyline { x0: &x, x1: &x1, clearance: &[[1e-3; 2]; 22] };
-        let all = |work: &mut ContactCache| {
+        let all = |cache: &mut ContactCache| {
             let mut contacts = Vec::new();
-            bodies.candidates(&motions, &line, 2e-3, work, &mut contacts);
-            let toi = bodies.impacts(&motions, &line, work, &mut contacts);
+            bodies.candidates(&motions, &line, 2e-3, cache, &mut contacts);
+            let toi = bodies.impacts(&motions, &line, cache, &mut contacts);
             (toi, contacts)
         };
-        let before = remembering.remembered.clone();
-        let with = all(&mut remembering);
+        let before = cache.bounds.clone();
+        let with = all(&mut cache);
         assert_eq!(with, all(&mut ContactCache::default()));
         found += with.1.len();
-        spared += before.iter().zip(&remembering.remembered).filter(|(a, b)| a == b).count();
+        skipped += before.iter().zip(&cache.bounds).filter(|(a, b)| a == b).count();
         (x, pose) = (x1, end);
     }
-    assert!(found > 100 && spared > 500, "{found} contacts, {spared} searches spared");
+    assert!(found > 100 && skipped > 500, "{found} contacts, {skipped} searches skipped");
 }
 
 #[test]
-fn a_segment_at_rest_on_a_plane_is_held_at_both_ends() {
+fn a_segment_at_rest_on_a_plane_has_contacts_at_both_ends() {
     let plane = Shape::Plane { point: Vector3::zeros(), normal: Vector3::y() };
     let bodies = Bodies::from_shapes(&[plane]);
     let x = [Vector3::new(0.0, 1e-3, 0.0), Vector3::new(0.1, 1e-3, 0.0)];
@@ -230,7 +231,7 @@ fn a_segment_at_rest_on_a_plane_is_held_at_both_ends() {
 }
 
 #[test]
-fn in_a_crease_both_walls_hold_a_vertex() {
+fn a_vertex_in_a_crease_touches_both_walls() {
     // A valley along z between the walls y = |x|.
     let v = |x: f64, z: f64| Vector3::new(x, x.abs(), z);
     let vertices = vec![v(0., -1.), v(0., 1.), v(1., -1.), v(1., 1.), v(-1., -1.), v(-1., 1.)];
@@ -246,7 +247,7 @@ fn in_a_crease_both_walls_hold_a_vertex() {
 }
 
 #[test]
-fn what_passed_into_a_thin_part_is_pushed_back_the_way_it_came() {
+fn a_vertex_inside_a_thin_plate_leaves_on_the_side_it_entered() {
     // A plate 2 mm thick; the vertex ends nearer to the far side.
     let radii = Vector3::new(0.05, 0.001, 0.05);
     let box_vertices =
@@ -265,28 +266,28 @@ fn what_passed_into_a_thin_part_is_pushed_back_the_way_it_came() {
 }
 
 #[test]
-fn exempt_roots_meet_nothing_and_points_inside_are_brought_out_gently() {
+fn exempt_segments_have_no_contact_and_negative_clearances_are_kept() {
     let bodies = Bodies::from_shapes(&[mesh_shape(&blob(8, 0.1))]);
     let x: Vec<_> = (0..4).map(|k| Vector3::new(0.0, 0.08 + 0.02 * k as f64, 0.0)).collect();
     let mut contacts = Vec::new();
     let exempt = [[f64::NEG_INFINITY; 2], [f64::NEG_INFINITY, 1e-3], [1e-3; 2]];
     let line = MovingPolyline { x0: &x, x1: &x, clearance: &exempt };
-    let mut work = ContactCache::default();
-    bodies.candidates(&[still()], &line, 5e-3, &mut work, &mut contacts);
+    let mut cache = ContactCache::default();
+    bodies.candidates(&[still()], &line, 5e-3, &mut cache, &mut contacts);
     assert!(contacts.iter().all(|c| c.segment + usize::from(c.u == 1.0) >= 2));
-    assert_eq!(bodies.impacts(&[still()], &line, &mut work, &mut contacts), 1.0);
+    assert_eq!(bodies.impacts(&[still()], &line, &mut cache, &mut contacts), 1.0);
     // A vertex 30 mm deep that must now be no deeper than 25 mm.
     contacts.clear();
     let gentle = [[-0.025; 2], [f64::NEG_INFINITY; 2], [f64::NEG_INFINITY; 2]];
     let line = MovingPolyline { x0: &x, x1: &x, clearance: &gentle };
-    bodies.candidates(&[still()], &line, 5e-3, &mut work, &mut contacts);
+    bodies.candidates(&[still()], &line, 5e-3, &mut cache, &mut contacts);
     assert_eq!(contacts.len(), 1);
     let depth = bodies.closest(0, 0.0, &x[0], 1.0).unwrap().distance;
     assert!((contacts[0].gap - (depth + 0.025)).abs() < 1e-12 && contacts[0].gap < 0.0);
 }
 
 #[test]
-fn the_middle_of_a_segment_that_began_inside_is_pushed_out_too() {
+fn an_inner_point_that_started_inside_has_a_contact() {
     // A roof with its ridge along z; the segment goes through it, 3 mm below the ridge.
     let end = |z: f64| [(0.0, 0.1), (-0.1, 0.0), (0.1, 0.0)].map(|(x, y)| Vector3::new(x, y, z));
     let vertices = [end(-0.2), end(0.2)].concat();

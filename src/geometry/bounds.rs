@@ -1,19 +1,20 @@
-//! Axis-aligned boxes.
+//! Axis-aligned bounding boxes.
 
 use nalgebra::Vector3;
+use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::BvhNode;
 
-/// An axis-aligned box.
+/// An axis-aligned bounding box.
 #[derive(Debug, Clone, Copy)]
 pub struct Bounds {
-    /// Lower corner.
+    /// Lower corner, m.
     pub min: Vector3<f64>,
-    /// Upper corner.
+    /// Upper corner, m.
     pub max: Vector3<f64>,
 }
 
 impl Bounds {
-    /// The box of some points, grown by `margin` on all sides.
+    /// The bounding box of `points`, grown by `margin`, m, on all sides.
     pub fn around<'a>(points: impl IntoIterator<Item = &'a Vector3<f64>>, margin: f64) -> Self {
         let mut min = Vector3::repeat(f64::INFINITY);
         let mut max = -min;
@@ -24,12 +25,18 @@ impl Bounds {
         Bounds { min: min.add_scalar(-margin), max: max.add_scalar(margin) }
     }
 
-    /// Whether two boxes have a point in common.
+    /// Whether the two closed boxes intersect.
     pub fn overlaps(&self, other: &Bounds) -> bool {
         (0..3).all(|i| self.min[i] <= other.max[i] && other.min[i] <= self.max[i])
     }
 
-    pub(super) fn meets(&self, node: &BvhNode) -> bool {
+    /// Whether the closed box contains `p`.
+    pub(super) fn contains(&self, p: &Vector3<f64>) -> bool {
+        (0..3).all(|i| !(p[i] < self.min[i] || p[i] > self.max[i]))
+    }
+
+    /// Whether the box intersects that of a node of a bounding volume hierarchy.
+    pub(super) fn overlaps_node(&self, node: &BvhNode) -> bool {
         let (lo, hi) = (node.mins(), node.maxs());
         lo.x <= self.max.x
             && lo.y <= self.max.y
@@ -37,5 +44,11 @@ impl Bounds {
             && hi.x >= self.min.x
             && hi.y >= self.min.y
             && hi.z >= self.min.z
+    }
+}
+
+impl From<Bounds> for Aabb {
+    fn from(b: Bounds) -> Self {
+        Aabb::new(b.min.into(), b.max.into())
     }
 }

@@ -1,52 +1,52 @@
-//! Convex shapes: closest point, outward normal and signed distance by formula.
+//! Convex shapes: closest point, outward normal and signed distance in closed form.
 
-use super::distance::closest_on_ellipsoid;
+use super::distance::ellipsoid::closest_on_ellipsoid;
 use super::surface_point::{Feature, SurfacePoint};
 use crate::math::frame::any_frame;
 use crate::math::polyline::closest_on_segment;
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// A convex shape given by a formula; its signed distance is a convex function.
+/// A convex shape; its signed distance is a convex function.
 #[derive(Debug, Clone)]
 pub enum Convex {
-    /// All points within `radius` of a segment; a sphere where the ends coincide.
+    /// All points within `radius` of a segment; a sphere if the ends coincide.
     Capsule {
-        /// Ends of the axis.
+        /// Ends of the axis, m.
         ends: [Vector3<f64>; 2],
         /// Radius, m.
         radius: f64,
     },
     /// Ellipsoid.
     Ellipsoid {
-        /// Centre.
+        /// Centre, m.
         centre: Vector3<f64>,
         /// Semi-axes, m.
         radii: Vector3<f64>,
         /// Orientation of the axes.
         rotation: UnitQuaternion<f64>,
     },
-    /// Half-space below a plane.
+    /// Half-space bounded by a plane.
     Plane {
-        /// A point of the plane.
+        /// A point of the plane, m.
         point: Vector3<f64>,
-        /// Unit normal, out of the solid.
+        /// Unit normal, pointing out of the solid.
         normal: Vector3<f64>,
     },
 }
 
 impl Convex {
-    /// Closest surface point to `p`, body frame. The solid lies in the half-space below the plane through it.
+    /// Surface point closest to `p`, body frame. The solid lies on the inner side of the tangent plane there.
     pub fn closest(&self, p: &Vector3<f64>) -> SurfacePoint {
         let (distance, normal, point) = match self {
             Convex::Capsule { ends: [a, b], radius } => {
                 let axis_point = a + (b - a) * closest_on_segment(p, a, b);
-                let normal = (p - axis_point).try_normalize(0.0).unwrap_or_else(|| across(&(b - a)));
+                let normal = (p - axis_point).try_normalize(0.0).unwrap_or_else(|| any_normal(&(b - a)));
                 ((p - axis_point).norm() - radius, normal, axis_point + normal * *radius)
             }
             Convex::Ellipsoid { centre, radii, rotation } => {
                 let local = rotation.inverse() * (p - centre);
                 let x = closest_on_ellipsoid(&local, radii);
-                // The gradient of the quadric, not p − x, which loses its digits near the surface.
+                // The gradient of the quadric: p − x loses its digits near the surface.
                 let gradient = x.component_div(radii).component_div(radii);
                 let normal = gradient.normalize();
                 ((local - x).dot(&normal), rotation * normal, centre + rotation * x)
@@ -59,7 +59,8 @@ impl Convex {
         SurfacePoint { distance, normal, point, feature: Feature::Smooth }
     }
 
-    /// Where the way from `a` to `b` first goes through the surface: share of the way, and the outward normal.
+    /// First intersection of the segment from `a` to `b` with the surface: the fraction of the segment, and
+    /// the outward normal there.
     pub(super) fn first_intersection(
         &self,
         a: &Vector3<f64>,
@@ -71,7 +72,8 @@ impl Convex {
         if outside(to) == outside(from) {
             return None;
         }
-        // The distance is convex along the way: from outside to its least point, or from inside to a far end, it changes sign once.
+        // The distance is convex along the segment. From outside to its minimum, or from inside to an end
+        // outside, it changes sign once.
         for _ in 0..50 {
             let middle = 0.5 * (from + to);
             if outside(middle) == outside(0.0) { from = middle } else { to = middle }
@@ -79,10 +81,11 @@ impl Convex {
         Some((to, self.closest(&a.lerp(b, to)).normal))
     }
 
-    /// Parameter of the point of segment `ab` of least signed distance, and the surface point closest to it.
+    /// Fraction of segment `ab` at which the signed distance is least, and the surface point closest to it.
     ///
-    /// The distance is convex along the segment, so the zero of its slope is bracketed and found by regula falsi with
-    /// the Illinois modification (Dowell & Jarratt 1971), bisecting where the slope jumps.
+    /// The distance is convex along the segment. The zero of its slope is bracketed and found by regula falsi
+    /// with the Illinois modification (Dowell & Jarratt 1971); every third step bisects, for the slope may
+    /// jump.
     pub fn closest_to_segment(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> (f64, SurfacePoint) {
         let d = b - a;
         let tolerance = 1e-12 * d.norm();
@@ -122,7 +125,7 @@ impl Convex {
     }
 }
 
-/// Some unit vector across `axis`; for an axis of no length, any.
-fn across(axis: &Vector3<f64>) -> Vector3<f64> {
+/// A unit vector perpendicular to `axis`; any unit vector if the axis has no length.
+fn any_normal(axis: &Vector3<f64>) -> Vector3<f64> {
     axis.try_normalize(0.0).map_or_else(Vector3::y, |tangent| any_frame(&tangent).column(1).into())
 }

@@ -1,26 +1,27 @@
-//! Motion of the vertices of a deforming mesh, smooth to any sub-frame: `docs/theory.md` eq. 5.2.
+//! Motion of the vertices of a deforming mesh, C² in time: `docs/theory.md` eq. (5.2).
 
 use crate::math::coast;
 use nalgebra::Vector3;
 
-/// Evenly sampled shapes of a mesh, and the motion through them.
+/// Evenly sampled positions of the vertices of a mesh, and a C² motion through them.
 ///
-/// Between samples i and i + 1 a vertex is at (1 − w) P_i + w P_(i+1), P_i the parabola through samples i − 1, i and i + 1, and
-/// w = u² (3 − 2u), u the share of the way. Overhauser's spline (1968) blends by u itself and is C1; this is C2.
-/// Motion of constant acceleration is met exactly, and four samples alone decide, so that a part of a shot moves as the whole does.
-/// Beyond its ends the mesh comes to rest as a [`Track`](crate::scene::anim::Track) does.
+/// Between samples i and i + 1 a vertex is at (1 − w) P_i + w P_(i+1), where P_i is the parabola through
+/// samples i − 1, i and i + 1, w = u² (3 − 2u), and u is the fraction of the interval. Overhauser's spline
+/// (1968), which has w = u, is C¹. Constant acceleration is reproduced exactly. The motion is local (four
+/// samples), so that a part of a shot moves as the whole does. Beyond its ends the mesh comes to rest, see
+/// [`coast`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Deformation {
     /// Time of the first sample, s.
     pub start: f64,
-    /// Samples a second.
+    /// Samples per second.
     pub rate: f64,
-    /// Vertices of each sample, m, rest space of the body that carries the mesh; at least one sample, all of the same length.
+    /// Vertices of each sample, m, rest space of the body; at least one sample, all of the same length.
     pub samples: Vec<Vec<Vector3<f64>>>,
 }
 
 impl Deformation {
-    /// The vertices at time `t`, s.
+    /// Vertices at time `t`, s; m, rest space of the body.
     pub fn vertices(&self, t: f64) -> Vec<Vector3<f64>> {
         let weights = self.weights(t);
         let at = |v: usize| -> Vector3<f64> {
@@ -29,7 +30,7 @@ impl Deformation {
         (0..self.samples[0].len()).map(at).collect()
     }
 
-    /// Samples that decide at time `t`, and how much.
+    /// Samples, and their weights, at time `t`, s.
     fn weights(&self, t: f64) -> Vec<(usize, f64)> {
         let last = self.samples.len() - 1;
         let x = (t - self.start) * self.rate;
@@ -37,10 +38,10 @@ impl Deformation {
             return vec![(0, 1.0)];
         }
         if x < 0.0 {
-            return self.at_rest(-x, |back| back);
+            return self.weights_beyond(-x, |back| back);
         }
         if x > last as f64 {
-            return self.at_rest(x - last as f64, |back| last - back);
+            return self.weights_beyond(x - last as f64, |back| last - back);
         }
         let i = (x as usize).min(last - 1);
         let u = x - i as f64;
@@ -55,22 +56,23 @@ impl Deformation {
             (None, _) => 1.0,
             (_, None) => 0.0,
         };
-        let share = |part: Option<(usize, [f64; 3])>, w: f64| {
+        let weighted = |part: Option<(usize, [f64; 3])>, w: f64| {
             part.into_iter().flat_map(move |(i, p)| (0..3).map(move |k| (i + k - 1, w * p[k])))
         };
-        share(early, 1.0 - w).chain(share(late, w)).collect()
+        weighted(early, 1.0 - w).chain(weighted(late, w)).collect()
     }
 
-    /// Weights `beyond` an end, samples; `sample` names the one so many from the end.
-    fn at_rest(&self, beyond: f64, sample: impl Fn(usize) -> usize) -> Vec<(usize, f64)> {
-        // One-sided differences: velocity outward, 1/s, and acceleration, 1/s².
+    /// Weights at `beyond`, samples, past an end. `sample` maps a distance from that end, samples, to an
+    /// index.
+    fn weights_beyond(&self, beyond: f64, sample: impl Fn(usize) -> usize) -> Vec<(usize, f64)> {
+        // One-sided differences: outward velocity, 1/s, and acceleration, 1/s².
         let (v, a) = match self.samples.len() {
             2 => ([1.0, -1.0, 0.0], [0.0; 3]),
             _ => ([1.5, -2.0, 0.5], [1.0, -2.0, 1.0]),
         };
-        let [way_v, way_a] = coast::displacement(beyond / self.rate);
+        let [by_v, by_a] = coast::displacement(beyond / self.rate);
         let weight =
-            |k: usize| f64::from(k == 0) + v[k] * self.rate * way_v + a[k] * self.rate * self.rate * way_a;
+            |k: usize| f64::from(k == 0) + v[k] * self.rate * by_v + a[k] * self.rate * self.rate * by_a;
         (0..self.samples.len().min(3)).map(|k| (sample(k), weight(k))).collect()
     }
 }
@@ -89,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_and_constant_acceleration_are_met() {
+    fn samples_and_constant_acceleration_are_reproduced() {
         let throw = |t: f64| 0.3 + 2.0 * t - 4.9 * t * t;
         let thrown = sampled(9, 24.0, throw);
         for k in 0..=80 {
@@ -105,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_twice_differentiable_at_its_samples_and_ends() {
+    fn motion_is_c2_at_samples_and_ends() {
         let wave = sampled(7, 24.0, |t| (30.0 * t).sin() + 0.2 * (90.0 * t).cos());
         let h = 1e-5;
         let first = |t: f64| (x(&wave, t + h) - x(&wave, t - h)) / (2.0 * h);
@@ -117,11 +119,11 @@ mod tests {
             assert!((second(t + 2.0 * h) - second(t - 2.0 * h)).abs() < 20.0, "{i}");
         }
         let largest = (0..60).map(|k| second(f64::from(k) / 240.0 + 1e-3).abs()).fold(0.0, f64::max);
-        assert!(largest > 400.0, "it does bend: {largest}");
+        assert!(largest > 400.0, "the motion must accelerate: {largest}");
     }
 
     #[test]
-    fn beyond_its_ends_it_comes_to_rest() {
+    fn motion_comes_to_rest_beyond_the_ends() {
         let walk = sampled(5, 24.0, |t| 1.5 * t);
         let last = 4.0 / 24.0;
         assert!((x(&walk, last + 0.02) - x(&walk, last) - 0.03).abs() < 1e-4);

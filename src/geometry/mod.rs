@@ -1,4 +1,11 @@
-//! Geometry: shapes, meshes, their motion, and distances to them. Knows no file formats.
+//! Geometry: shapes, triangle meshes, their deformation, and distances to them. Lengths in metres.
+//!
+//! - [`Shape`], [`TriMesh`], [`Deformation`], [`Friction`]: plain data of a collider.
+//! - [`Solid`]: a shape prepared for queries (closest point, signed distance, intersection, containment), as
+//!   a [`Convex`], a [`SolidMesh`] or a [`DeformingMesh`].
+//! - [`DistanceField`]: cached bounds of the distance to a mesh.
+//! - [`segment_segment`], [`segment_triangle`], [`closest_on_triangle`], [`closest_on_ellipsoid`]: closest
+//!   points of primitives.
 
 mod bounds;
 mod convex;
@@ -15,12 +22,15 @@ mod tri_mesh;
 pub use bounds::Bounds;
 pub use convex::Convex;
 pub use deformation::Deformation;
-pub use distance::{
-    ClosestPoints, TriangleFeature, barycentric, closest_on_ellipsoid, closest_on_triangle, segment_segment,
-    segment_triangle,
+pub use distance::ellipsoid::closest_on_ellipsoid;
+pub use distance::segment::segment_segment;
+pub use distance::triangle::{
+    ClosestPoints, TriangleFeature, barycentric, barycentric_point, closest_on_triangle, segment_triangle,
 };
 pub use friction::Friction;
-pub use mesh::{DeformingMesh, DistanceField, SolidMesh, barycentric_point};
+pub use mesh::deforming::DeformingMesh;
+pub use mesh::distance_field::DistanceField;
+pub use mesh::solid_mesh::SolidMesh;
 pub use shape::Shape;
 pub use solid::{MovingSurface, Solid};
 pub use surface_point::{Feature, SurfacePoint};

@@ -1,12 +1,12 @@
-//! Shapes of colliders.
+//! Shapes of colliders, as plain data.
 
 use super::tri_mesh::TriMesh;
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// Shape of a collider, metres, rest space of its body.
+/// Shape of a collider, in the rest space of its body; lengths in metres.
 #[derive(Debug, Clone)]
 pub enum Shape {
-    /// Triangles, open or closed.
+    /// Triangle mesh, open or closed.
     Mesh(TriMesh),
     /// Ball.
     Sphere {
@@ -15,7 +15,7 @@ pub enum Shape {
         /// Radius.
         radius: f64,
     },
-    /// Cylinder with round ends.
+    /// Cylinder with hemispherical ends.
     Capsule {
         /// Ends of the axis.
         ends: [Vector3<f64>; 2],
@@ -31,11 +31,11 @@ pub enum Shape {
         /// Orientation of the axes.
         rotation: UnitQuaternion<f64>,
     },
-    /// Half-space below a plane.
+    /// Half-space bounded by a plane.
     Plane {
         /// A point of the plane.
         point: Vector3<f64>,
-        /// Unit normal, away from the solid side.
+        /// Unit normal, pointing out of the solid.
         normal: Vector3<f64>,
     },
 }

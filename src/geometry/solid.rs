@@ -1,36 +1,38 @@
-//! Signed distance of one body in its own frame: exact closest point, outward normal.
+//! Solids: shapes prepared for distance queries.
 
 use super::convex::Convex;
 use super::deformation::Deformation;
-use super::mesh::{DeformingMesh, DistanceField, SolidMesh};
+use super::mesh::deforming::DeformingMesh;
+use super::mesh::distance_field::DistanceField;
+use super::mesh::solid_mesh::SolidMesh;
 use super::shape::Shape;
 use super::surface_point::{Feature, SurfacePoint};
 use crate::math::polyline::closest_on_segment;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// A body's surface.
+/// A solid in the frame of its body, rigid or deforming.
 #[derive(Debug)]
 pub enum Solid {
-    /// A convex formula.
+    /// A convex shape.
     Convex(Convex),
-    /// Triangles, and what is remembered of the distance to them.
+    /// A rigid triangle mesh, and cached bounds of the distance to it.
     Mesh(Box<SolidMesh>, Box<DistanceField>),
-    /// Triangles that move in the body's frame.
+    /// A mesh whose vertices move in the body's frame.
     Deforming(Box<DeformingMesh>),
 }
 
-/// A body's surface surface_over some time.
+/// The surface of a solid over an interval of time.
 #[derive(Debug, Clone, Copy)]
 pub enum MovingSurface<'a> {
-    /// A convex formula.
+    /// A convex shape, which does not move.
     Convex(&'a Convex),
-    /// Triangles at the start and at the end; one mesh where they do not move.
+    /// The mesh at the start and at the end of the interval; the same mesh twice if it is rigid.
     Mesh([&'a SolidMesh; 2]),
 }
 
 impl Solid {
-    /// The surface of `shape`, whose vertices `deformation` moves.
+    /// The solid of `shape`. `deformation` moves the vertices of a mesh; other shapes are rigid.
     pub fn new(shape: &Shape, deformation: Option<&Arc<Deformation>>) -> Self {
         match *shape {
             Shape::Sphere { centre, radius } => {
@@ -43,7 +45,8 @@ impl Solid {
             Shape::Plane { point, normal } => Solid::Convex(Convex::Plane { point, normal }),
             Shape::Mesh(ref mesh) => match deformation {
                 Some(d) => {
-                    Solid::Deforming(Box::new(DeformingMesh::new(&mesh.vertices, &mesh.triangles, d.clone())))
+                    let deforming = DeformingMesh::new(&mesh.vertices, &mesh.triangles, d.clone());
+                    Solid::Deforming(Box::new(deforming))
                 }
                 None => {
                     let mesh = Box::new(SolidMesh::new(&mesh.vertices, &mesh.triangles));
@@ -63,15 +66,16 @@ impl Solid {
         }
     }
 
-    /// Way in the body's frame that no point of the surface has exceeded up to time `t`, s; m.
+    /// Upper bound, m, on the path length of any surface point in the body's frame up to time `t`, s.
     pub fn max_travel(&self, t: f64) -> f64 {
         match self {
             Solid::Convex(_) | Solid::Mesh(..) => 0.0,
-            Solid::Deforming(deforming) => deforming.travel(t),
+            Solid::Deforming(deforming) => deforming.max_travel(t),
         }
     }
 
-    /// Closest surface point to `p`, body frame, at time `t`, s, or `None` where it is `max_distance` away or more.
+    /// Surface point closest to `p`, body frame, at time `t`, s; `None` if it is `max_distance`, m, away or
+    /// more.
     pub fn closest(&self, t: f64, p: &Vector3<f64>, max_distance: f64) -> Option<SurfacePoint> {
         match self.surface_over([t, t]) {
             MovingSurface::Convex(convex) => {
@@ -81,7 +85,8 @@ impl Solid {
         }
     }
 
-    /// What the signed distance of `p`, body frame, is not below, and its magnitude not above, m, as far as it is known without a search.
+    /// Lower bound on the signed distance of `p`, body frame, and upper bound on its magnitude, m, without a
+    /// search.
     pub fn distance_bounds(&self, p: &Vector3<f64>) -> [f64; 2] {
         match self {
             Solid::Convex(convex) => [convex.closest(p).distance, f64::INFINITY],
@@ -90,10 +95,11 @@ impl Solid {
         }
     }
 
-    /// What the signed distance of `p`, body frame, is not below, m; far from a mesh less exactly than [`Solid::distance_bounds`] says, and sooner.
+    /// Lower bound, m, on the signed distance of `p`, body frame. Far from a mesh it is looser than
+    /// [`Solid::distance_bounds`], and cheaper.
     pub fn distance_lower_bound(&self, p: &Vector3<f64>) -> f64 {
         match self {
-            Solid::Mesh(mesh, field) => field.least(mesh, p),
+            Solid::Mesh(mesh, field) => field.lower_bound(mesh, p),
             Solid::Convex(Convex::Capsule { ends: [a, b], radius }) => {
                 (p - a.lerp(b, closest_on_segment(p, a, b))).norm() * (1.0 - 1e-9) - radius
             }
@@ -101,7 +107,8 @@ impl Solid {
         }
     }
 
-    /// Where the way from `a` to `b`, body frame, first goes through the surface at time `t`, s: share of the way, and the outward normal.
+    /// First intersection of the segment from `a` to `b`, body frame, with the surface at time `t`, s: the
+    /// fraction of the segment, and the outward normal there.
     pub fn first_intersection(
         &self,
         t: f64,
@@ -111,13 +118,14 @@ impl Solid {
         match self.surface_over([t, t]) {
             MovingSurface::Convex(convex) => convex.first_intersection(a, b),
             MovingSurface::Mesh([mesh, _]) => {
-                let (share, triangle) = mesh.first_intersection(a, b)?;
-                Some((share, mesh.pseudonormal(Feature::Face(triangle))))
+                let (fraction, triangle) = mesh.first_intersection(a, b)?;
+                Some((fraction, mesh.pseudonormal(Feature::Face(triangle))))
             }
         }
     }
 
-    /// Whether `p`, body frame, is inside the solid at time `t`, s. For a mesh by its winding number: dear, for set-up only.
+    /// Whether `p`, body frame, is inside the solid at time `t`, s. Uses the winding number of a mesh, which
+    /// is expensive: for set-up only.
     pub fn contains(&self, t: f64, p: &Vector3<f64>) -> bool {
         match self.surface_over([t, t]) {
             MovingSurface::Convex(convex) => convex.closest(p).distance < 0.0,

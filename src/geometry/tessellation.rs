@@ -1,4 +1,4 @@
-//! Triangles of any collider, for caches and pictures.
+//! Tessellation of shapes, for caches and pictures.
 
 use super::shape::Shape;
 use super::tri_mesh::TriMesh;
@@ -6,32 +6,34 @@ use crate::math::frame::transport;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::{PI, TAU};
 
-/// Rings from pole to pole of a round shape; even, so that one is the equator.
-const RINGS: usize = 48;
-/// Half the side of the square that stands for a plane, m.
+/// Bands of latitude from pole to pole of a round shape; even, so that one ring is the equator.
+const BANDS: usize = 48;
+/// Half the side of the square that represents a plane, m.
 const PLANE_HALF: f64 = 1.0;
 
 impl Shape {
-    /// Triangles of the shape, rest space, counter-clockwise from outside; a mesh is returned as it is.
+    /// Triangles of the shape, rest space, counter-clockwise seen from outside. A mesh is returned unchanged.
     ///
-    /// Round shapes are circumscribed: what is outside the triangles is outside the shape, and they stand off it by at most
-    /// 0.22 % of the radius (of the longest semi-axis for an ellipsoid). A plane, which has no end, is shown as a square of
-    /// 2 m about its point.
+    /// The polyhedra of round shapes are circumscribed and exceed the shape by at most 0.22 % of the radius
+    /// (of the longest semi-axis for an ellipsoid). A plane, which is unbounded, becomes a square of 2 m
+    /// about its point.
     pub fn tessellate(&self) -> TriMesh {
         match self {
             Shape::Mesh(mesh) => mesh.clone(),
-            Shape::Sphere { centre, radius } => round([*centre; 2], &Matrix3::from_diagonal_element(*radius)),
+            Shape::Sphere { centre, radius } => {
+                circumscribed([*centre; 2], &Matrix3::from_diagonal_element(*radius))
+            }
             Shape::Capsule { ends: [a, b], radius } => {
-                let up = pole_towards(&(b - a));
-                round([*b, *a], &(up * *radius))
+                let axes = pole_towards(&(b - a));
+                circumscribed([*b, *a], &(axes * *radius))
             }
             Shape::Ellipsoid { centre, radii, rotation } => {
                 let axes = rotation.to_rotation_matrix().into_inner() * Matrix3::from_diagonal(radii);
-                round([*centre; 2], &axes)
+                circumscribed([*centre; 2], &axes)
             }
             Shape::Plane { point, normal } => {
-                let turn = pole_towards(normal);
-                let corner = |x: f64, z: f64| point + turn * Vector3::new(x, 0.0, z) * PLANE_HALF;
+                let axes = pole_towards(normal);
+                let corner = |x: f64, z: f64| point + axes * Vector3::new(x, 0.0, z) * PLANE_HALF;
                 let vertices = vec![corner(-1., -1.), corner(-1., 1.), corner(1., 1.), corner(1., -1.)];
                 TriMesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] }
             }
@@ -39,37 +41,44 @@ impl Shape {
     }
 }
 
-/// Rotation that takes y to `direction`, identity for a vector of no length.
+/// Smallest rotation that takes y to `direction`; the identity for the null vector.
 fn pole_towards(direction: &Vector3<f64>) -> Matrix3<f64> {
     direction.try_normalize(0.0).map_or_else(Matrix3::identity, |pole| transport(&Vector3::y(), &pole))
 }
 
-/// A circumscribed unit sphere under the linear map `axes`, its upper half at `centres[0]`, its lower at `centres[1]`.
-fn round(centres: [Vector3<f64>; 2], axes: &Matrix3<f64>) -> TriMesh {
-    let columns = 2 * RINGS;
-    // A trapezoid between two rings of the unit sphere is nearest to the centre at the equator, where half its height and
-    // half its width each take off a cosine; the polyhedron is blown up by as much.
-    let blow = 1.0 / ((PI / (2.0 * RINGS as f64)).cos() * (PI / columns as f64).cos());
-    let polar = |i: usize| PI * i as f64 / RINGS as f64;
-    let mut vertices = vec![centres[0] + axes * Vector3::y() * blow];
+/// A polyhedron circumscribed about the unit sphere, mapped by `axes`: its upper half about `centres[0]`, its
+/// lower half about `centres[1]`.
+fn circumscribed(centres: [Vector3<f64>; 2], axes: &Matrix3<f64>) -> TriMesh {
+    let columns = 2 * BANDS;
+    // A trapezoid between two rings of the unit sphere is nearest to the centre at the equator, where half
+    // its height and half its width each contribute a cosine. The polyhedron is scaled up by their product.
+    let scale = 1.0 / ((PI / (2.0 * BANDS as f64)).cos() * (PI / columns as f64).cos());
+    let polar = |i: usize| PI * i as f64 / BANDS as f64;
+    let mut vertices = vec![centres[0] + axes * Vector3::y() * scale];
     let ring = |i: usize, centre: Vector3<f64>| {
         (0..columns).map(move |j| {
             let (theta, phi) = (polar(i), TAU * j as f64 / columns as f64);
-            centre + axes * Vector3::new(theta.sin() * phi.sin(), theta.cos(), theta.sin() * phi.cos()) * blow
+            let unit = Vector3::new(theta.sin() * phi.sin(), theta.cos(), theta.sin() * phi.cos());
+            centre + axes * unit * scale
         })
     };
-    // The equator appears twice where the halves are apart: the wall of a capsule.
-    let apart = centres[0] != centres[1];
-    let half = RINGS / 2;
+    // The equator appears twice if the centres differ: the ends of a capsule's cylinder.
+    let two_equators = centres[0] != centres[1];
+    let half = BANDS / 2;
     let upper = (1..=half).map(|i| (i, centres[0]));
-    let lower = (if apart { half } else { half + 1 }..RINGS).map(|i| (i, centres[1]));
+    let lower = (if two_equators { half } else { half + 1 }..BANDS).map(|i| (i, centres[1]));
     let rings: Vec<_> = upper.chain(lower).collect();
     rings.iter().for_each(|&(i, centre)| vertices.extend(ring(i, centre)));
-    vertices.push(centres[1] - axes * Vector3::y() * blow);
+    vertices.push(centres[1] - axes * Vector3::y() * scale);
+    TriMesh { vertices, triangles: sphere_triangles(rings.len(), columns) }
+}
 
-    let south = vertices.len() as u32 - 1;
+/// Triangles of a sphere whose vertices are the upper pole, `rings` rings of `columns` vertices, and the
+/// lower pole.
+fn sphere_triangles(rings: usize, columns: usize) -> Vec<[u32; 3]> {
+    let south = (1 + rings * columns) as u32;
     let at = |row: usize, j: usize| (1 + row * columns + j % columns) as u32;
-    let last = rings.len() - 1;
+    let last = rings - 1;
     let mut triangles = Vec::new();
     for j in 0..columns {
         triangles.push([0, at(0, j), at(0, j + 1)]);
@@ -79,7 +88,7 @@ fn round(centres: [Vector3<f64>; 2], axes: &Matrix3<f64>) -> TriMesh {
         }
         triangles.push([south, at(last, j + 1), at(last, j)]);
     }
-    TriMesh { vertices, triangles }
+    triangles
 }
 
 #[cfg(test)]
@@ -87,13 +96,14 @@ mod tests {
     use super::*;
     use nalgebra::UnitQuaternion;
 
-    /// Outward distance of each triangle's plane and of each vertex from `centre`, in units where the shape is a unit ball.
+    /// Asserts that the planes of all triangles lie outside the unit ball, and all vertices within 1.0022.
+    /// `into_unit` maps the shape to the unit ball.
     fn check_ball(mesh: &TriMesh, into_unit: impl Fn(&Vector3<f64>) -> Vector3<f64>) {
         for t in &mesh.triangles {
             let [a, b, c] = t.map(|i| into_unit(&mesh.vertices[i as usize]));
             let n = (b - a).cross(&(c - a)).normalize();
             let height = n.dot(&a);
-            assert!(height > 1.0 - 1e-12, "cuts the ball or is turned inward: {height}");
+            assert!(height > 1.0 - 1e-12, "intersects the ball or is oriented inward: {height}");
         }
         assert!(mesh.vertices.iter().all(|v| into_unit(v).norm() < 1.0022));
     }
@@ -120,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn a_capsule_is_its_two_halves_and_a_wall() {
+    fn a_capsule_is_closed_and_circumscribed() {
         for end in [Vector3::new(0.3, 0.1, -0.2), -Vector3::y()] {
             let (radius, length) = (0.1, end.norm());
             let capsule = Shape::Capsule { ends: [Vector3::zeros(), end], radius }.tessellate();
@@ -128,7 +138,7 @@ mod tests {
             for t in &capsule.triangles {
                 let [a, b, c] = t.map(|i| capsule.vertices[i as usize]);
                 let n = (b - a).cross(&(c - a)).normalize();
-                // The support of a capsule along n.
+                // The support function of a capsule in direction n.
                 assert!(n.dot(&a) > radius + n.dot(&end).max(0.0) - 1e-12);
             }
             let axis = end / length;
@@ -140,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_is_a_square_that_faces_its_normal() {
+    fn a_plane_is_a_square_with_its_normal() {
         let normal = Vector3::new(0.6, -0.8, 0.0);
         let plane = Shape::Plane { point: Vector3::x(), normal }.tessellate();
         for t in &plane.triangles {

@@ -1,8 +1,8 @@
-//! Plain triangle meshes.
+//! Triangle meshes as plain data.
 
 use nalgebra::Vector3;
 
-/// A triangle mesh.
+/// A triangle mesh, open or closed.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TriMesh {
     /// Vertices, m.
@@ -12,13 +12,13 @@ pub struct TriMesh {
 }
 
 impl TriMesh {
-    /// Drops the triangles of no area and counts them.
+    /// Removes triangles of zero area and returns their number.
     ///
     /// # Errors
-    /// Where no triangle is left, in words.
+    /// A message, if no triangle is left.
     pub(crate) fn drop_degenerate(&mut self) -> Result<usize, String> {
         let all = self.triangles.len();
-        // Relative to the sides: a small triangle is no fault, a needle of no area has no normal.
+        // Relative to the sides: a small triangle is valid, a needle of zero area has no normal.
         self.triangles.retain(|t| {
             let [a, b, c] = t.map(|i| self.vertices[i as usize]);
             let (u, v) = (b - a, c - a);

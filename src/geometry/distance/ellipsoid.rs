@@ -1,12 +1,15 @@
-//! Closest point of an ellipsoid: D. Eberly, "Distance from a point to an ellipse, an ellipsoid, or a hyperellipsoid", 2013.
+//! Closest point on an ellipsoid: D. Eberly, "Distance from a point to an ellipse, an ellipsoid, or a
+//! hyperellipsoid", 2013.
 
 use nalgebra::Vector3;
 
-/// Point of the surface Σ (x_i / e_i)² = 1 closest to `p`, centred axes frame, semi-axes `radii` (all positive).
+/// Point of the surface Σ (x_i / e_i)² = 1 closest to `p`, in the frame of the axes; semi-axes e = `radii` >
+/// 0.
 ///
-/// Works for points inside, outside and on the axes; where several points are equally close it returns one.
+/// Valid for points inside, outside and on the axes. If several points are equally close, one of them is
+/// returned.
 pub fn closest_on_ellipsoid(p: &Vector3<f64>, radii: &Vector3<f64>) -> Vector3<f64> {
-    // The closest point lies in the octant of p; solve there with the axes sorted from long to short.
+    // The closest point lies in the octant of p. Solve there, with the axes sorted from long to short.
     let mut order = [0, 1, 2];
     order.sort_by(|&i, &j| radii[j].total_cmp(&radii[i]));
     let e = order.map(|i| radii[i]);
@@ -20,7 +23,7 @@ pub fn closest_on_ellipsoid(p: &Vector3<f64>, radii: &Vector3<f64>) -> Vector3<f
     out
 }
 
-/// Any dimension: semi-axes `e` decreasing, `y` with no negative entry.
+/// The closest point `x` in any dimension, for semi-axes `e` in descending order and `y` ≥ 0.
 fn closest_in_octant(e: &[f64], y: &[f64], x: &mut [f64]) {
     let last = e.len() - 1;
     if last == 0 {
@@ -35,9 +38,9 @@ fn closest_in_octant(e: &[f64], y: &[f64], x: &mut [f64]) {
         }
         return;
     }
-    // In the plane of the longer axes the closest point may still rise out of it along the shortest axis, where the
-    // surface bends most: y is then nearer the middle than the evolute.
-    let mut rest = 1.0;
+    // y lies in the plane of the longer axes. Inside the evolute, the closest point leaves that plane along
+    // the shortest axis, where the curvature is largest.
+    let mut remaining = 1.0;
     let mut inside = true;
     for i in 0..last {
         let (num, den) = (e[i] * y[i], e[i] * e[i] - e[last] * e[last]);
@@ -46,18 +49,18 @@ fn closest_in_octant(e: &[f64], y: &[f64], x: &mut [f64]) {
             break;
         }
         x[i] = e[i] * (num / den);
-        rest -= (num / den).powi(2);
+        remaining -= (num / den).powi(2);
     }
-    if inside && rest > 0.0 {
-        x[last] = e[last] * rest.sqrt();
+    if inside && remaining > 0.0 {
+        x[last] = e[last] * remaining.sqrt();
     } else {
         x[last] = 0.0;
         closest_in_octant(&e[..last], &y[..last], &mut x[..last]);
     }
 }
 
-/// Root t of Σ (r_i z_i / (t + r_i))² = 1 with z = y/e, r_i = (e_i/e_last)²: a decreasing function on t > −1, bisected
-/// until the interval holds no number between its ends.
+/// Root t of Σ (r_i z_i / (t + r_i))² = 1 with z = y/e and r_i = (e_i/e_last)², a decreasing function on t >
+/// −1. Bisects until the ends of the interval are adjacent numbers.
 fn normal_parameter(e: &[f64], y: &[f64]) -> f64 {
     let last = e.len() - 1;
     let excess = |t: f64| -> f64 {

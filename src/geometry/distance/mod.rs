@@ -1,9 +1,5 @@
-//! Distances between points, segments, triangles and ellipsoids, in one frame, metres.
+//! Closest points of segments, triangles and ellipsoids, all in one frame, m.
 
-mod ellipsoid;
-mod segment;
-mod triangle;
-
-pub use ellipsoid::closest_on_ellipsoid;
-pub use segment::segment_segment;
-pub use triangle::{ClosestPoints, TriangleFeature, barycentric, closest_on_triangle, segment_triangle};
+pub mod ellipsoid;
+pub mod segment;
+pub mod triangle;

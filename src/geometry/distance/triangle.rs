@@ -1,34 +1,34 @@
-//! Closest points with triangles.
+//! Closest points on triangles.
 
 use super::segment::segment_segment;
 use crate::math::polyline::closest_on_segment;
 use nalgebra::Vector3;
 
-/// TriangleFeature of a triangle; edge i runs from vertex i to vertex i + 1 (mod 3).
+/// A feature of a triangle; edge i runs from vertex i to vertex i + 1 (mod 3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TriangleFeature {
-    /// A corner.
+    /// A vertex.
     Vertex(usize),
-    /// The inside of an edge.
+    /// The interior of an edge.
     Edge(usize),
-    /// The inside.
+    /// The interior.
     Face,
 }
 
 /// Closest points of a segment and a triangle.
 #[derive(Debug, Clone, Copy)]
 pub struct ClosestPoints {
-    /// Parameter on the segment, 0..=1.
+    /// Parameter of the point of the segment, 0..=1.
     pub u: f64,
-    /// Point of the triangle.
+    /// Point of the triangle, m.
     pub point: Vector3<f64>,
-    /// Squared distance; 0 where the segment pierces the triangle.
+    /// Squared distance, m²; 0 if the segment intersects the triangle.
     pub distance2: f64,
-    /// Where on the triangle.
-    pub part: TriangleFeature,
+    /// Feature of the triangle that `point` lies on.
+    pub feature: TriangleFeature,
 }
 
-/// Point of triangle `v` closest to `p`, and the part it lies on (Ericson 2005, Voronoi regions).
+/// Point of triangle `v` closest to `p`, and the feature it lies on (Ericson 2005, §5.1.5: Voronoi regions).
 pub fn closest_on_triangle(p: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> (Vector3<f64>, TriangleFeature) {
     let [a, b, c] = v;
     let (ab, ac) = (b - a, c - a);
@@ -42,7 +42,7 @@ pub fn closest_on_triangle(p: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> (Vector3<
     if d3 >= 0.0 && d4 <= d3 {
         return (*b, TriangleFeature::Vertex(1));
     }
-    // Barycentric barycentric of c, b, a, times twice the squared area.
+    // Barycentric coordinates of c, b and a, times twice the squared area.
     let wc = d1 * d4 - d3 * d2;
     if wc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
         return (a + ab * (d1 / (d1 - d3)), TriangleFeature::Edge(0));
@@ -65,10 +65,10 @@ pub fn closest_on_triangle(p: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> (Vector3<
     (a + ab * (wb * scale) + ac * (wc * scale), TriangleFeature::Face)
 }
 
-/// Barycentric barycentric of a point on `part` of triangle `v`.
-pub fn barycentric(part: TriangleFeature, p: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> [f64; 3] {
+/// Barycentric coordinates of `p` on `feature` of triangle `v`.
+pub fn barycentric(feature: TriangleFeature, p: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> [f64; 3] {
     let mut w = [0.0; 3];
-    match part {
+    match feature {
         TriangleFeature::Vertex(i) => w[i] = 1.0,
         TriangleFeature::Edge(i) => {
             let j = (i + 1) % 3;
@@ -84,12 +84,17 @@ pub fn barycentric(part: TriangleFeature, p: &Vector3<f64>, v: [&Vector3<f64>; 3
     w
 }
 
-/// Closest points of segment `ab` and triangle `v`. The minimum is at an end of the segment or on an edge of the triangle,
-/// unless the segment pierces the face.
+/// Point of a triangle with barycentric coordinates `w`.
+pub fn barycentric_point(corners: [&Vector3<f64>; 3], w: &[f64; 3]) -> Vector3<f64> {
+    corners[0] * w[0] + corners[1] * w[1] + corners[2] * w[2]
+}
+
+/// Closest points of segment `ab` and triangle `v`. The minimum is at an end of the segment or on an edge of
+/// the triangle, unless the segment intersects the face.
 pub fn segment_triangle(a: &Vector3<f64>, b: &Vector3<f64>, v: [&Vector3<f64>; 3]) -> ClosestPoints {
     let at_end = |u: f64, x: &Vector3<f64>| {
-        let (point, part) = closest_on_triangle(x, v);
-        ClosestPoints { u, point, distance2: (x - point).norm_squared(), part }
+        let (point, feature) = closest_on_triangle(x, v);
+        ClosestPoints { u, point, distance2: (x - point).norm_squared(), feature }
     };
     let mut best = at_end(0.0, a);
     let end = at_end(1.0, b);
@@ -102,12 +107,12 @@ pub fn segment_triangle(a: &Vector3<f64>, b: &Vector3<f64>, v: [&Vector3<f64>; 3
         let point = q[0] + (q[1] - q[0]) * t;
         let distance2 = (a + (b - a) * u - point).norm_squared();
         if distance2 < best.distance2 {
-            let part = match t {
+            let feature = match t {
                 0.0 => TriangleFeature::Vertex(i),
                 1.0 => TriangleFeature::Vertex((i + 1) % 3),
                 _ => TriangleFeature::Edge(i),
             };
-            best = ClosestPoints { u, point, distance2, part };
+            best = ClosestPoints { u, point, distance2, feature };
         }
     }
     let n = (v[1] - v[0]).cross(&(v[2] - v[0]));
@@ -116,7 +121,7 @@ pub fn segment_triangle(a: &Vector3<f64>, b: &Vector3<f64>, v: [&Vector3<f64>; 3
         let u = ha / (ha - hb);
         let x = a + (b - a) * u;
         if (0..3).all(|i| n.dot(&(v[(i + 1) % 3] - v[i]).cross(&(x - v[i]))) >= 0.0) {
-            best = ClosestPoints { u, point: x, distance2: 0.0, part: TriangleFeature::Face };
+            best = ClosestPoints { u, point: x, distance2: 0.0, feature: TriangleFeature::Face };
         }
     }
     best

@@ -5,99 +5,100 @@ use crate::geometry::deformation::Deformation;
 use nalgebra::Vector3;
 use std::sync::{Arc, OnceLock};
 
-/// Shares of a step that differ by less are the same: far above rounding, far below any part of a step.
+/// Fractions of a step closer than this are equal: far above rounding, far below any part of a step.
 const SAME: f64 = 1e-6;
 
-/// A deforming mesh over one step at a time. Between the ends of the step its vertices move linearly: that is what its motion
-/// *is*, for detection and for everyone, however a strand divides the step.
+/// A deforming mesh over one step at a time. Between the ends of the step its vertices move linearly. That
+/// linear motion is *the* motion, for detection and for friction, however a strand divides the step.
 #[derive(Debug)]
 pub struct DeformingMesh {
     deformation: Arc<Deformation>,
-    /// Start and end of the step, s; before all times until a step is prepared.
+    /// Start and end of the step, s; −∞ until a step is prepared.
     times: [f64; 2],
-    /// The mesh there.
+    /// The mesh at the start and at the end.
     ends: [SolidMesh; 2],
-    middle: Middle,
-    /// Way that no vertex has exceeded since the mesh was made, m, at start and end.
-    travel: [f64; 2],
+    midpoint: Midpoint,
+    /// Upper bound, m, on the path length of any vertex since the mesh was created, at the start and at the
+    /// end.
+    max_travel: [f64; 2],
 }
 
-/// The mesh in the middle of a stretch of the step, and the middles of its halves: prepared when a part of a step first asks for it,
-/// once for all strands.
+/// The mesh at the middle of a part of the step, and the midpoints of its two halves. Each is computed when a
+/// part of a step first needs it, once for all strands.
 #[derive(Debug, Default)]
-struct Middle(OnceLock<Box<(SolidMesh, [Middle; 2])>>);
+struct Midpoint(OnceLock<Box<(SolidMesh, [Midpoint; 2])>>);
 
 impl DeformingMesh {
-    /// The mesh at rest, of `vertices` and `triangles`, m, body frame; `deformation` moves these vertices.
+    /// The mesh at rest, of `vertices`, m, body frame, and `triangles`; `deformation` moves the vertices.
     pub fn new(vertices: &[Vector3<f64>], triangles: &[[u32; 3]], deformation: Arc<Deformation>) -> Self {
-        // Points that part later must not be welded.
-        let mut shapes = vec![vertices];
-        shapes.extend(deformation.samples.iter().map(Vec::as_slice));
-        let ends = [0; 2].map(|_| SolidMesh::of_shapes(&shapes, triangles));
+        // Points that separate later must not be welded.
+        let mut positions = vec![vertices];
+        positions.extend(deformation.samples.iter().map(Vec::as_slice));
+        let ends = [0; 2].map(|_| SolidMesh::from_positions(&positions, triangles));
         DeformingMesh {
             deformation,
             times: [f64::NEG_INFINITY; 2],
             ends,
-            middle: Middle::default(),
-            travel: [0.0; 2],
+            midpoint: Midpoint::default(),
+            max_travel: [0.0; 2],
         }
     }
 
-    /// Makes ready for the step between two times, s.
+    /// Prepares the step between two times, s.
     pub fn prepare(&mut self, times: [f64; 2]) {
         for t in times {
             if t != self.times[1] {
-                self.go_on_to(t);
+                self.advance_to(t);
             }
         }
     }
 
-    fn go_on_to(&mut self, t: f64) {
+    fn advance_to(&mut self, t: f64) {
         let last = &self.ends[1];
         let points = self.deformation.vertices(t);
-        let next = last.reshaped(last.topology.source.iter().map(|&i| points[i as usize]).collect());
-        let way2 =
+        let next = last.with_vertices(last.topology.source.iter().map(|&i| points[i as usize]).collect());
+        let displacement2 =
             next.vertices.iter().zip(&last.vertices).map(|(a, b)| (a - b).norm_squared()).fold(0.0, f64::max);
         self.ends.swap(0, 1);
         self.ends[1] = next;
         self.times = [self.times[1], t];
-        self.travel = [self.travel[1], self.travel[1] + way2.sqrt()];
-        self.middle = Middle::default();
+        self.max_travel = [self.max_travel[1], self.max_travel[1] + displacement2.sqrt()];
+        self.midpoint = Midpoint::default();
     }
 
-    /// The mesh at time `t`, s, of the step; at the nearer end where it is outside of it.
+    /// The mesh at time `t`, s, clamped to the step.
     pub fn at(&self, t: f64) -> &SolidMesh {
-        let share = self.share(t);
-        if share <= SAME {
+        let fraction = self.fraction(t);
+        if fraction <= SAME {
             return &self.ends[0];
         }
-        if share >= 1.0 - SAME {
+        if fraction >= 1.0 - SAME {
             return &self.ends[1];
         }
-        let (mut from, mut to, mut middle) = (0.0, 1.0, &self.middle);
+        let (mut from, mut to, mut midpoint) = (0.0, 1.0, &self.midpoint);
         loop {
             let half = 0.5 * (from + to);
             let (mesh, halves) =
-                &**middle.0.get_or_init(|| Box::new((self.between(half), Default::default())));
-            if (share - half).abs() < SAME {
+                &**midpoint.0.get_or_init(|| Box::new((self.interpolated(half), Default::default())));
+            if (fraction - half).abs() < SAME {
                 return mesh;
             }
-            if share < half {
-                (to, middle) = (half, &halves[0]);
+            if fraction < half {
+                (to, midpoint) = (half, &halves[0]);
             } else {
-                (from, middle) = (half, &halves[1]);
+                (from, midpoint) = (half, &halves[1]);
             }
         }
     }
 
-    /// Way that no vertex has exceeded up to time `t`, s, of the step, m.
-    pub fn travel(&self, t: f64) -> f64 {
-        self.travel[0] + (self.travel[1] - self.travel[0]) * self.share(t).clamp(0.0, 1.0)
+    /// Upper bound, m, on the path length of any vertex up to time `t`, s, of the step.
+    pub fn max_travel(&self, t: f64) -> f64 {
+        self.max_travel[0] + (self.max_travel[1] - self.max_travel[0]) * self.fraction(t).clamp(0.0, 1.0)
     }
 
-    fn share(&self, t: f64) -> f64 {
+    fn fraction(&self, t: f64) -> f64 {
         let [t0, t1] = self.times;
-        // Written so that no time is in a step of no length, or that starts before all times.
+        // No time lies in a step of zero length, or in one that starts at −∞.
         if t >= t1 {
             1.0
         } else if t > t0 && t0.is_finite() {
@@ -107,8 +108,8 @@ impl DeformingMesh {
         }
     }
 
-    fn between(&self, share: f64) -> SolidMesh {
+    fn interpolated(&self, fraction: f64) -> SolidMesh {
         let [a, b] = &self.ends;
-        a.reshaped(a.vertices.iter().zip(&b.vertices).map(|(a, b)| a.lerp(b, share)).collect())
+        a.with_vertices(a.vertices.iter().zip(&b.vertices).map(|(a, b)| a.lerp(b, fraction)).collect())
     }
 }

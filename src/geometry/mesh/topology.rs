@@ -1,9 +1,9 @@
-//! Topology of a triangle soup: welding, consistent winding, neighbours.
+//! Topology of a triangle soup: welding, consistent orientation, adjacency.
 
 use nalgebra::Vector3;
 use std::cmp::Ordering;
 
-/// Lists of different lengths, one after the other.
+/// Lists of different lengths in one array (compressed sparse rows).
 #[derive(Debug, Clone, Default)]
 pub struct Lists {
     offsets: Vec<u32>,
@@ -11,7 +11,7 @@ pub struct Lists {
 }
 
 impl Lists {
-    /// From (list, item) pairs, items of a list sorted, each once.
+    /// From (list, item) pairs; the items of a list become sorted and unique.
     fn from_pairs(lists: usize, mut pairs: Vec<(u32, u32)>) -> Self {
         pairs.sort_unstable();
         pairs.dedup();
@@ -32,10 +32,10 @@ impl Lists {
     }
 }
 
-/// Welded, consistently wound triangles with their edges.
+/// Welded, consistently oriented triangles and their adjacency.
 #[derive(Debug)]
 pub struct Topology {
-    /// For each vertex the first of the points given that it stands for.
+    /// For each vertex, the first input point welded into it.
     pub source: Vec<u32>,
     /// Vertices of each triangle.
     pub triangles: Vec<[u32; 3]>,
@@ -45,46 +45,41 @@ pub struct Topology {
     pub edges: Vec<[u32; 2]>,
     /// Triangles of each edge.
     pub edge_triangles: Lists,
-    /// For each edge, the third vertex of its triangles.
+    /// For each edge, the vertices of its triangles opposite to it.
     pub edge_opposite: Lists,
-    /// For each vertex, the vertices it shares an edge with.
+    /// For each vertex, the vertices it shares an edge with (its one-ring).
     pub ring: Lists,
     /// Triangles of each vertex.
     pub vertex_triangles: Lists,
     /// Edges of each vertex.
     pub vertex_edges: Lists,
-    /// Whether each edge lies on an open border.
-    pub edge_on_border: Vec<bool>,
-    /// The same of each vertex.
-    pub vertex_on_border: Vec<bool>,
+    /// Whether each edge lies on the boundary of an open mesh.
+    pub edge_on_boundary: Vec<bool>,
+    /// Whether each vertex lies on the boundary of an open mesh.
+    pub vertex_on_boundary: Vec<bool>,
 }
 
 impl Topology {
-    /// Of points in one or more `shapes`, the first of which is the mesh at rest. Points that are at the same place in all of
-    /// them become one vertex; triangles that then have no area at rest are dropped, and of triangles on the same three vertices
-    /// one is kept. In each patch joined by edges of two triangles the winding is made consistent: with that of the
-    /// greater area at rest, or outward where the patch is closed.
-    pub fn new(shapes: &[&[Vector3<f64>]], triangles: &[[u32; 3]]) -> Self {
-        let (source, place) = weld(shapes);
-        let vertices: Vec<_> = source.iter().map(|&i| shapes[0][i as usize]).collect();
+    /// Topology of `triangles` over points at one or more sets of `positions`, of which the first is the mesh
+    /// at rest.
+    ///
+    /// Points that coincide in all sets are welded. Triangles without area at rest are dropped, and of
+    /// triangles on the same three vertices one is kept. Each patch connected by edges of two triangles is
+    /// oriented consistently: outward if it is closed, else as the larger part of its area at rest.
+    pub fn new(positions: &[&[Vector3<f64>]], triangles: &[[u32; 3]]) -> Self {
+        let (source, welded) = weld(positions);
+        let vertices: Vec<_> = source.iter().map(|&i| positions[0][i as usize]).collect();
         let mut triangles: Vec<[u32; 3]> = triangles
             .iter()
-            .map(|t| t.map(|i| place[i as usize]))
+            .map(|t| t.map(|i| welded[i as usize]))
             .filter(|t| has_area(t, &vertices))
             .collect();
-        let mut seen: Vec<([u32; 3], usize)> = triangles.iter().copied().zip(0..).collect();
-        seen.iter_mut().for_each(|(t, _)| t.sort_unstable());
-        seen.sort_unstable();
-        seen.dedup_by_key(|(t, _)| *t);
-        let mut kept: Vec<usize> = seen.into_iter().map(|(_, i)| i).collect();
-        kept.sort_unstable();
-        triangles = kept.into_iter().map(|i| triangles[i]).collect();
-
+        triangles = without_duplicates(&triangles);
         let (edges, edge_triangles) = find_edges(&triangles);
-        wind_consistently(&vertices, &mut triangles, &edges, &edge_triangles);
+        orient_consistently(&vertices, &mut triangles, &edges, &edge_triangles);
 
         let edge_of = |a: u32, b: u32| {
-            // Present by construction: `edges` holds every side of every triangle.
+            // Always found: `edges` holds every side of every triangle.
             edges.binary_search(&[a.min(b), a.max(b)]).unwrap_or(0) as u32
         };
         let triangle_edges: Vec<[u32; 3]> =
@@ -97,15 +92,15 @@ impl Topology {
         let ring = edges.iter().flat_map(|&[a, b]| [(a, b), (b, a)]).collect();
         let corners = triangles.iter().zip(0..).flat_map(|(t, k)| t.map(|v| (v, k))).collect();
         let ends = edges.iter().zip(0..).flat_map(|(e, k)| e.map(|v| (v, k))).collect();
-        let edge_on_border: Vec<bool> =
+        let edge_on_boundary: Vec<bool> =
             (0..edges.len()).map(|e| edge_triangles.get(e as u32).len() == 1).collect();
-        let mut vertex_on_border = vec![false; vertices.len()];
-        for (ends, _) in edges.iter().zip(&edge_on_border).filter(|(_, border)| **border) {
-            ends.iter().for_each(|&v| vertex_on_border[v as usize] = true);
+        let mut vertex_on_boundary = vec![false; vertices.len()];
+        for (ends, _) in edges.iter().zip(&edge_on_boundary).filter(|(_, boundary)| **boundary) {
+            ends.iter().for_each(|&v| vertex_on_boundary[v as usize] = true);
         }
         Topology {
-            edge_on_border,
-            vertex_on_border,
+            edge_on_boundary,
+            vertex_on_boundary,
             vertex_triangles: Lists::from_pairs(vertices.len(), corners),
             vertex_edges: Lists::from_pairs(vertices.len(), ends),
             edge_opposite: Lists::from_pairs(edges.len(), opposite),
@@ -119,14 +114,14 @@ impl Topology {
     }
 }
 
-/// First points of the distinct places in order of first use, and the place of each point. Exact equality: near-duplicates are
-/// not merged, because a thin gap may be meant.
-fn weld(shapes: &[&[Vector3<f64>]]) -> (Vec<u32>, Vec<u32>) {
-    let points = shapes[0].len();
+/// For each distinct position, in order of first use, its first point; and for each point, its distinct
+/// position. Requires exact equality: near-duplicates stay apart, since a thin gap may be intended.
+fn weld(positions: &[&[Vector3<f64>]]) -> (Vec<u32>, Vec<u32>) {
+    let points = positions[0].len();
     let mut order: Vec<usize> = (0..points).collect();
     let compare = |i: &usize, j: &usize| {
-        let coordinates = |i: usize| shapes.iter().flat_map(move |shape| shape[i].iter());
-        // + 0.0 makes −0 and 0 one place.
+        let coordinates = |i: usize| positions.iter().flat_map(move |x| x[i].iter());
+        // + 0.0 makes −0 equal to 0.
         let mut orders = coordinates(*i).zip(coordinates(*j)).map(|(a, b)| (a + 0.0).total_cmp(&(b + 0.0)));
         orders.find(|o| o.is_ne()).unwrap_or(Ordering::Equal)
     };
@@ -136,26 +131,38 @@ fn weld(shapes: &[&[Vector3<f64>]]) -> (Vec<u32>, Vec<u32>) {
         let same = k > 0 && compare(&order[k - 1], &order[k]).is_eq();
         first[order[k]] = if same { first[order[k - 1]] } else { order[k] };
     }
-    let mut place = vec![0u32; points];
+    let mut welded = vec![0u32; points];
     let mut source = Vec::new();
     for i in 0..points {
         if first[i] == i {
-            place[i] = source.len() as u32;
+            welded[i] = source.len() as u32;
             source.push(i as u32);
         } else {
-            place[i] = place[first[i]];
+            welded[i] = welded[first[i]];
         }
     }
-    (source, place)
+    (source, welded)
 }
 
 fn has_area(t: &[u32; 3], vertices: &[Vector3<f64>]) -> bool {
     let [a, b, c] = t.map(|i| vertices[i as usize]);
     let n = (b - a).cross(&(c - a)).norm_squared();
-    // A needle whose height is 1e-10 of its length has no usable normal; its edges are kept by its neighbours.
+    // A needle whose height is 1e-10 of its length has no usable normal. Its neighbours keep its edges.
     n > 1e-20 * (b - a).norm_squared().max((c - a).norm_squared()).max((c - b).norm_squared()).powi(2)
 }
 
+/// Of triangles on the same three vertices, keeps the first.
+fn without_duplicates(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
+    let mut seen: Vec<([u32; 3], usize)> = triangles.iter().copied().zip(0..).collect();
+    seen.iter_mut().for_each(|(t, _)| t.sort_unstable());
+    seen.sort_unstable();
+    seen.dedup_by_key(|(t, _)| *t);
+    let mut kept: Vec<usize> = seen.into_iter().map(|(_, i)| i).collect();
+    kept.sort_unstable();
+    kept.into_iter().map(|i| triangles[i]).collect()
+}
+
+/// Edges in ascending order, and the triangles of each.
 fn find_edges(triangles: &[[u32; 3]]) -> (Vec<[u32; 2]>, Lists) {
     let mut sides: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * triangles.len());
     for (k, t) in triangles.iter().enumerate() {
@@ -177,50 +184,23 @@ fn find_edges(triangles: &[[u32; 3]]) -> (Vec<[u32; 2]>, Lists) {
     (edges, Lists::from_pairs(count, pairs))
 }
 
-fn wind_consistently(
+/// Reverses triangles so that each patch is oriented consistently, see [`Topology::new`].
+fn orient_consistently(
     vertices: &[Vector3<f64>],
     triangles: &mut [[u32; 3]],
     edges: &[[u32; 2]],
     edge_triangles: &Lists,
 ) {
-    let runs_along = |t: &[u32; 3], [a, b]: [u32; 2]| (0..3).any(|i| t[i] == a && t[(i + 1) % 3] == b);
-    let mut neighbours: Vec<(u32, u32)> = Vec::new();
-    let mut open = vec![false; triangles.len()];
-    for (e, &edge) in edges.iter().enumerate() {
-        match *edge_triangles.get(e as u32) {
-            [s, t] => {
-                // The last bit tells whether the two windings disagree.
-                let (ts, tt) = (&triangles[s as usize], &triangles[t as usize]);
-                let against = u32::from(runs_along(ts, edge) == runs_along(tt, edge));
-                neighbours.push((s, 2 * t + against));
-                neighbours.push((t, 2 * s + against));
-            }
-            ref others => others.iter().for_each(|&t| open[t as usize] = true),
-        }
-    }
-    let neighbours = Lists::from_pairs(triangles.len(), neighbours);
+    let (neighbours, open) = neighbours(triangles, edges, edge_triangles);
     let mut flip: Vec<Option<bool>> = vec![None; triangles.len()];
     let mut patch = Vec::new();
     for seed in 0..triangles.len() {
         if flip[seed].is_some() {
             continue;
         }
-        flip[seed] = Some(false);
-        patch.clear();
-        patch.push(seed);
-        let mut next = 0;
-        while next < patch.len() {
-            let s = patch[next];
-            next += 1;
-            for &code in neighbours.get(s as u32) {
-                let t = (code / 2) as usize;
-                if flip[t].is_none() {
-                    flip[t] = flip[s].map(|f| f ^ (code % 2 == 1));
-                    patch.push(t);
-                }
-            }
-        }
-        // Six times the volume, and twice the area, as wound after the flips; positive means: keep them.
+        flood(seed, &neighbours, &mut flip, &mut patch);
+        // Six times the volume, or twice the area, with the flips applied; the flips are kept if it is
+        // positive.
         let closed = patch.iter().all(|&t| !open[t]);
         let origin = vertices[triangles[seed][0] as usize];
         let keep: f64 = patch
@@ -235,6 +215,46 @@ fn wind_consistently(
         for &t in &patch {
             if (flip[t] == Some(true)) == (keep >= 0.0) {
                 triangles[t].swap(1, 2);
+            }
+        }
+    }
+}
+
+/// Triangles across the edges of exactly two triangles, and whether each triangle has another kind of edge. A
+/// neighbour is encoded as twice its index, plus 1 if the two orientations disagree.
+fn neighbours(triangles: &[[u32; 3]], edges: &[[u32; 2]], edge_triangles: &Lists) -> (Lists, Vec<bool>) {
+    let runs_along = |t: &[u32; 3], [a, b]: [u32; 2]| (0..3).any(|i| t[i] == a && t[(i + 1) % 3] == b);
+    let mut pairs: Vec<(u32, u32)> = Vec::new();
+    let mut open = vec![false; triangles.len()];
+    for (e, &edge) in edges.iter().enumerate() {
+        match *edge_triangles.get(e as u32) {
+            [s, t] => {
+                let (ts, tt) = (&triangles[s as usize], &triangles[t as usize]);
+                let disagree = u32::from(runs_along(ts, edge) == runs_along(tt, edge));
+                pairs.push((s, 2 * t + disagree));
+                pairs.push((t, 2 * s + disagree));
+            }
+            ref others => others.iter().for_each(|&t| open[t as usize] = true),
+        }
+    }
+    (Lists::from_pairs(triangles.len(), pairs), open)
+}
+
+/// Collects the patch of `seed` breadth-first, and whether each triangle must be flipped to agree with the
+/// seed.
+fn flood(seed: usize, neighbours: &Lists, flip: &mut [Option<bool>], patch: &mut Vec<usize>) {
+    flip[seed] = Some(false);
+    patch.clear();
+    patch.push(seed);
+    let mut next = 0;
+    while next < patch.len() {
+        let s = patch[next];
+        next += 1;
+        for &code in neighbours.get(s as u32) {
+            let t = (code / 2) as usize;
+            if flip[t].is_none() {
+                flip[t] = flip[s].map(|f| f ^ (code % 2 == 1));
+                patch.push(t);
             }
         }
     }

@@ -1,68 +1,73 @@
-//! Winding numbers (A. Jacobson, L. Kavan & O. Sorkine-Hornung, "Robust inside-outside segmentation using generalized winding numbers", 2013).
+//! Generalised winding numbers (A. Jacobson, L. Kavan & O. Sorkine-Hornung, "Robust inside-outside
+//! segmentation using generalized winding numbers", 2013).
 
 use crate::geometry::bounds::Bounds;
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Most triangles of what is not divided further.
+/// Maximum number of triangles in a leaf.
 const LEAF: usize = 16;
 
-/// A mesh as it is given.
+/// Vertices, m, and triangles of a mesh.
 #[derive(Clone, Copy)]
-struct Triangles<'a> {
-    vertices: &'a [Vector3<f64>],
-    triangles: &'a [[u32; 3]],
+pub struct Triangles<'a> {
+    pub vertices: &'a [Vector3<f64>],
+    pub triangles: &'a [[u32; 3]],
 }
 
 impl<'a> Triangles<'a> {
+    fn vertex(&self, v: u32) -> &'a Vector3<f64> {
+        &self.vertices[v as usize]
+    }
+
     /// Corners of a triangle.
-    fn triangle(&self, t: u32) -> [&'a Vector3<f64>; 3] {
-        self.triangles[t as usize].map(|v| &self.vertices[v as usize])
+    fn corners(&self, t: u32) -> [&'a Vector3<f64>; 3] {
+        self.triangles[t as usize].map(|v| self.vertex(v))
     }
 }
 
-/// The triangles of a mesh, divided again and again: seen from outside the box around a part, it winds as any other surface with its border does that stays in
-/// the box, such as a fan (ibid., section 4.2).
+/// A hierarchy over the triangles of a mesh. Seen from outside the bounding box of a node, its triangles wind
+/// as any other surface in the box with the same boundary does, such as a fan (ibid., section 4.2).
 #[derive(Debug)]
-pub struct Winding {
-    /// In the order of the parts.
-    triangles: Vec<u32>,
+pub struct WindingTree {
+    /// Triangles in the order of the leaves.
+    order: Vec<u32>,
     root: Node,
 }
 
-/// Some of the triangles.
+/// A subset of the triangles.
 #[derive(Debug)]
 struct Node {
     bounds: Bounds,
-    /// The edges of the fan, which all meet where the first begins; only of a part that has more triangles than edges.
+    /// Boundary edges; with the first vertex as apex they make the fan. `None` if the fan has no fewer
+    /// triangles.
     fan: Option<Vec<[u32; 2]>>,
-    within: Within,
+    content: Content,
 }
 
 #[derive(Debug)]
-enum Within {
-    Parts(Box<[Node; 2]>),
-    /// Where they are in the list of all.
+enum Content {
+    Children(Box<[Node; 2]>),
+    /// A range of [`WindingTree::order`].
     Triangles(Range<usize>),
 }
 
-/// Edges of a border, each from its lower to its higher vertex, in order, and how often it is gone along so more than the other way.
-type Border = Vec<([u32; 2], i32)>;
+/// Boundary edges in ascending order, each from its lower to its higher vertex, with the multiplicity in that
+/// direction less that in the other.
+type Boundary = Vec<([u32; 2], i32)>;
 
-impl Winding {
-    /// Of a mesh that keeps its shape.
-    pub fn new(vertices: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Self {
-        let mesh = Triangles { vertices, triangles };
-        let mut triangles: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
-        let count = triangles.len();
-        let (root, _) = Node::new(mesh, &mut triangles, 0..count);
-        Winding { triangles, root }
+impl WindingTree {
+    /// The hierarchy of `mesh`.
+    pub fn new(mesh: Triangles) -> Self {
+        let mut order: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
+        let count = order.len();
+        let (root, _) = Node::new(mesh, &mut order, 0..count);
+        WindingTree { order, root }
     }
 
-    /// See [`SolidMesh::winding_number`](super::SolidMesh::winding_number).
-    pub fn number(&self, vertices: &[Vector3<f64>], triangles: &[[u32; 3]], p: &Vector3<f64>) -> f64 {
-        let mesh = Triangles { vertices, triangles };
+    /// Winding number of `mesh`, for which the tree was built, about `p`, m.
+    pub fn number(&self, mesh: Triangles, p: &Vector3<f64>) -> f64 {
         let mut sum = SolidAngleSum::default();
         self.root.add(self, mesh, p, &mut sum);
         sum.turns()
@@ -70,76 +75,77 @@ impl Winding {
 }
 
 impl Node {
-    /// Of the triangles of a `range` of the list, which are put in the order of its parts; and its border.
-    fn new(mesh: Triangles, triangles: &mut [u32], range: Range<usize>) -> (Node, Border) {
-        let mine = &mut triangles[range.clone()];
+    /// The node of a `range` of `order`, which it sorts by its leaves; and the boundary of its triangles.
+    fn new(mesh: Triangles, order: &mut [u32], range: Range<usize>) -> (Node, Boundary) {
+        let mine = &mut order[range.clone()];
         let count = mine.len();
-        let bounds = Bounds::around(mine.iter().flat_map(|t| mesh.triangle(*t)), 0.0);
-        let (within, border) = if count <= LEAF {
+        let bounds = Bounds::around(mine.iter().flat_map(|t| mesh.corners(*t)), 0.0);
+        let (content, boundary) = if count <= LEAF {
             let edges = mine.iter().flat_map(|t| {
                 let [a, b, c] = mesh.triangles[*t as usize];
                 [[a, b], [b, c], [c, a]].map(|[a, b]| ([a.min(b), a.max(b)], if a < b { 1 } else { -1 }))
             });
-            (Within::Triangles(range), joined(edges.collect()))
+            (Content::Triangles(range), merged(edges.collect()))
         } else {
             let axis = (bounds.max - bounds.min).imax();
-            let middle = |t: &u32| mesh.triangle(*t).iter().map(|v| v[axis]).sum::<f64>();
+            let centroid = |t: &u32| mesh.corners(*t).iter().map(|v| v[axis]).sum::<f64>();
             let half = count / 2;
-            mine.select_nth_unstable_by(half, |a, b| middle(a).total_cmp(&middle(b)).then(a.cmp(b)));
-            let [(first, mut border), (second, others)] =
+            mine.select_nth_unstable_by(half, |a, b| centroid(a).total_cmp(&centroid(b)).then(a.cmp(b)));
+            let [(first, mut boundary), (second, others)] =
                 [range.start..range.start + half, range.start + half..range.end]
-                    .map(|range| Node::new(mesh, triangles, range));
-            border.extend(others);
-            (Within::Parts(Box::new([first, second])), joined(border))
+                    .map(|range| Node::new(mesh, order, range));
+            boundary.extend(others);
+            (Content::Children(Box::new([first, second])), merged(boundary))
         };
         let edges = || {
-            border.iter().flat_map(|&([a, b], times)| {
+            boundary.iter().flat_map(|&([a, b], times)| {
                 let edge = if times > 0 { [a, b] } else { [b, a] };
                 std::iter::repeat_n(edge, times.unsigned_abs() as usize)
             })
         };
         let fan = (edges().count() < count).then(|| edges().collect());
-        (Node { bounds, fan, within }, border)
+        (Node { bounds, fan, content }, boundary)
     }
 
-    /// Adds what it winds about `p`.
-    fn add(&self, of: &Winding, mesh: Triangles, p: &Vector3<f64>, sum: &mut SolidAngleSum) {
-        let outside = (0..3).any(|i| p[i] < self.bounds.min[i] || p[i] > self.bounds.max[i]);
-        match (&self.fan, &self.within) {
-            (Some(edges), _) if outside => {
-                let Some([corner, _]) = edges.first() else { return };
-                let corner = mesh.vertices[*corner as usize] - p;
+    /// Adds the solid angle of the node's triangles as seen from `p`.
+    fn add(&self, tree: &WindingTree, mesh: Triangles, p: &Vector3<f64>, sum: &mut SolidAngleSum) {
+        match (&self.fan, &self.content) {
+            (Some(edges), _) if !self.bounds.contains(p) => {
+                let Some([apex, _]) = edges.first() else { return };
+                let apex = mesh.vertex(*apex) - p;
                 for edge in edges {
-                    let [a, b] = edge.map(|v| mesh.vertices[v as usize] - p);
-                    sum.add(&[corner, a, b]);
+                    let [a, b] = edge.map(|v| mesh.vertex(v) - p);
+                    sum.add(&[apex, a, b]);
                 }
             }
-            (_, Within::Parts(parts)) => parts.iter().for_each(|part| part.add(of, mesh, p, sum)),
-            (_, Within::Triangles(range)) => {
-                for t in &of.triangles[range.clone()] {
-                    sum.add(&mesh.triangle(*t).map(|v| v - p));
+            (_, Content::Children(children)) => {
+                children.iter().for_each(|child| child.add(tree, mesh, p, sum));
+            }
+            (_, Content::Triangles(range)) => {
+                for t in &tree.order[range.clone()] {
+                    sum.add(&mesh.corners(*t).map(|v| v - p));
                 }
             }
         }
     }
 }
 
-/// A border with each edge once, without those that are gone along as often either way.
-fn joined(mut border: Border) -> Border {
-    border.sort_unstable_by_key(|(edge, _)| *edge);
-    border.dedup_by(|next, kept| {
+/// Merges equal edges, and drops those whose directions cancel.
+fn merged(mut boundary: Boundary) -> Boundary {
+    boundary.sort_unstable_by_key(|(edge, _)| *edge);
+    boundary.dedup_by(|next, kept| {
         let same = next.0 == kept.0;
         if same {
             kept.1 += next.1;
         }
         same
     });
-    border.retain(|(_, times)| *times != 0);
-    border
+    boundary.retain(|(_, times)| *times != 0);
+    boundary
 }
 
-/// SolidAngleSum of solid angles of triangles (A. Van Oosterom & J. Strackee 1983), halved: these are added by multiplying complex numbers, and counting how often the
-/// product's own angle, within ±π, goes over that.
+/// Sum of half the solid angles of triangles (A. Van Oosterom & J. Strackee 1983). The half-angles are added
+/// by multiplying complex numbers, counting how often the argument of the product passes ±π.
 struct SolidAngleSum {
     re: f64,
     im: f64,
@@ -153,7 +159,7 @@ impl Default for SolidAngleSum {
 }
 
 impl SolidAngleSum {
-    /// Adds a triangle with these corners as seen from the origin.
+    /// Adds the triangle with these corners, as seen from the origin.
     fn add(&mut self, [a, b, c]: &[Vector3<f64>; 3]) {
         let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
         let sin = a.dot(&b.cross(c));

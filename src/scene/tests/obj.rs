@@ -1,6 +1,6 @@
 use super::super::*;
 use super::file;
-use crate::geometry::tests::unsigned_brute;
+use crate::geometry::tests::brute_force_distance;
 use crate::geometry::{SolidMesh, TriMesh};
 use crate::math::random::Random;
 use crate::test_data::shared_data;
@@ -54,7 +54,7 @@ fn distances_to_real_heads_agree_with_brute_force_and_winding_numbers() {
         for _ in 0..200 {
             let p = low + (high - low).component_mul(&(random.vector().add_scalar(1.0) * 0.5));
             let s = mesh.closest(&p, 10.0).unwrap();
-            assert!((s.distance.abs() - unsigned_brute(&mesh, &p)).abs() < 1e-12, "{name}");
+            assert!((s.distance.abs() - brute_force_distance(&mesh, &p)).abs() < 1e-12, "{name}");
             if closed {
                 assert_eq!(s.distance < 0.0, mesh.winding_number(&p) > 0.5, "{name}");
             }

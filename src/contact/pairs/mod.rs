@@ -1,0 +1,14 @@
+//! Contact between strands: which segments are near each other, and when moving ones first come too close.
+//!
+//! All strands of a scene move over a sub-step in a common frame. The frame of the head is best: motion that
+//! the head carries along is no relative motion of strands. Every vertex moves linearly in that frame. A
+//! strand does not touch itself.
+
+mod broad_phase;
+mod impact;
+mod strands;
+
+pub use strands::{ClosestPair, MovingStrands, SegmentContact, SegmentPair};
+
+#[cfg(test)]
+mod tests;
