@@ -181,6 +181,7 @@ def test_the_references_of_the_theory_are_cited_and_known() -> None:
         assert year in {y for _, y in listed}, f"{name} {year} is not listed"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not importlib.util.find_spec("sphinx"), reason="Sphinx is missing")
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "sphinx", "--fail-on-warning", "--keep-going", "--quiet"]
