@@ -1,6 +1,6 @@
-//! Files that tell by themselves what they are, of which bake, and whether they are whole.
+//! Binary files with a header that identifies their kind and bake, and a checksum.
 //!
-//! One line of text, `hairbake KIND VERSION KEY SHA256`, then the value in postcard's encoding, of which the hash is.
+//! One line of text, `hairbake KIND VERSION KEY SHA256`, then the value in postcard's encoding; the hash is of the value.
 
 use crate::file::{read_file, sha256, write_file, write_file_unsynced};
 use crate::{Error, Result};
@@ -9,32 +9,32 @@ use serde::de::DeserializeOwned;
 use std::io::ErrorKind;
 use std::path::Path;
 
-/// A kind of sealed file. Whoever changes what is in it raises its version.
+/// A kind of checked file. A change of its content raises its version.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Kind {
-    /// One word.
+    /// Name in the header: one word.
     pub name: &'static str,
     /// Version of the format.
     pub version: u32,
-    /// Whether it has to outlive a crash of the machine; else it is made again.
-    pub lasting: bool,
+    /// True if the file must survive a crash of the machine; other files are made again.
+    pub durable: bool,
 }
 
-/// Why a sealed file is of no use.
+/// Why a checked file cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum Flaw {
-    /// There is none.
-    #[error("it is not there")]
+pub enum FileFault {
+    /// The file does not exist.
+    #[error("the file does not exist")]
     Missing,
-    /// It is of other inputs or settings, or of another build of hairbake.
-    #[error("it is of another bake")]
+    /// The file belongs to other inputs or settings, or to another build of hairbake.
+    #[error("the file belongs to another bake")]
     Stale,
-    /// It is not as it was written.
-    #[error("it is damaged: {0}")]
+    /// The file is not as it was written.
+    #[error("the file is damaged: {0}")]
     Damaged(String),
 }
 
-/// Writes `value` of the bake `key`.
+/// Writes `value` for the bake `key`.
 ///
 /// # Errors
 /// [`Error::Io`].
@@ -42,42 +42,42 @@ pub fn write(path: &Path, kind: Kind, key: &str, value: &impl Serialize) -> Resu
     let body = postcard::to_stdvec(value).map_err(|e| Error::Internal(e.to_string()))?;
     let head = format!("hairbake {} {} {key} {}\n", kind.name, kind.version, sha256(&body));
     let parts = [head.into_bytes(), body];
-    if kind.lasting { write_file(path, &parts) } else { write_file_unsynced(path, &parts) }.map(drop)
+    if kind.durable { write_file(path, &parts) } else { write_file_unsynced(path, &parts) }.map(drop)
 }
 
 /// Reads a value of the bake `key`.
 ///
 /// # Errors
-/// [`Flaw`]; one that the system cannot read counts as damaged.
-pub fn read<T: DeserializeOwned>(path: &Path, kind: Kind, key: &str) -> std::result::Result<T, Flaw> {
+/// [`FileFault`]; a file that the system cannot read counts as damaged.
+pub fn read<T: DeserializeOwned>(path: &Path, kind: Kind, key: &str) -> std::result::Result<T, FileFault> {
     let bytes = read_file(path).map_err(|e| match e.kind() {
-        ErrorKind::NotFound => Flaw::Missing,
-        _ => Flaw::Damaged(e.to_string()),
+        ErrorKind::NotFound => FileFault::Missing,
+        _ => FileFault::Damaged(e.to_string()),
     })?;
-    let damaged = |what: &str| Flaw::Damaged(what.into());
-    let end = bytes.iter().position(|b| *b == b'\n').ok_or_else(|| damaged("it has no first line"))?;
+    let damaged = |what: &str| FileFault::Damaged(what.into());
+    let end = bytes.iter().position(|b| *b == b'\n').ok_or_else(|| damaged("the header is missing"))?;
     let (head, body) = (&bytes[..end], &bytes[end + 1..]);
-    let head = std::str::from_utf8(head).map_err(|_| damaged("its first line is no text"))?;
+    let head = std::str::from_utf8(head).map_err(|_| damaged("the header is not text"))?;
     let words: Vec<&str> = head.split(' ').collect();
     match words[..] {
         ["hairbake", name, _, _, hash] if name == kind.name && hash == sha256(body) => {}
-        ["hairbake", name, _, _, _] if name == kind.name => return Err(damaged("its checksum differs")),
-        _ => return Err(damaged(&format!("it is no {}", kind.name))),
+        ["hairbake", name, _, _, _] if name == kind.name => return Err(damaged("the checksum differs")),
+        _ => return Err(damaged(&format!("it is not a {} file", kind.name))),
     }
     if words[2] != kind.version.to_string() || words[3] != key {
-        return Err(Flaw::Stale);
+        return Err(FileFault::Stale);
     }
-    postcard::from_bytes(body).map_err(|e| Flaw::Damaged(e.to_string()))
+    postcard::from_bytes(body).map_err(|e| FileFault::Damaged(e.to_string()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const KIND: Kind = Kind { name: "state", version: 3, lasting: false };
+    const KIND: Kind = Kind { name: "state", version: 3, durable: false };
 
     #[test]
-    fn every_flipped_bit_and_every_cut_is_seen() {
+    fn every_flipped_bit_and_truncation_is_detected() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         let value = (vec![1.0, f64::NEG_INFINITY], "text".to_string());
@@ -93,19 +93,22 @@ mod tests {
                 assert!(back().is_err(), "bit {bit} of byte {i}");
             }
             std::fs::write(&path, &sound[..i]).unwrap();
-            assert!(matches!(back(), Err(Flaw::Damaged(_))), "cut at {i}");
+            assert!(matches!(back(), Err(FileFault::Damaged(_))), "cut at {i}");
         }
         std::fs::remove_file(&path).unwrap();
-        assert_eq!(back(), Err(Flaw::Missing));
+        assert_eq!(back(), Err(FileFault::Missing));
     }
 
     #[test]
-    fn another_bake_or_version_is_stale() {
+    fn other_bakes_and_versions_are_stale() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         write(&path, KIND, "key", &7u8).unwrap();
-        assert_eq!(read::<u8>(&path, KIND, "other"), Err(Flaw::Stale));
-        assert_eq!(read::<u8>(&path, Kind { version: 4, ..KIND }, "key"), Err(Flaw::Stale));
-        assert!(matches!(read::<u8>(&path, Kind { name: "mark", ..KIND }, "key"), Err(Flaw::Damaged(_))));
+        assert_eq!(read::<u8>(&path, KIND, "other"), Err(FileFault::Stale));
+        assert_eq!(read::<u8>(&path, Kind { version: 4, ..KIND }, "key"), Err(FileFault::Stale));
+        assert!(matches!(
+            read::<u8>(&path, Kind { name: "mark", ..KIND }, "key"),
+            Err(FileFault::Damaged(_))
+        ));
     }
 }

@@ -1,6 +1,6 @@
 //! The simulation from frame to frame: as far as it is not done yet, from the newest checkpoint on.
 
-use super::checked_file::Flaw;
+use super::checked_file::FileFault;
 use super::control::Control;
 use super::frame_record::FrameRecord;
 use super::frame_state::FrameState;
@@ -36,10 +36,10 @@ impl<'a> FrameStepper<'a> {
     pub fn state(&mut self, frame: i32) -> Result<(FrameState, Option<f64>)> {
         match self.job.work.state(frame) {
             Ok(state) => return Ok((state, None)),
-            Err(Flaw::Damaged(what)) => {
+            Err(FileFault::Damaged(what)) => {
                 tracing::warn!("the state of frame {frame} is damaged: {what}; simulating it again");
             }
-            Err(Flaw::Missing | Flaw::Stale) => {}
+            Err(FileFault::Missing | FileFault::Stale) => {}
         }
         let (state, seconds) = self.simulate(frame)?;
         Ok((state, Some(seconds)))
@@ -155,7 +155,7 @@ impl<'a> Run<'a> {
 
     /// Who goes on from a checkpoint does not look behind it: the states before it have to outlive what it outlives.
     fn settle(&mut self) -> Result<()> {
-        self.job.work.settle_states(&std::mem::take(&mut self.unsettled))
+        self.job.work.sync_states(&std::mem::take(&mut self.unsettled))
     }
 
     fn save(&mut self) -> Result<()> {

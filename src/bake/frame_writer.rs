@@ -39,8 +39,8 @@ impl<'a> FrameWriter<'a> {
     /// The state at a frame.
     pub fn state(&mut self, frame: i32) -> Result<&FrameState> {
         if !self.held.contains_key(&frame) {
-            self.hold(self.job.work.state(frame).map_err(|flaw| {
-                Error::NotYet(format!("the guides at frame {frame} are not simulated yet: {flaw}"))
+            self.hold(self.job.work.state(frame).map_err(|fault| {
+                Error::NotYet(format!("the guides at frame {frame} are not simulated yet: {fault}"))
             })?);
         }
         Ok(&self.held[&frame].0)
@@ -85,7 +85,7 @@ impl<'a> FrameWriter<'a> {
         seconds.interpolate = start.elapsed().as_secs_f64();
         let start = Instant::now();
         let file = self.writer.write_frame(&arrays)?;
-        self.job.work.set_done(frame, &file)?;
+        self.job.work.mark_done(frame, &file)?;
         seconds.write = start.elapsed().as_secs_f64();
         Ok(file)
     }

@@ -1,8 +1,8 @@
 //! One bake of a scene into a folder: what every stage of it starts from.
 
-use super::base_cache::{Base, Only};
+use super::base_cache::{BaseCache, GroupSelection};
 use super::output::Written;
-use super::work_dir::Work;
+use super::work_dir::WorkDir;
 use crate::Result;
 use crate::cache::{InputRecord, sha256};
 use crate::dynamics::guide_rods::GuideRods;
@@ -24,7 +24,7 @@ pub struct Job {
     /// The groom's guides as rods.
     pub rods: GuideRods,
     /// The cache that has what this bake does not make, if it does not make all.
-    pub base: Option<Base>,
+    pub base: Option<BaseCache>,
     /// The files that the scene was read from.
     pub inputs: Vec<InputRecord>,
     /// The settings of the bake, resolved, and all values put in place of the files'.
@@ -34,20 +34,20 @@ pub struct Job {
     /// What the bytes of the cache follow from, hashed.
     pub key: String,
     /// What is done so far.
-    pub work: Work,
+    pub work: WorkDir,
 }
 
 impl Job {
     /// Begins a bake into the folder `out`, or goes on with one. `set` are the values put in place of the files'; `only` is for a bake of some groups.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] where the folder cannot be written; those of [`Base::open`], before anything is.
+    /// [`crate::Error::Io`] where the folder cannot be written; those of [`BaseCache::open`], before anything is.
     pub fn begin(
         groom: Groom,
         anim: Anim,
         mut inputs: Vec<InputRecord>,
         set: &[Override],
-        only: Option<&Only>,
+        only: Option<&GroupSelection>,
         out: &Path,
     ) -> Result<Self> {
         let groom = groom.with_default_trees(anim.settings.nodes);
@@ -56,7 +56,7 @@ impl Job {
         let base = match only {
             Some(only) => {
                 let written = Written::new(&groom, &anim, &rods);
-                let base = Base::open(only, &groom, &anim, &written.header())?;
+                let base = BaseCache::open(only, &groom, &anim, &written.header())?;
                 let moved = moved(&groom, &anim, &rods, &base, &written);
                 rods.moved = moved;
                 inputs.push(base.record()?);
@@ -67,7 +67,7 @@ impl Job {
         };
         let key = key(&anim, &inputs, &settings);
         let (first, last) = anim.frames;
-        let work = Work::begin(out, &key, (first - 1, last + 1))?;
+        let work = WorkDir::begin(out, &key, (first - 1, last + 1))?;
         Ok(Job { groom, anim, rods, base, inputs, settings, out: out.into(), key, work })
     }
 
@@ -95,7 +95,7 @@ impl Job {
 
 /// Which guides a bake of some groups has to move: its own, those that its strands follow, and those that these rub
 /// against. The simulation adds what leads them in wisps.
-fn moved(groom: &Groom, anim: &Anim, rods: &GuideRods, base: &Base, written: &Written) -> Vec<bool> {
+fn moved(groom: &Groom, anim: &Anim, rods: &GuideRods, base: &BaseCache, written: &Written) -> Vec<bool> {
     let settings = &anim.settings;
     let rubs = rods.simulated.iter().any(|r| r.material.wisp_friction > 0.0);
     // What leads rubs against others, and those may be led by more.

@@ -34,7 +34,7 @@ pub(super) fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Resu
     manifest.totals = totals(&finished);
     // What is exempt in the end is so for good.
     let exempt = finished.last().map_or(0, |f| f.record.exempt_segments);
-    let first = job.work.state(*job.frames().start()).map_err(|flaw| Error::NotYet(flaw.to_string()))?;
+    let first = job.work.state(*job.frames().start()).map_err(|fault| Error::NotYet(fault.to_string()))?;
     let [mean, largest] = job.rods.departure(&first.guides);
     manifest.scene_figures = object(json!({
         "exempt_guide_segments": exempt,
@@ -46,7 +46,7 @@ pub(super) fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Resu
         manifest.frames.push(cache::FrameEntry { frame: record.frame, file, figures: figures(&record) });
     }
     let manifest = writer.finish(manifest)?;
-    job.work.settle_marks(&job.frames().collect::<Vec<_>>())?;
+    job.work.sync_marks(&job.frames().collect::<Vec<_>>())?;
     job.work.tidy(job.frames())?;
     Ok(manifest)
 }

@@ -7,6 +7,7 @@
 pub mod base_cache;
 pub mod checked_file;
 pub mod control;
+mod extent;
 pub mod frame_record;
 mod frame_state;
 mod frame_stepper;

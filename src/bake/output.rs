@@ -1,6 +1,7 @@
 //! From the simulation's state to the arrays of the cache, in the groom's own unit and axes.
 
-use super::base_cache::Base;
+use super::base_cache::BaseCache;
+use super::extent::extent;
 use crate::Result;
 use crate::cache::{ClosestGuides, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 use crate::contact::{Bodies, Body};
@@ -29,7 +30,7 @@ pub struct Output<'a> {
     bodies: Bodies,
     header: Header,
     /// Where all but the curves of some groups come from, if they do.
-    base: Option<&'a Base>,
+    base: Option<&'a BaseCache>,
 }
 
 /// What is known of the strands at a frame before those around it are.
@@ -43,7 +44,7 @@ pub struct Seen {
 
 impl<'a> Output<'a> {
     /// Prepares the output of guides that are simulated as `rods`, over `base` if there is one.
-    pub fn new(groom: &'a Groom, anim: &'a Anim, rods: &'a GuideRods, base: Option<&'a Base>) -> Self {
+    pub fn new(groom: &'a Groom, anim: &'a Anim, rods: &'a GuideRods, base: Option<&'a BaseCache>) -> Self {
         let written = Written::new(groom, anim, rods);
         let header = written.header();
         let Written { strands, mut follows, rods, .. } = written;
@@ -93,7 +94,7 @@ impl<'a> Output<'a> {
     /// is written, and `retreats` are those of the frames around it. `laid` is how the strands lie at it if none retreats, where that is known.
     ///
     /// # Errors
-    /// Those of [`Base::complete`].
+    /// Those of [`BaseCache::complete`].
     pub fn frame(
         &mut self,
         frame: i32,
@@ -429,18 +430,6 @@ fn curve_set(
         root_uv: curves.root_uv.clone(),
         closest: ClosestGuides::default(),
     }
-}
-
-/// Lowest and highest corner of the points, each grown by half its width.
-pub(super) fn extent(points: &[[f32; 3]], widths: &[f32]) -> [[f32; 3]; 2] {
-    let mut e = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
-    for (p, w) in points.iter().zip(widths) {
-        for c in 0..3 {
-            e[0][c] = e[0][c].min(p[c] - 0.5 * w);
-            e[1][c] = e[1][c].max(p[c] + 0.5 * w);
-        }
-    }
-    e
 }
 
 fn single(v: &Vector3<f64>) -> [f32; 3] {

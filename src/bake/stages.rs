@@ -133,7 +133,7 @@ pub fn interpolate(
         summary.note(job, &state.record, seconds);
         progress(&state.record, i + 1, frames.len());
     }
-    job.work.settle_marks(frames)?;
+    job.work.sync_marks(frames)?;
     Ok(summary)
 }
 
@@ -146,9 +146,9 @@ pub fn assemble(job: &Job) -> Result<BakeSummary> {
     let found: Vec<_> = frames
         .par_iter()
         .map(|&frame| {
-            let file = job.work.done(frame).map_err(|flaw| format!("the file of frame {frame}: {flaw}"))?;
+            let file = job.work.done(frame).map_err(|fault| format!("the file of frame {frame}: {fault}"))?;
             let state =
-                job.work.state(frame).map_err(|flaw| format!("the guides at frame {frame}: {flaw}"))?;
+                job.work.state(frame).map_err(|fault| format!("the guides at frame {frame}: {fault}"))?;
             Ok(Finished::new(&state, file))
         })
         .collect();

@@ -1,17 +1,17 @@
-//! The work folder of a bake, `.hairbake` beside its frames: what is done, and from where to go on.
+//! The work folder of a bake, `.hairbake` in the cache's folder: what is done, and where to resume.
 //!
-//! | file | holds |
+//! | file | content |
 //! |---|---|
-//! | `job.json` | which bake this is: its key, its frames |
+//! | `job.json` | the bake's key and frames |
 //! | `states/1001` | the guides at a frame, for interpolation ([`FrameState`]) |
-//! | `frames/1001.json` | the mark that a frame's file is done, with its checksum |
-//! | `checkpoints/8064` | the whole simulation after so many sub-steps ([`RunCheckpoint`]) |
-//! | `retreats/1001` | how far the strands retreat at a frame that two tasks need, until the cache is ended |
+//! | `frames/1001.json` | marks the frame's file as done, with its checksum |
+//! | `checkpoints/8064` | the whole simulation after 8064 sub-steps ([`RunCheckpoint`]) |
+//! | `retreats/1001` | retractions of the strands at a frame that two tasks need; removed by `assemble` |
 //!
-//! Every file has the bake's key in it and is written whole or not at all, by whichever process; no two that write the same
-//! file write other bytes. So nothing here needs a lock, and a stage that runs twice at once does no harm.
+//! Every file contains the bake's key and is written atomically. Two processes that write the same file write the same bytes,
+//! so no file needs a lock, and a stage may run twice at once.
 
-use super::checked_file::{self, Flaw, Kind};
+use super::checked_file::{self, FileFault, Kind};
 use super::frame_record::FrameRecord;
 use super::frame_state::FrameState;
 use crate::cache::frame_file_name;
@@ -25,42 +25,42 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Name of the folder in that of the cache.
+/// Name of the work folder in the cache's folder.
 pub const FOLDER: &str = ".hairbake";
 
-/// The folders in it.
+/// Its subfolders.
 const FOLDERS: [&str; 4] = ["states", "frames", "checkpoints", "retreats"];
 
-/// Checkpoints kept while a simulation runs: the newest, and one should that be damaged.
+/// Checkpoints kept while a simulation runs: the newest, and one to fall back on.
 const KEPT: usize = 2;
 
-const STATE: Kind = Kind { name: "state", version: 1, lasting: false };
-const RETREATS: Kind = Kind { name: "retreats", version: 1, lasting: false };
-const CHECKPOINT: Kind = Kind { name: "checkpoint", version: 1, lasting: true };
+const STATE: Kind = Kind { name: "state", version: 1, durable: false };
+const RETREATS: Kind = Kind { name: "retreats", version: 1, durable: false };
+const CHECKPOINT: Kind = Kind { name: "checkpoint", version: 1, durable: true };
 
 /// The whole simulation between two sub-steps.
 #[derive(Serialize, Deserialize)]
 pub struct RunCheckpoint {
-    /// The figures so far of the frame that it is on the way to.
+    /// Record so far of the frame in progress.
     pub record: FrameRecord,
-    /// Its state.
+    /// State of the simulation.
     pub simulation: SimulationState,
 }
 
-/// Which bake a work folder is of.
+/// Identifies the bake of a work folder.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Description {
     /// Always `hairbake-work`.
     pub format: String,
     /// Version of this format.
     pub version: u32,
-    /// The bake's key.
+    /// Key of the bake.
     pub key: String,
     /// First and last frame, handles included.
     pub frames: (i32, i32),
 }
 
-/// The mark of a frame that is done.
+/// Marks a frame as done.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Mark {
     key: String,
@@ -70,26 +70,26 @@ struct Mark {
 
 /// The work folder of one bake.
 #[derive(Debug, Clone)]
-pub struct Work {
+pub struct WorkDir {
     out: PathBuf,
     key: String,
 }
 
-impl Work {
-    /// The work folder in the cache folder `out`, made if it is not there. What another bake has left in it is removed, and its cache
-    /// made visibly unfinished.
+impl WorkDir {
+    /// Opens the work folder in the cache folder `out`, or makes it. Removes the files of another bake, and marks its cache as
+    /// unfinished.
     ///
     /// # Errors
     /// [`Error::Io`].
     pub fn begin(out: &Path, key: &str, frames: (i32, i32)) -> Result<Self> {
-        let work = Work { out: out.into(), key: key.into() };
-        // A cache may be somebody else's gift: what it calls its work folder must not be a way out of it.
+        let work = WorkDir { out: out.into(), key: key.into() };
+        // The cache may come from an untrusted source: its work folder must not link elsewhere.
         for folder in [out.join(FOLDER)].into_iter().chain(FOLDERS.map(|name| work.folder(name))) {
             std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
             if folder.is_symlink() {
                 return Err(Error::io(
                     &folder,
-                    std::io::Error::other("is a link; work files stay in the cache's folder"),
+                    std::io::Error::other("is a link; work files must stay in the cache's folder"),
                 ));
             }
         }
@@ -103,27 +103,29 @@ impl Work {
         Ok(work)
     }
 
-    /// The work folder as it is, of the bake that it says it is of.
+    /// Opens an existing work folder without changing it.
     ///
     /// # Errors
     /// As [`Description::read`].
     pub fn open(out: &Path) -> Result<(Self, Description)> {
         let description = Description::read(out)?;
-        Ok((Work { out: out.into(), key: description.key.clone() }, description))
+        Ok((WorkDir { out: out.into(), key: description.key.clone() }, description))
     }
 
-    /// Removes the files of other bakes; this one's may be another process's, just written.
+    /// Removes the files of other bakes. Files of this bake may have just been written by another process.
     fn clear_other_bakes(&self) -> Result<()> {
         for (name, kind) in [("states", STATE), ("checkpoints", CHECKPOINT), ("retreats", RETREATS)] {
             for number in numbers::<i64>(&self.folder(name))? {
                 let path = self.folder(name).join(number.to_string());
-                if checked_file::read::<serde::de::IgnoredAny>(&path, kind, &self.key) == Err(Flaw::Stale) {
+                if checked_file::read::<serde::de::IgnoredAny>(&path, kind, &self.key)
+                    == Err(FileFault::Stale)
+                {
                     remove_file(&path)?;
                 }
             }
         }
         for frame in numbers(&self.folder("frames"))? {
-            if self.mark(frame) == Err(Flaw::Stale) {
+            if self.mark(frame) == Err(FileFault::Stale) {
                 remove_file(&self.mark_path(frame))?;
             }
         }
@@ -133,8 +135,8 @@ impl Work {
     /// The guides at a frame.
     ///
     /// # Errors
-    /// [`Flaw`].
-    pub fn state(&self, frame: i32) -> std::result::Result<FrameState, Flaw> {
+    /// [`FileFault`].
+    pub fn state(&self, frame: i32) -> std::result::Result<FrameState, FileFault> {
         checked_file::read(&self.state_path(frame), STATE, &self.key)
     }
 
@@ -146,53 +148,53 @@ impl Work {
         checked_file::write(&self.state_path(state.record.frame), STATE, &self.key, state)
     }
 
-    /// The file of a frame that is done, as it was written.
+    /// The record of a frame's file that is marked as done; the file itself is not checked.
     ///
     /// # Errors
-    /// [`Flaw`] of its mark.
-    pub fn mark(&self, frame: i32) -> std::result::Result<FileRecord, Flaw> {
-        let bytes = read_file(&self.mark_path(frame)).map_err(|_| Flaw::Missing)?;
-        let mark: Mark = serde_json::from_slice(&bytes).map_err(|e| Flaw::Damaged(e.to_string()))?;
-        if mark.key == self.key { Ok(mark.file) } else { Err(Flaw::Stale) }
+    /// [`FileFault`] of the mark.
+    pub fn mark(&self, frame: i32) -> std::result::Result<FileRecord, FileFault> {
+        let bytes = read_file(&self.mark_path(frame)).map_err(|_| FileFault::Missing)?;
+        let mark: Mark = serde_json::from_slice(&bytes).map_err(|e| FileFault::Damaged(e.to_string()))?;
+        if mark.key == self.key { Ok(mark.file) } else { Err(FileFault::Stale) }
     }
 
-    /// The file of a frame that is done and there, of the length that it was written with; its bytes are not looked at.
+    /// As [`WorkDir::mark`], and checks that the file exists with the recorded length.
     ///
     /// # Errors
-    /// [`Flaw`] of its mark, or of the file.
-    pub fn marked(&self, frame: i32) -> std::result::Result<FileRecord, Flaw> {
+    /// [`FileFault`] of the mark or of the file.
+    pub fn marked(&self, frame: i32) -> std::result::Result<FileRecord, FileFault> {
         let mark = self.mark(frame)?;
         match std::fs::metadata(self.out.join(frame_file_name(frame))) {
             Ok(meta) if meta.len() == mark.bytes => Ok(mark),
-            Ok(_) => Err(Flaw::Damaged("its length differs".into())),
-            Err(_) => Err(Flaw::Missing),
+            Ok(_) => Err(FileFault::Damaged("the length differs".into())),
+            Err(_) => Err(FileFault::Missing),
         }
     }
 
-    /// The file of a frame that is done and as it was written.
+    /// As [`WorkDir::mark`], and checks the file's checksum.
     ///
     /// # Errors
-    /// [`Flaw`] of its mark, or of the file.
-    pub fn done(&self, frame: i32) -> std::result::Result<FileRecord, Flaw> {
+    /// [`FileFault`] of the mark or of the file.
+    pub fn done(&self, frame: i32) -> std::result::Result<FileRecord, FileFault> {
         let mark = self.mark(frame)?;
         match record_of(&self.out.join(frame_file_name(frame))) {
             Ok(found) if found == mark => Ok(mark),
-            Ok(_) => Err(Flaw::Damaged("its checksum differs".into())),
-            Err(_) => Err(Flaw::Missing),
+            Ok(_) => Err(FileFault::Damaged("the checksum differs".into())),
+            Err(_) => Err(FileFault::Missing),
         }
     }
 
-    /// Marks a frame's file, which is on the disk, as done.
+    /// Marks a frame's file, which is synced to disk, as done.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn set_done(&self, frame: i32, file: &FileRecord) -> Result<()> {
+    pub fn mark_done(&self, frame: i32, file: &FileRecord) -> Result<()> {
         let mark = Mark { key: self.key.clone(), file: file.clone() };
         let json = serde_json::to_vec(&mark).map_err(|e| Error::Internal(e.to_string()))?;
         write_file_unsynced(&self.mark_path(frame), &[json]).map(drop)
     }
 
-    /// How far the strands retreat at a frame, at each of so many vertices, if another task has told.
+    /// Retractions of the strands at a frame, one per vertex, if another task has written them.
     pub fn retreats(&self, frame: i32, vertices: usize) -> Option<Vec<f32>> {
         let some: Vec<(u32, f32)> =
             checked_file::read(&self.retreats_path(frame), RETREATS, &self.key).ok()?;
@@ -203,7 +205,7 @@ impl Work {
         Some(retreats)
     }
 
-    /// Tells other tasks how far the strands retreat at a frame. Most do not.
+    /// Writes the retractions of the strands at a frame for other tasks; only those that are not zero.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -213,28 +215,28 @@ impl Work {
         checked_file::write(&self.retreats_path(frame), RETREATS, &self.key, &some)
     }
 
-    /// Brings the states of frames to the disk.
+    /// Syncs the states of frames to disk.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn settle_states(&self, frames: &[i32]) -> Result<()> {
+    pub fn sync_states(&self, frames: &[i32]) -> Result<()> {
         let paths: Vec<PathBuf> = frames.iter().map(|frame| self.state_path(*frame)).collect();
         file::sync_files(&self.folder("states"), &paths)
     }
 
-    /// Brings the marks of frames to the disk.
+    /// Syncs the marks of frames to disk.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn settle_marks(&self, frames: &[i32]) -> Result<()> {
+    pub fn sync_marks(&self, frames: &[i32]) -> Result<()> {
         let paths: Vec<PathBuf> = frames.iter().map(|frame| self.mark_path(*frame)).collect();
         file::sync_files(&self.folder("frames"), &paths)
     }
 
-    /// The newest sound checkpoint of fewer than `before` sub-steps; each damaged one is named in a warning.
+    /// The newest valid checkpoint of fewer than `before` sub-steps; warns of each damaged one.
     ///
     /// # Errors
-    /// [`Error::Io`] where the folder cannot be read.
+    /// [`Error::Io`] if the folder cannot be read.
     pub fn checkpoint(&self, before: i64) -> Result<Option<RunCheckpoint>> {
         let mut all: Vec<i64> = numbers(&self.folder("checkpoints"))?;
         all.retain(|taken| *taken < before);
@@ -242,20 +244,22 @@ impl Work {
             let path = self.checkpoint_path(taken);
             match checked_file::read(&path, CHECKPOINT, &self.key) {
                 Ok(checkpoint) => return Ok(Some(checkpoint)),
-                // Another process has just replaced it by newer ones, or it is another bake's.
-                Err(Flaw::Missing | Flaw::Stale) => {}
-                Err(flaw) => tracing::warn!("{}: {flaw}; going on from the one before", path.display()),
+                // Another process has just replaced it by newer ones, or it belongs to another bake.
+                Err(FileFault::Missing | FileFault::Stale) => {}
+                Err(fault) => {
+                    tracing::warn!("{}: {fault}; falling back to the checkpoint before it", path.display())
+                }
             }
         }
         Ok(None)
     }
 
-    /// Whether there is a sound checkpoint after `taken` sub-steps.
+    /// Whether there is a valid checkpoint after `taken` sub-steps.
     pub fn has_checkpoint(&self, taken: i64) -> bool {
         checked_file::read::<RunCheckpoint>(&self.checkpoint_path(taken), CHECKPOINT, &self.key).is_ok()
     }
 
-    /// Writes a checkpoint, and removes those older than the newest two of more than `since` sub-steps but those `kept`.
+    /// Writes a checkpoint; removes all but the newest two after `since` sub-steps, except those listed in `kept`.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -272,7 +276,7 @@ impl Work {
         all.iter().rev().skip(KEPT).try_for_each(|old| remove_file(&self.checkpoint_path(*old)))
     }
 
-    /// Removes the checkpoints of a range of sub-steps but those listed.
+    /// Removes the checkpoints of a range of sub-steps, except those listed in `kept`.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -282,7 +286,7 @@ impl Work {
         old.into_iter().try_for_each(|taken| remove_file(&self.checkpoint_path(*taken)))
     }
 
-    /// Removes what killed processes have left, what tasks have told each other, and marks of frames that are not `frames`.
+    /// Removes files left by killed processes, files shared between tasks, and marks of frames outside `frames`.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -292,8 +296,8 @@ impl Work {
         {
             file::remove_stale_temporaries(&folder)?;
         }
-        let told: Vec<i32> = numbers(&self.folder("retreats"))?;
-        told.into_iter().try_for_each(|frame| remove_file(&self.retreats_path(frame)))?;
+        let shared: Vec<i32> = numbers(&self.folder("retreats"))?;
+        shared.into_iter().try_for_each(|frame| remove_file(&self.retreats_path(frame)))?;
         let marks: Vec<i32> = numbers(&self.folder("frames"))?;
         let outside = marks.into_iter().filter(|frame| !frames.contains(frame));
         outside.into_iter().try_for_each(|frame| remove_file(&self.mark_path(frame)))
@@ -321,10 +325,10 @@ impl Work {
 }
 
 impl Description {
-    /// Reads that of the work folder in `out`.
+    /// Reads the description of the work folder in `out`.
     ///
     /// # Errors
-    /// [`Error::Io`] where there is none; [`Error::Damaged`] where it is none.
+    /// [`Error::Io`] if there is none; [`Error::Damaged`] if it cannot be parsed.
     pub fn read(out: &Path) -> Result<Self> {
         let path = out.join(FOLDER).join("job.json");
         let bytes = read_file(&path).map_err(|e| Error::io(&path, e))?;
@@ -332,7 +336,7 @@ impl Description {
     }
 }
 
-/// The numbers that files of a folder are named by, ascending.
+/// The numbers that name the files of a folder, ascending.
 fn numbers<N: FromStr + Ord>(folder: &Path) -> Result<Vec<N>> {
     let mut numbers = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))? {

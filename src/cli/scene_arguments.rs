@@ -2,7 +2,7 @@
 
 use super::settings::{Explained, SettingsArguments};
 use super::{summary, values};
-use crate::bake::base_cache::Only;
+use crate::bake::base_cache::GroupSelection;
 use crate::bake::job::Job;
 use crate::cache::MANIFEST;
 use crate::error::{Diagnostic, Error, Result};
@@ -90,7 +90,7 @@ impl SceneArguments {
             let message = "--base and --output are the same folder; choose another with -o";
             return Err(Error::Usage(message.into()));
         }
-        let only = base.map(|base| Only { groups: self.groups.clone(), base });
+        let only = base.map(|base| GroupSelection { groups: self.groups.clone(), base });
         let options = LoadOptions { overrides: self.settings.overrides().to_vec(), path_map: paths };
         let (groom, mut anim) = scene::load_with(&groom_file, &anim_file, &options)?;
         if let Some(frames) = shot {
@@ -183,7 +183,7 @@ pub struct Scene {
     groom_file: PathBuf,
     anim_file: PathBuf,
     options: LoadOptions,
-    only: Option<Only>,
+    only: Option<GroupSelection>,
     out: PathBuf,
 }
 

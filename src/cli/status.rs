@@ -1,8 +1,8 @@
 //! `hairbake status`: which frames of a bake are done.
 
 use super::console;
-use crate::bake::checked_file::Flaw;
-use crate::bake::work_dir::Work;
+use crate::bake::checked_file::FileFault;
+use crate::bake::work_dir::WorkDir;
 use crate::cache::MANIFEST;
 use crate::error::{Error, Result};
 use clap::Args;
@@ -43,7 +43,7 @@ const KINDS: [&str; 4] = ["done", "missing", "stale", "damaged"];
 /// # Errors
 /// [`Error::NotYet`] if the bake is incomplete.
 pub fn run(arguments: &StatusArguments) -> Result<()> {
-    let (work, description) = Work::open(&arguments.cache)?;
+    let (work, description) = WorkDir::open(&arguments.cache)?;
     let (first, last) = description.frames;
     let frames: Vec<i32> = (first..=last).collect();
     let state = |frame: i32| work.state(frame).map(drop);
@@ -76,7 +76,7 @@ struct Frames([Vec<i32>; KINDS.len()]);
 
 impl Frames {
     /// Sorts `frames` by what `check` finds.
-    fn sort(frames: &[i32], check: impl Fn(i32) -> std::result::Result<(), Flaw> + Sync) -> Self {
+    fn sort(frames: &[i32], check: impl Fn(i32) -> std::result::Result<(), FileFault> + Sync) -> Self {
         let kinds: Vec<usize> = frames.par_iter().map(|frame| kind(&check(*frame))).collect();
         let of =
             |k: usize| frames.iter().zip(&kinds).filter(|(_, kind)| **kind == k).map(|(f, _)| *f).collect();
@@ -97,12 +97,12 @@ impl std::fmt::Display for Frames {
 }
 
 /// Index into [`KINDS`].
-fn kind(found: &std::result::Result<(), Flaw>) -> usize {
+fn kind(found: &std::result::Result<(), FileFault>) -> usize {
     match found {
         Ok(()) => 0,
-        Err(Flaw::Missing) => 1,
-        Err(Flaw::Stale) => 2,
-        Err(Flaw::Damaged(_)) => 3,
+        Err(FileFault::Missing) => 1,
+        Err(FileFault::Stale) => 2,
+        Err(FileFault::Damaged(_)) => 3,
     }
 }
 
