@@ -1,6 +1,6 @@
 //! An earlier cache of the same shot: a bake of some groups copies the curves of all other groups from it.
 
-use super::extent::extent;
+use super::single::extent;
 use crate::cache::{self, CurveFrame, CurveSet, Frame, Header, InputRecord, MANIFEST, Reader};
 use crate::error::{Diagnostic, Error, Result};
 use crate::file::{FileRecord, record_of};

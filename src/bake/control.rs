@@ -1,17 +1,17 @@
-//! What is asked of a running stage from outside, and how often it saves.
+//! Requests to a running stage, and its checkpoint intervals.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Wishes to a running stage. It looks at them between sub-steps, and between frames.
+/// Requests to a running stage, polled between sub-steps and between frames.
 #[derive(Debug, Clone, Default)]
 pub struct Control {
-    /// Set by whoever wants it to save and stop.
+    /// Set to make the stage write a checkpoint and stop.
     pub stop: Arc<AtomicBool>,
-    /// Set by whoever wants it to save and go on.
+    /// Set to make the stage write a checkpoint and continue.
     pub save: Arc<AtomicBool>,
-    /// When it is to save and stop by itself.
+    /// Time at which the stage writes a checkpoint and stops.
     pub until: Option<Instant>,
     /// Time between checkpoints; `None` for none.
     pub every: Option<Duration>,
@@ -20,12 +20,12 @@ pub struct Control {
 }
 
 impl Control {
-    /// Whether the stage is to stop.
+    /// True if the stage must stop.
     pub fn stops(&self) -> bool {
         self.stop.load(Ordering::Relaxed) || self.until.is_some_and(|until| Instant::now() >= until)
     }
 
-    /// Whether the stage has been asked to save since it was last asked here.
+    /// True if a checkpoint was requested since the last call.
     pub fn saves(&self) -> bool {
         self.save.swap(false, Ordering::Relaxed)
     }

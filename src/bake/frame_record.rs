@@ -1,95 +1,95 @@
-//! What a frame of the bake did: the figures of the manifest and the report.
+//! The record of a frame, as in the manifest and the report.
 
 use crate::dynamics::simulation::{Simulation, SubstepRecord};
 use crate::strands::HeadMotion;
 use serde::{Deserialize, Serialize};
 
-/// Figures of one frame. The same for any number of threads; timings are kept apart.
+/// Record of one frame. Independent of the number of threads; timings are kept apart.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FrameRecord {
     /// Frame number.
     pub frame: i32,
-    /// Sub-steps of all guides that led to this frame.
+    /// Sub-steps of active guides since the last frame.
     pub solves: u64,
-    /// Newton steps per guide and sub-step, mean.
+    /// Newton steps per guide and sub-step: mean.
     pub newton_mean: f64,
-    /// Newton steps of the worst guide and sub-step.
+    /// Newton steps per guide and sub-step: largest.
     pub newton_max: u32,
-    /// Steps that were cut in half for the solver's sake.
+    /// Sub-steps that were halved.
     pub halvings: u32,
-    /// Ids of guides with a step that they took in parts by themselves, at moments that are not written: between its ends they went otherwise than straight.
+    /// Ids of guides that halved a sub-step on their own. The moments in between are not written, so their written path is not exact.
     pub divided: Vec<i32>,
-    /// Ids of guides with a solve that did not converge; they were carried along rigidly instead.
+    /// Ids of guides with a solve that did not converge; they were carried rigidly with their roots instead.
     pub unconverged: Vec<i32>,
-    /// Strain nodes with unknowns at the end of the frame, of guides that move by themselves.
+    /// Strain nodes with unknowns of the active guides at the end of the frame.
     pub active_nodes: u32,
-    /// Guides that came away from their wisps.
+    /// Guides that split from their wisps.
     pub splits: u32,
-    /// Guides that joined theirs.
+    /// Guides that merged into their wisps.
     pub merges: u32,
-    /// Places where a guide is at a body, found at the last sub-step of the frame.
+    /// Contacts of guides with bodies in the last sub-step of the frame.
     pub contacts_found: u32,
-    /// Those of them that push.
+    /// Contacts of them with a non-zero reaction.
     pub contacts_active: u32,
-    /// Rounds of contact, most of any guide and sub-step.
+    /// Contact rounds per guide and sub-step: largest.
     pub contact_rounds: u32,
-    /// Relative residual of the reactions, largest; of those of a solve that did not settle, where it ended.
+    /// Relative residual of the contact reactions: largest. For a solve that did not settle, evaluated where it ended.
     pub contact_residual: f64,
-    /// Solves that were taken after all rounds though the guide had not come to rest on the bodies.
+    /// Solves accepted after all rounds before the guide came to rest on the bodies.
     pub unsettled: u32,
-    /// Deepest point inside a body that is not exempt, m; 0 where there is none.
+    /// Deepest point inside a body, exempt segments excluded, m; 0 if none.
     pub penetration_m: f64,
-    /// Solves whose motion was cut short at a surface, or taken whole since every part of it crosses one.
+    /// Solves whose motion was truncated at a surface, or taken whole because no part of it is admissible.
     pub shortened: u32,
-    /// Places where two guides are near each other or met, found in the last sub-step of the frame.
+    /// Contact pairs of guides in the last sub-step of the frame.
     pub strand_contacts_found: u32,
-    /// Those of them that push.
+    /// Contacts of them with a non-zero reaction.
     pub strand_contacts_active: u32,
-    /// Rounds of contact between guides, most of any sub-step.
+    /// Rounds of contact between guides per sub-step: largest.
     pub strand_rounds: u32,
-    /// Relative residual of the reactions between guides, largest.
+    /// Relative residual of the reactions between guides: largest.
     pub strand_residual: f64,
-    /// Motions of guides that were taken after all rounds though they had not come to rest on each other.
+    /// Coupled solves accepted after all rounds before the guide came to rest on other guides.
     pub strands_unsettled: u32,
-    /// Motions of guides that passed through a body, and segments of guides that passed through each other.
+    /// Motions of guides through a body, and segments of guides that passed through each other.
     pub crossings: u32,
-    /// Motions of guides cut short for another guide's sake: taken as if it were not there, in part, or not at all.
+    /// Motions of guides that were truncated, or that ignore other guides, because no coupled solution was found.
     pub strands_shortened: u32,
-    /// Farthest that a tie is from where it has to be, m.
+    /// Largest distance of a tie from its target, m.
     pub tie_slack_m: f64,
-    /// Speed of the guides' points relative to the head, mean, m/s.
+    /// Speed of the guides' points relative to the head: mean, m/s.
     pub speed_mean_m_s: f64,
-    /// The same, 95th percentile.
+    /// The same: 95th percentile, m/s.
     pub speed_p95_m_s: f64,
-    /// The same, largest.
+    /// The same: largest, m/s.
     pub speed_max_m_s: f64,
     /// Largest relative change of the arc length of a segment of a guide since the start.
     pub length_drift: f64,
-    /// Points of guides that contact leaves alone, one for each body that they are in.
+    /// Guide segments exempt from contact, counted once per body.
     pub exempt_segments: u32,
 }
 
-/// Relative residual of the reactions above which a frame does not hold to the law of contact: a thousandth of the forces.
+/// Relative residual of the reactions above which a frame violates the contact law: 1/1000 of the forces.
 pub const RESIDUAL: f64 = 1e-3;
 
 impl FrameRecord {
-    /// Which guarantees the frame breaks, in words; none as a rule.
+    /// The guarantees that the frame breaks, in words.
     pub fn broken(&self) -> Vec<String> {
         let counted = |n: u32, what: &str| (n > 0).then(|| format!("{n} {what}"));
         let residual = self.contact_residual.max(self.strand_residual);
         let residual = (residual > RESIDUAL)
-            .then(|| format!("a contact residual of {residual:.1e}, more than {RESIDUAL:.0e}"));
+            .then(|| format!("a contact residual of {residual:.1e} (limit {RESIDUAL:.0e})"));
         let broken = [
             counted(self.crossings, "crossings of a surface"),
-            counted(self.shortened, "motions cut short at a surface"),
-            counted(self.strands_shortened, "motions cut short for another guide's sake"),
-            counted(self.unconverged.len() as u32, "guides with a solve that did not converge"),
+            counted(self.shortened, "motions truncated at a surface"),
+            counted(self.strands_shortened, "motions truncated to avoid another guide"),
+            counted(self.unconverged.len() as u32, "guides whose solve did not converge"),
             residual,
         ];
         broken.into_iter().flatten().collect()
     }
 
-    /// Adds what one sub-step did; `ids` are the guides' ids.
+    /// Adds one sub-step; `ids` are the guides' ids.
     pub fn add(&mut self, step: &SubstepRecord, ids: &[i32]) {
         self.active_nodes = step.active_nodes;
         self.splits += step.changes.splits;
@@ -104,7 +104,7 @@ impl FrameRecord {
             self.strand_contacts_active += r.strands.active;
         }
         let stepped = stepped.map(|(i, r)| (i, r, !step.coupled));
-        for (i, r, by_itself) in stepped.chain(step.catch_up.iter().map(|(i, r)| (*i, r, true))) {
+        for (i, r, alone) in stepped.chain(step.catch_up.iter().map(|(i, r)| (*i, r, true))) {
             self.solves += 1;
             // A running mean.
             self.newton_mean += (f64::from(r.iterations) - self.newton_mean) / self.solves as f64;
@@ -121,7 +121,7 @@ impl FrameRecord {
             self.crossings += r.crossed + r.strands.crossings;
             self.strands_shortened += r.strands.uncoupled + r.strands.truncated;
             self.tie_slack_m = self.tie_slack_m.max(r.tie_slack);
-            if r.halvings > 0 && by_itself && !self.divided.contains(&ids[i]) {
+            if r.halvings > 0 && alone && !self.divided.contains(&ids[i]) {
                 self.divided.push(ids[i]);
             }
             if r.unconverged > 0 && !self.unconverged.contains(&ids[i]) {
@@ -130,7 +130,7 @@ impl FrameRecord {
         }
     }
 
-    /// Fills the figures of the state at the end of the frame, of guides that move by themselves.
+    /// Adds the figures of the active guides' state at the end of the frame.
     pub fn close(&mut self, simulation: &Simulation, head: &HeadMotion) {
         let mut speeds: Vec<f64> = Vec::new();
         for i in simulation.active() {
@@ -156,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_broken_guarantee_is_named() {
+    fn each_broken_guarantee_is_reported() {
         let good =
             FrameRecord { contact_residual: 0.5 * RESIDUAL, contacts_active: 7, ..FrameRecord::default() };
         assert!(good.broken().is_empty());

@@ -1,18 +1,18 @@
-//! What the work folder keeps of a frame: the guides, and the figures of its sub-steps.
+//! The simulated state of a frame, as in the work folder.
 
 use super::frame_record::FrameRecord;
 use crate::dynamics::guide_frame::{GuideFrame, SolverStep};
 use serde::{Deserialize, Serialize};
 
-/// The guides at a frame: all that interpolation needs of the simulation, and its figures.
+/// The guides at a frame: everything that interpolation needs from the simulation, and the frame's record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FrameState {
-    /// What the frame's sub-steps did.
+    /// Record of the frame.
     pub record: FrameRecord,
-    /// The instruction set that it was simulated with.
+    /// Instruction set of the simulating machine.
     pub machine: String,
     /// The guides, in the groom's order.
     pub guides: Vec<GuideFrame>,
-    /// Where the solver brought them on the way from the frame before, where that is written.
+    /// Configurations that the solver reached since the frame before, if they are written.
     pub steps: Vec<SolverStep>,
 }

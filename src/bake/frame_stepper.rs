@@ -1,4 +1,4 @@
-//! The simulation from frame to frame: as far as it is not done yet, from the newest checkpoint on.
+//! Simulates from frame to frame, resuming from the newest checkpoint.
 
 use super::checked_file::FileFault;
 use super::control::Control;
@@ -14,22 +14,22 @@ use crate::{Error, Result};
 use std::ops::RangeInclusive;
 use std::time::Instant;
 
-/// The states of a stage's frames, one after the other: from the work folder, or simulated and put there.
+/// Provides the states of a stage's frames in order: from the work folder, or by simulation.
 pub struct FrameStepper<'a> {
     job: &'a Job,
     control: &'a Control,
     stage: RangeInclusive<i32>,
-    /// Nothing until a state is missing.
+    /// `None` until a state is missing.
     run: Option<Run<'a>>,
 }
 
 impl<'a> FrameStepper<'a> {
-    /// For a stage of these frames.
+    /// For a stage of the frames `stage`.
     pub fn new(job: &'a Job, control: &'a Control, stage: RangeInclusive<i32>) -> Self {
         FrameStepper { job, control, stage, run: None }
     }
 
-    /// The state at `frame`, not before that of the last call, and how long it took to simulate it, s, if it was not there.
+    /// The state at `frame`, which must not precede that of the last call, and the time to simulate it, s, if it was missing.
     ///
     /// # Errors
     /// As [`FrameStepper::simulate`].
@@ -37,7 +37,7 @@ impl<'a> FrameStepper<'a> {
         match self.job.work.state(frame) {
             Ok(state) => return Ok((state, None)),
             Err(FileFault::Damaged(what)) => {
-                tracing::warn!("the state of frame {frame} is damaged: {what}; simulating it again");
+                tracing::warn!("the state of frame {frame} is damaged ({what}): simulating it again");
             }
             Err(FileFault::Missing | FileFault::Stale) => {}
         }
@@ -45,11 +45,10 @@ impl<'a> FrameStepper<'a> {
         Ok((state, Some(seconds)))
     }
 
-    /// Simulates to `frame`, from the newest checkpoint before it unless it is already on the way there; returns the state and how
-    /// long that took, s.
+    /// Simulates to `frame`, from the current state or the newest checkpoint before it; returns the state and the time taken, s.
     ///
     /// # Errors
-    /// [`Error::Stopped`] where it was asked to stop, with all saved; [`Error::Io`].
+    /// [`Error::Stopped`] if asked to stop, after writing a checkpoint; [`Error::Io`].
     pub fn simulate(&mut self, frame: i32) -> Result<(FrameState, f64)> {
         let start = Instant::now();
         let run = match self.run.take().filter(|run| run.next <= frame) {
@@ -61,52 +60,53 @@ impl<'a> FrameStepper<'a> {
             let state = run.step()?;
             if state.record.frame == frame {
                 self.job.work.write_state(&state)?;
-                run.unsettled.push(frame);
+                run.unsynced.push(frame);
                 return Ok((state, start.elapsed().as_secs_f64()));
             }
         }
     }
 
-    /// Between two frames, does what it has been asked for in the meantime.
+    /// Handles requests between two frames.
     ///
     /// # Errors
     /// As [`FrameStepper::simulate`].
-    pub fn attend(&mut self) -> Result<()> {
+    pub fn poll_control(&mut self) -> Result<()> {
         match &mut self.run {
-            Some(run) => run.attend(),
+            Some(run) => run.poll_control(),
             None if self.control.stops() => Err(stopped("between two frames")),
             None => Ok(()),
         }
     }
 
-    /// Ends the stage: its states are on the disk, and of its checkpoints those of its last two frames stay.
+    /// Ends the stage: syncs its states to disk, and keeps only the checkpoints of its last two frames.
     ///
     /// # Errors
     /// [`Error::Io`].
     pub fn finish(mut self) -> Result<()> {
-        self.run.as_mut().map_or(Ok(()), Run::settle)?;
-        let (since, ends) = bounds(self.job, &self.stage);
+        self.run.as_mut().map_or(Ok(()), Run::sync)?;
+        let (since, ends) = checkpoint_bounds(self.job, &self.stage);
         self.job.work.keep_checkpoints(since + 1..=ends[1], &ends)
     }
 }
 
-/// A simulation on its way.
+/// A running simulation.
 struct Run<'a> {
     job: &'a Job,
     control: &'a Control,
     stage: RangeInclusive<i32>,
     simulation: Simulation<'a>,
-    /// The frame that it is on the way to, and the figures so far of that.
+    /// The frame in progress.
     next: i32,
+    /// Its record so far.
     record: FrameRecord,
-    /// Sub-steps at the last checkpoint, and when that was.
+    /// Sub-steps and time of the last checkpoint.
     saved: (i64, Instant),
-    /// Frames whose states are not yet known to be on the disk.
-    unsettled: Vec<i32>,
+    /// Frames whose states are not yet synced to disk.
+    unsynced: Vec<i32>,
 }
 
 impl<'a> Run<'a> {
-    /// At the newest checkpoint on the way to `frame`, else at the start of the pre-roll.
+    /// Starts from the newest checkpoint before `frame`, else from the start of the pre-roll.
     fn before(job: &'a Job, control: &'a Control, stage: RangeInclusive<i32>, frame: i32) -> Result<Self> {
         let mut simulation = Simulation::new(&job.groom, &job.anim, &job.rods);
         let mut record = FrameRecord::default();
@@ -114,29 +114,29 @@ impl<'a> Run<'a> {
         if let Some(checkpoint) = job.work.checkpoint(job.steps_to(frame))? {
             simulation
                 .restore(checkpoint.simulation)
-                .map_err(|e| Error::Internal(format!("a checkpoint is of another scene: {e}")))?;
+                .map_err(|e| Error::Internal(format!("a checkpoint belongs to another scene: {e}")))?;
             record = checkpoint.record;
             while job.steps_to(next) <= simulation.taken() {
                 next += 1;
             }
         }
         let saved = (simulation.taken(), Instant::now());
-        Ok(Run { job, control, stage, simulation, next, record, saved, unsettled: Vec::new() })
+        Ok(Run { job, control, stage, simulation, next, record, saved, unsynced: Vec::new() })
     }
 
-    /// Goes on to the next frame and returns the state there.
+    /// Simulates to the next frame and returns the state there.
     fn step(&mut self) -> Result<FrameState> {
         let frame = self.next;
         while self.simulation.taken() < self.job.steps_to(frame) {
-            self.attend()?;
+            self.poll_control()?;
             self.record.add(self.simulation.step(), &self.job.groom.guides.curves.id);
         }
         let (mut record, steps) = (std::mem::take(&mut self.record), self.simulation.take_path());
         record.frame = frame;
         record.close(&self.simulation, &head_motion(&self.job.anim, self.simulation.time()));
         self.next += 1;
-        // From the last frame a later stage may go on; the one before it stands in should that be damaged. They are on the disk before
-        // the state is, so that who finds all states finds these too.
+        // The next segment resumes from the last frame; the frame before is a fallback. Both checkpoints are synced before the state, so
+        // that a process that finds all states finds them too.
         let due = self.control.every_frames.is_some_and(|n| i64::from(frame) % i64::from(n) == 0);
         if due || frame >= self.stage.end() - 1 {
             self.save()?;
@@ -144,7 +144,7 @@ impl<'a> Run<'a> {
         Ok(FrameState { record, machine: machine(), guides: self.simulation.frame(), steps })
     }
 
-    fn attend(&mut self) -> Result<()> {
+    fn poll_control(&mut self) -> Result<()> {
         let stops = self.control.stops();
         let old = self.control.every.is_some_and(|every| self.saved.1.elapsed() >= every);
         if self.control.saves() || stops || old {
@@ -153,18 +153,18 @@ impl<'a> Run<'a> {
         if stops { Err(stopped(&format!("on the way to frame {}", self.next))) } else { Ok(()) }
     }
 
-    /// Who goes on from a checkpoint does not look behind it: the states before it have to outlive what it outlives.
-    fn settle(&mut self) -> Result<()> {
-        self.job.work.sync_states(&std::mem::take(&mut self.unsettled))
+    /// Syncs the states: a process that resumes from a checkpoint does not check the states before it, so they must be as durable.
+    fn sync(&mut self) -> Result<()> {
+        self.job.work.sync_states(&std::mem::take(&mut self.unsynced))
     }
 
     fn save(&mut self) -> Result<()> {
         let taken = self.simulation.taken();
         if taken != self.saved.0 {
-            self.settle()?;
+            self.sync()?;
             let checkpoint =
                 RunCheckpoint { record: self.record.clone(), simulation: self.simulation.state() };
-            let (since, ends) = bounds(self.job, &self.stage);
+            let (since, ends) = checkpoint_bounds(self.job, &self.stage);
             self.job.work.write_checkpoint(taken, &checkpoint, since, &ends)?;
         }
         self.saved = (taken, Instant::now());
@@ -172,19 +172,19 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Sub-steps to where a stage begins, which is another one's end and not this one's to remove; and to its last two frames, whose
-/// checkpoints stay.
-fn bounds(job: &Job, stage: &RangeInclusive<i32>) -> (i64, [i64; 2]) {
+/// Sub-steps to the start of a stage, whose checkpoint belongs to the stage before; and to its last two frames, whose checkpoints are
+/// kept.
+fn checkpoint_bounds(job: &Job, stage: &RangeInclusive<i32>) -> (i64, [i64; 2]) {
     let (start, end) = (*stage.start(), *stage.end());
     (job.steps_before(start), [end - 1, end].map(|frame| job.steps_to(frame)))
 }
 
-/// That a stage stopped because it was asked to, and where.
+/// The error of a stage that was asked to stop.
 pub fn stopped(at: &str) -> Error {
-    Error::Stopped(format!("stopped as asked, {at}; the same command goes on from there"))
+    Error::Stopped(format!("stopped as requested, {at}; run the same command to resume"))
 }
 
-/// The instruction set that guides are simulated with: how many of them at a time. It steers the speed, and no bit as far as is known.
+/// Instruction set of the simulation. It affects speed only, not bits, as far as tested.
 fn machine() -> String {
     format!("{}, {} lanes", std::env::consts::ARCH, Pack::width())
 }

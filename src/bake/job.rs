@@ -1,7 +1,7 @@
-//! One bake of a scene into a folder: what every stage of it starts from.
+//! One bake of a scene into a folder: the inputs of every stage.
 
 use super::base_cache::{BaseCache, GroupSelection};
-use super::output::Written;
+use super::cache_content::CacheContent;
 use super::work_dir::WorkDir;
 use crate::Result;
 use crate::cache::{InputRecord, sha256};
@@ -15,33 +15,34 @@ use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-/// A bake, ready for any of its stages.
+/// A bake, ready for any stage.
 pub struct Job {
     /// The groom, with its trees.
     pub groom: Groom,
-    /// The animation, with the settings of this bake and the part of the shot that it covers.
+    /// The animation, with the settings and the frames of this bake.
     pub anim: Anim,
     /// The groom's guides as rods.
     pub rods: GuideRods,
-    /// The cache that has what this bake does not make, if it does not make all.
+    /// The cache that provides the groups that are not baked, in a bake of some groups.
     pub base: Option<BaseCache>,
-    /// The files that the scene was read from.
+    /// The files of the scene.
     pub inputs: Vec<InputRecord>,
-    /// The settings of the bake, resolved, and all values put in place of the files'.
+    /// The resolved settings, with all overrides of the files' values.
     pub settings: Value,
     /// Folder of the cache.
     pub out: PathBuf,
-    /// What the bytes of the cache follow from, hashed.
+    /// Hash of everything that the bytes of the cache depend on.
     pub key: String,
-    /// What is done so far.
+    /// The work folder.
     pub work: WorkDir,
 }
 
 impl Job {
-    /// Begins a bake into the folder `out`, or goes on with one. `set` are the values put in place of the files'; `only` is for a bake of some groups.
+    /// Begins or resumes a bake into the folder `out`. `set` are overrides of the files' values; `only` selects groups to bake
+    /// over an earlier cache.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] where the folder cannot be written; those of [`BaseCache::open`], before anything is.
+    /// [`crate::Error::Io`] if the folder cannot be written; those of [`BaseCache::open`], before anything is written.
     pub fn begin(
         groom: Groom,
         anim: Anim,
@@ -55,10 +56,9 @@ impl Job {
         let mut settings = settings(&anim, set);
         let base = match only {
             Some(only) => {
-                let written = Written::new(&groom, &anim, &rods);
+                let written = CacheContent::new(&groom, &anim, &rods);
                 let base = BaseCache::open(only, &groom, &anim, &written.header())?;
-                let moved = moved(&groom, &anim, &rods, &base, &written);
-                rods.moved = moved;
+                rods.moved = required_guides(&groom, &anim, &rods, &base, &written);
                 inputs.push(base.record()?);
                 settings["groups"] = only.groups.iter().cloned().collect();
                 Some(base)
@@ -71,12 +71,12 @@ impl Job {
         Ok(Job { groom, anim, rods, base, inputs, settings, out: out.into(), key, work })
     }
 
-    /// All frames, with a handle frame before the shot and one after it.
+    /// The frames of the cache: the shot with one handle frame before it and one after it.
     pub fn frames(&self) -> RangeInclusive<i32> {
         self.anim.frames.0 - 1..=self.anim.frames.1 + 1
     }
 
-    /// The frames that are simulated: beyond the last there are some that the strands of the last depend on.
+    /// The frames that are simulated: the strands of the last frame depend on some frames after it.
     pub fn simulated(&self) -> RangeInclusive<i32> {
         *self.frames().start()..=self.frames().end() + RETRACTION_SPAN as i32
     }
@@ -86,34 +86,49 @@ impl Job {
         model::substeps_to(&self.anim, frame)
     }
 
-    /// Sub-steps from the start of the pre-roll to where a stage begins whose first frame is `frame`: to the frame before, but the
-    /// pre-roll belongs to the first frame.
+    /// Sub-steps from the start of the pre-roll to the start of a stage whose first frame is `frame`; the pre-roll belongs to the
+    /// first frame.
     pub(super) fn steps_before(&self, frame: i32) -> i64 {
         if frame > *self.frames().start() { self.steps_to(frame - 1) } else { 0 }
     }
 }
 
-/// Which guides a bake of some groups has to move: its own, those that its strands follow, and those that these rub
-/// against. The simulation adds what leads them in wisps.
-fn moved(groom: &Groom, anim: &Anim, rods: &GuideRods, base: &BaseCache, written: &Written) -> Vec<bool> {
+/// Which guides a bake of some groups must simulate: its own, those that its strands are interpolated from, and those that
+/// exchange friction with these. The simulation adds their leaders in wisps.
+fn required_guides(
+    groom: &Groom,
+    anim: &Anim,
+    rods: &GuideRods,
+    base: &BaseCache,
+    written: &CacheContent,
+) -> Vec<bool> {
     let settings = &anim.settings;
-    let rubs = rods.simulated.iter().any(|r| r.material.wisp_friction > 0.0);
-    // What leads rubs against others, and those may be led by more.
-    if settings.contact == ContactSetting::Full || rubs && settings.resolution() != Resolution::Full {
+    let friction = rods.simulated.iter().any(|r| r.material.wisp_friction > 0.0);
+    // Leaders exchange friction with other guides, which may have further leaders.
+    if settings.contact == ContactSetting::Full || friction && settings.resolution() != Resolution::Full {
         return vec![true; rods.simulated.len()];
     }
-    let mut moved = vec![false; rods.simulated.len()];
-    let followed = base.baked(&written.strands.curves).flat_map(|strand| &written.follows[strand]);
-    followed.for_each(|(guide, _)| moved[*guide] = true);
-    base.baked(&groom.guides.curves).for_each(|guide| moved[guide] = true);
-    // Guides of a coarse wisp may rub against each other.
-    let wisps: BTreeSet<usize> =
-        rods.simulated.iter().zip(&moved).filter(|(_, moved)| **moved).map(|(r, _)| r.leaf.0).collect();
-    rods.simulated.iter().zip(moved).map(|(r, moved)| moved || rubs && wisps.contains(&r.leaf.0)).collect()
+    let mut required = vec![false; rods.simulated.len()];
+    let followed = base.baked(&written.strands.curves).flat_map(|strand| &written.guide_weights[strand]);
+    followed.for_each(|(guide, _)| required[*guide] = true);
+    base.baked(&groom.guides.curves).for_each(|guide| required[guide] = true);
+    // Guides of a coarse wisp exchange friction.
+    let wisps: BTreeSet<usize> = rods
+        .simulated
+        .iter()
+        .zip(&required)
+        .filter(|(_, required)| **required)
+        .map(|(r, _)| r.leaf.0)
+        .collect();
+    rods.simulated
+        .iter()
+        .zip(required)
+        .map(|(r, required)| required || friction && wisps.contains(&r.leaf.0))
+        .collect()
 }
 
-/// What every byte follows from: program, inputs, settings and the first frame, before which the hair settles; not the last frame,
-/// nor threads, nor where anything lies.
+/// Hash of everything that the bytes depend on: program, inputs, settings and the first frame, before which the hair settles. The
+/// last frame, threads and file locations do not matter.
 fn key(anim: &Anim, inputs: &[InputRecord], settings: &Value) -> String {
     let inputs: Vec<[&str; 2]> = inputs.iter().map(|i| [i.role.as_str(), i.sha256.as_str()]).collect();
     let all = json!({
@@ -127,7 +142,7 @@ fn key(anim: &Anim, inputs: &[InputRecord], settings: &Value) -> String {
     sha256(all.to_string().as_bytes())
 }
 
-/// The settings of a bake as the manifest holds them.
+/// The settings of a bake as in the manifest.
 fn settings(anim: &Anim, set: &[Override]) -> Value {
     let mut settings = json!({
         "substeps": anim.settings.substeps,

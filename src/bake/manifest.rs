@@ -1,4 +1,4 @@
-//! The end of a cache: root layer, manifest, checksums.
+//! Completes a cache: root layer, manifest, checksums.
 
 use super::frame_record::FrameRecord;
 use super::frame_state::FrameState;
@@ -9,7 +9,7 @@ use crate::{Error, Result};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 
-/// What the manifest needs of a frame.
+/// A finished frame, as the manifest lists it.
 #[derive(Clone)]
 pub(super) struct Finished {
     pub record: FrameRecord,
@@ -23,7 +23,7 @@ impl Finished {
     }
 }
 
-/// Ends the cache.
+/// Completes the cache.
 pub(super) fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Result<Manifest> {
     let mut manifest = Manifest::new(writer.header());
     manifest.key = job.key.clone();
@@ -32,7 +32,7 @@ pub(super) fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Resu
     manifest.inputs = job.inputs.clone();
     manifest.settings = job.settings.clone();
     manifest.totals = totals(&finished);
-    // What is exempt in the end is so for good.
+    // Exempt segments stay exempt: the last frame counts them all.
     let exempt = finished.last().map_or(0, |f| f.record.exempt_segments);
     let first = job.work.state(*job.frames().start()).map_err(|fault| Error::NotYet(fault.to_string()))?;
     let [mean, largest] = job.rods.departure(&first.guides);
@@ -51,7 +51,7 @@ pub(super) fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Resu
     Ok(manifest)
 }
 
-/// Figures over all frames: the worst of each, and the sums of what should be rare.
+/// Figures over all frames: extremes, and sums of rare events.
 fn totals(finished: &[Finished]) -> Map<String, Value> {
     let worst = |of: fn(&FrameRecord) -> f64| finished.iter().map(|f| of(&f.record)).fold(0.0, f64::max);
     let sum = |of: fn(&FrameRecord) -> u32| finished.iter().map(|f| u64::from(of(&f.record))).sum::<u64>();

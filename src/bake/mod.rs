@@ -5,9 +5,9 @@
 //! looking what is done, and a frame depends on nothing but the [`Job`](job::Job).
 
 pub mod base_cache;
+mod cache_content;
 pub mod checked_file;
 pub mod control;
-mod extent;
 pub mod frame_record;
 mod frame_state;
 mod frame_stepper;
@@ -15,6 +15,7 @@ mod frame_writer;
 pub mod job;
 mod manifest;
 pub mod output;
+mod single;
 mod stages;
 mod summary;
 pub mod work_dir;

@@ -16,7 +16,10 @@ use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
-/// Name and checksum of every file that a bake of the scene reads. Errors: files that cannot be read.
+/// Name and checksum of every file of the scene.
+///
+/// # Errors
+/// [`Error::Io`] for files that cannot be read.
 pub fn inputs(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<Vec<InputRecord>> {
     let record = |(role, path): (&str, PathBuf)| {
         let bytes = crate::file::read_file(&path).map_err(|e| Error::io(&path, e))?;
@@ -26,11 +29,11 @@ pub fn inputs(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<Vec<In
     crate::scene::inputs(groom, anim, options)?.into_iter().map(record).collect()
 }
 
-/// Does all that is left of a bake, frame by frame; `progress` is told each frame that is on disk, and how many of how many
-/// that makes.
+/// Does everything that is left of a bake, frame by frame. `progress` is called for each finished frame with the number of finished
+/// frames and their total.
 ///
 /// # Errors
-/// [`Error::Stopped`] where `control` asked for it; [`Error::Io`] where a file cannot be written.
+/// [`Error::Stopped`] if `control` asked for it; [`Error::Io`] if a file cannot be written.
 pub fn bake(
     job: &Job,
     control: &Control,
@@ -39,40 +42,40 @@ pub fn bake(
     let frames: Vec<i32> = job.frames().collect();
     let done: Vec<Option<FileRecord>> = frames.par_iter().map(|frame| job.work.done(*frame).ok()).collect();
     let mut stepper = FrameStepper::new(job, control, job.simulated());
-    let mut strands = FrameWriter::new(job, &frames)?;
+    let mut writer = FrameWriter::new(job, &frames)?;
     let mut summary = BakeSummary::default();
     let mut finished = Vec::new();
-    // The strands of a frame depend on the guides of those around it, so the simulation is ahead.
+    // The strands of a frame depend on the guides of the frames around it, so the simulation runs ahead.
     let mut ahead = job.simulated().peekable();
     let mut simulated = VecDeque::new();
     for (i, (&frame, done)) in frames.iter().zip(done).enumerate() {
         while let Some(next) = ahead.next_if(|next| *next <= frame + RETRACTION_SPAN as i32) {
-            stepper.attend()?;
+            stepper.poll_control()?;
             let (state, seconds) = stepper.state(next)?;
             simulated.push_back(seconds);
-            strands.hold(state);
+            writer.insert(state);
         }
         let simulate = simulated.pop_front().flatten();
         let mut seconds = simulate.map(|simulate| StageSeconds { simulate, ..StageSeconds::default() });
         let file = match done {
             Some(file) => file,
-            None => strands.write(frame, seconds.get_or_insert_default())?,
+            None => writer.write(frame, seconds.get_or_insert_default())?,
         };
-        let state = strands.state(frame)?;
-        summary.note(job, &state.record, seconds);
+        let state = writer.state(frame)?;
+        summary.add(job, &state.record, seconds);
         progress(&state.record, i + 1, frames.len());
         finished.push(Finished::new(state, file));
     }
     stepper.finish()?;
-    summary.manifest = Some(finish(job, strands.writer, finished)?);
+    summary.manifest = Some(finish(job, writer.into_writer(), finished)?);
     Ok(summary)
 }
 
-/// Simulates the frames from `first` to `last` and keeps the guides' state at each. Where `first` is not the first of all, the stage that
-/// ends before it must be done.
+/// Simulates the frames from `first` to `last` and writes the guides' state at each. Unless `first` is the first frame of the cache,
+/// the segment before it must be done.
 ///
 /// # Errors
-/// As [`bake()`], and [`Error::NotYet`] where the frame before is not simulated.
+/// As [`bake()`], and [`Error::NotYet`] if the frame before is not simulated.
 pub fn simulate(
     job: &Job,
     [first, last]: [i32; 2],
@@ -81,7 +84,7 @@ pub fn simulate(
 ) -> Result<BakeSummary> {
     if first > *job.frames().start() && job.work.state(first - 1).is_err() {
         return Err(Error::NotYet(format!(
-            "frame {} is not simulated yet, from where this goes on",
+            "frame {} is not simulated yet; this segment starts from it",
             first - 1
         )));
     }
@@ -89,16 +92,16 @@ pub fn simulate(
     let mut summary = BakeSummary::default();
     let total = (last - first + 1) as usize;
     for (i, frame) in (first..=last).enumerate() {
-        stepper.attend()?;
-        // The last frame is only done if another stage can go on from there.
-        let whole = frame < last || job.work.has_checkpoint(job.steps_to(last));
-        let (state, seconds) = if whole {
+        stepper.poll_control()?;
+        // The last frame is done only if the next segment can start from it.
+        let resumable = frame < last || job.work.has_checkpoint(job.steps_to(last));
+        let (state, seconds) = if resumable {
             stepper.state(frame)?
         } else {
             let (state, seconds) = stepper.simulate(frame)?;
             (state, Some(seconds))
         };
-        summary.note(
+        summary.add(
             job,
             &state.record,
             seconds.map(|simulate| StageSeconds { simulate, ..StageSeconds::default() }),
@@ -109,17 +112,17 @@ pub fn simulate(
     Ok(summary)
 }
 
-/// Makes the files of `frames`, in any order, as far as they are not done, of the guides' states.
+/// Writes those files of `frames` that are not done, in any order, from the guides' states.
 ///
 /// # Errors
-/// As [`bake()`], and [`Error::NotYet`] where a frame is not simulated.
+/// As [`bake()`], and [`Error::NotYet`] if a frame is not simulated.
 pub fn interpolate(
     job: &Job,
     frames: &[i32],
     control: &Control,
     mut progress: impl FnMut(&FrameRecord, usize, usize),
 ) -> Result<BakeSummary> {
-    let mut strands = FrameWriter::new(job, frames)?;
+    let mut writer = FrameWriter::new(job, frames)?;
     let mut summary = BakeSummary::default();
     for (i, &frame) in frames.iter().enumerate() {
         if control.stops() {
@@ -127,20 +130,20 @@ pub fn interpolate(
         }
         let mut seconds = None;
         if job.work.done(frame).is_err() {
-            strands.write(frame, seconds.get_or_insert_default())?;
+            writer.write(frame, seconds.get_or_insert_default())?;
         }
-        let state = strands.state(frame)?;
-        summary.note(job, &state.record, seconds);
+        let state = writer.state(frame)?;
+        summary.add(job, &state.record, seconds);
         progress(&state.record, i + 1, frames.len());
     }
     job.work.sync_marks(frames)?;
     Ok(summary)
 }
 
-/// Ends a cache all of whose frames are done: root layer, manifest, checksums.
+/// Completes a cache of which all frames are done: root layer, manifest, checksums.
 ///
 /// # Errors
-/// [`Error::NotYet`] where frames are missing or damaged; it names them. [`Error::Io`].
+/// [`Error::NotYet`] if frames are missing or damaged, naming the first; [`Error::Io`].
 pub fn assemble(job: &Job) -> Result<BakeSummary> {
     let frames: Vec<i32> = job.frames().collect();
     let found: Vec<_> = frames
@@ -163,8 +166,8 @@ pub fn assemble(job: &Job) -> Result<BakeSummary> {
     }
     let finished: Vec<Finished> = found.into_iter().flatten().collect();
     let mut summary = BakeSummary::default();
-    finished.iter().for_each(|f| summary.note(job, &f.record, None));
+    finished.iter().for_each(|f| summary.add(job, &f.record, None));
     FrameStepper::new(job, &Control::default(), job.simulated()).finish()?;
-    summary.manifest = Some(finish(job, FrameWriter::new(job, &frames)?.writer, finished)?);
+    summary.manifest = Some(finish(job, FrameWriter::new(job, &frames)?.into_writer(), finished)?);
     Ok(summary)
 }

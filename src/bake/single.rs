@@ -1,4 +1,6 @@
-//! Bounds of curves.
+//! Points of the cache in single precision, and their bounds.
+
+use nalgebra::Vector3;
 
 /// Lowest and highest corner of the points, each padded by half its width.
 pub(super) fn extent(points: &[[f32; 3]], widths: &[f32]) -> [[f32; 3]; 2] {
@@ -10,4 +12,9 @@ pub(super) fn extent(points: &[[f32; 3]], widths: &[f32]) -> [[f32; 3]; 2] {
         }
     }
     e
+}
+
+/// A point in single precision.
+pub(super) fn single(v: &Vector3<f64>) -> [f32; 3] {
+    v.cast::<f32>().into()
 }
