@@ -1,0 +1,238 @@
+//! Which guides are active and which follow, decided at the ends of frames.
+
+use super::control_variate::LeaderMeans;
+use super::follower::{FADE_TIME, Follower};
+use super::follower_pack::{FollowerMut, FollowerPack, PlacementScratch};
+use super::leader_motion::LeaderMotion;
+use super::modal_correction::ModalCorrection;
+use super::rest_shape::{G, RestShape, RestState};
+use super::snapshot::EnvironmentSnapshot;
+use crate::contact::ProximityCache;
+use crate::dynamics::environment::Environment;
+use crate::dynamics::guide::{GuideModel, GuideState};
+use crate::math::lanes::MAX_LANES;
+use crate::rod::pack::Pack;
+use crate::wisp::Hierarchy;
+use rayon::prelude::*;
+
+/// Share of the split tolerance below which a guide may merge again.
+const MERGE_SHARE: f64 = 0.5;
+
+/// The guides of a groom in their wisp hierarchy: active ones, and followers. Splits and merges happen at the ends of frames;
+/// followers have no state in between.
+pub(in crate::dynamics) struct Wisps {
+    pub(super) motion: LeaderMotion,
+    /// Estimated error at which a guide splits from its wisp, as a share of its length; `None` if none ever does.
+    split_tolerance: Option<f64>,
+    /// Guides that may follow, by level.
+    packs: Vec<Vec<FollowerPack>>,
+    pub(super) followers: Vec<Follower>,
+    /// Proximity cache of each guide.
+    caches: Vec<ProximityCache>,
+    /// Unknowns of each follower at the end of the last frame, as [`GuideState::q`].
+    previous_q: Vec<[Vec<f64>; 3]>,
+}
+
+/// Numbers of splits and merges.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Changes {
+    /// Guides that split from their wisps.
+    pub splits: u32,
+    /// Guides that merged with their wisps.
+    pub merges: u32,
+}
+
+/// What happens to an active guide with leaders at the end of a frame.
+enum Decision {
+    /// Its calm period restarts.
+    RestartCalm,
+    /// It becomes this follower.
+    Merge(Follower),
+}
+
+impl Wisps {
+    /// All guides active, until [`Wisps::gather`]. `h` is the sub-step, `frame` the frame, s.
+    pub fn new(hierarchy: Hierarchy, split_tolerance: Option<f64>, h: f64, frame: f64) -> Self {
+        let guides = hierarchy.leaders.len();
+        Wisps {
+            motion: LeaderMotion::new(hierarchy, h, frame),
+            split_tolerance,
+            packs: Vec::new(),
+            followers: vec![Follower::default(); guides],
+            caches: vec![ProximityCache::default(); guides],
+            previous_q: vec![Default::default(); guides],
+        }
+    }
+
+    /// True if guide `i` is active.
+    pub fn is_active(&self, i: usize) -> bool {
+        !self.followers[i].follows
+    }
+
+    /// The active guide that guide `i` moves with: itself, or the nearest active one up the hierarchy.
+    pub fn leader(&self, i: usize) -> usize {
+        match self.motion.hierarchy.parent[i] {
+            Some(parent) if !self.is_active(i) => self.leader(parent),
+            _ => i,
+        }
+    }
+
+    /// Level of the wisp that guide `i` moves with.
+    pub fn level(&self, i: usize) -> u32 {
+        self.motion.hierarchy.level[self.leader(i)]
+    }
+
+    /// Number of levels of the hierarchy.
+    pub fn levels(&self) -> u32 {
+        self.packs.len() as u32
+    }
+
+    /// Makes every guide with leaders a follower, except tied ones. The states at time `t`, s, are taken as the rest shapes.
+    pub fn gather(&mut self, models: &[GuideModel], states: &[GuideState], env: &Environment, t: f64) {
+        let now = EnvironmentSnapshot::new(env, t);
+        let rest = |(model, state): (&GuideModel, &GuideState)| RestState {
+            q: state.q[0].clone(),
+            // A guide that is nearer to a body than required keeps the distance that it has.
+            required_distances: now.distances(&model.rod, &state.q[0], &state.required_distances()),
+        };
+        self.set_rest(models, models.par_iter().zip(states).map(rest).collect());
+        let LeaderMotion { rest, h, .. } = &self.motion;
+        self.motion.modal = ModalCorrection::new(models, rest, env, t, *h);
+        for (i, follower) in self.followers.iter_mut().enumerate() {
+            follower.follows = !self.motion.hierarchy.leaders[i].is_empty() && models[i].ties.is_empty();
+        }
+    }
+
+    /// Sets the rest shapes, and packs the guides that may follow.
+    pub(super) fn set_rest(&mut self, models: &[GuideModel], states: Vec<RestState>) {
+        let shape = |(state, model): (RestState, &GuideModel)| RestShape::new(&model.rod, state);
+        self.motion.rest = states.into_par_iter().zip(models).map(shape).collect();
+        let deepest = self.motion.hierarchy.level.iter().copied().max().unwrap_or(0);
+        let packs_of = |level: u32| {
+            let guides: Vec<usize> =
+                (0..models.len()).filter(|i| self.motion.may_follow_at(level, *i)).collect();
+            let alike = guides.chunk_by(|a, b| models[*a].rod.unknowns() == models[*b].rod.unknowns());
+            let packs = alike.flat_map(|alike| alike.chunks(Pack::width()));
+            packs.map(|guides| FollowerPack::new(guides, models)).collect()
+        };
+        self.packs = (0..=deepest).map(packs_of).collect();
+    }
+
+    /// Advances the modal responses through the frame from time `t[0]` to `t[1]`, s, before followers are placed.
+    pub fn advance_modes(&mut self, env: &Environment, t: [f64; 2]) {
+        let h = self.motion.h;
+        self.motion.modal.advance(env, t, h);
+    }
+
+    /// Places the followers of a level at the end of the frame from time `t[0]` to `t[1]`, s. Guides whose error exceeds the
+    /// tolerance split: they are put back to the start of the frame, where they still followed well, for the caller to step
+    /// through it. Returns these guides.
+    pub fn lead(
+        &mut self,
+        level: u32,
+        models: &[GuideModel],
+        states: &mut [GuideState],
+        env: &Environment,
+        t: [f64; 2],
+    ) -> Vec<usize> {
+        self.place_followers(level, models, states, &EnvironmentSnapshot::new(env, t[1]));
+        let Some(tolerance) = self.split_tolerance else { return Vec::new() };
+        self.update_active_variates(level);
+        let splits = |i: &usize| {
+            self.motion.hierarchy.level[*i] == level
+                && !self.is_active(*i)
+                && self.followers[*i].relative_displacement + self.prediction_error(*i) > tolerance
+        };
+        let split: Vec<usize> = (0..models.len()).into_par_iter().filter(splits).collect();
+        for &i in &split {
+            states[i].q.clone_from(&self.previous_q[i]);
+            states[i].resume(&models[i], env, t[0], self.motion.h);
+            let variate = self.followers[i].variate;
+            self.followers[i] = Follower { since: t[1], variate, ..Follower::default() };
+        }
+        split
+    }
+
+    /// Records the deflections of the leaders of a level.
+    pub fn record_level(&mut self, level: u32, models: &[GuideModel], states: &[GuideState]) {
+        self.motion.record_level(level, models, states);
+    }
+
+    /// Merges calm guides with their wisps at time `t`, s, once all levels are recorded; returns how many merge.
+    pub fn merge(&mut self, models: &[GuideModel], states: &[GuideState], t: f64) -> u32 {
+        let Some(tolerance) = self.split_tolerance else { return 0 };
+        let decide = |i: usize| {
+            let (model, state) = (&models[i], &states[i]);
+            if !self.is_active(i) || self.motion.hierarchy.leaders[i].is_empty() || !model.ties.is_empty() {
+                return None;
+            }
+            let nu = self.followers[i].variate.coefficient();
+            let speed = self.motion.relative_speed(i, nu, model, state);
+            let slow = speed < tolerance * (G / model.rod.length()).sqrt();
+            if !slow || self.prediction_error(i) > MERGE_SHARE * tolerance {
+                return Some(Decision::RestartCalm);
+            }
+            let calm = t - self.followers[i].since >= FADE_TIME - 0.5 * self.motion.h;
+            calm.then(|| {
+                let [offset, offset_rate] = self.motion.deviation(i, nu, model, state);
+                let variate = self.followers[i].variate;
+                let follower =
+                    Follower { follows: true, since: t, offset, offset_rate, variate, ..Follower::default() };
+                Decision::Merge(follower)
+            })
+        };
+        let decisions: Vec<Option<Decision>> = (0..models.len()).into_par_iter().map(decide).collect();
+        let mut merges = 0;
+        for (follower, decision) in self.followers.iter_mut().zip(decisions) {
+            match decision {
+                None => {}
+                Some(Decision::RestartCalm) => follower.since = t,
+                Some(Decision::Merge(merged)) => {
+                    *follower = merged;
+                    merges += 1;
+                }
+            }
+        }
+        merges
+    }
+
+    /// Estimated error of guide `i` as a follower, as a share of its length.
+    fn prediction_error(&self, i: usize) -> f64 {
+        self.motion.prediction_error(i, self.followers[i].variate.coefficient())
+    }
+
+    /// Updates the control variates of the active guides of a level.
+    fn update_active_variates(&mut self, level: u32) {
+        let Wisps { motion, followers, .. } = self;
+        let active = followers
+            .par_iter_mut()
+            .enumerate()
+            .filter(|(i, follower)| !follower.follows && motion.may_follow_at(level, *i));
+        active.for_each_init(LeaderMeans::default, |means, (i, follower)| {
+            motion.leader_means(i, means);
+            motion.update_variate(i, means, &mut follower.variate);
+        });
+    }
+
+    /// Places the followers of a level at the time of `now`.
+    fn place_followers(
+        &mut self,
+        level: u32,
+        models: &[GuideModel],
+        states: &mut [GuideState],
+        now: &EnvironmentSnapshot,
+    ) {
+        let Wisps { motion, packs, followers, caches, previous_q, .. } = self;
+        let guides = models.iter().zip(states).zip(followers).zip(caches.iter_mut().zip(previous_q));
+        let mut all: Vec<Option<FollowerMut>> = guides
+            .map(|(((model, state), follower), (cache, previous_q))| {
+                follower.follows.then_some(FollowerMut { model, state, follower, cache, previous_q })
+            })
+            .collect();
+        let mut packs: Vec<(&FollowerPack, [Option<FollowerMut>; MAX_LANES])> =
+            packs[level as usize].iter().map(|pack| (pack, pack.take(&mut all))).collect();
+        packs.par_iter_mut().for_each_init(PlacementScratch::default, |scratch, (pack, followers)| {
+            pack.place(motion, followers, now, scratch);
+        });
+    }
+}
