@@ -60,7 +60,7 @@ pub struct FinishArguments {
     no_pictures: bool,
     /// Exit with code 1 if the bake broke a guarantee
     ///
-    /// Guarantees: hair crosses no surface, no motion is cut short, every solve converges, and contact forces
+    /// Guarantees: hair crosses no surface, no motion is truncated, every solve converges, and contact forces
     /// balance to 1e-3. The cache is written in either case.
     #[arg(long, help_heading = OUTPUT)]
     strict: bool,

@@ -111,7 +111,7 @@ fn solver_charts(frames: &[FrameRecord]) -> Vec<Chart> {
     let fallbacks = chart(
         "Fallbacks",
         "",
-        "Sub-steps halved because the solver failed; motions cut short at a surface or at another guide; crossings of a \
+        "Sub-steps halved because the solver failed; motions truncated at a surface or at another guide; crossings of a \
          surface; contacts not converged to rest; guides moved rigidly because a solve did not converge. Zero is best.",
         vec![
             series("halvings", |f| f64::from(f.halvings)),
@@ -213,7 +213,7 @@ pub fn warnings(frames: &[FrameRecord]) -> Vec<String> {
             ADVICE,
             unconverged,
         ),
-        warning(frames, "motions were cut short at a surface", "", |f| count(f.shortened)),
+        warning(frames, "motions were truncated at a surface", "", |f| count(f.shortened)),
         warning(frames, "contacts did not converge to rest", ADVICE, |f| count(unsettled(f))),
     ]
     .into_iter()

@@ -55,7 +55,12 @@ fn imports(code: &str, module: &[String]) -> Vec<(String, Vec<String>)> {
     }
     for start in ["crate::", "super::"] {
         for (at, _) in code.match_indices(start) {
-            let path: String = code[at..].chars().take_while(|c| c.is_alphanumeric() || "_:".contains(*c)).collect();
+            let of_path = |c: &char| c.is_alphanumeric() || "_:".contains(*c);
+            let path: String = code[at..].chars().take_while(of_path).collect();
+            if code[at + path.len()..].starts_with('{') {
+                // A tree of imports.
+                continue;
+            }
             let path: Vec<String> = path.split("::").filter(|s| !s.is_empty()).map(String::from).collect();
             found.extend(absolute(&path, module).map(|path| (String::new(), path)));
         }

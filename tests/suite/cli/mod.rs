@@ -104,7 +104,7 @@ fn strict_exits_with_1_if_a_guarantee_is_broken() {
     run(true, &strict)
         .code(1)
         .stderr(contains("crossings of a surface").and(contains("guarantees are broken")));
-    run(false, &lax).success().stderr(contains("motions were cut short at a surface"));
+    run(false, &lax).success().stderr(contains("motions were truncated at a surface"));
     // The cache is the same without --strict.
     let [strict, lax] = [strict, lax].map(|out| Reader::open(&out).unwrap().read_manifest().unwrap());
     assert!(strict.totals["crossings"].as_u64() > Some(0) && strict.frames.len() == lax.frames.len());

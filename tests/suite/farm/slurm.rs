@@ -187,7 +187,7 @@ fn slurm_survives_preemption_a_kill_and_a_lost_node() {
     wait_until("first segment", || out.join(".hairbake/job.json").exists());
     let preempting = ["--partition=high", "--nodes=2", "--exclusive", "--output=/dev/null", "--wrap=true"];
     cluster.ask("sbatch", &preempting);
-    wait_until("preemption", || said("simulate 1").contains("stopped as asked"));
+    wait_until("preemption", || said("simulate 1").contains("stopped as requested"));
 
     wait_until("second segment", || simulated(1006));
     let killed = process(&["simulate", &out.display().to_string()]).unwrap();
