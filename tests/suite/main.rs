@@ -10,6 +10,7 @@ mod common;
 mod deform;
 mod farm;
 mod hostile;
+mod import_circles;
 mod resume;
 mod rod;
 mod strand;

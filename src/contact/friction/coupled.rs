@@ -4,10 +4,9 @@
 //! that are swept over are formed, and copied while they stay so; a sweep then costs nine products for each of those that a contact shares a strand with, a few as
 //! a rule, where by way of the strands' unknowns, w = Y r, it would cost six for each of these. That way the others are looked at.
 
-use super::{
-    FrictionOutcome, FrictionProblem, FrictionScratch, FrictionTolerance, Law, Residual, System, at,
-    mobility, newton, sweep,
-};
+use super::problem::{FrictionOutcome, FrictionProblem, FrictionTolerance, Law, Residual, at};
+use super::sweep::{FrictionScratch, System, sweep};
+use super::{mobility, newton};
 use crate::math::cholesky::dot;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;

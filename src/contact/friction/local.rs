@@ -1,6 +1,6 @@
 //! One contact: u = W r + q with Signorini's condition and Coulomb's cone, or held fast, exactly.
 
-use super::Law;
+use super::problem::Law;
 use crate::geometry::Friction;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 

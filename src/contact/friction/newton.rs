@@ -4,9 +4,9 @@
 //! The law, rounded off by τ ([`Smoothed`]), is solved while τ falls from step to step. Where the solution turns back as τ falls, that gets caught; then it
 //! is followed along its path ([`path`]).
 
-use super::FrictionProblem;
 use super::mobility::COMPLIANCE;
 use super::path;
+use super::problem::FrictionProblem;
 use super::smoothed::Smoothed;
 use nalgebra::DVector;
 

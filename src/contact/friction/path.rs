@@ -5,8 +5,8 @@
 //! that Newton's method from one τ to the next stands before nothing. So the path is followed along its own length, in x and ln τ (H. B. Keller, "Numerical solution of
 //! bifurcation and nonlinear eigenvalue problems", 1977).
 
-use super::FrictionProblem;
 use super::mobility::COMPLIANCE;
+use super::problem::FrictionProblem;
 use super::smoothed::{Point, Smoothed};
 use nalgebra::DVector;
 

@@ -115,7 +115,7 @@ mod tests {
         for _ in 0..200 {
             let v = random.vector();
             let (part, _, _) = projection(&v, 1e-12);
-            assert!((part - super::super::project_on_cone(v, 1.0)).norm() < 1e-9);
+            assert!((part - super::super::problem::project_on_cone(v, 1.0)).norm() < 1e-9);
         }
     }
 }

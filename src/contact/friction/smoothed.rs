@@ -1,8 +1,8 @@
 //! The laws of all contacts of a problem, rounded off, and how they change with its impulses.
 
 use super::mobility::{Bordered, Mobility};
+use super::problem::{FrictionProblem, Law, at};
 use super::rounded::{Rounded, cone, frictionless};
-use super::{FrictionProblem, Law, at};
 use nalgebra::{DVector, Vector3};
 
 /// Shortest share of a step that is tried.

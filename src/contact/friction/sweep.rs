@@ -2,7 +2,7 @@
 
 use super::anderson::Anderson;
 use super::local::Local;
-use super::{FrictionOutcome, FrictionTolerance, Law, Residual};
+use super::problem::{FrictionOutcome, FrictionTolerance, Law, Residual};
 use nalgebra::{Matrix3, Vector3};
 
 /// Sweeps between two looks at the contacts that are open.

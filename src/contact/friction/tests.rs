@@ -1,4 +1,6 @@
+use super::problem::project_on_cone;
 use super::*;
+use crate::geometry::Friction;
 use crate::math::random::Random;
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use proptest::prelude::*;

@@ -1,6 +1,6 @@
 //! A vector register of `f64`, whatever its width on the processor at hand.
 
-use super::{Mask, Real};
+use super::real::{Mask, Real};
 use pulp::Simd;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 

@@ -1,6 +1,6 @@
 //! Vectors, matrices and rigid motions in space, over any [`Real`].
 
-use super::Real;
+use super::real::Real;
 use nalgebra::{Matrix3, Vector3};
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
