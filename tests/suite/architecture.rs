@@ -4,41 +4,6 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Each module and those that it may use, which all stand above it: no cycles.
-const MAY_USE: &[(&str, &[&str])] = &[
-    ("error", &[]),
-    ("math", &[]),
-    ("file", &["error"]),
-    ("python", &["error"]),
-    ("usd", &["error"]),
-    ("cache", &["error", "file", "usd"]),
-    ("geometry", &["error", "math"]),
-    ("scene", &["error", "file", "math", "geometry"]),
-    ("contact", &["math", "geometry"]),
-    ("rod", &["math"]),
-    ("wisp", &["math", "rod", "scene"]),
-    ("strands", &["math", "geometry", "rod", "scene", "contact"]),
-    ("dynamics", &["math", "geometry", "scene", "contact", "rod", "wisp"]),
-    (
-        "bake",
-        &[
-            "error", "file", "math", "geometry", "cache", "scene", "contact", "rod", "wisp", "dynamics",
-            "strands",
-        ],
-    ),
-    ("import", &["error", "file", "math", "geometry", "python", "scene"]),
-    ("sample", &["error", "file", "math", "geometry", "scene", "import"]),
-    ("report", &["error", "math", "cache"]),
-    ("farm", &["error"]),
-    (
-        "cli",
-        &[
-            "error", "file", "python", "cache", "scene", "bake", "import", "sample", "strands", "report",
-            "farm",
-        ],
-    ),
-];
-
 /// Finds real inputs for tests: every module's tests may use it, and it says so where it finds none.
 const TEST_DATA: &str = "test_data";
 
@@ -120,14 +85,27 @@ fn used(code: &str) -> BTreeSet<String> {
     names.into_iter().map(|n| if n.starts_with(char::is_uppercase) { "error".into() } else { n }).collect()
 }
 
+/// The rooms of `src` and the rooms that each may use, from the table of `docs/architecture.md`.
+fn rooms() -> Vec<(String, Vec<String>)> {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/architecture.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    let room = |line: &str| {
+        let cells: Vec<&str> = line.strip_prefix("| `")?.split('|').map(str::trim).collect();
+        let [name, _, may_use, ""] = cells[..] else { return None };
+        let may_use = may_use.split(',').map(|name| name.trim().to_string()).filter(|name| !name.is_empty());
+        Some((name.trim_end_matches('`').to_string(), may_use.collect()))
+    };
+    let rooms: Vec<_> = page.lines().filter_map(room).collect();
+    assert!(rooms.len() > 10, "the table of rooms is no longer found");
+    rooms
+}
+
 #[test]
-fn modules_use_only_what_stands_below_them() {
-    for (row, (module, below)) in MAY_USE.iter().enumerate() {
-        for name in *below {
-            assert!(
-                MAY_USE[..row].iter().any(|(other, _)| other == name),
-                "{module} over {name}: not above it"
-            );
+fn rooms_use_only_what_the_architecture_page_allows() {
+    let rooms = rooms();
+    for (row, (room, may_use)) in rooms.iter().enumerate() {
+        for name in may_use {
+            assert!(rooms[..row].iter().any(|(other, _)| other == name), "{room} over {name}: not above it");
         }
     }
     let mut wrong = Vec::new();
@@ -136,28 +114,25 @@ fn modules_use_only_what_stands_below_them() {
         let Some(module) = source.module() else { continue };
         modules.insert(module.clone());
         let code: String = source.code().flat_map(|(_, line)| [line, "\n"]).collect();
-        let below = MAY_USE.iter().find(|(name, _)| *name == module).map_or(&[][..], |(_, below)| below);
+        let below = rooms.iter().find(|(name, _)| *name == module).map_or(&[][..], |(_, below)| below);
         for name in used(&code) {
-            if name != module && name != TEST_DATA && !below.contains(&name.as_str()) {
+            if name != module && name != TEST_DATA && !below.contains(&name) {
                 wrong.push(format!("{}: {module} uses {name}", source.path.display()));
             }
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
     modules.remove(TEST_DATA);
-    assert_eq!(
-        modules,
-        MAY_USE.iter().map(|(name, _)| name.to_string()).collect(),
-        "the table and src differ"
-    );
+    assert_eq!(modules, rooms.into_iter().map(|(name, _)| name).collect(), "the table and src differ");
 }
 
 #[test]
 fn the_build_is_told_by_all_modules_that_bake() {
+    let rooms = rooms();
     let mut baking = BTreeSet::from(["bake"]);
-    for (module, below) in MAY_USE.iter().rev() {
-        if baking.contains(module) {
-            baking.extend(*below);
+    for (room, may_use) in rooms.iter().rev() {
+        if baking.contains(room.as_str()) {
+            baking.extend(may_use.iter().map(String::as_str));
         }
     }
     let build = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("build.rs")).unwrap();

@@ -92,7 +92,8 @@ fn expand(tree: &str, before: &[String], out: &mut Vec<(String, Vec<String>)>) {
         let mut path: Vec<String> =
             before.iter().cloned().chain(path.split("::").map(|s| s.trim().to_string())).collect();
         path.pop_if(|last| last == "self");
-        let name = if name.is_empty() { path.last().cloned().unwrap_or_default() } else { name.trim().into() };
+        let name =
+            if name.is_empty() { path.last().cloned().unwrap_or_default() } else { name.trim().into() };
         out.push((name, path));
     }
 }
@@ -141,7 +142,8 @@ fn no_two_files_import_each_other() {
     }
     let arrows: usize = uses.values().map(BTreeSet::len).sum();
     assert!(arrows > 300, "imports are no longer found: {arrows}");
-    let reached: BTreeMap<&Path, BTreeSet<&Path>> = uses.keys().map(|file| (*file, reachable(file, &uses))).collect();
+    let reached: BTreeMap<&Path, BTreeSet<&Path>> =
+        uses.keys().map(|file| (*file, reachable(file, &uses))).collect();
     let same = |a: &Path, b: &Path| reached[a].contains(b) && reached.get(b).is_some_and(|r| r.contains(a));
     let edges = uses.iter().flat_map(|(from, to)| to.iter().map(move |to| (*from, *to)));
     let circles: Vec<_> = edges.filter(|(from, to)| same(from, to)).collect();
