@@ -1,12 +1,9 @@
-//! What the record of a step tells of its contact with bodies.
+//! Contact statistics of one step.
 
-use super::{BodyContact, BodyContactScratch};
-use crate::contact::MovingPolyline;
+use crate::contact::{Contact, MovingPolyline};
 use crate::dynamics::step_record::StepRecord;
-use crate::dynamics::tie::Tie;
-use nalgebra::Vector3;
 
-/// What a step ended with, in contact.
+/// Statistics of the contact problem at the end of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(in crate::dynamics) struct ContactStats {
     found: u32,
@@ -20,12 +17,34 @@ pub(in crate::dynamics) struct ContactStats {
 }
 
 impl ContactStats {
-    /// Whether the bodies had a say in the step.
+    /// True if contacts or ties changed the step.
     pub(in crate::dynamics) fn touched(&self) -> bool {
         self.rounds > 0
     }
 
-    /// Enters these figures in the record of the step.
+    /// Sets the counts, the penetration and the largest distance `slack` of a tie from its target, m, from the contacts `found`
+    /// on `line` and their `reactions`, three components each.
+    pub(super) fn measure(
+        &mut self,
+        line: &MovingPolyline,
+        found: &[Contact],
+        reactions: &[f64],
+        slack: f64,
+    ) {
+        self.found = found.len() as u32;
+        self.active = reactions.chunks_exact(3).filter(|r| r[0] > 0.0).count() as u32;
+        self.slack = slack;
+        self.penetration = 0.0;
+        for c in found {
+            let keep = line.clearance_at(c);
+            // Points that are being pushed out of a body do not count.
+            if keep >= 0.0 {
+                self.penetration = self.penetration.max(-(line.gap(c) + keep));
+            }
+        }
+    }
+
+    /// Adds these statistics to the record of the step.
     pub(in crate::dynamics) fn enter(&self, record: &mut StepRecord) {
         record.found = self.found;
         record.active = self.active;
@@ -35,26 +54,5 @@ impl ContactStats {
         record.unsettled += u32::from(self.unsettled);
         record.crossed += u32::from(self.crossed);
         record.tie_slack = record.tie_slack.max(self.slack);
-    }
-}
-
-impl BodyContact<'_> {
-    /// Notes what the step ended with.
-    pub fn note(&self, work: &mut BodyContactScratch) {
-        work.stats.found = work.found.len() as u32;
-        let of_contacts = (work.reaction.len() / 3).saturating_sub(self.ties.len());
-        let reactions = work.reaction.chunks_exact(3).take(of_contacts);
-        work.stats.active = reactions.filter(|r| r[0] > 0.0).count() as u32;
-        work.stats.penetration = 0.0;
-        let slack = |(tie, target): &(Tie, Vector3<f64>)| (tie.place(&work.x1) - target).norm();
-        work.stats.slack = self.ties.iter().map(slack).fold(0.0, f64::max);
-        let line = MovingPolyline { x0: self.x0, x1: &work.x1, clearance: self.clearance };
-        for c in &work.found {
-            let keep = line.clearance_at(c);
-            // Points on their way out of a body are not at fault.
-            if keep >= 0.0 {
-                work.stats.penetration = work.stats.penetration.max(-(line.gap(c) + keep));
-            }
-        }
     }
 }

@@ -1,8 +1,13 @@
+use super::problem::target_distance;
+use super::tolerances::{MAX_COMPRESSION, MIN_DISTANCE_SHARE};
 use super::*;
-use crate::contact::ContactCache;
+use crate::contact::{Bodies, BodyMotion, Contact, MovingPolyline};
+use crate::dynamics::contact_polyline::with_midpoints;
 use crate::geometry::{Feature, Shape as SceneShape};
-use crate::rod::{RodSource, SegmentSize, Taper};
-use nalgebra::Isometry3;
+use crate::math::se3::Pose;
+use crate::rod::potential::Load;
+use crate::rod::{Rod, RodSource, SegmentSize, Taper};
+use nalgebra::{Isometry3, Vector3};
 
 const KEEP: f64 = 5e-4;
 
@@ -22,7 +27,7 @@ fn straight() -> Rod {
     .unwrap()
 }
 
-/// Hands `of` a step of `rod` from `x0`, among bodies that move as told.
+/// Calls `of` with the contact problem of a step of `rod` from `x0` among moving bodies.
 fn in_step<R>(
     rod: &Rod,
     bodies: &Bodies,
@@ -46,7 +51,8 @@ fn in_step<R>(
     })
 }
 
-/// A contact in the middle of a polyline that runs `before` above the plane y = 0 at the start of a step of `h`, s, and `now` at its end.
+/// Calls `of` with a contact at the middle of a polyline at height `before` above the plane y = 0 at the start of a step of `h`,
+/// s, and `now` at its end.
 fn over_a_plane<R>(
     h: f64,
     before: f64,
@@ -67,49 +73,61 @@ fn over_a_plane<R>(
         gap: 0.0,
         friction: None,
     };
-    in_step(&straight(), &Bodies::default(), &[motion], line.clearance, &x0, |touch| {
-        contact.gap = line.gap(&contact) - touch.tolerated(&line, &contact);
-        of(touch, &line, contact)
+    in_step(&straight(), &Bodies::default(), &[motion], line.clearance, &x0, |problem| {
+        contact.gap = line.gap(&contact) - problem.tolerated(&line, &contact);
+        of(problem, &line, contact)
     })
 }
 
 #[test]
-fn no_force_takes_what_is_asked_of_a_contact_down_to_the_surface() {
+fn compression_never_reaches_the_surface() {
     for h in [1e-6, 1e-4, 5e-3] {
         for before in [1e-6, 2e-5, 2e-4, 5e-4, 1e-3] {
-            over_a_plane(h, before, before, |touch, line, contact| {
-                let (asked, yielding) = (asked(line, &contact), touch.yielding(line, &contact));
-                assert!(asked - PRESSED * yielding > LEFT * asked, "{h} {before}: {yielding} of {asked}");
-                // Where the step has the time it is a share of what is kept.
-                assert!(h < 1e-3 || (yielding / KEEP - 1.0).abs() < 1e-12, "{h} {before}: {yielding}");
+            over_a_plane(h, before, before, |problem, line, contact| {
+                let target = target_distance(line, &contact);
+                let compressible = problem.compressible(line, &contact);
+                assert!(
+                    target - MAX_COMPRESSION * compressible > MIN_DISTANCE_SHARE * target,
+                    "{h} {before}: {compressible} of {target}"
+                );
+                // In a long step it is a share of the clearance.
+                assert!(
+                    h < 1e-3 || (compressible / KEEP - 1.0).abs() < 1e-12,
+                    "{h} {before}: {compressible}"
+                );
             });
         }
     }
 }
 
 #[test]
-fn what_is_pinched_keeps_some_of_the_distance_that_is_asked_of_it() {
-    let lacking = |before, now| over_a_plane(5e-3, before, now, |touch, line, c| touch.lacking(line, &c));
-    assert_eq!(lacking(KEEP, 0.12 * KEEP), 0.0);
-    assert!((lacking(KEEP, 0.0) - LEFT * KEEP).abs() < 1e-12);
-    // What lies nearer already, or inside, may stay there.
-    assert_eq!([0.02 * KEEP, -1e-4].map(|y| lacking(y, y)), [0.0; 2]);
-    assert!([0.02 * KEEP, -1e-4].iter().all(|&y| lacking(y, y - 1e-5) > 0.9e-5));
+fn a_pinched_strand_keeps_a_share_of_the_target_distance() {
+    let shortfall =
+        |before, now| over_a_plane(5e-3, before, now, |problem, line, c| problem.shortfall(line, &c));
+    assert_eq!(shortfall(KEEP, 0.12 * KEEP), 0.0);
+    assert!((shortfall(KEEP, 0.0) - MIN_DISTANCE_SHARE * KEEP).abs() < 1e-12);
+    // A strand that starts nearer, or inside, may stay there.
+    assert_eq!([0.02 * KEEP, -1e-4].map(|y| shortfall(y, y)), [0.0; 2]);
+    assert!([0.02 * KEEP, -1e-4].iter().all(|&y| shortfall(y, y - 1e-5) > 0.9e-5));
 }
 
 #[test]
-fn what_misses_no_more_than_is_tolerated_lacks_nothing_however_little_is_asked() {
-    over_a_plane(1.6e-5, 2e-6, 3e-7, |touch, line, contact| {
-        assert!(line.gap(&contact) + KEEP < LEFT * asked(line, &contact) && contact.gap < 0.0);
-        assert_eq!(touch.lacking(line, &contact), 0.0);
+fn a_violation_within_the_gap_tolerance_is_no_shortfall() {
+    over_a_plane(1.6e-5, 2e-6, 3e-7, |problem, line, contact| {
+        assert!(
+            line.gap(&contact) + KEEP < MIN_DISTANCE_SHARE * target_distance(line, &contact)
+                && contact.gap < 0.0
+        );
+        assert_eq!(problem.shortfall(line, &contact), 0.0);
     });
 }
 
 const SHARES: [f64; 5] = [0.0, 0.125, 0.25, 0.5, 1.0];
 
-/// Cuts short a motion of [`straight`] that bends it by 14/m, among balls of 2 cm over or under it at 0.04 m: the heights of their centres at the start, and how
-/// much higher they are after the step of `h`, s. Returns which of [`SHARES`] cross a ball and what each lacks, the share that is chosen and whether it gains no speed.
-fn cut_short(h: f64, balls: &[[f64; 2]]) -> ([(bool, f64); 5], f64, bool) {
+/// Truncates a motion of [`straight`] that bends it by 14/m in a step of `h`, s, among balls of radius 2 cm at x = 0.04 m: heights
+/// of their centres at the start, and their rise. Returns whether each of [`SHARES`] crosses a ball and its shortfall, the chosen
+/// share, and whether it gains no speed.
+fn truncated(h: f64, balls: &[[f64; 2]]) -> ([(bool, f64); 5], f64, bool) {
     let rod = straight();
     let mut bent = rod.initial_q.clone();
     let mut solver = Solver::default();
@@ -129,43 +147,43 @@ fn cut_short(h: f64, balls: &[[f64; 2]]) -> ([(bool, f64); 5], f64, bool) {
     solver.shape.update(&rod, &rod.root.r, &rod.initial_q);
     with_midpoints(&rod.arc, |k| solver.shape.x(k), |k| solver.shape.tangent(k), &mut x0);
     let clearance = vec![[KEEP; 2]; balls.len() * (x0.len() - 1)];
-    in_step(&rod, &bodies, &motions, &clearance, &x0, |touch| {
-        let (mut memory, mut work) = (ContactCache::default(), BodyContactScratch::default());
+    in_step(&rod, &bodies, &motions, &clearance, &x0, |problem| {
+        let (mut memory, mut scratch) = (ContactCache::default(), BodyContactScratch::default());
         let tried = SHARES.map(|share| {
             let q: Vec<_> = rod.initial_q.iter().zip(&bent).map(|(a, b)| a + share * (b - a)).collect();
             solver.shape.update(&rod, &rod.root.r, &q);
-            let mut work = BodyContactScratch::default();
-            let clear = touch.find(&solver, &mut memory, &mut work);
-            (!clear, work.lacking)
+            let mut scratch = BodyContactScratch::default();
+            let clear = problem.find(&solver, &mut memory, &mut scratch);
+            (!clear, scratch.detection.shortfall)
         });
         let mut q = bent.clone();
-        touch.truncate(&rod.initial_q, &mut q, &mut solver, &mut memory, &mut work);
-        (tried, (q[0] - rod.initial_q[0]) / 14.0, touch.gains_none(&work))
+        problem.truncate(&rod.initial_q, &mut q, &mut solver, &mut memory, &mut scratch);
+        (tried, (q[0] - rod.initial_q[0]) / 14.0, problem.gains_no_speed(&scratch))
     })
 }
 
 #[test]
-fn what_would_be_thrown_is_not_cut_to_where_it_crosses_nothing() {
-    // One ball comes up by 4 mm from below, the other is above: they close on it.
-    let (tried, share, gains_none) = cut_short(1e-3, &[[-0.0206, 4e-3], [0.029, 0.0]]);
+fn a_share_that_gains_speed_is_rejected() {
+    // One ball rises by 4 mm from below, the other is above: they close on the strand.
+    let (tried, share, gains_no_speed) = truncated(1e-3, &[[-0.0206, 4e-3], [0.029, 0.0]]);
     assert_eq!(tried.map(|(crosses, _)| crosses), [true, true, true, false, true]);
-    assert!(share == 0.0 && gains_none, "{share}");
-    // But if the whole motion crosses nothing, it is taken.
-    let (tried, share, gains_none) = cut_short(1e-3, &[[-0.0206, 4e-3]]);
+    assert!(share == 0.0 && gains_no_speed, "{share}");
+    // The full motion is taken if it crosses nothing.
+    let (tried, share, gains_no_speed) = truncated(1e-3, &[[-0.0206, 4e-3]]);
     assert_eq!(tried.map(|(crosses, _)| crosses), [true, true, true, false, false]);
-    assert!((share - 1.0).abs() < 1e-12 && !gains_none, "{share}");
+    assert!((share - 1.0).abs() < 1e-12 && !gains_no_speed, "{share}");
 }
 
 #[test]
-fn a_motion_is_cut_to_a_share_that_does_not_come_too_near() {
-    // A ball above, so high that half of the motion just does not touch it.
-    let at = |height: f64| cut_short(1.0, &[[height, 0.0]]);
+fn truncation_prefers_a_share_without_shortfall() {
+    // A ball above, just high enough that half of the motion does not touch it.
+    let at = |height: f64| truncated(1.0, &[[height, 0.0]]);
     let height = (0..400).map(|k| 0.025 + 1e-5 * f64::from(k)).find(|y| !at(*y).0[3].0).unwrap();
-    let (tried, share, gains_none) = at(height);
-    assert!(tried[3].1 > 0.0 && tried[2] == (false, 0.0) && gains_none);
+    let (tried, share, gains_no_speed) = at(height);
+    assert!(tried[3].1 > 0.0 && tried[2] == (false, 0.0) && gains_no_speed);
     assert!((share - 0.25).abs() < 1e-12, "{share}");
-    // Unless that is the only one that crosses nothing.
-    let (tried, share, _) = cut_short(1.0, &[[-0.0206, 4e-3], [height, 0.0]]);
+    // A share with shortfall is taken if it is the only one that crosses nothing.
+    let (tried, share, _) = truncated(1.0, &[[-0.0206, 4e-3], [height, 0.0]]);
     assert_eq!(tried.map(|(crosses, _)| crosses), [true, true, true, false, true]);
     assert!((share - 0.5).abs() < 1e-12 && tried[3].1 > 0.0, "{share}");
 }

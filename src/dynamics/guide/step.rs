@@ -123,7 +123,7 @@ impl GuideModel {
             state.commit(&root, t1 - t0, &formula, (&scratch.q, &scratch.solver.shape));
             state.contact_loads.clear();
             if clear {
-                state.contact_loads.extend_from_slice(&scratch.contact.pushes);
+                state.contact_loads.extend_from_slice(&scratch.contact.reactions.contact_loads);
             }
             if scratch.contact.stats.touched() {
                 state.restart_scheme();
@@ -156,7 +156,7 @@ impl GuideModel {
         let far =
             |(k, x): (usize, &Vector3<f64>)| (scratch.solver.shape.x(k) + root.p - x).norm() > MAX_WARM_START;
         scratch.contact.clear();
-        scratch.contact.pushes.clone_from(&state.contact_loads);
+        scratch.contact.reactions.contact_loads.clone_from(&state.contact_loads);
         if !state.x.iter().enumerate().any(far)
             && self.resolve_contact(env, state, root, t, (false, false), scratch)
         {

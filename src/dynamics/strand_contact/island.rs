@@ -84,18 +84,18 @@ impl Island {
             let (n, touch, at) = (models[g].rod.unknowns(), &m.scratch.contact, rows.len());
             let hairs = places.skin[g].hairs;
             let part = |j: usize| StrandRows { first_unknown: unknowns, unknowns: n, offset: at + 3 * n * j };
-            let bodies = touch.laws.len();
+            let bodies = touch.problem.laws.len();
             for (j, &(i, side)) in m.parts.iter().enumerate() {
                 if let Ok(place) = self.places.binary_search(&i) {
                     sides_of_places[place][side] = Some(part(bodies + j));
                 }
             }
             sides.extend((0..bodies).map(|j| [Some(part(j)), None]));
-            b.extend_from_slice(&touch.free);
-            laws.extend_from_slice(&touch.laws);
-            forces.extend(touch.reaction.iter().map(|r| r * hairs));
+            b.extend_from_slice(&touch.problem.free_displacement);
+            laws.extend_from_slice(&touch.problem.laws);
+            forces.extend(touch.reactions.forces.iter().map(|r| r * hairs));
             forces.resize(3 * sides.len(), 0.0);
-            rows.extend(touch.rows.iter().chain(&m.rows).map(|row| row / hairs.sqrt()));
+            rows.extend(touch.problem.rows.iter().chain(&m.rows).map(|row| row / hairs.sqrt()));
             unknowns += n;
         }
         for (&i, sides_here) in self.places.iter().zip(&sides_of_places) {
@@ -133,7 +133,8 @@ impl Island {
             let hairs = places.skin[g].hairs;
             let (push, others) = pushes_left.split_at_mut(models[g].rod.unknowns());
             push.iter_mut().for_each(|w| *w /= hairs.sqrt());
-            let (of_bodies, of_others) = forces_left.split_at_mut(3 * members[g].scratch.contact.laws.len());
+            let (of_bodies, of_others) =
+                forces_left.split_at_mut(3 * members[g].scratch.contact.problem.laws.len());
             of_bodies.iter_mut().for_each(|r| *r /= hairs);
             (pushes_left, forces_left) = (others, of_others);
         }

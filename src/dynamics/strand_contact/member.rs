@@ -113,7 +113,7 @@ impl Member {
         self.meet_bodies(model, state, env);
         if !self.is_well {
             // Nothing is gained by going back there.
-            self.lacking = self.scratch.contact.lacking;
+            self.lacking = self.scratch.contact.detection.shortfall;
         }
     }
 
@@ -122,8 +122,8 @@ impl Member {
         let (contact, ContactSolve { solver, memory, scratch, .. }) =
             model.body_contact(env, state, &self.root, &mut self.scratch);
         let clear = contact.find(solver, memory, scratch);
-        self.scratch.contact.frozen = true;
-        self.is_well = clear && self.scratch.contact.lacking <= self.lacking;
+        self.scratch.contact.detection.frozen = true;
+        self.is_well = clear && self.scratch.contact.detection.shortfall <= self.lacking;
     }
 
     /// Whether it ends where no step of it alone may.
@@ -159,7 +159,7 @@ impl Member {
         }
         let (contact, ContactSolve { solver, scratch, .. }) =
             model.body_contact(env, state, &self.root, &mut self.scratch);
-        contact.rows(solver, scratch);
+        contact.update_rows(solver, scratch);
     }
 
     /// Moves as the reactions ask, of which the solver's direction holds L⁻¹ times all forces, and looks at the bodies.
@@ -194,11 +194,8 @@ impl Member {
     }
 
     fn gather_forces(&mut self, places: &ContactPairs, to_world: &UnitQuaternion<f64>) {
-        let touch = &self.scratch.contact;
         self.forces.clear();
-        for ((k, s, [n, t1, t2]), r) in touch.frames.iter().zip(touch.reaction.chunks_exact(3)) {
-            self.forces.push((*k, *s, n * r[0] + t1 * r[1] + t2 * r[2]));
-        }
+        self.forces.extend(self.scratch.contact.world_forces());
         for &(i, side) in &self.parts {
             let place = &places.found[i];
             let share = places.per_hair(&place.contact, side);
@@ -267,7 +264,7 @@ impl Member {
         if self.resort != Resort::Alone && (self.open || self.has_yielded()) {
             let (contact, ContactSolve { scratch, .. }) =
                 model.body_contact(env, state, &self.root, &mut self.scratch);
-            contact.note(scratch);
+            contact.record(scratch);
             scratch.stats.enter(record);
         }
         record.strands.rounds = self.rounds;

@@ -183,9 +183,9 @@ impl StrandContacts {
                 let direction = &mut m.scratch.solver.direction;
                 let (push, pushes_left) = pushes.split_at(direction.len());
                 direction.iter_mut().zip(push).for_each(|(d, w)| *d += w);
-                let (last, forces_left) = forces.split_at(3 * m.scratch.contact.laws.len());
-                m.scratch.contact.reaction.clear();
-                m.scratch.contact.reaction.extend_from_slice(last);
+                let (last, forces_left) = forces.split_at(3 * m.scratch.contact.problem.laws.len());
+                m.scratch.contact.reactions.forces.clear();
+                m.scratch.contact.reactions.forces.extend_from_slice(last);
                 m.residual = outcome.residual;
                 m.rounds += 1;
                 (pushes, forces) = (pushes_left, forces_left);

@@ -1,0 +1,100 @@
+//! Buffers of the contact problem.
+
+use super::impacts::Impacts;
+use super::midpoints::Midpoints;
+use super::stats::ContactStats;
+use crate::contact::Contact;
+use crate::contact::friction::{FrictionScratch, Law};
+use crate::rod::contact_load::{ContactLoad, ContactLoadBuffers};
+use nalgebra::Vector3;
+
+/// Buffers of [`BodyContact`](super::BodyContact), kept between steps.
+#[derive(Debug, Default)]
+pub(in crate::dynamics) struct BodyContactScratch {
+    pub(in crate::dynamics) detection: Detection,
+    pub(in crate::dynamics) problem: ContactRows,
+    pub(in crate::dynamics) reactions: Reactions,
+    /// Unknowns at the end of a motion before it is truncated, 1/m.
+    pub(super) full_q: Vec<f64>,
+    pub(in crate::dynamics) stats: ContactStats,
+}
+
+/// Contacts at the current end of the step.
+#[derive(Debug, Default)]
+pub(in crate::dynamics) struct Detection {
+    /// Points and midpoints at the current end, world, m.
+    pub(super) x1: Vec<Vector3<f64>>,
+    /// Contacts of the current problem.
+    pub(super) contacts: Vec<Contact>,
+    /// Contacts at the current end, without impacts.
+    pub(super) found: Vec<Contact>,
+    /// Contacts that stay in the problem while `frozen`.
+    pub(super) planes: Vec<Contact>,
+    pub(super) midpoints: Midpoints,
+    /// Impacts of the current motion.
+    pub(super) new_impacts: Vec<Contact>,
+    /// Impacts of all rounds of the step.
+    pub(super) impacts: Impacts,
+    /// Deepest violation of a clearance at the current end, m, ≤ 0.
+    pub(super) worst: f64,
+    /// Largest shortfall from the distance that even a pinched strand must keep, m, ≥ 0.
+    pub(in crate::dynamics) shortfall: f64,
+    /// True if contacts stay in the problem and new ones are only added.
+    pub(in crate::dynamics) frozen: bool,
+}
+
+/// The linearised contact problem: contacts first, then ties.
+#[derive(Debug, Default)]
+pub(in crate::dynamics) struct ContactRows {
+    /// L⁻¹Jᵀ, one row for each contact or tie and direction.
+    pub(in crate::dynamics) rows: Vec<f64>,
+    /// Delassus matrix with compliance, row-major, m/N.
+    pub(super) delassus: Vec<f64>,
+    /// Relative displacement without reactions, three components each, m.
+    pub(in crate::dynamics) free_displacement: Vec<f64>,
+    pub(in crate::dynamics) laws: Vec<Law>,
+    pub(super) frames: Vec<ContactFrame>,
+}
+
+/// Position and axes of a contact or tie.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ContactFrame {
+    /// Segment of the rod.
+    pub segment: usize,
+    /// Position on it, 0..=1.
+    pub u: f64,
+    pub axes: [Vector3<f64>; 3],
+}
+
+/// Reactions of the contacts, then of the ties.
+#[derive(Debug, Default)]
+pub(in crate::dynamics) struct Reactions {
+    /// Components in the axes of each contact, N.
+    pub(in crate::dynamics) forces: Vec<f64>,
+    pub(super) friction: FrictionScratch,
+    /// Nonzero reactions as loads on the rod; they start the next solve.
+    pub(in crate::dynamics) contact_loads: Vec<ContactLoad>,
+    pub(super) load_buffers: ContactLoadBuffers,
+}
+
+impl BodyContactScratch {
+    /// Clears the previous step, possibly of another guide.
+    pub(in crate::dynamics) fn clear(&mut self) {
+        self.detection.contacts.clear();
+        self.detection.impacts.clear();
+        self.detection.midpoints.clear();
+        self.detection.frozen = false;
+        self.reactions.forces.clear();
+        self.reactions.contact_loads.clear();
+        self.stats = ContactStats::default();
+    }
+
+    /// Segment, position on it, and force (world, N) of each contact and tie.
+    pub(in crate::dynamics) fn world_forces(&self) -> impl Iterator<Item = (usize, f64, Vector3<f64>)> {
+        let forces = self.reactions.forces.chunks_exact(3);
+        self.problem.frames.iter().zip(forces).map(|(frame, r)| {
+            let [n, t1, t2] = frame.axes;
+            (frame.segment, frame.u, n * r[0] + t1 * r[1] + t2 * r[2])
+        })
+    }
+}
