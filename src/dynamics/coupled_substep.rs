@@ -1,5 +1,5 @@
-//! A sub-step of guides that touch each other: taken by all of them at once, and halved for all of them where one of them fails
-//! (docs/theory.md §5.2).
+//! A sub-step with contact between guides: taken by all active guides at once, and halved for all if one of them fails
+//! (`docs/theory.md` §5.2).
 
 use super::batch::Batches;
 use super::checkpoint::{Checkpoint, StateMismatch};
@@ -8,8 +8,8 @@ use super::guide::{ContactMode, GuideModel, GuideState, MAX_HALVINGS};
 use super::step_record::StepRecord;
 use super::strand_contact::StrandContacts;
 
-/// Times a sub-step is halved while something crosses something: a point that moves by 0.2 m in the sub-step then moves by less
-/// than its clearance in a part.
+/// Most halvings of a sub-step with a crossing: a point that moves by 0.2 m in the sub-step then moves by less than its
+/// clearance in a part.
 const MAX_HALVINGS_AT_CROSSINGS: u32 = 9;
 
 /// The guides of a simulation in one sub-step.
@@ -19,24 +19,23 @@ pub(super) struct CoupledSubstep<'a> {
     pub strand_contacts: &'a mut StrandContacts,
     pub batches: &'a Batches,
     pub env: &'a Environment<'a>,
-    /// Called at every time, s, that all guides have reached.
+    /// Called with every time, s, that all guides have reached.
     pub observe: &'a mut dyn FnMut(f64, &[GuideState]),
 }
 
 impl CoupledSubstep<'_> {
-    /// Takes the sub-step over `span`, its start and end, s; `records` has an entry for each guide. Followers are left as they
-    /// are.
+    /// Takes the sub-step over `span`, its start and end, s; `records` has an entry for each guide. Followers are not changed.
     pub fn step(&mut self, span: [f64; 2], records: &mut [StepRecord]) {
         let mut failures = vec![0; self.states.len()];
-        self.take(span, 0, records, &mut failures);
+        self.take_part(span, 0, records, &mut failures);
         for &g in self.strand_contacts.active() {
             self.states[g].pinched = failures[g] > records[g].halvings;
         }
     }
 
-    /// Takes a part of a sub-step that was halved `depth` times; halves it if that may avoid a failure. Counts in `failures` the
-    /// parts in which each guide fails nevertheless.
-    fn take(&mut self, span: [f64; 2], depth: u32, records: &mut [StepRecord], failures: &mut [u32]) {
+    /// Takes a part of a sub-step that was halved `depth` times; halves it further if that may avoid a failure. Counts in
+    /// `failures` the accepted parts in which each guide fails.
+    fn take_part(&mut self, span: [f64; 2], depth: u32, records: &mut [StepRecord], failures: &mut [u32]) {
         let active = || self.strand_contacts.active().iter();
         let before = (active().map(|&g| self.states[g].state()).collect(), self.strand_contacts.state());
         let q: Vec<_> = active().map(|&g| self.states[g].q.clone()).collect();
@@ -46,32 +45,33 @@ impl CoupledSubstep<'_> {
             self.states.iter().zip(&*records).any(|(state, record)| !state.pinched && is(record))
         };
         let (failed, crosses) = (any(StepRecord::failed), any(StepRecord::crosses));
-        let most = if crosses { MAX_HALVINGS_AT_CROSSINGS } else { MAX_HALVINGS };
-        if !failed || depth >= most {
+        let max_halvings = if crosses { MAX_HALVINGS_AT_CROSSINGS } else { MAX_HALVINGS };
+        if !failed || depth >= max_halvings {
             for (count, record) in failures.iter_mut().zip(records) {
                 *count += u32::from(record.failed());
             }
             (self.observe)(span[1], self.states);
             return;
         }
-        let back = self.go_back(before);
-        debug_assert!(back.is_ok(), "a state fits the simulation it was taken of");
+        let restored = self.restore(before);
+        debug_assert!(restored.is_ok(), "a state fits the simulation that it was taken from");
         let middle = 0.5 * (span[0] + span[1]);
         let mut second = vec![StepRecord::default(); records.len()];
         records.fill(StepRecord::default());
-        self.take([span[0], middle], depth + 1, records, failures);
-        self.take([middle, span[1]], depth + 1, &mut second, failures);
+        self.take_part([span[0], middle], depth + 1, records, failures);
+        self.take_part([middle, span[1]], depth + 1, &mut second, failures);
         for &g in self.strand_contacts.active() {
             records[g] = records[g].then(&second[g]);
         }
-        // To the next sub-step this was a single one.
-        for (&g, [now, one, _]) in self.strand_contacts.active().iter().zip(q) {
-            self.states[g].q[1] = now;
-            self.states[g].q[2] = one;
+        // The history of the next sub-step is that of one whole sub-step.
+        for (&g, [start, previous, _]) in self.strand_contacts.active().iter().zip(q) {
+            self.states[g].q[1] = start;
+            self.states[g].q[2] = previous;
         }
     }
 
-    fn go_back(
+    /// Restores the states before a part.
+    fn restore(
         &mut self,
         (states, strand_contacts): (Vec<GuideState>, <StrandContacts as Checkpoint>::State),
     ) -> Result<(), StateMismatch> {

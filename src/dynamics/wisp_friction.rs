@@ -1,4 +1,4 @@
-//! Internal friction of wisps (S19): what a guide moves otherwise than its wisp does dies away (`docs/theory.md` §4.7).
+//! Internal friction of wisps: damps each guide's velocity relative to its wisp's mean (`docs/theory.md` §4.7).
 
 use super::environment::Environment;
 use super::guide::GuideState;
@@ -6,89 +6,92 @@ use crate::rod::Rod;
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
-/// The guides of a groom as they rub against those of the same coarse wisp.
+/// Friction between the guides of each coarse wisp.
 pub(super) struct WispFriction {
-    /// The guides of each coarse wisp that has two and more.
+    /// The guides of each coarse wisp with two or more guides.
     wisps: Vec<Vec<usize>>,
     guides: Vec<FrictionSampler>,
 }
 
-/// A guide among others.
+/// Samples the velocity of one guide at its strain nodes.
 pub(super) struct FrictionSampler {
-    /// How many hairs it stands for.
+    /// Number of hairs that the guide represents.
     pub hairs: f64,
-    /// Rate at which it loses what it moves otherwise than its wisp, 1/s.
+    /// Decay rate of its velocity relative to its wisp, 1/s.
     pub rate: f64,
     /// Strain nodes of the rod.
     nodes: usize,
-    places: Vec<Place>,
+    points: Vec<SampledPoint>,
 }
 
-/// A point of a guide between two strain nodes.
-struct Place {
+/// A point of a rod between two strain nodes.
+struct SampledPoint {
+    /// The node before it.
     node: usize,
-    /// How much it belongs to the node and to the next.
+    /// Weights of that node and the next.
     shares: [f64; 2],
     mass: f64,
 }
 
-/// Mass that belongs to each strain node, kg, and its mean velocity, m/s.
-type AtNodes = Vec<(f64, Vector3<f64>)>;
+/// Lumped mass of each strain node, kg, and its mean velocity, m/s.
+type NodeVelocities = Vec<(f64, Vector3<f64>)>;
 
 impl FrictionSampler {
-    /// A guide of `rod`.
+    /// The sampler of a guide with `rod`.
     pub fn new(rod: &Rod, hairs: f64, rate: f64) -> Self {
-        let place = |(&s, &mass): (&f64, &f64)| {
+        let point = |(&s, &mass): (&f64, &f64)| {
             let node = rod.nodes[1..rod.nodes.len() - 1].partition_point(|n| *n <= s);
             let beyond = (s - rod.nodes[node]) / (rod.nodes[node + 1] - rod.nodes[node]);
-            Place { node, shares: [1.0 - beyond, beyond], mass }
+            SampledPoint { node, shares: [1.0 - beyond, beyond], mass }
         };
         FrictionSampler {
             hairs,
             rate,
             nodes: rod.nodes.len(),
-            places: rod.arc.iter().zip(&rod.mass).map(place).collect(),
+            points: rod.arc.iter().zip(&rod.mass).map(point).collect(),
         }
     }
 
-    /// The points that move by themselves, all but the root.
-    fn moving(&self) -> impl Iterator<Item = (usize, &Place)> {
-        self.places.iter().enumerate().skip(1)
+    /// All points but the root.
+    fn free_points(&self) -> impl Iterator<Item = (usize, &SampledPoint)> {
+        self.points.iter().enumerate().skip(1)
     }
 
-    /// The guide at its nodes, as seen from the head, in its frame.
-    fn at_nodes(&self, guide: &GuideState, head: &HeadVelocity) -> AtNodes {
+    /// Masses and velocities at the nodes relative to the head, in its frame.
+    fn node_velocities(&self, guide: &GuideState, head: &HeadVelocity) -> NodeVelocities {
         let mut nodes = vec![(0.0, Vector3::zeros()); self.nodes];
-        for (k, place) in self.moving() {
-            let v = head.seen(&guide.x[k], &guide.v[k]);
-            for (node, share) in nodes[place.node..].iter_mut().zip(&place.shares) {
-                node.0 += share * place.mass;
-                node.1 += v * (share * place.mass);
+        for (k, point) in self.free_points() {
+            let v = head.relative_velocity(&guide.x[k], &guide.v[k]);
+            for (node, share) in nodes[point.node..].iter_mut().zip(&point.shares) {
+                node.0 += share * point.mass;
+                node.1 += v * (share * point.mass);
             }
         }
         nodes.iter_mut().for_each(|(mass, momentum)| *momentum /= *mass);
         nodes
     }
 
-    /// Share of what it moves otherwise that it loses in a time `h`, s.
-    fn lost(&self, h: f64) -> f64 {
+    /// Share of the relative velocity that is lost in a time `h`, s.
+    fn loss(&self, h: f64) -> f64 {
         -(-self.rate * h).exp_m1()
     }
 
-    /// Force on each of its points over a step of `h`, s, in the frame of `head`, N, by what its nodes move otherwise than the wisp, m/s.
-    fn forces(&self, otherwise: &[Vector3<f64>], h: f64) -> Vec<Vector3<f64>> {
-        let mut forces = vec![Vector3::zeros(); self.places.len()];
-        for (k, place) in self.moving() {
-            let [here, next] = place.shares;
-            let v = otherwise[place.node] * here + otherwise[place.node + 1] * next;
-            forces[k] = v * (-place.mass * self.lost(h) / h);
+    /// Force on each point over a step of `h`, s, in the frame of the head, N, from the velocities of the nodes relative to the
+    /// wisp, m/s.
+    fn forces(&self, relative: &[Vector3<f64>], h: f64) -> Vec<Vector3<f64>> {
+        let mut forces = vec![Vector3::zeros(); self.points.len()];
+        for (k, point) in self.free_points() {
+            let [here, next] = point.shares;
+            let v = relative[point.node] * here + relative[point.node + 1] * next;
+            forces[k] = v * (-point.mass * self.loss(h) / h);
         }
         forces
     }
 }
 
 impl WispFriction {
-    /// From the guides with the coarse wisp of each; `None` where none rubs. Guides of one wisp have as many nodes.
+    /// Friction between guides with the coarse wisp of each; `None` if there is none. Guides of one wisp have equal numbers of
+    /// nodes.
     pub fn new(guides: Vec<FrictionSampler>, wisp: &[usize]) -> Option<Self> {
         let mut wisps = vec![Vec::new(); wisp.iter().max().map_or(0, |last| last + 1)];
         wisp.iter().enumerate().for_each(|(i, &w)| wisps[w].push(i));
@@ -96,32 +99,32 @@ impl WispFriction {
         (!wisps.is_empty()).then_some(WispFriction { wisps, guides })
     }
 
-    /// Sets the forces on `guides` over a step of `h`, s, that starts now, where the head is as `head` says. `mover` is the guide with which each moves:
-    /// itself, or the one that it follows.
+    /// Sets the friction forces on the guides over a step of `h`, s, that starts with the head at `head`. `leader` maps each
+    /// guide to the active guide that it moves with.
     pub fn apply(
         &self,
         states: &mut [GuideState],
-        mover: impl Fn(usize) -> usize + Sync,
+        leader: impl Fn(usize) -> usize + Sync,
         head: &HeadVelocity,
         h: f64,
     ) {
         let forces: Vec<_> =
-            self.wisps.par_iter().map(|wisp| self.forces(wisp, states, &mover, head, h)).collect();
+            self.wisps.par_iter().map(|wisp| self.forces(wisp, states, &leader, head, h)).collect();
         for (i, forces) in forces.into_iter().flatten() {
             states[i].set_friction_force(forces);
         }
     }
 
-    /// Forces on the points of the guides of `wisp` that move by themselves, N, world.
+    /// Forces on the points of the active guides of `wisp`, N, world.
     fn forces(
         &self,
         wisp: &[usize],
         states: &[GuideState],
-        mover: impl Fn(usize) -> usize,
+        leader: impl Fn(usize) -> usize,
         head: &HeadVelocity,
         h: f64,
     ) -> Vec<(usize, Vec<Vector3<f64>>)> {
-        let mut hairs: Vec<(usize, f64)> = wisp.iter().map(|&i| (mover(i), self.guides[i].hairs)).collect();
+        let mut hairs: Vec<(usize, f64)> = wisp.iter().map(|&i| (leader(i), self.guides[i].hairs)).collect();
         hairs.sort_by_key(|(i, _)| *i);
         hairs.dedup_by(|next, kept| {
             let same = next.0 == kept.0;
@@ -130,50 +133,53 @@ impl WispFriction {
             }
             same
         });
-        let nodes: Vec<_> = hairs.iter().map(|&(i, _)| self.guides[i].at_nodes(&states[i], head)).collect();
-        // Weighted with what each loses, so that what one loses others gain.
+        let nodes: Vec<_> =
+            hairs.iter().map(|&(i, _)| self.guides[i].node_velocities(&states[i], head)).collect();
+        // Weighted by the momentum that each guide loses, so that momentum is conserved.
         let mut mean = vec![(0.0, Vector3::zeros()); nodes[0].len()];
         for ((i, hairs), nodes) in hairs.iter().zip(&nodes) {
-            let lost = hairs * self.guides[*i].lost(h);
+            let loss = hairs * self.guides[*i].loss(h);
             for (mean, (mass, v)) in mean.iter_mut().zip(nodes) {
-                mean.0 += lost * mass;
-                mean.1 += v * (lost * mass);
+                mean.0 += loss * mass;
+                mean.1 += v * (loss * mass);
             }
         }
         if mean.iter().any(|(weight, _)| *weight == 0.0) {
             return Vec::new();
         }
-        let on = |(&(i, _), nodes): (&(usize, f64), &AtNodes)| {
-            let otherwise: Vec<_> = nodes.iter().zip(&mean).map(|((_, v), (w, sum))| v - sum / *w).collect();
-            (i, self.guides[i].forces(&otherwise, h).iter().map(|f| head.to_world(f)).collect())
+        let on = |(&(i, _), nodes): (&(usize, f64), &NodeVelocities)| {
+            let relative: Vec<_> = nodes.iter().zip(&mean).map(|((_, v), (w, sum))| v - sum / *w).collect();
+            (i, self.guides[i].forces(&relative, h).iter().map(|f| head.to_world(f)).collect())
         };
         hairs.iter().zip(&nodes).map(on).collect()
     }
 }
 
-/// The head at a moment, and how it moves.
+/// The pose and the velocity of the head at one time.
 pub(super) struct HeadVelocity {
     pose: Isometry3<f64>,
-    beside: [Isometry3<f64>; 2],
+    /// Poses shortly after and before.
+    neighbours: [Isometry3<f64>; 2],
 }
 
 impl HeadVelocity {
-    /// Half the time over which its velocity is taken, s.
+    /// Half the interval of the difference quotient, s.
     const DELTA: f64 = 1e-4;
 
+    /// The head at time `t`, s.
     pub fn new(env: &Environment, t: f64) -> Self {
-        let beside = [t + HeadVelocity::DELTA, t - HeadVelocity::DELTA].map(|t| (env.head)(t));
-        HeadVelocity { pose: (env.head)(t), beside }
+        let neighbours = [t + HeadVelocity::DELTA, t - HeadVelocity::DELTA].map(|t| (env.head)(t));
+        HeadVelocity { pose: (env.head)(t), neighbours }
     }
 
-    /// Velocity `v`, m/s, of what is at `x`, m, as seen from the head, in its frame.
-    pub fn seen(&self, x: &Vector3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
+    /// Velocity `v`, m/s, of a point at `x`, m, relative to the head, in its frame.
+    pub fn relative_velocity(&self, x: &Vector3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
         let local = self.pose.inverse_transform_point(&(*x).into());
-        let carried = (self.beside[0] * local - self.beside[1] * local) / (2.0 * HeadVelocity::DELTA);
+        let carried = (self.neighbours[0] * local - self.neighbours[1] * local) / (2.0 * HeadVelocity::DELTA);
         self.pose.rotation.inverse() * (v - carried)
     }
 
-    /// A vector of its frame in the world.
+    /// Rotates a vector from its frame to the world.
     pub fn to_world(&self, v: &Vector3<f64>) -> Vector3<f64> {
         self.pose.rotation * v
     }
@@ -219,7 +225,7 @@ mod tests {
         friction: WispFriction,
     }
 
-    /// Guides of the given lengths, and of one wisp that rubs at the given rates; each guide stands for more hairs than the one before.
+    /// One wisp of guides with the given lengths and friction rates; each guide represents one hair more than the one before.
     fn wisp(lengths: &[f64], rates: &[f64], env: &Environment, h: f64) -> Wisp {
         let rods: Vec<Rod> = lengths.iter().enumerate().map(|(i, l)| hair(i, *l)).collect();
         let sampler =
@@ -243,7 +249,7 @@ mod tests {
     const H: f64 = 1.0 / 192.0;
 
     #[test]
-    fn what_one_loses_others_gain_and_together_they_lose_energy() {
+    fn friction_conserves_momentum_and_dissipates_energy() {
         let env = turning_head();
         let Wisp { mut states, friction, .. } = wisp(&[0.1, 0.23, 0.17], &[10.0, 300.0, 0.0], &env, H);
         let head = HeadVelocity::new(&env, 0.0);
@@ -253,31 +259,31 @@ mod tests {
         }
         friction.apply(&mut states, |i| i, &head, H);
         let (mut force, mut power, mut energy, mut size) = (V::zeros(), 0.0, 0.0, 0.0);
-        for (guide, FrictionSampler { hairs, places, .. }) in states.iter().zip(&friction.guides) {
-            for ((f, place), (x, v)) in
-                guide.friction_force().iter().zip(places).zip(guide.x.iter().zip(&guide.v)).skip(1)
+        for (guide, FrictionSampler { hairs, points, .. }) in states.iter().zip(&friction.guides) {
+            for ((f, point), (x, v)) in
+                guide.friction_force().iter().zip(points).zip(guide.x.iter().zip(&guide.v)).skip(1)
             {
-                let v = head.to_world(&head.seen(x, v));
+                let v = head.to_world(&head.relative_velocity(x, v));
                 force += f * *hairs;
                 size += f.norm() * hairs;
                 power += f.dot(&v) * hairs;
-                energy += 0.5 * place.mass * v.norm_squared() * hairs;
+                energy += 0.5 * point.mass * v.norm_squared() * hairs;
             }
             assert_eq!(guide.friction_force()[0], V::zeros());
         }
         assert!(force.norm() < 1e-12 * size, "{force}");
-        // No more than there is in a step, whatever the rate.
+        // No more than the energy there is, at any rate.
         assert!(power < 0.0 && -power * H < 2.0 * energy, "{power} {energy}");
     }
 
     #[test]
-    fn what_all_move_together_is_left_alone() {
+    fn friction_does_not_act_on_the_common_motion() {
         let env = turning_head();
         let Wisp { mut states, friction, .. } = wisp(&[0.1, 0.23, 0.17], &[50.0; 3], &env, H);
         let head = HeadVelocity::new(&env, 0.0);
         for guide in &mut states {
             for (x, v) in guide.x.iter().zip(&mut guide.v) {
-                // As the head carries them, and all in one direction.
+                // The motion of the head plus a common velocity.
                 *v = V::new(0.5, -2.0, 0.1)
                     + (turning(1e-5) * turning(0.0).inverse_transform_point(&(*x).into()) - *x).coords / 1e-5;
             }
@@ -288,9 +294,9 @@ mod tests {
         assert!(largest < 1e-9, "{largest} N");
     }
 
-    /// Mean over time of the energy of what guides of three lengths move otherwise than their wisp, J, after they were let go from the side,
-    /// in steps of `h`, s.
-    fn unrest(rate: f64, h: f64, scheme: Scheme) -> (f64, f64) {
+    /// Mean over time of the kinetic energy relative to the wisp, J, and the highest speed, m/s, of guides of three lengths
+    /// released sideways, in steps of `h`, s.
+    fn deviation_energy(rate: f64, h: f64, scheme: Scheme) -> (f64, f64) {
         let gravity = Box::new(|_| V::x() * 9.81);
         let env = Environment { gravity, ..Environment::at_rest(Bodies::default()) };
         let Wisp { mut models, mut states, friction } =
@@ -310,8 +316,11 @@ mod tests {
                 assert_eq!(record.unconverged, 0);
                 fastest = state.v.iter().map(|v| v.norm()).fold(fastest, f64::max);
             }
-            let nodes: Vec<_> =
-                states.iter().zip(&friction.guides).map(|(g, r)| (r.hairs, r.at_nodes(g, &head))).collect();
+            let nodes: Vec<_> = states
+                .iter()
+                .zip(&friction.guides)
+                .map(|(g, r)| (r.hairs, r.node_velocities(g, &head)))
+                .collect();
             for k in 0..nodes[0].1.len() {
                 let mass: f64 = nodes.iter().map(|(hairs, n)| hairs * n[k].0).sum();
                 let mean = nodes.iter().map(|(hairs, n)| n[k].1 * (hairs * n[k].0)).sum::<V>() / mass;
@@ -324,9 +333,9 @@ mod tests {
     }
 
     #[test]
-    fn guides_of_a_wisp_move_more_alike_the_more_they_rub_and_never_run_away() {
+    fn relative_motion_decreases_with_friction_and_is_stable_at_any_rate() {
         for (scheme, h) in [(Scheme::Bdf2, H), (Scheme::BackwardEuler, H), (Scheme::Bdf2, 1.0 / 24.0)] {
-            let runs = [0.0, 5.0, 50.0, 1e6].map(|rate| unrest(rate, h, scheme));
+            let runs = [0.0, 5.0, 50.0, 1e6].map(|rate| deviation_energy(rate, h, scheme));
             assert!(runs.windows(2).all(|r| r[1].0 < 0.9 * r[0].0), "{scheme:?} {h}: {runs:?}");
             assert!(runs.iter().all(|(_, fastest)| *fastest < 1.1 * runs[0].1), "{scheme:?} {h}: {runs:?}");
         }

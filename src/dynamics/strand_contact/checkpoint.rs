@@ -1,46 +1,47 @@
-//! What a checkpoint holds of the guides as they touch each other.
+//! Checkpoint of the contacts between guides.
 
-use super::StrandContacts;
-use super::contact_pairs::{ContactPairs, Known};
+use super::contact_pair::ContactHistory;
+use super::contact_pairs::ContactPairs;
+use super::strand_contacts::StrandContacts;
 use crate::dynamics::checkpoint::{Checkpoint, StateMismatch};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Where the guides are that move by themselves and what is known of their contacts, at the end of a sub-step.
+/// Curves of the active guides and the history of their contacts, at the end of a sub-step.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Saved {
+pub struct StrandContactsState {
     pushed: Vec<bool>,
     x: Vec<Vector3<f64>>,
-    known: Vec<Known>,
+    history: Vec<ContactHistory>,
 }
 
 impl Checkpoint for StrandContacts {
-    type State = Saved;
+    type State = StrandContactsState;
 
-    fn state(&self) -> Saved {
-        // All fields by name: whoever adds one has to say here whether a later sub-step depends on it.
-        let StrandContacts { own: _, active: _, places, members: _, pushed } = self;
+    fn state(&self) -> StrandContactsState {
+        // All fields by name: a new field must be either saved or listed as derived.
+        let StrandContacts { own_bundles: _, active: _, pairs, guides: _, pushed } = self;
         let ContactPairs {
-            skin: _,
-            rooted: _,
+            bundles: _,
+            near_root: _,
             guide: _,
             first: _,
             x: [x, _],
-            pairs: _,
-            found: _,
+            candidates: _,
+            contacts: _,
             crossing: _,
-            known,
-        } = places;
-        Saved { pushed: pushed.clone(), x: x.clone(), known: known.clone() }
+            history,
+        } = pairs;
+        StrandContactsState { pushed: pushed.clone(), x: x.clone(), history: history.clone() }
     }
 
-    fn restore(&mut self, state: Saved) -> Result<(), StateMismatch> {
-        let Saved { pushed, x, known } = state;
+    fn restore(&mut self, state: StrandContactsState) -> Result<(), StateMismatch> {
+        let StrandContactsState { pushed, x, history } = state;
         StateMismatch::unless_same("pushed guides", pushed.len(), self.pushed.len())?;
-        StateMismatch::unless_same("points of guides", x.len(), self.places.x[0].len())?;
+        StateMismatch::unless_same("points of guides", x.len(), self.pairs.x[0].len())?;
         self.pushed = pushed;
-        self.places.x[0] = x;
-        self.places.known = known;
+        self.pairs.x[0] = x;
+        self.pairs.history = history;
         Ok(())
     }
 }

@@ -1,9 +1,9 @@
-//! Guides that meet: none crosses another, by a check of its own; the law of friction; rest; equal bits.
+//! Contact between guides: no crossings, by an independent check; Coulomb friction; rest; reproducible bits.
 
 mod bundles;
 
 use super::contact_pairs::ContactPairs;
-use super::member::{Member, Resort};
+use super::coupled_guide::{CoupledGuide, EndState};
 use super::{BundleProperties, StrandContacts};
 use crate::contact::Bodies;
 use crate::dynamics::batch::Batches;
@@ -21,7 +21,7 @@ type V = Vector3<f64>;
 
 const H: f64 = 1.0 / 192.0;
 
-const SKIN: BundleProperties =
+const BUNDLE: BundleProperties =
     BundleProperties { hair: 4e-5, bundle: 3e-4, parallel: 1.0, cohesion: 0.0, hairs: 1.0 };
 
 /// A straight strand, `stiff` times as stiff as a hair, and as heavy as one.
@@ -45,18 +45,18 @@ fn bundle(from: V, to: V, stiff: f64, heavy: f64) -> Rod {
     .unwrap()
 }
 
-/// Strands on a head that moves, under a field of force, in sub-steps of `h`, s.
+/// Strands on a moving head in a force field, stepped by `h`, s.
 struct Scene<'a> {
     h: f64,
     rods: Vec<Rod>,
     friction: f64,
-    /// Of each strand.
-    skins: Vec<BundleProperties>,
-    /// Of each strand, N·s/m².
+    /// Bundle of each strand.
+    bundles: Vec<BundleProperties>,
+    /// Drag of each strand, N·s/m².
     drag: Vec<f64>,
     head: &'a (dyn Fn(f64) -> Isometry3<f64> + Sync),
     field: &'a (dyn Fn(f64) -> V + Sync),
-    /// Bodies that the head carries.
+    /// Bodies attached to the head.
     bodies: Vec<Shape>,
 }
 
@@ -66,8 +66,8 @@ struct Motion {
     guides: Vec<GuideState>,
     strand_contacts: StrandContacts,
     records: Vec<StepRecord>,
-    /// Curves at the start of the last sub-step and at every moment to which they were brought in it, in the frame of the head, one point between any two
-    /// of the rods'.
+    /// Curves at the start of the last sub-step and at every time reached in it, in the frame of the head, with the midpoints
+    /// between the rods' points.
     x: Vec<Vec<Vec<V>>>,
 }
 
@@ -78,7 +78,7 @@ impl Scene<'_> {
         Scene {
             h: H,
             friction: 0.3,
-            skins: vec![SKIN; rods.len()],
+            bundles: vec![BUNDLE; rods.len()],
             drag: vec![1e-4; rods.len()],
             rods,
             head: STILL,
@@ -102,7 +102,7 @@ impl Scene<'_> {
         let state = |model: &GuideModel| GuideState::new(model, &[5e-4], &env, 0.0, self.h);
         let guides: Vec<GuideState> = models.iter().map(state).collect();
         let batches = Batches::new(&models, |_| true);
-        let mut strand_contacts = StrandContacts::new(self.skins.clone());
+        let mut strand_contacts = StrandContacts::new(self.bundles.clone());
         strand_contacts.rebuild(&models, &guides, |g| g, &env, 0.0);
         let local = |models: &[GuideModel], guides: &[GuideState], t: f64| -> Vec<Vec<V>> {
             let head = (self.head)(t).inverse();
@@ -137,11 +137,11 @@ impl Motion {
         self.records.iter().map(|r| r.strands.active).sum()
     }
 
-    fn held(&self) -> u32 {
+    fn fallbacks(&self) -> u32 {
         self.records.iter().map(|r| r.strands.truncated + r.strands.uncoupled).sum()
     }
 
-    /// Pairs of segments of different strands that pass through each other in the last sub-step, at the roots excepted.
+    /// Pairs of segments of different strands that cross in the last sub-step, except near the roots.
     fn crossings(&self) -> usize {
         self.x.windows(2).map(|x| self.crossings_between([&x[0], &x[1]])).sum()
     }
@@ -171,15 +171,15 @@ impl Motion {
     }
 }
 
-/// Whether segments ab and cd meet while their ends move linearly: they do where the ends lie in a plane and the lines meet within
-/// both. The volume of the ends is a cubic in time; its sign changes are looked for in 64 parts.
+/// Whether segments ab and cd cross while their ends move linearly: at a time when the ends are coplanar and the lines
+/// intersect within both. The volume of the ends is a cubic in time; its sign changes are sought in 64 intervals.
 fn cross(start: [V; 4], end: [V; 4]) -> bool {
     let at = |t: f64| [0, 1, 2, 3].map(|i: usize| start[i].lerp(&end[i], t));
     let volume = |t: f64| {
         let [a, b, c, d] = at(t);
         (b - a).cross(&(d - c)).dot(&(c - a))
     };
-    // Motions whose boxes do not meet, cheaply.
+    // Rejects disjoint swept boxes.
     let extent = |i: usize, d: usize| {
         let x = [start[i][d], start[i + 1][d], end[i][d], end[i + 1][d]];
         (x.iter().copied().fold(f64::INFINITY, f64::min), x.iter().copied().fold(f64::NEG_INFINITY, f64::max))
@@ -190,7 +190,7 @@ fn cross(start: [V; 4], end: [V; 4]) -> bool {
     let parts = 64;
     (0..parts).any(|k| {
         let (mut lo, mut hi) = (f64::from(k) / f64::from(parts), f64::from(k + 1) / f64::from(parts));
-        // Of segments that turn past each other's direction both the volume and the normal change sides, and they do not meet.
+        // Where segments become parallel, the volume and the normal both change sign without a crossing.
         let normal = |t: f64| {
             let [a, b, c, d] = at(t);
             (b - a).cross(&(d - c))
@@ -213,7 +213,7 @@ fn cross(start: [V; 4], end: [V; 4]) -> bool {
 }
 
 #[test]
-fn the_check_sees_what_crosses() {
+fn crossing_check_detects_crossings() {
     let a = [V::new(-1.0, 0.0, 0.0), V::new(1.0, 0.0, 0.0)];
     let b = |y: f64, x: f64| [V::new(x, y, -1.0), V::new(x, y, 1.0)];
     let ends = |b: [V; 2]| [a[0], a[1], b[0], b[1]];
@@ -223,35 +223,35 @@ fn the_check_sees_what_crosses() {
 }
 
 #[test]
-fn what_passes_beside_a_place_that_is_kept_is_met() {
-    // Almost along each other, 20 µm apart where they are nearest: in the middle.
+fn a_crossing_beside_a_kept_contact_is_detected() {
+    // Nearly parallel, 20 µm apart at the closest point, the middle.
     let (a, b) = ([V::zeros(), V::x() * 0.1], [V::new(0.0, 2e-5, -1e-3), V::new(0.1, 2e-5, 1e-3)]);
     let with_middle = |[a, b]: [V; 2]| [a, a.lerp(&b, 0.5), b];
-    let mut places = ContactPairs::new(&[&[0.02, 0.12], &[0.02, 0.12]], vec![SKIN; 2]);
-    places.x = [[a, b].map(with_middle).concat(), [a, b].map(with_middle).concat()];
-    places.begin();
-    assert_eq!((places.found.len(), places.crossing.len()), (1, 0));
-    // The middle gives way; the place where they cross slides to where the second has tilted through the first.
-    places
-        .end_of(1)
+    let mut pairs = ContactPairs::new(&[&[0.02, 0.12], &[0.02, 0.12]], vec![BUNDLE; 2]);
+    pairs.x = [[a, b].map(with_middle).concat(), [a, b].map(with_middle).concat()];
+    pairs.begin();
+    assert_eq!((pairs.contacts.len(), pairs.crossing.len()), (1, 0));
+    // The middle is pushed away; the closest point slides to where the second has tilted through the first.
+    pairs
+        .end_mut(1)
         .copy_from_slice(&with_middle([V::new(0.0, -2.7e-4, -8e-4), V::new(0.1, 3.3e-4, 1.2e-3)]));
-    places.look();
-    assert!(places.found[0].is_kept());
-    assert_eq!((places.found.len(), places.crossing.len()), (2, 1));
+    pairs.detect();
+    assert!(pairs.contacts[0].is_kept());
+    assert_eq!((pairs.contacts.len(), pairs.crossing.len()), (2, 1));
 }
 
 #[test]
-fn places_that_stand_for_each_other_are_held_once() {
-    // Along each other, the second wavy, a point of the one a millimetre past a point of the other.
+fn equivalent_contacts_are_kept_once() {
+    // Parallel, the second wavy, its points shifted by a millimetre.
     let points =
         |x: f64, y: [f64; 2]| (0..11).map(move |k| V::new(x + 0.01 * f64::from(k), y[k as usize % 2], 0.0));
     let arc: Vec<f64> = (0..6).map(|k| 0.02 + 0.02 * f64::from(k)).collect();
-    let mut places = ContactPairs::new(&[&arc, &arc], vec![SKIN; 2]);
+    let mut pairs = ContactPairs::new(&[&arc, &arc], vec![BUNDLE; 2]);
     let x: Vec<V> = points(0.0, [0.0; 2]).chain(points(1e-3, [4e-4, 4.2e-4])).collect();
-    places.x = [x.clone(), x];
-    places.begin();
-    let along = |m| [0, 1].map(|side| places.on_rod(m, side)).map(|(k, u)| k as f64 + u);
-    let mut at: Vec<_> = places.found.iter().map(|p| along(&p.contact)).collect();
+    pairs.x = [x.clone(), x];
+    pairs.begin();
+    let along = |m| [0, 1].map(|side| pairs.position_on_rod(m, side)).map(|(k, u)| k as f64 + u);
+    let mut at: Vec<_> = pairs.contacts.iter().map(|p| along(&p.contact)).collect();
     at.sort_by(|a, b| a[0].total_cmp(&b[0]));
     assert!(at.len() >= 5, "{at:?}");
     for two in at.windows(2) {
@@ -260,11 +260,11 @@ fn places_that_stand_for_each_other_are_held_once() {
     }
 }
 
-/// A level strand that has taken a sub-step over a ball that comes up by `rise`, m, beneath it from half a millimetre off; the bodies have the
-/// last word. Calls `each` with the strand as a member of a tangle.
+/// A level strand that has taken a sub-step over a ball that rises by `rise`, m, from half a millimetre beneath it. Calls
+/// `each` with the coupled guide.
 fn over_a_ball(
     rise: f64,
-    each: impl FnOnce(&mut Member, (&GuideModel, &mut GuideState), &Environment, &mut StepRecord),
+    each: impl FnOnce(&mut CoupledGuide, (&GuideModel, &mut GuideState), &Environment, &mut StepRecord),
 ) {
     let ball = move |_: usize, t: f64| Isometry3::translation(0.1, -0.0215 + rise * t / H, 0.0);
     let bodies = Bodies::from_shapes(&[Shape::Sphere { centre: V::zeros(), radius: 0.02 }]);
@@ -279,29 +279,29 @@ fn over_a_ball(
     let mut state = GuideState::new(&model, &[5e-4], &env, 0.0, H);
     let mut record =
         model.step(&env, &mut state, [0.0, H], ContactMode::Bodies, &mut GuideScratch::default());
-    let mut member = Member::new();
-    member.begin(&record);
-    assert!(member.whole && record.penetration < 1e-5, "{record:?}");
-    member.open(&model, &mut state, &env, [0.0, H]);
-    each(&mut member, (&model, &mut state), &env, &mut record);
+    let mut guide = CoupledGuide::new();
+    guide.begin(&record);
+    assert!(guide.converged && record.penetration < 1e-5, "{record:?}");
+    guide.couple(&model, &mut state, &env, [0.0, H]);
+    each(&mut guide, (&model, &mut state), &env, &mut record);
 }
 
 #[test]
-fn a_motion_that_is_cut_short_is_taken_whole_where_any_part_of_it_crosses_a_body_that_comes() {
+fn a_truncated_motion_is_taken_whole_if_every_part_of_it_crosses_an_approaching_body() {
     for (rise, whole) in [(1.2e-3, false), (2.5e-3, true)] {
-        over_a_ball(rise, |member, (model, state), env, _| {
-            let (root, start, end) = (member.root, state.q[0].clone(), member.scratch.q.clone());
+        over_a_ball(rise, |guide, (model, state), env, _| {
+            let (root, start, end) = (guide.root, state.q[0].clone(), guide.scratch.q.clone());
             let mut truncate = |q: &[f64]| {
-                member.scratch.q = q.to_vec();
+                guide.scratch.q = q.to_vec();
                 let (contact, ContactSolve { q, solver, memory, scratch }) =
-                    model.body_contact(env, state, &root, &mut member.scratch);
+                    model.body_contact(env, state, &root, &mut guide.scratch);
                 solver.shape.update(contact.rod, &root.r, q);
                 let stopped = contact.truncate(&start, q, solver, memory, scratch);
                 (stopped, q.clone())
             };
             let (stopped, q) = truncate(&end);
             assert!(stopped && (q == end) == whole, "rise {rise}: {stopped}");
-            // From where it began there is nothing to be had.
+            // From the start there is no motion to truncate.
             let (stopped, q) = truncate(&start);
             assert!(stopped != whole && q == start, "rise {rise}: {stopped}");
         });
@@ -309,36 +309,36 @@ fn a_motion_that_is_cut_short_is_taken_whole_where_any_part_of_it_crosses_a_body
 }
 
 #[test]
-fn what_others_do_not_let_go_goes_where_it_went_alone_if_a_body_comes() {
-    for (rise, resort) in [(-1e-3, Resort::Still), (2.5e-3, Resort::Alone)] {
-        over_a_ball(rise, |member, (model, state), env, _| {
-            while !member.has_yielded() {
-                member.cut_short(model, state, env, [0.0, H]);
+fn a_fully_truncated_guide_ends_uncoupled_if_a_body_approaches() {
+    for (rise, end_state) in [(-1e-3, EndState::AtRestOnHead), (2.5e-3, EndState::Uncoupled)] {
+        over_a_ball(rise, |guide, (model, state), env, _| {
+            while !guide.is_fully_truncated() {
+                guide.truncate_motion(model, state, env, [0.0, H]);
             }
-            assert_eq!(member.resort, resort);
+            assert_eq!(guide.end_state, end_state);
         });
     }
 }
 
 #[test]
-fn a_way_that_was_given_up_leaves_nothing_in_the_record() {
-    over_a_ball(2.5e-3, |member, (model, state), env, record| {
+fn a_rejected_motion_leaves_nothing_in_the_record() {
+    over_a_ball(2.5e-3, |guide, (model, state), env, record| {
         let alone = record.penetration;
         // Straight through the ball.
-        member.scratch.q.fill(0.0);
-        member.scratch.solver.shape.update(&model.rod, &member.root.r, &member.scratch.q);
-        member.meet_bodies(model, state, env);
+        guide.scratch.q.fill(0.0);
+        guide.scratch.solver.shape.update(&model.rod, &guide.root.r, &guide.scratch.q);
+        guide.find_body_contacts(model, state, env);
         let mut through = *record;
-        member.note(model, state, env, &mut through);
+        guide.record(model, state, env, &mut through);
         assert!(through.penetration > 5e-4, "{through:?}");
-        assert!(member.is_lost());
-        member.go_alone(model);
-        member.note(model, state, env, record);
+        assert!(guide.violates_bodies());
+        guide.end_uncoupled(model);
+        guide.record(model, state, env, record);
         assert_eq!((record.penetration, record.strands.uncoupled), (alone, 1));
     });
 }
 
-/// A hair that falls across a stiff one, `turn` from its direction, rad, and then is shaken there.
+/// A hair that falls across a stiff one, at an angle `turn`, rad.
 fn falls_across(turn: f64) -> Vec<Rod> {
     let across = V::new(turn.cos(), 0.0, turn.sin());
     let middle = V::new(0.1, 0.006, 0.0);
@@ -356,10 +356,10 @@ fn a_strand_comes_to_rest_on_another() {
         let end = scene.run(1.5, |t, m| {
             assert_eq!(m.crossings(), 0, "turned by {turn}, at {t} s");
             touched += u32::from(m.active() > 0);
-            held += m.held();
+            held += m.fallbacks();
         });
         assert!(touched > 150, "turned by {turn}: touched in {touched} sub-steps");
-        assert!(held <= 2, "turned by {turn}: {held} gave way");
+        assert!(held <= 2, "turned by {turn}: {held} fallbacks");
         // A nearly parallel one may roll off.
         assert!(turn < 0.1 || lowest(&end, 1) > lowest(&alone, 0) + 0.01, "turned by {turn}: not held up");
         assert!(end.fastest() < 2e-3, "turned by {turn}: still moves at {} m/s", end.fastest());
@@ -367,7 +367,7 @@ fn a_strand_comes_to_rest_on_another() {
 }
 
 #[test]
-fn tips_that_swing_at_each_other_do_not_pass() {
+fn tips_that_swing_towards_each_other_do_not_cross() {
     let field = |t: f64| V::y() * (20.0 * (25.0 * t).sin()) + V::z() * (5.0 * (40.0 * t).cos());
     let mut scene = Scene::new(vec![
         strand(V::zeros(), V::new(0.11, 0.0, 0.0), 30.0),
@@ -378,10 +378,10 @@ fn tips_that_swing_at_each_other_do_not_pass() {
     scene.run(2.0, |t, m| {
         assert_eq!(m.crossings(), 0, "at {t} s");
         touched += u32::from(m.active() > 0);
-        held += m.held();
+        held += m.fallbacks();
     });
     assert!(touched > 10, "touched in {touched} sub-steps");
-    assert!(held <= 2, "{held} gave way");
+    assert!(held <= 2, "{held} fallbacks");
 }
 
 #[test]
@@ -410,24 +410,24 @@ fn mirrored_strands_stay_mirrored() {
     assert!(touched > 10, "touched in {touched} sub-steps");
 }
 
-/// Holds the law of friction at all places that push while a strand slides on another, drawn turned by `turn` from it, rad; friction along
-/// parallel ones is the share `parallel` of that across.
+/// Checks the friction law at all active contacts while a strand slides on another, drawn at an angle `turn`, rad; friction
+/// along parallel strands is the share `parallel` of that across.
 fn obeys_coulomb(turn: f64, parallel: f64) {
     let (mut stuck, mut slid, mut along, mut weakest) = (0, 0, 0, 1.0_f64);
     for friction in [0.1, 0.6] {
         let mut scene = Scene::new(falls_across(turn));
         scene.friction = friction;
-        scene.skins.iter_mut().for_each(|skin| skin.parallel = parallel);
+        scene.bundles.iter_mut().for_each(|bundle| bundle.parallel = parallel);
         let sway = |t: f64| V::new(3.0 * (6.0 * t).sin(), -9.81, 0.0);
         scene.field = &sway;
         scene.run(2.0, |t, m| {
-            for place in m.strand_contacts.places.found.iter().filter(|p| p.pushes()) {
-                let [n, a, b] = place.axes(&UnitQuaternion::identity());
-                // In axes in which the cone is round.
-                let force = Vector2::new(place.reaction.dot(&a) / a.norm_squared(), place.reaction.dot(&b));
-                let slip = m.strand_contacts.places.last_slip(place);
+            for pair in m.strand_contacts.pairs.contacts.iter().filter(|p| p.is_active()) {
+                let [n, a, b] = pair.axes(&UnitQuaternion::identity());
+                // In the axes in which the cone is round.
+                let force = Vector2::new(pair.reaction.dot(&a) / a.norm_squared(), pair.reaction.dot(&b));
+                let slip = m.strand_contacts.pairs.last_slip(pair);
                 let slip = Vector2::new(slip.dot(&a), slip.dot(&b));
-                let normal = place.reaction.dot(&n);
+                let normal = pair.reaction.dot(&n);
                 let bound = friction * normal;
                 assert!((b.norm() - 1.0).abs() < 1e-12);
                 assert!(a.norm() > parallel - 1e-12 && a.norm() < 1.0 + 1e-12);
@@ -445,7 +445,7 @@ fn obeys_coulomb(turn: f64, parallel: f64) {
         });
     }
     assert!(stuck > 100 && slid > 20 && along > 0, "{stuck} {slid} {along}");
-    // The strand that falls bends, and with it the angle between them.
+    // The falling strand bends, which changes the angle.
     let drawn = parallel + (1.0 - parallel) * turn.sin().powi(2);
     assert!((weakest - drawn).abs() < 0.5 * (1.0 - parallel) + 1e-9, "{weakest}");
 }
@@ -456,13 +456,13 @@ fn friction_obeys_coulomb() {
 }
 
 #[test]
-fn along_each_other_strands_slide_more_easily_than_across() {
+fn friction_is_weaker_along_parallel_strands_than_across() {
     obeys_coulomb(0.6, 0.3);
 }
 
 #[test]
-fn strands_that_cling_keep_together_until_their_weight_is_more() {
-    // A soft strand beside a stiff one, both held out: alone it hangs down, by centimetres.
+fn cohesion_holds_strands_together_up_to_their_weight() {
+    // A soft strand beside a stiff one, both horizontal: uncoupled it hangs down by centimetres.
     let rods = vec![
         strand(V::zeros(), V::x() * 0.1, 30.0),
         strand(V::new(0.0, -1.5e-4, 0.0), V::new(0.1, -1.5e-4, 0.0), 1.0),
@@ -470,7 +470,7 @@ fn strands_that_cling_keep_together_until_their_weight_is_more() {
     let weight = 6.6e-6 * 9.81;
     let apart = |cohesion: f64| {
         let mut scene = Scene::new(rods.clone());
-        scene.skins.iter_mut().for_each(|skin| skin.cohesion = cohesion);
+        scene.bundles.iter_mut().for_each(|bundle| bundle.cohesion = cohesion);
         let end = scene.run(1.5, |t, m| assert_eq!(m.crossings(), 0, "at {t} s"));
         let [a, b] = [0, 1].map(|g| *end.guides[g].x.last().unwrap());
         assert!(end.fastest() < 2e-3, "{cohesion} N/m: still moves at {} m/s", end.fastest());
@@ -481,7 +481,7 @@ fn strands_that_cling_keep_together_until_their_weight_is_more() {
     assert!(enough < 6e-4, "{enough}");
 }
 
-/// Forty strands on a plate, drawn criss-cross.
+/// Forty strands on a plate, in random directions.
 fn brush() -> Vec<Rod> {
     let mut drawn = 0..;
     let mut within = |scale: f64| (random::unit(7, drawn.next().unwrap()) - 0.5) * scale;
@@ -510,21 +510,21 @@ fn a_shaken_brush_does_not_cross_itself_and_comes_to_rest() {
     let (mut most, mut held) = (0, 0);
     let end = scene.run(3.5, |t, m| {
         most = most.max(m.active());
-        held += m.held();
+        held += m.fallbacks();
         assert_eq!(m.crossings(), 0, "at {t} s");
     });
-    assert!(most > 20, "at most {most} places push");
-    // Of 40 strands in 672 sub-steps.
-    assert!(held < 100, "{held} gave way");
-    // One still slides.
-    assert!(end.active() > 20 && end.fastest() < 0.01, "{} m/s, {} places", end.fastest(), end.active());
+    assert!(most > 20, "at most {most} active contacts");
+    // For 40 strands in 672 sub-steps.
+    assert!(held < 100, "{held} fallbacks");
+    // One strand still slides.
+    assert!(end.active() > 20 && end.fastest() < 0.01, "{} m/s, {} contacts", end.fastest(), end.active());
     let speeds: Vec<f64> = end.guides.iter().flat_map(|g| &g.v).map(|v| v.norm()).collect();
     let mean = speeds.iter().sum::<f64>() / speeds.len() as f64;
     assert!(mean < 5e-4, "{mean} m/s");
 }
 
 #[test]
-fn a_brush_that_is_thrown_about_in_long_sub_steps_takes_them_in_parts_and_does_not_cross_itself() {
+fn a_brush_thrown_about_in_long_substeps_halves_them_and_does_not_cross_itself() {
     let mut scene = Scene::new(brush());
     scene.h = 1.0 / 24.0;
     scene.head = &|t: f64| {
@@ -535,7 +535,7 @@ fn a_brush_that_is_thrown_about_in_long_sub_steps_takes_them_in_parts_and_does_n
     scene.bodies = vec![ball];
     let (mut parts, mut steps) = (0, 0);
     scene.run(0.13, |t, m| {
-        // All of them take the same parts, and each is known.
+        // All guides take the same parts, and every part is observed.
         assert!(m.records.iter().all(|r| r.halvings as usize + 2 == m.x.len()));
         parts += m.x.len() - 1;
         steps += 1;

@@ -1,8 +1,8 @@
-//! Guides that stand for different numbers of hairs, and for those of others that follow them.
+//! Guides that represent different numbers of hairs, and the hairs of their followers.
 
 use super::*;
 
-/// The ways of two equal strands that the swinging head throws together, where they stand for so many `hairs`, m.
+/// Paths, m, of two equal strands thrown together by the swinging head; each represents as many `hairs`.
 fn thrown_together(hairs: [f64; 2]) -> [Vec<V>; 2] {
     let swing = |t: f64| {
         let turn = UnitQuaternion::from_scaled_axis(V::x() * (0.3 * (25.0 * t).sin()));
@@ -14,7 +14,7 @@ fn thrown_together(hairs: [f64; 2]) -> [Vec<V>; 2] {
         strand(V::new(0.0, -0.003, 0.14), V::new(0.14, -0.003, 0.0), 1.0),
     ];
     let mut scene = Scene { head: &swing, field: &|_| V::zeros(), ..Scene::new(rods) };
-    scene.skins.iter_mut().zip(hairs).for_each(|(skin, hairs)| skin.hairs = hairs);
+    scene.bundles.iter_mut().zip(hairs).for_each(|(bundle, hairs)| bundle.hairs = hairs);
     let mut ways = [Vec::new(), Vec::new()];
     let mut touched = 0;
     scene.run(0.3, |_, m| {
@@ -25,29 +25,29 @@ fn thrown_together(hairs: [f64; 2]) -> [Vec<V>; 2] {
     ways
 }
 
-/// Farthest that two ways are from each other, m.
+/// Largest distance of two paths, m.
 fn apart(a: &[V], b: &[V]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
 }
 
 #[test]
-fn the_light_is_moved_aside_and_the_heavy_hardly() {
-    // Against nothing that weighs: as if it were alone.
+fn a_light_bundle_is_deflected_in_proportion_to_the_mass_ratio() {
+    // Against a massless bundle it moves as if uncoupled.
     let [alone, _] = thrown_together([1.0, 1e-9]);
     let [even, _] = thrown_together([1.0, 1.0]);
     let [heavy, _] = thrown_together([1000.0, 1.0]);
     let [light, _] = thrown_together([1.0, 1000.0]);
     let [light, even, heavy] = [light, even, heavy].map(|way| apart(&way, &alone));
     assert!(light > 1.3 * even && even > 3e-3, "{light} {even}");
-    // By a thousandth, as momentum has it.
+    // By a thousandth, from the conservation of momentum.
     assert!(heavy > 2e-4 * light && heavy < 3e-3 * light, "{heavy} {light}");
-    // What they have in common does not matter.
+    // Only the ratio matters.
     let [one, other] = [[3.0, 1.0], [300.0, 100.0]].map(thrown_together);
     assert!((0..2).all(|g| apart(&one[g], &other[g]) < 1e-6));
 }
 
 #[test]
-fn what_stands_for_many_hairs_moves_as_what_is_so_much_stiffer_and_heavier() {
+fn a_bundle_of_n_hairs_moves_like_one_rod_n_times_as_stiff_and_heavy() {
     let n = 6.0;
     let field = |t: f64| V::y() * (20.0 * (25.0 * t).sin()) + V::z() * (5.0 * (40.0 * t).cos());
     let run = |hairs: f64, as_one: f64| {
@@ -56,11 +56,11 @@ fn what_stands_for_many_hairs_moves_as_what_is_so_much_stiffer_and_heavier() {
             bundle(V::new(0.2, 0.001, 0.03), V::new(0.09, 0.001, -0.005), 3.0 * as_one, as_one),
         ];
         let mut scene = Scene { field: &field, ..Scene::new(rods) };
-        (scene.skins[1].hairs, scene.drag[1]) = (hairs, 1e-4 * as_one);
-        // They cling with the same force in all runs.
+        (scene.bundles[1].hairs, scene.drag[1]) = (hairs, 1e-4 * as_one);
+        // The same cohesive force in all runs.
         let girth = 2.0 / (1.0 + 1.0 / hairs.sqrt());
-        scene.skins.iter_mut().for_each(|skin| skin.cohesion = 0.02 / girth);
-        // Under the tip of the other; so what is between guides is balanced by what bodies do.
+        scene.bundles.iter_mut().for_each(|bundle| bundle.cohesion = 0.02 / girth);
+        // Under the tip of the other, so that contact forces between guides are balanced by bodies.
         scene.bodies = vec![Shape::Sphere { centre: V::new(0.1, -0.025, 0.0), radius: 0.02 }];
         let (mut ways, mut touched, mut both) = (Vec::new(), 0, 0);
         scene.run(0.6, |_, m| {
@@ -76,17 +76,18 @@ fn what_stands_for_many_hairs_moves_as_what_is_so_much_stiffer_and_heavier() {
     assert!(same < 1e-4 && other > 20.0 * same, "{same} {other}");
 }
 
-/// A shaken brush where one of its strands pushes another, with the time and these two.
-fn tangled() -> (f64, Motion, [usize; 2]) {
+/// A shaken brush in which one strand pushes another, with the time and these two.
+fn brush_in_contact() -> (f64, Motion, [usize; 2]) {
     let mut scene = Scene::new(brush());
     scene.head = &shaken;
-    for (g, skin) in scene.skins.iter_mut().enumerate() {
-        (skin.bundle, skin.hairs) = (3e-4 + 1e-6 * g as f64, 1.0 + g as f64);
+    for (g, bundle) in scene.bundles.iter_mut().enumerate() {
+        (bundle.bundle, bundle.hairs) = (3e-4 + 1e-6 * g as f64, 1.0 + g as f64);
     }
     let mut now = 0.0;
     let motion = scene.run(0.3, |t, _| now = t);
-    let place = motion.strand_contacts.places.found.iter().find(|p| p.pushes()).expect("something pushes");
-    let two = motion.strand_contacts.places.guides(&place.contact);
+    let pair =
+        motion.strand_contacts.pairs.contacts.iter().find(|p| p.is_active()).expect("something pushes");
+    let two = motion.strand_contacts.pairs.guides(&pair.contact);
     (now, motion, two)
 }
 
@@ -95,75 +96,74 @@ fn shaken_about() -> Environment<'static> {
     Environment { head: Box::new(shaken), gravity, ..Environment::at_rest(Bodies::default()) }
 }
 
-/// The guides of the places that are known to push, with the forces, N, were nothing to move.
+/// The guides and reactions, N, of the active contacts in the history, found again without motion.
 fn pushed(strand_contacts: &mut StrandContacts) -> Vec<([usize; 2], V)> {
-    strand_contacts.places.x[1] = strand_contacts.places.x[0].clone();
-    strand_contacts.places.begin();
-    let pushing = strand_contacts.places.found.iter().filter(|p| p.pushes());
-    pushing.map(|p| (strand_contacts.places.guides(&p.contact), p.reaction)).collect()
+    strand_contacts.pairs.x[1] = strand_contacts.pairs.x[0].clone();
+    strand_contacts.pairs.begin();
+    let pushing = strand_contacts.pairs.contacts.iter().filter(|p| p.is_active());
+    pushing.map(|p| (strand_contacts.pairs.guides(&p.contact), p.reaction)).collect()
 }
 
 #[test]
-fn what_follows_leaves_and_what_it_follows_is_as_thick_and_heavy_as_both() {
-    let (t, Motion { models, guides, mut strand_contacts, .. }, [stays, goes]) = tangled();
+fn a_follower_leaves_the_contact_and_its_leader_takes_its_hairs() {
+    let (t, Motion { models, guides, mut strand_contacts, .. }, [stays, goes]) = brush_in_contact();
     let env = shaken_about();
-    let (own, before) = (strand_contacts.places.skin.clone(), strand_contacts.places.x[0].clone());
+    let (own, before) = (strand_contacts.pairs.bundles.clone(), strand_contacts.pairs.x[0].clone());
     strand_contacts.rebuild(&models, &guides, |g| if g == goes { stays } else { g }, &env, t);
     assert!(!strand_contacts.active().contains(&goes) && strand_contacts.active().len() == guides.len() - 1);
-    assert_eq!(strand_contacts.places.x[0].len(), before.len() - (2 * models[goes].rod.points() - 1));
-    let skin = &strand_contacts.places.skin[stays];
+    assert_eq!(strand_contacts.pairs.x[0].len(), before.len() - (2 * models[goes].rod.points() - 1));
+    let bundle = &strand_contacts.pairs.bundles[stays];
     let squares = own[stays].bundle.powi(2) + own[goes].bundle.powi(2);
-    assert!((skin.bundle.powi(2) - squares).abs() < 1e-12 * squares);
-    assert_eq!(skin.hairs, own[stays].hairs + own[goes].hairs);
+    assert!((bundle.bundle.powi(2) - squares).abs() < 1e-12 * squares);
+    assert_eq!(bundle.hairs, own[stays].hairs + own[goes].hairs);
     assert!(!strand_contacts.pushed[goes]);
-    // Comes back, and nothing is known of it.
+    // It comes back without history.
     strand_contacts.rebuild(&models, &guides, |g| g, &env, t);
-    assert_eq!(strand_contacts.places.skin, own);
+    assert_eq!(strand_contacts.pairs.bundles, own);
     assert_eq!(strand_contacts.active().len(), guides.len());
-    let off =
-        strand_contacts.places.x[0].iter().zip(&before).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+    let off = strand_contacts.pairs.x[0].iter().zip(&before).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
     assert!(off < 1e-15, "{off}");
     let still = pushed(&mut strand_contacts);
     assert!(!still.is_empty() && still.iter().all(|(guides, _)| !guides.contains(&goes)), "{still:?}");
 }
 
 #[test]
-fn what_is_known_of_contacts_stays_known_when_another_guide_leaves() {
-    let (t, Motion { models, guides, mut strand_contacts, .. }, _) = tangled();
+fn contact_history_survives_the_departure_of_another_guide() {
+    let (t, Motion { models, guides, mut strand_contacts, .. }, _) = brush_in_contact();
     let env = shaken_about();
-    // All behind it are numbered otherwise then.
+    // The points of all later guides are renumbered.
     let mut wanted = pushed(&mut strand_contacts);
     wanted.retain(|(guides, _)| !guides.contains(&0));
     assert!(wanted.len() > 5, "{}", wanted.len());
     strand_contacts.rebuild(&models, &guides, |g| g.max(1), &env, t);
     let mut found = pushed(&mut strand_contacts);
-    // The thicker one may meet more.
+    // The thicker leader may have more contacts.
     found.retain(|(guides, _)| !guides.contains(&1));
     wanted.retain(|(guides, _)| !guides.contains(&1));
     assert_eq!(found, wanted);
 }
 
 #[test]
-fn what_thickens_pushes_nothing_aside_at_once() {
-    let mut places = ContactPairs::new(
+fn a_thickened_bundle_recovers_no_distance_that_the_pair_never_had() {
+    let mut pairs = ContactPairs::new(
         &[&[0.02, 0.12], &[0.02, 0.12]],
-        vec![BundleProperties { bundle: 3e-3, ..SKIN }; 2],
+        vec![BundleProperties { bundle: 3e-3, ..BUNDLE }; 2],
     );
-    // Across each other, 1 mm apart: a sixth of what they were to keep.
+    // Crossing, 1 mm apart: a sixth of the required distance.
     let with_middle = |a: V, b: V| [a, a.lerp(&b, 0.5), b];
     let x = [
         with_middle(V::zeros(), V::x() * 0.1),
         with_middle(V::new(0.049, 1e-3, -0.05), V::new(0.049, 1e-3, 0.04)),
     ];
-    places.x = [x.concat(), x.concat()];
-    places.begin();
-    assert_eq!(places.found.len(), 1);
-    assert!(places.found[0].gap() >= 0.0 && !places.found[0].acts());
-    // As far as they part they keep it.
-    places.end_of(1).iter_mut().for_each(|x| x.y = 2e-3);
-    places.look();
-    places.end();
-    places.x[1] = places.x[0].clone();
-    places.begin();
-    assert!((places.found[0].keep - 2e-3).abs() < 1e-12, "{}", places.found[0].keep);
+    pairs.x = [x.concat(), x.concat()];
+    pairs.begin();
+    assert_eq!(pairs.contacts.len(), 1);
+    assert!(pairs.contacts[0].gap() >= 0.0 && !pairs.contacts[0].needs_coupling());
+    // They keep the distance that they reach.
+    pairs.end_mut(1).iter_mut().for_each(|x| x.y = 2e-3);
+    pairs.detect();
+    pairs.end();
+    pairs.x[1] = pairs.x[0].clone();
+    pairs.begin();
+    assert!((pairs.contacts[0].required - 2e-3).abs() < 1e-12, "{}", pairs.contacts[0].required);
 }

@@ -1,0 +1,69 @@
+//! One contact between two guides.
+
+use crate::contact::pairs::SegmentContact;
+use crate::dynamics::body_contact::GAP_TOLERANCE;
+use nalgebra::{UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Share of the required distance that is accepted at the end of a sub-step.
+const ACCEPTED_SHARE: f64 = 0.5;
+
+/// Two guides near each other, or meeting within the sub-step, in the frame of the head. Positions and axes are fixed until
+/// the sub-step ends: contacts that turned in every round would not converge.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ContactPair {
+    pub contact: SegmentContact,
+    /// Distance required at the end of the sub-step, m.
+    pub required: f64,
+    /// Upper bound of the required distance, m: the largest distance that the pair has had.
+    pub limit: f64,
+    /// Axes of the contact: its normal, and tangents along and across the guides. The former is shorter where friction along
+    /// the guides is weaker.
+    pub local_axes: [Vector3<f64>; 3],
+    /// Cohesive force between the guides, N.
+    pub cohesion: f64,
+    /// Contact force on the first guide without cohesion, N.
+    pub reaction: Vector3<f64>,
+}
+
+/// What one sub-step passes to the next about a contact.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+pub(super) struct ContactHistory {
+    pub guides: [u32; 2],
+    /// Positions along the two guides, in segments of their rods from the root.
+    pub at: [f64; 2],
+    pub limit: f64,
+    pub reaction: Vector3<f64>,
+}
+
+impl ContactPair {
+    /// The axes of the contact in the world.
+    pub fn axes(&self, to_world: &UnitQuaternion<f64>) -> [Vector3<f64>; 3] {
+        self.local_axes.map(|d| to_world * d)
+    }
+
+    /// Total force on the first guide, N.
+    pub fn force(&self) -> Vector3<f64> {
+        self.reaction - self.contact.normal * self.cohesion
+    }
+
+    /// True if the uncoupled motion violates the contact, or cohesion acts.
+    pub fn needs_coupling(&self) -> bool {
+        self.gap() < -GAP_TOLERANCE || self.cohesion > 0.0
+    }
+
+    /// Distance less the required one, m.
+    pub fn gap(&self) -> f64 {
+        self.contact.distance - self.required
+    }
+
+    /// True if an acceptable share of the required distance is kept.
+    pub fn is_kept(&self) -> bool {
+        self.contact.distance >= ACCEPTED_SHARE * self.required
+    }
+
+    /// True if the reaction is not zero.
+    pub fn is_active(&self) -> bool {
+        self.reaction != Vector3::zeros()
+    }
+}

@@ -1,0 +1,288 @@
+//! A guide in the coupled solve.
+
+use super::contact_pairs::ContactPairs;
+use crate::dynamics::body_contact::{MAX_MOVE, rows_at};
+use crate::dynamics::environment::Environment;
+use crate::dynamics::guide::{ContactSolve, GuideModel, GuideScratch, GuideState};
+use crate::dynamics::step_record::StepRecord;
+use crate::math::se3::Pose;
+use crate::rod::RodShape;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+/// Residual of the reactions above which another round is needed.
+pub(super) const RESIDUAL_TOLERANCE: f64 = 1e-6;
+
+/// Displacement of a point in a round below which the guide has converged, m: the next round would move it by about the square
+/// of this over the radius of a bend, some micrometres.
+const CONVERGED_DISPLACEMENT: f64 = 3e-4;
+
+/// Displacement of a point in a round that counts as none, m: further rounds would not resolve a violated contact.
+const STALLED_DISPLACEMENT: f64 = 5e-6;
+
+/// Least share of its motion that a truncated guide takes.
+const MIN_MOTION_SHARE: f64 = 0.25;
+
+/// How a guide ends a sub-step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum EndState {
+    /// At the end of the coupled solve.
+    Coupled,
+    /// At the end of its uncoupled step.
+    Uncoupled,
+    /// At rest relative to the head.
+    AtRestOnHead,
+}
+
+/// A guide in the coupled solve.
+#[derive(Debug)]
+pub(super) struct CoupledGuide {
+    /// True if its uncoupled step converged; only then it can be coupled.
+    pub converged: bool,
+    /// True if it takes part in the coupled solve.
+    pub is_coupled: bool,
+    /// True if it needs another round.
+    pub needs_round: bool,
+    /// True if its motion crosses no body, and its end keeps the distance from bodies.
+    clears_bodies: bool,
+    /// Shortfall of distance from bodies that is accepted, m: that of its uncoupled step.
+    accepted_shortfall: f64,
+    pub end_state: EndState,
+    /// Share of its motion that it takes.
+    motion_share: f64,
+    /// Rounds in which it took part.
+    pub rounds: u32,
+    /// Residual of the reactions of the last round.
+    pub residual: f64,
+    /// Largest displacement of its points in the last round, m.
+    pub displacement: f64,
+    /// Unknowns at the end of its uncoupled step, 1/m.
+    uncoupled_q: Vec<f64>,
+    /// Root at the end of the sub-step, world.
+    pub root: Pose,
+    /// Its system and its contacts with bodies.
+    pub scratch: GuideScratch,
+    /// Its sides of contacts with other guides, ascending: (contact, side).
+    pub sides: Vec<(usize, usize)>,
+    /// L⁻¹Jᵀ of `sides`: three rows each.
+    pub rows: Vec<f64>,
+    /// The curve at its end, m, world.
+    pub curve: Vec<Vector3<f64>>,
+    /// Contact forces on its rod: segment, fraction of it, force, N, world.
+    forces: Vec<(usize, f64, Vector3<f64>)>,
+}
+
+impl CoupledGuide {
+    /// A guide that is not coupled.
+    pub fn new() -> Self {
+        CoupledGuide {
+            converged: true,
+            is_coupled: false,
+            needs_round: false,
+            clears_bodies: true,
+            accepted_shortfall: 0.0,
+            end_state: EndState::Coupled,
+            motion_share: 1.0,
+            rounds: 0,
+            residual: 0.0,
+            displacement: 0.0,
+            uncoupled_q: Vec::new(),
+            root: Pose { r: Matrix3::identity(), p: Vector3::zeros() },
+            scratch: GuideScratch::default(),
+            sides: Vec::new(),
+            rows: Vec::new(),
+            curve: Vec::new(),
+            forces: Vec::new(),
+        }
+    }
+
+    /// Begins a sub-step, given the record of the uncoupled step.
+    pub fn begin(&mut self, record: &StepRecord) {
+        self.converged = record.unconverged == 0;
+        self.is_coupled = false;
+        self.needs_round = false;
+        (self.rounds, self.residual, self.displacement) = (0, 0.0, f64::INFINITY);
+        self.end_state = EndState::Coupled;
+        self.motion_share = 1.0;
+    }
+
+    /// Couples the guide in the sub-step from `t[0]` to `t[1]`, s, which it has just taken uncoupled.
+    pub fn couple(&mut self, model: &GuideModel, state: &mut GuideState, env: &Environment, t: [f64; 2]) {
+        self.root = model.reopen(env, state, t, &mut self.scratch);
+        self.uncoupled_q.clone_from(&self.scratch.q);
+        self.update_curve(model);
+        self.is_coupled = true;
+        self.needs_round = true;
+        self.accepted_shortfall = 0.0;
+        self.find_body_contacts(model, state, env);
+        if !self.clears_bodies {
+            // Falling back to the uncoupled step would gain nothing.
+            self.accepted_shortfall = self.scratch.contact.detection.shortfall;
+        }
+    }
+
+    /// Finds the contacts with bodies at its current end.
+    pub fn find_body_contacts(&mut self, model: &GuideModel, state: &mut GuideState, env: &Environment) {
+        let (contact, ContactSolve { solver, memory, scratch, .. }) =
+            model.body_contact(env, state, &self.root, &mut self.scratch);
+        let clear = contact.find(solver, memory, scratch);
+        self.scratch.contact.detection.frozen = true;
+        self.clears_bodies = clear && self.scratch.contact.detection.shortfall <= self.accepted_shortfall;
+    }
+
+    /// True if its coupled motion crosses a body or ends too close to one.
+    pub fn violates_bodies(&self) -> bool {
+        self.is_coupled && !self.clears_bodies
+    }
+
+    /// Linearises its system at its current end, with the rows of all contacts; `to_world` rotates the axes of contacts between
+    /// guides. A guide whose system cannot be factored, because it is not finite, ends uncoupled.
+    pub fn linearise(
+        &mut self,
+        model: &GuideModel,
+        state: &mut GuideState,
+        env: &Environment,
+        pairs: &ContactPairs,
+        to_world: &UnitQuaternion<f64>,
+    ) {
+        if !self.scratch.solver.linearise(&model.rod, &self.scratch.load, &self.scratch.q) {
+            self.end_uncoupled(model);
+        }
+        let n = model.rod.unknowns();
+        self.rows.clear();
+        self.rows.resize(3 * n * self.sides.len(), 0.0);
+        for (&(i, side), rows) in self.sides.iter().zip(self.rows.chunks_exact_mut(3 * n)) {
+            let pair = &pairs.contacts[i];
+            let axes = pair.axes(to_world).map(|d| if side == 0 { d } else { -d });
+            let (k, s) = pairs.position_on_rod(&pair.contact, side);
+            let solver = &mut self.scratch.solver;
+            let carriers = solver.shape.blend_points(&model.rod, k, s);
+            rows_at(solver, k, carriers, &axes, rows);
+            let cohesion = pair.cohesion * pairs.hair_share(&pair.contact, side);
+            solver.direction.iter_mut().zip(&rows[..n]).for_each(|(d, row)| *d -= cohesion * row);
+        }
+        let (contact, ContactSolve { solver, scratch, .. }) =
+            model.body_contact(env, state, &self.root, &mut self.scratch);
+        contact.update_rows(solver, scratch);
+    }
+
+    /// Moves by the solver's direction, L⁻¹ times all forces, and finds the contacts with bodies there.
+    pub fn advance(
+        &mut self,
+        model: &GuideModel,
+        state: &mut GuideState,
+        env: &Environment,
+        pairs: &ContactPairs,
+        to_world: &UnitQuaternion<f64>,
+    ) {
+        if self.end_state != EndState::Coupled {
+            self.needs_round = false;
+            return;
+        }
+        self.collect_forces(pairs, to_world);
+        let GuideScratch { solver, load, q, .. } = &mut self.scratch;
+        let forces = &self.forces;
+        let work = |shape: &RodShape| {
+            forces.iter().map(|(k, s, f)| f.dot(&shape.curve_point(&model.rod, *k, *s))).sum::<f64>()
+        };
+        self.displacement = solver.advance_loaded(&model.rod, &self.root.r, load, q, work, MAX_MOVE);
+        self.update_curve(model);
+        self.find_body_contacts(model, state, env);
+        self.needs_round = self.displacement > CONVERGED_DISPLACEMENT
+            || self.rounds == 1 && self.residual > RESIDUAL_TOLERANCE;
+        self.request_round_if(!self.clears_bodies);
+    }
+
+    /// Requests another round if a contact is violated, unless the guide has stalled.
+    pub fn request_round_if(&mut self, violated: bool) {
+        self.needs_round |= violated && self.displacement > STALLED_DISPLACEMENT;
+    }
+
+    fn collect_forces(&mut self, pairs: &ContactPairs, to_world: &UnitQuaternion<f64>) {
+        self.forces.clear();
+        self.forces.extend(self.scratch.contact.world_forces());
+        for &(i, side) in &self.sides {
+            let pair = &pairs.contacts[i];
+            let share = pairs.hair_share(&pair.contact, side);
+            let force = to_world * pair.force() * if side == 0 { share } else { -share };
+            let (k, s) = pairs.position_on_rod(&pair.contact, side);
+            self.forces.push((k, s, force));
+        }
+    }
+
+    /// Updates the curve from the solver's shape.
+    fn update_curve(&mut self, model: &GuideModel) {
+        let GuideScratch { solver, q, .. } = &self.scratch;
+        self.curve.clear();
+        self.curve.extend(solver.shape.refined_curve(&model.rod, q).map(|x| x + self.root.p));
+    }
+
+    /// Updates shape and curve from the unknowns.
+    fn update_end(&mut self, model: &GuideModel) {
+        self.scratch.solver.shape.update(&model.rod, &self.root.r, &self.scratch.q);
+        self.update_curve(model);
+    }
+
+    /// Falls back to the end of the uncoupled step.
+    pub fn end_uncoupled(&mut self, model: &GuideModel) {
+        self.end_state = EndState::Uncoupled;
+        if self.is_coupled {
+            self.scratch.q.clone_from(&self.uncoupled_q);
+            self.update_end(model);
+        }
+    }
+
+    /// Halves its motion relative to the head. It ends at rest on the head if the share becomes too small, the shorter motion
+    /// crosses a body, or no coupled motion is known; uncoupled if a body prevents that too.
+    pub fn truncate_motion(
+        &mut self,
+        model: &GuideModel,
+        state: &mut GuideState,
+        env: &Environment,
+        t: [f64; 2],
+    ) {
+        self.motion_share *= 0.5;
+        if self.is_coupled && self.motion_share >= MIN_MOTION_SHARE {
+            for (q, start) in self.scratch.q.iter_mut().zip(&state.q[0]) {
+                *q = start + 0.5 * (*q - start);
+            }
+            self.update_end(model);
+            self.find_body_contacts(model, state, env);
+            if self.clears_bodies {
+                return;
+            }
+        }
+        self.motion_share = 0.0;
+        self.end_state = EndState::AtRestOnHead;
+        if !model.may_rest_on_head(env, state, t, &mut self.scratch) {
+            self.end_uncoupled(model);
+        }
+    }
+
+    /// True if its motion cannot be truncated further.
+    pub fn is_fully_truncated(&self) -> bool {
+        self.motion_share == 0.0
+    }
+
+    /// Records how it ends the sub-step in `record`, which holds the record of its uncoupled step.
+    pub fn record(
+        &mut self,
+        model: &GuideModel,
+        state: &mut GuideState,
+        env: &Environment,
+        record: &mut StepRecord,
+    ) {
+        // The record of an uncoupled end is complete; the body contacts in the scratch are of the rejected motion.
+        if self.end_state != EndState::Uncoupled && (self.is_coupled || self.is_fully_truncated()) {
+            let (contact, ContactSolve { scratch, .. }) =
+                model.body_contact(env, state, &self.root, &mut self.scratch);
+            contact.record(scratch);
+            scratch.stats.enter(record);
+        }
+        record.strands.rounds = self.rounds;
+        record.strands.residual = self.residual;
+        let unsettled = self.is_coupled && self.needs_round && self.end_state == EndState::Coupled;
+        record.strands.unsettled = u32::from(unsettled);
+        record.strands.uncoupled = u32::from(self.end_state == EndState::Uncoupled);
+        record.strands.truncated = u32::from(self.motion_share < 1.0);
+    }
+}

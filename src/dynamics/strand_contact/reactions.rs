@@ -1,0 +1,147 @@
+//! The reactions of all contacts of an island.
+
+use super::contact_pairs::ContactPairs;
+use super::coupled_guide::{CoupledGuide, RESIDUAL_TOLERANCE};
+use super::island::Island;
+use crate::contact::FrictionTolerance;
+use crate::contact::friction::{
+    CoupledFrictionProblem, FrictionOutcome, FrictionScratch, Law, StrandRows, solve_coupled,
+};
+use crate::dynamics::guide::GuideModel;
+use crate::geometry::Friction;
+use crate::math::cholesky::dot;
+use nalgebra::UnitQuaternion;
+
+/// Tolerances of the first round, whose linearisation is coarse, and of later ones. The residual multiplies displacements of
+/// a step of some 0.1 to 1 mm.
+const TOLERANCES: [FrictionTolerance; 2] = [
+    FrictionTolerance { residual: 1e-4, sweeps: 60 },
+    FrictionTolerance { residual: RESIDUAL_TOLERANCE, sweeps: 200 },
+];
+
+/// Reactions of an island.
+pub(super) struct Reactions {
+    /// L⁻¹Jᵀr of its guides, concatenated; r acts on their rods.
+    pub pushes: Vec<f64>,
+    /// Forces of the guides' contacts with bodies, guide by guide, then of the contacts between guides, along the axes of the
+    /// contacts, N.
+    pub forces: Vec<f64>,
+    pub outcome: FrictionOutcome,
+}
+
+/// The coupled friction problem of an island. A bundle of n hairs is n times as stiff and heavy as its rod and moves by
+/// L⁻ᵀL⁻¹Jᵀr/n: dividing its rows by √n keeps the Delassus operator symmetric, and forces are those on bundles.
+#[derive(Default)]
+struct System {
+    strands: Vec<[Option<StrandRows>; 2]>,
+    rows: Vec<f64>,
+    b: Vec<f64>,
+    laws: Vec<Law>,
+    forces: Vec<f64>,
+    unknowns: usize,
+}
+
+impl Reactions {
+    /// Solves for the reactions of all contacts of an island, with the linearised systems of its guides.
+    pub fn solve(
+        island: &Island,
+        models: &[GuideModel],
+        guides: &[CoupledGuide],
+        pairs: &ContactPairs,
+        to_world: &UnitQuaternion<f64>,
+    ) -> Self {
+        let mut system = System::default();
+        let strands = system.add_guides(island, models, guides, pairs);
+        for (&i, strands) in island.contacts.iter().zip(strands) {
+            system.add_contact(i, strands, models, guides, pairs, to_world);
+        }
+        let System { strands, rows, b, laws, mut forces, unknowns } = system;
+        let mut pushes = vec![0.0; unknowns];
+        let problem = CoupledFrictionProblem { strands: &strands, rows: &rows, b: &b, laws: &laws };
+        let first = island.guides.iter().all(|&g| guides[g].rounds == 0);
+        let tolerance = TOLERANCES[usize::from(!first)];
+        let outcome =
+            solve_coupled(&problem, tolerance, &mut forces, &mut pushes, &mut FrictionScratch::default());
+        let (mut pushes_left, mut forces_left) = (&mut pushes[..], &mut forces[..]);
+        for &g in &island.guides {
+            let hairs = pairs.bundles[g].hairs;
+            let (push, next_pushes) = pushes_left.split_at_mut(models[g].rod.unknowns());
+            push.iter_mut().for_each(|w| *w /= hairs.sqrt());
+            let body_forces = 3 * guides[g].scratch.contact.problem.laws.len();
+            let (of_bodies, next_forces) = forces_left.split_at_mut(body_forces);
+            of_bodies.iter_mut().for_each(|r| *r /= hairs);
+            (pushes_left, forces_left) = (next_pushes, next_forces);
+        }
+        Reactions { pushes, forces, outcome }
+    }
+}
+
+impl System {
+    /// Adds the rows of the guides and their contacts with bodies; returns the rows of both sides of each contact between
+    /// guides.
+    fn add_guides(
+        &mut self,
+        island: &Island,
+        models: &[GuideModel],
+        guides: &[CoupledGuide],
+        pairs: &ContactPairs,
+    ) -> Vec<[Option<StrandRows>; 2]> {
+        let mut contact_strands = vec![[None; 2]; island.contacts.len()];
+        for &g in &island.guides {
+            let guide = &guides[g];
+            let (n, body_contact, at) = (models[g].rod.unknowns(), &guide.scratch.contact, self.rows.len());
+            let hairs = pairs.bundles[g].hairs;
+            let first_unknown = self.unknowns;
+            let rows_of = |j: usize| StrandRows { first_unknown, unknowns: n, offset: at + 3 * n * j };
+            let bodies = body_contact.problem.laws.len();
+            for (j, &(i, side)) in guide.sides.iter().enumerate() {
+                if let Ok(contact) = island.contacts.binary_search(&i) {
+                    contact_strands[contact][side] = Some(rows_of(bodies + j));
+                }
+            }
+            self.strands.extend((0..bodies).map(|j| [Some(rows_of(j)), None]));
+            self.b.extend_from_slice(&body_contact.problem.free_displacement);
+            self.laws.extend_from_slice(&body_contact.problem.laws);
+            self.forces.extend(body_contact.reactions.forces.iter().map(|r| r * hairs));
+            self.forces.resize(3 * self.strands.len(), 0.0);
+            self.rows
+                .extend(body_contact.problem.rows.iter().chain(&guide.rows).map(|row| row / hairs.sqrt()));
+            self.unknowns += n;
+        }
+        contact_strands
+    }
+
+    /// Adds contact `i` between two guides.
+    fn add_contact(
+        &mut self,
+        i: usize,
+        strands: [Option<StrandRows>; 2],
+        models: &[GuideModel],
+        guides: &[CoupledGuide],
+        pairs: &ContactPairs,
+        to_world: &UnitQuaternion<f64>,
+    ) {
+        let pair = &pairs.contacts[i];
+        let its_guides = pairs.guides(&pair.contact);
+        let axes = pair.axes(to_world);
+        let slip = to_world * pairs.slip(pair);
+        let mut free = [pair.gap(), slip.dot(&axes[1]), slip.dot(&axes[2])];
+        for (side, g) in strands.iter().zip(its_guides).filter_map(|(side, g)| Some(((*side)?, g))) {
+            let (n, hairs) = (side.unknowns, pairs.bundles[g].hairs);
+            for (d, free) in free.iter_mut().enumerate() {
+                let row = &self.rows[side.offset + d * n..][..n];
+                *free += dot(row, &guides[g].scratch.solver.direction) * hairs.sqrt();
+            }
+        }
+        self.b.extend(free);
+        self.strands.push(strands);
+        let friction = |side: usize| {
+            let (model, (k, u)) = (&models[its_guides[side]], pairs.position_on_rod(&pair.contact, side));
+            Friction::lerp(model.friction, model.rod.arc_fraction(k, u))
+        };
+        self.laws.push(Law::Coulomb(Friction::lerp([friction(0), friction(1)], 0.5)));
+        let force = to_world * pair.reaction;
+        let [n, along, across] = axes.map(|d| force.dot(&d) / d.norm_squared());
+        self.forces.extend([n.max(0.0), along, across]);
+    }
+}

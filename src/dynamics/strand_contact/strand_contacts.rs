@@ -1,0 +1,354 @@
+//! The coupled solve of one sub-step.
+
+use super::contact_law::BundleProperties;
+use super::contact_pairs::{ContactPairs, MARGIN};
+use super::coupled_guide::{CoupledGuide, EndState};
+use super::island::{DisjointSets, Island};
+use super::reactions::Reactions;
+use crate::dynamics::environment::Environment;
+use crate::dynamics::guide::{GuideModel, GuideState};
+use crate::dynamics::step_record::StepRecord;
+use crate::rod::RodShape;
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use rayon::prelude::*;
+use std::collections::BTreeSet;
+
+/// Most rounds of solving, moving and detecting in one sub-step.
+const MAX_ROUNDS: u32 = 16;
+
+/// Contact between the active guides of a simulation, each with the hairs of its followers.
+#[derive(Debug)]
+pub(in crate::dynamics) struct StrandContacts {
+    /// Each guide with its own hairs only.
+    pub(super) own_bundles: Vec<BundleProperties>,
+    /// The active guides, ascending.
+    pub(super) active: Vec<usize>,
+    pub(super) pairs: ContactPairs,
+    pub(super) guides: Vec<CoupledGuide>,
+    /// Guides that others pushed in the sub-step before. They are coupled from the start: uncoupled, they would fall through
+    /// what supports them.
+    pub(super) pushed: Vec<bool>,
+}
+
+impl StrandContacts {
+    /// Guides with these bundles; none is active before [`StrandContacts::rebuild`].
+    pub fn new(own_bundles: Vec<BundleProperties>) -> Self {
+        StrandContacts {
+            active: Vec::new(),
+            guides: own_bundles.iter().map(|_| CoupledGuide::new()).collect(),
+            pushed: vec![false; own_bundles.len()],
+            pairs: ContactPairs::new(&[], Vec::new()),
+            own_bundles,
+        }
+    }
+
+    /// Sets the active guides from time `t`, s, on, and their curves there; `leader` maps each guide to the active guide that
+    /// it moves with. The history of contacts between guides that remain active is kept.
+    pub fn rebuild(
+        &mut self,
+        models: &[GuideModel],
+        states: &[GuideState],
+        leader: impl Fn(usize) -> usize,
+        env: &Environment,
+        t: f64,
+    ) {
+        let mut bundles = self.own_bundles.clone();
+        let mut arc: Vec<&[f64]> = vec![&[]; models.len()];
+        self.active.clear();
+        for (g, model) in models.iter().enumerate() {
+            let leader = leader(g);
+            if leader == g {
+                arc[g] = &model.rod.arc;
+                self.active.push(g);
+            } else {
+                bundles[leader].add(&self.own_bundles[g]);
+                self.pushed[g] = false;
+            }
+        }
+        self.pairs.rebuild(&arc, bundles);
+        self.pairs.x[0] = head_frame_curves(models, states, &self.active, env, t);
+    }
+
+    /// The active guides, ascending.
+    pub fn active(&self) -> &[usize] {
+        &self.active
+    }
+
+    /// Resolves the contacts of the sub-step from `t[0]` to `t[1]`, s, which each active guide has just taken uncoupled.
+    pub fn resolve(
+        &mut self,
+        models: &[GuideModel],
+        states: &mut [GuideState],
+        env: &Environment,
+        t: [f64; 2],
+        records: &mut [StepRecord],
+    ) {
+        let head = (env.head)(t[1]).inverse();
+        let to_world = head.rotation.inverse();
+        self.pairs.x[1] = head_frame_curves(models, states, &self.active, env, t[1]);
+        self.pairs.begin();
+        self.guides.iter_mut().zip(&*records).for_each(|(guide, record)| guide.begin(record));
+        let mut displacement = 0.0;
+        for _ in 0..MAX_ROUNDS {
+            let mut islands = self.couple_islands(models, states, env, t);
+            islands.retain(|island| island.guides.iter().any(|&g| self.guides[g].needs_round));
+            if islands.is_empty() {
+                break;
+            }
+            self.solve(models, states, env, &islands, &to_world);
+            displacement += self.advance(models, states, env, &islands, &head);
+            if displacement > MARGIN {
+                displacement = 0.0;
+                self.pairs.find_candidates();
+            }
+            self.detect();
+        }
+        self.apply_fallbacks(models, states, env, t);
+        self.record(models, states, env, records);
+        self.finish(models, states, env, t);
+    }
+
+    /// Couples all guides connected, over contacts, with a guide that is in a violated or cohesive contact, was pushed before,
+    /// or is already coupled; returns their islands. Guides whose uncoupled step did not converge stay where they are.
+    fn couple_islands(
+        &mut self,
+        models: &[GuideModel],
+        states: &mut [GuideState],
+        env: &Environment,
+        t: [f64; 2],
+    ) -> Vec<Island> {
+        let converged = |g: usize| self.guides[g].converged;
+        let mut sets = DisjointSets::new(models.len());
+        let mut wanted = self.pushed.clone();
+        for pair in &self.pairs.contacts {
+            let [a, b] = self.pairs.guides(&pair.contact);
+            if converged(a) && converged(b) {
+                sets.unite(a, b);
+            }
+            if pair.needs_coupling() {
+                wanted[a] = true;
+                wanted[b] = true;
+            }
+        }
+        let wanted = (0..models.len()).filter(|&g| converged(g) && (wanted[g] || self.guides[g].is_coupled));
+        let (mut islands, island_of) = Island::from_sets(sets, models.len(), wanted);
+        self.guides.iter_mut().for_each(|guide| guide.sides.clear());
+        for (i, pair) in self.pairs.contacts.iter().enumerate() {
+            for (side, g) in self.pairs.guides(&pair.contact).into_iter().enumerate() {
+                let Some(island) = island_of[g] else { continue };
+                if islands[island].contacts.last() != Some(&i) {
+                    islands[island].contacts.push(i);
+                }
+                self.guides[g].sides.push((i, side));
+            }
+        }
+        let all = self.guides.par_iter_mut().zip(models).zip(states).zip(&island_of);
+        all.filter(|(((guide, _), _), island)| island.is_some() && !guide.is_coupled)
+            .for_each(|(((guide, model), state), _)| guide.couple(model, state, env, t));
+        islands
+    }
+
+    /// Linearises the guides of the islands, solves for the reactions of all their contacts, and adds their effect to the
+    /// solvers' directions.
+    fn solve(
+        &mut self,
+        models: &[GuideModel],
+        states: &mut [GuideState],
+        env: &Environment,
+        islands: &[Island],
+        to_world: &UnitQuaternion<f64>,
+    ) {
+        let StrandContacts { guides, pairs, .. } = self;
+        island_guides(guides, models, states, islands)
+            .for_each(|(guide, model, state)| guide.linearise(model, state, env, pairs, to_world));
+        let reactions: Vec<_> = islands
+            .par_iter()
+            .map(|island| Reactions::solve(island, models, guides, pairs, to_world))
+            .collect();
+        for (island, Reactions { pushes, forces, outcome }) in islands.iter().zip(&reactions) {
+            let (mut pushes, mut forces) = (&pushes[..], &forces[..]);
+            for &g in &island.guides {
+                let guide = &mut guides[g];
+                let direction = &mut guide.scratch.solver.direction;
+                let (push, next_pushes) = pushes.split_at(direction.len());
+                direction.iter_mut().zip(push).for_each(|(d, w)| *d += w);
+                let body_contact = &mut guide.scratch.contact;
+                let (body_forces, next_forces) = forces.split_at(3 * body_contact.problem.laws.len());
+                body_contact.reactions.forces.clear();
+                body_contact.reactions.forces.extend_from_slice(body_forces);
+                guide.residual = outcome.residual;
+                guide.rounds += 1;
+                (pushes, forces) = (next_pushes, next_forces);
+            }
+            for (&i, r) in island.contacts.iter().zip(forces.chunks_exact(3)) {
+                pairs.set_reaction(i, r, to_world);
+            }
+        }
+    }
+
+    /// Moves the guides of the islands along their directions; returns the largest displacement, m.
+    fn advance(
+        &mut self,
+        models: &[GuideModel],
+        states: &mut [GuideState],
+        env: &Environment,
+        islands: &[Island],
+        head: &Isometry3<f64>,
+    ) -> f64 {
+        let to_world = head.rotation.inverse();
+        let StrandContacts { guides, pairs, .. } = self;
+        island_guides(guides, models, states, islands)
+            .for_each(|(guide, model, state)| guide.advance(model, state, env, pairs, &to_world));
+        self.update_ends(head);
+        let moved = islands.iter().flat_map(|island| &island.guides).map(|&g| self.guides[g].displacement);
+        moved.fold(0.0, f64::max)
+    }
+
+    /// Updates the ends of the coupled guides in the contact pairs.
+    fn update_ends(&mut self, head: &Isometry3<f64>) {
+        let moves = |guide: &CoupledGuide| guide.is_coupled && guide.end_state != EndState::AtRestOnHead;
+        for (g, guide) in self.guides.iter().enumerate().filter(|(_, guide)| moves(guide)) {
+            for (end, x) in self.pairs.end_mut(g).iter_mut().zip(&guide.curve) {
+                *end = transform(head, x);
+            }
+        }
+    }
+
+    /// Detects contacts on the current motions, and requests another round of guides in new, violated or crossing ones.
+    fn detect(&mut self) {
+        let old = self.pairs.contacts.len();
+        self.pairs.detect();
+        for (i, pair) in self.pairs.contacts.iter().enumerate() {
+            for g in self.pairs.guides(&pair.contact) {
+                self.guides[g].needs_round |= i >= old;
+                self.guides[g].request_round_if(!pair.is_kept());
+            }
+        }
+        for &pair in &self.pairs.crossing {
+            for g in self.pairs.guides_of(pair) {
+                self.guides[g].request_round_if(true);
+            }
+        }
+    }
+
+    /// Applies the fallbacks. Guides that still violate a body end uncoupled. Guides that cross each other take half of their
+    /// motion, then a quarter, then rest on the head; so do guides that then cross these. Bodies take precedence: a guide that
+    /// a body prevents from resting on the head ends uncoupled, even if it crosses another guide.
+    fn apply_fallbacks(
+        &mut self,
+        models: &[GuideModel],
+        states: &mut [GuideState],
+        env: &Environment,
+        t: [f64; 2],
+    ) {
+        let head = &(env.head)(t[1]).inverse();
+        let violating: Vec<usize> = (0..models.len()).filter(|&g| self.guides[g].violates_bodies()).collect();
+        for &g in &violating {
+            self.guides[g].end_uncoupled(&models[g]);
+        }
+        if !violating.is_empty() {
+            self.redetect(head);
+        }
+        loop {
+            let crossing = self.pairs.crossing.iter().flat_map(|&pair| self.pairs.guides_of(pair));
+            let crossing: BTreeSet<usize> =
+                crossing.filter(|&g| !self.guides[g].is_fully_truncated()).collect();
+            if crossing.is_empty() {
+                break;
+            }
+            for g in crossing {
+                let (guide, model, state) = (&mut self.guides[g], &models[g], &mut states[g]);
+                if !guide.is_coupled && guide.converged {
+                    guide.couple(model, state, env, t);
+                }
+                guide.truncate_motion(model, state, env, t);
+                if guide.end_state == EndState::AtRestOnHead {
+                    self.pairs.hold(g);
+                }
+            }
+            self.redetect(head);
+        }
+    }
+
+    /// Detects contacts after guides have moved by any distance.
+    fn redetect(&mut self, head: &Isometry3<f64>) {
+        self.update_ends(head);
+        self.pairs.find_candidates();
+        self.pairs.detect();
+    }
+
+    fn record(
+        &mut self,
+        models: &[GuideModel],
+        states: &mut [GuideState],
+        env: &Environment,
+        records: &mut [StepRecord],
+    ) {
+        let guides = self.guides.iter_mut().zip(models).zip(states).zip(&mut *records);
+        for (((guide, model), state), record) in guides {
+            guide.record(model, state, env, record);
+        }
+        for pair in &self.pairs.contacts {
+            let record = &mut records[self.pairs.guides(&pair.contact)[0]].strands;
+            record.found += 1;
+            record.active += u32::from(pair.is_active());
+        }
+        for &pair in &self.pairs.crossing {
+            records[self.pairs.guides_of(pair)[0]].strands.crossings += 1;
+        }
+    }
+
+    /// Commits the ends of the guides and stores the contact history.
+    fn finish(&mut self, models: &[GuideModel], states: &mut [GuideState], env: &Environment, t: [f64; 2]) {
+        self.guides.par_iter_mut().zip(models).zip(states).for_each(|((guide, model), state)| {
+            if guide.end_state == EndState::AtRestOnHead {
+                state.rest_on_head(model, env, t);
+            } else if guide.is_coupled {
+                model.close(state, &guide.root, t[1] - t[0], &guide.scratch);
+            }
+        });
+        self.pushed.fill(false);
+        for pair in self.pairs.contacts.iter().filter(|p| p.is_active()) {
+            for g in self.pairs.guides(&pair.contact) {
+                self.pushed[g] = true;
+            }
+        }
+        self.pairs.end();
+    }
+}
+
+/// The guides of islands.
+fn island_guides<'a>(
+    guides: &'a mut [CoupledGuide],
+    models: &'a [GuideModel],
+    states: &'a mut [GuideState],
+    islands: &[Island],
+) -> impl ParallelIterator<Item = (&'a mut CoupledGuide, &'a GuideModel, &'a mut GuideState)> {
+    let mut chosen = vec![false; models.len()];
+    islands.iter().flat_map(|island| &island.guides).for_each(|&g| chosen[g] = true);
+    let all = guides.par_iter_mut().zip(models).zip(states).zip(chosen).filter(|(_, chosen)| *chosen);
+    all.map(|(((guide, model), state), _)| (guide, model, state))
+}
+
+/// The curves of the active guides at time `t`, s, in the frame of the head, m, concatenated.
+fn head_frame_curves(
+    models: &[GuideModel],
+    states: &[GuideState],
+    active: &[usize],
+    env: &Environment,
+    t: f64,
+) -> Vec<Vector3<f64>> {
+    let head = (env.head)(t).inverse();
+    let of = |shape: &mut RodShape, g: &usize| -> Vec<Vector3<f64>> {
+        let (rod, q) = (&models[*g].rod, &states[*g].q[0]);
+        let root = env.root(&rod.root, t);
+        shape.update(rod, &root.r, q);
+        shape.refined_curve(rod, q).map(|x| transform(&head, &(x + root.p))).collect()
+    };
+    let curves: Vec<_> = active.par_iter().map_init(RodShape::default, of).collect();
+    curves.concat()
+}
+
+fn transform(pose: &Isometry3<f64>, x: &Vector3<f64>) -> Vector3<f64> {
+    pose.rotation * x + pose.translation.vector
+}
