@@ -1,4 +1,4 @@
-//! The air: wind with gusts, and how much of it reaches a strand inside the bulk of the hair.
+//! Air drag: wind with gusts, and the shielding of strands inside the hair volume.
 
 use crate::math::random;
 use crate::scene::anim::Wind;
@@ -6,15 +6,15 @@ use crate::scene::groom::Material;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
-/// Drag per length and speed of one isolated hair across the flow, N·s/m²: 0.92 · 4πμ of air at 20 °C, which meets
-/// the drag coefficient of a cylinder at Re = 5 (about 4; Tritton 1959). The dependence on the radius is
-/// logarithmic and left out.
+/// Drag per length and speed of one isolated hair across the flow, N·s/m²: 0.92 · 4πμ of air at 20 °C, which
+/// matches the drag coefficient of a cylinder at Re = 5 (about 4; Tritton 1959). The logarithmic dependence
+/// on the radius is neglected.
 pub const ISOLATED_DRAG: f64 = 2.07e-4;
 
-/// Length of hair in a volume at which half of the air's grip is lost, m/m³: hairs 3 mm apart.
-const HALF_SHIELDED: f64 = 1e5;
+/// Length of hair per volume at which half of the drag is lost, m/m³: hairs 3 mm apart.
+const HALF_SHIELDING_DENSITY: f64 = 1e5;
 
-/// Edge of the cells in which the hair's density is counted, m.
+/// Cell size of the density grid, m.
 const CELL: f64 = 0.01;
 
 /// Length of hair per volume in the groom's rest pose, on a grid.
@@ -24,7 +24,7 @@ pub struct HairBulk {
 }
 
 impl HairBulk {
-    /// Counts the groom's guides, each as the hairs it stands for.
+    /// Counts polylines, m, each weighted by the number of hairs it represents.
     pub fn new<'a>(polylines: impl Iterator<Item = (&'a [Vector3<f64>], f64)>) -> Self {
         let mut bulk = HairBulk::default();
         for (points, hairs) in polylines {
@@ -38,17 +38,17 @@ impl HairBulk {
         bulk
     }
 
-    /// Share of the free air's grip that is lost at a point of rest space, 0..1.
+    /// Share of the drag in free air that is lost at a point of rest space, 0..1.
     pub fn shielded(&self, p: &Vector3<f64>) -> f64 {
         let density: f64 = corners(p)
             .map(|(cell, part)| part * self.cells.get(&cell).copied().unwrap_or(0.0))
             .into_iter()
             .sum();
-        density / (density + HALF_SHIELDED)
+        density / (density + HALF_SHIELDING_DENSITY)
     }
 }
 
-/// The eight cells around a point and their trilinear shares.
+/// The eight cells around a point and their trilinear weights.
 fn corners(p: &Vector3<f64>) -> [([i64; 3], f64); 8] {
     let u = p / CELL;
     let base = u.map(f64::floor);
@@ -65,7 +65,8 @@ pub fn velocity(wind: &[Wind], x: &Vector3<f64>, t: f64) -> Vector3<f64> {
     wind.iter().map(|w| w.velocity.at(t) + gust(w, x, t)).sum()
 }
 
-/// A divergence-free sum of plane waves carried with the mean wind (Kraichnan 1970): smooth in space and time.
+/// Gust velocity, m/s: a divergence-free sum of plane waves carried by the mean wind (Kraichnan 1970), smooth
+/// in space and time.
 fn gust(wind: &Wind, x: &Vector3<f64>, t: f64) -> Vector3<f64> {
     const WAVES: u32 = 12;
     if wind.gust_speed == 0.0 {
@@ -93,7 +94,7 @@ fn gust(wind: &Wind, x: &Vector3<f64>, t: f64) -> Vector3<f64> {
     sum * (wind.gust_speed * (3.0 / f64::from(WAVES)).sqrt())
 }
 
-/// Draw `index` of a seed, in 0..1.
+/// Random number `index` of a seed, in 0..1.
 fn unit_draw(seed: u32, index: u32) -> f64 {
     random::unit(u64::from(seed) << 32 | u64::from(index), 0)
 }
@@ -109,7 +110,7 @@ mod tests {
     use crate::scene::anim::Keyframes;
 
     #[test]
-    fn gusts_have_the_speed_asked_for_and_mean_nothing() {
+    fn gusts_have_the_given_rms_speed_and_zero_mean() {
         let wind = Wind {
             velocity: Keyframes::constant(Vector3::x() * 2.0),
             gust_speed: 1.5,
@@ -130,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lone_strand_is_free_and_the_bulk_is_shielded() {
+    fn a_single_strand_is_unshielded_and_a_dense_volume_is_shielded() {
         let line: Vec<_> = (0..20).map(|i| Vector3::new(0.05, 0.01 * f64::from(i), 0.05)).collect();
         let lone = HairBulk::new([(&line[..], 1.0)].into_iter());
         let thick = HairBulk::new([(&line[..], 1000.0)].into_iter());

@@ -1,43 +1,43 @@
-//! What is kept of a bake between processes: the state of the guides at a frame, and that of the whole simulation.
+//! Checkpoints of the simulation: saving and restoring state between processes.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// A part of the simulation that a checkpoint holds.
+/// A part of the simulation that a checkpoint stores.
 ///
-/// Construction from the scene gives what does not change; `State` is all else that a later bit depends on. A simulation
-/// that is constructed anew and given its state goes on as the one that the state was taken of, bit for bit.
+/// Constants come from construction; `State` holds everything else that later results depend on. A newly
+/// constructed simulation continues from a restored state bit for bit.
 pub trait Checkpoint {
-    /// The state, as it is written.
+    /// The serialised state.
     type State: Serialize + DeserializeOwned;
 
-    /// The state now.
+    /// Returns the current state.
     fn state(&self) -> Self::State;
 
-    /// Goes back to a state of the same scene.
+    /// Restores a state of the same scene.
     ///
     /// # Errors
-    /// [`StateMismatch`] where it is of another; then the part is in no defined state.
+    /// [`StateMismatch`] if the state belongs to another scene; the part is then in an undefined state.
     fn restore(&mut self, state: Self::State) -> Result<(), StateMismatch>;
 }
 
-/// Why a state cannot be taken over.
+/// The state does not fit the scene.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("it holds {found} {what} where the scene has {expected}")]
 pub struct StateMismatch {
-    /// Of what there are too many or too few.
+    /// The items counted.
     pub what: &'static str,
-    /// How many the state holds.
+    /// Number in the state.
     pub found: usize,
-    /// How many the scene has.
+    /// Number in the scene.
     pub expected: usize,
 }
 
 impl StateMismatch {
-    /// Nothing if the numbers are the same.
+    /// Checks that the two numbers are equal.
     ///
     /// # Errors
-    /// [`StateMismatch`] if not.
+    /// [`StateMismatch`] if they differ.
     pub fn unless_same(what: &'static str, found: usize, expected: usize) -> Result<(), StateMismatch> {
         if found == expected { Ok(()) } else { Err(StateMismatch { what, found, expected }) }
     }
@@ -56,7 +56,7 @@ impl<P: Checkpoint> Checkpoint for Vec<P> {
     }
 }
 
-/// A part that there may be or not.
+/// An optional part.
 impl<P: Checkpoint> Checkpoint for Option<P> {
     type State = Option<P::State>;
 

@@ -1,62 +1,175 @@
-//! What a guide keeps from each body.
+//! Clearance of a guide from each body.
 //!
-//! A strand grows out of the head, so its first stretch is in the head or on it, and production grooms have more of it
-//! inside, or drawn through an ear. The rule, body by body, with g the signed distance in the groom's pose and d the body's
-//! thickness:
+//! Strands grow out of the head, so their first segments are in it or on it. Production grooms also have
+//! strands partly inside a body or drawn through an ear. The rule for one body, with the signed distance g in
+//! the groom's pose and the body's thickness d:
 //!
-//! - a point outside (g > 0) keeps min(d, g/2), g being the least along the segments beside it: what was drawn closer
-//!   than d stays as close, with room to give;
-//! - a point inside, before the strand has come out for the first time: the segments beside it are exempt for good;
-//! - a segment drawn through the body is exempt for good, for it has no side; its ends have one. So is a stretch of points inside with the segments
-//!   that lead in and out, if the surfaces nearest to two points in a row face away from each other, as on two sides of an ear. A segment that
-//!   only cuts the surface, as the chord of a curl that lies on it, or clips an edge less than 2 d deep, is no exception;
-//! - a point inside later on, and a segment that cuts the surface: brought out to min(d, s/4) during the pre-roll, gently, s being its
-//!   arc length from the root; segments that are still in the body then are exempt from then on.
+//! - A point outside (g > 0) keeps min(d, g/2), where g is the least distance along the adjacent segments. A
+//!   point drawn nearer than d stays as near, with some margin.
+//! - The segments of points inside, up to the strand's first exit, are exempt for good.
+//! - A segment drawn through the body is exempt for good, because it has no side; its ends have one. So is a
+//!   run of points inside, with the segments that lead in and out, if the nearest surfaces of two successive
+//!   points face away from each other, as on the two sides of an ear. A segment that only cuts the surface,
+//!   such as a chord of a curl, or clips an edge less than 2 d deep, is not exempt.
+//! - A point inside after the first exit, or a segment that cuts the surface, is pushed out to min(d, s/4)
+//!   during the pre-roll, where s is its arc length from the root. Segments still in the body afterwards are
+//!   exempt.
 
 use crate::contact::{Bodies, BodyMotion, Contact, ContactCache, MovingPolyline};
 use nalgebra::{Isometry3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// How far the groom's pose is searched for a body, m; what lies deeper inside is taken to lie this deep.
-const SEARCH: f64 = 0.3;
+/// Distance up to which bodies are searched in the groom's pose, m; deeper points count as this deep.
+const SEARCH_RADIUS: f64 = 0.3;
 
-/// How steeply a strand rises out of a body in which it lies, at most: one drawn flat in the skin cannot stand off it at once.
-const STEEPEST: f64 = 0.25;
+/// Largest requested clearance over arc length from the root: a strand drawn flat in the surface cannot rise
+/// steeply.
+const MAX_SLOPE: f64 = 0.25;
 
-/// Of a segment that is exempt.
+/// Clearance of an exempt segment.
 const EXEMPT: [f64; 2] = [f64::NEG_INFINITY; 2];
 
-/// Distances that the segments of one guide keep from the bodies.
+/// Clearances of the segments of one guide from the bodies.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Clearance {
-    /// From body b at the two ends of segment k, at `b * segments + k`, m: in the groom's pose, and once all has been brought
-    /// out. −∞ where a segment is exempt.
+    /// Clearance from body b at both ends of segment k, at `b * segments + k`, m, in the groom's pose; −∞ if
+    /// exempt.
     from: Vec<[f64; 2]>,
+    /// The same after all points are pushed out.
     to: Vec<[f64; 2]>,
 }
 
-/// A point of the groom's pose beside one body: what it keeps in the end, m, and how deep inside it begins, m.
+/// A point of the groom's pose relative to one body.
 #[derive(Debug, Clone, Copy)]
 struct Point {
+    /// Clearance after the push-out, m.
     keep: f64,
+    /// Depth inside the body in the groom's pose, m; 0 outside.
     depth: f64,
-    /// Outward normal of the nearest surface, body frame; zero where there is none.
+    /// Outward normal of the nearest surface, body frame; zero if none is near.
     normal: Vector3<f64>,
 }
 
-/// How a segment of the groom's pose goes by a body.
+/// Passage of a segment of the groom's pose past a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Way {
-    /// Inside, before the strand has come out for the first time.
+enum Passage {
+    /// Inside, before the strand's first exit.
     Rooted,
     /// In on one side and out on another.
     Through,
+    /// Outside, or to be pushed out.
     Beside,
 }
 
+/// The polyline `x` (m, world) in the groom's pose, and the bodies at time `t`, s.
+struct GroomPose<'a> {
+    bodies: &'a Bodies,
+    t: f64,
+    /// Body poses, rest space to world.
+    poses: &'a [Isometry3<f64>],
+    /// Thickness of each body, m.
+    thickness: &'a [f64],
+    x: &'a [Vector3<f64>],
+}
+
+impl GroomPose<'_> {
+    /// The points relative to body `b`; `local` are the points in its frame.
+    fn points(&self, b: usize, local: &[Vector3<f64>]) -> Vec<Point> {
+        let d = self.thickness[b];
+        let (mut s, mut known) = (0.0, None);
+        let point = |k: usize| {
+            let nearest = self.bodies.closest(b, self.t, &local[k], SEARCH_RADIUS);
+            let far = nearest.map_or(SEARCH_RADIUS, |s| s.distance.abs());
+            let normal = nearest.map_or_else(Vector3::zeros, |s| s.normal);
+            let length = (self.x[k] - self.x[k.saturating_sub(1)]).norm();
+            s += length;
+            // The winding number is reliable on open and dirty meshes, unlike the side of the nearest
+            // triangle. One result also serves the next point if no surface is as near as that point.
+            let inside = known.take().filter(|_| length < far);
+            let inside = inside.unwrap_or_else(|| *known.insert(self.bodies.contains(b, self.t, &local[k])));
+            match inside {
+                true => Point { keep: d.min(MAX_SLOPE * s), depth: far, normal },
+                false => Point { keep: d.min(0.5 * far), depth: 0.0, normal },
+            }
+        };
+        (0..self.x.len()).map(point).collect()
+    }
+
+    /// The passage of each segment past body `b`; `local` are the points in its frame.
+    fn passages(&self, b: usize, local: &[Vector3<f64>], points: &[Point]) -> Vec<Passage> {
+        let rooted = points.iter().take_while(|point| point.depth > 0.0).count();
+        let inside = |k: usize| points[k].depth > 0.0;
+        let facing_away = |k: usize| points[k].normal.dot(&points[k + 1].normal) < 0.0;
+        let segments = self.x.len() - 1;
+        let mut passages: Vec<_> = (0..segments)
+            .map(|k| match k < rooted {
+                true => Passage::Rooted,
+                false if inside(k) || inside(k + 1) => Passage::Beside,
+                false if passes_through(self.bodies, b, self.t, &[local[k], local[k + 1]]) => {
+                    Passage::Through
+                }
+                false => Passage::Beside,
+            })
+            .collect();
+        // The whole run is exempt: which part of it lies between the two sides is unknown.
+        let free: Vec<usize> = (rooted..segments).collect();
+        for run in free.chunk_by(|_, k| inside(*k)) {
+            if run.iter().any(|&k| (inside(k) || inside(k + 1)) && facing_away(k)) {
+                passages[run[0]..][..run.len()].fill(Passage::Through);
+            }
+        }
+        passages
+    }
+
+    /// Body and segment of each entry, body by body.
+    fn segments(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let (bodies, segments) = (self.poses.len(), self.x.len() - 1);
+        (0..bodies).flat_map(move |b| (0..segments).map(move |k| (b, k)))
+    }
+
+    /// Entry of the segment of a contact.
+    fn segment_index(&self, c: &Contact) -> usize {
+        c.body * (self.x.len() - 1) + c.segment
+    }
+
+    /// Entries of both ends of segment `k` relative to `body`.
+    fn ends(&self, body: usize, k: usize) -> std::ops::Range<usize> {
+        body * self.x.len() + k..body * self.x.len() + k + 2
+    }
+
+    /// Contacts of the segments of passage `wanted` with both ends outside.
+    fn contacts(&self, points: &[Point], passages: &[Passage], wanted: Passage) -> Vec<Contact> {
+        let touching: Vec<[f64; 2]> = self
+            .segments()
+            .zip(passages)
+            .map(|((b, k), passage)| match points[self.ends(b, k)].iter().any(|p| p.depth > 0.0) {
+                false if *passage == wanted => [0.0; 2],
+                _ => EXEMPT,
+            })
+            .collect();
+        let line = MovingPolyline { x0: self.x, x1: self.x, clearance: &touching };
+        static_contacts(self.bodies, self.t, self.poses, self.thickness, &line)
+    }
+
+    /// Clearance of each segment by the `distance` of its ends; exempt unless it passes beside the body.
+    fn clearances(
+        &self,
+        points: &[Point],
+        passages: &[Passage],
+        distance: fn(&Point) -> f64,
+    ) -> Vec<[f64; 2]> {
+        let of_ends =
+            |((b, k), passage): ((usize, usize), &Passage)| match (passage, &points[self.ends(b, k)]) {
+                (Passage::Beside, [one, two]) => [distance(one), distance(two)],
+                _ => EXEMPT,
+            };
+        self.segments().zip(passages).map(of_ends).collect()
+    }
+}
+
 impl Clearance {
-    /// The rule applied to the points `x` (m, world), with the bodies as they are at time `t`, s, at `pose` (rest space to world),
-    /// and `thickness`, m.
+    /// Applies the rule to the points `x` (m, world), with the bodies at time `t`, s, at `pose` (rest space
+    /// to world), and their `thickness`, m.
     pub fn new(
         bodies: &Bodies,
         t: f64,
@@ -64,88 +177,38 @@ impl Clearance {
         thickness: &[f64],
         x: &[Vector3<f64>],
     ) -> Self {
-        let mut points = Vec::new();
-        let mut ways = Vec::new();
-        for (b, (pose, &d)) in pose.iter().zip(thickness).enumerate() {
+        let groom = GroomPose { bodies, t, poses: pose, thickness, x };
+        let (mut points, mut passages) = (Vec::new(), Vec::new());
+        for (b, (pose, _)) in pose.iter().zip(thickness).enumerate() {
             let local: Vec<_> = x.iter().map(|p| pose.inverse_transform_point(&(*p).into()).coords).collect();
-            let (mut s, mut known) = (0.0, None);
-            let beside: Vec<Point> = (0..x.len())
-                .map(|k| {
-                    let nearest = bodies.closest(b, t, &local[k], SEARCH);
-                    let far = nearest.map_or(SEARCH, |s| s.distance.abs());
-                    let normal = nearest.map_or_else(Vector3::zeros, |s| s.normal);
-                    let way = (x[k] - x[k.saturating_sub(1)]).norm();
-                    s += way;
-                    // The winding number, not the nearest triangle's side: it holds on open and dirty meshes. It is asked for at every second
-                    // point at least.
-                    let inside = known.take().filter(|_| way < far);
-                    let inside = inside.unwrap_or_else(|| *known.insert(bodies.contains(b, t, &local[k])));
-                    match inside {
-                        true => Point { keep: d.min(STEEPEST * s), depth: far, normal },
-                        false => Point { keep: d.min(0.5 * far), depth: 0.0, normal },
-                    }
-                })
-                .collect();
-            let rooted = beside.iter().take_while(|point| point.depth > 0.0).count();
-            let inside = |k: usize| beside[k].depth > 0.0;
-            let facing_away = |k: usize| beside[k].normal.dot(&beside[k + 1].normal) < 0.0;
-            let of_body = ways.len();
-            ways.extend((0..x.len() - 1).map(|k| match k < rooted {
-                true => Way::Rooted,
-                false if inside(k) || inside(k + 1) => Way::Beside,
-                false if passes(bodies, b, t, &[local[k], local[k + 1]]) => Way::Through,
-                false => Way::Beside,
-            }));
-            // All of a stretch inside: there is no telling how much of it the way from one side to the other takes.
-            let halves: Vec<usize> = (rooted..x.len() - 1).collect();
-            for stretch in halves.chunk_by(|_, k| inside(*k)) {
-                if stretch.iter().any(|&k| (inside(k) || inside(k + 1)) && facing_away(k)) {
-                    ways[of_body + stretch[0]..][..stretch.len()].fill(Way::Through);
-                }
-            }
-            points.extend(beside);
+            let of_body = groom.points(b, &local);
+            passages.extend(groom.passages(b, &local, &of_body));
+            points.extend(of_body);
         }
-        let ends = |body: usize, k: usize| body * x.len() + k..body * x.len() + k + 2;
-        let segments = || (0..pose.len()).flat_map(|b| (0..x.len() - 1).map(move |k| (b, k)));
-        let found = |ways: &[Way], wanted: Way| {
-            let touching: Vec<[f64; 2]> = segments()
-                .zip(ways)
-                .map(|((b, k), way)| match points[ends(b, k)].iter().any(|p| p.depth > 0.0) {
-                    false if *way == wanted => [0.0; 2],
-                    _ => EXEMPT,
-                })
-                .collect();
-            at_rest(bodies, t, pose, thickness, &MovingPolyline { x0: x, x1: x, clearance: &touching })
-        };
-        let of = |c: &Contact| c.body * (x.len() - 1) + c.segment;
         let clips = |c: &&Contact| c.gap < 0.0 && -c.gap < 2.0 * thickness[c.body];
-        for clip in found(&ways, Way::Through).iter().filter(clips) {
-            ways[of(clip)] = Way::Beside;
+        for clip in groom.contacts(&points, &passages, Passage::Through).iter().filter(clips) {
+            passages[groom.segment_index(clip)] = Passage::Beside;
         }
-        let mut cut = vec![0.0_f64; ways.len()];
-        for c in found(&ways, Way::Beside) {
+        let mut cut = vec![0.0_f64; passages.len()];
+        for c in groom.contacts(&points, &passages, Passage::Beside) {
             if c.gap < 0.0 {
-                cut[of(&c)] = cut[of(&c)].min(c.gap);
+                let cut = &mut cut[groom.segment_index(&c)];
+                *cut = cut.min(c.gap);
             } else {
                 // The distance may be less along a segment than at its ends.
-                points[ends(c.body, c.segment)].iter_mut().for_each(|p| p.keep = p.keep.min(0.5 * c.gap));
+                let ends = groom.ends(c.body, c.segment);
+                points[ends].iter_mut().for_each(|p| p.keep = p.keep.min(0.5 * c.gap));
             }
         }
-        let all = |distance: fn(&Point) -> f64| -> Vec<[f64; 2]> {
-            let distances = |((b, k), way): ((usize, usize), &Way)| match (way, &points[ends(b, k)]) {
-                (Way::Beside, [one, two]) => [distance(one), distance(two)],
-                _ => EXEMPT,
-            };
-            segments().zip(&ways).map(distances).collect()
-        };
-        let mut from = all(|point| if point.depth > 0.0 { -point.depth } else { point.keep });
+        let initial = |point: &Point| if point.depth > 0.0 { -point.depth } else { point.keep };
+        let mut from = groom.clearances(&points, &passages, initial);
         for (ends, cut) in from.iter_mut().zip(cut).filter(|(_, cut)| *cut < 0.0) {
             *ends = ends.map(|from| from.min(cut));
         }
-        Clearance { from, to: all(|point| point.keep) }
+        Clearance { from, to: groom.clearances(&points, &passages, |point| point.keep) }
     }
 
-    /// Clearances when `share` (0..=1) of the way out has been gone.
+    /// Clearances at `share` (0..=1) of the push-out.
     pub fn at(&self, share: f64, out: &mut Vec<[f64; 2]>) {
         let between = |a: f64, b: f64| if a == b { a } else { a + share * (b - a) };
         out.clear();
@@ -157,15 +220,15 @@ impl Clearance {
         self.to.len()
     }
 
-    /// Segments that are exempt, and segments of which an end is being brought out.
+    /// Number of exempt segments, and of segments with an end that is still pushed out.
     pub fn counts(&self) -> (usize, usize) {
         let exempt = self.to.iter().filter(|ends| **ends == EXEMPT).count();
         (exempt, self.from.iter().zip(&self.to).filter(|(a, b)| a != b).count())
     }
 
-    /// Ends the way out with the points at `x`, m, world, and the bodies at time `t`, s, at `pose`: segments that are still in a body are
-    /// exempt from now on, all others have arrived.
-    pub fn arrive(&mut self, bodies: &Bodies, t: f64, pose: &[Isometry3<f64>], x: &[Vector3<f64>]) {
+    /// Ends the push-out with the points at `x`, m, world, and the bodies at time `t`, s, at `pose`. Segments
+    /// still in a body become exempt.
+    pub fn end_push_out(&mut self, bodies: &Bodies, t: f64, pose: &[Isometry3<f64>], x: &[Vector3<f64>]) {
         let segments = x.len() - 1;
         for (i, (from, to)) in self.from.iter_mut().zip(&mut self.to).enumerate() {
             if from == to {
@@ -173,7 +236,7 @@ impl Clearance {
             }
             let (b, k) = (i / segments, i % segments);
             let ends = [x[k], x[k + 1]].map(|x| pose[b].inverse_transform_point(&x.into()).coords);
-            if ends.iter().any(|y| bodies.contains(b, t, y)) || passes(bodies, b, t, &ends) {
+            if ends.iter().any(|y| bodies.contains(b, t, y)) || passes_through(bodies, b, t, &ends) {
                 *to = EXEMPT;
             }
             *from = *to;
@@ -181,15 +244,16 @@ impl Clearance {
     }
 }
 
-/// Whether the way between two points outside a body, in its frame, goes through it: in on one side and out on another.
-fn passes(bodies: &Bodies, body: usize, t: f64, [from, to]: &[Vector3<f64>; 2]) -> bool {
+/// True if the segment between two points outside a body, in its frame, enters on one side and leaves on
+/// another.
+fn passes_through(bodies: &Bodies, body: usize, t: f64, [from, to]: &[Vector3<f64>; 2]) -> bool {
     let sides =
         bodies.first_intersection(body, t, from, to).zip(bodies.first_intersection(body, t, to, from));
     sides.is_some_and(|((_, entry), (_, exit))| entry.dot(&exit) < 0.0)
 }
 
-/// Distances (as the contacts' gaps) in the groom's pose, wherever they are below twice the thickness.
-fn at_rest(
+/// Contacts of a polyline at rest in the groom's pose, nearer than twice the thickness.
+fn static_contacts(
     bodies: &Bodies,
     t: f64,
     pose: &[Isometry3<f64>],
@@ -209,7 +273,7 @@ mod tests {
     use super::*;
     use crate::geometry::{Shape, TriMesh};
 
-    /// A triangle of the xy plane, clockwise, drawn out along z to `half` either way.
+    /// A clockwise triangle of the xy plane, extruded along z from −`half` to `half`.
     fn prism(corners: [[f64; 2]; 3], half: f64) -> TriMesh {
         let side = |z: f64| corners.map(|[x, y]| Vector3::new(x, y, z));
         let vertices = [side(half), side(-half)].concat();
@@ -219,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_drawn_through_a_body_is_exempt_and_its_ends_keep_their_side() {
+    fn a_segment_drawn_through_a_body_is_exempt_and_its_ends_keep_their_side() {
         let ball = Shape::Sphere { centre: Vector3::zeros(), radius: 0.01 };
         let bodies = Bodies::from_shapes(&[ball]);
         let at = |x: f64| Vector3::new(x, 0.0, 0.0);
@@ -229,27 +293,27 @@ mod tests {
         let mut kept = Vec::new();
         clearance.at(1.0, &mut kept);
         assert_eq!(kept[..2], [EXEMPT; 2]);
-        // As close as drawn along the segments beside a point.
+        // The drawn distance along the adjacent segments.
         assert!(kept[2].iter().all(|d| (d - 1e-4).abs() < 1e-12), "{kept:?}");
         assert_eq!(kept[3], [kept[2][1], 5e-4]);
         assert_eq!(clearance.counts(), (2, 0));
-        // The end of the segment drawn through is held by the segment after it.
+        // The next segment holds the end of the exempt one.
         let mut pushed = x;
         pushed[2] = at(-0.0099);
         let line = MovingPolyline { x0: &x, x1: &pushed, clearance: &kept };
-        let found = at_rest(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &line);
+        let found = static_contacts(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &line);
         assert!(found.iter().any(|c| (c.segment, c.u) == (2, 0.0) && c.gap < 0.0), "{found:?}");
     }
 
     #[test]
-    fn a_chord_that_only_cuts_the_surface_is_held() {
+    fn a_chord_that_cuts_the_surface_is_pushed_out() {
         let bodies = Bodies::from_shapes(&[Shape::Sphere { centre: Vector3::zeros(), radius: 0.1 }]);
         let x =
             [-0.02, 0.0, 0.005].map(|s: f64| Vector3::new((s / 0.1).sin(), (s / 0.1).cos(), 0.0) * 0.1002);
         let depth = 0.1 - 0.5 * (x[0] + x[1]).norm();
         assert!(depth > 1e-4);
         let clearance = Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x);
-        // It is held where it is, and brought out.
+        // Not exempt, and pushed out.
         assert_eq!(clearance.counts(), (0, 1));
         let mut kept = Vec::new();
         clearance.at(0.0, &mut kept);
@@ -259,8 +323,8 @@ mod tests {
     }
 
     #[test]
-    fn what_clips_an_edge_is_brought_out_and_what_is_drawn_through_a_sheet_is_exempt() {
-        // A sharp ridge along z, and a sheet in the plane x = 0 of two sides 0.2 mm apart.
+    fn a_clipped_edge_is_pushed_out_and_a_crossed_sheet_is_exempt() {
+        // A ridge along z, and a thin sheet in the plane x = 0 with two sides.
         let [wide, thin] = [0.05, 1e-4].map(|w| prism([[0.0, 0.0], [w, -0.1], [-w, -0.1]], 0.1));
         let counts = |mesh: TriMesh, height: f64| {
             let bodies = Bodies::from_shapes(&[Shape::Mesh(mesh)]);
@@ -273,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stretch_through_a_body_is_exempt_and_one_that_dips_into_it_comes_out() {
+    fn a_run_through_a_body_is_exempt_and_a_dip_into_it_is_pushed_out() {
         // A slab 8 mm thick, its upper face at the height 0.
         let half = Vector3::new(0.1, 0.004, 0.1);
         let corner = |i: usize| Vector3::from_fn(|k, _| if i >> k & 1 == 1 { half[k] } else { -half[k] });
@@ -297,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn what_begins_inside_later_on_comes_out_or_is_exempt_on_both_sides() {
+    fn a_point_that_starts_inside_is_pushed_out_or_becomes_exempt() {
         let ball = Shape::Sphere { centre: Vector3::zeros(), radius: 0.01 };
         let bodies = Bodies::from_shapes(&[ball]);
         let x = [0.03, 0.015, 0.008, 0.015, 0.03].map(|y| Vector3::new(0.0, y, 0.0));
@@ -311,20 +375,20 @@ mod tests {
         let arrive = |beside: f64| {
             let (mut arrived, mut kept) = (clearance.clone(), Vec::new());
             let moved = x.map(|p| p + Vector3::x() * beside);
-            arrived.arrive(&bodies, 0.0, &[Isometry3::identity()], &moved);
+            arrived.end_push_out(&bodies, 0.0, &[Isometry3::identity()], &moved);
             arrived.at(1.0, &mut kept);
             kept
         };
         assert_eq!(arrive(0.0), [[5e-4; 2], EXEMPT, EXEMPT, [5e-4; 2]]);
-        // Beside the ball, if nearer to it than it should.
+        // Outside the ball, but nearer than its clearance.
         assert_eq!(arrive(0.0101), [[5e-4; 2]; 4]);
     }
 
     #[test]
-    fn what_is_drawn_flat_in_the_skin_is_asked_to_stand_off_no_faster_than_it_can() {
+    fn a_strand_drawn_flat_in_the_surface_rises_with_limited_slope() {
         let ball = Shape::Sphere { centre: Vector3::zeros(), radius: 0.1 };
         let bodies = Bodies::from_shapes(&[ball]);
-        // From just outside along the skin, a hundredth of a millimetre in it, and out.
+        // From just outside, along the surface 0.01 mm inside it, and out.
         let x = [(0.0, 1e-6), (1e-4, -1e-5), (4e-4, -1e-5), (5e-3, -1e-5), (2e-2, 2e-3)]
             .map(|(s, g): (f64, f64)| Vector3::new((s / 0.1).sin(), (s / 0.1).cos(), 0.0) * (0.1 + g));
         let clearance = Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x);

@@ -30,7 +30,7 @@ impl GuideRods {
         let mut simulated =
             wisp::guide_rods(groom, if alone { SegmentSize::COARSE } else { SegmentSize::FINE });
         let fine = if alone { wisp::guide_rods(groom, SegmentSize::FINE) } else { Vec::new() };
-        let held = sag_free::hold(&mut simulated, anim);
+        let held = sag_free::apply(&mut simulated, anim);
         let moved = vec![true; simulated.len()];
         GuideRods { held, moved, simulated, fine: fine.into_iter().map(|r| r.rod).collect() }
     }

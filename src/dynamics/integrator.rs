@@ -2,23 +2,24 @@
 
 use crate::scene::anim::Scheme;
 
-/// Largest ratio of a step to the one before it at which BDF2 is used: it is stable below 1 + √2.
+/// Largest ratio of successive steps at which BDF2 is used; it is stable below 1 + √2.
 const MAX_RATIO: f64 = 2.0;
 
-/// The difference formula of one step: the rate of any quantity y at its end is (y − y*)/η, with y* = a yⁿ + b yⁿ⁻¹.
+/// The difference formula of one step: the rate of any quantity y at its end is (y − y*)/η, with y* = a yⁿ +
+/// b yⁿ⁻¹.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct DifferenceFormula {
-    /// η, s: the step of backward Euler, two thirds of it for BDF2 at equal steps.
+    /// η, s: the step for backward Euler, two thirds of the step for BDF2 at equal steps.
     pub eta: f64,
-    /// Step to the one before it; 0 without history.
+    /// Ratio of the step to the previous one; 0 without history.
     pub ratio: f64,
     a: f64,
     b: f64,
 }
 
 impl DifferenceFormula {
-    /// The formula of a step of `h`, s, after one of `last`, s; `last` is 0 where there is no history to build on, as at the start,
-    /// and then the formula is backward Euler's.
+    /// The formula of a step of `h`, s, after one of `last`, s. With `last` = 0, as at the start, there is no
+    /// history and the formula is backward Euler's.
     pub fn new(scheme: Scheme, h: f64, last: f64) -> Self {
         let ratio = match scheme {
             Scheme::Bdf2 if h <= MAX_RATIO * last => h / last,
@@ -34,12 +35,12 @@ impl DifferenceFormula {
         }
     }
 
-    /// Whether the formula looks back beyond the start of the step.
+    /// True if the formula uses the previous step.
     pub fn looks_back(&self) -> bool {
         self.ratio > 0.0
     }
 
-    /// y*, from y at the start of the step and of the one before.
+    /// y*, from y at the start of this step and of the previous one.
     pub fn y_star<T: std::ops::Mul<f64, Output = T> + std::ops::Add<Output = T>>(
         &self,
         now: T,
@@ -49,7 +50,7 @@ impl DifferenceFormula {
     }
 }
 
-/// Rate now from three values a step of `h`, s, apart, the newest first; of second order.
+/// Second-order rate at the newest of three values, newest first, `h`, s, apart.
 pub(super) fn backward_difference([now, one, two]: [f64; 3], h: f64) -> f64 {
     (3.0 * now - 4.0 * one + two) / (2.0 * h)
 }

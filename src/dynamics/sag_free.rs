@@ -1,4 +1,4 @@
-//! Sag-free start (`docs/theory.md` §6): rods whose pose in the groom is one of rest under gravity.
+//! Sag-free start (`docs/theory.md` §6): makes the groom's pose a stable equilibrium under gravity.
 
 use crate::math::cholesky;
 use crate::rod::{Rod, RodShape, Sensitivity};
@@ -8,63 +8,65 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Largest change of the natural strain at a node, 1/m: a curl of 4 cm diameter.
-const BEND: f64 = 50.0;
+/// Largest natural offset of the strain at a node, 1/m: a curl of 4 cm diameter.
+const MAX_STRAIN_OFFSET: f64 = 50.0;
 
-/// Times gravity under which the pose must still be a stable one.
-const MARGIN: f64 = 2.0;
+/// Multiple of gravity under which the pose must still be stable.
+const STABILITY_MARGIN: f64 = 2.0;
 
-/// Largest stiffening: what holds its shape so is a fibre ten times as thick, a bristle.
-const STIFFEST: f64 = 100.0;
+/// Largest stiffening factor: the stiffness per weight of a fibre ten times as thick, a bristle.
+const MAX_STIFFENING: f64 = 100.0;
 
-/// Ratio of the stiffenings that are tried.
-const RUNG: f64 = 1.1;
+/// Ratio of successive trial stiffening factors.
+const STIFFENING_RATIO: f64 = 1.1;
 
-/// Difference of strain by which the change of gravity's load is measured, 1/m.
-const DIFFERENCE: f64 = 1e-3;
+/// Strain increment of the difference quotient of gravity's load, 1/m.
+const STRAIN_INCREMENT: f64 = 1e-3;
 
-/// How the guides are held in the groom's pose.
+/// Result of the sag-free start.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct SagFreeReport {
-    /// Guides of materials that ask for it.
+    /// Guides with a sag-free material.
     pub guides: u32,
-    /// Those of them that had to be made stiffer.
+    /// Number of them that were stiffened.
     pub stiffened: u32,
-    /// The largest factor on a stiffness.
+    /// Largest stiffening factor.
     pub stiffest: f64,
-    /// Guides that sag nevertheless, for a bound does not allow what would hold them.
+    /// Guides that still sag because a bound was reached.
     pub sagging: u32,
 }
 
-/// Makes the groom's pose one of rest, as far as the guides' materials ask for it.
-pub fn hold(rods: &mut [GuideRod], anim: &Anim) -> SagFreeReport {
+/// Makes the groom's pose an equilibrium, by the share that each guide's material sets.
+pub fn apply(rods: &mut [GuideRod], anim: &Anim) -> SagFreeReport {
     let each = rods.par_iter_mut().filter_map(|r| {
         let share = r.material.sag_free;
-        (share > 0.0).then(|| hold_one(&mut r.rod, share, &anim.gravity))
+        (share > 0.0).then(|| apply_to_rod(&mut r.rod, share, &anim.gravity))
     });
-    let mut held = SagFreeReport { stiffest: 1.0, ..SagFreeReport::default() };
+    let mut report = SagFreeReport { stiffest: 1.0, ..SagFreeReport::default() };
     for (stiffening, at_rest) in each.collect::<Vec<_>>() {
-        held.guides += 1;
-        held.stiffened += u32::from(stiffening > 1.0);
-        held.stiffest = held.stiffest.max(stiffening);
-        held.sagging += u32::from(!at_rest);
+        report.guides += 1;
+        report.stiffened += u32::from(stiffening > 1.0);
+        report.stiffest = report.stiffest.max(stiffening);
+        report.sagging += u32::from(!at_rest);
     }
-    held
+    report
 }
 
-/// The same of one rod, against a share of `gravity`, m/s²: by how much it was stiffened, and whether it is at rest.
-fn hold_one(rod: &mut Rod, share: f64, gravity: &Vector3<f64>) -> (f64, bool) {
+/// Applies the sag-free start to one rod against a share of `gravity`, m/s². Returns the stiffening factor
+/// and whether the pose is a stable equilibrium.
+fn apply_to_rod(rod: &mut Rod, share: f64, gravity: &Vector3<f64>) -> (f64, bool) {
     let gravity = gravity * share;
     let load = load(rod, &rod.initial_q, &gravity);
-    let bend = largest(&rod.static_strain(&load));
+    let offset = largest(&rod.static_strain(&load));
     let (elastic, softening) = (rod.elastic_matrix(), softening(rod, &gravity));
     let holds = |c: f64| {
-        let mut hessian: Vec<f64> = elastic.iter().zip(&softening).map(|(k, s)| c * k - MARGIN * s).collect();
-        c * BEND >= bend && cholesky::factor(&mut hessian, rod.unknowns()) == 1
+        let mut hessian: Vec<f64> =
+            elastic.iter().zip(&softening).map(|(k, s)| c * k - STABILITY_MARGIN * s).collect();
+        c * MAX_STRAIN_OFFSET >= offset && cholesky::factor(&mut hessian, rod.unknowns()) == 1
     };
     let mut stiffening = 1.0;
-    while stiffening < STIFFEST && !holds(stiffening) {
-        stiffening = (stiffening * RUNG).min(STIFFEST);
+    while stiffening < MAX_STIFFENING && !holds(stiffening) {
+        stiffening = (stiffening * STIFFENING_RATIO).min(MAX_STIFFENING);
     }
     let at_rest = holds(stiffening);
     rod.scale_stiffness(stiffening);
@@ -72,17 +74,17 @@ fn hold_one(rod: &mut Rod, share: f64, gravity: &Vector3<f64>) -> (f64, bool) {
         .initial_q
         .iter()
         .zip(rod.static_strain(&load))
-        .map(|(start, bend)| share * start - bend)
+        .map(|(start, offset)| share * start - offset)
         .collect();
     for node in moved.chunks_exact_mut(3) {
-        let within = BEND / largest(node).max(BEND);
+        let within = MAX_STRAIN_OFFSET / largest(node).max(MAX_STRAIN_OFFSET);
         node.iter_mut().for_each(|w| *w *= within);
     }
     rod.set_natural_offset(&moved);
     (stiffening, at_rest)
 }
 
-/// The largest strain at a node, 1/m, three entries each.
+/// Largest norm of the strain at a node, 1/m; three entries each.
 fn largest(strain: &[f64]) -> f64 {
     strain.chunks_exact(3).map(|w| Vector3::from_column_slice(w).norm()).fold(0.0, f64::max)
 }
@@ -99,18 +101,18 @@ fn load(rod: &Rod, q: &[f64], gravity: &Vector3<f64>) -> Vec<f64> {
     load
 }
 
-/// By how much gravity makes the rod less stiff in its starting pose: the derivative of [`load`], row-major n × n.
+/// Geometric softening by gravity in the initial pose: the derivative of [`load`], row-major n × n.
 fn softening(rod: &Rod, gravity: &Vector3<f64>) -> Vec<f64> {
     let mut q = rod.initial_q.clone();
     let mut rows = Vec::with_capacity(q.len() * q.len());
     for i in 0..q.len() {
         let at = q[i];
-        let [up, down] = [DIFFERENCE, -DIFFERENCE].map(|d| {
+        let [up, down] = [STRAIN_INCREMENT, -STRAIN_INCREMENT].map(|d| {
             q[i] = at + d;
             load(rod, &q, gravity)
         });
         q[i] = at;
-        rows.extend(up.iter().zip(down).map(|(up, down)| (up - down) / (2.0 * DIFFERENCE)));
+        rows.extend(up.iter().zip(down).map(|(up, down)| (up - down) / (2.0 * STRAIN_INCREMENT)));
     }
     rows
 }
@@ -143,8 +145,9 @@ mod tests {
         .unwrap()
     }
 
-    /// How far its points go, as a share of its length, until it is at rest under `gravity`, from `start`.
-    fn goes(rod: &Rod, start: &[f64], gravity: &Vector3<f64>) -> f64 {
+    /// Largest displacement of a point from the groom, over the rod's length, at rest under `gravity`, from
+    /// `start`.
+    fn settled_displacement(rod: &Rod, start: &[f64], gravity: &Vector3<f64>) -> f64 {
         let (mut q, mut solver, mut load) = (start.to_vec(), Solver::default(), Load::default());
         for h in [0.02; 40].into_iter().chain([1e3; 3]) {
             let mut at = RodShape::default();
@@ -166,40 +169,40 @@ mod tests {
     }
 
     #[test]
-    fn the_pose_is_one_of_rest_that_is_come_back_to() {
-        // Short and soft enough as it is; long and horizontal; long and rising steeply, which buckles.
+    fn the_pose_is_a_stable_equilibrium() {
+        // Short enough to need no stiffening; long and horizontal; long and steep, which buckles.
         for (length, slope, stiffer) in [(0.04, 0.0, false), (0.2, 0.0, true), (0.08, 2.0, true)] {
             let plain = rod(length, slope);
             let mut held = plain.clone();
-            let (stiffening, at_rest) = hold_one(&mut held, 1.0, &GRAVITY);
+            let (stiffening, at_rest) = apply_to_rod(&mut held, 1.0, &GRAVITY);
             assert!(at_rest && (stiffening > 1.0) == stiffer && stiffening < 20.0, "{stiffening}");
-            assert!(goes(&plain, &plain.initial_q, &GRAVITY) > 0.02);
-            assert!(goes(&held, &held.initial_q, &GRAVITY) < 1e-8);
-            // Disturbed by a strain of 1 /m all along, it comes back.
+            assert!(settled_displacement(&plain, &plain.initial_q, &GRAVITY) > 0.02);
+            assert!(settled_displacement(&held, &held.initial_q, &GRAVITY) < 1e-8);
+            // It returns after a uniform strain perturbation of 1 /m.
             let disturbed: Vec<f64> = held.initial_q.iter().map(|q| q + 1.0).collect();
-            assert!(goes(&held, &disturbed, &GRAVITY) < 1e-6);
+            assert!(settled_displacement(&held, &disturbed, &GRAVITY) < 1e-6);
         }
     }
 
     #[test]
-    fn half_a_share_sags_less_than_half_way_and_more_than_not() {
+    fn half_a_share_sags_partially() {
         let plain = rod(0.06, 0.3);
         let mut half = plain.clone();
-        hold_one(&mut half, 0.5, &GRAVITY);
-        let [plain, half] = [&plain, &half].map(|rod| goes(rod, &rod.initial_q, &GRAVITY));
+        apply_to_rod(&mut half, 0.5, &GRAVITY);
+        let [plain, half] = [&plain, &half].map(|rod| settled_displacement(rod, &rod.initial_q, &GRAVITY));
         assert!((0.2..0.8).contains(&(half / plain)), "{half} of {plain}");
     }
 
     #[test]
-    fn a_bound_that_binds_is_told_and_kept() {
+    fn a_reached_bound_is_kept_and_reported() {
         // A thousand times as heavy.
         let mut heavy = rod(0.2, 0.0);
-        let (stiffening, at_rest) = hold_one(&mut heavy, 1.0, &(GRAVITY * 1e3));
-        assert_eq!((stiffening, at_rest), (STIFFEST, false));
+        let (stiffening, at_rest) = apply_to_rod(&mut heavy, 1.0, &(GRAVITY * 1e3));
+        assert_eq!((stiffening, at_rest), (MAX_STIFFENING, false));
     }
 
     #[test]
-    fn a_natural_strain_that_was_given_is_left_for_the_pose() {
+    fn the_pose_replaces_a_given_natural_strain() {
         let line = [Vector3::zeros(), Vector3::x() * 0.03];
         let mut curl = Rod::new(&RodSource {
             points: &line,
@@ -213,8 +216,8 @@ mod tests {
             segment_size: SegmentSize::FINE,
         })
         .unwrap();
-        assert!(goes(&curl, &curl.initial_q, &GRAVITY) > 0.02);
-        assert!(hold_one(&mut curl, 1.0, &GRAVITY).1);
-        assert!(goes(&curl, &curl.initial_q, &GRAVITY) < 1e-8);
+        assert!(settled_displacement(&curl, &curl.initial_q, &GRAVITY) > 0.02);
+        assert!(apply_to_rod(&mut curl, 1.0, &GRAVITY).1);
+        assert!(settled_displacement(&curl, &curl.initial_q, &GRAVITY) < 1e-8);
     }
 }

@@ -1,4 +1,4 @@
-//! Ties: places of guides that a body holds in all directions.
+//! Ties: points of guides that a body holds in all directions.
 
 use super::contact_polyline::with_midpoints;
 use crate::rod::RodShape;
@@ -7,32 +7,33 @@ use crate::scene::{Anim, Groom};
 use crate::wisp::GuideRod;
 use nalgebra::{Isometry3, Vector3};
 
-/// Speed at which a place is brought to where it is held, at most, m/s.
-const GATHERING: f64 = 0.5;
+/// Largest speed at which a point is moved to its goal, m/s.
+const MAX_GATHER_SPEED: f64 = 0.5;
 
-/// A held place of a guide.
+/// A held point of a guide.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tie {
-    /// Half of the sub-steps of the guide's rod: from a point to the middle of the curve after it, or from there to the next point.
-    pub half: usize,
-    /// Place on it, 0..=1.
+    /// Segment of the guide's contact polyline, which has the rod's points and midpoints.
+    pub segment: usize,
+    /// Position on it, 0..=1.
     pub u: f64,
-    /// The body that holds it, index into [`Anim::bodies`].
+    /// Index of the body that holds it, into [`Anim::bodies`].
     pub body: usize,
-    /// Where it is held, rest space of the body, m.
+    /// Goal in the rest space of the body, m.
     pub goal: Vector3<f64>,
-    /// First and last time at which it holds, s.
+    /// First and last time of the tie, s.
     pub times: [f64; 2],
 }
 
 impl Tie {
-    /// The place on that polyline.
+    /// The held point on the contact polyline `x`.
     pub fn place(&self, x: &[Vector3<f64>]) -> Vector3<f64> {
-        x[self.half] * (1.0 - self.u) + x[self.half + 1] * self.u
+        x[self.segment] * (1.0 - self.u) + x[self.segment + 1] * self.u
     }
 
-    /// Where the place has to be at the end of a step of `h`, s, at whose start it was at `from`, world, m, with the body's pose (rest
-    /// space to world) at both ends; `None` where the tie does not hold at `t`, s.
+    /// Target at the end, at time `t`, s, of a step of `h`, s, that starts with the point at `from`, world,
+    /// m. `poses` are the body's poses (rest space to world) at start and end. `None` if the tie is not
+    /// active at `t`.
     pub fn target(
         &self,
         t: f64,
@@ -45,12 +46,12 @@ impl Tie {
         }
         let goal = (poses[1] * nalgebra::Point3::from(self.goal)).coords;
         let carried = (poses[1] * poses[0].inverse_transform_point(&(*from).into())).coords;
-        let way = goal - carried;
-        Some(carried + way * (GATHERING * h / way.norm()).min(1.0))
+        let offset = goal - carried;
+        Some(carried + offset * (MAX_GATHER_SPEED * h / offset.norm()).min(1.0))
     }
 }
 
-/// The ties of each of `rods`.
+/// Returns the ties of each of `rods`.
 pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
     let mut out = vec![Vec::new(); rods.len()];
     let drawn: Vec<Vec<Vector3<f64>>> = rods.iter().map(drawn).collect();
@@ -79,18 +80,18 @@ pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
         let widest = held.iter().map(|p| (at(p) - mean).norm()).fold(f64::MIN_POSITIVE, f64::max);
         for place in held {
             let goal = match tie.bundle {
-                // The bundle keeps the order in which it was drawn.
+                // The bundle keeps its drawn arrangement.
                 Some((centre, radius)) => centre + (at(&place) - mean) * (radius / widest).min(1.0),
                 None => at(&place),
             };
-            let (i, half, u) = place;
-            out[i].push(Tie { half, u, body: tie.body, goal, times: tie.times });
+            let (i, segment, u) = place;
+            out[i].push(Tie { segment, u, body: tie.body, goal, times: tie.times });
         }
     }
     out
 }
 
-/// Points and middles in the groom's pose, rest space, m.
+/// Points and midpoints in the groom's pose, rest space, m.
 fn drawn(r: &GuideRod) -> Vec<Vector3<f64>> {
     let (mut shape, mut line) = (RodShape::default(), Vec::new());
     shape.update(&r.rod, &r.rod.root.r, &r.rod.initial_q);
@@ -98,17 +99,17 @@ fn drawn(r: &GuideRod) -> Vec<Vector3<f64>> {
     line
 }
 
-/// Half and place on it nearest to `p`, and its distance, m.
+/// Segment and position on it nearest to `p`, and its distance, m.
 fn nearest(points: &[Vector3<f64>], p: &Vector3<f64>) -> (usize, f64, f64) {
     let on = |(k, ends): (usize, &[Vector3<f64>])| {
-        let way = ends[1] - ends[0];
-        let u = (way.dot(&(p - ends[0])) / way.norm_squared()).clamp(0.0, 1.0);
-        (k, u, (ends[0] + way * u - p).norm())
+        let edge = ends[1] - ends[0];
+        let u = (edge.dot(&(p - ends[0])) / edge.norm_squared()).clamp(0.0, 1.0);
+        (k, u, (ends[0] + edge * u - p).norm())
     };
     points.windows(2).enumerate().map(on).fold((0, 0.0, f64::INFINITY), |a, b| if b.2 < a.2 { b } else { a })
 }
 
-/// Half and place on it at an arc length, m; `None` beyond the tip.
+/// Segment and position on it at an arc length, m; `None` beyond the tip.
 fn at_arc(r: &GuideRod, arc: f64) -> Option<(usize, f64)> {
     let s = &r.rod.arc;
     let k = s.windows(2).position(|s| arc <= s[1])?;

@@ -17,10 +17,12 @@ impl BodyContact<'_> {
         with_midpoints(&self.rod.arc, |k| shape.x(k) + self.root.p, |k| shape.tangent(k), x1);
     }
 
-    /// Finds the contacts at the solver's shape and the impacts of the motion; returns whether the motion crosses no surface.
+    /// Finds the contacts at the solver's shape and the impacts of the motion; returns whether the motion
+    /// crosses no surface.
     ///
-    /// Continuous detection reports a motion before it touches. The motion grazes the surface if it ends in front of it, and
-    /// crosses it if it ends behind it. A point that starts behind a surface does not cross it unless it gets deeper.
+    /// Continuous detection reports a motion before it touches. The motion grazes the surface if it ends in
+    /// front of it, and crosses it if it ends behind it. A point that starts behind a surface does not cross
+    /// it unless it gets deeper.
     pub fn find(&self, solver: &Solver, memory: &mut ContactCache, scratch: &mut BodyContactScratch) -> bool {
         self.update_polyline(solver, scratch);
         let detection = &mut scratch.detection;
@@ -70,7 +72,8 @@ impl BodyContact<'_> {
         clear
     }
 
-    /// Finds the contacts at the solver's shape, without impacts; returns whether any point is too near to a body.
+    /// Finds the contacts at the solver's shape, without impacts; returns whether any point is too near to a
+    /// body.
     pub(super) fn find_at_end(
         &self,
         solver: &Solver,
@@ -107,8 +110,8 @@ impl BodyContact<'_> {
         tolerated.min(before + PUSH_OUT_SPEED * (t1 - t0) - keep)
     }
 
-    /// Shortfall of `contact` from the distance that even a pinched strand must keep, m, ≥ 0. That distance is a share of the
-    /// requested one, or the distance before the step if that is less.
+    /// Shortfall of `contact` from the distance that even a pinched strand must keep, m, ≥ 0. That distance
+    /// is a share of the requested one, or the distance before the step if that is less.
     pub(super) fn shortfall(&self, line: &MovingPolyline, contact: &Contact) -> f64 {
         if contact.gap >= -GAP_TOLERANCE {
             return 0.0;

@@ -2,8 +2,8 @@
 
 use crate::contact::{Contact, MovingPolyline};
 
-/// Impacts of all rounds of a step, each with whether it was found more than once. An averted impact is not found again; dropped
-/// from the problem, it would return in the next round.
+/// Impacts of all rounds of a step, each with whether it was found more than once. An averted impact is not
+/// found again; dropped from the problem, it would return in the next round.
 #[derive(Debug, Default)]
 pub(super) struct Impacts(Vec<(Contact, bool)>);
 
@@ -23,8 +23,8 @@ impl Impacts {
         self.0.push((impact, known.is_some()));
     }
 
-    /// Appends the impacts that no contact of `contacts` represents. A repeated impact is always appended, since the contact that
-    /// represented it did not avert it.
+    /// Appends the impacts that no contact of `contacts` represents. A repeated impact is always appended,
+    /// since the contact that represented it did not avert it.
     pub fn append_to(&mut self, line: &MovingPolyline, contacts: &mut Vec<Contact>) {
         let existing = contacts.len();
         for (impact, repeated) in &mut self.0 {
@@ -37,8 +37,8 @@ impl Impacts {
     }
 }
 
-/// True if `contact` is within `clearance`, m, of the impact and has a similar normal, so that the impact need not be in the
-/// problem. A contact elsewhere on the same segment would let the motion through again.
+/// True if `contact` is within `clearance`, m, of the impact and has a similar normal, so that the impact
+/// need not be in the problem. A contact elsewhere on the same segment would let the motion through again.
 fn represents(contact: &Contact, impact: &Contact, clearance: f64) -> bool {
     contact.body == impact.body
         && (contact.point[1] - impact.point[1]).norm() <= clearance

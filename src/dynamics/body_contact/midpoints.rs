@@ -10,8 +10,8 @@ use crate::rod::contact_load::ContactLoad;
 pub(super) struct Midpoints {
     /// Smallest gap at each point and midpoint, body by body, m.
     nearest: Vec<f64>,
-    /// Midpoints kept before in this step, as indices into `nearest`. A contact that came and went every round might keep the
-    /// rounds from converging.
+    /// Midpoints kept before in this step, as indices into `nearest`. A contact that came and went every
+    /// round might keep the rounds from converging.
     used: Vec<usize>,
 }
 
@@ -21,9 +21,9 @@ impl Midpoints {
         self.used.clear();
     }
 
-    /// Removes contacts at midpoints of a polyline of `points` points, midpoints included, unless they are nearer than both
-    /// neighbouring points, violated, or carried one of `loads`. The points suffice to hold a strand that lies on a surface; twice
-    /// the contacts would only be harder to solve.
+    /// Removes contacts at midpoints of a polyline of `points` points, midpoints included, unless they are
+    /// nearer than both neighbouring points, violated, or carried one of `loads`. The points suffice to hold
+    /// a strand that lies on a surface; twice the contacts would only be harder to solve.
     pub fn filter(&mut self, contacts: &mut Vec<Contact>, points: usize, loads: &[ContactLoad]) {
         let index = |c: &Contact| match c.u {
             0.0 => Some(c.body * points + c.segment),

@@ -1,4 +1,5 @@
-//! Contact of one guide with bodies within one step: detect, solve for reactions, move, repeat (`docs/theory.md` §5).
+//! Contact of one guide with bodies within one step: detect, solve for reactions, move, repeat
+//! (`docs/theory.md` §5).
 //!
 //! The motion of the bodies is prescribed, so every guide is a problem of its own.
 
@@ -23,22 +24,24 @@ use tolerances::{REACTION_TOLERANCE, SPRING_COMPLIANCE, SPRING_TOLERANCE};
 /// Rounds of detection, solve and motion in one step.
 const MAX_ROUNDS: u32 = 30;
 
-/// Rounds after which contacts stay in the problem, new ones are only added, and the motion must decrease the potential.
-/// Contacts that turn, appear or vanish every round may never converge.
+/// Rounds after which contacts stay in the problem, new ones are only added, and the motion must decrease the
+/// potential. Contacts that turn, appear or vanish every round may never converge.
 const FREEZE_ROUNDS: u32 = 5;
 
 /// Displacement of a point between rounds that counts as converged, m.
 const MOVE_TOLERANCE: f64 = 5e-6;
 
-/// Ratio of successive displacements above which the next round's limit is halved; below it the limit doubles.
+/// Ratio of successive displacements above which the next round's limit is halved; below it the limit
+/// doubles.
 const CONTRACTION: f64 = 0.7;
 
-/// Share of its displacement limit above which a round counts as limited, and so as not converged. A round whose full motion
-/// exceeds the limit by up to two fifths may end just below the limit; it would then move on by twice [`MOVE_TOLERANCE`].
+/// Share of its displacement limit above which a round counts as limited, and so as not converged. A round
+/// whose full motion exceeds the limit by up to two fifths may end just below the limit; it would then move
+/// on by twice [`MOVE_TOLERANCE`].
 const LIMITED_SHARE: f64 = 0.7;
 
-/// Rounds after which a limited motion is followed by an unlimited one, so that a small trust region does not hold a deep point
-/// inside a body.
+/// Rounds after which a limited motion is followed by an unlimited one, so that a small trust region does not
+/// hold a deep point inside a body.
 const UNLIMITED_ROUNDS: u32 = 20;
 
 /// Largest residual of the reactions at convergence: after a first converged round, and after a second.
@@ -80,9 +83,9 @@ impl Convergence {
 }
 
 impl BodyContact<'_> {
-    /// Moves `q`, whose shape the solver holds, out of all bodies. `free` says that `q` solves the step without contacts, `last`
-    /// that the step can no longer be halved. Returns `false` if the motion crosses a surface or comes too near to one, or if it
-    /// does not converge and the step can be halved.
+    /// Moves `q`, whose shape the solver holds, out of all bodies. `free` says that `q` solves the step
+    /// without contacts, `last` that the step can no longer be halved. Returns `false` if the motion crosses
+    /// a surface or comes too near to one, or if it does not converge and the step can be halved.
     pub fn resolve(
         &self,
         free: bool,
@@ -157,9 +160,10 @@ impl BodyContact<'_> {
         solver.direction.iter().all(|d| d.is_finite())
     }
 
-    /// Pushes `q`, whose shape the solver holds, out of all bodies by springs with friction, in one step of Newton's method;
-    /// returns whether any spring acts. The springs are implicit in time: a contact of compliance c = [`SPRING_COMPLIANCE`] has the
-    /// displacement u = W r + b under the force r = −u/c, so it is a rigid contact with c added to W.
+    /// Pushes `q`, whose shape the solver holds, out of all bodies by springs with friction, in one step of
+    /// Newton's method; returns whether any spring acts. The springs are implicit in time: a contact of
+    /// compliance c = [`SPRING_COMPLIANCE`] has the displacement u = W r + b under the force r = −u/c, so it
+    /// is a rigid contact with c added to W.
     pub fn push_away(
         &self,
         q: &mut [f64],

@@ -40,8 +40,8 @@ pub(in crate::dynamics) struct BodyContact<'a> {
     pub load: &'a Load,
 }
 
-/// Computes the rows L⁻¹Jᵀ of a point of the rod along the three directions of `frame`. `carriers` are the point's shares of the
-/// two curve points `k` and `k + 1`, m, relative to the root.
+/// Computes the rows L⁻¹Jᵀ of a point of the rod along the three directions of `frame`. `carriers` are the
+/// point's shares of the two curve points `k` and `k + 1`, m, relative to the root.
 pub(in crate::dynamics) fn rows_at(
     solver: &Solver,
     k: usize,
@@ -97,7 +97,7 @@ impl BodyContact<'_> {
         let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
         for ((tie, target), rows) in self.ties.iter().zip(tie_rows.chunks_exact_mut(3 * n)) {
             let gap = tie.place(&detection.x1) - target;
-            let (k, s) = on_rod(tie.half, tie.u);
+            let (k, s) = on_rod(tie.segment, tie.u);
             problem.frames.push(ContactFrame { segment: k, u: s, axes });
             rows_at(solver, k, solver.shape.blend_points(self.rod, k, s), &axes, rows);
             for (gap, row) in gap.iter().zip(rows.chunks_exact(n)) {
@@ -133,9 +133,10 @@ impl BodyContact<'_> {
         }
     }
 
-    /// The distance of which a contact compresses by a share, m: its clearance, and less in proportion where the step requests
-    /// less than old violations may leave, so that repeated pressing never reaches the surface. Contacts with a negative target
-    /// are compliant as well: another body may hold the point while it leaves the first.
+    /// The distance of which a contact compresses by a share, m: its clearance, and less in proportion where
+    /// the step requests less than old violations may leave, so that repeated pressing never reaches the
+    /// surface. Contacts with a negative target are compliant as well: another body may hold the point while
+    /// it leaves the first.
     pub(super) fn compressible(&self, line: &MovingPolyline, contact: &Contact) -> f64 {
         let keep = line.clearance_at(contact);
         keep.min(target_distance(line, contact).abs() / (1.0 - MAX_TOLERATED_SHARE)).max(0.0)
@@ -148,9 +149,9 @@ impl BodyContact<'_> {
         contact.friction.unwrap_or_else(own)
     }
 
-    /// The axes of a contact: its normal, and tangents along and across the strand. The second tangent is scaled by the ratio of
-    /// friction across to friction along. The elliptic cone is circular in these axes, and sliding that dissipates most
-    /// (Moreau 1974) is sliding against the force.
+    /// The axes of a contact: its normal, and tangents along and across the strand. The second tangent is
+    /// scaled by the ratio of friction across to friction along. The elliptic cone is circular in these axes,
+    /// and sliding that dissipates most (Moreau 1974) is sliding against the force.
     fn axes(&self, x: &[Vector3<f64>], contact: &Contact) -> [Vector3<f64>; 3] {
         let (k, n) = (contact.segment, &contact.normal);
         let frame = frame_towards(n, &(x[k + 1] - x[k]));

@@ -15,7 +15,8 @@ fn friction_problem(problem: &ContactRows) -> FrictionProblem<'_> {
 }
 
 impl BodyContact<'_> {
-    /// Starts the reactions of the current contacts and ties from the last contact loads, then computes the Delassus matrix.
+    /// Starts the reactions of the current contacts and ties from the last contact loads, then computes the
+    /// Delassus matrix.
     pub(super) fn assemble(&self, scratch: &mut BodyContactScratch) {
         self.warm_start(scratch);
         self.assemble_delassus(scratch);
@@ -95,8 +96,8 @@ impl BodyContact<'_> {
         }
     }
 
-    /// Moves `q` under the last reactions, held constant, as far as the potential decreases and no point moves by more than
-    /// about `most`, m. Returns the largest displacement, m.
+    /// Moves `q` under the last reactions, held constant, as far as the potential decreases and no point
+    /// moves by more than about `most`, m. Returns the largest displacement, m.
     pub(super) fn descend(
         &self,
         most: f64,

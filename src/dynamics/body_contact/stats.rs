@@ -22,8 +22,8 @@ impl ContactStats {
         self.rounds > 0
     }
 
-    /// Sets the counts, the penetration and the largest distance `slack` of a tie from its target, m, from the contacts `found`
-    /// on `line` and their `reactions`, three components each.
+    /// Sets the counts, the penetration and the largest distance `slack` of a tie from its target, m, from
+    /// the contacts `found` on `line` and their `reactions`, three components each.
     pub(super) fn measure(
         &mut self,
         line: &MovingPolyline,

@@ -51,8 +51,8 @@ fn in_step<R>(
     })
 }
 
-/// Calls `of` with a contact at the middle of a polyline at height `before` above the plane y = 0 at the start of a step of `h`,
-/// s, and `now` at its end.
+/// Calls `of` with a contact at the middle of a polyline at height `before` above the plane y = 0 at the
+/// start of a step of `h`, s, and `now` at its end.
 fn over_a_plane<R>(
     h: f64,
     before: f64,
@@ -124,9 +124,9 @@ fn a_violation_within_the_gap_tolerance_is_no_shortfall() {
 
 const SHARES: [f64; 5] = [0.0, 0.125, 0.25, 0.5, 1.0];
 
-/// Truncates a motion of [`straight`] that bends it by 14/m in a step of `h`, s, among balls of radius 2 cm at x = 0.04 m: heights
-/// of their centres at the start, and their rise. Returns whether each of [`SHARES`] crosses a ball and its shortfall, the chosen
-/// share, and whether it gains no speed.
+/// Truncates a motion of [`straight`] that bends it by 14/m in a step of `h`, s, among balls of radius 2 cm
+/// at x = 0.04 m: heights of their centres at the start, and their rise. Returns whether each of [`SHARES`]
+/// crosses a ball and its shortfall, the chosen share, and whether it gains no speed.
 fn truncated(h: f64, balls: &[[f64; 2]]) -> ([(bool, f64); 5], f64, bool) {
     let rod = straight();
     let mut bent = rod.initial_q.clone();

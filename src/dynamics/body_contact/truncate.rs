@@ -5,15 +5,17 @@ use super::scratch::BodyContactScratch;
 use crate::contact::{Contact, ContactCache};
 use crate::rod::newton::Solver;
 
-/// Speed that closing bodies may give to a pinched strand, m/s: a few times the push-out speed, for the tip has the longer arm.
+/// Speed that closing bodies may give to a pinched strand, m/s: a few times the push-out speed, for the tip
+/// has the longer arm.
 const MAX_PINCH_SPEED: f64 = 1.0;
 
 /// Largest ratio of the displacement of a strand's point to that of its root on a turning head.
 const MAX_CARRY_RATIO: f64 = 3.0;
 
 impl BodyContact<'_> {
-    /// True if no point is faster than all of [`MAX_PINCH_SPEED`], the fastest point at the start with gravity, and
-    /// [`MAX_CARRY_RATIO`] times the root or a body. Two bodies that close on a strand would throw it.
+    /// True if no point is faster than all of [`MAX_PINCH_SPEED`], the fastest point at the start with
+    /// gravity, and [`MAX_CARRY_RATIO`] times the root or a body. Two bodies that close on a strand would
+    /// throw it.
     pub(super) fn gains_no_speed(&self, scratch: &BodyContactScratch) -> bool {
         let Some([t0, t1]) = self.motions.first().map(|motion| motion.times) else { return true };
         let detection = &scratch.detection;
@@ -24,9 +26,10 @@ impl BodyContact<'_> {
         self.x0.iter().zip(&detection.x1).all(|(a, b)| (a - b).norm() <= most)
     }
 
-    /// Truncates the motion from unknowns `start` to `q` to the share that crosses no surface, gains no speed and has the least
-    /// shortfall. Share 0 follows the body that carries the root, but another body that approaches may still cross it; the full
-    /// motion is then taken if it alone crosses nothing, at any speed. Returns `false` if the result crosses a surface.
+    /// Truncates the motion from unknowns `start` to `q` to the share that crosses no surface, gains no speed
+    /// and has the least shortfall. Share 0 follows the body that carries the root, but another body that
+    /// approaches may still cross it; the full motion is then taken if it alone crosses nothing, at any
+    /// speed. Returns `false` if the result crosses a surface.
     pub fn truncate(
         &self,
         start: &[f64],
@@ -55,7 +58,8 @@ impl BodyContact<'_> {
         clear
     }
 
-    /// Sets `q` to this share of the motion from `start` to the full motion; returns whether that crosses no surface.
+    /// Sets `q` to this share of the motion from `start` to the full motion; returns whether that crosses no
+    /// surface.
     fn move_by_share(
         &self,
         share: f64,

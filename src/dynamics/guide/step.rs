@@ -55,7 +55,7 @@ impl GuideModel {
             // Segments still inside at the end of the push-out are drawn through the body: they stay exempt.
             let poses = env.body_poses(span[1]);
             state.contact_polyline(self, &mut scratch.inputs.polyline);
-            state.clearance.arrive(&env.bodies, span[1], &poses, &scratch.inputs.polyline);
+            state.clearance.end_push_out(&env.bodies, span[1], &poses, &scratch.inputs.polyline);
         }
         record
     }
