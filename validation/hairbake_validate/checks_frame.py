@@ -96,8 +96,7 @@ def frames(window: Window) -> Iterator[Finding]:
         return
     expected = cache.sample_times(frame)
     if cache.has_solver_steps:
-        # The times are the solver's choice: those of the head, the first of which is the frame, are the
-        # reference.
+        # The solver chooses the times. Those of the head are the reference; the first is the frame.
         later = window.file.times.get(f"{HEAD}.{TRANSFORM}", [])[1:]
         expected += [time for time in later if frame < time < frame + 1]
     for path in cache.animated():

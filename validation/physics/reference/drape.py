@@ -10,6 +10,9 @@ from scipy.optimize import brentq
 
 from ..arrays import FloatArray
 
+Force = Callable[[float], tuple[float, float]]
+"""Force across the section at an arc length, N."""
+
 
 @dataclass(frozen=True)
 class Drape:
@@ -23,6 +26,26 @@ class Drape:
     """Tension just beyond the cylinder, N."""
     hanging: float
     """Tension where the strand begins to hang, N."""
+
+
+@dataclass(frozen=True)
+class _FreePart:
+    """Initial-value problems of the parts that are free, from the points where they leave the cylinder."""
+
+    stiffness: float
+    radius: float
+
+    def solve(self, start: float, force: Force, length: float, direction: float) -> Any:
+        """The part that begins at the polar angle `start`; `direction` is 1 or -1 along the strand."""
+
+        def slope(s: float, y: FloatArray) -> FloatArray:
+            fx, fy = force(s)
+            c, n = np.cos(y[2]), np.sin(y[2])
+            return direction * np.array([c, n, y[3], (n * fx - c * fy) / self.stiffness])
+
+        radius = self.radius
+        begin = [radius * np.cos(start), radius * np.sin(start), start - 0.5 * np.pi, -1 / radius]
+        return solve_ivp(slope, (0, length), begin, rtol=1e-10, atol=1e-13, dense_output=True)
 
 
 def drape(
@@ -44,20 +67,10 @@ def drape(
     bent by its weight alone, κ = weight/|F|. On the cylinder T' = µ (T/R + weight sin α) + weight cos α along
     the arc, plus µ times the shear at both ends.
     """
-
-    def free(
-        start: float, force: Callable[[float], tuple[float, float]], length: float, direction: float
-    ) -> Any:
-        def slope(s: float, y: FloatArray) -> FloatArray:
-            fx, fy = force(s)
-            c, n = np.cos(y[2]), np.sin(y[2])
-            return direction * np.array([c, n, y[3], (n * fx - c * fy) / stiffness])
-
-        begin = [radius * np.cos(start), radius * np.sin(start), start - 0.5 * np.pi, -1 / radius]
-        return solve_ivp(slope, (0, length), begin, rtol=1e-10, atol=1e-13, dense_output=True)
+    free = _FreePart(stiffness, radius)
 
     def below(start: float) -> Any:
-        return free(start, lambda s: (0.0, -weight * (hangs - s)), hangs, 1.0)
+        return free.solve(start, lambda s: (0.0, -weight * (hangs - s)), hangs, 1.0)
 
     start = brentq(lambda a: below(a).y[3, -1], 0.4, 1.2, xtol=1e-14)
     hanging = weight * hangs * np.cos(start)
@@ -76,7 +89,7 @@ def drape(
 
     def above(shear: float) -> Any:
         fx, fy = pull(shear)
-        return free(lies_to, lambda s: (fx, fy - weight * s), spans, -1.0)
+        return free.solve(lies_to, lambda s: (fx, fy - weight * s), spans, -1.0)
 
     # The shear of a span that is not bent by its weight, with the tension on the cylinder: a lower bound.
     least = np.sqrt(stiffness / radius**2 * (on + 0.25 * stiffness / radius**2))
