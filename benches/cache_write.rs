@@ -1,8 +1,8 @@
-//! One frame of 10,000 strands of 32 points with velocities (7.7 MB) and of 100,000 of 16 (38 MB): written
-//! through the cache against the bare bytes, and what of it is encoding and checksum.
+//! Writing one frame of 10,000 strands of 32 points with velocities (7.7 MB), and of 100,000 of 16 points (38
+//! MB), compared to writing the bare bytes; and the cost of the checksum and of reading.
 //!
-//! In the system's folder for temporary files, or in `HAIRBAKE_BENCH_DIR` (a memory disk shows the
-//! program, a real one the disk).
+//! Files go to the folder for temporary files, or to `HAIRBAKE_BENCH_DIR`: a memory disk measures the
+//! program, a real disk the disk.
 
 use divan::{Bencher, counter::BytesCount};
 use hairbake::cache::{ClosestGuides, CurveFrame, CurveSet, Frame, Header, Reader, Writer, sha256};
@@ -11,7 +11,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use tempfile::TempDir;
 
-/// Strands and points of each.
+/// Number of strands, and of points per strand.
 const SIZES: [(usize, usize); 2] = [(10_000, 32), (100_000, 16)];
 
 fn main() {
@@ -59,7 +59,7 @@ impl Shot {
         Shot { dir, writer, frame }
     }
 
-    /// The frame's file as bytes.
+    /// The bytes of the frame's file.
     fn bytes(&self) -> Vec<u8> {
         let file = self.writer.write_frame(std::slice::from_ref(&self.frame)).unwrap();
         std::fs::read(self.dir.path().join(file.file)).unwrap()
@@ -75,7 +75,7 @@ fn write_frame(bencher: Bencher, size: (usize, usize)) {
         .bench(|| shot.writer.write_frame(std::slice::from_ref(&shot.frame)).unwrap());
 }
 
-/// The same bytes to a new file, synchronised and renamed, by the shortest way there is.
+/// Writes the same bytes to a new file, synced and renamed, without the cache.
 #[divan::bench(args = SIZES)]
 fn raw_write(bencher: Bencher, size: (usize, usize)) {
     let shot = Shot::new(size);

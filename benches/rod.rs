@@ -1,7 +1,7 @@
 //! Cost of the implicit step of rods: hairs on a head shaken at 2.5 Hz, ±5 cm, and cantilevers of Γ = 10.
 //!
-//! `cargo bench --bench rod` prints all tables; `cargo bench --bench rod -- nodes strands` some.
-#![allow(clippy::print_stdout)] // What a cost means depends on Newton steps and errors; they are told beside it.
+//! `cargo bench --bench rod` prints all tables; `cargo bench --bench rod -- nodes strands` prints some.
+#![allow(clippy::print_stdout)] // Costs are printed with Newton iterations and errors.
 
 use hairbake::contact::Bodies;
 use hairbake::dynamics::batch::Batches;
@@ -47,7 +47,7 @@ fn rod(points: &[Vector3<f64>], nodes: usize, line_density: f64) -> Rod {
     .unwrap()
 }
 
-/// `count` wavy hairs of 25 cm, unlike in length by up to a twentieth.
+/// `count` wavy hairs of 25 cm, whose lengths vary by up to 5 %.
 fn hairs(nodes: usize, count: usize) -> Vec<Rod> {
     let hair = |i: usize| {
         let scale = 0.95 + 0.05 * i as f64 / KINDS as f64;
@@ -108,7 +108,7 @@ impl<'a> Scene<'a> {
         Scene::new(rods, scheme, place, 2e-5, 1.0 / rate)
     }
 
-    /// Takes some steps.
+    /// Takes `steps` steps.
     fn run(&mut self, steps: u32) -> Cost {
         let Scene { env, models, states, batches, records, .. } = self;
         let (start, cpu) = (Instant::now(), cpu_seconds());
@@ -126,30 +126,30 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// What steps cost.
+/// Cost of some steps.
 struct Cost {
     wall: f64,
     cpu: f64,
-    /// Steps of one rod.
+    /// Number of rod steps.
     taken: f64,
-    /// Newton steps a step.
+    /// Newton iterations per rod step.
     iterations: f64,
 }
 
 impl Cost {
-    /// Of one step of one rod, µs.
+    /// CPU time per rod step, µs.
     fn each(&self) -> f64 {
         self.cpu / self.taken * 1e6
     }
 }
 
-/// How many hairs of 8 nodes move in real time at 25 steps a second.
+/// Number of hairs with 8 nodes that are simulated in real time at 25 steps per second.
 fn real_time() {
     for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
         let count = 2000;
         let cost = Scene::shaken(hairs(8, count), scheme, 25.0).run(50);
         println!(
-            "{scheme:?}, {} threads: {:.0} hairs ({:.2} us of CPU and {:.2} Newton steps a step)",
+            "{scheme:?}, {} threads: {:.0} hairs ({:.2} us of CPU and {:.2} Newton iterations per step)",
             rayon::current_num_threads(),
             2.0 * count as f64 / cost.wall,
             cost.each(),
@@ -158,7 +158,8 @@ fn real_time() {
     }
 }
 
-/// 200 cantilevers of Γ = 10, let go from straight, 10 steps a frame of 1/24 s: cost, and the tip against the heavy elastica once at rest.
+/// 200 cantilevers of Γ = 10, released from straight, 10 steps per frame of 1/24 s: cost, and error of the
+/// tip at rest.
 fn cantilevers() {
     let (length, reach, drop) = (0.25, 0.656_354, 0.700_200);
     let line_density = 10.0 * 7.8e-9 / (9.81 * f64::powi(length, 3));
@@ -171,7 +172,7 @@ fn cantilevers() {
         scene.run(2400);
         let tip = scene.states[0].x.last().unwrap() / length;
         println!(
-            "{nodes} nodes: {:.4} CPU s a frame ({:.2} us and {:.2} Newton steps a step), tip {:.1e} L from the elastica",
+            "{nodes} nodes: {:.4} CPU s per frame ({:.2} us and {:.2} Newton iterations per step), tip {:.1e} L from the elastica",
             cost.cpu / f64::from(frames),
             cost.each(),
             cost.iterations,
@@ -180,15 +181,15 @@ fn cantilevers() {
     }
 }
 
-/// Cost of a step against nodes, at 192 steps a second.
+/// Cost of a rod step against the number of nodes, at 192 steps per second.
 fn nodes() {
     let mut last: Option<(f64, f64)> = None;
     for nodes in [4, 8, 16, 32, 64] {
-        // Some 5 s of one processor for 64 nodes, half a second for 8: the clock of the processor ticks in hundredths.
+        // About 5 s of CPU time for 64 nodes, 0.5 s for 8: the CPU clock has a resolution of 0.01 s.
         let mut scene = Scene::shaken(hairs(nodes, 256), Scheme::Bdf2, 192.0);
         let cost = scene.run(96);
         print!(
-            "{nodes:>6} nodes: {:>8.2} us of CPU and {:.2} Newton steps a step",
+            "{nodes:>6} nodes: {:>8.2} us of CPU and {:.2} Newton iterations per step",
             cost.each(),
             cost.iterations
         );
@@ -196,24 +197,24 @@ fn nodes() {
     }
 }
 
-/// Cost of a step of all strands against their number, at 25 steps a second on all threads.
+/// Cost of a step of all strands against their number, at 25 steps per second on all threads.
 fn strands() {
     let mut last: Option<(f64, f64)> = None;
     for count in [1, 10, 100, 1000, 10_000, 20_000] {
         let mut scene = Scene::shaken(hairs(8, count), Scheme::Bdf2, 25.0);
         let mut wall = 0.0;
         let mut taken = 0.0;
-        // A second of motion, again and again where it is soon over.
+        // One second of motion, repeated until the time is measurable.
         while wall < 0.5 {
             let cost = scene.run(25);
             (wall, taken) = (wall + cost.wall, taken + 25.0);
         }
-        print!("{count:>6} strands: {:>10.1} us a step", wall / taken * 1e6);
+        print!("{count:>6} strands: {:>10.1} us per step", wall / taken * 1e6);
         println!("{}", exponent(&mut last, count as f64, wall / taken));
     }
 }
 
-/// The exponent of a cost between the last number and this.
+/// Exponent of the cost between the last number and this one.
 fn exponent(last: &mut Option<(f64, f64)>, number: f64, cost: f64) -> String {
     let text =
         last.map_or(String::new(), |(n, c)| format!(", exponent {:.2}", (cost / c).ln() / (number / n).ln()));
@@ -221,7 +222,7 @@ fn exponent(last: &mut Option<(f64, f64)>, number: f64, cost: f64) -> String {
     text
 }
 
-/// What a second thread brings.
+/// Speedup by threads.
 fn threads() {
     let all = rayon::current_num_threads();
     let cost = |threads: usize| {
@@ -229,23 +230,24 @@ fn threads() {
         let cost = pool.install(|| Scene::shaken(hairs(8, 2000), Scheme::Bdf2, 25.0).run(50));
         [cost.wall, cost.cpu]
     };
-    // In turns, so that what else the machine does falls on both.
+    // Interleaved, so that other load affects both.
     let rounds: Vec<[[f64; 2]; 2]> = (0..3).map(|_| [cost(1), cost(all)]).collect();
     let ratio = |of: usize| {
         let least = |i: usize| rounds.iter().map(|r: &[[f64; 2]; 2]| r[i][of]).fold(f64::INFINITY, f64::min);
         least(0) / least(1)
     };
     println!(
-        "{all} threads: {:.2} times as fast as one, efficiency {:.2}; by CPU time, whatever else runs, {:.2}",
+        "{all} threads: speedup {:.2}, efficiency {:.2}; ratio of CPU times {:.2}",
         ratio(0),
         ratio(0) / all as f64,
         ratio(1)
     );
 }
 
-/// Processor time of this process so far, s; the wall clock where the system does not tell.
+/// CPU time of this process so far, s; wall-clock time if the system does not provide it.
 fn cpu_seconds() -> f64 {
-    // Fields 14 and 15 of /proc/self/stat, in hundredths of a second; the name in field 2 ends at the last bracket.
+    // Fields 14 and 15 of /proc/self/stat, in hundredths of a second; the name in field 2 ends at the last
+    // bracket.
     let told = || {
         let text = std::fs::read_to_string("/proc/self/stat").ok()?;
         let fields: Vec<&str> = text.rsplit_once(')')?.1.split_whitespace().collect();

@@ -1,4 +1,4 @@
-//! The strand that tests start from.
+//! The strand that tests use.
 
 use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
 use hairbake::scene::Tree;

@@ -1,11 +1,11 @@
-//! What of a bake is written: guides, strands, a part of them, moments of a frame.
+//! Contents of a cache by option: guides, strands, a subset of strands, time samples, accelerations.
 
 use crate::common::{Scene, bake, entries, hairbake, here};
 use hairbake::cache::{CurveSet, Frame, Header, Manifest, Reader};
 use hairbake::usd::crate_file;
 use std::path::{Path, PathBuf};
 
-/// A bake of two frames with `options`.
+/// Bakes two frames with `options`.
 fn baked(scene: &Scene, name: &str, options: &[&str]) -> PathBuf {
     let out = scene.folder.path().join(name);
     let usual = ["--frames", "1003-1004", "--substeps", "2", "--no-pictures", "-q"];
@@ -43,7 +43,7 @@ fn guides_strands_or_both() {
 }
 
 #[test]
-fn a_part_of_the_strands_is_as_in_the_whole_and_covers_as_much() {
+fn subset_of_strands_is_unchanged_and_conserves_cover() {
     let scene = Scene::import();
     let (whole, all, _) = read(&baked(&scene, "whole", &[]));
     let (part, some, _) = read(&baked(&scene, "part", &["--keep", "0.5"]));
@@ -73,7 +73,7 @@ fn a_part_of_the_strands_is_as_in_the_whole_and_covers_as_much() {
 }
 
 #[test]
-fn moments_of_a_frame_move_with_the_velocities_and_are_the_same_in_stages() {
+fn time_samples_agree_with_velocities_and_with_a_bake_in_stages() {
     let scene = Scene::import();
     let options = ["--samples", "3", "--shutter", "0.4"];
     let out = baked(&scene, "blur", &options);
@@ -112,7 +112,7 @@ fn moments_of_a_frame_move_with_the_velocities_and_are_the_same_in_stages() {
     same_in_stages(&scene, &out, &options);
 }
 
-/// Holds a bake with `options` against one in stages.
+/// Compares a bake with `options` to one in stages.
 fn same_in_stages(scene: &Scene, out: &Path, options: &[&str]) {
     let again = scene.folder.path().join("again");
     for (stage, more) in [
@@ -132,7 +132,7 @@ fn same_in_stages(scene: &Scene, out: &Path, options: &[&str]) {
 }
 
 #[test]
-fn steps_are_where_the_solver_brought_the_guides() {
+fn step_samples_are_the_states_of_the_solver() {
     let scene = Scene::import();
     for contact in ["bodies", "full"] {
         let options = ["--curves", "steps", "--contact", contact];
@@ -158,7 +158,7 @@ fn steps_are_where_the_solver_brought_the_guides() {
 }
 
 #[test]
-fn accelerations_lead_to_the_end_of_the_shutter() {
+fn accelerations_reproduce_the_next_time_sample() {
     let scene = Scene::import();
     let blur = |name: &str, more: &[&str]| baked(&scene, name, &[&["--shutter", "0.4"], more].concat());
     let moments = |out: &Path, offsets: &[f64]| {
@@ -167,7 +167,7 @@ fn accelerations_lead_to_the_end_of_the_shutter() {
     let single = moments(&blur("single", &["--accelerations"]), &[0.0]).remove(0);
     let several = moments(&blur("several", &["--accelerations", "--samples", "3"]), &[0.0, 0.2, 0.4]);
     let plain = moments(&blur("plain", &["--samples", "3"]), &[0.0, 0.2, 0.4]);
-    // What is written beside them changes nothing.
+    // Accelerations do not change points and velocities.
     for (with, without) in several.iter().zip(&plain) {
         let (with, without) = (with.hair.as_ref().unwrap(), without.hair.as_ref().unwrap());
         assert_eq!((&with.points, &with.velocities), (&without.points, &without.velocities));
@@ -192,7 +192,7 @@ fn accelerations_lead_to_the_end_of_the_shutter() {
 }
 
 #[test]
-fn a_goal_and_stiffer_tips_hold_the_style() {
+fn goals_and_stiffer_tips_hold_the_style() {
     let scene = Scene::import();
     let material = |key: &str, value: &str| format!("groom.materials[0].{key}={value}");
     let departs = |name: &str, set: &[String]| {
@@ -206,6 +206,6 @@ fn a_goal_and_stiffer_tips_hold_the_style() {
     let tips = departs("tips", &[sags.clone(), material("goal_hz", "[0, 8]")]);
     let stiff = departs("stiff", &[sags.clone(), material("stiffness_at_tip", "20")]);
     assert!(bare > 0.05 && held < 0.25 * bare && held < tips && tips < bare && stiff < 0.9 * bare);
-    // What is at rest without is pulled only where the head's turn takes it.
+    // Without sag a goal acts only on the motion of the head.
     assert!(departs("both", &[material("goal_hz", "[8, 8]")]) < held.min(0.2 * departs("free", &[])));
 }

@@ -1,4 +1,4 @@
-//! A step of rods takes no memory from the system.
+//! Steps of rods allocate no memory.
 
 use crate::strand::hair;
 use hairbake::contact::Bodies;
@@ -10,7 +10,7 @@ use hairbake::rod::SegmentSize;
 use nalgebra::Isometry3;
 
 #[test]
-fn a_step_of_many_rods_allocates_nothing() {
+fn step_of_many_rods_allocates_nothing() {
     let head = |t: f64| Isometry3::translation(0.05 * (16.0 * t).sin(), 0.0, 0.0);
     let env = Environment { head: Box::new(&head), ..Environment::at_rest(Bodies::default()) };
     let h = 1.0 / 25.0;
@@ -23,7 +23,7 @@ fn a_step_of_many_rods_allocates_nothing() {
     let state = |model| GuideState::new(model, &[], &env, 0.0, h);
     let mut states: Vec<GuideState> = models.iter().map(state).collect();
     let mut records = vec![StepRecord::default(); models.len()];
-    // One thread, whose allocations are counted.
+    // One thread: allocations are counted per thread.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| {
         let batches = Batches::new(&models, |_| true);
@@ -33,7 +33,7 @@ fn a_step_of_many_rods_allocates_nothing() {
             records.iter().map(|r| r.iterations).sum::<u32>()
         };
         let mut iterations = 0;
-        // The first second finds out how much room is needed, and that allocations are seen.
+        // The first second sizes the buffers and shows that allocations are counted.
         let counted = allocation_counter::measure(|| (0..25).for_each(|i| iterations += step(i)));
         assert!(counted.count_total > 0);
         let counted = allocation_counter::measure(|| (25..50).for_each(|i| iterations += step(i)));

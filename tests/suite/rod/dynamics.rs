@@ -1,4 +1,4 @@
-//! Dynamics of the rod: what each time scheme damps, and how it converges.
+//! Dynamics of the rod: damping and order of the time schemes.
 
 use hairbake::contact::Bodies;
 use hairbake::dynamics::environment::Environment;
@@ -12,7 +12,7 @@ const LENGTH: f64 = 0.25;
 const STIFFNESS: f64 = 7.8e-9;
 const LINE_DENSITY: f64 = 6.6e-6;
 
-/// A hair drawn through `points`, straight by nature.
+/// A hair through `points` whose natural shape is straight.
 fn hair(points: &[Vector3<f64>]) -> Rod {
     Rod::new(&RodSource {
         points,
@@ -28,7 +28,7 @@ fn hair(points: &[Vector3<f64>]) -> Rod {
     .unwrap()
 }
 
-/// Tip of a hair after every step, m, without gravity and air on a head at `place`.
+/// Tip of a hair after every step, m, on a head at `place` without gravity and air.
 fn tips(
     rod: &Rod,
     scheme: Scheme,
@@ -64,14 +64,14 @@ fn tips(
 }
 
 #[test]
-fn schemes_converge_with_their_order() {
+fn schemes_have_their_order_of_convergence() {
     let rod = hair(&[Vector3::zeros(), Vector3::y() * -LENGTH]);
-    // A jerk of 3 cm in a fifth of a second, smooth at both ends.
+    // A displacement of 3 cm in 0.2 s, smooth at both ends.
     let place = |t: f64| {
         let u = (t / 0.2).clamp(0.0, 1.0);
         Vector3::x() * 0.03 * u.powi(4) * (35.0 - 84.0 * u + 70.0 * u * u - 20.0 * u.powi(3))
     };
-    // Tip every hundredth of a second.
+    // Tip every 0.01 s.
     let path = |scheme, rate: f64| -> Vec<_> {
         let every = (rate / 100.0) as usize;
         tips(&rod, scheme, &place, 0.3, rate).into_iter().skip(every - 1).step_by(every).collect()
@@ -87,8 +87,8 @@ fn schemes_converge_with_their_order() {
 }
 
 #[test]
-fn a_swing_dies_down_as_its_scheme_damps() {
-    // A circular arc with a sagitta of a twentieth of the length, let go: nearly the first mode, of 1.8751² √(EI/ρSL⁴).
+fn free_swing_decays_with_the_damping_of_the_scheme() {
+    // A circular arc with a sagitta of L/20, released: nearly the first mode, ω = 1.8751² √(EI/ρSL⁴).
     let bend = 0.4 / LENGTH;
     let arc: Vec<_> = (0..=16)
         .map(|i| {
@@ -100,7 +100,8 @@ fn a_swing_dies_down_as_its_scheme_damps() {
     let omega = 1.8751_f64.powi(2) * (STIFFNESS / (LINE_DENSITY * LENGTH.powi(4))).sqrt();
     let (period, steps) = (TAU / omega, 40.0);
     let turn = TAU / steps;
-    // Growth of y'' = −ω²y over a step: 1/(1 − iθ); the root of (3z² − 4z + 1)/(2z²) = iθ near 1, to leading order.
+    // Growth of y'' = −ω²y over a step: 1/(1 − iθ); the root of (3z² − 4z + 1)/(2z²) = iθ near 1, to leading
+    // order.
     let per_period = [1.0 / (1.0 + turn * turn).powf(steps / 2.0), (-TAU * turn.powi(3) / 4.0).exp()];
     for (scheme, theory) in [Scheme::BackwardEuler, Scheme::Bdf2].into_iter().zip(per_period) {
         let tip = tips(&rod, scheme, &|_| Vector3::zeros(), 4.5 * period, steps / period);

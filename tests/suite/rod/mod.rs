@@ -1,4 +1,4 @@
-//! The rod: statics and dynamics against theory, robustness, and no allocation in a step.
+//! The rod: statics and dynamics against theory, robustness, and allocations.
 
 mod allocations;
 mod dynamics;

@@ -1,4 +1,4 @@
-//! Rods far from ordinary hair: every step converges, halved where need be, and nothing blows up.
+//! Rods far from ordinary hair: every step converges, halved if necessary, and stays bounded.
 
 use hairbake::contact::Bodies;
 use hairbake::dynamics::environment::Environment;
@@ -9,17 +9,17 @@ use hairbake::scene::Tree;
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
-/// A hair to start from, SI.
+/// Parameters of a hair, SI units.
 #[derive(Clone, Copy)]
 struct Hair {
     length: f64,
-    /// Of the section, along its two axes.
+    /// Semi-axes of the section.
     radius: [f64; 2],
     young: f64,
     nodes: usize,
     /// Radius of the curls; 0 for straight hair.
     curl: f64,
-    /// Steps a second.
+    /// Steps per second.
     rate: f64,
     segment_size: SegmentSize,
 }
@@ -70,12 +70,13 @@ impl Hair {
         .unwrap()
     }
 
-    /// Half a second on a head that does as `pose` tells; the sum of the records, the largest speed in it and that at the end, m/s.
+    /// Simulates 0.5 s on a head that moves by `pose`. Returns the sum of the records, the largest speed and
+    /// the speed at the end, m/s.
     fn run(&self, scheme: Scheme, pose: &(dyn Fn(f64) -> Isometry3<f64> + Sync)) -> (StepRecord, f64, f64) {
         self.run_along(&self.points(), scheme, pose)
     }
 
-    /// The same of a hair drawn along `points`.
+    /// The same for a hair through `points`.
     fn run_along(
         &self,
         points: &[Vector3<f64>],
@@ -113,7 +114,7 @@ impl Hair {
     }
 }
 
-/// A head shaken at 2.5 Hz by ±5 cm and turned by ±30°.
+/// A head shaken at 2.5 Hz by ±5 cm and rotated by ±30°.
 fn shaken(t: f64) -> Isometry3<f64> {
     let wave = (std::f64::consts::TAU * 2.5 * t).sin();
     let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 0.5 * wave);
@@ -139,21 +140,21 @@ fn kinds() -> Vec<(&'static str, Hair)> {
         ("1 mm", Hair { length: 1e-3, ..HAIR }),
         ("1 m", Hair { length: 1.0, ..HAIR }),
         ("2 m", Hair { length: 2.0, ..HAIR }),
-        ("2 m, as where it may touch", Hair { length: 2.0, segment_size: SegmentSize::FINE, ..HAIR }),
+        ("2 m, fine segments", Hair { length: 2.0, segment_size: SegmentSize::FINE, ..HAIR }),
         ("3 nodes", Hair { nodes: 3, ..HAIR }),
         ("64 nodes", Hair { nodes: 64, ..HAIR }),
         ("curls of 5 mm", Hair { length: 0.3, curl: 2.5e-3, ..HAIR }),
         ("curls of 4 mm, 24 nodes", Hair { length: 0.3, curl: 2e-3, nodes: 24, ..HAIR }),
         ("ribbon", Hair { radius: [10.0 * a, b], ..HAIR }),
-        ("ribbon, the other way", Hair { radius: [a, 10.0 * b], ..HAIR }),
-        ("24 steps a second", Hair { rate: 24.0, ..HAIR }),
-        ("2000 steps a second", Hair { rate: 2000.0, ..HAIR }),
+        ("ribbon across", Hair { radius: [a, 10.0 * b], ..HAIR }),
+        ("24 steps per second", Hair { rate: 24.0, ..HAIR }),
+        ("2000 steps per second", Hair { rate: 2000.0, ..HAIR }),
     ]
 }
 
 #[test]
-fn a_hair_that_hangs_straight_stays_so() {
-    // In equilibrium to the last bit: there is nothing to descend.
+fn straight_hanging_hair_stays_at_rest() {
+    // In exact equilibrium the gradient is zero.
     let points: Vec<_> = (0..=20).map(|i| Vector3::y() * (-0.25 * f64::from(i) / 20.0)).collect();
     for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
         let (record, fastest, _) = HAIR.run_along(&points, scheme, &|_| Isometry3::identity());
@@ -163,8 +164,8 @@ fn a_hair_that_hangs_straight_stays_so() {
 }
 
 #[test]
-fn a_bend_between_nodes_is_seen_by_coarse_cuts() {
-    // A metre with three nodes that turns by 270 degrees within 3 cm.
+fn coarse_segments_resolve_a_bend_between_nodes() {
+    // A hair of 1 m with three nodes that turns by 270° within 3 cm.
     let mut points = vec![Vector3::zeros()];
     let mut heading = 0.0_f64;
     for i in 0..1000 {
@@ -184,12 +185,12 @@ fn a_bend_between_nodes_is_seen_by_coarse_cuts() {
         shape.x(shape.points() - 1)
     };
     let off = (end(SegmentSize::COARSE) - end(SegmentSize { max_length: 1e-3, max_turn: 0.05 })).norm();
-    // A thousandth of the length; 72 mm where the bend was missed.
+    // A thousandth of the length; 72 mm if the bend is missed.
     assert!(off < 1e-3, "{off} m");
 }
 
 #[test]
-fn strange_rods_converge_on_a_shaken_head() {
+fn unusual_rods_converge_on_a_shaken_head() {
     for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
         for (name, hair) in kinds() {
             let (record, fastest, _) = hair.run(scheme, &shaken);
@@ -199,10 +200,10 @@ fn strange_rods_converge_on_a_shaken_head() {
     }
 }
 
-/// A hundredth of a hair's radius: ten thousand times as limp for its weight, and all but weightless in the air. Its solves fail, which
-/// is told; it neither stretches nor flies off.
+/// A thread of a hundredth of the radius of a hair: ten thousand times as limp for its weight, and nearly
+/// weightless in air. Solves that fail are recorded, and the thread neither stretches nor flies off.
 #[test]
-fn a_thread_too_thin_to_solve_for_is_carried_and_told() {
+fn thread_too_thin_to_solve_is_carried_and_recorded() {
     for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
         let (record, fastest, _) = Hair { radius: [4e-7, 4e-7], ..HAIR }.run(scheme, &shaken);
         assert!(record.unconverged > 0 && fastest < 20.0, "{scheme:?}: {record:?}, {fastest} m/s");
@@ -210,11 +211,11 @@ fn a_thread_too_thin_to_solve_for_is_carried_and_told() {
 }
 
 #[test]
-fn strange_rods_survive_a_teleport() {
+fn unusual_rods_survive_a_teleport() {
     for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
         for (name, hair) in kinds() {
             let (record, _, calm) = hair.run(scheme, &teleported);
-            // Few solves fail, and are reported; a third of a second later hair swings as it falls, and no faster.
+            // Few solves fail, and they are recorded. 0.3 s later hair is no faster than in free fall.
             assert!(record.unconverged <= 15, "{name}, {scheme:?}: {}", record.unconverged);
             assert!(calm < 4.0, "{name}, {scheme:?}: {calm} m/s");
         }

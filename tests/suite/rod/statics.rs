@@ -5,7 +5,8 @@ use hairbake::rod::potential::{Load, PointLoad};
 use hairbake::rod::{Rod, RodShape, RodSource, SegmentSize, Taper};
 use nalgebra::Vector3;
 
-/// Tip (reach, drop) in lengths of the heavy elastica at Γ = ρSgL³/EI: θ'' = −Γ(1 − s) cos θ, θ(0) = 0, θ'(1) = 0.
+/// Tip (reach, drop) in lengths of the heavy elastica at Γ = ρSgL³/EI: θ'' = −Γ(1 − s) cos θ, θ(0) = 0, θ'(1)
+/// = 0.
 const ELASTICA: [(f64, f64, f64); 5] = [
     (0.1, 0.999911, 0.012498),
     (1.0, 0.991246, 0.123471),
@@ -32,7 +33,7 @@ fn cantilever(gamma: f64, nodes: usize, grading: f64) -> (f64, f64) {
     let n = rod.points();
     let mut q = vec![0.0; rod.unknowns()];
     let mut solver = Solver::default();
-    // Inertia fades: a step of 1000 s is statics. From straight, in a few steps, as a bake would settle.
+    // From straight in a few steps. A step of 1000 s is quasi-static.
     for h in [0.1, 0.1, 0.1, 1000.0, 1000.0] {
         let mut at = RodShape::default();
         at.update(&rod, &rod.root.r, &q);
@@ -53,7 +54,7 @@ fn cantilever(gamma: f64, nodes: usize, grading: f64) -> (f64, f64) {
     (tip.x, -tip.y)
 }
 
-/// Distance of the tip from theory, in lengths.
+/// Error of the tip, in lengths.
 fn error(gamma: f64, nodes: usize, grading: f64) -> f64 {
     let (_, reach, drop) = *ELASTICA.iter().find(|e| e.0 == gamma).unwrap();
     let (x, y) = cantilever(gamma, nodes, grading);
@@ -61,7 +62,7 @@ fn error(gamma: f64, nodes: usize, grading: f64) -> f64 {
 }
 
 #[test]
-fn cantilever_meets_the_elastica_with_eight_nodes() {
+fn cantilever_with_eight_nodes_matches_the_elastica() {
     for gamma in [0.1, 1.0, 10.0, 100.0] {
         let e = error(gamma, 8, 1.5);
         assert!(e < 1e-4, "Γ = {gamma}: {e:.2e}");
@@ -73,7 +74,7 @@ fn cantilever_meets_the_elastica_with_eight_nodes() {
 
 #[test]
 fn refinement_is_of_fourth_order() {
-    // Equal elements: the order is a statement on uniform refinement. 16 against 8 elements.
+    // Uniform refinement from 8 to 16 elements.
     let ratio = error(100.0, 9, 1.0) / error(100.0, 17, 1.0);
     assert!(ratio > 12.0, "{ratio}");
 }

@@ -19,7 +19,7 @@ fn write_cache(dir: &Path, header: &Header) -> Manifest {
 }
 
 #[test]
-fn the_reader_gives_back_what_was_written() {
+fn cache_round_trips() {
     for (hair, basis, frames) in [(true, Basis::CatmullRom, (1001, 1003)), (false, Basis::Bspline, (0, 1))] {
         let dir = tempfile::tempdir().unwrap();
         let header = Header { basis, frames, ..sample::header(hair) };

@@ -1,4 +1,4 @@
-//! Caches that are unfinished, damaged or in the way.
+//! Unfinished and damaged caches, and failures of writing.
 
 use super::sample;
 use hairbake::Error;
@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use std::path::Path;
 use std::sync::LazyLock;
 
-/// File names in a folder, in order.
+/// Sorted file names of a folder.
 fn names(dir: &Path) -> Vec<String> {
     let mut names: Vec<String> = std::fs::read_dir(dir)
         .unwrap()
@@ -22,7 +22,7 @@ fn names(dir: &Path) -> Vec<String> {
 fn write_frames(writer: &Writer, header: &Header) -> Manifest {
     let mut manifest = Manifest::new(header);
     let frames: Vec<i32> = (header.frames.0 - 1..=header.frames.1 + 1).collect();
-    // Each frame in a thread of its own, as the bake does.
+    // One thread per frame.
     let files: Vec<_> = std::thread::scope(|scope| {
         let threads: Vec<_> = frames
             .iter()
@@ -30,7 +30,7 @@ fn write_frames(writer: &Writer, header: &Header) -> Manifest {
             .collect();
         threads.into_iter().map(|thread| thread.join().unwrap()).collect()
     });
-    // Last frame first: the manifest has an order of its own.
+    // Last frame first: the manifest sorts them.
     for (&frame, file) in frames.iter().zip(files).rev() {
         manifest.frames.push(FrameEntry { frame, file, figures: Default::default() });
     }
@@ -44,7 +44,7 @@ fn write_cache(dir: &Path, header: &Header) -> Manifest {
 }
 
 #[test]
-fn two_bakes_give_the_same_bytes() {
+fn caches_are_reproducible_to_the_byte() {
     let header = sample::header(true);
     let [a, b] = [(); 2].map(|()| tempfile::tempdir().unwrap());
     assert_eq!(write_cache(a.path(), &header), write_cache(b.path(), &header));
@@ -57,7 +57,7 @@ fn two_bakes_give_the_same_bytes() {
 }
 
 #[test]
-fn a_shorter_bake_removes_frames_outside_of_its_range_and_nothing_else() {
+fn shorter_bake_removes_only_frames_outside_its_range() {
     let dir = tempfile::tempdir().unwrap();
     let long = Header { frames: (1001, 1006), ..sample::header(true) };
     write_cache(dir.path(), &long);
@@ -80,7 +80,7 @@ fn a_shorter_bake_removes_frames_outside_of_its_range_and_nothing_else() {
 }
 
 #[test]
-fn arrays_that_do_not_fit_together_are_refused() {
+fn inconsistent_arrays_are_an_error() {
     let dir = tempfile::tempdir().unwrap();
     let good = sample::header(true);
     let mut header = good.clone();
@@ -121,9 +121,9 @@ fn arrays_that_do_not_fit_together_are_refused() {
 }
 
 #[test]
-fn a_file_that_cannot_be_written_leaves_nothing_behind() {
+fn failed_write_leaves_nothing_behind() {
     let dir = tempfile::tempdir().unwrap();
-    // A folder in the way: the temporary file is complete when the renaming fails.
+    // A folder at the path: the temporary file is complete when renaming fails.
     let blocked = dir.path().join("hair.1001.usdc");
     std::fs::create_dir(&blocked).unwrap();
     match write_file(&blocked, &[b"bytes"]) {
@@ -141,9 +141,9 @@ fn a_file_that_cannot_be_written_leaves_nothing_behind() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_full_disk_leaves_no_half_file() {
+fn full_disk_leaves_no_partial_file() {
     use std::process::Command;
-    // This test runs itself again on a disk of 64 KiB, mounted in a namespace of its own.
+    // The test runs itself again on a disk of 64 KiB in its own mount namespace.
     const SMALL_DISK: &str = "HAIRBAKE_TEST_SMALL_DISK";
     if let Some(dir) = std::env::var_os(SMALL_DISK) {
         let path = Path::new(&dir).join("large");
@@ -168,15 +168,16 @@ fn a_full_disk_leaves_no_half_file() {
         println!("skipped: no file system can be mounted here");
         return;
     }
-    let output =
-        in_namespace(&format!("{mount} && exec \"$2\" --exact faults::a_full_disk_leaves_no_half_file"))
-            .unwrap();
+    let output = in_namespace(&format!(
+        "{mount} && exec \"$2\" --exact usd::faults::full_disk_leaves_no_partial_file"
+    ))
+    .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
     assert!(String::from_utf8_lossy(&output.stdout).contains("1 passed"));
 }
 
 #[test]
-fn a_missing_frame_and_a_truncated_one_are_told_apart() {
+fn missing_and_truncated_frames_are_distinguished() {
     let dir = tempfile::tempdir().unwrap();
     write_cache(dir.path(), &sample::header(true));
     let path = dir.path().join(frame_file_name(1002));
@@ -185,12 +186,12 @@ fn a_missing_frame_and_a_truncated_one_are_told_apart() {
     let reader = Reader::open(dir.path()).unwrap();
     assert!(matches!(reader.read_frame(1002), Err(Error::Damaged { .. })));
     assert!(matches!(reader.read_frame(1009), Err(Error::Io { .. })));
-    // Another frame's file under this name has no sample at this frame.
+    // The file of another frame has no sample at this one.
     std::fs::copy(dir.path().join(frame_file_name(1003)), &path).unwrap();
     assert!(matches!(reader.read_frame(1002), Err(Error::Damaged { .. })));
 }
 
-/// A topology and frame 1 as bytes, for damage.
+/// The bytes of a topology and of frame 1, to be damaged.
 static CACHE: LazyLock<[(String, Vec<u8>); 2]> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
     let header = Header { frames: (1, 1), ..sample::header(true) };
@@ -205,7 +206,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn a_damaged_cache_is_read_or_refused_but_never_panics(
+    fn damaged_cache_is_read_or_an_error_but_never_panics(
         damaged_file in 0..2usize,
         damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4),
     ) {

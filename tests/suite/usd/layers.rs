@@ -1,4 +1,4 @@
-//! Single layers: every type and many sizes, in both encodings.
+//! Single layers of every type and many sizes, in both encodings.
 
 use super::python;
 use hairbake::Error;
@@ -15,9 +15,9 @@ fn decode(bytes: &[u8]) -> hairbake::Result<Layer<'static>> {
     crate_file::decode(Path::new("test.usdc"), bytes)
 }
 
-/// Integers that the coding treats differently: constant, evenly spaced, and differences of 8, 16, 32 bits.
+/// Integers for all branches of the coding: constant, evenly spaced, and differences of 8, 16, 32 bits.
 fn int_patterns(count: usize) -> Vec<(&'static str, Vec<i32>)> {
-    // Knuth's multiplicative hash: any 32 bits.
+    // Knuth's multiplicative hash.
     let mixed = |i: i32| i.wrapping_add(1).wrapping_mul(-1_640_531_535);
     let make = |f: &dyn Fn(i32) -> i32| (0..count as i32).map(f).collect();
     vec![
@@ -60,7 +60,7 @@ fn array_layer(count: usize) -> Layer<'static> {
     Layer { prims: vec![prim], ..Layer::default() }
 }
 
-/// Everything but large arrays.
+/// All features but large arrays.
 fn varied_layer() -> Layer<'static> {
     let identity: [[f64; 4]; 4] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j)));
     let matrix: [[f64; 4]; 4] = std::array::from_fn(|i| std::array::from_fn(|j| (i * 4 + j) as f64 / 3.0));
@@ -126,7 +126,7 @@ fn varied_layer() -> Layer<'static> {
             .with_metadata("comment", Value::string("samples only")),
     ];
 
-    // Pointing at what this layer has and at what it has not, before and behind it, at prims and at properties.
+    // Targets inside and outside of this layer, before and after the prim, prims and properties.
     let relationship = |name: &str, targets: &[&str]| Relationship {
         name: name.into(),
         targets: targets.iter().map(|target| target.to_string()).collect(),
@@ -154,7 +154,7 @@ fn varied_layer() -> Layer<'static> {
         ..Prim::new(Specifier::Def, "Scope", "inside")
     }];
 
-    // A branch after a deep one, so that a jump skips a whole subtree.
+    // A branch after a deep one, so that a jump skips a subtree.
     let deep = (0..40).rev().fold(Prim::new(Specifier::Class, "Xform", "end"), |child, i| {
         let mut prim = Prim::new(Specifier::Def, "Xform", &format!("level{i}"));
         prim.children = vec![child, Prim::new(Specifier::Over, "", "sibling")];
@@ -173,7 +173,7 @@ fn varied_layer() -> Layer<'static> {
 }
 
 #[test]
-fn usd_core_reads_and_saves_again_what_both_encodings_say() {
+fn usd_core_reads_and_rewrites_both_encodings() {
     let dir = python::folder("layers");
     let mut layers: Vec<(String, Layer)> =
         (0..=17).chain([65_537]).map(|n| (format!("arrays_{n}"), array_layer(n))).collect();
@@ -206,14 +206,14 @@ fn usd_core_reads_and_saves_again_what_both_encodings_say() {
 }
 
 #[test]
-fn the_reader_gives_back_every_layer_of_the_corpus() {
+fn corpus_round_trips() {
     for layer in (0..=17).chain([65_537]).map(array_layer).chain([varied_layer(), Layer::default()]) {
         assert_eq!(decode(&crate_bytes(&layer)).unwrap(), layer);
     }
 }
 
 #[test]
-fn every_truncation_is_refused_as_damage() {
+fn every_truncation_is_damage() {
     let bytes = crate_bytes(&varied_layer());
     for len in 0..bytes.len() {
         assert!(
@@ -225,8 +225,8 @@ fn every_truncation_is_refused_as_damage() {
 }
 
 #[test]
-fn a_count_beyond_the_file_is_refused_before_memory_is_taken() {
-    // The count of the tokens array stands first among the values of this layer.
+fn count_beyond_the_file_is_an_error_before_allocation() {
+    // The count of the points is the first value of this layer.
     let layer = Layer {
         prims: vec![Prim {
             attributes: vec![
@@ -243,7 +243,7 @@ fn a_count_beyond_the_file_is_refused_before_memory_is_taken() {
         let mut bytes = bytes.clone();
         bytes[at..at + 8].copy_from_slice(&u64::to_le_bytes(count));
         if count == 2 {
-            // Twelve bytes of the tables pass for a point; only a checksum can tell.
+            // Twelve bytes of the tables are read as a point: only a checksum would detect that.
             assert!(decode(&bytes).is_ok());
         } else {
             assert!(matches!(decode(&bytes), Err(Error::Damaged { .. })), "{count}");
@@ -282,7 +282,7 @@ fn any_metadata() -> impl Strategy<Value = Vec<(String, Value<'static>)>> {
     prop::collection::vec(("meta_[a-z]{0,3}", any_value()), 0..3)
 }
 
-/// Absolute paths, some of which a layer may have.
+/// Absolute paths, some of which may exist in a layer.
 fn any_paths() -> impl Strategy<Value = Vec<String>> {
     prop::collection::vec("(/[a-z]{1,2}){1,3}(\\.[a-z:]{1,2})?", 0..3)
 }
@@ -337,16 +337,16 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
     #[test]
-    fn the_reader_gives_back_any_layer(layer in any_layer()) {
+    fn any_layer_round_trips(layer in any_layer()) {
         let bytes = crate_bytes(&layer);
         let read = decode(&bytes).unwrap();
         prop_assert_eq!(&read, &layer);
-        // Bit for bit, where == takes -0 for 0.
+        // Bits: == does not distinguish -0 from 0.
         prop_assert_eq!(crate_bytes(&read), bytes);
     }
 
     #[test]
-    fn damage_is_refused_or_read_but_never_panics(
+    fn damage_is_read_or_an_error_but_never_panics(
         layer in any_layer(),
         damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
     ) {

@@ -1,4 +1,4 @@
-//! Crate files and caches: written, read back, and opened by usd-core.
+//! Crate files and caches: round trips, and reading by usd-core.
 
 mod cache;
 mod faults;

@@ -1,4 +1,4 @@
-//! Runs the scripts in `tests/python` under a Python that has usd-core.
+//! Runs the scripts in `tests/python` in a Python with usd-core.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -1,4 +1,4 @@
-//! A small cache with every part in it, all values different.
+//! A small cache with all parts and distinct values.
 
 use hairbake::cache::{ClosestGuides, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 
@@ -21,7 +21,7 @@ pub fn header(hair: bool) -> Header {
     }
 }
 
-/// The header's frame of that number: everything moves linearly from the rest shape.
+/// A frame of a header: everything moves linearly from the rest shape.
 pub fn frame(header: &Header, frame: i32) -> Frame {
     let time = frame as f32 * 0.125;
     let moved = |curves: &CurveSet| {
