@@ -151,7 +151,7 @@ fn meshes() {
           allowed: a Wavefront OBJ or USD file with triangles
     "#);
     assert_snapshot!(mesh("v 0 0 0\nf 1 2 3\n"), @r#"
-    × a.obj: is not a sound OBJ file: face vertex index out of bounds
+    × a.obj: is not a valid OBJ file: face vertex index out of bounds
     help: export the mesh again, or correct the path
           allowed: a Wavefront OBJ or USD file with triangles
     "#);
@@ -173,12 +173,12 @@ fn motion() {
         move |path| track(&TrackOptions { frames, ..TrackOptions::new(Source::new(path), Path::new("")) })
     };
     assert_snapshot!(message("a.json", text("0").as_bytes(), frames(None)), @r#"
-     × fps: is 0
+     × fps: 0 is out of range
       ╭─[a.json:1:3]
     1 │ { "fps": 0, "units": "m", "up_axis": "Y", "frames": [{ "translation": [0, 0, 0], "rotati
       ·   ────────
       ╰────
-     help: use a value in this range; the end of the key names the unit it is read in
+     help: use a value in the allowed range
            allowed: 1 to 10000
     "#);
     assert_snapshot!(message("a.json", text("24").as_bytes(), frames(Some([1, 9]))), @r#"
