@@ -1,6 +1,8 @@
 //! Updates of a kept Cholesky factor by the steps taken since (L-BFGS two-loop recursion; Nocedal & Wright
 //! 2006, algorithm 7.4), in every lane on its own.
 
+#![allow(clippy::needless_range_loop)] // Several arrays share one index.
+
 use crate::math::cholesky;
 use crate::math::lanes::{Mask, Real};
 

@@ -25,7 +25,7 @@ impl MovingStrands<'_> {
             (p[1] - p[0]).cross(&(q[1] - q[0])).dot(&(q[0] - p[0]))
         };
         let intersect = |t: f64| Self::closest(pair, at(t)).distance < INTERSECTING;
-        let [low, high] = extrema(&volume);
+        let [low, high] = extrema(volume);
         let knots = [0.0, low, high, 1.0];
         knots.windows(2).any(|k| {
             let (mut lo, mut hi) = (k[0], k[1]);

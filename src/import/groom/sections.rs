@@ -18,10 +18,13 @@ pub(super) struct Sections {
     pub(super) length: Vec<f64>,
 }
 
+/// A point, m, and the unit tangent there.
+type PointAndTangent = (Vector3<f64>, Vector3<f64>);
+
 impl Sections {
     /// Samples every strand at the fractions `arc` (0 to 1, increasing).
     pub(super) fn of(curves: &Curves, arc: &[f64]) -> Self {
-        let sample = |c: usize| -> (Vec<(Vector3<f64>, Vector3<f64>)>, f64) {
+        let sample = |c: usize| -> (Vec<PointAndTangent>, f64) {
             let points = curves.curve(c);
             let Some(spline) = ArcSpline::through(points) else {
                 return (vec![(points[0], Vector3::z()); arc.len()], 0.0);
