@@ -1,4 +1,4 @@
-//! Motion of the vertices of a deforming mesh, C² in time: `docs/theory.md` eq. (5.2).
+//! Motion of the vertices of a deforming mesh, C² in time: `docs/theory.md` eq. 5.2.
 
 use crate::math::coast;
 use nalgebra::Vector3;

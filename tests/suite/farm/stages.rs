@@ -111,7 +111,7 @@ fn damaged_files_are_reported_and_repaired() {
         assert!(output.status.success());
         if name.contains("states") {
             let said = String::from_utf8_lossy(&output.stderr).into_owned();
-            assert!(said.contains("the state of frame 1011 is damaged: its checksum differs"), "{said}");
+            assert!(said.contains("the state of frame 1011 is damaged (the checksum differs)"), "{said}");
         }
         shot.assert_same(out);
     }
