@@ -3,7 +3,7 @@
 //! | file | content |
 //! |---|---|
 //! | `job.json` | the bake's key and frames |
-//! | `states/1001` | the guides at a frame, for interpolation ([`FrameState`]) |
+//! | `states/1001` | the guides at a frame, for interpolation (`FrameState`) |
 //! | `frames/1001.json` | marks the frame's file as done, with its checksum |
 //! | `checkpoints/8064` | the whole simulation after 8064 sub-steps ([`RunCheckpoint`]) |
 //! | `retreats/1001` | retractions of the strands at a frame that two tasks need; removed by `assemble` |

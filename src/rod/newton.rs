@@ -134,7 +134,7 @@ impl Solver {
         sound
     }
 
-    /// Moves `q` along [`Solver::direction`], shortened so that no segment turns by more than [`MAX_TURN`]
+    /// Moves `q` along [`Solver::direction`], shortened so that no segment turns by more than `MAX_TURN`
     /// and no point moves by more than `most`, m. Updates the shape and returns the largest displacement of a
     /// point, m.
     pub fn advance(&mut self, rod: &Rod, root: &Matrix3<f64>, q: &mut [f64], most: f64) -> f64 {

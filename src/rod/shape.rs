@@ -43,7 +43,7 @@ impl<F: Real> MagnusExponent<F> {
 
 impl RodShape {
     /// Sets the shape to that at unknowns `q` (1/m) with root frame `root` (columns d1, d2, d3, world axes).
-    /// Returns `false` if a segment turns by more than [`MAX_SEGMENT_TURN`]: the shape is then invalid.
+    /// Returns `false` if a segment turns by more than `MAX_SEGMENT_TURN`: the shape is then invalid.
     pub fn update(&mut self, rod: &Rod, root: &Matrix3<f64>, q: &[f64]) -> bool {
         self.integrate(&rod.core, M3::from(*root), q) == 1
     }

@@ -40,7 +40,7 @@ pub enum ContactMode {
     /// Constraints keep the guide out of bodies; the guide halves its own sub-step where it has to.
     #[default]
     Bodies,
-    /// As `Bodies`, but the guide takes its sub-step whole: a [`CoupledSubstep`](crate::dynamics::coupled_substep)
+    /// As `Bodies`, but the guide takes its sub-step whole: a coupled sub-step
     /// halves it for all guides at once.
     Coupled,
     /// Springs push the guide out of bodies: fast, without guarantees.

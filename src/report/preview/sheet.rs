@@ -73,7 +73,7 @@ fn labelled(mut cell: Image, number: i32, top: bool) -> Image {
 /// Writes `frames` as an animation, each shown for 1/`fps` seconds.
 ///
 /// # Errors
-/// As [`Renderer::new`] and [`Renderer::render`]; [`Error::Internal`] where `out` fails.
+/// As [`Renderer::new`] and [`Renderer::render`]; [`crate::Error::Internal`] where `out` fails.
 pub fn animate(
     shot: &impl Shot,
     options: &Options,

@@ -82,7 +82,7 @@ impl From<MotionUpAxis> for UpAxis {
 /// Reads a motion file. Returns its structure, and its poses in metres, Y up.
 ///
 /// # Errors
-/// As [`Document::open`], and [`crate::Error::BadInput`] with every error found.
+/// As `Document::open`, and [`crate::Error::BadInput`] with every error found.
 pub fn load_motion(path: &Path) -> Result<(MotionFile, Vec<Isometry3<f64>>)> {
     let mut doc = Document::open(path)?;
     let read = doc.deserialize().and_then(|file: MotionFile| {
