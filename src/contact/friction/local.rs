@@ -1,80 +1,90 @@
-//! One contact: u = W r + q with Signorini's condition and Coulomb's cone, or held fast, exactly.
+//! Exact solution of one contact: u = W r + q with Signorini's condition and Coulomb's law, or bilateral.
 
-use super::problem::Law;
+use super::law::Law;
 use crate::geometry::Friction;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-/// Relative size below which an eigenvalue of a mobility is no mobility at all.
+/// Relative size below which an eigenvalue of W is zero.
 const RIGID: f64 = 1e-14;
 
-/// Relative step of Newton's method for the slip after which none is needed.
+/// Relative Newton step for the slip rate below which the iteration stops.
 const NEGLIGIBLE: f64 = 1e-7;
 
-/// Impulse r of one contact with mobility `w` (symmetric, positive semi-definite) and velocity `q` without impulse.
+/// Maximum number of iterations for the slip rate.
+const ITERATIONS: usize = 200;
+
+/// Impulse r of one contact with Delassus block `w` (symmetric positive semi-definite) and free velocity `q`.
 pub fn solve_local(w: &Matrix3<f64>, q: &Vector3<f64>, law: Law) -> Vector3<f64> {
-    Local::new(w).solve(q, law)
+    LocalSolver::new(w).solve(q, law)
 }
 
-/// One contact, made ready for many solves with the same mobility.
+/// Solver of one contact, prepared for many free velocities.
 ///
-/// Take-off: q_N ≥ 0, r = 0. Stick: u = 0, within the cone of what sticks. Slip: u_N = 0 and u_T = −s r_T, s > 0, on that of what slides. With u_N = 0 the normal impulse is
-/// r_N = −(q_N + w·r_T)/W_NN; the tangential one then obeys (A + s I) r_T = −a, where A = W_TT − w wᵀ/W_NN and
-/// a = q_T − w q_N/W_NN. Along s from 0 (stick) to ∞ (no friction) |r_T| − µ r_N goes from positive to negative when
-/// sticking is impossible; the root is bracketed and found by Newton's method kept inside by bisection. This holds for any
-/// coupling of normal and tangent, where the quartic of Bonnefon & Daviet (2011) loses digits to its coefficients.
+/// - Take-off: q_N ≥ 0, r = 0.
+/// - Stick: u = 0, inside the static cone.
+/// - Slip: u_N = 0 and u_T = −s r_T, s > 0, on the kinetic cone.
+///
+/// With u_N = 0 the normal impulse is r_N = −(q_N + w·r_T)/W_NN, and the tangential one obeys (A + s I) r_T =
+/// −a, with A = W_TT − w wᵀ/W_NN and a = q_T − w q_N/W_NN. Along s from 0 (stick) to ∞ (no friction) |r_T| −
+/// µ r_N changes from positive to negative if sticking is impossible. The root is bracketed, and found by
+/// Newton's method safeguarded by bisection. This holds for any coupling of normal and tangent, where the
+/// quartic of Bonnefon & Daviet (2011) loses digits in its coefficients.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Local {
+pub(super) struct LocalSolver {
     pub w: Matrix3<f64>,
-    /// W_NN, 0 where the contact cannot move.
+    /// W_NN; 0 if the contact cannot move.
     normal: f64,
     /// w/W_NN.
     coupling: Vector2<f64>,
-    /// Eigenvalues and eigenvectors of A.
+    /// Eigenvalues of A.
     lambda: Vector2<f64>,
+    /// Eigenvectors of A.
     basis: Matrix2<f64>,
-    /// s of the last solve that slipped: where the next starts from.
-    rate: f64,
+    /// s of the last solve that slipped, the next initial value.
+    slip_rate: f64,
 }
 
-impl Local {
+impl LocalSolver {
     pub fn new(w: &Matrix3<f64>) -> Self {
         let floor = RIGID * w.trace();
         if w[(0, 0)] <= floor {
             let (zero, basis) = (Vector2::zeros(), Matrix2::identity());
-            return Local { w: *w, normal: 0.0, coupling: zero, lambda: zero, basis, rate: 0.0 };
+            return LocalSolver { w: *w, normal: 0.0, coupling: zero, lambda: zero, basis, slip_rate: 0.0 };
         }
         let coupling = Vector2::new(w[(1, 0)], w[(2, 0)]) / w[(0, 0)];
         let tangential = Matrix2::new(w[(1, 1)], w[(1, 2)], w[(2, 1)], w[(2, 2)]);
         let (lambda, basis) = eigen(&(tangential - coupling * coupling.transpose() * w[(0, 0)]));
-        Local { w: *w, normal: w[(0, 0)], coupling, lambda: lambda.map(|l| l.max(floor)), basis, rate: 0.0 }
+        let lambda = lambda.map(|l| l.max(floor));
+        LocalSolver { w: *w, normal: w[(0, 0)], coupling, lambda, basis, slip_rate: 0.0 }
     }
 
+    /// Impulse for free velocity `q`.
     pub fn solve(&mut self, q: &Vector3<f64>, law: Law) -> Vector3<f64> {
-        let Law::Coulomb(Friction { mu_s, mu_k: mu }) = law else {
+        let Law::Coulomb(Friction { mu_s, mu_k }) = law else {
             return self.w.cholesky().map_or_else(Vector3::zeros, |w| -w.solve(q));
         };
         if q.x >= 0.0 || self.normal == 0.0 {
             return Vector3::zeros();
         }
-        let normal_alone = -q.x / self.normal;
+        let frictionless = -q.x / self.normal;
         if mu_s == 0.0 {
-            return Vector3::new(normal_alone, 0.0, 0.0);
+            return Vector3::new(frictionless, 0.0, 0.0);
         }
         // In the eigenbasis of A.
         let a = self.basis.tr_mul(&(q.yz() - self.coupling * q.x));
         let c = self.basis.tr_mul(&self.coupling);
         let impulse = |s: f64| {
-            let softness = self.lambda.map(|l| 1.0 / (l + s));
-            let tangent = -a.component_mul(&softness);
-            (normal_alone - c.dot(&tangent), tangent, softness)
+            let inverse = self.lambda.map(|l| 1.0 / (l + s));
+            let tangent = -a.component_mul(&inverse);
+            (frictionless - c.dot(&tangent), tangent, inverse)
         };
         let (mut normal, mut tangent, _) = impulse(0.0);
-        if tangent.norm() > mu_s * normal && mu == 0.0 {
-            return Vector3::new(normal_alone, 0.0, 0.0);
+        if tangent.norm() > mu_s * normal && mu_k == 0.0 {
+            return Vector3::new(frictionless, 0.0, 0.0);
         }
         if tangent.norm() > mu_s * normal {
-            self.rate = slip_rate(mu, &c, self.lambda.max(), self.rate, impulse);
-            (normal, tangent, _) = impulse(self.rate);
+            self.slip_rate = find_slip_rate(mu_k, &c, self.lambda.max(), self.slip_rate, impulse);
+            (normal, tangent, _) = impulse(self.slip_rate);
         }
         let tangent = self.basis * tangent;
         Vector3::new(normal, tangent.x, tangent.y)
@@ -93,10 +103,12 @@ fn eigen(m: &Matrix2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
     (Vector2::new(a - t * b, d + t * b), Matrix2::new(c, t * c, -t * c, c))
 }
 
-/// Root s > 0 of |r_T(s)| − µ r_N(s), which is positive at 0: that of g(s) = µ r_N/|r_T| − 1, which without coupling and with equal λ is a
-/// straight line, so that Newton's method takes a few steps from `start`. `impulse` gives for s r_N, r_T and −dr_T/ds over r_T; the largest λ tells how far
-/// s may go at first.
-fn slip_rate(
+/// Root s > 0 of |r_T(s)| − µ r_N(s), which is positive at 0.
+///
+/// Finds the zero of g(s) = µ r_N/|r_T| − 1, which is linear without coupling and for equal λ, so that
+/// Newton's method takes few steps from `start`. `impulse` returns r_N, r_T, and the ratio of −dr_T/ds to
+/// r_T; `c` is the coupling in the eigenbasis, `lambda` the largest λ, the scale of the first steps.
+fn find_slip_rate(
     mu: f64,
     c: &Vector2<f64>,
     lambda: f64,
@@ -105,8 +117,8 @@ fn slip_rate(
 ) -> f64 {
     let (mut lo, mut hi) = (0.0, f64::INFINITY);
     let mut s = if start.is_finite() { start } else { 0.0 };
-    for _ in 0..200 {
-        let (normal, tangent, softness) = impulse(s);
+    for _ in 0..ITERATIONS {
+        let (normal, tangent, inverse) = impulse(s);
         let over_length = 1.0 / tangent.norm();
         let g = mu * normal * over_length - 1.0;
         if g < 0.0 {
@@ -114,12 +126,12 @@ fn slip_rate(
         } else {
             hi = s;
         }
-        let slope = -tangent.component_mul(&softness);
+        let slope = -tangent.component_mul(&inverse);
         let growth =
             -mu * over_length * (c.dot(&slope) + normal * tangent.dot(&slope) * over_length * over_length);
         let newton = s - g / growth;
-        let trusted = newton >= lo && newton <= hi;
-        let next = if trusted {
+        let accepted = newton >= lo && newton <= hi;
+        let next = if accepted {
             newton
         } else if hi.is_finite() {
             0.5 * (lo + hi)
@@ -128,8 +140,8 @@ fn slip_rate(
         };
         let step = (next - s).abs();
         s = next;
-        // After so short a step of Newton's method the next would be the square of it.
-        if trusted && step <= NEGLIGIBLE * s || !s.is_finite() {
+        // Newton's method converges quadratically: the next step would be the square of this one.
+        if accepted && step <= NEGLIGIBLE * s || !s.is_finite() {
             break;
         }
     }

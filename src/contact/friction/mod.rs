@@ -1,93 +1,47 @@
-//! Signorini's condition with Coulomb's cone, for the contacts of one strand, and ([`CoupledFrictionProblem`]) of many that touch each other.
+//! Signorini's condition with Coulomb's law, for the contacts of one strand ([`FrictionProblem`]) and for
+//! those of many strands that touch each other ([`CoupledFrictionProblem`]).
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
-//! | W | Delassus matrix J H⁻¹ Jᵀ, symmetric positive semi-definite, 3c × 3c | any, say 1/kg |
-//! | b | relative velocity without contact forces, plus gap / h in the normal entry | m/s |
-//! | r | impulses, per contact (normal, tangent 1, tangent 2) | N s |
-//! | u | relative velocity u = W r + b, in the same frame | m/s |
-//! | µ | friction coefficient of a contact, of what slides or of what sticks | 1 |
+//! | W | Delassus operator J H⁻¹ Jᵀ, symmetric positive semi-definite, 3c × 3c | any, say 1/kg |
+//! | b | relative velocity without reactions, plus gap / h in the normal entry | m/s |
+//! | r | reaction impulses, per contact (normal, tangent 1, tangent 2) | N s |
+//! | u | relative velocity u = W r + b, in the same frames | m/s |
+//! | µ | friction coefficient of a contact, static or kinetic | 1 |
 //!
-//! Wanted: at every contact 0 ≤ u_N ⟂ r_N ≥ 0, |r_T| ≤ µ r_N, and where u_T ≠ 0, r_T = −µ r_N u_T/|u_T|. With De Saxcé's
-//! change of variable ũ = u + µ |u_T| e_N this is K_µ ∋ r ⟂ ũ ∈ K_µ*, K_µ the second-order cone |r_T| ≤ µ r_N.
+//! At every contact 0 ≤ u_N ⟂ r_N ≥ 0, |r_T| ≤ µ r_N, and r_T = −µ r_N u_T/|u_T| if u_T ≠ 0: `docs/theory.md`
+//! eq. 5.1. With De Saxcé's change of variable ũ = u + µ |u_T| e_N this is K_µ ∋ r ⟂ ũ ∈ K_µ*, where K_µ is
+//! the second-order cone |r_T| ≤ µ r_N.
 //!
-//! Nonsmooth block Gauss-Seidel with an exact local solve: G. Daviet, F. Bertails-Descoubes & L. Boissieux, "A hybrid
-//! iterative solver for robustly capturing Coulomb friction in hair dynamics", 2011, accelerated (D. G. Anderson, 1965); what these
-//! do not solve, by Newton's method on a smoothed problem, and along the path of its solutions (H. B. Keller, 1977). The order follows from the contacts alone, so results are the same bits on any thread.
+//! The solver is nonsmooth block Gauss-Seidel with an exact local solve (G. Daviet, F. Bertails-Descoubes &
+//! L. Boissieux, "A hybrid iterative solver for robustly capturing Coulomb friction in hair dynamics", 2011),
+//! with Anderson acceleration (1965) for coupled strands. What it does not solve is solved by Newton's method
+//! on a smoothed law, and by continuation along the path of its solutions (H. B. Keller, 1977). The order of
+//! operations depends on the contacts alone, so results have the same bits on any number of threads.
 
 mod anderson;
+mod continuation;
 mod coupled;
+mod coupled_problem;
+mod delassus;
+mod dense;
+mod gauss_seidel;
+mod law;
 mod local;
-mod mobility;
 mod newton;
-mod path;
 mod problem;
-mod rounded;
-mod smoothed;
-mod sweep;
+mod regularised;
+mod residual;
+mod smoothed_law;
+mod smoothed_problem;
 
-pub use coupled::{CoupledFrictionProblem, StrandRows, solve_coupled};
+pub use coupled::solve_coupled;
+pub use coupled_problem::{CoupledFrictionProblem, StrandRows};
+pub use dense::solve;
+pub use gauss_seidel::{FrictionOutcome, FrictionScratch, FrictionTolerance};
+pub use law::Law;
 pub use local::solve_local;
-use nalgebra::{Matrix3, Vector3};
-use problem::at;
-pub use problem::{FrictionOutcome, FrictionProblem, FrictionTolerance, Law};
-pub use sweep::FrictionScratch;
-use sweep::{System, sweep};
-
-/// Solves `problem` for the impulses `r` (3c), starting from what they hold (zero, or the last step's): by sweeps, and where these do not do, by
-/// Newton's method.
-pub fn solve(
-    problem: &FrictionProblem,
-    tolerance: FrictionTolerance,
-    r: &mut [f64],
-    scratch: &mut FrictionScratch,
-) -> FrictionOutcome {
-    let outcome = sweep(&mut Dense { problem, r }, tolerance, false, scratch);
-    if outcome.residual <= tolerance.residual {
-        return outcome;
-    }
-    FrictionOutcome { residual: newton::improve(problem, tolerance.residual, r), ..outcome }
-}
-
-struct Dense<'a> {
-    problem: &'a FrictionProblem<'a>,
-    r: &'a mut [f64],
-}
-
-impl System for Dense<'_> {
-    fn contacts(&self) -> usize {
-        self.problem.len()
-    }
-
-    fn block(&self, i: usize) -> Matrix3<f64> {
-        self.problem.block(i)
-    }
-
-    fn free(&self, i: usize) -> Vector3<f64> {
-        self.problem.free(i)
-    }
-
-    fn law(&self, i: usize) -> Law {
-        self.problem.laws[i]
-    }
-
-    fn impulse(&self, i: usize) -> Vector3<f64> {
-        at(self.r, i)
-    }
-
-    fn look(&mut self, u: &mut Vec<Vector3<f64>>) {
-        u.clear();
-        u.extend((0..self.contacts()).map(|i| self.velocity(i)));
-    }
-
-    fn velocity(&self, i: usize) -> Vector3<f64> {
-        self.problem.velocity(self.r, i)
-    }
-
-    fn set(&mut self, i: usize, impulse: Vector3<f64>) {
-        self.r[3 * i..3 * i + 3].copy_from_slice(impulse.as_slice());
-    }
-}
+pub use problem::FrictionProblem;
 
 #[cfg(test)]
 mod tests;

@@ -1,70 +1,76 @@
-//! Newton's method for contacts of which sweeps make nothing: more of them than the strand has unknowns, as where it is pulled taut round a body, or
-//! wedged between others.
+//! Newton's method on the smoothed law, for problems that sweeps do not solve: those with more contacts than
+//! the strand has unknowns, as where it is taut around a body, or wedged between others.
 //!
-//! The law, rounded off by τ ([`Smoothed`]), is solved while τ falls from step to step. Where the solution turns back as τ falls, that gets caught; then it
-//! is followed along its path ([`path`]).
+//! The smoothing parameter τ decreases from step to step. Where the path of solutions turns back as τ
+//! decreases, the iteration fails; then the path is followed along its length ([`continuation`]).
 
-use super::mobility::COMPLIANCE;
-use super::path;
+use super::continuation;
 use super::problem::FrictionProblem;
-use super::smoothed::Smoothed;
+use super::regularised::COMPLIANCE;
+use super::smoothed_problem::SmoothedProblem;
 use nalgebra::DVector;
 
-/// Steps at most.
+/// Maximum number of steps.
 const STEPS: u32 = 60;
 
-/// What is left of τ after a step that did well, and after one that did passably.
-const WELL: f64 = 0.3;
-const PASSABLY: f64 = 0.7;
+/// Factors on τ after a good step and after a fair one.
+const GOOD: f64 = 0.3;
+const FAIR: f64 = 0.7;
 
-/// Improves the impulses `r` of `problem` and returns its residual, which is some [`COMPLIANCE`] at best; never more than at the start.
+/// Improves the impulses `r` of `problem` and returns its residual, which never increases.
 ///
-/// What is solved, to a residual of `wanted`, is a problem whose contacts give way: without that, impulses that balance each other and move next to nothing
-/// would be of any size, for contacts wedge a strand at its root.
-pub(super) fn improve(problem: &FrictionProblem, wanted: f64, r: &mut [f64]) -> f64 {
-    let mut soft = r.to_vec();
-    if let Some(smoothed) = Smoothed::new(problem, r) {
-        let left = descend(&smoothed, problem, wanted, &mut soft);
-        if left > wanted.max(COMPLIANCE) {
-            path::follow(&smoothed, problem, wanted, &mut soft);
+/// What is solved, to a residual of `tolerance`, is the problem with [`COMPLIANCE`], so that the residual of
+/// `problem` itself does not fall below about that value. Without compliance, impulses that balance each
+/// other and move next to nothing would be of any magnitude, for contacts wedge a strand at its root.
+pub(super) fn improve(problem: &FrictionProblem, tolerance: f64, r: &mut [f64]) -> f64 {
+    let mut compliant = r.to_vec();
+    if let Some(smoothed) = SmoothedProblem::new(problem, r) {
+        let residual = descend(&smoothed, problem, tolerance, &mut compliant);
+        if residual > tolerance.max(COMPLIANCE) {
+            continuation::follow(&smoothed, problem, tolerance, &mut compliant);
         }
     }
-    let [before, after] = [&*r, &soft].map(|r| problem.residual(r));
+    let [before, after] = [&*r, &compliant].map(|r| problem.residual(r));
     if after < before {
-        r.copy_from_slice(&soft);
+        r.copy_from_slice(&compliant);
     }
     after.min(before)
 }
 
-/// Newton's method from `r`, which holds the best that was met at the end. Returns its residual where contacts give way.
-pub(super) fn descend(smoothed: &Smoothed, problem: &FrictionProblem, wanted: f64, r: &mut [f64]) -> f64 {
-    let mut best = problem.residual_giving(r, COMPLIANCE);
+/// Newton's method from `r`, which receives the best impulses found. Returns their residual with compliance.
+pub(super) fn descend(
+    smoothed: &SmoothedProblem,
+    problem: &FrictionProblem,
+    tolerance: f64,
+    r: &mut [f64],
+) -> f64 {
+    let mut best = problem.compliant_residual(r, COMPLIANCE);
     let mut x = smoothed.scaled(r);
     let mut trial_r = r.to_vec();
     let n = x.len();
-    // What is rounded off stays as it is within a step.
+    // τ is constant within a step.
     let mut border = DVector::zeros(n + 1);
     border[n] = 1.0;
     let mut tau = 1.0;
     for _ in 0..STEPS {
-        if best <= wanted {
+        if best <= tolerance {
             break;
         }
-        let point = smoothed.at(&x, tau);
-        let Some(step) = smoothed.change(&point, point.f.push(0.0), &border) else { break };
+        let point = smoothed.evaluate(&x, tau);
+        let Some(step) = smoothed.solve_bordered(&point, point.f.push(0.0), &border) else { break };
         let step = step.remove_row(n);
-        let (share, after) = smoothed.search(&x, &step, &point);
+        let (fraction, after) = smoothed.line_search(&x, &step, &point);
         if !after.is_finite() {
             break;
         }
-        x -= step * share;
-        if share > 0.5 || after < 0.25 * point.f.norm_squared() {
-            tau *= WELL;
-        } else if share > 0.1 {
-            tau *= PASSABLY;
+        x -= step * fraction;
+        if fraction > 0.5 || after < 0.25 * point.f.norm_squared() {
+            tau *= GOOD;
+        } else if fraction > 0.1 {
+            tau *= FAIR;
         }
         smoothed.unscale(x.as_slice(), &mut trial_r);
-        let residual = problem.residual_giving(&trial_r, COMPLIANCE);
+        let residual = problem.compliant_residual(&trial_r, COMPLIANCE);
         if residual < best {
             best = residual;
             r.copy_from_slice(&trial_r);

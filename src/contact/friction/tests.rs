@@ -1,13 +1,19 @@
-use super::problem::project_on_cone;
+//! The solver compared with enumeration, the law itself, and problems with known solutions.
+
+use super::dense::Dense;
+use super::gauss_seidel::solve_by_sweeps;
+use super::residual::project_on_cone;
 use super::*;
 use crate::geometry::Friction;
 use crate::math::random::Random;
-use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
+use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Vector2, Vector3};
 use proptest::prelude::*;
 
+mod continuation;
+
 impl Random {
-    /// Symmetric positive definite, eigenvalues from 1e-3 up.
-    fn mobility(&mut self, spread: f64) -> Matrix3<f64> {
+    /// A symmetric positive definite matrix with eigenvalues of at least 1e-3.
+    fn delassus_block(&mut self, spread: f64) -> Matrix3<f64> {
         let stretch = Matrix3::from_diagonal(&Vector3::from_fn(|_, _| spread.powf(self.draw())));
         let m = Matrix3::from_fn(|_, _| self.draw()) * stretch;
         m * m.transpose() + Matrix3::identity() * 1e-3
@@ -22,7 +28,7 @@ fn laws(mu: &[f64]) -> Vec<Law> {
     mu.iter().map(|mu| coulomb(*mu)).collect()
 }
 
-/// All solutions of one contact, by enumeration: take-off, stick, and every direction of slip, scanned and bisected.
+/// All solutions of one contact: take-off, stick, and slip in any direction, by scanning and bisection.
 fn enumerate(w: &Matrix3<f64>, q: &Vector3<f64>, mu: f64) -> Vec<Vector3<f64>> {
     let mut solutions = Vec::new();
     if q.x >= 0.0 {
@@ -33,8 +39,8 @@ fn enumerate(w: &Matrix3<f64>, q: &Vector3<f64>, mu: f64) -> Vec<Vector3<f64>> {
     {
         solutions.push(r);
     }
-    // Slip against direction e(θ): r_N = −q_N / den; all multiplied by den, so that nothing is infinite where den = 0.
-    // u_T is opposite to e where their cross product vanishes and their dot product is negative.
+    // Slip with friction along e(θ): r_N = −q_N / den, multiplied by den so that den = 0 is finite. u_T is
+    // opposite to e where their cross product vanishes and their dot product is negative.
     let slip = |theta: f64| {
         let e = Vector2::new(theta.cos(), theta.sin());
         let direction = Vector3::new(1.0, mu * e.x, mu * e.y);
@@ -67,7 +73,7 @@ fn local_solve_agrees_with_enumeration() {
     let mut random = Random::new(1);
     let mut kinds = [0; 3];
     for k in 0..5000 {
-        let w = random.mobility(if k % 2 == 0 { 1.0 } else { 10.0 });
+        let w = random.delassus_block(if k % 2 == 0 { 1.0 } else { 10.0 });
         let q = random.vector();
         let mu = (random.draw() + 1.0) * if k % 3 == 0 { 1.0 } else { 0.3 } + 0.01;
         let r = solve_local(&w, &q, coulomb(mu));
@@ -86,7 +92,7 @@ fn local_solve_agrees_with_enumeration() {
     assert!(kinds.iter().all(|&n| n > 200), "every case must occur: {kinds:?}");
 }
 
-/// One contact of `problem` fulfils the law: cone, no penetration, complementarity, slip against friction.
+/// Asserts the law at every contact: cone, no penetration, complementarity, friction opposite to slip.
 fn check_law(problem: &FrictionProblem, r: &[f64], tolerance: f64) {
     for i in 0..problem.len() {
         let u = problem.velocity(r, i);
@@ -94,14 +100,14 @@ fn check_law(problem: &FrictionProblem, r: &[f64], tolerance: f64) {
         let Law::Coulomb(Friction { mu_k: mu, .. }) = problem.laws[i] else { continue };
         assert!(r.x >= 0.0 && r.yz().norm() <= mu * r.x * (1.0 + 1e-12) + tolerance);
         assert!(u.x >= -tolerance, "penetrates: {u}");
-        assert!((u.x * r.x).abs() <= tolerance, "pushes while apart: {u} {r}");
+        assert!((u.x * r.x).abs() <= tolerance, "impulse of a separating contact: {u} {r}");
         let sliding = u.yz() * r.yz().norm() + r.yz() * u.yz().norm();
-        assert!(sliding.norm() <= tolerance, "friction is not against the slip: {u} {r}");
+        assert!(sliding.norm() <= tolerance, "friction is not opposite to the slip: {u} {r}");
         assert!((mu * r.x - r.yz().norm()) * u.yz().norm() <= tolerance, "slips inside the cone: {u} {r}");
     }
 }
 
-/// A contact problem with W = M Mᵀ of full or lower rank: `contacts` on a body of `freedoms`.
+/// W = M Mᵀ, b and µ of a random problem: `contacts` on a system of `freedoms`.
 fn system(random: &mut Random, contacts: usize, freedoms: usize) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
     let n = 3 * contacts;
     let jacobian: Vec<f64> = (0..n * freedoms).map(|_| random.draw()).collect();
@@ -112,7 +118,7 @@ fn system(random: &mut Random, contacts: usize, freedoms: usize) -> (Vec<f64>, V
             w[i * n + j] = row(i).iter().zip(row(j)).map(|(a, b)| a * b).sum();
         }
     }
-    // b = J v keeps problems of low rank solvable: pushing back along v always opens all contacts.
+    // b = J v keeps problems of low rank solvable: −v opens all contacts.
     let v: Vec<f64> = (0..freedoms).map(|_| random.draw()).collect();
     let b = (0..n).map(|i| row(i).iter().zip(&v).map(|(a, b)| a * b).sum()).collect();
     let mu = (0..contacts).map(|_| 0.2 + 0.1 * random.draw()).collect();
@@ -120,7 +126,7 @@ fn system(random: &mut Random, contacts: usize, freedoms: usize) -> (Vec<f64>, V
 }
 
 #[test]
-fn gauss_seidel_fulfils_the_law_at_every_contact() {
+fn solutions_obey_the_law_at_every_contact() {
     let mut random = Random::new(7);
     for contacts in [1, 2, 5, 12] {
         for _ in 0..20 {
@@ -140,7 +146,7 @@ fn gauss_seidel_fulfils_the_law_at_every_contact() {
 }
 
 #[test]
-fn more_contacts_than_freedoms_still_converge() {
+fn problems_with_more_contacts_than_freedoms_converge() {
     let mut random = Random::new(11);
     for _ in 0..20 {
         let (w, b, mu) = system(&mut random, 10, 12);
@@ -158,35 +164,36 @@ fn more_contacts_than_freedoms_still_converge() {
 }
 
 #[test]
-fn what_sticks_is_held_by_the_greater_coefficient_and_what_slides_braked_by_the_lesser() {
+fn sticking_uses_the_static_and_sliding_the_kinetic_coefficient() {
     let mut random = Random::new(13);
     let mut kinds = [0; 3];
     for case in 0..5000 {
-        let (w, q) = (random.mobility(1.0), random.vector());
-        let kinetic = 0.3 * (random.draw() + 1.01);
-        let fixed = kinetic * (1.5 + 0.5 * random.draw());
-        let r = solve_local(&w, &q, Law::Coulomb(Friction { mu_s: fixed, mu_k: kinetic }));
-        let held = enumerate(&w, &q, fixed).into_iter().find(|r| (w * r + q).norm() < 1e-10);
-        let (wanted, kind) = match held {
+        let (w, q) = (random.delassus_block(1.0), random.vector());
+        let mu_k = 0.3 * (random.draw() + 1.01);
+        let mu_s = mu_k * (1.5 + 0.5 * random.draw());
+        let r = solve_local(&w, &q, Law::Coulomb(Friction { mu_s, mu_k }));
+        let stick = enumerate(&w, &q, mu_s).into_iter().find(|r| (w * r + q).norm() < 1e-10);
+        let (expected, kind) = match stick {
             _ if q.x >= 0.0 => (vec![Vector3::zeros()], 0),
-            Some(held) => (vec![held], 1),
-            None => (enumerate(&w, &q, kinetic), 2),
+            Some(stick) => (vec![stick], 1),
+            None => (enumerate(&w, &q, mu_k), 2),
         };
         kinds[kind] += 1;
-        let error = wanted.iter().map(|s| (s - r).norm()).fold(f64::INFINITY, f64::min);
-        assert!(error <= 1e-10 * (1.0 + r.norm()), "case {case}: {r:?} is not among {wanted:?}");
+        let error = expected.iter().map(|s| (s - r).norm()).fold(f64::INFINITY, f64::min);
+        assert!(error <= 1e-10 * (1.0 + r.norm()), "case {case}: {r:?} is not among {expected:?}");
     }
     assert!(kinds.iter().all(|&n| n > 100), "every case must occur: {kinds:?}");
 }
 
 #[test]
-fn a_tangent_counted_longer_makes_the_cone_elliptic() {
-    // Friction across, along the second tangent, `across` times that along the first: in axes of which the second is as many times as long
-    // the cone is round, impulses are the true ones over these lengths, and velocities the true ones times them.
+fn a_scaled_tangent_makes_the_cone_elliptic() {
+    // Friction along the second tangent is `across` times that along the first. With the second axis scaled
+    // by it the cone is round, impulses are divided by the lengths of the axes, and velocities multiplied by
+    // them.
     let mut random = Random::new(29);
     let mut kinds = [0; 3];
     for case in 0..2000 {
-        let (w, q) = (random.mobility(1.0), random.vector());
+        let (w, q) = (random.delassus_block(1.0), random.vector());
         let (mu, across) = (0.8 * (random.draw() + 1.01), 2.0_f64.powf(random.draw()));
         let axes = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, across));
         let r = axes * solve_local(&(axes * w * axes), &(axes * q), coulomb(mu));
@@ -194,27 +201,27 @@ fn a_tangent_counted_longer_makes_the_cone_elliptic() {
         let close = 1e-10 * (1.0 + r.norm());
         assert!(r.x >= 0.0 && u.x > -close && (r.x * u.x).abs() < close, "case {case}");
         let used = (r.y / mu).hypot(r.z / (mu * across));
-        assert!(used <= r.x + close, "case {case}: outside of the ellipse");
+        assert!(used <= r.x + close, "case {case}: outside the ellipse");
         if r.x == 0.0 {
             kinds[0] += 1;
         } else if u.yz().norm() < close {
             kinds[1] += 1;
         } else {
             kinds[2] += 1;
-            // No force of the ellipse brakes this slip more.
+            // The dissipation is the largest that the ellipse allows.
             let most = (0..3600).map(|k| {
                 let (sin, cos) = (f64::from(k) / 3600.0 * std::f64::consts::TAU).sin_cos();
                 -mu * r.x * (cos * u.y + across * sin * u.z)
             });
             let (most, braked) = (most.fold(0.0, f64::max), -r.yz().dot(&u.yz()));
-            assert!((braked / most - 1.0).abs() < 2e-6, "case {case}: brakes {braked} of {most}");
+            assert!((braked / most - 1.0).abs() < 2e-6, "case {case}: dissipates {braked} of {most}");
         }
     }
     assert!(kinds.iter().all(|&n| n > 100), "every case must occur: {kinds:?}");
 }
 
 #[test]
-fn held_places_beside_contacts_do_not_move() {
+fn bilateral_contacts_do_not_move() {
     let mut random = Random::new(17);
     for _ in 0..20 {
         let (w, b, mu) = system(&mut random, 6, 40);
@@ -249,7 +256,7 @@ fn a_warm_start_at_the_solution_needs_no_sweep() {
 }
 
 #[test]
-fn a_block_on_an_incline_holds_below_the_angle_of_friction_and_slides_above() {
+fn a_block_on_an_incline_slides_above_the_friction_angle() {
     let (mass, gravity, step, mu) = (2.0, 9.81, 0.01, 0.4);
     let w: Vec<f64> = (Matrix3::identity() / mass).iter().copied().collect();
     for (angle, slides) in [(0.99 * f64::atan(mu), false), (1.01 * f64::atan(mu), true)] {
@@ -266,7 +273,7 @@ fn a_block_on_an_incline_holds_below_the_angle_of_friction_and_slides_above() {
 }
 
 #[test]
-fn immovable_contacts_are_left_alone() {
+fn immovable_contacts_keep_their_impulse() {
     let problem = FrictionProblem { w: &[0.0; 9], b: &[-1.0, 0.0, 0.0], laws: &[coulomb(0.3)] };
     let mut r = [0.0; 3];
     let outcome = solve(&problem, FrictionTolerance::default(), &mut r, &mut FrictionScratch::default());
@@ -291,7 +298,7 @@ proptest! {
 }
 
 #[test]
-fn coupled_strands_obey_the_law_of_the_assembled_problem() {
+fn coupled_solutions_obey_the_law_of_the_assembled_problem() {
     let (strands, n, contacts) = (5, 12, 14);
     let mut random = Random::new(5);
     let mut sides = Vec::new();
@@ -309,7 +316,7 @@ fn coupled_strands_obey_the_law_of_the_assembled_problem() {
     }
     let b: Vec<f64> = (0..3 * contacts).map(|_| random.draw() - 0.3).collect();
     let mu: Vec<f64> = (0..contacts).map(|i| 0.1 * (i % 8) as f64).collect();
-    // Y as a dense matrix, 3c rows of all unknowns.
+    // Yᵀ as a dense matrix, 3c rows of all unknowns.
     let mut dense = vec![0.0; 3 * contacts * strands * n];
     for (i, both) in sides.iter().enumerate() {
         for side in both.iter().flatten() {
@@ -346,8 +353,8 @@ fn coupled_strands_obey_the_law_of_the_assembled_problem() {
     }
 }
 
-/// A string that is pulled over an arc by its nodes, which move in a plane: held by its stretch, its bending, the springs at both its ends, and next to
-/// no inertia. What is pulled is the second spring's end, by a millimetre.
+/// A planar string over an arc, with stretching, bending and springs at both ends, and next to no inertia.
+/// The end of the second spring is pulled by a millimetre.
 struct Rope {
     h: DMatrix<f64>,
     j: DMatrix<f64>,
@@ -355,8 +362,9 @@ struct Rope {
     ends: [DVector<f64>; 2],
 }
 
-/// Stiffness of the springs at the ends, N/m, and how far the second is pulled, m.
+/// Stiffness of the springs at the ends, N/m.
 const SPRING: f64 = 10.0;
+/// Displacement of the end of the second spring, m.
 const PULLED: f64 = 1e-3;
 
 impl Rope {
@@ -364,10 +372,10 @@ impl Rope {
         let n = 2 * nodes;
         let turn = angle / nodes as f64;
         let direction = |theta: f64| [theta.cos(), -theta.sin()];
-        // The chord that leads to a node; one follows the last.
+        // The chord up to a node; one more follows the last.
         let chord = |i: usize| direction(turn * i as f64);
         let mut h = DMatrix::identity(n, n) * 1e-6;
-        // What bends a node off the arc.
+        // Bending resists displacement of a node off the arc.
         let mut bend = |i: usize, [c, s]: [f64; 2]| {
             let mut row = DVector::zeros(n);
             row.rows_mut(2 * i, 2).copy_from_slice(&[-s, c]);
@@ -402,7 +410,7 @@ impl Rope {
 }
 
 #[test]
-fn a_string_that_slides_over_an_arc_is_held_as_euler_and_eytelwein_say() {
+fn a_string_sliding_over_an_arc_obeys_the_capstan_equation() {
     for (angle, mu) in [(1.5, 0.2), (3.0, 0.5), (6.0, 0.3)] {
         let nodes = 40;
         let rope = Rope::over(angle, nodes);
@@ -413,18 +421,18 @@ fn a_string_that_slides_over_an_arc_is_held_as_euler_and_eytelwein_say() {
         let problem = FrictionProblem { w: w.as_slice(), b: b.as_slice(), laws: &laws };
         let tolerance = FrictionTolerance { residual: 1e-6, sweeps: 100 };
         let mut r = vec![0.0; 3 * nodes];
-        let sweeps = sweep(
+        let sweeps = solve_by_sweeps(
             &mut Dense { problem: &problem, r: &mut r },
             tolerance,
             false,
             &mut FrictionScratch::default(),
         );
-        assert!(sweeps.residual > 5e-3, "the test is of no use: {sweeps:?}");
+        assert!(sweeps.residual > 5e-3, "sweeps alone suffice: {sweeps:?}");
         r.fill(0.0);
         let outcome = solve(&problem, tolerance, &mut r, &mut FrictionScratch::default());
         assert!(outcome.residual <= 1e-4, "{outcome:?}");
         assert!((problem.residual(&r) / outcome.residual - 1.0).abs() < 1e-9);
-        // Of nodes with an angle between the chords; that of an arc is nearly the same.
+        // The ratio for nodes with an angle between the chords; that of an arc is nearly the same.
         let half = (0.5 * angle / f64::from(nodes as u32)).tan();
         let ratio = ((1.0 + mu * half) / (1.0 - mu * half)).powi(nodes as i32);
         assert!((rope.ratio(&r) / ratio - 1.0).abs() < 2e-4, "{} {ratio}", rope.ratio(&r));
@@ -433,13 +441,13 @@ fn a_string_that_slides_over_an_arc_is_held_as_euler_and_eytelwein_say() {
 }
 
 #[test]
-fn wedged_contacts_of_which_sweeps_make_nothing_are_mended() {
+fn wedged_contacts_that_sweeps_do_not_solve_converge() {
     let mut random = Random::new(31);
-    let mut swept_in_vain = 0;
+    let mut needed_newton = 0;
     for (contacts, n, mu) in [(14, 12, 0.8), (20, 21, 0.5)] {
         for case in 0..60 {
             let rows: Vec<f64> = (0..3 * contacts * n).map(|_| random.draw()).collect();
-            // b = J v can always be undone.
+            // b = J v is always solvable.
             let v: Vec<f64> = (0..n).map(|_| random.draw()).collect();
             let b: Vec<f64> =
                 rows.chunks_exact(n).map(|row| row.iter().zip(&v).map(|(a, b)| a * b).sum()).collect();
@@ -453,8 +461,8 @@ fn wedged_contacts_of_which_sweeps_make_nothing_are_mended() {
             let outcome =
                 solve_coupled(&problem, tolerance, &mut r, &mut moved, &mut FrictionScratch::default());
             assert!(outcome.residual <= 1e-6, "{contacts} contacts, case {case}: {outcome:?}");
-            swept_in_vain += u32::from(outcome.sweeps > tolerance.sweeps);
+            needed_newton += u32::from(outcome.sweeps > tolerance.sweeps);
         }
     }
-    assert!(swept_in_vain > 0, "the test is of no use");
+    assert!(needed_newton > 0, "sweeps alone suffice");
 }

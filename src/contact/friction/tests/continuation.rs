@@ -1,0 +1,64 @@
+//! Newton's method and continuation on the smoothed law.
+
+use super::super::continuation::{Path, follow};
+use super::super::newton::{descend, improve};
+use super::super::regularised::COMPLIANCE;
+use super::super::smoothed_problem::SmoothedProblem;
+use super::*;
+
+/// Contacts along a chain with half as many unknowns as the contacts have components, and a small compliance
+/// of each: neighbours are coupled.
+fn wedged(random: &mut Random, contacts: usize) -> (Vec<f64>, Vec<f64>) {
+    let (n, freedoms) = (3 * contacts, 3 * contacts / 2);
+    let rows = DMatrix::from_fn(n, freedoms, |i, j| {
+        let x = random.draw();
+        let distance = i as f64 / n as f64 - j as f64 / freedoms as f64;
+        if distance.abs() < 0.15 { x } else { 0.0 }
+    });
+    let mobility = &rows * rows.transpose() + DMatrix::identity(n, n) * 1e-6;
+    let free = rows * DVector::from_fn(freedoms, |_, _| random.draw());
+    (mobility.as_slice().to_vec(), free.as_slice().to_vec())
+}
+
+#[test]
+fn continuation_finds_solutions_that_descent_in_tau_does_not() {
+    let mut random = Random::new(12);
+    let (mut failed, mut turned_back) = (0, 0);
+    for case in 0..240 {
+        let contacts = 8 + case % 12;
+        let (w, b) = wedged(&mut random, contacts);
+        let laws = vec![Law::Coulomb(0.3.into()); contacts];
+        let problem = FrictionProblem { w: &w, b: &b, laws: &laws };
+        let mut r = vec![0.0; 3 * contacts];
+        let smoothed = SmoothedProblem::new(&problem, &r).unwrap();
+        failed += u32::from(descend(&smoothed, &problem, 1e-8, &mut r) > 1e-5);
+        r.fill(0.0);
+        follow(&smoothed, &problem, 1e-8, &mut r);
+        let residual = problem.compliant_residual(&r, COMPLIANCE);
+        assert!(residual <= 1e-8, "case {case}: {residual}");
+        r.fill(0.0);
+        let improved = improve(&problem, 1e-6, &mut r);
+        assert!(improved <= 1e-5, "case {case}: {improved}");
+        let mut path = Path::enter(&smoothed).unwrap();
+        let n = smoothed.len();
+        turned_back += u32::from((0..60).any(|_| path.step() && path.tangent[n] > 0.0));
+    }
+    assert!(
+        failed > 0 && turned_back > 0,
+        "the cases are too easy: {failed} failed, {turned_back} turned back"
+    );
+}
+
+#[test]
+fn the_frictionless_path_is_monotonic_in_tau() {
+    let mut random = Random::new(13);
+    for _ in 0..20 {
+        let (w, b) = wedged(&mut random, 10);
+        let problem = FrictionProblem { w: &w, b: &b, laws: &[Law::Coulomb(0.0.into()); 10] };
+        let smoothed = SmoothedProblem::new(&problem, &[0.0; 30]).unwrap();
+        let mut path = Path::enter(&smoothed).unwrap();
+        while path.at[smoothed.len()] > 1e-6_f64.ln() {
+            assert!(path.step() && path.tangent[smoothed.len()] < 0.0);
+        }
+    }
+}
