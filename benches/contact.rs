@@ -1,7 +1,7 @@
-//! Finding contacts of a film character's guides with its bust: Sintel's 228 guides of 16 segments against 5,952 triangles,
-//! the head turning at 5 rad/s and moving at 1 m/s, a sub-step of 1/192 s, one thread. A run is one sub-step of all guides.
+//! Contact detection for a film character: 228 guides of 16 segments against a bust of 5,952 triangles, with
+//! the head rotating at 5 rad/s and moving at 1 m/s, for one sub-step of 1/192 s of all guides on one thread.
 //!
-//! Skipped where the data are not there (`HAIRBAKE_DATA`, or `../shared/data`).
+//! Skipped without the data (`HAIRBAKE_DATA`, or `../shared/data`).
 
 use divan::Bencher;
 use hairbake::contact::friction::Law;
@@ -23,12 +23,12 @@ const SEGMENTS: usize = 16;
 struct Scene {
     bodies: Bodies,
     motion: BodyMotion,
-    /// Vertices at the start and at the end, and clearances, of each guide.
+    /// Vertices of each guide at the start and at the end, m.
     guides: Vec<[Vec<Vector3<f64>>; 2]>,
     clearances: Vec<Vec<[f64; 2]>>,
 }
 
-/// The guides in metres, 17 of each one's 32 vertices.
+/// The guides, m, with 17 of the 32 vertices of each.
 fn guides(path: &Path) -> Option<Vec<Vec<Vector3<f64>>>> {
     let bytes = std::fs::read(path).ok()?;
     let number = |i: usize| f32::from_le_bytes([bytes[i], bytes[i + 1], bytes[i + 2], bytes[i + 3]]);
@@ -56,7 +56,7 @@ fn sintel() -> Option<Scene> {
     let mut scene = Scene { bodies, motion, guides: Vec::new(), clearances: Vec::new() };
     for x0 in curves {
         let carried = |x: &Vector3<f64>| end.rotation * x + end.translation.vector;
-        // The root goes with the head, the tip stays behind.
+        // The root follows the head, the tip stays.
         let x1 = x0.iter().enumerate().map(|(k, x)| carried(x).lerp(x, k as f64 / SEGMENTS as f64)).collect();
         let clearance = |(k, x): (usize, &Vector3<f64>)| match k {
             0 | 1 => f64::NEG_INFINITY,
@@ -71,15 +71,13 @@ fn sintel() -> Option<Scene> {
 
 fn each_guide(bencher: Bencher, mut work: impl FnMut(&Scene, &MovingPolyline, &mut ContactCache) -> usize) {
     let Some(scene) = sintel() else { return };
-    let mut workspaces = vec![ContactCache::default(); scene.guides.len()];
+    let mut caches = vec![ContactCache::default(); scene.guides.len()];
     bencher.bench_local(|| {
         let mut found = 0;
-        for (([x0, x1], clearance), workspace) in
-            scene.guides.iter().zip(&scene.clearances).zip(&mut workspaces)
-        {
-            found += work(&scene, &MovingPolyline { x0, x1, clearance }, workspace);
+        for (([x0, x1], clearance), cache) in scene.guides.iter().zip(&scene.clearances).zip(&mut caches) {
+            found += work(&scene, &MovingPolyline { x0, x1, clearance }, cache);
         }
-        assert!(found > 0, "nothing near: not the scene that was meant");
+        assert!(found > 0, "no contacts: not the expected scene");
         found
     });
 }
@@ -115,9 +113,9 @@ fn candidates_and_impacts(bencher: Bencher) {
     });
 }
 
-/// The same by strands that remember nothing, as after a jump.
+/// With empty caches, as after a jump.
 #[divan::bench]
-fn candidates_and_impacts_without_memory(bencher: Bencher) {
+fn candidates_and_impacts_without_cached_bounds(bencher: Bencher) {
     let mut contacts = Vec::new();
     each_guide(bencher, |scene, line, _| {
         contacts.clear();
@@ -128,7 +126,7 @@ fn candidates_and_impacts_without_memory(bencher: Bencher) {
     });
 }
 
-/// Signed distance of every guide vertex, without memory.
+/// Signed distance of every guide vertex, without caches.
 #[divan::bench]
 fn closest_of_3876_vertices(bencher: Bencher) {
     each_guide(bencher, |scene, line, _| {
@@ -140,7 +138,7 @@ fn closest_of_3876_vertices(bencher: Bencher) {
     });
 }
 
-/// A strand of 24 strains with `n` contacts, from zero.
+/// A strand with 24 unknowns and `n` contacts, from zero impulses.
 #[divan::bench(args = [4, 16, 32])]
 fn coulomb(bencher: Bencher, n: usize) {
     let (rows, freedoms) = (3 * n, 24);

@@ -1,22 +1,23 @@
 //! Dense Cholesky factorisation in place, in a fixed order of operations.
 //!
-//! For the few dozen unknowns of a rod. A library kernel would pick its instructions at run time, and the
-//! bits of a bake would then depend on the machine that ran it.
+//! For the few dozen unknowns of a rod. A library kernel selects its instructions at run time, so that the
+//! bits of a bake would depend on the machine.
 
 use super::lanes::{Mask, Real};
 
-/// Factors the lower triangle of the row-major `n × n` matrix `a` as L Lᵀ, in place (the diagonal of L is stored
-/// inverted). Returns the lanes where `a` is positive definite; it is spoiled in the others.
+/// Factors the lower triangle of the row-major `n × n` matrix `a` as L Lᵀ, in place (the diagonal of L is
+/// stored inverted). Returns the lanes in which `a` is positive definite; the factor is invalid in the
+/// others.
 #[inline(always)]
 pub fn factor<F: Real>(a: &mut [F], n: usize) -> Mask {
     debug_assert_eq!(a.len(), n * n);
     let mut positive = F::ALL;
-    // By columns: the entries of one do not wait for each other.
+    // By columns, whose entries are independent of each other.
     for j in 0..n {
         let (above, below) = a.split_at_mut((j + 1) * n);
         let row = &mut above[j * n..j * n + j + 1];
         let d = less_dot(row[j], &row[..j], &row[..j]);
-        // None for NaN too.
+        // False for NaN, too.
         positive &= (row[j].abs() * 1e-14).below(d);
         row[j] = d.same(1.0) / d.sqrt();
         for other in below.chunks_exact_mut(n) {
@@ -82,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn solves_what_nalgebra_solves() {
+    fn solutions_satisfy_the_system() {
         for n in [1, 3, 4, 21, 60] {
             let g = nalgebra::DMatrix::from_fn(n, n, |i, j| ((i * 31 + j * 17) as f64).sin());
             let spd = &g * g.transpose() + nalgebra::DMatrix::identity(n, n) * 0.1;
@@ -97,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_indefinite_and_nan() {
+    fn indefinite_and_nan_matrices_are_rejected() {
         assert_eq!(factor(&mut [1.0, 0.0, 2.0, 1.0], 2), 0);
         assert_eq!(factor(&mut [f64::NAN], 1), 0);
     }

@@ -1,14 +1,15 @@
-//! Frames along curves: columns d1, d2, d3, with d3 the tangent.
+//! Frames along curves: rotation matrices with columns d1, d2, d3, where d3 is the tangent.
 
 use super::se3::hat;
 use super::spline::{ArcSpline, CurvePoint};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-/// Reflections between two neighbouring samples of [`rotation_minimising`]; the error is of fourth order in their step.
+/// Double reflections between two samples of [`rotation_minimising`]; the error is of fourth order in their
+/// step.
 const SUBSTEPS: usize = 4;
 
-/// Rotation-minimising transport of a frame from one point of a curve to another (double reflection: Wang, Jüttler,
-/// Zheng & Liu 2008). `frame` has the tangent of `from` as d3.
+/// Rotation-minimising transport of a frame between two points of a curve by double reflection (Wang,
+/// Jüttler, Zheng & Liu 2008). `frame` has the tangent of `from` as d3.
 pub fn double_reflection(frame: &Matrix3<f64>, from: &CurvePoint, to: &CurvePoint) -> Matrix3<f64> {
     let reflect = |a: Vector3<f64>, v: &Vector3<f64>| match v.norm_squared() {
         c if c > 0.0 => a - v * (2.0 / c * v.dot(&a)),
@@ -21,8 +22,8 @@ pub fn double_reflection(frame: &Matrix3<f64>, from: &CurvePoint, to: &CurvePoin
     Matrix3::from_columns(&[d1, to.tangent.cross(&d1), to.tangent])
 }
 
-/// The smallest rotation that takes unit vector `a` to unit vector `b`; half a turn about some axis across where
-/// they are opposite.
+/// The smallest rotation that takes unit vector `a` to unit vector `b`. If they are opposite, a rotation by π
+/// about some perpendicular axis.
 pub fn transport(a: &Vector3<f64>, b: &Vector3<f64>) -> Matrix3<f64> {
     let (v, c) = (a.cross(b), a.dot(b));
     if c < -1.0 + 1e-12 {
@@ -33,14 +34,15 @@ pub fn transport(a: &Vector3<f64>, b: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() + h + h * h / (1.0 + c)
 }
 
-/// Some frame around a unit tangent: d1 as near as may be to the coordinate axis least along the tangent, which keeps
-/// it well-conditioned.
+/// A frame with the unit tangent as d3. d1 is as close as possible to the coordinate axis least aligned with
+/// the tangent, so that the frame is well-conditioned.
 pub fn any_frame(tangent: &Vector3<f64>) -> Matrix3<f64> {
     let d2 = tangent.cross(&Vector3::ith(tangent.iamin(), 1.0)).normalize();
     Matrix3::from_columns(&[d2.cross(tangent), d2, *tangent])
 }
 
-/// The frame around a unit tangent with d1 as near to the vector `axis` as may be; some frame where they are parallel.
+/// The frame with the unit tangent as d3 and d1 as close as possible to the vector `axis`; [`any_frame`] if
+/// these are parallel.
 pub fn frame_towards(tangent: &Vector3<f64>, axis: &Vector3<f64>) -> Matrix3<f64> {
     match tangent.cross(axis).try_normalize(1e-9) {
         Some(d2) => Matrix3::from_columns(&[d2.cross(tangent), d2, *tangent]),
@@ -48,8 +50,8 @@ pub fn frame_towards(tangent: &Vector3<f64>, axis: &Vector3<f64>) -> Matrix3<f64
     }
 }
 
-/// Rotation-minimising frames at increasing arc lengths `s`, m, of a curve. The first has d1 as near to `axis` as may
-/// be, or is any where that is `None`.
+/// Rotation-minimising frames at increasing arc lengths `s`, m, of a curve. The first is [`frame_towards`]
+/// `axis`, or [`any_frame`] if that is `None`.
 pub fn rotation_minimising(
     curve: &ArcSpline,
     s: &[f64],
@@ -96,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn transport_takes_the_shortest_way() {
+    fn transport_is_the_smallest_rotation() {
         for a in tangents() {
             for b in tangents().into_iter().chain([-a]) {
                 let turn = transport(&a, &b);
@@ -107,9 +109,9 @@ mod tests {
         }
     }
 
-    /// A frame carried along a helix turns against its axis by the torsion: over one turn by 2π (1 − sin of the climb).
+    /// Over one turn of a helix the frame rotates by 2π (1 − sin(pitch angle)).
     #[test]
-    fn transport_follows_the_torsion_of_a_helix() {
+    fn rotation_minimising_frames_follow_the_torsion_of_a_helix() {
         let (r, rise) = (0.02, 0.01);
         let helix = |a: f64| Vector3::new(r * a.cos(), r * a.sin(), rise * a);
         let points: Vec<_> = (0..=96).map(|i| helix(f64::from(i - 16) * TAU / 64.0)).collect();

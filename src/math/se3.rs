@@ -15,7 +15,7 @@ pub struct Twist {
     pub v: Vector3<f64>,
 }
 
-/// A pose (R, p): x ↦ R x + p.
+/// A pose (R, p), the map x ↦ R x + p.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// Rotation R.
@@ -24,8 +24,8 @@ pub struct Pose {
     pub p: Vector3<f64>,
 }
 
-/// The left Jacobian of the exponential: exp(ξ + δ) = exp(J δ) exp(ξ) to first order, as the blocks of
-/// ((J, 0), (Q, J)).
+/// The left Jacobian of the exponential, exp(ξ + δ) = exp(J_l δ) exp(ξ) to first order, as the blocks of
+/// J_l = ((J, 0), (Q, J)).
 #[derive(Debug, Clone, Copy)]
 pub struct LeftJacobian<F> {
     /// Rotation block J.
@@ -52,14 +52,15 @@ impl Pose {
         Pose { r: self.r * other.r, p: self.r * other.p + self.p }
     }
 
-    /// The pose that undoes this one.
+    /// The inverse pose.
     pub fn inverse(&self) -> Pose {
         let rt = self.r.transpose();
         Pose { r: rt, p: -(rt * self.p) }
     }
 }
 
-/// Terms of each half of the series of [`Coefficients`]: what is left out is below 10⁻¹⁶ of the sum up to half a turn.
+/// Terms of each half of the series of [`Coefficients`]; the truncation error is below 10⁻¹⁶ of the sum for θ
+/// ≤ π.
 const TERMS: usize = 7;
 
 /// (−1)ᵏ/(2k + 4)! and (−1)ᵏ (k + 1)/(2k + 5)!, the terms of d and e; for even k, then for odd k.
@@ -89,17 +90,17 @@ pub struct Coefficients<F> {
 }
 
 impl<F: Real> Coefficients<F> {
-    /// Those of the twist ξ.
+    /// The coefficients of the twist ξ, |ω| ≤ π.
     #[inline(always)]
     pub fn of(x: &lanes::Twist<F>) -> Self {
         Self::at(x.w.dot(x.w))
     }
 
-    /// By series, up to half a turn: d and e by theirs, from which the others follow without cancellation.
+    /// By series, for θ ≤ π: d and e by their own, from which the others follow without cancellation.
     #[inline(always)]
     fn at(t: F) -> Self {
         let tt = t * t;
-        // Even and odd powers apart: two chains half as long.
+        // Even and odd powers separately: two dependency chains of half the length.
         let mut sums = [[t.same(0.0); 2]; 2];
         for k in (0..TERMS).rev() {
             for s in 0..2 {
@@ -116,7 +117,7 @@ impl<F: Real> Coefficients<F> {
 }
 
 impl<F: Real> Coefficients<F> {
-    /// At any angle; d and e only up to half a turn, where they are needed.
+    /// At any angle; d and e are valid for θ ≤ π only, where they are needed.
     #[inline(always)]
     fn anywhere(t: F) -> Self {
         let mut k = Self::at(t);
@@ -133,19 +134,19 @@ impl<F: Real> Coefficients<F> {
     }
 }
 
-/// exp \[φ\]×: the rotation by |φ| rad about φ (Rodrigues).
+/// exp \[φ\]×, the rotation by |φ| rad about φ (Rodrigues).
 pub fn exp_so3(phi: &Vector3<f64>) -> Matrix3<f64> {
     turned_by(V3::from(*phi), V3::all(0.0)).0.into()
 }
 
 /// The rotation vector of R, |φ| ≤ π.
 pub fn log_so3(r: &Matrix3<f64>) -> Vector3<f64> {
-    // Through the quaternion: well-conditioned at every angle, π included.
+    // By the quaternion, which is well-conditioned at every angle, π included.
     nalgebra::UnitQuaternion::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(*r))
         .scaled_axis()
 }
 
-/// exp ξ, whose coefficients are `k`, for |ω| up to half a turn.
+/// exp ξ, with the coefficients `k` of ξ; |ω| ≤ π.
 #[inline(always)]
 pub fn exp<F: Real>(x: &lanes::Twist<F>, k: &Coefficients<F>) -> lanes::Pose<F> {
     let t = x.w.dot(x.w);
@@ -166,8 +167,8 @@ pub fn log(g: &Pose) -> Twist {
     Twist { w, v: g.p - h * g.p * 0.5 + h * (h * g.p) * e }
 }
 
-/// The left Jacobian of exp at ξ, whose coefficients are `k`, for |ω| up to half a turn (Barfoot 2017, eqs. 7.77 and 7.86; the products of \[ω\]× and \[v\]× in
-/// Q are multiplied out).
+/// The left Jacobian of exp at ξ, with the coefficients `k` of ξ; |ω| ≤ π (Barfoot 2017, eqs. 7.77 and 7.86,
+/// with the products of \[ω\]× and \[v\]× in Q expanded).
 #[inline(always)]
 pub fn left_jacobian<F: Real>(x: &lanes::Twist<F>, k: &Coefficients<F>) -> LeftJacobian<F> {
     let (t, s) = (x.w.dot(x.w), x.w.dot(x.v));
@@ -182,7 +183,7 @@ pub fn left_jacobian<F: Real>(x: &lanes::Twist<F>, k: &Coefficients<F>) -> LeftJ
     LeftJacobian { j, q }
 }
 
-/// exp \[φ\]×, and the angular velocity ω with which it turns, d/dt exp \[φ\]× = \[ω\]× exp \[φ\]×, where φ changes at `rate`.
+/// R = exp \[φ\]×, and its angular velocity ω, dR/dt = \[ω\]× R, for φ changing at `rate`.
 #[inline(always)]
 pub fn turned_by<F: Real>(phi: V3<F>, rate: V3<F>) -> (M3<F>, V3<F>) {
     let t = phi.dot(phi);
@@ -210,7 +211,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn log_undoes_exp(x in twist()) {
+        fn log_is_the_inverse_of_exp(x in twist()) {
             let y = log(&exp(&x));
             prop_assert!((y.w - x.w).norm() < 1e-12 && (y.v - x.v).norm() < 1e-11);
         }
@@ -232,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn series_meet_the_closed_forms_up_to_half_a_turn() {
+    fn series_agree_with_the_closed_forms_up_to_pi() {
         for th in [0.5, 1.0, 2.0, 3.0, std::f64::consts::PI] {
             let (k, t, (s, c)) = (Coefficients::at(th * th), th * th, th.sin_cos());
             let closed = [
@@ -249,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn log_holds_at_half_a_turn() {
+    fn log_is_exact_at_pi() {
         let phi = Vector3::new(0.6, 0.0, 0.8) * std::f64::consts::PI;
         assert!((exp_so3(&log_so3(&exp_so3(&phi))) - exp_so3(&phi)).norm() < 1e-12);
     }

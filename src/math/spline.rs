@@ -12,7 +12,8 @@ const GAUSS5: [(f64, f64); 5] = [
     (0.906_179_845_938_664, 0.236_926_885_056_189_1),
 ];
 
-/// The interpolating cubic spline with not-a-knot ends (de Boor 1978, ch. IV) through points of `D` numbers.
+/// The interpolating cubic spline with not-a-knot ends (de Boor 1978, ch. IV) through points of `D`
+/// components.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CubicSpline<const D: usize> {
     /// Parameter of each point, increasing.
@@ -23,8 +24,8 @@ pub struct CubicSpline<const D: usize> {
 }
 
 impl<const D: usize> CubicSpline<D> {
-    /// The spline through `points` at the parameters `t`: as many as points, increasing, at least one. Fewer
-    /// than four points give the polynomial through them.
+    /// The spline through `points`, at least one, at increasing parameters `t` of the same number. Fewer than
+    /// four points give the polynomial through them.
     pub fn through(t: Vec<f64>, points: Vec<SVector<f64, D>>) -> Self {
         let second = not_a_knot(&t, &points);
         CubicSpline { t, points, second }
@@ -45,7 +46,7 @@ impl<const D: usize> CubicSpline<D> {
         self.in_span(i, t.clamp(self.t[0], self.t[n - 1]))
     }
 
-    /// The same where `t` lies in span `i`, between knots `i` and `i + 1`.
+    /// Value, first and second derivative at `t` in span `i`, between knots `i` and `i + 1`.
     fn in_span(&self, i: usize, t: f64) -> [SVector<f64, D>; 3] {
         let h = self.t[i + 1] - self.t[i];
         let (a, b) = ((self.t[i + 1] - t) / h, (t - self.t[i]) / h);
@@ -54,7 +55,7 @@ impl<const D: usize> CubicSpline<D> {
         [x, self.slope(i, t), m0 * a + m1 * b]
     }
 
-    /// The first derivative alone: all that lengths take, and they take it often.
+    /// First derivative alone, for arc lengths, which need it often.
     fn slope(&self, i: usize, t: f64) -> SVector<f64, D> {
         let h = self.t[i + 1] - self.t[i];
         let (a, b) = ((self.t[i + 1] - t) / h, (t - self.t[i]) / h);
@@ -71,19 +72,19 @@ pub struct ArcSpline {
     arc: Vec<f64>,
 }
 
-/// Position, unit tangent and curvature vector dt/ds at a point of a curve.
+/// A point of a curve, with its tangent and curvature.
 #[derive(Debug, Clone, Copy)]
 pub struct CurvePoint {
     /// Position, m.
     pub x: Vector3<f64>,
     /// Unit tangent.
     pub tangent: Vector3<f64>,
-    /// Derivative of the tangent by arc length, 1/m.
+    /// Curvature vector: derivative of the tangent by arc length, 1/m.
     pub curvature: Vector3<f64>,
 }
 
 impl ArcSpline {
-    /// The spline through `points`; points that repeat their predecessor are left out. `None` with fewer than
+    /// The spline through `points`, m. Points equal to their predecessor are omitted. `None` for fewer than
     /// two distinct points.
     pub fn through(points: &[Vector3<f64>]) -> Option<Self> {
         let mut p: Vec<Vector3<f64>> = Vec::with_capacity(points.len());
@@ -94,7 +95,7 @@ impl ArcSpline {
                 None => t.push(0.0),
                 Some(last) => {
                     let d = (x - last).norm();
-                    // Below this the chord parametrisation loses its digits; false for NaN too.
+                    // Below this the chord parametrisation loses its digits. False for NaN, too.
                     let distinct = d > span * 1e-9;
                     if !distinct {
                         continue;
@@ -116,12 +117,12 @@ impl ArcSpline {
         Some(spline)
     }
 
-    /// Arc length up to each of the points that it goes through, m.
+    /// Arc length up to each interpolated point, m.
     pub fn arc(&self) -> &[f64] {
         &self.arc
     }
 
-    /// Whole arc length, m.
+    /// Total arc length, m.
     pub fn length(&self) -> f64 {
         self.arc[self.arc.len() - 1]
     }
@@ -134,12 +135,12 @@ impl ArcSpline {
         let (t0, t1) = (t[i], t[i + 1]);
         let target = s.clamp(0.0, self.length()) - self.arc[i];
         let mut t = t0 + (t1 - t0) * target / (self.arc[i + 1] - self.arc[i]);
-        // Newton on a monotone function; three or four rounds from the linear guess.
+        // Newton's method on a monotonic function: three or four steps from the linear estimate.
         for _ in 0..8 {
             let speed = self.cubic.slope(i, t).norm();
             let step = (self.span_length(i, t) - target) / speed;
             t = (t - step).clamp(t0, t1);
-            // The error is squared from round to round: what is left is rounding.
+            // Quadratic convergence: the remaining error is rounding.
             if step.abs() <= 1e-8 * (t1 - t0) {
                 break;
             }
@@ -152,7 +153,7 @@ impl ArcSpline {
 
     /// Arc length from the start of span `i` to parameter `t`.
     fn span_length(&self, i: usize, t: f64) -> f64 {
-        // Two five-point panels: 1e-9 relative on the curliest strands seen.
+        // Two five-point panels: a relative error of 1e-9 on the curliest strands measured.
         let t0 = self.cubic.t[i];
         let half = (t - t0) / 4.0;
         let panel = |c: f64| {
@@ -173,7 +174,8 @@ fn not_a_knot<const D: usize>(t: &[f64], p: &[SVector<f64, D>]) -> Vec<SVector<f
     if n == 3 {
         return vec![(slope(1) - slope(0)) * (2.0 / (h(0) + h(1))); 3];
     }
-    // Rows 1..n−1, with the end values eliminated: m0 = m1 (1 + r) − m2 r, r = h0/h1; the same at the end.
+    // Rows 1..n−1, with the end values eliminated: m0 = m1 (1 + r) − m2 r, r = h0/h1, and likewise at the
+    // end.
     let mut diag: Vec<f64> = (1..n - 1).map(|i| 2.0 * (h(i - 1) + h(i))).collect();
     let mut upper: Vec<f64> = (1..n - 1).map(h).collect();
     let mut lower: Vec<f64> = (1..n - 1).map(|i| h(i - 1)).collect();
@@ -207,7 +209,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_helix_has_its_length_and_curvature() {
+    fn length_and_curvature_of_a_helix_are_accurate() {
         let (r, pitch, turns) = (0.01_f64, 0.02_f64, 4.0_f64);
         let c = pitch / std::f64::consts::TAU;
         let curve = |a: f64| Vector3::new(r * a.cos(), r * a.sin(), c * a);
@@ -219,7 +221,8 @@ mod tests {
         assert!((spline.length() - length).abs() < 1e-6 * length, "{}", spline.length() / length - 1.0);
         let kappa = r / (r * r + c * c);
         let mid = spline.at(length / 2.0);
-        // A cubic spline's second derivative is off by φ²/12 where neighbours turn by φ.
+        // The relative error of a cubic spline's second derivative is φ²/12 for an angle φ between
+        // neighbours.
         let turn = std::f64::consts::TAU / 50.0;
         assert!((mid.curvature.norm() - kappa).abs() < turn * turn / 10.0 * kappa);
         let off = (mid.x - curve(turns * std::f64::consts::PI)).norm();
@@ -227,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cubic_is_reproduced_and_repeated_points_are_left_out() {
+    fn a_line_is_reproduced_and_repeated_points_are_omitted() {
         let line = [Vector3::zeros(), Vector3::x(), Vector3::x(), Vector3::x() * 2.5];
         let spline = ArcSpline::through(&line).unwrap();
         assert!((spline.length() - 2.5).abs() < 1e-14);

@@ -1,10 +1,10 @@
-//! A vector register of `f64`, whatever its width on the processor at hand.
+//! A vector register of `f64`, of the width that the processor has.
 
 use super::real::{Mask, Real};
 use pulp::Simd;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// As many numbers as a register of the instruction set `S` holds.
+/// The numbers that a register of the instruction set `S` holds.
 #[derive(Debug, Clone, Copy)]
 pub struct Lane<S: Simd> {
     simd: S,

@@ -1,8 +1,8 @@
-//! Numbers in lanes: one kernel for one rod and for several with the same number of unknowns at once.
+//! SIMD lanes: one kernel for a single rod and for several rods with the same number of unknowns.
 //!
-//! A kernel that is generic over [`Real`] runs on plain `f64` and on [`Lane`], as many numbers as a vector register of the
-//! processor holds. No operation mixes lanes and none is fused, so every lane has the bits of the `f64` kernel, on any
-//! processor and beside any other lanes.
+//! A kernel that is generic over [`Real`] runs on `f64` and on [`Lane`], the numbers that a vector register
+//! of the processor holds. No operation mixes lanes and none is fused, so every lane has the bits of the
+//! `f64` kernel, on any processor and for any contents of the other lanes.
 
 mod lane;
 mod real;

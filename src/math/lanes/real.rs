@@ -1,15 +1,15 @@
-//! The arithmetic that kernels in lanes are generic over.
+//! The arithmetic that SIMD kernels are generic over.
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// Most lanes of any processor.
+/// Maximum number of lanes on any processor.
 pub const MAX_LANES: usize = 8;
 
 /// A set of lanes: bit i is lane i.
 pub type Mask = u8;
 
-/// A number, or one in every lane. An `f64` on the right of an operator stands in every lane.
+/// A number, or one in every lane. An `f64` on the right of an operator is broadcast to all lanes.
 pub trait Real:
     Copy
     + Debug
@@ -28,7 +28,7 @@ pub trait Real:
     /// Number of lanes, at most [`MAX_LANES`].
     const LANES: usize;
 
-    /// Every lane.
+    /// The set of all lanes.
     const ALL: Mask = (((1_u32 << Self::LANES) - 1) & 0xff) as Mask;
 
     /// `x` in every lane.
@@ -37,13 +37,13 @@ pub trait Real:
     /// Square root.
     fn sqrt(self) -> Self;
 
-    /// Magnitude.
+    /// Absolute value.
     fn abs(self) -> Self;
 
-    /// The larger of two; which of them for NaN is not said.
+    /// The larger of two; unspecified for NaN.
     fn max(self, other: Self) -> Self;
 
-    /// Lanes that are below `other`; none that is NaN.
+    /// Lanes in which `self < other`; false for NaN.
     fn below(self, other: Self) -> Mask;
 
     /// `self` in the lanes of `mask`, `other` elsewhere.

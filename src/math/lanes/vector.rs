@@ -1,4 +1,4 @@
-//! Vectors, matrices and rigid motions in space, over any [`Real`].
+//! Vectors, matrices, poses and twists in space, over any [`Real`].
 
 use super::real::Real;
 use nalgebra::{Matrix3, Vector3};
@@ -12,7 +12,7 @@ pub struct V3<F>(pub [F; 3]);
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct M3<F>(pub [V3<F>; 3]);
 
-/// A pose (R, p): x ↦ R x + p.
+/// A pose (R, p), the map x ↦ R x + p.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose<F> {
     /// Rotation R.
@@ -21,7 +21,7 @@ pub struct Pose<F> {
     pub p: V3<F>,
 }
 
-/// A twist (ω, v): a point x moves by ω × x + v.
+/// A twist (ω, v), the velocity field ω × x + v.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Twist<F> {
     /// Rotation part ω.
@@ -31,7 +31,7 @@ pub struct Twist<F> {
 }
 
 impl<F: Real> V3<F> {
-    /// The same number three times.
+    /// `x` in all three components.
     #[inline(always)]
     pub fn all(x: F) -> Self {
         V3([x; 3])
@@ -173,7 +173,7 @@ impl<F: Real> Pose<F> {
 }
 
 impl<F: Real> Twist<F> {
-    /// No motion.
+    /// The zero twist.
     #[inline(always)]
     pub fn none(zero: F) -> Self {
         Twist { w: V3::all(zero), v: V3::all(zero) }
