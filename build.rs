@@ -1,11 +1,12 @@
-//! Tells the program which build it is: a hash of the sources that the bytes of a cache follow from, and of the versions of its dependencies.
+//! Tells the program which build it is: a hash of the sources that the bytes of a cache follow from, and of
+//! the versions of its dependencies.
 
 use std::fs;
 use std::hash::{DefaultHasher, Hasher};
 use std::path::Path;
 
-/// The modules that bake, and those that they use; a test of the program's shape holds that none is missing. What reads other formats, reports
-/// or is typed changes no byte of a cache.
+/// The modules that bake, and those that they use; a test of the program's shape holds that none is missing.
+/// What reads other formats, reports or is typed changes no byte of a cache.
 const BAKING: [&str; 13] = [
     "bake", "cache", "contact", "dynamics", "error", "file", "geometry", "math", "rod", "scene", "strands",
     "usd", "wisp",

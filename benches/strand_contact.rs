@@ -1,9 +1,9 @@
-//! Guides that touch each other: cost, contacts and residual against their number, on a shaken head of the sample `short`, 8 nodes a guide and
-//! 8 sub-steps a frame.
+//! Guides that touch each other: cost, contacts and residual against their number, on a shaken head of the
+//! sample `short`, 8 nodes a guide and 8 sub-steps a frame.
 //!
-//! `cargo bench --bench tangle` tries a head of 2,000 guides, then patches about the crown of one of 4,000, of 125 guides to all: as dense,
-//! whatever their number. `-- head 500` and `-- patch 500 1000` try some. Seconds of CPU, of all threads together, are those to compare on a
-//! machine that others use too.
+//! `cargo bench --bench strand_contact` tries a head of 2,000 guides, then patches about the crown of one of 4,000,
+//! of 125 guides to all: as dense, whatever their number. `-- head 500` and `-- patch 500 1000` try some.
+//! Seconds of CPU, of all threads together, are those to compare on a machine that others use too.
 #![allow(clippy::print_stdout)] // Cost means little without what was found and how well it was solved.
 
 use hairbake::dynamics::guide_rods::GuideRods;
@@ -130,7 +130,8 @@ fn run(groom: &Groom, anim: &Anim, guides: usize, mut each: impl FnMut(&[StepRec
     [start.elapsed().as_secs_f64() / frames, (cpu() - before) / frames]
 }
 
-/// Seconds of CPU that this process has used, all threads together; not a number where the system does not tell (Linux does).
+/// Seconds of CPU that this process has used, all threads together; not a number where the system does not
+/// tell (Linux does).
 fn cpu() -> f64 {
     let told = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     // User and system time, in hundredths, are the 12th and 13th entries after the name.

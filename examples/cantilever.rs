@@ -4,9 +4,9 @@
 //! cargo run --release --example cantilever
 //! ```
 //!
-//! A straight inextensible beam of length L is clamped horizontally. Its shape depends on one number, the load
-//! Γ = ρSgL³ / EI. The Euler-Bernoulli beam drops by Γ L / 8, which holds for small Γ only. The heavy elastica
-//! holds for all. With θ the angle below the horizontal and s the arc length in lengths of the beam:
+//! A straight inextensible beam of length L is clamped horizontally. Its shape depends on one number, the
+//! load Γ = ρSgL³ / EI. The Euler-Bernoulli beam drops by Γ L / 8, which holds for small Γ only. The heavy
+//! elastica holds for all. With θ the angle below the horizontal and s the arc length in lengths of the beam:
 //!
 //! ```text
 //! θ'' = -Γ (1 - s) cos θ,   θ(0) = 0,   θ'(1) = 0.
@@ -82,8 +82,8 @@ fn rod(gamma: f64) -> [f64; 2] {
     [tip.x, -tip.y]
 }
 
-/// Reach and drop of the elastica's tip, in lengths: integrates from the free end, and bisects the angle there
-/// until the clamp is horizontal.
+/// Reach and drop of the elastica's tip, in lengths: integrates from the free end, and bisects the angle
+/// there until the clamp is horizontal.
 fn elastica(gamma: f64) -> [f64; 2] {
     let (mut low, mut high) = (0.0, FRAC_PI_2);
     for _ in 0..50 {
@@ -94,8 +94,8 @@ fn elastica(gamma: f64) -> [f64; 2] {
     [reach, drop]
 }
 
-/// θ, dθ/dt, reach and drop at the clamp, t = 1 - s = 1, of the elastica with angle `tip` at its free end, t = 0.
-/// Classical Runge-Kutta method.
+/// θ, dθ/dt, reach and drop at the clamp, t = 1 - s = 1, of the elastica with angle `tip` at its free end, t
+/// = 0. Classical Runge-Kutta method.
 fn shoot(gamma: f64, tip: f64) -> [f64; 4] {
     const STEPS: u32 = 2000;
     let h = 1.0 / f64::from(STEPS);

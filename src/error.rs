@@ -67,8 +67,8 @@ impl Error {
         if diagnostics.is_empty() { Ok(()) } else { Err(Error::BadInput(diagnostics)) }
     }
 
-    /// The process exit code: 1 broken guarantee, then as in `sysexits.h`: 64 usage, 65 bad input, 70 internal,
-    /// 74 I/O, 75 try again later, 78 configuration; 85 stopped, run again to resume.
+    /// The process exit code: 1 broken guarantee, then as in `sysexits.h`: 64 usage, 65 bad input, 70
+    /// internal, 74 I/O, 75 try again later, 78 configuration; 85 stopped, run again to resume.
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Broken(_) => 1,

@@ -10,7 +10,8 @@ use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Largest relative difference of rest points and head matrices between base and bake: both are written rounded.
+/// Largest relative difference of rest points and head matrices between base and bake: both are written
+/// rounded.
 const REST_TOLERANCE: f64 = 1e-6;
 
 /// A selection of groups to bake over an earlier cache.
@@ -48,8 +49,8 @@ impl BaseCache {
     /// Opens the base of a bake of `groom` whose cache will have this `header`.
     ///
     /// # Errors
-    /// [`Error::Usage`] for groups that the groom does not have; [`Error::Io`] and [`Error::Damaged`] if the base cannot be read;
-    /// [`Error::BadInput`] with all differences from this bake.
+    /// [`Error::Usage`] for groups that the groom does not have; [`Error::Io`] and [`Error::Damaged`] if the
+    /// base cannot be read; [`Error::BadInput`] with all differences from this bake.
     pub fn open(selection: &GroupSelection, groom: &Groom, anim: &Anim, header: &Header) -> Result<Self> {
         let baked: Vec<bool> = groom.groups.iter().map(|g| selection.groups.contains(&g.name)).collect();
         if let Some(name) =
@@ -115,10 +116,12 @@ impl BaseCache {
         (0..curves.len()).filter(|&c| self.baked[curves.group[c] as usize])
     }
 
-    /// Adds the curves of the base at the moments of one frame; `moments` holds the strands baked anew, and all guides.
+    /// Adds the curves of the base at the moments of one frame; `moments` holds the strands baked anew, and
+    /// all guides.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Damaged`] if the base differs from its manifest; [`Error::BadInput`] if its head moves differently.
+    /// [`Error::Io`]; [`Error::Damaged`] if the base differs from its manifest; [`Error::BadInput`] if its
+    /// head moves differently.
     pub fn complete(&self, moments: &mut [Frame], header: &Header) -> Result<()> {
         let Some(frame) = moments.first().map(|m| m.frame) else { return Ok(()) };
         let path = self.reader.dir().join(cache::frame_file_name(frame));
@@ -168,7 +171,8 @@ fn mismatch(file: &Path, key: &str, what: String, allowed: String) -> Diagnostic
     Diagnostic::new(file, key, what, allowed, remedy)
 }
 
-/// For each curve of the new set, the curve of the old set to copy and its points there; `None` if it is baked anew.
+/// For each curve of the new set, the curve of the old set to copy and its points there; `None` if it is
+/// baked anew.
 fn matching_curves(
     old: &CurveSet,
     new: &CurveSet,
@@ -212,7 +216,8 @@ fn matching_curves(
     found
 }
 
-/// The source of each curve of the set. `only_baked` says that the bake's arrays hold only the curves baked anew.
+/// The source of each curve of the set. `only_baked` says that the bake's arrays hold only the curves baked
+/// anew.
 fn sources(
     matching: Vec<Option<(usize, Range<usize>)>>,
     set: &CurveSet,

@@ -44,7 +44,7 @@ impl<'a> CacheContent<'a> {
             leaf: (guide.leaf.0 as u32, guide.leaf.1 as u32),
             group: groom.guides.curves.group[guide.guide],
         };
-        let rods: Vec<_> = rods.followed().map(|(rod, guide)| (rod, home(guide))).collect();
+        let rods: Vec<_> = rods.fine_and_simulated().map(|(rod, guide)| (rod, home(guide))).collect();
         let homes = strands.leaf.iter().zip(&strands.curves.group);
         let homes: Vec<Membership> =
             homes.map(|(leaf, group)| Membership { leaf: *leaf, group: *group }).collect();

@@ -1,6 +1,7 @@
 //! Binary files with a header that identifies their kind and bake, and a checksum.
 //!
-//! One line of text, `hairbake KIND VERSION KEY SHA256`, then the value in postcard's encoding; the hash is of the value.
+//! One line of text, `hairbake KIND VERSION KEY SHA256`, then the value in postcard's encoding; the hash is
+//! of the value.
 
 use crate::file::{read_file, sha256, write_file, write_file_unsynced};
 use crate::{Error, Result};

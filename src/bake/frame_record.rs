@@ -17,7 +17,8 @@ pub struct FrameRecord {
     pub newton_max: u32,
     /// Sub-steps that were halved.
     pub halvings: u32,
-    /// Ids of guides that halved a sub-step on their own. The moments in between are not written, so their written path is not exact.
+    /// Ids of guides that halved a sub-step on their own. The moments in between are not written, so their
+    /// written path is not exact.
     pub divided: Vec<i32>,
     /// Ids of guides with a solve that did not converge; they were carried rigidly with their roots instead.
     pub unconverged: Vec<i32>,
@@ -33,7 +34,8 @@ pub struct FrameRecord {
     pub contacts_active: u32,
     /// Contact rounds per guide and sub-step: largest.
     pub contact_rounds: u32,
-    /// Relative residual of the contact reactions: largest. For a solve that did not settle, evaluated where it ended.
+    /// Relative residual of the contact reactions: largest. For a solve that did not settle, evaluated where
+    /// it ended.
     pub contact_residual: f64,
     /// Solves accepted after all rounds before the guide came to rest on the bodies.
     pub unsettled: u32,
@@ -53,7 +55,8 @@ pub struct FrameRecord {
     pub strands_unsettled: u32,
     /// Motions of guides through a body, and segments of guides that passed through each other.
     pub crossings: u32,
-    /// Motions of guides that were truncated, or that ignore other guides, because no coupled solution was found.
+    /// Motions of guides that were truncated, or that ignore other guides, because no coupled solution was
+    /// found.
     pub strands_shortened: u32,
     /// Largest distance of a tie from its target, m.
     pub tie_slack_m: f64,

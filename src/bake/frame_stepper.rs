@@ -29,7 +29,8 @@ impl<'a> FrameStepper<'a> {
         FrameStepper { job, control, stage, run: None }
     }
 
-    /// The state at `frame`, which must not precede that of the last call, and the time to simulate it, s, if it was missing.
+    /// The state at `frame`, which must not precede that of the last call, and the time to simulate it, s, if
+    /// it was missing.
     ///
     /// # Errors
     /// As [`FrameStepper::simulate`].
@@ -45,7 +46,8 @@ impl<'a> FrameStepper<'a> {
         Ok((state, Some(seconds)))
     }
 
-    /// Simulates to `frame`, from the current state or the newest checkpoint before it; returns the state and the time taken, s.
+    /// Simulates to `frame`, from the current state or the newest checkpoint before it; returns the state and
+    /// the time taken, s.
     ///
     /// # Errors
     /// [`Error::Stopped`] if asked to stop, after writing a checkpoint; [`Error::Io`].
@@ -135,8 +137,8 @@ impl<'a> Run<'a> {
         record.frame = frame;
         record.close(&self.simulation, &head_motion(&self.job.anim, self.simulation.time()));
         self.next += 1;
-        // The next segment resumes from the last frame; the frame before is a fallback. Both checkpoints are synced before the state, so
-        // that a process that finds all states finds them too.
+        // The next segment resumes from the last frame; the frame before is a fallback. Both checkpoints are
+        // synced before the state, so that a process that finds all states finds them too.
         let due = self.control.every_frames.is_some_and(|n| i64::from(frame) % i64::from(n) == 0);
         if due || frame >= self.stage.end() - 1 {
             self.save()?;
@@ -153,7 +155,8 @@ impl<'a> Run<'a> {
         if stops { Err(stopped(&format!("on the way to frame {}", self.next))) } else { Ok(()) }
     }
 
-    /// Syncs the states: a process that resumes from a checkpoint does not check the states before it, so they must be as durable.
+    /// Syncs the states: a process that resumes from a checkpoint does not check the states before it, so
+    /// they must be as durable.
     fn sync(&mut self) -> Result<()> {
         self.job.work.sync_states(&std::mem::take(&mut self.unsynced))
     }
@@ -172,8 +175,8 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Sub-steps to the start of a stage, whose checkpoint belongs to the stage before; and to its last two frames, whose checkpoints are
-/// kept.
+/// Sub-steps to the start of a stage, whose checkpoint belongs to the stage before; and to its last two
+/// frames, whose checkpoints are kept.
 fn checkpoint_bounds(job: &Job, stage: &RangeInclusive<i32>) -> (i64, [i64; 2]) {
     let (start, end) = (*stage.start(), *stage.end());
     (job.steps_before(start), [end - 1, end].map(|frame| job.steps_to(frame)))

@@ -46,8 +46,8 @@ impl<'a> FrameWriter<'a> {
         Ok(&self.states[&frame].0)
     }
 
-    /// Computes the strands' retractions at a frame whose state is loaded. Retractions that several tasks need are shared through the
-    /// work folder, so that they are computed once.
+    /// Computes the strands' retractions at a frame whose state is loaded. Retractions that several tasks
+    /// need are shared through the work folder, so that they are computed once.
     pub fn retract(&mut self, frame: i32) -> Result<()> {
         let Some((state, retracted @ None)) = self.states.get_mut(&frame) else { return Ok(()) };
         let (span, work) = (RETRACTION_SPAN as i32, &self.job.work);
@@ -55,14 +55,14 @@ impl<'a> FrameWriter<'a> {
             (frame - span..=frame + span).any(|f| self.job.frames().contains(&f) && !self.own.contains(&f));
         let own = self.own.contains(&frame);
         // Its own frames need the strands' motion as well, which is not shared.
-        let found = if shared && !own { work.retreats(frame, self.output.vertices()) } else { None };
+        let found = if shared && !own { work.retractions(frame, self.output.vertices()) } else { None };
         let share = shared && found.is_none();
         let retracted = retracted.insert(match found {
             Some(retractions) => Retracted { retractions, unretracted: None },
             None => self.output.retract(frame, &state.guides, own),
         });
         if share {
-            work.write_retreats(frame, &retracted.retractions)?;
+            work.write_retractions(frame, &retracted.retractions)?;
         }
         Ok(())
     }

@@ -38,11 +38,12 @@ pub struct Job {
 }
 
 impl Job {
-    /// Begins or resumes a bake into the folder `out`. `set` are overrides of the files' values; `only` selects groups to bake
-    /// over an earlier cache.
+    /// Begins or resumes a bake into the folder `out`. `set` are overrides of the files' values; `only`
+    /// selects groups to bake over an earlier cache.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] if the folder cannot be written; those of [`BaseCache::open`], before anything is written.
+    /// [`crate::Error::Io`] if the folder cannot be written; those of [`BaseCache::open`], before anything is
+    /// written.
     pub fn begin(
         groom: Groom,
         anim: Anim,
@@ -58,7 +59,7 @@ impl Job {
             Some(only) => {
                 let written = CacheContent::new(&groom, &anim, &rods);
                 let base = BaseCache::open(only, &groom, &anim, &written.header())?;
-                rods.moved = required_guides(&groom, &anim, &rods, &base, &written);
+                rods.required = required_guides(&groom, &anim, &rods, &base, &written);
                 inputs.push(base.record()?);
                 settings["groups"] = only.groups.iter().cloned().collect();
                 Some(base)
@@ -86,15 +87,15 @@ impl Job {
         model::substeps_to(&self.anim, frame)
     }
 
-    /// Sub-steps from the start of the pre-roll to the start of a stage whose first frame is `frame`; the pre-roll belongs to the
-    /// first frame.
+    /// Sub-steps from the start of the pre-roll to the start of a stage whose first frame is `frame`; the
+    /// pre-roll belongs to the first frame.
     pub(super) fn steps_before(&self, frame: i32) -> i64 {
         if frame > *self.frames().start() { self.steps_to(frame - 1) } else { 0 }
     }
 }
 
-/// Which guides a bake of some groups must simulate: its own, those that its strands are interpolated from, and those that
-/// exchange friction with these. The simulation adds their leaders in wisps.
+/// Which guides a bake of some groups must simulate: its own, those that its strands are interpolated from,
+/// and those that exchange friction with these. The simulation adds their leaders in wisps.
 fn required_guides(
     groom: &Groom,
     anim: &Anim,
@@ -127,8 +128,8 @@ fn required_guides(
         .collect()
 }
 
-/// Hash of everything that the bytes depend on: program, inputs, settings and the first frame, before which the hair settles. The
-/// last frame, threads and file locations do not matter.
+/// Hash of everything that the bytes depend on: program, inputs, settings and the first frame, before which
+/// the hair settles. The last frame, threads and file locations do not matter.
 fn key(anim: &Anim, inputs: &[InputRecord], settings: &Value) -> String {
     let inputs: Vec<[&str; 2]> = inputs.iter().map(|i| [i.role.as_str(), i.sha256.as_str()]).collect();
     let all = json!({

@@ -39,7 +39,7 @@ pub(super) fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Resu
     manifest.scene_figures = object(json!({
         "exempt_guide_segments": exempt,
         "groom_notes": job.groom.notes,
-        "sag_free": job.rods.held,
+        "sag_free": job.rods.sag_free,
         "first_frame_from_groom": { "mean": mean, "largest": largest },
     }));
     for Finished { record, file, .. } in finished {

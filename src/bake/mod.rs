@@ -1,8 +1,10 @@
-//! The bake: guides simulated, strands interpolated, the cache written, in stages that may run in one process or in many.
+//! The bake: guides simulated, strands interpolated, the cache written, in stages that may run in one process
+//! or in many.
 //!
-//! [`simulate`] goes from frame to frame and writes the guides' state at each; [`interpolate`] makes a frame's file of the states
-//! around it; [`assemble`] ends the cache. [`bake()`] does all of it. Whichever way, the cache has the same bytes: every stage begins by
-//! looking what is done, and a frame depends on nothing but the [`Job`](job::Job).
+//! [`simulate`] goes from frame to frame and writes the guides' state at each; [`interpolate`] makes a
+//! frame's file of the states around it; [`assemble`] ends the cache. [`bake()`] does all of it. Whichever
+//! way, the cache has the same bytes: every stage begins by looking what is done, and a frame depends on
+//! nothing but the [`Job`](job::Job).
 
 pub mod base_cache;
 mod cache_content;

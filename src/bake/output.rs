@@ -25,7 +25,8 @@ pub struct Output<'a> {
     rods: Vec<&'a Rod>,
     convention: Convention,
     strands: Option<Interpolator>,
-    /// The bodies that strands are kept out of. Separate from the simulation's: they are prepared for other times.
+    /// The bodies that strands are kept out of. Separate from the simulation's: they are prepared for other
+    /// times.
     bodies: Bodies,
     header: Header,
     /// The cache that provides the groups that are not baked.
@@ -74,7 +75,8 @@ impl<'a> Output<'a> {
         self.strands.as_ref().map_or(0, Interpolator::vertices)
     }
 
-    /// Retractions of the strands from bodies at `frame`, with the guides `guides`, and their motion without retraction if `motion_too`.
+    /// Retractions of the strands from bodies at `frame`, with the guides `guides`, and their motion without
+    /// retraction if `motion_too`.
     pub fn retract(&mut self, frame: i32, guides: &[GuideFrame], motion_too: bool) -> Retracted {
         let t = self.anim.time(f64::from(frame));
         self.bodies.prepare([t - DIFFERENCE_STEP, t]);
@@ -90,9 +92,9 @@ impl<'a> Output<'a> {
         }
     }
 
-    /// The cache's arrays at the written moments of `frame`. `states` are the guides at this frame and the next, `steps` the
-    /// configurations in between if they are written, `retractions` those of the frames around, and `unretracted` the strands' motion
-    /// without retraction at the frame, if known.
+    /// The cache's arrays at the written moments of `frame`. `states` are the guides at this frame and the
+    /// next, `steps` the configurations in between if they are written, `retractions` those of the frames
+    /// around, and `unretracted` the strands' motion without retraction at the frame, if known.
     ///
     /// # Errors
     /// As [`BaseCache::complete`].
@@ -259,8 +261,9 @@ impl<'a> Output<'a> {
     }
 }
 
-/// Sets the accelerations of the moments of a frame: those that take points and velocities of each moment to the points of the next,
-/// and of the last to those of the moment before. Frames are `interval`, s, apart. A single moment has none.
+/// Sets the accelerations of the moments of a frame: those that take points and velocities of each moment to
+/// the points of the next, and of the last to those of the moment before. Frames are `interval`, s, apart. A
+/// single moment has none.
 fn accelerate(moments: &mut [Frame], interval: f64) {
     let found: Vec<_> = (0..moments.len())
         .filter(|_| moments.len() > 1)
@@ -282,7 +285,8 @@ fn accelerate(moments: &mut [Frame], interval: f64) {
     }
 }
 
-/// The acceleration a of x + v t + a t²/2 through the points of `now`, with their velocities, and the points of `then`, `after` s later.
+/// The acceleration a of x + v t + a t²/2 through the points of `now`, with their velocities, and the points
+/// of `then`, `after` s later.
 fn accelerations(now: &CurveFrame, then: &CurveFrame, after: f64) -> Vec<[f32; 3]> {
     let at = |i: usize| {
         std::array::from_fn(|k| {

@@ -29,8 +29,8 @@ pub fn inputs(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<Vec<In
     crate::scene::inputs(groom, anim, options)?.into_iter().map(record).collect()
 }
 
-/// Does everything that is left of a bake, frame by frame. `progress` is called for each finished frame with the number of finished
-/// frames and their total.
+/// Does everything that is left of a bake, frame by frame. `progress` is called for each finished frame with
+/// the number of finished frames and their total.
 ///
 /// # Errors
 /// [`Error::Stopped`] if `control` asked for it; [`Error::Io`] if a file cannot be written.
@@ -71,8 +71,8 @@ pub fn bake(
     Ok(summary)
 }
 
-/// Simulates the frames from `first` to `last` and writes the guides' state at each. Unless `first` is the first frame of the cache,
-/// the segment before it must be done.
+/// Simulates the frames from `first` to `last` and writes the guides' state at each. Unless `first` is the
+/// first frame of the cache, the segment before it must be done.
 ///
 /// # Errors
 /// As [`bake()`], and [`Error::NotYet`] if the frame before is not simulated.

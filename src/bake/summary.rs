@@ -5,7 +5,8 @@ use super::job::Job;
 use crate::cache::Manifest;
 use serde::Serialize;
 
-/// Wall-clock time of the stages of one frame, s. It varies between runs, so it is not written into the cache.
+/// Wall-clock time of the stages of one frame, s. It varies between runs, so it is not written into the
+/// cache.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct StageSeconds {
     /// Simulation of the guides.

@@ -6,10 +6,10 @@
 //! | `states/1001` | the guides at a frame, for interpolation (`FrameState`) |
 //! | `frames/1001.json` | marks the frame's file as done, with its checksum |
 //! | `checkpoints/8064` | the whole simulation after 8064 sub-steps ([`RunCheckpoint`]) |
-//! | `retreats/1001` | retractions of the strands at a frame that two tasks need; removed by `assemble` |
+//! | `retractions/1001` | retractions of the strands at a frame that two tasks need; removed by `assemble` |
 //!
-//! Every file contains the bake's key and is written atomically. Two processes that write the same file write the same bytes,
-//! so no file needs a lock, and a stage may run twice at once.
+//! Every file contains the bake's key and is written atomically. Two processes that write the same file write
+//! the same bytes, so no file needs a lock, and a stage may run twice at once.
 
 use super::checked_file::{self, FileFault, Kind};
 use super::frame_record::FrameRecord;
@@ -29,13 +29,13 @@ use std::str::FromStr;
 pub const FOLDER: &str = ".hairbake";
 
 /// Its subfolders.
-const FOLDERS: [&str; 4] = ["states", "frames", "checkpoints", "retreats"];
+const FOLDERS: [&str; 4] = ["states", "frames", "checkpoints", "retractions"];
 
 /// Checkpoints kept while a simulation runs: the newest, and one to fall back on.
 const KEPT: usize = 2;
 
 const STATE: Kind = Kind { name: "state", version: 1, durable: false };
-const RETREATS: Kind = Kind { name: "retreats", version: 1, durable: false };
+const RETRACTIONS: Kind = Kind { name: "retractions", version: 1, durable: false };
 const CHECKPOINT: Kind = Kind { name: "checkpoint", version: 1, durable: true };
 
 /// The whole simulation between two sub-steps.
@@ -76,8 +76,8 @@ pub struct WorkDir {
 }
 
 impl WorkDir {
-    /// Opens the work folder in the cache folder `out`, or makes it. Removes the files of another bake, and marks its cache as
-    /// unfinished.
+    /// Opens the work folder in the cache folder `out`, or makes it. Removes the files of another bake, and
+    /// marks its cache as unfinished.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -114,7 +114,7 @@ impl WorkDir {
 
     /// Removes the files of other bakes. Files of this bake may have just been written by another process.
     fn clear_other_bakes(&self) -> Result<()> {
-        for (name, kind) in [("states", STATE), ("checkpoints", CHECKPOINT), ("retreats", RETREATS)] {
+        for (name, kind) in [("states", STATE), ("checkpoints", CHECKPOINT), ("retractions", RETRACTIONS)] {
             for number in numbers::<i64>(&self.folder(name))? {
                 let path = self.folder(name).join(number.to_string());
                 if checked_file::read::<serde::de::IgnoredAny>(&path, kind, &self.key)
@@ -195,24 +195,24 @@ impl WorkDir {
     }
 
     /// Retractions of the strands at a frame, one per vertex, if another task has written them.
-    pub fn retreats(&self, frame: i32, vertices: usize) -> Option<Vec<f32>> {
+    pub fn retractions(&self, frame: i32, vertices: usize) -> Option<Vec<f32>> {
         let some: Vec<(u32, f32)> =
-            checked_file::read(&self.retreats_path(frame), RETREATS, &self.key).ok()?;
-        let mut retreats = vec![0.0; vertices];
+            checked_file::read(&self.retractions_path(frame), RETRACTIONS, &self.key).ok()?;
+        let mut retractions = vec![0.0; vertices];
         for (vertex, share) in some {
-            *retreats.get_mut(vertex as usize)? = share;
+            *retractions.get_mut(vertex as usize)? = share;
         }
-        Some(retreats)
+        Some(retractions)
     }
 
     /// Writes the retractions of the strands at a frame for other tasks; only those that are not zero.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn write_retreats(&self, frame: i32, retreats: &[f32]) -> Result<()> {
-        let all = (0u32..).zip(retreats.iter().copied());
+    pub fn write_retractions(&self, frame: i32, retractions: &[f32]) -> Result<()> {
+        let all = (0u32..).zip(retractions.iter().copied());
         let some: Vec<(u32, f32)> = all.filter(|(_, share)| *share != 0.0).collect();
-        checked_file::write(&self.retreats_path(frame), RETREATS, &self.key, &some)
+        checked_file::write(&self.retractions_path(frame), RETRACTIONS, &self.key, &some)
     }
 
     /// Syncs the states of frames to disk.
@@ -259,7 +259,8 @@ impl WorkDir {
         checked_file::read::<RunCheckpoint>(&self.checkpoint_path(taken), CHECKPOINT, &self.key).is_ok()
     }
 
-    /// Writes a checkpoint; removes all but the newest two after `since` sub-steps, except those listed in `kept`.
+    /// Writes a checkpoint; removes all but the newest two after `since` sub-steps, except those listed in
+    /// `kept`.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -286,7 +287,8 @@ impl WorkDir {
         old.into_iter().try_for_each(|taken| remove_file(&self.checkpoint_path(*taken)))
     }
 
-    /// Removes files left by killed processes, files shared between tasks, and marks of frames outside `frames`.
+    /// Removes files left by killed processes, files shared between tasks, and marks of frames outside
+    /// `frames`.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -296,8 +298,8 @@ impl WorkDir {
         {
             file::remove_stale_temporaries(&folder)?;
         }
-        let shared: Vec<i32> = numbers(&self.folder("retreats"))?;
-        shared.into_iter().try_for_each(|frame| remove_file(&self.retreats_path(frame)))?;
+        let shared: Vec<i32> = numbers(&self.folder("retractions"))?;
+        shared.into_iter().try_for_each(|frame| remove_file(&self.retractions_path(frame)))?;
         let marks: Vec<i32> = numbers(&self.folder("frames"))?;
         let outside = marks.into_iter().filter(|frame| !frames.contains(frame));
         outside.into_iter().try_for_each(|frame| remove_file(&self.mark_path(frame)))
@@ -311,8 +313,8 @@ impl WorkDir {
         self.folder("states").join(frame.to_string())
     }
 
-    fn retreats_path(&self, frame: i32) -> PathBuf {
-        self.folder("retreats").join(frame.to_string())
+    fn retractions_path(&self, frame: i32) -> PathBuf {
+        self.folder("retractions").join(frame.to_string())
     }
 
     fn mark_path(&self, frame: i32) -> PathBuf {

@@ -1,5 +1,5 @@
-//! Guides with equal numbers of unknowns, whose free motions are solved in the SIMD lanes of one pack. Contact is resolved guide
-//! by guide.
+//! Guides with equal numbers of unknowns, whose free motions are solved in the SIMD lanes of one pack.
+//! Contact is resolved guide by guide.
 
 use super::environment::Environment;
 use super::guide::{ContactMode, FreeSolve, GuideModel, GuideScratch, GuideState};
@@ -67,8 +67,8 @@ impl Batches {
         Batches { batches, scratch }
     }
 
-    /// Does for every active guide what [`GuideModel::step`] does, bit for bit, on all threads. `span` is the start and end
-    /// of the sub-step, s; `states` and `records` have an entry for each guide.
+    /// Does for every active guide what [`GuideModel::step`] does, bit for bit, on all threads. `span` is the
+    /// start and end of the sub-step, s; `states` and `records` have an entry for each guide.
     pub fn step(
         &self,
         models: &[GuideModel],

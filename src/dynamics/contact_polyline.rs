@@ -1,4 +1,5 @@
-//! The polyline in which a guide meets bodies: the points of its rod, and the midpoints of the curve between them.
+//! The polyline in which a guide meets bodies: the points of its rod, and the midpoints of the curve between
+//! them.
 
 use nalgebra::Vector3;
 
@@ -7,8 +8,9 @@ pub(super) fn on_rod(half: usize, u: f64) -> (usize, f64) {
     (half / 2, 0.5 * ((half % 2) as f64 + u))
 }
 
-/// Sets `polyline`, m, to the points `x` and, between any two, the midpoint of the cubic with the tangents `t` there; `arc`
-/// holds the arc length of each point, m. Midpoints move as [`blend_points`](crate::rod::RodShape::blend_points) at ½.
+/// Sets `polyline`, m, to the points `x` and, between any two, the midpoint of the cubic with the tangents
+/// `t` there; `arc` holds the arc length of each point, m. Midpoints move as
+/// [`blend_points`](crate::rod::RodShape::blend_points) at ½.
 pub(super) fn with_midpoints(
     arc: &[f64],
     x: impl Fn(usize) -> Vector3<f64>,

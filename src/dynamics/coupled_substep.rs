@@ -1,5 +1,5 @@
-//! A sub-step with contact between guides: taken by all active guides at once, and halved for all if one of them fails
-//! (`docs/theory.md` §5.2).
+//! A sub-step with contact between guides: taken by all active guides at once, and halved for all if one of
+//! them fails (`docs/theory.md` §5.2).
 
 use super::batch::Batches;
 use super::checkpoint::{Checkpoint, StateMismatch};
@@ -8,8 +8,8 @@ use super::guide::{ContactMode, GuideModel, GuideState, MAX_HALVINGS};
 use super::step_record::StepRecord;
 use super::strand_contact::StrandContacts;
 
-/// Most halvings of a sub-step with a crossing: a point that moves by 0.2 m in the sub-step then moves by less than its
-/// clearance in a part.
+/// Most halvings of a sub-step with a crossing: a point that moves by 0.2 m in the sub-step then moves by
+/// less than its clearance in a part.
 const MAX_HALVINGS_AT_CROSSINGS: u32 = 9;
 
 /// The guides of a simulation in one sub-step.
@@ -24,7 +24,8 @@ pub(super) struct CoupledSubstep<'a> {
 }
 
 impl CoupledSubstep<'_> {
-    /// Takes the sub-step over `span`, its start and end, s; `records` has an entry for each guide. Followers are not changed.
+    /// Takes the sub-step over `span`, its start and end, s; `records` has an entry for each guide. Followers
+    /// are not changed.
     pub fn step(&mut self, span: [f64; 2], records: &mut [StepRecord]) {
         let mut failures = vec![0; self.states.len()];
         self.take_part(span, 0, records, &mut failures);
@@ -33,8 +34,8 @@ impl CoupledSubstep<'_> {
         }
     }
 
-    /// Takes a part of a sub-step that was halved `depth` times; halves it further if that may avoid a failure. Counts in
-    /// `failures` the accepted parts in which each guide fails.
+    /// Takes a part of a sub-step that was halved `depth` times; halves it further if that may avoid a
+    /// failure. Counts in `failures` the accepted parts in which each guide fails.
     fn take_part(&mut self, span: [f64; 2], depth: u32, records: &mut [StepRecord], failures: &mut [u32]) {
         let active = || self.strand_contacts.active().iter();
         let before = (active().map(|&g| self.states[g].state()).collect(), self.strand_contacts.state());

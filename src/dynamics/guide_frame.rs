@@ -33,13 +33,15 @@ impl SolverStep {
 }
 
 impl GuideFrame {
-    /// A guide by its unknowns `q` now, and one and two sub-steps of `h`, s, ago, 1/m; the rate is of second order.
+    /// A guide by its unknowns `q` now, and one and two sub-steps of `h`, s, ago, 1/m; the rate is of second
+    /// order.
     pub fn new(q: [&[f64]; 3], h: f64, level: u32) -> Self {
         let rate = (0..q[0].len()).map(|i| backward_difference(q.map(|q| q[i]), h)).collect();
         GuideFrame { q: q[0].to_vec(), rate, level }
     }
 
-    /// The guide between two frames, `interval`, s, apart, at the share `u` of the way: cubic in time, with the rates of both ends; of the first one's level.
+    /// The guide between two frames, `interval`, s, apart, at the share `u` of the way: cubic in time, with
+    /// the rates of both ends; of the first one's level.
     pub fn between(a: &Self, b: &Self, u: f64, interval: f64) -> Self {
         // Of the cubic Hermite basis: the step, and the slopes at its start and end; then their derivatives.
         let (step, start, end) = (u * u * (3.0 - 2.0 * u), u * (1.0 - u) * (1.0 - u), u * u * (u - 1.0));

@@ -8,21 +8,21 @@ use crate::scene::{Anim, Groom};
 use crate::wisp::{self, GuideRod};
 use rayon::prelude::*;
 
-/// The rods of a bake, in the groom's order: as they are simulated, and as they are followed and written.
+/// The rods of a bake, in the groom's order: those simulated, and those that output and validation sample.
 #[derive(Debug, Clone)]
 pub struct GuideRods {
-    /// As they are simulated.
+    /// The simulated rods.
     pub simulated: Vec<GuideRod>,
-    /// As finely cut as they are followed and written; none where they are simulated so.
+    /// The rods with fine segments, for output; empty if the simulated ones have fine segments.
     fine: Vec<Rod>,
-    /// What keeps them from sagging at the start.
-    pub held: SagFreeReport,
-    /// Which of them have to move: all, but in a bake of some groups. Those that lead these in wisps do so beside.
-    pub moved: Vec<bool>,
+    /// What the sag-free start changed.
+    pub sag_free: SagFreeReport,
+    /// True for each guide that the bake needs: all guides, or those of some groups and their leaders.
+    pub required: Vec<bool>,
 }
 
 impl GuideRods {
-    /// The rods of `groom`, which must have its trees, coarse where `anim` lets nothing touch them.
+    /// The rods of `groom`, which must have its trees. Segments are coarse if `anim` has no contact.
     pub fn new(groom: &Groom, anim: &Anim) -> Self {
         let alone = anim.colliders.is_empty()
             && anim.ties.is_empty()
@@ -30,21 +30,22 @@ impl GuideRods {
         let mut simulated =
             wisp::guide_rods(groom, if alone { SegmentSize::COARSE } else { SegmentSize::FINE });
         let fine = if alone { wisp::guide_rods(groom, SegmentSize::FINE) } else { Vec::new() };
-        let held = sag_free::apply(&mut simulated, anim);
-        let moved = vec![true; simulated.len()];
-        GuideRods { held, moved, simulated, fine: fine.into_iter().map(|r| r.rod).collect() }
+        let report = sag_free::apply(&mut simulated, anim);
+        let required = vec![true; simulated.len()];
+        GuideRods { sag_free: report, required, simulated, fine: fine.into_iter().map(|r| r.rod).collect() }
     }
 
-    /// The rod of every guide, cut as finely as it is followed and written, with the simulated one.
-    pub fn followed(&self) -> impl Iterator<Item = (&Rod, &GuideRod)> {
+    /// The fine rod of every guide, with the simulated one.
+    pub fn fine_and_simulated(&self) -> impl Iterator<Item = (&Rod, &GuideRod)> {
         self.simulated.iter().enumerate().map(|(i, guide)| (self.fine.get(i).unwrap_or(&guide.rod), guide))
     }
 
-    /// Distance of the simulated guides from the groom's pose carried by the head, over their length: the mean over each guide's points, of
-    /// which the mean and the largest over all guides that move.
+    /// Distance of the simulated guides from the groom's pose carried by the head, relative to their length:
+    /// the mean over each guide's points; of these the mean and the maximum over the required guides.
     pub fn departure(&self, frames: &[GuideFrame]) -> [f64; 2] {
-        let moved = self.simulated.par_iter().zip(frames).zip(&self.moved).filter(|(_, moved)| **moved);
-        let each = moved.map(|((GuideRod { rod, .. }, frame), _)| {
+        let required =
+            self.simulated.par_iter().zip(frames).zip(&self.required).filter(|(_, required)| **required);
+        let each = required.map(|((GuideRod { rod, .. }, frame), _)| {
             let [groom, now] = [&rod.initial_q, &frame.q].map(|q| {
                 let mut shape = RodShape::default();
                 shape.update(rod, &rod.root.r, q);

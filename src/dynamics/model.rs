@@ -36,7 +36,7 @@ pub struct Model<'a> {
 impl<'a> Model<'a> {
     /// The model of a groom, which must have its trees; `rods` are its own.
     pub fn new(groom: &Groom, anim: &'a Anim, rods: &GuideRods) -> Self {
-        let simulated = rods.moved.clone();
+        let simulated = rods.required.clone();
         let rods = &rods.simulated;
         let bulk = HairBulk::new(rods.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
         let mut guides: Vec<GuideModel> = rods.par_iter().map(|r| guide(anim, &bulk, r)).collect();
@@ -92,8 +92,8 @@ impl<'a> Model<'a> {
         }
     }
 
-    /// Progress (0..=1) over time, s, of pushing out of bodies what starts inside them: the first half of the pre-roll pushes
-    /// out, the second settles.
+    /// Progress (0..=1) over time, s, of pushing out of bodies what starts inside them: the first half of the
+    /// pre-roll pushes out, the second settles.
     pub(super) fn push_out(&self) -> impl Fn(f64) -> f64 + Sync + 'static {
         let (end, preroll) = (self.time_after(self.preroll), self.anim.settings.preroll);
         move |t| match preroll {
@@ -130,7 +130,8 @@ fn guide(anim: &Anim, bulk: &HairBulk, r: &GuideRod) -> GuideModel {
     }
 }
 
-/// Springs of frequencies `hz`, going linearly from root to tip, that pull the points of a rod to where they are in `shape`.
+/// Springs of frequencies `hz`, going linearly from root to tip, that pull the points of a rod to where they
+/// are in `shape`.
 fn goal(rod: &Rod, shape: &RodShape, hz: [f64; 2]) -> Vec<GoalSpring> {
     if hz == [0.0; 2] {
         return Vec::new();

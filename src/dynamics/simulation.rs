@@ -138,8 +138,8 @@ fn advance(model: &Model, env: &Environment, state: &mut State, span: [f64; 2]) 
     }
 }
 
-/// Gathers the wisps at the end of the pre-roll; from then on, at the end of every frame, moves the followers, and splits and
-/// merges guides.
+/// Gathers the wisps at the end of the pre-roll; from then on, at the end of every frame, moves the
+/// followers, and splits and merges guides.
 fn adapt(model: &Model, env: &mut Environment, state: &mut State) {
     let State { guides, wisps, taken, record, .. } = state;
     let SubstepRecord { changes, catch_up, .. } = record;
@@ -166,8 +166,8 @@ fn adapt(model: &Model, env: &mut Environment, state: &mut State) {
     }
 }
 
-/// Takes the guides `split` through the sub-steps of a frame, each alone: other guides have already gone there and are met from
-/// then on. Adds to `records` what each sub-step did.
+/// Takes the guides `split` through the sub-steps of a frame, each alone: other guides have already gone
+/// there and are met from then on. Adds to `records` what each sub-step did.
 fn take_through(
     model: &Model,
     env: &mut Environment,

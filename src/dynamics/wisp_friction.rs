@@ -1,4 +1,5 @@
-//! Internal friction of wisps: damps each guide's velocity relative to its wisp's mean (`docs/theory.md` §4.7).
+//! Internal friction of wisps: damps each guide's velocity relative to its wisp's mean (`docs/theory.md`
+//! §4.7).
 
 use super::environment::Environment;
 use super::guide::GuideState;
@@ -76,8 +77,8 @@ impl FrictionSampler {
         -(-self.rate * h).exp_m1()
     }
 
-    /// Force on each point over a step of `h`, s, in the frame of the head, N, from the velocities of the nodes relative to the
-    /// wisp, m/s.
+    /// Force on each point over a step of `h`, s, in the frame of the head, N, from the velocities of the
+    /// nodes relative to the wisp, m/s.
     fn forces(&self, relative: &[Vector3<f64>], h: f64) -> Vec<Vector3<f64>> {
         let mut forces = vec![Vector3::zeros(); self.points.len()];
         for (k, point) in self.free_points() {
@@ -90,8 +91,8 @@ impl FrictionSampler {
 }
 
 impl WispFriction {
-    /// Friction between guides with the coarse wisp of each; `None` if there is none. Guides of one wisp have equal numbers of
-    /// nodes.
+    /// Friction between guides with the coarse wisp of each; `None` if there is none. Guides of one wisp have
+    /// equal numbers of nodes.
     pub fn new(guides: Vec<FrictionSampler>, wisp: &[usize]) -> Option<Self> {
         let mut wisps = vec![Vec::new(); wisp.iter().max().map_or(0, |last| last + 1)];
         wisp.iter().enumerate().for_each(|(i, &w)| wisps[w].push(i));
@@ -99,8 +100,8 @@ impl WispFriction {
         (!wisps.is_empty()).then_some(WispFriction { wisps, guides })
     }
 
-    /// Sets the friction forces on the guides over a step of `h`, s, that starts with the head at `head`. `leader` maps each
-    /// guide to the active guide that it moves with.
+    /// Sets the friction forces on the guides over a step of `h`, s, that starts with the head at `head`.
+    /// `leader` maps each guide to the active guide that it moves with.
     pub fn apply(
         &self,
         states: &mut [GuideState],
@@ -225,7 +226,8 @@ mod tests {
         friction: WispFriction,
     }
 
-    /// One wisp of guides with the given lengths and friction rates; each guide represents one hair more than the one before.
+    /// One wisp of guides with the given lengths and friction rates; each guide represents one hair more than
+    /// the one before.
     fn wisp(lengths: &[f64], rates: &[f64], env: &Environment, h: f64) -> Wisp {
         let rods: Vec<Rod> = lengths.iter().enumerate().map(|(i, l)| hair(i, *l)).collect();
         let sampler =
@@ -294,8 +296,8 @@ mod tests {
         assert!(largest < 1e-9, "{largest} N");
     }
 
-    /// Mean over time of the kinetic energy relative to the wisp, J, and the highest speed, m/s, of guides of three lengths
-    /// released sideways, in steps of `h`, s.
+    /// Mean over time of the kinetic energy relative to the wisp, J, and the highest speed, m/s, of guides of
+    /// three lengths released sideways, in steps of `h`, s.
     fn deviation_energy(rate: f64, h: f64, scheme: Scheme) -> (f64, f64) {
         let gravity = Box::new(|_| V::x() * 9.81);
         let env = Environment { gravity, ..Environment::at_rest(Bodies::default()) };

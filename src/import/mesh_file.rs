@@ -49,7 +49,7 @@ pub(super) fn read_deforming_mesh(source: &Source, times: Option<&SampleTimes>) 
     let plain = if source.is_usd() {
         formats::usd::mesh::read(source, times)?
     } else {
-        let mesh = TriMesh::load_obj_as_it_is(&source.path, &Convention::default()).map_err(error)?;
+        let mesh = TriMesh::load_obj_with_degenerate(&source.path, &Convention::default()).map_err(error)?;
         PlainMesh { mesh, samples: Vec::new(), declared: Declared::default(), notes: Vec::new() }
     };
     let PlainMesh { mut mesh, mut samples, declared, mut notes } = plain;

@@ -98,6 +98,26 @@ mod tests {
     }
 
     #[test]
+    fn solutions_agree_with_those_of_a_library_for_large_matrices() {
+        use faer::linalg::solvers::Solve;
+        for n in [21, 96, 300] {
+            let g = faer::Mat::from_fn(n, n, |i, j| ((i * 31 + j * 17) as f64).sin());
+            let mut spd = &g * g.transpose();
+            (0..n).for_each(|i| spd[(i, i)] += 0.1);
+            let b = faer::Col::from_fn(n, |i| (i as f64).cos());
+            let expected = spd.llt(faer::Side::Lower).unwrap().solve(&b);
+            let mut a: Vec<f64> = (0..n * n).map(|k| spd[(k / n, k % n)]).collect();
+            let mut x: Vec<f64> = b.iter().copied().collect();
+            assert_eq!(factor(&mut a, n), 1);
+            solve(&a, n, &mut x);
+            let size = expected.norm_max();
+            for (found, expected) in x.iter().zip(expected.iter()) {
+                assert!((found - expected).abs() < 1e-9 * size, "{n}: {found} {expected}");
+            }
+        }
+    }
+
+    #[test]
     fn indefinite_and_nan_matrices_are_rejected() {
         assert_eq!(factor(&mut [1.0, 0.0, 2.0, 1.0], 2), 0);
         assert_eq!(factor(&mut [f64::NAN], 1), 0);

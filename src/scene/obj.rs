@@ -14,7 +14,7 @@ impl TriMesh {
     /// # Errors
     /// What is wrong, in words that follow the name of the file.
     pub fn load_obj(path: &Path, convention: &Convention) -> Result<(TriMesh, usize), String> {
-        let mut mesh = TriMesh::load_obj_as_it_is(path, convention)?;
+        let mut mesh = TriMesh::load_obj_with_degenerate(path, convention)?;
         let degenerate = mesh.drop_degenerate()?;
         Ok((mesh, degenerate))
     }
@@ -24,7 +24,7 @@ impl TriMesh {
     ///
     /// # Errors
     /// As [`TriMesh::load_obj`].
-    pub(crate) fn load_obj_as_it_is(path: &Path, convention: &Convention) -> Result<TriMesh, String> {
+    pub(crate) fn load_obj_with_degenerate(path: &Path, convention: &Convention) -> Result<TriMesh, String> {
         let bytes = read_file(path).map_err(|e| format!("cannot be read: {e}"))?;
         let options = tobj::LoadOptions {
             triangulate: true,

@@ -197,6 +197,28 @@ mod tests {
         }
     }
 
+    /// The library solves K x = ω² M x by the QZ algorithm, without a shift or a factor of K.
+    #[test]
+    fn frequencies_are_the_generalised_eigenvalues_of_stiffness_and_mass() {
+        let rod = hair(12, 1e-9);
+        let drag = vec![0.0; rod.points()];
+        let linear = LinearModel::new(&rod, &rod.initial_q, &drag, &GRAVITY);
+        let n = linear.unknowns();
+        let [stiffness, mass] =
+            [&linear.stiffness, &linear.mass].map(|m| faer::Mat::from_fn(n, n, |i, j| m[i * n + j]));
+        let eigen = stiffness.generalized_eigen(&mass).unwrap();
+        let mut expected: Vec<f64> = (0..n)
+            .map(|k| (eigen.S_a()[k] / eigen.S_b()[k]).re)
+            .filter(|square| square.is_finite())
+            .collect();
+        expected.sort_by(f64::total_cmp);
+        let modes = modes(&linear, 0.0, &LinearKinematics::default()).unwrap();
+        assert_eq!(modes.len(), MODES);
+        for (mode, expected) in modes.iter().zip(expected) {
+            assert!((mode.stiffness / expected - 1.0).abs() < 1e-6, "{} {expected}", mode.stiffness);
+        }
+    }
+
     #[test]
     fn response_to_a_constant_excitation_converges_to_the_static_one() {
         // Two nodes with unknowns: the modes are complete.

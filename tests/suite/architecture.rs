@@ -1,5 +1,5 @@
-//! The shape of the program: which module may use which, who prints, how long a file may be, that the theory's equations
-//! are numbered in order, and that those cited exist.
+//! The shape of the program: which module may use which, who prints, how long a file may be, that the
+//! theory's equations are numbered in order, and that those cited exist.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -53,7 +53,8 @@ fn sources(roots: &[&str], endings: &[&str]) -> Vec<Source> {
     out
 }
 
-/// The first names of the paths that follow `crate::` in `code`: of `crate::a::b` a, of `crate::{a::b, c}` a and c.
+/// The first names of the paths that follow `crate::` in `code`: of `crate::a::b` a, of `crate::{a::b, c}` a
+/// and c.
 fn used(code: &str) -> BTreeSet<String> {
     let name = |path: &str| -> String {
         path.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
@@ -211,14 +212,15 @@ fn equations_and_sections_of_the_theory_are_numbered_in_order() {
     }
 }
 
-/// The text of a source file with the marks of comments and the ends of lines taken out, so that a citation may go over the end of a line.
+/// The text of a source file with the marks of comments and the ends of lines taken out, so that a citation
+/// may go over the end of a line.
 fn running_text(source: &str) -> String {
     let bare = |line: &str| line.trim_start().trim_start_matches(['/', '!', '#']).trim().to_string();
     source.lines().map(bare).collect::<Vec<_>>().join(" ")
 }
 
-/// The references that follow a mention of the theory, such as `§4`, `§3-§5`, `eq. 4.2` or `eqs. 8.3 to 8.5`: whether it is an
-/// equation, and its number.
+/// The references that follow a mention of the theory, such as `§4`, `§3-§5`, `eq. 4.2` or `eqs. 8.3 to 8.5`:
+/// whether it is an equation, and its number.
 fn references(mut text: &str) -> Vec<(bool, String)> {
     let mut found: Vec<(bool, String)> = Vec::new();
     loop {
@@ -237,7 +239,8 @@ fn references(mut text: &str) -> Vec<(bool, String)> {
     }
 }
 
-/// All citations of the theory in a running text: what follows its name, and what stands before "of" its name.
+/// All citations of the theory in a running text: what follows its name, and what stands before "of" its
+/// name.
 fn citations(text: &str) -> Vec<(bool, String)> {
     let mut found = Vec::new();
     let mut pieces = text.split("theory.md").peekable();

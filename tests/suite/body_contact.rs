@@ -20,8 +20,8 @@ fn model() -> GuideModel {
     GuideModel::new(rod, drag, 0.3)
 }
 
-/// Simulates `seconds` at `rate` steps a second; the ball's centre moves as `centre`. Calls `each` after every step with the
-/// guide, the centre and the record.
+/// Simulates `seconds` at `rate` steps a second; the ball's centre moves as `centre`. Calls `each` after
+/// every step with the guide, the centre and the record.
 fn run(
     balls: bool,
     centre: &(dyn Fn(f64) -> Vector3<f64> + Sync),
@@ -247,8 +247,9 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
 
 #[test]
 fn a_tie_gives_way_by_its_compliance() {
-    // A beam of weight w L clamped at one end and propped at the other by a spring of compliance C, which bears 3/8 w L / (1 + 3 C EI/L³)
-    // (Timoshenko); far stiffer and heavier than a hair, so that the tie gives by more than a solve leaves.
+    // A beam of weight w L clamped at one end and propped at the other by a spring of compliance C, which
+    // bears 3/8 w L / (1 + 3 C EI/L³) (Timoshenko); far stiffer and heavier than a hair, so that the tie
+    // gives by more than a solve leaves.
     let (length, gravity) = (0.1, 9.81e3);
     let points = [Vector3::zeros(), Vector3::x() * length];
     let rod = Rod::new(&RodSource {
@@ -289,12 +290,13 @@ fn a_tie_gives_way_by_its_compliance() {
     assert!((given.y / wanted - 1.0).abs() < 0.01, "{} m of {wanted} m", given.y);
 }
 
-/// A strand whose tip is pressed on a plate, with friction at root and tip: how far the tip creeps from where it first touched, and how far the
-/// strand comes to stand aside, m, and the rounds of the last step.
+/// A strand whose tip is pressed on a plate, with friction at root and tip: how far the tip creeps from where
+/// it first touched, and how far the strand comes to stand aside, m, and the rounds of the last step.
 fn pressed_on_a_plate(friction: [f64; 2]) -> (f64, f64, u32) {
     let plate = Shape::Plane { point: Vector3::x() * 0.21, normal: -Vector3::x() };
     let bodies = Bodies::from_shapes(&[plate]);
-    // Clamped at the origin, pointing at the plate; pushed towards it by a fifth of its length in two seconds.
+    // Clamped at the origin, pointing at the plate; pushed towards it by a fifth of its length in two
+    // seconds.
     let head = |t: f64| Isometry3::translation(0.02 * t, 0.0, 0.0);
     let env = Environment {
         head: Box::new(&head),
@@ -345,8 +347,9 @@ fn friction_changes_from_root_to_tip() {
     assert!(held < 1e-9 && slid > 0.01, "{held} {slid}");
 }
 
-/// Steps in which a strand did not come to rest, or that were divided, and the largest residual, while it hangs over a ball under `gravity`, m/s², and
-/// another comes down on it until there is `room`, m, between the two.
+/// Steps in which a strand did not come to rest, or that were divided, and the largest residual, while it
+/// hangs over a ball under `gravity`, m/s², and another comes down on it until there is `room`, m, between
+/// the two.
 fn over_a_ball(gravity: f64, room: f64) -> (u32, f64) {
     let ball = |y: f64| Shape::Sphere { centre: Vector3::new(0.1, y, 0.0), radius: RADIUS };
     let bodies = Bodies::from_shapes(&[ball(-RADIUS - 1e-3), ball(RADIUS - 1e-3)]);

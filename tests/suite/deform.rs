@@ -34,8 +34,8 @@ fn moving(mesh: &TriMesh, seconds: f64, shape: impl Fn(&Vector3<f64>, f64) -> Ve
     Deformation { start: 0.0, rate: FPS, samples: (0..=frames).map(sample).collect() }
 }
 
-/// Steps a hair for `seconds` among `colliders`, of which body b moves as `place(b, t)`; `each` sees every step. Returns the largest
-/// relative change of a segment length, and the state.
+/// Steps a hair for `seconds` among `colliders`, of which body b moves as `place(b, t)`; `each` sees every
+/// step. Returns the largest relative change of a segment length, and the state.
 fn run(
     colliders: &[Collider],
     place: &(dyn Fn(usize, f64) -> Vector3<f64> + Sync),
@@ -137,7 +137,8 @@ fn a_sphere_that_breathes_keeps_the_strand_out() {
     assert!(touched > 100, "hardly touches it");
 }
 
-/// A ball presses a strand on a floor, goes on into the floor, and leaves again: there is no place for the strand meanwhile.
+/// A ball presses a strand on a floor, goes on into the floor, and leaves again: there is no place for the
+/// strand meanwhile.
 #[test]
 fn a_strand_between_closing_bodies_stays_calm_and_is_reported() {
     let floor = Shape::Plane { point: Vector3::y() * -0.03, normal: Vector3::y() };
@@ -176,7 +177,8 @@ fn a_strand_between_closing_bodies_stays_calm_and_is_reported() {
     assert!(drift < 1e-3);
 }
 
-/// Long hair on a shoulder: a bodysuit that breathes, twists and shrugs, from its own sequence of files to the cache.
+/// Long hair on a shoulder: a bodysuit that breathes, twists and shrugs, from its own sequence of files to
+/// the cache.
 #[test]
 #[allow(clippy::print_stderr)]
 fn hair_lies_on_a_garment_that_moves() {

@@ -1,4 +1,5 @@
-//! A simulation that is stopped between any two sub-steps and taken up by another process goes on as if nothing had been.
+//! A simulation that is stopped between any two sub-steps and taken up by another process goes on as if
+//! nothing had been.
 
 use hairbake::dynamics::checkpoint::Checkpoint;
 use hairbake::dynamics::guide_rods::GuideRods;

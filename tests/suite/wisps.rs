@@ -24,7 +24,8 @@ fn scene(style: Style, still: i32) -> (Groom, Anim) {
     (groom.with_default_trees(anim.settings.nodes), anim)
 }
 
-/// The points of all guides, m, seen from the head, and the strain nodes that move, at each frame from the end of the pre-roll to `frame`.
+/// The points of all guides, m, seen from the head, and the strain nodes that move, at each frame from the
+/// end of the pre-roll to `frame`.
 fn run(groom: &Groom, anim: &Anim, frame: i32) -> Vec<(Vec<Vec<Vector3<f64>>>, u32)> {
     let rods = GuideRods::new(groom, anim);
     let mut simulation = Simulation::new(groom, anim, &rods);
@@ -60,16 +61,16 @@ fn apart(a: &[(Vec<Vec<Vector3<f64>>>, u32)], b: &[(Vec<Vec<Vector3<f64>>>, u32)
 }
 
 #[test]
-fn less_parting_is_nearer_to_all_guides_by_themselves_and_more_of_them() {
+fn smaller_split_tolerances_come_nearer_to_full_resolution_with_more_active_guides() {
     let (groom, mut anim) = scene(Style::Long, 0);
     let last = anim.frames.0 + 30;
-    let mut with = |resolution, parting| {
-        (anim.settings.resolution, anim.settings.split_tolerance) = (resolution, parting);
+    let mut with = |resolution, tolerance| {
+        (anim.settings.resolution, anim.settings.split_tolerance) = (resolution, tolerance);
         run(&groom, &anim, last)
     };
     let full = with(Resolution::Full, 0.0);
     let runs = [(Resolution::Coarse, 0.0), (Resolution::Adaptive, 0.004), (Resolution::Adaptive, 0.0004)]
-        .map(|(resolution, parting)| with(resolution, parting));
+        .map(|(resolution, tolerance)| with(resolution, tolerance));
     // Gathering moves nothing.
     for run in &runs {
         assert_eq!(run[0].0, full[0].0);
@@ -209,7 +210,8 @@ fn guides_that_came_away_rub_as_they_do_at_full_resolution() {
     assert!(near < 0.3 * far, "{near} {far}");
 }
 
-/// What a shaken head of hair that touches hair did in a sub-step: to each guide that moved by itself, to what came away before it ended, and the guides that followed.
+/// What a shaken head of hair that touches hair did in a sub-step: to each guide that moved by itself, to
+/// what came away before it ended, and the guides that followed.
 struct Seen {
     moved: Vec<StepRecord>,
     caught_up: Vec<StepRecord>,

@@ -23,14 +23,19 @@ impl BodyContact<'_> {
     /// Continuous detection reports a motion before it touches. The motion grazes the surface if it ends in
     /// front of it, and crosses it if it ends behind it. A point that starts behind a surface does not cross
     /// it unless it gets deeper.
-    pub fn find(&self, solver: &Solver, memory: &mut ContactCache, scratch: &mut BodyContactScratch) -> bool {
+    pub fn find(
+        &self,
+        solver: &Solver,
+        contact_cache: &mut ContactCache,
+        scratch: &mut BodyContactScratch,
+    ) -> bool {
         self.update_polyline(solver, scratch);
         let detection = &mut scratch.detection;
         let line = self.line(&detection.x1);
         detection.new_impacts.clear();
         detection.found.clear();
-        self.bodies.candidates(self.motions, &line, DETECTION_DISTANCE, memory, &mut detection.found);
-        self.bodies.impacts(self.motions, &line, memory, &mut detection.new_impacts);
+        self.bodies.candidates(self.motions, &line, DETECTION_DISTANCE, contact_cache, &mut detection.found);
+        self.bodies.impacts(self.motions, &line, contact_cache, &mut detection.new_impacts);
         let in_front = |c: &Contact| {
             let distance = line.gap(c) + line.clearance_at(c);
             distance >= -SURFACE_TOLERANCE
@@ -77,14 +82,14 @@ impl BodyContact<'_> {
     pub(super) fn find_at_end(
         &self,
         solver: &Solver,
-        memory: &mut ContactCache,
+        contact_cache: &mut ContactCache,
         scratch: &mut BodyContactScratch,
     ) -> bool {
         self.update_polyline(solver, scratch);
         let detection = &mut scratch.detection;
         let line = self.line(&detection.x1);
         detection.found.clear();
-        self.bodies.candidates(self.motions, &line, DETECTION_DISTANCE, memory, &mut detection.found);
+        self.bodies.candidates(self.motions, &line, DETECTION_DISTANCE, contact_cache, &mut detection.found);
         let violated = !detection.found.iter().all(|c| c.gap >= 0.0);
         if !violated && self.ties.is_empty() {
             return false;

@@ -92,13 +92,13 @@ impl BodyContact<'_> {
         last: bool,
         q: &mut [f64],
         solver: &mut Solver,
-        memory: &mut ContactCache,
+        contact_cache: &mut ContactCache,
         scratch: &mut BodyContactScratch,
     ) -> bool {
         let mut state = Convergence::new();
         for round in 0..=MAX_ROUNDS {
             scratch.detection.frozen = round >= FREEZE_ROUNDS;
-            let clear = self.find(solver, memory, scratch);
+            let clear = self.find(solver, contact_cache, scratch);
             let at_rest = state.at_rest();
             let settled = at_rest || (free && round == 0 && self.ties.is_empty());
             let kept = scratch.detection.worst >= -GAP_TOLERANCE;
@@ -168,10 +168,10 @@ impl BodyContact<'_> {
         &self,
         q: &mut [f64],
         solver: &mut Solver,
-        memory: &mut ContactCache,
+        contact_cache: &mut ContactCache,
         scratch: &mut BodyContactScratch,
     ) -> bool {
-        if !self.find_at_end(solver, memory, scratch) && self.ties.is_empty() {
+        if !self.find_at_end(solver, contact_cache, scratch) && self.ties.is_empty() {
             return false;
         }
         if !solver.linearise(self.rod, self.load, q) {

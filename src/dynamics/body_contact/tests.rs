@@ -148,16 +148,16 @@ fn truncated(h: f64, balls: &[[f64; 2]]) -> ([(bool, f64); 5], f64, bool) {
     with_midpoints(&rod.arc, |k| solver.shape.x(k), |k| solver.shape.tangent(k), &mut x0);
     let clearance = vec![[KEEP; 2]; balls.len() * (x0.len() - 1)];
     in_step(&rod, &bodies, &motions, &clearance, &x0, |problem| {
-        let (mut memory, mut scratch) = (ContactCache::default(), BodyContactScratch::default());
+        let (mut contact_cache, mut scratch) = (ContactCache::default(), BodyContactScratch::default());
         let tried = SHARES.map(|share| {
             let q: Vec<_> = rod.initial_q.iter().zip(&bent).map(|(a, b)| a + share * (b - a)).collect();
             solver.shape.update(&rod, &rod.root.r, &q);
             let mut scratch = BodyContactScratch::default();
-            let clear = problem.find(&solver, &mut memory, &mut scratch);
+            let clear = problem.find(&solver, &mut contact_cache, &mut scratch);
             (!clear, scratch.detection.shortfall)
         });
         let mut q = bent.clone();
-        problem.truncate(&rod.initial_q, &mut q, &mut solver, &mut memory, &mut scratch);
+        problem.truncate(&rod.initial_q, &mut q, &mut solver, &mut contact_cache, &mut scratch);
         (tried, (q[0] - rod.initial_q[0]) / 14.0, problem.gains_no_speed(&scratch))
     })
 }

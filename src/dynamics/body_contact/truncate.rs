@@ -35,15 +35,15 @@ impl BodyContact<'_> {
         start: &[f64],
         q: &mut [f64],
         solver: &mut Solver,
-        memory: &mut ContactCache,
+        contact_cache: &mut ContactCache,
         scratch: &mut BodyContactScratch,
     ) -> bool {
         scratch.full_q.clear();
         scratch.full_q.extend_from_slice(q);
-        let full_is_clear = self.find(solver, memory, scratch);
+        let full_is_clear = self.find(solver, contact_cache, scratch);
         let (mut clear, mut least, mut chosen) = (false, f64::INFINITY, None);
         for share in [0.5, 0.25, 0.125, 0.0] {
-            clear = self.move_by_share(share, start, q, solver, memory, scratch);
+            clear = self.move_by_share(share, start, q, solver, contact_cache, scratch);
             let shortfall = scratch.detection.shortfall;
             if clear && shortfall < least && self.gains_no_speed(scratch) {
                 (least, chosen) = (shortfall, Some(share));
@@ -53,7 +53,7 @@ impl BodyContact<'_> {
             }
         }
         let fallback = if !clear && full_is_clear { 1.0 } else { 0.0 };
-        clear = self.move_by_share(chosen.unwrap_or(fallback), start, q, solver, memory, scratch);
+        clear = self.move_by_share(chosen.unwrap_or(fallback), start, q, solver, contact_cache, scratch);
         self.record(scratch);
         clear
     }
@@ -66,13 +66,13 @@ impl BodyContact<'_> {
         start: &[f64],
         q: &mut [f64],
         solver: &mut Solver,
-        memory: &mut ContactCache,
+        contact_cache: &mut ContactCache,
         scratch: &mut BodyContactScratch,
     ) -> bool {
         for ((q, a), full) in q.iter_mut().zip(start).zip(&scratch.full_q) {
             *q = a + share * (full - a);
         }
         solver.shape.update(self.rod, &self.root.r, q);
-        self.find(solver, memory, scratch)
+        self.find(solver, contact_cache, scratch)
     }
 }

@@ -18,15 +18,15 @@ pub(in crate::dynamics) struct ContactSolve<'a> {
     /// Solver with the shape at `q`.
     pub solver: &'a mut Solver,
     /// Where bodies were last found.
-    pub memory: &'a mut crate::contact::ContactCache,
+    pub contact_cache: &'a mut crate::contact::ContactCache,
     /// Buffers.
     pub scratch: &'a mut BodyContactScratch,
 }
 
 impl GuideModel {
-    /// Resolves contact from time `t[0]` to `t[1]`, s. `free` says that `scratch` holds the solution without contact; `last`
-    /// that the step can no longer be halved. Returns `false` if the result is not admissible ([`BodyContact::resolve`]);
-    /// with `last` it is truncated then.
+    /// Resolves contact from time `t[0]` to `t[1]`, s. `free` says that `scratch` holds the solution without
+    /// contact; `last` that the step can no longer be halved. Returns `false` if the result is not admissible
+    /// ([`BodyContact::resolve`]); with `last` it is truncated then.
     pub(super) fn resolve_contact(
         &self,
         env: &Environment,
@@ -41,18 +41,18 @@ impl GuideModel {
             return true;
         }
         let GuideState { q: start, v, transient, .. } = state;
-        let (contact, solve) = self.body_contact_with(env, v, &mut transient.memory, root, scratch);
-        let ContactSolve { q, solver, memory, scratch } = solve;
-        let clear = contact.resolve(free, last, q, solver, memory, scratch);
+        let (contact, solve) = self.body_contact_with(env, v, &mut transient.contact_cache, root, scratch);
+        let ContactSolve { q, solver, contact_cache, scratch } = solve;
+        let clear = contact.resolve(free, last, q, solver, contact_cache, scratch);
         if !clear && last {
-            let stopped = contact.truncate(&start[0], q, solver, memory, scratch);
+            let stopped = contact.truncate(&start[0], q, solver, contact_cache, scratch);
             scratch.stats.crossed = !stopped;
         }
         clear
     }
 
-    /// Pushes the guide out of bodies by springs at the end of the step from time `t[0]` to `t[1]`, s; returns whether any
-    /// spring acts.
+    /// Pushes the guide out of bodies by springs at the end of the step from time `t[0]` to `t[1]`, s;
+    /// returns whether any spring acts.
     pub(super) fn push_out_by_springs(
         &self,
         env: &Environment,
@@ -65,12 +65,13 @@ impl GuideModel {
         if env.bodies.is_empty() && scratch.inputs.ties.is_empty() {
             return false;
         }
-        let (contact, ContactSolve { q, solver, memory, scratch }) =
+        let (contact, ContactSolve { q, solver, contact_cache, scratch }) =
             self.body_contact(env, state, root, scratch);
-        contact.push_away(q, solver, memory, scratch)
+        contact.push_away(q, solver, contact_cache, scratch)
     }
 
-    /// Sets the motion of the bodies from time `t0` to `t1`, s, the distances to keep from them, and the targets of the ties.
+    /// Sets the motion of the bodies from time `t0` to `t1`, s, the distances to keep from them, and the
+    /// targets of the ties.
     pub(super) fn prepare_contact(
         &self,
         env: &Environment,
@@ -102,14 +103,14 @@ impl GuideModel {
         root: &'a Pose,
         scratch: &'a mut GuideScratch,
     ) -> (BodyContact<'a>, ContactSolve<'a>) {
-        self.body_contact_with(env, &state.v, &mut state.transient.memory, root, scratch)
+        self.body_contact_with(env, &state.v, &mut state.transient.contact_cache, root, scratch)
     }
 
     fn body_contact_with<'a>(
         &'a self,
         env: &'a Environment,
         v: &[Vector3<f64>],
-        memory: &'a mut crate::contact::ContactCache,
+        contact_cache: &'a mut crate::contact::ContactCache,
         root: &'a Pose,
         scratch: &'a mut GuideScratch,
     ) -> (BodyContact<'a>, ContactSolve<'a>) {
@@ -128,11 +129,11 @@ impl GuideModel {
             root,
             load,
         };
-        (problem, ContactSolve { q, solver, memory, scratch: contact })
+        (problem, ContactSolve { q, solver, contact_cache, scratch: contact })
     }
 
-    /// True if no body is crossed when the sub-step from `t[0]` to `t[1]`, s, taken or reopened, ends at rest on the head
-    /// ([`GuideState::rest_on_head`]).
+    /// True if no body is crossed when the sub-step from `t[0]` to `t[1]`, s, taken or reopened, ends at rest
+    /// on the head ([`GuideState::rest_on_head`]).
     pub(in crate::dynamics) fn may_rest_on_head(
         &self,
         env: &Environment,
@@ -149,8 +150,8 @@ impl GuideModel {
         solver.shape.update(&self.rod, &from.r, q);
         with_midpoints(&self.rod.arc, |k| solver.shape.x(k) + from.p, |k| solver.shape.tangent(k), polyline);
         solver.shape.update(&self.rod, &root.r, q);
-        let (contact, ContactSolve { solver, memory, scratch, .. }) =
+        let (contact, ContactSolve { solver, contact_cache, scratch, .. }) =
             self.body_contact(env, state, &root, scratch);
-        contact.find(solver, memory, scratch)
+        contact.find(solver, contact_cache, scratch)
     }
 }

@@ -48,8 +48,8 @@ pub enum ContactMode {
 }
 
 impl GuideModel {
-    /// A guide without ties and goal, with isotropic friction, under the default time scheme. `drag` is per point,
-    /// N·s/m².
+    /// A guide without ties and goal, with isotropic friction, under the default time scheme. `drag` is per
+    /// point, N·s/m².
     pub fn new(rod: Rod, drag: Vec<f64>, friction: impl Into<Friction>) -> Self {
         GuideModel {
             rod,

@@ -29,7 +29,8 @@ pub struct GuideState {
     history: History,
     /// Reactions of bodies at the end of the last step: the next step starts from them.
     pub(super) contact_loads: Vec<ContactLoad>,
-    /// True if no part of the last sub-step was admissible: bodies have closed on the strand, and halving does not help.
+    /// True if no part of the last sub-step was admissible: bodies have closed on the strand, and halving
+    /// does not help.
     pub(in crate::dynamics) pinched: bool,
     /// Values that speed up or feed one sub-step; no later sub-step depends on them.
     #[serde(skip)]
@@ -41,7 +42,8 @@ pub struct GuideState {
 struct History {
     /// The configuration at the start of the last solve.
     previous: Configuration,
-    /// Length of the step that led here, s; 0 if the next step must not use `previous` (restart with backward Euler).
+    /// Length of the step that led here, s; 0 if the next step must not use `previous` (restart with backward
+    /// Euler).
     last_step: f64,
     /// The last solve and the one before it.
     rates: [SolveRate; 2],
@@ -68,15 +70,16 @@ struct SolveRate {
 /// Values that no later sub-step depends on.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Transient {
-    /// Friction force within the wisp on each point over the coming sub-step, N, world; empty without friction.
+    /// Friction force within the wisp on each point over the coming sub-step, N, world; empty without
+    /// friction.
     pub friction_force: Vec<Vector3<f64>>,
     /// Where bodies were last found: shortens searches and changes no result.
-    pub memory: crate::contact::ContactCache,
+    pub contact_cache: crate::contact::ContactCache,
 }
 
 impl GuideState {
-    /// The groom's pose at time `t`, s, carried rigidly by the head. `h` is the sub-step, s, and `thickness` the distance
-    /// to keep from each body, m.
+    /// The groom's pose at time `t`, s, carried rigidly by the head. `h` is the sub-step, s, and `thickness`
+    /// the distance to keep from each body, m.
     pub fn new(model: &GuideModel, thickness: &[f64], env: &Environment, t: f64, h: f64) -> Self {
         let rod = &model.rod;
         let q = rod.initial_q.clone();
@@ -146,8 +149,8 @@ impl GuideState {
         one.copy_from_slice(now);
     }
 
-    /// Values of point `k` that enter a step with a difference formula (docs/theory.md §4.6): x* + η v*, x*, both relative
-    /// to `root`, m, and the extrapolated unit tangent.
+    /// Values of point `k` that enter a step with a difference formula (docs/theory.md §4.6): x* + η v*, x*,
+    /// both relative to `root`, m, and the extrapolated unit tangent.
     pub(super) fn formula_values(
         &self,
         k: usize,
@@ -203,8 +206,8 @@ impl GuideState {
         *last_step = h;
     }
 
-    /// Returns to the start of the last step; `history.previous` then holds its end. Only valid directly after a step that
-    /// was taken whole.
+    /// Returns to the start of the last step; `history.previous` then holds its end. Only valid directly
+    /// after a step that was taken whole.
     pub(super) fn swap_with_previous(&mut self) {
         let History { previous, rates, .. } = &mut self.history;
         std::mem::swap(&mut self.q[0], &mut previous.q);
@@ -219,8 +222,8 @@ impl GuideState {
         &self.history.previous.q
     }
 
-    /// Carries the rod rigidly with its root from one pose to another, with its velocity rotated and halved: the fallback
-    /// where no solve converges, as when the head jumps. Unsolvable motion dies out.
+    /// Carries the rod rigidly with its root from one pose to another, with its velocity rotated and halved:
+    /// the fallback where no solve converges, as when the head jumps. Unsolvable motion dies out.
     pub(super) fn carry_rigidly(&mut self, from: &Pose, to: &Pose) {
         let turn = to.r * from.r.transpose();
         for k in 0..self.x.len() {
@@ -267,8 +270,8 @@ impl GuideState {
         self.restart_scheme();
     }
 
-    /// Starts to move actively at time `t`, s, from the unknowns `q` set for now and for one and two sub-steps of `h`, s,
-    /// ago.
+    /// Starts to move actively at time `t`, s, from the unknowns `q` set for now and for one and two
+    /// sub-steps of `h`, s, ago.
     pub(in crate::dynamics) fn resume(&mut self, model: &GuideModel, env: &Environment, t: f64, h: f64) {
         let mut shape = RodShape::default();
         let mut poses = |back: usize| -> Vec<Pose> {
@@ -297,8 +300,8 @@ impl GuideState {
         self.pinched = false;
     }
 
-    /// Distance that each place must keep from each body, m, −∞ if exempt; at body b and place k at `b * places + k`, the
-    /// points first, then the midpoints.
+    /// Distance that each place must keep from each body, m, −∞ if exempt; at body b and place k at `b *
+    /// places + k`, the points first, then the midpoints.
     pub(in crate::dynamics) fn required_distances(&self) -> Vec<f64> {
         let mut clearance = Vec::new();
         self.clearance.at(1.0, &mut clearance);
@@ -311,7 +314,8 @@ impl GuideState {
         clearance.chunks_exact(halves).flat_map(of).collect()
     }
 
-    /// Arc length of each segment, m: of the cubic through its ends with their tangents, by three-point Gauss quadrature.
+    /// Arc length of each segment, m: of the cubic through its ends with their tangents, by three-point Gauss
+    /// quadrature.
     pub fn segment_lengths(&self, model: &GuideModel) -> Vec<f64> {
         let s = &model.rod.arc;
         (0..s.len() - 1)

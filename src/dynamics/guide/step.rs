@@ -12,16 +12,17 @@ use crate::rod::potential::PointLoad;
 use crate::scene::anim::Scheme;
 use nalgebra::Vector3;
 
-/// Times a step is halved before a solve that does not converge is replaced by rigid motion with the root, or a motion
-/// that still crosses a surface is truncated. Both are recorded.
+/// Times a step is halved before a solve that does not converge is replaced by rigid motion with the root, or
+/// a motion that still crosses a surface is truncated. Both are recorded.
 pub(in crate::dynamics) const MAX_HALVINGS: u32 = 5;
 
-/// Largest motion of a point, m, in a step that starts from the extrapolated state with the last contact loads: beyond it
-/// the strand soon meets other surfaces than those it touched.
+/// Largest motion of a point, m, in a step that starts from the extrapolated state with the last contact
+/// loads: beyond it the strand soon meets other surfaces than those it touched.
 const MAX_WARM_START: f64 = 0.02;
 
 impl GuideModel {
-    /// Advances `state` over `span`, its start and end time, s: one sub-step, halved where the solver needs it.
+    /// Advances `state` over `span`, its start and end time, s: one sub-step, halved where the solver needs
+    /// it.
     pub fn step(
         &self,
         env: &Environment,
@@ -100,7 +101,8 @@ impl GuideModel {
             scratch.contact.clear();
             clear =
                 outcome.converged && self.resolve_contact(env, state, &root, [t0, t1], (true, last), scratch);
-            // A contact stops a motion within one step; a formula that looks further back would throw it back.
+            // A contact stops a motion within one step; a formula that looks further back would throw it
+            // back.
             if !(formula.looks_back() && scratch.contact.stats.touched()) {
                 break;
             }
@@ -133,9 +135,9 @@ impl GuideModel {
         }
     }
 
-    /// Solves the step of a strand in contact from the extrapolated state with the last contact loads; `false` if that
-    /// fails. The motion without contact would pass through what holds the strand, and away from its shape where it is bent
-    /// hard against it.
+    /// Solves the step of a strand in contact from the extrapolated state with the last contact loads;
+    /// `false` if that fails. The motion without contact would pass through what holds the strand, and away
+    /// from its shape where it is bent hard against it.
     fn solve_from_contact(
         &self,
         env: &Environment,
@@ -199,8 +201,9 @@ impl GuideModel {
         root
     }
 
-    /// Returns to the start of the sub-step from `t[0]` to `t[1]`, s, that was just taken whole, and reopens it as one step
-    /// of backward Euler; `scratch` then holds the end that the step had. Returns the root's pose there.
+    /// Returns to the start of the sub-step from `t[0]` to `t[1]`, s, that was just taken whole, and reopens
+    /// it as one step of backward Euler; `scratch` then holds the end that the step had. Returns the root's
+    /// pose there.
     pub(in crate::dynamics) fn reopen(
         &self,
         env: &Environment,

@@ -17,8 +17,8 @@ pub(in crate::dynamics) struct BundleProperties {
     pub parallel: f64,
     /// Cohesive force per length between parallel guides with `hairs` = 1, N/m.
     pub cohesion: f64,
-    /// Number of hairs, relative to a number common to all guides of a scene. The guide's rod is that of one hair; forces
-    /// between guides act on the bundle.
+    /// Number of hairs, relative to a number common to all guides of a scene. The guide's rod is that of one
+    /// hair; forces between guides act on the bundle.
     pub hairs: f64,
 }
 
@@ -56,9 +56,9 @@ impl BundlePair {
         2.0 * (self.mean(|s| s.hair) + self.mean(|s| s.bundle) * self.sine)
     }
 
-    /// Axes of a contact with normal `n`: the normal, and tangents along and across the guides. The length of the first tangent
-    /// is the ratio of friction along to friction across, which turns the elliptic friction cone into a round one, as for
-    /// bodies.
+    /// Axes of a contact with normal `n`: the normal, and tangents along and across the guides. The length of
+    /// the first tangent is the ratio of friction along to friction across, which turns the elliptic friction
+    /// cone into a round one, as for bodies.
     pub fn axes(&self, n: &Vector3<f64>) -> [Vector3<f64>; 3] {
         let parallel = self.mean(|s| s.parallel);
         let ratio = parallel + (1.0 - parallel) * self.sine * self.sine;
@@ -66,9 +66,10 @@ impl BundlePair {
         [*n, frame.column(0) * ratio, frame.column(1).into()]
     }
 
-    /// Cohesive force, N, at a distance `gap` beyond the required one, m, for a contact that represents a `length`, m, of each
-    /// guide. It acts over the length within [`REACH`] and fades with the gap, as liquid bridges between fibres do, which break
-    /// at such a length. It grows with the girth of the bundles: their harmonic mean, as for unequal cylinders.
+    /// Cohesive force, N, at a distance `gap` beyond the required one, m, for a contact that represents a
+    /// `length`, m, of each guide. It acts over the length within [`REACH`] and fades with the gap, as liquid
+    /// bridges between fibres do, which break at such a length. It grows with the girth of the bundles: their
+    /// harmonic mean, as for unequal cylinders.
     pub fn cohesion(&self, gap: f64, length: f64) -> f64 {
         let near = (1.0 - gap.max(0.0) / REACH).max(0.0);
         let girth = 1.0 / self.mean(|s| 1.0 / s.hairs.sqrt());

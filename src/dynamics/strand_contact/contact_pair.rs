@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 /// Share of the required distance that is accepted at the end of a sub-step.
 const ACCEPTED_SHARE: f64 = 0.5;
 
-/// Two guides near each other, or meeting within the sub-step, in the frame of the head. Positions and axes are fixed until
-/// the sub-step ends: contacts that turned in every round would not converge.
+/// Two guides near each other, or meeting within the sub-step, in the frame of the head. Positions and axes
+/// are fixed until the sub-step ends: contacts that turned in every round would not converge.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ContactPair {
     pub contact: SegmentContact,
@@ -17,8 +17,8 @@ pub(super) struct ContactPair {
     pub required: f64,
     /// Upper bound of the required distance, m: the largest distance that the pair has had.
     pub limit: f64,
-    /// Axes of the contact: its normal, and tangents along and across the guides. The former is shorter where friction along
-    /// the guides is weaker.
+    /// Axes of the contact: its normal, and tangents along and across the guides. The former is shorter where
+    /// friction along the guides is weaker.
     pub local_axes: [Vector3<f64>; 3],
     /// Cohesive force between the guides, N.
     pub cohesion: f64,

@@ -1,7 +1,8 @@
 //! Detection of the contacts between guides in one sub-step.
 //!
-//! All quantities are in the frame of the head, whose motion is no relative motion of the guides. The law is that of
-//! `docs/theory.md` §5.2: crossing guides keep the thickness of their bundles, parallel ones that of a hair.
+//! All quantities are in the frame of the head, whose motion is no relative motion of the guides. The law is
+//! that of `docs/theory.md` §5.2: crossing guides keep the thickness of their bundles, parallel ones that of
+//! a hair.
 
 use super::contact_law::{BundlePair, BundleProperties, REACH};
 use super::contact_pair::{ContactHistory, ContactPair};
@@ -12,8 +13,8 @@ use rayon::prelude::*;
 /// Displacement of a point over the rounds of a sub-step after which candidates are found again, m.
 pub(super) const MARGIN: f64 = 1e-3;
 
-/// Arc length from the root within which guides have no contact, m: there they stand as drawn, and pushing them apart by a
-/// hair's width would fling their tips.
+/// Arc length from the root within which guides have no contact, m: there they stand as drawn, and pushing
+/// them apart by a hair's width would fling their tips.
 const ROOT_LENGTH: f64 = 0.01;
 
 /// Least required distance, m, however close the guides were drawn: a guard against crossing by rounding.
@@ -22,7 +23,8 @@ const MIN_REQUIRED: f64 = 1e-4;
 /// Share of a shortfall at the start of a sub-step that is recovered in it.
 const RECOVERED_SHARE: f64 = 0.1;
 
-/// Most that a contact slides in a sub-step, in segments summed over both guides; one farther away is a new contact.
+/// Most that a contact slides in a sub-step, in segments summed over both guides; one farther away is a new
+/// contact.
 const MAX_SLIDE: f64 = 2.0;
 
 /// Distance within which an impact is a consequence of an earlier one, in segments summed over both guides.
@@ -48,8 +50,8 @@ struct Impact {
     crosses: bool,
 }
 
-/// The active guides as polylines through the points of their rods and the midpoints of the curve between them, and their
-/// contacts.
+/// The active guides as polylines through the points of their rods and the midpoints of the curve between
+/// them, and their contacts.
 #[derive(Debug)]
 pub(super) struct ContactPairs {
     /// Bundle of each guide.
@@ -72,8 +74,8 @@ pub(super) struct ContactPairs {
 }
 
 impl ContactPairs {
-    /// No contacts, for guides with arc lengths `arc` of their rods' points, m (empty for guides without contact), and with
-    /// `bundles`.
+    /// No contacts, for guides with arc lengths `arc` of their rods' points, m (empty for guides without
+    /// contact), and with `bundles`.
     pub fn new(arc: &[&[f64]], bundles: Vec<BundleProperties>) -> Self {
         let points = arc.iter().map(|s| (2 * s.len()).saturating_sub(1));
         let with_midpoints = |s: &&[f64]| -> Vec<f64> {
@@ -173,7 +175,8 @@ impl ContactPairs {
         self.detect();
     }
 
-    /// Keeps only the tightest of equivalent contacts: duplicates would leave the reactions between them undetermined.
+    /// Keeps only the tightest of equivalent contacts: duplicates would leave the reactions between them
+    /// undetermined.
     fn without_duplicates(&self, near: Vec<ContactPair>) -> Vec<ContactPair> {
         let slack = |p: &ContactPair| {
             self.strands().closest_pair(p.contact.pair).distance - self.required_distance(p.contact.pair)
@@ -198,7 +201,8 @@ impl ContactPairs {
         kept.into_iter().map(|i| near[i]).collect()
     }
 
-    /// Finds the pairs that may meet within this sub-step if no point moves by more than [`MARGIN`] from the current ends.
+    /// Finds the pairs that may meet within this sub-step if no point moves by more than [`MARGIN`] from the
+    /// current ends.
     pub fn find_candidates(&mut self) {
         let widest = self.bundles.iter().map(|s| s.hair + s.bundle).fold(0.0, f64::max);
         let reach = 2.0 * widest + REACH + MARGIN;
@@ -213,8 +217,8 @@ impl ContactPairs {
         self.candidates = strands.broad_phase(reach).into_par_iter().filter_map(candidate).collect();
     }
 
-    /// Detects contacts on the motion to the current ends: updates the distances of all contacts, adds new impacts, and lists
-    /// the crossing pairs.
+    /// Detects contacts on the motion to the current ends: updates the distances of all contacts, adds new
+    /// impacts, and lists the crossing pairs.
     pub fn detect(&mut self) {
         let mut impacts = self.impacts();
         self.crossing.clear();
@@ -230,9 +234,9 @@ impl ContactPairs {
             let known = known[from..].iter().take_while(|(guides, _)| *guides == impacts[0].guides);
             let first = self.contacts.len();
             for impact in impacts {
-                // An impact close after another one, or close to a violated contact, is a consequence of it. An equivalent
-                // contact that is kept while the segments cross does not prevent the crossing: nearly parallel segments
-                // pass it by.
+                // An impact close after another one, or close to a violated contact, is a consequence of it.
+                // An equivalent contact that is kept while the segments cross does not prevent the crossing:
+                // nearly parallel segments pass it by.
                 let near = |m: &SegmentContact| distance(m, &impact.contact) <= CONSEQUENCE_DISTANCE;
                 let prevents = |p: &ContactPair| !impact.crosses || !p.is_kept();
                 let is_covered = known.clone().any(|(_, p)| {

@@ -12,11 +12,12 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 /// Residual of the reactions above which another round is needed.
 pub(super) const RESIDUAL_TOLERANCE: f64 = 1e-6;
 
-/// Displacement of a point in a round below which the guide has converged, m: the next round would move it by about the square
-/// of this over the radius of a bend, some micrometres.
+/// Displacement of a point in a round below which the guide has converged, m: the next round would move it by
+/// about the square of this over the radius of a bend, some micrometres.
 const CONVERGED_DISPLACEMENT: f64 = 3e-4;
 
-/// Displacement of a point in a round that counts as none, m: further rounds would not resolve a violated contact.
+/// Displacement of a point in a round that counts as none, m: further rounds would not resolve a violated
+/// contact.
 const STALLED_DISPLACEMENT: f64 = 5e-6;
 
 /// Least share of its motion that a truncated guide takes.
@@ -122,9 +123,9 @@ impl CoupledGuide {
 
     /// Finds the contacts with bodies at its current end.
     pub fn find_body_contacts(&mut self, model: &GuideModel, state: &mut GuideState, env: &Environment) {
-        let (contact, ContactSolve { solver, memory, scratch, .. }) =
+        let (contact, ContactSolve { solver, contact_cache, scratch, .. }) =
             model.body_contact(env, state, &self.root, &mut self.scratch);
-        let clear = contact.find(solver, memory, scratch);
+        let clear = contact.find(solver, contact_cache, scratch);
         self.scratch.contact.detection.frozen = true;
         self.clears_bodies = clear && self.scratch.contact.detection.shortfall <= self.accepted_shortfall;
     }
@@ -134,8 +135,9 @@ impl CoupledGuide {
         self.is_coupled && !self.clears_bodies
     }
 
-    /// Linearises its system at its current end, with the rows of all contacts; `to_world` rotates the axes of contacts between
-    /// guides. A guide whose system cannot be factored, because it is not finite, ends uncoupled.
+    /// Linearises its system at its current end, with the rows of all contacts; `to_world` rotates the axes
+    /// of contacts between guides. A guide whose system cannot be factored, because it is not finite, ends
+    /// uncoupled.
     pub fn linearise(
         &mut self,
         model: &GuideModel,
@@ -231,8 +233,9 @@ impl CoupledGuide {
         }
     }
 
-    /// Halves its motion relative to the head. It ends at rest on the head if the share becomes too small, the shorter motion
-    /// crosses a body, or no coupled motion is known; uncoupled if a body prevents that too.
+    /// Halves its motion relative to the head. It ends at rest on the head if the share becomes too small,
+    /// the shorter motion crosses a body, or no coupled motion is known; uncoupled if a body prevents that
+    /// too.
     pub fn truncate_motion(
         &mut self,
         model: &GuideModel,
@@ -271,7 +274,8 @@ impl CoupledGuide {
         env: &Environment,
         record: &mut StepRecord,
     ) {
-        // The record of an uncoupled end is complete; the body contacts in the scratch are of the rejected motion.
+        // The record of an uncoupled end is complete; the body contacts in the scratch are of the rejected
+        // motion.
         if self.end_state != EndState::Uncoupled && (self.is_coupled || self.is_fully_truncated()) {
             let (contact, ContactSolve { scratch, .. }) =
                 model.body_contact(env, state, &self.root, &mut self.scratch);

@@ -10,8 +10,8 @@ pub(super) struct Island {
 }
 
 impl Island {
-    /// The sets that contain one of `wanted`, in ascending order of their least guides, and the island of each of `count`
-    /// guides.
+    /// The sets that contain one of `wanted`, in ascending order of their least guides, and the island of
+    /// each of `count` guides.
     pub fn from_sets(
         mut sets: DisjointSets,
         count: usize,

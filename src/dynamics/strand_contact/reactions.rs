@@ -12,8 +12,8 @@ use crate::geometry::Friction;
 use crate::math::cholesky::dot;
 use nalgebra::UnitQuaternion;
 
-/// Tolerances of the first round, whose linearisation is coarse, and of later ones. The residual multiplies displacements of
-/// a step of some 0.1 to 1 mm.
+/// Tolerances of the first round, whose linearisation is coarse, and of later ones. The residual multiplies
+/// displacements of a step of some 0.1 to 1 mm.
 const TOLERANCES: [FrictionTolerance; 2] = [
     FrictionTolerance { residual: 1e-4, sweeps: 60 },
     FrictionTolerance { residual: RESIDUAL_TOLERANCE, sweeps: 200 },
@@ -23,14 +23,15 @@ const TOLERANCES: [FrictionTolerance; 2] = [
 pub(super) struct Reactions {
     /// L⁻¹Jᵀr of its guides, concatenated; r acts on their rods.
     pub pushes: Vec<f64>,
-    /// Forces of the guides' contacts with bodies, guide by guide, then of the contacts between guides, along the axes of the
-    /// contacts, N.
+    /// Forces of the guides' contacts with bodies, guide by guide, then of the contacts between guides, along
+    /// the axes of the contacts, N.
     pub forces: Vec<f64>,
     pub outcome: FrictionOutcome,
 }
 
-/// The coupled friction problem of an island. A bundle of n hairs is n times as stiff and heavy as its rod and moves by
-/// L⁻ᵀL⁻¹Jᵀr/n: dividing its rows by √n keeps the Delassus operator symmetric, and forces are those on bundles.
+/// The coupled friction problem of an island. A bundle of n hairs is n times as stiff and heavy as its rod
+/// and moves by L⁻ᵀL⁻¹Jᵀr/n: dividing its rows by √n keeps the Delassus operator symmetric, and forces are
+/// those on bundles.
 #[derive(Default)]
 struct System {
     strands: Vec<[Option<StrandRows>; 2]>,
@@ -77,8 +78,8 @@ impl Reactions {
 }
 
 impl System {
-    /// Adds the rows of the guides and their contacts with bodies; returns the rows of both sides of each contact between
-    /// guides.
+    /// Adds the rows of the guides and their contacts with bodies; returns the rows of both sides of each
+    /// contact between guides.
     fn add_guides(
         &mut self,
         island: &Island,

@@ -25,8 +25,8 @@ pub(in crate::dynamics) struct StrandContacts {
     pub(super) active: Vec<usize>,
     pub(super) pairs: ContactPairs,
     pub(super) guides: Vec<CoupledGuide>,
-    /// Guides that others pushed in the sub-step before. They are coupled from the start: uncoupled, they would fall through
-    /// what supports them.
+    /// Guides that others pushed in the sub-step before. They are coupled from the start: uncoupled, they
+    /// would fall through what supports them.
     pub(super) pushed: Vec<bool>,
 }
 
@@ -42,8 +42,8 @@ impl StrandContacts {
         }
     }
 
-    /// Sets the active guides from time `t`, s, on, and their curves there; `leader` maps each guide to the active guide that
-    /// it moves with. The history of contacts between guides that remain active is kept.
+    /// Sets the active guides from time `t`, s, on, and their curves there; `leader` maps each guide to the
+    /// active guide that it moves with. The history of contacts between guides that remain active is kept.
     pub fn rebuild(
         &mut self,
         models: &[GuideModel],
@@ -74,7 +74,8 @@ impl StrandContacts {
         &self.active
     }
 
-    /// Resolves the contacts of the sub-step from `t[0]` to `t[1]`, s, which each active guide has just taken uncoupled.
+    /// Resolves the contacts of the sub-step from `t[0]` to `t[1]`, s, which each active guide has just taken
+    /// uncoupled.
     pub fn resolve(
         &mut self,
         models: &[GuideModel],
@@ -108,8 +109,9 @@ impl StrandContacts {
         self.finish(models, states, env, t);
     }
 
-    /// Couples all guides connected, over contacts, with a guide that is in a violated or cohesive contact, was pushed before,
-    /// or is already coupled; returns their islands. Guides whose uncoupled step did not converge stay where they are.
+    /// Couples all guides connected, over contacts, with a guide that is in a violated or cohesive contact,
+    /// was pushed before, or is already coupled; returns their islands. Guides whose uncoupled step did not
+    /// converge stay where they are.
     fn couple_islands(
         &mut self,
         models: &[GuideModel],
@@ -148,8 +150,8 @@ impl StrandContacts {
         islands
     }
 
-    /// Linearises the guides of the islands, solves for the reactions of all their contacts, and adds their effect to the
-    /// solvers' directions.
+    /// Linearises the guides of the islands, solves for the reactions of all their contacts, and adds their
+    /// effect to the solvers' directions.
     fn solve(
         &mut self,
         models: &[GuideModel],
@@ -214,7 +216,8 @@ impl StrandContacts {
         }
     }
 
-    /// Detects contacts on the current motions, and requests another round of guides in new, violated or crossing ones.
+    /// Detects contacts on the current motions, and requests another round of guides in new, violated or
+    /// crossing ones.
     fn detect(&mut self) {
         let old = self.pairs.contacts.len();
         self.pairs.detect();
@@ -231,9 +234,10 @@ impl StrandContacts {
         }
     }
 
-    /// Applies the fallbacks. Guides that still violate a body end uncoupled. Guides that cross each other take half of their
-    /// motion, then a quarter, then rest on the head; so do guides that then cross these. Bodies take precedence: a guide that
-    /// a body prevents from resting on the head ends uncoupled, even if it crosses another guide.
+    /// Applies the fallbacks. Guides that still violate a body end uncoupled. Guides that cross each other
+    /// take half of their motion, then a quarter, then rest on the head; so do guides that then cross these.
+    /// Bodies take precedence: a guide that a body prevents from resting on the head ends uncoupled, even if
+    /// it crosses another guide.
     fn apply_fallbacks(
         &mut self,
         models: &[GuideModel],

@@ -66,8 +66,8 @@ struct Motion {
     guides: Vec<GuideState>,
     strand_contacts: StrandContacts,
     records: Vec<StepRecord>,
-    /// Curves at the start of the last sub-step and at every time reached in it, in the frame of the head, with the midpoints
-    /// between the rods' points.
+    /// Curves at the start of the last sub-step and at every time reached in it, in the frame of the head,
+    /// with the midpoints between the rods' points.
     x: Vec<Vec<Vec<V>>>,
 }
 
@@ -171,8 +171,9 @@ impl Motion {
     }
 }
 
-/// Whether segments ab and cd cross while their ends move linearly: at a time when the ends are coplanar and the lines
-/// intersect within both. The volume of the ends is a cubic in time; its sign changes are sought in 64 intervals.
+/// Whether segments ab and cd cross while their ends move linearly: at a time when the ends are coplanar and
+/// the lines intersect within both. The volume of the ends is a cubic in time; its sign changes are sought in
+/// 64 intervals.
 fn cross(start: [V; 4], end: [V; 4]) -> bool {
     let at = |t: f64| [0, 1, 2, 3].map(|i: usize| start[i].lerp(&end[i], t));
     let volume = |t: f64| {
@@ -260,8 +261,8 @@ fn equivalent_contacts_are_kept_once() {
     }
 }
 
-/// A level strand that has taken a sub-step over a ball that rises by `rise`, m, from half a millimetre beneath it. Calls
-/// `each` with the coupled guide.
+/// A level strand that has taken a sub-step over a ball that rises by `rise`, m, from half a millimetre
+/// beneath it. Calls `each` with the coupled guide.
 fn over_a_ball(
     rise: f64,
     each: impl FnOnce(&mut CoupledGuide, (&GuideModel, &mut GuideState), &Environment, &mut StepRecord),
@@ -293,10 +294,10 @@ fn a_truncated_motion_is_taken_whole_if_every_part_of_it_crosses_an_approaching_
             let (root, start, end) = (guide.root, state.q[0].clone(), guide.scratch.q.clone());
             let mut truncate = |q: &[f64]| {
                 guide.scratch.q = q.to_vec();
-                let (contact, ContactSolve { q, solver, memory, scratch }) =
+                let (contact, ContactSolve { q, solver, contact_cache, scratch }) =
                     model.body_contact(env, state, &root, &mut guide.scratch);
                 solver.shape.update(contact.rod, &root.r, q);
-                let stopped = contact.truncate(&start, q, solver, memory, scratch);
+                let stopped = contact.truncate(&start, q, solver, contact_cache, scratch);
                 (stopped, q.clone())
             };
             let (stopped, q) = truncate(&end);
@@ -410,8 +411,8 @@ fn mirrored_strands_stay_mirrored() {
     assert!(touched > 10, "touched in {touched} sub-steps");
 }
 
-/// Checks the friction law at all active contacts while a strand slides on another, drawn at an angle `turn`, rad; friction
-/// along parallel strands is the share `parallel` of that across.
+/// Checks the friction law at all active contacts while a strand slides on another, drawn at an angle `turn`,
+/// rad; friction along parallel strands is the share `parallel` of that across.
 fn obeys_coulomb(turn: f64, parallel: f64) {
     let (mut stuck, mut slid, mut along, mut weakest) = (0, 0, 0, 1.0_f64);
     for friction in [0.1, 0.6] {

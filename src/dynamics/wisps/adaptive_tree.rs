@@ -18,11 +18,12 @@ use rayon::prelude::*;
 /// Share of the split tolerance below which a guide may merge again.
 const MERGE_SHARE: f64 = 0.5;
 
-/// The guides of a groom in their wisp hierarchy: active ones, and followers. Splits and merges happen at the ends of frames;
-/// followers have no state in between.
+/// The guides of a groom in their wisp hierarchy: active ones, and followers. Splits and merges happen at the
+/// ends of frames; followers have no state in between.
 pub(in crate::dynamics) struct Wisps {
     pub(super) motion: LeaderMotion,
-    /// Estimated error at which a guide splits from its wisp, as a share of its length; `None` if none ever does.
+    /// Estimated error at which a guide splits from its wisp, as a share of its length; `None` if none ever
+    /// does.
     split_tolerance: Option<f64>,
     /// Guides that may follow, by level.
     packs: Vec<Vec<FollowerPack>>,
@@ -87,7 +88,8 @@ impl Wisps {
         self.packs.len() as u32
     }
 
-    /// Makes every guide with leaders a follower, except tied ones. The states at time `t`, s, are taken as the rest shapes.
+    /// Makes every guide with leaders a follower, except tied ones. The states at time `t`, s, are taken as
+    /// the rest shapes.
     pub fn gather(&mut self, models: &[GuideModel], states: &[GuideState], env: &Environment, t: f64) {
         let now = EnvironmentSnapshot::new(env, t);
         let rest = |(model, state): (&GuideModel, &GuideState)| RestState {
@@ -118,15 +120,16 @@ impl Wisps {
         self.packs = (0..=deepest).map(packs_of).collect();
     }
 
-    /// Advances the modal responses through the frame from time `t[0]` to `t[1]`, s, before followers are placed.
+    /// Advances the modal responses through the frame from time `t[0]` to `t[1]`, s, before followers are
+    /// placed.
     pub fn advance_modes(&mut self, env: &Environment, t: [f64; 2]) {
         let h = self.motion.h;
         self.motion.modal.advance(env, t, h);
     }
 
-    /// Places the followers of a level at the end of the frame from time `t[0]` to `t[1]`, s. Guides whose error exceeds the
-    /// tolerance split: they are put back to the start of the frame, where they still followed well, for the caller to step
-    /// through it. Returns these guides.
+    /// Places the followers of a level at the end of the frame from time `t[0]` to `t[1]`, s. Guides whose
+    /// error exceeds the tolerance split: they are put back to the start of the frame, where they still
+    /// followed well, for the caller to step through it. Returns these guides.
     pub fn lead(
         &mut self,
         level: u32,
@@ -158,7 +161,8 @@ impl Wisps {
         self.motion.record_level(level, models, states);
     }
 
-    /// Merges calm guides with their wisps at time `t`, s, once all levels are recorded; returns how many merge.
+    /// Merges calm guides with their wisps at time `t`, s, once all levels are recorded; returns how many
+    /// merge.
     pub fn merge(&mut self, models: &[GuideModel], states: &[GuideState], t: f64) -> u32 {
         let Some(tolerance) = self.split_tolerance else { return 0 };
         let decide = |i: usize| {

@@ -1,15 +1,16 @@
-//! The coefficient of the modal correction, estimated from how well the leaders' modal responses predict their motion
-//! (`docs/theory.md` eqs. 8.3 to 8.5).
+//! The coefficient of the modal correction, estimated from how well the leaders' modal responses predict
+//! their motion (`docs/theory.md` eqs. 8.3 to 8.5).
 
 use crate::wisp::Deflection;
 use serde::{Deserialize, Serialize};
 
-/// Time constant of the running sums, s. A longer one gives a steadier coefficient, which reacts later when hair meets a body.
+/// Time constant of the running sums, s. A longer one gives a steadier coefficient, which reacts later when
+/// hair meets a body.
 const WINDOW: f64 = 0.5;
 
-/// Weight of the follower's own modal deviation in the variance. A larger one trusts the leaders less where they are more like
-/// each other than like the follower. With 0, some long hair whose leaders meet bodies is thrown about (points above 100 m/s²
-/// where its leaders have 20).
+/// Weight of the follower's own modal deviation in the variance. A larger one trusts the leaders less where
+/// they are more like each other than like the follower. With 0, some long hair whose leaders meet bodies is
+/// thrown about (points above 100 m/s² where its leaders have 20).
 const OWN_WEIGHT: f64 = 3.0;
 
 /// Weighted means over the leaders of a guide.
@@ -36,8 +37,8 @@ impl ControlVariate {
         if self.covariance > 0.0 { (self.covariance / self.variance).min(1.0) } else { 0.0 }
     }
 
-    /// Adds one frame of duration `frame`, s, to the sums: of leaders with (share, deflection, modal response), and of the
-    /// guide's `own` modal response.
+    /// Adds one frame of duration `frame`, s, to the sums: of leaders with (share, deflection, modal
+    /// response), and of the guide's `own` modal response.
     pub fn update<'a>(
         &mut self,
         frame: f64,
@@ -68,8 +69,8 @@ mod tests {
     use crate::wisp::LinearKinematics;
     use nalgebra::Vector3;
 
-    /// The coefficient after 48 frames. Two leaders deviate from their means by ±`deflected` and, modally, by ±`modal`; the
-    /// guide's modal response deviates by `own`.
+    /// The coefficient after 48 frames. Two leaders deviate from their means by ±`deflected` and, modally, by
+    /// ±`modal`; the guide's modal response deviates by `own`.
     fn coefficient(deflected: f64, modal: f64, own: f64) -> f64 {
         // Two nodes with equal strain about x at three moments, of a straight guide along y.
         let kinematics = LinearKinematics::new(&[0.0, 1.0, 2.0].map(|y| Vector3::y() * y), &[0.0, 1.0, 2.0]);

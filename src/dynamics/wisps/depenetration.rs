@@ -1,5 +1,5 @@
-//! Keeps followers out of bodies: the least strain corrections that restore the distances of their points, continued from
-//! frame to frame.
+//! Keeps followers out of bodies: the least strain corrections that restore the distances of their points,
+//! continued from frame to frame.
 
 use super::min_correction::{CONSTRAINT_TOLERANCE, MinCorrection};
 use super::rest_shape::RestShape;
@@ -14,12 +14,12 @@ const MAX_ITERATIONS: usize = 40;
 /// Most iterations after the first full step: surfaces and the paths of the points are curved.
 const MAX_FINAL_ITERATIONS: usize = 8;
 
-/// Distance beyond the required one within which points are constrained, and the longest move of an iteration, m: no point
-/// passes through a body that is not detected.
+/// Distance beyond the required one within which points are constrained, and the longest move of an
+/// iteration, m: no point passes through a body that is not detected.
 const SEARCH_MARGIN: f64 = 0.003;
 
-/// Depth inside a body from which a guide is brought out the nearest way, m: as deep as a strand may be drawn into a round
-/// head. From deeper, the nearest way may lead to the wrong side.
+/// Depth inside a body from which a guide is brought out the nearest way, m: as deep as a strand may be drawn
+/// into a round head. From deeper, the nearest way may lead to the wrong side.
 const MAX_DIRECT_DEPTH: f64 = 0.02;
 
 /// Shortfall of distance that counts as none, m.
@@ -72,10 +72,11 @@ struct Best {
     displacement: f64,
 }
 
-/// Finds the `correction`, 1/m, of a target's unknowns with which its points keep their distances from the bodies, as far as
-/// possible. It starts from the correction of the last frame, empty if there was none. Returns the mean displacement of the
-/// points, m; `None` without a correction; infinite if the guide is left inside a body, deeper than at rest. `cache` spares
-/// searches, as in [`EnvironmentSnapshot::find_near`]; the contents of `scratch` do not affect the result.
+/// Finds the `correction`, 1/m, of a target's unknowns with which its points keep their distances from the
+/// bodies, as far as possible. It starts from the correction of the last frame, empty if there was none.
+/// Returns the mean displacement of the points, m; `None` without a correction; infinite if the guide is left
+/// inside a body, deeper than at rest. `cache` spares searches, as in [`EnvironmentSnapshot::find_near`]; the
+/// contents of `scratch` do not affect the result.
 pub(super) fn depenetrate(
     now: &EnvironmentSnapshot,
     target: &Target,
@@ -93,7 +94,8 @@ pub(super) fn depenetrate(
     scratch.search_distances.extend(required.iter().map(|required| required + SEARCH_MARGIN));
     let mut best = iterate(now, target, correction, MAX_DIRECT_DEPTH, cache, scratch);
     if best.violation.inside {
-        // The target is deep in a body or beyond it: retry from the last frame's shape, on its side of the body.
+        // The target is deep in a body or beyond it: retry from the last frame's shape, on its side of the
+        // body.
         scratch.first_best.clone_from(&scratch.best);
         correction.clear();
         correction.extend(target.previous_q.iter().zip(target.q).map(|(previous, q)| previous - q));
@@ -115,8 +117,8 @@ pub(super) fn depenetrate(
     Some(best.displacement)
 }
 
-/// Iterates from `correction`, which it changes; stops where a point is deeper inside a body than `max_depth`, m. Leaves the
-/// best correction in `scratch.best`.
+/// Iterates from `correction`, which it changes; stops where a point is deeper inside a body than
+/// `max_depth`, m. Leaves the best correction in `scratch.best`.
 fn iterate(
     now: &EnvironmentSnapshot,
     target: &Target,
@@ -214,8 +216,8 @@ mod tests {
         distances: Vec<f64>,
     }
 
-    /// Calls `test` with a function that depenetrates a hair among `shapes`, given its target unknowns, those of the last
-    /// frame, and the correction.
+    /// Calls `test` with a function that depenetrates a hair among `shapes`, given its target unknowns, those
+    /// of the last frame, and the correction.
     fn with_hair_among(
         shapes: &[Shape],
         test: impl FnOnce(&mut dyn FnMut(&[f64], &[f64], &mut Vec<f64>) -> Depenetrated),
@@ -239,8 +241,8 @@ mod tests {
         });
     }
 
-    /// Depenetrates a hair that is straight along x from balls: its correction, mean displacement, and the distances of its
-    /// points.
+    /// Depenetrates a hair that is straight along x from balls: its correction, mean displacement, and the
+    /// distances of its points.
     fn straight_hair_beside(balls: &[(Vector3<f64>, f64)]) -> (Vec<f64>, Option<f64>, Vec<f64>) {
         let shapes: Vec<_> = balls.iter().map(|&(centre, radius)| Shape::Sphere { centre, radius }).collect();
         let (straight, mut correction) = (vec![0.0; hair().unknowns()], Vec::new());
@@ -345,7 +347,8 @@ mod tests {
         let corrections: Vec<Vec<f64>> = (0..=60).map(|k| at(-0.011 + 5e-5 * f64::from(k))).collect();
         let step = |w: &[Vec<f64>]| w[0].iter().zip(&w[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         let largest = corrections.windows(2).map(step).fold(0.0, f64::max);
-        // No step is more than nine times the mean of sixty: shortfalls within the tolerance are corrected at once.
+        // No step is more than nine times the mean of sixty: shortfalls within the tolerance are corrected at
+        // once.
         let whole = step(&[corrections[0].clone(), corrections[60].clone()]);
         assert!(whole > 1.0 && largest < 0.15 * whole, "{largest} of {whole}");
     }

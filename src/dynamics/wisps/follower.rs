@@ -3,8 +3,8 @@
 use super::control_variate::ControlVariate;
 use serde::{Deserialize, Serialize};
 
-/// Time in which the deviation of a new follower from its leaders fades, and for which a guide must be calm before it merges,
-/// s.
+/// Time in which the deviation of a new follower from its leaders fades, and for which a guide must be calm
+/// before it merges, s.
 pub(super) const FADE_TIME: f64 = 0.25;
 
 /// Whether a guide follows, and how it deviates from its leaders.

@@ -1,4 +1,5 @@
-//! Placement of followers: their strains are the weighted means of their leaders', corrected for modes and bodies.
+//! Placement of followers: their strains are the weighted means of their leaders', corrected for modes and
+//! bodies.
 
 use super::control_variate::LeaderMeans;
 use super::depenetration::{DepenetrationScratch, Target, depenetrate};

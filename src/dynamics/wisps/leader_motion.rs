@@ -121,14 +121,15 @@ impl LeaderMotion {
         [n.clone().map(|n| own(n)[0]).collect(), n.map(|n| backward_difference(own(n), self.h)).collect()]
     }
 
-    /// Estimated error of the prediction of guide `i`, as a share of its length: the spread of its leaders times the response
-    /// error of the hierarchy.
+    /// Estimated error of the prediction of guide `i`, as a share of its length: the spread of its leaders
+    /// times the response error of the hierarchy.
     pub fn prediction_error(&self, i: usize, nu: f64) -> f64 {
         self.hierarchy.response_error[i] * self.leader_spread(i, nu)
     }
 
-    /// Root mean square, weighted by their shares, of the displacements of guide `i` between its prediction by one leader and
-    /// by all, less the modal deviations. With a single leader no spread is known; it is the whole displacement from rest.
+    /// Root mean square, weighted by their shares, of the displacements of guide `i` between its prediction
+    /// by one leader and by all, less the modal deviations. With a single leader no spread is known; it is
+    /// the whole displacement from rest.
     fn leader_spread(&self, i: usize, nu: f64) -> f64 {
         let mut means = LeaderMeans::default();
         self.leader_means(i, &mut means);

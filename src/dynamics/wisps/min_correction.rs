@@ -1,4 +1,5 @@
-//! The least change of a rod's unknowns that keeps its points out of bodies, to first order (`docs/theory.md` eq. 8.6).
+//! The least change of a rod's unknowns that keeps its points out of bodies, to first order (`docs/theory.md`
+//! eq. 8.6).
 
 use super::snapshot::{NearPoint, PosedRod};
 use crate::math::cholesky;
@@ -7,12 +8,12 @@ use crate::rod::{LumpedSensitivity, Rod};
 /// Violation of a constraint that counts as none, m.
 pub(super) const CONSTRAINT_TOLERANCE: f64 = 1e-6;
 
-/// Compliance of an active constraint relative to that of the rod there. It bounds the change where constraints oppose each
-/// other.
+/// Compliance of an active constraint relative to that of the rod there. It bounds the change where
+/// constraints oppose each other.
 const COMPLIANCE: f64 = 1e-4;
 
-/// A quadratic program: the least change in a metric with A·change ≥ b. The dual is solved as non-negative least squares by an
-/// active-set method (Lawson & Hanson 1974, chapter 23).
+/// A quadratic program: the least change in a metric with A·change ≥ b. The dual is solved as non-negative
+/// least squares by an active-set method (Lawson & Hanson 1974, chapter 23).
 #[derive(Default)]
 pub(super) struct MinCorrection {
     /// The solution, 1/m.

@@ -1,5 +1,5 @@
-//! The adaptive wisp tree: active guides are stepped, followers move with their leaders (`docs/theory.md` §8; Bertails, Kim,
-//! Cani & Neumann 2003).
+//! The adaptive wisp tree: active guides are stepped, followers move with their leaders (`docs/theory.md` §8;
+//! Bertails, Kim, Cani & Neumann 2003).
 
 mod adaptive_tree;
 mod checkpoint;

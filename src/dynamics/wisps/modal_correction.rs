@@ -1,4 +1,5 @@
-//! Modal correction for followers: a control variate on the leaders' linear modes (`docs/theory.md` eqs. 8.3 to 8.5).
+//! Modal correction for followers: a control variate on the leaders' linear modes (`docs/theory.md` eqs. 8.3
+//! to 8.5).
 
 use super::rest_shape::RestShape;
 use crate::dynamics::checkpoint::StateMismatch;

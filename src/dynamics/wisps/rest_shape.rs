@@ -27,7 +27,8 @@ pub(super) struct RestShape {
 pub(super) struct RestState {
     /// Unknowns, 1/m.
     pub q: Vec<f64>,
-    /// Distance that each point keeps from each body as a follower, m, as in [`GuideState::required_distances`].
+    /// Distance that each point keeps from each body as a follower, m, as in
+    /// [`GuideState::required_distances`].
     pub required_distances: Vec<f64>,
 }
 
@@ -47,8 +48,9 @@ impl RestShape {
         }
     }
 
-    /// The metric of changes of the unknowns: L of L Lᵀ = K + ∫ ρS ω² (∂x/∂q)ᵀ ∂x/∂q ds, ω² = g/length, at the rest shape.
-    /// The least change in this metric moves an elastic, hanging hair least. Computed on first use.
+    /// The metric of changes of the unknowns: L of L Lᵀ = K + ∫ ρS ω² (∂x/∂q)ᵀ ∂x/∂q ds, ω² = g/length, at
+    /// the rest shape. The least change in this metric moves an elastic, hanging hair least. Computed on
+    /// first use.
     pub fn metric(&self, rod: &Rod) -> &[f64] {
         self.metric.get_or_init(|| {
             let mut shape = RodShape::default();

@@ -62,8 +62,8 @@ impl<'a> EnvironmentSnapshot<'a> {
         Environment::root_on(&self.head, &rod.root)
     }
 
-    /// Distances of the points of a rod with unknowns `q`, 1/m, from the bodies, m, clamped to `limits`, both indexed as in
-    /// [`NearPoint`].
+    /// Distances of the points of a rod with unknowns `q`, 1/m, from the bodies, m, clamped to `limits`, both
+    /// indexed as in [`NearPoint`].
     pub fn distances(&self, rod: &Rod, q: &[f64], limits: &[f64]) -> Vec<f64> {
         let mut distances = limits.to_vec();
         let mut posed = PosedRod::default();
@@ -79,8 +79,9 @@ impl<'a> EnvironmentSnapshot<'a> {
         distances
     }
 
-    /// Sets `near` to the points of `x` nearer to a body than `required`, m, indexed as in [`NearPoint`], in ascending order.
-    /// `cache` is that of [`Bodies::each_point_within`](crate::contact::Bodies::each_point_within).
+    /// Sets `near` to the points of `x` nearer to a body than `required`, m, indexed as in [`NearPoint`], in
+    /// ascending order. `cache` is that of
+    /// [`Bodies::each_point_within`](crate::contact::Bodies::each_point_within).
     pub fn find_near(
         &self,
         x: &[Vector3<f64>],

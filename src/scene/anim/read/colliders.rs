@@ -125,7 +125,7 @@ fn mesh(
         let help = "correct the path, or export the mesh again";
         diagnostics.add(&key.name("file"), format!("\"{file}\" {what}"), allowed, help);
     };
-    let mut mesh = TriMesh::load_obj_as_it_is(&path, convention)
+    let mut mesh = TriMesh::load_obj_with_degenerate(&path, convention)
         .map_err(|what| report(context.diagnostics, what))
         .ok()?;
     let deformation = match sequence {

@@ -69,7 +69,7 @@ pub fn deformation(
 /// # Errors
 /// What is wrong, in words.
 fn load_frame(path: &Path, rest: &TriMesh, convention: &Convention) -> Result<Vec<Vector3<f64>>, String> {
-    let mesh = TriMesh::load_obj_as_it_is(path, convention)?;
+    let mesh = TriMesh::load_obj_with_degenerate(path, convention)?;
     let (found, expected) = (mesh.vertices.len(), rest.vertices.len());
     if found != expected {
         return Err(format!("uses {found} vertices, the mesh at rest {expected}"));
