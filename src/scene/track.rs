@@ -37,8 +37,8 @@ pub struct PoseSamples {
     pub rate: f64,
     /// The poses, joint to world, metres, Y up.
     pub poses: Vec<Isometry3<f64>>,
-    /// Increasing indices of missing or invalid samples, which are interpolated. At least three samples must
-    /// be valid.
+    /// Increasing indices of missing or invalid samples, which are interpolated; at an end the track comes to
+    /// rest instead. At least three samples must be valid.
     pub bridged: Vec<usize>,
 }
 
@@ -53,23 +53,29 @@ impl Track {
     /// cutoff is 0 or not below the Nyquist frequency of the samples. `rest`: pose of the joint in rest
     /// space.
     pub fn through(samples: &PoseSamples, smoothing_hz: f64, rest: &Isometry3<f64>) -> Self {
-        let mut points: Vec<Coordinates> = samples.poses.iter().map(coordinates).collect();
-        let mut weights = vec![1.0; points.len()];
+        let mut weights = vec![1.0; samples.poses.len()];
         for &i in &samples.bridged {
             weights[i] = 0.0;
         }
-        align_signs(&mut points, &weights);
+        // Nothing is known beyond the first and the last valid sample.
+        let first = weights.iter().position(|&w| w > 0.0).unwrap_or(0);
+        let end = weights.iter().rposition(|&w| w > 0.0).map_or(weights.len(), |last| last + 1);
+        let weights = &weights[first..end];
+        let bridged: Vec<usize> =
+            samples.bridged.iter().filter(|i| (first..end).contains(i)).map(|i| i - first).collect();
+        let mut points: Vec<Coordinates> = samples.poses[first..end].iter().map(coordinates).collect();
+        align_signs(&mut points, weights);
         let relative = smoothing_hz / samples.rate;
         if relative > 0.0 && relative < 0.5 {
-            points = smooth::whittaker(&points, &weights, smooth::penalty(relative));
-        } else if !samples.bridged.is_empty() {
+            points = smooth::whittaker(&points, weights, smooth::penalty(relative));
+        } else if !bridged.is_empty() {
             // Interpolate by a filter too weak to move the valid samples, which keep their exact values.
-            let filled = smooth::whittaker(&points, &weights, 1e-6);
-            for &i in &samples.bridged {
+            let filled = smooth::whittaker(&points, weights, 1e-6);
+            for &i in &bridged {
                 points[i] = filled[i];
             }
         }
-        let times = (0..points.len()).map(|i| samples.start + i as f64 / samples.rate).collect();
+        let times = (first..end).map(|i| samples.start + i as f64 / samples.rate).collect();
         Track { joint: CubicSpline::through(times, points), rest_inverse: rest.inverse() }
     }
 

@@ -69,7 +69,7 @@ pub struct TrackArguments {
     /// Lowering it removes more noise and rounds off sharp turns.
     #[arg(long, value_name = "HZ", alias = "smoothing", value_parser = values::not_negative, help_heading = TIME)]
     cutoff: Option<f64>,
-    /// What a bake does with samples far from their neighbours
+    /// What a bake does with samples that jump as no head can move, such as a T-pose at the start
     #[arg(long, value_enum, value_name = "ACTION", default_value = "error", help_heading = TIME)]
     pops: PopsName,
 
@@ -107,7 +107,7 @@ pub struct TrackArguments {
 enum PopsName {
     /// Refuses the animation
     Error,
-    /// Replaces them by interpolation
+    /// Replaces them by interpolation, unless the jump lasts
     Bridge,
     /// Follows them
     Keep,

@@ -2,14 +2,14 @@
 
 use super::colliders::{Colliders, WORLD};
 use super::options::{RestPose, TrackOptions};
-use super::report::TrackReport;
+use super::report::{TrackPop, TrackReport};
 use super::timing::{DEFAULT_FIRST_FRAME, Timing};
 use crate::import::mesh_file::{ImportedMesh, read_deforming_mesh};
 use crate::import::motion::{Motion, rotation};
 use crate::import::motion_file::read_motion;
 use crate::import::source::Source;
-use crate::scene::anim::file::{BodyFile, PoseFile, TrackFile};
-use crate::scene::track::find_pops;
+use crate::scene::anim::file::{BodyFile, Pops, PoseFile, TrackFile};
+use crate::scene::track::{Pop, find_pops};
 use crate::scene::{AnimFile, Groom};
 use crate::{Diagnostic, Error, Result};
 use nalgebra::Vector3;
@@ -52,7 +52,9 @@ pub fn root_centroid(groom: &Groom) -> Vector3<f64> {
 /// Unreadable or invalid files, all in one report; options out of range.
 pub fn track(options: &TrackOptions) -> Result<Track> {
     let Inputs { motion, timing, meshes } = Inputs::read(options)?;
-    let (kind, rest) = rest_pose(options, &motion)?;
+    let pops = find_pops(&motion.in_metres(), motion.rate);
+    let first = first_sample(&pops, options.pops);
+    let (kind, rest) = rest_pose(options, &motion, first)?;
 
     let mut colliders = Colliders::default();
     for (mesh, (file, read)) in options.colliders.iter().zip(&meshes) {
@@ -65,10 +67,10 @@ pub fn track(options: &TrackOptions) -> Result<Track> {
         frames: (timing.frames, timing.fps),
         first_frame: timing.first_sample,
         rest: (kind, motion.convention.length_in(rest.translation.into()).into()),
-        first_rotation: rotation(motion.poses[0].rotation_wxyz)
+        first_rotation: rotation(motion.poses[first].rotation_wxyz)
             .angle_to(&rotation(rest.rotation_wxyz))
             .to_degrees(),
-        pops: find_pops(&motion.in_metres(), motion.rate).iter().map(|pop| pop.sample).collect(),
+        pops: pops.iter().map(|pop| track_pop(pop, &timing, motion.rate)).collect(),
         notes: [&motion.notes[..], &colliders.notes[..]].concat(),
         warnings: motion.warnings.clone(),
     };
@@ -146,8 +148,20 @@ fn merge_errors<A, B>(motion: Result<A>, meshes: Vec<Result<B>>) -> Result<(A, V
     }
 }
 
-/// The pose of the joint that corresponds to the head as modelled, in the file's unit and axes.
-fn rest_pose(options: &TrackOptions, motion: &Motion) -> Result<(RestPose, PoseFile)> {
+/// The first sample that the track follows.
+fn first_sample(pops: &[Pop], action: Pops) -> usize {
+    let off = pops.iter().map(|pop| &pop.off).find(|off| off.start == 0 && action == Pops::Bridge);
+    off.map_or(0, |off| off.end)
+}
+
+fn track_pop(pop: &Pop, timing: &Timing, rate: f64) -> TrackPop {
+    let frame = timing.first_sample + pop.sample() as f64 / rate * timing.fps;
+    TrackPop { frame: (frame * 100.0).round() / 100.0, samples: pop.off.len() }
+}
+
+/// The pose of the joint that corresponds to the head as modelled, in the file's unit and axes; `first` is
+/// the first sample that the track follows.
+fn rest_pose(options: &TrackOptions, motion: &Motion, first: usize) -> Result<(RestPose, PoseFile)> {
     let kind = options.rest.unwrap_or(match (motion.bind, options.pivot) {
         (Some(_), None) => RestPose::Bind,
         _ => RestPose::World,
@@ -168,7 +182,9 @@ fn rest_pose(options: &TrackOptions, motion: &Motion) -> Result<(RestPose, PoseF
             .into());
         }
         (RestPose::World, _) => PoseFile { translation: pivot, rotation_wxyz: [1.0, 0.0, 0.0, 0.0] },
-        (RestPose::First, _) => PoseFile { translation: pivot, rotation_wxyz: motion.poses[0].rotation_wxyz },
+        (RestPose::First, _) => {
+            PoseFile { translation: pivot, rotation_wxyz: motion.poses[first].rotation_wxyz }
+        }
     };
     Ok((kind, pose))
 }
@@ -254,6 +270,34 @@ mod tests {
         let anim = write_and_load(&file, folder.path());
         assert!(anim.head_pose(anim.time(1001.0)).rotation.angle() < 1e-6);
         assert!((anim.head_pose(anim.time(1025.0)).rotation.angle().to_degrees() - 72.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_t_pose_at_the_start_is_said_and_bridged() {
+        let folder = tempfile::tempdir().unwrap();
+        let motion = motion_file(folder.path(), 49);
+        let text = std::fs::read_to_string(&motion.path).unwrap();
+        let mut file: serde_json::Value = serde_json::from_str(&text).unwrap();
+        file["frames"][0] = serde_json::json!({ "translation": [0.0, 170.0, 80.0], "rotation_quat_wxyz": [1.0, 0.0, 0.0, 0.0] });
+        std::fs::write(&motion.path, file.to_string()).unwrap();
+
+        let mut options = TrackOptions::new(motion, folder.path());
+        let Track { anim, report, .. } = track(&options).unwrap();
+        assert_eq!(report.pops, [TrackPop { frame: 1001.0, samples: 1 }]);
+        assert!(report.to_string().contains("at frame 1001") && report.to_string().contains("--pops bridge"));
+        let path = folder.path().join("anim.json");
+        anim.write(&path).unwrap();
+        assert!(load_anim(&path).is_err());
+
+        options.pops = Pops::Bridge;
+        let Track { anim, report, .. } = track(&options).unwrap();
+        assert!(report.notes.iter().any(|note| note.contains("interpolates")), "{report}");
+        // The first sample that counts is turned by 91.5°.
+        assert!((report.first_rotation - 91.5).abs() < 1e-6);
+        let anim = write_and_load(&anim, folder.path());
+        let first = anim.head_pose(anim.time(1001.0));
+        assert!((first.translation.vector - Vector3::new(0.0, 1.5, 0.0)).norm() < 0.02, "{first}");
+        assert!((first.rotation.angle().to_degrees() - 90.0).abs() < 2.0, "{first}");
     }
 
     #[test]

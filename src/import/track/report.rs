@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 /// First rotation of the head that leads to a warning, degrees.
 const LARGE_ROTATION: f64 = 60.0;
-/// Most samples that a warning lists.
+/// Most pops that a warning lists.
 const MAX_LISTED: usize = 5;
 
 /// The contents of a motion file and the animation made from it.
@@ -29,16 +29,25 @@ pub struct TrackReport {
     pub rest: (RestPose, [f64; 3]),
     /// Rotation of the head in the first sample relative to the rest pose, degrees.
     pub first_rotation: f64,
-    /// Indices of samples that pop.
-    pub pops: Vec<usize>,
+    /// The pops of the motion.
+    pub pops: Vec<TrackPop>,
     /// Guesses and remarks for the artist.
     pub notes: Vec<String>,
     /// What the artist should check.
     pub warnings: Vec<String>,
 }
 
+/// A pop: samples that jump as no head can move.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrackPop {
+    /// Frame of the first sample that is off, or of the first after the jump.
+    pub frame: f64,
+    /// Number of samples that are off; 0 if the jump lasts.
+    pub samples: usize,
+}
+
 impl TrackReport {
-    /// Adds warnings about the rest pose, pops and ignored options.
+    /// Adds notes and warnings about the rest pose, pops and ignored options.
     pub(super) fn add_warnings(&mut self, options: &TrackOptions) {
         if self.first_rotation > LARGE_ROTATION {
             self.warnings.push(format!(
@@ -46,23 +55,47 @@ impl TrackReport {
                 self.first_rotation
             ));
         }
-        if !self.pops.is_empty() && options.pops == Pops::Error {
-            let listed: Vec<String> = self.pops.iter().take(MAX_LISTED).map(usize::to_string).collect();
-            self.warnings.push(format!(
-                "{} ({}{}), which a bake rejects: import with --pops bridge or keep, or clean the motion",
-                match self.pops.len() {
-                    1 => "1 sample pops".into(),
-                    n => format!("{n} samples pop"),
-                },
-                listed.join(", "),
-                if self.pops.len() > MAX_LISTED { ", …" } else { "" }
-            ));
-        }
+        self.add_pops(options.pops);
         for mesh in options.colliders.iter().filter(|m| m.source.offset != Vector3::zeros()) {
             self.warnings
                 .push(format!("collider {}: the offset is ignored; move the mesh itself", mesh.name));
         }
     }
+
+    /// Says which samples pop, and what a bake does with them.
+    fn add_pops(&mut self, action: Pops) {
+        let (lasting, short): (Vec<_>, Vec<_>) = self.pops.iter().copied().partition(|pop| pop.samples == 0);
+        let samples = match short.iter().map(|pop| pop.samples).sum::<usize>() {
+            1 => "1 sample is".to_string(),
+            n => format!("{n} samples are"),
+        };
+        let at = frames_of(&short);
+        match action {
+            Pops::Error if !short.is_empty() => self.warnings.push(format!(
+                "{samples} off, {at}, which a bake refuses: import with --pops bridge to interpolate, \
+                 with --pops keep to follow, or clean the motion"
+            )),
+            Pops::Bridge if !short.is_empty() => {
+                self.notes.push(format!("{samples} off, {at}: a bake interpolates (--pops bridge)"));
+            }
+            _ => {}
+        }
+        if action != Pops::Keep && !lasting.is_empty() {
+            self.warnings.push(format!(
+                "the motion jumps {} and goes on from there, which a bake refuses: clean the motion, shorten it with \
+                 --frames, or import with --pops keep to follow the jump",
+                frames_of(&lasting)
+            ));
+        }
+    }
+}
+
+/// "at frame 1001", "at frames 1001, 1007, …".
+fn frames_of(pops: &[TrackPop]) -> String {
+    let listed: Vec<String> = pops.iter().take(MAX_LISTED).map(|pop| pop.frame.to_string()).collect();
+    let plural = if pops.len() == 1 { "" } else { "s" };
+    let more = if pops.len() > MAX_LISTED { ", …" } else { "" };
+    format!("at frame{plural} {}{more}", listed.join(", "))
 }
 
 impl fmt::Display for TrackReport {

@@ -118,7 +118,8 @@ pub struct TrackFile {
     /// the jitter of motion capture. 0, or a cutoff not below half the sample rate, turns the filter off.
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub smoothing_hz: f64,
-    /// What to do with pops: samples that jump as no head can move.
+    /// What to do with pops: samples that jump as no head can move, for up to a quarter of a second or for
+    /// good.
     pub pops: Pops,
 }
 
@@ -129,7 +130,8 @@ pub enum Pops {
     /// Pops and gaps are errors.
     #[default]
     Error,
-    /// One-frame pops and gaps are replaced by interpolation.
+    /// Samples that are off, and gaps, are replaced by interpolation; at an end of the track by its own
+    /// motion, which comes to rest. Jumps that last are errors.
     Bridge,
     /// Pops are kept as they are; gaps are errors.
     Keep,

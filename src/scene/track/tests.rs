@@ -198,28 +198,19 @@ fn pops_are_found_and_fast_motion_is_not() {
                 p.translation.vector.y += 0.3
             }
         });
-        assert_eq!(
-            spike.iter().map(|p| (p.sample, p.isolated, p.angular)).collect::<Vec<_>>(),
-            [(30, true, false)]
-        );
+        assert_eq!(spike.iter().map(|p| (p.off.clone(), p.angular)).collect::<Vec<_>>(), [(30..31, false)]);
         let step = pops_after(rate, |i, p| {
             if i >= 30 {
                 p.translation.vector.z += 0.3
             }
         });
-        assert_eq!(
-            step.iter().map(|p| (p.sample, p.isolated, p.angular)).collect::<Vec<_>>(),
-            [(30, false, false)]
-        );
+        assert_eq!(step.iter().map(|p| (p.off.clone(), p.angular)).collect::<Vec<_>>(), [(30..30, false)]);
         let turn = pops_after(rate, |i, p| {
             if i == 30 {
                 p.rotation *= UnitQuaternion::from_euler_angles(0.0, 2.2, 0.0)
             }
         });
-        assert_eq!(
-            turn.iter().map(|p| (p.sample, p.isolated, p.angular)).collect::<Vec<_>>(),
-            [(30, true, true)]
-        );
+        assert_eq!(turn.iter().map(|p| (p.off.clone(), p.angular)).collect::<Vec<_>>(), [(30..31, true)]);
     }
     // A sprint at 12 m/s with strides, and a head that turns at 25 rad/s.
     let fast: Vec<_> = (0..60)
@@ -229,6 +220,111 @@ fn pops_are_found_and_fast_motion_is_not() {
         })
         .collect();
     assert_eq!(find_pops(&fast, 24.0), []);
+}
+
+/// Poses at each step of 1 / `rate` over `seconds`.
+fn sampled(rate: f64, seconds: f64, pose: impl Fn(f64) -> Isometry3<f64>) -> Vec<Isometry3<f64>> {
+    (0..=(rate * seconds) as usize).map(|i| pose(i as f64 / rate)).collect()
+}
+
+#[test]
+fn samples_at_an_end_are_off_if_the_track_jumps_there() {
+    for (rate, run) in [(24.0, 1), (30.0, 3), (60.0, 1), (120.0, 12)] {
+        let t_pose = |i: usize, p: &mut Isometry3<f64>| {
+            if i < run {
+                *p = Isometry3::new(Vector3::new(0.0, 1.7, 0.0), Vector3::y() * -1.0);
+            }
+        };
+        let found = |n: usize, change: &dyn Fn(usize, &mut Isometry3<f64>)| {
+            let mut poses = samples(2.0, rate, n).poses;
+            poses.iter_mut().enumerate().for_each(|(i, p)| change(i, p));
+            find_pops(&poses, rate).into_iter().map(|p| p.off).collect::<Vec<_>>()
+        };
+        assert_eq!(found(60, &t_pose), [0..run], "{rate}");
+        assert_eq!(found(60, &|i, p| t_pose(59 - i, p)), [60 - run..60], "{rate}");
+    }
+}
+
+#[test]
+fn neighbouring_samples_that_are_off_are_one_pop() {
+    for (rate, run) in [(24.0, 2), (60.0, 5), (120.0, 20)] {
+        let off = pops_after(rate, |i, p| {
+            if (30..30 + run).contains(&i) {
+                p.translation.vector += Vector3::new(0.1, -0.3, 0.2);
+            }
+        });
+        assert_eq!(off.iter().map(|p| p.off.clone()).collect::<Vec<_>>(), [30..30 + run], "{rate}");
+    }
+}
+
+/// A capture at a low rate, written at a higher one, moves in stairs.
+#[test]
+fn stairs_of_a_held_capture_are_no_pops() {
+    let stepped: Vec<_> = (0..40)
+        .scan(0.0, |x, i| {
+            *x += [0.032, 0.002][i % 2];
+            Some(Isometry3::translation(*x, 1.6, 0.0))
+        })
+        .collect();
+    for rate in [24.0, 30.0, 60.0, 120.0] {
+        assert_eq!(find_pops(&stepped, rate), [], "{rate}");
+    }
+    for (rate, capture) in [(24.0, 12.0), (60.0, 15.0), (60.0, 30.0), (120.0, 15.0), (240.0, 24.0)] {
+        let held = sampled(rate, 3.0, |t| motion((t * capture).floor() / capture));
+        assert_eq!(find_pops(&held, rate), [], "{rate} {capture}");
+    }
+}
+
+#[test]
+fn turns_of_a_head_are_no_pops() {
+    let turns: [&dyn Fn(f64) -> f64; 5] = [
+        // 137° within a second: evenly, and with a start and a stop.
+        &|t| 137f64.to_radians() * (t - 1.0).clamp(0.0, 1.0),
+        &|t| {
+            let u = (t - 1.0).clamp(0.0, 1.0);
+            137f64.to_radians() * u * u * (3.0 - 2.0 * u)
+        },
+        // A whip turn that reaches 18 rad/s, a spin at 20 rad/s, a shake at 4 Hz.
+        &|t| 1.4 * (1.0 - (std::f64::consts::PI * ((t - 1.0) / 0.12).clamp(0.0, 1.0)).cos()) / 2.0,
+        &|t| 20.0 * (t - 0.5).max(0.0),
+        &|t| 0.4 * (std::f64::consts::TAU * 4.0 * t).sin(),
+    ];
+    for (turn, angle) in turns.iter().enumerate() {
+        for rate in [1.0, 2.0, 4.0, 8.0, 12.0, 24.0, 25.0, 30.0, 60.0, 120.0, 240.0] {
+            let poses = sampled(rate, 3.0, |t| Isometry3::new(Vector3::y() * 1.6, Vector3::y() * angle(t)));
+            assert_eq!(find_pops(&poses, rate), [], "{turn} at {rate}");
+        }
+    }
+}
+
+/// Noise of a capture, and falls that end on the ground.
+#[test]
+fn jitter_and_landings_are_no_pops() {
+    for rate in [24.0, 60.0, 120.0] {
+        let noise = |i: f64| ((i * 12.9898).sin() * 43758.5453).fract();
+        let jittery = sampled(rate, 3.0, |t| {
+            let i = t * rate;
+            motion(t) * Isometry3::translation(0.04 * noise(i), 0.04 * noise(i + 0.3), 0.04 * noise(i + 0.7))
+        });
+        assert_eq!(find_pops(&jittery, rate), [], "{rate}");
+        let fall = sampled(rate, 2.0, |t| Isometry3::translation(0.0, (2.0 - 4.9 * t * t).max(0.1), 0.0));
+        assert_eq!(find_pops(&fall, rate), [], "{rate}");
+    }
+}
+
+#[test]
+fn bridged_samples_at_an_end_leave_the_track_at_rest_there() {
+    for cutoff in [0.0, 12.0] {
+        let valid = samples(0.0, 60.0, 40);
+        let mut popped = valid.clone();
+        popped.poses[..2].fill(Isometry3::translation(0.0, 9.0, 0.0));
+        popped.bridged = vec![0, 1];
+        let [valid, popped] = [valid, popped].map(|s| Track::through(&s, cutoff, &Isometry3::identity()));
+        assert_eq!(popped.span().unwrap().0, 2.0 / 60.0);
+        for t in [0.0, 1.0 / 60.0, 5.0 / 60.0] {
+            assert!(distance(&valid.pose(t), &popped.pose(t)) < 0.01, "{cutoff} {t}");
+        }
+    }
 }
 
 #[test]

@@ -9,6 +9,8 @@ use crate::scene::json::diagnostics::{Diagnostics, MAX_REPORTED};
 use crate::scene::json::key::Key;
 use crate::scene::track::{Pop, PoseSamples, Track, find_pops};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use std::collections::BTreeSet;
+use std::ops::Range;
 
 /// Most missing samples in a gap that is bridged: a longer gap is no tracker drop-out, and bridging it would
 /// invent motion.
@@ -219,42 +221,50 @@ fn check_pops(context: &mut Context, key: &Key, samples: &mut PoseSamples, pops:
     if pops == Pops::Keep {
         return;
     }
+    let gaps: BTreeSet<usize> = samples.bridged.iter().copied().collect();
+    let mut bridged = gaps.clone();
     let mut count = 0;
     for pop in find_pops(&samples.poses, samples.rate) {
-        let bridged = |i: usize| samples.bridged.binary_search(&i).is_ok();
-        if bridged(pop.sample) || bridged(pop.sample - 1) {
+        let sample = pop.sample();
+        if gaps.contains(&sample) || sample > 0 && gaps.contains(&(sample - 1)) {
             continue;
         }
-        if pops == Pops::Bridge && pop.isolated {
-            let place = samples.bridged.partition_point(|&i| i < pop.sample);
-            samples.bridged.insert(place, pop.sample);
+        if pops == Pops::Bridge && !pop.lasts() {
+            bridged.extend(pop.off);
             continue;
         }
         count += 1;
         if count <= MAX_REPORTED {
-            let frame = (samples.start + pop.sample as f64 / samples.rate) * context.fps;
-            report_pop(context.diagnostics, &key.index(pop.sample), &pop, frame);
+            let frame = (samples.start + sample as f64 / samples.rate) * context.fps;
+            report_pop(context.diagnostics, &key.index(sample), &pop, samples.poses.len(), frame);
         }
     }
+    samples.bridged = bridged.into_iter().collect();
     if count > MAX_REPORTED {
         let message = format!("{count} samples jump");
         context.diagnostics.add(key, message, "none", "correct the track, or set \"pops\"");
     }
 }
 
-fn report_pop(diagnostics: &mut Diagnostics, key: &Key, pop: &Pop, frame: f64) {
+/// Reports a pop of a track of `samples` samples, at `frame`.
+fn report_pop(diagnostics: &mut Diagnostics, key: &Key, pop: &Pop, samples: usize, frame: f64) {
     let size = |x: f64| if pop.angular { format!("{:.1}°", x.to_degrees()) } else { format!("{x:.4} m") };
-    let jumps = if pop.isolated { "jumps there and back" } else { "jumps" };
+    let place = match pop.off {
+        ref off if off.is_empty() => format!("jumps by {} at frame {frame:.2}", size(pop.size)),
+        Range { start: 0, end } => format!("up to sample {} the track is {} off", end - 1, size(pop.size)),
+        Range { start, end } if end == samples => {
+            format!("from sample {start} on, at frame {frame:.2}, the track is {} off", size(pop.size))
+        }
+        _ => format!("jumps there and back by {} at frame {frame:.2}", size(pop.size)),
+    };
     let message = format!(
-        "{jumps} by {} at frame {frame:.2}, while the samples around it move by {} at most",
-        size(pop.size),
+        "{place}: the velocities before and after do not account for it, and the samples around it jump by {}",
         size(pop.nearby)
     );
-    let allowed = format!("at most {}, or 3 times the motion around it", size(pop.limit));
-    let help = if pop.isolated {
-        "correct the sample, or set \"pops\": \"bridge\" to interpolate it, \"keep\" to follow it"
-    } else {
+    let help = if pop.lasts() {
         "correct the track, or set \"pops\": \"keep\" to follow the jump"
+    } else {
+        "correct the samples, or set \"pops\": \"bridge\" to interpolate them, \"keep\" to follow them"
     };
-    diagnostics.add(key, message, allowed, help);
+    diagnostics.add(key, message, format!("at most {}", size(pop.limit)), help);
 }
