@@ -115,7 +115,7 @@ fn run(groom: &Groom, anim: &Anim, guides: usize, mut each: impl FnMut(&[StepRec
     let height = |r: &GuideRod| r.rod.root.p.y;
     rods.simulated.sort_by(|a, b| height(b).total_cmp(&height(a)));
     rods.simulated.truncate(guides);
-    rods.moved.truncate(guides);
+    rods.required.truncate(guides);
     let mut simulation = Simulation::new(groom, anim, &rods);
     let half = 0.5 * simulation.model.substep();
     let time = |frame: i32| f64::from(frame) / anim.fps - half;
