@@ -6,13 +6,14 @@ frame's own file, because composition hides errors: USD interpolates over a miss
 
 import json
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom
 
-from .geometry import Array, FloatArray, IntArray
+from .geometry import Array, FloatArray, IntArray, norms
 
 ROOT_LAYER = "hair.usda"
 RECORD = "manifest.json"
@@ -44,7 +45,7 @@ class Curves:
     widths: FloatArray
     """Diameters, f32, `N`, stage units."""
 
-    @property
+    @cached_property
     def consistent(self) -> bool:
         """True if counts and rest points agree and are finite, so that points can be told apart by curve."""
         total = int(self.counts.sum())
@@ -55,23 +56,33 @@ class Curves:
             and np.isfinite(self.rest).all()
         )
 
-    @property
+    @cached_property
     def starts(self) -> IntArray:
         """Index of each curve's root point, `n`."""
         starts: IntArray = np.cumsum(self.counts) - self.counts
         return starts
 
-    @property
+    @cached_property
     def curve_of_point(self) -> IntArray:
         """Index of each point's curve, `N`."""
         return np.repeat(np.arange(len(self.counts)), self.counts)
 
-    @property
+    @cached_property
     def segments(self) -> IntArray:
         """Index of each segment's first point; its second point is the next one."""
         last = np.zeros(len(self.rest), dtype=bool)
         last[self.starts + self.counts - 1] = True
         return np.flatnonzero(~last)
+
+    @cached_property
+    def rest_chords(self) -> FloatArray:
+        """Length of each segment's chord at rest."""
+        return self.chords(self.rest)
+
+    def chords(self, points: FloatArray) -> FloatArray:
+        """Length of each segment's chord between points, `N × 3`."""
+        exact = points.astype(float)
+        return norms(exact[1:] - exact[:-1])[self.segments]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from . import tolerances
 from .cache import GUIDES, HAIR, HEAD, TRANSFORM, Curves
-from .geometry import Arcs, FloatArray, arc_lengths, spacing, transformed
+from .geometry import Arcs, FloatArray, arc_lengths, norms, spacing, transformed
 from .report import Check, Finding
 from .window import Window
 
@@ -128,8 +128,9 @@ def sizes(window: Window) -> Iterator[Finding]:
 def finite(window: Window) -> Iterator[Finding]:
     """Checks for NaN and infinity."""
     for path, value in window.all_values():
-        bad = np.flatnonzero(~np.isfinite(value).reshape(len(value), -1).all(axis=1)) if len(value) else value
-        if len(bad):
+        finite = np.isfinite(value)
+        if not finite.all():
+            bad = np.flatnonzero(~finite.reshape(len(value), -1).all(axis=1))
             message = (
                 f"{path}: {len(bad)} of {len(value)} entries are not finite, the first at index {bad[0]}"
             )
@@ -154,8 +155,11 @@ def extent(window: Window) -> Iterator[Finding]:
         points, box = window.get(curves.path, "points"), window.get(curves.path, "extent")
         if points is None or box is None or len(curves.widths) != len(points):
             continue
-        half = curves.widths[:, None].astype(float) / 2
-        excess = np.maximum(box[0] - (points - half), (points + half) - box[1]).max(axis=1)
+        half = curves.widths.astype(float) / 2
+        excess = np.full(len(points), -np.inf)
+        for low, high, place in zip(*box, points.T, strict=True):
+            for side in (low - (place - half), (place + half) - high):
+                np.maximum(excess, side, out=excess)
         yield worst(window, EXTENT, curves, (excess - spacing(box)) * window.cache.metres_per_unit)
 
 
@@ -176,7 +180,7 @@ def root_offsets(
     The rounding of both points to 32 bits, half a spacing in each coordinate, is subtracted.
     """
     rest, now = curves.rest[curves.starts], points[curves.starts]
-    offset = np.linalg.norm(now - transformed(rest, head), axis=1)
+    offset = norms(now - transformed(rest, head))
     rounding = np.sqrt(3) / 2 * (spacing(rest) + spacing(now))
     return worst(window, check, curves, (offset - rounding) * window.cache.metres_per_unit, per_curve=True)
 
@@ -190,12 +194,10 @@ def segments(window: Window) -> Iterator[Finding]:
         points = window.get(curves.path, "points")
         if points is None or curves.path != HAIR:
             continue
-        first = curves.segments
-        rest = np.linalg.norm(np.diff(curves.rest.astype(float), axis=0)[first], axis=1)
-        now = np.linalg.norm(np.diff(points.astype(float), axis=0)[first], axis=1)
+        rest, now = curves.rest_chords, curves.chords(points)
         rounding = np.sqrt(3) * (spacing(curves.rest) + spacing(points))
         drift = np.zeros(len(points))
-        drift[first] = np.maximum(0, np.abs(now - rest) - rounding) / np.maximum(rest, rounding)
+        drift[curves.segments] = np.maximum(0, np.abs(now - rest) - rounding) / np.maximum(rest, rounding)
         yield worst(window, SEGMENTS, curves, drift)
 
 
@@ -226,10 +228,16 @@ def guide_arcs(window: Window) -> Iterator[tuple[Curves, Arcs, Arcs, float]]:
     """Guides, their arcs at rest and in the frame, and the rounding error of an arc."""
     rest_arcs = window.reference.rest_arcs
     for curves in window.cache.curves:
-        points = window.get(curves.path, "points")
-        if points is not None and rest_arcs is not None and curves.path == GUIDES:
-            rounding = float(np.sqrt(3)) * (spacing(curves.rest) + spacing(points))
-            yield curves, rest_arcs, arc_lengths(points, curves.counts), rounding
+        found = window.once(arcs_in_frame, curves) if curves.path == GUIDES else None
+        if rest_arcs is not None and found is not None:
+            arcs, spaced = found
+            yield curves, rest_arcs, arcs, float(np.sqrt(3)) * (spacing(curves.rest) + spaced)
+
+
+def arcs_in_frame(window: Window, curves: Curves, offset: int) -> tuple[Arcs, float] | None:
+    """Arcs of curves in a frame and the spacing of their points; None without valid points."""
+    points = window.get(curves.path, "points", offset)
+    return None if points is None else (arc_lengths(points, curves.counts), spacing(points))
 
 
 def guide_penetration(window: Window) -> Iterator[Finding]:
@@ -245,18 +253,10 @@ def hair_penetration(window: Window) -> Iterator[Finding]:
 def penetration(window: Window, path: str, check: Check) -> Iterator[Finding]:
     """Depth, in each collider's own space, of the points that must stay outside it."""
     for curves in window.cache.curves:
-        points = window.get(curves.path, "points")
-        if points is None or curves.path != path:
-            continue
         for mesh, at_first in window.reference.colliders:
-            matrix = window.get(mesh.path, TRANSFORM)
-            collider = window.collider(mesh) if mesh.deforms else at_first
-            if matrix is None or collider is None:
-                continue
-            outside = np.flatnonzero(window.reference.outside[curves.path, mesh.path])
-            depth = np.zeros(len(points))
-            depth[outside] = collider.depth(transformed(points[outside], np.linalg.inv(matrix)))
-            yield worst(window, check, curves, depth * window.cache.metres_per_unit)
+            depth = window.depths(mesh, at_first).get(path) if curves.path == path else None
+            if depth is not None:
+                yield worst(window, check, curves, depth * window.cache.metres_per_unit)
 
 
 def worst(

@@ -9,7 +9,7 @@ import numpy as np
 from . import cache, tolerances
 from .cache import HEAD, TRANSFORM, Curves
 from .checks_frame import root_offsets, worst
-from .geometry import FloatArray, transformed
+from .geometry import FloatArray, dot, norms, transformed
 from .report import Check, Finding
 from .window import Window
 
@@ -100,7 +100,7 @@ def curve_velocities(window: Window) -> Iterator[Finding]:
     floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
     for residual in residuals(window):
         curves = residual.curves
-        squares = (np.einsum("ij,ij->i", residual.mean, residual.mean), residual.excess**2)
+        squares = (dot(residual.mean, residual.mean), residual.excess**2)
         speed, excess = (np.sqrt(np.add.reduceat(s, curves.starts) / curves.counts) for s in squares)
         share = excess / np.maximum(speed, floor)
         at = int(np.argsort(share)[int(np.ceil(0.95 * (len(share) - 1)))])
@@ -108,25 +108,32 @@ def curve_velocities(window: Window) -> Iterator[Finding]:
 
 
 def residuals(window: Window) -> Iterator[Residual]:
-    """Residuals of Simpson's rule around the frame.
+    """Residuals of Simpson's rule around the frame."""
+    for curves in window.cache.curves:
+        residual = window.once(residual_of, curves)
+        if residual is not None:
+            yield residual
+
+
+def residual_of(window: Window, curves: Curves, offset: int) -> Residual | None:
+    """The residual of Simpson's rule around a frame; None without valid values in the three frames.
 
     Where motion is sampled too coarsely for Simpson's rule, as in a landing or a tremor, the trapezoidal rule
     estimates its error: `tolerances.SIMPSON_ERROR` times the smaller of its differences from Simpson's rule
     and from the displacement is allowed. If the centre frame alone is wrong, the trapezoidal rule matches the
     displacement; if all three are wrong alike, the two rules agree. Neither is excused.
     """
-    for curves in window.cache.curves:
-        before, after = (window.get(curves.path, "points", offset) for offset in (-1, 1))
-        v0, v1, v2 = (window.get(curves.path, "velocities", offset) for offset in (-1, 0, 1))
-        if before is None or after is None or v0 is None or v1 is None or v2 is None:
-            continue
-        mean = (after.astype(float) - before) * window.cache.fps / 2
-        simpson = (v0.astype(float) + 4 * v1 + v2) / 6
-        trapezoidal = (v0.astype(float) + v2) / 2
-        pairs = ((simpson, mean), (simpson, trapezoidal), (trapezoidal, mean))
-        error, *sampling = (np.linalg.norm(a - b, axis=1) for a, b in pairs)
-        excess = np.maximum(error - tolerances.SIMPSON_ERROR * np.minimum(*sampling), 0)
-        yield Residual(curves, mean, excess)
+    before, after = (window.get(curves.path, "points", offset + step) for step in (-1, 1))
+    v0, v1, v2 = (window.get(curves.path, "velocities", offset + step) for step in (-1, 0, 1))
+    if before is None or after is None or v0 is None or v1 is None or v2 is None:
+        return None
+    mean = (after.astype(float) - before) * window.cache.fps / 2
+    trapezoidal = (v0.astype(float) + v2) / 2
+    simpson = (trapezoidal + 2 * v1.astype(float)) / 3
+    pairs = ((simpson, mean), (simpson, trapezoidal), (trapezoidal, mean))
+    error, *sampling = (norms(a - b) for a, b in pairs)
+    excess = np.maximum(error - tolerances.SIMPSON_ERROR * np.minimum(*sampling), 0)
+    return Residual(curves, mean, excess)
 
 
 def sub_frames(window: Window) -> Iterator[Finding]:
@@ -146,7 +153,7 @@ def sub_frames(window: Window) -> Iterator[Finding]:
         ]
         for (start, before, first), (end, after, last) in pairwise(samples):
             mean = (after - before) * window.cache.fps / (end - start)
-            residual = np.linalg.norm((first.astype(float) + last) / 2 - mean, axis=1)
+            residual = norms((first.astype(float) + last) / 2 - mean)
             value = float(np.median(residual)) / max(root_mean_square(mean), floor)
             yield Finding(SUB_FRAMES, value, frame=window.frame, prim=curves.path)
 
@@ -199,7 +206,7 @@ def acceleration_residual(
 ) -> Finding:
     """The median difference of accelerations over points, relative to the RMS of the expected ones."""
     floor = tolerances.ACCELERATION_FLOOR_M_S2 / window.cache.metres_per_unit
-    residual = float(np.median(np.linalg.norm(found - expected, axis=1)))
+    residual = float(np.median(norms(found - expected)))
     value = residual / max(root_mean_square(expected), floor)
     return Finding(check, value, frame=window.frame, prim=curves.path)
 
@@ -211,37 +218,40 @@ def spikes(window: Window) -> Iterator[Finding]:
     speeds around them do not explain. Hair whipped by a landing has the first, not the second.
     """
     for curves in window.cache.curves:
-        positions = [in_head(window, curves.path, offset) for offset in (-1, 0, 1, 2)]
-        p = [position for position in positions if position is not None]
-        speeds = [speed_in_head(window, curves.path, offset) for offset in (-1, 0, 1, 2)]
+        here, there = (window.once(in_head, curves, offset) for offset in (0, 1))
+        first, second = (window.once(bend, curves, offset) for offset in (0, 1))
+        speeds = [window.once(speed_in_head, curves, offset) for offset in (-1, 0, 1, 2)]
         known = [speed for speed in speeds if speed is not None]
-        if len(p) < len(positions) or not known:
+        if here is None or there is None or first is None or second is None or not known:
             continue
-        first = p[2] - 2 * p[1] + p[0]
-        second = p[3] - 2 * p[2] + p[1]
-        size = np.linalg.norm(first, axis=1)
-        back = -np.einsum("ij,ij->i", first, second) / np.maximum(size, np.finfo(float).tiny)
+        size = norms(first)
+        back = -dot(first, second) / np.maximum(size, np.finfo(float).tiny)
         reach = tolerances.SPIKE_SPEED * np.maximum.reduce(known) / window.cache.fps
-        beyond = np.linalg.norm(p[2] - p[1], axis=1) - reach
+        beyond = norms(there - here) - reach
         jump = np.maximum(0, np.minimum.reduce([size, back, beyond]))
         yield worst(window, SPIKES, curves, jump * window.cache.metres_per_unit)
 
 
-def in_head(window: Window, path: str, offset: int) -> FloatArray | None:
+def in_head(window: Window, curves: Curves, offset: int) -> FloatArray | None:
     """Points of a frame in the space of the head, f64."""
-    points, head = window.get(path, "points", offset), window.get(HEAD, TRANSFORM, offset)
+    points, head = window.get(curves.path, "points", offset), window.get(HEAD, TRANSFORM, offset)
     return None if points is None or head is None else transformed(points, np.linalg.inv(head))
 
 
-def speed_in_head(window: Window, path: str, offset: int) -> FloatArray | None:
+def bend(window: Window, curves: Curves, offset: int) -> FloatArray | None:
+    """Second difference of the points around a frame, in the space of the head."""
+    before, here, after = (window.once(in_head, curves, offset + step) for step in (-1, 0, 1))
+    return None if before is None or here is None or after is None else after - 2 * here + before
+
+
+def speed_in_head(window: Window, curves: Curves, offset: int) -> FloatArray | None:
     """Speed of the points relative to the head, whose velocity is a central difference."""
-    local, rates = in_head(window, path, offset), window.get(path, "velocities", offset)
-    head_before, head_after = (window.get(HEAD, TRANSFORM, offset + step) for step in (-1, 1))
-    if local is None or rates is None or head_before is None or head_after is None:
+    points, rates = (window.get(curves.path, name, offset) for name in ("points", "velocities"))
+    before, head, after = (window.get(HEAD, TRANSFORM, offset + step) for step in (-1, 0, 1))
+    if points is None or rates is None or before is None or head is None or after is None:
         return None
-    before, after = transformed(local, head_before), transformed(local, head_after)
-    speed: FloatArray = np.linalg.norm(rates - (after - before) * window.cache.fps / 2, axis=1)
-    return speed
+    moved = transformed(points, np.linalg.inv(head) @ (after - before))
+    return norms(rates - moved * (window.cache.fps / 2))
 
 
 def root_mean_square(vectors: FloatArray) -> float:

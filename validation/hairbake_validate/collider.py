@@ -12,32 +12,70 @@ points deep in a head whose closest surface is that of an eyeball: hair enters t
 sign is right.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from .geometry import BoolArray, FloatArray, IntArray
+from .geometry import BoolArray, FloatArray, IntArray, cross, dot, norms
 
 MAX_LEVELS = 7
 """Largest depth of the octree: the finest cell is then 1/128 of the root cell."""
 
-PAIRS_PER_BLOCK = 200_000
+PAIRS_PER_BLOCK = 50_000
 """Point-triangle pairs measured at once: the arrays stay in the processor's cache."""
+
+CHILDREN = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+"""Places of a cell's children on the next level."""
 
 FACE = 0
 """Index of a triangle's face among its features; 1-3 are the edges from corners 0-2, 4-6 the corners."""
 
 
 @dataclass(frozen=True)
+class Runs:
+    """Some triangles for each of some points: those that can be closest to it."""
+
+    triangles: IntArray
+    """The triangles, run after run."""
+    start: IntArray
+    """Index of each run's first triangle."""
+    count: IntArray
+    """Number of triangles of each run, at least 1."""
+
+    @classmethod
+    def adjacent(cls, triangles: IntArray, count: IntArray) -> "Runs":
+        """Runs that follow each other without gaps."""
+        return cls(triangles, np.cumsum(count) - count, count)
+
+    def select(self, which: Any) -> "Runs":
+        """The runs at an index, slice or mask."""
+        return Runs(self.triangles, self.start[which], self.count[which])
+
+    def expand(self) -> tuple[IntArray, IntArray]:
+        """Run and triangle of every pair."""
+        run = np.repeat(np.arange(len(self.count)), self.count)
+        first = np.cumsum(self.count) - self.count
+        return run, self.triangles[np.arange(len(run)) + np.repeat(self.start - first, self.count)]
+
+    def blocks(self) -> Iterator[slice]:
+        """Slices of consecutive runs of about `PAIRS_PER_BLOCK` pairs together."""
+        total = np.cumsum(self.count)
+        low = 0
+        while low < len(self.count):
+            end = total[low] - self.count[low] + PAIRS_PER_BLOCK
+            high = max(low + 1, int(np.searchsorted(total, end, side="right")))
+            yield slice(low, high)
+            low = high
+
+
+@dataclass(frozen=True)
 class Leaves:
     """The leaves of the octree that may hold inside points."""
 
-    candidates: IntArray
-    """Triangles that can be closest to a point of a leaf, leaf after leaf."""
-    start: IntArray
-    """Index of each leaf's first candidate."""
-    count: IntArray
-    """Number of candidates of each leaf."""
+    runs: Runs
+    """Triangles that can be closest to a point of each leaf."""
     clearance: FloatArray
     """Signed distance of the leaf's centre: points nearer to the centre are outside. 0 for coarse leaves."""
 
@@ -45,23 +83,30 @@ class Leaves:
 class Collider:
     """Signed distance to a triangle mesh."""
 
-    def __init__(self, points: FloatArray, triangles: IntArray) -> None:
-        """Builds the octree of a mesh: `points` f64, `V × 3`; `triangles`, `T × 3`, of either orientation."""
+    def __init__(self, points: FloatArray, triangles: IntArray, queries: FloatArray | None = None) -> None:
+        """Builds the octree of a mesh.
+
+        Args:
+            points: Vertices, f64, `V × 3`.
+            triangles: `T × 3`, of either orientation.
+            queries: The only points whose depth will be asked for, `N × 3`; default: any. Space without them
+                is left out of the octree: for a mesh that is used for one frame.
+        """
         # Texture seams split vertices; pseudonormals need them joined.
         points, index = np.unique(points, axis=0, return_inverse=True)
         triangles = index.reshape(-1)[triangles]
         corners = points[triangles]
-        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        area = norms(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
         triangles, corners = triangles[area > 0], corners[area > 0]
         centre = (points.min(0) + points.max(0)) / 2
-        volume = np.einsum(
-            "ij,ij->i", corners[:, 0] - centre, np.cross(corners[:, 1] - centre, corners[:, 2] - centre)
-        ).sum()
+        volume = dot(corners[:, 0] - centre, cross(corners[:, 1] - centre, corners[:, 2] - centre)).sum()
         if volume < 0:
             triangles, corners = triangles[:, ::-1], corners[:, ::-1]
         self.corners = np.ascontiguousarray(corners)
-        self.centroids = self.corners.mean(axis=1)
-        self.radii = np.linalg.norm(self.corners - self.centroids[:, None], axis=2).max(axis=1)
+        # Each coordinate is contiguous: it is gathered for many pairs at once.
+        self.centroids = np.asfortranarray(self.corners.mean(axis=1))
+        self.radii = np.max([norms(self.corners[:, k] - self.centroids) for k in range(3)], axis=0)
+        self.frames = Frames(self.corners)
         self.normals = pseudonormals(triangles, self.corners, len(points))
         # The margin gives flat meshes space on both sides.
         self.size = 1.1 * (points.max(0) - points.min(0)).max()
@@ -70,132 +115,160 @@ class Collider:
         self.levels = int(np.clip(np.ceil(np.log2(2 * self.size / np.median(self.radii))), 2, MAX_LEVELS))
         self.leaf_of_cell = np.full((2**self.levels,) * 3, -1, np.int32)
         """Leaf of each finest cell; -1 if the cell is outside."""
-        self.leaves = self._build()
+        self.leaves = self._build(None if queries is None else self._occupied(queries))
 
     def depth(self, points: FloatArray) -> FloatArray:
         """Penetration depth of points (`N × 3`): minus the signed distance, 0 outside; `N`."""
-        cells = 2**self.levels
-        place = (points - self.origin) * (cells / self.size)
-        within = np.flatnonzero(((place >= 0) & (place < cells)).all(axis=1))
-        x, y, z = place[within].astype(int).T
-        leaf = self.leaf_of_cell[x, y, z]
-        centre = self.origin + (np.floor(place[within]) + 0.5) * (self.size / cells)
-        offset = np.linalg.norm(points[within] - centre, axis=1)
-        uncertain = (leaf >= 0) & (offset >= self.leaves.clearance[leaf])
+        within, cells, offset = self._cells(points)
+        leaf = self.leaf_of_cell[tuple(cells)]
+        uncertain = np.flatnonzero(leaf >= 0)
+        uncertain = uncertain[offset[uncertain] >= self.leaves.clearance[leaf[uncertain]]]
         within, leaf = within[uncertain], leaf[uncertain]
         depth = np.zeros(len(points))
-        start, count = self.leaves.start[leaf], self.leaves.count[leaf]
-        _, signed = self._nearest(points[within], self.leaves.candidates, start, count)
-        depth[within] = np.maximum(0, -signed)
+        near, runs = points[within], self.leaves.runs.select(leaf)
+        for block in runs.blocks():
+            signed, *_ = self._signed_distance(near[block], runs.select(block))
+            depth[within[block]] = np.maximum(0, -signed)
         return depth
 
-    def _build(self) -> Leaves:
-        """Refines the octree level by level, and collects its leaves."""
-        lists: list[IntArray] = []
-        counts: list[IntArray] = []
-        clearances: list[FloatArray] = []
+    def _cells(self, points: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Points within the root cell, their finest cells, `3 × n`, and distances from the cells' centres."""
+        count = 2**self.levels
+        place = (points - self.origin).T * (count / self.size)
+        within = np.flatnonzero(np.logical_and.reduce((place >= 0) & (place < count)))
+        place = place[:, within]
+        cells = place.astype(int)
+        return within, cells, norms((place - cells - 0.5).T) * (self.size / count)
+
+    def _occupied(self, points: FloatArray) -> list[BoolArray]:
+        """The cells that hold points, level by level."""
+        finest = np.zeros((2**self.levels,) * 3, bool)
+        finest[tuple(self._cells(points)[1])] = True
+        levels = [finest]
+        while len(levels[-1]) > 1:
+            halves = (len(levels[-1]) // 2, 2)
+            levels.append(np.logical_or.reduce(levels[-1].reshape(halves * 3), axis=(1, 3, 5)))
+        return levels[::-1]
+
+    def _build(self, occupied: list[BoolArray] | None) -> Leaves:
+        """Refines the octree level by level, and collects its leaves; drops cells that are not `occupied`."""
+        leaves = [Runs.adjacent(np.empty(0, int), np.empty(0, int))]
+        clearances: list[FloatArray] = [np.empty(0)]
         cells = np.zeros((1, 3), int)
-        candidates: IntArray = np.arange(len(self.corners))
-        count: IntArray = np.array([len(self.corners)])
+        runs = Runs.adjacent(np.arange(len(self.corners)), np.array([len(self.corners)]))
         for level in range(self.levels + 1):
-            side = self.size / 2**level
-            half_diagonal = np.sqrt(3) / 2 * side
-            centres = self.origin + (cells + 0.5) * side
-            candidates, count = self._within_spheres(centres, candidates, count, 2 * half_diagonal)
-            start = np.cumsum(count) - count
-            distance, signed = self._nearest(centres, candidates, start, count)
-            nearest = np.abs(signed)
-            keep = distance <= np.repeat(nearest + 2 * half_diagonal, count)
-            cell_of = np.repeat(np.arange(len(cells)), count)[keep]
-            candidates, count = candidates[keep], np.bincount(cell_of, minlength=len(cells))
-            near = nearest <= half_diagonal
-            is_leaf = (near if level == self.levels else np.zeros_like(near)) | (~near & (signed < 0))
-            self._assign_leaves(cells[is_leaf], level, first=sum(len(c) for c in counts))
-            lists.append(candidates[is_leaf[cell_of]])
-            counts.append(count[is_leaf])
-            # `depth` measures from the centres of the finest cells only.
-            clearances.append(np.where(level == self.levels, np.maximum(0, signed[is_leaf]), 0.0))
-            cells, candidates, count = subdivide(cells, candidates, count, cell_of, near & ~is_leaf)
+            if occupied is not None:
+                kept = occupied[level][tuple(cells.T)]
+                cells, runs = cells[kept], runs.select(kept)
             if not len(cells):
                 break
-        count = np.concatenate(counts)
-        return Leaves(np.concatenate(lists), np.cumsum(count) - count, count, np.concatenate(clearances))
+            side = self.size / 2**level
+            half_diagonal = np.sqrt(3) / 2 * side
+            signed, runs = self._narrow(self.origin + (cells + 0.5) * side, runs, 2 * half_diagonal)
+            near = np.abs(signed) <= half_diagonal
+            is_leaf = (near if level == self.levels else np.zeros_like(near)) | (~near & (signed < 0))
+            self._assign_leaves(cells[is_leaf], level, first=sum(len(c) for c in clearances))
+            leaves.append(runs.select(is_leaf))
+            # `depth` measures from the centres of the finest cells only.
+            clearances.append(np.where(level == self.levels, np.maximum(0, signed[is_leaf]), 0.0))
+            split = np.flatnonzero(near & ~is_leaf)
+            # Each child inherits the candidates of its parent.
+            cells = (2 * cells[split][:, None] + CHILDREN).reshape(-1, 3)
+            runs = runs.select(np.repeat(split, len(CHILDREN)))
+        triangles = np.concatenate([leaf.expand()[1] for leaf in leaves])
+        count = np.concatenate([leaf.count for leaf in leaves])
+        return Leaves(Runs.adjacent(triangles, count), np.concatenate(clearances))
 
-    def _within_spheres(
-        self, centres: FloatArray, candidates: IntArray, count: IntArray, slack: float
-    ) -> tuple[IntArray, IntArray]:
-        """Drops candidates whose bounding spheres are more than `slack` farther than the nearest centroid."""
-        cell_of = np.repeat(np.arange(len(count)), count)
-        offset = np.linalg.norm(centres[cell_of] - self.centroids[candidates], axis=1)
-        nearest = np.minimum.reduceat(offset, np.cumsum(count) - count)
-        keep = offset - self.radii[candidates] <= np.repeat(nearest + slack, count)
-        return candidates[keep], np.bincount(cell_of[keep], minlength=len(count))
+    def _narrow(self, centres: FloatArray, runs: Runs, slack: float) -> tuple[FloatArray, Runs]:
+        """Signed distance of cells' centres, and the candidates that may be as close, up to `slack`."""
+        distances: list[FloatArray] = []
+        triangles: list[IntArray] = []
+        counts: list[IntArray] = []
+        for block in runs.blocks():
+            signed, cell, triangle, least = self._signed_distance(centres[block], runs.select(block))
+            keep = least <= (np.abs(signed) + slack)[cell]
+            distances.append(signed)
+            triangles.append(triangle[keep])
+            counts.append(np.bincount(cell[keep], minlength=len(signed)))
+        return np.concatenate(distances), Runs.adjacent(np.concatenate(triangles), np.concatenate(counts))
+
+    def _signed_distance(
+        self, points: FloatArray, runs: Runs
+    ) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
+        """Signed distance of each point to the closest triangle of its run.
+
+        Also returns point, triangle and least possible distance of every pair, by the bounding spheres: only
+        triangles that may be closer than the nearest centroid are measured.
+        """
+        point, triangle = runs.expand()
+        squares = np.zeros(len(point))
+        for place, centroid in zip(points.T, self.centroids.T, strict=True):
+            difference = np.repeat(place, runs.count)
+            difference -= centroid[triangle]
+            squares += np.square(difference, out=difference)
+        offset = np.sqrt(squares, out=squares)
+        nearest = np.minimum.reduceat(offset, np.cumsum(runs.count) - runs.count)
+        least = offset - self.radii[triangle]
+        measured = np.flatnonzero(least <= np.repeat(nearest, runs.count))
+        at, candidate = point[measured], triangle[measured]
+        squared = self.frames.squared_distance([place[at] for place in points.T], candidate)
+        begin = np.flatnonzero(np.diff(at, prepend=-1))
+        hits = np.flatnonzero(squared == np.minimum.reduceat(squared, begin)[at])
+        hits = hits[np.flatnonzero(np.diff(at[hits], prepend=-1))]
+        away, feature = closest(points, self.corners[candidate[hits]])
+        inside = dot(away, self.normals[candidate[hits], feature]) < 0
+        return np.where(inside, -1, 1) * norms(away), point, triangle, least
 
     def _assign_leaves(self, cells: IntArray, level: int, first: int) -> None:
         """Enters leaves `first`, `first + 1`, … in the finest grid."""
+        if not len(cells):
+            return
         block = 2 ** (self.levels - level)
         offsets = np.stack(np.meshgrid(*[np.arange(block)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
         x, y, z = (cells[:, None] * block + offsets).reshape(-1, 3).T
         self.leaf_of_cell[x, y, z] = np.repeat(np.arange(first, first + len(cells)), len(offsets))
 
-    def _nearest(
-        self, points: FloatArray, candidates: IntArray, start: IntArray, count: IntArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Distance of every pair of a point and one of its candidates, and the signed distance of each point.
 
-        The candidates of a point are `count` entries of `candidates` from `start` on.
-        """
-        distances: list[FloatArray] = [np.empty(0)]
-        signed: list[FloatArray] = [np.empty(0)]
-        total = np.cumsum(count)
-        low = 0
-        while low < len(points):
-            base = total[low] - count[low]
-            high = max(low + 1, int(np.searchsorted(total, base + PAIRS_PER_BLOCK, side="right")))
-            block = slice(low, high)
-            pairs, nearest = self._nearest_in_block(points[block], candidates, start[block], count[block])
-            distances.append(pairs)
-            signed.append(nearest)
-            low = high
-        return np.concatenate(distances), np.concatenate(signed)
+class Frames:
+    """Triangles in their own planes: the first edge along x, the second side of it at positive y."""
 
-    def _nearest_in_block(
-        self, points: FloatArray, candidates: IntArray, start: IntArray, count: IntArray
-    ) -> tuple[FloatArray, FloatArray]:
-        point_of = np.repeat(np.arange(len(points)), count)
-        begin = np.cumsum(count) - count
-        triangle = candidates[np.arange(len(point_of)) + np.repeat(start - begin, count)]
-        squared, away, feature = closest(points[point_of], self.corners[triangle])
-        smallest = np.minimum.reduceat(squared, begin)
-        hits = np.flatnonzero(squared == np.repeat(smallest, count))
-        hits = hits[np.unique(point_of[hits], return_index=True)[1]]
-        normal = self.normals[triangle[hits], feature[hits]]
-        inside = np.einsum("ij,ij->i", away[hits], normal) < 0
-        return np.sqrt(squared), np.where(inside, -1, 1) * np.sqrt(smallest)
+    def __init__(self, corners: FloatArray) -> None:
+        """Frames of triangles, `T × 3 × 3`, none without area."""
+        first, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        self.origin = np.asfortranarray(corners[:, 0])
+        self.length: FloatArray = norms(first)
+        """x of the second corner."""
+        x = first / self.length[:, None]
+        z = cross(first, other)
+        z /= norms(z)[:, None]
+        self.axes = [np.asfortranarray(axis) for axis in (x, cross(z, x), z)]
+        self.apex = (dot(other, x), dot(other, self.axes[1]))
+        """x and y of the third corner."""
+
+    def squared_distance(self, points: list[FloatArray], triangles: IntArray) -> FloatArray:
+        """Squared distances of points to triangles, pairwise; `points` holds their three coordinates."""
+        offset = [place - self.origin[:, k][triangles] for k, place in enumerate(points)]
+        x, y, z = (sum(part * axis[:, k][triangles] for k, part in enumerate(offset)) for axis in self.axes)
+        length, right, height = (values[triangles] for values in (self.length, *self.apex))
+        distance = (x - np.clip(x, 0, length)) ** 2 + y**2
+        inside = y >= 0
+        # The other two edges run from the ends of the first one to the apex.
+        for side, start in ((1, 0.0), (-1, length)):
+            run, from_start = right - start, x - start
+            inside &= side * (height * from_start - run * y) >= 0
+            t = np.clip((from_start * run + y * height) / (run**2 + height**2), 0, 1)
+            distance = np.minimum(distance, (from_start - t * run) ** 2 + (y - t * height) ** 2)
+        distance[inside] = 0
+        distance += z**2
+        return distance
 
 
-def subdivide(
-    cells: IntArray, candidates: IntArray, count: IntArray, cell_of: IntArray, split: BoolArray
-) -> tuple[IntArray, IntArray, IntArray]:
-    """The eight children of each cell that is split; each inherits the cell's candidates.
+def closest(points: FloatArray, corners: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Vectors from the closest points of triangles to points, pairwise (`M × 3`, `M × 3 × 3`).
 
-    `cell_of` is the cell of each candidate. Returns the cells, their candidates, and how many each has.
+    Also returns the feature on which the closest point lies.
     """
-    children = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-    finer = (2 * cells[split][:, None] + children).reshape(-1, 3)
-    if not len(finer):
-        return finer, np.empty(0, int), np.empty(0, int)
-    runs = np.split(candidates[split[cell_of]], np.cumsum(count[split])[:-1])
-    return finer, np.concatenate([np.tile(run, 8) for run in runs]), np.repeat(count[split], 8)
-
-
-def closest(points: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Closest points of triangles to points, pairwise (`M × 3`, `M × 3 × 3`).
-
-    Returns the squared distance, the vector from the closest point to the point, and the feature on which the
-    closest point lies.
-    """
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     over = np.ones(len(points), bool)
     squared = np.full(len(points), np.inf)
     away = np.empty_like(points)
@@ -203,41 +276,47 @@ def closest(points: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatA
     for k in range(3):
         a, edge = corners[:, k], corners[:, (k + 1) % 3] - corners[:, k]
         from_a = points - a
-        over &= np.einsum("ij,ij->i", np.cross(edge, from_a), normal) >= 0
-        t = np.clip(np.einsum("ij,ij->i", from_a, edge) / np.einsum("ij,ij->i", edge, edge), 0, 1)
+        over &= dot(cross(edge, from_a), normal) >= 0
+        t = np.clip(dot(from_a, edge) / dot(edge, edge), 0, 1)
         offset = from_a - t[:, None] * edge
-        distance = np.einsum("ij,ij->i", offset, offset)
+        distance = dot(offset, offset)
         better = distance < squared
         squared[better], away[better] = distance[better], offset[better]
         feature[better] = np.select([t == 0, t == 1], [4 + k, 4 + (k + 1) % 3], 1 + k)[better]
-    height = np.einsum("ij,ij->i", points - corners[:, 0], normal) / np.einsum("ij,ij->i", normal, normal)
+    height = dot(points - corners[:, 0], normal) / dot(normal, normal)
     away[over] = (height[:, None] * normal)[over]
-    squared[over] = np.einsum("ij,ij->i", away[over], away[over])
     feature[over] = FACE
-    return squared, away, feature
+    return away, feature
 
 
 def pseudonormals(triangles: IntArray, corners: FloatArray, vertices: int) -> FloatArray:
     """Pseudonormals of each triangle's seven features, `T × 7 × 3`; zero on the boundary of an open mesh."""
-    face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    face /= np.linalg.norm(face, axis=1, keepdims=True)
+    face = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    face /= norms(face)[:, None]
     normals = np.empty((len(triangles), 7, 3))
     normals[:, FACE] = face
-    edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1), axis=-1).reshape(-1, 2)
-    unique, edge_of, uses = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
-    edge_of = edge_of.reshape(-1)
-    edge_normal = np.zeros((len(unique), 3))
-    np.add.at(edge_normal, edge_of, np.repeat(face, 3, axis=0))
-    edge_normal[uses == 1] = 0
-    normals[:, 1:4] = edge_normal[edge_of].reshape(-1, 3, 3)
-    vertex_normal = np.zeros((vertices, 3))
+    following = np.roll(triangles, -1, axis=1)
+    edges = np.minimum(triangles, following) * vertices + np.maximum(triangles, following)
+    unique, edge_of, uses = np.unique(edges, return_inverse=True, return_counts=True)
+    edge_of, boundary = edge_of.reshape(triangles.shape), uses == 1
+    edge_normal = sums(edge_of, [face] * 3, len(unique))
+    edge_normal[boundary] = 0
+    normals[:, 1:4] = edge_normal[edge_of]
+    weighted = []
     for k in range(3):
         to_next = corners[:, (k + 1) % 3] - corners[:, k]
         to_last = corners[:, (k + 2) % 3] - corners[:, k]
-        cosine = np.einsum("ij,ij->i", to_next, to_last) / (
-            np.linalg.norm(to_next, axis=1) * np.linalg.norm(to_last, axis=1)
-        )
-        np.add.at(vertex_normal, triangles[:, k], np.arccos(np.clip(cosine, -1, 1))[:, None] * face)
-    vertex_normal[unique[uses == 1].ravel()] = 0
+        cosine = dot(to_next, to_last) / (norms(to_next) * norms(to_last))
+        weighted.append(np.arccos(np.clip(cosine, -1, 1))[:, None] * face)
+    vertex_normal = sums(triangles, weighted, vertices)
+    vertex_normal[np.concatenate(np.divmod(unique[boundary], vertices))] = 0
     normals[:, 4:7] = vertex_normal[triangles]
     return normals
+
+
+def sums(places: IntArray, vectors: list[FloatArray], count: int) -> FloatArray:
+    """Sums three vectors of each triangle (`T × 3` each) at the places in `places` (`T × 3`); `count × 3`."""
+    flat, total = places.T.ravel(), np.empty((count, 3))
+    for axis in range(3):
+        total[:, axis] = np.bincount(flat, np.concatenate([v[:, axis] for v in vectors]), count)
+    return total

@@ -14,11 +14,42 @@ IntArray = NDArray[np.integer[Any]]
 BoolArray = NDArray[np.bool_]
 
 
+BLOCK = 8192
+"""Points transformed at once: they stay in the processor's cache, and BLAS starts no threads for so few."""
+
+
 def transformed(points: FloatArray, matrix: FloatArray) -> FloatArray:
     """Applies a 4 × 4 matrix for row vectors, as USD has it, to points (`N × 3`)."""
-    # Not `@`: a threaded BLAS is many times slower on such a thin product when processes share the cores.
-    rotated: FloatArray = np.einsum("ni,ij->nj", points, matrix[:3, :3])
-    return rotated + matrix[3, :3]
+    result = np.empty((len(points), 3))
+    rotation = np.ascontiguousarray(matrix[:3, :3], float)
+    for low in range(0, len(points), BLOCK):
+        part = result[low : low + BLOCK]
+        np.matmul(points[low : low + BLOCK].astype(float), rotation, out=part)
+        part += matrix[3, :3]
+    return result
+
+
+# numpy's norm, cross and einsum are several times slower than sums of columns for vectors of three numbers.
+
+
+def dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Dot products of vectors, `N × 3`."""
+    product: FloatArray = a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
+    return product
+
+
+def norms(vectors: FloatArray) -> FloatArray:
+    """Norms of vectors, `N × 3`."""
+    norm: FloatArray = np.sqrt(dot(vectors, vectors))
+    return norm
+
+
+def cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross products of vectors, `N × 3`."""
+    product = np.empty_like(a)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        product[:, i] = a[:, j] * b[:, k] - a[:, k] * b[:, j]
+    return product
 
 
 def spacing(values: FloatArray) -> float:
@@ -41,6 +72,37 @@ _LEGENDRE_NODES, _LEGENDRE_WEIGHTS = np.polynomial.legendre.leggauss(4)
 NODES, WEIGHTS = (_LEGENDRE_NODES + 1) / 2, _LEGENDRE_WEIGHTS / 2
 
 
+class _Cubics:
+    """Cubics through four points each, by Newton's divided differences."""
+
+    def __init__(self, parameters: list[FloatArray], points: list[FloatArray]) -> None:
+        """The four parameters (`n`) and points (`n × 3`) of all cubics."""
+        self.parameters = parameters
+        self.differences: list[FloatArray] = []
+        """Divided differences of order 1 to 3 from the first point on, `n × 3`."""
+        for order in (1, 2, 3):
+            spans = [parameters[k + order] - parameters[k] for k in range(4 - order)]
+            points = [(points[k + 1] - points[k]) / span[:, None] for k, span in enumerate(spans)]
+            self.differences.append(points[0])
+
+    def derivative(self, at: FloatArray) -> FloatArray:
+        """First derivatives at the parameters `at` (`n`)."""
+        first, second, third = self.differences
+        a, b, c = (at - u for u in self.parameters[:3])
+        return first + (a + b)[:, None] * second + (a * b + a * c + b * c)[:, None] * third
+
+    def third_derivative(self) -> FloatArray:
+        """Norms of the third derivatives: κ√(κ² + τ²) for curvature κ and torsion τ that vary slowly."""
+        return 6 * norms(self.differences[2])
+
+    def arc(self, start: FloatArray, step: FloatArray) -> FloatArray:
+        """Arc lengths from the parameters `start` to `start + step`."""
+        total = np.zeros(len(start))
+        for node, weight in zip(NODES, WEIGHTS, strict=True):
+            total += weight * norms(self.derivative(start + node * step))
+        return step * total
+
+
 @dataclass(frozen=True)
 class _Stencils:
     """The points around each segment of curves that have at least four points.
@@ -61,18 +123,18 @@ class _Stencils:
     step: FloatArray
     """Parameter step over each segment, `n`."""
 
-    def take(self, before: int) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Parameters (`n × 4`) and points (`n × 4 × 3`) of stencils, and their first points (`n`).
+    def take(self, before: int) -> tuple["_Cubics", IntArray]:
+        """The cubics through stencils, and the first points of these (`n`).
 
         A stencil starts `before` points ahead of the segment, shifted where it would leave the curve.
         """
         begin: IntArray = np.clip(self.here - before, self.first, self.last - 3)
-        place = begin[:, None] + np.arange(4)
-        return self.parameter[place], self.points[place], begin
+        places = [begin + k for k in range(4)]
+        return _Cubics([self.parameter[k] for k in places], [self.points[k] for k in places]), begin
 
-    def arcs(self, u: FloatArray, p: FloatArray) -> FloatArray:
-        """Arc length of each segment on the cubic through its stencil (`u`, `p`)."""
-        return arc(u, p, self.parameter[self.here], self.step)
+    def arcs(self, cubics: "_Cubics") -> FloatArray:
+        """Arc length of each segment on the cubic through its stencil."""
+        return cubics.arc(self.parameter[self.here], self.step)
 
 
 def arc_lengths(points: FloatArray, counts: IntArray) -> Arcs:
@@ -87,7 +149,7 @@ def arc_lengths(points: FloatArray, counts: IntArray) -> Arcs:
     starts = np.cumsum(counts) - counts
     here = np.arange(segments.sum()) + curve
     first, last = starts[curve], starts[curve] + segments[curve]
-    chords: FloatArray = np.linalg.norm(points[here + 1] - points[here], axis=1)
+    chords: FloatArray = norms(points[here + 1] - points[here])
     # A curve of two or three points does not tell its arc from its chord: the bound is the chord itself.
     arcs = Arcs(chords, chords.copy())
     # A tiny step keeps coincident points from dividing by zero.
@@ -100,50 +162,14 @@ def arc_lengths(points: FloatArray, counts: IntArray) -> Arcs:
         points, np.cumsum(parameter), here[enough], first[enough], last[enough], steps[enough]
     )
 
-    u, p, begin = stencils.take(1)
-    centred = stencils.arcs(u, p)
+    cubics, begin = stencils.take(1)
+    centred = stencils.arcs(cubics)
     to_segment = begin - stencils.here + enough
-    bend = third_derivative(u, p) * steps[to_segment[:, None] + np.arange(3)].max(axis=1) ** 2
+    bend = cubics.third_derivative() * steps[to_segment[:, None] + np.arange(3)].max(axis=1) ** 2
     error = np.minimum(1, tolerances.ARC_ERROR * bend**2) * centred
     # Where the curve is no cubic, as at a kink, the cubics through the other stencils of the segment differ.
     # None is better than the others, so the bound covers the difference.
     for before in (0, 2):
-        u, p, _ = stencils.take(before)
-        error = np.maximum(error, np.abs(stencils.arcs(u, p) - centred))
+        error = np.maximum(error, np.abs(stencils.arcs(stencils.take(before)[0]) - centred))
     arcs.length[enough], arcs.error[enough] = centred, error
     return arcs
-
-
-def arc(u: FloatArray, p: FloatArray, start: FloatArray, step: FloatArray) -> FloatArray:
-    """Arc length from `start` to `start + step` of the cubics through `p` (`n × 4 × 3`) at `u` (`n × 4`)."""
-    speeds = (np.linalg.norm(derivative(u, p, start + node * step), axis=1) for node in NODES)
-    total: FloatArray = sum(
-        (weight * speed for weight, speed in zip(WEIGHTS, speeds, strict=True)), start=np.zeros(1)
-    )
-    return step * total
-
-
-def derivative(u: FloatArray, p: FloatArray, at: FloatArray) -> FloatArray:
-    """Derivative at `at` (`n`) of the polynomials through `p` (`n × k × 3`) at `u` (`n × k`), by Lagrange."""
-    k = u.shape[1]
-    total = np.zeros((len(u), 3))
-    for j in range(k):
-        others = [i for i in range(k) if i != j]
-        scale = np.prod([u[:, j] - u[:, i] for i in others], axis=0)
-        slope = sum(
-            np.prod([at - u[:, i] for i in others if i != skipped] or [np.ones(len(u))], axis=0)
-            for skipped in others
-        )
-        total += (slope / scale)[:, None] * p[:, j]
-    return total
-
-
-def third_derivative(u: FloatArray, p: FloatArray) -> FloatArray:
-    """Norm of the third derivative of the cubics through `p` (`n × 4 × 3`) at `u` (`n × 4`).
-
-    It is κ√(κ² + τ²) for curvature κ and torsion τ that vary slowly.
-    """
-    scales = [np.prod([u[:, j] - u[:, i] for i in range(4) if i != j], axis=0) for j in range(4)]
-    divided = sum((p[:, j] / scales[j][:, None] for j in range(4)), start=np.zeros((1, 3)))
-    norm: FloatArray = np.linalg.norm(divided, axis=1)
-    return 6 * norm

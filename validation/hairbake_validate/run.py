@@ -20,8 +20,11 @@ STATIC = {**FILES, **STAGE, **CURVE_DATA, **CLIP_CHECKS}
 CHECKS: list[Check] = [*STATIC, CHECKSUMS, *FRAME, *MOTION]
 """Every check, in the order of the report."""
 
-CHUNK = 16
-"""Consecutive frames that one process takes at a time; each chunk reads the neighbours of its ends again."""
+CHUNK = (8, 16)
+"""Least and greatest number of consecutive frames that a process takes at a time.
+
+Each chunk reads the neighbours of its ends again; few frames are divided among all processes.
+"""
 
 QUICK = 5
 """Frames that a quick run checks at each of start, middle and end."""
@@ -84,7 +87,8 @@ def missing_frames(cache: Cache, chosen: list[int]) -> list[Finding]:
 
 def check_frames(cache: Cache, reference: Reference, frames: list[int], jobs: int) -> Iterator[list[Finding]]:
     """Findings of the animated data, one list for each chunk of frames, in order."""
-    chunks = [frames[i : i + CHUNK] for i in range(0, len(frames), CHUNK)]
+    size = min(max(CHUNK[0], -(-len(frames) // jobs)), CHUNK[1])
+    chunks = [frames[i : i + size] for i in range(0, len(frames), size)]
     if jobs == 1 or len(chunks) == 1:
         window = Window(cache, reference)
         yield from (check_chunk(window, chunk) for chunk in chunks)

@@ -1,6 +1,8 @@
 """A frame with its neighbours, and the reference that all frames are compared with."""
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,7 +20,9 @@ from .cache import (
     read_frame,
 )
 from .collider import Collider
-from .geometry import Arcs, Array, BoolArray, IntArray, arc_lengths, transformed
+from .geometry import Arcs, Array, BoolArray, FloatArray, IntArray, arc_lengths, transformed
+
+_Result = TypeVar("_Result")
 
 
 @dataclass
@@ -100,14 +104,14 @@ class Window:
         self.reference = reference
         self.frame = cache.frames[0]
         self._files: dict[int, FrameFile | str] = {}  # The error message if a file cannot be read.
-        self._colliders: dict[str, Collider | None] = {}
-        self._colliders_frame: int | None = None
+        self._results: dict[int, dict[Any, Any]] = {}  # What several checks or frames need, by frame.
         self._shapes = expected_shapes(cache)
 
     def move_to(self, frame: int) -> None:
         """Centres the window on `frame`."""
         self.frame = frame
         self._files = {number: file for number, file in self._files.items() if abs(number - frame) <= 2}
+        self._results = {number: kept for number, kept in self._results.items() if abs(number - frame) <= 2}
 
     def bodies(self) -> list[str]:
         """Paths of the head and the colliders."""
@@ -152,18 +156,55 @@ class Window:
         file = self._read(frame)
         path = f"{prim}.{name}"
         value = file.values.get(path) if isinstance(file, FrameFile) else None
-        return value if self._is_valid(path, value) else None
+        known = self._results.setdefault(frame, {})
+        if ("valid", path) not in known:
+            known["valid", path] = self._is_valid(path, value)
+        return value if known["valid", path] else None
 
-    def collider(self, mesh: Mesh) -> Collider | None:
-        """A deforming mesh in the centre frame, computed once a frame; None without valid points."""
-        if self._colliders_frame != self.frame:
-            self._colliders, self._colliders_frame = {}, self.frame
-        if mesh.path not in self._colliders:
-            points = self.get(mesh.path, "points")
-            self._colliders[mesh.path] = (
-                None if points is None else Collider(points.astype(float), mesh.triangles)
-            )
-        return self._colliders[mesh.path]
+    def once(
+        self, compute: Callable[["Window", Curves, int], _Result], curves: Curves, offset: int = 0
+    ) -> _Result:
+        """`compute(window, curves, offset)`, once a frame: checks and neighbouring frames share it."""
+        known = self._results.setdefault(self.frame + offset, {})
+        key = (compute.__name__, curves.path)
+        if key not in known:
+            known[key] = compute(self, curves, offset)
+        result: _Result = known[key]
+        return result
+
+    def depths(self, mesh: Mesh, at_first: Collider) -> dict[str, FloatArray]:
+        """Depth in a collider of each curve's points in the centre frame, by the path of the curves.
+
+        0 for points that need not stay outside. `at_first` is the collider in the first frame. Empty without
+        valid points or transform of the mesh.
+        """
+        known = self._results.setdefault(self.frame, {})
+        if mesh.path not in known:
+            known[mesh.path] = dict(self._measure_depths(mesh, at_first))
+        result: dict[str, FloatArray] = known[mesh.path]
+        return result
+
+    def _measure_depths(self, mesh: Mesh, at_first: Collider) -> Iterator[tuple[str, FloatArray]]:
+        matrix = self.get(mesh.path, TRANSFORM)
+        vertices = self.get(mesh.path, "points") if mesh.deforms else mesh.points
+        if matrix is None or vertices is None:
+            return
+        to_mesh = np.linalg.inv(matrix)
+        places: dict[str, FloatArray] = {}
+        for curves in self.cache.curves:
+            points = self.get(curves.path, "points")
+            if points is not None:
+                outside = self.reference.outside[curves.path, mesh.path]
+                places[curves.path] = transformed(points[outside], to_mesh)
+        collider = at_first
+        if mesh.deforms and places:
+            queries = np.concatenate(list(places.values()))
+            collider = Collider(vertices.astype(float), mesh.triangles, queries)
+        for path, local in places.items():
+            outside = self.reference.outside[path, mesh.path]
+            depth = np.zeros(len(outside))
+            depth[outside] = collider.depth(local)
+            yield path, depth
 
     def _is_valid(self, path: str, value: Array | None) -> bool:
         """True if the value exists, has its shape and is finite."""

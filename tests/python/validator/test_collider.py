@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hairbake_validate.collider import Collider
-from hairbake_validate.geometry import FloatArray
+from hairbake_validate.collider import Collider, Frames, closest
+from hairbake_validate.geometry import FloatArray, norms
 from validator.good_cache import RADIUS, sphere_mesh
 
 BOX = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 0.5)])
@@ -61,3 +61,25 @@ def test_open_sheet_has_an_inside_below_and_none_beyond_its_boundary() -> None:
     )
     points = np.array([[0.5, 0.4, -0.01], [0.5, 0.4, 0.01], [-0.02, 0.4, -0.01]])
     np.testing.assert_allclose(sheet.depth(points), [0.01, 0, 0], atol=1e-12)
+
+
+def test_octree_around_the_queries_alone_gives_the_same_depths() -> None:
+    rng = np.random.default_rng(5)
+    points = rng.uniform(-1.2 * RADIUS, 1.2 * RADIUS, (3000, 3))
+    whole = Collider(*sphere_mesh())
+    for queries in (points, points[points[:, 1] > 0.7 * RADIUS], points[:1], points + 5 * RADIUS):
+        some = Collider(*sphere_mesh(), queries)
+        np.testing.assert_array_equal(some.depth(queries), whole.depth(queries))
+    upper = Collider(*sphere_mesh(), points[points[:, 1] > 0.7 * RADIUS])
+    assert len(upper.leaves.clearance) < 0.3 * len(whole.leaves.clearance)
+
+
+def test_distance_in_the_frame_of_a_triangle_is_that_to_its_closest_point() -> None:
+    rng = np.random.default_rng(6)
+    corners = rng.normal(size=(2000, 3, 3))
+    corners[::4, 2] = corners[::4, :2].mean(axis=1) + 1e-4 * rng.normal(size=(500, 3))  # Slivers.
+    points = 2 * rng.normal(size=(2000, 3))
+    squared = Frames(corners).squared_distance(list(points.T), np.arange(2000))
+    away, feature = closest(points, corners)
+    np.testing.assert_allclose(np.sqrt(squared), norms(away), rtol=1e-9)
+    assert set(feature) == set(range(7))

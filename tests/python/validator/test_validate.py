@@ -81,7 +81,7 @@ def test_two_processes_find_what_one_finds(good_cache: CacheBuilder, monkeypatch
     motion_defects.one_frame_jump(good_cache)
     frame_defects.stretched_guide(good_cache)
     alone = validate(good_cache.directory).as_json()
-    monkeypatch.setattr("hairbake_validate.run.CHUNK", 3)
+    monkeypatch.setattr("hairbake_validate.run.CHUNK", (3, 3))
     assert validate(good_cache.directory, jobs=2).as_json() == alone
 
 

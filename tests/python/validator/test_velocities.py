@@ -45,6 +45,7 @@ def worst(
     values = []
     for frame in range(24):
         window = SimpleNamespace(cache=cache, frame=frame, get=get)
+        window.once = lambda compute, curves, window=window: compute(window, curves, 0)
         values.append(next(check(window)).value)
     return max(values) / TOLERANCES[check]
 

@@ -1,9 +1,16 @@
-"""The points that must stay outside a collider."""
+"""The points that must stay outside a collider, and what the checks of a frame share."""
+
+from collections import Counter
+from typing import Any
 
 import numpy as np
+import pytest
 
+from hairbake_validate import checks_frame, checks_motion, window
 from hairbake_validate.cache import GUIDES, Curves
+from hairbake_validate.run import validate
 from hairbake_validate.window import inside_after_exit, neighbours_on_curve
+from validator.good_cache import CacheBuilder
 
 
 def test_stretches_drawn_through_a_collider_and_their_neighbours() -> None:
@@ -13,3 +20,31 @@ def test_stretches_drawn_through_a_collider_and_their_neighbours() -> None:
     reentered = inside_after_exit(outside, curves)
     assert np.flatnonzero(reentered).tolist() == [4, 9]
     assert np.flatnonzero(neighbours_on_curve(reentered, curves)).tolist() == [3, 5, 8]
+
+
+def test_each_frame_is_read_and_measured_once(
+    good_cache: CacheBuilder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: Counter[str] = Counter()
+
+    def counted(module: Any, name: str) -> None:
+        function = getattr(module, name)
+
+        def call(*arguments: Any) -> Any:
+            calls[name] += 1
+            return function(*arguments)
+
+        call.__name__ = name
+        monkeypatch.setattr(module, name, call)
+
+    counted(window, "read_frame")
+    counted(checks_frame, "arc_lengths")
+    for name in ("in_head", "speed_in_head", "bend", "residual_of"):
+        counted(checks_motion, name)
+    assert validate(good_cache.directory, only="moving").passed
+    frames = len(list(good_cache.directory.glob("hair.*.usdc"))) - 1
+    assert calls["read_frame"] == frames + 1  # The first frame is the reference too.
+    assert calls["arc_lengths"] == frames
+    # Two sets of curves; windows at the ends ask for a frame that does not exist on either side.
+    assert calls["residual_of"] == 2 * frames
+    assert all(2 * frames <= calls[name] <= 2 * (frames + 3) for name in ("in_head", "speed_in_head", "bend"))
