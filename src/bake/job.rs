@@ -1,5 +1,7 @@
 //! One bake of a scene into a folder: the inputs of every stage.
 
+mod finished_cache;
+
 use super::base_cache::{BaseCache, GroupSelection};
 use super::cache_content::CacheContent;
 use super::work_dir::WorkDir;
@@ -10,6 +12,7 @@ use crate::dynamics::model;
 use crate::scene::anim::{ContactSetting, Resolution};
 use crate::scene::{Anim, Groom, Override};
 use crate::strands::RETRACTION_SPAN;
+use finished_cache::Planned;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
@@ -51,6 +54,7 @@ impl Job {
         set: &[Override],
         only: Option<&GroupSelection>,
         out: &Path,
+        overwrite: bool,
     ) -> Result<Self> {
         let groom = groom.with_default_trees(anim.settings.nodes);
         let mut rods = GuideRods::new(&groom, &anim);
@@ -67,6 +71,10 @@ impl Job {
             None => None,
         };
         let key = key(&anim, &inputs, &settings);
+        if !overwrite {
+            let bake = Planned { key: &key, inputs: &inputs, settings: &settings, frames: anim.frames };
+            finished_cache::keep(out, &bake)?;
+        }
         let (first, last) = anim.frames;
         let work = WorkDir::begin(out, &key, (first - 1, last + 1))?;
         Ok(Job { groom, anim, rods, base, inputs, settings, out: out.into(), key, work })

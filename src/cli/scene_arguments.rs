@@ -29,9 +29,13 @@ pub struct SceneArguments {
     pub anim: PathBuf,
     /// Folder for the cache, its report and its contact sheet; created if missing
     ///
-    /// An unfinished bake in this folder is resumed. A bake with other inputs or settings is replaced.
+    /// An unfinished bake in this folder is resumed, or replaced if inputs or settings changed. A finished
+    /// cache of another bake is kept: choose another folder, or give --overwrite.
     #[arg(long, short, value_name = "DIR", help_heading = OUTPUT)]
     pub output: PathBuf,
+    /// Replace a finished cache of other inputs, settings or frames
+    #[arg(long, help_heading = OUTPUT)]
+    overwrite: bool,
     /// Bake only these groups of the groom, by comma-separated names; needs --base
     ///
     /// All other curves are copied from --base, so that hair already approved does not change.
@@ -98,7 +102,8 @@ impl SceneArguments {
             anim.frames = frames;
         }
         self.settings.apply(&mut anim.settings);
-        let scene = Scene { groom, anim, groom_file, anim_file, options, only, out };
+        let scene =
+            Scene { groom, anim, groom_file, anim_file, options, only, out, overwrite: self.overwrite };
         scene.check_curves()?;
         Ok(scene)
     }
@@ -158,6 +163,9 @@ impl SceneArguments {
     /// The options that give the same scene again, without groom, animation and output.
     pub fn to_words(&self) -> Vec<String> {
         let mut words = self.settings.to_words();
+        if self.overwrite {
+            words.push("--overwrite".into());
+        }
         if let Some(base) = &self.base {
             words.extend(["--groups".into(), self.groups.join(",")]);
             words.extend(["--base".into(), base.display().to_string()]);
@@ -185,17 +193,18 @@ pub struct Scene {
     options: LoadOptions,
     only: Option<GroupSelection>,
     out: PathBuf,
+    overwrite: bool,
 }
 
 impl Scene {
     /// Starts or resumes the bake in the folder `out`.
     ///
     /// # Errors
-    /// [`Error::Io`].
+    /// Those of [`Job::begin`].
     pub fn begin(self, out: &Path) -> Result<Job> {
-        let Scene { groom, anim, groom_file, anim_file, options, only, .. } = self;
+        let Scene { groom, anim, groom_file, anim_file, options, only, overwrite, .. } = self;
         let inputs = bake::inputs(&groom_file, &anim_file, &options)?;
-        Job::begin(groom, anim, inputs, &options.overrides, only.as_ref(), out)
+        Job::begin(groom, anim, inputs, &options.overrides, only.as_ref(), out, overwrite)
     }
 
     /// Checks that the curves to write exist.

@@ -227,7 +227,7 @@ fn hair_lies_on_a_garment_that_moves() {
     let inputs = bake::inputs(&groom_path, &anim_path, &LoadOptions::default()).unwrap();
     assert_eq!(inputs.iter().filter(|i| i.role == "deformation").count(), 18);
     let (mut active, mut shortened) = (0, 0);
-    let job = Job::begin(groom, anim.clone(), inputs, &[], None, &out).unwrap();
+    let job = Job::begin(groom, anim.clone(), inputs, &[], None, &out, false).unwrap();
     bake::bake(&job, &Control::default(), |record, _, _| {
         active += record.contacts_active;
         shortened += record.shortened;

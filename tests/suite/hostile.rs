@@ -274,7 +274,8 @@ fn nothing_is_written_outside_the_output_folder() {
 
     // A cache whose files are links to files elsewhere.
     let [groom, anim] = write(&scene_folder, &scene());
-    bake(&groom, &anim, &out).args(["--frames", "1-1", "--quiet"]).assert().success();
+    let options = ["--frames", "1-1", "--quiet", "--overwrite"];
+    bake(&groom, &anim, &out).args(options).assert().success();
     let names = entries(&out).into_iter().filter(|name| out.join(name).is_file());
     let work = ["job.json", "frames/1.json", "states/1"].map(|name| format!(".hairbake/{name}"));
     for name in names.chain(work) {
@@ -282,7 +283,7 @@ fn nothing_is_written_outside_the_output_folder() {
         std::os::unix::fs::symlink(folder.path().join("elsewhere/mine"), out.join(&name)).unwrap();
     }
     let before = files_outside(folder.path());
-    bake(&groom, &anim, &out).args(["--frames", "1-1", "--quiet"]).assert().success();
+    bake(&groom, &anim, &out).args(options).assert().success();
     assert_eq!(files_outside(folder.path()), before);
     for inside in [".hairbake/states", ".hairbake"] {
         std::fs::remove_dir_all(out.join(inside)).unwrap();
@@ -314,7 +315,7 @@ fn names_are_not_run_as_commands() {
     assert!(matches!(baked.get_output().status.code(), Some(0 | 65)));
     std::fs::write(&anim, here(&scene.anim)).unwrap();
     bake(&groom, &anim, &out)
-        .args(["--frames", "1001-1001", "--preroll", "0"])
+        .args(["--frames", "1001-1001", "--preroll", "0", "--overwrite"])
         .current_dir(folder)
         .assert()
         .success();

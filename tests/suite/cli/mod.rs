@@ -334,7 +334,7 @@ fn an_imported_scene_bakes_to_a_cache_with_pictures() {
 
     // A second bake without pictures removes those of the first.
     bake(&scene.groom, &scene.anim, &out)
-        .args(["--frames", "1002-1002", "--preroll", "0", "--no-pictures", "--quiet"])
+        .args(["--frames", "1002-1002", "--preroll", "0", "--no-pictures", "--quiet", "--overwrite"])
         .assert()
         .success()
         .stderr("");

@@ -64,7 +64,7 @@ fn the_head_follows_its_joint_in_bvh_and_gltf() {
         let mut import = hairbake();
         import.args(["-q", "import", "track"]).arg(&motion).args(["--joint", "Head", "--cutoff", "0", "-o"]);
         import.arg(&anim).assert().success().stderr("");
-        let out = motion.with_extension("out");
+        let out = scene.folder.path().join(format!("{}.out", motion.file_name().unwrap().display()));
         let options = ["--frames", "1011-1012", "--preroll", "0", "--substeps", "1", "--no-pictures", "-q"];
         bake(&scene.groom, &anim, &out).args(options).assert().success();
         let reader = Reader::open(&out).unwrap();

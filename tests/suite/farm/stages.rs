@@ -151,7 +151,7 @@ fn other_settings_restart_and_a_longer_shot_resumes() {
     };
     assert!(shorter(&["--substeps", "2"]).success());
     let other = here(&out.join("hair.1003.usdc"));
-    assert!(shorter(&[]).success());
+    assert!(shorter(&["--overwrite"]).success());
     let this = here(&out.join("hair.1003.usdc"));
     assert_ne!(other, this);
     // A longer shot keeps these frames.
@@ -159,8 +159,49 @@ fn other_settings_restart_and_a_longer_shot_resumes() {
     assert!(shot.bake(out, &[]).status().unwrap().success());
     assert_eq!(std::fs::metadata(out.join("hair.1003.usdc")).unwrap().modified().unwrap(), made);
     shot.assert_same(out);
-    assert!(shorter(&[]).success());
+    assert!(shorter(&["--overwrite"]).success());
     assert!(!out.join("hair.1006.usdc").exists() && out.join("hair.1005.usdc").exists());
+}
+
+#[test]
+fn a_finished_cache_is_replaced_only_if_asked() {
+    let shot = Shot::get();
+    let folder = workplace();
+    let out = folder.path();
+    assert!(shot.bake(out, &[]).status().unwrap().success());
+    let refused = |stage: &str, options: &[&str]| {
+        let mut command = shot.command(stage, out, options);
+        let output = command.stderr(std::process::Stdio::piped()).output().unwrap();
+        assert_eq!(output.status.code(), Some(65), "{stage} {options:?}");
+        shot.assert_same(out);
+        let said = String::from_utf8(output.stderr).unwrap();
+        let words: Vec<&str> = said.split_whitespace().filter(|word| !"│╰─▶".contains(word)).collect();
+        words.join(" ")
+    };
+    let other = refused("", &["--frames", "1001-1011", "--substeps", "2"]);
+    for part in [
+        "holds a finished cache of groom.json and shake.json, frames 1001 to 1011, written 20",
+        "this bake differs in: substeps",
+        "--overwrite",
+        "nothing written",
+    ] {
+        assert!(other.contains(part), "{part}: {other}");
+    }
+    // The same bake, but of fewer frames: those of the others would be lost.
+    let fewer = refused("", &["--frames", "1001-1004"]);
+    assert!(fewer.contains("this bake has only frames 1001 to 1004"), "{fewer}");
+    refused("simulate", &["--shot", "1001-1011", "--substeps", "2"]);
+    refused("interpolate", &["--shot", "1001-1004"]);
+    refused("assemble", &["--shot", "1002-1011"]);
+    // Also without the work folder.
+    std::fs::rename(out.join(".hairbake"), folder.path().join("moved")).unwrap();
+    let mut command = shot.command("", out, &["--frames", "1001-1011", "--substeps", "2"]);
+    assert_eq!(command.status().unwrap().code(), Some(65));
+    std::fs::write(out.join("manifest.json"), "{}").unwrap();
+    assert_eq!(shot.bake(out, &[]).status().unwrap().code(), Some(65));
+    assert!(out.join("hair.usda").exists() && !out.join(".hairbake").exists());
+    let mut command = shot.bake(out, &["--overwrite"]);
+    assert!(command.status().unwrap().success());
 }
 
 #[test]
