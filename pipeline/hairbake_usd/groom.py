@@ -9,6 +9,7 @@ from .curves import CurveType
 from .errors import InputError, InputErrors, input_error
 from .exchange import Array, Arrays, FloatArray, Header, IntArray
 from .primvars import CLUMPS, FACTORS, GUIDES, IDS, ROOT_UVS, Layout, Primvars
+from .roles import role_notes, roles
 from .stage import (
     all_of,
     apply,
@@ -34,8 +35,8 @@ class Strands:
     points: FloatArray
     """`N × 3`."""
     ids: IntArray | None
-    guide: IntArray
-    """1 for guides, else 0."""
+    guide: IntArray | None
+    """1 for guides, else 0, by the primvar that tells them apart; None without it."""
     group: IntArray
     """Group number of each curve; -1 for none."""
     group_names: dict[int, str]
@@ -58,9 +59,15 @@ def read(path: str, prim_path: str | None, time: float | None) -> tuple[Header, 
     header = convention(stage)
     prims = all_of(find(stage, prim_path), UsdGeom.BasisCurves, "BasisCurves")
     parts = gather(prims, lambda prim: read_prim(prim, time))
-    names, group = merge_groups(prims, parts)
-    guide = np.concatenate([part.guide for part in parts])
+    found = roles(prims)
+    guides = [
+        np.full(len(part.counts), role.guides, int) if part.guide is None else part.guide
+        for part, role in zip(parts, found, strict=True)
+    ]
+    names, group = merge_groups(prims, parts, guides)
+    guide = np.concatenate(guides)
     notes = composition_notes(stage) + [note for part in parts for note in part.notes]
+    notes += role_notes(prims, found, [len(part.counts) for part in parts], [part.guide for part in parts])
     arrays: Arrays = {
         "counts": ("u32", np.concatenate([part.counts for part in parts])),
         "points": ("f64", np.concatenate([part.points for part in parts])),
@@ -113,13 +120,11 @@ def read_prim(prim: Usd.Prim, time: float | None) -> Strands:
     if uv is None:
         notes.append(f"{path}: no root texture coordinates")
     none = np.zeros(len(counts), int)
-    if curves.ComputePurpose() == UsdGeom.Tokens.guide:
-        guide = none + 1
     return Strands(
         counts=sizes,
         points=apply(matrix, points),
         ids=ids,
-        guide=none if guide is None else (guide != 0).astype(int),
+        guide=None if guide is None else (guide != 0).astype(int),
         group=none - 1 if group is None else group,
         group_names=group_names,
         root_uv=np.zeros((len(counts), 2)) if uv is None else uv[:, :2],
@@ -216,12 +221,14 @@ def read_widths(
     return widths
 
 
-def merge_groups(prims: list[Usd.Prim], parts: list[Strands]) -> tuple[list[str], Array]:
+def merge_groups(
+    prims: list[Usd.Prim], parts: list[Strands], guides: list[IntArray]
+) -> tuple[list[str], Array]:
     """Names of the groups, and the index of every curve's group.
 
     Curves without a group form one group, or one per prim if several prims hold strands.
     """
-    several = sum(not part.guide.all() for part in parts) > 1
+    several = sum(not guide.all() for guide in guides) > 1
     names: list[str] = []
     indices = []
     for prim, part in zip(prims, parts, strict=True):

@@ -19,6 +19,9 @@ pub(super) struct PlainStrands {
     pub(super) curves: Curves,
     /// Whether each curve is a guide; empty where the format does not mark guides.
     pub(super) guide: Vec<bool>,
+    /// Whether the format holds guides, around which a renderer grows the strands; a dense file may hold the
+    /// strands themselves nevertheless.
+    pub(super) holds_guides: bool,
     /// The groups that `curves.group` refers to; empty where the format has none.
     pub(super) groups: Vec<PlainGroup>,
     /// Attributes per curve; empty where the file has none.

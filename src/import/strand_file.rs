@@ -26,6 +26,8 @@ pub(super) struct CleanStrands {
     pub(super) curves: Curves,
     /// Strands that the file marks as guides; may be empty.
     pub(super) guides: Curves,
+    /// As [`PlainStrands::holds_guides`].
+    pub(super) holds_guides: bool,
     /// Attributes of both; empty where the file has none.
     pub(super) attributes: AttributeMap,
     /// The groups of both; at least one.
@@ -78,7 +80,7 @@ pub(super) fn read_strands(source: &Source, length_scale: f64) -> Result<CleanSt
         ..Default::default()
     };
     convert(&mut plain, source, convention, length_scale);
-    let PlainStrands { curves, guide, mut groups, attributes, .. } = plain;
+    let PlainStrands { curves, guide, holds_guides, mut groups, attributes, .. } = plain;
     if groups.is_empty() {
         groups.push(PlainGroup { name: "hair".into(), width: None });
     }
@@ -93,7 +95,7 @@ pub(super) fn read_strands(source: &Source, length_scale: f64) -> Result<CleanSt
     }
     report.guides = guides.len();
     report.length[1] /= report.kept as f64;
-    Ok(CleanStrands { curves, guides, attributes, groups, report })
+    Ok(CleanStrands { curves, guides, holds_guides, attributes, groups, report })
 }
 
 /// Reads a strand file with the reader that its extension selects.

@@ -27,8 +27,10 @@ const HIERARCHY: &str = "Wisp hierarchy";
 pub struct GroomArguments {
     /// Strand file: USD, .tfx or .hair
     ///
-    /// Guides are chosen from its strands. If it holds more strands than guides, all of them become render
-    /// strands. In USD, curves of purpose guide or with primvars:groom_guide are the guides.
+    /// Strands of the file stay as they are and are drawn; guides are chosen from them. Strands are grown only
+    /// if the file holds nothing but guides. In USD these are told by primvars:groom_guide, purpose guide, a
+    /// name with "guide", or purpose proxy beside curves that are drawn; a .tfx file of up to 1000 strands
+    /// holds guides.
     strands: PathBuf,
     /// Groom file to write; long arrays go to a .bin file next to it
     #[arg(long, short, value_name = "FILE")]
@@ -78,11 +80,12 @@ pub struct GroomArguments {
     /// More vertices draw smoother strands and make the cache larger.
     #[arg(long, value_name = "N", value_parser = count(2, 4096), help_heading = STRANDS)]
     strand_vertices: Option<u32>,
-    /// Render strands to generate around each guide if the file holds guides only; 0 for none
+    /// Render strands to grow around each guide, in place of any in the file; 0 for none [default: 50 if the
+    /// file holds guides only, else none]
     ///
     /// More strands are denser and make the cache larger.
-    #[arg(long, value_name = "N", alias = "per-guide", default_value_t = 50, value_parser = count(0, 100_000), help_heading = STRANDS)]
-    strands_per_guide: u32,
+    #[arg(long, value_name = "N", alias = "per-guide", value_parser = count(0, 100_000), help_heading = STRANDS)]
+    strands_per_guide: Option<u32>,
     /// Largest shortening of a generated strand relative to its guide, 0 to 1
     ///
     /// Raising it frays the ends.
@@ -215,13 +218,14 @@ impl GroomArguments {
             scalp: None,
             length_scale: self.length_scale,
             guide_count: self.guides.map(|n| n as usize),
+            strands_per_guide: self.strands_per_guide.map(|n| n as usize),
             build: BuildOptions {
                 guide_vertices: Resample::Vertices(self.guide_vertices as usize),
                 strand_vertices: self
                     .strand_vertices
                     .map_or(Resample::Keep, |n| Resample::Vertices(n as usize)),
                 generation: Generation {
-                    per_guide: self.strands_per_guide as usize,
+                    per_guide: generation.per_guide,
                     vertices: self.strand_vertices.map_or(generation.vertices, |n| n as usize),
                     length_variation: self.length_variation,
                     clump: self.clump,

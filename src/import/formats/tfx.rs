@@ -48,6 +48,7 @@ pub(crate) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
             group: vec![0; strands],
             root_uv,
         },
+        holds_guides: true,
         notes,
         ..PlainStrands::default()
     })

@@ -94,6 +94,8 @@ pub struct BuildReport {
     pub guide_error: ResampleError,
     /// Change of the render strands by resampling; `None` if they are generated.
     pub strand_error: Option<ResampleError>,
+    /// Render strands that were to be generated around each guide.
+    pub per_guide: usize,
     /// Curvature of the guides.
     pub curl: Curl,
     /// Fit of the wisps, from the coarse level to the leaves.
@@ -147,6 +149,7 @@ pub(crate) fn build(
         counts: [guides.curves.len(), nested.last().map_or(0, Vec::len), strands.curves.len()],
         guide_error,
         strand_error: strands.error,
+        per_guide: options.generation.per_guide,
         curl: fidelity::curl(&guides.curves),
         levels,
     };
@@ -258,9 +261,12 @@ fn leaf_of_guides(trees: &[Tree], guides: usize) -> Vec<(u32, u32)> {
 impl fmt::Display for BuildReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [guides, leaves, strands] = self.counts;
-        let origin =
-            if self.strand_error.is_some() { "from the file" } else { "generated around the guides" };
-        writeln!(f, "{guides} guides in {leaves} leaf wisps; {strands} render strands {origin}")?;
+        writeln!(f, "{guides} guides in {leaves} leaf wisps")?;
+        match (self.strand_error.is_some(), self.per_guide) {
+            (true, _) => writeln!(f, "{strands} render strands: all those of the file, and none grown"),
+            (false, 0) => writeln!(f, "no render strands"),
+            (false, n) => writeln!(f, "{strands} render strands, grown: {n} around each guide"),
+        }?;
         writeln!(f, "guides: {}", self.curl)?;
         writeln!(f, "guides resampled: {}", self.guide_error)?;
         self.strand_error.iter().try_for_each(|error| writeln!(f, "strands resampled: {error}"))?;

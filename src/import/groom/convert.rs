@@ -32,11 +32,15 @@ pub fn groom(options: &GroomOptions) -> Result<(Groom, GroomReport)> {
         strands
     });
     let choice = GuideChoice::new(input, separate.is_some(), options);
+    let own = choice.strands.as_ref().map_or(0, Curves::len);
     let strands = separate.or_else(|| {
-        let curves = choice.strands?;
+        let curves = choice.strands.filter(|_| !options.grows())?;
         Some(RenderStrands { clumps: clumps(&attributes, choice.strands_are_marked, &curves.id), curves })
     });
+    let not_drawn = if options.grows() { own } else { 0 };
     let mut build_options = options.build.clone();
+    build_options.generation.per_guide =
+        options.strands_per_guide.unwrap_or(options.build.generation.per_guide);
     if strands.iter().any(|strands| strands.clumps.iter().any(Option::is_some)) {
         build_options.material.clumping = 1.0;
     }
@@ -51,7 +55,7 @@ pub fn groom(options: &GroomOptions) -> Result<(Groom, GroomReport)> {
     };
     groom.groups = groups.into_iter().map(group).collect();
     let roots = scalp.iter().flat_map(|scalp| roots.iter().map(|roots| scalp.report(roots))).collect();
-    let report = GroomReport::new(sources, roots, fit);
+    let report = GroomReport::new(sources, roots, fit, not_drawn);
     groom.notes = report.notes();
     Ok((groom, report))
 }
@@ -77,7 +81,7 @@ struct GuideChoice {
     guides: Curves,
     /// Whether the guides are among those that the file marks.
     guides_are_marked: bool,
-    /// Strands that can be drawn, guides included; `None` if there are only guides.
+    /// Strands of the file that can be drawn; `None` if it holds guides only.
     strands: Option<Curves>,
     /// Whether `strands` are among those that the file marks as guides.
     strands_are_marked: bool,
@@ -87,13 +91,14 @@ impl GuideChoice {
     /// Takes the marked guides of a file unless a number of guides is asked for and there are other strands
     /// to choose from; `separate` is whether a separate file has the render strands.
     fn new(input: CleanStrands, separate: bool, options: &GroomOptions) -> Self {
-        let CleanStrands { curves, guides: marked, report, .. } = input;
+        let CleanStrands { curves, guides: marked, holds_guides, report, .. } = input;
         let choose = |from: &Curves, n| choose_guides(from, n, options.build.sections, report.length[1]);
         let among_strands = options.guide_count.is_some() && !separate && !curves.is_empty();
         if marked.is_empty() || among_strands {
             let default = if curves.len() <= ALL_GUIDES_UP_TO { curves.len() } else { DEFAULT_GUIDES };
             let guides = choose(&curves, options.guide_count.unwrap_or(default));
-            let strands = (curves.len() > guides.len()).then_some(curves);
+            // As many strands as guides in a format of guides: others are grown around them.
+            let strands = (!holds_guides || curves.len() > guides.len()).then_some(curves);
             return GuideChoice { guides, guides_are_marked: false, strands, strands_are_marked: false };
         }
         let strands_are_marked = curves.is_empty();
@@ -169,4 +174,45 @@ fn factors(attributes: &AttributeMap, marked: bool, ids: &[i32]) -> Factors {
 /// Clumps of the strands with these ids.
 fn clumps(attributes: &AttributeMap, marked: bool, ids: &[i32]) -> Vec<Option<i32>> {
     attributes_of(attributes, marked, ids).map(|own| own.clump).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::Source;
+    use nalgebra::Vector3;
+
+    /// Guides and strands chosen among `n` strands of a format that holds guides or not.
+    fn chosen(n: usize, holds_guides: bool, wanted: Option<usize>) -> [usize; 2] {
+        let curves = Curves {
+            offsets: (0..=n).map(|i| 2 * i).collect(),
+            points: (0..2 * n)
+                .map(|i| Vector3::new(1e-3 * (i / 2) as f64, -0.1 * (i % 2) as f64, 0.0))
+                .collect(),
+            id: (0..n as i32).collect(),
+            group: vec![0; n],
+            root_uv: vec![[0.0; 2]; n],
+        };
+        let input = CleanStrands {
+            curves,
+            guides: Curves::default(),
+            holds_guides,
+            attributes: AttributeMap::new(),
+            groups: Vec::new(),
+            report: crate::import::StrandFileReport { length: [0.1; 3], ..Default::default() },
+        };
+        let options = GroomOptions { guide_count: wanted, ..GroomOptions::new(Source::new("a")) };
+        let choice = GuideChoice::new(input, false, &options);
+        [choice.guides.len(), choice.strands.map_or(0, |strands| strands.len())]
+    }
+
+    #[test]
+    fn strands_of_a_file_are_kept_unless_it_holds_guides_only() {
+        assert_eq!(chosen(1, false, None), [1, 1]);
+        assert_eq!(chosen(900, false, None), [900, 900]);
+        assert_eq!(chosen(900, true, None), [900, 0]);
+        assert_eq!(chosen(1001, true, None), [DEFAULT_GUIDES, 1001]);
+        assert_eq!(chosen(1001, false, None), [DEFAULT_GUIDES, 1001]);
+        assert_eq!(chosen(900, true, Some(90)), [90, 900]);
+    }
 }

@@ -15,7 +15,7 @@ pub const DEFAULT_GUIDES: usize = 500;
 pub struct GroomOptions {
     /// Name of the groom.
     pub name: String,
-    /// The strands from which guides are chosen. Strands that are not chosen become render strands.
+    /// The strands from which guides are chosen. They become render strands unless they are guides only.
     pub guides: Source,
     /// A separate file of render strands.
     pub strands: Option<Source>,
@@ -26,6 +26,9 @@ pub struct GroomOptions {
     /// Number of guides to choose; `None` for the guides that the file marks, else all of up to
     /// [`ALL_GUIDES_UP_TO`] strands, or [`DEFAULT_GUIDES`] of more.
     pub guide_count: Option<usize>,
+    /// Render strands to grow around each guide, in place of any in the files; `None` to grow
+    /// `build.generation.per_guide` if the files hold guides only.
+    pub strands_per_guide: Option<usize>,
     /// How the groom is built.
     pub build: BuildOptions,
 }
@@ -41,8 +44,14 @@ impl GroomOptions {
             scalp: None,
             length_scale: 1.0,
             guide_count: None,
+            strands_per_guide: None,
             build: BuildOptions::default(),
         }
+    }
+
+    /// Whether strands are to be grown even if the files hold some.
+    pub(super) fn grows(&self) -> bool {
+        self.strands_per_guide.is_some_and(|n| n > 0)
     }
 
     /// Checks the ranges of all options.
@@ -51,6 +60,12 @@ impl GroomOptions {
     /// [`Error::Usage`].
     pub(super) fn check(&self) -> Result<()> {
         self.build.check()?;
+        if self.grows() && self.strands.is_some() {
+            return Err(Error::Usage(
+                "--strands-per-guide grows strands, and --strands names a file that holds them; use one of the two"
+                    .into(),
+            ));
+        }
         if self.guide_count == Some(0) {
             return Err(Error::Usage("the number of guides must be at least 1".into()));
         }

@@ -15,14 +15,26 @@ pub struct GroomReport {
     pub roots: Vec<RootReport>,
     /// The fit of the groom to the strands.
     pub fit: BuildReport,
+    /// Strands of the files in whose place others were grown.
+    pub not_drawn: usize,
     /// What the artist should check.
     pub warnings: Vec<String>,
 }
 
 impl GroomReport {
-    pub(super) fn new(sources: Vec<StrandFileReport>, roots: Vec<RootReport>, fit: BuildReport) -> Self {
-        let warnings = warnings(&sources, &roots);
-        GroomReport { sources, roots, fit, warnings }
+    pub(super) fn new(
+        sources: Vec<StrandFileReport>,
+        roots: Vec<RootReport>,
+        fit: BuildReport,
+        not_drawn: usize,
+    ) -> Self {
+        let mut warnings = warnings(&sources, &roots);
+        if not_drawn > 0 {
+            warnings.push(format!(
+                "{not_drawn} strands of the file are not drawn: others are grown in their place, as asked"
+            ));
+        }
+        GroomReport { sources, roots, fit, not_drawn, warnings }
     }
 
     /// The lines of the report for the groom file, without the folders of the sources.
@@ -31,7 +43,7 @@ impl GroomReport {
         for source in &mut sources {
             source.path = source.path.file_name().map_or_else(PathBuf::new, PathBuf::from);
         }
-        let report = GroomReport::new(sources, self.roots.clone(), self.fit.clone());
+        let report = GroomReport::new(sources, self.roots.clone(), self.fit.clone(), self.not_drawn);
         report.to_string().lines().map(|line| line.trim().to_string()).collect()
     }
 }
@@ -59,6 +71,9 @@ impl fmt::Display for GroomReport {
             self.roots.get(i).map_or(Ok(()), |roots| writeln!(f, "  scalp: {roots}"))?;
         }
         write!(f, "{}", self.fit)?;
+        if self.fit.counts[2] > 0 && self.fit.strand_error.is_none() {
+            writeln!(f, "  --strands-per-guide N grows another number of strands, 0 none")?;
+        }
         self.warnings.iter().try_for_each(|warning| writeln!(f, "warning: {warning}"))
     }
 }

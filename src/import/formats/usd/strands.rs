@@ -45,6 +45,7 @@ pub(crate) fn read(source: &Source) -> Result<PlainStrands> {
         attributes: attributes(&read, counts.len()),
         declared: read.header.declared(),
         notes: read.header.notes,
+        ..PlainStrands::default()
     })
 }
 
