@@ -47,7 +47,7 @@ fn tressfx() {
     assert_snapshot!(file(&[3, 0, 1, 8]), @r#"
     × a.tfx: header.version: 0.000000000000000000000000000000000000000000004
     help: export with a TressFX 4 exporter, or check that this is a .tfx file
-          allowed: 4.0 (f32, little endian)
+          allowed: 3.0 to 4.0 (f32, little endian)
     × a.tfx: header.strands: 0
     help: select the hair and export again
           allowed: 1 or more

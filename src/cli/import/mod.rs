@@ -11,7 +11,7 @@ use track::TrackArguments;
 /// `hairbake import` as it is typed.
 #[derive(Debug, Subcommand)]
 pub enum Import {
-    /// Convert strands to groom.json: USD basis curves, TressFX .tfx or Cem Yuksel .hair
+    /// Convert strands to groom.json: USD basis curves, TressFX .tfx (3 and 4) or Cem Yuksel .hair
     Groom(Box<GroomArguments>),
     /// Convert a head motion and the meshes that the hair collides with to anim.json
     Track(Box<TrackArguments>),
