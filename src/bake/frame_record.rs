@@ -68,14 +68,24 @@ pub struct FrameRecord {
     pub speed_max_m_s: f64,
     /// Largest relative change of the arc length of a segment of a guide since the start.
     pub length_drift: f64,
-    /// Guide segments exempt from contact, counted once per body.
+    /// Guide segments exempt from contact, counted once per body: where the groom or the start of the
+    /// pre-roll has them inside.
     pub exempt_segments: u32,
+    /// All guide segments, counted once per body.
+    pub contact_segments: u32,
+    /// Deepest point of an exempt segment inside its body, roots excluded, m; 0 if none.
+    pub exempt_penetration_m: f64,
 }
 
 /// Relative residual of the reactions above which a frame violates the contact law: 1/1000 of the forces.
 pub const RESIDUAL: f64 = 1e-3;
 
 impl FrameRecord {
+    /// Exempt segments as a share of all; 0 without bodies.
+    pub fn exempt_share(&self) -> f64 {
+        f64::from(self.exempt_segments) / f64::from(self.contact_segments.max(1))
+    }
+
     /// The guarantees that the frame breaks, in words.
     pub fn broken(&self) -> Vec<String> {
         let counted = |n: u32, what: &str| (n > 0).then(|| format!("{n} {what}"));
@@ -143,8 +153,12 @@ impl FrameRecord {
                 speeds.push((v - carried).norm());
             }
             self.length_drift = self.length_drift.max(simulation.length_drift(i));
-            self.exempt_segments += g.clearance.counts().0 as u32;
         }
+        for body in simulation.exemptions() {
+            self.exempt_segments += body.exempt as u32;
+            self.contact_segments += body.segments as u32;
+        }
+        self.exempt_penetration_m = simulation.exempt_depth();
         speeds.sort_by(f64::total_cmp);
         if let Some(&max) = speeds.last() {
             self.speed_max_m_s = max;

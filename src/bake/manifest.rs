@@ -32,12 +32,14 @@ pub(super) fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Resu
     manifest.inputs = job.inputs.clone();
     manifest.settings = job.settings.clone();
     manifest.totals = totals(&finished);
-    // Exempt segments stay exempt: the last frame counts them all.
-    let exempt = finished.last().map_or(0, |f| f.record.exempt_segments);
+    // Exempt segments stay exempt.
+    let [exempt, segments] =
+        finished.last().map_or([0; 2], |f| [f.record.exempt_segments, f.record.contact_segments]);
     let first = job.work.state(*job.frames().start()).map_err(|fault| Error::NotYet(fault.to_string()))?;
     let [mean, largest] = job.rods.departure(&first.guides);
     manifest.scene_figures = object(json!({
         "exempt_guide_segments": exempt,
+        "guide_segments": segments,
         "groom_notes": job.groom.notes,
         "sag_free": job.rods.sag_free,
         "first_frame_from_groom": { "mean": mean, "largest": largest },
@@ -57,6 +59,7 @@ fn totals(finished: &[Finished]) -> Map<String, Value> {
     let sum = |of: fn(&FrameRecord) -> u32| finished.iter().map(|f| u64::from(of(&f.record))).sum::<u64>();
     let totals = json!({
         "penetration_m": worst(|f| f.penetration_m),
+        "exempt_penetration_m": worst(|f| f.exempt_penetration_m),
         "length_drift": worst(|f| f.length_drift),
         "speed_max_m_s": worst(|f| f.speed_max_m_s),
         "contact_residual": worst(|f| f.contact_residual),

@@ -19,6 +19,7 @@ mod manifest;
 pub mod output;
 mod single;
 mod stages;
+mod start_check;
 mod summary;
 pub mod work_dir;
 

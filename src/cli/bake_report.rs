@@ -72,8 +72,12 @@ fn contact_charts(frames: &[FrameRecord]) -> Vec<Chart> {
     charts.push(chart(
         "Penetration",
         "mm",
-        "Deepest point inside a body. Roots that start inside a body are exempt.",
-        vec![series("deepest", |f| f.penetration_m * 1e3)],
+        "Deepest point of a guide inside a body: of segments with contact, and of those exempt because the groom \
+         has them inside.",
+        vec![
+            series("with contact", |f| f.penetration_m * 1e3),
+            series("exempt", |f| f.exempt_penetration_m * 1e3),
+        ],
     ));
     charts
 }
@@ -213,12 +217,35 @@ pub fn warnings(frames: &[FrameRecord]) -> Vec<String> {
             ADVICE,
             unconverged,
         ),
+        exempt(frames),
         warning(frames, "motions were truncated at a surface", "", |f| count(f.shortened)),
         warning(frames, "contacts did not converge to rest", ADVICE, |f| count(unsettled(f))),
     ]
     .into_iter()
     .flatten()
     .collect()
+}
+
+/// Share of guide segments exempt from contact above which the user is warned.
+const MANY_EXEMPT: f64 = 0.1;
+
+/// Depth of an exempt segment above which the user is warned, m: more than roots are set in.
+const DEEP_EXEMPT: f64 = 5e-3;
+
+fn exempt(frames: &[FrameRecord]) -> Option<String> {
+    let deepest = frames.iter().max_by(|a, b| a.exempt_penetration_m.total_cmp(&b.exempt_penetration_m))?;
+    let (share, depth) = (deepest.exempt_share(), deepest.exempt_penetration_m);
+    (share > MANY_EXEMPT || depth > DEEP_EXEMPT).then(|| {
+        format!(
+            "{} of {} guide segments ({:.1} %) are exempt from contact, because the groom has them inside a body: \
+             they are up to {:.1} mm inside in frame {}",
+            deepest.exempt_segments,
+            deepest.contact_segments,
+            100.0 * share,
+            1e3 * depth,
+            deepest.frame
+        )
+    })
 }
 
 const ADVICE: &str = "; more sub-steps may help";

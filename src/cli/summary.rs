@@ -76,6 +76,11 @@ pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
         "penetration",
         if depth > 0.0 { format!("{:.4} mm max, frame {frame}", depth * 1e3) } else { "none".into() },
     );
+    if let Some(last) = summary.frames.last().filter(|f| f.exempt_segments > 0) {
+        let (depth, frame) = worst(|f| f.exempt_penetration_m);
+        let (exempt, all) = (last.exempt_segments, last.contact_segments);
+        line("exempt", format!("{exempt} of {all} guide segments, {:.4} mm max, frame {frame}", depth * 1e3));
+    }
     let (drift, frame) = worst(|f| f.length_drift);
     line("length drift", format!("{drift:.1e} max, frame {frame}"));
     if let Some(manifest) = &summary.manifest {

@@ -226,6 +226,27 @@ impl Clearance {
         (exempt, self.from.iter().zip(&self.to).filter(|(a, b)| a != b).count())
     }
 
+    /// Exempt segments, and all, of each body.
+    pub fn by_body(&self, bodies: usize) -> impl Iterator<Item = [usize; 2]> {
+        let segments = self.len() / bodies.max(1);
+        let exempt = |ends: &&[f64; 2]| **ends == EXEMPT;
+        (0..bodies)
+            .map(move |b| [self.to[b * segments..][..segments].iter().filter(exempt).count(), segments])
+    }
+
+    /// Depth of the deepest point of an exempt segment in its body, m, without the root; 0 if none is inside.
+    /// The guide's points are at `x`, m, world, the bodies at time `t`, s, at `pose`.
+    pub fn exempt_depth(&self, bodies: &Bodies, t: f64, pose: &[Isometry3<f64>], x: &[Vector3<f64>]) -> f64 {
+        let segments = x.len() - 1;
+        let depth = |(i, _): (usize, &[f64; 2])| {
+            let (b, tip) = (i / segments, i % segments + 1);
+            let y = pose[b].inverse_transform_point(&x[tip].into()).coords;
+            let nearest = bodies.closest(b, t, &y, SEARCH_RADIUS).filter(|_| bodies.contains(b, t, &y));
+            nearest.map_or(0.0, |surface| surface.distance.abs())
+        };
+        self.to.iter().enumerate().filter(|(_, ends)| **ends == EXEMPT).map(depth).fold(0.0, f64::max)
+    }
+
     /// Ends the push-out with the points at `x`, m, world, and the bodies at time `t`, s, at `pose`. Segments
     /// still in a body become exempt.
     pub fn end_push_out(&mut self, bodies: &Bodies, t: f64, pose: &[Isometry3<f64>], x: &[Vector3<f64>]) {

@@ -9,6 +9,7 @@ mod collider;
 mod contact_polyline;
 mod coupled_substep;
 pub mod environment;
+pub mod exemption;
 pub mod guide;
 pub mod guide_frame;
 pub mod guide_rods;

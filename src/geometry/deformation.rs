@@ -1,7 +1,7 @@
 //! Motion of the vertices of a deforming mesh, C² in time: `docs/theory.md` eq. 5.2.
 
 use crate::math::coast;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 
 /// Evenly sampled positions of the vertices of a mesh, and a C² motion through them.
 ///
@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 /// samples i − 1, i and i + 1, w = u² (3 − 2u), and u is the fraction of the interval. Overhauser's spline
 /// (1968), which has w = u, is C¹. Constant acceleration is reproduced exactly. The motion is local (four
 /// samples), so that a part of a shot moves as the whole does. Beyond its ends the mesh comes to rest, see
-/// [`coast`].
+/// [`coast`] and [`Deformation::carried_beyond_ends`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Deformation {
     /// Time of the first sample, s.
@@ -20,6 +20,9 @@ pub struct Deformation {
     pub samples: Vec<Vec<Vector3<f64>>>,
 }
 
+/// Motion of a carrier, m and rad, that counts as none.
+const STILL: f64 = 1e-9;
+
 impl Deformation {
     /// Vertices at time `t`, s; m, rest space of the body.
     pub fn vertices(&self, t: f64) -> Vec<Vector3<f64>> {
@@ -28,6 +31,63 @@ impl Deformation {
             weights.iter().map(|&(sample, w)| self.samples[sample][v] * w).sum()
         };
         (0..self.samples[0].len()).map(at).collect()
+    }
+
+    /// The deformation with more samples at both ends, where what moves with a carrier goes on to do so while
+    /// the carrier comes to rest. `carrier` is its pose in the rest space of the body at a time in s.
+    ///
+    /// The motion of a vertex alone does not tell a turn from a straight line: a head that turns at the end
+    /// would swell, as each vertex goes on along its tangent.
+    pub fn carried_beyond_ends(self, carrier: impl Fn(f64) -> Isometry3<f64>) -> Deformation {
+        let last = self.samples.len() - 1;
+        if last == 0 {
+            return self;
+        }
+        let step = 1.0 / self.rate;
+        let count = (coast::VELOCITY_TIME * self.rate).ceil() as usize;
+        let time = |sample: usize| self.start + sample as f64 * step;
+        let before = self.carried([0, 1], time(0), -step, count, &carrier);
+        let after = self.carried([last, last - 1], time(last), step, count, &carrier);
+        let start = self.start - before.len() as f64 * step;
+        let samples = before.into_iter().rev().chain(self.samples).chain(after).collect();
+        Deformation { start, rate: self.rate, samples }
+    }
+
+    /// `count` samples at intervals of `step`, s, beyond the sample `end`, at time `t`, s; `next` is its
+    /// neighbour. None if the carrier is at rest there.
+    ///
+    /// A vertex that has moved by w since its neighbour, and by h relative to the carrier, follows the carrier
+    /// by the share w⁴ / (w⁴ + h⁴).
+    fn carried(
+        &self,
+        [end, next]: [usize; 2],
+        t: f64,
+        step: f64,
+        count: usize,
+        carrier: impl Fn(f64) -> Isometry3<f64>,
+    ) -> Vec<Vec<Vector3<f64>>> {
+        let back = carrier(t).inverse();
+        let motion = |k: usize| carrier(t + k as f64 * step) * back;
+        let moved = motion(count);
+        if moved.translation.vector.norm() < STILL && moved.rotation.angle() < STILL {
+            return Vec::new();
+        }
+        let inward = carrier(t - step) * back;
+        let (from, to) = (&self.samples[end], &self.samples[next]);
+        let share = |(x, y): (&Vector3<f64>, &Vector3<f64>)| {
+            let [w, h] =
+                [*x, inward.transform_point(&(*x).into()).coords].map(|x| (y - x).norm_squared().powi(2));
+            if w > 0.0 { w / (w + h) } else { 0.0 }
+        };
+        let shares: Vec<f64> = from.iter().zip(to).map(share).collect();
+        let sample = |k: usize| {
+            let (motion, coasting) = (motion(k), self.vertices(t + k as f64 * step));
+            let vertex = |((x, share), coasting): ((&Vector3<f64>, &f64), &Vector3<f64>)| {
+                coasting.lerp(&motion.transform_point(&(*x).into()).coords, *share)
+            };
+            from.iter().zip(&shares).zip(&coasting).map(vertex).collect()
+        };
+        (1..=count).map(sample).collect()
     }
 
     /// Samples, and their weights, at time `t`, s.
@@ -120,6 +180,39 @@ mod tests {
         }
         let largest = (0..60).map(|k| second(f64::from(k) / 240.0 + 1e-3).abs()).fold(0.0, f64::max);
         assert!(largest > 400.0, "the motion must accelerate: {largest}");
+    }
+
+    #[test]
+    fn a_turning_head_keeps_its_shape_beyond_the_ends() {
+        let carrier = |t: f64| {
+            // Comes to rest within the time of coasting, at 7.3 rad/s within the samples.
+            let [way, _] = coast::displacement((-t).max(t - 1.0).max(0.0));
+            let t = t.clamp(0.0, 1.0) + if t < 0.0 { -way } else { way };
+            Isometry3::new(Vector3::new(2.0, 0.3 * t, 0.0), Vector3::y() * (7.3 * t))
+        };
+        let head = [Vector3::x() * 0.1, Vector3::new(0.0, 0.1, 0.1)];
+        let on_head = |t: f64| head.map(|x| carrier(t).transform_point(&x.into()).coords);
+        let floor = Vector3::new(0.4, -1.0, 0.0);
+        let samples: Vec<_> =
+            (0..=24).map(|i| [on_head(f64::from(i) / 24.0).to_vec(), vec![floor]].concat()).collect();
+        let deformation = Deformation { start: 0.0, rate: 24.0, samples };
+        let radius = |d: &Deformation, t: f64| {
+            let axis = carrier(t).translation.vector;
+            (d.vertices(t)[0] - axis).norm()
+        };
+        assert!(radius(&deformation, -0.5) > 0.2, "the tangents must lead away");
+        let carried = deformation.carried_beyond_ends(carrier);
+        for k in -30..=54 {
+            let t = f64::from(k) / 24.0;
+            let found = carried.vertices(t);
+            for (found, expected) in found.iter().zip(on_head(t)) {
+                assert!((found - expected).norm() < 1e-4, "{t}: {found} {expected}");
+            }
+            assert!((found[2] - floor).norm() < 1e-15);
+        }
+        // A carrier at rest adds nothing.
+        let still = sampled(5, 24.0, |t| 1.5 * t);
+        assert_eq!(still.clone().carried_beyond_ends(|_| Isometry3::identity()), still);
     }
 
     #[test]

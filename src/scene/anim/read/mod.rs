@@ -10,7 +10,7 @@ mod ties;
 mod track;
 
 use super::file::AnimFile;
-use super::model::{Anim, MAX_FRAMES, Wind};
+use super::model::{Anim, Body, Collider, MAX_FRAMES, Wind};
 use super::settings::Settings;
 use crate::scene::convention::Convention;
 use crate::scene::json::buffers::Buffers;
@@ -19,6 +19,7 @@ use crate::scene::json::document::Document;
 use crate::scene::json::key::Key;
 use context::Context;
 use nalgebra::Vector3;
+use std::sync::Arc;
 
 /// Gravity, m/s², if the file gives none.
 const GRAVITY: f64 = 9.81;
@@ -73,18 +74,31 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
             keyframes::keyframes(&mut context, &key, force.acceleration_m_s2)
         })
         .collect();
+    let head = head?;
+    let bodies: Vec<Body> = bodies.into_iter().map(bodies::NamedTrack::into_body).collect::<Option<_>>()?;
+    let mut colliders: Vec<Collider> = colliders.into_iter().collect::<Option<_>>()?;
+    colliders.iter_mut().for_each(|collider| carry_beyond_ends(collider, &bodies, head));
     Some(Anim {
         fps: file.fps,
         frames,
-        head: head?,
-        bodies: bodies.into_iter().map(bodies::NamedTrack::into_body).collect::<Option<_>>()?,
-        colliders: colliders.into_iter().collect::<Option<_>>()?,
+        head,
+        bodies,
+        colliders,
         ties: ties.into_iter().collect::<Option<_>>()?,
         gravity: file.gravity_m_s2.map_or(Vector3::y() * -GRAVITY, |g| convention.direction_in(g.into())),
         wind: wind.into_iter().collect::<Option<_>>()?,
         forces: forces.into_iter().collect::<Option<_>>()?,
         settings: Settings::from(file.settings),
     })
+}
+
+/// Before and after its samples, what of a deforming mesh moves with the head goes on to do so.
+fn carry_beyond_ends(collider: &mut Collider, bodies: &[Body], head: usize) {
+    let [carrier, head] = [collider.body, head].map(|body| &bodies[body].track);
+    collider.deformation = collider.deformation.take().map(|deformation| {
+        let head_in_body = |t: f64| carrier.pose(t).inverse() * head.pose(t);
+        Arc::new(Arc::unwrap_or_clone(deformation).carried_beyond_ends(head_in_body))
+    });
 }
 
 fn check_frames(diagnostics: &mut Diagnostics, first: i32, last: i32) {
