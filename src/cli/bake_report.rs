@@ -72,8 +72,12 @@ fn contact_charts(frames: &[FrameRecord]) -> Vec<Chart> {
     charts.push(chart(
         "Penetration",
         "mm",
-        "Deepest point inside a body. Roots that start inside a body are exempt.",
-        vec![series("deepest", |f| f.penetration_m * 1e3)],
+        "Deepest point inside a body: of guides, exempt segments excluded, and of the written render strands, \
+         vertices that the groom places inside excluded.",
+        vec![
+            series("guides", |f| f.penetration_m * 1e3),
+            series("render strands", |f| f.hair_penetration_m * 1e3),
+        ],
     ));
     charts
 }
@@ -215,6 +219,12 @@ pub fn warnings(frames: &[FrameRecord]) -> Vec<String> {
         ),
         warning(frames, "motions were truncated at a surface", "", |f| count(f.shortened)),
         warning(frames, "contacts did not converge to rest", ADVICE, |f| count(unsettled(f))),
+        warning(
+            frames,
+            "render strands are more than 2 mm inside a body",
+            "; more guides may help there, or a collider without holes",
+            |f| count(f.hair_inside),
+        ),
     ]
     .into_iter()
     .flatten()
