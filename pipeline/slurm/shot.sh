@@ -35,13 +35,13 @@ EOF
 step0=$(submit 'shake: simulate 1' "" 'hairbake simulate /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048 --frames=1000-1023' --cpus-per-task=8 "$@")
 step1=$(submit 'shake: interpolate 1' "$step0" 'hairbake interpolate /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048 --frames=1000-1007
 hairbake interpolate /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048 --frames=1008-1015
-hairbake interpolate /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048 --frames=1016-1021' --cpus-per-task=8 "$@")
+hairbake interpolate /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048 --frames=1016-1020' --cpus-per-task=8 "$@")
 step2=$(submit 'shake: simulate 2' "$step0" 'hairbake simulate /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048 --frames=1024-1047' --cpus-per-task=8 "$@")
-step3=$(submit 'shake: interpolate 2' "$step2" 'hairbake interpolate /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048 --frames=1022-1029
-hairbake interpolate /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048 --frames=1030-1037
-hairbake interpolate /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048 --frames=1038-1045' --cpus-per-task=8 "$@")
-step4=$(submit 'shake: simulate 3' "$step2" 'hairbake simulate /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048 --frames=1048-1051' --cpus-per-task=8 "$@")
-step5=$(submit 'shake: interpolate 3' "$step4" 'hairbake interpolate /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048 --frames=1046-1049' --cpus-per-task=8 "$@")
+step3=$(submit 'shake: interpolate 2' "$step2" 'hairbake interpolate /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048 --frames=1021-1028
+hairbake interpolate /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048 --frames=1029-1036
+hairbake interpolate /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048 --frames=1037-1044' --cpus-per-task=8 "$@")
+step4=$(submit 'shake: simulate 3' "$step2" 'hairbake simulate /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048 --frames=1048-1052' --cpus-per-task=8 "$@")
+step5=$(submit 'shake: interpolate 3' "$step4" 'hairbake interpolate /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048 --frames=1045-1049' --cpus-per-task=8 "$@")
 step6=$(submit 'shake: assemble' "$step1:$step3:$step5" 'hairbake assemble /show/shot/groom.json /show/shot/shake.json -o /show/shot/cache --shot=1001-1048' --cpus-per-task=8 "$@")
 step7=$(submit 'shake: validate files' "$step6" 'hairbake validate /show/shot/cache --only=static' --cpus-per-task=8 "$@")
 step8=$(submit 'shake: validate frames' "$step6" 'hairbake validate /show/shot/cache --only=moving --frames=1000-1023

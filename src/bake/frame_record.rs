@@ -1,7 +1,7 @@
 //! The record of a frame, as in the manifest and the report.
 
 use crate::dynamics::simulation::{Simulation, SubstepRecord};
-use crate::strands::HeadMotion;
+use crate::strands::{Depths, HeadMotion};
 use serde::{Deserialize, Serialize};
 
 /// Record of one frame. Independent of the number of threads; timings are kept apart.
@@ -75,6 +75,11 @@ pub struct FrameRecord {
     pub contact_segments: u32,
     /// Deepest point of an exempt segment inside its body, roots excluded, m; 0 if none.
     pub exempt_penetration_m: f64,
+    /// Deepest vertex of a written render strand inside a body, vertices that the groom places inside
+    /// excepted, m; 0 if none, and until the strands are written.
+    pub hair_penetration_m: f64,
+    /// Written render strands that are deeper than 2 mm.
+    pub hair_inside: u32,
 }
 
 /// Relative residual of the reactions above which a frame violates the contact law: 1/1000 of the forces.
@@ -100,6 +105,11 @@ impl FrameRecord {
             residual,
         ];
         broken.into_iter().flatten().collect()
+    }
+
+    /// The record with the depths of the frame's render strands.
+    pub fn with_hair(&self, Depths { deepest, inside }: Depths) -> Self {
+        FrameRecord { hair_penetration_m: deepest, hair_inside: inside, ..self.clone() }
     }
 
     /// Adds one sub-step; `ids` are the guides' ids.

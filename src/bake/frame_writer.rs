@@ -2,11 +2,11 @@
 
 use super::frame_state::FrameState;
 use super::job::Job;
-use super::output::{Output, Retracted};
+use super::output::{FrameStrands, Output};
 use super::summary::StageSeconds;
+use super::work_dir::WrittenFrame;
 use crate::cache::Writer;
-use crate::file::FileRecord;
-use crate::strands::RETRACTION_SPAN;
+use crate::strands::{Deflection, LOOKAHEAD, LOOKBEHIND};
 use crate::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
@@ -16,10 +16,17 @@ pub(super) struct FrameWriter<'a> {
     job: &'a Job,
     output: Output<'a>,
     writer: Writer,
-    /// States in use, with the strands' retractions at them once they are needed.
-    states: BTreeMap<i32, (FrameState, Option<Retracted>)>,
+    /// States in use.
+    states: BTreeMap<i32, Near>,
     /// Frames that this task writes.
     own: BTreeSet<i32>,
+}
+
+/// A state in use, with what is computed from it once it is needed.
+struct Near {
+    state: FrameState,
+    strands: Option<FrameStrands>,
+    settled: Option<Vec<Deflection>>,
 }
 
 impl<'a> FrameWriter<'a> {
@@ -32,8 +39,8 @@ impl<'a> FrameWriter<'a> {
     /// Takes over a state, and drops states of distant frames.
     pub fn insert(&mut self, state: FrameState) {
         let frame = state.record.frame;
-        self.states.insert(frame, (state, None));
-        self.states.retain(|other, _| other.abs_diff(frame) <= 2 * RETRACTION_SPAN as u32);
+        self.states.insert(frame, Near { state, strands: None, settled: None });
+        self.states.retain(|other, _| other.abs_diff(frame) <= (LOOKBEHIND + LOOKAHEAD) as u32);
     }
 
     /// The state at a frame, from memory or from the work folder.
@@ -43,59 +50,78 @@ impl<'a> FrameWriter<'a> {
                 Error::NotYet(format!("the guides at frame {frame} are not simulated yet: {fault}"))
             })?);
         }
-        Ok(&self.states[&frame].0)
+        Ok(&self.states[&frame].state)
     }
 
-    /// Computes the strands' retractions at a frame whose state is loaded. Retractions that several tasks
-    /// need are shared through the work folder, so that they are computed once.
-    pub fn retract(&mut self, frame: i32) -> Result<()> {
-        let Some((state, retracted @ None)) = self.states.get_mut(&frame) else { return Ok(()) };
-        let (span, work) = (RETRACTION_SPAN as i32, &self.job.work);
-        let shared =
-            (frame - span..=frame + span).any(|f| self.job.frames().contains(&f) && !self.own.contains(&f));
+    /// Computes the strands' deflections at a frame. Deflections that several tasks need are shared through
+    /// the work folder, so that they are computed once.
+    fn deflect(&mut self, frame: i32) -> Result<()> {
+        self.state(frame)?;
+        let Some(Near { state, strands: strands @ None, .. }) = self.states.get_mut(&frame) else {
+            return Ok(());
+        };
+        let work = &self.job.work;
+        let users = frame - LOOKAHEAD as i32..=frame + LOOKBEHIND as i32;
+        let shared = users.into_iter().any(|f| self.job.frames().contains(&f) && !self.own.contains(&f));
         let own = self.own.contains(&frame);
         // Its own frames need the strands' motion as well, which is not shared.
-        let found = if shared && !own { work.retractions(frame, self.output.vertices()) } else { None };
+        let found = if shared && !own { work.deflections(frame, self.output.vertices()) } else { None };
         let share = shared && found.is_none();
-        let retracted = retracted.insert(match found {
-            Some(retractions) => Retracted { retractions, unretracted: None },
-            None => self.output.retract(frame, &state.guides, own),
+        let strands = strands.insert(match found {
+            Some(deflections) => FrameStrands { deflections, ..FrameStrands::default() },
+            None => self.output.deflect(frame, &state.guides, own),
         });
         if share {
-            work.write_retractions(frame, &retracted.retractions)?;
+            work.write_deflections(frame, &strands.deflections)?;
         }
         Ok(())
     }
 
-    /// Writes a frame's file, then marks it as done.
-    pub fn write(&mut self, frame: i32, seconds: &mut StageSeconds) -> Result<FileRecord> {
-        let start = Instant::now();
-        let first = *self.job.frames().start();
-        // Before the first frame the guides are as at it.
-        let env: [i32; 2 * RETRACTION_SPAN + 1] =
-            std::array::from_fn(|i| (frame + i as i32 - RETRACTION_SPAN as i32).max(first));
-        for near in env {
-            self.state(near)?;
-            self.retract(near)?;
+    /// Computes the settled deflections at a frame.
+    fn settle(&mut self, frame: i32) -> Result<()> {
+        let around = self.around(frame);
+        for near in around {
+            self.deflect(near)?;
         }
-        let unretracted =
-            self.states.get_mut(&frame).and_then(|(_, retracted)| retracted.as_mut()?.unretracted.take());
-        let retractions =
-            env.map(|near| self.states[&near].1.as_ref().map_or(&[][..], |retracted| &retracted.retractions));
-        let states = [frame, frame + 1].map(|near| &self.states[&near].0.guides[..]);
-        let arrays = self.output.frame(
-            frame,
-            states,
-            &self.states[&(frame + 1)].0.steps,
-            &retractions,
-            unretracted,
-        )?;
+        if self.states[&frame].settled.is_none() {
+            let raw = around.map(|near| {
+                self.states[&near].strands.as_ref().map_or(&[][..], |strands| &strands.deflections)
+            });
+            let Near { state, strands, .. } = &self.states[&frame];
+            let posed = strands.as_ref().and_then(|strands| strands.guides.as_ref());
+            let settled = self.output.settle(frame, &state.guides, posed, &raw);
+            self.states.entry(frame).and_modify(|near| near.settled = Some(settled));
+        }
+        Ok(())
+    }
+
+    /// `N` consecutive frames of which `frame` is in the middle, or the last before it. Before the first
+    /// frame the guides are as at it.
+    fn around<const N: usize>(&self, frame: i32) -> [i32; N] {
+        let first = *self.job.frames().start();
+        std::array::from_fn(|i| (frame + i as i32 - (N as i32 - 1) / 2).max(first))
+    }
+
+    /// Writes a frame's file, then marks it as done.
+    pub fn write(&mut self, frame: i32, seconds: &mut StageSeconds) -> Result<WrittenFrame> {
+        let start = Instant::now();
+        let around: [i32; 4] = self.around(frame);
+        for near in around {
+            self.settle(near)?;
+        }
+        let strands = self.states.get_mut(&frame).and_then(|near| near.strands.as_mut());
+        let known = strands.and_then(|strands| strands.guides.take().zip(strands.free.take()));
+        let settled = around.map(|near| self.states[&near].settled.as_deref().unwrap_or_default());
+        let states = [frame, frame + 1].map(|near| &self.states[&near].state.guides[..]);
+        let steps = &self.states[&(frame + 1)].state.steps;
+        let (arrays, depths) = self.output.frame(frame, states, steps, settled, known)?;
         seconds.interpolate = start.elapsed().as_secs_f64();
         let start = Instant::now();
         let file = self.writer.write_frame(&arrays)?;
-        self.job.work.mark_done(frame, &file)?;
+        let written = WrittenFrame { file, depths };
+        self.job.work.mark_done(frame, &written)?;
         seconds.write = start.elapsed().as_secs_f64();
-        Ok(file)
+        Ok(written)
     }
 
     /// The writer of the cache.

@@ -11,7 +11,7 @@ use crate::dynamics::guide_rods::GuideRods;
 use crate::dynamics::model;
 use crate::scene::anim::{ContactSetting, Resolution};
 use crate::scene::{Anim, Groom, Override};
-use crate::strands::RETRACTION_SPAN;
+use crate::strands::LOOKAHEAD;
 use finished_cache::Planned;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -87,7 +87,7 @@ impl Job {
 
     /// The frames that are simulated: the strands of the last frame depend on some frames after it.
     pub fn simulated(&self) -> RangeInclusive<i32> {
-        *self.frames().start()..=self.frames().end() + RETRACTION_SPAN as i32
+        *self.frames().start()..=self.frames().end() + LOOKAHEAD as i32
     }
 
     /// Sub-steps from the start of the pre-roll to a frame.

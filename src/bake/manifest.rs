@@ -3,6 +3,7 @@
 use super::frame_record::FrameRecord;
 use super::frame_state::FrameState;
 use super::job::Job;
+use super::work_dir::WrittenFrame;
 use crate::cache::{self, Manifest, Writer};
 use crate::file::FileRecord;
 use crate::{Error, Result};
@@ -18,8 +19,8 @@ pub(super) struct Finished {
 }
 
 impl Finished {
-    pub fn new(state: &FrameState, file: FileRecord) -> Self {
-        Finished { record: state.record.clone(), machine: state.machine.clone(), file }
+    pub fn new(state: &FrameState, WrittenFrame { file, depths }: WrittenFrame) -> Self {
+        Finished { record: state.record.with_hair(depths), machine: state.machine.clone(), file }
     }
 }
 
@@ -60,6 +61,7 @@ fn totals(finished: &[Finished]) -> Map<String, Value> {
     let totals = json!({
         "penetration_m": worst(|f| f.penetration_m),
         "exempt_penetration_m": worst(|f| f.exempt_penetration_m),
+        "hair_penetration_m": worst(|f| f.hair_penetration_m),
         "length_drift": worst(|f| f.length_drift),
         "speed_max_m_s": worst(|f| f.speed_max_m_s),
         "contact_residual": worst(|f| f.contact_residual),

@@ -12,8 +12,8 @@ use crate::geometry::Deformation;
 use crate::rod::{Rod, RodShape, Sensitivity};
 use crate::scene::{Anim, Collider, Convention, Groom};
 use crate::strands::{
-    DIFFERENCE_STEP, GuideMotion, HeadMotion, Interpolator, Moment, Obstacles, RetractionAt, Retractions,
-    StrandMotion,
+    AroundFrame, Deflection, DeflectionAt, Depths, GuideMotion, HeadMotion, Interpolator, Moment, Obstacles,
+    PosedGuides, StrandMotion,
 };
 use nalgebra::{Isometry3, Matrix3, Matrix4};
 use rayon::prelude::*;
@@ -35,11 +35,13 @@ pub struct Output<'a> {
 
 /// The strands at a frame, as far as they depend on this frame alone.
 #[derive(Debug, Default)]
-pub struct Retracted {
-    /// Retraction of each vertex.
-    pub retractions: Vec<f32>,
-    /// Motion of the strands without retraction.
-    pub unretracted: Option<StrandMotion>,
+pub struct FrameStrands {
+    /// Deflection of each vertex.
+    pub deflections: Vec<Deflection>,
+    /// The guides.
+    pub guides: Option<PosedGuides>,
+    /// The free strands.
+    pub free: Option<StrandMotion>,
 }
 
 impl<'a> Output<'a> {
@@ -75,26 +77,48 @@ impl<'a> Output<'a> {
         self.strands.as_ref().map_or(0, Interpolator::vertices)
     }
 
-    /// Retractions of the strands from bodies at `frame`, with the guides `guides`, and their motion without
-    /// retraction if `motion_too`.
-    pub fn retract(&mut self, frame: i32, guides: &[GuideFrame], motion_too: bool) -> Retracted {
-        let t = self.anim.time(f64::from(frame));
-        self.bodies.prepare([t - DIFFERENCE_STEP, t]);
-        let Some(strands) = &self.strands else { return Retracted::default() };
-        let poses = self.poses(t);
-        let (moments, motion) = (self.moments(t, &poses), self.motion(guides));
-        if motion_too {
-            let (unretracted, retractions) =
-                strands.evaluate_unretracted(&moments, &motion, &self.to_scene());
-            Retracted { retractions, unretracted: Some(unretracted) }
+    /// Deflections of the strands by bodies at `frame`, with the guides `guides`, and the free strands if
+    /// `motion_too`.
+    pub fn deflect(&mut self, frame: i32, guides: &[GuideFrame], motion_too: bool) -> FrameStrands {
+        let t = self.prepare(frame, 0.0);
+        let Some(strands) = &self.strands else { return FrameStrands::default() };
+        let poses = self.collider_poses(t);
+        let moment = self.strand_moment(t, &poses);
+        let posed = strands.pose(&moment.head, Some(&moment.obstacles), &self.motion(guides));
+        let (free, deflections) = if motion_too {
+            let (free, deflections) = strands.evaluate_free(&moment, &posed, &self.to_scene());
+            (Some(free), deflections)
         } else {
-            Retracted { retractions: strands.retractions(&moments, &motion), unretracted: None }
+            (None, strands.deflections(&moment, &posed))
+        };
+        FrameStrands { deflections, guides: Some(posed), free }
+    }
+
+    /// Settled deflections at `frame`, from those at the frames around it. `posed` are the guides, if known.
+    pub fn settle(
+        &mut self,
+        frame: i32,
+        guides: &[GuideFrame],
+        posed: Option<&PosedGuides>,
+        around: &AroundFrame,
+    ) -> Vec<Deflection> {
+        let t = self.prepare(frame, 0.0);
+        let Some(strands) = &self.strands else { return Vec::new() };
+        let poses = self.collider_poses(t);
+        let moment = self.strand_moment(t, &poses);
+        match posed {
+            Some(posed) => strands.settle(&moment, posed, around),
+            None => {
+                let posed = strands.pose(&moment.head, Some(&moment.obstacles), &self.motion(guides));
+                strands.settle(&moment, &posed, around)
+            }
         }
     }
 
     /// The cache's arrays at the written moments of `frame`. `states` are the guides at this frame and the
-    /// next, `steps` the configurations in between if they are written, `retractions` those of the frames
-    /// around, and `unretracted` the strands' motion without retraction at the frame, if known.
+    /// next, `steps` the configurations in between if they are written, `settled` the deflections at the frame
+    /// before, this one and the two after it, and `known` the posed guides and the free strands at the frame, if known. Also the
+    /// depths of the strands.
     ///
     /// # Errors
     /// As [`BaseCache::complete`].
@@ -103,9 +127,9 @@ impl<'a> Output<'a> {
         frame: i32,
         states: [&[GuideFrame]; 2],
         steps: &[SolverStep],
-        retractions: &Retractions,
-        mut unretracted: Option<StrandMotion>,
-    ) -> Result<Vec<Frame>> {
+        settled: [&[Deflection]; 4],
+        mut known: Option<(PosedGuides, StrandMotion)>,
+    ) -> Result<(Vec<Frame>, Depths)> {
         let (interval, settings) = (1.0 / self.anim.fps, &self.anim.settings);
         let mut offsets: Vec<f64> = settings.offsets().collect();
         let written = offsets.len() + steps.len();
@@ -117,43 +141,48 @@ impl<'a> Output<'a> {
                 0.0 => Vec::new(),
                 _ => pairs.map(|(a, b)| GuideFrame::between(a, b, offset, interval)).collect(),
             };
-            let (guides, unretracted) =
-                if offset == 0.0 { (states[0], unretracted.take()) } else { (&between[..], None) };
-            self.moment((frame, offset), guides, retractions, unretracted)
+            let (guides, known) =
+                if offset == 0.0 { (states[0], known.take()) } else { (&between[..], None) };
+            self.moment((frame, offset), guides, settled, known)
         };
-        let mut moments: Vec<Frame> = offsets.into_iter().map(moment).collect();
+        let mut moments: Vec<(Frame, Depths)> = offsets.into_iter().map(moment).collect();
         let after = |step: &SolverStep| step.time * self.anim.fps - f64::from(frame);
         let steps: Vec<_> = steps.iter().map(|step| (after(step), &step.guides[..])).collect();
         moments.extend(
-            steps.into_iter().map(|(offset, guides)| self.moment((frame, offset), guides, retractions, None)),
+            steps.into_iter().map(|(offset, guides)| self.moment((frame, offset), guides, settled, None)),
         );
+        let (mut moments, mut depths): (Vec<Frame>, Vec<Depths>) = moments.into_iter().unzip();
         if self.header.accelerations {
             accelerate(&mut moments, interval);
         }
         moments.truncate(written);
+        depths.truncate(written);
         self.base.map_or(Ok(()), |base| base.complete(&mut moments, &self.header))?;
-        Ok(moments)
+        Ok((moments, depths.into_iter().fold(Depths::default(), Depths::max)))
     }
 
-    /// The cache's arrays at `offset` frames after `frame`.
+    /// The cache's arrays at `offset` frames after `frame`, and the depths of the strands.
     fn moment(
         &mut self,
         (frame, offset): (i32, f64),
         guides: &[GuideFrame],
-        retractions: &Retractions,
-        unretracted: Option<StrandMotion>,
-    ) -> Frame {
-        let t = self.anim.time(f64::from(frame) + offset);
+        settled: [&[Deflection]; 4],
+        known: Option<(PosedGuides, StrandMotion)>,
+    ) -> (Frame, Depths) {
+        let t = self.prepare(frame, offset);
         let head = head_motion(self.anim, t);
         let to_scene = self.to_scene();
-        self.bodies.prepare([t - DIFFERENCE_STEP, t]);
         let motion = self.motion(guides);
+        let mut depths = Depths::default();
         let levels = self.header.levels.then(|| guides.iter().map(|g| g.level as i32).collect::<Vec<_>>());
         let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
-            let poses = self.poses(t);
-            let at = RetractionAt { frames: retractions, fraction: offset, interval: 1.0 / self.anim.fps };
-            let moving = strands.evaluate(&self.moments(t, &poses), &motion, &at, &to_scene, unretracted);
-            let StrandMotion { points, velocities } = moving;
+            let at = DeflectionAt { frames: settled, fraction: offset, interval: 1.0 / self.anim.fps };
+            let (posed, free) = known.unzip();
+            let posed = posed.unwrap_or_else(|| strands.pose(&head, None, &motion));
+            let StrandMotion { points, velocities } = strands.evaluate(&head, &posed, &at, &to_scene, free);
+            let poses = self.collider_poses(t);
+            let obstacles = Obstacles { bodies: &self.bodies, time: t, poses: &poses };
+            depths = strands.depths(&obstacles, &posed, &points, &self.to_metres());
             let level = levels.as_ref().map(|l| strands.main_guides().map(|guide| l[guide]).collect());
             CurveFrame {
                 extent: extent(&points, &set.widths),
@@ -163,34 +192,39 @@ impl<'a> Output<'a> {
                 level,
             }
         });
-        Frame {
+        let frame = Frame {
             frame,
             offset,
             hair,
             guides: self.guides(&motion, levels, &head, &to_scene),
             head: self.matrix(&self.anim.head_pose(t)),
             colliders: self.colliders(t),
-        }
+        };
+        (frame, depths)
     }
 
-    /// Poses of the colliders at time `t`, s, and [`DIFFERENCE_STEP`] earlier.
-    fn poses(&self, t: f64) -> [Vec<Isometry3<f64>>; 2] {
-        [t, t - DIFFERENCE_STEP].map(|t| self.collider_poses(t))
+    /// Prepares the bodies for the moment `offset` frames after `frame`; returns its time, s.
+    fn prepare(&mut self, frame: i32, offset: f64) -> f64 {
+        let t = self.anim.time(f64::from(frame) + offset);
+        self.bodies.prepare([t, t]);
+        t
     }
 
-    /// The moments of these poses.
-    fn moments<'b>(&'b self, t: f64, poses: &'b [Vec<Isometry3<f64>>; 2]) -> [Moment<'b>; 2] {
-        let times = [t, t - DIFFERENCE_STEP];
-        std::array::from_fn(|i| Moment {
-            head: head_motion(self.anim, times[i]),
-            obstacles: Obstacles { bodies: &self.bodies, time: times[i], poses: &poses[i] },
-        })
+    /// The moment `t`, s, with these poses of the colliders.
+    fn strand_moment<'b>(&'b self, t: f64, poses: &'b [Isometry3<f64>]) -> Moment<'b> {
+        let obstacles = Obstacles { bodies: &self.bodies, time: t, poses };
+        Moment { head: head_motion(self.anim, t), obstacles }
     }
 
     /// Converts metres, Y up, to the cache's unit and axes.
     fn to_scene(&self) -> Matrix3<f64> {
         self.convention.to_y_up().inverse().to_rotation_matrix().into_inner()
             / self.convention.metres_per_unit
+    }
+
+    /// Converts the cache's unit and axes to metres, Y up.
+    fn to_metres(&self) -> Matrix3<f64> {
+        self.convention.to_y_up().to_rotation_matrix().into_inner() * self.convention.metres_per_unit
     }
 
     fn motion<'b>(&'b self, guides: &'b [GuideFrame]) -> Vec<GuideMotion<'b>> {

@@ -7,10 +7,10 @@ use super::frame_writer::FrameWriter;
 use super::job::Job;
 use super::manifest::{Finished, finish};
 use super::summary::{BakeSummary, StageSeconds};
+use super::work_dir::WrittenFrame;
 use crate::cache::{self, InputRecord};
-use crate::file::FileRecord;
 use crate::scene::LoadOptions;
-use crate::strands::RETRACTION_SPAN;
+use crate::strands::LOOKAHEAD;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -40,7 +40,7 @@ pub fn bake(
     mut progress: impl FnMut(&FrameRecord, usize, usize),
 ) -> Result<BakeSummary> {
     let frames: Vec<i32> = job.frames().collect();
-    let done: Vec<Option<FileRecord>> = frames.par_iter().map(|frame| job.work.done(*frame).ok()).collect();
+    let done: Vec<Option<WrittenFrame>> = frames.par_iter().map(|frame| job.work.done(*frame).ok()).collect();
     let mut stepper = FrameStepper::new(job, control, job.simulated());
     let mut writer = FrameWriter::new(job, &frames)?;
     let mut summary = BakeSummary::default();
@@ -49,7 +49,7 @@ pub fn bake(
     let mut ahead = job.simulated().peekable();
     let mut simulated = VecDeque::new();
     for (i, (&frame, done)) in frames.iter().zip(done).enumerate() {
-        while let Some(next) = ahead.next_if(|next| *next <= frame + RETRACTION_SPAN as i32) {
+        while let Some(next) = ahead.next_if(|next| *next <= frame + LOOKAHEAD as i32) {
             stepper.poll_control()?;
             let (state, seconds) = stepper.state(next)?;
             simulated.push_back(seconds);
@@ -57,14 +57,14 @@ pub fn bake(
         }
         let simulate = simulated.pop_front().flatten();
         let mut seconds = simulate.map(|simulate| StageSeconds { simulate, ..StageSeconds::default() });
-        let file = match done {
-            Some(file) => file,
+        let written = match done {
+            Some(written) => written,
             None => writer.write(frame, seconds.get_or_insert_default())?,
         };
-        let state = writer.state(frame)?;
-        summary.add(job, &state.record, seconds);
-        progress(&state.record, i + 1, frames.len());
-        finished.push(Finished::new(state, file));
+        let frame = Finished::new(writer.state(frame)?, written);
+        summary.add(job, &frame.record, seconds);
+        progress(&frame.record, i + 1, frames.len());
+        finished.push(frame);
     }
     stepper.finish()?;
     summary.manifest = Some(finish(job, writer.into_writer(), finished)?);
@@ -129,12 +129,13 @@ pub fn interpolate(
             return Err(stopped(&format!("before frame {frame}")));
         }
         let mut seconds = None;
-        if job.work.done(frame).is_err() {
-            writer.write(frame, seconds.get_or_insert_default())?;
-        }
-        let state = writer.state(frame)?;
-        summary.add(job, &state.record, seconds);
-        progress(&state.record, i + 1, frames.len());
+        let written = match job.work.done(frame) {
+            Ok(written) => written,
+            Err(_) => writer.write(frame, seconds.get_or_insert_default())?,
+        };
+        let record = writer.state(frame)?.record.with_hair(written.depths);
+        summary.add(job, &record, seconds);
+        progress(&record, i + 1, frames.len());
     }
     job.work.sync_marks(frames)?;
     Ok(summary)
@@ -149,10 +150,11 @@ pub fn assemble(job: &Job) -> Result<BakeSummary> {
     let found: Vec<_> = frames
         .par_iter()
         .map(|&frame| {
-            let file = job.work.done(frame).map_err(|fault| format!("the file of frame {frame}: {fault}"))?;
+            let written =
+                job.work.done(frame).map_err(|fault| format!("the file of frame {frame}: {fault}"))?;
             let state =
                 job.work.state(frame).map_err(|fault| format!("the guides at frame {frame}: {fault}"))?;
-            Ok(Finished::new(&state, file))
+            Ok(Finished::new(&state, written))
         })
         .collect();
     let missing: Vec<String> =

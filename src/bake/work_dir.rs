@@ -6,7 +6,7 @@
 //! | `states/1001` | the guides at a frame, for interpolation (`FrameState`) |
 //! | `frames/1001.json` | marks the frame's file as done, with its checksum |
 //! | `checkpoints/8064` | the whole simulation after 8064 sub-steps ([`RunCheckpoint`]) |
-//! | `retractions/1001` | retractions of the strands at a frame that two tasks need; removed by `assemble` |
+//! | `deflections/1001` | deflections of the strands at a frame that two tasks need; removed by `assemble` |
 //!
 //! Every file contains the bake's key and is written atomically. Two processes that write the same file write
 //! the same bytes, so no file needs a lock, and a stage may run twice at once.
@@ -19,6 +19,7 @@ use crate::dynamics::simulation::SimulationState;
 use crate::file::{
     self, FileRecord, read_file, record_of, remove_file, write_file_if_changed, write_file_unsynced,
 };
+use crate::strands::{Deflection, Depths};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
@@ -29,13 +30,13 @@ use std::str::FromStr;
 pub const FOLDER: &str = ".hairbake";
 
 /// Its subfolders.
-const FOLDERS: [&str; 4] = ["states", "frames", "checkpoints", "retractions"];
+const FOLDERS: [&str; 4] = ["states", "frames", "checkpoints", "deflections"];
 
 /// Checkpoints kept while a simulation runs: the newest, and one to fall back on.
 const KEPT: usize = 2;
 
 const STATE: Kind = Kind { name: "state", version: 1, durable: false };
-const RETRACTIONS: Kind = Kind { name: "retractions", version: 1, durable: false };
+const DEFLECTIONS: Kind = Kind { name: "deflections", version: 1, durable: false };
 const CHECKPOINT: Kind = Kind { name: "checkpoint", version: 1, durable: true };
 
 /// The whole simulation between two sub-steps.
@@ -61,11 +62,21 @@ pub struct Description {
 }
 
 /// Marks a frame as done.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Mark {
     key: String,
     #[serde(flatten)]
-    file: FileRecord,
+    frame: WrittenFrame,
+}
+
+/// A frame that is written.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WrittenFrame {
+    /// Its file.
+    #[serde(flatten)]
+    pub file: FileRecord,
+    /// Depths of its render strands.
+    pub depths: Depths,
 }
 
 /// The work folder of one bake.
@@ -114,7 +125,7 @@ impl WorkDir {
 
     /// Removes the files of other bakes. Files of this bake may have just been written by another process.
     fn clear_other_bakes(&self) -> Result<()> {
-        for (name, kind) in [("states", STATE), ("checkpoints", CHECKPOINT), ("retractions", RETRACTIONS)] {
+        for (name, kind) in [("states", STATE), ("checkpoints", CHECKPOINT), ("deflections", DEFLECTIONS)] {
             for number in numbers::<i64>(&self.folder(name))? {
                 let path = self.folder(name).join(number.to_string());
                 if checked_file::read::<serde::de::IgnoredAny>(&path, kind, &self.key)
@@ -148,24 +159,24 @@ impl WorkDir {
         checked_file::write(&self.state_path(state.record.frame), STATE, &self.key, state)
     }
 
-    /// The record of a frame's file that is marked as done; the file itself is not checked.
+    /// The record of a frame that is marked as done; its file is not checked.
     ///
     /// # Errors
     /// [`FileFault`] of the mark.
-    pub fn mark(&self, frame: i32) -> std::result::Result<FileRecord, FileFault> {
+    pub fn mark(&self, frame: i32) -> std::result::Result<WrittenFrame, FileFault> {
         let bytes = read_file(&self.mark_path(frame)).map_err(|_| FileFault::Missing)?;
         let mark: Mark = serde_json::from_slice(&bytes).map_err(|e| FileFault::Damaged(e.to_string()))?;
-        if mark.key == self.key { Ok(mark.file) } else { Err(FileFault::Stale) }
+        if mark.key == self.key { Ok(mark.frame) } else { Err(FileFault::Stale) }
     }
 
     /// As [`WorkDir::mark`], and checks that the file exists with the recorded length.
     ///
     /// # Errors
     /// [`FileFault`] of the mark or of the file.
-    pub fn marked(&self, frame: i32) -> std::result::Result<FileRecord, FileFault> {
+    pub fn marked(&self, frame: i32) -> std::result::Result<WrittenFrame, FileFault> {
         let mark = self.mark(frame)?;
         match std::fs::metadata(self.out.join(frame_file_name(frame))) {
-            Ok(meta) if meta.len() == mark.bytes => Ok(mark),
+            Ok(meta) if meta.len() == mark.file.bytes => Ok(mark),
             Ok(_) => Err(FileFault::Damaged("the length differs".into())),
             Err(_) => Err(FileFault::Missing),
         }
@@ -175,44 +186,44 @@ impl WorkDir {
     ///
     /// # Errors
     /// [`FileFault`] of the mark or of the file.
-    pub fn done(&self, frame: i32) -> std::result::Result<FileRecord, FileFault> {
+    pub fn done(&self, frame: i32) -> std::result::Result<WrittenFrame, FileFault> {
         let mark = self.mark(frame)?;
         match record_of(&self.out.join(frame_file_name(frame))) {
-            Ok(found) if found == mark => Ok(mark),
+            Ok(found) if found == mark.file => Ok(mark),
             Ok(_) => Err(FileFault::Damaged("the checksum differs".into())),
             Err(_) => Err(FileFault::Missing),
         }
     }
 
-    /// Marks a frame's file, which is synced to disk, as done.
+    /// Marks a frame, whose file is synced to disk, as done.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn mark_done(&self, frame: i32, file: &FileRecord) -> Result<()> {
-        let mark = Mark { key: self.key.clone(), file: file.clone() };
+    pub fn mark_done(&self, frame: i32, written: &WrittenFrame) -> Result<()> {
+        let mark = Mark { key: self.key.clone(), frame: written.clone() };
         let json = serde_json::to_vec(&mark).map_err(|e| Error::Internal(e.to_string()))?;
         write_file_unsynced(&self.mark_path(frame), &[json]).map(drop)
     }
 
-    /// Retractions of the strands at a frame, one per vertex, if another task has written them.
-    pub fn retractions(&self, frame: i32, vertices: usize) -> Option<Vec<f32>> {
-        let some: Vec<(u32, f32)> =
-            checked_file::read(&self.retractions_path(frame), RETRACTIONS, &self.key).ok()?;
-        let mut retractions = vec![0.0; vertices];
-        for (vertex, share) in some {
-            *retractions.get_mut(vertex as usize)? = share;
+    /// Deflections of the strands at a frame, one per vertex, if another task has written them.
+    pub fn deflections(&self, frame: i32, vertices: usize) -> Option<Vec<Deflection>> {
+        let some: Vec<(u32, Deflection)> =
+            checked_file::read(&self.deflections_path(frame), DEFLECTIONS, &self.key).ok()?;
+        let mut deflections = vec![[0.0; 3]; vertices];
+        for (vertex, by) in some {
+            *deflections.get_mut(vertex as usize)? = by;
         }
-        Some(retractions)
+        Some(deflections)
     }
 
-    /// Writes the retractions of the strands at a frame for other tasks; only those that are not zero.
+    /// Writes the deflections of the strands at a frame for other tasks; only those that are not zero.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn write_retractions(&self, frame: i32, retractions: &[f32]) -> Result<()> {
-        let all = (0u32..).zip(retractions.iter().copied());
-        let some: Vec<(u32, f32)> = all.filter(|(_, share)| *share != 0.0).collect();
-        checked_file::write(&self.retractions_path(frame), RETRACTIONS, &self.key, &some)
+    pub fn write_deflections(&self, frame: i32, deflections: &[Deflection]) -> Result<()> {
+        let all = (0u32..).zip(deflections.iter().copied());
+        let some: Vec<(u32, Deflection)> = all.filter(|(_, by)| *by != [0.0; 3]).collect();
+        checked_file::write(&self.deflections_path(frame), DEFLECTIONS, &self.key, &some)
     }
 
     /// Syncs the states of frames to disk.
@@ -298,8 +309,8 @@ impl WorkDir {
         {
             file::remove_stale_temporaries(&folder)?;
         }
-        let shared: Vec<i32> = numbers(&self.folder("retractions"))?;
-        shared.into_iter().try_for_each(|frame| remove_file(&self.retractions_path(frame)))?;
+        let shared: Vec<i32> = numbers(&self.folder("deflections"))?;
+        shared.into_iter().try_for_each(|frame| remove_file(&self.deflections_path(frame)))?;
         let marks: Vec<i32> = numbers(&self.folder("frames"))?;
         let outside = marks.into_iter().filter(|frame| !frames.contains(frame));
         outside.into_iter().try_for_each(|frame| remove_file(&self.mark_path(frame)))
@@ -313,8 +324,8 @@ impl WorkDir {
         self.folder("states").join(frame.to_string())
     }
 
-    fn retractions_path(&self, frame: i32) -> PathBuf {
-        self.folder("retractions").join(frame.to_string())
+    fn deflections_path(&self, frame: i32) -> PathBuf {
+        self.folder("deflections").join(frame.to_string())
     }
 
     fn mark_path(&self, frame: i32) -> PathBuf {

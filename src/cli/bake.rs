@@ -9,7 +9,7 @@ use super::{console, summary};
 use crate::bake::{self, BakeSummary};
 use crate::error::{Error, Result};
 use crate::scene::anim::{ContactSetting, Settings};
-use crate::strands::RETRACTION_SPAN;
+use crate::strands::LOOKAHEAD;
 use clap::Args;
 use std::path::Path;
 
@@ -107,7 +107,7 @@ pub fn run(arguments: &BakeArguments, origins: &OptionOrigins, progress: Progres
     let control = run.control()?;
     let job = scene.job(shot, |settings| finish.check(settings))?;
     if let Some(FrameList { frames, .. }) = frames.as_ref().filter(|list| !list.is_complete()) {
-        let last = frames.iter().max().map_or(*job.frames().start(), |last| last + RETRACTION_SPAN as i32);
+        let last = frames.iter().max().map_or(*job.frames().start(), |last| last + LOOKAHEAD as i32);
         let segment = [*job.frames().start(), last];
         let summary = progress.through(|show| {
             bake::simulate(&job, segment, &control, &mut *show)?;

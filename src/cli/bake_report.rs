@@ -72,11 +72,12 @@ fn contact_charts(frames: &[FrameRecord]) -> Vec<Chart> {
     charts.push(chart(
         "Penetration",
         "mm",
-        "Deepest point of a guide inside a body: of segments with contact, and of those exempt because the groom \
-         has them inside.",
+        "Deepest point inside a body: of guide segments with contact, of those exempt because the groom has them \
+         inside, and of the written render strands, vertices that the groom places inside excluded.",
         vec![
-            series("with contact", |f| f.penetration_m * 1e3),
+            series("guides", |f| f.penetration_m * 1e3),
             series("exempt", |f| f.exempt_penetration_m * 1e3),
+            series("render strands", |f| f.hair_penetration_m * 1e3),
         ],
     ));
     charts
@@ -220,6 +221,12 @@ pub fn warnings(frames: &[FrameRecord]) -> Vec<String> {
         exempt(frames),
         warning(frames, "motions were truncated at a surface", "", |f| count(f.shortened)),
         warning(frames, "contacts did not converge to rest", ADVICE, |f| count(unsettled(f))),
+        warning(
+            frames,
+            "render strands are more than 2 mm inside a body",
+            "; more guides may help there, or a collider without holes",
+            |f| count(f.hair_inside),
+        ),
     ]
     .into_iter()
     .flatten()

@@ -8,7 +8,7 @@ use super::{console, summary};
 use crate::bake::control::Control;
 use crate::bake::{self, BakeSummary, StageSeconds};
 use crate::error::{Error, Result};
-use crate::strands::RETRACTION_SPAN;
+use crate::strands::LOOKAHEAD;
 use clap::Args;
 
 /// Frames of the trial bake; its handle frames are two more.
@@ -73,7 +73,7 @@ fn write_estimate(text: &mut String, trial: &BakeSummary, frames: f64, preroll: 
         Some(seconds) if preroll.trial > 0.0 => (seconds / preroll.trial).max(simulate * fps) * preroll.whole,
         _ => simulate * fps * preroll.whole,
     };
-    let seconds = simulate * (frames + f64::from(RETRACTION_SPAN as u32)) + write * frames + settle;
+    let seconds = simulate * (frames + f64::from(LOOKAHEAD as u32)) + write * frames + settle;
     let pace = simulate + write;
     let time = format!(
         "{} ({pace:.3} s/frame plus {settle:.1} s pre-roll, from a trial of {measured} frames)",

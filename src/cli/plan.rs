@@ -6,7 +6,7 @@ use super::scene_arguments::{SELECTION, SceneArguments};
 use super::wedges::{self, Wedge};
 use crate::error::{Error, Result};
 use crate::farm::{Commands, Division, FRAMES, PATH_MAP, Plan, Step, ValidateCommands, openjd, slurm};
-use crate::strands::RETRACTION_SPAN;
+use crate::strands::LOOKAHEAD;
 use clap::{Args, ValueEnum};
 use std::path::Path;
 
@@ -99,7 +99,7 @@ impl PlanArguments {
         let frames = self.scene.load(self.frames)?.anim.frames;
         let division = Division {
             frames: (frames.0 - 1, frames.1 + 1),
-            lookahead: RETRACTION_SPAN as i32,
+            lookahead: LOOKAHEAD as i32,
             segment: self.segment,
             interpolate: self.chunk,
             validate: self.segment,

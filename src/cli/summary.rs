@@ -81,6 +81,13 @@ pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
         let (exempt, all) = (last.exempt_segments, last.contact_segments);
         line("exempt", format!("{exempt} of {all} guide segments, {:.4} mm max, frame {frame}", depth * 1e3));
     }
+    if summary.manifest.as_ref().is_some_and(|manifest| manifest.summary.hair.0 > 0) {
+        let (depth, frame) = worst(|f| f.hair_penetration_m);
+        line(
+            "hair in body",
+            if depth > 0.0 { format!("{:.4} mm max, frame {frame}", depth * 1e3) } else { "none".into() },
+        );
+    }
     let (drift, frame) = worst(|f| f.length_drift);
     line("length drift", format!("{drift:.1e} max, frame {frame}"));
     if let Some(manifest) = &summary.manifest {

@@ -136,7 +136,10 @@ impl<F: Real> Coefficients<F> {
 
 /// exp \[φ\]×, the rotation by |φ| rad about φ (Rodrigues).
 pub fn exp_so3(phi: &Vector3<f64>) -> Matrix3<f64> {
-    turned_by(V3::from(*phi), V3::all(0.0)).0.into()
+    let phi = V3::from(*phi);
+    let t = phi.dot(phi);
+    let k = Coefficients::anywhere(t);
+    (M3::outer(phi, phi * k.b) + M3::hat(phi * k.a) + M3::diagonal(-(t * k.b) + 1.0)).into()
 }
 
 /// The rotation vector of R, |φ| ≤ π.
@@ -181,16 +184,6 @@ pub fn left_jacobian<F: Real>(x: &lanes::Twist<F>, k: &Coefficients<F>) -> LeftJ
         + M3::hat(turning)
         + M3::diagonal(t * es - k.c * s * 2.0);
     LeftJacobian { j, q }
-}
-
-/// R = exp \[φ\]×, and its angular velocity ω, dR/dt = \[ω\]× R, for φ changing at `rate`.
-#[inline(always)]
-pub fn turned_by<F: Real>(phi: V3<F>, rate: V3<F>) -> (M3<F>, V3<F>) {
-    let t = phi.dot(phi);
-    let k = Coefficients::anywhere(t);
-    let r = M3::outer(phi, phi * k.b) + M3::hat(phi * k.a) + M3::diagonal(-(t * k.b) + 1.0);
-    let across = phi.cross(rate);
-    (r, rate + across * k.b + phi.cross(across) * k.c)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! A render strand as a chain of rigid edges at rest.
 
-use super::guide_weights::{GuideWeights, MAX_GUIDES};
-use super::posed_guide::PosedGuide;
+use super::moving_rotation::MovingRotation;
+use super::posed_guide::PosedGuides;
 use super::rest_guide::GuidePlace;
 use nalgebra::Vector3;
 
@@ -17,9 +17,10 @@ pub(super) struct Vertex {
 pub(super) struct RestChain {
     /// Position of the root, m, rest space.
     pub root: Vector3<f64>,
-    /// The guides that it follows. The first, of largest weight, stands for all of them with respect to
-    /// bodies.
-    pub guides: GuideWeights,
+    /// Index of the guide of largest weight. It stands for all of them with respect to bodies.
+    pub main: usize,
+    /// Pairs of that guide and each other one that it follows, and the weights of these.
+    pub others: Vec<(usize, f64)>,
     pub edges: Vec<Edge>,
 }
 
@@ -29,21 +30,16 @@ pub(super) struct Edge {
     /// From its start to its end, m, rest space. Single precision, like the output: reading edges dominates
     /// the cost.
     vector: Vector3<f32>,
-    /// For each guide, the place at the arc length of its midpoint.
-    midpoint: [GuidePlace; MAX_GUIDES],
-    /// The place on the first guide that corresponds to its end.
+    /// The place on the main guide at the arc length of its midpoint.
+    midpoint: GuidePlace,
+    /// The place on the main guide that corresponds to its end.
     pub beside: GuidePlace,
     /// Whether a body separates that place from the end at rest.
     pub separated: bool,
 }
 
 impl Edge {
-    pub fn new(
-        vector: Vector3<f64>,
-        midpoint: [GuidePlace; MAX_GUIDES],
-        beside: GuidePlace,
-        separated: bool,
-    ) -> Self {
+    pub fn new(vector: Vector3<f64>, midpoint: GuidePlace, beside: GuidePlace, separated: bool) -> Self {
         Edge { vector: vector.cast(), midpoint, beside, separated }
     }
 
@@ -60,20 +56,18 @@ impl Edge {
 }
 
 impl RestChain {
-    /// Index of the guide of largest weight.
-    pub fn main_guide(&self) -> usize {
-        self.guides[0].0
-    }
-
-    /// Blended integral of the guides' deviations up to the midpoint of edge `j`, rad, rest space, and its
-    /// rate, rad/s (`docs/theory.md` eq. 7.1).
+    /// Rotation of the main guide beside edge `j`, and the sum φ of the differences of the other guides, rad,
+    /// with its rate, rad/s (`docs/theory.md` eq. 7.1).
     #[inline(always)]
-    pub fn integral(&self, j: usize, guides: &[PosedGuide]) -> [f64; 6] {
+    pub fn rotation(&self, j: usize, guides: &PosedGuides) -> (MovingRotation<f64>, [f64; 6]) {
+        let midpoint = self.edges[j].midpoint;
         let mut sum = [0.0; 6];
-        for ((guide, weight), midpoint) in self.guides.iter().zip(self.edges[j].midpoint) {
-            let part = midpoint.integral(&guides[*guide].integrals);
-            sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part * weight);
+        for (pair, weight) in &self.others {
+            let (from, to, u) = midpoint.ends(&guides.differences[*pair]);
+            for (i, sum) in sum.iter_mut().enumerate() {
+                *sum += weight * (from[i] + (to[i] - from[i]) * u);
+            }
         }
-        sum
+        (guides.guides[self.main].rotation(midpoint), sum)
     }
 }

@@ -49,6 +49,11 @@ impl Clearances {
         f64::from(self.values[body * self.vertices + vertex])
     }
 
+    /// Distance from `body` at which a depth of `vertex` begins: 0, or −∞ if the groom places it inside.
+    pub fn surface(&self, body: usize, vertex: usize) -> f64 {
+        if self.get(body, vertex) > 0.0 { 0.0 } else { f64::NEG_INFINITY }
+    }
+
     /// The largest of all distances, at least 0, m.
     pub fn largest(&self) -> f64 {
         self.largest

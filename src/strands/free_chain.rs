@@ -3,91 +3,144 @@
 
 use super::chain::{RestChain, Vertex};
 use super::moment::HeadMotion;
-use super::posed_guide::PosedGuide;
-use crate::math::lanes::{Lane, M3, MAX_LANES, Real, V3};
-use crate::math::se3::turned_by;
-use nalgebra::{Matrix3, Vector3};
+use super::moving_rotation::{MovingRotation, Quaternion};
+use super::posed_guide::PosedGuides;
+use crate::math::lanes::{Lane, MAX_LANES, Real, V3};
+use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Lays the free chains of `strands` edge by edge from their roots, into `out`. Velocities are invalid unless
-/// `with_velocities`.
-pub(super) fn lay_free<'a>(
-    strands: impl ExactSizeIterator<Item = &'a RestChain> + Clone,
+/// A chain to lay.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lay<'a> {
+    pub chain: &'a RestChain,
+    /// Its edges, m, and their rates, m/s, rest space, in place of those at rest; empty if none is deflected.
+    pub deflected: &'a [[Vector3<f64>; 2]],
+}
+
+impl<'a> Lay<'a> {
+    /// The free chain.
+    pub fn free(chain: &'a RestChain) -> Self {
+        Lay { chain, deflected: &[] }
+    }
+
+    /// Edge `j`, m, and its rate, m/s.
+    #[inline(always)]
+    fn edge(&self, j: usize) -> [Vector3<f64>; 2] {
+        self.deflected.get(j).copied().unwrap_or_else(|| [self.chain.edges[j].vector(), Vector3::zeros()])
+    }
+}
+
+/// Lays `chains` edge by edge from their roots, into `out`. Velocities are invalid unless `with_velocities`.
+pub(super) fn lay<'a>(
+    chains: impl ExactSizeIterator<Item = Lay<'a>> + Clone,
     head: &HeadMotion,
-    guides: &[PosedGuide],
+    guides: &PosedGuides,
     with_velocities: bool,
     out: &mut [Vec<Vertex>],
 ) {
-    Arch::new().dispatch(LayFree { strands, scene: Scene { head, guides, with_velocities }, out });
+    Arch::new().dispatch(LayAll { chains, scene: Scene { head, guides, with_velocities }, out });
+}
+
+/// Rotations from rest space to each edge of a free chain.
+pub(super) fn rotations(
+    chain: &RestChain,
+    guides: &PosedGuides,
+) -> impl Iterator<Item = MovingRotation<f64>> {
+    (0..chain.edges.len()).map(|j| {
+        let (main, [x, y, z, ..]) = chain.rotation(j, guides);
+        main.after(V3([x, y, z]), V3::all(0.0))
+    })
 }
 
 #[derive(Clone, Copy)]
 struct Scene<'b> {
     head: &'b HeadMotion,
-    guides: &'b [PosedGuide],
+    guides: &'b PosedGuides,
     with_velocities: bool,
 }
 
-struct LayFree<'b, I> {
-    strands: I,
+struct LayAll<'b, I> {
+    chains: I,
     scene: Scene<'b>,
     out: &'b mut [Vec<Vertex>],
 }
 
-impl<'a, I: ExactSizeIterator<Item = &'a RestChain> + Clone> WithSimd for LayFree<'_, I> {
+impl<'a, I: ExactSizeIterator<Item = Lay<'a>> + Clone> WithSimd for LayAll<'_, I> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let LayFree { mut strands, scene, mut out } = self;
-        while let Some(first) = strands.clone().next() {
-            let alike = strands.clone().take_while(|strand| strand.edges.len() == first.edges.len());
+        let LayAll { mut chains, scene, mut out } = self;
+        while let Some(first) = chains.clone().next() {
+            let alike = chains.clone().take_while(|lay| lay.chain.edges.len() == first.chain.edges.len());
             let n = alike.take(S::F64_LANES).count();
-            // Unused lanes repeat the first strand.
+            // Unused lanes repeat the first chain.
             let mut pack = [first; MAX_LANES];
-            pack.iter_mut().zip(strands.by_ref().take(n)).for_each(|(lane, strand)| *lane = strand);
+            pack.iter_mut().zip(chains.by_ref().take(n)).for_each(|(lane, chain)| *lane = chain);
             let Some(own) = out.split_off_mut(..n) else { return };
             if n == 1 {
-                lay(0.0, &pack, &scene, own);
+                lay_pack(0.0, &pack, &scene, own);
             } else {
-                lay(Lane::splat(simd, 0.0), &pack, &scene, own);
+                lay_pack(Lane::splat(simd, 0.0), &pack, &scene, own);
             }
         }
     }
 }
 
 #[inline(always)]
-fn lay<F: Real>(zero: F, strands: &[&RestChain; MAX_LANES], scene: &Scene, out: &mut [Vec<Vertex>]) {
+fn lay_pack<F: Real>(zero: F, pack: &[Lay; MAX_LANES], scene: &Scene, out: &mut [Vec<Vertex>]) {
     let Scene { head, guides, with_velocities } = *scene;
-    let roots: [_; MAX_LANES] = std::array::from_fn(|i| head.carry(&strands[i].root));
+    let roots: [_; MAX_LANES] = std::array::from_fn(|i| head.carry(&pack[i].chain.root));
     out.iter_mut().zip(&roots).for_each(|(vertices, (x, v))| {
         vertices.clear();
         vertices.push(Vertex { x: *x, v: *v });
     });
     let (mut x, mut v) = (gather(zero, |i| roots[i].0.into()), gather(zero, |i| roots[i].1.into()));
-    // Rotation from rest space to the current edge, and its angular velocity.
-    let (mut rotation, mut spin) = (splat(zero, &head.rotation), gather(zero, |_| head.spin.into()));
-    let [mut before, mut rate_before] = [V3::all(zero); 2];
-    for j in 0..strands[0].edges.len() {
-        let mut sums = [[0.0; 6]; MAX_LANES];
-        sums.iter_mut()
-            .zip(strands)
-            .take(F::LANES)
-            .for_each(|(sum, strand)| *sum = strand.integral(j, guides));
-        let now = gather(zero, |i| [sums[i][0], sums[i][1], sums[i][2]]);
-        let rate_now = gather(zero, |i| [sums[i][3], sums[i][4], sums[i][5]]);
-        let (turn, rate) = turned_by(now - before, rate_now - rate_before);
-        if with_velocities {
-            spin += rotation * rate;
-        }
-        rotation = rotation * turn;
-        (before, rate_before) = (now, rate_now);
-        let edge = rotation * gather(zero, |i| strands[i].edges[j].vector().into());
+    let deflects = pack.iter().any(|lay| !lay.deflected.is_empty());
+    for j in 0..pack[0].chain.edges.len() {
+        let rotation = edge_rotation(zero, j, pack, guides);
+        let edge = rotation.rotate(gather(zero, |i| pack[i].edge(j)[0].into()));
         x += edge;
-        v += spin.cross(edge);
+        if with_velocities {
+            v += rotation.spin().cross(edge);
+            if deflects {
+                v += rotation.rotate(gather(zero, |i| pack[i].edge(j)[1].into()));
+            }
+        }
         for (i, vertices) in out.iter_mut().enumerate() {
             vertices.push(Vertex { x: in_lane(x, i), v: in_lane(v, i) });
         }
     }
+}
+
+/// Rotations from rest space to edge `j` of each chain.
+#[inline(always)]
+fn edge_rotation<F: Real>(
+    zero: F,
+    j: usize,
+    pack: &[Lay; MAX_LANES],
+    guides: &PosedGuides,
+) -> MovingRotation<F> {
+    let (mut q, mut rate) = ([[0.0; 4]; MAX_LANES], [[0.0; 4]; MAX_LANES]);
+    let mut sums = [[0.0; 6]; MAX_LANES];
+    for (i, lay) in pack.iter().enumerate().take(F::LANES) {
+        let (main, sum) = lay.chain.rotation(j, guides);
+        (q[i], rate[i], sums[i]) = (main.q.into(), main.rate.into(), sum);
+    }
+    let quaternion = |of: &[[f64; 4]; MAX_LANES]| Quaternion {
+        w: scalars(zero, |i| of[i][0]),
+        v: gather(zero, |i| [of[i][1], of[i][2], of[i][3]]),
+    };
+    let phi = gather(zero, |i| [sums[i][0], sums[i][1], sums[i][2]]);
+    let phi_rate = gather(zero, |i| [sums[i][3], sums[i][4], sums[i][5]]);
+    MovingRotation { q: quaternion(&q), rate: quaternion(&rate) }.after(phi, phi_rate)
+}
+
+/// The number `of(i)` in every lane i.
+#[inline(always)]
+fn scalars<F: Real>(zero: F, of: impl Fn(usize) -> f64) -> F {
+    let mut gathered = zero;
+    (0..F::LANES).for_each(|i| gathered.set(i, of(i)));
+    gathered
 }
 
 /// The vector `of(i)` in every lane i.
@@ -100,12 +153,6 @@ fn gather<F: Real>(zero: F, of: impl Fn(usize) -> [f64; 3]) -> V3<F> {
         }
     }
     gathered
-}
-
-/// The same matrix in every lane.
-#[inline(always)]
-fn splat<F: Real>(zero: F, m: &Matrix3<f64>) -> M3<F> {
-    M3([0, 1, 2].map(|column| V3([0, 1, 2].map(|row| zero.same(m[(row, column)])))))
 }
 
 #[inline(always)]

@@ -1,28 +1,27 @@
 //! All render strands of a groom, evaluated from the guides.
 
 use super::chain::Vertex;
-use super::clearances::SEARCH_RADIUS;
-use super::free_chain::lay_free;
+use super::clearances::{DistanceBounds, SEARCH_RADIUS};
+use super::deflection::{Deflection, FILTER_SPAN, between, filtered};
+use super::free_chain::{Lay, lay};
 use super::guide_weights::GuideWeights;
-use super::moment::{DIFFERENCE_STEP, GuideMotion, HeadMotion, Moment};
-use super::posed_guide::PosedGuide;
-use super::rest_guide::RestGuide;
-use super::retraction::{RETRACTION_SPAN, smoothed};
+use super::moment::{GuideMotion, HeadMotion, Moment};
+use super::obstacles::Obstacles;
+use super::posed_guide::{PosedGuide, PosedGuides};
+use super::rest_guide::{GuidePlace, RestGuide};
 use super::strand::{Strand, StrandState};
 use crate::contact::Bodies;
 use crate::math::lanes::MAX_LANES;
-use crate::rod::{Rod, RodShape};
+use crate::rod::Rod;
 use crate::scene::Curves;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// Distance of a strand from its guide, relative to that at rest, up to which the guide alone tells that no
 /// body is near.
 const SPREAD: f64 = 1.5;
-
-/// Speed of guides relative to bodies up to which lower bounds of distances hold [`DIFFERENCE_STEP`] earlier,
-/// m/s.
-const MAX_SPEED: f64 = 20.0;
 
 /// Render strands, ready to be evaluated at any moment.
 #[derive(Debug, Clone)]
@@ -30,8 +29,18 @@ pub struct Interpolator {
     strands: Vec<Strand>,
     offsets: Vec<usize>,
     guides: Vec<RestGuide>,
+    pairs: Vec<GuidePair>,
     /// For each guide, the radius of the search for bodies around its points, m.
     search_radius: Vec<f64>,
+}
+
+/// Two guides that some strand follows.
+#[derive(Debug, Clone)]
+struct GuidePair {
+    /// Their indices; the strand's weight of the first is the larger.
+    guides: [usize; 2],
+    /// For each point of the first, the place on the second at the same arc length.
+    places: Vec<GuidePlace>,
 }
 
 /// Points and velocities of the strands at one moment, one entry per vertex of the curves given to
@@ -50,32 +59,62 @@ impl StrandMotion {
     }
 }
 
-/// Retractions of all vertices at the frames around a frame, from [`RETRACTION_SPAN`] before it to as many
-/// after it.
-pub type Retractions<'a> = [&'a [f32]; 2 * RETRACTION_SPAN + 1];
+/// Depth inside a body above which a strand counts as inside, m.
+const INSIDE: f64 = 2e-3;
 
-/// Retractions around a frame, and a moment between it and the next frame.
+/// How deep strands are inside bodies, vertices that the groom places inside excepted.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Depths {
+    /// Depth of the deepest vertex, m; 0 if none is inside.
+    pub deepest: f64,
+    /// Number of strands with a vertex deeper than 2 mm.
+    pub inside: u32,
+}
+
+impl Depths {
+    /// The larger of each figure.
+    pub fn max(self, other: Self) -> Self {
+        Depths { deepest: self.deepest.max(other.deepest), inside: self.inside.max(other.inside) }
+    }
+}
+
+/// Number of frames after a frame whose guides its strands depend on.
+pub const LOOKAHEAD: usize = FILTER_SPAN + 2;
+
+/// Number of frames before a frame whose guides its strands depend on.
+pub const LOOKBEHIND: usize = FILTER_SPAN + 1;
+
+/// Deflections of all vertices at the frames around a frame, for [`Interpolator::settle`].
+pub type AroundFrame<'a> = [&'a [Deflection]; 2 * FILTER_SPAN + 1];
+
+/// Settled deflections at the frame before a frame, the frame and the two after it, and a moment between it
+/// and the next.
 #[derive(Debug, Clone, Copy)]
-pub struct RetractionAt<'a> {
-    /// Retractions around the frame.
-    pub frames: &'a Retractions<'a>,
+pub struct DeflectionAt<'a> {
+    /// Deflections at the four frames.
+    pub frames: [&'a [Deflection]; 4],
     /// Time since the frame as a fraction (0..1) of the interval to the next.
     pub fraction: f64,
     /// Interval between frames, s.
     pub interval: f64,
 }
 
-impl RetractionAt<'_> {
-    /// Retraction of a vertex at the moment, and [`DIFFERENCE_STEP`] earlier.
-    fn of(&self, vertex: usize) -> [f64; 2] {
-        let (value, slope) = smoothed(self.frames.map(|frame| f64::from(frame[vertex])), self.fraction);
-        [value, value - slope * DIFFERENCE_STEP / self.interval]
+impl DeflectionAt<'_> {
+    /// Deflection of a vertex and its rate, 1/s.
+    fn of(&self, vertex: usize) -> [Vector3<f64>; 2] {
+        let [value, rate] = between(self.frames.map(|frame| frame[vertex]), self.fraction);
+        [value, rate / self.interval]
     }
 
-    /// Whether any vertex of a range is retracted.
+    /// Whether any vertex of a range is deflected.
     fn is_any(&self, start: usize, end: usize) -> bool {
-        self.frames.iter().any(|frame| frame[start..end].iter().any(|fraction| *fraction != 0.0))
+        self.frames.iter().any(|frame| is_any(&frame[start..end]))
     }
+}
+
+/// Whether any deflection is not zero.
+fn is_any(deflections: &[Deflection]) -> bool {
+    deflections.iter().any(|by| *by != [0.0; 3])
 }
 
 impl Interpolator {
@@ -89,18 +128,29 @@ impl Interpolator {
         thickness: &[f64],
     ) -> Self {
         let rest: Vec<RestGuide> = guides.par_iter().map(|rod| RestGuide::new(rod)).collect();
+        let pair = |weights: &GuideWeights, other: usize| [weights[0].0, other];
+        let all = weights.iter().flat_map(|w| w[1..].iter().map(move |(other, _)| pair(w, *other)));
+        let unique: Vec<[usize; 2]> = all.collect::<BTreeSet<_>>().into_iter().collect();
         let strands: Vec<Strand> = weights
             .into_par_iter()
             .enumerate()
-            .map(|(c, weights)| Strand::new(curves.curve(c), weights, &rest, bodies, thickness))
+            .map(|(c, weights)| {
+                let index = |other| unique.partition_point(|known| *known < pair(&weights, other));
+                let others = weights[1..].iter().map(|(other, weight)| (index(*other), *weight)).collect();
+                Strand::new(curves.curve(c), weights[0].0, others, &rest, bodies, thickness)
+            })
+            .collect();
+        let pairs = unique
+            .into_par_iter()
+            .map(|guides| GuidePair { guides, places: rest[guides[1]].places_beside(&rest[guides[0]]) })
             .collect();
         let mut search_radius = vec![0.0_f64; rest.len()];
         for strand in &strands {
-            let guide = strand.chain.main_guide();
+            let guide = strand.chain.main;
             search_radius[guide] = search_radius[guide].max(strand.max_guide_distance(&rest[guide]));
         }
         search_radius.iter_mut().for_each(|radius| *radius = SPREAD * *radius + SEARCH_RADIUS);
-        Interpolator { strands, offsets: curves.offsets.clone(), guides: rest, search_radius }
+        Interpolator { strands, offsets: curves.offsets.clone(), guides: rest, pairs, search_radius }
     }
 
     /// Number of vertices of all strands.
@@ -110,106 +160,140 @@ impl Interpolator {
 
     /// For each strand, the index of the guide of largest weight.
     pub fn main_guides(&self) -> impl Iterator<Item = usize> {
-        self.strands.iter().map(|strand| strand.chain.main_guide())
+        self.strands.iter().map(|strand| strand.chain.main)
     }
 
-    /// The strands at a frame as they are if none is retracted, and the retraction that each vertex requires
-    /// there. `moments` are the frame and [`DIFFERENCE_STEP`] earlier; `to_scene` maps metres, Y up, to the
-    /// output's unit and axes.
-    pub fn evaluate_unretracted(
+    /// The guides at a moment; with their distances from bodies if `obstacles` are given.
+    pub fn pose(
         &self,
-        moments: &[Moment; 2],
+        head: &HeadMotion,
+        obstacles: Option<&Obstacles>,
         guides: &[GuideMotion],
+    ) -> PosedGuides {
+        let guides: Vec<PosedGuide> = guides
+            .par_iter()
+            .zip(self.guides.par_iter().zip(&self.search_radius))
+            .with_min_len(16)
+            .map_init(Default::default, |scratch, (motion, (rest, radius))| {
+                let clear = obstacles.map(|obstacles| |x: &Vector3<f64>| obstacles.distance(x, *radius));
+                PosedGuide::new(scratch, rest, head, motion, clear)
+            })
+            .collect();
+        let differences = |GuidePair { guides: [first, second], places }: &GuidePair| {
+            guides[*first].differences(&self.guides[*first], &guides[*second], places)
+        };
+        let differences = self.pairs.par_iter().with_min_len(16).map(differences).collect();
+        PosedGuides { guides, differences }
+    }
+
+    /// The free strands at a frame, and the deflections that keep them outside the bodies there. `guides` are
+    /// posed for that with their distances from bodies; `to_scene` maps metres, Y up, to the output's unit and axes.
+    pub fn evaluate_free(
+        &self,
+        moment: &Moment,
+        guides: &PosedGuides,
         to_scene: &Matrix3<f64>,
-    ) -> (StrandMotion, Vec<f32>) {
-        let posed = self.pose_guides(moments, guides);
-        let (mut motion, mut retractions) =
-            (StrandMotion::zeros(self.vertices()), vec![0.0; self.vertices()]);
-        let outputs = self.split_motion(&mut motion).zip(self.split(&mut retractions));
+    ) -> (StrandMotion, Vec<Deflection>) {
+        let mut motion = StrandMotion::zeros(self.vertices());
+        let mut deflections = vec![[0.0; 3]; self.vertices()];
+        let outputs = self.split_motion(&mut motion).zip(self.split(&mut deflections));
         let strands = self.strands.iter().zip(outputs);
-        for_each_strand(strands.collect(), moments, &posed, true, |strand, states, (out, retractions)| {
-            strand.find_retractions(&moments[0], &posed[0], &mut states[0], retractions);
-            states.iter_mut().for_each(|state| state.clear_retraction(retractions.len()));
-            strand.settle(moments, &posed, states);
-            write(to_scene, &states[0].vertices, out);
+        for_each_strand(strands.collect(), moment, guides, true, |strand, state, (out, deflections)| {
+            write(to_scene, &state.free, out);
+            strand.find_deflections(moment, guides, state, deflections);
         });
-        (motion, retractions)
+        (motion, deflections)
     }
 
-    /// The retractions of [`Interpolator::evaluate_unretracted`].
-    pub fn retractions(&self, moments: &[Moment; 2], guides: &[GuideMotion]) -> Vec<f32> {
-        let posed = self.pose_guides(moments, guides);
-        let mut retractions = vec![0.0; self.vertices()];
-        let strands = self.strands.iter().zip(self.split(&mut retractions)).collect();
-        for_each_strand(strands, moments, &posed, false, |strand, states, retractions| {
-            strand.find_retractions(&moments[0], &posed[0], &mut states[0], retractions);
+    /// The deflections of [`Interpolator::evaluate_free`].
+    pub fn deflections(&self, moment: &Moment, guides: &PosedGuides) -> Vec<Deflection> {
+        let mut deflections = vec![[0.0; 3]; self.vertices()];
+        let strands = self.strands.iter().zip(self.split(&mut deflections)).collect();
+        for_each_strand(strands, moment, guides, false, |strand, state, deflections| {
+            strand.find_deflections(moment, guides, state, deflections);
         });
-        retractions
+        deflections
     }
 
-    /// The strands at a moment with their retractions. `unretracted` is the result of
-    /// [`Interpolator::evaluate_unretracted`] at that moment, if known; other arguments are as there.
+    /// Settled deflections at a frame, from those of [`Interpolator::deflections`] at the frames around it.
+    pub fn settle(&self, moment: &Moment, guides: &PosedGuides, raw: &AroundFrame) -> Vec<Deflection> {
+        let mut settled = vec![[0.0; 3]; self.vertices()];
+        let strands = self.strands.iter().zip(self.offsets.windows(2).zip(self.split(&mut settled)));
+        let strands: Vec<_> =
+            strands.filter(|(_, (w, _))| raw.iter().any(|frame| is_any(&frame[w[0]..w[1]]))).collect();
+        let buffers = <(StrandState, Vec<Vector3<f64>>)>::default;
+        strands.into_par_iter().with_min_len(8).for_each_init(
+            buffers,
+            |(state, smooth), (strand, (w, out))| {
+                filtered(&raw.map(|frame| &frame[w[0]..w[1]]), smooth);
+                strand.settle(moment, guides, smooth, state, out);
+            },
+        );
+        settled
+    }
+
+    /// The strands at a moment with their deflections. `free` is the result of
+    /// [`Interpolator::evaluate_free`] at that moment, if known; other arguments are as there.
     pub fn evaluate(
         &self,
-        moments: &[Moment; 2],
-        guides: &[GuideMotion],
-        retractions: &RetractionAt,
+        head: &HeadMotion,
+        guides: &PosedGuides,
+        deflections: &DeflectionAt,
         to_scene: &Matrix3<f64>,
-        unretracted: Option<StrandMotion>,
+        free: Option<StrandMotion>,
     ) -> StrandMotion {
-        let known = unretracted.is_some();
-        let mut out = unretracted.unwrap_or_else(|| StrandMotion::zeros(self.vertices()));
+        let known = free.is_some();
+        let mut out = free.unwrap_or_else(|| StrandMotion::zeros(self.vertices()));
         let strands = self.strands.iter().zip(self.offsets.windows(2).zip(self.split_motion(&mut out)));
-        let strands: Vec<_> =
-            strands.filter(|(_, (w, _))| !known || retractions.is_any(w[0], w[1])).collect();
+        let mut strands: Vec<_> =
+            strands.filter(|(_, (w, _))| !known || deflections.is_any(w[0], w[1])).collect();
         if strands.is_empty() {
             return out;
         }
-        let posed = self.pose_guides(moments, guides);
-        for_each_strand(strands, moments, &posed, true, |strand, states, (w, out)| {
-            states.iter_mut().for_each(|state| state.clear_retraction(w[1] - w[0]));
-            if retractions.is_any(w[0], w[1]) {
-                let [now, before] = &mut *states;
-                for (k, vertex) in (w[0]..w[1]).enumerate() {
-                    [now.retraction[k], before.retraction[k]] = retractions.of(vertex);
+        let buffers = <[(Vec<[Vector3<f64>; 2]>, Vec<Vertex>); MAX_LANES]>::default;
+        strands.par_chunks_mut(MAX_LANES).with_min_len(8).for_each_init(buffers, |buffers, strands| {
+            for ((edges, _), (strand, (w, _))) in buffers.iter_mut().zip(&*strands) {
+                edges.clear();
+                if deflections.is_any(w[0], w[1]) {
+                    edges.extend(strand.deflected((w[0]..w[1]).map(|vertex| deflections.of(vertex))));
                 }
             }
-            strand.settle(moments, &posed, states);
-            write(to_scene, &states[0].vertices, out);
+            let mut laid: [Vec<Vertex>; MAX_LANES] =
+                std::array::from_fn(|i| std::mem::take(&mut buffers[i].1));
+            let chains = strands.iter().zip(&*buffers);
+            let chains =
+                chains.map(|((strand, _), (edges, _))| Lay { chain: &strand.chain, deflected: edges });
+            lay(chains, head, guides, true, &mut laid);
+            for ((_, (_, out)), vertices) in strands.iter_mut().zip(&laid) {
+                write(to_scene, vertices, out);
+            }
+            buffers.iter_mut().zip(laid).for_each(|(buffer, laid)| buffer.1 = laid);
         });
         out
     }
 
-    /// The guides at both moments.
-    fn pose_guides(&self, moments: &[Moment; 2], guides: &[GuideMotion]) -> [Vec<PosedGuide>; 2] {
-        let q: Vec<Vec<f64>> = guides.iter().map(GuideMotion::earlier_q).collect();
-        let earlier: Vec<_> = guides.iter().zip(&q).map(|(g, q)| GuideMotion { q, ..*g }).collect();
-        let obstacles = &moments[0].obstacles;
-        let distance = |i: usize, _, x: &Vector3<f64>| obstacles.distance(x, self.search_radius[i]);
-        let now = self.pose_at(&moments[0].head, guides, distance);
-        // Guides and bodies have hardly moved since the earlier moment.
-        let distance = |i: usize, k: usize, _: &Vector3<f64>| now[i].clear[k] - DIFFERENCE_STEP * MAX_SPEED;
-        let before = self.pose_at(&moments[1].head, &earlier, distance);
-        [now, before]
-    }
-
-    /// The guides at one moment. `distance` gives a lower bound on the distance from all bodies, m, for the
-    /// index of a guide, the index of a point and its position.
-    fn pose_at(
+    /// Depths of strands at `points`, in the output's unit and axes, which `from_scene` maps to metres, Y up.
+    pub fn depths(
         &self,
-        head: &HeadMotion,
-        guides: &[GuideMotion],
-        distance: impl Fn(usize, usize, &Vector3<f64>) -> f64 + Sync,
-    ) -> Vec<PosedGuide> {
-        guides
+        obstacles: &Obstacles,
+        guides: &PosedGuides,
+        points: &[[f32; 3]],
+        from_scene: &Matrix3<f64>,
+    ) -> Depths {
+        self.strands
             .par_iter()
-            .zip(&self.guides)
-            .with_min_len(16)
-            .enumerate()
-            .map_init(RodShape::default, |shape, (i, (motion, rest))| {
-                PosedGuide::new(shape, rest, head, motion, |k, x| distance(i, k, x))
+            .zip(self.offsets.par_windows(2))
+            .with_min_len(64)
+            .map_init(DistanceBounds::default, |bounds, (strand, w)| {
+                let points = points[w[0]..w[1]].iter();
+                let points = points.map(|p| from_scene * Vector3::from(p.map(f64::from)));
+                let deepest = strand.depth(obstacles, guides, points, bounds);
+                Depths { deepest, inside: u32::from(deepest > INSIDE) }
             })
-            .collect()
+            .reduce(Depths::default, |a, b| Depths {
+                deepest: a.deepest.max(b.deepest),
+                inside: a.inside + b.inside,
+            })
     }
 
     /// Points and velocities in parts, one per strand.
@@ -226,22 +310,22 @@ impl Interpolator {
     }
 }
 
-/// Calls `then` for each strand, in parallel, with two states, the first of which holds its free chain at the
-/// first moment, with velocities if `with_velocities`.
+/// Calls `then` for each strand, in parallel, with a state that holds its free chain, with velocities if
+/// `with_velocities`.
 fn for_each_strand<T: Send>(
     mut strands: Vec<(&Strand, T)>,
-    moments: &[Moment; 2],
-    guides: &[Vec<PosedGuide>; 2],
+    moment: &Moment,
+    guides: &PosedGuides,
     with_velocities: bool,
-    then: impl Fn(&Strand, &mut [StrandState; 2], &mut T) + Sync,
+    then: impl Fn(&Strand, &mut StrandState, &mut T) + Sync,
 ) {
-    let buffers = <([Vec<Vertex>; MAX_LANES], [StrandState; 2])>::default;
-    strands.par_chunks_mut(MAX_LANES).with_min_len(8).for_each_init(buffers, |(free, states), strands| {
-        let chains = strands.iter().map(|(strand, _)| &strand.chain);
-        lay_free(chains, &moments[0].head, &guides[0], with_velocities, free);
+    let buffers = <([Vec<Vertex>; MAX_LANES], StrandState)>::default;
+    strands.par_chunks_mut(MAX_LANES).with_min_len(8).for_each_init(buffers, |(free, state), strands| {
+        let chains = strands.iter().map(|(strand, _)| Lay::free(&strand.chain));
+        lay(chains, &moment.head, guides, with_velocities, free);
         for ((strand, with), free) in strands.iter_mut().zip(free) {
-            std::mem::swap(&mut states[0].free, free);
-            then(strand, states, with);
+            std::mem::swap(&mut state.free, free);
+            then(strand, state, with);
         }
     });
 }

@@ -1,17 +1,20 @@
-//! Render strands from guides, by interpolation in strain space (`docs/theory.md` §7).
+//! Render strands from guides, by rotation with the guides (`docs/theory.md` §7).
 //!
-//! A render strand is a chain of rigid edges with its own rest shape. The deviations of its guides from their
-//! rest shapes are blended in rest space and rotate edge after edge. Curls stay curls, edge lengths are
-//! exact, and at rest the strand is that of the groom, to rounding. Where this *free chain* would enter a
-//! body, a second, *projected chain* of the same edges is laid outside of it.
+//! A render strand is a chain of rigid edges with its own rest shape. Each edge is rotated as its main guide
+//! is at the same arc length, and turned towards the other guides. Curls stay curls, edge lengths are exact,
+//! and at rest the strand is that of the groom, to rounding. Where this *free chain* would enter a body, a
+//! second, *projected chain* of the same edges is laid outside of it. Its *deflections* from the free chain at
+//! the frames are blended in time: what is written is smooth, and has exact velocities.
 
 mod chain;
 mod clearances;
+mod deflection;
 mod fabrik;
 mod free_chain;
 mod guide_weights;
 mod interpolator;
 mod moment;
+mod moving_rotation;
 mod obstacles;
 mod posed_guide;
 mod projected_chain;
@@ -22,9 +25,12 @@ mod strand;
 mod tests;
 mod thinning;
 
+pub use deflection::Deflection;
 pub use guide_weights::{GuideWeights, MAX_GUIDES, Membership, clumping, guide_weights};
-pub use interpolator::{Interpolator, RetractionAt, Retractions, StrandMotion};
-pub use moment::{DIFFERENCE_STEP, GuideMotion, HeadMotion, Moment};
+pub use interpolator::{
+    AroundFrame, DeflectionAt, Depths, Interpolator, LOOKAHEAD, LOOKBEHIND, StrandMotion,
+};
+pub use moment::{GuideMotion, HeadMotion, Moment};
 pub use obstacles::Obstacles;
-pub use retraction::RETRACTION_SPAN;
+pub use posed_guide::PosedGuides;
 pub use thinning::thin;

@@ -4,10 +4,6 @@ use super::obstacles::Obstacles;
 use crate::rod::Rod;
 use nalgebra::{Matrix3, Vector3};
 
-/// Time step of the backward differences that give projected strands their velocities, s. The projection has
-/// no derivative of its own.
-pub const DIFFERENCE_STEP: f64 = 1e-4;
-
 /// A guide at one moment.
 #[derive(Debug, Clone, Copy)]
 pub struct GuideMotion<'a> {
@@ -17,13 +13,6 @@ pub struct GuideMotion<'a> {
     pub q: &'a [f64],
     /// Rate of `q`, 1/(m·s).
     pub rate: &'a [f64],
-}
-
-impl GuideMotion<'_> {
-    /// Unknowns [`DIFFERENCE_STEP`] earlier, 1/m.
-    pub(super) fn earlier_q(&self) -> Vec<f64> {
-        self.q.iter().zip(self.rate).map(|(q, rate)| q - rate * DIFFERENCE_STEP).collect()
-    }
 }
 
 /// Motion of the head, which carries all roots, at one moment: rest space to world.

@@ -16,20 +16,19 @@ pub struct Obstacles<'a> {
 }
 
 impl Obstacles<'_> {
-    /// Largest violation of the clearances of `vertex` at `x` (m, world) by any body, m, with the outward
-    /// normal of that body; 0 if there is none. `x` lies `moved`, m, from the place that `bounds` are for;
-    /// they are updated to `x`.
+    /// Largest violation at `x` (m, world) of the distance to `keep` from each body, m, with the outward normal
+    /// of that body; 0 if there is none. `x` lies `moved`, m, from the place that `bounds` are for; they are
+    /// updated to `x`.
     pub(super) fn violation(
         &self,
-        clearances: &Clearances,
-        vertex: usize,
+        keep: impl Fn(usize) -> f64,
         x: &Vector3<f64>,
         moved: f64,
         bounds: &mut DistanceBounds,
     ) -> (f64, Vector3<f64>) {
         let mut worst = (0.0, Vector3::zeros());
         for (b, bound) in bounds.iter_mut().enumerate() {
-            let keep = clearances.get(b, vertex);
+            let keep = keep(b);
             *bound -= moved;
             if keep == f64::NEG_INFINITY || *bound > keep {
                 continue;
@@ -41,11 +40,10 @@ impl Obstacles<'_> {
                 *bound = least;
                 continue;
             }
+            let closest = |radius| self.bodies.closest(b, self.time, &local, radius);
             let radius = most.min(moved + SEARCH_RADIUS);
-            let Some(surface) = self.bodies.closest(b, self.time, &local, radius) else {
-                *bound = radius;
-                continue;
-            };
+            // Farther from the surface than that, only a full search tells whether it is outside.
+            let Some(surface) = closest(radius).or_else(|| closest(f64::INFINITY)) else { continue };
             *bound = surface.distance;
             if keep - surface.distance > worst.0 {
                 worst = (keep - surface.distance, pose.rotation * surface.normal);
@@ -77,7 +75,13 @@ impl Obstacles<'_> {
     pub(super) fn distance(&self, x: &Vector3<f64>, radius: f64) -> f64 {
         let distance = |(b, pose): (usize, &Isometry3<f64>)| {
             let local = pose.inverse_transform_point(&(*x).into()).coords;
-            self.bodies.closest(b, self.time, &local, radius).map_or(radius, |s| s.distance)
+            let closest = |radius| self.bodies.closest(b, self.time, &local, radius);
+            // Deep inside a body no surface is near either. Deforming bodies have no bounds: contact keeps
+            // guides out of them.
+            let [least, _] = self.bodies.distance_bounds(b, &local);
+            let may_be_deep = least.is_finite() && least <= -radius;
+            let deep = || if may_be_deep { closest(f64::INFINITY) } else { None };
+            closest(radius).or_else(deep).map_or(radius, |s| s.distance.min(radius))
         };
         self.poses.iter().enumerate().map(distance).fold(radius, f64::min)
     }

@@ -1,8 +1,9 @@
 //! Guides at one moment.
 
 use super::moment::{GuideMotion, HeadMotion};
-use super::rest_guide::{DeviationIntegral, GuidePlace, RestGuide};
-use crate::rod::RodShape;
+use super::moving_rotation::MovingRotation;
+use super::rest_guide::{GuidePlace, RestGuide};
+use crate::rod::{RodShape, Sensitivity};
 use nalgebra::Vector3;
 
 /// A guide at one moment.
@@ -10,31 +11,61 @@ use nalgebra::Vector3;
 pub(super) struct PosedGuide {
     /// Positions of its points, m, world.
     x: Vec<Vector3<f64>>,
-    /// For each point, a lower bound on the distance from all bodies, m.
+    /// For each point, a lower bound on the distance from all bodies, m; empty if they are not looked for.
     pub clear: Vec<f64>,
-    /// Integrals of its deviation and of the rate of that, one per segment.
-    pub integrals: Vec<DeviationIntegral>,
+    /// Rotations of its frames from rest space to world, one per point. Quaternions of neighbours have the
+    /// same sign.
+    pub rotations: Vec<MovingRotation<f64>>,
+}
+
+/// Guides at one moment.
+#[derive(Debug)]
+pub struct PosedGuides {
+    pub(super) guides: Vec<PosedGuide>,
+    /// For each pair of guides and each point of the first, how the second is rotated relative to it
+    /// ([`MovingRotation::difference`]), as one array.
+    pub(super) differences: Vec<Vec<[f64; 6]>>,
 }
 
 impl PosedGuide {
-    /// Poses a guide. `clear` gives the lower bound on the distance from all bodies for the index of a point
-    /// and its position.
+    /// Poses a guide. `clear`, if given, is the lower bound on the distance from all bodies for the position of
+    /// a point.
     pub fn new(
-        shape: &mut RodShape,
+        (shape, sensitivity): &mut (RodShape, Sensitivity),
         rest: &RestGuide,
         head: &HeadMotion,
         motion: &GuideMotion,
-        clear: impl Fn(usize, &Vector3<f64>) -> f64,
+        clear: Option<impl Fn(&Vector3<f64>) -> f64>,
     ) -> Self {
         let GuideMotion { rod, q, rate } = motion;
         shape.update(rod, &(head.rotation * rod.root.r), q);
+        sensitivity.update(rod, shape, q);
         let (root, _) = head.carry(&rod.root.p);
         let x: Vec<_> = (0..shape.points()).map(|k| root + shape.x(k)).collect();
-        PosedGuide {
-            clear: x.iter().enumerate().map(|(k, x)| clear(k, x)).collect(),
-            x,
-            integrals: rest.deviation_integrals(q, rate),
+        let mut rotations: Vec<MovingRotation<f64>> = Vec::with_capacity(x.len());
+        for (k, rotation) in rest.rotations(shape.poses()).enumerate() {
+            let spin = head.spin + sensitivity.velocity(k, &shape.x(k), rate).1;
+            let rotation = MovingRotation::new(&rotation, &spin);
+            rotations.push(rotations.last().map_or(rotation, |last| rotation.with_sign_of(last)));
         }
+        PosedGuide { clear: clear.map_or_else(Vec::new, |clear| x.iter().map(clear).collect()), x, rotations }
+    }
+
+    /// Rotation from rest to the frame at a place.
+    #[inline(always)]
+    pub fn rotation(&self, place: GuidePlace) -> MovingRotation<f64> {
+        let (from, to, u) = place.ends(&self.rotations);
+        from.lerp(to, u)
+    }
+
+    /// How `other` at its `places` turns the tangents of this guide, which is `rest` at rest, otherwise than
+    /// this guide does.
+    pub fn differences(&self, rest: &RestGuide, other: &PosedGuide, places: &[GuidePlace]) -> Vec<[f64; 6]> {
+        let difference = |((own, place), tangent): ((&MovingRotation<f64>, &GuidePlace), &Vector3<f64>)| {
+            let [turn, rate] = own.difference(&other.rotation(*place), tangent);
+            [turn.x, turn.y, turn.z, rate.x, rate.y, rate.z]
+        };
+        self.rotations.iter().zip(places).zip(rest.tangents()).map(difference).collect()
     }
 
     /// Position of a place, m, world.
@@ -48,8 +79,8 @@ impl PosedGuide {
         self.clear[k] - (x - self.x[k]).norm()
     }
 
-    /// Whether that bound exceeds `distance`, m.
+    /// Whether that bound is known and exceeds `distance`, m.
     pub fn is_clear(&self, place: GuidePlace, x: &Vector3<f64>, distance: f64) -> bool {
-        self.distance_bound(place, x) > distance
+        !self.clear.is_empty() && self.distance_bound(place, x) > distance
     }
 }

@@ -77,7 +77,8 @@ fn rotate_out(
     let mut end = *x;
     for _ in 0..MAX_ROTATIONS {
         let next = x + direction * length;
-        let (violation, normal) = obstacles.violation(clearances, vertex, &next, (next - end).norm(), bounds);
+        let keep = |body| clearances.get(body, vertex);
+        let (violation, normal) = obstacles.violation(keep, &next, (next - end).norm(), bounds);
         end = next;
         if violation < best.0 {
             best = (violation, direction);

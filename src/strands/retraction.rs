@@ -5,17 +5,9 @@
 //! to the corresponding vertex of the free chain passes through a body, the vertex is *retracted* along it by
 //! a fraction of the path, to in front of the body. A path that leaves a rounded body through a face similar
 //! to the one it enters only cuts its curve; there the projection to the nearest surface suffices.
-//!
-//! The fraction may jump between frames, as a path passes the rim of an ear. The fraction in use is a uniform
-//! cubic B-spline in time over the frames. Its coefficients are the maxima of the fractions of a frame and
-//! its neighbours: it is smooth and never less than required, and depends on [`RETRACTION_SPAN`] frames
-//! before and after, without memory.
 
 use super::obstacles::Obstacles;
 use nalgebra::Vector3;
-
-/// Number of frames before and after a frame on whose retractions the one in use depends.
-pub const RETRACTION_SPAN: usize = 2;
 
 /// Cosine of the angle between the faces through which a path enters and leaves: no retraction at the first,
 /// full retraction at the second.
@@ -74,27 +66,12 @@ fn smoothstep(ends: [f64; 2], x: f64) -> f64 {
     u * u * (3.0 - 2.0 * u)
 }
 
-/// The retraction in use at `u` (0..1) of the interval from a frame to the next, and its derivative per
-/// frame, from the `required` ones at the frames around that frame (`docs/theory.md` eq. 7.4). The last
-/// coefficient of the interval lacks one frame: the curve is smooth up to the next frame, where it may fall
-/// short by a sixth of the excess of that frame over its neighbours.
-pub(super) fn smoothed(required: [f64; 2 * RETRACTION_SPAN + 1], u: f64) -> (f64, f64) {
-    let m = |i: usize| required[i - 1].max(required[i]).max(required[i + 1]);
-    let m = [m(1), m(2), m(3), required[3].max(required[4])];
-    let v = 1.0 - u;
-    let value = [v * v * v, 4.0 - 3.0 * u * u * (1.0 + v), 4.0 - 3.0 * v * v * (1.0 + u), u * u * u];
-    let slope = [-v * v, u * (3.0 * u - 4.0), v * (1.0 + 3.0 * u), u * u];
-    let sum = |weights: [f64; 4]| weights.iter().zip(m).map(|(w, m)| w * m).sum::<f64>();
-    (sum(value) / 6.0, 0.5 * sum(slope))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::contact::Bodies;
     use crate::geometry::Shape;
     use nalgebra::Isometry3;
-    use proptest::prelude::*;
 
     /// Retraction by a ball about the origin.
     fn by_ball(radius: f64, guide: [f64; 3], free: [f64; 3]) -> f64 {
@@ -115,34 +92,5 @@ mod tests {
         assert_eq!(by_ball(0.004, [0.01, 0.0, 0.0], [0.0, 0.01, 0.0]), 0.0);
         assert_eq!(by_ball(0.09, [0.0905, 0.0, 0.0], [0.0885, 0.02, 0.0]), 0.0);
         assert_eq!(by_ball(0.09, [0.0905, 0.0, 0.0], [0.088, 0.02, 0.0]), 0.0);
-    }
-
-    proptest! {
-        #[test]
-        fn smoothed_is_at_least_the_required_and_has_the_slope_of_a_cubic(
-            required in prop::array::uniform7(0.0..1.0_f64)
-        ) {
-            let at = |i: usize| smoothed(std::array::from_fn(|k| required[i + k]), 0.0);
-            for i in 0..3 {
-                prop_assert!(at(i).0 >= required[i + 2] - 1e-12);
-            }
-            // Simpson's rule of the slopes of a cubic is exact; the middle slope follows from the
-            // coefficients.
-            let m = |i: usize| required[i - 1].max(required[i]).max(required[i + 1]);
-            let middle = (5.0 * (m(3) - m(2)) + (m(4) - m(1))) / 8.0;
-            let rise = (at(0).1 + 4.0 * middle + at(1).1) / 6.0;
-            prop_assert!((at(1).0 - at(0).0 - rise).abs() < 1e-12);
-        }
-
-        #[test]
-        fn smoothed_between_frames_is_smooth_and_ends_at_no_less_than_the_required(
-            required in prop::array::uniform5(0.0..1.0_f64), u in 0.001..0.999_f64
-        ) {
-            let (lo, hi) = (smoothed(required, u - 1e-4), smoothed(required, u + 1e-4));
-            let (value, slope) = smoothed(required, u);
-            prop_assert!(((hi.0 - lo.0) / 2e-4 - slope).abs() < 1e-6);
-            prop_assert!((0.0..=1.0).contains(&value));
-            prop_assert!(smoothed(required, 1.0).0 >= required[3] - 1e-12);
-        }
     }
 }

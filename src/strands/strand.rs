@@ -2,12 +2,12 @@
 
 use super::chain::{Edge, RestChain, Vertex};
 use super::clearances::{Clearances, DistanceBounds};
+use super::deflection::{Deflection, deflected, deflection};
 use super::fabrik::relax;
-use super::free_chain::lay_free;
-use super::guide_weights::GuideWeights;
-use super::moment::{DIFFERENCE_STEP, Moment};
+use super::free_chain::{Lay, lay, rotations};
+use super::moment::Moment;
 use super::obstacles::Obstacles;
-use super::posed_guide::PosedGuide;
+use super::posed_guide::{PosedGuide, PosedGuides};
 use super::projected_chain::{NextEdge, ProjectedChain};
 use super::rest_guide::{GuidePlace, RestGuide};
 use crate::contact::Bodies;
@@ -68,15 +68,17 @@ impl StrandState {
 }
 
 impl Strand {
-    /// A strand with `points` in the groom, m, that follows `guides`.
+    /// A strand with `points` in the groom, m, that follows the guide `main`, and `others`: pairs with the
+    /// main guide and weights.
     pub fn new(
         points: &[Vector3<f64>],
-        guides: GuideWeights,
+        main: usize,
+        others: Vec<(usize, f64)>,
         rest: &[RestGuide],
         bodies: &Bodies,
         thickness: &[f64],
     ) -> Self {
-        let first = &rest[guides[0].0];
+        let first = &rest[main];
         let vectors = points.windows(2).map(|w| w[1] - w[0]);
         // A strand longer than its guide corresponds to it by arc-length fraction, so that all of it can be
         // retracted.
@@ -90,14 +92,13 @@ impl Strand {
             let middle = arc + 0.5 * length;
             arc += length;
             let beside = first.place(arc * pace);
-            let midpoint = std::array::from_fn(|i| rest[guides[i.min(guides.len() - 1)].0].place(middle));
-            Edge::new(vector, midpoint, beside, separated(end, beside))
+            Edge::new(vector, first.place(middle * pace), beside, separated(end, beside))
         };
         let edges = vectors.zip(&points[1..]).map(edge).collect();
         let beside = first.place(0.0);
         Strand {
             separated: separated(&points[0], beside),
-            chain: RestChain { root: points[0], guides, edges },
+            chain: RestChain { root: points[0], main, others, edges },
             beside,
             clearances: Clearances::new(bodies, thickness, points),
         }
@@ -114,26 +115,24 @@ impl Strand {
         far
     }
 
-    /// Sets `out`, which is zero, to the retractions of the vertices, given the free chain in `state`: those
-    /// required by bodies between the vertices and their guide, and full retraction where the chain laid with
-    /// them violates clearances.
-    pub fn find_retractions(
+    /// Sets `out`, which is zero, to the deflections that keep the strand outside the bodies, given the free
+    /// chain in `state`.
+    pub fn find_deflections(
         &self,
         moment: &Moment,
-        guides: &[PosedGuide],
+        guides: &PosedGuides,
         state: &mut StrandState,
-        out: &mut [f32],
+        out: &mut [Deflection],
     ) {
         if moment.obstacles.poses.is_empty() {
             return;
         }
-        self.required_retractions(moment, &guides[self.chain.main_guide()], state);
-        if state.retraction.iter().all(|fraction| *fraction == 0.0) {
-            return;
+        self.required_retractions(moment, &guides.guides[self.chain.main], state);
+        if state.retraction.iter().any(|fraction| *fraction > 0.0) {
+            self.spread(state);
         }
-        self.spread(state);
+        self.lay(moment, guides, state);
         for _ in 0..CORRECTIONS {
-            self.lay(moment, guides, state);
             if state.violating.is_empty() {
                 break;
             }
@@ -141,8 +140,80 @@ impl Strand {
                 state.retraction[j] = 1.0;
             }
             self.spread(state);
+            self.lay(moment, guides, state);
         }
-        out.iter_mut().zip(&state.retraction).for_each(|(out, fraction)| *out = *fraction as f32);
+        if state.is_projected {
+            self.relax(&moment.obstacles, state);
+            self.deflections(guides, &state.vertices, out);
+        }
+    }
+
+    /// Sets `out` to the deflections of `filtered`, and where these lead into a body, to those of the chain
+    /// projected from there.
+    pub fn settle(
+        &self,
+        moment: &Moment,
+        guides: &PosedGuides,
+        filtered: &[Vector3<f64>],
+        state: &mut StrandState,
+        out: &mut [Deflection],
+    ) {
+        let edges: Vec<_> = self.deflected(filtered.iter().map(|by| [*by, Vector3::zeros()])).collect();
+        let chain = Lay { chain: &self.chain, deflected: &edges };
+        lay(iter::once(chain), &moment.head, guides, false, slice::from_mut(&mut state.free));
+        state.clear_retraction(out.len());
+        self.lay(moment, guides, state);
+        if state.is_projected {
+            self.relax(&moment.obstacles, state);
+            self.deflections(guides, &state.vertices, out);
+        } else {
+            out.iter_mut().zip(filtered).for_each(|(out, by)| *out = by.cast::<f32>().into());
+        }
+    }
+
+    /// Its edges with deflections (one per vertex) and their rates.
+    pub fn deflected(
+        &self,
+        deflections: impl Iterator<Item = [Vector3<f64>; 2]>,
+    ) -> impl Iterator<Item = [Vector3<f64>; 2]> {
+        let edges = self.chain.edges.iter().map(Edge::vector);
+        edges.zip(deflections.skip(1)).map(|(edge, [by, rate])| deflected(&edge, &by, &rate))
+    }
+
+    /// The deflections of a chain with these vertices.
+    fn deflections(&self, guides: &PosedGuides, vertices: &[Vertex], out: &mut [Deflection]) {
+        let rotations = rotations(&self.chain, guides);
+        let edges = vertices.windows(2).zip(rotations).zip(&self.chain.edges);
+        for (((ends, rotation), edge), out) in edges.zip(&mut out[1..]) {
+            let to = rotation.rotate_back((ends[1].x - ends[0].x).into()).into();
+            *out = deflection(&edge.vector(), &to).cast::<f32>().into();
+        }
+    }
+
+    /// The deepest of the vertices at `points`, m, world, that the groom places outside the bodies, m; 0 if
+    /// none is inside.
+    pub fn depth(
+        &self,
+        obstacles: &Obstacles,
+        guides: &PosedGuides,
+        points: impl Iterator<Item = Vector3<f64>>,
+        bounds: &mut DistanceBounds,
+    ) -> f64 {
+        bounds.reset(obstacles.poses.len());
+        let guide = &guides.guides[self.chain.main];
+        let places = iter::once(self.beside).chain(self.chain.edges.iter().map(|edge| edge.beside));
+        let mut last = self.chain.root;
+        let mut deepest = 0.0_f64;
+        for (vertex, (x, place)) in points.zip(places).enumerate() {
+            let moved = (x - std::mem::replace(&mut last, x)).norm();
+            if guide.is_clear(place, &x, 0.0) {
+                bounds.move_by(moved);
+            } else {
+                let surface = |body| self.clearances.surface(body, vertex);
+                deepest = deepest.max(obstacles.violation(surface, &x, moved, bounds).0);
+            }
+        }
+        deepest
     }
 
     /// Sets the retractions in `state` to those required by bodies between each vertex and the guide.
@@ -178,9 +249,9 @@ impl Strand {
     }
 
     /// Sets the result in `state` from its free chain and retractions.
-    fn lay(&self, moment: &Moment, guides: &[PosedGuide], state: &mut StrandState) {
+    fn lay(&self, moment: &Moment, guides: &PosedGuides, state: &mut StrandState) {
         let obstacles = &moment.obstacles;
-        let guide = &guides[self.chain.main_guide()];
+        let guide = &guides.guides[self.chain.main];
         let StrandState { free, retraction, vertices, violating, bounds, .. } = state;
         bounds.free.reset(obstacles.poses.len());
         bounds.projected.reset(obstacles.poses.len());
@@ -199,7 +270,8 @@ impl Strand {
                     bounds.free.move_by(length);
                     false
                 } else {
-                    obstacles.violation(&self.clearances, vertex, &end, length, &mut bounds.free).0 > 0.0
+                    let keep = |body| self.clearances.get(body, vertex);
+                    obstacles.violation(keep, &end, length, &mut bounds.free).0 > 0.0
                 };
                 projected = (violates || retraction[vertex] > 0.0).then_some(ProjectedChain { end: start });
             }
@@ -225,28 +297,6 @@ impl Strand {
             vertices.push(Vertex { x, v });
         }
         state.is_projected = projected.is_some();
-    }
-
-    /// Sets the result of the first of two moments [`DIFFERENCE_STEP`] apart, from the retractions in both
-    /// states and the free chain in the first. Projected strands get backward differences as velocities.
-    pub fn settle(
-        &self,
-        moments: &[Moment; 2],
-        guides: &[Vec<PosedGuide>; 2],
-        [now, before]: &mut [StrandState; 2],
-    ) {
-        self.lay(&moments[0], &guides[0], now);
-        if !now.is_projected {
-            return;
-        }
-        let head = &moments[1].head;
-        lay_free(iter::once(&self.chain), head, &guides[1], false, slice::from_mut(&mut before.free));
-        self.lay(&moments[1], &guides[1], before);
-        self.relax(&moments[0].obstacles, now);
-        self.relax(&moments[1].obstacles, before);
-        for (now, before) in now.vertices.iter_mut().zip(&before.vertices) {
-            now.v = (now.x - before.x) / DIFFERENCE_STEP;
-        }
     }
 
     /// Relaxes a result that still violates clearances.

@@ -1,7 +1,8 @@
 //! Tests of the interpolation as a whole.
 
+use super::deflection::Deflection;
 use super::guide_weights::{Membership, guide_weights};
-use super::interpolator::{Interpolator, RetractionAt, StrandMotion};
+use super::interpolator::{DeflectionAt, Interpolator};
 use super::moment::{GuideMotion, HeadMotion, Moment};
 use super::obstacles::Obstacles;
 use crate::contact::Bodies;
@@ -82,26 +83,33 @@ fn run(
     let moment = Moment { head: *head, obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &[] } };
     let motion: Vec<_> =
         rods.iter().zip(q).zip(rate).map(|((&rod, q), rate)| GuideMotion { rod, q, rate }).collect();
-    evaluated(&interpolator, &moment, &motion, &interpolator.retractions(&[moment; 2], &motion))
+    evaluated(&interpolator, &moment, &motion)
 }
 
-/// Points and velocities of all strands, with retractions that are constant in time.
-fn evaluated(
+/// Points and velocities of all strands, while bodies and deflections rest.
+fn evaluated(interpolator: &Interpolator, moment: &Moment, motion: &[GuideMotion]) -> [Vec<[f32; 3]>; 2] {
+    let (raw, settled) = settled(interpolator, moment, motion);
+    let posed = interpolator.pose(&moment.head, Some(&moment.obstacles), motion);
+    let (free, found) = interpolator.evaluate_free(moment, &posed, &Matrix3::identity());
+    assert_eq!(found, raw);
+    let at = DeflectionAt { frames: [&settled; 4], fraction: 0.0, interval: 1.0 };
+    let evaluate = |free| interpolator.evaluate(&moment.head, &posed, &at, &Matrix3::identity(), free);
+    let out = evaluate(None);
+    // Known free strands change nothing.
+    assert_eq!(evaluate(Some(free)), out);
+    [out.points, out.velocities]
+}
+
+/// Deflections of all strands while bodies and guides rest, before and after they are settled.
+fn settled(
     interpolator: &Interpolator,
     moment: &Moment,
     motion: &[GuideMotion],
-    retractions: &[f32],
-) -> [Vec<[f32; 3]>; 2] {
-    let frames = [retractions; 5];
-    let evaluate = |unretracted: Option<StrandMotion>| {
-        let at = RetractionAt { frames: &frames, fraction: 0.0, interval: 1.0 };
-        interpolator.evaluate(&[*moment; 2], motion, &at, &Matrix3::identity(), unretracted)
-    };
-    let out = evaluate(None);
-    // A known unretracted motion changes nothing.
-    let (laid, asked) = interpolator.evaluate_unretracted(&[*moment; 2], motion, &Matrix3::identity());
-    assert_eq!((evaluate(Some(laid)), asked), (out.clone(), interpolator.retractions(&[*moment; 2], motion)));
-    [out.points, out.velocities]
+) -> (Vec<Deflection>, Vec<Deflection>) {
+    let posed = interpolator.pose(&moment.head, Some(&moment.obstacles), motion);
+    let raw = interpolator.deflections(moment, &posed);
+    let settled = interpolator.settle(moment, &posed, &[&raw[..]; 3]);
+    (raw, settled)
 }
 
 fn wide(p: &[f32; 3]) -> Vector3<f64> {
@@ -196,44 +204,144 @@ fn velocities_match_differences_of_the_points() {
     }
 }
 
+/// A straight strand, and a guide beside it that bends it into a ball: the curves, the guide, and the centre
+/// of the ball.
+struct Bent {
+    curves: Curves,
+    rod: Rod,
+    q: Vec<f64>,
+    centre: Vector3<f64>,
+}
+
+impl Bent {
+    fn new() -> Self {
+        let line: Vec<_> = (0..33).map(|i| Vector3::x() * (0.2 * f64::from(i) / 32.0)).collect();
+        let rod = rod(&line.iter().map(|p| p + BESIDE).collect::<Vec<_>>());
+        let q: Vec<f64> = (0..rod.unknowns()).map(|i| if i % 3 == 2 { 0.0 } else { 12.0 }).collect();
+        let mut free = RodShape::default();
+        free.update(&rod, &rod.root.r, &q);
+        let middle = free.x(rod.points() * 6 / 10);
+        let centre = middle + (middle - Vector3::x() * 0.12).normalize() * 0.02;
+        Bent { curves: curves(&[line]), rod, q, centre }
+    }
+
+    /// The guide's unknowns after `frame` frames: it bends further.
+    fn q_at(&self, frame: f64) -> Vec<f64> {
+        self.q.iter().map(|q| q * (1.0 + 0.02 * frame)).collect()
+    }
+}
+
 #[test]
-fn projected_strand_stays_out_of_a_body_with_exact_lengths_and_velocities() {
+fn projected_strand_stays_out_of_a_body_with_exact_lengths() {
     use crate::geometry::Shape;
-    // A straight strand that is bent into a ball by its guide, which passes beside it.
-    let line: Vec<_> = (0..33).map(|i| Vector3::x() * (0.2 * f64::from(i) / 32.0)).collect();
-    let r = rod(&line.iter().map(|p| p + BESIDE).collect::<Vec<_>>());
-    let c = curves(&[line]);
-    let q: Vec<f64> = (0..r.unknowns()).map(|i| if i % 3 == 2 { 0.0 } else { 12.0 }).collect();
-    let rate: Vec<f64> = q.iter().map(|q| 8.0 * q).collect();
-    let mut free = RodShape::default();
-    free.update(&r, &r.root.r, &q);
-    let middle = free.x(r.points() * 6 / 10);
-    let centre = middle + (middle - Vector3::x() * 0.12).normalize() * 0.02;
-    let ball = Shape::Sphere { centre, radius: 0.05 };
+    let bent = Bent::new();
+    let ball = Shape::Sphere { centre: bent.centre, radius: 0.05 };
     let bodies = Bodies::from_shapes(&[ball]);
-    let interpolator = interpolator(&c, &[&r], &bodies, &[0.0005]);
-    let moment = Moment {
-        head: still(),
-        obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] },
-    };
-    let retractions = interpolator.retractions(&[moment; 2], &[GuideMotion { rod: &r, q: &q, rate: &rate }]);
-    let at = |t: f64| {
-        let q: Vec<f64> = q.iter().zip(&rate).map(|(q, r)| q + t * r).collect();
-        evaluated(&interpolator, &moment, &[GuideMotion { rod: &r, q: &q, rate: &rate }], &retractions)
-    };
-    let [p, v] = at(0.0);
-    let depth = p.iter().map(|x| (wide(x) - centre).norm() - 0.05).fold(f64::INFINITY, f64::min);
-    assert!((-1e-6..0.002).contains(&depth), "is not in contact with the ball: {depth}");
+    let interpolator = interpolator(&bent.curves, &[&bent.rod], &bodies, &[0.0005]);
+    let obstacles = Obstacles { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] };
+    let moment = Moment { head: still(), obstacles };
+    let still = vec![0.0; bent.q.len()];
+    let motion = [GuideMotion { rod: &bent.rod, q: &bent.q, rate: &still }];
+    let [p, _] = evaluated(&interpolator, &moment, &motion);
+    let depth = |p: &[[f32; 3]]| p.iter().map(|x| 0.05 - (wide(x) - bent.centre).norm()).fold(-1.0, f64::max);
+    assert!((-0.002..1e-6).contains(&depth(&p)), "is not in contact with the ball: {}", depth(&p));
     for e in p.windows(2) {
         assert!(((wide(&e[1]) - wide(&e[0])).norm() / 0.00625 - 1.0).abs() < 1e-4);
     }
     // It approaches its guide, beside which it ran.
-    let across = (r.root.p + free.x(r.points() - 1) - wide(&p[32])).dot(&BESIDE.normalize());
+    let mut free = RodShape::default();
+    free.update(&bent.rod, &bent.rod.root.r, &bent.q);
+    let across = (bent.rod.root.p + free.x(bent.rod.points() - 1) - wide(&p[32])).dot(&BESIDE.normalize());
     assert!(across < 0.9 * BESIDE.norm(), "{across} m beside its guide");
-    let t = 2e-3;
-    let ([hi, _], [lo, _]) = (at(t), at(-t));
-    let slip = (wide(&hi[32]) - wide(&lo[32])) / (2.0 * t);
-    assert!((slip - wide(&v[32])).norm() < 0.1 * slip.norm().max(0.1), "{slip} {:?}", v[32]);
+    // What is written is measured.
+    let posed = interpolator.pose(&moment.head, Some(&obstacles), &motion);
+    let measured = |p: &[[f32; 3]]| interpolator.depths(&obstacles, &posed, p, &Matrix3::identity());
+    assert_eq!((measured(&p).inside, measured(&p).deepest < 1e-6), (0, true));
+    let (free, _) = interpolator.evaluate_free(&moment, &posed, &Matrix3::identity());
+    let deepest = depth(&free.points);
+    assert!(deepest > 0.01 && (measured(&free.points).deepest - deepest).abs() < 1e-6, "{deepest}");
+    assert_eq!(measured(&free.points).inside, 1);
+}
+
+#[test]
+fn velocities_of_projected_strands_match_differences_between_frames() {
+    use crate::geometry::Shape;
+    let bent = Bent::new();
+    let bodies = Bodies::from_shapes(&[Shape::Sphere { centre: bent.centre, radius: 0.05 }]);
+    let interpolator = interpolator(&bent.curves, &[&bent.rod], &bodies, &[0.0005]);
+    let obstacles = Obstacles { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] };
+    let moment = Moment { head: still(), obstacles };
+    // Guides at frames a second apart; the bend starts anew at frame 3, so that the strand jumps off the ball.
+    let rate: Vec<f64> = bent.q.iter().map(|q| 0.02 * q).collect();
+    let q_at = |frame: f64| bent.q_at(if frame < 3.0 { frame } else { frame - 60.0 });
+    let settled: Vec<Vec<Deflection>> = (-2..8)
+        .map(|frame| {
+            let q = q_at(f64::from(frame));
+            let motion = [GuideMotion { rod: &bent.rod, q: &q, rate: &rate }];
+            self::settled(&interpolator, &moment, &motion).1
+        })
+        .collect();
+    let at = |time: f64| {
+        let q = q_at(time);
+        let motion = [GuideMotion { rod: &bent.rod, q: &q, rate: &rate }];
+        let frame = time.floor();
+        let frames = std::array::from_fn(|i| &settled[frame as usize + 1 + i][..]);
+        let at = DeflectionAt { frames, fraction: time - frame, interval: 1.0 };
+        let posed = interpolator.pose(&moment.head, None, &motion);
+        interpolator.evaluate(&moment.head, &posed, &at, &Matrix3::identity(), None)
+    };
+    let t = 1e-3;
+    for time in [0.0 + t, 0.5, 1.0 - t, 1.5, 2.0 + t, 2.5, 4.5] {
+        let (v, [hi, lo]) = (at(time).velocities, [at(time + t), at(time - t)]);
+        for (i, v) in v.iter().enumerate() {
+            let slope = (wide(&hi.points[i]) - wide(&lo.points[i])) / (2.0 * t);
+            let off = (slope - wide(v)).norm();
+            assert!(off < 2e-3 * slope.norm() + 1e-4, "{i} at {time}: {slope} {v:?}");
+        }
+    }
+}
+
+#[test]
+fn strand_keeps_near_its_guides_where_they_part() {
+    // Three guides side by side are whirled apart, each about an axis of its own. The strand between them may
+    // go with any of them.
+    let beside =
+        |z: f64| (0..33).map(|i| Vector3::new(0.2 * f64::from(i) / 32.0, 0.0, z)).collect::<Vec<_>>();
+    let roots = [0.0, 0.01, 0.024];
+    let rods = roots.map(|z| rod(&beside(z)));
+    let c = curves(&[beside(0.006)]);
+    let whirled = |t: f64| -> Vec<Vec<f64>> {
+        let bend = |g: usize, i: usize| match i % 3 {
+            0 => (60.0 + 20.0 * g as f64) * (t + 2.0 * g as f64).sin(),
+            1 => 90.0 * (1.3 * t + 1.7 * g as f64).cos(),
+            _ => 40.0 * (0.7 * t + g as f64).sin(),
+        };
+        rods.iter().enumerate().map(|(g, rod)| (0..rod.unknowns()).map(|i| bend(g, i)).collect()).collect()
+    };
+    let rods: Vec<&Rod> = rods.iter().collect();
+    let mut shape = RodShape::default();
+    let (mut last, mut last_tips) = (None, [Vector3::zeros(); 3]);
+    for step in 0..400 {
+        let q = whirled(0.01 * f64::from(step));
+        let still: Vec<Vec<f64>> = q.iter().map(|q| vec![0.0; q.len()]).collect();
+        let [p, _] = run(&c, &rods, &q, &still, &self::still());
+        let tip = wide(p.last().unwrap());
+        let tips: [Vector3<f64>; 3] = std::array::from_fn(|g| {
+            shape.update(rods[g], &rods[g].root.r, &q[g]);
+            rods[g].root.p + shape.x(rods[g].points() - 1)
+        });
+        let near = tips.iter().map(|x| (x - tip).norm()).fold(f64::INFINITY, f64::min);
+        assert!(near < 0.06, "step {step}: {near} m from every guide");
+        if let Some(last) = last.replace(tip) {
+            let fastest = tips.iter().zip(last_tips).map(|(x, y)| (x - y).norm()).fold(0.0, f64::max);
+            assert!(
+                (tip - last).norm() < 3.0 * fastest + 1e-3,
+                "step {step}: jumps {} m",
+                (tip - last).norm()
+            );
+        }
+        last_tips = tips;
+    }
 }
 
 #[test]
@@ -250,8 +358,7 @@ fn body_is_found_after_vertices_that_needed_no_search() {
     let moment = Moment { head: still(), obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &poses } };
     let still = vec![0.0; r.unknowns()];
     let motion = [GuideMotion { rod: &r, q: &still, rate: &still }];
-    let retractions = interpolator.retractions(&[moment; 2], &motion);
-    let [p, _] = evaluated(&interpolator, &moment, &motion, &retractions);
+    let [p, _] = evaluated(&interpolator, &moment, &motion);
     let distance = |x: &Vector3<f64>| (x - at(0.055, 0.018)).norm() - 0.01;
     assert!(distance(&c.points[3]) < -5e-4 && distance(&wide(&p[3])) > 4e-4, "{:?}", p[3]);
 }
@@ -272,7 +379,7 @@ fn strand_stays_out_of_the_crease_between_two_bodies() {
     let moment = Moment { head: still(), obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &poses } };
     let zero = vec![0.0; r.unknowns()];
     let motion = [GuideMotion { rod: &r, q: &zero, rate: &zero }];
-    let [p, _] = evaluated(&interpolator, &moment, &motion, &[0.0; 9]);
+    let [p, _] = evaluated(&interpolator, &moment, &motion);
     for (normal, at) in &walls {
         let depth = |x: &Vector3<f64>| at - normal.dot(x);
         assert!(depth(&line(0.0)[8]) > 5e-3);
@@ -319,8 +426,7 @@ fn strand_stays_on_its_guides_side_of_a_thin_body() {
         let interpolator = interpolator(&c, &[&r], bodies, &thickness);
         let moment = Moment { head: still(), obstacles: Obstacles { bodies, time: 0.0, poses } };
         let motion = [GuideMotion { rod: &r, q: &q, rate: &vec![0.0; q.len()] }];
-        let retractions = interpolator.retractions(&[moment; 2], &motion);
-        let [p, v] = evaluated(&interpolator, &moment, &motion, &retractions);
+        let [p, v] = evaluated(&interpolator, &moment, &motion);
         assert!(p.iter().chain(&v).flatten().all(|x| x.is_finite()));
         p.iter().map(|x| f64::from(x[1])).fold(0.0, f64::min)
     };

@@ -117,7 +117,7 @@ fn same_in_stages(scene: &Scene, out: &Path, options: &[&str]) {
     let again = scene.folder.path().join("again");
     for (stage, more) in [
         ("simulate", &["--frames", "1002-1004", "--preroll", "0.1"][..]),
-        ("simulate", &["--frames", "1005-1007", "--preroll", "0.1"]),
+        ("simulate", &["--frames", "1005-1008", "--preroll", "0.1"]),
         ("interpolate", &["--frames", "1004-1005", "--preroll", "0.1"]),
         ("interpolate", &["--frames", "1002-1003", "--preroll", "0.1"]),
         ("assemble", &["--preroll", "0.1", "--no-pictures"]),

@@ -25,6 +25,8 @@ COLLIDERS = "/groom/colliders"
 MATERIAL = "/groom/materials/hair"
 TRANSFORM = "xformOp:transform"
 LEVEL = "primvars:groom_level"
+GUIDES_PER_STRAND = 3
+"""Number of guides that a cache names for each render strand."""
 ACCELERATIONS = "accelerations"
 
 
@@ -262,6 +264,12 @@ class FrameFile:
     """Values at the frame."""
     later: dict[float, dict[str, Array]] = field(default_factory=dict)
     """Values at the time codes after the frame."""
+
+
+def attribute_value(cache: Cache, path: str, name: str) -> Any:
+    """The value of an attribute; an empty tuple if there is none."""
+    prim = cache.stage.GetPrimAtPath(path)
+    return (prim.GetAttribute(name).Get() if prim and prim.HasAttribute(name) else None) or ()
 
 
 def read_frame(cache: Cache, frame: int) -> FrameFile:

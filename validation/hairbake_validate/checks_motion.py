@@ -1,4 +1,4 @@
-"""Checks of the motion: velocities, accelerations, and one-frame jumps."""
+"""Checks of the motion: velocities, accelerations, and jumps."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from . import cache, tolerances
-from .cache import HEAD, TRANSFORM, Curves
+from .cache import GUIDES, HAIR, HEAD, TRANSFORM, Curves
 from .checks_frame import root_offsets, worst
 from .geometry import FloatArray, dot, norms, transformed
 from .report import Check, Finding
@@ -62,6 +62,21 @@ SPIKES = Check(
     "no curve jumps for one frame or between two frames, relative to the head",
     "bake these frames with more substeps, or check the animation for jumps",
     tolerances.SPIKE_M,
+    "m",
+)
+
+VELOCITY_PEAKS = Check(
+    "velocity_peaks",
+    "no point is faster than its positions at the neighbouring frames account for",
+    "bake these frames again: renderers draw such a point as a streak",
+    1.0,
+    "of the allowed speed",
+)
+POPS = Check(
+    "pops",
+    "no render strand jumps there and back within two frames as its guides do not",
+    "bake these frames again, or use more guides where strands jump",
+    tolerances.POP_M,
     "m",
 )
 
@@ -232,6 +247,46 @@ def spikes(window: Window) -> Iterator[Finding]:
         yield worst(window, SPIKES, curves, jump * window.cache.metres_per_unit)
 
 
+def velocity_peaks(window: Window) -> Iterator[Finding]:
+    """Compares every point's speed with that of the central difference of its positions."""
+    floor = tolerances.VELOCITY_PEAK_M_S / window.cache.metres_per_unit
+    for curves in window.cache.curves:
+        before, after = (window.get(curves.path, "points", offset) for offset in (-1, 1))
+        rates = window.get(curves.path, "velocities")
+        if before is None or after is None or rates is None:
+            continue
+        moved = norms(after.astype(float) - before) * window.cache.fps / 2
+        allowed = np.maximum(tolerances.VELOCITY_PEAK * moved, moved + floor)
+        yield worst(window, VELOCITY_PEAKS, curves, norms(rates) / allowed)
+
+
+def pops(window: Window) -> Iterator[Finding]:
+    """Measures how far each strand jumps there and back around the frame beyond its guides."""
+    by_path = {curves.path: curves for curves in window.cache.curves}
+    hair, guides = by_path.get(HAIR), by_path.get(GUIDES)
+    followed = window.reference.followed
+    if hair is None or guides is None or followed is None:
+        return
+    jumps = [there_and_back(window, curves) for curves in (hair, guides)]
+    if jumps[0] is None or jumps[1] is None:
+        return
+    of_guides = np.maximum.reduceat(jumps[1], guides.starts)[followed].max(axis=1)
+    beyond = np.maximum(0, jumps[0] - np.repeat(of_guides, hair.counts))
+    yield worst(window, POPS, hair, beyond * window.cache.metres_per_unit)
+
+
+def there_and_back(window: Window, curves: Curves) -> FloatArray | None:
+    """How far each point jumps there and back around the frame, in the space of the head, `N`.
+
+    The geometric mean of the steps to the frame and back, times the root of the cosine between them.
+    """
+    before, now, after = (window.once(in_head, curves, offset) for offset in (-1, 0, 1))
+    if before is None or now is None or after is None:
+        return None
+    back: FloatArray = np.sqrt(np.maximum(0, dot(now - before, now - after)))
+    return back
+
+
 def in_head(window: Window, curves: Curves, offset: int) -> FloatArray | None:
     """Points of a frame in the space of the head, f64."""
     points, head = window.get(curves.path, "points", offset), window.get(HEAD, TRANSFORM, offset)
@@ -267,5 +322,7 @@ MOTION: dict[Check, Callable[[Window], Iterator[Finding]]] = {
     ACCELERATIONS: accelerations,
     SUB_FRAME_ACCELERATIONS: sub_frame_accelerations,
     SPIKES: spikes,
+    VELOCITY_PEAKS: velocity_peaks,
+    POPS: pops,
 }
 """The checks of the motion and their functions, in the order of the report."""

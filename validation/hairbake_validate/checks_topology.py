@@ -7,11 +7,8 @@ import numpy as np
 from pxr import Sdf, UsdGeom
 
 from . import tolerances
-from .cache import GUIDES, HAIR, Cache, Curves
+from .cache import GUIDES, GUIDES_PER_STRAND, HAIR, Cache, Curves, attribute_value
 from .report import Check, Finding
-
-GUIDES_PER_STRAND = 3
-"""Guides, with weights, that each render strand names."""
 
 TOPOLOGY = Check(
     "topology",
@@ -132,12 +129,6 @@ def following(cache: Cache) -> Iterator[Finding]:
         if unknown:
             message = f"guide {min(unknown)} is not in the cache ({len(unknown)} unknown guides)"
             yield Finding(FOLLOWING, message=message, prim=HAIR)
-
-
-def attribute_value(cache: Cache, path: str, name: str) -> Any:
-    """The value of an attribute; an empty tuple if there is none."""
-    prim = cache.stage.GetPrimAtPath(path)
-    return (prim.GetAttribute(name).Get() if prim and prim.HasAttribute(name) else None) or ()
 
 
 def ids(cache: Cache) -> Iterator[Finding]:

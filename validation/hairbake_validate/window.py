@@ -9,6 +9,8 @@ import numpy as np
 from .cache import (
     ACCELERATIONS,
     GUIDES,
+    GUIDES_PER_STRAND,
+    HAIR,
     HEAD,
     LEVEL,
     TRANSFORM,
@@ -17,6 +19,7 @@ from .cache import (
     Curves,
     FrameFile,
     Mesh,
+    attribute_value,
     read_frame,
 )
 from .collider import Collider
@@ -40,10 +43,13 @@ class Reference:
     drawn through a collider may slide in it: for guides, the points next to such a stretch are excluded too.
     """
 
+    followed: IntArray | None = None
+    """Indices of the guides that each render strand follows, `n × 3`; None if they are not in the cache."""
+
     @classmethod
     def of(cls, cache: Cache) -> "Reference":
         """Computes the reference from the static layers and the first frame that can be read."""
-        reference = cls()
+        reference = cls(followed=followed_guides(cache))
         usable = [curves for curves in cache.curves if curves.consistent]
         for curves in usable:
             if curves.path == GUIDES:
@@ -66,6 +72,22 @@ class Reference:
                     outside &= ~neighbours_on_curve(inside_after_exit(outside, curves), curves)
                 reference.outside[curves.path, mesh.path] = outside
         return reference
+
+
+def followed_guides(cache: Cache) -> IntArray | None:
+    """Indices of the guides that each render strand follows; None if any of them is unknown."""
+    known = np.array(attribute_value(cache, GUIDES, "primvars:groom_id"), int)
+    named = np.array(attribute_value(cache, HAIR, "primvars:groom_closest_guides"), int)
+    hair = next((curves for curves in cache.curves if curves.path == HAIR), None)
+    guides = next((curves for curves in cache.curves if curves.path == GUIDES), None)
+    if hair is None or guides is None or not hair.consistent or not guides.consistent:
+        return None
+    if len(known) != len(guides.counts) or len(named) != GUIDES_PER_STRAND * len(hair.counts):
+        return None
+    order = np.argsort(known)
+    place = np.searchsorted(known, named, sorter=order)
+    index: IntArray = order[np.minimum(place, len(known) - 1)]
+    return index.reshape(-1, GUIDES_PER_STRAND) if (known[index] == named).all() else None
 
 
 def inside_after_exit(outside: BoolArray, curves: Curves) -> BoolArray:

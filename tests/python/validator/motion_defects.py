@@ -29,7 +29,7 @@ def reversed_velocities(cache: CacheBuilder) -> None:
     scale_velocities(cache, -1)
 
 
-@defect("velocities", "curve_velocities", "sub_frames")
+@defect("velocities", "curve_velocities", "sub_frames", "velocity_peaks")
 def velocities_in_centimetres(cache: CacheBuilder) -> None:
     scale_velocities(cache, 100)
 
@@ -59,7 +59,25 @@ def swing_one_curve(curves: FloatArray) -> FloatArray:
     return curves
 
 
-@defect("spikes", "curve_velocities")
+@defect("velocity_peaks", "curve_velocities")
+def streak_of_one_point(cache: CacheBuilder) -> None:
+    def streak(velocities: Array) -> Array:
+        velocities[7 * POINTS + 5] = [0, 9.0, 0]
+        return velocities
+
+    cache.edit_array(MIDDLE, f"{HAIR}.velocities", streak)
+
+
+@defect("pops", "spikes", "curve_velocities")
+def one_frame_pop(cache: CacheBuilder) -> None:
+    def bend_one_tip(curves: FloatArray) -> FloatArray:
+        curves[7, -3:] = turned(curves[7, -3:], np.array([0, 1.0, 0]), 1.0)
+        return curves
+
+    move_points(cache, MIDDLE, HAIR, bend_one_tip)
+
+
+@defect("spikes", "curve_velocities", "pops")
 def one_frame_jump(cache: CacheBuilder) -> None:
     move_points(cache, MIDDLE, HAIR, swing_one_curve)
 

@@ -10,8 +10,8 @@ const NOT_YET: Option<i32> = Some(75);
 /// Bakes the shot in segments of the simulation and chunks of frames of these sizes.
 fn divided(shot: &Shot, out: &Path, threads: &str, segment: usize, chunk: usize) {
     let frames: Vec<i32> = (FRAMES[0]..=FRAMES[1]).collect();
-    // The strands of a frame depend on guides two frames ahead.
-    let simulated: Vec<i32> = (FRAMES[0]..=FRAMES[1] + 2).collect();
+    // The strands of a frame depend on guides three frames ahead.
+    let simulated: Vec<i32> = (FRAMES[0]..=FRAMES[1] + 3).collect();
     let range = |part: &[i32]| format!("{}-{}", part[0], part[part.len() - 1]);
     for part in simulated.chunks(segment) {
         assert_eq!(shot.stage("simulate", out, &["--frames", &range(part), "--threads", threads]), DONE);
@@ -40,7 +40,7 @@ fn bake_and_stages_resume_each_others_work() {
     let shot = Shot::get();
     let folder = workplace();
     let out = folder.path();
-    assert_eq!(shot.stage("simulate", out, &["--frames", "1000-1006"]), DONE);
+    assert_eq!(shot.stage("simulate", out, &["--frames", "1000-1007"]), DONE);
     assert_eq!(shot.stage("interpolate", out, &["--frames", "1002-1004x2,1001"]), DONE);
     assert!(shot.bake(out, &["--threads", "2"]).status().unwrap().success());
     shot.assert_same(out);
