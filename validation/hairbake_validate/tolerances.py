@@ -82,3 +82,9 @@ SPIKE_SPEED = 1.5
 # Render strands are interpolated between guides and are not tested against colliders.
 GUIDE_PENETRATION_M = 5e-4
 HAIR_PENETRATION_M = 2e-3
+
+# Distance of the median root from a skin beyond which it is not where the hair grows, m, and as a share of
+# the diagonal of the roots' bounding box: 5 cm on a human head. Production roots are within millimetres of
+# the skin, within a centimetre of a coarse collider. A character placed elsewhere is off by metres.
+OFF_SKIN_M = 0.02
+OFF_SKIN_SHARE = 0.15
