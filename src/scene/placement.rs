@@ -8,7 +8,7 @@ use super::groom::Groom;
 use super::origin::Origin;
 use crate::error::Diagnostic;
 use crate::geometry::{Shape, SolidMesh, TriMesh};
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use std::fmt;
 use std::path::Path;
 
@@ -122,33 +122,27 @@ impl Roots {
     }
 }
 
-/// The error of a groom and an animation, read from `file`, that cannot be in one space.
+/// The error of a groom and an animation, read from `file`, that cannot be in one space. There is none if a
+/// collider is a primitive or moves on its own: it was placed on purpose, and the hair may belong to it.
 pub fn check(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
     let start = anim.time(anim.frames.0.into());
     let to_rest = anim.head_pose(start).inverse();
-    let skin = |collider: &'_ Collider| -> Option<Option<Vec<Vector3<f64>>>> {
+    let skin = |collider: &'_ Collider| {
         let pose = to_rest * anim.bodies[collider.body].track.pose(start);
-        match &collider.deformation {
-            Some(d) => Some(Some(
-                d.vertices(start)
-                    .iter()
-                    .map(|x| pose * nalgebra::Point3::from(*x))
-                    .map(|x| x.coords)
-                    .collect(),
-            )),
-            // A body of its own may be anywhere.
-            None => (collider.body == anim.head).then_some(None),
-        }
+        let vertices = collider.deformation.as_ref().map(|d| d.vertices(start));
+        vertices.map(|all| all.into_iter().map(|x| (pose * Point3::from(x)).coords).collect())
     };
-    let skins: Vec<Skin> = anim
+    let skins: Option<Vec<Skin>> = anim
         .colliders
         .iter()
-        .filter_map(|collider| match &collider.shape {
-            Shape::Mesh(rest) => Some(Skin { name: &collider.name, rest, first: skin(collider)? }),
+        .map(|collider| match &collider.shape {
+            Shape::Mesh(rest) if collider.deformation.is_some() || collider.body == anim.head => {
+                Some(Skin { name: &collider.name, rest, first: skin(collider) })
+            }
             _ => None,
         })
         .collect();
-    let Some(found) = Roots::of(groom).check(&skins) else { return Vec::new() };
+    let Some(found) = skins.and_then(|skins| Roots::of(groom).check(&skins)) else { return Vec::new() };
     let head = &anim.bodies[anim.head];
     vec![found.diagnostic(file, groom.origin.as_ref(), head.origin.as_ref())]
 }

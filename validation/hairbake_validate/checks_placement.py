@@ -22,7 +22,7 @@ MAX_ROOTS = 200
 
 
 def placement(cache: Cache) -> Iterator[Finding]:
-    """Compares roots with the colliders that the head carries or that deform, in the first frame.
+    """Compares roots with the colliders, in the first frame.
 
     One collider where the hair is suffices: others may be clothes or props.
     """
@@ -44,7 +44,7 @@ def placement(cache: Cache) -> Iterator[Finding]:
         carried = matrix is not None and np.allclose(matrix, head, atol=1e-9)
         if matrix is None or not mesh.consistent or points.shape != mesh.points.shape:
             continue
-        if not (carried or mesh.deforms) or not np.isfinite(points).all():
+        if not np.isfinite(points).all():
             continue
         local = transformed(transformed(roots, head), np.linalg.inv(matrix))
         fault = fault_of(local, points.astype(float), mesh.triangles, reach, tolerance, unit)
@@ -57,7 +57,9 @@ def placement(cache: Cache) -> Iterator[Finding]:
                 )
         if fault is None:
             return
-        faults.append((mesh.path, fault))
+        # A body of its own may be anywhere.
+        if carried or mesh.deforms:
+            faults.append((mesh.path, fault))
     for path, fault in faults[:1]:
         yield Finding(PLACEMENT, message=fault, prim=path)
 
