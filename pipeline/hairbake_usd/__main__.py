@@ -7,14 +7,23 @@ import argparse
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from . import exchange, groom, mesh, motion
 from .errors import InputErrors
+from .exchange import FloatArray
 
 
 def times(text: str) -> mesh.Times:
     """Time codes from `START,STEP,COUNT`."""
     start, step, count = text.split(",")
     return mesh.Times(float(start), float(step), int(count))
+
+
+def matrix(text: str) -> FloatArray:
+    """A 4 × 4 matrix from 16 numbers, row by row."""
+    rows: FloatArray = np.array([float(number) for number in text.split(",")]).reshape(4, 4)
+    return rows
 
 
 def argument_parser() -> argparse.ArgumentParser:
@@ -32,6 +41,16 @@ def argument_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--carrier", help="path of the prim that may carry the mesh rigidly")
     parser.add_argument("--joint", help="path or name of the joint whose motion is read")
+    parser.add_argument(
+        "--world", action="store_true", help="the rest pose is that in the world of the stage"
+    )
+    parser.add_argument("--rest-stage", metavar="FILE", help="stage in which the head is at rest")
+    parser.add_argument(
+        "--from-world",
+        type=matrix,
+        metavar="M00,M01,...",
+        help="matrix from world to the rest space of a mesh",
+    )
     return parser
 
 
@@ -42,9 +61,13 @@ def main() -> int:
         if options.what == "strands":
             header, arrays = groom.read(options.file, options.prim, options.time)
         elif options.what == "motion":
-            header, arrays = motion.read(options.file, options.prim, options.joint)
+            header, arrays = motion.read(
+                options.file, options.prim, options.joint, motion.Rest(options.world, options.rest_stage)
+            )
         else:
-            selection = mesh.Selection(options.prim, options.time, options.times, options.carrier)
+            selection = mesh.Selection(
+                options.prim, options.time, options.times, options.carrier, options.from_world
+            )
             header, arrays = mesh.read(options.file, selection)
     except InputErrors as found:
         exchange.write_errors(options.out, found.errors)

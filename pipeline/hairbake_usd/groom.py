@@ -9,6 +9,7 @@ from .curves import CurveType
 from .errors import InputError, InputErrors, input_error
 from .exchange import Array, Arrays, FloatArray, Header, IntArray
 from .primvars import CLUMPS, FACTORS, GUIDES, IDS, ROOT_UVS, Layout, Primvars
+from .rest import RestSpace, character_space
 from .roles import role_notes, roles
 from .stage import (
     all_of,
@@ -28,7 +29,7 @@ RESTS = ("rest", "pref", "Pref")
 
 @dataclass
 class Strands:
-    """The curves of one prim, in world space and stage units."""
+    """The curves of one prim, in rest space and stage units."""
 
     counts: IntArray
     """Points of each curve."""
@@ -58,7 +59,8 @@ def read(path: str, prim_path: str | None, time: float | None) -> tuple[Header, 
     stage = open_stage(path)
     header = convention(stage)
     prims = all_of(find(stage, prim_path), UsdGeom.BasisCurves, "BasisCurves")
-    parts = gather(prims, lambda prim: read_prim(prim, time))
+    space = character_space(prims)
+    parts = gather(prims, lambda prim: read_prim(prim, time, space))
     found = roles(prims)
     guides = [
         np.full(len(part.counts), role.guides, int) if part.guide is None else part.guide
@@ -87,11 +89,12 @@ def read(path: str, prim_path: str | None, time: float | None) -> tuple[Header, 
         if any(name in part.factors for part in parts):
             factors = [part.factors.get(name, np.ones(len(part.counts))) for part in parts]
             arrays[name] = ("f64", np.concatenate(factors))
-    return {**header, "groups": names, "notes": notes}, arrays
+    arrays["from_world"] = ("f64", space.from_world(None if time is None else Usd.TimeCode(time)))
+    return {**header, "groups": names, "notes": notes, "space": space.kind}, arrays
 
 
-def read_prim(prim: Usd.Prim, time: float | None) -> Strands:
-    """Strands of one BasisCurves prim.
+def read_prim(prim: Usd.Prim, time: float | None, space: RestSpace) -> Strands:
+    """Strands of one BasisCurves prim, in the rest space.
 
     Raises:
         InputErrors: The errors of the prim.
@@ -122,7 +125,7 @@ def read_prim(prim: Usd.Prim, time: float | None) -> Strands:
     none = np.zeros(len(counts), int)
     return Strands(
         counts=sizes,
-        points=apply(matrix, points),
+        points=apply(space.from_world(None if at.IsDefault() else at) @ matrix, points),
         ids=ids,
         guide=None if guide is None else (guide != 0).astype(int),
         group=none - 1 if group is None else group,

@@ -7,6 +7,7 @@ from pxr import Gf, Usd, UsdGeom, UsdSkel
 
 from .errors import InputError, InputErrors, input_error
 from .exchange import Array, Arrays, FloatArray, Header
+from .rest import RestSpace, character_space
 from .stage import (
     all_of,
     apply,
@@ -17,6 +18,7 @@ from .stage import (
     open_stage,
     times_without_rest,
     to_world,
+    without_instances,
 )
 
 STILL = 1e-6
@@ -48,13 +50,15 @@ class Selection:
     """Time codes at which an animated mesh is read too."""
     carrier: str | None
     """Path of the prim that may carry the mesh rigidly."""
+    from_world: FloatArray | None
+    """Matrix from the world of the stage at rest to rest space; None: by the character of the meshes."""
 
 
 def read(path: str, selection: Selection) -> tuple[Header, Arrays]:
     """Header and arrays of the selected meshes, merged into one.
 
-    `vertices` and `triangles` are those at rest. `moving` holds the vertices at each of the selected times,
-    unless the mesh stands still or only moves with the carrier.
+    `vertices` and `triangles` are those at rest, in rest space. `moving` holds the vertices in world space at
+    each of the selected times, unless the mesh stands still or only moves with the carrier.
 
     Raises:
         InputErrors: All errors in the meshes.
@@ -69,6 +73,11 @@ def read(path: str, selection: Selection) -> tuple[Header, Arrays]:
     parts = gather(list(zip(prims, rests, strict=True)), lambda part: read_triangles(*part, notes))
     firsts = np.cumsum([0] + [len(points) for points, _ in parts])[:-1]
     vertices = np.concatenate([points for points, _ in parts])
+    space, from_world = RestSpace(None), selection.from_world
+    if from_world is None:
+        space = character_space(prims)
+        from_world = space.from_world(None if selection.time is None else Usd.TimeCode(selection.time))
+    vertices = apply(from_world, vertices)
     triangles = np.concatenate([corners + first for (_, corners), first in zip(parts, firsts, strict=True)])
     if not len(triangles):
         raise input_error(
@@ -91,7 +100,7 @@ def read(path: str, selection: Selection) -> tuple[Header, Arrays]:
         carrier = find(stage, selection.carrier) if selection.carrier else None
         if deforms(moving, carrier, codes, float(np.ptp(vertices, axis=0).max())):
             arrays["moving"] = ("f64", moving)
-    return {**header, "notes": notes}, arrays
+    return {**header, "notes": notes, "space": space.kind}, arrays
 
 
 def choose_time(prim: Usd.Prim, time: float | None) -> Usd.TimeCode:
@@ -178,6 +187,7 @@ def read_moving(prims: list[Usd.Prim], codes: list[float]) -> FloatArray:
 
     Skinned meshes are deformed: their points on the stage are overwritten.
     """
+    prims = [without_instances(prim) for prim in prims]
     skinned = (prim for prim in prims if UsdSkel.BindingAPI(prim).GetJointIndicesPrimvar().HasValue())
     for root in {UsdSkel.Root.Find(prim) for prim in skinned}:
         if root:

@@ -1,4 +1,4 @@
-"""The motion of a prim or of a joint over the time of a stage."""
+"""The motion of a prim or of a joint over all samples that a stage has of it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,20 +8,21 @@ from pxr import Usd, UsdGeom, UsdSkel
 
 from .errors import input_error
 from .exchange import Arrays, FloatArray, Header
-from .stage import (
-    NAMED,
-    all_of,
-    composition_notes,
-    convention,
-    find,
-    open_stage,
-    times_without_rest,
-    to_world,
-    xform_ops,
-)
+from .rest import RestSpace, counterpart, own_bind_space, rest_time, skeleton_of
+from .stage import NAMED, all_of, composition_notes, convention, find, open_stage, to_world, xform_ops
 
 MAX_SAMPLES = 1_000_000
 """Largest number of samples of a motion: as many as a bake may have frames."""
+
+
+@dataclass(frozen=True)
+class Rest:
+    """The space in which the rest pose is given."""
+
+    world: bool = False
+    """True for the world of the stage at rest, instead of the rest space of the character."""
+    stage: str | None = None
+    """Stage in which the head is at rest, if it is another."""
 
 
 @dataclass(frozen=True)
@@ -32,24 +33,29 @@ class Motion:
     pose: Callable[[Usd.TimeCode], FloatArray]
     """Matrix to world at a time, for column vectors, 4 × 4."""
     rest: FloatArray
-    """Matrix to world in the rest pose."""
+    """Matrix to the world of the stage in the rest pose."""
+    space: RestSpace
+    """Rest space of the character."""
     samples: list[float]
     """Time codes at which it is sampled, sorted."""
 
 
-def read(path: str, prim_path: str | None, joint: str | None) -> tuple[Header, Arrays]:
-    """Header and arrays of a motion: a matrix to world for each time code, and one for the rest pose.
+def read(path: str, prim_path: str | None, joint: str | None, rest: Rest) -> tuple[Header, Arrays]:
+    """Header and arrays of a motion: a matrix to world for each time code, and one to rest space at rest.
 
     Raises:
         InputErrors: There is no such motion.
     """
     stage = open_stage(path)
     header, notes = convention(stage), composition_notes(stage)
-    if joint is not None:
-        motion = joint_motion(find(stage, prim_path), joint, notes)
-    else:
-        motion = prim_motion(moving_prim(stage) if prim_path is None else find(stage, prim_path), notes)
-    codes = time_codes(stage, motion, notes)
+    motion = find_motion(stage, prim_path, joint, notes)
+    space = RestSpace(None) if rest.world else motion.space
+    from_world = space.from_world()
+    at_rest: FloatArray = from_world @ motion.rest
+    if rest.stage is not None:
+        at_rest = rest_in(rest.stage, motion, joint, notes, at_rest)
+        from_world = at_rest @ np.linalg.inv(motion.rest)
+    codes, shot = time_codes(stage, motion, notes)
     matrices = np.stack([motion.pose(Usd.TimeCode(code)) for code in codes])
     header |= {
         "notes": notes,
@@ -57,8 +63,63 @@ def read(path: str, prim_path: str | None, joint: str | None) -> tuple[Header, A
         "rate": stage.GetTimeCodesPerSecond(),
         "start": codes[0],
         "step": codes[1] - codes[0] if len(codes) > 1 else 1.0,
+        "shot": shot,
+        "space": space.kind,
     }
-    return header, {"matrix": ("f64", matrices), "rest": ("f64", motion.rest)}
+    arrays: Arrays = {
+        "matrix": ("f64", matrices),
+        "rest": ("f64", at_rest),
+        "from_world": ("f64", from_world),
+    }
+    return header, arrays
+
+
+def find_motion(stage: Usd.Stage, prim_path: str | None, joint: str | None, notes: list[str]) -> Motion:
+    """The motion of a joint, or of a prim.
+
+    Raises:
+        InputErrors: There is no such motion.
+    """
+    if joint is not None:
+        return joint_motion(find(stage, prim_path), joint, notes)
+    return prim_motion(moving_prim(stage) if prim_path is None else find(stage, prim_path), notes)
+
+
+def rest_in(
+    path: str, motion: Motion, joint: str | None, notes: list[str], default: FloatArray
+) -> FloatArray:
+    """Matrix of the rest pose to the world of another stage, in the unit and axes of the motion's own.
+
+    `default` if the other stage does not have the prim.
+
+    Raises:
+        InputErrors: The other stage cannot be read.
+    """
+    stage = open_stage(path)
+    other = counterpart(motion.prim, stage)
+    if other is None:
+        notes.append(
+            f"{motion.prim.GetPath()}: not in {path}; the rest pose is that of the motion's own stage"
+        )
+        return default
+    own = motion.prim.GetStage()
+    if joint is not None:
+        index = find_joint(motion.prim, joint)[2]
+        rest = joint_motion(other, str(UsdSkel.Skeleton(motion.prim).GetJointsAttr().Get()[index]), []).rest
+    else:
+        rest = prim_motion(other, []).rest
+    notes.append(f"the rest pose is that of {other.GetPath()} in {path}")
+    matrix: FloatArray = to_metres(own, inverse=True) @ to_metres(stage) @ rest
+    return matrix
+
+
+def to_metres(stage: Usd.Stage, inverse: bool = False) -> FloatArray:
+    """Matrix from the unit and axes of a stage to metres, Y up."""
+    matrix = np.eye(4)
+    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z:
+        matrix[:3, :3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]
+    matrix[:3, :3] *= UsdGeom.GetStageMetersPerUnit(stage)
+    return np.linalg.inv(matrix) if inverse else matrix
 
 
 def moving_prim(stage: Usd.Stage) -> Usd.Prim:
@@ -97,13 +158,17 @@ def prim_motion(prim: Usd.Prim, notes: list[str]) -> Motion:
             "a prim with a transform, or a joint of a skeleton",
             "name another prim",
         )
-    samples = {time for op in xform_ops(prim) for time in op.GetTimeSamples()}
     # The same rest pose as that of curves and meshes below it.
-    without_rest = times_without_rest(prim)
-    at = Usd.TimeCode(without_rest[0]) if without_rest else Usd.TimeCode.Default()
-    source = f"time code {without_rest[0]:g}" if without_rest else "the default time"
+    at = rest_time(prim)
+    source = "the default time" if at.IsDefault() else f"time code {at.GetValue():g}"
     notes.append(f"{prim.GetPath()}: the rest pose is that at {source}")
-    return Motion(prim, lambda time: to_world(prim, time), to_world(prim, at), sorted(samples))
+    space = RestSpace(skeleton_of(prim))
+    return Motion(prim, lambda time: to_world(prim, time), to_world(prim, at), space, transform_samples(prim))
+
+
+def transform_samples(prim: Usd.Prim) -> list[float]:
+    """Time samples of the transforms of a prim and its ancestors, sorted."""
+    return sorted({time for op in xform_ops(prim) for time in op.GetTimeSamples()})
 
 
 def joint_motion(root: Usd.Prim, joint: str, notes: list[str]) -> Motion:
@@ -116,7 +181,9 @@ def joint_motion(root: Usd.Prim, joint: str, notes: list[str]) -> Motion:
     animation = query.GetAnimQuery()
     if not animation:
         notes.append(f"{prim.GetPath()}: no animation is bound; its joints keep their rest pose")
-    samples = list(animation.GetJointTransformTimeSamples()) if animation else []
+    samples = set(transform_samples(prim))
+    if animation:
+        samples.update(animation.GetJointTransformTimeSamples())
 
     def pose(time: Usd.TimeCode) -> FloatArray:
         joints = query.ComputeJointSkelTransforms(time)
@@ -125,12 +192,13 @@ def joint_motion(root: Usd.Prim, joint: str, notes: list[str]) -> Motion:
 
     bind = UsdSkel.Skeleton(prim).GetBindTransformsAttr().Get()
     if bind and len(bind) > index:
-        # Bind transforms are in world space.
-        rest: FloatArray = np.array(bind[index], float).T
-    else:
-        notes.append(f"{prim.GetPath()}: no bind transforms; the rest pose is that of the first sample")
-        rest = pose(Usd.TimeCode(samples[0]) if samples else Usd.TimeCode.Default())
-    return Motion(prim, pose, rest, samples)
+        # Bind transforms are in their own space, which is that of the asset.
+        from_bind = to_world(prim, rest_time(prim)) @ np.linalg.inv(own_bind_space(prim))
+        rest: FloatArray = from_bind @ np.array(bind[index], float).T
+        return Motion(prim, pose, rest, RestSpace(prim), sorted(samples))
+    notes.append(f"{prim.GetPath()}: no bind transforms; the rest pose is that of the first sample")
+    first = pose(Usd.TimeCode(min(samples)) if samples else Usd.TimeCode.Default())
+    return Motion(prim, pose, first, RestSpace(None), sorted(samples))
 
 
 def find_joint(root: Usd.Prim, joint: str) -> tuple[Usd.Prim, UsdSkel.SkeletonQuery, int]:
@@ -146,35 +214,44 @@ def find_joint(root: Usd.Prim, joint: str) -> tuple[Usd.Prim, UsdSkel.SkeletonQu
         if skel_root:
             cache.Populate(skel_root, Usd.TraverseInstanceProxies())
     found: list[tuple[Usd.Prim, UsdSkel.SkeletonQuery, int]] = []
-    all_names: list[str] = []
+    all_paths: list[str] = []
     for prim in skeletons:
         query = cache.GetSkelQuery(UsdSkel.Skeleton(prim))
-        names = [str(name) for name in query.GetJointOrder()] if query else []
-        all_names += names
-        found += [
-            (prim, query, i) for i, name in enumerate(names) if joint in (name, name.rsplit("/", 1)[-1])
-        ]
-    if len(found) != 1:
-        names = [name.rsplit("/", 1)[-1] for name in all_names]
-        message = f"the name of {len(found)} joints" if found else "no such joint"
-        allowed = f"one of: {', '.join(names) or 'none'}"
-        raise input_error(joint, message, allowed, "name a joint, by its path if its name is not unique")
-    return found[0]
+        paths = [f"{prim.GetPath()}/{name}" for name in query.GetJointOrder()] if query else []
+        all_paths += paths
+        found += [(prim, query, i) for i, path in enumerate(paths) if is_named(path, joint)]
+    if len(found) == 1:
+        return found[0]
+    paths = [f"{prim.GetPath()}/{query.GetJointOrder()[i]}" for prim, query, i in found]
+    names = ", ".join(paths or [path.rsplit("/", 1)[-1] for path in all_paths]) or "none"
+    message = f"the name of {len(found)} joints" if found else "no such joint"
+    raise input_error(
+        joint,
+        message,
+        f"one of: {names}",
+        "give the whole path of the joint, or name the character with --prim" if found else "name a joint",
+    )
 
 
-def time_codes(stage: Usd.Stage, motion: Motion, notes: list[str]) -> list[float]:
-    """Evenly spaced time codes over the range of the stage, or else of the samples.
+def is_named(path: str, name: str) -> bool:
+    """True if `name` is the path of a joint, skeleton first, or its last components: `head`, `spine/head`."""
+    return path == name or (not name.startswith("/") and path.endswith(f"/{name}"))
 
-    The step is 1, or the smallest distance of samples if that is less.
+
+def time_codes(stage: Usd.Stage, motion: Motion, notes: list[str]) -> tuple[list[float], tuple[float, float]]:
+    """Evenly spaced time codes over all samples and over the range of the stage, and that range.
+
+    Shots have samples before their range, where the hair settles. The step is 1, or the smallest distance of
+    samples if that is less. Without a range the samples count.
 
     Raises:
-        InputErrors: There is no range of time codes, or it is too long.
+        InputErrors: There are neither samples nor a range, or it is too long.
     """
     samples, path = motion.samples, motion.prim.GetPath()
     if stage.HasAuthoredTimeCodeRange():
-        start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
+        shot = (stage.GetStartTimeCode(), stage.GetEndTimeCode())
     elif samples:
-        start, end = samples[0], samples[-1]
+        shot = (samples[0], samples[-1])
     else:
         raise input_error(
             path,
@@ -187,6 +264,9 @@ def time_codes(stage: Usd.Stage, motion: Motion, notes: list[str]) -> list[float
     gaps = np.diff(samples)
     finest = float(gaps.min()) if len(gaps) and gaps.min() > 1e-3 else 1.0
     step = finest if finest < 1 else 1.0
+    # On the grid of the range, and within the samples outside it.
+    before = np.floor(max(0.0, shot[0] - samples[0]) / step + 1e-6) if samples else 0.0
+    start, end = shot[0] - step * before, max([shot[1], *samples[-1:]])
     count = np.floor((end - start) / step + 1e-6) + 1
     if not np.isfinite(count) or not 1 <= count <= MAX_SAMPLES:
         raise input_error(
@@ -195,4 +275,4 @@ def time_codes(stage: Usd.Stage, motion: Motion, notes: list[str]) -> list[float
             f"1 to {MAX_SAMPLES} samples",
             "correct the range of the stage",
         )
-    return [start + step * i for i in range(int(count))]
+    return [start + step * i for i in range(int(count))], shot

@@ -143,6 +143,19 @@ def times_without_rest(prim: Usd.Prim) -> list[float]:
     return sorted(times)
 
 
+def without_instances(prim: Usd.Prim) -> Usd.Prim:
+    """The prim, which is no longer part of an instance: nothing can be written to those."""
+    stage, path = prim.GetStage(), prim.GetPath()
+    while prim.IsInstanceProxy():
+        instance = prim
+        while not instance.IsInstance():
+            instance = instance.GetParent()
+        with Usd.EditContext(stage, stage.GetSessionLayer()):
+            instance.SetInstanceable(False)
+        prim = stage.GetPrimAtPath(path)
+    return prim
+
+
 def apply(matrix: FloatArray, points: FloatArray) -> FloatArray:
     """Points (`n × 3`) under a matrix of `to_world`."""
     if np.array_equal(matrix, np.eye(4)):

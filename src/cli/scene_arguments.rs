@@ -90,7 +90,7 @@ impl SceneArguments {
         let [groom_file, anim_file, out] =
             [&self.groom, &self.anim, &self.output].map(|path| paths.map_path(path));
         let base = self.base.as_ref().map(|base| paths.map_path(base));
-        if base.as_deref().is_some_and(|base| is_same_folder(base, &out)) {
+        if base.as_deref().is_some_and(|base| crate::file::is_same(base, &out)) {
             let message = "--base and --output are the same folder; choose another with -o";
             return Err(Error::Usage(message.into()));
         }
@@ -222,10 +222,6 @@ impl Scene {
         }
         Ok(())
     }
-}
-
-fn is_same_folder(a: &Path, b: &Path) -> bool {
-    a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
 }
 
 fn check_frames(file: &Path, (first, last): (i32, i32), shot: (i32, i32)) -> Result<()> {

@@ -68,6 +68,7 @@ const VALIDATOR: Package = python_package!(
         "checks_files.py",
         "checks_frame.py",
         "checks_motion.py",
+        "checks_placement.py",
         "checks_stage.py",
         "checks_topology.py",
         "collider.py",

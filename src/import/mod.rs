@@ -39,6 +39,6 @@ pub use mesh_file::{ImportedMesh, read_mesh};
 pub use motion::JointSelector;
 pub use source::Source;
 pub use strand_file::{MIN_STRAND_LENGTH, StrandFileReport};
-pub use track::convert::{Track, root_centroid, track};
-pub use track::options::{ColliderMesh, RestPose, TrackOptions};
+pub use track::convert::{Track, track};
+pub use track::options::{ColliderMesh, RestPose, TrackGroom, TrackOptions};
 pub use track::report::TrackReport;

@@ -1,5 +1,6 @@
 //! The motion of a joint, as read from a file.
 
+use super::plain::Rest;
 use super::source::Source;
 use crate::scene::anim::file::PoseFile;
 use crate::scene::{Convention, UpAxis};
@@ -32,12 +33,23 @@ pub(super) struct Motion {
     pub(super) poses: Vec<PoseFile>,
     /// Pose of the joint in which the character was modelled, where the file has it.
     pub(super) bind: Option<PoseFile>,
-    /// Path of the USD prim whose motion this is.
-    pub(super) prim: Option<String>,
+    /// What only USD has.
+    pub(super) stage: Option<StageMotion>,
     /// Remarks for the artist.
     pub(super) notes: Vec<String>,
     /// What the artist should check.
     pub(super) warnings: Vec<String>,
+}
+
+/// What a USD stage tells of a motion.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct StageMotion {
+    /// Path of the prim whose motion this is, or of the skeleton.
+    pub(super) prim: String,
+    /// First and last time code of the shot; there may be samples before and after it.
+    pub(super) shot: [f64; 2],
+    /// The rest space of [`Motion::bind`].
+    pub(super) rest: Rest,
 }
 
 /// How a file numbers its frames.

@@ -7,16 +7,17 @@ use crate::scene::anim::file::PoseFile;
 use crate::scene::anim::motion_file::MotionFrame;
 use crate::scene::{self, Convention};
 use crate::{Error, Result};
+use std::path::Path;
 
 /// Reads a motion with the reader that the extension selects; a file with any other extension is read as
-/// JSON.
+/// JSON. `rest_of`: USD only, the stage whose rest pose counts; `None` for the rest space of the character.
 ///
 /// # Errors
 /// Every error in the file; [`Error::Usage`] if a joint or prim is selected in a file that has none.
-pub(super) fn read_motion(source: &Source, joint: &JointSelector) -> Result<Motion> {
+pub(super) fn read_motion(source: &Source, joint: &JointSelector, rest_of: Option<&Path>) -> Result<Motion> {
     source.check()?;
     match source.extension().as_deref() {
-        _ if source.is_usd() => formats::usd::motion::read(source, joint.name.as_deref()),
+        _ if source.is_usd() => formats::usd::motion::read(source, joint.name.as_deref(), rest_of),
         Some("bvh") => formats::bvh::parse(source, joint, &source.read()?),
         Some("gltf" | "glb") => formats::gltf::parse(source, joint, &source.read()?),
         _ if joint.name.is_some() => Err(Error::Usage(format!(
@@ -40,7 +41,7 @@ fn read_json(source: &Source) -> Result<Motion> {
         },
         poses: file.frames.iter().map(pose).collect(),
         bind: None,
-        prim: None,
+        stage: None,
         notes: Vec::new(),
         warnings: Vec::new(),
     })
@@ -53,6 +54,6 @@ mod tests {
     #[test]
     fn selecting_a_joint_in_a_json_file_is_a_usage_error() {
         let joint = JointSelector { name: Some("Head".into()), clip: None };
-        assert!(matches!(read_motion(&Source::new("walk.json"), &joint), Err(Error::Usage(_))));
+        assert!(matches!(read_motion(&Source::new("walk.json"), &joint, None), Err(Error::Usage(_))));
     }
 }

@@ -1,8 +1,8 @@
 //! The contents of strand and mesh files, in the file's unit and axes. Readers return these types.
 
 use crate::geometry::TriMesh;
-use crate::scene::{Curves, Factors, UpAxis};
-use nalgebra::Vector3;
+use crate::scene::{Curves, Factors, RestSpace, UpAxis};
+use nalgebra::{Matrix4, Vector3};
 
 /// The unit and up axis that a file declares.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -11,6 +11,14 @@ pub(super) struct Declared {
     pub(super) metres_per_unit: Option<f64>,
     /// Up axis.
     pub(super) up: Option<UpAxis>,
+}
+
+/// The rest space in which a file was read.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Rest {
+    pub(super) space: RestSpace,
+    /// USD only: matrix from the world of the stage at rest to rest space, in the stage's unit and axes.
+    pub(super) from_world: Option<Matrix4<f64>>,
 }
 
 /// The strands of a file.
@@ -27,6 +35,7 @@ pub(super) struct PlainStrands {
     /// Attributes per curve; empty where the file has none.
     pub(super) attributes: Vec<StrandAttributes>,
     pub(super) declared: Declared,
+    pub(super) rest: Rest,
     /// Remarks for the artist.
     pub(super) notes: Vec<String>,
 }
@@ -78,4 +87,7 @@ pub(super) struct SampleTimes {
     pub(super) count: usize,
     /// Path of a prim in the same file: a mesh that moves rigidly with it does not count as deforming.
     pub(super) carrier: Option<String>,
+    /// Matrix from the world of the stage at rest to the rest space of the head, if the motion is of the same
+    /// stage.
+    pub(super) from_world: Option<Matrix4<f64>>,
 }

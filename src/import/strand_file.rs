@@ -1,7 +1,7 @@
 //! Strand files, read to metres, Y up, and cleaned: unusable strands are dropped and counted.
 
 use super::formats;
-use super::plain::{PlainGroup, PlainStrands, StrandAttributes};
+use super::plain::{PlainGroup, PlainStrands, Rest, StrandAttributes};
 use super::source::Source;
 use super::units::{HAIR_SIZE, convention};
 use crate::scene::{Convention, Curves};
@@ -32,6 +32,7 @@ pub(super) struct CleanStrands {
     pub(super) attributes: AttributeMap,
     /// The groups of both; at least one.
     pub(super) groups: Vec<PlainGroup>,
+    pub(super) rest: Rest,
     pub(super) report: StrandFileReport,
 }
 
@@ -80,7 +81,7 @@ pub(super) fn read_strands(source: &Source, length_scale: f64) -> Result<CleanSt
         ..Default::default()
     };
     convert(&mut plain, source, convention, length_scale);
-    let PlainStrands { curves, guide, holds_guides, mut groups, attributes, .. } = plain;
+    let PlainStrands { curves, guide, holds_guides, mut groups, attributes, rest, .. } = plain;
     if groups.is_empty() {
         groups.push(PlainGroup { name: "hair".into(), width: None });
     }
@@ -95,7 +96,7 @@ pub(super) fn read_strands(source: &Source, length_scale: f64) -> Result<CleanSt
     }
     report.guides = guides.len();
     report.length[1] /= report.kept as f64;
-    Ok(CleanStrands { curves, guides, holds_guides, attributes, groups, report })
+    Ok(CleanStrands { curves, guides, holds_guides, attributes, groups, rest, report })
 }
 
 /// Reads a strand file with the reader that its extension selects.
@@ -229,6 +230,7 @@ impl fmt::Display for StrandFileReport {
              longest to shortest segment of a strand: up to {:.1}",
             self.segment_ratio
         )?;
+        writeln!(f, "  1 unit = {} m, {:?} up", self.convention.metres_per_unit, self.convention.up)?;
         if self.merged_vertices > 0 {
             writeln!(f, "  {} coincident vertices merged", self.merged_vertices)?;
         }

@@ -2,9 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-/// Frames read before the first and after the last frame of a bake, if there are files for them: the handle
+/// Frames read before the pre-roll and after the last frame of a bake, if there are files for them: the handle
 /// frame, and one more for its slope.
 const HANDLES: i32 = 2;
+
+/// Frames that a bake with a pre-roll of `preroll` seconds reads before its first, at `fps` a second.
+pub fn lead_in(fps: f64, preroll: f64) -> i32 {
+    ((fps * preroll).ceil() as i32).saturating_add(HANDLES)
+}
 
 /// The pattern of the file names: one run of `#`, a `#` for each digit of the frame number.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -34,15 +39,15 @@ impl FileSequence {
         folder.join(format!("{prefix}{frame:0digits$}{suffix}"))
     }
 
-    /// First and last frame to read for a bake of the frames `first` to `last`: up to [`HANDLES`] more at
-    /// either end, if there are files for them.
-    pub fn available_frames(&self, folder: &Path, (first, last): (i32, i32)) -> (i32, i32) {
-        let extend = |from: i32, sign: i32| {
+    /// First and last frame to read for a bake of the frames `first` to `last`: up to `lead` before and
+    /// [`HANDLES`] after them, if there are files for them.
+    pub fn available_frames(&self, folder: &Path, (first, last): (i32, i32), lead: i32) -> (i32, i32) {
+        let extend = |from: i32, sign: i32, most: i32| {
             let exists =
                 |k: &i32| from.checked_add(sign * k).is_some_and(|frame| self.path(folder, frame).is_file());
-            from.saturating_add(sign * (1..=HANDLES).take_while(exists).last().unwrap_or(0))
+            from.saturating_add(sign * (1..=most).take_while(exists).last().unwrap_or(0))
         };
-        (extend(first, -1), extend(last, 1))
+        (extend(first, -1, lead), extend(last, 1, HANDLES))
     }
 }
 
@@ -64,13 +69,14 @@ mod tests {
     }
 
     #[test]
-    fn up_to_two_more_frames_are_available_at_each_end() {
+    fn frames_of_the_preroll_and_two_after_the_last_are_available() {
         let folder = tempfile::tempdir().unwrap();
         let sequence = FileSequence::new("c##").unwrap();
         for frame in [1, 4, 5, 6, 7, 8, 9, 10] {
             std::fs::write(sequence.path(folder.path(), frame), "").unwrap();
         }
-        assert_eq!(sequence.available_frames(folder.path(), (5, 7)), (4, 9));
-        assert_eq!(sequence.available_frames(folder.path(), (2, 10)), (1, 10));
+        assert_eq!(sequence.available_frames(folder.path(), (5, 7), 9), (4, 9));
+        assert_eq!(sequence.available_frames(folder.path(), (2, 10), 9), (1, 10));
+        assert_eq!(sequence.available_frames(folder.path(), (9, 9), 3), (6, 10));
     }
 }

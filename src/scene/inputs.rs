@@ -1,6 +1,7 @@
 //! The files that a scene consists of.
 
-use super::file_sequence::FileSequence;
+use super::anim::Settings;
+use super::file_sequence::{FileSequence, lead_in};
 use super::format::Format;
 use super::load_options::{FILE_NAMES, LoadOptions};
 use crate::error::Result;
@@ -22,8 +23,10 @@ pub fn inputs(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<Vec<(&
         }
         let folder = doc.folder();
         let Some(frames) = doc.integer_pair("frames") else { continue };
+        let preroll = doc.number("/settings/preroll_s").unwrap_or(Settings::default().preroll);
+        let lead = lead_in(doc.number("/fps").unwrap_or_default(), preroll);
         for sequence in doc.strings("colliders", "/shape/sequence").filter_map(FileSequence::new) {
-            let (first, last) = sequence.available_frames(&folder, frames);
+            let (first, last) = sequence.available_frames(&folder, frames, lead);
             files.extend((first..=last).map(|frame| ("deformation", sequence.path(&folder, frame))));
         }
     }

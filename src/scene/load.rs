@@ -12,6 +12,7 @@ use super::json::key::Key;
 use super::json::pretty::pretty;
 use super::json::schema::schema_of;
 use super::load_options::LoadOptions;
+use super::placement;
 use crate::error::{Diagnostic, Error, Result};
 use std::path::Path;
 
@@ -44,11 +45,18 @@ pub fn load(groom: &Path, anim: &Path) -> Result<(Groom, Anim)> {
 /// # Errors
 /// As [`load`], and [`Error::Usage`] if a file has no place for an override.
 pub fn load_with(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<(Groom, Anim)> {
-    let loaded_groom = options.open(Format::Groom, groom).and_then(|doc| read_groom(doc, groom));
-    let loaded_anim = options.open(Format::Anim, anim).and_then(read_anim);
+    let groom_document = options.open(Format::Groom, groom);
+    let anim_document = options.open(Format::Anim, anim);
+    if let (Ok(first), Ok(second)) = (&groom_document, &anim_document) {
+        check_order(first, groom, second, anim)?;
+    }
+    let loaded_groom = groom_document.and_then(|doc| read_groom(doc, groom));
+    let loaded_anim = anim_document.and_then(read_anim);
     match (loaded_groom, loaded_anim) {
         (Ok(loaded_groom), Ok(loaded_anim)) => {
-            Error::if_any(check_ties(&loaded_groom, &loaded_anim, anim))?;
+            let mut diagnostics = check_ties(&loaded_groom, &loaded_anim, anim);
+            diagnostics.extend(placement::check(&loaded_groom, &loaded_anim, anim));
+            Error::if_any(diagnostics)?;
             Ok((loaded_groom, loaded_anim))
         }
         (Err(Error::BadInput(mut diagnostics)), Err(Error::BadInput(others))) => {
@@ -56,6 +64,25 @@ pub fn load_with(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<(Gr
             Err(Error::BadInput(diagnostics))
         }
         (Err(e), _) | (_, Err(e)) => Err(e),
+    }
+}
+
+/// Checks that the first file is no animation and the second no groom.
+fn check_order(first: &Document, groom: &Path, second: &Document, anim: &Path) -> Result<()> {
+    let is = |doc: &Document, name: &str| doc.string("format") == Some(name);
+    let swapped = |file: &Path, found: &str, wanted: &str| {
+        Error::from(Diagnostic::new(
+            file,
+            "format",
+            format!("the file is {found}, where {wanted} is expected"),
+            "the groom first, then the animation",
+            "swap the two files",
+        ))
+    };
+    match (is(first, "hairbake-anim"), is(second, "hairbake-groom")) {
+        (true, _) => Err(swapped(groom, "an animation", "a groom")),
+        (_, true) => Err(swapped(anim, "a groom", "an animation")),
+        _ => Ok(()),
     }
 }
 
@@ -82,26 +109,39 @@ fn check_ties(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
     diagnostics
 }
 
-/// All errors in the files `paths`, grooms and animations in any order, distinguished by their `format`.
+/// All errors in the files `paths`, grooms and animations in any order, distinguished by their `format`. If
+/// all are right, each groom is compared with each animation.
 ///
 /// # Errors
 /// [`Error::Io`] if a file cannot be read.
 pub fn check(paths: &[&Path]) -> Result<Vec<Diagnostic>> {
-    let mut diagnostics = Vec::new();
+    let (mut diagnostics, mut grooms, mut anims) = (Vec::new(), Vec::new(), Vec::new());
     for path in paths {
-        match Document::open(path).and_then(|doc| check_document(doc, path)) {
-            Ok(()) => {}
+        match Document::open(path).and_then(|doc| read_any(doc, path)) {
+            Ok(Checked::Groom(groom)) => grooms.push(groom),
+            Ok(Checked::Anim(anim)) => anims.push((anim, *path)),
             Err(Error::BadInput(found)) => diagnostics.extend(found),
             Err(e) => return Err(e),
+        }
+    }
+    if diagnostics.is_empty() {
+        for (anim, path) in &anims {
+            diagnostics.extend(grooms.iter().flat_map(|groom| placement::check(groom, anim, path)));
         }
     }
     Ok(diagnostics)
 }
 
-fn check_document(mut doc: Document, path: &Path) -> Result<()> {
+/// A file that was read.
+enum Checked {
+    Groom(Box<Groom>),
+    Anim(Box<Anim>),
+}
+
+fn read_any(mut doc: Document, path: &Path) -> Result<Checked> {
     match doc.string("format") {
-        Some("hairbake-anim") => read_anim(doc).map(drop),
-        Some("hairbake-groom") => read_groom(doc, path).map(drop),
+        Some("hairbake-anim") => read_anim(doc).map(Box::new).map(Checked::Anim),
+        Some("hairbake-groom") => read_groom(doc, path).map(Box::new).map(Checked::Groom),
         other => {
             let message = match other {
                 Some(name) => format!("unknown format \"{name}\""),

@@ -12,12 +12,14 @@ mod keyframes;
 mod load;
 mod load_options;
 mod obj;
+mod origin;
+pub(crate) mod placement;
 pub(crate) mod track;
 
 pub(crate) use anim::motion_file::load_motion;
 pub use anim::{Anim, AnimFile, Body, Collider, Settings};
 pub use convention::{Convention, UpAxis};
-pub(crate) use file_sequence::FileSequence;
+pub(crate) use file_sequence::{FileSequence, lead_in};
 pub use format::Format;
 pub use groom::{Curves, Factors, Groom, Group, Guides, Material, RodSection, Section, Strands, Tree, Wisp};
 pub use inputs::inputs;
@@ -25,6 +27,7 @@ pub use json::array::{Array, BufferFile, ElementType, View};
 pub(crate) use json::former_names::former_name;
 pub use load::{check, load, load_anim, load_groom, load_with, schema};
 pub use load_options::{LoadOptions, Override, PathMap};
+pub use origin::{Origin, RestSpace};
 
 #[cfg(test)]
 mod tests;

@@ -9,12 +9,13 @@ from .checks_clips import CLIP_CHECKS
 from .checks_files import CHECKSUMS, FILES, checksums
 from .checks_frame import FRAME, FRAMES
 from .checks_motion import MOTION
+from .checks_placement import PLACEMENTS
 from .checks_stage import STAGE
 from .checks_topology import CURVE_DATA
 from .report import Check, Finding, Report
 from .window import Reference, Window
 
-STATIC = {**FILES, **STAGE, **CURVE_DATA, **CLIP_CHECKS}
+STATIC = {**FILES, **STAGE, **CURVE_DATA, **CLIP_CHECKS, **PLACEMENTS}
 """The checks of static data and their functions, without CHECKSUMS."""
 
 CHECKS: list[Check] = [*STATIC, CHECKSUMS, *FRAME, *MOTION]

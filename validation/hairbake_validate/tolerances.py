@@ -92,6 +92,11 @@ VELOCITY_PEAK_M_S = 4.0
 # There-and-back jump of a render strand within two frames, in the space of the head, beyond the largest of
 # the guides that it follows, m. A landing at 24 frames a second takes guides there and back by up to 6 cm;
 # strands that are longer or bend otherwise go up to 2.3 cm beyond them, and up to 3.7 cm in a spin at 20
-# rad/s. Strands that left their guides went
-# 15 cm.
+# rad/s. Strands that left their guides went 15 cm.
 POP_M = 0.04
+
+# Distance of the median root from a skin beyond which it is not where the hair grows, m, and as a share of
+# the diagonal of the roots' bounding box: 5 cm on a human head. Production roots are within millimetres of
+# the skin, within a centimetre of a coarse collider. A character placed elsewhere is off by metres.
+OFF_SKIN_M = 0.02
+OFF_SKIN_SHARE = 0.15

@@ -187,6 +187,7 @@ pub fn run(arguments: GroomArguments) -> Result<()> {
     let output = arguments.output.clone();
     let head = arguments.head.as_ref().map(import::read_mesh).transpose()?;
     let mut options = arguments.options();
+    options.folder = output_file::folder(&output).to_path_buf();
     if let Some(head) = head {
         head.notes.iter().for_each(|note| console::say(note));
         options.scalp = Some(head.mesh);
@@ -213,6 +214,7 @@ impl GroomArguments {
         let generation = Generation::default();
         GroomOptions {
             name: self.name.unwrap_or(default.name),
+            folder: default.folder,
             guides: default.guides,
             strands: self.render.map(offset),
             scalp: None,

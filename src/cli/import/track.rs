@@ -3,7 +3,7 @@
 use crate::cli::frame_list::frame_range;
 use crate::cli::{console, output_file, values};
 use crate::error::Result;
-use crate::import::{self, ColliderMesh, JointSelector, RestPose, Source, TrackOptions};
+use crate::import::{self, ColliderMesh, JointSelector, RestPose, Source, TrackGroom, TrackOptions};
 use crate::scene::anim::file::Pops;
 use crate::scene::{UpAxis, load_groom};
 use clap::{Args, ValueEnum};
@@ -14,7 +14,7 @@ const EXAMPLES: &str = "\
 Examples:
   hairbake import track walk.json --groom groom.json --collider bust.obj:cm -o anim.json
   hairbake import track walk.json --groom groom.json --collider shirt.####.obj -o anim.json
-  hairbake import track shot.usd --prim /char/head --collider shot.usd:/char/body -o anim.json
+  hairbake import track shot.usd --joint head --groom groom.json --collider shot.usd:/char/body -o anim.json
   hairbake import track walk.bvh --joint Head --units in --groom groom.json -o anim.json
   hairbake import track mocap.json --pivot 0,1.62,0.02 --fps 24 --rest first -o anim.json";
 
@@ -35,7 +35,8 @@ pub struct TrackArguments {
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
 
-    /// Joint to follow: a BVH or USD skeleton joint or a glTF node, by name; in USD also by path
+    /// Joint to follow: a BVH or USD skeleton joint or a glTF node, by name; in USD also by its path or the end
+    /// of it, as in /world/hero/rig/spine/head
     #[arg(long, value_name = "NAME", help_heading = MOTION)]
     joint: Option<String>,
     /// glTF animation, by name or number [default: the first]
@@ -77,11 +78,14 @@ pub struct TrackArguments {
     /// else 0,0,0]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::vector, allow_hyphen_values = true, help_heading = REST)]
     pivot: Option<Vector3<f64>>,
-    /// Groom whose roots give the pivot
-    #[arg(long, value_name = "FILE", conflicts_with = "pivot", help_heading = REST)]
+    /// Groom that the head carries: its roots are compared with the colliders
+    ///
+    /// If it comes from a USD stage, the rest pose is that of the head there. For other motions its roots give
+    /// the pivot.
+    #[arg(long, value_name = "FILE", help_heading = REST)]
     groom: Option<PathBuf>,
-    /// Orientation of the joint in the modelled head [default: bind if the file has one and no pivot is
-    /// given, else world]
+    /// Orientation of the joint in the modelled head [default: bind if the file has one and neither --pivot
+    /// nor, outside USD, --groom is given; else world]
     #[arg(long, value_enum, value_name = "POSE", help_heading = REST)]
     rest: Option<RestName>,
 
@@ -126,11 +130,11 @@ enum RestName {
 /// Imports a track.
 pub fn run(arguments: &TrackArguments) -> Result<()> {
     let output = &arguments.output;
-    let pivot = match (&arguments.groom, arguments.pivot) {
-        (Some(groom), _) => Some(import::root_centroid(&load_groom(groom)?)),
-        (None, pivot) => pivot,
+    let groom = match &arguments.groom {
+        Some(file) => Some(TrackGroom::new(&load_groom(file)?, output_file::folder(file))),
+        None => None,
     };
-    let track = import::track(&arguments.options(pivot))?;
+    let track = import::track(&TrackOptions { groom, ..arguments.options() })?;
     output_file::create_folder(output)?;
     track.write(output)?;
     console::say(track.report.to_string().trim_end());
@@ -139,7 +143,7 @@ pub fn run(arguments: &TrackArguments) -> Result<()> {
 }
 
 impl TrackArguments {
-    fn options(&self, pivot: Option<Vector3<f64>>) -> TrackOptions {
+    fn options(&self) -> TrackOptions {
         let motion = Source {
             metres_per_unit: self.units,
             up: self.up,
@@ -154,7 +158,7 @@ impl TrackArguments {
         TrackOptions {
             fps: self.fps,
             frames: self.frames.map(<[i32; 2]>::from),
-            pivot,
+            pivot: self.pivot,
             rest: self.rest.map(|rest| match rest {
                 RestName::Bind => RestPose::Bind,
                 RestName::World => RestPose::World,

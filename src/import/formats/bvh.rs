@@ -73,7 +73,7 @@ pub(crate) fn parse(source: &Source, joint: &JointSelector, bytes: &[u8]) -> Res
         convention,
         poses: rows.iter().map(|row| pose(&bones, &chain, row)).collect(),
         bind: Some(PoseFile { translation: rest.into(), rotation_wxyz: [1.0, 0.0, 0.0, 0.0] }),
-        prim: None,
+        stage: None,
         notes,
         warnings,
     })

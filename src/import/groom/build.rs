@@ -158,6 +158,7 @@ pub(crate) fn build(
     let groom = Groom {
         name: name.into(),
         notes: Vec::new(),
+        origin: None,
         convention,
         materials: vec![options.material.clone()],
         groups: vec![Group { name: "hair".into(), material: 0, width }],

@@ -9,7 +9,8 @@ use super::scalp::Scalp;
 use super::sections::Sections;
 use crate::import::plain::{PlainGroup, StrandAttributes};
 use crate::import::strand_file::{AttributeMap, CleanStrands, read_strands};
-use crate::scene::{Curves, Factors, Groom, Group, Tree};
+use crate::import::track::colliders::relative;
+use crate::scene::{Curves, Factors, Groom, Group, Origin, Tree};
 use crate::{Error, Result};
 
 /// Makes a groom from strand files.
@@ -21,6 +22,12 @@ pub fn groom(options: &GroomOptions) -> Result<(Groom, GroomReport)> {
     let (mut input, separate) = read_files(options)?;
     let scalp = options.scalp.as_ref().and_then(Scalp::new);
     let convention = input.report.convention;
+    let origin = Origin {
+        file: relative(&options.guides.path, &options.folder)?,
+        prim: options.guides.prim.clone(),
+        time: options.guides.time,
+        space: input.rest.space,
+    };
     let attributes = std::mem::take(&mut input.attributes);
     let mut groups = std::mem::take(&mut input.groups);
     let mut sources = vec![input.report.clone()];
@@ -46,6 +53,7 @@ pub fn groom(options: &GroomOptions) -> Result<(Groom, GroomReport)> {
     }
     let (mut groom, fit) =
         build(&options.name, convention, &choice.guides, strands.as_ref(), scalp.as_ref(), &build_options);
+    groom.origin = Some(origin);
     groom.guides.factors = factors(&attributes, choice.guides_are_marked, &choice.guides.id);
     let default_width = groom.groups[0].width;
     let group = |PlainGroup { name, width }| Group {
@@ -199,6 +207,7 @@ mod tests {
             holds_guides,
             attributes: AttributeMap::new(),
             groups: Vec::new(),
+            rest: Default::default(),
             report: crate::import::StrandFileReport { length: [0.1; 3], ..Default::default() },
         };
         let options = GroomOptions { guide_count: wanted, ..GroomOptions::new(Source::new("a")) };

@@ -4,6 +4,7 @@ use super::build::BuildOptions;
 use crate::geometry::TriMesh;
 use crate::import::source::Source;
 use crate::{Error, Result};
+use std::path::PathBuf;
 
 /// By default all strands become guides if the file has at most this many.
 pub const ALL_GUIDES_UP_TO: usize = 1000;
@@ -15,6 +16,8 @@ pub const DEFAULT_GUIDES: usize = 500;
 pub struct GroomOptions {
     /// Name of the groom.
     pub name: String,
+    /// Folder in which the groom will be written; the path of its origin is relative to it.
+    pub folder: PathBuf,
     /// The strands from which guides are chosen. They become render strands unless they are guides only.
     pub guides: Source,
     /// A separate file of render strands.
@@ -39,6 +42,7 @@ impl GroomOptions {
         let name = guides.path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
         GroomOptions {
             name,
+            folder: PathBuf::new(),
             guides,
             strands: None,
             scalp: None,

@@ -98,7 +98,7 @@ impl Colliders {
 }
 
 /// The path of a file relative to `folder`, with forward slashes.
-fn relative(path: &Path, folder: &Path) -> Result<String> {
+pub(in crate::import) fn relative(path: &Path, folder: &Path) -> Result<String> {
     let (path, folder) = (absolute(path)?, absolute(folder)?);
     let shared = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
     let up = folder.components().skip(shared).map(|_| "..".to_string());

@@ -1,7 +1,7 @@
 //! Makes an animation from a motion file and collider meshes.
 
-use super::colliders::{Colliders, WORLD};
-use super::options::{RestPose, TrackOptions};
+use super::colliders::{Colliders, WORLD, relative};
+use super::options::{RestPose, TrackGroom, TrackOptions};
 use super::report::{TrackPop, TrackReport};
 use super::timing::{DEFAULT_FIRST_FRAME, Timing};
 use crate::import::mesh_file::{ImportedMesh, read_deforming_mesh};
@@ -9,10 +9,11 @@ use crate::import::motion::{Motion, rotation};
 use crate::import::motion_file::read_motion;
 use crate::import::source::Source;
 use crate::scene::anim::file::{BodyFile, Pops, PoseFile, TrackFile};
+use crate::scene::placement::Skin;
 use crate::scene::track::{Pop, find_pops};
-use crate::scene::{AnimFile, Groom};
+use crate::scene::{AnimFile, Origin, RestSpace};
 use crate::{Diagnostic, Error, Result};
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use std::path::{Path, PathBuf};
 
 /// An animation and the mesh files that belong to it.
@@ -37,12 +38,6 @@ impl Track {
         }
         self.anim.write(path)
     }
-}
-
-/// Mean root position of a groom's guides, m, rest space: the default pivot.
-pub fn root_centroid(groom: &Groom) -> Vector3<f64> {
-    let guides = &groom.guides.curves;
-    (0..guides.len()).map(|c| guides.curve(c)[0]).sum::<Vector3<f64>>() / guides.len().max(1) as f64
 }
 
 /// Makes an animation from a motion file. Its first sample is the first frame, unless the file numbers its
@@ -75,11 +70,15 @@ pub fn track(options: &TrackOptions) -> Result<Track> {
         warnings: motion.warnings.clone(),
     };
     report.add_warnings(options);
+    let origin = origin(options, &motion, kind)?;
+    if let Some(groom) = &options.groom {
+        check_placement(options, groom, &motion, &timing, rest, &meshes, &origin, &mut report)?;
+    }
 
     let mut anim = AnimFile::new(timing.fps, timing.frames);
     anim.metres_per_unit = motion.convention.metres_per_unit;
     anim.up_axis = motion.convention.up;
-    anim.bodies = vec![head(options, &motion, &timing, rest)];
+    anim.bodies = vec![head(options, &motion, &timing, rest, origin)];
     if colliders.any_deforms() {
         anim.bodies.push(BodyFile { name: WORLD.into(), track: None });
     }
@@ -101,7 +100,8 @@ impl Inputs {
     /// # Errors
     /// The errors of all files in one report.
     fn read(options: &TrackOptions) -> Result<Self> {
-        let motion = read_motion(&options.motion, &options.joint);
+        let rest_of = options.groom.as_ref().and_then(TrackGroom::rest_stage);
+        let motion = read_motion(&options.motion, &options.joint, rest_of.as_deref());
         let timing = match &motion {
             Ok(motion) => Some(Timing::new(options, motion)?),
             Err(_) => None,
@@ -162,11 +162,14 @@ fn track_pop(pop: &Pop, timing: &Timing, rate: f64) -> TrackPop {
 /// The pose of the joint that corresponds to the head as modelled, in the file's unit and axes; `first` is
 /// the first sample that the track follows.
 fn rest_pose(options: &TrackOptions, motion: &Motion, first: usize) -> Result<(RestPose, PoseFile)> {
+    // The rest pose of a motion capture has nothing to do with a groom.
+    let same_asset = options.groom.is_none() || motion.stage.is_some();
     let kind = options.rest.unwrap_or(match (motion.bind, options.pivot) {
-        (Some(_), None) => RestPose::Bind,
+        (Some(_), None) if same_asset => RestPose::Bind,
         _ => RestPose::World,
     });
-    let pivot = motion.convention.length_out(options.pivot.unwrap_or_default()).into();
+    let pivot = options.pivot.or(options.groom.as_ref().map(|groom| groom.centroid)).unwrap_or_default();
+    let pivot = motion.convention.length_out(pivot).into();
     let pose = match (kind, motion.bind) {
         (RestPose::Bind, Some(bind)) => bind,
         (RestPose::Bind, None) => {
@@ -189,8 +192,71 @@ fn rest_pose(options: &TrackOptions, motion: &Motion, first: usize) -> Result<(R
     Ok((kind, pose))
 }
 
+/// Where the rest pose comes from.
+fn origin(options: &TrackOptions, motion: &Motion, kind: RestPose) -> Result<Origin> {
+    let bind = motion.stage.as_ref().filter(|_| kind == RestPose::Bind);
+    Ok(Origin {
+        file: relative(&options.motion.path, &options.folder)?,
+        prim: motion.stage.as_ref().map(|stage| stage.prim.clone()),
+        time: None,
+        space: bind.map_or(RestSpace::World, |stage| stage.rest.space),
+    })
+}
+
+/// Compares the roots of the groom with the colliders, and reports the distances.
+///
+/// # Errors
+/// They cannot be in one space.
+#[expect(clippy::too_many_arguments, reason = "what a track is made of")]
+fn check_placement(
+    options: &TrackOptions,
+    groom: &TrackGroom,
+    motion: &Motion,
+    timing: &Timing,
+    rest: PoseFile,
+    meshes: &[(Source, ImportedMesh)],
+    origin: &Origin,
+    report: &mut TrackReport,
+) -> Result<()> {
+    let first = timing.frames[0];
+    let sample = (f64::from(first) - timing.first_sample) / timing.fps * motion.rate;
+    let now = motion.poses[(sample.round().max(0.0) as usize).min(motion.poses.len() - 1)];
+    let pose = |p: PoseFile| motion.convention.pose_in(p.translation.into(), rotation(p.rotation_wxyz));
+    let to_rest = pose(rest) * pose(now).inverse();
+    let skins: Vec<Skin> = options
+        .colliders
+        .iter()
+        .zip(meshes)
+        .map(|(mesh, (file, read))| {
+            let index = (first - timing.first_mesh_frame()) as usize;
+            let sequence = (mesh.source != *file).then_some(&read.mesh.vertices);
+            let moving = read.samples.get(index).or(sequence);
+            let to_rest = |x: &Vector3<f64>| (to_rest * Point3::from(*x)).coords;
+            Skin {
+                name: &mesh.name,
+                rest: &read.mesh,
+                first: moving.map(|v| v.iter().map(to_rest).collect()),
+            }
+        })
+        .collect();
+    for skin in &skins {
+        let vertices = skin.first.as_ref().unwrap_or(&skin.rest.vertices);
+        let distances = groom.roots.distances(vertices, &skin.rest.triangles);
+        report.notes.push(format!("collider {}: {distances} from the roots in frame {first}", skin.name));
+    }
+    let found = groom.roots.check(&skins);
+    let file = &options.motion.path;
+    Error::if_any(found.iter().map(|f| f.diagnostic(file, groom.origin.as_ref(), Some(origin))).collect())
+}
+
 /// The body of the head.
-fn head(options: &TrackOptions, motion: &Motion, timing: &Timing, rest: PoseFile) -> BodyFile {
+fn head(
+    options: &TrackOptions,
+    motion: &Motion,
+    timing: &Timing,
+    rest: PoseFile,
+    origin: Origin,
+) -> BodyFile {
     let Motion { rate, poses, .. } = motion;
     let starts_at_first_frame = timing.first_sample == f64::from(timing.frames[0]);
     let defaults = TrackFile::default();
@@ -202,6 +268,7 @@ fn head(options: &TrackOptions, motion: &Motion, timing: &Timing, rest: PoseFile
             translation: Some(poses.iter().map(|p| p.translation).collect::<Vec<_>>().into()),
             rotation_wxyz: Some(poses.iter().map(|p| p.rotation_wxyz).collect::<Vec<_>>().into()),
             rest: Some(rest),
+            origin: Some(origin),
             smoothing_hz: options.smoothing_hz.unwrap_or(defaults.smoothing_hz),
             pops: options.pops,
             ..defaults
@@ -214,7 +281,6 @@ mod tests {
     use super::*;
     use crate::import::track::options::ColliderMesh;
     use crate::scene::load_anim;
-    use nalgebra::Point3;
 
     /// `n` samples at 48 per second of a head that moves 1 cm along x and turns 1.5° about y per sample,
     /// starting at 90°.

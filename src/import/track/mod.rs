@@ -1,6 +1,6 @@
 //! Makes an animation from the motion of a joint and the meshes that the hair collides with.
 
-mod colliders;
+pub(super) mod colliders;
 pub(super) mod convert;
 pub(super) mod options;
 pub(super) mod report;

@@ -2,8 +2,9 @@
 
 use crate::import::motion::JointSelector;
 use crate::import::source::Source;
-use crate::scene::FileSequence;
 use crate::scene::anim::file::Pops;
+use crate::scene::placement::Roots;
+use crate::scene::{FileSequence, Groom, Origin, RestSpace};
 use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
 
@@ -62,6 +63,35 @@ impl ColliderMesh {
     }
 }
 
+/// What a track needs of the groom that its head carries.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrackGroom {
+    /// Mean root position of the guides, m, rest space.
+    pub(super) centroid: Vector3<f64>,
+    pub(super) roots: Roots,
+    pub(super) origin: Option<Origin>,
+    /// Folder of the groom file, from which the path of its origin starts.
+    folder: PathBuf,
+}
+
+impl TrackGroom {
+    /// Of a groom read from a file in `folder`.
+    pub fn new(groom: &Groom, folder: &Path) -> Self {
+        let all = &groom.guides.curves;
+        let centroid = all.roots().sum::<Vector3<f64>>() / all.len().max(1) as f64;
+        let folder = folder.to_path_buf();
+        TrackGroom { centroid, roots: Roots::of(groom), origin: groom.origin.clone(), folder }
+    }
+
+    /// The USD stage whose world at rest is the groom's rest space; `None` if that is another space, or if
+    /// the stage no longer exists.
+    pub(super) fn rest_stage(&self) -> Option<PathBuf> {
+        let origin = self.origin.as_ref().filter(|origin| origin.space == RestSpace::World)?;
+        let stage = Source::new(self.folder.join(&origin.file));
+        (stage.is_usd() && stage.path.is_file()).then_some(stage.path)
+    }
+}
+
 /// What [`track`](super::convert::track) imports.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackOptions {
@@ -76,10 +106,13 @@ pub struct TrackOptions {
     /// First and last frame; `None` for the frames of the file, or 1001 to the end of the motion if it
     /// numbers none.
     pub frames: Option<[i32; 2]>,
-    /// Position of the joint in the head as modelled, m, Y up, rest space; `None` for the origin.
+    /// The groom that the head carries, if it is known.
+    pub groom: Option<TrackGroom>,
+    /// Position of the joint in the head as modelled, m, Y up, rest space; `None` for the centre of the roots
+    /// of `groom`, or the origin.
     pub pivot: Option<Vector3<f64>>,
-    /// Pose of the head as modelled; `None` for [`RestPose::Bind`] if the file has a rest pose and no pivot
-    /// is given, else [`RestPose::World`].
+    /// Pose of the head as modelled; `None` for [`RestPose::Bind`] if the file has a rest pose, no pivot is
+    /// given, and the groom, if it is known, may come from the same asset (USD); else [`RestPose::World`].
     pub rest: Option<RestPose>,
     /// Meshes that the hair collides with.
     pub colliders: Vec<ColliderMesh>,
@@ -98,6 +131,7 @@ impl TrackOptions {
             folder: folder.into(),
             fps: None,
             frames: None,
+            groom: None,
             pivot: None,
             rest: None,
             colliders: Vec::new(),

@@ -4,13 +4,14 @@ use super::options::TrackOptions;
 use crate::import::motion::Motion;
 use crate::import::plain::SampleTimes;
 use crate::import::source::Source;
+use crate::scene::{Settings, lead_in};
 use crate::{Diagnostic, Error, Result};
 
 /// Default first frame of a bake.
 pub(super) const DEFAULT_FIRST_FRAME: i32 = 1001;
 /// Default frames per second of a bake.
 const DEFAULT_FPS: f64 = 24.0;
-/// Most frames before the first and after the last at which deforming meshes are sampled, for their velocity.
+/// Most frames after the last at which deforming meshes are sampled, for their velocity.
 const HANDLES: i32 = 2;
 /// Tolerance for frame numbers computed in floating point, frames.
 const FRAME_TOLERANCE: f64 = 1e-6;
@@ -46,7 +47,13 @@ impl Timing {
         let last_sample = first_sample + span;
         let covered =
             [(first_sample - FRAME_TOLERANCE).ceil() as i32, (last_sample + FRAME_TOLERANCE).floor() as i32];
-        let frames = options.frames.unwrap_or(covered);
+        // A stage may have samples before and after its shot.
+        let shot = motion.numbering.zip(motion.stage.as_ref()).map(|(n, stage)| {
+            let [first, last] = stage.shot.map(|code| code / n.rate * fps);
+            let first = (first - FRAME_TOLERANCE).ceil() as i32;
+            [first.max(covered[0]), ((last + FRAME_TOLERANCE).floor() as i32).min(covered[1])]
+        });
+        let frames = options.frames.or(shot).unwrap_or(covered);
         if frames[0] > frames[1] || frames[0] < covered[0] || frames[1] > covered[1] {
             return Err(not_covered(options, frames, covered));
         }
@@ -54,15 +61,14 @@ impl Timing {
         Ok(Timing { fps, frames, first_sample, last_sample, codes_per_frame })
     }
 
-    /// First frame at which a deforming mesh is sampled: up to [`HANDLES`] frames before the bake, within the
-    /// motion.
+    /// First frame at which a deforming mesh is sampled: that of the pre-roll, within the motion.
     pub(super) fn first_mesh_frame(&self) -> i32 {
         let before = self.frames[0] - (self.first_sample - FRAME_TOLERANCE).ceil() as i32;
-        self.frames[0] - before.clamp(0, HANDLES)
+        self.frames[0] - before.clamp(0, lead_in(self.fps, Settings::default().preroll))
     }
 
-    /// Time codes at which a deforming USD mesh is sampled: the frames of the bake and up to [`HANDLES`] more
-    /// at each end, within the motion.
+    /// Time codes at which a deforming USD mesh is sampled: the frames of the bake, of its pre-roll, and up
+    /// to [`HANDLES`] more, within the motion.
     pub(super) fn mesh_times(
         &self,
         options: &TrackOptions,
@@ -71,12 +77,14 @@ impl Timing {
     ) -> SampleTimes {
         let [first, last] = [self.first_mesh_frame(), self.frames[1]];
         let after = ((self.last_sample + FRAME_TOLERANCE).floor() as i32 - last).clamp(0, HANDLES);
-        let same_stage = mesh.path == options.motion.path && options.joint.name.is_none();
+        let same_stage = mesh.path == options.motion.path;
+        let stage = motion.and_then(|motion| motion.stage.as_ref()).filter(|_| same_stage);
         SampleTimes {
             start: f64::from(first) * self.codes_per_frame,
             step: self.codes_per_frame,
             count: (last + after - first + 1) as usize,
-            carrier: motion.and_then(|m| m.prim.clone()).filter(|_| same_stage),
+            carrier: stage.map(|stage| stage.prim.clone()).filter(|_| options.joint.name.is_none()),
+            from_world: stage.and_then(|stage| stage.rest.from_world),
         }
     }
 }

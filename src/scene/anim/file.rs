@@ -6,6 +6,7 @@ use crate::error::Result;
 use crate::scene::convention::UpAxis;
 use crate::scene::json::array::{Array, BufferFile};
 use crate::scene::json::pretty::write_json;
+use crate::scene::origin::Origin;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -113,6 +114,9 @@ pub struct TrackFile {
     /// Pose of the joint in the rest space, in which groom and head were modelled. Default: its origin.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rest: Option<PoseFile>,
+    /// Where the rest pose comes from.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub origin: Option<Origin>,
     /// Cutoff of the low-pass filter against tracker noise, Hz: half of the amplitude passes at this
     /// frequency. Lower is smoother and rounds sharp turns. Default 12, which keeps head motion and removes
     /// the jitter of motion capture. 0, or a cutoff not below half the sample rate, turns the filter off.
@@ -240,9 +244,9 @@ pub enum ShapeFile {
         /// Path of the file, relative to the folder of this file: the mesh for which the groom was drawn.
         file: String,
         /// For a deforming mesh: path of OBJ files with the faces of `file`, one per frame of the bake, with
-        /// # for each digit of the frame number (cloth.####.obj), relative to the folder of this file. Up to
-        /// two frames before the first and after the last are read too, if there are files for them. Default:
-        /// the mesh is rigid.
+        /// # for each digit of the frame number (cloth.####.obj), relative to the folder of this file. The
+        /// frames of the pre-roll and two after the last are read too, as far as there are files for them.
+        /// Default: the mesh is rigid.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sequence: Option<String>,
         /// Metres per unit of the mesh. Default: as in this file.
@@ -374,6 +378,7 @@ impl Default for TrackFile {
             translation: None,
             rotation_wxyz: None,
             rest: None,
+            origin: None,
             smoothing_hz: 12.0,
             pops: Pops::Error,
         }

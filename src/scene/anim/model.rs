@@ -3,6 +3,7 @@
 use super::settings::Settings;
 use crate::geometry::{Deformation, Friction, Shape};
 use crate::scene::keyframes::Keyframes;
+use crate::scene::origin::Origin;
 use crate::scene::track::Track;
 use nalgebra::{Isometry3, Vector3};
 use std::sync::Arc;
@@ -42,6 +43,8 @@ pub struct Body {
     pub name: String,
     /// The pose of rest space in the world, over time.
     pub track: Track,
+    /// Where its rest pose comes from.
+    pub origin: Option<Origin>,
 }
 
 /// A shape that the hair cannot enter.

@@ -4,6 +4,7 @@
 use super::material_file::MaterialFile;
 use crate::scene::convention::UpAxis;
 use crate::scene::json::array::{Array, BufferFile};
+use crate::scene::origin::Origin;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -23,6 +24,9 @@ pub struct GroomFile {
     /// Remarks of the importer, one per line. The manifest and the report of a bake repeat them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
+    /// Where guides and strands come from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origin: Option<Origin>,
     /// Metres per scene unit, the unit of all lengths in this file without a unit in their key: 0.01 for
     /// centimetres. Default 1.
     #[serde(default = "one")]

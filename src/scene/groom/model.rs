@@ -2,7 +2,9 @@
 //! Lengths are in metres, Y up, in rest space, the space in which the head was modelled.
 
 use crate::geometry::Friction;
+use crate::math::polyline;
 use crate::scene::convention::Convention;
+use crate::scene::origin::Origin;
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// A validated groom: every index is in range, every number finite.
@@ -12,6 +14,8 @@ pub struct Groom {
     pub name: String,
     /// Remarks of the importer for reports, one per line.
     pub notes: Vec<String>,
+    /// Where guides and strands come from.
+    pub origin: Option<Origin>,
     /// Unit and up axis of the file and of the cache.
     pub convention: Convention,
     /// Strand materials; at least one.
@@ -247,6 +251,14 @@ impl Strands {
 }
 
 impl Groom {
+    /// The longest strand, m.
+    pub fn reach(&self) -> f64 {
+        let curves = [&self.guides.curves, &self.strands.curves];
+        let lengths =
+            curves.into_iter().flat_map(|all| (0..all.len()).map(|c| polyline::length(all.curve(c))));
+        lengths.fold(0.0, f64::max)
+    }
+
     /// The material of guide `g`: that of its group, times its own factors.
     pub fn material_of(&self, g: usize) -> Material {
         let group = &self.groups[self.guides.curves.group[g] as usize];

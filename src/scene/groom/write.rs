@@ -29,6 +29,7 @@ impl Groom {
             version: 1,
             name: Some(self.name.clone()),
             notes: self.notes.clone(),
+            origin: self.origin.clone(),
             metres_per_unit: self.convention.metres_per_unit,
             up_axis: self.convention.up,
             buffers: Vec::new(),

@@ -80,6 +80,11 @@ impl Document {
         self.value.get(name)?.as_str()
     }
 
+    /// The number at the JSON pointer `pointer`.
+    pub fn number(&self, pointer: &str) -> Option<f64> {
+        self.value.pointer(pointer)?.as_f64()
+    }
+
     /// The two integers of the array property `name` of the root.
     pub fn integer_pair(&self, name: &str) -> Option<(i32, i32)> {
         <[i32; 2]>::deserialize(self.value.get(name)?).ok().map(<(i32, i32)>::from)

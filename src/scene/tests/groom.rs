@@ -69,6 +69,12 @@ fn full(convention: Convention, curves: usize) -> Groom {
     Groom {
         name: "full".into(),
         notes: vec!["one strand left out".into(), "λ".into()],
+        origin: Some(Origin {
+            file: "../char.usd".into(),
+            prim: Some("/char/hair".into()),
+            time: Some(1.5),
+            space: RestSpace::Bind,
+        }),
         convention,
         materials: vec![
             Material { natural: Some(Vector3::new(1.0, -2.0, 3.0)), sag_free: 0.5, ..Material::default() },

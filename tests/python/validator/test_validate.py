@@ -15,7 +15,8 @@ from validator import file_defects, frame_defects, motion_defects
 from validator.defects import DEFECTS, MIDDLE, Defect, failed
 from validator.good_cache import HAIR, CacheBuilder
 
-import_module("validator.stage_defects")  # Registers its defects.
+for module in ("stage_defects", "placement_defects"):
+    import_module(f"validator.{module}")  # Registers its defects.
 
 
 def test_good_cache_passes(good_cache: CacheBuilder) -> None:

@@ -56,7 +56,7 @@ pub(crate) fn parse(source: &Source, joint: &JointSelector, bytes: &[u8]) -> Res
         convention: convention(source, 1.0, UpAxis::Y),
         poses,
         bind,
-        prim: None,
+        stage: None,
         notes,
         warnings,
     })

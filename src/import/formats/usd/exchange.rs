@@ -24,6 +24,7 @@ const PACKAGE: Package = python_package!(
         "mesh.py",
         "motion.py",
         "primvars.py",
+        "rest.py",
         "roles.py",
         "stage.py"
     ]

@@ -16,9 +16,13 @@ struct Header {}
 /// As [`Exchange::read`].
 pub(crate) fn read(source: &Source, times: Option<&SampleTimes>) -> Result<PlainMesh> {
     let mut options = Vec::new();
-    if let Some(SampleTimes { start, step, count, carrier }) = times {
+    if let Some(SampleTimes { start, step, count, carrier, from_world }) = times {
         options.push(format!("--times={start},{step},{count}"));
         options.extend(carrier.iter().map(|prim| format!("--carrier={prim}")));
+        options.extend(from_world.iter().map(|matrix| {
+            let rows: Vec<String> = matrix.transpose().iter().map(f64::to_string).collect();
+            format!("--from-world={}", rows.join(","))
+        }));
     }
     let read = Exchange::<Header>::read("mesh", source, &options)?;
     let vertices = points(&required(read.f64s("vertices"), "vertices")?);

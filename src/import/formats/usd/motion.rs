@@ -2,12 +2,14 @@
 
 use super::exchange::{Exchange, required};
 use crate::Result;
-use crate::import::motion::{FrameNumbers, Motion};
+use crate::import::motion::{FrameNumbers, Motion, StageMotion};
+use crate::import::plain::Rest;
 use crate::import::rigid::{self, RigidPoses};
 use crate::import::source::Source;
-use crate::scene::Convention;
+use crate::scene::{Convention, RestSpace};
 use nalgebra::Matrix4;
 use serde::Deserialize;
+use std::path::Path;
 
 /// The default of USD's metersPerUnit.
 const DEFAULT_METRES_PER_UNIT: f64 = 0.01;
@@ -22,20 +24,31 @@ struct Header {
     start: f64,
     /// Time codes from one sample to the next.
     step: f64,
+    /// First and last time code of the shot.
+    shot: [f64; 2],
+    /// The space of the rest pose.
+    space: RestSpace,
 }
 
-/// Reads the motion of a prim, or of a joint of a skeleton at or below it.
+/// Reads the motion of a prim, or of a joint of a skeleton at or below it. `rest_of` is where its rest pose
+/// is read; `None` for the rest space of its character.
 ///
 /// # Errors
 /// As [`Exchange::read`]; a transform without a rotation.
-pub(crate) fn read(source: &Source, joint: Option<&str>) -> Result<Motion> {
-    let options: Vec<String> = joint.iter().map(|name| format!("--joint={name}")).collect();
+pub(crate) fn read(source: &Source, joint: Option<&str>, rest_of: Option<&Path>) -> Result<Motion> {
+    let mut options: Vec<String> = joint.iter().map(|name| format!("--joint={name}")).collect();
+    if let Some(stage) = rest_of {
+        options.push("--world".into());
+        let other = !crate::file::is_same(stage, &source.path);
+        options.extend(other.then(|| format!("--rest-stage={}", stage.display())));
+    }
     let read = Exchange::<Header>::read("motion", source, &options)?;
     let over_time = matrices(&required(read.f64s("matrix"), "matrix")?);
     let rest = matrices(&required(read.f64s("rest"), "rest")?);
     let declared = read.header.declared();
+    let from_world = matrices(&required(read.f64s("from_world"), "from_world")?).first().copied();
     let mut notes = read.header.notes;
-    let Header { prim, rate, start, step } = read.header.more;
+    let Header { prim, rate, start, step, shot, space } = read.header.more;
     let RigidPoses { poses, bind, warnings } = rigid::poses(source, &prim, &over_time, rest.first())?;
     let metres_per_unit = source.metres_per_unit.or(declared.metres_per_unit);
     if metres_per_unit.is_none() {
@@ -52,7 +65,7 @@ pub(crate) fn read(source: &Source, joint: Option<&str>) -> Result<Motion> {
         },
         poses,
         bind,
-        prim: Some(prim),
+        stage: Some(StageMotion { prim, shot, rest: Rest { space, from_world } }),
         notes,
         warnings,
     })

@@ -2,14 +2,15 @@
 
 use super::exchange::{Exchange, points, required};
 use crate::Result;
-use crate::import::plain::{PlainGroup, PlainStrands, StrandAttributes};
+use crate::import::plain::{PlainGroup, PlainStrands, Rest, StrandAttributes};
 use crate::import::source::Source;
-use crate::scene::{Curves, Factors};
+use crate::scene::{Curves, Factors, RestSpace};
 use serde::Deserialize;
 
 #[derive(Debug, Deserialize)]
 struct Header {
     groups: Vec<String>,
+    space: RestSpace,
 }
 
 /// Reads the curves at and below a prim, evaluated to points, with ids, groups, root coordinates and widths.
@@ -44,6 +45,7 @@ pub(crate) fn read(source: &Source) -> Result<PlainStrands> {
         guide,
         attributes: attributes(&read, counts.len()),
         declared: read.header.declared(),
+        rest: Rest { space: read.header.more.space, from_world: None },
         notes: read.header.notes,
         ..PlainStrands::default()
     })

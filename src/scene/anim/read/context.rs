@@ -14,6 +14,8 @@ pub struct Context<'a> {
     pub fps: f64,
     /// First and last frame of the bake.
     pub frames: (i32, i32),
+    /// Frames read before the first, for the pre-roll.
+    pub lead: i32,
     /// The folder that relative file names start from.
     pub folder: PathBuf,
     pub buffers: Buffers,

@@ -25,7 +25,7 @@ pub fn deformation(
         context.diagnostics.add(key, message, allowed, "use a name such as \"cloth.####.obj\"");
         return None;
     };
-    let (first, last) = sequence.available_frames(&context.folder, context.frames);
+    let (first, last) = sequence.available_frames(&context.folder, context.frames, context.lead);
     let absent = |frame: &i32| !sequence.path(&context.folder, *frame).is_file();
     // The range may be wrong by billions of frames: stop at the first few that are missing.
     let missing: Vec<i32> = (first..=last).filter(absent).take(MAX_REPORTED + 1).collect();

@@ -13,6 +13,7 @@ use super::file::AnimFile;
 use super::model::{Anim, Body, Collider, MAX_FRAMES, Wind};
 use super::settings::Settings;
 use crate::scene::convention::Convention;
+use crate::scene::file_sequence::lead_in;
 use crate::scene::json::buffers::Buffers;
 use crate::scene::json::diagnostics::Diagnostics;
 use crate::scene::json::document::Document;
@@ -45,7 +46,8 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
     check_frames(diagnostics, first, last);
     let frames = (first, last);
     let convention = Convention { metres_per_unit: file.metres_per_unit, up: file.up_axis };
-    let mut context = Context { convention, fps: file.fps, frames, folder, buffers, diagnostics };
+    let lead = lead_in(file.fps, file.settings.preroll_s);
+    let mut context = Context { convention, fps: file.fps, frames, lead, folder, buffers, diagnostics };
     let bodies = bodies::bodies(&mut context, file.bodies);
     let names: Vec<String> = bodies.iter().map(|body| body.name.clone()).collect();
     let head = match &file.head {

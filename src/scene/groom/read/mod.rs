@@ -50,6 +50,7 @@ pub fn groom(file: GroomFile, default_name: &str, doc: &mut Document) -> Option<
     Some(Groom {
         name: file.name.unwrap_or_else(|| default_name.into()),
         notes: file.notes,
+        origin: file.origin,
         convention,
         materials,
         groups,
