@@ -1,7 +1,7 @@
 //! `hairbake import track`.
 
 use crate::cli::frame_list::frame_range;
-use crate::cli::{console, output_file, values};
+use crate::cli::{console, input_files, output_file, values};
 use crate::error::Result;
 use crate::import::{self, ColliderMesh, JointSelector, RestPose, Source, TrackOptions};
 use crate::scene::anim::file::Pops;
@@ -126,6 +126,8 @@ enum RestName {
 /// Imports a track.
 pub fn run(arguments: &TrackArguments) -> Result<()> {
     let output = &arguments.output;
+    let others = arguments.groom.iter().chain(arguments.colliders.iter().map(|source| &source.path));
+    input_files::require(std::iter::once(&arguments.motion).chain(others).map(|path| &**path))?;
     let pivot = match (&arguments.groom, arguments.pivot) {
         (Some(groom), _) => Some(import::root_centroid(&load_groom(groom)?)),
         (None, pivot) => pivot,
