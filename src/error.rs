@@ -59,6 +59,21 @@ impl Error {
         Error::Io { path: path.as_ref().to_path_buf(), source }
     }
 
+    /// The error of a file to be read: a path that leads to no file is bad input, and trying again does not
+    /// help; any other failure is one of I/O.
+    pub fn reading(path: impl AsRef<Path>, source: std::io::Error) -> Self {
+        use std::io::ErrorKind::{InvalidFilename, IsADirectory, NotADirectory, NotFound};
+        match source.kind() {
+            NotFound | NotADirectory | IsADirectory | InvalidFilename => {
+                let path = path.as_ref();
+                let what =
+                    if path.is_dir() { "this is a folder, not a file" } else { "no such file or folder" };
+                Diagnostic::new(path, "", what, "a path that exists", "correct the path").into()
+            }
+            _ => Error::io(path, source),
+        }
+    }
+
     /// `Ok` if `diagnostics` is empty.
     ///
     /// # Errors

@@ -35,6 +35,9 @@ pub struct FileRecord {
 /// Those of the system; also if it is not a regular file (a pipe would block) or is too large.
 pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     let meta = std::fs::metadata(path)?;
+    if meta.is_dir() {
+        return Err(ErrorKind::IsADirectory.into());
+    }
     if !meta.is_file() {
         return Err(io::Error::other("not a regular file"));
     }

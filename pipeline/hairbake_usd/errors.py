@@ -15,6 +15,12 @@ class InputError:
     """Allowed values."""
     help: str
     """What to do."""
+    file: str | None = None
+    """The layer that holds it; None for the file that is read."""
+    line: int | None = None
+    """Line of its text, from 1; None for a binary file or the file as a whole."""
+    column: int = 1
+    """Column, from 1."""
 
 
 class InputErrors(Exception):  # noqa: N818 It holds several errors.

@@ -1,6 +1,7 @@
 """Opening a stage: its unit and axis, its prims, and their transforms."""
 
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
@@ -13,6 +14,14 @@ from .exchange import FloatArray, Header
 NAMED = 8
 """Largest number of prims that a message lists."""
 
+SYNTAX = re.compile(r"(?:.* -- )?(?P<file>\S.*?):(?P<line>\d+):(?P<column>\d+): (?P<what>.*)", re.DOTALL)
+"""A message of USD's text parser: place and reason."""
+
+PARSE = re.compile(r"parse error matching \S+ at '(?P<text>.*)' in <(?P<path>.*)>", re.DOTALL)
+"""A reason of USD's text parser that names a class of its own."""
+
+SUB_PART = re.compile(r" \(at sub-part \d+ if there are multiple parts\)")
+
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
@@ -21,18 +30,51 @@ def open_stage(path: str) -> Usd.Stage:
     """Opens a stage with all its payloads.
 
     Raises:
-        InputErrors: USD cannot open it.
+        InputErrors: USD cannot open it; with the places of syntax errors.
     """
     try:
         return Usd.Stage.Open(path)
     except Tf.ErrorException as error:
-        reason = " ".join(str(error).split())
+        reasons = [str(part.commentary) for part in error.args]
+        found = [syntax for reason in reasons if (syntax := syntax_error(reason))]
+        if found:
+            raise InputErrors(*found) from None
+        said = [
+            " ".join(reason.split()) for reason in reasons if not reason.startswith("Failed to open layer")
+        ]
         raise input_error(
             "",
-            f"cannot be opened as USD: {reason}",
+            ": ".join(["cannot be opened as USD", *said]),
             "a .usd, .usda, .usdc or .usdz file",
             "export the file again; the copy may be incomplete",
         ) from None
+
+
+def syntax_error(message: str) -> InputError | None:
+    """The error of a message of USD's text parser; None for other messages."""
+    place = SYNTAX.fullmatch(message.strip())
+    if not place:
+        return None
+    what = " ".join(SUB_PART.sub("", place["what"].removesuffix("; skipping.")).split())
+    parse = PARSE.match(what)
+    if parse:
+        what = f"syntax error at or before {parse['text']!r}"
+        what += f", in <{parse['path']}>" if parse["path"] else ""
+    return InputError(
+        "",
+        what,
+        "USD text that usdcat accepts",
+        "correct this line or the one before it, or export the file again",
+        file=place["file"],
+        line=int(place["line"]),
+        column=int(place["column"]),
+    )
+
+
+def broken_layers(stage: Usd.Stage) -> list[InputError]:
+    """Syntax errors in layers that the stage refers to: what they define is missing."""
+    found = (syntax_error(str(error)) for error in stage.GetCompositionErrors())
+    return [error for error in found if error]
 
 
 def convention(stage: Usd.Stage) -> Header:
@@ -53,8 +95,15 @@ def convention(stage: Usd.Stage) -> Header:
 
 
 def composition_notes(stage: Usd.Stage) -> list[str]:
-    """Notes on layers and prims that the stage refers to and USD does not find."""
-    return [f"not found: {' '.join(str(error).split())}" for error in stage.GetCompositionErrors()]
+    """Notes on layers and prims that the stage refers to and USD does not find or cannot read."""
+    notes = []
+    for error in stage.GetCompositionErrors():
+        syntax = syntax_error(str(error))
+        if syntax:
+            notes.append(f"left out: {syntax.file}, line {syntax.line}: {syntax.message}")
+        else:
+            notes.append(f"not found: {' '.join(str(error).split())}")
+    return notes
 
 
 def find(stage: Usd.Stage, path: str | None) -> Usd.Prim:
@@ -68,7 +117,8 @@ def find(stage: Usd.Stage, path: str | None) -> Usd.Prim:
     prim = stage.GetPrimAtPath(path) if Tf.IsValidIdentifier(path.strip("/").split("/")[0]) else None
     if not prim:
         roots = ", ".join(str(child.GetPath()) for child in stage.GetPseudoRoot().GetAllChildren()) or "none"
-        raise input_error(path, "no such prim", f"a prim at or below one of: {roots}", "correct the path")
+        error = InputError(path, "no such prim", f"a prim at or below one of: {roots}", "correct the path")
+        raise InputErrors(error, *broken_layers(stage))
     if not prim.IsActive() or not prim.IsDefined():
         raise input_error(
             path, "the prim is inactive or only an over", "an active, defined prim", "name another prim"
@@ -92,12 +142,13 @@ def all_of(root: Usd.Prim, schema: type, name: str) -> list[Usd.Prim]:
     contents = f"it holds {', '.join(others[:NAMED])}" if others else "it holds no typed prim"
     path = "" if root.IsPseudoRoot() else str(root.GetPath())
     place = "the stage" if root.IsPseudoRoot() else f"{root.GetTypeName() or 'prim'} {path}"
-    raise input_error(
+    error = InputError(
         path,
         f"no {name} in {place}: {contents}",
         f"a visible {name}",
         f"name a prim with a {name} at or below it",
     )
+    raise InputErrors(error, *broken_layers(root.GetStage()))
 
 
 def _walk(root: Usd.Prim, schema: type) -> Iterator[Usd.Prim]:

@@ -27,10 +27,14 @@ impl Reader {
     /// Opens the cache in `dir`: reads its topology and lists its frame files.
     ///
     /// # Errors
-    /// [`Error::Io`] if there is none or it cannot be read; [`Error::Damaged`] if the topology is not the
-    /// crate file of a cache.
+    /// [`Error::BadInput`] if there is none; [`Error::Io`] if it cannot be read; [`Error::Damaged`] if the
+    /// topology is not the crate file of a cache.
     pub fn open(dir: &Path) -> Result<Self> {
-        let header = Source::open(dir.join(TOPOLOGY))?.header()?;
+        let source = Source::open(dir.join(TOPOLOGY)).map_err(|error| match error {
+            Error::Io { path, source } => Error::reading(path, source),
+            other => other,
+        })?;
+        let header = source.header()?;
         Ok(Reader { dir: dir.to_path_buf(), header, frames: frames_on_disk(dir)? })
     }
 

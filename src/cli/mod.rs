@@ -12,6 +12,7 @@ mod explain;
 mod frame_list;
 mod help;
 mod import;
+mod input_files;
 mod output_file;
 mod plan;
 mod preview;

@@ -43,6 +43,7 @@ const KINDS: [&str; 4] = ["done", "missing", "stale", "damaged"];
 /// # Errors
 /// [`Error::NotYet`] if the bake is incomplete.
 pub fn run(arguments: &StatusArguments) -> Result<()> {
+    std::fs::metadata(&arguments.cache).map_err(|e| Error::reading(&arguments.cache, e))?;
     let (work, description) = WorkDir::open(&arguments.cache)?;
     let (first, last) = description.frames;
     let frames: Vec<i32> = (first..=last).collect();

@@ -60,9 +60,9 @@ impl Source {
     /// The file's bytes.
     ///
     /// # Errors
-    /// [`Error::Io`].
+    /// [`Error::BadInput`] if there is no such file, [`Error::Io`].
     pub(super) fn read(&self) -> Result<Vec<u8>> {
-        crate::file::read_file(&self.path).map_err(|e| Error::io(&self.path, e))
+        crate::file::read_file(&self.path).map_err(|e| Error::reading(&self.path, e))
     }
 }
 

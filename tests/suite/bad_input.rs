@@ -144,7 +144,7 @@ fn check_reports_the_errors_of_all_files() {
 }
 
 #[test]
-fn unwritable_folders_and_missing_files_exit_with_74() {
+fn unwritable_folders_exit_with_74() {
     let scene = Scene::import();
     let in_the_way = scene.folder.path().join("file");
     std::fs::write(&in_the_way, "").unwrap();
@@ -153,7 +153,34 @@ fn unwritable_folders_and_missing_files_exit_with_74() {
         says(&String::from_utf8_lossy(&assert.get_output().stderr), &["file"]);
     }
     assert_eq!(entries(scene.folder.path()), ["ball.obj", "file", "shot", "strands.tfx", "turn.json"]);
-    bake(Path::new("no-such-groom.json"), &scene.anim, &in_the_way).assert().code(74);
-    crate::common::hairbake().args(["preview", "no-such-cache", "-o", "x.png"]).assert().code(74);
-    crate::common::hairbake().args(["check", "no-such.json"]).assert().code(74);
+}
+
+#[test]
+fn paths_that_lead_to_no_file_are_bad_input_and_named_at_once() {
+    let scene = Scene::import();
+    let out = scene.folder.path().join("new/out");
+    let refused = |arguments: &[&str], named: &[&str]| {
+        let mut command = crate::common::hairbake();
+        command.args(arguments).arg("-o").arg(&out);
+        let output = command.assert().code(65).get_output().clone();
+        says(&String::from_utf8_lossy(&output.stderr), named);
+        assert!(!out.parent().unwrap().exists());
+    };
+    let [groom, anim] = [&scene.groom, &scene.anim].map(|path| path.to_str().unwrap());
+    let folder = scene.folder.path().to_str().unwrap();
+    refused(&["no-groom.json", anim], &["no-groom.json: no such file"]);
+    refused(&["bake", "no-groom.json", "no-anim.json"], &["2 errors", "no-groom.json", "no-anim.json"]);
+    refused(&["bake", folder, anim], &["this is a folder, not a file"]);
+    refused(&["bake", groom, anim, "--groups", "hair", "--base", "no-cache"], &["no-cache/hair.topology"]);
+    refused(&["preview", "no-cache"], &["no-cache/hair.topology.usdc: no such file"]);
+    let import = ["import", "groom", "no.tfx", "--strands", "no.usd:/a", "--head", "no.obj:cm"];
+    refused(&import, &["3 errors", "no.tfx", "no.usd", "no.obj"]);
+    let import = ["import", "track", "no.json", "--groom", "no-groom.json", "--collider", "no.obj"];
+    refused(&import, &["3 errors", "no.json", "no-groom.json", "no.obj"]);
+    refused(&["import", "track", "no.usda", "--collider", "no.####.obj"], &["no.usda"]);
+    let mut check = crate::common::hairbake();
+    let output =
+        check.args(["check", "no-a.json", groom, "no-b.json"]).assert().code(65).get_output().clone();
+    says(&String::from_utf8_lossy(&output.stderr), &["2 errors", "no-a.json", "no-b.json"]);
+    crate::common::hairbake().args(["status", "no-cache"]).assert().code(65);
 }

@@ -1,7 +1,7 @@
 //! `hairbake import groom`.
 
 use crate::cli::values::{self, count};
-use crate::cli::{console, output_file};
+use crate::cli::{console, input_files, output_file};
 use crate::error::Result;
 use crate::import::{self, BuildOptions, Generation, GroomOptions, HierarchyShape, Resample, Source};
 use crate::scene::{Material, RodSection, UpAxis};
@@ -185,6 +185,8 @@ fn widths(text: &str) -> std::result::Result<[f64; 2], String> {
 /// Imports a groom.
 pub fn run(arguments: GroomArguments) -> Result<()> {
     let output = arguments.output.clone();
+    let others = arguments.head.iter().chain(&arguments.render).map(|source| &*source.path);
+    input_files::require(std::iter::once(&*arguments.strands).chain(others))?;
     let head = arguments.head.as_ref().map(import::read_mesh).transpose()?;
     let mut options = arguments.options();
     options.folder = output_file::folder(&output).to_path_buf();

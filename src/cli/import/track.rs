@@ -1,7 +1,7 @@
 //! `hairbake import track`.
 
 use crate::cli::frame_list::frame_range;
-use crate::cli::{console, output_file, values};
+use crate::cli::{console, input_files, output_file, values};
 use crate::error::Result;
 use crate::import::{self, ColliderMesh, JointSelector, RestPose, Source, TrackGroom, TrackOptions};
 use crate::scene::anim::file::Pops;
@@ -130,6 +130,8 @@ enum RestName {
 /// Imports a track.
 pub fn run(arguments: &TrackArguments) -> Result<()> {
     let output = &arguments.output;
+    let others = arguments.groom.iter().chain(arguments.colliders.iter().map(|source| &source.path));
+    input_files::require(std::iter::once(&arguments.motion).chain(others).map(|path| &**path))?;
     let groom = match &arguments.groom {
         Some(file) => Some(TrackGroom::new(&load_groom(file)?, output_file::folder(file))),
         None => None,

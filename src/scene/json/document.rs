@@ -34,9 +34,9 @@ impl Document {
     /// Reads and parses `path`.
     ///
     /// # Errors
-    /// [`Error::Io`], or [`Error::BadInput`] if it is not JSON.
+    /// [`Error::BadInput`] if there is no such file or it is not JSON, [`Error::Io`].
     pub fn open(path: &Path) -> Result<Self> {
-        let io = |e| Error::io(path, e);
+        let io = |e| Error::reading(path, e);
         let length = std::fs::metadata(path).map_err(io)?.len();
         if length > MAX_BYTES {
             let message = format!("file is too large: {length} bytes");

@@ -266,13 +266,41 @@ def test_bad_prims_points_and_units_are_refused(refused: Refused, tmp_path: Path
 
 
 def test_files_that_are_not_usd_are_refused(refused: Refused, tmp_path: Path) -> None:
-    for name, content in [
-        ("a.usda", "#usda 1.0\ndef Xform {"),
-        ("b.usdc", "PXR-USDC and no more"),
-        ("c.usd", ""),
-    ]:
+    for name, content in [("b.usdc", "PXR-USDC and no more"), ("c.usd", ""), ("d.usdz", "no archive")]:
         (tmp_path / name).write_text(content)
-        assert "cannot be opened as USD" in refused("import", "groom", tmp_path / name)
+        message = refused("import", "groom", tmp_path / name)
+        assert f"{name}: cannot be opened as USD" in message
+        assert not any(noise in message for noise in ("pxr", "Error in", "Traceback", ".cpp"))
+
+
+BROKEN = """#usda 1.0
+def Xform "groom"
+{
+    def BasisCurves "hair"
+    {
+        int[] curveVertexCounts = [3
+        float width = 1
+    }
+}
+"""
+
+
+def test_syntax_errors_are_shown_with_file_line_and_text(refused: Refused, tmp_path: Path) -> None:
+    (tmp_path / "broken.usda").write_text(BROKEN)
+    (tmp_path / "shot.usda").write_text("#usda 1.0\n(\n    subLayers = [@broken.usda@]\n)\n")
+    (tmp_path / "value.usda").write_text('#usda 1.0\ndef Xform "a"\n{\n    float size = "large"\n}\n')
+    (tmp_path / "cut.usda").write_text("#usda 1.0\ndef Xform {")
+    for name, place, said in [
+        ("broken.usda", "broken.usda:7:", "syntax error at or before 'float width = 1'"),
+        ("shot.usda", "broken.usda:7:", "syntax error at or before 'float width = 1'"),
+        ("value.usda", "value.usda:4:", "'\"large\"' in </a.size>"),
+        ("cut.usda", "cut.usda:2:1", "syntax error at or before 'def Xform {'"),
+    ]:
+        message = refused("import", "groom", tmp_path / name)
+        assert place in message and said in message, message
+        assert not any(noise in message for noise in ("pxr", "Error in", "sub-part", "Traceback", ".h :")), (
+            message
+        )
 
 
 def test_invisible_prims_and_prototypes_are_left_out(

@@ -8,7 +8,7 @@ use crate::{Diagnostic, Error, Result};
 use nalgebra::Vector3;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Output;
 
 const PACKAGE: Package = python_package!(
@@ -87,6 +87,29 @@ struct FileError {
     message: String,
     allowed: String,
     help: String,
+    /// The layer that holds it; `None` for the file that is read.
+    file: Option<PathBuf>,
+    /// Line of its text, from 1.
+    line: Option<usize>,
+    /// Column, from 1.
+    column: usize,
+}
+
+impl FileError {
+    /// The error as one of `path`, unless it is in another file.
+    fn diagnostic(self, path: &Path) -> Diagnostic {
+        let file = self.file.as_deref().unwrap_or(path);
+        let span = self.line.and_then(|line| Some((offset(file, line, self.column)?, 1)));
+        Diagnostic { span, ..Diagnostic::new(file, self.key, self.message, self.allowed, self.help) }
+    }
+}
+
+/// Byte offset of a place in a text file; `None` if it has no such place.
+fn offset(file: &Path, line: usize, column: usize) -> Option<usize> {
+    let text = crate::file::read_file(file).ok()?;
+    let before: usize =
+        text.split_inclusive(|b| *b == b'\n').take(line.checked_sub(1)?).map(<[u8]>::len).sum();
+    Some(before + column.checked_sub(1)?).filter(|at| *at < text.len())
 }
 
 /// The result of one read.
@@ -103,7 +126,7 @@ impl<T: DeserializeOwned> Exchange<T> {
     pub(super) fn read(what: &str, source: &Source, options: &[String]) -> Result<Self> {
         let path = &source.path;
         // The system's message for a missing file is clearer than that of the USD library.
-        std::fs::File::open(path).map_err(|e| Error::io(path, e))?;
+        std::fs::File::open(path).map_err(|e| Error::reading(path, e))?;
         let folder = tempfile::tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
         let mut run = PACKAGE.prepare()?;
         run.command.arg(what).arg(path).arg("--out").arg(folder.path()).args(options);
@@ -122,8 +145,7 @@ impl<T: DeserializeOwned> Exchange<T> {
             }
             Some(BAD_INPUT) => {
                 let Failure { errors } = read_header(folder.path())?;
-                let diagnostic = |e: FileError| Diagnostic::new(path, e.key, e.message, e.allowed, e.help);
-                Err(Error::BadInput(errors.into_iter().map(diagnostic).collect()))
+                Err(Error::BadInput(errors.into_iter().map(|error| error.diagnostic(path)).collect()))
             }
             _ => Err(crash(path, &output)),
         }

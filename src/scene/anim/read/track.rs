@@ -136,15 +136,20 @@ fn poses(
 /// Sample rate and poses of the motion file `name`. Its errors are reported at their places in it.
 fn motion_file(context: &mut Context, key: &Key, name: &str) -> Option<(f64, Vec<Isometry3<f64>>)> {
     let diagnostics = &mut *context.diagnostics;
-    match load_motion(&context.folder.join(name)) {
-        Ok((file, poses)) => return Some((file.fps, poses)),
-        Err(Error::BadInput(found)) => diagnostics.add_elsewhere(found),
-        Err(Error::Io { source, .. }) => diagnostics.add(
+    let path = context.folder.join(name);
+    let mut unreadable = |why: &str| {
+        diagnostics.add(
             key,
-            format!("cannot read \"{name}\": {source}"),
+            format!("cannot read \"{name}\": {why}"),
             "a readable motion file",
             "correct the path; it is relative to the folder of this file",
-        ),
+        );
+    };
+    match load_motion(&path) {
+        Ok((file, poses)) => return Some((file.fps, poses)),
+        Err(Error::BadInput(_)) if !path.is_file() => unreadable("no such file"),
+        Err(Error::BadInput(found)) => diagnostics.add_elsewhere(found),
+        Err(Error::Io { source, .. }) => unreadable(&source.to_string()),
         Err(e) => diagnostics.add(key, e.to_string(), "a motion file", "correct the path"),
     }
     None
