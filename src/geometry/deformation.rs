@@ -44,7 +44,8 @@ impl Deformation {
             return self;
         }
         let step = 1.0 / self.rate;
-        let count = (coast::VELOCITY_TIME * self.rate).ceil() as usize;
+        // The last three are at rest, so that the samples end so.
+        let count = (coast::VELOCITY_TIME * self.rate).ceil() as usize + 2;
         let time = |sample: usize| self.start + sample as f64 * step;
         let before = self.carried([0, 1], time(0), -step, count, &carrier);
         let after = self.carried([last, last - 1], time(last), step, count, &carrier);
@@ -208,7 +209,8 @@ mod tests {
             for (found, expected) in found.iter().zip(on_head(t)) {
                 assert!((found - expected).norm() < 1e-4, "{t}: {found} {expected}");
             }
-            assert!((found[2] - floor).norm() < 1e-15);
+            // Rounding of the weights, which are up to 30.
+            assert!((found[2] - floor).norm() < 1e-12);
         }
         // A carrier at rest adds nothing.
         let still = sampled(5, 24.0, |t| 1.5 * t);

@@ -7,7 +7,7 @@ import numpy as np
 from . import tolerances
 from .cache import HEAD, TRANSFORM, Cache
 from .collider import Collider, closest
-from .geometry import FloatArray, IntArray, transformed
+from .geometry import FloatArray, IntArray, cross, norms, transformed
 from .report import Check, Finding
 from .window import first_values
 
@@ -80,24 +80,22 @@ def fault_of(
 
 def longest(points: FloatArray, segments: IntArray, curve_of_point: IntArray) -> float:
     """Length of the longest curve."""
-    lengths = np.linalg.norm(points[segments + 1] - points[segments], axis=1)
+    lengths = norms(points[segments + 1] - points[segments])
     return float(np.bincount(curve_of_point[segments], weights=lengths).max())
 
 
 def distances(points: FloatArray, vertices: FloatArray, triangles: IntArray) -> FloatArray:
     """Distance of each point from a mesh."""
     corners = vertices[triangles]
-    corners = corners[
-        np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) > 0
-    ]
+    corners = corners[norms(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])) > 0]
     centres = corners.mean(axis=1)
     radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
     found = np.empty(len(points))
     for i, point in enumerate(points):
-        far = np.linalg.norm(centres - point, axis=1)
+        far = norms(centres - point)
         near = np.flatnonzero(far - radii <= (far + radii).min())
-        squared = closest(np.repeat(point[None], len(near), axis=0), corners[near])[0]
-        found[i] = np.sqrt(squared.min())
+        away = closest(np.repeat(point[None], len(near), axis=0), corners[near])[0]
+        found[i] = norms(away).min()
     return found
 
 
