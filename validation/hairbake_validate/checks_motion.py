@@ -249,30 +249,45 @@ def spikes(window: Window) -> Iterator[Finding]:
 
 def velocity_peaks(window: Window) -> Iterator[Finding]:
     """Compares every point's speed with that of the central difference of its positions."""
-    floor = tolerances.VELOCITY_PEAK_M_S / window.cache.metres_per_unit
     for curves in window.cache.curves:
-        before, after = (window.get(curves.path, "points", offset) for offset in (-1, 1))
-        rates = window.get(curves.path, "velocities")
-        if before is None or after is None or rates is None:
-            continue
-        moved = norms(after.astype(float) - before) * window.cache.fps / 2
-        allowed = np.maximum(tolerances.VELOCITY_PEAK * moved, moved + floor)
-        yield worst(window, VELOCITY_PEAKS, curves, norms(rates) / allowed)
+        shares = speed_shares(window, curves)
+        if shares is not None:
+            yield worst(window, VELOCITY_PEAKS, curves, shares)
+
+
+def speed_shares(window: Window, curves: Curves) -> FloatArray | None:
+    """Speed of each point relative to the largest that its positions account for, `N`."""
+    floor = tolerances.VELOCITY_PEAK_M_S / window.cache.metres_per_unit
+    before, after = (window.get(curves.path, "points", offset) for offset in (-1, 1))
+    rates = window.get(curves.path, "velocities")
+    if before is None or after is None or rates is None:
+        return None
+    moved = norms(after.astype(float) - before) * window.cache.fps / 2
+    shares: FloatArray = norms(rates) / np.maximum(tolerances.VELOCITY_PEAK * moved, moved + floor)
+    return shares
 
 
 def pops(window: Window) -> Iterator[Finding]:
     """Measures how far each strand jumps there and back around the frame beyond its guides."""
-    by_path = {curves.path: curves for curves in window.cache.curves}
-    hair, guides = by_path.get(HAIR), by_path.get(GUIDES)
+    for hair in window.cache.curves:
+        beyond = jumps_beyond_guides(window, hair) if hair.path == HAIR else None
+        if beyond is not None:
+            yield worst(window, POPS, hair, beyond)
+
+
+def jumps_beyond_guides(window: Window, hair: Curves) -> FloatArray | None:
+    """How far each point of the render strands jumps there and back beyond its guides, m, `N`."""
+    guides = next((curves for curves in window.cache.curves if curves.path == GUIDES), None)
     followed = window.reference.followed
-    if hair is None or guides is None or followed is None:
-        return
+    if guides is None or followed is None:
+        return None
     jumps = [there_and_back(window, curves) for curves in (hair, guides)]
     if jumps[0] is None or jumps[1] is None:
-        return
+        return None
     of_guides = np.maximum.reduceat(jumps[1], guides.starts)[followed].max(axis=1)
-    beyond = np.maximum(0, jumps[0] - np.repeat(of_guides, hair.counts))
-    yield worst(window, POPS, hair, beyond * window.cache.metres_per_unit)
+    beyond: FloatArray = np.maximum(0, jumps[0] - np.repeat(of_guides, hair.counts))
+    beyond *= window.cache.metres_per_unit
+    return beyond
 
 
 def there_and_back(window: Window, curves: Curves) -> FloatArray | None:

@@ -27,11 +27,18 @@ class SceneFiles:
 
 
 def processor_time(*command: object) -> float:
-    """Runs a command and returns its processor time, s."""
+    """Runs a command, which must succeed, and returns its processor time, s."""
+    done, seconds = timed(*command)
+    done.check_returncode()
+    return seconds
+
+
+def timed(*command: object) -> tuple[subprocess.CompletedProcess[str], float]:
+    """Runs a command and returns its exit code and output, and its processor time, s."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run([str(part) for part in command], check=True, capture_output=True)
+    done = subprocess.run([str(part) for part in command], check=False, capture_output=True, text=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+    return done, after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
 
 
 def simulate(hairbake: Path, scene: SceneFiles, out: Path, *options: object) -> float:

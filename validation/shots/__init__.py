@@ -1,0 +1,1 @@
+"""Hard motions on four grooms, from the files of other programs to validated caches."""
