@@ -62,9 +62,7 @@ impl<'a> Model<'a> {
 
     /// Time after `taken` sub-steps, s. The pre-roll ends one frame before the first, on the handle frame.
     pub fn time_after(&self, taken: i64) -> f64 {
-        let substeps = i64::from(self.anim.settings.substeps);
-        let first = (i64::from(self.anim.frames.0) - 1) * substeps;
-        (first + taken - self.preroll) as f64 / (self.anim.fps * substeps as f64)
+        time_after(self.anim, taken)
     }
 
     /// True if `taken` sub-steps are those of the pre-roll.
@@ -107,6 +105,13 @@ impl<'a> Model<'a> {
 fn preroll(anim: &Anim) -> i64 {
     let step = 1.0 / (anim.fps * f64::from(anim.settings.substeps));
     (anim.settings.preroll / step).ceil() as i64
+}
+
+/// Time after `taken` sub-steps of an animation, s.
+pub(super) fn time_after(anim: &Anim, taken: i64) -> f64 {
+    let substeps = i64::from(anim.settings.substeps);
+    let first = (i64::from(anim.frames.0) - 1) * substeps;
+    (first + taken - preroll(anim)) as f64 / (anim.fps * substeps as f64)
 }
 
 /// Sub-steps from the start of the pre-roll to `frame`, which is not before the handle frame.

@@ -67,6 +67,27 @@ pub struct Rod {
     pub(super) core: RodCore<f64>,
     /// ∫ N_i N_j σ τ ds, m·s, with τ the relaxation time; laid out as [`RodCore::hat`].
     pub(super) damping: Vec<[f64; 2]>,
+    profile: Profile,
+}
+
+/// Stiffness and damping along a rod.
+#[derive(Debug, Clone, Copy)]
+struct Profile {
+    taper: Taper,
+    /// Relaxation time at the root, s.
+    damping: f64,
+}
+
+impl Profile {
+    /// Stiffness over that at the root, σ, at arc-length fraction `u`.
+    fn sigma(&self, u: f64) -> f64 {
+        lerp_from_one(self.taper.stiffness, u) * lerp_from_one(self.taper.radius, u).powi(4)
+    }
+
+    /// Relaxation time τ at arc-length fraction `u`, s.
+    fn tau(&self, u: f64) -> f64 {
+        self.damping * lerp_from_one(self.taper.damping, u)
+    }
 }
 
 /// The segments of a rod with what else follows from the drawn curve.
@@ -139,10 +160,9 @@ impl Rod {
             Some(_) => project(&nodes, &segments, &deviation),
             None => vec![0.0; 3 * (nodes.len() - 1)],
         };
-        let sigma = |u: f64| lerp_from_one(taper.stiffness, u) * lerp_from_one(taper.radius, u).powi(4);
-        let damping = |u| sigma(u) * source.damping * lerp_from_one(taper.damping, u);
+        let profile = Profile { taper: source.taper, damping: source.damping };
         let core = RodCore {
-            hat: hat_matrix(&nodes, sigma),
+            hat: hat_matrix(&nodes, |u| profile.sigma(u)),
             stiffness: source.stiffness,
             prebend: vec![0.0; initial_q.len()],
             length,
@@ -150,7 +170,8 @@ impl Rod {
             mass: mass.iter().sum(),
             segments,
         };
-        Some(Rod { damping: hat_matrix(&nodes, damping), root, arc, mass, weight, initial_q, nodes, core })
+        let damping = hat_matrix(&nodes, |u| profile.sigma(u) * profile.tau(u));
+        Some(Rod { damping, root, arc, mass, weight, initial_q, nodes, core, profile })
     }
 
     /// Arc length L, m.
@@ -221,9 +242,12 @@ impl Rod {
         strain.iter().flat_map(|w| [w.x, w.y, w.z]).collect()
     }
 
-    /// Multiplies the stiffness by `factor`.
-    pub fn scale_stiffness(&mut self, factor: f64) {
-        self.core.stiffness.iter_mut().for_each(|k| *k *= factor);
+    /// Multiplies the stiffness given to [`Rod::new`], and the damping with it, by `factor` at each
+    /// arc-length fraction.
+    pub fn stiffen(&mut self, factor: impl Fn(f64) -> f64) {
+        let profile = self.profile;
+        self.core.hat = hat_matrix(&self.nodes, |u| profile.sigma(u) * factor(u));
+        self.damping = hat_matrix(&self.nodes, |u| profile.sigma(u) * profile.tau(u) * factor(u));
     }
 
     /// Offsets the natural strain by `strain` (at the nodes, 1/m) from that given to [`Rod::new`].

@@ -99,7 +99,7 @@ pub struct GroomArguments {
     /// 0 keeps their distance; 1 makes pointed locks.
     #[arg(long, value_name = "FRACTION", default_value_t = 0.4, value_parser = values::fraction, help_heading = STRANDS)]
     clump: f64,
-    /// Drawn width of the strands at root and tip, in mm [default: covers the head like 100,000 hairs]
+    /// Drawn width of the strands at root and tip, in mm [default: covers the skin as hairs cover a scalp]
     ///
     /// Wider strands cover more of the head.
     #[arg(long, value_name = "ROOT,TIP", value_parser = widths, help_heading = STRANDS)]

@@ -1,5 +1,6 @@
 //! Builds a groom over guides: the wisp hierarchy, the render strands, and measurements of the fit.
 
+use super::coverage::covering_width;
 use super::features::{Features, nearest};
 use super::fidelity::{self, Curl, LevelFit};
 use super::generate::{self, Generation};
@@ -27,8 +28,8 @@ pub struct BuildOptions {
     pub sections: usize,
     /// Material of the strands.
     pub material: Material,
-    /// Drawn width at root and tip, m; `None` for the width at which the strands cover as much as 100,000
-    /// hairs.
+    /// Drawn width at root and tip, m; `None` for the width at which the strands cover the skin as hairs
+    /// cover a scalp.
     pub width: Option<[f64; 2]>,
 }
 
@@ -153,8 +154,8 @@ pub(crate) fn build(
         curl: fidelity::curl(&guides.curves),
         levels,
     };
-    let drawn = if strands.curves.is_empty() { guides.curves.len() } else { strands.curves.len() };
-    let width = options.width.unwrap_or_else(|| covering_width(drawn));
+    let drawn = if strands.curves.is_empty() { &guides.curves } else { &strands.curves };
+    let width = options.width.unwrap_or_else(|| covering_width(&drawn.roots().collect::<Vec<_>>()));
     let groom = Groom {
         name: name.into(),
         notes: Vec::new(),
@@ -240,12 +241,6 @@ fn unite_clumps(guide: &mut [u32], clumps: &[Option<i32>]) {
     for (guide, clump) in guide.iter_mut().zip(clumps) {
         *guide = clump.and_then(|clump| of_clump.get(&clump).copied()).unwrap_or(*guide);
     }
-}
-
-/// Width at root and tip, m, at which `strands` cover as much as 100,000 hairs of 80 µm, at most 1 mm.
-fn covering_width(strands: usize) -> [f64; 2] {
-    let root = (8e-5 * (1e5 / strands.max(1) as f64).sqrt()).clamp(8e-5, 1e-3);
-    [root, 0.3 * root]
 }
 
 /// Leaf wisp (tree, wisp) of each guide.

@@ -6,6 +6,7 @@
 pub(super) mod build;
 mod cluster;
 pub(super) mod convert;
+mod coverage;
 mod features;
 pub(super) mod fidelity;
 pub(super) mod generate;
