@@ -7,8 +7,8 @@ use super::cache_content::CacheContent;
 use super::work_dir::WorkDir;
 use crate::Result;
 use crate::cache::{InputRecord, sha256};
+use crate::dynamics::clock;
 use crate::dynamics::guide_rods::GuideRods;
-use crate::dynamics::model;
 use crate::scene::anim::{ContactSetting, Resolution};
 use crate::scene::{Anim, Groom, Override};
 use crate::strands::LOOKAHEAD;
@@ -92,7 +92,7 @@ impl Job {
 
     /// Sub-steps from the start of the pre-roll to a frame.
     pub(super) fn steps_to(&self, frame: i32) -> i64 {
-        model::substeps_to(&self.anim, frame)
+        clock::substeps_to(&self.anim, frame)
     }
 
     /// Sub-steps from the start of the pre-roll to the start of a stage whose first frame is `frame`; the

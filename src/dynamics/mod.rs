@@ -5,6 +5,7 @@ pub mod batch;
 mod body_contact;
 pub mod checkpoint;
 mod clearance;
+pub mod clock;
 mod collider;
 mod contact_polyline;
 mod coupled_substep;

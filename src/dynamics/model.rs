@@ -1,6 +1,7 @@
 //! What does not change during a simulation.
 
 use super::air_drag::{self, HairBulk};
+use super::clock;
 use super::guide::{ContactMode, GoalSpring, GuideModel};
 use super::guide_rods::GuideRods;
 use super::strand_contact::BundleProperties;
@@ -51,7 +52,7 @@ impl<'a> Model<'a> {
             bundles: bundles(rods),
             wisp_friction: wisp_friction(rods),
             split_tolerance: adaptive.then_some(anim.settings.split_tolerance),
-            preroll: preroll(anim),
+            preroll: clock::preroll(anim),
         }
     }
 
@@ -62,7 +63,7 @@ impl<'a> Model<'a> {
 
     /// Time after `taken` sub-steps, s. The pre-roll ends one frame before the first, on the handle frame.
     pub fn time_after(&self, taken: i64) -> f64 {
-        time_after(self.anim, taken)
+        clock::time_after(self.anim, taken)
     }
 
     /// True if `taken` sub-steps are those of the pre-roll.
@@ -99,25 +100,6 @@ impl<'a> Model<'a> {
             _ => 1.0,
         }
     }
-}
-
-/// Sub-steps of the pre-roll.
-fn preroll(anim: &Anim) -> i64 {
-    let step = 1.0 / (anim.fps * f64::from(anim.settings.substeps));
-    (anim.settings.preroll / step).ceil() as i64
-}
-
-/// Time after `taken` sub-steps of an animation, s.
-pub(super) fn time_after(anim: &Anim, taken: i64) -> f64 {
-    let substeps = i64::from(anim.settings.substeps);
-    let first = (i64::from(anim.frames.0) - 1) * substeps;
-    (first + taken - preroll(anim)) as f64 / (anim.fps * substeps as f64)
-}
-
-/// Sub-steps from the start of the pre-roll to `frame`, which is not before the handle frame.
-pub fn substeps_to(anim: &Anim, frame: i32) -> i64 {
-    let frames = i64::from(frame) - i64::from(anim.frames.0) + 1;
-    preroll(anim) + frames * i64::from(anim.settings.substeps)
 }
 
 fn guide(anim: &Anim, bulk: &HairBulk, r: &GuideRod) -> GuideModel {

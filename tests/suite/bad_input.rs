@@ -117,6 +117,53 @@ fn missing_and_empty_meshes_are_rejected() {
     assert!(!out.exists());
 }
 
+/// A scene of one straight guide of 30 cm that goes through the middle of a ball of `radius`, m.
+fn through_a_ball(radius: f64) -> Scene {
+    let scene = Scene::import();
+    let points: Vec<Value> = (0..=30).map(|i| json!([0.0, 0.0, -0.01 * f64::from(i)])).collect();
+    let groom = json!({
+        "format": "hairbake-groom", "version": 1,
+        // A bristle, which keeps its shape.
+        "materials": [{ "name": "bristle", "section": { "radius_m": 0.0005 } }],
+        "guides": { "points": points, "vertices": [31] }
+    });
+    let mut anim: Value = serde_json::from_slice(&crate::common::here(&scene.anim)).unwrap();
+    anim["gravity_m_s2"] = json!([0.0, 0.0, 0.0]);
+    anim["colliders"] = json!([{
+        "name": "ball", "body": anim["colliders"][0]["body"],
+        "shape": { "type": "sphere", "centre": [0.0, 0.0, -0.15], "radius": radius }
+    }]);
+    std::fs::write(&scene.groom, groom.to_string()).unwrap();
+    std::fs::write(&scene.anim, anim.to_string()).unwrap();
+    scene
+}
+
+#[test]
+fn a_groom_that_is_mostly_inside_a_body_is_refused() {
+    let scene = through_a_ball(0.12);
+    let out = scene.folder.path().join("out");
+    let assert = bake(&scene.groom, &scene.anim, &out).assert().code(65);
+    let text = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
+    says(&text, &["colliders[0]", "guide segments are inside \"ball\"", "at most half of them"]);
+    assert!(!out.join("manifest.json").exists());
+}
+
+#[test]
+fn hair_that_is_partly_inside_a_body_is_recorded_and_warned_of() {
+    let scene = through_a_ball(0.03);
+    let out = scene.folder.path().join("out");
+    let assert = bake(&scene.groom, &scene.anim, &out).assert().success();
+    says(
+        &String::from_utf8_lossy(&assert.get_output().stderr),
+        &["exempt from contact", "the groom has them inside"],
+    );
+    let manifest: Value = serde_json::from_slice(&crate::common::here(&out.join("manifest.json"))).unwrap();
+    let figures = &manifest["frames"][1]["figures"];
+    assert!(figures["exempt_segments"].as_u64() > Some(0), "{figures}");
+    assert!(figures["exempt_penetration_m"].as_f64() > Some(0.02), "{figures}");
+    assert!(figures["penetration_m"].as_f64() < Some(1e-3), "{figures}");
+}
+
 #[test]
 fn implausible_units_are_rejected() {
     let scene = Scene::import();

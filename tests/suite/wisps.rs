@@ -1,7 +1,7 @@
 //! Wisps that guides come away from and join again.
 
+use hairbake::dynamics::clock::substeps_to;
 use hairbake::dynamics::guide_rods::GuideRods;
-use hairbake::dynamics::model::substeps_to;
 use hairbake::dynamics::simulation::Simulation;
 use hairbake::dynamics::step_record::StepRecord;
 use hairbake::rod::{RodShape, SegmentSize};

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from . import tolerances
 from .cache import RECORD, Cache
 from .report import Check, Finding
 
@@ -22,6 +23,13 @@ FIGURES = Check(
     "figures",
     "manifest.json holds finite figures for every frame",
     "bake these frames again",
+)
+EXEMPT = Check(
+    "exempt",
+    "contact holds most segments of the guides: few are exempt because the groom has them inside a body",
+    "compare groom and bodies in one picture: they may have other units, axes or rest poses",
+    tolerances.EXEMPT_SHARE,
+    "of the segments",
 )
 TEMPORARIES = Check(
     "temporaries",
@@ -89,6 +97,15 @@ def figures(cache: Cache) -> Iterator[Finding]:
             yield Finding(FIGURES, message=f"{RECORD}: figures are not finite", frame=entry.get("frame"))
 
 
+def exempt(cache: Cache) -> Iterator[Finding]:
+    """Compares the segments exempt from contact with all that there are."""
+    for entry in entries(cache, "frames"):
+        values = entry.get("figures")
+        if isinstance(values, dict) and values.get("contact_segments"):
+            share = values.get("exempt_segments", 0) / values["contact_segments"]
+            yield Finding(EXEMPT, share, frame=entry.get("frame"))
+
+
 def temporaries(cache: Cache) -> Iterator[Finding]:
     """Finds files left by a bake that was interrupted, or by an earlier bake of more frames."""
     for path in sorted(cache.directory.iterdir()):
@@ -124,6 +141,7 @@ def checksums(cache: Cache) -> Iterator[Finding]:
 FILES: dict[Check, Callable[[Cache], Iterator[Finding]]] = {
     RECORD_CHECK: record,
     FIGURES: figures,
+    EXEMPT: exempt,
     TEMPORARIES: temporaries,
 }
 """The checks of the files and their functions, in the order of the report, without CHECKSUMS.

@@ -1,7 +1,7 @@
 //! What carries hair in the groom's pose: bodies that it lies on (`docs/theory.md` §6).
 
-use super::super::model;
 use crate::contact::{Bodies, Body};
+use crate::dynamics::clock;
 use crate::math::cholesky::dot;
 use crate::rod::{Rod, RodShape, Sensitivity};
 use crate::scene::Anim;
@@ -44,7 +44,7 @@ pub struct Surroundings {
 impl Surroundings {
     /// The bodies of `anim`.
     pub fn new(anim: &Anim) -> Self {
-        let t = model::time_after(anim, 0);
+        let t = clock::time_after(anim, 0);
         let mut bodies = Bodies::new(anim.colliders.iter().map(Body::from));
         bodies.prepare([t, t]);
         let head = anim.head_pose(t).inverse();

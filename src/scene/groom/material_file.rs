@@ -31,9 +31,9 @@ pub struct MaterialFile {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(inner(range(min = -1e5, max = 1e5)))]
     pub natural_curvature_per_m: Option<[f64; 3]>,
-    /// Share of gravity that the natural shape compensates: with 1 the groom keeps its pose while the head is
-    /// still, with 0 it sags. Strands whose pose would be unstable are made up to 100 times stiffer; the
-    /// report counts them.
+    /// Share of gravity that the natural shape compensates where no body carries the hair: with 1 the groom
+    /// keeps its pose while the head is still, with 0 it sags. Strands whose pose would be unstable are made
+    /// up to 100 times stiffer near the root; the report counts them.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub sag_free: f64,
     /// Stiffness at the tip relative to the root. Below 1 tips are softer. Default 1.

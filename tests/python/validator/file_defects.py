@@ -42,6 +42,11 @@ def infinite_figure(cache: CacheBuilder) -> None:
     cache.edit_record(lambda record: record["frames"][2].update(figures={"depth": float("inf")}))
 
 
+@defect("exempt")
+def contact_holds_a_third(cache: CacheBuilder) -> None:
+    cache.edit_record(lambda record: record["frames"][2]["figures"].update(exempt_segments=67))
+
+
 @defect("checksums")
 def flipped_bit(cache: CacheBuilder) -> None:
     layer = Sdf.Layer.OpenAsAnonymous(str(cache.frame(MIDDLE)))

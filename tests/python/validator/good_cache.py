@@ -87,6 +87,10 @@ def sphere_mesh() -> tuple[FloatArray, IntArray]:
     return points, np.array(triangles)
 
 
+FIGURES = {"contacts": 3, "exempt_segments": 4, "contact_segments": 100}
+"""Figures of every frame."""
+
+
 class CacheBuilder:
     """Writes the good cache into a folder, and applies changes to it."""
 
@@ -125,7 +129,7 @@ class CacheBuilder:
             "settings": {"samples": SAMPLES, "shutter": SHUTTER},
             "layers": [self._file_record(self.path(name)) for name in names],
             "frames": [
-                {"frame": frame, **self._file_record(self.frame(frame)), "figures": {"contacts": 3}}
+                {"frame": frame, **self._file_record(self.frame(frame)), "figures": FIGURES}
                 for frame in HANDLES
             ],
         }
