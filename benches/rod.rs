@@ -8,7 +8,7 @@ use hairbake::dynamics::batch::Batches;
 use hairbake::dynamics::environment::Environment;
 use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideState};
 use hairbake::dynamics::step_record::StepRecord;
-use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
+use hairbake::rod::{Rod, RodSource, SegmentSize};
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, Vector3};
 use std::time::Instant;
@@ -34,15 +34,10 @@ fn main() {
 fn rod(points: &[Vector3<f64>], nodes: usize, line_density: f64) -> Rod {
     let arc: Vec<f64> = (0..nodes).map(|i| (i as f64 / (nodes - 1) as f64).powf(1.5)).collect();
     Rod::new(&RodSource {
-        points,
-        root_frame: None,
-        arc: &arc,
-        stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
         line_density,
         damping: 0.005,
-        taper: Taper::NONE,
-        natural_strain: None,
         segment_size: SegmentSize::COARSE,
+        ..RodSource::hair(points, &arc)
     })
     .unwrap()
 }

@@ -18,7 +18,7 @@
 
 use hairbake::rod::newton::Solver;
 use hairbake::rod::potential::{Load, PointLoad};
-use hairbake::rod::{Rod, RodShape, RodSource, SegmentSize, Taper};
+use hairbake::rod::{Rod, RodShape, RodSource, SegmentSize};
 use nalgebra::Vector3;
 use std::f64::consts::FRAC_PI_2;
 
@@ -45,17 +45,14 @@ fn main() {
 
 /// Reach and drop of the rod's tip, in lengths.
 fn rod(gamma: f64) -> [f64; 2] {
+    let line = [Vector3::zeros(), Vector3::x() * LENGTH];
+    // Nodes crowd at the clamp, where the rod bends most.
+    let nodes = [0.0, 0.054, 0.153, 0.281, 0.432, 0.604, 0.794, 1.0];
     let rod = Rod::new(&RodSource {
-        points: &[Vector3::zeros(), Vector3::x() * LENGTH],
-        root_frame: None,
-        // Nodes crowd at the clamp, where the rod bends most.
-        arc: &[0.0, 0.054, 0.153, 0.281, 0.432, 0.604, 0.794, 1.0],
         stiffness: [BENDING, BENDING, TORSION],
         line_density: gamma * BENDING / (GRAVITY * LENGTH.powi(3)),
-        damping: 0.0,
-        taper: Taper::NONE,
-        natural_strain: None,
         segment_size: SegmentSize::COARSE,
+        ..RodSource::hair(&line, &nodes)
     })
     .expect("two distinct points make a rod");
 

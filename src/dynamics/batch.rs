@@ -159,7 +159,7 @@ mod tests {
     use super::*;
     use crate::contact::Bodies;
     use crate::geometry::Shape;
-    use crate::rod::{RodSource, SegmentSize, Taper};
+    use crate::rod::RodSource;
     use crate::scene::Tree;
     use crate::scene::anim::Scheme;
     use nalgebra::{Isometry3, Vector3};
@@ -168,15 +168,11 @@ mod tests {
     fn hair(i: usize) -> Rod {
         let root = Vector3::x() * (0.01 * i as f64);
         Rod::new(&RodSource {
-            points: &[root, root + Vector3::new(0.02, 0.01, 0.1 + 0.03 * (i % 3) as f64)],
-            root_frame: None,
-            arc: &Tree::default_arc(if i % 4 == 3 { 5 } else { 7 }),
-            stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
-            line_density: 6.6e-6,
             damping: 0.005,
-            taper: Taper::NONE,
-            natural_strain: None,
-            segment_size: SegmentSize::FINE,
+            ..RodSource::hair(
+                &[root, root + Vector3::new(0.02, 0.01, 0.1 + 0.03 * (i % 3) as f64)],
+                &Tree::default_arc(if i % 4 == 3 { 5 } else { 7 }),
+            )
         })
         .unwrap()
     }

@@ -192,7 +192,7 @@ mod tests {
     use crate::contact::Bodies;
     use crate::dynamics::guide::{ContactMode, GuideModel, GuideScratch};
     use crate::math::random;
-    use crate::rod::{RodSource, SegmentSize, Taper};
+    use crate::rod::RodSource;
     use crate::scene::Tree;
     use crate::scene::anim::Scheme;
     use nalgebra::UnitQuaternion;
@@ -202,15 +202,8 @@ mod tests {
     fn hair(i: usize, length: f64) -> Rod {
         let root = V::x() * (2e-3 * i as f64);
         Rod::new(&RodSource {
-            points: &[root, root + V::y() * length],
-            root_frame: None,
-            arc: &Tree::default_arc(6),
-            stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
-            line_density: 6.6e-6,
             damping: 1e-3,
-            taper: Taper::NONE,
-            natural_strain: None,
-            segment_size: SegmentSize::FINE,
+            ..RodSource::hair(&[root, root + V::y() * length], &Tree::default_arc(6))
         })
         .unwrap()
     }

@@ -136,21 +136,19 @@ fn add_spring(row: &[f64], stiffening: f64, hessian: &mut [f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rod::model::{RodSource, Taper};
+    use crate::rod::model::RodSource;
     use crate::rod::potential::PointLoad;
     use crate::rod::segment::SegmentSize;
 
     fn hair() -> Rod {
         Rod::new(&RodSource {
-            points: &[Vector3::zeros(), Vector3::new(0.03, 0.1, 0.0), Vector3::new(0.1, 0.15, 0.03)],
-            root_frame: None,
-            arc: &[0.0, 0.2, 0.5, 1.0],
             stiffness: [8e-9, 6e-9, 4e-9],
-            line_density: 6.6e-6,
             damping: 0.004,
-            taper: Taper::NONE,
-            natural_strain: None,
             segment_size: SegmentSize { max_length: 0.005, max_turn: 0.8 },
+            ..RodSource::hair(
+                &[Vector3::zeros(), Vector3::new(0.03, 0.1, 0.0), Vector3::new(0.1, 0.15, 0.03)],
+                &[0.0, 0.2, 0.5, 1.0],
+            )
         })
         .unwrap()
     }

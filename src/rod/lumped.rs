@@ -127,23 +127,12 @@ impl LumpedSensitivity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rod::model::{RodSource, Taper};
-    use crate::rod::segment::SegmentSize;
+    use crate::rod::model::RodSource;
 
     /// A thin rod through `points` with nodes at the arc-length fractions `arc`.
     fn through(points: &[Vector3<f64>], arc: &[f64]) -> Rod {
-        Rod::new(&RodSource {
-            points,
-            root_frame: None,
-            arc,
-            stiffness: [1e-9; 3],
-            line_density: 6e-6,
-            damping: 0.0,
-            taper: Taper::NONE,
-            natural_strain: None,
-            segment_size: SegmentSize::FINE,
-        })
-        .unwrap()
+        Rod::new(&RodSource { stiffness: [1e-9; 3], line_density: 6e-6, ..RodSource::hair(points, arc) })
+            .unwrap()
     }
 
     #[test]

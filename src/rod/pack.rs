@@ -357,7 +357,7 @@ fn exponent_in_lane<F: Real>(exponent: &MagnusExponent<F>, i: usize) -> MagnusEx
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rod::model::{RodSource, Taper};
+    use crate::rod::model::RodSource;
     use crate::rod::potential::PointLoad;
     use crate::rod::segment::SegmentSize;
     use nalgebra::Vector3;
@@ -374,15 +374,10 @@ mod tests {
                 .collect();
             let arc: Vec<f64> = (0..7).map(|i| (i as f64 / 6.0).powf(1.5)).collect();
             Rod::new(&RodSource {
-                points: &points,
-                root_frame: None,
-                arc: &arc,
                 stiffness: [8e-9, 6e-9, 4e-9],
-                line_density: 6.6e-6,
                 damping: 0.004,
-                taper: Taper::NONE,
-                natural_strain: None,
                 segment_size: SegmentSize { max_length: 0.05, ..SegmentSize::FINE },
+                ..RodSource::hair(&points, &arc)
             })
             .unwrap()
         };

@@ -203,7 +203,7 @@ fn psi<F: Real>(segment: &Segment<F>, d: &[V3<F>; 2]) -> Twist<F> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rod::model::{RodSource, Taper};
+    use crate::rod::model::RodSource;
     use crate::rod::segment::SegmentSize;
 
     #[test]
@@ -216,15 +216,10 @@ mod tests {
             let length = 0.06 * 1.25_f64.sqrt() * 1.99;
             let max_length = length / 4.0 / (segments - 0.5);
             Rod::new(&RodSource {
-                points: &points,
-                root_frame: None,
-                arc: &[0.0, 0.25, 0.5, 0.75, 1.0],
                 stiffness: [1e-9; 3],
                 line_density: 1e-5,
-                damping: 0.0,
-                taper: Taper::NONE,
-                natural_strain: None,
                 segment_size: SegmentSize { max_length, max_turn: 10.0 },
+                ..RodSource::hair(&points, &[0.0, 0.25, 0.5, 0.75, 1.0])
             })
             .unwrap()
         };

@@ -15,15 +15,10 @@ fn tapered_rod_bends_as_a_tapered_beam() {
     let arc: Vec<f64> = (0..33).map(|i| f64::from(i) / 32.0).collect();
     let taper = Taper { stiffness: 0.5, radius: 0.6, damping: 1.0 };
     let rod = Rod::new(&RodSource {
-        points: &[Vector3::zeros(), Vector3::x() * l],
-        root_frame: None,
-        arc: &arc,
         stiffness: [ei, ei, 3.6e-9],
         line_density: density,
-        damping: 0.0,
         taper,
-        natural_strain: None,
-        segment_size: SegmentSize::FINE,
+        ..RodSource::hair(&[Vector3::zeros(), Vector3::x() * l], &arc)
     })
     .unwrap();
     // Curvature M/EI at the root and at half length under the weight beyond, by quadrature.
@@ -65,15 +60,10 @@ fn curl_with_segments(length: f64) -> Rod {
         .collect();
     let arc: Vec<f64> = (0..6).map(|i| (i as f64 / 5.0).powf(1.3)).collect();
     Rod::new(&RodSource {
-        points: &points,
-        root_frame: None,
-        arc: &arc,
         stiffness: [8e-9, 6e-9, 4e-9],
-        line_density: 6.6e-6,
         damping: 0.004,
-        taper: Taper::NONE,
-        natural_strain: None,
         segment_size: SegmentSize { max_length: length, ..SegmentSize::FINE },
+        ..RodSource::hair(&points, &arc)
     })
     .unwrap()
 }

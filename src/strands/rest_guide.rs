@@ -91,20 +91,14 @@ impl RestGuide {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::rod::{RodSource, SegmentSize, Taper};
+    use crate::rod::RodSource;
 
     /// A guide through `points`, m, with two nodes that have unknowns.
     pub fn guide_through(points: &[Vector3<f64>]) -> RestGuide {
         let rod = Rod::new(&RodSource {
-            points,
-            root_frame: None,
-            arc: &[0.0, 0.5, 1.0],
             stiffness: [1e-9; 3],
             line_density: 1e-5,
-            damping: 0.0,
-            taper: Taper::NONE,
-            natural_strain: None,
-            segment_size: SegmentSize::FINE,
+            ..RodSource::hair(points, &[0.0, 0.5, 1.0])
         });
         RestGuide::new(&rod.unwrap())
     }

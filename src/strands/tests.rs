@@ -7,7 +7,7 @@ use super::moment::{GuideMotion, HeadMotion, Moment};
 use super::obstacles::Obstacles;
 use crate::contact::Bodies;
 use crate::math::se3;
-use crate::rod::{Rod, RodShape, RodSource, SegmentSize, Taper};
+use crate::rod::{Rod, RodShape, RodSource, SegmentSize};
 use crate::scene::Curves;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
@@ -32,15 +32,9 @@ fn helix(n: usize, phase: f64) -> Vec<Vector3<f64>> {
 fn rod(points: &[Vector3<f64>]) -> Rod {
     let arc: Vec<f64> = (0..8).map(|i| (i as f64 / 7.0).powf(1.5)).collect();
     Rod::new(&RodSource {
-        points,
-        root_frame: None,
-        arc: &arc,
         stiffness: [8e-9, 8e-9, 4e-9],
-        line_density: 6.6e-6,
-        damping: 0.0,
-        taper: Taper::NONE,
-        natural_strain: None,
         segment_size: SegmentSize { max_length: 0.005, ..SegmentSize::FINE },
+        ..RodSource::hair(points, &arc)
     })
     .unwrap()
 }

@@ -70,7 +70,7 @@ pub(super) fn frequency_response(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rod::{Rod, RodSource, SegmentSize, Taper};
+    use crate::rod::{Rod, RodSource, SegmentSize};
     use crate::scene::{Material, Tree};
     use crate::wisp::linear_kinematics::LinearKinematics;
 
@@ -80,15 +80,10 @@ mod tests {
         // The error is of first order in the spacing of the nodes.
         let arc = Tree::default_arc(49);
         let rod = Rod::new(&RodSource {
-            points: &[Vector3::zeros(), Vector3::y() * -length],
-            root_frame: None,
-            arc: &arc,
             stiffness: [stiffness; 3],
             line_density: density,
-            damping: 0.0,
-            taper: Taper::NONE,
-            natural_strain: None,
             segment_size: SegmentSize::COARSE,
+            ..RodSource::hair(&[Vector3::zeros(), Vector3::y() * -length], &arc)
         })
         .unwrap();
         let drag = vec![0.0; rod.points()];

@@ -162,7 +162,7 @@ fn numbers(vectors: impl Iterator<Item = Vector3<f64>>) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rod::{RodSource, SegmentSize, Taper};
+    use crate::rod::RodSource;
     use crate::scene::Tree;
 
     const GRAVITY: Vector3<f64> = Vector3::new(0.0, -G, 0.0);
@@ -171,15 +171,9 @@ mod tests {
     fn hair(nodes: usize, stiffness: f64) -> Rod {
         let root = Vector3::x() * 0.1;
         Rod::new(&RodSource {
-            points: &[root, root - Vector3::y() * 0.2],
-            root_frame: None,
-            arc: &Tree::default_arc(nodes),
             stiffness: [stiffness; 3],
-            line_density: 6.6e-6,
             damping: 0.01,
-            taper: Taper::NONE,
-            natural_strain: None,
-            segment_size: SegmentSize::FINE,
+            ..RodSource::hair(&[root, root - Vector3::y() * 0.2], &Tree::default_arc(nodes))
         })
         .unwrap()
     }

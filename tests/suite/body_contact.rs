@@ -7,7 +7,7 @@ use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideScratch, GuideStat
 use hairbake::dynamics::step_record::StepRecord;
 use hairbake::dynamics::tie::Tie;
 use hairbake::geometry::Shape;
-use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
+use hairbake::rod::{Rod, RodSource, SegmentSize};
 use hairbake::scene::Tree;
 use nalgebra::{Isometry3, Vector3};
 
@@ -141,15 +141,9 @@ fn a_curve_that_bulges_over_its_points_is_held_by_what_bulges() {
         .map(|a| Vector3::new(-radius * a.cos(), -radius * a.sin(), 0.0))
         .collect();
     let rod = Rod::new(&RodSource {
-        points: &points,
-        root_frame: None,
-        arc: &[0.0, 0.4, 0.8, 1.0],
-        stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
-        line_density: 6.6e-6,
         damping: 0.02,
-        taper: Taper::NONE,
-        natural_strain: None,
         segment_size: SegmentSize { max_length: 0.02, max_turn: 1.3 },
+        ..RodSource::hair(&points, &[0.0, 0.4, 0.8, 1.0])
     })
     .unwrap();
     let plane = Shape::Plane { point: Vector3::y() * -0.03, normal: Vector3::y() };
@@ -253,15 +247,9 @@ fn a_tie_gives_way_by_its_compliance() {
     let (length, gravity) = (0.1, 9.81e3);
     let points = [Vector3::zeros(), Vector3::x() * length];
     let rod = Rod::new(&RodSource {
-        points: &points,
-        root_frame: None,
-        arc: &Tree::default_arc(8),
         stiffness: [7.8e-4, 7.8e-4, 3.6e-4],
-        line_density: 6.6e-6,
         damping: 0.02,
-        taper: Taper::NONE,
-        natural_strain: None,
-        segment_size: SegmentSize::FINE,
+        ..RodSource::hair(&points, &Tree::default_arc(8))
     })
     .unwrap();
     let env = Environment {

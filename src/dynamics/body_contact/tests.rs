@@ -6,7 +6,7 @@ use crate::dynamics::contact_polyline::with_midpoints;
 use crate::geometry::{Feature, Shape as SceneShape};
 use crate::math::se3::Pose;
 use crate::rod::potential::Load;
-use crate::rod::{Rod, RodSource, SegmentSize, Taper};
+use crate::rod::{Rod, RodSource};
 use nalgebra::{Isometry3, Vector3};
 
 const KEEP: f64 = 5e-4;
@@ -14,15 +14,9 @@ const KEEP: f64 = 5e-4;
 /// A straight rod along x of 0.1 m.
 fn straight() -> Rod {
     Rod::new(&RodSource {
-        points: &[Vector3::zeros(), Vector3::x() * 0.1],
-        root_frame: None,
-        arc: &[0.0, 0.25, 0.5, 0.75, 1.0],
         stiffness: [1e-9; 3],
         line_density: 1e-5,
-        damping: 0.0,
-        taper: Taper::NONE,
-        natural_strain: None,
-        segment_size: SegmentSize::FINE,
+        ..RodSource::hair(&[Vector3::zeros(), Vector3::x() * 0.1], &[0.0, 0.25, 0.5, 0.75, 1.0])
     })
     .unwrap()
 }

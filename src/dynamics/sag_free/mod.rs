@@ -195,9 +195,9 @@ fn softening(rod: &Rod, forces: &[Vector3<f64>]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rod::RodSource;
     use crate::rod::newton::Solver;
     use crate::rod::potential::{Load, PointLoad};
-    use crate::rod::{RodSource, SegmentSize, Taper};
 
     const GRAVITY: Vector3<f64> = Vector3::new(0.0, -9.81, 0.0);
 
@@ -206,18 +206,7 @@ mod tests {
         let at = |s: f64| Vector3::new(s, slope * s, 0.01 * (40.0 * s).sin());
         let points: Vec<_> = (0..40).map(|i| at(length * f64::from(i) / 39.0)).collect();
         let arc: Vec<f64> = (0..8).map(|i| (f64::from(i) / 7.0).powf(1.5)).collect();
-        Rod::new(&RodSource {
-            points: &points,
-            root_frame: None,
-            arc: &arc,
-            stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
-            line_density: 6.6e-6,
-            damping: 0.0,
-            taper: Taper::NONE,
-            natural_strain: None,
-            segment_size: SegmentSize::FINE,
-        })
-        .unwrap()
+        Rod::new(&RodSource::hair(&points, &arc)).unwrap()
     }
 
     /// Largest displacement of a point from the groom, over the rod's length, at rest under `gravity`, from
@@ -303,18 +292,7 @@ mod tests {
         let hanging = (1..=25).map(|i| Vector3::new(0.04, -0.01 * f64::from(i), 0.0));
         let points: Vec<_> = (0..=20).map(arch).chain(hanging).collect();
         let arc: Vec<f64> = (0..10).map(|i| f64::from(i) / 9.0).collect();
-        let mut held = Rod::new(&RodSource {
-            points: &points,
-            root_frame: None,
-            arc: &arc,
-            stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
-            line_density: 6.6e-6,
-            damping: 0.0,
-            taper: Taper::NONE,
-            natural_strain: None,
-            segment_size: SegmentSize::FINE,
-        })
-        .unwrap();
+        let mut held = Rod::new(&RodSource::hair(&points, &arc)).unwrap();
         let n = held.unknowns();
         let plain = held.elastic_matrix();
         let (stiffening, at_rest) = apply_to_rod(&mut held, 1.0, &GRAVITY, &[]);
@@ -346,15 +324,8 @@ mod tests {
     fn the_pose_replaces_a_given_natural_strain() {
         let line = [Vector3::zeros(), Vector3::x() * 0.03];
         let mut curl = Rod::new(&RodSource {
-            points: &line,
-            root_frame: None,
-            arc: &[0.0, 0.3, 0.6, 1.0],
-            stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
-            line_density: 6.6e-6,
-            damping: 0.0,
-            taper: Taper::NONE,
             natural_strain: Some(Vector3::new(0.0, 20.0, 0.0)),
-            segment_size: SegmentSize::FINE,
+            ..RodSource::hair(&line, &[0.0, 0.3, 0.6, 1.0])
         })
         .unwrap();
         assert!(settled_displacement(&curl, &curl.initial_q, &GRAVITY) > 0.02);

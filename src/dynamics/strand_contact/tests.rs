@@ -13,7 +13,7 @@ use crate::dynamics::guide::{ContactMode, ContactSolve, GuideModel, GuideScratch
 use crate::dynamics::step_record::StepRecord;
 use crate::geometry::Shape;
 use crate::math::random;
-use crate::rod::{Rod, RodShape, RodSource, SegmentSize, Taper};
+use crate::rod::{Rod, RodShape, RodSource};
 use crate::scene::Tree;
 use nalgebra::{Isometry3, UnitQuaternion, Vector2, Vector3};
 
@@ -31,16 +31,13 @@ fn strand(from: V, to: V, stiff: f64) -> Rod {
 
 /// A straight strand, `stiff` times as stiff as a hair and `heavy` times as heavy.
 fn bundle(from: V, to: V, stiff: f64, heavy: f64) -> Rod {
+    let (line, arc) = ([from, to], Tree::default_arc(8));
+    let hair = RodSource::hair(&line, &arc);
     Rod::new(&RodSource {
-        points: &[from, to],
-        root_frame: None,
-        arc: &Tree::default_arc(8),
-        stiffness: [7.8e-9, 7.8e-9, 3.6e-9].map(|k| k * stiff),
-        line_density: 6.6e-6 * heavy,
+        stiffness: hair.stiffness.map(|k| k * stiff),
+        line_density: hair.line_density * heavy,
         damping: 0.005,
-        taper: Taper::NONE,
-        natural_strain: None,
-        segment_size: SegmentSize::FINE,
+        ..hair
     })
     .unwrap()
 }

@@ -189,24 +189,13 @@ mod tests {
     use crate::contact::Bodies;
     use crate::dynamics::environment::Environment;
     use crate::geometry::Shape;
-    use crate::rod::{RodSource, SegmentSize, Taper};
+    use crate::rod::RodSource;
     use crate::scene::Tree;
     use nalgebra::UnitQuaternion;
 
     /// A hair of 10 cm along x, of points 1 cm apart.
     fn hair() -> Rod {
-        Rod::new(&RodSource {
-            points: &[Vector3::zeros(), Vector3::x() * 0.1],
-            root_frame: None,
-            arc: &Tree::default_arc(6),
-            stiffness: [7.8e-9, 7.8e-9, 3.6e-9],
-            line_density: 6.6e-6,
-            damping: 0.0,
-            taper: Taper::NONE,
-            natural_strain: None,
-            segment_size: SegmentSize::FINE,
-        })
-        .unwrap()
+        Rod::new(&RodSource::hair(&[Vector3::zeros(), Vector3::x() * 0.1], &Tree::default_arc(6))).unwrap()
     }
 
     /// A hair out of the bodies: its mean displacement, its points, and their distances from each body.

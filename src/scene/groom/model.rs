@@ -291,7 +291,7 @@ impl RodSection {
 }
 
 impl Default for Material {
-    /// Human scalp hair, radius 40 µm.
+    /// Human scalp hair, radius 40 µm. Moduli: Robbins 1994, appendix.
     fn default() -> Self {
         Material {
             name: "hair".into(),

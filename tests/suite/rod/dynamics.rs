@@ -3,7 +3,7 @@
 use hairbake::contact::Bodies;
 use hairbake::dynamics::environment::Environment;
 use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideScratch, GuideState};
-use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
+use hairbake::rod::{Rod, RodSource, SegmentSize};
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, Vector3};
 use std::f64::consts::TAU;
@@ -15,15 +15,11 @@ const LINE_DENSITY: f64 = 6.6e-6;
 /// A hair through `points` whose natural shape is straight.
 fn hair(points: &[Vector3<f64>]) -> Rod {
     Rod::new(&RodSource {
-        points,
-        root_frame: None,
-        arc: &hairbake::scene::Tree::default_arc(8),
         stiffness: [STIFFNESS, STIFFNESS, 3.6e-9],
         line_density: LINE_DENSITY,
-        damping: 0.0,
-        taper: Taper::NONE,
         natural_strain: Some(Vector3::zeros()),
         segment_size: SegmentSize::COARSE,
+        ..RodSource::hair(points, &hairbake::scene::Tree::default_arc(8))
     })
     .unwrap()
 }

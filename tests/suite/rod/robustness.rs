@@ -4,7 +4,7 @@ use hairbake::contact::Bodies;
 use hairbake::dynamics::environment::Environment;
 use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideScratch, GuideState};
 use hairbake::dynamics::step_record::StepRecord;
-use hairbake::rod::{Rod, RodSource, SegmentSize, Taper};
+use hairbake::rod::{Rod, RodSource, SegmentSize};
 use hairbake::scene::Tree;
 use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
@@ -57,15 +57,11 @@ impl Hair {
         let [i1, i2] = [area * b * b / 4.0, area * a * a / 4.0];
         let shear = 0.23 * self.young;
         Rod::new(&RodSource {
-            points,
-            root_frame: None,
-            arc: &Tree::default_arc(self.nodes),
             stiffness: [self.young * i1, self.young * i2, shear * 4.0 * i1 * i2 / (i1 + i2)],
             line_density: 1320.0 * area,
             damping: 0.005,
-            taper: Taper::NONE,
-            natural_strain: None,
             segment_size: self.segment_size,
+            ..RodSource::hair(points, &Tree::default_arc(self.nodes))
         })
         .unwrap()
     }

@@ -2,7 +2,7 @@
 
 use hairbake::rod::newton::Solver;
 use hairbake::rod::potential::{Load, PointLoad};
-use hairbake::rod::{Rod, RodShape, RodSource, SegmentSize, Taper};
+use hairbake::rod::{Rod, RodShape, RodSource, SegmentSize};
 use nalgebra::Vector3;
 
 /// Tip (reach, drop) in lengths of the heavy elastica at Γ = ρSgL³/EI: θ'' = −Γ(1 − s) cos θ, θ(0) = 0, θ'(1)
@@ -19,15 +19,10 @@ fn cantilever(gamma: f64, nodes: usize, grading: f64) -> (f64, f64) {
     let (l, ei, g) = (0.25, 7.8e-9, 9.81);
     let arc: Vec<f64> = (0..nodes).map(|i| (i as f64 / (nodes - 1) as f64).powf(grading)).collect();
     let rod = Rod::new(&RodSource {
-        points: &[Vector3::zeros(), Vector3::x() * l],
-        root_frame: None,
-        arc: &arc,
         stiffness: [ei, ei, 3.6e-9],
         line_density: gamma * ei / (g * l * l * l),
-        damping: 0.0,
-        taper: Taper::NONE,
-        natural_strain: None,
         segment_size: SegmentSize::COARSE,
+        ..RodSource::hair(&[Vector3::zeros(), Vector3::x() * l], &arc)
     })
     .unwrap();
     let n = rod.points();
