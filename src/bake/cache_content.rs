@@ -2,6 +2,7 @@
 
 use super::single::single;
 use crate::cache::{ClosestGuides, ColliderMesh, CurveSet, Header};
+use crate::contact::Body;
 use crate::dynamics::guide_rods::GuideRods;
 use crate::rod::{Rod, RodShape};
 use crate::scene::anim::{OutputCurves, Resolution};
@@ -57,10 +58,12 @@ impl<'a> CacheContent<'a> {
         let (groom, anim, convention) = (self.groom, self.anim, self.groom.convention);
         let collider = |c: &Collider| {
             let mesh = c.shape.tessellate();
+            let corners = |triangles: &[[u32; 3]]| triangles.iter().map(|t| t.map(|i| i as i32)).collect();
             ColliderMesh {
                 name: c.name.clone(),
                 points: mesh.vertices.iter().map(|v| single(&convention.length_out(*v))).collect(),
-                triangles: mesh.triangles.iter().map(|t| t.map(|i| i as i32)).collect(),
+                triangles: corners(&mesh.triangles),
+                caps: corners(Body::from(c).solid.caps()),
                 deforms: c.deformation.is_some(),
             }
         };

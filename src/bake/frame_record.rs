@@ -39,7 +39,8 @@ pub struct FrameRecord {
     pub contact_residual: f64,
     /// Solves accepted after all rounds before the guide came to rest on the bodies.
     pub unsettled: u32,
-    /// Deepest point inside a body, exempt segments excluded, m; 0 if none.
+    /// Deepest point of a guide inside a body, m; 0 if none. Exempt segments are excluded in the solver's steps,
+    /// points that the groom places inside, or next to a stretch drawn through, in what is written.
     pub penetration_m: f64,
     /// Solves whose motion was truncated at a surface, or taken whole because no part of it is admissible.
     pub shortened: u32,
@@ -107,9 +108,14 @@ impl FrameRecord {
         broken.into_iter().flatten().collect()
     }
 
-    /// The record with the depths of the frame's render strands.
-    pub fn with_hair(&self, Depths { deepest, inside }: Depths) -> Self {
-        FrameRecord { hair_penetration_m: deepest, hair_inside: inside, ..self.clone() }
+    /// The record with the depths of what is written of the frame.
+    pub fn with_depths(&self, depths: Depths) -> Self {
+        FrameRecord {
+            penetration_m: self.penetration_m.max(depths.guides),
+            hair_penetration_m: depths.strands,
+            hair_inside: depths.inside,
+            ..self.clone()
+        }
     }
 
     /// Adds one sub-step; `ids` are the guides' ids.

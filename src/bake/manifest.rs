@@ -20,7 +20,7 @@ pub(super) struct Finished {
 
 impl Finished {
     pub fn new(state: &FrameState, WrittenFrame { file, depths }: WrittenFrame) -> Self {
-        Finished { record: state.record.with_hair(depths), machine: state.machine.clone(), file }
+        Finished { record: state.record.with_depths(depths), machine: state.machine.clone(), file }
     }
 }
 

@@ -12,10 +12,10 @@ use crate::geometry::Deformation;
 use crate::rod::{Rod, RodShape, Sensitivity};
 use crate::scene::{Anim, Collider, Convention, Groom};
 use crate::strands::{
-    AroundFrame, Deflection, DeflectionAt, Depths, GuideMotion, HeadMotion, Interpolator, Moment, Obstacles,
-    PosedGuides, StrandMotion,
+    AroundFrame, Deflection, DeflectionAt, Depths, GuideDepths, GuideMotion, HeadMotion, Interpolator,
+    Moment, Obstacles, PosedGuides, StrandMotion,
 };
-use nalgebra::{Isometry3, Matrix3, Matrix4};
+use nalgebra::{Isometry3, Matrix3, Matrix4, Vector3};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -25,6 +25,7 @@ pub struct Output<'a> {
     rods: Vec<&'a Rod>,
     convention: Convention,
     strands: Option<Interpolator>,
+    guide_depths: GuideDepths,
     /// The bodies that strands are kept out of. Separate from the simulation's: they are prepared for other
     /// times.
     bodies: Bodies,
@@ -52,8 +53,8 @@ impl<'a> Output<'a> {
         let CacheContent { strands, mut guide_weights, rods, .. } = content;
         let rods: Vec<&Rod> = rods.into_iter().map(|(rod, _)| rod).collect();
         let bodies = Bodies::new(anim.colliders.iter().map(Body::from));
+        let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
         let strands = header.hair.is_some().then(|| {
-            let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
             let baked = base.map(|base| base.baked(&strands.curves).collect::<Vec<_>>());
             let curves = match &baked {
                 Some(baked) => {
@@ -64,7 +65,38 @@ impl<'a> Output<'a> {
             };
             Interpolator::new(&curves, guide_weights, &rods, &bodies, &thickness)
         });
-        Output { anim, rods, convention: groom.convention, strands, bodies, header, base }
+        let mut output = Output {
+            anim,
+            rods,
+            convention: groom.convention,
+            strands,
+            guide_depths: GuideDepths::default(),
+            bodies,
+            header,
+            base,
+        };
+        output.guide_depths = output.guide_depths(groom, &thickness);
+        output
+    }
+
+    /// The measure of the depths of the written guides that are baked anew.
+    fn guide_depths(&self, groom: &Groom, thickness: &[f64]) -> GuideDepths {
+        let guides = &self.header.guides;
+        let mut end = 0;
+        let ranges = guides.counts.iter().map(|count| {
+            end += *count as usize;
+            end - *count as usize..end
+        });
+        let all: Vec<_> = ranges.collect();
+        let baked = match self.base {
+            Some(base) => {
+                base.baked(&groom.guides.curves).filter_map(|guide| all.get(guide).cloned()).collect()
+            }
+            None => all,
+        };
+        let rest: Vec<_> =
+            guides.rest.iter().map(|p| self.to_metres() * Vector3::from(p.map(f64::from))).collect();
+        GuideDepths::new(&rest, baked, &self.bodies, thickness)
     }
 
     /// The cache's header.
@@ -118,7 +150,7 @@ impl<'a> Output<'a> {
     /// The cache's arrays at the written moments of `frame`. `states` are the guides at this frame and the
     /// next, `steps` the configurations in between if they are written, `settled` the deflections at the frame
     /// before, this one and the two after it, and `known` the posed guides and the free strands at the frame, if known. Also the
-    /// depths of the strands.
+    /// depths of guides and strands.
     ///
     /// # Errors
     /// As [`BaseCache::complete`].
@@ -161,7 +193,7 @@ impl<'a> Output<'a> {
         Ok((moments, depths.into_iter().fold(Depths::default(), Depths::max)))
     }
 
-    /// The cache's arrays at `offset` frames after `frame`, and the depths of the strands.
+    /// The cache's arrays at `offset` frames after `frame`, and the depths of guides and strands.
     fn moment(
         &mut self,
         (frame, offset): (i32, f64),
@@ -173,6 +205,8 @@ impl<'a> Output<'a> {
         let head = head_motion(self.anim, t);
         let to_scene = self.to_scene();
         let motion = self.motion(guides);
+        let poses = self.collider_poses(t);
+        let obstacles = Obstacles { bodies: &self.bodies, time: t, poses: &poses };
         let mut depths = Depths::default();
         let levels = self.header.levels.then(|| guides.iter().map(|g| g.level as i32).collect::<Vec<_>>());
         let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
@@ -180,8 +214,6 @@ impl<'a> Output<'a> {
             let (posed, free) = known.unzip();
             let posed = posed.unwrap_or_else(|| strands.pose(&head, None, &motion));
             let StrandMotion { points, velocities } = strands.evaluate(&head, &posed, &at, &to_scene, free);
-            let poses = self.collider_poses(t);
-            let obstacles = Obstacles { bodies: &self.bodies, time: t, poses: &poses };
             depths = strands.depths(&obstacles, &posed, &points, &self.to_metres());
             let level = levels.as_ref().map(|l| strands.main_guides().map(|guide| l[guide]).collect());
             CurveFrame {
@@ -192,11 +224,13 @@ impl<'a> Output<'a> {
                 level,
             }
         });
+        let guides = self.guides(&motion, levels, &head, &to_scene);
+        depths.guides = self.guide_depths.measure(&obstacles, &guides.points, &self.to_metres());
         let frame = Frame {
             frame,
             offset,
             hair,
-            guides: self.guides(&motion, levels, &head, &to_scene),
+            guides,
             head: self.matrix(&self.anim.head_pose(t)),
             colliders: self.colliders(t),
         };

@@ -75,7 +75,7 @@ pub struct WrittenFrame {
     /// Its file.
     #[serde(flatten)]
     pub file: FileRecord,
-    /// Depths of its render strands.
+    /// Depths of its guides and render strands.
     pub depths: Depths,
 }
 

@@ -37,8 +37,8 @@ impl CurveSet {
 impl ColliderMesh {
     fn check(&self) -> Result<(), String> {
         let n = self.points.len();
-        let outside =
-            self.triangles.as_flattened().iter().find(|&&i| !usize::try_from(i).is_ok_and(|i| i < n));
+        let mut corners = self.triangles.iter().chain(&self.caps).flatten();
+        let outside = corners.find(|&&i| !usize::try_from(i).is_ok_and(|i| i < n));
         match outside {
             Some(i) => Err(format!("collider {}: vertex {i} of {n}", self.name)),
             None => Ok(()),

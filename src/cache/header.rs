@@ -82,6 +82,8 @@ pub struct ColliderMesh {
     pub points: Vec<[f32; 3]>,
     /// Vertex indices of each triangle.
     pub triangles: Vec<[i32; 3]>,
+    /// Triangles that close its holes: hair keeps out of them as of the others.
+    pub caps: Vec<[i32; 3]>,
     /// Whether its vertices move in rest space.
     pub deforms: bool,
 }

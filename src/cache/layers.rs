@@ -8,7 +8,7 @@ use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header};
 use super::manifest::Manifest;
 use super::material;
 use super::names::{
-    CLIP_MANIFEST, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, TOPOLOGY, clip_template, collider_prim_names,
+    CAPS, CLIP_MANIFEST, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, TOPOLOGY, clip_template, collider_prim_names,
     frames_with_handles, up_axis,
 };
 use crate::usd::{Attribute, Layer, Metadata, Prim, Specifier, Value};
@@ -288,6 +288,10 @@ fn collider(mesh: &ColliderMesh) -> Vec<Attribute<'_>> {
     if !mesh.deforms {
         let extent = Value::Float3s(bounds(&mesh.points).to_vec().into());
         attributes.push(Attribute::new("extent", "float3[]").with_default(extent));
+    }
+    if !mesh.caps.is_empty() {
+        let corners = Value::Ints(Cow::Borrowed(mesh.caps.as_flattened()));
+        attributes.push(interpolated(CAPS, "int[]", "constant", corners));
     }
     attributes.extend([
         uniform_token("subdivisionScheme", "none"),

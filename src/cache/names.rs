@@ -18,6 +18,8 @@ pub const MANIFEST: &str = "manifest.json";
 pub(super) const CLOSEST_GUIDES: &str = "primvars:groom_closest_guides";
 /// Weights of these guides, under the name that Unreal reads.
 pub(super) const GUIDE_WEIGHTS: &str = "primvars:groom_guide_weights";
+/// Triangles that close the holes of a collider.
+pub(super) const CAPS: &str = "primvars:groom_caps";
 /// Level of each curve.
 pub(super) const LEVEL: &str = "primvars:groom_level";
 

@@ -5,7 +5,7 @@ use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header};
 use super::layers::transposed;
 use super::manifest::Manifest;
 use super::names::{
-    CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, MANIFEST, TOPOLOGY, collider_prim_names, frame_file_name,
+    CAPS, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, MANIFEST, TOPOLOGY, collider_prim_names, frame_file_name,
     frames_on_disk,
 };
 use crate::usd::{Layer, Value, crate_file};
@@ -181,19 +181,19 @@ impl Source {
 
     fn collider(&mut self, name: String) -> Result<ColliderMesh> {
         let prim = format!("/groom/colliders/{name}");
-        let indices = self.take(&prim, "faceVertexIndices", None, ints)?;
-        let (triangles, rest) = indices.as_chunks::<3>();
-        if !rest.is_empty() {
-            return Err(self.damaged(format!("{prim} has faces other than triangles")));
-        }
+        let triangles = self.triangles(&prim, "faceVertexIndices")?;
+        let caps = if self.has(&prim, CAPS) { self.triangles(&prim, CAPS)? } else { Vec::new() };
         let deforms = self.has(&prim, "primvars:rest");
         let points = if deforms { "primvars:rest" } else { "points" };
-        Ok(ColliderMesh {
-            points: self.take(&prim, points, None, float3s)?,
-            triangles: triangles.to_vec(),
-            deforms,
-            name,
-        })
+        Ok(ColliderMesh { points: self.take(&prim, points, None, float3s)?, triangles, caps, deforms, name })
+    }
+
+    fn triangles(&mut self, prim: &str, name: &str) -> Result<Vec<[i32; 3]>> {
+        let indices = self.take(prim, name, None, ints)?;
+        match indices.as_chunks::<3>() {
+            (triangles, []) => Ok(triangles.to_vec()),
+            _ => Err(self.damaged(format!("{prim} has faces other than triangles"))),
+        }
     }
 
     fn moving_curves(&mut self, prim: &str, time: f64, header: &Header) -> Result<CurveFrame> {

@@ -219,12 +219,15 @@ pub fn warnings(frames: &[FrameRecord]) -> Vec<String> {
             unconverged,
         ),
         exempt(frames),
+        warning(frames, "guides are more than 0.5 mm inside a body", ADVICE, |f| {
+            (f.penetration_m > GUIDE_INSIDE).then(|| format!("{:.1} mm", 1e3 * f.penetration_m))
+        }),
         warning(frames, "motions were truncated at a surface", "", |f| count(f.shortened)),
         warning(frames, "contacts did not converge to rest", ADVICE, |f| count(unsettled(f))),
         warning(
             frames,
             "render strands are more than 2 mm inside a body",
-            "; more guides may help there, or a collider without holes",
+            "; more guides may help there",
             |f| count(f.hair_inside),
         ),
     ]
@@ -232,6 +235,9 @@ pub fn warnings(frames: &[FrameRecord]) -> Vec<String> {
     .flatten()
     .collect()
 }
+
+/// Depth of a guide inside a body above which the user is warned, m: the validator's tolerance.
+const GUIDE_INSIDE: f64 = 5e-4;
 
 /// Share of guide segments exempt from contact above which the user is warned.
 const MANY_EXEMPT: f64 = 0.1;

@@ -57,6 +57,14 @@ impl Solid {
         }
     }
 
+    /// Triangles that close the holes of a mesh, as indices of its vertices.
+    pub fn caps(&self) -> &[[u32; 3]] {
+        match self.surface_over([0.0, 0.0]) {
+            MovingSurface::Convex(_) => &[],
+            MovingSurface::Mesh([mesh, _]) => mesh.caps(),
+        }
+    }
+
     /// The surface between two times, s.
     pub fn surface_over(&self, times: [f64; 2]) -> MovingSurface<'_> {
         match self {

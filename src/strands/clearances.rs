@@ -54,6 +54,17 @@ impl Clearances {
         if self.get(body, vertex) > 0.0 { 0.0 } else { f64::NEG_INFINITY }
     }
 
+    /// Lets vertices next to a later vertex that the groom places inside be anywhere.
+    pub fn free_beside_drawn_through(&mut self) {
+        for of_body in self.values.chunks_mut(self.vertices) {
+            let drawn = of_body.to_vec();
+            let through = |k: usize| drawn[k] <= 0.0 && drawn[k] > f32::NEG_INFINITY;
+            for k in (0..drawn.len()).filter(|k| through(*k)) {
+                of_body[k.saturating_sub(1)..drawn.len().min(k + 2)].fill(f32::NEG_INFINITY);
+            }
+        }
+    }
+
     /// The largest of all distances, at least 0, m.
     pub fn largest(&self) -> f64 {
         self.largest

@@ -3,6 +3,7 @@
 use super::chain::Vertex;
 use super::clearances::{DistanceBounds, SEARCH_RADIUS};
 use super::deflection::{Deflection, FILTER_SPAN, between, filtered};
+use super::depths::{Depths, INSIDE, in_metres};
 use super::free_chain::{Lay, lay};
 use super::guide_weights::GuideWeights;
 use super::moment::{GuideMotion, HeadMotion, Moment};
@@ -16,7 +17,6 @@ use crate::rod::Rod;
 use crate::scene::Curves;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
 /// Distance of a strand from its guide, relative to that at rest, up to which the guide alone tells that no
@@ -56,25 +56,6 @@ pub struct StrandMotion {
 impl StrandMotion {
     fn zeros(vertices: usize) -> Self {
         StrandMotion { points: vec![[0.0; 3]; vertices], velocities: vec![[0.0; 3]; vertices] }
-    }
-}
-
-/// Depth inside a body above which a strand counts as inside, m.
-const INSIDE: f64 = 2e-3;
-
-/// How deep strands are inside bodies, vertices that the groom places inside excepted.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct Depths {
-    /// Depth of the deepest vertex, m; 0 if none is inside.
-    pub deepest: f64,
-    /// Number of strands with a vertex deeper than 2 mm.
-    pub inside: u32,
-}
-
-impl Depths {
-    /// The larger of each figure.
-    pub fn max(self, other: Self) -> Self {
-        Depths { deepest: self.deepest.max(other.deepest), inside: self.inside.max(other.inside) }
     }
 }
 
@@ -285,15 +266,11 @@ impl Interpolator {
             .zip(self.offsets.par_windows(2))
             .with_min_len(64)
             .map_init(DistanceBounds::default, |bounds, (strand, w)| {
-                let points = points[w[0]..w[1]].iter();
-                let points = points.map(|p| from_scene * Vector3::from(p.map(f64::from)));
-                let deepest = strand.depth(obstacles, guides, points, bounds);
-                Depths { deepest, inside: u32::from(deepest > INSIDE) }
+                let points = in_metres(&points[w[0]..w[1]], from_scene);
+                let strands = strand.depth(obstacles, guides, points, bounds);
+                Depths { strands, inside: u32::from(strands > INSIDE), ..Depths::default() }
             })
-            .reduce(Depths::default, |a, b| Depths {
-                deepest: a.deepest.max(b.deepest),
-                inside: a.inside + b.inside,
-            })
+            .reduce(Depths::default, |a, b| Depths { inside: a.inside + b.inside, ..a.max(b) })
     }
 
     /// Points and velocities in parts, one per strand.

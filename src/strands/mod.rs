@@ -9,6 +9,7 @@
 mod chain;
 mod clearances;
 mod deflection;
+mod depths;
 mod fabrik;
 mod free_chain;
 mod guide_weights;
@@ -26,10 +27,9 @@ mod tests;
 mod thinning;
 
 pub use deflection::Deflection;
+pub use depths::{Depths, GuideDepths};
 pub use guide_weights::{GuideWeights, MAX_GUIDES, Membership, clumping, guide_weights};
-pub use interpolator::{
-    AroundFrame, DeflectionAt, Depths, Interpolator, LOOKAHEAD, LOOKBEHIND, StrandMotion,
-};
+pub use interpolator::{AroundFrame, DeflectionAt, Interpolator, LOOKAHEAD, LOOKBEHIND, StrandMotion};
 pub use moment::{GuideMotion, HeadMotion, Moment};
 pub use obstacles::Obstacles;
 pub use posed_guide::PosedGuides;

@@ -52,6 +52,29 @@ impl Obstacles<'_> {
         worst
     }
 
+    /// Depth of the deepest of the vertices at `points`, m, world, that the groom places outside the bodies, m; 0
+    /// if none is inside. Vertices of which `is_clear` holds need no search.
+    pub(super) fn depth(
+        &self,
+        clearances: &Clearances,
+        points: impl Iterator<Item = Vector3<f64>>,
+        is_clear: impl Fn(usize, &Vector3<f64>) -> bool,
+        bounds: &mut DistanceBounds,
+    ) -> f64 {
+        bounds.reset(self.poses.len());
+        let (mut last, mut deepest) = (None, 0.0_f64);
+        for (vertex, x) in points.enumerate() {
+            let moved = last.replace(x).map_or(0.0, |last: Vector3<f64>| (x - last).norm());
+            if is_clear(vertex, &x) {
+                bounds.move_by(moved);
+            } else {
+                let surface = |body| clearances.surface(body, vertex);
+                deepest = deepest.max(self.violation(surface, &x, moved, bounds).0);
+            }
+        }
+        deepest
+    }
+
     /// `x` (m, world) moved out of one body after the other until `vertex` violates its clearance by at most
     /// `allowed`, m.
     pub(super) fn push_out(

@@ -199,21 +199,13 @@ impl Strand {
         points: impl Iterator<Item = Vector3<f64>>,
         bounds: &mut DistanceBounds,
     ) -> f64 {
-        bounds.reset(obstacles.poses.len());
         let guide = &guides.guides[self.chain.main];
-        let places = iter::once(self.beside).chain(self.chain.edges.iter().map(|edge| edge.beside));
-        let mut last = self.chain.root;
-        let mut deepest = 0.0_f64;
-        for (vertex, (x, place)) in points.zip(places).enumerate() {
-            let moved = (x - std::mem::replace(&mut last, x)).norm();
-            if guide.is_clear(place, &x, 0.0) {
-                bounds.move_by(moved);
-            } else {
-                let surface = |body| self.clearances.surface(body, vertex);
-                deepest = deepest.max(obstacles.violation(surface, &x, moved, bounds).0);
-            }
-        }
-        deepest
+        let place = |vertex: usize| match vertex {
+            0 => self.beside,
+            _ => self.chain.edges[vertex - 1].beside,
+        };
+        let is_clear = |vertex: usize, x: &Vector3<f64>| guide.is_clear(place(vertex), x, 0.0);
+        obstacles.depth(&self.clearances, points, is_clear, bounds)
     }
 
     /// Sets the retractions in `state` to those required by bodies between each vertex and the guide.

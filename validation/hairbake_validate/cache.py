@@ -97,13 +97,21 @@ class Mesh:
     """Vertices, f64, `V × 3`, stage units; at rest if the mesh deforms."""
     triangles: IntArray
     """Vertex indices, `T × 3`."""
+    caps: IntArray
+    """The same of triangles that close its holes; they are not drawn."""
     deforms: bool
     """True if each frame has its own vertices."""
 
     @property
+    def solid(self) -> IntArray:
+        """All triangles that hair keeps out of."""
+        return np.concatenate([self.triangles, self.caps])
+
+    @property
     def consistent(self) -> bool:
         """True if there are triangles, every index has a vertex, and vertices are finite."""
-        within = len(self.triangles) and self.triangles.min() >= 0 and self.triangles.max() < len(self.points)
+        corners = self.solid
+        within = len(self.triangles) and corners.min() >= 0 and corners.max() < len(self.points)
         return bool(within and np.isfinite(self.points).all())
 
 
@@ -243,13 +251,16 @@ class Cache:
         mesh = UsdGeom.Mesh(prim)
         counts = array(mesh.GetFaceVertexCountsAttr().Get(), int, 1)
         indices = array(mesh.GetFaceVertexIndicesAttr().Get(), int, 1)
-        rest = UsdGeom.PrimvarsAPI(prim).GetPrimvar("rest")
+        primvars = UsdGeom.PrimvarsAPI(prim)
+        rest, caps = primvars.GetPrimvar("rest"), primvars.GetPrimvar("groom_caps")
+        corners = array(caps.Get() if caps else (), int, 1)
         all_triangles = bool((counts == 3).all()) and len(indices) == 3 * len(counts)
         return Mesh(
             path=str(prim.GetPath()),
             points=array(rest.Get() if rest else mesh.GetPointsAttr().Get(), np.float64, 2),
             deforms=bool(rest),
             triangles=indices.reshape(-1, 3) if all_triangles else np.empty((0, 3), int),
+            caps=corners[: len(corners) // 3 * 3].reshape(-1, 3),
         )
 
 

@@ -47,10 +47,10 @@ def placement(cache: Cache) -> Iterator[Finding]:
         if not np.isfinite(points).all():
             continue
         local = transformed(transformed(roots, head), np.linalg.inv(matrix))
-        fault = fault_of(local, points.astype(float), mesh.triangles, reach, tolerance, unit)
+        fault = fault_of(local, points.astype(float), mesh.solid, reach, tolerance, unit)
         if mesh.deforms and fault is None:
-            at_rest = distances(roots, mesh.points, mesh.triangles)
-            now = distances(local, points.astype(float), mesh.triangles)
+            at_rest = distances(roots, mesh.points, mesh.solid)
+            now = distances(local, points.astype(float), mesh.solid)
             if np.median(at_rest) <= tolerance and np.median(now) > 2 * tolerance:
                 fault = (
                     f"roots are on it at rest, and {np.median(now) * unit:.2g} m off it in the first frame"

@@ -63,7 +63,7 @@ class Reference:
             points = values.get(f"{mesh.path}.points", mesh.points)
             if points.shape != mesh.points.shape or not np.isfinite(points).all():
                 continue
-            collider = Collider(points.astype(float), mesh.triangles)
+            collider = Collider(points.astype(float), mesh.solid)
             reference.colliders.append((mesh, collider))
             for curves in usable:
                 local = transformed(transformed(curves.rest, head), np.linalg.inv(matrix))
@@ -221,7 +221,7 @@ class Window:
         collider = at_first
         if mesh.deforms and places:
             queries = np.concatenate(list(places.values()))
-            collider = Collider(vertices.astype(float), mesh.triangles, queries)
+            collider = Collider(vertices.astype(float), mesh.solid, queries)
         for path, local in places.items():
             outside = self.reference.outside[path, mesh.path]
             depth = np.zeros(len(outside))

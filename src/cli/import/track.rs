@@ -92,7 +92,7 @@ pub struct TrackArguments {
     /// Mesh that the hair collides with, OBJ or USD; may be repeated
     ///
     /// The head carries the mesh. A deforming mesh stays in world space: a USD mesh with its own motion, or a
-    /// sequence with one file per frame such as cloth.####.obj.
+    /// sequence with one file per frame such as cloth.####.obj. Holes, such as a neck, are closed.
     #[arg(long = "collider", value_name = "FILE[:PRIM][:UNITS][:UP]", value_parser = values::source, help_heading = COLLIDERS)]
     colliders: Vec<Source>,
     /// Coulomb friction coefficient of the colliders [default: that of the strands]

@@ -2,6 +2,7 @@
 
 pub mod deforming;
 pub mod distance_field;
+mod holes;
 pub mod solid_mesh;
 mod topology;
 mod winding;

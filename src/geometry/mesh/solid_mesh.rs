@@ -18,6 +18,7 @@ use std::sync::{Arc, OnceLock};
 const ROUNDING: f64 = 1e-12;
 
 /// A triangle mesh in one configuration, open or closed, with a bounding volume hierarchy over its triangles.
+/// Holes, such as that at the neck of a head, are closed.
 ///
 /// A point whose closest feature lies on the boundary of an open mesh counts as outside: it is beside the
 /// sheet, not behind it.
@@ -150,6 +151,12 @@ impl SolidMesh {
             Feature::Vertex(v) => *to.vertex(v),
             Feature::Smooth => *point,
         }
+    }
+
+    /// Triangles that close its holes, as indices of the points that it was made from, oriented as the triangles
+    /// that it was made from.
+    pub fn caps(&self) -> &[[u32; 3]] {
+        &self.topology.caps
     }
 
     /// Ends of the boundary edges, m.

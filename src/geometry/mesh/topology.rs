@@ -1,5 +1,6 @@
-//! Topology of a triangle soup: welding, consistent orientation, adjacency.
+//! Topology of a triangle soup: welding, closing of holes, consistent orientation, adjacency.
 
+use super::holes::{BoundaryEdge, caps};
 use nalgebra::Vector3;
 use std::cmp::Ordering;
 
@@ -39,6 +40,8 @@ pub struct Topology {
     pub source: Vec<u32>,
     /// Vertices of each triangle.
     pub triangles: Vec<[u32; 3]>,
+    /// Those that close holes, as input points, oriented as the input.
+    pub caps: Vec<[u32; 3]>,
     /// Edges of each triangle; edge i runs from vertex i to vertex i + 1.
     pub triangle_edges: Vec<[u32; 3]>,
     /// Ends of each edge, the smaller index first.
@@ -64,7 +67,7 @@ impl Topology {
     /// at rest.
     ///
     /// Points that coincide in all sets are welded. Triangles without area at rest are dropped, and of
-    /// triangles on the same three vertices one is kept. Each patch connected by edges of two triangles is
+    /// triangles on the same three vertices one is kept. Holes are closed ([`caps`]). Each patch connected by edges of two triangles is
     /// oriented consistently: outward if it is closed, else as the larger part of its area at rest.
     pub fn new(positions: &[&[Vector3<f64>]], triangles: &[[u32; 3]]) -> Self {
         let (source, welded) = weld(positions);
@@ -75,7 +78,12 @@ impl Topology {
             .filter(|t| has_area(t, &vertices))
             .collect();
         triangles = without_duplicates(&triangles);
-        let (edges, edge_triangles) = find_edges(&triangles);
+        let (mut edges, mut edge_triangles) = find_edges(&triangles);
+        let caps = caps(&vertices, &edges, &boundary(&vertices, &triangles, &edges, &edge_triangles));
+        if !caps.is_empty() {
+            triangles.extend(&caps);
+            (edges, edge_triangles) = find_edges(&triangles);
+        }
         orient_consistently(&vertices, &mut triangles, &edges, &edge_triangles);
 
         let edge_of = |a: u32, b: u32| {
@@ -105,6 +113,7 @@ impl Topology {
             vertex_edges: Lists::from_pairs(vertices.len(), ends),
             edge_opposite: Lists::from_pairs(edges.len(), opposite),
             ring: Lists::from_pairs(vertices.len(), ring),
+            caps: caps.iter().map(|t| t.map(|i| source[i as usize])).collect(),
             source,
             triangles,
             triangle_edges,
@@ -184,6 +193,37 @@ fn find_edges(triangles: &[[u32; 3]]) -> (Vec<[u32; 2]>, Lists) {
     (edges, Lists::from_pairs(count, pairs))
 }
 
+/// The edges of one triangle only, in ascending order.
+fn boundary(
+    vertices: &[Vector3<f64>],
+    triangles: &[[u32; 3]],
+    edges: &[[u32; 2]],
+    edge_triangles: &Lists,
+) -> Vec<BoundaryEdge> {
+    let (neighbours, _) = neighbours(triangles, edges, edge_triangles);
+    let area = |t: usize| {
+        let [a, b, c] = triangles[t].map(|i| vertices[i as usize]);
+        0.5 * (b - a).cross(&(c - a)).norm()
+    };
+    let mut patch_area = vec![0.0; triangles.len()];
+    let (mut seen, mut patch) = (vec![None; triangles.len()], Vec::new());
+    for seed in 0..triangles.len() {
+        if seen[seed].is_none() {
+            flood(seed, &neighbours, &mut seen, &mut patch);
+            let sum = patch.iter().map(|&t| area(t)).sum::<f64>();
+            patch.iter().for_each(|&t| patch_area[t] = sum);
+        }
+    }
+    let of_one = |(&[a, b], e): (&[u32; 2], u32)| match *edge_triangles.get(e) {
+        [t] => {
+            let ends = if runs_along(&triangles[t as usize], [a, b]) { [a, b] } else { [b, a] };
+            Some(BoundaryEdge { ends, patch_area: patch_area[t as usize] })
+        }
+        _ => None,
+    };
+    edges.iter().zip(0..).filter_map(of_one).collect()
+}
+
 /// Reverses triangles so that each patch is oriented consistently, see [`Topology::new`].
 fn orient_consistently(
     vertices: &[Vector3<f64>],
@@ -220,10 +260,14 @@ fn orient_consistently(
     }
 }
 
+/// Whether a triangle has the edge from `a` to `b` in this direction.
+fn runs_along(t: &[u32; 3], [a, b]: [u32; 2]) -> bool {
+    (0..3).any(|i| t[i] == a && t[(i + 1) % 3] == b)
+}
+
 /// Triangles across the edges of exactly two triangles, and whether each triangle has another kind of edge. A
 /// neighbour is encoded as twice its index, plus 1 if the two orientations disagree.
 fn neighbours(triangles: &[[u32; 3]], edges: &[[u32; 2]], edge_triangles: &Lists) -> (Lists, Vec<bool>) {
-    let runs_along = |t: &[u32; 3], [a, b]: [u32; 2]| (0..3).any(|i| t[i] == a && t[(i + 1) % 3] == b);
     let mut pairs: Vec<(u32, u32)> = Vec::new();
     let mut open = vec![false; triangles.len()];
     for (e, &edge) in edges.iter().enumerate() {

@@ -49,6 +49,7 @@ fn head_of_hair(n: usize, frames: i32) -> Memory {
         name: "head".into(),
         points: vec![[-0.05, -0.05, 0.0], [0.05, -0.05, 0.0], [0.0, 0.05, 0.0]],
         triangles: vec![[0, 1, 2]],
+        caps: Vec::new(),
         deforms: false,
     };
     let frame = |k: i32| {

@@ -13,7 +13,11 @@ pub fn header(hair: bool) -> Header {
         guides: curves(18, 1),
         colliders: vec![
             tetrahedron("head", 1.0),
-            ColliderMesh { deforms: true, ..tetrahedron("shoulder_L", 2.0) },
+            ColliderMesh {
+                deforms: true,
+                caps: vec![[3, 1, 0], [3, 2, 1]],
+                ..tetrahedron("shoulder_L", 2.0)
+            },
         ],
         levels: hair,
         accelerations: hair,
@@ -86,6 +90,7 @@ fn tetrahedron(name: &str, size: f32) -> ColliderMesh {
         name: name.into(),
         points: vec![[0.0; 3], [size, 0.0, 0.0], [0.0, size, 0.0], [0.0, 0.0, size]],
         triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+        caps: Vec::new(),
         deforms: false,
     }
 }
