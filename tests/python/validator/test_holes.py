@@ -7,7 +7,16 @@ from pxr import Sdf, Usd, UsdGeom
 from hairbake_validate.geometry import Array
 from hairbake_validate.run import validate
 from validator.defects import MIDDLE, failed, move_points
-from validator.good_cache import HAIR, POINTS, RADIUS, SKULL, CacheBuilder, head_matrix, sphere_mesh, transform
+from validator.good_cache import (
+    HAIR,
+    POINTS,
+    RADIUS,
+    SKULL,
+    CacheBuilder,
+    head_matrix,
+    sphere_mesh,
+    transform,
+)
 
 
 def open_the_neck(cache: CacheBuilder, capped: bool) -> None:
