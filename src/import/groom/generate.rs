@@ -48,7 +48,8 @@ impl Default for Generation {
 ///
 /// Strands are evenly spread over a disc, each at a fixed share of the footprint's radius, in frames that
 /// follow the smoothed course of the guide rather than its curls, so that curls stay alike. With a scalp,
-/// each root is placed as high above it as the root of its guide.
+/// each root is placed as high above it as the root of its guide, and no strand is deeper in the head than its
+/// guide.
 pub(super) fn generate(
     guides: &Curves,
     sections: &Sections,
@@ -67,6 +68,9 @@ pub(super) fn generate(
             tuft.add_strand(i, generation, &mut points);
             if let Some(scalp) = scalp {
                 lift_root(&mut points[start..], &tuft.guide.at(0.0).x, scalp);
+                for (x, u) in points[start..].iter_mut().zip(tuft.fractions(i, generation)) {
+                    *x += scalp.out(&tuft.guide.at(u * tuft.guide.length()).x, x);
+                }
             }
         }
         points
@@ -104,15 +108,21 @@ impl<'a> Tuft<'a> {
         Some(Tuft { index, guide, course, arc, footprint })
     }
 
+    /// Arc-length fractions of the guide at the vertices of strand `i`.
+    fn fractions(&self, i: usize, generation: Generation) -> impl Iterator<Item = f64> + use<> {
+        let Generation { vertices, length_variation, .. } = generation;
+        let cut = 1.0 - length_variation * (((i + self.index) as f64) * GOLDEN_RATIO).fract();
+        (0..vertices).map(move |v| fraction(v, vertices) * cut)
+    }
+
     /// Appends the vertices of strand `i`.
     fn add_strand(&self, i: usize, generation: Generation, points: &mut Vec<Vector3<f64>>) {
-        let Generation { per_guide, vertices, length_variation, clump } = generation;
+        let Generation { per_guide, clump, .. } = generation;
         let g = self.index;
         // Each tuft is rotated by its own angle, so that neighbours differ.
         let angle = (i as f64 + g as f64 * GOLDEN_RATIO) * GOLDEN_ANGLE;
         let share = ((i as f64 + 0.5) / per_guide as f64).sqrt();
-        let cut = 1.0 - length_variation * (((i + g) as f64) * GOLDEN_RATIO).fract();
-        let along: Vec<f64> = (0..vertices).map(|v| fraction(v, vertices) * cut).collect();
+        let along: Vec<f64> = self.fractions(i, generation).collect();
         let on_course: Vec<f64> = along.iter().map(|a| a * self.course.length()).collect();
         let frames: Vec<UnitQuaternion<f64>> = rotation_minimising(&self.course, &on_course, None);
         for (frame, &a) in frames.iter().zip(&along) {
@@ -225,5 +235,21 @@ mod tests {
             generate(&guide, &sections, &[0.01; 6], &arc, Generation::default(), Some(&scalp));
         assert!((0..50).all(|c| (generated.curve(c)[0].y - 0.1).abs() < 1e-9));
         assert!((0..50).any(|c| (generated.curve(c)[12].y - 0.1).abs() > 1e-3));
+    }
+
+    #[test]
+    fn strands_are_not_deeper_in_the_head_than_their_guide() {
+        // A guide that rises from the ground, and lies 2 mm above it where its tuft is 1 cm thick.
+        let (guide, sections, arc) = one_guide(|u| Vector3::new(0.2 * u, (0.02 * u).min(2e-3), 0.0));
+        let mesh = crate::geometry::TriMesh {
+            vertices: [[-1.0, 0.0, -1.0], [0.0, 0.0, 1.5], [1.0, 0.0, -1.0]].map(Vector3::from).to_vec(),
+            triangles: vec![[0, 1, 2]],
+        };
+        let deepest = |scalp: Option<&Scalp>| {
+            let (strands, _) = generate(&guide, &sections, &[0.01; 6], &arc, Generation::default(), scalp);
+            strands.points.iter().map(|x| -x.y).fold(0.0, f64::max)
+        };
+        assert!(deepest(None) > 5e-3);
+        assert!(deepest(Scalp::new(&mesh).as_ref()) < 1e-9);
     }
 }

@@ -11,6 +11,9 @@ use std::fmt;
 /// Distance from the scalp beyond which a root counts as off it, m.
 pub const OFF_SCALP: f64 = 2e-3;
 
+/// Height above the scalp to which strands are brought out, m: the default thickness of a collider.
+const CLEARANCE: f64 = 5e-4;
+
 /// A head mesh that answers closest-point queries.
 pub(crate) struct Scalp(Surface);
 
@@ -21,6 +24,14 @@ pub(super) struct Foot {
     /// Signed distance to it, negative inside the head, m. At an open edge the sign is that of the nearest
     /// face.
     pub(super) height: f64,
+}
+
+impl Foot {
+    /// Displacement of `x`, whose foot this is, along the normal to `height`, m.
+    fn displacement(&self, x: &Vector3<f64>, height: f64) -> Vector3<f64> {
+        let Some(normal) = (x - self.point).try_normalize(1e-9) else { return Vector3::zeros() };
+        normal * ((height - self.height) * self.height.signum())
+    }
 }
 
 /// Positions of roots relative to the scalp.
@@ -58,9 +69,17 @@ impl Scalp {
 
     /// Displacement of `root`, along the normal, to the height above the scalp that `reference` has.
     pub(super) fn lift(&self, reference: &Vector3<f64>, root: &Vector3<f64>) -> Vector3<f64> {
-        let (target, foot) = (self.foot(reference), self.foot(root));
-        let Some(normal) = (root - foot.point).try_normalize(1e-9) else { return Vector3::zeros() };
-        normal * ((target.height - foot.height) * foot.height.signum())
+        self.foot(root).displacement(root, self.foot(reference).height)
+    }
+
+    /// Displacement of `x`, along the normal, that brings it out of the head: to [`CLEARANCE`], or to the
+    /// height of `reference` if that is lower; zero if it is as high.
+    pub(super) fn out(&self, reference: &Vector3<f64>, x: &Vector3<f64>) -> Vector3<f64> {
+        let foot = self.foot(x);
+        if foot.height >= CLEARANCE {
+            return Vector3::zeros();
+        }
+        foot.displacement(x, self.foot(reference).height.min(CLEARANCE).max(foot.height))
     }
 
     /// Heights of `roots` above the scalp in figures.
