@@ -23,5 +23,5 @@ mod start_check;
 mod summary;
 pub mod work_dir;
 
-pub use stages::{assemble, bake, inputs, interpolate, simulate};
+pub use stages::{assemble, bake, input_records, interpolate, simulate};
 pub use summary::{BakeSummary, StageSeconds};

@@ -1,4 +1,5 @@
-//! The stages of a bake.
+//! The stages of a bake, as the command line runs them: [`simulate`], [`interpolate`] and [`assemble`] each in a
+//! process of its own on a farm, or all of them in one by [`bake()`].
 
 use super::control::Control;
 use super::frame_record::FrameRecord;
@@ -16,21 +17,21 @@ use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
-/// Name and checksum of every file of the scene.
+/// Role, name and checksum of every file of the scene, for the manifest and the key of the bake.
 ///
 /// # Errors
 /// [`Error::Io`] for files that cannot be read.
-pub fn inputs(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<Vec<InputRecord>> {
+pub fn input_records(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<Vec<InputRecord>> {
     let record = |(role, path): (&str, PathBuf)| {
         let bytes = crate::file::read_file(&path).map_err(|e| Error::io(&path, e))?;
         let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Ok(InputRecord { role: role.into(), file, sha256: cache::sha256(&bytes) })
     };
-    crate::scene::inputs(groom, anim, options)?.into_iter().map(record).collect()
+    crate::scene::input_files(groom, anim, options)?.into_iter().map(record).collect()
 }
 
-/// Does everything that is left of a bake, frame by frame. `progress` is called for each finished frame with
-/// the number of finished frames and their total.
+/// Runs all stages in this process, frame by frame, and skips what an earlier run finished. `progress` is
+/// called for each finished frame with its record, the number of finished frames and their total.
 ///
 /// # Errors
 /// [`Error::Stopped`] if `control` asked for it; [`Error::Io`] if a file cannot be written.
@@ -47,16 +48,16 @@ pub fn bake(
     let mut finished = Vec::new();
     // The strands of a frame depend on the guides of the frames around it, so the simulation runs ahead.
     let mut ahead = job.simulated().peekable();
-    let mut simulated = VecDeque::new();
+    // Time to simulate each frame that is ahead; `None` if its state was in the work folder.
+    let mut simulation_seconds = VecDeque::new();
     for (i, (&frame, done)) in frames.iter().zip(done).enumerate() {
         while let Some(next) = ahead.next_if(|next| *next <= frame + LOOKAHEAD as i32) {
             stepper.poll_control()?;
             let (state, seconds) = stepper.state(next)?;
-            simulated.push_back(seconds);
+            simulation_seconds.push_back(seconds);
             writer.insert(state);
         }
-        let simulate = simulated.pop_front().flatten();
-        let mut seconds = simulate.map(|simulate| StageSeconds { simulate, ..StageSeconds::default() });
+        let mut seconds = simulation_seconds.pop_front().flatten().map(StageSeconds::simulation);
         let written = match done {
             Some(written) => written,
             None => writer.write(frame, seconds.get_or_insert_default())?,
@@ -71,8 +72,8 @@ pub fn bake(
     Ok(summary)
 }
 
-/// Simulates the frames from `first` to `last` and writes the guides' state at each. Unless `first` is the
-/// first frame of the cache, the segment before it must be done.
+/// Simulates the segment of the frames `first` to `last` and writes the guides' state at each to the work
+/// folder. Unless `first` is the first frame of the cache, the segment that ends before it must be done.
 ///
 /// # Errors
 /// As [`bake()`], and [`Error::NotYet`] if the frame before is not simulated.
@@ -101,18 +102,15 @@ pub fn simulate(
             let (state, seconds) = stepper.simulate(frame)?;
             (state, Some(seconds))
         };
-        summary.add(
-            job,
-            &state.record,
-            seconds.map(|simulate| StageSeconds { simulate, ..StageSeconds::default() }),
-        );
+        summary.add(job, &state.record, seconds.map(StageSeconds::simulation));
         progress(&state.record, i + 1, total);
     }
     stepper.finish()?;
     Ok(summary)
 }
 
-/// Writes those files of `frames` that are not done, in any order, from the guides' states.
+/// Interpolates the render strands of those `frames` that are not done, from the guides' states, and writes
+/// the frame files. Frames may come in any order.
 ///
 /// # Errors
 /// As [`bake()`], and [`Error::NotYet`] if a frame is not simulated.

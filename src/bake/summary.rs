@@ -17,6 +17,13 @@ pub struct StageSeconds {
     pub write: f64,
 }
 
+impl StageSeconds {
+    /// The time `simulate`, s, alone.
+    pub(super) fn simulation(simulate: f64) -> Self {
+        StageSeconds { simulate, ..StageSeconds::default() }
+    }
+}
+
 /// What a stage did, frame by frame.
 #[derive(Debug, Clone, Default)]
 pub struct BakeSummary {

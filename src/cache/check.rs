@@ -1,4 +1,5 @@
-//! Consistency of array sizes. A mismatch is a bug on writing and damage on reading.
+//! Consistency of array sizes. The writer checks before it writes, where a mismatch is a bug; the reader
+//! checks what it has read, where a mismatch is damage.
 
 use super::frame::{ColliderFrame, CurveFrame, Frame};
 use super::header::{ClosestGuides, ColliderMesh, CurveSet, Header};
@@ -47,9 +48,9 @@ impl ColliderMesh {
 }
 
 impl Frame {
-    /// The frame number of time samples of one frame, or the first inconsistency among them or with the
-    /// header.
-    pub(super) fn check_all(samples: &[Frame], header: &Header) -> Result<i32, String> {
+    /// Checks the time samples of one frame among themselves and with the header; returns their frame number,
+    /// or describes the first inconsistency.
+    pub(super) fn check_samples(samples: &[Frame], header: &Header) -> Result<i32, String> {
         let frame = samples
             .first()
             .filter(|first| first.offset == 0.0)
@@ -90,6 +91,7 @@ impl CurveFrame {
     fn check(&self, curves: &CurveSet, header: &Header) -> Result<(), String> {
         same("points", self.points.len(), curves.rest.len())?;
         same("velocities", self.velocities.len(), curves.rest.len())?;
+        // Levels are per curve, accelerations per point. Of no elements, they may be absent.
         let optional = [
             ("levels", self.level.as_ref().map(Vec::len), header.levels, curves.counts.len()),
             (

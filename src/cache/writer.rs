@@ -50,7 +50,7 @@ impl Writer {
     /// # Errors
     /// [`Error::Io`] if the file cannot be written; [`Error::Internal`] if the frame contradicts the header.
     pub fn write_frame(&self, samples: &[Frame]) -> Result<FileRecord> {
-        let frame = Frame::check_all(samples, &self.header).map_err(Error::Internal)?;
+        let frame = Frame::check_samples(samples, &self.header).map_err(Error::Internal)?;
         if !frames_with_handles(&self.header).contains(&frame) {
             return Err(Error::Internal(format!("frame {frame} is outside the range of the cache")));
         }

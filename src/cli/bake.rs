@@ -67,6 +67,8 @@ pub struct FinishArguments {
 }
 
 impl FinishArguments {
+    /// Checks the options against the settings of the bake.
+    ///
     /// # Errors
     /// [`Error::Usage`] for `--strict` with settings that guarantee nothing.
     pub fn check(&self, settings: &Settings) -> Result<()> {
@@ -93,7 +95,7 @@ impl FinishArguments {
     }
 }
 
-/// Completes a bake and reports it, or writes some of its frames.
+/// Completes a bake and reports it; with a list of frames that has gaps, writes these frames only.
 pub fn run(arguments: &BakeArguments, origins: &OptionOrigins, progress: Progress) -> Result<()> {
     let BakeArguments { scene, frames, finish, run, dry_run, explain } = arguments;
     let shot = frames.as_ref().map(|list| list.shot);
@@ -130,6 +132,8 @@ pub fn say_frames(verb: &str, summary: &BakeSummary, out: &Path) {
     console::say(&format!("{}: {verb} {fresh} of {all} frames{before}", out.display()));
 }
 
+/// Checks that every frame kept the guarantees of `--strict`.
+///
 /// # Errors
 /// [`Error::Broken`] with the first frame that breaks a guarantee.
 fn check_guarantees(summary: &BakeSummary) -> Result<()> {

@@ -203,7 +203,7 @@ impl Scene {
     /// Those of [`Job::begin`].
     pub fn begin(self, out: &Path) -> Result<Job> {
         let Scene { groom, anim, groom_file, anim_file, options, only, overwrite, .. } = self;
-        let inputs = bake::inputs(&groom_file, &anim_file, &options)?;
+        let inputs = bake::input_records(&groom_file, &anim_file, &options)?;
         Job::begin(groom, anim, inputs, &options.overrides, only.as_ref(), out, overwrite)
     }
 

@@ -1,4 +1,7 @@
-//! Air drag: wind with gusts, and the shielding of strands inside the hair volume.
+//! Air drag (`docs/theory.md` §4.2): wind with gusts, and the shielding of strands inside the hair volume.
+//!
+//! The coefficient of each point of a rod is constant: it follows from the groom when `dynamics::model` is
+//! built. The velocity of the air is evaluated in every step.
 
 use crate::math::random;
 use crate::scene::anim::Wind;
@@ -6,45 +9,48 @@ use crate::scene::groom::Material;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
-/// Drag per length and speed of one isolated hair across the flow, N·s/m²: 0.92 · 4πμ of air at 20 °C, which
-/// matches the drag coefficient of a cylinder at Re = 5 (about 4; Tritton 1959). The logarithmic dependence
-/// on the radius is neglected.
+/// Drag per length and speed c of one isolated hair across the flow, N·s/m²: 0.91 · 4πμ, with the viscosity
+/// μ = 1.81e-5 Pa·s of air at 20 °C. The drag coefficient 2c/(μ Re) of a cylinder is then 4.6 at Re = 5, a
+/// hair at 1 m/s; measured: about 4 (Tritton 1959). The logarithmic dependence on Re is neglected.
 pub const ISOLATED_DRAG: f64 = 2.07e-4;
 
-/// Length of hair per volume at which half of the drag is lost, m/m³: hairs 3 mm apart.
+/// Length of hair per volume at which half of the drag is lost, m/m³: hairs 3 mm apart. A closure, chosen
+/// rather than measured.
 const HALF_SHIELDING_DENSITY: f64 = 1e5;
 
 /// Cell size of the density grid, m.
 const CELL: f64 = 0.01;
 
-/// Length of hair per volume in the groom's rest pose, on a grid.
+/// Length of hair per volume, m/m³, in the pose of the groom (rest space), on a grid.
 #[derive(Debug, Default)]
-pub struct HairBulk {
+pub struct HairDensity {
+    /// By the indices of the cell; cells without hair are absent.
     cells: BTreeMap<[i64; 3], f64>,
 }
 
-impl HairBulk {
-    /// Counts polylines, m, each weighted by the number of hairs it represents.
+impl HairDensity {
+    /// Of polylines, m, rest space, each with the number of hairs that it represents. The length of a segment
+    /// is shared among the cells around its midpoint.
     pub fn new<'a>(polylines: impl Iterator<Item = (&'a [Vector3<f64>], f64)>) -> Self {
-        let mut bulk = HairBulk::default();
+        let mut density = HairDensity::default();
         for (points, hairs) in polylines {
             for w in points.windows(2) {
                 let share = (w[1] - w[0]).norm() * hairs / (CELL * CELL * CELL);
                 for (cell, part) in corners(&((w[0] + w[1]) * 0.5)) {
-                    *bulk.cells.entry(cell).or_default() += share * part;
+                    *density.cells.entry(cell).or_default() += share * part;
                 }
             }
         }
-        bulk
+        density
     }
 
-    /// Share of the drag in free air that is lost at a point of rest space, 0..1.
-    pub fn shielded(&self, p: &Vector3<f64>) -> f64 {
-        let density: f64 = corners(p)
+    /// Share (0..1) of the drag in free air that is lost at point `p`, m, rest space.
+    pub fn shielding(&self, p: &Vector3<f64>) -> f64 {
+        let length: f64 = corners(p)
             .map(|(cell, part)| part * self.cells.get(&cell).copied().unwrap_or(0.0))
             .into_iter()
             .sum();
-        density / (density + HALF_SHIELDING_DENSITY)
+        length / (length + HALF_SHIELDING_DENSITY)
     }
 }
 
@@ -60,13 +66,14 @@ fn corners(p: &Vector3<f64>) -> [([i64; 3], f64); 8] {
     })
 }
 
-/// Velocity of the air at a point of the world, m/s, at time `t`, s.
+/// Velocity of the air, m/s, at point `x` of the world, m, at time `t`, s.
 pub fn velocity(wind: &[Wind], x: &Vector3<f64>, t: f64) -> Vector3<f64> {
     wind.iter().map(|w| w.velocity.at(t) + gust(w, x, t)).sum()
 }
 
-/// Gust velocity, m/s: a divergence-free sum of plane waves carried by the mean wind (Kraichnan 1970), smooth
-/// in space and time.
+/// Velocity of the gusts, m/s, at point `x` of the world, m, at time `t`, s: a sum of random plane waves
+/// (Kraichnan 1970), divergence-free because each oscillates across its direction. Wavelengths are half to
+/// twice the gust length; the mean square is that of the gust speed.
 fn gust(wind: &Wind, x: &Vector3<f64>, t: f64) -> Vector3<f64> {
     const WAVES: u32 = 12;
     if wind.gust_speed == 0.0 {
@@ -74,11 +81,13 @@ fn gust(wind: &Wind, x: &Vector3<f64>, t: f64) -> Vector3<f64> {
     }
     let k0 = std::f64::consts::TAU / wind.gust_length;
     let mean = wind.velocity.at(t);
-    // Frozen turbulence (Taylor 1938), plus the eddies' own turnover.
+    // The mean wind carries the waves (Taylor 1938); besides, each turns over at its own rate.
     let carried = x - mean * t;
     let mut sum = Vector3::zeros();
     for i in 0..WAVES {
+        // Each wave has eight random numbers, and uses seven.
         let draw = |j: u32| unit_draw(wind.seed, i * 8 + j);
+        // The unit vector of two numbers, uniform on the sphere.
         let sphere = |a: f64, b: f64| {
             let (z, phi) = (2.0 * a - 1.0, std::f64::consts::TAU * b);
             let r = (1.0 - z * z).max(0.0).sqrt();
@@ -90,7 +99,7 @@ fn gust(wind: &Wind, x: &Vector3<f64>, t: f64) -> Vector3<f64> {
         let phase = k.dot(&carried) + wind.gust_speed * k0 * t * draw(5) + std::f64::consts::TAU * draw(6);
         sum += across * phase.cos();
     }
-    // ⟨|direction × u|²⟩ = 2/3 and ⟨cos²⟩ = 1/2 make the sum's mean square WAVES/3.
+    // ⟨|direction × u|²⟩ = 2/3 for a random unit vector u, and ⟨cos²⟩ = 1/2: the sum's mean square is WAVES/3.
     sum * (wind.gust_speed * (3.0 / f64::from(WAVES)).sqrt())
 }
 
@@ -99,9 +108,9 @@ fn unit_draw(seed: u32, index: u32) -> f64 {
     random::unit(u64::from(seed) << 32 | u64::from(index), 0)
 }
 
-/// Drag per length and speed at a point of rest space of a strand of material `m`, N·s/m².
-pub fn coefficient(m: &Material, bulk: &HairBulk, p: &Vector3<f64>) -> f64 {
-    ISOLATED_DRAG * m.drag * (1.0 - m.shielding * bulk.shielded(p))
+/// Drag per length and speed, N·s/m², of a strand of material `m` across the flow at point `p`, m, rest space.
+pub fn coefficient(m: &Material, density: &HairDensity, p: &Vector3<f64>) -> f64 {
+    ISOLATED_DRAG * m.drag * (1.0 - m.shielding * density.shielding(p))
 }
 
 #[cfg(test)]
@@ -133,10 +142,10 @@ mod tests {
     #[test]
     fn a_single_strand_is_unshielded_and_a_dense_volume_is_shielded() {
         let line: Vec<_> = (0..20).map(|i| Vector3::new(0.05, 0.01 * f64::from(i), 0.05)).collect();
-        let lone = HairBulk::new([(&line[..], 1.0)].into_iter());
-        let thick = HairBulk::new([(&line[..], 1000.0)].into_iter());
-        assert!(lone.shielded(&line[5]) < 0.1);
-        assert!(thick.shielded(&line[5]) > 0.9);
-        assert_eq!(thick.shielded(&Vector3::new(1.0, 1.0, 1.0)), 0.0);
+        let lone = HairDensity::new([(&line[..], 1.0)].into_iter());
+        let thick = HairDensity::new([(&line[..], 1000.0)].into_iter());
+        assert!(lone.shielding(&line[5]) < 0.1);
+        assert!(thick.shielding(&line[5]) > 0.9);
+        assert_eq!(thick.shielding(&Vector3::new(1.0, 1.0, 1.0)), 0.0);
     }
 }

@@ -1,5 +1,6 @@
-//! Guides with equal numbers of unknowns, whose free motions are solved in the SIMD lanes of one pack.
-//! Contact is resolved guide by guide.
+//! Guides with equal numbers of unknowns, stepped together: their free motions, those without contact, are
+//! solved in the SIMD lanes of one [`Pack`]; contact is resolved guide by guide.
+//! [`super::simulation::step`] steps all active guides this way.
 
 use super::environment::Environment;
 use super::guide::{ContactMode, FreeSolve, GuideModel, GuideScratch, GuideState};
@@ -15,11 +16,12 @@ use std::sync::{Mutex, PoisonError};
 #[derive(Default)]
 pub struct Batches {
     batches: Vec<Batch>,
-    /// One for each thread.
+    /// One for each thread of the pool.
     scratch: Vec<Mutex<BatchScratch>>,
 }
 
-/// Consecutive guides of a list, whose active members are stepped in one pack.
+/// Consecutive guides of a list. The active ones among them, at most as many as a pack has lanes, have equal
+/// numbers of unknowns.
 struct Batch {
     pack: Pack,
     /// For each guide of the batch, whether it is active.
@@ -43,7 +45,8 @@ struct BatchScratch {
 }
 
 impl Batches {
-    /// Divides guides into batches, in order; only guides for which `active` holds are stepped.
+    /// Divides guides into batches, in order; only guides `i` for which `active(i)` holds are stepped. To be
+    /// rebuilt when that changes.
     pub fn new(models: &[GuideModel], active: impl Fn(usize) -> bool) -> Self {
         let active: Vec<bool> = (0..models.len()).map(active).collect();
         let mut batches = Vec::new();
@@ -81,7 +84,7 @@ impl Batches {
         self.split(&self.batches, &Step { models, env, span, mode }, states, records);
     }
 
-    /// Recursive halving over rayon, without a list of parts.
+    /// Steps `batches` on all threads: halves the list until one batch is left, which allocates nothing.
     fn split(&self, batches: &[Batch], step: &Step, states: &mut [GuideState], records: &mut [StepRecord]) {
         match batches {
             [] => {}
@@ -114,11 +117,12 @@ impl Batches {
 }
 
 impl Batch {
-    /// Filters per-guide entries to the active guides.
+    /// Filters entries of all guides of the batch to the active ones.
     fn active<'a, T>(&'a self, entries: impl IntoIterator<Item = T> + 'a) -> impl Iterator<Item = T> + 'a {
         entries.into_iter().zip(&self.active).filter(|(_, active)| **active).map(|(entry, _)| entry)
     }
 
+    /// Steps the active guides: loads of all, free motions of all at once, then contact of each.
     fn step(
         &self,
         Step { models, env, span, mode }: &Step,
@@ -140,7 +144,7 @@ impl Batch {
                 root: &solved.root.r,
                 load: &buffer.load,
                 q: &mut buffer.q,
-                other: &state.q[0],
+                other_start: &state.q[0],
                 shape: &mut buffer.solver.shape,
                 outcome: &mut solved.outcome,
             });

@@ -2,7 +2,7 @@
 
 use crate::contact::Bodies;
 use crate::math::se3::Pose;
-use crate::scene::anim::Wind;
+use crate::scene::anim::{GRAVITY, Wind};
 use nalgebra::{Isometry3, Vector3};
 
 /// A function of time, s.
@@ -30,11 +30,11 @@ pub struct Environment<'a> {
 }
 
 impl<'a> Environment<'a> {
-    /// A head and `bodies` at rest under standard gravity (9.81 m/s² along −Y), without wind.
+    /// A head and `bodies` at rest under [`GRAVITY`] along −Y, without wind.
     pub fn at_rest(bodies: Bodies) -> Self {
         Environment {
             head: Box::new(|_| Isometry3::identity()),
-            gravity: Box::new(|_| Vector3::y() * -9.81),
+            gravity: Box::new(|_| Vector3::y() * -GRAVITY),
             wind: &[],
             bodies,
             body: Box::new(|_, _| Isometry3::identity()),

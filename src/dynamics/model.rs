@@ -1,6 +1,7 @@
-//! What does not change during a simulation.
+//! What does not change during a simulation. `bake` builds a [`Model`] once for each run;
+//! [`super::simulation::step`] reads it.
 
-use super::air_drag::{self, HairBulk};
+use super::air_drag::{self, HairDensity};
 use super::clock;
 use super::guide::{ContactMode, GoalSpring, GuideModel};
 use super::guide_rods::GuideRods;
@@ -13,7 +14,8 @@ use crate::scene::{Anim, Groom};
 use crate::wisp::GuideRod;
 use rayon::prelude::*;
 
-/// Volume fraction of hair in a pressed bundle: between loose (0.4) and hexagonal (0.9) packing.
+/// Volume fraction of hair in a pressed bundle: between loose packing (0.4) and the densest packing of
+/// cylinders (hexagonal, 0.91).
 const PACKING: f64 = 0.6;
 
 /// What does not change during a simulation: the guides' models and the settings of the animation.
@@ -22,7 +24,7 @@ pub struct Model<'a> {
     pub anim: &'a Anim,
     /// The guides, in the groom's order.
     pub guides: Vec<GuideModel>,
-    /// Whether each guide is simulated at all.
+    /// True for each guide that the bake needs ([`GuideRods::required`]); the others are never stepped.
     pub simulated: Vec<bool>,
     /// Each guide with its own hairs, as other guides touch it.
     pub(super) bundles: Vec<BundleProperties>,
@@ -35,12 +37,12 @@ pub struct Model<'a> {
 }
 
 impl<'a> Model<'a> {
-    /// The model of a groom, which must have its trees; `rods` are its own.
+    /// The model of `groom`, whose guides have the rods `rods`, moving as in `anim`.
     pub fn new(groom: &Groom, anim: &'a Anim, rods: &GuideRods) -> Self {
         let simulated = rods.required.clone();
         let rods = &rods.simulated;
-        let bulk = HairBulk::new(rods.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
-        let mut guides: Vec<GuideModel> = rods.par_iter().map(|r| guide(anim, &bulk, r)).collect();
+        let density = HairDensity::new(rods.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
+        let mut guides: Vec<GuideModel> = rods.par_iter().map(|r| guide(anim, &density, r)).collect();
         for (guide, ties) in guides.iter_mut().zip(tie::ties(groom, anim, rods)) {
             guide.ties = ties;
         }
@@ -91,8 +93,8 @@ impl<'a> Model<'a> {
         }
     }
 
-    /// Progress (0..=1) over time, s, of pushing out of bodies what starts inside them: the first half of the
-    /// pre-roll pushes out, the second settles.
+    /// How far (0..=1) guides that start inside a body are pushed out of it by a time, s: the first half of
+    /// the pre-roll pushes out, the second settles.
     pub(super) fn push_out(&self) -> impl Fn(f64) -> f64 + Sync + 'static {
         let (end, preroll) = (self.time_after(self.preroll), self.anim.settings.preroll);
         move |t| match preroll {
@@ -102,11 +104,14 @@ impl<'a> Model<'a> {
     }
 }
 
-fn guide(anim: &Anim, bulk: &HairBulk, r: &GuideRod) -> GuideModel {
+/// The model of one guide, without its ties.
+fn guide(anim: &Anim, density: &HairDensity, r: &GuideRod) -> GuideModel {
     let mut shape = RodShape::default();
     shape.update(&r.rod, &r.rod.root.r, &r.rod.initial_q);
-    let place = |k: usize| shape.x(k) + r.rod.root.p;
-    let drag = (0..r.rod.points()).map(|k| air_drag::coefficient(&r.material, bulk, &place(k))).collect();
+    // A shape has its origin at the root.
+    let position = |k: usize| shape.x(k) + r.rod.root.p;
+    let drag =
+        (0..r.rod.points()).map(|k| air_drag::coefficient(&r.material, density, &position(k))).collect();
     let at_tip = r.material.friction.scaled(r.material.friction_at_tip);
     GuideModel {
         scheme: anim.settings.scheme,
@@ -117,8 +122,8 @@ fn guide(anim: &Anim, bulk: &HairBulk, r: &GuideRod) -> GuideModel {
     }
 }
 
-/// Springs of frequencies `hz`, going linearly from root to tip, that pull the points of a rod to where they
-/// are in `shape`.
+/// Springs that pull the points of a rod to where they are in `shape` (`docs/theory.md` §4.1, goals). `hz`
+/// are their frequencies at root and tip, Hz, linear in arc length; anchors are in the root frame.
 fn goal(rod: &Rod, shape: &RodShape, hz: [f64; 2]) -> Vec<GoalSpring> {
     if hz == [0.0; 2] {
         return Vec::new();
@@ -130,20 +135,22 @@ fn goal(rod: &Rod, shape: &RodShape, hz: [f64; 2]) -> Vec<GoalSpring> {
     rod.arc.iter().copied().enumerate().map(spring).collect()
 }
 
-/// Each guide with its own hairs, counted as a share of what the median guide represents.
+/// Each guide as the bundle of the hairs that it represents. Their number counts as a share of the median
+/// over all guides.
 fn bundles(rods: &[GuideRod]) -> Vec<BundleProperties> {
     let mut hairs: Vec<f64> = rods.iter().map(|r| r.hairs).collect();
     hairs.sort_by(f64::total_cmp);
+    let median = |hairs: &[f64]| hairs[hairs.len() / 2];
     let bundle = |r: &GuideRod| {
         let material = &r.material;
         let area = material.section.area();
         let radius = |area: f64| (area / std::f64::consts::PI).sqrt();
         BundleProperties {
-            hair: radius(area),
-            bundle: radius(area * r.hairs / PACKING),
-            parallel: material.friction_parallel,
+            hair_radius: radius(area),
+            bundle_radius: radius(area * r.hairs / PACKING),
+            parallel_friction: material.friction_parallel,
             cohesion: material.cohesion,
-            hairs: r.hairs / hairs[hairs.len() / 2],
+            hairs: r.hairs / median(&hairs),
         }
     };
     rods.iter().map(bundle).collect()

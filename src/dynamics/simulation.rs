@@ -13,7 +13,7 @@ use super::model::Model;
 use super::step_record::StepRecord;
 use super::strand_contact::StrandContacts;
 use super::wisp_friction::HeadVelocity;
-use super::wisps::{Changes, Wisps};
+use super::wisps::{AdaptiveTree, WispChanges};
 use crate::contact::{Bodies, Body};
 use crate::scene::anim::{ContactSetting, Resolution};
 use crate::scene::{Anim, Groom};
@@ -42,7 +42,7 @@ pub struct State {
     /// Contact between guides, with `--contact full`.
     strand_contacts: Option<StrandContacts>,
     /// The guides as wisps, unless the resolution is full.
-    wisps: Option<Wisps>,
+    wisps: Option<AdaptiveTree>,
     /// The active guides in batches; follows from `wisps`.
     batches: Batches,
     /// Configurations that the solver reached since the last frame, if they are written.
@@ -65,7 +65,7 @@ pub struct SubstepRecord {
     /// Strain nodes with unknowns of the guides that are active from now on.
     pub active_nodes: u32,
     /// Splits and merges.
-    pub changes: Changes,
+    pub changes: WispChanges,
     /// Sub-steps of the current frame taken by guides that split at its start.
     pub catch_up: Vec<(usize, StepRecord)>,
 }
@@ -87,7 +87,7 @@ impl State {
 }
 
 /// The active guide that guide `i` moves with: itself, or the guide that it follows.
-fn leader(wisps: &Option<Wisps>, i: usize) -> usize {
+fn leader(wisps: &Option<AdaptiveTree>, i: usize) -> usize {
     wisps.as_ref().map_or(i, |wisps| wisps.leader(i))
 }
 
@@ -138,37 +138,38 @@ fn advance(model: &Model, env: &Environment, state: &mut State, span: [f64; 2]) 
     }
 }
 
-/// Gathers the wisps at the end of the pre-roll; from then on, at the end of every frame, moves the
-/// followers, and splits and merges guides.
+/// Makes the followers at the end of the pre-roll; from then on, at the end of every frame, places them, and
+/// splits and merges guides.
 fn adapt(model: &Model, env: &mut Environment, state: &mut State) {
     let State { guides, wisps, taken, record, .. } = state;
     let SubstepRecord { changes, catch_up, .. } = record;
-    *changes = Changes::default();
+    *changes = WispChanges::default();
     catch_up.clear();
     let Some(wisps) = wisps.as_mut().filter(|_| model.is_at_frame(*taken)) else { return };
     let starts = model.is_preroll_end(*taken);
     if starts {
-        wisps.gather(&model.guides, guides, env, model.time_after(*taken));
+        wisps.make_followers(&model.guides, guides, env, model.time_after(*taken));
     } else {
         let first = *taken - i64::from(model.anim.settings.substeps);
         let frame = [first, *taken].map(|taken| model.time_after(taken));
         wisps.advance_modes(env, frame);
         for level in 0..wisps.levels() {
-            let split = wisps.lead(level, &model.guides, guides, env, frame);
-            take_through(model, env, guides, &split, first..*taken, catch_up);
+            let split = wisps.place_and_split(level, &model.guides, guides, env, frame);
+            catch_up_split(model, env, guides, &split, first..*taken, catch_up);
             wisps.record_level(level, &model.guides, guides);
             changes.splits += split.len() as u32;
         }
         changes.merges = wisps.merge(&model.guides, guides, frame[1]);
     }
-    if starts || *changes != Changes::default() {
+    if starts || *changes != WispChanges::default() {
         state.rebuild(model, env);
     }
 }
 
-/// Takes the guides `split` through the sub-steps of a frame, each alone: other guides have already gone
-/// there and are met from then on. Adds to `records` what each sub-step did.
-fn take_through(
+/// Steps the guides `split` through the sub-steps of a frame that the active guides have already taken.
+/// Each is stepped alone: it meets other guides from the next frame on. Adds to `records` what each sub-step
+/// did.
+fn catch_up_split(
     model: &Model,
     env: &mut Environment,
     guides: &mut [GuideState],
@@ -212,7 +213,7 @@ impl<'a> Simulation<'a> {
                 let pull = (env.head)(t).rotation.inverse() * (env.gravity)(t);
                 let mut hierarchy = Hierarchy::new(groom, &rods.simulated, &pull, |i| &model.guides[i].drag);
                 hierarchy.restrict_to(&mut model.simulated);
-                Some(Wisps::new(hierarchy, model.split_tolerance, h, 1.0 / anim.fps))
+                Some(AdaptiveTree::new(hierarchy, model.split_tolerance, h, 1.0 / anim.fps))
             }
         };
         let full = anim.settings.contact == ContactSetting::Full;
@@ -315,7 +316,7 @@ impl Checkpoint for Simulation<'_> {
             taken: *taken,
             guides: guides.state(),
             strand_contacts: strand_contacts.state(),
-            wisps: wisps.as_ref().map(Wisps::state),
+            wisps: wisps.as_ref().map(AdaptiveTree::state),
             path: path.clone(),
         }
     }

@@ -3,6 +3,7 @@
 
 use super::environment::Environment;
 use super::guide::GuideState;
+use crate::math;
 use crate::rod::Rod;
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
@@ -127,13 +128,7 @@ impl WispFriction {
     ) -> Vec<(usize, Vec<Vector3<f64>>)> {
         let mut hairs: Vec<(usize, f64)> = wisp.iter().map(|&i| (leader(i), self.guides[i].hairs)).collect();
         hairs.sort_by_key(|(i, _)| *i);
-        hairs.dedup_by(|next, kept| {
-            let same = next.0 == kept.0;
-            if same {
-                kept.1 += next.1;
-            }
-            same
-        });
+        math::merge_equal_keys(&mut hairs);
         let nodes: Vec<_> =
             hairs.iter().map(|&(i, _)| self.guides[i].node_velocities(&states[i], head)).collect();
         // Weighted by the momentum that each guide loses, so that momentum is conserved.

@@ -10,6 +10,8 @@ pub mod random;
 pub mod se3;
 pub mod spline;
 
+use std::ops::AddAssign;
+
 /// Nearest-rank percentile of at least one value; `share` in 0..=1.
 pub fn percentile(mut values: Vec<f64>, share: f64) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
@@ -17,9 +19,27 @@ pub fn percentile(mut values: Vec<f64>, share: f64) -> f64 {
     values[rank.clamp(1, values.len()) - 1]
 }
 
+/// Merges neighbouring entries with equal keys; their values are added in order.
+pub fn merge_equal_keys<K: PartialEq, V: AddAssign + Copy>(entries: &mut Vec<(K, V)>) {
+    entries.dedup_by(|next, kept| {
+        let same = next.0 == kept.0;
+        if same {
+            kept.1 += next.1;
+        }
+        same
+    });
+}
+
 #[cfg(test)]
 mod tests {
-    use super::percentile;
+    use super::{merge_equal_keys, percentile};
+
+    #[test]
+    fn values_of_equal_keys_are_added() {
+        let mut entries = vec![('a', 1), ('a', 2), ('b', 4), ('a', 8)];
+        merge_equal_keys(&mut entries);
+        assert_eq!(entries, [('a', 3), ('b', 4), ('a', 8)]);
+    }
 
     #[test]
     fn percentiles_are_the_values_of_nearest_rank() {

@@ -30,8 +30,8 @@ pub struct StepTask<'a> {
     pub load: &'a Load,
     /// Unknowns, 1/m: in, one start of the solve; out, its result.
     pub q: &'a mut [f64],
-    /// Another start, 1/m.
-    pub other: &'a [f64],
+    /// Other unknowns, 1/m: the solve starts from these if their Φ is lower than that of `q`.
+    pub other_start: &'a [f64],
     /// Output: shape at the result.
     pub shape: &'a mut RodShape,
     /// Output: outcome of the solve.
@@ -204,7 +204,7 @@ impl<F: Real> LaneRods<F> {
             into.resize(self.core.unknowns(), zero);
             for i in 0..F::LANES {
                 let task = task(i);
-                let values = [&task.load.force[..], &*task.q, task.other][from];
+                let values = [&task.load.force[..], &*task.q, task.other_start][from];
                 for (into, x) in into.iter_mut().zip(values) {
                     into.set(i, *x);
                 }
@@ -441,7 +441,7 @@ mod tests {
             let other = vec![0.0; n];
             let mut tasks = results.iter_mut().zip(&members).map(|((q, shape, outcome), &i)| {
                 let (root, load) = (&rods[i].root.r, &loads[i]);
-                StepTask { root, load, q, other: &other, shape, outcome }
+                StepTask { root, load, q, other_start: &other, shape, outcome }
             });
             let mut tasks = std::array::from_fn(|_| tasks.next());
             pack.minimise(&mut tasks, &mut buffers);

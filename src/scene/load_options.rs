@@ -11,14 +11,26 @@ use serde_json::{Map, Value};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-/// Where the files of a scene name others: a list at the root, and a JSON pointer into its elements. In
-/// order: buffers, tracks, meshes, sequences of meshes.
-pub(super) const FILE_NAMES: &[(&str, &str)] = &[
-    ("buffers", "/uri"),
-    ("bodies", "/track/file"),
-    ("colliders", "/shape/file"),
-    ("colliders", "/shape/sequence"),
+/// A place in the files of a scene that names another file.
+pub(super) struct FileName {
+    /// What the named file is to the scene.
+    pub role: &'static str,
+    /// Key of a list at the root.
+    pub list: &'static str,
+    /// JSON pointer into each element of the list.
+    pub pointer: &'static str,
+}
+
+/// All places that name a single file.
+pub(super) const FILE_NAMES: [FileName; 3] = [
+    FileName { role: "buffer", list: "buffers", pointer: "/uri" },
+    FileName { role: "track", list: "bodies", pointer: "/track/file" },
+    FileName { role: "collider", list: "colliders", pointer: "/shape/file" },
 ];
+
+/// The place that names a sequence of meshes, one file for each frame of a deforming collider.
+pub(super) const SEQUENCE_NAME: FileName =
+    FileName { role: "deformation", list: "colliders", pointer: "/shape/sequence" };
 
 /// Changes made to the files of a scene as they are read.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -44,7 +56,7 @@ impl LoadOptions {
     }
 
     fn map_file_names(&self, root: &mut Value) {
-        for (list, pointer) in FILE_NAMES {
+        for FileName { list, pointer, .. } in FILE_NAMES.iter().chain([&SEQUENCE_NAME]) {
             let elements = root.get_mut(*list).and_then(Value::as_array_mut);
             for name in elements.into_iter().flatten().filter_map(|e| e.pointer_mut(pointer)) {
                 if let Some(mapped) = name.as_str().and_then(|name| self.path_map.map(name)) {

@@ -2,13 +2,12 @@
 
 use super::guide_rod::GuideRod;
 use super::linear_model::LinearModel;
+use crate::scene::anim::GRAVITY;
 use nalgebra::{Complex, DMatrix, Vector3};
 use std::f64::consts::TAU;
 
 /// Frequencies of the response, Hz: the range of head motion and of swinging hair.
 const FREQUENCIES: [f64; 4] = [1.0, 2.0, 3.5, 6.0];
-
-const G: f64 = 9.81;
 
 /// Extent of the roots, which scales rotations of the head.
 #[derive(Debug, Clone, Copy)]
@@ -41,7 +40,7 @@ pub(super) fn frequency_response(
     let linear = LinearModel::new(&r.rod, &r.rod.initial_q, drag, gravity);
     let n = linear.unknowns();
     let excitation = |k: usize| {
-        let axis = Vector3::ith(k % 3, G);
+        let axis = Vector3::ith(k % 3, GRAVITY);
         linear.generalised_force(|x, mass, _| match k {
             0..3 => axis * mass,
             _ => axis.cross(&(x - roots.centre)) * (mass / roots.radius.max(f64::MIN_POSITIVE)),
@@ -95,7 +94,7 @@ mod tests {
         assert_eq!(responses.len(), 12 * FREQUENCIES.len());
         // Real part at the lowest frequency along x: w L⁴/(8 E I) at the tip.
         let (tip, _) = kinematics.displacements(responses[0].iter().copied()).last().unwrap();
-        let beam = density * G * length.powi(3) / (8.0 * stiffness);
+        let beam = density * GRAVITY * length.powi(3) / (8.0 * stiffness);
         assert!((tip.norm() / beam - 1.0).abs() < 0.05 && tip.x > 0.99 * tip.norm(), "{tip} {beam}");
         // Acceleration along the rod bends nothing.
         let (along, _) = kinematics.displacements(responses[2].iter().copied()).last().unwrap();

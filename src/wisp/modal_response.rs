@@ -6,13 +6,12 @@ use super::linear_kinematics::LinearKinematics;
 use super::linear_model::LinearModel;
 use crate::math::cholesky;
 use crate::rod::Rod;
+use crate::scene::anim::GRAVITY;
 use nalgebra::{DMatrix, SymmetricEigen, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Number of modes, the slowest: about two per order.
 const MODES: usize = 6;
-
-const G: f64 = 9.81;
 
 /// Response of a guide to the motion of the head in its slowest modes (`docs/theory.md` §8.2).
 #[derive(Debug, Clone, Default)]
@@ -115,7 +114,7 @@ impl ModalResponse {
 /// ω²: a mode that weight would tip over, as of hair that stands or leans on a body, swings as a pendulum.
 fn modes(linear: &LinearModel, pendulum: f64, kinematics: &LinearKinematics) -> Option<Vec<Mode>> {
     let n = linear.unknowns();
-    let first_shift = G / linear.length();
+    let first_shift = GRAVITY / linear.length();
     // The modes are those of 𝐊 + s 𝐌, which is positive definite for large enough s.
     let shifted = |shift: f64| {
         let mut sum: Vec<f64> =
@@ -165,7 +164,7 @@ mod tests {
     use crate::rod::RodSource;
     use crate::scene::Tree;
 
-    const GRAVITY: Vector3<f64> = Vector3::new(0.0, -G, 0.0);
+    const GRAVITY: Vector3<f64> = Vector3::new(0.0, -super::GRAVITY, 0.0);
 
     /// A hair that hangs 20 cm down, 10 cm from the centre of the head.
     fn hair(nodes: usize, stiffness: f64) -> Rod {
@@ -183,10 +182,10 @@ mod tests {
         let rod = hair(40, 1e-13);
         let drag = vec![0.0; rod.points()];
         let linear = LinearModel::new(&rod, &rod.initial_q, &drag, &GRAVITY);
-        let modes = modes(&linear, G / rod.length(), &LinearKinematics::default()).unwrap();
+        let modes = modes(&linear, super::GRAVITY / rod.length(), &LinearKinematics::default()).unwrap();
         // (j/2)² g/L with the zeros j of J0, each in two directions.
         for (mode, zero) in modes.iter().zip([2.404826, 2.404826, 5.520078, 5.520078]) {
-            let chain = 0.25 * zero * zero * G / rod.length();
+            let chain = 0.25 * zero * zero * super::GRAVITY / rod.length();
             assert!((mode.stiffness / chain - 1.0).abs() < 0.05, "{} {chain}", mode.stiffness);
         }
     }

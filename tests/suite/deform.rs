@@ -224,7 +224,7 @@ fn hair_lies_on_a_garment_that_moves() {
     std::fs::write(&anim_path, anim.to_string()).unwrap();
 
     let (groom, anim) = scene::load(&groom_path, &anim_path).unwrap();
-    let inputs = bake::inputs(&groom_path, &anim_path, &LoadOptions::default()).unwrap();
+    let inputs = bake::input_records(&groom_path, &anim_path, &LoadOptions::default()).unwrap();
     assert_eq!(inputs.iter().filter(|i| i.role == "deformation").count(), 18);
     let (mut active, mut shortened) = (0, 0);
     let job = Job::begin(groom, anim.clone(), inputs, &[], None, &out, false).unwrap();

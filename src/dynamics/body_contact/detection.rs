@@ -17,6 +17,20 @@ impl BodyContact<'_> {
         with_midpoints(&self.rod.arc, |k| shape.x(k) + self.root.p, |k| shape.tangent(k), x1);
     }
 
+    /// Finds everything within [`DETECTION_DISTANCE`] of the solver's shape.
+    fn find_candidates(
+        &self,
+        solver: &Solver,
+        contact_cache: &mut ContactCache,
+        scratch: &mut BodyContactScratch,
+    ) {
+        self.update_polyline(solver, scratch);
+        let detection = &mut scratch.detection;
+        detection.found.clear();
+        let line = self.line(&detection.x1);
+        self.bodies.candidates(self.motions, &line, DETECTION_DISTANCE, contact_cache, &mut detection.found);
+    }
+
     /// Finds the contacts at the solver's shape and the impacts of the motion; returns whether the motion
     /// crosses no surface.
     ///
@@ -29,12 +43,10 @@ impl BodyContact<'_> {
         contact_cache: &mut ContactCache,
         scratch: &mut BodyContactScratch,
     ) -> bool {
-        self.update_polyline(solver, scratch);
+        self.find_candidates(solver, contact_cache, scratch);
         let detection = &mut scratch.detection;
         let line = self.line(&detection.x1);
         detection.new_impacts.clear();
-        detection.found.clear();
-        self.bodies.candidates(self.motions, &line, DETECTION_DISTANCE, contact_cache, &mut detection.found);
         self.bodies.impacts(self.motions, &line, contact_cache, &mut detection.new_impacts);
         let in_front = |c: &Contact| {
             let distance = line.gap(c) + line.clearance_at(c);
@@ -85,11 +97,9 @@ impl BodyContact<'_> {
         contact_cache: &mut ContactCache,
         scratch: &mut BodyContactScratch,
     ) -> bool {
-        self.update_polyline(solver, scratch);
+        self.find_candidates(solver, contact_cache, scratch);
         let detection = &mut scratch.detection;
         let line = self.line(&detection.x1);
-        detection.found.clear();
-        self.bodies.candidates(self.motions, &line, DETECTION_DISTANCE, contact_cache, &mut detection.found);
         let violated = !detection.found.iter().all(|c| c.gap >= 0.0);
         if !violated && self.ties.is_empty() {
             return false;

@@ -10,11 +10,11 @@ pub(super) const REACH: f64 = 5e-4;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::dynamics) struct BundleProperties {
     /// Radius of one hair, m. Parallel guides keep it, because their hairs mix.
-    pub hair: f64,
+    pub hair_radius: f64,
     /// Radius of its hairs pressed together, m. Crossing guides keep it, because their hairs cannot mix.
-    pub bundle: f64,
+    pub bundle_radius: f64,
     /// Friction coefficient for slip along parallel guides, relative to that of crossing ones.
-    pub parallel: f64,
+    pub parallel_friction: f64,
     /// Cohesive force per length between parallel guides with `hairs` = 1, N/m.
     pub cohesion: f64,
     /// Number of hairs, relative to a number common to all guides of a scene. The guide's rod is that of one
@@ -25,7 +25,7 @@ pub(in crate::dynamics) struct BundleProperties {
 impl BundleProperties {
     /// Adds the hairs of another bundle; the sections add up.
     pub fn add(&mut self, other: &BundleProperties) {
-        self.bundle = self.bundle.hypot(other.bundle);
+        self.bundle_radius = self.bundle_radius.hypot(other.bundle_radius);
         self.hairs += other.hairs;
     }
 }
@@ -53,14 +53,14 @@ impl BundlePair {
 
     /// Distance that they must keep, m.
     pub fn required_distance(&self) -> f64 {
-        2.0 * (self.mean(|s| s.hair) + self.mean(|s| s.bundle) * self.sine)
+        2.0 * (self.mean(|s| s.hair_radius) + self.mean(|s| s.bundle_radius) * self.sine)
     }
 
     /// Axes of a contact with normal `n`: the normal, and tangents along and across the guides. The length of
     /// the first tangent is the ratio of friction along to friction across, which turns the elliptic friction
     /// cone into a round one, as for bodies.
     pub fn axes(&self, n: &Vector3<f64>) -> [Vector3<f64>; 3] {
-        let parallel = self.mean(|s| s.parallel);
+        let parallel = self.mean(|s| s.parallel_friction);
         let ratio = parallel + (1.0 - parallel) * self.sine * self.sine;
         let frame = frame_towards(n, &self.mean_direction);
         [*n, frame.column(0) * ratio, frame.column(1).into()]
@@ -81,8 +81,13 @@ impl BundlePair {
 mod tests {
     use super::*;
 
-    const BUNDLE: BundleProperties =
-        BundleProperties { hair: 4e-5, bundle: 3e-4, parallel: 0.4, cohesion: 0.2, hairs: 1.0 };
+    const BUNDLE: BundleProperties = BundleProperties {
+        hair_radius: 4e-5,
+        bundle_radius: 3e-4,
+        parallel_friction: 0.4,
+        cohesion: 0.2,
+        hairs: 1.0,
+    };
 
     fn at(angle: f64) -> BundlePair {
         BundlePair::new([BUNDLE; 2], [Vector3::x(), Vector3::new(angle.cos(), angle.sin(), 0.0)])
@@ -91,7 +96,9 @@ mod tests {
     #[test]
     fn crossing_guides_keep_bundle_radii_with_isotropic_friction() {
         let crossing = at(std::f64::consts::FRAC_PI_2);
-        assert!((crossing.required_distance() - 2.0 * (BUNDLE.hair + BUNDLE.bundle)).abs() < 1e-15);
+        assert!(
+            (crossing.required_distance() - 2.0 * (BUNDLE.hair_radius + BUNDLE.bundle_radius)).abs() < 1e-15
+        );
         let [_, along, across] = crossing.axes(&Vector3::z());
         assert!((along.norm() - 1.0).abs() < 1e-12 && (across.norm() - 1.0).abs() < 1e-12);
         // They are within reach over that length only.
@@ -103,10 +110,13 @@ mod tests {
         // Parallel and antiparallel.
         for angle in [0.0, std::f64::consts::PI] {
             let parallel = at(angle);
-            assert!((parallel.required_distance() - 2.0 * BUNDLE.hair).abs() < 1e-15);
+            assert!((parallel.required_distance() - 2.0 * BUNDLE.hair_radius).abs() < 1e-15);
             let [_, along, across] = parallel.axes(&Vector3::z());
             assert!((along - Vector3::x() * along.x).norm() < 1e-15);
-            assert!((along.norm() - BUNDLE.parallel).abs() < 1e-12 && (across.norm() - 1.0).abs() < 1e-12);
+            assert!(
+                (along.norm() - BUNDLE.parallel_friction).abs() < 1e-12
+                    && (across.norm() - 1.0).abs() < 1e-12
+            );
             assert!((parallel.cohesion(0.0, 0.01) - BUNDLE.cohesion * 0.01).abs() < 1e-15);
         }
     }

@@ -204,7 +204,7 @@ impl ContactPairs {
     /// Finds the pairs that may meet within this sub-step if no point moves by more than [`MARGIN`] from the
     /// current ends.
     pub fn find_candidates(&mut self) {
-        let widest = self.bundles.iter().map(|s| s.hair + s.bundle).fold(0.0, f64::max);
+        let widest = self.bundles.iter().map(|s| s.hair_radius + s.bundle_radius).fold(0.0, f64::max);
         let reach = 2.0 * widest + REACH + MARGIN;
         let (strands, pairs) = (self.strands(), &*self);
         let candidate = |pair: SegmentPair| {

@@ -21,8 +21,13 @@ type V = Vector3<f64>;
 
 const H: f64 = 1.0 / 192.0;
 
-const BUNDLE: BundleProperties =
-    BundleProperties { hair: 4e-5, bundle: 3e-4, parallel: 1.0, cohesion: 0.0, hairs: 1.0 };
+const BUNDLE: BundleProperties = BundleProperties {
+    hair_radius: 4e-5,
+    bundle_radius: 3e-4,
+    parallel_friction: 1.0,
+    cohesion: 0.0,
+    hairs: 1.0,
+};
 
 /// A straight strand, `stiff` times as stiff as a hair, and as heavy as one.
 fn strand(from: V, to: V, stiff: f64) -> Rod {
@@ -415,7 +420,7 @@ fn obeys_coulomb(turn: f64, parallel: f64) {
     for friction in [0.1, 0.6] {
         let mut scene = Scene::new(falls_across(turn));
         scene.friction = friction;
-        scene.bundles.iter_mut().for_each(|bundle| bundle.parallel = parallel);
+        scene.bundles.iter_mut().for_each(|bundle| bundle.parallel_friction = parallel);
         let sway = |t: f64| V::new(3.0 * (6.0 * t).sin(), -9.81, 0.0);
         scene.field = &sway;
         scene.run(2.0, |t, m| {

@@ -1,31 +1,35 @@
-//! Which guides are active and which follow, decided at the ends of frames.
+//! Which guides are active and which follow (`docs/theory.md` §8), decided at the ends of frames by
+//! [`crate::dynamics::simulation`]: `make_followers` once, after the pre-roll; then, frame by frame,
+//! `advance_modes`; level by level, coarse first, `place_and_split` and `record_level`; and `merge`.
 
 use super::control_variate::LeaderMeans;
 use super::follower::{FADE_TIME, Follower};
 use super::follower_pack::{FollowerMut, FollowerPack, PlacementScratch};
 use super::leader_motion::LeaderMotion;
 use super::modal_correction::ModalCorrection;
-use super::rest_shape::{G, RestShape, RestState};
+use super::rest_shape::{RestShape, RestState};
 use super::snapshot::EnvironmentSnapshot;
 use crate::contact::ProximityCache;
 use crate::dynamics::environment::Environment;
 use crate::dynamics::guide::{GuideModel, GuideState};
 use crate::math::lanes::MAX_LANES;
 use crate::rod::pack::Pack;
+use crate::scene::anim::GRAVITY;
 use crate::wisp::Hierarchy;
 use rayon::prelude::*;
 
 /// Share of the split tolerance below which a guide may merge again.
 const MERGE_SHARE: f64 = 0.5;
 
-/// The guides of a groom in their wisp hierarchy: active ones, and followers. Splits and merges happen at the
-/// ends of frames; followers have no state in between.
-pub(in crate::dynamics) struct Wisps {
+/// The guides of a groom in their wisp hierarchy: active ones, which are stepped, and followers, which move as
+/// the mean of their leaders. Splits and merges happen at the ends of frames; followers have no state in
+/// between.
+pub(in crate::dynamics) struct AdaptiveTree {
     pub(super) motion: LeaderMotion,
     /// Estimated error at which a guide splits from its wisp, as a share of its length; `None` if none ever
     /// does.
     split_tolerance: Option<f64>,
-    /// Guides that may follow, by level.
+    /// Guides that may follow, by level, packed for the SIMD lanes.
     packs: Vec<Vec<FollowerPack>>,
     pub(super) followers: Vec<Follower>,
     /// Proximity cache of each guide.
@@ -34,9 +38,9 @@ pub(in crate::dynamics) struct Wisps {
     previous_q: Vec<[Vec<f64>; 3]>,
 }
 
-/// Numbers of splits and merges.
+/// Numbers of splits and merges at the end of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Changes {
+pub struct WispChanges {
     /// Guides that split from their wisps.
     pub splits: u32,
     /// Guides that merged with their wisps.
@@ -45,17 +49,18 @@ pub struct Changes {
 
 /// What happens to an active guide with leaders at the end of a frame.
 enum Decision {
-    /// Its calm period restarts.
+    /// It is not calm: its calm period starts anew.
     RestartCalm,
     /// It becomes this follower.
     Merge(Follower),
 }
 
-impl Wisps {
-    /// All guides active, until [`Wisps::gather`]. `h` is the sub-step, `frame` the frame, s.
+impl AdaptiveTree {
+    /// All guides active, until [`AdaptiveTree::make_followers`]. `h` is the sub-step, `frame` the time of a
+    /// frame, s.
     pub fn new(hierarchy: Hierarchy, split_tolerance: Option<f64>, h: f64, frame: f64) -> Self {
         let guides = hierarchy.leaders.len();
-        Wisps {
+        AdaptiveTree {
             motion: LeaderMotion::new(hierarchy, h, frame),
             split_tolerance,
             packs: Vec::new(),
@@ -90,7 +95,13 @@ impl Wisps {
 
     /// Makes every guide with leaders a follower, except tied ones. The states at time `t`, s, are taken as
     /// the rest shapes.
-    pub fn gather(&mut self, models: &[GuideModel], states: &[GuideState], env: &Environment, t: f64) {
+    pub fn make_followers(
+        &mut self,
+        models: &[GuideModel],
+        states: &[GuideState],
+        env: &Environment,
+        t: f64,
+    ) {
         let now = EnvironmentSnapshot::new(env, t);
         let rest = |(model, state): (&GuideModel, &GuideState)| RestState {
             q: state.q[0].clone(),
@@ -127,10 +138,10 @@ impl Wisps {
         self.motion.modal.advance(env, t, h);
     }
 
-    /// Places the followers of a level at the end of the frame from time `t[0]` to `t[1]`, s. Guides whose
-    /// error exceeds the tolerance split: they are put back to the start of the frame, where they still
-    /// followed well, for the caller to step through it. Returns these guides.
-    pub fn lead(
+    /// Places the followers of a level at the end of the frame from time `t[0]` to `t[1]`, s, and splits those
+    /// whose estimated error exceeds the tolerance: they become active, in their state at the start of the
+    /// frame, where their error was within it. Returns these guides; the caller steps them through the frame.
+    pub fn place_and_split(
         &mut self,
         level: u32,
         models: &[GuideModel],
@@ -156,13 +167,14 @@ impl Wisps {
         split
     }
 
-    /// Records the deflections of the leaders of a level.
+    /// Records the deflections of the guides of a level at the end of a frame, which those they lead follow.
     pub fn record_level(&mut self, level: u32, models: &[GuideModel], states: &[GuideState]) {
         self.motion.record_level(level, models, states);
     }
 
     /// Merges calm guides with their wisps at time `t`, s, once all levels are recorded; returns how many
-    /// merge.
+    /// merge. A guide is calm if for [`FADE_TIME`] its error as a follower is small and it moves slowly
+    /// relative to its leaders: by less than the tolerance in the time sqrt(L/g) of a pendulum of its length.
     pub fn merge(&mut self, models: &[GuideModel], states: &[GuideState], t: f64) -> u32 {
         let Some(tolerance) = self.split_tolerance else { return 0 };
         let decide = |i: usize| {
@@ -172,7 +184,7 @@ impl Wisps {
             }
             let nu = self.followers[i].variate.coefficient();
             let speed = self.motion.relative_speed(i, nu, model, state);
-            let slow = speed < tolerance * (G / model.rod.length()).sqrt();
+            let slow = speed < tolerance * (GRAVITY / model.rod.length()).sqrt();
             if !slow || self.prediction_error(i) > MERGE_SHARE * tolerance {
                 return Some(Decision::RestartCalm);
             }
@@ -200,14 +212,15 @@ impl Wisps {
         merges
     }
 
-    /// Estimated error of guide `i` as a follower, as a share of its length.
+    /// Estimated error of guide `i` as a follower, as a share of its length, before the displacement that
+    /// keeps it out of bodies.
     fn prediction_error(&self, i: usize) -> f64 {
         self.motion.prediction_error(i, self.followers[i].variate.coefficient())
     }
 
-    /// Updates the control variates of the active guides of a level.
+    /// Updates the control variates (`docs/theory.md` eq. 8.5) of the active guides of a level.
     fn update_active_variates(&mut self, level: u32) {
-        let Wisps { motion, followers, .. } = self;
+        let AdaptiveTree { motion, followers, .. } = self;
         let active = followers
             .par_iter_mut()
             .enumerate()
@@ -226,7 +239,7 @@ impl Wisps {
         states: &mut [GuideState],
         now: &EnvironmentSnapshot,
     ) {
-        let Wisps { motion, packs, followers, caches, previous_q, .. } = self;
+        let AdaptiveTree { motion, packs, followers, caches, previous_q, .. } = self;
         let guides = models.iter().zip(states).zip(followers).zip(caches.iter_mut().zip(previous_q));
         let mut all: Vec<Option<FollowerMut>> = guides
             .map(|(((model, state), follower), (cache, previous_q))| {

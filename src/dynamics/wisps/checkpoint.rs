@@ -1,6 +1,6 @@
 //! Checkpoint of the wisp tree.
 
-use super::adaptive_tree::Wisps;
+use super::adaptive_tree::AdaptiveTree;
 use super::follower::Follower;
 use super::modal_correction::{ModalCorrection, ModalCorrectionState};
 use super::rest_shape::RestState;
@@ -8,7 +8,7 @@ use crate::dynamics::checkpoint::StateMismatch;
 use crate::dynamics::guide::{GuideModel, GuideState};
 use serde::{Deserialize, Serialize};
 
-/// Checkpoint of [`Wisps`].
+/// Checkpoint of [`AdaptiveTree`].
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(in crate::dynamics) struct WispsState {
     rest: Vec<RestState>,
@@ -16,7 +16,7 @@ pub(in crate::dynamics) struct WispsState {
     modal: ModalCorrectionState,
 }
 
-impl Wisps {
+impl AdaptiveTree {
     /// The state for a checkpoint.
     pub fn state(&self) -> WispsState {
         WispsState {

@@ -13,6 +13,6 @@ mod modal_correction;
 mod rest_shape;
 mod snapshot;
 
-pub use adaptive_tree::Changes;
-pub(super) use adaptive_tree::Wisps;
+pub(super) use adaptive_tree::AdaptiveTree;
+pub use adaptive_tree::WispChanges;
 pub(super) use checkpoint::WispsState;

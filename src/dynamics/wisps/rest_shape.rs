@@ -3,13 +3,11 @@
 use crate::dynamics::guide::GuideState;
 use crate::math::cholesky;
 use crate::rod::{LumpedSensitivity, Rod, RodShape};
+use crate::scene::anim::GRAVITY;
 use crate::wisp::{Deflection, LinearKinematics};
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::sync::OnceLock;
-
-/// Standard gravity, m/s², for the frequency of a hanging hair.
-pub(super) const G: f64 = 9.81;
 
 /// A guide at rest.
 #[derive(Debug, Clone, Default)]
@@ -56,7 +54,7 @@ impl RestShape {
             let mut shape = RodShape::default();
             shape.update(rod, &rod.root.r, &self.state.q);
             let mut metric = LumpedSensitivity::new(rod, &shape)
-                .mass_matrix(|node| rod.lumped_mass(node) * G / rod.length());
+                .mass_matrix(|node| rod.lumped_mass(node) * GRAVITY / rod.length());
             metric.iter_mut().zip(rod.elastic_matrix()).for_each(|(m, k)| *m += k);
             // Positive definite because K is.
             cholesky::factor(&mut metric, rod.unknowns());

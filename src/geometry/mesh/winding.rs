@@ -2,6 +2,7 @@
 //! segmentation using generalized winding numbers", 2013).
 
 use crate::geometry::bounds::Bounds;
+use crate::math;
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -133,13 +134,7 @@ impl Node {
 /// Merges equal edges, and drops those whose directions cancel.
 fn merged(mut boundary: Boundary) -> Boundary {
     boundary.sort_unstable_by_key(|(edge, _)| *edge);
-    boundary.dedup_by(|next, kept| {
-        let same = next.0 == kept.0;
-        if same {
-            kept.1 += next.1;
-        }
-        same
-    });
+    math::merge_equal_keys(&mut boundary);
     boundary.retain(|(_, times)| *times != 0);
     boundary
 }

@@ -10,5 +10,5 @@ pub mod settings_file;
 pub use super::keyframes::Keyframes;
 pub use super::track::Track;
 pub use file::AnimFile;
-pub use model::{Anim, Body, Collider, MAX_FRAMES, Tie, TiePoint, Wind};
+pub use model::{Anim, Body, Collider, GRAVITY, MAX_FRAMES, Tie, TiePoint, Wind};
 pub use settings::{ContactSetting, OutputCurves, Resolution, Scheme, Settings};

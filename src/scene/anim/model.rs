@@ -8,6 +8,9 @@ use crate::scene::track::Track;
 use nalgebra::{Isometry3, Vector3};
 use std::sync::Arc;
 
+/// Gravity of the Earth, m/s²: along −Y if an animation gives none.
+pub const GRAVITY: f64 = 9.81;
+
 /// Most frames of a shot: bounds memory; far above any real shot.
 pub const MAX_FRAMES: i64 = 1_000_000;
 

@@ -173,7 +173,7 @@ fn a_deforming_mesh_is_read_from_numbered_files() {
         assert_relative_eq!(vertices[2], -Vector3::z(), epsilon = 1e-15);
     }
     let (_groom_folder, groom) = file("groom.json", "{}");
-    let files = inputs(&groom, &path, &LoadOptions::default()).unwrap();
+    let files = input_files(&groom, &path, &LoadOptions::default()).unwrap();
     let names: Vec<_> =
         files.iter().map(|(role, file)| (*role, file.file_name().unwrap().to_str().unwrap())).collect();
     assert_eq!(names[2], ("collider", "rest.obj"));

@@ -81,7 +81,7 @@ fn brush_in_contact() -> (f64, Motion, [usize; 2]) {
     let mut scene = Scene::new(brush());
     scene.head = &shaken;
     for (g, bundle) in scene.bundles.iter_mut().enumerate() {
-        (bundle.bundle, bundle.hairs) = (3e-4 + 1e-6 * g as f64, 1.0 + g as f64);
+        (bundle.bundle_radius, bundle.hairs) = (3e-4 + 1e-6 * g as f64, 1.0 + g as f64);
     }
     let mut now = 0.0;
     let motion = scene.run(0.3, |t, _| now = t);
@@ -113,8 +113,8 @@ fn a_follower_leaves_the_contact_and_its_leader_takes_its_hairs() {
     assert!(!strand_contacts.active().contains(&goes) && strand_contacts.active().len() == guides.len() - 1);
     assert_eq!(strand_contacts.pairs.x[0].len(), before.len() - (2 * models[goes].rod.points() - 1));
     let bundle = &strand_contacts.pairs.bundles[stays];
-    let squares = own[stays].bundle.powi(2) + own[goes].bundle.powi(2);
-    assert!((bundle.bundle.powi(2) - squares).abs() < 1e-12 * squares);
+    let squares = own[stays].bundle_radius.powi(2) + own[goes].bundle_radius.powi(2);
+    assert!((bundle.bundle_radius.powi(2) - squares).abs() < 1e-12 * squares);
     assert_eq!(bundle.hairs, own[stays].hairs + own[goes].hairs);
     assert!(!strand_contacts.pushed[goes]);
     // It comes back without history.
@@ -147,7 +147,7 @@ fn contact_history_survives_the_departure_of_another_guide() {
 fn a_thickened_bundle_recovers_no_distance_that_the_pair_never_had() {
     let mut pairs = ContactPairs::new(
         &[&[0.02, 0.12], &[0.02, 0.12]],
-        vec![BundleProperties { bundle: 3e-3, ..BUNDLE }; 2],
+        vec![BundleProperties { bundle_radius: 3e-3, ..BUNDLE }; 2],
     );
     // Crossing, 1 mm apart: a sixth of the required distance.
     let with_middle = |a: V, b: V| [a, a.lerp(&b, 0.5), b];

@@ -10,7 +10,7 @@ mod ties;
 mod track;
 
 use super::file::AnimFile;
-use super::model::{Anim, Body, Collider, MAX_FRAMES, Wind};
+use super::model::{Anim, Body, Collider, GRAVITY, MAX_FRAMES, Wind};
 use super::settings::Settings;
 use crate::scene::convention::Convention;
 use crate::scene::file_sequence::lead_in;
@@ -21,9 +21,6 @@ use crate::scene::json::key::Key;
 use context::Context;
 use nalgebra::Vector3;
 use std::sync::Arc;
-
-/// Gravity, m/s², if the file gives none.
-const GRAVITY: f64 = 9.81;
 
 /// Largest frame number: 32 bits must hold numbers derived from it.
 const MAX_FRAME: i32 = 1_000_000_000;
