@@ -1,7 +1,10 @@
 //! Segments of guides exempt from contact with bodies: how many there are, and how deep they lie.
 
+use super::contact_polyline::with_midpoints;
 use super::guide::GuideState;
 use super::simulation::Simulation;
+use crate::rod::RodShape;
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 /// The segments exempt from contact with one body, or with all of them.
@@ -41,11 +44,20 @@ impl Simulation<'_> {
         let poses = self.env.body_poses(t);
         let simulated: Vec<_> = self.simulated().collect();
         let depth = |&(i, guide): &(usize, &GuideState)| {
-            let mut polyline = Vec::new();
-            guide.contact_polyline(&self.model.guides[i], &mut polyline);
-            guide.clearance.exempt_depth(&self.env.bodies, t, &poses, &polyline)
+            guide.clearance.exempt_depth(&self.env.bodies, t, &poses, &self.polyline(i))
         };
         simulated.par_iter().map(depth).reduce(|| 0.0, f64::max)
+    }
+
+    /// The polyline in which guide `i` meets bodies, m, world, by its unknowns and the head: of a follower,
+    /// the points of its state are those at which it last moved by itself.
+    pub fn polyline(&self, i: usize) -> Vec<Vector3<f64>> {
+        let rod = &self.model.guides[i].rod;
+        let root = self.env.root(&rod.root, self.time());
+        let (mut shape, mut polyline) = (RodShape::default(), Vec::new());
+        shape.update(rod, &root.r, &self.state.guides[i].q[0]);
+        with_midpoints(&rod.arc, |k| shape.x(k) + root.p, |k| shape.tangent(k), &mut polyline);
+        polyline
     }
 
     /// The simulated guides, with their indices.

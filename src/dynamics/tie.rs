@@ -1,12 +1,15 @@
 //! Ties: points of guides that a body holds in all directions.
 
-use super::contact_polyline::with_midpoints;
+use super::contact_polyline::{on_rod, with_midpoints};
 use crate::rod::RodShape;
 use crate::scene::anim::TiePoint;
 use crate::scene::{Anim, Groom};
 use crate::wisp::GuideRod;
 use nalgebra::{Isometry3, Vector3};
 
+/// Least length from the root to the held point, relative to the distance of the root from the goal: a shorter
+/// one cannot reach it around the head.
+const REACH: f64 = 1.1;
 /// Largest speed at which a point is moved to its goal, m/s.
 const MAX_GATHER_SPEED: f64 = 0.5;
 
@@ -79,12 +82,16 @@ pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
         let mean = held.iter().map(at).sum::<Vector3<f64>>() / held.len().max(1) as f64;
         let widest = held.iter().map(|p| (at(p) - mean).norm()).fold(f64::MIN_POSITIVE, f64::max);
         for place in held {
-            let goal = match tie.bundle {
+            let (i, mut segment, mut u) = place;
+            let mut goal = at(&place);
+            if let Some((centre, radius)) = tie.bundle {
                 // The bundle keeps its drawn arrangement.
-                Some((centre, radius)) => centre + (at(&place) - mean) * (radius / widest).min(1.0),
-                None => at(&place),
-            };
-            let (i, segment, u) = place;
+                goal = centre + (goal - mean) * (radius / widest).min(1.0);
+                let least = REACH * (drawn[i][0] - goal).norm();
+                if tie.point == TiePoint::Nearest && arc_of(&rods[i], segment, u) < least {
+                    (segment, u) = at_arc(&rods[i], least).unwrap_or((segment, u));
+                }
+            }
             out[i].push(Tie { segment, u, body: tie.body, goal, times: tie.times });
         }
     }
@@ -107,6 +114,12 @@ fn nearest(points: &[Vector3<f64>], p: &Vector3<f64>) -> (usize, f64, f64) {
         (k, u, (ends[0] + edge * u - p).norm())
     };
     points.windows(2).enumerate().map(on).fold((0, 0.0, f64::INFINITY), |a, b| if b.2 < a.2 { b } else { a })
+}
+
+/// Arc length of a position on a segment, m.
+fn arc_of(r: &GuideRod, segment: usize, u: f64) -> f64 {
+    let (k, share) = on_rod(segment, u);
+    r.rod.arc[k] + share * (r.rod.arc[k + 1] - r.rod.arc[k])
 }
 
 /// Segment and position on it at an arc length, m; `None` beyond the tip.

@@ -5,8 +5,9 @@ use crate::scene::anim::file::PoseFile;
 use crate::{Diagnostic, Error, Result};
 use nalgebra::{Matrix3, Matrix4, Rotation3, UnitQuaternion, Vector3};
 
-/// Relative difference below which two scales are equal.
-const SCALE_TOLERANCE: f64 = 1e-3;
+/// Relative difference of scales above which a warning is given, and above which roots would be a millimetre off a
+/// head of 10 cm.
+const SCALE_TOLERANCES: [f64; 2] = [1e-3, 1e-2];
 /// Ratio of the smallest to the largest singular value below which a transform is singular.
 const SINGULAR: f64 = 1e-9;
 
@@ -58,11 +59,24 @@ pub(super) fn poses(
     let rest = rest.flatten();
     let all: Vec<_> = all.into_iter().flatten().collect();
     let reference = rest.as_ref().or(all.first()).map_or(1.0, |pose| pose.1);
-    let changes = all.iter().any(|pose| (pose.1 / reference - 1.0).abs() > SCALE_TOLERANCE);
+    let change = |pose: &(PoseFile, f64)| (pose.1 / reference - 1.0).abs();
+    let largest = all.iter().enumerate().max_by(|a, b| change(a.1).total_cmp(&change(b.1)));
+    let [warned, refused] = SCALE_TOLERANCES.map(|tolerance| largest.filter(|l| change(l.1) > tolerance));
+    let warnings = if warned.is_some() { vec![SCALE_WARNING.into()] } else { Vec::new() };
+    if let Some((sample, pose)) = refused {
+        return Err(Error::from(Diagnostic::new(
+            &source.path,
+            key,
+            format!("the scale at sample {sample} is {:.3} times that at rest", pose.1 / reference),
+            "the scale at rest, within 1 %: hair keeps its size, and roots would leave the scalp",
+            "remove the scale from the joint and its ancestors; if the shot makes the character larger throughout, \
+             import groom, colliders and motion from the shot",
+        )));
+    }
     Ok(RigidPoses {
         poses: all.into_iter().map(|pose| pose.0).collect(),
         bind: rest.map(|pose| pose.0),
-        warnings: if changes { vec![SCALE_WARNING.into()] } else { Vec::new() },
+        warnings,
     })
 }
 
@@ -92,6 +106,22 @@ fn decompose(matrix: &Matrix4<f64>) -> Option<(PoseFile, f64)> {
 mod tests {
     use super::*;
     use crate::import::motion::rotation;
+
+    #[test]
+    fn a_scale_that_differs_from_that_at_rest_is_refused() {
+        let scaled = |scale: f64| Matrix4::<f64>::new_scaling(scale);
+        let poses = |rest: f64, scales: &[f64]| {
+            let matrices: Vec<_> = scales.iter().map(|s| scaled(*s)).collect();
+            super::poses(&Source::new("a.usda"), "/head", &matrices, Some(&scaled(rest)))
+        };
+        assert!(poses(100.0, &[100.0, 100.01]).unwrap().warnings.is_empty());
+        assert_eq!(poses(1.0, &[1.0, 1.005]).unwrap().warnings.len(), 1);
+        for (rest, scales, what) in [(1.0, [1.1, 1.1], "sample 1 is 1.100"), (1.0, [1.0, 0.8], "sample 1 is 0.800")] {
+            let Err(Error::BadInput(diagnostics)) = poses(rest, &scales) else { panic!("{scales:?}") };
+            let message = &diagnostics.first().unwrap().message;
+            assert!(message.contains("scale") && message.contains(what), "{message}");
+        }
+    }
 
     #[test]
     fn a_transform_is_split_into_rotation_translation_and_scale() {

@@ -4,11 +4,14 @@ use crate::strand::hair;
 use hairbake::contact::Bodies;
 use hairbake::dynamics::environment::Environment;
 use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideScratch, GuideState};
+use hairbake::dynamics::guide_rods::GuideRods;
 use hairbake::dynamics::step_record::StepRecord;
-use hairbake::dynamics::tie::Tie;
+use hairbake::dynamics::tie::{self, Tie};
 use hairbake::geometry::Shape;
 use hairbake::rod::{Rod, RodSource, SegmentSize};
-use hairbake::scene::Tree;
+use hairbake::sample::{self, Size, Style};
+use hairbake::scene::anim::TiePoint;
+use hairbake::scene::{self, Tree};
 use nalgebra::{Isometry3, Vector3};
 
 const RADIUS: f64 = 0.04;
@@ -237,6 +240,41 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
         }
     }
     assert!(away(&state, 3.0) > 0.05, "not let go: {} m", away(&state, 3.0));
+}
+
+#[test]
+fn a_tie_holds_hair_at_a_length_that_reaches_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let size = Size { wisps: Some(40), strands: 0, head_subdivisions: 2 };
+    sample::write(Style::Long, size, folder.path()).unwrap();
+    let load = scene::load(&folder.path().join("groom.json"), &folder.path().join("turn.json"));
+    let (groom, mut anim) = load.unwrap();
+    let groom = groom.with_default_trees(anim.settings.nodes);
+    // Hair of the nape, and of the other side, passes nearest to it close to its roots.
+    let bundle = (Vector3::new(0.0, 0.15, -0.125), 0.012);
+    anim.ties = vec![hairbake::scene::anim::Tie {
+        name: "ponytail".into(),
+        body: 0,
+        ids: None,
+        group: None,
+        within: None,
+        point: TiePoint::Nearest,
+        bundle: Some(bundle),
+        times: [f64::NEG_INFINITY, f64::INFINITY],
+    }];
+    let rods = GuideRods::new(&groom, &anim);
+    let ties = tie::ties(&groom, &anim, &rods.simulated);
+    let mut nearest = Vec::new();
+    for (rod, ties) in rods.simulated.iter().zip(&ties) {
+        let (arc, Tie { segment, u, goal, .. }) = (&rod.rod.arc, &ties[0]);
+        let share = 0.5 * ((segment % 2) as f64 + u);
+        let held = arc[segment / 2] + share * (arc[segment / 2 + 1] - arc[segment / 2]);
+        nearest.push(held / (rod.rod.root.p - goal).norm());
+    }
+    assert_eq!(nearest.len(), 40);
+    assert!(nearest.iter().all(|reach| *reach > 1.0999), "{nearest:?}");
+    // What reaches it as drawn is held there.
+    assert!(nearest.iter().any(|reach| *reach > 1.2), "{nearest:?}");
 }
 
 #[test]

@@ -142,6 +142,31 @@ fn when_the_head_holds_still_wisps_join_again_and_nothing_jumps() {
 }
 
 #[test]
+fn the_polylines_of_followers_are_on_the_head_that_has_moved() {
+    let (groom, mut anim) = scene(Style::Short, 0);
+    anim.settings.resolution = Resolution::Coarse;
+    let rods = GuideRods::new(&groom, &anim);
+    let mut simulation = Simulation::new(&groom, &anim, &rods);
+    for _ in 0..substeps_to(&anim, anim.frames.0 + 8) {
+        simulation.step();
+    }
+    let mut stale = 0.0_f64;
+    let head = anim.head_pose(simulation.time());
+    for (i, rod) in rods.simulated.iter().enumerate() {
+        let polyline = simulation.polyline(i);
+        let on_head = (head * nalgebra::Point3::from(rod.rod.root.p)).coords;
+        assert!((polyline[0] - on_head).norm() < 1e-9, "guide {i}");
+        let points = &simulation.state.guides[i].x;
+        let off = (0..points.len()).map(|k| (polyline[2 * k] - points[k]).norm()).fold(0.0, f64::max);
+        match simulation.active().any(|active| active == i) {
+            true => assert!(off < 1e-9, "guide {i}: {off}"),
+            false => stale = stale.max(off),
+        }
+    }
+    assert!(stale > 0.005, "{stale}");
+}
+
+#[test]
 fn what_joins_goes_on_as_it_moved() {
     let (groom, mut anim) = scene(Style::ShortCurly, 20);
     (anim.settings.resolution, anim.settings.split_tolerance) = (Resolution::Adaptive, 0.003);

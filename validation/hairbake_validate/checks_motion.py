@@ -9,7 +9,7 @@ import numpy as np
 from . import cache, tolerances
 from .cache import GUIDES, HAIR, HEAD, TRANSFORM, Curves
 from .checks_frame import root_offsets, worst
-from .geometry import FloatArray, dot, norms, transformed
+from .geometry import FloatArray, dot, norms, screw, transformed
 from .report import Check, Finding
 from .window import Window
 
@@ -248,7 +248,7 @@ def spikes(window: Window) -> Iterator[Finding]:
 
 
 def velocity_peaks(window: Window) -> Iterator[Finding]:
-    """Compares every point's speed with that of the central difference of its positions."""
+    """Compares every point's speed with those of its displacements from and to the neighbouring frames."""
     for curves in window.cache.curves:
         shares = speed_shares(window, curves)
         if shares is not None:
@@ -256,13 +256,17 @@ def velocity_peaks(window: Window) -> Iterator[Finding]:
 
 
 def speed_shares(window: Window, curves: Curves) -> FloatArray | None:
-    """Speed of each point relative to the largest that its positions account for, `N`."""
+    """Speed of each point relative to the largest that its positions account for, `N`.
+
+    The faster of the two intervals counts: over both, a point that turns back within them has not moved.
+    """
     floor = tolerances.VELOCITY_PEAK_M_S / window.cache.metres_per_unit
-    before, after = (window.get(curves.path, "points", offset) for offset in (-1, 1))
+    before, now, after = (window.get(curves.path, "points", offset) for offset in (-1, 0, 1))
     rates = window.get(curves.path, "velocities")
-    if before is None or after is None or rates is None:
+    if before is None or now is None or after is None or rates is None:
         return None
-    moved = norms(after.astype(float) - before) * window.cache.fps / 2
+    steps = [norms(now.astype(float) - before), norms(after.astype(float) - now)]
+    moved = np.maximum(*steps) * window.cache.fps
     shares: FloatArray = norms(rates) / np.maximum(tolerances.VELOCITY_PEAK * moved, moved + floor)
     return shares
 
@@ -315,13 +319,13 @@ def bend(window: Window, curves: Curves, offset: int) -> FloatArray | None:
 
 
 def speed_in_head(window: Window, curves: Curves, offset: int) -> FloatArray | None:
-    """Speed of the points relative to the head, whose velocity is a central difference."""
+    """Speed of the points relative to the head, which moves by a screw from frame to frame."""
     points, rates = (window.get(curves.path, name, offset) for name in ("points", "velocities"))
     before, head, after = (window.get(HEAD, TRANSFORM, offset + step) for step in (-1, 0, 1))
     if points is None or rates is None or before is None or head is None or after is None:
         return None
-    moved = transformed(points, np.linalg.inv(head) @ (after - before))
-    return norms(rates - moved * (window.cache.fps / 2))
+    twist = screw(np.linalg.inv(before) @ head) + screw(np.linalg.inv(head) @ after)
+    return norms(rates - transformed(points, twist * (window.cache.fps / 2)))
 
 
 def root_mean_square(vectors: FloatArray) -> float:

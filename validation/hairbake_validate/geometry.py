@@ -29,6 +29,27 @@ def transformed(points: FloatArray, matrix: FloatArray) -> FloatArray:
     return result
 
 
+def screw(step: FloatArray) -> FloatArray:
+    """The logarithm of a rigid 4 × 4 matrix for row vectors: the velocity that leads to it in unit time.
+
+    Of a rotation by nearly half a turn, whose axis is lost in rounding, the difference from the identity.
+    """
+    rotation = step[:3, :3]
+    angle = np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1))
+    if angle > 3.0:
+        return step - np.eye(4)
+    turn = (rotation - rotation.T) / (2 * np.sinc(angle / np.pi))
+    # The displacement is the mean of the velocity along the way (Murray, Li and Sastry 1994, eq. 2.36).
+    small = angle < 1e-4
+    first = 0.5 if small else (1 - np.cos(angle)) / angle**2
+    second = 1 / 6 if small else (angle - np.sin(angle)) / angle**3
+    mean = np.eye(3) + first * turn + second * turn @ turn
+    field = np.zeros((4, 4))
+    field[:3, :3] = turn
+    field[3, :3] = step[3, :3] @ np.linalg.inv(mean)
+    return field
+
+
 # numpy's norm, cross and einsum are several times slower than sums of columns for vectors of three numbers.
 
 

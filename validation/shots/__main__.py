@@ -122,11 +122,13 @@ def main() -> int:
     options = argument_parser().parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     chosen = list(jobs(options))
+    order = [f"{job.motion}/{job.groom.name}" for job in chosen]
     results: list[Result] = []
     print(f"| {' | '.join(HEADER)} |")
     with multiprocessing.get_context("spawn").Pool(options.jobs) as pool:
-        for result in pool.imap(Job.run, chosen):
+        for result in pool.imap_unordered(Job.run, chosen):
             results.append(result)
+            results.sort(key=lambda each: order.index(each.name))
             print(f"| {' | '.join(row(result))} |", flush=True)
             (options.out / "table.md").write_text(table(results))
             content = [asdict(each) for each in results]

@@ -49,6 +49,8 @@ class Groom:
     """Meshes of the torso, which moves on its own, by name."""
     tie: tuple[FloatArray, float] | None = None
     """Place and radius of a hair tie, m."""
+    below: float = 0.0
+    """How much lower the ground is than for a human head, m."""
     pivot: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Where the head turns in rest space, m."""
 
@@ -242,7 +244,8 @@ def make(hairbake: Path, name: str, folder: Path) -> Groom:
     source = ("--prim", "/asset/hair", "--head", f"{asset}:/asset/head")
     processor_time(hairbake, "import", "groom", asset, *source, *options, "-o", groom)
     tie = (TIE, 0.012) if name == "ponytail" else None
-    return Groom(name, groom, f"{asset}:/asset/head", folder / "head.obj", torso=torso, tie=tie)
+    below = 0.25 if name == "fur" else 0.0
+    return Groom(name, groom, f"{asset}:/asset/head", folder / "head.obj", torso=torso, tie=tie, below=below)
 
 
 def real(hairbake: Path, text: str, folder: Path) -> Groom:

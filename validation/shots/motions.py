@@ -151,6 +151,11 @@ def captured(t: float) -> FloatArray:
     return pose((x, y + 0.02 * np.sin(2 * np.pi * 1.6 * smooth), z + 0.4 * smooth), noise * nod)
 
 
+def captured_body(t: float) -> FloatArray:
+    """The shoulders walk along below the captured head."""
+    return pose((0.0, 0.02 * np.sin(2 * np.pi * 1.6 * t), 0.4 * t))
+
+
 def jump(t: float) -> FloatArray:
     """Crouches, leaps half a metre into the air, and lands."""
     crouch, flight = 0.3, 2 * np.sqrt(2 * 0.5 / 9.81)
@@ -224,7 +229,7 @@ MOTIONS: dict[str, Motion] = {
     "t-pose": Motion(
         "the first sample is a T-pose elsewhere", t_pose, t_pose, Source.BVH, ("--pops", "bridge"), preroll=0
     ),
-    "capture": Motion("capture with noise, drop-outs and held samples", captured, None, Source.JSON),
+    "capture": Motion("capture with noise, drop-outs and held samples", captured, captured_body, Source.JSON),
     "jump": Motion("leaps off the ground and lands", jump, jump, ground=True),
     "cartwheel": Motion("wheels sideways, head down", cartwheel, cartwheel, Source.BVH, ground=True),
     "hanging": Motion("tips over and hangs head down", hanging, hanging, Source.ANIM),

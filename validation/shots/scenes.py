@@ -157,7 +157,9 @@ def track(shot: Shot, motion: Motion, place: Place, unit: float = 1.0) -> dict[s
     """A track of anim.json."""
     samples = times(shot, motion, RATE)
     first = FIRST + samples[0] * FPS
-    return {"fps": RATE, "first_frame": first, "smoothing_hz": 0.0, **sampled(place, samples, unit)}
+    pops = "bridge" if "bridge" in motion.options else "error"
+    poses = sampled(place, samples, unit)
+    return {"fps": RATE, "first_frame": first, "smoothing_hz": 0.0, "pops": pops, **poses}
 
 
 def direct(shot: Shot, motion: Motion) -> dict[str, Any]:
@@ -191,7 +193,7 @@ def complete(anim: Path, shot: Shot) -> None:
             colliders.append({"name": part, "body": "torso", "shape": mesh})
     if motion and motion.ground:
         bodies.append({"name": "ground"})
-        plane = {"type": "plane", "point": [0, GROUND / unit, 0], "normal": [0, 1, 0]}
+        plane = {"type": "plane", "point": [0, (GROUND - shot.groom.below) / unit, 0], "normal": [0, 1, 0]}
         colliders.append({"name": "ground", "body": "ground", "shape": plane})
     if shot.groom.tie is not None:
         at, radius = shot.groom.tie

@@ -213,8 +213,8 @@ pub struct TieFile {
     #[schemars(range(min = 0.0))]
     pub arc_m: Option<f64>,
     /// The same arc length, as a multiple of the distance from the root to `at`. Higher leaves more slack:
-    /// 1.3 lets hair pass around the head. Default, without `arc_m`: the point drawn nearest to `at`, or to
-    /// the centre of `within`.
+    /// 1.3 lets hair pass around the head. Default, without `arc_m`: the point drawn nearest to `at`, but at
+    /// least 1.1 times the distance, or the point drawn nearest to the centre of `within`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1.0, max = 10.0))]
     pub arc_by_distance: Option<f64>,

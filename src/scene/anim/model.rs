@@ -93,7 +93,8 @@ pub struct Tie {
 /// The point of a guide that a tie holds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TiePoint {
-    /// The point drawn nearest to the centre of the bundle; without a bundle, to the centre of the ball.
+    /// The point drawn nearest to the centre of the bundle, at a length that reaches it; without a bundle, to
+    /// the centre of the ball.
     Nearest,
     /// The point at an arc length from the root, m.
     Arc(f64),

@@ -3,7 +3,23 @@
 import numpy as np
 import pytest
 
-from hairbake_validate.geometry import arc_lengths, spacing
+from hairbake_validate.geometry import FloatArray, arc_lengths, screw, spacing
+
+
+def turned_about(point: FloatArray, angle: float, rise: float) -> FloatArray:
+    """A rotation about the third axis through a point with a rise along it, for row vectors."""
+    c, s = np.cos(angle), np.sin(angle)
+    matrix = np.array([[c, s, 0, 0], [-s, c, 0, 0], [0, 0, 1, 0], [0, 0, rise, 1]])
+    matrix[3, :2] = point[:2] - point[:2] @ matrix[:2, :2]
+    return matrix
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-6, -0.3, 0.9, 2.5])
+def test_a_screw_is_the_velocity_of_its_points(angle: float) -> None:
+    point, at = np.array([0.3, -0.2, 0]), np.array([1.0, 2.0, 3.0, 1.0])
+    field = screw(turned_about(point, angle, 0.4))
+    x, y = (at[:3] - point)[:2]
+    np.testing.assert_allclose((at @ field)[:3], [-angle * y, angle * x, 0.4], atol=1e-9)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 0.4, 1.0, 3.0])

@@ -1,6 +1,6 @@
 """Velocities of curves that swing too fast for the frame rate: true ones pass, wrong ones do not."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from hairbake_validate import tolerances
-from hairbake_validate.cache import HAIR, Curves
-from hairbake_validate.checks_motion import curve_velocities, velocities
-from hairbake_validate.geometry import Array
+from hairbake_validate.cache import HAIR, TRANSFORM, Curves
+from hairbake_validate.checks_motion import curve_velocities, speed_in_head, speed_shares, velocities
+from hairbake_validate.geometry import Array, FloatArray
 from hairbake_validate.report import Finding
+from validator.test_geometry import turned_about
 
 FPS = 24.0
 FREQUENCY = 7.0
@@ -48,6 +49,43 @@ def worst(
         window.once = lambda compute, curves, window=window: compute(window, curves, 0)
         values.append(next(check(window)).value)
     return max(values) / TOLERANCES[check]
+
+
+def window_of(points: Sequence[Array], rates: Sequence[Array], heads: Sequence[FloatArray]) -> Any:
+    """A window at the second frame of one curve."""
+    curves = Curves(HAIR, np.array([2]), np.zeros((2, 3), np.float32), np.full(2, 1e-4, np.float32))
+    values = {"points": points, "velocities": rates, TRANSFORM: heads}
+
+    def get(_: str, name: str, offset: int = 0) -> Array | None:
+        frame = 1 + offset
+        return values[name][frame] if 0 <= frame < len(values[name]) else None
+
+    cache = SimpleNamespace(curves=[curves], fps=FPS, metres_per_unit=1.0)
+    window = SimpleNamespace(cache=cache, frame=1001, get=get)
+    window.once = lambda compute, curves, offset=0: compute(window, curves, offset)
+    return window
+
+
+def test_points_on_a_spinning_head_have_no_speed_relative_to_it() -> None:
+    # At 20 rad/s a head turns by 48° from frame to frame.
+    angles = 20 / FPS * np.arange(3)
+    spun = [np.array([[0.5 * np.cos(a), 0.5 * np.sin(a), 0.1]] * 2) for a in angles]
+    rates = [20 * np.stack([-p[:, 1], p[:, 0], 0 * p[:, 0]], axis=1) for p in spun]
+    window = window_of(spun, rates, [turned_about(np.zeros(3), a, 0.0) for a in angles])
+    speeds = speed_in_head(window, window.cache.curves[0], 0)
+    assert speeds is not None and speeds.max() < 1e-9
+
+
+def test_a_point_that_turns_back_within_two_frames_is_not_too_fast() -> None:
+    still = [np.eye(4)] * 3
+    there_and_back = [np.full((2, 3), [x, 0, 0]) for x in (0.0, 0.2, 0.05)]
+    fast = [np.full((2, 3), [8.0, 0, 0])] * 3
+    window = window_of(there_and_back, fast, still)
+    shares = speed_shares(window, window.cache.curves[0])
+    assert shares is not None and shares.max() < 1
+    slow = [np.full((2, 3), [x, 0, 0]) for x in (0.0, 0.02, 0.005)]
+    shares = speed_shares(window_of(slow, fast, still), window.cache.curves[0])
+    assert shares is not None and shares.max() > 1.5
 
 
 @pytest.mark.parametrize("check", TOLERANCES)
