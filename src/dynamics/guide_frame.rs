@@ -2,6 +2,8 @@
 
 use super::guide::GuideState;
 use super::integrator::backward_difference;
+use crate::rod::{Rod, RodShape, Sensitivity};
+use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// The guides between two frames.
@@ -32,11 +34,16 @@ impl SolverStep {
     }
 }
 
+/// Turn of a rod within a sub-step, rad, up to which the rates of its unknowns are those of its points.
+const RESOLVED_TURN: f64 = 0.3;
+
 impl GuideFrame {
-    /// A guide by its unknowns `q` now, and one and two sub-steps of `h`, s, ago, 1/m; the rate is of second
-    /// order.
-    pub fn new(q: [&[f64]; 3], h: f64, level: u32) -> Self {
-        let rate = (0..q[0].len()).map(|i| backward_difference(q.map(|q| q[i]), h)).collect();
+    /// The guide of `rod` by its unknowns `q` now, and one and two sub-steps of `h`, s, ago, 1/m; the rate is
+    /// of second order.
+    pub fn new(rod: &Rod, q: [&[f64]; 3], h: f64, level: u32) -> Self {
+        let mut rate: Vec<f64> = (0..q[0].len()).map(|i| backward_difference(q.map(|q| q[i]), h)).collect();
+        let share = share_of_motion(rod, q, &rate, h);
+        rate.iter_mut().for_each(|rate| *rate *= share);
         GuideFrame { q: q[0].to_vec(), rate, level }
     }
 
@@ -58,9 +65,73 @@ impl GuideFrame {
     }
 }
 
+/// The share of `rate` with which the points of `rod` move as they did, in the least squares; 1 where the rod
+/// turns little in a sub-step of `h`, s. When a curl snaps, twist turns the rod by radians while its points
+/// hardly move: the derivative at the end of the sub-step is then no velocity of theirs.
+fn share_of_motion(rod: &Rod, q: [&[f64]; 3], rate: &[f64], h: f64) -> f64 {
+    let length = rod.arc.last().copied().unwrap_or_default();
+    let fastest =
+        rate.chunks(3).map(|node| node.iter().map(|r| r * r).sum::<f64>()).fold(0.0, f64::max).sqrt();
+    if fastest * length * h <= RESOLVED_TURN {
+        return 1.0;
+    }
+    let (mut shapes, mut sensitivity) = ([(); 3].map(|()| RodShape::default()), Sensitivity::default());
+    for (shape, q) in shapes.iter_mut().zip(q) {
+        shape.update(rod, &Matrix3::identity(), q);
+    }
+    sensitivity.update(rod, &shapes[0], q[0]);
+    let [mut along, mut square] = [0.0; 2];
+    for k in 0..rod.points() {
+        let x = shapes.each_ref().map(|shape| shape.x(k));
+        let moved = Vector3::from_fn(|axis, _| backward_difference(x.map(|x| x[axis]), h));
+        let derivative = sensitivity.velocity(k, &x[0], rate).0;
+        along += derivative.dot(&moved);
+        square += derivative.norm_squared();
+    }
+    (along / square.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Largest speed of the points of a rod at these rates, and by their displacement over the last sub-step,
+    /// m/s.
+    fn speeds(rod: &Rod, q: [&[f64]; 3], h: f64) -> [f64; 2] {
+        let frame = GuideFrame::new(rod, q, h, 0);
+        let [mut now, mut before] = [(); 2].map(|()| RodShape::default());
+        let mut sensitivity = Sensitivity::default();
+        assert!(
+            now.update(rod, &Matrix3::identity(), q[0]) && before.update(rod, &Matrix3::identity(), q[1])
+        );
+        sensitivity.update(rod, &now, q[0]);
+        let points = || 0..rod.points();
+        let derivative = points().map(|k| sensitivity.velocity(k, &now.x(k), &frame.rate).0.norm());
+        let moved = points().map(|k| (now.x(k) - before.x(k)).norm() / h);
+        [derivative.fold(0.0, f64::max), moved.fold(0.0, f64::max)]
+    }
+
+    #[test]
+    fn points_are_not_faster_than_they_move_where_a_rod_turns_around_within_a_sub_step() {
+        let (rod, q) = Rod::bent_sample();
+        let (h, length) = (1.0 / 192.0, rod.arc[rod.points() - 1]);
+        // Twist by a share of a turn, evenly along the rod, in each of two sub-steps.
+        let twisted = |turns: f64| -> Vec<f64> {
+            let twist = std::f64::consts::TAU * turns / length;
+            q.iter().enumerate().map(|(i, q)| q + if i % 3 == 2 { twist } else { 0.0 }).collect()
+        };
+        let steps = |turns: f64| [twisted(2.0 * turns), twisted(turns), q.clone()];
+        let speeds = |turns: f64| {
+            let [a, b, c] = steps(turns);
+            speeds(&rod, [&a, &b, &c], h)
+        };
+        let [derivative, moved] = speeds(0.01);
+        assert!((derivative / moved - 1.0).abs() < 0.1, "{derivative} {moved}");
+        for turns in [0.5, 1.0] {
+            let [derivative, moved] = speeds(turns);
+            assert!(derivative < 1.5 * moved, "{turns}: {derivative} {moved}");
+        }
+    }
 
     #[test]
     fn a_cubic_in_time_is_met_between_frames_with_its_rate() {

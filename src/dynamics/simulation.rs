@@ -269,7 +269,7 @@ impl<'a> Simulation<'a> {
         let h = self.model.substep();
         let level = |i: usize| self.state.wisps.as_ref().map_or(0, |wisps| wisps.level(i));
         let frame = |(i, state): (usize, &GuideState)| {
-            GuideFrame::new(state.q.each_ref().map(|q| &q[..]), h, level(i))
+            GuideFrame::new(&self.model.guides[i].rod, state.q.each_ref().map(|q| &q[..]), h, level(i))
         };
         self.state.guides.par_iter().enumerate().map(frame).collect()
     }

@@ -116,7 +116,9 @@ mod tests {
         };
         assert!(poses(100.0, &[100.0, 100.01]).unwrap().warnings.is_empty());
         assert_eq!(poses(1.0, &[1.0, 1.005]).unwrap().warnings.len(), 1);
-        for (rest, scales, what) in [(1.0, [1.1, 1.1], "sample 1 is 1.100"), (1.0, [1.0, 0.8], "sample 1 is 0.800")] {
+        for (rest, scales, what) in
+            [(1.0, [1.1, 1.1], "sample 1 is 1.100"), (1.0, [1.0, 0.8], "sample 1 is 0.800")]
+        {
             let Err(Error::BadInput(diagnostics)) = poses(rest, &scales) else { panic!("{scales:?}") };
             let message = &diagnostics.first().unwrap().message;
             assert!(message.contains("scale") && message.contains(what), "{message}");
