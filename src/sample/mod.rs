@@ -46,7 +46,7 @@ pub fn groom(style: Style, size: Size) -> (Groom, BuildReport) {
         guide_vertices: Resample::Vertices(cut.vertices[0]),
         generation: Generation {
             per_guide: (size.strands as f64 / wisps as f64).round() as usize,
-            vertices: cut.vertices[1],
+            vertices: Some(cut.vertices[1]),
             length_variation: 0.12,
             clump: 0.5,
         },

@@ -70,12 +70,12 @@ pub struct GroomArguments {
     /// They are spread evenly over the strands. More guides follow the groom more closely and cost more.
     #[arg(long, value_name = "N", value_parser = count(1, 100_000), help_heading = STRANDS)]
     guides: Option<u32>,
-    /// Vertices per guide
+    /// Vertices per guide [default: 32, or up to 128 for curls]
     ///
     /// More vertices follow tighter curls.
-    #[arg(long, value_name = "N", default_value_t = 32, value_parser = count(2, 4096), help_heading = STRANDS)]
-    guide_vertices: u32,
-    /// Vertices per render strand [default: as in the file; 16 for generated strands]
+    #[arg(long, value_name = "N", value_parser = count(2, 4096), help_heading = STRANDS)]
+    guide_vertices: Option<u32>,
+    /// Vertices per render strand [default: as in the file; 16 for generated strands, or up to 128 for curls]
     ///
     /// More vertices draw smoother strands and make the cache larger.
     #[arg(long, value_name = "N", value_parser = count(2, 4096), help_heading = STRANDS)]
@@ -224,13 +224,15 @@ impl GroomArguments {
             guide_count: self.guides.map(|n| n as usize),
             strands_per_guide: self.strands_per_guide.map(|n| n as usize),
             build: BuildOptions {
-                guide_vertices: Resample::Vertices(self.guide_vertices as usize),
+                guide_vertices: self
+                    .guide_vertices
+                    .map_or(BuildOptions::default().guide_vertices, |n| Resample::Vertices(n as usize)),
                 strand_vertices: self
                     .strand_vertices
                     .map_or(Resample::Keep, |n| Resample::Vertices(n as usize)),
                 generation: Generation {
                     per_guide: generation.per_guide,
-                    vertices: self.strand_vertices.map_or(generation.vertices, |n| n as usize),
+                    vertices: self.strand_vertices.map(|n| n as usize),
                     length_variation: self.length_variation,
                     clump: self.clump,
                 },

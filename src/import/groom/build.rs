@@ -34,10 +34,10 @@ pub struct BuildOptions {
 }
 
 impl Default for BuildOptions {
-    /// Two levels, eight sections, 32 vertices per guide, and hair that does not sag at the start.
+    /// Two levels, eight sections, 32 vertices per guide or as many as curls need, and hair that does not sag at the start.
     fn default() -> Self {
         BuildOptions {
-            guide_vertices: Resample::Vertices(32),
+            guide_vertices: Resample::Curls(32),
             strand_vertices: Resample::Keep,
             generation: Generation::default(),
             hierarchy: HierarchyShape { levels: 2, coarse: None, leaves: None },
@@ -63,7 +63,10 @@ impl BuildOptions {
         require((2..=64).contains(&self.sections), "the number of sections must be 2 to 64");
         require((1..=8).contains(&self.hierarchy.levels), "the number of levels must be 1 to 8");
         require(self.hierarchy.coarse != Some(0), "the number of coarse wisps must be at least 1");
-        require(self.generation.vertices >= 2, "generated strands need at least 2 vertices");
+        require(
+            self.generation.vertices.is_none_or(|n| n >= 2),
+            "generated strands need at least 2 vertices",
+        );
         require(
             (0.0..1.0).contains(&self.generation.length_variation),
             "the shortening of generated strands must be at least 0 and less than 1",
@@ -74,7 +77,7 @@ impl BuildOptions {
         );
         for to in [self.guide_vertices, self.strand_vertices] {
             require(
-                !matches!(to, Resample::Vertices(0 | 1)),
+                !matches!(to, Resample::Vertices(0 | 1) | Resample::Curls(0 | 1)),
                 "the number of vertices per strand must be at least 2",
             );
             require(

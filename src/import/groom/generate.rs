@@ -1,5 +1,6 @@
 //! Generates render strands around guides if the groom has none.
 
+use super::resample::vertices_for_curls;
 use super::scalp::Scalp;
 use super::sections::Sections;
 use crate::math::frame::rotation_minimising;
@@ -20,6 +21,8 @@ const ROOT_SHARE: f64 = 0.4;
 const COURSE_SAMPLES: usize = 65;
 /// Half width of the box filter that removes curls, samples.
 const COURSE_WINDOW: usize = 6;
+/// Least number of vertices of a generated strand.
+const LEAST_VERTICES: usize = 16;
 /// Passes of the box filter: three approximate a Gaussian.
 const COURSE_PASSES: usize = 3;
 
@@ -28,8 +31,8 @@ const COURSE_PASSES: usize = 3;
 pub struct Generation {
     /// New strands around each guide.
     pub per_guide: usize,
-    /// Vertices of each.
-    pub vertices: usize,
+    /// Vertices of each; `None` for 16, or as many as the curls of the guides need.
+    pub vertices: Option<usize>,
     /// Largest relative shortening of a strand against its guide; 0 to 1.
     pub length_variation: f64,
     /// Share by which strands converge to their guide from root to tip: 0 for parallel strands, 1 for a
@@ -39,7 +42,7 @@ pub struct Generation {
 
 impl Default for Generation {
     fn default() -> Self {
-        Generation { per_guide: 50, vertices: 16, length_variation: 0.08, clump: 0.4 }
+        Generation { per_guide: 50, vertices: None, length_variation: 0.08, clump: 0.4 }
     }
 }
 
@@ -58,17 +61,17 @@ pub(super) fn generate(
     generation: Generation,
     scalp: Option<&Scalp>,
 ) -> (Curves, Vec<u32>) {
-    let vertices = generation.vertices;
+    let vertices = generation.vertices.unwrap_or_else(|| vertices_for_curls(guides, LEAST_VERTICES));
     let tuft = |g: usize| -> Vec<Vector3<f64>> {
         let footprint = &footprint[g * sections.count..(g + 1) * sections.count];
         let Some(tuft) = Tuft::new(g, guides.curve(g), arc, footprint) else { return Vec::new() };
         let mut points = Vec::with_capacity(generation.per_guide * vertices);
         for i in 0..generation.per_guide {
             let start = points.len();
-            tuft.add_strand(i, generation, &mut points);
+            tuft.add_strand(i, generation, vertices, &mut points);
             if let Some(scalp) = scalp {
                 lift_root(&mut points[start..], &tuft.guide.at(0.0).x, scalp);
-                for (x, u) in points[start..].iter_mut().zip(tuft.fractions(i, generation)) {
+                for (x, u) in points[start..].iter_mut().zip(tuft.fractions(i, generation, vertices)) {
                     *x += scalp.out(&tuft.guide.at(u * tuft.guide.length()).x, x);
                 }
             }
@@ -109,20 +112,25 @@ impl<'a> Tuft<'a> {
     }
 
     /// Arc-length fractions of the guide at the vertices of strand `i`.
-    fn fractions(&self, i: usize, generation: Generation) -> impl Iterator<Item = f64> + use<> {
-        let Generation { vertices, length_variation, .. } = generation;
+    fn fractions(
+        &self,
+        i: usize,
+        generation: Generation,
+        vertices: usize,
+    ) -> impl Iterator<Item = f64> + use<> {
+        let Generation { length_variation, .. } = generation;
         let cut = 1.0 - length_variation * (((i + self.index) as f64) * GOLDEN_RATIO).fract();
         (0..vertices).map(move |v| fraction(v, vertices) * cut)
     }
 
     /// Appends the vertices of strand `i`.
-    fn add_strand(&self, i: usize, generation: Generation, points: &mut Vec<Vector3<f64>>) {
+    fn add_strand(&self, i: usize, generation: Generation, vertices: usize, points: &mut Vec<Vector3<f64>>) {
         let Generation { per_guide, clump, .. } = generation;
         let g = self.index;
         // Each tuft is rotated by its own angle, so that neighbours differ.
         let angle = (i as f64 + g as f64 * GOLDEN_RATIO) * GOLDEN_ANGLE;
         let share = ((i as f64 + 0.5) / per_guide as f64).sqrt();
-        let along: Vec<f64> = self.fractions(i, generation).collect();
+        let along: Vec<f64> = self.fractions(i, generation, vertices).collect();
         let on_course: Vec<f64> = along.iter().map(|a| a * self.course.length()).collect();
         let frames: Vec<UnitQuaternion<f64>> = rotation_minimising(&self.course, &on_course, None);
         for (frame, &a) in frames.iter().zip(&along) {
@@ -187,7 +195,7 @@ mod tests {
     #[test]
     fn strands_fill_the_footprint_and_no_more() {
         let (guide, sections, arc) = one_guide(|u| Vector3::new(0.0, -0.2 * u, 0.02 * u * u));
-        let generation = Generation { per_guide: 100, vertices: 9, length_variation: 0.1, clump: 0.5 };
+        let generation = Generation { per_guide: 100, vertices: Some(9), length_variation: 0.1, clump: 0.5 };
         let (generated, guide_of_strand) = generate(&guide, &sections, &[0.01; 6], &arc, generation, None);
         assert_eq!((generated.len(), guide_of_strand), (100, vec![0; 100]));
         assert_eq!(generated.root_uv[99], [0.5, 0.25]);
@@ -208,7 +216,7 @@ mod tests {
     fn offsets_do_not_rotate_with_the_curls_of_the_guide() {
         let curl = |u: f64| Vector3::new(0.01 * (40.0 * u).cos(), -0.2 * u, 0.01 * (40.0 * u).sin());
         let (guide, sections, arc) = one_guide(curl);
-        let generation = Generation { per_guide: 7, vertices: 40, length_variation: 0.0, clump: 0.0 };
+        let generation = Generation { per_guide: 7, vertices: Some(40), length_variation: 0.0, clump: 0.0 };
         let (generated, _) = generate(&guide, &sections, &[0.004; 6], &arc, generation, None);
         let spline = ArcSpline::through(guide.curve(0)).unwrap();
         for c in 0..7 {

@@ -16,7 +16,16 @@ pub enum Resample {
     Vertices(usize),
     /// Evenly spaced at most this far apart, m.
     Spacing(f64),
+    /// Evenly spaced, for all strands as many as their curls need, but at least this number.
+    Curls(usize),
 }
+
+/// Largest mean turn from segment to segment, rad, of strands with as many vertices as their curls need: a
+/// helix then loses 1 % of its length. A curl of fewer vertices is a zigzag that jumps when it moves.
+const CURL_TURN: f64 = 0.5;
+
+/// Most vertices that curls ask for.
+const MAX_CURL_VERTICES: usize = 128;
 
 /// Largest ratio of the lengths of neighbouring segments: beyond it the spline through the vertices
 /// overshoots.
@@ -49,8 +58,25 @@ impl fmt::Display for ResampleError {
     }
 }
 
+/// Number of vertices that the curls of all but the curliest twentieth of `curves` need, but at least `least`.
+pub(super) fn vertices_for_curls(curves: &Curves, least: usize) -> usize {
+    let turn = |c: usize| -> f64 {
+        let edges: Vec<_> = curves.curve(c).windows(2).map(|w| w[1] - w[0]).collect();
+        edges.windows(2).map(|e| e[0].angle(&e[1])).sum()
+    };
+    if curves.len() == 0 {
+        return least;
+    }
+    let turn = percentile((0..curves.len()).map(turn).collect(), 0.95);
+    (1 + (turn / CURL_TURN).ceil() as usize).min(MAX_CURL_VERTICES).max(least)
+}
+
 /// Resamples every strand; neighbouring vertices must be distinct.
 pub fn resample(curves: &Curves, to: Resample) -> (Curves, ResampleError) {
+    let to = match to {
+        Resample::Curls(least) => Resample::Vertices(vertices_for_curls(curves, least)),
+        to => to,
+    };
     let resample_strand = |c: usize| -> (Vec<Vector3<f64>>, f64, Vec<f64>) {
         let points = curves.curve(c);
         let knots = if to == Resample::Keep { points.to_vec() } else { grade(points) };
@@ -58,7 +84,7 @@ pub fn resample(curves: &Curves, to: Resample) -> (Curves, ResampleError) {
         let length = spline.length();
         let vertices = match to {
             Resample::Keep => return (points.to_vec(), 1.0 - polyline::length(points) / length, vec![0.0]),
-            Resample::Vertices(n) => n.max(2),
+            Resample::Vertices(n) | Resample::Curls(n) => n.max(2),
             Resample::Spacing(step) => 1 + (length / step).ceil().clamp(1.0, MAX_VERTICES) as usize,
         };
         let at = |v: usize| spline.at(length * v as f64 / (vertices - 1) as f64).x;
@@ -141,6 +167,26 @@ mod tests {
         let [mean, p95, largest] = error.distance;
         assert!(0.0 < mean && mean < p95 && p95 < largest && largest < 1e-4, "{error:?}");
         assert_eq!((even.id[0], even.root_uv[0]), (7, [0.5; 2]));
+    }
+
+    #[test]
+    fn curls_have_as_many_vertices_as_they_need() {
+        // Helices of 14 mm diameter and 40 cm height, and a straight strand.
+        let helix = |turns: f64| -> Vec<_> {
+            let place = |i: i32| {
+                let s = f64::from(i) / 400.0;
+                let (sin, cos) = (std::f64::consts::TAU * turns * s).sin_cos();
+                Vector3::new(0.007 * cos, -0.4 * s, 0.007 * sin)
+            };
+            (0..=400).map(place).collect()
+        };
+        for (turns, least, most) in [(0.0, 32, 32), (12.0, 90, 128), (60.0, 128, 128)] {
+            let points = helix(turns);
+            let curls = Curves { offsets: vec![0, points.len()], points, ..arc([0.0, 1.0].into_iter()) };
+            let (curls, error) = resample(&curls, Resample::Curls(32));
+            assert!((least..=most).contains(&curls.points.len()), "{turns}: {}", curls.points.len());
+            assert!(turns > 20.0 || error.length[1] < 0.011, "{turns}: {error:?}");
+        }
     }
 
     #[test]
