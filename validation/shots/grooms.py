@@ -236,7 +236,7 @@ def make(hairbake: Path, name: str, folder: Path) -> Groom:
         for part, surface in TORSO.items():
             write_obj(folder, part, surface.triangles())
             torso[part] = folder / f"{part}.obj"
-        options = ["--strands-per-guide", 30]
+        options = ["--strands-per-guide", 12]
     write_obj(folder, "head", skin)
     add_mesh(stage, "/asset/head", skin)
     add_curves(stage, "/asset/hair", strands, guides=name != "fur")

@@ -227,7 +227,7 @@ MOTIONS: dict[str, Motion] = {
     "whip-turn": Motion("turns by 180° in 0.15 s and stops", whip_turn, half_whip_turn, Source.JSON),
     "cut": Motion("still up to a cut, then elsewhere and walking", after_cut, after_cut, refused="jump"),
     "t-pose": Motion(
-        "the first sample is a T-pose elsewhere", t_pose, t_pose, Source.BVH, ("--pops", "bridge"), preroll=0
+        "the first sample is a T-pose elsewhere", t_pose, t_pose, Source.BVH, ("--pops", "bridge")
     ),
     "capture": Motion("capture with noise, drop-outs and held samples", captured, captured_body, Source.JSON),
     "jump": Motion("leaps off the ground and lands", jump, jump, ground=True),

@@ -90,8 +90,10 @@ def imported(hairbake: Path, shot: Shot, file: Path, options: Sequence[str], ani
 
 
 def times(shot: Shot, motion: Motion, rate: float) -> FloatArray:
-    """Times of samples from the pre-roll to two frames after the shot, s."""
-    first, last = -motion.preroll / FPS, (shot.frames + 1) / FPS
+    """Times of samples, s, to two frames after the shot; BVH and JSON start with it, other files earlier."""
+    starts_with_shot = motion.source in (Source.BVH, Source.JSON)
+    first = 0.0 if starts_with_shot else -motion.preroll / FPS
+    last = (shot.frames + 1) / FPS
     return np.arange(round(first * rate), round(last * rate) + 1) / rate
 
 
@@ -118,10 +120,8 @@ def write_usd(path: Path, shot: Shot, motion: Motion) -> None:
 
 def write_bvh(path: Path, shot: Shot, motion: Motion) -> None:
     """A skeleton of hips and head, cm. The hips are at the neck and carry the position."""
-    samples = times(shot, motion, RATE)
-    start = np.flatnonzero(samples >= -1e-9)[0]
     rows = []
-    for t in samples[start:]:
+    for t in times(shot, motion, RATE):
         head = motion.head(t)
         turn = Rotation.from_matrix(head[:3, :3]).as_euler("ZXY", degrees=True)
         rows.append(" ".join(f"{x:.6f}" for x in (*head[:3, 3] / UNIT, 0, 0, 0, *turn)))
@@ -137,8 +137,7 @@ def write_bvh(path: Path, shot: Shot, motion: Motion) -> None:
 
 def write_json(path: Path, shot: Shot, motion: Motion) -> None:
     """The motion as samples at 120 Hz from the first frame on."""
-    samples = times(shot, motion, RATE)
-    track = sampled(motion.head, samples[samples >= -1e-9])
+    track = sampled(motion.head, times(shot, motion, RATE))
     frames = [
         {"translation": t, "rotation_quat_wxyz": q}
         for t, q in zip(track["translation"], track["rotation_wxyz"], strict=True)
