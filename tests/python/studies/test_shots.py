@@ -27,6 +27,10 @@ def test_a_case_goes_through_the_pipeline_and_is_not_run_twice(
     assert case.run(HAIRBAKE, "jump", Shot(fur, MOTIONS["jump"], 6), tmp_path / "jump") == result
     assert (tmp_path / "jump/sheet.png").stat() == sheet
 
+    # Hair keeps its size: a head that the shot makes larger cannot be right.
+    scaled = case.run(HAIRBAKE, "scaled", Shot(fur, MOTIONS["scaled"], 6), tmp_path / "scaled")
+    assert "scale" in scaled.refused and scaled.faults == []
+
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_motions_are_rigid_and_as_fast_as_they_say(name: str) -> None:
