@@ -229,22 +229,39 @@ def acceleration_residual(
 def spikes(window: Window) -> Iterator[Finding]:
     """Measures each curve's largest one-frame jump in the space of the head.
 
-    A jump has opposite second differences in consecutive frames, and a displacement between them that the
-    speeds around them do not explain. Hair whipped by a landing has the first, not the second.
+    A jump has opposite second differences in consecutive frames, and a displacement between them that neither
+    the speeds around them, relative to the head, nor an impact explains. Hair whipped by a landing has the
+    first, not the second; hair that the ground stops below a turning head is fastest between frames.
     """
     for curves in window.cache.curves:
         here, there = (window.once(in_head, curves, offset) for offset in (0, 1))
         first, second = (window.once(bend, curves, offset) for offset in (0, 1))
+        apart = off_impact(window, curves)
         speeds = [window.once(speed_in_head, curves, offset) for offset in (-1, 0, 1, 2)]
         known = [speed for speed in speeds if speed is not None]
-        if here is None or there is None or first is None or second is None or not known:
+        if here is None or there is None or first is None or second is None or apart is None or not known:
             continue
         size = norms(first)
         back = -dot(first, second) / np.maximum(size, np.finfo(float).tiny)
         reach = tolerances.SPIKE_SPEED * np.maximum.reduce(known) / window.cache.fps
         beyond = norms(there - here) - reach
-        jump = np.maximum(0, np.minimum.reduce([size, back, beyond]))
+        jump = np.maximum(0, np.minimum.reduce([size, back, beyond, apart]))
         yield worst(window, SPIKES, curves, jump * window.cache.metres_per_unit)
+
+
+def off_impact(window: Window, curves: Curves) -> FloatArray | None:
+    """Distance of the displacement to the next frame from that of a motion with one impact on the way.
+
+    Up to the impact, at any time, a point has the velocity at the frame, then that at the next one.
+    """
+    here, there = (window.get(curves.path, "points", offset) for offset in (0, 1))
+    start, end = (window.get(curves.path, "velocities", offset) for offset in (0, 1))
+    if here is None or there is None or start is None or end is None:
+        return None
+    rest = there.astype(float) - here - end.astype(float) / window.cache.fps
+    change = (start.astype(float) - end) / window.cache.fps
+    share = np.clip(dot(rest, change) / np.maximum(dot(change, change), np.finfo(float).tiny), 0, 1)
+    return norms(rest - share[:, None] * change)
 
 
 def velocity_peaks(window: Window) -> Iterator[Finding]:
