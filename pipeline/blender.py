@@ -9,15 +9,29 @@ It needs a Python with `bpy` (PyPI), or Blender's own.
 import argparse
 import json
 import math
+import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import bpy
 import numpy as np
 from mathutils import Vector
 from numpy.typing import NDArray
+
+CURVES = ("hair", "guides")
+"""Prims of a cache with curves."""
+
+ROOT_METADATA = (
+    r"^    (?:defaultPrim|metersPerUnit|upAxis|timeCodesPerSecond|framesPerSecond|startTimeCode|endTimeCode)"
+    r" = .*$"
+)
+"""What a root layer has to repeat of a cache's."""
+
+MARGIN = 0.3
+"""Width of the space around the hair in which bodies are kept in the picture, over the hair's diagonal."""
 
 Points = NDArray[np.floating[Any]]
 
@@ -26,7 +40,14 @@ def main() -> None:
     """Opens the cache, prints its curves, and renders if asked to."""
     options = parse_options()
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    bpy.ops.wm.usd_import(filepath=options.cache, set_frame_range=True, import_guide=True)
+    with TemporaryDirectory() as folder:
+        layer = without_strings(Path(options.cache), Path(folder))
+        bpy.ops.wm.usd_import(filepath=str(layer), set_frame_range=True, import_guide=True)
+        report(options)
+
+
+def report(options: argparse.Namespace) -> None:
+    """Prints the curves of the scene, and renders if asked to."""
     scene = bpy.context.scene
     first, last = scene.frame_start, scene.frame_end
     hair = [thing for thing in scene.objects if thing.type == "CURVES"]
@@ -35,6 +56,17 @@ def main() -> None:
         scene.frame_set(options.frame or (first + last) // 2)
         render(scene, options)
     print(json.dumps({"frames": [first, last], "curves": curves}))
+
+
+def without_strings(cache: Path, folder: Path) -> Path:
+    """Writes a layer over a cache without its primvars of strings, of which Blender warns at every frame."""
+    metadata = re.findall(ROOT_METADATA, cache.read_text(), re.MULTILINE)
+    block = "    {\n        string[] primvars:groom_group_name = None\n    }"
+    blocked = [f'    over "{name}"\n{block}' for name in CURVES]
+    head = ["#usda 1.0", "(", *metadata, f"    subLayers = [@{cache.absolute()}@]", ")"]
+    layer = folder / "cache.usda"
+    layer.write_text("\n".join([*head, 'over "groom"', "{", *blocked, "}", ""]))
+    return layer
 
 
 def parse_options() -> argparse.Namespace:
@@ -76,6 +108,16 @@ def world_points(thing: bpy.types.Object, frame: int) -> Points:
     curves = evaluated_curves(thing)
     flat = np.empty(3 * len(curves.points), np.float32)
     curves.attributes["position"].data.foreach_get("vector", flat)
+    matrix = np.array(thing.matrix_world)
+    points: Points = flat.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+    return points
+
+
+def mesh_points(thing: bpy.types.Object) -> Points:
+    """World positions of the vertices of a mesh at the current frame, m, `N × 3`."""
+    mesh = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    flat = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", flat)
     matrix = np.array(thing.matrix_world)
     points: Points = flat.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
     return points
@@ -150,13 +192,17 @@ class Subject:
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> "Subject":
-        """The hair, and the bounding boxes of the bodies, at the current frame."""
-        parts = []
+        """The hair at the current frame, and what there is of bodies around it."""
+        things = [thing for thing in scene.objects if thing.type == "CURVES"]
+        hair = np.concatenate([world_points(thing, scene.frame_current) for thing in things])
+        low, high = hair.min(axis=0), hair.max(axis=0)
+        margin = MARGIN * np.linalg.norm(high - low)
+        parts = [hair]
         for thing in scene.objects:
-            if thing.type == "CURVES":
-                parts.append(world_points(thing, scene.frame_current))
-            elif thing.type == "MESH":
-                parts.append(np.array([thing.matrix_world @ Vector(corner) for corner in thing.bound_box]))
+            if thing.type == "MESH":
+                vertices = mesh_points(thing)
+                near = (vertices > low - margin) & (vertices < high + margin)
+                parts.append(vertices[near.all(axis=1)])
         points = np.concatenate(parts)
         centre = Vector((points.min(axis=0) + points.max(axis=0)) / 2)
         return cls(points, centre, float(np.linalg.norm(points - centre, axis=1).max()))

@@ -7,7 +7,7 @@ use crate::bake::job::Job;
 use crate::cache::MANIFEST;
 use crate::error::{Diagnostic, Error, Result};
 use crate::scene::anim::{OutputCurves, Resolution, Settings};
-use crate::scene::{LoadOptions, PathMap};
+use crate::scene::{LoadOptions, Override, PathMap};
 use crate::{bake, scene};
 use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser};
@@ -95,7 +95,8 @@ impl SceneArguments {
             return Err(Error::Usage(message.into()));
         }
         let only = base.map(|base| GroupSelection { groups: self.groups.clone(), base });
-        let options = LoadOptions { overrides: self.settings.overrides().to_vec(), path_map: paths };
+        let options = LoadOptions { overrides: self.settings.overrides_for_reading(), path_map: paths };
+        let set = self.settings.overrides().to_vec();
         let (groom, mut anim) = scene::load_with(&groom_file, &anim_file, &options)?;
         if let Some(frames) = shot {
             check_frames(&anim_file, frames, anim.frames)?;
@@ -103,7 +104,7 @@ impl SceneArguments {
         }
         self.settings.apply(&mut anim.settings);
         let scene =
-            Scene { groom, anim, groom_file, anim_file, options, only, out, overwrite: self.overwrite };
+            Scene { groom, anim, groom_file, anim_file, options, set, only, out, overwrite: self.overwrite };
         scene.check_curves()?;
         Ok(scene)
     }
@@ -191,6 +192,8 @@ pub struct Scene {
     groom_file: PathBuf,
     anim_file: PathBuf,
     options: LoadOptions,
+    /// The overrides of the files' values.
+    set: Vec<Override>,
     only: Option<GroupSelection>,
     out: PathBuf,
     overwrite: bool,
@@ -202,9 +205,9 @@ impl Scene {
     /// # Errors
     /// Those of [`Job::begin`].
     pub fn begin(self, out: &Path) -> Result<Job> {
-        let Scene { groom, anim, groom_file, anim_file, options, only, overwrite, .. } = self;
+        let Scene { groom, anim, groom_file, anim_file, options, set, only, overwrite, .. } = self;
         let inputs = bake::input_records(&groom_file, &anim_file, &options)?;
-        Job::begin(groom, anim, inputs, &options.overrides, only.as_ref(), out, overwrite)
+        Job::begin(groom, anim, inputs, &set, only.as_ref(), out, overwrite)
     }
 
     /// Checks that the curves to write exist.

@@ -18,7 +18,8 @@ pub struct SettingsArguments {
     /// Time simulated before the first frame, in seconds [default: 1]
     ///
     /// From 0 to 60. The hair settles and moves out of the bodies in this time. Raise it if hair still moves
-    /// at the start.
+    /// at the start. Frames of mesh sequences are read from there on; `import track` writes those of one
+    /// second before the first frame.
     #[arg(long, value_name = "SECONDS", value_parser = values::preroll, help_heading = HEADING)]
     preroll: Option<f64>,
     /// Strain nodes per guide, for grooms without wisps [default: 8]
@@ -99,6 +100,14 @@ impl SettingsArguments {
     /// The overrides of values in the input files.
     pub fn overrides(&self) -> &[Override] {
         &self.set
+    }
+
+    /// Values that the files of the scene are read with: those overrides, and the pre-roll, for which frames of
+    /// meshes are read.
+    pub fn overrides_for_reading(&self) -> Vec<Override> {
+        let preroll =
+            self.preroll.and_then(|s| Override::parse(&format!("anim.settings.preroll_s={s}")).ok());
+        self.set.iter().cloned().chain(preroll).collect()
     }
 
     /// Puts the options over `settings`.

@@ -21,6 +21,10 @@ const MIN_HEIGHT: f64 = 1e-6;
 /// area that with the shortest sides is taken.
 const SIDE_COST: f64 = 0.01;
 
+/// Cosine of the angle between a triangle and the mean plane of its rim below which it costs no more. The cost grows
+/// with the inverse of its square: a steep triangle would lie in the surface beside the hole, and fold back over it.
+const MIN_COSINE: f64 = 0.05;
+
 /// Longest rim that is triangulated as a whole: the cost grows with its cube.
 const MAX_RIM: usize = 300;
 
@@ -97,11 +101,14 @@ fn cap(
     if area > MAX_SHARE * patch_area || area < MIN_FLATNESS * fan {
         return None;
     }
+    let normal = normal / area;
     let cost = |[a, b, c]: [u32; 3]| {
         let [ab, ac, bc] = [at(b) - at(a), at(c) - at(a), at(c) - at(b)];
         let longest = ab.norm_squared().max(ac.norm_squared()).max(bc.norm_squared());
-        let area = ab.cross(&ac).norm();
-        if area > MIN_HEIGHT * longest { area + SIDE_COST * longest } else { f64::INFINITY }
+        let vector = ab.cross(&ac);
+        let area = vector.norm();
+        let flat = (normal.dot(&vector) / area).max(MIN_COSINE);
+        if area > MIN_HEIGHT * longest { area / (flat * flat) + SIDE_COST * longest } else { f64::INFINITY }
     };
     let mut caps = Vec::new();
     while rim.len() > MAX_RIM {

@@ -7,9 +7,11 @@ use super::options::{ALL_GUIDES_UP_TO, DEFAULT_GUIDES, GroomOptions};
 use super::report::GroomReport;
 use super::scalp::Scalp;
 use super::sections::Sections;
+use crate::error::Diagnostic;
 use crate::import::plain::{PlainGroup, StrandAttributes};
 use crate::import::strand_file::{AttributeMap, CleanStrands, read_strands};
 use crate::import::track::colliders::relative;
+use crate::scene::placement::{Misplaced, Roots, Skin};
 use crate::scene::{Curves, Factors, Groom, Group, Origin, Tree};
 use crate::{Error, Result};
 
@@ -56,6 +58,7 @@ pub fn groom(options: &GroomOptions) -> Result<(Groom, GroomReport)> {
     groom.origin = Some(origin);
     groom.guides.factors = factors(&attributes, choice.guides_are_marked, &choice.guides.id);
     let default_width = groom.groups[0].width;
+    check_head(options, &groom)?;
     let group = |PlainGroup { name, width }| Group {
         name,
         material: 0,
@@ -66,6 +69,26 @@ pub fn groom(options: &GroomOptions) -> Result<(Groom, GroomReport)> {
     let report = GroomReport::new(sources, roots, fit, not_drawn);
     groom.notes = report.notes();
     Ok((groom, report))
+}
+
+/// Compares the roots with the head mesh.
+///
+/// # Errors
+/// The hair cannot grow on it.
+fn check_head(options: &GroomOptions, groom: &Groom) -> Result<()> {
+    let skin = |rest| Skin { name: "head", rest, first: None };
+    let found = options.scalp.as_ref().and_then(|mesh| Roots::of(groom).check(&[skin(mesh)]));
+    let diagnostic = |found: Misplaced| {
+        Diagnostic::new(
+            &options.guides.path,
+            "--head",
+            found.what,
+            "the head that the hair grows on, in one space with it",
+            "give --units, --up or --offset for the strands, the unit of the head as in --head head.obj:cm, or \
+             another head",
+        )
+    };
+    Error::if_any(found.into_iter().map(diagnostic).collect())
 }
 
 /// Reads the file of the guides and the separate file of render strands.

@@ -46,13 +46,14 @@ impl Track {
 /// # Errors
 /// Unreadable or invalid files, all in one report; options out of range.
 pub fn track(options: &TrackOptions) -> Result<Track> {
-    let Inputs { motion, timing, meshes } = Inputs::read(options)?;
+    let inputs = Inputs::read(options)?;
+    let Inputs { motion, timing, meshes } = &inputs;
     let pops = find_pops(&motion.in_metres(), motion.rate);
     let first = first_sample(&pops, options.pops);
-    let (kind, rest) = rest_pose(options, &motion, first)?;
+    let (kind, rest) = rest_pose(options, motion, first)?;
 
     let mut colliders = Colliders::default();
-    for (mesh, (file, read)) in options.colliders.iter().zip(&meshes) {
+    for (mesh, (file, read)) in options.colliders.iter().zip(meshes) {
         colliders.add(mesh, file, read, timing.first_mesh_frame(), &options.folder)?;
     }
     let mut report = TrackReport {
@@ -65,20 +66,20 @@ pub fn track(options: &TrackOptions) -> Result<Track> {
         first_rotation: rotation(motion.poses[first].rotation_wxyz)
             .angle_to(&rotation(rest.rotation_wxyz))
             .to_degrees(),
-        pops: pops.iter().map(|pop| track_pop(pop, &timing, motion.rate)).collect(),
+        pops: pops.iter().map(|pop| track_pop(pop, timing, motion.rate)).collect(),
         notes: [&motion.notes[..], &colliders.notes[..]].concat(),
         warnings: motion.warnings.clone(),
     };
     report.add_warnings(options);
-    let origin = origin(options, &motion, kind)?;
+    let origin = origin(options, motion, kind)?;
     if let Some(groom) = &options.groom {
-        check_placement(options, groom, &motion, &timing, rest, &meshes, &origin, &mut report)?;
+        report.notes.extend(check_placement(options, groom, &inputs, rest, &origin)?);
     }
 
     let mut anim = AnimFile::new(timing.fps, timing.frames);
     anim.metres_per_unit = motion.convention.metres_per_unit;
     anim.up_axis = motion.convention.up;
-    anim.bodies = vec![head(options, &motion, &timing, rest, origin)];
+    anim.bodies = vec![head(options, motion, timing, rest, origin)];
     if colliders.any_deforms() {
         anim.bodies.push(BodyFile { name: WORLD.into(), track: None });
     }
@@ -203,21 +204,17 @@ fn origin(options: &TrackOptions, motion: &Motion, kind: RestPose) -> Result<Ori
     })
 }
 
-/// Compares the roots of the groom with the colliders, and reports the distances.
+/// Compares the roots of the groom with the colliders; returns notes of the distances.
 ///
 /// # Errors
 /// They cannot be in one space.
-#[expect(clippy::too_many_arguments, reason = "what a track is made of")]
 fn check_placement(
     options: &TrackOptions,
     groom: &TrackGroom,
-    motion: &Motion,
-    timing: &Timing,
+    Inputs { motion, timing, meshes }: &Inputs,
     rest: PoseFile,
-    meshes: &[(Source, ImportedMesh)],
     origin: &Origin,
-    report: &mut TrackReport,
-) -> Result<()> {
+) -> Result<Vec<String>> {
     let first = timing.frames[0];
     let sample = (f64::from(first) - timing.first_sample) / timing.fps * motion.rate;
     let now = motion.poses[(sample.round().max(0.0) as usize).min(motion.poses.len() - 1)];
@@ -239,14 +236,15 @@ fn check_placement(
             }
         })
         .collect();
-    for skin in &skins {
+    let note = |skin: &Skin| {
         let vertices = skin.first.as_ref().unwrap_or(&skin.rest.vertices);
         let distances = groom.roots.distances(vertices, &skin.rest.triangles);
-        report.notes.push(format!("collider {}: {distances} from the roots in frame {first}", skin.name));
-    }
+        format!("collider {}: {distances} from the roots in frame {first}", skin.name)
+    };
     let found = groom.roots.check(&skins);
     let file = &options.motion.path;
-    Error::if_any(found.iter().map(|f| f.diagnostic(file, groom.origin.as_ref(), Some(origin))).collect())
+    Error::if_any(found.iter().map(|f| f.diagnostic(file, groom.origin.as_ref(), Some(origin))).collect())?;
+    Ok(skins.iter().map(note).collect())
 }
 
 /// The body of the head.

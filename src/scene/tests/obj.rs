@@ -57,5 +57,13 @@ fn distances_to_real_heads_agree_with_brute_force_and_winding_numbers() {
             assert!((s.distance.abs() - brute_force_distance(&mesh, &p)).abs() < 1e-12, "{name}");
             assert_eq!(s.distance < 0.0, mesh.winding_number(&p) > 0.5, "{name}");
         }
+        // A cap that folded back over the surface would turn the side of what is nearest to it.
+        for vertex in mesh.caps().iter().flatten().map(|&i| soup.vertices[i as usize]) {
+            for _ in 0..30 {
+                let p = vertex + random.vector() * 0.05;
+                let distance = mesh.closest(&p, 10.0).unwrap().distance;
+                assert_eq!(distance < 0.0, mesh.winding_number(&p) > 0.5, "{name}: {distance}");
+            }
+        }
     }
 }

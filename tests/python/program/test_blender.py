@@ -48,6 +48,7 @@ def run_script(script: str, *arguments: object) -> dict[str, Any]:
     """Runs a script of `pipeline/` and returns the JSON that it prints last."""
     done = run_command(PYTHON, ROOT / "pipeline" / script, *arguments)
     assert done.returncode == 0, done.stderr
+    assert script != "blender.py" or "Primvar" not in done.stdout, "Blender warns of a primvar"
     result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     return result
 
