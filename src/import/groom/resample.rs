@@ -64,7 +64,7 @@ pub(super) fn vertices_for_curls(curves: &Curves, least: usize) -> usize {
         let edges: Vec<_> = curves.curve(c).windows(2).map(|w| w[1] - w[0]).collect();
         edges.windows(2).map(|e| e[0].angle(&e[1])).sum()
     };
-    if curves.len() == 0 {
+    if curves.is_empty() {
         return least;
     }
     let turn = percentile((0..curves.len()).map(turn).collect(), 0.95);
