@@ -1,5 +1,6 @@
 //! USD layers: one model ([`Layer`]) with two encodings, crate (usdc, [`crate_file`]) and text (usda,
-//! [`text`]). Generic: it has prims, attributes, relationships and arrays, but no notion of hair.
+//! [`text`]). It has prims, attributes, relationships and arrays, but no notion of hair: `cache` turns hair into
+//! layers and back.
 
 pub mod crate_file;
 mod layer;
