@@ -225,7 +225,10 @@ impl<'a> Output<'a> {
             }
         });
         let guides = self.guides(&motion, levels, &head, &to_scene);
-        depths.guides = self.guide_depths.measure(&obstacles, &guides.points, &self.to_metres());
+        // In between, cubics stand for the sub-steps, which kept the guides out.
+        if offset == 0.0 {
+            depths.guides = self.guide_depths.measure(&obstacles, &guides.points, &self.to_metres());
+        }
         let frame = Frame {
             frame,
             offset,

@@ -187,3 +187,11 @@ def test_swapped_files_are_told(hairbake: Run, ways: Ways) -> None:
     done = hairbake(folder / "anim.json", folder / "groom.json", "-o", folder / "out")
     assert done.returncode == 65 and "swap the two files" in unwrapped(done.stderr)
     assert not (folder / "out").exists()
+
+
+def test_head_on_which_no_hair_can_grow_is_refused(hairbake: Run, shot: Path, tmp_path: Path) -> None:
+    asset, groom = shot.parent / "char.usda", tmp_path / "groom.json"
+    head = ("--head", f"{asset}:/char/skin")
+    done = hairbake("import", "groom", asset, "--prim", "/char/hair", *head, "--offset", "5,0,0", "-o", groom)
+    assert done.returncode == 65 and not groom.exists(), done.stderr
+    assert "no hair can touch it" in done.stderr and "--offset" in done.stderr
