@@ -106,8 +106,9 @@ pub(in crate::import) fn relative(path: &Path, folder: &Path) -> Result<String> 
     Ok(up.chain(down).collect::<Vec<_>>().join("/"))
 }
 
-/// The absolute path, with `..` resolved.
+/// The absolute path, with `..` resolved; the empty path is the current folder.
 fn absolute(path: &Path) -> Result<PathBuf> {
+    let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
     let absolute = std::path::absolute(path).map_err(|e| Error::io(path, e))?;
     let mut out = PathBuf::new();
     for part in absolute.components() {
