@@ -229,43 +229,26 @@ def acceleration_residual(
 def spikes(window: Window) -> Iterator[Finding]:
     """Measures each curve's largest one-frame jump in the space of the head.
 
-    A jump has opposite second differences in consecutive frames, and a displacement between them that neither
-    the speeds around them, relative to the head, nor an impact explains. Hair whipped by a landing has the
-    first, not the second; hair that the ground stops below a turning head is fastest between frames.
+    A jump has opposite second differences in consecutive frames, and a displacement between them that the
+    speeds around them do not explain. Hair whipped by a landing has the first, not the second.
     """
     for curves in window.cache.curves:
         here, there = (window.once(in_head, curves, offset) for offset in (0, 1))
         first, second = (window.once(bend, curves, offset) for offset in (0, 1))
-        apart = off_impact(window, curves)
         speeds = [window.once(speed_in_head, curves, offset) for offset in (-1, 0, 1, 2)]
         known = [speed for speed in speeds if speed is not None]
-        if here is None or there is None or first is None or second is None or apart is None or not known:
+        if here is None or there is None or first is None or second is None or not known:
             continue
         size = norms(first)
         back = -dot(first, second) / np.maximum(size, np.finfo(float).tiny)
         reach = tolerances.SPIKE_SPEED * np.maximum.reduce(known) / window.cache.fps
         beyond = norms(there - here) - reach
-        jump = np.maximum(0, np.minimum.reduce([size, back, beyond, apart]))
+        jump = np.maximum(0, np.minimum.reduce([size, back, beyond]))
         yield worst(window, SPIKES, curves, jump * window.cache.metres_per_unit)
 
 
-def off_impact(window: Window, curves: Curves) -> FloatArray | None:
-    """Distance of the displacement to the next frame from that of a motion with one impact on the way.
-
-    Up to the impact, at any time, a point has the velocity at the frame, then that at the next one.
-    """
-    here, there = (window.get(curves.path, "points", offset) for offset in (0, 1))
-    start, end = (window.get(curves.path, "velocities", offset) for offset in (0, 1))
-    if here is None or there is None or start is None or end is None:
-        return None
-    rest = there.astype(float) - here - end.astype(float) / window.cache.fps
-    change = (start.astype(float) - end) / window.cache.fps
-    share = np.clip(dot(rest, change) / np.maximum(dot(change, change), np.finfo(float).tiny), 0, 1)
-    return norms(rest - share[:, None] * change)
-
-
 def velocity_peaks(window: Window) -> Iterator[Finding]:
-    """Compares every point's speed with those of its displacements from and to the neighbouring frames."""
+    """Compares every point's speed with that of the central difference of its positions."""
     for curves in window.cache.curves:
         shares = speed_shares(window, curves)
         if shares is not None:
@@ -273,17 +256,13 @@ def velocity_peaks(window: Window) -> Iterator[Finding]:
 
 
 def speed_shares(window: Window, curves: Curves) -> FloatArray | None:
-    """Speed of each point relative to the largest that its positions account for, `N`.
-
-    The faster of the two intervals counts: over both, a point that turns back within them has not moved.
-    """
+    """Speed of each point relative to the largest that its positions account for, `N`."""
     floor = tolerances.VELOCITY_PEAK_M_S / window.cache.metres_per_unit
-    before, now, after = (window.get(curves.path, "points", offset) for offset in (-1, 0, 1))
+    before, after = (window.get(curves.path, "points", offset) for offset in (-1, 1))
     rates = window.get(curves.path, "velocities")
-    if before is None or now is None or after is None or rates is None:
+    if before is None or after is None or rates is None:
         return None
-    steps = [norms(now.astype(float) - before), norms(after.astype(float) - now)]
-    moved = np.maximum(*steps) * window.cache.fps
+    moved = norms(after.astype(float) - before) * window.cache.fps / 2
     shares: FloatArray = norms(rates) / np.maximum(tolerances.VELOCITY_PEAK * moved, moved + floor)
     return shares
 
