@@ -153,8 +153,8 @@ impl SolidMesh {
         }
     }
 
-    /// Triangles that close its holes, as indices of the points that it was made from, oriented as the triangles
-    /// that it was made from.
+    /// Triangles that close its holes, as indices of the points that it was made from, oriented as the
+    /// triangles that it was made from.
     pub fn caps(&self) -> &[[u32; 3]] {
         &self.topology.caps
     }
@@ -171,6 +171,18 @@ impl SolidMesh {
             Feature::Edge(i) => self.topology.edge_on_boundary[i as usize],
             Feature::Vertex(i) => self.topology.vertex_on_boundary[i as usize],
             Feature::Face(_) | Feature::Smooth => false,
+        }
+    }
+
+    /// Whether a feature belongs to a cap or lies next to one. A cap may pass through the surface near its rim, as
+    /// behind the lids of an eye, and pseudonormals do not tell the side there.
+    fn near_cap(&self, feature: Feature) -> bool {
+        let near = |vertices: &[u32]| vertices.iter().any(|&v| self.topology.vertex_near_cap[v as usize]);
+        match feature {
+            Feature::Face(t) => near(&self.topology.triangles[t as usize]),
+            Feature::Edge(e) => near(&self.topology.edges[e as usize]),
+            Feature::Vertex(v) => near(&[v]),
+            Feature::Smooth => false,
         }
     }
 
@@ -195,7 +207,11 @@ impl SolidMesh {
         let offset = p - point;
         let distance = offset.norm();
         let pseudonormal = self.pseudonormal(feature);
-        let outside = self.on_boundary(feature) || offset.dot(&pseudonormal) >= 0.0;
+        let outside = self.on_boundary(feature)
+            || match self.near_cap(feature) {
+                true => self.winding_number(p) <= 0.5,
+                false => offset.dot(&pseudonormal) >= 0.0,
+            };
         let sign = if outside { 1.0 } else { -1.0 };
         let normal = if distance > ROUNDING { offset * (sign / distance) } else { pseudonormal };
         SurfacePoint { distance: sign * distance, normal, point: *point, feature }

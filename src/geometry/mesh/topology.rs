@@ -60,6 +60,8 @@ pub struct Topology {
     pub edge_on_boundary: Vec<bool>,
     /// Whether each vertex lies on the boundary of an open mesh.
     pub vertex_on_boundary: Vec<bool>,
+    /// Whether each vertex is one of a cap, or shares an edge with one.
+    pub vertex_near_cap: Vec<bool>,
 }
 
 impl Topology {
@@ -67,8 +69,9 @@ impl Topology {
     /// at rest.
     ///
     /// Points that coincide in all sets are welded. Triangles without area at rest are dropped, and of
-    /// triangles on the same three vertices one is kept. Holes are closed ([`caps`]). Each patch connected by edges of two triangles is
-    /// oriented consistently: outward if it is closed, else as the larger part of its area at rest.
+    /// triangles on the same three vertices one is kept. Holes are closed ([`caps`]). Each patch connected by
+    /// edges of two triangles is oriented consistently: outward if it is closed, else as the larger part of
+    /// its area at rest.
     pub fn new(positions: &[&[Vector3<f64>]], triangles: &[[u32; 3]]) -> Self {
         let (source, welded) = weld(positions);
         let vertices: Vec<_> = source.iter().map(|&i| positions[0][i as usize]).collect();
@@ -106,13 +109,20 @@ impl Topology {
         for (ends, _) in edges.iter().zip(&edge_on_boundary).filter(|(_, boundary)| **boundary) {
             ends.iter().for_each(|&v| vertex_on_boundary[v as usize] = true);
         }
+        let ring = Lists::from_pairs(vertices.len(), ring);
+        let mut vertex_near_cap = vec![false; vertices.len()];
+        for &v in caps.iter().flatten() {
+            vertex_near_cap[v as usize] = true;
+            ring.get(v).iter().for_each(|&next| vertex_near_cap[next as usize] = true);
+        }
         Topology {
             edge_on_boundary,
+            vertex_near_cap,
             vertex_on_boundary,
             vertex_triangles: Lists::from_pairs(vertices.len(), corners),
             vertex_edges: Lists::from_pairs(vertices.len(), ends),
             edge_opposite: Lists::from_pairs(edges.len(), opposite),
-            ring: Lists::from_pairs(vertices.len(), ring),
+            ring,
             caps: caps.iter().map(|t| t.map(|i| source[i as usize])).collect(),
             source,
             triangles,
