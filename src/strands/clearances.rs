@@ -27,8 +27,15 @@ impl Clearances {
             for p in points {
                 let far = SEARCH_RADIUS.max(2.0 * d);
                 let [least, _] = bodies.distance_bounds(b, p);
-                let closest = || bodies.closest(b, 0.0, p, far).map_or(far, |s| s.distance);
-                let g = if least > 2.0 * d { least } else { closest() };
+                let g = if least > 2.0 * d {
+                    least
+                } else if let Some(surface) = bodies.closest(b, 0.0, p, far) {
+                    surface.distance
+                } else if bodies.contains(b, 0.0, p) {
+                    -far
+                } else {
+                    far
+                };
                 rooted &= g <= 0.0;
                 let keep = if rooted {
                     f64::NEG_INFINITY
