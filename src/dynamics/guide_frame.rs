@@ -39,9 +39,9 @@ const RESOLVED_TURN: f64 = 0.3;
 
 impl GuideFrame {
     /// The guide of `rod` by its unknowns `q` now, and one and two sub-steps of `h`, s, ago, 1/m; the rate is
-    /// of second order.
+    /// of second order, and of first order after an impact.
     pub fn new(rod: &Rod, q: [&[f64]; 3], h: f64, level: u32) -> Self {
-        let mut rate: Vec<f64> = (0..q[0].len()).map(|i| backward_difference(q.map(|q| q[i]), h)).collect();
+        let mut rate = limited_rate(q, h);
         let share = share_of_motion(rod, q, &rate, h);
         rate.iter_mut().for_each(|rate| *rate *= share);
         GuideFrame { q: q[0].to_vec(), rate, level }
@@ -63,6 +63,22 @@ impl GuideFrame {
             level: a.level,
         }
     }
+}
+
+/// Rate of unknowns `q` now, and one and two sub-steps of `h`, s, ago, 1/(m·s): the last difference and a
+/// correction of second order, no larger than half of that difference. An impact changes the rate by more
+/// from one sub-step to the next than it is; extrapolated across it, hair that has landed would still fly.
+fn limited_rate(q: [&[f64]; 3], h: f64) -> Vec<f64> {
+    let of_all =
+        |of: &dyn Fn([f64; 3]) -> f64| -> Vec<f64> { (0..q[0].len()).map(|i| of(q.map(|q| q[i]))).collect() };
+    let last = of_all(&|[now, one, _]| now - one);
+    let change = of_all(&|[now, one, two]| (now - one) - (one - two));
+    let [last_size, change_size] = [&last, &change].map(|v| v.iter().map(|x| x * x).sum::<f64>().sqrt());
+    if change_size <= last_size {
+        return of_all(&|q| backward_difference(q, h));
+    }
+    let share = last_size / change_size;
+    last.iter().zip(&change).map(|(last, change)| (last + 0.5 * share * change) / h).collect()
 }
 
 /// The share of `rate` with which the points of `rod` move as they did, in the least squares; 1 where the rod
@@ -131,6 +147,16 @@ mod tests {
             let [derivative, moved] = speeds(turns);
             assert!(derivative < 1.5 * moved, "{turns}: {derivative} {moved}");
         }
+    }
+
+    #[test]
+    fn the_rate_is_of_second_order_and_does_not_look_back_across_an_impact() {
+        let rate = |x: [f64; 3]| limited_rate(x.each_ref().map(std::slice::from_ref), 0.1)[0];
+        // x = t² at t = 1, 0.9 and 0.8.
+        assert!((rate([1.0, 0.81, 0.64]) - 2.0).abs() < 1e-12);
+        // Falls by 1 in a sub-step, and then lies, or slides on.
+        assert_eq!(rate([0.0, 0.0, 1.0]), 0.0);
+        assert!((rate([-0.1, 0.0, 1.0]) + 0.5).abs() < 1e-12);
     }
 
     #[test]
