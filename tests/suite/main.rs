@@ -13,6 +13,7 @@ mod hostile;
 mod import_circles;
 mod resume;
 mod rod;
+mod sag_free;
 mod strand;
 mod usd;
 mod wisps;
