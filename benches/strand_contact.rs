@@ -1,9 +1,9 @@
 //! Guides that touch each other: cost, contacts and residual against their number, on a shaken head of the
 //! sample `short`, 8 nodes a guide and 8 sub-steps a frame.
 //!
-//! `cargo bench --bench strand_contact` tries a head of 2,000 guides, then patches about the crown of one of 4,000,
-//! of 125 guides to all: as dense, whatever their number. `-- head 500` and `-- patch 500 1000` try some.
-//! Seconds of CPU, of all threads together, are those to compare on a machine that others use too.
+//! `cargo bench --bench strand_contact` tries a head of 2,000 guides, then patches about the crown of one of
+//! 4,000, of 125 guides to all: as dense, whatever their number. `-- head 500` and `-- patch 500 1000` try
+//! some. Seconds of CPU, of all threads together, are those to compare on a machine that others use too.
 #![allow(clippy::print_stdout)] // Cost means little without what was found and how well it was solved.
 
 use hairbake::dynamics::guide_rods::GuideRods;

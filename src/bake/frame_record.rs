@@ -39,8 +39,9 @@ pub struct FrameRecord {
     pub contact_residual: f64,
     /// Solves accepted after all rounds before the guide came to rest on the bodies.
     pub unsettled: u32,
-    /// Deepest point of a guide inside a body, m; 0 if none. Exempt segments are excluded in the solver's steps,
-    /// points that the groom places inside, or next to a stretch drawn through, in what is written at the frame.
+    /// Deepest point of a guide inside a body, m; 0 if none. Exempt segments are excluded in the solver's
+    /// steps, points that the groom places inside, or next to a stretch drawn through, in what is written at
+    /// the frame.
     pub penetration_m: f64,
     /// Solves whose motion was truncated at a surface, or taken whole because no part of it is admissible.
     pub shortened: u32,

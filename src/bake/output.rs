@@ -148,9 +148,9 @@ impl<'a> Output<'a> {
     }
 
     /// The cache's arrays at the written moments of `frame`. `states` are the guides at this frame and the
-    /// next, `steps` the configurations in between if they are written, `settled` the deflections at the frame
-    /// before, this one and the two after it, and `known` the posed guides and the free strands at the frame, if known. Also the
-    /// depths of guides and strands.
+    /// next, `steps` the configurations in between if they are written, `settled` the deflections at the
+    /// frame before, this one and the two after it, and `known` the posed guides and the free strands at the
+    /// frame, if known. Also the depths of guides and strands.
     ///
     /// # Errors
     /// As [`BaseCache::complete`].

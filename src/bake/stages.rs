@@ -1,5 +1,5 @@
-//! The stages of a bake, as the command line runs them: [`simulate`], [`interpolate`] and [`assemble`] each in a
-//! process of its own on a farm, or all of them in one by [`bake()`].
+//! The stages of a bake, as the command line runs them: [`simulate`], [`interpolate`] and [`assemble`] each
+//! in a process of its own on a farm, or all of them in one by [`bake()`].
 
 use super::control::Control;
 use super::frame_record::FrameRecord;

@@ -7,8 +7,8 @@ use crate::error::Diagnostic;
 use crate::{Error, Result};
 use std::path::Path;
 
-/// Largest share of the guides' segments that may be exempt from contact with a body. Rooted segments and hair
-/// drawn through an ear are some per cent; a groom in another space than the body is nearly all.
+/// Largest share of the guides' segments that may be exempt from contact with a body. Rooted segments and
+/// hair drawn through an ear are some per cent; a groom in another space than the body is nearly all.
 const MAX_EXEMPT: f64 = 0.5;
 
 /// Checks where the groom lies at the start of the pre-roll.

@@ -102,8 +102,8 @@ impl SettingsArguments {
         &self.set
     }
 
-    /// Values that the files of the scene are read with: those overrides, and the pre-roll, for which frames of
-    /// meshes are read.
+    /// Values that the files of the scene are read with: those overrides, and the pre-roll, for which frames
+    /// of meshes are read.
     pub fn overrides_for_reading(&self) -> Vec<Override> {
         let preroll =
             self.preroll.and_then(|s| Override::parse(&format!("anim.settings.preroll_s={s}")).ok());

@@ -99,7 +99,8 @@ fn gust(wind: &Wind, x: &Vector3<f64>, t: f64) -> Vector3<f64> {
         let phase = k.dot(&carried) + wind.gust_speed * k0 * t * draw(5) + std::f64::consts::TAU * draw(6);
         sum += across * phase.cos();
     }
-    // ⟨|direction × u|²⟩ = 2/3 for a random unit vector u, and ⟨cos²⟩ = 1/2: the sum's mean square is WAVES/3.
+    // ⟨|direction × u|²⟩ = 2/3 for a random unit vector u, and ⟨cos²⟩ = 1/2: the sum's mean square is
+    // WAVES/3.
     sum * (wind.gust_speed * (3.0 / f64::from(WAVES)).sqrt())
 }
 
@@ -108,7 +109,8 @@ fn unit_draw(seed: u32, index: u32) -> f64 {
     random::unit(u64::from(seed) << 32 | u64::from(index), 0)
 }
 
-/// Drag per length and speed, N·s/m², of a strand of material `m` across the flow at point `p`, m, rest space.
+/// Drag per length and speed, N·s/m², of a strand of material `m` across the flow at point `p`, m, rest
+/// space.
 pub fn coefficient(m: &Material, density: &HairDensity, p: &Vector3<f64>) -> f64 {
     ISOLATED_DRAG * m.drag * (1.0 - m.shielding * density.shielding(p))
 }

@@ -7,8 +7,8 @@ use crate::scene::{Anim, Groom};
 use crate::wisp::GuideRod;
 use nalgebra::{Isometry3, Vector3};
 
-/// Least length from the root to the held point, relative to the distance of the root from the goal: a shorter
-/// one cannot reach it around the head.
+/// Least length from the root to the held point, relative to the distance of the root from the goal: a
+/// shorter one cannot reach it around the head.
 const REACH: f64 = 1.1;
 /// Largest speed at which a point is moved to its goal, m/s.
 const MAX_GATHER_SPEED: f64 = 0.5;

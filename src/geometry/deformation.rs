@@ -57,8 +57,8 @@ impl Deformation {
     /// `count` samples at intervals of `step`, s, beyond the sample `end`, at time `t`, s; `next` is its
     /// neighbour. None if the carrier is at rest there.
     ///
-    /// A vertex that has moved by w since its neighbour, and by h relative to the carrier, follows the carrier
-    /// by the share w⁴ / (w⁴ + h⁴).
+    /// A vertex that has moved by w since its neighbour, and by h relative to the carrier, follows the
+    /// carrier by the share w⁴ / (w⁴ + h⁴).
     fn carried(
         &self,
         [end, next]: [usize; 2],

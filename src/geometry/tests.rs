@@ -64,8 +64,8 @@ fn mesh_distance_agrees_with_brute_force_and_winding_number() {
 
 #[test]
 fn winding_number_equals_the_sum_of_solid_angles() {
-    // Two nested blobs without every third triangle, and points so near that half the solid angles of their triangles add up to
-    // more than π.
+    // Two nested blobs without every third triangle, and points so near that half the solid angles of their
+    // triangles add up to more than π.
     let [mut soup, inner] = [0.1, 0.05].map(|radius| blob(6, radius));
     soup.triangles.extend(inner.triangles.iter().map(|t| t.map(|i| i + soup.vertices.len() as u32)));
     soup.vertices.extend(inner.vertices);

@@ -5,8 +5,8 @@ use crate::scene::anim::file::PoseFile;
 use crate::{Diagnostic, Error, Result};
 use nalgebra::{Matrix3, Matrix4, Rotation3, UnitQuaternion, Vector3};
 
-/// Relative difference of scales above which a warning is given, and above which roots would be a millimetre off a
-/// head of 10 cm.
+/// Relative difference of scales above which a warning is given, and above which roots would be a millimetre
+/// off a head of 10 cm.
 const SCALE_TOLERANCES: [f64; 2] = [1e-3, 1e-2];
 /// Ratio of the smallest to the largest singular value below which a transform is singular.
 const SINGULAR: f64 = 1e-9;

@@ -34,8 +34,8 @@ pub struct RodSource<'a> {
 }
 
 impl<'a> RodSource<'a> {
-    /// A uniform undamped human scalp hair of radius 40 µm whose drawn shape is natural: the hair of the tests,
-    /// benchmarks and examples. `points`, m, and `arc` are as the fields of these names.
+    /// A uniform undamped human scalp hair of radius 40 µm whose drawn shape is natural: the hair of the
+    /// tests, benchmarks and examples. `points`, m, and `arc` are as the fields of these names.
     ///
     /// Moduli E = 3.89 GPa and G = 0.89 GPa (Robbins 1994, appendix) and the density 1320 kg/m³ give the
     /// stiffness and the line density, rounded to two digits.

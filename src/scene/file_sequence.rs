@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-/// Frames read before the pre-roll and after the last frame of a bake, if there are files for them: the handle
-/// frame, and one more for its slope.
+/// Frames read before the pre-roll and after the last frame of a bake, if there are files for them: the
+/// handle frame, and one more for its slope.
 const HANDLES: i32 = 2;
 
 /// Frames that a bake with a pre-roll of `preroll` seconds reads before its first, at `fps` a second.

@@ -1,8 +1,8 @@
 //! Deflections: how the edges of a strand in contact differ from those of its free chain.
 //!
-//! The deflection of an edge is the rotation that takes its free direction to the one in use, the shorter way:
-//! a vector perpendicular to the edge at rest, in rest space, as long as the angle in radians. Seen there it
-//! moves with the strand, so that deflections of several frames can be blended.
+//! The deflection of an edge is the rotation that takes its free direction to the one in use, the shorter
+//! way: a vector perpendicular to the edge at rest, in rest space, as long as the angle in radians. Seen
+//! there it moves with the strand, so that deflections of several frames can be blended.
 
 use nalgebra::Vector3;
 

@@ -41,8 +41,8 @@ pub struct GuideDepths {
 }
 
 impl GuideDepths {
-    /// Of guides with `points` in the groom, m, rest space, of which each has a range. `bodies` are at rest and
-    /// have the thicknesses `thickness`, m.
+    /// Of guides with `points` in the groom, m, rest space, of which each has a range. `bodies` are at rest
+    /// and have the thicknesses `thickness`, m.
     ///
     /// A stretch that the groom draws through a body may slide in it: points next to one do not count either.
     pub fn new(

@@ -168,7 +168,8 @@ impl Interpolator {
     }
 
     /// The free strands at a frame, and the deflections that keep them outside the bodies there. `guides` are
-    /// posed for that with their distances from bodies; `to_scene` maps metres, Y up, to the output's unit and axes.
+    /// posed for that with their distances from bodies; `to_scene` maps metres, Y up, to the output's unit
+    /// and axes.
     pub fn evaluate_free(
         &self,
         moment: &Moment,

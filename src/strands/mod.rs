@@ -3,8 +3,8 @@
 //! A render strand is a chain of rigid edges with its own rest shape. Each edge is rotated as its main guide
 //! is at the same arc length, and turned towards the other guides. Curls stay curls, edge lengths are exact,
 //! and at rest the strand is that of the groom, to rounding. Where this *free chain* would enter a body, a
-//! second, *projected chain* of the same edges is laid outside of it. Its *deflections* from the free chain at
-//! the frames are blended in time: what is written is smooth, and has exact velocities.
+//! second, *projected chain* of the same edges is laid outside of it. Its *deflections* from the free chain
+//! at the frames are blended in time: what is written is smooth, and has exact velocities.
 
 mod chain;
 mod clearances;

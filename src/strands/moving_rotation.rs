@@ -1,5 +1,5 @@
-//! Rotations that change in time, as quaternions. All operations are smooth functions: strands move as smoothly
-//! as the guides that they follow.
+//! Rotations that change in time, as quaternions. All operations are smooth functions: strands move as
+//! smoothly as the guides that they follow.
 
 use crate::math::lanes::{Real, V3};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -107,10 +107,10 @@ impl MovingRotation<f64> {
         MovingRotation { q: blend(self.q, to.q), rate: blend(self.rate, to.rate) }
     }
 
-    /// How `to` turns the unit vector `along` otherwise than `self`, and the rate of that, 1/s, in the frame that
-    /// both lead from: the axis of the rotation between the turned vectors times sin θ cos²(θ/2), θ being its
-    /// angle. It is a smooth function also where they oppose each other, and almost free of the rotations
-    /// about `along`, which grow without bound where a curve bends back along its root.
+    /// How `to` turns the unit vector `along` otherwise than `self`, and the rate of that, 1/s, in the frame
+    /// that both lead from: the axis of the rotation between the turned vectors times sin θ cos²(θ/2), θ
+    /// being its angle. It is a smooth function also where they oppose each other, and almost free of the
+    /// rotations about `along`, which grow without bound where a curve bends back along its root.
     pub fn difference(&self, to: &Self, along: &Vector3<f64>) -> [Vector3<f64>; 2] {
         let along = V3::from(*along);
         let turned = to.rotate(along);

@@ -16,9 +16,9 @@ pub struct Obstacles<'a> {
 }
 
 impl Obstacles<'_> {
-    /// Largest violation at `x` (m, world) of the distance to `keep` from each body, m, with the outward normal
-    /// of that body; 0 if there is none. `x` lies `moved`, m, from the place that `bounds` are for; they are
-    /// updated to `x`.
+    /// Largest violation at `x` (m, world) of the distance to `keep` from each body, m, with the outward
+    /// normal of that body; 0 if there is none. `x` lies `moved`, m, from the place that `bounds` are for;
+    /// they are updated to `x`.
     pub(super) fn violation(
         &self,
         keep: impl Fn(usize) -> f64,
@@ -52,8 +52,8 @@ impl Obstacles<'_> {
         worst
     }
 
-    /// Depth of the deepest of the vertices at `points`, m, world, that the groom places outside the bodies, m; 0
-    /// if none is inside. Vertices of which `is_clear` holds need no search.
+    /// Depth of the deepest of the vertices at `points`, m, world, that the groom places outside the bodies,
+    /// m; 0 if none is inside. Vertices of which `is_clear` holds need no search.
     pub(super) fn depth(
         &self,
         clearances: &Clearances,

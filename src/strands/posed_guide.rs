@@ -28,8 +28,8 @@ pub struct PosedGuides {
 }
 
 impl PosedGuide {
-    /// Poses a guide. `clear`, if given, is the lower bound on the distance from all bodies for the position of
-    /// a point.
+    /// Poses a guide. `clear`, if given, is the lower bound on the distance from all bodies for the position
+    /// of a point.
     pub fn new(
         (shape, sensitivity): &mut (RodShape, Sensitivity),
         rest: &RestGuide,

@@ -70,8 +70,8 @@ impl RestGuide {
         GuidePlace { segment: i as u32 - 1, u: ((s - from) / (to - from)).clamp(0.0, 1.0) as f32 }
     }
 
-    /// The places on it at the arc lengths of the points of `other`, or at the same fractions of the lengths if
-    /// `other` is longer.
+    /// The places on it at the arc lengths of the points of `other`, or at the same fractions of the lengths
+    /// if `other` is longer.
     pub fn places_beside(&self, other: &RestGuide) -> Vec<GuidePlace> {
         let pace = (self.length() / other.length()).min(1.0);
         other.arc.iter().map(|s| self.place(s * pace)).collect()

@@ -265,7 +265,8 @@ fn velocities_of_projected_strands_match_differences_between_frames() {
     let interpolator = interpolator(&bent.curves, &[&bent.rod], &bodies, &[0.0005]);
     let obstacles = Obstacles { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] };
     let moment = Moment { head: still(), obstacles };
-    // Guides at frames a second apart; the bend starts anew at frame 3, so that the strand jumps off the ball.
+    // Guides at frames a second apart; the bend starts anew at frame 3, so that the strand jumps off the
+    // ball.
     let rate: Vec<f64> = bent.q.iter().map(|q| 0.02 * q).collect();
     let q_at = |frame: f64| bent.q_at(if frame < 3.0 { frame } else { frame - 60.0 });
     let settled: Vec<Vec<Deflection>> = (-2..8)

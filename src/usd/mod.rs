@@ -1,6 +1,6 @@
 //! USD layers: one model ([`Layer`]) with two encodings, crate (usdc, [`crate_file`]) and text (usda,
-//! [`text`]). It has prims, attributes, relationships and arrays, but no notion of hair: `cache` turns hair into
-//! layers and back.
+//! [`text`]). It has prims, attributes, relationships and arrays, but no notion of hair: `cache` turns hair
+//! into layers and back.
 
 pub mod crate_file;
 mod layer;

@@ -22,8 +22,8 @@ pub(super) struct Planned<'a> {
     pub frames: (i32, i32),
 }
 
-/// Refuses a bake into a folder whose finished cache would be lost: one with other inputs or settings, or with frames that this
-/// bake does not have.
+/// Refuses a bake into a folder whose finished cache would be lost: one with other inputs or settings, or
+/// with frames that this bake does not have.
 ///
 /// # Errors
 /// [`Error::BadInput`] that says what is in the folder.

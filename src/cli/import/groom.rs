@@ -27,10 +27,10 @@ const HIERARCHY: &str = "Wisp hierarchy";
 pub struct GroomArguments {
     /// Strand file: USD, .tfx or .hair
     ///
-    /// Strands of the file stay as they are and are drawn; guides are chosen from them. Strands are grown only
-    /// if the file holds nothing but guides. In USD these are told by primvars:groom_guide, purpose guide, a
-    /// name with "guide", or purpose proxy beside curves that are drawn; a .tfx file of up to 1000 strands
-    /// holds guides.
+    /// Strands of the file stay as they are and are drawn; guides are chosen from them. Strands are grown
+    /// only if the file holds nothing but guides. In USD these are told by primvars:groom_guide, purpose
+    /// guide, a name with "guide", or purpose proxy beside curves that are drawn; a .tfx file of up to 1000
+    /// strands holds guides.
     strands: PathBuf,
     /// Groom file to write; long arrays go to a .bin file next to it
     #[arg(long, short, value_name = "FILE")]

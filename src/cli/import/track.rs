@@ -35,8 +35,8 @@ pub struct TrackArguments {
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
 
-    /// Joint to follow: a BVH or USD skeleton joint or a glTF node, by name; in USD also by its path or the end
-    /// of it, as in /world/hero/rig/spine/head
+    /// Joint to follow: a BVH or USD skeleton joint or a glTF node, by name; in USD also by its path or the
+    /// end of it, as in /world/hero/rig/spine/head
     #[arg(long, value_name = "NAME", help_heading = MOTION)]
     joint: Option<String>,
     /// glTF animation, by name or number [default: the first]
@@ -80,8 +80,8 @@ pub struct TrackArguments {
     pivot: Option<Vector3<f64>>,
     /// Groom that the head carries: its roots are compared with the colliders
     ///
-    /// If it comes from a USD stage, the rest pose is that of the head there. For other motions its roots give
-    /// the pivot.
+    /// If it comes from a USD stage, the rest pose is that of the head there. For other motions its roots
+    /// give the pivot.
     #[arg(long, value_name = "FILE", help_heading = REST)]
     groom: Option<PathBuf>,
     /// Orientation of the joint in the modelled head [default: bind if the file has one and neither --pivot

@@ -21,8 +21,8 @@ use rayon::prelude::*;
 /// Share of the split tolerance below which a guide may merge again.
 const MERGE_SHARE: f64 = 0.5;
 
-/// The guides of a groom in their wisp hierarchy: active ones, which are stepped, and followers, which move as
-/// the mean of their leaders. Splits and merges happen at the ends of frames; followers have no state in
+/// The guides of a groom in their wisp hierarchy: active ones, which are stepped, and followers, which move
+/// as the mean of their leaders. Splits and merges happen at the ends of frames; followers have no state in
 /// between.
 pub(in crate::dynamics) struct AdaptiveTree {
     pub(super) motion: LeaderMotion,
@@ -138,9 +138,10 @@ impl AdaptiveTree {
         self.motion.modal.advance(env, t, h);
     }
 
-    /// Places the followers of a level at the end of the frame from time `t[0]` to `t[1]`, s, and splits those
-    /// whose estimated error exceeds the tolerance: they become active, in their state at the start of the
-    /// frame, where their error was within it. Returns these guides; the caller steps them through the frame.
+    /// Places the followers of a level at the end of the frame from time `t[0]` to `t[1]`, s, and splits
+    /// those whose estimated error exceeds the tolerance: they become active, in their state at the start of
+    /// the frame, where their error was within it. Returns these guides; the caller steps them through the
+    /// frame.
     pub fn place_and_split(
         &mut self,
         level: u32,

@@ -1,28 +1,30 @@
 //! Caps over the holes of a mesh.
 //!
-//! Heads are cut at the neck, and open at the eyes. Hair that fell through such a hole would be inside without
-//! having crossed a surface, and come out through the skin. Triangles over the rim of a hole close it.
+//! Heads are cut at the neck, and open at the eyes. Hair that fell through such a hole would be inside
+//! without having crossed a surface, and come out through the skin. Triangles over the rim of a hole close
+//! it.
 
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Largest area of a hole relative to that of its patch. The rim of a hemisphere encloses half of its area, that
-/// of a flat sheet all: they have an edge, but no inside to close.
+/// Largest area of a hole relative to that of its patch. The rim of a hemisphere encloses half of its area,
+/// that of a flat sheet all: they have an edge, but no inside to close.
 const MAX_SHARE: f64 = 0.25;
 
-/// Smallest area that the smoothed rim encloses in its mean plane, relative to the fan over it. A rim that winds about, such
-/// as that of an open jacket, is no hole.
+/// Smallest area that the smoothed rim encloses in its mean plane, relative to the fan over it. A rim that
+/// winds about, such as that of an open jacket, is no hole.
 const MIN_FLATNESS: f64 = 0.5;
 
 /// Smallest height of a triangle of a cap, relative to its longest side.
 const MIN_HEIGHT: f64 = 1e-6;
 
-/// Cost of the square of a triangle's longest side, relative to that of its area: of triangulations with the same
-/// area that with the shortest sides is taken.
+/// Cost of the square of a triangle's longest side, relative to that of its area: of triangulations with the
+/// same area that with the shortest sides is taken.
 const SIDE_COST: f64 = 0.01;
 
-/// Cosine of the angle between a triangle and the mean plane of its rim below which it costs no more. The cost grows
-/// with the inverse of its square: a steep triangle would lie in the surface beside the hole, and fold back over it.
+/// Cosine of the angle between a triangle and the mean plane of its rim below which it costs no more. The
+/// cost grows with the inverse of its square: a steep triangle would lie in the surface beside the hole, and
+/// fold back over it.
 const MIN_COSINE: f64 = 0.05;
 
 /// Longest rim that is triangulated as a whole: the cost grows with its cube.
@@ -36,8 +38,8 @@ pub(super) struct BoundaryEdge {
     pub patch_area: f64,
 }
 
-/// Triangles that close the holes of a mesh with these boundary edges, oriented as the triangles next to them.
-/// `vertices` are at rest, m; `edges` are all edges in ascending order, the smaller index first.
+/// Triangles that close the holes of a mesh with these boundary edges, oriented as the triangles next to
+/// them. `vertices` are at rest, m; `edges` are all edges in ascending order, the smaller index first.
 pub(super) fn caps(
     vertices: &[Vector3<f64>],
     edges: &[[u32; 2]],
@@ -81,8 +83,8 @@ fn rims(neighbours: &BTreeMap<u32, Vec<u32>>) -> Vec<Vec<u32>> {
     rims
 }
 
-/// Triangles over a rim; `None` if it encloses no hole, or if there are none without a side along an edge of the
-/// mesh: they would fold back over a triangle there, as on a rim of teeth.
+/// Triangles over a rim; `None` if it encloses no hole, or if there are none without a side along an edge of
+/// the mesh: they would fold back over a triangle there, as on a rim of teeth.
 fn cap(
     vertices: &[Vector3<f64>],
     is_edge: impl Fn(u32, u32) -> bool,
@@ -124,8 +126,8 @@ fn cap(
     Some(caps)
 }
 
-/// The triangulation of a polygon in space of least cost (P. Liepa, "Filling holes in meshes", 2003, section 3.1), none
-/// of whose diagonals `is_edge`.
+/// The triangulation of a polygon in space of least cost (P. Liepa, "Filling holes in meshes", 2003, section
+/// 3.1), none of whose diagonals `is_edge`.
 fn triangulate(
     rim: &[u32],
     is_edge: impl Fn(u32, u32) -> bool,

@@ -34,7 +34,8 @@ pub struct BuildOptions {
 }
 
 impl Default for BuildOptions {
-    /// Two levels, eight sections, 32 vertices per guide or as many as curls need, and hair that does not sag at the start.
+    /// Two levels, eight sections, 32 vertices per guide or as many as curls need, and hair that does not sag
+    /// at the start.
     fn default() -> Self {
         BuildOptions {
             guide_vertices: Resample::Curls(32),

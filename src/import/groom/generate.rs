@@ -51,8 +51,8 @@ impl Default for Generation {
 ///
 /// Strands are evenly spread over a disc, each at a fixed share of the footprint's radius, in frames that
 /// follow the smoothed course of the guide rather than its curls, so that curls stay alike. With a scalp,
-/// each root is placed as high above it as the root of its guide, and no strand is deeper in the head than its
-/// guide.
+/// each root is placed as high above it as the root of its guide, and no strand is deeper in the head than
+/// its guide.
 pub(super) fn generate(
     guides: &Curves,
     sections: &Sections,

@@ -58,7 +58,8 @@ impl fmt::Display for ResampleError {
     }
 }
 
-/// Number of vertices that the curls of all but the curliest twentieth of `curves` need, but at least `least`.
+/// Number of vertices that the curls of all but the curliest twentieth of `curves` need, but at least
+/// `least`.
 pub(super) fn vertices_for_curls(curves: &Curves, least: usize) -> usize {
     let turn = |c: usize| -> f64 {
         let edges: Vec<_> = curves.curve(c).windows(2).map(|w| w[1] - w[0]).collect();

@@ -192,8 +192,8 @@ impl Steps {
         }
     }
 
-    /// The mean of up to [`Self::hold`] of these steps that are no pops and not `doubted`; `None` if there are
-    /// none.
+    /// The mean of up to [`Self::hold`] of these steps that are no pops and not `doubted`; `None` if there
+    /// are none.
     fn velocity(
         &self,
         steps: impl Iterator<Item = usize>,

@@ -39,8 +39,8 @@ pub fn strands(
     Some(Strands { curves: curves?, leaf })
 }
 
-/// For each wisp of all trees in order: its tree, and its index in that tree; `None` if it has children. Leaves
-/// alone have guides.
+/// For each wisp of all trees in order: its tree, and its index in that tree; `None` if it has children.
+/// Leaves alone have guides.
 fn leaves(trees: &[Tree]) -> Vec<Option<(u32, u32)>> {
     let leaf = |t: usize, w: usize, wisp: &Wisp| (!wisp.guides.is_empty()).then_some((t as u32, w as u32));
     let of_tree = |(t, tree): (usize, &Tree)| {
