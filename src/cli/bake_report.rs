@@ -192,7 +192,7 @@ pub fn deviation(manifest: &Manifest) -> Vec<(&'static str, String)> {
     {
         let mut text = format!("{stiffened} of {guides} guides stiffened");
         if stiffened > 0.0 {
-            text += &format!(" (up to {stiffest:.1} times)");
+            text += &format!(" (up to {stiffest:.1} times at the root)");
         }
         if sagging > 0.0 {
             text += &format!("; {sagging} still sag (stiffness bound reached)");

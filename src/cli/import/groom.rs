@@ -169,9 +169,10 @@ struct MaterialArguments {
     /// Raising it makes the hair follow the air more closely.
     #[arg(long, value_name = "FACTOR", value_parser = values::not_negative)]
     drag: Option<f64>,
-    /// Fraction of gravity that the rest shape compensates, 0 to 1
+    /// Fraction of gravity that the rest shape compensates where no body carries the hair, 0 to 1
     ///
-    /// 1 keeps the shape of the groom at rest, with stiffer hair if necessary. 0 lets the hair sag.
+    /// 1 keeps the style of the groom at rest, with hair that is stiffer near its root if necessary; hair that
+    /// lies on other hair sinks to the skin. 0 lets all hair sag.
     #[arg(long, value_name = "FRACTION", default_value_t = 1.0, value_parser = values::fraction)]
     sag_free: f64,
 }

@@ -21,10 +21,11 @@ const ROOT_SHARE: f64 = 0.4;
 const COURSE_SAMPLES: usize = 65;
 /// Half width of the box filter that removes curls, samples.
 const COURSE_WINDOW: usize = 6;
-/// Least number of vertices of a generated strand.
-const LEAST_VERTICES: usize = 16;
 /// Passes of the box filter: three approximate a Gaussian.
 const COURSE_PASSES: usize = 3;
+
+/// Least number of vertices of a generated strand.
+const LEAST_VERTICES: usize = 16;
 
 /// How strands are generated.
 #[derive(Debug, Clone, Copy, PartialEq)]
