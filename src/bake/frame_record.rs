@@ -77,6 +77,14 @@ pub struct FrameRecord {
     pub contact_segments: u32,
     /// Deepest point of an exempt segment inside its body, roots excluded, m; 0 if none.
     pub exempt_penetration_m: f64,
+    /// Segments of active guides' contact polylines, at the frame, that bodies leave no room for outside, counted
+    /// once per body.
+    pub pinched_segments: u32,
+    /// Deepest written point of a guide or vertex of a render strand that bodies leave no room for, m; 0 if there
+    /// is none. The other depths are without these.
+    pub pinched_penetration_m: f64,
+    /// Colliders that hold these points, by their places in the scene, up to 63.
+    pub pinched_colliders: Vec<u32>,
     /// Deepest vertex of a written render strand inside a body, vertices that the groom places inside
     /// excepted, m; 0 if none, and until the strands are written.
     pub hair_penetration_m: f64,
@@ -115,6 +123,8 @@ impl FrameRecord {
             penetration_m: self.penetration_m.max(depths.guides),
             hair_penetration_m: depths.strands,
             hair_inside: depths.inside,
+            pinched_penetration_m: depths.pinched,
+            pinched_colliders: (0..64).filter(|b| depths.pinched_bodies >> b & 1 == 1).collect(),
             ..self.clone()
         }
     }
@@ -176,6 +186,7 @@ impl FrameRecord {
             self.contact_segments += body.segments as u32;
         }
         self.exempt_penetration_m = simulation.exempt_depth();
+        self.pinched_segments = simulation.pinched_segments() as u32;
         speeds.sort_by(f64::total_cmp);
         if let Some(&max) = speeds.last() {
             self.speed_max_m_s = max;

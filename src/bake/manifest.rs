@@ -61,6 +61,7 @@ fn totals(finished: &[Finished]) -> Map<String, Value> {
     let totals = json!({
         "penetration_m": worst(|f| f.penetration_m),
         "exempt_penetration_m": worst(|f| f.exempt_penetration_m),
+        "pinched_penetration_m": worst(|f| f.pinched_penetration_m),
         "hair_penetration_m": worst(|f| f.hair_penetration_m),
         "length_drift": worst(|f| f.length_drift),
         "speed_max_m_s": worst(|f| f.speed_max_m_s),

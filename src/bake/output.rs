@@ -227,7 +227,7 @@ impl<'a> Output<'a> {
         let guides = self.guides(&motion, levels, &head, &to_scene);
         // In between, cubics stand for the sub-steps, which kept the guides out.
         if offset == 0.0 {
-            depths.guides = self.guide_depths.measure(&obstacles, &guides.points, &self.to_metres());
+            depths = depths.max(self.guide_depths.measure(&obstacles, &guides.points, &self.to_metres()));
         }
         let frame = Frame {
             frame,

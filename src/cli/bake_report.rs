@@ -27,7 +27,7 @@ pub fn bake_report(summary: &BakeSummary, title: &str) -> BakeReport {
         ],
         charts: [contact_charts(frames), motion_charts(frames), solver_charts(frames), wisp_charts(frames)]
             .concat(),
-        warnings: warnings(frames),
+        warnings: warnings(summary),
         pictures: Vec::new(),
     }
 }
@@ -73,10 +73,11 @@ fn contact_charts(frames: &[FrameRecord]) -> Vec<Chart> {
         "Penetration",
         "mm",
         "Deepest point inside a body: of guide segments with contact, of those exempt because the groom has them \
-         inside, and of the written render strands, vertices that the groom places inside excluded.",
+         inside, of hair that bodies leave no room for, and of the written render strands, vertices that the groom places inside excluded.",
         vec![
             series("guides", |f| f.penetration_m * 1e3),
             series("exempt", |f| f.exempt_penetration_m * 1e3),
+            series("pinched", |f| f.pinched_penetration_m * 1e3),
             series("render strands", |f| f.hair_penetration_m * 1e3),
         ],
     ));
@@ -203,7 +204,8 @@ pub fn deviation(manifest: &Manifest) -> Vec<(&'static str, String)> {
 }
 
 /// What the user should look at.
-pub fn warnings(frames: &[FrameRecord]) -> Vec<String> {
+pub fn warnings(summary: &BakeSummary) -> Vec<String> {
+    let frames = &summary.frames[..];
     let unsettled = |f: &FrameRecord| f.unsettled + f.strands_unsettled;
     let count = |n: u32| (n > 0).then(|| n.to_string());
     let unconverged = |f: &FrameRecord| {
@@ -219,6 +221,7 @@ pub fn warnings(frames: &[FrameRecord]) -> Vec<String> {
             unconverged,
         ),
         exempt(frames),
+        pinched(summary),
         warning(frames, "guides are more than 0.5 mm inside a body", ADVICE, |f| {
             (f.penetration_m > GUIDE_INSIDE).then(|| format!("{:.1} mm", 1e3 * f.penetration_m))
         }),
@@ -259,6 +262,26 @@ fn exempt(frames: &[FrameRecord]) -> Option<String> {
             deepest.frame
         )
     })
+}
+
+/// Whether bodies leave no room for some of the hair in a frame.
+pub fn pinches(frame: &FrameRecord) -> bool {
+    frame.pinched_segments > 0 || frame.pinched_penetration_m > 0.0
+}
+
+/// Where bodies close on hair, or overlap where it is.
+fn pinched(summary: &BakeSummary) -> Option<String> {
+    let frames: Vec<&FrameRecord> = summary.frames.iter().filter(|f| pinches(f)).collect();
+    let names = summary.manifest.as_ref().map_or(&[][..], |manifest| &manifest.summary.colliders);
+    let held = |b: usize| frames.iter().any(|f| f.pinched_colliders.contains(&(b as u32)));
+    let held: Vec<&str> = (0..names.len()).filter(|b| held(*b)).map(|b| &names[b][..]).collect();
+    let held = if held.is_empty() { "bodies".into() } else { held.join(", ") };
+    warning(
+        &summary.frames,
+        &format!("bodies close on the hair and leave no room for it: it is inside {held}"),
+        "; keep the bodies apart there, or take one of them out of the contact",
+        |f| pinches(f).then(|| format!("{:.1} mm", 1e3 * f.pinched_penetration_m)),
+    )
 }
 
 const ADVICE: &str = "; more sub-steps may help";

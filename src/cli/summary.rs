@@ -1,6 +1,6 @@
 //! The end of a bake: its report, its contact sheet and a summary for the console.
 
-use super::bake_report::{bake_report, deviation, warnings};
+use super::bake_report::{bake_report, deviation, pinches, warnings};
 use super::preview::PICTURES;
 use crate::bake::frame_record::FrameRecord;
 use crate::bake::{BakeSummary, StageSeconds};
@@ -81,6 +81,14 @@ pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
         let (exempt, all) = (last.exempt_segments, last.contact_segments);
         line("exempt", format!("{exempt} of {all} guide segments, {:.4} mm max, frame {frame}", depth * 1e3));
     }
+    if summary.frames.iter().any(pinches) {
+        let (depth, frame) = worst(|f| f.pinched_penetration_m);
+        let segments = summary.frames.iter().map(|f| f.pinched_segments).max().unwrap_or(0);
+        line(
+            "pinched",
+            format!("{segments} segments of guides at most, {:.4} mm max, frame {frame}", depth * 1e3),
+        );
+    }
     if summary.manifest.as_ref().is_some_and(|manifest| manifest.summary.hair.0 > 0) {
         let (depth, frame) = worst(|f| f.hair_penetration_m);
         line(
@@ -93,7 +101,7 @@ pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
     if let Some(manifest) = &summary.manifest {
         deviation(manifest).into_iter().for_each(|(name, value)| line(name, value));
     }
-    for warning in warnings(&summary.frames) {
+    for warning in warnings(summary) {
         line("warning", warning);
     }
     if pictures {

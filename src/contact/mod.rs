@@ -9,6 +9,7 @@
 //!
 //! - `candidates`: contacts near the end of the sub-step (discrete detection).
 //! - `ccd`: times of impact (continuous detection).
+//! - [`pinch`]: what distances bodies leave room for.
 //! - [`pairs`]: strands against strands, discrete and continuous.
 //! - [`friction`]: Signorini's condition with Coulomb's law, solved to a given residual.
 
@@ -18,6 +19,7 @@ mod candidates;
 mod ccd;
 pub mod friction;
 pub mod pairs;
+pub mod pinch;
 mod polyline;
 mod proximity;
 

@@ -37,6 +37,8 @@ pub struct Clearance {
     from: Vec<[f64; 2]>,
     /// The same after all points are pushed out.
     to: Vec<[f64; 2]>,
+    /// Signed distance of the root from each body in the groom's pose, m, at most [`SEARCH_RADIUS`].
+    root_distance: Vec<f64>,
 }
 
 /// A point of the groom's pose relative to one body.
@@ -178,12 +180,14 @@ impl Clearance {
         x: &[Vector3<f64>],
     ) -> Self {
         let groom = GroomPose { bodies, t, poses: pose, thickness, x };
-        let (mut points, mut passages) = (Vec::new(), Vec::new());
+        let (mut points, mut passages, mut root_distance) = (Vec::new(), Vec::new(), Vec::new());
         for (b, (pose, _)) in pose.iter().zip(thickness).enumerate() {
             let local: Vec<_> = x.iter().map(|p| pose.inverse_transform_point(&(*p).into()).coords).collect();
             let of_body = groom.points(b, &local);
             passages.extend(groom.passages(b, &local, &of_body));
             points.extend(of_body);
+            let root = bodies.closest(b, t, &local[0], SEARCH_RADIUS);
+            root_distance.push(root.map_or(SEARCH_RADIUS, |root| root.distance));
         }
         let clips = |c: &&Contact| c.gap < 0.0 && -c.gap < 2.0 * thickness[c.body];
         for clip in groom.contacts(&points, &passages, Passage::Through).iter().filter(clips) {
@@ -205,7 +209,13 @@ impl Clearance {
         for (ends, cut) in from.iter_mut().zip(cut).filter(|(_, cut)| *cut < 0.0) {
             *ends = ends.map(|from| from.min(cut));
         }
-        Clearance { from, to: groom.clearances(&points, &passages, |point| point.keep) }
+        let to = groom.clearances(&points, &passages, |point| point.keep);
+        Clearance { from, to, root_distance }
+    }
+
+    /// Signed distance of the root from each body in the groom's pose, m, at most [`SEARCH_RADIUS`].
+    pub(super) fn root_distance(&self) -> &[f64] {
+        &self.root_distance
     }
 
     /// Clearances at `share` (0..=1) of the push-out.

@@ -30,7 +30,7 @@ impl CoupledSubstep<'_> {
         let mut failures = vec![0; self.states.len()];
         self.take_part(span, 0, records, &mut failures);
         for &g in self.strand_contacts.active() {
-            self.states[g].pinched = failures[g] > records[g].halvings;
+            self.states[g].stuck = failures[g] > records[g].halvings;
         }
     }
 
@@ -43,7 +43,7 @@ impl CoupledSubstep<'_> {
         self.batches.step(self.models, self.env, self.states, span, ContactMode::Coupled, records);
         self.strand_contacts.resolve(self.models, self.states, self.env, span, records);
         let any = |is: fn(&StepRecord) -> bool| {
-            self.states.iter().zip(&*records).any(|(state, record)| !state.pinched && is(record))
+            self.states.iter().zip(&*records).any(|(state, record)| !state.stuck && is(record))
         };
         let (failed, crosses) = (any(StepRecord::failed), any(StepRecord::crosses));
         let max_halvings = if crosses { MAX_HALVINGS_AT_CROSSINGS } else { MAX_HALVINGS };

@@ -16,6 +16,7 @@ pub mod guide_frame;
 pub mod guide_rods;
 mod integrator;
 pub mod model;
+pub mod pinch;
 pub mod sag_free;
 pub mod simulation;
 pub mod step_record;

@@ -30,6 +30,12 @@ pub fn merge_equal_keys<K: PartialEq, V: AddAssign + Copy>(entries: &mut Vec<(K,
     });
 }
 
+/// Smooth step from 0 at the first of `ends` to 1 at the second.
+pub fn smoothstep(ends: [f64; 2], x: f64) -> f64 {
+    let u = ((x - ends[0]) / (ends[1] - ends[0])).clamp(0.0, 1.0);
+    u * u * (3.0 - 2.0 * u)
+}
+
 #[cfg(test)]
 mod tests {
     use super::{merge_equal_keys, percentile};

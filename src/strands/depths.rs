@@ -1,7 +1,7 @@
 //! How deep written curves are inside bodies.
 
 use super::clearances::{Clearances, DistanceBounds};
-use super::obstacles::Obstacles;
+use super::obstacles::{Inside, Obstacles};
 use crate::contact::Bodies;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -20,6 +20,11 @@ pub struct Depths {
     pub strands: f64,
     /// Number of strands with a vertex deeper than 2 mm.
     pub inside: u32,
+    /// Depth of the deepest pinched point or vertex, m: bodies leave no room for it outside
+    /// ([`pinch`](crate::contact::pinch)). The figures above are without these.
+    pub pinched: f64,
+    /// Bodies that hold pinched points: bit b for body b, the last bit for all from 63 on.
+    pub pinched_bodies: u64,
 }
 
 impl Depths {
@@ -29,7 +34,26 @@ impl Depths {
             guides: self.guides.max(other.guides),
             strands: self.strands.max(other.strands),
             inside: self.inside.max(other.inside),
+            pinched: self.pinched.max(other.pinched),
+            pinched_bodies: self.pinched_bodies | other.pinched_bodies,
         }
+    }
+
+    /// The depths of a guide with these points inside, from root to tip. A point next to a pinched one counts
+    /// as pinched: no closer is known where a curve leaves a pinch.
+    pub(super) fn of_guide(points: &[Inside]) -> Self {
+        let pinched_by = |inside: &Inside| {
+            let beside = points.iter().filter(|other| other.vertex.abs_diff(inside.vertex) <= 1);
+            beside.fold(0, |bodies, other| bodies | other.pinched_by)
+        };
+        points.iter().fold(Depths::default(), |depths, inside| match pinched_by(inside) {
+            0 => Depths { guides: depths.guides.max(inside.depth), ..depths },
+            bodies => Depths {
+                pinched: depths.pinched.max(inside.depth),
+                pinched_bodies: depths.pinched_bodies | bodies,
+                ..depths
+            },
+        })
     }
 }
 
@@ -59,18 +83,17 @@ impl GuideDepths {
         GuideDepths { guides: guides.into_par_iter().map(clearances).collect() }
     }
 
-    /// Depth of the deepest point, m; 0 if none is inside. `points` are in the output's unit and axes, which
-    /// `from_scene` maps to metres, Y up.
-    pub fn measure(&self, obstacles: &Obstacles, points: &[[f32; 3]], from_scene: &Matrix3<f64>) -> f64 {
-        let depth = |bounds: &mut DistanceBounds, (range, clearances): &(Range<usize>, Clearances)| {
+    /// Depths of guides at `points`, in the output's unit and axes, which `from_scene` maps to metres, Y up.
+    pub fn measure(&self, obstacles: &Obstacles, points: &[[f32; 3]], from_scene: &Matrix3<f64>) -> Depths {
+        let depths = |bounds: &mut DistanceBounds, (range, clearances): &(Range<usize>, Clearances)| {
             let points = in_metres(&points[range.clone()], from_scene);
-            obstacles.depth(clearances, points, |_, _| false, bounds)
+            Depths::of_guide(&obstacles.inside(clearances, points, |_, _| false, bounds))
         };
         self.guides
             .par_iter()
             .with_min_len(16)
-            .map_init(DistanceBounds::default, depth)
-            .reduce(|| 0.0, f64::max)
+            .map_init(DistanceBounds::default, depths)
+            .reduce(Depths::default, Depths::max)
     }
 }
 

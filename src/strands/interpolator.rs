@@ -268,8 +268,10 @@ impl Interpolator {
             .with_min_len(64)
             .map_init(DistanceBounds::default, |bounds, (strand, w)| {
                 let points = in_metres(&points[w[0]..w[1]], from_scene);
-                let strands = strand.depth(obstacles, guides, points, bounds);
-                Depths { strands, inside: u32::from(strands > INSIDE), ..Depths::default() }
+                let Depths { guides: strands, pinched, pinched_bodies, .. } =
+                    Depths::of_guide(&strand.inside(obstacles, guides, points, bounds));
+                let inside = u32::from(strands > INSIDE);
+                Depths { guides: 0.0, strands, inside, pinched, pinched_bodies }
             })
             .reduce(Depths::default, |a, b| Depths { inside: a.inside + b.inside, ..a.max(b) })
     }

@@ -1,7 +1,7 @@
 //! The bodies that strands stay out of, at one moment.
 
 use super::clearances::{Clearances, DistanceBounds, SEARCH_RADIUS};
-use crate::contact::Bodies;
+use crate::contact::{Bodies, pinch};
 use nalgebra::{Isometry3, Vector3};
 
 /// The bodies at one moment.
@@ -15,9 +15,31 @@ pub struct Obstacles<'a> {
     pub poses: &'a [Isometry3<f64>],
 }
 
+/// A point of a guide, or a vertex of a strand, inside a body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Inside {
+    /// Index along the curve.
+    pub vertex: usize,
+    /// Depth, m.
+    pub depth: f64,
+    /// Bodies that leave no room for it outside: bit b for body b, the last bit for all from 63 on; 0 if there
+    /// is room.
+    pub pinched_by: u64,
+}
+
+/// A violation of the distance to keep from a body.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Violation {
+    /// What is missing, m; 0 if nothing is.
+    pub by: f64,
+    /// Outward normal of the body, world.
+    pub normal: Vector3<f64>,
+    /// The body.
+    pub body: usize,
+}
+
 impl Obstacles<'_> {
-    /// Largest violation at `x` (m, world) of the distance to `keep` from each body, m, with the outward
-    /// normal of that body; 0 if there is none. `x` lies `moved`, m, from the place that `bounds` are for;
+    /// Largest violation at `x` (m, world) of the distance to `keep` from each body, m. `x` lies `moved`, m, from the place that `bounds` are for;
     /// they are updated to `x`.
     pub(super) fn violation(
         &self,
@@ -25,8 +47,8 @@ impl Obstacles<'_> {
         x: &Vector3<f64>,
         moved: f64,
         bounds: &mut DistanceBounds,
-    ) -> (f64, Vector3<f64>) {
-        let mut worst = (0.0, Vector3::zeros());
+    ) -> Violation {
+        let mut worst = Violation::default();
         for (b, bound) in bounds.iter_mut().enumerate() {
             let keep = keep(b);
             *bound -= moved;
@@ -45,34 +67,70 @@ impl Obstacles<'_> {
             // Farther from the surface than that, only a full search tells whether it is outside.
             let Some(surface) = closest(radius).or_else(|| closest(f64::INFINITY)) else { continue };
             *bound = surface.distance;
-            if keep - surface.distance > worst.0 {
-                worst = (keep - surface.distance, pose.rotation * surface.normal);
+            if keep - surface.distance > worst.by {
+                let normal = pose.rotation * surface.normal;
+                worst = Violation { by: keep - surface.distance, normal, body: b };
             }
         }
         worst
     }
 
-    /// Depth of the deepest of the vertices at `points`, m, world, that the groom places outside the bodies,
-    /// m; 0 if none is inside. Vertices of which `is_clear` holds need no search.
-    pub(super) fn depth(
+    /// The vertices at `points`, m, world, root first, that the groom places outside the bodies and that are
+    /// inside. Vertices of which `is_clear` holds need no search.
+    pub(super) fn inside(
         &self,
         clearances: &Clearances,
         points: impl Iterator<Item = Vector3<f64>>,
         is_clear: impl Fn(usize, &Vector3<f64>) -> bool,
         bounds: &mut DistanceBounds,
-    ) -> f64 {
+    ) -> Vec<Inside> {
         bounds.reset(self.poses.len());
-        let (mut last, mut deepest) = (None, 0.0_f64);
+        let (mut last, mut s, mut found) = (None, 0.0, Vec::new());
+        let mut swallowed: Option<Swallowed> = None;
         for (vertex, x) in points.enumerate() {
             let moved = last.replace(x).map_or(0.0, |last: Vector3<f64>| (x - last).norm());
-            if is_clear(vertex, &x) {
+            s += moved;
+            let violation = if is_clear(vertex, &x) {
                 bounds.move_by(moved);
+                Violation::default()
             } else {
-                let surface = |body| clearances.surface(body, vertex);
-                deepest = deepest.max(self.violation(surface, &x, moved, bounds).0);
+                self.violation(|body| clearances.surface(body, vertex), &x, moved, bounds)
+            };
+            if violation.by == 0.0 {
+                swallowed = None;
+                continue;
             }
+            if vertex == 0 {
+                swallowed = Some(Swallowed { root: x, depth: violation.by, violation, sine: 0.0 });
+            }
+            let rooted = swallowed.as_mut().is_some_and(|root| root.holds(vertex, &violation, &x, s));
+            let bit = |body: usize| 1 << body.min(63);
+            let pinched_by = match violation.by > pinch::DEPTH {
+                true if rooted => bit(violation.body),
+                true => self.faced(&violation, &x).map_or(0, |b| bit(b) | bit(violation.body)),
+                false => 0,
+            };
+            found.push(Inside { vertex, depth: violation.by, pinched_by });
         }
-        deepest
+        found
+    }
+
+    /// Another body that faces the way out of a body from `x`, m, world.
+    fn faced(&self, inside: &Violation, x: &Vector3<f64>) -> Option<usize> {
+        let out = x + inside.normal * inside.by;
+        let mut others = self.poses.iter().enumerate().filter(|(b, _)| *b != inside.body);
+        let faces = |(b, pose): &(usize, &Isometry3<f64>)| {
+            let b = *b;
+            let local = pose.inverse_transform_point(&out.into()).coords;
+            let [least, _] = self.bodies.distance_bounds(b, &local);
+            let near = || self.bodies.closest(b, self.time, &local, f64::INFINITY);
+            least <= pinch::ROOM
+                && near().is_some_and(|surface| {
+                    let facing = -inside.normal.dot(&(pose.rotation * surface.normal));
+                    surface.distance <= pinch::ROOM && facing > pinch::FACING
+                })
+        };
+        others.find(faces).map(|(b, _)| b)
     }
 
     /// `x` (m, world) moved out of one body after the other until `vertex` violates its clearance by at most
@@ -107,5 +165,28 @@ impl Obstacles<'_> {
             closest(radius).or_else(deep).map_or(radius, |s| s.distance.min(radius))
         };
         self.poses.iter().enumerate().map(distance).fold(radius, f64::min)
+    }
+}
+
+/// A root inside a body that the groom places outside.
+struct Swallowed {
+    /// The root, m, world.
+    root: Vector3<f64>,
+    /// Its depth, m.
+    depth: f64,
+    violation: Violation,
+    /// Sine of the angle between the body's surface and the strand at its root.
+    sine: f64,
+}
+
+impl Swallowed {
+    /// Whether a strand whose root is here cannot have left the body yet at `vertex`, at `x`, m, world, and the
+    /// arc length `s`, m.
+    fn holds(&mut self, vertex: usize, inside: &Violation, x: &Vector3<f64>, s: f64) -> bool {
+        if vertex == 1 {
+            self.sine = self.violation.normal.dot(&(x - self.root)) / s.max(f64::MIN_POSITIVE);
+        }
+        let least = pinch::leaving(-self.depth, self.sine, s) - pinch::ROOM;
+        inside.body == self.violation.body && -inside.by >= least
     }
 }

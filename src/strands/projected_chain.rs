@@ -1,7 +1,7 @@
 //! The projected chain: edges laid along targets, each rotated until its end is outside of all bodies.
 
 use super::clearances::{Clearances, DistanceBounds};
-use super::obstacles::Obstacles;
+use super::obstacles::{Obstacles, Violation};
 use nalgebra::Vector3;
 
 /// Largest number of rotations of one edge: a curved surface recedes as the edge rotates.
@@ -78,7 +78,8 @@ fn rotate_out(
     for _ in 0..MAX_ROTATIONS {
         let next = x + direction * length;
         let keep = |body| clearances.get(body, vertex);
-        let (violation, normal) = obstacles.violation(keep, &next, (next - end).norm(), bounds);
+        let Violation { by: violation, normal, .. } =
+            obstacles.violation(keep, &next, (next - end).norm(), bounds);
         end = next;
         if violation < best.0 {
             best = (violation, direction);

@@ -7,6 +7,7 @@
 //! to the one it enters only cuts its curve; there the projection to the nearest surface suffices.
 
 use super::obstacles::Obstacles;
+use crate::math::smoothstep;
 use nalgebra::Vector3;
 
 /// Cosine of the angle between the faces through which a path enters and leaves: no retraction at the first,
@@ -58,12 +59,6 @@ impl Obstacles<'_> {
         };
         weight * (1.0 - fraction + STANDOFF / path.norm().max(STANDOFF)).min(1.0)
     }
-}
-
-/// Smooth step from 0 at the first of `ends` to 1 at the second.
-fn smoothstep(ends: [f64; 2], x: f64) -> f64 {
-    let u = ((x - ends[0]) / (ends[1] - ends[0])).clamp(0.0, 1.0);
-    u * u * (3.0 - 2.0 * u)
 }
 
 #[cfg(test)]

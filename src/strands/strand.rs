@@ -6,7 +6,7 @@ use super::deflection::{Deflection, deflected, deflection};
 use super::fabrik::relax;
 use super::free_chain::{Lay, lay, rotations};
 use super::moment::Moment;
-use super::obstacles::Obstacles;
+use super::obstacles::{Inside, Obstacles};
 use super::posed_guide::{PosedGuide, PosedGuides};
 use super::projected_chain::{NextEdge, ProjectedChain};
 use super::rest_guide::{GuidePlace, RestGuide};
@@ -190,22 +190,21 @@ impl Strand {
         }
     }
 
-    /// The deepest of the vertices at `points`, m, world, that the groom places outside the bodies, m; 0 if
-    /// none is inside.
-    pub fn depth(
+    /// The vertices at `points`, m, world, that the groom places outside the bodies and that are inside.
+    pub(super) fn inside(
         &self,
         obstacles: &Obstacles,
         guides: &PosedGuides,
         points: impl Iterator<Item = Vector3<f64>>,
         bounds: &mut DistanceBounds,
-    ) -> f64 {
+    ) -> Vec<Inside> {
         let guide = &guides.guides[self.chain.main];
         let place = |vertex: usize| match vertex {
             0 => self.beside,
             _ => self.chain.edges[vertex - 1].beside,
         };
         let is_clear = |vertex: usize, x: &Vector3<f64>| guide.is_clear(place(vertex), x, 0.0);
-        obstacles.depth(&self.clearances, points, is_clear, bounds)
+        obstacles.inside(&self.clearances, points, is_clear, bounds)
     }
 
     /// Sets the retractions in `state` to those required by bodies between each vertex and the guide.
@@ -263,7 +262,7 @@ impl Strand {
                     false
                 } else {
                     let keep = |body| self.clearances.get(body, vertex);
-                    obstacles.violation(keep, &end, length, &mut bounds.free).0 > 0.0
+                    obstacles.violation(keep, &end, length, &mut bounds.free).by > 0.0
                 };
                 projected = (violates || retraction[vertex] > 0.0).then_some(ProjectedChain { end: start });
             }

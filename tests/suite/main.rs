@@ -11,6 +11,7 @@ mod deform;
 mod farm;
 mod hostile;
 mod import_circles;
+mod pinch;
 mod resume;
 mod rod;
 mod sag_free;

@@ -168,6 +168,16 @@ class Cache:
         """True if the cache has a time sample for every step of the solver (`--curves steps`)."""
         return bool(self.settings.get("curves") == "steps")
 
+    def figure(self, frame: int, name: str) -> float:
+        """A figure of a frame, from manifest.json; 0 if it holds none."""
+        entries = self.record.get("frames")
+        for entry in entries if isinstance(entries, list) else []:
+            if isinstance(entry, dict) and entry.get("frame") == frame:
+                figures = entry.get("figures")
+                value = figures.get(name) if isinstance(figures, dict) else None
+                return float(value) if isinstance(value, int | float) else 0.0
+        return 0.0
+
     def frame_path(self, frame: int) -> Path:
         """File of one frame. The number is padded to four characters as by USD's clips (-1 is `00-1`)."""
         return self.directory / f"hair.{str(frame).rjust(4, '0')}.usdc"

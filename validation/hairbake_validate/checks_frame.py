@@ -6,7 +6,8 @@ import numpy as np
 
 from . import tolerances
 from .cache import GUIDES, HAIR, HEAD, TRANSFORM, Curves
-from .geometry import Arcs, FloatArray, arc_lengths, norms, spacing, transformed
+from .geometry import Arcs, BoolArray, FloatArray, arc_lengths, norms, spacing, transformed
+from .pinches import pinched
 from .report import Check, Finding
 from .window import Window
 
@@ -84,6 +85,13 @@ HAIR_PENETRATION = Check(
     "points of render strands outside a collider at rest stay outside",
     "use more guides where strands penetrate, or bake these frames with more substeps",
     tolerances.HAIR_PENETRATION_M,
+    "m",
+)
+PINCHES = Check(
+    "pinches",
+    "points that bodies leave no room for outside are as deep as manifest.json records",
+    "keep the bodies apart where the hair is, or bake these frames again",
+    tolerances.PINCH_UNRECORDED_M,
     "m",
 )
 
@@ -251,12 +259,29 @@ def hair_penetration(window: Window) -> Iterator[Finding]:
 
 
 def penetration(window: Window, path: str, check: Check) -> Iterator[Finding]:
-    """Depth, in each collider's own space, of the points that must stay outside it."""
+    """Depth, in each collider's own space, of the points that must stay outside it and have room there."""
+    for curves, depth, held in inside(window):
+        if curves.path == path:
+            free = np.where(held, 0, depth)
+            yield worst(window, check, curves, free * window.cache.metres_per_unit)
+
+
+def pinches(window: Window) -> Iterator[Finding]:
+    """Compares the depth of pinched points with the record of the frame."""
+    recorded = window.cache.figure(window.frame, "pinched_penetration_m")
+    for curves, depth, held in inside(window):
+        deepest = np.where(held, depth, 0) * window.cache.metres_per_unit
+        if held.any():
+            yield worst(window, PINCHES, curves, deepest - recorded)
+
+
+def inside(window: Window) -> Iterator[tuple[Curves, FloatArray, BoolArray]]:
+    """Curves, the depth of their points in a collider, and which are pinched; collider by collider."""
     for curves in window.cache.curves:
         for mesh, at_first in window.reference.colliders:
-            depth = window.depths(mesh, at_first).get(path) if curves.path == path else None
+            depth = window.depths(mesh, at_first).get(curves.path)
             if depth is not None:
-                yield worst(window, check, curves, depth * window.cache.metres_per_unit)
+                yield curves, depth, window.once(pinched, curves)[mesh.path]
 
 
 def worst(
@@ -281,5 +306,6 @@ FRAME: dict[Check, Callable[[Window], Iterator[Finding]]] = {
     GUIDE_LENGTH: guide_length,
     GUIDE_PENETRATION: guide_penetration,
     HAIR_PENETRATION: hair_penetration,
+    PINCHES: pinches,
 }
 """The checks of single frames and their functions, in the order of the report."""

@@ -131,6 +131,17 @@ class Collider:
             depth[within[block]] = np.maximum(0, -signed)
         return depth
 
+    def surface(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Signed distance of points (`N × 3`) and the outward normals there, from all triangles."""
+        distance, normal = np.empty(len(points)), np.empty((len(points), 3))
+        every = np.arange(len(self.corners))
+        runs = Runs(every, np.zeros(len(points), int), np.full(len(points), len(every)))
+        for block in runs.blocks():
+            signed, away, *_ = self._signed_distance(points[block], runs.select(block))
+            distance[block] = signed
+            normal[block] = away / np.where(signed == 0, 1, signed)[:, None]
+        return distance, normal
+
     def _cells(self, points: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
         """Points within the root cell, their finest cells, `3 × n`, and distances from the cells' centres."""
         count = 2**self.levels
@@ -185,7 +196,7 @@ class Collider:
         triangles: list[IntArray] = []
         counts: list[IntArray] = []
         for block in runs.blocks():
-            signed, cell, triangle, least = self._signed_distance(centres[block], runs.select(block))
+            signed, _, cell, triangle, least = self._signed_distance(centres[block], runs.select(block))
             keep = least <= (np.abs(signed) + slack)[cell]
             distances.append(signed)
             triangles.append(triangle[keep])
@@ -194,11 +205,12 @@ class Collider:
 
     def _signed_distance(
         self, points: FloatArray, runs: Runs
-    ) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
+    ) -> tuple[FloatArray, FloatArray, IntArray, IntArray, FloatArray]:
         """Signed distance of each point to the closest triangle of its run.
 
-        Also returns point, triangle and least possible distance of every pair, by the bounding spheres: only
-        triangles that may be closer than the nearest centroid are measured.
+        Also returns the vector from there to the point, and point, triangle and least possible distance of
+        every pair, by the bounding spheres: only triangles that may be closer than the nearest centroid are
+        measured.
         """
         point, triangle = runs.expand()
         squares = np.zeros(len(point))
@@ -217,7 +229,7 @@ class Collider:
         hits = hits[np.flatnonzero(np.diff(at[hits], prepend=-1))]
         away, feature = closest(points, self.corners[candidate[hits]])
         inside = dot(away, self.normals[candidate[hits], feature]) < 0
-        return np.where(inside, -1, 1) * norms(away), point, triangle, least
+        return np.where(inside, -1, 1) * norms(away), away, point, triangle, least
 
     def _assign_leaves(self, cells: IntArray, level: int, first: int) -> None:
         """Enters leaves `first`, `first + 1`, … in the finest grid."""

@@ -88,6 +88,20 @@ EXEMPT_SHARE = 0.5
 GUIDE_PENETRATION_M = 5e-4
 HAIR_PENETRATION_M = 2e-3
 
+# Hair pinched between bodies: distance between surfaces that face each other, m, below which there is no
+# room for it (points of a curve lie a step apart), and the cosine of their outward normals, negated, from
+# which they do (120 degrees: out of a more open groove hair can be squeezed sideways).
+PINCH_ROOM_M = 2e-3
+PINCH_FACING = 0.5
+
+# A hair whose root is inside a body leaves it along a curve of this radius, m, up to this slope.
+PINCH_RADIUS_M = 0.01
+PINCH_RISE = 0.5
+
+# Depth from which points are looked at, m, and depth of pinched points beyond the recorded, m.
+PINCH_DEPTH_M = 1e-4
+PINCH_UNRECORDED_M = 5e-4
+
 # Speed of a point, relative to the larger of VELOCITY_PEAK times the speed of the central difference of its
 # positions, and that speed plus VELOCITY_PEAK_M_S. Hair that swings at 7 Hz with 3 cm is sampled badly at 24
 # frames a second and stays below 0.6. Streaks in motion blur had 1 to 40. Hair that turns back within two

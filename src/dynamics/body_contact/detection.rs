@@ -3,8 +3,8 @@
 use super::problem::{BodyContact, target_distance};
 use super::scratch::BodyContactScratch;
 use super::tolerances::{
-    ACCEPTABLE_GAP, DETECTION_DISTANCE, GAP_TOLERANCE, MAX_CONTACTS, MAX_TOLERATED_SHARE, MIN_DISTANCE_SHARE,
-    PUSH_OUT_SPEED, ROUNDING, STABILISATION, SURFACE_TOLERANCE,
+    ACCEPTABLE_GAP, DETECTION_DISTANCE, GAP_TOLERANCE, MAX_COMPRESSION, MAX_CONTACTS, MAX_TOLERATED_SHARE,
+    MIN_DISTANCE_SHARE, PUSH_OUT_SPEED, ROUNDING, STABILISATION, SURFACE_TOLERANCE,
 };
 use crate::contact::{Contact, ContactCache, MovingPolyline};
 use crate::dynamics::contact_polyline::with_midpoints;
@@ -80,6 +80,11 @@ impl BodyContact<'_> {
         }
         let checked = || detection.found.iter().chain(&contacts[planes.len()..]);
         detection.worst = checked().map(|c| c.gap).fold(0.0, f64::min);
+        let unaccounted = |c: &Contact| match line.clearance_at(c) < 0.0 {
+            true => c.gap + ACCEPTABLE_GAP,
+            false => c.gap + MAX_COMPRESSION * self.compressible(&line, c),
+        };
+        detection.unaccounted = checked().map(unaccounted).fold(0.0, f64::min);
         detection.shortfall = checked().map(|c| self.shortfall(&line, c)).fold(0.0, f64::max);
         if contacts.len() > MAX_CONTACTS {
             contacts.sort_by(|a, b| a.gap.total_cmp(&b.gap));

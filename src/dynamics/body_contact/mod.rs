@@ -102,6 +102,8 @@ impl BodyContact<'_> {
             let at_rest = state.at_rest();
             let settled = at_rest || (free && round == 0 && self.ties.is_empty());
             let kept = scratch.detection.worst >= -GAP_TOLERANCE;
+            // At rest a contact is as deep as the law has it.
+            let lawful = kept || at_rest && scratch.detection.unaccounted >= -GAP_TOLERANCE;
             let bearable = scratch.detection.shortfall <= 0.0;
             // A strand pinched between two surfaces converges without keeping its distance from both.
             let enough = kept || at_rest && bearable;
@@ -110,7 +112,7 @@ impl BodyContact<'_> {
             if round == MAX_ROUNDS || (clear && settled && accurate && enough) {
                 self.record(scratch);
                 let acceptable = (free || settled) && bearable;
-                let taken = clear && acceptable && (settled && kept || self.gains_no_speed(scratch));
+                let taken = clear && acceptable && (settled && lawful || self.gains_no_speed(scratch));
                 if taken && !settled {
                     scratch.stats.unsettled = true;
                     // The last residual belongs to the start of the round.

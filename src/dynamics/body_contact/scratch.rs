@@ -37,6 +37,8 @@ pub(in crate::dynamics) struct Detection {
     pub(super) impacts: Impacts,
     /// Deepest violation of a clearance at the current end, m, ≤ 0.
     pub(super) worst: f64,
+    /// Deepest violation that the compliance of the contacts does not account for, m, ≤ 0.
+    pub(super) unaccounted: f64,
     /// Largest shortfall from the distance that even a pinched strand must keep, m, ≥ 0.
     pub(in crate::dynamics) shortfall: f64,
     /// True if contacts stay in the problem and new ones are only added.

@@ -7,6 +7,7 @@ use crate::contact::BodyMotion;
 use crate::dynamics::body_contact::{BodyContact, BodyContactScratch};
 use crate::dynamics::contact_polyline::with_midpoints;
 use crate::dynamics::environment::Environment;
+use crate::dynamics::pinch::Pinch;
 use crate::math::se3::Pose;
 use crate::rod::newton::Solver;
 use nalgebra::Vector3;
@@ -93,6 +94,15 @@ impl GuideModel {
             end: (env.body)(b, t1),
         }));
         state.clearance.at((env.push_out)(t1), &mut inputs.clearance);
+        inputs.pinched = state.pinched
+            && Pinch {
+                bodies: &env.bodies,
+                motions: &inputs.motions,
+                x0: &inputs.polyline,
+                root: &env.root(&self.rod.root, t1),
+                root_distance: state.clearance.root_distance(),
+            }
+            .lower(&mut inputs.clearance);
     }
 
     /// The contact problem of the prepared step, and what its solution changes.

@@ -34,6 +34,8 @@ pub(super) struct ContactInputs {
     pub motions: Vec<BodyMotion>,
     /// Distance to keep from body b at both ends of half segment k, m, at `b * halves + k`.
     pub clearance: Vec<[f64; 2]>,
+    /// True if bodies leave no room for some of these distances, which are lowered.
+    pub pinched: bool,
     /// Contact polyline at the start of the step, m, world.
     pub polyline: Vec<Vector3<f64>>,
     /// Speed gained from gravity and force fields in the step, m/s.

@@ -29,8 +29,11 @@ pub struct GuideState {
     history: History,
     /// Reactions of bodies at the end of the last step: the next step starts from them.
     pub(super) contact_loads: Vec<ContactLoad>,
-    /// True if no part of the last sub-step was admissible: bodies have closed on the strand, and halving
-    /// does not help.
+    /// True if no part of the last sub-step was admissible: halving does not help.
+    pub(in crate::dynamics) stuck: bool,
+    /// True while bodies leave no room for the distances that the guide keeps from them ([`Pinch`]).
+    ///
+    /// [`Pinch`]: crate::dynamics::pinch::Pinch
     pub(in crate::dynamics) pinched: bool,
     /// Values that speed up or feed one sub-step; no later sub-step depends on them.
     #[serde(skip)]
@@ -106,6 +109,7 @@ impl GuideState {
             history: History { previous, last_step: 0.0, rates },
             q: [q.clone(), q.clone(), q],
             contact_loads: Vec::new(),
+            stuck: false,
             pinched: false,
             transient: Transient::default(),
         }
@@ -297,7 +301,7 @@ impl GuideState {
         self.history.last_step = h;
         self.contact_loads.clear();
         self.transient.friction_force.clear();
-        self.pinched = false;
+        (self.stuck, self.pinched) = (false, false);
     }
 
     /// Distance that each place must keep from each body, m, −∞ if exempt; at body b and place k at `b *
@@ -338,7 +342,8 @@ impl Checkpoint for GuideState {
 
     fn state(&self) -> GuideState {
         // All fields by name: whoever adds one decides here whether a later sub-step depends on it.
-        let GuideState { q, x, v, tangent, clearance, history, contact_loads, pinched, transient: _ } = self;
+        let GuideState { q, x, v, tangent, clearance, history, contact_loads, stuck, pinched, transient: _ } =
+            self;
         GuideState {
             q: q.clone(),
             x: x.clone(),
@@ -347,6 +352,7 @@ impl Checkpoint for GuideState {
             clearance: clearance.clone(),
             history: history.clone(),
             contact_loads: contact_loads.clone(),
+            stuck: *stuck,
             pinched: *pinched,
             transient: Transient::default(),
         }

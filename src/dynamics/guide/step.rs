@@ -50,8 +50,9 @@ impl GuideModel {
         let depth = if coupled { MAX_HALVINGS } else { 0 };
         self.step_part(free, env, state, span, (mode, depth), scratch, &mut record);
         if !coupled {
-            state.pinched = record.truncated > record.halvings;
+            state.stuck = record.truncated > record.halvings;
         }
+        state.pinched &= scratch.inputs.pinched;
         if state.clearance.counts().1 > 0 && (env.push_out)(span[1]) >= 1.0 {
             // Segments still inside at the end of the push-out are drawn through the body: they stay exempt.
             let poses = env.body_poses(span[1]);
@@ -73,7 +74,7 @@ impl GuideModel {
         scratch: &mut GuideScratch,
         record: &mut StepRecord,
     ) {
-        let last = state.pinched || depth >= MAX_HALVINGS;
+        let last = state.stuck || depth >= MAX_HALVINGS;
         let mut formula = self.difference_formula(state, t1 - t0);
         let (mut root, mut outcome, mut clear);
         loop {
@@ -108,8 +109,17 @@ impl GuideModel {
             }
             formula = DifferenceFormula::new(self.scheme, t1 - t0, 0.0);
         }
+        if outcome.converged && !clear && !state.pinched && mode != ContactMode::Springs {
+            // The step may have no solution: bodies may leave no room for one.
+            state.pinched = true;
+            self.prepare_contact(env, state, [t0, t1], &mut scratch.inputs);
+            state.pinched = scratch.inputs.pinched;
+            if state.pinched {
+                return self.step_part(None, env, state, [t0, t1], (mode, depth), scratch, record);
+            }
+        }
         let coupled = mode == ContactMode::Coupled;
-        let whole = clear || coupled || depth >= MAX_HALVINGS || state.pinched && outcome.converged;
+        let whole = clear || coupled || depth >= MAX_HALVINGS || state.stuck && outcome.converged;
         if !whole {
             record.halvings += 1;
             let middle = 0.5 * (t0 + t1);

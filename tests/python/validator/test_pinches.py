@@ -1,0 +1,105 @@
+"""Hair that bodies leave no room for: told apart from hair that is inside although it could be outside."""
+
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+
+from hairbake_validate.geometry import Array, FloatArray
+from hairbake_validate.run import validate
+from validator.defects import MIDDLE, failed, move_points
+from validator.good_cache import (
+    FPS,
+    GUIDES,
+    POINTS,
+    RADIUS,
+    CacheBuilder,
+    head_matrix,
+    sphere_mesh,
+    transform,
+)
+
+HAND = "/groom/colliders/hand"
+PATHS = {"guide_penetration", "pinches"}
+"""The checks in question: a tip that is moved stretches its guide too."""
+DEPTH = 3e-3
+
+
+def press_a_tip(cache: CacheBuilder) -> FloatArray:
+    """Puts the tip of a guide 3 mm inside the skull in the middle frame; returns the way out, at rest."""
+    points, triangles = sphere_mesh()
+    corners = points[triangles[40]]
+    out = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    out /= np.linalg.norm(out)
+    tip = corners.mean(axis=0) - DEPTH * out
+
+    def change(curves: Array) -> Array:
+        curves[0, POINTS - 1] = transform(tip[None], head_matrix((MIDDLE - 1001) / FPS))[0]
+        return curves
+
+    move_points(cache, MIDDLE, GUIDES, change)
+    return np.stack([corners.mean(axis=0), out])
+
+
+def add_a_hand(cache: CacheBuilder, place: FloatArray, gap: float) -> None:
+    """Adds a ball that comes to within `gap`, m, of a place on the skull in the middle frame only."""
+    points, triangles = sphere_mesh()
+    # A facet of the ball faces the place.
+    facet = points[triangles[40]].mean(axis=0)
+    turned = -points
+
+    def define(stage: Usd.Stage) -> None:
+        mesh = UsdGeom.Mesh.Define(stage, HAND)
+        mesh.AddTransformOp()
+        mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(turned.astype(np.float32)))
+        mesh.CreateExtentAttr(Vt.Vec3fArray([Gf.Vec3f(-RADIUS), Gf.Vec3f(RADIUS)]))
+        mesh.CreateFaceVertexCountsAttr([3] * len(triangles))
+        mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(triangles[:, ::-1].ravel().astype(np.int32)))
+        mesh.CreateSubdivisionSchemeAttr("none")
+        mesh.CreatePurposeAttr("guide")
+
+    cache.edit_topology(define)
+    there = place[0] + facet + gap * place[1]
+
+    def sample(_layer: Sdf.Layer, frame: int, time: float) -> Gf.Matrix4d:
+        matrix = np.eye(4)
+        matrix[3, :3] = there if frame == MIDDLE else [0, 9, 0]
+        return Gf.Matrix4d(*(matrix @ head_matrix((time - 1001) / FPS)).ravel().tolist())
+
+    cache.add_attribute(f"{HAND}.xformOp:transform", Sdf.ValueTypeNames.Matrix4d, sample)
+
+
+def record(cache: CacheBuilder, depth: float) -> None:
+    """Records pinched hair in the middle frame."""
+
+    def change(manifest: dict[str, object]) -> None:
+        frames = manifest["frames"]
+        assert isinstance(frames, list)
+        entry = next(entry for entry in frames if entry["frame"] == MIDDLE)
+        entry["figures"]["pinched_penetration_m"] = depth
+
+    cache.edit_record(change)
+
+
+@pytest.mark.parametrize(
+    ("gap", "recorded", "expected"),
+    [
+        # No hand, or one that leaves room: the tip is inside for no reason, recorded or not.
+        (None, 0.0, {"guide_penetration"}),
+        (0.01, 0.0, {"guide_penetration"}),
+        (0.01, DEPTH, {"guide_penetration"}),
+        # A hand that closes on the tip, and one that overlaps the skull there.
+        (1e-3, 0.0, {"pinches"}),
+        (1e-3, DEPTH, set()),
+        (-2 * DEPTH, DEPTH, set()),
+        (-2 * DEPTH, 0.5 * DEPTH, {"pinches"}),
+    ],
+)
+def test_only_hair_without_room_outside_is_pinched(
+    good_cache: CacheBuilder, gap: float | None, recorded: float, expected: set[str]
+) -> None:
+    place = press_a_tip(good_cache)
+    if gap is not None:
+        add_a_hand(good_cache, place, gap)
+    record(good_cache, recorded)
+    report = validate(good_cache.directory)
+    assert failed(report) & PATHS == expected, report.as_text()

@@ -1,0 +1,121 @@
+"""Points inside a collider that bodies leave no room for outside: pinched hair.
+
+Bodies of an animation close on hair and overlap where it is, and carry roots into each other. Where no place
+outside is free, a bake cannot be right, and must say so. Found here from the colliders and the points alone:
+
+- The shortest way out of a collider leads to another that faces it, within `tolerances.PINCH_ROOM_M`.
+- The root itself is inside, and the point follows it without a break, no deeper than a hair that leaves the
+  collider in a curve of radius `tolerances.PINCH_RADIUS_M`, up to a slope of `tolerances.PINCH_RISE`.
+- The point is next to such a point on its curve.
+
+What is inside one collider with room outside is none of these.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from . import tolerances
+from .cache import TRANSFORM, Curves, Mesh
+from .collider import Collider
+from .geometry import BoolArray, FloatArray, dot, norms, transformed
+from .window import Window, neighbours_on_curve
+
+
+def pinched(window: Window, curves: Curves, _offset: int) -> dict[str, BoolArray]:
+    """The points of curves that are pinched in the centre frame, by the path of the collider."""
+    found: dict[str, BoolArray] = {}
+    for mesh, at_first in window.reference.colliders:
+        depth = window.depths(mesh, at_first).get(curves.path)
+        if depth is not None:
+            found[mesh.path] = pinched_in(window, curves, mesh, at_first, depth)
+    return found
+
+
+def pinched_in(
+    window: Window, curves: Curves, mesh: Mesh, at_first: Collider, depth: FloatArray
+) -> BoolArray:
+    """The points of curves that are pinched in a collider, of those with a `depth`."""
+    found = np.zeros(len(depth), bool)
+    inside = np.flatnonzero(depth * window.cache.metres_per_unit > tolerances.PINCH_DEPTH_M)
+    points = window.get(curves.path, "points")
+    solid = solid_of(window, mesh, at_first)
+    if not len(inside) or points is None or solid is None:
+        return found
+    places = points.astype(float)
+    _, normals = surface(solid, places[inside])
+    out = places[inside] + normals * depth[inside][:, None]
+    found[inside] = faced(window, mesh, out, normals)
+    found |= swallowed(window.cache.metres_per_unit, curves, places, depth, solid)
+    return (found | neighbours_on_curve(found, curves)) & (depth > 0)
+
+
+def faced(window: Window, mesh: Mesh, out: FloatArray, normals: FloatArray) -> BoolArray:
+    """Which places on a collider's surface, with outward normals, have another before them that faces it."""
+    room = tolerances.PINCH_ROOM_M / window.cache.metres_per_unit
+    found = np.zeros(len(out), bool)
+    for other, at_first in window.reference.colliders:
+        solid = None if other is mesh else solid_of(window, other, at_first)
+        if solid is None:
+            continue
+        local = transformed(out, np.linalg.inv(solid[1]))
+        collider = solid[0]
+        offset = np.abs(local - collider.origin - collider.size / 2).max(axis=1)
+        near = np.flatnonzero((offset <= collider.size / 2 + room) & ~found)
+        if len(near):
+            distance, against = surface(solid, out[near])
+            facing = -dot(normals[near], against) > tolerances.PINCH_FACING
+            found[near] = (distance <= room) & facing
+    return found
+
+
+def swallowed(
+    metres: float, curves: Curves, points: FloatArray, depth: FloatArray, solid: tuple[Collider, FloatArray]
+) -> BoolArray:
+    """Which points follow a root inside a collider, without a break, and cannot be out of it yet."""
+    found = np.zeros(len(depth), bool)
+    for start, end in deep_roots(curves, depth):
+        outside = np.flatnonzero(depth[start:end] == 0)
+        run = slice(start, start + int(outside[0]) if len(outside) else end)
+        s = np.concatenate([[0], np.cumsum(norms(np.diff(points[run], axis=0)))]) * metres
+        _, normal = surface(solid, points[start : start + 1])
+        first = points[start + 1] - points[start]
+        sine = float(first @ normal[0] / np.linalg.norm(first))
+        allowed = depth[start] * metres - rise(sine, s) + tolerances.PINCH_ROOM_M
+        found[run] = depth[run] * metres <= allowed
+    return found
+
+
+def deep_roots(curves: Curves, depth: FloatArray) -> Iterator[tuple[int, int]]:
+    """First point and end of the curves whose root is inside."""
+    for start, count in zip(curves.starts, curves.counts, strict=True):
+        if depth[start] > 0:
+            yield int(start), int(start + count)
+
+
+def rise(sine: float, s: FloatArray) -> FloatArray:
+    """Height over its root of a hair that leaves a surface at arc lengths `s`, m (docs/theory.md eq. 5.9)."""
+    slope, radius = tolerances.PINCH_RISE, tolerances.PINCH_RADIUS_M
+    turn = np.minimum(s, max(0.0, radius * (slope - sine)))
+    height: FloatArray = min(sine, slope) * turn + turn**2 / (2 * radius) + slope * (s - turn)
+    return height
+
+
+def solid_of(window: Window, mesh: Mesh, at_first: Collider) -> tuple[Collider, FloatArray] | None:
+    """A collider and its transform in the centre frame; None without valid values."""
+    matrix = window.get(mesh.path, TRANSFORM)
+    vertices = window.get(mesh.path, "points") if mesh.deforms else mesh.points
+    if matrix is None or vertices is None:
+        return None
+    if not mesh.deforms:
+        return at_first, matrix
+    # Only `surface` is asked, which needs no octree.
+    return Collider(vertices.astype(float), mesh.solid, np.empty((0, 3))), matrix
+
+
+def surface(solid: tuple[Collider, FloatArray], points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Signed distance of points in the scene from a collider, and the outward normals in the scene."""
+    collider, matrix = solid
+    distance, normal = collider.surface(transformed(points, np.linalg.inv(matrix)))
+    turned = normal @ matrix[:3, :3]
+    return distance, turned / np.maximum(norms(turned), np.finfo(float).tiny)[:, None]
