@@ -77,11 +77,11 @@ pub struct FrameRecord {
     pub contact_segments: u32,
     /// Deepest point of an exempt segment inside its body, roots excluded, m; 0 if none.
     pub exempt_penetration_m: f64,
-    /// Segments of active guides' contact polylines, at the frame, that bodies leave no room for outside, counted
-    /// once per body.
+    /// Segments of active guides' contact polylines, at the frame, that bodies leave no room for outside,
+    /// counted once per body.
     pub pinched_segments: u32,
-    /// Deepest written point of a guide or vertex of a render strand that bodies leave no room for, m; 0 if there
-    /// is none. The other depths are without these.
+    /// Deepest written point of a guide or vertex of a render strand that bodies leave no room for, m; 0 if
+    /// there is none. The other depths are without these.
     pub pinched_penetration_m: f64,
     /// Colliders that hold these points, by their places in the scene, up to 63.
     pub pinched_colliders: Vec<u32>,

@@ -73,7 +73,8 @@ fn contact_charts(frames: &[FrameRecord]) -> Vec<Chart> {
         "Penetration",
         "mm",
         "Deepest point inside a body: of guide segments with contact, of those exempt because the groom has them \
-         inside, of hair that bodies leave no room for, and of the written render strands, vertices that the groom places inside excluded.",
+         inside, of hair that bodies leave no room for, and of the written render strands, vertices that the groom \
+         places inside excluded.",
         vec![
             series("guides", |f| f.penetration_m * 1e3),
             series("exempt", |f| f.exempt_penetration_m * 1e3),

@@ -143,7 +143,7 @@ impl Pinch<'_> {
     }
 }
 
-/// Lowers both ends of segment `k`, and the ends of its neighbours there, by `yielded`, m, from what is `asked`.
+/// Lowers both ends of segment `k`, and the ends of its neighbours there, by `yielded`, m, from `asked`.
 fn lower_segment(asked: &[[f64; 2]], clearance: &mut [[f64; 2]], k: usize, yielded: f64) {
     let mut lower = |k: usize, end: usize| {
         let kept = &mut clearance[k][end];

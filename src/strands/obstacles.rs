@@ -39,8 +39,8 @@ pub(super) struct Violation {
 }
 
 impl Obstacles<'_> {
-    /// Largest violation at `x` (m, world) of the distance to `keep` from each body, m. `x` lies `moved`, m, from the place that `bounds` are for;
-    /// they are updated to `x`.
+    /// Largest violation at `x` (m, world) of the distance to `keep` from each body, m. `x` lies `moved`, m,
+    /// from the place that `bounds` are for; they are updated to `x`.
     pub(super) fn violation(
         &self,
         keep: impl Fn(usize) -> f64,
