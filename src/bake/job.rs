@@ -113,8 +113,13 @@ fn required_guides(
 ) -> Vec<bool> {
     let settings = &anim.settings;
     let friction = rods.simulated.iter().any(|r| r.material.wisp_friction > 0.0);
+    let meets_hair = match settings.contact {
+        ContactSetting::Full => true,
+        ContactSetting::Volume => rods.sampling.is_some(),
+        ContactSetting::Bodies | ContactSetting::Penalty => false,
+    };
     // Leaders exchange friction with other guides, which may have further leaders.
-    if settings.contact == ContactSetting::Full || friction && settings.resolution() != Resolution::Full {
+    if meets_hair || friction && settings.resolution() != Resolution::Full {
         return vec![true; rods.simulated.len()];
     }
     let mut required = vec![false; rods.simulated.len()];

@@ -31,8 +31,9 @@ value_enum! { Scheme:
     BackwardEuler, "backward-euler", "First order: cheaper in contact, damps swinging hair more than air and hair do";
 }
 value_enum! { ContactSetting:
+    Volume, "volume", "Bodies, and other hair as a volume that resists pressure and slip";
     Bodies, "bodies", "Bodies";
-    Full, "full", "Bodies and other hair; slower";
+    Full, "full", "Bodies, and other guides as rigid bundles; many times slower";
     Penalty, "penalty", "Bodies, by springs: for a quick look, without guarantees";
 }
 value_enum! { Resolution:

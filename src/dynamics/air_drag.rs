@@ -22,22 +22,26 @@ const HALF_SHIELDING_DENSITY: f64 = 1e5;
 const CELL: f64 = 0.01;
 
 /// Length of hair per volume, m/m³, in the pose of the groom (rest space), on a grid.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct HairDensity {
     /// By the indices of the cell; cells without hair are absent.
     cells: BTreeMap<[i64; 3], f64>,
 }
 
 impl HairDensity {
-    /// Of polylines, m, rest space, each with the number of hairs that it represents. The length of a segment
-    /// is shared among the cells around its midpoint.
+    /// Of polylines, m, rest space, each with the number of hairs that it represents. Each segment is cut into
+    /// parts no longer than a cell, and the length of a part is shared among the cells around its midpoint.
     pub fn new<'a>(polylines: impl Iterator<Item = (&'a [Vector3<f64>], f64)>) -> Self {
         let mut density = HairDensity::default();
         for (points, hairs) in polylines {
             for w in points.windows(2) {
-                let share = (w[1] - w[0]).norm() * hairs / (CELL * CELL * CELL);
-                for (cell, part) in corners(&((w[0] + w[1]) * 0.5)) {
-                    *density.cells.entry(cell).or_default() += share * part;
+                let length = (w[1] - w[0]).norm();
+                let parts = (length / CELL).ceil();
+                let share = length / parts * hairs / (CELL * CELL * CELL);
+                for i in 0..parts as usize {
+                    for (cell, part) in corners(&w[0].lerp(&w[1], (i as f64 + 0.5) / parts)) {
+                        *density.cells.entry(cell).or_default() += share * part;
+                    }
                 }
             }
         }
@@ -50,8 +54,19 @@ impl HairDensity {
             .map(|(cell, part)| part * self.cells.get(&cell).copied().unwrap_or(0.0))
             .into_iter()
             .sum();
-        length / (length + HALF_SHIELDING_DENSITY)
+        shielded_share(length)
     }
+
+    /// Mean over all hair, m/m³; 0 without hair.
+    pub fn mean(&self) -> f64 {
+        let [length, square] = self.cells.values().fold([0.0, 0.0], |[a, b], l| [a + l, b + l * l]);
+        if length > 0.0 { square / length } else { 0.0 }
+    }
+}
+
+/// Share (0..1) of the drag in free air that is lost among hair of `density`, m/m³.
+pub fn shielded_share(density: f64) -> f64 {
+    density / (density + HALF_SHIELDING_DENSITY)
 }
 
 /// The eight cells around a point and their trilinear weights.

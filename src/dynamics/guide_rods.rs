@@ -1,6 +1,8 @@
 //! The groom's guides as rods.
 
+use super::air_drag::HairDensity;
 use super::guide_frame::GuideFrame;
+use super::hair_volume;
 use super::sag_free::{self, SagFreeReport};
 use crate::rod::{Rod, RodShape, SegmentSize};
 use crate::scene::anim::ContactSetting;
@@ -15,6 +17,11 @@ pub struct GuideRods {
     pub simulated: Vec<GuideRod>,
     /// The rods with fine segments, for output; empty if the simulated ones have fine segments.
     fine: Vec<Rod>,
+    /// Density of the hair in the groom's pose.
+    pub(super) density: HairDensity,
+    /// How many hairs each hair of the groom stands for in contact with other hair as a volume; `None` without
+    /// such contact.
+    pub sampling: Option<f64>,
     /// What the sag-free start changed.
     pub sag_free: SagFreeReport,
     /// True for each guide that the bake needs: all guides, or those of some groups and their leaders.
@@ -22,17 +29,27 @@ pub struct GuideRods {
 }
 
 impl GuideRods {
-    /// The rods of `groom`, which must have its trees. Segments are coarse if `anim` has no contact.
+    /// The rods of `groom`, which must have its trees. Segments are coarse if nothing is touched.
     pub fn new(groom: &Groom, anim: &Anim) -> Self {
+        let contact = anim.settings.contact;
+        let mut simulated = wisp::guide_rods(groom, SegmentSize::FINE);
+        let density =
+            HairDensity::new(simulated.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
+        let area = simulated.iter().map(|r| r.material.section.area()).sum::<f64>() / simulated.len() as f64;
+        let sampling =
+            (contact == ContactSetting::Volume).then(|| hair_volume::sampling(&density, area)).flatten();
         let alone = anim.colliders.is_empty()
             && anim.ties.is_empty()
-            && anim.settings.contact != ContactSetting::Full;
-        let mut simulated =
-            wisp::guide_rods(groom, if alone { SegmentSize::COARSE } else { SegmentSize::FINE });
-        let fine = if alone { wisp::guide_rods(groom, SegmentSize::FINE) } else { Vec::new() };
+            && contact != ContactSetting::Full
+            && sampling.is_none();
+        let mut fine = Vec::new();
+        if alone {
+            fine = std::mem::replace(&mut simulated, wisp::guide_rods(groom, SegmentSize::COARSE));
+        }
         let report = sag_free::apply(&mut simulated, anim);
         let required = vec![true; simulated.len()];
-        GuideRods { sag_free: report, required, simulated, fine: fine.into_iter().map(|r| r.rod).collect() }
+        let fine = fine.into_iter().map(|r| r.rod).collect();
+        GuideRods { sag_free: report, required, simulated, fine, density, sampling }
     }
 
     /// The fine rod of every guide, with the simulated one.

@@ -14,6 +14,7 @@ pub mod exemption;
 pub mod guide;
 pub mod guide_frame;
 pub mod guide_rods;
+mod hair_volume;
 mod integrator;
 pub mod model;
 pub mod pinch;

@@ -40,9 +40,8 @@ impl<'a> Model<'a> {
     /// The model of `groom`, whose guides have the rods `rods`, moving as in `anim`.
     pub fn new(groom: &Groom, anim: &'a Anim, rods: &GuideRods) -> Self {
         let simulated = rods.required.clone();
-        let rods = &rods.simulated;
-        let density = HairDensity::new(rods.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
-        let mut guides: Vec<GuideModel> = rods.par_iter().map(|r| guide(anim, &density, r)).collect();
+        let GuideRods { simulated: rods, density, .. } = rods;
+        let mut guides: Vec<GuideModel> = rods.par_iter().map(|r| guide(anim, density, r)).collect();
         for (guide, ties) in guides.iter_mut().zip(tie::ties(groom, anim, rods)) {
             guide.ties = ties;
         }
@@ -87,7 +86,7 @@ impl<'a> Model<'a> {
     /// How contact constrains a sub-step.
     pub(super) fn contact_mode(&self) -> ContactMode {
         match self.anim.settings.contact {
-            ContactSetting::Bodies => ContactMode::Bodies,
+            ContactSetting::Volume | ContactSetting::Bodies => ContactMode::Bodies,
             ContactSetting::Full => ContactMode::Coupled,
             ContactSetting::Penalty => ContactMode::Springs,
         }

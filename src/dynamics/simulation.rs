@@ -9,6 +9,7 @@ use super::environment::Environment;
 use super::guide::{ContactMode, GuideState};
 use super::guide_frame::{GuideFrame, SolverStep};
 use super::guide_rods::GuideRods;
+use super::hair_volume::HairVolume;
 use super::model::Model;
 use super::step_record::StepRecord;
 use super::strand_contact::StrandContacts;
@@ -41,6 +42,8 @@ pub struct State {
     pub guides: Vec<GuideState>,
     /// Contact between guides, with `--contact full`.
     strand_contacts: Option<StrandContacts>,
+    /// The hair as a fibre assembly, with `--contact volume`.
+    hair_volume: Option<HairVolume>,
     /// The guides as wisps, unless the resolution is full.
     wisps: Option<AdaptiveTree>,
     /// The active guides in batches; follows from `wisps`.
@@ -98,9 +101,14 @@ pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &
     }
     let span = [state.taken, state.taken + 1].map(|taken| model.time_after(taken));
     env.bodies.prepare(span);
+    state.guides.iter_mut().for_each(GuideState::clear_hair_force);
     if let Some(friction) = &model.wisp_friction {
         let (head, wisps) = (HeadVelocity::new(env, span[0]), &state.wisps);
         friction.apply(&mut state.guides, |i| leader(wisps, i), &head, span[1] - span[0]);
+    }
+    if let Some(volume) = &mut state.hair_volume {
+        let step = [span[0], span[1] - span[0]];
+        volume.apply(&model.guides, &mut state.guides, |i| state.record.active[i], env, step);
     }
     advance(model, env, state, span);
     state.taken += 1;
@@ -164,6 +172,10 @@ fn adapt(model: &Model, env: &mut Environment, state: &mut State) {
     if starts || *changes != WispChanges::default() {
         state.rebuild(model, env);
     }
+    let State { guides, hair_volume, wisps, taken, .. } = state;
+    if let Some(volume) = hair_volume {
+        volume.end_frame(&model.guides, guides, |i| leader(wisps, i), env, model.time_after(*taken));
+    }
 }
 
 /// Steps the guides `split` through the sub-steps of a frame that the active guides have already taken.
@@ -223,8 +235,12 @@ impl<'a> Simulation<'a> {
             coupled: full,
             ..SubstepRecord::default()
         };
+        let hair_volume = rods
+            .sampling
+            .map(|sampling| HairVolume::new(&rods.simulated, sampling, &model.guides, &guides, &env, t));
         let mut state = State {
             guides,
+            hair_volume,
             strand_contacts: full.then(|| StrandContacts::new(model.bundles.clone())),
             wisps,
             batches: Batches::default(),
@@ -304,6 +320,8 @@ pub struct SimulationState {
     pub guides: Vec<GuideState>,
     strand_contacts: <Option<StrandContacts> as Checkpoint>::State,
     wisps: Option<super::wisps::WispsState>,
+    /// Of [`HairVolume`]; empty without it.
+    framed: Vec<Vector3<f64>>,
     path: Vec<SolverStep>,
 }
 
@@ -311,12 +329,14 @@ impl Checkpoint for Simulation<'_> {
     type State = SimulationState;
 
     fn state(&self) -> SimulationState {
-        let State { guides, strand_contacts, wisps, batches: _, path, taken, record: _ } = &self.state;
+        let State { guides, strand_contacts, hair_volume, wisps, batches: _, path, taken, record: _ } =
+            &self.state;
         SimulationState {
             taken: *taken,
             guides: guides.state(),
             strand_contacts: strand_contacts.state(),
             wisps: wisps.as_ref().map(AdaptiveTree::state),
+            framed: hair_volume.iter().flat_map(HairVolume::framed).copied().collect(),
             path: path.clone(),
         }
     }
@@ -330,6 +350,10 @@ impl Checkpoint for Simulation<'_> {
         if let (Some(wisps), Some(saved)) = (&mut state.wisps, saved.wisps) {
             wisps.restore(saved, &model.guides, &state.guides)?;
             state.rebuild(model, env);
+        }
+        if let Some(volume) = &mut state.hair_volume {
+            StateMismatch::unless_same("hair points", saved.framed.len(), volume.framed().len())?;
+            volume.restore(saved.framed, &model.guides, |i| leader(&state.wisps, i));
         }
         state.strand_contacts.restore(saved.strand_contacts)
     }

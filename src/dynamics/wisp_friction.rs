@@ -113,7 +113,7 @@ impl WispFriction {
         let forces: Vec<_> =
             self.wisps.par_iter().map(|wisp| self.forces(wisp, states, &leader, head, h)).collect();
         for (i, forces) in forces.into_iter().flatten() {
-            states[i].set_friction_force(forces);
+            states[i].add_hair_force(forces.into_iter());
         }
     }
 
@@ -173,6 +173,16 @@ impl HeadVelocity {
         let local = self.pose.inverse_transform_point(&(*x).into());
         let carried = (self.neighbours[0] * local - self.neighbours[1] * local) / (2.0 * HeadVelocity::DELTA);
         self.pose.rotation.inverse() * (v - carried)
+    }
+
+    /// Position of a point at `x`, m, in its frame.
+    pub fn to_head(&self, x: &Vector3<f64>) -> Vector3<f64> {
+        self.pose.inverse_transform_point(&(*x).into()).coords
+    }
+
+    /// Rotates a vector from the world to its frame.
+    pub fn rotate_to_head(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        self.pose.rotation.inverse() * v
     }
 
     /// Rotates a vector from its frame to the world.
@@ -251,7 +261,7 @@ mod tests {
         let (mut force, mut power, mut energy, mut size) = (V::zeros(), 0.0, 0.0, 0.0);
         for (guide, FrictionSampler { hairs, points, .. }) in states.iter().zip(&friction.guides) {
             for ((f, point), (x, v)) in
-                guide.friction_force().iter().zip(points).zip(guide.x.iter().zip(&guide.v)).skip(1)
+                guide.hair_force().iter().zip(points).zip(guide.x.iter().zip(&guide.v)).skip(1)
             {
                 let v = head.to_world(&head.relative_velocity(x, v));
                 force += f * *hairs;
@@ -259,7 +269,7 @@ mod tests {
                 power += f.dot(&v) * hairs;
                 energy += 0.5 * point.mass * v.norm_squared() * hairs;
             }
-            assert_eq!(guide.friction_force()[0], V::zeros());
+            assert_eq!(guide.hair_force()[0], V::zeros());
         }
         assert!(force.norm() < 1e-12 * size, "{force}");
         // No more than the energy there is, at any rate.
@@ -279,8 +289,7 @@ mod tests {
             }
         }
         friction.apply(&mut states, |i| i, &head, H);
-        let largest =
-            states.iter().flat_map(GuideState::friction_force).map(|f| f.norm()).fold(0.0, f64::max);
+        let largest = states.iter().flat_map(GuideState::hair_force).map(|f| f.norm()).fold(0.0, f64::max);
         assert!(largest < 1e-9, "{largest} N");
     }
 

@@ -73,9 +73,8 @@ struct SolveRate {
 /// Values that no later sub-step depends on.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Transient {
-    /// Friction force within the wisp on each point over the coming sub-step, N, world; empty without
-    /// friction.
-    pub friction_force: Vec<Vector3<f64>>,
+    /// Force of other hair on each point over the coming sub-step, N, world; empty if there is none.
+    pub hair_force: Vec<Vector3<f64>>,
     /// Where bodies were last found: shortens searches and changes no result.
     pub contact_cache: crate::contact::ContactCache,
 }
@@ -130,15 +129,21 @@ impl GuideState {
         self.history.last_step = 0.0;
     }
 
-    /// Sets the friction forces of the wisp over the coming sub-step, N, world, per point.
-    pub(in crate::dynamics) fn set_friction_force(&mut self, force: Vec<Vector3<f64>>) {
-        self.transient.friction_force = force;
+    /// Forgets the forces of other hair.
+    pub(in crate::dynamics) fn clear_hair_force(&mut self) {
+        self.transient.hair_force.clear();
     }
 
-    /// Friction forces of the wisp over the coming sub-step, N, world, per point; empty without friction.
+    /// Adds forces of other hair over the coming sub-step, N, world, one per point.
+    pub(in crate::dynamics) fn add_hair_force(&mut self, force: impl Iterator<Item = Vector3<f64>>) {
+        self.transient.hair_force.resize(self.x.len(), Vector3::zeros());
+        self.transient.hair_force.iter_mut().zip(force).for_each(|(sum, f)| *sum += f);
+    }
+
+    /// Forces of other hair over the coming sub-step, N, world, per point; empty if there are none.
     #[cfg(test)]
-    pub(in crate::dynamics) fn friction_force(&self) -> &[Vector3<f64>] {
-        &self.transient.friction_force
+    pub(in crate::dynamics) fn hair_force(&self) -> &[Vector3<f64>] {
+        &self.transient.hair_force
     }
 
     /// The polyline that meets bodies, m, world: the points, with the midpoints of the curve between them.
@@ -300,7 +305,7 @@ impl GuideState {
         previous.q.clone_from(&self.q[1]);
         self.history.last_step = h;
         self.contact_loads.clear();
-        self.transient.friction_force.clear();
+        self.transient.hair_force.clear();
         (self.stuck, self.pinched) = (false, false);
     }
 

@@ -206,7 +206,7 @@ impl GuideModel {
         for (k, spring) in self.goal.iter().enumerate() {
             load.add_spring(k, &(root.r * spring.anchor), spring.stiffness);
         }
-        state.transient.friction_force.iter().enumerate().for_each(|(k, f)| load.add_force(k, f));
+        state.transient.hair_force.iter().enumerate().for_each(|(k, f)| load.add_force(k, f));
         state.extrapolate(t1 - t0, q);
         root
     }

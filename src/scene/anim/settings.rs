@@ -70,12 +70,16 @@ pub enum OutputCurves {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ContactSetting {
-    /// Colliders and other hair: strands rest on each other, slide with friction, and do not pass through
-    /// each other. Followers of a wisp do pass through other hair.
-    Full,
-    /// Colliders only. Faster, and sufficient where strands hang side by side.
+    /// Colliders, and other hair as a fibre assembly: hair keeps its volume, pushes back where it is pressed,
+    /// and drags its neighbours along. Single strands may pass through each other.
     #[default]
+    Volume,
+    /// Colliders only: strands do not meet. Slightly faster.
     Bodies,
+    /// Colliders and other guides as rigid bundles: they rest on each other, slide with friction, and do not
+    /// pass through each other. Followers of a wisp do pass through other hair. The reference; many times
+    /// slower.
+    Full,
     /// Colliders only, by penalty springs, for quick previews. Guarantees nothing: hair sinks in, and fast
     /// hair passes through.
     Penalty,

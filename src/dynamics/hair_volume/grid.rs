@@ -1,0 +1,161 @@
+//! A sparse grid in blocks of nodes, with quadratic B-splines as shape functions.
+
+use nalgebra::Vector3;
+
+/// Nodes along the edge of a block.
+const EDGE: usize = 4;
+
+/// Nodes of a block.
+const BLOCK: usize = EDGE * EDGE * EDGE;
+
+/// Table entry of a block without nodes.
+const ABSENT: u32 = u32::MAX;
+
+/// Values at a node.
+pub(super) type Node = [f64; 8];
+
+/// Nodes near the points of one sub-step; their values are zero until something is added.
+#[derive(Debug, Default)]
+pub(super) struct Grid {
+    /// Distance between nodes, m.
+    spacing: f64,
+    /// The lowest block.
+    first: [i64; 3],
+    /// Blocks along each axis.
+    size: [usize; 3],
+    /// Index of each block's first node in `nodes`, or [`ABSENT`].
+    table: Vec<u32>,
+    nodes: Vec<Node>,
+}
+
+/// The 27 nodes around a point, with the shape functions along each axis.
+pub(super) struct Stencil {
+    nodes: [u32; 27],
+    weight: [[f64; 3]; 3],
+    /// Derivatives of the weights, 1/m.
+    slope: [[f64; 3]; 3],
+}
+
+impl Grid {
+    /// A grid whose nodes are `spacing`, m, apart.
+    pub fn new(spacing: f64) -> Self {
+        Grid { spacing, ..Grid::default() }
+    }
+
+    /// Distance between nodes, m.
+    pub fn spacing(&self) -> f64 {
+        self.spacing
+    }
+
+    /// Volume of a cell, m³.
+    pub fn cell_volume(&self) -> f64 {
+        self.spacing.powi(3)
+    }
+
+    /// Removes all values, and makes room for points between `low` and `high`, m.
+    pub fn clear(&mut self, low: &Vector3<f64>, high: &Vector3<f64>) {
+        let block = |x: f64, nodes: f64| ((x / self.spacing + nodes) / EDGE as f64).floor() as i64;
+        self.first = std::array::from_fn(|c| block(low[c], -1.0));
+        self.size = std::array::from_fn(|c| (block(high[c], 2.0) - self.first[c] + 1) as usize);
+        self.table.clear();
+        self.table.resize(self.size.iter().product(), ABSENT);
+        self.nodes.clear();
+    }
+
+    /// The stencil of point `x`, m. Makes the blocks that it lies in.
+    pub fn touch(&mut self, x: &Vector3<f64>) -> Stencil {
+        let (base, weight, slope) = self.shape(x);
+        let nodes = std::array::from_fn(|i| {
+            let (block, node) = self.place(&base, i);
+            if self.table[block] == ABSENT {
+                self.table[block] = self.nodes.len() as u32;
+                self.nodes.resize(self.nodes.len() + BLOCK, [0.0; 8]);
+            }
+            self.table[block] + node
+        });
+        Stencil { nodes, weight, slope }
+    }
+
+    /// The stencil of point `x`, m, whose blocks [`Grid::touch`] has made.
+    pub fn stencil(&self, x: &Vector3<f64>) -> Stencil {
+        let (base, weight, slope) = self.shape(x);
+        let nodes = std::array::from_fn(|i| {
+            let (block, node) = self.place(&base, i);
+            self.table[block] + node
+        });
+        Stencil { nodes, weight, slope }
+    }
+
+    /// Lowest node of the stencil around `x`, counted from the first block, and the shape functions.
+    fn shape(&self, x: &Vector3<f64>) -> ([usize; 3], [[f64; 3]; 3], [[f64; 3]; 3]) {
+        let mut base = [0; 3];
+        let (mut weight, mut slope) = ([[0.0; 3]; 3], [[0.0; 3]; 3]);
+        for c in 0..3 {
+            let u = x[c] / self.spacing;
+            let lowest = (u - 0.5).floor();
+            let f = u - lowest;
+            base[c] = (lowest as i64 - self.first[c] * EDGE as i64) as usize;
+            weight[c] =
+                [0.5 * (1.5 - f) * (1.5 - f), 0.75 - (f - 1.0) * (f - 1.0), 0.5 * (f - 0.5) * (f - 0.5)];
+            slope[c] = [f - 1.5, 2.0 - 2.0 * f, f - 0.5].map(|w| w / self.spacing);
+        }
+        (base, weight, slope)
+    }
+
+    /// Block of node `i` of a stencil, and the node within it.
+    fn place(&self, base: &[usize; 3], i: usize) -> (usize, u32) {
+        let at = [base[0] + i / 9, base[1] + i / 3 % 3, base[2] + i % 3];
+        let block = (at[0] / EDGE * self.size[1] + at[1] / EDGE) * self.size[2] + at[2] / EDGE;
+        let node = (at[0] % EDGE * EDGE + at[1] % EDGE) * EDGE + at[2] % EDGE;
+        (block, node as u32)
+    }
+
+    /// Adds `values` to the nodes of a stencil, by their weights.
+    pub fn add(&mut self, stencil: &Stencil, values: &Node) {
+        for (node, weight) in stencil.weights() {
+            let node = &mut self.nodes[node];
+            for (sum, value) in node.iter_mut().zip(values) {
+                *sum += weight * value;
+            }
+        }
+    }
+
+    /// Adds `value` to one entry of the nodes of a stencil, by their weights.
+    pub fn add_entry(&mut self, stencil: &Stencil, entry: usize, value: f64) {
+        for (node, weight) in stencil.weights() {
+            self.nodes[node][entry] += weight * value;
+        }
+    }
+
+    /// The values at the point of a stencil.
+    pub fn values(&self, stencil: &Stencil) -> Node {
+        let mut values = [0.0; 8];
+        for (node, weight) in stencil.weights() {
+            for (sum, value) in values.iter_mut().zip(&self.nodes[node]) {
+                *sum += weight * value;
+            }
+        }
+        values
+    }
+
+    /// The gradient of the sum of `entries`, each times its factor, at the point of a stencil, per m.
+    pub fn gradient(&self, stencil: &Stencil, entries: [(usize, f64); 2]) -> Vector3<f64> {
+        let ([x, y, z], [dx, dy, dz]) = (stencil.weight, stencil.slope);
+        let mut sum = Vector3::zeros();
+        for (i, &node) in stencil.nodes.iter().enumerate() {
+            let (a, b, c) = (i / 9, i / 3 % 3, i % 3);
+            let node = &self.nodes[node as usize];
+            let value: f64 = entries.iter().map(|(entry, factor)| node[*entry] * factor).sum();
+            sum += Vector3::new(dx[a] * y[b] * z[c], x[a] * dy[b] * z[c], x[a] * y[b] * dz[c]) * value;
+        }
+        sum
+    }
+}
+
+impl Stencil {
+    /// The nodes and their weights, which add up to 1.
+    fn weights(&self) -> impl Iterator<Item = (usize, f64)> {
+        let [x, y, z] = &self.weight;
+        self.nodes.iter().enumerate().map(|(i, &node)| (node as usize, x[i / 9] * y[i / 3 % 3] * z[i % 3]))
+    }
+}
