@@ -100,7 +100,7 @@ def argument_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--contact",
         default="bodies",
-        choices=("bodies", "full", "penalty"),
+        choices=("volume", "bodies", "full", "penalty"),
         help="contact of hair [default: bodies]",
     )
     modes = parser.add_mutually_exclusive_group()

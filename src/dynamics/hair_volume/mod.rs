@@ -1,4 +1,4 @@
-//! Hair against hair as a fibre assembly (`docs/theory.md` §5.8), the default. All hair is deposited on a grid in
+//! Hair against hair as a fibre assembly (`docs/theory.md` §5.3), the default. All hair is deposited on a grid in
 //! the frame of the head; where it is denser than in the groom's pose it is under pressure, and what slips past
 //! its neighbours is dragged along with them by friction and by the air between them.
 //!

@@ -77,14 +77,13 @@ pub struct MaterialFile {
     #[schemars(range(min = 0.1, max = 10.0))]
     pub friction_across: f64,
     /// Friction between parallel strands relative to strands that cross at right angles, for slip along them.
-    /// Below 1 strands of a bundle slide past each other more easily. Used with `contact` "full" only.
-    /// Default 0.5.
+    /// Below 1 strands of a bundle slide past each other more easily. Default 0.5.
     #[serde(skip_serializing_if = "is_half")]
     #[schemars(range(min = 0.01, max = 1.0))]
     pub friction_parallel: f64,
     /// Cohesion: force per length between parallel strands that touch, N/m. Higher keeps them together: above
-    /// about 1e-4, the weight of a hair, they cling; wet hair has about 1e-2. Used with `contact` "full"
-    /// only. Default 0: none.
+    /// about 1e-4, the weight of a hair, they cling; wet hair has about 1e-2. With `contact` "volume" it adds
+    /// to the load of friction only. Default 0: none.
     #[serde(skip_serializing_if = "is_zero")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub cohesion_n_m: f64,

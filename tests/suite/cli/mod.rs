@@ -443,7 +443,7 @@ fn a_dry_run_prints_the_origin_of_each_value_and_writes_nothing() {
         ("preroll", "0.1", file.as_str()),
         ("nodes", "6", &file),
         ("scheme", "backward-euler", "--set"),
-        ("contact", "bodies", "default"),
+        ("contact", "volume", "default"),
         ("checkpoint-seconds", "7", "HAIRBAKE_CHECKPOINT_SECONDS"),
         ("threads", "1", "SLURM_CPUS_PER_TASK"),
         ("max-runtime", "none", "default"),
