@@ -257,6 +257,7 @@ mod tests {
         for guide in &mut states {
             guide.v.fill_with(|| V::from_fn(|_, _| random::unit(5, drawn.next().unwrap()) - 0.5));
         }
+        states.iter_mut().for_each(GuideState::clear_hair_force);
         friction.apply(&mut states, |i| i, &head, H);
         let (mut force, mut power, mut energy, mut size) = (V::zeros(), 0.0, 0.0, 0.0);
         for (guide, FrictionSampler { hairs, points, .. }) in states.iter().zip(&friction.guides) {
@@ -288,6 +289,7 @@ mod tests {
                     + (turning(1e-5) * turning(0.0).inverse_transform_point(&(*x).into()) - *x).coords / 1e-5;
             }
         }
+        states.iter_mut().for_each(GuideState::clear_hair_force);
         friction.apply(&mut states, |i| i, &head, H);
         let largest = states.iter().flat_map(GuideState::hair_force).map(|f| f.norm()).fold(0.0, f64::max);
         assert!(largest < 1e-9, "{largest} N");
@@ -308,6 +310,7 @@ mod tests {
             let t = [f64::from(step) * h, f64::from(step + 1) * h];
             let head = HeadVelocity::new(&env, t[0]);
             if rate > 0.0 {
+                states.iter_mut().for_each(GuideState::clear_hair_force);
                 friction.apply(&mut states, |i| i, &head, h);
             }
             for (model, state) in models.iter().zip(&mut states) {
