@@ -1,8 +1,9 @@
 //! A render strand as a chain of rigid edges at rest.
 
+use super::curl::{HalfPhase, IN_PHASE};
+use super::guide_place::GuidePlace;
 use super::moving_rotation::MovingRotation;
 use super::posed_guide::PosedGuides;
-use super::rest_guide::GuidePlace;
 use nalgebra::Vector3;
 
 /// A point and its velocity, world, m and m/s.
@@ -22,13 +23,15 @@ pub(super) struct RestChain {
     /// Pairs of that guide and each other one that it follows, and the weights of these.
     pub others: Vec<(usize, f64)>,
     pub edges: Vec<Edge>,
+    /// Half phase of each edge relative to the curl of the main guide; empty if none has any.
+    pub half_phases: Vec<HalfPhase>,
 }
 
 /// An edge of a strand at rest, and the vertex at its end.
 #[derive(Debug, Clone)]
 pub(super) struct Edge {
-    /// From its start to its end, m, rest space. Single precision, like the output: reading edges dominates
-    /// the cost.
+    /// From its start to its end, m, rest space, turned back by its phase. Single precision, like the output:
+    /// reading edges dominates the cost.
     vector: Vector3<f32>,
     /// The place on the main guide at the arc length of its midpoint.
     midpoint: GuidePlace,
@@ -43,7 +46,7 @@ impl Edge {
         Edge { vector: vector.cast(), midpoint, beside, separated }
     }
 
-    /// From its start to its end, m, rest space.
+    /// From its start to its end, m, rest space, turned back by its phase.
     #[inline(always)]
     pub fn vector(&self) -> Vector3<f64> {
         self.vector.cast()
@@ -69,5 +72,13 @@ impl RestChain {
             }
         }
         (guides.guides[self.main].rotation(midpoint), sum)
+    }
+
+    /// The axis of the main guide beside edge `j`, world, and its rate, 1/s, as one array; and the half phase
+    /// of the edge.
+    #[inline(always)]
+    pub fn phase(&self, j: usize, guides: &PosedGuides) -> ([f64; 6], HalfPhase) {
+        let axis = guides.guides[self.main].axis(self.edges[j].midpoint);
+        (axis, self.half_phases.get(j).copied().unwrap_or(IN_PHASE))
     }
 }

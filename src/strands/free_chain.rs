@@ -2,6 +2,7 @@
 //! bits as alone ([`crate::math::lanes`]).
 
 use super::chain::{RestChain, Vertex};
+use super::curl::IN_PHASE;
 use super::moment::HeadMotion;
 use super::moving_rotation::{MovingRotation, Quaternion};
 use super::posed_guide::PosedGuides;
@@ -41,15 +42,13 @@ pub(super) fn lay<'a>(
     Arch::new().dispatch(LayAll { chains, scene: Scene { head, guides, with_velocities }, out });
 }
 
-/// Rotations from rest space to each edge of a free chain.
-pub(super) fn rotations(
-    chain: &RestChain,
-    guides: &PosedGuides,
-) -> impl Iterator<Item = MovingRotation<f64>> {
-    (0..chain.edges.len()).map(|j| {
-        let (main, [x, y, z, ..]) = chain.rotation(j, guides);
-        main.after(V3([x, y, z]), V3::all(0.0))
-    })
+/// Rotations from rest space, turned back by the phase, to each edge of a free chain.
+pub(super) fn rotations<'a>(
+    chain: &'a RestChain,
+    guides: &'a PosedGuides,
+) -> impl Iterator<Item = MovingRotation<f64>> + 'a {
+    let alone = [Lay::free(chain); MAX_LANES];
+    (0..chain.edges.len()).map(move |j| edge_rotation(0.0, j, &alone, guides))
 }
 
 #[derive(Clone, Copy)]
@@ -112,7 +111,8 @@ fn lay_pack<F: Real>(zero: F, pack: &[Lay; MAX_LANES], scene: &Scene, out: &mut 
     }
 }
 
-/// Rotations from rest space to edge `j` of each chain.
+/// Rotations from rest space, turned back by the phase, to edge `j` of each chain (`docs/theory.md` eqs. 7.1
+/// and 7.2).
 #[inline(always)]
 fn edge_rotation<F: Real>(
     zero: F,
@@ -132,7 +132,19 @@ fn edge_rotation<F: Real>(
     };
     let phi = gather(zero, |i| [sums[i][0], sums[i][1], sums[i][2]]);
     let phi_rate = gather(zero, |i| [sums[i][3], sums[i][4], sums[i][5]]);
-    MovingRotation { q: quaternion(&q), rate: quaternion(&rate) }.after(phi, phi_rate)
+    let main = MovingRotation { q: quaternion(&q), rate: quaternion(&rate) };
+    let rotation = main.after(MovingRotation::by(phi, phi_rate));
+    if pack.iter().all(|lay| lay.chain.half_phases.is_empty()) {
+        return rotation;
+    }
+    let (mut axes, mut halves) = ([[0.0; 6]; MAX_LANES], [IN_PHASE; MAX_LANES]);
+    for (i, lay) in pack.iter().enumerate().take(F::LANES) {
+        (axes[i], halves[i]) = lay.chain.phase(j, guides);
+    }
+    let axis = gather(zero, |i| [axes[i][0], axes[i][1], axes[i][2]]);
+    let axis_rate = gather(zero, |i| [axes[i][3], axes[i][4], axes[i][5]]);
+    let [cosine, sine] = [0, 1].map(|part| scalars(zero, |i| halves[i][part].into()));
+    MovingRotation::about(axis, axis_rate, cosine, sine).after(rotation)
 }
 
 /// The number `of(i)` in every lane i.

@@ -44,7 +44,7 @@ struct Candidates<'a> {
 }
 
 impl Candidates<'_> {
-    /// Weights of the guides of a strand with `points` in the groom, m (`docs/theory.md` eq. 7.2; Franke &
+    /// Weights of the guides of a strand with `points` in the groom, m (`docs/theory.md` eq. 7.3; Franke &
     /// Nielson 1980).
     ///
     /// Guides are those of the strand's group, if there are any. The distance d of a guide is its mean

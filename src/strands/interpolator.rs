@@ -9,7 +9,7 @@ use super::guide_weights::GuideWeights;
 use super::moment::{GuideMotion, HeadMotion, Moment};
 use super::obstacles::Obstacles;
 use super::posed_guide::{PosedGuide, PosedGuides};
-use super::rest_guide::{GuidePlace, RestGuide};
+use super::rest_guide::{Counterpart, RestGuide};
 use super::strand::{Strand, StrandState};
 use crate::contact::Bodies;
 use crate::math::lanes::MAX_LANES;
@@ -39,8 +39,8 @@ pub struct Interpolator {
 struct GuidePair {
     /// Their indices; the strand's weight of the first is the larger.
     guides: [usize; 2],
-    /// For each point of the first, the place on the second at the same arc length.
-    places: Vec<GuidePlace>,
+    /// For each point of the first, what corresponds to it on the second.
+    counterparts: Vec<Counterpart>,
 }
 
 /// Points and velocities of the strands at one moment, one entry per vertex of the curves given to
@@ -123,12 +123,12 @@ impl Interpolator {
             .collect();
         let pairs = unique
             .into_par_iter()
-            .map(|guides| GuidePair { guides, places: rest[guides[1]].places_beside(&rest[guides[0]]) })
+            .map(|guides| GuidePair { guides, counterparts: rest[guides[1]].counterparts(&rest[guides[0]]) })
             .collect();
         let mut search_radius = vec![0.0_f64; rest.len()];
         for strand in &strands {
             let guide = strand.chain.main;
-            search_radius[guide] = search_radius[guide].max(strand.max_guide_distance(&rest[guide]));
+            search_radius[guide] = search_radius[guide].max(strand.guide_distance);
         }
         search_radius.iter_mut().for_each(|radius| *radius = SPREAD * *radius + SEARCH_RADIUS);
         Interpolator { strands, offsets: curves.offsets.clone(), guides: rest, pairs, search_radius }
@@ -160,8 +160,8 @@ impl Interpolator {
                 PosedGuide::new(scratch, rest, head, motion, clear)
             })
             .collect();
-        let differences = |GuidePair { guides: [first, second], places }: &GuidePair| {
-            guides[*first].differences(&self.guides[*first], &guides[*second], places)
+        let differences = |GuidePair { guides: [first, second], counterparts }: &GuidePair| {
+            guides[*first].differences(&self.guides[*first], &guides[*second], counterparts)
         };
         let differences = self.pairs.par_iter().with_min_len(16).map(differences).collect();
         PosedGuides { guides, differences }

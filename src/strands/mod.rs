@@ -8,10 +8,12 @@
 
 mod chain;
 mod clearances;
+mod curl;
 mod deflection;
 mod depths;
 mod fabrik;
 mod free_chain;
+mod guide_place;
 mod guide_weights;
 mod interpolator;
 mod moment;

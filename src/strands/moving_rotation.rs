@@ -53,16 +53,32 @@ impl From<Quaternion<f64>> for [f64; 4] {
 }
 
 impl<F: Real> MovingRotation<F> {
-    /// This rotation after one by 2 atan(|φ| / 2) about φ, rad, in the frame that it leads from; φ changes at
-    /// `rate`, rad/s.
+    /// The rotation by 2 atan(|φ| / 2) about φ, rad, which changes at `rate`, rad/s.
     #[inline(always)]
-    pub fn after(self, phi: V3<F>, rate: V3<F>) -> Self {
-        let zero = self.q.w.same(0.0);
-        let first = Quaternion { w: zero + 1.0, v: phi * (zero + 0.5) };
-        let first_rate = Quaternion { w: zero, v: rate * (zero + 0.5) };
+    pub fn by(phi: V3<F>, rate: V3<F>) -> Self {
+        let zero = phi.0[0].same(0.0);
         MovingRotation {
-            q: self.q.product(first),
-            rate: self.rate.product(first).plus(self.q.product(first_rate)),
+            q: Quaternion { w: zero + 1.0, v: phi * (zero + 0.5) },
+            rate: Quaternion { w: zero, v: rate * (zero + 0.5) },
+        }
+    }
+
+    /// The rotation about `axis`, which changes at `rate`, 1/s, by a constant angle; given its half's cosine
+    /// and sine.
+    #[inline(always)]
+    pub fn about(axis: V3<F>, rate: V3<F>, cosine: F, sine: F) -> Self {
+        MovingRotation {
+            q: Quaternion { w: cosine, v: axis * sine },
+            rate: Quaternion { w: cosine.same(0.0), v: rate * sine },
+        }
+    }
+
+    /// This rotation after `first`.
+    #[inline(always)]
+    pub fn after(self, first: Self) -> Self {
+        MovingRotation {
+            q: self.q.product(first.q),
+            rate: self.rate.product(first.q).plus(self.q.product(first.rate)),
         }
     }
 
@@ -107,16 +123,15 @@ impl MovingRotation<f64> {
         MovingRotation { q: blend(self.q, to.q), rate: blend(self.rate, to.rate) }
     }
 
-    /// How `to` turns the unit vector `along` otherwise than `self`, and the rate of that, 1/s, in the frame
-    /// that both lead from: the axis of the rotation between the turned vectors times sin θ cos²(θ/2), θ
-    /// being its angle. It is a smooth function also where they oppose each other, and almost free of the
-    /// rotations about `along`, which grow without bound where a curve bends back along its root.
-    pub fn difference(&self, to: &Self, along: &Vector3<f64>) -> [Vector3<f64>; 2] {
-        let along = V3::from(*along);
-        let turned = to.rotate(along);
+    /// How `to` turns the unit vector `other` otherwise than `self` turns the unit vector `along`, and the
+    /// rate of that, 1/s, in the frame that `self` leads from: the axis of the rotation between the turned
+    /// vectors times sin θ cos²(θ/2), θ being its angle. It is a smooth function also where they oppose each
+    /// other, and almost free of the rotations about `along`, which grow without bound where a curve bends
+    /// back along its root.
+    pub fn difference(&self, to: &Self, along: &Vector3<f64>, other: &Vector3<f64>) -> [Vector3<f64>; 2] {
+        let turned = to.rotate((*other).into());
         let [a, rate] =
             [turned, (to.spin() - self.spin()).cross(turned)].map(|x| Vector3::from(self.rotate_back(x)));
-        let along = Vector3::from(along);
         let near = 0.5 + 0.5 * along.dot(&a);
         let sine = along.cross(&a);
         [sine * near, along.cross(&rate) * near + sine * (0.5 * along.dot(&rate))]

@@ -1,8 +1,11 @@
 //! Guides at one moment.
 
+use super::curl::axis;
+use super::guide_place::GuidePlace;
 use super::moment::{GuideMotion, HeadMotion};
 use super::moving_rotation::MovingRotation;
-use super::rest_guide::{GuidePlace, RestGuide};
+use super::rest_guide::{Counterpart, RestGuide};
+use crate::math::lanes::V3;
 use crate::rod::{RodShape, Sensitivity};
 use nalgebra::Vector3;
 
@@ -16,6 +19,8 @@ pub(super) struct PosedGuide {
     /// Rotations of its frames from rest space to world, one per point. Quaternions of neighbours have the
     /// same sign.
     pub rotations: Vec<MovingRotation<f64>>,
+    /// For each point of a guide that winds, the axis ([`axis`]), world, and its rate, 1/s, as one array.
+    axes: Vec<[f64; 6]>,
 }
 
 /// Guides at one moment.
@@ -43,12 +48,20 @@ impl PosedGuide {
         let (root, _) = head.carry(&rod.root.p);
         let x: Vec<_> = (0..shape.points()).map(|k| root + shape.x(k)).collect();
         let mut rotations: Vec<MovingRotation<f64>> = Vec::with_capacity(x.len());
+        // Velocities relative to the root.
+        let mut v = Vec::with_capacity(x.len());
         for (k, rotation) in rest.rotations(shape.poses()).enumerate() {
-            let spin = head.spin + sensitivity.velocity(k, &shape.x(k), rate).1;
-            let rotation = MovingRotation::new(&rotation, &spin);
+            let (velocity, spin) = sensitivity.velocity(k, &shape.x(k), rate);
+            let rotation = MovingRotation::new(&rotation, &(head.spin + spin));
             rotations.push(rotations.last().map_or(rotation, |last| rotation.with_sign_of(last)));
+            v.push(velocity + head.spin.cross(&shape.x(k)));
         }
-        PosedGuide { clear: clear.map_or_else(Vec::new, |clear| x.iter().map(clear).collect()), x, rotations }
+        let axes = rest.winding().map_or_else(Vec::new, |winding| {
+            let means = winding.means(&x).zip(winding.means(&v));
+            means.map(|(mean, rate)| joined(axis(&mean, &rate))).collect()
+        });
+        let clear = clear.map_or_else(Vec::new, |clear| x.iter().map(clear).collect());
+        PosedGuide { clear, x, rotations, axes }
     }
 
     /// Rotation from rest to the frame at a place.
@@ -58,14 +71,31 @@ impl PosedGuide {
         from.lerp(to, u)
     }
 
-    /// How `other` at its `places` turns the tangents of this guide, which is `rest` at rest, otherwise than
-    /// this guide does.
-    pub fn differences(&self, rest: &RestGuide, other: &PosedGuide, places: &[GuidePlace]) -> Vec<[f64; 6]> {
-        let difference = |((own, place), tangent): ((&MovingRotation<f64>, &GuidePlace), &Vector3<f64>)| {
-            let [turn, rate] = own.difference(&other.rotation(*place), tangent);
-            [turn.x, turn.y, turn.z, rate.x, rate.y, rate.z]
+    /// The axis at a place, world, and its rate, 1/s, as one array; zero if the guide does not wind.
+    #[inline(always)]
+    pub fn axis(&self, place: GuidePlace) -> [f64; 6] {
+        if self.axes.is_empty() {
+            return [0.0; 6];
+        }
+        let (from, to, u) = place.ends(&self.axes);
+        std::array::from_fn(|i| from[i] + (to[i] - from[i]) * u)
+    }
+
+    /// How `other` with its `counterparts` turns the tangents of this guide, which is `rest` at rest,
+    /// otherwise than this guide does.
+    pub fn differences(
+        &self,
+        rest: &RestGuide,
+        other: &PosedGuide,
+        counterparts: &[Counterpart],
+    ) -> Vec<[f64; 6]> {
+        let difference = |((own, to), tangent): ((&MovingRotation<f64>, &Counterpart), &Vector3<f64>)| {
+            let [x, y, z, dx, dy, dz] = other.axis(to.place);
+            let [cosine, sine] = to.half_phase.map(f64::from);
+            let phase = MovingRotation::about(V3([x, y, z]), V3([dx, dy, dz]), cosine, sine);
+            joined(own.difference(&phase.after(other.rotation(to.place)), tangent, &to.tangent))
         };
-        self.rotations.iter().zip(places).zip(rest.tangents()).map(difference).collect()
+        self.rotations.iter().zip(counterparts).zip(rest.tangents()).map(difference).collect()
     }
 
     /// Position of a place, m, world.
@@ -83,4 +113,9 @@ impl PosedGuide {
     pub fn is_clear(&self, place: GuidePlace, x: &Vector3<f64>, distance: f64) -> bool {
         !self.clear.is_empty() && self.distance_bound(place, x) > distance
     }
+}
+
+/// A vector and its rate as one array.
+fn joined([value, rate]: [Vector3<f64>; 2]) -> [f64; 6] {
+    [value.x, value.y, value.z, rate.x, rate.y, rate.z]
 }

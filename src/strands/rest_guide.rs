@@ -1,35 +1,10 @@
-//! Guides at rest, and places on them.
+//! Guides at rest.
 
+use super::curl::{HalfPhase, IN_PHASE, Winding, about, half_phase, wound};
+use super::guide_place::GuidePlace;
 use crate::math::se3::Pose;
 use crate::rod::{Rod, RodShape};
 use nalgebra::{Matrix3, Vector3};
-
-/// A place on a guide: a segment of its polyline and the fraction (0..=1) along it.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct GuidePlace {
-    segment: u32,
-    u: f32,
-}
-
-impl GuidePlace {
-    /// Position of the place, given those of the points, m.
-    pub fn position(self, x: impl Fn(usize) -> Vector3<f64>) -> Vector3<f64> {
-        let k = self.segment as usize;
-        x(k).lerp(&x(k + 1), f64::from(self.u))
-    }
-
-    /// The values at the ends of its segment, given those at the points, and the fraction along it.
-    #[inline(always)]
-    pub fn ends<T>(self, of: &[T]) -> (&T, &T, f64) {
-        let k = self.segment as usize;
-        (&of[k], &of[k + 1], f64::from(self.u))
-    }
-
-    /// Index of the nearest point.
-    pub fn nearest_point(self) -> usize {
-        self.segment as usize + usize::from(self.u >= 0.5)
-    }
-}
 
 /// A guide at rest.
 #[derive(Debug, Clone)]
@@ -38,14 +13,33 @@ pub(super) struct RestGuide {
     pose: Vec<Pose>,
     tangent: Vec<Vector3<f64>>,
     root: Vector3<f64>,
+    /// If it winds, at its points.
+    winding: Option<Winding>,
+    /// Axes that it winds about at its points ([`axis`]), rest space; empty if it does not wind.
+    axes: Vec<Vector3<f64>>,
+}
+
+/// What corresponds on a guide to a point of another.
+#[derive(Debug, Clone)]
+pub(super) struct Counterpart {
+    /// The place at the same arc length.
+    pub place: GuidePlace,
+    /// Half phase of the other's curl relative to the guide's.
+    pub half_phase: HalfPhase,
+    /// Unit tangent of the other, turned back by the phase, rest space.
+    pub tangent: Vector3<f64>,
 }
 
 impl RestGuide {
     pub fn new(rod: &Rod) -> Self {
         let mut shape = RodShape::default();
         shape.update(rod, &rod.root.r, &vec![0.0; rod.unknowns()]);
-        let tangent = (0..shape.points()).map(|k| shape.tangent(k)).collect();
-        RestGuide { arc: rod.arc.clone(), pose: shape.poses().collect(), tangent, root: rod.root.p }
+        let tangent: Vec<_> = (0..shape.points()).map(|k| shape.tangent(k)).collect();
+        let x: Vec<_> = (0..shape.points()).map(|k| shape.x(k)).collect();
+        let arc = rod.arc.clone();
+        let wound = wound(&arc, &x, &tangent);
+        let (winding, axes) = wound.map_or((None, Vec::new()), |(winding, axes)| (Some(winding), axes));
+        RestGuide { pose: shape.poses().collect(), tangent, root: rod.root.p, winding, axes, arc }
     }
 
     /// Position of the root, m, rest space.
@@ -65,16 +59,44 @@ impl RestGuide {
 
     /// The place at arc length `s`, m, clamped to the tip.
     pub fn place(&self, s: f64) -> GuidePlace {
-        let i = self.arc.partition_point(|&a| a <= s).clamp(1, self.arc.len() - 1);
-        let (from, to) = (self.arc[i - 1], self.arc[i]);
-        GuidePlace { segment: i as u32 - 1, u: ((s - from) / (to - from)).clamp(0.0, 1.0) as f32 }
+        GuidePlace::at(&self.arc, s)
     }
 
-    /// The places on it at the arc lengths of the points of `other`, or at the same fractions of the lengths
-    /// if `other` is longer.
-    pub fn places_beside(&self, other: &RestGuide) -> Vec<GuidePlace> {
+    /// How its curl is averaged, if it winds.
+    pub fn winding(&self) -> Option<&Winding> {
+        self.winding.as_ref()
+    }
+
+    /// The axis at a place of a guide that winds, rest space.
+    pub fn axis(&self, place: GuidePlace) -> Vector3<f64> {
+        place.position(|k| self.axes[k])
+    }
+
+    /// Half phase, relative to its curl at a place, of a curl with the unit tangent `tangent` about `axis`.
+    pub fn half_phase(&self, place: GuidePlace, tangent: &Vector3<f64>, axis: &Vector3<f64>) -> HalfPhase {
+        if self.winding.is_none() {
+            return IN_PHASE;
+        }
+        let own = place.position(|k| self.tangent[k]);
+        half_phase([tangent, axis], [&own, &self.axis(place)])
+    }
+
+    /// What corresponds on it to the points of `other`: places at their arc lengths, or at the same fractions
+    /// of the lengths if `other` is longer.
+    pub fn counterparts(&self, other: &RestGuide) -> Vec<Counterpart> {
         let pace = (self.length() / other.length()).min(1.0);
-        other.arc.iter().map(|s| self.place(s * pace)).collect()
+        let counterpart = |(k, s): (usize, &f64)| {
+            let (place, tangent) = (self.place(s * pace), other.tangent[k]);
+            match other.axes.get(k).filter(|_| self.winding.is_some()) {
+                None => Counterpart { place, half_phase: IN_PHASE, tangent },
+                Some(axis) => {
+                    let half_phase = self.half_phase(place, &tangent, axis);
+                    let turned = about(&self.axis(place), half_phase).rotate_back(tangent.into());
+                    Counterpart { place, half_phase, tangent: turned.into() }
+                }
+            }
+        };
+        other.arc.iter().enumerate().map(counterpart).collect()
     }
 
     /// Unit tangents at the points, rest space.

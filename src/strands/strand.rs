@@ -2,14 +2,16 @@
 
 use super::chain::{Edge, RestChain, Vertex};
 use super::clearances::{Clearances, DistanceBounds};
+use super::curl::{IN_PHASE, Winding, about};
 use super::deflection::{Deflection, deflected, deflection};
 use super::fabrik::relax;
 use super::free_chain::{Lay, lay, rotations};
+use super::guide_place::GuidePlace;
 use super::moment::Moment;
 use super::obstacles::{Inside, Obstacles};
 use super::posed_guide::{PosedGuide, PosedGuides};
 use super::projected_chain::{NextEdge, ProjectedChain};
-use super::rest_guide::{GuidePlace, RestGuide};
+use super::rest_guide::RestGuide;
 use crate::contact::Bodies;
 use nalgebra::{Isometry3, Vector3};
 use std::{iter, slice};
@@ -33,6 +35,8 @@ pub(super) struct Strand {
     /// Whether a body separates that place from the root at rest.
     separated: bool,
     clearances: Clearances,
+    /// Largest distance of its vertices from their places on the first guide at rest, m.
+    pub guide_distance: f64,
 }
 
 /// Workspace and result of one strand at one moment.
@@ -79,40 +83,52 @@ impl Strand {
         thickness: &[f64],
     ) -> Self {
         let first = &rest[main];
-        let vectors = points.windows(2).map(|w| w[1] - w[0]);
+        let arc: Vec<f64> = iter::once(0.0)
+            .chain(points.windows(2).scan(0.0, |arc, ends| {
+                *arc += (ends[1] - ends[0]).norm();
+                Some(*arc)
+            }))
+            .collect();
         // A strand longer than its guide corresponds to it by arc-length fraction, so that all of it can be
         // retracted.
-        let pace = (first.length() / vectors.clone().map(|edge| edge.norm()).sum::<f64>()).min(1.0);
+        let pace = (first.length() / arc[arc.len() - 1]).min(1.0);
         let poses = vec![Isometry3::identity(); thickness.len()];
         let at_rest = Obstacles { bodies, time: 0.0, poses: &poses };
         let separated = |x: &Vector3<f64>, place| at_rest.retraction((&first.position(place), 0.0), x) > 0.0;
-        let mut arc = 0.0;
-        let edge = |(vector, end): (Vector3<f64>, &Vector3<f64>)| {
-            let length = vector.norm();
-            let middle = arc + 0.5 * length;
-            arc += length;
-            let beside = first.place(arc * pace);
-            Edge::new(vector, first.place(middle * pace), beside, separated(end, beside))
-        };
-        let edges = vectors.zip(&points[1..]).map(edge).collect();
-        let beside = first.place(0.0);
+        let place = |s: f64| first.place(s * pace);
+        let midpoints: Vec<f64> = arc.windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect();
+        let mut vectors: Vec<_> = points.windows(2).map(|ends| ends[1] - ends[0]).collect();
+        let mut half_phases = Vec::new();
+        if let Some(winding) = first.winding() {
+            let own = Winding::new(&arc, winding.turn() / pace, midpoints.iter().copied());
+            let phase = |((vector, axis), s): ((&Vector3<f64>, Vector3<f64>), &f64)| {
+                let tangent = vector.try_normalize(0.0)?;
+                Some(first.half_phase(place(*s), &tangent, &axis))
+            };
+            let phases = vectors.iter().zip(own.means(points)).zip(&midpoints);
+            half_phases.extend(phases.map(|edge| phase(edge).unwrap_or(IN_PHASE)));
+            for ((vector, half), s) in vectors.iter_mut().zip(&half_phases).zip(&midpoints) {
+                *vector = about(&first.axis(place(*s)), *half).rotate_back((*vector).into()).into();
+            }
+        }
+        if half_phases.iter().all(|half| *half == IN_PHASE) {
+            half_phases.clear();
+        }
+        let edges = (0..vectors.len()).map(|j| {
+            let beside = place(arc[j + 1]);
+            Edge::new(vectors[j], place(midpoints[j]), beside, separated(&points[j + 1], beside))
+        });
+        let edges = edges.collect();
+        let beside = place(0.0);
+        let guide_distance =
+            points.iter().zip(&arc).map(|(x, s)| (x - first.position(place(*s))).norm()).fold(0.0, f64::max);
         Strand {
             separated: separated(&points[0], beside),
-            chain: RestChain { root: points[0], main, others, edges },
+            chain: RestChain { root: points[0], main, others, edges, half_phases },
             beside,
             clearances: Clearances::new(bodies, thickness, points),
+            guide_distance,
         }
-    }
-
-    /// Largest distance of its vertices from their places on the first guide at rest, m.
-    pub fn max_guide_distance(&self, rest: &RestGuide) -> f64 {
-        let mut x = self.chain.root;
-        let mut far = (x - rest.position(self.beside)).norm();
-        for edge in &self.chain.edges {
-            x += edge.vector();
-            far = far.max((x - rest.position(edge.beside)).norm());
-        }
-        far
     }
 
     /// Sets `out`, which is zero, to the deflections that keep the strand outside the bodies, given the free
@@ -267,7 +283,7 @@ impl Strand {
                 projected = (violates || retraction[vertex] > 0.0).then_some(ProjectedChain { end: start });
             }
             let x = projected.as_mut().map_or(end, |chain| {
-                // `docs/theory.md` eq. 7.3.
+                // `docs/theory.md` eq. 7.4.
                 let target = [
                     start.lerp(&guide.position(from), retraction[j]),
                     end.lerp(&guide.position(to), retraction[vertex]),

@@ -10,6 +10,7 @@ use crate::math::se3;
 use crate::rod::{Rod, RodShape, RodSource, SegmentSize};
 use crate::scene::Curves;
 use nalgebra::{Isometry3, Matrix3, Vector3};
+use std::f64::consts::TAU;
 
 const MEMBERSHIP: Membership = Membership { leaf: (0, 0), group: 0 };
 
@@ -26,6 +27,16 @@ fn helix(n: usize, phase: f64) -> Vec<Vector3<f64>> {
                 0.01 * ((a + phase).sin() - phase.sin()),
             )
         })
+        .collect()
+}
+
+/// A ringlet with four turns of 7 mm radius and 3 cm pitch.
+fn ringlet(n: usize, phase: f64) -> Vec<Vector3<f64>> {
+    let turns = |i: usize| i as f64 / (n - 1) as f64 * 4.0;
+    let at = |i: usize| (turns(i) * TAU + phase).sin_cos();
+    let (sine, cosine) = phase.sin_cos();
+    (0..n)
+        .map(|i| Vector3::new(0.007 * (at(i).1 - cosine), -0.03 * turns(i), 0.007 * (at(i).0 - sine)))
         .collect()
 }
 
@@ -112,9 +123,14 @@ fn wide(p: &[f32; 3]) -> Vector3<f64> {
 
 #[test]
 fn rest_shape_is_the_groom_and_edge_lengths_are_exact() {
-    let strands = [helix(16, 0.0), helix(24, 1.0)];
+    for strands in [[helix(16, 0.0), helix(24, 1.0)], [ringlet(65, 0.0), ringlet(33, 2.0)]] {
+        keeps_rest_shape_and_edge_lengths(&strands);
+    }
+}
+
+fn keeps_rest_shape_and_edge_lengths(strands: &[Vec<Vector3<f64>>; 2]) {
     let r = rod(&strands[0]);
-    let c = curves(&strands);
+    let c = curves(strands);
     let zero = vec![0.0; r.unknowns()];
     let [p, _] = run(&c, &[&r], std::slice::from_ref(&zero), std::slice::from_ref(&zero), &still());
     for (a, b) in p.iter().zip(&c.points) {
@@ -170,9 +186,13 @@ fn strand_beside_its_guide_rotates_with_it() {
 
 #[test]
 fn velocities_match_differences_of_the_points() {
-    let strands = [helix(16, 0.3), helix(16, 2.0)];
-    let rods = [rod(&strands[0]), rod(&strands[1])];
-    let c = curves(&[helix(16, 1.0)]);
+    velocities_match([helix(16, 0.3), helix(16, 2.0)], helix(16, 1.0));
+    velocities_match([ringlet(65, 0.3), ringlet(65, 2.0)], ringlet(33, 3.0));
+}
+
+fn velocities_match(guides: [Vec<Vector3<f64>>; 2], strand: Vec<Vector3<f64>>) {
+    let rods = guides.map(|points| rod(&points));
+    let c = curves(&[strand]);
     let q: Vec<Vec<f64>> =
         rods.iter().map(|r| (0..r.unknowns()).map(|i| (i as f64).cos() * 10.0).collect()).collect();
     let rate: Vec<Vec<f64>> =
@@ -336,6 +356,38 @@ fn strand_keeps_near_its_guides_where_they_part() {
             );
         }
         last_tips = tips;
+    }
+}
+
+/// Root mean square angle between consecutive edges of a curve, rad.
+fn winding(points: &[Vector3<f64>]) -> f64 {
+    let square = |x: &[Vector3<f64>]| (x[1] - x[0]).angle(&(x[2] - x[1])).powi(2);
+    (points.windows(3).map(square).sum::<f64>() / (points.len() - 2) as f64).sqrt()
+}
+
+#[test]
+fn ringlets_of_any_phase_go_where_their_guide_goes_when_it_unwinds() {
+    let rod = rod(&ringlet(129, 0.0));
+    let strands: Vec<_> = (0..9).map(|i| ringlet(65, 0.7 * f64::from(i))).collect();
+    let c = curves(&strands);
+    // Twisted, a curl stretches or tightens.
+    for twist in [60.0, -40.0] {
+        let q: Vec<f64> = (0..rod.unknowns()).map(|i| if i % 3 == 2 { twist } else { 0.0 }).collect();
+        let zero = vec![0.0; q.len()];
+        let [p, _] = run(&c, &[&rod], std::slice::from_ref(&q), &[zero], &still());
+        let mut shape = RodShape::default();
+        shape.update(&rod, &rod.root.r, &q);
+        let tip = rod.root.p + shape.x(rod.points() - 1);
+        let moved = (tip - ringlet(129, 0.0)[128]).norm();
+        assert!(moved > 0.02, "the guide moves by {moved} m only");
+        for (i, strand) in strands.iter().enumerate() {
+            let points: Vec<_> = p[c.offsets[i]..c.offsets[i + 1]].iter().map(wide).collect();
+            let away = (points[64] - tip).norm();
+            // The diameters of the curls at rest and now.
+            assert!(away < 0.03, "strand {i}, twist {twist}: {away} m");
+            let [now, at_rest] = [winding(&points), winding(strand)];
+            assert!((now / at_rest - 1.0).abs() < 0.1, "{i}: {now} {at_rest}");
+        }
     }
 }
 
