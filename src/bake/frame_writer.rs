@@ -6,10 +6,18 @@ use super::output::{FrameStrands, Output};
 use super::summary::StageSeconds;
 use super::work_dir::WrittenFrame;
 use crate::cache::Writer;
+use crate::dynamics::guide_frame::MovingGuide;
 use crate::strands::{Deflection, LOOKAHEAD, LOOKBEHIND};
 use crate::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
+
+/// Number of frames after a frame whose states are used when it is written. The strands of each own frame
+/// that it depends on are laid with their velocities, which depend on the next state.
+pub(super) const RUN_AHEAD: usize = LOOKAHEAD + 1;
+
+/// Frames within this distance of the latest are kept.
+const KEPT: usize = LOOKBEHIND + 1 + RUN_AHEAD;
 
 /// Writes the files of frames from the guides' states.
 pub(super) struct FrameWriter<'a> {
@@ -25,6 +33,7 @@ pub(super) struct FrameWriter<'a> {
 /// A state in use, with what is computed from it once it is needed.
 struct Near {
     state: FrameState,
+    moving: Option<Vec<MovingGuide>>,
     strands: Option<FrameStrands>,
     settled: Option<Vec<Deflection>>,
 }
@@ -39,8 +48,8 @@ impl<'a> FrameWriter<'a> {
     /// Takes over a state, and drops states of distant frames.
     pub fn insert(&mut self, state: FrameState) {
         let frame = state.record.frame;
-        self.states.insert(frame, Near { state, strands: None, settled: None });
-        self.states.retain(|other, _| other.abs_diff(frame) <= (LOOKBEHIND + LOOKAHEAD) as u32);
+        self.states.insert(frame, Near { state, moving: None, strands: None, settled: None });
+        self.states.retain(|other, _| other.abs_diff(frame) <= KEPT as u32);
     }
 
     /// The state at a frame, from memory or from the work folder.
@@ -53,23 +62,40 @@ impl<'a> FrameWriter<'a> {
         Ok(&self.states[&frame].state)
     }
 
+    /// Computes the motion of the guides at a frame.
+    fn set_in_motion(&mut self, frame: i32) -> Result<()> {
+        let before = (frame > *self.job.frames().start()).then_some(frame - 1);
+        for near in before.into_iter().chain([frame, frame + 1]) {
+            self.state(near)?;
+        }
+        if self.states[&frame].moving.is_none() {
+            let guides = |near: i32| &self.states[&near].state.guides[..];
+            let moving = self.output.in_motion(frame, before.map(guides), [frame, frame + 1].map(guides));
+            self.states.entry(frame).and_modify(|near| near.moving = Some(moving));
+        }
+        Ok(())
+    }
+
     /// Computes the strands' deflections at a frame. Deflections that several tasks need are shared through
     /// the work folder, so that they are computed once.
     fn deflect(&mut self, frame: i32) -> Result<()> {
+        let own = self.own.contains(&frame);
+        if own {
+            // Its own frames need the strands' motion as well, which is not shared.
+            self.set_in_motion(frame)?;
+        }
         self.state(frame)?;
-        let Some(Near { state, strands: strands @ None, .. }) = self.states.get_mut(&frame) else {
+        let Some(Near { state, moving, strands: strands @ None, .. }) = self.states.get_mut(&frame) else {
             return Ok(());
         };
         let work = &self.job.work;
         let users = frame - LOOKAHEAD as i32..=frame + LOOKBEHIND as i32;
         let shared = users.into_iter().any(|f| self.job.frames().contains(&f) && !self.own.contains(&f));
-        let own = self.own.contains(&frame);
-        // Its own frames need the strands' motion as well, which is not shared.
         let found = if shared && !own { work.deflections(frame, self.output.vertices()) } else { None };
         let share = shared && found.is_none();
         let strands = strands.insert(match found {
             Some(deflections) => FrameStrands { deflections, ..FrameStrands::default() },
-            None => self.output.deflect(frame, &state.guides, own),
+            None => self.output.deflect(frame, &state.guides, moving.as_deref()),
         });
         if share {
             work.write_deflections(frame, &strands.deflections)?;
@@ -109,10 +135,13 @@ impl<'a> FrameWriter<'a> {
         for near in around {
             self.settle(near)?;
         }
+        for end in [frame, frame + 1] {
+            self.set_in_motion(end)?;
+        }
         let strands = self.states.get_mut(&frame).and_then(|near| near.strands.as_mut());
         let known = strands.and_then(|strands| strands.guides.take().zip(strands.free.take()));
         let settled = around.map(|near| self.states[&near].settled.as_deref().unwrap_or_default());
-        let states = [frame, frame + 1].map(|near| &self.states[&near].state.guides[..]);
+        let states = [frame, frame + 1].map(|near| self.states[&near].moving.as_deref().unwrap_or_default());
         let steps = &self.states[&(frame + 1)].state.steps;
         let (arrays, depths) = self.output.frame(frame, states, steps, settled, known)?;
         seconds.interpolate = start.elapsed().as_secs_f64();

@@ -6,7 +6,7 @@ use super::single::{extent, single};
 use crate::Result;
 use crate::cache::{ColliderFrame, CurveFrame, Frame, Header};
 use crate::contact::{Bodies, Body};
-use crate::dynamics::guide_frame::{GuideFrame, SolverStep};
+use crate::dynamics::guide_frame::{GuideFrame, HeadAround, MovingGuide, SolverStep};
 use crate::dynamics::guide_rods::GuideRods;
 use crate::geometry::Deformation;
 use crate::rod::{Rod, RodShape, Sensitivity};
@@ -109,15 +109,42 @@ impl<'a> Output<'a> {
         self.strands.as_ref().map_or(0, Interpolator::vertices)
     }
 
-    /// Deflections of the strands by bodies at `frame`, with the guides `guides`, and the free strands if
-    /// `motion_too`.
-    pub fn deflect(&mut self, frame: i32, guides: &[GuideFrame], motion_too: bool) -> FrameStrands {
+    /// The guides in motion at `frame`, from those at the frame before, unless it is the first, at the frame,
+    /// and at the next.
+    pub fn in_motion(
+        &self,
+        frame: i32,
+        before: Option<&[GuideFrame]>,
+        [now, after]: [&[GuideFrame]; 2],
+    ) -> Vec<MovingGuide> {
+        let time = |frames: f64| self.anim.time(f64::from(frame) + frames);
+        let (motion, interval) = (head_motion(self.anim, time(0.0)), 1.0 / self.anim.fps);
+        let velocity = |place: &Vector3<f64>| motion.carry(place).1 * interval;
+        let head = HeadAround {
+            poses: [-1.0, -0.5, 0.0, 0.5, 1.0].map(|frames| self.anim.head_pose(time(frames))),
+            velocity: &velocity,
+        };
+        let moving = |(i, rod): (usize, &&Rod)| {
+            MovingGuide::new(rod, before.map(|before| &before[i]), [&now[i], &after[i]], &head, interval)
+        };
+        self.rods.par_iter().enumerate().map(moving).collect()
+    }
+
+    /// Deflections of the strands by bodies at `frame`, with the guides `guides`; and the free strands if
+    /// these are given in motion.
+    pub fn deflect(
+        &mut self,
+        frame: i32,
+        guides: &[GuideFrame],
+        moving: Option<&[MovingGuide]>,
+    ) -> FrameStrands {
         let t = self.prepare(frame, 0.0);
         let Some(strands) = &self.strands else { return FrameStrands::default() };
         let poses = self.collider_poses(t);
         let moment = self.strand_moment(t, &poses);
-        let posed = strands.pose(&moment.head, Some(&moment.obstacles), &self.motion(guides));
-        let (free, deflections) = if motion_too {
+        let motion = moving.map_or_else(|| self.still(guides), |moving| self.motion(moving));
+        let posed = strands.pose(&moment.head, Some(&moment.obstacles), &motion);
+        let (free, deflections) = if moving.is_some() {
             let (free, deflections) = strands.evaluate_free(&moment, &posed, &self.to_scene());
             (Some(free), deflections)
         } else {
@@ -141,7 +168,7 @@ impl<'a> Output<'a> {
         match posed {
             Some(posed) => strands.settle(&moment, posed, around),
             None => {
-                let posed = strands.pose(&moment.head, Some(&moment.obstacles), &self.motion(guides));
+                let posed = strands.pose(&moment.head, Some(&moment.obstacles), &self.still(guides));
                 strands.settle(&moment, &posed, around)
             }
         }
@@ -157,7 +184,7 @@ impl<'a> Output<'a> {
     pub fn frame(
         &mut self,
         frame: i32,
-        states: [&[GuideFrame]; 2],
+        states: [&[MovingGuide]; 2],
         steps: &[SolverStep],
         settled: [&[Deflection]; 4],
         mut known: Option<(PosedGuides, StrandMotion)>,
@@ -169,9 +196,9 @@ impl<'a> Output<'a> {
         offsets.extend((self.header.accelerations && written == 1).then_some(settings.shutter));
         let moment = |offset: f64| {
             let pairs = states[0].iter().zip(states[1]);
-            let between: Vec<GuideFrame> = match offset {
+            let between: Vec<MovingGuide> = match offset {
                 0.0 => Vec::new(),
-                _ => pairs.map(|(a, b)| GuideFrame::between(a, b, offset, interval)).collect(),
+                _ => pairs.map(|(a, b)| MovingGuide::between(a, b, offset, interval)).collect(),
             };
             let (guides, known) =
                 if offset == 0.0 { (states[0], known.take()) } else { (&between[..], None) };
@@ -197,7 +224,7 @@ impl<'a> Output<'a> {
     fn moment(
         &mut self,
         (frame, offset): (i32, f64),
-        guides: &[GuideFrame],
+        guides: &[MovingGuide],
         settled: [&[Deflection]; 4],
         known: Option<(PosedGuides, StrandMotion)>,
     ) -> (Frame, Depths) {
@@ -264,9 +291,14 @@ impl<'a> Output<'a> {
         self.convention.to_y_up().to_rotation_matrix().into_inner() * self.convention.metres_per_unit
     }
 
-    fn motion<'b>(&'b self, guides: &'b [GuideFrame]) -> Vec<GuideMotion<'b>> {
-        let motion = |(rod, g): (&&'b Rod, &'b GuideFrame)| GuideMotion { rod, q: &g.q, rate: &g.rate };
+    fn motion<'b>(&'b self, guides: &'b [MovingGuide]) -> Vec<GuideMotion<'b>> {
+        let motion = |(rod, g): (&&'b Rod, &'b MovingGuide)| GuideMotion { rod, q: &g.q, rate: &g.rate };
         self.rods.iter().zip(guides).map(motion).collect()
+    }
+
+    fn still<'b>(&'b self, guides: &'b [GuideFrame]) -> Vec<GuideMotion<'b>> {
+        let still = |(rod, g): (&&'b Rod, &'b GuideFrame)| GuideMotion { rod, q: &g.q, rate: &[] };
+        self.rods.iter().zip(guides).map(still).collect()
     }
 
     fn colliders(&self, t: f64) -> Vec<ColliderFrame> {

@@ -4,14 +4,13 @@
 use super::control::Control;
 use super::frame_record::FrameRecord;
 use super::frame_stepper::{FrameStepper, stopped};
-use super::frame_writer::FrameWriter;
+use super::frame_writer::{FrameWriter, RUN_AHEAD};
 use super::job::Job;
 use super::manifest::{Finished, finish};
 use super::summary::{BakeSummary, StageSeconds};
 use super::work_dir::WrittenFrame;
 use crate::cache::{self, InputRecord};
 use crate::scene::LoadOptions;
-use crate::strands::LOOKAHEAD;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -51,7 +50,7 @@ pub fn bake(
     // Time to simulate each frame that is ahead; `None` if its state was in the work folder.
     let mut simulation_seconds = VecDeque::new();
     for (i, (&frame, done)) in frames.iter().zip(done).enumerate() {
-        while let Some(next) = ahead.next_if(|next| *next <= frame + LOOKAHEAD as i32) {
+        while let Some(next) = ahead.next_if(|next| *next <= frame + RUN_AHEAD as i32) {
             stepper.poll_control()?;
             let (state, seconds) = stepper.state(next)?;
             simulation_seconds.push_back(seconds);

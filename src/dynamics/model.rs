@@ -78,6 +78,13 @@ impl<'a> Model<'a> {
         after_preroll >= 0 && after_preroll % i64::from(self.anim.settings.substeps) == 0
     }
 
+    /// The number of the sub-step of its frame, from 1, that ends after `taken` sub-steps; `None` if the
+    /// pre-roll began within this frame.
+    pub(super) fn substep_of_frame(&self, taken: i64) -> Option<i64> {
+        let k = (taken - self.preroll - 1).rem_euclid(i64::from(self.anim.settings.substeps)) + 1;
+        (k <= taken).then_some(k)
+    }
+
     /// True if the configurations between frames are written after `taken` sub-steps.
     pub(super) fn writes_steps(&self, taken: i64) -> bool {
         self.anim.settings.curves == OutputCurves::Steps && taken >= self.preroll

@@ -112,6 +112,11 @@ pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &
     }
     advance(model, env, state, span);
     state.taken += 1;
+    for (guide, active) in state.guides.iter_mut().zip(&state.record.active) {
+        if *active {
+            record_midway(model, guide, state.taken);
+        }
+    }
     if model.is_at_frame(state.taken) {
         // The last configuration is the frame's own.
         state.path.pop();
@@ -120,6 +125,13 @@ pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &
     let active = (0..state.guides.len()).filter(|&i| state.is_active(model, i));
     state.record.active_nodes = active.map(|i| model.guides[i].rod.unknowns() as u32 / 3).sum();
     &state.record
+}
+
+/// Adds the end of a sub-step, after `taken` of them, to the unknowns of a guide half-way through its frame.
+fn record_midway(model: &Model, guide: &mut GuideState, taken: i64) {
+    if let Some(k) = model.substep_of_frame(taken) {
+        guide.record_midway(k, i64::from(model.anim.settings.substeps));
+    }
 }
 
 /// Advances the active guides over `span`, s.
@@ -203,7 +215,10 @@ fn catch_up_split(
         let span = [substep, substep + 1].map(|taken| model.time_after(taken));
         env.bodies.prepare(span);
         batches.step(&model.guides, env, guides, span, mode, &mut of_all);
-        records.extend(split.iter().map(|&i| (i, of_all[i])));
+        for &i in &split {
+            record_midway(model, &mut guides[i], substep + 1);
+            records.push((i, of_all[i]));
+        }
     }
 }
 
@@ -282,12 +297,13 @@ impl<'a> Simulation<'a> {
 
     /// The guides now, in the groom's order; followers are where they were at the end of the last frame.
     pub fn frame(&self) -> Vec<GuideFrame> {
-        let h = self.model.substep();
         let level = |i: usize| self.state.wisps.as_ref().map_or(0, |wisps| wisps.level(i));
-        let frame = |(i, state): (usize, &GuideState)| {
-            GuideFrame::new(&self.model.guides[i].rod, state.q.each_ref().map(|q| &q[..]), h, level(i))
+        let frame = |(i, state): (usize, &GuideState)| GuideFrame {
+            q: state.q[0].clone(),
+            midway: state.midway.clone(),
+            level: level(i),
         };
-        self.state.guides.par_iter().enumerate().map(frame).collect()
+        self.state.guides.iter().enumerate().map(frame).collect()
     }
 
     /// Takes the configurations that the solver reached since the last frame, if they are written.

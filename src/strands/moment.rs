@@ -11,7 +11,7 @@ pub struct GuideMotion<'a> {
     pub rod: &'a Rod,
     /// Unknowns: deviation of the strain at its nodes, 1/m.
     pub q: &'a [f64],
-    /// Rate of `q`, 1/(m·s).
+    /// Rate of `q`, 1/(m·s); empty where no velocities are asked for.
     pub rate: &'a [f64],
 }
 

@@ -5,7 +5,7 @@ use crate::dynamics::checkpoint::{Checkpoint, StateMismatch};
 use crate::dynamics::clearance::Clearance;
 use crate::dynamics::contact_polyline::with_midpoints;
 use crate::dynamics::environment::Environment;
-use crate::dynamics::integrator::DifferenceFormula;
+use crate::dynamics::integrator::{DifferenceFormula, midway_weight};
 use crate::math::se3::Pose;
 use crate::rod::RodShape;
 use crate::rod::contact_load::ContactLoad;
@@ -17,6 +17,8 @@ use serde::{Deserialize, Serialize};
 pub struct GuideState {
     /// Unknowns now, one and two sub-steps ago, 1/m.
     pub q: [Vec<f64>; 3],
+    /// Unknowns half-way through the frame that ends now, or the part of them that is known so far, 1/m.
+    pub midway: Vec<f64>,
     /// Points, m, world.
     pub x: Vec<Vector3<f64>>,
     /// Velocities of the points, m/s.
@@ -106,7 +108,8 @@ impl GuideState {
             v,
             tangent,
             history: History { previous, last_step: 0.0, rates },
-            q: [q.clone(), q.clone(), q],
+            q: [q.clone(), q.clone(), q.clone()],
+            midway: q,
             contact_loads: Vec::new(),
             stuck: false,
             pinched: false,
@@ -156,6 +159,16 @@ impl GuideState {
         let [now, one, two] = &mut self.q;
         two.copy_from_slice(one);
         one.copy_from_slice(now);
+    }
+
+    /// Adds the end of sub-step `k` of the `n` of a frame, from 1, to the unknowns half-way through it.
+    pub(in crate::dynamics) fn record_midway(&mut self, k: i64, n: i64) {
+        let GuideState { q: [now, before, _], midway, .. } = self;
+        let (start, end) = (midway_weight(0, n), midway_weight(k, n));
+        for ((midway, now), before) in midway.iter_mut().zip(now).zip(before) {
+            let so_far = if k == 1 { start * *before } else { *midway };
+            *midway = so_far + end * *now;
+        }
     }
 
     /// Values of point `k` that enter a step with a difference formula (docs/theory.md §4.6): x* + η v*, x*,
@@ -347,10 +360,22 @@ impl Checkpoint for GuideState {
 
     fn state(&self) -> GuideState {
         // All fields by name: whoever adds one decides here whether a later sub-step depends on it.
-        let GuideState { q, x, v, tangent, clearance, history, contact_loads, stuck, pinched, transient: _ } =
-            self;
+        let GuideState {
+            q,
+            midway,
+            x,
+            v,
+            tangent,
+            clearance,
+            history,
+            contact_loads,
+            stuck,
+            pinched,
+            transient: _,
+        } = self;
         GuideState {
             q: q.clone(),
+            midway: midway.clone(),
             x: x.clone(),
             v: v.clone(),
             tangent: tangent.clone(),
@@ -371,6 +396,7 @@ impl Checkpoint for GuideState {
             ("unknowns", state.q[0].len(), unknowns),
             ("unknowns one step back", state.q[1].len(), unknowns),
             ("unknowns two steps back", state.q[2].len(), unknowns),
+            ("unknowns half-way through the frame", state.midway.len(), unknowns),
             ("points", state.x.len(), points),
             ("velocities", state.v.len(), points),
             ("tangents", state.tangent.len(), points),

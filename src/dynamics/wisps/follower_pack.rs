@@ -76,6 +76,7 @@ impl FollowerPack {
         for ((i, follower), points) in self.guides.iter().zip(followers).zip(&*points) {
             if let Some(follower) = follower {
                 follower.keep_out(*i, motion, points, now, correction, depenetration);
+                follower.set_midway(motion);
             }
         }
     }
@@ -124,5 +125,16 @@ impl FollowerMut<'_> {
             q.iter_mut().enumerate().for_each(|(n, q)| *q += interpolated(n));
         }
         std::mem::swap(&mut follower.correction, correction);
+    }
+
+    /// Sets its unknowns half-way through the frame to those of the cubic between its ends.
+    fn set_midway(&mut self, motion: &LeaderMotion) {
+        let ([end, before_end, _], [start, before_start, _]) = (&self.state.q, &*self.previous_q);
+        // An eighth of the frame times the difference of the rates over the last sub-steps.
+        let share = motion.frame / (8.0 * motion.h);
+        for (n, midway) in self.state.midway.iter_mut().enumerate() {
+            let bend = (start[n] - before_start[n]) - (end[n] - before_end[n]);
+            *midway = 0.5 * (start[n] + end[n]) + share * bend;
+        }
     }
 }
