@@ -197,7 +197,8 @@ fn fit(rate: &mut [f64], rod: &Rod, q: [&Vec<f64>; 5], head: &HeadAround, differ
 }
 
 /// Velocity relative to the head, m per frame, in rest space, of a point with these places, m, in rest space
-/// at the times of the differences. Its speed in the world is at most [`STEEPEST`] times its mean speed.
+/// at the times of the differences. Its speed in the world is at most [`STEEPEST`] times its mean speed, or that
+/// of the head there.
 fn moved(places: &[Vector3<f64>; 5], head: &HeadAround, differences: &Differences) -> Vector3<f64> {
     let difference = |weights: &[f64; 5], place: &dyn Fn(usize) -> Vector3<f64>| -> Vector3<f64> {
         weights.iter().enumerate().map(|(i, weight)| place(i) * *weight).sum()
@@ -207,8 +208,10 @@ fn moved(places: &[Vector3<f64>; 5], head: &HeadAround, differences: &Difference
     let [over_a_frame, correction, mean] = [OVER_A_FRAME, differences.correction, differences.mean]
         .map(|weights| difference(&weights, &|i| in_world(i) - origin));
     let velocity = over_a_frame + correction * share_of_correction(correction.norm(), over_a_frame.norm());
-    let share = (STEEPEST * mean.norm() / velocity.norm().max(f64::MIN_POSITIVE)).min(1.0);
-    head.poses[2].rotation.inverse() * (velocity * share - (head.velocity)(&places[2]))
+    let of_head = (head.velocity)(&places[2]);
+    let limit = of_head.norm().max(STEEPEST * mean.norm());
+    let share = (limit / velocity.norm().max(f64::MIN_POSITIVE)).min(1.0);
+    head.poses[2].rotation.inverse() * (velocity * share - of_head)
 }
 
 #[cfg(test)]
