@@ -66,7 +66,7 @@ struct Differences {
 /// The central difference over a frame: the mean rate around the moment.
 const OVER_A_FRAME: [f64; 5] = [0.0, -1.0, 0.0, 1.0, 0.0];
 
-/// Of fourth order (`docs/theory.md` eq. 7.5).
+/// Of fourth order (`docs/theory.md` eq. 7.6).
 const CENTRAL: Differences = Differences {
     correction: [1.0 / 6.0, -1.0 / 3.0, 0.0, 1.0 / 3.0, -1.0 / 6.0],
     mean: [-0.5, 0.0, 0.0, 0.0, 0.5],

@@ -86,8 +86,9 @@ class Residual:
     """Velocities of curves compared with the displacement over two frame intervals."""
 
     curves: Curves
-    mean: FloatArray
-    """Mean velocity of each point by its displacement, `N × 3`."""
+    means: list[FloatArray]
+    """Velocities that the excess is measured against, `N × 3`: the mean velocity of each point by its
+    displacement, and the head's jump of velocity there, if any, which frames do not resolve."""
     excess: FloatArray
     """Distance of the mean velocity by Simpson's rule from it, less the allowed sampling error, `N`."""
 
@@ -102,7 +103,8 @@ def velocities(window: Window) -> Iterator[Finding]:
     """
     floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
     for residual in residuals(window):
-        value = float(np.median(residual.excess)) / max(root_mean_square(residual.mean), floor)
+        speed = max(root_mean_square(mean) for mean in residual.means)
+        value = float(np.median(residual.excess)) / max(speed, floor)
         yield Finding(VELOCITIES, value, frame=window.frame, prim=residual.curves.path)
 
 
@@ -115,9 +117,9 @@ def curve_velocities(window: Window) -> Iterator[Finding]:
     floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
     for residual in residuals(window):
         curves = residual.curves
-        squares = (dot(residual.mean, residual.mean), residual.excess**2)
-        speed, excess = (np.sqrt(np.add.reduceat(s, curves.starts) / curves.counts) for s in squares)
-        share = excess / np.maximum(speed, floor)
+        squares = (residual.excess**2, *(dot(mean, mean) for mean in residual.means))
+        excess, *speeds = (np.sqrt(np.add.reduceat(s, curves.starts) / curves.counts) for s in squares)
+        share = excess / np.maximum(np.max(speeds, axis=0), floor)
         at = int(np.argsort(share)[int(np.ceil(0.95 * (len(share) - 1)))])
         yield Finding(CURVE_VELOCITIES, float(share[at]), frame=window.frame, prim=curves.path, curve=at)
 
@@ -148,7 +150,24 @@ def residual_of(window: Window, curves: Curves, offset: int) -> Residual | None:
     pairs = ((simpson, mean), (simpson, trapezoidal), (trapezoidal, mean))
     error, *sampling = (norms(a - b) for a, b in pairs)
     excess = np.maximum(error - tolerances.SIMPSON_ERROR * np.minimum(*sampling), 0)
-    return Residual(curves, mean, excess)
+    jump = head_jump(window, curves, offset)
+    return Residual(curves, [mean] if jump is None else [mean, jump], excess)
+
+
+def head_jump(window: Window, curves: Curves, offset: int) -> FloatArray | None:
+    """Jump of the velocity that the head gives to what moves with it near a frame; None near the ends.
+
+    The fourth difference of carried positions over a frame: once or twice such a jump, and an order smaller
+    than the speed of a motion that frames resolve.
+    """
+    points = window.once(in_head, curves, offset)
+    heads = [window.get(HEAD, TRANSFORM, offset + step) for step in range(-2, 3)]
+    known = [head for head in heads if head is not None]
+    if points is None or len(known) < len(heads):
+        return None
+    carried = [transformed(points, head) for head in known]
+    jump: FloatArray = np.diff(carried, 4, axis=0)[0] * window.cache.fps
+    return jump
 
 
 def sub_frames(window: Window) -> Iterator[Finding]:

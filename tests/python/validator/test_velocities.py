@@ -37,6 +37,8 @@ def worst(
 
     def get(_: str, name: str, offset: int) -> Array:
         t = (frame + offset) / FPS
+        if name == TRANSFORM:
+            return np.eye(4)
         if name == "points":
             return np.full((2, 3), [0.03 * np.sin(omega * t) + 0.2 * t, 0, 0])
         scale = factor if wrong in (None, frame + offset) else 1.0
@@ -46,9 +48,34 @@ def worst(
     values = []
     for frame in range(24):
         window = SimpleNamespace(cache=cache, frame=frame, get=get)
-        window.once = lambda compute, curves, window=window: compute(window, curves, 0)
+        window.once = lambda compute, curves, offset=0, window=window: compute(window, curves, offset)
         values.append(next(check(window)).value)
     return max(values) / TOLERANCES[check]
+
+
+@pytest.mark.parametrize("check", [velocities, curve_velocities])
+@pytest.mark.parametrize("early", [False, True])
+def test_hair_at_rest_before_the_head_jumps_is_measured_against_the_jump(
+    check: CheckFunction, early: bool
+) -> None:
+    """The head stands, and goes at 4 m/s from frame 2 on; hair begins at half of it, or a frame early."""
+    heads = {offset: np.eye(4) for offset in range(-3, 4)}
+    for offset, head in heads.items():
+        head[3, 0] = 4.0 / FPS * max(offset - 1, 0)
+    rates = {offset: 4.0 * min(max(offset - 0.5 + early, 0), 1) for offset in heads}
+    rates[0] *= 2.0 if early else 1.0
+    curves = Curves(HAIR, np.array([2]), np.zeros((2, 3), np.float32), np.full(2, 1e-4, np.float32))
+
+    def get(_: str, name: str, offset: int = 0) -> Array:
+        if name == TRANSFORM:
+            return heads[offset]
+        return np.full((2, 3), [heads[offset][3, 0] if name == "points" else rates[offset], 0, 0])
+
+    window = SimpleNamespace(
+        cache=SimpleNamespace(curves=[curves], fps=FPS, metres_per_unit=1.0), frame=1, get=get
+    )
+    window.once = lambda compute, curves, offset=0: compute(window, curves, offset)
+    assert (next(check(window)).value > TOLERANCES[check]) == early
 
 
 def window_of(points: Sequence[Array], rates: Sequence[Array], heads: Sequence[FloatArray]) -> Any:
