@@ -249,7 +249,8 @@ def spikes(window: Window) -> Iterator[Finding]:
     """Measures each curve's largest one-frame jump in the space of the head.
 
     A jump has opposite second differences in consecutive frames, and a displacement between them that the
-    speeds around them do not explain. Hair whipped by a landing has the first, not the second.
+    speeds around them do not explain. Hair whipped by a landing has the first, not the second. Where the
+    velocity of the head jumps, as in an impact, it leaves the hair at that speed between the frames.
     """
     for curves in window.cache.curves:
         here, there = (window.once(in_head, curves, offset) for offset in (0, 1))
@@ -260,7 +261,9 @@ def spikes(window: Window) -> Iterator[Finding]:
             continue
         size = norms(first)
         back = -dot(first, second) / np.maximum(size, np.finfo(float).tiny)
-        reach = tolerances.SPIKE_SPEED * np.maximum.reduce(known) / window.cache.fps
+        jumps = [window.once(head_jump, curves, offset) for offset in (0, 1)]
+        left = np.maximum.reduce([np.zeros(len(size)), *(norms(jump) for jump in jumps if jump is not None)])
+        reach = (tolerances.SPIKE_SPEED * np.maximum.reduce(known) + left) / window.cache.fps
         beyond = norms(there - here) - reach
         jump = np.maximum(0, np.minimum.reduce([size, back, beyond]))
         yield worst(window, SPIKES, curves, jump * window.cache.metres_per_unit)
