@@ -16,8 +16,9 @@ use super::wisp_friction::HeadVelocity;
 use crate::wisp::GuideRod;
 use grid::{Grid, Node};
 use law::{Assembly, Fibre};
-use nalgebra::{Point3, Vector3};
+use nalgebra::Vector3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Mean volume fraction of human hair on a head. A groom with fewer strands is taken as a sample of as much hair.
 const HAIR_FRACTION: f64 = 0.005;
@@ -31,17 +32,22 @@ const MIN_SPACING: f64 = 0.01;
 /// Roots whose distance to the nearest other one is measured.
 const SPACING_SAMPLES: usize = 300;
 
-/// The hair of a groom as a fibre assembly.
+/// Least length of a piece of a guide, in distances between nodes of the grid.
+const PIECE: f64 = 0.6;
+
+/// The hair of a groom as a fibre assembly, in pieces: consecutive points of a guide, with all its hairs.
 pub(super) struct HairVolume {
     hairs: Vec<Hairs>,
-    /// Index of the first point of each guide, then the number of points.
+    /// The points of each piece.
+    points: Vec<Range<usize>>,
+    /// Index of the first piece of each guide, then the number of pieces.
     first: Vec<usize>,
-    /// Volume fraction around each point in the groom's pose.
+    /// Volume fraction around each piece in the groom's pose.
     rest: Vec<f64>,
-    /// Places of the points at the end of the last frame, head space, m.
+    /// Places of the pieces at the end of the last frame, head space, m.
     framed: Vec<Vector3<f64>>,
     followers: Vec<Follower>,
-    points: Vec<HairPoint>,
+    pieces: Vec<Piece>,
     grid: Grid,
 }
 
@@ -62,18 +68,19 @@ struct Hairs {
 struct Follower {
     guide: usize,
     leader: usize,
-    /// For each point, the leader's point before it at the same share of the length, and how far (0..=1) it is
+    /// For each piece, the leader's piece before it at the same share of the length, and how far (0..=1) it is
     /// towards the next.
     places: Vec<(usize, f64)>,
 }
 
-/// The hairs around a point of a guide, in head space.
+/// A piece of a guide with all its hairs, in head space.
 #[derive(Debug, Clone, Copy, Default)]
-struct HairPoint {
-    /// Position, m.
+struct Piece {
+    /// Mean position, m.
     x: Vector3<f64>,
-    /// Velocity relative to the head, m/s.
+    /// Mean velocity relative to the head, m/s.
     v: Vector3<f64>,
+    /// Mean unit tangent.
     tangent: Vector3<f64>,
     /// Volume of the hairs, m³.
     volume: f64,
@@ -92,8 +99,8 @@ pub(super) fn sampling(density: &HairDensity, hair_area: f64) -> Option<f64> {
 }
 
 impl HairVolume {
-    /// The hair of guides with the rods `rods`, whose `states` are the groom's pose at time `t`, s. Each hair stands
-    /// for `sampling` hairs.
+    /// The hair of guides with the rods `rods`, whose `states` are the groom's pose at time `t`, s. Each hair
+    /// stands for `sampling` hairs.
     pub fn new(
         rods: &[GuideRod],
         sampling: f64,
@@ -102,27 +109,29 @@ impl HairVolume {
         env: &Environment,
         t: f64,
     ) -> Self {
-        let mut first = vec![0];
+        let grid = Grid::new(root_spacing(rods).max(MIN_SPACING));
+        let (mut points, mut first) = (Vec::new(), vec![0]);
         for model in models {
-            first.push(first[first.len() - 1] + model.rod.points());
+            points.extend(pieces_of(&model.rod.weight, PIECE * grid.spacing()));
+            first.push(points.len());
         }
-        let points = first[first.len() - 1];
         let mut volume = HairVolume {
             hairs: rods.iter().map(|r| Hairs::new(r, sampling)).collect(),
             first,
             rest: Vec::new(),
-            framed: vec![Vector3::zeros(); points],
+            framed: vec![Vector3::zeros(); points.len()],
             followers: Vec::new(),
-            points: vec![HairPoint::default(); points],
-            grid: Grid::new(root_spacing(rods).max(MIN_SPACING)),
+            pieces: vec![Piece::default(); points.len()],
+            points,
+            grid,
         };
         volume.deposit(models, states, env, t);
-        volume.rest = volume.points.iter().map(|point| volume.assembly(point).fraction).collect();
+        volume.rest = volume.pieces.iter().map(|piece| volume.assembly(piece).fraction).collect();
         volume
     }
 
-    /// Notes where the guides are at the end of a frame, at time `t`, s, and which active guide each moves with:
-    /// `leader`.
+    /// Notes where the guides are at the end of a frame, at time `t`, s, and which active guide each moves
+    /// with: `leader`.
     pub fn end_frame(
         &mut self,
         models: &[GuideModel],
@@ -131,24 +140,29 @@ impl HairVolume {
         env: &Environment,
         t: f64,
     ) {
-        let to_head = (env.head)(t).inverse();
-        let positions = states.iter().flat_map(|state| &state.x);
-        for (framed, x) in self.framed.iter_mut().zip(positions) {
-            *framed = (to_head * Point3::from(*x)).coords;
-        }
+        self.locate(models, states, env, t);
+        self.framed.iter_mut().zip(&self.pieces).for_each(|(framed, piece)| *framed = piece.x);
         self.set_leaders(models, leader);
     }
 
     /// Sets which active guide each guide moves with: `leader`.
     fn set_leaders(&mut self, models: &[GuideModel], leader: impl Fn(usize) -> usize) {
-        let follower = |(guide, leader): (usize, usize)| {
-            let [own, other] = [guide, leader].map(|i| &models[i].rod);
-            let place = |s: &f64| {
-                let s = s / own.length() * other.length();
-                let k = other.arc.partition_point(|a| *a <= s).clamp(1, other.arc.len() - 1) - 1;
-                (k, ((s - other.arc[k]) / (other.arc[k + 1] - other.arc[k])).clamp(0.0, 1.0))
+        // Arc length in the middle of each piece of a guide, as a share of the guide's length.
+        let middles = |i: usize| {
+            let rod = &models[i].rod;
+            let middle = |points: &Range<usize>| {
+                0.5 * (rod.arc[points.start] + rod.arc[points.end - 1]) / rod.length()
             };
-            Follower { guide, leader, places: own.arc.iter().map(place).collect() }
+            self.points[self.first[i]..self.first[i + 1]].iter().map(middle).collect::<Vec<f64>>()
+        };
+        let follower = |(guide, leader): (usize, usize)| {
+            let other = middles(leader);
+            let place = |s: &f64| {
+                let k = other.partition_point(|o| o <= s).clamp(1, (other.len() - 1).max(1)) - 1;
+                let next = other.get(k + 1).unwrap_or(&f64::INFINITY);
+                (k, ((s - other[k]) / (next - other[k])).clamp(0.0, 1.0))
+            };
+            Follower { guide, leader, places: middles(guide).iter().map(place).collect() }
         };
         let leaders = (0..models.len()).map(|i| (i, leader(i)));
         self.followers = leaders.filter(|(guide, leader)| guide != leader).map(follower).collect();
@@ -170,8 +184,8 @@ impl HairVolume {
         self.set_leaders(models, leader);
     }
 
-    /// Adds to the guides for which `active` holds the forces of the hair around them over a step of `h`, s, from
-    /// time `t`, s.
+    /// Adds to the guides for which `active` holds the forces of the hair around them over a step of `h`, s,
+    /// from time `t`, s.
     pub fn apply(
         &mut self,
         models: &[GuideModel],
@@ -185,45 +199,66 @@ impl HairVolume {
         let to_world = (env.head)(t).rotation;
         let volume = &*self;
         states.par_iter_mut().enumerate().filter(|(i, _)| active(*i)).for_each(|(i, state)| {
-            let force = |k: usize| to_world * volume.force(i, k, &models[i], h);
-            state.add_hair_force((0..models[i].rod.points()).map(force));
+            let rod = &models[i].rod;
+            let force = |piece: usize| {
+                let points = &volume.points[piece];
+                let [length, mass] = [&rod.weight, &rod.mass].map(|of| of[points.clone()].iter().sum());
+                let [pressure, acceleration] =
+                    volume.force(i, piece, [length, mass], h).map(|f| to_world * f);
+                points.clone().map(move |k| pressure * rod.weight[k] + acceleration * rod.mass[k])
+            };
+            state.add_hair_force((volume.first[i]..volume.first[i + 1]).flat_map(force));
         });
     }
 
-    /// Puts all hair on the grid as it is at time `t`, s.
-    fn deposit(&mut self, models: &[GuideModel], states: &[GuideState], env: &Environment, t: f64) {
-        let HairVolume { hairs, first, framed, followers, points, grid, .. } = self;
+    /// Finds the pieces of all guides as they are at time `t`, s.
+    fn locate(&mut self, models: &[GuideModel], states: &[GuideState], env: &Environment, t: f64) {
+        let HairVolume { hairs, points, first, pieces, .. } = self;
         let head = HeadVelocity::new(env, t);
         for (i, (model, state)) in models.iter().zip(states).enumerate() {
-            for (k, point) in points[first[i]..first[i + 1]].iter_mut().enumerate() {
-                *point = HairPoint {
-                    x: head.to_head(&state.x[k]),
-                    v: head.relative_velocity(&state.x[k], &state.v[k]),
-                    tangent: head.rotate_to_head(&state.tangent[k]),
-                    volume: hairs[i].area * model.rod.weight[k],
+            let range = first[i]..first[i + 1];
+            for (piece, points) in pieces[range.clone()].iter_mut().zip(&points[range]) {
+                let weight = &model.rod.weight[points.clone()];
+                let length: f64 = weight.iter().sum();
+                let mean = |of: &[Vector3<f64>]| {
+                    of[points.clone()].iter().zip(weight).map(|(v, w)| v * (w / length)).sum::<Vector3<f64>>()
+                };
+                let (x, v, tangent) = (mean(&state.x), mean(&state.v), mean(&state.tangent));
+                *piece = Piece {
+                    x: head.to_head(&x),
+                    v: head.relative_velocity(&x, &v),
+                    tangent: head.rotate_to_head(&tangent),
+                    volume: hairs[i].area * length,
                     energy_slope: 0.0,
                 };
             }
         }
+    }
+
+    /// Puts all hair on the grid as it is at time `t`, s.
+    fn deposit(&mut self, models: &[GuideModel], states: &[GuideState], env: &Environment, t: f64) {
+        self.locate(models, states, env, t);
+        let HairVolume { first, framed, followers, pieces, grid, .. } = self;
         // Since the end of the frame followers have moved as their leaders.
         for Follower { guide, leader, places } in followers {
             for (k, (before, beyond)) in places.iter().enumerate() {
-                let (own, other) = (first[*guide] + k, first[*leader] + before);
-                let between = |of: &dyn Fn(usize) -> Vector3<f64>| of(other).lerp(&of(other + 1), *beyond);
-                let moved = between(&|j| points[j].x - framed[j]);
-                let (v, tangent) = (between(&|j| points[j].v), between(&|j| points[j].tangent));
-                points[own] = HairPoint { x: framed[own] + moved, v, tangent, ..points[own] };
+                let own = first[*guide] + k;
+                let other = first[*leader] + before;
+                let next = (other + 1).min(first[*leader + 1] - 1);
+                let between = |of: &dyn Fn(usize) -> Vector3<f64>| of(other).lerp(&of(next), *beyond);
+                let moved = between(&|j| pieces[j].x - framed[j]);
+                let (v, tangent) = (between(&|j| pieces[j].v), between(&|j| pieces[j].tangent));
+                pieces[own] = Piece { x: framed[own] + moved, v, tangent, ..pieces[own] };
             }
         }
-        let bounds =
-            |[low, high]: [Vector3<f64>; 2], point: &HairPoint| [low.inf(&point.x), high.sup(&point.x)];
+        let bounds = |[low, high]: [Vector3<f64>; 2], piece: &Piece| [low.inf(&piece.x), high.sup(&piece.x)];
         let start = [1.0, -1.0].map(|sign| Vector3::repeat(sign * f64::INFINITY));
-        let [low, high] = points.iter().fold(start, bounds);
+        let [low, high] = pieces.iter().fold(start, bounds);
         grid.clear(&low, &high);
-        for point in points {
-            let fraction = point.volume / grid.cell_volume();
-            let (v, d) = (point.v * fraction, point.tangent * fraction);
-            let stencil = grid.touch(&point.x);
+        for piece in pieces {
+            let fraction = piece.volume / grid.cell_volume();
+            let (v, d) = (piece.v * fraction, piece.tangent * fraction);
+            let stencil = grid.touch(&piece.x);
             grid.add(&stencil, &[fraction, v.x, v.y, v.z, d.x, d.y, d.z, 0.0]);
         }
     }
@@ -231,43 +266,60 @@ impl HairVolume {
     /// Finds the pressure of the hair on the grid for a step of `h`, s.
     fn pressurise(&mut self, h: f64) {
         let max_speed = law::max_wave_speed(self.grid.spacing(), h);
-        let HairVolume { hairs, first, rest, points, grid, .. } = self;
+        let HairVolume { hairs, first, rest, pieces, grid, .. } = self;
         let fibre = |i: usize| &hairs[first.partition_point(|first| *first <= i) - 1].fibre;
-        points.par_iter_mut().zip(&*rest).enumerate().for_each(|(i, (point, rest))| {
-            let assembly = assembly(&grid.values(&grid.stencil(&point.x)));
-            point.energy_slope = assembly.energy_slope(fibre(i), *rest, max_speed);
+        pieces.par_iter_mut().zip(&*rest).enumerate().for_each(|(i, (piece, rest))| {
+            let assembly = assembly(&grid.values(&grid.stencil(&piece.x)));
+            piece.energy_slope = assembly.energy_slope(fibre(i), *rest, max_speed);
         });
-        for point in points.iter().filter(|point| point.energy_slope > 0.0) {
-            let stencil = grid.stencil(&point.x);
-            grid.add_entry(&stencil, PRESSURE, point.energy_slope * point.volume / grid.cell_volume());
+        for piece in pieces.iter().filter(|piece| piece.energy_slope > 0.0) {
+            let stencil = grid.stencil(&piece.x);
+            grid.add_entry(&stencil, PRESSURE, piece.energy_slope * piece.volume / grid.cell_volume());
         }
     }
 
-    /// The hair around a point.
-    fn assembly(&self, point: &HairPoint) -> Assembly {
-        assembly(&self.grid.values(&self.grid.stencil(&point.x)))
+    /// The hair around a piece.
+    fn assembly(&self, piece: &Piece) -> Assembly {
+        assembly(&self.grid.values(&self.grid.stencil(&piece.x)))
     }
 
-    /// Force on point `k` of guide `i` over a step of `h`, s, N, head axes.
-    fn force(&self, i: usize, k: usize, model: &GuideModel, h: f64) -> Vector3<f64> {
-        let (hairs, point) = (&self.hairs[i], &self.points[self.first[i] + k]);
-        let (length, mass) = (model.rod.weight[k], model.rod.mass[k]);
-        let stencil = self.grid.stencil(&point.x);
+    /// Pressure per length, N/m, and friction per mass, m/s², on a hair of guide `i` in a piece of `length`, m,
+    /// and `mass`, kg, over a step of `h`, s; head axes.
+    fn force(&self, i: usize, piece: usize, [length, mass]: [f64; 2], h: f64) -> [Vector3<f64>; 2] {
+        let (hairs, piece) = (&self.hairs[i], &self.pieces[piece]);
+        let stencil = self.grid.stencil(&piece.x);
         let values = self.grid.values(&stencil);
         let hair = assembly(&values);
-        let slip = point.v - Vector3::new(values[1], values[2], values[3]) / hair.fraction;
+        let slip = piece.v - Vector3::new(values[1], values[2], values[3]) / hair.fraction;
         // The air between hairs moves with them.
         let shielded = air_drag::shielded_share(hair.fraction * hairs.length_density);
         let air = hairs.drag * hairs.shielding * shielded;
         let [across, along] = hair.friction(&hairs.fibre, slip.norm());
         // Share of the slip that is lost: exact for a constant coefficient, so that friction never reverses it.
         let loss = |coefficient: f64| -(-coefficient * length / mass * h).exp_m1();
-        let slip_along = point.tangent * point.tangent.dot(&slip);
+        let tangent = piece.tangent.try_normalize(0.0).unwrap_or_default();
+        let slip_along = tangent * tangent.dot(&slip);
         let lost = (slip - slip_along) * loss(across + air) + slip_along * loss(along + 0.5 * air);
         // −∂/∂x of the energy Σ V u(φ), as deposited.
-        let gradient = self.grid.gradient(&stencil, [(FRACTION, point.energy_slope), (PRESSURE, 1.0)]);
-        gradient * (-hairs.fibre.area * length) - lost * (mass / h)
+        let gradient = self.grid.gradient(&stencil, [(FRACTION, piece.energy_slope), (PRESSURE, 1.0)]);
+        [gradient * -hairs.fibre.area, lost * (-1.0 / h)]
     }
+}
+
+/// The points of the pieces of a guide whose points stand for the lengths `weight`, m: each piece is at least
+/// `least` long, m, if the guide is.
+fn pieces_of(weight: &[f64], least: f64) -> Vec<Range<usize>> {
+    let mut pieces = Vec::new();
+    let (mut start, mut length, mut left) = (0, 0.0, weight.iter().sum::<f64>());
+    for (k, w) in weight.iter().enumerate() {
+        length += w;
+        left -= w;
+        if length >= least && left >= least || k + 1 == weight.len() {
+            pieces.push(start..k + 1);
+            (start, length) = (k + 1, 0.0);
+        }
+    }
+    pieces
 }
 
 impl Hairs {
