@@ -30,7 +30,7 @@ pub struct SettingsArguments {
     /// Time integration scheme [default: bdf2]
     #[arg(long, value_name = "NAME", value_enum, help_heading = HEADING)]
     scheme: Option<Scheme>,
-    /// What the hair collides with [default: bodies]
+    /// What the hair collides with [default: volume]
     #[arg(long, value_name = "NAME", value_enum, help_heading = HEADING)]
     contact: Option<ContactSetting>,
     /// Which guides are simulated [default: auto]

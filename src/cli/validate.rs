@@ -75,6 +75,7 @@ const VALIDATOR: Package = python_package!(
         "crossing_check.py",
         "crossings.py",
         "geometry.py",
+        "pinches.py",
         "report.py",
         "run.py",
         "tolerances.py",
