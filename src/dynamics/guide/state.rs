@@ -132,6 +132,11 @@ impl GuideState {
         self.history.last_step = 0.0;
     }
 
+    /// True if bodies have closed on the strand and leave it less room than it is to keep.
+    pub fn is_pinched(&self) -> bool {
+        self.pinched
+    }
+
     /// Forgets the forces of other hair.
     pub(in crate::dynamics) fn clear_hair_force(&mut self) {
         self.transient.hair_force.clear();

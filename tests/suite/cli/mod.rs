@@ -83,12 +83,12 @@ fn strict_exits_with_1_if_a_guarantee_is_broken() {
     let folder = tempfile::tempdir().unwrap();
     let mut anim: Value =
         serde_json::from_str(&std::fs::read_to_string(sample.join("shake.json")).unwrap()).unwrap();
-    // A ball above the head in one frame and deep inside it in the next.
-    let places = [[0.0, 0.25, 0.0], [0.0, 0.25, 0.0], [0.0, 0.11, 0.0], [0.0, 0.11, 0.0]];
+    // A ball above the head in one frame and below it in the next.
+    let places = [[0.0, 0.3, 0.0], [0.0, 0.3, 0.0], [0.0, -0.3, 0.0], [0.0, -0.3, 0.0]];
     let track = json!({ "fps": 24.0, "first_frame": 1000, "translation": places, "pops": "keep" });
     anim["frames"] = json!([1001, 1002]);
     anim["bodies"].as_array_mut().unwrap().push(json!({ "name": "ball", "track": track }));
-    let shape = json!({ "type": "sphere", "centre": [0.0, 0.12, 0.0], "radius": 0.02 });
+    let shape = json!({ "type": "sphere", "centre": [0.0, 0.12, 0.0], "radius": 0.03 });
     let ball = json!({ "name": "ball", "body": "ball", "shape": shape, "thickness_m": 0.0005 });
     anim["colliders"][0]["shape"]["file"] = json!(sample.join("head.obj"));
     anim["colliders"].as_array_mut().unwrap().push(ball);
