@@ -317,6 +317,16 @@ def read_frame(cache: Cache, frame: int) -> FrameFile:
     return file
 
 
+def read_value(cache: Cache, frame: int, path: str) -> Array | None:
+    """Value of an attribute at a frame, from its file; None if there is none, or no readable file."""
+    try:
+        layer = Sdf.Layer.OpenAsAnonymous(str(cache.frame_path(frame)))
+        value = layer.QueryTimeSample(path, float(frame))
+    except Tf.ErrorException:
+        return None
+    return None if value is None else np.array(value)
+
+
 def attributes(layer: Sdf.Layer) -> set[str]:
     """Paths of all attributes in a layer."""
     paths: set[str] = set()

@@ -86,9 +86,9 @@ class Residual:
     """Velocities of curves compared with the displacement over two frame intervals."""
 
     curves: Curves
-    means: list[FloatArray]
-    """Velocities that the excess is measured against, `N × 3`: the mean velocity of each point by its
-    displacement, and the head's jump of velocity there, if any, which frames do not resolve."""
+    speeds: list[FloatArray]
+    """Speeds that the excess is measured against, `N`: that of each point by its displacement, and the head's
+    jump of velocity there, which frames do not resolve."""
     excess: FloatArray
     """Distance of the mean velocity by Simpson's rule from it, less the allowed sampling error, `N`."""
 
@@ -103,7 +103,7 @@ def velocities(window: Window) -> Iterator[Finding]:
     """
     floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
     for residual in residuals(window):
-        speed = max(root_mean_square(mean) for mean in residual.means)
+        speed = max(root_mean_square(speed) for speed in residual.speeds)
         value = float(np.median(residual.excess)) / max(speed, floor)
         yield Finding(VELOCITIES, value, frame=window.frame, prim=residual.curves.path)
 
@@ -117,8 +117,8 @@ def curve_velocities(window: Window) -> Iterator[Finding]:
     floor = tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit
     for residual in residuals(window):
         curves = residual.curves
-        squares = (residual.excess**2, *(dot(mean, mean) for mean in residual.means))
-        excess, *speeds = (np.sqrt(np.add.reduceat(s, curves.starts) / curves.counts) for s in squares)
+        values = (residual.excess, *residual.speeds)
+        excess, *speeds = (np.sqrt(np.add.reduceat(v**2, curves.starts) / curves.counts) for v in values)
         share = excess / np.maximum(np.max(speeds, axis=0), floor)
         at = int(np.argsort(share)[int(np.ceil(0.95 * (len(share) - 1)))])
         yield Finding(CURVE_VELOCITIES, float(share[at]), frame=window.frame, prim=curves.path, curve=at)
@@ -151,23 +151,28 @@ def residual_of(window: Window, curves: Curves, offset: int) -> Residual | None:
     error, *sampling = (norms(a - b) for a, b in pairs)
     excess = np.maximum(error - tolerances.SIMPSON_ERROR * np.minimum(*sampling), 0)
     jump = head_jump(window, curves, offset)
-    return Residual(curves, [mean] if jump is None else [mean, jump], excess)
+    return Residual(curves, [norms(mean)] if jump is None else [norms(mean), jump], excess)
 
 
 def head_jump(window: Window, curves: Curves, offset: int) -> FloatArray | None:
-    """Jump of the velocity that the head gives to what moves with it near a frame; None near the ends.
+    """Jump of the velocity that the head gives to points, within a frame, `N`; None near the ends.
 
-    The fourth difference of carried positions over a frame: once or twice such a jump, and an order smaller
-    than the speed of a motion that frames resolve.
+    A jump between two frames is the sum of the second differences of carried positions at both. What the
+    differences at the two frames before and the two after account for, as in a smooth motion, is no jump:
+    `tolerances.HEAD_JUMP_SMOOTH` times the root of their sum of squares.
     """
     points = window.once(in_head, curves, offset)
-    heads = [window.get(HEAD, TRANSFORM, offset + step) for step in range(-2, 3)]
-    known = [head for head in heads if head is not None]
-    if points is None or len(known) < len(heads):
+    heads = [window.head(offset + step) for step in range(-4, 5)]
+    if points is None:
         return None
-    carried = [transformed(points, head) for head in known]
-    jump: FloatArray = np.diff(carried, 4, axis=0)[0] * window.cache.fps
-    return jump
+    jumps = []
+    for around in (heads[:-1], heads[1:]):
+        known = [head for head in around if head is not None]
+        if len(known) == len(around):
+            bends = [transformed(points, bend) for bend in np.diff(known, 2, axis=0)]
+            smooth = np.sqrt(sum(dot(bends[i], bends[i]) for i in (0, 1, 4, 5)))
+            jumps.append(norms(bends[2] + bends[3]) - tolerances.HEAD_JUMP_SMOOTH * smooth)
+    return np.maximum.reduce([np.zeros(len(points)), *jumps]) * window.cache.fps if jumps else None
 
 
 def sub_frames(window: Window) -> Iterator[Finding]:
@@ -188,7 +193,7 @@ def sub_frames(window: Window) -> Iterator[Finding]:
         for (start, before, first), (end, after, last) in pairwise(samples):
             mean = (after - before) * window.cache.fps / (end - start)
             residual = norms((first.astype(float) + last) / 2 - mean)
-            value = float(np.median(residual)) / max(root_mean_square(mean), floor)
+            value = float(np.median(residual)) / max(root_mean_square(norms(mean)), floor)
             yield Finding(SUB_FRAMES, value, frame=window.frame, prim=curves.path)
 
 
@@ -241,7 +246,7 @@ def acceleration_residual(
     """The median difference of accelerations over points, relative to the RMS of the expected ones."""
     floor = tolerances.ACCELERATION_FLOOR_M_S2 / window.cache.metres_per_unit
     residual = float(np.median(norms(found - expected)))
-    value = residual / max(root_mean_square(expected), floor)
+    value = residual / max(root_mean_square(norms(expected)), floor)
     return Finding(check, value, frame=window.frame, prim=curves.path)
 
 
@@ -250,7 +255,7 @@ def spikes(window: Window) -> Iterator[Finding]:
 
     A jump has opposite second differences in consecutive frames, and a displacement between them that the
     speeds around them do not explain. Hair whipped by a landing has the first, not the second. Where the
-    velocity of the head jumps, as in an impact, it leaves the hair at that speed between the frames.
+    velocity of the head jumps, as in an impact, it leaves the hair behind at the speed of the jump.
     """
     for curves in window.cache.curves:
         here, there = (window.once(in_head, curves, offset) for offset in (0, 1))
@@ -262,8 +267,8 @@ def spikes(window: Window) -> Iterator[Finding]:
         size = norms(first)
         back = -dot(first, second) / np.maximum(size, np.finfo(float).tiny)
         jumps = [window.once(head_jump, curves, offset) for offset in (0, 1)]
-        left = np.maximum.reduce([np.zeros(len(size)), *(norms(jump) for jump in jumps if jump is not None)])
-        reach = (tolerances.SPIKE_SPEED * np.maximum.reduce(known) + left) / window.cache.fps
+        left = np.maximum.reduce([np.zeros(len(size)), *(jump for jump in jumps if jump is not None)])
+        reach = np.maximum(tolerances.SPIKE_SPEED * np.maximum.reduce(known), left) / window.cache.fps
         beyond = norms(there - here) - reach
         jump = np.maximum(0, np.minimum.reduce([size, back, beyond]))
         yield worst(window, SPIKES, curves, jump * window.cache.metres_per_unit)
@@ -346,9 +351,9 @@ def speed_in_head(window: Window, curves: Curves, offset: int) -> FloatArray | N
     return norms(rates - transformed(points, twist * (window.cache.fps / 2)))
 
 
-def root_mean_square(vectors: FloatArray) -> float:
-    """Root mean square of the norms of vectors, `N × 3`."""
-    return float(np.sqrt(np.einsum("ij,ij->", vectors, vectors) / len(vectors)))
+def root_mean_square(values: FloatArray) -> float:
+    """Root mean square of values, `N`."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 MOTION: dict[Check, Callable[[Window], Iterator[Finding]]] = {

@@ -36,17 +36,18 @@ ROOT_OFFSET_M = 1e-6
 EXTENT_EXCESS_M = 1e-6
 
 # Median over points of the residual of Simpson's rule over two frame intervals, relative to the frame's RMS
-# speed. The rule's own error is (ωh)⁴/180: 0.1 % for a shake of 2.5 Hz at 24 frames a second, 2 % at 5 Hz.
-# Velocities that are the mean over the last substep add ω·h/16. Velocities per frame, of the wrong sign, or
-# of the neighbouring frame give 0.3 and more.
+# speed, or to a jump of the head's velocity if that is larger (HEAD_JUMP_SMOOTH): hair that follows it from
+# rest moves by a part of the jump. The rule's own error is (ωh)⁴/180: 0.1 % for a shake of 2.5 Hz at 24
+# frames a second, 2 % at 5 Hz. Velocities that are the mean over the last substep add ω·h/16. Velocities per
+# frame, of the wrong sign, or of the neighbouring frame give 0.3 and more.
 VELOCITY_RESIDUAL = 0.15
 
 # Slower frames are compared with this speed: the velocities of a still groom are rounding errors.
 VELOCITY_FLOOR_M_S = 0.02
 
-# The same residual for each curve, relative to its own RMS speed, at the 95th percentile over curves because
-# a few curves collide at any time. The worst frame of the jump and landing described at SPIKE_M has 0.15.
-# Fewer wrong curves than one in twenty are not detected.
+# The same residual for each curve, relative to its own RMS speed or the head's jump at it, at the 95th
+# percentile over curves because a few curves collide at any time. The worst frame of the jump and landing
+# described at SPIKE_M has 0.15. Fewer wrong curves than one in twenty are not detected.
 CURVE_VELOCITY_RESIDUAL = 0.5
 
 # Allowed error of Simpson's rule due to coarse sampling, as a share of the smaller of its difference from the
@@ -55,6 +56,13 @@ CURVE_VELOCITY_RESIDUAL = 0.5
 # over all points of a slow frame of a head that trembles at 8 Hz: 0.29 (0.17 of the speed), which falls to
 # 0.01 % at eight times as many samples.
 SIMPSON_ERROR = 0.5
+
+# A jump of the head's velocity: the second differences of positions that move with the head, at the two
+# frames around it, less this times the root of the sum of squares at the two frames before and the two after.
+# Without it a sine, which has no jump, would be said to have one; none of any frequency and phase has with
+# 2.44. Jumps from rest are found whole at any moment between frames, and 46 % of a landing from free fall at
+# 3 m/s.
+HEAD_JUMP_SMOOTH = 2.45
 
 # Median over points of the difference between accelerations and the second derivative of the cubic through
 # this frame's and the next frame's points and velocities, relative to its RMS. Hair in collision is no cubic
@@ -70,10 +78,11 @@ ACCELERATION_FLOOR_M_S2 = 0.5
 
 # One-frame jump in the space of the head, m: second differences at two neighbouring frames with opposite
 # directions, over a displacement that exceeds SPIKE_SPEED times the largest speed from the frame before to
-# the frame after. Hair that lands is fastest between frames. Measured on a jump and landing of 240 frames at
-# 24 a second with 8 substeps: guides that are smooth in every substep have second differences of up to 94 mm
-# and go up to 10 mm beyond 1.5 times their speed. A guide that flips over at 2 m/s went 32 mm beyond the
-# speeds at the two frames alone; baked at 192 frames a second each of its steps is smooth.
+# the frame after, and a jump of the head's velocity times a frame (HEAD_JUMP_SMOOTH). Hair that lands is
+# fastest between frames. Measured on a jump and landing of 240 frames at 24 a second with 8 substeps: guides
+# that are smooth in every substep have second differences of up to 94 mm and go up to 10 mm beyond 1.5 times
+# their speed. A guide that flips over at 2 m/s went 32 mm beyond the speeds at the two frames alone; baked at
+# 192 frames a second each of its steps is smooth.
 SPIKE_M = 0.02
 SPIKE_SPEED = 1.5
 

@@ -21,6 +21,7 @@ from .cache import (
     Mesh,
     attribute_value,
     read_frame,
+    read_value,
 )
 from .collider import Collider
 from .geometry import Arcs, Array, BoolArray, FloatArray, IntArray, arc_lengths, transformed
@@ -126,6 +127,7 @@ class Window:
         self.reference = reference
         self.frame = cache.frames[0]
         self._files: dict[int, FrameFile | str] = {}  # The error message if a file cannot be read.
+        self._heads: dict[int, Array | None] = {}
         self._results: dict[int, dict[Any, Any]] = {}  # What several checks or frames need, by frame.
         self._shapes = expected_shapes(cache)
 
@@ -182,6 +184,20 @@ class Window:
         if ("valid", path) not in known:
             known["valid", path] = self._is_valid(path, value)
         return value if known["valid", path] else None
+
+    def head(self, offset: int) -> Array | None:
+        """Transform of the head `offset` frames from the centre; None if there is none or it is not valid.
+
+        Nothing else is read of frames that the window does not keep.
+        """
+        frame, path = self.frame + offset, f"{HEAD}.{TRANSFORM}"
+        if frame not in self._heads:
+            if frame in self._files:
+                value = self.get(HEAD, TRANSFORM, offset)
+            else:
+                value = read_value(self.cache, frame, path) if frame in self.cache.frames else None
+            self._heads[frame] = value if self._is_valid(path, value) else None
+        return self._heads[frame]
 
     def once(
         self, compute: Callable[["Window", Curves, int], _Result], curves: Curves, offset: int = 0

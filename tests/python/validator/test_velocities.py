@@ -9,7 +9,13 @@ import pytest
 
 from hairbake_validate import tolerances
 from hairbake_validate.cache import HAIR, TRANSFORM, Curves
-from hairbake_validate.checks_motion import curve_velocities, speed_in_head, velocities
+from hairbake_validate.checks_motion import (
+    curve_velocities,
+    head_jump,
+    speed_in_head,
+    spikes,
+    velocities,
+)
 from hairbake_validate.geometry import Array, FloatArray
 from hairbake_validate.report import Finding
 from validator.test_geometry import turned_about
@@ -48,9 +54,75 @@ def worst(
     values = []
     for frame in range(24):
         window = SimpleNamespace(cache=cache, frame=frame, get=get)
+        window.head = lambda offset, get=get: get("", TRANSFORM, offset)
         window.once = lambda compute, curves, offset=0, window=window: compute(window, curves, offset)
         values.append(next(check(window)).value)
     return max(values) / TOLERANCES[check]
+
+
+def window_of(
+    points: Sequence[Array], rates: Sequence[Array], heads: Sequence[FloatArray], at: int = 1
+) -> Any:
+    """A window at frame `at` of one curve, of frames from 0 on."""
+    curves = Curves(HAIR, np.array([2]), np.zeros((2, 3), np.float32), np.full(2, 1e-4, np.float32))
+    values = {"points": points, "velocities": rates, TRANSFORM: heads}
+
+    def get(_: str, name: str, offset: int = 0) -> Array | None:
+        frame = at + offset
+        return values[name][frame] if 0 <= frame < len(values[name]) else None
+
+    cache = SimpleNamespace(curves=[curves], fps=FPS, metres_per_unit=1.0)
+    window = SimpleNamespace(cache=cache, frame=1000 + at, get=get)
+    window.head = lambda offset: get("", TRANSFORM, offset)
+    window.once = lambda compute, curves, offset=0: compute(window, curves, offset)
+    return window
+
+
+def heads_along(places: Sequence[float] | FloatArray) -> list[FloatArray]:
+    """Transforms of a head at these places, m, along an axis."""
+    heads: list[FloatArray] = [np.eye(4) for _ in places]
+    for head, x in zip(heads, places, strict=True):
+        head[3, 0] = x
+    return heads
+
+
+def along(values: Sequence[float] | FloatArray) -> list[Array]:
+    """Points or velocities of a curve, all alike, along the same axis."""
+    return [np.full((2, 3), [value, 0, 0]) for value in values]
+
+
+def jump_of_head(places: FloatArray, at: int = 4) -> float | None:
+    """Jump of velocity, m/s, of a head at these places, m, frame by frame."""
+    window = window_of(along(places), along(places), heads_along(places), at)
+    found = head_jump(window, window.cache.curves[0], 0)
+    return None if found is None else float(found.max())
+
+
+FRAMES = np.arange(9) - 4
+"""The frames that tell whether the velocity of the head jumps at the one in their middle."""
+
+
+@pytest.mark.parametrize("frequency", [0.5, 1.0, 2.5, 4.0, 5.0, 8.0])
+def test_a_head_that_shakes_makes_no_velocity_jump(frequency: float) -> None:
+    omega = 2 * np.pi * frequency
+    for phase in np.linspace(0, 2 * np.pi, 37):
+        assert jump_of_head(np.sin(omega * FRAMES / FPS + phase) / omega) == 0
+
+
+@pytest.mark.parametrize("moment", [-2 / 3, -1 / 2, -1 / 3, 0, 1 / 4, 1 / 3, 1 / 2, 2 / 3, 1])
+def test_jumps_of_the_velocity_of_the_head_are_found_between_frames(moment: float) -> None:
+    """The head stands and goes at 4 m/s; or falls freely, and is stopped from there by the ground."""
+    frames = np.maximum(FRAMES - moment, 0)
+    assert jump_of_head(4.0 / FPS * frames) == pytest.approx(4.0)
+    time = (FRAMES - moment) / FPS
+    landing = -4.0 * np.minimum(time, 0) - 9.81 / 2 * np.minimum(time, 0) ** 2
+    found = jump_of_head(landing)
+    assert found is not None and 1.0 < found < 4.0
+
+
+def test_a_jump_two_frames_away_is_none_and_near_the_ends_nothing_is_known() -> None:
+    assert jump_of_head(4.0 / FPS * np.maximum(FRAMES - 2, 0)) == 0
+    assert jump_of_head(4.0 / FPS * np.maximum(FRAMES, 0), at=2) is None
 
 
 @pytest.mark.parametrize("check", [velocities, curve_velocities])
@@ -58,39 +130,30 @@ def worst(
 def test_hair_at_rest_before_the_head_jumps_is_measured_against_the_jump(
     check: CheckFunction, early: bool
 ) -> None:
-    """The head stands, and goes at 4 m/s from frame 2 on; hair begins at half of it, or a frame early."""
-    heads = {offset: np.eye(4) for offset in range(-3, 4)}
-    for offset, head in heads.items():
-        head[3, 0] = 4.0 / FPS * max(offset - 1, 0)
-    rates = {offset: 4.0 * min(max(offset - 0.5 + early, 0), 1) for offset in heads}
-    rates[0] *= 2.0 if early else 1.0
-    curves = Curves(HAIR, np.array([2]), np.zeros((2, 3), np.float32), np.full(2, 1e-4, np.float32))
-
-    def get(_: str, name: str, offset: int = 0) -> Array:
-        if name == TRANSFORM:
-            return heads[offset]
-        return np.full((2, 3), [heads[offset][3, 0] if name == "points" else rates[offset], 0, 0])
-
-    window = SimpleNamespace(
-        cache=SimpleNamespace(curves=[curves], fps=FPS, metres_per_unit=1.0), frame=1, get=get
-    )
-    window.once = lambda compute, curves, offset=0: compute(window, curves, offset)
+    """The head stands, and goes at 4 m/s from frame 5 on; hair begins at half of it, or a frame early."""
+    places = 4.0 / FPS * np.maximum(FRAMES - 1, 0)
+    rates = 4.0 * np.clip(FRAMES - 0.5 + early, 0, 1)
+    rates[4] *= 2.0 if early else 1.0
+    window = window_of(along(places), along(rates), heads_along(places), 4)
     assert (next(check(window)).value > TOLERANCES[check]) == early
 
 
-def window_of(points: Sequence[Array], rates: Sequence[Array], heads: Sequence[FloatArray]) -> Any:
-    """A window at the second frame of one curve."""
-    curves = Curves(HAIR, np.array([2]), np.zeros((2, 3), np.float32), np.full(2, 1e-4, np.float32))
-    values = {"points": points, "velocities": rates, TRANSFORM: heads}
+@pytest.mark.parametrize(("frequency", "factor"), [(2.5, 0.75), (2.5, 1.25), (5.0, 0.5), (5.0, 1.5)])
+def test_wrong_velocities_on_a_head_that_shakes_fail(frequency: float, factor: float) -> None:
+    omega = 2 * np.pi * frequency / FPS
+    places, rates = 0.02 * np.sin(omega * FRAMES), 0.02 * omega * FPS * np.cos(omega * FRAMES)
+    for scale, fails in ((1.0, False), (factor, True)):
+        window = window_of(along(places), along(scale * rates), heads_along(places), 4)
+        assert (next(velocities(window)).value > tolerances.VELOCITY_RESIDUAL) == fails
 
-    def get(_: str, name: str, offset: int = 0) -> Array | None:
-        frame = 1 + offset
-        return values[name][frame] if 0 <= frame < len(values[name]) else None
 
-    cache = SimpleNamespace(curves=[curves], fps=FPS, metres_per_unit=1.0)
-    window = SimpleNamespace(cache=cache, frame=1001, get=get)
-    window.once = lambda compute, curves, offset=0: compute(window, curves, offset)
-    return window
+@pytest.mark.parametrize("size", [0.0, 0.15, 0.3])
+def test_a_spike_while_the_velocity_of_the_head_jumps_is_found(size: float) -> None:
+    """The head goes at 2 m/s from one frame to the next, 8 cm; hair goes with it, and is off for a frame."""
+    places = 2.0 / FPS * np.maximum(FRAMES, 0)
+    points = places + size * (FRAMES == 0)
+    window = window_of(along(points), along(2.0 * (FRAMES > 0)), heads_along(places), 4)
+    assert (next(spikes(window)).value > tolerances.SPIKE_M) == (size > 0)
 
 
 def test_points_on_a_spinning_head_have_no_speed_relative_to_it() -> None:

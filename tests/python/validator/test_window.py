@@ -38,12 +38,14 @@ def test_each_frame_is_read_and_measured_once(
         monkeypatch.setattr(module, name, call)
 
     counted(window, "read_frame")
+    counted(window, "read_value")
     counted(checks_frame, "arc_lengths")
     for name in ("in_head", "speed_in_head", "bend", "residual_of"):
         counted(checks_motion, name)
     assert validate(good_cache.directory, only="moving").passed
     frames = len(list(good_cache.directory.glob("hair.*.usdc"))) - 1
     assert calls["read_frame"] == frames + 1  # The first frame is the reference too.
+    assert 0 < calls["read_value"] <= frames  # The head alone, of frames ahead.
     assert calls["arc_lengths"] == frames
     # Two sets of curves; windows at the ends ask for a frame that does not exist on either side.
     assert calls["residual_of"] == 2 * frames
