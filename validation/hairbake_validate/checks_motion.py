@@ -74,7 +74,7 @@ VELOCITY_PEAKS = Check(
 )
 POPS = Check(
     "pops",
-    "no render strand jumps there and back within two frames as its guides do not",
+    "no render strand jumps there and back within two frames as neither its guides nor its speeds do",
     "bake these frames again, or use more guides where strands jump",
     tolerances.POP_M,
     "m",
@@ -295,15 +295,22 @@ def speed_shares(window: Window, curves: Curves) -> FloatArray | None:
 
 
 def pops(window: Window) -> Iterator[Finding]:
-    """Measures how far each strand jumps there and back around the frame beyond its guides."""
+    """Measures how far each strand jumps there and back around the frame beyond its guides and its speeds.
+
+    Hair that whips there and back within two frames moves continuously: it is fast in the frames around.
+    """
     for hair in window.cache.curves:
-        beyond = jumps_beyond_guides(window, hair) if hair.path == HAIR else None
+        beyond = unaccounted_jumps(window, hair) if hair.path == HAIR else None
         if beyond is not None:
             yield worst(window, POPS, hair, beyond)
 
 
-def jumps_beyond_guides(window: Window, hair: Curves) -> FloatArray | None:
-    """How far each point of the render strands jumps there and back beyond its guides, m, `N`."""
+def unaccounted_jumps(window: Window, hair: Curves) -> FloatArray | None:
+    """How far each point of the render strands jumps there and back without an account of it, m, `N`.
+
+    Its guides account for their largest jump, its speeds at the frames before and after for half the way that
+    it goes in a frame at the larger of them.
+    """
     guides = next((curves for curves in window.cache.curves if curves.path == GUIDES), None)
     followed = window.reference.followed
     if guides is None or followed is None:
@@ -312,7 +319,10 @@ def jumps_beyond_guides(window: Window, hair: Curves) -> FloatArray | None:
     if jumps[0] is None or jumps[1] is None:
         return None
     of_guides = np.maximum.reduceat(jumps[1], guides.starts)[followed].max(axis=1)
-    beyond: FloatArray = np.maximum(0, jumps[0] - np.repeat(of_guides, hair.counts))
+    accounts = [np.repeat(of_guides, hair.counts)]
+    speeds = [window.once(speed_in_head, hair, offset) for offset in (-1, 1)]
+    accounts += [tolerances.POP_SPEED * speed / window.cache.fps for speed in speeds if speed is not None]
+    beyond: FloatArray = np.maximum(0, jumps[0] - np.maximum.reduce(accounts))
     beyond *= window.cache.metres_per_unit
     return beyond
 

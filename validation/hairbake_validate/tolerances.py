@@ -118,11 +118,15 @@ PINCH_UNRECORDED_M = 5e-4
 VELOCITY_PEAK = 4.0
 VELOCITY_PEAK_M_S = 4.0
 
-# There-and-back jump of a render strand within two frames, in the space of the head, beyond the largest of
-# the guides that it follows, m. A landing at 24 frames a second takes guides there and back by up to 6 cm;
-# strands that are longer or bend otherwise go up to 2.3 cm beyond them, and up to 3.7 cm in a spin at 20
-# rad/s. Strands that left their guides went 15 cm.
+# There-and-back jump of a render strand within two frames, in the space of the head, m, beyond the largest of
+# the guides that it follows, and beyond POP_SPEED times the way of a frame at the larger of its speeds at the
+# frames before and after: of a parabola that turns at the frame, all. Strands that whip between guides of
+# which one rests go up to 5.3 cm beyond the guides, and up to 3.4 cm beyond their speeds; at 192 frames a
+# second each of their steps is smooth. Strands that left their guides went 15 cm. Where only one frame is
+# wrong, the speeds around account for a sixth of the jump by fourth-order differences over half frames, and
+# for a fourth of it if they are central differences over frames.
 POP_M = 0.04
+POP_SPEED = 0.5
 
 # Distance of the median root from a skin beyond which it is not where the hair grows, m, and as a share of
 # the diagonal of the roots' bounding box: 5 cm on a human head. Production roots are within millimetres of

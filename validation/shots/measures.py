@@ -7,7 +7,7 @@ import numpy as np
 
 from hairbake_validate import tolerances
 from hairbake_validate.cache import GUIDES, HAIR, Cache
-from hairbake_validate.checks_motion import jumps_beyond_guides, speed_shares
+from hairbake_validate.checks_motion import speed_shares, unaccounted_jumps
 from hairbake_validate.window import Reference, Window
 
 
@@ -36,7 +36,7 @@ def measure(directory: Path) -> Measures:
         for curves in cache.curves:
             shares = speed_shares(window, curves)
             found.glitches += 0 if shares is None else int((shares > 1).sum())
-            jumps = jumps_beyond_guides(window, curves) if curves.path == HAIR else None
+            jumps = unaccounted_jumps(window, curves) if curves.path == HAIR else None
             if jumps is not None:
                 found.pops += int((np.maximum.reduceat(jumps, curves.starts) > tolerances.POP_M).sum())
         for mesh, at_first in reference.colliders:

@@ -77,6 +77,22 @@ def one_frame_pop(cache: CacheBuilder) -> None:
     move_points(cache, MIDDLE, HAIR, bend_one_tip)
 
 
+@defect("pops", "spikes")
+def one_frame_jump_with_central_differences_as_velocities(cache: CacheBuilder) -> None:
+    """Jumps for a frame; the velocities at the frames around are those of the jump."""
+    jump = np.zeros((CURVES * POINTS, 3), np.float32)
+
+    def swing(curves: FloatArray) -> FloatArray:
+        swung = swing_one_curve(curves.copy())
+        jump[:] = (swung - curves).reshape(-1, 3)
+        return swung
+
+    move_points(cache, MIDDLE, HAIR, swing)
+    change = jump * np.float32(FPS / 2)
+    cache.edit_array(MIDDLE - 1, f"{HAIR}.velocities", lambda velocities: velocities + change)
+    cache.edit_array(MIDDLE + 1, f"{HAIR}.velocities", lambda velocities: velocities - change)
+
+
 @defect("spikes", "curve_velocities", "pops")
 def one_frame_jump(cache: CacheBuilder) -> None:
     move_points(cache, MIDDLE, HAIR, swing_one_curve)
