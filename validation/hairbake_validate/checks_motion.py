@@ -255,7 +255,7 @@ def spikes(window: Window) -> Iterator[Finding]:
 
     A jump has opposite second differences in consecutive frames, and a displacement between them that the
     speeds around them do not explain. Hair whipped by a landing has the first, not the second. Where the
-    velocity of the head jumps, as in an impact, it leaves the hair behind at the speed of the jump.
+    velocity of the head jumps, as in an impact, hair may be faster between the frames by as much.
     """
     for curves in window.cache.curves:
         here, there = (window.once(in_head, curves, offset) for offset in (0, 1))
@@ -268,7 +268,8 @@ def spikes(window: Window) -> Iterator[Finding]:
         back = -dot(first, second) / np.maximum(size, np.finfo(float).tiny)
         jumps = [window.once(head_jump, curves, offset) for offset in (0, 1)]
         left = np.maximum.reduce([np.zeros(len(size)), *(jump for jump in jumps if jump is not None)])
-        reach = np.maximum(tolerances.SPIKE_SPEED * np.maximum.reduce(known), left) / window.cache.fps
+        fastest = np.maximum.reduce(known)
+        reach = np.maximum(tolerances.SPIKE_SPEED * fastest, fastest + left) / window.cache.fps
         beyond = norms(there - here) - reach
         jump = np.maximum(0, np.minimum.reduce([size, back, beyond]))
         yield worst(window, SPIKES, curves, jump * window.cache.metres_per_unit)

@@ -78,7 +78,7 @@ ACCELERATION_FLOOR_M_S2 = 0.5
 
 # One-frame jump in the space of the head, m: second differences at two neighbouring frames with opposite
 # directions, over a displacement that exceeds SPIKE_SPEED times the largest speed from the frame before to
-# the frame after, and a jump of the head's velocity times a frame (HEAD_JUMP_SMOOTH). Hair that lands is
+# the frame after, and that speed with a jump of the head's velocity (HEAD_JUMP_SMOOTH). Hair that lands is
 # fastest between frames. Measured on a jump and landing of 240 frames at 24 a second with 8 substeps: guides
 # that are smooth in every substep have second differences of up to 94 mm and go up to 10 mm beyond 1.5 times
 # their speed. A guide that flips over at 2 m/s went 32 mm beyond the speeds at the two frames alone; baked at
