@@ -5,7 +5,7 @@ use super::{console, values};
 use crate::cache::{Reader, write_file};
 use crate::error::{Error, Result};
 use crate::report::picture::AnimationFormat;
-use crate::report::preview::{self, CurveSelection, Follow, Options, spread};
+use crate::report::preview::{self, Colours, CurveSelection, Follow, Options, spread};
 use clap::{ArgGroup, Args, ValueEnum};
 use std::path::{Path, PathBuf};
 
@@ -87,12 +87,14 @@ enum CurvesName {
     Both,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, ValueEnum)]
 enum ColourName {
     /// Natural colours for hair, one colour per group for guides
     Hair,
     /// Wisp level that moves each curve: blue is a coarse wisp, warmer colours are finer
     Level,
+    /// Density: green as the densest hair of the groom, yellow 1.5 times, red twice as dense; blue is loose hair
+    Crowding,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -185,7 +187,11 @@ impl PreviewArguments {
                 CurvesName::Guides => CurveSelection::Guides,
                 CurvesName::Both => CurveSelection::Both,
             }),
-            levels: self.colour == ColourName::Level,
+            colours: match self.colour {
+                ColourName::Hair => Colours::Hair,
+                ColourName::Level => Colours::Level,
+                ColourName::Crowding => Colours::Crowding,
+            },
             width_scale: self.width_scale,
             colliders: !self.no_colliders,
             follow: match self.follow {

@@ -1,6 +1,7 @@
 //! Pictures of a cache without a GPU, in seconds: contact sheets and animations.
 
 mod camera;
+mod crowding;
 mod frame_range;
 mod light;
 mod options;
@@ -14,7 +15,7 @@ mod strand;
 mod tests;
 
 pub use frame_range::spread;
-pub use options::{CurveSelection, Follow, Options};
+pub use options::{Colours, CurveSelection, Follow, Options};
 pub use renderer::Renderer;
 pub use sheet::{animate, sheet, sheet_of_shots};
 pub use shot::Shot;

@@ -25,6 +25,18 @@ pub enum Follow {
     World,
 }
 
+/// Meaning of the colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Colours {
+    /// Natural colours for strands, one colour per group for guides.
+    #[default]
+    Hair,
+    /// Level of the wisp with which each curve moves.
+    Level,
+    /// Density over that of the densest twentieth of the hair in the pose of the groom.
+    Crowding,
+}
+
 /// Settings of a preview.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
@@ -32,8 +44,8 @@ pub struct Options {
     pub size: (u32, u32),
     /// Samples per pixel in each direction.
     pub supersampling: u32,
-    /// Whether colours show the level of the wisp with which each curve moves.
-    pub levels: bool,
+    /// Meaning of the colours.
+    pub colours: Colours,
     /// Curves to draw; by default strands if the cache has them, else guides.
     pub curves: Option<CurveSelection>,
     /// Factor on the widths of strands. A factor above 1 compensates for a cache with fewer strands than the
@@ -56,7 +68,7 @@ impl Default for Options {
         Options {
             size: (480, 480),
             supersampling: 3,
-            levels: false,
+            colours: Colours::default(),
             curves: None,
             width_scale: 1.0,
             colliders: true,

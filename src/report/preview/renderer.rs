@@ -1,8 +1,9 @@
 //! Draws the frames of a shot.
 
 use super::camera::{Axes, Framing};
+use super::crowding::Crowding;
 use super::frame_range::spread_over;
-use super::options::{CurveSelection, Follow, Options};
+use super::options::{Colours, CurveSelection, Follow, Options};
 use super::scene;
 use super::shot::Shot;
 use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame};
@@ -35,7 +36,7 @@ impl<'a, S: Shot> Renderer<'a, S> {
             return Err(Error::Usage("there is no frame to draw".into()));
         }
         let header = shot.header();
-        if options.levels && !header.levels {
+        if options.colours == Colours::Level && !header.levels {
             let what = format!("{} has no levels: it was baked at full resolution", shot.path().display());
             return Err(Error::Usage(what));
         }
@@ -78,6 +79,7 @@ impl<'a, S: Shot> Renderer<'a, S> {
         let size = (self.options.size.0 * fine, self.options.size.1 * fine);
         let camera = self.framing.camera(axes, followed, self.options.fov_deg, size);
         let meshes = if self.options.colliders { self.meshes(&frame) } else { Vec::new() };
+        let to_rest = matrix(&frame.head).try_inverse().unwrap_or_else(Matrix4::identity);
         let drawn = self.drawn(&frame).into_iter();
         let strands: Vec<scene::DrawnCurves> = drawn
             .map(|(set, moving)| {
@@ -85,13 +87,21 @@ impl<'a, S: Shot> Renderer<'a, S> {
                 let guides = std::ptr::eq(set, &self.shot.header().guides);
                 let style = if guides { scene::Style::Guides } else { scene::Style::Hair };
                 let thinned = if self.curves == CurveSelection::Both && !guides { THINNED } else { 1.0 };
-                let basis = self.shot.header().basis;
+                let (basis, unit) = (self.shot.header().basis, self.shot.header().metres_per_unit);
+                let at_rest = |p: &[f32; 3]| {
+                    to_rest.transform_point(&Vector3::from(*p).cast::<f64>().into()).coords.cast::<f32>()
+                };
+                let crowding = (self.options.colours == Colours::Crowding).then(|| {
+                    let points: Vec<_> = moving.points.iter().map(at_rest).collect();
+                    Crowding::new(set, unit).relative(&points)
+                });
                 scene::DrawnCurves {
                     set,
                     basis,
                     points,
                     style,
-                    level: moving.level.as_deref().filter(|_| self.options.levels),
+                    level: moving.level.as_deref().filter(|_| self.options.colours == Colours::Level),
+                    crowding,
                     width_scale: self.options.width_scale as f32 * thinned,
                 }
             })

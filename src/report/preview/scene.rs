@@ -32,6 +32,8 @@ pub struct DrawnCurves<'a> {
     pub style: Style,
     /// Level of each curve, if colours show it.
     pub level: Option<&'a [i32]>,
+    /// Crowding at each point, if colours show it.
+    pub crowding: Option<Vec<f32>>,
     /// Factor on all widths.
     pub width_scale: f32,
 }
@@ -149,12 +151,20 @@ fn block(volume: &mut Volume, [a, b, c]: [Vector3<f32>; 3]) {
 fn ribbon(strands: &DrawnCurves, p: &Piece, camera: &Camera, fine: u32, light: &Lighting) -> Ribbon {
     let curve = p.curve as usize;
     let middle = (p.from + p.to) * 0.5;
+    let level = || strands.level.map(|level| level_colour(level[curve]));
+    let crowding = || {
+        let crowding = strands.crowding.as_ref()?;
+        let (before, beyond) = (p.place as usize, p.place.fract());
+        let next = (before + 1).min(crowding.len() - 1);
+        Some(crowding_colour(crowding[before] * (1.0 - beyond) + crowding[next] * beyond))
+    };
+    let shown = level().or_else(crowding);
     let colour = match strands.style {
         Style::Hair => {
             let tangent = (p.to - p.from).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
             let viewer = (camera.eye - middle).normalize();
             let (own, tilt) = own_look(strands.set.id[curve]);
-            let tint = strands.level.map_or(own, |level| level_colour(level[curve]) * 0.5);
+            let tint = shown.map_or(own, |colour| colour * 0.5);
             let (lamps, sky) = light.arriving(middle);
             let lit: Rgb =
                 lamps.map(|(l, c)| scatter(tangent, l, viewer, tint, tilt).component_mul(&c)).sum();
@@ -162,7 +172,7 @@ fn ribbon(strands: &DrawnCurves, p: &Piece, camera: &Camera, fine: u32, light: &
         }
         Style::Guides => {
             let group = || group_colour(strands.set.group.get(curve).copied().unwrap_or(0));
-            let colour = strands.level.map_or_else(group, |level| level_colour(level[curve]));
+            let colour = shown.unwrap_or_else(group);
             colour * (0.4 + 0.6 * light.volume.at(&light.sky, middle))
         }
     };
@@ -190,6 +200,12 @@ fn group_colour(group: i32) -> Rgb {
 /// Blue for coarse wisps, warmer colours for finer ones.
 fn level_colour(level: i32) -> Rgb {
     colour(0.6 * 0.55_f32.powi(level.max(0)) - if level > 0 { 0.16 } else { 0.0 })
+}
+
+/// Blue for loose hair, green for hair as dense as the densest of the groom, yellow at 1.5 times and red from twice
+/// that.
+fn crowding_colour(crowding: f32) -> Rgb {
+    colour(0.6 * (1.0 - 0.5 * crowding.clamp(0.0, 2.0)))
 }
 
 /// The colour of a hue (0..1 around the circle from red).

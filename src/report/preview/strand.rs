@@ -19,6 +19,8 @@ pub struct Piece {
     pub width: f32,
     /// Index of its curve in the set.
     pub curve: u32,
+    /// Where its midpoint is among the points of the set.
+    pub place: f32,
 }
 
 /// Target length of a piece, final pixels.
@@ -43,7 +45,10 @@ pub fn pieces(
     });
     let ranges: Vec<_> = starts.collect();
     let cut = |(curve, range): (usize, &std::ops::Range<usize>)| {
-        one_curve(curve as u32, basis, &points[range.clone()], &set.widths[range.clone()], camera, pixel)
+        let (points, widths) = (&points[range.clone()], &set.widths[range.clone()]);
+        let mut pieces = one_curve(curve as u32, basis, points, widths, camera, pixel);
+        pieces.iter_mut().for_each(|piece| piece.place += range.start as f32);
+        pieces
     };
     let each: Vec<Vec<Piece>> = ranges.par_iter().enumerate().map(cut).collect();
     each.concat()
@@ -69,8 +74,10 @@ fn one_curve(
             let to = span(basis, points, i, t);
             let after = camera.project(to);
             if let (Some((from, Some(before))), Some(after)) = (last, after) {
-                let width = widths[i - 1] + (widths[i] - widths[i - 1]) * (t - 0.5 / n);
-                pieces.push(Piece { from, to, ends: [before, after], width, curve });
+                let middle = t - 0.5 / n;
+                let width = widths[i - 1] + (widths[i] - widths[i - 1]) * middle;
+                let place = (i - 1) as f32 + middle;
+                pieces.push(Piece { from, to, ends: [before, after], width, curve, place });
             }
             last = Some((to, after));
         }

@@ -1,7 +1,7 @@
 //! Whole pictures of a small synthetic head of hair, drawn and read back.
 
 use super::frame_range::spread;
-use super::options::{Follow, Options};
+use super::options::{Colours, Follow, Options};
 use super::renderer::Renderer;
 use super::sheet::{animate, sheet};
 use super::shot::Shot;
@@ -159,7 +159,7 @@ fn guides_have_a_visible_minimum_width() {
 #[test]
 fn colours_show_the_level_of_each_strand() {
     let mut shot = head_of_hair(60, 1);
-    let options = Options { levels: true, ..small() };
+    let options = Options { colours: Colours::Level, ..small() };
     assert!(Renderer::new(&shot, options.clone(), &[1001]).is_err_and(|e| matches!(e, Error::Usage(_))));
     shot.header.levels = true;
     let redness = |shot: &Memory, options: &Options| -> f64 {
@@ -178,6 +178,24 @@ fn colours_show_the_level_of_each_strand() {
     shot.frames[0].hair.as_mut().unwrap().level = Some(vec![0; 59]);
     let renderer = Renderer::new(&shot, options, &[1001]);
     assert!(renderer.is_err_and(|e| matches!(e, Error::Damaged { .. })));
+}
+
+#[test]
+fn colours_show_where_hair_is_crowded() {
+    let mut shot = head_of_hair(300, 2);
+    // At the second frame hair is pressed together along one axis, to a third.
+    let squeezed = shot.frames[1].hair.as_mut().unwrap();
+    squeezed.points.iter_mut().for_each(|p| p[2] /= 3.0);
+    let options = Options { colours: Colours::Crowding, follow: Follow::Head, ..small() };
+    let renderer = Renderer::new(&shot, options, &[1001, 1002]).unwrap();
+    let redness = |frame: i32| -> f64 {
+        let image = renderer.render(frame).unwrap();
+        let hair = |p: &[u8]| p.iter().max().unwrap() - p.iter().min().unwrap() > 30;
+        let pixels: Vec<_> = image.rgb.chunks_exact(3).filter(|p| hair(p)).collect();
+        pixels.iter().map(|p| f64::from(p[0]) - f64::from(p[2])).sum::<f64>() / pixels.len() as f64
+    };
+    let [loose, crowded] = [1001, 1002].map(redness);
+    assert!(crowded > loose + 20.0, "{loose} {crowded}");
 }
 
 #[test]
