@@ -101,7 +101,7 @@ def argument_parser() -> argparse.ArgumentParser:
         "--contact",
         default="bodies",
         choices=("volume", "bodies", "full", "penalty"),
-        help="contact of hair [default: bodies]",
+        help="what hair touches [default: bodies alone, unlike a bake]",
     )
     modes = parser.add_mutually_exclusive_group()
     modes.add_argument(
