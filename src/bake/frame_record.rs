@@ -60,6 +60,17 @@ pub struct FrameRecord {
     /// Motions of guides that were truncated, or that ignore other guides, because no coupled solution was
     /// found.
     pub strands_shortened: u32,
+    /// Largest share of the hair, by volume, whose pressure against other hair is less than the law's because of
+    /// the length of the sub-step.
+    pub hair_softened: f64,
+    /// Volume fraction of the hair, with contact as a volume, over the 95th percentile by volume in the groom's
+    /// pose: 95th percentile, largest of the sub-steps.
+    pub hair_crowding_p95: f64,
+    /// The same: largest.
+    pub hair_crowding_max: f64,
+    /// Root mean square of the hair's velocity against the mean of the hair around, over that in head space: largest
+    /// of the sub-steps; 0 where the latter is below 5 cm/s.
+    pub hair_slip: f64,
     /// Largest distance of a tie from its target, m.
     pub tie_slack_m: f64,
     /// Speed of the guides' points relative to the head: mean, m/s.
@@ -134,6 +145,10 @@ impl FrameRecord {
         self.active_nodes = step.active_nodes;
         self.splits += step.changes.splits;
         self.merges += step.changes.merges;
+        self.hair_softened = self.hair_softened.max(step.hair.softened);
+        self.hair_crowding_p95 = self.hair_crowding_p95.max(step.hair.crowding_p95);
+        self.hair_crowding_max = self.hair_crowding_max.max(step.hair.crowding_max);
+        self.hair_slip = self.hair_slip.max(step.hair.slip);
         (self.contacts_found, self.contacts_active) = (0, 0);
         (self.strand_contacts_found, self.strand_contacts_active) = (0, 0);
         let stepped = step.guides.iter().enumerate().filter(|(i, _)| step.active[*i]);

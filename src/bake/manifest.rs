@@ -42,6 +42,7 @@ pub(super) fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Resu
         "exempt_guide_segments": exempt,
         "guide_segments": segments,
         "groom_notes": job.groom.notes,
+        "hair_sampling": job.rods.sampling,
         "sag_free": job.rods.sag_free,
         "first_frame_from_groom": { "mean": mean, "largest": largest },
     }));
@@ -69,6 +70,10 @@ fn totals(finished: &[Finished]) -> Map<String, Value> {
         "unconverged": sum(|f| f.unconverged.len() as u32),
         "shortened": sum(|f| f.shortened),
         "unsettled": sum(|f| f.unsettled),
+        "hair_softened": worst(|f| f.hair_softened),
+        "hair_crowding_p95": worst(|f| f.hair_crowding_p95),
+        "hair_crowding_max": worst(|f| f.hair_crowding_max),
+        "hair_slip": worst(|f| f.hair_slip),
         "strand_residual": worst(|f| f.strand_residual),
         "crossings": sum(|f| f.crossings),
         "strands_unsettled": sum(|f| f.strands_unsettled),

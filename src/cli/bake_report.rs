@@ -62,6 +62,34 @@ fn contact_charts(frames: &[FrameRecord]) -> Vec<Chart> {
             ],
         ));
     }
+    if frames.iter().any(|f| f.hair_crowding_max > 0.0) {
+        charts.push(chart(
+            "Crowding of hair",
+            "",
+            "Density of the hair over that of the densest twentieth of it in the groom's pose. Hair in its own pose has \
+             1; above 1.5 it is pressed together.",
+            vec![
+                series("95th percentile", |f| f.hair_crowding_p95),
+                series("largest", |f| f.hair_crowding_max),
+            ],
+        ));
+        charts.push(chart(
+            "Slip of hair",
+            "",
+            "Speed of the hair against that around it, over its speed in head space (root mean squares); 0 where hair is \
+             slower than 5 cm/s. Hair that moves as one has little.",
+            vec![series("slip", |f| f.hair_slip)],
+        ));
+    }
+    if frames.iter().any(|f| f.hair_softened > 0.0) {
+        charts.push(chart(
+            "Softened hair",
+            "%",
+            "Share of the hair, by volume, that is too dense for the sub-step: it resists pressure less than it should. \
+             More sub-steps make it smaller.",
+            vec![series("largest", |f| 1e2 * f.hair_softened)],
+        ));
+    }
     let residual = chart(
         "Contact residual",
         "",
@@ -168,19 +196,19 @@ fn settings(summary: &BakeSummary) -> Vec<(String, String)> {
     if let Some(exempt) = manifest.scene_figures.get("exempt_guide_segments") {
         rows.push(("guide segments exempt from contact".into(), exempt.to_string()));
     }
-    rows.extend(deviation(manifest).into_iter().map(|(name, value)| (name.into(), value)));
+    rows.extend(scene_rows(manifest).into_iter().map(|(name, value)| (name.into(), value)));
     let notes = manifest.scene_figures.get("groom_notes").and_then(|notes| notes.as_array());
     let notes = notes.into_iter().flatten().filter_map(|note| note.as_str());
     rows.extend(notes.map(|note| ("groom".to_string(), note.to_string())));
     rows
 }
 
-/// How far the first frame is from the groom, and how the sag-free rest shape was reached.
-pub fn deviation(manifest: &Manifest) -> Vec<(&'static str, String)> {
+/// What hair meets hair, how far the first frame is from the groom, and how the sag-free rest shape was reached.
+pub fn scene_rows(manifest: &Manifest) -> Vec<(&'static str, String)> {
     let number = |object: &str, key: &str| manifest.scene_figures.get(object)?.get(key)?.as_f64();
     let first = |key: &str| number("first_frame_from_groom", key);
     let sag_free = |key: &str| number("sag_free", key);
-    let mut rows = Vec::new();
+    let mut rows: Vec<_> = hair_on_hair(manifest).map(|text| ("hair on hair", text)).into_iter().collect();
     if let (Some(mean), Some(largest)) = (first("mean"), first("largest")) {
         let (mean, largest) = (mean * 100.0, largest * 100.0);
         rows.push((
@@ -202,6 +230,18 @@ pub fn deviation(manifest: &Manifest) -> Vec<(&'static str, String)> {
         rows.push(("sag-free", text));
     }
     rows
+}
+
+/// The contact of hair with hair.
+fn hair_on_hair(manifest: &Manifest) -> Option<String> {
+    let contact = manifest.settings.get("contact")?.as_str()?;
+    let sampling = manifest.scene_figures.get("hair_sampling").and_then(|sampling| sampling.as_f64());
+    Some(match sampling {
+        Some(hairs) => format!("as a volume, in which each hair of the groom stands for {hairs:.1}"),
+        None if contact == "volume" => "none: the strands are too sparse to meet as a volume".into(),
+        None if contact == "full" => "guides meet as rigid bundles (full)".into(),
+        None => format!("none: hair meets bodies only ({contact})"),
+    })
 }
 
 /// What the user should look at.
@@ -230,6 +270,12 @@ pub fn warnings(summary: &BakeSummary) -> Vec<String> {
         warning(frames, "contacts did not converge to rest", ADVICE, |f| count(unsettled(f))),
         warning(
             frames,
+            "the length of the sub-step limits the pressure of more than a quarter of the hair",
+            "; take more sub-steps to keep it from being pressed together",
+            |f| (f.hair_softened > MANY_SOFTENED).then(|| format!("{:.0} %", 1e2 * f.hair_softened)),
+        ),
+        warning(
+            frames,
             "render strands are more than 2 mm inside a body",
             "; more guides may help there",
             |f| count(f.hair_inside),
@@ -242,6 +288,9 @@ pub fn warnings(summary: &BakeSummary) -> Vec<String> {
 
 /// Depth of a guide inside a body above which the user is warned, m: the validator's tolerance.
 const GUIDE_INSIDE: f64 = 5e-4;
+
+/// Share of hair softened by the sub-step above which the user is warned.
+const MANY_SOFTENED: f64 = 0.25;
 
 /// Share of guide segments exempt from contact above which the user is warned.
 const MANY_EXEMPT: f64 = 0.1;

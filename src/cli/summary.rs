@@ -1,6 +1,6 @@
 //! The end of a bake: its report, its contact sheet and a summary for the console.
 
-use super::bake_report::{bake_report, deviation, pinches, warnings};
+use super::bake_report::{bake_report, pinches, scene_rows, warnings};
 use super::preview::PICTURES;
 use crate::bake::frame_record::FrameRecord;
 use crate::bake::{BakeSummary, StageSeconds};
@@ -99,7 +99,7 @@ pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
     let (drift, frame) = worst(|f| f.length_drift);
     line("length drift", format!("{drift:.1e} max, frame {frame}"));
     if let Some(manifest) = &summary.manifest {
-        deviation(manifest).into_iter().for_each(|(name, value)| line(name, value));
+        scene_rows(manifest).into_iter().for_each(|(name, value)| line(name, value));
     }
     for warning in warnings(summary) {
         line("warning", warning);

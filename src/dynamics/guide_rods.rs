@@ -35,9 +35,9 @@ impl GuideRods {
         let mut simulated = wisp::guide_rods(groom, SegmentSize::FINE);
         let density =
             HairDensity::new(simulated.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
-        let area = simulated.iter().map(|r| r.material.section.area()).sum::<f64>() / simulated.len() as f64;
-        let sampling =
-            (contact == ContactSetting::Volume).then(|| hair_volume::sampling(&density, area)).flatten();
+        let guides_only = groom.strands.curves.is_empty();
+        let meets = contact == ContactSetting::Volume;
+        let sampling = if meets { hair_volume::sampling(&simulated, &density, guides_only) } else { None };
         let alone = anim.colliders.is_empty()
             && anim.ties.is_empty()
             && contact != ContactSetting::Full

@@ -11,7 +11,7 @@ use super::guide_frame::{GuideFrame, SolverStep};
 use super::guide_rods::GuideRods;
 use super::hair_volume::HairVolume;
 use super::model::Model;
-use super::step_record::StepRecord;
+use super::step_record::{HairRecord, StepRecord};
 use super::strand_contact::StrandContacts;
 use super::wisp_friction::HeadVelocity;
 use super::wisps::{AdaptiveTree, WispChanges};
@@ -61,6 +61,8 @@ pub struct State {
 pub struct SubstepRecord {
     /// Records of the guides; default for followers.
     pub guides: Vec<StepRecord>,
+    /// The hair as a volume.
+    pub hair: HairRecord,
     /// Whether each guide was active.
     pub active: Vec<bool>,
     /// True if the guides took the sub-step coupled, halving it for all of them at once.
@@ -108,7 +110,8 @@ pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &
     }
     if let Some(volume) = &mut state.hair_volume {
         let step = [span[0], span[1] - span[0]];
-        volume.apply(&model.guides, &mut state.guides, |i| state.record.active[i], env, step);
+        state.record.hair =
+            volume.apply(&model.guides, &mut state.guides, |i| state.record.active[i], env, step);
     }
     advance(model, env, state, span);
     state.taken += 1;

@@ -1,4 +1,4 @@
-//! What one sub-step did to one guide.
+//! What one sub-step did to one guide, and to the hair as a volume.
 
 /// Counts and extremes of one sub-step of one guide.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -50,6 +50,20 @@ pub struct StrandRecord {
     pub truncated: u32,
     /// Segments whose motion crosses a segment of a guide of higher index.
     pub crossings: u32,
+}
+
+/// The hair as a fibre assembly at the start of one sub-step; zero without such contact.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct HairRecord {
+    /// Share of the hair, by volume, whose pressure is less than the law's because of the length of the sub-step.
+    pub softened: f64,
+    /// Volume fraction, over the 95th percentile by volume in the groom's pose: 95th percentile.
+    pub crowding_p95: f64,
+    /// The same: largest.
+    pub crowding_max: f64,
+    /// Root mean square of the velocity against the mean of the hair around, over that in head space; 0 where the
+    /// latter is below 5 cm/s.
+    pub slip: f64,
 }
 
 impl StepRecord {

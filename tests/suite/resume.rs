@@ -10,9 +10,10 @@ use hairbake::scene::{self, Anim, Groom};
 use serde_json::json;
 use std::path::Path;
 
-/// A small head of short hair that is shaken, with a suit that breathes if `deforms`.
+/// A small head of short hair that is shaken, with a suit that breathes if `deforms`. With strands enough to meet as a
+/// volume.
 fn scene(folder: &Path, contact: ContactSetting, deforms: bool) -> (Groom, Anim) {
-    let size = Size { wisps: Some(24), strands: 0, head_subdivisions: 2 };
+    let size = Size { wisps: Some(24), strands: 480, head_subdivisions: 2 };
     sample::write(Style::Short, size, folder).unwrap();
     let shake = folder.join("shake.json");
     if deforms {
@@ -40,16 +41,36 @@ fn scene(folder: &Path, contact: ContactSetting, deforms: bool) -> (Groom, Anim)
     (groom.with_default_trees(anim.settings.nodes), anim)
 }
 
+/// How far hair that meets other hair gets from hair that does not within 60 sub-steps, m.
+fn effect_of_hair(groom: &Groom, anim: &Anim) -> f64 {
+    let points = |contact| {
+        let mut anim = anim.clone();
+        anim.settings.contact = contact;
+        let rods = GuideRods::new(groom, &anim);
+        let mut simulation = Simulation::new(groom, &anim, &rods);
+        for _ in 0..60 {
+            simulation.step();
+        }
+        simulation.state.guides.iter().flat_map(|guide| guide.x.clone()).collect::<Vec<_>>()
+    };
+    let [alone, met] = [ContactSetting::Bodies, anim.settings.contact].map(points);
+    alone.iter().zip(met).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
+}
+
 fn bytes(simulation: &Simulation) -> Vec<u8> {
     postcard::to_stdvec(&simulation.state()).unwrap()
 }
 
 #[test]
 fn a_resumed_simulation_has_the_same_bits() {
-    let alike =
-        [(ContactSetting::Bodies, false), (ContactSetting::Bodies, true), (ContactSetting::Full, false)];
+    let alike = [
+        (ContactSetting::Bodies, false),
+        (ContactSetting::Bodies, true),
+        (ContactSetting::Volume, false),
+        (ContactSetting::Full, false),
+    ];
     let scenes = alike.map(|(contact, deforms)| (contact, deforms, Resolution::Full));
-    let wisps = [ContactSetting::Bodies, ContactSetting::Full]
+    let wisps = [ContactSetting::Bodies, ContactSetting::Volume, ContactSetting::Full]
         .map(|contact| [Resolution::Adaptive, Resolution::Coarse].map(|r| (contact, false, r)));
     for (contact, deforms, resolution) in scenes.into_iter().chain(wisps.into_iter().flatten()) {
         let folder = tempfile::tempdir().unwrap();
@@ -58,6 +79,9 @@ fn a_resumed_simulation_has_the_same_bits() {
         if resolution != Resolution::Full {
             // Wisps have come apart at the last places.
             anim.settings.preroll = 0.25;
+        }
+        if contact == ContactSetting::Volume {
+            assert!(effect_of_hair(&groom, &anim) > 1e-3, "hair does not meet");
         }
         let rods = GuideRods::new(&groom, &anim);
         let mut whole = Simulation::new(&groom, &anim, &rods);
@@ -70,9 +94,11 @@ fn a_resumed_simulation_has_the_same_bits() {
             let mut resumed = Simulation::new(&groom, &anim, &rods);
             resumed.restore(postcard::from_bytes(&state).unwrap()).unwrap();
             assert_eq!(bytes(&resumed), state);
-            for step in 0..12 {
-                let records = whole.step().guides.to_vec();
-                assert_eq!(records, resumed.step().guides, "{contact:?}, {step} sub-steps after {cut}");
+            for i in 0..12 {
+                let (step, again) = (whole.step(), resumed.step());
+                assert_eq!(step.guides, again.guides, "{contact:?}, {i} sub-steps after {cut}");
+                assert_eq!(step.hair, again.hair, "{contact:?}, {i} sub-steps after {cut}");
+                let records = step.guides.clone();
                 bodies += records.iter().map(|r| r.active).sum::<u32>();
                 strands += records.iter().map(|r| r.strands.active).sum::<u32>();
             }
@@ -85,26 +111,29 @@ fn a_resumed_simulation_has_the_same_bits() {
 }
 
 #[test]
-fn threads_change_no_bit_of_wisps_that_touch_each_other() {
-    let folder = tempfile::tempdir().unwrap();
-    let (groom, mut anim) = scene(folder.path(), ContactSetting::Full, false);
-    (anim.settings.resolution, anim.settings.preroll) = (Resolution::Adaptive, 0.25);
-    let rods = GuideRods::new(&groom, &anim);
-    let run = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| {
-            let mut simulation = Simulation::new(&groom, &anim, &rods);
-            let (mut splits, mut strands) = (0, 0);
-            while simulation.taken() < 110 {
-                let step = simulation.step();
-                splits += step.changes.splits;
-                strands += step.guides.iter().map(|r| r.strands.active).sum::<u32>();
-            }
-            assert!(splits > 0 && strands > 0, "{splits} {strands}");
-            bytes(&simulation)
-        })
-    };
-    assert!(run(1) == run(3));
+fn threads_change_no_bit_of_wisps_that_meet_as_a_volume_or_touch_each_other() {
+    for contact in [ContactSetting::Volume, ContactSetting::Full] {
+        let folder = tempfile::tempdir().unwrap();
+        let (groom, mut anim) = scene(folder.path(), contact, false);
+        (anim.settings.resolution, anim.settings.preroll) = (Resolution::Adaptive, 0.25);
+        assert!(effect_of_hair(&groom, &anim) > 1e-3, "hair does not meet");
+        assert!(on_threads(1, &groom, &anim) == on_threads(3, &groom, &anim), "{contact:?}");
+    }
+}
+
+/// The state after 110 sub-steps on a number of threads.
+fn on_threads(threads: usize, groom: &Groom, anim: &Anim) -> Vec<u8> {
+    let rods = GuideRods::new(groom, anim);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    pool.install(|| {
+        let mut simulation = Simulation::new(groom, anim, &rods);
+        let mut splits = 0;
+        while simulation.taken() < 110 {
+            splits += simulation.step().changes.splits;
+        }
+        assert!(splits > 0);
+        bytes(&simulation)
+    })
 }
 
 #[test]

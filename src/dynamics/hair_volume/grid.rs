@@ -8,6 +8,10 @@ const EDGE: usize = 4;
 /// Nodes of a block.
 const BLOCK: usize = EDGE * EDGE * EDGE;
 
+/// Most blocks of the box that hair can reach: at 1 cm between nodes, a cube of 4 m. The table has an entry for each,
+/// 4 MB in all. Without a bound a guide that grows a kilometre from the others would take all memory.
+pub(super) const MAX_BLOCKS: usize = 1 << 20;
+
 /// Table entry of a block without nodes.
 const ABSENT: u32 = u32::MAX;
 
@@ -19,8 +23,8 @@ pub(super) type Node = [f64; 8];
 pub(super) struct Grid {
     /// Distance between nodes, m.
     spacing: f64,
-    /// The lowest block.
-    first: [i64; 3],
+    /// Lowest block of the box, counted from the origin.
+    first: [f64; 3],
     /// Blocks along each axis.
     size: [usize; 3],
     /// Index of each block's first node in `nodes`, or [`ABSENT`].
@@ -37,9 +41,21 @@ pub(super) struct Stencil {
 }
 
 impl Grid {
-    /// A grid whose nodes are `spacing`, m, apart.
-    pub fn new(spacing: f64) -> Self {
-        Grid { spacing, ..Grid::default() }
+    /// A grid over the box between `low` and `high`, m, whose nodes are at least `spacing`, m, apart: as far as
+    /// [`MAX_BLOCKS`] requires.
+    pub fn new(mut spacing: f64, [low, high]: [Vector3<f64>; 2]) -> Self {
+        loop {
+            // A stencil reaches one node below its point, and two above.
+            let block = |x: f64, nodes: f64| ((x / spacing + nodes) / EDGE as f64).floor();
+            let first: [f64; 3] = std::array::from_fn(|c| block(low[c], -1.0));
+            let size: [f64; 3] = std::array::from_fn(|c| block(high[c], 2.0) - first[c] + 1.0);
+            if size.iter().product::<f64>() <= MAX_BLOCKS as f64 {
+                let size = size.map(|blocks| blocks as usize);
+                let table = vec![ABSENT; size.iter().product()];
+                return Grid { spacing, first, size, table, nodes: Vec::new() };
+            }
+            spacing *= 1.25;
+        }
     }
 
     /// Distance between nodes, m.
@@ -52,17 +68,19 @@ impl Grid {
         self.spacing.powi(3)
     }
 
-    /// Removes all values, and makes room for points between `low` and `high`, m.
-    pub fn clear(&mut self, low: &Vector3<f64>, high: &Vector3<f64>) {
-        let block = |x: f64, nodes: f64| ((x / self.spacing + nodes) / EDGE as f64).floor() as i64;
-        self.first = std::array::from_fn(|c| block(low[c], -1.0));
-        self.size = std::array::from_fn(|c| (block(high[c], 2.0) - self.first[c] + 1) as usize);
-        self.table.clear();
-        self.table.resize(self.size.iter().product(), ABSENT);
+    /// Blocks of the box.
+    #[cfg(test)]
+    pub fn blocks(&self) -> usize {
+        self.table.len()
+    }
+
+    /// Removes all values.
+    pub fn clear(&mut self) {
+        self.table.fill(ABSENT);
         self.nodes.clear();
     }
 
-    /// The stencil of point `x`, m. Makes the blocks that it lies in.
+    /// The stencil of point `x`, m, or of the point of the box next to it. Makes the blocks that it lies in.
     pub fn touch(&mut self, x: &Vector3<f64>) -> Stencil {
         let (base, weight, slope) = self.shape(x);
         let nodes = std::array::from_fn(|i| {
@@ -91,10 +109,11 @@ impl Grid {
         let mut base = [0; 3];
         let (mut weight, mut slope) = ([[0.0; 3]; 3], [[0.0; 3]; 3]);
         for c in 0..3 {
-            let u = x[c] / self.spacing;
+            let nodes = (self.size[c] * EDGE) as f64;
+            let u = (x[c] / self.spacing - self.first[c] * EDGE as f64).clamp(0.5, nodes - 2.0);
             let lowest = (u - 0.5).floor();
             let f = u - lowest;
-            base[c] = (lowest as i64 - self.first[c] * EDGE as i64) as usize;
+            base[c] = lowest as usize;
             weight[c] =
                 [0.5 * (1.5 - f) * (1.5 - f), 0.75 - (f - 1.0) * (f - 1.0), 0.5 * (f - 0.5) * (f - 0.5)];
             slope[c] = [f - 1.5, 2.0 - 2.0 * f, f - 0.5].map(|w| w / self.spacing);

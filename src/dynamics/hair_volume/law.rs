@@ -3,8 +3,9 @@
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// k: pressure of randomly oriented fibres over E φ³ (van Wyk 1946). Higher keeps the volume of hair better and
-/// rubs more. Chosen so that swinging locks come nearest to those of rigid bundles.
+/// k: pressure of randomly oriented fibres over E φ³. Van Wyk (1946) has about 1e-2; hair is curved and nearly
+/// parallel. Higher keeps the volume of hair better and rubs more. Chosen so that swinging locks come nearest to
+/// those of rigid bundles. As used, k is between 1e-4 for parallel fibres and 1e-3: [`PARALLEL_SHARE`].
 const RANDOM_STIFFNESS: f64 = 1e-3;
 
 /// Share of [`RANDOM_STIFFNESS`] that is left to parallel fibres. Real strands of a lock are never quite
@@ -15,7 +16,7 @@ const PARALLEL_SHARE: f64 = 0.1;
 /// pressure is explicit in time.
 const MAX_COURANT: f64 = 0.8;
 
-/// Slip at which friction is at half of its bound, to a factor of order one, m/s: it is regularised below.
+/// Slip at which friction is at 1/√2 of its bound, m/s: it is regularised below.
 const STICK_SPEED: f64 = 0.01;
 
 /// The hair around a point.
@@ -55,15 +56,19 @@ impl Assembly {
         RANDOM_STIFFNESS * fibre.modulus * (PARALLEL_SHARE + (1.0 - PARALLEL_SHARE) * self.disorder())
     }
 
+    /// Speed of a pressure wave, m/s. Its square is dp/dφ over the density of the fibres.
+    pub fn wave_speed(&self, fibre: &Fibre) -> f64 {
+        (3.0 * self.stiffness(fibre) / fibre.density).sqrt() * self.fraction
+    }
+
     /// Derivative u′ of the energy per volume of fibre by the volume fraction, Pa, where the fraction is
-    /// `rest` in the groom's pose: p = φ² u′. Zero where the hair is no denser than there. `max_speed` is the
-    /// largest speed of pressure waves, m/s.
+    /// `rest` in the groom's pose: p = φ² u′. Zero where the hair is no denser than there. Hair whose
+    /// [`Assembly::wave_speed`] is above `max_speed`, m/s, is made as soft as that.
     pub fn energy_slope(&self, fibre: &Fibre, rest: f64, max_speed: f64) -> f64 {
         let square = self.fraction * self.fraction;
-        // A wave's speed squared is dp/dφ over the density of the fibres.
-        let limit = max_speed * max_speed * fibre.density / (3.0 * square);
         let excess = self.fraction * square - rest.powi(3);
-        self.stiffness(fibre).min(limit) * excess.max(0.0) / square
+        let softening = (max_speed / self.wave_speed(fibre)).powi(2).min(1.0);
+        softening * self.stiffness(fibre) * excess.max(0.0) / square
     }
 
     /// Bounds of the friction per length on a fibre, N/m, for slip across and along it. Fibres under pressure
@@ -113,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn pressed_fibres_obey_van_wyk() {
+    fn pressure_grows_as_the_cube_of_the_fraction() {
         for fraction in [0.01, 0.02, 0.1] {
             let expected = 1e-3 * 4e9 * (f64::powi(fraction, 3) - 1e-6 * 0.125);
             assert!((pressure(&hair(fraction, 0.0), 0.005) / expected - 1.0).abs() < 1e-12);

@@ -12,6 +12,7 @@ mod tests;
 use super::air_drag::{self, HairDensity};
 use super::environment::Environment;
 use super::guide::{GuideModel, GuideState};
+use super::step_record::HairRecord;
 use super::wisp_friction::HeadVelocity;
 use crate::wisp::GuideRod;
 use grid::{Grid, Node};
@@ -24,13 +25,23 @@ use std::ops::Range;
 const HAIR_FRACTION: f64 = 0.005;
 
 /// The most hairs that one hair of a groom stands for. Strands that are sparser are single ones, which do not meet.
-const MAX_SAMPLING: f64 = 30.0;
+const MAX_SAMPLING: f64 = 100.0;
+
+/// Largest mean distance of strands, m, at which they stand for a head of hair: the density of strands that are farther
+/// apart than its cells does not tell how far.
+const MAX_DISTANCE: f64 = 0.02;
+
+/// Hairs that grow on a scalp, 1/m²: what guides without strands stand for.
+const ROOT_DENSITY: f64 = 2e6;
 
 /// Smallest distance between nodes of the grid, m.
 const MIN_SPACING: f64 = 0.01;
 
 /// Roots whose distance to the nearest other one is measured.
 const SPACING_SAMPLES: usize = 300;
+
+/// Root mean square speed of hair in head space, m/s, below which its slip is not recorded.
+const SLOW: f64 = 0.05;
 
 /// Least length of a piece of a guide, in distances between nodes of the grid.
 const PIECE: f64 = 0.6;
@@ -44,6 +55,8 @@ pub(super) struct HairVolume {
     first: Vec<usize>,
     /// Volume fraction around each piece in the groom's pose.
     rest: Vec<f64>,
+    /// 95th percentile of it, by volume.
+    dense: f64,
     /// Places of the pieces at the end of the last frame, head space, m.
     framed: Vec<Vector3<f64>>,
     followers: Vec<Follower>,
@@ -86,16 +99,31 @@ struct Piece {
     volume: f64,
     /// u′ of [`Assembly::energy_slope`], Pa.
     energy_slope: f64,
+    /// Whether its pressure is less than the law's because of the sub-step.
+    softened: bool,
+    /// Volume fraction of the hair around it.
+    fraction: f64,
+    /// Velocity against that of the hair around it, m/s.
+    slip: Vector3<f64>,
 }
 
 /// Entry of a node for φ, and for the sum of φ u′, Pa. Between them are φ v and φ times the tangent.
 const FRACTION: usize = 0;
 const PRESSURE: usize = 7;
 
-/// How many hairs each hair of a groom of `density` stands for; `None` if its strands are too sparse to meet.
-pub(super) fn sampling(density: &HairDensity, hair_area: f64) -> Option<f64> {
-    let sampling = HAIR_FRACTION / (density.mean() * hair_area);
-    (sampling <= MAX_SAMPLING).then_some(sampling.max(1.0))
+/// How many hairs each hair of a groom stands for; `None` if its strands are too sparse to meet. `density` is that of
+/// the guides `rods` with their strands, of which there are none if `guides_only`.
+pub(super) fn sampling(rods: &[GuideRod], density: &HairDensity, guides_only: bool) -> Option<f64> {
+    let mean = |of: fn(&GuideRod) -> f64| rods.iter().map(of).sum::<f64>() / rods.len() as f64;
+    let hairs = mean(|r| r.hairs);
+    let distance = root_spacing(rods) / hairs.sqrt();
+    let sampling = if guides_only && hairs <= 1.0 {
+        Some(ROOT_DENSITY * distance * distance)
+    } else {
+        let area = mean(|r| r.material.section.area());
+        Some(HAIR_FRACTION / (density.mean() * area)).filter(|sampling| *sampling <= MAX_SAMPLING)
+    };
+    sampling.filter(|_| rods.len() > 1 && distance <= MAX_DISTANCE).map(|sampling| sampling.max(1.0))
 }
 
 impl HairVolume {
@@ -109,7 +137,7 @@ impl HairVolume {
         env: &Environment,
         t: f64,
     ) -> Self {
-        let grid = Grid::new(root_spacing(rods).max(MIN_SPACING));
+        let grid = Grid::new(root_spacing(rods).max(MIN_SPACING), reach(rods));
         let (mut points, mut first) = (Vec::new(), vec![0]);
         for model in models {
             points.extend(pieces_of(&model.rod.weight, PIECE * grid.spacing()));
@@ -119,6 +147,7 @@ impl HairVolume {
             hairs: rods.iter().map(|r| Hairs::new(r, sampling)).collect(),
             first,
             rest: Vec::new(),
+            dense: 0.0,
             framed: vec![Vector3::zeros(); points.len()],
             followers: Vec::new(),
             pieces: vec![Piece::default(); points.len()],
@@ -127,6 +156,7 @@ impl HairVolume {
         };
         volume.deposit(models, states, env, t);
         volume.rest = volume.pieces.iter().map(|piece| volume.assembly(piece).fraction).collect();
+        volume.dense = percentile_95(volume.rest.iter().copied().zip(&volume.pieces));
         volume
     }
 
@@ -185,7 +215,7 @@ impl HairVolume {
     }
 
     /// Adds to the guides for which `active` holds the forces of the hair around them over a step of `h`, s,
-    /// from time `t`, s.
+    /// from time `t`, s. Returns how the hair is at its start.
     pub fn apply(
         &mut self,
         models: &[GuideModel],
@@ -193,7 +223,7 @@ impl HairVolume {
         active: impl Fn(usize) -> bool + Sync,
         env: &Environment,
         [t, h]: [f64; 2],
-    ) {
+    ) -> HairRecord {
         self.deposit(models, states, env, t);
         self.pressurise(h);
         let to_world = (env.head)(t).rotation;
@@ -209,6 +239,22 @@ impl HairVolume {
             };
             state.add_hair_force((volume.first[i]..volume.first[i + 1]).flat_map(force));
         });
+        self.record()
+    }
+
+    /// How the hair is, once its pressure is found.
+    fn record(&self) -> HairRecord {
+        let pieces = &self.pieces;
+        let sum = |of: fn(&Piece) -> f64| pieces.iter().map(|piece| of(piece) * piece.volume).sum::<f64>();
+        let volume = sum(|_| 1.0);
+        let [slip, speed] =
+            [sum(|piece| piece.slip.norm_squared()), sum(|piece| piece.v.norm_squared())].map(f64::sqrt);
+        HairRecord {
+            softened: sum(|piece| f64::from(u8::from(piece.softened))) / volume,
+            crowding_p95: percentile_95(pieces.iter().map(|piece| (piece.fraction, piece))) / self.dense,
+            crowding_max: pieces.iter().map(|piece| piece.fraction).fold(0.0, f64::max) / self.dense,
+            slip: if speed > SLOW * volume.sqrt() { slip / speed } else { 0.0 },
+        }
     }
 
     /// Finds the pieces of all guides as they are at time `t`, s.
@@ -229,7 +275,7 @@ impl HairVolume {
                     v: head.relative_velocity(&x, &v),
                     tangent: head.rotate_to_head(&tangent),
                     volume: hairs[i].area * length,
-                    energy_slope: 0.0,
+                    ..Piece::default()
                 };
             }
         }
@@ -251,10 +297,7 @@ impl HairVolume {
                 pieces[own] = Piece { x: framed[own] + moved, v, tangent, ..pieces[own] };
             }
         }
-        let bounds = |[low, high]: [Vector3<f64>; 2], piece: &Piece| [low.inf(&piece.x), high.sup(&piece.x)];
-        let start = [1.0, -1.0].map(|sign| Vector3::repeat(sign * f64::INFINITY));
-        let [low, high] = pieces.iter().fold(start, bounds);
-        grid.clear(&low, &high);
+        grid.clear();
         for piece in pieces {
             let fraction = piece.volume / grid.cell_volume();
             let (v, d) = (piece.v * fraction, piece.tangent * fraction);
@@ -269,8 +312,12 @@ impl HairVolume {
         let HairVolume { hairs, first, rest, pieces, grid, .. } = self;
         let fibre = |i: usize| &hairs[first.partition_point(|first| *first <= i) - 1].fibre;
         pieces.par_iter_mut().zip(&*rest).enumerate().for_each(|(i, (piece, rest))| {
-            let assembly = assembly(&grid.values(&grid.stencil(&piece.x)));
+            let values = grid.values(&grid.stencil(&piece.x));
+            let assembly = assembly(&values);
+            piece.fraction = assembly.fraction;
+            piece.slip = piece.v - Vector3::new(values[1], values[2], values[3]) / assembly.fraction;
             piece.energy_slope = assembly.energy_slope(fibre(i), *rest, max_speed);
+            piece.softened = piece.energy_slope > 0.0 && assembly.wave_speed(fibre(i)) > max_speed;
         });
         for piece in pieces.iter().filter(|piece| piece.energy_slope > 0.0) {
             let stencil = grid.stencil(&piece.x);
@@ -290,7 +337,7 @@ impl HairVolume {
         let stencil = self.grid.stencil(&piece.x);
         let values = self.grid.values(&stencil);
         let hair = assembly(&values);
-        let slip = piece.v - Vector3::new(values[1], values[2], values[3]) / hair.fraction;
+        let slip = piece.slip;
         // The air between hairs moves with them.
         let shielded = air_drag::shielded_share(hair.fraction * hairs.length_density);
         let air = hairs.drag * hairs.shielding * shielded;
@@ -348,6 +395,27 @@ impl Hairs {
 fn assembly(values: &Node) -> Assembly {
     let fraction = values[FRACTION];
     Assembly { fraction, direction: Vector3::new(values[4], values[5], values[6]) / fraction }
+}
+
+/// The 95th percentile, by volume, of a value of each piece.
+fn percentile_95<'a>(values: impl Iterator<Item = (f64, &'a Piece)>) -> f64 {
+    let mut values: Vec<(f64, f64)> = values.map(|(value, piece)| (value, piece.volume)).collect();
+    values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let mut above = 0.05 * values.iter().map(|(_, volume)| volume).sum::<f64>();
+    let reached = |(_, volume): &&(f64, f64)| {
+        above -= volume;
+        above < 0.0
+    };
+    values.iter().rev().find(reached).map_or(0.0, |(value, _)| *value)
+}
+
+/// The box, in head space, m, that hair cannot leave: no point is farther from its root than the guide is long.
+fn reach(rods: &[GuideRod]) -> [Vector3<f64>; 2] {
+    let [low, high] = [1.0, -1.0].map(|sign| Vector3::repeat(sign * f64::INFINITY));
+    rods.iter().fold([low, high], |[low, high], r| {
+        let (root, length) = (r.rod.root.p, Vector3::repeat(r.rod.length()));
+        [low.inf(&(root - length)), high.sup(&(root + length))]
+    })
 }
 
 /// Mean distance of a root to the nearest other one, m; 0 for a single root.

@@ -4,6 +4,7 @@ use crate::dynamics::guide::GuideModel;
 use crate::rod::RodSource;
 use crate::scene::{Material, Tree};
 use nalgebra::{Isometry3, UnitQuaternion};
+use std::f64::consts::PI;
 
 type V = Vector3<f64>;
 
@@ -27,22 +28,29 @@ fn hairs(i: usize) -> f64 {
     8.0 + 0.02 * i as f64
 }
 
+/// Roots of `count` × `count` guides, `apart`, m.
+fn square(count: usize, apart: f64) -> Vec<V> {
+    let root = |i: usize| V::new((i / count) as f64, 0.1 * (i % 3) as f64, (i % count) as f64) * apart;
+    (0..count * count).map(root).collect()
+}
+
 /// `count` × `count` guides, `apart`, m.
 fn curtain(count: usize, apart: f64) -> Curtain {
-    let rod = |i: usize| {
-        let root = V::new((i / count) as f64, 0.1 * (i % 3) as f64, (i % count) as f64) * apart;
-        let points: Vec<V> = (0..12)
-            .map(|k| root - V::new(0.05 * f64::from(k * k), 1.0, 0.0) * (0.01 * f64::from(k)))
-            .collect();
-        GuideRod {
-            guide: i,
-            leaf: (0, i),
-            hairs: hairs(i),
-            material: Material::default(),
-            rod: crate::rod::Rod::new(&RodSource::hair(&points, &Tree::default_arc(6))).unwrap(),
-        }
-    };
-    let rods: Vec<GuideRod> = (0..count * count).map(rod).collect();
+    curtain_of(&square(count, apart), &Material::default())
+}
+
+/// A guide that bends along x.
+fn guide(root: &V, hairs: f64, material: Material) -> GuideRod {
+    let point = |k: i32| root - V::new(0.05 * f64::from(k * k), 1.0, 0.0) * (0.01 * f64::from(k));
+    let points: Vec<V> = (0..12).map(point).collect();
+    let rod = crate::rod::Rod::new(&RodSource::hair(&points, &Tree::default_arc(6))).unwrap();
+    GuideRod { guide: 0, leaf: (0, 0), hairs, material, rod }
+}
+
+/// Guides with these roots.
+fn curtain_of(roots: &[V], material: &Material) -> Curtain {
+    let rod = |(i, root): (usize, &V)| guide(root, hairs(i), material.clone());
+    let rods: Vec<GuideRod> = roots.iter().enumerate().map(rod).collect();
     let env = Environment { head: Box::new(turning), ..Environment::at_rest(Bodies::default()) };
     let models: Vec<GuideModel> =
         rods.iter().map(|r| GuideModel::new(r.rod.clone(), vec![0.0; r.rod.points()], 0.3)).collect();
@@ -66,10 +74,15 @@ impl Curtain {
         }
     }
 
+    /// The record of a sub-step.
+    fn record(&mut self) -> HairRecord {
+        self.states.iter_mut().for_each(GuideState::clear_hair_force);
+        self.volume.apply(&self.models, &mut self.states, |_| true, &self.env, [0.0, H])
+    }
+
     /// The forces on the points of each guide, N, head axes.
     fn forces(&mut self) -> Vec<Vec<V>> {
-        self.states.iter_mut().for_each(GuideState::clear_hair_force);
-        self.volume.apply(&self.models, &mut self.states, |_| true, &self.env, [0.0, H]);
+        self.record();
         let to_head = turning(0.0).rotation.inverse();
         self.states.iter().map(|s| s.hair_force().iter().map(|f| to_head * f).collect()).collect()
     }
@@ -172,6 +185,71 @@ fn slip_past_the_neighbours_is_lost_and_the_common_motion_kept() {
 }
 
 #[test]
+fn crowding_and_slip_are_recorded() {
+    let mut hair = curtain(14, 0.004);
+    hair.set(|_, x| (*x, V::zeros()));
+    let record = hair.record();
+    assert!((record.crowding_p95 - 1.0).abs() < 1e-9 && record.crowding_max >= 1.0, "{record:?}");
+    assert!((record.softened, record.slip) == (0.0, 0.0), "{record:?}");
+    // Three quarters as wide, and as deep: at most 16/9 as dense, in the cells that it still fills.
+    let velocity = |i: usize| V::new(0.3, 0.0, if i.is_multiple_of(2) { 0.2 } else { -0.2 });
+    hair.set(|i, x| (V::new(0.75 * x.x, x.y, 0.75 * x.z), velocity(i)));
+    let record = hair.record();
+    assert!(record.crowding_p95 > 1.4 && record.crowding_p95 < 1.8, "{record:?}");
+    assert!(record.crowding_max > record.crowding_p95 && record.crowding_max < 2.0, "{record:?}");
+    // The common velocity is no slip.
+    assert!((record.slip - 0.2 / 0.3_f64.hypot(0.2)).abs() < 0.02, "{record:?}");
+    assert_eq!(percentile_95([3.0, 1.0, 2.0].into_iter().zip(&hair.volume.pieces)), 3.0);
+}
+
+#[test]
+fn the_air_between_hairs_moves_with_them() {
+    let frictionless = crate::geometry::Friction { mu_s: 0.0, mu_k: 0.0 };
+    let material = Material { friction: frictionless, shielding: 0.9, ..Material::default() };
+    let mut hair = curtain_of(&square(6, 0.004), &material);
+    // Across the hairs, which lie in planes of equal z.
+    hair.set(|i, x| (*x, V::new(0.0, 0.0, if i.is_multiple_of(3) { 0.3 } else { 0.0 })));
+    let forces = hair.forces();
+    let volume = &hair.volume;
+    let mut largest: f64 = 0.0;
+    for (i, forces) in forces.iter().enumerate() {
+        for piece in volume.first[i]..volume.first[i + 1] {
+            let values = volume.grid.values(&volume.grid.stencil(&volume.pieces[piece].x));
+            let slip = volume.pieces[piece].v.z - values[3] / values[FRACTION];
+            // The drag of an isolated hair, N·s/m², as far as this hair takes it away from that against the wind.
+            let length_density = values[FRACTION] / (PI * 4e-5 * 4e-5);
+            let drag = 2.07e-4 * 0.9 * length_density / (length_density + 1e5);
+            for k in volume.points[piece].clone() {
+                let [length, mass] = [&hair.models[i].rod.weight, &hair.models[i].rod.mass].map(|of| of[k]);
+                let expected = -slip * mass / H * (1.0 - (-drag * length / mass * H).exp());
+                assert!((forces[k].z - expected).abs() < 1e-6 * expected.abs() + 1e-15, "{i} {k}");
+                largest = largest.max(expected.abs() / mass);
+            }
+        }
+    }
+    assert!(largest > 1.0, "{largest} m/s²");
+}
+
+#[test]
+fn hair_far_away_takes_no_more_memory() {
+    let mut roots = square(5, 0.004);
+    roots.extend(square(5, 0.004).iter().map(|root| root + V::new(3e3, -4e3, 2e3)));
+    let mut hair = curtain_of(&roots, &Material::default());
+    let blocks = hair.volume.grid.blocks();
+    assert!(blocks <= grid::MAX_BLOCKS && blocks > grid::MAX_BLOCKS / 4, "{blocks}");
+    // Thrown farther than it is long.
+    for thrown in [1.0, 1e9] {
+        let mut near = curtain(5, 0.004);
+        let blocks = near.volume.grid.blocks();
+        near.set(|i, x| (if i == 7 { x + V::repeat(thrown) } else { x * 0.5 }, V::zeros()));
+        assert!(largest(&near.forces()).is_finite());
+        assert_eq!(near.volume.grid.blocks(), blocks);
+    }
+    hair.set(|_, x| (x * 0.5, V::zeros()));
+    assert!(largest(&hair.forces()).is_finite());
+}
+
+#[test]
 fn a_follower_is_where_its_leader_carries_it() {
     let mut hair = curtain(4, 0.004);
     hair.set(|_, x| (*x, V::zeros()));
@@ -193,12 +271,24 @@ fn a_follower_is_where_its_leader_carries_it() {
 
 #[test]
 fn single_strands_do_not_meet() {
-    let line = |i: usize| [0.0, -0.2].map(|y| V::new(0.01 * i as f64, y, 0.0));
-    let lines: Vec<[V; 2]> = (0..20).map(line).collect();
-    let density = |hairs: f64| HairDensity::new(lines.iter().map(|l| (&l[..], hairs)));
-    assert_eq!(sampling(&density(1.0), 5e-9), None);
-    assert!(sampling(&density(30.0), 5e-9).unwrap() > 1.0);
-    assert_eq!(sampling(&density(1e5), 5e-9), Some(1.0));
+    let sampling = |apart: f64, hairs: f64, guides_only: bool| {
+        let rods: Vec<GuideRod> =
+            square(5, apart).iter().map(|root| guide(root, hairs, Material::default())).collect();
+        let lines: Vec<[V; 2]> = rods.iter().map(|r| [0.0, 0.2].map(|y| r.rod.root.p - V::y() * y)).collect();
+        let density = HairDensity::new(lines.iter().map(|l| (&l[..], hairs)));
+        sampling(&rods, &density, guides_only)
+    };
+    // With strands around them; the last are so sparse that their density in cells of a centimetre does not show it.
+    assert_eq!(sampling(0.015, 1.0, false), None);
+    assert_eq!(sampling(0.07, 4.0, false), None);
+    let sample = sampling(0.015, 10.0, false);
+    assert!(sample.is_some_and(|hairs| hairs > 10.0 && hairs < 50.0), "{sample:?}");
+    assert_eq!(sampling(0.015, 1e5, false), Some(1.0));
+    // Guides alone: 200 roots of hair grow on a square centimetre.
+    let alone = sampling(0.015, 1.0, true);
+    assert!(alone.is_some_and(|hairs| (hairs - 450.0).abs() < 10.0), "{alone:?}");
+    assert_eq!(sampling(0.03, 1.0, true), None);
+    assert_eq!(sampling(0.015, 10.0, true), sample);
 }
 
 #[test]
