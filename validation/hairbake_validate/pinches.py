@@ -16,7 +16,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from . import tolerances
-from .cache import TRANSFORM, Curves, Mesh
+from .cache import Curves, Mesh
 from .collider import Collider
 from .geometry import BoolArray, FloatArray, dot, norms, transformed
 from .window import Window, neighbours_on_curve
@@ -39,7 +39,7 @@ def pinched_in(
     found = np.zeros(len(depth), bool)
     inside = np.flatnonzero(depth * window.cache.metres_per_unit > tolerances.PINCH_DEPTH_M)
     points = window.get(curves.path, "points")
-    solid = solid_of(window, mesh, at_first)
+    solid = window.solid(mesh, at_first)
     if not len(inside) or points is None or solid is None:
         return found
     places = points.astype(float)
@@ -55,7 +55,7 @@ def faced(window: Window, mesh: Mesh, out: FloatArray, normals: FloatArray) -> B
     room = tolerances.PINCH_ROOM_M / window.cache.metres_per_unit
     found = np.zeros(len(out), bool)
     for other, at_first in window.reference.colliders:
-        solid = None if other is mesh else solid_of(window, other, at_first)
+        solid = None if other is mesh else window.solid(other, at_first)
         if solid is None:
             continue
         local = transformed(out, np.linalg.inv(solid[1]))
@@ -80,9 +80,9 @@ def swallowed(
         s = np.concatenate([[0], np.cumsum(norms(np.diff(points[run], axis=0)))]) * metres
         _, normal = surface(solid, points[start : start + 1])
         first = points[start + 1] - points[start]
-        sine = float(first @ normal[0] / np.linalg.norm(first))
-        allowed = depth[start] * metres - rise(sine, s) + tolerances.PINCH_ROOM_M
-        found[run] = depth[run] * metres <= allowed
+        sine = float(first @ normal[0] / max(np.linalg.norm(first), np.finfo(float).tiny))
+        least = leaving(-float(depth[start]) * metres, sine, s) - tolerances.PINCH_ROOM_M
+        found[run] = -depth[run] * metres >= least
     return found
 
 
@@ -93,24 +93,15 @@ def deep_roots(curves: Curves, depth: FloatArray) -> Iterator[tuple[int, int]]:
             yield int(start), int(start + count)
 
 
-def rise(sine: float, s: FloatArray) -> FloatArray:
-    """Height over its root of a hair that leaves a surface at arc lengths `s`, m (docs/theory.md eq. 5.9)."""
+def leaving(root: float, sine: float, s: FloatArray) -> FloatArray:
+    """Distance from a body, at arc lengths `s`, m, of a hair that leaves it from a root at `root`, m.
+
+    `sine` is that of the angle between the surface and the hair at its root (docs/theory.md eq. 5.9).
+    """
     slope, radius = tolerances.PINCH_RISE, tolerances.PINCH_RADIUS_M
     turn = np.minimum(s, max(0.0, radius * (slope - sine)))
-    height: FloatArray = min(sine, slope) * turn + turn**2 / (2 * radius) + slope * (s - turn)
-    return height
-
-
-def solid_of(window: Window, mesh: Mesh, at_first: Collider) -> tuple[Collider, FloatArray] | None:
-    """A collider and its transform in the centre frame; None without valid values."""
-    matrix = window.get(mesh.path, TRANSFORM)
-    vertices = window.get(mesh.path, "points") if mesh.deforms else mesh.points
-    if matrix is None or vertices is None:
-        return None
-    if not mesh.deforms:
-        return at_first, matrix
-    # Only `surface` is asked, which needs no octree.
-    return Collider(vertices.astype(float), mesh.solid, np.empty((0, 3))), matrix
+    distance: FloatArray = root + min(sine, slope) * turn + turn**2 / (2 * radius) + slope * (s - turn)
+    return distance
 
 
 def surface(solid: tuple[Collider, FloatArray], points: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -40,8 +40,8 @@ class Reference:
     outside: dict[tuple[str, str], BoolArray] = field(default_factory=dict)
     """Points that must stay outside a collider, by the paths of curves and collider.
 
-    These are the points outside it in the rest pose, carried by the head to the first frame. A guide that is
-    drawn through a collider may slide in it: for guides, the points next to such a stretch are excluded too.
+    These are the points outside it in rest space, where the groom is drawn. A guide that is drawn through
+    a collider may slide in it: for guides, the points next to such a stretch are excluded too.
     """
 
     followed: IntArray | None = None
@@ -56,19 +56,17 @@ class Reference:
             if curves.path == GUIDES:
                 reference.rest_arcs = arc_lengths(curves.rest, curves.counts)
         values = first_values(cache)
-        head = values.get(f"{HEAD}.{TRANSFORM}")
         for mesh in cache.colliders:
-            matrix = values.get(f"{mesh.path}.{TRANSFORM}")
-            if head is None or matrix is None or not mesh.consistent:
+            if f"{mesh.path}.{TRANSFORM}" not in values or not mesh.consistent:
                 continue
             points = values.get(f"{mesh.path}.points", mesh.points)
             if points.shape != mesh.points.shape or not np.isfinite(points).all():
                 continue
             collider = Collider(points.astype(float), mesh.solid)
             reference.colliders.append((mesh, collider))
+            at_rest = Collider(mesh.points.astype(float), mesh.solid) if mesh.deforms else collider
             for curves in usable:
-                local = transformed(transformed(curves.rest, head), np.linalg.inv(matrix))
-                outside = collider.depth(local) == 0
+                outside = at_rest.depth(curves.rest.astype(float)) == 0
                 if curves.path == GUIDES:
                     outside &= ~neighbours_on_curve(inside_after_exit(outside, curves), curves)
                 reference.outside[curves.path, mesh.path] = outside
@@ -221,6 +219,28 @@ class Window:
             known[mesh.path] = dict(self._measure_depths(mesh, at_first))
         result: dict[str, FloatArray] = known[mesh.path]
         return result
+
+    def solid(self, mesh: Mesh, at_first: Collider) -> tuple[Collider, FloatArray] | None:
+        """A collider, to ask for its surface, and its transform in the centre frame.
+
+        `at_first` is the collider in the first frame. None without valid points or transform of the mesh.
+        """
+        known = self._results.setdefault(self.frame, {})
+        key = ("solid", mesh.path)
+        if key not in known:
+            matrix = self.get(mesh.path, TRANSFORM)
+            vertices = self.get(mesh.path, "points") if mesh.deforms else mesh.points
+            known[key] = None
+            if matrix is not None and vertices is not None:
+                # The surface needs no octree.
+                here = (
+                    Collider(vertices.astype(float), mesh.solid, np.empty((0, 3)))
+                    if mesh.deforms
+                    else at_first
+                )
+                known[key] = here, matrix
+        found: tuple[Collider, FloatArray] | None = known[key]
+        return found
 
     def _measure_depths(self, mesh: Mesh, at_first: Collider) -> Iterator[tuple[str, FloatArray]]:
         matrix = self.get(mesh.path, TRANSFORM)

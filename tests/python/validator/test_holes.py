@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom
 
-from hairbake_validate.geometry import Array
+from hairbake_validate.geometry import FloatArray
 from hairbake_validate.run import validate
 from validator.defects import MIDDLE, failed, move_points
 from validator.good_cache import (
     HAIR,
-    POINTS,
     RADIUS,
     SKULL,
     CacheBuilder,
@@ -41,10 +40,10 @@ def drop_a_tip_into_the_hole(cache: CacheBuilder) -> None:
     """Moves the tip of a strand 5 mm above the middle of the rim."""
     height = -RADIUS * np.cos(np.pi / 8) + 0.005
 
-    def change(points: Array) -> Array:
+    def change(curves: FloatArray) -> FloatArray:
         matrix = head_matrix((MIDDLE - 1001) / 24.0)
-        points[POINTS - 1] = transform(np.array([[0.002, height, 0.003]]), matrix)[0]
-        return points
+        curves[0, -1] = transform(np.array([[0.002, height, 0.003]]), matrix)[0]
+        return curves
 
     move_points(cache, MIDDLE, HAIR, change)
 

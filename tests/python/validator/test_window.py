@@ -5,12 +5,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pxr import Gf, Sdf
 
 from hairbake_validate import checks_frame, checks_motion, window
-from hairbake_validate.cache import GUIDES, Curves
+from hairbake_validate.cache import GUIDES, Cache, Curves
 from hairbake_validate.run import validate
-from hairbake_validate.window import inside_after_exit, neighbours_on_curve
-from validator.good_cache import CacheBuilder
+from hairbake_validate.window import Reference, inside_after_exit, neighbours_on_curve
+from validator.good_cache import HANDLES, SKULL, CacheBuilder
 
 
 def test_stretches_drawn_through_a_collider_and_their_neighbours() -> None:
@@ -50,3 +51,19 @@ def test_each_frame_is_read_and_measured_once(
     # Two sets of curves; windows at the ends ask for a frame that does not exist on either side.
     assert calls["residual_of"] == 2 * frames
     assert all(2 * frames <= calls[name] <= 2 * (frames + 3) for name in ("in_head", "speed_in_head", "bend"))
+
+
+def test_what_the_groom_places_inside_does_not_depend_on_the_first_frame(good_cache: CacheBuilder) -> None:
+    def outside() -> dict[tuple[str, str], list[bool]]:
+        found = Reference.of(Cache(good_cache.directory)).outside
+        return {key: flags.tolist() for key, flags in found.items()}
+
+    def shift(layer: Sdf.Layer) -> None:
+        path, time = f"{SKULL}.xformOp:transform", float(HANDLES[0])
+        matrix = layer.QueryTimeSample(path, time)
+        layer.SetTimeSample(path, time, matrix * Gf.Matrix4d(1).SetTranslate(Gf.Vec3d(0.05, 0, 0)))
+
+    before = outside()
+    assert before and all(any(flags) for flags in before.values())
+    good_cache.edit_frame(HANDLES[0], shift)
+    assert outside() == before
