@@ -61,7 +61,8 @@ pub struct FinishArguments {
     /// Exit with code 1 if the bake broke a guarantee
     ///
     /// Guarantees: hair crosses no surface, no motion is truncated, every solve converges, and contact forces
-    /// balance to 1e-3. The cache is written in either case.
+    /// balance to 1e-3. Hair inside bodies that leave no room for it breaks none. The cache is written in either
+    /// case.
     #[arg(long, help_heading = OUTPUT)]
     strict: bool,
 }
@@ -73,7 +74,8 @@ impl FinishArguments {
     /// [`Error::Usage`] for `--strict` with settings that guarantee nothing.
     pub fn check(&self, settings: &Settings) -> Result<()> {
         if self.strict && settings.contact == ContactSetting::Penalty {
-            let message = "--contact penalty guarantees nothing; use --contact bodies or omit --strict";
+            let message =
+                "--contact penalty guarantees nothing; use --contact volume (the default) or omit --strict";
             return Err(Error::Usage(message.into()));
         }
         Ok(())

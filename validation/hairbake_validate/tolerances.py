@@ -113,8 +113,9 @@ PINCH_UNRECORDED_M = 5e-4
 
 # Speed of a point, relative to the larger of VELOCITY_PEAK times the speed of the central difference of its
 # positions, and that speed plus VELOCITY_PEAK_M_S. Hair that swings at 7 Hz with 3 cm is sampled badly at 24
-# frames a second and stays below 0.6. Streaks in motion blur had 1 to 40. Bakes limit velocities to three
-# times that of the central difference where hair whips there and back between frames.
+# frames a second and stays below 0.6. Streaks in motion blur had 1 to 40. Where a guide turns by more than
+# 0.3 rad within half a frame, or the velocity of the head jumps, bakes limit velocities to three times that
+# of the central difference, or to that of the head.
 VELOCITY_PEAK = 4.0
 VELOCITY_PEAK_M_S = 4.0
 

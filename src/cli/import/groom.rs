@@ -83,7 +83,8 @@ pub struct GroomArguments {
     /// Render strands to grow around each guide, in place of any in the file; 0 for none [default: 50 if the
     /// file holds guides only, else none]
     ///
-    /// More strands are denser and make the cache larger.
+    /// More strands are denser and make the cache larger. They grow outside the head of `--head`; other bodies are
+    /// not known yet, and strands that grow into shoulders stay in them.
     #[arg(long, value_name = "N", alias = "per-guide", value_parser = count(0, 100_000), help_heading = STRANDS)]
     strands_per_guide: Option<u32>,
     /// Largest shortening of a generated strand relative to its guide, 0 to 1

@@ -130,7 +130,7 @@ impl BodyContact<'_> {
         tolerated.min(before + PUSH_OUT_SPEED * (t1 - t0) - keep)
     }
 
-    /// Shortfall of `contact` from the distance that even a pinched strand must keep, m, ≥ 0. That distance
+    /// Shortfall of `contact` from the distance that even a wedged strand must keep, m, ≥ 0. That distance
     /// is a share of the requested one, or the distance before the step if that is less.
     pub(super) fn shortfall(&self, line: &MovingPolyline, contact: &Contact) -> f64 {
         if contact.gap >= -GAP_TOLERANCE {

@@ -105,7 +105,7 @@ impl BodyContact<'_> {
             // At rest a contact is as deep as the law has it.
             let lawful = kept || at_rest && scratch.detection.unaccounted >= -GAP_TOLERANCE;
             let bearable = scratch.detection.shortfall <= 0.0;
-            // A strand pinched between two surfaces converges without keeping its distance from both.
+            // A strand wedged between two surfaces converges without keeping its distance from both.
             let enough = kept || at_rest && bearable;
             let accurate = scratch.stats.residual <= MAX_RESIDUALS[usize::from(state.converged)];
             state.converged = at_rest;

@@ -39,7 +39,7 @@ pub(in crate::dynamics) struct Detection {
     pub(super) worst: f64,
     /// Deepest violation that the compliance of the contacts does not account for, m, ≤ 0.
     pub(super) unaccounted: f64,
-    /// Largest shortfall from the distance that even a pinched strand must keep, m, ≥ 0.
+    /// Largest shortfall from the distance that even a wedged strand must keep, m, ≥ 0.
     pub(in crate::dynamics) shortfall: f64,
     /// True if contacts stay in the problem and new ones are only added.
     pub(in crate::dynamics) frozen: bool,

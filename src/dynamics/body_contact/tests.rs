@@ -95,7 +95,7 @@ fn compression_never_reaches_the_surface() {
 }
 
 #[test]
-fn a_pinched_strand_keeps_a_share_of_the_target_distance() {
+fn a_wedged_strand_keeps_a_share_of_the_target_distance() {
     let shortfall =
         |before, now| over_a_plane(5e-3, before, now, |problem, line, c| problem.shortfall(line, &c));
     assert_eq!(shortfall(KEEP, 0.12 * KEEP), 0.0);

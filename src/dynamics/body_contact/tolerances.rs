@@ -22,7 +22,7 @@ pub(super) const MAX_TOLERATED_SHARE: f64 = 0.75;
 /// Largest speed at which points inside a body are pushed out, m/s.
 pub(super) const PUSH_OUT_SPEED: f64 = 0.3;
 
-/// Violation at which a step that crosses no surface is accepted after all rounds, m: a strand pinched
+/// Violation at which a step that crosses no surface is accepted after all rounds, m: a strand wedged
 /// between two surfaces cannot keep its distance from both.
 pub(super) const ACCEPTABLE_GAP: f64 = 1e-3;
 

@@ -5,15 +5,15 @@ use super::scratch::BodyContactScratch;
 use crate::contact::{Contact, ContactCache};
 use crate::rod::newton::Solver;
 
-/// Speed that closing bodies may give to a pinched strand, m/s: a few times the push-out speed, for the tip
+/// Speed that closing bodies may give to a wedged strand, m/s: a few times the push-out speed, for the tip
 /// has the longer arm.
-const MAX_PINCH_SPEED: f64 = 1.0;
+const MAX_WEDGE_SPEED: f64 = 1.0;
 
 /// Largest ratio of the displacement of a strand's point to that of its root on a turning head.
 const MAX_CARRY_RATIO: f64 = 3.0;
 
 impl BodyContact<'_> {
-    /// True if no point is faster than all of [`MAX_PINCH_SPEED`], the fastest point at the start with
+    /// True if no point is faster than all of [`MAX_WEDGE_SPEED`], the fastest point at the start with
     /// gravity, and [`MAX_CARRY_RATIO`] times the root or a body. Two bodies that close on a strand would
     /// throw it.
     pub(super) fn gains_no_speed(&self, scratch: &BodyContactScratch) -> bool {
@@ -22,7 +22,7 @@ impl BodyContact<'_> {
         let moved = |c: &Contact| (c.point[1] - c.point[0]).norm();
         let root = (self.root.p - self.x0[0]).norm();
         let carried = MAX_CARRY_RATIO * detection.contacts.iter().map(moved).fold(root, f64::max);
-        let most = (self.fastest.max(MAX_PINCH_SPEED) * (t1 - t0)).max(carried);
+        let most = (self.fastest.max(MAX_WEDGE_SPEED) * (t1 - t0)).max(carried);
         self.x0.iter().zip(&detection.x1).all(|(a, b)| (a - b).norm() <= most)
     }
 
