@@ -94,13 +94,25 @@ pub struct FrameRecord {
     /// Deepest written point of a guide or vertex of a render strand that bodies leave no room for, m; 0 if
     /// there is none. The other depths are without these.
     pub pinched_penetration_m: f64,
-    /// Colliders that hold these points, by their places in the scene, up to 63.
+    /// Colliders that hold these points, by their places in the scene.
     pub pinched_colliders: Vec<u32>,
     /// Deepest vertex of a written render strand inside a body, vertices that the groom places inside
     /// excepted, m; 0 if none, and until the strands are written.
     pub hair_penetration_m: f64,
     /// Written render strands that are deeper than 2 mm.
     pub hair_inside: u32,
+    /// Written guides whose velocities are limited, or not fitted to the motion of their points; 0 until they
+    /// are written.
+    pub limited_rates: u32,
+}
+
+/// What is measured of the curves of a frame as they are written.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct WrittenMeasures {
+    /// Depths of the guides and render strands.
+    pub depths: Depths,
+    /// Number of guides with limited rates ([`MovingGuide`](crate::dynamics::guide_frame::MovingGuide)).
+    pub limited_rates: u32,
 }
 
 /// Relative residual of the reactions above which a frame violates the contact law: 1/1000 of the forces.
@@ -128,14 +140,15 @@ impl FrameRecord {
         broken.into_iter().flatten().collect()
     }
 
-    /// The record with the depths of what is written of the frame.
-    pub fn with_depths(&self, depths: Depths) -> Self {
+    /// The record with what is measured of the written frame.
+    pub fn with_written(&self, WrittenMeasures { depths, limited_rates }: WrittenMeasures) -> Self {
         FrameRecord {
             penetration_m: self.penetration_m.max(depths.guides),
             hair_penetration_m: depths.strands,
             hair_inside: depths.inside,
             pinched_penetration_m: depths.pinched,
-            pinched_colliders: (0..64).filter(|b| depths.pinched_bodies >> b & 1 == 1).collect(),
+            pinched_colliders: depths.pinched_bodies.into_iter().collect(),
+            limited_rates,
             ..self.clone()
         }
     }

@@ -1,5 +1,6 @@
 //! Writes the files of frames from the guides' states.
 
+use super::frame_record::WrittenMeasures;
 use super::frame_state::FrameState;
 use super::job::Job;
 use super::output::{FrameStrands, Output};
@@ -33,7 +34,8 @@ pub(super) struct FrameWriter<'a> {
 /// A state in use, with what is computed from it once it is needed.
 struct Near {
     state: FrameState,
-    moving: Option<Vec<MovingGuide>>,
+    /// The guides in motion, and the number of those with limited rates.
+    moving: Option<(Vec<MovingGuide>, u32)>,
     strands: Option<FrameStrands>,
     settled: Option<Vec<Deflection>>,
 }
@@ -62,8 +64,8 @@ impl<'a> FrameWriter<'a> {
         Ok(&self.states[&frame].state)
     }
 
-    /// Computes the motion of the guides at a frame.
-    fn set_in_motion(&mut self, frame: i32) -> Result<()> {
+    /// Computes the rates of the guides at a frame.
+    fn compute_rates(&mut self, frame: i32) -> Result<()> {
         let before = (frame > *self.job.frames().start()).then_some(frame - 1);
         for near in before.into_iter().chain([frame, frame + 1]) {
             self.state(near)?;
@@ -82,7 +84,7 @@ impl<'a> FrameWriter<'a> {
         let own = self.own.contains(&frame);
         if own {
             // Its own frames need the strands' motion as well, which is not shared.
-            self.set_in_motion(frame)?;
+            self.compute_rates(frame)?;
         }
         self.state(frame)?;
         let Some(Near { state, moving, strands: strands @ None, .. }) = self.states.get_mut(&frame) else {
@@ -95,7 +97,10 @@ impl<'a> FrameWriter<'a> {
         let share = shared && found.is_none();
         let strands = strands.insert(match found {
             Some(deflections) => FrameStrands { deflections, ..FrameStrands::default() },
-            None => self.output.deflect(frame, &state.guides, moving.as_deref()),
+            None => {
+                let moving = moving.as_ref().map(|(guides, _)| &guides[..]);
+                self.output.deflect(frame, &state.guides, moving)
+            }
         });
         if share {
             work.write_deflections(frame, &strands.deflections)?;
@@ -136,18 +141,20 @@ impl<'a> FrameWriter<'a> {
             self.settle(near)?;
         }
         for end in [frame, frame + 1] {
-            self.set_in_motion(end)?;
+            self.compute_rates(end)?;
         }
         let strands = self.states.get_mut(&frame).and_then(|near| near.strands.as_mut());
         let known = strands.and_then(|strands| strands.guides.take().zip(strands.free.take()));
         let settled = around.map(|near| self.states[&near].settled.as_deref().unwrap_or_default());
-        let states = [frame, frame + 1].map(|near| self.states[&near].moving.as_deref().unwrap_or_default());
+        let moving = |near: i32| self.states[&near].moving.as_ref();
+        let states = [frame, frame + 1].map(|near| moving(near).map_or(&[][..], |(guides, _)| guides));
+        let limited_rates = moving(frame).map_or(0, |(_, limited)| *limited);
         let steps = &self.states[&(frame + 1)].state.steps;
         let (arrays, depths) = self.output.frame(frame, states, steps, settled, known)?;
         seconds.interpolate = start.elapsed().as_secs_f64();
         let start = Instant::now();
         let file = self.writer.write_frame(&arrays)?;
-        let written = WrittenFrame { file, depths };
+        let written = WrittenFrame { file, measures: WrittenMeasures { depths, limited_rates } };
         self.job.work.mark_done(frame, &written)?;
         seconds.write = start.elapsed().as_secs_f64();
         Ok(written)

@@ -19,8 +19,8 @@ pub(super) struct Finished {
 }
 
 impl Finished {
-    pub fn new(state: &FrameState, WrittenFrame { file, depths }: WrittenFrame) -> Self {
-        Finished { record: state.record.with_depths(depths), machine: state.machine.clone(), file }
+    pub fn new(state: &FrameState, WrittenFrame { file, measures }: WrittenFrame) -> Self {
+        Finished { record: state.record.with_written(measures), machine: state.machine.clone(), file }
     }
 }
 
@@ -64,6 +64,7 @@ fn totals(finished: &[Finished]) -> Map<String, Value> {
         "exempt_penetration_m": worst(|f| f.exempt_penetration_m),
         "pinched_penetration_m": worst(|f| f.pinched_penetration_m),
         "hair_penetration_m": worst(|f| f.hair_penetration_m),
+        "limited_rates": sum(|f| f.limited_rates),
         "length_drift": worst(|f| f.length_drift),
         "speed_max_m_s": worst(|f| f.speed_max_m_s),
         "contact_residual": worst(|f| f.contact_residual),

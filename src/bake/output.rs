@@ -110,13 +110,13 @@ impl<'a> Output<'a> {
     }
 
     /// The guides in motion at `frame`, from those at the frame before, unless it is the first, at the frame,
-    /// and at the next.
+    /// and at the next; and the number of those with limited rates.
     pub fn in_motion(
         &self,
         frame: i32,
         before: Option<&[GuideFrame]>,
         [now, after]: [&[GuideFrame]; 2],
-    ) -> Vec<MovingGuide> {
+    ) -> (Vec<MovingGuide>, u32) {
         let time = |frames: f64| self.anim.time(f64::from(frame) + frames);
         let (motion, interval) = (head_motion(self.anim, time(0.0)), 1.0 / self.anim.fps);
         let velocity = |place: &Vector3<f64>| motion.carry(place).1 * interval;
@@ -127,7 +127,8 @@ impl<'a> Output<'a> {
         let moving = |(i, rod): (usize, &&Rod)| {
             MovingGuide::new(rod, before.map(|before| &before[i]), [&now[i], &after[i]], &head, interval)
         };
-        self.rods.par_iter().enumerate().map(moving).collect()
+        let (guides, limited): (_, Vec<bool>) = self.rods.par_iter().enumerate().map(moving).unzip();
+        (guides, limited.iter().map(|limited| u32::from(*limited)).sum())
     }
 
     /// Deflections of the strands by bodies at `frame`, with the guides `guides`; and the free strands if

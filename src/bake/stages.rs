@@ -130,7 +130,7 @@ pub fn interpolate(
             Ok(written) => written,
             Err(_) => writer.write(frame, seconds.get_or_insert_default())?,
         };
-        let record = writer.state(frame)?.record.with_depths(written.depths);
+        let record = writer.state(frame)?.record.with_written(written.measures);
         summary.add(job, &record, seconds);
         progress(&record, i + 1, frames.len());
     }

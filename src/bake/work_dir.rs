@@ -12,14 +12,14 @@
 //! the same bytes, so no file needs a lock, and a stage may run twice at once.
 
 use super::checked_file::{self, FileFault, Kind};
-use super::frame_record::FrameRecord;
+use super::frame_record::{FrameRecord, WrittenMeasures};
 use super::frame_state::FrameState;
 use crate::cache::frame_file_name;
 use crate::dynamics::simulation::SimulationState;
 use crate::file::{
     self, FileRecord, read_file, record_of, remove_file, write_file_if_changed, write_file_unsynced,
 };
-use crate::strands::{Deflection, Depths};
+use crate::strands::Deflection;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
@@ -75,8 +75,9 @@ pub struct WrittenFrame {
     /// Its file.
     #[serde(flatten)]
     pub file: FileRecord,
-    /// Depths of its guides and render strands.
-    pub depths: Depths,
+    /// What is measured of it.
+    #[serde(flatten)]
+    pub measures: WrittenMeasures,
 }
 
 /// The work folder of one bake.

@@ -132,7 +132,14 @@ fn motion_charts(frames: &[FrameRecord]) -> Vec<Chart> {
             series("largest", |f| f.speed_max_m_s),
         ],
     );
-    vec![Chart { logarithmic: true, ..drift }, speed]
+    let limited = chart(
+        "Limited velocities",
+        "",
+        "Guides with points that go there and back between frames: their written velocities are limited to three times \
+         the mean speed over two frames, and motion blur does not show all of their motion.",
+        vec![series("guides", |f| f64::from(f.limited_rates))],
+    );
+    vec![Chart { logarithmic: true, ..drift }, speed, limited]
 }
 
 fn solver_charts(frames: &[FrameRecord]) -> Vec<Chart> {
@@ -280,6 +287,7 @@ pub fn warnings(summary: &BakeSummary) -> Vec<String> {
             "; more guides may help there",
             |f| count(f.hair_inside),
         ),
+        limited(summary),
     ]
     .into_iter()
     .flatten()
@@ -330,21 +338,42 @@ fn pinched(summary: &BakeSummary) -> Option<String> {
         &summary.frames,
         &format!("bodies close on the hair and leave no room for it: it is inside {held}"),
         "; keep the bodies apart there, or take one of them out of the contact",
-        |f| pinches(f).then(|| format!("{:.1} mm", 1e3 * f.pinched_penetration_m)),
+        |f| {
+            let depth = f.pinched_penetration_m;
+            pinches(f).then(|| if depth >= 5e-5 { format!("{:.1} mm", 1e3 * depth) } else { String::new() })
+        },
+    )
+}
+
+/// Share of the guides with limited velocities in a frame above which the user is warned.
+const MANY_LIMITED: f64 = 0.25;
+
+/// Where the velocities of many guides are not those of their motion.
+fn limited(summary: &BakeSummary) -> Option<String> {
+    let guides = summary.manifest.as_ref()?.summary.guides.0;
+    let most = MANY_LIMITED * guides as f64;
+    warning(
+        &summary.frames,
+        "velocities of many guides are limited, because they go there and back between frames",
+        "; motion blur from several samples (--samples) does without velocities",
+        |f| (f64::from(f.limited_rates) > most).then(|| format!("{} of {guides} guides", f.limited_rates)),
     )
 }
 
 const ADVICE: &str = "; more sub-steps may help";
 
-/// A warning that lists the frames for which `detail` returns something.
+/// A warning that lists the frames for which `detail` returns something, which may be empty.
 fn warning(
     frames: &[FrameRecord],
     what: &str,
     advice: &str,
     detail: impl Fn(&FrameRecord) -> Option<String>,
 ) -> Option<String> {
-    let found: Vec<String> =
-        frames.iter().filter_map(|f| Some(format!("{} ({})", f.frame, detail(f)?))).collect();
+    let entry = |f: &FrameRecord| {
+        let detail = detail(f)?;
+        Some(if detail.is_empty() { f.frame.to_string() } else { format!("{} ({detail})", f.frame) })
+    };
+    let found: Vec<String> = frames.iter().filter_map(entry).collect();
     let more = if found.len() > MAX_LISTED { ", ..." } else { "" };
     let listed = found.iter().take(MAX_LISTED).cloned().collect::<Vec<_>>().join(", ");
     (!found.is_empty()).then(|| format!("{what} in {} frames: {listed}{more}{advice}", found.len()))

@@ -84,10 +84,9 @@ pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
     if summary.frames.iter().any(pinches) {
         let (depth, frame) = worst(|f| f.pinched_penetration_m);
         let segments = summary.frames.iter().map(|f| f.pinched_segments).max().unwrap_or(0);
-        line(
-            "pinched",
-            format!("{segments} segments of guides at most, {:.4} mm max, frame {frame}", depth * 1e3),
-        );
+        let deepest =
+            if depth > 0.0 { format!(", {:.4} mm max, frame {frame}", depth * 1e3) } else { String::new() };
+        line("pinched", format!("{segments} segments of guides at most{deepest}"));
     }
     if summary.manifest.as_ref().is_some_and(|manifest| manifest.summary.hair.0 > 0) {
         let (depth, frame) = worst(|f| f.hair_penetration_m);

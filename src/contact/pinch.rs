@@ -25,7 +25,7 @@ pub const PLAY: f64 = 1e-4;
 pub const ROOM: f64 = 2e-3;
 
 /// Depth of what is written of hair, m, from which it is looked at.
-pub const DEPTH: f64 = 1e-4;
+pub const MIN_DEPTH: f64 = 1e-4;
 
 /// Cosine of the angle between two outward normals, negated, above which surfaces face each other.
 pub const FACING: f64 = OPPOSITE[0];

@@ -2,6 +2,7 @@
 
 use super::guide::GuideState;
 use crate::math::cholesky;
+use crate::math::se3::Pose;
 use crate::rod::{Rod, RodShape, Sensitivity};
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -98,23 +99,27 @@ const STEEPEST: f64 = 3.0;
 /// rates are fitted: where the head stops or starts between frames, hair does not.
 const UNSTEADY: f64 = 1e-3;
 
+/// What limits take from the motion of a point, m per frame, from which the rates of its rod count as limited.
+const NOTABLE: f64 = 1e-3;
+
 /// Distance of points beside a rod that tell how it twists, m: that of the strands that follow it.
 const BESIDE: f64 = 0.01;
 
-/// Weight of the differences of the unknowns against the motion of the points, relative to the mean weight of
-/// the latter.
+/// Damping of the change of the rates of the unknowns, as a share of the mean diagonal of the normal equations
+/// that the points give.
 const DAMPING: f64 = 1e-6;
 
 impl MovingGuide {
-    /// The guide of `rod` at a frame, by its states at the frame before, at it and at the next. `before` is
-    /// `None` at the first frame.
+    /// The guide of `rod` at a frame, by its states at the frame before, at it and at the next, `interval`, s,
+    /// apart. `before` is `None` at the first frame. Also whether its rates are limited: they are not those of
+    /// the positions of its points by differences.
     pub fn new(
         rod: &Rod,
         before: Option<&GuideFrame>,
         [now, after]: [&GuideFrame; 2],
         head: &HeadAround,
         interval: f64,
-    ) -> Self {
+    ) -> (Self, bool) {
         let differences = if before.is_some() { CENTRAL } else { AT_START };
         let q = [&before.unwrap_or(now).q, &now.midway, &now.q, &after.midway, &after.q];
         // Per frame, as are all differences here.
@@ -125,12 +130,11 @@ impl MovingGuide {
         let size = |of: &[f64]| of.iter().map(|x| x * x).sum::<f64>().sqrt();
         let share = share_of_correction(size(&correction), size(&rate));
         rate.iter_mut().zip(&correction).for_each(|(rate, correction)| *rate += share * correction);
-        let unsteady = moved(&[rod.root.p; 5], head, &differences).norm() > UNSTEADY;
-        if unsteady || turn(rod, &rate) > 2.0 * RESOLVED_TURN {
-            fit(&mut rate, rod, q, head, &differences);
-        }
+        let unsteady = velocity_in_head(&[rod.root.p; 5], head, &differences).0.norm() > UNSTEADY;
+        let fits = unsteady || turn(rod, &rate) > 2.0 * RESOLVED_TURN;
+        let limited = fits && !fit(&mut rate, rod, q, head, &differences);
         rate.iter_mut().for_each(|rate| *rate /= interval);
-        MovingGuide { q: now.q.clone(), rate, level: now.level }
+        (MovingGuide { q: now.q.clone(), rate, level: now.level }, limited)
     }
 
     /// The guide between two frames, `interval`, s, apart, at the share `u` of the way: cubic in time, with
@@ -160,14 +164,16 @@ fn turn(rod: &Rod, rate: &[f64]) -> f64 {
 /// Changes the rates of the unknowns of `rod`, per frame, to those that in the least squares move its points,
 /// and points beside them, as the differences of their positions tell. Within half a frame a rod may turn by
 /// radians while its points go there and back: the difference of the unknowns is then no velocity of theirs.
-fn fit(rate: &mut [f64], rod: &Rod, q: [&Vec<f64>; 5], head: &HeadAround, differences: &Differences) {
+/// False if the speed of a point is limited, or if there is no fit and the rates stay as they are.
+fn fit(rate: &mut [f64], rod: &Rod, q: [&Vec<f64>; 5], head: &HeadAround, differences: &Differences) -> bool {
     let mut shape = RodShape::default();
-    let mut poses = |q: &Vec<f64>| {
-        shape.update(rod, &rod.root.r, q);
-        shape.poses().collect::<Vec<_>>()
-    };
-    let poses = q.map(&mut poses);
-    shape.update(rod, &rod.root.r, q[2]);
+    let mut poses: [Vec<Pose>; 5] = Default::default();
+    // The frame last: its shape is used below.
+    for i in [0, 1, 3, 4, 2] {
+        shape.update(rod, &rod.root.r, q[i]);
+        poses[i].extend(shape.poses());
+    }
+    let mut limited = 0.0_f64;
     let mut sensitivity = Sensitivity::default();
     sensitivity.update(rod, &shape, q[2]);
     let n = rate.len();
@@ -176,8 +182,9 @@ fn fit(rate: &mut [f64], rod: &Rod, q: [&Vec<f64>; 5], head: &HeadAround, differ
         for aside in [0.0, BESIDE] {
             let places = poses.each_ref().map(|poses| poses[k].p + poses[k].r.column(0) * aside);
             let x = places[2];
-            let missing = moved(&places.map(|x| rod.root.p + x), head, differences)
-                - sensitivity.velocity(k, &x, rate).0;
+            let (velocity, beyond) = velocity_in_head(&places.map(|x| rod.root.p + x), head, differences);
+            let missing = velocity - sensitivity.velocity(k, &x, rate).0;
+            limited = limited.max(beyond);
             for axis in 0..3 {
                 row.fill(0.0);
                 sensitivity.add_row(k, &x, &Vector3::ith(axis, 1.0), 1.0, &mut row);
@@ -190,16 +197,22 @@ fn fit(rate: &mut [f64], rod: &Rod, q: [&Vec<f64>; 5], head: &HeadAround, differ
     }
     let trace: f64 = (0..n).map(|i| normal[i * n + i]).sum();
     (0..n).for_each(|i| normal[i * n + i] += DAMPING * trace / n as f64);
-    if cholesky::factor(&mut normal, n) == 1 {
-        cholesky::solve(&normal, n, &mut change);
-        rate.iter_mut().zip(&change).for_each(|(rate, change)| *rate += change);
+    if cholesky::factor(&mut normal, n) != 1 {
+        return false;
     }
+    cholesky::solve(&normal, n, &mut change);
+    rate.iter_mut().zip(&change).for_each(|(rate, change)| *rate += change);
+    limited <= NOTABLE
 }
 
 /// Velocity relative to the head, m per frame, in rest space, of a point with these places, m, in rest space
 /// at the times of the differences. Its speed in the world is at most [`STEEPEST`] times its mean speed, or that
-/// of the head there.
-fn moved(places: &[Vector3<f64>; 5], head: &HeadAround, differences: &Differences) -> Vector3<f64> {
+/// of the head there. Also by how much the speed is more without that limit, m per frame.
+fn velocity_in_head(
+    places: &[Vector3<f64>; 5],
+    head: &HeadAround,
+    differences: &Differences,
+) -> (Vector3<f64>, f64) {
     let difference = |weights: &[f64; 5], place: &dyn Fn(usize) -> Vector3<f64>| -> Vector3<f64> {
         weights.iter().enumerate().map(|(i, weight)| place(i) * *weight).sum()
     };
@@ -210,8 +223,9 @@ fn moved(places: &[Vector3<f64>; 5], head: &HeadAround, differences: &Difference
     let velocity = over_a_frame + correction * share_of_correction(correction.norm(), over_a_frame.norm());
     let of_head = (head.velocity)(&places[2]);
     let limit = of_head.norm().max(STEEPEST * mean.norm());
-    let share = (limit / velocity.norm().max(f64::MIN_POSITIVE)).min(1.0);
-    head.poses[2].rotation.inverse() * (velocity * share - of_head)
+    let speed = velocity.norm();
+    let share = (limit / speed.max(f64::MIN_POSITIVE)).min(1.0);
+    (head.poses[2].rotation.inverse() * (velocity * share - of_head), speed * (1.0 - share))
 }
 
 #[cfg(test)]
@@ -221,7 +235,7 @@ mod tests {
     const INTERVAL: f64 = 1.0 / 24.0;
 
     /// A rod whose unknowns at a time, in frames, are `q`, at frame 0; or at the first frame.
-    fn moving(rod: &Rod, q: impl Fn(f64) -> Vec<f64>, first: bool) -> MovingGuide {
+    fn moving(rod: &Rod, q: impl Fn(f64) -> Vec<f64>, first: bool) -> (MovingGuide, bool) {
         let state = |t: f64| GuideFrame { q: q(t), midway: q(t - 0.5), level: 0 };
         let before = state(-1.0);
         let head = HeadAround { poses: [Isometry3::identity(); 5], velocity: &|_| Vector3::zeros() };
@@ -255,10 +269,11 @@ mod tests {
         ];
         for (hz, turn, first, error) in cases {
             let omega = std::f64::consts::TAU * hz * INTERVAL;
-            let found = moving(&rod, |t| turned(&rod, &q, 0, turn * (omega * t + 0.3).sin()), first);
+            let (found, limited) =
+                moving(&rod, |t| turned(&rod, &q, 0, turn * (omega * t + 0.3).sin()), first);
             let wanted = turn * omega * 0.3_f64.cos() / (rod.length() * INTERVAL);
             let worst = found.rate.iter().step_by(3).map(|r| (r / wanted - 1.0).abs()).fold(0.0, f64::max);
-            assert!(worst < error, "{hz} Hz, {turn}, {first}: {worst}");
+            assert!(worst < error && !limited, "{hz} Hz, {turn}, {first}: {worst}, {limited}");
         }
     }
 
@@ -272,7 +287,9 @@ mod tests {
         {
             let omega = std::f64::consts::TAU * hz * INTERVAL;
             let at = |t: f64| turned(&rod, &q, axis, turn * (omega * t).sin());
-            let found = moving(&rod, at, false);
+            let (found, limited) = moving(&rod, at, false);
+            // At 12 Hz a point is where it is a frame before and after.
+            assert!(limited || hz != 12.0, "{axis} {turn}");
             let x = [-1.0, 1.0].map(|t| points(&rod, &at(t), &found.rate));
             let mean: Vec<_> =
                 x[0].iter().zip(&x[1]).map(|(a, b)| (b[0] - a[0]) / (2.0 * INTERVAL)).collect();
@@ -285,7 +302,7 @@ mod tests {
     /// Velocity per frame of a point at these places half a frame apart, on a head at rest.
     fn velocity(places: [f64; 5], differences: &Differences) -> f64 {
         let head = HeadAround { poses: [Isometry3::identity(); 5], velocity: &|_| Vector3::zeros() };
-        moved(&places.map(|x| Vector3::x() * x), &head, differences).x
+        velocity_in_head(&places.map(|x| Vector3::x() * x), &head, differences).0.x
     }
 
     #[test]
@@ -320,7 +337,7 @@ mod tests {
             for speed in [0.0, 0.085, 0.17] {
                 let velocity = move |_: &Vector3<f64>| across * speed;
                 let head = HeadAround { poses, velocity: &velocity };
-                let found = MovingGuide::new(&rod, Some(&still), [&still, &still], &head, INTERVAL);
+                let (found, _) = MovingGuide::new(&rod, Some(&still), [&still, &still], &head, INTERVAL);
                 let written = tip(&found.rate)[1].dot(&across) * INTERVAL + speed;
                 assert!((written - mean).abs() < 0.03, "{speed} {mean}: {written}");
             }

@@ -55,18 +55,6 @@ pub(super) fn backward_difference([now, one, two]: [f64; 3], h: f64) -> f64 {
     (3.0 * now - 4.0 * one + two) / (2.0 * h)
 }
 
-/// Weight of the value after `k` of `n` equal steps in the one half-way: a step's own end, or the cubic
-/// through the four values around the middle. A single step has the mean of its ends.
-pub(super) fn midway_weight(k: i64, n: i64) -> f64 {
-    match (n, (2 * k - n).abs()) {
-        (1, _) => 0.5,
-        (_, 0) => 1.0,
-        (_, 1) => 9.0 / 16.0,
-        (_, 3) if n % 2 == 1 => -1.0 / 16.0,
-        _ => 0.0,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -79,18 +67,6 @@ mod tests {
             let rate = (y(h) - f.y_star(y(0.0), y(-last))) / f.eta;
             assert!((rate - (10.0 * h - 3.0)).abs() < 1e-12, "{rate}");
             assert!(f.looks_back());
-        }
-    }
-
-    #[test]
-    fn the_value_half_way_is_exact_for_cubics_and_for_lines_with_one_step() {
-        let cubic = |x: f64| 2.0 - 3.0 * x + 5.0 * x * x - 4.0 * x * x * x;
-        for n in 1..=9_i64 {
-            let of = |y: &dyn Fn(f64) -> f64| -> f64 {
-                (0..=n).map(|k| midway_weight(k, n) * y(k as f64 / n as f64)).sum()
-            };
-            assert!((of(&|x| 1.0 + x) - 1.5).abs() < 1e-12, "{n}");
-            assert!(n == 1 || (of(&cubic) - cubic(0.5)).abs() < 1e-12, "{n}");
         }
     }
 

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use std::f64::consts::TAU;
 use std::iter;
 
-/// Turns over which the tangent of a curl is averaged, twice. Fewer do not hide turns that unwind; more lag
+/// Turns of a curl over which its tangent is averaged, twice. Fewer do not hide turns that unwind; more lag
 /// behind bends.
 const TURNS: f64 = 1.5;
 
@@ -15,14 +15,13 @@ const TURNS: f64 = 1.5;
 const MIN_WINDING: f64 = 0.1;
 
 /// Product of the sines, above [`MIN_WINDING`], of which a curl follows its phase half.
-const HALF_WINDING: f64 = 0.05;
+const PHASE_FADE: f64 = 0.05;
 
 /// Length of a mean tangent of which the axis that it gives is shortened by 30 %. Where it is shorter, the
 /// curve turns back within the average, and the direction of the mean may change at once.
 const MIN_MEAN: f64 = 0.3;
 
-/// Largest half phase, rad: short of a quarter turn, so that a rotation by a phase about an axis of any
-/// length is one.
+/// Largest half phase, rad: short of π/2, so that a rotation by a phase about an axis of any length is one.
 const MAX_HALF_PHASE: f64 = 1.52;
 
 /// Cosine and sine of half the angle by which a curl is ahead of another.
@@ -146,7 +145,7 @@ pub(super) fn half_phase(
         return IN_PHASE;
     }
     let share = 1.0 - MIN_WINDING / product;
-    let half = 0.5 * (sine * share).atan2(cosine * share + HALF_WINDING);
+    let half = 0.5 * (sine * share).atan2(cosine * share + PHASE_FADE);
     let half = half.clamp(-MAX_HALF_PHASE, MAX_HALF_PHASE);
     [half.cos() as f32, half.sin() as f32]
 }

@@ -1,18 +1,19 @@
 //! How deep written curves are inside bodies.
 
 use super::clearances::{Clearances, DistanceBounds};
-use super::obstacles::{Inside, Obstacles};
+use super::obstacles::{InsidePoint, Obstacles};
 use crate::contact::Bodies;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 /// Depth inside a body above which a strand counts as inside, m.
 pub(super) const INSIDE: f64 = 2e-3;
 
 /// How deep guides and strands are inside bodies. Points that the groom places inside do not count.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Depths {
     /// Depth of the deepest point of a guide, m; 0 if none is inside.
     pub guides: f64,
@@ -23,37 +24,36 @@ pub struct Depths {
     /// Depth of the deepest pinched point or vertex, m: bodies leave no room for it outside
     /// ([`pinch`](crate::contact::pinch)). The figures above are without these.
     pub pinched: f64,
-    /// Bodies that hold pinched points: bit b for body b, the last bit for all from 63 on.
-    pub pinched_bodies: u64,
+    /// Bodies that hold pinched points.
+    pub pinched_bodies: BTreeSet<u32>,
 }
 
 impl Depths {
-    /// The larger of each figure.
-    pub fn max(self, other: Self) -> Self {
+    /// The larger of each figure, and all bodies of both.
+    pub fn max(self, mut other: Self) -> Self {
+        let mut pinched_bodies = self.pinched_bodies;
+        pinched_bodies.append(&mut other.pinched_bodies);
         Depths {
             guides: self.guides.max(other.guides),
             strands: self.strands.max(other.strands),
             inside: self.inside.max(other.inside),
             pinched: self.pinched.max(other.pinched),
-            pinched_bodies: self.pinched_bodies | other.pinched_bodies,
+            pinched_bodies,
         }
     }
 
-    /// The depths of a guide with these points inside, from root to tip. A point next to a pinched one counts
-    /// as pinched: no closer is known where a curve leaves a pinch.
-    pub(super) fn of_guide(points: &[Inside]) -> Self {
-        let pinched_by = |inside: &Inside| {
+    /// The depths of a curve with these points inside, from root to tip, as those of a guide. A point next to a
+    /// pinched one counts as pinched: no closer is known where a curve leaves a pinch.
+    pub(super) fn of_curve(points: &[InsidePoint]) -> Self {
+        let mut depths = Depths::default();
+        for inside in points {
             let beside = points.iter().filter(|other| other.vertex.abs_diff(inside.vertex) <= 1);
-            beside.fold(0, |bodies, other| bodies | other.pinched_by)
-        };
-        points.iter().fold(Depths::default(), |depths, inside| match pinched_by(inside) {
-            0 => Depths { guides: depths.guides.max(inside.depth), ..depths },
-            bodies => Depths {
-                pinched: depths.pinched.max(inside.depth),
-                pinched_bodies: depths.pinched_bodies | bodies,
-                ..depths
-            },
-        })
+            let bodies: BTreeSet<u32> = beside.flat_map(|other| &other.pinched_by).copied().collect();
+            let depth = if bodies.is_empty() { &mut depths.guides } else { &mut depths.pinched };
+            *depth = depth.max(inside.depth);
+            depths.pinched_bodies.extend(bodies);
+        }
+        depths
     }
 }
 
@@ -87,7 +87,7 @@ impl GuideDepths {
     pub fn measure(&self, obstacles: &Obstacles, points: &[[f32; 3]], from_scene: &Matrix3<f64>) -> Depths {
         let depths = |bounds: &mut DistanceBounds, (range, clearances): &(Range<usize>, Clearances)| {
             let points = in_metres(&points[range.clone()], from_scene);
-            Depths::of_guide(&obstacles.inside(clearances, points, |_, _| false, bounds))
+            Depths::of_curve(&obstacles.inside(clearances, points, |_, _| false, bounds))
         };
         self.guides
             .par_iter()
@@ -103,4 +103,37 @@ pub(super) fn in_metres(
     from_scene: &Matrix3<f64>,
 ) -> impl Iterator<Item = Vector3<f64>> {
     points.iter().map(move |p| from_scene * Vector3::from(p.map(f64::from)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Shape;
+    use nalgebra::Isometry3;
+
+    #[test]
+    fn bodies_that_leave_no_room_are_named_whatever_their_number() {
+        let balls = vec![Shape::Sphere { centre: Vector3::zeros(), radius: 0.05 }; 70];
+        let bodies = Bodies::from_shapes(&balls);
+        // At rest all are far away; then the last two overlap by 1 cm where a guide passes.
+        let far: Vec<_> =
+            (0..70).map(|b| Isometry3::translation(0.0, 1.0 + 0.2 * f64::from(b), 0.0)).collect();
+        let mut poses = far.clone();
+        for (pose, side) in poses[68..].iter_mut().zip([1.0, -1.0]) {
+            *pose = Isometry3::translation(0.0, 0.045 * side, 0.0);
+        }
+        let points: Vec<_> = (0..21).map(|i| Vector3::new(0.005 * f64::from(i) - 0.05, 0.0, 0.0)).collect();
+        let written: Vec<_> = points.iter().map(|p| [p.x as f32, p.y as f32, p.z as f32]).collect();
+        let all = std::iter::once(0..points.len()).collect();
+        let measured = |poses: &[Isometry3<f64>]| {
+            let rest: Vec<_> = points.iter().map(|p| p + Vector3::z()).collect();
+            let depths = GuideDepths::new(&rest, Vec::clone(&all), &bodies, &[5e-4; 70]);
+            let obstacles = Obstacles { bodies: &bodies, time: 0.0, poses };
+            depths.measure(&obstacles, &written, &Matrix3::identity())
+        };
+        assert_eq!(measured(&far), Depths::default());
+        let depths = measured(&poses);
+        assert!((depths.pinched - 0.005).abs() < 1e-6 && depths.guides < 1e-4, "{depths:?}");
+        assert_eq!(depths.pinched_bodies, BTreeSet::from([68, 69]));
+    }
 }

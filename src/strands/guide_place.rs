@@ -14,7 +14,9 @@ impl GuidePlace {
     pub fn at(arc: &[f64], s: f64) -> Self {
         let i = arc.partition_point(|&a| a <= s).clamp(1, arc.len() - 1);
         let (from, to) = (arc[i - 1], arc[i]);
-        GuidePlace { segment: i as u32 - 1, u: ((s - from) / (to - from)).clamp(0.0, 1.0) as f32 }
+        // A segment of no length, as at a tip that is given twice, has one place.
+        let u = (s - from) / (to - from).max(f64::MIN_POSITIVE);
+        GuidePlace { segment: i as u32 - 1, u: u.clamp(0.0, 1.0) as f32 }
     }
 
     /// Position of the place, given those of the points, m.
@@ -38,5 +40,18 @@ impl GuidePlace {
     /// Index of the nearest point.
     pub fn nearest_point(self) -> usize {
         self.segment as usize + usize::from(self.u >= 0.5)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_segment_of_no_length_at_the_tip_has_one_place() {
+        let x = [0.0, 1.0, 1.0].map(|x| Vector3::new(x, 0.0, 0.0));
+        for (s, at) in [(-0.5, 0.0), (0.25, 0.25), (1.0, 1.0), (1.5, 1.0)] {
+            assert_eq!(GuidePlace::at(&[0.0, 1.0, 1.0], s).position(|k| x[k]).x, at, "{s}");
+        }
     }
 }

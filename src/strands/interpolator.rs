@@ -112,7 +112,7 @@ impl Interpolator {
         let pair = |weights: &GuideWeights, other: usize| [weights[0].0, other];
         let all = weights.iter().flat_map(|w| w[1..].iter().map(move |(other, _)| pair(w, *other)));
         let unique: Vec<[usize; 2]> = all.collect::<BTreeSet<_>>().into_iter().collect();
-        let strands: Vec<Strand> = weights
+        let (strands, distances): (Vec<Strand>, Vec<f64>) = weights
             .into_par_iter()
             .enumerate()
             .map(|(c, weights)| {
@@ -120,15 +120,15 @@ impl Interpolator {
                 let others = weights[1..].iter().map(|(other, weight)| (index(*other), *weight)).collect();
                 Strand::new(curves.curve(c), weights[0].0, others, &rest, bodies, thickness)
             })
-            .collect();
+            .unzip();
         let pairs = unique
             .into_par_iter()
             .map(|guides| GuidePair { guides, counterparts: rest[guides[1]].counterparts(&rest[guides[0]]) })
             .collect();
         let mut search_radius = vec![0.0_f64; rest.len()];
-        for strand in &strands {
+        for (strand, distance) in strands.iter().zip(distances) {
             let guide = strand.chain.main;
-            search_radius[guide] = search_radius[guide].max(strand.guide_distance);
+            search_radius[guide] = search_radius[guide].max(distance);
         }
         search_radius.iter_mut().for_each(|radius| *radius = SPREAD * *radius + SEARCH_RADIUS);
         Interpolator { strands, offsets: curves.offsets.clone(), guides: rest, pairs, search_radius }
@@ -269,7 +269,7 @@ impl Interpolator {
             .map_init(DistanceBounds::default, |bounds, (strand, w)| {
                 let points = in_metres(&points[w[0]..w[1]], from_scene);
                 let Depths { guides: strands, pinched, pinched_bodies, .. } =
-                    Depths::of_guide(&strand.inside(obstacles, guides, points, bounds));
+                    Depths::of_curve(&strand.inside(obstacles, guides, points, bounds));
                 let inside = u32::from(strands > INSIDE);
                 Depths { guides: 0.0, strands, inside, pinched, pinched_bodies }
             })

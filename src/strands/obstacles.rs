@@ -3,6 +3,7 @@
 use super::clearances::{Clearances, DistanceBounds, SEARCH_RADIUS};
 use crate::contact::{Bodies, pinch};
 use nalgebra::{Isometry3, Vector3};
+use std::collections::BTreeSet;
 
 /// The bodies at one moment.
 #[derive(Debug, Clone, Copy)]
@@ -16,22 +17,21 @@ pub struct Obstacles<'a> {
 }
 
 /// A point of a guide, or a vertex of a strand, inside a body.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Inside {
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct InsidePoint {
     /// Index along the curve.
     pub vertex: usize,
     /// Depth, m.
     pub depth: f64,
-    /// Bodies that leave no room for it outside: bit b for body b, the last bit for all from 63 on; 0 if there
-    /// is room.
-    pub pinched_by: u64,
+    /// Bodies that leave no room for it outside; empty if there is room.
+    pub pinched_by: BTreeSet<u32>,
 }
 
 /// A violation of the distance to keep from a body.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Violation {
-    /// What is missing, m; 0 if nothing is.
-    pub by: f64,
+    /// What is missing of the distance, m; 0 if nothing is.
+    pub depth: f64,
     /// Outward normal of the body, world.
     pub normal: Vector3<f64>,
     /// The body.
@@ -67,9 +67,9 @@ impl Obstacles<'_> {
             // Farther from the surface than that, only a full search tells whether it is outside.
             let Some(surface) = closest(radius).or_else(|| closest(f64::INFINITY)) else { continue };
             *bound = surface.distance;
-            if keep - surface.distance > worst.by {
+            if keep - surface.distance > worst.depth {
                 let normal = pose.rotation * surface.normal;
-                worst = Violation { by: keep - surface.distance, normal, body: b };
+                worst = Violation { depth: keep - surface.distance, normal, body: b };
             }
         }
         worst
@@ -83,7 +83,7 @@ impl Obstacles<'_> {
         points: impl Iterator<Item = Vector3<f64>>,
         is_clear: impl Fn(usize, &Vector3<f64>) -> bool,
         bounds: &mut DistanceBounds,
-    ) -> Vec<Inside> {
+    ) -> Vec<InsidePoint> {
         bounds.reset(self.poses.len());
         let (mut last, mut s, mut found) = (None, 0.0, Vec::new());
         let mut swallowed: Option<Swallowed> = None;
@@ -96,28 +96,30 @@ impl Obstacles<'_> {
             } else {
                 self.violation(|body| clearances.surface(body, vertex), &x, moved, bounds)
             };
-            if violation.by == 0.0 {
+            if violation.depth == 0.0 {
                 swallowed = None;
                 continue;
             }
             if vertex == 0 {
-                swallowed = Some(Swallowed { root: x, depth: violation.by, violation, sine: 0.0 });
+                swallowed = Some(Swallowed { root: x, violation, sine: 0.0 });
             }
             let rooted = swallowed.as_mut().is_some_and(|root| root.holds(vertex, &violation, &x, s));
-            let bit = |body: usize| 1 << body.min(63);
-            let pinched_by = match violation.by > pinch::DEPTH {
-                true if rooted => bit(violation.body),
-                true => self.faced(&violation, &x).map_or(0, |b| bit(b) | bit(violation.body)),
-                false => 0,
+            let pinched_by = match violation.depth > pinch::MIN_DEPTH {
+                true if rooted => BTreeSet::from([violation.body as u32]),
+                true => {
+                    let pair = |other: usize| BTreeSet::from([other, violation.body].map(|b| b as u32));
+                    self.faced(&violation, &x).map(pair).unwrap_or_default()
+                }
+                false => BTreeSet::new(),
             };
-            found.push(Inside { vertex, depth: violation.by, pinched_by });
+            found.push(InsidePoint { vertex, depth: violation.depth, pinched_by });
         }
         found
     }
 
     /// Another body that faces the way out of a body from `x`, m, world.
     fn faced(&self, inside: &Violation, x: &Vector3<f64>) -> Option<usize> {
-        let out = x + inside.normal * inside.by;
+        let out = x + inside.normal * inside.depth;
         let mut others = self.poses.iter().enumerate().filter(|(b, _)| *b != inside.body);
         let faces = |(b, pose): &(usize, &Isometry3<f64>)| {
             let b = *b;
@@ -172,8 +174,7 @@ impl Obstacles<'_> {
 struct Swallowed {
     /// The root, m, world.
     root: Vector3<f64>,
-    /// Its depth, m.
-    depth: f64,
+    /// How it is inside.
     violation: Violation,
     /// Sine of the angle between the body's surface and the strand at its root.
     sine: f64,
@@ -186,7 +187,7 @@ impl Swallowed {
         if vertex == 1 {
             self.sine = self.violation.normal.dot(&(x - self.root)) / s.max(f64::MIN_POSITIVE);
         }
-        let least = pinch::leaving(-self.depth, self.sine, s) - pinch::ROOM;
-        inside.body == self.violation.body && -inside.by >= least
+        let least = pinch::leaving(-self.violation.depth, self.sine, s) - pinch::ROOM;
+        inside.body == self.violation.body && -inside.depth >= least
     }
 }

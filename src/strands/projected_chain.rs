@@ -78,7 +78,7 @@ fn rotate_out(
     for _ in 0..MAX_ROTATIONS {
         let next = x + direction * length;
         let keep = |body| clearances.get(body, vertex);
-        let Violation { by: violation, normal, .. } =
+        let Violation { depth: violation, normal, .. } =
             obstacles.violation(keep, &next, (next - end).norm(), bounds);
         end = next;
         if violation < best.0 {

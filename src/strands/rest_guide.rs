@@ -72,11 +72,9 @@ impl RestGuide {
         place.position(|k| self.axes[k])
     }
 
-    /// Half phase, relative to its curl at a place, of a curl with the unit tangent `tangent` about `axis`.
+    /// Half phase, relative to its curl at a place of a guide that winds, of a curl with the unit tangent
+    /// `tangent` about `axis`.
     pub fn half_phase(&self, place: GuidePlace, tangent: &Vector3<f64>, axis: &Vector3<f64>) -> HalfPhase {
-        if self.winding.is_none() {
-            return IN_PHASE;
-        }
         let own = place.position(|k| self.tangent[k]);
         half_phase([tangent, axis], [&own, &self.axis(place)])
     }

@@ -8,7 +8,7 @@ use super::fabrik::relax;
 use super::free_chain::{Lay, lay, rotations};
 use super::guide_place::GuidePlace;
 use super::moment::Moment;
-use super::obstacles::{Inside, Obstacles};
+use super::obstacles::{InsidePoint, Obstacles};
 use super::posed_guide::{PosedGuide, PosedGuides};
 use super::projected_chain::{NextEdge, ProjectedChain};
 use super::rest_guide::RestGuide;
@@ -35,8 +35,6 @@ pub(super) struct Strand {
     /// Whether a body separates that place from the root at rest.
     separated: bool,
     clearances: Clearances,
-    /// Largest distance of its vertices from their places on the first guide at rest, m.
-    pub guide_distance: f64,
 }
 
 /// Workspace and result of one strand at one moment.
@@ -73,7 +71,8 @@ impl StrandState {
 
 impl Strand {
     /// A strand with `points` in the groom, m, that follows the guide `main`, and `others`: pairs with the
-    /// main guide and weights.
+    /// main guide and weights. Also the largest distance of its vertices from their places on the main guide at
+    /// rest, m.
     pub fn new(
         points: &[Vector3<f64>],
         main: usize,
@@ -81,7 +80,7 @@ impl Strand {
         rest: &[RestGuide],
         bodies: &Bodies,
         thickness: &[f64],
-    ) -> Self {
+    ) -> (Self, f64) {
         let first = &rest[main];
         let arc: Vec<f64> = iter::once(0.0)
             .chain(points.windows(2).scan(0.0, |arc, ends| {
@@ -122,13 +121,13 @@ impl Strand {
         let beside = place(0.0);
         let guide_distance =
             points.iter().zip(&arc).map(|(x, s)| (x - first.position(place(*s))).norm()).fold(0.0, f64::max);
-        Strand {
+        let strand = Strand {
             separated: separated(&points[0], beside),
             chain: RestChain { root: points[0], main, others, edges, half_phases },
             beside,
             clearances: Clearances::new(bodies, thickness, points),
-            guide_distance,
-        }
+        };
+        (strand, guide_distance)
     }
 
     /// Sets `out`, which is zero, to the deflections that keep the strand outside the bodies, given the free
@@ -213,7 +212,7 @@ impl Strand {
         guides: &PosedGuides,
         points: impl Iterator<Item = Vector3<f64>>,
         bounds: &mut DistanceBounds,
-    ) -> Vec<Inside> {
+    ) -> Vec<InsidePoint> {
         let guide = &guides.guides[self.chain.main];
         let place = |vertex: usize| match vertex {
             0 => self.beside,
@@ -278,7 +277,7 @@ impl Strand {
                     false
                 } else {
                     let keep = |body| self.clearances.get(body, vertex);
-                    obstacles.violation(keep, &end, length, &mut bounds.free).by > 0.0
+                    obstacles.violation(keep, &end, length, &mut bounds.free).depth > 0.0
                 };
                 projected = (violates || retraction[vertex] > 0.0).then_some(ProjectedChain { end: start });
             }
