@@ -150,7 +150,7 @@ def residual_of(window: Window, curves: Curves, offset: int) -> Residual | None:
     pairs = ((simpson, mean), (simpson, trapezoidal), (trapezoidal, mean))
     error, *sampling = (norms(a - b) for a, b in pairs)
     excess = np.maximum(error - tolerances.SIMPSON_ERROR * np.minimum(*sampling), 0)
-    jump = head_jump(window, curves, offset)
+    jump = window.once(head_jump, curves, offset)
     return Residual(curves, [norms(mean)] if jump is None else [norms(mean), jump], excess)
 
 

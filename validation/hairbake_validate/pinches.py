@@ -7,6 +7,7 @@ outside is free, a bake cannot be right, and must say so. Found here from the co
 - The root itself is inside, and the point follows it without a break, no deeper than a hair that leaves the
   collider in a curve of radius `tolerances.PINCH_RADIUS_M`, up to a slope of `tolerances.PINCH_RISE`.
 - The point is next to such a point on its curve.
+- The point is so held in the collider that it is deepest in: out of another it would only get deeper there.
 
 What is inside one collider with room outside is none of these.
 """
@@ -24,12 +25,14 @@ from .window import Window, neighbours_on_curve
 
 def pinched(window: Window, curves: Curves, _offset: int) -> dict[str, BoolArray]:
     """The points of curves that are pinched in the centre frame, by the path of the collider."""
-    found: dict[str, BoolArray] = {}
+    found: dict[str, tuple[FloatArray, BoolArray]] = {}
     for mesh, at_first in window.reference.colliders:
         depth = window.depths(mesh, at_first).get(curves.path)
         if depth is not None:
-            found[mesh.path] = pinched_in(window, curves, mesh, at_first, depth)
-    return found
+            found[mesh.path] = depth, pinched_in(window, curves, mesh, at_first, depth)
+    deepest = np.max([depth for depth, _ in found.values()], axis=0, initial=0)
+    held = np.any([here & (depth == deepest) for depth, here in found.values()], axis=0)
+    return {path: here | held & (depth > 0) for path, (depth, here) in found.items()}
 
 
 def pinched_in(

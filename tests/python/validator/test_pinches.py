@@ -1,10 +1,14 @@
 """Hair that bodies leave no room for: told apart from hair that is inside although it could be outside."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
-from hairbake_validate.geometry import Array, FloatArray
+from hairbake_validate import pinches
+from hairbake_validate.geometry import Array, BoolArray, FloatArray
 from hairbake_validate.run import validate
 from validator.defects import MIDDLE, failed, move_points
 from validator.good_cache import (
@@ -103,3 +107,22 @@ def test_only_hair_without_room_outside_is_pinched(
     record(good_cache, recorded)
     report = validate(good_cache.directory)
     assert failed(report) & PATHS == expected, report.as_text()
+
+
+def test_what_is_held_where_it_is_deepest_is_held_in_every_collider(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Held in the first and deepest there; held in the first and deeper in the second; held nowhere; in one only.
+    depths = {"first": [3.0, 1.0, 2.0, 1.0], "second": [1.0, 3.0, 1.0, 0.0]}
+    held = {"first": [True, True, False, True], "second": [False] * 4}
+
+    def pinched_in(_window: Any, _curves: Any, mesh: Any, _at_first: Any, _depth: FloatArray) -> BoolArray:
+        return np.array(held[mesh.path])
+
+    monkeypatch.setattr(pinches, "pinched_in", pinched_in)
+    meshes: list[Any] = [SimpleNamespace(path=path) for path in depths]
+    window: Any = SimpleNamespace(
+        reference=SimpleNamespace(colliders=[(mesh, None) for mesh in meshes]),
+        depths=lambda mesh, _: {"hair": np.array(depths[mesh.path])},
+    )
+    curves: Any = SimpleNamespace(path="hair")
+    found = {path: flags.tolist() for path, flags in pinches.pinched(window, curves, 0).items()}
+    assert found == {"first": held["first"], "second": [True, False, False, False]}
