@@ -110,7 +110,7 @@ def test_only_hair_without_room_outside_is_pinched(
 
 
 def test_what_is_held_where_it_is_deepest_is_held_in_every_collider(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Held in the first and deepest there; held in the first and deeper in the second; held nowhere; in one only.
+    # Held in the first and deepest there; the same, deeper in the second; held nowhere; in the first only.
     depths = {"first": [3.0, 1.0, 2.0, 1.0], "second": [1.0, 3.0, 1.0, 0.0]}
     held = {"first": [True, True, False, True], "second": [False] * 4}
 

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from hairbake_validate import tolerances
-from hairbake_validate.cache import HAIR, TRANSFORM, Curves
+from hairbake_validate.cache import GUIDES, HAIR, TRANSFORM, Curves
 from hairbake_validate.checks_motion import (
     curve_velocities,
     head_jump,
     speed_in_head,
     spikes,
+    unaccounted_jumps,
     velocities,
 )
 from hairbake_validate.geometry import Array, FloatArray
@@ -154,6 +155,33 @@ def test_a_spike_while_the_velocity_of_the_head_jumps_is_found(size: float) -> N
     points = places + size * (FRAMES == 0)
     window = window_of(along(points), along(2.0 * (FRAMES > 0)), heads_along(places), 4)
     assert (next(spikes(window)).value > tolerances.SPIKE_M) == (size > 0)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "factor", "share"), [(2.5, 1.0, 0.1), (5.0, 1.0, 0.2), (5.0, 0.0, 1.0)]
+)
+def test_hair_that_whips_beside_a_guide_at_rest_does_not_pop(
+    frequency: float, factor: float, share: float
+) -> None:
+    """Hair turns at the frame, with true velocities or none; `share` of its jump is left at most."""
+    omega = 2 * np.pi * frequency / FPS
+    places, rates = 0.1 * np.cos(omega * FRAMES), -0.1 * omega * FPS * np.sin(omega * FRAMES)
+    window = window_of(along(places), along(factor * rates), heads_along(np.zeros(9)), 4)
+    hair = window.cache.curves[0]
+    guides = Curves(GUIDES, hair.counts, hair.rest, hair.widths)
+    window.cache.curves.append(guides)
+    window.reference = SimpleNamespace(followed=np.array([[0, 0, 0]]))
+    of_hair = window.once
+
+    def once(compute: Any, curves: Curves, offset: int = 0) -> Any:
+        return np.zeros((2, 3)) if curves is guides else of_hair(compute, curves, offset)
+
+    window.once = once
+    left = unaccounted_jumps(window, hair)
+    jump = 0.1 * (1 - np.cos(omega))
+    assert (
+        left is not None and left.max() <= share * jump + 1e-12 and (left.max() > 0.99 * jump) == (share == 1)
+    )
 
 
 def test_points_on_a_spinning_head_have_no_speed_relative_to_it() -> None:
