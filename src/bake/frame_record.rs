@@ -68,8 +68,8 @@ pub struct FrameRecord {
     pub hair_crowding_p95: f64,
     /// The same: largest.
     pub hair_crowding_max: f64,
-    /// Root mean square of the hair's velocity against the mean of the hair around, over that in head space: largest
-    /// of the sub-steps; 0 where the latter is below 5 cm/s.
+    /// Root mean square of the hair's velocity against the mean of the hair around, over that in head space, at the start
+    /// of the last sub-step of the frame; 0 where the latter is below 5 cm/s.
     pub hair_slip: f64,
     /// Largest distance of a tie from its target, m.
     pub tie_slack_m: f64,
@@ -161,7 +161,7 @@ impl FrameRecord {
         self.hair_softened = self.hair_softened.max(step.hair.softened);
         self.hair_crowding_p95 = self.hair_crowding_p95.max(step.hair.crowding_p95);
         self.hair_crowding_max = self.hair_crowding_max.max(step.hair.crowding_max);
-        self.hair_slip = self.hair_slip.max(step.hair.slip);
+        self.hair_slip = step.hair.slip;
         (self.contacts_found, self.contacts_active) = (0, 0);
         (self.strand_contacts_found, self.strand_contacts_active) = (0, 0);
         let stepped = step.guides.iter().enumerate().filter(|(i, _)| step.active[*i]);
@@ -227,6 +227,22 @@ impl FrameRecord {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dynamics::step_record::HairRecord;
+
+    #[test]
+    fn the_hair_of_a_frame_is_the_densest_of_its_sub_steps_and_slips_as_in_the_last() {
+        let step = |softened, crowding, slip| SubstepRecord {
+            hair: HairRecord { softened, crowding_p95: crowding, crowding_max: 2.0 * crowding, slip },
+            ..SubstepRecord::default()
+        };
+        let mut record = FrameRecord::default();
+        for step in [step(0.1, 1.5, 0.7), step(0.3, 1.25, 0.2)] {
+            record.add(&step, &[]);
+        }
+        let found =
+            (record.hair_softened, record.hair_crowding_p95, record.hair_crowding_max, record.hair_slip);
+        assert_eq!(found, (0.3, 1.5, 3.0, 0.2));
+    }
 
     #[test]
     fn each_broken_guarantee_is_reported() {

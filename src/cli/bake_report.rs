@@ -66,8 +66,8 @@ fn contact_charts(frames: &[FrameRecord]) -> Vec<Chart> {
         charts.push(chart(
             "Crowding of hair",
             "",
-            "Density of the hair over that of the densest twentieth of it in the groom's pose. Hair in its own pose has \
-             1; above 1.5 it is pressed together.",
+            "Volume fraction of the hair over its 95th percentile in the groom's pose. In that pose the 95th percentile \
+             is 1; above 1.5 hair is pressed together.",
             vec![
                 series("95th percentile", |f| f.hair_crowding_p95),
                 series("largest", |f| f.hair_crowding_max),
@@ -76,8 +76,8 @@ fn contact_charts(frames: &[FrameRecord]) -> Vec<Chart> {
         charts.push(chart(
             "Slip of hair",
             "",
-            "Speed of the hair against that around it, over its speed in head space (root mean squares); 0 where hair is \
-             slower than 5 cm/s. Hair that moves as one has little.",
+            "Speed of the hair against that around it, over its speed in head space (root mean squares), in the last \
+             sub-step of the frame; 0 where hair is slower than 5 cm/s. Hair that moves as one has little.",
             vec![series("slip", |f| f.hair_slip)],
         ));
     }
@@ -283,6 +283,12 @@ pub fn warnings(summary: &BakeSummary) -> Vec<String> {
         ),
         warning(
             frames,
+            "the densest twentieth of the hair is more than 1.5 times as dense as that of the groom",
+            "; `hairbake preview --colour crowding` shows where",
+            |f| (f.hair_crowding_p95 > CROWDED).then(|| format!("{:.1} times", f.hair_crowding_p95)),
+        ),
+        warning(
+            frames,
             "render strands are more than 2 mm inside a body",
             "; more guides may help there",
             |f| count(f.hair_inside),
@@ -299,6 +305,9 @@ const GUIDE_INSIDE: f64 = 5e-4;
 
 /// Share of hair softened by the sub-step above which the user is warned.
 const MANY_SOFTENED: f64 = 0.25;
+
+/// Density of the densest twentieth of the hair, over that in the groom's pose, above which the user is warned.
+const CROWDED: f64 = 1.5;
 
 /// Share of guide segments exempt from contact above which the user is warned.
 const MANY_EXEMPT: f64 = 0.1;
@@ -377,4 +386,38 @@ fn warning(
     let more = if found.len() > MAX_LISTED { ", ..." } else { "" };
     let listed = found.iter().take(MAX_LISTED).cloned().collect::<Vec<_>>().join(", ");
     (!found.is_empty()).then(|| format!("{what} in {} frames: {listed}{more}{advice}", found.len()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_with_soft_or_crowded_hair_are_named() {
+        let frame = |frame, hair_softened, hair_crowding_p95| FrameRecord {
+            frame,
+            hair_softened,
+            hair_crowding_p95,
+            ..FrameRecord::default()
+        };
+        let frames = vec![frame(7, 0.24, 1.4), frame(8, 0.26, 1.2), frame(9, 0.1, 1.6)];
+        let warnings = warnings(&BakeSummary { frames, ..BakeSummary::default() });
+        let [soft, crowded] = &warnings[..] else { panic!("{warnings:?}") };
+        assert!(soft.contains("in 1 frames: 8 (26 %); take more sub-steps"), "{soft}");
+        assert!(crowded.contains("in 1 frames: 9 (1.6 times)"), "{crowded}");
+    }
+
+    #[test]
+    fn the_contact_of_hair_with_hair_is_told() {
+        let told = |contact: &str, sampling: serde_json::Value| {
+            let mut manifest = Manifest::new(&crate::cache::Header::default());
+            manifest.settings = serde_json::json!({ "contact": contact });
+            manifest.scene_figures.insert("hair_sampling".into(), sampling);
+            hair_on_hair(&manifest).unwrap()
+        };
+        assert!(told("volume", 12.34.into()).ends_with("each hair of the groom stands for 12.3"));
+        assert!(told("volume", serde_json::Value::Null).contains("too sparse"));
+        assert!(told("full", serde_json::Value::Null).contains("rigid bundles"));
+        assert!(told("bodies", serde_json::Value::Null).contains("bodies only"));
+    }
 }
