@@ -60,16 +60,16 @@ pub struct FrameRecord {
     /// Motions of guides that were truncated, or that ignore other guides, because no coupled solution was
     /// found.
     pub strands_shortened: u32,
-    /// Largest share of the hair, by volume, whose pressure against other hair is less than the law's because of
-    /// the length of the sub-step.
+    /// Largest share of the hair, by volume, whose pressure against other hair is less than the law's because
+    /// of the length of the sub-step.
     pub hair_softened: f64,
-    /// Volume fraction of the hair, with contact as a volume, over the 95th percentile by volume in the groom's
-    /// pose: 95th percentile, largest of the sub-steps.
+    /// Volume fraction of the hair, with contact as a volume, over the 95th percentile by volume in the
+    /// groom's pose: 95th percentile, largest of the sub-steps.
     pub hair_crowding_p95: f64,
     /// The same: largest.
     pub hair_crowding_max: f64,
-    /// Root mean square of the hair's velocity against the mean of the hair around, over that in head space, at the start
-    /// of the last sub-step of the frame; 0 where the latter is below 5 cm/s.
+    /// Root mean square of the hair's velocity against the mean of the hair around, over that in head space,
+    /// at the start of the last sub-step of the frame; 0 where the latter is below 5 cm/s.
     pub hair_slip: f64,
     /// Largest distance of a tie from its target, m.
     pub tie_slack_m: f64,

@@ -210,7 +210,8 @@ fn settings(summary: &BakeSummary) -> Vec<(String, String)> {
     rows
 }
 
-/// What hair meets hair, how far the first frame is from the groom, and how the sag-free rest shape was reached.
+/// What hair meets hair, how far the first frame is from the groom, and how the sag-free rest shape was
+/// reached.
 pub fn scene_rows(manifest: &Manifest) -> Vec<(&'static str, String)> {
     let number = |object: &str, key: &str| manifest.scene_figures.get(object)?.get(key)?.as_f64();
     let first = |key: &str| number("first_frame_from_groom", key);
@@ -306,7 +307,8 @@ const GUIDE_INSIDE: f64 = 5e-4;
 /// Share of hair softened by the sub-step above which the user is warned.
 const MANY_SOFTENED: f64 = 0.25;
 
-/// Density of the densest twentieth of the hair, over that in the groom's pose, above which the user is warned.
+/// Density of the densest twentieth of the hair, over that in the groom's pose, above which the user is
+/// warned.
 const CROWDED: f64 = 1.5;
 
 /// Share of guide segments exempt from contact above which the user is warned.

@@ -19,8 +19,8 @@ pub struct GuideRods {
     fine: Vec<Rod>,
     /// Density of the hair in the groom's pose.
     pub(super) density: HairDensity,
-    /// How many hairs each hair of the groom stands for in contact with other hair as a volume; `None` without
-    /// such contact.
+    /// How many hairs each hair of the groom stands for in contact with other hair as a volume; `None`
+    /// without such contact.
     pub sampling: Option<f64>,
     /// What the sag-free start changed.
     pub sag_free: SagFreeReport,

@@ -55,14 +55,15 @@ pub struct StrandRecord {
 /// The hair as a fibre assembly at the start of one sub-step; zero without such contact.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct HairRecord {
-    /// Share of the hair, by volume, whose pressure is less than the law's because of the length of the sub-step.
+    /// Share of the hair, by volume, whose pressure is less than the law's because of the length of the
+    /// sub-step.
     pub softened: f64,
     /// Volume fraction, over the 95th percentile by volume in the groom's pose: 95th percentile.
     pub crowding_p95: f64,
     /// The same: largest.
     pub crowding_max: f64,
-    /// Root mean square of the velocity against the mean of the hair around, over that in head space; 0 where the
-    /// latter is below 5 cm/s.
+    /// Root mean square of the velocity against the mean of the hair around, over that in head space; 0 where
+    /// the latter is below 5 cm/s.
     pub slip: f64,
 }
 

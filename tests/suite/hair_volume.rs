@@ -1,4 +1,5 @@
-//! Hair that meets hair as a volume: neighbours drag each other along, and the record tells what the sub-step softens.
+//! Hair that meets hair as a volume: neighbours drag each other along, and the record tells what the sub-step
+//! softens.
 
 use crate::common::{bake, here};
 use hairbake::dynamics::clock::substeps_to;
@@ -16,8 +17,8 @@ const SIDE: usize = 5;
 /// Index of the guide in the middle.
 const MIDDLE: usize = SIDE * SIDE / 2;
 
-/// Writes a tuft of hair of 10 cm that hangs in a wind of 1 m/s, which has no hold on the guide in the middle. Each
-/// guide has `strands` strands.
+/// Writes a tuft of hair of 10 cm that hangs in a wind of 1 m/s, which has no hold on the guide in the
+/// middle. Each guide has `strands` strands.
 fn tuft(folder: &Path, strands: usize) -> [PathBuf; 2] {
     let root = |i: usize| [0.003 * (i / SIDE) as f64, 0.0, 0.003 * (i % SIDE) as f64];
     let line = |[x, _, z]: [f64; 3]| (0..=10).map(move |k| json!([x, -0.01 * f64::from(k), z]));

@@ -10,8 +10,8 @@ use hairbake::scene::{self, Anim, Groom};
 use serde_json::json;
 use std::path::Path;
 
-/// A small head of short hair that is shaken, with a suit that breathes if `deforms`. With strands enough to meet as a
-/// volume.
+/// A small head of short hair that is shaken, with a suit that breathes if `deforms`. With strands enough to
+/// meet as a volume.
 fn scene(folder: &Path, contact: ContactSetting, deforms: bool) -> (Groom, Anim) {
     let size = Size { wisps: Some(24), strands: 480, head_subdivisions: 2 };
     sample::write(Style::Short, size, folder).unwrap();

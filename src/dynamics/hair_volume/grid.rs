@@ -8,8 +8,9 @@ const EDGE: usize = 4;
 /// Nodes of a block.
 const BLOCK: usize = EDGE * EDGE * EDGE;
 
-/// Most blocks of the box that hair can reach: at 1 cm between nodes, a cube of 4 m. The table has an entry for each,
-/// 4 MB in all. Without a bound a guide that grows a kilometre from the others would take all memory.
+/// Most blocks of the box that hair can reach: at 1 cm between nodes, a cube of 4 m. The table has an entry
+/// for each, 4 MB in all. Without a bound a guide that grows a kilometre from the others would take all
+/// memory.
 pub(super) const MAX_BLOCKS: usize = 1 << 20;
 
 /// Table entry of a block without nodes.
@@ -41,8 +42,8 @@ pub(super) struct Stencil {
 }
 
 impl Grid {
-    /// A grid over the box between `low` and `high`, m, whose nodes are at least `spacing`, m, apart: as far as
-    /// [`MAX_BLOCKS`] requires.
+    /// A grid over the box between `low` and `high`, m, whose nodes are at least `spacing`, m, apart: as far
+    /// as [`MAX_BLOCKS`] requires.
     pub fn new(mut spacing: f64, [low, high]: [Vector3<f64>; 2]) -> Self {
         loop {
             // A stencil reaches one node below its point, and two above.

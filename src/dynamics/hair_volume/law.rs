@@ -3,9 +3,10 @@
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// k: pressure of randomly oriented fibres over E φ³. Van Wyk (1946) has about 1e-2; hair is curved and nearly
-/// parallel. Higher keeps the volume of hair better and rubs more. Chosen so that swinging locks come nearest to
-/// those of rigid bundles. As used, k is between 1e-4 for parallel fibres and 1e-3: [`PARALLEL_SHARE`].
+/// k: pressure of randomly oriented fibres over E φ³. Van Wyk (1946) has about 1e-2; hair is curved and
+/// nearly parallel. Higher keeps the volume of hair better and rubs more. Chosen so that swinging locks come
+/// nearest to those of rigid bundles. As used, k is between 1e-4 for parallel fibres and 1e-3:
+/// [`PARALLEL_SHARE`].
 const RANDOM_STIFFNESS: f64 = 1e-3;
 
 /// Share of [`RANDOM_STIFFNESS`] that is left to parallel fibres. Real strands of a lock are never quite

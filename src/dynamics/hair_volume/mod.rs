@@ -1,6 +1,6 @@
-//! Hair against hair as a fibre assembly (`docs/theory.md` §5.3), the default. All hair is deposited on a grid in
-//! the frame of the head; where it is denser than in the groom's pose it is under pressure, and what slips past
-//! its neighbours is dragged along with them by friction and by the air between them.
+//! Hair against hair as a fibre assembly (`docs/theory.md` §5.3), the default. All hair is deposited on a
+//! grid in the frame of the head; where it is denser than in the groom's pose it is under pressure, and what
+//! slips past its neighbours is dragged along with them by friction and by the air between them.
 //!
 //! The forces of a sub-step follow from the state at its start.
 
@@ -21,14 +21,16 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Mean volume fraction of human hair on a head. A groom with fewer strands is taken as a sample of as much hair.
+/// Mean volume fraction of human hair on a head. A groom with fewer strands is taken as a sample of as much
+/// hair.
 const HAIR_FRACTION: f64 = 0.005;
 
-/// The most hairs that one hair of a groom stands for. Strands that are sparser are single ones, which do not meet.
+/// The most hairs that one hair of a groom stands for. Strands that are sparser are single ones, which do not
+/// meet.
 const MAX_SAMPLING: f64 = 100.0;
 
-/// Largest mean distance of strands, m, at which they stand for a head of hair: the density of strands that are farther
-/// apart than its cells does not tell how far.
+/// Largest mean distance of strands, m, at which they stand for a head of hair: the density of strands that
+/// are farther apart than its cells does not tell how far.
 const MAX_DISTANCE: f64 = 0.02;
 
 /// Hairs that grow on a scalp, 1/m²: what guides without strands stand for.
@@ -81,8 +83,8 @@ struct Hairs {
 struct Follower {
     guide: usize,
     leader: usize,
-    /// For each piece, the leader's piece before it at the same share of the length, and how far (0..=1) it is
-    /// towards the next.
+    /// For each piece, the leader's piece before it at the same share of the length, and how far (0..=1) it
+    /// is towards the next.
     places: Vec<(usize, f64)>,
 }
 
@@ -111,8 +113,8 @@ struct Piece {
 const FRACTION: usize = 0;
 const PRESSURE: usize = 7;
 
-/// How many hairs each hair of a groom stands for; `None` if its strands are too sparse to meet. `density` is that of
-/// the guides `rods` with their strands, of which there are none if `guides_only`.
+/// How many hairs each hair of a groom stands for; `None` if its strands are too sparse to meet. `density` is
+/// that of the guides `rods` with their strands, of which there are none if `guides_only`.
 pub(super) fn sampling(rods: &[GuideRod], density: &HairDensity, guides_only: bool) -> Option<f64> {
     let mean = |of: fn(&GuideRod) -> f64| rods.iter().map(of).sum::<f64>() / rods.len() as f64;
     let hairs = mean(|r| r.hairs);
@@ -330,8 +332,8 @@ impl HairVolume {
         assembly(&self.grid.values(&self.grid.stencil(&piece.x)))
     }
 
-    /// Pressure per length, N/m, and friction per mass, m/s², on a hair of guide `i` in a piece of `length`, m,
-    /// and `mass`, kg, over a step of `h`, s; head axes.
+    /// Pressure per length, N/m, and friction per mass, m/s², on a hair of guide `i` in a piece of `length`,
+    /// m, and `mass`, kg, over a step of `h`, s; head axes.
     fn force(&self, i: usize, piece: usize, [length, mass]: [f64; 2], h: f64) -> [Vector3<f64>; 2] {
         let (hairs, piece) = (&self.hairs[i], &self.pieces[piece]);
         let stencil = self.grid.stencil(&piece.x);
@@ -342,7 +344,8 @@ impl HairVolume {
         let shielded = air_drag::shielded_share(hair.fraction * hairs.length_density);
         let air = hairs.drag * hairs.shielding * shielded;
         let [across, along] = hair.friction(&hairs.fibre, slip.norm());
-        // Share of the slip that is lost: exact for a constant coefficient, so that friction never reverses it.
+        // Share of the slip that is lost: exact for a constant coefficient, so that friction never reverses
+        // it.
         let loss = |coefficient: f64| -(-coefficient * length / mass * h).exp_m1();
         let tangent = piece.tangent.try_normalize(0.0).unwrap_or_default();
         let slip_along = tangent * tangent.dot(&slip);
@@ -409,7 +412,8 @@ fn percentile_95<'a>(values: impl Iterator<Item = (f64, &'a Piece)>) -> f64 {
     values.iter().rev().find(reached).map_or(0.0, |(value, _)| *value)
 }
 
-/// The box, in head space, m, that hair cannot leave: no point is farther from its root than the guide is long.
+/// The box, in head space, m, that hair cannot leave: no point is farther from its root than the guide is
+/// long.
 fn reach(rods: &[GuideRod]) -> [Vector3<f64>; 2] {
     let [low, high] = [1.0, -1.0].map(|sign| Vector3::repeat(sign * f64::INFINITY));
     rods.iter().fold([low, high], |[low, high], r| {

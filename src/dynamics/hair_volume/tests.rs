@@ -60,8 +60,8 @@ fn curtain_of(roots: &[V], material: &Material) -> Curtain {
 }
 
 impl Curtain {
-    /// Gives each point the position and the velocity relative to the head that `of` maps its head-space position
-    /// in the groom's pose to, at time 0.
+    /// Gives each point the position and the velocity relative to the head that `of` maps its head-space
+    /// position in the groom's pose to, at time 0.
     fn set(&mut self, of: impl Fn(usize, &V) -> (V, V)) {
         let head = HeadVelocity::new(&self.env, 0.0);
         for (i, state) in self.states.iter_mut().enumerate() {
@@ -216,7 +216,8 @@ fn the_air_between_hairs_moves_with_them() {
         for piece in volume.first[i]..volume.first[i + 1] {
             let values = volume.grid.values(&volume.grid.stencil(&volume.pieces[piece].x));
             let slip = volume.pieces[piece].v.z - values[3] / values[FRACTION];
-            // The drag of an isolated hair, N·s/m², as far as this hair takes it away from that against the wind.
+            // The drag of an isolated hair, N·s/m², as far as this hair takes it away from that against the
+            // wind.
             let length_density = values[FRACTION] / (PI * 4e-5 * 4e-5);
             let drag = 2.07e-4 * 0.9 * length_density / (length_density + 1e5);
             for k in volume.points[piece].clone() {
@@ -278,7 +279,8 @@ fn single_strands_do_not_meet() {
         let density = HairDensity::new(lines.iter().map(|l| (&l[..], hairs)));
         sampling(&rods, &density, guides_only)
     };
-    // With strands around them; the last are so sparse that their density in cells of a centimetre does not show it.
+    // With strands around them; the last are so sparse that their density in cells of a centimetre does not
+    // show it.
     assert_eq!(sampling(0.015, 1.0, false), None);
     assert_eq!(sampling(0.07, 4.0, false), None);
     let sample = sampling(0.015, 10.0, false);

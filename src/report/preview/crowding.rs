@@ -36,8 +36,8 @@ impl<'a> Crowding<'a> {
         crowding
     }
 
-    /// The density at `points` of the curves, in the rest space of the head, over the 95th percentile in the pose of
-    /// the groom.
+    /// The density at `points` of the curves, in the rest space of the head, over the 95th percentile in the
+    /// pose of the groom.
     pub fn relative(&self, points: &[Vector3<f32>]) -> Vec<f32> {
         let mut cells: BTreeMap<[i32; 3], f32> = BTreeMap::new();
         for (_, middle, volume) in self.segments(points) {

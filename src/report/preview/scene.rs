@@ -202,8 +202,8 @@ fn level_colour(level: i32) -> Rgb {
     colour(0.6 * 0.55_f32.powi(level.max(0)) - if level > 0 { 0.16 } else { 0.0 })
 }
 
-/// Blue for loose hair, green for hair as dense as the densest of the groom, yellow at 1.5 times and red from twice
-/// that.
+/// Blue for loose hair, green for hair as dense as the densest of the groom, yellow at 1.5 times and red from
+/// twice that.
 fn crowding_colour(crowding: f32) -> Rgb {
     colour(0.6 * (1.0 - 0.5 * crowding.clamp(0.0, 2.0)))
 }
