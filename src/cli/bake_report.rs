@@ -294,7 +294,7 @@ pub fn warnings(summary: &BakeSummary) -> Vec<String> {
             "; more guides may help there",
             |f| count(f.hair_inside),
         ),
-        limited(summary),
+        summary.manifest.as_ref().and_then(|manifest| limited(frames, manifest.summary.guides.0)),
     ]
     .into_iter()
     .flatten()
@@ -359,12 +359,11 @@ fn pinched(summary: &BakeSummary) -> Option<String> {
 /// Share of the guides with limited velocities in a frame above which the user is warned.
 const MANY_LIMITED: f64 = 0.25;
 
-/// Where the velocities of many guides are not those of their motion.
-fn limited(summary: &BakeSummary) -> Option<String> {
-    let guides = summary.manifest.as_ref()?.summary.guides.0;
+/// Where the velocities of many of the `guides` guides are not those of their motion.
+fn limited(frames: &[FrameRecord], guides: usize) -> Option<String> {
     let most = MANY_LIMITED * guides as f64;
     warning(
-        &summary.frames,
+        frames,
         "velocities of many guides are limited, because they go there and back between frames",
         "; motion blur from several samples (--samples) does without velocities",
         |f| (f64::from(f.limited_rates) > most).then(|| format!("{} of {guides} guides", f.limited_rates)),
@@ -421,5 +420,27 @@ mod tests {
         assert!(told("volume", serde_json::Value::Null).contains("too sparse"));
         assert!(told("full", serde_json::Value::Null).contains("rigid bundles"));
         assert!(told("bodies", serde_json::Value::Null).contains("bodies only"));
+    }
+
+    #[test]
+    fn a_pinch_that_holds_no_point_inside_is_listed_without_a_depth() {
+        let pinch = |frame: i32, depth: f64| FrameRecord {
+            frame,
+            pinched_segments: 2,
+            pinched_penetration_m: depth,
+            ..FrameRecord::default()
+        };
+        let frames = vec![pinch(1001, 0.0), pinch(1002, 1.2e-3)];
+        let text = pinched(&BakeSummary { frames, ..BakeSummary::default() }).unwrap();
+        assert!(text.contains("in 2 frames: 1001, 1002 (1.2 mm);"), "{text}");
+    }
+
+    #[test]
+    fn limited_velocities_are_warned_of_if_many_guides_have_them() {
+        let frame =
+            |frame: i32, limited_rates: u32| FrameRecord { frame, limited_rates, ..FrameRecord::default() };
+        let text = limited(&[frame(1001, 30), frame(1002, 10)], 100).unwrap();
+        assert!(text.contains("in 1 frames: 1001 (30 of 100 guides);"), "{text}");
+        assert_eq!(limited(&[frame(1001, 25)], 100), None);
     }
 }
