@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from hairbake_validate import checks_frame, checks_motion, window
 from hairbake_validate.cache import GUIDES, Cache, Curves
 from hairbake_validate.run import validate
 from hairbake_validate.window import Reference, inside_after_exit, neighbours_on_curve
-from validator.good_cache import HANDLES, SKULL, CacheBuilder
+from validator.good_cache import HANDLES, RADIUS, SKULL, CacheBuilder
 
 
 def test_stretches_drawn_through_a_collider_and_their_neighbours() -> None:
@@ -53,17 +53,27 @@ def test_each_frame_is_read_and_measured_once(
     assert all(2 * frames <= calls[name] <= 2 * (frames + 3) for name in ("in_head", "speed_in_head", "bend"))
 
 
-def test_what_the_groom_places_inside_does_not_depend_on_the_first_frame(good_cache: CacheBuilder) -> None:
-    def outside() -> dict[tuple[str, str], list[bool]]:
-        found = Reference.of(Cache(good_cache.directory)).outside
-        return {key: flags.tolist() for key, flags in found.items()}
+@pytest.mark.parametrize(
+    ("at_rest", "moved", "excused"), [(True, False, True), (True, True, False), (False, True, False)]
+)
+def test_what_is_inside_both_at_rest_and_in_the_first_frame_is_excused(
+    good_cache: CacheBuilder, at_rest: bool, moved: bool, excused: bool
+) -> None:
+    """The skull is drawn half a radius into the hair, or moved there in the first frame, or drawn so and back."""
+    shift = np.array([0.0, RADIUS / 2, 0.0])
 
-    def shift(layer: Sdf.Layer) -> None:
+    def draw(stage: Usd.Stage) -> None:
+        points = UsdGeom.Mesh(stage.GetPrimAtPath(SKULL)).GetPointsAttr()
+        points.Set(Vt.Vec3fArray.FromNumpy((np.array(points.Get()) + shift).astype(np.float32)))
+
+    def move(layer: Sdf.Layer) -> None:
         path, time = f"{SKULL}.xformOp:transform", float(HANDLES[0])
-        matrix = layer.QueryTimeSample(path, time)
-        layer.SetTimeSample(path, time, matrix * Gf.Matrix4d(1).SetTranslate(Gf.Vec3d(0.05, 0, 0)))
+        by = Gf.Matrix4d(1).SetTranslate(Gf.Vec3d(*(-shift if at_rest else shift).tolist()))
+        layer.SetTimeSample(path, time, by * layer.QueryTimeSample(path, time))
 
-    before = outside()
-    assert before and all(any(flags) for flags in before.values())
-    good_cache.edit_frame(HANDLES[0], shift)
-    assert outside() == before
+    if at_rest:
+        good_cache.edit_topology(draw)
+    if moved:
+        good_cache.edit_frame(HANDLES[0], move)
+    outside = Reference.of(Cache(good_cache.directory)).outside
+    assert all(flags.all() != excused for flags in outside.values())
