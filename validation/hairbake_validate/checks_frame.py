@@ -75,7 +75,7 @@ GUIDE_LENGTH = Check(
 )
 GUIDE_PENETRATION = Check(
     "guide_penetration",
-    "guide points outside a collider at rest or at first stay outside, unless beside a stretch drawn through it",
+    "guide points outside a collider at rest or at first stay outside, except next to one drawn through",
     "bake these frames with more substeps, or check the collider's motion for jumps",
     tolerances.GUIDE_PENETRATION_M,
     "m",

@@ -59,7 +59,7 @@ def test_each_frame_is_read_and_measured_once(
 def test_what_is_inside_both_at_rest_and_in_the_first_frame_is_excused(
     good_cache: CacheBuilder, at_rest: bool, moved: bool, excused: bool
 ) -> None:
-    """The skull is drawn half a radius into the hair, or moved there in the first frame, or drawn so and back."""
+    """The skull is drawn half a radius into the hair, or moved there at first, or both."""
     shift = np.array([0.0, RADIUS / 2, 0.0])
 
     def draw(stage: Usd.Stage) -> None:
