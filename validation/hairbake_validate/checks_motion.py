@@ -158,11 +158,11 @@ def head_jump(window: Window, curves: Curves, offset: int) -> FloatArray | None:
     """Jump of the velocity that the head gives to points, within a frame, `N`; None near the ends.
 
     A jump between two frames is the sum of the second differences of carried positions at both. What the
-    differences at the two frames before and the two after account for, as in a smooth motion, is no jump:
+    differences at the three frames before and the three after account for, as in a smooth motion, is no jump:
     `tolerances.HEAD_JUMP_SMOOTH` times the root of their sum of squares.
     """
     points = window.once(in_head, curves, offset)
-    heads = [window.head(offset + step) for step in range(-4, 5)]
+    heads = [window.head(offset + step) for step in range(-5, 6)]
     if points is None:
         return None
     jumps = []
@@ -170,8 +170,8 @@ def head_jump(window: Window, curves: Curves, offset: int) -> FloatArray | None:
         known = [head for head in around if head is not None]
         if len(known) == len(around):
             bends = [transformed(points, bend) for bend in np.diff(known, 2, axis=0)]
-            smooth = np.sqrt(sum(dot(bends[i], bends[i]) for i in (0, 1, 4, 5)))
-            jumps.append(norms(bends[2] + bends[3]) - tolerances.HEAD_JUMP_SMOOTH * smooth)
+            smooth = np.sqrt(sum(dot(bends[i], bends[i]) for i in (0, 1, 2, 5, 6, 7)))
+            jumps.append(norms(bends[3] + bends[4]) - tolerances.HEAD_JUMP_SMOOTH * smooth)
     return np.maximum.reduce([np.zeros(len(points)), *jumps]) * window.cache.fps if jumps else None
 
 

@@ -58,11 +58,10 @@ CURVE_VELOCITY_RESIDUAL = 0.5
 SIMPSON_ERROR = 0.5
 
 # A jump of the head's velocity: the second differences of positions that move with the head, at the two
-# frames around it, less this times the root of the sum of squares at the two frames before and the two after.
-# Without it a sine, which has no jump, would be said to have one; none of any frequency and phase has with
-# 2.44. Jumps from rest are found whole at any moment between frames, and 46 % of a landing from free fall at
-# 3 m/s.
-HEAD_JUMP_SMOOTH = 2.45
+# frames around it, less this times the root of the sum of squares at the three frames before and the three
+# after. With 1.732 and more no sine of any frequency and phase is said to jump. Jumps from rest are found
+# whole at any moment between frames, and 52 % of a landing from free fall at 3 m/s.
+HEAD_JUMP_SMOOTH = 1.74
 
 # Median over points of the difference between accelerations and the second derivative of the cubic through
 # this frame's and the next frame's points and velocities, relative to its RMS. Hair in collision is no cubic

@@ -92,18 +92,18 @@ def along(values: Sequence[float] | FloatArray) -> list[Array]:
     return [np.full((2, 3), [value, 0, 0]) for value in values]
 
 
-def jump_of_head(places: FloatArray, at: int = 4) -> float | None:
+def jump_of_head(places: FloatArray, at: int = 5) -> float | None:
     """Jump of velocity, m/s, of a head at these places, m, frame by frame."""
     window = window_of(along(places), along(places), heads_along(places), at)
     found = head_jump(window, window.cache.curves[0], 0)
     return None if found is None else float(found.max())
 
 
-FRAMES = np.arange(9) - 4
+FRAMES = np.arange(11) - 5
 """The frames that tell whether the velocity of the head jumps at the one in their middle."""
 
 
-@pytest.mark.parametrize("frequency", [0.5, 1.0, 2.5, 4.0, 5.0, 8.0])
+@pytest.mark.parametrize("frequency", [0.5, 1.0, 1.7, 2.5, 3.1, 4.0, 5.0, 6.4, 8.0, 11.0])
 def test_a_head_that_shakes_makes_no_velocity_jump(frequency: float) -> None:
     omega = 2 * np.pi * frequency
     for phase in np.linspace(0, 2 * np.pi, 37):
@@ -118,12 +118,12 @@ def test_jumps_of_the_velocity_of_the_head_are_found_between_frames(moment: floa
     time = (FRAMES - moment) / FPS
     landing = -4.0 * np.minimum(time, 0) - 9.81 / 2 * np.minimum(time, 0) ** 2
     found = jump_of_head(landing)
-    assert found is not None and 1.0 < found < 4.0
+    assert found is not None and 1.5 < found < 4.0
 
 
 def test_a_jump_two_frames_away_is_none_and_near_the_ends_nothing_is_known() -> None:
     assert jump_of_head(4.0 / FPS * np.maximum(FRAMES - 2, 0)) == 0
-    assert jump_of_head(4.0 / FPS * np.maximum(FRAMES, 0), at=2) is None
+    assert jump_of_head(4.0 / FPS * np.maximum(FRAMES, 0), at=3) is None
 
 
 @pytest.mark.parametrize("check", [velocities, curve_velocities])
@@ -131,11 +131,11 @@ def test_a_jump_two_frames_away_is_none_and_near_the_ends_nothing_is_known() -> 
 def test_hair_at_rest_before_the_head_jumps_is_measured_against_the_jump(
     check: CheckFunction, early: bool
 ) -> None:
-    """The head stands, and goes at 4 m/s from frame 5 on; hair begins at half of it, or a frame early."""
+    """The head stands, and goes at 4 m/s from frame 6 on; hair begins at half of it, or a frame early."""
     places = 4.0 / FPS * np.maximum(FRAMES - 1, 0)
     rates = 4.0 * np.clip(FRAMES - 0.5 + early, 0, 1)
-    rates[4] *= 2.0 if early else 1.0
-    window = window_of(along(places), along(rates), heads_along(places), 4)
+    rates[5] *= 2.0 if early else 1.0
+    window = window_of(along(places), along(rates), heads_along(places), 5)
     assert (next(check(window)).value > TOLERANCES[check]) == early
 
 
@@ -144,7 +144,7 @@ def test_wrong_velocities_on_a_head_that_shakes_fail(frequency: float, factor: f
     omega = 2 * np.pi * frequency / FPS
     places, rates = 0.02 * np.sin(omega * FRAMES), 0.02 * omega * FPS * np.cos(omega * FRAMES)
     for scale, fails in ((1.0, False), (factor, True)):
-        window = window_of(along(places), along(scale * rates), heads_along(places), 4)
+        window = window_of(along(places), along(scale * rates), heads_along(places), 5)
         assert (next(velocities(window)).value > tolerances.VELOCITY_RESIDUAL) == fails
 
 
@@ -153,7 +153,7 @@ def test_a_spike_while_the_velocity_of_the_head_jumps_is_found(size: float) -> N
     """The head goes at 2 m/s from one frame to the next, 8 cm; hair goes with it, and is off for a frame."""
     places = 2.0 / FPS * np.maximum(FRAMES, 0)
     points = places + size * (FRAMES == 0)
-    window = window_of(along(points), along(2.0 * (FRAMES > 0)), heads_along(places), 4)
+    window = window_of(along(points), along(2.0 * (FRAMES > 0)), heads_along(places), 5)
     assert (next(spikes(window)).value > tolerances.SPIKE_M) == (size > 0)
 
 
@@ -166,7 +166,7 @@ def test_hair_that_whips_beside_a_guide_at_rest_does_not_pop(
     """Hair turns at the frame, with true velocities or none; `share` of its jump is left at most."""
     omega = 2 * np.pi * frequency / FPS
     places, rates = 0.1 * np.cos(omega * FRAMES), -0.1 * omega * FPS * np.sin(omega * FRAMES)
-    window = window_of(along(places), along(factor * rates), heads_along(np.zeros(9)), 4)
+    window = window_of(along(places), along(factor * rates), heads_along(np.zeros(11)), 5)
     hair = window.cache.curves[0]
     guides = Curves(GUIDES, hair.counts, hair.rest, hair.widths)
     window.cache.curves.append(guides)
