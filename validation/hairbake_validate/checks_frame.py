@@ -75,14 +75,14 @@ GUIDE_LENGTH = Check(
 )
 GUIDE_PENETRATION = Check(
     "guide_penetration",
-    "guide points outside a collider at rest or at first stay outside, except next to one drawn through",
+    "guide points outside a collider at rest stay outside, except next to a stretch drawn through it",
     "bake these frames with more substeps, or check the collider's motion for jumps",
     tolerances.GUIDE_PENETRATION_M,
     "m",
 )
 HAIR_PENETRATION = Check(
     "hair_penetration",
-    "points of render strands outside a collider at rest or at first stay outside",
+    "points of render strands outside a collider at rest stay outside",
     "use more guides where strands penetrate, or bake these frames with more substeps",
     tolerances.HAIR_PENETRATION_M,
     "m",

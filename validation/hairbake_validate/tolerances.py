@@ -90,9 +90,9 @@ SPIKE_SPEED = 1.5
 # are nearly all, and the penetration of what contact does not hold says nothing.
 EXEMPT_SHARE = 0.5
 
-# Penetration of a collider by a point that is outside it at rest or in the first frame, m. Guides are kept
-# outside by continuous collision detection: half a millimetre covers the facets of spheres and capsules and
-# the rounding of points. Render strands are interpolated between guides and are not tested against colliders.
+# Penetration of a collider by a point that is outside it at rest, m. Guides are kept outside by continuous
+# collision detection: half a millimetre covers the facets of spheres and capsules and the rounding of points.
+# Render strands are interpolated between guides and are not tested against colliders.
 GUIDE_PENETRATION_M = 5e-4
 HAIR_PENETRATION_M = 2e-3
 

@@ -40,9 +40,9 @@ class Reference:
     outside: dict[tuple[str, str], BoolArray] = field(default_factory=dict)
     """Points that must stay outside a collider, by the paths of curves and collider.
 
-    These are the points outside it in rest space, where the groom is drawn, or in the first frame: a prop may
-    be anywhere at rest. A guide that is drawn through a collider may slide in it: for guides, the points next
-    to such a stretch are excluded too.
+    These are the points outside it in rest space, where the groom is drawn; and, because a prop may be
+    anywhere at rest, those that are outside in the first frame, both as written and as drawn. A guide that is
+    drawn through a collider may slide in it: for guides, the points next to such a stretch are excluded too.
     """
 
     followed: IntArray | None = None
@@ -57,9 +57,10 @@ class Reference:
             if curves.path == GUIDES:
                 reference.rest_arcs = arc_lengths(curves.rest, curves.counts)
         values = first_values(cache)
+        head = values.get(f"{HEAD}.{TRANSFORM}")
         for mesh in cache.colliders:
             matrix = values.get(f"{mesh.path}.{TRANSFORM}")
-            if matrix is None or not mesh.consistent:
+            if head is None or matrix is None or not mesh.consistent:
                 continue
             points = values.get(f"{mesh.path}.points", mesh.points)
             if points.shape != mesh.points.shape or not np.isfinite(points).all():
@@ -68,11 +69,13 @@ class Reference:
             reference.colliders.append((mesh, collider))
             at_rest = Collider(mesh.points.astype(float), mesh.solid) if mesh.deforms else collider
             for curves in usable:
-                first = values.get(f"{curves.path}.points", curves.rest)
-                if first.shape != curves.rest.shape or not np.isfinite(first).all():
-                    first = curves.rest
-                outside = at_rest.depth(curves.rest.astype(float)) == 0
-                outside |= collider.depth(transformed(first, np.linalg.inv(matrix))) == 0
+                drawn = transformed(curves.rest, head)
+                written = values.get(f"{curves.path}.points", drawn)
+                if written.shape != drawn.shape or not np.isfinite(written).all():
+                    written = drawn
+                to_mesh = np.linalg.inv(matrix)
+                at_first = [collider.depth(transformed(points, to_mesh)) for points in (drawn, written)]
+                outside = (at_rest.depth(curves.rest.astype(float)) == 0) | (np.maximum(*at_first) == 0)
                 if curves.path == GUIDES:
                     outside &= ~neighbours_on_curve(inside_after_exit(outside, curves), curves)
                 reference.outside[curves.path, mesh.path] = outside
