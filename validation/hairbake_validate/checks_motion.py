@@ -87,8 +87,8 @@ class Residual:
 
     curves: Curves
     speeds: list[FloatArray]
-    """Speeds that the excess is measured against, `N`: that of each point by its displacement, and the head's
-    jump of velocity there, which frames do not resolve."""
+    """Speeds that the excess is measured against, `N`: that of each point by its displacement; and because
+    frames may not resolve the head, its jump of velocity there and a share of its speed a frame away."""
     excess: FloatArray
     """Distance of the mean velocity by Simpson's rule from it, less the allowed sampling error, `N`."""
 
@@ -150,8 +150,24 @@ def residual_of(window: Window, curves: Curves, offset: int) -> Residual | None:
     pairs = ((simpson, mean), (simpson, trapezoidal), (trapezoidal, mean))
     error, *sampling = (norms(a - b) for a, b in pairs)
     excess = np.maximum(error - tolerances.SIMPSON_ERROR * np.minimum(*sampling), 0)
-    jump = window.once(head_jump, curves, offset)
-    return Residual(curves, [norms(mean)] if jump is None else [norms(mean), jump], excess)
+    of_head = [window.once(head_jump, curves, offset), window.once(speed_beside, curves, offset)]
+    return Residual(curves, [norms(mean), *(speed for speed in of_head if speed is not None)], excess)
+
+
+def speed_beside(window: Window, curves: Curves, offset: int) -> FloatArray | None:
+    """`tolerances.HEAD_SPEED_BESIDE` times the larger speed that the head gives a frame before or after, `N`.
+
+    Central differences of carried positions; None near the ends. Where the head starts to whip from frame to
+    frame, the speed at its first frame is a small part of that a frame later, and so uncertain.
+    """
+    points = window.once(in_head, curves, offset)
+    heads = [window.head(offset + step) for step in (-2, 0, 2)]
+    known = [head for head in heads if head is not None]
+    if points is None or len(known) < len(heads):
+        return None
+    speeds = [norms(transformed(points, step)) for step in np.diff(known, axis=0)]
+    share = tolerances.HEAD_SPEED_BESIDE * window.cache.fps / 2
+    return share * np.maximum(*speeds)
 
 
 def head_jump(window: Window, curves: Curves, offset: int) -> FloatArray | None:

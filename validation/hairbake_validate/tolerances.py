@@ -36,18 +36,19 @@ ROOT_OFFSET_M = 1e-6
 EXTENT_EXCESS_M = 1e-6
 
 # Median over points of the residual of Simpson's rule over two frame intervals, relative to the frame's RMS
-# speed, or to a jump of the head's velocity if that is larger (HEAD_JUMP_SMOOTH): hair that follows it from
-# rest moves by a part of the jump. The rule's own error is (ωh)⁴/180: 0.1 % for a shake of 2.5 Hz at 24
-# frames a second, 2 % at 5 Hz. Velocities that are the mean over the last substep add ω·h/16. Velocities per
-# frame, of the wrong sign, or of the neighbouring frame give 0.3 and more.
+# speed, or to a jump of the head's velocity or a share of its speed beside (HEAD_JUMP_SMOOTH,
+# HEAD_SPEED_BESIDE) if that is larger: hair that follows it from rest moves by a part of the jump. The rule's
+# own error is (ωh)⁴/180: 0.1 % for a shake of 2.5 Hz at 24 frames a second, 2 % at 5 Hz. Velocities that are
+# the mean over the last substep add ω·h/16. Velocities per frame, of the wrong sign, or of the neighbouring
+# frame give 0.3 and more.
 VELOCITY_RESIDUAL = 0.15
 
 # Slower frames are compared with this speed: the velocities of a still groom are rounding errors.
 VELOCITY_FLOOR_M_S = 0.02
 
-# The same residual for each curve, relative to its own RMS speed or the head's jump at it, at the 95th
-# percentile over curves because a few curves collide at any time. The worst frame of the jump and landing
-# described at SPIKE_M has 0.15. Fewer wrong curves than one in twenty are not detected.
+# The same residual for each curve, relative to its own RMS speed or the head's, at the 95th percentile over
+# curves because a few curves collide at any time. The worst frame of the jump and landing described at
+# SPIKE_M has 0.15. Fewer wrong curves than one in twenty are not detected.
 CURVE_VELOCITY_RESIDUAL = 0.5
 
 # Allowed error of Simpson's rule due to coarse sampling, as a share of the smaller of its difference from the
@@ -62,6 +63,12 @@ SIMPSON_ERROR = 0.5
 # after. With 1.732 and more no sine of any frequency and phase is said to jump. Jumps from rest are found
 # whole at any moment between frames, and 52 % of a landing from free fall at 3 m/s.
 HEAD_JUMP_SMOOTH = 1.74
+
+# Share of the head's speed a frame before or after by which velocities are measured where they are slower. A
+# head that whips around within four frames is ten times as fast from one frame to the next; with less, its
+# fur, which moves rigidly, has residuals of 0.31. A head that shakes is measured so where it turns, 2.5 or 5
+# times a second, by at most a quarter of its largest speed.
+HEAD_SPEED_BESIDE = 0.25
 
 # Median over points of the difference between accelerations and the second derivative of the cubic through
 # this frame's and the next frame's points and velocities, relative to its RMS. Hair in collision is no cubic

@@ -12,6 +12,7 @@ from hairbake_validate.cache import GUIDES, HAIR, TRANSFORM, Curves
 from hairbake_validate.checks_motion import (
     curve_velocities,
     head_jump,
+    speed_beside,
     speed_in_head,
     spikes,
     unaccounted_jumps,
@@ -146,6 +147,19 @@ def test_wrong_velocities_on_a_head_that_shakes_fail(frequency: float, factor: f
     for scale, fails in ((1.0, False), (factor, True)):
         window = window_of(along(places), along(scale * rates), heads_along(places), 5)
         assert (next(velocities(window)).value > tolerances.VELOCITY_RESIDUAL) == fails
+
+
+def test_the_speed_of_the_head_a_frame_away_counts_by_a_quarter() -> None:
+    def beside(places: FloatArray, at: int = 5) -> float | None:
+        window = window_of(along(places), along(places), heads_along(places), at)
+        found = speed_beside(window, window.cache.curves[0], 0)
+        return None if found is None else float(found.max())
+
+    start = 4.0 / FPS * np.maximum(FRAMES, 0)
+    assert [beside(start, at) for at in (1, 3, 5, 7)] == [None, 0.0, 1.0, 1.0]
+    for phase in np.linspace(0, 2 * np.pi, 37):
+        shake = beside(np.sin(10 * np.pi * FRAMES / FPS + phase) / (10 * np.pi))
+        assert shake is not None and shake <= 0.25
 
 
 @pytest.mark.parametrize("size", [0.0, 0.15, 0.3])
