@@ -42,8 +42,8 @@ impl MovingStrands<'_> {
     }
 
     /// The first time at which a pair comes too close, as a fraction of the sub-step, and the contact then.
-    /// Too close is a fifth of `clearance`, m, or of the initial distance if that is less: what is apart
-    /// stays apart, however often it is stopped.
+    /// Too close is nearer than `clearance`, m, or, for a pair that is so from the start, a fifth of its
+    /// initial distance: what is apart stays apart, however often it is stopped.
     ///
     /// Conservative advancement along the direction between the closest points, as for bodies
     /// (`contact::ccd`): each end of one segment against each end of the other.
@@ -56,7 +56,8 @@ impl MovingStrands<'_> {
         if scale <= OVERLAP {
             return None;
         }
-        let (minimum, stop) = (SEPARATION * scale, (SEPARATION + TOLERANCE) * scale);
+        let share = if closest.distance > clearance { 1.0 } else { SEPARATION };
+        let (minimum, stop) = (share * scale, (share + TOLERANCE) * scale);
         let mut closest = *closest;
         let mut ends = start;
         let mut t = 0.0;

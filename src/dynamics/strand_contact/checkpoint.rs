@@ -31,6 +31,7 @@ impl Checkpoint for StrandContacts {
             contacts: _,
             crossing: _,
             history,
+            duration: _,
         } = pairs;
         StrandContactsState { pushed: pushed.clone(), x: x.clone(), history: history.clone() }
     }

@@ -1,12 +1,16 @@
 //! One contact between two guides.
 
 use crate::contact::pairs::SegmentContact;
-use crate::dynamics::body_contact::GAP_TOLERANCE;
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Share of the required distance that is accepted at the end of a sub-step.
-const ACCEPTED_SHARE: f64 = 0.5;
+/// Share of the distance of the law by which two guides may be too close. A share, because hairs are some
+/// tenths of a millimetre apart and thick locks centimetres; of the law, not of what a sub-step begins with,
+/// because over many short sub-steps the latter would lose any distance.
+const TOLERATED_SHARE: f64 = 2e-3;
+
+/// Share of the required distance at which a contact prevents a crossing beside it.
+const PREVENTING_SHARE: f64 = 0.5;
 
 /// Two guides near each other, or meeting within the sub-step, in the frame of the head. Positions and axes
 /// are fixed until the sub-step ends: contacts that turned in every round would not converge.
@@ -15,6 +19,8 @@ pub(super) struct ContactPair {
     pub contact: SegmentContact,
     /// Distance required at the end of the sub-step, m.
     pub required: f64,
+    /// Distance by the law, as far as the pair has had it, m.
+    pub lawful: f64,
     /// Upper bound of the required distance, m: the largest distance that the pair has had.
     pub limit: f64,
     /// Axes of the contact: its normal, and tangents along and across the guides. The former is shorter where
@@ -49,7 +55,7 @@ impl ContactPair {
 
     /// True if the uncoupled motion violates the contact, or cohesion acts.
     pub fn needs_coupling(&self) -> bool {
-        self.gap() < -GAP_TOLERANCE || self.cohesion > 0.0
+        !self.is_kept() || self.cohesion > 0.0
     }
 
     /// Distance less the required one, m.
@@ -57,9 +63,14 @@ impl ContactPair {
         self.contact.distance - self.required
     }
 
-    /// True if an acceptable share of the required distance is kept.
+    /// True if the required distance is kept.
     pub fn is_kept(&self) -> bool {
-        self.contact.distance >= ACCEPTED_SHARE * self.required
+        self.contact.distance >= self.required.min((1.0 - TOLERATED_SHARE) * self.lawful)
+    }
+
+    /// True if segments that cross beside the contact pass it by.
+    pub fn is_passed_by(&self) -> bool {
+        self.contact.distance >= PREVENTING_SHARE * self.required
     }
 
     /// True if the reaction is not zero.

@@ -20,8 +20,12 @@ const ROOT_LENGTH: f64 = 0.01;
 /// Least required distance, m, however close the guides were drawn: a guard against crossing by rounding.
 const MIN_REQUIRED: f64 = 1e-4;
 
-/// Share of a shortfall at the start of a sub-step that is recovered in it.
-const RECOVERED_SHARE: f64 = 0.1;
+/// Time in which missing distance falls to 1/e, s. Shorter, it pushes hair apart at a speed that is seen;
+/// longer, locks that were pressed together stay thin.
+const RECOVERY_TIME: f64 = 0.05;
+
+/// Largest speed at which missing distance is regained, m/s.
+const RECOVERY_SPEED: f64 = 0.05;
 
 /// Most that a contact slides in a sub-step, in segments summed over both guides; one farther away is a new
 /// contact.
@@ -71,6 +75,8 @@ pub(super) struct ContactPairs {
     pub crossing: Vec<SegmentPair>,
     /// Contacts of the sub-step before, in ascending order of guides.
     pub history: Vec<ContactHistory>,
+    /// Duration of the sub-step, s.
+    pub duration: f64,
 }
 
 impl ContactPairs {
@@ -92,6 +98,7 @@ impl ContactPairs {
             contacts: Vec::new(),
             crossing: Vec::new(),
             history: Vec::new(),
+            duration: 0.0,
         }
     }
 
@@ -160,8 +167,10 @@ impl ContactPairs {
         self.strands().slip(&contact.contact)
     }
 
-    /// Begins a sub-step: finds the contacts at its start and the impacts on the way to the current ends.
-    pub fn begin(&mut self) {
+    /// Begins a sub-step of `duration`, s: finds the contacts at its start and the impacts on the way to the
+    /// current ends.
+    pub fn begin(&mut self, duration: f64) {
+        self.duration = duration;
         self.contacts.clear();
         self.find_candidates();
         let (strands, pairs) = (self.strands(), &*self);
@@ -238,7 +247,7 @@ impl ContactPairs {
                 // An equivalent contact that is kept while the segments cross does not prevent the crossing:
                 // nearly parallel segments pass it by.
                 let near = |m: &SegmentContact| distance(m, &impact.contact) <= CONSEQUENCE_DISTANCE;
-                let prevents = |p: &ContactPair| !impact.crosses || !p.is_kept();
+                let prevents = |p: &ContactPair| !impact.crosses || !p.is_passed_by();
                 let is_covered = known.clone().any(|(_, p)| {
                     near(&p.contact) && p.contact.distance < 0.0
                         || are_equivalent(&p.contact, &impact.contact) && prevents(p)
@@ -275,14 +284,16 @@ impl ContactPairs {
         let known = self.find_history(&contact);
         let limit = known.map_or(before, |k| k.limit.max(before));
         let bundles = self.bundle_pair(contact.pair);
-        let wanted = bundles.required_distance().min(limit.max(MIN_REQUIRED));
-        let required = if before < wanted { before + RECOVERED_SHARE * (wanted - before) } else { wanted };
+        let lawful = bundles.required_distance().min(limit.max(MIN_REQUIRED));
+        let missing = (lawful - before).max(0.0);
+        let recovered = missing * -(-self.duration / RECOVERY_TIME).exp_m1();
         ContactPair {
             contact,
-            required,
+            required: lawful - missing + recovered.min(RECOVERY_SPEED * self.duration),
+            lawful,
             limit,
             local_axes: bundles.axes(&contact.normal),
-            cohesion: bundles.cohesion(before - wanted, self.strands().mean_length(contact.pair)),
+            cohesion: bundles.cohesion(before - lawful, self.strands().mean_length(contact.pair)),
             reaction: known.map_or_else(Vector3::zeros, |k| k.reaction),
         }
     }

@@ -87,7 +87,7 @@ impl StrandContacts {
         let head = (env.head)(t[1]).inverse();
         let to_world = head.rotation.inverse();
         self.pairs.x[1] = head_frame_curves(models, states, &self.active, env, t[1]);
-        self.pairs.begin();
+        self.pairs.begin(t[1] - t[0]);
         self.guides.iter_mut().zip(&*records).for_each(|(guide, record)| guide.begin(record));
         let mut displacement = 0.0;
         for _ in 0..MAX_ROUNDS {

@@ -99,7 +99,7 @@ fn shaken_about() -> Environment<'static> {
 /// The guides and reactions, N, of the active contacts in the history, found again without motion.
 fn pushed(strand_contacts: &mut StrandContacts) -> Vec<([usize; 2], V)> {
     strand_contacts.pairs.x[1] = strand_contacts.pairs.x[0].clone();
-    strand_contacts.pairs.begin();
+    strand_contacts.pairs.begin(H);
     let pushing = strand_contacts.pairs.contacts.iter().filter(|p| p.is_active());
     pushing.map(|p| (strand_contacts.pairs.guides(&p.contact), p.reaction)).collect()
 }
@@ -156,7 +156,7 @@ fn a_thickened_bundle_recovers_no_distance_that_the_pair_never_had() {
         with_middle(V::new(0.049, 1e-3, -0.05), V::new(0.049, 1e-3, 0.04)),
     ];
     pairs.x = [x.concat(), x.concat()];
-    pairs.begin();
+    pairs.begin(H);
     assert_eq!(pairs.contacts.len(), 1);
     assert!(pairs.contacts[0].gap() >= 0.0 && !pairs.contacts[0].needs_coupling());
     // They keep the distance that they reach.
@@ -164,6 +164,6 @@ fn a_thickened_bundle_recovers_no_distance_that_the_pair_never_had() {
     pairs.detect();
     pairs.end();
     pairs.x[1] = pairs.x[0].clone();
-    pairs.begin();
+    pairs.begin(H);
     assert!((pairs.contacts[0].required - 2e-3).abs() < 1e-12, "{}", pairs.contacts[0].required);
 }
