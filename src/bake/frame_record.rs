@@ -71,6 +71,12 @@ pub struct FrameRecord {
     /// Root mean square of the hair's velocity against the mean of the hair around, over that in head space,
     /// at the start of the last sub-step of the frame; 0 where the latter is below 5 cm/s.
     pub hair_slip: f64,
+    /// Work that contact between guides does on them over the frame, J: negative where it brakes them. Each
+    /// guide counts as its hairs, of which the median guide has one.
+    pub strand_work_j: f64,
+    /// Where that work is positive, its share of the kinetic energy of the guides and of what they would have
+    /// at the speed at which contact may push them apart.
+    pub strand_gain: f64,
     /// Largest distance of a tie from its target, m.
     pub tie_slack_m: f64,
     /// Speed of the guides' points relative to the head: mean, m/s.
@@ -118,6 +124,10 @@ pub struct WrittenMeasures {
 /// Relative residual of the reactions above which a frame violates the contact law: 1/1000 of the forces.
 pub const RESIDUAL: f64 = 1e-3;
 
+/// Largest share of its energy that contact between guides may add to hair in a frame; what was pressed
+/// together and comes apart again gains less.
+const GAIN: f64 = 0.01;
+
 impl FrameRecord {
     /// Exempt segments as a share of all; 0 without bodies.
     pub fn exempt_share(&self) -> f64 {
@@ -134,6 +144,9 @@ impl FrameRecord {
             counted(self.crossings, "crossings of a surface"),
             counted(self.shortened, "motions truncated at a surface"),
             counted(self.strands_shortened, "motions truncated to avoid another guide"),
+            (self.strand_gain > GAIN).then(|| {
+                format!("{:.1} % of energy gained by contact between guides", 1e2 * self.strand_gain)
+            }),
             counted(self.unconverged.len() as u32, "guides whose solve did not converge"),
             residual,
         ];
@@ -188,6 +201,7 @@ impl FrameRecord {
             self.strand_residual = self.strand_residual.max(r.strands.residual);
             self.crossings += r.crossed + r.strands.crossings;
             self.strands_shortened += r.strands.uncoupled + r.strands.truncated;
+            self.strand_work_j += r.strands.work;
             self.tie_slack_m = self.tie_slack_m.max(r.tie_slack);
             if r.halvings > 0 && alone && !self.divided.contains(&ids[i]) {
                 self.divided.push(ids[i]);
@@ -214,6 +228,7 @@ impl FrameRecord {
             self.contact_segments += body.segments as u32;
         }
         self.exempt_penetration_m = simulation.exempt_depth();
+        self.strand_gain = simulation.strand_gain(self.strand_work_j);
         self.pinched_segments = simulation.pinched_segments() as u32;
         speeds.sort_by(f64::total_cmp);
         if let Some(&max) = speeds.last() {
@@ -255,6 +270,7 @@ mod tests {
             FrameRecord { unconverged: vec![4], ..good.clone() },
             FrameRecord { contact_residual: 2.0 * RESIDUAL, ..good.clone() },
             FrameRecord { strands_shortened: 1, ..good.clone() },
+            FrameRecord { strand_gain: 0.02, ..good.clone() },
             FrameRecord { strand_residual: 2.0 * RESIDUAL, ..good.clone() },
         ];
         for record in bad {

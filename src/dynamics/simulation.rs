@@ -12,7 +12,7 @@ use super::guide_rods::GuideRods;
 use super::hair_volume::HairVolume;
 use super::model::Model;
 use super::step_record::{HairRecord, StepRecord};
-use super::strand_contact::StrandContacts;
+use super::strand_contact::{RECOVERY_SPEED, StrandContacts};
 use super::wisp_friction::HeadVelocity;
 use super::wisps::{AdaptiveTree, WispChanges};
 use crate::contact::{Bodies, Body};
@@ -290,6 +290,14 @@ impl<'a> Simulation<'a> {
     /// Indices of the active guides.
     pub fn active(&self) -> impl Iterator<Item = usize> {
         (0..self.state.guides.len()).filter(|&i| self.state.is_active(&self.model, i))
+    }
+
+    /// What the `work`, J, of contact between guides over a frame adds to their energy at its end: a share of
+    /// their kinetic energy and what they would have at the speed at which contact may push them apart.
+    pub fn strand_gain(&self, work: f64) -> f64 {
+        let Some(contacts) = &self.state.strand_contacts else { return 0.0 };
+        let energy = contacts.kinetic_energy(&self.model.guides, &self.state.guides, RECOVERY_SPEED);
+        (work / energy.iter().sum::<f64>().max(f64::MIN_POSITIVE)).max(0.0)
     }
 
     /// Largest relative change of the length of a segment of guide `i` since the start.

@@ -50,6 +50,8 @@ pub struct StrandRecord {
     pub truncated: u32,
     /// Segments whose motion crosses a segment of a guide of higher index.
     pub crossings: u32,
+    /// Work of its contacts with guides of higher index on both guides, J; a bundle's is that of all its hairs.
+    pub work: f64,
 }
 
 /// The hair as a fibre assembly at the start of one sub-step; zero without such contact.
@@ -104,6 +106,7 @@ impl StepRecord {
                 uncoupled: a.uncoupled + b.uncoupled,
                 truncated: a.truncated + b.truncated,
                 crossings: a.crossings + b.crossings,
+                work: a.work + b.work,
             },
         }
     }

@@ -7,7 +7,11 @@ use serde::{Deserialize, Serialize};
 /// Share of the distance of the law by which two guides may be too close. A share, because hairs are some
 /// tenths of a millimetre apart and thick locks centimetres; of the law, not of what a sub-step begins with,
 /// because over many short sub-steps the latter would lose any distance.
-const TOLERATED_SHARE: f64 = 2e-3;
+const TOLERATED_SHARE: f64 = 5e-3;
+
+/// Share of the required distance that may be missing after a round. The linearisation of a round errs by the
+/// square of its motion; what it leaves is regained in the sub-steps that follow.
+const UNRESOLVED_SHARE: f64 = 0.05;
 
 /// Share of the required distance at which a contact prevents a crossing beside it.
 const PREVENTING_SHARE: f64 = 0.5;
@@ -66,6 +70,11 @@ impl ContactPair {
     /// True if the required distance is kept.
     pub fn is_kept(&self) -> bool {
         self.contact.distance >= self.required.min((1.0 - TOLERATED_SHARE) * self.lawful)
+    }
+
+    /// True if another round is to keep the required distance.
+    pub fn needs_round(&self) -> bool {
+        self.contact.distance < (1.0 - UNRESOLVED_SHARE) * self.required
     }
 
     /// True if segments that cross beside the contact pass it by.

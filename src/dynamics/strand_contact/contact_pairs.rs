@@ -25,7 +25,7 @@ const MIN_REQUIRED: f64 = 1e-4;
 const RECOVERY_TIME: f64 = 0.05;
 
 /// Largest speed at which missing distance is regained, m/s.
-const RECOVERY_SPEED: f64 = 0.05;
+pub(in crate::dynamics) const RECOVERY_SPEED: f64 = 0.05;
 
 /// Most that a contact slides in a sub-step, in segments summed over both guides; one farther away is a new
 /// contact.

@@ -17,4 +17,5 @@ mod strand_contacts;
 mod tests;
 
 pub(super) use contact_law::BundleProperties;
+pub(super) use contact_pairs::RECOVERY_SPEED;
 pub(super) use strand_contacts::StrandContacts;

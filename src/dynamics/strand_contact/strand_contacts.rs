@@ -42,6 +42,19 @@ impl StrandContacts {
         }
     }
 
+    /// Kinetic energy of the active guides, J, and that which they would have at `speed`, m/s; each guide
+    /// counts as its bundle.
+    pub fn kinetic_energy(&self, models: &[GuideModel], states: &[GuideState], speed: f64) -> [f64; 2] {
+        let of = |&g: &usize| {
+            let (mass, hairs) = (&models[g].rod.mass, self.pairs.bundles[g].hairs);
+            let twice =
+                |square: &dyn Fn(usize) -> f64| mass.iter().enumerate().map(|(k, m)| m * square(k)).sum();
+            let energies: [f64; 2] = [twice(&|k| states[g].v[k].norm_squared()), twice(&|_| speed * speed)];
+            energies.map(|e| 0.5 * hairs * e)
+        };
+        self.active.iter().map(of).fold([0.0; 2], |sum, e| [sum[0] + e[0], sum[1] + e[1]])
+    }
+
     /// Sets the active guides from time `t`, s, on, and their curves there; `leader` maps each guide to the
     /// active guide that it moves with. The history of contacts between guides that remain active is kept.
     pub fn rebuild(
@@ -224,7 +237,7 @@ impl StrandContacts {
         for (i, pair) in self.pairs.contacts.iter().enumerate() {
             for g in self.pairs.guides(&pair.contact) {
                 self.guides[g].needs_round |= i >= old;
-                self.guides[g].request_round_if(!pair.is_kept());
+                self.guides[g].request_round_if(pair.needs_round());
             }
         }
         for &pair in &self.pairs.crossing {
@@ -296,6 +309,7 @@ impl StrandContacts {
             let record = &mut records[self.pairs.guides(&pair.contact)[0]].strands;
             record.found += 1;
             record.active += u32::from(pair.is_active());
+            record.work += pair.force().dot(&self.pairs.slip(pair));
         }
         for &pair in &self.pairs.crossing {
             records[self.pairs.guides_of(pair)[0]].strands.crossings += 1;
