@@ -61,6 +61,13 @@ fn contact_charts(frames: &[FrameRecord]) -> Vec<Chart> {
                 series("active", |f| f64::from(f.strand_contacts_active)),
             ],
         ));
+        charts.push(chart(
+            "Work of contact between guides",
+            "µJ",
+            "Energy that contact puts into the guides, each counted as its hairs, of which the median guide has one. \
+             Impacts and friction make it negative; above zero is wrong, beyond what comes apart again.",
+            vec![series("work", |f| 1e6 * f.strand_work_j)],
+        ));
     }
     if frames.iter().any(|f| f.hair_crowding_max > 0.0) {
         charts.push(chart(
@@ -164,26 +171,7 @@ fn solver_charts(frames: &[FrameRecord]) -> Vec<Chart> {
             series("unconverged", |f| f.unconverged.len() as f64),
         ],
     );
-    let mut charts = vec![newton, fallbacks];
-    if frames.iter().any(|f| f.strand_contacts_found > 0) {
-        charts.push(chart(
-            "Contacts between guides",
-            "",
-            "Places where guides are near each other, and those where they push each other, at the end of the frame.",
-            vec![
-                series("found", |f| f64::from(f.strand_contacts_found)),
-                series("pushing", |f| f64::from(f.strand_contacts_active)),
-            ],
-        ));
-        charts.push(chart(
-            "Work of contact between guides",
-            "µJ",
-            "Energy that contact puts into the guides, each counted as its hairs, of which the median guide has one. \
-             Impacts and friction make it negative; above zero is wrong, beyond what comes apart again.",
-            vec![series("work", |f| 1e6 * f.strand_work_j)],
-        ));
-    }
-    charts
+    vec![newton, fallbacks]
 }
 
 /// Charts of an adaptive bake; none if no guide split or merged.
