@@ -167,3 +167,28 @@ fn a_thickened_bundle_recovers_no_distance_that_the_pair_never_had() {
     pairs.begin(H);
     assert!((pairs.contacts[0].required - 2e-3).abs() < 1e-12, "{}", pairs.contacts[0].required);
 }
+
+#[test]
+fn missing_distance_is_regained_per_time() {
+    let with_middle = |a: V, b: V| [a, a.lerp(&b, 0.5), b];
+    let apart = |y: f64| {
+        let across = with_middle(V::new(0.049, y, -0.05), V::new(0.049, y, 0.04));
+        [with_middle(V::zeros(), V::x() * 0.1), across].concat()
+    };
+    let speed = |duration: f64, [had, left]: [f64; 2]| {
+        let bundle = BundleProperties { bundle_radius: 3e-3, ..BUNDLE };
+        let mut pairs = ContactPairs::new(&[&[0.02, 0.12], &[0.02, 0.12]], vec![bundle; 2]);
+        pairs.x = [apart(had), apart(had)];
+        pairs.begin(duration);
+        pairs.end();
+        pairs.x = [apart(left), apart(left)];
+        pairs.begin(duration);
+        (pairs.contacts[0].required - left) / duration
+    };
+    // A twentieth of a second for 0.2 mm; at most 5 cm/s for 4 mm.
+    for steps in [200.0, 500.0, 16000.0] {
+        let [slow, fast] = [[1.2e-3, 1e-3], [5e-3, 1e-3]].map(|way| speed(1.0 / steps, way));
+        assert!((slow / 4e-3 - 1.0).abs() < 0.06, "{steps} steps a second: {slow} m/s");
+        assert!((fast - 0.05).abs() < 1e-9, "{steps} steps a second: {fast} m/s");
+    }
+}
