@@ -192,3 +192,18 @@ fn missing_distance_is_regained_per_time() {
         assert!((fast - 0.05).abs() < 1e-9, "{steps} steps a second: {fast} m/s");
     }
 }
+
+#[test]
+fn guides_that_come_too_close_within_a_step_are_in_contact() {
+    let bundle = BundleProperties { bundle_radius: 3e-3, ..BUNDLE };
+    let d = 2.0 * (bundle.hair_radius + bundle.bundle_radius);
+    let mut pairs = ContactPairs::new(&[&[0.02, 0.12], &[0.02, 0.12]], vec![bundle; 2]);
+    let with_middle = |a: V, b: V| [a, a.lerp(&b, 0.5), b];
+    pairs.x = [2.2 * d, 0.8 * d].map(|y| {
+        let across = with_middle(V::new(0.049, y, -0.05), V::new(0.049, y, 0.04));
+        [with_middle(V::zeros(), V::x() * 0.1), across].concat()
+    });
+    pairs.begin(H);
+    assert_eq!(pairs.contacts.len(), 1);
+    assert!(pairs.contacts[0].needs_coupling() && (pairs.contacts[0].required / d - 1.0).abs() < 1e-9);
+}

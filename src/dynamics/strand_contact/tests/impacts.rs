@@ -72,7 +72,7 @@ fn hairs_that_fall_on_each_other_gain_no_energy_and_keep_their_distance_at_any_s
 }
 
 #[test]
-fn ropes_keep_the_distance_that_they_had_though_they_meet_within_a_step() {
+fn ropes_keep_the_distance_of_the_law() {
     for stiffness in [2.6e-3, 2.6e-4] {
         // The lower one is stiffer, so that the upper one does not slide off its tip.
         let rod = |stiffness: f64| {
