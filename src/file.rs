@@ -206,6 +206,34 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
+/// The path of a file relative to `folder`, with forward slashes.
+///
+/// # Errors
+/// [`Error::Io`] without a current folder.
+pub fn relative(path: &Path, folder: &Path) -> Result<String> {
+    let (path, folder) = (absolute(path)?, absolute(folder)?);
+    let shared = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    let up = folder.components().skip(shared).map(|_| "..".to_string());
+    let down = path.components().skip(shared).map(|c| c.as_os_str().to_string_lossy().into_owned());
+    Ok(up.chain(down).collect::<Vec<_>>().join("/"))
+}
+
+/// The absolute path, with `..` resolved; the empty path is the current folder.
+fn absolute(path: &Path) -> Result<PathBuf> {
+    let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
+    let absolute = std::path::absolute(path).map_err(|e| Error::io(path, e))?;
+    let mut out = PathBuf::new();
+    for part in absolute.components() {
+        match part {
+            Component::ParentDir => {
+                out.pop();
+            }
+            other => out.push(other),
+        }
+    }
+    Ok(out)
+}
+
 /// Whether two paths are of the same existing file or folder.
 pub fn is_same(a: &Path, b: &Path) -> bool {
     a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
@@ -228,6 +256,14 @@ mod tests {
             std::fs::read_dir(folder.path()).unwrap().map(|e| name(&e.unwrap().path())).collect();
         left.sort();
         assert_eq!(left, [&name(alive.path()), ".hidden.tmp", "hair.usda"]);
+    }
+
+    #[test]
+    fn relative_paths_start_in_the_folder() {
+        let from = |path: &str, folder: &str| relative(Path::new(path), Path::new(folder)).unwrap();
+        assert_eq!(from("/a/b/c.obj", "/a/b"), "c.obj");
+        assert_eq!(from("/a/b/../x/c.obj", "/a/b"), "../x/c.obj");
+        assert_eq!(from("c.obj", "d/e"), "../../c.obj");
     }
 
     #[test]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import exchange, groom, mesh, motion
+from . import exchange, groom, mesh, motion, over
 from .errors import InputErrors
 from .exchange import FloatArray
 
@@ -18,6 +18,12 @@ def times(text: str) -> mesh.Times:
     """Time codes from `START,STEP,COUNT`."""
     start, step, count = text.split(",")
     return mesh.Times(float(start), float(step), int(count))
+
+
+def moments(text: str) -> over.Moments:
+    """Time codes from `FIRST,COUNT,OFFSET,...`."""
+    first, count, *offsets = text.split(",")
+    return over.Moments(int(first), int(count), [float(offset) for offset in offsets])
 
 
 def matrix(text: str) -> FloatArray:
@@ -29,9 +35,10 @@ def matrix(text: str) -> FloatArray:
 def argument_parser() -> argparse.ArgumentParser:
     """The options."""
     parser = argparse.ArgumentParser(prog="hairbake_usd", description=__doc__)
-    parser.add_argument("what", choices=["strands", "mesh", "motion"], help="what to read")
+    parser.add_argument("what", choices=["strands", "mesh", "motion", "over"], help="what to read")
     parser.add_argument("file", help="USD file")
     parser.add_argument("--prim", help="path of the prim [default: all prims of the stage]")
+    parser.add_argument("--prims", metavar="PATH,PATH,...", help="paths of several prims")
     parser.add_argument(
         "--time", type=float, help="time code [default: the rest pose, else the first sample]"
     )
@@ -39,12 +46,20 @@ def argument_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--times", type=times, metavar="START,STEP,COUNT", help="time codes of an animated mesh"
     )
+    parser.add_argument(
+        "--moments",
+        type=moments,
+        metavar="FIRST,COUNT,OFFSET,...",
+        help="time codes at which curves are overridden",
+    )
     parser.add_argument("--carrier", help="path of the prim that may carry the mesh rigidly")
     parser.add_argument("--joint", help="path or name of the joint whose motion is read")
     parser.add_argument(
         "--world", action="store_true", help="the rest pose is that in the world of the stage"
     )
     parser.add_argument("--rest-stage", metavar="FILE", help="stage in which the head is at rest")
+    parser.add_argument("--groom-stage", metavar="FILE", help="stage of the groom that the motion carries")
+    parser.add_argument("--groom-prims", metavar="PATH,PATH,...", help="paths of its curves")
     parser.add_argument(
         "--from-world",
         type=matrix,
@@ -60,10 +75,15 @@ def main() -> int:
     try:
         if options.what == "strands":
             header, arrays = groom.read(options.file, options.prim, options.time)
+        elif options.what == "over":
+            paths = options.prims.split(",") if options.prims else [options.prim]
+            header, arrays = over.read(options.file, paths, options.time, options.moments)
         elif options.what == "motion":
-            header, arrays = motion.read(
-                options.file, options.prim, options.joint, motion.Rest(options.world, options.rest_stage)
+            rest = motion.Rest(options.world, options.rest_stage)
+            curves = options.groom_stage and motion.GroomCurves(
+                options.groom_stage, options.groom_prims.split(",")
             )
+            header, arrays = motion.read(options.file, options.prim, options.joint, rest, curves or None)
         else:
             selection = mesh.Selection(
                 options.prim, options.time, options.times, options.carrier, options.from_world

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.polynomial import polynomial
 
-from .exchange import FloatArray, IntArray
+from .exchange import FloatArray, Header, IntArray
 
 BASES = {
     "bezier": np.array([[1, -3, 3, -1], [0, 3, -6, 3], [0, 0, 3, -3], [0, 0, 0, 1]], float),
@@ -32,6 +32,10 @@ class CurveType:
     basis: str
     wrap: str
 
+    def header(self) -> Header:
+        """Basis, `linear` for linear curves, and wrap."""
+        return {"basis": "linear" if self.kind == "linear" else self.basis, "wrap": self.wrap}
+
     def segments(self, count: int) -> int | None:
         """Number of segments of a curve with `count` control points; None if there is no such curve."""
         if self.kind == "linear":
@@ -50,6 +54,12 @@ class CurveType:
         """Number of varying values of a curve: one at each end of a segment."""
         n = self.segments(count) or 0
         return n if self.wrap == "periodic" else n + 1
+
+    def varying_controls(self, count: int) -> IntArray:
+        """The control point nearest to each varying value of a curve."""
+        step = 3 if self.kind == "cubic" and self.basis == "bezier" else 1
+        phantom = self.kind == "cubic" and self.basis != "bezier" and self.wrap == "nonperiodic"
+        return step * np.arange(self.varying(count)) + (1 if phantom else 0)
 
     def evaluate(self, counts: IntArray, points: FloatArray) -> tuple[IntArray, FloatArray]:
         """Number of points of each curve, and the points of all curves, `N × 3`.

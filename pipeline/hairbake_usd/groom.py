@@ -28,9 +28,26 @@ RESTS = ("rest", "pref", "Pref")
 
 
 @dataclass
+class Controls:
+    """The curves of one prim as they are drawn."""
+
+    path: str
+    type: CurveType
+    counts: IntArray
+    """Control points of each curve."""
+    to_rest: FloatArray
+    """Matrix from the space of the prim to the rest space, in stage units, for column vectors, 4 × 4."""
+
+    def header(self) -> Header:
+        """What JSON holds of it."""
+        return {"path": self.path, **self.type.header(), "curves": len(self.counts)}
+
+
+@dataclass
 class Strands:
     """The curves of one prim, in rest space and stage units."""
 
+    controls: Controls
     counts: IntArray
     """Points of each curve."""
     points: FloatArray
@@ -72,6 +89,8 @@ def read(path: str, prim_path: str | None, time: float | None) -> tuple[Header, 
     notes += role_notes(prims, found, [len(part.counts) for part in parts], [part.guide for part in parts])
     arrays: Arrays = {
         "counts": ("u32", np.concatenate([part.counts for part in parts])),
+        "controls": ("u32", np.concatenate([part.controls.counts for part in parts])),
+        "to_rest": ("f64", np.stack([part.controls.to_rest for part in parts])),
         "points": ("f64", np.concatenate([part.points for part in parts])),
         "id": ("i32", merge_ids(parts, guide, notes)),
         "group": ("u32", group),
@@ -90,7 +109,8 @@ def read(path: str, prim_path: str | None, time: float | None) -> tuple[Header, 
             factors = [part.factors.get(name, np.ones(len(part.counts))) for part in parts]
             arrays[name] = ("f64", np.concatenate(factors))
     arrays["from_world"] = ("f64", space.from_world(None if time is None else Usd.TimeCode(time)))
-    return {**header, "groups": names, "notes": notes, "space": space.kind}, arrays
+    header |= {"groups": names, "notes": notes, "space": space.kind}
+    return header | {"prims": [part.controls.header() for part in parts]}, arrays
 
 
 def read_prim(prim: Usd.Prim, time: float | None, space: RestSpace) -> Strands:
@@ -102,15 +122,10 @@ def read_prim(prim: Usd.Prim, time: float | None, space: RestSpace) -> Strands:
     curves = UsdGeom.BasisCurves(prim)
     path = prim.GetPath()
     notes: list[str] = []
-    at, points_attr = choose_time(prim, time, notes)
-    counts = np.array(curves.GetCurveVertexCountsAttr().Get(at) or (), int)
-    points = np.array(points_attr.Get(at) or (), float).reshape(-1, 3)
-    kind, basis, wrap = (
-        str(attr.Get(at)) for attr in (curves.GetTypeAttr(), curves.GetBasisAttr(), curves.GetWrapAttr())
-    )
-    layout = Layout(CurveType(kind, basis, wrap), counts)
-    check_counts(path, layout, len(points))
+    at, layout, points = read_controls(prim, time, notes)
+    counts, kind, basis, wrap = layout.counts, layout.type.kind, layout.type.basis, layout.type.wrap
     matrix = to_world(prim, at)
+    to_rest: FloatArray = space.from_world(None if at.IsDefault() else at) @ matrix
     sizes, points = layout.type.evaluate(counts, points)
     if kind == "cubic" and (basis, wrap) != ("catmullRom", "pinned"):
         notes.append(f"{path}: {wrap} {basis} curves are evaluated at {sizes.mean():.1f} points on average")
@@ -124,8 +139,9 @@ def read_prim(prim: Usd.Prim, time: float | None, space: RestSpace) -> Strands:
         notes.append(f"{path}: no root texture coordinates")
     none = np.zeros(len(counts), int)
     return Strands(
+        controls=Controls(str(path), layout.type, counts, to_rest),
         counts=sizes,
-        points=apply(space.from_world(None if at.IsDefault() else at) @ matrix, points),
+        points=apply(to_rest, points),
         ids=ids,
         guide=None if guide is None else (guide != 0).astype(int),
         group=none - 1 if group is None else group,
@@ -136,6 +152,26 @@ def read_prim(prim: Usd.Prim, time: float | None, space: RestSpace) -> Strands:
         factors=primvars.factors(),
         notes=notes,
     )
+
+
+def read_controls(
+    prim: Usd.Prim, time: float | None, notes: list[str]
+) -> tuple[Usd.TimeCode, Layout, FloatArray]:
+    """The time at which a BasisCurves prim is read, its layout, and its control points in its own space.
+
+    Raises:
+        InputErrors: Counts and points do not make curves.
+    """
+    curves = UsdGeom.BasisCurves(prim)
+    at, points_attr = choose_time(prim, time, notes)
+    counts = np.array(curves.GetCurveVertexCountsAttr().Get(at) or (), int)
+    points = np.array(points_attr.Get(at) or (), float).reshape(-1, 3)
+    kind, basis, wrap = (
+        str(attr.Get(at)) for attr in (curves.GetTypeAttr(), curves.GetBasisAttr(), curves.GetWrapAttr())
+    )
+    layout = Layout(CurveType(kind, basis, wrap), counts)
+    check_counts(prim.GetPath(), layout, len(points))
+    return at, layout, points
 
 
 def choose_time(prim: Usd.Prim, time: float | None, notes: list[str]) -> tuple[Usd.TimeCode, Usd.Attribute]:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import Usd, UsdGeom, UsdSkel
 
-from .errors import input_error
+from .errors import InputErrors, input_error
 from .exchange import Arrays, FloatArray, Header
-from .rest import RestSpace, counterpart, own_bind_space, rest_time, skeleton_of
+from .rest import RestSpace, counterpart, counterparts, own_bind_space, rest_time, skeleton_of
 from .stage import NAMED, all_of, composition_notes, convention, find, open_stage, to_world, xform_ops
 
 MAX_SAMPLES = 1_000_000
@@ -26,6 +26,16 @@ class Rest:
 
 
 @dataclass(frozen=True)
+class GroomCurves:
+    """The curves of a groom that the motion carries."""
+
+    stage: str
+    """The stage that they were imported from."""
+    prims: list[str]
+    """Their paths in it."""
+
+
+@dataclass(frozen=True)
 class Motion:
     """A moving frame of reference."""
 
@@ -40,7 +50,9 @@ class Motion:
     """Time codes at which it is sampled, sorted."""
 
 
-def read(path: str, prim_path: str | None, joint: str | None, rest: Rest) -> tuple[Header, Arrays]:
+def read(
+    path: str, prim_path: str | None, joint: str | None, rest: Rest, groom: GroomCurves | None = None
+) -> tuple[Header, Arrays]:
     """Header and arrays of a motion: a matrix to world for each time code, and one to rest space at rest.
 
     Raises:
@@ -65,6 +77,7 @@ def read(path: str, prim_path: str | None, joint: str | None, rest: Rest) -> tup
         "step": codes[1] - codes[0] if len(codes) > 1 else 1.0,
         "shot": shot,
         "space": space.kind,
+        "over": [] if groom is None else over_paths(motion.prim, groom, notes),
     }
     arrays: Arrays = {
         "matrix": ("f64", matrices),
@@ -72,6 +85,28 @@ def read(path: str, prim_path: str | None, joint: str | None, rest: Rest) -> tup
         "from_world": ("f64", from_world),
     }
     return header, arrays
+
+
+def over_paths(near: Usd.Prim, groom: GroomCurves, notes: list[str]) -> list[str]:
+    """Paths of the groom's curves in the stage of the motion; empty, with a note, if none can be changed."""
+    try:
+        found = counterparts(groom.prims, open_stage(groom.stage), near)
+    except InputErrors:
+        found = None
+    if found is None:
+        notes.append(
+            f"over mode: the curves of {groom.stage} are not in this stage, or not near {near.GetPath()}"
+        )
+        return []
+    instances = [prim for prim in found if prim.IsInstanceProxy()]
+    if instances:
+        notes.append(f"over mode: {instances[0].GetPath()} is part of an instance, which no layer can change")
+        return []
+    paths = [str(prim.GetPath()) for prim in found]
+    notes.append(
+        f"over mode: a bake puts the motion over {', '.join(paths[:NAMED])} as well; --no-over does not"
+    )
+    return paths
 
 
 def find_motion(stage: Usd.Stage, prim_path: str | None, joint: str | None, notes: list[str]) -> Motion:

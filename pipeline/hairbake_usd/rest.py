@@ -7,7 +7,7 @@ depend on where a shot places the character. Elsewhere it is the world of the st
 from collections.abc import Iterable
 
 import numpy as np
-from pxr import Usd, UsdSkel
+from pxr import Sdf, Usd, UsdSkel
 
 from .errors import input_error
 from .exchange import FloatArray
@@ -116,6 +116,36 @@ def placement(skeleton: Usd.Prim, at: Usd.TimeCode) -> FloatArray:
     scale = abs(np.linalg.det(matrix[:3, :3])) ** (1 / 3)
     rigid: FloatArray = np.diag([1 / scale] * 3 + [1.0]) @ matrix
     return rigid
+
+
+def counterparts(paths: list[str], source: Usd.Stage, near: Usd.Prim) -> list[Usd.Prim] | None:
+    """The prims that those of another stage at `paths` are in the stage of `near`; None if one is not there.
+
+    Where the stage has several, as of two characters of one asset, it is that with the longest path in common
+    with `near`; None if that is not one prim.
+    """
+    stage = near.GetStage()
+    layers = {layer.identifier for layer in source.GetLayerStack(includeSessionLayers=False)}
+    by_spec: dict[Sdf.Path, list[Usd.Prim]] = {}
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
+        for spec in prim.GetPrimStack():
+            if spec.layer.identifier in layers:
+                by_spec.setdefault(spec.path, []).append(prim)
+    found = []
+    for path in map(Sdf.Path, paths):
+        # What an asset refers to has no specs of its own in it.
+        above = next((each for each in path.GetAncestorsRange() if each in by_spec), None)
+        if above is None:
+            return None
+        prims = (stage.GetPrimAtPath(path.ReplacePrefix(above, prim.GetPath())) for prim in by_spec[above])
+        shared = {
+            prim: len(prim.GetPath().GetCommonPrefix(near.GetPath()).GetPrefixes()) for prim in prims if prim
+        }
+        nearest = [prim for prim, length in shared.items() if length == max(shared.values())]
+        if len(nearest) != 1:
+            return None
+        found += nearest
+    return found
 
 
 def counterpart(prim: Usd.Prim, stage: Usd.Stage) -> Usd.Prim | None:

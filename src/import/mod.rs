@@ -15,6 +15,7 @@ mod mesh_file;
 mod messages;
 mod motion;
 mod motion_file;
+mod over;
 mod plain;
 #[cfg(test)]
 mod real_data;
@@ -37,6 +38,7 @@ pub(crate) use groom::scalp::Scalp;
 pub use groom::scalp::{OFF_SCALP, RootReport};
 pub use mesh_file::{ImportedMesh, read_mesh};
 pub use motion::JointSelector;
+pub use over::over_target;
 pub use source::Source;
 pub use strand_file::{MIN_STRAND_LENGTH, StrandFileReport};
 pub use track::convert::{Track, track};

@@ -6,6 +6,7 @@ use crate::scene::anim::file::PoseFile;
 use crate::scene::{Convention, UpAxis};
 use crate::{Diagnostic, Error};
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion};
+use std::path::PathBuf;
 
 /// Most joints that an error message lists.
 const MAX_LISTED: usize = 60;
@@ -50,6 +51,17 @@ pub(super) struct StageMotion {
     pub(super) shot: [f64; 2],
     /// The rest space of [`Motion::bind`].
     pub(super) rest: Rest,
+    /// Paths of the groom's curves in the stage; empty where nothing can be put over them.
+    pub(super) over: Vec<String>,
+}
+
+/// The USD curves that a groom was imported from.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct GroomCurves {
+    /// The stage.
+    pub(super) stage: PathBuf,
+    /// Their paths.
+    pub(super) prims: Vec<String>,
 }
 
 /// How a file numbers its frames.

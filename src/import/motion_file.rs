@@ -1,7 +1,7 @@
 //! Motion files: our own JSON, BVH, glTF and USD.
 
 use super::formats;
-use super::motion::{JointSelector, Motion};
+use super::motion::{GroomCurves, JointSelector, Motion};
 use super::source::Source;
 use crate::scene::anim::file::PoseFile;
 use crate::scene::anim::motion_file::MotionFrame;
@@ -11,13 +11,19 @@ use std::path::Path;
 
 /// Reads a motion with the reader that the extension selects; a file with any other extension is read as
 /// JSON. `rest_of`: USD only, the stage whose rest pose counts; `None` for the rest space of the character.
+/// `curves`: the curves of the groom that it carries, if it comes from USD.
 ///
 /// # Errors
 /// Every error in the file; [`Error::Usage`] if a joint or prim is selected in a file that has none.
-pub(super) fn read_motion(source: &Source, joint: &JointSelector, rest_of: Option<&Path>) -> Result<Motion> {
+pub(super) fn read_motion(
+    source: &Source,
+    joint: &JointSelector,
+    rest_of: Option<&Path>,
+    curves: Option<&GroomCurves>,
+) -> Result<Motion> {
     source.check()?;
     match source.extension().as_deref() {
-        _ if source.is_usd() => formats::usd::motion::read(source, joint.name.as_deref(), rest_of),
+        _ if source.is_usd() => formats::usd::motion::read(source, joint.name.as_deref(), rest_of, curves),
         Some("bvh") => formats::bvh::parse(source, joint, &source.read()?),
         Some("gltf" | "glb") => formats::gltf::parse(source, joint, &source.read()?),
         _ if joint.name.is_some() => Err(Error::Usage(format!(
@@ -54,6 +60,6 @@ mod tests {
     #[test]
     fn selecting_a_joint_in_a_json_file_is_a_usage_error() {
         let joint = JointSelector { name: Some("Head".into()), clip: None };
-        assert!(matches!(read_motion(&Source::new("walk.json"), &joint, None), Err(Error::Usage(_))));
+        assert!(matches!(read_motion(&Source::new("walk.json"), &joint, None, None), Err(Error::Usage(_))));
     }
 }

@@ -1,7 +1,7 @@
 //! The contents of strand and mesh files, in the file's unit and axes. Readers return these types.
 
 use crate::geometry::TriMesh;
-use crate::scene::{Curves, Factors, RestSpace, UpAxis};
+use crate::scene::{Curves, Factors, RestSpace, SourcePrim, UpAxis};
 use nalgebra::{Matrix4, Vector3};
 
 /// The unit and up axis that a file declares.
@@ -36,8 +36,19 @@ pub(super) struct PlainStrands {
     pub(super) attributes: Vec<StrandAttributes>,
     pub(super) declared: Declared,
     pub(super) rest: Rest,
+    /// The curves as they are drawn, where the format draws curves over control points.
+    pub(super) drawn: Option<DrawnCurves>,
     /// Remarks for the artist.
     pub(super) notes: Vec<String>,
+}
+
+/// Curves over control points, in the order of the file.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct DrawnCurves {
+    /// The prims, with matrices to rest space in the file's unit and axes.
+    pub(super) prims: Vec<SourcePrim>,
+    /// Number of control points of each curve.
+    pub(super) vertices: Vec<u32>,
 }
 
 /// A group of strands.

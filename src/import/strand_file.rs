@@ -1,13 +1,13 @@
 //! Strand files, read to metres, Y up, and cleaned: unusable strands are dropped and counted.
 
 use super::formats;
-use super::plain::{PlainGroup, PlainStrands, Rest, StrandAttributes};
+use super::plain::{DrawnCurves, PlainGroup, PlainStrands, Rest, StrandAttributes};
 use super::source::Source;
 use super::units::{HAIR_SIZE, convention};
 use crate::scene::{Convention, Curves};
 use crate::{Diagnostic, Result};
 use nalgebra::Vector3;
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt;
 use std::path::PathBuf;
 
@@ -33,7 +33,26 @@ pub(super) struct CleanStrands {
     /// The groups of both; at least one.
     pub(super) groups: Vec<PlainGroup>,
     pub(super) rest: Rest,
+    /// The curves as they are drawn, of a format that draws curves over control points.
+    pub(super) drawn: Option<CleanDrawn>,
     pub(super) report: StrandFileReport,
+}
+
+/// Curves over control points, with matrices to metres, Y up.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct CleanDrawn {
+    pub(super) curves: DrawnCurves,
+    /// Factor by which each curve was lengthened; `None` for 1.
+    pub(super) length: Option<Vec<f64>>,
+    /// The curve of each strand, by whether it is a guide and by its id.
+    pub(super) index: HashMap<(bool, i32), u32>,
+}
+
+impl CleanDrawn {
+    /// The curves of the strands with these ids.
+    pub(super) fn indices(&self, marked: bool, ids: &[i32]) -> Vec<Option<u32>> {
+        ids.iter().map(|id| self.index.get(&(marked, *id)).copied()).collect()
+    }
 }
 
 /// What a strand file contains and what was dropped.
@@ -81,11 +100,21 @@ pub(super) fn read_strands(source: &Source, length_scale: f64) -> Result<CleanSt
         ..Default::default()
     };
     convert(&mut plain, source, convention, length_scale);
-    let PlainStrands { curves, guide, holds_guides, mut groups, attributes, rest, .. } = plain;
+    let PlainStrands { curves, guide, holds_guides, mut groups, attributes, rest, drawn, .. } = plain;
     if groups.is_empty() {
         groups.push(PlainGroup { name: "hair".into(), width: None });
     }
     let is_guide = |c: usize| guide.get(c).copied().unwrap_or(false);
+    let drawn = drawn.map(|curves_drawn| {
+        let factors: Vec<f64> = (0..curves.len())
+            .map(|c| length_scale * attributes.get(c).map_or(1.0, |own| own.length))
+            .collect();
+        CleanDrawn {
+            curves: curves_drawn,
+            length: factors.iter().any(|f| *f != 1.0).then_some(factors),
+            index: (0..curves.len()).map(|c| ((is_guide(c), curves.id[c]), c as u32)).collect(),
+        }
+    });
     let attributes =
         attributes.iter().enumerate().map(|(c, own)| ((is_guide(c), curves.id[c]), *own)).collect();
     let all = 0..curves.len();
@@ -96,7 +125,7 @@ pub(super) fn read_strands(source: &Source, length_scale: f64) -> Result<CleanSt
     }
     report.guides = guides.len();
     report.length[1] /= report.kept as f64;
-    Ok(CleanStrands { curves, guides, holds_guides, attributes, groups, rest, report })
+    Ok(CleanStrands { curves, guides, holds_guides, attributes, groups, rest, drawn, report })
 }
 
 /// Reads a strand file with the reader that its extension selects.
@@ -126,6 +155,10 @@ fn convert(plain: &mut PlainStrands, source: &Source, convention: Convention, le
     for (c, ends) in curves.offsets.windows(2).enumerate() {
         let own = plain.attributes.get(c).map_or(1.0, |own| own.length);
         scale_about_root(&mut curves.points[ends[0]..ends[1]], length_scale * own);
+    }
+    for prim in plain.drawn.iter_mut().flat_map(|drawn| &mut drawn.prims) {
+        prim.to_rest = convention.matrix_in() * prim.to_rest;
+        prim.to_rest.append_translation_mut(&source.offset);
     }
     for width in plain.groups.iter_mut().filter_map(|group| group.width.as_mut()) {
         *width = width.map(|w| w * convention.metres_per_unit);

@@ -1,6 +1,7 @@
-//! Mathematics shared by all modules: rigid motions, SIMD lanes, splines and frames of curves, dense
-//! factorisation, random numbers. Depends on no other module.
+//! Mathematics shared by all modules: rigid motions, SIMD lanes, splines, basis curves and frames of curves,
+//! dense factorisation, random numbers. Depends on no other module.
 
+pub mod basis_curve;
 pub mod cholesky;
 pub mod coast;
 pub mod frame;

@@ -1,6 +1,6 @@
 //! Units and axes of files, and their conversion to and from the internal convention: metres, Y up.
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix4, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -42,6 +42,11 @@ impl Convention {
     /// A position or displacement of the file, converted to metres, Y up.
     pub fn length_in(&self, v: Vector3<f64>) -> Vector3<f64> {
         self.to_y_up() * v * self.metres_per_unit
+    }
+
+    /// [`Self::length_in`] as a matrix.
+    pub fn matrix_in(&self) -> Matrix4<f64> {
+        self.to_y_up().to_homogeneous().prepend_scaling(self.metres_per_unit)
     }
 
     /// The inverse of [`Self::length_in`].

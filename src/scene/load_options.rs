@@ -32,6 +32,10 @@ pub(super) const FILE_NAMES: [FileName; 3] = [
 pub(super) const SEQUENCE_NAME: FileName =
     FileName { role: "deformation", list: "colliders", pointer: "/shape/sequence" };
 
+/// JSON pointer to the name of the stage that an animation puts the motion over. What is read of it is
+/// recorded, and not the file.
+const OVER_NAME: &str = "/over/file";
+
 /// Changes made to the files of a scene as they are read.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LoadOptions {
@@ -63,6 +67,11 @@ impl LoadOptions {
                     *name = Value::String(mapped);
                 }
             }
+        }
+        if let Some(name) = root.pointer_mut(OVER_NAME)
+            && let Some(mapped) = name.as_str().and_then(|name| self.path_map.map(name))
+        {
+            *name = Value::String(mapped);
         }
     }
 }

@@ -13,6 +13,7 @@ mod load;
 mod load_options;
 mod obj;
 mod origin;
+mod over_target;
 pub(crate) mod placement;
 pub(crate) mod track;
 
@@ -21,13 +22,17 @@ pub use anim::{Anim, AnimFile, Body, Collider, Settings};
 pub use convention::{Convention, UpAxis};
 pub(crate) use file_sequence::{FileSequence, lead_in};
 pub use format::Format;
-pub use groom::{Curves, Factors, Groom, Group, Guides, Material, RodSection, Section, Strands, Tree, Wisp};
+pub use groom::{
+    Curves, Factors, Groom, Group, Guides, Material, RodSection, Section, SourceCurves, SourcePrim, Strands,
+    Tree, Wisp,
+};
 pub use input_files::input_files;
 pub use json::array::{Array, BufferFile, ElementType, View};
 pub(crate) use json::former_names::former_name;
 pub use load::{check, load, load_anim, load_groom, load_with, schema};
 pub use load_options::{LoadOptions, Override, PathMap};
 pub use origin::{Origin, RestSpace};
+pub use over_target::{OverNormals, OverPrim, OverSource, OverTarget, StageMetadata};
 
 #[cfg(test)]
 mod tests;

@@ -170,6 +170,7 @@ pub(crate) fn build(
         guides: Guides { curves: guides.curves, ..Guides::default() },
         trees,
         strands: Strands { curves: strands.curves, leaf },
+        source: None,
     };
     (groom, report)
 }

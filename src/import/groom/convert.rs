@@ -2,6 +2,7 @@
 
 use super::build::{RenderStrands, build};
 use super::cluster::{Space, divide, medoid};
+use super::drawn::{Drawn, origin_of};
 use super::features::Features;
 use super::options::{ALL_GUIDES_UP_TO, DEFAULT_GUIDES, GroomOptions};
 use super::report::GroomReport;
@@ -10,9 +11,8 @@ use super::sections::Sections;
 use crate::error::Diagnostic;
 use crate::import::plain::{PlainGroup, StrandAttributes};
 use crate::import::strand_file::{AttributeMap, CleanStrands, read_strands};
-use crate::import::track::colliders::relative;
 use crate::scene::placement::{Misplaced, Roots, Skin};
-use crate::scene::{Curves, Factors, Groom, Group, Origin, Tree};
+use crate::scene::{Curves, Factors, Groom, Group, Tree};
 use crate::{Error, Result};
 
 /// Makes a groom from strand files.
@@ -21,26 +21,28 @@ use crate::{Error, Result};
 /// Unreadable or damaged files, all in one report; options out of range.
 pub fn groom(options: &GroomOptions) -> Result<(Groom, GroomReport)> {
     options.check()?;
-    let (mut input, separate) = read_files(options)?;
+    let (mut input, mut separate) = read_files(options)?;
     let scalp = options.scalp.as_ref().and_then(Scalp::new);
     let convention = input.report.convention;
-    let origin = Origin {
-        file: relative(&options.guides.path, &options.folder)?,
-        prim: options.guides.prim.clone(),
-        time: options.guides.time,
-        space: input.rest.space,
-    };
+    let origin = origin_of(&options.guides, input.rest.space, &options.folder)?;
     let attributes = std::mem::take(&mut input.attributes);
+    let drawn = match &mut separate {
+        Some(file) => Drawn::of(file, options.strands.as_ref().unwrap_or(&options.guides)),
+        None => Drawn::of(&mut input, &options.guides),
+    };
     let mut groups = std::mem::take(&mut input.groups);
     let mut sources = vec![input.report.clone()];
     let mut roots: Vec<Vec<_>> = vec![input.curves.roots().chain(input.guides.roots()).collect()];
+    let is_separate = separate.is_some();
+    let strands_are_marked = separate.as_ref().map(|file| file.curves.is_empty());
     let separate = separate.map(|file| {
         sources.push(file.report.clone());
         let strands = separate_strands(file, &mut groups);
         roots.push(strands.curves.roots().collect());
         strands
     });
-    let choice = GuideChoice::new(input, separate.is_some(), options);
+    let choice = GuideChoice::new(input, is_separate, options);
+    let strands_are_marked = strands_are_marked.unwrap_or(choice.strands_are_marked);
     let own = choice.strands.as_ref().map_or(0, Curves::len);
     let strands = separate.or_else(|| {
         let curves = choice.strands.filter(|_| !options.grows())?;
@@ -56,6 +58,11 @@ pub fn groom(options: &GroomOptions) -> Result<(Groom, GroomReport)> {
     let (mut groom, fit) =
         build(&options.name, convention, &choice.guides, strands.as_ref(), scalp.as_ref(), &build_options);
     groom.origin = Some(origin);
+    if let Some(drawn) = drawn {
+        let strands = strands.is_some().then_some(strands_are_marked);
+        let guides = (!is_separate).then_some(choice.guides_are_marked);
+        groom.source = Some(drawn.source_of(&groom, [strands, guides], &options.folder)?);
+    }
     groom.guides.factors = factors(&attributes, choice.guides_are_marked, &choice.guides.id);
     let default_width = groom.groups[0].width;
     check_head(options, &groom)?;
@@ -231,6 +238,7 @@ mod tests {
             attributes: AttributeMap::new(),
             groups: Vec::new(),
             rest: Default::default(),
+            drawn: None,
             report: crate::import::StrandFileReport { length: [0.1; 3], ..Default::default() },
         };
         let options = GroomOptions { guide_count: wanted, ..GroomOptions::new(Source::new("a")) };

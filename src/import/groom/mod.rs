@@ -2,11 +2,13 @@
 //!
 //! `convert` chooses the guides among the strands of a file. `build` resamples them, clusters them into the
 //! wisp hierarchy, attaches the render strands or generates them, and measures the fit.
+//! `drawn` records which curves of which file they were.
 
 pub(super) mod build;
 mod cluster;
 pub(super) mod convert;
 mod coverage;
+mod drawn;
 mod features;
 pub(super) mod fidelity;
 pub(super) mod generate;

@@ -1,14 +1,16 @@
 //! Colliders of an animation.
 
 use super::options::ColliderMesh;
+use crate::Result;
+use crate::file::relative;
 use crate::geometry::TriMesh;
 use crate::import::mesh_file::ImportedMesh;
 use crate::import::source::Source;
 use crate::scene::anim::file::{ColliderFile, ShapeFile};
 use crate::scene::{FileSequence, UpAxis};
-use crate::{Error, Result};
+
 use std::collections::BTreeSet;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 /// Decimal places of written vertices: nanometres.
 const OBJ_DIGITS: usize = 9;
@@ -97,42 +99,9 @@ impl Colliders {
     }
 }
 
-/// The path of a file relative to `folder`, with forward slashes.
-pub(in crate::import) fn relative(path: &Path, folder: &Path) -> Result<String> {
-    let (path, folder) = (absolute(path)?, absolute(folder)?);
-    let shared = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
-    let up = folder.components().skip(shared).map(|_| "..".to_string());
-    let down = path.components().skip(shared).map(|c| c.as_os_str().to_string_lossy().into_owned());
-    Ok(up.chain(down).collect::<Vec<_>>().join("/"))
-}
-
-/// The absolute path, with `..` resolved; the empty path is the current folder.
-fn absolute(path: &Path) -> Result<PathBuf> {
-    let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
-    let absolute = std::path::absolute(path).map_err(|e| Error::io(path, e))?;
-    let mut out = PathBuf::new();
-    for part in absolute.components() {
-        match part {
-            Component::ParentDir => {
-                out.pop();
-            }
-            other => out.push(other),
-        }
-    }
-    Ok(out)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn relative_paths_start_in_the_folder() {
-        let from = |path: &str, folder: &str| relative(Path::new(path), Path::new(folder)).unwrap();
-        assert_eq!(from("/a/b/c.obj", "/a/b"), "c.obj");
-        assert_eq!(from("/a/b/../x/c.obj", "/a/b"), "../x/c.obj");
-        assert_eq!(from("c.obj", "d/e"), "../../c.obj");
-    }
 
     #[test]
     fn equal_names_are_numbered() {

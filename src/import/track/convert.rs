@@ -1,14 +1,15 @@
 //! Makes an animation from a motion file and collider meshes.
 
-use super::colliders::{Colliders, WORLD, relative};
+use super::colliders::{Colliders, WORLD};
 use super::options::{RestPose, TrackGroom, TrackOptions};
 use super::report::{TrackPop, TrackReport};
 use super::timing::{DEFAULT_FIRST_FRAME, Timing};
+use crate::file::relative;
 use crate::import::mesh_file::{ImportedMesh, read_deforming_mesh};
 use crate::import::motion::{Motion, rotation};
 use crate::import::motion_file::read_motion;
 use crate::import::source::Source;
-use crate::scene::anim::file::{BodyFile, Pops, PoseFile, TrackFile};
+use crate::scene::anim::file::{BodyFile, OverFile, Pops, PoseFile, TrackFile};
 use crate::scene::placement::Skin;
 use crate::scene::track::{Pop, find_pops};
 use crate::scene::{AnimFile, Origin, RestSpace};
@@ -84,6 +85,7 @@ pub fn track(options: &TrackOptions) -> Result<Track> {
         anim.bodies.push(BodyFile { name: WORLD.into(), track: None });
     }
     anim.colliders = colliders.colliders;
+    anim.over = over(options, motion)?;
     Ok(Track { anim, meshes: colliders.files, report })
 }
 
@@ -102,7 +104,8 @@ impl Inputs {
     /// The errors of all files in one report.
     fn read(options: &TrackOptions) -> Result<Self> {
         let rest_of = options.groom.as_ref().and_then(TrackGroom::rest_stage);
-        let motion = read_motion(&options.motion, &options.joint, rest_of.as_deref());
+        let curves = options.groom.as_ref().and_then(|groom| groom.curves.as_ref());
+        let motion = read_motion(&options.motion, &options.joint, rest_of.as_deref(), curves);
         let timing = match &motion {
             Ok(motion) => Some(Timing::new(options, motion)?),
             Err(_) => None,
@@ -202,6 +205,15 @@ fn origin(options: &TrackOptions, motion: &Motion, kind: RestPose) -> Result<Ori
         time: None,
         space: bind.map_or(RestSpace::World, |stage| stage.rest.space),
     })
+}
+
+/// The curves of the groom, if they are in the stage of the motion.
+fn over(options: &TrackOptions, motion: &Motion) -> Result<Option<OverFile>> {
+    let prims = motion.stage.as_ref().map(|stage| stage.over.clone()).unwrap_or_default();
+    if prims.is_empty() {
+        return Ok(None);
+    }
+    Ok(Some(OverFile { file: relative(&options.motion.path, &options.folder)?, prims }))
 }
 
 /// Compares the roots of the groom with the colliders; returns notes of the distances.

@@ -1,6 +1,6 @@
 //! What to import as an animation.
 
-use crate::import::motion::JointSelector;
+use crate::import::motion::{GroomCurves, JointSelector};
 use crate::import::source::Source;
 use crate::scene::anim::file::Pops;
 use crate::scene::placement::Roots;
@@ -70,6 +70,8 @@ pub struct TrackGroom {
     pub(super) centroid: Vector3<f64>,
     pub(super) roots: Roots,
     pub(super) origin: Option<Origin>,
+    /// The USD curves that it comes from.
+    pub(super) curves: Option<GroomCurves>,
     /// Folder of the groom file, from which the path of its origin starts.
     folder: PathBuf,
 }
@@ -79,8 +81,12 @@ impl TrackGroom {
     pub fn new(groom: &Groom, folder: &Path) -> Self {
         let all = &groom.guides.curves;
         let centroid = all.roots().sum::<Vector3<f64>>() / all.len().max(1) as f64;
+        let curves = groom.source.as_ref().map(|source| GroomCurves {
+            stage: folder.join(&source.origin.file),
+            prims: source.prims.iter().map(|prim| prim.path.clone()).collect(),
+        });
         let folder = folder.to_path_buf();
-        TrackGroom { centroid, roots: Roots::of(groom), origin: groom.origin.clone(), folder }
+        TrackGroom { centroid, roots: Roots::of(groom), origin: groom.origin.clone(), curves, folder }
     }
 
     /// The USD stage whose world at rest is the groom's rest space; `None` if that is another space, or if

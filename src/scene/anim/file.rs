@@ -59,9 +59,23 @@ pub struct AnimFile {
     /// Uniform accelerations over time, added to gravity.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub forces: Vec<ForceFile>,
+    /// The curves that a bake puts the motion over, besides writing its cache. `import track` writes them if
+    /// the groom comes from curves that are in the stage of the motion. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub over: Option<OverFile>,
     /// Settings of the simulation and of its output.
     #[serde(default)]
     pub settings: SettingsFile,
+}
+
+/// Curves of a USD stage that a bake puts the motion over.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct OverFile {
+    /// Path of the stage, relative to the folder of this file.
+    pub file: String,
+    /// Paths of the curves, or of prims above them.
+    pub prims: Vec<String>,
 }
 
 /// Marks the file as an animation.
@@ -355,6 +369,7 @@ impl AnimFile {
             gravity_m_s2: None,
             wind: Vec::new(),
             forces: Vec::new(),
+            over: None,
             settings: SettingsFile::default(),
         }
     }

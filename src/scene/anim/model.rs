@@ -4,6 +4,7 @@ use super::settings::Settings;
 use crate::geometry::{Deformation, Friction, Shape};
 use crate::scene::keyframes::Keyframes;
 use crate::scene::origin::Origin;
+use crate::scene::over_target::OverSource;
 use crate::scene::track::Track;
 use nalgebra::{Isometry3, Vector3};
 use std::sync::Arc;
@@ -35,6 +36,8 @@ pub struct Anim {
     pub wind: Vec<Wind>,
     /// Uniform accelerations over time, m/s², added to gravity.
     pub forces: Vec<Keyframes>,
+    /// Curves of a stage that a bake puts the motion over.
+    pub over: Option<OverSource>,
     /// Simulation settings.
     pub settings: Settings,
 }

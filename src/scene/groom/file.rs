@@ -2,6 +2,7 @@
 //! derived from them, and their doc comments are the descriptions in the schema.
 
 use super::material_file::MaterialFile;
+use crate::math::basis_curve::{Basis, Wrap};
 use crate::scene::convention::UpAxis;
 use crate::scene::json::array::{Array, BufferFile};
 use crate::scene::origin::Origin;
@@ -52,6 +53,10 @@ pub struct GroomFile {
     /// The render strands. Default: none; then only guides are written.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub strands: Option<StrandsFile>,
+    /// The USD curves that guides and strands were read from. `import groom` writes it; a bake in over mode
+    /// needs it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<SourceFile>,
 }
 
 /// Marks the file as a groom.
@@ -204,6 +209,44 @@ pub struct WispsFile {
     pub guide_count: Array<u32>,
     /// The guides of each wisp, wisp after wisp: indices of guides, every guide once.
     pub guides: Array<u32>,
+}
+
+/// The USD curves that guides and strands were read from, as they are drawn.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct SourceFile {
+    /// Where they were read.
+    pub origin: Origin,
+    /// The prims, in the order of the stage.
+    pub prims: Vec<SourcePrimFile>,
+    /// Number of control points of each curve, prim after prim.
+    pub vertices: Array<u32>,
+    /// Factor by which each curve was lengthened about its root. Default: 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub length: Option<Array<f64>>,
+    /// The curve that each render strand was read from, counted through all prims; -1 for none. Default:
+    /// none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strands: Option<Array<i32>>,
+    /// The curve that each guide was read from; -1 for none. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub guides: Option<Array<i32>>,
+}
+
+/// A prim of [`SourceFile`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct SourcePrimFile {
+    /// Path of the prim.
+    pub path: String,
+    /// Basis of its curves.
+    pub basis: Basis,
+    /// How they end.
+    pub wrap: Wrap,
+    /// Number of curves.
+    pub curves: u32,
+    /// Matrix from the space of the prim to rest space in metres, Y up: four rows, for column vectors.
+    pub to_rest_m: [[f64; 4]; 4],
 }
 
 impl Default for MaterialRef {

@@ -1,6 +1,7 @@
 //! The groom: strand materials, guides, render strands, and the hierarchy of wisps (generalised cylinders).
 //! Lengths are in metres, Y up, in rest space, the space in which the head was modelled.
 
+use super::source::SourceCurves;
 use crate::geometry::Friction;
 use crate::math::polyline;
 use crate::scene::convention::Convention;
@@ -28,6 +29,8 @@ pub struct Groom {
     pub trees: Vec<Tree>,
     /// The render strands; if there are none, only guides are written.
     pub strands: Strands,
+    /// The USD curves that guides and strands were read from.
+    pub source: Option<SourceCurves>,
 }
 
 /// Physical properties of a strand. Properties that change from root to tip change linearly with arc length.

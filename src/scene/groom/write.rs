@@ -3,6 +3,7 @@
 use super::file::*;
 use super::material_file::MaterialFile;
 use super::model::{Curves, Groom, Tree};
+use super::source::SourceCurves;
 use crate::error::Result;
 use crate::scene::json::packer::Packer;
 use crate::scene::json::pretty::write_json;
@@ -46,6 +47,7 @@ impl Groom {
             guides: self.guides_file(packer),
             wisps: (!self.trees.is_empty()).then(|| self.wisps_file(packer)),
             strands: (!self.strands.curves.is_empty()).then(|| self.strands_file(packer)),
+            source: self.source.as_ref().map(|source| source_file(source, packer)),
         }
     }
 
@@ -126,6 +128,29 @@ impl Groom {
     fn frame(&self, q: &UnitQuaternion<f64>) -> [f64; 4] {
         let q = self.convention.frame_out(*q);
         [q.w, q.i, q.j, q.k]
+    }
+}
+
+fn source_file(source: &SourceCurves, packer: &mut Packer) -> SourceFile {
+    let prims = source.prims.iter().map(|prim| SourcePrimFile {
+        path: prim.path.clone(),
+        basis: prim.curve.basis,
+        wrap: prim.curve.wrap,
+        curves: prim.curves as u32,
+        to_rest_m: std::array::from_fn(|row| std::array::from_fn(|column| prim.to_rest[(row, column)])),
+    });
+    let mut indices = |of: &[Option<u32>]| {
+        let known = of.iter().any(Option::is_some);
+        known.then(|| packer.array(of.iter().map(|curve| curve.map_or(-1, |curve| curve as i32)).collect()))
+    };
+    let (strands, guides) = (indices(&source.strands), indices(&source.guides));
+    SourceFile {
+        origin: source.origin.clone(),
+        prims: prims.collect(),
+        vertices: packer.array(source.vertices.clone()),
+        length: source.length.clone().map(|length| packer.array(length)),
+        strands,
+        guides,
     }
 }
 

@@ -1,7 +1,8 @@
 use super::super::*;
 use super::file;
+use crate::math::basis_curve::{Basis, CurveType, Wrap};
 use approx::assert_relative_eq;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix4, UnitQuaternion, Vector3};
 
 const MINIMAL: &str = r#"{
   "format": "hairbake-groom",
@@ -110,6 +111,25 @@ fn full(convention: Convention, curves: usize) -> Groom {
             Tree { arc: vec![0.0, 1.0], wisps: vec![wisp(None, others, 2)] },
         ],
         strands: Strands { curves: curves_of(4, 16), leaf: vec![(0, 2), (1, 0), (0, 1), (1, 0)] },
+        source: Some(source(curves)),
+    }
+}
+
+/// A source of `guides` guides and of four strands, in two prims.
+fn source(guides: usize) -> SourceCurves {
+    let prim = |path: &str, basis, curves| SourcePrim {
+        path: path.into(),
+        curve: CurveType { basis, wrap: Wrap::Pinned },
+        curves,
+        to_rest: Matrix4::new_translation(&Vector3::new(0.1, 1.0 / 3.0, -2.0)) * 0.01,
+    };
+    SourceCurves {
+        origin: Origin { file: "../char.usd".into(), prim: None, time: None, space: RestSpace::World },
+        prims: vec![prim("/char/hair", Basis::BSpline, 70), prim("/char/guides", Basis::Linear, 40)],
+        vertices: (0..110).map(|curve| 4 + curve % 7).collect(),
+        length: Some((0..110).map(|curve| 1.0 + 0.01 * f64::from(curve)).collect()),
+        strands: vec![Some(69), None, Some(0), Some(7)],
+        guides: (0..guides as u32).map(|guide| (guide % 2 == 0).then_some(70 + guide)).collect(),
     }
 }
 
@@ -125,6 +145,7 @@ fn assert_same(a: &Groom, b: &Groom) {
     close(&a.guides.curves, &b.guides.curves, 1e-15);
     close(&a.strands.curves, &b.strands.curves, 1e-7);
     assert_eq!(a.strands.leaf, b.strands.leaf);
+    assert_eq!(a.source, b.source);
     let frames = |g: &Groom| g.guides.root_frame.clone().unwrap();
     assert!(frames(a).iter().zip(frames(b)).all(|(p, q)| p.angle_to(&q) < 1e-7));
     assert_eq!(a.trees.len(), b.trees.len());
@@ -157,6 +178,26 @@ fn a_written_groom_loads_as_it_was() {
             assert_eq!(names, 2, "only full.json and full.bin");
         }
     }
+}
+
+#[test]
+fn a_source_that_does_not_fit_is_an_error() {
+    let source = r#""source": { "origin": { "file": "a.usd" }, "vertices": [4, 5], "guides": [0],
+      "prims": [{ "path": "/a", "basis": "bspline", "wrap": "pinned", "curves": 2,
+        "to_rest_m": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] }] }, "version": 1,"#;
+    let right = MINIMAL.replace("\"version\": 1,", source);
+    let errors = |text: &str| {
+        let (_folder, path) = file("a.json", text);
+        match load_groom(&path) {
+            Err(crate::Error::BadInput(found)) => found.into_iter().map(|d| d.key).collect(),
+            _ => Vec::new(),
+        }
+    };
+    assert_eq!(errors(&right), [""; 0]);
+    assert_eq!(errors(&right.replace("[4, 5]", "[4]")), ["source.vertices"]);
+    assert_eq!(errors(&right.replace("\"guides\": [0]", "\"guides\": [2]")), ["source.guides[0]"]);
+    assert_eq!(errors(&right.replace("\"guides\": [0]", "\"guides\": [0, -1]")), ["source.guides"]);
+    assert_eq!(errors(&right.replace("pinned", "open")), ["source.prims[0].wrap"]);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use crate::import::source::Source;
 use crate::python::{Package, python_package};
 use crate::scene::UpAxis;
 use crate::{Diagnostic, Error, Result};
-use nalgebra::Vector3;
+use nalgebra::{Matrix4, Vector3};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
@@ -23,6 +23,7 @@ const PACKAGE: Package = python_package!(
         "groom.py",
         "mesh.py",
         "motion.py",
+        "over.py",
         "primvars.py",
         "rest.py",
         "roles.py",
@@ -115,6 +116,8 @@ fn offset(file: &Path, line: usize, column: usize) -> Option<usize> {
 /// The result of one read.
 pub(super) struct Exchange<T> {
     pub(super) header: Header<T>,
+    /// The header as the package wrote it.
+    text: Vec<u8>,
     data: Vec<u8>,
 }
 
@@ -141,14 +144,20 @@ impl<T: DeserializeOwned> Exchange<T> {
             Some(0) => {
                 let data = folder.path().join("data.bin");
                 let data = crate::file::read_file(&data).map_err(|e| Error::io(&data, e))?;
-                Ok(Exchange { header: read_header(folder.path())?, data })
+                let text = header_text(folder.path())?;
+                Ok(Exchange { header: parse_header(&text)?, text, data })
             }
             Some(BAD_INPUT) => {
-                let Failure { errors } = read_header(folder.path())?;
+                let Failure { errors } = parse_header(&header_text(folder.path())?)?;
                 Err(Error::BadInput(errors.into_iter().map(|error| error.diagnostic(path)).collect()))
             }
             _ => Err(crash(path, &output)),
         }
+    }
+
+    /// Checksum of all that was read.
+    pub(super) fn sha256(&self) -> String {
+        crate::file::sha256(&[&self.text[..], &self.data].concat())
     }
 
     /// The numbers of an array, `N` bytes each; `None` if there is no such array.
@@ -187,10 +196,18 @@ pub(super) fn points(numbers: &[f64]) -> Vec<Vector3<f64>> {
     numbers.as_chunks().0.iter().map(|&p: &[f64; 3]| p.into()).collect()
 }
 
-fn read_header<H: DeserializeOwned>(folder: &Path) -> Result<H> {
+/// Matrices from rows of numbers.
+pub(super) fn matrices(numbers: &[f64]) -> Vec<Matrix4<f64>> {
+    numbers.as_chunks::<16>().0.iter().map(|rows| Matrix4::from_row_slice(rows)).collect()
+}
+
+fn header_text(folder: &Path) -> Result<Vec<u8>> {
     let path = folder.join("header.json");
-    let bytes = crate::file::read_file(&path).map_err(|e| Error::io(&path, e))?;
-    serde_json::from_slice(&bytes)
+    crate::file::read_file(&path).map_err(|e| Error::io(&path, e))
+}
+
+fn parse_header<H: DeserializeOwned>(text: &[u8]) -> Result<H> {
+    serde_json::from_slice(text)
         .map_err(|e| Error::Internal(format!("the USD reader wrote an invalid header: {e}")))
 }
 

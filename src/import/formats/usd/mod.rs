@@ -4,4 +4,5 @@
 mod exchange;
 pub(crate) mod mesh;
 pub(crate) mod motion;
+pub(crate) mod over;
 pub(crate) mod strands;

@@ -1,16 +1,26 @@
 //! Basis curves of a USD stage.
 
-use super::exchange::{Exchange, points, required};
+use super::exchange::{Exchange, matrices, points, required};
 use crate::Result;
-use crate::import::plain::{PlainGroup, PlainStrands, Rest, StrandAttributes};
+use crate::import::plain::{DrawnCurves, PlainGroup, PlainStrands, Rest, StrandAttributes};
 use crate::import::source::Source;
-use crate::scene::{Curves, Factors, RestSpace};
+use crate::math::basis_curve::{Basis, CurveType, Wrap};
+use crate::scene::{Curves, Factors, RestSpace, SourcePrim};
 use serde::Deserialize;
 
 #[derive(Debug, Deserialize)]
 struct Header {
     groups: Vec<String>,
     space: RestSpace,
+    prims: Vec<PrimHeader>,
+}
+
+#[derive(Debug, Deserialize)]
+struct PrimHeader {
+    path: String,
+    basis: Basis,
+    wrap: Wrap,
+    curves: usize,
 }
 
 /// Reads the curves at and below a prim, evaluated to points, with ids, groups, root coordinates and widths.
@@ -28,6 +38,15 @@ pub(crate) fn read(source: &Source) -> Result<PlainStrands> {
         *sum += *n as usize;
         Some(*sum)
     }));
+    let to_rest = matrices(&required(read.f64s("to_rest"), "to_rest")?);
+    let prims = read.header.more.prims.iter().zip(to_rest).map(|(prim, to_rest)| SourcePrim {
+        path: prim.path.clone(),
+        curve: CurveType { basis: prim.basis, wrap: prim.wrap },
+        curves: prim.curves,
+        to_rest,
+    });
+    let drawn =
+        DrawnCurves { prims: prims.collect(), vertices: required(read.u32s("controls"), "controls")? };
     let widths = read.f64s("width");
     let groups = read.header.more.groups.iter().enumerate().map(|(g, name)| PlainGroup {
         name: name.clone(),
@@ -46,6 +65,7 @@ pub(crate) fn read(source: &Source) -> Result<PlainStrands> {
         attributes: attributes(&read, counts.len()),
         declared: read.header.declared(),
         rest: Rest { space: read.header.more.space, from_world: None },
+        drawn: Some(drawn),
         notes: read.header.notes,
         ..PlainStrands::default()
     })

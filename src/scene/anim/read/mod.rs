@@ -18,6 +18,7 @@ use crate::scene::json::buffers::Buffers;
 use crate::scene::json::diagnostics::Diagnostics;
 use crate::scene::json::document::Document;
 use crate::scene::json::key::Key;
+use crate::scene::over_target::OverSource;
 use context::Context;
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -44,6 +45,7 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
     let frames = (first, last);
     let convention = Convention { metres_per_unit: file.metres_per_unit, up: file.up_axis };
     let lead = lead_in(file.fps, file.settings.preroll_s);
+    let over = file.over.map(|over| OverSource { file: folder.join(over.file), prims: over.prims });
     let mut context = Context { convention, fps: file.fps, frames, lead, folder, buffers, diagnostics };
     let bodies = bodies::bodies(&mut context, file.bodies);
     let names: Vec<String> = bodies.iter().map(|body| body.name.clone()).collect();
@@ -87,6 +89,7 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
         gravity: file.gravity_m_s2.map_or(Vector3::y() * -GRAVITY, |g| convention.direction_in(g.into())),
         wind: wind.into_iter().collect::<Option<_>>()?,
         forces: forces.into_iter().collect::<Option<_>>()?,
+        over,
         settings: Settings::from(file.settings),
     })
 }

@@ -4,6 +4,7 @@ mod context;
 mod curves;
 mod guides;
 mod materials;
+mod source;
 mod strands;
 mod wisps;
 
@@ -25,6 +26,9 @@ pub const DEPENDENCIES: &[(&str, &str)] = &[
     ("strands", "groups"),
     ("strands", "guides"),
     ("strands", "wisps"),
+    ("source", "buffers"),
+    ("source", "guides"),
+    ("source", "strands"),
 ];
 
 /// The groom that `file` describes; `default_name` is used if it has no name. Returns `None` only after
@@ -47,6 +51,13 @@ pub fn groom(file: GroomFile, default_name: &str, doc: &mut Document) -> Option<
         Some(strands) => strands::strands(&mut context, strands, trees.as_deref(), guide_count),
         None => Some(Strands::default()),
     };
+    let source = match (file.source, &strands, &guides) {
+        (Some(source), Some(strands), Some(guides)) => {
+            let counts = [strands.curves.len(), guides.curves.len()];
+            source::source(&mut context, source, counts).map(Some)
+        }
+        _ => Some(None),
+    };
     Some(Groom {
         name: file.name.unwrap_or_else(|| default_name.into()),
         notes: file.notes,
@@ -57,5 +68,6 @@ pub fn groom(file: GroomFile, default_name: &str, doc: &mut Document) -> Option<
         guides: guides?,
         trees: trees?,
         strands: strands?,
+        source: source?,
     })
 }

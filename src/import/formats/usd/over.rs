@@ -1,0 +1,90 @@
+//! Curves of a USD stage that a bake overrides.
+
+use super::exchange::{self, Exchange, matrices, required};
+use super::motion::DEFAULT_METRES_PER_UNIT;
+use crate::Result;
+use crate::import::source::Source;
+use crate::math::basis_curve::{Basis, CurveType, Wrap};
+use crate::scene::{Convention, OverNormals, OverPrim, OverTarget, StageMetadata};
+use serde::Deserialize;
+
+#[derive(Debug, Deserialize)]
+struct Header {
+    prims: Vec<PrimHeader>,
+    time_codes_per_second: f64,
+    frames_per_second: f64,
+    range: Option<[f64; 2]>,
+    default_prim: Option<String>,
+}
+
+#[derive(Debug, Deserialize)]
+struct PrimHeader {
+    path: String,
+    points_name: String,
+    time: Option<f64>,
+    basis: Basis,
+    wrap: Wrap,
+    curves: usize,
+    points: usize,
+    normals: usize,
+    normals_name: String,
+    width: f64,
+    accelerations: bool,
+    skinned: bool,
+}
+
+/// Reads the curves at and below the `prims` of `source`, or all of them if none is given, and where the
+/// stage places them at `offsets` after each frame `first` to `last`.
+///
+/// # Errors
+/// As [`Exchange::read`]; closed curves, and curves inside instances.
+pub(crate) fn read(
+    source: &Source,
+    prims: &[String],
+    [first, last]: [i32; 2],
+    offsets: &[f64],
+) -> Result<OverTarget> {
+    let frames = last.abs_diff(first) as usize + 1;
+    let offsets_text: Vec<String> = offsets.iter().map(f64::to_string).collect();
+    let mut options = vec![format!("--moments={first},{frames},{}", offsets_text.join(","))];
+    options.extend((!prims.is_empty()).then(|| format!("--prims={}", prims.join(","))));
+    let read = Exchange::<Header>::read("over", source, &options)?;
+    let sha256 = read.sha256();
+    let mut vertices = required(read.u32s("controls"), "controls")?.into_iter();
+    let mut points = exchange::points(&required(read.f64s("points"), "points")?).into_iter();
+    let mut normals = exchange::points(&required(read.f64s("normals"), "normals")?).into_iter();
+    let mut controls = required(read.u32s("normal_controls"), "normal_controls")?.into_iter();
+    let to_world = matrices(&required(read.f64s("to_world"), "to_world")?);
+    let mut to_world = to_world.as_chunks::<3>().0.iter().copied();
+    let declared = read.header.declared();
+    let Header { prims, time_codes_per_second, frames_per_second, range, default_prim } = read.header.more;
+    let prim = |prim: PrimHeader| OverPrim {
+        path: prim.path,
+        points_name: prim.points_name,
+        time: prim.time,
+        curve: CurveType { basis: prim.basis, wrap: prim.wrap },
+        vertices: vertices.by_ref().take(prim.curves).collect(),
+        points: points.by_ref().take(prim.points).collect(),
+        width: prim.width,
+        normals: (prim.normals > 0).then(|| OverNormals {
+            name: prim.normals_name,
+            normals: normals.by_ref().take(prim.normals).collect(),
+            controls: controls.by_ref().take(prim.normals).map(|control| control as usize).collect(),
+        }),
+        accelerations: prim.accelerations,
+        skinned: prim.skinned,
+        to_world: to_world.by_ref().take(frames * offsets.len()).collect(),
+    };
+    Ok(OverTarget {
+        file: source.path.clone(),
+        sha256,
+        convention: Convention {
+            metres_per_unit: declared.metres_per_unit.unwrap_or(DEFAULT_METRES_PER_UNIT),
+            up: declared.up.unwrap_or_default(),
+        },
+        stage: StageMetadata { time_codes_per_second, frames_per_second, range, default_prim },
+        prims: prims.into_iter().map(prim).collect(),
+        first_frame: first,
+        offsets: offsets.to_vec(),
+    })
+}

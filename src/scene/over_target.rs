@@ -1,0 +1,86 @@
+//! The curves of a USD stage that a bake overrides.
+
+use super::convention::Convention;
+use crate::math::basis_curve::CurveType;
+use nalgebra::{Matrix4, Vector3};
+use std::path::PathBuf;
+
+/// Curves of a stage that a bake is to override.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OverSource {
+    /// The stage.
+    pub file: PathBuf,
+    /// Paths of the curves, or of prims above them; none for the whole stage.
+    pub prims: Vec<String>,
+}
+
+/// The curves of a stage that a bake overrides, and where the stage places them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OverTarget {
+    /// The stage.
+    pub file: PathBuf,
+    /// Checksum of all that was read from it.
+    pub sha256: String,
+    /// Unit and axis.
+    pub convention: Convention,
+    /// Its metadata.
+    pub stage: StageMetadata,
+    /// The prims, in the order of the stage.
+    pub prims: Vec<OverPrim>,
+    /// The frame of the first moment.
+    pub first_frame: i32,
+    /// The moments of each frame, frames after it.
+    pub offsets: Vec<f64>,
+}
+
+/// Metadata of a stage that a layer over it repeats.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StageMetadata {
+    /// Time codes per second.
+    pub time_codes_per_second: f64,
+    /// Frames per second.
+    pub frames_per_second: f64,
+    /// First and last time code.
+    pub range: Option<[f64; 2]>,
+    /// The default prim.
+    pub default_prim: Option<String>,
+}
+
+/// A prim of an [`OverTarget`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct OverPrim {
+    /// Its path.
+    pub path: String,
+    /// The attribute that holds its points at rest.
+    pub points_name: String,
+    /// The time code at which they are at rest; `None` for the default time.
+    pub time: Option<f64>,
+    /// Type of its curves.
+    pub curve: CurveType,
+    /// Number of control points of each curve.
+    pub vertices: Vec<u32>,
+    /// Control points at rest, in the space of the prim.
+    pub points: Vec<Vector3<f64>>,
+    /// The largest diameter, in the space of the prim.
+    pub width: f64,
+    /// Normals that turn with the curves.
+    pub normals: Option<OverNormals>,
+    /// Whether the stage has accelerations of the curves.
+    pub accelerations: bool,
+    /// Whether a skeleton deforms the curves.
+    pub skinned: bool,
+    /// Matrices to the world of the stage, in its unit and axes, for each moment: half a frame before it, at
+    /// it and half a frame after it.
+    pub to_world: Vec<[Matrix4<f64>; 3]>,
+}
+
+/// Normals of curves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OverNormals {
+    /// The attribute.
+    pub name: String,
+    /// The normals at rest, in the space of the prim.
+    pub normals: Vec<Vector3<f64>>,
+    /// The control point whose tangent turns each normal.
+    pub controls: Vec<usize>,
+}
