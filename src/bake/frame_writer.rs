@@ -4,6 +4,7 @@ use super::frame_record::WrittenMeasures;
 use super::frame_state::FrameState;
 use super::job::Job;
 use super::output::{FrameStrands, Output};
+use super::over::Over;
 use super::summary::StageSeconds;
 use super::work_dir::WrittenFrame;
 use crate::cache::Writer;
@@ -24,6 +25,7 @@ const KEPT: usize = LOOKBEHIND + 1 + RUN_AHEAD;
 pub(super) struct FrameWriter<'a> {
     job: &'a Job,
     output: Output<'a>,
+    over: Option<Over>,
     writer: Writer,
     /// States in use.
     states: BTreeMap<i32, Near>,
@@ -43,8 +45,23 @@ struct Near {
 impl<'a> FrameWriter<'a> {
     pub fn new(job: &'a Job, own: &[i32]) -> Result<Self> {
         let output = Output::new(&job.groom, &job.anim, &job.rods, job.base.as_ref());
-        let writer = Writer::create(&job.out, output.header())?;
-        Ok(FrameWriter { job, output, writer, states: BTreeMap::new(), own: own.iter().copied().collect() })
+        let mut writer = Writer::create(&job.out, output.header())?;
+        let over = job
+            .over
+            .as_ref()
+            .map(|target| Over::new(&job.groom, &job.anim, output.header(), target, &job.out))
+            .transpose()?;
+        if let Some(over) = &over {
+            writer = writer.with_over(over.header().clone())?;
+        }
+        Ok(FrameWriter {
+            job,
+            output,
+            over,
+            writer,
+            states: BTreeMap::new(),
+            own: own.iter().copied().collect(),
+        })
     }
 
     /// Takes over a state, and drops states of distant frames.
@@ -151,10 +168,12 @@ impl<'a> FrameWriter<'a> {
         let limited_rates = moving(frame).map_or(0, |(_, limited)| *limited);
         let steps = &self.states[&(frame + 1)].state.steps;
         let (arrays, depths) = self.output.frame(frame, states, steps, settled, known)?;
+        let overs = self.over.as_ref().map(|over| over.frame(&self.job.anim, &arrays));
         seconds.interpolate = start.elapsed().as_secs_f64();
         let start = Instant::now();
         let file = self.writer.write_frame(&arrays)?;
-        let written = WrittenFrame { file, measures: WrittenMeasures { depths, limited_rates } };
+        let over = overs.map(|moments| self.writer.write_over_frame(&moments)).transpose()?;
+        let written = WrittenFrame { file, over, measures: WrittenMeasures { depths, limited_rates } };
         self.job.work.mark_done(frame, &written)?;
         seconds.write = start.elapsed().as_secs_f64();
         Ok(written)

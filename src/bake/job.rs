@@ -4,13 +4,14 @@ mod finished_cache;
 
 use super::base_cache::{BaseCache, GroupSelection};
 use super::cache_content::CacheContent;
+use super::over;
 use super::work_dir::WorkDir;
 use crate::Result;
 use crate::cache::{InputRecord, sha256};
 use crate::dynamics::clock;
 use crate::dynamics::guide_rods::GuideRods;
 use crate::scene::anim::{ContactSetting, Resolution};
-use crate::scene::{Anim, Groom, Override};
+use crate::scene::{Anim, Groom, OverTarget, Override};
 use crate::strands::LOOKAHEAD;
 use finished_cache::Planned;
 use serde_json::{Value, json};
@@ -28,6 +29,8 @@ pub struct Job {
     pub rods: GuideRods,
     /// The cache that provides the groups that are not baked, in a bake of some groups.
     pub base: Option<BaseCache>,
+    /// The curves of a stage that the bake overrides, in over mode.
+    pub over: Option<OverTarget>,
     /// The files of the scene.
     pub inputs: Vec<InputRecord>,
     /// The resolved settings, with all overrides of the files' values.
@@ -40,22 +43,37 @@ pub struct Job {
     pub work: WorkDir,
 }
 
+/// Options of a bake beside its settings.
+#[derive(Debug, Default)]
+pub struct JobOptions<'a> {
+    /// Overrides of the files' values.
+    pub set: &'a [Override],
+    /// Groups to bake over an earlier cache.
+    pub only: Option<&'a GroupSelection>,
+    /// Curves of a stage to put the motion over.
+    pub over: Option<OverTarget>,
+    /// Whether to replace a finished cache of another bake.
+    pub overwrite: bool,
+}
+
 impl Job {
-    /// Begins or resumes a bake into the folder `out`. `set` are overrides of the files' values; `only`
-    /// selects groups to bake over an earlier cache.
+    /// Begins or resumes a bake into the folder `out`; `inputs` are the files of the scene.
     ///
-    /// # Errors
-    /// [`crate::Error::Io`] if the folder cannot be written; those of [`BaseCache::open`], before anything is
-    /// written.
+    /// # Errors [`crate::Error::Io`] if the folder cannot be written; those of [`BaseCache::open`] and
+    /// [`over::check`], before anything is written.
     pub fn begin(
         groom: Groom,
         anim: Anim,
         mut inputs: Vec<InputRecord>,
-        set: &[Override],
-        only: Option<&GroupSelection>,
+        options: JobOptions,
         out: &Path,
-        overwrite: bool,
     ) -> Result<Self> {
+        let JobOptions { set, only, over, overwrite } = options;
+        if let Some(target) = &over {
+            over::check(&groom, &anim, target)?;
+            let file = target.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            inputs.push(InputRecord { role: "over".into(), file, sha256: target.sha256.clone() });
+        }
         let groom = groom.with_default_trees(anim.settings.nodes);
         let mut rods = GuideRods::new(&groom, &anim);
         let mut settings = settings(&anim, set);
@@ -77,7 +95,7 @@ impl Job {
         }
         let (first, last) = anim.frames;
         let work = WorkDir::begin(out, &key, (first - 1, last + 1))?;
-        Ok(Job { groom, anim, rods, base, inputs, settings, out: out.into(), key, work })
+        Ok(Job { groom, anim, rods, base, over, inputs, settings, out: out.into(), key, work })
     }
 
     /// The frames of the cache: the shot with one handle frame before it and one after it.

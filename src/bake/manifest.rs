@@ -3,6 +3,7 @@
 use super::frame_record::FrameRecord;
 use super::frame_state::FrameState;
 use super::job::Job;
+use super::over;
 use super::work_dir::WrittenFrame;
 use crate::cache::{self, Manifest, Writer};
 use crate::file::FileRecord;
@@ -16,11 +17,13 @@ pub(super) struct Finished {
     pub record: FrameRecord,
     machine: String,
     file: FileRecord,
+    over: Option<FileRecord>,
 }
 
 impl Finished {
-    pub fn new(state: &FrameState, WrittenFrame { file, measures }: WrittenFrame) -> Self {
-        Finished { record: state.record.with_written(measures), machine: state.machine.clone(), file }
+    pub fn new(state: &FrameState, WrittenFrame { file, over, measures }: WrittenFrame) -> Self {
+        let record = state.record.with_written(measures);
+        Finished { record, machine: state.machine.clone(), file, over }
     }
 }
 
@@ -33,6 +36,10 @@ pub(super) fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Resu
     manifest.inputs = job.inputs.clone();
     manifest.settings = job.settings.clone();
     manifest.totals = totals(&finished);
+    manifest.over = match &job.over {
+        Some(target) => Some(over::record(&job.groom, writer.header(), target)?),
+        None => None,
+    };
     // Exempt segments stay exempt.
     let [exempt, segments] =
         finished.last().map_or([0; 2], |f| [f.record.exempt_segments, f.record.contact_segments]);
@@ -46,8 +53,9 @@ pub(super) fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Resu
         "sag_free": job.rods.sag_free,
         "first_frame_from_groom": { "mean": mean, "largest": largest },
     }));
-    for Finished { record, file, .. } in finished {
-        manifest.frames.push(cache::FrameEntry { frame: record.frame, file, figures: figures(&record) });
+    for Finished { record, file, over, .. } in finished {
+        let figures = figures(&record);
+        manifest.frames.push(cache::FrameEntry { frame: record.frame, file, over, figures });
     }
     let manifest = writer.finish(manifest)?;
     job.work.sync_marks(&job.frames().collect::<Vec<_>>())?;

@@ -17,6 +17,7 @@ mod frame_writer;
 pub mod job;
 mod manifest;
 pub mod output;
+pub mod over;
 mod single;
 mod stages;
 mod start_check;

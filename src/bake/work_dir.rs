@@ -14,7 +14,7 @@
 use super::checked_file::{self, FileFault, Kind};
 use super::frame_record::{FrameRecord, WrittenMeasures};
 use super::frame_state::FrameState;
-use crate::cache::frame_file_name;
+use crate::cache::{frame_file_name, over_frame_file_name};
 use crate::dynamics::simulation::SimulationState;
 use crate::file::{
     self, FileRecord, read_file, record_of, remove_file, write_file_if_changed, write_file_unsynced,
@@ -75,9 +75,20 @@ pub struct WrittenFrame {
     /// Its file.
     #[serde(flatten)]
     pub file: FileRecord,
+    /// Its file of overs, in over mode.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub over: Option<FileRecord>,
     /// What is measured of it.
     #[serde(flatten)]
     pub measures: WrittenMeasures,
+}
+
+impl WrittenFrame {
+    /// Its files by their names.
+    fn files(&self, frame: i32) -> impl Iterator<Item = (String, &FileRecord)> {
+        let over = self.over.iter().map(move |over| (over_frame_file_name(frame), over));
+        std::iter::once((frame_file_name(frame), &self.file)).chain(over)
+    }
 }
 
 /// The work folder of one bake.
@@ -176,11 +187,14 @@ impl WorkDir {
     /// [`FileFault`] of the mark or of the file.
     pub fn marked(&self, frame: i32) -> std::result::Result<WrittenFrame, FileFault> {
         let mark = self.mark(frame)?;
-        match std::fs::metadata(self.out.join(frame_file_name(frame))) {
-            Ok(meta) if meta.len() == mark.file.bytes => Ok(mark),
-            Ok(_) => Err(FileFault::Damaged("the length differs".into())),
-            Err(_) => Err(FileFault::Missing),
+        for (name, file) in mark.files(frame) {
+            match std::fs::metadata(self.out.join(name)) {
+                Ok(meta) if meta.len() == file.bytes => {}
+                Ok(_) => return Err(FileFault::Damaged("the length differs".into())),
+                Err(_) => return Err(FileFault::Missing),
+            }
         }
+        Ok(mark)
     }
 
     /// As [`WorkDir::mark`], and checks the file's checksum.
@@ -189,11 +203,14 @@ impl WorkDir {
     /// [`FileFault`] of the mark or of the file.
     pub fn done(&self, frame: i32) -> std::result::Result<WrittenFrame, FileFault> {
         let mark = self.mark(frame)?;
-        match record_of(&self.out.join(frame_file_name(frame))) {
-            Ok(found) if found == mark.file => Ok(mark),
-            Ok(_) => Err(FileFault::Damaged("the checksum differs".into())),
-            Err(_) => Err(FileFault::Missing),
+        for (name, file) in mark.files(frame) {
+            match record_of(&self.out.join(name)) {
+                Ok(found) if found == *file => {}
+                Ok(_) => return Err(FileFault::Damaged("the checksum differs".into())),
+                Err(_) => return Err(FileFault::Missing),
+            }
         }
+        Ok(mark)
     }
 
     /// Marks a frame, whose file is synced to disk, as done.

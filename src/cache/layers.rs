@@ -8,8 +8,8 @@ use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header};
 use super::manifest::Manifest;
 use super::material;
 use super::names::{
-    CAPS, CLIP_MANIFEST, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, TOPOLOGY, clip_template, collider_prim_names,
-    frames_with_handles, up_axis,
+    CAPS, CLIP_MANIFEST, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, TOPOLOGY, clip_template, clips,
+    collider_prim_names, frames_with_handles, up_axis,
 };
 use crate::usd::{Attribute, Layer, Metadata, Prim, Specifier, Value};
 use std::borrow::Cow;
@@ -32,19 +32,14 @@ enum Part {
 
 /// `hair.usda`. It includes the provenance of the cache, except what varies between runs.
 pub(super) fn root_layer(header: &Header, manifest: &Manifest) -> Layer<'static> {
-    let handles = frames_with_handles(header);
-    let clips = vec![
-        ("templateAssetPath".into(), Value::string(&clip_template())),
-        ("templateStartTime".into(), Value::Double((*handles.start()).into())),
-        ("templateEndTime".into(), Value::Double((*handles.end()).into())),
-        ("templateStride".into(), Value::Double(1.0)),
-        ("primPath".into(), Value::string("/groom")),
-        ("manifestAssetPath".into(), Value::Asset(format!("./{CLIP_MANIFEST}"))),
-    ];
     let mut groom = Prim::new(Specifier::Over, "", "groom");
-    groom
-        .metadata
-        .push(("clips".into(), Value::Dictionary(vec![("default".into(), Value::Dictionary(clips))])));
+    groom.metadata.push(clips(
+        "default",
+        &clip_template(),
+        frames_with_handles(header),
+        "/groom",
+        CLIP_MANIFEST,
+    ));
     let inputs = manifest.inputs.iter().filter(|input| matches!(input.role.as_str(), "groom" | "anim"));
     let mut provenance: Vec<(String, Value)> =
         inputs.map(|input| (format!("{}_sha256", input.role), Value::string(&input.sha256))).collect();

@@ -33,7 +33,10 @@ pub struct Manifest {
     pub settings: Value,
     /// Contents of the cache.
     pub summary: Summary,
-    /// Root, topology and clip manifest.
+    /// What over mode puts the motion over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub over: Option<OverRecord>,
+    /// Root, topology and clip manifest; in over mode also overs and their clip manifest.
     pub layers: Vec<FileRecord>,
     /// Frame files, handles included, in order.
     pub frames: Vec<FrameEntry>,
@@ -62,8 +65,54 @@ pub struct FrameEntry {
     /// Its file.
     #[serde(flatten)]
     pub file: FileRecord,
+    /// In over mode, its file of overs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub over: Option<FileRecord>,
     /// Figures of the simulation at this frame, such as contacts and stretch.
     pub figures: Map<String, Value>,
+}
+
+/// What over mode puts the motion over.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OverRecord {
+    /// File name of the stage without folder.
+    pub stage: String,
+    /// The curves.
+    pub prims: Vec<OverPrimRecord>,
+}
+
+/// Curves of the stage.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OverPrimRecord {
+    /// Path of the prim.
+    pub path: String,
+    /// The attribute that holds the points at rest.
+    pub points: String,
+    /// The time code at which they are; none for the default time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time: Option<f64>,
+    /// The attribute of the normals that turn with the curves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub normals: Option<String>,
+    /// Matrix from the space of the prim to rest space in metres, Y up, for column vectors.
+    pub to_rest_m: [[f64; 4]; 4],
+    /// Whether the importer changed the length of the curves.
+    pub lengthened: bool,
+    /// What the curves move as; those of no run ride with the head.
+    pub baked: Vec<OverRun>,
+}
+
+/// Curves that follow each other in the stage and in the cache.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct OverRun {
+    /// Path of the curves in the cache.
+    pub prim: String,
+    /// The first curve of the stage's prim.
+    pub first: usize,
+    /// The first curve of the cache's prim.
+    pub baked: usize,
+    /// Number of curves.
+    pub count: usize,
 }
 
 /// Summary of a [`Header`].
@@ -107,6 +156,7 @@ impl Manifest {
                 guides: size(&header.guides),
                 colliders: collider_prim_names(header),
             },
+            over: None,
             layers: Vec::new(),
             frames: Vec::new(),
             totals: Map::new(),

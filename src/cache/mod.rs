@@ -17,13 +17,18 @@ mod layers;
 mod manifest;
 mod material;
 mod names;
+mod over;
 mod reader;
 mod writer;
 
 pub use crate::file::{FileRecord, sha256, write_file};
 pub use frame::{ColliderFrame, CurveFrame, Frame};
 pub use header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header};
-pub use manifest::{FrameEntry, InputRecord, Manifest, Summary};
-pub use names::{CLIP_MANIFEST, MANIFEST, ROOT, TOPOLOGY, frame_file_name};
+pub use manifest::{FrameEntry, InputRecord, Manifest, OverPrimRecord, OverRecord, OverRun, Summary};
+pub use names::{
+    CLIP_MANIFEST, MANIFEST, OVER, OVER_CLIP_MANIFEST, ROOT, SHOT, TOPOLOGY, frame_file_name,
+    over_frame_file_name,
+};
+pub use over::{OverCurveFrame, OverCurves, OverFrame, OverHeader};
 pub use reader::Reader;
 pub use writer::{Writer, mark_unfinished};

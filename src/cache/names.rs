@@ -1,6 +1,7 @@
 //! Names of the files, prims and attributes of a cache.
 
 use super::header::{ColliderMesh, Header};
+use crate::usd::Value;
 use crate::{Error, Result};
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -11,6 +12,12 @@ pub const ROOT: &str = "hair.usda";
 pub const TOPOLOGY: &str = "hair.topology.usdc";
 /// Clip manifest: declares every attribute that the frame files animate.
 pub const CLIP_MANIFEST: &str = "hair.manifest.usda";
+/// In over mode: overs of the curves of another stage.
+pub const OVER: &str = "hair.over.usda";
+/// In over mode: clip manifest of [`OVER`].
+pub const OVER_CLIP_MANIFEST: &str = "hair.over.manifest.usda";
+/// In over mode: the other stage with [`OVER`] over it.
+pub const SHOT: &str = "hair.shot.usda";
 /// The cache's own manifest, written last.
 pub const MANIFEST: &str = "manifest.json";
 
@@ -32,24 +39,54 @@ pub fn frame_file_name(frame: i32) -> String {
     format!("hair.{frame:0FRAME_DIGITS$}.usdc")
 }
 
+/// File name of a frame of [`OVER`].
+pub fn over_frame_file_name(frame: i32) -> String {
+    format!("hair.over.{frame:0FRAME_DIGITS$}.usdc")
+}
+
 /// The template of [`frame_file_name`] in the clip metadata.
 pub(super) fn clip_template() -> String {
     format!("./hair.{}.usdc", "#".repeat(FRAME_DIGITS))
 }
 
-/// The frame of a file, if its name is one of [`frame_file_name`].
-fn frame_of_file_name(name: &str) -> Option<i32> {
-    let digits = name.strip_prefix("hair.")?.strip_suffix(".usdc")?;
-    let frame = digits.parse().ok()?;
-    (frame_file_name(frame) == name).then_some(frame)
+/// The template of [`over_frame_file_name`] in the clip metadata.
+pub(super) fn over_clip_template() -> String {
+    format!("./hair.over.{}.usdc", "#".repeat(FRAME_DIGITS))
 }
 
-/// Frames that have a file in `dir`, in order.
-pub(super) fn frames_on_disk(dir: &Path) -> Result<Vec<i32>> {
+/// Metadata of a prim whose attributes are in files, one for each of the `frames`, at `prim_path`: the clip
+/// set `name`.
+pub(super) fn clips(
+    name: &str,
+    template: &str,
+    frames: RangeInclusive<i32>,
+    prim_path: &str,
+    manifest: &str,
+) -> (String, Value<'static>) {
+    let set = vec![
+        ("templateAssetPath".into(), Value::string(template)),
+        ("templateStartTime".into(), Value::Double((*frames.start()).into())),
+        ("templateEndTime".into(), Value::Double((*frames.end()).into())),
+        ("templateStride".into(), Value::Double(1.0)),
+        ("primPath".into(), Value::string(prim_path)),
+        ("manifestAssetPath".into(), Value::Asset(format!("./{manifest}"))),
+    ];
+    ("clips".into(), Value::Dictionary(vec![(name.into(), Value::Dictionary(set))]))
+}
+
+/// The frame of a file, if its name is one that `name_of` gives.
+fn frame_of_file_name(name: &str, name_of: fn(i32) -> String) -> Option<i32> {
+    let digits = name.strip_suffix(".usdc")?.rsplit('.').next()?;
+    let frame = digits.parse().ok()?;
+    (name_of(frame) == name).then_some(frame)
+}
+
+/// Frames that have a file with a name of `name_of` in `dir`, in order.
+pub(super) fn frames_on_disk(dir: &Path, name_of: fn(i32) -> String) -> Result<Vec<i32>> {
     let mut frames = Vec::new();
     for entry in std::fs::read_dir(dir).map_err(|e| Error::io(dir, e))? {
         let entry = entry.map_err(|e| Error::io(dir, e))?;
-        frames.extend(entry.file_name().to_str().and_then(frame_of_file_name));
+        frames.extend(entry.file_name().to_str().and_then(|name| frame_of_file_name(name, name_of)));
     }
     frames.sort_unstable();
     Ok(frames)

@@ -35,7 +35,7 @@ impl Reader {
             other => other,
         })?;
         let header = source.header()?;
-        Ok(Reader { dir: dir.to_path_buf(), header, frames: frames_on_disk(dir)? })
+        Ok(Reader { dir: dir.to_path_buf(), header, frames: frames_on_disk(dir, frame_file_name)? })
     }
 
     /// The cache's folder.

@@ -5,11 +5,14 @@ use super::header::Header;
 use super::layers;
 use super::manifest::Manifest;
 use super::names::{
-    CLIP_MANIFEST, MANIFEST, ROOT, TOPOLOGY, frame_file_name, frames_on_disk, frames_with_handles,
+    CLIP_MANIFEST, MANIFEST, OVER, OVER_CLIP_MANIFEST, ROOT, SHOT, TOPOLOGY, frame_file_name, frames_on_disk,
+    frames_with_handles, over_frame_file_name,
 };
+use super::over::{OverFrame, OverHeader};
 use crate::file::{FileRecord, remove_file, write_file, write_file_if_changed};
 use crate::usd::{crate_file, text};
 use crate::{Error, Result};
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 /// A cache being written. Each of its files is written atomically.
@@ -18,6 +21,7 @@ pub struct Writer {
     dir: PathBuf,
     header: Header,
     layers: Vec<FileRecord>,
+    over: Option<OverHeader>,
 }
 
 impl Writer {
@@ -29,7 +33,8 @@ impl Writer {
     pub fn create(dir: &Path, header: &Header) -> Result<Self> {
         header.check().map_err(Error::Internal)?;
         std::fs::create_dir_all(dir).map_err(|e| Error::io(dir, e))?;
-        let mut writer = Writer { dir: dir.to_path_buf(), header: header.clone(), layers: Vec::new() };
+        let mut writer =
+            Writer { dir: dir.to_path_buf(), header: header.clone(), layers: Vec::new(), over: None };
         let topology = layers::topology_layer(header);
         let clip_manifest = text::encode(&layers::clip_manifest_layer(header));
         writer.layers = vec![
@@ -37,6 +42,17 @@ impl Writer {
             write_file_if_changed(&dir.join(CLIP_MANIFEST), &[clip_manifest])?,
         ];
         Ok(writer)
+    }
+
+    /// Writes the layers of over mode as well.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn with_over(mut self, over: OverHeader) -> Result<Self> {
+        let clip_manifest = text::encode(&over.clip_manifest_layer());
+        self.layers.push(write_file_if_changed(&self.dir.join(OVER_CLIP_MANIFEST), &[clip_manifest])?);
+        self.over = Some(over);
+        Ok(self)
     }
 
     /// The constant part.
@@ -58,8 +74,20 @@ impl Writer {
         write_file(&self.dir.join(frame_file_name(frame)), &crate_file::encode(&layer))
     }
 
-    /// Writes the root layer and, last, `manifest.json`, if they changed. Sets [`Manifest::layers`] and sorts
-    /// the frames. Removes frame files outside the range, which are from an earlier bake.
+    /// Writes the overs of one frame with its moments.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Internal`] without moments, or without over mode.
+    pub fn write_over_frame(&self, moments: &[OverFrame]) -> Result<FileRecord> {
+        let (Some(over), Some(first)) = (&self.over, moments.first()) else {
+            return Err(Error::Internal("there are no overs to write".into()));
+        };
+        let path = self.dir.join(over_frame_file_name(first.frame));
+        write_file(&path, &crate_file::encode(&over.frame_layer(moments)))
+    }
+
+    /// Writes the root layers and, last, `manifest.json`, if they changed. Sets [`Manifest::layers`] and
+    /// sorts the frames. Removes frame files outside the range, which are from an earlier bake.
     ///
     /// # Errors
     /// [`Error::Io`] if a file cannot be written; [`Error::Internal`] if the manifest does not list every
@@ -70,24 +98,38 @@ impl Writer {
         if !manifest.frames.iter().map(|record| record.frame).eq(range.clone()) {
             return Err(Error::Internal("the manifest does not list every frame once".into()));
         }
-        for frame in frames_on_disk(&self.dir)? {
-            if !range.contains(&frame) {
-                remove_file(&self.dir.join(frame_file_name(frame)))?;
-            }
-        }
+        let remove_outside = |name_of: fn(i32) -> String, range: &RangeInclusive<i32>| {
+            let frames = frames_on_disk(&self.dir, name_of)?;
+            let mut outside = frames.into_iter().filter(|frame| !range.contains(frame));
+            outside.try_for_each(|frame| remove_file(&self.dir.join(name_of(frame))))
+        };
+        remove_outside(frame_file_name, &range)?;
         let root = text::encode(&layers::root_layer(&self.header, &manifest));
         let root = write_file_if_changed(&self.dir.join(ROOT), &[root])?;
         manifest.layers = [vec![root], self.layers].concat();
+        match &self.over {
+            Some(over) => {
+                remove_outside(over_frame_file_name, &range)?;
+                let overs = text::encode(&over.over_layer(range));
+                manifest.layers.push(write_file_if_changed(&self.dir.join(OVER), &[overs])?);
+                // It depends on where the stage lies, so the manifest does not list it.
+                write_file_if_changed(&self.dir.join(SHOT), &[text::encode(&over.shot_layer())])?;
+            }
+            None => {
+                #[expect(clippy::reversed_empty_ranges, reason = "no frame is kept")]
+                remove_outside(over_frame_file_name, &(1..=0))?;
+                remove_file(&self.dir.join(OVER_CLIP_MANIFEST))?;
+            }
+        }
         write_file_if_changed(&self.dir.join(MANIFEST), &[manifest.to_json()?])?;
         Ok(manifest)
     }
 }
 
-/// Marks the cache in `dir` as unfinished: removes `manifest.json` and the root layer.
+/// Marks the cache in `dir` as unfinished: removes `manifest.json` and the root layers.
 ///
 /// # Errors
 /// [`Error::Io`] if they cannot be removed.
 pub fn mark_unfinished(dir: &Path) -> Result<()> {
-    remove_file(&dir.join(MANIFEST))?;
-    remove_file(&dir.join(ROOT))
+    [MANIFEST, ROOT, OVER, SHOT].iter().try_for_each(|name| remove_file(&dir.join(name)))
 }

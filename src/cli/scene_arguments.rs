@@ -1,14 +1,15 @@
 //! The scene of a bake: groom, animation, settings and output folder, the same for every stage.
 
 use super::settings::{Explained, SettingsArguments};
-use super::{summary, values};
+use super::{console, summary, values};
 use crate::bake::base_cache::GroupSelection;
-use crate::bake::job::Job;
+use crate::bake::job::{Job, JobOptions};
+use crate::bake::over;
 use crate::cache::MANIFEST;
 use crate::error::{Diagnostic, Error, Result};
 use crate::scene::anim::{OutputCurves, Resolution, Settings};
-use crate::scene::{LoadOptions, Override, PathMap};
-use crate::{bake, scene};
+use crate::scene::{Anim, Groom, LoadOptions, OverSource, OverTarget, Override, PathMap};
+use crate::{bake, import, scene};
 use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use std::path::{Path, PathBuf};
@@ -46,6 +47,17 @@ pub struct SceneArguments {
     /// It must have the same head motion, frames, units and samples, and the same groom except for --groups.
     #[arg(long, value_name = "CACHE", requires = "groups", help_heading = SELECTION)]
     base: Option<PathBuf>,
+    /// Put the motion over the curves that the groom was imported from, at and below this prim of a USD
+    /// stage, as well [default: the curves that `import track` found in the stage of the motion, if any]
+    ///
+    /// Only points, velocities, accelerations, extent and normals are overridden, in the groom's own basis,
+    /// order and space: materials, subsets, ids and all else stay. Open hair.shot.usda, or add hair.over.usda
+    /// to the sublayers of the shot. The cache itself is written as always.
+    #[arg(long, value_name = "FILE[:PRIM]", value_parser = values::stage_prim, help_heading = OUTPUT)]
+    over: Option<OverSource>,
+    /// Write the cache alone, without --over
+    #[arg(long, conflicts_with = "over", help_heading = OUTPUT)]
+    no_over: bool,
     #[command(flatten)]
     settings: SettingsArguments,
     #[command(flatten)]
@@ -95,16 +107,28 @@ impl SceneArguments {
             return Err(Error::Usage(message.into()));
         }
         let only = base.map(|base| GroupSelection { groups: self.groups.clone(), base });
+        let over =
+            self.over.as_ref().map(|over| OverSource { file: paths.map_path(&over.file), ..over.clone() });
         let options = LoadOptions { overrides: self.settings.overrides_for_reading(), path_map: paths };
         let set = self.settings.overrides().to_vec();
         let (groom, mut anim) = scene::load_with(&groom_file, &anim_file, &options)?;
+        let all_frames = anim.frames;
         if let Some(frames) = shot {
             check_frames(&anim_file, frames, anim.frames)?;
             anim.frames = frames;
         }
         self.settings.apply(&mut anim.settings);
-        let scene =
-            Scene { groom, anim, groom_file, anim_file, options, set, only, out, overwrite: self.overwrite };
+        let over = match (over, anim.over.take()) {
+            (None, _) if self.no_over => None,
+            (None, Some(_)) if !over::moves_all(&groom, &anim.settings) => {
+                console::say("over mode is off: these settings leave out curves of the groom");
+                None
+            }
+            (over, default) => over.or(default),
+        };
+        let over = over.map(|over| over_target(&over, &groom, &anim, all_frames)).transpose()?;
+        let overwrite = self.overwrite;
+        let scene = Scene { groom, anim, groom_file, anim_file, options, set, only, over, out, overwrite };
         scene.check_curves()?;
         Ok(scene)
     }
@@ -171,6 +195,13 @@ impl SceneArguments {
             words.extend(["--groups".into(), self.groups.join(",")]);
             words.extend(["--base".into(), base.display().to_string()]);
         }
+        if let Some(OverSource { file, prims }) = &self.over {
+            let prims = prims.iter().map(|prim| format!(":{prim}")).collect::<String>();
+            words.extend(["--over".into(), format!("{}{prims}", file.display())]);
+        }
+        if self.no_over {
+            words.push("--no-over".into());
+        }
         for (from, to) in &self.paths.path_map {
             words.extend(["--path-map".into(), format!("{from}={to}")]);
         }
@@ -195,6 +226,7 @@ pub struct Scene {
     /// The overrides of the files' values.
     set: Vec<Override>,
     only: Option<GroupSelection>,
+    over: Option<OverTarget>,
     out: PathBuf,
     overwrite: bool,
 }
@@ -205,9 +237,10 @@ impl Scene {
     /// # Errors
     /// Those of [`Job::begin`].
     pub fn begin(self, out: &Path) -> Result<Job> {
-        let Scene { groom, anim, groom_file, anim_file, options, set, only, overwrite, .. } = self;
+        let Scene { groom, anim, groom_file, anim_file, options, set, only, over, overwrite, .. } = self;
         let inputs = bake::input_records(&groom_file, &anim_file, &options)?;
-        Job::begin(groom, anim, inputs, &set, only.as_ref(), out, overwrite)
+        let options = JobOptions { set: &set, only: only.as_ref(), over, overwrite };
+        Job::begin(groom, anim, inputs, options, out)
     }
 
     /// Checks that the curves to write exist.
@@ -225,6 +258,18 @@ impl Scene {
         }
         Ok(())
     }
+}
+
+/// The curves of a stage that a bake of these frames overrides.
+///
+/// # Errors
+/// As [`import::over_target`] and [`over::check`].
+fn over_target(over: &OverSource, groom: &Groom, anim: &Anim, frames: (i32, i32)) -> Result<OverTarget> {
+    let time = groom.source.as_ref().and_then(|source| source.origin.time);
+    let offsets: Vec<f64> = anim.settings.offsets().collect();
+    let target = import::over_target(over, time, [frames.0 - 1, frames.1 + 1], &offsets)?;
+    over::check(groom, anim, &target)?;
+    Ok(target)
 }
 
 fn check_frames(file: &Path, (first, last): (i32, i32), shot: (i32, i32)) -> Result<()> {

@@ -1,8 +1,8 @@
 //! Parses the values of options.
 
 use crate::import::Source;
-use crate::scene::UpAxis;
 use crate::scene::anim::{ContactSetting, OutputCurves, Resolution, Scheme};
+use crate::scene::{OverSource, UpAxis};
 use clap::ValueEnum;
 use clap::builder::{PossibleValue, TypedValueParser};
 use nalgebra::Vector3;
@@ -115,6 +115,16 @@ pub fn source(text: &str) -> Result<Source, String> {
     }
     source.path = PathBuf::from(rest);
     Ok(source)
+}
+
+/// A USD file with an optional prim: `FILE[:PRIM]`.
+pub fn stage_prim(text: &str) -> Result<OverSource, String> {
+    match source(text)? {
+        Source { path, prim, metres_per_unit: None, up: None, .. } => {
+            Ok(OverSource { file: path, prims: prim.into_iter().collect() })
+        }
+        _ => Err("expected FILE or FILE:PRIM, such as shot.usda:/world/hero/groom".into()),
+    }
 }
 
 /// A duration: seconds, or with units as in `1h30m`, `90m`, `45s`.

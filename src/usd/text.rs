@@ -129,6 +129,7 @@ fn dictionary_type(value: &Value) -> &'static str {
         Value::Strings(_) => "string[]",
         Value::Tokens(_) | Value::PrependedTokens(_) => "token[]",
         Value::Dictionary(_) => "dictionary",
+        Value::Block => "None",
     }
 }
 
@@ -142,6 +143,7 @@ fn value_text(value: &Value, depth: usize) -> String {
         Value::String(s) | Value::Token(s) => quoted(s),
         Value::Asset(path) => asset(path),
         Value::Matrix4d(rows) => format!("( {} )", rows.map(|row| tuple(&row)).join(", ")),
+        Value::Block => "None".into(),
         Value::Ints(v) => list(v, i32::to_string),
         Value::Floats(v) => list(v, number),
         Value::Float2s(v) => list(v, |x| tuple(x)),

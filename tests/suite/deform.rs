@@ -3,7 +3,7 @@
 use crate::strand::hair;
 use hairbake::bake;
 use hairbake::bake::control::Control;
-use hairbake::bake::job::Job;
+use hairbake::bake::job::{Job, JobOptions};
 use hairbake::cache::Reader;
 use hairbake::contact::{Bodies, Body};
 use hairbake::dynamics::environment::Environment;
@@ -223,7 +223,7 @@ fn hair_lies_on_a_garment_that_moves() {
     let inputs = bake::input_records(&groom_path, &anim_path, &LoadOptions::default()).unwrap();
     assert_eq!(inputs.iter().filter(|i| i.role == "deformation").count(), 18);
     let (mut active, mut shortened) = (0, 0);
-    let job = Job::begin(groom, anim.clone(), inputs, &[], None, &out, false).unwrap();
+    let job = Job::begin(groom, anim.clone(), inputs, JobOptions::default(), &out).unwrap();
     bake::bake(&job, &Control::default(), |record, _, _| {
         active += record.contacts_active;
         shortened += record.shortened;

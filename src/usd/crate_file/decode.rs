@@ -187,6 +187,7 @@ impl Decoder<'_> {
             (kind::MATRIX4D, false) => Value::Matrix4d(self.source.at(payload)?.value()?),
             (kind::DICTIONARY, true) => Value::Dictionary(Vec::new()),
             (kind::DICTIONARY, false) => Value::Dictionary(self.dictionary(payload, depth)?),
+            (kind::VALUE_BLOCK, true) => Value::Block,
             (kind::TOKEN_LIST_OP, false) => return self.prepended_tokens(payload),
             _ => return Ok(None),
         };

@@ -254,6 +254,7 @@ impl<'a> Encoder<'a> {
                 self.out.put(*d);
                 ValueRep::at(kind::DOUBLE, offset)
             }
+            Value::Block => ValueRep::inlined(kind::VALUE_BLOCK, 0),
             Value::String(text) => ValueRep::inlined(kind::STRING, self.string(text)),
             Value::Token(text) => ValueRep::inlined(kind::TOKEN, self.tokens.index(text)),
             Value::Asset(text) => ValueRep::inlined(kind::ASSET, self.tokens.index(text)),

@@ -42,6 +42,7 @@ pub(super) mod kind {
     pub const DOUBLE_VECTOR: u8 = 48;
     pub const LAYER_OFFSET_VECTOR: u8 = 49;
     pub const STRING_VECTOR: u8 = 50;
+    pub const VALUE_BLOCK: u8 = 51;
 }
 
 /// Kind codes of specs.

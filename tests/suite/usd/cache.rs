@@ -13,7 +13,7 @@ fn write_cache(dir: &Path, header: &Header) -> Manifest {
     manifest.totals.insert("contacts".into(), 12.into());
     for frame in header.frames.0 - 1..=header.frames.1 + 1 {
         let file = writer.write_frame(&[sample::frame(header, frame)]).unwrap();
-        manifest.frames.push(FrameEntry { frame, file, figures: Default::default() });
+        manifest.frames.push(FrameEntry { frame, file, over: None, figures: Default::default() });
     }
     writer.finish(manifest).unwrap()
 }

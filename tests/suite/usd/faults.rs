@@ -32,7 +32,7 @@ fn write_frames(writer: &Writer, header: &Header) -> Manifest {
     });
     // Last frame first: the manifest sorts them.
     for (&frame, file) in frames.iter().zip(files).rev() {
-        manifest.frames.push(FrameEntry { frame, file, figures: Default::default() });
+        manifest.frames.push(FrameEntry { frame, file, over: None, figures: Default::default() });
     }
     manifest
 }

@@ -1,0 +1,131 @@
+//! How control points move: with the head, and in the space of their prim.
+
+use crate::bake::output::head_motion;
+use crate::scene::{Anim, Convention};
+use crate::strands::HeadMotion;
+use nalgebra::{Matrix3, Matrix4, SVector, Vector3};
+
+/// Step of the differences that give the acceleration of the head, s.
+const HEAD_STEP: f64 = 1e-3;
+
+/// Position, velocity and acceleration of a point.
+pub(super) type Motion = SVector<f64, 9>;
+
+/// A [`Motion`] of its parts.
+pub(super) fn joined(parts: [Vector3<f64>; 3]) -> Motion {
+    Motion::from_fn(|i, _| parts[i / 3][i % 3])
+}
+
+/// The parts of a [`Motion`].
+pub(super) fn parts(motion: &Motion) -> [Vector3<f64>; 3] {
+    [0, 3, 6].map(|i| motion.fixed_rows::<3>(i).into_owned())
+}
+
+/// The first three rows of a matrix times a point.
+pub(super) fn affine(matrix: &Matrix4<f64>, p: &Vector3<f64>) -> Vector3<f64> {
+    (matrix * p.push(1.0)).xyz()
+}
+
+/// The part of a matrix that turns and scales.
+pub(super) fn linear(matrix: &Matrix4<f64>) -> Matrix3<f64> {
+    matrix.fixed_view::<3, 3>(0, 0).into_owned()
+}
+
+/// How the head carries points of rest space at one moment.
+pub(super) struct Carrier {
+    head: HeadMotion,
+    /// Second derivative of its pose.
+    second: Matrix4<f64>,
+}
+
+impl Carrier {
+    /// The head at time `t`, s.
+    pub fn at(anim: &Anim, t: f64) -> Self {
+        let pose = |t: f64| anim.head_pose(t).to_homogeneous();
+        let second = (pose(t + HEAD_STEP) + pose(t - HEAD_STEP) - pose(t) * 2.0) / HEAD_STEP.powi(2);
+        Carrier { head: head_motion(anim, t), second }
+    }
+
+    /// Motion of a point of the head.
+    pub fn motion(&self, rest: &Vector3<f64>) -> Motion {
+        let (position, velocity) = self.head.carry(rest);
+        joined([position, velocity, affine(&self.second, rest)])
+    }
+
+    /// A direction of rest space in the world.
+    pub fn turn(&self, direction: &Vector3<f64>) -> Vector3<f64> {
+        self.head.rotation * direction
+    }
+}
+
+/// Where a stage places a prim at one moment: matrices to the world in metres, Y up.
+pub(super) struct Placement {
+    to_world: Matrix4<f64>,
+    to_local: Matrix4<f64>,
+    /// First derivative of `to_world`, per second.
+    rate: Matrix4<f64>,
+    /// Its second derivative.
+    second: Matrix4<f64>,
+}
+
+impl Placement {
+    /// Of a prim with these matrices to the world of a stage half a frame before the moment, at it and after
+    /// it.
+    pub fn new(convention: &Convention, to_world: [Matrix4<f64>; 3], fps: f64) -> Self {
+        let [before, at, after] = to_world.map(|matrix| convention.matrix_in() * matrix);
+        Placement {
+            to_world: at,
+            // The reader of the stage refuses matrices without inverse.
+            to_local: at.try_inverse().unwrap_or_else(Matrix4::identity),
+            rate: (after - before) * fps,
+            second: (after + before - at * 2.0) * (2.0 * fps).powi(2),
+        }
+    }
+
+    /// Position, velocity and acceleration in the space of the prim of a motion in the world. The prim moves
+    /// as well, and the velocity of its space is not that of the point in it.
+    pub fn local(&self, world: &Motion) -> [Vector3<f64>; 3] {
+        let [position, velocity, acceleration] = parts(world);
+        let turn = linear(&self.to_local);
+        let p = affine(&self.to_local, &position);
+        let v = turn * (velocity - affine(&self.rate, &p));
+        let a = turn * (acceleration - linear(&self.rate) * v * 2.0 - affine(&self.second, &p));
+        [p, v, a]
+    }
+
+    /// A normal in the space of the prim.
+    pub fn normal(&self, world: &Vector3<f64>) -> Vector3<f64> {
+        linear(&self.to_world).transpose() * world
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::UpAxis;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn a_point_at_rest_in_the_world_moves_backwards_in_a_space_that_moves() {
+        // It moves along x at 2, and at a rate of 6 that grows, in centimetres.
+        let (fps, speed, growth) = (24.0, 2.0, 6.0);
+        let at = |t: f64| {
+            let x = 3.0 + speed * t + 0.5 * growth * t * t;
+            Matrix4::new_translation(&Vector3::new(x, 0.0, 0.0)) * Matrix4::new_scaling(1.0)
+        };
+        let half = 0.5 / fps;
+        let convention = Convention { metres_per_unit: 0.01, up: UpAxis::Y };
+        let placement = Placement::new(&convention, [at(-half), at(0.0), at(half)], fps);
+        let world = joined([Vector3::new(0.05, 0.01, 0.0), Vector3::zeros(), Vector3::zeros()]);
+        let [p, v, a] = placement.local(&world);
+        assert_abs_diff_eq!(p, Vector3::new(2.0, 1.0, 0.0), epsilon = 1e-12);
+        assert_abs_diff_eq!(v, Vector3::new(-speed, 0.0, 0.0), epsilon = 1e-12);
+        assert_abs_diff_eq!(a, Vector3::new(-growth, 0.0, 0.0), epsilon = 1e-9);
+    }
+
+    #[test]
+    fn motions_keep_their_parts() {
+        let each = [Vector3::new(1.0, 2.0, 3.0), Vector3::new(4.0, 5.0, 6.0), Vector3::new(7.0, 8.0, 9.0)];
+        assert_eq!(parts(&joined(each)), each);
+    }
+}

@@ -1,0 +1,72 @@
+//! What the manifest tells of over mode.
+
+use super::matching::matched;
+use super::source::{Set, owners};
+use crate::Result;
+use crate::cache::{Header, OverPrimRecord, OverRecord, OverRun};
+use crate::scene::{Groom, OverTarget};
+
+/// What the manifest of a cache with this `header` tells of the curves of `target`.
+///
+/// # Errors
+/// As [`check`](super::check).
+pub fn record(groom: &Groom, header: &Header, target: &OverTarget) -> Result<OverRecord> {
+    let (source, matched) = matched(groom, target)?;
+    let (starts, owners) = (source.starts(), owners(source));
+    let prims = target.prims.iter().zip(matched).map(|(prim, of)| {
+        let to_rest = &source.prims[of].to_rest;
+        OverPrimRecord {
+            path: prim.path.clone(),
+            points: prim.points_name.clone(),
+            time: prim.time,
+            normals: prim.normals.as_ref().map(|normals| normals.name.clone()),
+            to_rest_m: std::array::from_fn(|row| std::array::from_fn(|column| to_rest[(row, column)])),
+            lengthened: source.length.is_some(),
+            baked: runs(&owners[starts[of]..starts[of + 1]], header),
+        }
+    });
+    let stage = target.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(OverRecord { stage, prims: prims.collect() })
+}
+
+/// What curves move as, in runs as long as possible.
+fn runs(owners: &[Option<(Set, usize)>], header: &Header) -> Vec<OverRun> {
+    let mut runs: Vec<OverRun> = Vec::new();
+    for (curve, owner) in owners.iter().enumerate() {
+        let Some((set, baked)) = owner.filter(|(set, index)| *index < set.count(header)) else { continue };
+        match runs.last_mut() {
+            Some(run)
+                if (run.prim.as_str(), run.first + run.count, run.baked + run.count)
+                    == (set.path(), curve, baked) =>
+            {
+                run.count += 1;
+            }
+            _ => runs.push(OverRun { prim: set.path().into(), first: curve, baked, count: 1 }),
+        }
+    }
+    runs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cache::CurveSet;
+
+    #[test]
+    fn curves_in_one_order_are_one_run() {
+        let set = |n: usize| CurveSet { counts: vec![2; n], ..CurveSet::default() };
+        let header = Header { hair: Some(set(4)), guides: set(1), ..Header::default() };
+        let hair = |i| Some((Set::Hair, i));
+        let guide = |i| Some((Set::Guides, i));
+        let found = runs(&[hair(0), hair(1), None, hair(3), guide(0), guide(1), hair(2)], &header);
+        let found: Vec<_> = found.iter().map(|run| (&*run.prim, run.first, run.baked, run.count)).collect();
+        let expected = [
+            ("/groom/hair", 0, 0, 2),
+            ("/groom/hair", 3, 3, 1),
+            // The second guide is not written.
+            ("/groom/guides", 4, 0, 1),
+            ("/groom/hair", 6, 2, 1),
+        ];
+        assert_eq!(found, expected);
+    }
+}

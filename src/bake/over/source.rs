@@ -1,0 +1,114 @@
+//! The curves of a groom's source: how they lie in the groom's pose, and what they move as.
+
+use super::motion::affine;
+use crate::cache::{CurveFrame, Frame, Header};
+use crate::math::basis_curve::{CurveFit, CurveType};
+use crate::scene::{Convention, OverPrim, SourceCurves};
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// A set of curves of the cache.
+#[derive(Clone, Copy)]
+pub(super) enum Set {
+    Hair,
+    Guides,
+}
+
+impl Set {
+    pub const ALL: [Set; 2] = [Set::Hair, Set::Guides];
+
+    /// The points of each curve, and the points at rest, m.
+    pub fn curves(self, header: &Header, convention: Convention) -> (Vec<Range<usize>>, Vec<Vector3<f64>>) {
+        let set = match self {
+            Set::Hair => header.hair.as_ref(),
+            Set::Guides => Some(&header.guides),
+        };
+        let Some(set) = set else { return Default::default() };
+        let rest = set.rest.iter().map(|p| convention.length_in(p.map(f64::from).into()));
+        (ranges(set.counts.iter().map(|n| n.cast_unsigned())).collect(), rest.collect())
+    }
+
+    /// Path of the prim in the cache.
+    pub fn path(self) -> &'static str {
+        match self {
+            Set::Hair => "/groom/hair",
+            Set::Guides => "/groom/guides",
+        }
+    }
+
+    /// Number of curves in the cache.
+    pub fn count(self, header: &Header) -> usize {
+        match self {
+            Set::Hair => header.hair.as_ref().map_or(0, |hair| hair.counts.len()),
+            Set::Guides => header.guides.counts.len(),
+        }
+    }
+
+    pub fn of(self, moment: &Frame) -> Option<&CurveFrame> {
+        match self {
+            Set::Hair => moment.hair.as_ref(),
+            Set::Guides => Some(&moment.guides),
+        }
+    }
+}
+
+/// The fits of all types and sizes of curves.
+#[derive(Default)]
+pub(super) struct Fits {
+    pub all: Vec<CurveFit>,
+    index: BTreeMap<(CurveType, usize), usize>,
+}
+
+impl Fits {
+    /// Index of the fit of curves that [`check`](super::check) has passed.
+    pub fn index(&mut self, curve: CurveType, count: usize) -> usize {
+        let all = &mut self.all;
+        *self.index.entry((curve, count)).or_insert_with(|| {
+            all.extend(CurveFit::new(curve, count));
+            all.len() - 1
+        })
+    }
+}
+
+/// The control points of a prim of the stage in rest space, m, lengthened as its curves were.
+pub(super) fn rest_controls(
+    source: &SourceCurves,
+    of: usize,
+    prim: &OverPrim,
+    fits: &mut Fits,
+) -> Vec<Vector3<f64>> {
+    let to_rest = &source.prims[of].to_rest;
+    let mut rest: Vec<_> = prim.points.iter().map(|p| affine(to_rest, p)).collect();
+    if let Some(length) = &source.length {
+        let factors = &length[source.starts()[of]..];
+        for (controls, factor) in ranges(prim.vertices.iter().copied()).zip(factors) {
+            let fit = fits.index(prim.curve, controls.len());
+            let root = fits.all[fit].samples[0].of(&rest[controls.clone()]);
+            rest[controls].iter_mut().for_each(|p| *p = root + (*p - root) * *factor);
+        }
+    }
+    rest
+}
+
+/// The curve of the cache that each curve of a source moves as. A strand is drawn, a guide may not be.
+pub(super) fn owners(source: &SourceCurves) -> Vec<Option<(Set, usize)>> {
+    let mut owners = vec![None; source.vertices.len()];
+    for (set, curves) in [(Set::Guides, &source.guides), (Set::Hair, &source.strands)] {
+        for (i, curve) in curves.iter().enumerate() {
+            if let Some(curve) = curve {
+                owners[*curve as usize] = Some((set, i));
+            }
+        }
+    }
+    owners
+}
+
+/// The items of each of several lists of these lengths, one after the other.
+pub(super) fn ranges(lengths: impl Iterator<Item = u32>) -> impl Iterator<Item = Range<usize>> {
+    lengths.scan(0, |end, n| {
+        let start = *end;
+        *end += n as usize;
+        Some(start..*end)
+    })
+}
