@@ -17,6 +17,8 @@ from .geometry import Array, FloatArray, IntArray, norms
 
 ROOT_LAYER = "hair.usda"
 RECORD = "manifest.json"
+SHOT_LAYER = "hair.shot.usda"
+"""In over mode: the stage of the groom with the motion of the cache over it."""
 GROOM = "/groom"
 HEAD = "/groom/head"
 HAIR = "/groom/hair"
@@ -299,7 +301,15 @@ def read_frame(cache: Cache, frame: int) -> FrameFile:
     Raises:
         CacheError: the file is missing or damaged.
     """
-    path = cache.frame_path(frame)
+    return read_layer(cache.frame_path(frame), frame)
+
+
+def read_layer(path: Path, frame: int) -> FrameFile:
+    """Reads the whole file of one frame at `path`.
+
+    Raises:
+        CacheError: the file is missing or damaged.
+    """
     if not path.is_file():
         raise CacheError("no such file")
     file = FrameFile(frame)

@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from . import tolerances
-from .cache import RECORD, Cache
+from .cache import RECORD, SHOT_LAYER, Cache
 from .report import Check, Finding
 
 # `.hairbake`, the work folder of a bake, is no temporary file: a bake resumes from it.
 TEMPORARY = re.compile(r"^\.(?!hairbake$)|\.tmp|\.part$|~$")
-FRAME_FILE = re.compile(r"hair\.0*(-?\d+)\.usdc")
+FRAME_FILE = re.compile(r"hair\.(?:over\.)?0*(-?\d+)\.usdc")
 
 RECORD_CHECK = Check(
     "record",
@@ -119,7 +119,9 @@ def temporaries(cache: Cache) -> Iterator[Finding]:
 
 def checksums(cache: Cache) -> Iterator[Finding]:
     """Compares every static layer and frame file with its recorded checksum."""
-    recorded = entries(cache, "layers") + entries(cache, "frames")
+    frames = entries(cache, "frames")
+    overs = [{**entry["over"], "frame": entry.get("frame")} for entry in frames if entry.get("over")]
+    recorded = entries(cache, "layers") + frames + overs
     expected = {str(entry.get("file")): (entry.get("sha256"), entry.get("frame")) for entry in recorded}
     for name, (digest, frame) in sorted(expected.items()):
         path = cache.directory / name
@@ -134,6 +136,8 @@ def checksums(cache: Cache) -> Iterator[Finding]:
             message = f"{name}: SHA-256 is {found[:12]}…, recorded {str(digest)[:12]}…"
             yield Finding(CHECKSUMS, message=message, frame=frame)
     layers = (path.name for path in cache.directory.glob("hair*.usd[ac]"))
+    # It depends on where the stage is that it shows.
+    layers = (name for name in layers if name != SHOT_LAYER or not cache.record.get("over"))
     for name in sorted({name for name in layers if not FRAME_FILE.fullmatch(name)} - set(expected)):
         yield Finding(CHECKSUMS, message=f"{name}: no checksum in {RECORD}")
 

@@ -9,16 +9,20 @@ from .checks_clips import CLIP_CHECKS
 from .checks_files import CHECKSUMS, FILES, checksums
 from .checks_frame import FRAME, FRAMES
 from .checks_motion import MOTION
+from .checks_over import OVER, OVER_FRAME
 from .checks_placement import PLACEMENTS
 from .checks_stage import STAGE
 from .checks_topology import CURVE_DATA
 from .report import Check, Finding, Report
 from .window import Reference, Window
 
-STATIC = {**FILES, **STAGE, **CURVE_DATA, **CLIP_CHECKS, **PLACEMENTS}
+STATIC = {**FILES, **STAGE, **CURVE_DATA, **CLIP_CHECKS, **PLACEMENTS, **OVER}
 """The checks of static data and their functions, without CHECKSUMS."""
 
-CHECKS: list[Check] = [*STATIC, CHECKSUMS, *FRAME, *MOTION]
+MOVING = {**FRAME, **MOTION, **OVER_FRAME}
+"""The checks of frames and their functions."""
+
+CHECKS: list[Check] = [*STATIC, CHECKSUMS, *MOVING]
 """Every check, in the order of the report."""
 
 CHUNK = (8, 16)
@@ -68,7 +72,7 @@ def validate(
     if quick and len(chosen) > 3 * QUICK:
         middle = (len(chosen) - QUICK) // 2
         chosen = chosen[:QUICK] + chosen[middle : middle + QUICK] + chosen[-QUICK:]
-    report.ran([*FRAME, *MOTION])
+    report.ran([*MOVING])
     for findings in check_frames(cache, Reference.of(cache), chosen, jobs):
         report.add(findings)
     if only is None:
@@ -105,7 +109,7 @@ def check_chunk(window: Window, frames: list[int]) -> list[Finding]:
     findings: list[Finding] = []
     for frame in frames:
         window.move_to(frame)
-        for function in (*FRAME.values(), *MOTION.values()):
+        for function in MOVING.values():
             findings += function(window)
     return findings
 

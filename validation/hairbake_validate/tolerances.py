@@ -32,6 +32,21 @@ WEIGHT_SUM = 1e-6
 # covers the rounding of the matrix product.
 ROOT_OFFSET_M = 1e-6
 
+# Distance of a root of the groom's curves, in over mode, from its place on the head, m, beyond the rounding
+# of points in the world: those of groom, cache and overs are rounded in their own spaces.
+OVER_ROOT_M = 2e-6
+
+# Distance of a baked strand from the curve of the groom that stands for it, the mean over the strand as a
+# share of its length, at the 95th percentile of the strands. A B-spline has half as many control points as
+# the strand has points, and no kinks.
+OVER_SHAPE = 0.02
+
+# How far control points are from where the head carries the groom's own, m, beyond OVER_GAIN times the same
+# distance of the farthest point of the strand. The control points of a B-spline swing by up to three times as
+# much as the curve; phantom ends are extrapolated, up to three times as far.
+OVER_GAIN = 4.0
+OVER_REST_M = 1e-5
+
 # Distance of points outside their extent, m: one rounding of its corners.
 EXTENT_EXCESS_M = 1e-6
 

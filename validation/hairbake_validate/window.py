@@ -217,6 +217,14 @@ class Window:
         result: _Result = known[key]
         return result
 
+    def keep(self, key: str, offset: int, compute: Callable[[int], _Result]) -> _Result:
+        """`compute(frame)` of a frame `offset` from the centre, once while the window is near."""
+        known = self._results.setdefault(self.frame + offset, {})
+        if key not in known:
+            known[key] = compute(self.frame + offset)
+        result: _Result = known[key]
+        return result
+
     def depths(self, mesh: Mesh, at_first: Collider) -> dict[str, FloatArray]:
         """Depth in a collider of each curve's points in the centre frame, by the path of the curves.
 

@@ -127,9 +127,9 @@ class CacheBuilder:
             "hairbake": "0.1.0",
             "inputs": [{"role": "groom", "file": "groom.json", "sha256": "0" * 64}],
             "settings": {"samples": SAMPLES, "shutter": SHUTTER},
-            "layers": [self._file_record(self.path(name)) for name in names],
+            "layers": [self.file_record(self.path(name)) for name in names],
             "frames": [
-                {"frame": frame, **self._file_record(self.frame(frame)), "figures": FIGURES}
+                {"frame": frame, **self.file_record(self.frame(frame)), "figures": FIGURES}
                 for frame in HANDLES
             ],
         }
@@ -191,7 +191,8 @@ class CacheBuilder:
             self.edit_frame(frame, partial(put, frame=frame))
 
     @staticmethod
-    def _file_record(path: Path) -> dict[str, Any]:
+    def file_record(path: Path) -> dict[str, Any]:
+        """What manifest.json holds of a file."""
         data = path.read_bytes() if path.exists() else b""
         return {"file": path.name, "sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)}
 

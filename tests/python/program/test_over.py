@@ -1,0 +1,393 @@
+"""Over mode: the motion of a bake over the curves that the groom was imported from, as a user runs it."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
+
+from hairbake_usd.exchange import FloatArray
+from hairbake_validate.report import Report
+from hairbake_validate.run import validate
+from support import Run, unwrapped
+from usd_import.stages import add_curves, add_primvar, hanging, new_stage
+
+FIRST, LAST = 1001, 1006
+FRAMES = range(FIRST - 1, LAST + 2)
+STRANDS, POINTS = 12, 7
+HAIR = "/world/hero/char/hair"
+pytestmark = pytest.mark.slow
+TYPES = [
+    ("linear", "nonperiodic"),
+    ("bezier", "nonperiodic"),
+    ("bspline", "nonperiodic"),
+    ("bspline", "pinned"),
+    ("catmullRom", "nonperiodic"),
+    ("catmullRom", "pinned"),
+]
+QUICK = ("--substeps", "2", "--preroll", "0.1", "--no-pictures")
+
+
+class Shot:
+    """A character in a shot: referenced, placed, turned as it walks; cm, Z up."""
+
+    def __init__(self, folder: Path, hairbake: Run, basis: str = "bspline", wrap: str = "pinned") -> None:
+        """Writes the asset and the shot."""
+        self.folder, self.hairbake = folder, hairbake
+        self.asset, self.shot = folder / "char.usda", folder / "shot.usda"
+        self._write_asset(basis, wrap)
+        self._write_shot()
+
+    def _write_asset(self, basis: str, wrap: str) -> None:
+        stage = new_stage(self.asset, 0.01, "Z")
+        stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/char").GetPrim())
+        UsdGeom.Xform.Define(stage, "/char/head").AddTranslateOp().Set(Gf.Vec3d(0, 0, 150))
+        points = hanging(STRANDS, POINTS)
+        points = np.stack([points[..., 0], -points[..., 2], points[..., 1]], axis=-1) * 100
+        # Not straight, so that a curve is not its control points.
+        points[:, 1::2, 1] += 0.8
+        if (basis, wrap) in (("bspline", "nonperiodic"), ("catmullRom", "nonperiodic")):
+            # The curve starts between the first and the third control point.
+            points[:, 0] = 2 * points[:, 1] - points[:, 2]
+        curves = add_curves(
+            stage, "/char/hair", points, basis="bspline" if basis == "linear" else basis, wrap=wrap
+        )
+        if basis == "linear":
+            curves.GetTypeAttr().Set("linear")
+        curves.CreateWidthsAttr([0.01])
+        curves.SetWidthsInterpolation("constant")
+        curves.CreatePurposeAttr("render")
+        add_primvar(curves, "hair_id", Sdf.ValueTypeNames.IntArray, "uniform", list(range(STRANDS)))
+        subset = UsdGeom.Subset.Define(stage, "/char/hair/fringe")
+        subset.CreateElementTypeAttr("face")
+        subset.CreateIndicesAttr([1, 3])
+        material = UsdShade.Material.Define(stage, "/char/look/hair")
+        UsdShade.MaterialBindingAPI.Apply(curves.GetPrim()).Bind(material)
+        stage.Save()
+
+    def _write_shot(self) -> None:
+        stage = new_stage(self.shot, 0.01, "Z")
+        stage.SetTimeCodesPerSecond(24)
+        stage.SetFramesPerSecond(24)
+        stage.SetStartTimeCode(FIRST)
+        stage.SetEndTimeCode(LAST)
+        stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/world").GetPrim())
+        hero = UsdGeom.Xform.Define(stage, "/world/hero")
+        walk, turn = hero.AddTranslateOp(), hero.AddRotateZOp()
+        stage.DefinePrim("/world/hero/char").GetReferences().AddReference("./char.usda")
+        nod = UsdGeom.Xform(stage.OverridePrim("/world/hero/char/head")).AddRotateXOp()
+        for frame in range(FIRST - 8, LAST + 9):
+            time = (frame - FIRST) / 24
+            walk.Set(Gf.Vec3d(200 + 60 * time, 50, 0), frame)
+            turn.Set(30 + 90 * time, frame)
+            nod.Set(15 * float(np.sin(6 * time)), frame)
+        stage.Save()
+
+    def edit(self, path: Path, change: Callable[[Usd.Stage], Any]) -> None:
+        """Applies `change(stage)` to a stage."""
+        stage = Usd.Stage.Open(str(path))
+        change(stage)
+        stage.Save()
+
+    def run(self, *arguments: object) -> str:
+        """Runs the program, which must succeed; returns its messages."""
+        done = self.hairbake(*arguments)
+        assert done.returncode == 0, done.stderr
+        return done.stderr
+
+    def imported(self, *options: object, stage: Path | None = None) -> tuple[Path, Path]:
+        """Imports groom and track."""
+        groom, anim = self.folder / "groom.json", self.folder / "anim.json"
+        prim = "/char" if stage == self.asset else "/world/hero/char"
+        source = stage or self.shot
+        self.run("import", "groom", source, "--prim", prim, "--guides", 4, *options, "-o", groom)
+        self.track = self.run(
+            "import", "track", self.shot, "--prim", f"{HAIR[:-5]}/head", "--groom", groom, "-o", anim
+        )
+        return groom, anim
+
+    def baked(self, *options: object, stage: Path | None = None) -> Path:
+        """Folder of a bake with everything by default."""
+        out = self.folder / "out"
+        self.run(*self.imported(stage=stage), "-o", out, *QUICK, *options)
+        return out
+
+
+def composed(out: Path) -> tuple[Usd.Stage, UsdGeom.BasisCurves]:
+    """The composed stage, and its curves, which live as long as the stage."""
+    stage = Usd.Stage.Open(str(out / "hair.shot.usda"))
+    return stage, UsdGeom.BasisCurves(stage.GetPrimAtPath(HAIR))
+
+
+def values(attribute: Usd.Attribute, time: float | None = None) -> FloatArray:
+    """An array at a time."""
+    return np.array(attribute.Get() if time is None else attribute.Get(time), float)
+
+
+def passed(out: Path) -> Report:
+    """The report on a cache, all of whose checks of over mode hold."""
+    report = validate(out)
+    over = {name: outcome for name, outcome in report.outcomes.items() if name.startswith("over_")}
+    assert all(outcome.status == "pass" for outcome in over.values()), report.as_text()
+    assert report.outcomes["checksums"].status == "pass"
+    assert over["over_roots"].worst is not None
+    return report
+
+
+@pytest.mark.parametrize(("basis", "wrap"), TYPES)
+def test_the_curves_of_the_groom_are_drawn_where_strands_are_baked(
+    hairbake: Run, tmp_path: Path, basis: str, wrap: str
+) -> None:
+    shot = Shot(tmp_path, hairbake, basis, wrap)
+    out = shot.baked()
+    assert f"over mode: a bake puts the motion over {HAIR} as well" in unwrapped(shot.track)
+    worst = passed(out).outcomes["over_shape"].worst
+    assert worst is not None and worst.value < 0.01
+    _stage, found = composed(out)
+    assert (found.GetBasisAttr().Get() if basis != "linear" else "linear", found.GetWrapAttr().Get()) == (
+        basis,
+        wrap,
+    )
+    moved = values(found.GetPointsAttr(), LAST) - values(found.GetPointsAttr())
+    assert np.linalg.norm(moved, axis=1).max() > 1
+    extent = UsdGeom.Boundable.ComputeExtentFromPlugins(found, LAST)
+    assert np.allclose(values(found.GetExtentAttr(), LAST), np.array(extent), atol=1e-4)
+
+
+@pytest.mark.parametrize(("basis", "wrap"), TYPES)
+def test_what_does_not_move_comes_back_to_rounding(
+    hairbake: Run, tmp_path: Path, basis: str, wrap: str
+) -> None:
+    shot = Shot(tmp_path, hairbake, basis, wrap)
+
+    def still(stage: Usd.Stage) -> None:
+        for path in ("/world/hero", "/world/hero/char/head"):
+            for op in UsdGeom.Xformable(stage.GetPrimAtPath(path)).GetOrderedXformOps():
+                value = op.Get(FIRST)
+                op.GetAttr().Clear()
+                op.Set(value)
+
+    shot.edit(shot.shot, still)
+    out = shot.baked("--set", "anim.gravity_m_s2=[0,0,0]", "--set", "anim.settings.contact=bodies")
+    _stage, found = composed(out)
+    points = found.GetPointsAttr()
+    # The groom's points are rounded to 8e-6 cm, and points in the world, 2 m from its origin, to 1.5e-5 cm.
+    assert all(np.abs(values(points, frame) - values(points)).max() < 6e-5 for frame in FRAMES)
+
+
+def test_a_groom_of_the_asset_is_found_in_the_shot(hairbake: Run, tmp_path: Path) -> None:
+    shot = Shot(tmp_path, hairbake)
+    passed(shot.baked(stage=shot.asset))
+    assert json.loads((tmp_path / "anim.json").read_text())["over"] == {"file": "shot.usda", "prims": [HAIR]}
+
+
+def test_moments_accelerations_and_normals(hairbake: Run, tmp_path: Path) -> None:
+    shot = Shot(tmp_path, hairbake)
+
+    def ribbons(stage: Usd.Stage) -> None:
+        hair = UsdGeom.BasisCurves(stage.GetPrimAtPath("/char/hair"))
+        hair.CreateNormalsAttr(Vt.Vec3fArray(STRANDS * POINTS, Gf.Vec3f(1, 0, 0)))
+        hair.SetNormalsInterpolation("vertex")
+
+    shot.edit(shot.asset, ribbons)
+    out = shot.baked("--samples", "3", "--accelerations")
+    passed(out)
+    _stage, found = composed(out)
+    half = FIRST + 0.25
+    points, rates, accelerations = (
+        values(attribute, FIRST)
+        for attribute in (found.GetPointsAttr(), found.GetVelocitiesAttr(), found.GetAccelerationsAttr())
+    )
+    step = 0.25 / 24
+    extrapolated = points + rates * step + accelerations * step**2 / 2
+    moved = np.abs(values(found.GetPointsAttr(), half) - points).max()
+    assert np.abs(values(found.GetPointsAttr(), half) - extrapolated).max() < 0.02 * moved
+    normals = values(found.GetNormalsAttr(), LAST).reshape(STRANDS, POINTS, 3)
+    assert np.allclose(np.linalg.norm(normals, axis=-1), 1, atol=1e-5)
+    places = values(found.GetPointsAttr(), LAST).reshape(STRANDS, POINTS, 3)
+    tangents = places[:, 2:] - places[:, :-2]
+    tangents /= np.linalg.norm(tangents, axis=-1, keepdims=True)
+    # They are across the curves at rest, and stay so.
+    assert np.abs((normals[:, 1:-1] * tangents).sum(-1)).max() < 1e-4
+    assert np.abs(normals - [1, 0, 0]).max() > 0.05
+
+
+def test_a_skeleton_does_not_move_the_curves_again(hairbake: Run, tmp_path: Path) -> None:
+    shot = Shot(tmp_path, hairbake)
+
+    def bind(stage: Usd.Stage) -> None:
+        stage.GetPrimAtPath("/char").SetTypeName("SkelRoot")
+        skeleton = UsdSkel.Skeleton.Define(stage, "/char/rig")
+        skeleton.CreateJointsAttr(["head"])
+        pose = Gf.Matrix4d().SetTranslate(Gf.Vec3d(0, 0, 150))
+        skeleton.CreateBindTransformsAttr([pose])
+        skeleton.CreateRestTransformsAttr([pose])
+        binding = UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath("/char/hair"))
+        binding.CreateSkeletonRel().SetTargets(["/char/rig"])
+        binding.CreateJointIndicesPrimvar(True, 1).Set([0])
+        binding.CreateJointWeightsPrimvar(True, 1).Set([1.0])
+
+    shot.edit(shot.asset, bind)
+    out = shot.baked()
+    passed(out)
+
+    def influences(path: Path) -> bool:
+        stage = Usd.Stage.Open(str(path))
+        root = UsdSkel.Root(stage.GetPrimAtPath("/world/hero/char"))
+        cache = UsdSkel.Cache()
+        cache.Populate(root, Usd.PrimDefaultPredicate)
+        query = cache.GetSkinningQuery(stage.GetPrimAtPath(HAIR))
+        return bool(query and query.HasJointInfluences())
+
+    assert influences(shot.shot) and not influences(out / "hair.shot.usda")
+
+
+def test_strands_left_out_ride_with_the_head(hairbake: Run, tmp_path: Path) -> None:
+    shot = Shot(tmp_path, hairbake)
+
+    def shorten(stage: Usd.Stage) -> None:
+        # Shorter than a millimetre: the importer drops it.
+        points = UsdGeom.BasisCurves(stage.GetPrimAtPath("/char/hair")).GetPointsAttr()
+        each = np.array(points.Get()).reshape(STRANDS, POINTS, 3)
+        each[5] = each[5, :1] + 0.001 * (each[5] - each[5, :1])
+        points.Set(Vt.Vec3fArray.FromNumpy(each.reshape(-1, 3)))
+
+    shot.edit(shot.asset, shorten)
+    out = shot.baked()
+    passed(out)
+    record = json.loads((out / "manifest.json").read_text())
+    runs = [(run["first"], run["baked"], run["count"]) for run in record["over"]["prims"][0]["baked"]]
+    assert runs == [(0, 0, 5), (6, 5, 6)]
+
+
+def test_stages_and_resumed_bakes_write_the_same_bytes(hairbake: Run, tmp_path: Path) -> None:
+    shot = Shot(tmp_path, hairbake)
+    out, farm = shot.baked(), tmp_path / "farm"
+    scene = (tmp_path / "groom.json", tmp_path / "anim.json", "-o", farm, *QUICK[:-1])
+    shot.run("simulate", *scene, "--frames", "1000-1003")
+    shot.run("simulate", *scene, "--frames", "1004-1010")
+    for frames in ("1003-1007", "1000-1002"):
+        shot.run("interpolate", *scene, "--frames", frames)
+    shot.run("assemble", *scene, "--no-pictures")
+
+    def contents() -> dict[str, bytes]:
+        return {path.name: path.read_bytes() for path in farm.glob("*.*") if path.is_file()}
+
+    first = contents()
+    names = [name for name in first if name.startswith(("hair", "manifest"))]
+    assert len([name for name in names if name.startswith("hair.over.1")]) == len(FRAMES)
+    for name in names:
+        assert first[name] == (out / name).read_bytes(), name
+    (farm / "hair.over.1003.usdc").write_bytes(b"damaged")
+    (farm / "hair.over.1004.usdc").unlink()
+    shot.run(*scene, "--no-pictures")
+    assert {name: contents()[name] for name in names} == {name: first[name] for name in names}
+    shot.run(*scene, "--no-pictures", "--no-over", "--overwrite")
+    assert not list(farm.glob("hair.over*")) and not (farm / "hair.shot.usda").exists()
+
+
+def another_count(shot: Shot) -> None:
+    def change(stage: Usd.Stage) -> None:
+        hair = UsdGeom.BasisCurves(stage.GetPrimAtPath("/char/hair"))
+        hair.GetPointsAttr().Set(hair.GetPointsAttr().Get()[:-POINTS])
+        hair.GetCurveVertexCountsAttr().Set([POINTS] * (STRANDS - 1))
+
+    shot.edit(shot.asset, change)
+
+
+def another_basis(shot: Shot) -> None:
+    basis = "/char/hair.basis"
+    shot.edit(shot.asset, lambda stage: stage.GetAttributeAtPath(basis).Set("catmullRom"))
+
+
+def another_place(shot: Shot) -> None:
+    points = "/char/hair.points"
+    shot.edit(
+        shot.asset,
+        lambda stage: stage.GetAttributeAtPath(points).Set(
+            [point + Gf.Vec3f(1, 0, 0) for point in stage.GetAttributeAtPath(points).Get()]
+        ),
+    )
+
+
+def closed(shot: Shot) -> None:
+    shot.edit(shot.asset, lambda stage: stage.GetAttributeAtPath("/char/hair.wrap").Set("periodic"))
+
+
+def instance(shot: Shot) -> None:
+    shot.edit(shot.shot, lambda stage: stage.GetPrimAtPath("/world/hero/char").SetInstanceable(True))
+
+
+def another_rate(shot: Shot) -> None:
+    shot.edit(shot.shot, lambda stage: stage.SetTimeCodesPerSecond(30))
+
+
+def two_characters(shot: Shot) -> None:
+    def change(stage: Usd.Stage) -> None:
+        stage.DefinePrim("/world/extra").GetReferences().AddReference("./char.usda")
+
+    shot.edit(shot.shot, change)
+
+
+def nothing(_: Shot) -> None:
+    pass
+
+
+@pytest.mark.parametrize(
+    ("change", "over", "message"),
+    [
+        (nothing, "nothing.usda:/world", "no such file"),
+        (nothing, "groom.json", "not a USD file"),
+        (nothing, "shot.usda:/world/hero/char/head", "no BasisCurves in Xform /world/hero/char/head"),
+        (nothing, "shot.usda:/world/nobody", "no such prim"),
+        (another_count, f"shot.usda:{HAIR}", "11 curves of 77 points, imported as 12 curves of 84 points"),
+        (another_basis, f"shot.usda:{HAIR}", "pinned catmullrom curves, imported as pinned bspline"),
+        (another_place, f"shot.usda:{HAIR}", "is 0.010 m from where the groom was imported"),
+        (closed, f"shot.usda:{HAIR}", "the curves are closed"),
+        (instance, f"shot.usda:{HAIR}", "the prim is part of the instance /world/hero/char"),
+        (another_rate, f"shot.usda:{HAIR}", "30 time codes per second, where the animation has 24 frames"),
+        (two_characters, "shot.usda:/world", "the second prim with the curves of /world/hero/char/hair"),
+    ],
+)
+def test_stages_that_nothing_can_be_put_over_are_refused(
+    hairbake: Run, tmp_path: Path, change: Callable[[Shot], None], over: str, message: str
+) -> None:
+    shot = Shot(tmp_path, hairbake)
+    scene, out = shot.imported(), tmp_path / "out"
+    change(shot)
+    done = hairbake(*scene, "-o", out, "--over", tmp_path / over)
+    assert done.returncode == 65, done.stderr
+    assert message in unwrapped(done.stderr) and "nothing written" in done.stderr
+    assert not out.exists()
+
+
+def test_grooms_of_other_files_are_refused(hairbake: Run, tmp_path: Path) -> None:
+    shot = Shot(tmp_path, hairbake)
+    groom, anim = shot.imported()
+    content = json.loads(groom.read_text())
+    del content["source"]
+    groom.write_text(json.dumps(content))
+    done = hairbake(groom, anim, "-o", tmp_path / "out")
+    assert done.returncode == 65
+    assert "does not tell which curves it was imported from" in unwrapped(done.stderr)
+    shot.run(groom, anim, "-o", tmp_path / "out", *QUICK, "--no-over")
+
+
+def test_settings_that_leave_out_strands_switch_it_off(hairbake: Run, tmp_path: Path) -> None:
+    shot = Shot(tmp_path, hairbake)
+    groom, anim = shot.imported()
+    asked = hairbake(groom, anim, "-o", tmp_path / "out", "--over", f"{shot.shot}:{HAIR}", "--keep", "0.5")
+    assert asked.returncode == 64 and "leave out --keep" in asked.stderr
+    messages = shot.run(groom, anim, "-o", tmp_path / "out", *QUICK, "--keep", "0.5")
+    assert "over mode is off" in messages and not (tmp_path / "out/hair.shot.usda").exists()
+
+
+def test_instances_and_motions_of_other_files_have_no_default(hairbake: Run, tmp_path: Path) -> None:
+    shot = Shot(tmp_path, hairbake)
+    instance(shot)
+    shot.imported(stage=shot.asset)
+    assert "is part of an instance, which no layer can change" in unwrapped(shot.track)
+    assert "over" not in json.loads((tmp_path / "anim.json").read_text())

@@ -1,0 +1,206 @@
+"""Over mode beside the good cache: the stage of a groom, and the motion of the cache over its curves."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+
+from hairbake_validate.geometry import Array, FloatArray
+from validator.good_cache import (
+    CURVES,
+    FIRST,
+    FPS,
+    HAIR,
+    HANDLES,
+    LAST,
+    POINTS,
+    SAMPLES,
+    SHUTTER,
+    CacheBuilder,
+    rest_points,
+    transform,
+)
+
+CURVES_PATH = "/world/hero/groom/hair"
+MOVING = ("points", "velocities", "extent")
+KINDS = {
+    "points": Sdf.ValueTypeNames.Point3fArray,
+    "velocities": Sdf.ValueTypeNames.Vector3fArray,
+    "extent": Sdf.ValueTypeNames.Float3Array,
+}
+WIDTH = 0.01
+"""Width of the curves, cm."""
+
+
+def place(time: float) -> FloatArray:
+    """Where the shot places the character, for row vectors, cm, Z up: it turns as it walks."""
+    angle = np.radians(30 + 20 * time)
+    matrix = np.eye(4)
+    matrix[:2, :2] = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+    matrix[3, :3] = [200 + 50 * time, 50, 0]
+    return matrix
+
+
+TO_METRES = np.array([[0.01, 0, 0, 0], [0, 0, -0.01, 0], [0, 0.01, 0, 0], [0, 0, 0, 1]])
+"""From cm, Z up, to m, Y up, for row vectors."""
+
+
+class OverCache:
+    """The good cache with over mode, and changes to it."""
+
+    def __init__(self, cache: CacheBuilder) -> None:
+        """Writes a stage and overs."""
+        self.cache = cache
+        self.stage = cache.directory.parent / "shot.usda"
+        self._write_stage()
+        for name, text in self._layers().items():
+            cache.path(name).write_text(text)
+        for frame in HANDLES:
+            self._write_frame(frame)
+        self.seal()
+
+    def seal(self) -> None:
+        """Writes manifest.json with the checksums of the files as they are."""
+        self.cache.seal()
+        names = ("hair.over.usda", "hair.over.manifest.usda")
+        to_rest = TO_METRES.T.tolist()
+        runs = [{"prim": HAIR, "first": 0, "baked": 0, "count": CURVES}]
+        prim = {
+            "path": CURVES_PATH,
+            "points": "points",
+            "to_rest_m": to_rest,
+            "lengthened": False,
+            "baked": runs,
+        }
+
+        def change(record: dict[str, Any]) -> None:
+            record["over"] = {"stage": self.stage.name, "prims": [prim]}
+            record["layers"] += [self.cache.file_record(self.cache.path(name)) for name in names]
+            for entry in record["frames"]:
+                entry["over"] = self.cache.file_record(self.frame(entry["frame"]))
+
+        self.cache.edit_record(change)
+
+    def frame(self, frame: int) -> Path:
+        """File of a frame."""
+        return self.cache.path(f"hair.over.{frame}.usdc")
+
+    def edit(self, path: Path, change: Callable[[Sdf.Layer], Any]) -> None:
+        """Applies `change(layer)` to a file and updates the checksums."""
+        layer = Sdf.Layer.OpenAsAnonymous(str(path))
+        change(layer)
+        layer.Export(str(path))
+        self.seal()
+
+    def edit_stage(self, name: str, change: Callable[[Usd.Stage], Any]) -> None:
+        """Applies `change(stage)` to a text layer of the cache and updates the checksums."""
+        self.edit(self.cache.path(name), lambda layer: change(Usd.Stage.Open(layer)))
+
+    def edit_array(self, frame: int, name: str, change: Callable[[Array], Array]) -> None:
+        """Replaces an array of a frame's file by `change(array)`."""
+        path = f"/over/curves0.{name}"
+
+        def rewrite(layer: Sdf.Layer) -> None:
+            value = layer.QueryTimeSample(path, float(frame))
+            changed = np.ascontiguousarray(change(np.array(value)), np.float32)
+            layer.SetTimeSample(path, float(frame), type(value).FromNumpy(changed))
+
+        self.edit(self.frame(frame), rewrite)
+
+    def _write_stage(self) -> None:
+        stage = Usd.Stage.CreateNew(str(self.stage))
+        UsdGeom.SetStageMetersPerUnit(stage, 0.01)
+        UsdGeom.SetStageUpAxis(stage, "Z")
+        stage.SetTimeCodesPerSecond(FPS)
+        stage.SetFramesPerSecond(FPS)
+        stage.SetStartTimeCode(FIRST)
+        stage.SetEndTimeCode(LAST)
+        stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/world").GetPrim())
+        op = UsdGeom.Xform.Define(stage, "/world/hero").AddTransformOp()
+        # Between the frames as well, so that it turns smoothly for the moments of the shutter.
+        for frame in np.arange(HANDLES[0] - 1, HANDLES[-1] + 2, 0.25):
+            op.Set(Gf.Matrix4d(*place((frame - FIRST) / FPS).ravel().tolist()), frame)
+        curves = UsdGeom.BasisCurves.Define(stage, CURVES_PATH)
+        curves.CreateTypeAttr("cubic")
+        curves.CreateWrapAttr("pinned")
+        curves.CreateBasisAttr("catmullRom")
+        curves.CreateCurveVertexCountsAttr([POINTS] * CURVES)
+        rest = transform(rest_points(CURVES).reshape(-1, 3), np.linalg.inv(TO_METRES)).astype(np.float32)
+        curves.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(rest))
+        curves.CreateWidthsAttr([WIDTH])
+        curves.SetWidthsInterpolation("constant")
+        curves.CreatePurposeAttr("render")
+        ids = UsdGeom.PrimvarsAPI(curves).CreatePrimvar("hair_id", Sdf.ValueTypeNames.IntArray, "uniform")
+        ids.Set(list(range(CURVES)))
+        for name in ("brown", "red"):
+            UsdShade.Material.Define(stage, f"/world/look/{name}")
+        fringe = UsdGeom.Subset.Define(stage, f"{CURVES_PATH}/fringe")
+        fringe.CreateElementTypeAttr("face")
+        fringe.CreateIndicesAttr([1, 4])
+        for path, name in ((CURVES_PATH, "brown"), (f"{CURVES_PATH}/fringe", "red")):
+            material = UsdShade.Material.Get(stage, f"/world/look/{name}")
+            UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(path)).Bind(material)
+        stage.Save()
+
+    def _layers(self) -> dict[str, str]:
+        metadata = f"""#usda 1.0
+(
+    defaultPrim = "world"
+    metersPerUnit = 0.01
+    upAxis = "Z"
+    timeCodesPerSecond = {FPS}
+    framesPerSecond = {FPS}
+    startTimeCode = {FIRST}
+    endTimeCode = {LAST}
+"""
+        clips = f"""
+    clips = {{
+        dictionary hairbake = {{
+            asset manifestAssetPath = @./hair.over.manifest.usda@
+            string primPath = "/over/curves0"
+            string templateAssetPath = "./hair.over.####.usdc"
+            double templateStartTime = {HANDLES[0]}
+            double templateEndTime = {HANDLES[-1]}
+            double templateStride = 1
+        }}
+    }}
+    prepend clipSets = ["hairbake"]
+"""
+        over = f'over "hair" (\n{clips})\n{{\n}}\n'
+        for name in ("groom", "hero", "world"):
+            over = f'over "{name}"\n{{\n{over}}}\n'
+        declared = "\n".join(f"{kind} {name}" for name, kind in KINDS.items())
+        return {
+            "hair.over.usda": f"{metadata})\n\n{over}",
+            "hair.shot.usda": f"{metadata}    subLayers = [@./hair.over.usda@, @../shot.usda@]\n)\n",
+            "hair.over.manifest.usda": (
+                f'#usda 1.0\n\nover "over"\n{{\nover "curves0"\n{{\n{declared}\n}}\n}}\n'
+            ),
+        }
+
+    def _write_frame(self, frame: int) -> None:
+        layer = Sdf.Layer.CreateNew(str(self.frame(frame)))
+        prim = Sdf.CreatePrimInLayer(layer, "/over/curves0")
+        for name, kind in KINDS.items():
+            Sdf.AttributeSpec(prim, name, kind)
+        source = Sdf.Layer.OpenAsAnonymous(str(self.cache.frame(frame)))
+        for at in (frame + SHUTTER * i / (SAMPLES - 1) for i in range(SAMPLES)):
+            world = np.array(source.QueryTimeSample(f"{HAIR}.points", at), float)
+            speed = np.array(source.QueryTimeSample(f"{HAIR}.velocities", at), float)
+            time, step = (at - FIRST) / FPS, 1e-4
+            now, before, after = (
+                transform(world + speed * shift, np.linalg.inv(place(time + shift) @ TO_METRES))
+                for shift in (0, -step, step)
+            )
+            values = {
+                "points": now,
+                "velocities": (after - before) / (2 * step),
+                "extent": np.stack([now.min(0) - WIDTH / 2, now.max(0) + WIDTH / 2]),
+            }
+            for name, value in values.items():
+                layer.SetTimeSample(
+                    f"/over/curves0.{name}", at, Vt.Vec3fArray.FromNumpy(value.astype(np.float32))
+                )
+        layer.Save()

@@ -1,0 +1,175 @@
+"""Over mode: the motion of a cache, put over the curves of another stage."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import polynomial
+from pxr import Sdf, Tf, Usd, UsdGeom
+
+from .cache import SHOT_LAYER, Cache, CacheError, FrameFile, array, read_layer
+from .geometry import FloatArray, IntArray
+
+OVER_LAYER = "hair.over.usda"
+OVER_MANIFEST = "hair.over.manifest.usda"
+CLIP_SET = "hairbake"
+NORMALS = ("normals", "primvars:normals")
+MOVING = ("points", "velocities", "accelerations", "extent", *NORMALS)
+"""What moves of curves: all that over mode may change."""
+JOINTS = ("primvars:skel:jointIndices", "primvars:skel:jointWeights")
+"""What over mode removes of curves that a skeleton would move again."""
+
+BASES = {
+    "bezier": ((1, -3, 3, -1), (0, 3, -6, 3), (0, 0, 3, -3), (0, 0, 0, 1)),
+    "bspline": ((1 / 6, -0.5, 0.5, -1 / 6), (2 / 3, 0, -1, 0.5), (1 / 6, 0.5, 0.5, -0.5), (0, 0, 0, 1 / 6)),
+    "catmullRom": ((0, -0.5, 1, -0.5), (1, 0, -2.5, 1.5), (0, 0.5, 2, -1.5), (0, 0, -0.5, 0.5)),
+}
+"""Weight of each control point of a segment as a polynomial, constant first (UsdGeomBasisCurves)."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """Curves of a prim that follow each other, as do the curves of the cache that they move as."""
+
+    prim: str
+    """Path of the curves in the cache."""
+    first: int
+    """The first curve of the prim."""
+    baked: int
+    """The first curve of the cache."""
+    count: int
+
+
+@dataclass(frozen=True)
+class OverPrim:
+    """Curves of the stage as it was."""
+
+    path: str
+    clip_path: str
+    """Path of the prim in the files of frames."""
+    type: tuple[str, ...]
+    """Type, basis and wrap."""
+    counts: IntArray
+    """Control points of each curve."""
+    rest: FloatArray
+    """Control points in rest space, m, Y up."""
+    width: float
+    """The largest diameter."""
+    normals: str | None
+    """The attribute of the normals that the files of frames hold."""
+    values: int
+    """The number of normals."""
+    lengthened: bool
+    """True if the importer changed the length of the curves."""
+    runs: list[Run]
+
+    @cached_property
+    def starts(self) -> IntArray:
+        """Index of each curve's first control point."""
+        starts: IntArray = np.cumsum(self.counts) - self.counts
+        return starts
+
+    def weights(self, count: int, per_segment: int) -> FloatArray:
+        """Points of a curve with `count` control points as weights of these, root first."""
+        kind, basis, wrap = self.type
+        eye = np.eye(count)
+        if kind == "linear":
+            places = np.linspace(0, count - 1, (count - 1) * per_segment + 1)
+            return np.array([np.interp(places, np.arange(count), row) for row in eye]).T
+        step = 3 if basis == "bezier" else 1
+        if wrap == "pinned" and basis != "bezier":
+            eye = np.vstack([2 * eye[0] - eye[1], eye, 2 * eye[-1] - eye[-2]])
+        segments = (len(eye) - 4) // step + 1
+        at = [(s, i / per_segment) for s in range(segments) for i in range(per_segment)]
+        polynomials = np.array(BASES[basis]).T
+        return np.array(
+            [
+                polynomial.polyval(u, polynomials) @ eye[step * s : step * s + 4]
+                for s, u in [*at, (segments - 1, 1.0)]
+            ]
+        )
+
+
+class Overs:
+    """The layers of over mode beside a cache, and the stage that they are for."""
+
+    def __init__(self, cache: Cache) -> None:
+        """Opens the composed stage and the one below it.
+
+        Raises:
+            CacheError: They cannot be opened, or do not have the curves that manifest.json lists.
+        """
+        self.record: dict[str, Any] = cache.record["over"]
+        self.cache = cache
+        shot = cache.directory / SHOT_LAYER
+        try:
+            self.layer = Sdf.Layer.FindOrOpen(str(cache.directory / OVER_LAYER))
+            self.shot = Usd.Stage.Open(str(shot))
+            below = [path for path in self.shot.GetRootLayer().subLayerPaths if path != f"./{OVER_LAYER}"]
+            self.stage_path = self.shot.GetRootLayer().ComputeAbsolutePath(below[0]) if below else ""
+            self.original = Usd.Stage.Open(self.stage_path)
+        except Tf.ErrorException as error:
+            raise CacheError(f"{shot}: {error.args[0].commentary if error.args else error}") from error
+        if not self.layer:
+            raise CacheError(f"{OVER_LAYER}: no such file")
+        self.frame_paths = {
+            frame: cache.directory / f"hair.over.{str(frame).rjust(4, '0')}.usdc" for frame in cache.frames
+        }
+        self.prims = list(self._read_prims())
+
+    def _read_prims(self) -> Iterator[OverPrim]:
+        for number, entry in enumerate(self.record["prims"]):
+            prim = self.original.GetPrimAtPath(entry["path"])
+            if not prim or not prim.IsA(UsdGeom.BasisCurves):
+                raise CacheError(f"{entry['path']}: no BasisCurves in {self.stage_path}")
+            yield read_prim(self.cache, prim, number, entry)
+
+    def to_world(self, prim: OverPrim, frame: float) -> FloatArray:
+        """Matrix from the space of a prim to world in metres, Y up, for row vectors."""
+        imageable = UsdGeom.Imageable(self.shot.GetPrimAtPath(prim.path))
+        return np.array(imageable.ComputeLocalToWorldTransform(frame)) @ to_metres(self.shot)
+
+    def read(self, frame: int) -> FrameFile:
+        """Reads the file of a frame.
+
+        Raises:
+            CacheError: The file is missing or damaged.
+        """
+        return read_layer(self.frame_paths[frame], frame)
+
+
+def to_metres(stage: Usd.Stage) -> FloatArray:
+    """Matrix from the unit and axes of a stage to metres, Y up, for row vectors."""
+    matrix = np.eye(4)
+    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z:
+        matrix[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+    matrix[:3, :3] *= UsdGeom.GetStageMetersPerUnit(stage)
+    return matrix
+
+
+def read_prim(cache: Cache, prim: Usd.Prim, number: int, entry: dict[str, Any]) -> OverPrim:
+    """The curves of a prim, and what manifest.json holds of them."""
+    curves = UsdGeom.BasisCurves(prim)
+    at = entry.get("time")
+    time = Usd.TimeCode.Default() if at is None else Usd.TimeCode(at)
+    points = array(prim.GetAttribute(entry["points"]).Get(time), np.float64, 2)
+    primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar("widths")
+    widths = primvar.Get(time) if primvar and primvar.HasValue() else curves.GetWidthsAttr().Get(time)
+    normals = entry.get("normals")
+    to_rest = np.array(entry["to_rest_m"], float).T
+    return OverPrim(
+        path=entry["path"],
+        clip_path=f"/over/curves{number}",
+        type=tuple(
+            str(attr.Get()) for attr in (curves.GetTypeAttr(), curves.GetBasisAttr(), curves.GetWrapAttr())
+        ),
+        counts=array(curves.GetCurveVertexCountsAttr().Get(time), int, 1),
+        rest=points @ to_rest[:3, :3] + to_rest[3, :3],
+        width=float(np.max(widths if widths is not None else 0.0, initial=0.0)),
+        normals=normals,
+        values=len(prim.GetAttribute(normals).Get(time)) if normals else 0,
+        lengthened=entry.get("lengthened", False),
+        runs=[Run(**run) for run in entry["baked"]],
+    )
