@@ -88,7 +88,8 @@ class Residual:
     curves: Curves
     speeds: list[FloatArray]
     """Speeds that the excess is measured against, `N`: that of each point by its displacement; and because
-    frames may not resolve the head, its jump of velocity there and a share of its speed a frame away."""
+    frames may not resolve the head, its jump of velocity there, a share of one a frame away, and a share of
+    its speed a frame away."""
     excess: FloatArray
     """Distance of the mean velocity by Simpson's rule from it, less the allowed sampling error, `N`."""
 
@@ -150,8 +151,15 @@ def residual_of(window: Window, curves: Curves, offset: int) -> Residual | None:
     pairs = ((simpson, mean), (simpson, trapezoidal), (trapezoidal, mean))
     error, *sampling = (norms(a - b) for a, b in pairs)
     excess = np.maximum(error - tolerances.SIMPSON_ERROR * np.minimum(*sampling), 0)
-    of_head = [window.once(head_jump, curves, offset), window.once(speed_beside, curves, offset)]
+    of_head = [window.once(measure, curves, offset) for measure in (head_jump, ringing, speed_beside)]
     return Residual(curves, [norms(mean), *(speed for speed in of_head if speed is not None)], excess)
+
+
+def ringing(window: Window, curves: Curves, offset: int) -> FloatArray | None:
+    """`tolerances.HEAD_RING` times the jump of the head's velocity around the frame before or after, `N`."""
+    beside = [window.once(head_jump, curves, offset + step) for step in (-1, 1)]
+    known = [jump for jump in beside if jump is not None]
+    return tolerances.HEAD_RING * np.maximum.reduce(known) if known else None
 
 
 def speed_beside(window: Window, curves: Curves, offset: int) -> FloatArray | None:
@@ -269,26 +277,54 @@ def acceleration_residual(
 def spikes(window: Window) -> Iterator[Finding]:
     """Measures each curve's largest one-frame jump in the space of the head.
 
-    A jump has opposite second differences in consecutive frames, and a displacement between them that the
-    speeds around them do not explain. Hair whipped by a landing has the first, not the second. Where the
-    velocity of the head jumps, as in an impact, hair may be faster between the frames by as much.
+    A jump is a whip of which the speeds around it do not account for the way. Where the velocity of the head
+    jumps, as in an impact, hair may be faster between the frames by as much. Hair that swings within few
+    frames has second differences at both frames beside, too. Render strands whip as far as the guides that
+    they follow.
     """
-    for curves in window.cache.curves:
-        here, there = (window.once(in_head, curves, offset) for offset in (0, 1))
-        first, second = (window.once(bend, curves, offset) for offset in (0, 1))
-        speeds = [window.once(speed_in_head, curves, offset) for offset in (-1, 0, 1, 2)]
-        known = [speed for speed in speeds if speed is not None]
-        if here is None or there is None or first is None or second is None or not known:
+    found = {curves.path: (curves, window.once(whip, curves)) for curves in window.cache.curves}
+    guides, of_guides = found.get(GUIDES, (None, None))
+    followed = window.reference.followed
+    for path, (curves, whips) in found.items():
+        way = window.once(way_beyond_speeds, curves)
+        if whips is None or way is None:
             continue
-        size = norms(first)
-        back = -dot(first, second) / np.maximum(size, np.finfo(float).tiny)
-        jumps = [window.once(head_jump, curves, offset) for offset in (0, 1)]
-        left = np.maximum.reduce([np.zeros(len(size)), *(jump for jump in jumps if jump is not None)])
-        fastest = np.maximum.reduce(known)
-        reach = np.maximum(tolerances.SPIKE_SPEED * fastest, fastest + left) / window.cache.fps
-        beyond = norms(there - here) - reach
-        jump = np.maximum(0, np.minimum.reduce([size, back, beyond]))
+        accounted: FloatArray | float = 0.0
+        if path == HAIR and guides is not None and of_guides is not None and followed is not None:
+            largest = np.maximum.reduceat(of_guides, guides.starts)[followed].max(axis=1)
+            accounted = np.repeat(largest, curves.counts)
+        jump = np.maximum(0, np.minimum(whips, way) - accounted)
         yield worst(window, SPIKES, curves, jump * window.cache.metres_per_unit)
+
+
+def whip(window: Window, curves: Curves, offset: int) -> FloatArray | None:
+    """Opposite parts of the second differences at a frame and the next, in the space of the head, `N`."""
+    first, second = (window.once(bend, curves, offset + step) for step in (0, 1))
+    if first is None or second is None:
+        return None
+    size = norms(first)
+    back = -dot(first, second) / np.maximum(size, np.finfo(float).tiny)
+    opposite: FloatArray = np.maximum(0, np.minimum(size, back))
+    return opposite
+
+
+def way_beyond_speeds(window: Window, curves: Curves, offset: int) -> FloatArray | None:
+    """How far points go from a frame to the next beyond what the speeds around account for, `N`."""
+    here, there = (window.once(in_head, curves, offset + step) for step in (0, 1))
+    speeds = [window.once(speed_in_head, curves, offset + step) for step in (-1, 0, 1, 2)]
+    known = [speed for speed in speeds if speed is not None]
+    if here is None or there is None or not known:
+        return None
+    jumps = [window.once(head_jump, curves, offset + step) for step in (0, 1)]
+    left = np.maximum.reduce([np.zeros(len(here)), *(jump for jump in jumps if jump is not None)])
+    fastest = np.maximum.reduce(known)
+    reach = np.maximum(tolerances.SPIKE_SPEED * fastest, fastest + left) / window.cache.fps
+    beside = [window.once(bend, curves, offset + step) for step in (-1, 2)]
+    swings = [norms(swing) for swing in beside if swing is not None]
+    if swings:
+        reach += tolerances.SPIKE_SWING * np.minimum.reduce(swings)
+    beyond: FloatArray = norms(there - here) - reach
+    return beyond
 
 
 def velocity_peaks(window: Window) -> Iterator[Finding]:

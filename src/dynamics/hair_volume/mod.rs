@@ -63,6 +63,8 @@ pub(super) struct HairVolume {
     framed: Vec<Vector3<f64>>,
     followers: Vec<Follower>,
     pieces: Vec<Piece>,
+    /// Volume fraction and volume of each piece, to sort.
+    sorted: Vec<[f64; 2]>,
     grid: Grid,
 }
 
@@ -153,12 +155,14 @@ impl HairVolume {
             framed: vec![Vector3::zeros(); points.len()],
             followers: Vec::new(),
             pieces: vec![Piece::default(); points.len()],
+            sorted: Vec::with_capacity(points.len()),
             points,
             grid,
         };
         volume.deposit(models, states, env, t);
         volume.rest = volume.pieces.iter().map(|piece| volume.assembly(piece).fraction).collect();
-        volume.dense = percentile_95(volume.rest.iter().copied().zip(&volume.pieces));
+        volume.pieces.iter_mut().zip(&volume.rest).for_each(|(piece, rest)| piece.fraction = *rest);
+        volume.dense = volume.fraction_p95();
         volume
     }
 
@@ -245,7 +249,8 @@ impl HairVolume {
     }
 
     /// How the hair is, once its pressure is found.
-    fn record(&self) -> HairRecord {
+    fn record(&mut self) -> HairRecord {
+        let fraction_p95 = self.fraction_p95();
         let pieces = &self.pieces;
         let sum = |of: fn(&Piece) -> f64| pieces.iter().map(|piece| of(piece) * piece.volume).sum::<f64>();
         let volume = sum(|_| 1.0);
@@ -253,10 +258,24 @@ impl HairVolume {
             [sum(|piece| piece.slip.norm_squared()), sum(|piece| piece.v.norm_squared())].map(f64::sqrt);
         HairRecord {
             softened: sum(|piece| f64::from(u8::from(piece.softened))) / volume,
-            crowding_p95: percentile_95(pieces.iter().map(|piece| (piece.fraction, piece))) / self.dense,
+            crowding_p95: fraction_p95 / self.dense,
             crowding_max: pieces.iter().map(|piece| piece.fraction).fold(0.0, f64::max) / self.dense,
             slip: if speed > SLOW * volume.sqrt() { slip / speed } else { 0.0 },
         }
+    }
+
+    /// The 95th percentile, by volume, of the volume fraction around the pieces.
+    fn fraction_p95(&mut self) -> f64 {
+        let HairVolume { pieces, sorted, .. } = self;
+        sorted.clear();
+        sorted.extend(pieces.iter().map(|piece| [piece.fraction, piece.volume]));
+        sorted.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+        let mut above = 0.05 * sorted.iter().map(|[_, volume]| volume).sum::<f64>();
+        let reached = |[_, volume]: &&[f64; 2]| {
+            above -= volume;
+            above < 0.0
+        };
+        sorted.iter().rev().find(reached).map_or(0.0, |[fraction, _]| *fraction)
     }
 
     /// Finds the pieces of all guides as they are at time `t`, s.
@@ -398,18 +417,6 @@ impl Hairs {
 fn assembly(values: &Node) -> Assembly {
     let fraction = values[FRACTION];
     Assembly { fraction, direction: Vector3::new(values[4], values[5], values[6]) / fraction }
-}
-
-/// The 95th percentile, by volume, of a value of each piece.
-fn percentile_95<'a>(values: impl Iterator<Item = (f64, &'a Piece)>) -> f64 {
-    let mut values: Vec<(f64, f64)> = values.map(|(value, piece)| (value, piece.volume)).collect();
-    values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    let mut above = 0.05 * values.iter().map(|(_, volume)| volume).sum::<f64>();
-    let reached = |(_, volume): &&(f64, f64)| {
-        above -= volume;
-        above < 0.0
-    };
-    values.iter().rev().find(reached).map_or(0.0, |(value, _)| *value)
 }
 
 /// The box, in head space, m, that hair cannot leave: no point is farther from its root than the guide is

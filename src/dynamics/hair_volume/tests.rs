@@ -199,7 +199,15 @@ fn crowding_and_slip_are_recorded() {
     assert!(record.crowding_max > record.crowding_p95 && record.crowding_max < 2.0, "{record:?}");
     // The common velocity is no slip.
     assert!((record.slip - 0.2 / 0.3_f64.hypot(0.2)).abs() < 0.02, "{record:?}");
-    assert_eq!(percentile_95([3.0, 1.0, 2.0].into_iter().zip(&hair.volume.pieces)), 3.0);
+    // By volume: the densest twentieth of the hair is above the percentile.
+    let pieces = &mut hair.volume.pieces;
+    (0..).zip(pieces.iter_mut()).for_each(|(i, piece)| piece.fraction = f64::from(i));
+    let densest: f64 = pieces.iter().rev().take(4).map(|piece| piece.volume).sum();
+    let others = pieces.len() - 4;
+    pieces[..others].iter_mut().for_each(|piece| piece.volume = 18.0 * densest / others as f64);
+    assert_eq!(hair.volume.fraction_p95(), others as f64);
+    hair.volume.pieces[..others].iter_mut().for_each(|piece| piece.volume *= 1.2);
+    assert_eq!(hair.volume.fraction_p95(), others as f64 - 1.0);
 }
 
 #[test]
