@@ -418,3 +418,29 @@ fn every_step_comes_to_rest() {
         assert!(restless == 0 && residual < 1e-5, "{gravity} {room}: {restless}, {residual}");
     }
 }
+
+#[test]
+fn a_strand_drawn_deep_into_a_ball_is_brought_out() {
+    let (radius, model, h) = (0.06, model(), 1.0 / 192.0);
+    // Enters above the middle and ends 4 cm deep; its weight presses it in.
+    let centre = Vector3::new(0.18, -0.015, 0.0);
+    let bodies = Bodies::from_shapes(&[Shape::Sphere { centre, radius }]);
+    let env =
+        Environment { push_out: Box::new(|t| (t / 0.5).clamp(0.0, 1.0)), ..Environment::at_rest(bodies) };
+    let mut state = GuideState::new(&model, &[5e-4], &env, 0.0, h);
+    let deepest = |state: &GuideState| radius - least(&line(&model, state), centre);
+    assert!(deepest(&state) > 0.04 && state.clearance.counts().0 == 0);
+    let mut scratch = GuideScratch::default();
+    for i in 0..192 {
+        model.step(
+            &env,
+            &mut state,
+            [f64::from(i) * h, f64::from(i + 1) * h],
+            ContactMode::Bodies,
+            &mut scratch,
+        );
+    }
+    // Between the corners of the mesh its facets lie within the ball.
+    assert!(deepest(&state) < 3e-4, "{}", deepest(&state));
+    assert_eq!(state.clearance.counts(), (0, 0));
+}

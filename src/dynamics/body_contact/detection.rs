@@ -121,13 +121,14 @@ impl BodyContact<'_> {
     pub(super) fn tolerated(&self, line: &MovingPolyline, contact: &Contact) -> f64 {
         let keep = line.clearance_at(contact);
         let before = self.initial_distance(line, contact);
-        let tolerated =
-            ((1.0 - STABILISATION) * (before - keep)).min(0.0).max(-MAX_TOLERATED_SHARE * keep.abs());
-        if keep < 0.0 {
-            return tolerated;
-        }
         let [t0, t1] = self.motions[contact.body].times;
-        tolerated.min(before + PUSH_OUT_SPEED * (t1 - t0) - keep)
+        let pushed_out = before + PUSH_OUT_SPEED * (t1 - t0) - keep;
+        if keep < 0.0 {
+            // The distance to keep itself brings the point out slowly. What lagged behind it would be lost.
+            return pushed_out.min(0.0);
+        }
+        let tolerated = ((1.0 - STABILISATION) * (before - keep)).min(0.0).max(-MAX_TOLERATED_SHARE * keep);
+        tolerated.min(pushed_out)
     }
 
     /// Shortfall of `contact` from the distance that even a wedged strand must keep, m, ≥ 0. That distance

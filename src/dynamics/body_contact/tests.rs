@@ -46,17 +46,17 @@ fn in_step<R>(
 }
 
 /// Calls `of` with a contact at the middle of a polyline at height `before` above the plane y = 0 at the
-/// start of a step of `h`, s, and `now` at its end.
+/// start of a step of `h`, s, and `now` at its end, which keeps the distance `keep`.
 fn over_a_plane<R>(
     h: f64,
-    before: f64,
-    now: f64,
+    keep: f64,
+    [before, now]: [f64; 2],
     of: impl FnOnce(&BodyContact, &MovingPolyline, Contact) -> R,
 ) -> R {
     let motion = BodyMotion { times: [0.0, h], start: Isometry3::identity(), end: Isometry3::identity() };
     let at = |y: f64| [Vector3::new(0.0, y, 0.0), Vector3::new(0.01, y, 0.0)];
     let (x0, x1) = (at(before), at(now));
-    let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &[[KEEP; 2]] };
+    let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &[[keep; 2]] };
     let mut contact = Contact {
         segment: 0,
         u: 0.5,
@@ -77,7 +77,7 @@ fn over_a_plane<R>(
 fn compression_never_reaches_the_surface() {
     for h in [1e-6, 1e-4, 5e-3] {
         for before in [1e-6, 2e-5, 2e-4, 5e-4, 1e-3] {
-            over_a_plane(h, before, before, |problem, line, contact| {
+            over_a_plane(h, KEEP, [before, before], |problem, line, contact| {
                 let target = target_distance(line, &contact);
                 let compressible = problem.compressible(line, &contact);
                 assert!(
@@ -97,7 +97,7 @@ fn compression_never_reaches_the_surface() {
 #[test]
 fn a_wedged_strand_keeps_a_share_of_the_target_distance() {
     let shortfall =
-        |before, now| over_a_plane(5e-3, before, now, |problem, line, c| problem.shortfall(line, &c));
+        |before, now| over_a_plane(5e-3, KEEP, [before, now], |problem, line, c| problem.shortfall(line, &c));
     assert_eq!(shortfall(KEEP, 0.12 * KEEP), 0.0);
     assert!((shortfall(KEEP, 0.0) - MIN_DISTANCE_SHARE * KEEP).abs() < 1e-12);
     // A strand that starts nearer, or inside, may stay there.
@@ -106,8 +106,17 @@ fn a_wedged_strand_keeps_a_share_of_the_target_distance() {
 }
 
 #[test]
+fn what_is_brought_out_of_a_body_keeps_up_with_its_distance() {
+    // The distance rises by 0.4 mm: slower than a point is pushed out.
+    let gap = |h: f64| over_a_plane(h, -0.02, [-0.0204, -0.0204], |_, _, contact| contact.gap);
+    assert!((gap(5e-3) + 4e-4).abs() < 1e-12, "{}", gap(5e-3));
+    // In a short step only as far as that speed takes it.
+    assert!((gap(1e-3) + 3e-4).abs() < 1e-12, "{}", gap(1e-3));
+}
+
+#[test]
 fn a_violation_within_the_gap_tolerance_is_no_shortfall() {
-    over_a_plane(1.6e-5, 2e-6, 3e-7, |problem, line, contact| {
+    over_a_plane(1.6e-5, KEEP, [2e-6, 3e-7], |problem, line, contact| {
         assert!(
             line.gap(&contact) + KEEP < MIN_DISTANCE_SHARE * target_distance(line, &contact)
                 && contact.gap < 0.0
