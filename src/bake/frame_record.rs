@@ -1,7 +1,7 @@
 //! The record of a frame, as in the manifest and the report.
 
 use crate::dynamics::simulation::{Simulation, SubstepRecord};
-use crate::strands::{Depths, HeadMotion};
+use crate::strands::{Depths, RigidMotion};
 use serde::{Deserialize, Serialize};
 
 /// Record of one frame. Independent of the number of threads; timings are kept apart.
@@ -213,12 +213,16 @@ impl FrameRecord {
     }
 
     /// Adds the figures of the active guides' state at the end of the frame.
-    pub fn close(&mut self, simulation: &Simulation, head: &HeadMotion) {
+    pub fn close(&mut self, simulation: &Simulation) {
+        let (env, t) = (&simulation.env, simulation.time());
+        let head = RigidMotion::of(&*env.head, t);
         let mut speeds: Vec<f64> = Vec::new();
         for i in simulation.active() {
             let g = &simulation.state.guides[i];
+            let root = simulation.model.guides[i].skin.as_ref();
+            let carrier = root.map_or(head, |root| RigidMotion::of(|t| (env.skin)(root, t), t));
             for (x, v) in g.x.iter().zip(&g.v).skip(1) {
-                let carried = head.velocity + head.spin.cross(&(x - head.translation));
+                let carried = carrier.velocity + carrier.spin.cross(&(x - carrier.translation));
                 speeds.push((v - carried).norm());
             }
             self.length_drift = self.length_drift.max(simulation.length_drift(i));

@@ -5,7 +5,6 @@ use super::control::Control;
 use super::frame_record::FrameRecord;
 use super::frame_state::FrameState;
 use super::job::Job;
-use super::output::head_motion;
 use super::start_check;
 use super::work_dir::RunCheckpoint;
 use crate::dynamics::checkpoint::Checkpoint;
@@ -138,7 +137,7 @@ impl<'a> Run<'a> {
         }
         let (mut record, steps) = (std::mem::take(&mut self.record), self.simulation.take_path());
         record.frame = frame;
-        record.close(&self.simulation, &head_motion(&self.job.anim, self.simulation.time()));
+        record.close(&self.simulation);
         self.next += 1;
         // The next segment resumes from the last frame; the frame before is a fallback. Both checkpoints are
         // synced before the state, so that a process that finds all states finds them too.

@@ -6,14 +6,14 @@ use super::single::{extent, single};
 use crate::Result;
 use crate::cache::{ColliderFrame, CurveFrame, Frame, Header};
 use crate::contact::{Bodies, Body};
-use crate::dynamics::guide_frame::{GuideFrame, HeadAround, MovingGuide, SolverStep};
+use crate::dynamics::guide_frame::{CarrierAround, GuideFrame, MovingGuide, SolverStep};
 use crate::dynamics::guide_rods::GuideRods;
 use crate::geometry::Deformation;
 use crate::rod::{Rod, RodShape, Sensitivity};
-use crate::scene::{Anim, Collider, Convention, Groom};
+use crate::scene::{Anim, Collider, Convention, Groom, RootBinding};
 use crate::strands::{
-    AroundFrame, Deflection, DeflectionAt, Depths, GuideDepths, GuideMotion, HeadMotion, Interpolator,
-    Moment, Obstacles, PosedGuides, StrandMotion,
+    AroundFrame, Carriers, Deflection, DeflectionAt, Depths, GuideDepths, GuideMotion, Interpolator,
+    Obstacles, PosedGuides, RigidMotion, StrandMotion,
 };
 use nalgebra::{Isometry3, Matrix3, Matrix4, Vector3};
 use rayon::prelude::*;
@@ -25,6 +25,9 @@ pub struct Output<'a> {
     rods: Vec<&'a Rod>,
     convention: Convention,
     strands: Option<Interpolator>,
+    /// Places of skins that carry the guides and the strands; empty if the head does.
+    roots: &'a [RootBinding],
+    strand_roots: Vec<RootBinding>,
     guide_depths: GuideDepths,
     /// The bodies that strands are kept out of. Separate from the simulation's: they are prepared for other
     /// times.
@@ -54,6 +57,7 @@ impl<'a> Output<'a> {
         let rods: Vec<&Rod> = rods.into_iter().map(|(rod, _)| rod).collect();
         let bodies = Bodies::new(anim.colliders.iter().map(Body::from));
         let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
+        let mut strand_roots = Vec::new();
         let strands = header.hair.is_some().then(|| {
             let baked = base.map(|base| base.baked(&strands.curves).collect::<Vec<_>>());
             let curves = match &baked {
@@ -63,6 +67,7 @@ impl<'a> Output<'a> {
                 }
                 None => Cow::Borrowed(&strands.curves),
             };
+            strand_roots.clone_from(&curves.skin);
             Interpolator::new(&curves, guide_weights, &rods, &bodies, &thickness)
         });
         let mut output = Output {
@@ -70,6 +75,8 @@ impl<'a> Output<'a> {
             rods,
             convention: groom.convention,
             strands,
+            roots: &groom.guides.curves.skin,
+            strand_roots,
             guide_depths: GuideDepths::default(),
             bodies,
             header,
@@ -118,14 +125,17 @@ impl<'a> Output<'a> {
         [now, after]: [&[GuideFrame]; 2],
     ) -> (Vec<MovingGuide>, u32) {
         let time = |frames: f64| self.anim.time(f64::from(frame) + frames);
-        let (motion, interval) = (head_motion(self.anim, time(0.0)), 1.0 / self.anim.fps);
-        let velocity = |place: &Vector3<f64>| motion.carry(place).1 * interval;
-        let head = HeadAround {
-            poses: [-1.0, -0.5, 0.0, 0.5, 1.0].map(|frames| self.anim.head_pose(time(frames))),
-            velocity: &velocity,
+        let interval = 1.0 / self.anim.fps;
+        let around = |root: Option<&RootBinding>| {
+            let poses = [-1.0, -0.5, 0.0, 0.5, 1.0].map(|frames| self.anim.carrier(root, time(frames)));
+            (poses, RigidMotion::of(|t| self.anim.carrier(root, t), time(0.0)))
         };
+        let head = around(None);
         let moving = |(i, rod): (usize, &&Rod)| {
-            MovingGuide::new(rod, before.map(|before| &before[i]), [&now[i], &after[i]], &head, interval)
+            let (poses, motion) = self.roots.get(i).map_or(head, |root| around(Some(root)));
+            let velocity = |place: &Vector3<f64>| motion.carry(place).1 * interval;
+            let carrier = CarrierAround { poses, velocity: &velocity };
+            MovingGuide::new(rod, before.map(|before| &before[i]), [&now[i], &after[i]], &carrier, interval)
         };
         let (guides, limited): (_, Vec<bool>) = self.rods.par_iter().enumerate().map(moving).unzip();
         (guides, limited.iter().map(|limited| u32::from(*limited)).sum())
@@ -142,14 +152,14 @@ impl<'a> Output<'a> {
         let t = self.prepare(frame, 0.0);
         let Some(strands) = &self.strands else { return FrameStrands::default() };
         let poses = self.collider_poses(t);
-        let moment = self.strand_moment(t, &poses);
+        let obstacles = self.obstacles(t, &poses);
         let motion = moving.map_or_else(|| self.still(guides), |moving| self.motion(moving));
-        let posed = strands.pose(&moment.head, Some(&moment.obstacles), &motion);
+        let posed = strands.pose(self.carriers(&self.strand_roots, t), Some(&obstacles), &motion);
         let (free, deflections) = if moving.is_some() {
-            let (free, deflections) = strands.evaluate_free(&moment, &posed, &self.to_scene());
+            let (free, deflections) = strands.evaluate_free(&obstacles, &posed, &self.to_scene());
             (Some(free), deflections)
         } else {
-            (None, strands.deflections(&moment, &posed))
+            (None, strands.deflections(&obstacles, &posed))
         };
         FrameStrands { deflections, guides: Some(posed), free }
     }
@@ -165,12 +175,12 @@ impl<'a> Output<'a> {
         let t = self.prepare(frame, 0.0);
         let Some(strands) = &self.strands else { return Vec::new() };
         let poses = self.collider_poses(t);
-        let moment = self.strand_moment(t, &poses);
+        let obstacles = self.obstacles(t, &poses);
         match posed {
-            Some(posed) => strands.settle(&moment, posed, around),
+            Some(posed) => strands.settle(&obstacles, posed, around),
             None => {
-                let posed = strands.pose(&moment.head, Some(&moment.obstacles), &self.still(guides));
-                strands.settle(&moment, &posed, around)
+                let posed = strands.pose(self.carriers(&self.strand_roots, t), Some(&obstacles), &self.still(guides));
+                strands.settle(&obstacles, &posed, around)
             }
         }
     }
@@ -230,18 +240,17 @@ impl<'a> Output<'a> {
         known: Option<(PosedGuides, StrandMotion)>,
     ) -> (Frame, Depths) {
         let t = self.prepare(frame, offset);
-        let head = head_motion(self.anim, t);
         let to_scene = self.to_scene();
         let motion = self.motion(guides);
         let poses = self.collider_poses(t);
-        let obstacles = Obstacles { bodies: &self.bodies, time: t, poses: &poses };
+        let obstacles = self.obstacles(t, &poses);
         let mut depths = Depths::default();
         let levels = self.header.levels.then(|| guides.iter().map(|g| g.level as i32).collect::<Vec<_>>());
         let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
             let at = DeflectionAt { frames: settled, fraction: offset, interval: 1.0 / self.anim.fps };
             let (posed, free) = known.unzip();
-            let posed = posed.unwrap_or_else(|| strands.pose(&head, None, &motion));
-            let StrandMotion { points, velocities } = strands.evaluate(&head, &posed, &at, &to_scene, free);
+            let posed = posed.unwrap_or_else(|| strands.pose(self.carriers(&self.strand_roots, t), None, &motion));
+            let StrandMotion { points, velocities } = strands.evaluate(&posed, &at, &to_scene, free);
             depths = strands.depths(&obstacles, &posed, &points, &self.to_metres());
             let level = levels.as_ref().map(|l| strands.main_guides().map(|guide| l[guide]).collect());
             CurveFrame {
@@ -252,7 +261,7 @@ impl<'a> Output<'a> {
                 level,
             }
         });
-        let guides = self.guides(&motion, levels, &head, &to_scene);
+        let guides = self.guides(&motion, levels, t, &to_scene);
         // In between, cubics stand for the sub-steps, which kept the guides out.
         if offset == 0.0 {
             depths = depths.max(self.guide_depths.measure(&obstacles, &guides.points, &self.to_metres()));
@@ -275,10 +284,20 @@ impl<'a> Output<'a> {
         t
     }
 
-    /// The moment `t`, s, with these poses of the colliders.
-    fn strand_moment<'b>(&'b self, t: f64, poses: &'b [Isometry3<f64>]) -> Moment<'b> {
-        let obstacles = Obstacles { bodies: &self.bodies, time: t, poses };
-        Moment { head: head_motion(self.anim, t), obstacles }
+    /// The bodies at time `t`, s, with these poses of the colliders.
+    fn obstacles<'b>(&'b self, t: f64, poses: &'b [Isometry3<f64>]) -> Obstacles<'b> {
+        Obstacles { bodies: &self.bodies, time: t, poses }
+    }
+
+    /// What carries the guides and `strands`, if they are on a skin, at time `t`, s.
+    fn carriers(&self, strands: &[RootBinding], t: f64) -> Carriers {
+        let of = |roots: &[RootBinding]| -> Vec<RigidMotion> {
+            roots.par_iter().map(|root| RigidMotion::of(|t| self.anim.carried(root, t), t)).collect()
+        };
+        if self.roots.is_empty() {
+            return Carriers::Head(RigidMotion::of(|t| self.anim.head_pose(t), t));
+        }
+        Carriers::Skin { guides: of(self.roots), strands: of(strands) }
     }
 
     /// Converts metres, Y up, to the cache's unit and axes.
@@ -322,22 +341,26 @@ impl<'a> Output<'a> {
         &self,
         motion: &[GuideMotion],
         level: Option<Vec<i32>>,
-        head: &HeadMotion,
+        t: f64,
         to_scene: &Matrix3<f64>,
     ) -> CurveFrame {
         if self.header.guides.counts.is_empty() {
             return CurveFrame::default();
         }
+        let carriers = self.carriers(&[], t);
         let per_guide: Vec<Vec<([f32; 3], [f32; 3])>> = motion
             .par_iter()
-            .map_init(Default::default, |(shape, sensitivity): &mut (RodShape, Sensitivity), motion| {
+            .enumerate()
+            .map_init(Default::default, |(shape, sensitivity): &mut (RodShape, Sensitivity), (i, motion)| {
                 let GuideMotion { rod, q, rate } = motion;
-                shape.update(rod, &(head.rotation * rod.root.r), q);
+                let carrier = carriers.guide(i);
+                shape.update(rod, &(carrier.rotation * rod.root.r), q);
                 sensitivity.update(rod, shape, q);
-                let (root, speed) = head.carry(&rod.root.p);
+                let (root, speed) = carrier.carry(&rod.root.p);
                 let motion = |k: usize| {
                     let (v, spin) = sensitivity.velocity(k, &shape.x(k), rate);
-                    (speed + head.spin.cross(&shape.x(k)) + v, (head.spin + spin).cross(&shape.tangent(k)))
+                    let v = speed + carrier.spin.cross(&shape.x(k)) + v;
+                    (v, (carrier.spin + spin).cross(&shape.tangent(k)))
                 };
                 let moving: Vec<_> = (0..rod.points()).map(motion).collect();
                 let mut v = vec![moving[0].0];
@@ -399,16 +422,4 @@ fn accelerations(now: &CurveFrame, then: &CurveFrame, after: f64) -> Vec<[f32; 3
         })
     };
     (0..now.points.len()).into_par_iter().map(at).collect()
-}
-
-/// Pose of the head at time `t`, s, and its velocity by central differences of the smooth track.
-pub fn head_motion(anim: &Anim, t: f64) -> HeadMotion {
-    let delta = 1e-4;
-    let (now, after, before) = (anim.head_pose(t), anim.head_pose(t + delta), anim.head_pose(t - delta));
-    HeadMotion {
-        rotation: now.rotation.to_rotation_matrix().into_inner(),
-        translation: now.translation.vector,
-        spin: (after.rotation * before.rotation.inverse()).scaled_axis() / (2.0 * delta),
-        velocity: (after.translation.vector - before.translation.vector) / (2.0 * delta),
-    }
 }

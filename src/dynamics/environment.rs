@@ -2,6 +2,7 @@
 
 use crate::contact::Bodies;
 use crate::math::se3::Pose;
+use crate::scene::RootBinding;
 use crate::scene::anim::{GRAVITY, Wind};
 use nalgebra::{Isometry3, Vector3};
 
@@ -11,10 +12,15 @@ pub type OfTime<'a, T> = Box<dyn Fn(f64) -> T + Sync + 'a>;
 /// A pose that depends on an index and on time, s.
 pub type PoseOf<'a> = Box<dyn Fn(usize, f64) -> Isometry3<f64> + Sync + 'a>;
 
+/// The motion that carries a root on a skin, by its binding and time, s.
+pub type CarriedBySkin<'a> = Box<dyn Fn(&RootBinding, f64) -> Isometry3<f64> + Sync + 'a>;
+
 /// What acts on the guides.
 pub struct Environment<'a> {
-    /// Head rest space to world.
+    /// Head rest space to world. With skins it is a frame of reference for what guides have in common.
     pub head: OfTime<'a, Isometry3<f64>>,
+    /// Rest space around a root on a skin to world.
+    pub skin: CarriedBySkin<'a>,
     /// Gravity plus uniform force fields, m/s².
     pub gravity: OfTime<'a, Vector3<f64>>,
     /// Wind fields.
@@ -34,6 +40,7 @@ impl<'a> Environment<'a> {
     pub fn at_rest(bodies: Bodies) -> Self {
         Environment {
             head: Box::new(|_| Isometry3::identity()),
+            skin: Box::new(|_, _| Isometry3::identity()),
             gravity: Box::new(|_| Vector3::y() * -GRAVITY),
             wind: &[],
             bodies,
@@ -43,15 +50,15 @@ impl<'a> Environment<'a> {
         }
     }
 
-    /// World pose at time `t`, s, of a root with pose `rest` in head rest space.
-    pub fn root(&self, rest: &Pose, t: f64) -> Pose {
-        Environment::root_on(&(self.head)(t), rest)
+    /// Rest space around a root to world at time `t`, s: by its place on a skin, or by the head.
+    pub fn carried(&self, root: Option<&RootBinding>, t: f64) -> Isometry3<f64> {
+        root.map_or_else(|| (self.head)(t), |root| (self.skin)(root, t))
     }
 
-    /// World pose of a root with pose `rest` in head rest space, for a given `head` pose.
-    pub fn root_on(head: &Isometry3<f64>, rest: &Pose) -> Pose {
-        let r = head.rotation.to_rotation_matrix();
-        Pose { r: r.matrix() * rest.r, p: r * rest.p + head.translation.vector }
+    /// World pose of a root with pose `rest` in rest space, which `carrier` takes to the world.
+    pub fn root_on(carrier: &Isometry3<f64>, rest: &Pose) -> Pose {
+        let r = carrier.rotation.to_rotation_matrix();
+        Pose { r: r.matrix() * rest.r, p: r * rest.p + carrier.translation.vector }
     }
 
     /// World poses of `bodies` at time `t`, s.

@@ -49,11 +49,11 @@ impl Simulation<'_> {
         simulated.par_iter().map(depth).reduce(|| 0.0, f64::max)
     }
 
-    /// The polyline in which guide `i` meets bodies, m, world, by its unknowns and the head: of a follower,
+    /// The polyline in which guide `i` meets bodies, m, world, by its unknowns and its root: of a follower,
     /// the points of its state are those at which it last moved by itself.
     pub fn polyline(&self, i: usize) -> Vec<Vector3<f64>> {
-        let rod = &self.model.guides[i].rod;
-        let root = self.env.root(&rod.root, self.time());
+        let model = &self.model.guides[i];
+        let (rod, root) = (&model.rod, model.root(&self.env, self.time()));
         let (mut shape, mut polyline) = (RodShape::default(), Vec::new());
         shape.update(rod, &root.r, &self.state.guides[i].q[0]);
         with_midpoints(&rod.arc, |k| shape.x(k) + root.p, |k| shape.tangent(k), &mut polyline);

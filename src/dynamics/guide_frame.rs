@@ -46,11 +46,11 @@ impl SolverStep {
     }
 }
 
-/// The motion of the head around a frame.
-pub struct HeadAround<'a> {
+/// The motion of what carries a root, the head or a skin, around a frame.
+pub struct CarrierAround<'a> {
     /// Its poses a frame and half a frame before, at the frame, and half a frame and a frame after it.
     pub poses: [Isometry3<f64>; 5],
-    /// Velocity at the frame, m per frame, of the point of the head at a place, m, rest space; world axes.
+    /// Velocity at the frame, m per frame, of its point at a place, m, rest space; world axes.
     pub velocity: &'a (dyn Fn(&Vector3<f64>) -> Vector3<f64> + Sync),
 }
 
@@ -117,7 +117,7 @@ impl MovingGuide {
         rod: &Rod,
         before: Option<&GuideFrame>,
         [now, after]: [&GuideFrame; 2],
-        head: &HeadAround,
+        head: &CarrierAround,
         interval: f64,
     ) -> (Self, bool) {
         let differences = if before.is_some() { CENTRAL } else { AT_START };
@@ -165,7 +165,7 @@ fn turn(rod: &Rod, rate: &[f64]) -> f64 {
 /// and points beside them, as the differences of their positions tell. Within half a frame a rod may turn by
 /// radians while its points go there and back: the difference of the unknowns is then no velocity of theirs.
 /// False if the speed of a point is limited, or if there is no fit and the rates stay as they are.
-fn fit(rate: &mut [f64], rod: &Rod, q: [&Vec<f64>; 5], head: &HeadAround, differences: &Differences) -> bool {
+fn fit(rate: &mut [f64], rod: &Rod, q: [&Vec<f64>; 5], head: &CarrierAround, differences: &Differences) -> bool {
     let mut shape = RodShape::default();
     let mut poses: [Vec<Pose>; 5] = Default::default();
     // The frame last: its shape is used below.
@@ -210,7 +210,7 @@ fn fit(rate: &mut [f64], rod: &Rod, q: [&Vec<f64>; 5], head: &HeadAround, differ
 /// of the head there. Also by how much the speed is more without that limit, m per frame.
 fn velocity_in_head(
     places: &[Vector3<f64>; 5],
-    head: &HeadAround,
+    head: &CarrierAround,
     differences: &Differences,
 ) -> (Vector3<f64>, f64) {
     let difference = |weights: &[f64; 5], place: &dyn Fn(usize) -> Vector3<f64>| -> Vector3<f64> {
@@ -238,7 +238,7 @@ mod tests {
     fn moving(rod: &Rod, q: impl Fn(f64) -> Vec<f64>, first: bool) -> (MovingGuide, bool) {
         let state = |t: f64| GuideFrame { q: q(t), midway: q(t - 0.5), level: 0 };
         let before = state(-1.0);
-        let head = HeadAround { poses: [Isometry3::identity(); 5], velocity: &|_| Vector3::zeros() };
+        let head = CarrierAround { poses: [Isometry3::identity(); 5], velocity: &|_| Vector3::zeros() };
         MovingGuide::new(rod, (!first).then_some(&before), [&state(0.0), &state(1.0)], &head, INTERVAL)
     }
 
@@ -301,7 +301,7 @@ mod tests {
 
     /// Velocity per frame of a point at these places half a frame apart, on a head at rest.
     fn velocity(places: [f64; 5], differences: &Differences) -> f64 {
-        let head = HeadAround { poses: [Isometry3::identity(); 5], velocity: &|_| Vector3::zeros() };
+        let head = CarrierAround { poses: [Isometry3::identity(); 5], velocity: &|_| Vector3::zeros() };
         velocity_in_head(&places.map(|x| Vector3::x() * x), &head, differences).0.x
     }
 
@@ -336,7 +336,7 @@ mod tests {
             let poses = places.map(|x| Isometry3::from(across * x));
             for speed in [0.0, 0.085, 0.17] {
                 let velocity = move |_: &Vector3<f64>| across * speed;
-                let head = HeadAround { poses, velocity: &velocity };
+                let head = CarrierAround { poses, velocity: &velocity };
                 let (found, _) = MovingGuide::new(&rod, Some(&still), [&still, &still], &head, INTERVAL);
                 let written = tip(&found.rate)[1].dot(&across) * INTERVAL + speed;
                 assert!((written - mean).abs() < 0.03, "{speed} {mean}: {written}");

@@ -46,7 +46,7 @@ impl GuideRods {
         if alone {
             fine = std::mem::replace(&mut simulated, wisp::guide_rods(groom, SegmentSize::COARSE));
         }
-        let report = sag_free::apply(&mut simulated, anim);
+        let report = sag_free::apply(&mut simulated, &groom.guides.curves.skin, anim);
         let required = vec![true; simulated.len()];
         let fine = fine.into_iter().map(|r| r.rod).collect();
         GuideRods { sag_free: report, required, simulated, fine, density, sampling }

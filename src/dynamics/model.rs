@@ -42,6 +42,9 @@ impl<'a> Model<'a> {
         let simulated = rods.required.clone();
         let GuideRods { simulated: rods, density, .. } = rods;
         let mut guides: Vec<GuideModel> = rods.par_iter().map(|r| guide(anim, density, r)).collect();
+        for (guide, skin) in guides.iter_mut().zip(&groom.guides.curves.skin) {
+            guide.skin = Some(skin.clone());
+        }
         for (guide, ties) in guides.iter_mut().zip(tie::ties(groom, anim, rods)) {
             guide.ties = ties;
         }

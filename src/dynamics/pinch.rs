@@ -170,7 +170,7 @@ impl Simulation<'_> {
             let guide = &self.state.guides[i];
             guide.clearance.at((self.env.push_out)(t), &mut asked);
             lowered.clone_from(&asked);
-            let root = self.env.root(&self.model.guides[i].rod.root, t);
+            let root = self.model.guides[i].root(&self.env, t);
             let root_distance = guide.clearance.root_distance();
             let x0 = &self.polyline(i);
             Pinch { bodies: &self.env.bodies, motions: &motions, x0, root: &root, root_distance }

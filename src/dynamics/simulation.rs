@@ -13,7 +13,7 @@ use super::hair_volume::HairVolume;
 use super::model::Model;
 use super::step_record::{HairRecord, StepRecord};
 use super::strand_contact::{RECOVERY_SPEED, StrandContacts};
-use super::wisp_friction::HeadVelocity;
+use super::wisp_friction::CarrierVelocity;
 use super::wisps::{AdaptiveTree, WispChanges};
 use crate::contact::{Bodies, Body};
 use crate::scene::anim::{ContactSetting, Resolution};
@@ -105,8 +105,12 @@ pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &
     env.bodies.prepare(span);
     state.guides.iter_mut().for_each(GuideState::clear_hair_force);
     if let Some(friction) = &model.wisp_friction {
-        let (head, wisps) = (HeadVelocity::new(env, span[0]), &state.wisps);
-        friction.apply(&mut state.guides, |i| leader(wisps, i), &head, span[1] - span[0]);
+        let (head, wisps) = (CarrierVelocity::of_head(env, span[0]), &state.wisps);
+        let carrier = |i: usize| match &model.guides[i].skin {
+            None => head,
+            Some(root) => CarrierVelocity::new(|t| (env.skin)(root, t), span[0]),
+        };
+        friction.apply(&mut state.guides, |i| leader(wisps, i), carrier, span[1] - span[0]);
     }
     if let Some(volume) = &mut state.hair_volume {
         let step = [span[0], span[1] - span[0]];
@@ -175,7 +179,7 @@ fn adapt(model: &Model, env: &mut Environment, state: &mut State) {
     } else {
         let first = *taken - i64::from(model.anim.settings.substeps);
         let frame = [first, *taken].map(|taken| model.time_after(taken));
-        wisps.advance_modes(env, frame);
+        wisps.advance_modes(&model.guides, env, frame);
         for level in 0..wisps.levels() {
             let split = wisps.place_and_split(level, &model.guides, guides, env, frame);
             catch_up_split(model, env, guides, &split, first..*taken, catch_up);
@@ -333,6 +337,7 @@ fn environment<'a>(model: &Model<'a>) -> Environment<'a> {
         push_out: Box::new(push_out),
         carrier: Box::new(|b, t| anim.bodies[b].track.pose(t)),
         head: Box::new(|t| anim.head_pose(t)),
+        skin: Box::new(|root, t| anim.carried(root, t)),
         gravity: Box::new(|t| anim.gravity + anim.forces.iter().map(|k| k.at(t)).sum::<Vector3<f64>>()),
         wind: &anim.wind,
     }

@@ -59,11 +59,11 @@ impl FrictionSampler {
         self.points.iter().enumerate().skip(1)
     }
 
-    /// Masses and velocities at the nodes relative to the head, in its frame.
-    fn node_velocities(&self, guide: &GuideState, head: &HeadVelocity) -> NodeVelocities {
+    /// Masses and velocities at the nodes relative to the carrier of the root, in its frame.
+    fn node_velocities(&self, guide: &GuideState, carrier: &CarrierVelocity) -> NodeVelocities {
         let mut nodes = vec![(0.0, Vector3::zeros()); self.nodes];
         for (k, point) in self.free_points() {
-            let v = head.relative_velocity(&guide.x[k], &guide.v[k]);
+            let v = carrier.relative_velocity(&guide.x[k], &guide.v[k]);
             for (node, share) in nodes[point.node..].iter_mut().zip(&point.shares) {
                 node.0 += share * point.mass;
                 node.1 += v * (share * point.mass);
@@ -78,7 +78,7 @@ impl FrictionSampler {
         -(-self.rate * h).exp_m1()
     }
 
-    /// Force on each point over a step of `h`, s, in the frame of the head, N, from the velocities of the
+    /// Force on each point over a step of `h`, s, in the frame of the carrier, N, from the velocities of the
     /// nodes relative to the wisp, m/s.
     fn forces(&self, relative: &[Vector3<f64>], h: f64) -> Vec<Vector3<f64>> {
         let mut forces = vec![Vector3::zeros(); self.points.len()];
@@ -101,17 +101,17 @@ impl WispFriction {
         (!wisps.is_empty()).then_some(WispFriction { wisps, guides })
     }
 
-    /// Sets the friction forces on the guides over a step of `h`, s, that starts with the head at `head`.
-    /// `leader` maps each guide to the active guide that it moves with.
+    /// Sets the friction forces on the guides over a step of `h`, s, that starts with what carries guide `i`
+    /// at `carrier(i)`. `leader` maps each guide to the active guide that it moves with.
     pub fn apply(
         &self,
         states: &mut [GuideState],
         leader: impl Fn(usize) -> usize + Sync,
-        head: &HeadVelocity,
+        carrier: impl Fn(usize) -> CarrierVelocity + Sync,
         h: f64,
     ) {
         let forces: Vec<_> =
-            self.wisps.par_iter().map(|wisp| self.forces(wisp, states, &leader, head, h)).collect();
+            self.wisps.par_iter().map(|wisp| self.forces(wisp, states, &leader, &carrier, h)).collect();
         for (i, forces) in forces.into_iter().flatten() {
             states[i].add_hair_force(forces.into_iter());
         }
@@ -123,14 +123,17 @@ impl WispFriction {
         wisp: &[usize],
         states: &[GuideState],
         leader: impl Fn(usize) -> usize,
-        head: &HeadVelocity,
+        carrier: impl Fn(usize) -> CarrierVelocity,
         h: f64,
     ) -> Vec<(usize, Vec<Vector3<f64>>)> {
         let mut hairs: Vec<(usize, f64)> = wisp.iter().map(|&i| (leader(i), self.guides[i].hairs)).collect();
         hairs.sort_by_key(|(i, _)| *i);
         math::merge_equal_keys(&mut hairs);
-        let nodes: Vec<_> =
-            hairs.iter().map(|&(i, _)| self.guides[i].node_velocities(&states[i], head)).collect();
+        let carriers: Vec<CarrierVelocity> = hairs.iter().map(|(i, _)| carrier(*i)).collect();
+        let of = |(&(i, _), carrier): (&(usize, f64), &CarrierVelocity)| {
+            self.guides[i].node_velocities(&states[i], carrier)
+        };
+        let nodes: Vec<_> = hairs.iter().zip(&carriers).map(of).collect();
         // Weighted by the momentum that each guide loses, so that momentum is conserved.
         let mut mean = vec![(0.0, Vector3::zeros()); nodes[0].len()];
         for ((i, hairs), nodes) in hairs.iter().zip(&nodes) {
@@ -143,35 +146,41 @@ impl WispFriction {
         if mean.iter().any(|(weight, _)| *weight == 0.0) {
             return Vec::new();
         }
-        let on = |(&(i, _), nodes): (&(usize, f64), &NodeVelocities)| {
+        let on = |((&(i, _), carrier), nodes): ((&(usize, f64), &CarrierVelocity), &NodeVelocities)| {
             let relative: Vec<_> = nodes.iter().zip(&mean).map(|((_, v), (w, sum))| v - sum / *w).collect();
-            (i, self.guides[i].forces(&relative, h).iter().map(|f| head.to_world(f)).collect())
+            (i, self.guides[i].forces(&relative, h).iter().map(|f| carrier.to_world(f)).collect())
         };
-        hairs.iter().zip(&nodes).map(on).collect()
+        hairs.iter().zip(&carriers).zip(&nodes).map(on).collect()
     }
 }
 
-/// The pose and the velocity of the head at one time.
-pub(super) struct HeadVelocity {
+/// The pose and the velocity of what carries roots, the head or a skin, at one time.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct CarrierVelocity {
     pose: Isometry3<f64>,
     /// Poses shortly after and before.
     neighbours: [Isometry3<f64>; 2],
 }
 
-impl HeadVelocity {
+impl CarrierVelocity {
     /// Half the interval of the difference quotient, s.
     const DELTA: f64 = 1e-4;
 
-    /// The head at time `t`, s.
-    pub fn new(env: &Environment, t: f64) -> Self {
-        let neighbours = [t + HeadVelocity::DELTA, t - HeadVelocity::DELTA].map(|t| (env.head)(t));
-        HeadVelocity { pose: (env.head)(t), neighbours }
+    /// Of the head at time `t`, s.
+    pub fn of_head(env: &Environment, t: f64) -> Self {
+        CarrierVelocity::new(&*env.head, t)
     }
 
-    /// Velocity `v`, m/s, of a point at `x`, m, relative to the head, in its frame.
+    /// Of what has a pose at a time, s, at time `t`.
+    pub fn new(pose: impl Fn(f64) -> Isometry3<f64>, t: f64) -> Self {
+        let neighbours = [t + CarrierVelocity::DELTA, t - CarrierVelocity::DELTA].map(&pose);
+        CarrierVelocity { pose: pose(t), neighbours }
+    }
+
+    /// Velocity `v`, m/s, of a point at `x`, m, relative to the carrier, in its frame.
     pub fn relative_velocity(&self, x: &Vector3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
         let local = self.pose.inverse_transform_point(&(*x).into());
-        let carried = (self.neighbours[0] * local - self.neighbours[1] * local) / (2.0 * HeadVelocity::DELTA);
+        let carried = (self.neighbours[0] * local - self.neighbours[1] * local) / (2.0 * CarrierVelocity::DELTA);
         self.pose.rotation.inverse() * (v - carried)
     }
 
@@ -252,13 +261,13 @@ mod tests {
     fn friction_conserves_momentum_and_dissipates_energy() {
         let env = turning_head();
         let Wisp { mut states, friction, .. } = wisp(&[0.1, 0.23, 0.17], &[10.0, 300.0, 0.0], &env, H);
-        let head = HeadVelocity::new(&env, 0.0);
+        let head = CarrierVelocity::of_head(&env, 0.0);
         let mut drawn = 0..;
         for guide in &mut states {
             guide.v.fill_with(|| V::from_fn(|_, _| random::unit(5, drawn.next().unwrap()) - 0.5));
         }
         states.iter_mut().for_each(GuideState::clear_hair_force);
-        friction.apply(&mut states, |i| i, &head, H);
+        friction.apply(&mut states, |i| i, |_| head, H);
         let (mut force, mut power, mut energy, mut size) = (V::zeros(), 0.0, 0.0, 0.0);
         for (guide, FrictionSampler { hairs, points, .. }) in states.iter().zip(&friction.guides) {
             for ((f, point), (x, v)) in
@@ -281,7 +290,7 @@ mod tests {
     fn friction_does_not_act_on_the_common_motion() {
         let env = turning_head();
         let Wisp { mut states, friction, .. } = wisp(&[0.1, 0.23, 0.17], &[50.0; 3], &env, H);
-        let head = HeadVelocity::new(&env, 0.0);
+        let head = CarrierVelocity::of_head(&env, 0.0);
         for guide in &mut states {
             for (x, v) in guide.x.iter().zip(&mut guide.v) {
                 // The motion of the head plus a common velocity.
@@ -290,7 +299,7 @@ mod tests {
             }
         }
         states.iter_mut().for_each(GuideState::clear_hair_force);
-        friction.apply(&mut states, |i| i, &head, H);
+        friction.apply(&mut states, |i| i, |_| head, H);
         let largest = states.iter().flat_map(GuideState::hair_force).map(|f| f.norm()).fold(0.0, f64::max);
         assert!(largest < 1e-9, "{largest} N");
     }
@@ -308,10 +317,10 @@ mod tests {
         let steps = (1.0 / h) as u32;
         for step in 0..steps {
             let t = [f64::from(step) * h, f64::from(step + 1) * h];
-            let head = HeadVelocity::new(&env, t[0]);
+            let head = CarrierVelocity::of_head(&env, t[0]);
             if rate > 0.0 {
                 states.iter_mut().for_each(GuideState::clear_hair_force);
-                friction.apply(&mut states, |i| i, &head, h);
+                friction.apply(&mut states, |i| i, |_| head, h);
             }
             for (model, state) in models.iter().zip(&mut states) {
                 let record = model.step(&env, state, t, ContactMode::Bodies, &mut scratch);

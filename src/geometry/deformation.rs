@@ -20,17 +20,41 @@ pub struct Deformation {
     pub samples: Vec<Vec<Vector3<f64>>>,
 }
 
+/// Samples with their weights: two parabolas through three samples each at most.
+struct SampleWeights {
+    weights: [(usize, f64); 6],
+    len: usize,
+}
+
+impl SampleWeights {
+    fn new(weights: impl IntoIterator<Item = (usize, f64)>) -> Self {
+        let mut new = SampleWeights { weights: [(0, 0.0); 6], len: 0 };
+        for (place, weight) in new.weights.iter_mut().zip(weights) {
+            *place = weight;
+            new.len += 1;
+        }
+        new
+    }
+
+    fn iter(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.weights[..self.len].iter().copied()
+    }
+}
+
 /// Motion of a carrier, m and rad, that counts as none.
 const STILL: f64 = 1e-9;
 
 impl Deformation {
     /// Vertices at time `t`, s; m, rest space of the body.
     pub fn vertices(&self, t: f64) -> Vec<Vector3<f64>> {
+        let vertex = self.at(t);
+        (0..self.samples[0].len() as u32).map(vertex).collect()
+    }
+
+    /// The position of each vertex at time `t`, s, by its index; m, rest space of the body.
+    pub fn at(&self, t: f64) -> impl Fn(u32) -> Vector3<f64> {
         let weights = self.weights(t);
-        let at = |v: usize| -> Vector3<f64> {
-            weights.iter().map(|&(sample, w)| self.samples[sample][v] * w).sum()
-        };
-        (0..self.samples[0].len()).map(at).collect()
+        move |v| weights.iter().map(|(sample, w)| self.samples[sample][v as usize] * w).sum()
     }
 
     /// The deformation with more samples at both ends, where what moves with a carrier goes on to do so while
@@ -92,11 +116,11 @@ impl Deformation {
     }
 
     /// Samples, and their weights, at time `t`, s.
-    fn weights(&self, t: f64) -> Vec<(usize, f64)> {
+    fn weights(&self, t: f64) -> SampleWeights {
         let last = self.samples.len() - 1;
         let x = (t - self.start) * self.rate;
         if last == 0 {
-            return vec![(0, 1.0)];
+            return SampleWeights::new([(0, 1.0)]);
         }
         if x < 0.0 {
             return self.weights_beyond(-x, |back| back);
@@ -107,7 +131,7 @@ impl Deformation {
         let i = (x as usize).min(last - 1);
         let u = x - i as f64;
         if last == 1 {
-            return vec![(0, 1.0 - u), (1, u)];
+            return SampleWeights::new([(0, 1.0 - u), (1, u)]);
         }
         let parabola = |s: f64| [0.5 * s * (s - 1.0), 1.0 - s * s, 0.5 * s * (s + 1.0)];
         let early = (i > 0).then(|| (i, parabola(u)));
@@ -120,12 +144,12 @@ impl Deformation {
         let weighted = |part: Option<(usize, [f64; 3])>, w: f64| {
             part.into_iter().flat_map(move |(i, p)| (0..3).map(move |k| (i + k - 1, w * p[k])))
         };
-        weighted(early, 1.0 - w).chain(weighted(late, w)).collect()
+        SampleWeights::new(weighted(early, 1.0 - w).chain(weighted(late, w)))
     }
 
     /// Weights at `beyond`, samples, past an end. `sample` maps a distance from that end, samples, to an
     /// index.
-    fn weights_beyond(&self, beyond: f64, sample: impl Fn(usize) -> usize) -> Vec<(usize, f64)> {
+    fn weights_beyond(&self, beyond: f64, sample: impl Fn(usize) -> usize) -> SampleWeights {
         // One-sided differences: outward velocity, 1/s, and acceleration, 1/s².
         let (v, a) = match self.samples.len() {
             2 => ([1.0, -1.0, 0.0], [0.0; 3]),
@@ -134,7 +158,7 @@ impl Deformation {
         let [by_v, by_a] = coast::displacement(beyond / self.rate);
         let weight =
             |k: usize| f64::from(k == 0) + v[k] * self.rate * by_v + a[k] * self.rate * self.rate * by_a;
-        (0..self.samples.len().min(3)).map(|k| (sample(k), weight(k))).collect()
+        SampleWeights::new((0..self.samples.len().min(3)).map(|k| (sample(k), weight(k))))
     }
 }
 

@@ -3,6 +3,7 @@
 //! - [`Shape`], [`TriMesh`], [`Deformation`], [`Friction`]: plain data of a collider.
 //! - [`Solid`]: a shape prepared for queries (closest point, signed distance, intersection, containment), as
 //!   a [`Convex`], a [`SolidMesh`] or a [`DeformingMesh`].
+//! - [`Skin`], [`SkinPoint`]: places on a deforming mesh, and what they carry.
 //! - [`DistanceField`]: cached bounds of the distance to a mesh.
 //! - [`segment_segment`], [`segment_triangle`], [`closest_on_triangle`], [`closest_on_ellipsoid`]: closest
 //!   points of primitives.
@@ -30,6 +31,7 @@ pub use distance::triangle::{
 pub use friction::Friction;
 pub use mesh::deforming::DeformingMesh;
 pub use mesh::distance_field::DistanceField;
+pub use mesh::skin::{Skin, SkinPoint};
 pub use mesh::solid_mesh::SolidMesh;
 pub use shape::Shape;
 pub use solid::{MovingSurface, Solid};

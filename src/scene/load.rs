@@ -13,6 +13,7 @@ use super::json::pretty::pretty;
 use super::json::schema::schema_of;
 use super::load_options::LoadOptions;
 use super::placement;
+use super::skin;
 use crate::error::{Diagnostic, Error, Result};
 use std::path::Path;
 
@@ -53,9 +54,9 @@ pub fn load_with(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<(Gr
     let loaded_groom = groom_document.and_then(|doc| read_groom(doc, groom));
     let loaded_anim = anim_document.and_then(read_anim);
     match (loaded_groom, loaded_anim) {
-        (Ok(loaded_groom), Ok(loaded_anim)) => {
+        (Ok(mut loaded_groom), Ok(mut loaded_anim)) => {
             let mut diagnostics = check_ties(&loaded_groom, &loaded_anim, anim);
-            diagnostics.extend(placement::check(&loaded_groom, &loaded_anim, anim));
+            diagnostics.extend(place(&mut loaded_groom, &mut loaded_anim, anim));
             Error::if_any(diagnostics)?;
             Ok((loaded_groom, loaded_anim))
         }
@@ -65,6 +66,12 @@ pub fn load_with(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<(Gr
         }
         (Err(e), _) | (_, Err(e)) => Err(e),
     }
+}
+
+/// Compares the spaces of `groom` and `anim`, read from `file`, and binds the roots to their skins.
+fn place(groom: &mut Groom, anim: &mut Anim, file: &Path) -> Vec<Diagnostic> {
+    let misplaced = placement::check(groom, anim, file);
+    if misplaced.is_empty() { skin::bind(groom, anim, file) } else { misplaced }
 }
 
 /// Checks that the first file is no animation and the second no groom.
@@ -126,7 +133,8 @@ pub fn check(paths: &[&Path]) -> Result<Vec<Diagnostic>> {
     }
     if diagnostics.is_empty() {
         for (anim, path) in &anims {
-            diagnostics.extend(grooms.iter().flat_map(|groom| placement::check(groom, anim, path)));
+            let placed = |groom: &Box<Groom>| place(&mut groom.clone(), &mut anim.clone(), path);
+            diagnostics.extend(grooms.iter().flat_map(placed));
         }
     }
     Ok(diagnostics)

@@ -15,6 +15,8 @@ mod obj;
 mod origin;
 mod over_target;
 pub(crate) mod placement;
+mod root_binding;
+mod skin;
 pub(crate) mod track;
 
 pub(crate) use anim::motion_file::load_motion;
@@ -33,6 +35,7 @@ pub use load::{check, load, load_anim, load_groom, load_with, schema};
 pub use load_options::{LoadOptions, Override, PathMap};
 pub use origin::{Origin, RestSpace};
 pub use over_target::{OverNormals, OverPrim, OverSource, OverTarget, StageMetadata};
+pub use root_binding::RootBinding;
 
 #[cfg(test)]
 mod tests;

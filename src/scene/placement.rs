@@ -127,7 +127,7 @@ impl Roots {
 pub fn check(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
     let start = anim.time(anim.frames.0.into());
     let to_rest = anim.head_pose(start).inverse();
-    let skin = |collider: &'_ Collider| {
+    let moved = |collider: &'_ Collider| {
         let pose = to_rest * anim.bodies[collider.body].track.pose(start);
         let vertices = collider.deformation.as_ref().map(|d| d.vertices(start));
         vertices.map(|all| all.into_iter().map(|x| (pose * Point3::from(x)).coords).collect())
@@ -135,9 +135,14 @@ pub fn check(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
     let skins: Option<Vec<Skin>> = anim
         .colliders
         .iter()
-        .map(|collider| match &collider.shape {
+        .enumerate()
+        .map(|(i, collider)| match &collider.shape {
+            // Its roots go with it.
+            Shape::Mesh(rest) if anim.skins.contains(&i) => {
+                Some(Skin { name: &collider.name, rest, first: None })
+            }
             Shape::Mesh(rest) if collider.deformation.is_some() || collider.body == anim.head => {
-                Some(Skin { name: &collider.name, rest, first: skin(collider) })
+                Some(Skin { name: &collider.name, rest, first: moved(collider) })
             }
             _ => None,
         })

@@ -16,6 +16,8 @@ pub(super) struct Vertex {
 /// A strand at rest.
 #[derive(Debug, Clone)]
 pub(super) struct RestChain {
+    /// Index of the strand.
+    pub strand: usize,
     /// Position of the root, m, rest space.
     pub root: Vector3<f64>,
     /// Index of the guide of largest weight. It stands for all of them with respect to bodies.
@@ -74,7 +76,7 @@ impl RestChain {
         (guides.guides[self.main].rotation(midpoint), sum)
     }
 
-    /// The axis of the main guide beside edge `j`, world, and its rate, 1/s, as one array; and the half phase
+    /// The axis of the main guide beside edge `j` and its rate, 1/s, as one array; and the half phase
     /// of the edge.
     #[inline(always)]
     pub fn phase(&self, j: usize, guides: &PosedGuides) -> ([f64; 6], HalfPhase) {

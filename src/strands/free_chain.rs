@@ -3,7 +3,7 @@
 
 use super::chain::{RestChain, Vertex};
 use super::curl::IN_PHASE;
-use super::moment::HeadMotion;
+use super::moment::Carriers;
 use super::moving_rotation::{MovingRotation, Quaternion};
 use super::posed_guide::PosedGuides;
 use crate::math::lanes::{Lane, MAX_LANES, Real, V3};
@@ -34,12 +34,11 @@ impl<'a> Lay<'a> {
 /// Lays `chains` edge by edge from their roots, into `out`. Velocities are invalid unless `with_velocities`.
 pub(super) fn lay<'a>(
     chains: impl ExactSizeIterator<Item = Lay<'a>> + Clone,
-    head: &HeadMotion,
     guides: &PosedGuides,
     with_velocities: bool,
     out: &mut [Vec<Vertex>],
 ) {
-    Arch::new().dispatch(LayAll { chains, scene: Scene { head, guides, with_velocities }, out });
+    Arch::new().dispatch(LayAll { chains, scene: Scene { guides, with_velocities }, out });
 }
 
 /// Rotations from rest space, turned back by the phase, to each edge of a free chain.
@@ -48,12 +47,12 @@ pub(super) fn rotations<'a>(
     guides: &'a PosedGuides,
 ) -> impl Iterator<Item = MovingRotation<f64>> + 'a {
     let alone = [Lay::free(chain); MAX_LANES];
-    (0..chain.edges.len()).map(move |j| edge_rotation(0.0, j, &alone, guides))
+    let root = root_rotation(0.0, &alone, guides);
+    (0..chain.edges.len()).map(move |j| edge_rotation(0.0, j, &alone, guides, root))
 }
 
 #[derive(Clone, Copy)]
 struct Scene<'b> {
-    head: &'b HeadMotion,
     guides: &'b PosedGuides,
     with_velocities: bool,
 }
@@ -87,8 +86,10 @@ impl<'a, I: ExactSizeIterator<Item = Lay<'a>> + Clone> WithSimd for LayAll<'_, I
 
 #[inline(always)]
 fn lay_pack<F: Real>(zero: F, pack: &[Lay; MAX_LANES], scene: &Scene, out: &mut [Vec<Vertex>]) {
-    let Scene { head, guides, with_velocities } = *scene;
-    let roots: [_; MAX_LANES] = std::array::from_fn(|i| head.carry(&pack[i].chain.root));
+    let Scene { guides, with_velocities } = *scene;
+    let carried = |chain: &RestChain| guides.carriers.strand(chain.strand).carry(&chain.root);
+    let roots: [_; MAX_LANES] = std::array::from_fn(|i| carried(pack[i].chain));
+    let turn = root_rotation(zero, pack, guides);
     out.iter_mut().zip(&roots).for_each(|(vertices, (x, v))| {
         vertices.clear();
         vertices.push(Vertex { x: *x, v: *v });
@@ -96,7 +97,7 @@ fn lay_pack<F: Real>(zero: F, pack: &[Lay; MAX_LANES], scene: &Scene, out: &mut 
     let (mut x, mut v) = (gather(zero, |i| roots[i].0.into()), gather(zero, |i| roots[i].1.into()));
     let deflects = pack.iter().any(|lay| !lay.deflected.is_empty());
     for j in 0..pack[0].chain.edges.len() {
-        let rotation = edge_rotation(zero, j, pack, guides);
+        let rotation = edge_rotation(zero, j, pack, guides, turn);
         let edge = rotation.rotate(gather(zero, |i| pack[i].edge(j)[0].into()));
         x += edge;
         if with_velocities {
@@ -111,15 +112,37 @@ fn lay_pack<F: Real>(zero: F, pack: &[Lay; MAX_LANES], scene: &Scene, out: &mut 
     }
 }
 
+/// Rotations from rest space to world of what carries each chain, if guides are posed in their rest spaces.
+#[inline(always)]
+fn root_rotation<F: Real>(
+    zero: F,
+    pack: &[Lay; MAX_LANES],
+    guides: &PosedGuides,
+) -> Option<MovingRotation<F>> {
+    let Carriers::Skin { strands, .. } = &guides.carriers else { return None };
+    let of = |lay: &Lay| {
+        let carrier = &strands[lay.chain.strand];
+        MovingRotation::new(&carrier.rotation, &carrier.spin)
+    };
+    let turns: [MovingRotation<f64>; MAX_LANES] = std::array::from_fn(|i| of(&pack[i]));
+    let quaternion = |of: [Quaternion<f64>; MAX_LANES]| Quaternion {
+        w: scalars(zero, |i| of[i].w),
+        v: gather(zero, |i| of[i].v.0),
+    };
+    Some(MovingRotation { q: quaternion(turns.map(|t| t.q)), rate: quaternion(turns.map(|t| t.rate)) })
+}
+
 /// Rotations from rest space, turned back by the phase, to edge `j` of each chain (`docs/theory.md` eqs. 7.1
-/// and 7.2).
+/// and 7.2). On skins they are followed by those of the chains' roots, `turn`.
 #[inline(always)]
 fn edge_rotation<F: Real>(
     zero: F,
     j: usize,
     pack: &[Lay; MAX_LANES],
     guides: &PosedGuides,
+    turn: Option<MovingRotation<F>>,
 ) -> MovingRotation<F> {
+    let carry = |rotation: MovingRotation<F>| turn.map_or(rotation, |turn| turn.after(rotation));
     let (mut q, mut rate) = ([[0.0; 4]; MAX_LANES], [[0.0; 4]; MAX_LANES]);
     let mut sums = [[0.0; 6]; MAX_LANES];
     for (i, lay) in pack.iter().enumerate().take(F::LANES) {
@@ -135,7 +158,7 @@ fn edge_rotation<F: Real>(
     let main = MovingRotation { q: quaternion(&q), rate: quaternion(&rate) };
     let rotation = main.after(MovingRotation::by(phi, phi_rate));
     if pack.iter().all(|lay| lay.chain.half_phases.is_empty()) {
-        return rotation;
+        return carry(rotation);
     }
     let (mut axes, mut halves) = ([[0.0; 6]; MAX_LANES], [IN_PHASE; MAX_LANES]);
     for (i, lay) in pack.iter().enumerate().take(F::LANES) {
@@ -144,7 +167,7 @@ fn edge_rotation<F: Real>(
     let axis = gather(zero, |i| [axes[i][0], axes[i][1], axes[i][2]]);
     let axis_rate = gather(zero, |i| [axes[i][3], axes[i][4], axes[i][5]]);
     let [cosine, sine] = [0, 1].map(|part| scalars(zero, |i| halves[i][part].into()));
-    MovingRotation::about(axis, axis_rate, cosine, sine).after(rotation)
+    carry(MovingRotation::about(axis, axis_rate, cosine, sine).after(rotation))
 }
 
 /// The number `of(i)` in every lane i.

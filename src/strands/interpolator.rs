@@ -6,7 +6,7 @@ use super::deflection::{Deflection, FILTER_SPAN, between, filtered};
 use super::depths::{Depths, INSIDE, in_metres};
 use super::free_chain::{Lay, lay};
 use super::guide_weights::GuideWeights;
-use super::moment::{GuideMotion, HeadMotion, Moment};
+use super::moment::{Carriers, GuideMotion};
 use super::obstacles::Obstacles;
 use super::posed_guide::{PosedGuide, PosedGuides};
 use super::rest_guide::{Counterpart, RestGuide};
@@ -118,7 +118,7 @@ impl Interpolator {
             .map(|(c, weights)| {
                 let index = |other| unique.partition_point(|known| *known < pair(&weights, other));
                 let others = weights[1..].iter().map(|(other, weight)| (index(*other), *weight)).collect();
-                Strand::new(curves.curve(c), weights[0].0, others, &rest, bodies, thickness)
+                Strand::new((c, curves.curve(c)), weights[0].0, others, &rest, bodies, thickness)
             })
             .unzip();
         let pairs = unique
@@ -144,27 +144,28 @@ impl Interpolator {
         self.strands.iter().map(|strand| strand.chain.main)
     }
 
-    /// The guides at a moment; with their distances from bodies if `obstacles` are given.
+    /// The guides at a moment, on `carriers`; with their distances from bodies if `obstacles` are given.
     pub fn pose(
         &self,
-        head: &HeadMotion,
+        carriers: Carriers,
         obstacles: Option<&Obstacles>,
         guides: &[GuideMotion],
     ) -> PosedGuides {
         let guides: Vec<PosedGuide> = guides
             .par_iter()
             .zip(self.guides.par_iter().zip(&self.search_radius))
+            .enumerate()
             .with_min_len(16)
-            .map_init(Default::default, |scratch, (motion, (rest, radius))| {
+            .map_init(Default::default, |scratch, (i, (motion, (rest, radius)))| {
                 let clear = obstacles.map(|obstacles| |x: &Vector3<f64>| obstacles.distance(x, *radius));
-                PosedGuide::new(scratch, rest, head, motion, clear)
+                PosedGuide::new(scratch, rest, (&carriers, i), motion, clear)
             })
             .collect();
         let differences = |GuidePair { guides: [first, second], counterparts }: &GuidePair| {
             guides[*first].differences(&self.guides[*first], &guides[*second], counterparts)
         };
         let differences = self.pairs.par_iter().with_min_len(16).map(differences).collect();
-        PosedGuides { guides, differences }
+        PosedGuides { guides, differences, carriers }
     }
 
     /// The free strands at a frame, and the deflections that keep them outside the bodies there. `guides` are
@@ -172,7 +173,7 @@ impl Interpolator {
     /// and axes.
     pub fn evaluate_free(
         &self,
-        moment: &Moment,
+        obstacles: &Obstacles,
         guides: &PosedGuides,
         to_scene: &Matrix3<f64>,
     ) -> (StrandMotion, Vec<Deflection>) {
@@ -180,25 +181,25 @@ impl Interpolator {
         let mut deflections = vec![[0.0; 3]; self.vertices()];
         let outputs = self.split_motion(&mut motion).zip(self.split(&mut deflections));
         let strands = self.strands.iter().zip(outputs);
-        for_each_strand(strands.collect(), moment, guides, true, |strand, state, (out, deflections)| {
+        for_each_strand(strands.collect(), guides, true, |strand, state, (out, deflections)| {
             write(to_scene, &state.free, out);
-            strand.find_deflections(moment, guides, state, deflections);
+            strand.find_deflections(obstacles, guides, state, deflections);
         });
         (motion, deflections)
     }
 
     /// The deflections of [`Interpolator::evaluate_free`].
-    pub fn deflections(&self, moment: &Moment, guides: &PosedGuides) -> Vec<Deflection> {
+    pub fn deflections(&self, obstacles: &Obstacles, guides: &PosedGuides) -> Vec<Deflection> {
         let mut deflections = vec![[0.0; 3]; self.vertices()];
         let strands = self.strands.iter().zip(self.split(&mut deflections)).collect();
-        for_each_strand(strands, moment, guides, false, |strand, state, deflections| {
-            strand.find_deflections(moment, guides, state, deflections);
+        for_each_strand(strands, guides, false, |strand, state, deflections| {
+            strand.find_deflections(obstacles, guides, state, deflections);
         });
         deflections
     }
 
     /// Settled deflections at a frame, from those of [`Interpolator::deflections`] at the frames around it.
-    pub fn settle(&self, moment: &Moment, guides: &PosedGuides, raw: &AroundFrame) -> Vec<Deflection> {
+    pub fn settle(&self, obstacles: &Obstacles, guides: &PosedGuides, raw: &AroundFrame) -> Vec<Deflection> {
         let mut settled = vec![[0.0; 3]; self.vertices()];
         let strands = self.strands.iter().zip(self.offsets.windows(2).zip(self.split(&mut settled)));
         let strands: Vec<_> =
@@ -208,7 +209,7 @@ impl Interpolator {
             buffers,
             |(state, smooth), (strand, (w, out))| {
                 filtered(&raw.map(|frame| &frame[w[0]..w[1]]), smooth);
-                strand.settle(moment, guides, smooth, state, out);
+                strand.settle(obstacles, guides, smooth, state, out);
             },
         );
         settled
@@ -218,7 +219,6 @@ impl Interpolator {
     /// [`Interpolator::evaluate_free`] at that moment, if known; other arguments are as there.
     pub fn evaluate(
         &self,
-        head: &HeadMotion,
         guides: &PosedGuides,
         deflections: &DeflectionAt,
         to_scene: &Matrix3<f64>,
@@ -245,7 +245,7 @@ impl Interpolator {
             let chains = strands.iter().zip(&*buffers);
             let chains =
                 chains.map(|((strand, _), (edges, _))| Lay { chain: &strand.chain, deflected: edges });
-            lay(chains, head, guides, true, &mut laid);
+            lay(chains, guides, true, &mut laid);
             for ((_, (_, out)), vertices) in strands.iter_mut().zip(&laid) {
                 write(to_scene, vertices, out);
             }
@@ -294,7 +294,6 @@ impl Interpolator {
 /// `with_velocities`.
 fn for_each_strand<T: Send>(
     mut strands: Vec<(&Strand, T)>,
-    moment: &Moment,
     guides: &PosedGuides,
     with_velocities: bool,
     then: impl Fn(&Strand, &mut StrandState, &mut T) + Sync,
@@ -302,7 +301,7 @@ fn for_each_strand<T: Send>(
     let buffers = <([Vec<Vertex>; MAX_LANES], StrandState)>::default;
     strands.par_chunks_mut(MAX_LANES).with_min_len(8).for_each_init(buffers, |(free, state), strands| {
         let chains = strands.iter().map(|(strand, _)| Lay::free(&strand.chain));
-        lay(chains, &moment.head, guides, with_velocities, free);
+        lay(chains, guides, with_velocities, free);
         for ((strand, with), free) in strands.iter_mut().zip(free) {
             std::mem::swap(&mut state.free, free);
             then(strand, state, with);

@@ -32,7 +32,7 @@ pub use deflection::Deflection;
 pub use depths::{Depths, GuideDepths};
 pub use guide_weights::{GuideWeights, MAX_GUIDES, Membership, clumping, guide_weights};
 pub use interpolator::{AroundFrame, DeflectionAt, Interpolator, LOOKAHEAD, LOOKBEHIND, StrandMotion};
-pub use moment::{GuideMotion, HeadMotion, Moment};
+pub use moment::{Carriers, GuideMotion, RigidMotion};
 pub use obstacles::Obstacles;
 pub use posed_guide::PosedGuides;
 pub use thinning::thin;

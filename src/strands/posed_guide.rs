@@ -2,7 +2,7 @@
 
 use super::curl::axis;
 use super::guide_place::GuidePlace;
-use super::moment::{GuideMotion, HeadMotion};
+use super::moment::{Carriers, GuideMotion};
 use super::moving_rotation::MovingRotation;
 use super::rest_guide::{Counterpart, RestGuide};
 use crate::math::lanes::V3;
@@ -16,10 +16,11 @@ pub(super) struct PosedGuide {
     x: Vec<Vector3<f64>>,
     /// For each point, a lower bound on the distance from all bodies, m; empty if they are not looked for.
     pub clear: Vec<f64>,
-    /// Rotations of its frames from rest space to world, one per point. Quaternions of neighbours have the
-    /// same sign.
+    /// Rotations of its frames from rest space to world, one per point; to the rest space around its root if
+    /// that rides on a skin. Quaternions of neighbours have the same sign.
     pub rotations: Vec<MovingRotation<f64>>,
-    /// For each point of a guide that winds, the axis ([`axis`]), world, and its rate, 1/s, as one array.
+    /// For each point of a guide that winds, the axis ([`axis`]), in the same space, and its rate, 1/s, as one
+    /// array.
     axes: Vec<[f64; 6]>,
 }
 
@@ -30,36 +31,48 @@ pub struct PosedGuides {
     /// For each pair of guides and each point of the first, how the second is rotated relative to it
     /// ([`MovingRotation::difference`]), as one array.
     pub(super) differences: Vec<Vec<[f64; 6]>>,
+    /// What carries them and the strands.
+    pub(super) carriers: Carriers,
 }
 
 impl PosedGuide {
-    /// Poses a guide. `clear`, if given, is the lower bound on the distance from all bodies for the position
+    /// Poses guide `i` of those on `carriers`. `clear`, if given, is the lower bound on the distance from all bodies for the position
     /// of a point.
     pub fn new(
         (shape, sensitivity): &mut (RodShape, Sensitivity),
         rest: &RestGuide,
-        head: &HeadMotion,
+        (carriers, i): (&Carriers, usize),
         motion: &GuideMotion,
         clear: Option<impl Fn(&Vector3<f64>) -> f64>,
     ) -> Self {
         let GuideMotion { rod, q, rate } = motion;
-        shape.update(rod, &(head.rotation * rod.root.r), q);
+        let carrier = carriers.guide(i);
+        // Strands on skins turn with their own roots: guides tell them how they move on theirs.
+        let (turn, spin, to_world) = match carriers {
+            Carriers::Head(head) => (head.rotation * rod.root.r, head.spin, None),
+            Carriers::Skin { .. } => (rod.root.r, Vector3::zeros(), Some(carrier.rotation)),
+        };
+        shape.update(rod, &turn, q);
         sensitivity.update(rod, shape, q);
-        let (root, _) = head.carry(&rod.root.p);
+        let (root, _) = carrier.carry(&rod.root.p);
         let x: Vec<_> = (0..shape.points()).map(|k| root + shape.x(k)).collect();
         let mut rotations: Vec<MovingRotation<f64>> = Vec::with_capacity(x.len());
         // Velocities relative to the root.
         let mut v = Vec::with_capacity(x.len());
         for (k, rotation) in rest.rotations(shape.poses()).enumerate() {
-            let (velocity, spin) = sensitivity.velocity(k, &shape.x(k), rate);
-            let rotation = MovingRotation::new(&rotation, &(head.spin + spin));
+            let (velocity, own) = sensitivity.velocity(k, &shape.x(k), rate);
+            let rotation = MovingRotation::new(&rotation, &(spin + own));
             rotations.push(rotations.last().map_or(rotation, |last| rotation.with_sign_of(last)));
-            v.push(velocity + head.spin.cross(&shape.x(k)));
+            v.push(velocity + spin.cross(&shape.x(k)));
         }
         let axes = rest.winding().map_or_else(Vec::new, |winding| {
             let means = winding.means(&x).zip(winding.means(&v));
             means.map(|(mean, rate)| joined(axis(&mean, &rate))).collect()
         });
+        let x = match to_world {
+            None => x,
+            Some(turn) => x.iter().map(|x| root + turn * (x - root)).collect(),
+        };
         let clear = clear.map_or_else(Vec::new, |clear| x.iter().map(clear).collect());
         PosedGuide { clear, x, rotations, axes }
     }
@@ -71,7 +84,7 @@ impl PosedGuide {
         from.lerp(to, u)
     }
 
-    /// The axis at a place, world, and its rate, 1/s, as one array; zero if the guide does not wind.
+    /// The axis at a place and its rate, 1/s, as one array; zero if the guide does not wind.
     #[inline(always)]
     pub fn axis(&self, place: GuidePlace) -> [f64; 6] {
         if self.axes.is_empty() {

@@ -7,7 +7,6 @@ use super::deflection::{Deflection, deflected, deflection};
 use super::fabrik::relax;
 use super::free_chain::{Lay, lay, rotations};
 use super::guide_place::GuidePlace;
-use super::moment::Moment;
 use super::obstacles::{InsidePoint, Obstacles};
 use super::posed_guide::{PosedGuide, PosedGuides};
 use super::projected_chain::{NextEdge, ProjectedChain};
@@ -70,11 +69,11 @@ impl StrandState {
 }
 
 impl Strand {
-    /// A strand with `points` in the groom, m, that follows the guide `main`, and `others`: pairs with the
+    /// Strand `index`, with `points` in the groom, m, that follows the guide `main`, and `others`: pairs with the
     /// main guide and weights. Also the largest distance of its vertices from their places on the main guide at
     /// rest, m.
     pub fn new(
-        points: &[Vector3<f64>],
+        (index, points): (usize, &[Vector3<f64>]),
         main: usize,
         others: Vec<(usize, f64)>,
         rest: &[RestGuide],
@@ -123,7 +122,7 @@ impl Strand {
             points.iter().zip(&arc).map(|(x, s)| (x - first.position(place(*s))).norm()).fold(0.0, f64::max);
         let strand = Strand {
             separated: separated(&points[0], beside),
-            chain: RestChain { root: points[0], main, others, edges, half_phases },
+            chain: RestChain { strand: index, root: points[0], main, others, edges, half_phases },
             beside,
             clearances: Clearances::new(bodies, thickness, points),
         };
@@ -134,19 +133,19 @@ impl Strand {
     /// chain in `state`.
     pub fn find_deflections(
         &self,
-        moment: &Moment,
+        obstacles: &Obstacles,
         guides: &PosedGuides,
         state: &mut StrandState,
         out: &mut [Deflection],
     ) {
-        if moment.obstacles.poses.is_empty() {
+        if obstacles.poses.is_empty() {
             return;
         }
-        self.required_retractions(moment, &guides.guides[self.chain.main], state);
+        self.required_retractions(obstacles, &guides.guides[self.chain.main], state);
         if state.retraction.iter().any(|fraction| *fraction > 0.0) {
             self.spread(state);
         }
-        self.lay(moment, guides, state);
+        self.lay(obstacles, guides, state);
         for _ in 0..CORRECTIONS {
             if state.violating.is_empty() {
                 break;
@@ -155,10 +154,10 @@ impl Strand {
                 state.retraction[j] = 1.0;
             }
             self.spread(state);
-            self.lay(moment, guides, state);
+            self.lay(obstacles, guides, state);
         }
         if state.is_projected {
-            self.relax(&moment.obstacles, state);
+            self.relax(obstacles, state);
             self.deflections(guides, &state.vertices, out);
         }
     }
@@ -167,7 +166,7 @@ impl Strand {
     /// projected from there.
     pub fn settle(
         &self,
-        moment: &Moment,
+        obstacles: &Obstacles,
         guides: &PosedGuides,
         filtered: &[Vector3<f64>],
         state: &mut StrandState,
@@ -175,11 +174,11 @@ impl Strand {
     ) {
         let edges: Vec<_> = self.deflected(filtered.iter().map(|by| [*by, Vector3::zeros()])).collect();
         let chain = Lay { chain: &self.chain, deflected: &edges };
-        lay(iter::once(chain), &moment.head, guides, false, slice::from_mut(&mut state.free));
+        lay(iter::once(chain), guides, false, slice::from_mut(&mut state.free));
         state.clear_retraction(out.len());
-        self.lay(moment, guides, state);
+        self.lay(obstacles, guides, state);
         if state.is_projected {
-            self.relax(&moment.obstacles, state);
+            self.relax(obstacles, state);
             self.deflections(guides, &state.vertices, out);
         } else {
             out.iter_mut().zip(filtered).for_each(|(out, by)| *out = by.cast::<f32>().into());
@@ -223,7 +222,7 @@ impl Strand {
     }
 
     /// Sets the retractions in `state` to those required by bodies between each vertex and the guide.
-    fn required_retractions(&self, moment: &Moment, guide: &PosedGuide, state: &mut StrandState) {
+    fn required_retractions(&self, obstacles: &Obstacles, guide: &PosedGuide, state: &mut StrandState) {
         let StrandState { free, retraction, guide_distance, .. } = state;
         retraction.clear();
         guide_distance.clear();
@@ -236,7 +235,7 @@ impl Strand {
             let outside = guide.clear[place.nearest_point()] > 0.0;
             let hidden = outside && !separated && !guide.is_clear(place, x, 0.0);
             let clear = guide.distance_bound(place, &from);
-            retraction.push(if hidden { moment.obstacles.retraction((&from, clear), x) } else { 0.0 });
+            retraction.push(if hidden { obstacles.retraction((&from, clear), x) } else { 0.0 });
         }
     }
 
@@ -255,8 +254,7 @@ impl Strand {
     }
 
     /// Sets the result in `state` from its free chain and retractions.
-    fn lay(&self, moment: &Moment, guides: &PosedGuides, state: &mut StrandState) {
-        let obstacles = &moment.obstacles;
+    fn lay(&self, obstacles: &Obstacles, guides: &PosedGuides, state: &mut StrandState) {
         let guide = &guides.guides[self.chain.main];
         let StrandState { free, retraction, vertices, violating, bounds, .. } = state;
         bounds.free.reset(obstacles.poses.len());

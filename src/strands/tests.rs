@@ -3,7 +3,7 @@
 use super::deflection::Deflection;
 use super::guide_weights::{Membership, guide_weights};
 use super::interpolator::{DeflectionAt, Interpolator};
-use super::moment::{GuideMotion, HeadMotion, Moment};
+use super::moment::{Carriers, GuideMotion, RigidMotion};
 use super::obstacles::Obstacles;
 use crate::contact::Bodies;
 use crate::math::se3;
@@ -50,8 +50,14 @@ fn rod(points: &[Vector3<f64>]) -> Rod {
     .unwrap()
 }
 
-fn still() -> HeadMotion {
-    HeadMotion {
+/// A moment at which strands are evaluated.
+struct Moment<'a> {
+    carriers: Carriers,
+    obstacles: Obstacles<'a>,
+}
+
+fn still() -> RigidMotion {
+    RigidMotion {
         rotation: Matrix3::identity(),
         translation: Vector3::zeros(),
         spin: Vector3::zeros(),
@@ -81,11 +87,11 @@ fn run(
     rods: &[&Rod],
     q: &[Vec<f64>],
     rate: &[Vec<f64>],
-    head: &HeadMotion,
+    head: &RigidMotion,
 ) -> [Vec<[f32; 3]>; 2] {
     let bodies = Bodies::from_shapes(&[]);
     let interpolator = interpolator(c, rods, &bodies, &[]);
-    let moment = Moment { head: *head, obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &[] } };
+    let moment = Moment { carriers: Carriers::Head(*head), obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &[] } };
     let motion: Vec<_> =
         rods.iter().zip(q).zip(rate).map(|((&rod, q), rate)| GuideMotion { rod, q, rate }).collect();
     evaluated(&interpolator, &moment, &motion)
@@ -94,11 +100,11 @@ fn run(
 /// Points and velocities of all strands, while bodies and deflections rest.
 fn evaluated(interpolator: &Interpolator, moment: &Moment, motion: &[GuideMotion]) -> [Vec<[f32; 3]>; 2] {
     let (raw, settled) = settled(interpolator, moment, motion);
-    let posed = interpolator.pose(&moment.head, Some(&moment.obstacles), motion);
-    let (free, found) = interpolator.evaluate_free(moment, &posed, &Matrix3::identity());
+    let posed = interpolator.pose(moment.carriers.clone(), Some(&moment.obstacles), motion);
+    let (free, found) = interpolator.evaluate_free(&moment.obstacles, &posed, &Matrix3::identity());
     assert_eq!(found, raw);
     let at = DeflectionAt { frames: [&settled; 4], fraction: 0.0, interval: 1.0 };
-    let evaluate = |free| interpolator.evaluate(&moment.head, &posed, &at, &Matrix3::identity(), free);
+    let evaluate = |free| interpolator.evaluate(&posed, &at, &Matrix3::identity(), free);
     let out = evaluate(None);
     // Known free strands change nothing.
     assert_eq!(evaluate(Some(free)), out);
@@ -111,9 +117,9 @@ fn settled(
     moment: &Moment,
     motion: &[GuideMotion],
 ) -> (Vec<Deflection>, Vec<Deflection>) {
-    let posed = interpolator.pose(&moment.head, Some(&moment.obstacles), motion);
-    let raw = interpolator.deflections(moment, &posed);
-    let settled = interpolator.settle(moment, &posed, &[&raw[..]; 3]);
+    let posed = interpolator.pose(moment.carriers.clone(), Some(&moment.obstacles), motion);
+    let raw = interpolator.deflections(&moment.obstacles, &posed);
+    let settled = interpolator.settle(&moment.obstacles, &posed, &[&raw[..]; 3]);
     (raw, settled)
 }
 
@@ -201,7 +207,7 @@ fn velocities_match(guides: [Vec<Vector3<f64>>; 2], strand: Vec<Vector3<f64>>) {
     let at = |t: f64| {
         let q: Vec<Vec<f64>> =
             q.iter().zip(&rate).map(|(q, r)| q.iter().zip(r).map(|(q, r)| q + t * r).collect()).collect();
-        let head = HeadMotion {
+        let head = RigidMotion {
             rotation: se3::exp_so3(&(spin * t)),
             translation: Vector3::new(0.2, -0.1, 0.4) * t,
             spin,
@@ -253,7 +259,7 @@ fn projected_strand_stays_out_of_a_body_with_exact_lengths() {
     let bodies = Bodies::from_shapes(&[ball]);
     let interpolator = interpolator(&bent.curves, &[&bent.rod], &bodies, &[0.0005]);
     let obstacles = Obstacles { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] };
-    let moment = Moment { head: still(), obstacles };
+    let moment = Moment { carriers: Carriers::Head(still()), obstacles };
     let still = vec![0.0; bent.q.len()];
     let motion = [GuideMotion { rod: &bent.rod, q: &bent.q, rate: &still }];
     let [p, _] = evaluated(&interpolator, &moment, &motion);
@@ -268,10 +274,10 @@ fn projected_strand_stays_out_of_a_body_with_exact_lengths() {
     let across = (bent.rod.root.p + free.x(bent.rod.points() - 1) - wide(&p[32])).dot(&BESIDE.normalize());
     assert!(across < 0.9 * BESIDE.norm(), "{across} m beside its guide");
     // What is written is measured.
-    let posed = interpolator.pose(&moment.head, Some(&obstacles), &motion);
+    let posed = interpolator.pose(moment.carriers.clone(), Some(&obstacles), &motion);
     let measured = |p: &[[f32; 3]]| interpolator.depths(&obstacles, &posed, p, &Matrix3::identity());
     assert_eq!((measured(&p).inside, measured(&p).strands < 1e-6), (0, true));
-    let (free, _) = interpolator.evaluate_free(&moment, &posed, &Matrix3::identity());
+    let (free, _) = interpolator.evaluate_free(&moment.obstacles, &posed, &Matrix3::identity());
     let deepest = depth(&free.points);
     assert!(deepest > 0.01 && (measured(&free.points).strands - deepest).abs() < 1e-6, "{deepest}");
     assert_eq!(measured(&free.points).inside, 1);
@@ -284,7 +290,7 @@ fn velocities_of_projected_strands_match_differences_between_frames() {
     let bodies = Bodies::from_shapes(&[Shape::Sphere { centre: bent.centre, radius: 0.05 }]);
     let interpolator = interpolator(&bent.curves, &[&bent.rod], &bodies, &[0.0005]);
     let obstacles = Obstacles { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] };
-    let moment = Moment { head: still(), obstacles };
+    let moment = Moment { carriers: Carriers::Head(still()), obstacles };
     // Guides at frames a second apart; the bend starts anew at frame 3, so that the strand jumps off the
     // ball.
     let rate: Vec<f64> = bent.q.iter().map(|q| 0.02 * q).collect();
@@ -302,8 +308,8 @@ fn velocities_of_projected_strands_match_differences_between_frames() {
         let frame = time.floor();
         let frames = std::array::from_fn(|i| &settled[frame as usize + 1 + i][..]);
         let at = DeflectionAt { frames, fraction: time - frame, interval: 1.0 };
-        let posed = interpolator.pose(&moment.head, None, &motion);
-        interpolator.evaluate(&moment.head, &posed, &at, &Matrix3::identity(), None)
+        let posed = interpolator.pose(moment.carriers.clone(), None, &motion);
+        interpolator.evaluate(&posed, &at, &Matrix3::identity(), None)
     };
     let t = 1e-3;
     for time in [0.0 + t, 0.5, 1.0 - t, 1.5, 2.0 + t, 2.5, 4.5] {
@@ -402,7 +408,7 @@ fn body_is_found_after_vertices_that_needed_no_search() {
     let bodies = Bodies::from_shapes(&[Shape::Sphere { centre: Vector3::x(), radius: 0.01 }]);
     let interpolator = interpolator(&c, &[&r], &bodies, &[0.0005]);
     let poses = [Isometry3::translation(-0.945, 0.018, 0.0)];
-    let moment = Moment { head: still(), obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &poses } };
+    let moment = Moment { carriers: Carriers::Head(still()), obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &poses } };
     let still = vec![0.0; r.unknowns()];
     let motion = [GuideMotion { rod: &r, q: &still, rate: &still }];
     let [p, _] = evaluated(&interpolator, &moment, &motion);
@@ -423,7 +429,7 @@ fn strand_stays_out_of_the_crease_between_two_bodies() {
     let bodies = Bodies::from_shapes(&shapes);
     let interpolator = interpolator(&c, &[&r], &bodies, &[0.0005; 2]);
     let poses = walls.map(|(normal, at)| Isometry3::from(normal * (1.0 + at)));
-    let moment = Moment { head: still(), obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &poses } };
+    let moment = Moment { carriers: Carriers::Head(still()), obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &poses } };
     let zero = vec![0.0; r.unknowns()];
     let motion = [GuideMotion { rod: &r, q: &zero, rate: &zero }];
     let [p, _] = evaluated(&interpolator, &moment, &motion);
@@ -471,7 +477,7 @@ fn strand_stays_on_its_guides_side_of_a_thin_body() {
     let lowest = |bodies: &Bodies, poses: &[Isometry3<f64>]| {
         let thickness = vec![0.0005; poses.len()];
         let interpolator = interpolator(&c, &[&r], bodies, &thickness);
-        let moment = Moment { head: still(), obstacles: Obstacles { bodies, time: 0.0, poses } };
+        let moment = Moment { carriers: Carriers::Head(still()), obstacles: Obstacles { bodies, time: 0.0, poses } };
         let motion = [GuideMotion { rod: &r, q: &q, rate: &vec![0.0; q.len()] }];
         let [p, v] = evaluated(&interpolator, &moment, &motion);
         assert!(p.iter().chain(&v).flatten().all(|x| x.is_finite()));
@@ -490,7 +496,7 @@ fn strand_has_the_same_bits_alone_and_in_any_pack() {
     // Some rotations from edge to edge exceed half a turn.
     let q: Vec<f64> = (0..r.unknowns()).map(|i| (i as f64).sin() * 150.0).collect();
     let rate: Vec<f64> = (0..r.unknowns()).map(|i| (i as f64).cos() * 40.0).collect();
-    let head = HeadMotion { spin: Vector3::new(1.0, 2.0, 3.0), velocity: Vector3::x(), ..still() };
+    let head = RigidMotion { spin: Vector3::new(1.0, 2.0, 3.0), velocity: Vector3::x(), ..still() };
     let run = |strands: &[Vec<Vector3<f64>>]| {
         run(&curves(strands), &[&r], std::slice::from_ref(&q), std::slice::from_ref(&rate), &head)
     };

@@ -99,7 +99,7 @@ impl GuideModel {
                 bodies: &env.bodies,
                 motions: &inputs.motions,
                 x0: &inputs.polyline,
-                root: &env.root(&self.rod.root, t1),
+                root: &self.root(env, t1),
                 root_distance: state.clearance.root_distance(),
             }
             .lower(&mut inputs.clearance);
@@ -154,7 +154,7 @@ impl GuideModel {
         scratch.q.clone_from(&state.q[1]);
         scratch.contact.clear();
         self.prepare_contact(env, state, t, &mut scratch.inputs);
-        let [from, root] = t.map(|t| env.root(&self.rod.root, t));
+        let [from, root] = t.map(|t| self.root(env, t));
         let GuideScratch { solver, q, inputs, .. } = &mut *scratch;
         let polyline = &mut inputs.polyline;
         solver.shape.update(&self.rod, &from.r, q);

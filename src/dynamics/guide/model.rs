@@ -1,10 +1,13 @@
 //! The constants of a guide.
 
+use crate::dynamics::environment::Environment;
 use crate::dynamics::tie::Tie;
 use crate::geometry::Friction;
+use crate::math::se3::Pose;
 use crate::rod::Rod;
+use crate::scene::RootBinding;
 use crate::scene::anim::Scheme;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 
 /// The constants of a guide: its rod and what acts on it.
 #[derive(Debug, Clone)]
@@ -23,6 +26,8 @@ pub struct GuideModel {
     pub goal: Vec<GoalSpring>,
     /// Places of the strand that are held to bodies.
     pub ties: Vec<Tie>,
+    /// The place of a skin that carries the root; `None` if the head does.
+    pub skin: Option<RootBinding>,
 }
 
 /// A spring that pulls one point to its place in the groom's pose.
@@ -59,6 +64,17 @@ impl GuideModel {
             friction_across: 1.0,
             goal: Vec::new(),
             ties: Vec::new(),
+            skin: None,
         }
+    }
+
+    /// Rest space around the root to world at time `t`, s.
+    pub fn carrier(&self, env: &Environment, t: f64) -> Isometry3<f64> {
+        env.carried(self.skin.as_ref(), t)
+    }
+
+    /// World pose of the root at time `t`, s.
+    pub fn root(&self, env: &Environment, t: f64) -> Pose {
+        Environment::root_on(&self.carrier(env, t), &self.rod.root)
     }
 }

@@ -89,7 +89,7 @@ impl GuideState {
         let q = rod.initial_q.clone();
         let mut shape = RodShape::default();
         let mut poses = |t: f64| -> Vec<Pose> {
-            let root = env.root(&rod.root, t);
+            let root = model.root(env, t);
             shape.update(rod, &root.r, &q);
             shape.poses().map(|g| Pose { r: g.r, p: g.p + root.p }).collect()
         };
@@ -271,7 +271,7 @@ impl GuideState {
         let mut shape = RodShape::default();
         self.q[0] = self.q[1].clone();
         for t in [t0, t1] {
-            let root = env.root(&model.rod.root, t);
+            let root = model.root(env, t);
             shape.update(&model.rod, &root.r, &self.q[0]);
             for k in 0..self.x.len() {
                 let x = shape.x(k) + root.p;
@@ -302,7 +302,7 @@ impl GuideState {
     pub(in crate::dynamics) fn resume(&mut self, model: &GuideModel, env: &Environment, t: f64, h: f64) {
         let mut shape = RodShape::default();
         let mut poses = |back: usize| -> Vec<Pose> {
-            let root = env.root(&model.rod.root, t - back as f64 * h);
+            let root = model.root(env, t - back as f64 * h);
             shape.update(&model.rod, &root.r, &self.q[back]);
             shape.poses().map(|g| Pose { r: g.r, p: g.p + root.p }).collect()
         };

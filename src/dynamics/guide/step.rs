@@ -141,7 +141,7 @@ impl GuideModel {
                 state.restart_scheme();
             }
         } else {
-            state.carry_rigidly(&env.root(&self.rod.root, t0), &root);
+            state.carry_rigidly(&self.root(env, t0), &root);
         }
     }
 
@@ -193,7 +193,7 @@ impl GuideModel {
         formula: &DifferenceFormula,
         scratch: &mut GuideScratch,
     ) -> Pose {
-        let root = env.root(&self.rod.root, t1);
+        let root = self.root(env, t1);
         let GuideScratch { load, q, q_star, .. } = scratch;
         let points = (0..state.x.len()).map(|k| {
             let (inertial, previous, tangent) = state.formula_values(k, formula, &root.p);

@@ -13,7 +13,7 @@ use super::air_drag::{self, HairDensity};
 use super::environment::Environment;
 use super::guide::{GuideModel, GuideState};
 use super::step_record::HairRecord;
-use super::wisp_friction::HeadVelocity;
+use super::wisp_friction::CarrierVelocity;
 use crate::wisp::GuideRod;
 use grid::{Grid, Node};
 use law::{Assembly, Fibre};
@@ -281,7 +281,7 @@ impl HairVolume {
     /// Finds the pieces of all guides as they are at time `t`, s.
     fn locate(&mut self, models: &[GuideModel], states: &[GuideState], env: &Environment, t: f64) {
         let HairVolume { hairs, points, first, pieces, .. } = self;
-        let head = HeadVelocity::new(env, t);
+        let head = CarrierVelocity::of_head(env, t);
         for (i, (model, state)) in models.iter().zip(states).enumerate() {
             let range = first[i]..first[i + 1];
             for (piece, points) in pieces[range.clone()].iter_mut().zip(&points[range]) {

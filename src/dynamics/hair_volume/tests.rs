@@ -63,7 +63,7 @@ impl Curtain {
     /// Gives each point the position and the velocity relative to the head that `of` maps its head-space
     /// position in the groom's pose to, at time 0.
     fn set(&mut self, of: impl Fn(usize, &V) -> (V, V)) {
-        let head = HeadVelocity::new(&self.env, 0.0);
+        let head = CarrierVelocity::of_head(&self.env, 0.0);
         for (i, state) in self.states.iter_mut().enumerate() {
             for (k, x) in state.x.iter_mut().enumerate() {
                 let (moved, v) = of(i, &head.to_head(x));
@@ -121,7 +121,7 @@ fn pressure_is_the_derivative_of_an_energy_and_keeps_momentum() {
         assert!(share.abs() < 0.03, "{share}");
     }
     // Pushed apart.
-    let head = HeadVelocity::new(&hair.env, 0.0);
+    let head = CarrierVelocity::of_head(&hair.env, 0.0);
     let places: Vec<Vec<V>> =
         hair.states.iter().map(|state| state.x.iter().map(|x| head.to_head(x)).collect()).collect();
     let across = |i: usize, k: usize| V::new(places[i][k].x - 0.02, 0.0, 0.0);

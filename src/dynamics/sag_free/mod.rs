@@ -5,7 +5,7 @@ mod support;
 
 use crate::math::cholesky;
 use crate::rod::{Rod, RodShape, Sensitivity};
-use crate::scene::Anim;
+use crate::scene::{Anim, RootBinding};
 use crate::wisp::GuideRod;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -43,13 +43,14 @@ pub struct SagFreeReport {
     pub sagging: u32,
 }
 
-/// Makes the groom's pose an equilibrium, by the share that each guide's material sets.
-pub fn apply(rods: &mut [GuideRod], anim: &Anim) -> SagFreeReport {
+/// Makes the groom's pose an equilibrium, by the share that each guide's material sets. `roots` are the places
+/// of skins that carry the groom's guides; empty if the head does.
+pub fn apply(rods: &mut [GuideRod], roots: &[RootBinding], anim: &Anim) -> SagFreeReport {
     let surroundings = Surroundings::new(anim);
     let each = rods.par_iter_mut().filter_map(|r| {
         let (share, mu) = (r.material.sag_free, r.material.friction.mu_s);
         (share > 0.0).then(|| {
-            let supports = surroundings.supports(&r.rod, mu);
+            let supports = surroundings.supports(&r.rod, roots.get(r.guide), mu);
             apply_to_rod(&mut r.rod, share, &anim.gravity, &supports)
         })
     });

@@ -359,7 +359,7 @@ fn head_frame_curves(
     let head = (env.head)(t).inverse();
     let of = |shape: &mut RodShape, g: &usize| -> Vec<Vector3<f64>> {
         let (rod, q) = (&models[*g].rod, &states[*g].q[0]);
-        let root = env.root(&rod.root, t);
+        let root = models[*g].root(env, t);
         shape.update(rod, &root.r, q);
         shape.refined_curve(rod, q).map(|x| transform(&head, &(x + root.p))).collect()
     };

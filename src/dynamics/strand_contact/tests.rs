@@ -110,7 +110,7 @@ impl Scene<'_> {
         let local = |models: &[GuideModel], guides: &[GuideState], t: f64| -> Vec<Vec<V>> {
             let head = (self.head)(t).inverse();
             let of = |(model, g): (&GuideModel, &GuideState)| {
-                let (root, mut shape) = (env.root(&model.rod.root, t), RodShape::default());
+                let (root, mut shape) = (model.root(&env, t), RodShape::default());
                 shape.update(&model.rod, &root.r, &g.q[0]);
                 shape
                     .refined_curve(&model.rod, &g.q[0])

@@ -106,7 +106,12 @@ impl AdaptiveTree {
         let rest = |(model, state): (&GuideModel, &GuideState)| RestState {
             q: state.q[0].clone(),
             // A guide that is nearer to a body than required keeps the distance that it has.
-            required_distances: now.distances(&model.rod, &state.q[0], &state.required_distances()),
+            required_distances: now.distances(
+                &model.rod,
+                &now.root(model),
+                &state.q[0],
+                &state.required_distances(),
+            ),
         };
         self.set_rest(models, models.par_iter().zip(states).map(rest).collect());
         let LeaderMotion { rest, h, .. } = &self.motion;
@@ -133,9 +138,9 @@ impl AdaptiveTree {
 
     /// Advances the modal responses through the frame from time `t[0]` to `t[1]`, s, before followers are
     /// placed.
-    pub fn advance_modes(&mut self, env: &Environment, t: [f64; 2]) {
+    pub fn advance_modes(&mut self, models: &[GuideModel], env: &Environment, t: [f64; 2]) {
         let h = self.motion.h;
-        self.motion.modal.advance(env, t, h);
+        self.motion.modal.advance(models, env, t, h);
     }
 
     /// Places the followers of a level at the end of the frame from time `t[0]` to `t[1]`, s, and splits

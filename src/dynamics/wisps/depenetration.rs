@@ -5,6 +5,7 @@ use super::min_correction::{CONSTRAINT_TOLERANCE, MinCorrection};
 use super::rest_shape::RestShape;
 use super::snapshot::{EnvironmentSnapshot, NearPoint, PosedRod};
 use crate::contact::ProximityCache;
+use crate::math::se3::Pose;
 use crate::rod::Rod;
 use nalgebra::Vector3;
 
@@ -47,6 +48,8 @@ pub(super) struct DepenetrationScratch {
 /// The motion that a follower's leaders prescribe.
 pub(super) struct Target<'a> {
     pub rod: &'a Rod,
+    /// Pose of its root, world.
+    pub root: Pose,
     pub rest: &'a RestShape,
     /// Prescribed unknowns, 1/m.
     pub q: &'a [f64],
@@ -130,7 +133,7 @@ fn iterate(
     let required = &target.rest.state.required_distances;
     let metric = target.rest.metric(target.rod);
     let DepenetrationScratch { posed, previous_x, search_distances, near, problem, best, .. } = scratch;
-    pose_corrected(posed, target, correction, now);
+    pose_corrected(posed, target, correction);
     let worst = Violation { inside: true, shortfall: f64::INFINITY };
     let mut found = Best { violation: worst, displacement: 0.0 };
     let (mut full_step, mut stationary, mut final_iterations) = (false, false, 0);
@@ -157,7 +160,7 @@ fn iterate(
         final_iterations += usize::from(full_step);
         problem.find(target.rod, posed, near, metric, correction);
         previous_x.clone_from(&posed.x);
-        pose_corrected(posed, target, &problem.change, now);
+        pose_corrected(posed, target, &problem.change);
         let moves = previous_x.iter().zip(&posed.x).map(|(a, b)| (a - b).norm());
         let longest = moves.fold(0.0, f64::max);
         let limit = SEARCH_MARGIN.max(2.0 * shortfall);
@@ -167,15 +170,15 @@ fn iterate(
         } else {
             let share = limit / longest;
             correction.iter_mut().zip(&problem.change).for_each(|(c, to)| *c += share * (to - *c));
-            pose_corrected(posed, target, correction, now);
+            pose_corrected(posed, target, correction);
         }
     }
     found
 }
 
 /// Poses a target's rod with its unknowns corrected.
-fn pose_corrected(posed: &mut PosedRod, target: &Target, correction: &[f64], now: &EnvironmentSnapshot) {
-    posed.pose(target.rod, target.q.iter().zip(correction).map(|(q, c)| q + c), now);
+fn pose_corrected(posed: &mut PosedRod, target: &Target, correction: &[f64]) {
+    posed.pose(target.rod, &target.root, target.q.iter().zip(correction).map(|(q, c)| q + c));
 }
 
 fn largest_shortfall(near: &[NearPoint]) -> Option<f64> {
@@ -220,13 +223,13 @@ mod tests {
         let (mut cache, mut scratch) = (ProximityCache::default(), DepenetrationScratch::default());
         test(&mut |q, previous_q, correction| {
             let mut posed = PosedRod::default();
-            posed.pose(&rod, q.iter().copied(), &now);
-            let target = Target { rod: &rod, rest: &rest, q, points: &posed.x, previous_q };
+            posed.pose(&rod, &rod.root, q.iter().copied());
+            let target = Target { rod: &rod, root: rod.root, rest: &rest, q, points: &posed.x, previous_q };
             let displacement = depenetrate(&now, &target, correction, &mut cache, &mut scratch);
             let corrected: Vec<f64> =
                 q.iter().enumerate().map(|(n, q)| q + correction.get(n).unwrap_or(&0.0)).collect();
-            posed.pose(&rod, corrected.iter().copied(), &now);
-            Depenetrated { displacement, distances: now.distances(&rod, &corrected, &far), x: posed.x }
+            posed.pose(&rod, &rod.root, corrected.iter().copied());
+            Depenetrated { displacement, distances: now.distances(&rod, &rod.root, &corrected, &far), x: posed.x }
         });
     }
 

@@ -69,7 +69,7 @@ impl FollowerPack {
         }
         let mut tasks = followers.iter().zip(&mut *points).map(|(follower, points)| {
             let FollowerMut { model, state, .. } = follower.as_ref()?;
-            Some(PointsTask { root: now.root(&model.rod), q: &state.q[0], points })
+            Some(PointsTask { root: now.root(model), q: &state.q[0], points })
         });
         let mut tasks = std::array::from_fn(|_| tasks.next().flatten());
         self.pack.evaluate_points(&mut tasks, pack);
@@ -110,7 +110,8 @@ impl FollowerMut<'_> {
         let FollowerMut { model, state, follower, cache, previous_q } = self;
         let (rod, q) = (&model.rod, &mut state.q);
         correction.clone_from(&follower.correction);
-        let target = Target { rod, rest: &motion.rest[i], q: &q[0], points, previous_q: &previous_q[0] };
+        let root = now.root(model);
+        let target = Target { rod, root, rest: &motion.rest[i], q: &q[0], points, previous_q: &previous_q[0] };
         let displacement = depenetrate(now, &target, correction, cache, scratch);
         follower.relative_displacement = displacement.unwrap_or(0.0) / rod.length();
         if displacement.is_none() && follower.correction.is_empty() {

@@ -5,6 +5,7 @@ use super::rest_shape::RestShape;
 use crate::dynamics::checkpoint::StateMismatch;
 use crate::dynamics::environment::Environment;
 use crate::dynamics::guide::GuideModel;
+use crate::scene::RootBinding;
 use crate::wisp::{Deflection, HeadExcitation, ModalResponse, ModeState};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -13,7 +14,8 @@ use serde::{Deserialize, Serialize};
 /// The modal responses of all guides about their rest shapes.
 #[derive(Default)]
 pub(super) struct ModalCorrection {
-    reference: RestExcitation,
+    /// One for all guides, or one for each where skins carry the roots.
+    references: Vec<RestExcitation>,
     responses: Vec<ModalResponse>,
 }
 
@@ -28,37 +30,63 @@ struct RestExcitation {
 /// Checkpoint of a [`ModalCorrection`].
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct ModalCorrectionState {
-    reference: RestExcitation,
+    references: Vec<RestExcitation>,
     modes: Vec<Vec<ModeState>>,
 }
 
-/// The excitation of the guides at time `t`, s, by differences over steps of `h`, s.
-fn excitation(env: &Environment, t: f64, h: f64) -> HeadExcitation {
-    let heads = std::array::from_fn(|back| (env.head)(t - back as f64 * h));
-    HeadExcitation::new(&heads, h, &(env.gravity)(t))
+/// The excitation of guides on `root`, or on the head, at time `t`, s, by differences over steps of `h`, s.
+fn excitation(env: &Environment, root: Option<&RootBinding>, t: f64, h: f64) -> HeadExcitation {
+    let carriers = std::array::from_fn(|back| env.carried(root, t - back as f64 * h));
+    HeadExcitation::new(&carriers, h, &(env.gravity)(t))
+}
+
+/// The roots that are excited on their own: the head is one for all.
+fn roots(models: &[GuideModel]) -> Vec<Option<&RootBinding>> {
+    let of_skins: Vec<_> = models.iter().map(|model| model.skin.as_ref()).collect();
+    if of_skins.iter().all(Option::is_none) { vec![None] } else { of_skins }
 }
 
 impl ModalCorrection {
     /// The responses of guides that rest at time `t`, s, in shapes `rest`; `h` is the sub-step, s.
     pub fn new(models: &[GuideModel], rest: &[RestShape], env: &Environment, t: f64, h: f64) -> Self {
-        let gravity = (env.head)(t).rotation.inverse() * (env.gravity)(t);
-        ModalCorrection::at_rest(models, rest, RestExcitation { excitation: excitation(env, t, h), gravity })
+        let at_rest = |root: Option<&RootBinding>| RestExcitation {
+            gravity: env.carried(root, t).rotation.inverse() * (env.gravity)(t),
+            excitation: excitation(env, root, t, h),
+        };
+        ModalCorrection::at_rest(models, rest, roots(models).into_par_iter().map(at_rest).collect())
     }
 
-    fn at_rest(models: &[GuideModel], rest: &[RestShape], reference: RestExcitation) -> Self {
-        let response = |(model, rest): (&GuideModel, &RestShape)| {
-            ModalResponse::new(&model.rod, &rest.state.q, &rest.kinematics, &model.drag, &reference.gravity)
+    fn at_rest(models: &[GuideModel], rest: &[RestShape], references: Vec<RestExcitation>) -> Self {
+        let response = |(i, (model, rest)): (usize, (&GuideModel, &RestShape))| {
+            let gravity = &references[i.min(references.len() - 1)].gravity;
+            ModalResponse::new(&model.rod, &rest.state.q, &rest.kinematics, &model.drag, gravity)
         };
-        ModalCorrection { responses: models.par_iter().zip(rest).map(response).collect(), reference }
+        let responses = models.par_iter().zip(rest).enumerate().map(response).collect();
+        ModalCorrection { responses, references }
     }
 
     /// Advances all responses from time `t[0]` to `t[1]`, s, in steps of `h`, s.
-    pub fn advance(&mut self, env: &Environment, t: [f64; 2], h: f64) {
+    pub fn advance(&mut self, models: &[GuideModel], env: &Environment, t: [f64; 2], h: f64) {
         let steps = ((t[1] - t[0]) / h).round() as u32;
-        let at =
-            |k: u32| excitation(env, t[1] - f64::from(steps - k) * h, h).minus(&self.reference.excitation);
-        let excitations: Vec<HeadExcitation> = (1..=steps).map(at).collect();
-        self.responses.par_iter_mut().for_each(|response| response.advance(&excitations, h));
+        let of = |(root, rest): (Option<&RootBinding>, &RestExcitation)| -> Vec<HeadExcitation> {
+            let at = |k: u32| {
+                excitation(env, root, t[1] - f64::from(steps - k) * h, h).minus(&rest.excitation)
+            };
+            (1..=steps).map(at).collect()
+        };
+        let ModalCorrection { references, responses } = self;
+        match (&roots(models)[..], &references[..]) {
+            ([root], [rest]) => {
+                let excitations = of((*root, rest));
+                responses.par_iter_mut().for_each(|response| response.advance(&excitations, h));
+            }
+            (roots, references) => {
+                let each = roots.par_iter().copied().zip(references);
+                responses.par_iter_mut().zip(each).for_each(|(response, of_root)| {
+                    response.advance(&of(of_root), h);
+                });
+            }
+        }
     }
 
     /// The modal response of guide `i`.
@@ -69,7 +97,7 @@ impl ModalCorrection {
     /// The state for a checkpoint.
     pub fn state(&self) -> ModalCorrectionState {
         ModalCorrectionState {
-            reference: self.reference.clone(),
+            references: self.references.clone(),
             modes: self.responses.iter().map(|response| response.mode_states().to_vec()).collect(),
         }
     }
@@ -87,7 +115,8 @@ impl ModalCorrection {
         if rest.is_empty() {
             return Ok(ModalCorrection::default());
         }
-        let mut correction = ModalCorrection::at_rest(models, rest, state.reference);
+        StateMismatch::unless_same("excitations", state.references.len(), roots(models).len())?;
+        let mut correction = ModalCorrection::at_rest(models, rest, state.references);
         for (response, modes) in correction.responses.iter_mut().zip(state.modes) {
             StateMismatch::unless_same("modes", modes.len(), response.mode_states().len())?;
             response.restore(modes);

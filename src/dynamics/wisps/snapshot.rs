@@ -2,6 +2,7 @@
 
 use crate::contact::ProximityCache;
 use crate::dynamics::environment::Environment;
+use crate::dynamics::guide::GuideModel;
 use crate::math::se3::Pose;
 use crate::rod::{Rod, RodShape};
 use nalgebra::{Isometry3, Vector3};
@@ -35,11 +36,10 @@ pub(super) struct NearPoint {
 }
 
 impl PosedRod {
-    /// Poses a rod with unknowns `q`, 1/m, at the time of `now`.
-    pub fn pose(&mut self, rod: &Rod, q: impl Iterator<Item = f64>, now: &EnvironmentSnapshot) {
+    /// Poses a rod with unknowns `q`, 1/m, on its root, world.
+    pub fn pose(&mut self, rod: &Rod, root: &Pose, q: impl Iterator<Item = f64>) {
         self.q.clear();
         self.q.extend(q);
-        let root = now.root(rod);
         self.shape.update(rod, &root.r, &self.q);
         self.shape.points_and_midpoints(rod, &root.p, &mut self.x);
     }
@@ -57,17 +57,20 @@ impl<'a> EnvironmentSnapshot<'a> {
         self.t
     }
 
-    /// Root pose of a rod, world.
-    pub fn root(&self, rod: &Rod) -> Pose {
-        Environment::root_on(&self.head, &rod.root)
+    /// Root pose of a guide, world.
+    pub fn root(&self, model: &GuideModel) -> Pose {
+        match &model.skin {
+            None => Environment::root_on(&self.head, &model.rod.root),
+            Some(_) => model.root(self.env, self.t),
+        }
     }
 
-    /// Distances of the points of a rod with unknowns `q`, 1/m, from the bodies, m, clamped to `limits`, both
-    /// indexed as in [`NearPoint`].
-    pub fn distances(&self, rod: &Rod, q: &[f64], limits: &[f64]) -> Vec<f64> {
+    /// Distances of the points of a rod with unknowns `q`, 1/m, on its `root`, world, from the bodies, m,
+    /// clamped to `limits`, both indexed as in [`NearPoint`].
+    pub fn distances(&self, rod: &Rod, root: &Pose, q: &[f64], limits: &[f64]) -> Vec<f64> {
         let mut distances = limits.to_vec();
         let mut posed = PosedRod::default();
-        posed.pose(rod, q.iter().copied(), self);
+        posed.pose(rod, root, q.iter().copied());
         let at = (self.t, &self.body_poses[..]);
         self.env.bodies.each_point_within(
             at,

@@ -219,6 +219,18 @@ impl SolidMesh {
 
     /// Surface point closest to `p`; `None` if it is `max_distance`, m, away or more.
     pub fn closest(&self, p: &Vector3<f64>, max_distance: f64) -> Option<SurfacePoint> {
+        let (triangle, point, local) = self.nearest(p, max_distance, |_| true)?;
+        Some(self.surface_point(p, &point, self.feature(triangle, local)))
+    }
+
+    /// Of the triangles that are `wanted`, that closest to `p`, its closest point, and the feature that this
+    /// lies on; `None` if it is `max_distance`, m, away or more.
+    pub(super) fn nearest(
+        &self,
+        p: &Vector3<f64>,
+        max_distance: f64,
+        wanted: impl Fn(u32) -> bool,
+    ) -> Option<(u32, Vector3<f64>, TriangleFeature)> {
         let box_distance2 = |node: &BvhNode, _| {
             let (lo, hi) = (node.mins(), node.maxs());
             let gap = |x: f64, lo: f64, hi: f64| (lo - x).max(x - hi).max(0.0);
@@ -227,10 +239,12 @@ impl SolidMesh {
         };
         let (triangle, Nearest { point, local, .. }) =
             self.bvh.find_best(max_distance * max_distance, box_distance2, |t, _| {
-                let (point, local) = closest_on_triangle(p, self.triangle(t));
-                Some(Nearest { distance2: (p - point).norm_squared(), point, local })
+                wanted(t).then(|| {
+                    let (point, local) = closest_on_triangle(p, self.triangle(t));
+                    Nearest { distance2: (p - point).norm_squared(), point, local }
+                })
             })?;
-        Some(self.surface_point(p, &point, self.feature(triangle, local)))
+        Some((triangle, point, local))
     }
 
     /// First intersection of the segment from `a` to `b` with the surface: the fraction of the segment, and

@@ -40,6 +40,7 @@ pub(crate) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
             id: (0..strands as i32).collect(),
             group: vec![0; strands],
             root_uv: vec![[0.0; 2]; strands],
+            skin: Vec::new(),
         },
         notes: vec!["no root texture coordinates".into()],
         ..PlainStrands::default()

@@ -77,6 +77,7 @@ pub(crate) fn parse(file: &Path, bytes: &[u8]) -> Result<PlainStrands> {
             id: (0..strands as i32).collect(),
             group: vec![0; strands],
             root_uv,
+            skin: Vec::new(),
         },
         holds_guides: true,
         notes,

@@ -230,6 +230,7 @@ mod tests {
             id: (0..n as i32).collect(),
             group: vec![0; n],
             root_uv: vec![[0.0; 2]; n],
+            skin: Vec::new(),
         };
         let input = CleanStrands {
             curves,

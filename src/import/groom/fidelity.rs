@@ -202,6 +202,7 @@ mod tests {
             id: vec![0],
             group: vec![0],
             root_uv: vec![[0.0; 2]],
+            skin: Vec::new(),
         };
         let curl = curl(&curves);
         let norm = r * r + rise * rise;

@@ -88,6 +88,7 @@ pub(super) fn generate(
         id: (0..guide_of_strand.len() as i32).collect(),
         group: guide_of_strand.iter().map(|&g| guides.group[g as usize]).collect(),
         root_uv: guide_of_strand.iter().map(|&g| guides.root_uv[g as usize]).collect(),
+        skin: Vec::new(),
     };
     (curves, guide_of_strand)
 }
@@ -188,7 +189,7 @@ mod tests {
     fn one_guide(at: impl Fn(f64) -> Vector3<f64>) -> (Curves, Sections, Vec<f64>) {
         let points: Vec<_> = (0..=64).map(|i| at(f64::from(i) / 64.0)).collect();
         let curves =
-            Curves { offsets: vec![0, 65], points, id: vec![4], group: vec![0], root_uv: vec![[0.5, 0.25]] };
+            Curves { offsets: vec![0, 65], points, id: vec![4], group: vec![0], root_uv: vec![[0.5, 0.25]], skin: Vec::new() };
         let arc = Tree::default_arc(6);
         (curves.clone(), Sections::of(&curves, &arc), arc)
     }

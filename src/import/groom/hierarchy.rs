@@ -245,6 +245,7 @@ mod tests {
             id: (0..n as i32).collect(),
             group: vec![0; n],
             root_uv: vec![[0.0; 2]; n],
+            skin: Vec::new(),
         };
         Sections::of(&curves, &Tree::default_arc(4))
     }

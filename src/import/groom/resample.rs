@@ -102,6 +102,7 @@ pub fn resample(curves: &Curves, to: Resample) -> (Curves, ResampleError) {
         id: curves.id.clone(),
         group: curves.group.clone(),
         root_uv: curves.root_uv.clone(),
+        skin: Vec::new(),
     };
     let mut error = ResampleError::default();
     let mut distances = Vec::new();
@@ -154,6 +155,7 @@ mod tests {
             id: vec![7],
             group: vec![0],
             root_uv: vec![[0.5; 2]],
+            skin: Vec::new(),
         }
     }
 

@@ -46,6 +46,10 @@ pub struct AnimFile {
     /// Shapes that the hair collides with.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub colliders: Vec<ColliderFile>,
+    /// Names of colliders, meshes, that the roots grow on: each root rides on the nearest place of them, in the
+    /// shapes of the meshes for which the groom was drawn. Default: the head carries all roots.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub skins: Vec<String>,
     /// Ties that hold hair to bodies: hair ties, clips, ends of braids.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ties: Vec<TieFile>,
@@ -365,6 +369,7 @@ impl AnimFile {
             buffers: Vec::new(),
             bodies: Vec::new(),
             colliders: Vec::new(),
+            skins: Vec::new(),
             ties: Vec::new(),
             gravity_m_s2: None,
             wind: Vec::new(),

@@ -5,6 +5,7 @@ use crate::geometry::{Deformation, Friction, Shape};
 use crate::scene::keyframes::Keyframes;
 use crate::scene::origin::Origin;
 use crate::scene::over_target::OverSource;
+use crate::scene::root_binding::RootBinding;
 use crate::scene::track::Track;
 use nalgebra::{Isometry3, Vector3};
 use std::sync::Arc;
@@ -28,6 +29,10 @@ pub struct Anim {
     pub bodies: Vec<Body>,
     /// Shapes that the hair collides with.
     pub colliders: Vec<Collider>,
+    /// Those, meshes, that roots grow on: indices into [`Anim::colliders`]; empty if the head carries all roots.
+    pub skins: Vec<usize>,
+    /// The motion that stands for that of the head where skins carry the roots of a head without a track.
+    pub reference: Option<Track>,
     /// Ties that hold guides to bodies: hair ties, clips, ends of braids.
     pub ties: Vec<Tie>,
     /// Gravity, m/s².
@@ -124,8 +129,20 @@ impl Anim {
         frame / self.fps
     }
 
-    /// World pose of rest space on the head at time `t`, s.
+    /// World pose of rest space on the head at time `t`, s. With skins it is a frame of reference near the hair.
     pub fn head_pose(&self, t: f64) -> Isometry3<f64> {
-        self.bodies[self.head].track.pose(t)
+        self.reference.as_ref().unwrap_or(&self.bodies[self.head].track).pose(t)
+    }
+
+    /// Rest space around a root to world at time `t`, s: by its place on a skin, or by the head.
+    pub fn carrier(&self, root: Option<&RootBinding>, t: f64) -> Isometry3<f64> {
+        root.map_or_else(|| self.head_pose(t), |root| self.carried(root, t))
+    }
+
+    /// The rigid motion of rest space to the world that carries a root on a skin at time `t`, s.
+    pub fn carried(&self, root: &RootBinding, t: f64) -> Isometry3<f64> {
+        let skin = &self.colliders[root.collider];
+        let body = self.bodies[skin.body].track.pose(t);
+        skin.deformation.as_ref().map_or(body, |deformation| body * root.place.carry(deformation.at(t)))
     }
 }

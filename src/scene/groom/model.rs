@@ -6,6 +6,7 @@ use crate::geometry::Friction;
 use crate::math::polyline;
 use crate::scene::convention::Convention;
 use crate::scene::origin::Origin;
+use crate::scene::root_binding::RootBinding;
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// A validated groom: every index is in range, every number finite.
@@ -120,6 +121,8 @@ pub struct Curves {
     pub group: Vec<u32>,
     /// Texture coordinates of each root on the scalp.
     pub root_uv: Vec<[f32; 2]>,
+    /// The place of a skin that carries each root; empty if the head carries all.
+    pub skin: Vec<RootBinding>,
 }
 
 /// The simulated strands.
@@ -238,6 +241,7 @@ impl Curves {
             out.id.push(self.id[c]);
             out.group.push(self.group[c]);
             out.root_uv.push(self.root_uv[c]);
+            out.skin.extend(self.skin.get(c).cloned());
         }
         out
     }

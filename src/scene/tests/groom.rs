@@ -53,6 +53,7 @@ fn full(convention: Convention, curves: usize) -> Groom {
         id: (0..n as i32).map(|c| 7 + 2 * c).collect(),
         group: (0..n as u32).map(|c| c % 2).collect(),
         root_uv: (0..n).map(|c| [c as f32 / 64.0, 0.5]).collect(),
+        skin: Vec::new(),
     };
     let mut guides = curves_of(curves, 5);
     // One guide has fewer points.

@@ -60,6 +60,7 @@ pub(crate) fn read(source: &Source) -> Result<PlainStrands> {
             id: required(read.i32s("id"), "id")?,
             group,
             root_uv: root_uv.as_chunks().0.to_vec(),
+            skin: Vec::new(),
         },
         guide,
         attributes: attributes(&read, counts.len()),

@@ -12,6 +12,7 @@ mod track;
 use super::file::AnimFile;
 use super::model::{Anim, Body, Collider, GRAVITY, MAX_FRAMES, Wind};
 use super::settings::Settings;
+use crate::geometry::Shape;
 use crate::scene::convention::Convention;
 use crate::scene::file_sequence::lead_in;
 use crate::scene::json::buffers::Buffers;
@@ -32,6 +33,7 @@ pub const DEPENDENCIES: &[(&str, &str)] = &[
     ("bodies", "fps"),
     ("head", "bodies"),
     ("colliders", "bodies"),
+    ("skins", "colliders"),
     ("ties", "bodies"),
 ];
 
@@ -53,7 +55,9 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
         Some(head) => context.body_index(&Key::at("head"), head, &names),
         None => Some(0),
     };
+    let collider_names: Vec<String> = file.colliders.iter().map(|collider| collider.name.clone()).collect();
     let colliders = colliders::colliders(&mut context, file.colliders, &names, head);
+    let skins = skins(&mut context, &file.skins, &collider_names, &colliders);
     let ties = ties::ties(&mut context, file.ties, &names, head);
     let wind: Vec<_> = file
         .wind
@@ -78,13 +82,18 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
     let head = head?;
     let bodies: Vec<Body> = bodies.into_iter().map(bodies::NamedTrack::into_body).collect::<Option<_>>()?;
     let mut colliders: Vec<Collider> = colliders.into_iter().collect::<Option<_>>()?;
-    colliders.iter_mut().for_each(|collider| carry_beyond_ends(collider, &bodies, head));
+    // What roots on skins ride on where the head does not move is known once they are bound.
+    if skins.as_ref().is_none_or(Vec::is_empty) || bodies[head].track.span().is_some() {
+        colliders.iter_mut().for_each(|collider| carry_beyond_ends(collider, &bodies, head));
+    }
     Some(Anim {
         fps: file.fps,
         frames,
         head,
         bodies,
         colliders,
+        skins: skins?,
+        reference: None,
         ties: ties.into_iter().collect::<Option<_>>()?,
         gravity: file.gravity_m_s2.map_or(Vector3::y() * -GRAVITY, |g| convention.direction_in(g.into())),
         wind: wind.into_iter().collect::<Option<_>>()?,
@@ -92,6 +101,36 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
         over,
         settings: Settings::from(file.settings),
     })
+}
+
+/// The colliders with these `names`, which roots grow on, among `all`.
+fn skins(
+    context: &mut Context,
+    names: &[String],
+    all: &[String],
+    colliders: &[Option<Collider>],
+) -> Option<Vec<usize>> {
+    let skin = |(i, name): (usize, &String)| {
+        let found = all.iter().position(|other| other == name);
+        let (message, help) = match found.map(|c| colliders[c].as_ref()) {
+            Some(Some(Collider { shape: Shape::Mesh(_), .. })) if !names[..i].contains(name) => return found,
+            // It has errors of its own.
+            Some(None) => return None,
+            None => (format!("there is no collider \"{name}\""), "correct the name, or add the collider"),
+            Some(Some(Collider { shape: Shape::Mesh(_), .. })) => {
+                (format!("\"{name}\" is named twice"), "remove one of them")
+            }
+            Some(Some(_)) => {
+                (format!("the collider \"{name}\" is not a mesh"), "name the mesh that hair grows on")
+            }
+        };
+        let meshes = colliders.iter().flatten().filter(|c| matches!(c.shape, Shape::Mesh(_)));
+        let meshes: Vec<&str> = meshes.map(|c| c.name.as_str()).collect();
+        let allowed = format!("names of meshes among the colliders: \"{}\"", meshes.join("\", \""));
+        context.diagnostics.add(&Key::at("skins").index(i), message, allowed, help);
+        None
+    };
+    names.iter().enumerate().map(skin).collect()
 }
 
 /// Before and after its samples, what of a deforming mesh moves with the head goes on to do so.

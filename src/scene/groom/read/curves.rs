@@ -48,6 +48,7 @@ pub fn curves(context: &mut Context, name: &str, file: CurvesFile) -> Option<Cur
         id: id?,
         group: group?,
         root_uv: root_uv?.into_iter().map(|uv| uv.map(|x| x as f32)).collect(),
+        skin: Vec::new(),
     };
     check_lengths(context.diagnostics, &key.name("points"), &curves);
     Some(curves)
