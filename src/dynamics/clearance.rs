@@ -63,15 +63,27 @@ enum Passage {
     Beside,
 }
 
-/// The polyline `x` (m, world) in the groom's pose, and the bodies at time `t`, s.
-struct GroomPose<'a> {
-    bodies: &'a Bodies,
-    t: f64,
+/// A guide in the groom's pose among bodies.
+#[derive(Clone, Copy)]
+pub struct GroomPose<'a> {
+    /// The bodies.
+    pub bodies: &'a Bodies,
+    /// Their time, s.
+    pub t: f64,
     /// Body poses, rest space to world.
-    poses: &'a [Isometry3<f64>],
+    pub poses: &'a [Isometry3<f64>],
     /// Thickness of each body, m.
-    thickness: &'a [f64],
-    x: &'a [Vector3<f64>],
+    pub thickness: &'a [f64],
+    /// The guide's polyline, m, world.
+    pub x: &'a [Vector3<f64>],
+}
+
+/// Points and segments of a guide in the groom's pose, relative to all bodies, body by body.
+struct Scan {
+    points: Vec<Point>,
+    passages: Vec<Passage>,
+    /// Signed distance of the root from each body, m, at most [`SEARCH_RADIUS`].
+    root_distance: Vec<f64>,
 }
 
 impl GroomPose<'_> {
@@ -123,6 +135,47 @@ impl GroomPose<'_> {
         passages
     }
 
+    /// Points and passages relative to all bodies.
+    fn scan(&self) -> Scan {
+        let (mut points, mut passages, mut root_distance) = (Vec::new(), Vec::new(), Vec::new());
+        for (b, (pose, _)) in self.poses.iter().zip(self.thickness).enumerate() {
+            let local: Vec<_> =
+                self.x.iter().map(|p| pose.inverse_transform_point(&(*p).into()).coords).collect();
+            let of_body = self.points(b, &local);
+            passages.extend(self.passages(b, &local, &of_body));
+            points.extend(of_body);
+            let root = self.bodies.closest(b, self.t, &local[0], SEARCH_RADIUS);
+            root_distance.push(root.map_or(SEARCH_RADIUS, |root| root.distance));
+        }
+        let clips = |c: &&Contact| c.gap < 0.0 && -c.gap < 2.0 * self.thickness[c.body];
+        for clip in self.contacts(&points, &passages, Passage::Through).iter().filter(clips) {
+            passages[self.segment_index(clip)] = Passage::Beside;
+        }
+        Scan { points, passages, root_distance }
+    }
+
+    /// How far each segment of a scan cuts the surface, m, at most 0. Lowers the distances that points keep to
+    /// those along their segments.
+    fn cuts(&self, Scan { points, passages, .. }: &mut Scan) -> Vec<f64> {
+        let mut cut = vec![0.0_f64; passages.len()];
+        for c in self.contacts(points, passages, Passage::Beside) {
+            if c.gap < 0.0 {
+                let cut = &mut cut[self.segment_index(&c)];
+                *cut = cut.min(c.gap);
+            } else {
+                // The distance may be less along a segment than at its ends.
+                let ends = self.ends(c.body, c.segment);
+                points[ends].iter_mut().for_each(|p| p.keep = p.keep.min(0.5 * c.gap));
+            }
+        }
+        cut
+    }
+
+    /// The values at both ends of each segment, of those at the points.
+    fn segment_ends(&self, of_points: &[f64]) -> impl Iterator<Item = [f64; 2]> {
+        self.segments().map(move |(b, k)| [0, 1].map(|end| of_points[b * self.x.len() + k + end]))
+    }
+
     /// Body and segment of each entry, body by body.
     fn segments(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
         let (bodies, segments) = (self.poses.len(), self.x.len() - 1);
@@ -170,46 +223,36 @@ impl GroomPose<'_> {
 }
 
 impl Clearance {
-    /// Applies the rule to the points `x` (m, world), with the bodies at time `t`, s, at `pose` (rest space
-    /// to world), and their `thickness`, m.
-    pub fn new(
-        bodies: &Bodies,
-        t: f64,
-        pose: &[Isometry3<f64>],
-        thickness: &[f64],
-        x: &[Vector3<f64>],
-    ) -> Self {
-        let groom = GroomPose { bodies, t, poses: pose, thickness, x };
-        let (mut points, mut passages, mut root_distance) = (Vec::new(), Vec::new(), Vec::new());
-        for (b, (pose, _)) in pose.iter().zip(thickness).enumerate() {
-            let local: Vec<_> = x.iter().map(|p| pose.inverse_transform_point(&(*p).into()).coords).collect();
-            let of_body = groom.points(b, &local);
-            passages.extend(groom.passages(b, &local, &of_body));
-            points.extend(of_body);
-            let root = bodies.closest(b, t, &local[0], SEARCH_RADIUS);
-            root_distance.push(root.map_or(SEARCH_RADIUS, |root| root.distance));
+    /// Applies the rule to the groom's pose, in which the guide starts.
+    pub fn new(start: &GroomPose) -> Self {
+        Clearance::of(start, start.scan())
+    }
+
+    /// Applies the rule to the groom's pose as it is `drawn`; the guide and the bodies start elsewhere.
+    pub fn carried(start: &GroomPose, drawn: &GroomPose) -> Self {
+        let mut as_drawn = drawn.scan();
+        drawn.cuts(&mut as_drawn);
+        let kept: Vec<f64> = as_drawn.points.iter().map(|point| point.keep).collect();
+        let mut carried = Clearance::of(start, Scan { points: start.scan().points, ..as_drawn });
+        for (end, keep) in carried.to.iter_mut().zip(drawn.segment_ends(&kept)) {
+            *end = if *end == EXEMPT { EXEMPT } else { keep };
         }
-        let clips = |c: &&Contact| c.gap < 0.0 && -c.gap < 2.0 * thickness[c.body];
-        for clip in groom.contacts(&points, &passages, Passage::Through).iter().filter(clips) {
-            passages[groom.segment_index(clip)] = Passage::Beside;
+        for (from, to) in carried.from.iter_mut().zip(&carried.to) {
+            *from = [0, 1].map(|end| from[end].min(to[end]));
         }
-        let mut cut = vec![0.0_f64; passages.len()];
-        for c in groom.contacts(&points, &passages, Passage::Beside) {
-            if c.gap < 0.0 {
-                let cut = &mut cut[groom.segment_index(&c)];
-                *cut = cut.min(c.gap);
-            } else {
-                // The distance may be less along a segment than at its ends.
-                let ends = groom.ends(c.body, c.segment);
-                points[ends].iter_mut().for_each(|p| p.keep = p.keep.min(0.5 * c.gap));
-            }
-        }
+        carried
+    }
+
+    /// The clearances of a guide that starts in the groom's pose `start`, for its `scan`.
+    fn of(start: &GroomPose, mut scan: Scan) -> Self {
+        let cut = start.cuts(&mut scan);
+        let Scan { points, passages, root_distance } = scan;
         let initial = |point: &Point| if point.depth > 0.0 { -point.depth } else { point.keep };
-        let mut from = groom.clearances(&points, &passages, initial);
+        let mut from = start.clearances(&points, &passages, initial);
         for (ends, cut) in from.iter_mut().zip(cut).filter(|(_, cut)| *cut < 0.0) {
             *ends = ends.map(|from| from.min(cut));
         }
-        let to = groom.clearances(&points, &passages, |point| point.keep);
+        let to = start.clearances(&points, &passages, |point| point.keep);
         Clearance { from, to, root_distance }
     }
 
@@ -304,6 +347,12 @@ mod tests {
     use super::*;
     use crate::geometry::{Shape, TriMesh};
 
+    /// The clearance of a polyline among bodies at the origin.
+    fn clearance(bodies: &Bodies, x: &[Vector3<f64>]) -> Clearance {
+        let poses = &[Isometry3::identity()];
+        Clearance::new(&GroomPose { bodies, t: 0.0, poses, thickness: &[5e-4], x })
+    }
+
     /// A clockwise triangle of the xy plane, extruded along z from −`half` to `half`.
     fn prism(corners: [[f64; 2]; 3], half: f64) -> TriMesh {
         let side = |z: f64| corners.map(|[x, y]| Vector3::new(x, y, z));
@@ -320,7 +369,7 @@ mod tests {
         let at = |x: f64| Vector3::new(x, 0.0, 0.0);
         // From inside, out, back through, out to 0.2 mm and on.
         let x = [at(0.005), at(0.02), at(-0.0102), at(-0.03), at(-0.04)];
-        let clearance = Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x);
+        let clearance = clearance(&bodies, &x);
         let mut kept = Vec::new();
         clearance.at(1.0, &mut kept);
         assert_eq!(kept[..2], [EXEMPT; 2]);
@@ -343,7 +392,7 @@ mod tests {
             [-0.02, 0.0, 0.005].map(|s: f64| Vector3::new((s / 0.1).sin(), (s / 0.1).cos(), 0.0) * 0.1002);
         let depth = 0.1 - 0.5 * (x[0] + x[1]).norm();
         assert!(depth > 1e-4);
-        let clearance = Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x);
+        let clearance = clearance(&bodies, &x);
         // Not exempt, and pushed out.
         assert_eq!(clearance.counts(), (0, 1));
         let mut kept = Vec::new();
@@ -360,7 +409,7 @@ mod tests {
         let counts = |mesh: TriMesh, height: f64| {
             let bodies = Bodies::from_shapes(&[Shape::Mesh(mesh)]);
             let x = [-0.02, -0.002, 0.002, 0.02].map(|x| Vector3::new(x, height, 1e-3));
-            Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x).counts()
+            clearance(&bodies, &x).counts()
         };
         assert_eq!(counts(wide.clone(), -3e-4), (0, 1));
         assert_eq!(counts(wide, -2e-3), (1, 0));
@@ -380,7 +429,7 @@ mod tests {
         let kept = |heights: [f64; 7]| {
             let x: Vec<_> =
                 heights.iter().enumerate().map(|(k, h)| Vector3::new(0.003 * k as f64, *h, 0.0)).collect();
-            let clearance = Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x);
+            let clearance = clearance(&bodies, &x);
             let mut kept = Vec::new();
             clearance.at(1.0, &mut kept);
             kept.iter().map(|ends| *ends == EXEMPT).collect::<Vec<_>>()
@@ -396,7 +445,7 @@ mod tests {
         let ball = Shape::Sphere { centre: Vector3::zeros(), radius: 0.01 };
         let bodies = Bodies::from_shapes(&[ball]);
         let x = [0.03, 0.015, 0.008, 0.015, 0.03].map(|y| Vector3::new(0.0, y, 0.0));
-        let clearance = Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x);
+        let clearance = clearance(&bodies, &x);
         let mut kept = Vec::new();
         clearance.at(0.5, &mut kept);
         assert_eq!(kept[0], [5e-4; 2]);
@@ -422,7 +471,7 @@ mod tests {
         // From just outside, along the surface 0.01 mm inside it, and out.
         let x = [(0.0, 1e-6), (1e-4, -1e-5), (4e-4, -1e-5), (5e-3, -1e-5), (2e-2, 2e-3)]
             .map(|(s, g): (f64, f64)| Vector3::new((s / 0.1).sin(), (s / 0.1).cos(), 0.0) * (0.1 + g));
-        let clearance = Clearance::new(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &x);
+        let clearance = clearance(&bodies, &x);
         let mut kept = Vec::new();
         clearance.at(1.0, &mut kept);
         for (ends, goal) in kept[1..].iter().zip([0.25e-4, 1e-4, 5e-4]) {

@@ -27,12 +27,32 @@ pub struct Environment<'a> {
     pub wind: &'a [Wind],
     /// Bodies that the guides collide with, prepared for the current sub-step.
     pub bodies: Bodies,
+    /// The same bodies at the start, with skins that deform as the groom was drawn on them; `None` without
+    /// such skins, and once guides have started.
+    pub skins_at_rest: Option<SkinsAtRest>,
     /// Rest space of body `b` of `bodies` to world.
     pub body: PoseOf<'a>,
     /// Rest space of body `b` of the animation to world: ties are attached to these.
     pub carrier: PoseOf<'a>,
     /// Progress (0..=1) of pushing points that start inside a body out of it.
     pub push_out: OfTime<'a, f64>,
+}
+
+/// Bodies, of which skins are at rest.
+pub struct SkinsAtRest {
+    /// The bodies.
+    pub bodies: Bodies,
+    /// Which of them are skins at rest.
+    pub at_rest: Vec<bool>,
+}
+
+impl SkinsAtRest {
+    /// Poses of the bodies around a root that `carrier` takes from rest to the world: skins are carried with it,
+    /// the others have their own `poses`.
+    pub fn poses_around(&self, carrier: &Isometry3<f64>, poses: &[Isometry3<f64>]) -> Vec<Isometry3<f64>> {
+        let around = self.at_rest.iter().zip(poses);
+        around.map(|(at_rest, pose)| if *at_rest { *carrier } else { *pose }).collect()
+    }
 }
 
 impl<'a> Environment<'a> {
@@ -44,6 +64,7 @@ impl<'a> Environment<'a> {
             gravity: Box::new(|_| Vector3::y() * -GRAVITY),
             wind: &[],
             bodies,
+            skins_at_rest: None,
             body: Box::new(|_, _| Isometry3::identity()),
             carrier: Box::new(|_, _| Isometry3::identity()),
             push_out: Box::new(|_| 1.0),

@@ -5,7 +5,7 @@
 use super::batch::Batches;
 use super::checkpoint::{Checkpoint, StateMismatch};
 use super::coupled_substep::CoupledSubstep;
-use super::environment::Environment;
+use super::environment::{Environment, SkinsAtRest};
 use super::guide::{ContactMode, GuideState};
 use super::guide_frame::{GuideFrame, SolverStep};
 use super::guide_rods::GuideRods;
@@ -17,7 +17,7 @@ use super::wisp_friction::CarrierVelocity;
 use super::wisps::{AdaptiveTree, WispChanges};
 use crate::contact::{Bodies, Body};
 use crate::scene::anim::{ContactSetting, Resolution};
-use crate::scene::{Anim, Groom};
+use crate::scene::{Anim, Collider, Groom};
 use crate::wisp::Hierarchy;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -237,8 +237,10 @@ impl<'a> Simulation<'a> {
         let mut env = environment(&model);
         env.bodies.prepare([t, t]);
         let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
+        env.skins_at_rest = skins_at_rest(anim, t);
         let start = |guide| GuideState::new(guide, &thickness, &env, t, h);
         let guides: Vec<GuideState> = model.guides.par_iter().map(start).collect();
+        env.skins_at_rest = None;
         let lengths = |(state, guide): (&GuideState, _)| state.segment_lengths(guide);
         let initial_lengths = guides.iter().zip(&model.guides).map(lengths).collect();
         let wisps = match anim.settings.resolution() {
@@ -327,12 +329,28 @@ impl<'a> Simulation<'a> {
     }
 }
 
+/// The bodies at time `t`, s, with the skins that deform at rest; `None` if there are no such skins.
+fn skins_at_rest(anim: &Anim, t: f64) -> Option<SkinsAtRest> {
+    let deforms = |(i, c): (usize, &Collider)| anim.skins.contains(&i) && c.deformation.is_some();
+    let at_rest: Vec<bool> = anim.colliders.iter().enumerate().map(deforms).collect();
+    let body = |(c, at_rest): (&Collider, &bool)| match at_rest {
+        true => Body::new(&c.shape, None, c.friction),
+        false => Body::from(c),
+    };
+    at_rest.contains(&true).then(|| {
+        let mut bodies = Bodies::new(anim.colliders.iter().zip(&at_rest).map(body));
+        bodies.prepare([t, t]);
+        SkinsAtRest { bodies, at_rest }
+    })
+}
+
 /// The environment of an animation.
 fn environment<'a>(model: &Model<'a>) -> Environment<'a> {
     let anim = model.anim;
     let push_out = model.push_out();
     Environment {
         bodies: Bodies::new(anim.colliders.iter().map(Body::from)),
+        skins_at_rest: None,
         body: Box::new(|b, t| anim.bodies[anim.colliders[b].body].track.pose(t)),
         push_out: Box::new(push_out),
         carrier: Box::new(|b, t| anim.bodies[b].track.pose(t)),

@@ -15,6 +15,7 @@ Examples:
   hairbake import track walk.json --groom groom.json --collider bust.obj:cm -o anim.json
   hairbake import track walk.json --groom groom.json --collider shirt.####.obj -o anim.json
   hairbake import track shot.usd --joint head --groom groom.json --collider shot.usd:/char/body -o anim.json
+  hairbake import track shot.usd --joint head --groom fur.json --skin shot.usd:/char/body -o anim.json
   hairbake import track walk.bvh --joint Head --units in --groom groom.json -o anim.json
   hairbake import track mocap.json --pivot 0,1.62,0.02 --fps 24 --rest first -o anim.json";
 
@@ -95,6 +96,13 @@ pub struct TrackArguments {
     /// sequence with one file per frame such as cloth.####.obj. Holes, such as a neck, are closed.
     #[arg(long = "collider", value_name = "FILE[:PRIM][:UNITS][:UP]", value_parser = values::source, help_heading = COLLIDERS)]
     colliders: Vec<Source>,
+    /// Mesh that the roots of the groom grow on, and that the hair collides with; may be repeated
+    ///
+    /// As --collider. Each root rides on the place of the skins that is nearest to it at rest, wherever the
+    /// mesh deforms: brows, beards, fur. The head is then a frame of reference near the hair; a joint that
+    /// carries most of it is best.
+    #[arg(long = "skin", value_name = "FILE[:PRIM][:UNITS][:UP]", value_parser = values::source, help_heading = COLLIDERS)]
+    skins: Vec<Source>,
     /// Coulomb friction coefficient of the colliders [default: that of the strands]
     ///
     /// Raising it holds the hair on the colliders longer.
@@ -130,7 +138,8 @@ enum RestName {
 /// Imports a track.
 pub fn run(arguments: &TrackArguments) -> Result<()> {
     let output = &arguments.output;
-    let others = arguments.groom.iter().chain(arguments.colliders.iter().map(|source| &source.path));
+    let meshes = arguments.skins.iter().chain(&arguments.colliders);
+    let others = arguments.groom.iter().chain(meshes.map(|source| &source.path));
     input_files::require(std::iter::once(&arguments.motion).chain(others).map(|path| &**path))?;
     let groom = match &arguments.groom {
         Some(file) => Some(TrackGroom::new(&load_groom(file)?, output_file::folder(file))),
@@ -152,11 +161,14 @@ impl TrackArguments {
             prim: self.prim.clone(),
             ..Source::new(&self.motion)
         };
-        let mesh = |source: &Source| ColliderMesh {
+        let mesh = |(source, is_skin): (&Source, bool)| ColliderMesh {
             friction: self.friction,
             thickness: self.thickness * 1e-3,
+            is_skin,
             ..ColliderMesh::new(source.clone())
         };
+        let skins = self.skins.iter().map(|source| (source, true));
+        let colliders = self.colliders.iter().map(|source| (source, false));
         TrackOptions {
             fps: self.fps,
             frames: self.frames.map(<[i32; 2]>::from),
@@ -167,7 +179,7 @@ impl TrackArguments {
                 RestName::First => RestPose::First,
             }),
             joint: JointSelector { name: self.joint.clone(), clip: self.clip.clone() },
-            colliders: self.colliders.iter().map(mesh).collect(),
+            colliders: skins.chain(colliders).map(mesh).collect(),
             smoothing_hz: self.cutoff,
             pops: match self.pops {
                 PopsName::Error => Pops::Error,

@@ -2,7 +2,7 @@
 
 use super::model::GuideModel;
 use crate::dynamics::checkpoint::{Checkpoint, StateMismatch};
-use crate::dynamics::clearance::Clearance;
+use crate::dynamics::clearance::{Clearance, GroomPose};
 use crate::dynamics::contact_polyline::with_midpoints;
 use crate::dynamics::environment::Environment;
 use crate::dynamics::integrator::DifferenceFormula;
@@ -97,7 +97,15 @@ impl GuideState {
         let x: Vec<Vector3<f64>> = now.iter().map(|g| g.p).collect();
         let mut polyline = Vec::new();
         with_midpoints(&rod.arc, |k| x[k], |k| now[k].r.column(2).into(), &mut polyline);
-        let clearance = Clearance::new(&env.bodies, t, &env.body_poses(t), thickness, &polyline);
+        let poses = env.body_poses(t);
+        let start = GroomPose { bodies: &env.bodies, t, poses: &poses, thickness, x: &polyline };
+        let clearance = match (&env.skins_at_rest, &model.skin) {
+            (Some(at_rest), Some(_)) => {
+                let poses = at_rest.poses_around(&model.carrier(env, t), &poses);
+                Clearance::carried(&start, &GroomPose { bodies: &at_rest.bodies, poses: &poses, ..start })
+            }
+            _ => Clearance::new(&start),
+        };
         let v: Vec<Vector3<f64>> = now.iter().zip(&before).map(|(a, b)| (a.p - b.p) / h).collect();
         let tangent: Vec<Vector3<f64>> = now.iter().map(|g| g.r.column(2).into()).collect();
         let rates = std::array::from_fn(|_| SolveRate { step: h, rate: vec![0.0; q.len()] });

@@ -186,3 +186,148 @@ impl Tangents {
         Matrix3::from_columns(&[first, normal.cross(&first), normal])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    type V = Vector3<f64>;
+
+    /// Vertices in a row of the sheet.
+    const ROW: u32 = 21;
+
+    /// Where point (u, v), m, of a bumpy sheet is.
+    fn bumpy(u: f64, v: f64) -> V {
+        V::new(u, 0.01 * (40.0 * u).sin() * (30.0 * v).cos(), v)
+    }
+
+    /// A sheet of 20 by 20 uneven cells of 1 cm, over which `at` places a point.
+    fn sheet(at: impl Fn(f64, f64) -> V) -> TriMesh {
+        let vertex = |i: u32, j: u32| {
+            let [i, j] = [i, j].map(f64::from);
+            at(0.01 * i + 0.002 * (5.0 * j).sin(), 0.01 * j + 0.002 * (7.0 * i).cos())
+        };
+        let corner = |i: u32, j: u32| ROW * i + j;
+        let cells = (0..ROW - 1).flat_map(|i| (0..ROW - 1).map(move |j| (i, j)));
+        TriMesh {
+            vertices: (0..ROW).flat_map(|i| (0..ROW).map(move |j| (i, j))).map(|(i, j)| vertex(i, j)).collect(),
+            triangles: cells
+                .map(|(i, j)| [corner(i, j), corner(i, j + 1), corner(i + 1, j + 1), corner(i + 1, j)])
+                .flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]])
+                .collect(),
+        }
+    }
+
+    fn bind(mesh: &TriMesh, x: &V) -> SkinPoint {
+        Skin::new(mesh, None).bind(x, 0.05).unwrap().0
+    }
+
+    fn carry(place: &SkinPoint, mesh: &TriMesh) -> Isometry3<f64> {
+        place.carry(|v| mesh.vertices[v as usize])
+    }
+
+    #[test]
+    fn a_rigid_motion_of_the_mesh_carries_its_roots() {
+        let mesh = sheet(bumpy);
+        let motion = Isometry3::new(V::new(3.0, -1.0, 0.5), V::new(0.4, 2.0, -1.1));
+        let moved = |x: &V| (motion * nalgebra::Point3::from(*x)).coords;
+        let then = TriMesh { vertices: mesh.vertices.iter().map(moved).collect(), ..mesh.clone() };
+        for x in [V::new(0.07, 0.013, 0.11), V::new(0.1032, -0.02, 0.03), V::new(-0.01, 0.01, 0.1)] {
+            let place = bind(&mesh, &x);
+            let still = carry(&place, &mesh);
+            assert!((still.translation.vector.norm() + still.rotation.angle()) < 1e-13, "{still}");
+            let carried = carry(&place, &then);
+            assert!((carried.inverse() * motion).rotation.angle() < 1e-13, "{carried}");
+            assert!(((carried * nalgebra::Point3::from(x)).coords - moved(&x)).norm() < 1e-14);
+            assert!((place.stretch(|v| then.vertices[v as usize]) - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_sheet_rolled_up_turns_its_roots_as_the_cylinder_turns() {
+        let flat = sheet(|u, v| V::new(u, 0.0, v));
+        let radius = 0.05;
+        let rolled = sheet(|u, v| V::new(radius * (u / radius).sin(), radius * (u / radius).cos(), v));
+        for (u, v) in [(0.05, 0.11), (0.1043, 0.071), (0.153, 0.13)] {
+            let height = 0.004;
+            let carried = carry(&bind(&flat, &V::new(u, height, v)), &rolled);
+            let expected = UnitQuaternion::from_scaled_axis(V::z() * (-u / radius));
+            // Facets are 11° wide.
+            assert!(carried.rotation.angle_to(&expected) < 0.01, "{u}: {}", carried.rotation);
+            let x = carried * nalgebra::Point3::new(u, height, v);
+            let (sine, cosine) = (u / radius).sin_cos();
+            let on_cylinder = V::new(sine, cosine, 0.0) * (radius + height) + V::z() * v;
+            assert!((x.coords - on_cylinder).norm() < 3e-4, "{u}: {x}");
+        }
+    }
+
+    #[test]
+    fn neighbours_do_not_break_at_edges() {
+        let mesh = sheet(bumpy);
+        let wrung = sheet(|u, v| {
+            let x = bumpy(u, v);
+            UnitQuaternion::from_scaled_axis(V::x() * (9.0 * u)) * (x - V::z() * 0.1) * (1.0 + 2.0 * v)
+        });
+        let skin = Skin::new(&mesh, None);
+        let step = 1e-4;
+        let carried: Vec<_> = (0..1000)
+            .map(|i| bumpy(0.05 + step * f64::from(i), 0.07 + 0.3 * step * f64::from(i)) + V::y() * 0.001)
+            .map(|x| carry(&skin.bind(&x, 0.05).unwrap().0, &wrung))
+            .collect();
+        let turns: Vec<f64> = carried.windows(2).map(|w| w[0].rotation.angle_to(&w[1].rotation)).collect();
+        let (most, mean) = (turns.iter().copied().fold(0.0, f64::max), turns.iter().sum::<f64>() / 999.0);
+        // About 60 edges are crossed; triangles are 100 steps wide.
+        assert!(mean > 5e-4 && most < 0.01, "{most} {mean}");
+    }
+
+    #[test]
+    fn seams_are_smooth_and_holes_carry_nothing() {
+        let whole = sheet(bumpy);
+        let bent = sheet(|u, v| bumpy(u, v) + V::y() * (3.0 * u * u));
+        // The same with all corners of its own, as at texture seams.
+        let split = |mesh: &TriMesh| TriMesh {
+            vertices: mesh.triangles.iter().flatten().map(|v| mesh.vertices[*v as usize]).collect(),
+            triangles: (0..mesh.triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+        };
+        let x = bumpy(0.093, 0.084);
+        let [one, two] = [[&whole, &bent], [&split(&whole), &split(&bent)]]
+            .map(|[rest, now]| carry(&bind(rest, &x), now));
+        assert!((one.inverse() * two).rotation.angle() < 1e-12 && one.rotation.angle() > 0.1, "{one} {two}");
+
+        // A tube: its ends are closed by caps for contact, but nothing grows there.
+        let corner = |i: u32, end: f64| {
+            let (sine, cosine) = (f64::from(i) * std::f64::consts::TAU / 16.0).sin_cos();
+            V::new(0.05 * cosine, end, 0.05 * sine)
+        };
+        let tube = TriMesh {
+            vertices: (0..32).map(|i| corner(i % 16, f64::from(i / 16) * 0.5)).collect(),
+            triangles: (0..16)
+                .flat_map(|i: u32| [[i, i + 16, (i + 1) % 16], [(i + 1) % 16, i + 16, (i + 1) % 16 + 16]])
+                .collect(),
+        };
+        let skin = Skin::new(&tube, None);
+        assert!(!skin.mesh.caps().is_empty());
+        let (_, distance) = skin.bind(&V::new(0.0, 0.5, 0.0), 0.1).unwrap();
+        assert!((0.045..0.051).contains(&distance), "{distance}");
+        assert!(skin.bind(&V::new(0.0, 0.5, 0.0), 0.04).is_none());
+    }
+
+    #[test]
+    fn roots_accelerate_as_continuously_as_the_mesh() {
+        let shape = |t: f64| sheet(|u, v| bumpy(u, v) + V::y() * (0.03 * (9.0 * t + 20.0 * u).sin()));
+        let samples = (0..8).map(|i| shape(f64::from(i) / 24.0).vertices).collect();
+        let (mesh, deformation) = (shape(0.0), Deformation { start: 0.0, rate: 24.0, samples });
+        let place = Skin::new(&mesh, Some(&deformation)).bind(&(mesh.vertices[200] + V::y() * 0.002), 0.05);
+        let place = place.unwrap().0;
+        let x = |t: f64| place.carry(deformation.at(t)) * nalgebra::Point3::from(mesh.vertices[210]);
+        let h = 1e-4;
+        let second = |t: f64| (x(t + h).coords - x(t).coords * 2.0 + x(t - h).coords) / (h * h);
+        let largest = (20..260).map(|k| second(f64::from(k) / 1000.0).norm()).fold(0.0, f64::max);
+        assert!(largest > 1.0, "{largest}");
+        for i in 2..6 {
+            let t = f64::from(i) / 24.0;
+            let jump = (second(t + 2.0 * h) - second(t - 2.0 * h)).norm();
+            assert!(jump < 0.05 * largest, "{i}: {jump} of {largest}");
+        }
+    }
+}

@@ -24,6 +24,8 @@ pub(super) struct Colliders {
     pub(super) colliders: Vec<ColliderFile>,
     /// Files to write: path and text.
     pub(super) files: Vec<(PathBuf, String)>,
+    /// Names of those that roots grow on.
+    pub(super) skins: Vec<String>,
     /// Remarks on the meshes.
     pub(super) notes: Vec<String>,
     names: BTreeSet<String>,
@@ -50,6 +52,7 @@ impl Colliders {
     ) -> Result<()> {
         self.notes.extend(read.notes.iter().map(|note| format!("{}: {note}", mesh.source.path.display())));
         let name = self.unique_name(&mesh.name);
+        self.skins.extend(mesh.is_skin.then(|| name.clone()));
         let deforms = mesh.source != *first_file || !read.samples.is_empty();
         let shape = if first_file.is_usd() {
             self.write_obj(&name, read, first_frame, folder)

@@ -1,7 +1,7 @@
 //! Makes an animation from a motion file and collider meshes.
 
 use super::colliders::{Colliders, WORLD};
-use super::options::{RestPose, TrackGroom, TrackOptions};
+use super::options::{ColliderMesh, RestPose, TrackGroom, TrackOptions};
 use super::report::{TrackPop, TrackReport};
 use super::timing::{DEFAULT_FIRST_FRAME, Timing};
 use crate::file::relative;
@@ -84,7 +84,7 @@ pub fn track(options: &TrackOptions) -> Result<Track> {
     if colliders.any_deforms() {
         anim.bodies.push(BodyFile { name: WORLD.into(), track: None });
     }
-    anim.colliders = colliders.colliders;
+    (anim.colliders, anim.skins) = (colliders.colliders, colliders.skins);
     anim.over = over(options, motion)?;
     Ok(Track { anim, meshes: colliders.files, report })
 }
@@ -241,22 +241,21 @@ fn check_placement(
             let sequence = (mesh.source != *file).then_some(&read.mesh.vertices);
             let moving = read.samples.get(index).or(sequence);
             let to_rest = |x: &Vector3<f64>| (to_rest * Point3::from(*x)).coords;
-            Skin {
-                name: &mesh.name,
-                rest: &read.mesh,
-                first: moving.map(|v| v.iter().map(to_rest).collect()),
-            }
+            // The roots on a skin go with it.
+            let first = moving.filter(|_| !mesh.is_skin).map(|v| v.iter().map(to_rest).collect());
+            Skin { name: &mesh.name, rest: &read.mesh, first }
         })
         .collect();
-    let note = |skin: &Skin| {
+    let note = |(skin, mesh): (&Skin, &ColliderMesh)| {
         let vertices = skin.first.as_ref().unwrap_or(&skin.rest.vertices);
         let distances = groom.roots.distances(vertices, &skin.rest.triangles);
-        format!("collider {}: {distances} from the roots in frame {first}", skin.name)
+        let when = if mesh.is_skin { "at rest".into() } else { format!("in frame {first}") };
+        format!("collider {}: {distances} from the roots {when}", skin.name)
     };
     let found = groom.roots.check(&skins);
     let file = &options.motion.path;
     Error::if_any(found.iter().map(|f| f.diagnostic(file, groom.origin.as_ref(), Some(origin))).collect())?;
-    Ok(skins.iter().map(note).collect())
+    Ok(skins.iter().zip(&options.colliders).map(note).collect())
 }
 
 /// The body of the head.

@@ -36,6 +36,8 @@ pub struct ColliderMesh {
     pub friction: Option<f64>,
     /// Distance kept between the mesh and the strands, m.
     pub thickness: f64,
+    /// Whether the roots of the groom grow on it.
+    pub is_skin: bool,
 }
 
 impl ColliderMesh {
@@ -50,7 +52,7 @@ impl ColliderMesh {
         if !name.starts_with(|c: char| c.is_ascii_alphabetic()) {
             name.insert_str(0, "mesh_");
         }
-        ColliderMesh { name, source, friction: None, thickness: DEFAULT_THICKNESS }
+        ColliderMesh { name, source, friction: None, thickness: DEFAULT_THICKNESS, is_skin: false }
     }
 
     /// The file to read first: of a sequence, that of frame `first`.
