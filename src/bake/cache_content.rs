@@ -56,7 +56,7 @@ impl<'a> CacheContent<'a> {
     /// The header of the cache: everything that does not change over the bake.
     pub fn header(&self) -> Header {
         let (groom, anim, convention) = (self.groom, self.anim, self.groom.convention);
-        let collider = |c: &Collider| {
+        let collider = |(i, c): (usize, &Collider)| {
             let mesh = c.shape.tessellate();
             let corners = |triangles: &[[u32; 3]]| triangles.iter().map(|t| t.map(|i| i as i32)).collect();
             ColliderMesh {
@@ -65,6 +65,7 @@ impl<'a> CacheContent<'a> {
                 triangles: corners(&mesh.triangles),
                 caps: corners(Body::from(c).solid.caps()),
                 deforms: c.deformation.is_some(),
+                is_skin: anim.skins.contains(&i),
             }
         };
         let hair = || {
@@ -84,7 +85,7 @@ impl<'a> CacheContent<'a> {
                     guide_set(groom, &self.rods)
                 }
             },
-            colliders: anim.colliders.iter().map(collider).collect(),
+            colliders: anim.colliders.iter().enumerate().map(collider).collect(),
             levels: anim.settings.resolution() != Resolution::Full,
             accelerations: anim.settings.accelerations,
             ..Header::default()

@@ -179,7 +179,8 @@ impl<'a> Output<'a> {
         match posed {
             Some(posed) => strands.settle(&obstacles, posed, around),
             None => {
-                let posed = strands.pose(self.carriers(&self.strand_roots, t), Some(&obstacles), &self.still(guides));
+                let posed =
+                    strands.pose(self.carriers(&self.strand_roots, t), Some(&obstacles), &self.still(guides));
                 strands.settle(&obstacles, &posed, around)
             }
         }
@@ -249,7 +250,8 @@ impl<'a> Output<'a> {
         let hair = self.strands.as_ref().zip(self.header.hair.as_ref()).map(|(strands, set)| {
             let at = DeflectionAt { frames: settled, fraction: offset, interval: 1.0 / self.anim.fps };
             let (posed, free) = known.unzip();
-            let posed = posed.unwrap_or_else(|| strands.pose(self.carriers(&self.strand_roots, t), None, &motion));
+            let posed =
+                posed.unwrap_or_else(|| strands.pose(self.carriers(&self.strand_roots, t), None, &motion));
             let StrandMotion { points, velocities } = strands.evaluate(&posed, &at, &to_scene, free);
             depths = strands.depths(&obstacles, &posed, &points, &self.to_metres());
             let level = levels.as_ref().map(|l| strands.main_guides().map(|guide| l[guide]).collect());

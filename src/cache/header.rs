@@ -86,4 +86,6 @@ pub struct ColliderMesh {
     pub caps: Vec<[i32; 3]>,
     /// Whether its vertices move in rest space.
     pub deforms: bool,
+    /// Whether the roots ride on it.
+    pub is_skin: bool,
 }

@@ -27,6 +27,8 @@ pub(super) const CLOSEST_GUIDES: &str = "primvars:groom_closest_guides";
 pub(super) const GUIDE_WEIGHTS: &str = "primvars:groom_guide_weights";
 /// Triangles that close the holes of a collider.
 pub(super) const CAPS: &str = "primvars:groom_caps";
+/// Marks a collider that roots ride on.
+pub(super) const SKIN: &str = "primvars:groom_skin";
 /// Level of each curve.
 pub(super) const LEVEL: &str = "primvars:groom_level";
 

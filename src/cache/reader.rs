@@ -5,8 +5,8 @@ use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header};
 use super::layers::transposed;
 use super::manifest::Manifest;
 use super::names::{
-    CAPS, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, MANIFEST, TOPOLOGY, collider_prim_names, frame_file_name,
-    frames_on_disk,
+    CAPS, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, MANIFEST, SKIN, TOPOLOGY, collider_prim_names,
+    frame_file_name, frames_on_disk,
 };
 use crate::usd::{Layer, Value, crate_file};
 use crate::{Error, Result};
@@ -185,7 +185,8 @@ impl Source {
         let caps = if self.has(&prim, CAPS) { self.triangles(&prim, CAPS)? } else { Vec::new() };
         let deforms = self.has(&prim, "primvars:rest");
         let points = if deforms { "primvars:rest" } else { "points" };
-        Ok(ColliderMesh { points: self.take(&prim, points, None, float3s)?, triangles, caps, deforms, name })
+        let (is_skin, points) = (self.has(&prim, SKIN), self.take(&prim, points, None, float3s)?);
+        Ok(ColliderMesh { points, triangles, caps, deforms, is_skin, name })
     }
 
     fn triangles(&mut self, prim: &str, name: &str) -> Result<Vec<[i32; 3]>> {

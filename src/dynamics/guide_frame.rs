@@ -165,7 +165,13 @@ fn turn(rod: &Rod, rate: &[f64]) -> f64 {
 /// and points beside them, as the differences of their positions tell. Within half a frame a rod may turn by
 /// radians while its points go there and back: the difference of the unknowns is then no velocity of theirs.
 /// False if the speed of a point is limited, or if there is no fit and the rates stay as they are.
-fn fit(rate: &mut [f64], rod: &Rod, q: [&Vec<f64>; 5], head: &CarrierAround, differences: &Differences) -> bool {
+fn fit(
+    rate: &mut [f64],
+    rod: &Rod,
+    q: [&Vec<f64>; 5],
+    head: &CarrierAround,
+    differences: &Differences,
+) -> bool {
     let mut shape = RodShape::default();
     let mut poses: [Vec<Pose>; 5] = Default::default();
     // The frame last: its shape is used below.

@@ -180,7 +180,8 @@ impl CarrierVelocity {
     /// Velocity `v`, m/s, of a point at `x`, m, relative to the carrier, in its frame.
     pub fn relative_velocity(&self, x: &Vector3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
         let local = self.pose.inverse_transform_point(&(*x).into());
-        let carried = (self.neighbours[0] * local - self.neighbours[1] * local) / (2.0 * CarrierVelocity::DELTA);
+        let carried =
+            (self.neighbours[0] * local - self.neighbours[1] * local) / (2.0 * CarrierVelocity::DELTA);
         self.pose.rotation.inverse() * (v - carried)
     }
 

@@ -70,7 +70,8 @@ pub fn bind(groom: &mut Groom, anim: &mut Anim, file: &Path) -> Vec<Diagnostic> 
         for collider in &mut anim.colliders {
             let body = &anim.bodies[collider.body].track;
             let in_body = |t: f64| body.pose(t).inverse() * reference.pose(t);
-            let carried = |d: Arc<Deformation>| Arc::new(Arc::unwrap_or_clone(d).carried_beyond_ends(in_body));
+            let carried =
+                |d: Arc<Deformation>| Arc::new(Arc::unwrap_or_clone(d).carried_beyond_ends(in_body));
             collider.deformation = collider.deformation.take().map(carried);
         }
         anim.reference = Some(reference);
@@ -154,8 +155,11 @@ fn too_far(
         on.fold(f64::INFINITY, f64::min)
     };
     // Finding the distance is slow far away.
-    let shown: Vec<String> =
-        far.iter().take(MAX_REPORTED).map(|c| format!("id {}: {:.3} m", curves.id[*c], distance(c))).collect();
+    let shown: Vec<String> = far
+        .iter()
+        .take(MAX_REPORTED)
+        .map(|c| format!("id {}: {:.3} m", curves.id[*c], distance(c)))
+        .collect();
     let names: Vec<&str> = skins.iter().map(|s| s.name).collect();
     Diagnostic::new(
         file,
@@ -177,7 +181,8 @@ fn too_far(
 fn distances_in_words(mut distances: Vec<f64>) -> String {
     distances.sort_by(f64::total_cmp);
     let (roots, off) = (distances.len(), distances.iter().filter(|d| **d > OFF_SKIN).count());
-    let [median, most] = [roots / 2, roots.saturating_sub(1)].map(|i| distances.get(i).map_or(0.0, |d| d * 1e3));
+    let [median, most] =
+        [roots / 2, roots.saturating_sub(1)].map(|i| distances.get(i).map_or(0.0, |d| d * 1e3));
     let words =
         format!("{roots} roots ride on the skin, {median:.2} mm from it in the median, {most:.2} mm at most");
     if off > 0 {

@@ -91,7 +91,10 @@ fn run(
 ) -> [Vec<[f32; 3]>; 2] {
     let bodies = Bodies::from_shapes(&[]);
     let interpolator = interpolator(c, rods, &bodies, &[]);
-    let moment = Moment { carriers: Carriers::Head(*head), obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &[] } };
+    let moment = Moment {
+        carriers: Carriers::Head(*head),
+        obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &[] },
+    };
     let motion: Vec<_> =
         rods.iter().zip(q).zip(rate).map(|((&rod, q), rate)| GuideMotion { rod, q, rate }).collect();
     evaluated(&interpolator, &moment, &motion)
@@ -408,7 +411,10 @@ fn body_is_found_after_vertices_that_needed_no_search() {
     let bodies = Bodies::from_shapes(&[Shape::Sphere { centre: Vector3::x(), radius: 0.01 }]);
     let interpolator = interpolator(&c, &[&r], &bodies, &[0.0005]);
     let poses = [Isometry3::translation(-0.945, 0.018, 0.0)];
-    let moment = Moment { carriers: Carriers::Head(still()), obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &poses } };
+    let moment = Moment {
+        carriers: Carriers::Head(still()),
+        obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &poses },
+    };
     let still = vec![0.0; r.unknowns()];
     let motion = [GuideMotion { rod: &r, q: &still, rate: &still }];
     let [p, _] = evaluated(&interpolator, &moment, &motion);
@@ -429,7 +435,10 @@ fn strand_stays_out_of_the_crease_between_two_bodies() {
     let bodies = Bodies::from_shapes(&shapes);
     let interpolator = interpolator(&c, &[&r], &bodies, &[0.0005; 2]);
     let poses = walls.map(|(normal, at)| Isometry3::from(normal * (1.0 + at)));
-    let moment = Moment { carriers: Carriers::Head(still()), obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &poses } };
+    let moment = Moment {
+        carriers: Carriers::Head(still()),
+        obstacles: Obstacles { bodies: &bodies, time: 0.0, poses: &poses },
+    };
     let zero = vec![0.0; r.unknowns()];
     let motion = [GuideMotion { rod: &r, q: &zero, rate: &zero }];
     let [p, _] = evaluated(&interpolator, &moment, &motion);
@@ -477,7 +486,8 @@ fn strand_stays_on_its_guides_side_of_a_thin_body() {
     let lowest = |bodies: &Bodies, poses: &[Isometry3<f64>]| {
         let thickness = vec![0.0005; poses.len()];
         let interpolator = interpolator(&c, &[&r], bodies, &thickness);
-        let moment = Moment { carriers: Carriers::Head(still()), obstacles: Obstacles { bodies, time: 0.0, poses } };
+        let moment =
+            Moment { carriers: Carriers::Head(still()), obstacles: Obstacles { bodies, time: 0.0, poses } };
         let motion = [GuideMotion { rod: &r, q: &q, rate: &vec![0.0; q.len()] }];
         let [p, v] = evaluated(&interpolator, &moment, &motion);
         assert!(p.iter().chain(&v).flatten().all(|x| x.is_finite()));

@@ -16,6 +16,7 @@ mod pinch;
 mod resume;
 mod rod;
 mod sag_free;
+mod skin;
 mod strand;
 mod usd;
 mod wisps;

@@ -103,6 +103,8 @@ class Mesh:
     """The same of triangles that close its holes; they are not drawn."""
     deforms: bool
     """True if each frame has its own vertices."""
+    is_skin: bool = False
+    """True if the roots ride on it."""
 
     @property
     def solid(self) -> IntArray:
@@ -271,6 +273,7 @@ class Cache:
             path=str(prim.GetPath()),
             points=array(rest.Get() if rest else mesh.GetPointsAttr().Get(), np.float64, 2),
             deforms=bool(rest),
+            is_skin=bool(primvars.GetPrimvar("groom_skin")),
             triangles=indices.reshape(-1, 3) if all_triangles else np.empty((0, 3), int),
             caps=corners[: len(corners) // 3 * 3].reshape(-1, 3),
         )

@@ -9,6 +9,7 @@ from .cache import GUIDES, HAIR, HEAD, TRANSFORM, Curves
 from .geometry import Arcs, BoolArray, FloatArray, arc_lengths, norms, spacing, transformed
 from .pinches import pinched
 from .report import Check, Finding
+from .skins import Values
 from .window import Window
 
 FRAMES = Check(
@@ -50,6 +51,13 @@ ROOTS = Check(
     "every root is at its rest point under the head transform",
     "use the head transform that the frame was baked with, and move no roots",
     tolerances.ROOT_OFFSET_M,
+    "m",
+)
+SKIN_ROOTS = Check(
+    "skin_roots",
+    "every root is where its place on the skin carries it",
+    "bake these frames again with the meshes that they show, and move no roots",
+    tolerances.SKIN_ROOT_OFFSET_M,
     "m",
 )
 SEGMENTS = Check(
@@ -176,19 +184,34 @@ def roots(window: Window) -> Iterator[Finding]:
     head = window.get(HEAD, TRANSFORM)
     for curves in window.cache.curves:
         points = window.get(curves.path, "points")
-        if head is not None and points is not None:
-            yield root_offsets(window, ROOTS, curves, points, head)
+        if head is not None and points is not None and not window.reference.skins:
+            yield root_offsets(window, ROOTS, curves, points, transformed(curves.rest, head))
+
+
+def skin_roots(window: Window) -> Iterator[Finding]:
+    """Measures the distance of roots from where the skins of the frame carry them."""
+    yield from skin_root_offsets(window, SKIN_ROOTS, window.get)
+
+
+def skin_root_offsets(window: Window, check: Check, values: Values) -> Iterator[Finding]:
+    """The root of each set of curves that is farthest from where skins carry it at one time."""
+    if not window.reference.skins:
+        return
+    for curves in window.cache.curves:
+        points, carried = values(curves.path, "points"), window.reference.skins.carried(curves, values)
+        if points is not None and carried is not None:
+            yield root_offsets(window, check, curves, points, carried)
 
 
 def root_offsets(
-    window: Window, check: Check, curves: Curves, points: FloatArray, head: FloatArray
+    window: Window, check: Check, curves: Curves, points: FloatArray, carried: FloatArray
 ) -> Finding:
-    """The root that is farthest from its rest point under `head`.
+    """The root that is farthest from its rest point as it is carried.
 
     The rounding of both points to 32 bits, half a spacing in each coordinate, is subtracted.
     """
     rest, now = curves.rest[curves.starts], points[curves.starts]
-    offset = norms(now - transformed(rest, head))
+    offset = norms(now - carried[curves.starts])
     rounding = np.sqrt(3) / 2 * (spacing(rest) + spacing(now))
     return worst(window, check, curves, (offset - rounding) * window.cache.metres_per_unit, per_curve=True)
 
@@ -301,6 +324,7 @@ FRAME: dict[Check, Callable[[Window], Iterator[Finding]]] = {
     RIGID: rigid,
     EXTENT: extent,
     ROOTS: roots,
+    SKIN_ROOTS: skin_roots,
     SEGMENTS: segments,
     GUIDE_SEGMENTS: guide_segments,
     GUIDE_LENGTH: guide_length,

@@ -2,14 +2,15 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
 from . import cache, tolerances
 from .cache import GUIDES, HAIR, HEAD, TRANSFORM, Curves
-from .checks_frame import root_offsets, worst
-from .geometry import FloatArray, dot, norms, screw, transformed
+from .checks_frame import root_offsets, skin_root_offsets, worst
+from .geometry import Array, FloatArray, dot, norms, screw, transformed
 from .report import Check, Finding
 from .window import Window
 
@@ -41,6 +42,13 @@ SUB_FRAME_ROOTS = Check(
     "at the samples of a frame every root is at its rest point under the head transform",
     "use the head transforms that the samples were baked with, and move no roots",
     tolerances.ROOT_OFFSET_M,
+    "m",
+)
+SUB_FRAME_SKIN_ROOTS = Check(
+    "sub_frame_skin_roots",
+    "at the samples of a frame every root is where its place on the skin carries it",
+    "bake these frames again with the meshes that they show, and move no roots",
+    tolerances.SKIN_ROOT_OFFSET_M,
     "m",
 )
 ACCELERATIONS = Check(
@@ -222,12 +230,24 @@ def sub_frames(window: Window) -> Iterator[Finding]:
 
 
 def sub_frame_roots(window: Window) -> Iterator[Finding]:
-    """Measures the distance of roots from their rest points at the samples after the frame."""
-    heads = dict(window.samples(HEAD, TRANSFORM))
+    """Measures the distance of roots from where they are carried at the samples after the frame."""
+    heads = {} if window.reference.skins else dict(window.samples(HEAD, TRANSFORM))
     for curves in window.cache.curves:
         for time, points in window.samples(curves.path, "points")[1:]:
             if time in heads:
-                yield root_offsets(window, SUB_FRAME_ROOTS, curves, points, heads[time])
+                carried = transformed(curves.rest, heads[time])
+                yield root_offsets(window, SUB_FRAME_ROOTS, curves, points, carried)
+
+
+def sub_frame_skin_roots(window: Window) -> Iterator[Finding]:
+    """Measures the distance of roots from where skins carry them at the samples after the frame."""
+    for time, _ in window.samples(HEAD, TRANSFORM)[1:]:
+        yield from skin_root_offsets(window, SUB_FRAME_SKIN_ROOTS, partial(value_at, window, time))
+
+
+def value_at(window: Window, time: float, prim: str, name: str) -> Array | None:
+    """Value of an attribute at a sample of the centre frame's file; None if it is missing or not valid."""
+    return dict(window.samples(prim, name)).get(time)
 
 
 def accelerations(window: Window) -> Iterator[Finding]:
@@ -424,6 +444,7 @@ MOTION: dict[Check, Callable[[Window], Iterator[Finding]]] = {
     CURVE_VELOCITIES: curve_velocities,
     SUB_FRAMES: sub_frames,
     SUB_FRAME_ROOTS: sub_frame_roots,
+    SUB_FRAME_SKIN_ROOTS: sub_frame_skin_roots,
     ACCELERATIONS: accelerations,
     SUB_FRAME_ACCELERATIONS: sub_frame_accelerations,
     SPIKES: spikes,

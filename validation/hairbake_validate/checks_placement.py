@@ -6,8 +6,8 @@ import numpy as np
 
 from . import tolerances
 from .cache import HEAD, TRANSFORM, Cache
-from .collider import Collider, closest
-from .geometry import FloatArray, IntArray, cross, norms, transformed
+from .collider import Collider, nearest
+from .geometry import FloatArray, IntArray, norms, transformed
 from .report import Check, Finding
 from .window import first_values
 
@@ -38,6 +38,13 @@ def placement(cache: Cache) -> Iterator[Finding]:
     diagonal = float(np.linalg.norm(np.ptp(roots, axis=0)))
     tolerance = max(tolerances.OFF_SKIN_M / unit, tolerances.OFF_SKIN_SHARE * diagonal)
     faults = []
+    skins = [mesh for mesh in cache.colliders if mesh.is_skin and mesh.consistent]
+    if skins:
+        # The check skin_roots tells whether roots go with their skins.
+        off = np.min([distances(roots, mesh.points, mesh.solid) for mesh in skins], axis=0)
+        if off.max() > tolerances.OFF_SKIN_M / unit:
+            yield Finding(PLACEMENT, message=f"a root is {off.max() * unit:.2g} m off the skin at rest")
+        return
     for mesh in cache.colliders:
         matrix = values.get(f"{mesh.path}.{TRANSFORM}")
         points = values.get(f"{mesh.path}.points", mesh.points)
@@ -86,17 +93,7 @@ def longest(points: FloatArray, segments: IntArray, curve_of_point: IntArray) ->
 
 def distances(points: FloatArray, vertices: FloatArray, triangles: IntArray) -> FloatArray:
     """Distance of each point from a mesh."""
-    corners = vertices[triangles]
-    corners = corners[norms(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])) > 0]
-    centres = corners.mean(axis=1)
-    radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
-    found = np.empty(len(points))
-    for i, point in enumerate(points):
-        far = norms(centres - point)
-        near = np.flatnonzero(far - radii <= (far + radii).min())
-        away = closest(np.repeat(point[None], len(near), axis=0), corners[near])[0]
-        found[i] = norms(away).min()
-    return found
+    return norms(nearest(points, vertices, triangles)[1])
 
 
 PLACEMENTS: dict[Check, Callable[[Cache], Iterator[Finding]]] = {PLACEMENT: placement}

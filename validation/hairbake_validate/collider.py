@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from .geometry import BoolArray, FloatArray, IntArray, cross, dot, norms
+from .geometry import BoolArray, FloatArray, IntArray, cross, dot, norms, sums
 
 MAX_LEVELS = 7
 """Largest depth of the octree: the finest cell is then 1/128 of the root cell."""
@@ -301,6 +301,23 @@ def closest(points: FloatArray, corners: FloatArray) -> tuple[FloatArray, IntArr
     return away, feature
 
 
+def nearest(points: FloatArray, vertices: FloatArray, triangles: IntArray) -> tuple[IntArray, FloatArray]:
+    """The triangle that is nearest to each point, and the vector to the point from its closest place."""
+    corners = vertices[triangles]
+    whole = np.flatnonzero(norms(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])) > 0)
+    corners = corners[whole]
+    centres = corners.mean(axis=1)
+    radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
+    found, vectors = np.empty(len(points), int), np.empty((len(points), 3))
+    for i, point in enumerate(points):
+        far = norms(centres - point)
+        near = np.flatnonzero(far - radii <= (far + radii).min())
+        away = closest(np.repeat(point[None], len(near), axis=0), corners[near])[0]
+        best = int(norms(away).argmin())
+        found[i], vectors[i] = whole[near[best]], away[best]
+    return found, vectors
+
+
 def pseudonormals(triangles: IntArray, corners: FloatArray, vertices: int) -> FloatArray:
     """Pseudonormals of each triangle's seven features, `T × 7 × 3`; zero on the boundary of an open mesh."""
     face = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -324,11 +341,3 @@ def pseudonormals(triangles: IntArray, corners: FloatArray, vertices: int) -> Fl
     vertex_normal[np.concatenate(np.divmod(unique[boundary], vertices))] = 0
     normals[:, 4:7] = vertex_normal[triangles]
     return normals
-
-
-def sums(places: IntArray, vectors: list[FloatArray], count: int) -> FloatArray:
-    """Sums three vectors of each triangle (`T × 3` each) at the places in `places` (`T × 3`); `count × 3`."""
-    flat, total = places.T.ravel(), np.empty((count, 3))
-    for axis in range(3):
-        total[:, axis] = np.bincount(flat, np.concatenate([v[:, axis] for v in vectors]), count)
-    return total

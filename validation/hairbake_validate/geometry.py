@@ -73,6 +73,14 @@ def cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return product
 
 
+def sums(places: IntArray, vectors: list[FloatArray], count: int) -> FloatArray:
+    """Sums three vectors of each triangle (`T × 3` each) at the places in `places` (`T × 3`); `count × 3`."""
+    flat, total = places.T.ravel(), np.empty((count, 3))
+    for axis in range(3):
+        total[:, axis] = np.bincount(flat, np.concatenate([v[:, axis] for v in vectors]), count)
+    return total
+
+
 def spacing(values: FloatArray) -> float:
     """Distance between adjacent 32-bit floats at the largest magnitude: twice the largest rounding error."""
     return float(np.spacing(np.float32(np.abs(values).max())))

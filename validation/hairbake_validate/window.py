@@ -25,6 +25,7 @@ from .cache import (
 )
 from .collider import Collider
 from .geometry import Arcs, Array, BoolArray, FloatArray, IntArray, arc_lengths, transformed
+from .skins import Skins
 
 _Result = TypeVar("_Result")
 
@@ -45,13 +46,15 @@ class Reference:
     drawn through a collider may slide in it: for guides, the points next to such a stretch are excluded too.
     """
 
+    skins: Skins | None = None
+    """The skins that carry the roots; empty if the head carries them."""
     followed: IntArray | None = None
     """Indices of the guides that each render strand follows, `n × 3`; None if they are not in the cache."""
 
     @classmethod
     def of(cls, cache: Cache) -> "Reference":
         """Computes the reference from the static layers and the first frame that can be read."""
-        reference = cls(followed=followed_guides(cache))
+        reference = cls(followed=followed_guides(cache), skins=Skins(cache))
         usable = [curves for curves in cache.curves if curves.consistent]
         for curves in usable:
             if curves.path == GUIDES:
@@ -70,6 +73,9 @@ class Reference:
             at_rest = Collider(mesh.points.astype(float), mesh.solid) if mesh.deforms else collider
             for curves in usable:
                 drawn = transformed(curves.rest, head)
+                if reference.skins:
+                    carried = reference.skins.carried(curves, lambda path, name: values.get(f"{path}.{name}"))
+                    drawn = drawn if carried is None else carried
                 written = values.get(f"{curves.path}.points", drawn)
                 if written.shape != drawn.shape or not np.isfinite(written).all():
                     written = drawn

@@ -229,7 +229,11 @@ mod tests {
             let corrected: Vec<f64> =
                 q.iter().enumerate().map(|(n, q)| q + correction.get(n).unwrap_or(&0.0)).collect();
             posed.pose(&rod, &rod.root, corrected.iter().copied());
-            Depenetrated { displacement, distances: now.distances(&rod, &rod.root, &corrected, &far), x: posed.x }
+            Depenetrated {
+                displacement,
+                distances: now.distances(&rod, &rod.root, &corrected, &far),
+                x: posed.x,
+            }
         });
     }
 

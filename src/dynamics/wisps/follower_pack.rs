@@ -111,7 +111,8 @@ impl FollowerMut<'_> {
         let (rod, q) = (&model.rod, &mut state.q);
         correction.clone_from(&follower.correction);
         let root = now.root(model);
-        let target = Target { rod, root, rest: &motion.rest[i], q: &q[0], points, previous_q: &previous_q[0] };
+        let target =
+            Target { rod, root, rest: &motion.rest[i], q: &q[0], points, previous_q: &previous_q[0] };
         let displacement = depenetrate(now, &target, correction, cache, scratch);
         follower.relative_displacement = displacement.unwrap_or(0.0) / rod.length();
         if displacement.is_none() && follower.correction.is_empty() {

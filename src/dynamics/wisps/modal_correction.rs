@@ -69,9 +69,8 @@ impl ModalCorrection {
     pub fn advance(&mut self, models: &[GuideModel], env: &Environment, t: [f64; 2], h: f64) {
         let steps = ((t[1] - t[0]) / h).round() as u32;
         let of = |(root, rest): (Option<&RootBinding>, &RestExcitation)| -> Vec<HeadExcitation> {
-            let at = |k: u32| {
-                excitation(env, root, t[1] - f64::from(steps - k) * h, h).minus(&rest.excitation)
-            };
+            let at =
+                |k: u32| excitation(env, root, t[1] - f64::from(steps - k) * h, h).minus(&rest.excitation);
             (1..=steps).map(at).collect()
         };
         let ModalCorrection { references, responses } = self;

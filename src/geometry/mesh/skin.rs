@@ -91,9 +91,8 @@ impl Skin {
         let corners = self.mesh.topology.triangles[triangle as usize];
         let shares = barycentric(local, &point, self.mesh.triangle(triangle));
         let of_corners = || corners.iter().zip(shares).filter(|(_, share)| *share > 0.0);
-        let mean = of_corners().map(|(v, share)| {
-            self.normals[*v as usize] * (share / self.areas[*v as usize])
-        });
+        let mean =
+            of_corners().map(|(v, share)| self.normals[*v as usize] * (share / self.areas[*v as usize]));
         // At an edge where two sheets meet, normals may cancel: that of the triangle is one.
         let face = self.doubled_area(triangle).normalize();
         let normal = mean.sum::<Vector3<f64>>().try_normalize(1e-6).unwrap_or(face);
@@ -128,8 +127,7 @@ impl Skin {
             area: 0.0,
         };
         let source = &self.mesh.topology.source;
-        let rest: BTreeMap<u32, &Vector3<f64>> =
-            source.iter().copied().zip(&self.mesh.vertices).collect();
+        let rest: BTreeMap<u32, &Vector3<f64>> = source.iter().copied().zip(&self.mesh.vertices).collect();
         let surface = bound.surface(|v| *rest[&v]);
         bound.offset = x - surface.point;
         bound.area = surface.area();
@@ -210,7 +208,10 @@ mod tests {
         let corner = |i: u32, j: u32| ROW * i + j;
         let cells = (0..ROW - 1).flat_map(|i| (0..ROW - 1).map(move |j| (i, j)));
         TriMesh {
-            vertices: (0..ROW).flat_map(|i| (0..ROW).map(move |j| (i, j))).map(|(i, j)| vertex(i, j)).collect(),
+            vertices: (0..ROW)
+                .flat_map(|i| (0..ROW).map(move |j| (i, j)))
+                .map(|(i, j)| vertex(i, j))
+                .collect(),
             triangles: cells
                 .map(|(i, j)| [corner(i, j), corner(i, j + 1), corner(i + 1, j + 1), corner(i + 1, j)])
                 .flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]])
@@ -290,8 +291,8 @@ mod tests {
             triangles: (0..mesh.triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
         };
         let x = bumpy(0.093, 0.084);
-        let [one, two] = [[&whole, &bent], [&split(&whole), &split(&bent)]]
-            .map(|[rest, now]| carry(&bind(rest, &x), now));
+        let [one, two] =
+            [[&whole, &bent], [&split(&whole), &split(&bent)]].map(|[rest, now]| carry(&bind(rest, &x), now));
         assert!((one.inverse() * two).rotation.angle() < 1e-12 && one.rotation.angle() > 0.1, "{one} {two}");
 
         // A tube: its ends are closed by caps for contact, but nothing grows there.

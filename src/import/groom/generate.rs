@@ -188,8 +188,14 @@ mod tests {
 
     fn one_guide(at: impl Fn(f64) -> Vector3<f64>) -> (Curves, Sections, Vec<f64>) {
         let points: Vec<_> = (0..=64).map(|i| at(f64::from(i) / 64.0)).collect();
-        let curves =
-            Curves { offsets: vec![0, 65], points, id: vec![4], group: vec![0], root_uv: vec![[0.5, 0.25]], skin: Vec::new() };
+        let curves = Curves {
+            offsets: vec![0, 65],
+            points,
+            id: vec![4],
+            group: vec![0],
+            root_uv: vec![[0.5, 0.25]],
+            skin: Vec::new(),
+        };
         let arc = Tree::default_arc(6);
         (curves.clone(), Sections::of(&curves, &arc), arc)
     }

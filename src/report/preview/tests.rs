@@ -51,6 +51,7 @@ fn head_of_hair(n: usize, frames: i32) -> Memory {
         triangles: vec![[0, 1, 2]],
         caps: Vec::new(),
         deforms: false,
+        is_skin: false,
     };
     let frame = |k: i32| {
         let shift = 0.3 * k as f32;

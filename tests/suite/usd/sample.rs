@@ -15,6 +15,7 @@ pub fn header(hair: bool) -> Header {
             tetrahedron("head", 1.0),
             ColliderMesh {
                 deforms: true,
+                is_skin: true,
                 caps: vec![[3, 1, 0], [3, 2, 1]],
                 ..tetrahedron("shoulder_L", 2.0)
             },
@@ -92,5 +93,6 @@ fn tetrahedron(name: &str, size: f32) -> ColliderMesh {
         triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
         caps: Vec::new(),
         deforms: false,
+        is_skin: false,
     }
 }

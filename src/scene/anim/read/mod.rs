@@ -130,7 +130,8 @@ fn skins(
         context.diagnostics.add(&Key::at("skins").index(i), message, allowed, help);
         None
     };
-    names.iter().enumerate().map(skin).collect()
+    let found: Vec<Option<usize>> = names.iter().enumerate().map(skin).collect();
+    found.into_iter().collect()
 }
 
 /// Before and after its samples, what of a deforming mesh moves with the head goes on to do so.

@@ -1,0 +1,288 @@
+//! Hair on a skin that deforms, from files to the cache.
+
+use hairbake::bake::control::Control;
+use hairbake::bake::job::Job;
+use hairbake::cache::{CurveFrame, Reader};
+use hairbake::dynamics::checkpoint::Checkpoint;
+use hairbake::dynamics::guide_rods::GuideRods;
+use hairbake::dynamics::simulation::Simulation;
+use hairbake::scene::anim::Resolution;
+use hairbake::scene::{self, Anim, Groom, LoadOptions};
+use hairbake::{Error, bake};
+use nalgebra::{UnitQuaternion, Vector3};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+type V = Vector3<f64>;
+
+const FRAMES: [i32; 2] = [1001, 1008];
+
+/// Vertices along each side of a sheet, 1 cm apart.
+const SIDE: usize = 15;
+
+/// Vertex (i, j) of the sheet at rest, flat.
+fn flat(i: usize, j: usize) -> V {
+    V::new(0.01 * i as f64 - 0.07, 0.0, 0.01 * j as f64 - 0.07)
+}
+
+/// The sheet as it rolls up by a third of a turn, waves, and is thrown, at a frame.
+fn rolling(frame: i32) -> Vec<V> {
+    let t = f64::from(frame - FRAMES[0]) / 24.0;
+    let roll = 14.0 * (0.5 - 0.5 * (9.0 * t).cos());
+    let place = UnitQuaternion::from_scaled_axis(V::new(0.5, 1.5, -0.3) * t);
+    let rolled = |x: V| {
+        let (angle, wave) = (roll * x.x, 0.004 * (60.0 * x.z + 20.0 * t).sin());
+        let along =
+            if roll > 1e-6 { V::new(angle.sin(), angle.cos() - 1.0, 0.0) / roll } else { V::x() * x.x };
+        place * (along + V::new(angle.sin(), angle.cos(), 0.0) * wave + V::z() * x.z)
+            + V::new(t, 0.5 * t, 0.0)
+    };
+    (0..SIDE * SIDE).map(|v| rolled(flat(v / SIDE, v % SIDE))).collect()
+}
+
+fn triangles() -> Vec<[usize; 3]> {
+    let cells = (0..SIDE - 1).flat_map(|i| (0..SIDE - 1).map(move |j| SIDE * i + j));
+    cells.flat_map(|a| [[a, a + 1, a + SIDE + 1], [a, a + SIDE + 1, a + SIDE]]).collect()
+}
+
+fn write_obj(path: &Path, vertices: &[V]) {
+    let vertices: String =
+        vertices.iter().map(|x| format!("v {:.12} {:.12} {:.12}\n", x.x, x.y, x.z)).collect();
+    let faces: String =
+        triangles().iter().map(|t| format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1)).collect();
+    std::fs::write(path, vertices + &faces).unwrap();
+}
+
+/// A strand of `length` that rises from `root` and leans over.
+fn strand(root: V, length: f64) -> impl Iterator<Item = [f64; 3]> {
+    (0..8).map(move |k| f64::from(k) / 7.0).map(move |s| {
+        let x = root + V::new(0.3 * s, 1.0, 0.1) * (length * s);
+        [x.x, x.y, x.z]
+    })
+}
+
+/// The vertices that guides stand on, and the triangles in whose middle the strands do.
+fn places() -> (Vec<usize>, Vec<usize>) {
+    let guides = (0..36).map(|g| SIDE * (2 + 2 * (g / 6)) + 2 + 2 * (g % 6)).collect();
+    (guides, (0..2 * (SIDE - 1) * (SIDE - 1)).step_by(2).collect())
+}
+
+/// Files of short fur on the sheet, which rolls up; `change` is applied to the animation.
+fn write_scene(folder: &Path, change: impl FnOnce(&mut Value)) -> [PathBuf; 2] {
+    let rest: Vec<V> = (0..SIDE * SIDE).map(|v| flat(v / SIDE, v % SIDE)).collect();
+    write_obj(&folder.join("sheet.obj"), &rest);
+    for frame in FRAMES[0] - 8..=FRAMES[1] + 2 {
+        write_obj(&folder.join(format!("sheet.{frame:04}.obj")), &rolling(frame));
+    }
+    let (guides, strands) = places();
+    let middle = |t: usize| triangles()[t].iter().map(|v| rest[*v]).sum::<V>() / 3.0;
+    let nearest = |x: V| {
+        let distance = |g: &usize| (rest[guides[*g]] - x).norm();
+        (0..guides.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap()
+    };
+    let points = |roots: Vec<V>| roots.into_iter().flat_map(|root| strand(root, 0.025)).collect::<Vec<_>>();
+    let groom = json!({
+        "format": "hairbake-groom", "version": 1,
+        "materials": [{ "name": "fur", "section": { "radius_m": 3e-4 }, "sag_free": 1.0, "wisp_friction_per_s": 5 }],
+        "guides": { "vertices": 8, "points": points(guides.iter().map(|v| rest[*v]).collect()) },
+        "strands": {
+            "vertices": 8,
+            "points": points(strands.iter().map(|t| middle(*t)).collect()),
+            "wisp": strands.iter().map(|t| nearest(middle(*t))).collect::<Vec<_>>(),
+        },
+    });
+    let mut anim = json!({
+        "format": "hairbake-anim", "version": 1, "fps": 24, "frames": FRAMES, "skins": ["sheet"],
+        "colliders": [{ "name": "sheet", "shape": { "type": "mesh", "file": "sheet.obj", "sequence": "sheet.####.obj" } }],
+        "settings": { "preroll_s": 0.25 },
+    });
+    change(&mut anim);
+    let paths = ["groom.json", "anim.json"].map(|name| folder.join(name));
+    std::fs::write(&paths[0], groom.to_string()).unwrap();
+    std::fs::write(&paths[1], anim.to_string()).unwrap();
+    paths
+}
+
+fn load(folder: &Path, change: impl FnOnce(&mut Value)) -> Result<(Groom, Anim), Error> {
+    let [groom, anim] = write_scene(folder, change);
+    scene::load(&groom, &anim)
+}
+
+fn baked(folder: &Path, change: impl FnOnce(&mut Value)) -> Reader {
+    let [groom, anim] = write_scene(folder, change);
+    let inputs = bake::input_records(&groom, &anim, &LoadOptions::default()).unwrap();
+    let (groom, anim) = scene::load(&groom, &anim).unwrap();
+    let out = folder.join("out");
+    let job = Job::begin(groom, anim, inputs, &[], None, &out, true).unwrap();
+    bake::bake(&job, &Control::default(), |record, _, _| assert!(record.broken().is_empty(), "{record:?}"))
+        .unwrap();
+    Reader::open(&out).unwrap()
+}
+
+/// The first `n` points of each curve of a frame.
+fn starts(curves: &CurveFrame, counts: &[i32], n: usize) -> Vec<Vec<V>> {
+    let mut points = curves.points.iter().map(|p| V::new(p[0].into(), p[1].into(), p[2].into()));
+    counts
+        .iter()
+        .map(|count| points.by_ref().take(*count as usize).collect::<Vec<_>>()[..n].to_vec())
+        .collect()
+}
+
+#[test]
+fn roots_and_strands_follow_the_skin() {
+    let folder = tempfile::tempdir().unwrap();
+    let cache = baked(folder.path(), |_| {});
+    assert!(cache.header().colliders[0].is_skin);
+    let (guides, strands) = places();
+    let counts = [&cache.header().guides.counts, &cache.header().hair.as_ref().unwrap().counts];
+    let (mut turned, mut leans) = (0.0_f64, 0.0_f64);
+    for &number in cache.frames() {
+        let frame = cache.read_frame(number).unwrap();
+        let skin = rolling(number);
+        for (root, v) in starts(&frame.guides, counts[0], 1).iter().zip(&guides) {
+            assert!((root[0] - skin[*v]).norm() < 1e-6, "guide on vertex {v} in frame {number}");
+        }
+        let hair = starts(frame.hair.as_ref().unwrap(), counts[1], 2);
+        for (root, t) in hair.iter().zip(&strands) {
+            let [a, b, c] = triangles()[*t].map(|v| skin[v]);
+            assert!((root[0] - (a + b + c) / 3.0).norm() < 1e-6, "strand on triangle {t} in frame {number}");
+            // At the border, the mean over the triangles around a corner is one-sided.
+            let border = |v: &usize| [v / SIDE, v % SIDE].iter().any(|i| *i == 0 || *i == SIDE - 1);
+            if triangles()[*t].iter().any(border) {
+                continue;
+            }
+            // Bristles stand as they were drawn, whichever way the skin turns.
+            let normal = (b - a).cross(&(c - a)).normalize();
+            turned = turned.max(normal.angle(&V::y()));
+            leans = leans
+                .max(((root[1] - root[0]).angle(&normal) - V::new(0.3 / 7.0, 1.0, 0.1).angle(&V::y())).abs());
+        }
+    }
+    assert!(turned > 0.9 && leans < 0.15, "{turned} {leans}");
+
+}
+
+#[test]
+fn a_skin_that_does_not_deform_carries_as_its_body_does() {
+    let turning = |skins: Value| {
+        move |anim: &mut Value| {
+            let half: Vec<f64> = (0..20).map(|i| 0.2 * (0.5 * f64::from(i)).sin()).collect();
+            let q: Vec<_> = half.iter().map(|h| [h.cos(), 0.0, h.sin(), 0.0]).collect();
+            anim["bodies"] = json!([{ "name": "head", "track": { "first_frame": 993, "rotation_wxyz": q } }]);
+            anim["colliders"][0]["shape"].as_object_mut().unwrap().remove("sequence");
+            anim["skins"] = skins;
+        }
+    };
+    let [on_skin, on_head] = [json!(["sheet"]), json!([])].map(|skins| {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = baked(folder.path(), turning(skins));
+        cache.frames().iter().map(|f| cache.read_frame(*f).unwrap()).collect::<Vec<_>>()
+    });
+    for (a, b) in on_skin.iter().zip(&on_head) {
+        assert_eq!((&a.guides, &a.head), (&b.guides, &b.head));
+        let [a, b] = [a, b].map(|frame| frame.hair.as_ref().unwrap());
+        for (a, b) in a.points.iter().zip(&b.points).chain(a.velocities.iter().zip(&b.velocities)) {
+            assert!((V::from(a.map(f64::from)) - V::from(b.map(f64::from))).norm() < 2e-6, "{a:?} {b:?}");
+        }
+    }
+}
+
+#[test]
+fn a_resumed_simulation_on_a_skin_has_the_same_bits() {
+    for resolution in [Resolution::Full, Resolution::Adaptive, Resolution::Coarse] {
+        let folder = tempfile::tempdir().unwrap();
+        let (groom, mut anim) = load(folder.path(), |_| {}).unwrap();
+        anim.settings.resolution = resolution;
+        let groom = groom.with_default_trees(anim.settings.nodes);
+        let rods = GuideRods::new(&groom, &anim);
+        assert!(rods.sampling.is_some(), "hair does not meet");
+        let mut whole = Simulation::new(&groom, &anim, &rods);
+        for _ in 0..70 {
+            whole.step();
+        }
+        let state = postcard::to_stdvec(&whole.state()).unwrap();
+        let mut resumed = Simulation::new(&groom, &anim, &rods);
+        resumed.restore(postcard::from_bytes(&state).unwrap()).unwrap();
+        for _ in 0..20 {
+            assert_eq!(whole.step().guides, resumed.step().guides, "{resolution:?}");
+        }
+        let bytes = |simulation: &Simulation| postcard::to_stdvec(&simulation.state()).unwrap();
+        assert_eq!(bytes(&whole), bytes(&resumed), "{resolution:?}");
+    }
+}
+
+#[test]
+fn the_frame_of_reference_is_that_of_the_head_or_fits_the_roots() {
+    let folder = tempfile::tempdir().unwrap();
+    let (groom, anim) = load(folder.path(), |_| {}).unwrap();
+    let roots: Vec<V> = groom.guides.curves.roots().collect();
+    let off = |t: f64| {
+        let fit = anim.head_pose(t);
+        let apart = |(x, root): (&V, &scene::RootBinding)| {
+            let now = anim.carried(root, t) * nalgebra::Point3::from(*x);
+            (now - fit * nalgebra::Point3::from(*x)).norm()
+        };
+        let sum: f64 = roots.iter().zip(&groom.guides.curves.skin).map(apart).sum();
+        sum / roots.len() as f64
+    };
+    // The sheet is thrown by 30 cm, and rolls.
+    let furthest = (0..=28).map(|k| off(anim.time(1001.0 + 0.25 * f64::from(k)))).fold(0.0, f64::max);
+    assert!(furthest < 0.02, "{furthest}");
+    let head =
+        json!([{ "name": "head", "track": { "first_frame": 990, "translation": vec![[1, 2, 3]; 25] } }]);
+    let (_, anim) = load(folder.path(), |anim| anim["bodies"] = head).unwrap();
+    assert_eq!(anim.head_pose(anim.time(1004.0)).translation.vector, V::new(1.0, 2.0, 3.0));
+}
+
+/// What a scene is refused for, in one line.
+fn refused(change: impl FnOnce(&mut Value), spoil: impl FnOnce(&Path)) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let [groom, anim] = write_scene(folder.path(), change);
+    spoil(folder.path());
+    match scene::load(&groom, &anim) {
+        Err(error @ Error::BadInput(_)) if error.exit_code() == 65 => {
+            let Error::BadInput(all) = error else { unreachable!() };
+            all.iter().map(|d| format!("{}: {} ({}) ", d.key, d.message, d.allowed)).collect()
+        }
+        other => panic!("{:?}", other.map(|_| ())),
+    }
+}
+
+#[test]
+fn skins_that_cannot_carry_roots_are_refused() {
+    let says =
+        |text: &str, words: &[&str]| words.iter().for_each(|word| assert!(text.contains(word), "{text}"));
+    let ball = json!({ "name": "ball", "shape": { "type": "sphere", "centre": [0, 0, 0], "radius": 0.01 } });
+    let text = refused(
+        |anim| {
+            anim["colliders"].as_array_mut().unwrap().push(ball);
+            anim["skins"] = json!(["sheet", "shet", "ball", "sheet"]);
+        },
+        |_| {},
+    );
+    says(
+        &text,
+        &["skins[1]: there is no collider \"shet\"", "(names of meshes among the colliders: \"sheet\")"],
+    );
+    says(&text, &["skins[2]: the collider \"ball\" is not a mesh", "skins[3]: \"sheet\" is named twice"]);
+    // The mesh at rest lies elsewhere than the groom.
+    let away = |anim: &mut Value| anim["colliders"][0]["shape"]["up_axis"] = json!("z");
+    let text = refused(away, |_| {});
+    says(
+        &text,
+        &["skins: ", "of the 36 roots of the guides are 0.02 m or more from the skin sheet at rest (id "],
+    );
+    says(&text, &["roots of the strands", "m)"]);
+    let collapsed = |folder: &Path| {
+        let mut vertices = rolling(1004);
+        vertices.iter_mut().take(8 * SIDE).for_each(|x| *x = V::zeros());
+        write_obj(&folder.join("sheet.1004.obj"), &vertices);
+    };
+    let text = refused(|_| {}, collapsed);
+    says(
+        &text,
+        &["colliders.sheet: the skin around the root of id 0 of the guides", "no area at frame 1004"],
+    );
+    let text = refused(|_| {}, |folder| std::fs::remove_file(folder.join("sheet.1005.obj")).unwrap());
+    says(&text, &["no file for frame 1005"]);
+}
