@@ -80,6 +80,7 @@ const VALIDATOR: Package = python_package!(
         "pinches.py",
         "report.py",
         "run.py",
+        "skins.py",
         "tolerances.py",
         "window.py"
     ]

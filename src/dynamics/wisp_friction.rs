@@ -186,7 +186,7 @@ impl CarrierVelocity {
     }
 
     /// Position of a point at `x`, m, in its frame.
-    pub fn to_head(&self, x: &Vector3<f64>) -> Vector3<f64> {
+    pub fn to_head(self, x: &Vector3<f64>) -> Vector3<f64> {
         self.pose.inverse_transform_point(&(*x).into()).coords
     }
 
@@ -196,7 +196,7 @@ impl CarrierVelocity {
     }
 
     /// Rotates a vector from its frame to the world.
-    pub fn to_world(&self, v: &Vector3<f64>) -> Vector3<f64> {
+    pub fn to_world(self, v: &Vector3<f64>) -> Vector3<f64> {
         self.pose.rotation * v
     }
 }

@@ -133,8 +133,9 @@ pub fn check(paths: &[&Path]) -> Result<Vec<Diagnostic>> {
     }
     if diagnostics.is_empty() {
         for (anim, path) in &anims {
-            let placed = |groom: &Box<Groom>| place(&mut groom.clone(), &mut anim.clone(), path);
-            diagnostics.extend(grooms.iter().flat_map(placed));
+            for groom in &grooms {
+                diagnostics.extend(place(&mut groom.clone(), &mut anim.clone(), path));
+            }
         }
     }
     Ok(diagnostics)

@@ -111,8 +111,7 @@ fn bind_curves(
         .filter_map(|(c, (skin, place, _))| {
             let samples = &skin.deformation?.samples;
             let stretch = |k: &usize| place.stretch(|v| samples[*k][v as usize]);
-            // False for NaN, too.
-            (0..samples.len()).find(|k| !(stretch(k) > COLLAPSED)).map(|k| (c, k))
+            (0..samples.len()).find(|k| stretch(k) <= COLLAPSED).map(|k| (c, k))
         })
         .collect();
     if !collapsed.is_empty() {

@@ -159,7 +159,6 @@ fn roots_and_strands_follow_the_skin() {
         }
     }
     assert!(turned > 0.9 && leans < 0.15, "{turned} {leans}");
-
 }
 
 #[test]
