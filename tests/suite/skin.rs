@@ -1,7 +1,7 @@
 //! Hair on a skin that deforms, from files to the cache.
 
 use hairbake::bake::control::Control;
-use hairbake::bake::job::Job;
+use hairbake::bake::job::{Job, JobOptions};
 use hairbake::cache::{CurveFrame, Reader};
 use hairbake::dynamics::checkpoint::Checkpoint;
 use hairbake::dynamics::guide_rods::GuideRods;
@@ -113,7 +113,8 @@ fn baked(folder: &Path, change: impl FnOnce(&mut Value)) -> Reader {
     let inputs = bake::input_records(&groom, &anim, &LoadOptions::default()).unwrap();
     let (groom, anim) = scene::load(&groom, &anim).unwrap();
     let out = folder.join("out");
-    let job = Job::begin(groom, anim, inputs, &[], None, &out, true).unwrap();
+    let job = Job::begin(groom, anim, inputs, JobOptions { overwrite: true, ..JobOptions::default() }, &out)
+        .unwrap();
     bake::bake(&job, &Control::default(), |record, _, _| assert!(record.broken().is_empty(), "{record:?}"))
         .unwrap();
     Reader::open(&out).unwrap()

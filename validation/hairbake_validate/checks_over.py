@@ -336,6 +336,29 @@ def head_in_world(window: Window) -> FloatArray | None:
     return matrix
 
 
+def carried_rest(window: Window, over: OverPrim) -> tuple[FloatArray, Any] | None:
+    """The groom's control points as their roots carry them, m, Y up, and the curves of which that is known.
+
+    On skins these are the curves that were baked.
+    """
+    every, skins = np.arange(len(over.counts)), window.reference.skins
+    if not skins:
+        head = head_in_world(window)
+        return None if head is None else (transformed(over.rest, head), every)
+    to_world, known = to_metres(window.cache.stage), np.zeros(len(over.counts), bool)
+    rest = transformed(over.rest, np.linalg.inv(to_world))
+    turns, moves = np.zeros((len(over.counts), 3, 3)), np.zeros((len(over.counts), 3))
+    for run in over.runs:
+        curves = next((each for each in window.cache.curves if each.path == run.prim), None)
+        motion = None if curves is None else skins.carry(curves, window.get)
+        if motion is not None:
+            to, of = slice(run.first, run.first + run.count), slice(run.baked, run.baked + run.count)
+            turns[to], moves[to], known[to] = motion[0][of], motion[1][of], True
+    curve = np.repeat(every, over.counts)
+    carried = (rest[:, None] @ turns[curve])[:, 0] + moves[curve]
+    return transformed(carried, to_world), every[known]
+
+
 def sampled(
     over: OverPrim, points: FloatArray, curves: Any, per_segment: int
 ) -> Iterator[tuple[Any, FloatArray]]:
@@ -348,14 +371,12 @@ def sampled(
 
 
 def over_roots(window: Window) -> Iterator[Finding]:
-    """Measures the distance of each root from its place on the head."""
-    head = head_in_world(window)
+    """Measures the distance of each root from its place on the head, or on a skin."""
     for over in prims(window):
-        points = in_world(window, over)
-        if points is None or head is None or over.lengthened:
+        points, motion = in_world(window, over), carried_rest(window, over)
+        if points is None or motion is None or over.lengthened:
             continue
-        carried = transformed(over.rest, head)
-        every = np.arange(len(over.counts))
+        carried, every = motion
         pairs = zip(sampled(over, points, every, 1), sampled(over, carried, every, 1), strict=True)
         worst = (0.0, 0)
         for (which, found), (_, expected) in pairs:
@@ -412,18 +433,19 @@ def distances(points: FloatArray, line: FloatArray) -> FloatArray:
 
 
 def over_rest(window: Window) -> Iterator[Finding]:
-    """Measures how much farther control points are from the groom's own, carried by the head, than strands.
+    """Measures how much farther control points are from the groom's own, carried by the root, than strands.
 
     What does not move relative to the head comes back to rounding, and so does what was not baked.
     """
     head = head_in_world(window)
     for over in prims(window):
-        points = in_world(window, over)
-        if points is None or head is None or over.lengthened:
+        points, motion = in_world(window, over), carried_rest(window, over)
+        if points is None or motion is None or head is None or over.lengthened:
             continue
-        off = norms(points - transformed(over.rest, head))
+        off = norms(points - motion[0])
         moved = np.maximum.reduceat(off, over.starts)
-        allowed = np.zeros(len(over.counts))
+        allowed = np.full(len(over.counts), np.inf)
+        allowed[motion[1]] = 0
         for run in over.runs:
             curves = next((each for each in window.cache.curves if each.path == run.prim), None)
             world = None if curves is None else window.get(run.prim, "points")
@@ -431,9 +453,11 @@ def over_rest(window: Window) -> Iterator[Finding]:
                 allowed[run.first : run.first + run.count] = np.inf
                 continue
             to_world = to_metres(window.cache.stage)
-            strayed = norms(
-                transformed(world, to_world) - transformed(transformed(curves.rest, to_world), head)
-            )
+            at_root = transformed(transformed(curves.rest, to_world), head)
+            if window.reference.skins:
+                own = window.reference.skins.carried(curves, window.get)
+                at_root = at_root if own is None else transformed(own, to_world)
+            strayed = norms(transformed(world, to_world) - at_root)
             of_curve = np.maximum.reduceat(strayed, curves.starts)
             allowed[run.first : run.first + run.count] = of_curve[run.baked : run.baked + run.count]
         excess = moved - tolerances.OVER_GAIN * allowed - 2 * spacing(points)

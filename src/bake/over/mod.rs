@@ -2,8 +2,8 @@
 //! basis, order and space that these have in a stage.
 //!
 //! Each strand is a curve of the stage, sampled. What is solved for is not the curve but how far it is from
-//! the groom's pose carried by the head: control points come back to the last bit where nothing moves, and a
-//! curve that no strand was baked of rides with the head.
+//! the groom's pose carried with its root, by the head or a skin: control points come back to the last bit where
+//! nothing moves, and a curve that no strand was baked of rides with the head, or on a skin with the nearest root.
 
 mod matching;
 mod motion;
@@ -18,7 +18,7 @@ use crate::Result;
 use crate::cache::{CurveFrame, Frame, Header, OverCurveFrame, OverCurves, OverFrame, OverHeader};
 use crate::file::relative;
 use crate::math::basis_curve::{Basis, CurveFit, CurveType, Row, Wrap};
-use crate::scene::{Anim, Convention, Groom, OverPrim, OverTarget, UpAxis};
+use crate::scene::{Anim, Convention, Groom, OverPrim, OverTarget, RootBinding, UpAxis};
 use matching::matched;
 use motion::{Carrier, Motion, Placement, linear, parts};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -61,6 +61,8 @@ struct CurveOver {
     fit: usize,
     /// What it moves as.
     baked: Option<Baked>,
+    /// The place of a skin that carries its root; `None` if the head does.
+    root: Option<RootBinding>,
 }
 
 /// The curve of the cache that a curve moves as.
@@ -95,7 +97,15 @@ impl Over {
                     let places = places(&samples.collect::<Vec<_>>(), &points[range.clone()]);
                     Some(Baked { set, rest: points[range.clone()].to_vec(), points: range, places })
                 });
-                CurveOver { controls, fit, baked }
+                let own = owners[starts[of] + c].and_then(|(set, index)| {
+                    let of = match set {
+                        Set::Hair => &groom.strands.curves,
+                        Set::Guides => &groom.guides.curves,
+                    };
+                    of.skin.get(index).cloned()
+                });
+                let root = own.or_else(|| nearest_root(groom, &rest[controls.start]));
+                CurveOver { controls, fit, baked, root }
             });
             let curves = curves.collect();
             PrimOver { prim: prim.clone(), turn: linear(&source.prims[of].to_rest), curves, rest }
@@ -121,11 +131,15 @@ impl Over {
     /// The overs of a frame with its moments.
     pub fn frame(&self, anim: &Anim, moments: &[Frame]) -> Vec<OverFrame> {
         let over = |(k, moment): (usize, &Frame)| {
-            let carrier = Carrier::at(anim, anim.time(f64::from(moment.frame) + moment.offset));
+            let t = anim.time(f64::from(moment.frame) + moment.offset);
+            let head = Carrier::at(anim, None, t);
             let index = moment.frame.abs_diff(self.first_frame) as usize * self.offsets.len() + k;
             let prims = self.prims.iter().map(|prim| {
                 let placement = Placement::new(&self.target_convention, prim.prim.to_world[index], self.fps);
-                self.prim(prim, moment, &carrier, &placement)
+                let own =
+                    |curve: &CurveOver| curve.root.as_ref().map(|root| Carrier::at(anim, Some(root), t));
+                let own: Vec<Option<Carrier>> = prim.curves.par_iter().map(own).collect();
+                self.prim(prim, moment, &Carriers { head: &head, own }, &placement)
             });
             OverFrame { frame: moment.frame, offset: moment.offset, prims: prims.collect() }
         };
@@ -136,12 +150,13 @@ impl Over {
         &self,
         over: &PrimOver,
         moment: &Frame,
-        carrier: &Carrier,
+        carriers: &Carriers,
         placement: &Placement,
     ) -> OverCurveFrame {
-        let curve =
-            |curve: &CurveOver| self.curve(&over.rest[curve.controls.clone()], curve, moment, carrier);
-        let world: Vec<Motion> = over.curves.par_iter().flat_map_iter(curve).collect();
+        let curve = |(c, curve): (usize, &CurveOver)| {
+            self.curve(&over.rest[curve.controls.clone()], curve, moment, carriers.of(c))
+        };
+        let world: Vec<Motion> = over.curves.par_iter().enumerate().flat_map_iter(curve).collect();
         let local: Vec<[Vector3<f64>; 3]> = world.par_iter().map(|motion| placement.local(motion)).collect();
         let of = |i: usize| local.iter().map(|motion| single(&motion[i])).collect::<Vec<_>>();
         let points = of(0);
@@ -150,7 +165,7 @@ impl Over {
             points,
             velocities: of(1),
             accelerations: self.header.accelerations.then(|| of(2)),
-            normals: over.normals(&world, carrier, placement),
+            normals: over.normals(&world, carriers, placement),
         }
     }
 
@@ -199,14 +214,14 @@ impl Over {
 }
 
 impl PrimOver {
-    /// Normals in the space of the prim: carried by the head, then turned by as much as the curve turns
+    /// Normals in the space of the prim: carried with the root, then turned by as much as the curve turns
     /// there.
-    fn normals(&self, world: &[Motion], carrier: &Carrier, placement: &Placement) -> Option<Vec<[f32; 3]>> {
+    fn normals(&self, world: &[Motion], carriers: &Carriers, placement: &Placement) -> Option<Vec<[f32; 3]>> {
         let given = self.prim.normals.as_ref()?;
         let to_rest = self.turn.try_inverse().unwrap_or_else(Matrix3::identity).transpose();
         let turned = |(normal, control): (&Vector3<f64>, &usize)| {
             let curve = self.curves.partition_point(|curve| curve.controls.end <= *control);
-            let ends = &self.curves[curve].controls;
+            let (ends, carrier) = (&self.curves[curve].controls, carriers.of(curve));
             let (before, after) =
                 (control.saturating_sub(1).max(ends.start), (control + 1).min(ends.end - 1));
             let carried = carrier.turn(&(self.rest[after] - self.rest[before]));
@@ -217,6 +232,28 @@ impl PrimOver {
         };
         Some(given.normals.iter().zip(&given.controls).map(turned).collect())
     }
+}
+
+/// What carries the curves of a prim at one moment.
+struct Carriers<'a> {
+    head: &'a Carrier,
+    /// That of each curve whose root is on a skin.
+    own: Vec<Option<Carrier>>,
+}
+
+impl Carriers<'_> {
+    /// What carries curve `c`.
+    fn of(&self, c: usize) -> &Carrier {
+        self.own[c].as_ref().unwrap_or(self.head)
+    }
+}
+
+/// The place of a skin that carries the root of the groom nearest to `x`, m, rest space: for curves that were
+/// left out of the groom. `None` if the head carries all roots.
+fn nearest_root(groom: &Groom, x: &Vector3<f64>) -> Option<RootBinding> {
+    let roots = groom.guides.curves.skin.iter().chain(&groom.strands.curves.skin);
+    let distance = |root: &&RootBinding| (root.place.rest() - x).norm_squared();
+    roots.min_by(|a, b| distance(a).total_cmp(&distance(b))).cloned()
 }
 
 /// Where samples of a curve are on the strand that was imported from it, by arc length, as weights of the

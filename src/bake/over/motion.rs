@@ -1,12 +1,11 @@
-//! How control points move: with the head, and in the space of their prim.
+//! How control points move: with what carries their root, and in the space of their prim.
 
-use crate::bake::output::head_motion;
-use crate::scene::{Anim, Convention};
-use crate::strands::HeadMotion;
+use crate::scene::{Anim, Convention, RootBinding};
+use crate::strands::RigidMotion;
 use nalgebra::{Matrix3, Matrix4, SVector, Vector3};
 
-/// Step of the differences that give the acceleration of the head, s.
-const HEAD_STEP: f64 = 1e-3;
+/// Step of the differences that give the acceleration of a carrier, s.
+const STEP: f64 = 1e-3;
 
 /// Position, velocity and acceleration of a point.
 pub(super) type Motion = SVector<f64, 9>;
@@ -31,30 +30,30 @@ pub(super) fn linear(matrix: &Matrix4<f64>) -> Matrix3<f64> {
     matrix.fixed_view::<3, 3>(0, 0).into_owned()
 }
 
-/// How the head carries points of rest space at one moment.
+/// How the head, or a place on a skin, carries points of rest space at one moment.
 pub(super) struct Carrier {
-    head: HeadMotion,
+    rigid: RigidMotion,
     /// Second derivative of its pose.
     second: Matrix4<f64>,
 }
 
 impl Carrier {
-    /// The head at time `t`, s.
-    pub fn at(anim: &Anim, t: f64) -> Self {
-        let pose = |t: f64| anim.head_pose(t).to_homogeneous();
-        let second = (pose(t + HEAD_STEP) + pose(t - HEAD_STEP) - pose(t) * 2.0) / HEAD_STEP.powi(2);
-        Carrier { head: head_motion(anim, t), second }
+    /// What carries a root on a skin, or the head, at time `t`, s.
+    pub fn at(anim: &Anim, root: Option<&RootBinding>, t: f64) -> Self {
+        let pose = |t: f64| anim.carrier(root, t).to_homogeneous();
+        let second = (pose(t + STEP) + pose(t - STEP) - pose(t) * 2.0) / STEP.powi(2);
+        Carrier { rigid: RigidMotion::of(|t| anim.carrier(root, t), t), second }
     }
 
-    /// Motion of a point of the head.
+    /// Motion of a point that is carried.
     pub fn motion(&self, rest: &Vector3<f64>) -> Motion {
-        let (position, velocity) = self.head.carry(rest);
+        let (position, velocity) = self.rigid.carry(rest);
         joined([position, velocity, affine(&self.second, rest)])
     }
 
     /// A direction of rest space in the world.
     pub fn turn(&self, direction: &Vector3<f64>) -> Vector3<f64> {
-        self.head.rotation * direction
+        self.rigid.rotation * direction
     }
 }
 
