@@ -11,10 +11,8 @@ from .groom import choose_time, read_controls
 from .primvars import Layout
 from .stage import all_of, convention, find, gather, open_stage, to_world
 
-SIDE = 0.5
-"""Time codes from a moment to those from which the rates of a transform are taken.
-
-At the samples of a transform that is linear between them, the rate is then the mean of both sides."""
+SIDE = 0.25
+"""Greatest number of time codes from a moment to the next at which a transform is taken, for its rates."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +26,22 @@ class Moments:
     offsets: list[float]
     """Moments within each frame."""
 
-    def codes(self) -> list[float]:
-        """All of them, in order."""
-        return [self.first + frame + offset for frame in range(self.count) for offset in self.offsets]
+    def sides(self) -> list[float]:
+        """For each offset, the time codes to the next two places at which a transform is taken.
+
+        They are after the moment, as the shutter is, and in the same frame: a transform is linear between
+        samples, and its rate before a frame is another.
+        """
+        return [min(SIDE, (1 - offset) / 2) for offset in self.offsets]
+
+    def codes(self) -> list[list[float]]:
+        """All of them, in order, each with the two places after it."""
+        moments = list(zip(self.offsets, self.sides(), strict=True))
+        return [
+            [self.first + frame + offset + i * side for i in range(3)]
+            for frame in range(self.count)
+            for offset, side in moments
+        ]
 
 
 @dataclass
@@ -54,7 +65,7 @@ class Curves:
     normals_name: str
     """The attribute of the normals."""
     to_world: FloatArray
-    """Matrices before each moment, at it and after it: `moments × 3 × 4 × 4`, for column vectors."""
+    """Matrices at each moment and the two places after it: `moments × 3 × 4 × 4`, for column vectors."""
 
     def header(self) -> Header:
         """What JSON holds of it."""
@@ -103,11 +114,12 @@ def read(
         "normals": ("f64", np.concatenate([part.normals for part in parts])),
         "normal_controls": ("u32", np.concatenate([part.normal_controls for part in parts])),
         "to_world": ("f64", np.stack([part.to_world for part in parts])),
+        "sides": ("f64", np.array(moments.sides())),
     }
     return header, arrays
 
 
-def read_prim(prim: Usd.Prim, time: float | None, codes: list[float]) -> Curves:
+def read_prim(prim: Usd.Prim, time: float | None, codes: list[list[float]]) -> Curves:
     """The curves of one prim.
 
     Raises:
@@ -146,17 +158,16 @@ def read_prim(prim: Usd.Prim, time: float | None, codes: list[float]) -> Curves:
     )
 
 
-def placements(prim: Usd.Prim, codes: list[float]) -> FloatArray:
-    """Matrices to world at each time code, before it and after it, `codes × 3 × 4 × 4`."""
+def placements(prim: Usd.Prim, codes: list[list[float]]) -> FloatArray:
+    """Matrices to world at each time code, `moments × 3 × 4 × 4`."""
     moves = any(
         UsdGeom.Xformable(each).TransformMightBeTimeVarying()
         for each in [prim, *ancestors(prim)]
         if each.IsA(UsdGeom.Xformable)
     )
     if not moves:
-        return np.broadcast_to(to_world(prim, Usd.TimeCode(codes[0])), (len(codes), 3, 4, 4))
-    sides = (-SIDE, 0.0, SIDE)
-    return np.array([[to_world(prim, Usd.TimeCode(code + side)) for side in sides] for code in codes])
+        return np.broadcast_to(to_world(prim, Usd.TimeCode(codes[0][0])), (len(codes), 3, 4, 4))
+    return np.array([[to_world(prim, Usd.TimeCode(code)) for code in each] for each in codes])
 
 
 def ancestors(prim: Usd.Prim) -> list[Usd.Prim]:

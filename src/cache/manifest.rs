@@ -115,6 +115,13 @@ pub struct OverRun {
     pub count: usize,
 }
 
+impl FrameEntry {
+    /// Length of its files, bytes.
+    pub fn bytes(&self) -> u64 {
+        self.file.bytes + self.over.as_ref().map_or(0, |over| over.bytes)
+    }
+}
+
 /// Summary of a [`Header`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Summary {

@@ -12,7 +12,9 @@ const NAME: &str = "hair";
 /// Binds a prim of curves to the material.
 pub(super) fn bind(curves: &mut Prim) {
     curves.metadata.push(("apiSchemas".into(), Value::PrependedTokens(vec!["MaterialBindingAPI".into()])));
-    curves.relationships.push(Relationship { name: "material:binding".into(), targets: vec![path("")] });
+    curves
+        .relationships
+        .push(Relationship { name: "material:binding".into(), targets: Some(vec![path("")]) });
 }
 
 /// The scope with the material.

@@ -10,7 +10,7 @@
 //! Clips beat what weaker layers and references have of an attribute, values and time samples alike.
 
 use super::names::{OVER, OVER_CLIP_MANIFEST, clips, over_clip_template};
-use crate::usd::{Attribute, Layer, Metadata, Prim, Specifier, Value};
+use crate::usd::{Attribute, Layer, Metadata, Prim, Relationship, Specifier, Value};
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
@@ -18,9 +18,8 @@ use std::ops::RangeInclusive;
 const CLIP_SET: &str = "hairbake";
 /// The prim of the frame files that holds those of the stage's curves.
 const FRAME_ROOT: &str = "over";
-/// What a skeleton moves points by.
-const JOINTS: [(&str, &str); 2] =
-    [("primvars:skel:jointIndices", "int[]"), ("primvars:skel:jointWeights", "float[]")];
+/// The relationship to the skeleton that deforms a prim, its own or that of a prim above it.
+const SKELETON: &str = "skel:skeleton";
 
 /// What does not change in the layers of over mode.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,7 +54,7 @@ pub struct OverCurves {
     /// Whether to remove the stage's accelerations.
     pub without_accelerations: bool,
     /// Whether to keep a skeleton from moving the points again.
-    pub without_joints: bool,
+    pub without_skeleton: bool,
 }
 
 /// The curves of the stage at one moment.
@@ -124,13 +123,13 @@ impl OverHeader {
             ));
             // Stronger than other sets that the stage may have for the prim.
             prim.metadata.push(("clipSets".into(), Value::PrependedTokens(vec![CLIP_SET.into()])));
-            let joints = JOINTS.into_iter().filter(|_| curves.without_joints);
-            let accelerations = curves.without_accelerations.then_some(("accelerations", "vector3f[]"));
-            prim.attributes.extend(
-                joints
-                    .chain(accelerations)
-                    .map(|(name, type_name)| Attribute::new(name, type_name).with_default(Value::Block)),
-            );
+            if curves.without_skeleton {
+                prim.relationships.push(Relationship { name: SKELETON.into(), targets: Some(Vec::new()) });
+            }
+            if curves.without_accelerations {
+                let accelerations = Attribute::new("accelerations", "vector3f[]");
+                prim.attributes.push(accelerations.with_default(Value::Block));
+            }
         }
         Layer { metadata: self.metadata(), sub_layers: Vec::new(), prims: root.children }
     }
@@ -207,7 +206,7 @@ mod tests {
             path: path.into(),
             normals: None,
             without_accelerations: false,
-            without_joints: true,
+            without_skeleton: true,
         };
         let header = OverHeader {
             stage: "../shot.usda".into(),
@@ -221,7 +220,7 @@ mod tests {
             prims: vec![curves("/world/a/hair"), curves("/world/a/fringe"), curves("/b")],
         };
         let text = text::encode(&header.over_layer(100..=102));
-        for (line, count) in [("over \"world\"", 1), ("over \"a\"", 1), ("jointIndices = None", 3)] {
+        for (line, count) in [("over \"world\"", 1), ("over \"a\"", 1), ("rel skel:skeleton = None", 3)] {
             assert_eq!(text.matches(line).count(), count, "{text}");
         }
         assert!(text.contains("string \"primPath\" = \"/over/curves1\""));

@@ -7,6 +7,7 @@ use super::scene_arguments::{SELECTION, SceneArguments};
 use super::{console, summary};
 use crate::bake::control::Control;
 use crate::bake::{self, BakeSummary, StageSeconds};
+use crate::cache::FrameEntry;
 use crate::error::{Error, Result};
 use crate::strands::LOOKAHEAD;
 use clap::Args;
@@ -82,7 +83,7 @@ fn write_estimate(text: &mut String, trial: &BakeSummary, frames: f64, preroll: 
     row(text, "time", &time, "");
     let disk = trial.manifest.as_ref().map_or(0.0, |manifest| {
         let once: u64 = manifest.layers.iter().map(|layer| layer.bytes).sum();
-        let per_frame: u64 = manifest.frames.iter().map(|frame| frame.file.bytes).sum();
+        let per_frame: u64 = manifest.frames.iter().map(FrameEntry::bytes).sum();
         once as f64 + per_frame as f64 / measured * frames
     });
     row(text, "disk", &format!("{:.1} MB in {frames} frame files", disk * 1e-6), "");

@@ -182,6 +182,14 @@ impl SceneArguments {
                 rows.push(Explained { name: name.into(), value, origin: format!("--{name}") });
             }
         }
+        let over = scene.over.as_ref().map(|target| target.file.display().to_string());
+        let origin = match (&over, self.over.is_some(), self.no_over) {
+            (_, true, _) => "--over".into(),
+            (_, _, true) => "--no-over".into(),
+            (Some(_), ..) => name,
+            (None, ..) => "default".into(),
+        };
+        rows.push(Explained { name: "over".into(), value: over.unwrap_or_else(|| "none".into()), origin });
         Ok(rows)
     }
 

@@ -4,7 +4,7 @@ use super::bake_report::{bake_report, pinches, scene_rows, warnings};
 use super::preview::PICTURES;
 use crate::bake::frame_record::FrameRecord;
 use crate::bake::{BakeSummary, StageSeconds};
-use crate::cache::{Manifest, Reader, write_file};
+use crate::cache::{FrameEntry, Manifest, Reader, SHOT, write_file};
 use crate::error::Result;
 use crate::file::remove_file;
 use crate::report::Picture;
@@ -57,6 +57,14 @@ pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
     };
     if let Some(manifest) = &summary.manifest {
         line("baked", size(manifest, out));
+        if let Some(over) = &manifest.over {
+            let paths: Vec<&str> = over.prims.iter().map(|prim| prim.path.as_str()).collect();
+            let shot = out.join(SHOT);
+            line(
+                "over",
+                format!("{}: {} with the motion over {}", shot.display(), over.stage, paths.join(", ")),
+            );
+        }
     }
     if summary.fresh() > 0 {
         line("time", time(summary));
@@ -112,7 +120,7 @@ pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
 }
 
 fn size(Manifest { summary, frames, .. }: &Manifest, out: &Path) -> String {
-    let bytes: u64 = frames.iter().map(|f| f.file.bytes).sum();
+    let bytes: u64 = frames.iter().map(FrameEntry::bytes).sum();
     format!(
         "{}: {} frames, {} strands, {} guides, {:.1} MB",
         out.display(),

@@ -29,8 +29,8 @@ pub struct OverTarget {
     pub prims: Vec<OverPrim>,
     /// The frame of the first moment.
     pub first_frame: i32,
-    /// The moments of each frame, frames after it.
-    pub offsets: Vec<f64>,
+    /// For each moment of a frame, the frames from one matrix of [`OverPrim::to_world`] to the next.
+    pub sides: Vec<f64>,
 }
 
 /// Metadata of a stage that a layer over it repeats.
@@ -69,8 +69,8 @@ pub struct OverPrim {
     pub accelerations: bool,
     /// Whether a skeleton deforms the curves.
     pub skinned: bool,
-    /// Matrices to the world of the stage, in its unit and axes, for each moment: half a frame before it, at
-    /// it and half a frame after it.
+    /// Matrices to the world of the stage, in its unit and axes, for each moment: at it, and at two places
+    /// after it.
     pub to_world: Vec<[Matrix4<f64>; 3]>,
 }
 

@@ -71,9 +71,9 @@ pub struct Attribute<'a> {
 pub struct Relationship {
     /// Name, including namespaces.
     pub name: String,
-    /// Absolute paths of the targets, which replace those of weaker layers. Empty: only declares the
-    /// relationship.
-    pub targets: Vec<String>,
+    /// Absolute paths of the targets, which replace those of weaker layers, also with none; `None` only
+    /// declares the relationship.
+    pub targets: Option<Vec<String>>,
 }
 
 /// A value. Arrays may be borrowed, so that writing a frame copies no points.

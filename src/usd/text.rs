@@ -50,9 +50,10 @@ impl Writer {
         }
         for relationship in &prim.relationships {
             let head = format!("rel {}", relationship.name);
-            self.line(&match relationship.targets.is_empty() {
-                true => head,
-                false => format!("{head} = {}", paths(&relationship.targets)),
+            self.line(&match relationship.targets.as_deref() {
+                None => head,
+                Some([]) => format!("{head} = None"),
+                Some(targets) => format!("{head} = {}", paths(targets)),
             });
         }
         for child in &prim.children {

@@ -10,11 +10,23 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 from . import tolerances
 from .cache import HEAD, SHOT_LAYER, TRANSFORM, Cache, CacheError, FrameFile, attributes
 from .geometry import FloatArray, norms, spacing, transformed
-from .overs import CLIP_SET, JOINTS, MOVING, OVER_LAYER, OVER_MANIFEST, OverPrim, Overs, Run, to_metres
+from .overs import (
+    CLIP_SET,
+    MOVING,
+    OVER_LAYER,
+    OVER_MANIFEST,
+    SKELETON,
+    OverPrim,
+    Overs,
+    Run,
+    to_metres,
+)
 from .report import Check, Finding
 from .window import Window
 
 TEMPLATE = "./hair.over.####.usdc"
+SHUTTER = 0.1
+"""Time after a moment at which a transform is taken, for its rate, frames."""
 CURVES = 512
 """Largest number of curves of a run whose shape is measured in a frame."""
 
@@ -69,7 +81,7 @@ OVER_REST = Check(
 OVER_VELOCITIES = Check(
     "over_velocities",
     "velocities of control points integrate to their displacement as those of the strands do",
-    "check that velocities are per second and in the space of the prim",
+    "check that velocities are per second, and in the space of the prim as it moves after the frame",
     tolerances.VELOCITY_RESIDUAL,
     "of RMS speed",
 )
@@ -128,7 +140,7 @@ def over_untouched(cache: Cache) -> Iterator[Finding]:
     if overs is None:
         return
     for path in sorted(attributes(overs.layer)):
-        if Sdf.Path(path).name not in (*MOVING, *JOINTS):
+        if Sdf.Path(path).name not in (*MOVING, SKELETON):
             yield Finding(OVER_UNTOUCHED, message=f"{OVER_LAYER} has an opinion on {path}")
     pair = [prim_types(stage) for stage in (overs.original, overs.shot)]
     for path in sorted(path for path in {**pair[0], **pair[1]} if pair[0].get(path) != pair[1].get(path)):
@@ -152,7 +164,7 @@ def differences(prim: Usd.Prim, other: Usd.Prim, moves: bool, frame: int) -> Ite
     """What another prim has otherwise, but for what moves."""
     if not other:
         return
-    left_out = (*MOVING, *JOINTS) if moves else ()
+    left_out = (*MOVING, SKELETON) if moves else ()
     names = [
         {prop.GetName() for prop in each.GetProperties() if prop.IsAuthored()} - set(left_out)
         for each in (prim, other)
@@ -318,9 +330,9 @@ def over_extent(window: Window) -> Iterator[Finding]:
         yield Finding(OVER_EXTENT, excess, frame=window.frame, prim=over.path)
 
 
-def in_world(window: Window, over: OverPrim, name: str = "points", offset: int = 0) -> FloatArray | None:
+def in_world(window: Window, over: OverPrim, offset: int = 0) -> FloatArray | None:
     """Control points of a prim in the world, m, Y up; None if they are not valid."""
-    overs, points = overs_of(window.cache), valid(window, over, name, offset)
+    overs, points = overs_of(window.cache), valid(window, over, "points", offset)
     if overs is None or points is None:
         return None
     return transformed(points, overs.to_world(over, window.frame + offset))
@@ -468,14 +480,14 @@ def over_rest(window: Window) -> Iterator[Finding]:
 
 
 def over_velocities(window: Window) -> Iterator[Finding]:
-    """Compares velocities with displacements by Simpson's rule, beyond what the strands' own are off."""
-    overs, fps = overs_of(window.cache), window.cache.fps
+    """Compares velocities with displacements by Simpson's rule, beyond what the strands' own are off.
+
+    Both are those in the world: the space of the prim may move with the head, and hair in it hardly.
+    """
+    fps, floor = window.cache.fps, tolerances.VELOCITY_FLOOR_M_S
     for over in prims(window):
-        if overs is None:
-            continue
-        floor = tolerances.VELOCITY_FLOOR_M_S / UsdGeom.GetStageMetersPerUnit(overs.shot)
-        places = [valid(window, over, "points", offset) for offset in (-1, 1)]
-        rates = [valid(window, over, "velocities", offset) for offset in (-1, 0, 1)]
+        places = [in_world(window, over, offset) for offset in (-1, 1)]
+        rates = [world_rates(window, over, offset) for offset in (-1, 0, 1)]
         value = simpson(places, rates, fps, floor)
         if value is None:
             continue
@@ -484,12 +496,24 @@ def over_velocities(window: Window) -> Iterator[Finding]:
                 [window.get(path, "points", offset) for offset in (-1, 1)],
                 [window.get(path, "velocities", offset) for offset in (-1, 0, 1)],
                 fps,
-                tolerances.VELOCITY_FLOOR_M_S / window.cache.metres_per_unit,
+                floor / window.cache.metres_per_unit,
             )
             for path in sorted({run.prim for run in over.runs})
         ]
         excess = value - max((each for each in own if each is not None), default=0.0)
         yield Finding(OVER_VELOCITIES, max(0.0, excess), frame=window.frame, prim=over.path)
+
+
+def world_rates(window: Window, over: OverPrim, offset: int) -> FloatArray | None:
+    """Velocities of control points in the world, m/s, as a renderer sees them that moves points and prim."""
+    overs, frame = overs_of(window.cache), window.frame + offset
+    points, rates = (valid(window, over, name, offset) for name in ("points", "velocities"))
+    if overs is None or points is None or rates is None:
+        return None
+    step = SHUTTER / window.cache.fps
+    after = transformed(points + rates * step, overs.to_world(over, frame + SHUTTER))
+    moved: FloatArray = (after - transformed(points, overs.to_world(over, frame))) / step
+    return moved
 
 
 def simpson(

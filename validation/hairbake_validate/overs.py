@@ -18,8 +18,8 @@ CLIP_SET = "hairbake"
 NORMALS = ("normals", "primvars:normals")
 MOVING = ("points", "velocities", "accelerations", "extent", *NORMALS)
 """What moves of curves: all that over mode may change."""
-JOINTS = ("primvars:skel:jointIndices", "primvars:skel:jointWeights")
-"""What over mode removes of curves that a skeleton would move again."""
+SKELETON = "skel:skeleton"
+"""The relationship that over mode clears on curves that a skeleton would move again."""
 
 BASES = {
     "bezier": ((1, -3, 3, -1), (0, 3, -6, 3), (0, 0, 3, -3), (0, 0, 0, 1)),

@@ -36,7 +36,8 @@ pub struct Over {
     convention: Convention,
     target_convention: Convention,
     first_frame: i32,
-    offsets: Vec<f64>,
+    /// For each moment of a frame, the frames from one matrix of a placement to the next.
+    sides: Vec<f64>,
     fps: f64,
     fits: Vec<CurveFit>,
     prims: Vec<PrimOver>,
@@ -115,7 +116,7 @@ impl Over {
             convention: groom.convention,
             target_convention: target.convention,
             first_frame: target.first_frame,
-            offsets: target.offsets.clone(),
+            sides: target.sides.clone(),
             fps: anim.fps,
             fits: fits.all,
             prims,
@@ -133,9 +134,10 @@ impl Over {
         let over = |(k, moment): (usize, &Frame)| {
             let t = anim.time(f64::from(moment.frame) + moment.offset);
             let head = Carrier::at(anim, None, t);
-            let index = moment.frame.abs_diff(self.first_frame) as usize * self.offsets.len() + k;
+            let index = moment.frame.abs_diff(self.first_frame) as usize * self.sides.len() + k;
+            let step = self.sides[k] / self.fps;
             let prims = self.prims.iter().map(|prim| {
-                let placement = Placement::new(&self.target_convention, prim.prim.to_world[index], self.fps);
+                let placement = Placement::new(&self.target_convention, prim.prim.to_world[index], step);
                 let own =
                     |curve: &CurveOver| curve.root.as_ref().map(|root| Carrier::at(anim, Some(root), t));
                 let own: Vec<Option<Carrier>> = prim.curves.par_iter().map(own).collect();
@@ -296,7 +298,7 @@ fn over_header(target: &OverTarget, accelerations: bool, out: &Path) -> Result<O
         path: prim.path.clone(),
         normals: prim.normals.as_ref().map(|normals| normals.name.clone()),
         without_accelerations: prim.accelerations && !accelerations,
-        without_joints: prim.skinned,
+        without_skeleton: prim.skinned,
     });
     Ok(OverHeader {
         // Without a dot, USD would search for it.

@@ -68,16 +68,16 @@ pub(super) struct Placement {
 }
 
 impl Placement {
-    /// Of a prim with these matrices to the world of a stage half a frame before the moment, at it and after
-    /// it.
-    pub fn new(convention: &Convention, to_world: [Matrix4<f64>; 3], fps: f64) -> Self {
-        let [before, at, after] = to_world.map(|matrix| convention.matrix_in() * matrix);
+    /// Of a prim with these matrices to the world of a stage: at the moment, and at two places after it,
+    /// `step`, s, apart.
+    pub fn new(convention: &Convention, to_world: [Matrix4<f64>; 3], step: f64) -> Self {
+        let [at, near, far] = to_world.map(|matrix| convention.matrix_in() * matrix);
         Placement {
             to_world: at,
             // The reader of the stage refuses matrices without inverse.
             to_local: at.try_inverse().unwrap_or_else(Matrix4::identity),
-            rate: (after - before) * fps,
-            second: (after + before - at * 2.0) * (2.0 * fps).powi(2),
+            rate: (near * 4.0 - at * 3.0 - far) / (2.0 * step),
+            second: (at + far - near * 2.0) / (step * step),
         }
     }
 
@@ -112,14 +112,14 @@ mod tests {
             let x = 3.0 + speed * t + 0.5 * growth * t * t;
             Matrix4::new_translation(&Vector3::new(x, 0.0, 0.0)) * Matrix4::new_scaling(1.0)
         };
-        let half = 0.5 / fps;
+        let step = 0.25 / fps;
         let convention = Convention { metres_per_unit: 0.01, up: UpAxis::Y };
-        let placement = Placement::new(&convention, [at(-half), at(0.0), at(half)], fps);
+        let placement = Placement::new(&convention, [at(0.0), at(step), at(2.0 * step)], step);
         let world = joined([Vector3::new(0.05, 0.01, 0.0), Vector3::zeros(), Vector3::zeros()]);
         let [p, v, a] = placement.local(&world);
         assert_abs_diff_eq!(p, Vector3::new(2.0, 1.0, 0.0), epsilon = 1e-12);
-        assert_abs_diff_eq!(v, Vector3::new(-speed, 0.0, 0.0), epsilon = 1e-12);
-        assert_abs_diff_eq!(a, Vector3::new(-growth, 0.0, 0.0), epsilon = 1e-9);
+        assert_abs_diff_eq!(v, Vector3::new(-speed, 0.0, 0.0), epsilon = 1e-10);
+        assert_abs_diff_eq!(a, Vector3::new(-growth, 0.0, 0.0), epsilon = 1e-8);
     }
 
     #[test]

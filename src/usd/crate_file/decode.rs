@@ -138,10 +138,10 @@ impl Decoder<'_> {
 
     fn relationship(&self, element: u32, set: u32) -> Decoded<Relationship> {
         let name = self.text(self.tables.token(element.into())?)?;
-        let mut targets = Vec::new();
+        let mut targets = None;
         for field in self.fields(set) {
             if let ("targetPaths", rep) = field? {
-                targets = self.path_list(rep)?;
+                targets = Some(self.path_list(rep)?);
             }
         }
         Ok(Relationship { name, targets })

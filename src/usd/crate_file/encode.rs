@@ -137,7 +137,9 @@ impl<'a> Encoder<'a> {
             let rep = self.time_samples(&attribute.samples);
             fields.push(self.field("timeSamples", rep));
         }
-        self.path_list("connectionPaths", &attribute.connections, &mut fields);
+        if !attribute.connections.is_empty() {
+            self.path_list("connectionPaths", &attribute.connections, &mut fields);
+        }
         self.spec(fields, spec::ATTRIBUTE);
     }
 
@@ -146,7 +148,9 @@ impl<'a> Encoder<'a> {
             self.field("custom", ValueRep::inlined(kind::BOOL, 0)),
             self.field("variability", ValueRep::inlined(kind::VARIABILITY, 1)),
         ];
-        self.path_list("targetPaths", &relationship.targets, &mut fields);
+        if let Some(targets) = &relationship.targets {
+            self.path_list("targetPaths", targets, &mut fields);
+        }
         self.spec(fields, spec::RELATIONSHIP);
     }
 
@@ -185,11 +189,9 @@ impl<'a> Encoder<'a> {
 
     /// Appends the field of target paths, if there are any.
     fn path_list(&mut self, field: &str, paths: &[String], fields: &mut Vec<u32>) {
-        if !paths.is_empty() {
-            let paths: Vec<u32> = paths.iter().map(|path| self.path(path)).collect();
-            let rep = self.list_op(kind::PATH_LIST_OP, LIST_OP_EXPLICIT, &paths);
-            fields.push(self.field(field, rep));
-        }
+        let paths: Vec<u32> = paths.iter().map(|path| self.path(path)).collect();
+        let rep = self.list_op(kind::PATH_LIST_OP, LIST_OP_EXPLICIT, &paths);
+        fields.push(self.field(field, rep));
     }
 
     /// Adds the spec of the next path.

@@ -215,7 +215,8 @@ def test_moments_accelerations_and_normals(hairbake: Run, tmp_path: Path) -> Non
     assert np.abs(normals - [1, 0, 0]).max() > 0.05
 
 
-def test_a_skeleton_does_not_move_the_curves_again(hairbake: Run, tmp_path: Path) -> None:
+@pytest.mark.parametrize("bound", ["/char/hair", "/char"])
+def test_a_skeleton_does_not_move_the_curves_again(hairbake: Run, tmp_path: Path, bound: str) -> None:
     shot = Shot(tmp_path, hairbake)
 
     def bind(stage: Usd.Stage) -> None:
@@ -225,7 +226,8 @@ def test_a_skeleton_does_not_move_the_curves_again(hairbake: Run, tmp_path: Path
         pose = Gf.Matrix4d().SetTranslate(Gf.Vec3d(0, 0, 150))
         skeleton.CreateBindTransformsAttr([pose])
         skeleton.CreateRestTransformsAttr([pose])
-        binding = UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath("/char/hair"))
+        binding = UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath(bound))
+        UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath("/char/hair"))
         binding.CreateSkeletonRel().SetTargets(["/char/rig"])
         binding.CreateJointIndicesPrimvar(True, 1).Set([0])
         binding.CreateJointWeightsPrimvar(True, 1).Set([1.0])
@@ -234,15 +236,16 @@ def test_a_skeleton_does_not_move_the_curves_again(hairbake: Run, tmp_path: Path
     out = shot.baked()
     passed(out)
 
-    def influences(path: Path) -> bool:
+    def skinned(path: Path) -> list[str]:
         stage = Usd.Stage.Open(str(path))
         root = UsdSkel.Root(stage.GetPrimAtPath("/world/hero/char"))
         cache = UsdSkel.Cache()
         cache.Populate(root, Usd.PrimDefaultPredicate)
-        query = cache.GetSkinningQuery(stage.GetPrimAtPath(HAIR))
-        return bool(query and query.HasJointInfluences())
+        bindings = cache.ComputeSkelBindings(root, Usd.PrimDefaultPredicate)
+        targets = [target for binding in bindings for target in binding.GetSkinningTargets()]
+        return [str(target.GetPrim().GetPath()) for target in targets]
 
-    assert influences(shot.shot) and not influences(out / "hair.shot.usda")
+    assert skinned(shot.shot) == [HAIR] and skinned(out / "hair.shot.usda") == []
 
 
 def test_strands_left_out_ride_with_the_head(hairbake: Run, tmp_path: Path) -> None:

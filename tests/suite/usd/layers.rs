@@ -117,6 +117,7 @@ fn varied_layer() -> Layer<'static> {
         Attribute::new("declared:with_metadata", "float")
             .with_metadata("documentation", Value::string("why")),
         Attribute::new("points", "point3f[]").with_sample(-1.5, points(0.0)).with_sample(1001.0, points(1.0)),
+        Attribute::new("blocked", "vector3f[]").with_default(Value::Block),
         Attribute::new("both", "matrix4d")
             .with_default(Value::Matrix4d(identity))
             .with_sample(0.1, Value::Matrix4d(matrix))
@@ -129,7 +130,7 @@ fn varied_layer() -> Layer<'static> {
     // Targets inside and outside of this layer, before and after the prim, prims and properties.
     let relationship = |name: &str, targets: &[&str]| Relationship {
         name: name.into(),
-        targets: targets.iter().map(|target| target.to_string()).collect(),
+        targets: Some(targets.iter().map(|target| target.to_string()).collect()),
     };
     let mut pointing = Prim::new(Specifier::Def, "Scope", "pointing");
     pointing.attributes = vec![
@@ -142,7 +143,8 @@ fn varied_layer() -> Layer<'static> {
             .with_metadata("comment", Value::string("default, samples and connections")),
     ];
     pointing.relationships = vec![
-        relationship("declared", &[]),
+        Relationship { name: "declared".into(), targets: None },
+        relationship("without", &[]),
         relationship("material:binding", &["/pointing/inside"]),
         relationship(
             "several",
@@ -305,7 +307,8 @@ fn any_attribute() -> impl Strategy<Value = Attribute<'static>> {
 }
 
 fn any_relationship() -> impl Strategy<Value = Relationship> {
-    ("[a-z:]{1,6}", any_paths()).prop_map(|(name, targets)| Relationship { name, targets })
+    let targets = prop::option::of(any_paths());
+    ("[a-z:]{1,6}", targets).prop_map(|(name, targets)| Relationship { name, targets })
 }
 
 fn any_prim() -> impl Strategy<Value = Prim<'static>> {

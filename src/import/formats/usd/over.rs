@@ -56,6 +56,7 @@ pub(crate) fn read(
     let mut controls = required(read.u32s("normal_controls"), "normal_controls")?.into_iter();
     let to_world = matrices(&required(read.f64s("to_world"), "to_world")?);
     let mut to_world = to_world.as_chunks::<3>().0.iter().copied();
+    let sides = required(read.f64s("sides"), "sides")?;
     let declared = read.header.declared();
     let Header { prims, time_codes_per_second, frames_per_second, range, default_prim } = read.header.more;
     let prim = |prim: PrimHeader| OverPrim {
@@ -85,6 +86,6 @@ pub(crate) fn read(
         stage: StageMetadata { time_codes_per_second, frames_per_second, range, default_prim },
         prims: prims.into_iter().map(prim).collect(),
         first_frame: first,
-        offsets: offsets.to_vec(),
+        sides,
     })
 }
