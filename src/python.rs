@@ -64,8 +64,9 @@ impl Package {
     }
 }
 
-/// The Python to run: `HAIRBAKE_PYTHON`; else `.venv/bin/python` in the current folder or one above it; else
-/// `python3`. It is checked once per process.
+/// The Python to run: `HAIRBAKE_PYTHON`; else that of the virtual environment in which the program is
+/// installed; else `.venv/bin/python` in the current folder or one above it; else `python3`. It is checked once
+/// per process.
 ///
 /// # Errors
 /// [`Error::Config`] if it does not run or lacks a package.
@@ -83,10 +84,20 @@ fn find_interpreter() -> Result<PathBuf> {
     if let Some(python) = std::env::var_os("HAIRBAKE_PYTHON") {
         return Ok(python.into());
     }
+    if let Some(python) = std::env::current_exe().ok().and_then(|program| python_of(&program)) {
+        return Ok(python);
+    }
     let here = std::env::current_dir().map_err(|e| Error::io(".", e))?;
     let found =
         here.ancestors().map(|folder| folder.join(".venv/bin/python")).find(|python| python.is_file());
     Ok(found.unwrap_or_else(|| "python3".into()))
+}
+
+/// The Python of the virtual environment in which `program` is installed.
+fn python_of(program: &Path) -> Option<PathBuf> {
+    let folder = program.parent()?;
+    let in_environment = folder.parent()?.join("pyvenv.cfg").is_file();
+    Some(folder.join("python")).filter(|python| in_environment && python.is_file())
 }
 
 /// Checks that `python` has usd-core and numpy.

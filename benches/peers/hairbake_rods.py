@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from hairbake.rods import HORIZONTAL, Rod, Scene, Strand
 from physics.program import Hairbake
 from physics.reference import planar
-from physics.scene import HORIZONTAL, Rod, Scene, Strand
 from physics.study import AT_REST
 from physics.whip import shake, shaken
 

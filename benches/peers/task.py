@@ -5,9 +5,9 @@ from functools import cache
 
 import numpy as np
 
+from hairbake.rods import GRAVITY
 from physics.arrays import FloatArray
 from physics.reference import planar
-from physics.scene import GRAVITY
 from physics.whip import shake
 
 GAMMA = 10.0

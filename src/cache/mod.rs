@@ -10,6 +10,7 @@
 //!
 //! A folder without `manifest.json` contains an unfinished bake.
 
+pub mod array;
 mod check;
 mod frame;
 mod header;

@@ -7,6 +7,7 @@ use super::import::Import;
 use super::plan::PlanArguments;
 use super::preview::PreviewArguments;
 use super::progress::ProgressStyle;
+use super::read::ReadArguments;
 use super::sample::SampleArguments;
 use super::stages::{AssembleArguments, InterpolateArguments, SimulateArguments};
 use super::status::StatusArguments;
@@ -81,6 +82,8 @@ pub enum Command {
     Bake(Box<BakeArguments>),
     /// Draw a contact sheet or an animation of a cache
     Preview(PreviewArguments),
+    /// Print what a cache holds, or write one of its arrays for NumPy
+    Read(ReadArguments),
     /// List which frames of a bake are done, missing, stale or damaged
     Status(StatusArguments),
     /// Check a cache with Pixar's USD library

@@ -17,6 +17,7 @@ mod output_file;
 mod plan;
 mod preview;
 mod progress;
+mod read;
 mod run_arguments;
 mod sample;
 mod scene_arguments;
@@ -72,6 +73,7 @@ fn run(arguments: Arguments, matches: ArgMatches) -> Result<ExitCode> {
         Command::Estimate(options) => estimate::run(&options, &origins(), progress)?,
         Command::Bake(options) => bake::run(&options, &origins(), progress)?,
         Command::Preview(options) => preview::run(&options)?,
+        Command::Read(options) => read::run(&options)?,
         Command::Status(options) => status::run(&options)?,
         Command::Validate(options) => return validate::run(&options),
         Command::Plan(options) => plan::run(&options, general.threads)?,

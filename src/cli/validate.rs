@@ -15,7 +15,8 @@ Examples:
 Python:
   The validator needs Python with usd-core and numpy:
     python3 -m venv .venv && .venv/bin/python -m pip install usd-core numpy
-  hairbake runs the Python in HAIRBAKE_PYTHON; else .venv/bin/python in this folder
+  hairbake runs the Python in HAIRBAKE_PYTHON; else that of the virtual environment in
+  which it is installed; else .venv/bin/python in this folder
   or one above it; else python3.
 
 Exit codes:

@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hairbake.rods import DOWN, GRAVITY, ISOLATED_DRAG, Rod, Scene, Strand, straight
+
 from .program import Hairbake
 from .reference import planar
-from .scene import DOWN, GRAVITY, ISOLATED_DRAG, Rod, Scene, Strand, straight
 from .study import AT_REST, Plot, Row, Study
 
 if TYPE_CHECKING:

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hairbake.rods import DOWN, EDGE_ON, GRAVITY, Rod, Scene, Strand, straight
+
 from .arrays import FloatArray
 from .program import Hairbake
 from .reference import stability
-from .scene import DOWN, EDGE_ON, GRAVITY, Rod, Scene, Strand, straight
 from .study import AT_REST, Plot, Study, relative
 
 if TYPE_CHECKING:

@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hairbake.rods import HORIZONTAL, Rod, Scene, Strand, straight
+
 from .arrays import FloatArray
 from .program import Hairbake
 from .reference import planar
-from .scene import HORIZONTAL, Rod, Scene, Strand, straight
 from .study import AT_REST, Plot, Row, Study, order, relative
 
 if TYPE_CHECKING:

@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hairbake.rods import GRAVITY, HORIZONTAL, IDENTITY, Pose, Rod, Scene, Strand, straight
+
 from .arrays import FloatArray
 from .friction import ramp
 from .program import Hairbake
-from .scene import GRAVITY, HORIZONTAL, IDENTITY, Pose, Rod, Scene, Strand, straight
 from .study import SCHEMES, Plot, Row, Study, absolute
 from .tension import Tensions, tensions
 

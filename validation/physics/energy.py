@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from hairbake.rods import GRAVITY, HORIZONTAL, Rod, Scene, Strand, straight
+
 from .arrays import FloatArray
 from .program import Hairbake
-from .scene import GRAVITY, HORIZONTAL, Rod, Scene, Strand, straight
 from .study import SCHEMES, Plot, Study, absolute
 
 if TYPE_CHECKING:

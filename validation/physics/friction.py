@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hairbake.rods import ALONG_Z, DOWN, GRAVITY, IDENTITY, Motion, Pose, Rod, Scene, Strand, straight
+
 from .arrays import FloatArray
-from .program import Bake, Hairbake
+from .program import Hairbake
 from .reference import column
-from .scene import ALONG_Z, DOWN, GRAVITY, IDENTITY, Pose, Rod, Scene, Strand, straight
 from .study import SCHEMES, Plot, Row, Study, absolute, relative
 
 if TYPE_CHECKING:
@@ -191,7 +192,7 @@ def incline_scene(rod: Rod, ratio: float, substeps: int, nodes: int) -> Scene:
     )
 
 
-def incline_rows(bake: Bake, rod: Rod, ratio: float) -> list[Row]:
+def incline_rows(bake: Motion, rod: Rod, ratio: float) -> list[Row]:
     """Displacement of a strand that holds, or acceleration of one that slides."""
     away = bake.points[0][..., 0]
     free = free_acceleration(ratio, rod.friction)

@@ -8,10 +8,11 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from hairbake.rods import GRAVITY, Rod, Scene, Strand, quaternion
+
 from .arrays import FloatArray
 from .program import Hairbake
 from .reference import kirchhoff
-from .scene import GRAVITY, Rod, Scene, Strand, quaternion
 from .study import AT_REST, Plot, Row, Study
 
 if TYPE_CHECKING:

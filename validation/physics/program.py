@@ -1,33 +1,16 @@
-"""Runs hairbake as a user would: writes a scene, calls the program, and reads the USD cache."""
+"""Runs hairbake as a user would: writes a scene, calls the program, and reads the cache with Pixar's USD."""
 
-import json
-import subprocess
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from hairbake.rods import Motion, Scene, bake_scene
 from hairbake_validate.cache import GUIDES, Cache, read_frame
 
 from .arrays import FloatArray
-from .scene import Scene
-
-
-@dataclass(frozen=True)
-class Bake:
-    """The guides of a cache, from frame 0, at time 0, on."""
-
-    times: FloatArray
-    """Times of the frames, s."""
-    points: list[FloatArray]
-    """Points of each strand, `frames × points × 3`, m, at the precision of the cache's 32-bit numbers."""
-    velocities: list[FloatArray]
-    """Velocities of each strand, `frames × points × 3`, m/s."""
-    figures: list[dict[str, Any]]
-    """hairbake's own figures of each frame."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +19,7 @@ class Hairbake:
 
     binary: Path
 
-    def bake(self, scene: Scene, origin: Sequence[float] | FloatArray = (0.0, 0.0, 0.0)) -> Bake:
+    def bake(self, scene: Scene, origin: Sequence[float] | FloatArray = (0.0, 0.0, 0.0)) -> Motion:
         """Bakes `scene`; positions are relative to `origin`."""
         with tempfile.TemporaryDirectory() as folder:
             return read_bake(self.bake_into(Path(folder), scene, origin))
@@ -47,16 +30,9 @@ class Hairbake:
         """Writes the scene into `folder`, bakes it, and returns the folder of the cache.
 
         Raises:
-            RuntimeError: hairbake reports an error.
+            HairbakeError: hairbake reports an error.
         """
-        groom, anim, out = folder / "groom.json", folder / "anim.json", folder / "cache"
-        groom.write_text(json.dumps(scene.groom()))
-        anim.write_text(json.dumps(scene.anim(np.asarray(origin, float))))
-        command = [str(part) for part in (self.binary, "--quiet", "--no-pictures", groom, anim, "-o", out)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise RuntimeError(f"hairbake exited with {done.returncode}:\n{done.stderr}")
-        return out
+        return bake_scene(scene, folder, origin, self.binary)
 
     def tips(self, scene: Scene, frame: int = -1) -> FloatArray:
         """Tips of all strands at one frame, `strands × 3`, m, at the precision of the solver.
@@ -80,7 +56,7 @@ class Hairbake:
         return tip
 
 
-def read_bake(out: Path) -> Bake:
+def read_bake(out: Path) -> Motion:
     """Reads the guides of a cache with Pixar's USD."""
     cache = Cache(out)
     counts = next(curves.counts for curves in cache.curves if curves.path == GUIDES)
@@ -91,4 +67,4 @@ def read_bake(out: Path) -> Bake:
         return np.split(values * cache.metres_per_unit, np.cumsum(counts)[:-1], axis=1)
 
     figures = [frame["figures"] for frame in cache.record["frames"]]
-    return Bake(np.array(cache.frames) / cache.fps, split("points"), split("velocities"), figures)
+    return Motion(np.array(cache.frames) / cache.fps, split("points"), split("velocities"), figures)

@@ -7,9 +7,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from hairbake.rods import IDENTITY, Pose, Rod, Scene, Strand, quaternion
+
 from .arrays import FloatArray
 from .program import Hairbake
-from .scene import IDENTITY, Pose, Rod, Scene, Strand, quaternion
 from .study import SCHEMES, Study, absolute
 
 

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hairbake.rods import GRAVITY, Rod
+
 from .arrays import FloatArray
-from .scene import GRAVITY, Rod
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hairbake.rods import HORIZONTAL, ISOLATED_DRAG, Rod, Scene, Strand
+
 from .arrays import FloatArray
 from .program import Hairbake
 from .reference import modes as eigen
-from .scene import HORIZONTAL, ISOLATED_DRAG, Rod, Scene, Strand
 from .signal import strongest
 from .study import SCHEMES, Plot, Row, Study, relative
 

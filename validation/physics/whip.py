@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hairbake.rods import DOWN, GRAVITY, IDENTITY, ISOLATED_DRAG, Pose, Rod, Scene, Strand, straight
+
 from .program import Hairbake
 from .reference import planar
-from .scene import DOWN, GRAVITY, IDENTITY, ISOLATED_DRAG, Pose, Rod, Scene, Strand, straight
 from .study import SCHEMES, Plot, Row, Study, absolute, order
 
 if TYPE_CHECKING:

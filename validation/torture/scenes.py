@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from hairbake.rods import Collider, Pose, Rod, Scene, Strand, Track, quaternion
 from physics.arrays import FloatArray
-from physics.scene import Collider, Motion, Pose, Rod, Scene, Strand, quaternion
 
 FPS = 24.0
 """Film frames a second; a scene is baked at this rate times the steps per film frame, one step a frame."""
@@ -143,7 +143,7 @@ def edges(folder: Path) -> Scene:
         root = np.array([0.0, 0.0, 0.015 * i - 0.0825])
         strands.append(Strand(HAIR, root + np.linspace(0.0, HAIR.length, 12)[:, None] * out, frame_of(out)))
 
-    def thrust(at: float) -> Motion:
+    def thrust(at: float) -> Track:
         def motion(t: float) -> Pose:
             # From below the hair, at up to 4 m/s.
             height = -0.35 + 0.25 * (1 - np.cos(16.0 * eased(t)))

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hairbake.rods import GRAVITY
 from physics import capstan, tension
 from physics.reference import column, drape, kirchhoff, modes, planar, stability
-from physics.scene import GRAVITY
 from physics.signal import poles
 
 ELASTICA = {0.1: 0.012500, 1: 0.124562, 10: 1.066802, 100: 5.888105, 1000: 21.335440}

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hairbake.rods import Rod, Scene, Strand, straight
 from physics import (
     air,
     buckling,
@@ -20,7 +21,6 @@ from physics import (
     whip,
 )
 from physics.program import Hairbake
-from physics.scene import Rod, Scene, Strand, straight
 from physics.studies import STUDIES
 from physics.study import Row, Study
 from support import HAIRBAKE, needs_hairbake

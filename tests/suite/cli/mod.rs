@@ -27,6 +27,7 @@ fn help_and_version_go_to_standard_output() {
         "interpolate",
         "assemble",
         "preview",
+        "read",
         "validate",
         "completions",
         "man",
@@ -180,10 +181,37 @@ fn a_closed_output_is_not_an_error() {
         "$0 $1 $2 -o $3 --frames 1001-1004 --no-pictures --progress alf 2>&1 | head -1",
         "$0 $1 $2 -o $3 --frames 1001-1005 --no-pictures 2>&- >&-",
         "$0 status $3 | true",
+        "$0 read $3 | true",
+        "$0 read $3 guides.points | head -c 1 >/dev/null",
     ] {
         let output = shell(line, &[&scene.groom, &scene.anim, &out]);
         assert_eq!(output.status.code(), Some(0), "{line}: {}", String::from_utf8_lossy(&output.stderr));
     }
+}
+
+#[test]
+fn an_array_of_a_cache_is_written_whole_or_not_at_all() {
+    let scene = Scene::import();
+    let out = scene.folder.path().join("out");
+    messages(&scene, &[]);
+    let [first, second] = ["new/points.npy", "all.npy"].map(|name| scene.folder.path().join(name));
+    let read = |arguments: &[&str], file: &Path| {
+        hairbake().arg("read").arg(&out).args(arguments).arg("-o").arg(file).assert()
+    };
+    read(&["guides.points", "--frames", "1001,1002"], &first).success();
+    read(&["guides.points"], &second).success();
+    let [two, four] = [&first, &second].map(|file| std::fs::metadata(file).unwrap().len());
+    let header = 128;
+    assert_eq!((four - header) / 2, two - header);
+    // A frame that is missing is found before anything is written.
+    let before = std::fs::read(&first).unwrap();
+    read(&["guides.points", "--frames", "1001,1009"], &first).code(64).stderr(contains("no frame 1009"));
+    read(&["guides.widths", "--frames", "1001"], &first).code(64).stderr(contains("does not move"));
+    read(&["guides.colour"], &first).code(64).stderr(contains("guides.counts"));
+    std::fs::remove_file(out.join("hair.1002.usdc")).unwrap();
+    read(&["guides.points", "--frames", "1001,1002"], &first).code(64);
+    assert_eq!(std::fs::read(&first).unwrap(), before);
+    hairbake().args(["read", "no-cache"]).assert().code(65);
 }
 
 /// The lines on standard error of a bake of four frames.

@@ -1,18 +1,24 @@
-"""Scenes of single strands: written as groom.json and anim.json.
+"""Studies of single rods: scenes of a few strands, and their motion.
 
 SI units, Y up, world space. The groom is a few single strands, each with its own material, on one clamp
 (hairbake's "head") that stands still or follows a motion.
 """
 
+import json
 import math
+import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from numpy.typing import NDArray
 
-from .arrays import FloatArray
+from .cache import Cache
+from .program import run
+
+FloatArray = NDArray[np.floating[Any]]
 
 GRAVITY = 9.81
 """Acceleration of gravity in all studies, m/s²."""
@@ -22,7 +28,7 @@ ISOLATED_DRAG = 2.07e-4
 
 Pose = tuple[FloatArray, FloatArray]
 """Position, m, and unit quaternion (w, x, y, z)."""
-Motion = Callable[[float], Pose]
+Track = Callable[[float], Pose]
 """Pose of a body at a time, s."""
 Collider = dict[str, Any]
 """A collider as it appears in anim.json."""
@@ -109,11 +115,11 @@ class Scene:
     wind: tuple[float, float, float] | None = None
     force: dict[str, Any] | None = None
     """Acceleration over time: {"frames": […], "values": […]}, m/s²."""
-    motion: Motion | None = None
+    motion: Track | None = None
     """Motion of the clamp; None: it stands still."""
     colliders: Sequence[Collider] = ()
     """Colliders, on the body "floor", which stands still, unless they name another."""
-    bodies: dict[str, Motion] = field(default_factory=dict)
+    bodies: dict[str, Track] = field(default_factory=dict)
     """Bodies besides "clamp" and "floor" that carry colliders, by name."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Further settings, as in anim.json."""
@@ -180,7 +186,7 @@ class Scene:
             anim["forces"] = [{"acceleration_m_s2": self.force}]
         return anim
 
-    def _track(self, motion: Motion | None, origin: FloatArray) -> dict[str, Any]:
+    def _track(self, motion: Track | None, origin: FloatArray) -> dict[str, Any]:
         if motion is None:
             return {"translation": [(-origin).tolist()], "rotation_wxyz": [[1.0, 0.0, 0.0, 0.0]]}
         # At this rate the cubic spline through the samples is exact to 1e-9 m for every motion here.
@@ -207,7 +213,20 @@ def straight(rod: Rod, direction: Sequence[float], root: Sequence[float] = (0.0,
 
 def quaternion(columns: FloatArray) -> Quaternion:
     """The rotation matrix with these columns as a quaternion."""
-    x, y, z, w = Rotation.from_matrix(columns).as_quat()
+    # Of the four equations for the components that with the largest one is accurate.
+    m = np.asarray(columns, float)
+    trace, (xx, yy, zz) = np.trace(m), np.diag(m)
+    squares = np.array([1 + trace, 1 + 2 * xx - trace, 1 + 2 * yy - trace, 1 + 2 * zz - trace])
+    skew = [m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]]
+    products = np.array(
+        [
+            [squares[0], *skew],
+            [skew[0], squares[1], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0]],
+            [skew[1], m[0, 1] + m[1, 0], squares[2], m[1, 2] + m[2, 1]],
+            [skew[2], m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], squares[3]],
+        ]
+    )
+    w, x, y, z = products[squares.argmax()] / (2 * math.sqrt(squares.max()))
     return (float(w), float(x), float(y), float(z))
 
 
@@ -221,3 +240,62 @@ DOWN = quaternion(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]))
 """Clamp straight down, its first section axis along x: a natural curvature about d2 bends towards x."""
 ALONG_Z = (1.0, 0.0, 0.0, 0.0)
 """Clamp along z, its section axes along x and y."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Strands over time, from frame 0, at time 0, on."""
+
+    times: FloatArray
+    """Times of the frames, s."""
+    points: list[FloatArray]
+    """Points of each strand, `frames × points × 3`, m, at the precision of the cache's 32-bit numbers."""
+    velocities: list[FloatArray]
+    """Velocities of each strand, `frames × points × 3`, m/s."""
+    figures: list[dict[str, Any]]
+    """hairbake's own figures of each frame."""
+
+    @classmethod
+    def read(cls, cache: Cache) -> "Motion":
+        """The guides of a cache."""
+        guides, scale = cache.guides, cache.metres_per_unit
+        return cls(
+            times=np.array(cache.frames) / cache.fps,
+            points=guides.split(guides.points() * scale),
+            velocities=guides.split(guides.velocities() * scale),
+            figures=[dict(frame["figures"]) for frame in cache.record["frames"]],
+        )
+
+
+def simulate(scene: Scene) -> Motion:
+    """Simulates `scene`.
+
+    Raises:
+        HairbakeError: hairbake reports an error.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        return Motion.read(Cache(bake_scene(scene, Path(folder))))
+
+
+def bake_scene(
+    scene: Scene,
+    folder: Path,
+    origin: Sequence[float] | FloatArray = (0.0, 0.0, 0.0),
+    program: Path | None = None,
+) -> Path:
+    """Writes `scene` into `folder`, bakes it there, and returns the folder of the cache.
+
+    Args:
+        scene: The strands, loads, motion and resolution.
+        folder: An empty folder.
+        origin: Point to which positions in the cache are relative, m: near it its 32-bit numbers are exact.
+        program: The program; by default that of [`hairbake.find_program`].
+
+    Raises:
+        HairbakeError: hairbake reports an error.
+    """
+    groom, anim, out = folder / "groom.json", folder / "anim.json", folder / "cache"
+    groom.write_text(json.dumps(scene.groom()))
+    anim.write_text(json.dumps(scene.anim(np.asarray(origin, float))))
+    run("--quiet", "--no-pictures", groom, anim, "-o", out, program=program)
+    return out

@@ -1,0 +1,182 @@
+"""hairbake from Python: caches as arrays, bakes, single rods, and the examples."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom
+from scipy.spatial.transform import Rotation
+
+import hairbake
+from hairbake.program import as_arguments
+from hairbake.rods import DOWN, HORIZONTAL, Rod, Scene, Strand, quaternion, simulate, straight
+from support import HAIRBAKE, ROOT, needs_hairbake, run_command
+
+SAMPLE = ROOT / "samples/short"
+BLENDER = Path(os.environ.get("HAIRBAKE_BLENDER_PYTHON") or ROOT / ".blender/bin/python")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def program() -> None:
+    """The program under test."""
+    os.environ["HAIRBAKE"] = str(HAIRBAKE)
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> hairbake.Cache:
+    """Two frames of the sample."""
+    out = tmp_path_factory.mktemp("api") / "cache"
+    options: dict[str, hairbake.Option] = {"frames": "1005-1006", "no_pictures": True, "accelerations": True}
+    return hairbake.bake(SAMPLE / "groom.json", SAMPLE / "shake.json", out, **options)
+
+
+@needs_hairbake
+@pytest.mark.parametrize("name", ["hair", "guides"])
+def test_arrays_are_those_of_usd(cache: hairbake.Cache, name: hairbake.CurvesName) -> None:
+    stage = Usd.Stage.Open(str(cache.directory / "hair.usda"))
+    prim, curves = UsdGeom.BasisCurves(stage.GetPrimAtPath(f"/groom/{name}")), cache.curves(name)
+    primvars = UsdGeom.PrimvarsAPI(prim)
+    assert (cache.frames, cache.shot, cache.fps) == ([1004, 1005, 1006, 1007], (1005, 1006), 24.0)
+    assert cache.metres_per_unit == UsdGeom.GetStageMetersPerUnit(stage)
+    assert cache.up_axis == UsdGeom.GetStageUpAxis(stage)
+    fixed = {
+        "counts": prim.GetCurveVertexCountsAttr().Get(),
+        "widths": prim.GetWidthsAttr().Get(),
+        "ids": primvars.GetPrimvar("groom_id").Get(),
+        "groups": primvars.GetPrimvar("groom_group_id").Get(),
+        "rest": primvars.GetPrimvar("rest").Get(),
+        "root_uv": primvars.GetPrimvar("groom_root_uv").Get(),
+    }
+    for array, value in fixed.items():
+        assert np.array_equal(getattr(curves, array), np.array(value)), array
+    frames = [1005, 1007]
+    for field, attribute in (
+        (curves.points, prim.GetPointsAttr()),
+        (curves.velocities, prim.GetVelocitiesAttr()),
+        (curves.accelerations, prim.GetAccelerationsAttr()),
+    ):
+        expected = np.array([attribute.Get(frame) for frame in frames])
+        assert expected.shape == (2, curves.counts.sum(), 3)
+        assert np.array_equal(field(frames), expected)
+        assert np.array_equal(field(1007), expected[1])
+        assert np.array_equal(field()[[1, 3]], expected)
+    strands = curves.split(curves.points(1005))
+    assert [len(strand) for strand in strands] == curves.counts.tolist()
+    assert np.array_equal(np.concatenate(strands), curves.points(1005))
+
+
+@needs_hairbake
+def test_a_cache_tells_its_head_its_groups_and_its_figures(cache: hairbake.Cache) -> None:
+    stage = Usd.Stage.Open(str(cache.directory / "hair.usda"))
+    head = UsdGeom.Xformable(stage.GetPrimAtPath("/groom/head"))
+    assert np.array_equal(cache.head(1006), np.array(head.GetLocalTransformation(1006)).T)
+    assert set(cache.hair.groups.tolist()) <= set(cache.groups)
+    assert len(cache.figure("penetration_m")) == len(cache.frames)
+    assert cache.hair.closest_guides.shape == cache.hair.guide_weights.shape == (len(cache.hair.counts), 3)
+    assert cache.points(1005).shape == cache.hair.points(1005).shape
+
+
+@needs_hairbake
+def test_what_is_wrong_is_told_as_on_the_command_line(cache: hairbake.Cache, tmp_path: Path) -> None:
+    with pytest.raises(hairbake.HairbakeError, match="no frame 900: it has 1004-1007") as error:
+        cache.points(900)
+    assert error.value.code == 64
+    with pytest.raises(hairbake.HairbakeError, match=r"no array hair\.colour: it has hair\.counts, "):
+        cache.fixed("hair.colour")
+    with pytest.raises(hairbake.HairbakeError, match="does not move"):
+        cache.moving("hair.widths", 1005)
+    with pytest.raises(hairbake.HairbakeError) as error:
+        hairbake.open(tmp_path)
+    assert error.value.code == 65
+    scene, wrong = (SAMPLE / "groom.json", SAMPLE / "shake.json"), {"anim.settings.scheme": "euler"}
+    with pytest.raises(hairbake.HairbakeError, match="scheme") as error:
+        hairbake.bake(*scene, tmp_path / "out", set=wrong)
+    assert error.value.code == 65 and not (tmp_path / "out").exists()
+
+
+def test_options_become_arguments() -> None:
+    options: dict[str, hairbake.Option] = {
+        "split_tolerance": 0.02,
+        "no_pictures": True,
+        "strict": False,
+        "frames": None,
+        "groups": ["fringe", "back"],
+        "set": {"anim.fps": 25, "groom.materials[0].friction": 0.5},
+    }
+    text = "--split-tolerance 0.02 --no-pictures --groups fringe --groups back"
+    text += " --set anim.fps=25 --set groom.materials[0].friction=0.5"
+    assert as_arguments(options) == text.split()
+
+
+def test_frames_become_quaternions() -> None:
+    turns = np.concatenate([np.random.default_rng(3).normal(size=(50, 3)), np.pi * np.eye(3)])
+    for turn in [*turns, np.zeros(3)]:
+        w, x, y, z = quaternion(Rotation.from_rotvec(turn).as_matrix())
+        angle = (Rotation.from_quat([x, y, z, w]).inv() * Rotation.from_rotvec(turn)).magnitude()
+        assert angle < 1e-7, turn
+
+
+@needs_hairbake
+def test_a_rod_hangs_where_it_is_clamped() -> None:
+    rod = Rod()
+    strands = [
+        Strand(rod, straight(rod, (0, -1, 0)), DOWN),
+        Strand(rod, straight(rod, (1, 0, 0), (0.5, 0, 0)), HORIZONTAL),
+    ]
+    motion = simulate(Scene(strands, frames=3))
+    assert motion.times[:2] == pytest.approx([0, 1 / 24])
+    assert np.allclose(motion.points[0][:, -1], [0, -rod.length, 0], atol=1e-6)
+    assert np.allclose(motion.points[1][:, 0], [0.5, 0, 0], atol=1e-6)
+    assert motion.velocities[1][-1, -1, 1] < -0.1
+
+
+def example(
+    name: str, *arguments: object, python: Path = Path(sys.executable)
+) -> subprocess.CompletedProcess[str]:
+    """Runs an example as its text says."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "pipeline")}
+    command = [str(part) for part in (python, ROOT / "examples" / name, *arguments)]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+
+@needs_hairbake
+def test_the_rod_of_the_example_agrees_with_the_elastica() -> None:
+    done = example("elastica.py")
+    assert done.returncode == 0, done.stderr
+    errors = [float(line.split()[-3]) for line in done.stdout.splitlines()]
+    assert len(errors) == 3 and max(errors) < 1e-4
+
+
+@needs_hairbake
+@pytest.mark.slow
+def test_the_example_plots_a_wedge(tmp_path: Path) -> None:
+    plot = tmp_path / "wedge.png"
+    scene = (SAMPLE / "groom.json", SAMPLE / "shake.json")
+    done = example("wedge.py", *scene, "-o", plot, "--frames", "1001-1003")
+    assert done.returncode == 0, done.stderr
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+@needs_hairbake
+@pytest.mark.slow
+@pytest.mark.skipif(not BLENDER.exists(), reason="no Python with bpy")
+def test_the_example_makes_curves_of_blender(cache: hairbake.Cache, tmp_path: Path) -> None:
+    blend = tmp_path / "hair.blend"
+    done = example("to_blender.py", cache.directory, 1005, "-o", blend, python=BLENDER)
+    assert done.returncode == 0, done.stderr
+    script = f"""
+import bpy, json
+bpy.ops.wm.open_mainfile(filepath={str(blend)!r})
+curves = bpy.data.hair_curves["hair"]
+print(json.dumps([len(curves.curves), list(curves.points[0].position), curves.points[0].radius]))
+"""
+    read = run_command(BLENDER, "-c", script)
+    count, (x, y, z), radius = json.loads(read.stdout.splitlines()[-1])
+    first = cache.hair.points(1005)[0] * cache.metres_per_unit
+    assert count == len(cache.hair.counts)
+    assert np.allclose([x, z, -y], first, atol=1e-6)
+    assert radius == pytest.approx(0.5 * cache.hair.widths[0] * cache.metres_per_unit)
