@@ -1,4 +1,4 @@
-"""What a test needs to build the wheel: a copy of the sources, and a cargo that has the program under test."""
+"""What tests need to build the wheel: a copy of the sources, and a cargo that has the program under test."""
 
 import shutil
 import sys
