@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from pxr import Kind, Sdf, Usd, UsdGeom, UsdShade, UsdValidation
 
+from second_reader import assert_same_in_both
+
 Values = dict[str, Any]
 """Expected values, as in expected.json."""
 
@@ -35,6 +37,7 @@ def check_cache(folder: Path, header: Values, frames: list[Values]) -> None:
     context = UsdValidation.ValidationContext(UsdValidation.ValidationRegistry().GetOrLoadAllValidators())
     errors = [f"{error.GetName()}: {error.GetMessage()}" for error in context.Validate(stage)]
     assert not errors, errors
+    assert assert_same_in_both(folder) > 0
 
 
 def check_stage(stage: Usd.Stage, header: Values) -> None:

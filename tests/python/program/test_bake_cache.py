@@ -10,6 +10,7 @@ from hairbake_validate.cache import Cache
 from hairbake_validate.crossing_check import samples
 from hairbake_validate.geometry import FloatArray
 from hairbake_validate.run import validate
+from second_reader import assert_same_in_both
 from support import Run
 
 RADIUS, LENGTH, POINTS, GUIDES, STRANDS_PER_GUIDE = 0.1, 0.15, 12, 24, 3
@@ -75,6 +76,7 @@ def bake_and_validate(hairbake: Run, scene: Path, *options: str) -> None:
     assert done.returncode == 0, done.stderr
     report = validate(scene / "out")
     assert all(outcome.status == "pass" for outcome in report.outcomes.values()), report.as_text()
+    assert assert_same_in_both(scene / "out") > 0
 
 
 @pytest.mark.slow
