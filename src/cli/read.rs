@@ -4,7 +4,7 @@ use super::console;
 use super::frame_list::{FrameList, frame_list};
 use super::output_file;
 use crate::cache::array::{Array, CURVES, FIXED, HEAD, MOVING};
-use crate::cache::{CurveSet, Header, Reader};
+use crate::cache::{Basis, CurveSet, Header, Reader};
 use crate::error::{Error, Result};
 use clap::Args;
 use serde_json::{Value, json};
@@ -138,6 +138,10 @@ fn describe(reader: &Reader) -> Result<Value> {
         "metres_per_unit": header.metres_per_unit,
         "up_axis": if header.z_up { "Z" } else { "Y" },
         "fps": header.fps,
+        "basis": match header.basis {
+            Basis::CatmullRom => "catmullRom",
+            Basis::Bspline => "bspline",
+        },
         "shot": header.frames,
         "frames": reader.frames(),
         "hair": header.hair.as_ref().map(curves),
