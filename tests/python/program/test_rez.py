@@ -36,6 +36,7 @@ def test_package_builds_and_provides_the_program(tmp_path: Path, monkeypatch: py
     copy_sources(tmp_path / "source")
     for name, value in OFFLINE.items():
         monkeypatch.setenv(name, value)
+    monkeypatch.delenv("HAIRBAKE", raising=False)
     monkeypatch.setenv("REZ_PACKAGES_PATH", str(packages))
     monkeypatch.setenv("REZ_LOCAL_PACKAGES_PATH", str(packages))
     build = [str(Path(sys.executable).with_name("rez-build")), "--install"]
