@@ -22,7 +22,7 @@ pub struct ImportedMesh {
     pub notes: Vec<String>,
 }
 
-/// Reads a mesh (Wavefront OBJ or USD) for a scalp or a collider. A missing unit is guessed from the mesh's
+/// Reads a mesh (Wavefront OBJ, USD or glTF) for a scalp or a collider. A missing unit is guessed from the mesh's
 /// size.
 ///
 /// # Errors
@@ -31,7 +31,7 @@ pub fn read_mesh(source: &Source) -> Result<ImportedMesh> {
     read_deforming_mesh(source, None)
 }
 
-/// Reads a mesh as [`read_mesh`] does and, if it is USD and deforms, its vertices at `times`.
+/// Reads a mesh as [`read_mesh`] does and, if it is USD or glTF and deforms, its vertices at `times`.
 ///
 /// # Errors
 /// As [`read_mesh`].
@@ -42,12 +42,14 @@ pub(super) fn read_deforming_mesh(source: &Source, times: Option<&SampleTimes>) 
             &source.path,
             "",
             what,
-            "a Wavefront OBJ or USD file with triangles",
+            "a Wavefront OBJ, USD or glTF file with triangles",
             "export the mesh again, or correct the path",
         ))
     };
     let plain = if source.is_usd() {
         formats::usd::mesh::read(source, times)?
+    } else if source.is_gltf() {
+        formats::gltf::mesh::read(source, times)?
     } else {
         let mesh = TriMesh::load_obj_with_degenerate(&source.path, &Convention::default()).map_err(error)?;
         PlainMesh { mesh, samples: Vec::new(), declared: Declared::default(), notes: Vec::new() }

@@ -1,5 +1,6 @@
 //! The contents of strand and mesh files, in the file's unit and axes. Readers return these types.
 
+use super::motion::JointSelector;
 use crate::geometry::TriMesh;
 use crate::scene::{Curves, Factors, RestSpace, SourcePrim, UpAxis};
 use nalgebra::{Matrix4, Vector3};
@@ -96,6 +97,11 @@ pub(super) struct SampleTimes {
     pub(super) step: f64,
     /// Number of time codes.
     pub(super) count: usize,
+    /// Time code of the first sample of the motion, and time codes per second: those of a glTF file are seconds.
+    pub(super) origin: f64,
+    pub(super) rate: f64,
+    /// glTF only: the joint that the motion follows, and the animation.
+    pub(super) joint: JointSelector,
     /// Path of a prim in the same file: a mesh that moves rigidly with it does not count as deforming.
     pub(super) carrier: Option<String>,
     /// Matrix from the world of the stage at rest to the rest space of the head, if the motion is of the same

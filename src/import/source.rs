@@ -38,6 +38,11 @@ impl Source {
         matches!(self.extension().as_deref(), Some("usd" | "usda" | "usdc" | "usdz"))
     }
 
+    /// Whether the file is glTF, by its extension.
+    pub(super) fn is_gltf(&self) -> bool {
+        matches!(self.extension().as_deref(), Some("gltf" | "glb"))
+    }
+
     /// Checks that `prim` and `time` are set for USD files only.
     ///
     /// # Errors

@@ -32,7 +32,7 @@ pub struct TrackArguments {
     ///
     /// JSON: { fps, units, up_axis, frames: [{ translation, rotation_quat_wxyz }] }
     motion: PathBuf,
-    /// Animation file to write; USD meshes are written next to it
+    /// Animation file to write; USD and glTF meshes are written next to it
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
 
@@ -90,10 +90,10 @@ pub struct TrackArguments {
     #[arg(long, value_enum, value_name = "POSE", help_heading = REST)]
     rest: Option<RestName>,
 
-    /// Mesh that the hair collides with, OBJ or USD; may be repeated
+    /// Mesh that the hair collides with, OBJ, USD or glTF; may be repeated
     ///
-    /// The head carries the mesh. A deforming mesh stays in world space: a USD mesh with its own motion, or a
-    /// sequence with one file per frame such as cloth.####.obj. Holes, such as a neck, are closed.
+    /// The head carries the mesh. A deforming mesh stays in world space: a USD or glTF mesh with its own motion,
+    /// or a sequence with one file per frame such as cloth.####.obj. Holes, such as a neck, are closed.
     #[arg(long = "collider", value_name = "FILE[:PRIM][:UNITS][:UP]", value_parser = values::source, help_heading = COLLIDERS)]
     colliders: Vec<Source>,
     /// Mesh that the roots of the groom grow on, and that the hair collides with; may be repeated

@@ -54,7 +54,7 @@ impl Colliders {
         let name = self.unique_name(&mesh.name);
         self.skins.extend(mesh.is_skin.then(|| name.clone()));
         let deforms = mesh.source != *first_file || !read.samples.is_empty();
-        let shape = if first_file.is_usd() {
+        let shape = if first_file.is_usd() || first_file.is_gltf() {
             self.write_obj(&name, read, first_frame, folder)
         } else {
             ShapeFile::Mesh {
@@ -87,7 +87,7 @@ impl Colliders {
         unique
     }
 
-    /// Converts a USD mesh to OBJ files in `folder`, metres, Y up; the first sample is that of `first_frame`.
+    /// Converts a USD or glTF mesh to OBJ files in `folder`, metres, Y up; the first sample is that of `first_frame`.
     fn write_obj(&mut self, name: &str, read: &ImportedMesh, first_frame: i32, folder: &Path) -> ShapeFile {
         let file = format!("{name}.obj");
         self.files.push((folder.join(&file), read.mesh.to_obj(OBJ_DIGITS)));

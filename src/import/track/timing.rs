@@ -83,6 +83,9 @@ impl Timing {
             start: f64::from(first) * self.codes_per_frame,
             step: self.codes_per_frame,
             count: (last + after - first + 1) as usize,
+            origin: self.first_sample * self.codes_per_frame,
+            rate: self.fps * self.codes_per_frame,
+            joint: options.joint.clone(),
             carrier: stage.map(|stage| stage.prim.clone()).filter(|_| options.joint.name.is_none()),
             from_world: stage.and_then(|stage| stage.rest.from_world),
         }

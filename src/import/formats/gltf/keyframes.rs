@@ -17,7 +17,7 @@ pub(super) struct AnimatedNode {
 
 /// Values of one property over time.
 #[derive(Debug, Clone)]
-struct Keyframes {
+pub(super) struct Keyframes {
     times: Vec<f64>,
     /// One per key; for cubic splines three: in-tangent, value, out-tangent.
     values: Vec<Vector4<f64>>,
@@ -40,7 +40,7 @@ impl AnimatedNode {
         }
     }
 
-    /// Adds the keyframes of a channel. Morph target weights are ignored.
+    /// Adds the keyframes of a channel. Those of morph targets are not its own ([`Keyframes::of_weights`]).
     ///
     /// # Errors
     /// What is wrong with the channel.
@@ -98,6 +98,39 @@ impl AnimatedNode {
 }
 
 impl Keyframes {
+    /// Weights of `targets` morph targets over time, each as the first component.
+    ///
+    /// # Errors
+    /// What is wrong with the channel.
+    pub(super) fn of_weights(
+        channel: &Channel,
+        targets: usize,
+        buffers: &[Vec<u8>],
+    ) -> Result<Vec<Self>, String> {
+        const WEIGHT: &[DataType] =
+            &[DataType::F32, DataType::I8, DataType::U8, DataType::I16, DataType::U16];
+        let sampler = channel.sampler();
+        check(&sampler.input(), Dimensions::Scalar, &[DataType::F32], buffers)
+            .map_err(|what| format!("the input accessor {what}"))?;
+        check(&sampler.output(), Dimensions::Scalar, WEIGHT, buffers)
+            .map_err(|what| format!("the output accessor {what}"))?;
+        let reader = channel.reader(|b| buffers.get(b.index()).map(Vec::as_slice));
+        let times: Vec<f64> = reader.read_inputs().into_iter().flatten().map(f64::from).collect();
+        let Some(ReadOutputs::MorphTargetWeights(all)) = reader.read_outputs() else { return Ok(Vec::new()) };
+        let all: Vec<f64> = all.into_f32().map(f64::from).collect();
+        let of = |target: usize| {
+            let own = all.iter().skip(target).step_by(targets);
+            let values = own.map(|w| Vector4::new(*w, 0.0, 0.0, 0.0)).collect();
+            Keyframes::new(times.clone(), values, sampler.interpolation())
+        };
+        (0..targets).map(of).collect()
+    }
+
+    /// Times of the keys, s.
+    pub(super) fn times(&self) -> &[f64] {
+        &self.times
+    }
+
     fn new(times: Vec<f64>, values: Vec<Vector4<f64>>, interpolation: Interpolation) -> Result<Self, String> {
         let per_key = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
         if times.is_empty() || values.len() != per_key * times.len() {
@@ -116,7 +149,7 @@ impl Keyframes {
 
     /// The value at time `t`, constant before the first and after the last key (glTF 2.0, appendix C). Linear
     /// interpolation is spherical for rotations; cubic splines interpolate the components of quaternions.
-    fn at(&self, t: f64, is_rotation: bool) -> Vector4<f64> {
+    pub(super) fn at(&self, t: f64, is_rotation: bool) -> Vector4<f64> {
         let cubic = self.interpolation == Interpolation::CubicSpline;
         let value = |k: usize| if cubic { self.values[3 * k + 1] } else { self.values[k] };
         let next = self.times.partition_point(|&key| key <= t);
@@ -154,7 +187,7 @@ fn widen(v: [f32; 3]) -> Vector4<f64> {
 }
 
 /// Checks the type of an accessor and that its elements lie within the buffers; the reader panics otherwise.
-fn check(
+pub(super) fn check(
     accessor: &Accessor,
     dimensions: Dimensions,
     types: &[DataType],

@@ -1,7 +1,9 @@
-//! glTF 2.0 animations (`.gltf`, `.glb`): metres, Y up. Keyframes are resampled at a constant rate.
+//! glTF 2.0 (`.gltf`, `.glb`): metres, Y up. Animations of joints, whose keyframes are resampled at a constant
+//! rate, and meshes that deform.
 
 mod buffers;
 mod keyframes;
+pub(crate) mod mesh;
 
 use crate::import::motion::{JointSelector, Motion, convention, snap_rate, unknown_joint};
 use crate::import::rigid::{self, RigidPoses};
@@ -25,21 +27,11 @@ const MAX_DURATION: f64 = 3600.0;
 /// # Errors
 /// Every error in the file.
 pub(crate) fn parse(source: &Source, joint: &JointSelector, bytes: &[u8]) -> Result<Motion> {
-    let Gltf { document, blob } = Gltf::from_slice(bytes).map_err(|e| {
-        error(
-            source,
-            "",
-            format!("not valid glTF: {e}"),
-            "a .gltf or .glb file of version 2.0",
-            "export it again",
-        )
-    })?;
-    Error::if_any(unknown_enums(source, &document))?;
+    let (document, buffers) = open(source, bytes)?;
     let names: Vec<String> = document.nodes().map(|n| node_name(&n)).collect();
     let node = select_node(source, joint, &names)?;
     let mut notes = Vec::new();
     let clip = select_clip(source, joint, &document, &mut notes)?;
-    let buffers = buffers::read(source, &document, blob)?;
     let chain = animated_chain(source, &document, &clip, node, &buffers)?;
     let times = sample_times(source, &clip, &names[node], &chain, &mut notes)?;
 
@@ -60,6 +52,25 @@ pub(crate) fn parse(source: &Source, joint: &JointSelector, bytes: &[u8]) -> Res
         notes,
         warnings,
     })
+}
+
+/// The document and its buffers.
+///
+/// # Errors
+/// Not a valid file, or buffers that cannot be read.
+fn open(source: &Source, bytes: &[u8]) -> Result<(Document, Vec<Vec<u8>>)> {
+    let Gltf { document, blob } = Gltf::from_slice(bytes).map_err(|e| {
+        error(
+            source,
+            "",
+            format!("not valid glTF: {e}"),
+            "a .gltf or .glb file of version 2.0",
+            "export it again",
+        )
+    })?;
+    Error::if_any(unknown_enums(source, &document))?;
+    let buffers = buffers::read(source, &document, blob)?;
+    Ok((document, buffers))
 }
 
 /// Errors for unknown enum values in animations: the parser accepts them and panics when they are read.

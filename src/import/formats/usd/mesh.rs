@@ -16,7 +16,7 @@ struct Header {}
 /// As [`Exchange::read`].
 pub(crate) fn read(source: &Source, times: Option<&SampleTimes>) -> Result<PlainMesh> {
     let mut options = Vec::new();
-    if let Some(SampleTimes { start, step, count, carrier, from_world }) = times {
+    if let Some(SampleTimes { start, step, count, carrier, from_world, .. }) = times {
         options.push(format!("--times={start},{step},{count}"));
         options.extend(carrier.iter().map(|prim| format!("--carrier={prim}")));
         options.extend(from_world.iter().map(|matrix| {

@@ -1,0 +1,1 @@
+"""Roots on skins, against Pixar's own skinning."""
