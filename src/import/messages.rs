@@ -148,12 +148,12 @@ fn meshes() {
     assert_snapshot!(mesh("# nothing\n"), @r#"
     × a.obj: has no triangles
     help: export the mesh again, or correct the path
-          allowed: a Wavefront OBJ or USD file with triangles
+          allowed: a Wavefront OBJ, USD or glTF file with triangles
     "#);
     assert_snapshot!(mesh("v 0 0 0\nf 1 2 3\n"), @r#"
     × a.obj: is not a valid OBJ file: face vertex index out of bounds
     help: export the mesh again, or correct the path
-          allowed: a Wavefront OBJ or USD file with triangles
+          allowed: a Wavefront OBJ, USD or glTF file with triangles
     "#);
     assert_snapshot!(mesh("v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n"), @r#"
     × a.obj: units: cannot be guessed: the size of 0.141 units is not 0.15 to 3 m in m, cm or
