@@ -109,7 +109,11 @@ fn load(folder: &Path, change: impl FnOnce(&mut Value)) -> Result<(Groom, Anim),
 }
 
 fn baked(folder: &Path, change: impl FnOnce(&mut Value)) -> Reader {
-    let [groom, anim] = write_scene(folder, change);
+    bake_files(folder, write_scene(folder, change))
+}
+
+/// Bakes a groom and an animation.
+fn bake_files(folder: &Path, [groom, anim]: [PathBuf; 2]) -> Reader {
     let inputs = bake::input_records(&groom, &anim, &LoadOptions::default()).unwrap();
     let (groom, anim) = scene::load(&groom, &anim).unwrap();
     let out = folder.join("out");
@@ -160,6 +164,44 @@ fn roots_and_strands_follow_the_skin() {
         }
     }
     assert!(turned > 0.9 && leans < 0.15, "{turned} {leans}");
+}
+
+#[test]
+fn roots_ride_on_the_nearest_of_several_skins() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = write_scene(folder.path(), |anim| {
+        anim["skins"] = json!(["sheet", "plate"]);
+        let plate = json!({ "name": "plate", "shape": { "type": "mesh", "file": "plate.obj" } });
+        anim["colliders"].as_array_mut().unwrap().push(plate);
+    });
+    // A plate beside the sheet, which stands still, with a guide and a strand.
+    let away = |v: usize| flat(v / SIDE, v % SIDE) + V::z() * 0.3;
+    write_obj(&folder.path().join("plate.obj"), &(0..SIDE * SIDE).map(away).collect::<Vec<_>>());
+    let mut groom: Value = serde_json::from_slice(&std::fs::read(&files[0]).unwrap()).unwrap();
+    let roots = [7 * SIDE + 7, 7 * SIDE + 8].map(away);
+    for (set, root) in ["guides", "strands"].into_iter().zip(roots) {
+        let points = groom[set]["points"].as_array_mut().unwrap();
+        points.extend(strand(root, 0.025).map(|x| json!(x)));
+    }
+    let (guides, strands) = places();
+    groom["strands"]["wisp"].as_array_mut().unwrap().push(json!(guides.len()));
+    std::fs::write(&files[0], groom.to_string()).unwrap();
+    let cache = bake_files(folder.path(), files);
+    assert!(cache.header().colliders.iter().all(|collider| collider.is_skin));
+    let counts = [&cache.header().guides.counts, &cache.header().hair.as_ref().unwrap().counts];
+    for &number in cache.frames() {
+        let frame = cache.read_frame(number).unwrap();
+        let (skin, hair) = (rolling(number), frame.hair.as_ref().unwrap());
+        let first = |curves: &CurveFrame, counts| starts(curves, counts, 1).concat();
+        let (of_guides, of_hair) = (first(&frame.guides, counts[0]), first(hair, counts[1]));
+        for (root, v) in of_guides.iter().zip(&guides) {
+            assert!((root - skin[*v]).norm() < 1e-6, "guide on vertex {v} in frame {number}");
+        }
+        let still = [of_guides[guides.len()], of_hair[strands.len()]];
+        for (root, at_rest) in still.iter().zip(&roots) {
+            assert!((root - at_rest).norm() < 1e-6, "{root} in frame {number}");
+        }
+    }
 }
 
 #[test]
