@@ -63,8 +63,8 @@ pub(super) struct HairVolume {
     framed: Vec<Vector3<f64>>,
     followers: Vec<Follower>,
     pieces: Vec<Piece>,
-    /// Volume fraction and volume of each piece, to sort.
-    sorted: Vec<[f64; 2]>,
+    /// Volume fraction and volume of each piece, in the order in which the percentile was looked for.
+    ranked: Vec<[f64; 2]>,
     grid: Grid,
 }
 
@@ -155,7 +155,7 @@ impl HairVolume {
             framed: vec![Vector3::zeros(); points.len()],
             followers: Vec::new(),
             pieces: vec![Piece::default(); points.len()],
-            sorted: Vec::with_capacity(points.len()),
+            ranked: Vec::with_capacity(points.len()),
             points,
             grid,
         };
@@ -266,16 +266,25 @@ impl HairVolume {
 
     /// The 95th percentile, by volume, of the volume fraction around the pieces.
     fn fraction_p95(&mut self) -> f64 {
-        let HairVolume { pieces, sorted, .. } = self;
-        sorted.clear();
-        sorted.extend(pieces.iter().map(|piece| [piece.fraction, piece.volume]));
-        sorted.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-        let mut above = 0.05 * sorted.iter().map(|[_, volume]| volume).sum::<f64>();
-        let reached = |[_, volume]: &&[f64; 2]| {
-            above -= volume;
-            above < 0.0
-        };
-        sorted.iter().rev().find(reached).map_or(0.0, |[fraction, _]| *fraction)
+        let HairVolume { pieces, ranked, .. } = self;
+        ranked.clear();
+        ranked.extend(pieces.iter().map(|piece| [piece.fraction, piece.volume]));
+        let mut above = 0.05 * ranked.iter().map(|[_, volume]| volume).sum::<f64>();
+        // Halves it until one piece is left, where sorting all would take a good part of the sub-step.
+        let mut part = &mut ranked[..];
+        while part.len() > 1 {
+            let middle = part.len() / 2;
+            part.select_nth_unstable_by(middle, |a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+            let (lower, upper) = part.split_at_mut(middle);
+            let volume: f64 = upper.iter().map(|[_, volume]| volume).sum();
+            if volume > above {
+                part = upper;
+            } else {
+                above -= volume;
+                part = lower;
+            }
+        }
+        part.first().map_or(0.0, |[fraction, _]| *fraction)
     }
 
     /// Finds the pieces of all guides as they are at time `t`, s.
