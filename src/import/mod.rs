@@ -10,6 +10,7 @@
 
 mod formats;
 mod groom;
+mod joint_selector;
 mod mesh_file;
 #[cfg(test)]
 mod messages;
@@ -36,8 +37,8 @@ pub use groom::report::GroomReport;
 pub use groom::resample::{Resample, ResampleError};
 pub(crate) use groom::scalp::Scalp;
 pub use groom::scalp::{OFF_SCALP, RootReport};
+pub use joint_selector::JointSelector;
 pub use mesh_file::{ImportedMesh, read_mesh};
-pub use motion::JointSelector;
 pub use over::over_target;
 pub use source::Source;
 pub use strand_file::{MIN_STRAND_LENGTH, StrandFileReport};

@@ -11,16 +11,6 @@ use std::path::PathBuf;
 /// Most joints that an error message lists.
 const MAX_LISTED: usize = 60;
 
-/// Selects a joint of a motion file, and one of its animations.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct JointSelector {
-    /// Name of the joint (BVH, USD) or node (glTF); `None` for the file's only joint, or for the prim itself
-    /// (USD).
-    pub name: Option<String>,
-    /// Name or number of the animation (glTF); `None` for the first.
-    pub clip: Option<String>,
-}
-
 /// Evenly sampled poses of a joint in the world.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Motion {

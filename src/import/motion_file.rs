@@ -1,7 +1,8 @@
 //! Motion files: our own JSON, BVH, glTF and USD.
 
 use super::formats;
-use super::motion::{GroomCurves, JointSelector, Motion};
+use super::joint_selector::JointSelector;
+use super::motion::{GroomCurves, Motion};
 use super::source::Source;
 use crate::scene::anim::file::PoseFile;
 use crate::scene::anim::motion_file::MotionFrame;

@@ -1,6 +1,6 @@
 //! The contents of strand and mesh files, in the file's unit and axes. Readers return these types.
 
-use super::motion::JointSelector;
+use super::joint_selector::JointSelector;
 use crate::geometry::TriMesh;
 use crate::scene::{Curves, Factors, RestSpace, SourcePrim, UpAxis};
 use nalgebra::{Matrix4, Vector3};

@@ -2,7 +2,8 @@
 
 use super::groom::convert::groom;
 use super::groom::options::{DEFAULT_GUIDES, GroomOptions};
-use super::motion::{JointSelector, rotation};
+use super::joint_selector::JointSelector;
+use super::motion::rotation;
 use super::source::Source;
 use super::track::convert::track;
 use super::track::options::TrackOptions;

@@ -4,7 +4,8 @@
 //! them. Rotations are in degrees, about the joint's own axes, in the order of the channels. The format has
 //! no unit.
 
-use crate::import::motion::{JointSelector, Motion, convention, snap_rate, unknown_joint};
+use crate::import::joint_selector::JointSelector;
+use crate::import::motion::{Motion, convention, snap_rate, unknown_joint};
 use crate::import::source::Source;
 use crate::scene::UpAxis;
 use crate::scene::anim::file::PoseFile;

@@ -1,6 +1,7 @@
 //! What to import as an animation.
 
-use crate::import::motion::{GroomCurves, JointSelector};
+use crate::import::joint_selector::JointSelector;
+use crate::import::motion::GroomCurves;
 use crate::import::source::Source;
 use crate::scene::anim::file::Pops;
 use crate::scene::placement::Roots;

@@ -357,7 +357,7 @@ fn binding(
 mod tests {
     use super::super::buffers::tests::to_base64;
     use super::*;
-    use crate::import::motion::JointSelector;
+    use crate::import::joint_selector::JointSelector;
 
     /// A triangle whose second and third corner follow a joint at x = 1 m, half and whole, that turns 90° about
     /// z within 1 s from 0.5 s on; its third corner rises by 1 m with a morph target meanwhile.

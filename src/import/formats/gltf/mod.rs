@@ -5,7 +5,8 @@ mod buffers;
 mod keyframes;
 pub(crate) mod mesh;
 
-use crate::import::motion::{JointSelector, Motion, convention, snap_rate, unknown_joint};
+use crate::import::joint_selector::JointSelector;
+use crate::import::motion::{Motion, convention, snap_rate, unknown_joint};
 use crate::import::rigid::{self, RigidPoses};
 use crate::import::source::Source;
 use crate::scene::UpAxis;
