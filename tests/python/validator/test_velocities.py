@@ -204,13 +204,24 @@ def test_hair_may_whip_as_far_as_its_guides(share: float) -> None:
     assert found == pytest.approx({HAIR: 0.1 * (1 - share), GUIDES: 0.1 * share})
 
 
+@pytest.mark.parametrize("size", [0.0, 0.08])
+def test_a_jump_of_hair_that_swings_is_found(size: float) -> None:
+    """Hair swings by 3 cm four times a second, and jumps aside from a frame on."""
+    omega = 2 * np.pi * 4 / FPS
+    points = 0.03 * np.sin(omega * FRAMES) + size * (FRAMES > 0)
+    rates = 0.03 * omega * FPS * np.cos(omega * FRAMES)
+    window = window_of(along(points), along(rates), heads_along(np.zeros(11)), 5)
+    assert (next(spikes(window)).value > tolerances.SPIKE_M) == (size > 0)
+
+
 def test_what_rings_a_frame_after_a_landing_is_measured_against_the_landing() -> None:
-    """The head falls at 5 m/s and stops at frame 5; a frame later it goes back at a hundredth of that."""
-    falling, still = 5.0 / FPS * np.minimum(FRAMES, 0), np.zeros(11)
-    points, rates = falling.copy(), np.zeros(11)
-    points[7:], rates[6] = 1e-3, 0.05
+    """The head falls at 5 m/s and stops; two frames later it goes back at a hundredth of that."""
+    frames, at = np.arange(-8, 9), 10
+    falling, still = 5.0 / FPS * np.minimum(frames, 0), np.zeros(len(frames))
+    points, rates = falling.copy(), np.zeros(len(frames))
+    points[at + 1 :], rates[at] = 1e-3, 0.05
     for heads, passes in ((falling, True), (still, False)):
-        window = window_of(along(points), along(rates), heads_along(heads), 6)
+        window = window_of(along(points), along(rates), heads_along(heads), at)
         assert (next(velocities(window)).value < tolerances.VELOCITY_RESIDUAL) == passes
 
 
