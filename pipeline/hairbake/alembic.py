@@ -8,7 +8,9 @@ Needs `alembic3d` (`pip install "hairbake[alembic]"`); USD files also need `usd-
 
 import argparse
 import json
+import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -27,10 +29,6 @@ BASES = {
     AbcGeom.BasisType.kBsplineBasis: "bspline",
     AbcGeom.BasisType.kCatmullromBasis: "catmullRom",
     AbcGeom.BasisType.kBezierBasis: "bezier",
-}
-BASES_OF_CACHES = {
-    "bspline": AbcGeom.BasisType.kBsplineBasis,
-    "catmullRom": AbcGeom.BasisType.kCatmullromBasis,
 }
 ATTRIBUTES = (
     AbcGeom.IInt32GeomParam,
@@ -55,15 +53,21 @@ def write_cache(cache: Cache, file: Path) -> dict[str, int]:
     Returns:
         Number of curves by object.
     """
+    with whole(file) as part:
+        # Alembic writes the end of a file when nothing refers to it any more.
+        return write_archive(cache, part)
+
+
+def write_archive(cache: Cache, file: Path) -> dict[str, int]:
+    """Writes the archive of [`write_cache`]."""
     archive = Abc.CreateArchiveWithInfo(str(file), "hairbake", str(cache.directory))
-    sampling = AbcCoreAbstract.TimeSampling(1 / cache.fps, cache.frames[0] / cache.fps)
-    index = archive.addTimeSampling(sampling)
+    index = archive.addTimeSampling(AbcCoreAbstract.TimeSampling(1 / cache.fps, cache.frames[0] / cache.fps))
     root = AbcGeom.OXform(archive.getTop(), "groom")
-    counts: dict[str, int] = {}
     user = root.getSchema().getUserProperties()
     for name, value in zip(("groom_version_major", "groom_version_minor"), GROOM_VERSION, strict=True):
         Abc.OInt16Property(user, name).setValue(value)
     Abc.OStringProperty(user, "groom_tool").setValue("hairbake")
+    counts: dict[str, int] = {}
     for curves in (cache.curves(name) for name in ("hair", "guides") if cache.description[name]):
         schema = AbcGeom.OCurves(root, curves.name, index).getSchema()
         write_attributes(schema.getArbGeomParams(), curves)
@@ -71,6 +75,16 @@ def write_cache(cache: Cache, file: Path) -> dict[str, int]:
             write_frame(schema, curves, frame)
         counts[curves.name] = len(curves.counts)
     return counts
+
+
+@contextmanager
+def whole(file: Path) -> Iterator[Path]:
+    """A path to write to in place of `file`, which takes its name at the end, or nothing does."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=file.parent, prefix=".") as folder:
+        part = Path(folder) / file.name
+        yield part
+        part.replace(file)
 
 
 def write_frame(schema: Any, curves: Curves, frame: int) -> None:
@@ -288,7 +302,8 @@ def main() -> None:
         curves = read_curves(options.source, options.time)
     except (ValueError, HairbakeError) as error:
         parser.error(str(error))
-    write_usd(curves, options.output, UNITS[options.units])
+    with whole(options.output) as part:
+        write_usd(curves, part, UNITS[options.units])
     print(json.dumps({thing.path: len(thing.counts) for thing in curves}))
 
 

@@ -1,7 +1,9 @@
 //! An earlier cache of the same shot: a bake of some groups copies the curves of all other groups from it.
 
 use super::single::extent;
-use crate::cache::{self, CurveFrame, CurveSet, Frame, Header, InputRecord, MANIFEST, Reader};
+use crate::cache::{
+    self, ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header, InputRecord, MANIFEST, Reader,
+};
 use crate::error::{Diagnostic, Error, Result};
 use crate::file::{FileRecord, record_of};
 use crate::scene::{Anim, Curves, Groom};
@@ -10,8 +12,8 @@ use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Largest relative difference of rest points and head matrices between base and bake: both are written
-/// rounded.
+/// Largest relative difference of rest points, head matrices and skins between base and bake: both are
+/// written rounded.
 const REST_TOLERANCE: f64 = 1e-6;
 
 /// A selection of groups to bake over an earlier cache.
@@ -72,6 +74,9 @@ impl BaseCache {
         mismatches.unless_same("fps", old.fps, header.fps);
         mismatches.unless_same("levels of wisps written", old.levels, header.levels);
         mismatches.unless_same("accelerations", old.accelerations, header.accelerations);
+        let skins =
+            |header: &Header| skins(header).map(|(_, skin)| &*skin.name).collect::<Vec<_>>().join(", ");
+        mismatches.unless_same("skins", skins(old), skins(header));
         for (key, value) in
             [("samples", f64::from(anim.settings.samples)), ("shutter", anim.settings.shutter)]
         {
@@ -121,7 +126,7 @@ impl BaseCache {
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Damaged`] if the base differs from its manifest; [`Error::BadInput`] if its
-    /// head moves differently.
+    /// head or a skin moves differently.
     pub fn complete(&self, moments: &mut [Frame], header: &Header) -> Result<()> {
         let Some(frame) = moments.first().map(|m| m.frame) else { return Ok(()) };
         let path = self.reader.dir().join(cache::frame_file_name(frame));
@@ -132,11 +137,14 @@ impl BaseCache {
         }
         let old = self.reader.read_samples(frame, moments.iter().map(|m| m.offset))?;
         for (new, old) in moments.iter_mut().zip(old) {
-            let largest = new.head.as_flattened().iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-            let mut entries = new.head.as_flattened().iter().zip(old.head.as_flattened());
-            if entries.any(|(a, b)| (a - b).abs() > REST_TOLERANCE * largest) {
+            if !agree(new.head.concat(), old.head.concat()) {
                 let what = format!("the head of the base has another pose at frame {frame}");
                 return Err(mismatch(&path, "head", what, "the head track of this animation".into()).into());
+            }
+            if let Some(skin) = self.other_skin(header, new, &old) {
+                let what =
+                    format!("the skin \"{skin}\" of the base has another shape or place at frame {frame}");
+                return Err(mismatch(&path, "skins", what, "the skins of this animation".into()).into());
             }
             if let (Some(hair), Some(set), Some(old)) = (&mut new.hair, &header.hair, &old.hair) {
                 complete(&self.hair, hair, old, set);
@@ -147,6 +155,34 @@ impl BaseCache {
         }
         Ok(())
     }
+
+    /// A skin whose vertices, at rest or at one moment, differ between the base, `old`, and the bake, `new`.
+    fn other_skin<'a>(&self, header: &'a Header, new: &Frame, old: &Frame) -> Option<&'a str> {
+        let known = self.reader.header();
+        let wide = |points: &[[f32; 3]]| points.as_flattened().iter().map(|x| f64::from(*x)).collect();
+        let same = |(i, skin): &(usize, &ColliderMesh)| {
+            skins(known).any(|(j, other)| {
+                let [here, there] = [&new.colliders[*i], &old.colliders[j]];
+                let now = |frame: &ColliderFrame| frame.points.as_deref().map(wide).unwrap_or_default();
+                other.name == skin.name
+                    && agree(wide(&skin.points), wide(&other.points))
+                    && agree(now(here), now(there))
+                    && agree(here.transform.concat(), there.transform.concat())
+            })
+        };
+        skins(header).find(|skin| !same(skin)).map(|(_, skin)| &*skin.name)
+    }
+}
+
+/// The skins of a cache, with their indices among its colliders.
+fn skins(header: &Header) -> impl Iterator<Item = (usize, &ColliderMesh)> {
+    header.colliders.iter().enumerate().filter(|(_, collider)| collider.is_skin)
+}
+
+/// True if two lists of numbers differ by no more than [`REST_TOLERANCE`] of the largest.
+fn agree(a: Vec<f64>, b: Vec<f64>) -> bool {
+    let largest = a.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= REST_TOLERANCE * largest)
 }
 
 struct Mismatches {

@@ -79,7 +79,7 @@ pub struct FrameRecord {
     pub strand_gain: f64,
     /// Largest distance of a tie from its target, m.
     pub tie_slack_m: f64,
-    /// Speed of the guides' points relative to the head: mean, m/s.
+    /// Speed of the guides' points relative to what carries their roots, the head or a skin: mean, m/s.
     pub speed_mean_m_s: f64,
     /// The same: 95th percentile, m/s.
     pub speed_p95_m_s: f64,

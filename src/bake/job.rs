@@ -59,8 +59,9 @@ pub struct JobOptions<'a> {
 impl Job {
     /// Begins or resumes a bake into the folder `out`; `inputs` are the files of the scene.
     ///
-    /// # Errors [`crate::Error::Io`] if the folder cannot be written; those of [`BaseCache::open`] and
-    /// [`over::check`], before anything is written.
+    /// # Errors
+    /// [`crate::Error::Io`] if the folder cannot be written; those of [`BaseCache::open`] and [`over::check`],
+    /// before anything is written.
     pub fn begin(
         groom: Groom,
         anim: Anim,

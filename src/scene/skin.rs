@@ -95,9 +95,13 @@ fn bind_curves(
 ) -> Result<Bound, Vec<Diagnostic>> {
     let roots: Vec<Vector3<f64>> = curves.roots().collect();
     let nearest = |x: &Vector3<f64>| {
-        let on = skins.iter().filter_map(|s| Some((s, s.skin.bind(x, TOO_FAR)?)));
-        let (skin, (place, distance)) = on.min_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
-        Some((skin, place, distance))
+        let (mut nearest, mut within) = (None, TOO_FAR);
+        for skin in skins {
+            if let Some((place, distance)) = skin.skin.bind(x, within) {
+                (nearest, within) = (Some((skin, place, distance)), distance);
+            }
+        }
+        nearest
     };
     let found: Vec<_> = roots.par_iter().map(nearest).collect();
     let far: Vec<usize> = (0..roots.len()).filter(|c| found[*c].is_none()).collect();
@@ -182,10 +186,11 @@ fn distances_in_words(mut distances: Vec<f64>) -> String {
     let (roots, off) = (distances.len(), distances.iter().filter(|d| **d > OFF_SKIN).count());
     let [median, most] =
         [roots / 2, roots.saturating_sub(1)].map(|i| distances.get(i).map_or(0.0, |d| d * 1e3));
-    let words =
+    let mut words =
         format!("{roots} roots ride on the skin, {median:.2} mm from it in the median, {most:.2} mm at most");
     if off > 0 {
-        tracing::warn!("{words}; {off} of them are more than {} mm off it", OFF_SKIN * 1e3);
+        words += &format!("; {off} of them are more than {} mm off it", OFF_SKIN * 1e3);
+        tracing::warn!("{words}");
     }
     words
 }

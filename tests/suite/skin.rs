@@ -1,5 +1,6 @@
 //! Hair on a skin that deforms, from files to the cache.
 
+use hairbake::bake::base_cache::GroupSelection;
 use hairbake::bake::control::Control;
 use hairbake::bake::job::{Job, JobOptions};
 use hairbake::cache::{CurveFrame, Reader};
@@ -113,15 +114,17 @@ fn baked(folder: &Path, change: impl FnOnce(&mut Value)) -> Reader {
 }
 
 /// Bakes a groom and an animation.
-fn bake_files(folder: &Path, [groom, anim]: [PathBuf; 2]) -> Reader {
-    let inputs = bake::input_records(&groom, &anim, &LoadOptions::default()).unwrap();
-    let (groom, anim) = scene::load(&groom, &anim).unwrap();
-    let out = folder.join("out");
-    let job = Job::begin(groom, anim, inputs, JobOptions { overwrite: true, ..JobOptions::default() }, &out)
-        .unwrap();
-    bake::bake(&job, &Control::default(), |record, _, _| assert!(record.broken().is_empty(), "{record:?}"))
-        .unwrap();
-    Reader::open(&out).unwrap()
+fn bake_files(folder: &Path, files: [PathBuf; 2]) -> Reader {
+    let options = JobOptions { overwrite: true, ..JobOptions::default() };
+    bake_with(&folder.join("out"), &files, options).unwrap()
+}
+
+fn bake_with(out: &Path, [groom, anim]: &[PathBuf; 2], options: JobOptions) -> Result<Reader, Error> {
+    let inputs = bake::input_records(groom, anim, &LoadOptions::default()).unwrap();
+    let (groom, anim) = scene::load(groom, anim).unwrap();
+    let job = Job::begin(groom, anim, inputs, options, out)?;
+    bake::bake(&job, &Control::default(), |record, _, _| assert!(record.broken().is_empty(), "{record:?}"))?;
+    Reader::open(out)
 }
 
 /// The first `n` points of each curve of a frame.
@@ -201,6 +204,38 @@ fn roots_ride_on_the_nearest_of_several_skins() {
         for (root, at_rest) in still.iter().zip(&roots) {
             assert!((root - at_rest).norm() < 1e-6, "{root} in frame {number}");
         }
+    }
+}
+
+#[test]
+fn a_base_with_another_motion_of_the_skin_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    // A head with a track of its own is the same in all bakes.
+    let track = json!({ "first_frame": 990, "translation": vec![[0, 0, 0]; 25] });
+    let files = write_scene(folder.path(), |anim| {
+        anim["bodies"] = json!([{ "name": "head", "track": track }]);
+        anim["settings"]["preroll_s"] = json!(0.0);
+    });
+    let mut groom: Value = serde_json::from_slice(&std::fs::read(&files[0]).unwrap()).unwrap();
+    let (guides, strands) = places();
+    for (set, count) in [("guides", guides.len()), ("strands", strands.len())] {
+        groom[set]["group"] = (0..count).map(|c| c * 2 / count).collect();
+    }
+    groom["groups"] = json!([{ "name": "left", "material": 0 }, { "name": "right", "material": 0 }]);
+    std::fs::write(&files[0], groom.to_string()).unwrap();
+    let [base, out] = ["base", "out"].map(|name| folder.path().join(name));
+    bake_with(&base, &files, JobOptions::default()).unwrap();
+    let only = GroupSelection { groups: vec!["left".into()], base };
+    let again = || {
+        let options = JobOptions { only: Some(&only), overwrite: true, ..JobOptions::default() };
+        bake_with(&out, &files, options)
+    };
+    again().unwrap();
+    let last = rolling(FRAMES[1]).iter().map(|x| x + V::x() * 1e-3).collect::<Vec<_>>();
+    write_obj(&folder.path().join(format!("sheet.{:04}.obj", FRAMES[1])), &last);
+    match again() {
+        Err(Error::BadInput(found)) => assert!(found[0].message.contains("the skin \"sheet\""), "{found:?}"),
+        other => panic!("{other:?}"),
     }
 }
 

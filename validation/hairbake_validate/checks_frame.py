@@ -197,22 +197,29 @@ def skin_root_offsets(window: Window, check: Check, values: Values) -> Iterator[
     """The root of each set of curves that is farthest from where skins carry it at one time."""
     if not window.reference.skins:
         return
+    skins = window.reference.skins
     for curves in window.cache.curves:
-        points, carried = values(curves.path, "points"), window.reference.skins.carried(curves, values)
+        points, carried = values(curves.path, "points"), skins.carried(curves, values)
         if points is not None and carried is not None:
-            yield root_offsets(window, check, curves, points, carried)
+            yield root_offsets(window, check, curves, points, carried, skins.rounding(curves, values))
 
 
 def root_offsets(
-    window: Window, check: Check, curves: Curves, points: FloatArray, carried: FloatArray
+    window: Window,
+    check: Check,
+    curves: Curves,
+    points: FloatArray,
+    carried: FloatArray,
+    rounding_of_carrier: FloatArray | float = 0.0,
 ) -> Finding:
     """The root that is farthest from its rest point as it is carried.
 
-    The rounding of both points to 32 bits, half a spacing in each coordinate, is subtracted.
+    The rounding of both points to 32 bits, half a spacing in each coordinate, is subtracted, and that of what
+    carries it.
     """
     rest, now = curves.rest[curves.starts], points[curves.starts]
     offset = norms(now - carried[curves.starts])
-    rounding = np.sqrt(3) / 2 * (spacing(rest) + spacing(now))
+    rounding = np.sqrt(3) / 2 * (spacing(rest) + spacing(now)) + rounding_of_carrier
     return worst(window, check, curves, (offset - rounding) * window.cache.metres_per_unit, per_curve=True)
 
 

@@ -41,7 +41,7 @@ def placement(cache: Cache) -> Iterator[Finding]:
     skins = [mesh for mesh in cache.colliders if mesh.is_skin and mesh.consistent]
     if skins:
         # The check skin_roots tells whether roots go with their skins.
-        off = np.min([distances(roots, mesh.points, mesh.solid) for mesh in skins], axis=0)
+        off = np.min([distances(roots, mesh.points, mesh.triangles) for mesh in skins], axis=0)
         if off.max() > tolerances.OFF_SKIN_M / unit:
             yield Finding(PLACEMENT, message=f"a root is {off.max() * unit:.2g} m off the skin at rest")
         return

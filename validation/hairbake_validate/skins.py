@@ -1,13 +1,13 @@
 """Roots that ride on skins: where the meshes of a frame carry them (`docs/theory.md` §2.1)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from .cache import TRANSFORM, Cache, Curves, Mesh
+from .cache import TRANSFORM, Cache, Curves, Mesh, read_value
 from .collider import nearest
-from .geometry import Array, FloatArray, IntArray, cross, dot, norms, sums, transformed
+from .geometry import Array, FloatArray, IntArray, cross, dot, norms, spacing, sums, transformed
 
 Values = Callable[[str, str], Array | None]
 """Value of an attribute of a prim at one time; None if it is missing or not valid."""
@@ -16,14 +16,19 @@ Values = Callable[[str, str], Array | None]
 class Skin:
     """A mesh at rest."""
 
-    def __init__(self, mesh: Mesh) -> None:
-        """Joins the vertices that coincide at rest, and leaves out triangles without area."""
+    def __init__(self, mesh: Mesh, moved: Sequence[Array] = ()) -> None:
+        """Joins vertices that coincide, at rest and in all that is `moved`: lips that part are two edges.
+
+        Leaves out triangles without area, and repeated ones.
+        """
         self.mesh = mesh
-        self.points, self.first, index = np.unique(
-            mesh.points.astype(float), axis=0, return_index=True, return_inverse=True
-        )
+        places = np.hstack([mesh.points.astype(float), *moved])
+        _, self.first, index = np.unique(places, axis=0, return_index=True, return_inverse=True)
+        self.points = mesh.points.astype(float)[self.first]
         triangles: IntArray = index.reshape(-1)[mesh.triangles]
-        self.triangles = triangles[doubled_areas(self.points[triangles]).any(axis=1)]
+        triangles = triangles[doubled_areas(self.points[triangles]).any(axis=1)]
+        _, once = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
+        self.triangles = triangles[np.sort(once)]
         corners = self.points[self.triangles]
         normal = doubled_areas(corners)
         area = norms(normal) / 2
@@ -63,6 +68,8 @@ class Roots:
     """Frames at rest, columns, `n × 3 × 3`."""
     surface: FloatArray
     """Points of the skin at rest, `n × 3`."""
+    leverage: FloatArray
+    """Largest displacement of a root where vertices are displaced by 1 at most, `n`."""
 
 
 class Skins:
@@ -70,7 +77,8 @@ class Skins:
 
     def __init__(self, cache: Cache) -> None:
         """Binds each root to the nearest place of a skin at rest."""
-        self.skins = [Skin(mesh) for mesh in cache.colliders if mesh.is_skin and mesh.consistent]
+        meshes = [mesh for mesh in cache.colliders if mesh.is_skin and mesh.consistent]
+        self.skins = [Skin(mesh, moved(cache, mesh)) for mesh in meshes]
         self.roots: dict[str, list[Roots]] = {}
         if self.skins:
             self.roots = {curves.path: self._bind(curves) for curves in cache.curves if curves.consistent}
@@ -96,7 +104,11 @@ class Skins:
             tangents = np.stack([first, cross(normal, first)], axis=1)
             frames = frame(weighted(shares, skin.gradients(skin.mesh.points)[corners]), tangents)
             surface = weighted(shares, skin.points[corners])
-            bound.append(Roots(which, corners, shares, tangents, frames, surface))
+            # The frame turns by what moves the ends of an edge apart; the offset of a root turns with it.
+            places = skin.points[corners]
+            edges = norms((places - np.roll(places, 1, axis=1)).reshape(-1, 3)).reshape(-1, 3)
+            leverage = 1 + 2 * norms(rest[which] - surface) / edges.min(axis=1)
+            bound.append(Roots(which, corners, shares, tangents, frames, surface, leverage))
         return bound
 
     def carry(self, curves: Curves, values: Values) -> tuple[FloatArray, FloatArray] | None:
@@ -118,6 +130,15 @@ class Skins:
             moves[roots.which] = carried - (roots.surface[:, None] @ turns[roots.which])[:, 0]
         return turns, moves
 
+    def rounding(self, curves: Curves, values: Values) -> FloatArray:
+        """How far the rounding of the meshes' points to 32 bits moves each curve's root at most, `n`."""
+        found = np.zeros(len(curves.counts))
+        for skin, roots in zip(self.skins, self.roots.get(curves.path, ()), strict=False):
+            points = values(skin.mesh.path, "points") if skin.mesh.deforms else skin.mesh.points
+            if points is not None:
+                found[roots.which] = np.sqrt(3) / 2 * spacing(points) * roots.leverage
+        return found
+
     def carried(self, curves: Curves, values: Values) -> FloatArray | None:
         """The points of the rest pose, each carried with its root; None as for `carry`."""
         motion = self.carry(curves, values)
@@ -126,6 +147,17 @@ class Skins:
         turns, moves = (of[curves.curve_of_point] for of in motion)
         points: FloatArray = (curves.rest.astype(float)[:, None] @ turns)[:, 0] + moves
         return points
+
+
+def moved(cache: Cache, mesh: Mesh) -> list[Array]:
+    """Points of a mesh that deforms at the first, middle and last frame, as far as they are valid."""
+    frames = sorted({cache.frames[0], cache.frames[len(cache.frames) // 2], cache.frames[-1]})
+    found = [read_value(cache, frame, f"{mesh.path}.points") for frame in frames if mesh.deforms]
+    return [
+        points
+        for points in found
+        if points is not None and points.shape == mesh.points.shape and np.isfinite(points).all()
+    ]
 
 
 def doubled_areas(corners: FloatArray) -> FloatArray:

@@ -47,9 +47,8 @@ OVER_SHAPE = 0.02
 OVER_GAIN = 4.0
 OVER_REST_M = 1e-5
 
-# Distance of a root from where the skin carries it, m. The validator knows the mesh by its 32-bit points,
-# which are 2e-7 apart at 2 m: over edges of 1 mm the frame of a root 2 mm off the skin turns by 2e-4, which
-# moves it by 4e-7.
+# Distance of a root from where the skin carries it, m, beyond the rounding of its points and of the mesh's to
+# 32 bits. It covers vertices that the bake joins by their 64-bit positions.
 SKIN_ROOT_OFFSET_M = 1e-5
 
 # Distance of points outside their extent, m: one rounding of its corners.

@@ -115,7 +115,7 @@ impl Skin {
             }
         }
         let support = |(vertex, (weight, gradient)): (u32, (f64, Vector3<f64>))| Support {
-            vertex: self.mesh.topology.source[vertex as usize],
+            vertex,
             weight,
             slope: tangents.map(|tangent| gradient.dot(&tangent)),
         };
@@ -126,12 +126,12 @@ impl Skin {
             frame: Matrix3::identity(),
             area: 0.0,
         };
-        let source = &self.mesh.topology.source;
-        let rest: BTreeMap<u32, &Vector3<f64>> = source.iter().copied().zip(&self.mesh.vertices).collect();
-        let surface = bound.surface(|v| *rest[&v]);
+        let surface = bound.surface(|v| *self.mesh.vertex(v));
         bound.offset = x - surface.point;
         bound.area = surface.area();
         bound.frame = surface.frame();
+        // The vertices of the mesh as it was given, before those that coincide were joined.
+        bound.support.iter_mut().for_each(|s| s.vertex = self.mesh.topology.source[s.vertex as usize]);
         Some((bound, (x - point).norm()))
     }
 }

@@ -34,6 +34,14 @@ def test_the_pages_are_found() -> None:
 
 
 @each_page
+def test_no_page_has_the_marks_of_a_merge(page: Page) -> None:
+    marks = re.findall(
+        r"^(?:<{7} .*|={7}|>{7} .*)$", (ROOT / page.name).read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert not marks, marks
+
+
+@each_page
 def test_relative_links_and_anchors_resolve(page: Page) -> None:
     broken = []
     for link in page.links():

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -144,6 +145,17 @@ def test_transforms_and_lines_are_read(tmp_path: Path) -> None:
     curves = UsdGeom.BasisCurves(stage.GetPrimAtPath("/placed/lines"))
     assert (curves.GetTypeAttr().Get(), curves.GetWrapAttr().Get()) == ("linear", "nonperiodic")
     assert curves.GetWidthsInterpolation() == "constant"
+
+
+def test_a_cache_that_ends_early_leaves_what_was_there(cache: hairbake.Cache, tmp_path: Path) -> None:
+    shutil.copytree(cache.directory, tmp_path / "cache")
+    (tmp_path / f"cache/hair.{cache.frames[-1]}.usdc").write_bytes(b"")
+    (tmp_path / "hair.abc").write_text("earlier")
+    with pytest.raises(hairbake.HairbakeError):
+        write_cache(hairbake.open(tmp_path / "cache"), tmp_path / "hair.abc")
+    assert (tmp_path / "hair.abc").read_text() == "earlier"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cache", "hair.abc"]
+    assert write_cache(cache, tmp_path / "new/hair.abc")["guides"] == 40
 
 
 @pytest.mark.parametrize(

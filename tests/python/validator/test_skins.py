@@ -7,7 +7,7 @@ from pxr import Sdf, Usd, UsdGeom
 from hairbake_validate.cache import Cache, Curves, Mesh
 from hairbake_validate.geometry import Array, FloatArray
 from hairbake_validate.run import validate
-from hairbake_validate.skins import Skins
+from hairbake_validate.skins import Skin, Skins
 from validator.defects import MIDDLE, Defect, failed, move_points
 from validator.good_cache import GUIDES, HAIR, POINTS, SHUTTER, SKULL, CacheBuilder
 
@@ -80,3 +80,21 @@ def test_a_sheet_that_is_rolled_up_turns_its_roots(good_cache: CacheBuilder) -> 
         angle = rest[0, 0] / radius if x < 0.1 else rest[2, 0] / radius
         expected = [(radius + height) * np.sin(angle), (radius + height) * np.cos(angle), z]
         assert np.abs(point - expected).max() < 2e-4
+
+
+def test_edges_that_part_later_are_not_joined() -> None:
+    # Two triangles on both sides of a slit, one of which is drawn twice.
+    points = np.array([[0, 0, 0], [0, 1, 0], [-1, 0, 0], [0, 0, 0], [0, 1, 0], [1, 0, 0]], float)
+    triangles = np.array([[0, 1, 2], [3, 5, 4], [5, 4, 3]])
+    mesh = Mesh("/lids", points, triangles, np.empty((0, 3), int), deforms=True, is_skin=True)
+    opened = points.copy()
+    opened[3] += [0.1, 0, 0]
+    counts = {
+        name: (len(skin.points), len(skin.triangles))
+        for name, skin in (
+            ("closed", Skin(mesh)),
+            ("still", Skin(mesh, [points])),
+            ("open", Skin(mesh, [points, opened])),
+        )
+    }
+    assert counts == {"closed": (4, 2), "still": (4, 2), "open": (5, 2)}

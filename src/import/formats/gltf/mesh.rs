@@ -145,8 +145,7 @@ impl Rig {
             }
         }
         Error::if_any(diagnostics)?;
-        let named =
-            |node: &gltf::Node| times.joint.name.is_some() && node.name() == times.joint.name.as_deref();
+        let named = |node: &gltf::Node| times.joint.name.as_ref() == Some(&super::node_name(node));
         let of_joint = document.nodes().find(named).map(|node| &self.chains[node.index()]);
         let first = |keys: &mut dyn Iterator<Item = f64>| keys.reduce(f64::min);
         let joint = of_joint
@@ -288,6 +287,9 @@ fn part(
     let skin = match node.skin() {
         None => None,
         Some(skin) => {
+            if primitive.get(&Semantic::Joints(1)).is_some() {
+                return Err("has more than four joints per vertex (JOINTS_1)".into());
+            }
             const JOINT: &[DataType] = &[DataType::U8, DataType::U16];
             const WEIGHT: &[DataType] = &[DataType::F32, DataType::U8, DataType::U16];
             let of_each = [
@@ -442,6 +444,7 @@ mod tests {
         };
         let found = read_text(&file(0), Some(&times)).unwrap();
         let near = |found: &[Vector3<f64>], expected: [[f64; 3]; 3]| {
+            assert_eq!(found.len(), expected.len());
             for (x, expected) in found.iter().zip(expected) {
                 assert!((x - Vector3::from(expected)).norm() < 1e-6, "{found:?}");
             }
@@ -469,6 +472,8 @@ mod tests {
             text.contains("meshes[0].primitives[0]: vertex 2 follows joints [9, 0, 0, 0] of 2"),
             "{text}"
         );
+        let text = what(file(0).replace("\"JOINTS_0\":1,", "\"JOINTS_0\":1,\"JOINTS_1\":1,"));
+        assert!(text.contains("has more than four joints per vertex"), "{text}");
         let text = what(file(0).replacen("\"count\":3", "\"count\":4000", 1));
         assert!(text.contains("POSITION has 4000 elements, beyond"), "{text}");
     }
