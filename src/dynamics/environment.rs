@@ -27,9 +27,6 @@ pub struct Environment<'a> {
     pub wind: &'a [Wind],
     /// Bodies that the guides collide with, prepared for the current sub-step.
     pub bodies: Bodies,
-    /// The same bodies at the start, with skins that deform as the groom was drawn on them; `None` without
-    /// such skins, and once guides have started.
-    pub skins_at_rest: Option<SkinsAtRest>,
     /// Rest space of body `b` of `bodies` to world.
     pub body: PoseOf<'a>,
     /// Rest space of body `b` of the animation to world: ties are attached to these.
@@ -64,7 +61,6 @@ impl<'a> Environment<'a> {
             gravity: Box::new(|_| Vector3::y() * -GRAVITY),
             wind: &[],
             bodies,
-            skins_at_rest: None,
             body: Box::new(|_, _| Isometry3::identity()),
             carrier: Box::new(|_, _| Isometry3::identity()),
             push_out: Box::new(|_| 1.0),

@@ -237,10 +237,9 @@ impl<'a> Simulation<'a> {
         let mut env = environment(&model);
         env.bodies.prepare([t, t]);
         let thickness: Vec<f64> = anim.colliders.iter().map(|c| c.thickness).collect();
-        env.skins_at_rest = skins_at_rest(anim, t);
-        let start = |guide| GuideState::new(guide, &thickness, &env, t, h);
+        let skins = skins_at_rest(anim, t);
+        let start = |guide| GuideState::on_skins(guide, &thickness, &env, skins.as_ref(), [t, h]);
         let guides: Vec<GuideState> = model.guides.par_iter().map(start).collect();
-        env.skins_at_rest = None;
         let lengths = |(state, guide): (&GuideState, _)| state.segment_lengths(guide);
         let initial_lengths = guides.iter().zip(&model.guides).map(lengths).collect();
         let wisps = match anim.settings.resolution() {
@@ -350,7 +349,6 @@ fn environment<'a>(model: &Model<'a>) -> Environment<'a> {
     let push_out = model.push_out();
     Environment {
         bodies: Bodies::new(anim.colliders.iter().map(Body::from)),
-        skins_at_rest: None,
         body: Box::new(|b, t| anim.bodies[anim.colliders[b].body].track.pose(t)),
         push_out: Box::new(push_out),
         carrier: Box::new(|b, t| anim.bodies[b].track.pose(t)),

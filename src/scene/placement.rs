@@ -40,7 +40,7 @@ pub struct RootDistances {
 }
 
 /// A mesh that hair may grow on, in rest space.
-pub struct Skin<'a> {
+pub struct PlacedMesh<'a> {
     /// Name of the collider.
     pub name: &'a str,
     /// The mesh at rest.
@@ -92,7 +92,7 @@ impl Roots {
     }
 
     /// What cannot be right of these meshes together: none of them is where the hair is.
-    pub fn check(&self, skins: &[Skin]) -> Option<Misplaced> {
+    pub fn check(&self, skins: &[PlacedMesh]) -> Option<Misplaced> {
         let tolerance = self.tolerance();
         let mut faults = Vec::new();
         for skin in skins {
@@ -132,17 +132,17 @@ pub fn check(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
         let vertices = collider.deformation.as_ref().map(|d| d.vertices(start));
         vertices.map(|all| all.into_iter().map(|x| (pose * Point3::from(x)).coords).collect())
     };
-    let skins: Option<Vec<Skin>> = anim
+    let skins: Option<Vec<PlacedMesh>> = anim
         .colliders
         .iter()
         .enumerate()
         .map(|(i, collider)| match &collider.shape {
             // Its roots go with it.
             Shape::Mesh(rest) if anim.skins.contains(&i) => {
-                Some(Skin { name: &collider.name, rest, first: None })
+                Some(PlacedMesh { name: &collider.name, rest, first: None })
             }
             Shape::Mesh(rest) if collider.deformation.is_some() || collider.body == anim.head => {
-                Some(Skin { name: &collider.name, rest, first: moved(collider) })
+                Some(PlacedMesh { name: &collider.name, rest, first: moved(collider) })
             }
             _ => None,
         })
@@ -198,7 +198,7 @@ mod tests {
 
     fn fault(rest: f64, first: Option<f64>) -> Option<String> {
         let (rest, first) = (cube(rest), first.map(|x| cube(x).vertices));
-        roots().check(&[Skin { name: "head", rest: &rest, first }]).map(|found| found.what)
+        roots().check(&[PlacedMesh { name: "head", rest: &rest, first }]).map(|found| found.what)
     }
 
     #[test]
@@ -218,7 +218,8 @@ mod tests {
         assert!(fault(0.0, Some(0.4)).unwrap().contains("in the first frame"));
         let (near, far) = (cube(0.0), cube(2.0));
         let skins = [near, far].map(|mesh| mesh);
-        let both: Vec<Skin> = skins.iter().map(|rest| Skin { name: "x", rest, first: None }).collect();
+        let both: Vec<PlacedMesh> =
+            skins.iter().map(|rest| PlacedMesh { name: "x", rest, first: None }).collect();
         assert_eq!(roots().check(&both), None);
     }
 
@@ -227,7 +228,7 @@ mod tests {
         let mut deep = roots();
         deep.points.iter_mut().for_each(|p| p.y = 0.0);
         let rest = cube(0.0);
-        let found = deep.check(&[Skin { name: "head", rest: &rest, first: None }]);
+        let found = deep.check(&[PlacedMesh { name: "head", rest: &rest, first: None }]);
         assert!(found.unwrap().what.contains("inside"));
     }
 }

@@ -114,8 +114,8 @@ fn bind_curves(
         .enumerate()
         .filter_map(|(c, (skin, place, _))| {
             let samples = &skin.deformation?.samples;
-            let stretch = |k: &usize| place.stretch(|v| samples[*k][v as usize]);
-            (0..samples.len()).find(|k| stretch(k) <= COLLAPSED).map(|k| (c, k))
+            let ratio = |k: &usize| place.area_ratio(|v| samples[*k][v as usize]);
+            (0..samples.len()).find(|k| ratio(k) <= COLLAPSED).map(|k| (c, k))
         })
         .collect();
     if !collapsed.is_empty() {

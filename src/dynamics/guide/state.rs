@@ -4,7 +4,7 @@ use super::model::GuideModel;
 use crate::dynamics::checkpoint::{Checkpoint, StateMismatch};
 use crate::dynamics::clearance::{Clearance, GroomPose};
 use crate::dynamics::contact_polyline::with_midpoints;
-use crate::dynamics::environment::Environment;
+use crate::dynamics::environment::{Environment, SkinsAtRest};
 use crate::dynamics::integrator::DifferenceFormula;
 use crate::math::se3::Pose;
 use crate::rod::RodShape;
@@ -85,6 +85,17 @@ impl GuideState {
     /// The groom's pose at time `t`, s, carried rigidly by the head. `h` is the sub-step, s, and `thickness`
     /// the distance to keep from each body, m.
     pub fn new(model: &GuideModel, thickness: &[f64], env: &Environment, t: f64, h: f64) -> Self {
+        Self::on_skins(model, thickness, env, None, [t, h])
+    }
+
+    /// The same, carried by the head or a skin. Distances from `skins` are those for which the groom was drawn.
+    pub fn on_skins(
+        model: &GuideModel,
+        thickness: &[f64],
+        env: &Environment,
+        skins: Option<&SkinsAtRest>,
+        [t, h]: [f64; 2],
+    ) -> Self {
         let rod = &model.rod;
         let q = rod.initial_q.clone();
         let mut shape = RodShape::default();
@@ -99,10 +110,10 @@ impl GuideState {
         with_midpoints(&rod.arc, |k| x[k], |k| now[k].r.column(2).into(), &mut polyline);
         let poses = env.body_poses(t);
         let start = GroomPose { bodies: &env.bodies, t, poses: &poses, thickness, x: &polyline };
-        let clearance = match (&env.skins_at_rest, &model.skin) {
-            (Some(at_rest), Some(_)) => {
-                let poses = at_rest.poses_around(&model.carrier(env, t), &poses);
-                Clearance::carried(&start, &GroomPose { bodies: &at_rest.bodies, poses: &poses, ..start })
+        let clearance = match (skins, &model.skin) {
+            (Some(skins), Some(_)) => {
+                let poses = skins.poses_around(&model.carrier(env, t), &poses);
+                Clearance::carried(&start, &GroomPose { bodies: &skins.bodies, poses: &poses, ..start })
             }
             _ => Clearance::new(&start),
         };

@@ -160,7 +160,7 @@ impl SkinPoint {
 
     /// Area of the surface there with the vertices of the mesh at `vertex`, m, over that at rest: 0 where it
     /// has collapsed and has no frame.
-    pub fn stretch(&self, vertex: impl Fn(u32) -> Vector3<f64>) -> f64 {
+    pub fn area_ratio(&self, vertex: impl Fn(u32) -> Vector3<f64>) -> f64 {
         self.surface(vertex).area() / self.area
     }
 
@@ -240,7 +240,7 @@ mod tests {
             let carried = carry(&place, &then);
             assert!((carried.inverse() * motion).rotation.angle() < 1e-13, "{carried}");
             assert!(((carried * nalgebra::Point3::from(x)).coords - moved(&x)).norm() < 1e-14);
-            assert!((place.stretch(|v| then.vertices[v as usize]) - 1.0).abs() < 1e-12);
+            assert!((place.area_ratio(|v| then.vertices[v as usize]) - 1.0).abs() < 1e-12);
         }
     }
 

@@ -11,7 +11,7 @@ use super::sections::Sections;
 use crate::error::Diagnostic;
 use crate::import::plain::{PlainGroup, StrandAttributes};
 use crate::import::strand_file::{AttributeMap, CleanStrands, read_strands};
-use crate::scene::placement::{Misplaced, Roots, Skin};
+use crate::scene::placement::{Misplaced, PlacedMesh, Roots};
 use crate::scene::{Curves, Factors, Groom, Group, Tree};
 use crate::{Error, Result};
 
@@ -83,7 +83,7 @@ pub fn groom(options: &GroomOptions) -> Result<(Groom, GroomReport)> {
 /// # Errors
 /// The hair cannot grow on it.
 fn check_head(options: &GroomOptions, groom: &Groom) -> Result<()> {
-    let skin = |rest| Skin { name: "head", rest, first: None };
+    let skin = |rest| PlacedMesh { name: "head", rest, first: None };
     let found = options.scalp.as_ref().and_then(|mesh| Roots::of(groom).check(&[skin(mesh)]));
     let diagnostic = |found: Misplaced| {
         Diagnostic::new(

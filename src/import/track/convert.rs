@@ -10,7 +10,7 @@ use crate::import::motion::{Motion, rotation};
 use crate::import::motion_file::read_motion;
 use crate::import::source::Source;
 use crate::scene::anim::file::{BodyFile, OverFile, Pops, PoseFile, TrackFile};
-use crate::scene::placement::Skin;
+use crate::scene::placement::PlacedMesh;
 use crate::scene::track::{Pop, find_pops};
 use crate::scene::{AnimFile, Origin, RestSpace};
 use crate::{Diagnostic, Error, Result};
@@ -232,7 +232,7 @@ fn check_placement(
     let now = motion.poses[(sample.round().max(0.0) as usize).min(motion.poses.len() - 1)];
     let pose = |p: PoseFile| motion.convention.pose_in(p.translation.into(), rotation(p.rotation_wxyz));
     let to_rest = pose(rest) * pose(now).inverse();
-    let skins: Vec<Skin> = options
+    let skins: Vec<PlacedMesh> = options
         .colliders
         .iter()
         .zip(meshes)
@@ -243,10 +243,10 @@ fn check_placement(
             let to_rest = |x: &Vector3<f64>| (to_rest * Point3::from(*x)).coords;
             // The roots on a skin go with it.
             let first = moving.filter(|_| !mesh.is_skin).map(|v| v.iter().map(to_rest).collect());
-            Skin { name: &mesh.name, rest: &read.mesh, first }
+            PlacedMesh { name: &mesh.name, rest: &read.mesh, first }
         })
         .collect();
-    let note = |(skin, mesh): (&Skin, &ColliderMesh)| {
+    let note = |(skin, mesh): (&PlacedMesh, &ColliderMesh)| {
         let vertices = skin.first.as_ref().unwrap_or(&skin.rest.vertices);
         let distances = groom.roots.distances(vertices, &skin.rest.triangles);
         let when = if mesh.is_skin { "at rest".into() } else { format!("in frame {first}") };
