@@ -208,6 +208,28 @@ fn roots_ride_on_the_nearest_of_several_skins() {
 }
 
 #[test]
+fn a_skin_that_deforms_goes_with_its_body() {
+    let folder = tempfile::tempdir().unwrap();
+    let still = |place: [f64; 3]| json!({ "first_frame": 990, "translation": vec![place; 25] });
+    let (away, head) = ([0.1, 0.2, -0.3], [0.0; 3]);
+    let cache = baked(folder.path(), |anim| {
+        anim["bodies"] = json!([
+            { "name": "head", "track": still(head) },
+            { "name": "chest", "track": still(away) },
+        ]);
+        anim["colliders"][0]["body"] = json!("chest");
+    });
+    let (guides, _) = places();
+    for &number in cache.frames() {
+        let frame = cache.read_frame(number).unwrap();
+        let skin = rolling(number);
+        for (root, v) in starts(&frame.guides, &cache.header().guides.counts, 1).iter().zip(&guides) {
+            assert!((root[0] - skin[*v] - V::from(away)).norm() < 1e-6, "vertex {v} in frame {number}");
+        }
+    }
+}
+
+#[test]
 fn a_base_with_another_motion_of_the_skin_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     // A head with a track of its own is the same in all bakes.
