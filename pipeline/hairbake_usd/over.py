@@ -94,7 +94,7 @@ def read(
     """
     stage = open_stage(path)
     roots = gather(prim_paths, lambda prim_path: find(stage, prim_path))
-    prims = [prim for root in roots for prim in all_of(root, UsdGeom.BasisCurves, "BasisCurves")]
+    prims = [prim for root in roots for prim in curves_of(root)]
     codes = moments.codes()
     parts = gather(prims, lambda prim: read_prim(prim, time, codes))
     header = {
@@ -119,6 +119,15 @@ def read(
     return header, arrays
 
 
+def curves_of(root: Usd.Prim) -> list[Usd.Prim]:
+    """The curves at and below a prim. Those that are named are meant, also where the shot hides them.
+
+    Raises:
+        InputErrors: There are none.
+    """
+    return [root] if root.IsA(UsdGeom.BasisCurves) else all_of(root, UsdGeom.BasisCurves, "BasisCurves")
+
+
 def read_prim(prim: Usd.Prim, time: float | None, codes: list[list[float]]) -> Curves:
     """The curves of one prim.
 
@@ -141,7 +150,7 @@ def read_prim(prim: Usd.Prim, time: float | None, codes: list[list[float]]) -> C
             f"{prim.GetPath()}.wrap",
             "the curves are closed",
             "nonperiodic or pinned",
-            "export open curves, or bake with --no-over",
+            "export open curves",
         )
     normals, controls, name = read_normals(prim, layout, at)
     return Curves(
@@ -220,11 +229,11 @@ def read_normals(prim: Usd.Prim, layout: Layout, at: Usd.TimeCode) -> tuple[Floa
 
 
 def is_skinned(prim: Usd.Prim) -> bool:
-    """Whether a skeleton deforms the points of a prim, which are baked where it would put them."""
+    """Whether a skeleton or blend shapes deform the points of a prim, which are baked where they put them."""
     root = UsdSkel.Root.Find(prim)
     if not root:
         return False
     cache = UsdSkel.Cache()
     cache.Populate(root, Usd.PrimDefaultPredicate)
     query = cache.GetSkinningQuery(prim)
-    return bool(query and query.HasJointInfluences())
+    return bool(query and (query.HasJointInfluences() or query.HasBlendShapes()))

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
 import numpy as np
-from pxr import Tf, Usd, UsdGeom
+from pxr import Sdf, Tf, Usd, UsdGeom
 
 from .errors import InputError, InputErrors, input_error
 from .exchange import FloatArray, Header
@@ -27,13 +27,17 @@ _Result = TypeVar("_Result")
 
 
 def open_stage(path: str) -> Usd.Stage:
-    """Opens a stage with all its payloads.
+    """Opens a stage with all its payloads, without what earlier bakes put over its curves.
 
     Raises:
         InputErrors: USD cannot open it; with the places of syntax errors.
     """
     try:
-        return Usd.Stage.Open(path)
+        stage = Usd.Stage.Open(path)
+        root = stage.GetRootLayer()
+        overs = [layer for layer in stage.GetUsedLayers(False) if layer != root and is_over(layer)]
+        stage.MuteAndUnmuteLayers([layer.identifier for layer in overs], [])
+        return stage
     except Tf.ErrorException as error:
         reasons = [str(part.commentary) for part in error.args]
         found = [syntax for reason in reasons if (syntax := syntax_error(reason))]
@@ -48,6 +52,13 @@ def open_stage(path: str) -> Usd.Stage:
             "a .usd, .usda, .usdc or .usdz file",
             "export the file again; the copy may be incomplete",
         ) from None
+
+
+def is_over(layer: Sdf.Layer) -> bool:
+    """Whether a bake wrote a layer, and it has nothing but overs: a `hair.over.usda`, whatever its name."""
+    overs = [prim.specifier == Sdf.SpecifierOver for prim in layer.rootPrims]
+    creator = str(layer.customLayerData.get("creator", ""))
+    return creator.startswith("hairbake ") and bool(overs) and all(overs)
 
 
 def syntax_error(message: str) -> InputError | None:

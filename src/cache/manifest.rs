@@ -77,6 +77,10 @@ pub struct FrameEntry {
 pub struct OverRecord {
     /// File name of the stage without folder.
     pub stage: String,
+    /// Metres per unit of the stage that the motion was put over it with.
+    pub metres_per_unit: f64,
+    /// `Y` or `Z`, the up axis that it was put over it with.
+    pub up_axis: String,
     /// The curves.
     pub prims: Vec<OverPrimRecord>,
 }
@@ -98,7 +102,7 @@ pub struct OverPrimRecord {
     pub to_rest_m: [[f64; 4]; 4],
     /// Whether the importer changed the length of the curves.
     pub lengthened: bool,
-    /// What the curves move as; those of no run ride with the head.
+    /// What the curves move as; those of no run ride with the head, or on skins with the nearest root.
     pub baked: Vec<OverRun>,
 }
 

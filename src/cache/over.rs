@@ -20,16 +20,18 @@ const CLIP_SET: &str = "hairbake";
 const FRAME_ROOT: &str = "over";
 /// The relationship to the skeleton that deforms a prim, its own or that of a prim above it.
 const SKELETON: &str = "skel:skeleton";
+/// The schema without which USD ignores a prim's own [`SKELETON`] and takes that of a prim above it.
+const SKELETON_SCHEMA: &str = "SkelBindingAPI";
 
 /// What does not change in the layers of over mode.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OverHeader {
     /// The stage, relative to the folder of the cache.
     pub stage: String,
-    /// Metres per unit of the stage.
-    pub metres_per_unit: f64,
-    /// Whether Z is up in it.
-    pub z_up: bool,
+    /// Metres per unit that the stage declares.
+    pub metres_per_unit: Option<f64>,
+    /// Whether Z is up in it, if it declares an axis.
+    pub z_up: Option<bool>,
     /// Its time codes per second.
     pub time_codes_per_second: f64,
     /// Its frames per second.
@@ -89,13 +91,18 @@ impl OverHeader {
         let creator = Value::string(concat!("hairbake ", env!("CARGO_PKG_VERSION")));
         let mut metadata: Metadata = [
             ("customLayerData", Value::Dictionary(vec![("creator".into(), creator)])),
-            ("metersPerUnit", Value::Double(self.metres_per_unit)),
-            ("upAxis", Value::token(if self.z_up { "Z" } else { "Y" })),
             ("timeCodesPerSecond", Value::Double(self.time_codes_per_second)),
             ("framesPerSecond", Value::Double(self.frames_per_second)),
         ]
         .map(|(name, value)| (name.to_string(), value))
         .into();
+        let unit = self.metres_per_unit.map(Value::Double);
+        let up = self.z_up.map(|z_up| Value::token(if z_up { "Z" } else { "Y" }));
+        metadata.extend(
+            [("metersPerUnit", unit), ("upAxis", up)]
+                .into_iter()
+                .filter_map(|(name, value)| Some((name.to_string(), value?))),
+        );
         metadata.extend(self.default_prim.iter().map(|name| ("defaultPrim".into(), Value::token(name))));
         let range = self.range.iter().flatten().zip(["startTimeCode", "endTimeCode"]);
         metadata.extend(range.map(|(code, name)| (name.into(), Value::Double(*code))));
@@ -124,6 +131,8 @@ impl OverHeader {
             // Stronger than other sets that the stage may have for the prim.
             prim.metadata.push(("clipSets".into(), Value::PrependedTokens(vec![CLIP_SET.into()])));
             if curves.without_skeleton {
+                let schemas = Value::PrependedTokens(vec![SKELETON_SCHEMA.into()]);
+                prim.metadata.push(("apiSchemas".into(), schemas));
                 prim.relationships.push(Relationship { name: SKELETON.into(), targets: Some(Vec::new()) });
             }
             if curves.without_accelerations {
@@ -210,8 +219,8 @@ mod tests {
         };
         let header = OverHeader {
             stage: "../shot.usda".into(),
-            metres_per_unit: 0.01,
-            z_up: true,
+            metres_per_unit: None,
+            z_up: Some(true),
             time_codes_per_second: 24.0,
             frames_per_second: 24.0,
             range: None,
@@ -220,10 +229,18 @@ mod tests {
             prims: vec![curves("/world/a/hair"), curves("/world/a/fringe"), curves("/b")],
         };
         let text = text::encode(&header.over_layer(100..=102));
-        for (line, count) in [("over \"world\"", 1), ("over \"a\"", 1), ("rel skel:skeleton = None", 3)] {
+        for (line, count) in [
+            ("over \"world\"", 1),
+            ("over \"a\"", 1),
+            ("rel skel:skeleton = None", 3),
+            ("prepend apiSchemas = [\"SkelBindingAPI\"]", 3),
+        ] {
             assert_eq!(text.matches(line).count(), count, "{text}");
         }
         assert!(text.contains("string \"primPath\" = \"/over/curves1\""));
-        assert!(text::encode(&header.shot_layer()).contains("[@./hair.over.usda@, @../shot.usda@]"));
+        let shot = text::encode(&header.shot_layer());
+        assert!(shot.contains("[@./hair.over.usda@, @../shot.usda@]"));
+        // A unit that the stage does not declare would change what it is taken for.
+        assert!(shot.contains("upAxis = \"Z\"") && !shot.contains("metersPerUnit"), "{shot}");
     }
 }

@@ -107,7 +107,7 @@ impl PlanArguments {
         let mut plan = Plan::new(&self.scene.title(), threads);
         let [groom, anim, out] = paths;
         if self.wedge.is_empty() {
-            plan.add_bake(&self.commands("", [groom, anim, out], &[], frames), division)?;
+            plan.add_bake(&self.commands("", [groom, anim, out], &[], frames)?, division)?;
             return Ok(plan);
         }
         let mut caches = Vec::new();
@@ -115,7 +115,7 @@ impl PlanArguments {
         for (i, values) in wedges::combinations(&self.wedge)?.iter().enumerate() {
             let number = format!("{:03}", i + 1);
             let cache = wedges::folder(out, &number, values);
-            let commands = self.commands(&number, [groom, anim, &cache], values, frames);
+            let commands = self.commands(&number, [groom, anim, &cache], values, frames)?;
             needs.push(plan.add_bake(&commands, division)?);
             caches.push(cache);
         }
@@ -127,14 +127,17 @@ impl PlanArguments {
     }
 
     /// The commands of one bake, with `values` in place of its settings.
+    ///
+    /// # Errors
+    /// As [`SceneArguments::to_words`].
     fn commands(
         &self,
         name: &str,
         [groom, anim, out]: [&str; 3],
         values: &[(String, String)],
         (first, last): (i32, i32),
-    ) -> Commands {
-        let mut settings = self.scene.to_words();
+    ) -> Result<Commands> {
+        let mut settings = self.scene.to_words()?;
         if self.format == PlanFormat::Openjd {
             settings.extend(["--path-map-file", PATH_MAP].map(String::from));
         }
@@ -154,7 +157,7 @@ impl PlanArguments {
         let validate = |end: &[&str]| {
             [&[&*self.program, "validate", out][..], end].concat().into_iter().map(String::from).collect()
         };
-        Commands {
+        Ok(Commands {
             name: name.into(),
             simulate: stage("simulate", &[&frames]),
             interpolate: stage("interpolate", &[&frames]),
@@ -163,6 +166,6 @@ impl PlanArguments {
                 files: validate(&["--only=static"]),
                 frames: validate(&["--only=moving", &frames]),
             }),
-        }
+        })
     }
 }

@@ -5,7 +5,7 @@ use super::{console, summary, values};
 use crate::bake::base_cache::GroupSelection;
 use crate::bake::job::{Job, JobOptions};
 use crate::bake::over;
-use crate::cache::MANIFEST;
+use crate::cache::{MANIFEST, OVER, SHOT};
 use crate::error::{Diagnostic, Error, Result};
 use crate::scene::anim::{OutputCurves, Resolution, Settings};
 use crate::scene::{Anim, Groom, LoadOptions, OverSource, OverTarget, Override, PathMap};
@@ -124,8 +124,21 @@ impl SceneArguments {
                 console::say("over mode is off: these settings leave out curves of the groom");
                 None
             }
+            // The unit and axis that `import track` was given for a stage are those of its other prims.
+            (Some(over), Some(OverSource { file, metres_per_unit, up, .. }))
+                if crate::file::is_same(&over.file, &file) =>
+            {
+                Some(OverSource { metres_per_unit, up, ..over })
+            }
             (over, default) => over.or(default),
         };
+        let written = |over: &OverSource| {
+            [SHOT, OVER].iter().any(|name| crate::file::is_same(&over.file, &out.join(name)))
+        };
+        if over.as_ref().is_some_and(written) {
+            let message = "--over is a layer that the bake writes to --output; name the stage below it";
+            return Err(Error::Usage(message.into()));
+        }
         let over = over.map(|over| over_target(&over, &groom, &anim, all_frames)).transpose()?;
         let overwrite = self.overwrite;
         let scene = Scene { groom, anim, groom_file, anim_file, options, set, only, over, out, overwrite };
@@ -154,11 +167,6 @@ impl SceneArguments {
     /// # Errors
     /// [`Error::Io`] without a current folder; [`Error::Usage`] for a path that is not Unicode.
     pub fn absolute_paths(&self) -> Result<[String; 3]> {
-        let absolute = |path: &Path| {
-            let path = std::path::absolute(path).map_err(|e| Error::io(path, e))?;
-            let text = path.to_str().map(String::from);
-            text.ok_or_else(|| Error::Usage(format!("the path {} is not valid Unicode", path.display())))
-        };
         Ok([absolute(&self.groom)?, absolute(&self.anim)?, absolute(&self.output)?])
     }
 
@@ -193,19 +201,22 @@ impl SceneArguments {
         Ok(rows)
     }
 
-    /// The options that give the same scene again, without groom, animation and output.
-    pub fn to_words(&self) -> Vec<String> {
+    /// The options that give the same scene again in any folder, without groom, animation and output.
+    ///
+    /// # Errors
+    /// [`Error::Io`] without a current folder; [`Error::Usage`] for a path that is not Unicode.
+    pub fn to_words(&self) -> Result<Vec<String>> {
         let mut words = self.settings.to_words();
         if self.overwrite {
             words.push("--overwrite".into());
         }
         if let Some(base) = &self.base {
             words.extend(["--groups".into(), self.groups.join(",")]);
-            words.extend(["--base".into(), base.display().to_string()]);
+            words.extend(["--base".into(), absolute(base)?]);
         }
-        if let Some(OverSource { file, prims }) = &self.over {
+        if let Some(OverSource { file, prims, .. }) = &self.over {
             let prims = prims.iter().map(|prim| format!(":{prim}")).collect::<String>();
-            words.extend(["--over".into(), format!("{}{prims}", file.display())]);
+            words.extend(["--over".into(), format!("{}{prims}", absolute(file)?)]);
         }
         if self.no_over {
             words.push("--no-over".into());
@@ -213,7 +224,7 @@ impl SceneArguments {
         for (from, to) in &self.paths.path_map {
             words.extend(["--path-map".into(), format!("{from}={to}")]);
         }
-        words
+        Ok(words)
     }
 
     /// Name of the shot for the report.
@@ -268,16 +279,35 @@ impl Scene {
     }
 }
 
+/// A path that names the same file in any folder.
+///
+/// # Errors
+/// [`Error::Io`] without a current folder; [`Error::Usage`] for a path that is not Unicode.
+fn absolute(path: &Path) -> Result<String> {
+    let path = std::path::absolute(path).map_err(|e| Error::io(path, e))?;
+    let text = path.to_str().map(String::from);
+    text.ok_or_else(|| Error::Usage(format!("the path {} is not valid Unicode", path.display())))
+}
+
 /// The curves of a stage that a bake of these frames overrides.
 ///
 /// # Errors
-/// As [`import::over_target`] and [`over::check`].
+/// As [`import::over_target`] and [`over::check`]; the help of each tells how to do without.
 fn over_target(over: &OverSource, groom: &Groom, anim: &Anim, frames: (i32, i32)) -> Result<OverTarget> {
     let time = groom.source.as_ref().and_then(|source| source.origin.time);
     let offsets: Vec<f64> = anim.settings.offsets().collect();
-    let target = import::over_target(over, time, [frames.0 - 1, frames.1 + 1], &offsets)?;
-    over::check(groom, anim, &target)?;
-    Ok(target)
+    let read = || {
+        let target = import::over_target(over, time, [frames.0 - 1, frames.1 + 1], &offsets)?;
+        over::check(groom, anim, &target)?;
+        Ok(target)
+    };
+    read().map_err(|error| match error {
+        Error::BadInput(mut diagnostics) => {
+            diagnostics.iter_mut().for_each(|found| found.help.push_str(", or bake with --no-over"));
+            Error::BadInput(diagnostics)
+        }
+        error => error,
+    })
 }
 
 fn check_frames(file: &Path, (first, last): (i32, i32), shot: (i32, i32)) -> Result<()> {

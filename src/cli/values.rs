@@ -121,7 +121,7 @@ pub fn source(text: &str) -> Result<Source, String> {
 pub fn stage_prim(text: &str) -> Result<OverSource, String> {
     match source(text)? {
         Source { path, prim, metres_per_unit: None, up: None, .. } => {
-            Ok(OverSource { file: path, prims: prim.into_iter().collect() })
+            Ok(OverSource { file: path, prims: prim.into_iter().collect(), ..OverSource::default() })
         }
         _ => Err("expected FILE or FILE:PRIM, such as shot.usda:/world/hero/groom".into()),
     }

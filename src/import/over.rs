@@ -9,15 +9,16 @@ use crate::{Diagnostic, Result};
 /// where the stage places them at `offsets` after each of the frames.
 ///
 /// # Errors
-/// A file that is not USD, or cannot be read; closed curves, and curves inside instances.
+/// A file that is not USD, or cannot be read, or of unknown unit; closed curves, and curves inside instances.
 pub fn over_target(
     source: &OverSource,
     time: Option<f64>,
     frames: [i32; 2],
     offsets: &[f64],
 ) -> Result<OverTarget> {
-    let OverSource { file, prims } = source;
-    let source = Source { time, ..Source::new(file) };
+    let OverSource { file, prims, metres_per_unit, up } = source;
+    let (metres_per_unit, up) = (*metres_per_unit, *up);
+    let source = Source { time, metres_per_unit, up, ..Source::new(file) };
     if !source.is_usd() {
         let help = "name the stage that shows the groom";
         let allowed = ".usd, .usda, .usdc or .usdz";

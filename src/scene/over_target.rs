@@ -1,17 +1,21 @@
 //! The curves of a USD stage that a bake overrides.
 
-use super::convention::Convention;
+use super::convention::{Convention, UpAxis};
 use crate::math::basis_curve::CurveType;
 use nalgebra::{Matrix4, Vector3};
 use std::path::PathBuf;
 
 /// Curves of a stage that a bake is to override.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct OverSource {
     /// The stage.
     pub file: PathBuf,
     /// Paths of the curves, or of prims above them; none for the whole stage.
     pub prims: Vec<String>,
+    /// Metres per unit of the stage; `None` for what it declares.
+    pub metres_per_unit: Option<f64>,
+    /// Its up axis; `None` for what it declares, or Y.
+    pub up: Option<UpAxis>,
 }
 
 /// The curves of a stage that a bake overrides, and where the stage places them.
@@ -21,7 +25,7 @@ pub struct OverTarget {
     pub file: PathBuf,
     /// Checksum of all that was read from it.
     pub sha256: String,
-    /// Unit and axis.
+    /// Unit and axis in which the motion is put over it.
     pub convention: Convention,
     /// Its metadata.
     pub stage: StageMetadata,
@@ -36,6 +40,10 @@ pub struct OverTarget {
 /// Metadata of a stage that a layer over it repeats.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StageMetadata {
+    /// Metres per unit, if the stage declares it.
+    pub metres_per_unit: Option<f64>,
+    /// Up axis, if the stage declares it.
+    pub up: Option<UpAxis>,
     /// Time codes per second.
     pub time_codes_per_second: f64,
     /// Frames per second.

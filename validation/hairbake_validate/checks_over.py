@@ -16,10 +16,12 @@ from .overs import (
     OVER_LAYER,
     OVER_MANIFEST,
     SKELETON,
+    SKELETON_SCHEMA,
     OverPrim,
     Overs,
     Run,
-    to_metres,
+    deformed,
+    stage_to_metres,
 )
 from .report import Check, Finding
 from .window import Window
@@ -42,7 +44,7 @@ OVER_UNTOUCHED = Check(
 )
 OVER_CLIPS = Check(
     "over_clips",
-    "the value clips of the overs cover the frame range, and the composed stage resolves to their files",
+    "the value clips of the overs cover the frame range, and the composed stage draws what they hold",
     "correct the clip metadata in hair.over.usda, or remove stronger opinions from hair.shot.usda",
 )
 OVER_FRAMES = Check(
@@ -59,7 +61,7 @@ OVER_EXTENT = Check(
 )
 OVER_ROOTS = Check(
     "over_roots",
-    "every root of the groom's curves is on the head, wherever the stage places it",
+    "every root of the groom's curves is on the head or its skin, wherever the stage places it",
     "bake again over this stage: it may have been placed or animated anew",
     tolerances.OVER_ROOT_M,
     "m",
@@ -73,7 +75,7 @@ OVER_SHAPE = Check(
 )
 OVER_REST = Check(
     "over_rest",
-    "control points are off the groom's own, carried by the head, by no more than the strand is",
+    "control points are off the groom's own, carried with the root, by no more than the strand is",
     "bake again over this stage: its curves may have been edited",
     tolerances.OVER_REST_M,
     "m",
@@ -175,8 +177,13 @@ def differences(prim: Usd.Prim, other: Usd.Prim, moves: bool, frame: int) -> Ite
         values = [property_values(each, name, frame) for each in (prim, other)]
         if values[0] != values[1]:
             yield f"{name} differs"
+    ignored = {SKELETON_SCHEMA} if moves else set()
+    schemas = [[name for name in each.GetAppliedSchemas() if name not in ignored] for each in (prim, other)]
+    if schemas[0] != schemas[1]:
+        yield f"its schemas are {schemas[1]}, in the stage below {schemas[0]}"
+    composed = ("clips", "clipSets", "apiSchemas")
     metadata = [
-        {key: str(value) for key, value in each.GetAllMetadata().items() if key not in ("clips", "clipSets")}
+        {key: str(value) for key, value in each.GetAllMetadata().items() if key not in composed}
         for each in (prim, other)
     ]
     for key in sorted(
@@ -216,6 +223,9 @@ def over_clips(cache: Cache) -> Iterator[Finding]:
     frames = sorted(
         {cache.frames[0], cache.first, (cache.first + cache.last) // 2, cache.last, cache.frames[-1]}
     )
+    for path in sorted(deformed(overs.shot, [over.path for over in overs.prims])):
+        message = "a skeleton or blend shapes move its points once more"
+        yield Finding(OVER_CLIPS, message=message, prim=path)
     for over in overs.prims:
         prim = overs.shot.GetPrimAtPath(over.path)
         values = (Usd.ClipsAPI(prim).GetClips() or {}).get(CLIP_SET, {}) if prim else {}
@@ -326,7 +336,7 @@ def over_extent(window: Window) -> Iterator[Finding]:
             continue
         half = over.width / 2
         excess = max((box[0] - (points.min(0) - half)).max(), (points.max(0) + half - box[1]).max())
-        excess = max(0.0, float(excess) - spacing(box)) * UsdGeom.GetStageMetersPerUnit(overs.shot)
+        excess = max(0.0, float(excess) - spacing(box)) * overs.record["metres_per_unit"]
         yield Finding(OVER_EXTENT, excess, frame=window.frame, prim=over.path)
 
 
@@ -343,7 +353,7 @@ def head_in_world(window: Window) -> FloatArray | None:
     head = window.get(HEAD, TRANSFORM)
     if head is None:
         return None
-    to_world = to_metres(window.cache.stage)
+    to_world = stage_to_metres(window.cache.stage)
     matrix: FloatArray = np.linalg.inv(to_world) @ head @ to_world
     return matrix
 
@@ -357,7 +367,7 @@ def carried_rest(window: Window, over: OverPrim) -> tuple[FloatArray, Any] | Non
     if not skins:
         head = head_in_world(window)
         return None if head is None else (transformed(over.rest, head), every)
-    to_world, known = to_metres(window.cache.stage), np.zeros(len(over.counts), bool)
+    to_world, known = stage_to_metres(window.cache.stage), np.zeros(len(over.counts), bool)
     rest = transformed(over.rest, np.linalg.inv(to_world))
     turns, moves = np.zeros((len(over.counts), 3, 3)), np.zeros((len(over.counts), 3))
     for run in over.runs:
@@ -423,7 +433,7 @@ def run_shares(window: Window, over: OverPrim, run: Run, points: FloatArray) -> 
     world = None if curves is None else window.get(run.prim, "points")
     if curves is None or world is None:
         return
-    baked = transformed(world, to_metres(window.cache.stage))
+    baked = transformed(world, stage_to_metres(window.cache.stage))
     for which, drawn in sampled(over, points, run.first + chosen_curves(run), 8):
         index = which - run.first + run.baked
         for count in np.unique(curves.counts[index]):
@@ -464,7 +474,7 @@ def over_rest(window: Window) -> Iterator[Finding]:
             if curves is None or world is None:
                 allowed[run.first : run.first + run.count] = np.inf
                 continue
-            to_world = to_metres(window.cache.stage)
+            to_world = stage_to_metres(window.cache.stage)
             at_root = transformed(transformed(curves.rest, to_world), head)
             if window.reference.skins:
                 own = window.reference.skins.carried(curves, window.get)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import polynomial
-from pxr import Sdf, Tf, Usd, UsdGeom
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdSkel
 
 from .cache import SHOT_LAYER, Cache, CacheError, FrameFile, array, read_layer
 from .geometry import FloatArray, IntArray
@@ -20,6 +20,8 @@ MOVING = ("points", "velocities", "accelerations", "extent", *NORMALS)
 """What moves of curves: all that over mode may change."""
 SKELETON = "skel:skeleton"
 """The relationship that over mode clears on curves that a skeleton would move again."""
+SKELETON_SCHEMA = "SkelBindingAPI"
+"""The schema without which USD ignores that relationship, which over mode applies with it."""
 
 BASES = {
     "bezier": ((1, -3, 3, -1), (0, 3, -6, 3), (0, 0, 3, -3), (0, 0, 0, 1)),
@@ -110,6 +112,9 @@ class Overs:
             below = [path for path in self.shot.GetRootLayer().subLayerPaths if path != f"./{OVER_LAYER}"]
             self.stage_path = self.shot.GetRootLayer().ComputeAbsolutePath(below[0]) if below else ""
             self.original = Usd.Stage.Open(self.stage_path)
+            self.original.MuteAndUnmuteLayers(
+                [layer.identifier for layer in self.original.GetUsedLayers(False) if is_over(layer)], []
+            )
         except Tf.ErrorException as error:
             raise CacheError(f"{shot}: {error.args[0].commentary if error.args else error}") from error
         if not self.layer:
@@ -117,6 +122,7 @@ class Overs:
         self.frame_paths = {
             frame: cache.directory / f"hair.over.{str(frame).rjust(4, '0')}.usdc" for frame in cache.frames
         }
+        self.to_metres = to_metres(self.record["metres_per_unit"], self.record["up_axis"])
         self.prims = list(self._read_prims())
 
     def _read_prims(self) -> Iterator[OverPrim]:
@@ -129,7 +135,8 @@ class Overs:
     def to_world(self, prim: OverPrim, frame: float) -> FloatArray:
         """Matrix from the space of a prim to world in metres, Y up, for row vectors."""
         imageable = UsdGeom.Imageable(self.shot.GetPrimAtPath(prim.path))
-        return np.array(imageable.ComputeLocalToWorldTransform(frame)) @ to_metres(self.shot)
+        matrix: FloatArray = np.array(imageable.ComputeLocalToWorldTransform(frame)) @ self.to_metres
+        return matrix
 
     def read(self, frame: int) -> FrameFile:
         """Reads the file of a frame.
@@ -140,13 +147,38 @@ class Overs:
         return read_layer(self.frame_paths[frame], frame)
 
 
-def to_metres(stage: Usd.Stage) -> FloatArray:
-    """Matrix from the unit and axes of a stage to metres, Y up, for row vectors."""
+def is_over(layer: Sdf.Layer) -> bool:
+    """Whether a bake wrote a layer, and it has nothing but overs."""
+    overs = [prim.specifier == Sdf.SpecifierOver for prim in layer.rootPrims]
+    creator = str(layer.customLayerData.get("creator", ""))
+    return creator.startswith("hairbake ") and bool(overs) and all(overs)
+
+
+def to_metres(metres_per_unit: float, up_axis: str) -> FloatArray:
+    """Matrix from a unit and axes to metres, Y up, for row vectors."""
     matrix = np.eye(4)
-    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z:
+    if up_axis == UsdGeom.Tokens.z:
         matrix[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
-    matrix[:3, :3] *= UsdGeom.GetStageMetersPerUnit(stage)
+    matrix[:3, :3] *= metres_per_unit
     return matrix
+
+
+def stage_to_metres(stage: Usd.Stage) -> FloatArray:
+    """Matrix from the declared unit and axes of a stage to metres, Y up, for row vectors."""
+    return to_metres(UsdGeom.GetStageMetersPerUnit(stage), UsdGeom.GetStageUpAxis(stage))
+
+
+def deformed(stage: Usd.Stage, paths: list[str]) -> set[str]:
+    """Those of some prims whose points skeletons or blend shapes of a stage move."""
+    roots = {root.GetPath(): root for path in paths if (root := UsdSkel.Root.Find(stage.GetPrimAtPath(path)))}
+    cache, found = UsdSkel.Cache(), set()
+    for root in roots.values():
+        cache.Populate(root, Usd.PrimDefaultPredicate)
+        for binding in cache.ComputeSkelBindings(root, Usd.PrimDefaultPredicate):
+            queries = binding.GetSkinningTargets()
+            moved = (query for query in queries if query.HasJointInfluences() or query.HasBlendShapes())
+            found |= {str(query.GetPrim().GetPath()) for query in moved}
+    return found & set(paths)
 
 
 def read_prim(cache: Cache, prim: Usd.Prim, number: int, entry: dict[str, Any]) -> OverPrim:

@@ -9,7 +9,7 @@ from .checks_clips import CLIP_CHECKS
 from .checks_files import CHECKSUMS, FILES, checksums
 from .checks_frame import FRAME, FRAMES
 from .checks_motion import MOTION
-from .checks_over import OVER, OVER_FRAME
+from .checks_over import OVER, OVER_FRAME, OVER_FRAMES, overs_of
 from .checks_placement import PLACEMENTS
 from .checks_stage import STAGE
 from .checks_topology import CURVE_DATA
@@ -82,11 +82,14 @@ def validate(
 
 def missing_frames(cache: Cache, chosen: list[int]) -> list[Finding]:
     """Findings of frames without a file, among those that were not chosen."""
-    unchecked = (frame for frame in cache.frames if frame not in chosen)
-    missing = (frame for frame in unchecked if not cache.frame_path(frame).is_file())
+    overs = overs_of(cache)
+    unchecked = [frame for frame in cache.frames if frame not in chosen]
+    files = [(FRAMES, frame, cache.frame_path(frame)) for frame in unchecked]
+    files += [(OVER_FRAMES, frame, overs.frame_paths[frame]) for frame in unchecked] if overs else []
     return [
-        Finding(FRAMES, message=f"{cache.frame_path(frame).name}: no such file", frame=frame)
-        for frame in missing
+        Finding(check, message=f"{path.name}: no such file", frame=frame)
+        for check, frame, path in files
+        if not path.is_file()
     ]
 
 

@@ -15,7 +15,7 @@ from pxr import Usd, UsdGeom, UsdShade
 from hairbake_validate.cache import Cache
 from hairbake_validate.checks_over import chosen_curves, distances, in_world, sampled
 from hairbake_validate.geometry import FloatArray, transformed
-from hairbake_validate.overs import Overs, to_metres
+from hairbake_validate.overs import Overs, stage_to_metres
 from hairbake_validate.run import validate
 from hairbake_validate.window import Reference, Window
 
@@ -177,7 +177,7 @@ def strands(window: Window, overs: Overs, points: FloatArray) -> Iterator[tuple[
         world = window.get(run_.prim, "points")
         if world is None:
             continue
-        baked = transformed(world, to_metres(window.cache.stage))
+        baked = transformed(world, stage_to_metres(window.cache.stage))
         for which, drawn in sampled(over, points, run_.first + chosen_curves(run_), 16):
             for curve, line in zip(which - run_.first + run_.baked, drawn, strict=True):
                 start = curves.starts[curve]

@@ -1,19 +1,26 @@
 //! Which curves of a groom's source the curves of a stage are.
 
+use super::motion::linear;
 use super::source::{Fits, Set, owners, ranges, rest_controls};
 use crate::error::{Diagnostic, Error, Result};
 use crate::math::basis_curve::CurveFit;
 use crate::scene::anim::{OutputCurves, Settings};
 use crate::scene::{Anim, Groom, OverPrim, OverTarget, SourceCurves, SourcePrim};
+use nalgebra::Matrix4;
 use std::path::Path;
 
 /// Largest distance between the ends of a curve of the stage and those of the strand imported from it, m:
 /// files hold points in single precision.
 const SAME_ENDS: f64 = 1e-4;
 
-/// Checks that a bake can override the curves of `target`; `file` is that of the groom.
+/// Smallest ratio of two sizes of the same curves that tells of a mistaken unit: centimetres and inches,
+/// which differ least of the units in use, are a factor of 2.54 apart. A character may be scaled a little.
+const OTHER_UNIT: f64 = 2.0;
+
+/// Checks that a bake can override the curves of `target`.
 ///
-/// # Errors [`Error::BadInput`] with every difference between the groom and the curves of the stage;
+/// # Errors
+/// [`Error::BadInput`] with every difference between the groom and the curves of the stage;
 /// [`Error::Usage`] for settings that leave strands out.
 pub fn check(groom: &Groom, anim: &Anim, target: &OverTarget) -> Result<()> {
     if let Some(option) = left_out(groom, &anim.settings) {
@@ -42,6 +49,7 @@ pub fn check(groom: &Groom, anim: &Anim, target: &OverTarget) -> Result<()> {
     let owners = owners(source);
     let starts = source.starts();
     for (prim, of) in target.prims.iter().zip(matched) {
+        found.extend(resized(&source.prims[of], prim, target));
         found.extend(moved(groom, source, of, prim, &owners[starts[of]..], &target.file));
     }
     Error::if_any(found)
@@ -73,7 +81,7 @@ pub(super) fn matched<'a>(groom: &'a Groom, target: &OverTarget) -> Result<(&'a 
             "--over",
             "the groom does not tell which curves it was imported from",
             "a groom that `hairbake import groom` made from USD curves",
-            "import the groom again, or bake without --over",
+            "import the groom again",
         )
     })?;
     let found: Vec<_> = target.prims.iter().map(|prim| find(source, prim, target)).collect();
@@ -151,6 +159,24 @@ fn find(source: &SourceCurves, prim: &OverPrim, target: &OverTarget) -> Result<u
         }
         None => Ok(index),
     }
+}
+
+/// The error of a prim that the stage shows in another size than it was imported in: a unit is wrong.
+fn resized(of: &SourcePrim, prim: &OverPrim, target: &OverTarget) -> Option<Diagnostic> {
+    let size = |matrix: &Matrix4<f64>| linear(matrix).determinant().abs().cbrt();
+    let shown = size(&(target.convention.matrix_in() * prim.to_world.first()?[0]));
+    let ratio = shown / size(&of.to_rest);
+    // A skeleton may scale what it deforms.
+    if prim.skinned || (1.0 / OTHER_UNIT..=OTHER_UNIT).contains(&ratio) {
+        return None;
+    }
+    Some(Diagnostic::new(
+        &target.file,
+        &prim.path,
+        format!("the stage shows the curves {ratio:.3} times as large as they were imported"),
+        "the size that was imported: the head carries curves as they are",
+        "import groom and track with the same unit (--units, metersPerUnit of the stages)",
+    ))
 }
 
 /// The error of a prim with a curve that is elsewhere than the strand imported from it.

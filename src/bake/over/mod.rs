@@ -303,8 +303,8 @@ fn over_header(target: &OverTarget, accelerations: bool, out: &Path) -> Result<O
     Ok(OverHeader {
         // Without a dot, USD would search for it.
         stage: if stage.starts_with("../") { stage } else { format!("./{stage}") },
-        metres_per_unit: target.convention.metres_per_unit,
-        z_up: target.convention.up == UpAxis::Z,
+        metres_per_unit: target.stage.metres_per_unit,
+        z_up: target.stage.up.map(|up| up == UpAxis::Z),
         time_codes_per_second: target.stage.time_codes_per_second,
         frames_per_second: target.stage.frames_per_second,
         range: target.stage.range,

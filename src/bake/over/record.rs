@@ -4,7 +4,7 @@ use super::matching::matched;
 use super::source::{Set, owners};
 use crate::Result;
 use crate::cache::{Header, OverPrimRecord, OverRecord, OverRun};
-use crate::scene::{Groom, OverTarget};
+use crate::scene::{Convention, Groom, OverTarget, UpAxis};
 
 /// What the manifest of a cache with this `header` tells of the curves of `target`.
 ///
@@ -26,7 +26,9 @@ pub fn record(groom: &Groom, header: &Header, target: &OverTarget) -> Result<Ove
         }
     });
     let stage = target.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    Ok(OverRecord { stage, prims: prims.collect() })
+    let Convention { metres_per_unit, up } = target.convention;
+    let up_axis = if up == UpAxis::Z { "Z" } else { "Y" };
+    Ok(OverRecord { stage, metres_per_unit, up_axis: up_axis.into(), prims: prims.collect() })
 }
 
 /// What curves move as, in runs as long as possible.

@@ -213,7 +213,12 @@ fn over(options: &TrackOptions, motion: &Motion) -> Result<Option<OverFile>> {
     if prims.is_empty() {
         return Ok(None);
     }
-    Ok(Some(OverFile { file: relative(&options.motion.path, &options.folder)?, prims }))
+    Ok(Some(OverFile {
+        file: relative(&options.motion.path, &options.folder)?,
+        prims,
+        metres_per_unit: Some(motion.convention.metres_per_unit),
+        up_axis: Some(motion.convention.up),
+    }))
 }
 
 /// Compares the roots of the groom with the colliders; returns notes of the distances.

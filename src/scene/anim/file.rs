@@ -80,6 +80,13 @@ pub struct OverFile {
     pub file: String,
     /// Paths of the curves, or of prims above them.
     pub prims: Vec<String>,
+    /// Metres per unit of the stage, whatever it declares. Default: what it declares.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1e-6, max = 1e4))]
+    pub metres_per_unit: Option<f64>,
+    /// Axis of the stage that points up, whatever it declares. Default: what it declares, or "y".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub up_axis: Option<UpAxis>,
 }
 
 /// Marks the file as an animation.

@@ -32,23 +32,32 @@ QUICK = ("--substeps", "2", "--preroll", "0.1", "--no-pictures")
 
 
 class Shot:
-    """A character in a shot: referenced, placed, turned as it walks; cm, Z up."""
+    """A character in a shot: referenced, placed, turned as it walks; Z up."""
 
-    def __init__(self, folder: Path, hairbake: Run, basis: str = "bspline", wrap: str = "pinned") -> None:
-        """Writes the asset and the shot."""
-        self.folder, self.hairbake = folder, hairbake
+    def __init__(
+        self,
+        folder: Path,
+        hairbake: Run,
+        basis: str = "bspline",
+        wrap: str = "pinned",
+        units: float = 100,
+        declared: float | None = 0.01,
+    ) -> None:
+        """Writes the asset and the shot, with so many units per metre, and what they declare of them."""
+        self.folder, self.hairbake, self.units, self.declared = folder, hairbake, units, declared
         self.asset, self.shot = folder / "char.usda", folder / "shot.usda"
         self._write_asset(basis, wrap)
         self._write_shot()
 
     def _write_asset(self, basis: str, wrap: str) -> None:
-        stage = new_stage(self.asset, 0.01, "Z")
+        stage = new_stage(self.asset, self.declared, "Z")
         stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/char").GetPrim())
-        UsdGeom.Xform.Define(stage, "/char/head").AddTranslateOp().Set(Gf.Vec3d(0, 0, 150))
+        UsdGeom.Xform.Define(stage, "/char/head").AddTranslateOp().Set(Gf.Vec3d(0, 0, 1.5 * self.units))
         points = hanging(STRANDS, POINTS)
-        points = np.stack([points[..., 0], -points[..., 2], points[..., 1]], axis=-1) * 100
+        points = np.stack([points[..., 0], -points[..., 2], points[..., 1]], axis=-1)
         # Not straight, so that a curve is not its control points.
-        points[:, 1::2, 1] += 0.8
+        points[:, 1::2, 1] += 0.008
+        points *= self.units
         if (basis, wrap) in (("bspline", "nonperiodic"), ("catmullRom", "nonperiodic")):
             # The curve starts between the first and the third control point.
             points[:, 0] = 2 * points[:, 1] - points[:, 2]
@@ -57,7 +66,7 @@ class Shot:
         )
         if basis == "linear":
             curves.GetTypeAttr().Set("linear")
-        curves.CreateWidthsAttr([0.01])
+        curves.CreateWidthsAttr([1e-4 * self.units])
         curves.SetWidthsInterpolation("constant")
         curves.CreatePurposeAttr("render")
         add_primvar(curves, "hair_id", Sdf.ValueTypeNames.IntArray, "uniform", list(range(STRANDS)))
@@ -69,7 +78,7 @@ class Shot:
         stage.Save()
 
     def _write_shot(self) -> None:
-        stage = new_stage(self.shot, 0.01, "Z")
+        stage = new_stage(self.shot, self.declared, "Z")
         stage.SetTimeCodesPerSecond(24)
         stage.SetFramesPerSecond(24)
         stage.SetStartTimeCode(FIRST)
@@ -81,7 +90,7 @@ class Shot:
         nod = UsdGeom.Xform(stage.OverridePrim("/world/hero/char/head")).AddRotateXOp()
         for frame in range(FIRST - 8, LAST + 9):
             time = (frame - FIRST) / 24
-            walk.Set(Gf.Vec3d(200 + 60 * time, 50, 0), frame)
+            walk.Set(Gf.Vec3d(2 + 0.6 * time, 0.5, 0) * self.units, frame)
             turn.Set(30 + 90 * time, frame)
             nod.Set(15 * float(np.sin(6 * time)), frame)
         stage.Save()
@@ -98,15 +107,16 @@ class Shot:
         assert done.returncode == 0, done.stderr
         return done.stderr
 
-    def imported(self, *options: object, stage: Path | None = None) -> tuple[Path, Path]:
-        """Imports groom and track."""
+    def imported(
+        self, *options: object, stage: Path | None = None, track: tuple[object, ...] = ()
+    ) -> tuple[Path, Path]:
+        """Imports groom and track, with options of both or of the track."""
         groom, anim = self.folder / "groom.json", self.folder / "anim.json"
         prim = "/char" if stage == self.asset else "/world/hero/char"
         source = stage or self.shot
         self.run("import", "groom", source, "--prim", prim, "--guides", 4, *options, "-o", groom)
-        self.track = self.run(
-            "import", "track", self.shot, "--prim", f"{HAIR[:-5]}/head", "--groom", groom, "-o", anim
-        )
+        head = ("--prim", f"{HAIR[:-5]}/head")
+        self.track = self.run("import", "track", self.shot, *head, *track, "--groom", groom, "-o", anim)
         return groom, anim
 
     def baked(self, *options: object, stage: Path | None = None) -> Path:
@@ -181,7 +191,38 @@ def test_what_does_not_move_comes_back_to_rounding(
 def test_a_groom_of_the_asset_is_found_in_the_shot(hairbake: Run, tmp_path: Path) -> None:
     shot = Shot(tmp_path, hairbake)
     passed(shot.baked(stage=shot.asset))
-    assert json.loads((tmp_path / "anim.json").read_text())["over"] == {"file": "shot.usda", "prims": [HAIR]}
+    expected = {"file": "shot.usda", "prims": [HAIR], "metres_per_unit": 0.01, "up_axis": "z"}
+    assert json.loads((tmp_path / "anim.json").read_text())["over"] == expected
+
+
+def test_a_unit_that_the_stage_does_not_declare_is_that_of_the_import(hairbake: Run, tmp_path: Path) -> None:
+    shot = Shot(tmp_path, hairbake, units=1, declared=None)
+    unit = ("--units", "m")
+    scene, out = shot.imported(*unit, track=unit), tmp_path / "out"
+    shot.run(*scene, "-o", out, *QUICK)
+    passed(out)
+    stage, found = composed(out)
+    # Metres: the strands are 0.2 m long, and the shot is as it was, also for who takes it for centimetres.
+    moved = np.linalg.norm(values(found.GetPointsAttr(), LAST) - values(found.GetPointsAttr()), axis=1)
+    assert 0.01 < moved.max() < 0.5
+    assert not stage.HasAuthoredMetadata("metersPerUnit")
+    record = json.loads((out / "manifest.json").read_text())["over"]
+    assert (record["metres_per_unit"], record["up_axis"]) == (1.0, "Z")
+    # The same stage by another prim has the unit of the track; other stages have none.
+    shot.run(*scene, "-o", tmp_path / "again", *QUICK, "--over", f"{shot.shot}:/world")
+    assert (tmp_path / "again/hair.over.1003.usdc").read_bytes() == (out / "hair.over.1003.usdc").read_bytes()
+    other = tmp_path / "other.usda"
+    other.write_bytes(shot.shot.read_bytes())
+    refused = hairbake(*scene, "-o", tmp_path / "none", "--over", f"{other}:{HAIR}")
+    assert refused.returncode == 65
+    assert "the stage does not declare its unit" in unwrapped(refused.stderr)
+
+
+def test_groom_and_track_of_different_units_are_refused(hairbake: Run, tmp_path: Path) -> None:
+    shot = Shot(tmp_path, hairbake, units=1, declared=None)
+    done = hairbake(*shot.imported("--units", "m"), "-o", tmp_path / "out", *QUICK)
+    assert done.returncode == 65, done.stderr
+    assert "the stage shows the curves 0.010 times as large as they were imported" in unwrapped(done.stderr)
 
 
 def test_moments_accelerations_and_normals(hairbake: Run, tmp_path: Path) -> None:
@@ -215,8 +256,10 @@ def test_moments_accelerations_and_normals(hairbake: Run, tmp_path: Path) -> Non
     assert np.abs(normals - [1, 0, 0]).max() > 0.05
 
 
-@pytest.mark.parametrize("bound", ["/char/hair", "/char"])
-def test_a_skeleton_does_not_move_the_curves_again(hairbake: Run, tmp_path: Path, bound: str) -> None:
+@pytest.mark.parametrize(("bound", "shapes"), [("/char/hair", False), ("/char", False), ("/char/hair", True)])
+def test_a_skeleton_does_not_move_the_curves_again(
+    hairbake: Run, tmp_path: Path, bound: str, shapes: bool
+) -> None:
     shot = Shot(tmp_path, hairbake)
 
     def bind(stage: Usd.Stage) -> None:
@@ -227,8 +270,13 @@ def test_a_skeleton_does_not_move_the_curves_again(hairbake: Run, tmp_path: Path
         skeleton.CreateBindTransformsAttr([pose])
         skeleton.CreateRestTransformsAttr([pose])
         binding = UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath(bound))
-        UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath("/char/hair"))
         binding.CreateSkeletonRel().SetTargets(["/char/rig"])
+        if shapes:
+            shape = UsdSkel.BlendShape.Define(stage, "/char/hair/windy")
+            shape.CreateOffsetsAttr([(1.0, 0.0, 0.0)] * STRANDS * POINTS)
+            binding.CreateBlendShapesAttr(["windy"])
+            binding.CreateBlendShapeTargetsRel().SetTargets([shape.GetPath()])
+            return
         binding.CreateJointIndicesPrimvar(True, 1).Set([0])
         binding.CreateJointWeightsPrimvar(True, 1).Set([1.0])
 
@@ -246,6 +294,74 @@ def test_a_skeleton_does_not_move_the_curves_again(hairbake: Run, tmp_path: Path
         return [str(target.GetPrim().GetPath()) for target in targets]
 
     assert skinned(shot.shot) == [HAIR] and skinned(out / "hair.shot.usda") == []
+
+
+def test_what_an_earlier_bake_put_over_the_shot_is_not_read(hairbake: Run, tmp_path: Path) -> None:
+    shot = Shot(tmp_path, hairbake)
+    shot.edit(
+        shot.asset,
+        lambda stage: (
+            UsdGeom.BasisCurves(stage.GetPrimAtPath("/char/hair"))
+            .CreateAccelerationsAttr()
+            .Set(Vt.Vec3fArray(STRANDS * POINTS))
+        ),
+    )
+    first, second = shot.baked(), tmp_path / "again"
+    # As a pipeline has it.
+    shot.edit(shot.shot, lambda stage: stage.GetRootLayer().subLayerPaths.append("./out/hair.over.usda"))
+    shot.run(*shot.imported(), "-o", second, *QUICK)
+    names = sorted(path.name for path in first.glob("hair*"))
+    assert "hair.over.1003.usdc" in names
+    for name in names:
+        assert (first / name).read_bytes() == (second / name).read_bytes(), name
+    inputs = [json.loads((out / "manifest.json").read_text())["inputs"] for out in (first, second)]
+    assert [entry for entry in inputs[0] if entry["role"] == "over"] == [
+        entry for entry in inputs[1] if entry["role"] == "over"
+    ]
+    passed(second)
+
+
+def test_layers_of_the_bake_are_no_stage_to_put_it_over(hairbake: Run, tmp_path: Path) -> None:
+    shot = Shot(tmp_path, hairbake)
+    out = shot.baked()
+    scene = (tmp_path / "groom.json", tmp_path / "anim.json", "-o", out, *QUICK, "--overwrite")
+    before = (out / "hair.shot.usda").read_bytes()
+    anim = json.loads((tmp_path / "anim.json").read_text())
+    for over in (("--over", f"{out}/hair.shot.usda:{HAIR}"), ()):
+        done = hairbake(*scene, *over)
+        assert done.returncode == 64 and "name the stage below it" in unwrapped(done.stderr), done.stderr
+        anim["over"]["file"] = "out/hair.shot.usda"
+        (tmp_path / "anim.json").write_text(json.dumps(anim))
+    assert (out / "hair.shot.usda").read_bytes() == before
+
+
+def test_curves_that_only_the_shot_hides_move_as_well(hairbake: Run, tmp_path: Path) -> None:
+    shot = Shot(tmp_path, hairbake)
+    scene = shot.imported()
+
+    def hide(stage: Usd.Stage) -> None:
+        UsdGeom.Imageable(stage.OverridePrim(HAIR)).MakeInvisible()
+
+    shot.edit(shot.shot, hide)
+    shot.run(*scene, "-o", tmp_path / "out", *QUICK)
+    passed(tmp_path / "out")
+
+
+def test_a_plan_names_the_stage_and_the_base_for_any_folder(
+    hairbake: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shot = Shot(tmp_path, hairbake)
+    scene = shot.imported()
+    monkeypatch.chdir(tmp_path)
+    over = ("--over", f"shot.usda:{HAIR}", "--groups", "hair", "--base", "old")
+    done = hairbake("plan", *scene, "-o", "out", *over)
+    assert done.returncode == 0, done.stderr
+    commands = [task for step in json.loads(done.stdout)["steps"] for task in step["tasks"]]
+    bakes = [command for command in commands if "--over" in command]
+    assert bakes
+    for command in bakes:
+        named = {option: command[command.index(option) + 1] for option in ("--over", "--base")}
+        assert named == {"--over": f"{shot.shot}:{HAIR}", "--base": str(tmp_path / "old")}
 
 
 def test_strands_left_out_ride_with_the_head(hairbake: Run, tmp_path: Path) -> None:
@@ -363,7 +479,8 @@ def test_stages_that_nothing_can_be_put_over_are_refused(
     change(shot)
     done = hairbake(*scene, "-o", out, "--over", tmp_path / over)
     assert done.returncode == 65, done.stderr
-    assert message in unwrapped(done.stderr) and "nothing written" in done.stderr
+    said = unwrapped(done.stderr)
+    assert message in said and "or bake with --no-over" in said and "nothing written" in said
     assert not out.exists()
 
 

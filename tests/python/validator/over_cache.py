@@ -76,7 +76,8 @@ class OverCache:
         }
 
         def change(record: dict[str, Any]) -> None:
-            record["over"] = {"stage": self.stage.name, "prims": [prim]}
+            stage = {"stage": self.stage.name, "metres_per_unit": 0.01, "up_axis": "Z"}
+            record["over"] = {**stage, "prims": [prim]}
             record["layers"] += [self.cache.file_record(self.cache.path(name)) for name in names]
             for entry in record["frames"]:
                 entry["over"] = self.cache.file_record(self.frame(entry["frame"]))

@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from pxr import Sdf, Usd, UsdGeom, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from hairbake_validate.checks_over import OVER, OVER_FRAME
 from hairbake_validate.run import validate
 from validator.defects import MIDDLE, failed
-from validator.good_cache import POINTS, CacheBuilder
+from validator.good_cache import FIRST, POINTS, CacheBuilder
 from validator.over_cache import CURVES_PATH, OverCache
 
 Defect = Callable[[OverCache], object]
@@ -85,6 +85,27 @@ def prim_added(prim: Usd.Prim) -> None:
 
 def clips_too_short(prim: Usd.Prim) -> None:
     Usd.ClipsAPI(prim).SetClipTemplateEndTime(MIDDLE, "hairbake")
+
+
+def schema_added(prim: Usd.Prim) -> None:
+    prim.AddAppliedSchema("CollectionAPI:hair")
+
+
+def bound_again(over: OverCache) -> None:
+    """The stage has a skeleton, from which the overs do not unbind the curves."""
+    stage = Usd.Stage.Open(str(over.stage))
+    UsdSkel.Root.Define(stage, "/world/hero/groom")
+    skeleton = UsdSkel.Skeleton.Define(stage, "/world/hero/groom/rig")
+    skeleton.CreateJointsAttr(["head"])
+    skeleton.CreateBindTransformsAttr([Gf.Matrix4d()])
+    skeleton.CreateRestTransformsAttr([Gf.Matrix4d()])
+    UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath("/world/hero/groom")).CreateSkeletonRel().SetTargets(
+        [skeleton.GetPath()]
+    )
+    binding = UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath(CURVES_PATH))
+    binding.CreateJointIndicesPrimvar(True, 1).Set([0])
+    binding.CreateJointWeightsPrimvar(True, 1).Set([1.0])
+    stage.Save()
 
 
 def samples_over_clips(over: OverCache) -> None:
@@ -168,10 +189,12 @@ DEFECTS: list[tuple[str, Defect]] = [
             primvar_added,
             prim_added,
             hidden,
+            schema_added,
         )
     ),
     ("over_clips", on_curves(clips_too_short)),
     ("over_clips", samples_over_clips),
+    ("over_clips", bound_again),
     ("over_frames", frame_missing),
     ("over_frames", attribute_missing),
     ("over_frames", points_missing),
@@ -202,6 +225,29 @@ def test_points_that_are_off_are_found(
     moved(change)(over)
     report = validate(over.cache.directory)
     assert failed(report) == checks, report.as_text()
+
+
+def test_the_unit_is_that_of_the_manifest(over: OverCache) -> None:
+    over.cache.edit_record(lambda record: record["over"].update(metres_per_unit=0.1))
+    assert {"over_roots", "over_shape", "over_rest"} <= failed(validate(over.cache.directory))
+
+
+def test_an_unbound_skeleton_passes(over: OverCache) -> None:
+    bound_again(over)
+
+    def unbind(prim: Usd.Prim) -> None:
+        prim.AddAppliedSchema("SkelBindingAPI")
+        prim.CreateRelationship("skel:skeleton", False).SetTargets([])
+
+    on_curves(unbind)(over)
+    report = validate(over.cache.directory)
+    assert not failed(report), report.as_text()
+
+
+def test_a_quick_run_finds_missing_files(over: OverCache) -> None:
+    over.frame(MIDDLE).unlink()
+    report = validate(over.cache.directory, frames=[FIRST])
+    assert failed(report) == {"over_frames"}, report.as_text()
 
 
 def test_a_stage_that_is_placed_elsewhere_is_found(over: OverCache) -> None:

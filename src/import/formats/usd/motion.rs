@@ -11,7 +11,7 @@ use serde::Deserialize;
 use std::path::Path;
 
 /// The default of USD's metersPerUnit.
-pub(super) const DEFAULT_METRES_PER_UNIT: f64 = 0.01;
+const DEFAULT_METRES_PER_UNIT: f64 = 0.01;
 
 #[derive(Debug, Deserialize)]
 struct Header {

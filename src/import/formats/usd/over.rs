@@ -1,11 +1,10 @@
 //! Curves of a USD stage that a bake overrides.
 
 use super::exchange::{self, Exchange, matrices, required};
-use super::motion::DEFAULT_METRES_PER_UNIT;
-use crate::Result;
 use crate::import::source::Source;
 use crate::math::basis_curve::{Basis, CurveType, Wrap};
 use crate::scene::{Convention, OverNormals, OverPrim, OverTarget, StageMetadata};
+use crate::{Diagnostic, Result};
 use serde::Deserialize;
 
 #[derive(Debug, Deserialize)]
@@ -37,7 +36,7 @@ struct PrimHeader {
 /// stage places them at `offsets` after each frame `first` to `last`.
 ///
 /// # Errors
-/// As [`Exchange::read`]; closed curves, and curves inside instances.
+/// As [`Exchange::read`]; a stage of unknown unit; closed curves, and curves inside instances.
 pub(crate) fn read(
     source: &Source,
     prims: &[String],
@@ -58,6 +57,16 @@ pub(crate) fn read(
     let mut to_world = to_world.as_chunks::<3>().0.iter().copied();
     let sides = required(read.f64s("sides"), "sides")?;
     let declared = read.header.declared();
+    // Not USD's default: the groom's unit may have been guessed or given.
+    let metres_per_unit = source.metres_per_unit.or(declared.metres_per_unit).ok_or_else(|| {
+        Diagnostic::new(
+            &source.path,
+            "metersPerUnit",
+            "the stage does not declare its unit",
+            "a declared unit, or the one that `import track` noted",
+            "declare metersPerUnit in the stage, or import the track from it with --units",
+        )
+    })?;
     let Header { prims, time_codes_per_second, frames_per_second, range, default_prim } = read.header.more;
     let prim = |prim: PrimHeader| OverPrim {
         path: prim.path,
@@ -79,11 +88,15 @@ pub(crate) fn read(
     Ok(OverTarget {
         file: source.path.clone(),
         sha256,
-        convention: Convention {
-            metres_per_unit: declared.metres_per_unit.unwrap_or(DEFAULT_METRES_PER_UNIT),
-            up: declared.up.unwrap_or_default(),
+        convention: Convention { metres_per_unit, up: source.up.or(declared.up).unwrap_or_default() },
+        stage: StageMetadata {
+            metres_per_unit: declared.metres_per_unit,
+            up: declared.up,
+            time_codes_per_second,
+            frames_per_second,
+            range,
+            default_prim,
         },
-        stage: StageMetadata { time_codes_per_second, frames_per_second, range, default_prim },
         prims: prims.into_iter().map(prim).collect(),
         first_frame: first,
         sides,

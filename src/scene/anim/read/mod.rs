@@ -47,7 +47,12 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
     let frames = (first, last);
     let convention = Convention { metres_per_unit: file.metres_per_unit, up: file.up_axis };
     let lead = lead_in(file.fps, file.settings.preroll_s);
-    let over = file.over.map(|over| OverSource { file: folder.join(over.file), prims: over.prims });
+    let over = file.over.map(|over| OverSource {
+        file: folder.join(over.file),
+        prims: over.prims,
+        metres_per_unit: over.metres_per_unit,
+        up: over.up_axis,
+    });
     let mut context = Context { convention, fps: file.fps, frames, lead, folder, buffers, diagnostics };
     let bodies = bodies::bodies(&mut context, file.bodies);
     let names: Vec<String> = bodies.iter().map(|body| body.name.clone()).collect();
