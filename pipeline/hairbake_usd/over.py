@@ -12,7 +12,11 @@ from .primvars import Layout
 from .stage import all_of, convention, find, gather, open_stage, to_world
 
 SIDE = 0.25
-"""Greatest number of time codes from a moment to the next at which a transform is taken, for its rates."""
+"""Greatest number of time codes from a moment to the next at which a transform is taken, for its rates.
+
+Stages sample transforms at frames, or at a quarter of a frame for motion blur, and interpolate linearly
+between: within a quarter the rate is that of the segment which renderers blur.
+"""
 
 
 @dataclass(frozen=True)

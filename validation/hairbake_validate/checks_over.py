@@ -108,6 +108,18 @@ def overs_of(cache: Cache) -> Overs | None:
     return found if isinstance(found, Overs) else None
 
 
+def not_applicable(cache: Cache) -> set[Check]:
+    """The checks of over mode that have nothing to look at in a cache.
+
+    By how much curves were lengthened is not in the cache, so that the rest of such curves is not compared.
+    """
+    overs = opened(cache)
+    if overs is None:
+        return {*OVER, *OVER_FRAME}
+    lengthened = isinstance(overs, Overs) and all(over.lengthened for over in overs.prims)
+    return {OVER_REST} if lengthened else set()
+
+
 def over_stage(cache: Cache) -> Iterator[Finding]:
     """Checks that the stage composes. A sublayer of another unit or rate would be scaled, or not."""
     found = opened(cache)
@@ -396,7 +408,7 @@ def over_roots(window: Window) -> Iterator[Finding]:
     """Measures the distance of each root from its place on the head, or on a skin."""
     for over in prims(window):
         points, motion = in_world(window, over), carried_rest(window, over)
-        if points is None or motion is None or over.lengthened:
+        if points is None or motion is None:
             continue
         carried, every = motion
         pairs = zip(sampled(over, points, every, 1), sampled(over, carried, every, 1), strict=True)

@@ -1,5 +1,6 @@
 """Checks, their findings, and the report: a table for people and JSON for programs."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
@@ -132,7 +133,7 @@ class Report:
         self.cache = cache
         self.outcomes = {check.id: Outcome(check) for check in checks}
 
-    def ran(self, checks: list[Check]) -> None:
+    def ran(self, checks: Iterable[Check]) -> None:
         """Marks checks as run: without findings they pass."""
         for check in checks:
             self.outcomes[check.id].ran = True

@@ -9,7 +9,7 @@ from .checks_clips import CLIP_CHECKS
 from .checks_files import CHECKSUMS, FILES, checksums
 from .checks_frame import FRAME, FRAMES
 from .checks_motion import MOTION
-from .checks_over import OVER, OVER_FRAME, OVER_FRAMES, overs_of
+from .checks_over import OVER, OVER_FRAME, OVER_FRAMES, not_applicable, overs_of
 from .checks_placement import PLACEMENTS
 from .checks_stage import STAGE
 from .checks_topology import CURVE_DATA
@@ -59,9 +59,10 @@ def validate(
     """
     cache = Cache(directory)
     report = Report(str(directory), CHECKS)
+    left_out = not_applicable(cache)
     if only != "moving":
         for check, function in STATIC.items():
-            report.ran([check])
+            report.ran({check} - left_out)
             report.add(list(function(cache)))
         if not quick:
             report.ran([CHECKSUMS])
@@ -72,7 +73,7 @@ def validate(
     if quick and len(chosen) > 3 * QUICK:
         middle = (len(chosen) - QUICK) // 2
         chosen = chosen[:QUICK] + chosen[middle : middle + QUICK] + chosen[-QUICK:]
-    report.ran([*MOVING])
+    report.ran(MOVING.keys() - left_out)
     for findings in check_frames(cache, Reference.of(cache), chosen, jobs):
         report.add(findings)
     if only is None:

@@ -38,12 +38,15 @@ OVER_ROOT_M = 2e-6
 
 # Distance of a baked strand from the curve of the groom that stands for it, the mean over the strand as a
 # share of its length, at the 95th percentile of the strands. A B-spline has half as many control points as
-# the strand has points, and no kinks.
+# the strand has points, and no kinks: the mean of all strands is 0.1 % (docs/benchmarks.md), that of kinky
+# ones several times as much. A curve that moves as another strand is off by a tenth and more.
 OVER_SHAPE = 0.02
 
 # How far control points are from where the head carries the groom's own, m, beyond OVER_GAIN times the same
-# distance of the farthest point of the strand. The control points of a B-spline swing by up to three times as
-# much as the curve; phantom ends are extrapolated, up to three times as far.
+# distance of the farthest point of the strand. The control points of a B-spline swing by up to three times
+# as much as the curve; phantom ends are extrapolated, up to three times as far. OVER_REST_M covers rounding
+# to 32 bits of places in the asset, in the prim and in the strand (5e-7 m each at 10 m), which the solve
+# for control points amplifies by as much.
 OVER_GAIN = 4.0
 OVER_REST_M = 1e-5
 

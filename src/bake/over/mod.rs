@@ -27,7 +27,8 @@ use source::{Fits, Set, owners, ranges, rest_controls};
 use std::ops::Range;
 use std::path::Path;
 
-/// Arc-length fractions closer than this are one place.
+/// Arc-length fractions closer than this are one place: files hold points in single precision, which moves the
+/// fraction of a point by up to some 1e-6; the points of a strand are a hundred times farther apart.
 const SAME_PLACE: f64 = 1e-5;
 
 /// The curves that a bake overrides, ready for any frame.

@@ -4,7 +4,9 @@ use crate::scene::{Anim, Convention, RootBinding};
 use crate::strands::RigidMotion;
 use nalgebra::{Matrix3, Matrix4, SVector, Vector3};
 
-/// Step of the differences that give the acceleration of a carrier, s.
+/// Step of the differences that give the acceleration of a carrier, s. Rounding, ε |x| / STEP², stays below 1e-9
+/// m/s² for places in metres, and truncation, STEP² a'' / 12, below 1e-3 of an acceleration that changes at
+/// ten hertz.
 const STEP: f64 = 1e-3;
 
 /// Position, velocity and acceleration of a point.
@@ -103,6 +105,7 @@ mod tests {
     use super::*;
     use crate::scene::UpAxis;
     use approx::assert_abs_diff_eq;
+    use nalgebra::Rotation3;
 
     #[test]
     fn a_point_at_rest_in_the_world_moves_backwards_in_a_space_that_moves() {
@@ -120,6 +123,38 @@ mod tests {
         assert_abs_diff_eq!(p, Vector3::new(2.0, 1.0, 0.0), epsilon = 1e-12);
         assert_abs_diff_eq!(v, Vector3::new(-speed, 0.0, 0.0), epsilon = 1e-10);
         assert_abs_diff_eq!(a, Vector3::new(-growth, 0.0, 0.0), epsilon = 1e-8);
+    }
+
+    #[test]
+    fn motion_in_a_space_that_turns_and_scales_is_the_derivative_of_the_place_in_it() {
+        let convention = Convention { metres_per_unit: 0.01, up: UpAxis::Z };
+        let to_world = |t: f64| {
+            let turn = Rotation3::from_scaled_axis(Vector3::new(0.5, -1.0, 2.0) * t + Vector3::z() * t * t);
+            let scale = Matrix4::new_nonuniform_scaling(&Vector3::new(1.0, 2.0, 0.5)) * (1.0 + 0.1 * t);
+            Matrix4::new_translation(&Vector3::new(30.0 * t, 0.0, 20.0 * t * t))
+                * turn.to_homogeneous()
+                * scale.map_with_location(|row, column, x| if (row, column) == (3, 3) { 1.0 } else { x })
+        };
+        let world = |t: f64| Vector3::new(0.3, 1.0 + 0.4 * t, 0.2 * (3.0 * t).sin());
+        let local = |t: f64| {
+            let inverse = (convention.matrix_in() * to_world(t)).try_inverse().unwrap();
+            affine(&inverse, &world(t))
+        };
+        let (t, h) = (0.7, 1e-4);
+        let rate = (world(t + h) - world(t - h)) / (2.0 * h);
+        let second = (world(t + h) + world(t - h) - world(t) * 2.0) / (h * h);
+        let found = Placement::new(&convention, [t, t + h, t + 2.0 * h].map(to_world), h)
+            .local(&joined([world(t), rate, second]));
+        let expected = [
+            local(t),
+            (local(t + h) - local(t - h)) / (2.0 * h),
+            (local(t + h) + local(t - h) - local(t) * 2.0) / (h * h),
+        ];
+        // One-sided differences of the placement are of second order in h for the rate, of first for the other.
+        for (i, tolerance) in [1e-12, 1e-6, 1e-2].into_iter().enumerate() {
+            let off = (found[i] - expected[i]).norm();
+            assert!(off < tolerance * (1.0 + expected[i].norm()), "{i}: {off}, {}", expected[i]);
+        }
     }
 
     #[test]

@@ -30,8 +30,8 @@ def defect(check: str, *others: str) -> Callable[[Defect], Defect]:
 
 
 def failed(report: Report) -> set[str]:
-    """Ids of the checks that did not pass."""
-    return {check for check, outcome in report.outcomes.items() if outcome.status != "pass"}
+    """Ids of the checks that failed or warned."""
+    return {check for check, outcome in report.outcomes.items() if outcome.status in ("fail", "warn")}
 
 
 def move_points(

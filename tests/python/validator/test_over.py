@@ -232,6 +232,12 @@ def test_the_unit_is_that_of_the_manifest(over: OverCache) -> None:
     assert {"over_roots", "over_shape", "over_rest"} <= failed(validate(over.cache.directory))
 
 
+def test_the_rest_of_lengthened_curves_is_not_compared(over: OverCache) -> None:
+    over.cache.edit_record(lambda record: record["over"]["prims"][0].update(lengthened=True))
+    off_root = validate(over.cache.directory)
+    assert off_root.passed and off_root.outcomes["over_rest"].status == "skip", off_root.as_text()
+
+
 def test_an_unbound_skeleton_passes(over: OverCache) -> None:
     bound_again(over)
 

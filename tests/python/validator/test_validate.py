@@ -67,7 +67,9 @@ def test_program_names_the_place_of_a_defect_and_a_remedy(good_cache: CacheBuild
     found = checks["segments"]
     assert (found["status"], found["frame"], found["prim"], found["curve"]) == ("fail", MIDDLE, HAIR, 4)
     assert found["worst"] == pytest.approx(5e-4, rel=0.05)
-    assert all(check["status"] == "pass" for name, check in checks.items() if name != "segments")
+    others = {name: check["status"] for name, check in checks.items() if name != "segments"}
+    # Of over mode there is nothing in this cache.
+    assert all(status == ("skip" if "over_" in name else "pass") for name, status in others.items())
 
 
 @pytest.mark.parametrize(
