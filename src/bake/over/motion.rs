@@ -143,8 +143,11 @@ mod tests {
         let (t, h) = (0.7, 1e-4);
         let rate = (world(t + h) - world(t - h)) / (2.0 * h);
         let second = (world(t + h) + world(t - h) - world(t) * 2.0) / (h * h);
-        let found = Placement::new(&convention, [t, t + h, t + 2.0 * h].map(to_world), h)
-            .local(&joined([world(t), rate, second]));
+        let found = Placement::new(&convention, [t, t + h, t + 2.0 * h].map(to_world), h).local(&joined([
+            world(t),
+            rate,
+            second,
+        ]));
         let expected = [
             local(t),
             (local(t + h) - local(t - h)) / (2.0 * h),
