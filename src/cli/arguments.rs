@@ -12,6 +12,7 @@ use super::sample::SampleArguments;
 use super::stages::{AssembleArguments, InterpolateArguments, SimulateArguments};
 use super::status::StatusArguments;
 use super::validate::ValidateArguments;
+use super::view::ViewArguments;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -82,6 +83,8 @@ pub enum Command {
     Bake(Box<BakeArguments>),
     /// Draw a contact sheet or an animation of a cache
     Preview(PreviewArguments),
+    /// Open the report of a cache in a browser, where it plays
+    View(ViewArguments),
     /// Print what a cache holds, or write one of its arrays for NumPy
     Read(ReadArguments),
     /// List which frames of a bake are done, missing, stale or damaged

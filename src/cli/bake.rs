@@ -53,9 +53,9 @@ pub struct BakeArguments {
 /// How a finished bake is reported.
 #[derive(Debug, Args)]
 pub struct FinishArguments {
-    /// Do not draw the contact sheet
+    /// Do not draw the contact sheet, and leave the view out of the report
     ///
-    /// Drawing it takes a few seconds.
+    /// Both together take a few seconds.
     #[arg(long, help_heading = OUTPUT)]
     no_pictures: bool,
     /// Exit with code 1 if the bake broke a guarantee

@@ -3,9 +3,10 @@
 use crate::bake::frame_record::FrameRecord;
 use crate::bake::{BakeSummary, StageSeconds};
 use crate::cache::Manifest;
-use crate::report::{BakeReport, Chart, Series};
+use crate::report::view::{Findings, Trouble};
+use crate::report::{BakeReport, Chart, Series, Warning};
 
-/// Most entries that a warning lists.
+/// Most guides that a warning lists.
 const MAX_LISTED: usize = 8;
 
 /// The report of a bake, without pictures.
@@ -29,6 +30,7 @@ pub fn bake_report(summary: &BakeSummary, title: &str) -> BakeReport {
             .concat(),
         warnings: warnings(summary),
         pictures: Vec::new(),
+        view: None,
     }
 }
 
@@ -260,7 +262,7 @@ fn hair_on_hair(manifest: &Manifest) -> Option<String> {
 }
 
 /// What the user should look at.
-pub fn warnings(summary: &BakeSummary) -> Vec<String> {
+pub fn warnings(summary: &BakeSummary) -> Vec<Warning> {
     let frames = &summary.frames[..];
     let unsettled = |f: &FrameRecord| f.unsettled + f.strands_unsettled;
     let count = |n: u32| (n > 0).then(|| n.to_string());
@@ -324,19 +326,19 @@ const MANY_EXEMPT: f64 = 0.1;
 /// Depth of an exempt segment above which the user is warned, m: more than roots are set in.
 const DEEP_EXEMPT: f64 = 5e-3;
 
-fn exempt(frames: &[FrameRecord]) -> Option<String> {
+fn exempt(frames: &[FrameRecord]) -> Option<Warning> {
     let deepest = frames.iter().max_by(|a, b| a.exempt_penetration_m.total_cmp(&b.exempt_penetration_m))?;
     let (share, depth) = (deepest.exempt_share(), deepest.exempt_penetration_m);
     (share > MANY_EXEMPT || depth > DEEP_EXEMPT).then(|| {
-        format!(
+        let mut warning = Warning::new(format!(
             "{} of {} guide segments ({:.1} %) are exempt from contact, because the groom has them inside a body: \
-             they are up to {:.1} mm inside in frame {}",
+             they are deepest",
             deepest.exempt_segments,
             deepest.contact_segments,
             100.0 * share,
-            1e3 * depth,
-            deepest.frame
-        )
+        ));
+        warning.frame(deepest.frame, format!("up to {:.1} mm", 1e3 * depth));
+        warning
     })
 }
 
@@ -346,7 +348,7 @@ pub fn pinches(frame: &FrameRecord) -> bool {
 }
 
 /// Where bodies close on hair, or overlap where it is.
-fn pinched(summary: &BakeSummary) -> Option<String> {
+fn pinched(summary: &BakeSummary) -> Option<Warning> {
     let frames: Vec<&FrameRecord> = summary.frames.iter().filter(|f| pinches(f)).collect();
     let names = summary.manifest.as_ref().map_or(&[][..], |manifest| &manifest.summary.colliders);
     let held = |b: usize| frames.iter().any(|f| f.pinched_colliders.contains(&(b as u32)));
@@ -367,7 +369,7 @@ fn pinched(summary: &BakeSummary) -> Option<String> {
 const MANY_LIMITED: f64 = 0.25;
 
 /// Where the velocities of many of the `guides` guides are not those of their motion.
-fn limited(frames: &[FrameRecord], guides: usize) -> Option<String> {
+fn limited(frames: &[FrameRecord], guides: usize) -> Option<Warning> {
     let most = MANY_LIMITED * guides as f64;
     warning(
         frames,
@@ -379,21 +381,30 @@ fn limited(frames: &[FrameRecord], guides: usize) -> Option<String> {
 
 const ADVICE: &str = "; more sub-steps may help";
 
-/// A warning that lists the frames for which `detail` returns something, which may be empty.
+/// A warning about the frames for which `detail` returns something, which may be empty.
 fn warning(
     frames: &[FrameRecord],
     what: &str,
     advice: &str,
     detail: impl Fn(&FrameRecord) -> Option<String>,
-) -> Option<String> {
-    let entry = |f: &FrameRecord| {
-        let detail = detail(f)?;
-        Some(if detail.is_empty() { f.frame.to_string() } else { format!("{} ({detail})", f.frame) })
+) -> Option<Warning> {
+    let frames: Vec<_> = frames.iter().filter_map(|f| Some((f.frame, detail(f)?))).collect();
+    (!frames.is_empty()).then(|| Warning { what: what.into(), advice: advice.into(), frames })
+}
+
+/// What the view of a shot marks: the frames of warnings, and guides whose solves were in trouble.
+pub fn findings(summary: &BakeSummary) -> Findings {
+    let frames = |warning: Warning| warning.frames.into_iter().map(|(frame, _)| frame).collect();
+    let trouble = |warning: Warning| Trouble { what: warning.what.clone(), frames: frames(warning) };
+    let guides = |of: fn(&FrameRecord) -> &Vec<i32>| {
+        let listed = summary.frames.iter().filter(|f| !of(f).is_empty());
+        listed.map(|f| (f.frame, of(f).clone())).collect()
     };
-    let found: Vec<String> = frames.iter().filter_map(entry).collect();
-    let more = if found.len() > MAX_LISTED { ", ..." } else { "" };
-    let listed = found.iter().take(MAX_LISTED).cloned().collect::<Vec<_>>().join(", ");
-    (!found.is_empty()).then(|| format!("{what} in {} frames: {listed}{more}{advice}", found.len()))
+    Findings {
+        troubles: warnings(summary).into_iter().map(trouble).collect(),
+        unconverged: guides(|f| &f.unconverged),
+        divided: guides(|f| &f.divided),
+    }
 }
 
 #[cfg(test)]
@@ -411,6 +422,7 @@ mod tests {
         let frames = vec![frame(7, 0.24, 1.4), frame(8, 0.26, 1.2), frame(9, 0.1, 1.6)];
         let warnings = warnings(&BakeSummary { frames, ..BakeSummary::default() });
         let [soft, crowded] = &warnings[..] else { panic!("{warnings:?}") };
+        let (soft, crowded) = (soft.to_text(), crowded.to_text());
         assert!(soft.contains("in 1 frames: 8 (26 %); take more sub-steps"), "{soft}");
         assert!(crowded.contains("in 1 frames: 9 (1.6 times)"), "{crowded}");
     }
@@ -438,7 +450,7 @@ mod tests {
             ..FrameRecord::default()
         };
         let frames = vec![pinch(1001, 0.0), pinch(1002, 1.2e-3)];
-        let text = pinched(&BakeSummary { frames, ..BakeSummary::default() }).unwrap();
+        let text = pinched(&BakeSummary { frames, ..BakeSummary::default() }).unwrap().to_text();
         assert!(text.contains("in 2 frames: 1001, 1002 (1.2 mm);"), "{text}");
     }
 
@@ -446,7 +458,7 @@ mod tests {
     fn limited_velocities_are_warned_of_if_many_guides_have_them() {
         let frame =
             |frame: i32, limited_rates: u32| FrameRecord { frame, limited_rates, ..FrameRecord::default() };
-        let text = limited(&[frame(1001, 30), frame(1002, 10)], 100).unwrap();
+        let text = limited(&[frame(1001, 30), frame(1002, 10)], 100).unwrap().to_text();
         assert!(text.contains("in 1 frames: 1001 (30 of 100 guides);"), "{text}");
         assert_eq!(limited(&[frame(1001, 25)], 100), None);
     }

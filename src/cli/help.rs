@@ -15,7 +15,7 @@ const STYLES: Styles = Styles::styled()
 const GROUPS: [(&str, &[&str]); 5] = [
     ("Prepare a shot", &["sample", "import", "check", "schema", "estimate"]),
     ("Bake", &["bake"]),
-    ("Inspect a cache", &["preview", "read", "status", "validate"]),
+    ("Inspect a cache", &["preview", "view", "read", "status", "validate"]),
     ("Render farm", &["plan", "simulate", "interpolate", "assemble"]),
     ("Shell", &["completions", "man", "help"]),
 ];

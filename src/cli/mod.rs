@@ -28,6 +28,7 @@ mod status;
 mod summary;
 mod validate;
 mod values;
+mod view;
 mod wedges;
 
 use crate::error::{Error, Result};
@@ -73,6 +74,7 @@ fn run(arguments: Arguments, matches: ArgMatches) -> Result<ExitCode> {
         Command::Estimate(options) => estimate::run(&options, &origins(), progress)?,
         Command::Bake(options) => bake::run(&options, &origins(), progress)?,
         Command::Preview(options) => preview::run(&options)?,
+        Command::View(options) => view::run(&options)?,
         Command::Read(options) => read::run(&options)?,
         Command::Status(options) => status::run(&options)?,
         Command::Validate(options) => return validate::run(&options),

@@ -1,20 +1,30 @@
 //! The end of a bake: its report, its contact sheet and a summary for the console.
 
-use super::bake_report::{bake_report, pinches, scene_rows, warnings};
+use super::bake_report::{bake_report, findings, pinches, scene_rows, warnings};
 use super::preview::PICTURES;
 use crate::bake::frame_record::FrameRecord;
 use crate::bake::{BakeSummary, StageSeconds};
 use crate::cache::{FrameEntry, Manifest, Reader, SHOT, write_file};
 use crate::error::Result;
 use crate::file::remove_file;
-use crate::report::Picture;
 use crate::report::preview::{self, Options, spread};
+use crate::report::view::View;
+use crate::report::{BakeReport, Picture};
 use std::fmt::Write;
 use std::path::Path;
 
 const SHEET: &str = "sheet.png";
-const PAGE: &str = "report.html";
-const DATA: &str = "report.json";
+/// The page of a report.
+pub const PAGE: &str = "report.html";
+/// Its data.
+pub const DATA: &str = "report.json";
+
+/// Most bytes of a page, unless charts and sheet leave too little of it for the view.
+const MAX_PAGE: usize = 10_000_000;
+/// Least room for the data of a view.
+const MIN_VIEW: usize = 2_000_000;
+/// Room for the script of a view and the description of its data.
+const VIEW_SCRIPT: usize = 150_000;
 
 /// Removes the report of an earlier bake.
 ///
@@ -29,7 +39,7 @@ pub fn exists(out: &Path, pictures: bool) -> bool {
     out.join(PAGE).is_file() && out.join(DATA).is_file() && (!pictures || out.join(SHEET).is_file())
 }
 
-/// Writes the report, with its contact sheet if `pictures`, into the folder of the cache.
+/// Writes the report, with its contact sheet and its view if `pictures`, into the folder of the cache.
 ///
 /// # Errors
 /// [`crate::Error::Io`].
@@ -40,12 +50,40 @@ pub fn write(summary: &BakeSummary, title: &str, out: &Path, pictures: bool) -> 
         let frames = spread(reader.header().frames, PICTURES);
         let bytes = preview::sheet(&reader, &Options::default(), &frames)?.to_png()?;
         write_file(&out.join(SHEET), &[&bytes])?;
-        let caption = format!("Frames {} to {}", frames[0], frames[frames.len() - 1]);
-        report.pictures.push(Picture { caption, media_type: "image/png".into(), bytes });
+        report.pictures.push(sheet(&reader, bytes));
+        add_view(&mut report, summary, &reader)?;
     }
     write_file(&out.join(PAGE), &[report.to_html()?])?;
     write_file(&out.join(DATA), &[report.to_json()?])?;
     Ok(())
+}
+
+/// The contact sheet of a cache, as a picture of its report.
+fn sheet(reader: &Reader, bytes: Vec<u8>) -> Picture {
+    let frames = spread(reader.header().frames, PICTURES);
+    let caption = format!("Frames {} to {}", frames[0], frames[frames.len() - 1]);
+    Picture { caption, media_type: "image/png".into(), bytes }
+}
+
+/// Adds a view that keeps the page within [`MAX_PAGE`].
+fn add_view(report: &mut BakeReport, summary: &BakeSummary, reader: &Reader) -> Result<()> {
+    let taken = report.to_html()?.len() + VIEW_SCRIPT;
+    let size = MAX_PAGE.saturating_sub(taken).max(MIN_VIEW);
+    report.view = Some(View::new(reader, reader.frames(), &findings(summary), size)?);
+    Ok(())
+}
+
+/// Writes the page of a cache with its view to `path`; the contact sheet is the one that is there.
+///
+/// # Errors
+/// Those of [`Reader`]; [`crate::Error::Io`].
+pub fn write_page(reader: &Reader, summary: &BakeSummary, title: &str, path: &Path) -> Result<()> {
+    let mut report = bake_report(summary, title);
+    if let Ok(bytes) = std::fs::read(reader.dir().join(SHEET)) {
+        report.pictures.push(sheet(reader, bytes));
+    }
+    add_view(&mut report, summary, reader)?;
+    write_file(path, &[report.to_html()?]).map(drop)
 }
 
 /// The summary for the console: what was written, how long it took, and how good it is.
@@ -109,7 +147,7 @@ pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
         scene_rows(manifest).into_iter().for_each(|(name, value)| line(name, value));
     }
     for warning in warnings(summary) {
-        line("warning", warning);
+        line("warning", warning.to_text());
     }
     if pictures {
         line("contact sheet", out.join(SHEET).display().to_string());

@@ -6,6 +6,8 @@ use serde::Serialize;
 
 use super::plot::{self, Axis, Line, Plot, Scale};
 use super::text::{base64, escape, figure};
+use super::view::View;
+use super::warning::{Warning, frame_link};
 use crate::error::{Error, Result};
 
 /// Data of a report. Per-frame values are in the order of `frames`; a missing value is NaN, which becomes
@@ -23,9 +25,12 @@ pub struct BakeReport {
     /// All other measurements.
     pub charts: Vec<Chart>,
     /// Warnings to the user.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
     /// Pictures of the shot.
     pub pictures: Vec<Picture>,
+    /// The shot, to play; omitted in the JSON.
+    #[serde(skip)]
+    pub view: Option<View>,
 }
 
 /// One value per frame.
@@ -76,7 +81,7 @@ impl BakeReport {
         serde_json::to_string_pretty(self).map_err(|e| Error::Internal(format!("report.json: {e}")))
     }
 
-    /// The page with embedded plots and pictures. It needs neither scripts nor network.
+    /// The page with embedded plots and pictures. It needs no network, and scripts for the view only.
     ///
     /// # Errors
     /// [`Error::Internal`] if the length of a series is not the number of frames.
@@ -90,11 +95,16 @@ impl BakeReport {
         );
         page.push_str(&self.lead());
         if !self.warnings.is_empty() {
-            let items: String = self.warnings.iter().map(|w| format!("<li>{}</li>", escape(w))).collect();
+            let linked = self.view.is_some();
+            let items: String =
+                self.warnings.iter().map(|w| format!("<li>{}</li>", w.to_html(linked))).collect();
             add(
                 &mut page,
                 format_args!("<section class=\"warnings\"><h2>Warnings</h2><ul>{items}</ul></section>\n"),
             );
+        }
+        if let Some(view) = &self.view {
+            page.push_str(&view.to_html());
         }
         for p in &self.pictures {
             let (caption, kind) = (escape(&p.caption), escape(&p.media_type));
@@ -171,7 +181,8 @@ impl BakeReport {
         let min = finite().map(|(_, v)| *v).fold(f64::NAN, f64::min);
         // The first of equal values.
         let max = finite().rev().max_by(|a, b| a.1.total_cmp(b.1));
-        let (max, frame) = max.map_or((f64::NAN, String::new()), |(f, v)| (*v, f.to_string()));
+        let (max, frame) =
+            max.map_or((f64::NAN, String::new()), |(f, v)| (*v, frame_link(*f, self.view.is_some())));
         let (name, colour) = (escape(&series.name), plot::colour(i));
         format!(
             "<tr><th><i style=\"background:{colour}\"></i>{name}</th><td>{}</td><td>{}</td><td>{}</td><td>{frame}</td></tr>",
@@ -246,12 +257,13 @@ mod tests {
                     ..Chart::default()
                 },
             ],
-            warnings: vec!["3 strands <short> of contact".into()],
+            warnings: vec![Warning::new("3 strands <short> of contact")],
             pictures: vec![Picture {
                 caption: "Frames 1001–1048".into(),
                 media_type: "image/png".into(),
                 bytes: Image::new(4, 4).to_png().unwrap(),
             }],
+            view: None,
         }
     }
 
@@ -284,6 +296,24 @@ mod tests {
         report.charts[0].series[0].values[9] = 0.5;
         let page = report.to_html().unwrap();
         assert!(page.contains("</i>depth</th><td>1.5</td><td>0.5</td><td>2.5</td><td>1004</td>"));
+    }
+
+    #[test]
+    fn frames_are_links_where_there_is_a_view() {
+        let mut report = sample();
+        report.warnings[0].frame(1004, "0.3 mm");
+        let link = "<a href=\"#frame=1004\">1004</a>";
+        assert!(!report.to_html().unwrap().contains("#frame="));
+        report.view = Some(View::sample());
+        let page = report.to_html().unwrap();
+        assert!(
+            page.contains(&format!(
+                "<li>3 strands &lt;short&gt; of contact in 1 frames: {link} (0.3 mm)</li>"
+            ))
+        );
+        assert!(page.matches("#frame=").count() > 4, "and those of extremes");
+        let json: serde_json::Value = serde_json::from_str(&report.to_json().unwrap()).unwrap();
+        assert_eq!(json["warnings"][0], "3 strands <short> of contact in 1 frames: 1004 (0.3 mm)");
     }
 
     #[test]

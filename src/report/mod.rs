@@ -1,4 +1,4 @@
-//! The report of a bake, and pictures of a cache.
+//! The report of a bake, pictures of a cache, and a cache as a page that plays.
 
 mod bake_report;
 mod font;
@@ -6,6 +6,9 @@ pub mod picture;
 mod plot;
 pub mod preview;
 mod text;
+pub mod view;
+mod warning;
 
 pub use bake_report::{BakeReport, Chart, Picture, Series};
 pub use picture::Image;
+pub use warning::Warning;

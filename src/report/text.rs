@@ -57,6 +57,11 @@ pub fn base64(bytes: &[u8]) -> String {
     text
 }
 
+/// JSON as the content of a script element, which no text in it can end.
+pub fn script_json(value: &serde_json::Value) -> String {
+    value.to_string().replace('<', "\\u003c")
+}
+
 /// Checks that markup is well formed: one root, closed tags, quoted attributes, known references.
 #[cfg(test)]
 pub fn check_markup(text: &str) -> Result<(), String> {
@@ -132,6 +137,14 @@ mod tests {
             assert_eq!(base64(plain.as_bytes()), coded);
         }
         assert_eq!(base64(&[0xff, 0xef, 0xfe]), "/+/+");
+    }
+
+    #[test]
+    fn text_in_a_script_does_not_end_it() {
+        let nasty = serde_json::json!({ "a</script>": "<!--\\<" });
+        let json = script_json(&nasty);
+        assert!(!json.contains('<'));
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&json).unwrap(), nasty);
     }
 
     #[test]

@@ -2,7 +2,6 @@
 
 use crate::cache::CurveSet;
 use nalgebra::Vector3;
-use std::collections::BTreeMap;
 
 /// Side of a cell, m.
 const CELL: f64 = 0.01;
@@ -39,16 +38,24 @@ impl<'a> Crowding<'a> {
     /// The density at `points` of the curves, in the rest space of the head, over the 95th percentile in the
     /// pose of the groom.
     pub fn relative(&self, points: &[Vector3<f32>]) -> Vec<f32> {
-        let mut cells: BTreeMap<[i32; 3], f32> = BTreeMap::new();
-        for (_, middle, volume) in self.segments(points) {
-            for (cell, share) in self.corners(&middle) {
-                *cells.entry(cell).or_default() += share * volume;
+        self.relative_at(points, 0..points.len())
+    }
+
+    /// The same at `places` of the points.
+    pub fn relative_at(&self, points: &[Vector3<f32>], places: impl IntoIterator<Item = usize>) -> Vec<f32> {
+        let mut grid = Grid::around(points, self.cell);
+        let finite = |(_, _, volume): &(usize, Vector3<f32>, f32)| volume.is_finite();
+        for (_, middle, volume) in self.segments(points).filter(finite) {
+            for (corner, share) in grid.corners(&middle) {
+                if let Some(cell) = corner {
+                    grid.values[cell] += share * volume;
+                }
             }
         }
         let at = |p: &Vector3<f32>| -> f32 {
-            self.corners(p).iter().map(|(cell, share)| share * cells.get(cell).unwrap_or(&0.0)).sum()
+            grid.corners(p).iter().filter_map(|(cell, share)| Some(share * grid.values[(*cell)?])).sum()
         };
-        points.iter().map(|p| at(p) / self.dense).collect()
+        places.into_iter().map(|i| at(&points[i]) / self.dense).collect()
     }
 
     /// First point of each segment of the curves, its middle, and its volume to a constant factor.
@@ -64,16 +71,48 @@ impl<'a> Crowding<'a> {
             (i, (a + b) * 0.5, (b - a).norm() * width * width)
         })
     }
+}
 
-    /// The eight cells around a point, with their trilinear weights.
-    fn corners(&self, p: &Vector3<f32>) -> [([i32; 3], f32); 8] {
+/// Cells over the box of some points.
+struct Grid {
+    /// Side of a cell, scene units.
+    cell: f32,
+    /// Lowest cell along each axis.
+    low: [i64; 3],
+    /// Number of cells along each axis.
+    count: [usize; 3],
+    values: Vec<f32>,
+}
+
+impl Grid {
+    /// Most cells along an axis: two metres. What lies beyond has no density.
+    const MOST: i64 = 200;
+
+    /// Zero in all cells around the finite ones of `points`.
+    fn around(points: &[Vector3<f32>], cell: f32) -> Self {
+        let start = (Vector3::repeat(f32::INFINITY), Vector3::repeat(f32::NEG_INFINITY));
+        let finite = points.iter().filter(|p| p.iter().all(|x| x.is_finite()));
+        let (low, high) = finite.fold(start, |(a, b), p| (a.inf(p), b.sup(p)));
+        let [low, high]: [[i64; 3]; 2] = [low, high].map(|p| p.map(|x| (x / cell).floor() as i64).into());
+        let count =
+            std::array::from_fn(|k| (high[k].saturating_sub(low[k])).clamp(0, Self::MOST) as usize + 2);
+        Grid { cell, low, count, values: vec![0.0; count.iter().product()] }
+    }
+
+    /// The eight cells around a point, with their trilinear weights; `None` for those outside.
+    fn corners(&self, p: &Vector3<f32>) -> [(Option<usize>, f32); 8] {
         let u = p / self.cell;
         let base = u.map(f32::floor);
         let f = u - base;
         std::array::from_fn(|i| {
-            let bit = |c: usize| (i >> c & 1) as i32;
+            let bit = |c: usize| i >> c & 1;
             let part = |c: usize| if bit(c) == 1 { f[c] } else { 1.0 - f[c] };
-            (std::array::from_fn(|c| base[c] as i32 + bit(c)), part(0) * part(1) * part(2))
+            let along = |c: usize| {
+                let cell = usize::try_from((base[c] as i64).saturating_sub(self.low[c])).ok()? + bit(c);
+                (cell < self.count[c]).then_some(cell)
+            };
+            let cell = || Some((along(2)? * self.count[1] + along(1)?) * self.count[0] + along(0)?);
+            (cell(), part(0) * part(1) * part(2))
         })
     }
 }

@@ -14,6 +14,7 @@ mod strand;
 #[cfg(test)]
 mod tests;
 
+pub use crowding::Crowding;
 pub use frame_range::spread;
 pub use options::{Colours, CurveSelection, Follow, Options};
 pub use renderer::Renderer;

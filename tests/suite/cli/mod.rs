@@ -27,6 +27,7 @@ fn help_and_version_go_to_standard_output() {
         "interpolate",
         "assemble",
         "preview",
+        "view",
         "read",
         "validate",
         "completions",

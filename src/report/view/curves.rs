@@ -1,0 +1,175 @@
+//! Curves for the page: their points in the frame of the head, and what colours show of them.
+
+use super::bodies::{NEAR, Surface, SurfaceAt};
+use crate::cache::{CurveFrame, CurveSet, Frame, Header};
+use crate::report::preview::Crowding;
+use nalgebra::{Matrix4, Vector3};
+
+/// The curves of a set that are shown.
+pub struct ShownCurves<'a> {
+    /// The set.
+    pub set: &'a CurveSet,
+    /// Every how many curves one is shown.
+    pub step: usize,
+    /// Indices of the curves shown.
+    pub curves: Vec<usize>,
+    /// Indices of their points.
+    pub points: Vec<usize>,
+    /// Of each of these, whether it is the first of its curve.
+    pub roots: Vec<bool>,
+    crowding: Crowding<'a>,
+    /// Of each body and each point shown, whether the groom has it inside.
+    inside_at_rest: Vec<Vec<bool>>,
+}
+
+/// A frame of these curves.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ShownFrame {
+    /// Points, rest space of the head, scene units.
+    pub points: Vec<Vector3<f32>>,
+    /// One byte for each point: [`crowding_code`] in the lower half, [`depth_code`] in the upper.
+    pub shades: Vec<u8>,
+    /// Level of each curve; empty if the cache has none.
+    pub levels: Vec<u8>,
+}
+
+impl<'a> ShownCurves<'a> {
+    /// Every `step`th curve of `set`.
+    pub fn new(set: &'a CurveSet, step: usize, header: &Header, surfaces: &[Surface]) -> Self {
+        let mut shown = ShownCurves {
+            set,
+            step,
+            curves: Vec::new(),
+            points: Vec::new(),
+            roots: Vec::new(),
+            crowding: Crowding::new(set, header.metres_per_unit),
+            inside_at_rest: Vec::new(),
+        };
+        let mut start = 0;
+        for (curve, count) in set.counts.iter().enumerate() {
+            let count = *count as usize;
+            if curve % step == 0 {
+                shown.curves.push(curve);
+                shown.points.extend(start..start + count);
+                shown.roots.extend((0..count).map(|k| k == 0));
+            }
+            start += count;
+        }
+        let rest = |i: &usize| Vector3::from(set.rest[*i]).cast::<f64>() * header.metres_per_unit;
+        let inside = |(surface, mesh): (&Surface, _)| {
+            let at = surface.at(Some(mesh));
+            let inside = |i: &usize| at.as_ref().is_some_and(|at| at.distance(&rest(i)) < 0.0);
+            shown.points.iter().map(inside).collect()
+        };
+        let meshes = header.colliders.iter().map(|mesh| &mesh.points[..]);
+        shown.inside_at_rest = surfaces.iter().zip(meshes).map(inside).collect();
+        shown
+    }
+
+    /// What is shown of a frame; `surfaces` are the bodies at it.
+    pub fn at(
+        &self,
+        moving: &CurveFrame,
+        frame: &Frame,
+        surfaces: &[Option<SurfaceAt>],
+        metres_per_unit: f64,
+    ) -> ShownFrame {
+        let inverse = |rows| matrix(rows).try_inverse().unwrap_or_else(Matrix4::identity);
+        let to_head = inverse(&frame.head);
+        let carry = |by: &Matrix4<f64>, p: &[f32; 3]| {
+            by.transform_point(&Vector3::from(*p).cast::<f64>().into()).coords
+        };
+        let at_rest: Vec<Vector3<f32>> = moving.points.iter().map(|p| carry(&to_head, p).cast()).collect();
+        let mut distance = vec![f64::INFINITY; self.points.len()];
+        for ((surface, body), inside) in surfaces.iter().zip(&frame.colliders).zip(&self.inside_at_rest) {
+            let Some(surface) = surface else { continue };
+            let to_body = inverse(&body.transform);
+            for (k, i) in self.points.iter().enumerate().filter(|(k, _)| !inside[*k]) {
+                let p = carry(&to_body, &moving.points[*i]) * metres_per_unit;
+                distance[k] = surface.distance(&p).min(distance[k]);
+            }
+        }
+        let crowding = self.crowding.relative_at(&at_rest, self.points.iter().copied());
+        let shades = crowding.iter().zip(&distance).map(|(c, d)| crowding_code(*c) | depth_code(*d) << 4);
+        let levels =
+            moving.level.iter().flat_map(|level| self.curves.iter().map(|c| level[*c].clamp(0, 255) as u8));
+        ShownFrame {
+            points: self.points.iter().map(|i| at_rest[*i]).collect(),
+            shades: shades.collect(),
+            levels: levels.collect(),
+        }
+    }
+
+    /// The lowest and highest corner of where points can be in the rest space of the head: no farther from
+    /// the roots than the longest curve is long.
+    pub fn reach(&self) -> [Vector3<f32>; 2] {
+        let (mut low, mut high) = (Vector3::repeat(f32::INFINITY), Vector3::repeat(f32::NEG_INFINITY));
+        let (mut longest, mut start) = (0.0f32, 0);
+        for count in &self.set.counts {
+            let curve = &self.set.rest[start..start + *count as usize];
+            start += *count as usize;
+            let length = |w: &[[f32; 3]]| (Vector3::from(w[1]) - Vector3::from(w[0])).norm();
+            longest = longest.max(curve.windows(2).map(length).sum());
+            if let Some(root) = curve.first() {
+                (low, high) = (low.inf(&Vector3::from(*root)), high.sup(&Vector3::from(*root)));
+            }
+        }
+        // A spline of rods resampled to points may be longer than the chords at rest.
+        [low.add_scalar(-1.5 * longest), high.add_scalar(1.5 * longest)]
+    }
+
+    /// Keeps every `of`th of the curves, and what `frames` hold of them.
+    pub fn thin(&mut self, of: usize, frames: &mut [ShownFrame]) {
+        let curve_of: Vec<usize> = self
+            .roots
+            .iter()
+            .scan(0, |n, root| {
+                *n += usize::from(*root);
+                Some(*n - 1)
+            })
+            .collect();
+        let keep = |k: usize| curve_of[k].is_multiple_of(of);
+        for frame in frames {
+            frame.points = kept(&frame.points, keep);
+            frame.shades = kept(&frame.shades, keep);
+            frame.levels = kept(&frame.levels, |curve| curve.is_multiple_of(of));
+        }
+        self.inside_at_rest.iter_mut().for_each(|inside| *inside = kept(inside, keep));
+        self.points = kept(&self.points, keep);
+        self.roots = kept(&self.roots, keep);
+        self.curves = kept(&self.curves, |curve| curve.is_multiple_of(of));
+        self.step *= of;
+    }
+}
+
+fn kept<T: Copy>(all: &[T], keep: impl Fn(usize) -> bool) -> Vec<T> {
+    all.iter().enumerate().filter(|(i, _)| keep(*i)).map(|(_, x)| *x).collect()
+}
+
+/// A matrix of the cache.
+pub fn matrix(rows: &[[f64; 4]; 4]) -> Matrix4<f64> {
+    Matrix4::from_fn(|i, j| rows[i][j])
+}
+
+/// Density over that of the densest hair of the groom, 0 to 2, in fifteen steps.
+fn crowding_code(crowding: f32) -> u8 {
+    (7.5 * crowding.clamp(0.0, 2.0)).round() as u8
+}
+
+/// Steps of half a millimetre into a body, from two millimetres before its surface: 0 is nowhere near, 4 the
+/// last one outside, 5 the first one inside, 15 deeper than five millimetres.
+fn depth_code(distance: f64) -> u8 {
+    ((NEAR - distance) / 5e-4).ceil().clamp(0.0, 15.0) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_have_their_steps() {
+        let depths = [f64::INFINITY, 2e-3, 1.9e-3, 1e-6, -1e-6, -4.9e-4, -6e-4, -4.9e-3, -0.04];
+        assert_eq!(depths.map(depth_code), [0, 0, 1, 4, 5, 5, 6, 14, 15]);
+        assert_eq!([0.0, 1.0, 1.5, 2.0, 9.0, f32::NAN].map(crowding_code), [0, 8, 11, 15, 15, 0]);
+    }
+}

@@ -1,0 +1,208 @@
+//! Views of a small synthetic shot, decoded as the page decodes them.
+
+use super::codec::{Box16, Encoded, tests::decode};
+use super::*;
+use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet};
+use std::io::Read;
+use std::path::Path;
+
+struct Memory {
+    header: Header,
+    frames: Vec<Frame>,
+}
+
+impl Shot for Memory {
+    fn path(&self) -> &Path {
+        Path::new("shot")
+    }
+    fn header(&self) -> &Header {
+        &self.header
+    }
+    fn frame(&self, number: i32) -> Result<Frame> {
+        Ok(self.frames[(number - self.header.frames.0) as usize].clone())
+    }
+}
+
+const POINTS: usize = 8;
+
+fn curves(n: usize) -> CurveSet {
+    let place = |i: usize, k: usize| [0.002 * i as f32, 0.15 - 0.01 * k as f32, 0.02 * (i as f32).sin()];
+    CurveSet {
+        counts: vec![POINTS as i32; n],
+        rest: (0..n * POINTS).map(|i| place(i / POINTS, i % POINTS)).collect(),
+        widths: vec![1e-4; n * POINTS],
+        id: (100..100 + n as i32).collect(),
+        group: (0..n as i32).map(|i| i % 2).collect(),
+        group_name: (0..n).map(|i| ["fringe", "back"][i % 2].to_string()).collect(),
+        guide: vec![0; n],
+        root_uv: vec![[0.0; 2]; n],
+        ..CurveSet::default()
+    }
+}
+
+/// Strands and guides that swing on a head that turns and walks, before a wall at z = -0.05.
+fn shot(strands: usize, guides: usize, frames: usize) -> Memory {
+    let (hair, guides) = ((strands > 0).then(|| curves(strands)), curves(guides));
+    let frame = |f: usize| {
+        let (s, c) = (0.1 * f as f64).sin_cos();
+        let head =
+            [[c, 0.0, s, 0.3 * f as f64], [0.0, 1.0, 0.0, 1.5], [-s, 0.0, c, 0.0], [0.0, 0.0, 0.0, 1.0]];
+        let moved = |set: &CurveSet| {
+            let at = |(i, p): (usize, &[f32; 3])| {
+                let swing = 0.002 * (i % POINTS) as f64 * (0.5 * f as f64 + (i / POINTS) as f64).sin();
+                let p = nalgebra::Point3::new(f64::from(p[0]) + swing, f64::from(p[1]), f64::from(p[2]));
+                matrix(&head).transform_point(&p).coords.cast::<f32>().into()
+            };
+            CurveFrame { points: set.rest.iter().enumerate().map(at).collect(), ..CurveFrame::default() }
+        };
+        Frame {
+            frame: 1001 + f as i32,
+            hair: hair.as_ref().map(moved),
+            guides: moved(&guides),
+            head,
+            colliders: vec![ColliderFrame { transform: head, points: None }],
+            ..Frame::default()
+        }
+    };
+    let corner = |i: usize| [0, 1, 2].map(|k| if i >> k & 1 == 1 { [9.0, 9.0, -0.05][k] } else { -9.0 });
+    let (points, triangles) = ((0..8).map(corner).collect(), bodies::tests::BOX.to_vec());
+    let wall = ColliderMesh { name: "wall <b>".into(), points, triangles, ..ColliderMesh::default() };
+    let frames: Vec<Frame> = (0..frames).map(frame).collect();
+    let header = Header {
+        metres_per_unit: 1.0,
+        fps: 24.0,
+        frames: (1001, 1000 + frames.len() as i32),
+        hair,
+        guides,
+        colliders: vec![wall],
+        ..Header::default()
+    };
+    Memory { header, frames }
+}
+
+fn numbers(shot: &Memory) -> Vec<i32> {
+    shot.frames.iter().map(|f| f.frame).collect()
+}
+
+impl View {
+    /// A view of four strands in three frames.
+    pub fn sample() -> View {
+        let shot = shot(4, 2, 3);
+        View::new(&shot, &numbers(&shot), &Findings::default(), 1_000_000).unwrap()
+    }
+
+    fn unpacked(&self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        flate2::read::ZlibDecoder::new(&self.data[..]).read_to_end(&mut bytes).unwrap();
+        assert_eq!(self.description["bytes"], bytes.len());
+        bytes
+    }
+
+    /// The points of a set at the frames shown, and the length of a step.
+    fn points(&self, set: usize) -> (Vec<Vec<Vector3<f32>>>, f32) {
+        let (set, bytes) = (&self.description["sets"][set], self.unpacked());
+        let points = &set["points"];
+        let float = |v: &Value| v.as_f64().unwrap() as f32;
+        let low = Vector3::from_fn(|k, _| float(&points["low"][k]));
+        let space = Box16 { low, step: float(&points["step"]) };
+        let shifts: Vec<u8> = serde_json::from_value(points["shifts"].clone()).unwrap();
+        let [at, end] = [&points["at"], &set["widthsAt"]].map(|v| v.as_u64().unwrap() as usize);
+        let roots: Vec<bool> =
+            (0..points["count"].as_u64().unwrap() as usize).map(|i| i % POINTS == 0).collect();
+        // The sections after the points begin at a multiple of four, and hold more than one set.
+        let encoded = Encoded { bytes: bytes[at..].to_vec(), shifts };
+        let (frames, used) = decode(&encoded, &roots, &space);
+        assert!(at + used <= end || end < at);
+        (frames, space.step)
+    }
+}
+
+#[test]
+fn points_come_back_in_the_frame_of_the_head() {
+    let shot = shot(6, 3, 12);
+    let view = View::new(&shot, &numbers(&shot), &Findings::default(), 1_000_000).unwrap();
+    let allowed = 1e-3 * view.note.split("off by ").nth(1).unwrap()[..4].parse::<f32>().unwrap();
+    for (set, name, n) in [(0, "strands", 6), (1, "guides", 3)] {
+        let (frames, step) = view.points(set);
+        assert_eq!(
+            (frames.len(), frames[0].len(), &view.description["sets"][set]["name"]),
+            (12, n * POINTS, &json!(name))
+        );
+        assert!(step < 1e-5);
+        for (frame, points) in shot.frames.iter().zip(&frames) {
+            let moving = if set == 0 { frame.hair.as_ref().unwrap() } else { &frame.guides };
+            for (at, p) in moving.points.iter().zip(points) {
+                let back = matrix(&frame.head).transform_point(&p.cast::<f64>().into()).coords.cast::<f32>();
+                let off = (back - Vector3::from(*at)).amax();
+                assert!(off <= 2.0 * allowed.max(1e-5), "{off} {allowed}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_page_keeps_to_its_size_and_says_what_it_leaves_out() {
+    let shot = shot(3000, 40, 60);
+    let view = |size| View::new(&shot, &numbers(&shot), &Findings::default(), size).unwrap();
+    for size in [300_000, 1_000_000] {
+        let view = view(size);
+        let page = view.to_html();
+        assert!(base64(&view.data).len() <= size, "{} of {size}", view.data.len());
+        assert!(view.data.len() * 4 / 3 > size / 8, "{} of {size}: room is left", view.data.len());
+        let every = view.description["sets"][0]["every"].as_u64().unwrap();
+        assert!(every > 1 && page.contains(&format!("every {} of 3000 strands", ordinal(every as usize))));
+    }
+    let whole = view(50_000_000);
+    assert!(whole.note.starts_with("Shown: all 3000 strands, all 40 guides, every frame."), "{}", whole.note);
+}
+
+#[test]
+fn frames_of_trouble_are_shown_and_guides_of_trouble_are_named() {
+    let shot = shot(2000, 4, 120);
+    let troubles = vec![Trouble { what: "</script> & more".into(), frames: vec![1002, 1004, 1999] }];
+    let unconverged = BTreeMap::from([(1004, vec![102, 7])]);
+    let findings = Findings { troubles, unconverged, ..Findings::default() };
+    let view = View::new(&shot, &numbers(&shot), &findings, 150_000).unwrap();
+    let shown: Vec<i32> = serde_json::from_value(view.description["frames"].clone()).unwrap();
+    assert!(shown.len() < 120 && [1001, 1002, 1004].iter().all(|f| shown.contains(f)), "{shown:?}");
+    assert!(view.note.contains(" frame, those between interpolated"), "{}", view.note);
+    let guides = &view.description["sets"][1];
+    assert_eq!(guides["unconverged"], json!({ "1004": [2 / guides["every"].as_u64().unwrap()] }));
+    let page = view.to_html();
+    assert_eq!(page.matches("</script>").count(), 3, "those of the page itself");
+}
+
+#[test]
+fn shades_tell_where_hair_is_inside_a_body() {
+    let mut shot = shot(2, 1, 2);
+    let touching = shot.frames[1].head;
+    // Point 3 of the first strand, 1.2 mm behind the wall; it is in front of it in the groom.
+    let inside = nalgebra::Point3::new(0.0, 0.12, -0.0512);
+    shot.frames[1].hair.as_mut().unwrap().points[3] =
+        matrix(&touching).transform_point(&inside).coords.cast::<f32>().into();
+    let view = View::new(&shot, &numbers(&shot), &Findings::default(), 1_000_000).unwrap();
+    let at = view.description["sets"][0]["shadesAt"].as_u64().unwrap() as usize;
+    let depths: Vec<u8> = view.unpacked()[at..][..4 * POINTS].iter().map(|shade| shade >> 4).collect();
+    let found: Vec<_> = depths.iter().enumerate().filter(|(_, d)| **d > 0).collect();
+    assert_eq!(found, [(2 * POINTS + 3, &7)]);
+}
+
+#[test]
+fn guides_alone_and_gaps_between_frames_are_shown() {
+    let shot = shot(0, 5, 9);
+    let mut frames = numbers(&shot);
+    frames.drain(3..6);
+    let view = View::new(&shot, &frames, &Findings::default(), 1_000_000).unwrap();
+    assert_eq!(view.description["frames"], json!(frames));
+    assert_eq!(view.description["sets"].as_array().unwrap().len(), 1);
+    assert!(View::new(&shot, &[], &Findings::default(), 1_000_000).is_err());
+}
+
+#[test]
+fn the_part_of_the_page_is_well_formed() {
+    let page = View::sample().to_html();
+    let (markup, rest) = page.split_once("<script").unwrap();
+    crate::report::text::check_markup(&format!("<div>{markup}</div>")).unwrap();
+    assert!(rest.contains("\"name\":\"wall \\u003cb>\""));
+    assert!(!page.contains("http"), "nothing is loaded");
+}
