@@ -223,7 +223,7 @@ pub(super) fn hessian<F: Real>(
     }
 }
 
-/// Sets the lower triangle to the elastic and viscous part.
+/// Sets the lower triangle to the elastic and viscous part, with the springs on the unknowns.
 #[inline(always)]
 fn set_elastic<F: Real>(core: &RodCore<F>, load: &Load<F>, zero: F, hessian: &mut Vec<F>) {
     let n = core.unknowns();
@@ -239,5 +239,8 @@ fn set_elastic<F: Real>(core: &RodCore<F>, load: &Load<F>, zero: F, hessian: &mu
                 hessian[a * n + a - 3] = stiffness * load.hat[i - 1][1];
             }
         }
+    }
+    for (a, hold) in load.holds.iter().enumerate() {
+        hessian[a * n + a] += hold.stiffness;
     }
 }

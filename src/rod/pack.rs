@@ -6,7 +6,7 @@
 
 use super::model::Rod;
 use super::newton::{NewtonOutcome, Solver};
-use super::potential::{Load, PointSpring};
+use super::potential::{Load, PointSpring, StrainSpring};
 use super::segment::{RodCore, Segment};
 use super::shape::{MagnusExponent, RodShape};
 use crate::math::lanes::{self, Lane, M3, MAX_LANES, Real, Twist, V3};
@@ -152,8 +152,7 @@ struct Buffers<F> {
 
 impl<F: Real> Buffers<F> {
     fn new(zero: F) -> Self {
-        let load = Load { hat: Vec::new(), inertia: zero, springs: Vec::new(), force: Vec::new() };
-        Buffers { load, q: Vec::new(), other: Vec::new(), solver: Solver::default() }
+        Buffers { load: Load::empty(zero), q: Vec::new(), other: Vec::new(), solver: Solver::default() }
     }
 }
 
@@ -197,6 +196,16 @@ impl<F: Real> LaneRods<F> {
                     into.u.0[c].set(i, spring.u.0[c]);
                     into.target.0[c].set(i, spring.target.0[c]);
                 }
+            }
+        }
+        load.holds.clear();
+        if (0..F::LANES).any(|i| !task(i).load.holds.is_empty()) {
+            load.holds.resize(self.core.unknowns(), StrainSpring { stiffness: zero, target: zero });
+        }
+        for i in 0..F::LANES {
+            for (into, hold) in load.holds.iter_mut().zip(&task(i).load.holds) {
+                into.stiffness.set(i, hold.stiffness);
+                into.target.set(i, hold.target);
             }
         }
         for (into, from) in [(&mut load.force, 0), (&mut *q, 1), (&mut *other, 2)] {
@@ -404,9 +413,12 @@ mod tests {
     fn rod_has_the_same_bits_alone_and_in_any_pack() {
         let rods = hairs(12);
         // Some roots jump far enough for an indefinite Hessian and short steps, some hardly move.
-        let loads: Vec<Load> =
+        let mut loads: Vec<Load> =
             rods.iter().enumerate().map(|(i, r)| load(r, [1e-4, 0.05, 0.4, 2.0, 1e-3][i % 5])).collect();
         let n = rods[0].unknowns();
+        for load in loads.iter_mut().skip(1).step_by(4) {
+            load.hold((0..n).map(|a| StrainSpring { stiffness: 1e-8 * (a % 3) as f64, target: a as f64 }));
+        }
         let (mut solver, mut alone) = (Solver::default(), Vec::new());
         for (rod, load) in rods.iter().zip(&loads) {
             let mut q = vec![0.1; n];

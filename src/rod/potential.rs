@@ -1,7 +1,8 @@
 //! The incremental potential Φ(q) of one implicit step, and its gradient (`docs/theory.md` §4).
 //!
 //! Inertia, weight and drag are quadratic in the position of a point, so together they act as one spring from
-//! the point to a target: Φ = ½ Σ (x − x̂)ᵀB(x − x̂) + ½ (1 + τ/h) qᵀ𝐊q − force·q, up to a constant.
+//! the point to a target: Φ = ½ Σ (x − x̂)ᵀB(x − x̂) + ½ (1 + τ/h) qᵀ𝐊q − force·q, up to a constant. Animated goals
+//! add ½ Σ k (q − q̂)² over the unknowns.
 
 use super::model::Rod;
 use super::segment::RodCore;
@@ -55,11 +56,29 @@ pub struct Load<F = f64> {
     pub(super) springs: Vec<PointSpring<F>>,
     /// Constant generalised force, N·m².
     pub(super) force: Vec<F>,
+    /// Springs on the unknowns, one for each; empty if there are none.
+    pub(super) holds: Vec<StrainSpring<F>>,
+}
+
+/// A spring that pulls one unknown to a target.
+#[derive(Debug, Clone, Copy)]
+pub struct StrainSpring<F = f64> {
+    /// Stiffness, N·m³.
+    pub stiffness: F,
+    /// Target, 1/m.
+    pub target: F,
 }
 
 impl Default for Load {
     fn default() -> Self {
-        Load { hat: Vec::new(), inertia: 0.0, springs: Vec::new(), force: Vec::new() }
+        Load::empty(0.0)
+    }
+}
+
+impl<F: Real> Load<F> {
+    /// No loads, on no rod yet.
+    pub(super) fn empty(zero: F) -> Self {
+        Load { hat: Vec::new(), inertia: zero, springs: Vec::new(), force: Vec::new(), holds: Vec::new() }
     }
 }
 
@@ -81,6 +100,7 @@ impl Load {
         self.inertia = core.mass / (h * h);
         self.force.clone_from(&core.prebend);
         core.add_elastic(&rod.damping, 1.0 / h, past, &mut self.force);
+        self.holds.clear();
         self.springs.clear();
         for (point, (weight, mass)) in points.zip(rod.weight.iter().zip(&rod.mass)).skip(1) {
             let (inertia, drag) = (mass / (h * h), point.drag * weight / h);
@@ -105,6 +125,12 @@ impl Load {
             spring.alpha += stiffness;
             spring.target = (force + u * (u.dot(force) / (spring.alpha - u.dot(u)))) * (1.0 / spring.alpha);
         }
+    }
+
+    /// Pulls the unknowns by `springs`, one for each, until [`Load::set`] is called again.
+    pub fn hold(&mut self, springs: impl Iterator<Item = StrainSpring>) {
+        self.holds.clear();
+        self.holds.extend(springs);
     }
 
     /// Adds the constant force `f`, N, world axes, at point `k`. It has no effect on the root.
@@ -140,6 +166,10 @@ pub(super) fn energy<F: Real>(
     for ((q, k), force) in q.iter().zip(&*scratch).zip(&load.force) {
         e += *q * (*k - *force * 2.0);
     }
+    for (q, hold) in q.iter().zip(&load.holds) {
+        let off = *q - hold.target;
+        e += hold.stiffness * off * off;
+    }
     e * 0.5
 }
 
@@ -162,6 +192,9 @@ pub(super) fn gradient<F: Real>(
         *g = -*force;
     }
     core.add_elastic(&load.hat, zero.same(1.0), q, gradient);
+    for ((g, q), hold) in gradient.iter_mut().zip(q).zip(&load.holds) {
+        *g += hold.stiffness * (*q - hold.target);
+    }
     let (mut force, mut torque) = (V3::all(zero), V3::all(zero));
     for k in (0..core.segments.len()).rev() {
         let (x, jacobian) = (shape.pose[k + 1].p, &sensitivity.jacobian[k]);

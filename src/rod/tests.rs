@@ -2,7 +2,8 @@
 
 use super::hessian::hessian;
 use super::model::{Rod, RodSource, Taper, lerp_from_one};
-use super::potential::{Load, PointLoad, energy, gradient};
+use super::newton::Solver;
+use super::potential::{Load, PointLoad, StrainSpring, energy, gradient};
 use super::segment::SegmentSize;
 use super::sensitivity::Sensitivity;
 use super::shape::RodShape;
@@ -82,7 +83,27 @@ fn load(rod: &Rod, h: f64) -> Load {
     let past: Vec<f64> = (0..rod.unknowns()).map(|i| (i as f64).sin() * 2.0).collect();
     let mut load = Load::default();
     load.set(rod, h, &Vector3::new(0.3, -9.81, 0.1), &past, points);
+    let hold = |i: usize| StrainSpring { stiffness: 1e-9 * (i % 4) as f64, target: 3.0 - i as f64 };
+    load.hold((0..rod.unknowns()).map(hold));
     load
+}
+
+#[test]
+fn held_unknowns_are_where_they_are_held() {
+    let rod = curl();
+    let mut load = load(&rod, 0.01);
+    let target = |i: usize| 2.0 * (i as f64 * 0.7).sin();
+    let held = |i: usize| i < 9;
+    load.hold(
+        (0..rod.unknowns())
+            .map(|i| StrainSpring { stiffness: if held(i) { 1.0 } else { 0.0 }, target: target(i) }),
+    );
+    let mut q = vec![0.0; rod.unknowns()];
+    let outcome = Solver::default().minimise(&rod, &rod.root.r, &load, &mut q, &vec![1.0; rod.unknowns()]);
+    assert!(outcome.converged && outcome.iterations < 20, "{outcome:?}");
+    let off = |i: usize| (q[i] - target(i)).abs();
+    assert!((0..9).all(|i| off(i) < 1e-3), "{q:?}");
+    assert!((9..q.len()).any(|i| off(i) > 1.0), "{q:?}");
 }
 
 fn derivatives(rod: &Rod, load: &Load, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
