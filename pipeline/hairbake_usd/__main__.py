@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import exchange, groom, mesh, motion, over
+from . import exchange, goal, groom, mesh, motion, over
 from .errors import InputErrors
 from .exchange import FloatArray
 
@@ -35,7 +35,7 @@ def matrix(text: str) -> FloatArray:
 def argument_parser() -> argparse.ArgumentParser:
     """The options."""
     parser = argparse.ArgumentParser(prog="hairbake_usd", description=__doc__)
-    parser.add_argument("what", choices=["strands", "mesh", "motion", "over"], help="what to read")
+    parser.add_argument("what", choices=["strands", "mesh", "motion", "over", "goal"], help="what to read")
     parser.add_argument("file", help="USD file")
     parser.add_argument("--prim", help="path of the prim [default: all prims of the stage]")
     parser.add_argument("--prims", metavar="PATH,PATH,...", help="paths of several prims")
@@ -44,7 +44,7 @@ def argument_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--out", type=Path, required=True, help="existing folder for the result")
     parser.add_argument(
-        "--times", type=times, metavar="START,STEP,COUNT", help="time codes of an animated mesh"
+        "--times", type=times, metavar="START,STEP,COUNT", help="time codes of an animated mesh, or of curves"
     )
     parser.add_argument(
         "--moments",
@@ -78,6 +78,8 @@ def main() -> int:
         elif options.what == "over":
             paths = options.prims.split(",") if options.prims else [options.prim]
             header, arrays = over.read(options.file, paths, options.time, options.moments)
+        elif options.what == "goal":
+            header, arrays = goal.read(options.file, options.prim, options.times)
         elif options.what == "motion":
             rest = motion.Rest(options.world, options.rest_stage)
             curves = options.groom_stage and motion.GroomCurves(

@@ -26,6 +26,7 @@ FACTORS: dict[str, tuple[float, float]] = {
     "friction": (0, 1e3),
     "drag": (0, 1e3),
     "goal": (0, 1e3),
+    "goal_weight": (0, 1),
 }
 """Least and greatest value of the factors that curves may have, as `primvars:hairbake:NAME`.
 

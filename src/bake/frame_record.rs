@@ -79,6 +79,13 @@ pub struct FrameRecord {
     pub strand_gain: f64,
     /// Largest distance of a tie from its target, m.
     pub tie_slack_m: f64,
+    /// Guides that an animated goal pulls at the frame.
+    pub goal_guides: u32,
+    /// Distance of their points from the animated curves at the same arc length, which start at the roots of the
+    /// guides: mean, by weight, m.
+    pub goal_distance_mean_m: f64,
+    /// The same: largest of points of weight 1, m.
+    pub goal_distance_max_m: f64,
     /// Speed of the guides' points relative to what carries their roots, the head or a skin: mean, m/s.
     pub speed_mean_m_s: f64,
     /// The same: 95th percentile, m/s.
@@ -234,11 +241,42 @@ impl FrameRecord {
         self.exempt_penetration_m = simulation.exempt_depth();
         self.strand_gain = simulation.strand_gain(self.strand_work_j);
         self.pinched_segments = simulation.pinched_segments() as u32;
+        self.measure_goals(simulation);
         speeds.sort_by(f64::total_cmp);
         if let Some(&max) = speeds.last() {
             self.speed_max_m_s = max;
             self.speed_mean_m_s = speeds.iter().sum::<f64>() / speeds.len() as f64;
             self.speed_p95_m_s = speeds[(speeds.len() - 1) * 95 / 100];
+        }
+    }
+}
+
+impl FrameRecord {
+    /// Adds how far guides are from their animated goals.
+    fn measure_goals(&mut self, simulation: &Simulation) {
+        let (env, t) = (&simulation.env, simulation.time());
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for i in simulation.active() {
+            let (model, state) = (&simulation.model.guides[i], &simulation.state.guides[i]);
+            let Some(goal) = &model.animated_goal else { continue };
+            let (rod, weight, root) = (&model.rod, goal.weight(t), |t: f64| model.root(env, t));
+            let of_points: Vec<f64> = rod.arc.iter().map(|s| weight(s / rod.length())).collect();
+            if of_points.iter().all(|w| *w == 0.0) {
+                continue;
+            }
+            self.goal_guides += 1;
+            let (curve, origin) = (goal.points(rod, root, t), root(t).p);
+            for ((x, place), weight) in state.x.iter().zip(&curve).zip(of_points).skip(1) {
+                let distance = (x - origin - place).norm();
+                sum += weight * distance;
+                weights += weight;
+                if weight == 1.0 {
+                    self.goal_distance_max_m = self.goal_distance_max_m.max(distance);
+                }
+            }
+        }
+        if weights > 0.0 {
+            self.goal_distance_mean_m = sum / weights;
         }
     }
 }

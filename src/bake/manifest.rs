@@ -89,6 +89,8 @@ fn totals(finished: &[Finished]) -> Map<String, Value> {
         "strands_shortened": sum(|f| f.strands_shortened),
         "strand_gain": worst(|f| f.strand_gain),
         "tie_slack_m": worst(|f| f.tie_slack_m),
+        "goal_distance_mean_m": worst(|f| f.goal_distance_mean_m),
+        "goal_distance_max_m": worst(|f| f.goal_distance_max_m),
         "halvings": sum(|f| f.halvings),
     });
     object(totals)

@@ -148,7 +148,20 @@ fn motion_charts(frames: &[FrameRecord]) -> Vec<Chart> {
          the mean speed over two frames, and motion blur does not show all of their motion.",
         vec![series("guides", |f| f64::from(f.limited_rates))],
     );
-    vec![Chart { logarithmic: true, ..drift }, speed, limited]
+    let mut charts = vec![Chart { logarithmic: true, ..drift }, speed, limited];
+    if frames.iter().any(|f| f.goal_guides > 0) {
+        charts.push(chart(
+            "Distance from animated goals",
+            "mm",
+            "Distance of the points of guides from the animated curves: the mean by weight, and the largest of points of \
+             weight 1, which are as near as the nodes of a guide allow.",
+            vec![
+                series("mean", |f| f.goal_distance_mean_m * 1e3),
+                series("largest at weight 1", |f| f.goal_distance_max_m * 1e3),
+            ],
+        ));
+    }
+    charts
 }
 
 fn solver_charts(frames: &[FrameRecord]) -> Vec<Chart> {

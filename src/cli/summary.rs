@@ -141,6 +141,19 @@ pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
             if depth > 0.0 { format!("{:.4} mm max, frame {frame}", depth * 1e3) } else { "none".into() },
         );
     }
+    if summary.frames.iter().any(|f| f.goal_guides > 0) {
+        let ((mean, _), (most, frame)) =
+            (worst(|f| f.goal_distance_mean_m), worst(|f| f.goal_distance_max_m));
+        let guides = summary.frames.iter().map(|f| f.goal_guides).max().unwrap_or(0);
+        line(
+            "goals",
+            format!(
+                "{guides} guides at most; {:.3} mm off in the mean, at weight 1 {:.3} mm max, frame {frame}",
+                mean * 1e3,
+                most * 1e3
+            ),
+        );
+    }
     let (drift, frame) = worst(|f| f.length_drift);
     line("length drift", format!("{drift:.1e} max, frame {frame}"));
     if let Some(manifest) = &summary.manifest {

@@ -11,6 +11,7 @@ mod contact_polyline;
 mod coupled_substep;
 pub mod environment;
 pub mod exemption;
+pub mod goal;
 pub mod guide;
 pub mod guide_frame;
 pub mod guide_rods;

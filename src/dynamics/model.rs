@@ -3,6 +3,8 @@
 
 use super::air_drag::{self, HairDensity};
 use super::clock;
+use super::environment::Environment;
+use super::goal::AnimatedGoal;
 use super::guide::{ContactMode, GoalSpring, GuideModel};
 use super::guide_rods::GuideRods;
 use super::strand_contact::BundleProperties;
@@ -45,6 +47,7 @@ impl<'a> Model<'a> {
         for (guide, skin) in guides.iter_mut().zip(&groom.guides.curves.skin) {
             guide.skin = Some(skin.clone());
         }
+        animate(groom, anim, rods, &mut guides);
         for (guide, ties) in guides.iter_mut().zip(tie::ties(groom, anim, rods)) {
             guide.ties = ties;
         }
@@ -111,6 +114,21 @@ impl<'a> Model<'a> {
             _ => 1.0,
         }
     }
+}
+
+/// Gives the guides, whose roots are bound to their skins, the animated goals of `anim`.
+fn animate(groom: &Groom, anim: &Anim, rods: &[GuideRod], guides: &mut [GuideModel]) {
+    let mut curves = vec![None; guides.len()];
+    for goal in &anim.goals {
+        goal.guides.iter().enumerate().for_each(|(curve, &guide)| curves[guide] = Some((goal, curve)));
+    }
+    let of_guides = guides.par_iter_mut().zip(rods).zip(curves).enumerate();
+    of_guides.for_each(|(i, ((guide, r), curve))| {
+        let skin = groom.guides.curves.skin.get(i);
+        let root = |t: f64| Environment::root_on(&anim.carrier(skin, t), &r.rod.root);
+        guide.animated_goal = curve
+            .and_then(|(goal, curve)| AnimatedGoal::new(&r.rod, goal, curve, r.material.goal_weight, root));
+    });
 }
 
 /// The model of one guide, without its ties.

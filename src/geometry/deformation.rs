@@ -1,15 +1,13 @@
 //! Motion of the vertices of a deforming mesh, C² in time: `docs/theory.md` eq. 5.2.
 
 use crate::math::coast;
+use crate::math::sample_times::SampleTimes;
 use nalgebra::{Isometry3, Vector3};
 
 /// Evenly sampled positions of the vertices of a mesh, and a C² motion through them.
 ///
-/// Between samples i and i + 1 a vertex is at (1 − w) P_i + w P_(i+1), where P_i is the parabola through
-/// samples i − 1, i and i + 1, w = u² (3 − 2u), and u is the fraction of the interval. Overhauser's spline
-/// (1968), which has w = u, is C¹. Constant acceleration is reproduced exactly. The motion is local (four
-/// samples), so that a part of a shot moves as the whole does. Beyond its ends the mesh comes to rest, see
-/// [`coast`] and [`Deformation::carried_beyond_ends`].
+/// Between samples it moves as [`SampleTimes`] says. Beyond its ends the mesh comes to rest, see [`coast`] and
+/// [`Deformation::carried_beyond_ends`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Deformation {
     /// Time of the first sample, s.
@@ -18,27 +16,6 @@ pub struct Deformation {
     pub rate: f64,
     /// Vertices of each sample, m, rest space of the body; at least one sample, all of the same length.
     pub samples: Vec<Vec<Vector3<f64>>>,
-}
-
-/// Samples with their weights: two parabolas through three samples each at most.
-struct SampleWeights {
-    weights: [(usize, f64); 6],
-    len: usize,
-}
-
-impl SampleWeights {
-    fn new(weights: impl IntoIterator<Item = (usize, f64)>) -> Self {
-        let mut new = SampleWeights { weights: [(0, 0.0); 6], len: 0 };
-        for (place, weight) in new.weights.iter_mut().zip(weights) {
-            *place = weight;
-            new.len += 1;
-        }
-        new
-    }
-
-    fn iter(&self) -> impl Iterator<Item = (usize, f64)> {
-        self.weights[..self.len].iter().copied()
-    }
 }
 
 /// Motion of a carrier, m and rad, that counts as none.
@@ -53,7 +30,7 @@ impl Deformation {
 
     /// The position of each vertex at time `t`, s, by its index; m, rest space of the body.
     pub fn at(&self, t: f64) -> impl Fn(u32) -> Vector3<f64> {
-        let weights = self.weights(t);
+        let weights = self.times().weights(t);
         move |v| weights.iter().map(|(sample, w)| self.samples[sample][v as usize] * w).sum()
     }
 
@@ -115,50 +92,9 @@ impl Deformation {
         (1..=count).map(sample).collect()
     }
 
-    /// Samples, and their weights, at time `t`, s.
-    fn weights(&self, t: f64) -> SampleWeights {
-        let last = self.samples.len() - 1;
-        let x = (t - self.start) * self.rate;
-        if last == 0 {
-            return SampleWeights::new([(0, 1.0)]);
-        }
-        if x < 0.0 {
-            return self.weights_beyond(-x, |back| back);
-        }
-        if x > last as f64 {
-            return self.weights_beyond(x - last as f64, |back| last - back);
-        }
-        let i = (x as usize).min(last - 1);
-        let u = x - i as f64;
-        if last == 1 {
-            return SampleWeights::new([(0, 1.0 - u), (1, u)]);
-        }
-        let parabola = |s: f64| [0.5 * s * (s - 1.0), 1.0 - s * s, 0.5 * s * (s + 1.0)];
-        let early = (i > 0).then(|| (i, parabola(u)));
-        let late = (i + 1 < last).then(|| (i + 1, parabola(u - 1.0)));
-        let w = match (early, late) {
-            (Some(_), Some(_)) => u * u * (3.0 - 2.0 * u),
-            (None, _) => 1.0,
-            (_, None) => 0.0,
-        };
-        let weighted = |part: Option<(usize, [f64; 3])>, w: f64| {
-            part.into_iter().flat_map(move |(i, p)| (0..3).map(move |k| (i + k - 1, w * p[k])))
-        };
-        SampleWeights::new(weighted(early, 1.0 - w).chain(weighted(late, w)))
-    }
-
-    /// Weights at `beyond`, samples, past an end. `sample` maps a distance from that end, samples, to an
-    /// index.
-    fn weights_beyond(&self, beyond: f64, sample: impl Fn(usize) -> usize) -> SampleWeights {
-        // One-sided differences: outward velocity, 1/s, and acceleration, 1/s².
-        let (v, a) = match self.samples.len() {
-            2 => ([1.0, -1.0, 0.0], [0.0; 3]),
-            _ => ([1.5, -2.0, 0.5], [1.0, -2.0, 1.0]),
-        };
-        let [by_v, by_a] = coast::displacement(beyond / self.rate);
-        let weight =
-            |k: usize| f64::from(k == 0) + v[k] * self.rate * by_v + a[k] * self.rate * self.rate * by_a;
-        SampleWeights::new((0..self.samples.len().min(3)).map(|k| (sample(k), weight(k))))
+    /// The times of the samples.
+    fn times(&self) -> SampleTimes {
+        SampleTimes { start: self.start, rate: self.rate, count: self.samples.len() }
     }
 }
 

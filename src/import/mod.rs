@@ -43,5 +43,5 @@ pub use over::over_target;
 pub use source::Source;
 pub use strand_file::{MIN_STRAND_LENGTH, StrandFileReport};
 pub use track::convert::{Track, track};
-pub use track::options::{ColliderMesh, RestPose, TrackGroom, TrackOptions};
+pub use track::options::{ColliderMesh, GoalCurvesSource, RestPose, TrackGroom, TrackOptions};
 pub use track::report::TrackReport;

@@ -8,6 +8,7 @@ pub mod frame;
 pub mod lanes;
 pub mod polyline;
 pub mod random;
+pub mod sample_times;
 pub mod se3;
 pub mod spline;
 

@@ -23,10 +23,12 @@
 //! | [`potential`], `hessian` | incremental potential Φ of one implicit step; its minimum is the new state |
 //! | [`newton`] | [`Solver`](newton::Solver): minimises Φ |
 //! | [`contact_load`] | linearisation of Φ under contact forces |
+//! | [`Fit`] | unknowns at which a rod passes near given points |
 //! | [`pack`] | several rods at once, one per SIMD lane |
 
 pub mod contact_load;
 mod drawn;
+mod fit;
 mod hat;
 mod hessian;
 mod lumped;
@@ -39,6 +41,7 @@ mod segment;
 mod sensitivity;
 mod shape;
 
+pub use fit::Fit;
 pub use lumped::LumpedSensitivity;
 pub use model::{Rod, RodSource, Taper};
 pub use segment::SegmentSize;

@@ -9,6 +9,9 @@ use crate::math::se3::{Pose, Twist};
 use crate::math::spline::ArcSpline;
 use nalgebra::{UnitQuaternion, Vector3};
 
+/// Gravity of the Earth, m/s².
+const STANDARD_GRAVITY: f64 = 9.81;
+
 /// Input of [`Rod::new`]. SI units, rest space.
 #[derive(Debug, Clone)]
 pub struct RodSource<'a> {
@@ -252,6 +255,17 @@ impl Rod {
             unit[i] = 0.0;
         }
         rows
+    }
+
+    /// Stiffness of each unknown that holds it against the rod's own elasticity and its weight, N·m³: of the order
+    /// at which a strain under both would be halved.
+    pub fn hold_stiffness(&self) -> Vec<f64> {
+        let weight = self.core.mass * STANDARD_GRAVITY * self.length() * self.length();
+        let node = |i: usize| {
+            let (own, length) = (self.core.hat[i][0], self.lumped_length(i));
+            self.core.stiffness.map(|stiffness| stiffness * own + weight * length)
+        };
+        (0..self.core.hat.len()).flat_map(node).collect()
     }
 
     /// 𝐊⁻¹ `load`: the unknowns, 1/m, at which elasticity balances a generalised force, N·m².

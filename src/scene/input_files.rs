@@ -3,7 +3,7 @@
 use super::anim::Settings;
 use super::file_sequence::{FileSequence, lead_in};
 use super::format::Format;
-use super::load_options::{FILE_NAMES, FileName, LoadOptions, SEQUENCE_NAME};
+use super::load_options::{FILE_NAMES, FileName, LoadOptions, SEQUENCE_NAMES};
 use crate::error::Result;
 use std::path::{Path, PathBuf};
 
@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 /// them with their checksums. The groom and its files come first; the files of one role are in the order of
 /// the document.
 ///
-/// Roles are `groom`, `anim`, `buffer`, `track`, `collider`, and `deformation` for each frame of a deforming
-/// collider.
+/// Roles are `groom`, `anim`, `buffer`, `track`, `collider`, `deformation` for each frame of a deforming
+/// collider, and `goal` for each frame of the curves of a goal.
 ///
 /// # Errors
 /// As [`super::load`] for the two documents; no other file is opened.
@@ -25,14 +25,15 @@ pub fn input_files(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<V
         for FileName { role, list, pointer } in FILE_NAMES {
             files.extend(doc.strings(list, pointer).map(|name| (role, folder.join(name))));
         }
-        // Only animations have frames and colliders that deform.
+        // Only animations have frames, and sequences of files.
         let Some(frames) = doc.integer_pair("frames") else { continue };
         let preroll = doc.number("/settings/preroll_s").unwrap_or(Settings::default().preroll);
         let lead = lead_in(doc.number("/fps").unwrap_or_default(), preroll);
-        let FileName { role, list, pointer } = SEQUENCE_NAME;
-        for sequence in doc.strings(list, pointer).filter_map(FileSequence::new) {
-            let (first, last) = sequence.available_frames(&folder, frames, lead);
-            files.extend((first..=last).map(|frame| (role, sequence.path(&folder, frame))));
+        for FileName { role, list, pointer } in SEQUENCE_NAMES {
+            for sequence in doc.strings(list, pointer).filter_map(FileSequence::new) {
+                let (first, last) = sequence.available_frames(&folder, frames, lead);
+                files.extend((first..=last).map(|frame| (role, sequence.path(&folder, frame))));
+            }
         }
     }
     Ok(files)

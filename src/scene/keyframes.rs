@@ -1,20 +1,20 @@
 //! A vector over time.
 
-use nalgebra::Vector3;
+use nalgebra::SVector;
 
-/// A vector over time: keyframes interpolated smoothly. Before the first and after the last key it is
+/// A vector of `D` components over time: keyframes interpolated smoothly. Before the first and after the last key it is
 /// constant.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Keyframes {
+pub struct Keyframes<const D: usize = 3> {
     /// Times of the keys, s, increasing; at least one.
     pub times: Vec<f64>,
     /// Values at the keys.
-    pub values: Vec<Vector3<f64>>,
+    pub values: Vec<SVector<f64, D>>,
 }
 
-impl Keyframes {
+impl<const D: usize> Keyframes<D> {
     /// A constant vector.
-    pub fn constant(value: Vector3<f64>) -> Self {
+    pub fn constant(value: SVector<f64, D>) -> Self {
         Keyframes { times: vec![0.0], values: vec![value] }
     }
 
@@ -24,7 +24,7 @@ impl Keyframes {
     /// there: a wind that rises does not first blow backwards. Each piece is a quintic with zero second
     /// derivative at the keys. The slope at a key is the harmonic mean of the slopes on both sides, and zero
     /// at extrema (Fritsch & Butland 1984).
-    pub fn at(&self, t: f64) -> Vector3<f64> {
+    pub fn at(&self, t: f64) -> SVector<f64, D> {
         let n = self.times.len();
         let i = self.times.partition_point(|&key| key <= t);
         if i == 0 || i == n {
@@ -42,9 +42,9 @@ impl Keyframes {
     }
 
     /// Slope at key `i`, 1/s times the unit of the values.
-    fn slope(&self, i: usize) -> Vector3<f64> {
+    fn slope(&self, i: usize) -> SVector<f64, D> {
         if i == 0 || i + 1 == self.times.len() {
-            return Vector3::zeros();
+            return SVector::zeros();
         }
         let chord = |i: usize| (self.values[i + 1] - self.values[i]) / (self.times[i + 1] - self.times[i]);
         chord(i - 1).zip_map(&chord(i), |p, q| if p * q > 0.0 { 2.0 * p * q / (p + q) } else { 0.0 })
@@ -55,6 +55,7 @@ impl Keyframes {
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use nalgebra::Vector3;
     use proptest::prelude::*;
 
     fn keyframes(values: &[(f64, f64)]) -> Keyframes {

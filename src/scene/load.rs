@@ -4,6 +4,7 @@ use super::anim::file::AnimFile;
 use super::anim::model::Anim;
 use super::anim::read as anim_reader;
 use super::format::Format;
+use super::goal;
 use super::groom::file::GroomFile;
 use super::groom::model::Groom;
 use super::groom::read as groom_reader;
@@ -68,10 +69,15 @@ pub fn load_with(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<(Gr
     }
 }
 
-/// Compares the spaces of `groom` and `anim`, read from `file`, and binds the roots to their skins.
+/// Compares the spaces of `groom` and `anim`, read from `file`, binds the roots to their skins, and
+/// matches the goals.
 fn place(groom: &mut Groom, anim: &mut Anim, file: &Path) -> Vec<Diagnostic> {
     let misplaced = placement::check(groom, anim, file);
-    if misplaced.is_empty() { skin::bind(groom, anim, file) } else { misplaced }
+    if !misplaced.is_empty() {
+        return misplaced;
+    }
+    let unbound = skin::bind(groom, anim, file);
+    if unbound.is_empty() { goal::bind(groom, anim, file) } else { unbound }
 }
 
 /// Checks that the first file is no animation and the second no groom.

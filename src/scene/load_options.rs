@@ -28,9 +28,12 @@ pub(super) const FILE_NAMES: [FileName; 3] = [
     FileName { role: "collider", list: "colliders", pointer: "/shape/file" },
 ];
 
-/// The place that names a sequence of meshes, one file for each frame of a deforming collider.
-pub(super) const SEQUENCE_NAME: FileName =
-    FileName { role: "deformation", list: "colliders", pointer: "/shape/sequence" };
+/// The places that name a sequence of files, one for each frame: of a deforming collider, and of the curves of a
+/// goal.
+pub(super) const SEQUENCE_NAMES: [FileName; 2] = [
+    FileName { role: "deformation", list: "colliders", pointer: "/shape/sequence" },
+    FileName { role: "goal", list: "goals", pointer: "/sequence" },
+];
 
 /// JSON pointer to the name of the stage that an animation puts the motion over. What is read of it is
 /// recorded, and not the file.
@@ -60,7 +63,7 @@ impl LoadOptions {
     }
 
     fn map_file_names(&self, root: &mut Value) {
-        for FileName { list, pointer, .. } in FILE_NAMES.iter().chain([&SEQUENCE_NAME]) {
+        for FileName { list, pointer, .. } in FILE_NAMES.iter().chain(&SEQUENCE_NAMES) {
             let elements = root.get_mut(*list).and_then(Value::as_array_mut);
             for name in elements.into_iter().flatten().filter_map(|e| e.pointer_mut(pointer)) {
                 if let Some(mapped) = name.as_str().and_then(|name| self.path_map.map(name)) {

@@ -3,7 +3,10 @@
 use crate::cli::frame_list::frame_range;
 use crate::cli::{console, input_files, output_file, values};
 use crate::error::Result;
-use crate::import::{self, ColliderMesh, JointSelector, RestPose, Source, TrackGroom, TrackOptions};
+use crate::import::{
+    self, ColliderMesh, GoalCurvesSource, JointSelector, RestPose, Source, TrackGroom, TrackOptions,
+};
+use crate::scene::anim::GoalSpace;
 use crate::scene::anim::file::Pops;
 use crate::scene::{UpAxis, load_groom};
 use clap::{Args, ValueEnum};
@@ -16,6 +19,7 @@ Examples:
   hairbake import track walk.json --groom groom.json --collider shirt.####.obj -o anim.json
   hairbake import track shot.usd --joint head --groom groom.json --collider shot.usd:/char/body -o anim.json
   hairbake import track shot.usd --joint head --groom fur.json --skin shot.usd:/char/body -o anim.json
+  hairbake import track shot.usd --joint head --groom groom.json --goal approved/hair.usda -o anim.json
   hairbake import track walk.bvh --joint Head --units in --groom groom.json -o anim.json
   hairbake import track mocap.json --pivot 0,1.62,0.02 --fps 24 --rest first -o anim.json";
 
@@ -23,6 +27,7 @@ const MOTION: &str = "Motion";
 const TIME: &str = "Time";
 const REST: &str = "Rest pose";
 const COLLIDERS: &str = "Colliders";
+const GOALS: &str = "Goals";
 
 /// `hairbake import track` as it is typed.
 #[derive(Debug, Args)]
@@ -113,6 +118,26 @@ pub struct TrackArguments {
     /// Raising it hides gaps of coarse render meshes.
     #[arg(long, value_name = "MM", default_value_t = 0.5, value_parser = values::not_negative, help_heading = COLLIDERS)]
     thickness: f64,
+
+    /// Animated curves that guides are pulled to; may be repeated
+    ///
+    /// USD curves with time samples, such as those of an animator or hair.usda of an earlier bake, or a sequence
+    /// of OBJ files, one per frame, such as tail.####.obj. The guides among them count if there are any. Curves
+    /// belong to the guides of --groom with their ids, or, without ids, in order. How firmly they pull is set in
+    /// the animation: see `goals` there.
+    #[arg(long = "goal", value_name = "FILE[:PRIM][:UNITS][:UP]", value_parser = values::source, help_heading = GOALS)]
+    goals: Vec<Source>,
+    /// Space of the curves
+    #[arg(long, value_enum, value_name = "SPACE", default_value = "world", help_heading = GOALS)]
+    goal_space: GoalSpaceName,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum GoalSpaceName {
+    /// The world
+    World,
+    /// The space of the groom at rest: the head or the skin carries the curves
+    Rest,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -138,7 +163,7 @@ enum RestName {
 /// Imports a track.
 pub fn run(arguments: &TrackArguments) -> Result<()> {
     let output = &arguments.output;
-    let meshes = arguments.skins.iter().chain(&arguments.colliders);
+    let meshes = arguments.skins.iter().chain(&arguments.colliders).chain(&arguments.goals);
     let others = arguments.groom.iter().chain(meshes.map(|source| &source.path));
     input_files::require(std::iter::once(&arguments.motion).chain(others).map(|path| &**path))?;
     let groom = match &arguments.groom {
@@ -167,6 +192,10 @@ impl TrackArguments {
             is_skin,
             ..ColliderMesh::new(source.clone())
         };
+        let space = match self.goal_space {
+            GoalSpaceName::World => GoalSpace::World,
+            GoalSpaceName::Rest => GoalSpace::Rest,
+        };
         let skins = self.skins.iter().map(|source| (source, true));
         let colliders = self.colliders.iter().map(|source| (source, false));
         TrackOptions {
@@ -180,6 +209,7 @@ impl TrackArguments {
             }),
             joint: JointSelector { name: self.joint.clone(), clip: self.clip.clone() },
             colliders: skins.chain(colliders).map(mesh).collect(),
+            goals: self.goals.iter().map(|source| GoalCurvesSource::new(source.clone(), space)).collect(),
             smoothing_hz: self.cutoff,
             pops: match self.pops {
                 PopsName::Error => Pops::Error,

@@ -2,6 +2,7 @@
 //! ([`GuideModel::step`]).
 
 mod body_contact;
+mod goal_pull;
 mod model;
 mod scratch;
 mod state;

@@ -1,6 +1,7 @@
 //! The constants of a guide.
 
 use crate::dynamics::environment::Environment;
+use crate::dynamics::goal::AnimatedGoal;
 use crate::dynamics::tie::Tie;
 use crate::geometry::Friction;
 use crate::math::se3::Pose;
@@ -24,6 +25,8 @@ pub struct GuideModel {
     pub friction_across: f64,
     /// Springs that pull the points to the groom's pose, one per point; empty without a goal.
     pub goal: Vec<GoalSpring>,
+    /// The animated goal; `None` for a guide without one.
+    pub animated_goal: Option<AnimatedGoal>,
     /// Places of the strand that are held to bodies.
     pub ties: Vec<Tie>,
     /// The place of a skin that carries the root; `None` if the head does.
@@ -53,7 +56,7 @@ pub enum ContactMode {
 }
 
 impl GuideModel {
-    /// A guide without ties and goal, with isotropic friction, under the default time scheme. `drag` is per
+    /// A guide without ties and goals, with isotropic friction, under the default time scheme. `drag` is per
     /// point, N·s/m².
     pub fn new(rod: Rod, drag: Vec<f64>, friction: impl Into<Friction>) -> Self {
         GuideModel {
@@ -63,6 +66,7 @@ impl GuideModel {
             friction: [friction.into(); 2],
             friction_across: 1.0,
             goal: Vec::new(),
+            animated_goal: None,
             ties: Vec::new(),
             skin: None,
         }

@@ -1,5 +1,6 @@
 //! Buffers of the steps of one thread.
 
+use super::goal_pull::GoalScratch;
 use crate::contact::BodyMotion;
 use crate::dynamics::body_contact::BodyContactScratch;
 use crate::dynamics::tie::Tie;
@@ -21,6 +22,8 @@ pub struct GuideScratch {
     pub(super) q_star: Vec<f64>,
     /// Unknowns of the solve without contact, 1/m.
     pub(super) free_q: Vec<f64>,
+    /// The animated goal over the step.
+    pub(super) goal: GoalScratch,
     /// What the guide meets in the step.
     pub(super) inputs: ContactInputs,
     /// Buffers of the contact with bodies.

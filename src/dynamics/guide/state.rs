@@ -82,7 +82,7 @@ pub(super) struct Transient {
 }
 
 impl GuideState {
-    /// The groom's pose at time `t`, s, carried rigidly by the head. `h` is the sub-step, s, and `thickness`
+    /// The groom's pose, carried rigidly by the head, or that of an animated goal, at time `t`, s. `h` is the sub-step, s, and `thickness`
     /// the distance to keep from each body, m.
     pub fn new(model: &GuideModel, thickness: &[f64], env: &Environment, t: f64, h: f64) -> Self {
         Self::on_skins(model, thickness, env, None, [t, h])
@@ -97,14 +97,14 @@ impl GuideState {
         [t, h]: [f64; 2],
     ) -> Self {
         let rod = &model.rod;
-        let q = rod.initial_q.clone();
+        let (q, q_before) = (model.start_unknowns(t), model.start_unknowns(t - h));
         let mut shape = RodShape::default();
-        let mut poses = |t: f64| -> Vec<Pose> {
+        let mut poses = |t: f64, q: &[f64]| -> Vec<Pose> {
             let root = model.root(env, t);
-            shape.update(rod, &root.r, &q);
+            shape.update(rod, &root.r, q);
             shape.poses().map(|g| Pose { r: g.r, p: g.p + root.p }).collect()
         };
-        let (now, before) = (poses(t), poses(t - h));
+        let (now, before) = (poses(t, &q), poses(t - h, &q_before));
         let x: Vec<Vector3<f64>> = now.iter().map(|g| g.p).collect();
         let mut polyline = Vec::new();
         with_midpoints(&rod.arc, |k| x[k], |k| now[k].r.column(2).into(), &mut polyline);
@@ -119,7 +119,8 @@ impl GuideState {
         };
         let v: Vec<Vector3<f64>> = now.iter().zip(&before).map(|(a, b)| (a.p - b.p) / h).collect();
         let tangent: Vec<Vector3<f64>> = now.iter().map(|g| g.r.column(2).into()).collect();
-        let rates = std::array::from_fn(|_| SolveRate { step: h, rate: vec![0.0; q.len()] });
+        let rate: Vec<f64> = q.iter().zip(&q_before).map(|(q, before)| (q - before) / h).collect();
+        let rates = std::array::from_fn(|_| SolveRate { step: h, rate: rate.clone() });
         let previous = Configuration { q: q.clone(), x: x.clone(), v: v.clone(), tangent: tangent.clone() };
         GuideState {
             clearance,
@@ -139,6 +140,11 @@ impl GuideState {
     /// Mean rate of the unknowns over the last solve, 1/(m·s).
     pub(in crate::dynamics) fn rate(&self) -> &[f64] {
         &self.history.rates[0].rate
+    }
+
+    /// Duration of the last solve's step, s.
+    pub(super) fn solve_step(&self) -> f64 {
+        self.history.rates[0].step
     }
 
     /// Length of the step that led here, s; 0 if the next step must not look back.

@@ -194,7 +194,7 @@ impl GuideModel {
         scratch: &mut GuideScratch,
     ) -> Pose {
         let root = self.root(env, t1);
-        let GuideScratch { load, q, q_star, .. } = scratch;
+        let GuideScratch { load, q_star, .. } = scratch;
         let points = (0..state.x.len()).map(|k| {
             let (inertial, previous, tangent) = state.formula_values(k, formula, &root.p);
             let air = air_drag::velocity(env.wind, &state.x[k], t1);
@@ -203,11 +203,16 @@ impl GuideModel {
         q_star.clear();
         q_star.extend(state.q_star(formula));
         load.set(&self.rod, formula.eta, &(env.gravity)(t1), q_star, points);
+        state.extrapolate(t1 - t0, &mut scratch.q);
+        let pulled = self.pull_to_goal(env, state, [t0, t1], formula, &root, scratch);
+        let GuideScratch { load, goal, .. } = scratch;
         for (k, spring) in self.goal.iter().enumerate() {
-            load.add_spring(k, &(root.r * spring.anchor), spring.stiffness);
+            // What follows an animated goal does not follow the groom's pose.
+            let stiffness =
+                if pulled { spring.stiffness * (1.0 - goal.weights[k]) } else { spring.stiffness };
+            load.add_spring(k, &(root.r * spring.anchor), stiffness);
         }
         state.transient.hair_force.iter().enumerate().for_each(|(k, f)| load.add_force(k, f));
-        state.extrapolate(t1 - t0, q);
         root
     }
 

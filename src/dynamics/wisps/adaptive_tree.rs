@@ -93,7 +93,7 @@ impl AdaptiveTree {
         self.packs.len() as u32
     }
 
-    /// Makes every guide with leaders a follower, except tied ones. The states at time `t`, s, are taken as
+    /// Makes every guide with leaders a follower, except tied ones and those that an animated goal pulls. The states at time `t`, s, are taken as
     /// the rest shapes.
     pub fn make_followers(
         &mut self,
@@ -117,7 +117,9 @@ impl AdaptiveTree {
         let LeaderMotion { rest, h, .. } = &self.motion;
         self.motion.modal = ModalCorrection::new(models, rest, env, t, *h);
         for (i, follower) in self.followers.iter_mut().enumerate() {
-            follower.follows = !self.motion.hierarchy.leaders[i].is_empty() && models[i].ties.is_empty();
+            follower.follows = !self.motion.hierarchy.leaders[i].is_empty()
+                && models[i].ties.is_empty()
+                && !models[i].was_pulled(t);
         }
     }
 
@@ -144,8 +146,8 @@ impl AdaptiveTree {
     }
 
     /// Places the followers of a level at the end of the frame from time `t[0]` to `t[1]`, s, and splits
-    /// those whose estimated error exceeds the tolerance: they become active, in their state at the start of
-    /// the frame, where their error was within it. Returns these guides; the caller steps them through the
+    /// those whose estimated error exceeds the tolerance, or that an animated goal begins to pull: they become
+    /// active, in their state at the start of the frame, where their error was within it. Returns these guides; the caller steps them through the
     /// frame.
     pub fn place_and_split(
         &mut self,
@@ -156,12 +158,17 @@ impl AdaptiveTree {
         t: [f64; 2],
     ) -> Vec<usize> {
         self.place_followers(level, models, states, &EnvironmentSnapshot::new(env, t[1]));
-        let Some(tolerance) = self.split_tolerance else { return Vec::new() };
-        self.update_active_variates(level);
+        if self.split_tolerance.is_some() {
+            self.update_active_variates(level);
+        }
+        let errs = |i: usize| {
+            let error = || self.followers[i].relative_displacement + self.prediction_error(i);
+            self.split_tolerance.is_some_and(|tolerance| error() > tolerance)
+        };
         let splits = |i: &usize| {
             self.motion.hierarchy.level[*i] == level
                 && !self.is_active(*i)
-                && self.followers[*i].relative_displacement + self.prediction_error(*i) > tolerance
+                && (models[*i].was_pulled(t[1]) || errs(*i))
         };
         let split: Vec<usize> = (0..models.len()).into_par_iter().filter(splits).collect();
         for &i in &split {
@@ -185,7 +192,8 @@ impl AdaptiveTree {
         let Some(tolerance) = self.split_tolerance else { return 0 };
         let decide = |i: usize| {
             let (model, state) = (&models[i], &states[i]);
-            if !self.is_active(i) || self.motion.hierarchy.leaders[i].is_empty() || !model.ties.is_empty() {
+            let leads = !self.is_active(i) || self.motion.hierarchy.leaders[i].is_empty();
+            if leads || !model.ties.is_empty() || model.was_pulled(t) {
                 return None;
             }
             let nu = self.followers[i].variate.coefficient();

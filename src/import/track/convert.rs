@@ -1,7 +1,8 @@
 //! Makes an animation from a motion file and collider meshes.
 
 use super::colliders::{Colliders, WORLD};
-use super::options::{ColliderMesh, RestPose, TrackGroom, TrackOptions};
+use super::goals::{GoalInput, Goals};
+use super::options::{ColliderMesh, GoalCurvesSource, RestPose, TrackGroom, TrackOptions};
 use super::report::{TrackPop, TrackReport};
 use super::timing::{DEFAULT_FIRST_FRAME, Timing};
 use crate::file::relative;
@@ -22,7 +23,7 @@ use std::path::{Path, PathBuf};
 pub struct Track {
     /// The animation.
     pub anim: AnimFile,
-    /// OBJ files converted from USD: path and text.
+    /// OBJ files converted from USD and glTF, meshes and curves: path and text.
     pub meshes: Vec<(PathBuf, String)>,
     /// The report.
     pub report: TrackReport,
@@ -47,8 +48,9 @@ impl Track {
 /// # Errors
 /// Unreadable or invalid files, all in one report; options out of range.
 pub fn track(options: &TrackOptions) -> Result<Track> {
-    let inputs = Inputs::read(options)?;
-    let Inputs { motion, timing, meshes } = &inputs;
+    let mut inputs = Inputs::read(options)?;
+    let goal_inputs = std::mem::take(&mut inputs.goals);
+    let Inputs { motion, timing, meshes, .. } = &inputs;
     let pops = find_pops(&motion.in_metres(), motion.rate);
     let first = first_sample(&pops, options.pops);
     let (kind, rest) = rest_pose(options, motion, first)?;
@@ -56,6 +58,10 @@ pub fn track(options: &TrackOptions) -> Result<Track> {
     let mut colliders = Colliders::default();
     for (mesh, (file, read)) in options.colliders.iter().zip(meshes) {
         colliders.add(mesh, file, read, timing.first_mesh_frame(), &options.folder)?;
+    }
+    let mut goals = Goals::default();
+    for (goal, read) in options.goals.iter().zip(goal_inputs) {
+        goals.add(goal, read, timing.first_mesh_frame(), &options.folder, options.groom.as_ref())?;
     }
     let mut report = TrackReport {
         path: options.motion.path.clone(),
@@ -68,7 +74,7 @@ pub fn track(options: &TrackOptions) -> Result<Track> {
             .angle_to(&rotation(rest.rotation_wxyz))
             .to_degrees(),
         pops: pops.iter().map(|pop| track_pop(pop, timing, motion.rate)).collect(),
-        notes: [&motion.notes[..], &colliders.notes[..]].concat(),
+        notes: [&motion.notes[..], &colliders.notes[..], &goals.notes[..]].concat(),
         warnings: motion.warnings.clone(),
     };
     report.add_warnings(options);
@@ -85,8 +91,9 @@ pub fn track(options: &TrackOptions) -> Result<Track> {
         anim.bodies.push(BodyFile { name: WORLD.into(), track: None });
     }
     (anim.colliders, anim.skins) = (colliders.colliders, colliders.skins);
+    anim.goals = goals.goals;
     anim.over = over(options, motion)?;
-    Ok(Track { anim, meshes: colliders.files, report })
+    Ok(Track { anim, meshes: [colliders.files, goals.files].concat(), report })
 }
 
 /// The contents of all files.
@@ -95,10 +102,12 @@ struct Inputs {
     timing: Timing,
     /// For each collider the file that was read and its contents.
     meshes: Vec<(Source, ImportedMesh)>,
+    /// The curves of each goal.
+    goals: Vec<GoalInput>,
 }
 
 impl Inputs {
-    /// Reads the motion and the meshes.
+    /// Reads the motion, the meshes and the curves.
     ///
     /// # Errors
     /// The errors of all files in one report.
@@ -123,16 +132,27 @@ impl Inputs {
             Ok((file, read))
         });
         let meshes = meshes.collect();
-        let (motion, meshes) = merge_errors(motion, meshes)?;
+        let goals = timing.iter().flat_map(|timing| {
+            let read = |goal: &GoalCurvesSource| {
+                let times = timing.mesh_times(options, &goal.source, None);
+                GoalInput::read(&goal.source, &times, timing.frames[0])
+            };
+            options.goals.iter().map(read)
+        });
+        let goals = goals.collect();
+        let (motion, meshes, goals) = merge_errors(motion, meshes, goals)?;
         let timing = timing.ok_or_else(|| Error::Internal("a motion that was read has no frames".into()))?;
-        Ok(Inputs { motion, timing, meshes })
+        Ok(Inputs { motion, timing, meshes, goals })
     }
 }
 
-/// The motion and the meshes, or the errors in all of them.
-fn merge_errors<A, B>(motion: Result<A>, meshes: Vec<Result<B>>) -> Result<(A, Vec<B>)> {
+/// The motion, the meshes and the goals, or the errors in all of them.
+fn merge_errors<A, B, C>(
+    motion: Result<A>,
+    meshes: Vec<Result<B>>,
+    goals: Vec<Result<C>>,
+) -> Result<(A, Vec<B>, Vec<C>)> {
     let mut diagnostics = Vec::new();
-    let mut read = Vec::with_capacity(meshes.len());
     let motion = match motion {
         Err(Error::BadInput(found)) => {
             diagnostics.extend(found);
@@ -140,16 +160,24 @@ fn merge_errors<A, B>(motion: Result<A>, meshes: Vec<Result<B>>) -> Result<(A, V
         }
         other => Some(other?),
     };
-    for mesh in meshes {
-        match mesh {
+    let meshes = sound(meshes, &mut diagnostics)?;
+    let goals = sound(goals, &mut diagnostics)?;
+    match motion {
+        Some(motion) if diagnostics.is_empty() => Ok((motion, meshes, goals)),
+        _ => Err(Error::BadInput(diagnostics)),
+    }
+}
+
+/// What could be read; adds the errors of the others to `diagnostics`.
+fn sound<T>(all: Vec<Result<T>>, diagnostics: &mut Vec<Diagnostic>) -> Result<Vec<T>> {
+    let mut read = Vec::with_capacity(all.len());
+    for one in all {
+        match one {
             Err(Error::BadInput(found)) => diagnostics.extend(found),
             other => read.push(other?),
         }
     }
-    match motion {
-        Some(motion) if diagnostics.is_empty() => Ok((motion, read)),
-        _ => Err(Error::BadInput(diagnostics)),
-    }
+    Ok(read)
 }
 
 /// The first sample that the track follows.
@@ -228,7 +256,7 @@ fn over(options: &TrackOptions, motion: &Motion) -> Result<Option<OverFile>> {
 fn check_placement(
     options: &TrackOptions,
     groom: &TrackGroom,
-    Inputs { motion, timing, meshes }: &Inputs,
+    Inputs { motion, timing, meshes, .. }: &Inputs,
     rest: PoseFile,
     origin: &Origin,
 ) -> Result<Vec<String>> {

@@ -2,6 +2,7 @@
 
 pub(super) mod colliders;
 pub(super) mod convert;
+mod goals;
 pub(super) mod options;
 pub(super) mod report;
 mod timing;

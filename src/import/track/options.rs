@@ -3,6 +3,7 @@
 use crate::import::joint_selector::JointSelector;
 use crate::import::motion::GroomCurves;
 use crate::import::source::Source;
+use crate::scene::anim::GoalSpace;
 use crate::scene::anim::file::Pops;
 use crate::scene::placement::Roots;
 use crate::scene::{FileSequence, Groom, Origin, RestSpace};
@@ -41,18 +42,41 @@ pub struct ColliderMesh {
     pub is_skin: bool,
 }
 
+/// Animated curves that guides are pulled to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GoalCurvesSource {
+    /// Unique name, as of a mesh.
+    pub name: String,
+    /// The USD file, or a sequence of OBJ files, one per frame.
+    pub source: Source,
+    /// The space of the curves.
+    pub space: GoalSpace,
+}
+
+impl GoalCurvesSource {
+    /// Curves named after their prim or file.
+    pub fn new(source: Source, space: GoalSpace) -> Self {
+        GoalCurvesSource { name: name_of(&source, "goal_"), source, space }
+    }
+}
+
+/// A name of letters, digits and `_` after the prim or file of `source`; `prefix` is put before a digit.
+fn name_of(source: &Source, prefix: &str) -> String {
+    let prim = source.prim.as_deref().and_then(|prim| prim.rsplit('/').next()).map(String::from);
+    let stem = source.path.file_stem().map(|s| s.to_string_lossy().replace('#', ""));
+    let stem = prim.or(stem).unwrap_or_default();
+    let stem = stem.trim_end_matches(['.', '_', '-']);
+    let mut name: String = stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    if !name.starts_with(|c: char| c.is_ascii_alphabetic()) {
+        name.insert_str(0, prefix);
+    }
+    name
+}
+
 impl ColliderMesh {
     /// A mesh named after its prim or file.
     pub fn new(source: Source) -> Self {
-        let prim = source.prim.as_deref().and_then(|prim| prim.rsplit('/').next()).map(String::from);
-        let stem = source.path.file_stem().map(|s| s.to_string_lossy().replace('#', ""));
-        let stem = prim.or(stem).unwrap_or_default();
-        let stem = stem.trim_end_matches(['.', '_', '-']);
-        let mut name: String =
-            stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
-        if !name.starts_with(|c: char| c.is_ascii_alphabetic()) {
-            name.insert_str(0, "mesh_");
-        }
+        let name = name_of(&source, "mesh_");
         ColliderMesh { name, source, friction: None, thickness: DEFAULT_THICKNESS, is_skin: false }
     }
 
@@ -73,6 +97,8 @@ pub struct TrackGroom {
     pub(super) centroid: Vector3<f64>,
     pub(super) roots: Roots,
     pub(super) origin: Option<Origin>,
+    /// Ids of the guides.
+    pub(super) ids: Vec<i32>,
     /// The USD curves that it comes from.
     pub(super) curves: Option<GroomCurves>,
     /// Folder of the groom file, from which the path of its origin starts.
@@ -89,7 +115,8 @@ impl TrackGroom {
             prims: source.prims.iter().map(|prim| prim.path.clone()).collect(),
         });
         let folder = folder.to_path_buf();
-        TrackGroom { centroid, roots: Roots::of(groom), origin: groom.origin.clone(), curves, folder }
+        let (roots, origin, ids) = (Roots::of(groom), groom.origin.clone(), all.id.clone());
+        TrackGroom { centroid, roots, origin, ids, curves, folder }
     }
 
     /// The USD stage whose world at rest is the groom's rest space; `None` if that is another space, or if
@@ -125,6 +152,8 @@ pub struct TrackOptions {
     pub rest: Option<RestPose>,
     /// Meshes that the hair collides with.
     pub colliders: Vec<ColliderMesh>,
+    /// Animated curves that guides are pulled to.
+    pub goals: Vec<GoalCurvesSource>,
     /// Cutoff frequency of the smoothing filter, Hz; `None` for the default of the format, 0 for no filter.
     pub smoothing_hz: Option<f64>,
     /// How a bake handles one-frame pops.
@@ -144,6 +173,7 @@ impl TrackOptions {
             pivot: None,
             rest: None,
             colliders: Vec::new(),
+            goals: Vec::new(),
             smoothing_hz: None,
             pops: Pops::Error,
         }

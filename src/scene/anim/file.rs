@@ -53,6 +53,9 @@ pub struct AnimFile {
     /// Ties that hold hair to bodies: hair ties, clips, ends of braids.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ties: Vec<TieFile>,
+    /// Animated curves that guides are pulled to.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub goals: Vec<GoalFile>,
     /// Gravity, m/s², in the axes of this file. Default: 9.81 downwards.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(inner(range(min = -1e4, max = 1e4)))]
@@ -259,6 +262,94 @@ pub struct BallFile {
     pub radius: f64,
 }
 
+/// Animated curves that guides are pulled to: those of an animator, or the guides of an earlier bake. A guide
+/// has one goal at most. How firmly it is pulled is a weight from 0 to 1: the product of `weight`, of the
+/// larger of `along` and what `hard_to` holds, and of `goal_weight` of the guide's material and of the guide.
+/// With 0 it moves freely, with 1 it is the animation.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct GoalFile {
+    /// Unique name.
+    pub name: String,
+    /// Path of OBJ files with the curves, one per frame of the bake, with # for each digit of the frame number
+    /// (tail.####.obj), relative to the folder of this file. Each curve is an element `l`, root first, with any
+    /// number of points; all files have the same. The frames of the pre-roll and two after the last are read
+    /// too, as far as there are files for them; beyond the files the pose is held.
+    pub sequence: String,
+    /// Metres per unit of the curves. Default: as in this file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1e-6, max = 1e4))]
+    pub metres_per_unit: Option<f64>,
+    /// Axis of the curves that points up. Default: as in this file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub up_axis: Option<UpAxis>,
+    /// The space of the curves. Default "world".
+    #[serde(default)]
+    pub space: GoalSpace,
+    /// Names of the groups whose guides are pulled. Default: all groups.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub groups: Option<Vec<String>>,
+    /// Id of the guide of each curve. Default: the guides of `groups`, in the order of the groom.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ids: Option<Array<i32>>,
+    /// Weight over time, 0 to 1. Default 1.
+    #[serde(default = "full_weight")]
+    pub weight: NumberKeyframesFile,
+    /// Weight along the strand, 0 to 1. Default: 1 without `hard_to`, else 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub along: Option<RampFile>,
+    /// Share of the length of the strand, from the root, over which the weight along it is 1, over time: there
+    /// the strand is the animation. Beyond, the weight falls within 15 % of the length. Default 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hard_to: Option<NumberKeyframesFile>,
+    /// Frequency at which a strand of weight ½ would oscillate about the goal, and at which one that comes to
+    /// weight 1 reaches it, Hz. Higher pulls harder. Default 4.
+    #[serde(default = "goal_hz")]
+    #[schemars(range(min = 0.1, max = 100.0))]
+    pub hz: f64,
+    /// Damping of motion relative to the goal, as a share of what lets it die away without oscillation. Default 1.
+    #[serde(default = "one")]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub damping: f64,
+}
+
+/// The space of the curves of a goal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum GoalSpace {
+    /// The world.
+    #[default]
+    World,
+    /// The rest space of the groom: each curve is carried as the root of its guide is, by the head or a skin.
+    Rest,
+}
+
+/// A number over time.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+#[schemars(deny_unknown_fields)]
+pub enum NumberKeyframesFile {
+    /// A constant.
+    Constant(f64),
+    /// Keyframes, interpolated smoothly without overshoot; constant before the first and after the last.
+    Keys {
+        /// Frames of the keys, increasing; may be fractional.
+        frames: Vec<f64>,
+        /// Value at each key.
+        values: Vec<f64>,
+    },
+}
+
+/// A number along a strand, interpolated smoothly without overshoot.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct RampFile {
+    /// Places of the keys as shares of the length from the root, 0 to 1, increasing.
+    pub arc: Vec<f64>,
+    /// Value at each key.
+    pub values: Vec<f64>,
+}
+
 /// Shape of a collider, scene units.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "lowercase")]
@@ -378,6 +469,7 @@ impl AnimFile {
             colliders: Vec::new(),
             skins: Vec::new(),
             ties: Vec::new(),
+            goals: Vec::new(),
             gravity_m_s2: None,
             wind: Vec::new(),
             forces: Vec::new(),
@@ -422,6 +514,14 @@ fn no_rotation() -> [f64; 4] {
 
 fn thickness() -> f64 {
     0.0005
+}
+
+fn goal_hz() -> f64 {
+    4.0
+}
+
+fn full_weight() -> NumberKeyframesFile {
+    NumberKeyframesFile::Constant(1.0)
 }
 
 fn gust_length() -> f64 {

@@ -1,6 +1,7 @@
 //! The animation and its formats, `anim.json` and motion files.
 
 pub mod file;
+pub mod goal;
 pub mod model;
 pub mod motion_file;
 pub(super) mod read;
@@ -9,6 +10,7 @@ pub mod settings_file;
 
 pub use super::keyframes::Keyframes;
 pub use super::track::Track;
-pub use file::AnimFile;
+pub use file::{AnimFile, GoalSpace};
+pub use goal::{Goal, GoalCurves, GoalPull};
 pub use model::{Anim, Body, Collider, GRAVITY, MAX_FRAMES, Tie, TiePoint, Wind};
 pub use settings::{ContactSetting, OutputCurves, Resolution, Scheme, Settings};

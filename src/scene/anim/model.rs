@@ -1,5 +1,6 @@
 //! The animation: bodies on tracks, colliders, ties, wind, forces, settings. SI units, Y up, world space.
 
+use super::goal::Goal;
 use super::settings::Settings;
 use crate::geometry::{Deformation, Friction, Shape};
 use crate::scene::keyframes::Keyframes;
@@ -35,6 +36,8 @@ pub struct Anim {
     pub reference: Option<Track>,
     /// Ties that hold guides to bodies: hair ties, clips, ends of braids.
     pub ties: Vec<Tie>,
+    /// Animated curves that guides are pulled to.
+    pub goals: Vec<Goal>,
     /// Gravity, m/s².
     pub gravity: Vector3<f64>,
     /// Wind fields; their velocities add.

@@ -149,6 +149,9 @@ pub struct FactorsFile {
     /// Factor on the frequencies `goal_hz`. Higher holds the style more firmly.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub goal: Option<Array<f64>>,
+    /// Factor on the weight of animated goals, 0 to 1. Lower follows the animation less.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub goal_weight: Option<Array<f64>>,
 }
 
 impl FactorsFile {

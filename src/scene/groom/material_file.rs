@@ -51,6 +51,10 @@ pub struct MaterialFile {
     #[serde(skip_serializing_if = "are_zero")]
     #[schemars(inner(range(min = 0.0, max = 100.0)))]
     pub goal_hz: [f64; 2],
+    /// Weight of animated goals (`goals` of the animation), 0 to 1. Lower follows the animation less. Default 1.
+    #[serde(skip_serializing_if = "is_one")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub goal_weight: f64,
     /// Internal damping of bending and twist: Kelvin-Voigt relaxation time η/E, s. Higher makes strands
     /// oscillate less.
     #[schemars(range(min = 0.0, max = 10.0))]
@@ -150,6 +154,7 @@ impl From<&MaterialFile> for Material {
             stiffness_at_tip: file.stiffness_at_tip,
             radius_at_tip: file.radius_at_tip,
             goal: file.goal_hz,
+            goal_weight: file.goal_weight,
             damping: file.damping_s,
             damping_at_tip: file.damping_at_tip,
             friction: Friction::new(file.friction, file.static_friction),
@@ -183,6 +188,7 @@ impl From<&Material> for MaterialFile {
             stiffness_at_tip: m.stiffness_at_tip,
             radius_at_tip: m.radius_at_tip,
             goal_hz: m.goal,
+            goal_weight: m.goal_weight,
             damping_s: m.damping,
             damping_at_tip: m.damping_at_tip,
             friction: m.friction.mu_k,

@@ -61,6 +61,8 @@ pub struct Material {
     /// Pull to the groom's pose, carried by the head, at root and tip: the frequency at which a strand would
     /// oscillate about that pose under this pull alone, Hz; 0: none.
     pub goal: [f64; 2],
+    /// Weight (0..=1) of animated goals.
+    pub goal_weight: f64,
     /// Internal damping: Kelvin-Voigt relaxation time η/E, s (stress = time × modulus × strain rate).
     pub damping: f64,
     /// Internal damping at the tip relative to the root.
@@ -149,20 +151,22 @@ pub struct Factors {
     pub drag: Option<Vec<f64>>,
     /// On the frequencies [`Material::goal`].
     pub goal: Option<Vec<f64>>,
+    /// On the weight of animated goals, [`Material::goal_weight`].
+    pub goal_weight: Option<Vec<f64>>,
 }
 
 impl Factors {
     /// The names of the properties in files.
-    pub const NAMES: [&str; 5] = ["stiffness", "damping", "friction", "drag", "goal"];
+    pub const NAMES: [&str; 6] = ["stiffness", "damping", "friction", "drag", "goal", "goal_weight"];
 
     /// The properties in the order of [`Factors::NAMES`].
-    pub fn each(&self) -> [&Option<Vec<f64>>; 5] {
-        [&self.stiffness, &self.damping, &self.friction, &self.drag, &self.goal]
+    pub fn each(&self) -> [&Option<Vec<f64>>; 6] {
+        [&self.stiffness, &self.damping, &self.friction, &self.drag, &self.goal, &self.goal_weight]
     }
 
     /// From the properties in the order of [`Factors::NAMES`].
-    pub fn of([stiffness, damping, friction, drag, goal]: [Option<Vec<f64>>; 5]) -> Self {
-        Factors { stiffness, damping, friction, drag, goal }
+    pub fn of([stiffness, damping, friction, drag, goal, goal_weight]: [Option<Vec<f64>>; 6]) -> Self {
+        Factors { stiffness, damping, friction, drag, goal, goal_weight }
     }
 }
 
@@ -270,7 +274,7 @@ impl Groom {
     pub fn material_of(&self, g: usize) -> Material {
         let group = &self.groups[self.guides.curves.group[g] as usize];
         let mut m = self.materials[group.material as usize].clone();
-        let [stiffness, damping, friction, drag, goal] =
+        let [stiffness, damping, friction, drag, goal, goal_weight] =
             self.guides.factors.each().map(|factors| factors.as_ref().map_or(1.0, |factors| factors[g]));
         m.young_modulus *= stiffness;
         m.shear_modulus *= stiffness;
@@ -278,6 +282,7 @@ impl Groom {
         m.friction = m.friction.scaled(friction);
         m.drag *= drag;
         m.goal = m.goal.map(|hz| hz * goal);
+        m.goal_weight *= goal_weight;
         m
     }
 }
@@ -311,6 +316,7 @@ impl Default for Material {
             stiffness_at_tip: 1.0,
             radius_at_tip: 1.0,
             goal: [0.0; 2],
+            goal_weight: 1.0,
             damping: 0.005,
             damping_at_tip: 1.0,
             friction: 0.3.into(),

@@ -65,9 +65,9 @@ impl Groom {
                 .as_ref()
                 .map(|frames| packer.array(frames.iter().map(|q| self.frame(q)).collect())),
             factors: {
-                let [stiffness, damping, friction, drag, goal] =
+                let [stiffness, damping, friction, drag, goal, goal_weight] =
                     self.guides.factors.each().map(|f| f.clone().map(|f| packer.array(f)));
-                FactorsFile { stiffness, damping, friction, drag, goal }
+                FactorsFile { stiffness, damping, friction, drag, goal, goal_weight }
             },
         }
     }

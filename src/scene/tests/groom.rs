@@ -88,6 +88,7 @@ fn full(convention: Convention, curves: usize) -> Groom {
                 damping_at_tip: 3.0,
                 friction_at_tip: 2.0,
                 goal: [3.0, 0.5],
+                goal_weight: 0.75,
                 ..Material::default()
             },
         ],
@@ -101,6 +102,7 @@ fn full(convention: Convention, curves: usize) -> Groom {
             factors: Factors {
                 stiffness: Some((0..curves).map(|g| 0.5 + g as f64).collect()),
                 goal: Some(vec![2.0; curves]),
+                goal_weight: Some(vec![0.5; curves]),
                 ..Factors::default()
             },
         },

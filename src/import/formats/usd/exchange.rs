@@ -20,6 +20,7 @@ const PACKAGE: Package = python_package!(
         "curves.py",
         "errors.py",
         "exchange.py",
+        "goal.py",
         "groom.py",
         "mesh.py",
         "motion.py",

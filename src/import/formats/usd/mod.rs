@@ -2,6 +2,7 @@
 //! composition; it returns a JSON header and plain arrays.
 
 mod exchange;
+pub(crate) mod goal;
 pub(crate) mod mesh;
 pub(crate) mod motion;
 pub(crate) mod over;

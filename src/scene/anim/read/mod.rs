@@ -5,7 +5,9 @@ mod bodies;
 mod colliders;
 mod context;
 mod deformation;
+mod goals;
 mod keyframes;
+mod samples;
 mod ties;
 mod track;
 
@@ -35,6 +37,9 @@ pub const DEPENDENCIES: &[(&str, &str)] = &[
     ("colliders", "bodies"),
     ("skins", "colliders"),
     ("ties", "bodies"),
+    ("goals", "buffers"),
+    ("goals", "fps"),
+    ("goals", "frames"),
 ];
 
 /// The animation that `file` describes. Returns `None` only after reporting an error.
@@ -64,6 +69,7 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
     let colliders = colliders::colliders(&mut context, file.colliders, &names, head);
     let skins = skins(&mut context, &file.skins, &collider_names, &colliders);
     let ties = ties::ties(&mut context, file.ties, &names, head);
+    let goals = goals::goals(&mut context, file.goals);
     let wind: Vec<_> = file
         .wind
         .into_iter()
@@ -100,6 +106,7 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
         skins: skins?,
         reference: None,
         ties: ties.into_iter().collect::<Option<_>>()?,
+        goals: goals.into_iter().collect::<Option<_>>()?,
         gravity: file.gravity_m_s2.map_or(Vector3::y() * -GRAVITY, |g| convention.direction_in(g.into())),
         wind: wind.into_iter().collect::<Option<_>>()?,
         forces: forces.into_iter().collect::<Option<_>>()?,

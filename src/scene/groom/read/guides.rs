@@ -14,6 +14,8 @@ const EXTENT: [f64; 2] = [0.5e-3, 100.0];
 const STIFFNESS_FACTORS: [f64; 2] = [1e-3, 1e3];
 /// Range of the other factors.
 const FACTORS: [f64; 2] = [0.0, 1e3];
+/// Allowed factors on weights.
+const WEIGHT_FACTORS: [f64; 2] = [0.0, 1.0];
 
 /// The guides, and their number; each `None` after an error in what it depends on.
 pub fn guides(context: &mut Context, file: GuidesFile) -> (Option<Guides>, Option<usize>) {
@@ -40,14 +42,18 @@ pub fn guides(context: &mut Context, file: GuidesFile) -> (Option<Guides>, Optio
 }
 
 fn read_factors(context: &mut Context, file: FactorsFile, guides: Option<usize>) -> Option<Factors> {
-    let FactorsFile { stiffness, damping, friction, drag, goal } = file;
+    let FactorsFile { stiffness, damping, friction, drag, goal, goal_weight } = file;
     let mut names = Factors::NAMES.into_iter();
-    let read = [stiffness, damping, friction, drag, goal].map(|array| {
+    let read = [stiffness, damping, friction, drag, goal, goal_weight].map(|array| {
         let name = names.next().unwrap_or_default();
         let key = Key::at("guides.factors").name(name);
         let Some(array) = array else { return Some(None) };
         let factors = context.load_per_curve(&key, array, guides)?;
-        let [low, high] = if name == "stiffness" { STIFFNESS_FACTORS } else { FACTORS };
+        let [low, high] = match name {
+            "stiffness" => STIFFNESS_FACTORS,
+            "goal_weight" => WEIGHT_FACTORS,
+            _ => FACTORS,
+        };
         let bad = factors.iter().enumerate().filter(|(_, f)| !(low..=high).contains(*f));
         let bad: Vec<_> = bad.take(MAX_REPORTED).collect();
         for (i, f) in &bad {
@@ -58,8 +64,8 @@ fn read_factors(context: &mut Context, file: FactorsFile, guides: Option<usize>)
         }
         bad.is_empty().then_some(Some(factors))
     });
-    let [stiffness, damping, friction, drag, goal] = read;
-    Some(Factors::of([stiffness?, damping?, friction?, drag?, goal?]))
+    let [stiffness, damping, friction, drag, goal, goal_weight] = read;
+    Some(Factors::of([stiffness?, damping?, friction?, drag?, goal?, goal_weight?]))
 }
 
 /// Checks the size of the groom: a wrong unit makes it far too small or too large.

@@ -1,0 +1,215 @@
+//! Goals of an animation: curves that guides are pulled to.
+
+use super::options::{GoalCurvesSource, TrackGroom};
+use crate::file::relative;
+use crate::import::formats::usd::goal::{self, MovingCurves};
+use crate::import::plain::{Declared, SampleTimes};
+use crate::import::source::Source;
+use crate::import::units::{HAIR_SIZE, convention};
+use crate::scene::anim::file::{GoalFile, NumberKeyframesFile};
+use crate::scene::obj_curves::ObjCurves;
+use crate::scene::{Convention, FileSequence, UpAxis};
+use crate::{Diagnostic, Error, Result};
+use std::collections::{BTreeSet, HashMap};
+use std::path::{Path, PathBuf};
+
+/// Decimal places of written points: nanometres.
+const OBJ_DIGITS: usize = 9;
+
+/// Goals and the files that they refer to.
+#[derive(Default)]
+pub(super) struct Goals {
+    pub(super) goals: Vec<GoalFile>,
+    /// Files to write: path and text.
+    pub(super) files: Vec<(PathBuf, String)>,
+    /// Remarks on the curves.
+    pub(super) notes: Vec<String>,
+    names: BTreeSet<String>,
+}
+
+/// The curves of a goal as they are in its file.
+pub(super) enum GoalInput {
+    /// Curves of a USD stage.
+    Stage(MovingCurves),
+    /// The first file of a sequence of OBJ files.
+    Sequence(ObjCurves),
+}
+
+impl GoalInput {
+    /// Reads the curves of `source` at `times`, or the first file, that of frame `first`, of a sequence.
+    ///
+    /// # Errors
+    /// A file that is neither; the errors in it.
+    pub(super) fn read(source: &Source, times: &SampleTimes, first: i32) -> Result<Self> {
+        if source.is_usd() {
+            return Ok(GoalInput::Stage(goal::read(source, times)?));
+        }
+        source.check()?;
+        let Some(sequence) = FileSequence::new(&source.path.to_string_lossy()) else {
+            return Err(Diagnostic::new(
+                &source.path,
+                "",
+                "is no file of animated curves",
+                ".usd, .usda, .usdc or .usdz, or a sequence of OBJ files such as tail.####.obj",
+                "export to one of these formats",
+            )
+            .into());
+        };
+        let path = sequence.path(Path::new(""), first);
+        let read = ObjCurves::load(&path, &Convention::default());
+        let help = "export the curves again, or correct the path";
+        Ok(GoalInput::Sequence(read.map_err(|what| {
+            Error::from(Diagnostic::new(&path, "", what, "an OBJ file with curves", help))
+        })?))
+    }
+}
+
+impl Goals {
+    /// Adds a goal. `read` are its curves, `first_frame` is the frame of its first sample, `folder` that of the
+    /// animation, and `groom` that of the guides, if it is known.
+    ///
+    /// # Errors
+    /// Curves that match no guides, a unit that cannot be guessed, a path that has no absolute form.
+    pub(super) fn add(
+        &mut self,
+        from: &GoalCurvesSource,
+        read: GoalInput,
+        first_frame: i32,
+        folder: &Path,
+        groom: Option<&TrackGroom>,
+    ) -> Result<()> {
+        let GoalCurvesSource { name, source, space } = from;
+        let mut unique = name.clone();
+        for i in 2.. {
+            if self.names.insert(unique.clone()) {
+                break;
+            }
+            unique = format!("{name}_{i}");
+        }
+        let mut notes = Vec::new();
+        let mut goal = GoalFile {
+            name: unique,
+            sequence: String::new(),
+            metres_per_unit: Some(1.0),
+            up_axis: Some(UpAxis::Y),
+            space: *space,
+            groups: None,
+            ids: None,
+            weight: NumberKeyframesFile::Constant(1.0),
+            along: None,
+            hard_to: None,
+            hz: 4.0,
+            damping: 1.0,
+        };
+        match read {
+            GoalInput::Sequence(curves) => {
+                let of_file = convention(source, Declared::default(), &curves.points, HAIR_SIZE, &mut notes)?;
+                (goal.metres_per_unit, goal.up_axis) = (Some(of_file.metres_per_unit), Some(of_file.up));
+                goal.sequence = relative(&source.path, folder)?;
+            }
+            GoalInput::Stage(read) => {
+                let of_file = convention(source, read.declared, &read.samples[0], HAIR_SIZE, &mut notes)?;
+                notes.extend(read.notes.iter().cloned());
+                if !read.moving {
+                    notes.push("one time sample only: the curves do not move".into());
+                }
+                let matched = Matched::new(&read, source, groom)?;
+                notes.extend(matched.note());
+                goal.ids = matched.ids.clone().map(Into::into);
+                goal.sequence = format!("goal_{}.####.obj", goal.name);
+                self.write(&goal.sequence, &read, &matched, &of_file, first_frame, folder);
+            }
+        }
+        self.notes.extend(notes.iter().map(|note| format!("goal {}: {note}", goal.name)));
+        self.goals.push(goal);
+        Ok(())
+    }
+
+    /// Writes the curves that have guides as OBJ files in `folder`, metres, Y up.
+    fn write(
+        &mut self,
+        sequence: &str,
+        read: &MovingCurves,
+        matched: &Matched,
+        convention: &Convention,
+        first_frame: i32,
+        folder: &Path,
+    ) {
+        let Some(sequence) = FileSequence::new(sequence) else { return };
+        let mut starts = vec![0];
+        starts.extend(read.counts.iter().scan(0, |sum, n| {
+            *sum += *n as usize;
+            Some(*sum)
+        }));
+        for (frame, sample) in (first_frame..).zip(&read.samples) {
+            let mut curves = ObjCurves { offsets: vec![0], points: Vec::new() };
+            for &c in &matched.curves {
+                curves
+                    .points
+                    .extend(sample[starts[c]..starts[c + 1]].iter().map(|p| convention.length_in(*p)));
+                curves.offsets.push(curves.points.len());
+            }
+            self.files.push((sequence.path(folder, frame), curves.to_obj(OBJ_DIGITS)));
+        }
+    }
+}
+
+/// The curves of a goal that have guides.
+struct Matched {
+    /// Their indices.
+    curves: Vec<usize>,
+    /// The ids of their guides; `None` if they are those of the groom, in its order.
+    ids: Option<Vec<i32>>,
+    /// Number of curves and guides that are without each other.
+    without: [usize; 2],
+}
+
+impl Matched {
+    /// Matches curves with the guides of `groom`, if it is known: by their ids, else in order.
+    ///
+    /// # Errors
+    /// No guide has a curve, or the numbers differ without ids.
+    fn new(read: &MovingCurves, source: &Source, groom: Option<&TrackGroom>) -> Result<Self> {
+        let all: Vec<usize> = (0..read.counts.len()).collect();
+        let Some(groom) = groom else {
+            return Ok(Matched { curves: all, ids: read.ids.clone(), without: [0; 2] });
+        };
+        let guides = &groom.ids;
+        let index: HashMap<i32, usize> =
+            read.ids.iter().flatten().enumerate().map(|(curve, id)| (*id, curve)).collect();
+        let by_id: Vec<(usize, i32)> = guides.iter().filter_map(|id| Some((*index.get(id)?, *id))).collect();
+        if !by_id.is_empty() {
+            let without = [all.len(), guides.len()].map(|n| n - by_id.len());
+            let (curves, ids) = by_id.into_iter().unzip();
+            return Ok(Matched { curves, ids: Some(ids), without });
+        }
+        if all.len() == guides.len() {
+            return Ok(Matched { curves: all, ids: None, without: [0; 2] });
+        }
+        let message = match read.ids {
+            Some(_) => format!("none of the ids of its {} curves is that of a guide", all.len()),
+            None => format!("holds {} curves without ids, for {} guides", all.len(), guides.len()),
+        };
+        Err(Diagnostic::new(
+            &source.path,
+            source.prim.clone().unwrap_or_default(),
+            message,
+            "curves with the ids of guides (primvars:groom_id or id), or one curve for each guide, in order",
+            "name the prim of the curves (FILE:PRIM), or export them from the groom's guides",
+        )
+        .into())
+    }
+
+    /// How many curves and guides match, in words.
+    fn note(&self) -> Option<String> {
+        let [curves, guides] = self.without;
+        let matched = self.curves.len();
+        match &self.ids {
+            Some(_) if curves + guides > 0 => Some(format!(
+                "{matched} guides have a curve, by id; {guides} guides and {curves} curves are without each other"
+            )),
+            Some(_) => Some(format!("{matched} curves, by id")),
+            None => Some(format!("{matched} curves, in the order of the guides")),
+        }
+    }
+}
