@@ -9,6 +9,7 @@ mod completions;
 mod console;
 mod estimate;
 mod explain;
+mod film;
 mod frame_list;
 mod help;
 mod import;

@@ -1,5 +1,6 @@
 //! `hairbake preview`.
 
+use super::film::{Film, FilmFormat};
 use super::frame_list::frame_range;
 use super::{console, values};
 use crate::cache::{Reader, write_file};
@@ -17,6 +18,7 @@ Examples:
   hairbake preview out -o sheet.png
   hairbake preview out -o back.png --frames 1020-1030 --pictures 4 --azimuth 150
   hairbake preview out --animate shot.gif --size 320 --follow head
+  hairbake preview out -o shot.mp4
   hairbake preview out -o guides.png --curves guides";
 
 const CAMERA: &str = "Camera";
@@ -30,12 +32,14 @@ pub struct PreviewArguments {
     /// With several caches, such as the wedges of a sweep, the contact sheet has one row per cache.
     #[arg(required = true, value_name = "CACHE")]
     caches: Vec<PathBuf>,
-    /// Contact sheet to write (PNG)
+    /// Contact sheet to write (PNG), or an animation if the name ends in .mp4, .gif or .apng
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Animation to write: .gif (256 colours) or .apng, .png (all colours)
-    #[arg(long, value_name = "FILE", value_parser = animation)]
-    animate: Option<(PathBuf, AnimationFormat)>,
+    /// Animation to write: .mp4, .gif (256 colours), .apng or .png (all colours)
+    ///
+    /// MP4 needs ffmpeg on the path; without it a GIF of that name is written.
+    #[arg(long, value_name = "FILE", value_parser = film)]
+    animate: Option<Film>,
     /// Frames to draw, such as 1020-1030 [default: all of the shot]
     #[arg(long, value_name = "A-B", value_parser = frame_range, allow_hyphen_values = true)]
     frames: Option<(i32, i32)>,
@@ -107,14 +111,14 @@ enum FollowName {
     World,
 }
 
-fn animation(text: &str) -> std::result::Result<(PathBuf, AnimationFormat), String> {
+fn film(text: &str) -> std::result::Result<Film, String> {
     let path = PathBuf::from(text);
-    let format = match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-        Some("gif") => AnimationFormat::Gif,
-        Some("png" | "apng") => AnimationFormat::Apng,
-        _ => return Err("expected a name that ends in .gif, .png or .apng".into()),
+    let format = match Film::ending(&path).as_deref() {
+        Some("png") => Some(FilmFormat::Pictures(AnimationFormat::Apng)),
+        _ => FilmFormat::of(&path),
     };
-    Ok((path, format))
+    let format = format.ok_or("expected a name that ends in .mp4, .gif, .apng or .png")?;
+    Ok(Film { path, format })
 }
 
 /// Draws the contact sheet and the animation.
@@ -122,16 +126,12 @@ pub fn run(arguments: &PreviewArguments) -> Result<()> {
     let options = arguments.options();
     let shots: Vec<(Reader, Vec<i32>)> =
         arguments.caches.iter().map(|cache| arguments.shot(cache)).collect::<Result<_>>()?;
+    let (sheet, films) = arguments.outputs();
     let [(reader, frames)] = &shots[..] else { return arguments.draw_sweep(shots, &options) };
-    if let Some(path) = &arguments.output {
+    if let Some(path) = sheet {
         write(path, preview::sheet(reader, &options, &arguments.select(frames))?.to_png()?)?;
     }
-    if let Some((path, format)) = &arguments.animate {
-        let mut bytes = Vec::new();
-        preview::animate(reader, &options, frames, reader.header().fps, *format, &mut bytes)?;
-        write(path, bytes)?;
-    }
-    Ok(())
+    films.iter().try_for_each(|film| film.write(reader, &options, frames))
 }
 
 fn write(path: &Path, bytes: Vec<u8>) -> Result<()> {
@@ -159,6 +159,14 @@ impl PreviewArguments {
         Ok((reader, frames))
     }
 
+    /// The contact sheet and the animations to write.
+    fn outputs(&self) -> (Option<&Path>, Vec<Film>) {
+        let output = self.output.as_deref();
+        let as_film = output.and_then(|path| Some(Film { path: path.into(), format: FilmFormat::of(path)? }));
+        let sheet = output.filter(|_| as_film.is_none());
+        (sheet, as_film.into_iter().chain(self.animate.clone()).collect())
+    }
+
     /// The frames for the contact sheet.
     fn select(&self, frames: &[i32]) -> Vec<i32> {
         let selected = spread((0, frames.len() as i32 - 1), self.pictures as usize);
@@ -167,8 +175,9 @@ impl PreviewArguments {
 
     /// Draws a contact sheet of several caches.
     fn draw_sweep(&self, shots: Vec<(Reader, Vec<i32>)>, options: &Options) -> Result<()> {
-        let (Some(path), None) = (&self.output, &self.animate) else {
-            let message = "several caches need -o FILE; --animate takes one cache";
+        let (sheet, films) = self.outputs();
+        let (Some(path), true) = (sheet, films.is_empty()) else {
+            let message = "several caches need -o FILE for a sheet; an animation takes one cache";
             return Err(Error::Usage(message.into()));
         };
         for (i, cache) in self.caches.iter().enumerate() {

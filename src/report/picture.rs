@@ -67,6 +67,30 @@ pub enum AnimationFormat {
     Apng,
     /// GIF: 256 colours per image, times in hundredths of a second; shown by all viewers.
     Gif,
+    /// Pixels alone, red, green, blue in rows from the top, for a program that makes a film of them.
+    Pixels,
+}
+
+/// An image, encoded as far as that needs no other one.
+pub enum AnimationFrame {
+    /// For formats that are encoded in one go.
+    Plain(Image),
+    /// For GIF.
+    Gif(gif::Frame<'static>),
+}
+
+/// Encodes an image of an animation.
+///
+/// # Errors
+/// [`Error::Internal`] for an image too large for the format.
+pub fn animation_frame(format: AnimationFormat, image: Image) -> Result<AnimationFrame> {
+    if format != AnimationFormat::Gif {
+        return Ok(AnimationFrame::Plain(image));
+    }
+    let side = |n: u32| u16::try_from(n).map_err(encoding);
+    let mut frame = gif::Frame::from_rgb_speed(side(image.width)?, side(image.height)?, &image.rgb, 10);
+    frame.make_lzw_pre_encoded();
+    Ok(AnimationFrame::Gif(frame))
 }
 
 /// Writer of an animation of equally sized images that loops forever.
@@ -80,6 +104,7 @@ pub struct Animation<W: Write> {
 enum Writer<W: Write> {
     Apng(Box<png::Writer<W>>),
     Gif(Box<gif::Encoder<W>>),
+    Pixels(W),
 }
 
 impl<W: Write> Animation<W> {
@@ -105,6 +130,7 @@ impl<W: Write> Animation<W> {
                 encoder.set_repeat(gif::Repeat::Infinite).map_err(encoding)?;
                 Writer::Gif(Box::new(encoder))
             }
+            AnimationFormat::Pixels => Writer::Pixels(out),
         };
         Ok(Animation { writer, size, fps, pushed: 0 })
     }
@@ -113,22 +139,30 @@ impl<W: Write> Animation<W> {
     ///
     /// # Errors
     /// [`Error::Internal`] for an image of another size or one too many, or if the writer fails.
-    pub fn push(&mut self, image: &Image) -> Result<()> {
-        if (image.width, image.height) != self.size {
+    pub fn push(&mut self, frame: AnimationFrame) -> Result<()> {
+        let size = match &frame {
+            AnimationFrame::Plain(image) => (image.width, image.height),
+            AnimationFrame::Gif(frame) => (frame.width.into(), frame.height.into()),
+        };
+        if size != self.size {
             return Err(encoding("its size differs from that of the animation"));
         }
         let k = self.pushed;
         self.pushed += 1;
-        match &mut self.writer {
-            Writer::Apng(writer) => writer.write_image_data(&image.rgb).map_err(encoding),
-            Writer::Gif(encoder) => {
+        match (&mut self.writer, frame) {
+            (Writer::Apng(writer), AnimationFrame::Plain(image)) => {
+                writer.write_image_data(&image.rgb).map_err(encoding)
+            }
+            (Writer::Gif(encoder), AnimationFrame::Gif(mut frame)) => {
                 // Times instead of delays are rounded, so that the total duration is that of the shot.
                 let time = |k: u32| (100.0 * f64::from(k) / self.fps).round();
-                let (width, height) = (image.width as u16, image.height as u16);
-                let mut frame = gif::Frame::from_rgb_speed(width, height, &image.rgb, 10);
                 frame.delay = (time(k + 1) - time(k)) as u16;
-                encoder.write_frame(&frame).map_err(encoding)
+                encoder.write_lzw_pre_encoded_frame(&frame).map_err(encoding)
             }
+            (Writer::Pixels(out), AnimationFrame::Plain(image)) => {
+                out.write_all(&image.rgb).map_err(encoding)
+            }
+            _ => Err(encoding("it is encoded for another format")),
         }
     }
 
@@ -140,6 +174,7 @@ impl<W: Write> Animation<W> {
         match self.writer {
             Writer::Apng(writer) => writer.finish().map_err(encoding),
             Writer::Gif(encoder) => encoder.into_inner().map(drop).map_err(encoding),
+            Writer::Pixels(mut out) => out.flush().map_err(encoding),
         }
     }
 }

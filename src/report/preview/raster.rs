@@ -4,8 +4,9 @@
 //! near with their exact coverage of each fine pixel, so that a strand far thinner than a pixel neither
 //! breaks up nor widens.
 
-use nalgebra::Vector3;
 use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::LazyLock;
 
 use super::camera::Projected;
 use super::light::Rgb;
@@ -34,13 +35,15 @@ pub struct Triangle {
 /// Rows of final pixels per task.
 const BAND: usize = 16;
 
+/// A fine pixel: linear red, green and blue, and the reciprocal of the depth of the nearest triangle.
+type FinePixel = [f32; 4];
+
 /// A band of fine rows.
 struct Band<'a> {
     /// First fine row.
     top: usize,
     width: usize,
-    colour: &'a mut [Rgb],
-    inverse_depth: &'a mut [f32],
+    pixels: &'a mut [FinePixel],
 }
 
 /// Draws a picture of `size` final pixels, supersampled `fine` times in each direction, over `background`
@@ -54,61 +57,97 @@ pub fn draw(
     ribbons: &[Ribbon],
 ) -> Image {
     let (width, fine) = (size.0 as usize, fine as usize);
-    let fine_height = size.1 as usize * fine;
     let rows = BAND * fine;
     let bands = (size.1 as usize).div_ceil(BAND);
-    let by_band = far_to_near_in_bands(ribbons, bands, rows);
-    let mut image = Image::new(size.0, size.1);
-    image.rgb.par_chunks_mut(3 * width * BAND).enumerate().for_each(|(k, out)| {
-        let top = k * rows;
-        let height = out.len() / (3 * width) * fine;
-        let mut colour = Vec::with_capacity(width * fine * height);
-        for y in top..top + height {
-            let v = (y as f32 + 0.5) / fine_height as f32;
-            colour.extend((0..width * fine).map(|x| background((x as f32 + 0.5) / (width * fine) as f32, v)));
-        }
-        let mut inverse_depth = vec![0.0; colour.len()];
-        let mut band =
-            Band { top, width: width * fine, colour: &mut colour, inverse_depth: &mut inverse_depth };
-        triangles.iter().for_each(|t| band.triangle(t));
-        by_band[k].iter().for_each(|&i| band.ribbon(&ribbons[i as usize]));
-        for (i, pixel) in out.chunks_exact_mut(3).enumerate() {
-            let (x, y) = (i % width * fine, i / width * fine);
-            let sum: Rgb = (y..y + fine).flat_map(|r| &colour[r * width * fine + x..][..fine]).sum();
-            pixel.copy_from_slice(&to_srgb(sum / (fine * fine) as f32));
-        }
+    let ribbons_by_band = in_bands(ribbons, bands, |r| {
+        // Across the fixed axis a sloping ribbon covers at most √2 of its width, plus a pixel.
+        let reach = r.width + 1.0;
+        let [a, b] = r.ends.map(|end| end.y);
+        touched_bands(a.min(b) - reach, a.max(b) + reach, bands, rows)
     });
+    let triangles_by_band = in_bands(triangles, bands, |t| {
+        let [a, b, c] = t.corners.map(|p| p.y);
+        touched_bands(a.min(b).min(c), a.max(b).max(c), bands, rows)
+    });
+    let mut image = Image::new(size.0, size.1);
+    let draw_band = |Scratch { pixels, order }: &mut Scratch, (k, out): (usize, &mut [u8])| {
+        pixels.clear();
+        for y in k * BAND..k * BAND + out.len() / (3 * width) {
+            // The background is smooth: one colour for all fine pixels of a final one.
+            let v = (y as f32 + 0.5) / size.1 as f32;
+            let start = pixels.len();
+            for x in 0..width {
+                let shade = background((x as f32 + 0.5) / width as f32, v);
+                pixels.extend(std::iter::repeat_n([shade.x, shade.y, shade.z, 0.0], fine));
+            }
+            for _ in 1..fine {
+                pixels.extend_from_within(start..start + width * fine);
+            }
+        }
+        let mut band = Band { top: k * rows, width: width * fine, pixels };
+        triangles_by_band[k].iter().for_each(|t| band.triangle(t));
+        let ribbons = &ribbons_by_band[k];
+        far_to_near(ribbons, order);
+        order.iter().for_each(|key| band.ribbon(&ribbons[*key as u32 as usize]));
+        for (i, out) in out.chunks_exact_mut(3).enumerate() {
+            let (x, y) = (i % width * fine, i / width * fine);
+            let mut sum = [0.0; 4];
+            for row in y..y + fine {
+                for pixel in &band.pixels[row * width * fine + x..][..fine] {
+                    sum.iter_mut().zip(pixel).for_each(|(sum, c)| *sum += c);
+                }
+            }
+            let [r, g, b, _] = sum.map(|c| c / (fine * fine) as f32);
+            out.copy_from_slice(&to_srgb(Rgb::new(r, g, b)));
+        }
+    };
+    image.rgb.par_chunks_mut(3 * width * BAND).enumerate().for_each_init(Scratch::default, draw_band);
     image
 }
 
-/// Indices of the ribbons that touch each band, from far to near; ties in input order.
-fn far_to_near_in_bands(ribbons: &[Ribbon], bands: usize, rows: usize) -> Vec<Vec<u32>> {
-    // Positive floats compare like their bits.
-    let key = |(i, r): (usize, &Ribbon)| {
-        let depth = (r.ends[0].inverse_depth + r.ends[1].inverse_depth).to_bits();
-        (u64::from(depth) << 32) | i as u64
-    };
-    let mut order: Vec<u64> = ribbons.par_iter().enumerate().map(key).collect();
-    order.par_sort_unstable();
-    let mut by_band = vec![Vec::new(); bands];
-    for i in order.into_iter().map(|k| k as u32) {
-        let r = &ribbons[i as usize];
-        // Across the fixed axis a sloping ribbon covers at most √2 of its width, plus a pixel.
-        let reach = r.width + 1.0;
-        let low = (r.ends[0].y.min(r.ends[1].y) - reach) / rows as f32;
-        let high = (r.ends[0].y.max(r.ends[1].y) + reach) / rows as f32;
-        if high < 0.0 || low >= bands as f32 {
-            continue;
-        }
-        let last = (high as usize).min(bands - 1);
-        by_band[low.max(0.0) as usize..=last].iter_mut().for_each(|b| b.push(i));
+/// What drawing a band needs; reused from band to band.
+#[derive(Default)]
+struct Scratch {
+    pixels: Vec<FinePixel>,
+    /// See [`far_to_near`].
+    order: Vec<u64>,
+}
+
+/// For each band those of `all` that touch it, in input order. They are copied, so that a band is read from
+/// one place.
+fn in_bands<T: Copy>(all: &[T], bands: usize, touched: impl Fn(&T) -> Range<usize>) -> Vec<Vec<T>> {
+    let mut by_band: Vec<Vec<T>> = (0..bands).map(|_| Vec::with_capacity(2 * all.len() / bands)).collect();
+    for item in all {
+        by_band[touched(item)].iter_mut().for_each(|band| band.push(*item));
     }
     by_band
 }
 
+/// The bands that fine rows from `low` to `high` touch.
+fn touched_bands(low: f32, high: f32, bands: usize, rows: usize) -> Range<usize> {
+    let (low, high) = (low / rows as f32, high / rows as f32);
+    if !(high >= 0.0 && low < bands as f32) {
+        return 0..0;
+    }
+    low.max(0.0) as usize..(high as usize).min(bands - 1) + 1
+}
+
+/// Puts the order of the ribbons from far to near into `order`, their indices in the lower half; ties in input
+/// order.
+fn far_to_near(ribbons: &[Ribbon], order: &mut Vec<u64>) {
+    // Positive floats compare like their bits.
+    let key = |(r, i): (&Ribbon, u64)| {
+        let depth = (r.ends[0].inverse_depth + r.ends[1].inverse_depth).to_bits();
+        (u64::from(depth) << 32) | i
+    };
+    order.clear();
+    order.extend(ribbons.iter().zip(0..).map(key));
+    order.sort_unstable();
+}
+
 impl Band<'_> {
     fn rows(&self) -> usize {
-        self.colour.len() / self.width
+        self.pixels.len() / self.width
     }
 
     fn triangle(&mut self, t: &Triangle) {
@@ -118,23 +157,40 @@ impl Band<'_> {
         let area = cross(a, b, c.x, c.y);
         let (top, bottom) = (self.top as f32, (self.top + self.rows()) as f32);
         let y_range = fine_range(a.y.min(b.y).min(c.y).max(top), a.y.max(b.y).max(c.y).min(bottom));
-        let x_range =
-            fine_range(a.x.min(b.x).min(c.x).max(0.0), a.x.max(b.x).max(c.x).min(self.width as f32));
+        let (left, right) = (a.x.min(b.x).min(c.x).max(0.0), a.x.max(b.x).max(c.x).min(self.width as f32));
         if area == 0.0 {
             return;
         }
+        // Weights of the corners, and how they change along a row.
+        let edges = [(b, c), (c, a), (a, b)];
+        let slopes = edges.map(|(p, q)| (p.y - q.y) / area);
         for row in y_range {
-            for column in x_range.clone() {
-                let (x, y) = (column as f32 + 0.5, row as f32 + 0.5);
-                let weights = [cross(b, c, x, y) / area, cross(c, a, x, y) / area, cross(a, b, x, y) / area];
-                if weights.iter().any(|w| *w < 0.0) {
+            let y = row as f32 + 0.5;
+            let starts = edges.map(|(p, q)| cross(p, q, 0.0, y) / area);
+            let (mut low, mut high) = (left, right);
+            for (start, slope) in starts.iter().zip(slopes) {
+                // A pixel of slack for rounding; the weights decide.
+                let crossing = -start / slope;
+                if slope > 0.0 {
+                    low = low.max(crossing - 1.0);
+                } else if slope < 0.0 {
+                    high = high.min(crossing + 1.0);
+                }
+            }
+            for column in fine_range(low, high) {
+                let x = column as f32 + 0.5;
+                let weights: [f32; 3] = std::array::from_fn(|k| starts[k] + slopes[k] * x);
+                // Rounding shall leave no gap between triangles.
+                if weights[0].min(weights[1]).min(weights[2]) < -1e-5 {
                     continue;
                 }
-                let inverse_depth: f32 = (0..3).map(|k| weights[k] * t.corners[k].inverse_depth).sum();
-                let i = (row - self.top) * self.width + column;
-                if inverse_depth > self.inverse_depth[i] {
-                    self.inverse_depth[i] = inverse_depth;
-                    self.colour[i] = (0..3).map(|k| t.colours[k] * weights[k]).sum();
+                let inverse_depth = weights[0] * a.inverse_depth
+                    + weights[1] * b.inverse_depth
+                    + weights[2] * c.inverse_depth;
+                let pixel = &mut self.pixels[(row - self.top) * self.width + column];
+                if inverse_depth > pixel[3] {
+                    let c = t.colours[0] * weights[0] + t.colours[1] * weights[1] + t.colours[2] * weights[2];
+                    *pixel = [c.x, c.y, c.z, inverse_depth];
                 }
             }
         }
@@ -153,22 +209,24 @@ impl Band<'_> {
             return;
         }
         let slope = (across1 - across0) / run;
-        let half = 0.5 * r.width * slope.hypot(1.0);
+        let half = 0.5 * r.width * (1.0 + slope * slope).sqrt();
+        let deepening = (to.inverse_depth - from.inverse_depth) / run;
         let (low, high) = if steep { (self.top, self.top + self.rows()) } else { (0, self.width) };
         for step in fine_range(along0.max(low as f32), along1.min(high as f32)) {
             let f = step as f32 + 0.5 - along0;
             let middle = across0 + slope * f;
-            let inverse_depth = from.inverse_depth + (to.inverse_depth - from.inverse_depth) * (f / run);
+            let inverse_depth = from.inverse_depth + deepening * f;
             let (left, right) = (middle - half, middle + half);
             let (low, high) = if steep { (0, self.width) } else { (self.top, self.top + self.rows()) };
-            let first = left.floor().max(low as f32) as usize;
-            let last = right.ceil().min(high as f32).max(0.0) as usize;
+            let first = left.max(low as f32) as usize;
+            let last = ceiling(right.min(high as f32));
             for cell in first..last {
                 let covered = right.min(cell as f32 + 1.0) - left.max(cell as f32);
                 let (x, y) = if steep { (cell, step) } else { (step, cell) };
-                let i = (y - self.top) * self.width + x;
-                if inverse_depth > self.inverse_depth[i] {
-                    self.colour[i] += (r.colour - self.colour[i]) * covered;
+                let pixel = &mut self.pixels[(y - self.top) * self.width + x];
+                if inverse_depth > pixel[3] {
+                    let shade = [r.colour.x, r.colour.y, r.colour.z, pixel[3]];
+                    pixel.iter_mut().zip(shade).for_each(|(c, shade)| *c += (shade - *c) * covered);
                 }
             }
         }
@@ -176,19 +234,66 @@ impl Band<'_> {
 }
 
 /// Indices of the fine pixels whose centres lie on [low, high).
-fn fine_range(low: f32, high: f32) -> std::ops::Range<usize> {
-    let index = |x: f32| (x - 0.5).ceil().max(0.0) as usize;
-    index(low)..index(high)
+fn fine_range(low: f32, high: f32) -> Range<usize> {
+    ceiling(low - 0.5)..ceiling(high - 0.5)
+}
+
+/// The next whole number, at least 0. Faster than `f32::ceil`, which is a call where the processor is not
+/// known to have an instruction for it.
+fn ceiling(x: f32) -> usize {
+    let below = x as usize;
+    below.saturating_add(usize::from((below as f32) < x))
 }
 
 /// Linear colour to eight-bit sRGB. Highlights above 0.8 are compressed instead of clipped.
 fn to_srgb(linear: Rgb) -> [u8; 3] {
-    let encode = |c: f32| {
-        let c = if c > 0.8 { 1.0 - 0.2 * (-(c - 0.8) / 0.2).exp() } else { c.max(0.0) };
-        let s = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
-        (255.0 * s).round() as u8
-    };
-    Vector3::map(&linear, encode).into()
+    static STEPS: LazyLock<SrgbSteps> = LazyLock::new(SrgbSteps::new);
+    linear.map(|c| STEPS.encode(c)).into()
+}
+
+/// Cells of [`SrgbSteps`]: so many that most are without a step.
+const CELLS: usize = 4096;
+
+/// Where the eight-bit value of a linear colour steps up, for a search instead of powers.
+struct SrgbSteps {
+    /// The least linear value of each eight-bit one.
+    least: [f32; 256],
+    /// The eight-bit value at the start of each of equal cells from 0 to 1 of the square root.
+    guess: [u8; CELLS],
+}
+
+impl SrgbSteps {
+    fn new() -> Self {
+        let least = std::array::from_fn(|value| {
+            let (mut low, mut high) = (0.0f32, 3.0f32);
+            for _ in 0..40 {
+                let middle = 0.5 * (low + high);
+                let below = usize::from(srgb(middle)) < value;
+                *(if below { &mut low } else { &mut high }) = middle;
+            }
+            if value == 0 { f32::NEG_INFINITY } else { high }
+        });
+        let guess = std::array::from_fn(|cell| srgb((cell as f32 / CELLS as f32).powi(2)));
+        SrgbSteps { least, guess }
+    }
+
+    fn encode(&self, linear: f32) -> u8 {
+        let cell = (CELLS as f32 * linear.max(0.0).sqrt()) as usize;
+        let mut value = usize::from(self.guess[cell.min(CELLS - 1)]);
+        while value < 255 && linear >= self.least[value + 1] {
+            value += 1;
+        }
+        while value > 0 && linear < self.least[value] {
+            value -= 1;
+        }
+        value as u8
+    }
+}
+
+fn srgb(linear: f32) -> u8 {
+    let c = if linear > 0.8 { 1.0 - 0.2 * (-(linear - 0.8) / 0.2).exp() } else { linear.max(0.0) };
+    let s = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
+    (255.0 * s).round() as u8
 }
 
 #[cfg(test)]
@@ -286,6 +391,18 @@ mod tests {
         let grey = image.get(16, 16);
         assert!(grey[0] > 100);
         assert!((4..28).all(|i| image.get(i, i) == grey), "a gap along the shared edge");
+    }
+
+    #[test]
+    fn stepped_srgb_is_srgb() {
+        let steps = SrgbSteps::new();
+        for i in -10..3_000 {
+            let linear = i as f32 * 1e-3;
+            assert_eq!(steps.encode(linear), srgb(linear), "{linear}");
+            let dark = (i as f32 * 1e-3).powi(3) * 1e-3;
+            assert_eq!(steps.encode(dark), srgb(dark), "{dark}");
+        }
+        assert_eq!(steps.encode(f32::NAN), 0);
     }
 
     #[test]

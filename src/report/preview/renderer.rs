@@ -22,6 +22,8 @@ pub struct Renderer<'a, S: Shot> {
     /// Centre of the roots in rest space.
     pivot: Vector3<f64>,
     framing: Framing,
+    /// Of the sets to draw, if colours show it.
+    crowding: Vec<Crowding<'a>>,
 }
 
 impl<'a, S: Shot> Renderer<'a, S> {
@@ -46,8 +48,13 @@ impl<'a, S: Shot> Renderer<'a, S> {
             CurveSelection::Guides
         });
         let pivot = Vector3::zeros();
-        let mut renderer = Renderer { shot, options, curves, pivot, framing: Framing::default() };
+        let mut renderer =
+            Renderer { shot, options, curves, pivot, framing: Framing::default(), crowding: Vec::new() };
         let roots = renderer.roots()?;
+        if renderer.options.colours == Colours::Crowding {
+            let unit = header.metres_per_unit;
+            renderer.crowding = renderer.sets().into_iter().map(|set| Crowding::new(set, unit)).collect();
+        }
         renderer.pivot = roots.iter().sum::<Vector3<f64>>() / roots.len() as f64;
         let mut framing = Framing::default();
         for frame in spread_over(frames, 12) {
@@ -80,20 +87,20 @@ impl<'a, S: Shot> Renderer<'a, S> {
         let camera = self.framing.camera(axes, followed, self.options.fov_deg, size);
         let meshes = if self.options.colliders { self.meshes(&frame) } else { Vec::new() };
         let to_rest = matrix(&frame.head).try_inverse().unwrap_or_else(Matrix4::identity);
-        let drawn = self.drawn(&frame).into_iter();
+        let drawn = self.drawn(&frame).into_iter().enumerate();
         let strands: Vec<scene::DrawnCurves> = drawn
-            .map(|(set, moving)| {
+            .map(|(k, (set, moving))| {
                 let points: Vec<_> = moving.points.iter().map(|p| self.y_up(*p)).collect();
                 let guides = std::ptr::eq(set, &self.shot.header().guides);
                 let style = if guides { scene::Style::Guides } else { scene::Style::Hair };
                 let thinned = if self.curves == CurveSelection::Both && !guides { THINNED } else { 1.0 };
-                let (basis, unit) = (self.shot.header().basis, self.shot.header().metres_per_unit);
+                let basis = self.shot.header().basis;
                 let at_rest = |p: &[f32; 3]| {
                     to_rest.transform_point(&Vector3::from(*p).cast::<f64>().into()).coords.cast::<f32>()
                 };
-                let crowding = (self.options.colours == Colours::Crowding).then(|| {
+                let crowding = self.crowding.get(k).map(|crowding| {
                     let points: Vec<_> = moving.points.iter().map(at_rest).collect();
-                    Crowding::new(set, unit).relative(&points)
+                    crowding.relative(&points)
                 });
                 scene::DrawnCurves {
                     set,

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::camera::{Axes, Camera};
-use super::light::{Depths, Rgb, Volume, scatter};
+use super::light::{Fields, Rgb, Volume, decay, deepened, scatter};
 use super::raster::{self, Ribbon, Triangle};
 use super::strand::{self, Piece};
 use crate::cache::{Basis, CurveSet};
@@ -64,12 +64,11 @@ pub fn draw(
     let cut: Vec<Vec<Piece>> =
         strands.iter().map(|s| strand::pieces(s.set, s.basis, &s.points, camera, fine as f32)).collect();
     let light = Lighting::new(camera.axes, strands, &cut, meshes);
-    let each = strands.iter().zip(&cut);
-    let ribbons: Vec<Ribbon> = each
-        .flat_map(|(s, pieces)| {
-            pieces.par_iter().map(|p| ribbon(s, p, camera, fine, &light)).collect::<Vec<_>>()
-        })
-        .collect();
+    let mut ribbons: Vec<Ribbon> = Vec::new();
+    for (s, pieces) in strands.iter().zip(&cut) {
+        let looks: Vec<Look> = s.set.id.iter().map(|id| Look::own(*id)).collect();
+        ribbons.par_extend(pieces.par_iter().map(|p| ribbon(s, &looks, p, camera, fine, &light)));
+    }
     let triangles: Vec<Triangle> = meshes.iter().flat_map(|m| lit_triangles(m, camera, &light)).collect();
     raster::draw(size, fine, backdrop, &triangles, &ribbons)
 }
@@ -77,14 +76,13 @@ pub fn draw(
 struct Light {
     direction: Vector3<f32>,
     colour: Rgb,
-    depths: Depths,
 }
 
 struct Lighting {
     volume: Volume,
-    lights: Vec<Light>,
-    /// Visibility of the sky from each cell.
-    sky: Depths,
+    lights: [Light; 2],
+    /// Optical depths towards the lights, and the visibility of the sky.
+    fields: Fields<3>,
 }
 
 impl Lighting {
@@ -106,28 +104,31 @@ impl Lighting {
                 block(&mut volume, t.map(|i| mesh.points[i as usize]));
             }
         }
-        let lamp = |right: f32, up: f32, back: f32, colour: [f32; 3]| {
-            let direction = axes.vector(Vector3::new(right, up, back)).normalize();
-            Light { direction, colour: colour.into(), depths: volume.depths(direction) }
+        let lamp = |right: f32, up: f32, back: f32, colour: [f32; 3]| Light {
+            direction: axes.vector(Vector3::new(right, up, back)).normalize(),
+            colour: colour.into(),
         };
-        let lights = vec![lamp(-0.6, 0.7, 0.6, [1.9, 1.8, 1.66]), lamp(0.65, 0.5, -0.6, [0.9, 1.0, 1.15])];
+        let lights = [lamp(-0.6, 0.7, 0.6, [1.9, 1.8, 1.66]), lamp(0.65, 0.5, -0.6, [0.9, 1.0, 1.15])];
         let up = Vector3::y();
         let mut sky = vec![up];
         sky.extend((0..6).map(|k| {
             let (s, c) = (std::f32::consts::FRAC_PI_3 * k as f32).sin_cos();
             Vector3::new(c, if k % 2 == 0 { 0.6 } else { -0.1 }, s).normalize()
         }));
-        let sky = volume.openness(&sky, GAIN);
-        Lighting { volume, lights, sky }
+        let [key, rim] = [0, 1].map(|i| lights[i].direction);
+        let (sky, (key, rim)) = rayon::join(
+            || volume.openness(&sky, GAIN),
+            || rayon::join(|| volume.depths(key), || volume.depths(rim)),
+        );
+        Lighting { fields: Fields::new([key, rim, sky]), volume, lights }
     }
 
     /// Light arriving at `p`: direction and colour from each lamp, and colour from the sky.
-    fn arriving(&self, p: Vector3<f32>) -> (impl Iterator<Item = (Vector3<f32>, Rgb)> + '_, Rgb) {
-        let lamps = self
-            .lights
-            .iter()
-            .map(move |l| (l.direction, l.colour * (-GAIN * self.volume.at(&l.depths, p)).exp()));
-        (lamps, Rgb::new(0.52, 0.56, 0.62) * self.volume.at(&self.sky, p))
+    fn arriving(&self, p: Vector3<f32>) -> ([(Vector3<f32>, Rgb); 2], Rgb) {
+        let [key, rim, sky] = self.volume.at(&self.fields, p);
+        let lamp = |light: &Light, depth: f32| (light.direction, light.colour * decay(GAIN * depth));
+        let lamps = [lamp(&self.lights[0], key), lamp(&self.lights[1], rim)];
+        (lamps, Rgb::new(0.52, 0.56, 0.62) * sky)
     }
 }
 
@@ -148,7 +149,14 @@ fn block(volume: &mut Volume, [a, b, c]: [Vector3<f32>; 3]) {
     }
 }
 
-fn ribbon(strands: &DrawnCurves, p: &Piece, camera: &Camera, fine: u32, light: &Lighting) -> Ribbon {
+fn ribbon(
+    strands: &DrawnCurves,
+    looks: &[Look],
+    p: &Piece,
+    camera: &Camera,
+    fine: u32,
+    light: &Lighting,
+) -> Ribbon {
     let curve = p.curve as usize;
     let middle = (p.from + p.to) * 0.5;
     let level = || strands.level.map(|level| level_colour(level[curve]));
@@ -163,17 +171,19 @@ fn ribbon(strands: &DrawnCurves, p: &Piece, camera: &Camera, fine: u32, light: &
         Style::Hair => {
             let tangent = (p.to - p.from).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
             let viewer = (camera.eye - middle).normalize();
-            let (own, tilt) = own_look(strands.set.id[curve]);
-            let tint = shown.map_or(own, |colour| colour * 0.5);
+            let Look { tints, tilt } = match shown {
+                None => looks[curve],
+                Some(colour) => Look { tints: [colour * 0.5, deepened(colour * 0.5)], ..looks[curve] },
+            };
             let (lamps, sky) = light.arriving(middle);
-            let lit: Rgb =
-                lamps.map(|(l, c)| scatter(tangent, l, viewer, tint, tilt).component_mul(&c)).sum();
-            lit + tint.component_mul(&sky)
+            let lit = lamps.map(|(l, c)| scatter(tangent, l, viewer, tints, tilt).component_mul(&c));
+            lit[0] + lit[1] + tints[0].component_mul(&sky)
         }
         Style::Guides => {
             let group = || group_colour(strands.set.group.get(curve).copied().unwrap_or(0));
             let colour = shown.unwrap_or_else(group);
-            colour * (0.4 + 0.6 * light.volume.at(&light.sky, middle))
+            let [.., sky] = light.volume.at(&light.fields, middle);
+            colour * (0.4 + 0.6 * sky)
         }
     };
     let scale = camera.focal * 0.5 * (p.ends[0].inverse_depth + p.ends[1].inverse_depth);
@@ -185,11 +195,22 @@ fn ribbon(strands: &DrawnCurves, p: &Piece, camera: &Camera, fine: u32, light: &
     Ribbon { ends: p.ends, width, colour }
 }
 
-/// Colour of a strand and tilt of its highlights: chestnut, with variation between strands.
-fn own_look(id: i32) -> (Rgb, f32) {
-    let [a, b, c] = noise(id as u32);
-    let tint = Rgb::new(0.165, 0.083, 0.044).lerp(&Rgb::new(0.085, 0.04, 0.022), a);
-    (tint * (0.75 + 0.5 * b), 0.09 * (c - 0.5))
+/// How a strand scatters light.
+#[derive(Debug, Clone, Copy)]
+struct Look {
+    /// Its colour after the light's first and second way through it.
+    tints: [Rgb; 2],
+    /// Tilt of its highlights, rad.
+    tilt: f32,
+}
+
+impl Look {
+    /// Chestnut, with variation between strands.
+    fn own(id: i32) -> Self {
+        let [a, b, c] = noise(id as u32);
+        let tint = Rgb::new(0.165, 0.083, 0.044).lerp(&Rgb::new(0.085, 0.04, 0.022), a) * (0.75 + 0.5 * b);
+        Look { tints: [tint, deepened(tint)], tilt: 0.09 * (c - 0.5) }
+    }
 }
 
 /// A hue for each group, spaced by the golden ratio.
@@ -234,8 +255,8 @@ fn lit_triangles(mesh: &DrawnMesh, camera: &Camera, light: &Lighting) -> Vec<Tri
         let n = n.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
         // Offset from the surface against self-shadowing.
         let (lamps, sky) = light.arriving(p + n * (2.0 * light.volume.cell()));
-        let lit: Rgb = lamps.map(|(l, c)| c * (0.25 + 0.75 * n.dot(&l)).max(0.0) * 0.6).sum();
-        (lit + sky).component_mul(&clay)
+        let lit = lamps.map(|(l, c)| c * (0.25 + 0.75 * n.dot(&l)).max(0.0) * 0.6);
+        (lit[0] + lit[1] + sky).component_mul(&clay)
     };
     let colours: Vec<Rgb> = mesh.points.par_iter().zip(&normals).map(colour).collect();
     let seen: Vec<_> = mesh.points.iter().map(|p| camera.project(*p)).collect();

@@ -24,12 +24,16 @@ pub struct Piece {
 }
 
 /// Target length of a piece, final pixels.
-const TARGET_LENGTH: f32 = 4.0;
+const TARGET_LENGTH: f32 = 9.0;
+/// Target of how far a piece turns, rad.
+const TARGET_TURN: f32 = 0.12;
+/// Shortest length of a piece because of its turn, final pixels.
+const SHORTEST: f32 = 2.5;
 /// Largest number of pieces between two points of a curve.
 const MAX_PIECES: f32 = 32.0;
 
 /// Subdivides cubic, pinned curves (phantom end points 2·p₀ − p₁, as in UsdGeomBasisCurves) into pieces of
-/// about [`TARGET_LENGTH`] pixels. `pixel` is the side of a final pixel in camera pixels. Pieces with an end
+/// at most about [`TARGET_LENGTH`] pixels that turn by about [`TARGET_TURN`]. `pixel` is the side of a final pixel in camera pixels. Pieces with an end
 /// behind the near plane are omitted.
 pub fn pieces(
     set: &CurveSet,
@@ -50,8 +54,7 @@ pub fn pieces(
         pieces.iter_mut().for_each(|piece| piece.place += range.start as f32);
         pieces
     };
-    let each: Vec<Vec<Piece>> = ranges.par_iter().enumerate().map(cut).collect();
-    each.concat()
+    ranges.par_iter().enumerate().flat_map_iter(cut).collect()
 }
 
 fn one_curve(
@@ -67,7 +70,8 @@ fn one_curve(
     for i in 1..points.len() {
         let (Some(start), Some(end)) = (seen[i - 1], seen[i]) else { continue };
         let chord = (end.x - start.x).hypot(end.y - start.y) / pixel;
-        let n = (chord / TARGET_LENGTH).ceil().clamp(1.0, MAX_PIECES);
+        let by_turn = (turn(points, i) / TARGET_TURN).min(chord / SHORTEST);
+        let n = (chord / TARGET_LENGTH).max(by_turn).ceil().clamp(1.0, MAX_PIECES);
         let mut last = None;
         for k in 0..=n as u32 {
             let t = k as f32 / n;
@@ -83,6 +87,16 @@ fn one_curve(
         }
     }
     pieces
+}
+
+/// About how far the curve turns between points `i − 1` and `i`, rad: half of what its chord is turned against
+/// those beside it.
+fn turn(points: &[Vector3<f32>], i: usize) -> f32 {
+    let way = |i: usize| (points[i] - points[i - 1]).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+    let here = way(i);
+    let before = if i >= 2 { (here - way(i - 1)).norm() } else { 0.0 };
+    let after = if i + 1 < points.len() { (way(i + 1) - here).norm() } else { 0.0 };
+    0.5 * (before + after)
 }
 
 /// The curve between points `i − 1` (t = 0) and `i` (t = 1).

@@ -360,6 +360,7 @@ fn an_imported_scene_bakes_to_a_cache_with_pictures() {
     assert_eq!((picture.width, picture.height), (2 * 84 + 4, 84 + 4));
     assert!(here(&moving).starts_with(b"GIF89a"));
     hairbake().arg("preview").arg(&out).args(["-o", "x.png", "--frames", "1-2"]).assert().code(64);
+    films(scene.folder.path(), &out);
 
     // A second bake without pictures removes those of the first.
     bake(&scene.groom, &scene.anim, &out)
@@ -370,6 +371,36 @@ fn an_imported_scene_bakes_to_a_cache_with_pictures() {
     assert!(!out.join("sheet.png").exists() && out.join("report.html").exists());
     assert!(!out.join("hair.1004.usdc").exists());
 }
+
+/// A film of `cache` is the work of ffmpeg, here a script, and a GIF where there is none.
+#[cfg(unix)]
+fn films(folder: &Path, cache: &Path) {
+    use std::os::unix::fs::PermissionsExt;
+    let (film, path) = (folder.join("film.mp4"), folder.join("bin"));
+    let make = || {
+        let mut preview = hairbake();
+        preview.env("PATH", format!("{}:/usr/bin:/bin", path.display()));
+        preview.arg("preview").arg(cache).args(["--size", "33x20", "-o"]).arg(&film);
+        preview.assert()
+    };
+    std::fs::create_dir(&path).unwrap();
+    let fake = |script: &str| {
+        std::fs::write(path.join("ffmpeg"), format!("#!/bin/sh\n{script}\n")).unwrap();
+        std::fs::set_permissions(path.join("ffmpeg"), PermissionsExt::from_mode(0o755)).unwrap();
+    };
+    fake("for made; do :; done; cat >\"$made\"");
+    make().success().stderr(contains("film.mp4"));
+    assert_eq!(here(&film).len(), 5 * 33 * 20 * 3);
+    fake("echo no such codec >&2; exit 1");
+    make().code(78).stderr(contains("film.mp4: no such codec"));
+    let mut preview = hairbake();
+    preview.env("PATH", "").arg("preview").arg(cache).args(["--size", "33x20", "-o"]).arg(&film);
+    preview.assert().success().stderr(contains("there is no ffmpeg").and(contains("film.gif")));
+    assert!(here(&folder.join("film.gif")).starts_with(b"GIF89a"));
+}
+
+#[cfg(not(unix))]
+fn films(_: &Path, _: &Path) {}
 
 #[test]
 fn results_do_not_depend_on_the_number_of_threads() {
