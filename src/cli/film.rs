@@ -15,6 +15,9 @@ const FFMPEG: &str = "ffmpeg";
 /// Samples per pixel in each direction: fewer than on a sheet, for pictures that are seen for a moment.
 const SUPERSAMPLING: u32 = 2;
 
+/// Bits per pixel of a film: enough for single hairs.
+const BITS: f64 = 0.4;
+
 /// An animation to write.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Film {
@@ -116,6 +119,7 @@ fn ffmpeg(made: &Path, (width, height): (u32, u32), fps: f64) -> io::Result<Chil
         .args(["-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
         .args(["-s", &format!("{width}x{height}"), "-r", &fps.to_string(), "-i", "-"])
         // Most players want a quarter of the colours, and for that even sides.
+        .args(["-b:v", &format!("{:.0}", BITS * f64::from(width) * f64::from(height) * fps)])
         .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart"])
         .arg(made)
         .stdin(Stdio::piped())

@@ -346,7 +346,9 @@ fn note(
     if thinned.count() > 0 {
         parts.push("bodies with fewer vertices".into());
     }
-    format!("Shown: {}. Points are off by {:.2} mm at most.", parts.join(", "), 1e3 * error_m)
+    // Rounded up, for it is a bound.
+    let error_mm = (1e5 * error_m).ceil() / 100.0;
+    format!("Shown: {}. Points are off by {error_mm:.2} mm at most.", parts.join(", "))
 }
 
 fn ordinal(n: usize) -> String {

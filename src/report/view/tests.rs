@@ -188,6 +188,32 @@ fn shades_tell_where_hair_is_inside_a_body() {
 }
 
 #[test]
+fn deforming_bodies_are_thinned_and_move() {
+    let mut shot = shot(500, 3, 40);
+    let points = |f: usize| -> Vec<[f32; 3]> {
+        let place =
+            |i: usize| [(i / 90) as f32 * 0.01, (i % 90) as f32 * 0.01, 0.001 * (f * (i % 7)) as f32 - 0.3];
+        (0..90 * 90).map(place).collect()
+    };
+    let corner = |i: i32, j: i32| 90 * i + j;
+    let below = |i, j| [corner(i, j), corner(i + 1, j), corner(i, j + 1)];
+    let body = &mut shot.header.colliders[0];
+    body.points = points(0);
+    body.triangles = (0..89).flat_map(|i| (0..89).map(move |j| below(i, j))).collect();
+    body.deforms = true;
+    for (f, frame) in shot.frames.iter_mut().enumerate() {
+        frame.colliders[0].points = Some(points(f));
+    }
+    let view = View::new(&shot, &numbers(&shot), &Findings::default(), 500_000).unwrap();
+    let body = &view.description["bodies"][0];
+    let n = body["points"]["count"].as_u64().unwrap() as usize;
+    assert!((100..2000).contains(&n), "{n}");
+    assert_eq!(body["points"]["shifts"].as_array().unwrap().len(), 40);
+    assert!(view.note.contains("bodies with fewer vertices"), "{}", view.note);
+    assert!(base64(&view.data).len() <= 500_000);
+}
+
+#[test]
 fn guides_alone_and_gaps_between_frames_are_shown() {
     let shot = shot(0, 5, 9);
     let mut frames = numbers(&shot);
