@@ -7,6 +7,7 @@ use super::over;
 use super::work_dir::WrittenFrame;
 use crate::cache::{self, Manifest, Writer};
 use crate::file::FileRecord;
+use crate::scene::anim::Goal;
 use crate::{Error, Result};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
@@ -50,6 +51,7 @@ pub(super) fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Resu
         "guide_segments": segments,
         "groom_notes": job.groom.notes,
         "hair_sampling": job.rods.sampling,
+        "goals": goals(job),
         "sag_free": job.rods.sag_free,
         "first_frame_from_groom": { "mean": mean, "largest": largest },
     }));
@@ -94,6 +96,16 @@ fn totals(finished: &[Finished]) -> Map<String, Value> {
         "halvings": sum(|f| f.halvings),
     });
     object(totals)
+}
+
+/// The guides of each goal, by their ids, with the weights of their own.
+fn goals(job: &Job) -> Vec<Value> {
+    let goal = |goal: &Goal| {
+        let ids = goal.guides.iter().map(|g| job.groom.guides.curves.id[*g]);
+        let weights = goal.guides.iter().map(|g| job.rods.simulated[*g].material.goal_weight);
+        json!({ "name": goal.name, "guides": ids.collect::<Vec<_>>(), "weights": weights.collect::<Vec<_>>() })
+    };
+    job.anim.goals.iter().map(goal).collect()
 }
 
 fn figures(record: &FrameRecord) -> Map<String, Value> {

@@ -44,6 +44,9 @@ pub struct ValidateArguments {
     /// On a farm, run static once and moving for each range of frames.
     #[arg(long, value_enum, value_name = "PART")]
     only: Option<Part>,
+    /// Compare guides with the goals of the animation that the cache was baked from
+    #[arg(long, value_name = "ANIM")]
+    goals: Option<PathBuf>,
     /// Check the curves of five frames only, and no checksums
     #[arg(long)]
     quick: bool,
@@ -68,6 +71,7 @@ const VALIDATOR: Package = python_package!(
         "checks_clips.py",
         "checks_files.py",
         "checks_frame.py",
+        "checks_goals.py",
         "checks_motion.py",
         "checks_over.py",
         "checks_placement.py",
@@ -103,6 +107,9 @@ pub fn run(arguments: &ValidateArguments) -> Result<ExitCode> {
             Part::Static => "--only=static",
             Part::Moving => "--only=moving",
         });
+    }
+    if let Some(anim) = &arguments.goals {
+        command.arg("--goals").arg(anim);
     }
     if arguments.quick {
         command.arg("--quick");

@@ -54,7 +54,11 @@ impl AnimatedGoal {
         for sample in first..times.count {
             let t = times.time(sample);
             let points = curve.at(rod, curve.points(sample), &curve.frame(rod, &root(t)));
-            fit.fit(rod, &points, &mut pose);
+            if sample == first {
+                fit.find(rod, &points, &mut pose);
+            } else {
+                fit.follow(rod, &points, &mut pose);
+            }
             let again = if sample == first { first + HELD + 1 } else { 1 };
             q.extend(std::iter::repeat_n(pose.clone(), again));
         }

@@ -49,6 +49,9 @@ def argument_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--only", choices=PARTS, help="check static data only, or the curves of frames only")
     parser.add_argument(
+        "--goals", type=Path, metavar="ANIM", help="compare guides with the goals of this animation"
+    )
+    parser.add_argument(
         "--quick", action="store_true", help="check the curves of a few frames, and no checksums"
     )
     parser.add_argument(
@@ -74,7 +77,9 @@ def main() -> int:
     if options.jobs < 1:
         parser.error(f"--jobs is {options.jobs}; it must be at least 1")
     try:
-        report = validate(options.directory, options.frames, options.quick, options.jobs, options.only)
+        report = validate(
+            options.directory, options.frames, options.quick, options.jobs, options.only, options.goals
+        )
         if options.json:
             options.json.write_text(json.dumps(report.as_json(), indent=2) + "\n", encoding="utf-8")
     except (CacheError, OSError) as error:

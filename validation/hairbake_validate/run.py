@@ -8,6 +8,7 @@ from .cache import Cache
 from .checks_clips import CLIP_CHECKS
 from .checks_files import CHECKSUMS, FILES, checksums
 from .checks_frame import FRAME, FRAMES
+from .checks_goals import GOAL, goal
 from .checks_motion import MOTION
 from .checks_over import OVER, OVER_FRAME, OVER_FRAMES, not_applicable, overs_of
 from .checks_placement import PLACEMENTS
@@ -22,7 +23,7 @@ STATIC = {**FILES, **STAGE, **CURVE_DATA, **CLIP_CHECKS, **PLACEMENTS, **OVER}
 MOVING = {**FRAME, **MOTION, **OVER_FRAME}
 """The checks of frames and their functions."""
 
-CHECKS: list[Check] = [*STATIC, CHECKSUMS, *MOVING]
+CHECKS: list[Check] = [*STATIC, CHECKSUMS, *MOVING, GOAL]
 """Every check, in the order of the report."""
 
 CHUNK = (8, 16)
@@ -44,6 +45,7 @@ def validate(
     quick: bool = False,
     jobs: int = 1,
     only: str | None = None,
+    goals: Path | None = None,
 ) -> Report:
     """Validates the cache in `directory`.
 
@@ -53,6 +55,7 @@ def validate(
         quick: Checks curves at the start, middle and end only, and no checksums.
         jobs: Number of processes.
         only: One of `PARTS`; default: both.
+        goals: The animation of the bake, whose goals guides are compared with; default: they are not.
 
     Raises:
         CacheError: The folder holds no cache that can be opened.
@@ -76,6 +79,9 @@ def validate(
     report.ran(MOVING.keys() - left_out)
     for findings in check_frames(cache, Reference.of(cache), chosen, jobs):
         report.add(findings)
+    if goals is not None:
+        report.ran([GOAL])
+        report.add(list(goal(cache, goals, chosen)))
     if only is None:
         report.add(missing_frames(cache, chosen))
     return report

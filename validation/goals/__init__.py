@@ -1,0 +1,1 @@
+"""Hair that follows animated curves."""
