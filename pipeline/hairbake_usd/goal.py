@@ -17,7 +17,7 @@ def read(path: str, prim_path: str | None, times: Times) -> tuple[Header, Arrays
 
     `counts` are the points of each curve, `points` those of all curves at each of the times, and `id` the
     ids of the curves, if all prims have them. `moving` in the header is False if no prim has more than one
-    time sample.
+    time sample, `rate` is the number of time codes per second.
 
     Raises:
         InputErrors: All errors in the curves.
@@ -44,7 +44,8 @@ def read(path: str, prim_path: str | None, times: Times) -> tuple[Header, Arrays
     if len(ids) == len(parts):
         arrays["id"] = ("i32", np.concatenate(ids))
     moving = any(UsdGeom.BasisCurves(prim).GetPointsAttr().GetNumTimeSamples() > 1 for prim in prims)
-    return {**header, "notes": notes, "moving": moving}, arrays
+    rate = stage.GetTimeCodesPerSecond()
+    return {**header, "notes": notes, "moving": moving, "rate": rate}, arrays
 
 
 class MovingCurves:

@@ -30,7 +30,11 @@ pub(super) struct Goals {
 /// The curves of a goal as they are in its file.
 pub(super) enum GoalInput {
     /// Curves of a USD stage.
-    Stage(MovingCurves),
+    Stage {
+        read: MovingCurves,
+        /// Time codes per second that the bake reads.
+        rate: f64,
+    },
     /// The first file of a sequence of OBJ files.
     Sequence(ObjCurves),
 }
@@ -42,7 +46,7 @@ impl GoalInput {
     /// A file that is neither; the errors in it.
     pub(super) fn read(source: &Source, times: &SampleTimes, first: i32) -> Result<Self> {
         if source.is_usd() {
-            return Ok(GoalInput::Stage(goal::read(source, times)?));
+            return Ok(GoalInput::Stage { read: goal::read(source, times)?, rate: times.rate });
         }
         source.check()?;
         let Some(sequence) = FileSequence::new(&source.path.to_string_lossy()) else {
@@ -69,7 +73,7 @@ impl Goals {
     /// animation, and `groom` that of the guides, if it is known.
     ///
     /// # Errors
-    /// Curves that match no guides, a unit that cannot be guessed, a path that has no absolute form.
+    /// Curves that match no guides or have other time codes, a unit that cannot be guessed, a path that has no absolute form.
     pub(super) fn add(
         &mut self,
         from: &GoalCurvesSource,
@@ -107,11 +111,21 @@ impl Goals {
                 (goal.metres_per_unit, goal.up_axis) = (Some(of_file.metres_per_unit), Some(of_file.up));
                 goal.sequence = relative(&source.path, folder)?;
             }
-            GoalInput::Stage(read) => {
+            GoalInput::Stage { read, rate } => {
                 let of_file = convention(source, read.declared, &read.samples[0], HAIR_SIZE, &mut notes)?;
                 notes.extend(read.notes.iter().cloned());
                 if !read.moving {
                     notes.push("one time sample only: the curves do not move".into());
+                }
+                if (read.rate - rate).abs() > 1e-6 * rate {
+                    return Err(Diagnostic::new(
+                        &source.path,
+                        "timeCodesPerSecond",
+                        format!("{} time codes a second, where the bake reads {rate}", read.rate),
+                        "curves with the time codes of the motion, or of the frames of the bake",
+                        "export the curves at this rate, or bake at theirs (--fps)",
+                    )
+                    .into());
                 }
                 let matched = Matched::new(&read, source, groom)?;
                 notes.extend(matched.note());

@@ -77,6 +77,7 @@ def animate(curves: UsdGeom.BasisCurves, at: Callable[[int], ArrayLike]) -> None
 def new_goal(path: Path, ids: list[int] | None = None, count: int = 4) -> Usd.Stage:
     """Animated curves, at `/curves`."""
     stage = new_stage(path)
+    stage.SetTimeCodesPerSecond(24)
     curves = add_curves(stage, "/curves", swinging(FRAMES[0], count))
     animate(curves, lambda frame: swinging(frame, count))
     if ids is not None:
@@ -151,6 +152,11 @@ def test_curves_that_cannot_be_goals_are_refused(refused_goal: Callable[..., str
 
     new_goal(scene / "ids.usda", [12, 10, 99])
     assert "has 3 values" in refused_goal(scene / "ids.usda")
+
+    stage = new_goal(scene / "rate.usda")
+    stage.SetTimeCodesPerSecond(30)
+    stage.Save()
+    assert "30 time codes a second, where the bake reads 24" in refused_goal(scene / "rate.usda")
 
     stage = new_goal(scene / "counts.usda")
     counts = UsdGeom.BasisCurves(stage.GetPrimAtPath("/curves")).GetCurveVertexCountsAttr()

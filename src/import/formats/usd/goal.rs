@@ -11,6 +11,8 @@ use serde::Deserialize;
 struct Header {
     /// False if the stage holds one pose only.
     moving: bool,
+    /// Time codes per second.
+    rate: f64,
 }
 
 /// Curves over time, in the unit and axes of the file, world space.
@@ -24,6 +26,8 @@ pub(crate) struct MovingCurves {
     pub(crate) samples: Vec<Vec<Vector3<f64>>>,
     /// Whether the file has more than one time sample of them.
     pub(crate) moving: bool,
+    /// Time codes per second.
+    pub(crate) rate: f64,
     pub(crate) declared: Declared,
     /// Remarks for the artist.
     pub(crate) notes: Vec<String>,
@@ -44,6 +48,7 @@ pub(crate) fn read(source: &Source, times: &SampleTimes) -> Result<MovingCurves>
         samples: all.chunks(per_sample).map(<[_]>::to_vec).collect(),
         counts,
         moving: read.header.more.moving,
+        rate: read.header.more.rate,
         declared: read.header.declared(),
         notes: read.header.notes,
     })
