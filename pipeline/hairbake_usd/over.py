@@ -77,6 +77,8 @@ class Curves:
             "path": str(self.prim.GetPath()),
             "points_name": self.points_name,
             "time": None if self.at.IsDefault() else self.at.GetValue(),
+            "shows_rest": self.points_name == UsdGeom.Tokens.points
+            and not UsdGeom.PointBased(self.prim).GetPointsAttr().ValueMightBeTimeVarying(),
             **self.layout.type.header(),
             "curves": len(self.layout.counts),
             "points": len(self.points),

@@ -55,8 +55,13 @@ def open_stage(path: str) -> Usd.Stage:
 
 
 def is_over(layer: Sdf.Layer) -> bool:
-    """Whether a bake wrote a layer, and it has nothing but overs: a `hair.over.usda`, whatever its name."""
-    overs = [prim.specifier == Sdf.SpecifierOver for prim in layer.rootPrims]
+    """Whether a bake wrote a layer, and it has nothing but overs, and guides for these.
+
+    It is a `hair.over.usda` or `hair.deform.usda`, whatever its name.
+    """
+    overs = [
+        prim.specifier == Sdf.SpecifierOver for prim in layer.rootPrims if prim.name != "hairbake_guides"
+    ]
     creator = str(layer.customLayerData.get("creator", ""))
     return creator.startswith("hairbake ") and bool(overs) and all(overs)
 

@@ -46,10 +46,7 @@ impl<'a> CacheContent<'a> {
             group: groom.guides.curves.group[guide.guide],
         };
         let rods: Vec<_> = rods.fine_and_simulated().map(|(rod, guide)| (rod, home(guide))).collect();
-        let homes = strands.leaf.iter().zip(&strands.curves.group);
-        let homes: Vec<Membership> =
-            homes.map(|(leaf, group)| Membership { leaf: *leaf, group: *group }).collect();
-        let guide_weights = guide_weights(&strands.curves, &homes, &clumping(groom), &rods);
+        let guide_weights = weights_of(groom, &strands, &rods);
         CacheContent { groom, anim, rods, strands, width_factors, guide_weights }
     }
 
@@ -103,6 +100,14 @@ impl<'a> CacheContent<'a> {
         let (guides, weights) = each.unzip();
         ClosestGuides { guides, weights }
     }
+}
+
+/// Guides of each of some strands of `groom`, with weights; `rods` are all guides.
+pub fn weights_of(groom: &Groom, strands: &Strands, rods: &[(&Rod, Membership)]) -> Vec<GuideWeights> {
+    let homes = strands.leaf.iter().zip(&strands.curves.group);
+    let homes: Vec<Membership> =
+        homes.map(|(leaf, group)| Membership { leaf: *leaf, group: *group }).collect();
+    guide_weights(&strands.curves, &homes, &clumping(groom), rods)
 }
 
 /// The guides as written: the points of the rods and the midpoints between them.

@@ -4,7 +4,7 @@ use super::frame_record::WrittenMeasures;
 use super::frame_state::FrameState;
 use super::job::Job;
 use super::output::{FrameStrands, Output};
-use super::over::Over;
+use super::over::{Over, is_deformed};
 use super::summary::StageSeconds;
 use super::work_dir::WrittenFrame;
 use crate::cache::Writer;
@@ -49,6 +49,7 @@ impl<'a> FrameWriter<'a> {
         let over = job
             .over
             .as_ref()
+            .filter(|target| !is_deformed(&job.groom, &job.anim.settings, target))
             .map(|target| Over::new(&job.groom, &job.anim, output.header(), target, &job.out))
             .transpose()?;
         if let Some(over) = &over {

@@ -29,7 +29,7 @@ impl Finished {
 }
 
 /// Completes the cache.
-pub(super) fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Result<Manifest> {
+pub(super) fn finish(job: &Job, mut writer: Writer, finished: Vec<Finished>) -> Result<Manifest> {
     let mut manifest = Manifest::new(writer.header());
     manifest.key = job.key.clone();
     manifest.machines =
@@ -37,10 +37,16 @@ pub(super) fn finish(job: &Job, writer: Writer, finished: Vec<Finished>) -> Resu
     manifest.inputs = job.inputs.clone();
     manifest.settings = job.settings.clone();
     manifest.totals = totals(&finished);
-    manifest.over = match &job.over {
-        Some(target) => Some(over::record(&job.groom, writer.header(), target)?),
-        None => None,
-    };
+    match &job.over {
+        Some(target) if over::is_deformed(&job.groom, &job.anim.settings, target) => {
+            let (deform, record) =
+                over::deform(&job.groom, &job.anim, &job.rods, writer.header(), target, &job.out)?;
+            writer = writer.with_deform(deform);
+            manifest.deform = Some(record);
+        }
+        Some(target) => manifest.over = Some(over::record(&job.groom, writer.header(), target)?),
+        None => {}
+    }
     // Exempt segments stay exempt.
     let [exempt, segments] =
         finished.last().map_or([0; 2], |f| [f.record.exempt_segments, f.record.contact_segments]);

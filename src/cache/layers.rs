@@ -215,7 +215,7 @@ fn moving_collider(collider: &ColliderFrame) -> Vec<Value<'_>> {
 }
 
 /// A matrix in the row-vector convention of USD: transposed.
-fn transform(matrix: &[[f64; 4]; 4]) -> Value<'static> {
+pub(super) fn transform(matrix: &[[f64; 4]; 4]) -> Value<'static> {
     Value::Matrix4d(transposed(matrix))
 }
 
@@ -308,7 +308,7 @@ fn bounds(points: &[[f32; 3]]) -> [[f32; 3]; 2] {
     })
 }
 
-fn transform_order() -> Vec<Attribute<'static>> {
+pub(super) fn transform_order() -> Vec<Attribute<'static>> {
     let order = Value::Tokens(vec!["xformOp:transform".into()]);
     vec![Attribute::new("xformOpOrder", "token[]").uniform().with_default(order)]
 }
@@ -317,11 +317,16 @@ fn display_colour(colour: [f32; 3]) -> Attribute<'static> {
     interpolated("primvars:displayColor", "color3f[]", "constant", Value::Float3s(vec![colour].into()))
 }
 
-fn uniform_token(name: &str, token: &str) -> Attribute<'static> {
+pub(super) fn uniform_token(name: &str, token: &str) -> Attribute<'static> {
     Attribute::new(name, "token").uniform().with_default(Value::token(token))
 }
 
-fn interpolated<'a>(name: &str, type_name: &str, interpolation: &str, value: Value<'a>) -> Attribute<'a> {
+pub(super) fn interpolated<'a>(
+    name: &str,
+    type_name: &str,
+    interpolation: &str,
+    value: Value<'a>,
+) -> Attribute<'a> {
     Attribute::new(name, type_name)
         .with_default(value)
         .with_metadata("interpolation", Value::token(interpolation))

@@ -36,6 +36,9 @@ pub struct Manifest {
     /// What over mode puts the motion over.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub over: Option<OverRecord>,
+    /// The curves that Houdini deforms by the guides.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deform: Option<DeformRecord>,
     /// Root, topology and clip manifest; in over mode also overs and their clip manifest.
     pub layers: Vec<FileRecord>,
     /// Frame files, handles included, in order.
@@ -119,6 +122,39 @@ pub struct OverRun {
     pub count: usize,
 }
 
+/// The curves of a stage that Houdini deforms by the guides.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DeformRecord {
+    /// File name of the stage without folder.
+    pub stage: String,
+    /// Metres per unit of the stage that the layer was written with.
+    pub metres_per_unit: f64,
+    /// `Y` or `Z`, the up axis that it was written with.
+    pub up_axis: String,
+    /// The curves.
+    pub prims: Vec<DeformPrimRecord>,
+}
+
+/// Curves of the stage.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DeformPrimRecord {
+    /// Path of the prim.
+    pub path: String,
+    /// The attribute that holds the points at rest.
+    pub points: String,
+    /// The time code at which they are; none for the default time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time: Option<f64>,
+    /// Matrix from the space of the prim to rest space in metres, Y up, for column vectors.
+    pub to_rest_m: [[f64; 4]; 4],
+    /// How guides move it: `guideweights` or `guideshapeinterpolation`.
+    pub method: String,
+    /// Path of the guides.
+    pub guides: String,
+    /// Path of the mesh that carries the roots.
+    pub skin: String,
+}
+
 impl FrameEntry {
     /// Length of its files, bytes.
     pub fn bytes(&self) -> u64 {
@@ -168,6 +204,7 @@ impl Manifest {
                 colliders: collider_prim_names(header),
             },
             over: None,
+            deform: None,
             layers: Vec::new(),
             frames: Vec::new(),
             totals: Map::new(),

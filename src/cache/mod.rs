@@ -12,6 +12,7 @@
 
 pub mod array;
 mod check;
+mod deform;
 mod frame;
 mod header;
 mod layers;
@@ -20,16 +21,22 @@ mod material;
 mod names;
 mod over;
 mod reader;
+mod shot;
 mod writer;
 
 pub use crate::file::{FileRecord, sha256, write_file};
+pub use deform::{DeformCurves, DeformHeader, DeformMethod, DeformSpace};
 pub use frame::{ColliderFrame, CurveFrame, Frame};
 pub use header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header};
-pub use manifest::{FrameEntry, InputRecord, Manifest, OverPrimRecord, OverRecord, OverRun, Summary};
+pub use manifest::{
+    DeformPrimRecord, DeformRecord, FrameEntry, InputRecord, Manifest, OverPrimRecord, OverRecord, OverRun,
+    Summary,
+};
 pub use names::{
-    CLIP_MANIFEST, MANIFEST, OVER, OVER_CLIP_MANIFEST, ROOT, SHOT, TOPOLOGY, frame_file_name,
+    CLIP_MANIFEST, DEFORM, MANIFEST, OVER, OVER_CLIP_MANIFEST, ROOT, SHOT, TOPOLOGY, frame_file_name,
     over_frame_file_name,
 };
 pub use over::{OverCurveFrame, OverCurves, OverFrame, OverHeader};
 pub use reader::Reader;
+pub use shot::ShotStage;
 pub use writer::{Writer, mark_unfinished};

@@ -16,7 +16,9 @@ pub const CLIP_MANIFEST: &str = "hair.manifest.usda";
 pub const OVER: &str = "hair.over.usda";
 /// In over mode: clip manifest of [`OVER`].
 pub const OVER_CLIP_MANIFEST: &str = "hair.over.manifest.usda";
-/// In over mode: the other stage with [`OVER`] over it.
+/// In over mode with guides alone: the layer by which Houdini deforms the curves of another stage.
+pub const DEFORM: &str = "hair.deform.usda";
+/// In over mode: the other stage with [`OVER`] or [`DEFORM`] over it.
 pub const SHOT: &str = "hair.shot.usda";
 /// The cache's own manifest, written last.
 pub const MANIFEST: &str = "manifest.json";

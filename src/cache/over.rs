@@ -9,8 +9,9 @@
 //!
 //! Clips beat what weaker layers and references have of an attribute, values and time samples alike.
 
-use super::names::{OVER, OVER_CLIP_MANIFEST, clips, over_clip_template};
-use crate::usd::{Attribute, Layer, Metadata, Prim, Relationship, Specifier, Value};
+use super::names::{OVER_CLIP_MANIFEST, clips, over_clip_template};
+use super::shot::{ShotStage, descendant, unbind};
+use crate::usd::{Attribute, Layer, Prim, Specifier, Value};
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
@@ -18,28 +19,12 @@ use std::ops::RangeInclusive;
 const CLIP_SET: &str = "hairbake";
 /// The prim of the frame files that holds those of the stage's curves.
 const FRAME_ROOT: &str = "over";
-/// The relationship to the skeleton that deforms a prim, its own or that of a prim above it.
-const SKELETON: &str = "skel:skeleton";
-/// The schema without which USD ignores a prim's own [`SKELETON`] and takes that of a prim above it.
-const SKELETON_SCHEMA: &str = "SkelBindingAPI";
 
 /// What does not change in the layers of over mode.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OverHeader {
-    /// The stage, relative to the folder of the cache.
-    pub stage: String,
-    /// Metres per unit that the stage declares.
-    pub metres_per_unit: Option<f64>,
-    /// Whether Z is up in it, if it declares an axis.
-    pub z_up: Option<bool>,
-    /// Its time codes per second.
-    pub time_codes_per_second: f64,
-    /// Its frames per second.
-    pub frames_per_second: f64,
-    /// Its first and last time code.
-    pub range: Option<[f64; 2]>,
-    /// Its default prim.
-    pub default_prim: Option<String>,
+    /// The stage.
+    pub stage: ShotStage,
     /// Whether accelerations are written.
     pub accelerations: bool,
     /// The curves.
@@ -86,40 +71,11 @@ pub struct OverCurveFrame {
 }
 
 impl OverHeader {
-    /// Metadata of the stage. A layer of another rate or unit would be scaled in it.
-    fn metadata(&self) -> Metadata<'static> {
-        let creator = Value::string(concat!("hairbake ", env!("CARGO_PKG_VERSION")));
-        let mut metadata: Metadata = [
-            ("customLayerData", Value::Dictionary(vec![("creator".into(), creator)])),
-            ("timeCodesPerSecond", Value::Double(self.time_codes_per_second)),
-            ("framesPerSecond", Value::Double(self.frames_per_second)),
-        ]
-        .map(|(name, value)| (name.to_string(), value))
-        .into();
-        let unit = self.metres_per_unit.map(Value::Double);
-        let up = self.z_up.map(|z_up| Value::token(if z_up { "Z" } else { "Y" }));
-        metadata.extend(
-            [("metersPerUnit", unit), ("upAxis", up)]
-                .into_iter()
-                .filter_map(|(name, value)| Some((name.to_string(), value?))),
-        );
-        metadata.extend(self.default_prim.iter().map(|name| ("defaultPrim".into(), Value::token(name))));
-        let range = self.range.iter().flatten().zip(["startTimeCode", "endTimeCode"]);
-        metadata.extend(range.map(|(code, name)| (name.into(), Value::Double(*code))));
-        metadata
-    }
-
-    /// `hair.shot.usda`.
-    pub(super) fn shot_layer(&self) -> Layer<'static> {
-        let sub_layers = vec![format!("./{OVER}"), self.stage.clone()];
-        Layer { metadata: self.metadata(), sub_layers, prims: Vec::new() }
-    }
-
     /// `hair.over.usda`, with clips of these frames.
     pub(super) fn over_layer(&self, frames: RangeInclusive<i32>) -> Layer<'static> {
         let mut root = Prim::new(Specifier::Over, "", "");
         for (i, curves) in self.prims.iter().enumerate() {
-            let prim = curves.path.trim_start_matches('/').split('/').fold(&mut root, child);
+            let prim = descendant(&mut root, &curves.path);
             let path = format!("/{FRAME_ROOT}/{}", clip_prim(i));
             prim.metadata.push(clips(
                 CLIP_SET,
@@ -131,16 +87,14 @@ impl OverHeader {
             // Stronger than other sets that the stage may have for the prim.
             prim.metadata.push(("clipSets".into(), Value::PrependedTokens(vec![CLIP_SET.into()])));
             if curves.without_skeleton {
-                let schemas = Value::PrependedTokens(vec![SKELETON_SCHEMA.into()]);
-                prim.metadata.push(("apiSchemas".into(), schemas));
-                prim.relationships.push(Relationship { name: SKELETON.into(), targets: Some(Vec::new()) });
+                unbind(prim);
             }
             if curves.without_accelerations {
                 let accelerations = Attribute::new("accelerations", "vector3f[]");
                 prim.attributes.push(accelerations.with_default(Value::Block));
             }
         }
-        Layer { metadata: self.metadata(), sub_layers: Vec::new(), prims: root.children }
+        Layer { metadata: self.stage.metadata(), sub_layers: Vec::new(), prims: root.children }
     }
 
     /// `hair.over.manifest.usda`.
@@ -163,7 +117,7 @@ impl OverHeader {
             }
             attributes
         });
-        Layer { metadata: self.metadata(), sub_layers: Vec::new(), prims: vec![root] }
+        Layer { metadata: self.stage.metadata(), sub_layers: Vec::new(), prims: vec![root] }
     }
 
     /// The prims of a frame file.
@@ -195,15 +149,6 @@ fn clip_prim(i: usize) -> String {
     format!("curves{i}")
 }
 
-/// The child of a prim with that name, which is made if there is none.
-fn child<'p, 'a>(parent: &'p mut Prim<'a>, name: &str) -> &'p mut Prim<'a> {
-    let at = parent.children.iter().position(|child| child.name == name).unwrap_or_else(|| {
-        parent.children.push(Prim::new(Specifier::Over, "", name));
-        parent.children.len() - 1
-    });
-    &mut parent.children[at]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -218,13 +163,13 @@ mod tests {
             without_skeleton: true,
         };
         let header = OverHeader {
-            stage: "../shot.usda".into(),
-            metres_per_unit: None,
-            z_up: Some(true),
-            time_codes_per_second: 24.0,
-            frames_per_second: 24.0,
-            range: None,
-            default_prim: Some("world".into()),
+            stage: ShotStage {
+                path: "../shot.usda".into(),
+                z_up: Some(true),
+                time_codes_per_second: 24.0,
+                frames_per_second: 24.0,
+                ..ShotStage::default()
+            },
             accelerations: false,
             prims: vec![curves("/world/a/hair"), curves("/world/a/fringe"), curves("/b")],
         };
@@ -238,9 +183,5 @@ mod tests {
             assert_eq!(text.matches(line).count(), count, "{text}");
         }
         assert!(text.contains("string \"primPath\" = \"/over/curves1\""));
-        let shot = text::encode(&header.shot_layer());
-        assert!(shot.contains("[@./hair.over.usda@, @../shot.usda@]"));
-        // A unit that the stage does not declare would change what it is taken for.
-        assert!(shot.contains("upAxis = \"Z\"") && !shot.contains("metersPerUnit"), "{shot}");
     }
 }

@@ -1,12 +1,13 @@
 //! Writing a cache.
 
+use super::deform::DeformHeader;
 use super::frame::Frame;
 use super::header::Header;
 use super::layers;
 use super::manifest::Manifest;
 use super::names::{
-    CLIP_MANIFEST, MANIFEST, OVER, OVER_CLIP_MANIFEST, ROOT, SHOT, TOPOLOGY, frame_file_name, frames_on_disk,
-    frames_with_handles, over_frame_file_name,
+    CLIP_MANIFEST, DEFORM, MANIFEST, OVER, OVER_CLIP_MANIFEST, ROOT, SHOT, TOPOLOGY, frame_file_name,
+    frames_on_disk, frames_with_handles, over_frame_file_name,
 };
 use super::over::{OverFrame, OverHeader};
 use crate::file::{FileRecord, remove_file, write_file, write_file_if_changed};
@@ -22,6 +23,7 @@ pub struct Writer {
     header: Header,
     layers: Vec<FileRecord>,
     over: Option<OverHeader>,
+    deform: Option<DeformHeader>,
 }
 
 impl Writer {
@@ -33,8 +35,13 @@ impl Writer {
     pub fn create(dir: &Path, header: &Header) -> Result<Self> {
         header.check().map_err(Error::Internal)?;
         std::fs::create_dir_all(dir).map_err(|e| Error::io(dir, e))?;
-        let mut writer =
-            Writer { dir: dir.to_path_buf(), header: header.clone(), layers: Vec::new(), over: None };
+        let mut writer = Writer {
+            dir: dir.to_path_buf(),
+            header: header.clone(),
+            layers: Vec::new(),
+            over: None,
+            deform: None,
+        };
         let topology = layers::topology_layer(header);
         let clip_manifest = text::encode(&layers::clip_manifest_layer(header));
         writer.layers = vec![
@@ -53,6 +60,12 @@ impl Writer {
         self.layers.push(write_file_if_changed(&self.dir.join(OVER_CLIP_MANIFEST), &[clip_manifest])?);
         self.over = Some(over);
         Ok(self)
+    }
+
+    /// Writes the layer by which Houdini deforms curves as well.
+    pub fn with_deform(mut self, deform: DeformHeader) -> Self {
+        self.deform = Some(deform);
+        self
     }
 
     /// The constant part.
@@ -113,13 +126,18 @@ impl Writer {
                 let overs = text::encode(&over.over_layer(range));
                 manifest.layers.push(write_file_if_changed(&self.dir.join(OVER), &[overs])?);
                 // It depends on where the stage lies, so the manifest does not list it.
-                write_file_if_changed(&self.dir.join(SHOT), &[text::encode(&over.shot_layer())])?;
+                write_file_if_changed(&self.dir.join(SHOT), &[text::encode(&over.stage.layer(OVER))])?;
             }
             None => {
                 #[expect(clippy::reversed_empty_ranges, reason = "no frame is kept")]
                 remove_outside(over_frame_file_name, &(1..=0))?;
                 remove_file(&self.dir.join(OVER_CLIP_MANIFEST))?;
             }
+        }
+        if let Some(deform) = &self.deform {
+            let layer = text::encode(&deform.layer(&self.header));
+            manifest.layers.push(write_file_if_changed(&self.dir.join(DEFORM), &[layer])?);
+            write_file_if_changed(&self.dir.join(SHOT), &[text::encode(&deform.stage.layer(DEFORM))])?;
         }
         write_file_if_changed(&self.dir.join(MANIFEST), &[manifest.to_json()?])?;
         Ok(manifest)
@@ -131,5 +149,5 @@ impl Writer {
 /// # Errors
 /// [`Error::Io`] if they cannot be removed.
 pub fn mark_unfinished(dir: &Path) -> Result<()> {
-    [MANIFEST, ROOT, OVER, SHOT].iter().try_for_each(|name| remove_file(&dir.join(name)))
+    [MANIFEST, ROOT, OVER, DEFORM, SHOT].iter().try_for_each(|name| remove_file(&dir.join(name)))
 }

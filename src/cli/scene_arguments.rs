@@ -5,7 +5,7 @@ use super::{console, summary, values};
 use crate::bake::base_cache::GroupSelection;
 use crate::bake::job::{Job, JobOptions};
 use crate::bake::over;
-use crate::cache::{MANIFEST, OVER, SHOT};
+use crate::cache::{DEFORM, MANIFEST, OVER, SHOT};
 use crate::error::{Diagnostic, Error, Result};
 use crate::scene::anim::{OutputCurves, Resolution, Settings};
 use crate::scene::{Anim, Groom, LoadOptions, OverSource, OverTarget, Override, PathMap};
@@ -53,6 +53,9 @@ pub struct SceneArguments {
     /// Only points, velocities, accelerations, extent and normals are overridden, in the groom's own basis,
     /// order and space: materials, subsets, ids and all else stay. Open hair.shot.usda, or add hair.over.usda
     /// to the sublayers of the shot. The cache itself is written as always.
+    ///
+    /// With --curves guides it is hair.deform.usda, by which Houdini deforms the curves by the guides as it
+    /// renders.
     #[arg(long, value_name = "FILE[:PRIM]", value_parser = values::stage_prim, help_heading = OUTPUT)]
     over: Option<OverSource>,
     /// Write the cache alone, without --over
@@ -120,7 +123,7 @@ impl SceneArguments {
         self.settings.apply(&mut anim.settings);
         let over = match (over, anim.over.take()) {
             (None, _) if self.no_over => None,
-            (None, Some(_)) if !over::moves_all(&groom, &anim.settings) => {
+            (None, Some(_)) if !over::moves_all(&anim.settings) => {
                 console::say("over mode is off: these settings leave out curves of the groom");
                 None
             }
@@ -133,7 +136,7 @@ impl SceneArguments {
             (over, default) => over.or(default),
         };
         let written = |over: &OverSource| {
-            [SHOT, OVER].iter().any(|name| crate::file::is_same(&over.file, &out.join(name)))
+            [SHOT, OVER, DEFORM].iter().any(|name| crate::file::is_same(&over.file, &out.join(name)))
         };
         if over.as_ref().is_some_and(written) {
             let message = "--over is a layer that the bake writes to --output; name the stage below it";

@@ -103,6 +103,18 @@ pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
                 format!("{}: {} with the motion over {}", shot.display(), over.stage, paths.join(", ")),
             );
         }
+        if let Some(deform) = &manifest.deform {
+            let paths: Vec<&str> = deform.prims.iter().map(|prim| prim.path.as_str()).collect();
+            let (shot, paths) = (out.join(SHOT), paths.join(", "));
+            line(
+                "over",
+                format!(
+                    "{}: {}, in which Houdini deforms {paths} by the guides",
+                    shot.display(),
+                    deform.stage
+                ),
+            );
+        }
     }
     if summary.fresh() > 0 {
         line("time", time(summary));

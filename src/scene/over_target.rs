@@ -67,6 +67,8 @@ pub struct OverPrim {
     pub curve: CurveType,
     /// Number of control points of each curve.
     pub vertices: Vec<u32>,
+    /// Whether the stage shows its points at rest at all times.
+    pub shows_rest: bool,
     /// Control points at rest, in the space of the prim.
     pub points: Vec<Vector3<f64>>,
     /// The largest diameter, in the space of the prim.

@@ -111,6 +111,8 @@ pub enum Value<'a> {
     Dictionary(Vec<(String, Value<'a>)>),
     /// Prepended items of a token list, in metadata only (`apiSchemas`)
     PrependedTokens(Vec<String>),
+    /// Prepended reference to a layer and a prim of it, in metadata only (`references`)
+    PrependedReference(String, String),
     /// No value, whatever weaker layers have
     Block,
 }

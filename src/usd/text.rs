@@ -105,7 +105,9 @@ impl Writer {
             self.line(&match (name.as_str(), value) {
                 ("comment", _) => text,
                 ("documentation", _) => format!("doc = {text}"),
-                (_, Value::PrependedTokens(_)) => format!("prepend {name} = {text}"),
+                (_, Value::PrependedTokens(_) | Value::PrependedReference(..)) => {
+                    format!("prepend {name} = {text}")
+                }
                 _ => format!("{name} = {text}"),
             });
         }
@@ -121,7 +123,7 @@ fn dictionary_type(value: &Value) -> &'static str {
         Value::Double(_) => "double",
         Value::String(_) => "string",
         Value::Token(_) => "token",
-        Value::Asset(_) => "asset",
+        Value::Asset(_) | Value::PrependedReference(..) => "asset",
         Value::Matrix4d(_) => "matrix4d",
         Value::Ints(_) => "int[]",
         Value::Floats(_) => "float[]",
@@ -143,6 +145,7 @@ fn value_text(value: &Value, depth: usize) -> String {
         Value::Double(d) => number(d),
         Value::String(s) | Value::Token(s) => quoted(s),
         Value::Asset(path) => asset(path),
+        Value::PrependedReference(path, prim) => format!("{}<{prim}>", asset(path)),
         Value::Matrix4d(rows) => format!("( {} )", rows.map(|row| tuple(&row)).join(", ")),
         Value::Block => "None".into(),
         Value::Ints(v) => list(v, i32::to_string),

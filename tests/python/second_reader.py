@@ -11,21 +11,25 @@ from pxr import Sdf
 
 def assert_same_in_both(folder: Path) -> int:
     """Compares every value of every crate file in a folder; returns how many there are."""
+    return sum(assert_same_layer(file) for file in sorted(folder.glob("*.usdc")))
+
+
+def assert_same_layer(file: Path) -> int:
+    """Compares every value of a file; returns how many there are."""
     count = 0
-    for file in sorted(folder.glob("*.usdc")):
-        layer, stage = Sdf.Layer.FindOrOpen(str(file)), lightusd.load(str(file))
-        assert not stage.warnings(), (file, stage.warnings())
-        for spec in attributes(layer):
-            path = spec.path
-            other = stage.prim_at(str(path.GetPrimPath())).attribute(spec.name)
-            assert other.type_name == str(spec.typeName), (file, path, other.type_name)
-            times = layer.ListTimeSamplesForPath(path)
-            assert list(other.timesamples.times if times else []) == times, (file, path)
-            for time in times:
-                assert_equal(layer.QueryTimeSample(path, time), other.get(time), f"{file} {path} {time}")
-            if spec.default is not None:
-                assert_equal(spec.default, other.get(), f"{file} {path}")
-            count += len(times) + (spec.default is not None)
+    layer, stage = Sdf.Layer.FindOrOpen(str(file)), lightusd.load(str(file))
+    assert not stage.warnings(), (file, stage.warnings())
+    for spec in attributes(layer):
+        path = spec.path
+        other = stage.prim_at(str(path.GetPrimPath())).attribute(spec.name)
+        assert other.type_name == str(spec.typeName), (file, path, other.type_name)
+        times = layer.ListTimeSamplesForPath(path)
+        assert list(other.timesamples.times if times else []) == times, (file, path)
+        for time in times:
+            assert_equal(layer.QueryTimeSample(path, time), other.get(time), f"{file} {path} {time}")
+        if spec.default is not None:
+            assert_equal(spec.default, other.get(), f"{file} {path}")
+        count += len(times) + (spec.default is not None)
     return count
 
 

@@ -136,8 +136,9 @@ def checksums(cache: Cache) -> Iterator[Finding]:
             message = f"{name}: SHA-256 is {found[:12]}…, recorded {str(digest)[:12]}…"
             yield Finding(CHECKSUMS, message=message, frame=frame)
     layers = (path.name for path in cache.directory.glob("hair*.usd[ac]"))
+    shown = cache.record.get("over") or cache.record.get("deform")
     # It depends on where the stage is that it shows.
-    layers = (name for name in layers if name != SHOT_LAYER or not cache.record.get("over"))
+    layers = (name for name in layers if name != SHOT_LAYER or not shown)
     for name in sorted({name for name in layers if not FRAME_FILE.fullmatch(name)} - set(expected)):
         yield Finding(CHECKSUMS, message=f"{name}: no checksum in {RECORD}")
 

@@ -1,6 +1,7 @@
 """Checks of over mode: the stage of the groom with the motion of the cache over it."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -13,13 +14,13 @@ from .geometry import FloatArray, norms, spacing, transformed
 from .overs import (
     CLIP_SET,
     MOVING,
-    OVER_LAYER,
     OVER_MANIFEST,
     SKELETON,
     SKELETON_SCHEMA,
     OverPrim,
     Overs,
     Run,
+    ShotStage,
     deformed,
     stage_to_metres,
 )
@@ -127,11 +128,15 @@ def over_stage(cache: Cache) -> Iterator[Finding]:
         yield Finding(OVER_STAGE, message=str(found))
     if not isinstance(found, Overs):
         return
-    layers = found.shot.GetRootLayer().subLayerPaths
-    if list(layers)[:1] != [f"./{OVER_LAYER}"]:
-        yield Finding(
-            OVER_STAGE, message=f"{SHOT_LAYER} has the sublayers {list(layers)}, expected {OVER_LAYER} first"
-        )
+    yield from composed(OVER_STAGE, found)
+
+
+def composed(check: Check, stages: ShotStage) -> Iterator[Finding]:
+    """Faults of the layer of a bake over a stage, and of the stage with it."""
+    layers = stages.shot.GetRootLayer().subLayerPaths
+    if list(layers)[:1] != [f"./{stages.name}"]:
+        message = f"{SHOT_LAYER} has the sublayers {list(layers)}, expected {stages.name} first"
+        yield Finding(check, message=message)
     for name in (
         "metersPerUnit",
         "upAxis",
@@ -140,12 +145,12 @@ def over_stage(cache: Cache) -> Iterator[Finding]:
         "startTimeCode",
         "endTimeCode",
     ):
-        values = {str(stage.GetMetadata(name)) for stage in (found.shot, found.original)}
-        values.add(str(Usd.Stage.Open(found.layer).GetMetadata(name)))
+        values = {str(stage.GetMetadata(name)) for stage in (stages.shot, stages.original)}
+        values.add(str(Usd.Stage.Open(stages.layer).GetMetadata(name)))
         if len(values) > 1:
-            yield Finding(OVER_STAGE, message=f"{name} of the layers differs: {', '.join(sorted(values))}")
-    for error in found.shot.GetCompositionErrors():
-        yield Finding(OVER_STAGE, message=" ".join(str(error).split()))
+            yield Finding(check, message=f"{name} of the layers differs: {', '.join(sorted(values))}")
+    for error in stages.shot.GetCompositionErrors():
+        yield Finding(check, message=" ".join(str(error).split()))
 
 
 def over_untouched(cache: Cache) -> Iterator[Finding]:
@@ -153,20 +158,43 @@ def over_untouched(cache: Cache) -> Iterator[Finding]:
     overs = overs_of(cache)
     if overs is None:
         return
-    for path in sorted(attributes(overs.layer)):
-        if Sdf.Path(path).name not in (*MOVING, SKELETON):
-            yield Finding(OVER_UNTOUCHED, message=f"{OVER_LAYER} has an opinion on {path}")
-    pair = [prim_types(stage) for stage in (overs.original, overs.shot)]
+    curves = {over.path for over in overs.prims}
+    allowed = Changes(names={*MOVING, SKELETON}, schemas={SKELETON_SCHEMA})
+    yield from untouched(OVER_UNTOUCHED, overs, curves, allowed)
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What a layer may change of the curves of a stage."""
+
+    names: set[str]
+    """Attributes and relationships."""
+    schemas: set[str]
+    """Schemas that it may apply."""
+
+
+def untouched(
+    check: Check, stages: ShotStage, curves: set[str], allowed: Changes, added: str = ""
+) -> Iterator[Finding]:
+    """What a layer changes beyond what it may of some curves; all at and below `added` is its own."""
+    own = Sdf.Path(added) if added else Sdf.Path.emptyPath
+    for path in sorted(attributes(stages.layer)):
+        if Sdf.Path(path).name not in allowed.names and not (added and Sdf.Path(path).HasPrefix(own)):
+            yield Finding(check, message=f"{stages.name} has an opinion on {path}")
+    pair = [prim_types(stage) for stage in (stages.original, stages.shot)]
+    pair[1] = {path: name for path, name in pair[1].items() if not (added and Sdf.Path(path).HasPrefix(own))}
     for path in sorted(path for path in {**pair[0], **pair[1]} if pair[0].get(path) != pair[1].get(path)):
         message = (
             f"{path} is {pair[1].get(path, 'missing')}, in the stage below {pair[0].get(path, 'missing')}"
         )
-        yield Finding(OVER_UNTOUCHED, message=message)
-    for over in overs.prims:
-        for prim in Usd.PrimRange(overs.original.GetPrimAtPath(over.path)):
-            other = overs.shot.GetPrimAtPath(prim.GetPath())
-            for message in differences(prim, other, prim.GetPath() == over.path, cache.first):
-                yield Finding(OVER_UNTOUCHED, message=message, prim=str(prim.GetPath()))
+        yield Finding(check, message=message)
+    for top in sorted(curves):
+        for prim in Usd.PrimRange(stages.original.GetPrimAtPath(top)):
+            path = str(prim.GetPath())
+            other = stages.shot.GetPrimAtPath(path)
+            may = allowed if path == top else Changes(set(), set())
+            for message in differences(prim, other, may, stages.cache.first):
+                yield Finding(check, message=message, prim=path)
 
 
 def prim_types(stage: Usd.Stage) -> dict[str, str]:
@@ -174,13 +202,12 @@ def prim_types(stage: Usd.Stage) -> dict[str, str]:
     return {str(prim.GetPath()): str(prim.GetTypeName()) for prim in stage.Traverse()}
 
 
-def differences(prim: Usd.Prim, other: Usd.Prim, moves: bool, frame: int) -> Iterator[str]:
-    """What another prim has otherwise, but for what moves."""
+def differences(prim: Usd.Prim, other: Usd.Prim, allowed: Changes, frame: int) -> Iterator[str]:
+    """What another prim has otherwise, but for what may change."""
     if not other:
         return
-    left_out = (*MOVING, SKELETON) if moves else ()
     names = [
-        {prop.GetName() for prop in each.GetProperties() if prop.IsAuthored()} - set(left_out)
+        {prop.GetName() for prop in each.GetProperties() if prop.IsAuthored()} - allowed.names
         for each in (prim, other)
     ]
     for name in sorted(names[0] ^ names[1]):
@@ -189,8 +216,9 @@ def differences(prim: Usd.Prim, other: Usd.Prim, moves: bool, frame: int) -> Ite
         values = [property_values(each, name, frame) for each in (prim, other)]
         if values[0] != values[1]:
             yield f"{name} differs"
-    ignored = {SKELETON_SCHEMA} if moves else set()
-    schemas = [[name for name in each.GetAppliedSchemas() if name not in ignored] for each in (prim, other)]
+    schemas = [
+        [name for name in each.GetAppliedSchemas() if name not in allowed.schemas] for each in (prim, other)
+    ]
     if schemas[0] != schemas[1]:
         yield f"its schemas are {schemas[1]}, in the stage below {schemas[0]}"
     composed = ("clips", "clipSets", "apiSchemas")

@@ -15,6 +15,8 @@ from .geometry import FloatArray, IntArray
 OVER_LAYER = "hair.over.usda"
 OVER_MANIFEST = "hair.over.manifest.usda"
 CLIP_SET = "hairbake"
+GUIDES_ROOT = "hairbake_guides"
+"""Name of the prim that holds the guides by which Houdini deforms curves."""
 NORMALS = ("normals", "primvars:normals")
 MOVING = ("points", "velocities", "accelerations", "extent", *NORMALS)
 """What moves of curves: all that over mode may change."""
@@ -94,22 +96,21 @@ class OverPrim:
         )
 
 
-class Overs:
-    """The layers of over mode beside a cache, and the stage that they are for."""
+class ShotStage:
+    """`hair.shot.usda` beside a cache, and the stage below the layer that a bake puts over it."""
 
-    def __init__(self, cache: Cache) -> None:
-        """Opens the composed stage and the one below it.
+    def __init__(self, cache: Cache, name: str, record: dict[str, Any]) -> None:
+        """Opens both stages, and the layer `name`; `record` is what manifest.json holds of it.
 
         Raises:
-            CacheError: They cannot be opened, or do not have the curves that manifest.json lists.
+            CacheError: They cannot be opened.
         """
-        self.record: dict[str, Any] = cache.record["over"]
-        self.cache = cache
+        self.cache, self.name, self.record = cache, name, record
         shot = cache.directory / SHOT_LAYER
         try:
-            self.layer = Sdf.Layer.FindOrOpen(str(cache.directory / OVER_LAYER))
+            self.layer = Sdf.Layer.FindOrOpen(str(cache.directory / name))
             self.shot = Usd.Stage.Open(str(shot))
-            below = [path for path in self.shot.GetRootLayer().subLayerPaths if path != f"./{OVER_LAYER}"]
+            below = [path for path in self.shot.GetRootLayer().subLayerPaths if path != f"./{name}"]
             self.stage_path = self.shot.GetRootLayer().ComputeAbsolutePath(below[0]) if below else ""
             self.original = Usd.Stage.Open(self.stage_path)
             self.original.MuteAndUnmuteLayers(
@@ -118,19 +119,36 @@ class Overs:
         except Tf.ErrorException as error:
             raise CacheError(f"{shot}: {error.args[0].commentary if error.args else error}") from error
         if not self.layer:
-            raise CacheError(f"{OVER_LAYER}: no such file")
-        self.frame_paths = {
-            frame: cache.directory / f"hair.over.{str(frame).rjust(4, '0')}.usdc" for frame in cache.frames
-        }
-        self.to_metres = to_metres(self.record["metres_per_unit"], self.record["up_axis"])
-        self.prims = list(self._read_prims())
+            raise CacheError(f"{name}: no such file")
+        self.to_metres = to_metres(record["metres_per_unit"], record["up_axis"])
 
-    def _read_prims(self) -> Iterator[OverPrim]:
-        for number, entry in enumerate(self.record["prims"]):
+    def entries(self) -> Iterator[tuple[Usd.Prim, dict[str, Any]]]:
+        """The curves that manifest.json lists, in the stage below, and what it holds of each.
+
+        Raises:
+            CacheError: The stage does not have them.
+        """
+        for entry in self.record["prims"]:
             prim = self.original.GetPrimAtPath(entry["path"])
             if not prim or not prim.IsA(UsdGeom.BasisCurves):
                 raise CacheError(f"{entry['path']}: no BasisCurves in {self.stage_path}")
-            yield read_prim(self.cache, prim, number, entry)
+            yield prim, entry
+
+
+class Overs(ShotStage):
+    """The layers of over mode beside a cache, and the stage that they are for."""
+
+    def __init__(self, cache: Cache) -> None:
+        """Opens the composed stage and the one below it.
+
+        Raises:
+            CacheError: They cannot be opened, or do not have the curves that manifest.json lists.
+        """
+        super().__init__(cache, OVER_LAYER, cache.record["over"])
+        self.frame_paths = {
+            frame: cache.directory / f"hair.over.{str(frame).rjust(4, '0')}.usdc" for frame in cache.frames
+        }
+        self.prims = [read_prim(prim, number, entry) for number, (prim, entry) in enumerate(self.entries())]
 
     def to_world(self, prim: OverPrim, frame: float) -> FloatArray:
         """Matrix from the space of a prim to world in metres, Y up, for row vectors."""
@@ -148,8 +166,8 @@ class Overs:
 
 
 def is_over(layer: Sdf.Layer) -> bool:
-    """Whether a bake wrote a layer, and it has nothing but overs."""
-    overs = [prim.specifier == Sdf.SpecifierOver for prim in layer.rootPrims]
+    """Whether a bake wrote a layer, and it has nothing but overs, and guides for these."""
+    overs = [prim.specifier == Sdf.SpecifierOver for prim in layer.rootPrims if prim.name != GUIDES_ROOT]
     creator = str(layer.customLayerData.get("creator", ""))
     return creator.startswith("hairbake ") and bool(overs) and all(overs)
 
@@ -181,11 +199,16 @@ def deformed(stage: Usd.Stage, paths: list[str]) -> set[str]:
     return found & set(paths)
 
 
-def read_prim(cache: Cache, prim: Usd.Prim, number: int, entry: dict[str, Any]) -> OverPrim:
+def rest_time(entry: dict[str, Any]) -> Usd.TimeCode:
+    """The time at which curves are at rest."""
+    at = entry.get("time")
+    return Usd.TimeCode.Default() if at is None else Usd.TimeCode(at)
+
+
+def read_prim(prim: Usd.Prim, number: int, entry: dict[str, Any]) -> OverPrim:
     """The curves of a prim, and what manifest.json holds of them."""
     curves = UsdGeom.BasisCurves(prim)
-    at = entry.get("time")
-    time = Usd.TimeCode.Default() if at is None else Usd.TimeCode(at)
+    time = rest_time(entry)
     points = array(prim.GetAttribute(entry["points"]).Get(time), np.float64, 2)
     primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar("widths")
     widths = primvar.Get(time) if primvar and primvar.HasValue() else curves.GetWidthsAttr().Get(time)

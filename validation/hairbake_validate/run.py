@@ -6,6 +6,7 @@ from pathlib import Path
 
 from .cache import Cache
 from .checks_clips import CLIP_CHECKS
+from .checks_deform import DEFORM, deforms_nothing
 from .checks_files import CHECKSUMS, FILES, checksums
 from .checks_frame import FRAME, FRAMES
 from .checks_goals import GOAL, goal
@@ -17,7 +18,7 @@ from .checks_topology import CURVE_DATA
 from .report import Check, Finding, Report
 from .window import Reference, Window
 
-STATIC = {**FILES, **STAGE, **CURVE_DATA, **CLIP_CHECKS, **PLACEMENTS, **OVER}
+STATIC = {**FILES, **STAGE, **CURVE_DATA, **CLIP_CHECKS, **PLACEMENTS, **OVER, **DEFORM}
 """The checks of static data and their functions, without CHECKSUMS."""
 
 MOVING = {**FRAME, **MOTION, **OVER_FRAME}
@@ -62,7 +63,7 @@ def validate(
     """
     cache = Cache(directory)
     report = Report(str(directory), CHECKS)
-    left_out = not_applicable(cache)
+    left_out = not_applicable(cache) | deforms_nothing(cache)
     if only != "moving":
         for check, function in STATIC.items():
             report.ran({check} - left_out)

@@ -55,6 +55,10 @@ OVER_SHAPE = 0.02
 OVER_GAIN = 4.0
 OVER_REST_M = 1e-5
 
+# Distance of guides and skin, at rest in the space of curves that Houdini deforms and in motion in the world,
+# from those of the cache, m, beyond rounding to 32 bits in either space. Houdini adds the difference to hair.
+DEFORM_M = 1e-6
+
 # Distance of a root from where the skin carries it, m, beyond the rounding of its points and of the mesh's to
 # 32 bits. It covers vertices that the bake joins by their 64-bit positions.
 SKIN_ROOT_OFFSET_M = 1e-5

@@ -4,26 +4,34 @@
 //! Each strand is a curve of the stage, sampled. What is solved for is not the curve but how far it is from
 //! the groom's pose carried with its root, by the head or a skin: control points come back to the last bit where
 //! nothing moves, and a curve that no strand was baked of rides with the head, or on a skin with the nearest root.
+//!
+//! A bake of guides alone has no strands to put over the curves: Houdini deforms these by the guides
+//! ([`deform()`]).
 
+mod check;
+mod deform;
 mod matching;
 mod motion;
 mod record;
 mod source;
+mod stage;
 
-pub use matching::{check, moves_all};
+pub use check::{check, moves_all};
+pub use deform::deform;
+pub use matching::is_deformed;
 pub use record::record;
 
 use super::single::{extent, single};
 use crate::Result;
 use crate::cache::{CurveFrame, Frame, Header, OverCurveFrame, OverCurves, OverFrame, OverHeader};
-use crate::file::relative;
 use crate::math::basis_curve::{Basis, CurveFit, CurveType, Row, Wrap};
-use crate::scene::{Anim, Convention, Groom, OverPrim, OverTarget, RootBinding, UpAxis};
+use crate::scene::{Anim, Convention, Groom, OverPrim, OverTarget, RootBinding};
 use matching::matched;
 use motion::{Carrier, Motion, Placement, linear, parts};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
-use source::{Fits, Set, owners, ranges, rest_controls};
+use source::{Fits, Set, nearest_root, owners, ranges, rest_controls};
+use stage::shot_stage;
 use std::ops::Range;
 use std::path::Path;
 
@@ -99,13 +107,8 @@ impl Over {
                     let places = places(&samples.collect::<Vec<_>>(), &points[range.clone()]);
                     Some(Baked { set, rest: points[range.clone()].to_vec(), points: range, places })
                 });
-                let own = owners[starts[of] + c].and_then(|(set, index)| {
-                    let of = match set {
-                        Set::Hair => &groom.strands.curves,
-                        Set::Guides => &groom.guides.curves,
-                    };
-                    of.skin.get(index).cloned()
-                });
+                let own = owners[starts[of] + c]
+                    .and_then(|(set, index)| set.of_groom(groom).skin.get(index).cloned());
                 let root = own.or_else(|| nearest_root(groom, &rest[controls.start]));
                 CurveOver { controls, fit, baked, root }
             });
@@ -251,14 +254,6 @@ impl Carriers<'_> {
     }
 }
 
-/// The place of a skin that carries the root of the groom nearest to `x`, m, rest space: for curves that were
-/// left out of the groom. `None` if the head carries all roots.
-fn nearest_root(groom: &Groom, x: &Vector3<f64>) -> Option<RootBinding> {
-    let roots = groom.guides.curves.skin.iter().chain(&groom.strands.curves.skin);
-    let distance = |root: &&RootBinding| (root.place.rest() - x).norm_squared();
-    roots.min_by(|a, b| distance(a).total_cmp(&distance(b))).cloned()
-}
-
 /// Where samples of a curve are on the strand that was imported from it, by arc length, as weights of the
 /// points of the strand; `None` if they are its points. The importer merges points and may distribute them
 /// anew.
@@ -294,25 +289,13 @@ fn fractions(points: &[Vector3<f64>]) -> Vec<f64> {
 
 /// What does not change in the layers over `target`.
 fn over_header(target: &OverTarget, accelerations: bool, out: &Path) -> Result<OverHeader> {
-    let stage = relative(&target.file, out)?;
     let prims = target.prims.iter().map(|prim| OverCurves {
         path: prim.path.clone(),
         normals: prim.normals.as_ref().map(|normals| normals.name.clone()),
         without_accelerations: prim.accelerations && !accelerations,
         without_skeleton: prim.skinned,
     });
-    Ok(OverHeader {
-        // Without a dot, USD would search for it.
-        stage: if stage.starts_with("../") { stage } else { format!("./{stage}") },
-        metres_per_unit: target.stage.metres_per_unit,
-        z_up: target.stage.up.map(|up| up == UpAxis::Z),
-        time_codes_per_second: target.stage.time_codes_per_second,
-        frames_per_second: target.stage.frames_per_second,
-        range: target.stage.range,
-        default_prim: target.stage.default_prim.clone(),
-        accelerations,
-        prims: prims.collect(),
-    })
+    Ok(OverHeader { stage: shot_stage(target, out)?, accelerations, prims: prims.collect() })
 }
 
 #[cfg(test)]

@@ -2,9 +2,10 @@
 
 use super::matching::matched;
 use super::source::{Set, owners};
+use super::stage::{rows, stage_record};
 use crate::Result;
 use crate::cache::{Header, OverPrimRecord, OverRecord, OverRun};
-use crate::scene::{Convention, Groom, OverTarget, UpAxis};
+use crate::scene::{Groom, OverTarget};
 
 /// What the manifest of a cache with this `header` tells of the curves of `target`.
 ///
@@ -13,22 +14,17 @@ use crate::scene::{Convention, Groom, OverTarget, UpAxis};
 pub fn record(groom: &Groom, header: &Header, target: &OverTarget) -> Result<OverRecord> {
     let (source, matched) = matched(groom, target)?;
     let (starts, owners) = (source.starts(), owners(source));
-    let prims = target.prims.iter().zip(matched).map(|(prim, of)| {
-        let to_rest = &source.prims[of].to_rest;
-        OverPrimRecord {
-            path: prim.path.clone(),
-            points: prim.points_name.clone(),
-            time: prim.time,
-            normals: prim.normals.as_ref().map(|normals| normals.name.clone()),
-            to_rest_m: std::array::from_fn(|row| std::array::from_fn(|column| to_rest[(row, column)])),
-            lengthened: source.length.is_some(),
-            baked: runs(&owners[starts[of]..starts[of + 1]], header),
-        }
+    let prims = target.prims.iter().zip(matched).map(|(prim, of)| OverPrimRecord {
+        path: prim.path.clone(),
+        points: prim.points_name.clone(),
+        time: prim.time,
+        normals: prim.normals.as_ref().map(|normals| normals.name.clone()),
+        to_rest_m: rows(&source.prims[of].to_rest),
+        lengthened: source.length.is_some(),
+        baked: runs(&owners[starts[of]..starts[of + 1]], header),
     });
-    let stage = target.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let Convention { metres_per_unit, up } = target.convention;
-    let up_axis = if up == UpAxis::Z { "Z" } else { "Y" };
-    Ok(OverRecord { stage, metres_per_unit, up_axis: up_axis.into(), prims: prims.collect() })
+    let (stage, metres_per_unit, up_axis) = stage_record(target);
+    Ok(OverRecord { stage, metres_per_unit, up_axis, prims: prims.collect() })
 }
 
 /// What curves move as, in runs as long as possible.

@@ -3,7 +3,7 @@
 use super::motion::affine;
 use crate::cache::{CurveFrame, Frame, Header};
 use crate::math::basis_curve::{CurveFit, CurveType};
-use crate::scene::{Convention, OverPrim, SourceCurves};
+use crate::scene::{Convention, Curves, Groom, OverPrim, RootBinding, SourceCurves};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -42,6 +42,14 @@ impl Set {
         match self {
             Set::Hair => header.hair.as_ref().map_or(0, |hair| hair.counts.len()),
             Set::Guides => header.guides.counts.len(),
+        }
+    }
+
+    /// The curves of the groom that it holds.
+    pub fn of_groom(self, groom: &Groom) -> &Curves {
+        match self {
+            Set::Hair => &groom.strands.curves,
+            Set::Guides => &groom.guides.curves,
         }
     }
 
@@ -102,6 +110,14 @@ pub(super) fn owners(source: &SourceCurves) -> Vec<Option<(Set, usize)>> {
         }
     }
     owners
+}
+
+/// The place of a skin that carries the root of the groom nearest to `x`, m, rest space: for curves that were
+/// left out of the groom. `None` if the head carries all roots.
+pub(super) fn nearest_root(groom: &Groom, x: &Vector3<f64>) -> Option<RootBinding> {
+    let roots = groom.guides.curves.skin.iter().chain(&groom.strands.curves.skin);
+    let distance = |root: &&RootBinding| (root.place.rest() - x).norm_squared();
+    roots.min_by(|a, b| distance(a).total_cmp(&distance(b))).cloned()
 }
 
 /// The items of each of several lists of these lengths, one after the other.

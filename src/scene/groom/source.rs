@@ -35,6 +35,11 @@ pub struct SourcePrim {
 }
 
 impl SourceCurves {
+    /// Whether render strands were read from the curves: not guides alone, which strands may be grown around.
+    pub fn has_strands(&self) -> bool {
+        self.strands.iter().any(Option::is_some)
+    }
+
     /// The first curve of each prim among those of all, and the number of all.
     pub fn starts(&self) -> Vec<usize> {
         let ends = self.prims.iter().scan(0, |end, prim| {

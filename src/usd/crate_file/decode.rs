@@ -5,7 +5,7 @@
 //! A file may be damaged or hostile: every offset and count is checked, and memory is limited by a budget
 //! that grows with the length of the file.
 
-use super::format::{LIST_OP_EXPLICIT, LIST_OP_PREPENDED, ValueRep, kind, spec};
+use super::format::{IDENTITY_OFFSET, LIST_OP_EXPLICIT, LIST_OP_PREPENDED, ValueRep, kind, spec};
 use super::integers::{decompress_ints, max_coded_len};
 use super::source::{Decoded, Source};
 use super::tables::Tables;
@@ -189,6 +189,7 @@ impl Decoder<'_> {
             (kind::DICTIONARY, false) => Value::Dictionary(self.dictionary(payload, depth)?),
             (kind::VALUE_BLOCK, true) => Value::Block,
             (kind::TOKEN_LIST_OP, false) => return self.prepended_tokens(payload),
+            (kind::REFERENCE_LIST_OP, false) => return self.prepended_reference(payload),
             _ => return Ok(None),
         };
         Ok(Some(value))
@@ -236,6 +237,20 @@ impl Decoder<'_> {
     fn prepended_tokens(&self, offset: u64) -> Decoded<Option<Value<'static>>> {
         let items = self.list_op(offset, LIST_OP_PREPENDED)?;
         items.map(|items| self.tokens(items).map(Value::PrependedTokens)).transpose()
+    }
+
+    /// The only item of a list of references, without offset and custom data.
+    fn prepended_reference(&self, offset: u64) -> Decoded<Option<Value<'static>>> {
+        let mut at = self.source.at(offset)?;
+        if at.value::<u8>()? != LIST_OP_PREPENDED || at.count()? != 1 {
+            return Ok(None);
+        }
+        let [asset, prim]: [u32; 2] = at.value()?;
+        if at.value::<[f64; 2]>()? != IDENTITY_OFFSET || at.count()? != 0 {
+            return Ok(None);
+        }
+        let asset = self.text(self.tables.string(asset.into())?)?;
+        Ok(Some(Value::PrependedReference(asset, self.text(&self.tables.path(prim)?)?)))
     }
 
     /// The paths of an explicit list.

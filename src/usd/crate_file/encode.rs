@@ -1,8 +1,8 @@
 //! Writer: one pass over a [`Layer`]; values first, then the tables.
 
 use super::format::{
-    BOOTSTRAP_LEN, FIELD_SET_END, Jump, LIST_OP_EXPLICIT, LIST_OP_PREPENDED, MAGIC, MIN_COMPRESSED_INTS,
-    SECTION_NAME_LEN, VERSION, ValueRep, kind, spec,
+    BOOTSTRAP_LEN, FIELD_SET_END, IDENTITY_OFFSET, Jump, LIST_OP_EXPLICIT, LIST_OP_PREPENDED, MAGIC,
+    MIN_COMPRESSED_INTS, SECTION_NAME_LEN, VERSION, ValueRep, kind, spec,
 };
 use super::integers::compress;
 use super::output::Output;
@@ -290,6 +290,17 @@ impl<'a> Encoder<'a> {
                 let tokens = self.token_indices(texts);
                 self.list_op(kind::TOKEN_LIST_OP, LIST_OP_PREPENDED, &tokens)
             }
+            Value::PrependedReference(asset, prim) => {
+                let (asset, prim) = (self.string(asset), self.path(prim));
+                let offset = self.out.align();
+                self.out.put(LIST_OP_PREPENDED);
+                self.out.put(1u64);
+                self.out.put([asset, prim]);
+                self.out.put(IDENTITY_OFFSET);
+                // No custom data.
+                self.out.put(0u64);
+                ValueRep::at(kind::REFERENCE_LIST_OP, offset)
+            }
         }
     }
 
@@ -344,9 +355,9 @@ impl<'a> Encoder<'a> {
         ValueRep::at(kind::STRING_VECTOR, self.out.counted(&strings))
     }
 
-    /// Writes identity sublayer offsets: (offset, scale) = (0, 1).
+    /// Writes identity sublayer offsets.
     fn identity_offsets(&mut self, count: usize) -> ValueRep {
-        ValueRep::at(kind::LAYER_OFFSET_VECTOR, self.out.counted(&vec![[0.0f64, 1.0]; count]))
+        ValueRep::at(kind::LAYER_OFFSET_VECTOR, self.out.counted(&vec![IDENTITY_OFFSET; count]))
     }
 
     fn finish(mut self) -> Vec<Cow<'a, [u8]>> {

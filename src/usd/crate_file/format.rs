@@ -20,6 +20,9 @@ pub(super) const LIST_OP_EXPLICIT: u8 = 1 | 2;
 /// Header bit of a list operation: prepended items follow.
 pub(super) const LIST_OP_PREPENDED: u8 = 32;
 
+/// Offset and scale of the times of a sublayer or reference that has those of its own.
+pub(super) const IDENTITY_OFFSET: [f64; 2] = [0.0, 1.0];
+
 /// Type codes of values.
 pub(super) mod kind {
     pub const BOOL: u8 = 1;
@@ -35,6 +38,7 @@ pub(super) mod kind {
     pub const DICTIONARY: u8 = 31;
     pub const TOKEN_LIST_OP: u8 = 32;
     pub const PATH_LIST_OP: u8 = 34;
+    pub const REFERENCE_LIST_OP: u8 = 35;
     pub const TOKEN_VECTOR: u8 = 41;
     pub const SPECIFIER: u8 = 42;
     pub const VARIABILITY: u8 = 44;

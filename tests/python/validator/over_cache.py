@@ -47,6 +47,56 @@ TO_METRES = np.array([[0.01, 0, 0, 0], [0, 0, -0.01, 0], [0, 0.01, 0, 0], [0, 0,
 """From cm, Z up, to m, Y up, for row vectors."""
 
 
+METADATA = f"""#usda 1.0
+(
+    defaultPrim = "world"
+    metersPerUnit = 0.01
+    upAxis = "Z"
+    timeCodesPerSecond = {FPS}
+    framesPerSecond = {FPS}
+    startTimeCode = {FIRST}
+    endTimeCode = {LAST}
+"""
+"""The start of layers over the stage."""
+
+
+def write_stage(path: Path) -> None:
+    """Writes a stage with the curves of the good cache, cm, Z up, in a shot that turns and moves them."""
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
+    UsdGeom.SetStageUpAxis(stage, "Z")
+    stage.SetTimeCodesPerSecond(FPS)
+    stage.SetFramesPerSecond(FPS)
+    stage.SetStartTimeCode(FIRST)
+    stage.SetEndTimeCode(LAST)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/world").GetPrim())
+    op = UsdGeom.Xform.Define(stage, "/world/hero").AddTransformOp()
+    # Between the frames as well, so that it turns smoothly for the moments of the shutter.
+    for frame in np.arange(HANDLES[0] - 1, HANDLES[-1] + 2, 0.25):
+        op.Set(Gf.Matrix4d(*place((frame - FIRST) / FPS).ravel().tolist()), frame)
+    curves = UsdGeom.BasisCurves.Define(stage, CURVES_PATH)
+    curves.CreateTypeAttr("cubic")
+    curves.CreateWrapAttr("pinned")
+    curves.CreateBasisAttr("catmullRom")
+    curves.CreateCurveVertexCountsAttr([POINTS] * CURVES)
+    rest = transform(rest_points(CURVES).reshape(-1, 3), np.linalg.inv(TO_METRES)).astype(np.float32)
+    curves.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(rest))
+    curves.CreateWidthsAttr([WIDTH])
+    curves.SetWidthsInterpolation("constant")
+    curves.CreatePurposeAttr("render")
+    ids = UsdGeom.PrimvarsAPI(curves).CreatePrimvar("hair_id", Sdf.ValueTypeNames.IntArray, "uniform")
+    ids.Set(list(range(CURVES)))
+    for name in ("brown", "red"):
+        UsdShade.Material.Define(stage, f"/world/look/{name}")
+    fringe = UsdGeom.Subset.Define(stage, f"{CURVES_PATH}/fringe")
+    fringe.CreateElementTypeAttr("face")
+    fringe.CreateIndicesAttr([1, 4])
+    for bound, name in ((CURVES_PATH, "brown"), (f"{CURVES_PATH}/fringe", "red")):
+        material = UsdShade.Material.Get(stage, f"/world/look/{name}")
+        UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(bound)).Bind(material)
+    stage.Save()
+
+
 class OverCache:
     """The good cache with over mode, and changes to it."""
 
@@ -54,7 +104,7 @@ class OverCache:
         """Writes a stage and overs."""
         self.cache = cache
         self.stage = cache.directory.parent / "shot.usda"
-        self._write_stage()
+        write_stage(self.stage)
         for name, text in self._layers().items():
             cache.path(name).write_text(text)
         for frame in HANDLES:
@@ -110,52 +160,7 @@ class OverCache:
 
         self.edit(self.frame(frame), rewrite)
 
-    def _write_stage(self) -> None:
-        stage = Usd.Stage.CreateNew(str(self.stage))
-        UsdGeom.SetStageMetersPerUnit(stage, 0.01)
-        UsdGeom.SetStageUpAxis(stage, "Z")
-        stage.SetTimeCodesPerSecond(FPS)
-        stage.SetFramesPerSecond(FPS)
-        stage.SetStartTimeCode(FIRST)
-        stage.SetEndTimeCode(LAST)
-        stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/world").GetPrim())
-        op = UsdGeom.Xform.Define(stage, "/world/hero").AddTransformOp()
-        # Between the frames as well, so that it turns smoothly for the moments of the shutter.
-        for frame in np.arange(HANDLES[0] - 1, HANDLES[-1] + 2, 0.25):
-            op.Set(Gf.Matrix4d(*place((frame - FIRST) / FPS).ravel().tolist()), frame)
-        curves = UsdGeom.BasisCurves.Define(stage, CURVES_PATH)
-        curves.CreateTypeAttr("cubic")
-        curves.CreateWrapAttr("pinned")
-        curves.CreateBasisAttr("catmullRom")
-        curves.CreateCurveVertexCountsAttr([POINTS] * CURVES)
-        rest = transform(rest_points(CURVES).reshape(-1, 3), np.linalg.inv(TO_METRES)).astype(np.float32)
-        curves.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(rest))
-        curves.CreateWidthsAttr([WIDTH])
-        curves.SetWidthsInterpolation("constant")
-        curves.CreatePurposeAttr("render")
-        ids = UsdGeom.PrimvarsAPI(curves).CreatePrimvar("hair_id", Sdf.ValueTypeNames.IntArray, "uniform")
-        ids.Set(list(range(CURVES)))
-        for name in ("brown", "red"):
-            UsdShade.Material.Define(stage, f"/world/look/{name}")
-        fringe = UsdGeom.Subset.Define(stage, f"{CURVES_PATH}/fringe")
-        fringe.CreateElementTypeAttr("face")
-        fringe.CreateIndicesAttr([1, 4])
-        for path, name in ((CURVES_PATH, "brown"), (f"{CURVES_PATH}/fringe", "red")):
-            material = UsdShade.Material.Get(stage, f"/world/look/{name}")
-            UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(path)).Bind(material)
-        stage.Save()
-
     def _layers(self) -> dict[str, str]:
-        metadata = f"""#usda 1.0
-(
-    defaultPrim = "world"
-    metersPerUnit = 0.01
-    upAxis = "Z"
-    timeCodesPerSecond = {FPS}
-    framesPerSecond = {FPS}
-    startTimeCode = {FIRST}
-    endTimeCode = {LAST}
-"""
         clips = f"""
     clips = {{
         dictionary hairbake = {{
@@ -174,8 +179,8 @@ class OverCache:
             over = f'over "{name}"\n{{\n{over}}}\n'
         declared = "\n".join(f"{kind} {name}" for name, kind in KINDS.items())
         return {
-            "hair.over.usda": f"{metadata})\n\n{over}",
-            "hair.shot.usda": f"{metadata}    subLayers = [@./hair.over.usda@, @../shot.usda@]\n)\n",
+            "hair.over.usda": f"{METADATA})\n\n{over}",
+            "hair.shot.usda": f"{METADATA}    subLayers = [@./hair.over.usda@, @../shot.usda@]\n)\n",
             "hair.over.manifest.usda": (
                 f'#usda 1.0\n\nover "over"\n{{\nover "curves0"\n{{\n{declared}\n}}\n}}\n'
             ),

@@ -111,6 +111,10 @@ fn varied_layer() -> Layer<'static> {
     );
 
     let mut moving = Prim::new(Specifier::Over, "", "moving");
+    moving.metadata = vec![(
+        "references".into(),
+        Value::PrependedReference("./other.usda".into(), "/elsewhere/deep".into()),
+    )];
     let points = |time: f32| Value::Float3s(vec![[time, 1.0, 2.0]; 500].into());
     moving.attributes = vec![
         Attribute::new("declared", "point3f[]"),
