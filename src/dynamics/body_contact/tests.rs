@@ -1,8 +1,8 @@
 use super::problem::target_distance;
-use super::tolerances::{MAX_COMPRESSION, MIN_DISTANCE_SHARE};
+use super::tolerances::{MAX_COMPRESSION, MAX_WEDGE_SPEED, MIN_DISTANCE_SHARE, PUSH_OUT_SPEED};
 use super::*;
 use crate::contact::{Bodies, BodyMotion, Contact, MovingPolyline};
-use crate::dynamics::contact_polyline::with_midpoints;
+use crate::dynamics::contact_polyline::{on_rod, with_midpoints};
 use crate::geometry::{Feature, Shape as SceneShape};
 use crate::math::se3::Pose;
 use crate::rod::potential::Load;
@@ -45,20 +45,31 @@ fn in_step<R>(
     })
 }
 
-/// Calls `of` with a contact at the middle of a polyline at height `before` above the plane y = 0 at the
-/// start of a step of `h`, s, and `now` at its end, which keeps the distance `keep`.
+/// Calls `of` with a contact near the tip of a polyline at height `before` above the plane y = 0 at the start
+/// of a step of `h`, s, and `now` at its end, which keeps the distance `keep`.
 fn over_a_plane<R>(
+    h: f64,
+    keep: f64,
+    heights: [f64; 2],
+    of: impl FnOnce(&BodyContact, &MovingPolyline, Contact) -> R,
+) -> R {
+    over_a_plane_at(2 * (straight().points() - 2), h, keep, heights, of)
+}
+
+/// [`over_a_plane`] in the middle of a segment of the contact polyline.
+fn over_a_plane_at<R>(
+    segment: usize,
     h: f64,
     keep: f64,
     [before, now]: [f64; 2],
     of: impl FnOnce(&BodyContact, &MovingPolyline, Contact) -> R,
 ) -> R {
     let motion = BodyMotion { times: [0.0, h], start: Isometry3::identity(), end: Isometry3::identity() };
-    let at = |y: f64| [Vector3::new(0.0, y, 0.0), Vector3::new(0.01, y, 0.0)];
-    let (x0, x1) = (at(before), at(now));
-    let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &[[keep; 2]] };
+    let at = |y: f64| -> Vec<_> { (0..segment + 2).map(|k| Vector3::new(0.01 * k as f64, y, 0.0)).collect() };
+    let (x0, x1, clearance) = (at(before), at(now), vec![[keep; 2]; segment + 1]);
+    let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &clearance };
     let mut contact = Contact {
-        segment: 0,
+        segment,
         u: 0.5,
         body: 0,
         feature: Feature::Face(0),
@@ -112,6 +123,40 @@ fn what_is_brought_out_of_a_body_keeps_up_with_its_distance() {
     assert!((gap(5e-3) + 4e-4).abs() < 1e-12, "{}", gap(5e-3));
     // In a short step only as far as that speed takes it.
     assert!((gap(1e-3) + 3e-4).abs() < 1e-12, "{}", gap(1e-3));
+}
+
+#[test]
+fn what_is_near_the_root_is_pushed_out_slowly_for_the_tip_has_the_longer_arm() {
+    let speed = |segment: usize| {
+        let h = 1e-3;
+        let target = |problem: &BodyContact, line: &MovingPolyline, c: Contact| {
+            let (k, u) = on_rod(segment, 0.5);
+            (problem.rod.arc_fraction(k, u), target_distance(line, &c))
+        };
+        let (share, target) = over_a_plane_at(segment, h, KEEP, [-5e-3; 2], target);
+        (share, (target + 5e-3) / h)
+    };
+    let (share, at_root) = speed(0);
+    assert!(share < 0.1 && (at_root - MAX_WEDGE_SPEED * share).abs() < 1e-9, "{at_root} at {share}");
+    let (_, at_tip) = speed(2 * (straight().points() - 2));
+    assert!((at_tip - PUSH_OUT_SPEED).abs() < 1e-9, "{at_tip}");
+}
+
+#[test]
+fn a_distance_that_is_missing_is_regained_per_time() {
+    let regained = |before: f64, parts: u32| {
+        let h = 5e-3 / f64::from(parts);
+        let next = |at: f64| over_a_plane(h, KEEP, [at, at], |_, line, c| target_distance(line, &c));
+        (0..parts).fold(before, |at, _| next(at)) - before
+    };
+    // In front of the surface an eleventh in 5 ms, behind it at the speed at which it is pushed out.
+    for (before, of_one_step) in [(0.6 * KEEP, 0.4 * KEEP / 11.0), (-5e-3, 5e-3 * PUSH_OUT_SPEED)] {
+        assert!((regained(before, 1) - of_one_step).abs() < 1e-12, "{}", regained(before, 1));
+        for parts in [4, 16, 64] {
+            let ratio = regained(before, parts) / of_one_step;
+            assert!((0.95..1.06).contains(&ratio), "{before}, {parts}: {ratio}");
+        }
+    }
 }
 
 #[test]
