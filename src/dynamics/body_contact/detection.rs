@@ -3,8 +3,8 @@
 use super::problem::{BodyContact, target_distance};
 use super::scratch::BodyContactScratch;
 use super::tolerances::{
-    ACCEPTABLE_GAP, DETECTION_DISTANCE, GAP_TOLERANCE, MAX_COMPRESSION, MAX_CONTACTS, MAX_TOLERATED_SHARE,
-    MAX_WEDGE_SPEED, MIN_DISTANCE_SHARE, PUSH_OUT_SPEED, RECOVERY_TIME, ROUNDING, SURFACE_TOLERANCE,
+    ACCEPTABLE_GAP, DETECTION_DISTANCE, GAP_TOLERANCE, MAX_COMPRESSION, MAX_CONTACTS, MAX_TIP_SPEED,
+    MAX_TOLERATED_SHARE, MIN_DISTANCE_SHARE, PUSH_OUT_SPEED, ROUNDING, STABILISATION, SURFACE_TOLERANCE,
 };
 use crate::contact::{Contact, ContactCache, MovingPolyline};
 use crate::dynamics::contact_polyline::{on_rod, with_midpoints};
@@ -123,14 +123,13 @@ impl BodyContact<'_> {
         let before = self.initial_distance(line, contact);
         let [t0, t1] = self.motions[contact.body].times;
         let (k, u) = on_rod(contact.segment, contact.u);
-        let speed = PUSH_OUT_SPEED.min(MAX_WEDGE_SPEED * self.rod.arc_fraction(k, u));
+        let speed = PUSH_OUT_SPEED.min(MAX_TIP_SPEED * self.rod.arc_fraction(k, u));
         let pushed_out = before + speed * (t1 - t0) - keep;
         if keep < 0.0 {
             // The distance to keep itself brings the point out slowly. What lagged behind it would be lost.
             return pushed_out.min(0.0);
         }
-        let left = RECOVERY_TIME / (RECOVERY_TIME + t1 - t0);
-        let tolerated = (left * (before - keep)).min(0.0).max(-MAX_TOLERATED_SHARE * keep);
+        let tolerated = ((1.0 - STABILISATION) * (before - keep)).min(0.0).max(-MAX_TOLERATED_SHARE * keep);
         tolerated.min(pushed_out)
     }
 

@@ -11,10 +11,9 @@ pub(in crate::dynamics) const GAP_TOLERANCE: f64 = 1e-5;
 /// Largest displacement of a point in one round, m; the linearisation is useless beyond it.
 pub(in crate::dynamics) const MAX_MOVE: f64 = 0.01;
 
-/// Time in which a violation from before the step is removed, s: per time, not per step, for removing a tenth of
-/// a millimetre near the root at once would fling the tip. Violations caused by the step itself are removed
-/// completely.
-pub(super) const RECOVERY_TIME: f64 = 0.05;
+/// Share of a violation from before the step that the step removes. Removing a tenth of a millimetre near the
+/// root at once would fling the tip. Violations caused by the step itself are removed completely.
+pub(super) const STABILISATION: f64 = 0.1;
 
 /// Largest share of a clearance that an old violation may use while it is removed; continuous detection needs
 /// the remaining share.
@@ -23,9 +22,9 @@ pub(super) const MAX_TOLERATED_SHARE: f64 = 0.75;
 /// Largest speed at which points inside a body are pushed out, m/s.
 pub(super) const PUSH_OUT_SPEED: f64 = 0.3;
 
-/// Speed that pushing out, or bodies that close, may give to the tip of a strand, m/s: a few times the push-out
-/// speed, for the tip has the longer arm. Points near the root are pushed out by their share of it.
-pub(super) const MAX_WEDGE_SPEED: f64 = 1.0;
+/// Speed that pushing out may give to the tip of a strand, m/s. Points near the root, where the tip has the
+/// longer arm, are pushed out at their share of it. Half of it is too slow for hair that is wedged near its root.
+pub(super) const MAX_TIP_SPEED: f64 = 2.0;
 
 /// Violation at which a step that crosses no surface is accepted after all rounds, m: a strand wedged
 /// between two surfaces cannot keep its distance from both.
