@@ -3,8 +3,10 @@
 //!
 //! | module | task |
 //! |---|---|
-//! | [`import`], [`sample`] | convert strands and head motions of other programs to scenes; make scenes from nothing |
-//! | [`scene`], [`geometry`] | read `groom.json` and `anim.json` into validated data; shapes, meshes and distances |
+//! | [`import`], [`sample`] | convert strands and head motions of other programs to scenes; make scenes from
+//! nothing |
+//! | [`scene`], [`geometry`] | read `groom.json` and `anim.json` into validated data; shapes, meshes and
+//! distances |
 //! | [`rod`] | one Kirchhoff rod: inextensible, unshearable, implicit in time |
 //! | [`wisp`], [`contact`] | the hierarchy of wisps; collision detection and friction |
 //! | [`dynamics`] | step all guides in time |

@@ -65,8 +65,8 @@ impl Package {
 }
 
 /// The Python to run: `HAIRBAKE_PYTHON`; else that of the virtual environment in which the program is
-/// installed; else `.venv/bin/python` in the current folder or one above it; else `python3`. It is checked once
-/// per process.
+/// installed; else `.venv/bin/python` in the current folder or one above it; else `python3`. It is checked
+/// once per process.
 ///
 /// # Errors
 /// [`Error::Config`] if it does not run or lacks a package.

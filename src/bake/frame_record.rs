@@ -81,8 +81,8 @@ pub struct FrameRecord {
     pub tie_slack_m: f64,
     /// Guides that an animated goal pulls at the frame.
     pub goal_guides: u32,
-    /// Distance of their points from the animated curves at the same arc length, which start at the roots of the
-    /// guides: mean, by weight, m.
+    /// Distance of their points from the animated curves at the same arc length, which start at the roots of
+    /// the guides: mean, by weight, m.
     pub goal_distance_mean_m: f64,
     /// The same: largest of points of weight 1, m.
     pub goal_distance_max_m: f64,

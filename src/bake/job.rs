@@ -60,8 +60,8 @@ impl Job {
     /// Begins or resumes a bake into the folder `out`; `inputs` are the files of the scene.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] if the folder cannot be written; those of [`BaseCache::open`] and [`over::check`],
-    /// before anything is written.
+    /// [`crate::Error::Io`] if the folder cannot be written; those of [`BaseCache::open`] and
+    /// [`over::check`], before anything is written.
     pub fn begin(
         groom: Groom,
         anim: Anim,

@@ -2,9 +2,9 @@
 //! cache, so that a cache holds guides alone.
 //!
 //! Overs of the stage's curves apply `HoudiniHairDeformAPI`. The names are those of the schema as SideFX
-//! publishes it with Houdini 22, which takes guides and skin at rest in the space of the curves' points, and in
-//! motion in the world. So the layer refers to the cache once for each such space, with the places at rest in
-//! it.
+//! publishes it with Houdini 22, which takes guides and skin at rest in the space of the curves' points, and
+//! in motion in the world. So the layer refers to the cache once for each such space, with the places at rest
+//! in it.
 
 use super::header::Header;
 use super::layers::{interpolated, transform, transform_order, uniform_token};

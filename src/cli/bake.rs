@@ -61,8 +61,8 @@ pub struct FinishArguments {
     /// Exit with code 1 if the bake broke a guarantee
     ///
     /// Guarantees: hair crosses no surface, no motion is truncated, every solve converges, and contact forces
-    /// balance to 1e-3. Hair inside bodies that leave no room for it breaks none. The cache is written in either
-    /// case.
+    /// balance to 1e-3. Hair inside bodies that leave no room for it breaks none. The cache is written in
+    /// either case.
     #[arg(long, help_heading = OUTPUT)]
     strict: bool,
 }

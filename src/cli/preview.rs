@@ -97,7 +97,8 @@ enum ColourName {
     Hair,
     /// Wisp level that moves each curve: blue is a coarse wisp, warmer colours are finer
     Level,
-    /// Density: green as the densest hair of the groom, yellow 1.5 times, red twice as dense; blue is loose hair
+    /// Density: green as the densest hair of the groom, yellow 1.5 times, red twice as dense; blue is loose
+    /// hair
     Crowding,
 }
 

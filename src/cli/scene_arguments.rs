@@ -8,7 +8,7 @@ use crate::bake::over;
 use crate::cache::{DEFORM, MANIFEST, OVER, SHOT};
 use crate::error::{Diagnostic, Error, Result};
 use crate::scene::anim::{OutputCurves, Resolution, Settings};
-use crate::scene::{Anim, Groom, LoadOptions, OverSource, OverTarget, Override, PathMap};
+use crate::scene::{Anim, Groom, LoadOptions, OverSource, OverTarget, Override, PathMap, SourceCurves};
 use crate::{bake, import, scene};
 use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser};
@@ -125,6 +125,14 @@ impl SceneArguments {
             (None, _) if self.no_over => None,
             (None, Some(_)) if !over::moves_all(&anim.settings) => {
                 console::say("over mode is off: these settings leave out curves of the groom");
+                None
+            }
+            (None, Some(_))
+                if anim.settings.curves == OutputCurves::Guides
+                    && groom.source.as_ref().is_some_and(SourceCurves::has_strands)
+                    && !over::has_mesh(&anim) =>
+            {
+                console::say("over mode is off: no mesh carries the hair, by which Houdini would deform it");
                 None
             }
             // The unit and axis that `import track` was given for a stage are those of its other prims.

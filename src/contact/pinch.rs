@@ -3,7 +3,8 @@
 //! Bodies of an animation close on hair and overlap where it is: a head nods into its neck, shoulders press
 //! into the ground. No place then keeps its distance from both.
 //!
-//! - Between opposite surfaces, at signed distances g₁ and g₂ of a place, the room is g₁ + g₂, wherever between
+//! - Between opposite surfaces, at signed distances g₁ and g₂ of a place, the room is g₁ + g₂, wherever
+//! between
 //!   them the place is. What it lacks of the distances that hair keeps is taken from both in equal parts. Hair
 //!   lies in the middle of an overlap, and as the bodies part it moves at half their speed.
 //! - A root moves with its skin, and may be carried into another body. The hair then leaves that body along a
@@ -36,15 +37,15 @@ const RADIUS: f64 = 0.01;
 /// Sine of the angle to the surface at which it then leaves.
 const RISE: f64 = 0.5;
 
-/// What each of two surfaces yields of the distances to `keep` from them, m, ≥ 0, at a place with these signed
-/// distances, m. `cosine` is that of the angle between their outward normals.
+/// What each of two surfaces yields of the distances to `keep` from them, m, ≥ 0, at a place with these
+/// signed distances, m. `cosine` is that of the angle between their outward normals.
 pub fn yielded(keep: [f64; 2], distance: [f64; 2], cosine: f64) -> f64 {
     let lack = keep[0] + keep[1] + PLAY - distance[0] - distance[1];
     0.5 * lack.max(0.0) * smoothstep(OPPOSITE, -cosine)
 }
 
-/// Distance from a body, m, that a hair need not fall below at the arc length `s`, m, from a root at the signed
-/// distance `root`, m. `sine` is that of the angle between the surface there and the hair at its root.
+/// Distance from a body, m, that a hair need not fall below at the arc length `s`, m, from a root at the
+/// signed distance `root`, m. `sine` is that of the angle between the surface there and the hair at its root.
 pub fn leaving(root: f64, sine: f64, s: f64) -> f64 {
     let turn = (RADIUS * (RISE - sine)).max(0.0);
     let curved = s.min(turn);

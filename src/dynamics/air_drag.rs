@@ -29,8 +29,9 @@ pub struct HairDensity {
 }
 
 impl HairDensity {
-    /// Of polylines, m, rest space, each with the number of hairs that it represents. Each segment is cut into
-    /// parts no longer than a cell, and the length of a part is shared among the cells around its midpoint.
+    /// Of polylines, m, rest space, each with the number of hairs that it represents. Each segment is cut
+    /// into parts no longer than a cell, and the length of a part is shared among the cells around its
+    /// midpoint.
     pub fn new<'a>(polylines: impl Iterator<Item = (&'a [Vector3<f64>], f64)>) -> Self {
         let mut density = HairDensity::default();
         for (points, hairs) in polylines {

@@ -154,8 +154,8 @@ impl GroomPose<'_> {
         Scan { points, passages, root_distance }
     }
 
-    /// How far each segment of a scan cuts the surface, m, at most 0. Lowers the distances that points keep to
-    /// those along their segments.
+    /// How far each segment of a scan cuts the surface, m, at most 0. Lowers the distances that points keep
+    /// to those along their segments.
     fn cuts(&self, Scan { points, passages, .. }: &mut Scan) -> Vec<f64> {
         let mut cut = vec![0.0_f64; passages.len()];
         for c in self.contacts(points, passages, Passage::Beside) {

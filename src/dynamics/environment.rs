@@ -44,8 +44,8 @@ pub struct SkinsAtRest {
 }
 
 impl SkinsAtRest {
-    /// Poses of the bodies around a root that `carrier` takes from rest to the world: skins are carried with it,
-    /// the others have their own `poses`.
+    /// Poses of the bodies around a root that `carrier` takes from rest to the world: skins are carried with
+    /// it, the others have their own `poses`.
     pub fn poses_around(&self, carrier: &Isometry3<f64>, poses: &[Isometry3<f64>]) -> Vec<Isometry3<f64>> {
         let around = self.at_rest.iter().zip(poses);
         around.map(|(at_rest, pose)| if *at_rest { *carrier } else { *pose }).collect()

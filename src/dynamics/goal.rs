@@ -8,8 +8,8 @@ use crate::scene::anim::{Goal, GoalCurves, GoalPull, GoalSpace};
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 
-/// Samples before the first and after the last in which its pose is repeated: the motion starts from rest, and
-/// comes to rest, between two of them.
+/// Samples before the first and after the last in which its pose is repeated: the motion starts from rest,
+/// and comes to rest, between two of them.
 const HELD: usize = 3;
 
 /// The animated goal of a guide.
@@ -39,8 +39,8 @@ struct GoalCurve {
 }
 
 impl AnimatedGoal {
-    /// The goal of `rod`, which curve `curve` of `goal` leads; `share` is the factor on its weight, and `root` the
-    /// world pose of the rod's root at a time in s. `None` if it never pulls.
+    /// The goal of `rod`, which curve `curve` of `goal` leads; `share` is the factor on its weight, and
+    /// `root` the world pose of the rod's root at a time in s. `None` if it never pulls.
     pub fn new(rod: &Rod, goal: &Goal, curve: usize, share: f64, root: impl Fn(f64) -> Pose) -> Option<Self> {
         let since = goal.pull.since().filter(|_| share > 0.0)?;
         let curve = GoalCurve { curves: goal.curves.clone(), index: curve, space: goal.space };
@@ -95,8 +95,9 @@ impl AnimatedGoal {
         t > self.since
     }
 
-    /// Where the curve itself has the points of the rod at time `t`, s, relative to the root; m, world axes. `root`
-    /// is the world pose of the root at a time in s. Beyond its samples the curve is carried by the root.
+    /// Where the curve itself has the points of the rod at time `t`, s, relative to the root; m, world axes.
+    /// `root` is the world pose of the root at a time in s. Beyond its samples the curve is carried by the
+    /// root.
     pub fn points(&self, rod: &Rod, root: impl Fn(f64) -> Pose, t: f64) -> Vec<Vector3<f64>> {
         let GoalCurve { curves, index, .. } = &self.curve;
         let sampled = curves.times.clamp(t);
@@ -119,8 +120,8 @@ impl GoalCurve {
         }
     }
 
-    /// The places at the arc lengths of the rod's points on the curve through `points`, moved to the root and seen
-    /// in the frame `root` there, m. The last tangent continues the curve.
+    /// The places at the arc lengths of the rod's points on the curve through `points`, moved to the root and
+    /// seen in the frame `root` there, m. The last tangent continues the curve.
     fn at(&self, rod: &Rod, points: &[Vector3<f64>], root: &Matrix3<f64>) -> Vec<Vector3<f64>> {
         // A curve that vanishes at some time is refused when it is read.
         let Some(spline) = ArcSpline::through(points) else { return vec![Vector3::zeros(); rod.points()] };

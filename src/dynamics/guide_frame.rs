@@ -99,20 +99,21 @@ const STEEPEST: f64 = 3.0;
 /// rates are fitted: where the head stops or starts between frames, hair does not.
 const UNSTEADY: f64 = 1e-3;
 
-/// What limits take from the motion of a point, m per frame, from which the rates of its rod count as limited.
+/// What limits take from the motion of a point, m per frame, from which the rates of its rod count as
+/// limited.
 const NOTABLE: f64 = 1e-3;
 
 /// Distance of points beside a rod that tell how it twists, m: that of the strands that follow it.
 const BESIDE: f64 = 0.01;
 
-/// Damping of the change of the rates of the unknowns, as a share of the mean diagonal of the normal equations
-/// that the points give.
+/// Damping of the change of the rates of the unknowns, as a share of the mean diagonal of the normal
+/// equations that the points give.
 const DAMPING: f64 = 1e-6;
 
 impl MovingGuide {
-    /// The guide of `rod` at a frame, by its states at the frame before, at it and at the next, `interval`, s,
-    /// apart. `before` is `None` at the first frame. Also whether its rates are limited: they are not those of
-    /// the positions of its points by differences.
+    /// The guide of `rod` at a frame, by its states at the frame before, at it and at the next, `interval`,
+    /// s, apart. `before` is `None` at the first frame. Also whether its rates are limited: they are not
+    /// those of the positions of its points by differences.
     pub fn new(
         rod: &Rod,
         before: Option<&GuideFrame>,
@@ -212,8 +213,8 @@ fn fit(
 }
 
 /// Velocity relative to the head, m per frame, in rest space, of a point with these places, m, in rest space
-/// at the times of the differences. Its speed in the world is at most [`STEEPEST`] times its mean speed, or that
-/// of the head there. Also by how much the speed is more without that limit, m per frame.
+/// at the times of the differences. Its speed in the world is at most [`STEEPEST`] times its mean speed, or
+/// that of the head there. Also by how much the speed is more without that limit, m per frame.
 fn velocity_in_head(
     places: &[Vector3<f64>; 5],
     head: &CarrierAround,
@@ -337,7 +338,8 @@ mod tests {
         let still = GuideFrame { q: q.clone(), midway: q.clone(), level: 0 };
         let tip = |rate: &[f64]| points(&rod, &q, rate)[rod.points() - 2];
         let across = tip(&vec![0.0; q.len()])[0].cross(&Vector3::x()).normalize();
-        // The head starts to move by 17 cm per frame at the frame, or half a frame later, and carries the hair.
+        // The head starts to move by 17 cm per frame at the frame, or half a frame later, and carries the
+        // hair.
         for (places, mean) in [([0.0, 0.0, 0.0, 0.085, 0.17], 0.085), ([0.0, 0.0, 0.0, 0.0, 0.085], 0.0)] {
             let poses = places.map(|x| Isometry3::from(across * x));
             for speed in [0.0, 0.085, 0.17] {

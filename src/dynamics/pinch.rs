@@ -42,8 +42,8 @@ struct Surface {
 }
 
 impl Pinch<'_> {
-    /// Lowers `clearance` ([`MovingPolyline::clearance`](crate::contact::MovingPolyline)) to the distances that
-    /// the bodies leave room for at the end of the step. Returns whether any is lowered.
+    /// Lowers `clearance` ([`MovingPolyline::clearance`](crate::contact::MovingPolyline)) to the distances
+    /// that the bodies leave room for at the end of the step. Returns whether any is lowered.
     pub fn lower(&self, clearance: &mut [[f64; 2]]) -> bool {
         let asked = clearance.to_vec();
         for b in 0..self.motions.len() {
@@ -159,8 +159,8 @@ fn lower_segment(asked: &[[f64; 2]], clearance: &mut [[f64; 2]], k: usize, yield
 }
 
 impl Simulation<'_> {
-    /// Segments of the active guides' contact polylines that bodies leave no room for outside, counted once per
-    /// body.
+    /// Segments of the active guides' contact polylines that bodies leave no room for outside, counted once
+    /// per body.
     pub fn pinched_segments(&self) -> usize {
         let t = self.time();
         let motion = |pose: &Isometry3<f64>| BodyMotion { times: [t, t], start: *pose, end: *pose };

@@ -50,7 +50,8 @@ pub struct StrandRecord {
     pub truncated: u32,
     /// Segments whose motion crosses a segment of a guide of higher index.
     pub crossings: u32,
-    /// Work of its contacts with guides of higher index on both guides, J; a bundle's is that of all its hairs.
+    /// Work of its contacts with guides of higher index on both guides, J; a bundle's is that of all its
+    /// hairs.
     pub work: f64,
 }
 

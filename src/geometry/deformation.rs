@@ -6,8 +6,8 @@ use nalgebra::{Isometry3, Vector3};
 
 /// Evenly sampled positions of the vertices of a mesh, and a C² motion through them.
 ///
-/// Between samples it moves as [`SampleTimes`] says. Beyond its ends the mesh comes to rest, see [`coast`] and
-/// [`Deformation::carried_beyond_ends`].
+/// Between samples it moves as [`SampleTimes`] says. Beyond its ends the mesh comes to rest, see [`coast`]
+/// and [`Deformation::carried_beyond_ends`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Deformation {
     /// Time of the first sample, s.

@@ -22,8 +22,8 @@ pub struct ImportedMesh {
     pub notes: Vec<String>,
 }
 
-/// Reads a mesh (Wavefront OBJ, USD or glTF) for a scalp or a collider. A missing unit is guessed from the mesh's
-/// size.
+/// Reads a mesh (Wavefront OBJ, USD or glTF) for a scalp or a collider. A missing unit is guessed from the
+/// mesh's size.
 ///
 /// # Errors
 /// An unreadable file, a mesh without triangles, a unit that cannot be guessed.

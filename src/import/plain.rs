@@ -97,7 +97,8 @@ pub(super) struct SampleTimes {
     pub(super) step: f64,
     /// Number of time codes.
     pub(super) count: usize,
-    /// Time code of the first sample of the motion, and time codes per second: those of a glTF file are seconds.
+    /// Time code of the first sample of the motion, and time codes per second: those of a glTF file are
+    /// seconds.
     pub(super) origin: f64,
     pub(super) rate: f64,
     /// glTF only: the joint that the motion follows, and the animation.

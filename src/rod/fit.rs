@@ -12,8 +12,8 @@ use std::f64::consts::TAU;
 /// A pose far from the start is approached from its coarse shape to its details.
 const BENDING_LENGTHS: [f64; 3] = [1.0 / 3.0, 1.0 / 20.0, 1.0 / 200.0];
 
-/// Distance from the points, as a share of the length, that a turn of twist may save. A rod that is bent by nature
-/// would wind itself up for less, and unwind at the next moment.
+/// Distance from the points, as a share of the length, that a turn of twist may save. A rod that is bent by
+/// nature would wind itself up for less, and unwind at the next moment.
 const WORTH_A_TURN: f64 = 2e-3;
 
 /// Steps in which the points move where a solve from the pose before them fails.
@@ -28,16 +28,17 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Changes `q`, 1/m, so that the points of `rod` are near `points`, one for each of them, in the frame of the
-    /// root, m; the search starts from any pose. Where the points say nothing, such as on twist of a straight rod,
-    /// its natural shape decides.
+    /// Changes `q`, 1/m, so that the points of `rod` are near `points`, one for each of them, in the frame of
+    /// the root, m; the search starts from any pose. Where the points say nothing, such as on twist of a
+    /// straight rod, its natural shape decides.
     pub fn find(&mut self, rod: &Rod, points: &[Vector3<f64>], q: &mut [f64]) {
         for length in BENDING_LENGTHS {
             self.approach(rod, points, length, q);
         }
     }
 
-    /// The same from a pose that is near, that of a moment before: of several poses it keeps to the one next to it.
+    /// The same from a pose that is near, that of a moment before: of several poses it keeps to the one next
+    /// to it.
     pub fn follow(&mut self, rod: &Rod, points: &[Vector3<f64>], q: &mut [f64]) {
         self.start.clear();
         self.start.extend_from_slice(q);

@@ -257,8 +257,8 @@ impl Rod {
         rows
     }
 
-    /// Stiffness of each unknown that holds it against the rod's own elasticity and its weight, N·m³: of the order
-    /// at which a strain under both would be halved.
+    /// Stiffness of each unknown that holds it against the rod's own elasticity and its weight, N·m³: of the
+    /// order at which a strain under both would be halved.
     pub fn hold_stiffness(&self) -> Vec<f64> {
         let weight = self.core.mass * STANDARD_GRAVITY * self.length() * self.length();
         let node = |i: usize| {

@@ -1,8 +1,8 @@
 //! The incremental potential Φ(q) of one implicit step, and its gradient (`docs/theory.md` §4).
 //!
 //! Inertia, weight and drag are quadratic in the position of a point, so together they act as one spring from
-//! the point to a target: Φ = ½ Σ (x − x̂)ᵀB(x − x̂) + ½ (1 + τ/h) qᵀ𝐊q − force·q, up to a constant. Animated goals
-//! add ½ Σ k (q − q̂)² over the unknowns.
+//! the point to a target: Φ = ½ Σ (x − x̂)ᵀB(x − x̂) + ½ (1 + τ/h) qᵀ𝐊q − force·q, up to a constant. Animated
+//! goals add ½ Σ k (q − q̂)² over the unknowns.
 
 use super::model::Rod;
 use super::segment::RodCore;

@@ -2,8 +2,8 @@
 
 use nalgebra::SVector;
 
-/// A vector of `D` components over time: keyframes interpolated smoothly. Before the first and after the last key it is
-/// constant.
+/// A vector of `D` components over time: keyframes interpolated smoothly. Before the first and after the last
+/// key it is constant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Keyframes<const D: usize = 3> {
     /// Times of the keys, s, increasing; at least one.

@@ -28,8 +28,8 @@ pub(super) const FILE_NAMES: [FileName; 3] = [
     FileName { role: "collider", list: "colliders", pointer: "/shape/file" },
 ];
 
-/// The places that name a sequence of files, one for each frame: of a deforming collider, and of the curves of a
-/// goal.
+/// The places that name a sequence of files, one for each frame: of a deforming collider, and of the curves
+/// of a goal.
 pub(super) const SEQUENCE_NAMES: [FileName; 2] = [
     FileName { role: "deformation", list: "colliders", pointer: "/shape/sequence" },
     FileName { role: "goal", list: "goals", pointer: "/sequence" },

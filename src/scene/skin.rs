@@ -220,8 +220,8 @@ fn reference(anim: &Anim, roots: &[RootBinding]) -> Track {
     }
 }
 
-/// The rigid motion with the mean rotation of the given ones that takes the mean of their points at rest where
-/// they take it.
+/// The rigid motion with the mean rotation of the given ones that takes the mean of their points at rest
+/// where they take it.
 fn mean_motion(carried: &[(&Vector3<f64>, Isometry3<f64>)]) -> Isometry3<f64> {
     let Some((_, first)) = carried.first() else { return Isometry3::identity() };
     let mut rotation = Quaternion::identity() * 0.0;

@@ -111,9 +111,9 @@ pub(super) fn wound(
     (across > MIN_WINDING * arc.len() as f64).then(|| (winding, axes.collect()))
 }
 
-/// Arc length of a turn of the curl with unit `tangents` at points at `arc`, m: the tangent of a helix changes
-/// in a direction that turns once per turn, to the same side. None if the curve does not wind twice; noise
-/// winds to and fro.
+/// Arc length of a turn of the curl with unit `tangents` at points at `arc`, m: the tangent of a helix
+/// changes in a direction that turns once per turn, to the same side. None if the curve does not wind twice;
+/// noise winds to and fro.
 fn turn_length(arc: &[f64], tangents: &[Vector3<f64>]) -> Option<f64> {
     let bends: Vec<Vector3<f64>> = tangents.windows(2).map(|t| t[1] - t[0]).collect();
     let (mut turned, mut along) = (0.0, 0.0);

@@ -42,8 +42,8 @@ impl Depths {
         }
     }
 
-    /// The depths of a curve with these points inside, from root to tip, as those of a guide. A point next to a
-    /// pinched one counts as pinched: no closer is known where a curve leaves a pinch.
+    /// The depths of a curve with these points inside, from root to tip, as those of a guide. A point next to
+    /// a pinched one counts as pinched: no closer is known where a curve leaves a pinch.
     pub(super) fn of_curve(points: &[InsidePoint]) -> Self {
         let mut depths = Depths::default();
         for inside in points {

@@ -181,8 +181,8 @@ struct Swallowed {
 }
 
 impl Swallowed {
-    /// Whether a strand whose root is here cannot have left the body yet at `vertex`, at `x`, m, world, and the
-    /// arc length `s`, m.
+    /// Whether a strand whose root is here cannot have left the body yet at `vertex`, at `x`, m, world, and
+    /// the arc length `s`, m.
     fn holds(&mut self, vertex: usize, inside: &Violation, x: &Vector3<f64>, s: f64) -> bool {
         if vertex == 1 {
             self.sine = self.violation.normal.dot(&(x - self.root)) / s.max(f64::MIN_POSITIVE);

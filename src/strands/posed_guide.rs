@@ -19,8 +19,8 @@ pub(super) struct PosedGuide {
     /// Rotations of its frames from rest space to world, one per point; to the rest space around its root if
     /// that rides on a skin. Quaternions of neighbours have the same sign.
     pub rotations: Vec<MovingRotation<f64>>,
-    /// For each point of a guide that winds, the axis ([`axis`]), in the same space, and its rate, 1/s, as one
-    /// array.
+    /// For each point of a guide that winds, the axis ([`axis`]), in the same space, and its rate, 1/s, as
+    /// one array.
     axes: Vec<[f64; 6]>,
 }
 
@@ -36,8 +36,8 @@ pub struct PosedGuides {
 }
 
 impl PosedGuide {
-    /// Poses guide `i` of those on `carriers`. `clear`, if given, is the lower bound on the distance from all bodies for the position
-    /// of a point.
+    /// Poses guide `i` of those on `carriers`. `clear`, if given, is the lower bound on the distance from all
+    /// bodies for the position of a point.
     pub fn new(
         (shape, sensitivity): &mut (RodShape, Sensitivity),
         rest: &RestGuide,

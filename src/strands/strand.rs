@@ -69,9 +69,9 @@ impl StrandState {
 }
 
 impl Strand {
-    /// Strand `index`, with `points` in the groom, m, that follows the guide `main`, and `others`: pairs with the
-    /// main guide and weights. Also the largest distance of its vertices from their places on the main guide at
-    /// rest, m.
+    /// Strand `index`, with `points` in the groom, m, that follows the guide `main`, and `others`: pairs with
+    /// the main guide and weights. Also the largest distance of its vertices from their places on the main
+    /// guide at rest, m.
     pub fn new(
         (index, points): (usize, &[Vector3<f64>]),
         main: usize,

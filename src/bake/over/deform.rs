@@ -158,19 +158,13 @@ fn skin(
             ),
         };
     }
-    // Roots ride with the head, and so does every place of such a mesh.
-    let rides = |c: &Collider| c.body == anim.head && c.deformation.is_none();
-    let meshes = anim.colliders.iter().enumerate().filter_map(|(i, c)| match &c.shape {
-        Shape::Mesh(mesh) if rides(c) => Some((i, mesh)),
-        _ => None,
-    });
     let some: Vec<&Vector3<f64>> = roots.iter().step_by(roots.len().div_ceil(ROOTS).max(1)).collect();
     let distance = |vertices: &[Vector3<f64>]| -> f64 {
         let each = some.iter().map(|root| nearest(vertices, root).map_or(f64::INFINITY, |(_, far)| far));
         each.sum()
     };
-    let nearest = meshes.map(|(i, mesh)| (i, distance(&mesh.vertices))).min_by(|a, b| a.1.total_cmp(&b.1));
-    match nearest {
+    let distances = head_meshes(anim).map(|(i, vertices)| (i, distance(vertices)));
+    match distances.min_by(|a, b| a.1.total_cmp(&b.1)) {
         Some((skin, _)) => Ok(skin),
         None => refused(
             "no mesh carries its roots: Houdini needs one that hair grows on".into(),
@@ -179,6 +173,20 @@ fn skin(
              or bake with --curves both",
         ),
     }
+}
+
+/// Whether any mesh can carry the roots of curves that Houdini is to deform.
+pub fn has_mesh(anim: &Anim) -> bool {
+    !anim.skins.is_empty() || head_meshes(anim).next().is_some()
+}
+
+/// The colliders that ride with the head as roots do, every place of them, and their vertices, m.
+fn head_meshes(anim: &Anim) -> impl Iterator<Item = (usize, &[Vector3<f64>])> {
+    let rides = |c: &Collider| c.body == anim.head && c.deformation.is_none();
+    anim.colliders.iter().enumerate().filter_map(move |(i, c)| match &c.shape {
+        Shape::Mesh(mesh) if rides(c) => Some((i, &mesh.vertices[..])),
+        _ => None,
+    })
 }
 
 /// The first control point of each curve of a prim at rest, m.

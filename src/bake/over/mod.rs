@@ -2,8 +2,9 @@
 //! basis, order and space that these have in a stage.
 //!
 //! Each strand is a curve of the stage, sampled. What is solved for is not the curve but how far it is from
-//! the groom's pose carried with its root, by the head or a skin: control points come back to the last bit where
-//! nothing moves, and a curve that no strand was baked of rides with the head, or on a skin with the nearest root.
+//! the groom's pose carried with its root, by the head or a skin: control points come back to the last bit
+//! where nothing moves, and a curve that no strand was baked of rides with the head, or on a skin with the
+//! nearest root.
 //!
 //! A bake of guides alone has no strands to put over the curves: Houdini deforms these by the guides
 //! ([`deform()`]).
@@ -17,7 +18,7 @@ mod source;
 mod stage;
 
 pub use check::{check, moves_all};
-pub use deform::deform;
+pub use deform::{deform, has_mesh};
 pub use matching::is_deformed;
 pub use record::record;
 
@@ -35,8 +36,8 @@ use stage::shot_stage;
 use std::ops::Range;
 use std::path::Path;
 
-/// Arc-length fractions closer than this are one place: files hold points in single precision, which moves the
-/// fraction of a point by up to some 1e-6; the points of a strand are a hundred times farther apart.
+/// Arc-length fractions closer than this are one place: files hold points in single precision, which moves
+/// the fraction of a point by up to some 1e-6; the points of a strand are a hundred times farther apart.
 const SAME_PLACE: f64 = 1e-5;
 
 /// The curves that a bake overrides, ready for any frame.

@@ -4,9 +4,9 @@ use crate::scene::{Anim, Convention, RootBinding};
 use crate::strands::RigidMotion;
 use nalgebra::{Matrix3, Matrix4, SVector, Vector3};
 
-/// Step of the differences that give the acceleration of a carrier, s. Rounding, ε |x| / STEP², stays below 1e-9
-/// m/s² for places in metres, and truncation, STEP² a'' / 12, below 1e-3 of an acceleration that changes at
-/// ten hertz.
+/// Step of the differences that give the acceleration of a carrier, s. Rounding, ε |x| / STEP², stays below
+/// 1e-9 m/s² for places in metres, and truncation, STEP² a'' / 12, below 1e-3 of an acceleration that changes
+/// at ten hertz.
 const STEP: f64 = 1e-3;
 
 /// Position, velocity and acceleration of a point.
@@ -153,7 +153,8 @@ mod tests {
             (local(t + h) - local(t - h)) / (2.0 * h),
             (local(t + h) + local(t - h) - local(t) * 2.0) / (h * h),
         ];
-        // One-sided differences of the placement are of second order in h for the rate, of first for the other.
+        // One-sided differences of the placement are of second order in h for the rate, of first for the
+        // other.
         for (i, tolerance) in [1e-12, 1e-6, 1e-2].into_iter().enumerate() {
             let off = (found[i] - expected[i]).norm();
             assert!(off < tolerance * (1.0 + expected[i].norm()), "{i}: {off}, {}", expected[i]);

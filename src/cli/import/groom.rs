@@ -83,8 +83,8 @@ pub struct GroomArguments {
     /// Render strands to grow around each guide, in place of any in the file; 0 for none [default: 50 if the
     /// file holds guides only, else none]
     ///
-    /// More strands are denser and make the cache larger. They grow outside the head of `--head`; other bodies are
-    /// not known yet, and strands that grow into shoulders stay in them.
+    /// More strands are denser and make the cache larger. They grow outside the head of `--head`; other
+    /// bodies are not known yet, and strands that grow into shoulders stay in them.
     #[arg(long, value_name = "N", alias = "per-guide", value_parser = count(0, 100_000), help_heading = STRANDS)]
     strands_per_guide: Option<u32>,
     /// Largest shortening of a generated strand relative to its guide, 0 to 1
@@ -172,8 +172,8 @@ struct MaterialArguments {
     drag: Option<f64>,
     /// Fraction of gravity that the rest shape compensates where no body carries the hair, 0 to 1
     ///
-    /// 1 keeps the style of the groom at rest, with hair that is stiffer near its root if necessary; hair that
-    /// lies on other hair sinks to the skin. 0 lets all hair sag.
+    /// 1 keeps the style of the groom at rest, with hair that is stiffer near its root if necessary; hair
+    /// that lies on other hair sinks to the skin. 0 lets all hair sag.
     #[arg(long, value_name = "FRACTION", default_value_t = 1.0, value_parser = values::fraction)]
     sag_free: f64,
 }

@@ -97,8 +97,9 @@ pub struct TrackArguments {
 
     /// Mesh that the hair collides with, OBJ, USD or glTF; may be repeated
     ///
-    /// The head carries the mesh. A deforming mesh stays in world space: a USD or glTF mesh with its own motion,
-    /// or a sequence with one file per frame such as cloth.####.obj. Holes, such as a neck, are closed.
+    /// The head carries the mesh. A deforming mesh stays in world space: a USD or glTF mesh with its own
+    /// motion, or a sequence with one file per frame such as cloth.####.obj. Holes, such as a neck, are
+    /// closed.
     #[arg(long = "collider", value_name = "FILE[:PRIM][:UNITS][:UP]", value_parser = values::source, help_heading = COLLIDERS)]
     colliders: Vec<Source>,
     /// Mesh that the roots of the groom grow on, and that the hair collides with; may be repeated
@@ -121,10 +122,10 @@ pub struct TrackArguments {
 
     /// Animated curves that guides are pulled to; may be repeated
     ///
-    /// USD curves with time samples, such as those of an animator or hair.usda of an earlier bake, or a sequence
-    /// of OBJ files, one per frame, such as tail.####.obj. The guides among them count if there are any. Curves
-    /// belong to the guides of --groom with their ids, or, without ids, in order. How firmly they pull is set in
-    /// the animation: see `goals` there.
+    /// USD curves with time samples, such as those of an animator or hair.usda of an earlier bake, or a
+    /// sequence of OBJ files, one per frame, such as tail.####.obj. The guides among them count if there are
+    /// any. Curves belong to the guides of --groom with their ids, or, without ids, in order. How firmly they
+    /// pull is set in the animation: see `goals` there.
     #[arg(long = "goal", value_name = "FILE[:PRIM][:UNITS][:UP]", value_parser = values::source, help_heading = GOALS)]
     goals: Vec<Source>,
     /// Space of the curves

@@ -23,7 +23,8 @@ pub(super) const MAX_TOLERATED_SHARE: f64 = 0.75;
 pub(super) const PUSH_OUT_SPEED: f64 = 0.3;
 
 /// Speed that pushing out may give to the tip of a strand, m/s. Points near the root, where the tip has the
-/// longer arm, are pushed out at their share of it. Half of it is too slow for hair that is wedged near its root.
+/// longer arm, are pushed out at their share of it. Half of it is too slow for hair that is wedged near its
+/// root.
 pub(super) const MAX_TIP_SPEED: f64 = 2.0;
 
 /// Violation at which a step that crosses no surface is accepted after all rounds, m: a strand wedged

@@ -16,8 +16,8 @@ use std::ops::{Add, Mul, Sub};
 /// millionth of what its weight does to the strand.
 const STIFFEST_STRAIN: f64 = 1e8;
 
-/// Largest stiffness of a spring on a point over that at weight ½: strains hold a strand where its weight is 1
-/// from the root on; points, where it is not.
+/// Largest stiffness of a spring on a point over that at weight ½: strains hold a strand where its weight is
+/// 1 from the root on; points, where it is not.
 const STIFFEST_POINT: f64 = 1e4;
 
 /// The goal pose over a step.
@@ -72,8 +72,8 @@ struct Motion<T> {
 }
 
 impl SpringStep<'_> {
-    /// The spring of weight `weight` that pulls a quantity, at most `most` times as stiff as at weight ½. `goal` is
-    /// the goal at the start of the step and one step before.
+    /// The spring of weight `weight` that pulls a quantity, at most `most` times as stiff as at weight ½.
+    /// `goal` is the goal at the start of the step and one step before.
     fn spring<T>(&self, weight: f64, most: f64, guide: &Motion<T>, goal: [T; 2]) -> GoalSpringStep<T>
     where
         T: Copy + Add<Output = T> + Sub<Output = T> + Mul<f64, Output = T>,
@@ -84,8 +84,8 @@ impl SpringStep<'_> {
         }
         let stiffness = (weight / (1.0 - weight)).min(most);
         let omega = pull.omega * stiffness.sqrt();
-        // A deviation is not taken away at once, but dies away as a critically damped spring of weight ½ lets it: as
-        // (a + b t) exp(−ω t) through its values now and one step before.
+        // A deviation is not taken away at once, but dies away as a critically damped spring of weight ½ lets
+        // it: as (a + b t) exp(−ω t) through its values now and one step before.
         let [a, back] = [guide.now - goal[0], guide.back - goal[1]];
         let b = (a - back * (-pull.omega * before).exp()) * (1.0 / before);
         let dying = (a + b * h) * (-pull.omega * h).exp();
@@ -119,9 +119,10 @@ impl GuideModel {
         self.animated_goal.as_ref().is_some_and(|goal| goal.has_pulled(t))
     }
 
-    /// Adds the pull of the animated goal to the load of the step from `t0` to `t1`, s, that ends with the root at
-    /// `root`, and moves the unknowns that its solve starts from. Returns whether there is any; the weights of the
-    /// points are then in `scratch`.
+    /// Adds the pull of the animated goal to the load of the step from `t0` to `t1`, s, that ends with the
+    /// root at
+    /// `root`, and moves the unknowns that its solve starts from. Returns whether there is any; the weights
+    /// of the points are then in `scratch`.
     pub(super) fn pull_to_goal(
         &self,
         env: &Environment,

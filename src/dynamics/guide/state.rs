@@ -82,13 +82,14 @@ pub(super) struct Transient {
 }
 
 impl GuideState {
-    /// The groom's pose, carried rigidly by the head, or that of an animated goal, at time `t`, s. `h` is the sub-step, s, and `thickness`
-    /// the distance to keep from each body, m.
+    /// The groom's pose, carried rigidly by the head, or that of an animated goal, at time `t`, s. `h` is the
+    /// sub-step, s, and `thickness` the distance to keep from each body, m.
     pub fn new(model: &GuideModel, thickness: &[f64], env: &Environment, t: f64, h: f64) -> Self {
         Self::on_skins(model, thickness, env, None, [t, h])
     }
 
-    /// The same, carried by the head or a skin. Distances from `skins` are those for which the groom was drawn.
+    /// The same, carried by the head or a skin. Distances from `skins` are those for which the groom was
+    /// drawn.
     pub fn on_skins(
         model: &GuideModel,
         thickness: &[f64],

@@ -43,8 +43,8 @@ pub struct SagFreeReport {
     pub sagging: u32,
 }
 
-/// Makes the groom's pose an equilibrium, by the share that each guide's material sets. `roots` are the places
-/// of skins that carry the groom's guides; empty if the head does.
+/// Makes the groom's pose an equilibrium, by the share that each guide's material sets. `roots` are the
+/// places of skins that carry the groom's guides; empty if the head does.
 pub fn apply(rods: &mut [GuideRod], roots: &[RootBinding], anim: &Anim) -> SagFreeReport {
     let surroundings = Surroundings::new(anim);
     let each = rods.par_iter_mut().filter_map(|r| {

@@ -93,8 +93,8 @@ impl AdaptiveTree {
         self.packs.len() as u32
     }
 
-    /// Makes every guide with leaders a follower, except tied ones and those that an animated goal pulls. The states at time `t`, s, are taken as
-    /// the rest shapes.
+    /// Makes every guide with leaders a follower, except tied ones and those that an animated goal pulls. The
+    /// states at time `t`, s, are taken as the rest shapes.
     pub fn make_followers(
         &mut self,
         models: &[GuideModel],
@@ -146,9 +146,9 @@ impl AdaptiveTree {
     }
 
     /// Places the followers of a level at the end of the frame from time `t[0]` to `t[1]`, s, and splits
-    /// those whose estimated error exceeds the tolerance, or that an animated goal begins to pull: they become
-    /// active, in their state at the start of the frame, where their error was within it. Returns these guides; the caller steps them through the
-    /// frame.
+    /// those whose estimated error exceeds the tolerance, or that an animated goal begins to pull: they
+    /// become active, in their state at the start of the frame, where their error was within it. Returns
+    /// these guides; the caller steps them through the frame.
     pub fn place_and_split(
         &mut self,
         level: u32,

@@ -51,8 +51,8 @@ struct Tangents {
 }
 
 impl Skin {
-    /// The skin of a mesh at rest, m. Its vertices that coincide there and in all samples of `deformation` are
-    /// one, so that seams are smooth.
+    /// The skin of a mesh at rest, m. Its vertices that coincide there and in all samples of `deformation`
+    /// are one, so that seams are smooth.
     pub fn new(mesh: &TriMesh, deformation: Option<&Deformation>) -> Self {
         let mut positions = vec![&mesh.vertices[..]];
         positions.extend(deformation.iter().flat_map(|d| &d.samples).map(Vec::as_slice));
@@ -83,8 +83,8 @@ impl Skin {
         (b - a).cross(&(c - a))
     }
 
-    /// Binds `x`, m, rest space, to the nearest place; also its distance, m. `None` if it is `max_distance`, m,
-    /// away or more.
+    /// Binds `x`, m, rest space, to the nearest place; also its distance, m. `None` if it is `max_distance`,
+    /// m, away or more.
     pub fn bind(&self, x: &Vector3<f64>, max_distance: f64) -> Option<(SkinPoint, f64)> {
         let drawn = self.drawn();
         let (triangle, point, local) = self.mesh.nearest(x, max_distance, |t| t < drawn)?;
@@ -148,8 +148,8 @@ impl SkinPoint {
         surface
     }
 
-    /// The rigid motion from rest that carries what is bound there, with the vertices of the mesh at `vertex`,
-    /// m.
+    /// The rigid motion from rest that carries what is bound there, with the vertices of the mesh at
+    /// `vertex`, m.
     pub fn carry(&self, vertex: impl Fn(u32) -> Vector3<f64>) -> Isometry3<f64> {
         let surface = self.surface(vertex);
         let turn = surface.frame() * self.frame.transpose();

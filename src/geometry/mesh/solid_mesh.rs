@@ -174,8 +174,8 @@ impl SolidMesh {
         }
     }
 
-    /// Whether a feature belongs to a cap or lies next to one. A cap may pass through the surface near its rim, as
-    /// behind the lids of an eye, and pseudonormals do not tell the side there.
+    /// Whether a feature belongs to a cap or lies next to one. A cap may pass through the surface near its
+    /// rim, as behind the lids of an eye, and pseudonormals do not tell the side there.
     fn near_cap(&self, feature: Feature) -> bool {
         let near = |vertices: &[u32]| vertices.iter().any(|&v| self.topology.vertex_near_cap[v as usize]);
         match feature {

@@ -87,7 +87,8 @@ impl Colliders {
         unique
     }
 
-    /// Converts a USD or glTF mesh to OBJ files in `folder`, metres, Y up; the first sample is that of `first_frame`.
+    /// Converts a USD or glTF mesh to OBJ files in `folder`, metres, Y up; the first sample is that of
+    /// `first_frame`.
     fn write_obj(&mut self, name: &str, read: &ImportedMesh, first_frame: i32, folder: &Path) -> ShapeFile {
         let file = format!("{name}.obj");
         self.files.push((folder.join(&file), read.mesh.to_obj(OBJ_DIGITS)));

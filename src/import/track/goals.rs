@@ -69,11 +69,12 @@ impl GoalInput {
 }
 
 impl Goals {
-    /// Adds a goal. `read` are its curves, `first_frame` is the frame of its first sample, `folder` that of the
-    /// animation, and `groom` that of the guides, if it is known.
+    /// Adds a goal. `read` are its curves, `first_frame` is the frame of its first sample, `folder` that of
+    /// the animation, and `groom` that of the guides, if it is known.
     ///
     /// # Errors
-    /// Curves that match no guides or have other time codes, a unit that cannot be guessed, a path that has no absolute form.
+    /// Curves that match no guides or have other time codes, a unit that cannot be guessed, a path that has
+    /// no absolute form.
     pub(super) fn add(
         &mut self,
         from: &GoalCurvesSource,

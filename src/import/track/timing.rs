@@ -67,8 +67,8 @@ impl Timing {
         self.frames[0] - before.clamp(0, lead_in(self.fps, Settings::default().preroll))
     }
 
-    /// Time codes at which a deforming USD or glTF mesh is sampled: the frames of the bake, of its pre-roll, and up
-    /// to [`HANDLES`] more, within the motion.
+    /// Time codes at which a deforming USD or glTF mesh is sampled: the frames of the bake, of its pre-roll,
+    /// and up to [`HANDLES`] more, within the motion.
     pub(super) fn mesh_times(
         &self,
         options: &TrackOptions,

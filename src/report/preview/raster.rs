@@ -132,8 +132,8 @@ fn touched_bands(low: f32, high: f32, bands: usize, rows: usize) -> Range<usize>
     low.max(0.0) as usize..(high as usize).min(bands - 1) + 1
 }
 
-/// Puts the order of the ribbons from far to near into `order`, their indices in the lower half; ties in input
-/// order.
+/// Puts the order of the ribbons from far to near into `order`, their indices in the lower half; ties in
+/// input order.
 fn far_to_near(ribbons: &[Ribbon], order: &mut Vec<u64>) {
     // Positive floats compare like their bits.
     let key = |(r, i): (&Ribbon, u64)| {

@@ -33,8 +33,8 @@ const SHORTEST: f32 = 2.5;
 const MAX_PIECES: f32 = 32.0;
 
 /// Subdivides cubic, pinned curves (phantom end points 2·p₀ − p₁, as in UsdGeomBasisCurves) into pieces of
-/// at most about [`TARGET_LENGTH`] pixels that turn by about [`TARGET_TURN`]. `pixel` is the side of a final pixel in camera pixels. Pieces with an end
-/// behind the near plane are omitted.
+/// at most about [`TARGET_LENGTH`] pixels that turn by about [`TARGET_TURN`]. `pixel` is the side of a final
+/// pixel in camera pixels. Pieces with an end behind the near plane are omitted.
 pub fn pieces(
     set: &CurveSet,
     basis: Basis,
@@ -89,8 +89,8 @@ fn one_curve(
     pieces
 }
 
-/// About how far the curve turns between points `i − 1` and `i`, rad: half of what its chord is turned against
-/// those beside it.
+/// About how far the curve turns between points `i − 1` and `i`, rad: half of what its chord is turned
+/// against those beside it.
 fn turn(points: &[Vector3<f32>], i: usize) -> f32 {
     let way = |i: usize| (points[i] - points[i - 1]).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
     let here = way(i);

@@ -46,8 +46,8 @@ pub struct AnimFile {
     /// Shapes that the hair collides with.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub colliders: Vec<ColliderFile>,
-    /// Names of colliders, meshes, that the roots grow on: each root rides on the nearest place of them, in the
-    /// shapes of the meshes for which the groom was drawn. Default: the head carries all roots.
+    /// Names of colliders, meshes, that the roots grow on: each root rides on the nearest place of them, in
+    /// the shapes of the meshes for which the groom was drawn. Default: the head carries all roots.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub skins: Vec<String>,
     /// Ties that hold hair to bodies: hair ties, clips, ends of braids.
@@ -271,10 +271,10 @@ pub struct BallFile {
 pub struct GoalFile {
     /// Unique name.
     pub name: String,
-    /// Path of OBJ files with the curves, one per frame of the bake, with # for each digit of the frame number
-    /// (tail.####.obj), relative to the folder of this file. Each curve is an element `l`, root first, with any
-    /// number of points; all files have the same. The frames of the pre-roll and two after the last are read
-    /// too, as far as there are files for them; beyond the files the pose is held.
+    /// Path of OBJ files with the curves, one per frame of the bake, with # for each digit of the frame
+    /// number (tail.####.obj), relative to the folder of this file. Each curve is an element `l`, root first,
+    /// with any number of points; all files have the same. The frames of the pre-roll and two after the last
+    /// are read too, as far as there are files for them; beyond the files the pose is held.
     pub sequence: String,
     /// Metres per unit of the curves. Default: as in this file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -298,8 +298,8 @@ pub struct GoalFile {
     /// Weight along the strand, 0 to 1. Default: 1 without `hard_to`, else 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub along: Option<RampFile>,
-    /// Share of the length of the strand, from the root, over which the weight along it is 1, over time: there
-    /// the strand is the animation. Beyond, the weight falls within 15 % of the length. Default 0.
+    /// Share of the length of the strand, from the root, over which the weight along it is 1, over time:
+    /// there the strand is the animation. Beyond, the weight falls within 15 % of the length. Default 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hard_to: Option<NumberKeyframesFile>,
     /// Frequency at which a strand of weight ½ would oscillate about the goal, and at which one that comes to
@@ -307,7 +307,8 @@ pub struct GoalFile {
     #[serde(default = "goal_hz")]
     #[schemars(range(min = 0.1, max = 100.0))]
     pub hz: f64,
-    /// Damping of motion relative to the goal, as a share of what lets it die away without oscillation. Default 1.
+    /// Damping of motion relative to the goal, as a share of what lets it die away without oscillation.
+    /// Default 1.
     #[serde(default = "one")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub damping: f64,

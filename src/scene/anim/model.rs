@@ -30,7 +30,8 @@ pub struct Anim {
     pub bodies: Vec<Body>,
     /// Shapes that the hair collides with.
     pub colliders: Vec<Collider>,
-    /// Those, meshes, that roots grow on: indices into [`Anim::colliders`]; empty if the head carries all roots.
+    /// Those, meshes, that roots grow on: indices into [`Anim::colliders`]; empty if the head carries all
+    /// roots.
     pub skins: Vec<usize>,
     /// The motion that stands for that of the head where skins carry the roots of a head without a track.
     pub reference: Option<Track>,
@@ -132,7 +133,8 @@ impl Anim {
         frame / self.fps
     }
 
-    /// World pose of rest space on the head at time `t`, s. With skins it is a frame of reference near the hair.
+    /// World pose of rest space on the head at time `t`, s. With skins it is a frame of reference near the
+    /// hair.
     pub fn head_pose(&self, t: f64) -> Isometry3<f64> {
         self.reference.as_ref().unwrap_or(&self.bodies[self.head].track).pose(t)
     }

@@ -57,8 +57,8 @@ fn distances_to_real_heads_agree_with_brute_force_and_winding_numbers() {
             assert!((s.distance.abs() - brute_force_distance(&mesh, &p)).abs() < 1e-12, "{name}");
             assert_eq!(s.distance < 0.0, mesh.winding_number(&p) > 0.5, "{name}");
         }
-        // Behind the lids of an eye the cap passes through the surface, whose pseudonormals then do not tell the
-        // side of what is nearest to its rim.
+        // Behind the lids of an eye the cap passes through the surface, whose pseudonormals then do not tell
+        // the side of what is nearest to its rim.
         let near: Vec<_> = (mesh.caps().iter().flatten())
             .flat_map(|&i| std::iter::repeat_n(soup.vertices[i as usize], 30))
             .map(|vertex| vertex + random.vector() * 0.05)

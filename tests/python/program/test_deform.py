@@ -291,12 +291,14 @@ def test_heads_without_a_mesh_are_refused(hairbake: Run, tmp_path: Path) -> None
     ball = {"type": "sphere", "centre": [0, 0, 160], "radius": 9}
     content["colliders"] = [{"name": "ball", "shape": ball}]
     anim.write_text(json.dumps(content))
-    done = hairbake(groom, anim, "-o", tmp_path / "out", *QUICK, *GUIDES_ALONE)
-    assert done.returncode == 65, done.stderr
+    out = tmp_path / "out"
+    done = hairbake(groom, anim, "-o", out, *QUICK, *GUIDES_ALONE, "--over", f"{shot.shot}:{HAIR}")
+    assert done.returncode == 65 and not out.exists(), done.stderr
     said = unwrapped(done.stderr)
     assert "no mesh carries its roots" in said and "--collider, or --skin" in said and "--no-over" in said
-    assert not (tmp_path / "out").exists()
-    shot.run(groom, anim, "-o", tmp_path / "out", *QUICK, *GUIDES_ALONE, "--no-over")
+    # What is not asked for is left out, and said.
+    assert "over mode is off: no mesh" in unwrapped(shot.run(groom, anim, "-o", out, *QUICK, *GUIDES_ALONE))
+    assert not (out / "hair.shot.usda").exists()
 
 
 def test_roots_on_several_skins_are_refused(shot: Shot) -> None:

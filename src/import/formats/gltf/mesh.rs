@@ -46,7 +46,8 @@ struct Rig {
     weights: Vec<Vec<Keyframes>>,
 }
 
-/// Reads all triangles as one mesh, in world space at the nodes' own transforms and, if it deforms, at `times`.
+/// Reads all triangles as one mesh, in world space at the nodes' own transforms and, if it deforms, at
+/// `times`.
 ///
 /// # Errors
 /// Every error in the file.
@@ -361,8 +362,8 @@ mod tests {
     use super::*;
     use crate::import::joint_selector::JointSelector;
 
-    /// A triangle whose second and third corner follow a joint at x = 1 m, half and whole, that turns 90° about
-    /// z within 1 s from 0.5 s on; its third corner rises by 1 m with a morph target meanwhile.
+    /// A triangle whose second and third corner follow a joint at x = 1 m, half and whole, that turns 90°
+    /// about z within 1 s from 0.5 s on; its third corner rises by 1 m with a morph target meanwhile.
     fn file(joint: u8) -> String {
         let half = std::f32::consts::FRAC_PI_4;
         let mut bytes: Vec<u8> = Vec::new();

@@ -1,5 +1,5 @@
-//! glTF 2.0 (`.gltf`, `.glb`): metres, Y up. Animations of joints, whose keyframes are resampled at a constant
-//! rate, and meshes that deform.
+//! glTF 2.0 (`.gltf`, `.glb`): metres, Y up. Animations of joints, whose keyframes are resampled at a
+//! constant rate, and meshes that deform.
 
 mod buffers;
 mod keyframes;

@@ -33,7 +33,8 @@ pub(crate) struct MovingCurves {
     pub(crate) notes: Vec<String>,
 }
 
-/// Reads the curves at and below a prim at `times`, evaluated to points: the guides among them if there are any.
+/// Reads the curves at and below a prim at `times`, evaluated to points: the guides among them if there are
+/// any.
 ///
 /// # Errors
 /// As [`Exchange::read`].
