@@ -4,9 +4,8 @@
 //! into the ground. No place then keeps its distance from both.
 //!
 //! - Between opposite surfaces, at signed distances g₁ and g₂ of a place, the room is g₁ + g₂, wherever
-//! between
-//!   them the place is. What it lacks of the distances that hair keeps is taken from both in equal parts. Hair
-//!   lies in the middle of an overlap, and as the bodies part it moves at half their speed.
+//!   between them the place is. What it lacks of the distances that hair keeps is taken from both in equal
+//!   parts. Hair lies in the middle of an overlap, and as the bodies part it moves at half their speed.
 //! - A root moves with its skin, and may be carried into another body. The hair then leaves that body along a
 //!   curve of least radius.
 //!

@@ -51,8 +51,8 @@ pub struct MaterialFile {
     #[serde(skip_serializing_if = "are_zero")]
     #[schemars(inner(range(min = 0.0, max = 100.0)))]
     pub goal_hz: [f64; 2],
-    /// Weight of animated goals (`goals` of the animation), 0 to 1. Lower follows the animation less. Default
-    /// 1.
+    /// Weight of animated goals (`goals` of the animation), 0 to 1. Lower follows the animation less.
+    /// Default 1.
     #[serde(skip_serializing_if = "is_one")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub goal_weight: f64,
