@@ -1,5 +1,6 @@
 //! The pull of an animated goal within one step (`docs/theory.md` §4.1).
 
+use super::goal_scratch::GoalScratch;
 use super::model::GuideModel;
 use super::scratch::GuideScratch;
 use super::state::GuideState;
@@ -7,9 +8,7 @@ use crate::dynamics::environment::Environment;
 use crate::dynamics::goal::AnimatedGoal;
 use crate::dynamics::integrator::DifferenceFormula;
 use crate::math::se3::Pose;
-use crate::rod::RodShape;
 use crate::rod::potential::StrainSpring;
-use nalgebra::Vector3;
 use std::ops::{Add, Mul, Sub};
 
 /// Largest stiffness of a strain spring over that at weight ½. The strain is then the goal's to a hundred
@@ -19,27 +18,6 @@ const STIFFEST_STRAIN: f64 = 1e8;
 /// Largest stiffness of a spring on a point over that at weight ½: strains hold a strand where its weight is
 /// 1 from the root on; points, where it is not.
 const STIFFEST_POINT: f64 = 1e4;
-
-/// The goal pose over a step.
-#[derive(Debug, Clone, Default)]
-pub(in crate::dynamics) struct GoalScratch {
-    /// At the end and the start of the step, and one step before.
-    poses: [GoalPose; 3],
-    /// The guide one step before.
-    guide: GoalPose,
-    shape: RodShape,
-    /// Weight of each point.
-    pub(super) weights: Vec<f64>,
-}
-
-/// A pose at one time.
-#[derive(Debug, Clone, Default)]
-struct GoalPose {
-    /// The rod's unknowns, 1/m.
-    q: Vec<f64>,
-    /// Points relative to the root at the end of the step, m, world axes.
-    x: Vec<Vector3<f64>>,
-}
 
 /// What the springs of one step have in common.
 struct SpringStep<'a> {

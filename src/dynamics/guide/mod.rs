@@ -3,6 +3,7 @@
 
 mod body_contact;
 mod goal_pull;
+mod goal_scratch;
 mod model;
 mod scratch;
 mod state;

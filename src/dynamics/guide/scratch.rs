@@ -1,6 +1,6 @@
 //! Buffers of the steps of one thread.
 
-use super::goal_pull::GoalScratch;
+use super::goal_scratch::GoalScratch;
 use crate::contact::BodyMotion;
 use crate::dynamics::body_contact::BodyContactScratch;
 use crate::dynamics::tie::Tie;
