@@ -1,6 +1,6 @@
 //! A cache as a page that plays: points, bodies and what colours show, within a given size.
 //!
-//! The page decodes them with the script in `page/`; [`codec`] and the layout here are its counterpart.
+//! The page decodes them with the script in `page/`; `codec` and the layout here are its counterpart.
 
 mod bodies;
 mod codec;
