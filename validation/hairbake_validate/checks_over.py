@@ -149,6 +149,8 @@ def composed(check: Check, stages: ShotStage) -> Iterator[Finding]:
         values.add(str(Usd.Stage.Open(stages.layer).GetMetadata(name)))
         if len(values) > 1:
             yield Finding(check, message=f"{name} of the layers differs: {', '.join(sorted(values))}")
+    for other in stages.others:
+        yield Finding(check, message=f"{other} moves the same curves once more: take it out of the stage")
     for error in stages.shot.GetCompositionErrors():
         yield Finding(check, message=" ".join(str(error).split()))
 

@@ -58,7 +58,7 @@ class Deforms(ShotStage):
         Raises:
             CacheError: They cannot be opened, or do not have the curves that manifest.json lists.
         """
-        super().__init__(cache, DEFORM_LAYER, cache.record["deform"])
+        super().__init__(cache, DEFORM_LAYER, "deform")
         self.prims = [read_prim(prim, entry) for prim, entry in self.entries()]
 
     def value(self, path: str, name: str, time: float | None = None) -> Any:

@@ -97,15 +97,18 @@ class OverPrim:
 
 
 class ShotStage:
-    """`hair.shot.usda` beside a cache, and the stage below the layer that a bake puts over it."""
+    """`hair.shot.usda` beside a cache, and the stage below the layer that a bake puts over it.
 
-    def __init__(self, cache: Cache, name: str, record: dict[str, Any]) -> None:
-        """Opens both stages, and the layer `name`; `record` is what manifest.json holds of it.
+    What other bakes put over the stage is left out of both: it may be for other characters.
+    """
+
+    def __init__(self, cache: Cache, name: str, kind: str) -> None:
+        """Opens both stages, and the layer `name`, of the kind that its mark tells.
 
         Raises:
             CacheError: They cannot be opened.
         """
-        self.cache, self.name, self.record = cache, name, record
+        self.cache, self.name, self.record = cache, name, cache.record[kind]
         shot = cache.directory / SHOT_LAYER
         try:
             self.layer = Sdf.Layer.FindOrOpen(str(cache.directory / name))
@@ -113,14 +116,22 @@ class ShotStage:
             below = [path for path in self.shot.GetRootLayer().subLayerPaths if path != f"./{name}"]
             self.stage_path = self.shot.GetRootLayer().ComputeAbsolutePath(below[0]) if below else ""
             self.original = Usd.Stage.Open(self.stage_path)
-            self.original.MuteAndUnmuteLayers(
-                [layer.identifier for layer in self.original.GetUsedLayers(False) if is_over(layer)], []
-            )
         except Tf.ErrorException as error:
             raise CacheError(f"{shot}: {error.args[0].commentary if error.args else error}") from error
         if not self.layer:
             raise CacheError(f"{name}: no such file")
-        self.to_metres = to_metres(record["metres_per_unit"], record["up_axis"])
+        self.others = sorted(self._doubled(kind))
+        """Layers of the other kind over the same curves."""
+        for stage, own in ((self.shot, self.layer), (self.original, None)):
+            used = stage.GetUsedLayers(False)
+            baked = [layer.identifier for layer in used if baked_kind(layer) and layer != own]
+            stage.MuteAndUnmuteLayers(baked, [])
+        self.to_metres = to_metres(self.record["metres_per_unit"], self.record["up_axis"])
+
+    def _doubled(self, kind: str) -> set[str]:
+        prims = (self.shot.GetPrimAtPath(entry["path"]) for entry in self.record["prims"])
+        layers = [spec.layer for prim in prims if prim for spec in prim.GetPrimStack()]
+        return {layer.identifier for layer in layers if baked_kind(layer) not in (None, kind)}
 
     def entries(self) -> Iterator[tuple[Usd.Prim, dict[str, Any]]]:
         """The curves that manifest.json lists, in the stage below, and what it holds of each.
@@ -144,7 +155,7 @@ class Overs(ShotStage):
         Raises:
             CacheError: They cannot be opened, or do not have the curves that manifest.json lists.
         """
-        super().__init__(cache, OVER_LAYER, cache.record["over"])
+        super().__init__(cache, OVER_LAYER, "over")
         self.frame_paths = {
             frame: cache.directory / f"hair.over.{str(frame).rjust(4, '0')}.usdc" for frame in cache.frames
         }
@@ -165,11 +176,10 @@ class Overs(ShotStage):
         return read_layer(self.frame_paths[frame], frame)
 
 
-def is_over(layer: Sdf.Layer) -> bool:
-    """Whether a bake wrote a layer, and it has nothing but overs, and guides for these."""
-    overs = [prim.specifier == Sdf.SpecifierOver for prim in layer.rootPrims if prim.name != GUIDES_ROOT]
-    creator = str(layer.customLayerData.get("creator", ""))
-    return creator.startswith("hairbake ") and bool(overs) and all(overs)
+def baked_kind(layer: Sdf.Layer) -> str | None:
+    """What a layer of a bake does to the stage below it, `over` or `deform`; None for all other layers."""
+    kind = layer.customLayerData.get("hairbake")
+    return kind if kind in ("over", "deform") else None
 
 
 def to_metres(metres_per_unit: float, up_axis: str) -> FloatArray:

@@ -7,7 +7,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from validator.good_cache import CURVES, GUIDE_COUNT, GUIDES, SKULL, CacheBuilder, transform
-from validator.over_cache import CURVES_PATH, METADATA, TO_METRES, write_stage
+from validator.over_cache import CURVES_PATH, METADATA, TO_METRES, marked, write_stage
 
 ROOT = "/hairbake_guides/world_hero_groom_hair"
 GUIDES_PATH, SKIN_PATH = f"{ROOT}/guides", f"{ROOT}/colliders/skull"
@@ -26,7 +26,7 @@ class DeformCache:
         write_stage(self.stage)
         sublayers = "    subLayers = [@./hair.deform.usda@, @../shot.usda@]\n)\n"
         cache.path("hair.shot.usda").write_text(METADATA + sublayers)
-        self.layer.write_text(f"{METADATA})\n")
+        self.layer.write_text(marked("deform"))
         self.edit(self._write)
 
     def seal(self) -> None:

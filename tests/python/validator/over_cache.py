@@ -60,6 +60,26 @@ METADATA = f"""#usda 1.0
 """The start of layers over the stage."""
 
 
+def marked(kind: str) -> str:
+    """The start of a layer that a bake puts over the stage, of the kind `over` or `deform`."""
+    data = f'string creator = "hairbake 0.1.0"; string hairbake = "{kind}"'
+    return f"{METADATA}    customLayerData = {{ {data} }}\n)\n"
+
+
+def put_over(stage: Path, kind: str, curves: str) -> None:
+    """Adds a layer of another bake for some curves to the sublayers of a stage."""
+    path = stage.parent / f"another.{kind}.usda"
+    path.write_text(marked(kind))
+    layer, below = Sdf.Layer.FindOrOpen(str(path)), Sdf.Layer.FindOrOpen(str(stage))
+    over = Sdf.CreatePrimInLayer(layer, curves)
+    over.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=["HoudiniHairDeformAPI"]))
+    if kind == "deform":
+        UsdGeom.BasisCurves.Define(Usd.Stage.Open(layer), "/hairbake_guides/another/guides")
+    layer.Save()
+    below.subLayerPaths.append(f"./{path.name}")
+    below.Save()
+
+
 def write_stage(path: Path) -> None:
     """Writes a stage with the curves of the good cache, cm, Z up, in a shot that turns and moves them."""
     stage = Usd.Stage.CreateNew(str(path))
@@ -179,7 +199,7 @@ class OverCache:
             over = f'over "{name}"\n{{\n{over}}}\n'
         declared = "\n".join(f"{kind} {name}" for name, kind in KINDS.items())
         return {
-            "hair.over.usda": f"{METADATA})\n\n{over}",
+            "hair.over.usda": f"{marked('over')}\n{over}",
             "hair.shot.usda": f"{METADATA}    subLayers = [@./hair.over.usda@, @../shot.usda@]\n)\n",
             "hair.over.manifest.usda": (
                 f'#usda 1.0\n\nover "over"\n{{\nover "curves0"\n{{\n{declared}\n}}\n}}\n'

@@ -11,7 +11,7 @@ from hairbake_validate.run import validate
 from validator.defects import failed
 from validator.deform_cache import GUIDES_PATH, PREFIX, ROOT, SKIN_PATH, DeformCache
 from validator.good_cache import CURVES, FIRST, POINTS, CacheBuilder
-from validator.over_cache import CURVES_PATH
+from validator.over_cache import CURVES_PATH, put_over
 
 Defect = Callable[[DeformCache], object]
 KINDS = Sdf.ValueTypeNames
@@ -33,12 +33,23 @@ def test_caches_without_the_layer_skip_its_checks(good_cache: CacheBuilder) -> N
     assert all(report.outcomes[check.id].status == "skip" for check in DEFORM), report.as_text()
 
 
+@pytest.mark.parametrize("kind", ["over", "deform"])
+def test_what_bakes_put_over_other_characters_passes(deform: DeformCache, kind: str) -> None:
+    put_over(deform.stage, kind, "/world/another/hair")
+    report = validate(deform.cache.directory)
+    assert not failed(report), report.as_text()
+
+
 def stage_missing(deform: DeformCache) -> None:
     deform.stage.unlink()
 
 
 def record_without_skin(deform: DeformCache) -> None:
     deform.cache.edit_record(lambda record: record["deform"]["prims"][0].pop("skin"))
+
+
+def motion_of_another_bake(deform: DeformCache) -> None:
+    put_over(deform.stage, "over", CURVES_PATH)
 
 
 def unit_of_another_layer(deform: DeformCache) -> None:
@@ -166,6 +177,7 @@ DEFECTS: list[tuple[str, Defect]] = [
     ("deform_stage", stage_missing),
     ("deform_stage", record_without_skin),
     ("deform_stage", unit_of_another_layer),
+    ("deform_stage", motion_of_another_bake),
     *(("deform_untouched", on_curves(change)) for change in (widths_changed, schema_of_others, prim_added)),
     *(
         ("deform_targets", on_curves(change))

@@ -10,7 +10,7 @@ from hairbake_validate.checks_over import OVER, OVER_FRAME
 from hairbake_validate.run import validate
 from validator.defects import MIDDLE, failed
 from validator.good_cache import FIRST, POINTS, CacheBuilder
-from validator.over_cache import CURVES_PATH, OverCache
+from validator.over_cache import CURVES_PATH, OverCache, put_over
 
 Defect = Callable[[OverCache], object]
 
@@ -27,8 +27,19 @@ def test_a_good_stage_passes(over: OverCache) -> None:
     assert shape is not None and shape.value < 1e-3
 
 
+@pytest.mark.parametrize("kind", ["over", "deform"])
+def test_what_bakes_put_over_other_characters_passes(over: OverCache, kind: str) -> None:
+    put_over(over.stage, kind, "/world/another/hair")
+    report = validate(over.cache.directory)
+    assert not failed(report), report.as_text()
+
+
 def stage_missing(over: OverCache) -> None:
     over.stage.unlink()
+
+
+def houdini_deforms_as_well(over: OverCache) -> None:
+    put_over(over.stage, "deform", CURVES_PATH)
 
 
 def unit_of_another_layer(over: OverCache) -> None:
@@ -177,7 +188,9 @@ def velocities_per_frame(over: OverCache) -> None:
 DEFECTS: list[tuple[str, Defect]] = [
     ("over_stage", stage_missing),
     ("over_stage", record_without_curves),
+    ("over_stage", unit_of_another_layer),
     ("over_stage", rate_of_another_layer),
+    ("over_stage", houdini_deforms_as_well),
     *(
         ("over_untouched", on_curves(change))
         for change in (
