@@ -72,12 +72,13 @@ def argument_parser() -> argparse.ArgumentParser:
 def main() -> int:
     """Reads the file and writes the result; returns the exit code."""
     options = argument_parser().parse_args()
+    layers: list[exchange.Header] = []
     try:
         if options.what == "strands":
             header, arrays = groom.read(options.file, options.prim, options.time)
         elif options.what == "over":
             paths = options.prims.split(",") if options.prims else [options.prim]
-            header, arrays = over.read(options.file, paths, options.time, options.moments)
+            header, arrays, layers = over.read(options.file, paths, options.time, options.moments)
         elif options.what == "goal":
             header, arrays = goal.read(options.file, options.prim, options.times)
         elif options.what == "motion":
@@ -94,7 +95,7 @@ def main() -> int:
     except InputErrors as found:
         exchange.write_errors(options.out, found.errors)
         return 2
-    exchange.write(options.out, header, arrays)
+    exchange.write(options.out, header, arrays, layers)
     return 0
 
 

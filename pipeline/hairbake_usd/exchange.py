@@ -1,7 +1,7 @@
 """The result of a read, written for `hairbake`.
 
 `header.json` holds metadata and a list of arrays; `data.bin` holds their numbers in that order,
-little-endian.
+little-endian. `layers.json` tells where some of what was read lies, which its checksum is to leave out.
 """
 
 import json
@@ -29,8 +29,8 @@ Arrays = dict[str, tuple[str, Array]]
 """Type, a key of `TYPES`, and numbers of each array by its name."""
 
 
-def write(folder: Path, header: Header, arrays: Arrays) -> None:
-    """Writes the header and the arrays."""
+def write(folder: Path, header: Header, arrays: Arrays, layers: list[Header]) -> None:
+    """Writes the header, the arrays and the layers."""
     listed = []
     with (folder / "data.bin").open("wb") as data:
         for name, (kind, numbers) in arrays.items():
@@ -38,6 +38,7 @@ def write(folder: Path, header: Header, arrays: Arrays) -> None:
             data.write(flat.data)
             listed.append({"name": name, "type": kind, "count": flat.size})
     (folder / "header.json").write_text(json.dumps({**header, "arrays": listed}))
+    (folder / "layers.json").write_text(json.dumps(layers))
 
 
 def write_errors(folder: Path, errors: list[InputError]) -> None:

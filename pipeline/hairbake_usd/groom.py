@@ -18,7 +18,7 @@ from .stage import (
     convention,
     find,
     gather,
-    open_stage,
+    open_below_bakes,
     times_without_rest,
     to_world,
 )
@@ -73,7 +73,7 @@ def read(path: str, prim_path: str | None, time: float | None) -> tuple[Header, 
     Raises:
         InputErrors: All errors in the curves.
     """
-    stage = open_stage(path)
+    stage = open_below_bakes(path)
     header = convention(stage)
     prims = all_of(find(stage, prim_path), UsdGeom.BasisCurves, "BasisCurves")
     space = character_space(prims)

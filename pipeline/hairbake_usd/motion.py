@@ -9,7 +9,17 @@ from pxr import Usd, UsdGeom, UsdSkel
 from .errors import InputErrors, input_error
 from .exchange import Arrays, FloatArray, Header
 from .rest import RestSpace, counterpart, counterparts, own_bind_space, rest_time, skeleton_of
-from .stage import NAMED, all_of, composition_notes, convention, find, open_stage, to_world, xform_ops
+from .stage import (
+    NAMED,
+    all_of,
+    composition_notes,
+    convention,
+    find,
+    open_below_bakes,
+    open_stage,
+    to_world,
+    xform_ops,
+)
 
 MAX_SAMPLES = 1_000_000
 """Largest number of samples of a motion: as many as a bake may have frames."""
@@ -90,7 +100,7 @@ def read(
 def over_paths(near: Usd.Prim, groom: GroomCurves, notes: list[str]) -> list[str]:
     """Paths of the groom's curves in the stage of the motion; empty, with a note, if none can be changed."""
     try:
-        found = counterparts(groom.prims, open_stage(groom.stage), near)
+        found = counterparts(groom.prims, open_below_bakes(groom.stage), near)
     except InputErrors:
         found = None
     if found is None:

@@ -1,5 +1,6 @@
 """The curves of a stage that a bake overrides: their rest points, and where the stage places them."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from .errors import input_error
 from .exchange import Array, Arrays, FloatArray, Header
 from .groom import choose_time, read_controls
 from .primvars import Layout
-from .stage import all_of, convention, find, gather, open_stage, to_world
+from .stage import all_of, baked_kind, convention, find, gather, open_below_bakes, open_stage, to_world
 
 SIDE = 0.25
 """Greatest number of time codes from a moment to the next at which a transform is taken, for its rates.
@@ -92,13 +93,13 @@ class Curves:
 
 def read(
     path: str, prim_paths: list[str | None], time: float | None, moments: Moments
-) -> tuple[Header, Arrays]:
-    """Header and arrays of the curves at and below some prims; None is the whole stage.
+) -> tuple[Header, Arrays, list[Header]]:
+    """Header and arrays of the curves at and below some prims, and all layers; None is the whole stage.
 
     Raises:
         InputErrors: All errors in the curves.
     """
-    stage = open_stage(path)
+    stage = open_below_bakes(path)
     roots = gather(prim_paths, lambda prim_path: find(stage, prim_path))
     prims = [prim for root in roots for prim in curves_of(root)]
     codes = moments.codes()
@@ -122,7 +123,27 @@ def read(
         "to_world": ("f64", np.stack([part.to_world for part in parts])),
         "sides": ("f64", np.array(moments.sides())),
     }
-    return header, arrays
+    return header, arrays, list(layers(stage, path, prims))
+
+
+def layers(stage: Usd.Stage, path: str, prims: list[Usd.Prim]) -> Iterator[Header]:
+    """The files of a stage, which was opened below bakes, and those that bakes put over the stage at `path`.
+
+    These have their kind, and which of some prims they change.
+    """
+    for layer in stage.GetUsedLayers(False):
+        if layer.realPath:
+            yield {"file": layer.realPath, "kind": None, "prims": []}
+    if not stage.GetMutedLayers():
+        return
+    whole = open_stage(path)
+    changed: dict[str, list[str]] = {}
+    for prim in (whole.GetPrimAtPath(prim.GetPath()) for prim in prims):
+        for name in {spec.layer.identifier for spec in prim.GetPrimStack()}:
+            changed.setdefault(name, []).append(str(prim.GetPath()))
+    for layer in whole.GetUsedLayers(False):
+        if kind := baked_kind(layer):
+            yield {"file": layer.realPath, "kind": kind, "prims": changed.get(layer.identifier, [])}
 
 
 def curves_of(root: Usd.Prim) -> list[Usd.Prim]:

@@ -27,17 +27,13 @@ _Result = TypeVar("_Result")
 
 
 def open_stage(path: str) -> Usd.Stage:
-    """Opens a stage with all its payloads, without what earlier bakes put over its curves.
+    """Opens a stage with all its payloads.
 
     Raises:
         InputErrors: USD cannot open it; with the places of syntax errors.
     """
     try:
-        stage = Usd.Stage.Open(path)
-        root = stage.GetRootLayer()
-        overs = [layer for layer in stage.GetUsedLayers(False) if layer != root and is_over(layer)]
-        stage.MuteAndUnmuteLayers([layer.identifier for layer in overs], [])
-        return stage
+        return Usd.Stage.Open(path)
     except Tf.ErrorException as error:
         reasons = [str(part.commentary) for part in error.args]
         found = [syntax for reason in reasons if (syntax := syntax_error(reason))]
@@ -54,16 +50,26 @@ def open_stage(path: str) -> Usd.Stage:
         ) from None
 
 
-def is_over(layer: Sdf.Layer) -> bool:
-    """Whether a bake wrote a layer, and it has nothing but overs, and guides for these.
+def open_below_bakes(path: str) -> Usd.Stage:
+    """Opens a stage without what earlier bakes put over it, unless that is what `path` names.
+
+    Raises:
+        InputErrors: As `open_stage`.
+    """
+    stage = open_stage(path)
+    root = stage.GetRootLayer()
+    baked = [layer for layer in stage.GetUsedLayers(False) if layer != root and baked_kind(layer)]
+    stage.MuteAndUnmuteLayers([layer.identifier for layer in baked], [])
+    return stage
+
+
+def baked_kind(layer: Sdf.Layer) -> str | None:
+    """What a layer of a bake does to the stage below it, `over` or `deform`; None for all other layers.
 
     It is a `hair.over.usda` or `hair.deform.usda`, whatever its name.
     """
-    overs = [
-        prim.specifier == Sdf.SpecifierOver for prim in layer.rootPrims if prim.name != "hairbake_guides"
-    ]
-    creator = str(layer.customLayerData.get("creator", ""))
-    return creator.startswith("hairbake ") and bool(overs) and all(overs)
+    kind = layer.customLayerData.get("hairbake")
+    return kind if kind in ("over", "deform") else None
 
 
 def syntax_error(message: str) -> InputError | None:

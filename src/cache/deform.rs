@@ -9,7 +9,7 @@
 use super::header::Header;
 use super::layers::{interpolated, transform, transform_order, uniform_token};
 use super::names::{ROOT, collider_prim_names};
-use super::shot::{ShotStage, apply, descendant, unbind};
+use super::shot::{LayerKind, ShotStage, apply, descendant, unbind};
 use crate::usd::{Attribute, Layer, Prim, Relationship, Specifier, Value};
 use std::borrow::Cow;
 
@@ -155,7 +155,8 @@ impl DeformHeader {
         guides.attributes.push(uniform_token("purpose", "guide"));
         guides.children.extend(self.spaces.iter().map(|space| self.reference(space, header)));
         root.children.push(guides);
-        Layer { metadata: self.stage.metadata(), sub_layers: Vec::new(), prims: root.children }
+        let metadata = self.stage.metadata(Some(LayerKind::Deform));
+        Layer { metadata, sub_layers: Vec::new(), prims: root.children }
     }
 
     /// The cache, with guides and skins at rest in one space.
@@ -221,6 +222,7 @@ mod tests {
         let skin = ColliderMesh { name: "left arm".into(), ..ColliderMesh::default() };
         let text = text::encode(&deform.layer(&Header { colliders: vec![skin], ..Header::default() }));
         for (line, count) in [
+            ("string \"hairbake\" = \"deform\"", 1),
             ("over \"x\"", 1),
             ("prepend apiSchemas = [\"HoudiniHairDeformAPI\"]", 1),
             ("prepend apiSchemas = [\"HoudiniHairDeformAPI\", \"SkelBindingAPI\"]", 1),

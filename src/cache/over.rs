@@ -10,7 +10,7 @@
 //! Clips beat what weaker layers and references have of an attribute, values and time samples alike.
 
 use super::names::{OVER_CLIP_MANIFEST, clips, over_clip_template};
-use super::shot::{ShotStage, descendant, unbind};
+use super::shot::{LayerKind, ShotStage, descendant, unbind};
 use crate::usd::{Attribute, Layer, Prim, Specifier, Value};
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
@@ -94,7 +94,8 @@ impl OverHeader {
                 prim.attributes.push(accelerations.with_default(Value::Block));
             }
         }
-        Layer { metadata: self.stage.metadata(), sub_layers: Vec::new(), prims: root.children }
+        let metadata = self.stage.metadata(Some(LayerKind::Over));
+        Layer { metadata, sub_layers: Vec::new(), prims: root.children }
     }
 
     /// `hair.over.manifest.usda`.
@@ -117,7 +118,7 @@ impl OverHeader {
             }
             attributes
         });
-        Layer { metadata: self.stage.metadata(), sub_layers: Vec::new(), prims: vec![root] }
+        Layer { metadata: self.stage.metadata(None), sub_layers: Vec::new(), prims: vec![root] }
     }
 
     /// The prims of a frame file.
@@ -183,5 +184,6 @@ mod tests {
             assert_eq!(text.matches(line).count(), count, "{text}");
         }
         assert!(text.contains("string \"primPath\" = \"/over/curves1\""));
+        assert!(text.contains("string \"hairbake\" = \"over\""));
     }
 }

@@ -28,12 +28,35 @@ pub struct ShotStage {
     pub default_prim: Option<String>,
 }
 
+/// What a layer does to the stage below it. Readers of the stage tell such layers by it from the stage's own.
+#[derive(Clone, Copy)]
+pub(super) enum LayerKind {
+    /// It moves curves.
+    Over,
+    /// It lets Houdini deform curves.
+    Deform,
+}
+
+impl LayerKind {
+    /// The entry of `customLayerData` that tells it.
+    fn mark(self) -> (String, Value<'static>) {
+        let kind = match self {
+            LayerKind::Over => "over",
+            LayerKind::Deform => "deform",
+        };
+        ("hairbake".into(), Value::string(kind))
+    }
+}
+
 impl ShotStage {
-    /// Metadata of the stage. A layer of another rate or unit would be scaled in it.
-    pub(super) fn metadata(&self) -> Metadata<'static> {
+    /// Metadata of the stage, in a layer that lies over it if it has a `kind`. A layer of another rate or unit
+    /// would be scaled in it.
+    pub(super) fn metadata(&self, kind: Option<LayerKind>) -> Metadata<'static> {
         let creator = Value::string(concat!("hairbake ", env!("CARGO_PKG_VERSION")));
+        let mut data = vec![("creator".into(), creator)];
+        data.extend(kind.map(LayerKind::mark));
         let mut metadata: Metadata = [
-            ("customLayerData", Value::Dictionary(vec![("creator".into(), creator)])),
+            ("customLayerData", Value::Dictionary(data)),
             ("timeCodesPerSecond", Value::Double(self.time_codes_per_second)),
             ("framesPerSecond", Value::Double(self.frames_per_second)),
         ]
@@ -55,7 +78,7 @@ impl ShotStage {
     /// `hair.shot.usda`, with the layer `over` over the stage.
     pub(super) fn layer(&self, over: &str) -> Layer<'static> {
         let sub_layers = vec![format!("./{over}"), self.path.clone()];
-        Layer { metadata: self.metadata(), sub_layers, prims: Vec::new() }
+        Layer { metadata: self.metadata(None), sub_layers, prims: Vec::new() }
     }
 }
 

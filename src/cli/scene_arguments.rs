@@ -150,7 +150,7 @@ impl SceneArguments {
             let message = "--over is a layer that the bake writes to --output; name the stage below it";
             return Err(Error::Usage(message.into()));
         }
-        let over = over.map(|over| over_target(&over, &groom, &anim, all_frames)).transpose()?;
+        let over = over.map(|over| over_target(&over, &groom, &anim, all_frames, &out)).transpose()?;
         let overwrite = self.overwrite;
         let scene = Scene { groom, anim, groom_file, anim_file, options, set, only, over, out, overwrite };
         scene.check_curves()?;
@@ -300,15 +300,28 @@ fn absolute(path: &Path) -> Result<String> {
     text.ok_or_else(|| Error::Usage(format!("the path {} is not valid Unicode", path.display())))
 }
 
-/// The curves of a stage that a bake of these frames overrides.
+/// The curves of a stage that a bake of these frames into the folder `out` overrides.
 ///
 /// # Errors
 /// As [`import::over_target`] and [`over::check`]; the help of each tells how to do without.
-fn over_target(over: &OverSource, groom: &Groom, anim: &Anim, frames: (i32, i32)) -> Result<OverTarget> {
+/// [`Error::Usage`] for a stage that shows the stage of the bake, which would show itself.
+fn over_target(
+    over: &OverSource,
+    groom: &Groom,
+    anim: &Anim,
+    frames: (i32, i32),
+    out: &Path,
+) -> Result<OverTarget> {
+    let shown = out.join(SHOT);
     let time = groom.source.as_ref().and_then(|source| source.origin.time);
     let offsets: Vec<f64> = anim.settings.offsets().collect();
     let read = || {
         let target = import::over_target(over, time, [frames.0 - 1, frames.1 + 1], &offsets)?;
+        if target.layers.iter().any(|layer| crate::file::is_same(&layer.file, &shown)) {
+            let message =
+                format!("the stage of --over shows {SHOT}, which the bake writes; name the stage below it");
+            return Err(Error::Usage(message));
+        }
         over::check(groom, anim, &target)?;
         Ok(target)
     };

@@ -36,7 +36,7 @@ pub(crate) use json::former_names::former_name;
 pub use load::{check, load, load_anim, load_groom, load_with, schema};
 pub use load_options::{LoadOptions, Override, PathMap};
 pub use origin::{Origin, RestSpace};
-pub use over_target::{OverNormals, OverPrim, OverSource, OverTarget, StageMetadata};
+pub use over_target::{OverKind, OverNormals, OverPrim, OverSource, OverTarget, StageLayer, StageMetadata};
 pub use root_binding::RootBinding;
 
 #[cfg(test)]

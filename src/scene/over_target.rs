@@ -3,6 +3,7 @@
 use super::convention::{Convention, UpAxis};
 use crate::math::basis_curve::CurveType;
 use nalgebra::{Matrix4, Vector3};
+use serde::Deserialize;
 use std::path::PathBuf;
 
 /// Curves of a stage that a bake is to override.
@@ -31,10 +32,33 @@ pub struct OverTarget {
     pub stage: StageMetadata,
     /// The prims, in the order of the stage.
     pub prims: Vec<OverPrim>,
+    /// Its layers. They are no part of the checksum: it does not depend on where files lie.
+    pub layers: Vec<StageLayer>,
     /// The frame of the first moment.
     pub first_frame: i32,
     /// For each moment of a frame, the frames from one matrix of [`OverPrim::to_world`] to the next.
     pub sides: Vec<f64>,
+}
+
+/// A layer of a stage.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct StageLayer {
+    /// Its file.
+    pub file: PathBuf,
+    /// What it does to the stage, if an earlier bake put it over it: the curves are read without.
+    pub kind: Option<OverKind>,
+    /// Paths of those of the prims that it changes, if an earlier bake put it over the stage.
+    pub prims: Vec<String>,
+}
+
+/// What a bake does to the curves of a stage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OverKind {
+    /// Moves them.
+    Over,
+    /// Lets Houdini deform them.
+    Deform,
 }
 
 /// Metadata of a stage that a layer over it repeats.

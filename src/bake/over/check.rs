@@ -6,7 +6,7 @@ use super::motion::linear;
 use super::source::{Fits, Set, owners, ranges, rest_controls};
 use crate::error::{Diagnostic, Error, Result};
 use crate::scene::anim::{OutputCurves, Settings};
-use crate::scene::{Anim, Groom, OverPrim, OverTarget, SourceCurves, SourcePrim};
+use crate::scene::{Anim, Groom, OverKind, OverPrim, OverTarget, SourceCurves, SourcePrim, StageLayer};
 use nalgebra::Matrix4;
 use std::path::Path;
 
@@ -39,6 +39,7 @@ pub fn check(groom: &Groom, anim: &Anim, target: &OverTarget) -> Result<()> {
             "import the track from this stage",
         ));
     }
+    found.extend(doubled(groom, anim, target));
     let matched = if is_deformed(groom, &anim.settings, target) {
         deformed(groom, anim, target).map(|(source, prims)| (source, prims.iter().map(|p| p.of).collect()))
     } else {
@@ -74,6 +75,28 @@ fn left_out(settings: &Settings) -> Option<&'static str> {
         OutputCurves::Steps => Some("--curves"),
         _ => None,
     }
+}
+
+/// The errors of layers of earlier bakes that would move curves besides this one: the curves are read without
+/// them, but shown with them.
+fn doubled(groom: &Groom, anim: &Anim, target: &OverTarget) -> Vec<Diagnostic> {
+    let deforms = is_deformed(groom, &anim.settings, target);
+    let doubled = |layer: &StageLayer| {
+        let (path, file) = (layer.prims.first()?, layer.file.display());
+        let message = match layer.kind? {
+            OverKind::Over if deforms => "holds the motion of a bake for these curves as well",
+            OverKind::Deform if !deforms => "lets Houdini deform these curves as well",
+            _ => return None,
+        };
+        Some(Diagnostic::new(
+            &target.file,
+            path,
+            format!("{file} {message}"),
+            "one bake that moves the curves",
+            format!("take {file} out of the sublayers of the stage"),
+        ))
+    };
+    target.layers.iter().filter_map(doubled).collect()
 }
 
 /// The error of a prim that the stage shows in another size than it was imported in: a unit is wrong.

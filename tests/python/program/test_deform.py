@@ -284,6 +284,33 @@ def test_a_layer_of_an_earlier_bake_is_not_read_and_stages_write_the_same_bytes(
     assert not (again / "hair.deform.usda").exists() and not (again / "hair.shot.usda").exists()
 
 
+@pytest.mark.parametrize(
+    ("earlier", "options", "layer"),
+    [(GUIDES_ALONE, (), "hair.deform.usda"), ((), GUIDES_ALONE, "hair.over.usda")],
+)
+def test_curves_that_another_bake_would_move_as_well_are_refused(
+    shot: Shot, earlier: tuple[str, ...], options: tuple[str, ...], layer: str
+) -> None:
+    files, out, again = scene(shot), shot.folder / "out", shot.folder / "again"
+    shot.run(*files, "-o", out, *QUICK, *earlier)
+    shot.edit(shot.shot, lambda stage: stage.GetRootLayer().subLayerPaths.append(f"./out/{layer}"))
+    done = shot.hairbake(*files, "-o", again, *QUICK, *options)
+    assert done.returncode == 65 and not again.exists(), done.stderr
+    assert f"take {out / layer} out of the sublayers" in unwrapped(done.stderr), done.stderr
+    # It may be for another character.
+    other = shot.folder / "other.usda"
+    other.write_text(f'#usda 1.0\n(subLayers = [@./out/{layer}@])\ndef Xform "world"\n{{\n}}\n')
+    shot.edit(shot.shot, lambda stage: stage.GetRootLayer().subLayerPaths.clear())
+
+    def another(stage: Usd.Stage) -> None:
+        stage.DefinePrim("/other").GetReferences().AddReference("./other.usda", "/world")
+
+    shot.edit(shot.shot, another)
+    shot.run(*files, "-o", again, *QUICK, *options)
+    report = validate(again)
+    assert report.passed, report.as_text()
+
+
 def test_heads_without_a_mesh_are_refused(hairbake: Run, tmp_path: Path) -> None:
     shot = Shot(tmp_path, hairbake)
     groom, anim = shot.imported()

@@ -8,11 +8,16 @@ import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom, UsdSkel, Vt
 
+from hairbake_usd import goal
 from hairbake_usd.exchange import FloatArray
+from hairbake_usd.mesh import Times
+from hairbake_usd.stage import open_below_bakes
+from hairbake_validate.geometry import transformed
 from hairbake_validate.report import Report
 from hairbake_validate.run import validate
 from program.over_shot import FIRST, FRAMES, HAIR, LAST, POINTS, QUICK, STRANDS, Shot
 from support import Run, unwrapped
+from usd_import.stages import new_stage
 
 pytestmark = pytest.mark.slow
 TYPES = [
@@ -220,6 +225,33 @@ def test_what_an_earlier_bake_put_over_the_shot_is_not_read(hairbake: Run, tmp_p
     passed(second)
 
 
+def test_a_finished_cache_is_part_of_the_shot(hairbake: Run, tmp_path: Path) -> None:
+    shot = Shot(tmp_path, hairbake)
+    scene = shot.imported()
+    shot.run(*scene, "-o", tmp_path / "plain", *QUICK, "--no-over")
+
+    def show(stage: Usd.Stage) -> None:
+        stage.DefinePrim("/world/plain").GetReferences().AddReference("./plain/hair.usda")
+
+    shot.edit(shot.shot, show)
+    stage = open_below_bakes(str(shot.shot))
+    assert stage.GetPrimAtPath("/world/plain/hair").IsA(UsdGeom.BasisCurves)
+    shot.run(*scene, "-o", tmp_path / "out", *QUICK)
+    passed(tmp_path / "out")
+
+
+def test_goals_are_read_as_an_earlier_bake_moves_them(hairbake: Run, tmp_path: Path) -> None:
+    shot = Shot(tmp_path, hairbake, "linear", "nonperiodic")
+    out, times = shot.baked(), Times(FIRST, 1, LAST - FIRST + 1)
+    carried, moved = (goal.read(str(path), HAIR, times) for path in (shot.shot, out / "hair.shot.usda"))
+    assert (carried[0]["moving"], moved[0]["moving"]) == (False, True)
+    _stage, found = composed(out)
+    place = found.ComputeLocalToWorldTransform(LAST)
+    expected = transformed(values(found.GetPointsAttr(), LAST), np.array(place))
+    assert np.array_equal(moved[1]["points"][1][-1], expected)
+    assert np.abs(carried[1]["points"][1][-1] - expected).max() > 1
+
+
 def test_layers_of_the_bake_are_no_stage_to_put_it_over(hairbake: Run, tmp_path: Path) -> None:
     shot = Shot(tmp_path, hairbake)
     out = shot.baked()
@@ -231,6 +263,12 @@ def test_layers_of_the_bake_are_no_stage_to_put_it_over(hairbake: Run, tmp_path:
         assert done.returncode == 64 and "name the stage below it" in unwrapped(done.stderr), done.stderr
         anim["over"]["file"] = "out/hair.shot.usda"
         (tmp_path / "anim.json").write_text(json.dumps(anim))
+    # A stage that shows it would show itself.
+    edit = new_stage(tmp_path / "edit.usda", 0.01, "Z")
+    edit.GetRootLayer().subLayerPaths.append("./out/hair.shot.usda")
+    edit.Save()
+    done = hairbake(*scene, "--over", f"{tmp_path}/edit.usda:{HAIR}")
+    assert done.returncode == 64 and "name the stage below it" in unwrapped(done.stderr), done.stderr
     assert (out / "hair.shot.usda").read_bytes() == before
 
 

@@ -3,7 +3,7 @@
 use crate::import::plain::Declared;
 use crate::import::source::Source;
 use crate::python::{Package, python_package};
-use crate::scene::UpAxis;
+use crate::scene::{StageLayer, UpAxis};
 use crate::{Diagnostic, Error, Result};
 use nalgebra::{Matrix4, Vector3};
 use serde::Deserialize;
@@ -31,6 +31,11 @@ const PACKAGE: Package = python_package!(
         "stage.py"
     ]
 );
+
+/// File of the header.
+const HEADER: &str = "header.json";
+/// File of the layers that were read.
+const LAYERS: &str = "layers.json";
 
 /// Exit code of the package for errors in the file.
 const BAD_INPUT: i32 = 2;
@@ -117,6 +122,8 @@ fn offset(file: &Path, line: usize, column: usize) -> Option<usize> {
 /// The result of one read.
 pub(super) struct Exchange<T> {
     pub(super) header: Header<T>,
+    /// Layers that were read.
+    pub(super) layers: Vec<StageLayer>,
     /// The header as the package wrote it.
     text: Vec<u8>,
     data: Vec<u8>,
@@ -145,11 +152,12 @@ impl<T: DeserializeOwned> Exchange<T> {
             Some(0) => {
                 let data = folder.path().join("data.bin");
                 let data = crate::file::read_file(&data).map_err(|e| Error::io(&data, e))?;
-                let text = header_text(folder.path())?;
-                Ok(Exchange { header: parse_header(&text)?, text, data })
+                let [text, layers] = [HEADER, LAYERS].map(|name| json_text(folder.path(), name));
+                let (text, layers) = (text?, parse(&layers?)?);
+                Ok(Exchange { header: parse(&text)?, layers, text, data })
             }
             Some(BAD_INPUT) => {
-                let Failure { errors } = parse_header(&header_text(folder.path())?)?;
+                let Failure { errors } = parse(&json_text(folder.path(), HEADER)?)?;
                 Err(Error::BadInput(errors.into_iter().map(|error| error.diagnostic(path)).collect()))
             }
             _ => Err(crash(path, &output)),
@@ -202,14 +210,14 @@ pub(super) fn matrices(numbers: &[f64]) -> Vec<Matrix4<f64>> {
     numbers.as_chunks::<16>().0.iter().map(|rows| Matrix4::from_row_slice(rows)).collect()
 }
 
-fn header_text(folder: &Path) -> Result<Vec<u8>> {
-    let path = folder.join("header.json");
+fn json_text(folder: &Path, name: &str) -> Result<Vec<u8>> {
+    let path = folder.join(name);
     crate::file::read_file(&path).map_err(|e| Error::io(&path, e))
 }
 
-fn parse_header<H: DeserializeOwned>(text: &[u8]) -> Result<H> {
+fn parse<H: DeserializeOwned>(text: &[u8]) -> Result<H> {
     serde_json::from_slice(text)
-        .map_err(|e| Error::Internal(format!("the USD reader wrote an invalid header: {e}")))
+        .map_err(|e| Error::Internal(format!("the USD reader wrote invalid JSON: {e}")))
 }
 
 fn crash(path: &Path, output: &Output) -> Error {

@@ -48,7 +48,8 @@ pub(crate) fn read(
     let offsets_text: Vec<String> = offsets.iter().map(f64::to_string).collect();
     let mut options = vec![format!("--moments={first},{frames},{}", offsets_text.join(","))];
     options.extend((!prims.is_empty()).then(|| format!("--prims={}", prims.join(","))));
-    let read = Exchange::<Header>::read("over", source, &options)?;
+    let mut read = Exchange::<Header>::read("over", source, &options)?;
+    let layers = std::mem::take(&mut read.layers);
     let sha256 = read.sha256();
     let mut vertices = required(read.u32s("controls"), "controls")?.into_iter();
     let mut points = exchange::points(&required(read.f64s("points"), "points")?).into_iter();
@@ -100,6 +101,7 @@ pub(crate) fn read(
             default_prim,
         },
         prims: prims.into_iter().map(prim).collect(),
+        layers,
         first_frame: first,
         sides,
     })
