@@ -1,21 +1,22 @@
 """Checks of the layer by which Houdini deforms curves of another stage by the guides of the cache."""
 
 from collections.abc import Callable, Iterator
-from functools import lru_cache
 
 import numpy as np
-from pxr import UsdGeom
+from pxr import Sdf, UsdGeom
 
 from . import tolerances
-from .cache import TRANSFORM, Cache, CacheError, Curves, Mesh, array, read_value
+from .cache import TRANSFORM, Cache, Curves, Mesh, array, read_value
 from .checks_over import Changes, composed, untouched
 from .checks_placement import MAX_ROOTS, distances
-from .deforms import LISTS, PREFIX, SCHEMA, SHAPES, WEIGHTS, DeformPrim, Deforms
+from .deforms import LISTS, PREFIX, SCHEMA, SHAPES, WEIGHTS, DeformPrim, Deforms, deforms_of
 from .geometry import FloatArray, norms, spacing, transformed
-from .overs import GUIDES_ROOT, MOVING, SKELETON, SKELETON_SCHEMA, deformed, stage_to_metres
+from .overs import GUIDES_ROOT, SKELETON, SKELETON_SCHEMA, deformed, opened, stage_to_metres
 from .report import Check, Finding
 
 TARGETS = ("deformerPrim", "skinPrim")
+BLOCKED = ("velocities", "accelerations")
+"""What the layer removes: it is of another motion."""
 
 DEFORM_STAGE = Check(
     "deform_stage",
@@ -58,41 +59,18 @@ DEFORM_MOTION = Check(
 )
 
 
-@lru_cache(maxsize=1)
-def opened(cache: Cache) -> Deforms | CacheError | None:
-    """The layer of a cache; None if it has none; the error if it cannot be opened."""
-    if not cache.record.get("deform"):
-        return None
-    try:
-        return Deforms(cache)
-    except CacheError as error:
-        return error
-    except (KeyError, TypeError, ValueError) as error:
-        return CacheError(f'manifest.json: "deform" is not as docs/cache.md describes it: {error!r}')
-
-
-def deforms_of(cache: Cache) -> Deforms | None:
-    """The layer of a cache, if it has one that can be opened."""
-    found = opened(cache)
-    return found if isinstance(found, Deforms) else None
-
-
-def deforms_nothing(cache: Cache) -> set[Check]:
+def not_applicable(cache: Cache) -> set[Check]:
     """The checks of the layer that have nothing to look at in a cache."""
-    found = opened(cache)
+    found = opened(cache, Deforms)
     if found is None:
         return set(DEFORM)
-    weighted = isinstance(found, CacheError) or any(prim.method == WEIGHTS for prim in found.prims)
-    return set() if weighted else {DEFORM_WEIGHTS}
+    by_shapes = isinstance(found, Deforms) and all(prim.method != WEIGHTS for prim in found.prims)
+    return {DEFORM_WEIGHTS} if by_shapes else set()
 
 
 def deform_stage(cache: Cache) -> Iterator[Finding]:
     """Checks that the stage composes."""
-    found = opened(cache)
-    if isinstance(found, CacheError):
-        yield Finding(DEFORM_STAGE, message=str(found))
-    if isinstance(found, Deforms):
-        yield from composed(DEFORM_STAGE, found)
+    yield from composed(DEFORM_STAGE, opened(cache, Deforms))
 
 
 def deform_untouched(cache: Cache) -> Iterator[Finding]:
@@ -100,8 +78,12 @@ def deform_untouched(cache: Cache) -> Iterator[Finding]:
     found = deforms_of(cache)
     if found is None:
         return
+    for path in (f"{prim.path}.{name}" for prim in found.prims for name in BLOCKED):
+        spec = found.layer.GetAttributeAtPath(path)
+        if spec and not (isinstance(spec.default, Sdf.ValueBlock) and not spec.HasInfo("timeSamples")):
+            yield Finding(DEFORM_UNTOUCHED, message=f"{found.name} has values of {path}")
     settings = {PREFIX + name for name in (*TARGETS, "deformmethod", "gsisearchradius")}
-    allowed = Changes({*MOVING, SKELETON, *LISTS, *settings}, {SCHEMA, SKELETON_SCHEMA})
+    allowed = Changes({"points", *BLOCKED, SKELETON, *LISTS, *settings}, {SCHEMA, SKELETON_SCHEMA})
     curves = {prim.path for prim in found.prims}
     yield from untouched(DEFORM_UNTOUCHED, found, curves, allowed, f"/{GUIDES_ROOT}")
 
@@ -142,7 +124,7 @@ def deform_targets(cache: Cache) -> Iterator[Finding]:
             yield Finding(DEFORM_TARGETS, message=message, prim=prim.path)
 
 
-def sound(cache: Cache) -> Iterator[tuple[Deforms, DeformPrim]]:
+def deformable(cache: Cache) -> Iterator[tuple[Deforms, DeformPrim]]:
     """The prims that Houdini can deform."""
     found = deforms_of(cache)
     for prim in found.prims if found else []:
@@ -162,7 +144,7 @@ def cache_rest(cache: Cache, path: str) -> FloatArray | None:
 
 def deform_rest(cache: Cache) -> Iterator[Finding]:
     """Compares what is at rest with the cache, and what the stage shows of the curves with their rest."""
-    for found, prim in sound(cache):
+    for found, prim in deformable(cache):
         for path in deformed(found.shot, [prim.path]):
             yield Finding(DEFORM_REST, message="a skeleton or blend shapes move its points", prim=path)
         scale = float(np.linalg.norm(prim.to_rest[:3, :3], axis=1).max())
@@ -189,7 +171,7 @@ def deform_rest(cache: Cache) -> Iterator[Finding]:
 
 def deform_roots(cache: Cache) -> Iterator[Finding]:
     """Measures how far most roots are off the skin at rest, which carries them with its nearest place."""
-    for found, prim in sound(cache):
+    for found, prim in deformable(cache):
         mesh = next((mesh for mesh in cache.colliders if mesh.path == prim.in_cache(prim.skin)), None)
         if mesh is None or not mesh.consistent:
             continue
@@ -214,7 +196,7 @@ def deform_roots(cache: Cache) -> Iterator[Finding]:
 
 def deform_weights(cache: Cache) -> Iterator[Finding]:
     """Checks the guides of each curve, and their weights."""
-    for found, prim in sound(cache):
+    for found, prim in deformable(cache):
         if prim.method == WEIGHTS:
             for message in weight_faults(found, prim):
                 yield Finding(DEFORM_WEIGHTS, message=message, prim=prim.path)
@@ -242,7 +224,7 @@ def weight_faults(found: Deforms, prim: DeformPrim) -> Iterator[str]:
 def deform_motion(cache: Cache) -> Iterator[Finding]:
     """Compares guides and skins in the world with the files of frames."""
     to_world = stage_to_metres(cache.stage)
-    for found, prim in sound(cache):
+    for found, prim in deformable(cache):
         for frame in (cache.first, (cache.first + cache.last) // 2, cache.last):
             for path in (prim.guides, prim.skin):
                 expected = in_cache_world(cache, prim.in_cache(path), frame)

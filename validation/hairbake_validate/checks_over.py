@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,8 @@ from .overs import (
     Run,
     ShotStage,
     deformed,
+    opened,
+    overs_of,
     stage_to_metres,
 )
 from .report import Check, Finding
@@ -90,31 +91,12 @@ OVER_VELOCITIES = Check(
 )
 
 
-@lru_cache(maxsize=1)
-def opened(cache: Cache) -> Overs | CacheError | None:
-    """The overs of a cache; None without over mode; the error if they cannot be opened."""
-    if not cache.record.get("over"):
-        return None
-    try:
-        return Overs(cache)
-    except CacheError as error:
-        return error
-    except (KeyError, TypeError, ValueError) as error:
-        return CacheError(f'manifest.json: "over" is not as docs/cache.md describes it: {error!r}')
-
-
-def overs_of(cache: Cache) -> Overs | None:
-    """The overs of a cache, if it has any that can be opened."""
-    found = opened(cache)
-    return found if isinstance(found, Overs) else None
-
-
 def not_applicable(cache: Cache) -> set[Check]:
     """The checks of over mode that have nothing to look at in a cache.
 
     By how much curves were lengthened is not in the cache, so that the rest of such curves is not compared.
     """
-    overs = opened(cache)
+    overs = opened(cache, Overs)
     if overs is None:
         return {*OVER, *OVER_FRAME}
     lengthened = isinstance(overs, Overs) and all(over.lengthened for over in overs.prims)
@@ -123,16 +105,15 @@ def not_applicable(cache: Cache) -> set[Check]:
 
 def over_stage(cache: Cache) -> Iterator[Finding]:
     """Checks that the stage composes. A sublayer of another unit or rate would be scaled, or not."""
-    found = opened(cache)
-    if isinstance(found, CacheError):
-        yield Finding(OVER_STAGE, message=str(found))
-    if not isinstance(found, Overs):
-        return
-    yield from composed(OVER_STAGE, found)
+    yield from composed(OVER_STAGE, opened(cache, Overs))
 
 
-def composed(check: Check, stages: ShotStage) -> Iterator[Finding]:
+def composed(check: Check, stages: ShotStage | CacheError | None) -> Iterator[Finding]:
     """Faults of the layer of a bake over a stage, and of the stage with it."""
+    if isinstance(stages, CacheError):
+        yield Finding(check, message=str(stages))
+    if not isinstance(stages, ShotStage):
+        return
     layers = stages.shot.GetRootLayer().subLayerPaths
     if list(layers)[:1] != [f"./{stages.name}"]:
         message = f"{SHOT_LAYER} has the sublayers {list(layers)}, expected {stages.name} first"

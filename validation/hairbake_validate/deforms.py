@@ -9,9 +9,8 @@ from pxr import Sdf, Usd, UsdGeom
 
 from .cache import GROOM, Cache, array
 from .geometry import Array, FloatArray, IntArray, transformed
-from .overs import GUIDES_ROOT, ShotStage, rest_time
+from .overs import GUIDES_ROOT, ShotStage, opened, rest_time
 
-DEFORM_LAYER = "hair.deform.usda"
 SCHEMA = "HoudiniHairDeformAPI"
 PREFIX = "houdini:hairdeform:"
 WEIGHTS, SHAPES = "guideweights", "guideshapeinterpolation"
@@ -52,13 +51,15 @@ class DeformPrim:
 class Deforms(ShotStage):
     """The layer beside a cache, and the stage that it is for."""
 
+    kind, name = "deform", "hair.deform.usda"
+
     def __init__(self, cache: Cache) -> None:
         """Opens the composed stage and the one below it.
 
         Raises:
             CacheError: They cannot be opened, or do not have the curves that manifest.json lists.
         """
-        super().__init__(cache, DEFORM_LAYER, "deform")
+        super().__init__(cache)
         self.prims = [read_prim(prim, entry) for prim, entry in self.entries()]
 
     def value(self, path: str, name: str, time: float | None = None) -> Any:
@@ -81,6 +82,12 @@ class Deforms(ShotStage):
         points = array(self.value(path, "points", frame), np.float64, 2).reshape(-1, 3)
         place = UsdGeom.Imageable(self.shot.GetPrimAtPath(path)).ComputeLocalToWorldTransform(frame)
         return transformed(points, np.array(place) @ self.to_metres)
+
+
+def deforms_of(cache: Cache) -> Deforms | None:
+    """The layer of a cache, if it has one that can be opened."""
+    found = opened(cache, Deforms)
+    return found if isinstance(found, Deforms) else None
 
 
 def read_prim(prim: Usd.Prim, entry: dict[str, Any]) -> DeformPrim:

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import cached_property, lru_cache
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -12,7 +12,6 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdSkel
 from .cache import SHOT_LAYER, Cache, CacheError, FrameFile, array, read_layer
 from .geometry import FloatArray, IntArray
 
-OVER_LAYER = "hair.over.usda"
 OVER_MANIFEST = "hair.over.manifest.usda"
 CLIP_SET = "hairbake"
 GUIDES_ROOT = "hairbake_guides"
@@ -102,25 +101,30 @@ class ShotStage:
     What other bakes put over the stage is left out of both: it may be for other characters.
     """
 
-    def __init__(self, cache: Cache, name: str, kind: str) -> None:
-        """Opens both stages, and the layer `name`, of the kind that its mark tells.
+    kind: ClassVar[str]
+    """Mark of the layer, and what manifest.json calls it."""
+    name: ClassVar[str]
+    """File name of the layer."""
+
+    def __init__(self, cache: Cache) -> None:
+        """Opens both stages, and the layer.
 
         Raises:
             CacheError: They cannot be opened.
         """
-        self.cache, self.name, self.record = cache, name, cache.record[kind]
+        self.cache, self.record = cache, cache.record[self.kind]
         shot = cache.directory / SHOT_LAYER
         try:
-            self.layer = Sdf.Layer.FindOrOpen(str(cache.directory / name))
+            self.layer = Sdf.Layer.FindOrOpen(str(cache.directory / self.name))
             self.shot = Usd.Stage.Open(str(shot))
-            below = [path for path in self.shot.GetRootLayer().subLayerPaths if path != f"./{name}"]
+            below = [path for path in self.shot.GetRootLayer().subLayerPaths if path != f"./{self.name}"]
             self.stage_path = self.shot.GetRootLayer().ComputeAbsolutePath(below[0]) if below else ""
             self.original = Usd.Stage.Open(self.stage_path)
         except Tf.ErrorException as error:
             raise CacheError(f"{shot}: {error.args[0].commentary if error.args else error}") from error
         if not self.layer:
-            raise CacheError(f"{name}: no such file")
-        self.others = sorted(self._doubled(kind))
+            raise CacheError(f"{self.name}: no such file")
+        self.others = sorted(self._doubled())
         """Layers of the other kind over the same curves."""
         for stage, own in ((self.shot, self.layer), (self.original, None)):
             used = stage.GetUsedLayers(False)
@@ -128,10 +132,10 @@ class ShotStage:
             stage.MuteAndUnmuteLayers(baked, [])
         self.to_metres = to_metres(self.record["metres_per_unit"], self.record["up_axis"])
 
-    def _doubled(self, kind: str) -> set[str]:
+    def _doubled(self) -> set[str]:
         prims = (self.shot.GetPrimAtPath(entry["path"]) for entry in self.record["prims"])
         layers = [spec.layer for prim in prims if prim for spec in prim.GetPrimStack()]
-        return {layer.identifier for layer in layers if baked_kind(layer) not in (None, kind)}
+        return {layer.identifier for layer in layers if baked_kind(layer) not in (None, self.kind)}
 
     def entries(self) -> Iterator[tuple[Usd.Prim, dict[str, Any]]]:
         """The curves that manifest.json lists, in the stage below, and what it holds of each.
@@ -149,13 +153,15 @@ class ShotStage:
 class Overs(ShotStage):
     """The layers of over mode beside a cache, and the stage that they are for."""
 
+    kind, name = "over", "hair.over.usda"
+
     def __init__(self, cache: Cache) -> None:
         """Opens the composed stage and the one below it.
 
         Raises:
             CacheError: They cannot be opened, or do not have the curves that manifest.json lists.
         """
-        super().__init__(cache, OVER_LAYER, "over")
+        super().__init__(cache)
         self.frame_paths = {
             frame: cache.directory / f"hair.over.{str(frame).rjust(4, '0')}.usdc" for frame in cache.frames
         }
@@ -174,6 +180,25 @@ class Overs(ShotStage):
             CacheError: The file is missing or damaged.
         """
         return read_layer(self.frame_paths[frame], frame)
+
+
+@lru_cache(maxsize=2)
+def opened(cache: Cache, layers: type[ShotStage]) -> ShotStage | CacheError | None:
+    """The layers of a kind beside a cache; None if it has none; the error if they cannot be opened."""
+    if not cache.record.get(layers.kind):
+        return None
+    try:
+        return layers(cache)
+    except CacheError as error:
+        return error
+    except (KeyError, TypeError, ValueError) as error:
+        return CacheError(f'manifest.json: "{layers.kind}" is not as docs/cache.md describes it: {error!r}')
+
+
+def overs_of(cache: Cache) -> Overs | None:
+    """The overs of a cache, if it has any that can be opened."""
+    found = opened(cache, Overs)
+    return found if isinstance(found, Overs) else None
 
 
 def baked_kind(layer: Sdf.Layer) -> str | None:

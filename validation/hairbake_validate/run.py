@@ -4,21 +4,31 @@ import multiprocessing
 from collections.abc import Container, Iterator
 from pathlib import Path
 
+from . import checks_deform, checks_over
 from .cache import Cache
 from .checks_clips import CLIP_CHECKS
-from .checks_deform import DEFORM, deforms_nothing
+from .checks_deform import DEFORM
 from .checks_files import CHECKSUMS, FILES, checksums
 from .checks_frame import FRAME, FRAMES
 from .checks_goals import GOAL, goal
 from .checks_motion import MOTION
-from .checks_over import OVER, OVER_FRAME, OVER_FRAMES, not_applicable, overs_of
+from .checks_over import OVER, OVER_FRAME, OVER_FRAMES
 from .checks_placement import PLACEMENTS
 from .checks_stage import STAGE
 from .checks_topology import CURVE_DATA
+from .overs import overs_of
 from .report import Check, Finding, Report
 from .window import Reference, Window
 
-STATIC = {**FILES, **STAGE, **CURVE_DATA, **CLIP_CHECKS, **PLACEMENTS, **OVER, **DEFORM}
+STATIC = {
+    **FILES,
+    **STAGE,
+    **CURVE_DATA,
+    **CLIP_CHECKS,
+    **PLACEMENTS,
+    **OVER,
+    **DEFORM,
+}
 """The checks of static data and their functions, without CHECKSUMS."""
 
 MOVING = {**FRAME, **MOTION, **OVER_FRAME}
@@ -63,7 +73,7 @@ def validate(
     """
     cache = Cache(directory)
     report = Report(str(directory), CHECKS)
-    left_out = not_applicable(cache) | deforms_nothing(cache)
+    left_out = checks_over.not_applicable(cache) | checks_deform.not_applicable(cache)
     if only != "moving":
         for check, function in STATIC.items():
             report.ran({check} - left_out)

@@ -55,6 +55,16 @@ def circular_arcs(out: FloatArray, side: FloatArray, bend: FloatArray) -> FloatA
     return arcs
 
 
+def declare(stage: Usd.Stage, metres_per_unit: float, up_axis: str) -> None:
+    """Declares unit, axis, rate and frames of a stage."""
+    UsdGeom.SetStageMetersPerUnit(stage, metres_per_unit)
+    UsdGeom.SetStageUpAxis(stage, up_axis)
+    stage.SetTimeCodesPerSecond(FPS)
+    stage.SetFramesPerSecond(FPS)
+    stage.SetStartTimeCode(FIRST)
+    stage.SetEndTimeCode(LAST)
+
+
 def transform(points: FloatArray, matrix: FloatArray) -> FloatArray:
     """Points under a matrix for row vectors; not the validator's own function, so that it is tested."""
     moved: FloatArray = points @ matrix[:3, :3] + matrix[3, :3]
@@ -273,12 +283,7 @@ class CacheBuilder:
         layer = Sdf.Layer.CreateNew(str(self.path("hair.usda")))
         layer.subLayerPaths = ["./hair.topology.usdc"]
         stage = Usd.Stage.Open(layer)
-        UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-        UsdGeom.SetStageUpAxis(stage, "Y")
-        stage.SetTimeCodesPerSecond(FPS)
-        stage.SetFramesPerSecond(FPS)
-        stage.SetStartTimeCode(FIRST)
-        stage.SetEndTimeCode(LAST)
+        declare(stage, 1.0, "Y")
         layer.defaultPrim = "groom"
         clips = Usd.ClipsAPI(stage.OverridePrim("/groom"))
         clips.SetClipTemplateAssetPath("./hair.####.usdc")

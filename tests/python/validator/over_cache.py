@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
 
 from hairbake_validate.geometry import Array, FloatArray
 from validator.good_cache import (
@@ -19,6 +19,7 @@ from validator.good_cache import (
     SAMPLES,
     SHUTTER,
     CacheBuilder,
+    declare,
     rest_points,
     transform,
 )
@@ -83,12 +84,7 @@ def put_over(stage: Path, kind: str, curves: str) -> None:
 def write_stage(path: Path) -> None:
     """Writes a stage with the curves of the good cache, cm, Z up, in a shot that turns and moves them."""
     stage = Usd.Stage.CreateNew(str(path))
-    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
-    UsdGeom.SetStageUpAxis(stage, "Z")
-    stage.SetTimeCodesPerSecond(FPS)
-    stage.SetFramesPerSecond(FPS)
-    stage.SetStartTimeCode(FIRST)
-    stage.SetEndTimeCode(LAST)
+    declare(stage, 0.01, "Z")
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/world").GetPrim())
     op = UsdGeom.Xform.Define(stage, "/world/hero").AddTransformOp()
     # Between the frames as well, so that it turns smoothly for the moments of the shutter.
@@ -114,6 +110,21 @@ def write_stage(path: Path) -> None:
     for bound, name in ((CURVES_PATH, "brown"), (f"{CURVES_PATH}/fringe", "red")):
         material = UsdShade.Material.Get(stage, f"/world/look/{name}")
         UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(bound)).Bind(material)
+    stage.Save()
+
+
+def bind_curves(path: Path, at: str = CURVES_PATH) -> None:
+    """Adds a skeleton to a stage, which deforms the curves by a binding of the prim `at` or above them."""
+    stage = Usd.Stage.Open(str(path))
+    UsdSkel.Root.Define(stage, "/world/hero/groom")
+    skeleton = UsdSkel.Skeleton.Define(stage, "/world/hero/groom/rig")
+    skeleton.CreateJointsAttr(["head"])
+    skeleton.CreateBindTransformsAttr([Gf.Matrix4d()])
+    skeleton.CreateRestTransformsAttr([Gf.Matrix4d()])
+    UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath(at)).CreateSkeletonRel().SetTargets([skeleton.GetPath()])
+    binding = UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath(CURVES_PATH))
+    binding.CreateJointIndicesPrimvar(True, 1).Set([0])
+    binding.CreateJointWeightsPrimvar(True, 1).Set([1.0])
     stage.Save()
 
 

@@ -4,14 +4,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from hairbake_validate.checks_deform import DEFORM
 from hairbake_validate.run import validate
 from validator.defects import failed
 from validator.deform_cache import GUIDES_PATH, PREFIX, ROOT, SKIN_PATH, DeformCache
 from validator.good_cache import CURVES, FIRST, POINTS, CacheBuilder
-from validator.over_cache import CURVES_PATH, put_over
+from validator.over_cache import CURVES_PATH, bind_curves, put_over
 
 Defect = Callable[[DeformCache], object]
 KINDS = Sdf.ValueTypeNames
@@ -58,6 +58,12 @@ def unit_of_another_layer(deform: DeformCache) -> None:
 
 def widths_changed(prim: Usd.Prim) -> None:
     prim.CreateAttribute("widths", KINDS.FloatArray).Set([0.02])
+
+
+def moves(name: str) -> Callable[[Usd.Prim], object]:
+    """The layer holds vectors, as layers do that move the curves."""
+    kind = KINDS.Float3Array if name == "extent" else KINDS.Vector3fArray
+    return lambda prim: prim.CreateAttribute(name, kind, False).Set([(0.0, 0.0, 1.0)])
 
 
 def schema_of_others(prim: Usd.Prim) -> None:
@@ -110,21 +116,9 @@ def animated(deform: DeformCache) -> None:
     deform.on_stage(edit)
 
 
-def bound(deform: DeformCache) -> None:
+def bound_again(deform: DeformCache) -> None:
     """The stage has a skeleton, from which the layer does not unbind the curves."""
-
-    def edit(stage: Usd.Stage) -> None:
-        UsdSkel.Root.Define(stage, "/world/hero/groom")
-        skeleton = UsdSkel.Skeleton.Define(stage, "/world/hero/groom/rig")
-        skeleton.CreateJointsAttr(["head"])
-        skeleton.CreateBindTransformsAttr([Gf.Matrix4d()])
-        skeleton.CreateRestTransformsAttr([Gf.Matrix4d()])
-        binding = UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath(CURVES_PATH))
-        binding.CreateSkeletonRel().SetTargets([skeleton.GetPath()])
-        binding.CreateJointIndicesPrimvar(True, 1).Set([0])
-        binding.CreateJointWeightsPrimvar(True, 1).Set([1.0])
-
-    deform.on_stage(edit)
+    bind_curves(deform.stage)
 
 
 def placed_elsewhere(deform: DeformCache) -> None:
@@ -179,6 +173,7 @@ DEFECTS: list[tuple[str, Defect]] = [
     ("deform_stage", unit_of_another_layer),
     ("deform_stage", motion_of_another_bake),
     *(("deform_untouched", on_curves(change)) for change in (widths_changed, schema_of_others, prim_added)),
+    *(("deform_untouched", on_curves(moves(name))) for name in ("velocities", "extent", "normals")),
     *(
         ("deform_targets", on_curves(change))
         for change in (schema_removed, another_method, guides_of_another_type, no_skin)
@@ -188,7 +183,7 @@ DEFECTS: list[tuple[str, Defect]] = [
     ("deform_rest", edit_rest(GUIDES_PATH, one_moved)),
     ("deform_rest", edit_rest(SKIN_PATH, one_moved)),
     ("deform_rest", animated),
-    ("deform_rest", bound),
+    ("deform_rest", bound_again),
     ("deform_roots", placed_elsewhere),
     ("deform_weights", edit_list("guides", replaced(3))),
     ("deform_weights", edit_list("guides", replaced(-1))),

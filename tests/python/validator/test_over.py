@@ -4,13 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
+from pxr import Sdf, Usd, UsdGeom, Vt
 
 from hairbake_validate.checks_over import OVER, OVER_FRAME
 from hairbake_validate.run import validate
 from validator.defects import MIDDLE, failed
 from validator.good_cache import FIRST, POINTS, CacheBuilder
-from validator.over_cache import CURVES_PATH, OverCache, put_over
+from validator.over_cache import CURVES_PATH, OverCache, bind_curves, put_over
 
 Defect = Callable[[OverCache], object]
 
@@ -104,19 +104,7 @@ def schema_added(prim: Usd.Prim) -> None:
 
 def bound_again(over: OverCache) -> None:
     """The stage has a skeleton, from which the overs do not unbind the curves."""
-    stage = Usd.Stage.Open(str(over.stage))
-    UsdSkel.Root.Define(stage, "/world/hero/groom")
-    skeleton = UsdSkel.Skeleton.Define(stage, "/world/hero/groom/rig")
-    skeleton.CreateJointsAttr(["head"])
-    skeleton.CreateBindTransformsAttr([Gf.Matrix4d()])
-    skeleton.CreateRestTransformsAttr([Gf.Matrix4d()])
-    UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath("/world/hero/groom")).CreateSkeletonRel().SetTargets(
-        [skeleton.GetPath()]
-    )
-    binding = UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath(CURVES_PATH))
-    binding.CreateJointIndicesPrimvar(True, 1).Set([0])
-    binding.CreateJointWeightsPrimvar(True, 1).Set([1.0])
-    stage.Save()
+    bind_curves(over.stage, "/world/hero/groom")
 
 
 def samples_over_clips(over: OverCache) -> None:
@@ -263,7 +251,7 @@ def test_an_unbound_skeleton_passes(over: OverCache) -> None:
     assert not failed(report), report.as_text()
 
 
-def test_a_quick_run_finds_missing_files(over: OverCache) -> None:
+def test_a_run_of_other_frames_finds_missing_files(over: OverCache) -> None:
     over.frame(MIDDLE).unlink()
     report = validate(over.cache.directory, frames=[FIRST])
     assert failed(report) == {"over_frames"}, report.as_text()
