@@ -24,6 +24,8 @@ pub(in crate::dynamics) struct BodyContact<'a> {
     pub motions: &'a [BodyMotion],
     /// Clearance from body b at both ends of segment k of the contact polyline, at `b * segments + k`, m.
     pub clearance: &'a [[f64; 2]],
+    /// True while clearances from bodies that the groom is drawn in still rise, slowly enough for the tip.
+    pub pushed_out: bool,
     /// Contact polyline at the start of the step
     /// ([`with_midpoints`](crate::dynamics::contact_polyline::with_midpoints)), world, m.
     pub x0: &'a [Vector3<f64>],

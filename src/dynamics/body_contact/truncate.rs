@@ -5,12 +5,12 @@ use super::scratch::BodyContactScratch;
 use crate::contact::{Contact, ContactCache};
 use crate::rod::newton::Solver;
 
-/// Largest ratio of the displacement of a strand's point to that of its root on a turning head.
-const MAX_CARRY_RATIO: f64 = 3.0;
-
 /// Speed that closing bodies may give to a wedged strand, m/s: a few times the push-out speed, for the tip
 /// has the longer arm.
 const MAX_WEDGE_SPEED: f64 = 1.0;
+
+/// Largest ratio of the displacement of a strand's point to that of its root on a turning head.
+const MAX_CARRY_RATIO: f64 = 3.0;
 
 impl BodyContact<'_> {
     /// True if no point is faster than all of [`MAX_WEDGE_SPEED`], the fastest point at the start with

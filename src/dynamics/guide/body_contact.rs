@@ -93,7 +93,9 @@ impl GuideModel {
             start: (env.body)(b, t0),
             end: (env.body)(b, t1),
         }));
-        state.clearance.at((env.push_out)(t1), &mut inputs.clearance);
+        let push_out = (env.push_out)(t1);
+        inputs.pushed_out = push_out < 1.0;
+        state.clearance.at(push_out, &mut inputs.clearance);
         inputs.pinched = state.pinched
             && Pinch {
                 bodies: &env.bodies,
@@ -131,6 +133,7 @@ impl GuideModel {
             bodies: &env.bodies,
             motions: &inputs.motions,
             clearance: &inputs.clearance,
+            pushed_out: inputs.pushed_out,
             x0: &inputs.polyline,
             fastest,
             ties: &inputs.ties,

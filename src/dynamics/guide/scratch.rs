@@ -41,6 +41,8 @@ pub(super) struct ContactInputs {
     pub pinched: bool,
     /// Contact polyline at the start of the step, m, world.
     pub polyline: Vec<Vector3<f64>>,
+    /// True while the distances to keep from bodies that the groom is drawn in still rise to their own.
+    pub pushed_out: bool,
     /// Speed gained from gravity and force fields in the step, m/s.
     pub falling_speed: f64,
     /// Active ties with their targets, m, world.
