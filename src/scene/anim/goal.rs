@@ -74,7 +74,7 @@ pub struct GoalPull {
     pub along: Keyframes<1>,
     /// Share of the length, over time, from the root to which the weight along the strand is 1.
     pub hard_to: Keyframes<1>,
-    /// Angular frequency of a strand of weight ½ about the goal, rad/s.
+    /// Angular frequency of the springs on the points of a strand of weight ½, rad/s.
     pub omega: f64,
     /// Damping relative to the goal, as a share of critical damping.
     pub damping: f64,
@@ -141,6 +141,19 @@ mod tests {
         let soft = GoalPull { hard_to: constant(0.0), ..pull.clone() };
         assert!((soft.at(3.0)(0.0) - 0.2).abs() < 1e-15);
         assert_eq!(GoalPull { hard_to: constant(1.0), ..pull.clone() }.at(3.0)(1.0), 1.0);
+    }
+
+    #[test]
+    fn no_weight_leaves_its_range_by_rounding() {
+        let full = keys(&[0.0, 1.0], &[1.0, 1.0]);
+        let (weight, hard_to) = (full.clone(), constant(0.0));
+        let pull = GoalPull { weight, along: full, hard_to, omega: 1.0, damping: 1.0 };
+        let falling = GoalPull { along: keys(&[0.0, 1.0], &[1.0, 0.0]), ..pull.clone() };
+        for k in 0..=1000 {
+            let u = f64::from(k) / 1000.0;
+            assert_eq!([pull.at(u)(u), pull.at(u)(u.next_down())], [1.0; 2], "{u}");
+            assert!((0.0..=1.0).contains(&falling.at(u)(u)) && falling.at(u)(1.0_f64.next_down()) >= 0.0);
+        }
     }
 
     #[test]
