@@ -228,12 +228,22 @@ impl Clearance {
         Clearance::of(start, start.scan())
     }
 
-    /// Applies the rule to the groom's pose as it is `drawn`; the guide and the bodies start elsewhere.
-    pub fn carried(start: &GroomPose, drawn: &GroomPose) -> Self {
+    /// Applies the rule to the groom's pose as it is `drawn`; the guide and the bodies start elsewhere. If the
+    /// guide is `led`, it starts in another pose than it is drawn in: a segment that starts beside a body is
+    /// then not exempt from it, and one that starts in it is so only if it is drawn there.
+    pub fn carried(start: &GroomPose, drawn: &GroomPose, led: bool) -> Self {
         let mut as_drawn = drawn.scan();
         drawn.cuts(&mut as_drawn);
         let kept: Vec<f64> = as_drawn.points.iter().map(|point| point.keep).collect();
-        let mut carried = Clearance::of(start, Scan { points: start.scan().points, ..as_drawn });
+        let at_start = start.scan();
+        if led {
+            for (passage, at_start) in as_drawn.passages.iter_mut().zip(at_start.passages) {
+                if at_start == Passage::Beside {
+                    *passage = Passage::Beside;
+                }
+            }
+        }
+        let mut carried = Clearance::of(start, Scan { points: at_start.points, ..as_drawn });
         for (end, keep) in carried.to.iter_mut().zip(drawn.segment_ends(&kept)) {
             *end = if *end == EXEMPT { EXEMPT } else { keep };
         }

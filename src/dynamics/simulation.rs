@@ -258,9 +258,12 @@ impl<'a> Simulation<'a> {
             coupled: full,
             ..SubstepRecord::default()
         };
-        let hair_volume = rods
-            .sampling
-            .map(|sampling| HairVolume::new(&rods.simulated, sampling, &model.guides, &guides, &env, t));
+        let hair_volume = rods.sampling.map(|sampling| {
+            // Hair is at rest at the groom's own density, wherever a goal first holds it.
+            let drawn = |guide| GuideState::drawn(guide, &env, t, h);
+            let drawn: Vec<GuideState> = model.guides.par_iter().map(drawn).collect();
+            HairVolume::new(&rods.simulated, sampling, &model.guides, &drawn, &env, t)
+        });
         let mut state = State {
             guides,
             hair_volume,

@@ -1,6 +1,11 @@
 //! A small scene, imported by the program itself.
 
 use assert_cmd::Command;
+use hairbake::dynamics::checkpoint::Checkpoint;
+use hairbake::dynamics::guide_rods::GuideRods;
+use hairbake::dynamics::simulation::Simulation;
+use hairbake::scene::{Anim, Groom};
+use nalgebra::Vector3;
 use std::f32::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -141,4 +146,35 @@ pub fn python_with_usd() -> Option<PathBuf> {
     }
     println!("skipped: {} has no usd-core; tests/run makes an environment that has", python.display());
     None
+}
+
+/// Writes curves as elements `l` of an OBJ file.
+pub fn write_curves(path: &Path, curves: impl IntoIterator<Item = impl IntoIterator<Item = Vector3<f64>>>) {
+    let (mut points, mut lines, mut last) = (String::new(), String::new(), 0);
+    for curve in curves {
+        lines += "l";
+        for x in curve {
+            last += 1;
+            points += &format!("v {:.12} {:.12} {:.12}\n", x.x, x.y, x.z);
+            lines += &format!(" {last}");
+        }
+        lines += "\n";
+    }
+    std::fs::write(path, points + &lines).unwrap();
+}
+
+/// Asserts that a simulation resumed after `steps` sub-steps goes on with the same bits.
+pub fn assert_resumed_bits(groom: &Groom, anim: &Anim, rods: &GuideRods, steps: usize) {
+    let mut whole = Simulation::new(groom, anim, rods);
+    for _ in 0..steps {
+        whole.step();
+    }
+    let state = postcard::to_stdvec(&whole.state()).unwrap();
+    let mut resumed = Simulation::new(groom, anim, rods);
+    resumed.restore(postcard::from_bytes(&state).unwrap()).unwrap();
+    for _ in 0..20 {
+        assert_eq!(whole.step().guides, resumed.step().guides);
+    }
+    let bytes = |simulation: &Simulation| postcard::to_stdvec(&simulation.state()).unwrap();
+    assert_eq!(bytes(&whole), bytes(&resumed));
 }

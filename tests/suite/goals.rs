@@ -1,9 +1,10 @@
 //! Guides that follow animated curves, from files to the cache.
 
-use crate::common::{bake, hairbake, here, python, python_with_usd};
+use crate::common::{assert_resumed_bits, bake, hairbake, here, python, python_with_usd, write_curves};
 use hairbake::Error;
 use hairbake::bake::frame_record::FrameRecord;
 use hairbake::dynamics::checkpoint::Checkpoint;
+use hairbake::dynamics::guide_frame::GuideFrame;
 use hairbake::dynamics::guide_rods::GuideRods;
 use hairbake::dynamics::simulation::Simulation;
 use hairbake::math::sample_times::SampleTimes;
@@ -46,17 +47,6 @@ fn curve(guide: usize, frame: f64, points: usize) -> Vec<V> {
     (0..points).map(place).collect()
 }
 
-fn write_curves(path: &Path, curves: &[Vec<V>]) {
-    let (mut points, mut lines, mut last) = (String::new(), String::new(), 0);
-    for curve in curves {
-        curve.iter().for_each(|x| points += &format!("v {:.12} {:.12} {:.12}\n", x.x, x.y, x.z));
-        let ends: Vec<String> = (last + 1..=last + curve.len()).map(|i| i.to_string()).collect();
-        lines += &format!("l {}\n", ends.join(" "));
-        last += curve.len();
-    }
-    std::fs::write(path, points + &lines).unwrap();
-}
-
 fn goal_path(folder: &Path, frame: i32) -> PathBuf {
     folder.join(format!("hair.{frame:04}.obj"))
 }
@@ -69,11 +59,11 @@ fn write_scene(folder: &Path, change: impl FnOnce(&mut Value)) -> [PathBuf; 2] {
         // Curves of various numbers of points.
         let of = |g: usize| curve(g, frame_f, 20 + g).iter().map(in_world).collect();
         let curves: Vec<Vec<V>> = (0..GUIDES).map(of).collect();
-        write_curves(&goal_path(folder, frame), &curves);
+        write_curves(&goal_path(folder, frame), curves.clone());
         let left: Vec<Vec<V>> = curves.into_iter().step_by(2).collect();
-        write_curves(&folder.join(format!("left.{frame:04}.obj")), &left);
+        write_curves(&folder.join(format!("left.{frame:04}.obj")), left);
         let at_rest: Vec<Vec<V>> = (0..GUIDES).map(|g| curve(g, frame_f, 20 + g)).collect();
-        write_curves(&folder.join(format!("rest.{frame:04}.obj")), &at_rest);
+        write_curves(&folder.join(format!("rest.{frame:04}.obj")), at_rest);
     }
     let points: Vec<[f64; 3]> = (0..GUIDES)
         .flat_map(|g| (0..9).map(move |k| root(g) + V::new(0.002 * k as f64, -LENGTH * k as f64 / 8.0, 0.0)))
@@ -305,96 +295,224 @@ fn curves_in_rest_space_are_carried_by_the_head() {
 }
 
 #[test]
+fn curves_have_a_unit_an_axis_and_springs_of_their_own() {
+    let metres = load(|_| {}).1;
+    let folder = tempfile::tempdir().unwrap();
+    let files = write_scene(folder.path(), |anim| {
+        let goal = &mut anim["goals"][0];
+        (goal["metres_per_unit"], goal["up_axis"]) = (json!(0.01), json!("z"));
+        (goal["hz"], goal["damping"]) = (json!(2.5), json!(0.7));
+    });
+    for frame in FRAMES[0] - 8..=FRAMES[1] + 2 {
+        let path = goal_path(folder.path(), frame);
+        let turned = |line: &str| match line.strip_prefix("v ") {
+            Some(point) => {
+                let x: Vec<f64> = point.split(' ').map(|x| 100.0 * x.parse::<f64>().unwrap()).collect();
+                format!("v {} {} {}\n", x[0], -x[2], x[1])
+            }
+            None => format!("{line}\n"),
+        };
+        let text = std::fs::read_to_string(&path).unwrap();
+        std::fs::write(&path, text.lines().map(turned).collect::<String>()).unwrap();
+    }
+    let (_, turned) = scene::load(&files[0], &files[1]).unwrap();
+    let [a, b] = [&metres, &turned].map(|anim| &anim.goals[0].curves.samples);
+    assert!(a.len() == b.len() && a.iter().zip(b).all(|(a, b)| apart(a, b) < 1e-9));
+    let pull = &turned.goals[0].pull;
+    assert!((pull.omega - std::f64::consts::TAU * 2.5).abs() < 1e-12 && pull.damping == 0.7);
+    assert!((metres.goals[0].pull.omega - std::f64::consts::TAU * 4.0).abs() < 1e-12);
+}
+
+#[test]
 fn a_resumed_simulation_with_a_goal_has_the_same_bits() {
     let (groom, anim) = load(|anim| {
         anim["goals"][0]["weight"] = json!({ "frames": [1002, 1006], "values": [0, 0.9] });
         anim["goals"][0]["hard_to"] = json!({ "frames": [1002, 1012], "values": [0.2, 0.6] });
     });
     let rods = GuideRods::new(&groom, &anim);
-    let mut whole = Simulation::new(&groom, &anim, &rods);
-    for _ in 0..45 {
-        whole.step();
-    }
-    let state = postcard::to_stdvec(&whole.state()).unwrap();
-    let mut resumed = Simulation::new(&groom, &anim, &rods);
-    resumed.restore(postcard::from_bytes(&state).unwrap()).unwrap();
-    for _ in 0..20 {
-        assert_eq!(whole.step().guides, resumed.step().guides);
-    }
-    let bytes = |simulation: &Simulation| postcard::to_stdvec(&simulation.state()).unwrap();
-    assert_eq!(bytes(&whole), bytes(&resumed));
+    assert_resumed_bits(&groom, &anim, &rods, 45);
 }
 
-#[test]
-fn followers_leave_their_wisps_when_a_goal_begins_to_pull() {
-    for resolution in [Resolution::Adaptive, Resolution::Coarse] {
+/// A scene of wisps of long hair, some of which a goal bends from the sixth frame on. Nothing keeps the
+/// guides from where they are led.
+struct Leaning {
+    groom: Groom,
+    anim: Anim,
+}
+
+/// The end of a frame of [`Leaning`].
+struct LeaningFrame {
+    guides: Vec<GuideFrame>,
+    tips: Vec<V>,
+    active: Vec<usize>,
+    record: FrameRecord,
+}
+
+impl Leaning {
+    fn new(resolution: Resolution) -> Self {
+        Leaning::of(40, resolution)
+    }
+
+    fn of(wisps: usize, resolution: Resolution) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let size = Size { wisps: Some(40), strands: 0, head_subdivisions: 2 };
+        let size = Size { wisps: Some(wisps), strands: 0, head_subdivisions: 2 };
         sample::write(Style::Long, size, folder.path()).unwrap();
         let files = ["groom.json", "shake.json"].map(|name| folder.path().join(name));
         let (groom, mut anim) = scene::load(&files[0], &files[1]).unwrap();
         (anim.settings.preroll, anim.settings.substeps, anim.settings.resolution) =
             (0.5, SUBSTEPS, resolution);
-        // Nothing keeps the guides from where they are led.
         anim.settings.contact = ContactSetting::Bodies;
         anim.colliders.clear();
         let groom = groom.with_default_trees(anim.settings.nodes);
-        let first = anim.frames.0;
-        let frames = |anim: &Anim| {
-            let rods = GuideRods::new(&groom, anim);
-            let mut simulation = Simulation::new(&groom, anim, &rods);
-            let mut frames = Vec::new();
-            while simulation.time() < anim.time(f64::from(first + 18)) - 1e-9 {
-                simulation.step();
-                let frame = simulation.time() * anim.fps;
-                if (frame - frame.round()).abs() < 1e-6 && frame.round() as i32 >= first {
-                    let mut record = FrameRecord::default();
-                    record.close(&simulation);
-                    let active: Vec<usize> = simulation.active().collect();
-                    frames.push((simulation.frame(), active, record));
-                }
-            }
-            frames
+        Leaning { groom, anim }
+    }
+
+    /// Leads `guides` aside from the sixth frame on.
+    fn led(self, guides: &[usize]) -> Self {
+        let weight = Keyframes {
+            times: [6, 10].map(|k| self.time(k)).to_vec(),
+            values: [[0.0], [1.0]].map(Into::into).to_vec(),
         };
-        let free = frames(&anim);
-        // Half of the guides bend away from how they are drawn from the sixth frame on.
-        let curves = &groom.guides.curves;
-        let guides: Vec<usize> = (0..curves.len()).step_by(2).collect();
+        self.led_to(guides, weight, |_, u| V::x() * (0.03 * u * u))
+    }
+
+    /// Time of the frame `frame` after the first, s.
+    fn time(&self, frame: i32) -> f64 {
+        self.anim.time(f64::from(self.anim.frames.0 + frame))
+    }
+
+    /// Leads `guides` away from how they are drawn, by `away` of a point and its share of the length.
+    fn led_to(mut self, guides: &[usize], weight: Keyframes<1>, away: impl Fn(&V, f64) -> V) -> Self {
+        let curves = &self.groom.guides.curves;
         let mut offsets = vec![0];
         let mut points = Vec::new();
-        for &g in &guides {
+        for &g in guides {
             let n = curves.curve(g).len();
-            let away = |k: usize| V::x() * (0.03 * (k as f64 / n as f64).powi(2));
-            points.extend(curves.curve(g).iter().enumerate().map(|(k, x)| x + away(k)));
+            points.extend(curves.curve(g).iter().enumerate().map(|(k, x)| x + away(x, k as f64 / n as f64)));
             offsets.push(points.len());
         }
-        let key = |frame: i32| anim.time(f64::from(first + frame));
         let constant = |x: f64| Keyframes::constant(SVector::from([x]));
-        let weight = Keyframes { times: vec![key(6), key(10)], values: vec![[0.0].into(), [1.0].into()] };
         let pull =
             GoalPull { weight, along: constant(1.0), hard_to: constant(0.0), omega: 25.0, damping: 1.0 };
-        let times = SampleTimes { start: key(0), rate: anim.fps, count: 1 };
-        anim.goals = vec![Goal {
+        let times = SampleTimes { start: self.time(0), rate: self.anim.fps, count: 1 };
+        self.anim.goals = vec![Goal {
             name: "lean".into(),
             groups: None,
             ids: None,
             space: GoalSpace::Rest,
             curves: Arc::new(GoalCurves { times, offsets, samples: vec![points] }),
             pull: Arc::new(pull),
-            guides: guides.clone(),
+            guides: guides.to_vec(),
         }];
-        let led = frames(&anim);
-        assert!(free[0].1.len() < curves.len(), "some guides must follow");
-        for (a, b) in free.iter().zip(&led).take(7) {
-            assert!(a.0.iter().zip(&b.0).all(|(a, b)| a.q == b.q) && a.1 == b.1, "{resolution:?}");
+        self
+    }
+
+    fn frames(&self) -> Vec<LeaningFrame> {
+        let Leaning { groom, anim } = self;
+        let rods = GuideRods::new(groom, anim);
+        let mut simulation = Simulation::new(groom, anim, &rods);
+        let first = anim.frames.0;
+        let mut frames = Vec::new();
+        while simulation.time() < anim.time(f64::from(first + 18)) - 1e-9 {
+            simulation.step();
+            let frame = simulation.time() * anim.fps;
+            if (frame - frame.round()).abs() < 1e-6 && frame.round() as i32 >= first {
+                let mut record = FrameRecord::default();
+                record.close(&simulation);
+                let tips = simulation.state.guides.iter().map(|g| g.x[g.x.len() - 1]).collect();
+                let active = simulation.active().collect();
+                frames.push(LeaningFrame { guides: simulation.frame(), tips, active, record });
+            }
         }
-        let (_, active, record) = &led[18];
+        frames
+    }
+}
+
+#[test]
+fn followers_leave_their_wisps_when_a_goal_begins_to_pull() {
+    for resolution in [Resolution::Adaptive, Resolution::Coarse] {
+        let free = Leaning::new(resolution).frames();
+        let all = free[0].guides.len();
+        assert!(free[0].active.len() < all, "some guides must follow");
+        let guides: Vec<usize> = (0..all).filter(|g| !free[0].active.contains(g)).step_by(2).collect();
+        let led = Leaning::new(resolution).led(&guides).frames();
+        for (a, b) in free.iter().zip(&led).take(7) {
+            let same = a.guides.iter().zip(&b.guides).all(|(a, b)| a.q == b.q) && a.active == b.active;
+            assert!(same, "{resolution:?}");
+        }
+        let LeaningFrame { active, record, .. } = &led[18];
         assert!(guides.iter().all(|g| active.contains(g)), "{resolution:?}");
-        let others_follow = active.len() < curves.len();
+        let others_follow = active.len() < all;
         assert!(others_follow || resolution == Resolution::Adaptive, "others need not leave");
         assert_eq!(record.goal_guides as usize, guides.len());
         assert!(record.goal_distance_mean_m < 2e-3, "{resolution:?}: {}", record.goal_distance_mean_m);
     }
+}
+
+#[test]
+fn a_guide_that_is_not_led_does_not_follow_one_that_is() {
+    for resolution in [Resolution::Adaptive, Resolution::Coarse] {
+        let free = Leaning::new(resolution).frames();
+        // Those that lead wisps.
+        let guides = free[0].active.clone();
+        let led = Leaning::new(resolution).led(&guides).frames();
+        let moved = |led_only: bool| {
+            let tips = free[18].tips.iter().zip(&led[18].tips).enumerate();
+            let moved: Vec<f64> = tips
+                .filter(|(g, _)| guides.contains(g) == led_only)
+                .map(|(_, (free, led))| (free - led).norm())
+                .collect();
+            moved.iter().sum::<f64>() / moved.len() as f64
+        };
+        let (of_led, of_others) = (moved(true), moved(false));
+        println!("{resolution:?}: the goal moves its guides by {of_led:.4} m, others by {of_others:.4} m");
+        // A coarse bake moves those that follow otherwise than they would by themselves.
+        assert!(of_led > 0.02 && of_others < 0.5 * of_led, "{resolution:?}: {of_led} {of_others}");
+    }
+}
+
+#[test]
+fn what_is_in_a_body_is_told_by_the_drawing_and_not_by_a_goal() {
+    // Small balls on the curves to which the full goal leads at the start of the pre-roll.
+    let start = f64::from(FRAMES[0]) - 0.25 * 24.0;
+    let ball = |g: usize| {
+        let centre = curve(g, start, 21)[15] + V::z() * 0.004;
+        json!({ "name": format!("ball{g}"), "shape": { "type": "sphere", "centre": centre.as_slice(), "radius": 0.016 } })
+    };
+    let (groom, anim) = load(|anim| {
+        anim["colliders"] = (2..4).map(ball).collect();
+        anim["settings"]["contact"] = json!("bodies");
+    });
+    let rods = GuideRods::new(&groom, &anim);
+    let mut simulation = Simulation::new(&groom, &anim, &rods);
+    let exempt = |simulation: &Simulation| simulation.exemptions().iter().map(|e| e.exempt).sum::<usize>();
+    let inside = |simulation: &Simulation| {
+        let head = anim.head_pose(simulation.time());
+        let centres: Vec<_> =
+            (2..4).map(|g| head * Point3::from(curve(g, start, 21)[15] + V::z() * 0.004)).collect();
+        let depth = |x: &V| centres.iter().map(|c| 0.016 - (x - c.coords).norm()).fold(f64::MIN, f64::max);
+        simulation.state.guides.iter().flat_map(|g| &g.x).map(depth).fold(f64::MIN, f64::max)
+    };
+    assert!(inside(&simulation) > 1e-3, "the goal starts in no ball: {}", inside(&simulation));
+    assert_eq!(exempt(&simulation), 0, "the hair is drawn beside the balls");
+    while simulation.time() < anim.time(f64::from(FRAMES[1])) - 1e-9 {
+        simulation.step();
+        let left = simulation.time() < anim.time(f64::from(FRAMES[0])) || inside(&simulation) < 1e-5;
+        assert!(left && exempt(&simulation) == 0, "{} {}", inside(&simulation), exempt(&simulation));
+    }
+}
+
+#[test]
+fn hair_is_at_rest_at_the_density_of_the_groom_wherever_a_goal_holds_it_first() {
+    // From the start on, a goal halves the distances from the axis.
+    let mut hair = Leaning::of(300, Resolution::Full);
+    hair.anim.settings.contact = ContactSetting::Volume;
+    let all: Vec<usize> = (0..hair.groom.guides.curves.len()).collect();
+    let full = Keyframes::constant(SVector::from([1.0]));
+    let Leaning { groom, anim } = hair.led_to(&all, full, |x, u| -0.5 * u * V::new(x.x, 0.0, x.z));
+    let rods = GuideRods::new(&groom, &anim);
+    let crowding = Simulation::new(&groom, &anim, &rods).step().hair.crowding_p95;
+    assert!(crowding > 1.5, "{crowding}");
 }
 
 /// What a scene is refused for, in one line.
@@ -417,7 +535,7 @@ fn spoilt(folder: &Path, frame: i32, n: usize, change: impl FnOnce(&mut Vec<Vec<
     let of = |g: usize| curve(g, f64::from(frame), 20 + g).iter().map(in_world).collect();
     let mut curves = (0..n).map(of).collect();
     change(&mut curves);
-    write_curves(&goal_path(folder, frame), &curves);
+    write_curves(&goal_path(folder, frame), curves.clone());
 }
 
 #[test]

@@ -98,9 +98,8 @@ impl GuideModel {
     }
 
     /// Adds the pull of the animated goal to the load of the step from `t0` to `t1`, s, that ends with the
-    /// root at
-    /// `root`, and moves the unknowns that its solve starts from. Returns whether there is any; the weights
-    /// of the points are then in `scratch`.
+    /// root at `root`, and moves the unknowns that its solve starts from. Returns whether there is any; the
+    /// weights of the points are then in `scratch`.
     pub(super) fn pull_to_goal(
         &self,
         env: &Environment,

@@ -81,6 +81,31 @@ pub(super) struct Transient {
     pub contact_cache: crate::contact::ContactCache,
 }
 
+/// A pose in which a guide may start.
+struct StartPose {
+    /// The rod's unknowns, 1/m.
+    q: Vec<f64>,
+    /// Pose of each point, world.
+    poses: Vec<Pose>,
+}
+
+impl StartPose {
+    /// The pose with the unknowns `q`, carried by what carries the guide, at time `t`, s.
+    fn new(model: &GuideModel, env: &Environment, t: f64, q: Vec<f64>) -> Self {
+        let (root, mut shape) = (model.root(env, t), RodShape::default());
+        shape.update(&model.rod, &root.r, &q);
+        let poses = shape.poses().map(|g| Pose { r: g.r, p: g.p + root.p }).collect();
+        StartPose { q, poses }
+    }
+
+    /// The contact polyline, m, world.
+    fn polyline(&self, model: &GuideModel) -> Vec<Vector3<f64>> {
+        let (poses, mut polyline) = (&self.poses, Vec::new());
+        with_midpoints(&model.rod.arc, |k| poses[k].p, |k| poses[k].r.column(2).into(), &mut polyline);
+        polyline
+    }
+}
+
 impl GuideState {
     /// The groom's pose, carried rigidly by the head, or that of an animated goal, at time `t`, s. `h` is the
     /// sub-step, s, and `thickness` the distance to keep from each body, m.
@@ -97,30 +122,40 @@ impl GuideState {
         skins: Option<&SkinsAtRest>,
         [t, h]: [f64; 2],
     ) -> Self {
-        let rod = &model.rod;
-        let (q, q_before) = (model.start_unknowns(t), model.start_unknowns(t - h));
-        let mut shape = RodShape::default();
-        let mut poses = |t: f64, q: &[f64]| -> Vec<Pose> {
-            let root = model.root(env, t);
-            shape.update(rod, &root.r, q);
-            shape.poses().map(|g| Pose { r: g.r, p: g.p + root.p }).collect()
-        };
-        let (now, before) = (poses(t, &q), poses(t - h, &q_before));
-        let x: Vec<Vector3<f64>> = now.iter().map(|g| g.p).collect();
-        let mut polyline = Vec::new();
-        with_midpoints(&rod.arc, |k| x[k], |k| now[k].r.column(2).into(), &mut polyline);
+        let start = StartPose::new(model, env, t, model.start_unknowns(t));
+        let x = start.polyline(model);
         let poses = env.body_poses(t);
-        let start = GroomPose { bodies: &env.bodies, t, poses: &poses, thickness, x: &polyline };
+        let in_bodies = GroomPose { bodies: &env.bodies, t, poses: &poses, thickness, x: &x };
+        // What is inside a body as it is drawn is not told by where a goal first holds it.
+        let drawn = (start.q != model.rod.initial_q)
+            .then(|| StartPose::new(model, env, t, model.rod.initial_q.clone()).polyline(model));
+        let (led, drawn_x) = (drawn.is_some(), drawn.as_ref().unwrap_or(&x));
         let clearance = match (skins, &model.skin) {
             (Some(skins), Some(_)) => {
                 let poses = skins.poses_around(&model.carrier(env, t), &poses);
-                Clearance::carried(&start, &GroomPose { bodies: &skins.bodies, poses: &poses, ..start })
+                let as_drawn = GroomPose { bodies: &skins.bodies, poses: &poses, x: drawn_x, ..in_bodies };
+                Clearance::carried(&in_bodies, &as_drawn, led)
             }
-            _ => Clearance::new(&start),
+            _ if led => Clearance::carried(&in_bodies, &GroomPose { x: drawn_x, ..in_bodies }, led),
+            _ => Clearance::new(&in_bodies),
         };
-        let v: Vec<Vector3<f64>> = now.iter().zip(&before).map(|(a, b)| (a.p - b.p) / h).collect();
-        let tangent: Vec<Vector3<f64>> = now.iter().map(|g| g.r.column(2).into()).collect();
-        let rate: Vec<f64> = q.iter().zip(&q_before).map(|(q, before)| (q - before) / h).collect();
+        let before = StartPose::new(model, env, t - h, model.start_unknowns(t - h));
+        Self::between(before, start, clearance, h)
+    }
+
+    /// The groom's pose, carried rigidly, at time `t`, s, without distances from bodies.
+    pub fn drawn(model: &GuideModel, env: &Environment, t: f64, h: f64) -> Self {
+        let [before, now] = [t - h, t].map(|t| StartPose::new(model, env, t, model.rod.initial_q.clone()));
+        Self::between(before, now, Clearance::default(), h)
+    }
+
+    /// The state in the pose `now`, with the velocity from the pose `before` it by `h`, s.
+    fn between(before: StartPose, now: StartPose, clearance: Clearance, h: f64) -> Self {
+        let StartPose { q, poses } = now;
+        let x: Vec<Vector3<f64>> = poses.iter().map(|g| g.p).collect();
+        let v: Vec<Vector3<f64>> = poses.iter().zip(&before.poses).map(|(a, b)| (a.p - b.p) / h).collect();
+        let tangent: Vec<Vector3<f64>> = poses.iter().map(|g| g.r.column(2).into()).collect();
+        let rate: Vec<f64> = q.iter().zip(&before.q).map(|(q, before)| (q - before) / h).collect();
         let rates = std::array::from_fn(|_| SolveRate { step: h, rate: rate.clone() });
         let previous = Configuration { q: q.clone(), x: x.clone(), v: v.clone(), tangent: tangent.clone() };
         GuideState {

@@ -93,8 +93,15 @@ impl AdaptiveTree {
         self.packs.len() as u32
     }
 
-    /// Makes every guide with leaders a follower, except tied ones and those that an animated goal pulls. The
-    /// states at time `t`, s, are taken as the rest shapes.
+    /// True if an animated goal has pulled guide `i`, or one that it would follow, at any time before `t`, s:
+    /// it must move by itself. Leaders that are led tell nothing of the motion of one that is not.
+    fn is_led(&self, models: &[GuideModel], i: usize, t: f64) -> bool {
+        let mut guides = self.motion.hierarchy.leaders[i].iter().map(|(leader, _)| *leader).chain([i]);
+        guides.any(|guide| models[guide].was_pulled(t))
+    }
+
+    /// Makes every guide with leaders a follower, except tied ones and those that an animated goal pulls, or
+    /// whose leaders it pulls. The states at time `t`, s, are taken as the rest shapes.
     pub fn make_followers(
         &mut self,
         models: &[GuideModel],
@@ -116,10 +123,10 @@ impl AdaptiveTree {
         self.set_rest(models, models.par_iter().zip(states).map(rest).collect());
         let LeaderMotion { rest, h, .. } = &self.motion;
         self.motion.modal = ModalCorrection::new(models, rest, env, t, *h);
-        for (i, follower) in self.followers.iter_mut().enumerate() {
-            follower.follows = !self.motion.hierarchy.leaders[i].is_empty()
+        for i in 0..models.len() {
+            self.followers[i].follows = !self.motion.hierarchy.leaders[i].is_empty()
                 && models[i].ties.is_empty()
-                && !models[i].was_pulled(t);
+                && !self.is_led(models, i, t);
         }
     }
 
@@ -146,9 +153,9 @@ impl AdaptiveTree {
     }
 
     /// Places the followers of a level at the end of the frame from time `t[0]` to `t[1]`, s, and splits
-    /// those whose estimated error exceeds the tolerance, or that an animated goal begins to pull: they
-    /// become active, in their state at the start of the frame, where their error was within it. Returns
-    /// these guides; the caller steps them through the frame.
+    /// those whose estimated error exceeds the tolerance, and those that an animated goal begins to pull, or
+    /// whose leaders it does: they become active, in their state at the start of the frame, where their error
+    /// was within it. Returns these guides; the caller steps them through the frame.
     pub fn place_and_split(
         &mut self,
         level: u32,
@@ -168,7 +175,7 @@ impl AdaptiveTree {
         let splits = |i: &usize| {
             self.motion.hierarchy.level[*i] == level
                 && !self.is_active(*i)
-                && (models[*i].was_pulled(t[1]) || errs(*i))
+                && (self.is_led(models, *i, t[1]) || errs(*i))
         };
         let split: Vec<usize> = (0..models.len()).into_par_iter().filter(splits).collect();
         for &i in &split {
@@ -193,7 +200,7 @@ impl AdaptiveTree {
         let decide = |i: usize| {
             let (model, state) = (&models[i], &states[i]);
             let leads = !self.is_active(i) || self.motion.hierarchy.leaders[i].is_empty();
-            if leads || !model.ties.is_empty() || model.was_pulled(t) {
+            if leads || !model.ties.is_empty() || self.is_led(models, i, t) {
                 return None;
             }
             let nu = self.followers[i].variate.coefficient();
