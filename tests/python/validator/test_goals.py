@@ -25,11 +25,15 @@ def write_curves(path: Path, curves: FloatArray) -> None:
 
 
 def led(
-    good_cache: CacheBuilder, values: dict[str, Any] | None = None, space: str = "world", bent: bool = False
+    good_cache: CacheBuilder,
+    values: dict[str, Any] | None = None,
+    space: str = "world",
+    bent: bool = False,
+    overrides: dict[str, Any] | None = None,
 ) -> Path:
     """An animation with a goal of the `values`, in which the guides are, in another order.
 
-    If `bent`, they are then bent away from it at the third frame.
+    If `bent`, they are then bent away from it at the third frame. The bake was given the `overrides`.
     """
     folder = good_cache.directory.parent
     cache = Cache(good_cache.directory)
@@ -51,6 +55,7 @@ def led(
         manifest["inputs"] += inputs
         figures = {"name": "tail", "guides": order, "weights": [1.0] * GUIDE_COUNT}
         manifest.setdefault("scene_figures", {})["goals"] = [figures]
+        manifest.setdefault("settings", {})["set"] = overrides or {}
 
     if bent:
         good_cache.edit_array(FIRST + 2, f"{GUIDES}.points", bend)
@@ -97,6 +102,8 @@ def test_guides_off_their_curves_fail(good_cache: CacheBuilder) -> None:
         {"hard_to": 0.3},
         {"hard_to": {"frames": [FIRST - 3, FIRST + 3], "values": [0.2, 1]}},
         {"along": {"arc": [0, 0.4, 1], "values": [1, 1, 0]}},
+        {"weight": {"frames": [FIRST - 12, FIRST - 10], "values": [0, 1]}, "hz": 1},
+        {"weight": {"frames": [FIRST - 4, FIRST - 3], "values": [0, 1]}},
     ],
 )
 def test_what_is_not_held_may_be_elsewhere(good_cache: CacheBuilder, free: dict[str, Any]) -> None:
@@ -109,6 +116,9 @@ def test_what_is_not_held_may_be_elsewhere(good_cache: CacheBuilder, free: dict[
         {"weight": {"frames": [FIRST - 30, FIRST - 20], "values": [0, 1]}},
         {"hard_to": 1},
         {"hard_to": 0.2, "along": {"arc": [0, 1], "values": [1, 1]}},
+        # Two periods after it comes to weight 1.
+        {"weight": {"frames": [FIRST - 12, FIRST - 10], "values": [0, 1]}},
+        {"weight": {"frames": [FIRST - 4, FIRST - 3], "values": [0, 1]}, "hz": 12},
     ],
 )
 def test_what_is_held_may_not(good_cache: CacheBuilder, held: dict[str, Any]) -> None:
@@ -122,3 +132,19 @@ def test_other_files_than_those_of_the_bake_are_told(good_cache: CacheBuilder) -
     assert status(good_cache, anim) == ("fail", f"{curves.name} is not the file of this bake")
     anim.write_text(anim.read_text() + "\n")
     assert status(good_cache, anim) == ("fail", "anim.json is not the animation of this bake")
+
+
+def test_values_that_the_bake_was_given_count(good_cache: CacheBuilder) -> None:
+    anim = led(good_cache, bent=True, overrides={"anim.goals[0].hard_to": 0.3, "groom.materials[0].drag": 1})
+    assert status(good_cache, anim)[0] == "pass"
+
+
+def test_values_that_the_bake_was_given_replace_those_of_the_file(good_cache: CacheBuilder) -> None:
+    anim = led(good_cache, {"hard_to": 0.3}, bent=True, overrides={"anim.goals[0].hard_to": 1})
+    assert status(good_cache, anim)[0] == "fail"
+
+
+def test_goals_that_the_bake_was_not_given_are_told(good_cache: CacheBuilder) -> None:
+    for overrides in ({"anim.goals": []}, {"anim.goals[4].hz": 2}):
+        found, message = status(good_cache, led(good_cache, overrides=overrides))
+        assert found == "fail" and message.startswith("the goals of anim.json are not those of this bake")
