@@ -16,8 +16,8 @@ def read(path: str, prim_path: str | None, times: Times) -> tuple[Header, Arrays
     """Header and arrays of the curves at and below a prim, in world space: of guides, if there are any.
 
     `counts` are the points of each curve, `points` those of all curves at each of the times, and `id` the
-    ids of the curves, if all prims have them. `moving` in the header is False if no prim has more than one
-    time sample, `rate` is the number of time codes per second.
+    ids of the curves, if all prims have them. `span` in the header holds the first and the last time code with
+    points, if there are several, and `rate` the number of time codes per second.
 
     Raises:
         InputErrors: All errors in the curves.
@@ -43,25 +43,35 @@ def read(path: str, prim_path: str | None, times: Times) -> tuple[Header, Arrays
     ids = [part.ids for part in parts if part.ids is not None]
     if len(ids) == len(parts):
         arrays["id"] = ("i32", np.concatenate(ids))
-    moving = any(UsdGeom.BasisCurves(prim).GetPointsAttr().GetNumTimeSamples() > 1 for prim in prims)
-    rate = stage.GetTimeCodesPerSecond()
-    return {**header, "notes": notes, "moving": moving, "rate": rate}, arrays
+    codes = [part.codes for part in parts if len(part.codes) > 1]
+    if codes:
+        # Before its first and after its last sample a prim stands still.
+        header["span"] = [max(prim[0] for prim in codes), min(prim[-1] for prim in codes)]
+    return {**header, "notes": notes, "rate": stage.GetTimeCodesPerSecond()}, arrays
 
 
 class MovingCurves:
     """The curves of one prim at several times."""
 
     def __init__(
-        self, counts: IntArray, points: FloatArray, ids: IntArray | None, guide: Array | None
+        self,
+        counts: IntArray,
+        points: FloatArray,
+        ids: IntArray | None,
+        guide: Array | None,
+        codes: list[float],
     ) -> None:
-        """`counts` are the points of each curve; `points`, `times × N × 3`, are in world space."""
-        self.counts, self.points, self.ids, self.guide = counts, points, ids, guide
+        """`counts` are the points of each curve; `points`, `times × N × 3`, are in world space.
+
+        `codes` are the time codes at which the stage has points.
+        """
+        self.counts, self.points, self.ids, self.guide, self.codes = counts, points, ids, guide, codes
 
     def only(self, keep: Array) -> "MovingCurves":
         """The curves where `keep` is true."""
         of_points = np.repeat(keep, self.counts)
         ids = None if self.ids is None else self.ids[keep]
-        return MovingCurves(self.counts[keep], self.points[:, of_points], ids, None)
+        return MovingCurves(self.counts[keep], self.points[:, of_points], ids, None, self.codes)
 
 
 def read_prim(prim: Usd.Prim, times: Times, notes: list[str]) -> MovingCurves:
@@ -92,4 +102,5 @@ def read_prim(prim: Usd.Prim, times: Times, notes: list[str]) -> MovingCurves:
             raise input_error(f"{prim.GetPath()}.points", message, "finite numbers", help)
         counts, evaluated = layout.type.evaluate(layout.counts, points)
         samples.append(apply(to_world(prim, at), evaluated))
-    return MovingCurves(counts, np.stack(samples), ids, guide)
+    codes = UsdGeom.BasisCurves(prim).GetPointsAttr().GetTimeSamples()
+    return MovingCurves(counts, np.stack(samples), ids, guide, list(codes))

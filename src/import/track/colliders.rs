@@ -1,5 +1,7 @@
 //! Colliders of an animation.
 
+use super::OBJ_DIGITS;
+use super::names::Names;
 use super::options::ColliderMesh;
 use crate::Result;
 use crate::file::relative;
@@ -8,12 +10,7 @@ use crate::import::mesh_file::ImportedMesh;
 use crate::import::source::Source;
 use crate::scene::anim::file::{ColliderFile, ShapeFile};
 use crate::scene::{FileSequence, UpAxis};
-
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-
-/// Decimal places of written vertices: nanometres.
-const OBJ_DIGITS: usize = 9;
 
 /// Name of the body at rest that carries deforming meshes.
 pub(super) const WORLD: &str = "world";
@@ -28,7 +25,7 @@ pub(super) struct Colliders {
     pub(super) skins: Vec<String>,
     /// Remarks on the meshes.
     pub(super) notes: Vec<String>,
-    names: BTreeSet<String>,
+    names: Names,
 }
 
 impl Colliders {
@@ -51,7 +48,7 @@ impl Colliders {
         folder: &Path,
     ) -> Result<()> {
         self.notes.extend(read.notes.iter().map(|note| format!("{}: {note}", mesh.source.path.display())));
-        let name = self.unique_name(&mesh.name);
+        let name = self.names.unique(&mesh.name);
         self.skins.extend(mesh.is_skin.then(|| name.clone()));
         let deforms = mesh.source != *first_file || !read.samples.is_empty();
         let shape = if first_file.is_usd() || first_file.is_gltf() {
@@ -75,18 +72,6 @@ impl Colliders {
         Ok(())
     }
 
-    /// `name`, with a number appended if it is taken.
-    fn unique_name(&mut self, name: &str) -> String {
-        let mut unique = name.to_string();
-        for i in 2.. {
-            if self.names.insert(unique.clone()) {
-                break;
-            }
-            unique = format!("{name}_{i}");
-        }
-        unique
-    }
-
     /// Converts a USD or glTF mesh to OBJ files in `folder`, metres, Y up; the first sample is that of
     /// `first_frame`.
     fn write_obj(&mut self, name: &str, read: &ImportedMesh, first_frame: i32, folder: &Path) -> ShapeFile {
@@ -100,16 +85,5 @@ impl Colliders {
             }
         }
         ShapeFile::Mesh { file, sequence, metres_per_unit: Some(1.0), up_axis: Some(UpAxis::Y) }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn equal_names_are_numbered() {
-        let mut colliders = Colliders::default();
-        assert_eq!(["a", "a", "a", "b"].map(|name| colliders.unique_name(name)), ["a", "a_2", "a_3", "b"]);
     }
 }

@@ -61,7 +61,7 @@ pub fn track(options: &TrackOptions) -> Result<Track> {
     }
     let mut goals = Goals::default();
     for (goal, read) in options.goals.iter().zip(goal_inputs) {
-        goals.add(goal, read, timing.first_mesh_frame(), &options.folder, options.groom.as_ref())?;
+        goals.add(goal, read, timing, &options.folder, options.groom.as_ref())?;
     }
     let mut report = TrackReport {
         path: options.motion.path.clone(),
@@ -75,7 +75,7 @@ pub fn track(options: &TrackOptions) -> Result<Track> {
             .to_degrees(),
         pops: pops.iter().map(|pop| track_pop(pop, timing, motion.rate)).collect(),
         notes: [&motion.notes[..], &colliders.notes[..], &goals.notes[..]].concat(),
-        warnings: motion.warnings.clone(),
+        warnings: [&motion.warnings[..], &goals.warnings[..]].concat(),
     };
     report.add_warnings(options);
     let origin = origin(options, motion, kind)?;
@@ -135,7 +135,7 @@ impl Inputs {
         let goals = timing.iter().flat_map(|timing| {
             let read = |goal: &GoalCurvesSource| {
                 let times = timing.mesh_times(options, &goal.source, None);
-                GoalInput::read(&goal.source, &times, timing.frames[0])
+                GoalInput::read(&goal.source, times, timing.frames[0])
             };
             options.goals.iter().map(read)
         });

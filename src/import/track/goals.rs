@@ -1,6 +1,9 @@
 //! Goals of an animation: curves that guides are pulled to.
 
+use super::OBJ_DIGITS;
+use super::names::Names;
 use super::options::{GoalCurvesSource, TrackGroom};
+use super::timing::{FRAME_TOLERANCE, Timing};
 use crate::file::relative;
 use crate::import::formats::usd::goal::{self, MovingCurves};
 use crate::import::plain::{Declared, SampleTimes};
@@ -10,11 +13,12 @@ use crate::scene::anim::file::{GoalFile, NumberKeyframesFile};
 use crate::scene::obj_curves::ObjCurves;
 use crate::scene::{Convention, FileSequence, UpAxis};
 use crate::{Diagnostic, Error, Result};
-use std::collections::{BTreeSet, HashMap};
+use nalgebra::Vector3;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// Decimal places of written points: nanometres.
-const OBJ_DIGITS: usize = 9;
+/// Largest displacement of a point, as a share of the extent of the curves, that counts as none.
+const STILL: f64 = 1e-6;
 
 /// Goals and the files that they refer to.
 #[derive(Default)]
@@ -24,7 +28,9 @@ pub(super) struct Goals {
     pub(super) files: Vec<(PathBuf, String)>,
     /// Remarks on the curves.
     pub(super) notes: Vec<String>,
-    names: BTreeSet<String>,
+    /// What the artist should check in them.
+    pub(super) warnings: Vec<String>,
+    names: Names,
 }
 
 /// The curves of a goal as they are in its file.
@@ -32,8 +38,8 @@ pub(super) enum GoalInput {
     /// Curves of a USD stage.
     Stage {
         read: MovingCurves,
-        /// Time codes per second that the bake reads.
-        rate: f64,
+        /// The time codes that the bake reads.
+        times: SampleTimes,
     },
     /// The first file of a sequence of OBJ files.
     Sequence(ObjCurves),
@@ -44,9 +50,9 @@ impl GoalInput {
     ///
     /// # Errors
     /// A file that is neither; the errors in it.
-    pub(super) fn read(source: &Source, times: &SampleTimes, first: i32) -> Result<Self> {
+    pub(super) fn read(source: &Source, times: SampleTimes, first: i32) -> Result<Self> {
         if source.is_usd() {
-            return Ok(GoalInput::Stage { read: goal::read(source, times)?, rate: times.rate });
+            return Ok(GoalInput::Stage { read: goal::read(source, &times)?, times });
         }
         source.check()?;
         let Some(sequence) = FileSequence::new(&source.path.to_string_lossy()) else {
@@ -69,8 +75,8 @@ impl GoalInput {
 }
 
 impl Goals {
-    /// Adds a goal. `read` are its curves, `first_frame` is the frame of its first sample, `folder` that of
-    /// the animation, and `groom` that of the guides, if it is known.
+    /// Adds a goal. `read` are its curves, `timing` that of the bake, `folder` that of the animation, and
+    /// `groom` that of the guides, if it is known.
     ///
     /// # Errors
     /// Curves that match no guides or have other time codes, a unit that cannot be guessed, a path that has
@@ -79,21 +85,14 @@ impl Goals {
         &mut self,
         from: &GoalCurvesSource,
         read: GoalInput,
-        first_frame: i32,
+        timing: &Timing,
         folder: &Path,
         groom: Option<&TrackGroom>,
     ) -> Result<()> {
         let GoalCurvesSource { name, source, space } = from;
-        let mut unique = name.clone();
-        for i in 2.. {
-            if self.names.insert(unique.clone()) {
-                break;
-            }
-            unique = format!("{name}_{i}");
-        }
         let mut notes = Vec::new();
         let mut goal = GoalFile {
-            name: unique,
+            name: self.names.unique(name),
             sequence: String::new(),
             metres_per_unit: Some(1.0),
             up_axis: Some(UpAxis::Y),
@@ -112,12 +111,10 @@ impl Goals {
                 (goal.metres_per_unit, goal.up_axis) = (Some(of_file.metres_per_unit), Some(of_file.up));
                 goal.sequence = relative(&source.path, folder)?;
             }
-            GoalInput::Stage { read, rate } => {
+            GoalInput::Stage { read, times } => {
                 let of_file = convention(source, read.declared, &read.samples[0], HAIR_SIZE, &mut notes)?;
                 notes.extend(read.notes.iter().cloned());
-                if !read.moving {
-                    notes.push("one time sample only: the curves do not move".into());
-                }
+                let rate = times.rate;
                 if (read.rate - rate).abs() > 1e-6 * rate {
                     return Err(Diagnostic::new(
                         &source.path,
@@ -128,11 +125,16 @@ impl Goals {
                     )
                     .into());
                 }
+                if stand_still(&read.samples) {
+                    notes.push("the curves do not move".into());
+                } else if let Some(what) = uncovered(&read, times.step, timing.frames) {
+                    self.warnings.push(format!("goal {}: {what}", goal.name));
+                }
                 let matched = Matched::new(&read, source, groom)?;
                 notes.extend(matched.note());
                 goal.ids = matched.ids.clone().map(Into::into);
                 goal.sequence = format!("goal_{}.####.obj", goal.name);
-                self.write(&goal.sequence, &read, &matched, &of_file, first_frame, folder);
+                self.write(&goal.sequence, &read, &matched, &of_file, timing.first_mesh_frame(), folder);
             }
         }
         self.notes.extend(notes.iter().map(|note| format!("goal {}: {note}", goal.name)));
@@ -167,6 +169,26 @@ impl Goals {
             self.files.push((sequence.path(folder, frame), curves.to_obj(OBJ_DIGITS)));
         }
     }
+}
+
+/// Whether no curve moves in all the time that the bake reads.
+fn stand_still(samples: &[Vec<Vector3<f64>>]) -> bool {
+    let still = |a: &[Vector3<f64>], b: &[Vector3<f64>]| {
+        let extent = a.iter().map(|x| (x - a[0]).norm()).fold(0.0, f64::max);
+        a.iter().zip(b).all(|(a, b)| (a - b).norm() <= STILL * extent)
+    };
+    samples.windows(2).all(|pair| still(&pair[0], &pair[1]))
+}
+
+/// What to tell of curves that move in a part only of the frames `first` to `last` of the shot.
+fn uncovered(read: &MovingCurves, codes_per_frame: f64, [first, last]: [i32; 2]) -> Option<String> {
+    let [from, to] = read.span?.map(|code| code / codes_per_frame);
+    (from > f64::from(first) + FRAME_TOLERANCE || to < f64::from(last) - FRAME_TOLERANCE).then(|| {
+        format!(
+            "the curves have samples for the frames {from} to {to} only, and stand still in the others of {first} \
+             to {last}"
+        )
+    })
 }
 
 /// The curves of a goal that have guides.

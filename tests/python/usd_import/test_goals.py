@@ -178,3 +178,35 @@ def test_curves_that_cannot_be_goals_are_refused(refused_goal: Callable[..., str
     assert "point 21 is not finite at time code 1003" in refused_goal(scene / "nan.usda")
     (scene / "tail.tfx").write_bytes(b"x")
     assert "is no file of animated curves" in refused_goal(scene / "tail.tfx")
+
+
+def test_curves_that_end_before_the_shot_are_told(goals: Goals, scene: Path) -> None:
+    stage = new_goal(scene / "a.usda")
+    curves = UsdGeom.BasisCurves(stage.GetPrimAtPath("/curves"))
+    assert "stand still" not in " ".join(goals(scene / "a.usda")[2].split())
+    curves.GetPointsAttr().ClearAtTime(1005)
+    curves.GetPointsAttr().ClearAtTime(1004)
+    stage.Save()
+    _, folder, messages = goals(scene / "a.usda")
+    assert "for the frames 1001 to 1003 only, and stand still in the others of 1001 to 1005" in " ".join(
+        messages.split()
+    )
+    assert np.allclose(read_obj(folder / "goal_a.1005.obj"), swinging(1003), atol=1e-6)
+
+
+def test_curves_that_do_not_move_are_told(goals: Goals, scene: Path) -> None:
+    stage = new_goal(scene / "a.usda")
+    curves = UsdGeom.BasisCurves(stage.GetPrimAtPath("/curves"))
+    assert "do not move" not in goals(scene / "a.usda")[2]
+    # Samples that are alike.
+    animate(curves, lambda frame: swinging(1002))
+    stage.Save()
+    assert "the curves do not move" in goals(scene / "a.usda")[2]
+    # One sample below a transform that moves.
+    curves.GetPointsAttr().Clear()
+    curves.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(swinging(1002).reshape(-1, 3).astype(np.float32)))
+    shift = curves.AddTranslateOp()
+    for frame in FRAMES:
+        shift.Set(Gf.Vec3d(0.05 * frame, 0, 0), frame)
+    stage.Save()
+    assert "do not move" not in goals(scene / "a.usda")[2]

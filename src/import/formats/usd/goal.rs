@@ -9,8 +9,8 @@ use serde::Deserialize;
 
 #[derive(Debug, Deserialize)]
 struct Header {
-    /// False if the stage holds one pose only.
-    moving: bool,
+    /// The first and the last time code with points, if there are several.
+    span: Option<[f64; 2]>,
     /// Time codes per second.
     rate: f64,
 }
@@ -24,8 +24,8 @@ pub(crate) struct MovingCurves {
     pub(crate) ids: Option<Vec<i32>>,
     /// Points at each time, curve after curve.
     pub(crate) samples: Vec<Vec<Vector3<f64>>>,
-    /// Whether the file has more than one time sample of them.
-    pub(crate) moving: bool,
+    /// The first and the last time code for which the file has points; `None` if it has no several.
+    pub(crate) span: Option<[f64; 2]>,
     /// Time codes per second.
     pub(crate) rate: f64,
     pub(crate) declared: Declared,
@@ -48,7 +48,7 @@ pub(crate) fn read(source: &Source, times: &SampleTimes) -> Result<MovingCurves>
         ids: read.i32s("id"),
         samples: all.chunks(per_sample).map(<[_]>::to_vec).collect(),
         counts,
-        moving: read.header.more.moving,
+        span: read.header.more.span,
         rate: read.header.more.rate,
         declared: read.header.declared(),
         notes: read.header.notes,
