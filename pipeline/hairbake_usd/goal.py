@@ -16,8 +16,8 @@ def read(path: str, prim_path: str | None, times: Times) -> tuple[Header, Arrays
     """Header and arrays of the curves at and below a prim, in world space: of guides, if there are any.
 
     `counts` are the points of each curve, `points` those of all curves at each of the times, and `id` the
-    ids of the curves, if all prims have them. `span` in the header holds the first and the last time code with
-    points, if there are several, and `rate` the number of time codes per second.
+    ids of the curves, if all prims have them. `span` in the header holds the first and the last time code
+    with points, if there are several, and `rate` the number of time codes per second.
 
     Raises:
         InputErrors: All errors in the curves.

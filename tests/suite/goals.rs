@@ -3,7 +3,6 @@
 use crate::common::{assert_resumed_bits, bake, hairbake, here, python, python_with_usd, write_curves};
 use hairbake::Error;
 use hairbake::bake::frame_record::FrameRecord;
-use hairbake::dynamics::checkpoint::Checkpoint;
 use hairbake::dynamics::guide_frame::GuideFrame;
 use hairbake::dynamics::guide_rods::GuideRods;
 use hairbake::dynamics::simulation::Simulation;

@@ -6,7 +6,6 @@ use hairbake::bake::control::Control;
 use hairbake::bake::frame_record::FrameRecord;
 use hairbake::bake::job::{Job, JobOptions};
 use hairbake::cache::{CurveFrame, Reader};
-use hairbake::dynamics::checkpoint::Checkpoint;
 use hairbake::dynamics::guide_rods::GuideRods;
 use hairbake::dynamics::simulation::Simulation;
 use hairbake::scene::anim::Resolution;

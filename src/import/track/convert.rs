@@ -135,7 +135,7 @@ impl Inputs {
         let goals = timing.iter().flat_map(|timing| {
             let read = |goal: &GoalCurvesSource| {
                 let times = timing.mesh_times(options, &goal.source, None);
-                GoalInput::read(&goal.source, times, timing.frames[0])
+                GoalInput::read(&goal.source, &times, timing.frames[0])
             };
             options.goals.iter().map(read)
         });

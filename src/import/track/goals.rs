@@ -38,8 +38,9 @@ pub(super) enum GoalInput {
     /// Curves of a USD stage.
     Stage {
         read: MovingCurves,
-        /// The time codes that the bake reads.
-        times: SampleTimes,
+        /// Time codes per second that the bake reads, and per frame.
+        rate: f64,
+        codes_per_frame: f64,
     },
     /// The first file of a sequence of OBJ files.
     Sequence(ObjCurves),
@@ -50,9 +51,10 @@ impl GoalInput {
     ///
     /// # Errors
     /// A file that is neither; the errors in it.
-    pub(super) fn read(source: &Source, times: SampleTimes, first: i32) -> Result<Self> {
+    pub(super) fn read(source: &Source, times: &SampleTimes, first: i32) -> Result<Self> {
         if source.is_usd() {
-            return Ok(GoalInput::Stage { read: goal::read(source, &times)?, times });
+            let SampleTimes { rate, step: codes_per_frame, .. } = *times;
+            return Ok(GoalInput::Stage { read: goal::read(source, times)?, rate, codes_per_frame });
         }
         source.check()?;
         let Some(sequence) = FileSequence::new(&source.path.to_string_lossy()) else {
@@ -111,10 +113,9 @@ impl Goals {
                 (goal.metres_per_unit, goal.up_axis) = (Some(of_file.metres_per_unit), Some(of_file.up));
                 goal.sequence = relative(&source.path, folder)?;
             }
-            GoalInput::Stage { read, times } => {
+            GoalInput::Stage { read, rate, codes_per_frame } => {
                 let of_file = convention(source, read.declared, &read.samples[0], HAIR_SIZE, &mut notes)?;
                 notes.extend(read.notes.iter().cloned());
-                let rate = times.rate;
                 if (read.rate - rate).abs() > 1e-6 * rate {
                     return Err(Diagnostic::new(
                         &source.path,
@@ -127,7 +128,7 @@ impl Goals {
                 }
                 if stand_still(&read.samples) {
                     notes.push("the curves do not move".into());
-                } else if let Some(what) = uncovered(&read, times.step, timing.frames) {
+                } else if let Some(what) = uncovered(&read, codes_per_frame, timing.frames) {
                     self.warnings.push(format!("goal {}: {what}", goal.name));
                 }
                 let matched = Matched::new(&read, source, groom)?;
