@@ -4,7 +4,7 @@ use super::frame_record::WrittenMeasures;
 use super::frame_state::FrameState;
 use super::job::Job;
 use super::output::{FrameStrands, Output};
-use super::over::{Over, is_deformed};
+use super::over::Over;
 use super::summary::StageSeconds;
 use super::work_dir::WrittenFrame;
 use crate::cache::Writer;
@@ -46,12 +46,10 @@ impl<'a> FrameWriter<'a> {
     pub fn new(job: &'a Job, own: &[i32]) -> Result<Self> {
         let output = Output::new(&job.groom, &job.anim, &job.rods, job.base.as_ref());
         let mut writer = Writer::create(&job.out, output.header())?;
-        let over = job
-            .over
-            .as_ref()
-            .filter(|target| !is_deformed(&job.groom, &job.anim.settings, target))
-            .map(|target| Over::new(&job.groom, &job.anim, output.header(), target, &job.out))
-            .transpose()?;
+        let over = match &job.over {
+            Some(plan) => Over::planned(&job.groom, &job.anim, output.header(), plan, &job.out)?,
+            None => None,
+        };
         if let Some(over) = &over {
             writer = writer.with_over(over.header().clone())?;
         }

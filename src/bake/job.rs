@@ -4,14 +4,14 @@ mod finished_cache;
 
 use super::base_cache::{BaseCache, GroupSelection};
 use super::cache_content::CacheContent;
-use super::over;
+use super::over::OverPlan;
 use super::work_dir::WorkDir;
 use crate::Result;
 use crate::cache::{InputRecord, sha256};
 use crate::dynamics::clock;
 use crate::dynamics::guide_rods::GuideRods;
 use crate::scene::anim::{ContactSetting, Resolution};
-use crate::scene::{Anim, Groom, OverTarget, Override};
+use crate::scene::{Anim, Groom, Override};
 use crate::strands::LOOKAHEAD;
 use finished_cache::Planned;
 use serde_json::{Value, json};
@@ -29,8 +29,8 @@ pub struct Job {
     pub rods: GuideRods,
     /// The cache that provides the groups that are not baked, in a bake of some groups.
     pub base: Option<BaseCache>,
-    /// The curves of a stage that the bake overrides, in over mode.
-    pub over: Option<OverTarget>,
+    /// What the bake does to the curves of a stage, in over mode.
+    pub over: Option<OverPlan>,
     /// The files of the scene.
     pub inputs: Vec<InputRecord>,
     /// The resolved settings, with all overrides of the files' values.
@@ -50,8 +50,8 @@ pub struct JobOptions<'a> {
     pub set: &'a [Override],
     /// Groups to bake over an earlier cache.
     pub only: Option<&'a GroupSelection>,
-    /// Curves of a stage to put the motion over.
-    pub over: Option<OverTarget>,
+    /// What to do to the curves of a stage; made for the same groom and animation.
+    pub over: Option<OverPlan>,
     /// Whether to replace a finished cache of another bake.
     pub overwrite: bool,
 }
@@ -60,8 +60,8 @@ impl Job {
     /// Begins or resumes a bake into the folder `out`; `inputs` are the files of the scene.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] if the folder cannot be written; those of [`BaseCache::open`] and
-    /// [`over::check`], before anything is written.
+    /// [`crate::Error::Io`] if the folder cannot be written; those of [`BaseCache::open`], before anything is
+    /// written.
     pub fn begin(
         groom: Groom,
         anim: Anim,
@@ -70,8 +70,7 @@ impl Job {
         out: &Path,
     ) -> Result<Self> {
         let JobOptions { set, only, over, overwrite } = options;
-        if let Some(target) = &over {
-            over::check(&groom, &anim, target)?;
+        if let Some(OverPlan { target, .. }) = &over {
             let file = target.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
             inputs.push(InputRecord { role: "over".into(), file, sha256: target.sha256.clone() });
         }

@@ -37,15 +37,13 @@ pub(super) fn finish(job: &Job, mut writer: Writer, finished: Vec<Finished>) -> 
     manifest.inputs = job.inputs.clone();
     manifest.settings = job.settings.clone();
     manifest.totals = totals(&finished);
-    match &job.over {
-        Some(target) if over::is_deformed(&job.groom, &job.anim.settings, target) => {
-            let (deform, record) =
-                over::deform(&job.groom, &job.anim, &job.rods, writer.header(), target, &job.out)?;
-            writer = writer.with_deform(deform);
+    if let Some(plan) = &job.over {
+        manifest.over = over::record(&job.groom, writer.header(), plan);
+        let deform = over::deform(&job.groom, &job.anim, &job.rods, writer.header(), plan, &job.out)?;
+        if let Some((layer, record)) = deform {
+            writer = writer.with_deform(layer);
             manifest.deform = Some(record);
         }
-        Some(target) => manifest.over = Some(over::record(&job.groom, writer.header(), target)?),
-        None => {}
     }
     // Exempt segments stay exempt.
     let [exempt, segments] =

@@ -4,11 +4,11 @@ use super::settings::{Explained, SettingsArguments};
 use super::{console, summary, values};
 use crate::bake::base_cache::GroupSelection;
 use crate::bake::job::{Job, JobOptions};
-use crate::bake::over;
+use crate::bake::over::{self, OverPlan, Undeformable};
 use crate::cache::{DEFORM, MANIFEST, OVER, SHOT};
 use crate::error::{Diagnostic, Error, Result};
 use crate::scene::anim::{OutputCurves, Resolution, Settings};
-use crate::scene::{Anim, Groom, LoadOptions, OverSource, OverTarget, Override, PathMap, SourceCurves};
+use crate::scene::{Anim, Groom, LoadOptions, OverSource, Override, PathMap};
 use crate::{bake, import, scene};
 use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser};
@@ -127,14 +127,6 @@ impl SceneArguments {
                 console::say("over mode is off: these settings leave out curves of the groom");
                 None
             }
-            (None, Some(_))
-                if anim.settings.curves == OutputCurves::Guides
-                    && groom.source.as_ref().is_some_and(SourceCurves::has_strands)
-                    && !over::has_mesh(&anim) =>
-            {
-                console::say("over mode is off: no mesh carries the hair, by which Houdini would deform it");
-                None
-            }
             // The unit and axis that `import track` was given for a stage are those of its other prims.
             (Some(over), Some(OverSource { file, metres_per_unit, up, .. }))
                 if crate::file::is_same(&over.file, &file) =>
@@ -150,7 +142,17 @@ impl SceneArguments {
             let message = "--over is a layer that the bake writes to --output; name the stage below it";
             return Err(Error::Usage(message.into()));
         }
-        let over = over.map(|over| over_target(&over, &groom, &anim, all_frames, &out)).transpose()?;
+        let over = match over.map(|over| over_plan(&over, &groom, &anim, all_frames, &out)).transpose()? {
+            Some(Ok(plan)) => Some(plan),
+            Some(Err(undeformable)) if self.over.is_some() => return Err(Error::BadInput(undeformable)),
+            Some(Err(undeformable)) => {
+                let found = |found: &Diagnostic| format!("{}: {}", found.key, found.message);
+                let found: Vec<String> = undeformable.iter().map(found).collect();
+                console::say(&format!("over mode is off: {}", found.join("; ")));
+                None
+            }
+            None => None,
+        };
         let overwrite = self.overwrite;
         let scene = Scene { groom, anim, groom_file, anim_file, options, set, only, over, out, overwrite };
         scene.check_curves()?;
@@ -201,7 +203,7 @@ impl SceneArguments {
                 rows.push(Explained { name: name.into(), value, origin: format!("--{name}") });
             }
         }
-        let over = scene.over.as_ref().map(|target| target.file.display().to_string());
+        let over = scene.over.as_ref().map(|plan| plan.target.file.display().to_string());
         let origin = match (&over, self.over.is_some(), self.no_over) {
             (_, true, _) => "--over".into(),
             (_, _, true) => "--no-over".into(),
@@ -256,7 +258,7 @@ pub struct Scene {
     /// The overrides of the files' values.
     set: Vec<Override>,
     only: Option<GroupSelection>,
-    over: Option<OverTarget>,
+    over: Option<OverPlan>,
     out: PathBuf,
     overwrite: bool,
 }
@@ -300,18 +302,18 @@ fn absolute(path: &Path) -> Result<String> {
     text.ok_or_else(|| Error::Usage(format!("the path {} is not valid Unicode", path.display())))
 }
 
-/// The curves of a stage that a bake of these frames into the folder `out` overrides.
+/// What a bake of these frames into the folder `out` does to the curves of a stage.
 ///
 /// # Errors
-/// As [`import::over_target`] and [`over::check`]; the help of each tells how to do without.
+/// As [`import::over_target`] and [`OverPlan::new`]; the help of each tells how to do without.
 /// [`Error::Usage`] for a stage that shows the stage of the bake, which would show itself.
-fn over_target(
+fn over_plan(
     over: &OverSource,
     groom: &Groom,
     anim: &Anim,
     frames: (i32, i32),
     out: &Path,
-) -> Result<OverTarget> {
+) -> Result<std::result::Result<OverPlan, Undeformable>> {
     let shown = out.join(SHOT);
     let time = groom.source.as_ref().and_then(|source| source.origin.time);
     let offsets: Vec<f64> = anim.settings.offsets().collect();
@@ -322,16 +324,17 @@ fn over_target(
                 format!("the stage of --over shows {SHOT}, which the bake writes; name the stage below it");
             return Err(Error::Usage(message));
         }
-        over::check(groom, anim, &target)?;
-        Ok(target)
+        OverPlan::new(groom, anim, target)
     };
-    read().map_err(|error| match error {
-        Error::BadInput(mut diagnostics) => {
-            diagnostics.iter_mut().for_each(|found| found.help.push_str(", or bake with --no-over"));
-            Error::BadInput(diagnostics)
-        }
-        error => error,
-    })
+    let with_help = |mut found: Vec<Diagnostic>| {
+        found.iter_mut().for_each(|found| found.help.push_str(", or bake with --no-over"));
+        found
+    };
+    match read() {
+        Ok(plan) => Ok(plan.map_err(with_help)),
+        Err(Error::BadInput(found)) => Err(Error::BadInput(with_help(found))),
+        Err(error) => Err(error),
+    }
 }
 
 fn check_frames(file: &Path, (first, last): (i32, i32), shot: (i32, i32)) -> Result<()> {

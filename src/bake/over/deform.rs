@@ -3,9 +3,9 @@
 //! What it takes at rest, guides, skin and the curves' own points, it takes as it stands: all in the space of
 //! the curves' points. Each space of curves has its own copy of the guides' places at rest.
 
-use super::matching::{namesakes_of_all, not_imported};
 use super::motion::affine;
-use super::source::{Set, nearest_root, owners, ranges};
+use super::plan::{OverPlan, PlannedCurves, Undeformable};
+use super::source::{Owners, Set, nearest_root, ranges};
 use super::stage::{rows, shot_stage, stage_record};
 use crate::bake::cache_content::{CacheContent, weights_of};
 use crate::bake::single::single;
@@ -13,7 +13,7 @@ use crate::cache::{
     DeformCurves, DeformHeader, DeformMethod, DeformPrimRecord, DeformRecord, DeformSpace, Header,
 };
 use crate::dynamics::guide_rods::GuideRods;
-use crate::error::{Diagnostic, Error, Result};
+use crate::error::{Diagnostic, Result};
 use crate::geometry::Shape;
 use crate::scene::{Anim, Collider, Groom, OverPrim, OverTarget, SourceCurves};
 use crate::strands::GuideWeights;
@@ -23,10 +23,10 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Number of guides that Houdini finds near the root of each curve where it chooses them, at least.
-const GUIDES_IN_REACH: usize = 3;
+const GUIDES_IN_RADIUS: usize = 3;
 
-/// Factor on the distance of the last of [`GUIDES_IN_REACH`], beyond rounding to single precision.
-const REACH: f64 = 1.001;
+/// Factor on the distance of the last of [`GUIDES_IN_RADIUS`], beyond rounding to single precision.
+const RADIUS_MARGIN: f64 = 1.001;
 
 /// Number of roots whose distance from a mesh is measured.
 const ROOTS: usize = 100;
@@ -36,70 +36,71 @@ const ROOTS: usize = 100;
 const SAME_PLACE: f64 = 1e-6;
 
 /// Curves to deform.
+#[derive(Debug)]
 pub(super) struct Deformed {
     /// The prim of the groom's source that they are; `None` for curves that were not imported.
-    pub of: Option<usize>,
+    imported: Option<usize>,
     /// Matrix from the space of the prim to rest space in metres, Y up.
     to_rest: Matrix4<f64>,
     /// The collider that carries their roots.
     skin: usize,
 }
 
-/// The source of a groom, and what is to be known of each prim of `target` to deform it.
+/// What is to be known of each prim of `target` to deform it; `matched` are the prims of the source that they
+/// are.
 ///
 /// # Errors
-/// [`Error::BadInput`] with every prim that cannot be deformed.
-pub(super) fn deformed<'a>(
-    groom: &'a Groom,
+/// The errors of all prims that cannot be deformed.
+pub(super) fn deformed(
+    groom: &Groom,
     anim: &Anim,
+    source: &SourceCurves,
+    owners: &Owners,
+    matched: &[Option<usize>],
     target: &OverTarget,
-) -> Result<(&'a SourceCurves, Vec<Deformed>)> {
-    let (source, found) = namesakes_of_all(groom, target)?;
+) -> std::result::Result<Vec<Deformed>, Undeformable> {
     if source.length.is_some() {
-        return Err(Diagnostic::new(
+        return Err(vec![Diagnostic::new(
             &target.file,
             "--curves",
             "the strands were lengthened as they were imported, and Houdini does not lengthen curves",
             "curves as long as the strands",
             "import the groom without --length-scale and --length-variation, or bake with --curves both",
-        )
-        .into());
+        )]);
     }
     let known: Vec<(usize, &OverPrim)> =
-        found.iter().zip(&target.prims).filter_map(|(of, prim)| Some(((*of)?, prim))).collect();
+        matched.iter().zip(&target.prims).filter_map(|(of, prim)| Some(((*of)?, prim))).collect();
     let mut errors = Vec::new();
     let mut deformed = Vec::new();
-    for (prim, of) in target.prims.iter().zip(found) {
+    for (prim, &of) in target.prims.iter().zip(matched) {
         let to_rest = match of {
             Some(of) => Ok(source.prims[of].to_rest),
-            None if source.has_strands() => Err(not_imported(source, prim, target).into()),
-            None => beside(source, &known, prim, target),
+            None => rest_by_guides(source, &known, prim, target),
         };
         let found = to_rest.and_then(|to_rest| {
-            let skin = skin(groom, anim, source, of, prim, &to_rest, target)?;
-            Ok(Deformed { of, to_rest, skin })
+            let owners = of.map(|of| owners.of_prim(of));
+            let skin = skin(groom, anim, owners, prim, &to_rest, target)?;
+            Ok(Deformed { imported: of, to_rest, skin })
         });
         match found {
             Ok(found) => deformed.push(found),
-            Err(Error::BadInput(found)) => errors.extend(found),
-            Err(e) => return Err(e),
+            Err(found) => errors.extend(found),
         }
     }
-    Error::if_any(errors)?;
-    Ok((source, deformed))
+    if errors.is_empty() { Ok(deformed) } else { Err(errors) }
 }
 
 /// Matrix to rest space from the space of curves that were not imported, by their place beside those that
 /// were.
-fn beside(
+fn rest_by_guides(
     source: &SourceCurves,
     known: &[(usize, &OverPrim)],
     prim: &OverPrim,
     target: &OverTarget,
-) -> Result<Matrix4<f64>> {
+) -> std::result::Result<Matrix4<f64>, Undeformable> {
     let refused = |message: &str, help: &str| {
         let allowed = "curves placed by the same prims as the guides that the groom was imported from";
-        Err(Diagnostic::new(&target.file, &prim.path, message, allowed, help).into())
+        Err(vec![Diagnostic::new(&target.file, &prim.path, message, allowed, help)])
     };
     let Some((of, guides)) = known.first() else {
         return refused(
@@ -124,24 +125,22 @@ fn beside(
     Ok(source.prims[*of].to_rest * first)
 }
 
-/// The collider that carries the roots of curves.
+/// The collider that carries the roots of curves. Those that were imported have `owners`.
 fn skin(
     groom: &Groom,
     anim: &Anim,
-    source: &SourceCurves,
-    of: Option<usize>,
+    owners: Option<&[Option<(Set, usize)>]>,
     prim: &OverPrim,
     to_rest: &Matrix4<f64>,
     target: &OverTarget,
-) -> Result<usize> {
+) -> std::result::Result<usize, Undeformable> {
     let roots = roots(prim, to_rest);
     let refused = |message: String, allowed: &str, help: &str| {
-        Err(Diagnostic::new(&target.file, &prim.path, message, allowed, help).into())
+        Err(vec![Diagnostic::new(&target.file, &prim.path, message, allowed, help)])
     };
     if !anim.skins.is_empty() {
-        let owners = of.map(|of| owners(source).split_off(source.starts()[of]));
         let skin = |(c, root): (usize, &Vector3<f64>)| {
-            let own = owners.as_ref().and_then(|owners| {
+            let own = owners.and_then(|owners| {
                 let (set, index) = owners[c]?;
                 set.of_groom(groom).skin.get(index).cloned()
             });
@@ -175,11 +174,6 @@ fn skin(
     }
 }
 
-/// Whether any mesh can carry the roots of curves that Houdini is to deform.
-pub fn has_mesh(anim: &Anim) -> bool {
-    !anim.skins.is_empty() || head_meshes(anim).next().is_some()
-}
-
 /// The colliders that ride with the head as roots do, every place of them, and their vertices, m.
 fn head_meshes(anim: &Anim) -> impl Iterator<Item = (usize, &[Vector3<f64>])> {
     let rides = |c: &Collider| c.body == anim.head && c.deformation.is_none();
@@ -202,20 +196,22 @@ fn nearest(points: &[Vector3<f64>], x: &Vector3<f64>) -> Option<(usize, f64)> {
     far.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, far)| (i, far.sqrt()))
 }
 
-/// The layer by which Houdini deforms the curves of `target` by the guides of a cache with this `header`, and
-/// what the manifest tells of it.
+/// The layer by which Houdini deforms curves by the guides of a cache with this `header`, and what the manifest
+/// tells of it; `None` if the bake moves them itself.
 ///
 /// # Errors
-/// As [`check`](super::check); [`Error::Io`] without a current folder.
+/// [`crate::Error::Io`] without a current folder.
 pub fn deform(
     groom: &Groom,
     anim: &Anim,
     rods: &GuideRods,
     header: &Header,
-    target: &OverTarget,
+    plan: &OverPlan,
     out: &Path,
-) -> Result<(DeformHeader, DeformRecord)> {
-    let (source, deformed) = deformed(groom, anim, target)?;
+) -> Result<Option<(DeformHeader, DeformRecord)>> {
+    let OverPlan { target, owners, curves: PlannedCurves::Deformed(deformed) } = plan else {
+        return Ok(None);
+    };
     let weights = weights_of(groom, &groom.strands, &CacheContent::new(groom, anim, rods).rods);
     let (guide_points, guide_rest) = Set::Guides.curves(header, groom.convention);
     let guide_roots: Vec<Vector3<f64>> = guide_points.iter().map(|points| guide_rest[points.start]).collect();
@@ -225,7 +221,7 @@ pub fn deform(
     };
     let mut spaces: Vec<(Matrix4<f64>, DeformSpace)> = Vec::new();
     let mut prims = Vec::new();
-    for (prim, Deformed { of, to_rest, skin }) in target.prims.iter().zip(&deformed) {
+    for (prim, Deformed { imported, to_rest, skin }) in target.prims.iter().zip(deformed) {
         // The reader of the groom's source refuses matrices without inverse.
         let from_rest = to_rest.try_inverse().unwrap_or_else(Matrix4::identity);
         let at_rest =
@@ -240,12 +236,9 @@ pub fn deform(
             skins.push((*skin, at_rest(&skin_rest(*skin))));
         }
         let roots = roots(prim, to_rest);
-        let method = match of {
-            Some(of) => {
-                let owners = &owners(source)[source.starts()[*of]..][..roots.len()];
-                by_weights(owners, &weights, &roots, &guide_roots)
-            }
-            None => DeformMethod::Shapes { radius: reach(&roots, &guide_roots, &from_rest) },
+        let method = match imported {
+            Some(of) => by_weights(owners.of_prim(*of), &weights, &roots, &guide_roots),
+            None => DeformMethod::Shapes { radius: search_radius(&roots, &guide_roots, &from_rest) },
         };
         prims.push(DeformCurves {
             path: prim.path.clone(),
@@ -265,8 +258,8 @@ pub fn deform(
         spaces: spaces.into_iter().map(|(_, space)| space).collect(),
         prims,
     };
-    let record = record(&layer, &deformed, header, target);
-    Ok((layer, record))
+    let record = record(&layer, deformed, header, target);
+    Ok(Some((layer, record)))
 }
 
 /// Guides and weights of curves that were imported: those of the strands that they are; a guide itself; for
@@ -291,18 +284,18 @@ fn by_weights(
     }
 }
 
-/// The distance from every root within which there are [`GUIDES_IN_REACH`] guides, or all of them, in the
+/// The distance from every root within which there are [`GUIDES_IN_RADIUS`] guides, or all of them, in the
 /// space of the curves.
-fn reach(roots: &[Vector3<f64>], guide_roots: &[Vector3<f64>], from_rest: &Matrix4<f64>) -> f32 {
+fn search_radius(roots: &[Vector3<f64>], guide_roots: &[Vector3<f64>], from_rest: &Matrix4<f64>) -> f32 {
     let [roots, guides] =
         [roots, guide_roots].map(|all| all.iter().map(|x| affine(from_rest, x)).collect::<Vec<_>>());
-    let last = GUIDES_IN_REACH.min(guides.len()).saturating_sub(1);
+    let last = GUIDES_IN_RADIUS.min(guides.len()).saturating_sub(1);
     let distance = |root: &Vector3<f64>| {
         let mut each: Vec<f64> = guides.iter().map(|guide| (guide - root).norm()).collect();
         each.select_nth_unstable_by(last, f64::total_cmp);
         each[last]
     };
-    (roots.par_iter().map(distance).reduce(|| 0.0, f64::max) * REACH) as f32
+    (roots.par_iter().map(distance).reduce(|| 0.0, f64::max) * RADIUS_MARGIN) as f32
 }
 
 /// The name of a prim that stands for the curves at `path`.
@@ -313,16 +306,17 @@ fn unused_name<'n>(path: &str, others: impl Iterator<Item = &'n str> + Clone) ->
 }
 
 fn record(layer: &DeformHeader, deformed: &[Deformed], header: &Header, target: &OverTarget) -> DeformRecord {
-    let prims =
-        target.prims.iter().zip(deformed).zip(&layer.prims).map(|((prim, of), curves)| DeformPrimRecord {
+    let prims = target.prims.iter().zip(deformed).zip(&layer.prims).map(|((prim, deformed), curves)| {
+        DeformPrimRecord {
             path: prim.path.clone(),
             points: prim.points_name.clone(),
             time: prim.time,
-            to_rest_m: rows(&of.to_rest),
+            to_rest_m: rows(&deformed.to_rest),
             method: curves.method.name().into(),
             guides: layer.guides_path(curves),
             skin: layer.skin_path(curves, header),
-        });
+        }
+    });
     let (stage, metres_per_unit, up_axis) = stage_record(target);
     DeformRecord { stage, metres_per_unit, up_axis, prims: prims.collect() }
 }

@@ -7,28 +7,17 @@ use crate::scene::{Groom, OverPrim, OverTarget, SourceCurves, SourcePrim};
 
 /// Whether Houdini is to deform the curves of `target` by the guides, since a bake with these settings has no
 /// motion to put over them: that of strands, or of curves that a groom of guides was not imported from.
-pub fn is_deformed(groom: &Groom, settings: &Settings, target: &OverTarget) -> bool {
+pub(super) fn is_deformed(groom: &Groom, settings: &Settings, target: &OverTarget) -> bool {
     let Some(source) = &groom.source else { return false };
-    let other = |prim| namesakes(source, prim, target).is_empty();
+    let other = |prim| candidates(source, prim, target).is_empty();
     settings.curves == OutputCurves::Guides && (source.has_strands() || target.prims.iter().any(other))
-}
-
-/// The source of a groom, and the prim of it that each prim of a stage is.
-///
-/// # Errors
-/// [`Error::BadInput`] with every prim that is none.
-pub(super) fn matched<'a>(groom: &'a Groom, target: &OverTarget) -> Result<(&'a SourceCurves, Vec<usize>)> {
-    let (source, found) = namesakes_of_all(groom, target)?;
-    let others = target.prims.iter().zip(&found).filter(|(_, of)| of.is_none());
-    Error::if_any(others.map(|(prim, _)| not_imported(source, prim, target)).collect())?;
-    Ok((source, found.into_iter().flatten().collect()))
 }
 
 /// The source of a groom, and the prim of it that each prim of a stage is; `None` for curves of another name.
 ///
 /// # Errors
 /// [`Error::BadInput`] with every prim that has other curves than that of its name.
-pub(super) fn namesakes_of_all<'a>(
+pub(super) fn match_prims<'a>(
     groom: &'a Groom,
     target: &OverTarget,
 ) -> Result<(&'a SourceCurves, Vec<Option<usize>>)> {
@@ -79,7 +68,7 @@ fn imported_from(source: &SourceCurves) -> String {
 }
 
 /// The prims of `source` whose paths end as that of `prim` does.
-fn namesakes(source: &SourceCurves, prim: &OverPrim, target: &OverTarget) -> Vec<usize> {
+fn candidates(source: &SourceCurves, prim: &OverPrim, target: &OverTarget) -> Vec<usize> {
     let shared = |of: &SourcePrim| {
         let [a, b] = [&of.path, &prim.path].map(|path| path.rsplit('/'));
         a.zip(b).take_while(|(a, b)| a == b).count()
@@ -96,7 +85,7 @@ fn find(source: &SourceCurves, prim: &OverPrim, target: &OverTarget) -> Result<O
     let diagnostic = |message: String, help: &str| {
         Error::from(Diagnostic::new(&target.file, &prim.path, message, imported_from(source), help))
     };
-    let index = match namesakes(source, prim, target)[..] {
+    let index = match candidates(source, prim, target)[..] {
         [] => return Ok(None),
         [index] => index,
         [_, _, ..] => {

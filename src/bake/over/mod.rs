@@ -9,17 +9,16 @@
 //! A bake of guides alone has no strands to put over the curves: Houdini deforms these by the guides
 //! ([`deform()`]).
 
-mod check;
 mod deform;
 mod matching;
 mod motion;
+mod plan;
 mod record;
 mod source;
 mod stage;
 
-pub use check::{check, moves_all};
-pub use deform::{deform, has_mesh};
-pub use matching::is_deformed;
+pub use deform::deform;
+pub use plan::{OverPlan, Undeformable, moves_all};
 pub use record::record;
 
 use super::single::{extent, single};
@@ -27,11 +26,11 @@ use crate::Result;
 use crate::cache::{CurveFrame, Frame, Header, OverCurveFrame, OverCurves, OverFrame, OverHeader};
 use crate::math::basis_curve::{Basis, CurveFit, CurveType, Row, Wrap};
 use crate::scene::{Anim, Convention, Groom, OverPrim, OverTarget, RootBinding};
-use matching::matched;
 use motion::{Carrier, Motion, Placement, linear, parts};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use plan::PlannedCurves;
 use rayon::prelude::*;
-use source::{Fits, Set, nearest_root, owners, ranges, rest_controls};
+use source::{Fits, Set, nearest_root, ranges, rest_controls};
 use stage::shot_stage;
 use std::ops::Range;
 use std::path::Path;
@@ -88,36 +87,46 @@ struct Baked {
 }
 
 impl Over {
-    /// Over mode of a bake of `groom` with this `header` into the folder `out`.
+    /// Over mode of a bake of `groom` with this `header` into the folder `out`; `None` if it leaves the curves
+    /// to Houdini.
     ///
     /// # Errors
-    /// As [`check`]; [`crate::Error::Io`] without a current folder.
-    pub fn new(groom: &Groom, anim: &Anim, header: &Header, target: &OverTarget, out: &Path) -> Result<Self> {
-        let (source, matched) = matched(groom, target)?;
+    /// [`crate::Error::Io`] without a current folder.
+    pub fn planned(
+        groom: &Groom,
+        anim: &Anim,
+        header: &Header,
+        plan: &OverPlan,
+        out: &Path,
+    ) -> Result<Option<Self>> {
+        let (OverPlan { target, owners, curves: PlannedCurves::Moved(matched) }, Some(source)) =
+            (plan, &groom.source)
+        else {
+            return Ok(None);
+        };
         let mut fits = Fits::default();
-        let (starts, owners) = (source.starts(), owners(source));
         let sets = Set::ALL.map(|set| set.curves(header, groom.convention));
         let prims = target.prims.iter().zip(matched).map(|(prim, of)| {
-            let rest = rest_controls(source, of, prim, &mut fits);
-            let curves = ranges(prim.vertices.iter().copied()).enumerate().map(|(c, controls)| {
+            let rest = rest_controls(source, *of, prim, &mut fits);
+            let owned = ranges(prim.vertices.iter().copied()).zip(owners.of_prim(*of));
+            let curves = owned.map(|(controls, owner)| {
                 let fit = fits.index(prim.curve, controls.len());
-                let baked = owners[starts[of] + c].and_then(|(set, index)| {
+                let baked = owner.and_then(|(set, index)| {
                     let (ranges, points) = &sets[set as usize];
                     let range = ranges.get(index)?.clone();
                     let samples = fits.all[fit].samples.iter().map(|row| row.of(&rest[controls.clone()]));
                     let places = places(&samples.collect::<Vec<_>>(), &points[range.clone()]);
                     Some(Baked { set, rest: points[range.clone()].to_vec(), points: range, places })
                 });
-                let own = owners[starts[of] + c]
-                    .and_then(|(set, index)| set.of_groom(groom).skin.get(index).cloned());
+                let own = owner.and_then(|(set, index)| set.of_groom(groom).skin.get(index).cloned());
                 let root = own.or_else(|| nearest_root(groom, &rest[controls.start]));
                 CurveOver { controls, fit, baked, root }
             });
             let curves = curves.collect();
-            PrimOver { prim: prim.clone(), turn: linear(&source.prims[of].to_rest), curves, rest }
+            PrimOver { prim: prim.clone(), turn: linear(&source.prims[*of].to_rest), curves, rest }
         });
         let prims = prims.collect();
-        Ok(Over {
+        Ok(Some(Over {
             convention: groom.convention,
             target_convention: target.convention,
             first_frame: target.first_frame,
@@ -126,7 +135,7 @@ impl Over {
             fits: fits.all,
             prims,
             header: over_header(target, anim.settings.accelerations, out)?,
-        })
+        }))
     }
 
     /// What does not change in the layers.

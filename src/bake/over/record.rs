@@ -1,30 +1,27 @@
 //! What the manifest tells of over mode.
 
-use super::matching::matched;
-use super::source::{Set, owners};
+use super::plan::{OverPlan, PlannedCurves};
+use super::source::Set;
 use super::stage::{rows, stage_record};
-use crate::Result;
 use crate::cache::{Header, OverPrimRecord, OverRecord, OverRun};
-use crate::scene::{Groom, OverTarget};
+use crate::scene::Groom;
 
-/// What the manifest of a cache with this `header` tells of the curves of `target`.
-///
-/// # Errors
-/// As [`check`](super::check).
-pub fn record(groom: &Groom, header: &Header, target: &OverTarget) -> Result<OverRecord> {
-    let (source, matched) = matched(groom, target)?;
-    let (starts, owners) = (source.starts(), owners(source));
+/// What the manifest of a cache with this `header` tells of the curves that a bake moves; `None` if it leaves
+/// them to Houdini.
+pub fn record(groom: &Groom, header: &Header, plan: &OverPlan) -> Option<OverRecord> {
+    let OverPlan { target, owners, curves: PlannedCurves::Moved(matched) } = plan else { return None };
+    let source = groom.source.as_ref()?;
     let prims = target.prims.iter().zip(matched).map(|(prim, of)| OverPrimRecord {
         path: prim.path.clone(),
         points: prim.points_name.clone(),
         time: prim.time,
         normals: prim.normals.as_ref().map(|normals| normals.name.clone()),
-        to_rest_m: rows(&source.prims[of].to_rest),
+        to_rest_m: rows(&source.prims[*of].to_rest),
         lengthened: source.length.is_some(),
-        baked: runs(&owners[starts[of]..starts[of + 1]], header),
+        baked: runs(owners.of_prim(*of), header),
     });
     let (stage, metres_per_unit, up_axis) = stage_record(target);
-    Ok(OverRecord { stage, metres_per_unit, up_axis, prims: prims.collect() })
+    Some(OverRecord { stage, metres_per_unit, up_axis, prims: prims.collect() })
 }
 
 /// What curves move as, in runs as long as possible.

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// A set of curves of the cache.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 pub(super) enum Set {
     Hair,
     Guides,
@@ -69,7 +69,7 @@ pub(super) struct Fits {
 }
 
 impl Fits {
-    /// Index of the fit of curves that [`check`](super::check) has passed.
+    /// Index of the fit of curves that an [`OverPlan`](super::OverPlan) has checked.
     pub fn index(&mut self, curve: CurveType, count: usize) -> usize {
         let all = &mut self.all;
         *self.index.entry((curve, count)).or_insert_with(|| {
@@ -99,17 +99,32 @@ pub(super) fn rest_controls(
     rest
 }
 
-/// The curve of the cache that each curve of a source moves as. A strand is drawn, a guide may not be.
-pub(super) fn owners(source: &SourceCurves) -> Vec<Option<(Set, usize)>> {
-    let mut owners = vec![None; source.vertices.len()];
-    for (set, curves) in [(Set::Guides, &source.guides), (Set::Hair, &source.strands)] {
-        for (i, curve) in curves.iter().enumerate() {
-            if let Some(curve) = curve {
-                owners[*curve as usize] = Some((set, i));
+/// The curve of the cache that each curve of a source moves as.
+#[derive(Debug)]
+pub(super) struct Owners {
+    each: Vec<Option<(Set, usize)>>,
+    /// The first curve of each prim, and the number of all.
+    starts: Vec<usize>,
+}
+
+impl Owners {
+    pub fn new(source: &SourceCurves) -> Self {
+        let mut each = vec![None; source.vertices.len()];
+        // A strand is drawn, a guide may not be.
+        for (set, curves) in [(Set::Guides, &source.guides), (Set::Hair, &source.strands)] {
+            for (i, curve) in curves.iter().enumerate() {
+                if let Some(curve) = curve {
+                    each[*curve as usize] = Some((set, i));
+                }
             }
         }
+        Owners { each, starts: source.starts() }
     }
-    owners
+
+    /// Those of the curves of a prim of the source.
+    pub fn of_prim(&self, of: usize) -> &[Option<(Set, usize)>] {
+        &self.each[self.starts[of]..self.starts[of + 1]]
+    }
 }
 
 /// The place of a skin that carries the root of the groom nearest to `x`, m, rest space: for curves that were

@@ -1,9 +1,9 @@
-//! Whether the curves of a stage are those that a groom was imported from.
+//! What a bake does to the curves of a stage, if these are those that the groom was imported from.
 
-use super::deform::deformed;
-use super::matching::{is_deformed, matched};
+use super::deform::{Deformed, deformed};
+use super::matching::{is_deformed, match_prims, not_imported};
 use super::motion::linear;
-use super::source::{Fits, Set, owners, ranges, rest_controls};
+use super::source::{Fits, Owners, Set, ranges, rest_controls};
 use crate::error::{Diagnostic, Error, Result};
 use crate::scene::anim::{OutputCurves, Settings};
 use crate::scene::{Anim, Groom, OverKind, OverPrim, OverTarget, SourceCurves, SourcePrim, StageLayer};
@@ -18,49 +18,93 @@ const SAME_ENDS: f64 = 1e-4;
 /// which differ least of the units in use, are a factor of 2.54 apart. A character may be scaled a little.
 const OTHER_UNIT: f64 = 2.0;
 
-/// Checks that a bake can override the curves of `target`.
-///
-/// # Errors
-/// [`Error::BadInput`] with every difference between the groom and the curves of the stage;
-/// [`Error::Usage`] for settings that leave strands out.
-pub fn check(groom: &Groom, anim: &Anim, target: &OverTarget) -> Result<()> {
-    if let Some(option) = left_out(&anim.settings) {
-        let message = format!("--over moves every curve of the groom: leave out {option}");
-        return Err(Error::Usage(message));
+/// What a bake does to the curves of a stage.
+#[derive(Debug)]
+pub struct OverPlan {
+    /// The stage and its curves.
+    pub target: OverTarget,
+    pub(super) owners: Owners,
+    pub(super) curves: PlannedCurves,
+}
+
+/// How the curves of a stage are moved.
+#[derive(Debug)]
+pub(super) enum PlannedCurves {
+    /// By the bake. For each prim of the stage, that of the groom's source which it is.
+    Moved(Vec<usize>),
+    /// By Houdini, which deforms them by the guides.
+    Deformed(Vec<Deformed>),
+}
+
+/// Why Houdini cannot deform the curves of a stage.
+pub type Undeformable = Vec<Diagnostic>;
+
+impl OverPlan {
+    /// The plan for a bake of `groom`; without one if the bake leaves the curves to Houdini, which cannot
+    /// deform them.
+    ///
+    /// # Errors
+    /// [`Error::BadInput`] with every difference between the groom and the curves of the stage;
+    /// [`Error::Usage`] for settings that leave strands out.
+    pub fn new(
+        groom: &Groom,
+        anim: &Anim,
+        target: OverTarget,
+    ) -> Result<std::result::Result<Self, Undeformable>> {
+        if let Some(option) = left_out(&anim.settings) {
+            let message = format!("--over moves every curve of the groom: leave out {option}");
+            return Err(Error::Usage(message));
+        }
+        let deforms = is_deformed(groom, &anim.settings, &target);
+        let mut found = doubled(deforms, &target);
+        found.extend(other_rate(anim, &target));
+        let (source, matched) = match match_prims(groom, &target) {
+            Ok(matched) => matched,
+            Err(Error::BadInput(others)) => {
+                found.extend(others);
+                return Err(Error::BadInput(found));
+            }
+            Err(e) => return Err(e),
+        };
+        let owners = Owners::new(source);
+        for (prim, of) in target.prims.iter().zip(&matched) {
+            match of {
+                Some(of) => {
+                    found.extend(resized(&source.prims[*of], prim, &target));
+                    found.extend(moved(groom, source, *of, prim, owners.of_prim(*of), &target.file));
+                }
+                None if deforms && !source.has_strands() => {}
+                None => found.push(not_imported(source, prim, &target)),
+            }
+        }
+        let curves = if deforms {
+            deformed(groom, anim, source, &owners, &matched, &target).map(PlannedCurves::Deformed)
+        } else {
+            Ok(PlannedCurves::Moved(matched.into_iter().flatten().collect()))
+        };
+        match curves {
+            Ok(curves) => Error::if_any(found).map(|()| Ok(OverPlan { target, owners, curves })),
+            Err(undeformable) if found.is_empty() => Ok(Err(undeformable)),
+            Err(undeformable) => {
+                found.extend(undeformable);
+                Err(Error::BadInput(found))
+            }
+        }
     }
-    let mut found = Vec::new();
+}
+
+/// The error of a stage whose time codes are no frames.
+fn other_rate(anim: &Anim, target: &OverTarget) -> Option<Diagnostic> {
     let rate = target.stage.time_codes_per_second;
-    if (rate - anim.fps).abs() > 1e-6 * anim.fps {
-        found.push(Diagnostic::new(
+    ((rate - anim.fps).abs() > 1e-6 * anim.fps).then(|| {
+        Diagnostic::new(
             &target.file,
             "timeCodesPerSecond",
             format!("{rate} time codes per second, where the animation has {} frames", anim.fps),
             "one time code per frame",
             "import the track from this stage",
-        ));
-    }
-    found.extend(doubled(groom, anim, target));
-    let matched = if is_deformed(groom, &anim.settings, target) {
-        deformed(groom, anim, target).map(|(source, prims)| (source, prims.iter().map(|p| p.of).collect()))
-    } else {
-        matched(groom, target).map(|(source, prims)| (source, prims.into_iter().map(Some).collect()))
-    };
-    let (source, matched): (_, Vec<_>) = match matched {
-        Ok(matched) => matched,
-        Err(Error::BadInput(others)) => {
-            found.extend(others);
-            return Err(Error::BadInput(found));
-        }
-        Err(e) => return Err(e),
-    };
-    let owners = owners(source);
-    let starts = source.starts();
-    for (prim, of) in target.prims.iter().zip(matched) {
-        let Some(of) = of else { continue };
-        found.extend(resized(&source.prims[of], prim, target));
-        found.extend(moved(groom, source, of, prim, &owners[starts[of]..], &target.file));
-    }
-    Error::if_any(found)
+        )
+    })
 }
 
 /// Whether a bake with these settings can move all curves of the groom.
@@ -79,8 +123,7 @@ fn left_out(settings: &Settings) -> Option<&'static str> {
 
 /// The errors of layers of earlier bakes that would move curves besides this one: the curves are read without
 /// them, but shown with them.
-fn doubled(groom: &Groom, anim: &Anim, target: &OverTarget) -> Vec<Diagnostic> {
-    let deforms = is_deformed(groom, &anim.settings, target);
+fn doubled(deforms: bool, target: &OverTarget) -> Vec<Diagnostic> {
     let doubled = |layer: &StageLayer| {
         let (path, file) = (layer.prims.first()?, layer.file.display());
         let message = match layer.kind? {
