@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
 
 from support import Run
 from usd_import.stages import add_curves, add_primvar, hanging, new_stage
@@ -86,6 +86,40 @@ class Shot:
         stage = Usd.Stage.Open(str(path))
         change(stage)
         stage.Save()
+
+    def bind(self, at: str, shapes: bool = False) -> None:
+        """Adds a skeleton to the asset, bound at a prim, which moves the curves by joints or blend shapes."""
+
+        def change(stage: Usd.Stage) -> None:
+            stage.GetPrimAtPath("/char").SetTypeName("SkelRoot")
+            skeleton = UsdSkel.Skeleton.Define(stage, "/char/rig")
+            skeleton.CreateJointsAttr(["head"])
+            pose = Gf.Matrix4d().SetTranslate(Gf.Vec3d(0, 0, 150))
+            skeleton.CreateBindTransformsAttr([pose])
+            skeleton.CreateRestTransformsAttr([pose])
+            binding = UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath(at))
+            binding.CreateSkeletonRel().SetTargets(["/char/rig"])
+            if shapes:
+                shape = UsdSkel.BlendShape.Define(stage, "/char/hair/windy")
+                shape.CreateOffsetsAttr([(1.0, 0.0, 0.0)] * STRANDS * POINTS)
+                binding.CreateBlendShapesAttr(["windy"])
+                binding.CreateBlendShapeTargetsRel().SetTargets([shape.GetPath()])
+                return
+            binding.CreateJointIndicesPrimvar(True, 1).Set([0])
+            binding.CreateJointWeightsPrimvar(True, 1).Set([1.0])
+
+        self.edit(self.asset, change)
+
+    def shorten(self, curve: int) -> None:
+        """Makes a curve of the asset shorter than a millimetre: the importer drops it."""
+
+        def change(stage: Usd.Stage) -> None:
+            points = UsdGeom.BasisCurves(stage.GetPrimAtPath("/char/hair")).GetPointsAttr()
+            each = np.array(points.Get()).reshape(STRANDS, POINTS, 3)
+            each[curve] = each[curve, :1] + 0.001 * (each[curve] - each[curve, :1])
+            points.Set(Vt.Vec3fArray.FromNumpy(each.reshape(-1, 3)))
+
+        self.edit(self.asset, change)
 
     def run(self, *arguments: object) -> str:
         """Runs the program, which must succeed; returns its messages."""

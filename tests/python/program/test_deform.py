@@ -6,7 +6,7 @@ from pathlib import Path
 import lightusd
 import numpy as np
 import pytest
-from pxr import Gf, Usd, UsdGeom, UsdSkel, Vt
+from pxr import Gf, Usd, UsdGeom, Vt
 
 from hairbake_usd.exchange import FloatArray
 from hairbake_validate.collider import nearest
@@ -15,7 +15,7 @@ from hairbake_validate.report import Report
 from hairbake_validate.run import validate
 from program.over_shot import FIRST, HAIR, LAST, POINTS, QUICK, STRANDS, Shot
 from second_reader import assert_same_layer
-from support import Run, unwrapped
+from support import Done, Run, unwrapped
 from usd_import.stages import INTS, add_curves, add_primvar, hanging
 
 CHARACTER = "/world/hero/char"
@@ -71,6 +71,13 @@ def shot(hairbake: Run, tmp_path: Path) -> Shot:
     shot = Shot(tmp_path, hairbake, "catmullRom", "pinned")
     add_scalp(shot)
     return shot
+
+
+def make_guides(stage: Usd.Stage) -> None:
+    """Makes guides of the curves of the asset."""
+    guides = UsdGeom.BasisCurves(stage.GetPrimAtPath("/char/hair"))
+    add_primvar(guides, "groom_guide", INTS, "uniform", [1] * STRANDS)
+    guides.GetPurposeAttr().Set("guide")
 
 
 def scene(shot: Shot, option: str = "--collider", path: str = SCALP) -> tuple[Path, Path]:
@@ -165,6 +172,27 @@ def arc(points: FloatArray) -> FloatArray:
     return shares
 
 
+def followed(stage: Usd.Stage) -> list[list[tuple[int, float]]]:
+    """The guides that the layer has each curve follow, by their ids, with their weights."""
+    names = ("guides", "weights", "guides:lengths")
+    guides, weights, counts = (values(stage, HAIR, f"primvars:{name}") for name in names)
+    ids = values(stage, GUIDES, "primvars:groom_id").astype(int)[guides.astype(int)]
+    ends = np.cumsum(counts).astype(int)[:-1]
+    lists = zip(np.split(ids, ends), np.split(weights, ends), strict=True)
+    return [list(zip(each.tolist(), own.tolist(), strict=True)) for each, own in lists]
+
+
+def closest(cache: Path) -> list[list[tuple[int, float]]]:
+    """The guides that each strand of a cache follows, by their ids, with their weights."""
+    stage = Usd.Stage.Open(str(cache / "hair.usda"))
+    names = ("closest_guides", "guide_weights")
+    guides, weights = (values(stage, "/groom/hair", f"primvars:groom_{name}") for name in names)
+    lists = zip(guides.astype(int).reshape(STRANDS, -1), weights.reshape(STRANDS, -1), strict=True)
+    return [
+        [pair for pair in zip(each.tolist(), own.tolist(), strict=True) if pair[1] > 0] for each, own in lists
+    ]
+
+
 @pytest.mark.parametrize(("option", "path"), [("--collider", SCALP), ("--skin", f"{CHARACTER}/skin")])
 def test_guides_and_skin_put_the_curves_where_strands_are_baked(shot: Shot, option: str, path: str) -> None:
     if option == "--skin":
@@ -178,6 +206,7 @@ def test_guides_and_skin_put_the_curves_where_strands_are_baked(shot: Shot, opti
     shot.run(*files, "-o", strands, *QUICK)
     ours, theirs = composed(out), composed(strands)
     assert target(ours, "deformerPrim") == GUIDES
+    assert followed(ours) == closest(strands)
     off = []
     for frame in (FIRST, LAST):
         deformed, on_skin = as_houdini(ours, frame)
@@ -187,7 +216,8 @@ def test_guides_and_skin_put_the_curves_where_strands_are_baked(shot: Shot, opti
         swing = np.linalg.norm(baked - on_skin, axis=-1)[:, -1]
         off.append(np.linalg.norm(deformed - baked, axis=-1)[:, -1].mean() / swing.mean())
     assert swing.mean() > 0.5
-    assert max(off) < 0.1, off
+    # Strands are rods that keep their lengths, and sums of offsets do not: 0.012 of the swing here.
+    assert max(off) < 0.02, off
 
 
 def test_a_second_reader_reads_the_layer(shot: Shot) -> None:
@@ -199,24 +229,12 @@ def test_a_second_reader_reads_the_layer(shot: Shot) -> None:
 
 
 def test_a_skeleton_and_samples_of_the_stage_do_not_move_the_curves(shot: Shot) -> None:
-    def bind(stage: Usd.Stage) -> None:
-        stage.GetPrimAtPath("/char").SetTypeName("SkelRoot")
-        skeleton = UsdSkel.Skeleton.Define(stage, "/char/rig")
-        skeleton.CreateJointsAttr(["head"])
-        pose = Gf.Matrix4d().SetTranslate(Gf.Vec3d(0, 0, 150))
-        skeleton.CreateBindTransformsAttr([pose])
-        skeleton.CreateRestTransformsAttr([pose])
-        binding = UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath("/char/hair"))
-        binding.CreateSkeletonRel().SetTargets(["/char/rig"])
-        binding.CreateJointIndicesPrimvar(True, 1).Set([0])
-        binding.CreateJointWeightsPrimvar(True, 1).Set([1.0])
-
     def move(stage: Usd.Stage) -> None:
         points = stage.OverridePrim(HAIR).GetAttribute("points")
         for frame in (FIRST, LAST):
             points.Set([point + Gf.Vec3f(0, frame - FIRST, 0) for point in points.Get()], frame)
 
-    shot.edit(shot.asset, bind)
+    shot.bind("/char/hair")
     files, out = scene(shot), shot.folder / "out"
     shot.edit(shot.shot, move)
     shot.run(*files, "-o", out, *QUICK, *GUIDES_ALONE)
@@ -231,9 +249,7 @@ def test_a_skeleton_and_samples_of_the_stage_do_not_move_the_curves(shot: Shot) 
 
 def test_curves_that_were_not_imported_are_deformed_by_guides_of_like_shapes(shot: Shot) -> None:
     def render_curves(stage: Usd.Stage) -> None:
-        guides = UsdGeom.BasisCurves(stage.GetPrimAtPath("/char/hair"))
-        add_primvar(guides, "groom_guide", INTS, "uniform", [1] * STRANDS)
-        guides.GetPurposeAttr().Set("guide")
+        make_guides(stage)
         points = hanging(3 * STRANDS - 2, 5) / [3, 1, 1]
         points = np.stack([points[..., 0], -points[..., 2], points[..., 1]], axis=-1) * shot.units
         curves = add_curves(stage, "/char/look/render", points + [0, 0.5, 0])
@@ -311,6 +327,43 @@ def test_curves_that_another_bake_would_move_as_well_are_refused(
     assert report.passed, report.as_text()
 
 
+def test_a_curve_that_was_not_imported_follows_the_nearest_guide(shot: Shot) -> None:
+    shot.shorten(STRANDS - 1)
+    out = shot.folder / "out"
+    shot.run(*scene(shot), "-o", out, *QUICK, *GUIDES_ALONE)
+    passed(out)
+    stage = composed(out)
+    counts = values(stage, GUIDES, "curveVertexCounts").astype(int)
+    guides = values(stage, GUIDES, "primvars:rest")[np.cumsum(counts) - counts]
+    root = values(stage, HAIR, "points").reshape(STRANDS, POINTS, 3)[-1, 0]
+    closest_guide = int(np.linalg.norm(guides - root, axis=1).argmin())
+    lists = followed(stage)
+    assert lists[-1] == [(values(stage, GUIDES, "primvars:groom_id")[closest_guide], 1.0)]
+    assert any(len(each) > 1 for each in lists)
+
+
+def test_curves_that_move_against_the_guides_are_refused(shot: Shot) -> None:
+    guides = ("--prim", HAIR)
+    groom, anim = (shot.folder / name for name in ("groom.json", "anim.json"))
+    shot.edit(shot.asset, make_guides)
+    shot.run("import", "groom", shot.shot, *guides, "-o", groom)
+    head = ("--prim", f"{CHARACTER}/head", "--collider", f"{shot.shot}:{SCALP}")
+    shot.run("import", "track", shot.shot, *head, "--groom", groom, "-o", anim)
+    # The character walks, and they stay.
+    shot.edit(shot.shot, lambda stage: add_curves(stage, "/world/render", hanging(STRANDS, 5) * shot.units))
+    over = ("--over", f"{shot.shot}:/world")
+    done = shot.hairbake(groom, anim, "-o", shot.folder / "out", *QUICK, *GUIDES_ALONE, *over)
+    assert done.returncode == 65, done.stderr
+    assert f"the curves move against {HAIR}" in unwrapped(done.stderr)
+
+
+def left_out(done: Done, out: Path, message: str) -> None:
+    """Checks that a bake went without the layer, for which nobody asked, and said why."""
+    assert done.returncode == 0 and not (out / "hair.shot.usda").exists(), done.stderr
+    said = unwrapped(done.stderr)
+    assert "over mode is off: " in said and message in said, said
+
+
 def test_heads_without_a_mesh_are_refused(hairbake: Run, tmp_path: Path) -> None:
     shot = Shot(tmp_path, hairbake)
     groom, anim = shot.imported()
@@ -324,8 +377,8 @@ def test_heads_without_a_mesh_are_refused(hairbake: Run, tmp_path: Path) -> None
     said = unwrapped(done.stderr)
     assert "no mesh carries its roots" in said and "--collider, or --skin" in said and "--no-over" in said
     # What is not asked for is left out, and said.
-    assert "over mode is off: no mesh" in unwrapped(shot.run(groom, anim, "-o", out, *QUICK, *GUIDES_ALONE))
-    assert not (out / "hair.shot.usda").exists()
+    done = hairbake(groom, anim, "-o", out, *QUICK, *GUIDES_ALONE)
+    left_out(done, out, f"{HAIR}: no mesh carries its roots")
 
 
 def test_roots_on_several_skins_are_refused(shot: Shot) -> None:
@@ -333,13 +386,16 @@ def test_roots_on_several_skins_are_refused(shot: Shot) -> None:
     add_scalp(shot, "head/right", 0.10, 0.20)
     skins = [("--skin", f"{shot.shot}:{CHARACTER}/head/{name}") for name in ("left", "right")]
     files = shot.imported(track=(*skins[0], *skins[1]))
-    done = shot.hairbake(*files, "-o", shot.folder / "out", *QUICK, *GUIDES_ALONE)
-    assert done.returncode == 65, done.stderr
-    assert "its roots ride on several skins (left, right), and Houdini takes one" in unwrapped(done.stderr)
+    out = shot.folder / "out"
+    message = "its roots ride on several skins (left, right), and Houdini takes one"
+    done = shot.hairbake(*files, "-o", out, *QUICK, *GUIDES_ALONE, "--over", f"{shot.shot}:{HAIR}")
+    assert done.returncode == 65 and message in unwrapped(done.stderr), done.stderr
+    left_out(shot.hairbake(*files, "-o", out, *QUICK, *GUIDES_ALONE), out, f"{HAIR}: {message}")
 
 
 def test_lengthened_curves_are_refused(shot: Shot) -> None:
     files = shot.imported("--length-scale", "1.2", track=("--collider", f"{shot.shot}:{SCALP}"))
-    done = shot.hairbake(*files, "-o", shot.folder / "out", *QUICK, *GUIDES_ALONE)
-    assert done.returncode == 65, done.stderr
-    assert "the strands were lengthened as they were imported" in unwrapped(done.stderr)
+    out, message = shot.folder / "out", "the strands were lengthened as they were imported"
+    done = shot.hairbake(*files, "-o", out, *QUICK, *GUIDES_ALONE, "--over", f"{shot.shot}:{HAIR}")
+    assert done.returncode == 65 and message in unwrapped(done.stderr), done.stderr
+    left_out(shot.hairbake(*files, "-o", out, *QUICK, *GUIDES_ALONE), out, message)

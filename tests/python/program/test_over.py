@@ -165,26 +165,7 @@ def test_a_skeleton_does_not_move_the_curves_again(
     hairbake: Run, tmp_path: Path, bound: str, shapes: bool
 ) -> None:
     shot = Shot(tmp_path, hairbake)
-
-    def bind(stage: Usd.Stage) -> None:
-        stage.GetPrimAtPath("/char").SetTypeName("SkelRoot")
-        skeleton = UsdSkel.Skeleton.Define(stage, "/char/rig")
-        skeleton.CreateJointsAttr(["head"])
-        pose = Gf.Matrix4d().SetTranslate(Gf.Vec3d(0, 0, 150))
-        skeleton.CreateBindTransformsAttr([pose])
-        skeleton.CreateRestTransformsAttr([pose])
-        binding = UsdSkel.BindingAPI.Apply(stage.GetPrimAtPath(bound))
-        binding.CreateSkeletonRel().SetTargets(["/char/rig"])
-        if shapes:
-            shape = UsdSkel.BlendShape.Define(stage, "/char/hair/windy")
-            shape.CreateOffsetsAttr([(1.0, 0.0, 0.0)] * STRANDS * POINTS)
-            binding.CreateBlendShapesAttr(["windy"])
-            binding.CreateBlendShapeTargetsRel().SetTargets([shape.GetPath()])
-            return
-        binding.CreateJointIndicesPrimvar(True, 1).Set([0])
-        binding.CreateJointWeightsPrimvar(True, 1).Set([1.0])
-
-    shot.edit(shot.asset, bind)
+    shot.bind(bound, shapes)
     out = shot.baked()
     passed(out)
 
@@ -303,15 +284,7 @@ def test_a_plan_names_the_stage_and_the_base_for_any_folder(
 
 def test_strands_left_out_ride_with_the_head(hairbake: Run, tmp_path: Path) -> None:
     shot = Shot(tmp_path, hairbake)
-
-    def shorten(stage: Usd.Stage) -> None:
-        # Shorter than a millimetre: the importer drops it.
-        points = UsdGeom.BasisCurves(stage.GetPrimAtPath("/char/hair")).GetPointsAttr()
-        each = np.array(points.Get()).reshape(STRANDS, POINTS, 3)
-        each[5] = each[5, :1] + 0.001 * (each[5] - each[5, :1])
-        points.Set(Vt.Vec3fArray.FromNumpy(each.reshape(-1, 3)))
-
-    shot.edit(shot.asset, shorten)
+    shot.shorten(5)
     out = shot.baked()
     passed(out)
     record = json.loads((out / "manifest.json").read_text())
