@@ -1,5 +1,7 @@
 //! The constant part of a cache. Arrays are in the unit and axes of the cache.
 
+use std::ops::Range;
+
 /// The constant part of a cache: everything that does not change over a bake.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Header {
@@ -56,6 +58,17 @@ pub struct CurveSet {
     pub root_uv: Vec<[f32; 2]>,
     /// Guides that each curve follows; empty for guides.
     pub closest: ClosestGuides,
+}
+
+impl CurveSet {
+    /// The points of each curve.
+    pub fn ranges(&self) -> impl Iterator<Item = Range<usize>> {
+        self.counts.iter().scan(0, |end, count| {
+            let start = *end;
+            *end += usize::try_from(*count).unwrap_or(0);
+            Some(start..*end)
+        })
+    }
 }
 
 /// The guides that strands follow, [`ClosestGuides::PER_STRAND`] per strand, strand after strand.

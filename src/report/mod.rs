@@ -5,6 +5,7 @@ mod font;
 pub mod picture;
 mod plot;
 pub mod preview;
+mod space;
 mod text;
 pub mod view;
 mod warning;

@@ -9,7 +9,8 @@ use super::shot::Shot;
 use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame};
 use crate::error::{Diagnostic, Error, Result};
 use crate::report::picture::Image;
-use nalgebra::{Matrix4, Vector3};
+use crate::report::space::{matrix, to_rest};
+use nalgebra::Vector3;
 
 /// Factor on the widths of strands that are drawn with guides.
 const THINNED: f32 = 0.3;
@@ -86,7 +87,7 @@ impl<'a, S: Shot> Renderer<'a, S> {
         let size = (self.options.size.0 * fine, self.options.size.1 * fine);
         let camera = self.framing.camera(axes, followed, self.options.fov_deg, size);
         let meshes = if self.options.colliders { self.meshes(&frame) } else { Vec::new() };
-        let to_rest = matrix(&frame.head).try_inverse().unwrap_or_else(Matrix4::identity);
+        let at_rest = to_rest(&frame.head);
         let drawn = self.drawn(&frame).into_iter().enumerate();
         let strands: Vec<scene::DrawnCurves> = drawn
             .map(|(k, (set, moving))| {
@@ -95,11 +96,8 @@ impl<'a, S: Shot> Renderer<'a, S> {
                 let style = if guides { scene::Style::Guides } else { scene::Style::Hair };
                 let thinned = if self.curves == CurveSelection::Both && !guides { THINNED } else { 1.0 };
                 let basis = self.shot.header().basis;
-                let at_rest = |p: &[f32; 3]| {
-                    to_rest.transform_point(&Vector3::from(*p).cast::<f64>().into()).coords.cast::<f32>()
-                };
                 let crowding = self.crowding.get(k).map(|crowding| {
-                    let points: Vec<_> = moving.points.iter().map(at_rest).collect();
+                    let points: Vec<_> = moving.points.iter().map(|p| at_rest(p).cast()).collect();
                     crowding.relative(&points)
                 });
                 scene::DrawnCurves {
@@ -163,13 +161,8 @@ impl<'a, S: Shot> Renderer<'a, S> {
                 let what = format!("curves with {n} points have {rest} rest points and {widths} widths");
                 return Err(self.damaged(what));
             }
-            let mut start = 0;
-            for count in &set.counts {
-                if *count > 0 {
-                    roots.push(Vector3::from(set.rest[start]).cast());
-                }
-                start += *count as usize;
-            }
+            let starts = set.ranges().filter(|curve| !curve.is_empty()).map(|curve| curve.start);
+            roots.extend(starts.map(|i| Vector3::from(set.rest[i]).cast::<f64>()));
         }
         for mesh in &header.colliders {
             if mesh.triangles.iter().flatten().any(|i| *i < 0 || *i as usize >= mesh.points.len()) {
@@ -251,8 +244,4 @@ impl<'a, S: Shot> Renderer<'a, S> {
     fn damaged(&self, what: String) -> Error {
         Error::Damaged { path: self.shot.path().to_path_buf(), what }
     }
-}
-
-fn matrix(rows: &[[f64; 4]; 4]) -> Matrix4<f64> {
-    Matrix4::from_fn(|i, j| rows[i][j])
 }

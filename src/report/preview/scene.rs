@@ -10,6 +10,7 @@ use super::strand::{self, Piece};
 use crate::cache::{Basis, CurveSet};
 use crate::math::random;
 use crate::report::picture::Image;
+use crate::report::space::finite_box;
 
 /// Style of a set of curves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,10 +90,7 @@ impl Lighting {
     /// A key light over the left shoulder of the viewer, a cooler rim light from behind on the right, and a
     /// sky.
     fn new(axes: Axes, strands: &[DrawnCurves], cut: &[Vec<Piece>], meshes: &[DrawnMesh]) -> Self {
-        let finite = |p: &&Vector3<f32>| p.iter().all(|x| x.is_finite());
-        let points = || strands.iter().flat_map(|s| s.points.iter().filter(finite));
-        let low = points().fold(Vector3::repeat(f32::INFINITY), |a, p| a.inf(p));
-        let high = points().fold(Vector3::repeat(f32::NEG_INFINITY), |a, p| a.sup(p));
+        let [low, high] = finite_box(strands.iter().flat_map(|s| &s.points)).unwrap_or_default();
         let mut volume = Volume::new(low, high, CELLS);
         for (s, pieces) in strands.iter().zip(cut) {
             for p in pieces {
