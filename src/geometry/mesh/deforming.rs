@@ -55,8 +55,7 @@ impl DeformingMesh {
 
     fn advance_to(&mut self, t: f64) {
         let last = &self.ends[1];
-        let points = self.deformation.vertices(t);
-        let next = last.with_vertices(last.topology.source.iter().map(|&i| points[i as usize]).collect());
+        let next = last.moved(&self.deformation.vertices(t));
         let displacement2 =
             next.vertices.iter().zip(&last.vertices).map(|(a, b)| (a - b).norm_squared()).fold(0.0, f64::max);
         self.ends.swap(0, 1);

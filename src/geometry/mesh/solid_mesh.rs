@@ -47,13 +47,19 @@ impl SolidMesh {
         SolidMesh::from_positions(&[vertices], triangles)
     }
 
-    /// A mesh that will take several sets of `positions`, in the first of them; see [`Topology::new`].
-    pub(super) fn from_positions(positions: &[&[Vector3<f64>]], triangles: &[[u32; 3]]) -> Self {
+    /// A mesh that will take several sets of `positions`, in the first of them. Points are welded that coincide
+    /// in all of them.
+    pub fn from_positions(positions: &[&[Vector3<f64>]], triangles: &[[u32; 3]]) -> Self {
         let topology = Topology::new(positions, triangles);
         let vertices: Vec<_> = topology.source.iter().map(|&i| positions[0][i as usize]).collect();
         let boxes: Vec<Aabb> = topology.triangles.iter().map(|t| bounding_box(t, &vertices)).collect();
         let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
         SolidMesh::assemble(Arc::new(topology), vertices, bvh)
+    }
+
+    /// The mesh with other positions of the points that it was made from.
+    pub fn moved(&self, points: &[Vector3<f64>]) -> Self {
+        self.with_vertices(self.topology.source.iter().map(|&i| points[i as usize]).collect())
     }
 
     /// The mesh with other positions of its vertices. The hierarchy of the mesh at rest is refitted, not
@@ -70,6 +76,11 @@ impl SolidMesh {
     fn assemble(topology: Arc<Topology>, vertices: Vec<Vector3<f64>>, bvh: Bvh) -> Self {
         let normals = Pseudonormals::new(&topology, &vertices);
         SolidMesh { topology, vertices, normals, bvh, winding: OnceLock::new() }
+    }
+
+    /// The bounding box of its vertices, m.
+    pub fn bounds(&self) -> Bounds {
+        Bounds::around(&self.vertices, 0.0)
     }
 
     /// Number of triangles after welding.
