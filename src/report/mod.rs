@@ -2,6 +2,7 @@
 
 mod bake_report;
 mod font;
+mod in_order;
 pub mod picture;
 mod plot;
 pub mod preview;

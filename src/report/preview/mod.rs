@@ -20,3 +20,5 @@ pub use options::{Colours, CurveSelection, Follow, Options};
 pub use renderer::Renderer;
 pub use sheet::{animate, sheet, sheet_of_shots};
 pub use shot::Shot;
+#[cfg(test)]
+pub use shot::tests::Memory;

@@ -5,8 +5,8 @@ use super::renderer::Renderer;
 use super::shot::Shot;
 use crate::error::Result;
 use crate::report::font;
+use crate::report::in_order::{in_order, points_of_a_frame};
 use crate::report::picture::{Animation, AnimationFormat, Image, animation_frame};
-use rayon::prelude::*;
 use std::io::Write;
 
 /// Gap between the pictures of a sheet, pixels.
@@ -17,37 +17,43 @@ const GAP: u32 = 4;
 /// # Errors
 /// As [`Renderer::new`] and [`Renderer::render`].
 pub fn sheet<S: Shot + Sync>(shot: &S, options: &Options, frames: &[i32]) -> Result<Image> {
-    let renderer = Renderer::new(shot, options.clone(), frames)?;
+    options.check()?;
     let (width, height) = options.size;
     // As close to a 4:3 page as whole cells allow.
     let n = frames.len() as u32;
     let shape = 4.0 / 3.0 * f64::from(height) / f64::from(width);
-    let columns = ((f64::from(n) * shape).sqrt().round() as u32).clamp(1, n);
+    let columns = ((f64::from(n) * shape).sqrt().round() as u32).clamp(1, n.max(1));
     let mut page = page(options, columns, n.div_ceil(columns));
-    let mut cells = 0..;
-    let draw = |frame: i32| Ok(labelled(renderer.render(frame)?, frame, false));
-    in_order(frames, draw, |cell| {
-        let k: u32 = cells.next().unwrap_or(0);
-        place(&mut page, &cell, k % columns, k / columns);
-        Ok(())
-    })?;
+    draw_cells(shot, options, frames, |k, cell| place(&mut page, &cell, k % columns, k / columns))?;
     Ok(page)
 }
 
-/// Most frames that are drawn at the same time: each takes some tens of megabytes.
-const AT_ONCE: usize = 8;
-
-/// Makes something of each frame, some of them at the same time, and takes it in order.
-fn in_order<T: Send>(
+/// Draws frames, labelled with their numbers, and passes them on with their places in `frames`.
+fn draw_cells<S: Shot + Sync>(
+    shot: &S,
+    options: &Options,
     frames: &[i32],
-    make: impl Fn(i32) -> Result<T> + Sync,
-    mut take: impl FnMut(T) -> Result<()>,
+    mut place: impl FnMut(u32, Image),
 ) -> Result<()> {
-    for some in frames.chunks((2 * rayon::current_num_threads()).min(AT_ONCE)) {
-        let made: Vec<T> = some.par_iter().map(|frame| make(*frame)).collect::<Result<_>>()?;
-        made.into_iter().try_for_each(&mut take)?;
-    }
-    Ok(())
+    let renderer = Renderer::new(shot, options.clone(), frames)?;
+    let draw = |frame: i32| Ok(labelled(renderer.render(frame)?, frame, false));
+    let mut cells = 0..;
+    in_order(frames, memory(shot, options), draw, |cell| {
+        place(cells.next().unwrap_or(0), cell);
+        Ok(())
+    })
+}
+
+/// Memory per point of a frame that is drawn: itself, its pieces and their ribbons, bytes.
+const PER_POINT: usize = 200;
+/// Memory per sample of a picture, bytes.
+const PER_SAMPLE: usize = 16;
+
+/// Memory that a frame takes while it is drawn, bytes.
+fn memory<S: Shot>(shot: &S, options: &Options) -> usize {
+    let ((width, height), fine) = (options.size, options.supersampling as usize);
+    let samples = width as usize * height as usize * fine * fine;
+    PER_POINT * points_of_a_frame(shot.header()) + PER_SAMPLE * samples
 }
 
 /// Draws a contact sheet of several shots, one row each. Pictures are labelled with the frame number at the
@@ -59,14 +65,10 @@ pub fn sheet_of_shots<S: Shot + Sync>(shots: &[(S, Vec<i32>)], options: &Options
     let columns = shots.iter().map(|(_, frames)| frames.len() as u32).max().unwrap_or(1);
     let mut page = page(options, columns, shots.len() as u32);
     for (row, (shot, frames)) in shots.iter().enumerate() {
-        let renderer = Renderer::new(shot, options.clone(), frames)?;
-        let mut cells = 0..;
-        let draw = |frame: i32| Ok(labelled(renderer.render(frame)?, frame, false));
-        in_order(frames, draw, |cell| {
-            let column: u32 = cells.next().unwrap_or(0);
+        let row = row as u32;
+        draw_cells(shot, options, frames, |column, cell| {
             let cell = if column == 0 { labelled(cell, row as i32 + 1, true) } else { cell };
-            place(&mut page, &cell, column, row as u32);
-            Ok(())
+            place(&mut page, &cell, column, row);
         })?;
     }
     Ok(page)
@@ -108,6 +110,6 @@ pub fn animate<S: Shot + Sync>(
     let renderer = Renderer::new(shot, options.clone(), frames)?;
     let mut animation = Animation::new(out, format, options.size, frames.len() as u32, fps)?;
     let draw = |frame: i32| animation_frame(format, renderer.render(frame)?);
-    in_order(frames, draw, |frame| animation.push(frame))?;
+    in_order(frames, memory(shot, options), draw, |frame| animation.push(frame))?;
     animation.finish()
 }

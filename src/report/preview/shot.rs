@@ -28,3 +28,28 @@ impl Shot for Reader {
         self.read_frame(number)
     }
 }
+
+#[cfg(test)]
+pub mod tests {
+    use super::*;
+
+    /// A shot in memory, whose frames are one after the other.
+    pub struct Memory {
+        /// Its header.
+        pub header: Header,
+        /// Its frames.
+        pub frames: Vec<Frame>,
+    }
+
+    impl Shot for Memory {
+        fn path(&self) -> &Path {
+            Path::new("shot")
+        }
+        fn header(&self) -> &Header {
+            &self.header
+        }
+        fn frame(&self, number: i32) -> Result<Frame> {
+            Ok(self.frames[(number - self.header.frames.0) as usize].clone())
+        }
+    }
+}

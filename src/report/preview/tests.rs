@@ -4,29 +4,11 @@ use super::frame_range::spread;
 use super::options::{Colours, Follow, Options};
 use super::renderer::Renderer;
 use super::sheet::{animate, sheet};
-use super::shot::Shot;
+use super::shot::tests::Memory;
 use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
-use crate::error::{Error, Result};
+use crate::error::Error;
 use crate::report::font;
 use crate::report::picture::{AnimationFormat, Image};
-use std::path::Path;
-
-struct Memory {
-    header: Header,
-    frames: Vec<Frame>,
-}
-
-impl Shot for Memory {
-    fn path(&self) -> &Path {
-        Path::new("shot")
-    }
-    fn header(&self) -> &Header {
-        &self.header
-    }
-    fn frame(&self, number: i32) -> Result<Frame> {
-        Ok(self.frames[(number - self.header.frames.0) as usize].clone())
-    }
-}
 
 /// `n` strands of `POINTS` points that hang from a half sphere, which moves sideways from frame to frame.
 fn head_of_hair(n: usize, frames: i32) -> Memory {
