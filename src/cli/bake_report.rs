@@ -3,15 +3,69 @@
 use crate::bake::frame_record::FrameRecord;
 use crate::bake::{BakeSummary, StageSeconds};
 use crate::cache::Manifest;
-use crate::report::view::{Findings, Trouble};
+use crate::report::view::Findings;
 use crate::report::{BakeReport, Chart, Series, Warning};
+use serde_json::{Map, Value};
 
 /// Most guides that a warning lists.
 const MAX_LISTED: usize = 8;
 
-/// The report of a bake, without pictures.
+/// Figures of frames by the names of the fields of [`FrameRecord`]. What is not known of a frame is missing.
+#[derive(Debug, Clone, Default)]
+pub struct Figures(Vec<Map<String, Value>>);
+
+impl Figures {
+    /// Those of a manifest, which an older program may have written.
+    pub fn recorded(manifest: &Manifest) -> Self {
+        Figures(manifest.frames.iter().map(|entry| entry.figures.clone()).collect())
+    }
+
+    /// None of `frames` frames.
+    pub fn unknown(frames: usize) -> Self {
+        Figures(vec![Map::new(); frames])
+    }
+
+    /// Of each frame a number, or the length of a list; NaN where it is not known.
+    fn values(&self, field: &str) -> Vec<f64> {
+        let value = |frame: &Map<String, Value>| match frame.get(field) {
+            Some(Value::Array(list)) => list.len() as f64,
+            value => value.and_then(Value::as_f64).unwrap_or(f64::NAN),
+        };
+        self.0.iter().map(value).collect()
+    }
+
+    /// Whether it is above zero in some frame.
+    fn any(&self, field: &str) -> bool {
+        self.values(field).iter().any(|value| *value > 0.0)
+    }
+
+    fn series(&self, name: &str, field: &str, scale: f64) -> Series {
+        let values = self.values(field).into_iter().map(|value| scale * value).collect();
+        Series { name: name.into(), values }
+    }
+
+    fn count(&self, name: &str, field: &str) -> Series {
+        self.series(name, field, 1.0)
+    }
+}
+
+impl From<&[FrameRecord]> for Figures {
+    fn from(records: &[FrameRecord]) -> Self {
+        let figures = |record| match serde_json::to_value(record) {
+            Ok(Value::Object(figures)) => figures,
+            _ => Map::new(),
+        };
+        Figures(records.iter().map(figures).collect())
+    }
+}
+
+/// The report of a bake whose figures are all known, without pictures.
 pub fn bake_report(summary: &BakeSummary, title: &str) -> BakeReport {
-    let frames = &summary.frames;
+    report_of(summary, &Figures::from(&summary.frames[..]), title)
+}
+
+/// The report of a bake of whose frames `figures` are known, without pictures.
+pub fn report_of(summary: &BakeSummary, figures: &Figures, title: &str) -> BakeReport {
     let stage = |name: &str, of: fn(&StageSeconds) -> f64| Series {
         name: name.into(),
         // The time of frames that another process did is unknown.
@@ -20,14 +74,19 @@ pub fn bake_report(summary: &BakeSummary, title: &str) -> BakeReport {
     BakeReport {
         title: title.into(),
         settings: settings(summary),
-        frames: frames.iter().map(|f| f.frame).collect(),
+        frames: summary.frames.iter().map(|f| f.frame).collect(),
         stages: vec![
             stage("simulate", |s| s.simulate),
             stage("interpolate", |s| s.interpolate),
             stage("write", |s| s.write),
         ],
-        charts: [contact_charts(frames), motion_charts(frames), solver_charts(frames), wisp_charts(frames)]
-            .concat(),
+        charts: [
+            contact_charts(figures),
+            motion_charts(figures),
+            solver_charts(figures),
+            wisp_charts(figures),
+        ]
+        .concat(),
         warnings: warnings(summary),
         pictures: Vec::new(),
         view: None,
@@ -38,29 +97,21 @@ fn chart(name: &str, unit: &str, note: &str, series: Vec<Series>) -> Chart {
     Chart { name: name.into(), unit: unit.into(), note: note.into(), logarithmic: false, series }
 }
 
-fn series(frames: &[FrameRecord], name: &str, of: fn(&FrameRecord) -> f64) -> Series {
-    Series { name: name.into(), values: frames.iter().map(of).collect() }
-}
-
-fn contact_charts(frames: &[FrameRecord]) -> Vec<Chart> {
-    let series = |name, of| series(frames, name, of);
+fn contact_charts(figures: &Figures) -> Vec<Chart> {
     let mut charts = vec![chart(
         "Contacts",
         "",
         "Contacts between guides and bodies in the last sub-step of the frame.",
-        vec![
-            series("found", |f| f64::from(f.contacts_found)),
-            series("active", |f| f64::from(f.contacts_active)),
-        ],
+        vec![figures.count("found", "contacts_found"), figures.count("active", "contacts_active")],
     )];
-    if frames.iter().any(|f| f.strand_rounds > 0) {
+    if figures.any("strand_rounds") {
         charts.push(chart(
             "Contacts between guides",
             "",
             "Contacts between pairs of guides in the last sub-step of the frame.",
             vec![
-                series("found", |f| f64::from(f.strand_contacts_found)),
-                series("active", |f| f64::from(f.strand_contacts_active)),
+                figures.count("found", "strand_contacts_found"),
+                figures.count("active", "strand_contacts_active"),
             ],
         ));
         charts.push(chart(
@@ -68,18 +119,18 @@ fn contact_charts(frames: &[FrameRecord]) -> Vec<Chart> {
             "µJ",
             "Energy that contact puts into the guides, each counted as its hairs, of which the median guide has one. \
              Impacts and friction make it negative; above zero is wrong, beyond what comes apart again.",
-            vec![series("work", |f| 1e6 * f.strand_work_j)],
+            vec![figures.series("work", "strand_work_j", 1e6)],
         ));
     }
-    if frames.iter().any(|f| f.hair_crowding_max > 0.0) {
+    if figures.any("hair_crowding_max") {
         charts.push(chart(
             "Crowding of hair",
             "",
             "Volume fraction of the hair over its 95th percentile in the groom's pose. In that pose the 95th percentile \
              is 1; above 1.5 hair is pressed together.",
             vec![
-                series("95th percentile", |f| f.hair_crowding_p95),
-                series("largest", |f| f.hair_crowding_max),
+                figures.count("95th percentile", "hair_crowding_p95"),
+                figures.count("largest", "hair_crowding_max"),
             ],
         ));
         charts.push(chart(
@@ -87,23 +138,23 @@ fn contact_charts(frames: &[FrameRecord]) -> Vec<Chart> {
             "",
             "Speed of the hair against that around it, over its speed in head space (root mean squares), in the last \
              sub-step of the frame; 0 where hair is slower than 5 cm/s. Hair that moves as one has little.",
-            vec![series("slip", |f| f.hair_slip)],
+            vec![figures.count("slip", "hair_slip")],
         ));
     }
-    if frames.iter().any(|f| f.hair_softened > 0.0) {
+    if figures.any("hair_softened") {
         charts.push(chart(
             "Softened hair",
             "%",
             "Share of the hair, by volume, that is too dense for the sub-step: it resists pressure less than it should. \
              More sub-steps make it smaller.",
-            vec![series("largest", |f| 1e2 * f.hair_softened)],
+            vec![figures.series("largest", "hair_softened", 1e2)],
         ));
     }
     let residual = chart(
         "Contact residual",
         "",
         "Largest residual of the contact law, relative to the contact forces.",
-        vec![series("bodies", |f| f.contact_residual), series("guides", |f| f.strand_residual)],
+        vec![figures.count("bodies", "contact_residual"), figures.count("guides", "strand_residual")],
     );
     charts.push(Chart { logarithmic: true, ..residual });
     charts.push(chart(
@@ -113,32 +164,31 @@ fn contact_charts(frames: &[FrameRecord]) -> Vec<Chart> {
          inside, of hair that bodies leave no room for, and of the written render strands, vertices that the groom \
          places inside excluded.",
         vec![
-            series("guides", |f| f.penetration_m * 1e3),
-            series("exempt", |f| f.exempt_penetration_m * 1e3),
-            series("pinched", |f| f.pinched_penetration_m * 1e3),
-            series("render strands", |f| f.hair_penetration_m * 1e3),
+            figures.series("guides", "penetration_m", 1e3),
+            figures.series("exempt", "exempt_penetration_m", 1e3),
+            figures.series("pinched", "pinched_penetration_m", 1e3),
+            figures.series("render strands", "hair_penetration_m", 1e3),
         ],
     ));
     charts
 }
 
-fn motion_charts(frames: &[FrameRecord]) -> Vec<Chart> {
-    let series = |name, of| series(frames, name, of);
+fn motion_charts(figures: &Figures) -> Vec<Chart> {
     let drift = chart(
         "Length drift of guides",
         "",
         "Largest relative change of the length of a segment between two points of a guide. The rods are inextensible; \
          the drift is the error of approximating them by segments of this length.",
-        vec![series("largest", |f| f.length_drift)],
+        vec![figures.count("largest", "length_drift")],
     );
     let speed = chart(
         "Speed relative to the head",
         "m/s",
         "Speed of the points of guides. It is zero on a still head once the hair has settled.",
         vec![
-            series("mean", |f| f.speed_mean_m_s),
-            series("95th percentile", |f| f.speed_p95_m_s),
-            series("largest", |f| f.speed_max_m_s),
+            figures.count("mean", "speed_mean_m_s"),
+            figures.count("95th percentile", "speed_p95_m_s"),
+            figures.count("largest", "speed_max_m_s"),
         ],
     );
     let limited = chart(
@@ -146,31 +196,33 @@ fn motion_charts(frames: &[FrameRecord]) -> Vec<Chart> {
         "",
         "Guides with points that go there and back between frames: their written velocities are limited to three times \
          the mean speed over two frames, and motion blur does not show all of their motion.",
-        vec![series("guides", |f| f64::from(f.limited_rates))],
+        vec![figures.count("guides", "limited_rates")],
     );
     let mut charts = vec![Chart { logarithmic: true, ..drift }, speed, limited];
-    if frames.iter().any(|f| f.goal_guides > 0) {
+    if figures.any("goal_guides") {
         charts.push(chart(
             "Distance from animated goals",
             "mm",
             "Distance of the points of guides from the animated curves: the mean by weight, and the largest of points of \
              weight 1, which are as near as the nodes of a guide allow.",
             vec![
-                series("mean", |f| f.goal_distance_mean_m * 1e3),
-                series("largest at weight 1", |f| f.goal_distance_max_m * 1e3),
+                figures.series("mean", "goal_distance_mean_m", 1e3),
+                figures.series("largest at weight 1", "goal_distance_max_m", 1e3),
             ],
         ));
     }
     charts
 }
 
-fn solver_charts(frames: &[FrameRecord]) -> Vec<Chart> {
-    let series = |name, of| series(frames, name, of);
+fn solver_charts(figures: &Figures) -> Vec<Chart> {
+    let unsettled = ["unsettled", "strands_unsettled"].map(|field| figures.values(field));
+    let unsettled = unsettled[0].iter().zip(&unsettled[1]).map(|(bodies, guides)| bodies + guides);
+    let unsettled = Series { name: "unsettled".into(), values: unsettled.collect() };
     let newton = chart(
         "Newton iterations",
         "",
         "Per guide and sub-step.",
-        vec![series("mean", |f| f.newton_mean), series("largest", |f| f64::from(f.newton_max))],
+        vec![figures.count("mean", "newton_mean"), figures.count("largest", "newton_max")],
     );
     let fallbacks = chart(
         "Fallbacks",
@@ -178,34 +230,33 @@ fn solver_charts(frames: &[FrameRecord]) -> Vec<Chart> {
         "Sub-steps halved because the solver failed; motions truncated at a surface or at another guide; crossings of a \
          surface; contacts not converged to rest; guides moved rigidly because a solve did not converge. Zero is best.",
         vec![
-            series("halvings", |f| f64::from(f.halvings)),
-            series("shortened", |f| f64::from(f.shortened)),
-            series("shortened for guides", |f| f64::from(f.strands_shortened)),
-            series("crossings", |f| f64::from(f.crossings)),
-            series("unsettled", |f| f64::from(f.unsettled + f.strands_unsettled)),
-            series("unconverged", |f| f.unconverged.len() as f64),
+            figures.count("halvings", "halvings"),
+            figures.count("shortened", "shortened"),
+            figures.count("shortened for guides", "strands_shortened"),
+            figures.count("crossings", "crossings"),
+            unsettled,
+            figures.count("unconverged", "unconverged"),
         ],
     );
     vec![newton, fallbacks]
 }
 
 /// Charts of an adaptive bake; none if no guide split or merged.
-fn wisp_charts(frames: &[FrameRecord]) -> Vec<Chart> {
-    if frames.iter().all(|f| f.splits + f.merges == 0) {
+fn wisp_charts(figures: &Figures) -> Vec<Chart> {
+    if !figures.any("splits") && !figures.any("merges") {
         return Vec::new();
     }
-    let series = |name, of| series(frames, name, of);
     let nodes = chart(
         "Nodes of active guides",
         "",
         "Strain nodes that are simulated at the end of the frame. All other guides follow their wisps.",
-        vec![series("nodes", |f| f64::from(f.active_nodes))],
+        vec![figures.count("nodes", "active_nodes")],
     );
     let changes = chart(
         "Splits and merges",
         "",
         "Guides that split from their wisps, and guides that merged with them again.",
-        vec![series("splits", |f| f64::from(f.splits)), series("merges", |f| f64::from(f.merges))],
+        vec![figures.count("splits", "splits"), figures.count("merges", "merges")],
     );
     vec![nodes, changes]
 }
@@ -218,7 +269,8 @@ fn settings(summary: &BakeSummary) -> Vec<(String, String)> {
     let settings = manifest.settings.as_object().into_iter().flatten();
     rows.extend(settings.map(|(name, value)| (name.clone(), value.to_string())));
     let inputs = manifest.inputs.iter();
-    rows.extend(inputs.map(|i| (i.role.clone(), format!("{} ({})", i.file, &i.sha256[..12]))));
+    let short = |sum: &str| sum.get(..12).unwrap_or(sum).to_string();
+    rows.extend(inputs.map(|i| (i.role.clone(), format!("{} ({})", i.file, short(&i.sha256)))));
     rows.push(("hairbake".into(), format!("{}, build {}", manifest.hairbake, manifest.build)));
     rows.push(("simulated on".into(), manifest.machines.join("; ")));
     rows.push(("key".into(), manifest.key.clone()));
@@ -405,24 +457,86 @@ fn warning(
     (!frames.is_empty()).then(|| Warning { what: what.into(), advice: advice.into(), frames })
 }
 
-/// What the view of a shot marks: the frames of warnings, and guides whose solves were in trouble.
-pub fn findings(summary: &BakeSummary) -> Findings {
-    let frames = |warning: Warning| warning.frames.into_iter().map(|(frame, _)| frame).collect();
-    let trouble = |warning: Warning| Trouble { what: warning.what.clone(), frames: frames(warning) };
+/// What the view of a shot marks: the frames of its warnings, and guides whose solves failed or were halved.
+pub fn findings(summary: &BakeSummary, warnings: &[Warning]) -> Findings {
     let guides = |of: fn(&FrameRecord) -> &Vec<i32>| {
         let listed = summary.frames.iter().filter(|f| !of(f).is_empty());
         listed.map(|f| (f.frame, of(f).clone())).collect()
     };
     Findings {
-        troubles: warnings(summary).into_iter().map(trouble).collect(),
+        warnings: warnings.to_vec(),
         unconverged: guides(|f| &f.unconverged),
-        divided: guides(|f| &f.divided),
+        halved: guides(|f| &f.divided),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cache::InputRecord;
+
+    /// A frame that has all charts.
+    fn frame_with_all() -> FrameRecord {
+        FrameRecord {
+            frame: 7,
+            strand_rounds: 1,
+            hair_crowding_max: 1.0,
+            hair_softened: 0.1,
+            goal_guides: 1,
+            splits: 1,
+            unconverged: vec![4, 5],
+            penetration_m: 2e-3,
+            unsettled: 2,
+            strands_unsettled: 1,
+            ..FrameRecord::default()
+        }
+    }
+
+    fn values(report: &BakeReport, chart: &str, series: &str) -> Vec<f64> {
+        let chart = report.charts.iter().find(|c| c.name == chart).unwrap();
+        chart.series.iter().find(|s| s.name == series).unwrap().values.clone()
+    }
+
+    #[test]
+    fn charts_have_every_figure_of_a_record() {
+        let summary = BakeSummary { frames: vec![frame_with_all()], ..BakeSummary::default() };
+        let report = bake_report(&summary, "");
+        assert_eq!(report.charts.len(), 14);
+        for chart in &report.charts {
+            for series in &chart.series {
+                assert!(series.values[0].is_finite(), "{}: {}", chart.name, series.name);
+            }
+        }
+        assert_eq!(values(&report, "Penetration", "guides"), [2.0]);
+        assert_eq!(values(&report, "Fallbacks", "unconverged"), [2.0]);
+        assert_eq!(values(&report, "Fallbacks", "unsettled"), [3.0]);
+    }
+
+    #[test]
+    fn a_figure_that_is_not_known_is_not_zero() {
+        let summary = BakeSummary { frames: vec![frame_with_all(); 2], ..BakeSummary::default() };
+        let mut figures = Figures::from(&summary.frames[..]);
+        figures.0[1].remove("penetration_m");
+        let report = report_of(&summary, &figures, "");
+        let [known, unknown] = values(&report, "Penetration", "guides")[..] else { panic!() };
+        assert!(known == 2.0 && unknown.is_nan());
+        let report = report_of(&summary, &Figures::unknown(2), "");
+        assert!(report.charts.iter().flat_map(|c| &c.series).flat_map(|s| &s.values).all(|v| v.is_nan()));
+    }
+
+    #[test]
+    fn a_short_checksum_is_shown_as_it_is() {
+        let mut manifest = Manifest::new(&crate::cache::Header::default());
+        let input = |sha256: &str| InputRecord {
+            role: "groom".into(),
+            file: "groom.json".into(),
+            sha256: sha256.into(),
+        };
+        manifest.inputs = vec![input("abc"), input("0123456789abcdef")];
+        let rows = settings(&BakeSummary { manifest: Some(manifest), ..BakeSummary::default() });
+        let row = |value: &str| rows.contains(&("groom".into(), value.into()));
+        assert!(row("groom.json (abc)") && row("groom.json (0123456789ab)"), "{rows:?}");
+    }
 
     #[test]
     fn frames_with_soft_or_crowded_hair_are_named() {

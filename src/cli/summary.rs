@@ -1,6 +1,6 @@
 //! The end of a bake: its report, its contact sheet and a summary for the console.
 
-use super::bake_report::{bake_report, findings, pinches, scene_rows, warnings};
+use super::bake_report::{Figures, bake_report, findings, pinches, report_of, scene_rows, warnings};
 use super::preview::PICTURES;
 use crate::bake::frame_record::FrameRecord;
 use crate::bake::{BakeSummary, StageSeconds};
@@ -48,42 +48,50 @@ pub fn write(summary: &BakeSummary, title: &str, out: &Path, pictures: bool) -> 
     if pictures {
         let reader = Reader::open(out)?;
         let frames = spread(reader.header().frames, PICTURES);
-        let bytes = preview::sheet(&reader, &Options::default(), &frames)?.to_png()?;
-        write_file(&out.join(SHEET), &[&bytes])?;
-        report.pictures.push(sheet(&reader, bytes));
-        add_view(&mut report, summary, &reader)?;
+        let sheet = preview::sheet(&reader, &Options::default(), &frames)?.to_png()?;
+        write_file(&out.join(SHEET), &[&sheet])?;
+        illustrate(&mut report, Some(sheet), summary, &reader)?;
     }
     write_file(&out.join(PAGE), &[report.to_html()?])?;
     write_file(&out.join(DATA), &[report.to_json()?])?;
     Ok(())
 }
 
-/// The contact sheet of a cache, as a picture of its report.
-fn sheet(reader: &Reader, bytes: Vec<u8>) -> Picture {
-    let frames = spread(reader.header().frames, PICTURES);
-    let caption = format!("Frames {} to {}", frames[0], frames[frames.len() - 1]);
-    Picture { caption, media_type: "image/png".into(), bytes }
-}
-
-/// Adds a view that keeps the page within [`MAX_PAGE`].
-fn add_view(report: &mut BakeReport, summary: &BakeSummary, reader: &Reader) -> Result<()> {
-    let taken = report.to_html()?.len() + VIEW_SCRIPT;
-    let size = MAX_PAGE.saturating_sub(taken).max(MIN_VIEW);
-    report.view = Some(View::new(reader, reader.frames(), &findings(summary), size)?);
-    Ok(())
-}
-
-/// Writes the page of a cache with its view to `path`; the contact sheet is the one that is there.
+/// Writes the page of a cache with its view to `path`, `figures` of whose frames are known; the contact sheet
+/// is the one that is there.
 ///
 /// # Errors
 /// Those of [`Reader`]; [`crate::Error::Io`].
-pub fn write_page(reader: &Reader, summary: &BakeSummary, title: &str, path: &Path) -> Result<()> {
-    let mut report = bake_report(summary, title);
-    if let Ok(bytes) = std::fs::read(reader.dir().join(SHEET)) {
-        report.pictures.push(sheet(reader, bytes));
-    }
-    add_view(&mut report, summary, reader)?;
+pub fn write_page(
+    reader: &Reader,
+    summary: &BakeSummary,
+    figures: &Figures,
+    title: &str,
+    path: &Path,
+) -> Result<()> {
+    let mut report = report_of(summary, figures, title);
+    let sheet = std::fs::read(reader.dir().join(SHEET)).ok();
+    illustrate(&mut report, sheet, summary, reader)?;
     write_file(path, &[report.to_html()?]).map(drop)
+}
+
+/// Adds the contact sheet of the cache, and a view that keeps the page within [`MAX_PAGE`].
+fn illustrate(
+    report: &mut BakeReport,
+    sheet: Option<Vec<u8>>,
+    summary: &BakeSummary,
+    reader: &Reader,
+) -> Result<()> {
+    report.pictures.extend(sheet.map(|bytes| {
+        let frames = spread(reader.header().frames, PICTURES);
+        let caption = format!("Frames {} to {}", frames[0], frames[frames.len() - 1]);
+        Picture { caption, media_type: "image/png".into(), bytes }
+    }));
+    let taken = report.to_html()?.len() + VIEW_SCRIPT;
+    let size = MAX_PAGE.saturating_sub(taken).max(MIN_VIEW);
+    let findings = findings(summary, &report.warnings);
+    report.view = Some(View::new(reader, reader.frames(), &findings, size)?);
+    Ok(())
 }
 
 /// The summary for the console: what was written, how long it took, and how good it is.

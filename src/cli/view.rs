@@ -1,5 +1,6 @@
 //! `hairbake view`: the report of a cache, which plays it, in a browser.
 
+use super::bake_report::Figures;
 use super::{console, summary};
 use crate::bake::frame_record::FrameRecord;
 use crate::bake::{BakeSummary, StageSeconds};
@@ -40,9 +41,10 @@ pub fn run(arguments: &ViewArguments) -> Result<()> {
     let reader = Reader::open(&arguments.cache)?;
     let page = arguments.output.clone().unwrap_or_else(|| arguments.cache.join(summary::PAGE));
     if arguments.output.is_some() || !is_current(&page, &reader) {
-        let old = Old::read(&arguments.cache);
-        let baked = baked(&reader, &old)?;
-        summary::write_page(&reader, &baked, &old.title.unwrap_or_else(|| name(&arguments.cache)), &page)?;
+        let earlier = Earlier::read(&arguments.cache);
+        let (baked, figures) = baked(&reader, &earlier)?;
+        let title = earlier.title.unwrap_or_else(|| name(&arguments.cache));
+        summary::write_page(&reader, &baked, &figures, &title, &page)?;
         console::wrote(&page);
     }
     if arguments.no_open || !has_display() {
@@ -79,37 +81,41 @@ fn name(folder: &Path) -> String {
 
 /// What an earlier report tells that the cache does not.
 #[derive(Default)]
-struct Old {
+struct Earlier {
     title: Option<String>,
     /// Times of frames.
     seconds: BTreeMap<i32, StageSeconds>,
 }
 
-impl Old {
+impl Earlier {
     fn read(folder: &Path) -> Self {
         let bytes = std::fs::read(folder.join(summary::DATA)).unwrap_or_default();
-        let Ok(data) = serde_json::from_slice::<Value>(&bytes) else { return Old::default() };
+        let Ok(data) = serde_json::from_slice::<Value>(&bytes) else { return Earlier::default() };
         let frames: Vec<i32> = serde_json::from_value(data["frames"].clone()).unwrap_or_default();
         let seconds = frames.into_iter().enumerate().filter_map(|(i, frame)| {
             let of = |stage: usize| data["stages"][stage]["values"][i].as_f64();
             Some((frame, StageSeconds { simulate: of(0)?, interpolate: of(1)?, write: of(2)? }))
         });
-        Old { title: data["title"].as_str().map(str::to_string), seconds: seconds.collect() }
+        Earlier { title: data["title"].as_str().map(str::to_string), seconds: seconds.collect() }
     }
 }
 
-/// What the manifest and an earlier report tell of the bake; of an unfinished cache the frame numbers alone.
-fn baked(reader: &Reader, old: &Old) -> Result<BakeSummary> {
+/// What the manifest and an earlier report tell of the bake, and the figures that are known of its frames: none
+/// of an unfinished cache, and of an older one those that its program recorded.
+fn baked(reader: &Reader, earlier: &Earlier) -> Result<(BakeSummary, Figures)> {
     let manifest = if reader.dir().join(MANIFEST).is_file() { Some(reader.read_manifest()?) } else { None };
-    let frames: Vec<FrameRecord> = match &manifest {
-        Some(manifest) => records(manifest)?,
-        None => reader.frames().iter().map(|f| FrameRecord { frame: *f, ..FrameRecord::default() }).collect(),
+    let (frames, figures) = match &manifest {
+        Some(manifest) => (records(manifest)?, Figures::recorded(manifest)),
+        None => {
+            let frame = |f: &i32| FrameRecord { frame: *f, ..FrameRecord::default() };
+            (reader.frames().iter().map(frame).collect(), Figures::unknown(reader.frames().len()))
+        }
     };
-    let seconds = frames.iter().map(|f| old.seconds.get(&f.frame).copied()).collect();
-    Ok(BakeSummary { frames, seconds, preroll_seconds: None, manifest })
+    let seconds = frames.iter().map(|f: &FrameRecord| earlier.seconds.get(&f.frame).copied()).collect();
+    Ok((BakeSummary { frames, seconds, preroll_seconds: None, manifest }, figures))
 }
 
-/// The records of the frames; what an older program did not write is as in a frame without trouble.
+/// The records of the frames, for what they warn of; what an older program did not record warns of nothing.
 fn records(manifest: &Manifest) -> Result<Vec<FrameRecord>> {
     let damaged = |e: serde_json::Error| Error::Damaged { path: MANIFEST.into(), what: e.to_string() };
     let record = |entry: &crate::cache::FrameEntry| {

@@ -57,6 +57,13 @@ pub struct Chart {
     pub series: Vec<Series>,
 }
 
+impl Chart {
+    /// Whether there is a value.
+    fn is_known(&self) -> bool {
+        self.series.iter().flat_map(|s| &s.values).any(|v| v.is_finite())
+    }
+}
+
 /// A picture in the report.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Picture {
@@ -93,7 +100,18 @@ impl BakeReport {
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\
              <title>{title}</title><style>{STYLE}</style></head>\n<body><h1>{title}</h1>\n"
         );
-        page.push_str(&self.lead());
+        let time = Chart {
+            name: "Time by stage".into(),
+            unit: "s".into(),
+            note: "Wall-clock time of each frame, stacked by stage.".into(),
+            logarithmic: false,
+            series: self.stages.clone(),
+        };
+        let charts = std::iter::once((&time, true)).chain(self.charts.iter().map(|c| (c, false)));
+        let charts = charts.filter(|(chart, _)| !chart.series.is_empty());
+        let (known, unknown): (Vec<_>, Vec<_>) = charts.partition(|(chart, _)| chart.is_known());
+        let unknown: Vec<&str> = unknown.iter().map(|(chart, _)| chart.name.as_str()).collect();
+        page.push_str(&self.lead(&unknown));
         if !self.warnings.is_empty() {
             let linked = self.view.is_some();
             let items: String =
@@ -118,17 +136,8 @@ impl BakeReport {
             );
         }
         page.push_str("<div class=\"charts\">\n");
-        let time = Chart {
-            name: "Time by stage".into(),
-            unit: "s".into(),
-            note: "Wall-clock time of each frame, stacked by stage.".into(),
-            logarithmic: false,
-            series: self.stages.clone(),
-        };
-        for (chart, stacked) in std::iter::once((&time, true)).chain(self.charts.iter().map(|c| (c, false))) {
-            if !chart.series.is_empty() {
-                page.push_str(&self.card(chart, stacked));
-            }
+        for (chart, stacked) in known {
+            page.push_str(&self.card(chart, stacked));
         }
         page.push_str("</div>\n");
         page.push_str(&settings(&self.settings));
@@ -136,18 +145,37 @@ impl BakeReport {
         Ok(page)
     }
 
-    /// One line about the whole bake.
-    fn lead(&self) -> String {
-        let total: f64 = self.stages.iter().flat_map(|s| &s.values).filter(|v| v.is_finite()).sum();
-        match (self.frames.first(), self.frames.last()) {
-            (Some(first), Some(last)) => {
-                let n = self.frames.len();
-                let (whole, each) = (figure(total), figure(total / n as f64));
-                format!(
-                    "<p class=\"lead\">Frames {first} to {last} ({n} frames). Total time {whole} s, {each} s per frame.</p>\n"
-                )
+    /// What the page begins with: its frames, their time, and what is not known of them.
+    fn lead(&self, unknown: &[&str]) -> String {
+        let (Some(first), Some(last)) = (self.frames.first(), self.frames.last()) else {
+            return "<p class=\"lead\">No frames were baked.</p>\n".into();
+        };
+        let (n, time) = (self.frames.len(), self.time());
+        let mut lead = format!("<p class=\"lead\">Frames {first} to {last} ({n} frames). {time}</p>\n");
+        if !unknown.is_empty() {
+            let unknown = escape(&unknown.join(", "));
+            add(
+                &mut lead,
+                format_args!(
+                    "<p class=\"lead\">Not recorded in the cache, and neither drawn nor warned of: {unknown}.</p>\n"
+                ),
+            );
+        }
+        lead
+    }
+
+    /// The time of the frames whose time is known, in words.
+    fn time(&self) -> String {
+        let frame = |i: usize| self.stages.iter().map(|s| s.values[i]).sum::<f64>();
+        let known: Vec<f64> = (0..self.frames.len()).map(frame).filter(|s| s.is_finite()).collect();
+        let total: f64 = known.iter().sum();
+        let (whole, each) = (figure(total), figure(total / known.len() as f64));
+        match known.len() {
+            0 => "Their time is not known.".into(),
+            n if n == self.frames.len() => format!("Total time {whole} s, {each} s per frame."),
+            n => {
+                format!("Time of {n} of them {whole} s, {each} s per frame; that of the others is not known.")
             }
-            _ => "<p class=\"lead\">No frames were baked.</p>\n".into(),
         }
     }
 
@@ -296,6 +324,24 @@ mod tests {
         report.charts[0].series[0].values[9] = 0.5;
         let page = report.to_html().unwrap();
         assert!(page.contains("</i>depth</th><td>1.5</td><td>0.5</td><td>2.5</td><td>1004</td>"));
+    }
+
+    #[test]
+    fn what_is_not_known_is_said_and_not_drawn() {
+        let mut report = sample();
+        report.charts[1].series[0].values = vec![f64::NAN; 48];
+        report.stages[0].values[5] = f64::NAN;
+        let page = report.to_html().unwrap();
+        check_markup(&page).unwrap();
+        assert!(page.contains("neither drawn nor warned of: Stretch.</p>") && !page.contains("<h2>Stretch"));
+        assert_eq!(page.matches("<svg").count(), 2);
+        assert!(page.contains("Time of 47 of them "));
+        report.stages.iter_mut().for_each(|s| s.values = vec![f64::NAN; 48]);
+        let page = report.to_html().unwrap();
+        assert!(
+            page.contains("Their time is not known.") && page.contains("warned of: Time by stage, Stretch.")
+        );
+        assert!(!page.contains("Total time") && !page.contains("<h2>Time"));
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! Bodies for the page: meshes thinned to what a browser draws at ease, and how far hair is from them.
 
 use crate::cache::ColliderMesh;
-use crate::geometry::{Shape, Solid, SolidMesh, TriMesh};
+use crate::geometry::{Bounds, Shape, Solid, SolidMesh, TriMesh};
+use crate::report::space::finite_box;
 use nalgebra::Vector3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// A mesh with fewer vertices, each of them one of the full mesh.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -18,16 +19,14 @@ impl ThinMesh {
     /// The mesh with at most about `most` vertices: the first vertex in each cell of a grid stands for all of
     /// them, and triangles that shrink to a line are left out.
     pub fn new(points: &[[f32; 3]], triangles: &[[i32; 3]], most: usize) -> Self {
-        let (low, high) = points.iter().map(|p| Vector3::from(*p)).fold(
-            (Vector3::repeat(f32::INFINITY), Vector3::repeat(f32::NEG_INFINITY)),
-            |(a, b): (Vector3<f32>, Vector3<f32>), p| (a.inf(&p), b.sup(&p)),
-        );
         let whole = ThinMesh {
             vertices: (0..points.len()).collect(),
             triangles: triangles.iter().map(|t| t.map(|i| i as u32)).collect(),
         };
+        let all: Vec<Vector3<f32>> = points.iter().map(|p| Vector3::from(*p)).collect();
+        let Some([low, high]) = finite_box(&all).filter(|_| points.len() > most) else { return whole };
         let side = (high - low).max();
-        if points.len() <= most || !side.is_finite() || side <= 0.0 {
+        if side <= 0.0 {
             return whole;
         }
         // A surface crosses about 6 n² cells of n³.
@@ -58,36 +57,86 @@ impl ThinMesh {
     }
 }
 
+/// Points of a mesh that coincide at rest and in the frames seen: the bake welds those.
+pub struct Coincident {
+    /// The lowest point that each coincides with.
+    first: Vec<u32>,
+}
+
+impl Coincident {
+    /// Those of a mesh at rest.
+    pub fn new(rest: &[[f32; 3]]) -> Self {
+        let mut coincident = Coincident { first: vec![0; rest.len()] };
+        coincident.refine(rest);
+        coincident
+    }
+
+    /// Whether there are any.
+    pub fn any(&self) -> bool {
+        self.first.iter().zip(0..).any(|(first, i)| *first != i)
+    }
+
+    /// Parts those that are apart in these positions.
+    pub fn refine(&mut self, points: &[[f32; 3]]) {
+        let mut seen = HashMap::with_capacity(points.len());
+        for (i, (first, p)) in self.first.iter_mut().zip(points).enumerate() {
+            // + 0.0 makes −0 equal to 0.
+            let place = p.map(|x| (x + 0.0).to_bits());
+            *first = *seen.entry((*first, place)).or_insert(i as u32);
+        }
+    }
+}
+
 /// A body that finds how far points are from it.
 pub struct Surface<'a> {
     mesh: &'a ColliderMesh,
     metres_per_unit: f64,
-    /// The body at rest, if it is rigid.
-    rigid: Option<Solid>,
+    kind: Kind,
+}
+
+enum Kind {
+    /// As it always is.
+    Rigid(Solid),
+    /// A mesh that deforms, at rest.
+    Deforming(SolidMesh),
+    /// Without triangles.
+    Empty,
 }
 
 /// Distance, m, from which on a point is nowhere near a body.
 pub const NEAR: f64 = 2e-3;
 
 impl<'a> Surface<'a> {
-    /// Of a collider in a cache of this unit.
-    pub fn new(mesh: &'a ColliderMesh, metres_per_unit: f64) -> Self {
-        let rigid = (!mesh.deforms && !mesh.triangles.is_empty()).then(|| {
-            let vertices = in_metres(&mesh.points, metres_per_unit);
-            Solid::new(&Shape::Mesh(TriMesh { vertices, triangles: triangles(mesh) }), None)
-        });
-        Surface { mesh, metres_per_unit, rigid }
+    /// Of a collider in a cache of this unit; `coincident` are its points to weld, if it deforms.
+    pub fn new(mesh: &'a ColliderMesh, coincident: &Coincident, metres_per_unit: f64) -> Self {
+        let vertices = in_metres(&mesh.points, metres_per_unit);
+        let triangles: Vec<[u32; 3]> = mesh.triangles.iter().map(|t| t.map(|i| i as u32)).collect();
+        let kind = match (triangles.is_empty(), mesh.deforms) {
+            (true, _) => Kind::Empty,
+            (false, false) => {
+                let mesh = TriMesh { vertices, triangles };
+                Kind::Rigid(Solid::new(&Shape::plane_of(&mesh).unwrap_or(Shape::Mesh(mesh)), None))
+            }
+            (false, true) => {
+                // A second set of positions, in which all others differ.
+                let apart = |first: &u32| Vector3::repeat(f64::from(*first));
+                let apart: Vec<Vector3<f64>> = coincident.first.iter().map(apart).collect();
+                Kind::Deforming(SolidMesh::from_positions(&[&vertices, &apart], &triangles))
+            }
+        };
+        Surface { mesh, metres_per_unit, kind }
     }
 
-    /// The body with its vertices of a frame.
+    /// The body with the vertices of a frame, which it has if it deforms.
     pub fn at(&self, points: Option<&[[f32; 3]]>) -> Option<SurfaceAt<'_>> {
-        match (&self.rigid, points) {
-            (Some(solid), _) => Some(SurfaceAt::Rigid(solid)),
-            (None, Some(points)) if !self.mesh.triangles.is_empty() => {
-                let vertices = in_metres(points, self.metres_per_unit);
-                Some(SurfaceAt::Deformed(Box::new(SolidMesh::new(&vertices, &triangles(self.mesh)))))
+        match &self.kind {
+            Kind::Rigid(solid) => Some(SurfaceAt::Rigid(solid)),
+            Kind::Deforming(rest) => {
+                let points = in_metres(points.unwrap_or(&self.mesh.points), self.metres_per_unit);
+                let mesh = Box::new(rest.moved(&points));
+                Some(SurfaceAt::Deformed(mesh.bounds(), mesh))
             }
-            _ => None,
+            Kind::Empty => None,
         }
     }
 }
@@ -96,19 +145,23 @@ impl<'a> Surface<'a> {
 pub enum SurfaceAt<'a> {
     /// As it always is.
     Rigid(&'a Solid),
-    /// As it is at a frame.
-    Deformed(Box<SolidMesh>),
+    /// As it is at a frame, in this box.
+    Deformed(Bounds, Box<SolidMesh>),
 }
 
 impl SurfaceAt<'_> {
     /// Signed distance, m, of a point in the rest space of the body; infinite from [`NEAR`] on.
     pub fn distance(&self, p: &Vector3<f64>) -> f64 {
-        /// Deeper than hair ever is.
-        const DEEPEST: f64 = 0.05;
         let closest = match self {
-            SurfaceAt::Rigid(solid) if solid.distance_bounds(p)[0] >= NEAR => None,
-            SurfaceAt::Rigid(solid) => solid.closest(0.0, p, DEEPEST),
-            SurfaceAt::Deformed(mesh) => mesh.closest(p, DEEPEST),
+            SurfaceAt::Rigid(solid) => {
+                let [least, most] = solid.distance_bounds(p);
+                // The search leaves out what is as far as its limit.
+                (least < NEAR).then(|| solid.closest(0.0, p, most * (1.0 + 1e-6) + 1e-9)).flatten()
+            }
+            SurfaceAt::Deformed(bounds, mesh) => {
+                let near = bounds.overlaps(&Bounds::around([p], NEAR));
+                near.then(|| mesh.closest(p, f64::INFINITY)).flatten()
+            }
         };
         closest.map(|s| s.distance).filter(|d| *d < NEAR).unwrap_or(f64::INFINITY)
     }
@@ -116,10 +169,6 @@ impl SurfaceAt<'_> {
 
 fn in_metres(points: &[[f32; 3]], metres_per_unit: f64) -> Vec<Vector3<f64>> {
     points.iter().map(|p| Vector3::from(*p).cast::<f64>() * metres_per_unit).collect()
-}
-
-fn triangles(mesh: &ColliderMesh) -> Vec<[u32; 3]> {
-    mesh.triangles.iter().map(|t| t.map(|i| i as u32)).collect()
 }
 
 #[cfg(test)]
@@ -171,24 +220,72 @@ pub mod tests {
         assert_eq!((same.vertices.len(), same.triangles.len()), (points.len(), triangles.len()));
     }
 
-    #[test]
-    fn distances_are_signed_and_end_near_the_body() {
+    /// A box of two decimetres.
+    fn cube() -> ColliderMesh {
         let side = 0.1f32;
         let corner = |i: usize| [0, 1, 2].map(|k| if i >> k & 1 == 1 { side } else { -side });
-        let points: Vec<_> = (0..8).map(corner).collect();
-        for deforms in [false, true] {
-            let mesh = ColliderMesh {
-                points: points.clone(),
-                triangles: BOX.to_vec(),
-                deforms,
-                ..ColliderMesh::default()
-            };
-            let surface = Surface::new(&mesh, 1.0);
-            let at = surface.at(deforms.then_some(&points[..])).unwrap();
-            let distance = |x: f64| at.distance(&Vector3::new(x, 0.01, 0.02));
-            assert!((distance(0.099) + 1e-3).abs() < 1e-6, "{}", distance(0.099));
-            assert!((distance(0.101) - 1e-3).abs() < 1e-6);
-            assert_eq!(distance(0.103), f64::INFINITY);
+        let points = (0..8).map(corner).collect();
+        ColliderMesh { points, triangles: BOX.to_vec(), ..ColliderMesh::default() }
+    }
+
+    fn surface(mesh: &ColliderMesh, metres_per_unit: f64) -> Surface<'_> {
+        Surface::new(mesh, &Coincident::new(&mesh.points), metres_per_unit)
+    }
+
+    #[test]
+    fn distances_are_signed_and_end_near_the_body() {
+        for (deforms, unit) in [(false, 1.0), (true, 1.0), (false, 0.01), (true, 0.01)] {
+            let mesh = ColliderMesh { deforms, ..cube() };
+            let surface = surface(&mesh, unit);
+            let at = surface.at(deforms.then_some(&mesh.points[..])).unwrap();
+            let side = 0.1 * unit;
+            let distance = |beyond: f64| at.distance(&Vector3::new(side + beyond, 0.1 * side, 0.2 * side));
+            for beyond in [-1e-4, 1e-4, 1.9e-3] {
+                assert!((distance(beyond) - beyond).abs() < 1e-8, "{} {beyond}", distance(beyond));
+            }
+            assert_eq!((distance(3e-3), distance(10.0)), (f64::INFINITY, f64::INFINITY));
+            // As deep as it gets.
+            assert!((at.distance(&Vector3::new(0.01 * side, 0.0, 0.0)) + 0.99 * side).abs() < 1e-8);
         }
+    }
+
+    #[test]
+    fn a_plane_ends_nowhere() {
+        let plane = Shape::Plane { point: Vector3::new(0.0, 0.1, 0.0), normal: Vector3::y() }.tessellate();
+        let unit = 0.01;
+        let points = plane.vertices.iter().map(|v| (v / unit).cast::<f32>().into()).collect();
+        let triangles = plane.triangles.iter().map(|t| t.map(|i| i as i32)).collect();
+        let mesh = ColliderMesh { points, triangles, ..ColliderMesh::default() };
+        let surface = surface(&mesh, unit);
+        let distance = |x: f64, y: f64| surface.at(None).unwrap().distance(&Vector3::new(x, y, 0.3));
+        for x in [0.0, 5.0, -40.0] {
+            assert!((distance(x, 0.101) - 1e-3).abs() < 1e-6 && (distance(x, -1.0) + 1.1).abs() < 1e-5);
+            assert_eq!(distance(x, 0.103), f64::INFINITY);
+        }
+    }
+
+    #[test]
+    fn what_parts_in_some_frame_is_not_welded() {
+        // Two sheets that touch at rest, drawn apart as lips are; seams of textures stay together.
+        let (points, triangles) = sheet(1);
+        let both: Vec<_> = points.iter().chain(&points).copied().collect();
+        let mut open = both.clone();
+        open[4..].iter_mut().for_each(|p| p[2] = 0.1);
+        let mut coincident = Coincident::new(&both);
+        assert!(coincident.any());
+        coincident.refine(&both);
+        assert!(coincident.any(), "the same positions part nothing");
+        coincident.refine(&open);
+        assert!(!coincident.any());
+        let second = triangles.iter().map(|t| t.map(|i| i + 4));
+        let triangles = triangles.iter().copied().chain(second).collect();
+        let mesh = ColliderMesh { points: both, triangles, deforms: true, ..ColliderMesh::default() };
+        let count = |coincident: &Coincident| {
+            let surface = Surface::new(&mesh, coincident, 1.0);
+            let Some(SurfaceAt::Deformed(bounds, at)) = surface.at(Some(&open)) else { panic!() };
+            (at.triangle_count(), bounds.max.z)
+        };
+        assert_eq!(count(&coincident), (4, f64::from(0.1f32)));
+        assert_eq!(count(&Coincident::new(&mesh.points)), (2, 0.0), "welded at rest, the second is lost");
     }
 }

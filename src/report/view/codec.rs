@@ -4,6 +4,7 @@
 //! the frame before and from the motion of the point before it on its curve, and the difference from that is
 //! rounded to a byte. The prediction uses decoded places, so that errors do not add up.
 
+use crate::report::space::finite_box;
 use nalgebra::Vector3;
 
 /// Marks a point that is stored in full because its change is too large for a byte.
@@ -23,19 +24,24 @@ pub struct Box16 {
 }
 
 impl Box16 {
-    /// The box of the finite ones of `points`, but no larger than from `low` to `high`.
+    /// The box of the finite ones of `points`, but no larger than from the one corner of `limits` to the
+    /// other.
     pub fn around<'a>(
-        points: impl Iterator<Item = &'a Vector3<f32>>,
-        [low, high]: [Vector3<f32>; 2],
+        points: impl IntoIterator<Item = &'a Vector3<f32>>,
+        limits: Option<[Vector3<f32>; 2]>,
     ) -> Self {
-        let start = (Vector3::repeat(f32::INFINITY), Vector3::repeat(f32::NEG_INFINITY));
-        let finite = points.filter(|p| p.iter().all(|x| x.is_finite()));
-        let (a, b) = finite.fold(start, |(a, b), p| (a.inf(p), b.sup(p)));
-        let (a, b) = (a.sup(&low), b.inf(&high));
-        if a.iter().zip(b.iter()).any(|(a, b)| a > b) {
-            return Box16 { low, step: f32::MIN_POSITIVE };
-        }
-        Box16 { low: a, step: ((b - a).max() / f32::from(u16::MAX)).max(f32::MIN_POSITIVE) }
+        let [low, high] = finite_box(points).unwrap_or_default();
+        let [low, high] = limits.map_or([low, high], |[a, b]| [low.sup(&a), high.inf(&b)]);
+        // Negative where no point is within the limits.
+        let side = (high - low).max();
+        Box16 { low, step: (side / f32::from(u16::MAX)).max(f32::MIN_POSITIVE) }
+    }
+
+    /// Distance of the farthest of some points from the box; what is no number counts as in there.
+    pub fn excess<'a>(&self, points: impl IntoIterator<Item = &'a Vector3<f32>>) -> f32 {
+        let high = self.low.add_scalar(self.step * f32::from(u16::MAX));
+        let distance = |p: &Vector3<f32>| (p - p.sup(&self.low).inf(&high)).norm();
+        points.into_iter().map(distance).filter(|d| d.is_finite()).fold(0.0, f32::max)
     }
 
     /// The nearest place in the box; the lowest corner for what is not a number.
@@ -162,8 +168,6 @@ pub mod tests {
         (frames, encoded.bytes.len() - bytes.len())
     }
 
-    const EVERYWHERE: [Vector3<f32>; 2] = [Vector3::new(-1e6, -1e6, -1e6), Vector3::new(1e6, 1e6, 1e6)];
-
     /// Curves of 12 points that swing, the faster the larger `speed`.
     fn swinging(curves: usize, frames: usize, speed: f32) -> (Vec<Vec<Vector3<f32>>>, Vec<bool>) {
         let point = |c: usize, k: usize, f: usize| {
@@ -177,7 +181,7 @@ pub mod tests {
 
     fn largest_error(speed: f32) -> (f32, f32, Encoded) {
         let (frames, roots) = swinging(40, 30, speed);
-        let space = Box16::around(frames.iter().flatten(), EVERYWHERE);
+        let space = Box16::around(frames.iter().flatten(), None);
         let encoded = encode(&frames, &roots, &space);
         let (decoded, used) = decode(&encoded, &roots, &space);
         assert_eq!(used, encoded.bytes.len());
@@ -208,7 +212,7 @@ pub mod tests {
     #[test]
     fn a_jump_and_what_is_no_number_spoil_no_other_point() {
         let (mut frames, roots) = swinging(8, 6, 0.1);
-        let space = Box16::around(frames.iter().flatten(), EVERYWHERE);
+        let space = Box16::around(frames.iter().flatten(), None);
         let clean = frames.clone();
         frames[3][17] += Vector3::new(0.05, 0.0, 0.0);
         frames[4][40] = Vector3::new(f32::NAN, f32::INFINITY, 0.0);
@@ -227,10 +231,11 @@ pub mod tests {
     fn the_box_is_that_of_finite_points_within_its_limits() {
         let limits = [Vector3::repeat(-1.0), Vector3::repeat(1.0)];
         let points = [[0.0, 0.0, 0.0], [0.5, 0.25, 9.0], [f32::NAN; 3]].map(Vector3::from);
-        let space = Box16::around(points.iter(), limits);
+        let space = Box16::around(&points, Some(limits));
         assert_eq!((space.low, space.step), (Vector3::zeros(), 1.0 / 65535.0));
         assert_eq!(space.place(&points[1])[2], 65535, "on the border");
-        let none = Box16::around([Vector3::repeat(f32::NAN)].iter(), limits);
+        assert_eq!(space.excess(&points), 8.0);
+        let none = Box16::around(&[Vector3::repeat(f32::NAN)], Some(limits));
         assert_eq!(none.place(&Vector3::repeat(f32::NAN)), [0; 3]);
     }
 }

@@ -3,7 +3,9 @@
 use super::bodies::{NEAR, Surface, SurfaceAt};
 use crate::cache::{CurveFrame, CurveSet, Frame, Header};
 use crate::report::preview::Crowding;
-use nalgebra::{Matrix4, Vector3};
+use crate::report::space::{finite_box, to_rest};
+use nalgebra::Vector3;
+use std::ops::Range;
 
 /// The curves of a set that are shown.
 pub struct ShownCurves<'a> {
@@ -45,15 +47,10 @@ impl<'a> ShownCurves<'a> {
             crowding: Crowding::new(set, header.metres_per_unit),
             inside_at_rest: Vec::new(),
         };
-        let mut start = 0;
-        for (curve, count) in set.counts.iter().enumerate() {
-            let count = *count as usize;
-            if curve % step == 0 {
-                shown.curves.push(curve);
-                shown.points.extend(start..start + count);
-                shown.roots.extend((0..count).map(|k| k == 0));
-            }
-            start += count;
+        for (curve, points) in set.ranges().enumerate().step_by(step) {
+            shown.curves.push(curve);
+            shown.roots.extend(points.clone().map(|i| i == points.start));
+            shown.points.extend(points);
         }
         let rest = |i: &usize| Vector3::from(set.rest[*i]).cast::<f64>() * header.metres_per_unit;
         let inside = |(surface, mesh): (&Surface, _)| {
@@ -74,18 +71,14 @@ impl<'a> ShownCurves<'a> {
         surfaces: &[Option<SurfaceAt>],
         metres_per_unit: f64,
     ) -> ShownFrame {
-        let inverse = |rows| matrix(rows).try_inverse().unwrap_or_else(Matrix4::identity);
-        let to_head = inverse(&frame.head);
-        let carry = |by: &Matrix4<f64>, p: &[f32; 3]| {
-            by.transform_point(&Vector3::from(*p).cast::<f64>().into()).coords
-        };
-        let at_rest: Vec<Vector3<f32>> = moving.points.iter().map(|p| carry(&to_head, p).cast()).collect();
+        let to_head = to_rest(&frame.head);
+        let at_rest: Vec<Vector3<f32>> = moving.points.iter().map(|p| to_head(p).cast()).collect();
         let mut distance = vec![f64::INFINITY; self.points.len()];
         for ((surface, body), inside) in surfaces.iter().zip(&frame.colliders).zip(&self.inside_at_rest) {
             let Some(surface) = surface else { continue };
-            let to_body = inverse(&body.transform);
+            let to_body = to_rest(&body.transform);
             for (k, i) in self.points.iter().enumerate().filter(|(k, _)| !inside[*k]) {
-                let p = carry(&to_body, &moving.points[*i]) * metres_per_unit;
+                let p = to_body(&moving.points[*i]) * metres_per_unit;
                 distance[k] = surface.distance(&p).min(distance[k]);
             }
         }
@@ -100,22 +93,20 @@ impl<'a> ShownCurves<'a> {
         }
     }
 
-    /// The lowest and highest corner of where points can be in the rest space of the head: no farther from
-    /// the roots than the longest curve is long.
-    pub fn reach(&self) -> [Vector3<f32>; 2] {
-        let (mut low, mut high) = (Vector3::repeat(f32::INFINITY), Vector3::repeat(f32::NEG_INFINITY));
-        let (mut longest, mut start) = (0.0f32, 0);
-        for count in &self.set.counts {
-            let curve = &self.set.rest[start..start + *count as usize];
-            start += *count as usize;
-            let length = |w: &[[f32; 3]]| (Vector3::from(w[1]) - Vector3::from(w[0])).norm();
-            longest = longest.max(curve.windows(2).map(length).sum());
-            if let Some(root) = curve.first() {
-                (low, high) = (low.inf(&Vector3::from(*root)), high.sup(&Vector3::from(*root)));
-            }
-        }
+    /// The lowest and highest corner of where points of `frames` can be in the rest space of the head: no
+    /// farther from the roots, which a skin may move, than the longest curve is long. `None` without roots.
+    pub fn reach(&self, frames: &[ShownFrame]) -> Option<[Vector3<f32>; 2]> {
+        let roots = frames
+            .iter()
+            .flat_map(|f| f.points.iter().zip(&self.roots))
+            .filter(|(_, root)| **root)
+            .map(|(p, _)| p);
+        let [low, high] = finite_box(roots)?;
+        let distance = |w: &[[f32; 3]]| (Vector3::from(w[1]) - Vector3::from(w[0])).norm();
+        let length = |curve: Range<usize>| -> f32 { self.set.rest[curve].windows(2).map(distance).sum() };
         // A spline of rods resampled to points may be longer than the chords at rest.
-        [low.add_scalar(-1.5 * longest), high.add_scalar(1.5 * longest)]
+        let reach = 1.5 * self.set.ranges().map(length).fold(0.0, f32::max);
+        Some([low.add_scalar(-reach), high.add_scalar(reach)])
     }
 
     /// Keeps every `of`th of the curves, and what `frames` hold of them.
@@ -144,11 +135,6 @@ impl<'a> ShownCurves<'a> {
 
 fn kept<T: Copy>(all: &[T], keep: impl Fn(usize) -> bool) -> Vec<T> {
     all.iter().enumerate().filter(|(i, _)| keep(*i)).map(|(_, x)| *x).collect()
-}
-
-/// A matrix of the cache.
-pub fn matrix(rows: &[[f64; 4]; 4]) -> Matrix4<f64> {
-    Matrix4::from_fn(|i, j| rows[i][j])
 }
 
 /// Density over that of the densest hair of the groom, 0 to 2, in fifteen steps.

@@ -10,38 +10,31 @@ mod selection;
 mod tests;
 
 use super::text::{base64, escape, script_json};
+use super::warning::Warning;
 use crate::cache::{Basis, Frame, Header};
 use crate::error::{Error, Result};
+use crate::report::in_order::{in_order, points_of_a_frame};
 use crate::report::preview::Shot;
-use bodies::{Surface, ThinMesh};
+use crate::report::space::matrix;
+use bodies::{Coincident, Surface, ThinMesh};
 use codec::Box16;
-use curves::{ShownCurves, ShownFrame, matrix};
+use curves::{ShownCurves, ShownFrame};
 use flate2::{Compression, write::ZlibEncoder};
 use nalgebra::Vector3;
-use rayon::prelude::*;
 use selection::{Selection, Size};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::io::Write;
 
-/// What the user should look at, and in which frames.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Trouble {
-    /// What it is, in few words.
-    pub what: String,
-    /// The frames.
-    pub frames: Vec<i32>,
-}
-
 /// What a bake knows of a cache besides the cache.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Findings {
-    /// Frames to mark.
-    pub troubles: Vec<Trouble>,
-    /// Of frames, ids of guides with a solve that did not converge.
+    /// Warnings, whose frames are marked.
+    pub warnings: Vec<Warning>,
+    /// Ids of the guides with a solve that did not converge, by frame.
     pub unconverged: BTreeMap<i32, Vec<i32>>,
-    /// Of frames, ids of guides that divided a step.
-    pub divided: BTreeMap<i32, Vec<i32>>,
+    /// Ids of the guides that halved a step, by frame.
+    pub halved: BTreeMap<i32, Vec<i32>>,
 }
 
 /// A cache as a part of a page.
@@ -56,11 +49,13 @@ pub struct View {
 
 /// Bytes that a point takes in a frame, compressed, as a first guess.
 const BYTES_PER_POINT: f64 = 2.6;
+/// Memory per point of a frame that is read: itself, its velocity and its place in rest space, bytes.
+const PER_POINT: usize = 100;
 /// Most vertices of a rigid body.
 const RIGID_VERTICES: usize = 20_000;
 /// Share of the size that all deforming bodies may take.
 const DEFORMING: f64 = 0.2;
-/// Most frames of a trouble that are shown whatever the step.
+/// Most frames of a warning that are shown whatever the step.
 const MOST_WANTED: usize = 8;
 
 impl View {
@@ -86,8 +81,8 @@ impl View {
             return Err(Error::Damaged { path: shot.path().to_path_buf(), what });
         }
         let deforming = header.colliders.iter().filter(|mesh| mesh.deforms).count();
-        let wanted: Vec<i32> =
-            findings.troubles.iter().flat_map(|t| t.frames.iter().take(MOST_WANTED)).copied().collect();
+        let marked = findings.warnings.iter().flat_map(|warning| warning.frames.iter().take(MOST_WANTED));
+        let wanted: Vec<i32> = marked.map(|(frame, _)| *frame).collect();
         let for_curves = data_size * if deforming > 0 { 1.0 - DEFORMING } else { 1.0 };
         let selection = Selection::new(frames, &wanted, hair, guides, for_curves / BYTES_PER_POINT);
         let deformed_vertices = data_size * DEFORMING
@@ -101,7 +96,9 @@ impl View {
             })
             .collect();
         let unit = header.metres_per_unit;
-        let surfaces: Vec<Surface> = header.colliders.iter().map(|mesh| Surface::new(mesh, unit)).collect();
+        let welds = coincident(shot, &selection.frames)?;
+        let bodies = header.colliders.iter().zip(&welds);
+        let surfaces: Vec<Surface> = bodies.map(|(mesh, welds)| Surface::new(mesh, welds, unit)).collect();
         let mut shown: Vec<(&str, ShownCurves, Vec<ShownFrame>)> = Vec::new();
         for (name, set, step) in header
             .hair
@@ -112,8 +109,8 @@ impl View {
         {
             shown.push((name, ShownCurves::new(set, step, header, &surfaces), Vec::new()));
         }
-        let read = |number: &i32| -> Result<ReadFrame> {
-            let frame = shot.frame(*number)?;
+        let read = |number: i32| -> Result<ReadFrame> {
+            let frame = shot.frame(number)?;
             let moving = surfaces.iter().zip(&frame.colliders);
             let at: Vec<_> = moving.map(|(surface, moving)| surface.at(moving.points.as_deref())).collect();
             let curves = shown.iter().map(|(name, curves, _)| {
@@ -126,10 +123,14 @@ impl View {
                 head: rows(&frame.head),
             })
         };
-        let read: Vec<ReadFrame> = selection.frames.par_iter().map(read).collect::<Result<_>>()?;
-        let mut bodies = Vec::with_capacity(read.len());
-        let mut heads = Vec::with_capacity(read.len());
-        for frame in read {
+        let mut read_frames = Vec::with_capacity(selection.frames.len());
+        in_order(&selection.frames, PER_POINT * points_of_a_frame(header), read, |frame| {
+            read_frames.push(frame);
+            Ok(())
+        })?;
+        let mut bodies = Vec::with_capacity(read_frames.len());
+        let mut heads = Vec::with_capacity(read_frames.len());
+        for frame in read_frames {
             shown.iter_mut().zip(frame.curves).for_each(|((.., frames), curves)| frames.push(curves));
             bodies.push(frame.bodies);
             heads.push(frame.head);
@@ -160,11 +161,10 @@ impl View {
         let mut sets = Vec::new();
         for (name, curves, frames) in shown {
             let points: Vec<&Vec<Vector3<f32>>> = frames.iter().map(|f| &f.points).collect();
-            let (points, off) = data.points(&points, &curves.roots, curves.reach());
+            let (points, off) = data.points(&points, &curves.roots, curves.reach(frames));
             error = error.max(off);
             sets.push(set(name, curves, frames, points, findings, &mut data));
         }
-        let none = [Vector3::repeat(f32::MIN / 4.0), Vector3::repeat(f32::MAX / 4.0)];
         let mut drawn = Vec::new();
         for (b, (thin, mesh)) in meshes.iter().zip(&header.colliders).enumerate() {
             let at_rest: Vec<Vector3<f32>> = thin.vertices.iter().map(|i| mesh.points[*i].into()).collect();
@@ -172,7 +172,7 @@ impl View {
                 true => bodies.iter().map(|at| &at[b].points).collect(),
                 false => vec![&at_rest],
             };
-            let (points, _) = data.points(&frames, &vec![true; thin.vertices.len()], none);
+            let (points, _) = data.points(&frames, &vec![true; thin.vertices.len()], None);
             let corners: Vec<u8> = thin.triangles.iter().flatten().flat_map(|i| i.to_le_bytes()).collect();
             let motion: Vec<u8> = bodies.iter().flat_map(|at| floats(&at[b].transform)).collect();
             drawn.push(json!({
@@ -183,14 +183,15 @@ impl View {
         let head: Vec<u8> = heads.iter().flat_map(floats).collect();
         let headed = data.add(&head);
         let note = note(selection, shown, meshes, header, error * header.metres_per_unit);
-        let troubles: Vec<Value> =
-            findings.troubles.iter().map(|t| json!({ "what": t.what, "frames": t.frames })).collect();
+        let numbers = |warning: &Warning| warning.frames.iter().map(|(frame, _)| *frame).collect::<Vec<_>>();
+        let warning = |warning: &Warning| json!({ "what": warning.what, "frames": numbers(warning) });
+        let warnings: Vec<Value> = findings.warnings.iter().map(warning).collect();
         let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
         let packed = encoder.write_all(&data.0).and_then(|()| encoder.finish());
         let description = json!({
             "fps": header.fps, "metresPerUnit": header.metres_per_unit, "zUp": header.z_up,
             "bspline": header.basis == Basis::Bspline, "frames": selection.frames, "head": headed,
-            "sets": sets, "bodies": drawn, "levels": header.levels, "troubles": troubles,
+            "sets": sets, "bodies": drawn, "levels": header.levels, "warnings": warnings,
             "bytes": data.0.len(),
         });
         Ok(View { description, data: packed.map_err(|e| Error::Internal(e.to_string()))?, note })
@@ -232,6 +233,23 @@ struct BodyAt {
     points: Vec<Vector3<f32>>,
 }
 
+/// Points of the colliders that coincide at rest and in all of some frames.
+fn coincident<S: Shot + Sync>(shot: &S, frames: &[i32]) -> Result<Vec<Coincident>> {
+    let meshes = &shot.header().colliders;
+    let mut found: Vec<Coincident> = meshes.iter().map(|mesh| Coincident::new(&mesh.points)).collect();
+    if !meshes.iter().zip(&found).any(|(mesh, found)| mesh.deforms && found.any()) {
+        return Ok(found);
+    }
+    let read = |frame: i32| Ok(shot.frame(frame)?.colliders);
+    in_order(frames, PER_POINT * points_of_a_frame(shot.header()), read, |moving| {
+        for (found, moving) in found.iter_mut().zip(&moving) {
+            moving.points.iter().for_each(|points| found.refine(points));
+        }
+        Ok(())
+    })?;
+    Ok(found)
+}
+
 fn bodies_at(frame: &Frame, meshes: &[ThinMesh]) -> Vec<BodyAt> {
     let each = frame.colliders.iter().zip(meshes);
     each.map(|(moving, thin)| BodyAt {
@@ -268,16 +286,19 @@ impl Sections {
         at
     }
 
-    /// Adds frames of points; returns their description, and a bound on the error of a coordinate.
+    /// Adds frames of points; returns their description, and a bound on how far a point is off. What is
+    /// beyond the limits is moved there.
     fn points(
         &mut self,
         frames: &[&Vec<Vector3<f32>>],
         roots: &[bool],
-        limits: [Vector3<f32>; 2],
+        limits: Option<[Vector3<f32>; 2]>,
     ) -> (Value, f64) {
         let space = Box16::around(frames.iter().flat_map(|f| f.iter()), limits);
         let encoded = codec::encode(frames, roots, &space);
-        let error = f64::from(encoded.error_steps()) * f64::from(space.step);
+        let rounded = f64::from(encoded.error_steps()) * f64::from(space.step) * 3f64.sqrt();
+        let moved = f64::from(space.excess(frames.iter().flat_map(|f| f.iter())));
+        let error = rounded + moved;
         let at = self.add(&encoded.bytes);
         let low: [f32; 3] = space.low.into();
         (
@@ -318,7 +339,7 @@ fn set(
             of.iter().map(|(frame, ids)| (*frame, ids.iter().filter_map(place).collect())).collect()
         };
         description["unconverged"] = json!(places(&findings.unconverged));
-        description["divided"] = json!(places(&findings.divided));
+        description["halved"] = json!(places(&findings.halved));
     }
     description
 }

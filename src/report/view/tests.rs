@@ -3,25 +3,10 @@
 use super::codec::{Box16, Encoded, tests::decode};
 use super::*;
 use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet};
+use crate::report::preview::Memory;
+use nalgebra::{Matrix4, Point3};
+use std::f64::consts::FRAC_PI_2;
 use std::io::Read;
-use std::path::Path;
-
-struct Memory {
-    header: Header,
-    frames: Vec<Frame>,
-}
-
-impl Shot for Memory {
-    fn path(&self) -> &Path {
-        Path::new("shot")
-    }
-    fn header(&self) -> &Header {
-        &self.header
-    }
-    fn frame(&self, number: i32) -> Result<Frame> {
-        Ok(self.frames[(number - self.header.frames.0) as usize].clone())
-    }
-}
 
 const POINTS: usize = 8;
 
@@ -50,7 +35,7 @@ fn shot(strands: usize, guides: usize, frames: usize) -> Memory {
         let moved = |set: &CurveSet| {
             let at = |(i, p): (usize, &[f32; 3])| {
                 let swing = 0.002 * (i % POINTS) as f64 * (0.5 * f as f64 + (i / POINTS) as f64).sin();
-                let p = nalgebra::Point3::new(f64::from(p[0]) + swing, f64::from(p[1]), f64::from(p[2]));
+                let p = Point3::new(f64::from(p[0]) + swing, f64::from(p[1]), f64::from(p[2]));
                 matrix(&head).transform_point(&p).coords.cast::<f32>().into()
             };
             CurveFrame { points: set.rest.iter().enumerate().map(at).collect(), ..CurveFrame::default() }
@@ -78,6 +63,61 @@ fn shot(strands: usize, guides: usize, frames: usize) -> Memory {
         ..Header::default()
     };
     Memory { header, frames }
+}
+
+/// The same shot in centimetres, Z up.
+fn in_cm_z_up(mut shot: Memory) -> Memory {
+    let place = |p: &mut [f32; 3]| *p = [100.0 * p[0], -100.0 * p[2], 100.0 * p[1]];
+    let to = Matrix4::new_scaling(100.0) * Matrix4::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);
+    let back = to.try_inverse().unwrap();
+    let motion = |rows: &mut [[f64; 4]; 4]| *rows = (to * matrix(rows) * back).transpose().into();
+    let header = &mut shot.header;
+    (header.metres_per_unit, header.z_up) = (0.01, true);
+    for set in header.hair.iter_mut().chain([&mut header.guides]) {
+        set.rest.iter_mut().for_each(place);
+        set.widths.iter_mut().for_each(|width| *width *= 100.0);
+    }
+    header.colliders.iter_mut().flat_map(|mesh| &mut mesh.points).for_each(place);
+    for frame in &mut shot.frames {
+        for moving in frame.hair.iter_mut().chain([&mut frame.guides]) {
+            moving.points.iter_mut().for_each(place);
+        }
+        motion(&mut frame.head);
+        frame.colliders.iter_mut().for_each(|body| motion(&mut body.transform));
+    }
+    shot
+}
+
+fn view(shot: &Memory) -> View {
+    View::new(shot, &numbers(shot), &Findings::default(), 1_000_000).unwrap()
+}
+
+/// The bound on errors that a view states, m.
+fn stated(view: &View) -> f64 {
+    let (_, bound) = view.note.split_once("off by ").unwrap();
+    1e-3 * bound.split_once(" mm").unwrap().0.parse::<f64>().unwrap()
+}
+
+/// Error, m, of coordinates of a few metres in single precision, rounded twice and turned once.
+const SINGLE: f64 = 1e-6;
+
+/// How far, m, each point of a set in each frame of a view is from where the shot has it.
+fn errors(shot: &Memory, view: &View, set: usize) -> Vec<Vec<f64>> {
+    let guides = view.description["sets"][set]["name"] == "guides";
+    let (frames, _) = view.points(set);
+    assert_eq!(frames.len(), shot.frames.len());
+    let each = shot.frames.iter().zip(&frames).map(|(frame, points)| {
+        let moving = if guides { &frame.guides } else { frame.hair.as_ref().unwrap() };
+        assert_eq!(moving.points.len(), points.len());
+        let back = |p: &Vector3<f32>| matrix(&frame.head).transform_point(&p.cast::<f64>().into()).coords;
+        let off = |(at, p): (&[f32; 3], _)| (back(p) - Vector3::from(*at).cast()).norm();
+        moving.points.iter().zip(points).map(|pair| off(pair) * shot.header.metres_per_unit).collect()
+    });
+    each.collect()
+}
+
+fn largest(errors: &[Vec<f64>]) -> f64 {
+    errors.iter().flatten().copied().fold(0.0, f64::max)
 }
 
 fn numbers(shot: &Memory) -> Vec<i32> {
@@ -119,25 +159,48 @@ impl View {
 
 #[test]
 fn points_come_back_in_the_frame_of_the_head() {
-    let shot = shot(6, 3, 12);
-    let view = View::new(&shot, &numbers(&shot), &Findings::default(), 1_000_000).unwrap();
-    let allowed = 1e-3 * view.note.split("off by ").nth(1).unwrap()[..4].parse::<f32>().unwrap();
-    for (set, name, n) in [(0, "strands", 6), (1, "guides", 3)] {
-        let (frames, step) = view.points(set);
-        assert_eq!(
-            (frames.len(), frames[0].len(), &view.description["sets"][set]["name"]),
-            (12, n * POINTS, &json!(name))
-        );
-        assert!(step < 1e-5);
-        for (frame, points) in shot.frames.iter().zip(&frames) {
-            let moving = if set == 0 { frame.hair.as_ref().unwrap() } else { &frame.guides };
-            for (at, p) in moving.points.iter().zip(points) {
-                let back = matrix(&frame.head).transform_point(&p.cast::<f64>().into()).coords.cast::<f32>();
-                let off = (back - Vector3::from(*at)).amax();
-                assert!(off <= 2.0 * allowed.max(1e-5), "{off} {allowed}");
-            }
+    for shot in [shot(6, 3, 12), in_cm_z_up(shot(6, 3, 12))] {
+        let view = view(&shot);
+        assert!(stated(&view) < 1e-4, "{}", view.note);
+        for (set, name) in [(0, "strands"), (1, "guides")] {
+            assert_eq!(view.description["sets"][set]["name"], name);
+            let off = largest(&errors(&shot, &view, set));
+            assert!(off <= stated(&view) + SINGLE, "{off} m: {}", view.note);
         }
     }
+}
+
+#[test]
+fn roots_that_a_skin_takes_far_from_the_head_stay_where_they_are() {
+    for unit in [1.0, 0.01] {
+        let mut shot = shot(6, 3, 12);
+        for (f, frame) in shot.frames.iter_mut().enumerate() {
+            // A limb that leaves the head by five metres.
+            let moving = [frame.hair.as_mut().unwrap(), &mut frame.guides];
+            moving.into_iter().flat_map(|m| &mut m.points).for_each(|p| p[1] += 0.45 * f as f32);
+        }
+        let shot = if unit == 1.0 { shot } else { in_cm_z_up(shot) };
+        let view = view(&shot);
+        for set in [0, 1] {
+            let off = largest(&errors(&shot, &view, set));
+            assert!(off <= stated(&view) + SINGLE && off < 2e-3, "{off} m: {}", view.note);
+        }
+    }
+}
+
+#[test]
+fn a_point_that_is_drawn_elsewhere_counts_as_error() {
+    let mut shot = shot(6, 3, 12);
+    // No root, so that it widens no box.
+    shot.frames[5].hair.as_mut().unwrap().points[20] = [0.0, 900.0, 0.0];
+    let view = view(&shot);
+    let mut errors = errors(&shot, &view, 0);
+    let stray = errors[5][20];
+    assert!(stray > 890.0 && stray <= stated(&view), "{stray} m: {}", view.note);
+    // The error itself is in single precision.
+    assert!(stated(&view) < stray + 0.01, "{}", view.note);
+    errors[5][20] = 0.0;
+    assert!(largest(&errors) < 1e-3, "{}", largest(&errors));
 }
 
 #[test]
@@ -157,11 +220,13 @@ fn a_page_keeps_to_its_size_and_says_what_it_leaves_out() {
 }
 
 #[test]
-fn frames_of_trouble_are_shown_and_guides_of_trouble_are_named() {
+fn frames_of_warnings_are_shown_and_guides_that_failed_are_named() {
     let shot = shot(2000, 4, 120);
-    let troubles = vec![Trouble { what: "</script> & more".into(), frames: vec![1002, 1004, 1999] }];
+    let mut warning = Warning::new("</script> & more");
+    [1002, 1004, 1999].into_iter().for_each(|frame| warning.frame(frame, "0.3 mm"));
+    let warnings = vec![warning];
     let unconverged = BTreeMap::from([(1004, vec![102, 7])]);
-    let findings = Findings { troubles, unconverged, ..Findings::default() };
+    let findings = Findings { warnings, unconverged, ..Findings::default() };
     let view = View::new(&shot, &numbers(&shot), &findings, 150_000).unwrap();
     let shown: Vec<i32> = serde_json::from_value(view.description["frames"].clone()).unwrap();
     assert!(shown.len() < 120 && [1001, 1002, 1004].iter().all(|f| shown.contains(f)), "{shown:?}");
@@ -176,15 +241,20 @@ fn frames_of_trouble_are_shown_and_guides_of_trouble_are_named() {
 fn shades_tell_where_hair_is_inside_a_body() {
     let mut shot = shot(2, 1, 2);
     let touching = shot.frames[1].head;
-    // Point 3 of the first strand, 1.2 mm behind the wall; it is in front of it in the groom.
-    let inside = nalgebra::Point3::new(0.0, 0.12, -0.0512);
-    shot.frames[1].hair.as_mut().unwrap().points[3] =
-        matrix(&touching).transform_point(&inside).coords.cast::<f32>().into();
-    let view = View::new(&shot, &numbers(&shot), &Findings::default(), 1_000_000).unwrap();
-    let at = view.description["sets"][0]["shadesAt"].as_u64().unwrap() as usize;
-    let depths: Vec<u8> = view.unpacked()[at..][..4 * POINTS].iter().map(|shade| shade >> 4).collect();
-    let found: Vec<_> = depths.iter().enumerate().filter(|(_, d)| **d > 0).collect();
-    assert_eq!(found, [(2 * POINTS + 3, &7)]);
+    // Points of the first strand behind the wall; they are in front of it in the groom.
+    let depths = [(2, 0.5), (3, 0.0012), (5, 1.5)];
+    for (point, depth) in depths {
+        let inside = Point3::new(0.0, 0.12, -0.05 - depth);
+        shot.frames[1].hair.as_mut().unwrap().points[point] =
+            matrix(&touching).transform_point(&inside).coords.cast::<f32>().into();
+    }
+    for shot in [in_cm_z_up(Memory { header: shot.header.clone(), frames: shot.frames.clone() }), shot] {
+        let view = view(&shot);
+        let at = view.description["sets"][0]["shadesAt"].as_u64().unwrap() as usize;
+        let codes: Vec<u8> = view.unpacked()[at..][..4 * POINTS].iter().map(|shade| shade >> 4).collect();
+        let found: Vec<_> = codes.iter().enumerate().filter(|(_, code)| **code > 0).collect();
+        assert_eq!(found, [(2 * POINTS + 2, &15), (2 * POINTS + 3, &7), (2 * POINTS + 5, &15)]);
+    }
 }
 
 #[test]

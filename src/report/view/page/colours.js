@@ -120,11 +120,11 @@ const COLOURINGS = {
   },
   solver: {
     has: (shot) =>
-      shot.sets.some((set) => [set.unconverged, set.divided].some((of) => of && Object.keys(of).length > 0)),
+      shot.sets.some((set) => [set.unconverged, set.halved].some((of) => of && Object.keys(of).length > 0)),
     colour: (shot, set, f) => {
       const of = (which) => new Set((set[which] || {})[shot.frames[f]] || []);
-      const [failed, divided] = [of("unconverged"), of("divided")];
-      return (i) => (failed.has(set.curveOf[i]) ? hue(0) : divided.has(set.curveOf[i]) ? hue(0.12) : GREY);
+      const [failed, halved] = [of("unconverged"), of("halved")];
+      return (i) => (failed.has(set.curveOf[i]) ? hue(0) : halved.has(set.curveOf[i]) ? hue(0.12) : GREY);
     },
     legend: () =>
       swatches([

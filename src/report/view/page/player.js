@@ -24,7 +24,7 @@ class Player {
     this.speed = 1;
     this.measure();
     this.fillControls();
-    this.markTroubles();
+    this.markWarnings();
     this.listen();
     this.goTo(this.first);
     this.followLink();
@@ -72,8 +72,8 @@ class Player {
     const stored = place.between === 0;
     this.part("scrub").value = this.frame;
     this.part("frame").textContent = `frame ${this.frame}${stored ? "" : " (interpolated)"}`;
-    const troubles = this.shot.troubles.filter((trouble) => trouble.frames.includes(this.frame));
-    this.part("trouble").textContent = troubles.map((trouble) => trouble.what).join("; ");
+    const warnings = this.shot.warnings.filter((warning) => warning.frames.includes(this.frame));
+    this.part("warning").textContent = warnings.map((warning) => warning.what).join("; ");
     this.redraw();
   }
 
@@ -230,10 +230,10 @@ class Player {
     this.part("legend").replaceChildren(...items);
   }
 
-  markTroubles() {
+  markWarnings() {
     const span = Math.max(this.last - this.first, 1);
     const marks = new Map();
-    for (const { what, frames } of this.shot.troubles)
+    for (const { what, frames } of this.shot.warnings)
       for (const frame of frames) marks.set(frame, [...(marks.get(frame) || []), what]);
     for (const [frame, what] of marks) {
       const mark = document.createElement("i");
@@ -303,7 +303,7 @@ class Player {
   }
 
   listenToPointer() {
-    const { canvas, camera } = this;
+    const { canvas } = this;
     canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
     canvas.addEventListener("pointermove", (event) => {
       if (event.buttons === 0) return;
@@ -329,9 +329,11 @@ class Player {
   }
 
   key(event) {
-    const typing =
-      ["SELECT", "INPUT", "TEXTAREA"].includes(event.target.tagName) && event.target.id !== "view-scrub";
-    if (typing || event.ctrlKey || event.altKey || event.metaKey) return;
+    const { tagName, id } = event.target;
+    const typing = ["SELECT", "INPUT", "TEXTAREA"].includes(tagName) && id !== "view-scrub";
+    // A focused button takes the space bar itself.
+    const pressed = tagName === "BUTTON" && event.key === " ";
+    if (typing || pressed || event.ctrlKey || event.altKey || event.metaKey) return;
     const keys = {
       " ": () => this.play(!this.playing),
       ArrowLeft: () => this.step(event.shiftKey ? -10 : -1),
