@@ -57,32 +57,29 @@ impl Film {
     /// Draws `frames` and writes them.
     ///
     /// # Errors
-    /// Those of [`preview::animate`]; [`Error::Io`]; [`Error::Config`] if ffmpeg fails.
+    /// Those of [`preview::animate`]; [`Error::Io`]; [`Error::Config`] if ffmpeg is missing or fails.
     pub fn write(&self, reader: &Reader, options: &Options, frames: &[i32]) -> Result<()> {
         let options = Options { supersampling: SUPERSAMPLING, ..options.clone() };
         let draw = |format, out: &mut dyn io::Write| {
             preview::animate(reader, &options, frames, reader.header().fps, format, out)
         };
-        let pictures = |path: &Path, format| {
-            let mut bytes = Vec::new();
-            draw(format, &mut bytes)?;
-            write_file(path, &[bytes])?;
-            console::wrote(path);
-            Ok(())
-        };
         match self.format {
-            FilmFormat::Pictures(format) => pictures(&self.path, format),
+            FilmFormat::Pictures(format) => {
+                let mut bytes = Vec::new();
+                draw(format, &mut bytes)?;
+                write_file(&self.path, &[bytes])?;
+                console::wrote(&self.path);
+                Ok(())
+            }
             FilmFormat::Mp4 => {
                 let folder = tempfile::tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
                 let made = folder.path().join("film.mp4");
                 match ffmpeg(&made, options.size, reader.header().fps) {
                     Ok(child) => self.finish(child, &made, |out| draw(AnimationFormat::Pixels, out)),
-                    Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                        console::say(&format!(
-                            "there is no {FFMPEG} on the path, which MP4 needs: writing a GIF"
-                        ));
-                        pictures(&self.path.with_extension("gif"), AnimationFormat::Gif)
-                    }
+                    Err(error) if error.kind() == io::ErrorKind::NotFound => Err(Error::Config(format!(
+                        "there is no {FFMPEG} on the path, which {} needs; a .gif does without",
+                        self.path.display()
+                    ))),
                     Err(error) => Err(Error::io(FFMPEG, error)),
                 }
             }
@@ -97,12 +94,12 @@ impl Film {
         draw: impl FnOnce(&mut dyn io::Write) -> Result<()>,
     ) -> Result<()> {
         let drawn = child.stdin.take().map_or(Ok(()), |input| draw(&mut BufWriter::new(input)));
-        let mut said = String::new();
-        let heard = child.stderr.take().map_or(Ok(0), |mut from| from.read_to_string(&mut said));
-        let ended =
-            child.wait().and_then(|status| heard.map(|_| status)).map_err(|e| Error::io(FFMPEG, e))?;
-        if !ended.success() {
-            let last = said.lines().last().unwrap_or("it said nothing");
+        let mut messages = String::new();
+        let read = child.stderr.take().map_or(Ok(0), |mut from| from.read_to_string(&mut messages));
+        let status =
+            child.wait().and_then(|status| read.map(|_| status)).map_err(|e| Error::io(FFMPEG, e))?;
+        if !status.success() {
+            let last = messages.lines().last().unwrap_or("no message");
             return Err(Error::Config(format!("{FFMPEG} made no {}: {last}", self.path.display())));
         }
         drawn?;

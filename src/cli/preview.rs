@@ -37,7 +37,7 @@ pub struct PreviewArguments {
     output: Option<PathBuf>,
     /// Animation to write: .mp4, .gif (256 colours), .apng or .png (all colours)
     ///
-    /// MP4 needs ffmpeg on the path; without it a GIF of that name is written.
+    /// MP4 needs ffmpeg on the path.
     #[arg(long, value_name = "FILE", value_parser = film)]
     animate: Option<Film>,
     /// Frames to draw, such as 1020-1030 [default: all of the shot]

@@ -28,7 +28,7 @@ pub struct ViewArguments {
     /// play]
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Print the path of the page instead of opening it
+    /// Print the path of the page without opening it
     #[arg(long)]
     no_open: bool,
 }
@@ -44,15 +44,27 @@ pub fn run(arguments: &ViewArguments) -> Result<()> {
         let earlier = Earlier::read(&arguments.cache);
         let (baked, figures) = baked(&reader, &earlier)?;
         let title = earlier.title.unwrap_or_else(|| name(&arguments.cache));
-        summary::write_page(&reader, &baked, &figures, &title, &page)?;
+        summary::write_page(&reader, &baked, &figures, &title, &page).map_err(elsewhere)?;
         console::wrote(&page);
     }
+    console::data(format!("{}\n", page.display()).as_bytes())?;
     if arguments.no_open || !has_display() {
-        return console::data(format!("{}\n", page.display()).as_bytes());
+        return Ok(());
     }
     let full = std::path::absolute(&page).map_err(|e| Error::io(&page, e))?;
     open::that_detached(&full)
         .map_err(|e| Error::Config(format!("no browser opens {} ({e}); open it yourself", page.display())))
+}
+
+/// The error of a page that cannot be written, with what to do about it.
+fn elsewhere(error: Error) -> Error {
+    match error {
+        Error::Io { path, source } => {
+            let what = format!("{source}; -o FILE writes the page elsewhere");
+            Error::Io { path, source: std::io::Error::new(source.kind(), what) }
+        }
+        other => other,
+    }
 }
 
 /// Whether a page has a view and is no older than the cache.
