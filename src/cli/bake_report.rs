@@ -396,8 +396,8 @@ fn exempt(frames: &[FrameRecord]) -> Option<Warning> {
     let (share, depth) = (deepest.exempt_share(), deepest.exempt_penetration_m);
     (share > MANY_EXEMPT || depth > DEEP_EXEMPT).then(|| {
         let mut warning = Warning::new(format!(
-            "{} of {} guide segments ({:.1} %) are exempt from contact, because the groom has them inside a body: \
-             they are deepest",
+            "{} of {} guide segments ({:.1} %) are exempt from contact, because the groom has them inside a body, \
+             most deeply",
             deepest.exempt_segments,
             deepest.contact_segments,
             100.0 * share,
@@ -501,7 +501,7 @@ mod tests {
     fn charts_have_every_figure_of_a_record() {
         let summary = BakeSummary { frames: vec![frame_with_all()], ..BakeSummary::default() };
         let report = bake_report(&summary, "");
-        assert_eq!(report.charts.len(), 14);
+        assert_eq!(report.charts.len(), 16);
         for chart in &report.charts {
             for series in &chart.series {
                 assert!(series.values[0].is_finite(), "{}: {}", chart.name, series.name);

@@ -23,8 +23,6 @@ pub const DATA: &str = "report.json";
 const MAX_PAGE: usize = 10_000_000;
 /// Least room for the data of a view.
 const MIN_VIEW: usize = 2_000_000;
-/// Room for the script of a view and the description of its data.
-const VIEW_SCRIPT: usize = 150_000;
 
 /// Removes the report of an earlier bake.
 ///
@@ -87,7 +85,11 @@ fn illustrate(
         let caption = format!("Frames {} to {}", frames[0], frames[frames.len() - 1]);
         Picture { caption, media_type: "image/png".into(), bytes }
     }));
-    let taken = report.to_html()?.len() + VIEW_SCRIPT;
+    // With a view, numbers of frames are links.
+    let nothing = View::default();
+    let script = nothing.to_html().len();
+    report.view = Some(nothing);
+    let taken = report.to_html()?.len() - script;
     let size = MAX_PAGE.saturating_sub(taken).max(MIN_VIEW);
     let findings = findings(summary, &report.warnings);
     report.view = Some(View::new(reader, reader.frames(), &findings, size)?);

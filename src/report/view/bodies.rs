@@ -57,6 +57,41 @@ impl ThinMesh {
     }
 }
 
+/// Bytes that a vertex takes in a frame, compressed, and its share of the triangles.
+const BYTES_PER_VERTEX: [f64; 2] = [2.6, 12.0];
+/// Bytes that the motion of a body takes in a frame.
+const BYTES_PER_MOTION: f64 = 48.0;
+/// Most vertices of a rigid body.
+const RIGID_VERTICES: usize = 20_000;
+/// Least vertices of a body for which it has room.
+const LEAST_VERTICES: usize = 8;
+
+/// The meshes with so few vertices that they take about `bytes` in so many frames, and what they take. All
+/// have the same number at most; where there is no room for all meshes, the first of them.
+pub fn fitting(meshes: &[ColliderMesh], frames: usize, bytes: f64) -> (Vec<ThinMesh>, f64) {
+    let most = |mesh: &ColliderMesh, cap: usize| if mesh.deforms { cap } else { cap.min(RIGID_VERTICES) };
+    let taken = |meshes: &[ColliderMesh], cap: usize| -> f64 {
+        let each = meshes.iter().map(|mesh| {
+            let [in_frame, once] = BYTES_PER_VERTEX;
+            let frames = frames as f64;
+            let per_vertex = once + in_frame * if mesh.deforms { frames } else { 1.0 };
+            mesh.points.len().min(most(mesh, cap)) as f64 * per_vertex + BYTES_PER_MOTION * frames
+        });
+        each.sum()
+    };
+    let fits = |n: usize| taken(&meshes[..n], LEAST_VERTICES) <= bytes;
+    let n = (0..=meshes.len()).rev().find(|n| fits(*n)).unwrap_or(0);
+    let meshes = &meshes[..n];
+    let largest = meshes.iter().map(|mesh| mesh.points.len()).max().unwrap_or(0);
+    let (mut cap, mut beyond) = (LEAST_VERTICES, largest.max(LEAST_VERTICES) + 1);
+    while beyond - cap > 1 {
+        let middle = cap.midpoint(beyond);
+        if taken(meshes, middle) <= bytes { cap = middle } else { beyond = middle }
+    }
+    let thin = |mesh: &ColliderMesh| ThinMesh::new(&mesh.points, &mesh.triangles, most(mesh, cap));
+    (meshes.iter().map(thin).collect(), taken(meshes, cap))
+}
+
 /// Points of a mesh that coincide at rest and in the frames seen: the bake welds those.
 pub struct Coincident {
     /// The lowest point that each coincides with.
@@ -230,6 +265,24 @@ pub mod tests {
 
     fn surface(mesh: &ColliderMesh, metres_per_unit: f64) -> Surface<'_> {
         Surface::new(mesh, &Coincident::new(&mesh.points), metres_per_unit)
+    }
+
+    #[test]
+    fn bodies_share_their_room() {
+        let (points, triangles) = sheet(60);
+        let mesh = ColliderMesh { points, triangles, ..ColliderMesh::default() };
+        let meshes = vec![mesh; 40];
+        let count = |frames: usize, bytes: f64| {
+            let (thin, taken) = fitting(&meshes, frames, bytes);
+            assert!(taken <= bytes, "{taken} of {bytes}");
+            (thin.len(), thin.iter().map(|mesh| mesh.vertices.len()).max().unwrap_or(0))
+        };
+        assert_eq!(count(10, 1e8), (40, 61 * 61));
+        let (bodies, vertices) = count(10, 3e5);
+        assert!(bodies == 40 && (50..=500).contains(&vertices), "{bodies} {vertices}");
+        let (bodies, vertices) = count(1000, 3e5);
+        assert!((5..=6).contains(&bodies) && vertices >= 4, "{bodies} {vertices}");
+        assert_eq!(count(1000, 3e4), (0, 0));
     }
 
     #[test]

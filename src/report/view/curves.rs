@@ -5,6 +5,7 @@ use crate::cache::{CurveFrame, CurveSet, Frame, Header};
 use crate::report::preview::Crowding;
 use crate::report::space::{finite_box, to_rest};
 use nalgebra::Vector3;
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 /// The curves of a set that are shown.
@@ -13,6 +14,8 @@ pub struct ShownCurves<'a> {
     pub set: &'a CurveSet,
     /// Every how many curves one is shown.
     pub step: usize,
+    /// Ids of the curves that are shown whatever the step.
+    pub always: BTreeSet<i32>,
     /// Indices of the curves shown.
     pub curves: Vec<usize>,
     /// Indices of their points.
@@ -36,18 +39,28 @@ pub struct ShownFrame {
 }
 
 impl<'a> ShownCurves<'a> {
-    /// Every `step`th curve of `set`.
-    pub fn new(set: &'a CurveSet, step: usize, header: &Header, surfaces: &[Surface]) -> Self {
+    /// Every `step`th curve of `set`, and those whose ids are in `always`.
+    pub fn new(
+        set: &'a CurveSet,
+        step: usize,
+        always: BTreeSet<i32>,
+        header: &Header,
+        surfaces: &[Surface],
+    ) -> Self {
         let mut shown = ShownCurves {
             set,
             step,
+            always,
             curves: Vec::new(),
             points: Vec::new(),
             roots: Vec::new(),
             crowding: Crowding::new(set, header.metres_per_unit),
             inside_at_rest: Vec::new(),
         };
-        for (curve, points) in set.ranges().enumerate().step_by(step) {
+        for (curve, points) in set.ranges().enumerate() {
+            if !curve.is_multiple_of(step) && !shown.is_always(curve) {
+                continue;
+            }
             shown.curves.push(curve);
             shown.roots.extend(points.clone().map(|i| i == points.start));
             shown.points.extend(points);
@@ -109,8 +122,20 @@ impl<'a> ShownCurves<'a> {
         Some([low.add_scalar(-reach), high.add_scalar(reach)])
     }
 
-    /// Keeps every `of`th of the curves, and what `frames` hold of them.
+    fn is_always(&self, curve: usize) -> bool {
+        self.set.id.get(curve).is_some_and(|id| self.always.contains(id))
+    }
+
+    /// Keeps one of `of` curves shown, and what `frames` hold of them. Those that are shown whatever the step
+    /// go once they are all that is left.
     pub fn thin(&mut self, of: usize, frames: &mut [ShownFrame]) {
+        let every = self.step * of;
+        let regular = self.curves.iter().filter(|curve| curve.is_multiple_of(self.step)).count();
+        if regular < 2 {
+            self.always.clear();
+        }
+        let keep: Vec<bool> =
+            self.curves.iter().map(|curve| curve.is_multiple_of(every) || self.is_always(*curve)).collect();
         let curve_of: Vec<usize> = self
             .roots
             .iter()
@@ -119,17 +144,17 @@ impl<'a> ShownCurves<'a> {
                 Some(*n - 1)
             })
             .collect();
-        let keep = |k: usize| curve_of[k].is_multiple_of(of);
+        let keep_point = |k: usize| keep[curve_of[k]];
         for frame in frames {
-            frame.points = kept(&frame.points, keep);
-            frame.shades = kept(&frame.shades, keep);
-            frame.levels = kept(&frame.levels, |curve| curve.is_multiple_of(of));
+            frame.points = kept(&frame.points, keep_point);
+            frame.shades = kept(&frame.shades, keep_point);
+            frame.levels = kept(&frame.levels, |curve| keep[curve]);
         }
-        self.inside_at_rest.iter_mut().for_each(|inside| *inside = kept(inside, keep));
-        self.points = kept(&self.points, keep);
-        self.roots = kept(&self.roots, keep);
-        self.curves = kept(&self.curves, |curve| curve.is_multiple_of(of));
-        self.step *= of;
+        self.inside_at_rest.iter_mut().for_each(|inside| *inside = kept(inside, keep_point));
+        self.points = kept(&self.points, keep_point);
+        self.roots = kept(&self.roots, keep_point);
+        self.curves = kept(&self.curves, |curve| keep[curve]);
+        self.step = every;
     }
 }
 

@@ -23,7 +23,7 @@ use flate2::{Compression, write::ZlibEncoder};
 use nalgebra::Vector3;
 use selection::{Selection, Size};
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io::Write;
 
 /// What a bake knows of a cache besides the cache.
@@ -38,7 +38,7 @@ pub struct Findings {
 }
 
 /// A cache as a part of a page.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct View {
     description: Value,
     /// Compressed.
@@ -51,10 +51,10 @@ pub struct View {
 const BYTES_PER_POINT: f64 = 2.6;
 /// Memory per point of a frame that is read: itself, its velocity and its place in rest space, bytes.
 const PER_POINT: usize = 100;
-/// Most vertices of a rigid body.
-const RIGID_VERTICES: usize = 20_000;
-/// Share of the size that all deforming bodies may take.
-const DEFORMING: f64 = 0.2;
+/// Share of the size that all bodies may take.
+const BODIES: f64 = 0.25;
+/// Most guides that failed that are shown whatever the step.
+const MOST_FAILED: usize = 200;
 /// Most frames of a warning that are shown whatever the step.
 const MOST_WANTED: usize = 8;
 
@@ -65,7 +65,8 @@ impl View {
     /// Those of [`Shot::frame`]; [`Error::Damaged`] if there is nothing to show.
     pub fn new<S: Shot + Sync>(shot: &S, frames: &[i32], findings: &Findings, size: usize) -> Result<Self> {
         let header = shot.header();
-        let data_size = size as f64 * 0.75;
+        // Base64 takes four bytes for three.
+        let data_size = size.saturating_sub(SCRIPT) as f64 * 0.75;
         let sizes = header
             .hair
             .iter()
@@ -80,34 +81,30 @@ impl View {
             let what = "there are no frames with curves to show".into();
             return Err(Error::Damaged { path: shot.path().to_path_buf(), what });
         }
-        let deforming = header.colliders.iter().filter(|mesh| mesh.deforms).count();
         let marked = findings.warnings.iter().flat_map(|warning| warning.frames.iter().take(MOST_WANTED));
         let wanted: Vec<i32> = marked.map(|(frame, _)| *frame).collect();
-        let for_curves = data_size * if deforming > 0 { 1.0 - DEFORMING } else { 1.0 };
-        let selection = Selection::new(frames, &wanted, hair, guides, for_curves / BYTES_PER_POINT);
-        let deformed_vertices = data_size * DEFORMING
-            / (BYTES_PER_POINT * selection.frames.len() as f64 * deforming.max(1) as f64);
-        let meshes: Vec<ThinMesh> = header
-            .colliders
-            .iter()
-            .map(|mesh| {
-                let most = if mesh.deforms { (deformed_vertices as usize).max(200) } else { RIGID_VERTICES };
-                ThinMesh::new(&mesh.points, &mesh.triangles, most)
-            })
-            .collect();
+        let select = |for_bodies: f64| {
+            Selection::new(frames, &wanted, hair, guides, (data_size - for_bodies) / BYTES_PER_POINT)
+        };
+        // Bodies have room by the number of frames, and curves have what bodies leave.
+        let shown_frames = select(BODIES * data_size).frames.len();
+        let (mut meshes, for_bodies) = bodies::fitting(&header.colliders, shown_frames, BODIES * data_size);
+        let selection = select(for_bodies);
         let unit = header.metres_per_unit;
         let welds = coincident(shot, &selection.frames)?;
         let bodies = header.colliders.iter().zip(&welds);
         let surfaces: Vec<Surface> = bodies.map(|(mesh, welds)| Surface::new(mesh, welds, unit)).collect();
         let mut shown: Vec<(&str, ShownCurves, Vec<ShownFrame>)> = Vec::new();
-        for (name, set, step) in header
+        let failed: BTreeSet<i32> =
+            findings.unconverged.values().flatten().copied().take(MOST_FAILED).collect();
+        for (name, set, step, always) in header
             .hair
             .iter()
-            .map(|set| ("strands", set, selection.hair_step))
-            .chain([("guides", &header.guides, selection.guide_step)])
-            .filter(|(_, set, _)| !set.counts.is_empty())
+            .map(|set| ("strands", set, selection.hair_step, BTreeSet::new()))
+            .chain([("guides", &header.guides, selection.guide_step, failed)])
+            .filter(|(_, set, ..)| !set.counts.is_empty())
         {
-            shown.push((name, ShownCurves::new(set, step, header, &surfaces), Vec::new()));
+            shown.push((name, ShownCurves::new(set, step, always, header, &surfaces), Vec::new()));
         }
         let read = |number: i32| -> Result<ReadFrame> {
             let frame = shot.frame(number)?;
@@ -137,10 +134,13 @@ impl View {
         }
         loop {
             let view = View::encode(header, &selection, findings, &shown, &meshes, &bodies, &heads)?;
-            let too_large = view.data.len() as f64 / data_size;
-            let most = shown.iter().map(|(_, curves, _)| curves.curves.len()).max().unwrap_or(0);
-            if too_large <= 1.0 || most < 2 {
+            let too_large = view.to_html().len() as f64 / size as f64;
+            let curves = shown.iter().map(|(_, curves, _)| curves.curves.len()).max().unwrap_or(0);
+            if too_large <= 1.0 || (curves < 2 && meshes.is_empty()) {
                 return Ok(view);
+            }
+            if curves < 2 {
+                meshes.truncate(meshes.len() / 2);
             }
             let of = (too_large.ceil() as usize).max(2);
             shown.iter_mut().for_each(|(_, curves, frames)| curves.thin(of, frames));
@@ -163,7 +163,7 @@ impl View {
             let points: Vec<&Vec<Vector3<f32>>> = frames.iter().map(|f| &f.points).collect();
             let (points, off) = data.points(&points, &curves.roots, curves.reach(frames));
             error = error.max(off);
-            sets.push(set(name, curves, frames, points, findings, &mut data));
+            sets.push(set(name, curves, frames, points, findings, &selection.frames, &mut data));
         }
         let mut drawn = Vec::new();
         for (b, (thin, mesh)) in meshes.iter().zip(&header.colliders).enumerate() {
@@ -218,6 +218,10 @@ const DECODE: &str = include_str!("page/decode.js");
 const COLOURS: &str = include_str!("page/colours.js");
 const DRAW: &str = include_str!("page/draw.js");
 const PLAYER: &str = include_str!("page/player.js");
+
+/// What of a page does not depend on the shot, bytes.
+const SCRIPT: usize =
+    MARKUP.len() + STYLE.len() + MATRIX.len() + DECODE.len() + COLOURS.len() + DRAW.len() + PLAYER.len();
 
 /// What is kept of a frame.
 struct ReadFrame {
@@ -315,6 +319,7 @@ fn set(
     frames: &[ShownFrame],
     points: Value,
     findings: &Findings,
+    numbers: &[i32],
     data: &mut Sections,
 ) -> Value {
     let of_curves = |all: &[i32]| -> Vec<i32> { curves.curves.iter().map(|c| all[*c]).collect() };
@@ -333,13 +338,20 @@ fn set(
         "widthsAt": data.add(&widths), "shadesAt": data.add(&shades), "levelsAt": data.add(&levels),
     });
     if name == "guides" {
-        let ids = of_curves(&curves.set.id);
-        let place = |id: &i32| ids.iter().position(|shown| shown == id);
-        let places = |of: &BTreeMap<i32, Vec<i32>>| -> BTreeMap<i32, Vec<usize>> {
-            of.iter().map(|(frame, ids)| (*frame, ids.iter().filter_map(place).collect())).collect()
+        let places: HashMap<i32, usize> =
+            of_curves(&curves.set.id).into_iter().enumerate().map(|(place, id)| (id, place)).collect();
+        // Of the frames shown, the places of the guides that are shown, and how many of them are not.
+        let marked = |of: &BTreeMap<i32, Vec<i32>>| {
+            let listed = || numbers.iter().filter_map(|number| Some((*number, of.get(number)?)));
+            let shown: BTreeMap<i32, Vec<usize>> = listed()
+                .map(|(number, ids)| (number, ids.iter().filter_map(|id| places.get(id)).copied().collect()))
+                .collect();
+            let all: BTreeSet<i32> = listed().flat_map(|(_, ids)| ids).copied().collect();
+            let missing = all.iter().filter(|id| !places.contains_key(id)).count();
+            json!({ "places": shown, "missing": missing })
         };
-        description["unconverged"] = json!(places(&findings.unconverged));
-        description["halved"] = json!(places(&findings.halved));
+        description["unconverged"] = marked(&findings.unconverged);
+        description["halved"] = marked(&findings.halved);
     }
     description
 }
@@ -356,7 +368,10 @@ fn note(
         .iter()
         .map(|(name, curves, _)| match curves.step {
             1 => format!("all {} {name}", curves.set.counts.len()),
-            step => format!("every {} of {} {name}", ordinal(step), curves.set.counts.len()),
+            step => {
+                let failed = if curves.always.is_empty() { "" } else { " and those that did not converge" };
+                format!("every {} of {} {name}{failed}", ordinal(step), curves.set.counts.len())
+            }
         })
         .collect();
     parts.push(match selection.frame_step {
@@ -366,6 +381,9 @@ fn note(
     let thinned = meshes.iter().zip(&header.colliders).filter(|(t, m)| t.vertices.len() < m.points.len());
     if thinned.count() > 0 {
         parts.push("bodies with fewer vertices".into());
+    }
+    if meshes.len() < header.colliders.len() {
+        parts.push(format!("the first {} of {} bodies", meshes.len(), header.colliders.len()));
     }
     // Rounded up, for it is a bound.
     let error_mm = (1e5 * error_m).ceil() / 100.0;

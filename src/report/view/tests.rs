@@ -210,8 +210,8 @@ fn a_page_keeps_to_its_size_and_says_what_it_leaves_out() {
     for size in [300_000, 1_000_000] {
         let view = view(size);
         let page = view.to_html();
-        assert!(base64(&view.data).len() <= size, "{} of {size}", view.data.len());
-        assert!(view.data.len() * 4 / 3 > size / 8, "{} of {size}: room is left", view.data.len());
+        assert!(page.len() <= size, "{} of {size}", page.len());
+        assert!(page.len() > size / 3, "{} of {size}: room is left", page.len());
         let every = view.description["sets"][0]["every"].as_u64().unwrap();
         assert!(every > 1 && page.contains(&format!("every {} of 3000 strands", ordinal(every as usize))));
     }
@@ -232,7 +232,7 @@ fn frames_of_warnings_are_shown_and_guides_that_failed_are_named() {
     assert!(shown.len() < 120 && [1001, 1002, 1004].iter().all(|f| shown.contains(f)), "{shown:?}");
     assert!(view.note.contains(" frame, those between interpolated"), "{}", view.note);
     let guides = &view.description["sets"][1];
-    assert_eq!(guides["unconverged"], json!({ "1004": [2 / guides["every"].as_u64().unwrap()] }));
+    assert_eq!(guides["unconverged"], json!({ "places": { "1004": [2] }, "missing": 1 }));
     let page = view.to_html();
     assert_eq!(page.matches("</script>").count(), 3, "those of the page itself");
 }
@@ -280,7 +280,51 @@ fn deforming_bodies_are_thinned_and_move() {
     assert!((100..2000).contains(&n), "{n}");
     assert_eq!(body["points"]["shifts"].as_array().unwrap().len(), 40);
     assert!(view.note.contains("bodies with fewer vertices"), "{}", view.note);
-    assert!(base64(&view.data).len() <= 500_000);
+    assert!(view.to_html().len() <= 500_000);
+}
+
+#[test]
+fn a_page_with_many_bodies_and_failures_keeps_to_its_size() {
+    let mut shot = shot(300, 400, 200);
+    shot.header.colliders = vec![shot.header.colliders[0].clone(); 60];
+    for frame in &mut shot.frames {
+        let turn = |k: usize| {
+            let motion = matrix(&frame.head) * Matrix4::from_scaled_axis(Vector3::y() * k as f64);
+            ColliderFrame { transform: motion.transpose().into(), points: None }
+        };
+        frame.colliders = (0..60).map(turn).collect();
+    }
+    let all: Vec<i32> = (100..500).collect();
+    let failed: BTreeMap<i32, Vec<i32>> = numbers(&shot).into_iter().map(|n| (n, all.clone())).collect();
+    let findings = Findings { unconverged: failed.clone(), halved: failed, ..Findings::default() };
+    for size in [300_000, 1_000_000] {
+        let view = View::new(&shot, &numbers(&shot), &findings, size).unwrap();
+        let page = view.to_html();
+        assert!(page.len() <= size, "{} of {size}", page.len());
+        let bodies = view.description["bodies"].as_array().unwrap().len();
+        assert!((1..60).contains(&bodies), "{bodies}");
+        assert!(view.note.contains(&format!("the first {bodies} of 60 bodies")), "{}", view.note);
+    }
+}
+
+#[test]
+fn guides_that_did_not_converge_are_shown_where_others_are_left_out() {
+    let shot = shot(0, 3000, 60);
+    let unconverged = BTreeMap::from([(1004, vec![101, 2222]), (1009, vec![102, 2222])]);
+    let halved = BTreeMap::from([(1004, (1100..1200).collect())]);
+    let findings = Findings { unconverged, halved, ..Findings::default() };
+    let view = View::new(&shot, &numbers(&shot), &findings, 500_000).unwrap();
+    let guides = &view.description["sets"][0];
+    let every = guides["every"].as_u64().unwrap() as usize;
+    assert!(every > 3 && view.note.contains("3000 guides and those that did not converge"), "{}", view.note);
+    assert_eq!(guides["unconverged"]["missing"], 0);
+    assert_eq!(guides["unconverged"]["places"]["1009"].as_array().unwrap().len(), 2);
+    let shown = (1000..1100).filter(|curve| curve % every == 0).count();
+    assert_eq!(guides["halved"]["missing"], 100 - shown);
+    assert_eq!(
+        guides["counts"].as_array().unwrap().len(),
+        3000usize.div_ceil(every) + 3 - [1, 2, 2122].iter().filter(|c| *c % every == 0).count()
+    );
 }
 
 #[test]

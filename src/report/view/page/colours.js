@@ -51,6 +51,10 @@ function speeds(shot, set, f) {
 const FASTEST = 2;
 const swatches = (pairs) => pairs.map(([colour, text]) => ({ colour, text }));
 
+// What is marked of the guides, where anything is.
+const guidesOf = (shot, which) =>
+  shot.sets.map((set) => set[which]).filter((marked) => marked && Object.keys(marked.places).length > 0);
+
 // Each: whether the shot has it, the colour of point i of a set at stored frame f, and the legend.
 const COLOURINGS = {
   hair: {
@@ -119,18 +123,22 @@ const COLOURINGS = {
       ]),
   },
   solver: {
-    has: (shot) =>
-      shot.sets.some((set) => [set.unconverged, set.halved].some((of) => of && Object.keys(of).length > 0)),
+    has: (shot) => ["unconverged", "halved"].some((which) => guidesOf(shot, which).length > 0),
     colour: (shot, set, f) => {
-      const of = (which) => new Set((set[which] || {})[shot.frames[f]] || []);
+      const of = (which) => new Set(set[which] ? set[which].places[shot.frames[f]] : []);
       const [failed, halved] = [of("unconverged"), of("halved")];
       return (i) => (failed.has(set.curveOf[i]) ? hue(0) : halved.has(set.curveOf[i]) ? hue(0.12) : GREY);
     },
-    legend: () =>
-      swatches([
+    legend: (shot) => {
+      const missing = (which) => {
+        const n = guidesOf(shot, which).reduce((sum, marked) => sum + marked.missing, 0);
+        return n > 0 ? ` (${n} of them not shown)` : "";
+      };
+      return swatches([
         [GREY, "as usual"],
-        [hue(0.12), "guide whose step was halved"],
-        [hue(0), "guide that did not converge"],
-      ]),
+        [hue(0.12), `guide whose step was halved${missing("halved")}`],
+        [hue(0), `guide that did not converge${missing("unconverged")}`],
+      ]);
+    },
   },
 };
