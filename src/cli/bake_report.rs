@@ -25,7 +25,7 @@ impl Figures {
         Figures(vec![Map::new(); frames])
     }
 
-    /// Of each frame a number, or the length of a list; NaN where it is not known.
+    /// The value of a field in each frame: a number, or the length of a list; NaN where it is not known.
     fn values(&self, field: &str) -> Vec<f64> {
         let value = |frame: &Map<String, Value>| match frame.get(field) {
             Some(Value::Array(list)) => list.len() as f64,

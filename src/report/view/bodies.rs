@@ -142,7 +142,7 @@ enum Kind {
 pub const NEAR: f64 = 2e-3;
 
 impl<'a> Surface<'a> {
-    /// Of a collider in a cache of this unit; `coincident` are its points to weld, if it deforms.
+    /// The surface of a collider; its points in `coincident` are welded if it deforms.
     pub fn new(mesh: &'a ColliderMesh, coincident: &Coincident, metres_per_unit: f64) -> Self {
         let vertices = in_metres(&mesh.points, metres_per_unit);
         let triangles: Vec<[u32; 3]> = mesh.triangles.iter().map(|t| t.map(|i| i as u32)).collect();

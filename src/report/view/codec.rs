@@ -56,7 +56,7 @@ impl Box16 {
 pub struct Encoded {
     /// The content.
     pub bytes: Vec<u8>,
-    /// Of each frame, the power of two to which differences are rounded.
+    /// The power of two to which the differences of each frame are rounded.
     pub shifts: Vec<u8>,
 }
 

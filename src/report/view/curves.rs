@@ -20,10 +20,10 @@ pub struct ShownCurves<'a> {
     pub curves: Vec<usize>,
     /// Indices of their points.
     pub points: Vec<usize>,
-    /// Of each of these, whether it is the first of its curve.
+    /// Whether each of these points is the first of its curve.
     pub roots: Vec<bool>,
     crowding: Crowding<'a>,
-    /// Of each body and each point shown, whether the groom has it inside.
+    /// Whether the groom has each point shown inside each body.
     inside_at_rest: Vec<Vec<bool>>,
 }
 

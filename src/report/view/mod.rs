@@ -340,7 +340,7 @@ fn set(
     if name == "guides" {
         let places: HashMap<i32, usize> =
             of_curves(&curves.set.id).into_iter().enumerate().map(|(place, id)| (id, place)).collect();
-        // Of the frames shown, the places of the guides that are shown, and how many of them are not.
+        // The places of marked guides by frame, and how many marked guides are not shown.
         let marked = |of: &BTreeMap<i32, Vec<i32>>| {
             let listed = || numbers.iter().filter_map(|number| Some((*number, of.get(number)?)));
             let shown: BTreeMap<i32, Vec<usize>> = listed()

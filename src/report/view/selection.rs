@@ -37,7 +37,7 @@ impl Selection {
     pub fn new(frames: &[i32], wanted: &[i32], hair: Size, guides: Size, points: f64) -> Self {
         let alone = hair.curves == 0;
         let main = if alone { guides } else { hair };
-        // Of what `n` frames have room for.
+        // Points of guides, and of the main curves, in `n` frames.
         let for_guides = |n: usize| match alone {
             true => points,
             false => (points * GUIDES).min((guides.points * n) as f64),

@@ -309,8 +309,8 @@ fn a_page_with_many_bodies_and_failures_keeps_to_its_size() {
 #[test]
 fn guides_that_did_not_converge_are_shown_where_others_are_left_out() {
     let shot = shot(0, 3000, 60);
-    let unconverged = BTreeMap::from([(1004, vec![101, 2222]), (1009, vec![102, 2222])]);
-    let halved = BTreeMap::from([(1004, (1100..1200).collect())]);
+    let unconverged = BTreeMap::from([(1005, vec![101, 2222]), (1009, vec![102, 2222])]);
+    let halved = BTreeMap::from([(1005, (1100..1200).collect())]);
     let findings = Findings { unconverged, halved, ..Findings::default() };
     let view = View::new(&shot, &numbers(&shot), &findings, 500_000).unwrap();
     let guides = &view.description["sets"][0];

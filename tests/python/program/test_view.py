@@ -128,7 +128,7 @@ AFTER = """
       });
       // The mean difference of a picture from that of the same shot in centimetres, Z up.
       const show = async (player) => {
-        Object.assign(player.look, { colour: "speed", bodies: "solid", follow: "head" });
+        Object.assign(player.look, { colour: "speed", curves: "strands", bodies: "solid", follow: "head" });
         Object.assign(player.camera, { azimuth: 60, elevation: 20 });
         player.goTo(1003);
         await drawnAgain();
