@@ -133,7 +133,7 @@ enum Kind {
     /// As it always is.
     Rigid(Solid),
     /// A mesh that deforms, at rest.
-    Deforming(SolidMesh),
+    Deforming(Box<SolidMesh>),
     /// Without triangles.
     Empty,
 }
@@ -156,7 +156,7 @@ impl<'a> Surface<'a> {
                 // A second set of positions, in which all others differ.
                 let apart = |first: &u32| Vector3::repeat(f64::from(*first));
                 let apart: Vec<Vector3<f64>> = coincident.first.iter().map(apart).collect();
-                Kind::Deforming(SolidMesh::from_positions(&[&vertices, &apart], &triangles))
+                Kind::Deforming(Box::new(SolidMesh::from_positions(&[&vertices, &apart], &triangles)))
             }
         };
         Surface { mesh, metres_per_unit, kind }
