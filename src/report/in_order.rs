@@ -7,8 +7,8 @@ use rayon::prelude::*;
 /// Memory for all frames in work, bytes.
 const MEMORY: usize = 1 << 30;
 
-/// Computes something of each frame, several frames at a time, and consumes it in order. `bytes` is about what
-/// a frame takes while it is in work.
+/// Computes something of each frame, several frames at a time, and consumes it in order. `bytes` is about
+/// what a frame takes while it is in work.
 pub fn in_order<T: Send>(
     frames: &[i32],
     bytes: usize,
