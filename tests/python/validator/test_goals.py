@@ -145,6 +145,7 @@ def test_values_that_the_bake_was_given_replace_those_of_the_file(good_cache: Ca
 
 
 def test_goals_that_the_bake_was_not_given_are_told(good_cache: CacheBuilder) -> None:
-    for overrides in ({"anim.goals": []}, {"anim.goals[4].hz": 2}):
+    unlike: list[dict[str, object]] = [{"anim.goals": []}, {"anim.goals[4].hz": 2}]
+    for overrides in unlike:
         found, message = status(good_cache, led(good_cache, overrides=overrides))
         assert found == "fail" and message.startswith("the goals of anim.json are not those of this bake")
