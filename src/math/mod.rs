@@ -1,11 +1,12 @@
 //! Mathematics shared by all modules: rigid motions, SIMD lanes, splines, basis curves and frames of curves,
-//! dense factorisation, random numbers. Depends on no other module.
+//! dense factorisation, random numbers, a tree of points. Depends on no other module.
 
 pub mod basis_curve;
 pub mod cholesky;
 pub mod coast;
 pub mod frame;
 pub mod lanes;
+pub mod point_tree;
 pub mod polyline;
 pub mod random;
 pub mod sample_times;

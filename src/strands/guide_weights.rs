@@ -1,10 +1,12 @@
 //! The guides that each render strand follows, and their weights.
 
 use super::rest_guide::RestGuide;
+use crate::math::point_tree::PointTree;
 use crate::rod::Rod;
 use crate::scene::{Curves, Groom};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// Largest number of guides that a render strand follows.
 pub const MAX_GUIDES: usize = 3;
@@ -20,7 +22,7 @@ const COMPARED: usize = 24;
 const MIN_DISTANCE: f64 = 1e-4;
 
 /// Leaf wisp and group of a strand or guide.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Membership {
     /// Leaf wisp: index of the tree, and of the wisp in the tree.
     pub leaf: (u32, u32),
@@ -41,9 +43,43 @@ struct Candidates<'a> {
     members: &'a [Membership],
     /// Clumping of each group of strands.
     clumping: &'a [f64],
+    /// The guides of each leaf wisp and group.
+    of_wisp: BTreeMap<Membership, Vec<usize>>,
+    /// The guides of each group, and all.
+    of_group: BTreeMap<u32, Pool>,
+    all: Pool,
 }
 
-impl Candidates<'_> {
+/// Guides with the tree of their roots.
+struct Pool {
+    guides: Vec<usize>,
+    roots: PointTree,
+}
+
+impl Pool {
+    fn new(guides: Vec<usize>, all: &[RestGuide]) -> Self {
+        Pool { roots: PointTree::new(guides.iter().map(|g| all[*g].root()).collect()), guides }
+    }
+}
+
+impl<'a> Candidates<'a> {
+    fn new(guides: &'a [RestGuide], members: &'a [Membership], clumping: &'a [f64]) -> Self {
+        let mut of_wisp: BTreeMap<Membership, Vec<usize>> = BTreeMap::new();
+        let mut of_group: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+        for (g, member) in members.iter().enumerate() {
+            of_wisp.entry(*member).or_default().push(g);
+            of_group.entry(member.group).or_default().push(g);
+        }
+        Candidates {
+            of_wisp,
+            of_group: of_group.into_iter().map(|(group, of)| (group, Pool::new(of, guides))).collect(),
+            all: Pool::new((0..guides.len()).collect(), guides),
+            guides,
+            members,
+            clumping,
+        }
+    }
+
     /// Weights of the guides of a strand with `points` in the groom, m (`docs/theory.md` eq. 7.3; Franke &
     /// Nielson 1980).
     ///
@@ -52,29 +88,29 @@ impl Candidates<'_> {
     /// have weights proportional to `(1/d − 1/D)²` with D the distance of the fourth, so that weights are
     /// continuous where guides enter or leave the three.
     fn weights(&self, points: &[Vector3<f64>], member: Membership) -> GuideWeights {
-        let all = || 0..self.guides.len();
-        let same_group = |g: &usize| self.members[*g].group == member.group;
-        let group_has_guides = all().any(|g| same_group(&g));
-        let wisp_has_guides = all().any(|g| self.members[g] == member);
+        let pool = self.of_group.get(&member.group).unwrap_or(&self.all);
+        let own = self.of_wisp.get(&member).map_or(&[][..], Vec::as_slice);
         // In a wisp without guides no guide is foreign.
-        let foreign = |g: usize| wisp_has_guides && self.members[g] != member;
+        let foreign = |g: usize| !own.is_empty() && self.members[g] != member;
         let clumping = self.clumping[member.group as usize];
-        let eligible = |g: &usize| (!group_has_guides || same_group(g)) && (clumping < 1.0 || !foreign(*g));
-        let mut near: Vec<(f64, usize)> =
-            all().filter(eligible).map(|g| ((self.guides[g].root() - points[0]).norm_squared(), g)).collect();
-        let by_distance = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-        if near.len() > COMPARED {
-            near.select_nth_unstable_by(COMPARED - 1, |a, b| {
-                // Guides of the own wisp come first, however far their roots are.
-                foreign(a.1).cmp(&foreign(b.1)).then_with(|| by_distance(a, b))
-            });
-            near.truncate(COMPARED);
+        let nearest = |count: usize, wanted: &dyn Fn(usize) -> bool| {
+            let distance = |k: usize, squared: f64| wanted(pool.guides[k]).then_some(squared);
+            let found = pool.roots.least(&points[0], count, distance).into_iter();
+            found.map(|(_, k)| pool.guides[k]).collect::<Vec<_>>()
+        };
+        // Guides of the own wisp come first, however far their roots are.
+        let mut compared =
+            if own.len() > COMPARED { nearest(COMPARED, &|g| !foreign(g)) } else { own.to_vec() };
+        if clumping < 1.0 || own.is_empty() {
+            let more = COMPARED - compared.len();
+            compared.extend(nearest(more, &|g| own.is_empty() || foreign(g)));
         }
-        for (d, g) in &mut near {
-            let preference = if foreign(*g) { 1.0 - clumping } else { 1.0 };
-            *d = (mean_distance(points, &self.guides[*g]) / preference).max(MIN_DISTANCE);
-        }
-        near.sort_unstable_by(by_distance);
+        let preferred = |g: usize| {
+            let preference = if foreign(g) { 1.0 - clumping } else { 1.0 };
+            ((mean_distance(points, &self.guides[g]) / preference).max(MIN_DISTANCE), g)
+        };
+        let mut near: Vec<(f64, usize)> = compared.into_iter().map(preferred).collect();
+        near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let beyond = near.get(MAX_GUIDES).map_or(0.0, |(d, _)| 1.0 / d);
         near.truncate(MAX_GUIDES);
         let weight = |d: f64| (1.0 / d - beyond).powi(2);
@@ -107,7 +143,7 @@ pub fn guide_weights(
 ) -> Vec<GuideWeights> {
     let (rest, of): (Vec<_>, Vec<_>) =
         guides.iter().map(|(rod, member)| (RestGuide::new(rod), *member)).unzip();
-    let candidates = Candidates { guides: &rest, members: &of, clumping };
+    let candidates = Candidates::new(&rest, &of, clumping);
     (0..curves.len()).into_par_iter().map(|c| candidates.weights(curves.curve(c), members[c])).collect()
 }
 
@@ -128,7 +164,8 @@ mod tests {
             (0..40).map(|i| guide_through(&strand(0.01 * f64::from(i), 0.0))).collect();
         let members: Vec<Membership> =
             (0..40).map(|i| Membership { leaf: (i / 4, 0), group: u32::from(i >= 30) }).collect();
-        let candidates = Candidates { guides: &guides, members: &members, clumping: &[clumping; 3] };
+        let clumping = [clumping; 3];
+        let candidates = Candidates::new(&guides, &members, &clumping);
         let mut weights = vec![0.0; 40];
         candidates.weights(points, member).into_iter().for_each(|(g, weight)| weights[g] += weight);
         weights

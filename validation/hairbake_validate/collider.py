@@ -309,13 +309,30 @@ def nearest(points: FloatArray, vertices: FloatArray, triangles: IntArray) -> tu
     centres = corners.mean(axis=1)
     radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
     found, vectors = np.empty(len(points), int), np.empty((len(points), 3))
-    for i, point in enumerate(points):
-        far = norms(centres - point)
-        near = np.flatnonzero(far - radii <= (far + radii).min())
-        away = closest(np.repeat(point[None], len(near), axis=0), corners[near])[0]
-        best = int(norms(away).argmin())
-        found[i], vectors[i] = whole[near[best]], away[best]
+    for block in near_each_other(points):
+        middle = points[block].mean(axis=0)
+        reach = norms(points[block] - middle).max()
+        far = norms(centres - middle)
+        near = np.flatnonzero(far - radii - reach <= (far + radii).min() + reach)
+        pairs = np.repeat(points[block], len(near), axis=0), np.tile(corners[near], (len(block), 1, 1))
+        away = closest(*pairs)[0].reshape(len(block), len(near), 3)
+        best = np.linalg.norm(away, axis=2).argmin(axis=1)
+        found[block], vectors[block] = whole[near[best]], away[np.arange(len(block)), best]
     return found, vectors
+
+
+def near_each_other(points: FloatArray, most: int = 32) -> list[IntArray]:
+    """Indices of the points in blocks of at most `most`, halved at medians along their greatest extent."""
+    blocks: list[IntArray] = []
+    left: list[IntArray] = [np.arange(len(points))] if len(points) else []
+    while left:
+        block = left.pop()
+        if len(block) <= most:
+            blocks.append(block)
+            continue
+        along = points[block, np.ptp(points[block], axis=0).argmax()]
+        left += np.split(block[np.argpartition(along, len(block) // 2)], [len(block) // 2])
+    return blocks
 
 
 def pseudonormals(triangles: IntArray, corners: FloatArray, vertices: int) -> FloatArray:

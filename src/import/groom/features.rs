@@ -1,6 +1,8 @@
 //! A metric on strands and operations on its feature vectors.
 
 use super::sections::Sections;
+use crate::math::point_tree::PointTree;
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 /// Strands as points of a Euclidean space, for "near roots and similar orientation along the whole length"
@@ -75,24 +77,40 @@ fn sum_in_lanes(a: &[f64], b: &[f64], c: &[f64], term: impl Fn(f64, f64, f64) ->
     sums.iter().sum::<f64>() + remainder.sum::<f64>()
 }
 
+/// Rows to find the nearest of.
+pub(super) struct Neighbours<'a> {
+    features: &'a Features,
+    /// The root points of the rows: the distance of these alone rules out most rows.
+    roots: PointTree,
+}
+
+impl<'a> Neighbours<'a> {
+    /// Those of `features`.
+    pub(super) fn new(features: &'a Features) -> Self {
+        let roots = (0..features.len()).map(|i| root(features.row(i))).collect();
+        Neighbours { features, roots: PointTree::new(roots) }
+    }
+
+    /// Of the rows that are `wanted`, the `count` nearest to `row`, of equally near ones the first.
+    pub(super) fn nearest(&self, row: &[f64], count: usize, wanted: impl Fn(usize) -> bool) -> Vec<usize> {
+        let distance = |i: usize, _| {
+            let a = self.features.row(i);
+            wanted(i).then(|| distance_squared(&a[..3], &row[..3]) + distance_squared(&a[3..], &row[3..]))
+        };
+        self.roots.least(&root(row), count, distance).into_iter().map(|(_, i)| i).collect()
+    }
+}
+
+/// The root point of a row, scaled.
+fn root(row: &[f64]) -> Vector3<f64> {
+    Vector3::new(row[0], row[1], row[2])
+}
+
 /// Index of the row of `to` nearest to each row of `from`; of equally near ones the first.
 pub(super) fn nearest(from: &Features, to: &Features) -> Vec<u32> {
-    let nearest_to = |row: &[f64]| {
-        let mut best = (f64::INFINITY, 0);
-        for i in 0..to.len() {
-            // The root point alone rules out most candidates.
-            let (a, b) = (to.row(i), row);
-            let root = distance_squared(&a[..3], &b[..3]);
-            if root < best.0 {
-                let d = root + distance_squared(&a[3..], &b[3..]);
-                if d < best.0 {
-                    best = (d, i as u32);
-                }
-            }
-        }
-        best.1
-    };
-    (0..from.len()).into_par_iter().map(|i| nearest_to(from.row(i))).collect()
+    let neighbours = Neighbours::new(to);
+    let nearest = |i: usize| neighbours.nearest(from.row(i), 1, |_| true).first().map_or(0, |i| *i as u32);
+    (0..from.len()).into_par_iter().map(nearest).collect()
 }
 
 #[cfg(test)]

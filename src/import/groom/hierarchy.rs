@@ -2,7 +2,7 @@
 //! guides that are near in the metric of [`Features`], with centre lines, frames and radii.
 
 use super::cluster::{Space, divide};
-use super::features::{Features, distance_squared};
+use super::features::{Features, Neighbours};
 use super::sections::{Sections, perpendicular_distance};
 use crate::math::frame::rotation_minimising;
 use crate::math::percentile;
@@ -78,18 +78,14 @@ pub(super) fn nest(features: &Features, weight: &[f64], shape: HierarchyShape) -
 /// [`Features`].
 pub(super) fn footprints(guides: &Sections, features: &Features) -> Vec<f64> {
     let n = guides.len();
+    let neighbours = Neighbours::new(features);
     let row = |i: usize| {
-        let mut order: Vec<(f64, usize)> = (0..n)
-            .filter(|&j| j != i)
-            .map(|j| (distance_squared(features.row(i), features.row(j)), j))
-            .collect();
-        order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        order.truncate(NEIGHBOURS);
+        let order = neighbours.nearest(features.row(i), NEIGHBOURS, |j| j != i);
         (0..guides.count)
             .map(move |k| {
                 let (x, t) = (guides.points(i)[k], guides.tangents(i)[k]);
                 let sum: f64 =
-                    order.iter().map(|&(_, j)| perpendicular_distance(guides.points(j)[k] - x, t)).sum();
+                    order.iter().map(|&j| perpendicular_distance(guides.points(j)[k] - x, t)).sum();
                 (0.5 * sum / order.len().max(1) as f64).max(MIN_RADIUS)
             })
             .collect::<Vec<f64>>()
