@@ -66,6 +66,11 @@ def argument_parser() -> argparse.ArgumentParser:
         metavar="M00,M01,...",
         help="matrix from world to the rest space of a mesh",
     )
+    parser.add_argument(
+        "--fields",
+        metavar="NAME,NAME,...",
+        help="read texture coordinates and parts of a mesh, and these primvars",
+    )
     return parser
 
 
@@ -88,8 +93,9 @@ def main() -> int:
             )
             header, arrays = motion.read(options.file, options.prim, options.joint, rest, curves or None)
         else:
+            fields = None if options.fields is None else [name for name in options.fields.split(",") if name]
             selection = mesh.Selection(
-                options.prim, options.time, options.times, options.carrier, options.from_world
+                options.prim, options.time, options.times, options.carrier, options.from_world, fields
             )
             header, arrays = mesh.read(options.file, selection)
     except InputErrors as found:

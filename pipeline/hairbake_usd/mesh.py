@@ -1,12 +1,14 @@
 """Triangles from the meshes of a stage, at rest and over time."""
 
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdSkel
 
 from .errors import InputError, InputErrors, input_error
-from .exchange import Array, Arrays, FloatArray, Header
+from .exchange import Array, Arrays, FloatArray, Header, IntArray
 from .rest import RestSpace, character_space
 from .stage import (
     all_of,
@@ -23,6 +25,9 @@ from .stage import (
 
 STILL = 1e-6
 """Largest displacement of a vertex, relative to the size of the mesh, that counts as none."""
+
+UV, UVS = "uv", ("st", "uv", "UVMap", "map1")
+"""Name of the field of texture coordinates, and the primvars that hold them."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +57,24 @@ class Selection:
     """Path of the prim that may carry the mesh rigidly."""
     from_world: FloatArray | None
     """Matrix from the world of the stage at rest to rest space; None: by the character of the meshes."""
+    fields: list[str] | None = None
+    """Primvars to read, besides texture coordinates and parts; None: no such thing."""
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """The faces of a mesh as triangle fans, counter-clockwise from outside."""
+
+    points: FloatArray
+    """Vertices in world space, `V × 3`."""
+    corners: IntArray
+    """Vertices of each triangle, `T × 3`."""
+    slots: IntArray
+    """The face-vertex of each corner, `T × 3`."""
+    faces: IntArray
+    """The face of each triangle, `T`."""
+    to_world: FloatArray
+    """Matrix from the space of the mesh, 4 × 4."""
 
 
 def read(path: str, selection: Selection) -> tuple[Header, Arrays]:
@@ -71,14 +94,14 @@ def read(path: str, selection: Selection) -> tuple[Header, Arrays]:
     rests = gather(prims, lambda prim: choose_time(prim, selection.time))
     # The rest pose is read first: baking the skinning overwrites the points.
     parts = gather(list(zip(prims, rests, strict=True)), lambda part: read_triangles(*part, notes))
-    firsts = np.cumsum([0] + [len(points) for points, _ in parts])[:-1]
-    vertices = np.concatenate([points for points, _ in parts])
+    firsts = np.cumsum([0] + [len(part.points) for part in parts])[:-1]
+    vertices = np.concatenate([part.points for part in parts])
     space, from_world = RestSpace(None), selection.from_world
     if from_world is None:
         space = character_space(prims)
         from_world = space.from_world(None if selection.time is None else Usd.TimeCode(selection.time))
     vertices = apply(from_world, vertices)
-    triangles = np.concatenate([corners + first for (_, corners), first in zip(parts, firsts, strict=True)])
+    triangles = np.concatenate([part.corners + first for part, first in zip(parts, firsts, strict=True)])
     if not len(triangles):
         raise input_error(
             root.GetPath(),
@@ -87,6 +110,9 @@ def read(path: str, selection: Selection) -> tuple[Header, Arrays]:
             "name a mesh that has faces",
         )
     arrays: Arrays = {"vertices": ("f64", vertices), "triangles": ("u32", triangles)}
+    paint: Header = {"fields": [], "parts": [], "known": []}
+    if selection.fields is not None:
+        paint = read_paint(list(zip(prims, parts, strict=True)), from_world, selection, arrays)
     if selection.times is not None:
         codes = selection.times.codes()
         moving = read_moving(prims, codes)
@@ -100,7 +126,83 @@ def read(path: str, selection: Selection) -> tuple[Header, Arrays]:
         carrier = find(stage, selection.carrier) if selection.carrier else None
         if deforms(moving, carrier, codes, float(np.ptp(vertices, axis=0).max())):
             arrays["moving"] = ("f64", moving)
-    return {**header, "notes": notes, "space": space.kind}, arrays
+    return {**header, **paint, "notes": notes, "space": space.kind}, arrays
+
+
+def read_paint(
+    meshes: list[tuple[Usd.Prim, Triangles]], from_world: FloatArray, selection: Selection, arrays: Arrays
+) -> Header:
+    """Adds fields and parts of the meshes to `arrays`; the header names them.
+
+    Only fields that all meshes have are read. Vectors are turned to rest space; of colours the red counts.
+    """
+    time = Usd.TimeCode.Default() if selection.time is None else Usd.TimeCode(selection.time)
+    known = [
+        {primvar.GetPrimvarName() for primvar in UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance()}
+        for prim, _ in meshes
+    ]
+    common = set.intersection(*known)
+    uvs = next((name for name in UVS if name in common), None)
+    names = {name: name for name in selection.fields or () if name in common}
+    if uvs is not None:
+        names[UV] = uvs
+    fields: list[tuple[str, int]] = []
+    for field, name in names.items():
+        of_mesh = partial(read_field, name=name, time=time, from_world=from_world)
+        found = gather(meshes, of_mesh)
+        size = min(values.shape[-1] for values in found)
+        arrays[f"field:{len(fields)}"] = ("f64", np.concatenate([values[..., :size] for values in found]))
+        fields.append((field, size))
+    parts: dict[str, list[IntArray]] = {}
+    first = 0
+    for prim, triangles in meshes:
+        everything = np.arange(len(triangles.faces))
+        of_prim = {prim.GetName(): everything}
+        for subset in UsdGeom.Subset.GetAllGeomSubsets(UsdGeom.Imageable(prim)):
+            faces = np.array(subset.GetIndicesAttr().Get(Usd.TimeCode.EarliestTime()) or (), int)
+            of_prim[subset.GetPrim().GetName()] = everything[np.isin(triangles.faces, faces)]
+        for name, which in of_prim.items():
+            parts.setdefault(name, []).append(which + first)
+        first += len(everything)
+    for k, of_part in enumerate(parts.values()):
+        arrays[f"part:{k}"] = ("u32", np.concatenate(of_part))
+    return {"fields": fields, "parts": list(parts), "known": sorted(common)}
+
+
+def read_field(
+    mesh: tuple[Usd.Prim, Triangles], name: str, time: Usd.TimeCode, from_world: FloatArray
+) -> FloatArray:
+    """Values of a primvar at the corners of the triangles, `T × 3 × size`, with a size of 1 to 3.
+
+    Raises:
+        InputErrors: Values that are no numbers, or not as many as the mesh needs.
+    """
+    prim, triangles = mesh
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+    path, help = primvar.GetAttr().GetPath(), "paint it again, or name another primvar"
+    value: Any = primvar.ComputeFlattened(time)
+    if value is None:
+        value = primvar.ComputeFlattened(Usd.TimeCode.EarliestTime())
+    try:
+        values = np.array([value] if np.ndim(value) == 0 else value, float)
+    except (TypeError, ValueError):
+        message = f"type {primvar.GetTypeName()} holds no numbers"
+        raise input_error(path, message, "numbers, vectors or colours", help) from None
+    values = values.reshape(len(values), -1)[:, :3]
+    of_corner = {
+        UsdGeom.Tokens.constant: np.zeros_like(triangles.corners),
+        UsdGeom.Tokens.uniform: np.repeat(triangles.faces[:, None], 3, axis=1),
+        UsdGeom.Tokens.faceVarying: triangles.slots,
+    }.get(primvar.GetInterpolation(), triangles.corners)
+    if of_corner.max(initial=-1) >= len(values) or values.shape[1] == 0:
+        message = f"has {len(values)} values of interpolation {primvar.GetInterpolation()}"
+        raise input_error(path, message, f"at least {of_corner.max() + 1} values", help)
+    if primvar.GetTypeName().role == "Color":
+        values = values[:, :1]
+    elif values.shape[1] == 3:
+        values = values @ (from_world @ triangles.to_world)[:3, :3].T
+    at_corners: FloatArray = values[of_corner]
+    return at_corners
 
 
 def choose_time(prim: Usd.Prim, time: float | None) -> Usd.TimeCode:
@@ -129,8 +231,8 @@ def read_points(prim: Usd.Prim, at: Usd.TimeCode) -> FloatArray:
     return apply(to_world(prim, at), points)
 
 
-def read_triangles(prim: Usd.Prim, at: Usd.TimeCode, notes: list[str]) -> tuple[FloatArray, Array]:
-    """Vertices in world space, and faces as triangle fans, counter-clockwise from outside.
+def read_triangles(prim: Usd.Prim, at: Usd.TimeCode, notes: list[str]) -> Triangles:
+    """The triangles of a mesh.
 
     Raises:
         InputErrors: Faces change over time, or do not match the vertices.
@@ -151,16 +253,17 @@ def read_triangles(prim: Usd.Prim, at: Usd.TimeCode, notes: list[str]) -> tuple[
     check_faces(prim, counts, indices, len(points))
     starts = np.repeat(np.cumsum(counts) - counts, np.maximum(counts - 2, 0))
     step = np.concatenate([np.arange(n - 2) for n in counts]) if len(counts) else np.zeros(0, int)
-    corners = np.zeros((0, 3), int)
-    if len(starts):
-        corners = np.stack([indices[starts], indices[starts + step + 1], indices[starts + step + 2]], axis=1)
-    mirrored = np.linalg.det(to_world(prim, at)[:3, :3]) < 0
+    slots = np.stack([starts, starts + step + 1, starts + step + 2], axis=1)
+    matrix = to_world(prim, at)
+    mirrored = np.linalg.det(matrix[:3, :3]) < 0
     if (mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded) != mirrored:
-        corners = corners[:, ::-1]
+        slots = slots[:, ::-1]
+    corners = indices[slots] if len(slots) else np.zeros((0, 3), int)
+    faces = np.repeat(np.arange(len(counts)), np.maximum(counts - 2, 0))
     scheme = mesh.GetSubdivisionSchemeAttr()
     if scheme.Get() != UsdGeom.Tokens.none and scheme.HasAuthoredValue():
         notes.append(f"{prim.GetPath()}: a subdivision surface; its control mesh is used")
-    return points, corners
+    return Triangles(points, corners, slots, faces, matrix)
 
 
 def check_faces(prim: Usd.Prim, counts: Array, indices: Array, vertices: int) -> None:

@@ -3,6 +3,7 @@
 use super::bake::BakeArguments;
 use super::console::LogFormat;
 use super::estimate::EstimateArguments;
+use super::grow::GrowArguments;
 use super::import::Import;
 use super::plan::PlanArguments;
 use super::preview::PreviewArguments;
@@ -66,6 +67,8 @@ pub enum Command {
         #[command(subcommand)]
         what: Import,
     },
+    /// Grow fur on a mesh and write it as groom.json
+    Grow(Box<GrowArguments>),
     /// Report every error in groom.json and anim.json files
     Check {
         /// The files, grooms and animations in any order

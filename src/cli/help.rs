@@ -13,7 +13,7 @@ const STYLES: Styles = Styles::styled()
 
 /// The commands by group.
 const GROUPS: [(&str, &[&str]); 5] = [
-    ("Prepare a shot", &["sample", "import", "check", "schema", "estimate"]),
+    ("Prepare a shot", &["sample", "import", "grow", "check", "schema", "estimate"]),
     ("Bake", &["bake"]),
     ("Inspect a cache", &["preview", "view", "read", "status", "validate"]),
     ("Render farm", &["plan", "simulate", "interpolate", "assemble"]),

@@ -11,9 +11,11 @@ mod estimate;
 mod explain;
 mod film;
 mod frame_list;
+mod grow;
 mod help;
 mod import;
 mod input_files;
+mod material_arguments;
 mod output_file;
 mod plan;
 mod preview;
@@ -70,6 +72,7 @@ fn run(arguments: Arguments, matches: ArgMatches) -> Result<ExitCode> {
     match command {
         Command::Sample(options) => sample::run(&options)?,
         Command::Import { what } => import::run(what)?,
+        Command::Grow(options) => grow::run(*options)?,
         Command::Check { files } => check::check(&files)?,
         Command::Schema { format } => check::schema(format)?,
         Command::Estimate(options) => estimate::run(&options, &origins(), progress)?,

@@ -166,6 +166,28 @@ pub fn vector(text: &str) -> Result<Vector3<f64>, String> {
     }
 }
 
+/// Two widths in millimetres, in metres: `0.2,0.05`.
+pub fn widths(text: &str) -> Result<[f64; 2], String> {
+    let (root, tip) = text.split_once(',').ok_or("expected two numbers, such as 0.2,0.05")?;
+    Ok([positive(root)? * 1e-3, not_negative(tip)? * 1e-3])
+}
+
+/// One number or two, of which the second has a default.
+pub fn pair<T>(
+    text: &str,
+    number: impl Fn(&str) -> Result<T, String>,
+    second: impl Fn(&T) -> T,
+) -> Result<[T; 2], String> {
+    match text.split_once(',') {
+        Some((one, other)) => Ok([number(one)?, number(other)?]),
+        None => {
+            let one = number(text)?;
+            let other = second(&one);
+            Ok([one, other])
+        }
+    }
+}
+
 /// Width and height in pixels: `640x480`, or one number for a square.
 pub fn size(text: &str) -> Result<(u32, u32), String> {
     let (width, height) = text.split_once('x').unwrap_or((text, text));

@@ -1,11 +1,11 @@
 //! Mesh files, read to metres, Y up.
 
 use super::formats;
-use super::plain::{Declared, PlainMesh, SampleTimes};
+use super::plain::{Paint, PlainMesh, SampleTimes};
 use super::source::Source;
 use super::units::{BODY_SIZE, convention};
 use crate::geometry::TriMesh;
-use crate::scene::Convention;
+use crate::scene::{Convention, RestSpace};
 use crate::{Diagnostic, Error, Result};
 use nalgebra::Vector3;
 
@@ -36,6 +36,27 @@ pub fn read_mesh(source: &Source) -> Result<ImportedMesh> {
 /// # Errors
 /// As [`read_mesh`].
 pub(super) fn read_deforming_mesh(source: &Source, times: Option<&SampleTimes>) -> Result<ImportedMesh> {
+    Ok(read(source, times, None)?.mesh)
+}
+
+/// A mesh at rest with what is painted on it.
+pub(super) struct PaintedMesh {
+    pub(super) mesh: ImportedMesh,
+    /// Vectors are turned to Y up.
+    pub(super) paint: Paint,
+    pub(super) space: RestSpace,
+}
+
+/// Reads a mesh as [`read_mesh`] does, with what is painted on it: of USD the texture coordinates and the
+/// primvars `fields`.
+///
+/// # Errors
+/// As [`read_mesh`].
+pub(super) fn read_painted_mesh(source: &Source, fields: &[String]) -> Result<PaintedMesh> {
+    read(source, None, Some(fields))
+}
+
+fn read(source: &Source, times: Option<&SampleTimes>, fields: Option<&[String]>) -> Result<PaintedMesh> {
     source.check()?;
     let error = |what: String| {
         Error::from(Diagnostic::new(
@@ -47,14 +68,16 @@ pub(super) fn read_deforming_mesh(source: &Source, times: Option<&SampleTimes>) 
         ))
     };
     let plain = if source.is_usd() {
-        formats::usd::mesh::read(source, times)?
+        formats::usd::mesh::read(source, times, fields)?
     } else if source.is_gltf() {
         formats::gltf::mesh::read(source, times)?
     } else {
         let mesh = TriMesh::load_obj_with_degenerate(&source.path, &Convention::default()).map_err(error)?;
-        PlainMesh { mesh, samples: Vec::new(), declared: Declared::default(), notes: Vec::new() }
+        let paint = fields.map(|_| formats::obj::paint(&source.path)).transpose().map_err(error)?;
+        PlainMesh { mesh, paint: paint.unwrap_or_default(), ..PlainMesh::default() }
     };
-    let PlainMesh { mut mesh, mut samples, declared, mut notes } = plain;
+    let PlainMesh { mut mesh, mut samples, mut paint, declared, space, mut notes } = plain;
+    paint.retain(&mesh.have_area());
     let degenerate = mesh.drop_degenerate().map_err(error)?;
     if degenerate > 0 {
         notes.push(format!("{degenerate} triangles without area dropped"));
@@ -63,7 +86,10 @@ pub(super) fn read_deforming_mesh(source: &Source, times: Option<&SampleTimes>) 
     for x in mesh.vertices.iter_mut().chain(samples.iter_mut().flatten()) {
         *x = convention.length_in(*x) + source.offset;
     }
-    Ok(ImportedMesh { mesh, samples, convention, notes })
+    for numbers in paint.fields.iter_mut().filter(|field| field.size == 3) {
+        numbers.corners.iter_mut().flatten().for_each(|x| *x = convention.direction_in(*x));
+    }
+    Ok(PaintedMesh { mesh: ImportedMesh { mesh, samples, convention, notes }, paint, space })
 }
 
 #[cfg(test)]

@@ -1,15 +1,16 @@
 //! Imports strands, meshes and head motion from other programs into `groom.json` and `anim.json`.
 //!
 //! [`groom`](fn@groom) cleans strands, chooses and resamples guides, builds the wisp hierarchy over them,
-//! attaches or generates render strands, and measures the result. [`track`](fn@track) turns the motion of a
-//! joint into an animation.
+//! attaches or generates render strands, and measures the result. [`grow`](fn@grow) makes a groom of fur
+//! from a mesh. [`track`](fn@track) turns the motion of a joint into an animation.
 //!
 //! From the bottom: [`Source`] names a file; `plain` and `motion` hold what a file contains, in its own unit
 //! and axes; `formats` has a reader per format; `strand_file`, `mesh_file` and `motion_file` pick the reader
-//! and convert to metres, Y up; `groom` and `track` use the result.
+//! and convert to metres, Y up; `groom`, `grow` and `track` use the result.
 
 mod formats;
 mod groom;
+mod grow;
 mod joint_selector;
 mod mesh_file;
 #[cfg(test)]
@@ -37,6 +38,11 @@ pub use groom::report::GroomReport;
 pub use groom::resample::{Resample, ResampleError};
 pub(crate) use groom::scalp::Scalp;
 pub use groom::scalp::{OFF_SCALP, RootReport};
+pub use grow::convert::grow;
+pub use grow::options::{
+    Clumps, Direction, FurShape, GROWN_GUIDES, GrowOptions, LENGTH_SHARE, STRANDS_PER_GUIDE, StrandCount,
+};
+pub use grow::report::GrowReport;
 pub use joint_selector::JointSelector;
 pub use mesh_file::{ImportedMesh, read_mesh};
 pub use over::over_target;

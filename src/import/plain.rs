@@ -83,9 +83,57 @@ pub(super) struct PlainMesh {
     pub(super) mesh: TriMesh,
     /// Vertices at the requested times; empty if the mesh does not deform.
     pub(super) samples: Vec<Vec<Vector3<f64>>>,
+    /// What is painted on it; for USD what was asked for.
+    pub(super) paint: Paint,
     pub(super) declared: Declared,
+    pub(super) space: RestSpace,
     /// Remarks for the artist.
     pub(super) notes: Vec<String>,
+}
+
+/// What is painted on a mesh.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Paint {
+    pub(super) fields: Vec<Field>,
+    /// Named sets of triangles, which may overlap.
+    pub(super) parts: Vec<(String, Vec<u32>)>,
+    /// Names of the fields that the file holds.
+    pub(super) known: Vec<String>,
+}
+
+/// Name of the field of texture coordinates, whatever they are called in a file.
+pub(super) const UV: &str = "uv";
+
+/// Numbers at the corners of triangles.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Field {
+    pub(super) name: String,
+    /// How many numbers there are at a corner, 1 to 3; the others are 0.
+    pub(super) size: usize,
+    /// For each triangle the numbers at its corners. Vectors are in the axes of the file.
+    pub(super) corners: Vec<[Vector3<f64>; 3]>,
+}
+
+impl Paint {
+    /// Leaves out triangles that are not `kept`.
+    pub(super) fn retain(&mut self, kept: &[bool]) {
+        for field in &mut self.fields {
+            let mut kept = kept.iter();
+            field.corners.retain(|_| *kept.next().unwrap_or(&false));
+        }
+        let mut next = 0;
+        let index: Vec<Option<u32>> = kept
+            .iter()
+            .map(|kept| {
+                let at = next;
+                next += u32::from(*kept);
+                kept.then_some(at)
+            })
+            .collect();
+        for (_, triangles) in &mut self.parts {
+            *triangles = triangles.iter().filter_map(|t| index[*t as usize]).collect();
+        }
+    }
 }
 
 /// Time codes at which to sample a deforming mesh.

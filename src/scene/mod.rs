@@ -12,7 +12,7 @@ mod json;
 mod keyframes;
 mod load;
 mod load_options;
-mod obj;
+pub(crate) mod obj;
 pub(crate) mod obj_curves;
 mod origin;
 mod over_target;

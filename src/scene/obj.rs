@@ -7,6 +7,25 @@ use nalgebra::Vector3;
 use std::fmt::Write;
 use std::path::Path;
 
+/// The objects and groups of an OBJ file, in triangles.
+///
+/// # Errors
+/// What is wrong, in words that follow the name of the file.
+pub(crate) fn read_models(path: &Path) -> Result<Vec<tobj::Model>, String> {
+    let bytes = read_file(path).map_err(|e| format!("cannot be read: {e}"))?;
+    let options = tobj::LoadOptions {
+        triangulate: true,
+        ignore_points: true,
+        ignore_lines: true,
+        ..Default::default()
+    };
+    // A collider has no use for materials, so a missing material file is not an error.
+    let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
+    let (models, _) = tobj::load_obj_buf(&mut bytes.as_slice(), &options, no_materials)
+        .map_err(|e| format!("is not a valid OBJ file: {e}"))?;
+    Ok(models)
+}
+
 impl TriMesh {
     /// Reads an OBJ file whose lengths and axes follow `convention`. Splits polygons into triangles and drops
     /// triangles without area. Returns the mesh and the number of triangles dropped.
@@ -25,17 +44,7 @@ impl TriMesh {
     /// # Errors
     /// As [`TriMesh::load_obj`].
     pub(crate) fn load_obj_with_degenerate(path: &Path, convention: &Convention) -> Result<TriMesh, String> {
-        let bytes = read_file(path).map_err(|e| format!("cannot be read: {e}"))?;
-        let options = tobj::LoadOptions {
-            triangulate: true,
-            ignore_points: true,
-            ignore_lines: true,
-            ..Default::default()
-        };
-        // A collider has no use for materials, so a missing material file is not an error.
-        let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-        let (models, _) = tobj::load_obj_buf(&mut bytes.as_slice(), &options, no_materials)
-            .map_err(|e| format!("is not a valid OBJ file: {e}"))?;
+        let models = read_models(path)?;
         let mut mesh = TriMesh::default();
         for model in &models {
             let first = mesh.vertices.len();

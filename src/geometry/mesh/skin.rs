@@ -62,7 +62,7 @@ impl Skin {
             areas: vec![0.0; mesh.vertices.len()],
             mesh,
         };
-        for t in 0..skin.drawn() {
+        for t in 0..skin.mesh.drawn_triangles() {
             let normal = skin.doubled_area(t) * 0.5;
             for v in skin.mesh.topology.triangles[t as usize] {
                 skin.normals[v as usize] += normal;
@@ -70,11 +70,6 @@ impl Skin {
             }
         }
         skin
-    }
-
-    /// Number of its triangles without those that close holes, which come last.
-    fn drawn(&self) -> u32 {
-        (self.mesh.topology.triangles.len() - self.mesh.topology.caps.len()) as u32
     }
 
     /// Normal of triangle `t`, of twice its area, m².
@@ -86,7 +81,7 @@ impl Skin {
     /// Binds `x`, m, rest space, to the nearest place; also its distance, m. `None` if it is `max_distance`,
     /// m, away or more.
     pub fn bind(&self, x: &Vector3<f64>, max_distance: f64) -> Option<(SkinPoint, f64)> {
-        let drawn = self.drawn();
+        let drawn = self.mesh.drawn_triangles();
         let (triangle, point, local) = self.mesh.nearest(x, max_distance, |t| t < drawn)?;
         let corners = self.mesh.topology.triangles[triangle as usize];
         let shares = barycentric(local, &point, self.mesh.triangle(triangle));

@@ -88,6 +88,21 @@ impl SolidMesh {
         self.topology.triangles.len()
     }
 
+    /// Number of its triangles without those that close holes, which come last.
+    pub fn drawn_triangles(&self) -> u32 {
+        (self.topology.triangles.len() - self.topology.caps.len()) as u32
+    }
+
+    /// Vertices of triangle `t`.
+    pub fn corners(&self, t: u32) -> [u32; 3] {
+        self.topology.triangles[t as usize]
+    }
+
+    /// Positions of all vertices, m.
+    pub fn vertices(&self) -> &[Vector3<f64>] {
+        &self.vertices
+    }
+
     /// Corners of triangle `t`, m.
     pub fn triangle(&self, t: u32) -> [&Vector3<f64>; 3] {
         self.topology.triangles[t as usize].map(|i| &self.vertices[i as usize])
@@ -236,7 +251,7 @@ impl SolidMesh {
 
     /// Of the triangles that are `wanted`, that closest to `p`, its closest point, and the feature that this
     /// lies on; `None` if it is `max_distance`, m, away or more.
-    pub(super) fn nearest(
+    pub fn nearest(
         &self,
         p: &Vector3<f64>,
         max_distance: f64,

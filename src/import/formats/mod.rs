@@ -5,5 +5,6 @@ pub(super) mod bvh;
 mod bytes;
 pub(super) mod gltf;
 pub(super) mod hair;
+pub(super) mod obj;
 pub(super) mod tfx;
 pub(super) mod usd;

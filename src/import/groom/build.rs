@@ -54,7 +54,7 @@ impl BuildOptions {
     ///
     /// # Errors
     /// [`Error::Usage`] with every option that is out of range.
-    pub(super) fn check(&self) -> Result<()> {
+    pub(in crate::import) fn check(&self) -> Result<()> {
         let mut errors = Vec::new();
         let mut require = |ok: bool, what: &str| {
             if !ok {
@@ -110,9 +110,9 @@ pub struct BuildReport {
 /// Given render strands.
 pub(crate) struct RenderStrands {
     /// The strands, m, rest space.
-    pub(super) curves: Curves,
+    pub(in crate::import) curves: Curves,
     /// The clump of each strand.
-    pub(super) clumps: Vec<Option<i32>>,
+    pub(in crate::import) clumps: Vec<Option<i32>>,
 }
 
 /// Builds a groom over `guides` (m, rest space; at least one, each with a length) and the given render

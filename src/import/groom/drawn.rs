@@ -18,7 +18,7 @@ pub(super) struct Drawn<'a> {
 ///
 /// # Errors
 /// A path that has no absolute form.
-pub(super) fn origin_of(source: &Source, space: RestSpace, folder: &Path) -> Result<Origin> {
+pub(in crate::import) fn origin_of(source: &Source, space: RestSpace, folder: &Path) -> Result<Origin> {
     Ok(Origin { file: relative(&source.path, folder)?, prim: source.prim.clone(), time: source.time, space })
 }
 

@@ -8,7 +8,7 @@ pub(super) mod build;
 mod cluster;
 pub(super) mod convert;
 mod coverage;
-mod drawn;
+pub(super) mod drawn;
 mod features;
 pub(super) mod fidelity;
 pub(super) mod generate;

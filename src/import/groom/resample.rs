@@ -22,10 +22,10 @@ pub enum Resample {
 
 /// Largest mean turn from segment to segment, rad, of strands with as many vertices as their curls need: a
 /// helix then loses 1 % of its length. A curl of fewer vertices is a zigzag that jumps when it moves.
-const CURL_TURN: f64 = 0.5;
+pub(in crate::import) const CURL_TURN: f64 = 0.5;
 
 /// Most vertices that curls ask for.
-const MAX_CURL_VERTICES: usize = 128;
+pub(in crate::import) const MAX_CURL_VERTICES: usize = 128;
 
 /// Largest ratio of the lengths of neighbouring segments: beyond it the spline through the vertices
 /// overshoots.

@@ -3,7 +3,7 @@
 use super::keyframes::{AnimatedNode, Keyframes, check};
 use super::{ancestors, error, open, select_clip};
 use crate::geometry::TriMesh;
-use crate::import::plain::{Declared, PlainMesh, SampleTimes};
+use crate::import::plain::{Declared, Field, Paint, PlainMesh, SampleTimes, UV};
 use crate::import::source::Source;
 use crate::scene::UpAxis;
 use crate::{Diagnostic, Error, Result};
@@ -25,7 +25,14 @@ struct Part {
     /// Displacements of each morph target.
     targets: Vec<Vec<Vector3<f64>>>,
     skin: Option<Binding>,
+    /// Name, size and values at the vertices of each field.
+    fields: Vec<(&'static str, usize, Vec<Vector3<f64>>)>,
+    /// Names of its material, mesh and node.
+    names: Vec<String>,
 }
+
+/// The name of the field of vertex colours, of which the red counts.
+const COLOUR: &str = "COLOR_0";
 
 /// The joints that a part follows.
 struct Binding {
@@ -85,9 +92,39 @@ pub(crate) fn read(source: &Source, times: Option<&SampleTimes>) -> Result<Plain
     Ok(PlainMesh {
         mesh: TriMesh { vertices, triangles },
         samples,
+        paint: paint(&parts),
         declared: Declared { metres_per_unit: Some(1.0), up: Some(UpAxis::Y) },
         notes,
+        ..PlainMesh::default()
     })
+}
+
+/// What is painted on all parts: fields that each of them has, and the triangles of each name.
+fn paint(parts: &[Part]) -> Paint {
+    let values = |part: &Part, name: &str| part.fields.iter().position(|field| field.0 == name);
+    let mut paint = Paint::default();
+    for (name, size) in [(UV, 2), (COLOUR, 1)] {
+        if parts.iter().all(|part| values(part, name).is_some()) {
+            let corners = parts.iter().filter_map(|part| Some((part, values(part, name)?)));
+            let corners = corners.flat_map(|(part, k)| {
+                part.triangles.iter().map(move |t| t.map(|v| part.fields[k].2[v as usize]))
+            });
+            paint.fields.push(Field { name: name.into(), size, corners: corners.collect() });
+            paint.known.push(name.into());
+        }
+    }
+    let mut first = 0;
+    for part in parts {
+        let own = first..first + part.triangles.len() as u32;
+        first = own.end;
+        for name in &part.names {
+            match paint.parts.iter_mut().find(|(known, _)| known == name) {
+                Some((_, triangles)) => triangles.extend(own.clone()),
+                None => paint.parts.push((name.clone(), own.clone().collect())),
+            }
+        }
+    }
+    paint
 }
 
 /// Whether vertices move.
@@ -306,7 +343,23 @@ fn part(
         }
     };
     let triangles = indices.as_chunks().0.to_vec();
-    Ok(Part { node: node.index(), positions, triangles, targets, skin })
+    let mut fields = Vec::new();
+    const NUMBERS: &[DataType] = &[DataType::F32, DataType::U8, DataType::U16];
+    // A mesh can be read without them.
+    let sound = |semantic: &Semantic, dimensions| accessor(semantic, dimensions, NUMBERS) == Ok(count);
+    if sound(&Semantic::TexCoords(0), Dimensions::Vec2) {
+        let uv = reader.read_tex_coords(0).into_iter().flat_map(|uv| uv.into_f32());
+        fields.push((UV, 2, uv.map(|[u, v]| Vector3::new(u.into(), v.into(), 0.0)).collect()));
+    }
+    let colours = Semantic::Colors(0);
+    if [Dimensions::Vec3, Dimensions::Vec4].into_iter().any(|dimensions| sound(&colours, dimensions)) {
+        let colours = reader.read_colors(0).into_iter().flat_map(|colours| colours.into_rgb_f32());
+        fields.push((COLOUR, 1, colours.map(|[red, ..]| Vector3::new(red.into(), 0.0, 0.0)).collect()));
+    }
+    let names = [primitive.material().name(), node.mesh().and_then(|mesh| mesh.name()), node.name()];
+    let mut names: Vec<String> = names.into_iter().flatten().map(String::from).collect();
+    names.dedup();
+    Ok(Part { node: node.index(), positions, triangles, targets, skin, fields, names })
 }
 
 /// The joints of a skin, and those of each vertex with their weights.
