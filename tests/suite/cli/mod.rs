@@ -1,6 +1,7 @@
 //! The program as a black box: output, files and exit codes.
 
 mod groups;
+mod grow;
 mod motion;
 
 use crate::common::{Scene, bake, entries, hairbake, here};
@@ -19,6 +20,7 @@ fn help_and_version_go_to_standard_output() {
         "check",
         "schema",
         "sample",
+        "grow",
         "estimate",
         "bake",
         "plan",

@@ -1,0 +1,183 @@
+//! A furry creature on four legs that walks.
+
+mod body;
+mod surface_nets;
+mod walk;
+
+use super::motion::FPS;
+use crate::file::write_file;
+use crate::geometry::TriMesh;
+use crate::import::{FurShape, GrowOptions, GrowReport, Source, StrandCount, grow};
+use crate::scene::anim::file::{BodyFile, ColliderFile, ShapeFile};
+use crate::scene::{AnimFile, FileSequence, UpAxis};
+use crate::{Error, Result};
+use std::fmt::Write;
+use std::path::Path;
+use walk::Walker;
+
+/// First and last frame of the bake.
+const FRAMES: [i32; 2] = [1001, 1048];
+/// Frames written before and after these: the pre-roll reads them, and slopes at the ends.
+const HANDLES: [i32; 2] = [27, 2];
+/// Length of the longest fur, m.
+const FUR: f64 = 0.06;
+/// Distance kept between body and fur, m.
+const THICKNESS: f64 = 5e-4;
+/// Decimal places of positions, m.
+const DIGITS: usize = 6;
+
+/// Size of the creature's fur.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FurSize {
+    /// Number of guides.
+    pub guides: usize,
+    /// Number of strands.
+    pub strands: usize,
+}
+
+impl Default for FurSize {
+    fn default() -> Self {
+        FurSize { guides: 600, strands: 30_000 }
+    }
+}
+
+/// Writes the creature to `folder`, which is created if necessary: `groom.json` with `groom.bin`, its mesh
+/// `creature.obj`, one mesh for each frame of its walk, and the animation `walk.json`.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn write_creature(size: FurSize, folder: &Path) -> Result<GrowReport> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    let limbs = body::limbs();
+    let (skin, fur) = body::skin(&limbs);
+    let file = folder.join("creature.obj");
+    write_file(&file, &[painted_obj(&skin, &fur)])?;
+    let pattern = "creature.####.obj";
+    let sequence = FileSequence::new(pattern).ok_or_else(|| Error::Internal("no sequence".into()))?;
+    let walker = Walker::new(skin.vertices.clone(), &limbs);
+    for frame in FRAMES[0] - HANDLES[0]..=FRAMES[1] + HANDLES[1] {
+        let vertices = walker.vertices(f64::from(frame - FRAMES[0]) / FPS);
+        let posed = TriMesh { vertices, triangles: skin.triangles.clone() };
+        write_file(&sequence.path(folder, frame), &[posed.to_obj(DIGITS)])?;
+    }
+    animation(pattern).write(&folder.join("walk.json"))?;
+    let mesh = Source { metres_per_unit: Some(1.0), up: Some(UpAxis::Y), ..Source::new(file) };
+    let options = GrowOptions {
+        guides: size.guides,
+        strands: StrandCount::Number(size.strands),
+        folder: folder.to_path_buf(),
+        shape: FurShape { length: Some(FUR), length_field: Some("color".into()), ..FurShape::default() },
+        ..GrowOptions::new(mesh)
+    };
+    let (groom, report) = grow(&options)?;
+    groom.write(&folder.join("groom.json"))?;
+    Ok(report)
+}
+
+/// The mesh as Wavefront OBJ, whose vertex colours are the lengths of the fur.
+fn painted_obj(mesh: &TriMesh, fur: &[f64]) -> String {
+    let mut out = String::from("# creature of a hairbake sample, metres, Y up; red: length of the fur\n");
+    let mut fur = fur.iter();
+    for line in mesh.to_obj(DIGITS).lines() {
+        // Writing to a string does not fail.
+        let _ = match fur.next() {
+            Some(red) => writeln!(out, "{line} {red:.3} 0 0"),
+            None => writeln!(out, "{line}"),
+        };
+    }
+    out
+}
+
+/// The walk: a skin that deforms, and nothing else.
+fn animation(sequence: &str) -> AnimFile {
+    let mut anim = AnimFile::new(FPS, FRAMES);
+    anim.bodies = vec![BodyFile { name: "world".into(), track: None }];
+    anim.colliders = vec![ColliderFile {
+        name: "creature".into(),
+        body: None,
+        shape: ShapeFile::Mesh {
+            file: "creature.obj".into(),
+            sequence: Some(sequence.into()),
+            metres_per_unit: None,
+            up_axis: None,
+        },
+        friction: None,
+        static_friction: None,
+        thickness_m: THICKNESS,
+    }];
+    anim.skins = vec!["creature".into()];
+    anim
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::SolidMesh;
+    use nalgebra::Vector3;
+    use std::collections::BTreeMap;
+    use std::sync::OnceLock;
+
+    /// The volume that a closed mesh encloses, m³; every edge is used once in each direction.
+    fn volume(mesh: &TriMesh) -> f64 {
+        let mut edges: BTreeMap<[u32; 2], [usize; 2]> = BTreeMap::new();
+        for t in &mesh.triangles {
+            for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+                edges.entry([a.min(b), a.max(b)]).or_default()[usize::from(a < b)] += 1;
+            }
+        }
+        assert!(edges.values().all(|uses| *uses == [1, 1]));
+        // One piece without holes through it (Euler).
+        assert_eq!(mesh.vertices.len() + mesh.triangles.len(), edges.len() + 2);
+        let corners = mesh.triangles.iter().map(|t| t.map(|i| mesh.vertices[i as usize]));
+        corners.map(|[a, b, c]| a.dot(&b.cross(&c)) / 6.0).sum()
+    }
+
+    /// The limbs, the skin and the lengths of its fur, made once.
+    fn creature() -> &'static (Vec<body::Limb>, TriMesh, Vec<f64>) {
+        static CREATURE: OnceLock<(Vec<body::Limb>, TriMesh, Vec<f64>)> = OnceLock::new();
+        CREATURE.get_or_init(|| {
+            let limbs = body::limbs();
+            let (skin, fur) = body::skin(&limbs);
+            (limbs, skin, fur)
+        })
+    }
+
+    #[test]
+    fn the_creature_is_watertight_and_symmetric_at_rest_and_walking() {
+        let (limbs, skin, fur) = creature();
+        assert!((2000..10_000).contains(&skin.triangles.len()), "{} triangles", skin.triangles.len());
+        let at_rest = volume(skin);
+        // The volume of a big dog.
+        assert!((0.05..0.09).contains(&at_rest), "{at_rest} m³");
+        assert!(fur.iter().all(|length| (0.2..=1.0).contains(length)));
+        let solid = SolidMesh::new(&skin.vertices, &skin.triangles);
+        let mirrored = |x: &Vector3<f64>| Vector3::new(-x.x, x.y, x.z);
+        let off = |x: &Vector3<f64>| solid.closest(&mirrored(x), 1.0).unwrap().distance.abs();
+        let most = skin.vertices.iter().map(off).fold(0.0, f64::max);
+        // The diagonals of cells are not mirrored.
+        assert!(most < 8e-3, "{most} m");
+        let lowest = skin.vertices.iter().map(|x| x.y).fold(f64::INFINITY, f64::min);
+        assert!(lowest.abs() < 0.01, "{lowest} m above the ground");
+        let walker = Walker::new(skin.vertices.clone(), limbs);
+        for quarter in 0..4 {
+            let vertices = walker.vertices(0.25 * f64::from(quarter));
+            let walking = volume(&TriMesh { vertices, triangles: skin.triangles.clone() });
+            assert!((walking / at_rest - 1.0).abs() < 0.05, "{walking} m³");
+        }
+    }
+
+    #[test]
+    fn paws_on_the_ground_stay_where_they_are() {
+        let (limbs, skin, _) = creature();
+        let walker = Walker::new(skin.vertices.clone(), limbs);
+        // The lowest vertex of the left hind paw, which is set down at the start of the stride.
+        let paw = (0..skin.vertices.len())
+            .filter(|v| skin.vertices[*v].x > 0.0 && skin.vertices[*v].z < 0.0)
+            .min_by(|a, b| skin.vertices[*a].y.total_cmp(&skin.vertices[*b].y))
+            .unwrap();
+        let places: Vec<_> = (0..=24).map(|k| walker.vertices(f64::from(k) / 24.0)[paw]).collect();
+        assert!(places[..9].iter().all(|x| (x - places[0]).norm() < 2e-3), "{places:?}");
+        assert!((places[24] - places[0] - Vector3::z() * 0.5).norm() < 1e-9, "a stride is half a metre");
+        assert!(places.iter().map(|x| x.y).fold(0.0, f64::max) > 0.04, "the paw is lifted");
+    }
+}
