@@ -216,12 +216,12 @@ fn matching_curves(
     kind: &str,
     mismatches: &mut Mismatches,
 ) -> Vec<Option<(usize, Range<usize>)>> {
-    let (ranges, own) = (ranges(old), ranges(new));
+    let ranges: Vec<_> = old.ranges().collect();
     let by_id: HashMap<i32, usize> = old.id.iter().enumerate().map(|(c, id)| (*id, c)).collect();
     let size = new.rest.as_flattened().iter().fold(0.0_f32, |most, x| most.max(x.abs()));
     let mut unmatched = Vec::new();
     let mut found = Vec::with_capacity(new.id.len());
-    for (c, range) in own.into_iter().enumerate() {
+    for (c, range) in new.ranges().enumerate() {
         if baked[new.group[c] as usize] {
             found.push(None);
             continue;
@@ -269,17 +269,6 @@ fn sources(
         base.map_or(here, |(curve, points)| CurveSource { from_base: true, curve, points })
     });
     sources.collect()
-}
-
-/// The points of each curve.
-fn ranges(set: &CurveSet) -> Vec<Range<usize>> {
-    let mut end = 0;
-    let range = |count: &i32| {
-        let start = end;
-        end += *count as usize;
-        start..end
-    };
-    set.counts.iter().map(range).collect()
 }
 
 /// Merges the curves of the base with those baked anew.

@@ -4,6 +4,7 @@ use super::single::single;
 use crate::cache::{ClosestGuides, ColliderMesh, CurveSet, Header};
 use crate::contact::Body;
 use crate::dynamics::guide_rods::GuideRods;
+use crate::geometry::Shape;
 use crate::rod::{Rod, RodShape};
 use crate::scene::anim::{OutputCurves, Resolution};
 use crate::scene::{Anim, Collider, Curves, Groom, Strands, UpAxis};
@@ -63,6 +64,7 @@ impl<'a> CacheContent<'a> {
                 caps: corners(Body::from(c).solid.caps()),
                 deforms: c.deformation.is_some(),
                 is_skin: anim.skins.contains(&i),
+                is_plane: matches!(c.shape, Shape::Plane { .. }),
             }
         };
         let hair = || {

@@ -63,12 +63,17 @@ pub struct CurveSet {
 impl CurveSet {
     /// The points of each curve.
     pub fn ranges(&self) -> impl Iterator<Item = Range<usize>> {
-        self.counts.iter().scan(0, |end, count| {
-            let start = *end;
-            *end += usize::try_from(*count).unwrap_or(0);
-            Some(start..*end)
-        })
+        ranges(self.counts.iter().map(|n| u32::try_from(*n).unwrap_or(0)))
     }
+}
+
+/// The items of each of several lists of these lengths, one after the other.
+pub fn ranges(lengths: impl Iterator<Item = u32>) -> impl Iterator<Item = Range<usize>> {
+    lengths.scan(0, |end, n| {
+        let start = *end;
+        *end += n as usize;
+        Some(start..*end)
+    })
 }
 
 /// The guides that strands follow, [`ClosestGuides::PER_STRAND`] per strand, strand after strand.
@@ -101,4 +106,6 @@ pub struct ColliderMesh {
     pub deforms: bool,
     /// Whether the roots ride on it.
     pub is_skin: bool,
+    /// Whether it is a square that stands for the unbounded plane through it.
+    pub is_plane: bool,
 }

@@ -8,7 +8,7 @@ use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header};
 use super::manifest::Manifest;
 use super::material;
 use super::names::{
-    CAPS, CLIP_MANIFEST, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, SKIN, TOPOLOGY, clip_template, clips,
+    CAPS, CLIP_MANIFEST, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, PLANE, SKIN, TOPOLOGY, clip_template, clips,
     collider_prim_names, frames_with_handles, up_axis,
 };
 use crate::usd::{Attribute, Layer, Metadata, Prim, Specifier, Value};
@@ -288,8 +288,8 @@ fn collider(mesh: &ColliderMesh) -> Vec<Attribute<'_>> {
         let corners = Value::Ints(Cow::Borrowed(mesh.caps.as_flattened()));
         attributes.push(interpolated(CAPS, "int[]", "constant", corners));
     }
-    if mesh.is_skin {
-        attributes.push(interpolated(SKIN, "int", "constant", Value::Int(1)));
+    for (name, _) in [(SKIN, mesh.is_skin), (PLANE, mesh.is_plane)].into_iter().filter(|(_, is)| *is) {
+        attributes.push(interpolated(name, "int", "constant", Value::Int(1)));
     }
     attributes.extend([
         uniform_token("subdivisionScheme", "none"),

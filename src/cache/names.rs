@@ -31,6 +31,8 @@ pub(super) const GUIDE_WEIGHTS: &str = "primvars:groom_guide_weights";
 pub(super) const CAPS: &str = "primvars:groom_caps";
 /// Marks a collider that roots ride on.
 pub(super) const SKIN: &str = "primvars:groom_skin";
+/// Marks a collider that stands for an unbounded plane.
+pub(super) const PLANE: &str = "primvars:groom_plane";
 /// Level of each curve.
 pub(super) const LEVEL: &str = "primvars:groom_level";
 

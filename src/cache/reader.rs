@@ -5,7 +5,7 @@ use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header};
 use super::layers::transposed;
 use super::manifest::Manifest;
 use super::names::{
-    CAPS, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, MANIFEST, SKIN, TOPOLOGY, collider_prim_names,
+    CAPS, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, MANIFEST, PLANE, SKIN, TOPOLOGY, collider_prim_names,
     frame_file_name, frames_on_disk,
 };
 use crate::usd::{Layer, Value, crate_file};
@@ -185,8 +185,9 @@ impl Source {
         let caps = if self.has(&prim, CAPS) { self.triangles(&prim, CAPS)? } else { Vec::new() };
         let deforms = self.has(&prim, "primvars:rest");
         let points = if deforms { "primvars:rest" } else { "points" };
-        let (is_skin, points) = (self.has(&prim, SKIN), self.take(&prim, points, None, float3s)?);
-        Ok(ColliderMesh { points, triangles, caps, deforms, is_skin, name })
+        let points = self.take(&prim, points, None, float3s)?;
+        let [is_skin, is_plane] = [SKIN, PLANE].map(|mark| self.has(&prim, mark));
+        Ok(ColliderMesh { points, triangles, caps, deforms, is_skin, is_plane, name })
     }
 
     fn triangles(&mut self, prim: &str, name: &str) -> Result<Vec<[i32; 3]>> {

@@ -39,20 +39,6 @@ impl Shape {
             }
         }
     }
-
-    /// The plane that [`Shape::tessellate`] makes a square of, if these triangles are one, to single precision.
-    pub fn plane_of(mesh: &TriMesh) -> Option<Shape> {
-        let ([a, b, c, d], [[0, 1, 2], [0, 2, 3]]) = (&mesh.vertices[..], &mesh.triangles[..]) else {
-            return None;
-        };
-        let (half, point) = ([(b - a) * 0.5, (d - a) * 0.5], (a + c) * 0.5);
-        let scale = PLANE_HALF + point.amax();
-        let same = |x: f64, y: f64| (x - y).abs() <= 1e-6 * scale;
-        let square = half.iter().all(|side| same(side.norm(), PLANE_HALF))
-            && same(half[0].dot(&half[1]), 0.0)
-            && same((b + d - a - c).norm(), 0.0);
-        square.then(|| Shape::Plane { point, normal: half[0].cross(&half[1]).normalize() })
-    }
 }
 
 /// Smallest rotation that takes y to `direction`; the identity for the null vector.
@@ -172,18 +158,5 @@ mod tests {
             assert!(((b - a).cross(&(c - a)).normalize() - normal).norm() < 1e-12);
             assert!((a - Vector3::x()).dot(&normal).abs() < 1e-12);
         }
-        // As a cache stores it.
-        let single = |v: &Vector3<f64>| v.cast::<f32>().cast::<f64>();
-        let stored = TriMesh {
-            vertices: plane.vertices.iter().map(single).collect(),
-            triangles: plane.triangles.clone(),
-        };
-        let Some(Shape::Plane { point, normal: again }) = Shape::plane_of(&stored) else { panic!() };
-        assert!((point - Vector3::x()).norm() < 1e-6 && (again - normal).norm() < 1e-6);
-        let mut other = plane.clone();
-        other.vertices[2] *= 1.01;
-        assert!(Shape::plane_of(&other).is_none());
-        let ball = Shape::Sphere { centre: point, radius: 1.0 };
-        assert!(Shape::plane_of(&ball.tessellate()).is_none());
     }
 }

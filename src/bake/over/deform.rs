@@ -5,12 +5,12 @@
 
 use super::motion::affine;
 use super::plan::{OverPlan, PlannedCurves, Undeformable};
-use super::source::{Owners, Set, nearest_root, ranges};
+use super::source::{Owners, Set, nearest_root};
 use super::stage::{rows, shot_stage, stage_record};
 use crate::bake::cache_content::{CacheContent, weights_of};
 use crate::bake::single::single;
 use crate::cache::{
-    DeformCurves, DeformHeader, DeformMethod, DeformPrimRecord, DeformRecord, DeformSpace, Header,
+    DeformCurves, DeformHeader, DeformMethod, DeformPrimRecord, DeformRecord, DeformSpace, Header, ranges,
 };
 use crate::dynamics::guide_rods::GuideRods;
 use crate::error::{Diagnostic, Result};

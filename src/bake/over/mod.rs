@@ -23,14 +23,14 @@ pub use record::record;
 
 use super::single::{extent, single};
 use crate::Result;
-use crate::cache::{CurveFrame, Frame, Header, OverCurveFrame, OverCurves, OverFrame, OverHeader};
+use crate::cache::{CurveFrame, Frame, Header, OverCurveFrame, OverCurves, OverFrame, OverHeader, ranges};
 use crate::math::basis_curve::{Basis, CurveFit, CurveType, Row, Wrap};
 use crate::scene::{Anim, Convention, Groom, OverPrim, OverTarget, RootBinding};
 use motion::{Carrier, Motion, Placement, linear, parts};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use plan::PlannedCurves;
 use rayon::prelude::*;
-use source::{Fits, Set, nearest_root, ranges, rest_controls};
+use source::{Fits, Set, nearest_root, rest_controls};
 use stage::shot_stage;
 use std::ops::Range;
 use std::path::Path;

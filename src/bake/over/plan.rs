@@ -3,7 +3,8 @@
 use super::deform::{Deformed, deformed};
 use super::matching::{is_deformed, match_prims, not_imported};
 use super::motion::linear;
-use super::source::{Fits, Owners, Set, ranges, rest_controls};
+use super::source::{Fits, Owners, Set, rest_controls};
+use crate::cache::ranges;
 use crate::error::{Diagnostic, Error, Result};
 use crate::scene::anim::{OutputCurves, Settings};
 use crate::scene::{Anim, Groom, OverKind, OverPrim, OverTarget, SourceCurves, SourcePrim, StageLayer};

@@ -1,7 +1,7 @@
 //! The curves of a groom's source: how they lie in the groom's pose, and what they move as.
 
 use super::motion::affine;
-use crate::cache::{CurveFrame, Frame, Header};
+use crate::cache::{CurveFrame, Frame, Header, ranges};
 use crate::math::basis_curve::{CurveFit, CurveType};
 use crate::scene::{Convention, Curves, Groom, OverPrim, RootBinding, SourceCurves};
 use nalgebra::Vector3;
@@ -26,7 +26,7 @@ impl Set {
         };
         let Some(set) = set else { return Default::default() };
         let rest = set.rest.iter().map(|p| convention.length_in(p.map(f64::from).into()));
-        (ranges(set.counts.iter().map(|n| n.cast_unsigned())).collect(), rest.collect())
+        (set.ranges().collect(), rest.collect())
     }
 
     /// Path of the prim in the cache.
@@ -133,13 +133,4 @@ pub(super) fn nearest_root(groom: &Groom, x: &Vector3<f64>) -> Option<RootBindin
     let roots = groom.guides.curves.skin.iter().chain(&groom.strands.curves.skin);
     let distance = |root: &&RootBinding| (root.place.rest() - x).norm_squared();
     roots.min_by(|a, b| distance(a).total_cmp(&distance(b))).cloned()
-}
-
-/// The items of each of several lists of these lengths, one after the other.
-pub(super) fn ranges(lengths: impl Iterator<Item = u32>) -> impl Iterator<Item = Range<usize>> {
-    lengths.scan(0, |end, n| {
-        let start = *end;
-        *end += n as usize;
-        Some(start..*end)
-    })
 }

@@ -47,8 +47,8 @@ impl SolidMesh {
         SolidMesh::from_positions(&[vertices], triangles)
     }
 
-    /// A mesh that will take several sets of `positions`, in the first of them. Points are welded that coincide
-    /// in all of them.
+    /// A mesh that will take several sets of `positions`, in the first of them. Points are welded that
+    /// coincide in all of them.
     pub fn from_positions(positions: &[&[Vector3<f64>]], triangles: &[[u32; 3]]) -> Self {
         let topology = Topology::new(positions, triangles);
         let vertices: Vec<_> = topology.source.iter().map(|&i| positions[0][i as usize]).collect();

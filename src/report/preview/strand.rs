@@ -42,12 +42,7 @@ pub fn pieces(
     camera: &Camera,
     pixel: f32,
 ) -> Vec<Piece> {
-    let starts = set.counts.iter().scan(0, |end, n| {
-        let start = *end;
-        *end += *n as usize;
-        Some(start..*end)
-    });
-    let ranges: Vec<_> = starts.collect();
+    let ranges: Vec<_> = set.ranges().collect();
     let cut = |(curve, range): (usize, &std::ops::Range<usize>)| {
         let (points, widths) = (&points[range.clone()], &set.widths[range.clone()]);
         let mut pieces = one_curve(curve as u32, basis, points, widths, camera, pixel);

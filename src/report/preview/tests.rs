@@ -34,6 +34,7 @@ fn head_of_hair(n: usize, frames: i32) -> Memory {
         caps: Vec::new(),
         deforms: false,
         is_skin: false,
+        is_plane: false,
     };
     let frame = |k: i32| {
         let shift = 0.3 * k as f32;

@@ -149,8 +149,9 @@ impl<'a> Surface<'a> {
         let kind = match (triangles.is_empty(), mesh.deforms) {
             (true, _) => Kind::Empty,
             (false, false) => {
-                let mesh = TriMesh { vertices, triangles };
-                Kind::Rigid(Solid::new(&Shape::plane_of(&mesh).unwrap_or(Shape::Mesh(mesh)), None))
+                let tri_mesh = TriMesh { vertices, triangles };
+                let plane = mesh.is_plane.then(|| plane_through(&tri_mesh)).flatten();
+                Kind::Rigid(Solid::new(&plane.unwrap_or(Shape::Mesh(tri_mesh)), None))
             }
             (false, true) => {
                 // A second set of positions, in which all others differ.
@@ -200,6 +201,13 @@ impl SurfaceAt<'_> {
         };
         closest.map(|s| s.distance).filter(|d| *d < NEAR).unwrap_or(f64::INFINITY)
     }
+}
+
+/// The plane through the first triangle of a mesh.
+fn plane_through(mesh: &TriMesh) -> Option<Shape> {
+    let [a, b, c] = mesh.triangles.first()?.map(|i| mesh.vertices[i as usize]);
+    let normal = (b - a).cross(&(c - a)).try_normalize(0.0)?;
+    Some(Shape::Plane { point: a, normal })
 }
 
 fn in_metres(points: &[[f32; 3]], metres_per_unit: f64) -> Vec<Vector3<f64>> {
@@ -308,13 +316,19 @@ pub mod tests {
         let unit = 0.01;
         let points = plane.vertices.iter().map(|v| (v / unit).cast::<f32>().into()).collect();
         let triangles = plane.triangles.iter().map(|t| t.map(|i| i as i32)).collect();
-        let mesh = ColliderMesh { points, triangles, ..ColliderMesh::default() };
-        let surface = surface(&mesh, unit);
-        let distance = |x: f64, y: f64| surface.at(None).unwrap().distance(&Vector3::new(x, y, 0.3));
+        let square = ColliderMesh { points, triangles, ..ColliderMesh::default() };
+        let plane = ColliderMesh { is_plane: true, ..square.clone() };
+        let distance = |mesh: &ColliderMesh, x: f64, y: f64| {
+            surface(mesh, unit).at(None).unwrap().distance(&Vector3::new(x, y, 0.3))
+        };
         for x in [0.0, 5.0, -40.0] {
-            assert!((distance(x, 0.101) - 1e-3).abs() < 1e-6 && (distance(x, -1.0) + 1.1).abs() < 1e-5);
-            assert_eq!(distance(x, 0.103), f64::INFINITY);
+            assert!((distance(&plane, x, 0.101) - 1e-3).abs() < 1e-6);
+            assert!((distance(&plane, x, -1.0) + 1.1).abs() < 1e-5);
+            assert_eq!(distance(&plane, x, 0.103), f64::INFINITY);
         }
+        // A mesh that is such a square ends at its border.
+        assert!((distance(&square, 0.0, 0.101) - 1e-3).abs() < 1e-6);
+        assert_eq!([5.0, -40.0].map(|x| distance(&square, x, 0.101)), [f64::INFINITY; 2]);
     }
 
     #[test]

@@ -22,7 +22,8 @@ fn write_cache(dir: &Path, header: &Header) -> Manifest {
 fn cache_round_trips() {
     for (hair, basis, frames) in [(true, Basis::CatmullRom, (1001, 1003)), (false, Basis::Bspline, (0, 1))] {
         let dir = tempfile::tempdir().unwrap();
-        let header = Header { basis, frames, ..sample::header(hair) };
+        let mut header = Header { basis, frames, ..sample::header(hair) };
+        header.colliders[0].is_plane = hair;
         let manifest = write_cache(dir.path(), &header);
 
         let reader = Reader::open(dir.path()).unwrap();

@@ -94,5 +94,6 @@ fn tetrahedron(name: &str, size: f32) -> ColliderMesh {
         caps: Vec::new(),
         deforms: false,
         is_skin: false,
+        is_plane: false,
     }
 }
