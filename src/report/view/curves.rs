@@ -127,13 +127,14 @@ impl<'a> ShownCurves<'a> {
     }
 
     /// Keeps one of `of` curves shown, and what `frames` hold of them. Those that are shown whatever the step
-    /// go once they are all that is left.
+    /// are thinned as the others are, so that neither crowds out the other, and go with them.
     pub fn thin(&mut self, of: usize, frames: &mut [ShownFrame]) {
         let every = self.step * of;
         let regular = self.curves.iter().filter(|curve| curve.is_multiple_of(self.step)).count();
-        if regular < 2 {
-            self.always.clear();
-        }
+        self.always = match regular < 2 {
+            true => BTreeSet::new(),
+            false => self.always.iter().copied().step_by(of).collect(),
+        };
         let keep: Vec<bool> =
             self.curves.iter().map(|curve| curve.is_multiple_of(every) || self.is_always(*curve)).collect();
         let curve_of: Vec<usize> = self

@@ -53,8 +53,6 @@ const BYTES_PER_POINT: f64 = 2.6;
 const PER_POINT: usize = 100;
 /// Share of the size that all bodies may take.
 const BODIES: f64 = 0.25;
-/// Most guides that failed that are shown whatever the step.
-const MOST_FAILED: usize = 200;
 /// Most frames of a warning that are shown whatever the step.
 const MOST_WANTED: usize = 8;
 
@@ -84,7 +82,8 @@ impl View {
         let marked = findings.warnings.iter().flat_map(|warning| warning.frames.iter().take(MOST_WANTED));
         let wanted: Vec<i32> = marked.map(|(frame, _)| *frame).collect();
         let select = |for_bodies: f64| {
-            Selection::new(frames, &wanted, hair, guides, (data_size - for_bodies) / BYTES_PER_POINT)
+            let points = (data_size - for_bodies) / BYTES_PER_POINT;
+            Selection::new(frames, &wanted, &findings.unconverged, [hair, guides], points)
         };
         // Bodies have room by the number of frames, and curves have what bodies leave.
         let shown_frames = select(BODIES * data_size).frames.len();
@@ -95,13 +94,11 @@ impl View {
         let bodies = header.colliders.iter().zip(&welds);
         let surfaces: Vec<Surface> = bodies.map(|(mesh, welds)| Surface::new(mesh, welds, unit)).collect();
         let mut shown: Vec<(&str, ShownCurves, Vec<ShownFrame>)> = Vec::new();
-        let failed: BTreeSet<i32> =
-            findings.unconverged.values().flatten().copied().take(MOST_FAILED).collect();
         for (name, set, step, always) in header
             .hair
             .iter()
             .map(|set| ("strands", set, selection.hair_step, BTreeSet::new()))
-            .chain([("guides", &header.guides, selection.guide_step, failed)])
+            .chain([("guides", &header.guides, selection.guide_step, selection.always.clone())])
             .filter(|(_, set, ..)| !set.counts.is_empty())
         {
             shown.push((name, ShownCurves::new(set, step, always, header, &surfaces), Vec::new()));
@@ -166,13 +163,15 @@ impl View {
             sets.push(set(name, curves, frames, points, findings, &selection.frames, &mut data));
         }
         let mut drawn = Vec::new();
+        let mut body_error = 0.0f64;
         for (b, (thin, mesh)) in meshes.iter().zip(&header.colliders).enumerate() {
             let at_rest: Vec<Vector3<f32>> = thin.vertices.iter().map(|i| mesh.points[*i].into()).collect();
             let frames: Vec<_> = match mesh.deforms {
                 true => bodies.iter().map(|at| &at[b].points).collect(),
                 false => vec![&at_rest],
             };
-            let (points, _) = data.points(&frames, &vec![true; thin.vertices.len()], None);
+            let (points, off) = data.points(&frames, &vec![true; thin.vertices.len()], None);
+            body_error = body_error.max(off);
             let corners: Vec<u8> = thin.triangles.iter().flatten().flat_map(|i| i.to_le_bytes()).collect();
             let motion: Vec<u8> = bodies.iter().flat_map(|at| floats(&at[b].transform)).collect();
             drawn.push(json!({
@@ -182,7 +181,7 @@ impl View {
         }
         let head: Vec<u8> = heads.iter().flat_map(floats).collect();
         let headed = data.add(&head);
-        let note = note(selection, shown, meshes, header, error * header.metres_per_unit);
+        let note = note(selection, shown, meshes, header, [error, body_error]);
         let numbers = |warning: &Warning| warning.frames.iter().map(|(frame, _)| *frame).collect::<Vec<_>>();
         let warning = |warning: &Warning| json!({ "what": warning.what, "frames": numbers(warning) });
         let warnings: Vec<Value> = findings.warnings.iter().map(warning).collect();
@@ -306,7 +305,9 @@ impl Sections {
         let at = self.add(&encoded.bytes);
         let low: [f32; 3] = space.low.into();
         (
-            json!({ "at": at, "count": roots.len(), "low": low, "step": space.step, "shifts": encoded.shifts }),
+            json!({
+                "at": at, "count": roots.len(), "low": low, "step": space.step, "shifts": encoded.shifts,
+            }),
             error,
         )
     }
@@ -356,20 +357,25 @@ fn set(
     description
 }
 
-/// What of the cache is shown, in words.
+/// What of the cache is shown, in words. `errors` bound how far points of hair and of bodies are off, scene
+/// units.
 fn note(
     selection: &Selection,
     shown: &[(&str, ShownCurves, Vec<ShownFrame>)],
     meshes: &[ThinMesh],
     header: &Header,
-    error_m: f64,
+    errors: [f64; 2],
 ) -> String {
     let mut parts: Vec<String> = shown
         .iter()
         .map(|(name, curves, _)| match curves.step {
             1 => format!("all {} {name}", curves.set.counts.len()),
             step => {
-                let failed = if curves.always.is_empty() { "" } else { " and those that did not converge" };
+                let failed = match curves.always.len() {
+                    0 => String::new(),
+                    all if all == selection.failed => " and those that did not converge".into(),
+                    some => format!(" and {some} of {} that did not converge", selection.failed),
+                };
                 format!("every {} of {} {name}{failed}", ordinal(step), curves.set.counts.len())
             }
         })
@@ -386,8 +392,12 @@ fn note(
         parts.push(format!("the first {} of {} bodies", meshes.len(), header.colliders.len()));
     }
     // Rounded up, for it is a bound.
-    let error_mm = (1e5 * error_m).ceil() / 100.0;
-    format!("Shown: {}. Points are off by {error_mm:.2} mm at most.", parts.join(", "))
+    let [hair, bodies] = errors.map(|error| (1e5 * error * header.metres_per_unit).ceil() / 100.0);
+    let of_bodies = match meshes.is_empty() {
+        true => String::new(),
+        false => format!(", vertices of bodies by {bodies:.2} mm"),
+    };
+    format!("Shown: {}. Points of hair are off by {hair:.2} mm at most{of_bodies}.", parts.join(", "))
 }
 
 fn ordinal(n: usize) -> String {

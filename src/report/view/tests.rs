@@ -345,3 +345,27 @@ fn the_part_of_the_page_is_well_formed() {
     assert!(rest.contains("\"name\":\"wall \\u003cb>\""));
     assert!(!page.contains("http"), "nothing is loaded");
 }
+
+#[test]
+fn guides_that_did_not_converge_leave_room_for_strands() {
+    let shot = shot(400, 400, 60);
+    let all: Vec<i32> = (100..500).collect();
+    let unconverged = numbers(&shot).into_iter().map(|frame| (frame, all.clone())).collect();
+    let findings = Findings { unconverged, ..Findings::default() };
+    let size = 150_000;
+    let view = View::new(&shot, &numbers(&shot), &findings, size).unwrap();
+    assert!(view.to_html().len() <= size);
+    let shown = |set: usize| view.description["sets"][set]["counts"].as_array().unwrap().len();
+    assert!(shown(0) > shown(1) && shown(1) > 4, "{} strands, {} guides", shown(0), shown(1));
+    assert!(view.note.contains(" of 400 that did not converge"), "{}", view.note);
+}
+
+#[test]
+fn bodies_have_a_bound_of_their_own() {
+    let shot = shot(6, 3, 12);
+    let view = view(&shot);
+    let (_, bound) = view.note.split_once("vertices of bodies by ").unwrap();
+    let bound = 1e-3 * bound.strip_suffix(" mm.").unwrap().parse::<f64>().unwrap();
+    // A wall of 18 m in 16 bits.
+    assert!(bound > 1e-4 && bound < 5e-4, "{}", view.note);
+}
