@@ -1,63 +1,14 @@
 //! The report of a bake: charts over its frames, its settings, and warnings.
 
+use super::figures::Figures;
 use crate::bake::frame_record::FrameRecord;
 use crate::bake::{BakeSummary, StageSeconds};
 use crate::cache::Manifest;
 use crate::report::view::Findings;
 use crate::report::{BakeReport, Chart, Series, Warning};
-use serde_json::{Map, Value};
 
 /// Most guides that a warning lists.
 const MAX_LISTED: usize = 8;
-
-/// Figures of frames by the names of the fields of [`FrameRecord`]. What is not known of a frame is missing.
-#[derive(Debug, Clone, Default)]
-pub struct Figures(Vec<Map<String, Value>>);
-
-impl Figures {
-    /// Those of a manifest, which an older program may have written.
-    pub fn recorded(manifest: &Manifest) -> Self {
-        Figures(manifest.frames.iter().map(|entry| entry.figures.clone()).collect())
-    }
-
-    /// None of `frames` frames.
-    pub fn unknown(frames: usize) -> Self {
-        Figures(vec![Map::new(); frames])
-    }
-
-    /// The value of a field in each frame: a number, or the length of a list; NaN where it is not known.
-    fn values(&self, field: &str) -> Vec<f64> {
-        let value = |frame: &Map<String, Value>| match frame.get(field) {
-            Some(Value::Array(list)) => list.len() as f64,
-            value => value.and_then(Value::as_f64).unwrap_or(f64::NAN),
-        };
-        self.0.iter().map(value).collect()
-    }
-
-    /// Whether it is above zero in some frame.
-    fn any(&self, field: &str) -> bool {
-        self.values(field).iter().any(|value| *value > 0.0)
-    }
-
-    fn series(&self, name: &str, field: &str, scale: f64) -> Series {
-        let values = self.values(field).into_iter().map(|value| scale * value).collect();
-        Series { name: name.into(), values }
-    }
-
-    fn count(&self, name: &str, field: &str) -> Series {
-        self.series(name, field, 1.0)
-    }
-}
-
-impl From<&[FrameRecord]> for Figures {
-    fn from(records: &[FrameRecord]) -> Self {
-        let figures = |record| match serde_json::to_value(record) {
-            Ok(Value::Object(figures)) => figures,
-            _ => Map::new(),
-        };
-        Figures(records.iter().map(figures).collect())
-    }
-}
 
 /// The report of a bake whose figures are all known, without pictures.
 pub fn bake_report(summary: &BakeSummary, title: &str) -> BakeReport {
@@ -87,6 +38,7 @@ pub fn report_of(summary: &BakeSummary, figures: &Figures, title: &str) -> BakeR
             wisp_charts(figures),
         ]
         .concat(),
+        unrecorded: figures.unrecorded(),
         warnings: warnings(summary),
         pictures: Vec::new(),
         view: None,
@@ -215,9 +167,8 @@ fn motion_charts(figures: &Figures) -> Vec<Chart> {
 }
 
 fn solver_charts(figures: &Figures) -> Vec<Chart> {
-    let unsettled = ["unsettled", "strands_unsettled"].map(|field| figures.values(field));
-    let unsettled = unsettled[0].iter().zip(&unsettled[1]).map(|(bodies, guides)| bodies + guides);
-    let unsettled = Series { name: "unsettled".into(), values: unsettled.collect() };
+    let unsettled = figures.sum(&["unsettled", "strands_unsettled"]);
+    let unsettled = Series { name: "unsettled".into(), values: unsettled };
     let newton = chart(
         "Newton iterations",
         "",
@@ -241,7 +192,7 @@ fn solver_charts(figures: &Figures) -> Vec<Chart> {
     vec![newton, fallbacks]
 }
 
-/// Charts of an adaptive bake; none if no guide split or merged.
+/// Charts of an adaptive bake; none if it is recorded that no guide split or merged.
 fn wisp_charts(figures: &Figures) -> Vec<Chart> {
     if !figures.any("splits") && !figures.any("merges") {
         return Vec::new();
@@ -396,8 +347,8 @@ fn exempt(frames: &[FrameRecord]) -> Option<Warning> {
     let (share, depth) = (deepest.exempt_share(), deepest.exempt_penetration_m);
     (share > MANY_EXEMPT || depth > DEEP_EXEMPT).then(|| {
         let mut warning = Warning::new(format!(
-            "{} of {} guide segments ({:.1} %) are exempt from contact, because the groom has them inside a body, \
-             most deeply",
+            "{} of {} guide segments ({:.1} %) are exempt from contact, because the groom has them inside a \
+             body, most deeply",
             deepest.exempt_segments,
             deepest.contact_segments,
             100.0 * share,
@@ -472,6 +423,7 @@ pub fn findings(summary: &BakeSummary, warnings: &[Warning]) -> Findings {
 
 #[cfg(test)]
 mod tests {
+    use super::super::figures::WITHOUT_SERIES;
     use super::*;
     use crate::cache::InputRecord;
 
@@ -520,8 +472,24 @@ mod tests {
         let report = report_of(&summary, &figures, "");
         let [known, unknown] = values(&report, "Penetration", "guides")[..] else { panic!() };
         assert!(known == 2.0 && unknown.is_nan());
+        assert!(report.unrecorded.is_empty());
         let report = report_of(&summary, &Figures::unknown(2), "");
+        assert_eq!((report.charts.len(), report.unrecorded.len()), (16, WITHOUT_SERIES.len()));
         assert!(report.charts.iter().flat_map(|c| &c.series).flat_map(|s| &s.values).all(|v| v.is_nan()));
+    }
+
+    #[test]
+    fn what_is_known_of_a_sum_is_drawn_and_what_is_not_is_named() {
+        let summary = BakeSummary { frames: vec![frame_with_all()], ..BakeSummary::default() };
+        let mut figures = Figures::from(&summary.frames[..]);
+        for field in ["strands_unsettled", "hair_penetration_m", "goal_guides"] {
+            assert!(figures.0[0].remove(field).is_some());
+        }
+        let report = report_of(&summary, &figures, "");
+        assert_eq!(values(&report, "Fallbacks", "unsettled"), [2.0]);
+        assert_eq!(report.unrecorded, ["contacts between guides not converged to rest"]);
+        let names: Vec<&str> = report.charts.iter().map(|c| c.name.as_str()).collect();
+        assert!(names.contains(&"Distance from animated goals"), "{names:?}");
     }
 
     #[test]

@@ -9,6 +9,7 @@ mod completions;
 mod console;
 mod estimate;
 mod explain;
+mod figures;
 mod film;
 mod frame_list;
 mod grow;

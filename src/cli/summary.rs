@@ -1,6 +1,7 @@
 //! The end of a bake: its report, its contact sheet and a summary for the console.
 
-use super::bake_report::{Figures, bake_report, findings, pinches, report_of, scene_rows, warnings};
+use super::bake_report::{bake_report, findings, pinches, report_of, scene_rows, warnings};
+use super::figures::Figures;
 use super::preview::PICTURES;
 use crate::bake::frame_record::FrameRecord;
 use crate::bake::{BakeSummary, StageSeconds};
@@ -55,22 +56,16 @@ pub fn write(summary: &BakeSummary, title: &str, out: &Path, pictures: bool) -> 
     Ok(())
 }
 
-/// Writes the page of a cache with its view to `path`, `figures` of whose frames are known; the contact sheet
-/// is the one that is there.
+/// The page of a cache with its view, `figures` of whose frames are known; the contact sheet is the one that
+/// is there.
 ///
 /// # Errors
-/// Those of [`Reader`]; [`crate::Error::Io`].
-pub fn write_page(
-    reader: &Reader,
-    summary: &BakeSummary,
-    figures: &Figures,
-    title: &str,
-    path: &Path,
-) -> Result<()> {
+/// Those of [`Reader`].
+pub fn page(reader: &Reader, summary: &BakeSummary, figures: &Figures, title: &str) -> Result<String> {
     let mut report = report_of(summary, figures, title);
     let sheet = std::fs::read(reader.dir().join(SHEET)).ok();
     illustrate(&mut report, sheet, summary, reader)?;
-    write_file(path, &[report.to_html()?]).map(drop)
+    report.to_html()
 }
 
 /// Adds the contact sheet of the cache, and a view that keeps the page within [`MAX_PAGE`].

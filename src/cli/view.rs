@@ -1,10 +1,10 @@
 //! `hairbake view`: the report of a cache, which plays it, in a browser.
 
-use super::bake_report::Figures;
+use super::figures::Figures;
 use super::{console, summary};
 use crate::bake::frame_record::FrameRecord;
 use crate::bake::{BakeSummary, StageSeconds};
-use crate::cache::{MANIFEST, Manifest, Reader, frame_file_name};
+use crate::cache::{MANIFEST, Manifest, Reader, frame_file_name, write_file};
 use crate::error::{Error, Result};
 use clap::Args;
 use serde_json::Value;
@@ -44,7 +44,8 @@ pub fn run(arguments: &ViewArguments) -> Result<()> {
         let earlier = Earlier::read(&arguments.cache);
         let (baked, figures) = baked(&reader, &earlier)?;
         let title = earlier.title.unwrap_or_else(|| name(&arguments.cache));
-        summary::write_page(&reader, &baked, &figures, &title, &page).map_err(elsewhere)?;
+        let text = summary::page(&reader, &baked, &figures, &title)?;
+        write_file(&page, &[text]).map_err(elsewhere)?;
         console::wrote(&page);
     }
     console::data(format!("{}\n", page.display()).as_bytes())?;
@@ -112,8 +113,8 @@ impl Earlier {
     }
 }
 
-/// What the manifest and an earlier report tell of the bake, and the figures that are known of its frames: none
-/// of an unfinished cache, and of an older one those that its program recorded.
+/// What the manifest and an earlier report tell of the bake, and the figures that are known of its frames:
+/// none of an unfinished cache, and of an older one those that its program recorded.
 fn baked(reader: &Reader, earlier: &Earlier) -> Result<(BakeSummary, Figures)> {
     let manifest = if reader.dir().join(MANIFEST).is_file() { Some(reader.read_manifest()?) } else { None };
     let (frames, figures) = match &manifest {

@@ -24,6 +24,8 @@ pub struct BakeReport {
     pub stages: Vec<Series>,
     /// All other measurements.
     pub charts: Vec<Chart>,
+    /// What is not recorded and in no chart.
+    pub unrecorded: Vec<String>,
     /// Warnings to the user.
     pub warnings: Vec<Warning>,
     /// Pictures of the shot.
@@ -57,10 +59,28 @@ pub struct Chart {
     pub series: Vec<Series>,
 }
 
+impl Series {
+    /// Whether there is a value.
+    fn is_known(&self) -> bool {
+        self.values.iter().any(|v| v.is_finite())
+    }
+}
+
 impl Chart {
     /// Whether there is a value.
     fn is_known(&self) -> bool {
-        self.series.iter().flat_map(|s| &s.values).any(|v| v.is_finite())
+        self.series.iter().any(Series::is_known)
+    }
+
+    /// What has no value: the chart, or series of it.
+    fn unknown(&self) -> Option<String> {
+        let missing: Vec<&str> =
+            self.series.iter().filter(|s| !s.is_known()).map(|s| s.name.as_str()).collect();
+        match missing.len() {
+            0 => None,
+            n if n == self.series.len() => Some(self.name.clone()),
+            _ => Some(format!("{} ({})", self.name, missing.join(", "))),
+        }
     }
 }
 
@@ -109,8 +129,9 @@ impl BakeReport {
         };
         let charts = std::iter::once((&time, true)).chain(self.charts.iter().map(|c| (c, false)));
         let charts = charts.filter(|(chart, _)| !chart.series.is_empty());
-        let (known, unknown): (Vec<_>, Vec<_>) = charts.partition(|(chart, _)| chart.is_known());
-        let unknown: Vec<&str> = unknown.iter().map(|(chart, _)| chart.name.as_str()).collect();
+        let charts: Vec<_> = charts.collect();
+        let unknown = charts.iter().filter_map(|(chart, _)| chart.unknown());
+        let unknown: Vec<String> = unknown.chain(self.unrecorded.iter().cloned()).collect();
         page.push_str(&self.lead(&unknown));
         if !self.warnings.is_empty() {
             let linked = self.view.is_some();
@@ -136,7 +157,7 @@ impl BakeReport {
             );
         }
         page.push_str("<div class=\"charts\">\n");
-        for (chart, stacked) in known {
+        for (chart, stacked) in charts.into_iter().filter(|(chart, _)| chart.is_known()) {
             page.push_str(&self.card(chart, stacked));
         }
         page.push_str("</div>\n");
@@ -146,7 +167,7 @@ impl BakeReport {
     }
 
     /// What the page begins with: its frames, their time, and what is not known of them.
-    fn lead(&self, unknown: &[&str]) -> String {
+    fn lead(&self, unknown: &[String]) -> String {
         let (Some(first), Some(last)) = (self.frames.first(), self.frames.last()) else {
             return "<p class=\"lead\">No frames were baked.</p>\n".into();
         };
@@ -157,7 +178,8 @@ impl BakeReport {
             add(
                 &mut lead,
                 format_args!(
-                    "<p class=\"lead\">Not recorded in the cache, and neither drawn nor warned of: {unknown}.</p>\n"
+                    "<p class=\"lead\">Not recorded in the cache, and neither drawn nor warned of: \
+                     {unknown}.</p>\n"
                 ),
             );
         }
@@ -197,8 +219,8 @@ impl BakeReport {
         let unit = if chart.unit.is_empty() { String::new() } else { format!(" ({})", escape(&chart.unit)) };
         let rows: String = chart.series.iter().enumerate().map(|(i, s)| self.row(i, s)).collect();
         format!(
-            "<section class=\"card\"><h2>{name}{unit}</h2><p>{note}</p>{svg}\
-             <table><thead><tr><th></th><th>mean</th><th>min</th><th>max</th><th>max at frame</th></tr></thead>\
+            "<section class=\"card\"><h2>{name}{unit}</h2><p>{note}</p>{svg}<table><thead>\
+             <tr><th></th><th>mean</th><th>min</th><th>max</th><th>max at frame</th></tr></thead>\
              <tbody>{rows}</tbody></table></section>\n"
         )
     }
@@ -213,7 +235,8 @@ impl BakeReport {
             max.map_or((f64::NAN, String::new()), |(f, v)| (*v, frame_link(*f, self.view.is_some())));
         let (name, colour) = (escape(&series.name), plot::colour(i));
         format!(
-            "<tr><th><i style=\"background:{colour}\"></i>{name}</th><td>{}</td><td>{}</td><td>{}</td><td>{frame}</td></tr>",
+            "<tr><th><i style=\"background:{colour}\"></i>{name}</th><td>{}</td><td>{}</td><td>{}</td>\
+             <td>{frame}</td></tr>",
             figure(mean),
             figure(min),
             figure(max)
@@ -243,7 +266,8 @@ fn settings(settings: &[(String, String)]) -> String {
         .map(|(k, v)| format!("<tr><th>{}</th><td>{}</td></tr>", escape(k), escape(v)))
         .collect();
     format!(
-        "<section class=\"card settings\"><h2>Scene and settings</h2><table><tbody>{rows}</tbody></table></section>\n"
+        "<section class=\"card settings\"><h2>Scene and settings</h2><table><tbody>{rows}</tbody></table>\
+         </section>\n"
     )
 }
 
@@ -285,6 +309,7 @@ mod tests {
                     ..Chart::default()
                 },
             ],
+            unrecorded: Vec::new(),
             warnings: vec![Warning::new("3 strands <short> of contact")],
             pictures: vec![Picture {
                 caption: "Frames 1001–1048".into(),
@@ -336,6 +361,19 @@ mod tests {
         assert!(page.contains("neither drawn nor warned of: Stretch.</p>") && !page.contains("<h2>Stretch"));
         assert_eq!(page.matches("<svg").count(), 2);
         assert!(page.contains("Time of 47 of them "));
+        // A chart of which something is known says what is not.
+        let depths = |name: &str, value: f64| Series { name: name.into(), values: vec![value; 48] };
+        report.charts.push(Chart {
+            name: "Penetration".into(),
+            series: vec![depths("guides", 1.0), depths("exempt", f64::NAN)],
+            ..Chart::default()
+        });
+        report.unrecorded = vec!["guides <halved>".into()];
+        let page = report.to_html().unwrap();
+        assert!(page.contains("warned of: Stretch, Penetration (exempt), guides &lt;halved&gt;.</p>"));
+        assert!(page.contains("<h2>Penetration") && !page.contains("NaN"));
+        report.charts.pop();
+        report.unrecorded.clear();
         report.stages.iter_mut().for_each(|s| s.values = vec![f64::NAN; 48]);
         let page = report.to_html().unwrap();
         assert!(

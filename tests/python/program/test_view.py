@@ -377,7 +377,8 @@ def test_the_page_is_written_where_it_is_missing_and_opened(
     unfinished = other.read_text()
     frames = json.loads(re.search('"frames":(\\[.*?\\])', unfinished)[1])  # type: ignore[index]
     assert frames == [1000, 1001, 1002, 1004, 1005]
-    assert "neither drawn nor warned of: Contacts, Contact residual, Penetration" in unfinished
+    assert "neither drawn nor warned of: Contacts, Contacts between guides, Work of" in unfinished
+    assert ", Splits and merges, number of exempt segments, " in unfinished
     assert "<h2>Penetration" not in unfinished
     assert "Total time" in unfinished, "the data of the report tell it"
     (out / "report.json").unlink()
@@ -397,6 +398,18 @@ def test_a_page_that_cannot_be_written_is_told_where_else(cache: Path, tmp_path:
     assert hairbake("view", out, "--no-open", "-o", tmp_path / "page.html").returncode == 0
 
 
+def test_another_place_does_not_help_where_a_frame_cannot_be_read(
+    cache: Path, tmp_path: Path, hairbake: Run
+) -> None:
+    out = shutil.copytree(cache, tmp_path / "out")
+    (out / "hair.1003.usdc").unlink()
+    (out / "hair.1003.usdc").mkdir()
+    refused = hairbake("view", out, "--no-open", "-o", tmp_path / "page.html")
+    assert refused.returncode == 74
+    assert "hair.1003.usdc" in refused.stderr
+    assert "-o FILE" not in refused.stderr
+
+
 def test_a_figure_that_an_older_program_did_not_record_is_absent(
     cache: Path, tmp_path: Path, hairbake: Run
 ) -> None:
@@ -409,7 +422,7 @@ def test_a_figure_that_an_older_program_did_not_record_is_absent(
     (out / "manifest.json").write_text(json.dumps(manifest))
     assert hairbake("view", out, "-o", page, "--no-open").returncode == 0
     text = page.read_text()
-    assert "neither drawn nor warned of: Length drift of guides.</p>" in text
+    assert "neither drawn nor warned of: Penetration (guides), Length drift of guides.</p>" in text
     assert re.search("guides</th>(<td>–</td>){3}<td></td></tr>.*exempt</th><td>[0-9]", text)
     assert "(short)</td>" in text
 
