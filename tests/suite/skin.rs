@@ -11,7 +11,7 @@ use hairbake::dynamics::simulation::Simulation;
 use hairbake::scene::anim::Resolution;
 use hairbake::scene::{self, Anim, Groom, LoadOptions};
 use hairbake::{Error, bake};
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -334,6 +334,59 @@ fn goals_are_carried_by_the_skin() {
         exempt
     };
     assert_eq!(exempt(true), exempt(false));
+}
+
+/// A hand over the middle of the sheet, which turns with it and carries what was above the middle at rest.
+fn hand(frame: i32) -> Isometry3<f64> {
+    let t = f64::from(frame - FRAMES[0]) / 24.0;
+    let middle = rolling(frame)[SIDE * (SIDE / 2) + SIDE / 2];
+    Isometry3::new(middle, V::new(0.5, 1.5, -0.3) * t)
+}
+
+#[test]
+fn a_braid_grows_on_a_skin_and_ends_in_a_hand() {
+    // The four guides around the middle.
+    let braid = [14, 15, 20, 21];
+    // Where each is held, in the groom's pose.
+    let held = |root: V| root + V::new(0.3, 1.0, 0.1).normalize() * 0.02;
+    let folder = tempfile::tempdir().unwrap();
+    let cache = baked(folder.path(), |anim| {
+        let frames: Vec<i32> = (FRAMES[0] - 8..=FRAMES[1] + 2).collect();
+        let poses: Vec<Isometry3<f64>> = frames.iter().map(|frame| hand(*frame)).collect();
+        let translation: Vec<[f64; 3]> = poses.iter().map(|pose| pose.translation.vector.into()).collect();
+        let rotation: Vec<[f64; 4]> = poses
+            .iter()
+            .map(|pose| [pose.rotation.w, pose.rotation.i, pose.rotation.j, pose.rotation.k])
+            .collect();
+        let track =
+            json!({ "first_frame": frames[0], "translation": translation, "rotation_wxyz": rotation });
+        anim["bodies"] = json!([{ "name": "world" }, { "name": "hand", "track": track }]);
+        anim["colliders"][0]["body"] = json!("world");
+        anim["ties"] = json!([{ "name": "end", "body": "hand", "ids": braid, "arc_m": 0.02 }]);
+    });
+    let (guides, _) = places();
+    let counts = &cache.header().guides.counts;
+    let points = counts[0] as usize;
+    let mut moved = 0.0_f64;
+    for &number in cache.frames() {
+        let frame = cache.read_frame(number).unwrap();
+        let skin = rolling(number);
+        let curves = starts(&frame.guides, counts, points);
+        for g in braid {
+            assert!((curves[g][0] - skin[guides[g]]).norm() < 1e-6, "guide {g} in frame {number}");
+            let at = held(flat(guides[g] / SIDE, guides[g] % SIDE));
+            let end = (hand(number) * nalgebra::Point3::from(at)).coords;
+            let to_end = |ends: &[V]| {
+                let along = ends[1] - ends[0];
+                let u = ((end - ends[0]).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+                (ends[0] + along * u - end).norm()
+            };
+            let off = curves[g].windows(2).map(to_end).fold(f64::INFINITY, f64::min);
+            assert!(off < 5e-4, "guide {g} is {off} m from the hand in frame {number}");
+            moved = moved.max((end - at).norm());
+        }
+    }
+    assert!(moved > 0.2, "{moved}");
 }
 
 #[test]
