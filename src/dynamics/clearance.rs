@@ -228,9 +228,9 @@ impl Clearance {
         Clearance::of(start, start.scan())
     }
 
-    /// Applies the rule to the groom's pose as it is `drawn`; the guide and the bodies start elsewhere. If the
-    /// guide is `led`, it starts in another pose than it is drawn in: a segment that starts beside a body is
-    /// then not exempt from it, and one that starts in it is so only if it is drawn there.
+    /// Applies the rule to the groom's pose as it is `drawn`; the guide and the bodies start elsewhere. If
+    /// the guide is `led`, it starts in another pose than it is drawn in: a segment that starts beside a body
+    /// is then not exempt from it, and one that starts in it is so only if it is drawn there.
     pub fn carried(start: &GroomPose, drawn: &GroomPose, led: bool) -> Self {
         let mut as_drawn = drawn.scan();
         drawn.cuts(&mut as_drawn);

@@ -128,7 +128,7 @@ fn what_is_brought_out_of_a_body_keeps_up_with_its_distance() {
 
 #[test]
 fn what_is_near_the_root_is_pushed_out_slowly_for_the_tip_has_the_longer_arm() {
-    let speed = |segment: usize, pushed_out: bool| {
+    let speed = |segment: usize, keep: f64, pushed_out: bool| {
         let h = 1e-3;
         let target = |problem: &BodyContact, line: &MovingPolyline, mut c: Contact| {
             let problem = BodyContact { pushed_out, ..*problem };
@@ -136,16 +136,18 @@ fn what_is_near_the_root_is_pushed_out_slowly_for_the_tip_has_the_longer_arm() {
             let (k, u) = on_rod(segment, 0.5);
             (problem.rod.arc_fraction(k, u), target_distance(line, &c))
         };
-        let (share, target) = over_a_plane_at(segment, h, KEEP, [-5e-3; 2], target);
+        let (share, target) = over_a_plane_at(segment, h, keep, [-5e-3; 2], target);
         (share, (target + 5e-3) / h)
     };
-    let (share, at_root) = speed(0, false);
+    let (share, at_root) = speed(0, KEEP, false);
     assert!(share < 0.1 && (at_root - MAX_TIP_SPEED * share).abs() < 1e-9, "{at_root} at {share}");
-    let (_, at_tip) = speed(2 * (straight().points() - 2), false);
+    let (_, at_tip) = speed(2 * (straight().points() - 2), KEEP, false);
     assert!((at_tip - PUSH_OUT_SPEED).abs() < 1e-9, "{at_tip}");
     // What the groom is drawn in follows its clearance, which rises slowly.
-    let (_, drawn) = speed(0, true);
+    let (_, drawn) = speed(0, -1e-3, true);
     assert!((drawn - PUSH_OUT_SPEED).abs() < 1e-9, "{drawn}");
+    // Other hair does not, while that comes out.
+    assert_eq!(speed(0, KEEP, true), (share, at_root));
 }
 
 #[test]

@@ -22,10 +22,10 @@ pub(super) const MAX_TOLERATED_SHARE: f64 = 0.75;
 /// Largest speed at which points inside a body are pushed out, m/s.
 pub(super) const PUSH_OUT_SPEED: f64 = 0.3;
 
-/// Speed that pushing out would give to the tip of a straight strand, m/s. Points near the root, where the tip
-/// has the longer arm, are pushed out at their share of it. A strand bends and lags behind, so that this may
-/// be more than a step without a solution is allowed (`MAX_WEDGE_SPEED`); half of it is too slow for hair that
-/// is wedged near its root.
+/// Speed that pushing out would give to the tip of a straight strand, m/s. Points near the root, where the
+/// tip has the longer arm, are pushed out at their share of it. A strand bends and lags behind, so that this
+/// may be more than a step without a solution is allowed (`MAX_WEDGE_SPEED`); half of it is too slow for hair
+/// that is wedged near its root.
 pub(super) const MAX_TIP_SPEED: f64 = 2.0;
 
 /// Violation at which a step that crosses no surface is accepted after all rounds, m: a strand wedged
