@@ -505,7 +505,9 @@ def over_rest(window: Window) -> Iterator[Finding]:
             strayed = norms(transformed(world, to_world) - at_root)
             of_curve = np.maximum.reduceat(strayed, curves.starts)
             allowed[run.first : run.first + run.count] = of_curve[run.baked : run.baked + run.count]
-        excess = moved - tolerances.OVER_GAIN * allowed - 2 * spacing(points)
+        open_ended = over.type[1:] == ("bspline", "nonperiodic")
+        gain = tolerances.OVER_END_GAIN if open_ended else tolerances.OVER_GAIN
+        excess = moved - gain * allowed - 2 * spacing(points)
         curve = int(excess.argmax())
         yield Finding(
             OVER_REST, max(0.0, float(excess[curve])), frame=window.frame, prim=over.path, curve=curve

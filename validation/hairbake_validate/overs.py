@@ -126,9 +126,11 @@ class ShotStage:
             raise CacheError(f"{self.name}: no such file")
         self.others = sorted(self._doubled())
         """Layers of the other kind over the same curves."""
-        for stage, own in ((self.shot, self.layer), (self.original, None)):
+        # The stage below is what it is, even if it was made from the layer of a bake.
+        below_it = self.original.GetRootLayer()
+        for stage, kept in ((self.shot, (below_it, self.layer)), (self.original, (below_it,))):
             used = stage.GetUsedLayers(False)
-            baked = [layer.identifier for layer in used if baked_kind(layer) and layer != own]
+            baked = [layer.identifier for layer in used if baked_kind(layer) and layer not in kept]
             stage.MuteAndUnmuteLayers(baked, [])
         self.to_metres = to_metres(self.record["metres_per_unit"], self.record["up_axis"])
 

@@ -49,10 +49,12 @@ OVER_SHAPE = 0.02
 
 # How far control points are from where the head carries the groom's own, m, beyond OVER_GAIN times the same
 # distance of the farthest point of the strand. The control points of a B-spline swing by up to three times
-# as much as the curve; phantom ends are extrapolated, up to three times as far. OVER_REST_M covers rounding
-# to 32 bits of places in the asset, in the prim and in the strand (5e-7 m each at 10 m), which the solve
-# for control points amplifies by as much.
+# as much as the curve; phantom ends are extrapolated, up to three times as far. Without them, the curve ends
+# at E = (P'' + 4 P' + P) / 6 of its last control points: P swings six times as far as E if E alone moves.
+# OVER_REST_M covers rounding to 32 bits of places in the asset, in the prim and in the strand (5e-7 m each
+# at 10 m), which the solve for control points amplifies by as much.
 OVER_GAIN = 4.0
+OVER_END_GAIN = 6.0
 OVER_REST_M = 1e-5
 
 # Distance of guides and skin, at rest in the space of curves that Houdini deforms and in motion in the world,

@@ -34,6 +34,15 @@ def test_what_bakes_put_over_other_characters_passes(over: OverCache, kind: str)
     assert not failed(report), report.as_text()
 
 
+def test_a_stage_that_was_made_from_the_layer_of_a_bake_passes(over: OverCache) -> None:
+    def mark(layer: Sdf.Layer) -> None:
+        layer.customLayerData = {"hairbake": "over"}
+
+    over.edit(over.stage, mark)
+    report = validate(over.cache.directory)
+    assert not failed(report), report.as_text()
+
+
 def stage_missing(over: OverCache) -> None:
     over.stage.unlink()
 
