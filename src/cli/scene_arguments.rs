@@ -8,7 +8,7 @@ use crate::bake::over::{self, OverPlan, Undeformable};
 use crate::cache::{DEFORM, MANIFEST, OVER, SHOT};
 use crate::error::{Diagnostic, Error, Result};
 use crate::scene::anim::{OutputCurves, Resolution, Settings};
-use crate::scene::{Anim, Groom, LoadOptions, OverSource, Override, PathMap};
+use crate::scene::{Anim, Groom, LoadOptions, OverSource, Override, PathMap, SourceCurves};
 use crate::{bake, import, scene};
 use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser};
@@ -135,6 +135,12 @@ impl SceneArguments {
             }
             (over, default) => over.or(default),
         };
+        let over = over.filter(|_| {
+            let strands = groom.source.as_ref().is_some_and(SourceCurves::has_strands);
+            let alone = strands && anim.settings.curves == OutputCurves::Guides && self.over.is_none();
+            let never = if alone { over::never_deforms(&groom, &anim) } else { None };
+            never.inspect(|why| console::say(&format!("over mode is off: {why}"))).is_none()
+        });
         let written = |over: &OverSource| {
             [SHOT, OVER, DEFORM].iter().any(|name| crate::file::is_same(&over.file, &out.join(name)))
         };
@@ -320,8 +326,10 @@ fn over_plan(
     let read = || {
         let target = import::over_target(over, time, [frames.0 - 1, frames.1 + 1], &offsets)?;
         if target.layers.iter().any(|layer| crate::file::is_same(&layer.file, &shown)) {
-            let message =
-                format!("the stage of --over shows {SHOT}, which the bake writes; name the stage below it");
+            let message = format!(
+                "the stage that over mode moves curves of shows {SHOT}, which the bake writes; name the stage \
+                 below it (--over), or bake with --no-over"
+            );
             return Err(Error::Usage(message));
         }
         OverPlan::new(groom, anim, target)

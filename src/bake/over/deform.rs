@@ -174,6 +174,15 @@ fn skin(
     }
 }
 
+/// Why Houdini cannot deform the strands of a groom, whatever the stage is; `None` if it may.
+pub fn never_deforms(groom: &Groom, anim: &Anim) -> Option<&'static str> {
+    if groom.source.as_ref().is_some_and(|source| source.length.is_some()) {
+        return Some("the strands were lengthened as they were imported");
+    }
+    let carried = !anim.skins.is_empty() || head_meshes(anim).next().is_some();
+    (!carried).then_some("no mesh carries the hair, by which Houdini would deform it")
+}
+
 /// The colliders that ride with the head as roots do, every place of them, and their vertices, m.
 fn head_meshes(anim: &Anim) -> impl Iterator<Item = (usize, &[Vector3<f64>])> {
     let rides = |c: &Collider| c.body == anim.head && c.deformation.is_none();

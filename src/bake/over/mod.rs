@@ -17,7 +17,7 @@ mod record;
 mod source;
 mod stage;
 
-pub use deform::deform;
+pub use deform::{deform, never_deforms};
 pub use plan::{OverPlan, Undeformable, moves_all};
 pub use record::record;
 
