@@ -16,8 +16,9 @@ def read(path: str, prim_path: str | None, times: Times) -> tuple[Header, Arrays
     """Header and arrays of the curves at and below a prim, in world space: of guides, if there are any.
 
     `counts` are the points of each curve, `points` those of all curves at each of the times, and `id` the
-    ids of the curves, if all prims have them. `span` in the header holds the first and the last time code
-    with points, if there are several, and `rate` the number of time codes per second.
+    ids of the curves, if all prims have them. `span` holds the first and the last time code at which the
+    stage has points of each curve, if there are several, else infinities. `rate` in the header is the number
+    of time codes per second.
 
     Raises:
         InputErrors: All errors in the curves.
@@ -43,10 +44,8 @@ def read(path: str, prim_path: str | None, times: Times) -> tuple[Header, Arrays
     ids = [part.ids for part in parts if part.ids is not None]
     if len(ids) == len(parts):
         arrays["id"] = ("i32", np.concatenate(ids))
-    codes = [part.codes for part in parts if len(part.codes) > 1]
-    if codes:
-        # Before its first and after its last sample a prim stands still.
-        header["span"] = [max(prim[0] for prim in codes), min(prim[-1] for prim in codes)]
+    spans = [part.span for part in parts for _ in part.counts]
+    arrays["span"] = ("f64", np.array(spans, float).reshape(-1, 2))
     return {**header, "notes": notes, "rate": stage.GetTimeCodesPerSecond()}, arrays
 
 
@@ -59,19 +58,19 @@ class MovingCurves:
         points: FloatArray,
         ids: IntArray | None,
         guide: Array | None,
-        codes: list[float],
+        span: tuple[float, float],
     ) -> None:
         """`counts` are the points of each curve; `points`, `times × N × 3`, are in world space.
 
-        `codes` are the time codes at which the stage has points.
+        `span` holds the first and the last time code at which the stage has points, if there are several.
         """
-        self.counts, self.points, self.ids, self.guide, self.codes = counts, points, ids, guide, codes
+        self.counts, self.points, self.ids, self.guide, self.span = counts, points, ids, guide, span
 
     def only(self, keep: Array) -> "MovingCurves":
         """The curves where `keep` is true."""
         of_points = np.repeat(keep, self.counts)
         ids = None if self.ids is None else self.ids[keep]
-        return MovingCurves(self.counts[keep], self.points[:, of_points], ids, None, self.codes)
+        return MovingCurves(self.counts[keep], self.points[:, of_points], ids, None, self.span)
 
 
 def read_prim(prim: Usd.Prim, times: Times, notes: list[str]) -> MovingCurves:
@@ -103,4 +102,5 @@ def read_prim(prim: Usd.Prim, times: Times, notes: list[str]) -> MovingCurves:
         counts, evaluated = layout.type.evaluate(layout.counts, points)
         samples.append(apply(to_world(prim, at), evaluated))
     codes = UsdGeom.BasisCurves(prim).GetPointsAttr().GetTimeSamples()
-    return MovingCurves(counts, np.stack(samples), ids, guide, list(codes))
+    span = (codes[0], codes[-1]) if len(codes) > 1 else (-np.inf, np.inf)
+    return MovingCurves(counts, np.stack(samples), ids, guide, span)

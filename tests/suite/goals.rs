@@ -476,7 +476,8 @@ fn what_is_in_a_body_is_told_by_the_drawing_and_not_by_a_goal() {
     let start = f64::from(FRAMES[0]) - 0.25 * 24.0;
     let ball = |g: usize| {
         let centre = curve(g, start, 21)[15] + V::z() * 0.004;
-        json!({ "name": format!("ball{g}"), "shape": { "type": "sphere", "centre": centre.as_slice(), "radius": 0.016 } })
+        let shape = json!({ "type": "sphere", "centre": centre.as_slice(), "radius": 0.016 });
+        json!({ "name": format!("ball{g}"), "shape": shape })
     };
     let (groom, anim) = load(|anim| {
         anim["colliders"] = (2..4).map(ball).collect();

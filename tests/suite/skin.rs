@@ -333,7 +333,8 @@ fn goals_are_carried_by_the_skin() {
         }
         exempt
     };
-    assert_eq!(exempt(true), exempt(false));
+    let [led, free] = [true, false].map(exempt);
+    assert!(led == free && free[0] > 0, "{led:?} {free:?}");
 }
 
 /// A hand over the middle of the sheet, which turns with it and carries what was above the middle at rest.

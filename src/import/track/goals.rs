@@ -3,7 +3,7 @@
 use super::OBJ_DIGITS;
 use super::names::Names;
 use super::options::{GoalCurvesSource, TrackGroom};
-use super::timing::{FRAME_TOLERANCE, Timing};
+use super::timing::Timing;
 use crate::file::relative;
 use crate::import::formats::usd::goal::{self, MovingCurves};
 use crate::import::plain::{Declared, SampleTimes};
@@ -13,11 +13,11 @@ use crate::scene::anim::file::{GoalFile, NumberKeyframesFile};
 use crate::scene::obj_curves::ObjCurves;
 use crate::scene::{Convention, FileSequence, UpAxis};
 use crate::{Diagnostic, Error, Result};
-use nalgebra::Vector3;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// Largest displacement of a point, as a share of the extent of the curves, that counts as none.
+/// Largest displacement of a point between two frames, as a share of the extent of its curve, that counts as
+/// none.
 const STILL: f64 = 1e-6;
 
 /// Goals and the files that they refer to.
@@ -126,16 +126,18 @@ impl Goals {
                     )
                     .into());
                 }
-                if stand_still(&read.samples) {
-                    notes.push("the curves do not move".into());
-                } else if let Some(what) = uncovered(&read, codes_per_frame, timing.frames) {
-                    self.warnings.push(format!("goal {}: {what}", goal.name));
-                }
                 let matched = Matched::new(&read, source, groom)?;
+                let first_sample = timing.first_mesh_frame();
+                let movement = Movement::new(&read, &matched.curves, codes_per_frame, first_sample);
+                if movement.moving == 0 {
+                    notes.push("the curves do not move".into());
+                }
+                let warning = movement.warning(timing.frames);
+                self.warnings.extend(warning.map(|what| format!("goal {}: {what}", goal.name)));
                 notes.extend(matched.note());
                 goal.ids = matched.ids.clone().map(Into::into);
                 goal.sequence = format!("goal_{}.####.obj", goal.name);
-                self.write(&goal.sequence, &read, &matched, &of_file, timing.first_mesh_frame(), folder);
+                self.write(&goal.sequence, &read, &matched, &of_file, first_sample, folder);
             }
         }
         self.notes.extend(notes.iter().map(|note| format!("goal {}: {note}", goal.name)));
@@ -154,11 +156,7 @@ impl Goals {
         folder: &Path,
     ) {
         let Some(sequence) = FileSequence::new(sequence) else { return };
-        let mut starts = vec![0];
-        starts.extend(read.counts.iter().scan(0, |sum, n| {
-            *sum += *n as usize;
-            Some(*sum)
-        }));
+        let starts = read.starts();
         for (frame, sample) in (first_frame..).zip(&read.samples) {
             let mut curves = ObjCurves { offsets: vec![0], points: Vec::new() };
             for &c in &matched.curves {
@@ -172,24 +170,54 @@ impl Goals {
     }
 }
 
-/// Whether no curve moves in all the time that the bake reads.
-fn stand_still(samples: &[Vec<Vector3<f64>>]) -> bool {
-    let still = |a: &[Vector3<f64>], b: &[Vector3<f64>]| {
-        let extent = a.iter().map(|x| (x - a[0]).norm()).fold(0.0, f64::max);
-        a.iter().zip(b).all(|(a, b)| (a - b).norm() <= STILL * extent)
-    };
-    samples.windows(2).all(|pair| still(&pair[0], &pair[1]))
+/// How the curves of a goal move in the time that the bake reads.
+struct Movement {
+    /// Curves that move at all.
+    moving: usize,
+    /// Of these, the ones that stand still where the file has no points any more, or not yet.
+    cut_short: usize,
+    /// First and last frame for which the file has points of all of them.
+    span: [f64; 2],
 }
 
-/// What to tell of curves that move in a part only of the frames `first` to `last` of the shot.
-fn uncovered(read: &MovingCurves, codes_per_frame: f64, [first, last]: [i32; 2]) -> Option<String> {
-    let [from, to] = read.span?.map(|code| code / codes_per_frame);
-    (from > f64::from(first) + FRAME_TOLERANCE || to < f64::from(last) - FRAME_TOLERANCE).then(|| {
-        format!(
-            "the curves have samples for the frames {from} to {to} only, and stand still in the others of {first} \
-             to {last}"
-        )
-    })
+impl Movement {
+    /// The movement of the curves `of`; the first sample is that of the frame `first_sample`.
+    fn new(read: &MovingCurves, of: &[usize], codes_per_frame: f64, first_sample: i32) -> Self {
+        let starts = read.starts();
+        let mut movement = Movement { moving: 0, cut_short: 0, span: [f64::NEG_INFINITY, f64::INFINITY] };
+        for &c in of {
+            let points = |sample: usize| &read.samples[sample][starts[c]..starts[c + 1]];
+            let extent = points(0).iter().map(|x| (x - points(0)[0]).norm()).fold(0.0, f64::max);
+            let still = |pair: usize| {
+                let mut moved = points(pair).iter().zip(points(pair + 1));
+                moved.all(|(a, b)| (a - b).norm() <= STILL * extent)
+            };
+            let Some(first) = (0..read.samples.len() - 1).find(|pair| !still(*pair)) else { continue };
+            let last = (first..read.samples.len() - 1).rfind(|pair| !still(*pair)).unwrap_or(first) + 1;
+            movement.moving += 1;
+            let [from, to] = read.span[c].map(|code| code / codes_per_frame);
+            let frame = |sample: usize| f64::from(first_sample) + sample as f64;
+            // It moves up to the end of its samples, but the bake goes on.
+            let early = last + 1 < read.samples.len() && frame(last) > to - 1.0;
+            let late = first > 0 && frame(first) < from + 1.0;
+            movement.cut_short += usize::from(early || late);
+            movement.span = [movement.span[0].max(from), movement.span[1].min(to)];
+        }
+        movement
+    }
+
+    /// What to tell of curves that stand still in a part of the frames `first` to `last`.
+    fn warning(&self, [first, last]: [i32; 2]) -> Option<String> {
+        let [from, to] = self.span.map(|frame| (1e3 * frame).round() / 1e3);
+        let uncovered = from > f64::from(first) || to < f64::from(last);
+        (self.cut_short > 0 && uncovered).then(|| {
+            format!(
+                "{} of {} curves that move have samples for a part of the frames {first} to {last} only (all have \
+                 them from {from} to {to}), and stand still in the others",
+                self.cut_short, self.moving
+            )
+        })
+    }
 }
 
 /// The curves of a goal that have guides.

@@ -14,7 +14,7 @@ const DEFAULT_FPS: f64 = 24.0;
 /// Most frames after the last at which deforming meshes are sampled, for their velocity.
 const HANDLES: i32 = 2;
 /// Tolerance for frame numbers computed in floating point, frames.
-pub(super) const FRAME_TOLERANCE: f64 = 1e-6;
+const FRAME_TOLERANCE: f64 = 1e-6;
 
 /// The frames of a bake.
 pub(super) struct Timing {

@@ -302,8 +302,8 @@ pub struct GoalFile {
     /// there the strand is the animation. Beyond, the weight falls within 15 % of the length. Default 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hard_to: Option<NumberKeyframesFile>,
-    /// Frequency at which a strand of weight ½ would oscillate about the goal, and at which one that comes to
-    /// weight 1 reaches it, Hz. Higher pulls harder. Default 4.
+    /// Frequency of the springs on the points of a strand of weight ½, and at which one that comes to weight 1
+    /// reaches the goal, Hz. Higher pulls harder. Default 4.
     #[serde(default = "goal_hz")]
     #[schemars(range(min = 0.1, max = 100.0))]
     pub hz: f64,

@@ -188,10 +188,27 @@ def test_curves_that_end_before_the_shot_are_told(goals: Goals, scene: Path) -> 
     curves.GetPointsAttr().ClearAtTime(1004)
     stage.Save()
     _, folder, messages = goals(scene / "a.usda")
-    assert "for the frames 1001 to 1003 only, and stand still in the others of 1001 to 1005" in " ".join(
-        messages.split()
+    told = (
+        "4 of 4 curves that move have samples for a part of the frames 1001 to 1005 only (all have them from"
     )
+    assert f"{told} 1001 to 1003), and stand still in the others" in " ".join(messages.split())
     assert np.allclose(read_obj(folder / "goal_a.1005.obj"), swinging(1003), atol=1e-6)
+
+
+def test_curves_that_stand_still_on_purpose_are_not_told(goals: Goals, scene: Path) -> None:
+    stage = new_goal(scene / "a.usda")
+    curves = UsdGeom.BasisCurves(stage.GetPrimAtPath("/curves"))
+    # Still from the third frame on, with two samples that say so.
+    animate(curves, lambda frame: swinging(min(frame, 1003)))
+    curves.GetPointsAttr().ClearAtTime(1005)
+    # Curves that hold a pose, and end early.
+    held = add_curves(stage, "/held", swinging(1002, 2))
+    animate(held, lambda frame: swinging(1002, 2))
+    held.GetPointsAttr().ClearAtTime(1005)
+    for prim, ids in ((curves, [10, 11, 12, 13]), (held, [20, 21])):
+        add_primvar(prim.GetPrim(), "groom_id", INTS, "uniform", ids)
+    stage.Save()
+    assert "stand still" not in goals(scene / "a.usda")[2]
 
 
 def test_curves_that_do_not_move_are_told(goals: Goals, scene: Path) -> None:

@@ -9,8 +9,6 @@ use serde::Deserialize;
 
 #[derive(Debug, Deserialize)]
 struct Header {
-    /// The first and the last time code with points, if there are several.
-    span: Option<[f64; 2]>,
     /// Time codes per second.
     rate: f64,
 }
@@ -24,13 +22,26 @@ pub(crate) struct MovingCurves {
     pub(crate) ids: Option<Vec<i32>>,
     /// Points at each time, curve after curve.
     pub(crate) samples: Vec<Vec<Vector3<f64>>>,
-    /// The first and the last time code for which the file has points; `None` if it has no several.
-    pub(crate) span: Option<[f64; 2]>,
+    /// The first and the last time code at which the file has points of each curve; infinite if there are
+    /// no several.
+    pub(crate) span: Vec<[f64; 2]>,
     /// Time codes per second.
     pub(crate) rate: f64,
     pub(crate) declared: Declared,
     /// Remarks for the artist.
     pub(crate) notes: Vec<String>,
+}
+
+impl MovingCurves {
+    /// Where each curve starts in a sample, and the number of points.
+    pub(crate) fn starts(&self) -> Vec<usize> {
+        let mut starts = vec![0];
+        starts.extend(self.counts.iter().scan(0, |sum, n| {
+            *sum += *n as usize;
+            Some(*sum)
+        }));
+        starts
+    }
 }
 
 /// Reads the curves at and below a prim at `times`, evaluated to points: the guides among them if there are
@@ -48,7 +59,7 @@ pub(crate) fn read(source: &Source, times: &SampleTimes) -> Result<MovingCurves>
         ids: read.i32s("id"),
         samples: all.chunks(per_sample).map(<[_]>::to_vec).collect(),
         counts,
-        span: read.header.more.span,
+        span: required(read.f64s("span"), "span")?.as_chunks().0.to_vec(),
         rate: read.header.more.rate,
         declared: read.header.declared(),
         notes: read.header.notes,
