@@ -9,6 +9,7 @@ mod cli;
 mod common;
 mod deform;
 mod farm;
+mod goal_wisps;
 mod goals;
 mod hair_volume;
 mod hostile;

@@ -10,6 +10,7 @@
 //! ([`deform()`]).
 
 mod deform;
+mod deformable;
 mod matching;
 mod motion;
 mod plan;
@@ -17,8 +18,9 @@ mod record;
 mod source;
 mod stage;
 
-pub use deform::{deform, never_deforms};
-pub use plan::{OverPlan, Undeformable, moves_all};
+pub use deform::deform;
+pub use deformable::{Undeformable, never_deforms};
+pub use plan::{OverPlan, moves_all};
 pub use record::record;
 
 use super::single::{extent, single};

@@ -1,6 +1,6 @@
 //! What a bake does to the curves of a stage, if these are those that the groom was imported from.
 
-use super::deform::{Deformed, deformed};
+use super::deformable::{Deformed, Undeformable, deformed};
 use super::matching::{is_deformed, match_prims, not_imported};
 use super::motion::linear;
 use super::source::{Fits, Owners, Set, rest_controls};
@@ -36,9 +36,6 @@ pub(super) enum PlannedCurves {
     /// By Houdini, which deforms them by the guides.
     Deformed(Vec<Deformed>),
 }
-
-/// Why Houdini cannot deform the curves of a stage.
-pub type Undeformable = Vec<Diagnostic>;
 
 impl OverPlan {
     /// The plan for a bake of `groom`; without one if the bake leaves the curves to Houdini, which cannot

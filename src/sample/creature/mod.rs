@@ -6,11 +6,13 @@ mod walk;
 
 use super::motion::FPS;
 use crate::file::write_file;
-use crate::geometry::TriMesh;
+use crate::geometry::{SolidMesh, TriMesh};
 use crate::import::{FurShape, GrowOptions, GrowReport, Source, StrandCount, grow};
 use crate::scene::anim::file::{BodyFile, ColliderFile, ShapeFile};
 use crate::scene::{AnimFile, FileSequence, UpAxis};
 use crate::{Error, Result};
+use nalgebra::Vector3;
+use rayon::prelude::*;
 use std::fmt::Write;
 use std::path::Path;
 use walk::Walker;
@@ -20,9 +22,17 @@ const FRAMES: [i32; 2] = [1001, 1048];
 /// Frames written before and after these: the pre-roll reads them, and slopes at the ends.
 const HANDLES: [i32; 2] = [27, 2];
 /// Length of the longest fur, m.
-const FUR: f64 = 0.06;
+const FUR: f64 = 0.04;
 /// Distance kept between body and fur, m.
 const THICKNESS: f64 = 5e-4;
+/// Poses of a stride in which fur is to have room.
+const POSES: usize = 12;
+/// Distance from the skin that the middle of a ball of fur keeps, as a share of its height.
+const ROOM: f64 = 0.8;
+/// Least length of fur, as a share of the longest.
+const LEAST_SHARE: f64 = 0.03;
+/// Rings of vertices over which short fur shortens what is around it.
+const SPREAD: usize = 3;
 /// Decimal places of positions, m.
 const DIGITS: usize = 6;
 
@@ -49,12 +59,13 @@ impl Default for FurSize {
 pub fn write_creature(size: FurSize, folder: &Path) -> Result<GrowReport> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let limbs = body::limbs();
-    let (skin, fur) = body::skin(&limbs);
+    let (skin, mut fur) = body::skin(&limbs);
+    let walker = Walker::new(skin.vertices.clone(), &limbs);
+    leave_room(&mut fur, &skin, &walker);
     let file = folder.join("creature.obj");
     write_file(&file, &[painted_obj(&skin, &fur)])?;
     let pattern = "creature.####.obj";
     let sequence = FileSequence::new(pattern).ok_or_else(|| Error::Internal("no sequence".into()))?;
-    let walker = Walker::new(skin.vertices.clone(), &limbs);
     for frame in FRAMES[0] - HANDLES[0]..=FRAMES[1] + HANDLES[1] {
         let vertices = walker.vertices(f64::from(frame - FRAMES[0]) / FPS);
         let posed = TriMesh { vertices, triangles: skin.triangles.clone() };
@@ -72,6 +83,48 @@ pub fn write_creature(size: FurSize, folder: &Path) -> Result<GrowReport> {
     let (groom, report) = grow(&options)?;
     groom.write(&folder.join("groom.json"))?;
     Ok(report)
+}
+
+/// Shortens fur, lengths at vertices as shares of [`FUR`], to what the skin leaves room for at rest and through
+/// a stride: in the groins and between the legs other parts of it are near, or it folds.
+fn leave_room(fur: &mut [f64], skin: &TriMesh, walker: &Walker) {
+    let rest = std::iter::once(skin.vertices.clone());
+    let poses: Vec<Vec<Vector3<f64>>> =
+        rest.chain((0..POSES).map(|k| walker.vertices(k as f64 / POSES as f64))).collect();
+    let solids: Vec<SolidMesh> = poses.iter().map(|pose| SolidMesh::new(pose, &skin.triangles)).collect();
+    let normals: Vec<Vec<Vector3<f64>>> = poses.iter().map(|pose| normals(pose, &skin.triangles)).collect();
+    let free = |v: usize, share: f64| {
+        let height = share * FUR;
+        (0..poses.len()).all(|k| {
+            let x = poses[k][v] + normals[k][v] * height;
+            // A ball that rests on the skin, with some slack for its curvature.
+            solids[k].closest(&x, height).is_none_or(|nearest| nearest.distance > ROOM * height)
+        })
+    };
+    fur.par_iter_mut().enumerate().for_each(|(v, share)| {
+        while *share > LEAST_SHARE && !free(v, *share) {
+            *share *= 0.8;
+        }
+        *share = share.max(LEAST_SHARE);
+    });
+    // The shortest around a vertex, so that no strand leans from a bald place into a full one.
+    for _ in 0..SPREAD {
+        let before = fur.to_vec();
+        for t in &skin.triangles {
+            let least = t.iter().map(|v| before[*v as usize]).fold(1.0, f64::min);
+            t.iter().for_each(|v| fur[*v as usize] = fur[*v as usize].min(1.25 * least));
+        }
+    }
+}
+
+/// Unit normals at the vertices of a mesh, by the areas of the triangles around them.
+fn normals(vertices: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Vec<Vector3<f64>> {
+    let mut normals = vec![Vector3::zeros(); vertices.len()];
+    for t in triangles {
+        let [a, b, c] = t.map(|v| vertices[v as usize]);
+        t.iter().for_each(|v| normals[*v as usize] += (b - a).cross(&(c - a)));
+    }
+    normals.iter().map(|n| n.try_normalize(0.0).unwrap_or_else(Vector3::y)).collect()
 }
 
 /// The mesh as Wavefront OBJ, whose vertex colours are the lengths of the fur.
@@ -112,8 +165,6 @@ fn animation(sequence: &str) -> AnimFile {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::SolidMesh;
-    use nalgebra::Vector3;
     use std::collections::BTreeMap;
     use std::sync::OnceLock;
 
