@@ -29,8 +29,8 @@ const THICKNESS: f64 = 5e-4;
 const POSES: usize = 12;
 /// Distance from the skin that the middle of a ball of fur keeps, as a share of its height.
 const ROOM: f64 = 0.8;
-/// Least length of fur, as a share of the longest.
-const LEAST_SHARE: f64 = 0.03;
+/// Least length of fur, as a share of the longest; where there is no room for it, there is no fur.
+const LEAST_SHARE: f64 = 0.2;
 /// Rings of vertices over which short fur shortens what is around it.
 const SPREAD: usize = 3;
 /// Decimal places of positions, m.
@@ -77,6 +77,7 @@ pub fn write_creature(size: FurSize, folder: &Path) -> Result<GrowReport> {
         guides: size.guides,
         strands: StrandCount::Number(size.strands),
         folder: folder.to_path_buf(),
+        density_field: Some("color".into()),
         shape: FurShape { length: Some(FUR), length_field: Some("color".into()), ..FurShape::default() },
         ..GrowOptions::new(mesh)
     };
@@ -102,17 +103,17 @@ fn leave_room(fur: &mut [f64], skin: &TriMesh, walker: &Walker) {
         })
     };
     fur.par_iter_mut().enumerate().for_each(|(v, share)| {
-        while *share > LEAST_SHARE && !free(v, *share) {
-            *share *= 0.8;
+        while *share > 0.0 && !free(v, *share) {
+            *share = if *share > LEAST_SHARE { (0.8 * *share).max(LEAST_SHARE) } else { 0.0 };
         }
-        *share = share.max(LEAST_SHARE);
     });
-    // The shortest around a vertex, so that no strand leans from a bald place into a full one.
+    // The shortest around a vertex, so that no strand leans into a place without room.
     for _ in 0..SPREAD {
         let before = fur.to_vec();
         for t in &skin.triangles {
             let least = t.iter().map(|v| before[*v as usize]).fold(1.0, f64::min);
-            t.iter().for_each(|v| fur[*v as usize] = fur[*v as usize].min(1.25 * least));
+            let most = (1.25 * least).max(LEAST_SHARE);
+            t.iter().for_each(|v| fur[*v as usize] = fur[*v as usize].min(most));
         }
     }
 }
