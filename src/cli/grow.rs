@@ -2,7 +2,7 @@
 
 use super::material_arguments::MaterialArguments;
 use super::values::{self, count};
-use super::{console, input_files, output_file};
+use super::{input_files, output_file};
 
 use crate::import::{
     self, Clumps, Direction, FurShape, GROWN_GUIDES, GrowOptions, STRANDS_PER_GUIDE, Source, StrandCount,
@@ -200,11 +200,7 @@ pub fn run(arguments: GrowArguments) -> crate::error::Result<()> {
     let mut options = arguments.options();
     options.folder = output_file::folder(&output).to_path_buf();
     let (groom, report) = import::grow(&options)?;
-    output_file::create_folder(&output)?;
-    groom.write(&output)?;
-    console::say(report.to_string().trim_end());
-    console::wrote(&output);
-    Ok(())
+    output_file::write_groom(&output, &groom, &report)
 }
 
 impl GrowArguments {

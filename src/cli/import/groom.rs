@@ -145,11 +145,7 @@ pub fn run(arguments: GroomArguments) -> Result<()> {
         options.scalp = Some(head.mesh);
     }
     let (groom, report) = import::groom(&options)?;
-    output_file::create_folder(&output)?;
-    groom.write(&output)?;
-    console::say(report.to_string().trim_end());
-    console::wrote(&output);
-    Ok(())
+    output_file::write_groom(&output, &groom, &report)
 }
 
 impl GroomArguments {

@@ -5,7 +5,7 @@ use super::flow::directions;
 use super::options::{Direction, GrowOptions, LENGTH_SHARE, MOST, StrandCount};
 use super::report::GrowReport;
 use super::scatter::{blue_noise, stratified};
-use super::strand::{CLEARANCE, Growth};
+use super::strand::{CLEARANCE, CLUMP, Growth, LENGTH};
 use super::surface::{Place, Surface};
 use crate::import::groom::build::{BuildReport, RenderStrands, build};
 use crate::import::groom::drawn::origin_of;
@@ -38,8 +38,7 @@ const FINE: u64 = 3 << 40;
 /// report. Options out of range.
 pub fn grow(options: &GrowOptions) -> Result<(Groom, GrowReport)> {
     options.check()?;
-    let wanted: Vec<String> = options.fields().into_iter().map(|(name, _)| name.clone()).collect();
-    let PaintedMesh { mesh, paint, space } = read_painted_mesh(&options.mesh, &wanted)?;
+    let PaintedMesh { mesh, paint, space } = read_painted_mesh(&options.mesh, &options.fields())?;
     let surface = Surface::new(&mesh.mesh);
     let fur = Fur::new(options, &surface, &paint)?;
     let strands = fur.strand_count()?;
@@ -160,19 +159,25 @@ impl<'a> Fur<'a> {
         }
         let found = format!("{count:.0} strands on {:.3} m² of fur", self.area());
         let help = "lower the density, or check the unit of the mesh";
-        Err(Diagnostic::new(&self.options.mesh.path, "--density", found, format!("at most {MOST}"), help)
-            .into())
+        Err(Diagnostic::new(
+            &self.options.mesh.path,
+            "--strands-per-cm2",
+            found,
+            format!("at most {MOST}"),
+            help,
+        )
+        .into())
     }
 
     /// The strand with this random `number` at a place, drawn to centres.
     fn strand(&self, number: u64, place: &Place, centres: &[&Centres]) -> Strand {
-        let variation = self.options.shape.length_variation * self.growth.random(number);
+        let variation = self.options.shape.length_variation * self.growth.random(number, LENGTH);
         let factor = self.length_field.map_or(1.0, |field| self.surface.value(field, place).x);
         let length = self.length * factor.max(SHORTEST.1) * (1.0 - variation);
         let points = self.growth.strand(number, place, length);
         let mut strand = Strand { points, length, normal: self.surface.normal(place) };
         for centres in centres {
-            centres.draw(&mut strand, self.growth.random(number + 1));
+            centres.draw(&mut strand, self.growth.random(number, CLUMP));
         }
         strand
     }

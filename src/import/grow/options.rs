@@ -141,14 +141,14 @@ impl GrowOptions {
         }
     }
 
-    /// Names of the fields that are read, each with whether it is one of vectors.
-    pub(super) fn fields(&self) -> Vec<(&String, bool)> {
+    /// Names of the fields that are read.
+    pub(super) fn fields(&self) -> Vec<String> {
         let direction = match &self.shape.direction {
-            Direction::Field(name) => Some((name, true)),
+            Direction::Field(name) => Some(name),
             _ => None,
         };
         let numbers = [&self.density_field, &self.shape.length_field].into_iter().flatten();
-        numbers.map(|name| (name, false)).chain(direction).collect()
+        numbers.chain(direction).cloned().collect()
     }
 
     /// Number of clumps of both scales.

@@ -16,6 +16,11 @@ const RISE: f64 = 0.3;
 /// an exponent of its rest.
 const TURN: f64 = 4.0;
 
+/// Which of the eight random numbers of a strand tells how short it is, and how much a clump draws it; those
+/// before tell its azimuth, lift, phase and frizz.
+pub(super) const LENGTH: u64 = 7;
+pub(super) const CLUMP: u64 = 6;
+
 /// Largest deviations at random: of the azimuth, rad, and of the lift, as a share of it.
 const STRAY: [f64; 2] = [0.15, 0.25];
 
@@ -71,9 +76,9 @@ impl Growth<'_> {
         points
     }
 
-    /// A random number in [0, 1) of a strand.
-    pub(super) fn random(&self, number: u64) -> f64 {
-        random::unit(self.seed, 8 * number + 7)
+    /// A random number in [0, 1) of a strand: `of` is [`LENGTH`] or [`CLUMP`].
+    pub(super) fn random(&self, number: u64, of: u64) -> f64 {
+        random::unit(self.seed, 8 * number + of)
     }
 
     /// Winds a strand of `length`, m, around its course: a helix that opens from the root.
