@@ -58,6 +58,11 @@ pub struct FinishArguments {
     /// Both together take a few seconds.
     #[arg(long, help_heading = OUTPUT)]
     no_pictures: bool,
+    /// Print the figures of the bake as well: time, memory, penetration, how close its start is to the groom
+    ///
+    /// The report has them for every frame.
+    #[arg(long, help_heading = OUTPUT)]
+    figures: bool,
     /// Exit with code 1 if the bake broke a guarantee
     ///
     /// Guarantees: hair crosses no surface, no motion is truncated, every solve converges, and contact forces
@@ -91,7 +96,7 @@ impl FinishArguments {
             console::say(&format!("{}: up to date, {} frames", out.display(), summary.frames.len()));
         } else {
             summary::write(summary, title, out, pictures)?;
-            console::say(&summary::text(summary, out, pictures));
+            console::say(&summary::text(summary, out, pictures, self.figures));
         }
         if self.strict { check_guarantees(summary) } else { Ok(()) }
     }

@@ -290,32 +290,42 @@ pub fn warnings(summary: &BakeSummary) -> Vec<Warning> {
     [
         warning(
             frames,
-            "solves did not converge; these guides were moved rigidly with the head",
+            "the solver found no motion for some guides, which went stiffly along with the head",
             ADVICE,
             unconverged,
         ),
         exempt(frames),
         pinched(summary),
-        warning(frames, "guides are more than 0.5 mm inside a body", ADVICE, |f| {
+        warning(frames, "guides are more than half a millimetre inside a body", ADVICE, |f| {
             (f.penetration_m > GUIDE_INSIDE).then(|| format!("{:.1} mm", 1e3 * f.penetration_m))
         }),
-        warning(frames, "motions were truncated at a surface", "", |f| count(f.shortened)),
-        warning(frames, "contacts did not converge to rest", ADVICE, |f| count(unsettled(f))),
         warning(
             frames,
-            "the length of the sub-step limits the pressure of more than a quarter of the hair",
-            "; take more sub-steps to keep it from being pressed together",
+            "guides were stopped at a surface that they would have gone through, and may hesitate there",
+            ADVICE,
+            |f| count(f.shortened),
+        ),
+        warning(
+            frames,
+            "some contacts with bodies were not at rest when the solver stopped, and hair may tremble there",
+            ADVICE,
+            |f| count(unsettled(f)),
+        ),
+        warning(
+            frames,
+            "more than a quarter of the hair is too dense for steps of this length, and is pressed together",
+            "; more steps per frame (--substeps) keep it apart",
             |f| (f.hair_softened > MANY_SOFTENED).then(|| format!("{:.0} %", 1e2 * f.hair_softened)),
         ),
         warning(
             frames,
-            "the densest twentieth of the hair is more than 1.5 times as dense as that of the groom",
+            "hair is pressed together: the densest twentieth is more than 1.5 times as dense as in the groom",
             "; `hairbake preview --colour crowding` shows where",
             |f| (f.hair_crowding_p95 > CROWDED).then(|| format!("{:.1} times", f.hair_crowding_p95)),
         ),
         warning(
             frames,
-            "render strands are more than 2 mm inside a body",
+            "strands between the guides are more than 2 mm inside a body",
             "; more guides may help there",
             |f| count(f.hair_inside),
         ),
@@ -347,11 +357,11 @@ fn exempt(frames: &[FrameRecord]) -> Option<Warning> {
     let (share, depth) = (deepest.exempt_share(), deepest.exempt_penetration_m);
     (share > MANY_EXEMPT || depth > DEEP_EXEMPT).then(|| {
         let mut warning = Warning::new(format!(
-            "{} of {} guide segments ({:.1} %) are exempt from contact, because the groom has them inside a \
-             body, most deeply",
+            "the groom has {:.1} % of its guides inside a body ({} of {} segments): that part passes through bodies \
+             freely, and is deepest",
+            100.0 * share,
             deepest.exempt_segments,
             deepest.contact_segments,
-            100.0 * share,
         ));
         warning.frame(deepest.frame, format!("up to {:.1} mm", 1e3 * depth));
         warning
@@ -389,13 +399,13 @@ fn limited(frames: &[FrameRecord], guides: usize) -> Option<Warning> {
     let most = MANY_LIMITED * guides as f64;
     warning(
         frames,
-        "velocities of many guides are limited, because they go there and back between frames",
-        "; motion blur from several samples (--samples) does without velocities",
+        "many guides go there and back between frames, and motion blur does not show all of it",
+        "; several samples per frame (--samples) blur them right",
         |f| (f64::from(f.limited_rates) > most).then(|| format!("{} of {guides} guides", f.limited_rates)),
     )
 }
 
-const ADVICE: &str = "; more sub-steps may help";
+const ADVICE: &str = "; more steps per frame (--substeps) may help";
 
 /// A warning about the frames for which `detail` returns something, which may be empty.
 fn warning(
@@ -518,8 +528,8 @@ mod tests {
         let warnings = warnings(&BakeSummary { frames, ..BakeSummary::default() });
         let [soft, crowded] = &warnings[..] else { panic!("{warnings:?}") };
         let (soft, crowded) = (soft.to_text(), crowded.to_text());
-        assert!(soft.contains("in 1 frames: 8 (26 %); take more sub-steps"), "{soft}");
-        assert!(crowded.contains("in 1 frames: 9 (1.6 times)"), "{crowded}");
+        assert!(soft.contains("in frame 8 (26 %); more steps per frame"), "{soft}");
+        assert!(crowded.contains("in frame 9 (1.6 times)"), "{crowded}");
     }
 
     #[test]
@@ -554,7 +564,7 @@ mod tests {
         let frame =
             |frame: i32, limited_rates: u32| FrameRecord { frame, limited_rates, ..FrameRecord::default() };
         let text = limited(&[frame(1001, 30), frame(1002, 10)], 100).unwrap().to_text();
-        assert!(text.contains("in 1 frames: 1001 (30 of 100 guides);"), "{text}");
+        assert!(text.contains("in frame 1001 (30 of 100 guides);"), "{text}");
         assert_eq!(limited(&[frame(1001, 25)], 100), None);
     }
 }

@@ -4,7 +4,7 @@ use super::console;
 use crate::cache::{Reader, write_file};
 use crate::error::{Error, Result};
 use crate::report::picture::AnimationFormat;
-use crate::report::preview::{self, Options};
+use crate::report::preview::{self, Options, Quality};
 use std::io::{self, BufWriter, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -59,7 +59,10 @@ impl Film {
     /// # Errors
     /// Those of [`preview::animate`]; [`Error::Io`]; [`Error::Config`] if ffmpeg is missing or fails.
     pub fn write(&self, reader: &Reader, options: &Options, frames: &[i32]) -> Result<()> {
-        let options = Options { supersampling: SUPERSAMPLING, ..options.clone() };
+        let options = match options.quality {
+            Quality::Quick => Options { supersampling: SUPERSAMPLING, ..options.clone() },
+            Quality::Beauty => options.clone(),
+        };
         let draw = |format, out: &mut dyn io::Write| {
             preview::animate(reader, &options, frames, reader.header().fps, format, out)
         };

@@ -5,18 +5,30 @@ use super::frame_list::frame_range;
 use super::{console, values};
 use crate::cache::{Reader, write_file};
 use crate::error::{Error, Result};
+use crate::report::Image;
 use crate::report::picture::AnimationFormat;
-use crate::report::preview::{self, Colours, CurveSelection, Follow, Options, spread};
+use crate::report::preview::{self, Colours, CurveSelection, Follow, Options, Quality, Views, spread};
 use clap::{ArgGroup, Args, ValueEnum};
 use std::path::{Path, PathBuf};
 
-/// Default number of pictures on a contact sheet.
+/// Default number of frames on a contact sheet.
 pub const PICTURES: usize = 12;
+
+/// Default azimuths of the large views: from the front, three quarters, and from behind at the side, degrees.
+const VIEWS: [f64; 3] = [0.0, 40.0, 145.0];
+/// Default sides of a picture: alone, below views, and both with [`Quality::Beauty`], pixels.
+const SIDE: u32 = 480;
+const SIDE_BELOW_VIEWS: u32 = 320;
+const SIDE_BEAUTY: u32 = 1200;
+const SIDE_BEAUTY_BELOW_VIEWS: u32 = 480;
+/// Samples per pixel in each direction with [`Quality::Beauty`].
+const BEAUTY_SAMPLES: u32 = 5;
 
 const EXAMPLES: &str = "\
 Examples:
   hairbake preview out -o sheet.png
   hairbake preview out -o back.png --frames 1020-1030 --pictures 4 --azimuth 150
+  hairbake preview out -o beauty.png --beauty
   hairbake preview out --animate shot.gif --size 320 --follow head
   hairbake preview out -o shot.mp4
   hairbake preview out -o guides.png --curves guides";
@@ -43,14 +55,26 @@ pub struct PreviewArguments {
     /// Frames to draw, such as 1020-1030 [default: all of the shot]
     #[arg(long, value_name = "A-B", value_parser = frame_range, allow_hyphen_values = true)]
     frames: Option<(i32, i32)>,
-    /// Number of pictures on the contact sheet
+    /// Number of frames on the contact sheet [default: 12; none with --beauty]
     ///
     /// They are spread evenly over the frames.
-    #[arg(long, value_name = "N", default_value_t = PICTURES as u32, value_parser = clap::value_parser!(u32).range(1..=400))]
-    pictures: u32,
-    /// Size of one picture in pixels: one number for a square, or WIDTHxHEIGHT
-    #[arg(long, value_name = "SIZE", default_value = "480", value_parser = values::size)]
-    size: (u32, u32),
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=400))]
+    pictures: Option<u32>,
+    /// Views of the first frame in a row above, twice as large, as azimuths [default: 0,40,145; none with
+    /// --pictures, --azimuth or several caches]
+    ///
+    /// They are seen from in front of the head, however it is turned.
+    #[arg(long, value_name = "DEGREES", value_delimiter = ',', value_parser = values::angle, allow_hyphen_values = true)]
+    views: Option<Vec<f64>>,
+    /// Size of one picture in pixels: one number for a square, or WIDTHxHEIGHT [default: 480, or 320 below
+    /// views; with --beauty 1200, or 480]
+    #[arg(long, value_name = "SIZE", value_parser = values::size)]
+    size: Option<(u32, u32)>,
+    /// Take more time for light and samples: soft shadows, finer hair, large pictures
+    ///
+    /// It may take a minute. By default it draws the views alone.
+    #[arg(long)]
+    beauty: bool,
     /// Curves to draw [default: hair if the cache has it, else guides]
     #[arg(long, value_enum, value_name = "NAME")]
     curves: Option<CurvesName>,
@@ -69,8 +93,10 @@ pub struct PreviewArguments {
     #[arg(long, value_enum, value_name = "NAME", default_value = "position", help_heading = CAMERA)]
     follow: FollowName,
     /// Direction of the viewer, in degrees from the front towards the subject's left; 180 is behind
-    #[arg(long, value_name = "DEGREES", default_value_t = 35.0, value_parser = values::angle, allow_hyphen_values = true, help_heading = CAMERA)]
-    azimuth: f64,
+    ///
+    /// The default is 35.
+    #[arg(long, value_name = "DEGREES", value_parser = values::angle, allow_hyphen_values = true, help_heading = CAMERA)]
+    azimuth: Option<f64>,
     /// Elevation of the viewer, in degrees above the horizon
     #[arg(long, value_name = "DEGREES", default_value_t = 8.0, value_parser = values::angle, allow_hyphen_values = true, help_heading = CAMERA)]
     elevation: f64,
@@ -122,17 +148,30 @@ fn film(text: &str) -> std::result::Result<Film, String> {
     Ok(Film { path, format })
 }
 
+/// Draws the contact sheet of a bake: views of its first frame, and frames spread over the shot.
+///
+/// # Errors
+/// Those of [`preview::sheet`].
+pub fn overview(reader: &Reader) -> Result<Image> {
+    let options = Options { size: (SIDE_BELOW_VIEWS, SIDE_BELOW_VIEWS), ..Options::default() };
+    let frames = spread(reader.header().frames, PICTURES);
+    let views = Views { frame: frames[0], azimuths_deg: VIEWS.to_vec() };
+    preview::sheet(reader, &options, Some(&views), &frames)
+}
+
 /// Draws the contact sheet and the animation.
 pub fn run(arguments: &PreviewArguments) -> Result<()> {
-    let options = arguments.options();
     let shots: Vec<(Reader, Vec<i32>)> =
         arguments.caches.iter().map(|cache| arguments.shot(cache)).collect::<Result<_>>()?;
     let (sheet, films) = arguments.outputs();
-    let [(reader, frames)] = &shots[..] else { return arguments.draw_sweep(shots, &options) };
+    let [(reader, frames)] = &shots[..] else { return arguments.draw_sweep(shots) };
     if let Some(path) = sheet {
-        write(path, preview::sheet(reader, &options, &arguments.select(frames))?.to_png()?)?;
+        let views = arguments.views().map(|azimuths_deg| Views { frame: frames[0], azimuths_deg });
+        let options = arguments.options(views.is_some());
+        let selected = arguments.select(frames, views.is_some());
+        write(path, preview::sheet(reader, &options, views.as_ref(), &selected)?.to_png()?)?;
     }
-    films.iter().try_for_each(|film| film.write(reader, &options, frames))
+    films.iter().try_for_each(|film| film.write(reader, &arguments.options(false), frames))
 }
 
 fn write(path: &Path, bytes: Vec<u8>) -> Result<()> {
@@ -168,30 +207,47 @@ impl PreviewArguments {
         (sheet, as_film.into_iter().chain(self.animate.clone()).collect())
     }
 
+    /// The azimuths of the views of the first frame.
+    fn views(&self) -> Option<Vec<f64>> {
+        let frames_alone = self.pictures.is_some() || self.azimuth.is_some() || self.caches.len() > 1;
+        self.views.clone().or_else(|| (!frames_alone).then(|| VIEWS.to_vec()))
+    }
+
     /// The frames for the contact sheet.
-    fn select(&self, frames: &[i32]) -> Vec<i32> {
-        let selected = spread((0, frames.len() as i32 - 1), self.pictures as usize);
+    fn select(&self, frames: &[i32], below_views: bool) -> Vec<i32> {
+        let default = if self.beauty && below_views { 0 } else { PICTURES };
+        let count = self.pictures.map_or(default, |n| n as usize);
+        let selected = spread((0, frames.len() as i32 - 1), count);
         selected.into_iter().map(|i| frames[i as usize]).collect()
     }
 
     /// Draws a contact sheet of several caches.
-    fn draw_sweep(&self, shots: Vec<(Reader, Vec<i32>)>, options: &Options) -> Result<()> {
+    fn draw_sweep(&self, shots: Vec<(Reader, Vec<i32>)>) -> Result<()> {
         let (sheet, films) = self.outputs();
-        let (Some(path), true) = (sheet, films.is_empty()) else {
-            let message = "several caches need -o FILE for a sheet; an animation takes one cache";
+        let (Some(path), true, None) = (sheet, films.is_empty(), &self.views) else {
+            let message = "several caches need -o FILE for a sheet; an animation and views take one cache";
             return Err(Error::Usage(message.into()));
         };
         for (i, cache) in self.caches.iter().enumerate() {
             console::say(&format!("row {}: {}", i + 1, cache.display()));
         }
         let shots: Vec<_> =
-            shots.into_iter().map(|(reader, frames)| (reader, self.select(&frames))).collect();
-        write(path, preview::sheet_of_shots(&shots, options)?.to_png()?)
+            shots.into_iter().map(|(reader, frames)| (reader, self.select(&frames, false))).collect();
+        write(path, preview::sheet_of_shots(&shots, &self.options(false))?.to_png()?)
     }
 
-    fn options(&self) -> Options {
+    fn options(&self, below_views: bool) -> Options {
+        let side = match (self.beauty, below_views) {
+            (false, false) => SIDE,
+            (false, true) => SIDE_BELOW_VIEWS,
+            (true, false) => SIDE_BEAUTY,
+            (true, true) => SIDE_BEAUTY_BELOW_VIEWS,
+        };
+        let default = Options::default();
         Options {
-            size: self.size,
+            size: self.size.unwrap_or((side, side)),
+            supersampling: if self.beauty { BEAUTY_SAMPLES } else { default.supersampling },
+            quality: if self.beauty { Quality::Beauty } else { Quality::Quick },
             curves: self.curves.map(|curves| match curves {
                 CurvesName::Hair => CurveSelection::Hair,
                 CurvesName::Guides => CurveSelection::Guides,
@@ -209,10 +265,9 @@ impl PreviewArguments {
                 FollowName::Head => Follow::Head,
                 FollowName::World => Follow::World,
             },
-            azimuth_deg: self.azimuth,
+            azimuth_deg: self.azimuth.unwrap_or(default.azimuth_deg),
             elevation_deg: self.elevation,
             fov_deg: self.fov,
-            ..Options::default()
         }
     }
 }

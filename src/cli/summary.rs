@@ -2,13 +2,13 @@
 
 use super::bake_report::{bake_report, findings, pinches, report_of, scene_rows, warnings};
 use super::figures::Figures;
-use super::preview::PICTURES;
+use super::preview::{PICTURES, overview};
 use crate::bake::frame_record::FrameRecord;
 use crate::bake::{BakeSummary, StageSeconds};
-use crate::cache::{FrameEntry, Manifest, Reader, SHOT, write_file};
+use crate::cache::{FrameEntry, Manifest, ROOT, Reader, SHOT, write_file};
 use crate::error::Result;
 use crate::file::remove_file;
-use crate::report::preview::{self, Options, spread};
+use crate::report::preview::spread;
 use crate::report::view::View;
 use crate::report::{BakeReport, Picture};
 use std::fmt::Write;
@@ -46,8 +46,7 @@ pub fn write(summary: &BakeSummary, title: &str, out: &Path, pictures: bool) -> 
     let mut report = bake_report(summary, title);
     if pictures {
         let reader = Reader::open(out)?;
-        let frames = spread(reader.header().frames, PICTURES);
-        let sheet = preview::sheet(&reader, &Options::default(), &frames)?.to_png()?;
+        let sheet = overview(&reader)?.to_png()?;
         write_file(&out.join(SHEET), &[&sheet])?;
         illustrate(&mut report, Some(sheet), summary, &reader)?;
     }
@@ -77,7 +76,8 @@ fn illustrate(
 ) -> Result<()> {
     report.pictures.extend(sheet.map(|bytes| {
         let frames = spread(reader.header().frames, PICTURES);
-        let caption = format!("Frames {} to {}", frames[0], frames[frames.len() - 1]);
+        let (first, last) = (frames[0], frames[frames.len() - 1]);
+        let caption = format!("Frame {first} from three sides, and frames {first} to {last}");
         Picture { caption, media_type: "image/png".into(), bytes }
     }));
     // With a view, numbers of frames are links.
@@ -91,42 +91,82 @@ fn illustrate(
     Ok(())
 }
 
-/// The summary for the console: what was written, how long it took, and how good it is.
-pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
-    let mut text = String::new();
-    let mut line = |name: &str, value: String| {
-        // Writing to a string does not fail.
-        let _ = writeln!(text, "{name:<14}{value}");
+/// The end of a bake on the console: warnings, and in three lines what was made, where to look, and what to do
+/// next; before them its figures, if asked for.
+pub fn text(summary: &BakeSummary, out: &Path, pictures: bool, figures: bool) -> String {
+    let warnings = warnings(summary);
+    let mut text = if figures { figures_of(summary) } else { String::new() };
+    warnings.iter().for_each(|warning| line(&mut text, "warning", &warning.to_text()));
+    line(&mut text, "made", &made(summary, out));
+    line(&mut text, "look at", &to_look_at(summary, out, pictures));
+    line(&mut text, "try next", &to_try(out, !warnings.is_empty()));
+    text.truncate(text.trim_end().len());
+    text
+}
+
+fn line(text: &mut String, name: &str, value: &str) {
+    // Writing to a string does not fail.
+    let _ = writeln!(text, "{name:<14}{value}");
+}
+
+/// What was written, and how fast.
+fn made(summary: &BakeSummary, out: &Path) -> String {
+    let (all, done) = (summary.frames.len(), summary.frames.len() - summary.fresh());
+    let mut text = match &summary.manifest {
+        Some(manifest) => size(manifest, out),
+        None => format!("{}: {all} frames", out.display()),
     };
-    if let Some(manifest) = &summary.manifest {
-        line("baked", size(manifest, out));
-        if let Some(over) = &manifest.over {
-            let paths: Vec<&str> = over.prims.iter().map(|prim| prim.path.as_str()).collect();
-            let shot = out.join(SHOT);
-            line(
-                "over",
-                format!("{}: {} with the motion over {}", shot.display(), over.stage, paths.join(", ")),
-            );
-        }
-        if let Some(deform) = &manifest.deform {
-            let paths: Vec<&str> = deform.prims.iter().map(|prim| prim.path.as_str()).collect();
-            let (shot, paths) = (out.join(SHOT), paths.join(", "));
-            line(
-                "over",
-                format!(
-                    "{}: {}, in which Houdini deforms {paths} by the guides",
-                    shot.display(),
-                    deform.stage
-                ),
-            );
-        }
+    if summary.fresh() > 0 {
+        text += &format!(", {:.2} s a frame", seconds(summary).iter().sum::<f64>());
     }
+    if done > 0 {
+        text += &format!(" ({done} were already done)");
+    }
+    text
+}
+
+/// The files that a person opens.
+fn to_look_at(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
+    let path = |name: &str| out.join(name).display().to_string();
+    let mut files = Vec::new();
+    if pictures {
+        files.push(path(SHEET));
+        files.push(format!("{} plays the shot", path(PAGE)));
+    } else {
+        files.push(format!("{} has charts", path(PAGE)));
+    }
+    if let Some(manifest) = &summary.manifest {
+        files.push(format!("{} opens in any USD program", path(ROOT)));
+        let shot = path(SHOT);
+        let over = manifest.over.as_ref().map(|over| {
+            let paths: Vec<&str> = over.prims.iter().map(|prim| prim.path.as_str()).collect();
+            format!("{shot} is {} with the motion over {}", over.stage, paths.join(", "))
+        });
+        let deform = manifest.deform.as_ref().map(|deform| {
+            let paths: Vec<&str> = deform.prims.iter().map(|prim| prim.path.as_str()).collect();
+            format!("{shot} is {}, in which Houdini deforms {} by the guides", deform.stage, paths.join(", "))
+        });
+        files.extend(over.into_iter().chain(deform));
+    }
+    files.join("; ")
+}
+
+/// Commands that go on from here.
+fn to_try(out: &Path, warned: bool) -> String {
+    let out = out.display();
+    let play = if warned { "shows the frames of the warnings" } else { "plays it" };
+    format!(
+        "`hairbake view {out}` {play}; `hairbake preview {out} -o beauty.png --beauty` draws it at its best; \
+         `hairbake validate {out}` checks it before it goes on"
+    )
+}
+
+/// The figures of a bake: how long it took, and how good it is.
+fn figures_of(summary: &BakeSummary) -> String {
+    let mut text = String::new();
+    let mut line = |name: &str, value: String| line(&mut text, name, &value);
     if summary.fresh() > 0 {
         line("time", time(summary));
-    }
-    if summary.fresh() < summary.frames.len() {
-        let (all, done) = (summary.frames.len(), summary.frames.len() - summary.fresh());
-        line("resumed", format!("{done} of {all} frames were already done"));
     }
     if let Some(bytes) = peak_memory() {
         line("peak memory", format!("{:.0} MB", bytes as f64 * 1e-6));
@@ -176,21 +216,13 @@ pub fn text(summary: &BakeSummary, out: &Path, pictures: bool) -> String {
     if let Some(manifest) = &summary.manifest {
         scene_rows(manifest).into_iter().for_each(|(name, value)| line(name, value));
     }
-    for warning in warnings(summary) {
-        line("warning", warning.to_text());
-    }
-    if pictures {
-        line("contact sheet", out.join(SHEET).display().to_string());
-    }
-    line("report", out.join(PAGE).display().to_string());
-    text.truncate(text.trim_end().len());
     text
 }
 
 fn size(Manifest { summary, frames, .. }: &Manifest, out: &Path) -> String {
     let bytes: u64 = frames.iter().map(FrameEntry::bytes).sum();
     format!(
-        "{}: {} frames, {} strands, {} guides, {:.1} MB",
+        "{}: {} frames of {} strands and {} guides, {:.1} MB",
         out.display(),
         frames.len(),
         summary.hair.0,
@@ -199,10 +231,15 @@ fn size(Manifest { summary, frames, .. }: &Manifest, out: &Path) -> String {
     )
 }
 
-fn time(summary: &BakeSummary) -> String {
+/// Mean time of a frame: to simulate, interpolate and write it.
+fn seconds(summary: &BakeSummary) -> [f64; 3] {
     let n = summary.fresh() as f64;
     let mean = |of: fn(&StageSeconds) -> f64| summary.seconds.iter().flatten().map(of).sum::<f64>() / n;
-    let [simulate, interpolate, write] = [mean(|s| s.simulate), mean(|s| s.interpolate), mean(|s| s.write)];
+    [mean(|s| s.simulate), mean(|s| s.interpolate), mean(|s| s.write)]
+}
+
+fn time(summary: &BakeSummary) -> String {
+    let [simulate, interpolate, write] = seconds(summary);
     let preroll = summary.preroll_seconds.map(|s| format!(", plus {s:.1} s pre-roll")).unwrap_or_default();
     let all = simulate + interpolate + write;
     format!(

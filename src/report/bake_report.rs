@@ -391,13 +391,11 @@ mod tests {
         report.view = Some(View::sample());
         let page = report.to_html().unwrap();
         assert!(
-            page.contains(&format!(
-                "<li>3 strands &lt;short&gt; of contact in 1 frames: {link} (0.3 mm)</li>"
-            ))
+            page.contains(&format!("<li>3 strands &lt;short&gt; of contact in frame {link} (0.3 mm)</li>"))
         );
         assert!(page.matches("#frame=").count() > 4, "and those of extremes");
         let json: serde_json::Value = serde_json::from_str(&report.to_json().unwrap()).unwrap();
-        assert_eq!(json["warnings"][0], "3 strands <short> of contact in 1 frames: 1004 (0.3 mm)");
+        assert_eq!(json["warnings"][0], "3 strands <short> of contact in frame 1004 (0.3 mm)");
     }
 
     #[test]

@@ -7,16 +7,16 @@ use rayon::prelude::*;
 /// Memory for all frames in work, bytes.
 const MEMORY: usize = 1 << 30;
 
-/// Computes something of each frame, several frames at a time, and consumes it in order. `bytes` is about
+/// Computes something of each frame or picture, several at a time, and consumes it in order. `bytes` is about
 /// what a frame takes while it is in work.
-pub fn in_order<T: Send>(
-    frames: &[i32],
+pub fn in_order<F: Sync, T: Send>(
+    frames: &[F],
     bytes: usize,
-    compute: impl Fn(i32) -> Result<T> + Sync,
+    compute: impl Fn(&F) -> Result<T> + Sync,
     mut consume: impl FnMut(T) -> Result<()>,
 ) -> Result<()> {
     for some in frames.chunks(at_once(bytes, rayon::current_num_threads())) {
-        let computed: Vec<T> = some.par_iter().map(|frame| compute(*frame)).collect::<Result<_>>()?;
+        let computed: Vec<T> = some.par_iter().map(&compute).collect::<Result<_>>()?;
         computed.into_iter().try_for_each(&mut consume)?;
     }
     Ok(())
@@ -45,11 +45,11 @@ mod tests {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(4).build().unwrap();
         let most = |bytes: usize| {
             let (now, most) = (AtomicUsize::new(0), AtomicUsize::new(0));
-            let compute = |frame: i32| {
+            let compute = |frame: &i32| {
                 most.fetch_max(now.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
                 std::thread::sleep(std::time::Duration::from_millis(5));
                 now.fetch_sub(1, Ordering::SeqCst);
-                Ok(frame)
+                Ok(*frame)
             };
             let (frames, mut consumed): (Vec<i32>, Vec<i32>) = ((1..=20).collect(), Vec::new());
             let consume = |frame: i32| {

@@ -49,7 +49,10 @@ impl Warning {
         });
         let listed = listed.collect::<Vec<_>>().join(", ");
         let more = if self.frames.len() > MAX_LISTED { ", ..." } else { "" };
-        format!("{what} in {} frames: {listed}{more}{advice}", self.frames.len())
+        match self.frames.len() {
+            1 => format!("{what} in frame {listed}{advice}"),
+            n => format!("{what} in {n} frames: {listed}{more}{advice}"),
+        }
     }
 }
 

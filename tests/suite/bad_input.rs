@@ -155,7 +155,7 @@ fn hair_that_is_partly_inside_a_body_is_recorded_and_warned_of() {
     let assert = bake(&scene.groom, &scene.anim, &out).assert().success();
     says(
         &String::from_utf8_lossy(&assert.get_output().stderr),
-        &["exempt from contact", "the groom has them inside"],
+        &["the groom has", "of its guides inside a body"],
     );
     let manifest: Value = serde_json::from_slice(&crate::common::here(&out.join("manifest.json"))).unwrap();
     let figures = &manifest["frames"][1]["figures"];

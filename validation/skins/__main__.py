@@ -123,9 +123,9 @@ def main() -> int:
         said = run(
             *(options.hairbake, folder / "groom.json", folder / "anim.json", "-o", folder / "out"),
             *(sampling if options.samples > 1 else ()),
-            *("--contact", options.contact, "--substeps", "4", "--preroll", "0", "--no-pictures"),
+            *("--contact", options.contact, "--substeps", "4", "--preroll", "0", "--no-pictures", "--figures"),
         )
-        kept = ("baked", "time", "peak memory", "penetration", "hair in body", "exempt", "warning")
+        kept = ("made", "time", "peak memory", "penetration", "hair in body", "exempt", "warning")
         print("\n".join(line for line in said.splitlines() if line.startswith(kept)))
         print(f"{time.monotonic() - start:.1f} s in all")
         measure(Cache(folder / "out"), stage, chosen, shares, body)

@@ -75,48 +75,90 @@ impl Camera {
     }
 }
 
-/// Bounding box of everything to show, along the viewing axes and relative to the followed point.
+/// The field of view of a picture: tangents of the half angles to its sides and to its top.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Framing {
-    low: Vector3<f32>,
-    high: Vector3<f32>,
+pub struct Field {
+    /// Of the width.
+    pub across: f32,
+    /// Of the height.
+    pub up: f32,
 }
 
-impl Default for Framing {
-    fn default() -> Self {
-        Framing { low: Vector3::repeat(f32::INFINITY), high: Vector3::repeat(f32::NEG_INFINITY) }
+impl Field {
+    /// Of a picture of `size` with this vertical field of view.
+    pub fn new(fov_deg: f64, size: (u32, u32)) -> Self {
+        let up = (fov_deg * 0.5).to_radians().tan() as f32;
+        Field { across: up * size.0 as f32 / size.1 as f32, up }
     }
 }
 
+/// The planes that bound everything to show, as seen with a field of view, in components along the viewing
+/// axes and relative to the followed point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Framing {
+    field: Field,
+    /// Largest ±x + z · across and ±y + z · up of all points: right, left, top, bottom.
+    reach: [f32; 4],
+    /// Largest z.
+    nearest: f32,
+}
+
+/// What is left free around a picture, of its half width or height.
+const MARGIN: f32 = 0.06;
+
 impl Framing {
-    /// Extends the box to a point, given by its components along the viewing axes.
+    /// Of nothing.
+    pub fn new(field: Field) -> Self {
+        let field = Field { across: field.across / (1.0 + MARGIN), up: field.up / (1.0 + MARGIN) };
+        Framing { field, reach: [f32::NEG_INFINITY; 4], nearest: f32::NEG_INFINITY }
+    }
+
+    /// Extends it to a point, given by its components along the viewing axes.
     pub fn add(&mut self, c: Vector3<f32>) {
-        self.low = self.low.inf(&c);
-        self.high = self.high.sup(&c);
+        let Field { across, up } = self.field;
+        let of = [c.x + c.z * across, -c.x + c.z * across, c.y + c.z * up, -c.y + c.z * up];
+        self.reach.iter_mut().zip(of).for_each(|(reach, of)| *reach = reach.max(of));
+        self.nearest = self.nearest.max(c.z);
+    }
+
+    /// Extends it to all of another one of the same field.
+    pub fn join(&mut self, other: &Framing) {
+        self.reach.iter_mut().zip(other.reach).for_each(|(reach, of)| *reach = reach.max(of));
+        self.nearest = self.nearest.max(other.nearest);
     }
 
     /// Whether it contains any point.
     pub fn is_bounded(&self) -> bool {
-        self.low.x <= self.high.x
+        self.reach[0] > f32::NEG_INFINITY
     }
 
-    /// The camera that shows the whole box: the near face of the box fills the picture except for a margin.
-    pub fn camera(&self, axes: Axes, followed: Vector3<f32>, fov_deg: f64, size: (u32, u32)) -> Camera {
-        const MARGIN: f32 = 1.06;
-        let (width, height) = (size.0 as f32, size.1 as f32);
-        let half = (self.high - self.low) * 0.5 * MARGIN;
-        let tan = (fov_deg * 0.5).to_radians().tan() as f32;
+    /// How far in front of the followed point a camera stands that shows it all.
+    pub fn distance(&self) -> f32 {
+        let [right, left, top, bottom] = self.reach;
+        let Field { across, up } = self.field;
+        let stand = (0.5 * (right + left) / across).max(0.5 * (top + bottom) / up);
         // Any distance suits a single point.
-        let reach = half.y.max(half.x * height / width).max(1e-6);
-        let distance = reach / tan;
-        let middle = (self.low + self.high) * 0.5;
-        let stand = Vector3::new(middle.x, middle.y, self.high.z + distance);
+        stand.max(self.nearest + 1e-6)
+    }
+
+    /// The camera that shows it all, from `distance` or as near as that allows.
+    pub fn camera(
+        &self,
+        axes: Axes,
+        followed: Vector3<f32>,
+        distance: Option<f32>,
+        size: (u32, u32),
+    ) -> Camera {
+        let [right, left, top, bottom] = self.reach;
+        let height = size.1 as f32;
+        let stand = distance.unwrap_or_else(|| self.distance());
+        let eye = Vector3::new(0.5 * (right - left), 0.5 * (top - bottom), stand);
         Camera {
             axes,
-            eye: followed + axes.vector(stand),
-            focal: 0.5 * height / tan,
-            centre: [0.5 * width, 0.5 * height],
-            near: 0.02 * distance,
+            eye: followed + axes.vector(eye),
+            focal: 0.5 * height / (self.field.up * (1.0 + MARGIN)),
+            centre: [0.5 * size.0 as f32, 0.5 * height],
+            near: 0.02 * (stand - self.nearest),
         }
     }
 }
@@ -137,19 +179,27 @@ mod tests {
     }
 
     #[test]
-    fn framed_box_fills_the_picture_and_stays_inside() {
+    fn framed_points_fill_the_picture_and_stay_inside() {
         let axes = Axes::looking(20.0, 10.0);
-        let mut framing = Framing::default();
-        for corner in [[-1.0, -2.0, -0.5], [1.0, 3.0, 0.5]] {
-            framing.add(Vector3::from(corner));
-        }
+        let size = (300, 200);
+        let mut framing = Framing::new(Field::new(30.0, size));
+        // The highest point is far away, the lowest is near.
+        let points = [[-1.0, -2.0, 0.5], [1.0, 3.0, -0.5], [0.3, 1.0, 0.4]].map(Vector3::from);
+        points.iter().for_each(|p| framing.add(*p));
         let followed = Vector3::new(5.0, 6.0, 7.0);
-        let camera = framing.camera(axes, followed, 30.0, (300, 200));
-        let at = |c: [f32; 3]| camera.project(followed + axes.vector(Vector3::from(c))).unwrap();
-        let (top, bottom) = (at([0.0, 3.0, 0.5]), at([0.0, -2.0, 0.5]));
-        assert!(top.y > 0.0 && top.y < 10.0, "{top:?}");
-        assert!(bottom.y < 200.0 && bottom.y > 190.0, "{bottom:?}");
-        assert_relative_eq!(at([0.0, 0.5, 0.5]).x, 150.0, epsilon = 1e-3);
+        let camera = framing.camera(axes, followed, None, size);
+        let at = |c: Vector3<f32>| camera.project(followed + axes.vector(c)).unwrap();
+        let margin = 100.0 * (1.0 - 1.0 / (1.0 + MARGIN));
+        assert_relative_eq!(at(points[0]).y, 200.0 - margin, epsilon = 1e-2);
+        assert_relative_eq!(at(points[1]).y, margin, epsilon = 1e-2);
+        let inside = |p: &Vector3<f32>| (margin..300.0 - margin).contains(&at(*p).x);
+        assert!(points.iter().all(inside));
         assert!(camera.project(camera.eye + axes.back).is_none(), "behind the eye");
+        let far = framing.camera(axes, followed, Some(2.0 * framing.distance()), size);
+        let height = |camera: &Camera| {
+            let [a, b] = [0, 1].map(|i| camera.project(followed + axes.vector(points[i])).unwrap().y);
+            a - b
+        };
+        assert!(height(&far) < 0.6 * height(&camera));
     }
 }

@@ -1,5 +1,6 @@
 //! Settings of a preview.
 
+use super::lighting::Sampling;
 use crate::error::{Error, Result};
 
 /// Curves to draw.
@@ -37,6 +38,26 @@ pub enum Colours {
     Crowding,
 }
 
+/// How much work is put into a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Quality {
+    /// A fraction of a second.
+    #[default]
+    Quick,
+    /// Soft shadows from many directions, in some seconds.
+    Beauty,
+}
+
+impl Quality {
+    /// How finely light is sampled.
+    pub(super) fn sampling(self) -> Sampling {
+        match self {
+            Quality::Quick => Sampling { cells: 400_000, lamp: 1, sky: 8 },
+            Quality::Beauty => Sampling { cells: 3_000_000, lamp: 12, sky: 48 },
+        }
+    }
+}
+
 /// Settings of a preview.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
@@ -44,6 +65,8 @@ pub struct Options {
     pub size: (u32, u32),
     /// Samples per pixel in each direction.
     pub supersampling: u32,
+    /// How much work is put into light.
+    pub quality: Quality,
     /// Meaning of the colours.
     pub colours: Colours,
     /// Curves to draw; by default strands if the cache has them, else guides.
@@ -68,6 +91,7 @@ impl Default for Options {
         Options {
             size: (480, 480),
             supersampling: 3,
+            quality: Quality::default(),
             colours: Colours::default(),
             curves: None,
             width_scale: 1.0,

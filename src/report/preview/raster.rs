@@ -19,17 +19,17 @@ pub struct Ribbon {
     pub ends: [Projected; 2],
     /// Width in fine pixels.
     pub width: f32,
-    /// Linear colour.
-    pub colour: Rgb,
+    /// Linear colours of its ends.
+    pub colours: [Rgb; 2],
 }
 
-/// A triangle, in fine pixels, with a linear colour at each corner.
+/// A triangle, in fine pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Triangle {
     /// Corners.
     pub corners: [Projected; 3],
-    /// Colours at the corners.
-    pub colours: [Rgb; 3],
+    /// What the colours of its points are asked by.
+    pub id: u32,
 }
 
 /// Rows of final pixels per task.
@@ -44,16 +44,20 @@ struct Band<'a> {
     top: usize,
     width: usize,
     pixels: &'a mut [FinePixel],
+    /// One more than the place of the nearest triangle in its band; 0 for none.
+    nearest: &'a mut [u32],
 }
 
 /// Draws a picture of `size` final pixels, supersampled `fine` times in each direction, over `background`
-/// (linear colour at a position in fractions of the picture). The picture does not depend on the number of
-/// threads.
+/// (linear colour at a position in fractions of the picture). `skin` is the linear colour of a triangle at the
+/// point with these weights of its corners; it is asked once for each pixel and triangle. The picture does not
+/// depend on the number of threads.
 pub fn draw(
     size: (u32, u32),
     fine: u32,
     background: impl Fn(f32, f32) -> Rgb + Sync,
     triangles: &[Triangle],
+    skin: impl Fn(u32, [f32; 3]) -> Rgb + Sync,
     ribbons: &[Ribbon],
 ) -> Image {
     let (width, fine) = (size.0 as usize, fine as usize);
@@ -70,7 +74,7 @@ pub fn draw(
         touched_bands(a.min(b).min(c), a.max(b).max(c), bands, rows)
     });
     let mut image = Image::new(size.0, size.1);
-    let draw_band = |Scratch { pixels, order }: &mut Scratch, (k, out): (usize, &mut [u8])| {
+    let draw_band = |Scratch { pixels, nearest, order }: &mut Scratch, (k, out): (usize, &mut [u8])| {
         pixels.clear();
         for y in k * BAND..k * BAND + out.len() / (3 * width) {
             // The background is smooth: one colour for all fine pixels of a final one.
@@ -84,8 +88,12 @@ pub fn draw(
                 pixels.extend_from_within(start..start + width * fine);
             }
         }
-        let mut band = Band { top: k * rows, width: width * fine, pixels };
-        triangles_by_band[k].iter().for_each(|t| band.triangle(t));
+        nearest.clear();
+        nearest.resize(pixels.len(), 0);
+        let mut band = Band { top: k * rows, width: width * fine, pixels, nearest };
+        let triangles = &triangles_by_band[k];
+        triangles.iter().zip(1..).for_each(|(t, place)| band.triangle(t, place));
+        band.shade(triangles, fine, &skin);
         let ribbons = &ribbons_by_band[k];
         far_to_near(ribbons, order);
         order.iter().for_each(|key| band.ribbon(&ribbons[*key as u32 as usize]));
@@ -109,6 +117,7 @@ pub fn draw(
 #[derive(Default)]
 struct Scratch {
     pixels: Vec<FinePixel>,
+    nearest: Vec<u32>,
     /// See [`far_to_near`].
     order: Vec<u64>,
 }
@@ -145,15 +154,29 @@ fn far_to_near(ribbons: &[Ribbon], order: &mut Vec<u64>) {
     order.sort_unstable();
 }
 
+/// Twice the area of the triangle from an edge to a point.
+fn cross(p: Projected, q: Projected, x: f32, y: f32) -> f32 {
+    (q.x - p.x) * (y - p.y) - (q.y - p.y) * (x - p.x)
+}
+
+impl Triangle {
+    /// The weights of the corners at the point of the surface that is seen at (`x`, `y`).
+    fn weights(&self, [x, y]: [f32; 2]) -> [f32; 3] {
+        let [a, b, c] = self.corners;
+        let parts = [(b, c, a), (c, a, b), (a, b, c)].map(|(p, q, r)| cross(p, q, x, y) * r.inverse_depth);
+        let sum: f32 = parts.iter().sum();
+        parts.map(|part| part / sum)
+    }
+}
+
 impl Band<'_> {
     fn rows(&self) -> usize {
         self.pixels.len() / self.width
     }
 
-    fn triangle(&mut self, t: &Triangle) {
+    /// Marks where a triangle is nearest with its `place`.
+    fn triangle(&mut self, t: &Triangle, place: u32) {
         let [a, b, c] = t.corners;
-        let cross =
-            |p: Projected, q: Projected, x: f32, y: f32| (q.x - p.x) * (y - p.y) - (q.y - p.y) * (x - p.x);
         let area = cross(a, b, c.x, c.y);
         let (top, bottom) = (self.top as f32, (self.top + self.rows()) as f32);
         let y_range = fine_range(a.y.min(b.y).min(c.y).max(top), a.y.max(b.y).max(c.y).min(bottom));
@@ -187,10 +210,39 @@ impl Band<'_> {
                 let inverse_depth = weights[0] * a.inverse_depth
                     + weights[1] * b.inverse_depth
                     + weights[2] * c.inverse_depth;
-                let pixel = &mut self.pixels[(row - self.top) * self.width + column];
-                if inverse_depth > pixel[3] {
-                    let c = t.colours[0] * weights[0] + t.colours[1] * weights[1] + t.colours[2] * weights[2];
-                    *pixel = [c.x, c.y, c.z, inverse_depth];
+                let i = (row - self.top) * self.width + column;
+                if inverse_depth > self.pixels[i][3] {
+                    self.pixels[i][3] = inverse_depth;
+                    self.nearest[i] = place;
+                }
+            }
+        }
+    }
+
+    /// Colours what triangles cover: of each pixel the first fine pixel of each triangle stands for all.
+    fn shade(&mut self, triangles: &[Triangle], fine: usize, skin: &impl Fn(u32, [f32; 3]) -> Rgb) {
+        let mut known: Vec<(u32, Rgb)> = Vec::new();
+        for y in (0..self.rows()).step_by(fine) {
+            for x in (0..self.width).step_by(fine) {
+                known.clear();
+                for row in y..y + fine {
+                    for column in x..x + fine {
+                        let i = row * self.width + column;
+                        let place = self.nearest[i];
+                        if place == 0 {
+                            continue;
+                        }
+                        let colour =
+                            known.iter().find(|(known, _)| *known == place).map(|(_, colour)| *colour);
+                        let colour = colour.unwrap_or_else(|| {
+                            let t = &triangles[place as usize - 1];
+                            let at = [column as f32 + 0.5, (self.top + row) as f32 + 0.5];
+                            let colour = skin(t.id, t.weights(at));
+                            known.push((place, colour));
+                            colour
+                        });
+                        self.pixels[i][..3].copy_from_slice(colour.as_slice());
+                    }
                 }
             }
         }
@@ -210,12 +262,15 @@ impl Band<'_> {
         }
         let slope = (across1 - across0) / run;
         let half = 0.5 * r.width * (1.0 + slope * slope).sqrt();
+        let colours = if place(p).0 <= place(q).0 { r.colours } else { [r.colours[1], r.colours[0]] };
+        let change = (colours[1] - colours[0]) / run;
         let deepening = (to.inverse_depth - from.inverse_depth) / run;
         let (low, high) = if steep { (self.top, self.top + self.rows()) } else { (0, self.width) };
         for step in fine_range(along0.max(low as f32), along1.min(high as f32)) {
             let f = step as f32 + 0.5 - along0;
             let middle = across0 + slope * f;
             let inverse_depth = from.inverse_depth + deepening * f;
+            let colour = colours[0] + change * f;
             let (left, right) = (middle - half, middle + half);
             let (low, high) = if steep { (0, self.width) } else { (self.top, self.top + self.rows()) };
             let first = left.max(low as f32) as usize;
@@ -225,7 +280,7 @@ impl Band<'_> {
                 let (x, y) = if steep { (cell, step) } else { (step, cell) };
                 let pixel = &mut self.pixels[(y - self.top) * self.width + x];
                 if inverse_depth > pixel[3] {
-                    let shade = [r.colour.x, r.colour.y, r.colour.z, pixel[3]];
+                    let shade = [colour.x, colour.y, colour.z, pixel[3]];
                     pixel.iter_mut().zip(shade).for_each(|(c, shade)| *c += (shade - *c) * covered);
                 }
             }
@@ -305,6 +360,10 @@ mod tests {
         Projected { x, y, inverse_depth }
     }
 
+    fn green(_: u32, _: [f32; 3]) -> Rgb {
+        Rgb::new(0.0, 0.5, 0.0)
+    }
+
     fn black(_: f32, _: f32) -> Rgb {
         Rgb::zeros()
     }
@@ -322,8 +381,8 @@ mod tests {
     const GREY: f32 = 0.5;
 
     fn area_of(ends: [Projected; 2], width: f32, fine: u32) -> f64 {
-        let ribbon = Ribbon { ends, width, colour: Rgb::repeat(GREY) };
-        total(&draw((64, 64), fine, black, &[], &[ribbon])) / f64::from(GREY)
+        let ribbon = Ribbon { ends, width, colours: [Rgb::repeat(GREY); 2] };
+        total(&draw((64, 64), fine, black, &[], green, &[ribbon])) / f64::from(GREY)
     }
 
     #[test]
@@ -347,13 +406,13 @@ mod tests {
     #[test]
     fn joined_pieces_cover_as_much_as_one() {
         let (a, b) = (at(10.2, 9.1, 1.0), at(51.7, 23.3, 1.0));
-        let whole = Ribbon { ends: [a, b], width: 0.7, colour: Rgb::repeat(GREY) };
+        let whole = Ribbon { ends: [a, b], width: 0.7, colours: [Rgb::repeat(GREY); 2] };
         let cut = |t: f32| at(a.x + (b.x - a.x) * t, a.y + (b.y - a.y) * t, 1.0);
         let parts: Vec<Ribbon> = (0..17)
             .map(|i| Ribbon { ends: [cut(i as f32 / 17.0), cut((i + 1) as f32 / 17.0)], ..whole })
             .collect();
-        let one = total(&draw((64, 64), 1, black, &[], &[whole]));
-        assert_relative_eq!(total(&draw((64, 64), 1, black, &[], &parts)), one, max_relative = 0.005);
+        let one = total(&draw((64, 64), 1, black, &[], green, &[whole]));
+        assert_relative_eq!(total(&draw((64, 64), 1, black, &[], green, &parts)), one, max_relative = 0.005);
     }
 
     #[test]
@@ -361,12 +420,12 @@ mod tests {
         let bar = |inverse_depth, colour| Ribbon {
             ends: [at(16.0, 0.0, inverse_depth), at(16.0, 32.0, inverse_depth)],
             width: 8.0,
-            colour,
+            colours: [colour; 2],
         };
         let (red, blue) = (Rgb::new(0.5, 0.0, 0.0), Rgb::new(0.0, 0.0, 0.5));
         let (near, far) = (bar(2.0, red), bar(1.0, blue));
         for ribbons in [[near, far], [far, near]] {
-            let [r, _, b] = draw((32, 32), 2, black, &[], &ribbons).get(8, 8);
+            let [r, _, b] = draw((32, 32), 2, black, &[], green, &ribbons).get(8, 8);
             assert!(r > 100 && b == 0, "red {r}, blue {b}");
         }
         let wall = |inverse_depth| Triangle {
@@ -375,9 +434,9 @@ mod tests {
                 at(200.0, -50.0, inverse_depth),
                 at(-50.0, 200.0, inverse_depth),
             ],
-            colours: [Rgb::new(0.0, 0.5, 0.0); 3],
+            id: 0,
         };
-        let seen = |depth| draw((32, 32), 2, black, &[wall(depth)], &[near]).get(8, 8);
+        let seen = |depth| draw((32, 32), 2, black, &[wall(depth)], green, &[near]).get(8, 8);
         assert_eq!(seen(3.0)[0], 0, "behind the wall");
         assert!(seen(1.5)[0] > 100 && seen(1.5)[1] == 0, "before the wall");
     }
@@ -385,11 +444,10 @@ mod tests {
     #[test]
     fn triangles_with_a_common_edge_leave_no_gap() {
         let corners = [at(2.0, 3.0, 1.0), at(30.0, 1.0, 1.0), at(28.0, 29.0, 1.0), at(1.0, 31.0, 1.0)];
-        let half =
-            |k: [usize; 3]| Triangle { corners: k.map(|i| corners[i]), colours: [Rgb::repeat(GREY); 3] };
-        let image = draw((32, 32), 1, black, &[half([0, 1, 2]), half([0, 3, 2])], &[]);
+        let half = |k: [usize; 3]| Triangle { corners: k.map(|i| corners[i]), id: 0 };
+        let image = draw((32, 32), 1, black, &[half([0, 1, 2]), half([0, 3, 2])], green, &[]);
         let grey = image.get(16, 16);
-        assert!(grey[0] > 100);
+        assert!(grey[1] > 100);
         assert!((4..28).all(|i| image.get(i, i) == grey), "a gap along the shared edge");
     }
 
@@ -410,7 +468,7 @@ mod tests {
         let ribbon = |x0, y0, x1, y1| Ribbon {
             ends: [at(x0, y0, 1.0), at(x1, y1, 1.0)],
             width: 3.0,
-            colour: Rgb::repeat(GREY),
+            colours: [Rgb::repeat(GREY); 2],
         };
         let off = [
             ribbon(-1e6, -1e6, -10.0, 5.0),
@@ -418,10 +476,10 @@ mod tests {
             ribbon(3.0, -90.0, 4.0, -50.0),
             ribbon(3.0, 60.0, 4.0, 1e30),
         ];
-        assert_eq!(total(&draw((32, 32), 1, black, &[], &off)), 0.0);
+        assert_eq!(total(&draw((32, 32), 1, black, &[], green, &off)), 0.0);
         let across = ribbon(-100.0, 16.0, 100.0, 16.0);
         assert_relative_eq!(
-            total(&draw((32, 32), 1, black, &[], &[across])) / f64::from(GREY),
+            total(&draw((32, 32), 1, black, &[], green, &[across])) / f64::from(GREY),
             96.0,
             max_relative = 0.01
         );

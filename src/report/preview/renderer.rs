@@ -1,6 +1,6 @@
 //! Draws the frames of a shot.
 
-use super::camera::{Axes, Framing};
+use super::camera::{Axes, Field, Framing};
 use super::crowding::Crowding;
 use super::frame_range::spread_over;
 use super::options::{Colours, CurveSelection, Follow, Options};
@@ -9,7 +9,7 @@ use super::shot::Shot;
 use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame};
 use crate::error::{Diagnostic, Error, Result};
 use crate::report::picture::Image;
-use crate::report::space::{matrix, to_rest};
+use crate::report::space::{finite_box, matrix, to_rest};
 use nalgebra::Vector3;
 
 /// Factor on the widths of strands that are drawn with guides.
@@ -23,6 +23,8 @@ pub struct Renderer<'a, S: Shot> {
     /// Centre of the roots in rest space.
     pivot: Vector3<f64>,
     framing: Framing,
+    /// Distance of the camera, if not as near as the framing allows.
+    distance: Option<f32>,
     /// Of the sets to draw, if colours show it.
     crowding: Vec<Crowding<'a>>,
 }
@@ -49,31 +51,67 @@ impl<'a, S: Shot> Renderer<'a, S> {
             CurveSelection::Guides
         });
         let pivot = Vector3::zeros();
+        let framing = Framing::new(Field::new(options.fov_deg, options.size));
         let mut renderer =
-            Renderer { shot, options, curves, pivot, framing: Framing::default(), crowding: Vec::new() };
+            Renderer { shot, options, curves, pivot, framing, distance: None, crowding: Vec::new() };
         let roots = renderer.roots()?;
         if renderer.options.colours == Colours::Crowding {
             let unit = header.metres_per_unit;
             renderer.crowding = renderer.sets().into_iter().map(|set| Crowding::new(set, unit)).collect();
         }
         renderer.pivot = roots.iter().sum::<Vector3<f64>>() / roots.len() as f64;
-        let mut framing = Framing::default();
         for frame in spread_over(frames, 12) {
-            let frame = renderer.read(frame)?;
-            let (axes, followed) = renderer.view(&frame);
-            for (_, moving) in renderer.drawn(&frame) {
-                for p in moving.points.iter().map(|p| renderer.y_up(*p)) {
-                    if p.iter().all(|x| x.is_finite()) {
-                        framing.add(axes.components(p - followed));
-                    }
-                }
-            }
+            let framed = renderer.framed(frame)?;
+            renderer.framing.join(&framed);
         }
-        renderer.framing = framing;
         if !renderer.framing.is_bounded() {
             return Err(renderer.damaged("the requested frames have no finite points".into()));
         }
         Ok(renderer)
+    }
+
+    /// Prepares to draw one frame from several azimuths in the frame of the head, at one scale.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn views(shot: &'a S, options: &Options, frame: i32, azimuths: &[f64]) -> Result<Vec<Self>> {
+        let from = |azimuth_deg: &f64| {
+            let options = Options { azimuth_deg: *azimuth_deg, follow: Follow::Head, ..options.clone() };
+            Renderer::new(shot, options, &[frame])
+        };
+        let mut views: Vec<Self> = azimuths.iter().map(from).collect::<Result<_>>()?;
+        let distance = views.iter().map(|view| view.framing.distance()).reduce(f32::max);
+        views.iter_mut().for_each(|view| view.distance = distance);
+        Ok(views)
+    }
+
+    /// The framing of what is to be seen of a frame: its curves, and what bodies have around their roots: of a
+    /// short cut the whole face.
+    fn framed(&self, frame: i32) -> Result<Framing> {
+        const AROUND: f32 = 0.35;
+        let frame = self.read(frame)?;
+        let (axes, followed) = self.view(&frame);
+        let mut framing = Framing::new(Field::new(self.options.fov_deg, self.options.size));
+        let mut add = |p: Vector3<f32>| {
+            if p.iter().all(|x| x.is_finite()) {
+                framing.add(axes.components(p - followed));
+            }
+        };
+        let mut roots = Vec::new();
+        for (set, moving) in self.drawn(&frame) {
+            moving.points.iter().for_each(|p| add(self.y_up(*p)));
+            let curves = set.ranges().filter(|curve| !curve.is_empty());
+            roots.extend(curves.map(|curve| self.y_up(moving.points[curve.start])));
+        }
+        if let (true, Some([low, high])) = (self.options.colliders, finite_box(&roots)) {
+            let around = AROUND * (high - low).max();
+            let near =
+                |p: &&Vector3<f32>| (0..3).all(|k| p[k] >= low[k] - around && p[k] <= high[k] + around);
+            let meshes = self.meshes(&frame);
+            let bodies = meshes.iter().filter(|mesh| !mesh.is_plane).flat_map(|mesh| &mesh.points);
+            bodies.filter(near).for_each(|p| add(*p));
+        }
+        Ok(framing)
     }
 
     /// Draws one frame.
@@ -85,7 +123,7 @@ impl<'a, S: Shot> Renderer<'a, S> {
         let (axes, followed) = self.view(&frame);
         let fine = self.options.supersampling;
         let size = (self.options.size.0 * fine, self.options.size.1 * fine);
-        let camera = self.framing.camera(axes, followed, self.options.fov_deg, size);
+        let camera = self.framing.camera(axes, followed, self.distance, size);
         let meshes = if self.options.colliders { self.meshes(&frame) } else { Vec::new() };
         let at_rest = to_rest(&frame.head);
         let drawn = self.drawn(&frame).into_iter().enumerate();
@@ -111,7 +149,7 @@ impl<'a, S: Shot> Renderer<'a, S> {
                 }
             })
             .collect();
-        Ok(scene::draw(&camera, self.options.size, fine, &strands, &meshes))
+        Ok(scene::draw(&camera, self.options.size, fine, self.options.quality.sampling(), &strands, &meshes))
     }
 
     /// Reads a frame and checks its arrays against the header.
@@ -227,7 +265,7 @@ impl<'a, S: Shot> Renderer<'a, S> {
                 .iter()
                 .map(|p| self.y_up(world(p).cast::<f32>().into()))
                 .collect();
-            scene::DrawnMesh { points, triangles: &mesh.triangles }
+            scene::DrawnMesh { points, triangles: &mesh.triangles, is_plane: mesh.is_plane }
         };
         self.shot.header().colliders.iter().zip(&frame.colliders).map(of).collect()
     }

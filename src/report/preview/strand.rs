@@ -120,7 +120,7 @@ fn span(basis: Basis, points: &[Vector3<f32>], i: usize, t: f32) -> Vector3<f32>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::preview::camera::{Axes, Framing};
+    use crate::report::preview::camera::{Axes, Field, Framing};
     use approx::assert_relative_eq;
 
     #[test]
@@ -152,9 +152,9 @@ mod tests {
     fn two_points_give_a_straight_line_in_short_pieces() {
         let points = [Vector3::zeros(), Vector3::new(0.0, 1.0, 0.0)];
         let set = CurveSet { counts: vec![1, 0, 2], widths: vec![1.0; 3], ..CurveSet::default() };
-        let mut framing = Framing::default();
+        let mut framing = Framing::new(Field::new(30.0, (100, 100)));
         points.iter().for_each(|p| framing.add(*p));
-        let camera = framing.camera(Axes::looking(0.0, 0.0), Vector3::zeros(), 30.0, (100, 100));
+        let camera = framing.camera(Axes::looking(0.0, 0.0), Vector3::zeros(), None, (100, 100));
         let points = [Vector3::zeros(), points[0], points[1]];
         let all = pieces(&set, Basis::default(), &points, &camera, 1.0);
         assert_eq!(all.len(), (100.0f32 / 1.06 / TARGET_LENGTH).ceil() as usize);

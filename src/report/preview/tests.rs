@@ -1,9 +1,9 @@
 //! Whole pictures of a small synthetic head of hair, drawn and read back.
 
 use super::frame_range::spread;
-use super::options::{Colours, Follow, Options};
+use super::options::{Colours, Follow, Options, Quality};
 use super::renderer::Renderer;
-use super::sheet::{animate, sheet};
+use super::sheet::{Views, animate, sheet};
 use super::shot::tests::Memory;
 use crate::cache::{ColliderFrame, ColliderMesh, CurveFrame, CurveSet, Frame, Header};
 use crate::error::Error;
@@ -80,9 +80,82 @@ fn pictures_do_not_depend_on_the_number_of_threads() {
     let shot = head_of_hair(300, 2);
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| sheet(&shot, &small(), &[1001, 1002]).unwrap())
+        pool.install(|| sheet(&shot, &small(), None, &[1001, 1002]).unwrap())
     };
     assert_eq!(on(1), on(4));
+}
+
+#[test]
+fn beauty_is_deterministic_and_another_picture() {
+    let shot = head_of_hair(200, 1);
+    let with = |quality, threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let options = Options { quality, ..small() };
+        pool.install(|| sheet(&shot, &options, None, &[1001]).unwrap())
+    };
+    let beauty = with(Quality::Beauty, 1);
+    assert_eq!(beauty, with(Quality::Beauty, 3));
+    let quick = with(Quality::Quick, 1);
+    let off: u32 = beauty.rgb.iter().zip(&quick.rgb).map(|(a, b)| u32::from(a.abs_diff(*b))).sum();
+    assert!(off as usize > beauty.rgb.len() / 20, "{off}");
+}
+
+/// Mean of the linear light of a picture.
+fn mean_light(image: &Image) -> f64 {
+    let linear = |s: &u8| (f64::from(*s) / 255.0).powf(2.2);
+    image.rgb.iter().map(linear).sum::<f64>() / image.rgb.len() as f64
+}
+
+/// Strands from a thirtieth of a pixel to half of one cover their share of it.
+#[test]
+fn pictures_of_all_sizes_have_the_same_tone() {
+    let shot = head_of_hair(600, 1);
+    let light = |size| {
+        let image = sheet(&shot, &Options { size: (size, size), ..small() }, None, &[1001]).unwrap();
+        // Without the frame of the page, and without the label.
+        let mut cell = Image::new(size, size * 3 / 5);
+        for (x, y) in (0..cell.height).flat_map(|y| (0..size).map(move |x| (x, y))) {
+            cell.set(x, y, image.get(4 + x, 4 + y));
+        }
+        mean_light(&cell)
+    };
+    let large = light(640);
+    for size in [40, 120, 240] {
+        let off = light(size) / large - 1.0;
+        assert!(off.abs() < 0.01, "{size}: {off}");
+    }
+}
+
+/// The same shot with all of its frames turned about the vertical.
+fn turned(mut shot: Memory, degrees: f32) -> Memory {
+    let (s, c) = degrees.to_radians().sin_cos();
+    let turn = |p: &mut [f32; 3]| *p = [c * p[0] + s * p[2], p[1], c * p[2] - s * p[0]];
+    for frame in &mut shot.frames {
+        frame.hair.iter_mut().flat_map(|h| &mut h.points).for_each(turn);
+        let (s, c) = (f64::from(s), f64::from(c));
+        let turned = [[c, 0.0, s, 0.0], [0.0, 1.0, 0.0, 0.0], [-s, 0.0, c, 0.0], [0.0, 0.0, 0.0, 1.0]];
+        frame.head = turned;
+        frame.colliders.iter_mut().for_each(|collider| collider.transform = turned);
+    }
+    shot
+}
+
+#[test]
+fn views_are_of_the_head_however_it_is_turned() {
+    let page = |shot: &Memory, azimuths_deg: &[f64]| {
+        let views = Views { frame: 1001, azimuths_deg: azimuths_deg.to_vec() };
+        sheet(shot, &small(), Some(&views), &[]).unwrap()
+    };
+    let mean_difference = |a: &Image, b: &Image| {
+        let sum: u32 = a.rgb.iter().zip(&b.rgb).map(|(a, b)| u32::from(a.abs_diff(*b))).sum();
+        f64::from(sum) / a.rgb.len() as f64
+    };
+    let front = page(&head_of_hair(200, 1), &[0.0]);
+    // The sky stays where it is.
+    let off = mean_difference(&page(&turned(head_of_hair(200, 1), 70.0), &[0.0]), &front);
+    assert!(off < 1.0, "{off}");
+    let side = mean_difference(&page(&head_of_hair(200, 1), &[90.0]), &front);
+    assert!(side > 4.0, "{side}");
 }
 
 #[test]
@@ -121,7 +194,8 @@ fn z_up_and_y_up_caches_give_equal_pictures() {
     z_up.header.colliders.iter_mut().flat_map(|c| &mut c.points).for_each(turn);
     for follow in [Follow::Position, Follow::Head] {
         let options = Options { follow, ..small() };
-        let (a, b) = (sheet(&y_up, &options, &[1001]).unwrap(), sheet(&z_up, &options, &[1001]).unwrap());
+        let (a, b) =
+            (sheet(&y_up, &options, None, &[1001]).unwrap(), sheet(&z_up, &options, None, &[1001]).unwrap());
         let off = a.rgb.iter().zip(&b.rgb).filter(|(a, b)| a.abs_diff(**b) > 3).count();
         assert!(off * 200 < a.rgb.len(), "{off} of {} values differ", a.rgb.len());
     }
@@ -226,7 +300,7 @@ fn gif_matches_the_pictures_up_to_its_palette_and_the_duration_of_the_shot() {
 #[test]
 fn sheet_is_a_png_of_labelled_cells() {
     let shot = head_of_hair(50, 5);
-    let page = sheet(&shot, &small(), &[1001, 1002, 1003, 1004, 1005]).unwrap();
+    let page = sheet(&shot, &small(), None, &[1001, 1002, 1003, 1004, 1005]).unwrap();
     // Cells of 100 by 84 pixels including gaps; labels are 5 from the left and 12 from the bottom.
     for (k, frame) in (1001..=1005).enumerate() {
         let (x, y) = (4 + k as u32 % 2 * 100 + 5, 4 + k as u32 / 2 * 84 + 80 - 12);
@@ -241,32 +315,49 @@ fn sheet_is_a_png_of_labelled_cells() {
 }
 
 #[test]
+fn views_are_twice_as_large_and_above_the_frames() {
+    let shot = head_of_hair(50, 7);
+    let views = Views { frame: 1001, azimuths_deg: vec![0.0, 40.0, 145.0] };
+    let frames: Vec<i32> = (1001..=1007).collect();
+    let page = sheet(&shot, &small(), Some(&views), &frames).unwrap();
+    assert_eq!((page.width, page.height), (6 * 100 + 4, 4 * 84 + 4));
+    for k in 0..3 {
+        let (x, y) = (4 + k * 200 + 5, 4 + 164 - 12);
+        assert_eq!(font::read_number(&page, x, y, 1, 4, [245; 3]), "1001");
+    }
+    for (k, frame) in frames.iter().enumerate() {
+        let (x, y) = (4 + k as u32 % 6 * 100 + 5, 4 + (2 + k as u32 / 6) * 84 + 80 - 12);
+        assert_eq!(font::read_number(&page, x, y, 1, 4, [245; 3]), frame.to_string());
+    }
+}
+
+#[test]
 fn deforming_collider_is_drawn_with_the_points_of_the_frame() {
     let mut shot = head_of_hair(20, 1);
-    let rigid = sheet(&shot, &small(), &[1001]).unwrap();
+    let rigid = sheet(&shot, &small(), None, &[1001]).unwrap();
     let raised = |p: &[f32; 3]| [p[0], p[1] + 0.06, p[2]];
     let mesh = &mut shot.header.colliders[0];
     let points: Vec<_> = mesh.points.iter().map(raised).collect();
     mesh.deforms = true;
     shot.frames[0].colliders[0].points = Some(mesh.points.clone());
-    assert_eq!(sheet(&shot, &small(), &[1001]).unwrap().rgb, rigid.rgb);
+    assert_eq!(sheet(&shot, &small(), None, &[1001]).unwrap().rgb, rigid.rgb);
     shot.frames[0].colliders[0].points = Some(points.clone());
-    let moved = sheet(&shot, &small(), &[1001]).unwrap();
+    let moved = sheet(&shot, &small(), None, &[1001]).unwrap();
     assert_ne!(moved.rgb, rigid.rgb);
     shot.header.colliders[0].points = points;
     shot.frames[0].colliders[0].points = None;
-    assert_eq!(sheet(&shot, &small(), &[1001]).unwrap().rgb, moved.rgb);
+    assert_eq!(sheet(&shot, &small(), None, &[1001]).unwrap().rgb, moved.rgb);
 }
 
 #[test]
 fn cache_without_curves_is_bad_input() {
     let mut shot = head_of_hair(0, 1);
-    let error = sheet(&shot, &small(), &[1001]).unwrap_err();
+    let error = sheet(&shot, &small(), None, &[1001]).unwrap_err();
     assert_eq!(error.exit_code(), 65);
     let Error::BadInput(problems) = error else { panic!("{error}") };
     assert!(problems[0].message.contains("no render strands"), "{}", problems[0].message);
     shot.header.hair = None;
-    assert!(sheet(&shot, &small(), &[1001]).is_err());
+    assert!(sheet(&shot, &small(), None, &[1001]).is_err());
 }
 
 #[test]
@@ -285,7 +376,7 @@ fn inconsistent_arrays_are_damage_not_a_panic() {
     for damage in damages {
         let mut shot = head_of_hair(20, 1);
         damage(&mut shot);
-        let error = sheet(&shot, &small(), &[1001]).unwrap_err();
+        let error = sheet(&shot, &small(), None, &[1001]).unwrap_err();
         assert!(matches!(error, Error::Damaged { .. }), "{error}");
     }
 }
@@ -294,7 +385,7 @@ fn inconsistent_arrays_are_damage_not_a_panic() {
 fn nonfinite_points_leave_other_strands_visible() {
     let mut shot = head_of_hair(100, 1);
     shot.frames[0].hair.as_mut().unwrap().points[30] = [f32::NAN, f32::INFINITY, 0.0];
-    let image = sheet(&shot, &small(), &[1001]).unwrap();
+    let image = sheet(&shot, &small(), None, &[1001]).unwrap();
     assert!(image.rgb.iter().any(|c| *c > 60));
 }
 
@@ -309,7 +400,7 @@ fn options_out_of_range_are_usage_errors() {
         Options { azimuth_deg: f64::INFINITY, ..small() },
     ];
     for options in wrong {
-        assert!(matches!(sheet(&shot, &options, &[1001]), Err(Error::Usage(_))), "{options:?}");
+        assert!(matches!(sheet(&shot, &options, None, &[1001]), Err(Error::Usage(_))), "{options:?}");
     }
-    assert!(matches!(sheet(&shot, &small(), &[]), Err(Error::Usage(_))));
+    assert!(matches!(sheet(&shot, &small(), None, &[]), Err(Error::Usage(_))));
 }

@@ -103,7 +103,8 @@ impl View {
         {
             shown.push((name, ShownCurves::new(set, step, always, header, &surfaces), Vec::new()));
         }
-        let read = |number: i32| -> Result<ReadFrame> {
+        let read = |number: &i32| -> Result<ReadFrame> {
+            let number = *number;
             let frame = shot.frame(number)?;
             let moving = surfaces.iter().zip(&frame.colliders);
             let at: Vec<_> = moving.map(|(surface, moving)| surface.at(moving.points.as_deref())).collect();
@@ -243,7 +244,7 @@ fn coincident<S: Shot + Sync>(shot: &S, frames: &[i32]) -> Result<Vec<Coincident
     if !meshes.iter().zip(&found).any(|(mesh, found)| mesh.deforms && found.any()) {
         return Ok(found);
     }
-    let read = |frame: i32| Ok(shot.frame(frame)?.colliders);
+    let read = |frame: &i32| Ok(shot.frame(*frame)?.colliders);
     in_order(frames, PER_POINT * points_of_a_frame(shot.header()), read, |moving| {
         for (found, moving) in found.iter_mut().zip(&moving) {
             moving.points.iter().for_each(|points| found.refine(points));
