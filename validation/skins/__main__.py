@@ -123,7 +123,8 @@ def main() -> int:
         said = run(
             *(options.hairbake, folder / "groom.json", folder / "anim.json", "-o", folder / "out"),
             *(sampling if options.samples > 1 else ()),
-            *("--contact", options.contact, "--substeps", "4", "--preroll", "0", "--no-pictures", "--figures"),
+            *("--contact", options.contact, "--substeps", "4", "--preroll", "0"),
+            *("--no-pictures", "--figures"),
         )
         kept = ("made", "time", "peak memory", "penetration", "hair in body", "exempt", "warning")
         print("\n".join(line for line in said.splitlines() if line.startswith(kept)))
