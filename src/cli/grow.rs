@@ -49,8 +49,8 @@ pub struct GrowArguments {
     on: Vec<String>,
     /// Painted density, 0 to 1, that multiplies the number of strands; none grow where it is 0
     ///
-    /// A primvar of USD of any interpolation; vertex colours, of which the red counts, are \"color\" in OBJ and
-    /// \"COLOR_0\" in glTF.
+    /// A primvar of USD of any interpolation; vertex colours are \"color\" in OBJ and \"COLOR_0\" in glTF. The red
+    /// counts, or what the name ends with: color.g, color.b.
     #[arg(long, value_name = "PRIMVAR", help_heading = WHERE)]
     density_map: Option<String>,
     /// Number of guides, which are simulated; they keep their distance from each other
@@ -68,7 +68,7 @@ pub struct GrowArguments {
     /// Length of the fur, in mm [default: 3 % of the diagonal of the mesh's bounding box]
     #[arg(long, value_name = "MM", value_parser = values::positive, help_heading = SHAPE)]
     length: Option<f64>,
-    /// Painted factor on the length; at least 0.02 is left
+    /// Painted factor on the length, named as --density-map; no strand is shorter than 1 mm
     #[arg(long, value_name = "PRIMVAR", help_heading = SHAPE)]
     length_map: Option<String>,
     /// Largest shortening of a strand at random, 0 to 1

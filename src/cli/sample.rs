@@ -2,7 +2,7 @@
 
 use super::console;
 use crate::error::Result;
-use crate::sample::{self, Size, Style};
+use crate::sample::{self, FurSize, Size, Style};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -10,24 +10,29 @@ const EXAMPLES: &str = "\
 Examples:
   hairbake sample long-curly -o long-curly
   hairbake long-curly/groom.json long-curly/turn.json -o out
-  hairbake sample all -o samples --wisps 64 --strands 512    # all four styles, small";
+  hairbake sample all -o samples --wisps 64 --strands 512    # all four styles, small
+  hairbake sample creature -o creature
+  hairbake creature/groom.json creature/walk.json -o out";
 
 /// `hairbake sample` as it is typed.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub struct SampleArguments {
-    /// Hair style: short, short-curly, long or long-curly; or all, each in its own folder
-    #[arg(value_parser = styles)]
-    style: Styles,
-    /// Folder for groom.json, groom.bin, head.obj, shake.json and turn.json
+    /// Hair style: short, short-curly, long or long-curly; all, each in its own folder; or creature, a furry
+    /// quadruped that walks
+    #[arg(value_parser = subject)]
+    style: Subject,
+    /// Folder for groom.json, groom.bin, head.obj, shake.json and turn.json; of a creature also for its meshes,
+    /// and for walk.json
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
-    /// Number of leaf wisps, with one simulated guide each [default: 491 to 821, depending on the style]
+    /// Number of leaf wisps, with one simulated guide each [default: 491 to 821, depending on the style; 600
+    /// guides of a creature]
     ///
     /// More wisps are finer and slower to bake.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     wisps: Option<u32>,
-    /// Number of render strands [default: 8000]
+    /// Number of render strands [default: 8000; 30000 of a creature]
     ///
     /// More strands are denser and make the cache larger.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=10_000_000))]
@@ -39,18 +44,20 @@ pub struct SampleArguments {
     head_subdivisions: Option<u8>,
 }
 
-/// The styles to write.
-#[derive(Debug, Clone)]
-struct Styles {
-    styles: Vec<Style>,
-    /// Whether each style gets a folder of its own.
-    in_folders: bool,
+/// What to write.
+#[derive(Debug, Clone, Copy)]
+enum Subject {
+    Style(Style),
+    /// All styles, each in a folder of its own.
+    AllStyles,
+    Creature,
 }
 
-fn styles(name: &str) -> Result<Styles> {
+fn subject(name: &str) -> Result<Subject> {
     Ok(match name {
-        "all" => Styles { styles: Style::ALL.to_vec(), in_folders: true },
-        _ => Styles { styles: vec![name.parse()?], in_folders: false },
+        "all" => Subject::AllStyles,
+        "creature" => Subject::Creature,
+        _ => Subject::Style(name.parse()?),
     })
 }
 
@@ -62,13 +69,28 @@ pub fn run(arguments: &SampleArguments) -> Result<()> {
         strands: arguments.strands.map_or(default.strands, |n| n as usize),
         head_subdivisions: arguments.head_subdivisions.map_or(default.head_subdivisions, usize::from),
     };
-    let Styles { styles, in_folders } = &arguments.style;
-    for style in styles {
-        let output = &arguments.output;
-        let folder = if *in_folders { output.join(style.to_string()) } else { output.clone() };
-        let report = sample::write(*style, size, &folder)?;
+    let output = &arguments.output;
+    let write = |style: Style, folder: PathBuf| {
+        let report = sample::write(style, size, &folder)?;
         console::say(report.to_string().trim_end());
         console::wrote(&folder);
+        Ok(())
+    };
+    match arguments.style {
+        Subject::Style(style) => write(style, output.clone()),
+        Subject::AllStyles => {
+            Style::ALL.into_iter().try_for_each(|style| write(style, output.join(style.to_string())))
+        }
+        Subject::Creature => {
+            let default = FurSize::default();
+            let size = FurSize {
+                guides: arguments.wisps.map_or(default.guides, |n| n as usize),
+                strands: arguments.strands.map_or(default.strands, |n| n as usize),
+            };
+            let report = sample::write_creature(size, output)?;
+            console::say(report.to_string().trim_end());
+            console::wrote(output);
+            Ok(())
+        }
     }
-    Ok(())
 }

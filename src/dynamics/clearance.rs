@@ -14,6 +14,9 @@
 //! - A point inside after the first exit, or a segment that cuts the surface, is pushed out to min(d, s/4)
 //!   during the pre-roll, where s is its arc length from the root. Segments still in the body afterwards are
 //!   exempt.
+//!
+//! Next to its root a hair is stiffer than skin, which gives way to it: there it meets no body at all
+//! ([`Clearance::hold`]).
 
 use crate::contact::{Bodies, BodyMotion, Contact, ContactCache, MovingPolyline};
 use nalgebra::{Isometry3, Vector3};
@@ -39,6 +42,8 @@ pub struct Clearance {
     to: Vec<[f64; 2]>,
     /// Signed distance of the root from each body in the groom's pose, m, at most [`SEARCH_RADIUS`].
     root_distance: Vec<f64>,
+    /// Segments next to the root that meet no body.
+    held: usize,
 }
 
 /// A point of the groom's pose relative to one body.
@@ -263,7 +268,26 @@ impl Clearance {
             *ends = ends.map(|from| from.min(cut));
         }
         let to = start.clearances(&points, &passages, |point| point.keep);
-        Clearance { from, to, root_distance }
+        Clearance { from, to, root_distance, held: 0 }
+    }
+
+    /// Takes the first `held` segments out of contact with all bodies.
+    pub fn hold(&mut self, held: usize) {
+        self.held = held;
+        let segments = self.segments();
+        for ends in [&mut self.from, &mut self.to] {
+            ends.chunks_exact_mut(segments).for_each(|of_body| of_body[..held].fill(EXEMPT));
+        }
+    }
+
+    /// Number of segments of the guide; at least 1.
+    fn segments(&self) -> usize {
+        (self.to.len() / self.root_distance.len().max(1)).max(1)
+    }
+
+    /// Distances to keep after the push-out, body by body, without those of the held segments.
+    fn free(&self) -> impl Iterator<Item = &[[f64; 2]]> {
+        self.to.chunks_exact(self.segments()).map(|of_body| &of_body[self.held..])
     }
 
     /// Signed distance of the root from each body in the groom's pose, m, at most [`SEARCH_RADIUS`].
@@ -283,18 +307,17 @@ impl Clearance {
         self.to.len()
     }
 
-    /// Number of exempt segments, and of segments with an end that is still pushed out.
+    /// Number of exempt segments, without those next to the root, and of segments with an end that is still
+    /// pushed out.
     pub fn counts(&self) -> (usize, usize) {
-        let exempt = self.to.iter().filter(|ends| **ends == EXEMPT).count();
+        let exempt = self.free().flatten().filter(|ends| **ends == EXEMPT).count();
         (exempt, self.from.iter().zip(&self.to).filter(|(a, b)| a != b).count())
     }
 
-    /// Exempt segments, and all, of each body.
-    pub fn by_body(&self, bodies: usize) -> impl Iterator<Item = [usize; 2]> {
-        let segments = self.len() / bodies.max(1);
+    /// Exempt segments, and all, of each body, without those next to the root.
+    pub fn by_body(&self) -> impl Iterator<Item = [usize; 2]> {
         let exempt = |ends: &&[f64; 2]| **ends == EXEMPT;
-        (0..bodies)
-            .map(move |b| [self.to[b * segments..][..segments].iter().filter(exempt).count(), segments])
+        self.free().map(move |of_body| [of_body.iter().filter(exempt).count(), of_body.len()])
     }
 
     /// Depth of the deepest point of an exempt segment in its body, m, without the root; 0 if none is inside.

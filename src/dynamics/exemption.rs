@@ -29,7 +29,7 @@ impl Simulation<'_> {
         let bodies = self.env.bodies.len();
         let mut exemptions = vec![Exemption::default(); bodies];
         for (_, guide) in self.simulated() {
-            for (of_all, [exempt, segments]) in exemptions.iter_mut().zip(guide.clearance.by_body(bodies)) {
+            for (of_all, [exempt, segments]) in exemptions.iter_mut().zip(guide.clearance.by_body()) {
                 of_all.exempt += exempt;
                 of_all.segments += segments;
             }

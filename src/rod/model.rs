@@ -12,6 +12,9 @@ use nalgebra::{UnitQuaternion, Vector3};
 /// Gravity of the Earth, m/s².
 const STANDARD_GRAVITY: f64 = 9.81;
 
+/// How far skin gives way to a fibre that presses on it, m/N.
+const SKIN_COMPLIANCE: f64 = 0.05;
+
 /// Input of [`Rod::new`]. SI units, rest space.
 #[derive(Debug, Clone)]
 pub struct RodSource<'a> {
@@ -201,6 +204,13 @@ impl Rod {
     /// Arc length L, m.
     pub fn length(&self) -> f64 {
         self.nodes[self.nodes.len() - 1]
+    }
+
+    /// Arc length from the root, m, up to which the rod gives way less than skin does to a force across it: the
+    /// deflection of a cantilever under a force F at its end is F s³ / (3 E I).
+    pub fn held_length(&self) -> f64 {
+        let [one, two, _] = self.core.stiffness;
+        (3.0 * one.max(two) * SKIN_COMPLIANCE).cbrt()
     }
 
     /// Number of unknowns: three per node except the tip, where a free end has no deviation.

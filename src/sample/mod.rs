@@ -1,9 +1,10 @@
 //! Procedural grooms and head motions.
 //!
 //! [`groom`] makes one of four hair styles on a simple head, [`Motion`] moves the head, and [`write()`]
-//! writes both to a folder that can be baked.
+//! writes both to a folder that can be baked. [`write_creature`] writes a furry creature that walks.
 
 mod comb;
+mod creature;
 pub mod head;
 mod motion;
 mod style;
@@ -12,6 +13,7 @@ use crate::file::write_file;
 use crate::import::{BuildOptions, BuildReport, Generation, HierarchyShape, Resample, Scalp, build};
 use crate::scene::{Convention, Groom};
 use crate::{Error, Result};
+pub use creature::{FurSize, write_creature};
 pub use motion::Motion;
 use std::path::Path;
 pub use style::Style;

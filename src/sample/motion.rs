@@ -10,7 +10,7 @@ use std::fmt;
 /// Samples per second of a motion.
 const RATE: f64 = 96.0;
 /// Frames per second of the bake.
-const FPS: f64 = 24.0;
+pub(super) const FPS: f64 = 24.0;
 /// Frequency of the shake, Hz, and its amplitude, rad (25°).
 const SHAKE: (f64, f64) = (2.5, 0.436_332_312_998_582_4);
 /// Distance kept between body and hair, m.

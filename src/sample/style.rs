@@ -126,7 +126,9 @@ impl FromStr for Style {
 
     fn from_str(name: &str) -> Result<Self> {
         Style::ALL.into_iter().find(|style| style.to_string() == name).ok_or_else(|| {
-            Error::Usage(format!("no sample is named {name}: use short, short-curly, long or long-curly"))
+            Error::Usage(format!(
+                "no sample is named {name}: use short, short-curly, long, long-curly or creature"
+            ))
         })
     }
 }

@@ -6,6 +6,7 @@
 //! finds no solution. So it is followed along its own length, in x and ln τ (H. B. Keller, "Numerical
 //! solution of bifurcation and nonlinear eigenvalue problems", 1977: pseudo-arclength continuation).
 
+use super::newton;
 use super::problem::FrictionProblem;
 use super::regularised::COMPLIANCE;
 use super::smoothed_problem::{Evaluation, SmoothedProblem};
@@ -14,7 +15,7 @@ use nalgebra::DVector;
 /// τ at the start of the path.
 const ENTRY: f64 = 3.0;
 
-/// Maximum number of Newton systems; about 150 are usual.
+/// Maximum number of Newton systems on a path; about 150 are usual.
 const SYSTEMS: u32 = 400;
 
 /// Maximum number of corrections of a step. Up to [`EASY`] the step length grows, from [`HARD`] on it
@@ -33,9 +34,15 @@ const ON_PATH: f64 = 1e-6;
 const ROUNDING: f64 = 1e-11;
 
 /// Improves `r` if the path leads to a solution with a smaller residual, and stops at a residual of
-/// `tolerance`.
-pub(super) fn follow(smoothed: &SmoothedProblem, problem: &FrictionProblem, tolerance: f64, r: &mut [f64]) {
-    let Some(mut path) = Path::enter(smoothed) else { return };
+/// `tolerance`. Counts the `systems` that it solves, as [`newton::improve`] does.
+pub(super) fn follow(
+    smoothed: &SmoothedProblem,
+    problem: &FrictionProblem,
+    tolerance: f64,
+    r: &mut [f64],
+    systems: &mut u32,
+) {
+    let Some(mut path) = Path::enter(smoothed, systems) else { return };
     let mut best = problem.compliant_residual(r, COMPLIANCE);
     let mut trial = r.to_vec();
     while best > tolerance && path.step() {
@@ -57,19 +64,22 @@ pub(super) struct Path<'a> {
     pub tangent: DVector<f64>,
     /// Length of the next step.
     length: f64,
-    /// Systems solved.
-    systems: u32,
+    /// Systems solved in the sub-step.
+    systems: &'a mut u32,
+    /// Their number at which the path ends.
+    end: u32,
 }
 
 impl<'a> Path<'a> {
     /// The point of the path at τ = [`ENTRY`], by Newton's method.
-    pub fn enter(smoothed: &'a SmoothedProblem) -> Option<Self> {
+    pub fn enter(smoothed: &'a SmoothedProblem, systems: &'a mut u32) -> Option<Self> {
         let n = smoothed.len();
         let mut at = DVector::zeros(n + 1);
         at[n] = ENTRY.ln();
         let mut tangent = DVector::zeros(n + 1);
         tangent[n] = -1.0;
-        let mut path = Path { smoothed, at, tangent, length: LENGTH, systems: 0 };
+        let end = (*systems + SYSTEMS).min(newton::SYSTEMS_PER_SUBSTEP);
+        let mut path = Path { smoothed, at, tangent, length: LENGTH, systems, end };
         loop {
             let point = path.evaluate(&path.at)?;
             if path.is_on(&point.f, path.at[n]) {
@@ -80,7 +90,7 @@ impl<'a> Path<'a> {
             let x = path.at.rows(0, n).into_owned();
             let (fraction, _) = smoothed.line_search(&x, &step, &point);
             path.at.rows_mut(0, n).copy_from(&(x - step * fraction));
-            path.systems += 1;
+            *path.systems += 1;
         }
     }
 
@@ -110,7 +120,7 @@ impl<'a> Path<'a> {
         let mut at = predicted;
         for corrections in 0..=CORRECTIONS {
             let point = self.evaluate(&at)?;
-            self.systems += 1;
+            *self.systems += 1;
             let is_on = self.is_on(&point.f, at[n]);
             let right = if is_on { DVector::zeros(n).push(1.0) } else { point.f.push(0.0) };
             let change = self.smoothed.solve_bordered(&point, right, &self.tangent)?;
@@ -122,11 +132,11 @@ impl<'a> Path<'a> {
         None
     }
 
-    /// The laws at x and ln τ; `None` if these are out of range, or [`SYSTEMS`] are solved.
+    /// The laws at x and ln τ; `None` if these are out of range, or its [`SYSTEMS`] are solved.
     fn evaluate(&self, at: &DVector<f64>) -> Option<Evaluation> {
         let n = self.smoothed.len();
         let tau = at[n].exp();
-        if self.systems >= SYSTEMS || !(tau.is_normal() && at.iter().all(|x| x.is_finite())) {
+        if *self.systems >= self.end || !(tau.is_normal() && at.iter().all(|x| x.is_finite())) {
             return None;
         }
         Some(self.smoothed.evaluate(&at.rows(0, n).into_owned(), tau))

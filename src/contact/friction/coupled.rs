@@ -80,7 +80,7 @@ impl Network<'_> {
         let (w, b) = self.assemble(&selected);
         let problem = FrictionProblem { w: &w, b: &b, laws: &laws };
         if problem.residual(&impulses) > COMPLIANCE {
-            newton::improve(&problem, tolerance, &mut impulses);
+            newton::improve(&problem, tolerance, &mut impulses, &mut 0);
             for (&i, impulse) in selected.iter().zip(impulses.chunks_exact(3)) {
                 self.set_impulse(i, Vector3::from_column_slice(impulse));
             }

@@ -18,7 +18,8 @@ pub fn solve(
     if outcome.residual <= tolerance.residual {
         return outcome;
     }
-    FrictionOutcome { residual: newton::improve(problem, tolerance.residual, r), ..outcome }
+    let residual = newton::improve(problem, tolerance.residual, r, &mut scratch.systems);
+    FrictionOutcome { residual, ..outcome }
 }
 
 /// A problem with an explicit W, and its impulses.

@@ -3,6 +3,7 @@
 use super::anderson::Anderson;
 use super::law::Law;
 use super::local::LocalSolver;
+use super::newton;
 use super::residual::Residual;
 use nalgebra::{Matrix3, Vector3};
 
@@ -74,6 +75,21 @@ pub struct FrictionScratch {
     anderson: Anderson,
     /// Impulses at the check with the smallest residual.
     best: Vec<Vector3<f64>>,
+    /// Systems of Newton's method solved since [`FrictionScratch::begin_substep`].
+    pub(super) systems: u32,
+}
+
+impl FrictionScratch {
+    /// Begins to count the systems of Newton's method that the solves of one sub-step of a strand take.
+    /// Bodies that leave no room for the strand would cost a thousand times a step; so there is a limit.
+    pub fn begin_substep(&mut self) {
+        self.systems = 0;
+    }
+
+    /// True if the limit is reached: sweeps alone are left.
+    pub fn is_exhausted(&self) -> bool {
+        self.systems >= newton::SYSTEMS_PER_SUBSTEP
+    }
 }
 
 /// Sweeps until the residual is small.

@@ -80,6 +80,16 @@ pub(in crate::dynamics) struct Reactions {
 }
 
 impl BodyContactScratch {
+    /// Begins a sub-step, whose parts share a limit on what the friction solver may take.
+    pub(in crate::dynamics) fn begin_substep(&mut self) {
+        self.reactions.friction.begin_substep();
+    }
+
+    /// True if that limit is reached.
+    pub(in crate::dynamics) fn is_exhausted(&self) -> bool {
+        self.reactions.friction.is_exhausted()
+    }
+
     /// Clears the previous step, possibly of another guide.
     pub(in crate::dynamics) fn clear(&mut self) {
         self.detection.contacts.clear();

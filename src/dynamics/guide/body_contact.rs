@@ -168,3 +168,55 @@ impl GuideModel {
         contact.find(solver, contact_cache, scratch)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::Bodies;
+    use crate::dynamics::guide::ContactMode;
+    use crate::dynamics::step_record::StepRecord;
+    use crate::geometry::Shape;
+    use crate::rod::{Rod, RodSource};
+    use crate::scene::Tree;
+    use nalgebra::{Isometry3, UnitQuaternion};
+
+    /// What the steps do in which a hair of `length`, m, turns with its root from the middle of a crease between
+    /// two planes into one of them.
+    fn turned_into_a_crease(length: f64) -> Vec<StepRecord> {
+        let planes = [Vector3::x(), Vector3::y()];
+        let bodies =
+            Bodies::from_shapes(&planes.map(|normal| Shape::Plane { point: Vector3::zeros(), normal }));
+        let turn = |t: f64| 0.7 * (10.0 * t).min(1.0);
+        let head = move |t| {
+            Isometry3::from_parts(
+                Vector3::zeros().into(),
+                UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn(t)),
+            )
+        };
+        let env = Environment { head: Box::new(head), ..Environment::at_rest(bodies) };
+        let root = Vector3::new(1e-4, 1e-4, 0.0);
+        let points = [root, root + Vector3::new(1.0, 1.0, 1.0).normalize() * length];
+        let rod = Rod::new(&RodSource { damping: 0.005, ..RodSource::hair(&points, &Tree::default_arc(8)) });
+        let rod = rod.unwrap();
+        let model = GuideModel::new(rod.clone(), vec![2e-5; rod.points()], 0.3);
+        let h = 1.0 / 192.0;
+        let mut state = GuideState::new(&model, &[5e-4; 2], &env, 0.0, h);
+        let mut scratch = GuideScratch::default();
+        let step = |k: u32| {
+            let span = [f64::from(k) * h, f64::from(k + 1) * h];
+            model.step(&env, &mut state, span, ContactMode::Bodies, &mut scratch)
+        };
+        (0..30).map(step).collect()
+    }
+
+    #[test]
+    fn a_hair_is_not_bent_where_it_is_stiffer_than_skin() {
+        for length in [5e-4, 1.2e-3, 4e-3, 0.02] {
+            let records = turned_into_a_crease(length);
+            let sum = |of: fn(&StepRecord) -> u32| records.iter().map(of).sum::<u32>();
+            let failed = sum(|r| r.truncated + r.unconverged + r.unsettled);
+            assert_eq!((failed, sum(|r| r.halvings)), (0, 0), "{length} m");
+            assert_eq!(sum(|r| r.active) > 0, length > 1e-3, "{length} m");
+        }
+    }
+}

@@ -130,7 +130,7 @@ impl GuideState {
         let drawn = (start.q != model.rod.initial_q)
             .then(|| StartPose::new(model, env, t, model.rod.initial_q.clone()).polyline(model));
         let (led, drawn_x) = (drawn.is_some(), drawn.as_ref().unwrap_or(&x));
-        let clearance = match (skins, &model.skin) {
+        let mut clearance = match (skins, &model.skin) {
             (Some(skins), Some(_)) => {
                 let poses = skins.poses_around(&model.carrier(env, t), &poses);
                 let as_drawn = GroomPose { bodies: &skins.bodies, poses: &poses, x: drawn_x, ..in_bodies };
@@ -139,6 +139,7 @@ impl GuideState {
             _ if led => Clearance::carried(&in_bodies, &GroomPose { x: drawn_x, ..in_bodies }, led),
             _ => Clearance::new(&in_bodies),
         };
+        clearance.hold(segments_within(model.rod.held_length(), &x));
         let before = StartPose::new(model, env, t - h, model.start_unknowns(t - h));
         Self::between(before, start, clearance, h)
     }
@@ -479,6 +480,16 @@ impl Checkpoint for GuideState {
         *self = GuideState { transient, ..state };
         Ok(())
     }
+}
+
+/// Number of the segments of the polyline `x` that end within the arc length `s` of its start, m.
+fn segments_within(s: f64, x: &[Vector3<f64>]) -> usize {
+    let lengths = x.windows(2).map(|ends| (ends[1] - ends[0]).norm());
+    let ends = lengths.scan(0.0, |arc, length| {
+        *arc += length;
+        Some(*arc)
+    });
+    ends.take_while(|end| *end <= s).count()
 }
 
 /// Weight of the value after `k` of `n` equal steps in the one half-way: a step's own end, or the cubic

@@ -45,6 +45,7 @@ impl GuideModel {
         scratch: &mut GuideScratch,
     ) -> StepRecord {
         state.begin_substep();
+        scratch.contact.begin_substep();
         let mut record = StepRecord::default();
         let coupled = mode == ContactMode::Coupled;
         let depth = if coupled { MAX_HALVINGS } else { 0 };
@@ -74,7 +75,7 @@ impl GuideModel {
         scratch: &mut GuideScratch,
         record: &mut StepRecord,
     ) {
-        let last = state.stuck || depth >= MAX_HALVINGS;
+        let last = state.stuck || depth >= MAX_HALVINGS || scratch.contact.is_exhausted();
         let mut formula = self.difference_formula(state, t1 - t0);
         let (mut root, mut outcome, mut clear);
         loop {
@@ -119,7 +120,7 @@ impl GuideModel {
             }
         }
         let coupled = mode == ContactMode::Coupled;
-        let whole = clear || coupled || depth >= MAX_HALVINGS || state.stuck && outcome.converged;
+        let whole = clear || coupled || depth >= MAX_HALVINGS || last && outcome.converged;
         if !whole {
             record.halvings += 1;
             let middle = 0.5 * (t0 + t1);

@@ -5,7 +5,7 @@ use crate::scene::obj::read_models;
 use nalgebra::Vector3;
 use std::path::Path;
 
-/// The name of the field of vertex colours, of which the red counts.
+/// The name of the field of vertex colours.
 const COLOUR: &str = "color";
 
 /// Texture coordinates, vertex colours and groups of the file at `path`, for the triangles of its mesh.
@@ -29,10 +29,9 @@ pub(crate) fn paint(path: &Path) -> Result<Paint, String> {
     if models.iter().all(|model| model.mesh.vertex_color.len() == model.mesh.positions.len()) {
         let corners = models.iter().flat_map(|model| {
             let corners = model.mesh.indices.as_chunks::<3>().0;
-            let red = |i: u32| Vector3::x() * numbers(&model.mesh.vertex_color, i, 3).x;
-            corners.iter().map(move |t| t.map(red))
+            corners.iter().map(move |t| t.map(|i| numbers(&model.mesh.vertex_color, i, 3)))
         });
-        paint.fields.push(Field { name: COLOUR.into(), size: 1, corners: corners.collect() });
+        paint.fields.push(Field { name: COLOUR.into(), size: 3, corners: corners.collect() });
     }
     paint.known = paint.fields.iter().map(|field| field.name.clone()).collect();
     let mut first = 0;

@@ -2,7 +2,7 @@
 
 use super::clump::{Centres, Strand};
 use super::flow::directions;
-use super::options::{Direction, GrowOptions, LENGTH_SHARE, MOST, StrandCount};
+use super::options::{Direction, GrowOptions, LENGTH_SHARE, MOST, StrandCount, channel};
 use super::report::GrowReport;
 use super::scatter::{blue_noise, stratified};
 use super::strand::{CLEARANCE, CLUMP, Growth, LENGTH};
@@ -12,6 +12,7 @@ use crate::import::groom::drawn::origin_of;
 use crate::import::groom::resample::{CURL_TURN, MAX_CURL_VERTICES};
 use crate::import::mesh_file::{ImportedMesh, PaintedMesh, read_painted_mesh};
 use crate::import::plain::{Field, Paint, UV};
+use crate::import::strand_file::MIN_STRAND_LENGTH;
 use crate::math::polyline;
 use crate::scene::{Curves, Groom};
 use crate::{Diagnostic, Error, Result};
@@ -22,9 +23,6 @@ use std::f64::consts::TAU;
 
 /// Default vertices of a strand.
 const VERTICES: usize = 8;
-
-/// Shortest strand, m, and the shortest that a field of lengths makes, as a share of the length.
-const SHORTEST: (f64, f64) = (1e-4, 0.02);
 
 /// Numbers of random sequences: strands have theirs from 0 on.
 const GUIDES: u64 = 1 << 40;
@@ -79,6 +77,14 @@ fn numbered(first: u64, places: &[Place]) -> impl IndexedParallelIterator<Item =
     places.par_iter().enumerate().map(move |(i, place)| (first + i as u64, place))
 }
 
+/// A painted number.
+#[derive(Clone, Copy)]
+struct Painted<'a> {
+    field: &'a Field,
+    /// Which of the field's numbers it is.
+    channel: usize,
+}
+
 /// What grows where.
 struct Fur<'a> {
     options: &'a GrowOptions,
@@ -86,7 +92,7 @@ struct Fur<'a> {
     growth: Growth<'a>,
     /// Length without variation, m.
     length: f64,
-    length_field: Option<&'a Field>,
+    length_map: Option<Painted<'a>>,
     uv: Option<&'a Field>,
     /// Area of each triangle that bears fur, m², and the same times the density.
     bare: Vec<f64>,
@@ -100,11 +106,12 @@ impl<'a> Fur<'a> {
         let mut found = Findings { options, paint, diagnostics: Vec::new() };
         let bears = found.bearing(surface);
         let density = found.numbers(options.density_field.as_ref(), "--density-map", 1.0);
-        let length_field = found.numbers(options.shape.length_field.as_ref(), "--length-map", f64::INFINITY);
+        let length_map = found.numbers(options.shape.length_field.as_ref(), "--length-map", f64::INFINITY);
         let direction = found.direction();
         let length = found.length(surface);
         let area = |t: u32| 0.5 * surface.doubled_area(t).norm();
-        let at_corners = |t: u32| density.map_or([1.0; 3], |field| surface.values(field, t).map(|x| x.x));
+        let at_corners =
+            |t: u32| density.map_or([1.0; 3], |of| surface.values(of.field, t).map(|x| x[of.channel]));
         let all = 0..surface.triangles as u32;
         let weight = |t: u32, share: f64| if bears(surface.given(t)) { area(t) * share } else { 0.0 };
         let bare: Vec<f64> = all
@@ -137,7 +144,7 @@ impl<'a> Fur<'a> {
             seed: options.seed,
         };
         let uv = paint.fields.iter().find(|field| field.name == UV);
-        Ok(Fur { options, surface, growth, length, length_field, uv, bare, dense })
+        Ok(Fur { options, surface, growth, length, length_map, uv, bare, dense })
     }
 
     /// Area that bears fur, m².
@@ -172,8 +179,8 @@ impl<'a> Fur<'a> {
     /// The strand with this random `number` at a place, drawn to centres.
     fn strand(&self, number: u64, place: &Place, centres: &[&Centres]) -> Strand {
         let variation = self.options.shape.length_variation * self.growth.random(number, LENGTH);
-        let factor = self.length_field.map_or(1.0, |field| self.surface.value(field, place).x);
-        let length = self.length * factor.max(SHORTEST.1) * (1.0 - variation);
+        let factor = self.length_map.map_or(1.0, |of| self.surface.value(of.field, place)[of.channel]);
+        let length = (self.length * factor * (1.0 - variation)).max(MIN_STRAND_LENGTH);
         let points = self.growth.strand(number, place, length);
         let mut strand = Strand { points, length, normal: self.surface.normal(place) };
         for centres in centres {
@@ -310,9 +317,10 @@ impl<'a> Findings<'a> {
     }
 
     /// The field of numbers from 0 to `most`.
-    fn numbers(&mut self, name: Option<&String>, key: &str, most: f64) -> Option<&'a Field> {
-        let field = self.field(name?, key, 1)?;
-        let values = || field.corners.iter().flatten().map(|x| x.x);
+    fn numbers(&mut self, name: Option<&String>, key: &str, most: f64) -> Option<Painted<'a>> {
+        let (name, channel) = channel(name?);
+        let field = self.field(name, key, channel + 1)?;
+        let values = || field.corners.iter().flatten().map(|x| x[channel]);
         let [low, high] =
             [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)];
         // Painted values are often a rounding off.
@@ -321,7 +329,7 @@ impl<'a> Findings<'a> {
             self.report(key, format!("{} is {low} to {high}", field.name), allowed, "paint it again");
             return None;
         }
-        Some(field)
+        Some(Painted { field, channel })
     }
 
     /// The field that fur lies along, if it does.
@@ -340,9 +348,9 @@ impl<'a> Findings<'a> {
         let high = points.iter().fold(Vector3::repeat(f64::NEG_INFINITY), |a, x| a.sup(x));
         let size = (high - low).norm();
         let length = self.options.shape.length.unwrap_or(LENGTH_SHARE * size);
-        if !(SHORTEST.0..=size).contains(&length) {
+        if !(MIN_STRAND_LENGTH..=size).contains(&length) {
             let what = format!("{:.3} mm of fur on a mesh of {:.3} mm", length * 1e3, size * 1e3);
-            let allowed = format!("{} mm to the size of the mesh", SHORTEST.0 * 1e3);
+            let allowed = format!("{} mm to the size of the mesh", MIN_STRAND_LENGTH * 1e3);
             self.report("--length", what, allowed, "give another length, or check the unit of the mesh");
         }
         length

@@ -118,6 +118,12 @@ pub struct Clumps {
     pub strength: f64,
 }
 
+/// The field that `name` names, and which of its numbers: the first, or as `color.g` says.
+pub(super) fn channel(name: &str) -> (&str, usize) {
+    let of = |(field, channel): (_, &str)| Some((field, ["r", "g", "b"].iter().position(|c| *c == channel)?));
+    name.rsplit_once('.').and_then(of).unwrap_or((name, 0))
+}
+
 impl GrowOptions {
     /// The defaults for a mesh; the groom is named after it.
     pub fn new(mesh: Source) -> Self {
@@ -148,7 +154,7 @@ impl GrowOptions {
             _ => None,
         };
         let numbers = [&self.density_field, &self.shape.length_field].into_iter().flatten();
-        numbers.chain(direction).cloned().collect()
+        numbers.map(|name| channel(name).0).chain(direction.map(String::as_str)).map(String::from).collect()
     }
 
     /// Number of clumps of both scales.

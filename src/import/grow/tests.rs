@@ -8,6 +8,7 @@ use super::surface::Surface;
 use crate::Error;
 use crate::geometry::{Shape, TriMesh};
 use crate::import::Source;
+use crate::math::polyline;
 use crate::scene::Curves;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
@@ -213,10 +214,11 @@ fn the_number_of_threads_does_not_matter_and_the_seed_does() {
     assert!(grown(1, 3).strands.curves.points != grown(1, 4).strands.curves.points);
 }
 
-/// A square of side 1 m in two parts, with texture coordinates and vertex colours whose red is x.
+/// A square of side 1 m in two parts, with texture coordinates and vertex colours whose red is x and whose
+/// green is -z.
 const SQUARE: &str = "\
-v 0 0 0 0 1 1
-v 1 0 0 1 1 1
+v 0 0 0 0 0 1
+v 1 0 0 1 0 1
 v 1 0 -1 1 1 1
 v 0 0 -1 0 1 1
 vt 0 0
@@ -258,6 +260,13 @@ fn density_length_direction_and_parts_are_painted() {
     let right = painted.strands.curves.roots().filter(|x| x.x + x.z > 0.0).count();
     // Of x, two thirds are on the right triangle.
     assert!(right.abs_diff(667) < 5, "{right}");
+    options.density_field = Some("color.g".into());
+    let painted = grow(&options).unwrap().0;
+    let right = painted.strands.curves.roots().filter(|x| x.x + x.z > 0.0).count();
+    assert!(right.abs_diff(333) < 5, "{right}");
+    let shortest = (0..1000).map(|c| polyline::length(painted.strands.curves.curve(c))).fold(1.0, f64::min);
+    assert!((0.9e-3..2e-3).contains(&shortest), "{shortest} m");
+    options.density_field = Some("color".into());
     options.parts = vec!["left".into()];
     let left = grow(&options).unwrap().0;
     assert!(left.guides.curves.roots().chain(left.strands.curves.roots()).all(|x| x.x + x.z < 1e-9));
@@ -276,19 +285,20 @@ fn everything_that_is_wrong_is_told_at_once() {
     let mut options = good.clone();
     options.parts = vec!["back".into()];
     options.density_field = Some("fur".into());
-    options.shape.length_field = Some("uv".into());
-    options.shape.direction = Direction::Field("color".into());
+    options.shape.length_field = Some("uv.b".into());
+    options.shape.direction = Direction::Field("uv".into());
     options.shape.length = Some(20.0);
     let found = messages(&options);
     for expected in [
         "--on: no part is named back (a part of the mesh: right, left)",
         "--density-map: the mesh has no fur (one of uv, color)",
-        "--direction: color has a number at a place (three numbers)",
+        "--length-map: uv has two numbers at a place (three numbers)",
+        "--direction: uv has two numbers at a place (three numbers)",
         "--length: 20000.000 mm of fur on a mesh of 1414.214 mm",
     ] {
         assert!(found.contains(expected), "{found}");
     }
-    assert_eq!(found.lines().count(), 4, "{found}");
+    assert_eq!(found.lines().count(), 5, "{found}");
     let dense = GrowOptions { strands: StrandCount::PerArea(1e9), ..good.clone() };
     assert!(messages(&dense).contains("1000000000 strands on 1.000 m²"));
     assert!(matches!(grow(&GrowOptions { guides: 0, ..good }), Err(Error::Usage(_))));

@@ -1,6 +1,7 @@
-//! Fur on a mesh.
+//! Fur on a mesh, and the creature.
 
-use crate::common::{entries, hairbake, here};
+use crate::common::{bake, entries, hairbake, here};
+use hairbake::cache::Reader;
 use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
 use std::path::Path;
@@ -53,4 +54,18 @@ fn what_cannot_grow_is_refused() {
     }
     assert!(entries(folder.path()).is_empty());
     hairbake().args(["grow", "nowhere.obj", "-o"]).arg(folder.path().join("a.json")).assert().code(65);
+}
+
+#[test]
+fn the_creature_walks_in_its_fur() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut sample = hairbake();
+    sample.args(["sample", "creature", "--wisps", "30", "--strands", "300", "-o"]).arg(folder.path());
+    sample.assert().success().stderr(contains("30 guides").and(contains("0 strands enter the mesh")));
+    let at = |name: &str| folder.path().join(name);
+    let mut bake = bake(&at("groom.json"), &at("walk.json"), &at("out"));
+    bake.args(["--frames", "1001-1002", "--substeps", "2", "--preroll", "0", "--no-pictures"]);
+    bake.assert().success().stderr(contains("300 strands, 30 guides"));
+    let cache = Reader::open(&at("out")).unwrap();
+    assert!([1001, 1002].iter().all(|frame| cache.frames().contains(frame)));
 }

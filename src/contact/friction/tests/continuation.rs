@@ -31,15 +31,16 @@ fn continuation_finds_solutions_that_descent_in_tau_does_not() {
         let problem = FrictionProblem { w: &w, b: &b, laws: &laws };
         let mut r = vec![0.0; 3 * contacts];
         let smoothed = SmoothedProblem::new(&problem, &r).unwrap();
-        failed += u32::from(descend(&smoothed, &problem, 1e-8, &mut r) > 1e-5);
+        failed += u32::from(descend(&smoothed, &problem, 1e-8, &mut r, &mut 0) > 1e-5);
         r.fill(0.0);
-        follow(&smoothed, &problem, 1e-8, &mut r);
+        follow(&smoothed, &problem, 1e-8, &mut r, &mut 0);
         let residual = problem.compliant_residual(&r, COMPLIANCE);
         assert!(residual <= 1e-8, "case {case}: {residual}");
         r.fill(0.0);
-        let improved = improve(&problem, 1e-6, &mut r);
+        let improved = improve(&problem, 1e-6, &mut r, &mut 0);
         assert!(improved <= 1e-5, "case {case}: {improved}");
-        let mut path = Path::enter(&smoothed).unwrap();
+        let mut systems = 0;
+        let mut path = Path::enter(&smoothed, &mut systems).unwrap();
         let n = smoothed.len();
         turned_back += u32::from((0..60).any(|_| path.step() && path.tangent[n] > 0.0));
     }
@@ -56,7 +57,8 @@ fn the_frictionless_path_is_monotonic_in_tau() {
         let (w, b) = wedged(&mut random, 10);
         let problem = FrictionProblem { w: &w, b: &b, laws: &[Law::Coulomb(0.0.into()); 10] };
         let smoothed = SmoothedProblem::new(&problem, &[0.0; 30]).unwrap();
-        let mut path = Path::enter(&smoothed).unwrap();
+        let mut systems = 0;
+        let mut path = Path::enter(&smoothed, &mut systems).unwrap();
         while path.at[smoothed.len()] > 1e-6_f64.ln() {
             assert!(path.step() && path.tangent[smoothed.len()] < 0.0);
         }

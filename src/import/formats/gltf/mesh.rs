@@ -31,7 +31,7 @@ struct Part {
     names: Vec<String>,
 }
 
-/// The name of the field of vertex colours, of which the red counts.
+/// The name of the field of vertex colours.
 const COLOUR: &str = "COLOR_0";
 
 /// The joints that a part follows.
@@ -103,7 +103,7 @@ pub(crate) fn read(source: &Source, times: Option<&SampleTimes>) -> Result<Plain
 fn paint(parts: &[Part]) -> Paint {
     let values = |part: &Part, name: &str| part.fields.iter().position(|field| field.0 == name);
     let mut paint = Paint::default();
-    for (name, size) in [(UV, 2), (COLOUR, 1)] {
+    for (name, size) in [(UV, 2), (COLOUR, 3)] {
         if parts.iter().all(|part| values(part, name).is_some()) {
             let corners = parts.iter().filter_map(|part| Some((part, values(part, name)?)));
             let corners = corners.flat_map(|(part, k)| {
@@ -354,7 +354,7 @@ fn part(
     let colours = Semantic::Colors(0);
     if [Dimensions::Vec3, Dimensions::Vec4].into_iter().any(|dimensions| sound(&colours, dimensions)) {
         let colours = reader.read_colors(0).into_iter().flat_map(|colours| colours.into_rgb_f32());
-        fields.push((COLOUR, 1, colours.map(|[red, ..]| Vector3::new(red.into(), 0.0, 0.0)).collect()));
+        fields.push((COLOUR, 3, colours.map(|rgb| Vector3::from(rgb.map(f64::from))).collect()));
     }
     let names = [primitive.material().name(), node.mesh().and_then(|mesh| mesh.name()), node.name()];
     let mut names: Vec<String> = names.into_iter().flatten().map(String::from).collect();
