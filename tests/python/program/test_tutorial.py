@@ -33,5 +33,5 @@ def test_every_command_of_the_tutorial(tmp_path: Path) -> None:
             check=False,
         )
         assert done.returncode == 0, f"{command}\n{done.stderr}\n{done.stdout}"
-    assert (tmp_path / "shot/sheet.png").stat().st_size > 10_000
+    assert (tmp_path / "shot/front.png").stat().st_size > 10_000
     assert len(list((tmp_path / "shot/cache").glob("hair.1*.usdc"))) == 24 + 2
