@@ -37,6 +37,10 @@ const FIRST_STEP: f64 = 0.3;
 /// Sufficient decrease of the line search (Armijo), as a fraction of the slope.
 const ARMIJO: f64 = 1e-4;
 
+/// Maximum number of times a direction is shortened until it leads to a shape. Forces without bound, on a rod
+/// that bodies leave no room for, may lead to none.
+const MAX_SHORTENINGS: u32 = 200;
+
 /// Fraction of the direction below which the line search gives up.
 const MIN_FRACTION: f64 = 1e-6;
 
@@ -136,10 +140,10 @@ impl Solver {
 
     /// Moves `q` along [`Solver::direction`], shortened so that no segment turns by more than `MAX_TURN`
     /// and no point moves by more than `most`, m. Updates the shape and returns the largest displacement of a
-    /// point, m.
+    /// point, m; infinite if no part of the direction leads to a shape, so that the rod stays.
     pub fn advance(&mut self, rod: &Rod, root: &Matrix3<f64>, q: &mut [f64], most: f64) -> f64 {
         let mut t = self.max_fraction(&rod.core);
-        loop {
+        for _ in 0..MAX_SHORTENINGS {
             let sound = self.evaluate_trial(&rod.core, M3::from(*root), q, t) == 1;
             let moved = self.shape.distance(&self.trial.shape);
             if moved <= most && sound {
@@ -148,11 +152,12 @@ impl Solver {
             }
             t *= (0.9 * most / moved).min(0.9);
         }
+        f64::INFINITY
     }
 
     /// [`Solver::advance`] under dead loads in addition to `load`, whose work on a shape is `work`, J, up to
     /// a constant. [`Solver::direction`] holds L⁻¹ times all forces, the dead loads included. Backtracks
-    /// until Φ minus the work decreases sufficiently.
+    /// until Φ minus the work decreases sufficiently. Infinite as [`Solver::advance`].
     pub fn advance_loaded(
         &mut self,
         rod: &Rod,
@@ -167,17 +172,19 @@ impl Solver {
         let phi = energy(&rod.core, load, &self.shape, q, &mut self.scratch) - work(&self.shape);
         let rounding = load.inertia * rod.core.length * rod.core.length * 1e-18 + phi.abs() * 1e-13;
         let mut t = self.max_fraction(&rod.core);
-        loop {
+        for _ in 0..MAX_SHORTENINGS {
             let sound = self.evaluate_trial(&rod.core, M3::from(*root), q, t) == 1;
             let Trial { shape, q: trial_q } = &self.trial;
             let moved = self.shape.distance(shape);
             let trial = energy(&rod.core, load, shape, trial_q, &mut self.scratch) - work(shape);
-            if sound && moved <= most && trial <= phi + t * slope * ARMIJO + rounding || t < MIN_FRACTION {
+            let decreases = moved <= most && trial <= phi + t * slope * ARMIJO + rounding;
+            if sound && (decreases || t < MIN_FRACTION) {
                 self.accept_trial(q);
                 return moved;
             }
             t *= (0.9 * most / moved).min(0.5);
         }
+        f64::INFINITY
     }
 }
 

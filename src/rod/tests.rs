@@ -106,6 +106,27 @@ fn held_unknowns_are_where_they_are_held() {
     assert!((9..q.len()).any(|i| off(i) > 1.0), "{q:?}");
 }
 
+#[test]
+fn a_direction_that_leads_to_no_shape_moves_nothing() {
+    let rod = curl();
+    let load = load(&rod, 0.01);
+    let root = &rod.root.r;
+    let q: Vec<f64> = (0..rod.unknowns()).map(|i| (i as f64).cos()).collect();
+    let mut solver = Solver::default();
+    for direction in [f64::INFINITY, f64::NAN, 1e300] {
+        let mut moved = q.clone();
+        assert!(solver.shape.update(&rod, root, &q));
+        assert!(solver.linearise(&rod, &load, &q));
+        solver.direction.fill(direction);
+        let far = solver.advance(&rod, root, &mut moved, 0.01);
+        assert!(far.is_infinite() && moved == q || far <= 0.01, "{direction}: {far}");
+        solver.direction.fill(direction);
+        let far = solver.advance_loaded(&rod, root, &load, &mut moved, |_| 0.0, 0.01);
+        assert!(far.is_infinite() || far <= 0.01, "{direction}: {far}");
+        assert!(moved.iter().all(|q| q.is_finite()), "{direction}: {moved:?}");
+    }
+}
+
 fn derivatives(rod: &Rod, load: &Load, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let (mut shape, mut sens) = (RodShape::default(), Sensitivity::default());
     shape.update(rod, &rod.root.r, q);
