@@ -6,10 +6,9 @@
 //! finds no solution. So it is followed along its own length, in x and ln τ (H. B. Keller, "Numerical
 //! solution of bifurcation and nonlinear eigenvalue problems", 1977: pseudo-arclength continuation).
 
-use super::newton;
 use super::problem::FrictionProblem;
 use super::regularised::COMPLIANCE;
-use super::smoothed_problem::{Evaluation, SmoothedProblem};
+use super::smoothed_problem::{Evaluation, SYSTEMS_PER_SUBSTEP, SmoothedProblem};
 use nalgebra::DVector;
 
 /// τ at the start of the path.
@@ -34,7 +33,7 @@ const ON_PATH: f64 = 1e-6;
 const ROUNDING: f64 = 1e-11;
 
 /// Improves `r` if the path leads to a solution with a smaller residual, and stops at a residual of
-/// `tolerance`. Counts the `systems` that it solves, as [`newton::improve`] does.
+/// `tolerance`. Counts the `systems` that it solves, and solves none beyond [`SYSTEMS_PER_SUBSTEP`].
 pub(super) fn follow(
     smoothed: &SmoothedProblem,
     problem: &FrictionProblem,
@@ -78,7 +77,7 @@ impl<'a> Path<'a> {
         at[n] = ENTRY.ln();
         let mut tangent = DVector::zeros(n + 1);
         tangent[n] = -1.0;
-        let end = (*systems + SYSTEMS).min(newton::SYSTEMS_PER_SUBSTEP);
+        let end = (*systems + SYSTEMS).min(SYSTEMS_PER_SUBSTEP);
         let mut path = Path { smoothed, at, tangent, length: LENGTH, systems, end };
         loop {
             let point = path.evaluate(&path.at)?;

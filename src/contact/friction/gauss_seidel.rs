@@ -3,8 +3,8 @@
 use super::anderson::Anderson;
 use super::law::Law;
 use super::local::LocalSolver;
-use super::newton;
 use super::residual::Residual;
+use super::smoothed_problem::SYSTEMS_PER_SUBSTEP;
 use nalgebra::{Matrix3, Vector3};
 
 /// Sweeps between two checks of all contacts.
@@ -88,7 +88,7 @@ impl FrictionScratch {
 
     /// True if the limit is reached: sweeps alone are left.
     pub fn is_exhausted(&self) -> bool {
-        self.systems >= newton::SYSTEMS_PER_SUBSTEP
+        self.systems >= SYSTEMS_PER_SUBSTEP
     }
 }
 

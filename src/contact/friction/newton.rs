@@ -7,12 +7,8 @@
 use super::continuation;
 use super::problem::FrictionProblem;
 use super::regularised::COMPLIANCE;
-use super::smoothed_problem::SmoothedProblem;
+use super::smoothed_problem::{SYSTEMS_PER_SUBSTEP, SmoothedProblem};
 use nalgebra::DVector;
-
-/// Maximum number of systems that a strand may have solved in one sub-step, over all its parts and rounds. A
-/// system of 64 contacts takes some 0.2 ms.
-pub(super) const SYSTEMS_PER_SUBSTEP: u32 = 2000;
 
 /// Maximum number of steps.
 const STEPS: u32 = 60;

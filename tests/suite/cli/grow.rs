@@ -65,7 +65,7 @@ fn the_creature_walks_in_its_fur() {
     let at = |name: &str| folder.path().join(name);
     let mut bake = bake(&at("groom.json"), &at("walk.json"), &at("out"));
     bake.args(["--frames", "1001-1002", "--substeps", "2", "--preroll", "0", "--no-pictures"]);
-    bake.assert().success().stderr(contains("300 strands, 30 guides"));
+    bake.assert().success().stderr(contains("300 strands and 30 guides"));
     let cache = Reader::open(&at("out")).unwrap();
     assert!([1001, 1002].iter().all(|frame| cache.frames().contains(frame)));
 }
