@@ -65,7 +65,7 @@ struct Cost {
 /// Simulates the `guides` guides nearest to the crown of a head of `head`.
 fn cost(head: usize, guides: usize) -> Cost {
     let folder = tempfile::tempdir().unwrap();
-    let size = Size { wisps: Some(head), strands: STRANDS * head, head_subdivisions: 4 };
+    let size = Size { wisps: Some(head), strands: Some(STRANDS * head), head_subdivisions: 4 };
     sample::write(Style::Short, size, folder.path()).unwrap();
     let (groom, mut anim) = hairbake::scene::load(
         &folder.path().join("groom.json"),

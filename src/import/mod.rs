@@ -27,8 +27,8 @@ mod strand_file;
 mod track;
 mod units;
 
-pub(crate) use groom::build::build;
 pub use groom::build::{BuildOptions, BuildReport};
+pub(crate) use groom::build::{RenderStrands, build};
 pub use groom::convert::groom;
 pub use groom::fidelity::{Curl, LevelFit};
 pub use groom::generate::Generation;
@@ -36,7 +36,6 @@ pub use groom::hierarchy::HierarchyShape;
 pub use groom::options::{ALL_GUIDES_UP_TO, DEFAULT_GUIDES, GroomOptions};
 pub use groom::report::GroomReport;
 pub use groom::resample::{Resample, ResampleError};
-pub(crate) use groom::scalp::Scalp;
 pub use groom::scalp::{OFF_SCALP, RootReport};
 pub use grow::convert::grow;
 pub use grow::options::{

@@ -1,145 +1,231 @@
-//! Guides that grow on the scalp, are combed away from a parting, fall around the head and are cut at a hem.
+//! Hair that grows on the scalp, is combed, falls around the head and is cut.
 
 use super::head;
-use super::style::Cut;
+use super::scalp::{Chance, Root};
+use super::style::{Comb, Cut};
 use crate::math::frame::rotation_minimising;
 use crate::math::spline::ArcSpline;
-use crate::scene::Curves;
 use nalgebra::Vector3;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
-/// The golden angle, rad: the azimuth between consecutive points of a Fibonacci sphere.
-const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
-/// Growth step, m.
-const STEP: f64 = 0.003;
-/// Length over which a hair bends into the combing direction, m.
-const BEND_LENGTH: f64 = 0.022;
-/// Position of the parting, m to the left of the centre.
-const PARTING_X: f64 = 0.022;
+type V = Vector3<f64>;
 
-/// Makes `count` guides of a style, m, rest space.
-pub(super) fn guides(cut: &Cut, count: usize) -> Curves {
-    let mut out = Curves { offsets: vec![0], ..Curves::default() };
-    for (i, d) in scalp_directions(count).into_iter().enumerate() {
-        let course = grow_course(d, cut, i as u64);
-        out.points.extend(curl(&course, cut, i as u64));
-        out.offsets.push(out.points.len());
-        out.id.push(i as i32);
-        out.group.push(0);
-        let (azimuth, elevation) = (d.x.atan2(d.z), d.y.asin());
-        out.root_uv.push([(0.5 + azimuth / TAU) as f32, (0.5 + elevation / PI) as f32]);
-    }
-    out
+/// Growth steps of the longest hair, and the range of their length, m.
+const STEPS: f64 = 45.0;
+const STEP: (f64, f64) = (0.001, 0.006);
+/// Where hair turns around the crown, m.
+const WHORL: V = V::new(0.014, 0.232, -0.052);
+/// Distance from the whorl within which hair turns around it, m.
+const WHORL_RADIUS: f64 = 0.030;
+/// Where a ponytail is tied, m, and its radius there.
+pub(super) const TIE: (V, f64) = (V::new(0.0, 0.176, -0.112), 0.011);
+/// Length over which a ponytail bends down, m.
+const TAIL_BEND: f64 = 0.045;
+/// How far inside the hairline hair has its full length where it is shorter at the line, rad.
+const FADE: f64 = 0.7;
+/// Sine of the elevation of the lowest roots.
+const NAPE: f64 = -0.9;
+/// Heights between which hair of the top passes into hair of the sides, m.
+const SIDES: (f64, f64) = (0.20, 0.14);
+/// Standard deviation of the heights at which strands are cut, m, where they may lose all of their length.
+const HEM_SPREAD: f64 = 0.06;
+/// Height of the fringe and its standard deviation, m: just above the brows.
+const FRINGE: (f64, f64) = (0.150, 0.004);
+/// Roots of the fringe lie in front of the first of these depths and within the second from the middle, m.
+const FRINGE_ROOTS: (f64, f64) = (0.045, 0.048);
+/// Standard deviation of the places at which hair is parted, on the scalp, m.
+const PARTING_SPREAD: f64 = 0.003;
+/// Most steps that lift a point out of the body.
+const LIFTS: usize = 6;
+/// How steeply hanging hair leans to the axis of the neck, per m from it.
+const TOGETHER: f64 = 3.5;
+/// Least height of hair above skin, m.
+const LEAST_HEIGHT: f64 = 0.0012;
+/// Height of the undermost layer of hair above skin, m.
+const UNDERMOST: f64 = 0.004;
+/// Height above its layer within which the comb leads a hair, m; higher, it falls.
+const REACH: f64 = 0.02;
+/// Height above its layer within which a hair slides along it, m.
+const NEAR: f64 = 0.01;
+/// Length along which a hair rises to its layer, m.
+const RISE: f64 = 0.03;
+
+/// 0 at `from` and before, 1 at `to` and beyond, smooth between; `from` may be the greater.
+fn smooth_step(from: f64, to: f64, x: f64) -> f64 {
+    let u = ((x - from) / (to - from)).clamp(0.0, 1.0);
+    u * u * (3.0 - 2.0 * u)
 }
 
-/// Lowest elevation of hair, rad, at an azimuth from the face, rad.
-fn hairline(azimuth: f64) -> f64 {
-    // Forehead, temple, ear, nape.
-    const LINE: [(f64, f64); 6] =
-        [(0.0, 0.60), (0.55, 0.58), (1.0, 0.40), (1.55, 0.22), (2.1, -0.25), (PI, -0.55)];
-    let k = LINE.iter().position(|&(a, _)| azimuth <= a).unwrap_or(LINE.len() - 1).max(1);
-    let ((a0, e0), (a1, e1)) = (LINE[k - 1], LINE[k]);
-    e0 + (e1 - e0) * (azimuth - a0) / (a1 - a0)
+/// What is the same along a hair.
+struct Hair<'a> {
+    cut: &'a Cut,
+    root: Root,
+    /// Side of the parting, −1 or 1.
+    side: f64,
+    /// Whether it hangs over the forehead.
+    fringe: bool,
+    /// Stray part of its direction.
+    stray: V,
+    /// Place in a ponytail: offset from its middle over its radius.
+    place: V,
 }
 
-/// `count` directions from the centre of the head, evenly spread over the scalp: the points of a Fibonacci
-/// sphere above the hairline.
-fn scalp_directions(count: usize) -> Vec<Vector3<f64>> {
-    let on_scalp = |points: usize| -> Vec<Vector3<f64>> {
-        (0..points)
-            .map(|i| {
-                let y = 1.0 - (2.0 * i as f64 + 1.0) / points as f64;
-                let (sin, cos) = (i as f64 * GOLDEN_ANGLE).sin_cos();
-                let level = (1.0 - y * y).sqrt();
-                Vector3::new(level * sin, y, level * cos)
-            })
-            .filter(|d| d.y.asin() > hairline(d.x.abs().atan2(d.z)))
-            .collect()
-    };
-    let mut points = count;
-    loop {
-        let mut found = on_scalp(points);
-        if found.len() >= count {
-            found.truncate(count);
-            return found;
-        }
-        points += (count - found.len()).max(1);
-    }
-}
+/// The course of a hair from its root, without curls.
+pub(super) fn course(cut: &Cut, root: &Root, stray: f64) -> Vec<V> {
+    let hair = Hair::new(cut, *root, stray);
+    let (_, up) = head::height(root.x);
+    let side = smooth_step(SIDES.0, SIDES.1, root.x.y);
+    let length = cut.length[0] + (cut.length[1] - cut.length[0]) * side;
+    let length = length * (1.0 - cut.fade * smooth_step(FADE, 0.0, root.inside));
+    let length = length * (1.0 - cut.uneven * root.random(Chance::Shorter) * root.random(Chance::Uneven));
+    // Hair that grows higher lies on top: from 0 at the nape to 1 at the crown.
+    let rank = (root.direction.y - NAPE) / (1.0 - NAPE);
+    let layer = UNDERMOST + cut.curl[0] + cut.body * rank * (0.6 + 0.4 * root.random(Chance::Layer));
+    let hem = cut.hem + cut.layers * rank + HEM_SPREAD * cut.uneven * root.normal(Chance::Hem);
 
-/// The course of a hair without curls, from the root in direction `d`.
-fn grow_course(d: Vector3<f64>, cut: &Cut, seed: u64) -> Vec<Vector3<f64>> {
-    let root = head::point(d);
-    let (_, up) = head::height(root);
-    let side = if root.x < PARTING_X { -1.0 } else { 1.0 };
-    // Hair that grows higher lies on top.
-    let layer = 0.002 + 0.010 * (d.y + 0.5).max(0.0) * (0.7 + 0.6 * random(seed, 0)) + cut.curl_radius;
-    let length = cut.longest * (0.86 + 0.14 * random(seed, 1));
-    let hem = cut.hem + 0.03 * (random(seed, 2) - 0.5);
-    let stray = Vector3::from_fn(|k, _| random(seed, 3 + k as u64) - 0.5) * 0.16;
-
-    let mut x = root;
-    let mut along = (up * 1.2 + combing_direction(root, side) * 0.5 + stray).normalize();
+    let step = (length / STEPS).clamp(STEP.0, STEP.1);
+    let mut x = root.x;
+    let mut along = (up * 1.2 + hair.direction(x, up, 1.0) * 0.6 + hair.stray * 2.0).normalize();
     let mut out = vec![x];
-    let steps = (length / STEP).round() as usize;
-    for step in 1..=steps {
-        let grown = step as f64 * STEP;
-        let mut direction = combing_direction(x, side) + stray;
+    for i in 1..=(length / step).round() as usize {
+        let grown = i as f64 * step;
+        x += along * step;
         let (height, normal) = head::height(x);
-        let clearance = layer * (grown / 0.03).min(1.0);
-        if height < clearance + 0.01 {
-            // Slide along the surface and rise to the layer.
-            direction -= normal * direction.dot(&normal).min(0.0);
-            direction += normal * (3.0 * (clearance - height) / 0.01).clamp(-0.4, 1.2);
-        }
-        along = (along
-            + (direction.try_normalize(1e-9).unwrap_or(along) - along) * (STEP / BEND_LENGTH).min(1.0))
-        .normalize();
-        x += along * STEP;
-        x = lift(x, grown);
+        let lift = (least_height(grown) - height).max(0.0);
+        x += normal * lift;
         out.push(x);
-        if x.y < hem && step >= 8 {
+        let hem = if hair.fringe { FRINGE.0 + FRINGE.1 * root.normal(Chance::Hem) } else { hem };
+        if x.y < hem && i >= 3 && hair.may_be_cut(x) {
             break;
         }
+        let over_layer = height + lift - LEAST_HEIGHT.max(layer * smooth_step(0.0, RISE, grown));
+        let led = smooth_step(REACH, 0.0, over_layer);
+        let mut direction = hair.direction(x, normal, led) + hair.stray * (0.3 + 0.7 * led);
+        if over_layer < NEAR {
+            // Slide along the surface and rise to the layer.
+            direction -= normal * direction.dot(&normal).min(0.0);
+            direction += normal * (-3.0 * over_layer / NEAR).clamp(-0.4, 1.2);
+        }
+        let towards = direction.try_normalize(1e-9).unwrap_or(along);
+        along = (along + (towards - along) * (step / cut.bend).min(1.0)).normalize();
     }
     out
 }
 
-/// Moves a point of a hair, `grown` m from its root, out of the body to a minimum height.
-fn lift(x: Vector3<f64>, grown: f64) -> Vector3<f64> {
-    let (height, normal) = head::height(x);
-    let minimum = 0.0015 * (grown / 0.01).min(1.0);
-    x + normal * (minimum - height).max(0.0)
+/// Least height of a point of a hair, `grown` m from its root, above skin, m.
+fn least_height(grown: f64) -> f64 {
+    LEAST_HEIGHT * (grown / 0.01).min(1.0)
 }
 
-/// Combing direction at `x`: away from the parting and the face, then down. `side` is that of the parting, −1
-/// or 1.
-fn combing_direction(x: Vector3<f64>, side: f64) -> Vector3<f64> {
-    let from = x - head::CENTRE;
-    let top = ((from.y - 0.03) / 0.07).clamp(0.0, 1.0);
-    let front = ((from.z - 0.01) / 0.06).clamp(0.0, 1.0);
-    let face = front * (1.0 - ((from.x.abs() - 0.045) / 0.05).clamp(0.0, 1.0));
-    Vector3::new(side * (1.1 * top + 1.2 * face), -1.0, -0.35 * top * front - 0.9 * face - 0.25 * front)
+/// Moves a point of a hair, `grown` m from its root, to its least height.
+fn lift(mut x: V, grown: f64) -> V {
+    // Deep within, distances are of first order only.
+    for _ in 0..LIFTS {
+        let (height, normal) = head::height(x);
+        if height >= least_height(grown) {
+            break;
+        }
+        x += normal * (least_height(grown) - height);
+    }
+    x
 }
 
-/// Winds a course into a helix whose radius grows from the root; straight hair gets a slight wave.
-fn curl(course: &[Vector3<f64>], cut: &Cut, seed: u64) -> Vec<Vector3<f64>> {
+impl<'a> Hair<'a> {
+    fn new(cut: &'a Cut, root: Root, stray: f64) -> Self {
+        let from_parting = match cut.comb {
+            Comb::Parted(start) | Comb::Fringe(start) => root.x.x - parting(start, root.x.z),
+            _ => root.x.x,
+        };
+        // Some hairs lie across the parting.
+        let side = if from_parting + PARTING_SPREAD * root.normal(Chance::Side) < 0.0 { -1.0 } else { 1.0 };
+        let fringe = matches!(cut.comb, Comb::Fringe(_))
+            && root.x.z > FRINGE_ROOTS.0 + PARTING_SPREAD * root.normal(Chance::FringeDepth)
+            && root.x.x.abs() < FRINGE_ROOTS.1 + PARTING_SPREAD * root.normal(Chance::FringeWidth);
+        let stray = V::from_fn(|k, _| root.normal(Chance::Stray(k as u8))) * stray;
+        let radius = root.random(Chance::TailRadius).sqrt();
+        let (sin, cos) = (TAU * root.random(Chance::TailTurn)).sin_cos();
+        Hair { cut, root, side, fringe, stray, place: V::new(cos, sin, 0.0) * radius }
+    }
+
+    /// Which way a hair grows at `x`: the share `led` of it is led by the comb along the skin, the normal of which is
+    /// `up`, and the rest falls.
+    fn direction(&self, x: V, up: V, led: f64) -> V {
+        // Hair hangs together: below the head it comes towards the neck.
+        let inwards = smooth_step(0.10, 0.0, x.y) * TOGETHER;
+        let down = V::new(-inwards * x.x, -1.0, -inwards * (x.z - head::PIVOT.z));
+        // On the top of the head combs lead the hair, below weight does.
+        let top = smooth_step(0.150, 0.215, x.y);
+        match self.cut.comb {
+            Comb::Out => {
+                let (_, skin) = head::height(self.root.x);
+                skin + (x - head::CENTRE).normalize() * 0.8
+            }
+            Comb::Whorl => whorl(x, up) * led + down * (1.0 - 0.8 * top * led),
+            Comb::Gathered => self.gathered(x),
+            Comb::Fringe(_) if self.fringe => V::new(6.0 * x.x, 0.0, 1.0) * (top * led) + down,
+            Comb::Parted(_) | Comb::Fringe(_) => {
+                let front = smooth_step(WHORL.z - 0.01, WHORL.z + 0.04, self.root.x.z);
+                let aside = V::x() * self.side - V::z() * 0.35;
+                let combed = aside * front + whorl(x, up) * (1.0 - front);
+                let aside_share = if matches!(self.cut.comb, Comb::Fringe(_)) { 0.2 } else { 1.0 };
+                let forehead = smooth_step(0.01, 0.06, x.z) * smooth_step(0.085, 0.05, x.x.abs());
+                let off_the_face = V::new(1.2 * self.side, 0.0, -0.9) * (forehead * aside_share);
+                (combed * top + off_the_face) * led + down * (1.0 - 0.6 * top * led)
+            }
+        }
+    }
+
+    /// To the tie, and from there back and down.
+    fn gathered(&self, x: V) -> V {
+        let (tie, radius) = TIE;
+        let place = V::new(self.place.x, self.place.y, 0.0) * (radius * 0.9);
+        let to = tie + place - x;
+        if to.z < -0.004 {
+            // Straight to its place in the bundle.
+            return to.normalize();
+        }
+        // The tail swings out, and widens a little.
+        let beyond = (tie.z - x.z).max(0.0) + (tie.y - x.y).max(0.0);
+        let back = (-beyond / TAIL_BEND).exp();
+        V::new(self.place.x * 0.10, 0.35 * self.place.y.max(0.0), -1.0) * back
+            + V::new(self.place.x * 0.05, -1.0, -0.05 * self.place.y) * (1.0 - back)
+    }
+
+    /// Whether the hem may cut the hair at `x`: not before it has passed the tie.
+    fn may_be_cut(&self, x: V) -> bool {
+        self.cut.comb != Comb::Gathered || x.z < TIE.0.z
+    }
+}
+
+/// Where the parting lies at a depth `z`, m to the left of the middle: it wanders from `start`, at the forehead, to
+/// the whorl.
+fn parting(start: f64, z: f64) -> f64 {
+    let back = smooth_step(0.07, WHORL.z, z);
+    start + (WHORL.x - start) * back + 0.003 * (z / 0.011).sin() + 0.0015 * (z / 0.0043 + 1.0).sin()
+}
+
+/// Away from the whorl along the scalp, and around it near by.
+fn whorl(x: V, up: V) -> V {
+    let from = x - WHORL;
+    let away = from - up * from.dot(&up);
+    let turn = (-away.norm() / WHORL_RADIUS).exp();
+    let away = away.try_normalize(1e-6).unwrap_or(V::z());
+    away * (1.0 - 0.6 * turn) + up.cross(&away) * (1.4 * turn)
+}
+
+/// Winds a course into a helix of about the radius `radius`, m, with `vertices` points. The hair of a wisp, of which
+/// the first root is that of its guide, winds together, but for what is the hair's own. Curls open from the root.
+pub(super) fn curl(course: &[V], cut: &Cut, [wisp, own]: [&Root; 2], radius: f64, vertices: usize) -> Vec<V> {
     let Some(spline) = ArcSpline::through(course) else { return course.to_vec() };
-    let vertices = cut.vertices[0];
     let s: Vec<f64> = (0..vertices).map(|v| spline.length() * v as f64 / (vertices - 1) as f64).collect();
-    let phase = TAU * random(seed, 6);
-    let radius = cut.curl_radius * (0.75 + 0.5 * random(seed, 7));
-    let pitch = cut.curl_pitch * (0.85 + 0.3 * random(seed, 8));
+    let phase = TAU * wisp.random(Chance::Phase) + 0.5 * own.normal(Chance::OwnPhase);
+    let radius = radius * (0.75 + 0.5 * own.random(Chance::OwnRadius));
+    let pitch =
+        cut.curl[1] * (0.85 + 0.3 * wisp.random(Chance::Pitch)) * (1.0 + 0.02 * own.normal(Chance::OwnPitch));
+    let open = (1.5 * cut.curl[1]).min(0.05);
     let wind = |(frame, &s): (&nalgebra::UnitQuaternion<f64>, &f64)| {
-        let open = (s / (1.5 * cut.curl_pitch).min(0.05)).min(1.0);
-        let open = open * open * (3.0 - 2.0 * open);
         let (sin, cos) = (phase + TAU * s / pitch).sin_cos();
-        lift(spline.at(s).x + frame * Vector3::new(cos, sin, 0.0) * (radius * open), s)
+        lift(spline.at(s).x + frame * V::new(cos, sin, 0.0) * (radius * smooth_step(0.0, open, s)), s)
     };
     rotation_minimising(&spline, &s, None).iter().zip(&s).map(wind).collect()
-}
-
-/// A random number in [0, 1): number `stream` of hair `seed`.
-fn random(seed: u64, stream: u64) -> f64 {
-    crate::math::random::unit(0, seed << 8 | stream)
 }

@@ -1,144 +1,175 @@
-//! The head of the samples: a star-shaped surface with a face, ears and a nape, on a neck and shoulders.
+//! The head of the samples and the bust that it turns on: smooth solids, and their meshes.
+//!
+//! The head is looked at from the front along −z; y is up. Its proportions are those of life drawing: eyes halfway
+//! between chin and crown, the nose down to the middle between brows and chin, ears as high as the nose.
 
+use super::solid::{difference, ellipsoid, limb, sphere, turned, union};
+use super::surface_nets::{planes, surface};
 use crate::geometry::TriMesh;
 use nalgebra::Vector3;
-use std::collections::BTreeMap;
-use std::f64::consts::PI;
 
-/// Centre of the head, m. The head turns about the origin of rest space, in the neck.
-pub const CENTRE: Vector3<f64> = Vector3::new(0.0, 0.12, 0.012);
-/// Semi-axes of the skull, m: width, height, depth.
-const RADII: Vector3<f64> = Vector3::new(0.078, 0.115, 0.097);
+type V = Vector3<f64>;
 
-/// Ends (m, rest space) and radius, m, of the capsule of the neck.
-pub const NECK: ([Vector3<f64>; 2], f64) =
-    ([Vector3::new(0.0, 0.05, -0.005), Vector3::new(0.0, -0.11, -0.02)], 0.052);
-/// The capsule of the shoulders, as [`NECK`].
-pub const SHOULDERS: ([Vector3<f64>; 2], f64) =
-    ([Vector3::new(-0.15, -0.16, -0.02), Vector3::new(0.15, -0.16, -0.02)], 0.062);
+/// The middle of the skull, m, rest space.
+pub const CENTRE: V = V::new(0.0, 0.150, -0.004);
+/// A point of the axis about which the head turns, m: where it sits on the spine.
+pub const PIVOT: V = V::new(0.0, 0.05, -0.018);
 
-/// A Gaussian bump: height, m; azimuth from the face and elevation, rad; standard deviations of both, rad.
-/// Symmetric about the face.
-struct Feature(f64, [f64; 2], [f64; 2]);
+/// Nothing of the face reaches farther back, m along z.
+const BEHIND_THE_FACE: f64 = -0.01;
 
-const FEATURES: [Feature; 11] = [
-    Feature(0.016, [0.0, -0.10], [0.10, 0.15]),   // bridge of the nose
-    Feature(0.012, [0.0, -0.22], [0.12, 0.07]),   // tip of the nose
-    Feature(0.005, [0.25, 0.14], [0.25, 0.07]),   // brow
-    Feature(-0.009, [0.36, 0.00], [0.17, 0.09]),  // eyes
-    Feature(0.006, [0.0, -0.52], [0.22, 0.05]),   // mouth
-    Feature(0.010, [0.0, -0.85], [0.45, 0.20]),   // chin
-    Feature(-0.010, [0.95, -0.75], [0.45, 0.35]), // cheeks
-    Feature(0.016, [1.62, -0.06], [0.08, 0.20]),  // ears
-    Feature(-0.006, [1.95, -0.10], [0.15, 0.25]), // behind the ears
-    Feature(0.006, [PI, 0.05], [0.80, 0.50]),     // back of the head
-    Feature(-0.022, [PI, -0.95], [1.00, 0.35]),   // nape
-];
+/// Signed distance of `x` from the head with its part of the neck, m.
+pub(super) fn head(x: V) -> f64 {
+    // Both sides are alike.
+    let m = V::new(x.x.abs(), x.y, x.z);
+    let cranium = ellipsoid(m, [0.0, 0.160, -0.006], [0.0750, 0.078, 0.0915]);
+    let forehead = ellipsoid(m, [0.0, 0.152, 0.028], [0.0655, 0.074, 0.066]);
+    let skull = union(cranium, forehead, 0.02);
+    let mid_face = ellipsoid(m, [0.0, 0.098, 0.040], [0.0575, 0.082, 0.053]);
+    let jaw = limb(m, [[0.0500, 0.080, 0.008], [0.016, 0.026, 0.070]], [0.0175, 0.0160]);
+    let bone = union(union(skull, mid_face, 0.025), jaw, 0.03);
+    // It ends in a ball about the pivot, so that it turns and nods within the neck of the bust.
+    let neck = limb(m, [[0.0, 0.090, -0.018], [0.0, 0.050, -0.018]], [0.0486, 0.0480]);
+    let nape = limb(m, [[0.0, 0.110, -0.052], [0.0, 0.050, -0.034]], [0.036, 0.032]);
+    let bone = union(bone, union(neck, nape, 0.01), 0.022);
+    let face = if x.z > BEHIND_THE_FACE { face(m, bone) } else { bone };
+    union(face, ear(m), 0.010)
+}
 
-/// Distance of the surface from [`CENTRE`] in the unit direction `d`, m.
-fn radius(d: Vector3<f64>) -> f64 {
-    let (azimuth, elevation) = (d.x.abs().atan2(d.z), d.y.clamp(-1.0, 1.0).asin());
-    let feature = |Feature(height, at, spread): &Feature| {
-        let offset = [(azimuth - at[0]) / spread[0], (elevation - at[1]) / spread[1]];
-        height * (-0.5 * (offset[0] * offset[0] + offset[1] * offset[1])).exp()
+fn face(m: V, bone: f64) -> f64 {
+    let chin = sphere(m, [0.0, 0.0240, 0.0810], 0.0140);
+    let bone = union(bone, chin, 0.018);
+    let cheek_bone = limb(m, [[0.037, 0.090, 0.068], [0.060, 0.104, 0.033]], [0.0140, 0.0100]);
+    let cheek = ellipsoid(m, [0.036, 0.066, 0.062], [0.018, 0.026, 0.022]);
+    let bone = union(union(bone, cheek_bone, 0.024), cheek, 0.022);
+    let brow = limb(m, [[0.015, 0.1355, 0.0865], [0.043, 0.1385, 0.0715]], [0.0050, 0.0055]);
+    mouth(m, nose(m, eye(m, union(bone, brow, 0.020))))
+}
+
+/// Closed eyes: a ball in its socket under the lids, which meet in a line.
+fn eye(m: V, face: f64) -> f64 {
+    let socket = ellipsoid(m, [0.0320, 0.1195, 0.1050], [0.0185, 0.0150, 0.0160]);
+    let ball = ellipsoid(m, [0.0325, 0.1170, 0.0755], [0.0180, 0.0125, 0.0145]);
+    let [inner, middle, outer] =
+        [[0.0175, 0.1145, 0.0850], [0.0315, 0.1112, 0.0885], [0.0465, 0.1140, 0.0832]];
+    let lashes = limb(m, [inner, middle], [0.0009, 0.0013]).min(limb(m, [middle, outer], [0.0013, 0.0009]));
+    let lids = union(difference(face, socket, 0.012), ball, 0.0045);
+    difference(lids, lashes, 0.003)
+}
+
+fn nose(m: V, face: f64) -> f64 {
+    let bridge = limb(m, [[0.0, 0.1260, 0.0860], [0.0, 0.0905, 0.1040]], [0.0060, 0.0078]);
+    let tip = union(bridge, sphere(m, [0.0, 0.0865, 0.1068], 0.0082), 0.008);
+    let wing = ellipsoid(m, [0.0108, 0.0840, 0.0980], [0.0058, 0.0060, 0.0078]);
+    let nostril = ellipsoid(m, [0.0058, 0.0770, 0.1015], [0.0030, 0.0030, 0.0042]);
+    difference(union(face, union(tip, wing, 0.006), 0.011), nostril, 0.003)
+}
+
+fn mouth(m: V, face: f64) -> f64 {
+    let teeth = ellipsoid(m, [0.0, 0.056, 0.077], [0.028, 0.022, 0.020]);
+    let upper = turned(m, [0.007, 0.0590, 0.0940], [0.0, 0.30, -0.20]);
+    let upper = ellipsoid(upper, [0.007, 0.0592, 0.0925], [0.0155, 0.0055, 0.0078]);
+    let lower = ellipsoid(m, [0.0, 0.0495, 0.0905], [0.0165, 0.0066, 0.0082]);
+    let lips = union(union(union(face, teeth, 0.014), upper, 0.004), lower, 0.005);
+    let line = limb(m, [[0.0, 0.0546, 0.0995], [0.0235, 0.0550, 0.0890]], [0.0013, 0.0011]);
+    let philtrum = limb(m, [[0.0, 0.073, 0.1000], [0.0, 0.0665, 0.1005]], [0.0018, 0.0022]);
+    let under = ellipsoid(m, [0.0, 0.0385, 0.0980], [0.015, 0.0050, 0.0070]);
+    difference(difference(difference(lips, line, 0.0035), philtrum, 0.004), under, 0.009)
+}
+
+/// Signed distance of `x` from the nearer ear, m.
+pub(super) fn ear(x: V) -> f64 {
+    let m = V::new(x.x.abs(), x.y, x.z);
+    // Tilted back, and turned away from the head behind.
+    let e = turned(m, [0.070, 0.112, -0.004], [-0.20, -0.30, 0.0]);
+    let shell = ellipsoid(e, [0.0770, 0.114, -0.011], [0.0085, 0.0290, 0.0175]);
+    let lobe = ellipsoid(e, [0.0760, 0.089, -0.004], [0.0055, 0.0110, 0.0090]);
+    let hollow = ellipsoid(e, [0.0880, 0.113, -0.009], [0.0080, 0.0200, 0.0105]);
+    let tragus = ellipsoid(e, [0.0790, 0.106, 0.004], [0.0050, 0.0065, 0.0050]);
+    // No gap behind it in which hair could be caught.
+    let back = ellipsoid(e, [0.0700, 0.113, -0.014], [0.0120, 0.0260, 0.0150]);
+    let shell = union(union(shell, lobe, 0.010), back, 0.008);
+    union(difference(shell, hollow, 0.006), tragus, 0.005)
+}
+
+/// Signed distance of `x` from the bust: the neck up to where the head hides it, shoulders, chest and back.
+pub(super) fn bust(x: V) -> f64 {
+    let m = V::new(x.x.abs(), x.y, x.z);
+    let neck = limb(m, [[0.0, 0.050, -0.018], [0.0, -0.090, -0.018]], [0.0482, 0.0490]);
+    let muscle = limb(m, [[0.036, 0.030, -0.016], [0.011, -0.080, 0.022]], [0.0065, 0.0085]);
+    let neck = union(neck, muscle, 0.014);
+    let slope = limb(m, [[0.025, -0.070, -0.040], [0.150, -0.135, -0.040]], [0.036, 0.050]);
+    let chest = ellipsoid(m, [0.0, -0.190, -0.022], [0.165, 0.115, 0.085]);
+    let collar = limb(m, [[0.018, -0.093, 0.022], [0.130, -0.097, -0.010]], [0.0065, 0.0065]);
+    let trunk = union(union(slope, chest, 0.06), collar, 0.015);
+    let whole = union(neck, trunk, 0.045);
+    // The round edge of a bust.
+    let outline = ellipsoid(m, [0.0, -0.045, -0.030], [0.190, 0.175, 0.150]);
+    -union(-whole, -outline, 0.03)
+}
+
+/// What is higher is nearer to the head, and what is lower to the bust, m.
+const ABOVE_THE_BUST: f64 = 0.06;
+const BELOW_THE_HEAD: f64 = -0.09;
+
+/// Height of `x` above the nearer of head and bust, m, and the outward unit normal.
+pub fn height(x: V) -> (f64, V) {
+    let whole = |x: V| match x.y {
+        y if y > ABOVE_THE_BUST => head(x),
+        y if y < BELOW_THE_HEAD => bust(x),
+        _ => head(x).min(bust(x)),
     };
-    1.0 / d.component_div(&RADII).norm() + FEATURES.iter().map(feature).sum::<f64>()
+    super::solid::height(whole, x)
 }
 
 /// The point of the head in the unit direction `d` from its centre, m.
-pub fn point(d: Vector3<f64>) -> Vector3<f64> {
-    CENTRE + d * radius(d)
+pub fn point(d: V) -> V {
+    let mut reach = 0.0;
+    // The head is star-shaped about its centre but for the ears, which a ray from within leaves once.
+    for _ in 0..60 {
+        reach -= head(CENTRE + d * reach);
+    }
+    CENTRE + d * reach
 }
 
-/// Signed distance of `x` from the nearest of head, neck and shoulders, m (negative inside; first order in
-/// the distance), and the outward unit normal.
-pub fn height(x: Vector3<f64>) -> (f64, Vector3<f64>) {
-    let above_head = |x: Vector3<f64>| {
-        let from = x - CENTRE;
-        let distance = from.norm().max(1e-6);
-        distance - radius(from / distance)
-    };
-    let h = 1e-4;
-    let slope = Vector3::from_fn(|i, _| {
-        let step = Vector3::ith(i, h);
-        (above_head(x + step) - above_head(x - step)) / (2.0 * h)
-    });
-    let steepness = slope.norm().max(1e-6);
-    let head = (above_head(x) / steepness, slope / steepness);
-    [NECK, SHOULDERS].iter().map(|c| above_capsule(x, c)).fold(head, |a, b| if b.0 < a.0 { b } else { a })
-}
+/// Spacing of the grid without subdivisions, m: over most of the head; over face and ears across, and down and
+/// deep, where lids and lips are narrow.
+const CELL: [f64; 3] = [0.184, 0.096, 0.045];
 
-fn above_capsule(x: Vector3<f64>, (ends, radius): &([Vector3<f64>; 2], f64)) -> (f64, Vector3<f64>) {
-    let axis = ends[1] - ends[0];
-    let u = ((x - ends[0]).dot(&axis) / axis.norm_squared()).clamp(0.0, 1.0);
-    let from = x - ends[0] - axis * u;
-    let distance = from.norm().max(1e-6);
-    (distance - radius, from / distance)
-}
+/// Spacing of the grid of the bust without subdivisions, m.
+const BUST_CELL: f64 = 0.190;
 
-/// The head as a mesh: an icosahedron subdivided `subdivisions` times, with 20 × 4^`subdivisions` triangles.
+/// The head as a mesh; each of `subdivisions` makes four times as many triangles.
 pub fn mesh(subdivisions: usize) -> TriMesh {
-    let (mut directions, mut triangles) = icosahedron();
-    for _ in 0..subdivisions {
-        let mut midpoint: BTreeMap<[u32; 2], u32> = BTreeMap::new();
-        let mut split = Vec::with_capacity(4 * triangles.len());
-        for [a, b, c] in triangles {
-            let mut between = |i: u32, j: u32| {
-                *midpoint.entry([i.min(j), i.max(j)]).or_insert_with(|| {
-                    directions.push((directions[i as usize] + directions[j as usize]).normalize());
-                    directions.len() as u32 - 1
-                })
-            };
-            let (ab, bc, ca) = (between(a, b), between(b, c), between(c, a));
-            split.extend([[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]);
-        }
-        triangles = split;
-    }
-    TriMesh { vertices: directions.into_iter().map(point).collect(), triangles }
+    let [coarse, across, fine] = CELL.map(|cell| cell / f64::from(1 << subdivisions));
+    let x = [(-0.115, coarse), (-0.094, fine), (-0.068, across), (0.068, fine), (0.094, coarse)];
+    // Mouth and eyes.
+    let y =
+        [(-0.030, coarse), (0.016, across), (0.044, fine), (0.068, across), (0.106, fine), (0.122, across)];
+    let y = [&y[..], &[(0.152, coarse)]].concat();
+    let z = [(-0.130, coarse), (-0.048, across), (0.080, fine)];
+    surface(head, &[planes(&x, 0.115), planes(&y, 0.265), planes(&z, 0.130)])
 }
 
-/// Unit vertices and triangles, counter-clockwise seen from outside.
-fn icosahedron() -> (Vec<Vector3<f64>>, Vec<[u32; 3]>) {
-    let golden = (1.0 + 5.0_f64.sqrt()) / 2.0;
-    let mut corners = Vec::with_capacity(12);
-    for (a, b) in [(-1.0, golden), (1.0, golden), (-1.0, -golden), (1.0, -golden)] {
-        let corner = Vector3::new(a, b, 0.0).normalize();
-        corners.extend([
-            corner,
-            Vector3::new(0.0, corner.x, corner.y),
-            Vector3::new(corner.y, 0.0, corner.x),
-        ]);
-    }
-    let edge = (corners[0] - corners[3]).norm();
-    let mut triangles = Vec::with_capacity(20);
-    for a in 0..12 {
-        for b in a + 1..12 {
-            for c in b + 1..12 {
-                let [p, q, r] = [a, b, c].map(|i: usize| corners[i]);
-                if [p - q, q - r, r - p].iter().all(|e| (e.norm() - edge).abs() < 1e-9) {
-                    let outward = (q - p).cross(&(r - p)).dot(&p) > 0.0;
-                    let [a, b, c] = [a, b, c].map(|i| i as u32);
-                    triangles.push(if outward { [a, b, c] } else { [a, c, b] });
-                }
-            }
-        }
-    }
-    (corners, triangles)
+/// The bust as a mesh; see [`mesh`].
+pub fn bust_mesh(subdivisions: usize) -> TriMesh {
+    let cell = BUST_CELL / f64::from(1 << subdivisions);
+    let grid = [(-0.24, 0.24), (-0.27, 0.12), (-0.22, 0.16)];
+    surface(bust, &grid.map(|(start, end)| planes(&[(start, cell)], end)))
 }
 
-/// The text of a Wavefront OBJ file, metres, Y up.
-pub fn obj(mesh: &TriMesh) -> String {
-    format!("# head of a hairbake sample, metres, Y up\no head\n{}", mesh.to_obj(5))
+/// The text of a Wavefront OBJ file of the part `name`, metres, Y up.
+pub fn obj(name: &str, mesh: &TriMesh) -> String {
+    format!("# {name} of a hairbake sample, metres, Y up\no {name}\n{}", mesh.to_obj(5))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::BTreeMap;
 
-    #[test]
-    fn the_mesh_is_closed_and_oriented_outwards() {
-        let mesh = mesh(3);
-        assert_eq!(mesh.triangles.len(), 1280);
+    /// Volume of a mesh, m³; panics unless it is closed.
+    fn volume(mesh: &TriMesh) -> f64 {
         let mut edges: BTreeMap<[u32; 2], i32> = BTreeMap::new();
         for t in &mesh.triangles {
             for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
@@ -146,29 +177,50 @@ mod tests {
             }
         }
         assert!(edges.values().all(|&n| n == 0), "every edge is used once in each direction");
-        let volume: f64 = mesh
-            .triangles
-            .iter()
-            .map(|t| t.map(|i| mesh.vertices[i as usize] - CENTRE))
-            .map(|[a, b, c]| a.dot(&b.cross(&c)) / 6.0)
-            .sum();
-        assert!((0.003..0.005).contains(&volume), "{volume} m³");
+        let corners = mesh.triangles.iter().map(|t| t.map(|i| mesh.vertices[i as usize] - CENTRE));
+        corners.map(|[a, b, c]| a.dot(&b.cross(&c)) / 6.0).sum()
+    }
+
+    #[test]
+    fn the_meshes_are_closed_and_oriented_outwards() {
+        for subdivisions in 2..=4 {
+            let (head, bust) = (volume(&mesh(subdivisions)), volume(&bust_mesh(subdivisions)));
+            assert!((0.003..0.005).contains(&head) && (0.004..0.010).contains(&bust), "{head} {bust} m³");
+        }
+        let faces = mesh(4).triangles.len();
+        assert!((5_000..13_000).contains(&faces), "{faces}");
+    }
+
+    #[test]
+    fn vertices_are_on_the_head() {
+        let off = |x: &V| super::super::solid::height(head, *x).0.abs();
+        let mesh = mesh(4);
+        let mut off: Vec<f64> = mesh.vertices.iter().map(off).collect();
+        off.sort_by(f64::total_cmp);
+        // Some lips and nostrils are narrower than a cell.
+        assert!(off[off.len() * 98 / 100] < 1e-4, "{}", off[off.len() * 98 / 100]);
     }
 
     #[test]
     fn height_is_the_signed_distance_near_the_surface() {
-        for d in [Vector3::z(), Vector3::y(), Vector3::new(0.5, 0.5, -0.7).normalize()] {
+        for d in [V::z(), V::y(), V::new(0.5, 0.5, -0.7).normalize()] {
             let (on, normal) = height(point(d));
-            assert!(on.abs() < 1e-9);
+            assert!(on.abs() < 1e-6, "{on}");
             assert!((height(point(d) + normal * 0.005).0 - 0.005).abs() < 1e-3);
             assert!(height(point(d) - normal * 0.005).0 < -0.003);
         }
     }
 
     #[test]
-    fn the_nose_points_forward() {
+    fn the_head_has_the_proportions_of_a_head() {
         let mesh = mesh(4);
-        let tip = mesh.vertices.iter().max_by(|a, b| a.z.total_cmp(&b.z)).unwrap();
-        assert!(tip.x.abs() < 0.01 && tip.y < CENTRE.y, "{tip}");
+        let least = |axis: usize| mesh.vertices.iter().map(|x| x[axis]).fold(f64::MAX, f64::min);
+        let most = |axis: usize| mesh.vertices.iter().map(|x| x[axis]).fold(f64::MIN, f64::max);
+        let nose = mesh.vertices.iter().max_by(|a, b| a.z.total_cmp(&b.z)).unwrap();
+        assert!(nose.x.abs() < 0.006 && (0.07..0.10).contains(&nose.y), "{nose}");
+        // With ears; from the back of the head to the tip of the nose.
+        assert!((0.16..0.19).contains(&(most(0) - least(0))), "{}", most(0) - least(0));
+        assert!((0.20..0.23).contains(&(most(2) - least(2))), "{}", most(2) - least(2));
+        assert!((most(1) - CENTRE.y).abs() < 0.09);
     }
 }

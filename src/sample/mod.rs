@@ -1,16 +1,24 @@
 //! Procedural grooms and head motions.
 //!
-//! [`groom`] makes one of four hair styles on a simple head, [`Motion`] moves the head, and [`write()`]
-//! writes both to a folder that can be baked. [`write_creature`] writes a furry creature that walks.
+//! [`groom`] makes one of several hair styles on a head, [`Motion`] moves the head and the bust that it turns on,
+//! and [`write()`] writes both to a folder that can be baked. The head is a `solid`, meshed by
+//! `surface_nets`; hair grows above the hairline of the `scalp`, where a `comb` leads it, and comes together
+//! in `strands`. What tells styles apart is the table in `style`. [`write_creature`] writes a furry creature
+//! that walks.
 
 mod comb;
 mod creature;
 pub mod head;
 mod motion;
+mod scalp;
+mod solid;
+mod strands;
 mod style;
+mod surface_nets;
 
 use crate::file::write_file;
-use crate::import::{BuildOptions, BuildReport, Generation, HierarchyShape, Resample, Scalp, build};
+use crate::import::{BuildOptions, BuildReport, Generation, HierarchyShape, RenderStrands, Resample, build};
+use crate::scene::anim::file::TieFile;
 use crate::scene::{Convention, Groom};
 use crate::{Error, Result};
 pub use creature::{FurSize, write_creature};
@@ -23,15 +31,15 @@ pub use style::Style;
 pub struct Size {
     /// Number of leaf wisps, with one guide each; `None` for that of the style ([`Style::nodes`]).
     pub wisps: Option<usize>,
-    /// Number of render strands, rounded to a multiple of the wisps.
-    pub strands: usize,
-    /// Subdivisions of the head mesh.
+    /// Number of render strands; `None` for that of the style.
+    pub strands: Option<usize>,
+    /// Subdivisions of the meshes of head and bust.
     pub head_subdivisions: usize,
 }
 
 impl Default for Size {
     fn default() -> Self {
-        Size { wisps: None, strands: 8000, head_subdivisions: 4 }
+        Size { wisps: None, strands: None, head_subdivisions: 4 }
     }
 }
 
@@ -42,26 +50,42 @@ const MIN_COARSE_WISPS: usize = 6;
 pub fn groom(style: Style, size: Size) -> (Groom, BuildReport) {
     let cut = style.cut();
     let wisps = size.wisps.unwrap_or(cut.wisps).max(1);
-    let guides = comb::guides(&cut, wisps);
     let coarse = (cut.coarse * wisps).div_ceil(cut.wisps).max(MIN_COARSE_WISPS);
     let options = BuildOptions {
         guide_vertices: Resample::Vertices(cut.vertices[0]),
-        generation: Generation {
-            per_guide: (size.strands as f64 / wisps as f64).round() as usize,
-            vertices: Some(cut.vertices[1]),
-            length_variation: 0.12,
-            clump: 0.5,
-        },
+        generation: Generation { per_guide: 0, ..Generation::default() },
         hierarchy: HierarchyShape { levels: cut.levels, coarse: Some(coarse), leaves: Some(wisps) },
         sections: cut.sections,
         ..BuildOptions::default()
     };
-    let scalp = Scalp::new(&head::mesh(size.head_subdivisions));
-    build(&style.to_string(), Convention::default(), &guides, None, scalp.as_ref(), &options)
+    let hair = strands::guide_hair(&cut, wisps);
+    let count = size.strands.unwrap_or(cut.strands);
+    let strands = (count > 0)
+        .then(|| RenderStrands { curves: strands::strands(&cut, count, &hair), clumps: vec![None; count] });
+    let guides = strands::guides(&cut, &hair);
+    build(&style.to_string(), Convention::default(), &guides, strands.as_ref(), None, &options)
 }
 
-/// Writes a sample to `folder`, which is created if necessary: `groom.json` with `groom.bin`, `head.obj`, and
-/// an animation per motion (`shake.json`, `turn.json`).
+/// The ties of a style.
+fn ties(style: Style) -> Vec<TieFile> {
+    let (at, radius) = comb::TIE;
+    let tie = TieFile {
+        name: "ponytail".into(),
+        body: None,
+        ids: None,
+        group: None,
+        within: None,
+        at: Some(at.into()),
+        radius,
+        arc_m: None,
+        arc_by_distance: None,
+        frames: None,
+    };
+    if style == Style::Ponytail { vec![tie] } else { Vec::new() }
+}
+
+/// Writes a sample to `folder`, which is created if necessary: `groom.json` with `groom.bin`, `head.obj`,
+/// `bust.obj`, and an animation for each [`Motion`] (`shake.json`, …).
 ///
 /// # Errors
 /// [`Error::Io`].
@@ -69,10 +93,15 @@ pub fn write(style: Style, size: Size, folder: &Path) -> Result<BuildReport> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let (groom, report) = groom(style, size);
     groom.write(&folder.join("groom.json"))?;
-    let head = folder.join("head.obj");
-    write_file(&head, &[head::obj(&head::mesh(size.head_subdivisions))])?;
+    let meshes = [("head", head::mesh as fn(usize) -> _), ("bust", head::bust_mesh)];
+    for (name, mesh) in meshes {
+        let text = head::obj(name, &mesh(size.head_subdivisions));
+        write_file(&folder.join(format!("{name}.obj")), &[text])?;
+    }
     for motion in Motion::ALL {
-        motion.anim().write(&folder.join(format!("{motion}.json")))?;
+        let mut anim = motion.anim();
+        anim.ties = ties(style);
+        anim.write(&folder.join(format!("{motion}.json")))?;
     }
     Ok(report)
 }
@@ -85,24 +114,24 @@ mod tests {
     #[test]
     fn hair_grows_on_the_scalp_outside_the_head_and_the_face() {
         for style in Style::ALL {
-            let (groom, _) = groom(style, Size { wisps: Some(80), strands: 160, head_subdivisions: 3 });
-            let guides = &groom.guides.curves;
-            assert_eq!((guides.len(), groom.strands.curves.len()), (80, 160));
-            for g in 0..guides.len() {
-                let points = guides.curve(g);
-                assert!(head::height(points[0]).0.abs() < 1e-6, "{style}: root of {g}");
+            let (groom, _) = groom(style, Size { wisps: Some(80), strands: Some(160), head_subdivisions: 3 });
+            let curves = [&groom.guides.curves, &groom.strands.curves];
+            assert_eq!(curves.map(|c| c.len()), [80, 160]);
+            for points in curves.iter().flat_map(|c| (0..c.len()).map(|i| c.curve(i))) {
+                assert!(head::height(points[0]).0.abs() < 1e-5, "{style}: {} off", head::height(points[0]).0);
                 let deepest = points.iter().map(|&x| head::height(x).0).fold(0.0, f64::min);
-                assert!(deepest > -0.002, "{style}: guide {g} {deepest} m inside");
-                let on_face = |x: &&Vector3<f64>| x.z > 0.09 && x.x.abs() < 0.04 && x.y < 0.17;
-                assert_eq!(points.iter().find(on_face), None, "{style}: guide {g}");
+                assert!(deepest > -0.002, "{style}: {deepest} m inside");
+                // Below the brows.
+                let on_face =
+                    |x: &&Vector3<f64>| x.z > 0.08 && x.x.abs() < 0.035 && (0.0..0.13).contains(&x.y);
+                assert_eq!(points.iter().find(on_face), None, "{style}");
             }
         }
     }
 
     #[test]
     fn a_style_has_its_number_of_nodes_and_levels() {
-        let (groom, report) =
-            groom(Style::Long, Size { strands: 0, head_subdivisions: 1, ..Size::default() });
+        let (groom, report) = groom(Style::Long, Size { strands: Some(0), ..Size::default() });
         let leaves: usize =
             groom.trees.iter().flat_map(|t| &t.wisps).filter(|w| !w.guides.is_empty()).count();
         assert_eq!(leaves * groom.trees[0].arc.len(), Style::Long.nodes());
@@ -113,24 +142,38 @@ mod tests {
     #[test]
     fn a_written_sample_is_a_valid_scene() {
         let folder = tempfile::tempdir().unwrap();
-        let size = Size { wisps: Some(40), strands: 200, head_subdivisions: 3 };
+        let size = Size { wisps: Some(40), strands: Some(200), head_subdivisions: 3 };
         write(Style::ShortCurly, size, folder.path()).unwrap();
         for motion in Motion::ALL {
             let anim = folder.path().join(format!("{motion}.json"));
             let (groom, anim) = crate::scene::load(&folder.path().join("groom.json"), &anim).unwrap();
             assert_eq!((groom.guides.curves.len(), groom.strands.curves.len()), (40, 200));
-            assert_eq!(anim.colliders.len(), 3);
-            let turned = anim.head_pose(anim.time(1001.0) + 0.5).rotation.scaled_axis().y;
-            assert!((turned - motion.yaw(0.5)).abs() < 1e-4, "{turned}");
+            assert_eq!(anim.colliders.len(), 2);
+            let pose = anim.head_pose(anim.time(1001.0) + 0.5);
+            let off = motion.head(0.5).inverse() * pose;
+            assert!(off.translation.vector.norm() + off.rotation.angle() < 1e-4, "{motion}: {off}");
         }
+    }
+
+    #[test]
+    fn a_ponytail_passes_through_its_tie() {
+        let size = Size { wisps: Some(60), strands: Some(200), head_subdivisions: 2 };
+        let (groom, _) = groom(Style::Ponytail, size);
+        let (at, radius) = comb::TIE;
+        for curves in [&groom.guides.curves, &groom.strands.curves] {
+            let far = |i: usize| crate::math::polyline::distance(&at, curves.curve(i)) > 1.5 * radius;
+            let stray = (0..curves.len()).filter(|i| far(*i)).count();
+            assert!(20 * stray <= curves.len(), "{stray} of {}", curves.len());
+        }
+        assert_eq!(ties(Style::Ponytail).len(), 1);
     }
 
     #[test]
     fn the_committed_sample_is_up_to_date() {
         let committed = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/short");
         let fresh = tempfile::tempdir().unwrap();
-        write(Style::Short, Size { wisps: Some(88), strands: 970, head_subdivisions: 3 }, fresh.path())
-            .unwrap();
+        let size = Size { wisps: Some(88), strands: Some(968), head_subdivisions: 4 };
+        write(Style::Short, size, fresh.path()).unwrap();
         // The last digits of sines and powers depend on the math library.
         let same = |a: &[Vector3<f64>], b: &[Vector3<f64>]| {
             a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).norm() < 1e-6)

@@ -254,7 +254,7 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
 #[test]
 fn a_tie_holds_hair_at_a_length_that_reaches_it() {
     let folder = tempfile::tempdir().unwrap();
-    let size = Size { wisps: Some(40), strands: 0, head_subdivisions: 2 };
+    let size = Size { wisps: Some(40), strands: Some(0), head_subdivisions: 4 };
     sample::write(Style::Long, size, folder.path()).unwrap();
     let load = scene::load(&folder.path().join("groom.json"), &folder.path().join("turn.json"));
     let (groom, mut anim) = load.unwrap();

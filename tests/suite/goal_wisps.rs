@@ -39,7 +39,7 @@ impl Leaning {
 
     fn of(wisps: usize, resolution: Resolution) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let size = Size { wisps: Some(wisps), strands: 0, head_subdivisions: 2 };
+        let size = Size { wisps: Some(wisps), strands: Some(0), head_subdivisions: 4 };
         sample::write(Style::Long, size, folder.path()).unwrap();
         let files = ["groom.json", "shake.json"].map(|name| folder.path().join(name));
         let (groom, mut anim) = scene::load(&files[0], &files[1]).unwrap();

@@ -13,7 +13,7 @@ use std::path::Path;
 /// A small head of short hair that is shaken, with a suit that breathes if `deforms`. With strands enough to
 /// meet as a volume.
 fn scene(folder: &Path, contact: ContactSetting, deforms: bool) -> (Groom, Anim) {
-    let size = Size { wisps: Some(24), strands: 480, head_subdivisions: 2 };
+    let size = Size { wisps: Some(24), strands: Some(1440), head_subdivisions: 4 };
     sample::write(Style::Short, size, folder).unwrap();
     let shake = folder.join("shake.json");
     if deforms {

@@ -66,7 +66,8 @@ def scalp(count: int) -> FloatArray:
     """`count` directions above the hairline, from the centre of the head."""
     directions = scatter(10 * count)
     azimuth = np.abs(np.arctan2(directions[:, 0], directions[:, 2]))
-    line = np.interp(azimuth, [0, 0.55, 1.0, 1.55, 2.1, np.pi], [0.6, 0.58, 0.4, 0.22, -0.25, -0.55])
+    # Above the ears, which are between 1.55 and 1.95.
+    line = np.interp(azimuth, [0, 0.55, 1, 1.55, 1.95, 2.1, np.pi], [0.66, 0.6, 0.4, 0.32, 0.32, -0.1, -0.55])
     above = directions[np.arcsin(directions[:, 1]) > line]
     chosen: FloatArray = above[np.linspace(0, len(above) - 1, count).round().astype(int)]
     return chosen

@@ -14,6 +14,8 @@ Triangles = tuple[FloatArray, IntArray]
 """Vertices, m, `V × 3`, and triangles, counter-clockwise from outside, `T × 3`."""
 TABLE = 240
 """Entries around a table of radii."""
+MARGIN = 0.1
+"""Between the tilt of a ray and those of the corners of a triangle that it may hit, rad."""
 
 
 @dataclass(frozen=True)
@@ -59,24 +61,25 @@ def ellipsoid(centre: Sequence[float], radii: Sequence[float]) -> Surface:
 
 
 def of_mesh(mesh: Triangles, centre: FloatArray) -> Surface:
-    """The surface of a mesh that is star-shaped about `centre`, from a table of radii."""
-    vertices, triangles = mesh
-    # A direction is a positive combination of the corners of the triangle that it hits.
-    shares = np.linalg.inv(np.swapaxes(vertices[triangles] - centre, 1, 2))
+    """The farthest place of a mesh in each direction from `centre`, from a table of radii."""
+    corners = mesh[0][mesh[1]] - centre
+    # Triangles that lie along a ray, as on the rims of ears, have no inverse, and their neighbours are hit.
+    corners = corners[np.abs(np.linalg.det(corners)) > 1e-15]
+    # A direction is a positive combination of the corners of a triangle that it hits.
+    shares = np.linalg.inv(np.swapaxes(corners, 1, 2))
+    tilts = np.arccos(corners[..., 1] / np.linalg.norm(corners, axis=2))
+    first, last = tilts.min(axis=1) - MARGIN, tilts.max(axis=1) + MARGIN
+    turn = 2 * np.pi * np.arange(TABLE) / TABLE
 
-    def ray(directions: FloatArray) -> FloatArray:
-        weights = np.einsum("tij,nj->nti", shares, directions)
-        hit = weights.min(axis=2).argmax(axis=1)
-        distance: FloatArray = 1 / weights[np.arange(len(hit)), hit].sum(axis=1)
+    def ring(tilt: float) -> FloatArray:
+        around = np.stack([np.sin(turn), 0 * turn, np.cos(turn)], axis=1)
+        directions = np.sin(tilt) * around + [0, np.cos(tilt), 0]
+        weights = np.einsum("tij,nj->nti", shares[(first < tilt) & (tilt < last)], directions)
+        inverse = np.where(weights.min(axis=2) > -1e-6, weights.sum(axis=2), np.inf)
+        distance: FloatArray = (1 / inverse).max(axis=1)
         return distance
 
-    tilt, turn = np.linspace(0, np.pi, TABLE // 2 + 1), 2 * np.pi * np.arange(TABLE) / TABLE
-    table = np.stack(
-        [
-            ray(np.stack([np.sin(a) * np.sin(turn), 0 * turn + np.cos(a), np.sin(a) * np.cos(turn)], 1))
-            for a in tilt
-        ]
-    )
+    table = np.stack([ring(tilt) for tilt in np.linspace(0, np.pi, TABLE // 2 + 1)])
 
     def radius(directions: FloatArray) -> FloatArray:
         x, y, z = directions.T

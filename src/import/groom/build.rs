@@ -110,9 +110,9 @@ pub struct BuildReport {
 /// Given render strands.
 pub(crate) struct RenderStrands {
     /// The strands, m, rest space.
-    pub(in crate::import) curves: Curves,
+    pub(crate) curves: Curves,
     /// The clump of each strand.
-    pub(in crate::import) clumps: Vec<Option<i32>>,
+    pub(crate) clumps: Vec<Option<i32>>,
 }
 
 /// Builds a groom over `guides` (m, rest space; at least one, each with a length) and the given render

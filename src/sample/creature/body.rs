@@ -1,6 +1,6 @@
 //! The body of the creature: tapered limbs that run smoothly into each other, and the mesh of its skin.
 
-use super::surface_nets::surface_nets;
+use super::super::surface_nets::{planes, surface};
 use crate::geometry::TriMesh;
 use nalgebra::Vector3;
 
@@ -141,7 +141,11 @@ fn height(limbs: &[Limb], x: &V) -> (f64, V) {
 
 /// The skin, closed, and the length of the fur at each vertex as a share of the longest.
 pub(super) fn skin(limbs: &[Limb]) -> (TriMesh, Vec<f64>) {
-    let mut mesh = surface_nets(|x| height(limbs, x).0, BOUNDS, CELL);
+    let grid = std::array::from_fn(|axis| {
+        let [start, end] = BOUNDS.map(|bound| bound[axis]);
+        planes(&[(start, CELL)], start + ((end - start) / CELL).ceil() * CELL)
+    });
+    let mut mesh = surface(|x| height(limbs, &x).0, &grid);
     for round in 0..RELAXATIONS {
         let (mut sums, mut counts) = (vec![V::zeros(); mesh.vertices.len()], vec![0.0; mesh.vertices.len()]);
         for t in mesh.triangles.iter().filter(|_| round + 1 < RELAXATIONS) {

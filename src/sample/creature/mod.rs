@@ -1,7 +1,6 @@
 //! A furry creature on four legs that walks.
 
 mod body;
-mod surface_nets;
 mod walk;
 
 use super::motion::FPS;
