@@ -22,12 +22,12 @@ pub struct SampleArguments {
     /// folder; or creature, a furry quadruped that walks
     #[arg(value_parser = subject)]
     style: Subject,
-    /// Folder for groom.json, groom.bin, head.obj, bust.obj, and the motions shake.json, turn.json, look.json,
-    /// nod.json and jump.json; of a creature for its meshes and walk.json
+    /// Folder for groom.json, groom.bin, head.obj, bust.obj, and the motions shake.json, turn.json,
+    /// look.json, nod.json and jump.json; of a creature for its meshes and walk.json
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
-    /// Number of leaf wisps, with one simulated guide each [default: 491 to 821, by the style; 600 guides of a
-    /// creature]
+    /// Number of leaf wisps, with one simulated guide each [default: 491 to 821, by the style; 600 guides of
+    /// a creature]
     ///
     /// More wisps are finer and slower to bake.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]

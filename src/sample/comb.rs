@@ -147,8 +147,8 @@ impl<'a> Hair<'a> {
         Hair { cut, root, side, fringe, stray, place: V::new(cos, sin, 0.0) * radius }
     }
 
-    /// Which way a hair grows at `x`: the share `led` of it is led by the comb along the skin, the normal of which is
-    /// `up`, and the rest falls.
+    /// Which way a hair grows at `x`: the share `led` of it is led by the comb along the skin, the normal of
+    /// which is `up`, and the rest falls.
     fn direction(&self, x: V, up: V, led: f64) -> V {
         // Hair hangs together: below the head it comes towards the neck.
         let inwards = smooth_step(0.10, 0.0, x.y) * TOGETHER;
@@ -197,8 +197,8 @@ impl<'a> Hair<'a> {
     }
 }
 
-/// Where the parting lies at a depth `z`, m to the left of the middle: it wanders from `start`, at the forehead, to
-/// the whorl.
+/// Where the parting lies at a depth `z`, m to the left of the middle: it wanders from `start`, at the
+/// forehead, to the whorl.
 fn parting(start: f64, z: f64) -> f64 {
     let back = smooth_step(0.07, WHORL.z, z);
     start + (WHORL.x - start) * back + 0.003 * (z / 0.011).sin() + 0.0015 * (z / 0.0043 + 1.0).sin()
@@ -213,8 +213,9 @@ fn whorl(x: V, up: V) -> V {
     away * (1.0 - 0.6 * turn) + up.cross(&away) * (1.4 * turn)
 }
 
-/// Winds a course into a helix of about the radius `radius`, m, with `vertices` points. The hair of a wisp, of which
-/// the first root is that of its guide, winds together, but for what is the hair's own. Curls open from the root.
+/// Winds a course into a helix of about the radius `radius`, m, with `vertices` points. The hair of a wisp,
+/// of which the first root is that of its guide, winds together, but for what is the hair's own. Curls open
+/// from the root.
 pub(super) fn curl(course: &[V], cut: &Cut, [wisp, own]: [&Root; 2], radius: f64, vertices: usize) -> Vec<V> {
     let Some(spline) = ArcSpline::through(course) else { return course.to_vec() };
     let s: Vec<f64> = (0..vertices).map(|v| spline.length() * v as f64 / (vertices - 1) as f64).collect();

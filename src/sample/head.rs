@@ -1,7 +1,8 @@
 //! The head of the samples and the bust that it turns on: smooth solids, and their meshes.
 //!
-//! The head is looked at from the front along −z; y is up. Its proportions are those of life drawing: eyes halfway
-//! between chin and crown, the nose down to the middle between brows and chin, ears as high as the nose.
+//! The head is looked at from the front along −z; y is up. Its proportions are those of life drawing: eyes
+//! halfway between chin and crown, the nose down to the middle between brows and chin, ears as high as the
+//! nose.
 
 use super::solid::{difference, ellipsoid, limb, sphere, turned, union};
 use super::surface_nets::{planes, surface};
@@ -132,8 +133,8 @@ pub fn point(d: V) -> V {
     CENTRE + d * reach
 }
 
-/// Spacing of the grid without subdivisions, m: over most of the head; over face and ears across, and down and
-/// deep, where lids and lips are narrow.
+/// Spacing of the grid without subdivisions, m: over most of the head; over face and ears across, and down
+/// and deep, where lids and lips are narrow.
 const CELL: [f64; 3] = [0.184, 0.096, 0.045];
 
 /// Spacing of the grid of the bust without subdivisions, m.

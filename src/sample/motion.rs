@@ -17,8 +17,8 @@ const SHAKE: (f64, f64) = (2.5, 0.436_332_312_998_582_4);
 const NOD: (f64, f64) = (1.4, 0.35);
 /// How far a look goes to either side, and up on the first, rad.
 const LOOK: (f64, f64) = (0.95, 0.12);
-/// Heights, m, and velocities, m/s, of a jump at times, s: down, off the ground, back on it, down and up. The flight is
-/// that of a body in free fall.
+/// Times, s, heights, m, and velocities, m/s, of a jump: down, off the ground, back on it, down and up. The
+/// flight is that of a body in free fall.
 const JUMP: [[f64; 3]; 6] = [
     [0.25, 0.0, 0.0],
     [0.60, -0.10, 0.0],

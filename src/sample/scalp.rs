@@ -9,7 +9,8 @@ type V = Vector3<f64>;
 
 /// The golden angle, rad: the azimuth between consecutive points of a Fibonacci sphere.
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
-/// How far a root is from its point of the Fibonacci sphere, as a share of the distance between points: no rows.
+/// How far a root is from its point of the Fibonacci sphere, as a share of the distance between points: no
+/// rows.
 const SCATTER: f64 = 0.6;
 /// Distance that roots keep from the ears, m.
 const AROUND_EARS: f64 = 0.004;
@@ -97,8 +98,8 @@ impl Root {
     }
 }
 
-/// Lowest elevation of hair, rad, at an azimuth from the face, rad, seen from the centre of the head: forehead,
-/// recess, temple, sideburn, above and behind the ear, nape.
+/// Lowest elevation of hair, rad, at an azimuth from the face, rad, seen from the centre of the head:
+/// forehead, recess, temple, sideburn, above and behind the ear, nape.
 const HAIRLINE: [[f64; 2]; 9] = [
     [0.0, 0.50],
     [0.35, 0.53],
@@ -118,8 +119,8 @@ fn hairline(azimuth: f64) -> f64 {
     e0 + (e1 - e0) * (azimuth - a0) / (a1 - a0)
 }
 
-/// `count` roots, evenly spread over the scalp: scattered points of a Fibonacci sphere above the hairline. Roots of
-/// another `family` are others.
+/// `count` roots, evenly spread over the scalp: scattered points of a Fibonacci sphere above the hairline.
+/// Roots of another `family` are others.
 pub(super) fn roots(count: usize, family: u64) -> Vec<Root> {
     let on_scalp = |points: usize| -> Vec<Root> {
         (0..points).filter_map(|i| root(i, points, random::bits(family, i as u64))).collect()

@@ -1,6 +1,6 @@
-//! Solids given by their signed distance, m: negative inside. Distances are exact for spheres and of first order
-//! near the surface for the rest. Unions and differences have the fillets of a polynomial smooth minimum
-//! (Quilez 2013), which changes nothing farther from the edge than the width of the fillet.
+//! Solids given by their signed distance, m: negative inside. Distances are exact for spheres and of first
+//! order near the surface for the rest. Unions and differences have the fillets of a polynomial smooth
+//! minimum (Quilez 2013), which changes nothing farther from the edge than the width of the fillet.
 
 use nalgebra::{Rotation3, Vector3};
 
@@ -9,7 +9,8 @@ type V = Vector3<f64>;
 /// Step of the differences that give a gradient, m.
 const STEP: f64 = 1e-5;
 
-/// Least slope of a distance: where it is less, as on the middle of a thin solid, heights are not extrapolated.
+/// Least slope of a distance: where it is less, as on the middle of a thin solid, heights are not
+/// extrapolated.
 const LEAST_STEEPNESS: f64 = 0.5;
 
 /// Distance to a sphere.

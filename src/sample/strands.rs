@@ -18,8 +18,8 @@ type V = Vector3<f64>;
 const TUFT: usize = 7;
 /// Share of strands that fly away, and how much farther than others they stray.
 const FLYAWAYS: (f64, f64) = (0.03, 3.0);
-/// Hairs that are farther apart somewhere than so many times the distance of their roots, and this distance, m,
-/// do not come together: a parting is between them.
+/// Hairs that are farther apart somewhere than so many times the distance of their roots, and this distance,
+/// m, do not come together: a parting is between them.
 const APART: (f64, f64) = (3.0, 0.02);
 
 /// Depth, m, from which hair is not lifted out of the body: it might come out on the other side.
@@ -97,7 +97,8 @@ pub(super) fn strands(cut: &Cut, count: usize, guides: &Hair) -> Curves {
     })
 }
 
-/// Draws a course to another, by `share` at its tip and less towards its root, unless this leads through the body.
+/// Draws a course to another, by `share` at its tip and less towards its root, unless this leads through the
+/// body.
 fn gather(course: &mut Vec<V>, to: &[V], share: f64) {
     let Some(spline) = ArcSpline::through(to) else { return };
     let root = (course[0] - to[0]).norm();

@@ -69,7 +69,8 @@ pub(super) struct Cut {
     pub(super) bend: f64,
     /// Radius of the curls, and length of the course per turn.
     pub(super) curl: [f64; 2],
-    /// Radius of the curls that guides make: that of the strands, or less where their strands coil around them.
+    /// Radius of the curls that guides make: that of the strands, or less where their strands coil around
+    /// them.
     pub(super) guide_curl: f64,
     /// How far tips of a wisp, and of the tufts within it, come together: 0 to 1.
     pub(super) clump: [f64; 2],

@@ -1,5 +1,5 @@
-//! The mesh of a solid: a vertex in each cell of a grid that its surface crosses (S. F. F. Gibson, "Constrained
-//! elastic surface nets", 1998).
+//! The mesh of a solid: a vertex in each cell of a grid that its surface crosses (S. F. F. Gibson,
+//! "Constrained elastic surface nets", 1998).
 
 use super::solid::height;
 use crate::geometry::TriMesh;
@@ -92,8 +92,8 @@ pub(super) fn surface(solid: impl Fn(V) -> f64 + Sync, grid: &[Vec<f64>; 3]) -> 
     mesh
 }
 
-/// The point of the surface of `solid` near `x` within the box from `low` to `high`. Vertices that stay in their
-/// cells keep faces from crossing.
+/// The point of the surface of `solid` near `x` within the box from `low` to `high`. Vertices that stay in
+/// their cells keep faces from crossing.
 fn settled(solid: impl Fn(V) -> f64, mut x: V, low: V, high: V) -> V {
     for _ in 0..NEWTON_STEPS {
         let (distance, normal) = height(&solid, x);
