@@ -1,7 +1,7 @@
 //! The body of the creature: tapered limbs that run smoothly into each other, and the mesh of its skin.
 
-use super::super::surface_nets::{planes, surface};
 use crate::geometry::TriMesh;
+use crate::sample::surface_nets::{planes, surface};
 use nalgebra::Vector3;
 
 type V = Vector3<f64>;
