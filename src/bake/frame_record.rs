@@ -97,9 +97,9 @@ pub struct FrameRecord {
     /// Guide segments exempt from contact, counted once per body: where the groom or the start of the
     /// pre-roll has them inside.
     pub exempt_segments: u32,
-    /// All guide segments, counted once per body.
+    /// All guide segments but those next to their roots, which meet no body; counted once per body.
     pub contact_segments: u32,
-    /// Deepest point of an exempt segment inside its body, roots excluded, m; 0 if none.
+    /// Deepest point inside its body of an exempt segment or one next to a root, roots excluded, m; 0 if none.
     pub exempt_penetration_m: f64,
     /// Segments of active guides' contact polylines, at the frame, that bodies leave no room for outside,
     /// counted once per body.

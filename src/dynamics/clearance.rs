@@ -419,6 +419,23 @@ mod tests {
     }
 
     #[test]
+    fn held_segments_meet_no_body_and_are_not_counted() {
+        let plane = || Shape::Plane { point: Vector3::zeros(), normal: Vector3::y() };
+        let bodies = Bodies::from_shapes(&[plane(), plane()]);
+        let x: Vec<_> = (0..6).map(|k| Vector3::new(0.01 * f64::from(k), 0.002, 0.0)).collect();
+        let poses = &[Isometry3::identity(); 2];
+        let mut clearance =
+            Clearance::new(&GroomPose { bodies: &bodies, t: 0.0, poses, thickness: &[5e-4; 2], x: &x });
+        clearance.hold(2);
+        let mut kept = Vec::new();
+        clearance.at(1.0, &mut kept);
+        let of_body = [EXEMPT, EXEMPT, [5e-4; 2], [5e-4; 2], [5e-4; 2]];
+        assert_eq!(kept, [of_body, of_body].concat());
+        assert_eq!(clearance.counts(), (0, 0));
+        assert_eq!(clearance.by_body().collect::<Vec<_>>(), [[0, 3]; 2]);
+    }
+
+    #[test]
     fn a_chord_that_cuts_the_surface_is_pushed_out() {
         let bodies = Bodies::from_shapes(&[Shape::Sphere { centre: Vector3::zeros(), radius: 0.1 }]);
         let x =

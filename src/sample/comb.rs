@@ -4,6 +4,7 @@ use super::head;
 use super::scalp::{Chance, Root};
 use super::style::{Comb, Cut};
 use crate::math::frame::rotation_minimising;
+use crate::math::smoothstep;
 use crate::math::spline::ArcSpline;
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
@@ -23,8 +24,8 @@ pub(super) const TIE: (V, f64) = (V::new(0.0, 0.176, -0.112), 0.011);
 const TAIL_BEND: f64 = 0.045;
 /// How far inside the hairline hair has its full length where it is shorter at the line, rad.
 const FADE: f64 = 0.7;
-/// Sine of the elevation of the lowest roots.
-const NAPE: f64 = -0.9;
+/// Height of the lowest roots over that of the centre of the head, as a share of their distance from it.
+const LOWEST: f64 = -0.9;
 /// Heights between which hair of the top passes into hair of the sides, m.
 const SIDES: (f64, f64) = (0.20, 0.14);
 /// Standard deviation of the heights at which strands are cut, m, where they may lose all of their length.
@@ -50,12 +51,6 @@ const NEAR: f64 = 0.01;
 /// Length along which a hair rises to its layer, m.
 const RISE: f64 = 0.03;
 
-/// 0 at `from` and before, 1 at `to` and beyond, smooth between; `from` may be the greater.
-fn smooth_step(from: f64, to: f64, x: f64) -> f64 {
-    let u = ((x - from) / (to - from)).clamp(0.0, 1.0);
-    u * u * (3.0 - 2.0 * u)
-}
-
 /// What is the same along a hair.
 struct Hair<'a> {
     cut: &'a Cut,
@@ -74,12 +69,12 @@ struct Hair<'a> {
 pub(super) fn course(cut: &Cut, root: &Root, stray: f64) -> Vec<V> {
     let hair = Hair::new(cut, *root, stray);
     let (_, up) = head::height(root.x);
-    let side = smooth_step(SIDES.0, SIDES.1, root.x.y);
+    let side = smoothstep([SIDES.0, SIDES.1], root.x.y);
     let length = cut.length[0] + (cut.length[1] - cut.length[0]) * side;
-    let length = length * (1.0 - cut.fade * smooth_step(FADE, 0.0, root.inside));
+    let length = length * (1.0 - cut.fade * smoothstep([FADE, 0.0], root.inside));
     let length = length * (1.0 - cut.uneven * root.random(Chance::Shorter) * root.random(Chance::Uneven));
     // Hair that grows higher lies on top: from 0 at the nape to 1 at the crown.
-    let rank = (root.direction.y - NAPE) / (1.0 - NAPE);
+    let rank = (root.direction.y - LOWEST) / (1.0 - LOWEST);
     let layer = UNDERMOST + cut.curl[0] + cut.body * rank * (0.6 + 0.4 * root.random(Chance::Layer));
     let hem = cut.hem + cut.layers * rank + HEM_SPREAD * cut.uneven * root.normal(Chance::Hem);
 
@@ -98,8 +93,8 @@ pub(super) fn course(cut: &Cut, root: &Root, stray: f64) -> Vec<V> {
         if x.y < hem && i >= 3 && hair.may_be_cut(x) {
             break;
         }
-        let over_layer = height + lift - LEAST_HEIGHT.max(layer * smooth_step(0.0, RISE, grown));
-        let led = smooth_step(REACH, 0.0, over_layer);
+        let over_layer = height + lift - LEAST_HEIGHT.max(layer * smoothstep([0.0, RISE], grown));
+        let led = smoothstep([REACH, 0.0], over_layer);
         let mut direction = hair.direction(x, normal, led) + hair.stray * (0.3 + 0.7 * led);
         if over_layer < NEAR {
             // Slide along the surface and rise to the layer.
@@ -151,10 +146,10 @@ impl<'a> Hair<'a> {
     /// which is `up`, and the rest falls.
     fn direction(&self, x: V, up: V, led: f64) -> V {
         // Hair hangs together: below the head it comes towards the neck.
-        let inwards = smooth_step(0.10, 0.0, x.y) * TOGETHER;
+        let inwards = smoothstep([0.10, 0.0], x.y) * TOGETHER;
         let down = V::new(-inwards * x.x, -1.0, -inwards * (x.z - head::PIVOT.z));
         // On the top of the head combs lead the hair, below weight does.
-        let top = smooth_step(0.150, 0.215, x.y);
+        let top = smoothstep([0.150, 0.215], x.y);
         match self.cut.comb {
             Comb::Out => {
                 let (_, skin) = head::height(self.root.x);
@@ -164,11 +159,11 @@ impl<'a> Hair<'a> {
             Comb::Gathered => self.gathered(x),
             Comb::Fringe(_) if self.fringe => V::new(6.0 * x.x, 0.0, 1.0) * (top * led) + down,
             Comb::Parted(_) | Comb::Fringe(_) => {
-                let front = smooth_step(WHORL.z - 0.01, WHORL.z + 0.04, self.root.x.z);
+                let front = smoothstep([WHORL.z - 0.01, WHORL.z + 0.04], self.root.x.z);
                 let aside = V::x() * self.side - V::z() * 0.35;
                 let combed = aside * front + whorl(x, up) * (1.0 - front);
                 let aside_share = if matches!(self.cut.comb, Comb::Fringe(_)) { 0.2 } else { 1.0 };
-                let forehead = smooth_step(0.01, 0.06, x.z) * smooth_step(0.085, 0.05, x.x.abs());
+                let forehead = smoothstep([0.01, 0.06], x.z) * smoothstep([0.085, 0.05], x.x.abs());
                 let off_the_face = V::new(1.2 * self.side, 0.0, -0.9) * (forehead * aside_share);
                 (combed * top + off_the_face) * led + down * (1.0 - 0.6 * top * led)
             }
@@ -200,7 +195,7 @@ impl<'a> Hair<'a> {
 /// Where the parting lies at a depth `z`, m to the left of the middle: it wanders from `start`, at the
 /// forehead, to the whorl.
 fn parting(start: f64, z: f64) -> f64 {
-    let back = smooth_step(0.07, WHORL.z, z);
+    let back = smoothstep([0.07, WHORL.z], z);
     start + (WHORL.x - start) * back + 0.003 * (z / 0.011).sin() + 0.0015 * (z / 0.0043 + 1.0).sin()
 }
 
@@ -226,7 +221,7 @@ pub(super) fn curl(course: &[V], cut: &Cut, [wisp, own]: [&Root; 2], radius: f64
     let open = (1.5 * cut.curl[1]).min(0.05);
     let wind = |(frame, &s): (&nalgebra::UnitQuaternion<f64>, &f64)| {
         let (sin, cos) = (phase + TAU * s / pitch).sin_cos();
-        lift(spline.at(s).x + frame * V::new(cos, sin, 0.0) * (radius * smooth_step(0.0, open, s)), s)
+        lift(spline.at(s).x + frame * V::new(cos, sin, 0.0) * (radius * smoothstep([0.0, open], s)), s)
     };
     rotation_minimising(&spline, &s, None).iter().zip(&s).map(wind).collect()
 }

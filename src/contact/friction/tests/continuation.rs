@@ -1,9 +1,11 @@
 //! Newton's method and continuation on the smoothed law.
 
 use super::super::continuation::{Path, follow};
+use super::super::dense::{Dense, solve};
+use super::super::gauss_seidel::{FrictionScratch, FrictionTolerance, solve_by_sweeps};
 use super::super::newton::{descend, improve};
 use super::super::regularised::COMPLIANCE;
-use super::super::smoothed_problem::SmoothedProblem;
+use super::super::smoothed_problem::{SYSTEMS_PER_SUBSTEP, SmoothedProblem};
 use super::*;
 
 /// Contacts along a chain with half as many unknowns as the contacts have components, and a small compliance
@@ -48,6 +50,38 @@ fn continuation_finds_solutions_that_descent_in_tau_does_not() {
         failed > 0 && turned_back > 0,
         "the cases are too easy: {failed} failed, {turned_back} turned back"
     );
+}
+
+#[test]
+fn a_strand_takes_no_more_systems_than_its_sub_step_may() {
+    let mut random = Random::new(14);
+    let tolerance = FrictionTolerance { residual: 1e-15, sweeps: 20 };
+    let mut scratch = FrictionScratch::default();
+    let mut improved = 0;
+    let mut solve_wedged = |scratch: &mut FrictionScratch| {
+        let (w, b) = wedged(&mut random, 12);
+        let problem = FrictionProblem { w: &w, b: &b, laws: &[Law::Coulomb(0.3.into()); 12] };
+        let mut by_sweeps = vec![0.0; 36];
+        let sweeps = solve_by_sweeps(
+            &mut Dense { problem: &problem, r: &mut by_sweeps },
+            tolerance,
+            false,
+            &mut FrictionScratch::default(),
+        );
+        let outcome = solve(&problem, tolerance, &mut [0.0; 36], scratch);
+        assert!(outcome.residual <= sweeps.residual);
+        outcome.residual < sweeps.residual
+    };
+    for _ in 0..400 {
+        let may = !scratch.is_exhausted();
+        let better = solve_wedged(&mut scratch);
+        improved += u32::from(better);
+        assert!(may || !better);
+        assert!(scratch.systems <= SYSTEMS_PER_SUBSTEP, "{}", scratch.systems);
+    }
+    assert!(scratch.is_exhausted() && improved > 0);
+    scratch.begin_substep();
+    assert!((0..10).any(|_| solve_wedged(&mut scratch)));
 }
 
 #[test]
