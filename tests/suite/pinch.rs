@@ -133,7 +133,7 @@ fn pinched_hair_is_recorded_and_warned_of_and_breaks_no_guarantee() {
     std::fs::write(&scene.groom, groom.to_string()).unwrap();
     std::fs::write(&scene.anim, anim.to_string()).unwrap();
     let out = scene.folder.path().join("out");
-    let assert = bake(&scene.groom, &scene.anim, &out).arg("--strict").assert().success();
+    let assert = bake(&scene.groom, &scene.anim, &out).args(["--strict", "--figures"]).assert().success();
     let text = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
     assert!(text.contains("leave no room for it: it is inside left, right"), "{text}");
     assert!(text.contains("pinched"), "{text}");
