@@ -188,6 +188,16 @@ class Curves:
         """Weights of these guides, `n × 3`."""
         return self.cache.fixed(f"{self.name}.guide_weights")
 
+    @cached_property
+    def tie_guides(self) -> IntArray:
+        """Id of the guide that each of `tie_forces` acts on."""
+        return self.cache.fixed(f"{self.name}.tie_guides")
+
+    @cached_property
+    def tie_numbers(self) -> IntArray:
+        """Number of the tie of each of `tie_forces` in the animation, from 0."""
+        return self.cache.fixed(f"{self.name}.tie_numbers")
+
     def points(self, frames: Frames = None) -> FloatArray:
         """Points, `N × 3` of one frame or `frames × N × 3`."""
         return self.cache.moving(f"{self.name}.points", frames)
@@ -203,6 +213,18 @@ class Curves:
     def levels(self, frames: Frames = None) -> IntArray:
         """Level of the wisp of each curve, 0 for the coarsest, in adaptive caches; `n` or `frames × n`."""
         return self.cache.moving(f"{self.name}.levels", frames)
+
+    def clamp_forces(self, frames: Frames = None) -> FloatArray:
+        """Force of the clamp on each guide, N, `n × 3` or `frames × n × 3`, in caches with `reactions`."""
+        return self.cache.moving(f"{self.name}.clamp_forces", frames)
+
+    def clamp_moments(self, frames: Frames = None) -> FloatArray:
+        """Moment of the clamp on each guide about its root, N·m, shaped as `clamp_forces`."""
+        return self.cache.moving(f"{self.name}.clamp_moments", frames)
+
+    def tie_forces(self, frames: Frames = None) -> FloatArray:
+        """Force of each tie on a guide, N, by `tie_guides` and `tie_numbers`."""
+        return self.cache.moving(f"{self.name}.tie_forces", frames)
 
     def split(self, array: Array) -> list[Array]:
         """Parts of an array over points, one for each curve: views with as many points as it has."""

@@ -121,6 +121,8 @@ class Scene:
     """Colliders, on the body "floor", which stands still, unless they name another."""
     bodies: dict[str, Track] = field(default_factory=dict)
     """Bodies besides "clamp" and "floor" that carry colliders, by name."""
+    ties: Sequence[dict[str, Any]] = ()
+    """Ties as in anim.json; strands have their index as id."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Further settings, as in anim.json."""
 
@@ -180,6 +182,8 @@ class Scene:
             "gravity_m_s2": list(self.gravity),
             "settings": settings,
         }
+        if self.ties:
+            anim["ties"] = list(self.ties)
         if self.wind is not None:
             anim["wind"] = [{"velocity_m_s": list(self.wind)}]
         if self.force is not None:
@@ -254,16 +258,30 @@ class Motion:
     """Velocities of each strand, `frames × points × 3`, m/s."""
     figures: list[dict[str, Any]]
     """hairbake's own figures of each frame."""
+    clamp_forces: FloatArray | None = None
+    """Force of the clamp on each strand, `frames × strands × 3`, N; with the setting `reactions`."""
+    clamp_moments: FloatArray | None = None
+    """Moment of the clamp on each strand about its root, `frames × strands × 3`, N·m."""
+    tie_forces: FloatArray | None = None
+    """Force of each tie on a strand, `frames × ties × 3`, N, strand after strand."""
 
     @classmethod
     def read(cls, cache: Cache) -> "Motion":
         """The guides of a cache."""
         guides, scale = cache.guides, cache.metres_per_unit
+        arrays = cache.description["arrays"]
+
+        def reactions(name: str) -> FloatArray | None:
+            return cache.moving(f"guides.{name}", None) if f"guides.{name}" in arrays else None
+
         return cls(
             times=np.array(cache.frames) / cache.fps,
             points=guides.split(guides.points() * scale),
             velocities=guides.split(guides.velocities() * scale),
             figures=[dict(frame["figures"]) for frame in cache.record["frames"]],
+            clamp_forces=reactions("clamp_forces"),
+            clamp_moments=reactions("clamp_moments"),
+            tie_forces=reactions("tie_forces"),
         )
 
 

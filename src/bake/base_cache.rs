@@ -64,6 +64,9 @@ impl BaseCache {
                 names.join(", ")
             )));
         }
+        if header.reactions.is_some() {
+            return Err(Error::Usage("reactions are not written with --base: leave out one of them".into()));
+        }
         let reader = Reader::open(&selection.base)?;
         let manifest = reader.read_manifest()?;
         let old = reader.header();
@@ -283,5 +286,6 @@ fn complete(sources: &[CurveSource], baked: &mut CurveFrame, base: &CurveFrame, 
     let accelerations = array(|f| f.accelerations.as_ref());
     let level = |source: &CurveSource| of(source).level.as_ref().map(|level| level[source.curve]);
     let level = sources.iter().map(level).collect();
-    *baked = CurveFrame { extent: extent(&points, &set.widths), points, velocities, accelerations, level };
+    let extent = extent(&points, &set.widths);
+    *baked = CurveFrame { extent, points, velocities, accelerations, level, reactions: None };
 }

@@ -1,9 +1,10 @@
 //! The curves of a cache, and its header.
 
 use super::single::single;
-use crate::cache::{ClosestGuides, ColliderMesh, CurveSet, Header};
+use crate::cache::{ClosestGuides, ColliderMesh, CurveSet, Header, HeldGuides};
 use crate::contact::Body;
 use crate::dynamics::guide_rods::GuideRods;
+use crate::dynamics::tie;
 use crate::geometry::Shape;
 use crate::rod::{Rod, RodShape};
 use crate::scene::anim::{OutputCurves, Resolution};
@@ -21,6 +22,8 @@ pub struct CacheContent<'a> {
     anim: &'a Anim,
     /// The guides as written, with their wisps and groups.
     pub rods: Vec<(&'a Rod, Membership)>,
+    /// The ties of the guides, if reactions are written.
+    held: Option<HeldGuides>,
     /// The render strands; empty if only guides are written.
     pub strands: Cow<'a, Strands>,
     /// Factor on the width of each group, where strands were thinned; else empty.
@@ -46,9 +49,11 @@ impl<'a> CacheContent<'a> {
             leaf: (guide.leaf.0 as u32, guide.leaf.1 as u32),
             group: groom.guides.curves.group[guide.guide],
         };
+        let written = anim.settings.reactions && anim.settings.curves != OutputCurves::Strands;
+        let held = written.then(|| held_guides(groom, anim, &rods.simulated));
         let rods: Vec<_> = rods.fine_and_simulated().map(|(rod, guide)| (rod, home(guide))).collect();
         let guide_weights = weights_of(groom, &strands, &rods);
-        CacheContent { groom, anim, rods, strands, width_factors, guide_weights }
+        CacheContent { groom, anim, rods, held, strands, width_factors, guide_weights }
     }
 
     /// The header of the cache: everything that does not change over the bake.
@@ -87,6 +92,7 @@ impl<'a> CacheContent<'a> {
             colliders: anim.colliders.iter().enumerate().map(collider).collect(),
             levels: anim.settings.resolution() != Resolution::Full,
             accelerations: anim.settings.accelerations,
+            reactions: self.held.clone(),
             ..Header::default()
         }
     }
@@ -102,6 +108,16 @@ impl<'a> CacheContent<'a> {
         let (guides, weights) = each.unzip();
         ClosestGuides { guides, weights }
     }
+}
+
+/// The guides that ties hold, guide after guide.
+fn held_guides(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> HeldGuides {
+    let mut held = HeldGuides::default();
+    for (ties, rod) in tie::ties(groom, anim, rods).iter().zip(rods) {
+        held.guide.extend(ties.iter().map(|_| groom.guides.curves.id[rod.guide]));
+        held.number.extend(ties.iter().map(|tie| tie.of as i32));
+    }
+    held
 }
 
 /// Guides of each of some strands of `groom`, with weights; `rods` are all guides.

@@ -4,7 +4,7 @@ use super::base_cache::BaseCache;
 use super::cache_content::CacheContent;
 use super::single::{extent, single};
 use crate::Result;
-use crate::cache::{ColliderFrame, CurveFrame, Frame, Header};
+use crate::cache::{ColliderFrame, CurveFrame, Frame, Header, Reactions};
 use crate::contact::{Bodies, Body};
 use crate::dynamics::guide_frame::{CarrierAround, GuideFrame, MovingGuide, SolverStep};
 use crate::dynamics::guide_rods::GuideRods;
@@ -261,9 +261,11 @@ impl<'a> Output<'a> {
                 velocities,
                 accelerations: None,
                 level,
+                reactions: None,
             }
         });
-        let guides = self.guides(&motion, levels, t, &to_scene);
+        let reactions = self.reactions(guides);
+        let guides = CurveFrame { reactions, ..self.guides(&motion, levels, t, &to_scene) };
         // In between, cubics stand for the sub-steps, which kept the guides out.
         if offset == 0.0 {
             depths = depths.max(self.guide_depths.measure(&obstacles, &guides.points, &self.to_metres()));
@@ -377,7 +379,20 @@ impl<'a> Output<'a> {
             .collect();
         let (points, velocities): (Vec<_>, Vec<_>) = per_guide.into_iter().flatten().unzip();
         let extent = extent(&points, &self.header.guides.widths);
-        CurveFrame { extent, points, velocities, accelerations: None, level }
+        CurveFrame { extent, points, velocities, accelerations: None, level, reactions: None }
+    }
+
+    /// What holds the guides, if it is written: in the axes of the cache, N and N·m.
+    fn reactions(&self, guides: &[MovingGuide]) -> Option<Reactions> {
+        self.header.reactions.as_ref()?;
+        let axes = self.convention.to_y_up().inverse();
+        let written = |v: &Vector3<f64>| single(&(axes * v));
+        let each = || guides.iter().filter_map(|guide| guide.reaction.as_ref());
+        Some(Reactions {
+            clamp_force: each().map(|reaction| written(&reaction.force)).collect(),
+            clamp_moment: each().map(|reaction| written(&reaction.moment)).collect(),
+            tie_force: each().flat_map(|reaction| reaction.ties.iter().map(written)).collect(),
+        })
     }
 
     /// A rest-to-world pose in the cache's unit and axes.

@@ -1,11 +1,11 @@
 //! Arrays of a cache by name, and NumPy's file format for them.
 
-use super::{CurveFrame, CurveSet, Frame, Header};
+use super::{CurveFrame, CurveSet, Frame, Header, HeldGuides};
 
 /// The curves that have arrays.
 pub const CURVES: [&str; 2] = ["hair", "guides"];
 /// Arrays of curves that do not move, with what they hold.
-pub const FIXED: [(&str, &str); 9] = [
+pub const FIXED: [(&str, &str); 11] = [
     ("counts", "number of points of each curve"),
     ("rest", "points in rest space, units"),
     ("widths", "diameter at each point, units"),
@@ -15,13 +15,18 @@ pub const FIXED: [(&str, &str); 9] = [
     ("root_uv", "texture coordinate of each root"),
     ("closest_guides", "ids of the guides that each strand follows"),
     ("guide_weights", "their weights"),
+    ("tie_guides", "id of the guide that each tie force acts on, in caches that have them"),
+    ("tie_numbers", "numbers of the ties in the animation, from 0"),
 ];
 /// Arrays of curves that move, with what they hold.
-pub const MOVING: [(&str, &str); 4] = [
+pub const MOVING: [(&str, &str); 7] = [
     ("points", "points, world, units"),
     ("velocities", "velocities, units per second"),
     ("accelerations", "accelerations, units per second squared, in caches that have them"),
     ("levels", "level of the wisp of each curve, 0 for the coarsest, in caches that have them"),
+    ("clamp_forces", "force of the clamp on each guide, world, N, in caches that have them"),
+    ("clamp_moments", "moment of the clamp on each guide about its root, N m"),
+    ("tie_forces", "force of each tie on a guide, N"),
 ];
 /// The transform of the head, which moves.
 pub const HEAD: (&str, &str) = ("head", "transform of the head, rest space to world, for column vectors");
@@ -73,7 +78,8 @@ impl Array {
             "guides" => &header.guides,
             _ => return None,
         };
-        fixed(set, name)
+        let held = header.reactions.as_ref().filter(|_| curves == "guides");
+        fixed(set, held, name)
     }
 
     /// The array `name` of a frame, such as `hair.points`; `None` if the cache has none.
@@ -119,7 +125,7 @@ impl Array {
     }
 }
 
-fn fixed(set: &CurveSet, name: &str) -> Option<Array> {
+fn fixed(set: &CurveSet, held: Option<&HeldGuides>, name: &str) -> Option<Array> {
     let per_strand = super::ClosestGuides::PER_STRAND;
     let array = match name {
         "counts" => Array::integers(&set.counts),
@@ -131,6 +137,8 @@ fn fixed(set: &CurveSet, name: &str) -> Option<Array> {
         "root_uv" => Array::vectors(&set.root_uv),
         "closest_guides" => Array::integers(&set.closest.guides).in_rows(per_strand),
         "guide_weights" => Array::floats(&set.closest.weights).in_rows(per_strand),
+        "tie_guides" => Array::integers(&held?.guide),
+        "tie_numbers" => Array::integers(&held?.number),
         _ => return None,
     };
     Some(array).filter(|array| array.shape[0] > 0)
@@ -142,6 +150,9 @@ fn moving(set: &CurveFrame, name: &str) -> Option<Array> {
         "velocities" => Array::vectors(&set.velocities),
         "accelerations" => Array::vectors(set.accelerations.as_ref()?),
         "levels" => Array::integers(set.level.as_ref()?),
+        "clamp_forces" => Array::vectors(&set.reactions.as_ref()?.clamp_force),
+        "clamp_moments" => Array::vectors(&set.reactions.as_ref()?.clamp_moment),
+        "tie_forces" => Array::vectors(&set.reactions.as_ref()?.tie_force),
         _ => return None,
     };
     Some(array).filter(|array| array.shape[0] > 0)
@@ -149,6 +160,7 @@ fn moving(set: &CurveFrame, name: &str) -> Option<Array> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Reactions;
     use super::*;
 
     #[test]
@@ -179,16 +191,28 @@ mod tests {
             root_uv: vec![[0.0; 2]],
             closest: super::super::ClosestGuides { guides: vec![1; 3], weights: vec![0.5; 3] },
         };
-        let header = Header { hair: Some(set), ..Header::default() };
+        let reactions = Some(HeldGuides { guide: vec![5], number: vec![0] });
+        let header = Header { hair: Some(set), reactions, ..Header::default() };
         for (name, _) in FIXED {
-            assert!(Array::fixed(&header, &format!("hair.{name}")).is_some(), "{name}");
-            assert_eq!(Array::fixed(&header, &format!("guides.{name}")), None);
+            // Ties hold guides, which this cache does not write.
+            let [hair, guides] =
+                ["hair", "guides"].map(|set| Array::fixed(&header, &format!("{set}.{name}")));
+            assert_eq!(
+                (hair.is_some(), guides.is_some()),
+                if name.starts_with("tie") { (false, true) } else { (true, false) },
+                "{name}"
+            );
         }
         let curves = CurveFrame {
             points: vec![[0.0; 3]; 2],
             velocities: vec![[0.0; 3]; 2],
             accelerations: Some(vec![[0.0; 3]; 2]),
             level: Some(vec![0]),
+            reactions: Some(Reactions {
+                clamp_force: vec![[0.0; 3]],
+                clamp_moment: vec![[0.0; 3]],
+                tie_force: vec![[0.0; 3]],
+            }),
             ..CurveFrame::default()
         };
         let frame = Frame { hair: Some(curves), ..Frame::default() };

@@ -1,14 +1,17 @@
 //! Consistency of array sizes. The writer checks before it writes, where a mismatch is a bug; the reader
 //! checks what it has read, where a mismatch is damage.
 
-use super::frame::{ColliderFrame, CurveFrame, Frame};
-use super::header::{ClosestGuides, ColliderMesh, CurveSet, Header};
+use super::frame::{ColliderFrame, CurveFrame, Frame, Reactions};
+use super::header::{ClosestGuides, ColliderMesh, CurveSet, Header, HeldGuides};
 
 impl Header {
     /// Describes the first inconsistency.
     pub(super) fn check(&self) -> Result<(), String> {
         for curves in self.hair.iter().chain([&self.guides]) {
             curves.check()?;
+        }
+        if let Some(HeldGuides { guide, number }) = &self.reactions {
+            same("numbers of ties", number.len(), guide.len())?;
         }
         self.colliders.iter().try_for_each(ColliderMesh::check)
     }
@@ -71,6 +74,17 @@ impl Frame {
         }
         for (frame, curves) in self.hair.iter().zip(&header.hair).chain([(&self.guides, &header.guides)]) {
             frame.check(curves, header)?;
+        }
+        let guides = header.guides.counts.len();
+        match (&self.guides.reactions, &header.reactions) {
+            (Some(Reactions { clamp_force, clamp_moment, tie_force }), Some(held)) => {
+                same("clamp forces", clamp_force.len(), guides)?;
+                same("clamp moments", clamp_moment.len(), guides)?;
+                same("tie forces", tie_force.len(), held.guide.len())?;
+            }
+            (None, None) => {}
+            (None, Some(_)) if guides == 0 => {}
+            _ => return Err("only one of frame and header has reactions".into()),
         }
         same("colliders", self.colliders.len(), header.colliders.len())?;
         self.colliders.iter().zip(&header.colliders).try_for_each(|(frame, mesh)| frame.check(mesh))

@@ -39,4 +39,17 @@ pub struct CurveFrame {
     pub extent: [[f32; 3]; 2],
     /// Level of the wisp with which each curve moves, 0 for the coarsest, if the header includes levels.
     pub level: Option<Vec<i32>>,
+    /// What holds the curves, if they are guides and the header includes it.
+    pub reactions: Option<Reactions>,
+}
+
+/// What holds the guides at one time sample, world axes of the cache.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Reactions {
+    /// Force of the clamp on each guide, N.
+    pub clamp_force: Vec<[f32; 3]>,
+    /// Moment of the clamp on each guide about its root, N·m.
+    pub clamp_moment: Vec<[f32; 3]>,
+    /// Force of each tie of the header on its guide, N.
+    pub tie_force: Vec<[f32; 3]>,
 }

@@ -25,6 +25,17 @@ pub struct Header {
     pub levels: bool,
     /// Whether frames include accelerations.
     pub accelerations: bool,
+    /// What holds the guides, if frames include its reactions.
+    pub reactions: Option<HeldGuides>,
+}
+
+/// The ties of the guides, one entry for each guide that a tie holds. The clamps are those of the guides.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct HeldGuides {
+    /// Id of the guide.
+    pub guide: Vec<i32>,
+    /// Number of the tie in the animation, from 0.
+    pub number: Vec<i32>,
 }
 
 /// Basis of the cubic curves, which are pinned at both ends.

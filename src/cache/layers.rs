@@ -3,13 +3,14 @@
 //! Topology, clip manifest and frame files have the same [`skeleton`] of prims and the same [`animated`]
 //! declarations: an attribute of a clip that the clip manifest lacks resolves to nothing, without an error.
 
-use super::frame::{ColliderFrame, CurveFrame, Frame};
-use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header};
+use super::frame::{ColliderFrame, CurveFrame, Frame, Reactions};
+use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header, HeldGuides};
 use super::manifest::Manifest;
 use super::material;
 use super::names::{
-    CAPS, CLIP_MANIFEST, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, PLANE, SKIN, TOPOLOGY, clip_template, clips,
-    collider_prim_names, frames_with_handles, up_axis,
+    CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLIP_MANIFEST, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, PLANE, SKIN,
+    TIE_FORCE, TIE_GUIDE, TIE_NUMBER, TOPOLOGY, clip_template, clips, collider_prim_names,
+    frames_with_handles, up_axis,
 };
 use crate::usd::{Attribute, Layer, Metadata, Prim, Specifier, Value};
 use std::borrow::Cow;
@@ -63,7 +64,11 @@ pub(super) fn topology_layer(header: &Header) -> Layer<'_> {
             Part::Hair => {
                 header.hair.as_ref().map(|c| curves(c, header.basis, HAIR_COLOUR)).unwrap_or_default()
             }
-            Part::Guides => curves(&header.guides, header.basis, GUIDE_COLOUR),
+            Part::Guides => {
+                let mut attributes = curves(&header.guides, header.basis, GUIDE_COLOUR);
+                attributes.extend(header.reactions.iter().flat_map(ties));
+                attributes
+            }
             Part::Collider(i) => collider(&header.colliders[i]),
         };
         attributes.extend(animated(header, part));
@@ -188,6 +193,14 @@ fn animated<'a>(header: &Header, part: Part) -> Vec<Attribute<'a>> {
             if header.accelerations {
                 attributes.push(Attribute::new("accelerations", "vector3f[]"));
             }
+            if let (Part::Guides, Some(held)) = (part, &header.reactions) {
+                let clamps = [(CLAMP_FORCE, "uniform"), (CLAMP_MOMENT, "uniform")];
+                let ties = (!held.guide.is_empty()).then_some((TIE_FORCE, "constant"));
+                attributes.extend(clamps.into_iter().chain(ties).map(|(name, interpolation)| {
+                    Attribute::new(name, "vector3f[]")
+                        .with_metadata("interpolation", Value::token(interpolation))
+                }));
+            }
             attributes
         }
     }
@@ -197,11 +210,15 @@ fn moving_curves(curves: &CurveFrame) -> Vec<Value<'_>> {
     let arrays: [&[[f32; 3]]; 3] = [&curves.points, &curves.velocities, &curves.extent];
     let level = curves.level.iter().map(|level| Value::Ints(Cow::Borrowed(level)));
     let accelerations = curves.accelerations.iter().map(|array| Value::Float3s(Cow::Borrowed(array)));
+    let reactions = curves.reactions.iter().flat_map(|Reactions { clamp_force, clamp_moment, tie_force }| {
+        [clamp_force, clamp_moment, tie_force].map(|array| Value::Float3s(Cow::Borrowed(array)))
+    });
     arrays
         .map(|array| Value::Float3s(Cow::Borrowed(array)))
         .into_iter()
         .chain(level)
         .chain(accelerations)
+        .chain(reactions)
         .collect()
 }
 
@@ -264,6 +281,13 @@ fn curves(curves: &CurveSet, basis: Basis, colour: [f32; 3]) -> Vec<Attribute<'_
         }));
     }
     attributes
+}
+
+/// What the tie forces of the frames are of; nothing without ties.
+fn ties(HeldGuides { guide, number }: &HeldGuides) -> impl Iterator<Item = Attribute<'_>> {
+    let arrays =
+        [(TIE_GUIDE, guide), (TIE_NUMBER, number)].into_iter().filter(|(_, array)| !array.is_empty());
+    arrays.map(|(name, array)| interpolated(name, "int[]", "constant", Value::Ints(Cow::Borrowed(array))))
 }
 
 fn collider(mesh: &ColliderMesh) -> Vec<Attribute<'_>> {

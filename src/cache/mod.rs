@@ -26,8 +26,8 @@ mod writer;
 
 pub use crate::file::{FileRecord, sha256, write_file};
 pub use deform::{DeformCurves, DeformHeader, DeformMethod, DeformSpace};
-pub use frame::{ColliderFrame, CurveFrame, Frame};
-pub use header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header, ranges};
+pub use frame::{ColliderFrame, CurveFrame, Frame, Reactions};
+pub use header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header, HeldGuides, ranges};
 pub use manifest::{
     DeformPrimRecord, DeformRecord, FrameEntry, InputRecord, Manifest, OverPrimRecord, OverRecord, OverRun,
     Summary,

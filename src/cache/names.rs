@@ -33,6 +33,16 @@ pub(super) const CAPS: &str = "primvars:groom_caps";
 pub(super) const SKIN: &str = "primvars:groom_skin";
 /// Marks a collider that stands for an unbounded plane.
 pub(super) const PLANE: &str = "primvars:groom_plane";
+/// Force of the clamp of each guide.
+pub(super) const CLAMP_FORCE: &str = "primvars:groom_clamp_force";
+/// Moment of the clamp of each guide.
+pub(super) const CLAMP_MOMENT: &str = "primvars:groom_clamp_moment";
+/// Force of each tie of a guide.
+pub(super) const TIE_FORCE: &str = "primvars:groom_tie_force";
+/// Guide of each of these.
+pub(super) const TIE_GUIDE: &str = "primvars:groom_tie_guide";
+/// Number of the tie in the animation of each of these.
+pub(super) const TIE_NUMBER: &str = "primvars:groom_tie_number";
 /// Level of each curve.
 pub(super) const LEVEL: &str = "primvars:groom_level";
 

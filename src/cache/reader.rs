@@ -1,12 +1,12 @@
 //! Reading a cache.
 
-use super::frame::{ColliderFrame, CurveFrame, Frame};
-use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header};
+use super::frame::{ColliderFrame, CurveFrame, Frame, Reactions};
+use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header, HeldGuides};
 use super::layers::transposed;
 use super::manifest::Manifest;
 use super::names::{
-    CAPS, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, MANIFEST, PLANE, SKIN, TOPOLOGY, collider_prim_names,
-    frame_file_name, frames_on_disk,
+    CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, MANIFEST, PLANE, SKIN, TIE_FORCE,
+    TIE_GUIDE, TIE_NUMBER, TOPOLOGY, collider_prim_names, frame_file_name, frames_on_disk,
 };
 use crate::usd::{Layer, Value, crate_file};
 use crate::{Error, Result};
@@ -113,6 +113,7 @@ impl Source {
         let guides = if has_guides { self.curves(GUIDES)? } else { CurveSet::default() };
         let [levels, accelerations] =
             [LEVEL, "accelerations"].map(|name| self.has(if has_guides { GUIDES } else { HAIR }, name));
+        let reactions = if self.has(GUIDES, CLAMP_FORCE) { Some(self.held_guides()?) } else { None };
         let names = self
             .layer
             .prim_mut("/groom/colliders")
@@ -130,6 +131,7 @@ impl Source {
             colliders,
             levels,
             accelerations,
+            reactions,
         };
         header.check().map_err(|what| self.damaged(what))?;
         Ok(header)
@@ -143,7 +145,13 @@ impl Source {
         };
         let guides = match header.guides.counts.is_empty() {
             true => CurveFrame::default(),
-            false => self.moving_curves(GUIDES, time, header)?,
+            false => {
+                let reactions = match &header.reactions {
+                    Some(held) => Some(self.reactions(time, held)?),
+                    None => None,
+                };
+                CurveFrame { reactions, ..self.moving_curves(GUIDES, time, header)? }
+            }
         };
         let head = self.transform("/groom/head", time)?;
         let mut colliders = Vec::with_capacity(header.colliders.len());
@@ -207,6 +215,28 @@ impl Source {
             accelerations: match header.accelerations {
                 true => Some(self.take(prim, "accelerations", Some(time), float3s)?),
                 false => None,
+            },
+            reactions: None,
+        })
+    }
+
+    fn held_guides(&mut self) -> Result<HeldGuides> {
+        if !self.has(GUIDES, TIE_GUIDE) {
+            return Ok(HeldGuides::default());
+        }
+        Ok(HeldGuides {
+            guide: self.take(GUIDES, TIE_GUIDE, None, ints)?,
+            number: self.take(GUIDES, TIE_NUMBER, None, ints)?,
+        })
+    }
+
+    fn reactions(&mut self, time: f64, held: &HeldGuides) -> Result<Reactions> {
+        Ok(Reactions {
+            clamp_force: self.take(GUIDES, CLAMP_FORCE, Some(time), float3s)?,
+            clamp_moment: self.take(GUIDES, CLAMP_MOMENT, Some(time), float3s)?,
+            tie_force: match held.guide.is_empty() {
+                true => Vec::new(),
+                false => self.take(GUIDES, TIE_FORCE, Some(time), float3s)?,
             },
         })
     }

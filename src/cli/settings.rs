@@ -68,6 +68,13 @@ pub struct SettingsArguments {
     /// that blur by them.
     #[arg(long, help_heading = HEADING)]
     accelerations: bool,
+    /// Write the forces and moments that hold the guides as well
+    ///
+    /// The force and moment of the clamp of each guide, and the force of each tie, in newtons and newton
+    /// metres. Guides that follow a wisp have none: use --resolution full. Not with --curves strands or
+    /// --base.
+    #[arg(long, help_heading = HEADING)]
+    reactions: bool,
     /// Override a value of an input file; may be repeated
     ///
     /// FILE is groom or anim, as in groom.materials[0].friction=0.3.
@@ -124,10 +131,11 @@ impl SettingsArguments {
         settings.samples = self.samples.unwrap_or(settings.samples);
         settings.shutter = self.shutter.unwrap_or(settings.shutter);
         settings.accelerations |= self.accelerations;
+        settings.reactions |= self.reactions;
     }
 
     /// Every setting, with its value in `settings`.
-    fn each(&self, settings: &Settings) -> [Setting; 12] {
+    fn each(&self, settings: &Settings) -> [Setting; 13] {
         fn of(
             option: &'static str,
             key: &'static str,
@@ -152,6 +160,7 @@ impl SettingsArguments {
             of("samples", "samples", self.samples, settings.samples),
             of("shutter", "shutter", self.shutter, settings.shutter),
             of("accelerations", "accelerations", self.accelerations.then_some(""), settings.accelerations),
+            of("reactions", "reactions", self.reactions.then_some(""), settings.reactions),
         ]
     }
 
@@ -213,7 +222,8 @@ mod tests {
     #[test]
     fn settings_turn_into_the_options_they_came_from() {
         let words =
-            ["--substeps", "3", "--scheme", "backward-euler", "--accelerations", "--set", "groom.a=1"];
+            ["--substeps", "3", "--scheme", "backward-euler", "--accelerations", "--reactions", "--set"];
+        let words = [&words[..], &["groom.a=1"]].concat();
         assert_eq!(parsed(&words).to_words(), words);
     }
 
@@ -230,7 +240,8 @@ mod tests {
         use clap::CommandFactory;
         let command = Line::command();
         let each = parsed(&[]).each(&Settings::default());
-        for Setting { option, value, .. } in each.into_iter().filter(|s| s.option != "accelerations") {
+        let flags = ["accelerations", "reactions"];
+        for Setting { option, value, .. } in each.into_iter().filter(|s| !flags.contains(&s.option)) {
             let argument = command.get_arguments().find(|a| a.get_long() == Some(option)).unwrap();
             let value = if option == "resolution" { "auto".into() } else { value };
             let help = argument.get_help().unwrap().to_string();

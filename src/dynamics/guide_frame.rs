@@ -1,6 +1,7 @@
 //! A guide as it is written: its unknowns and their rates at a frame, or between frames.
 
-use super::guide::GuideState;
+use super::guide::{GuideModel, GuideState};
+use super::reaction::GuideReaction;
 use crate::math::cholesky;
 use crate::math::se3::Pose;
 use crate::rod::{Rod, RodShape, Sensitivity};
@@ -16,6 +17,9 @@ pub struct GuideFrame {
     pub midway: Vec<f64>,
     /// Level of the wisp that it moves with, 0 for a coarse one.
     pub level: u32,
+    /// What holds it, if that is recorded; zero for a guide that is not stepped, and where its step has no
+    /// solution.
+    pub reaction: Option<GuideReaction>,
 }
 
 /// A guide at a moment, with its motion.
@@ -27,6 +31,9 @@ pub struct MovingGuide {
     pub rate: Vec<f64>,
     /// Level of the wisp that it moves with, 0 for a coarse one.
     pub level: u32,
+    /// What holds it, if that is recorded; zero for a guide that is not stepped, and where its step has no
+    /// solution.
+    pub reaction: Option<GuideReaction>,
 }
 
 /// The guides between two frames.
@@ -40,9 +47,14 @@ pub struct SolverStep {
 
 impl SolverStep {
     /// Of guides that all move by themselves.
-    pub(super) fn new(time: f64, states: &[GuideState]) -> Self {
-        let moving = |g: &GuideState| MovingGuide { q: g.q[0].clone(), rate: g.rate().to_vec(), level: 0 };
-        SolverStep { time, guides: states.iter().map(moving).collect() }
+    pub(super) fn new(time: f64, models: &[GuideModel], states: &[GuideState]) -> Self {
+        let moving = |(model, g): (&GuideModel, &GuideState)| MovingGuide {
+            q: g.q[0].clone(),
+            rate: g.rate().to_vec(),
+            level: 0,
+            reaction: model.reaction(g),
+        };
+        SolverStep { time, guides: models.iter().zip(states).map(moving).collect() }
     }
 }
 
@@ -135,11 +147,12 @@ impl MovingGuide {
         let fits = unsteady || turn(rod, &rate) > 2.0 * RESOLVED_TURN;
         let limited = fits && !fit(&mut rate, rod, q, head, &differences);
         rate.iter_mut().for_each(|rate| *rate /= interval);
-        (MovingGuide { q: now.q.clone(), rate, level: now.level }, limited)
+        let reaction = now.reaction.clone();
+        (MovingGuide { q: now.q.clone(), rate, level: now.level, reaction }, limited)
     }
 
     /// The guide between two frames, `interval`, s, apart, at the share `u` of the way: cubic in time, with
-    /// the rates of both ends; of the first one's level.
+    /// the rates of both ends; of the first one's level, its reactions linear.
     pub fn between(a: &Self, b: &Self, u: f64, interval: f64) -> Self {
         // Of the cubic Hermite basis: the step, and the slopes at its start and end; then their derivatives.
         let (step, start, end) = (u * u * (3.0 - 2.0 * u), u * (1.0 - u) * (1.0 - u), u * u * (u - 1.0));
@@ -152,6 +165,7 @@ impl MovingGuide {
             q: (0..a.q.len()).map(|i| a.q[i] + at(i, step, start, end)).collect(),
             rate: (0..a.q.len()).map(|i| at(i, d_step, d_start, d_end) / interval).collect(),
             level: a.level,
+            reaction: a.reaction.as_ref().zip(b.reaction.as_ref()).map(|(a, b)| a.lerp(b, u)),
         }
     }
 }
@@ -243,7 +257,7 @@ mod tests {
 
     /// A rod whose unknowns at a time, in frames, are `q`, at frame 0; or at the first frame.
     fn moving(rod: &Rod, q: impl Fn(f64) -> Vec<f64>, first: bool) -> (MovingGuide, bool) {
-        let state = |t: f64| GuideFrame { q: q(t), midway: q(t - 0.5), level: 0 };
+        let state = |t: f64| GuideFrame { q: q(t), midway: q(t - 0.5), level: 0, reaction: None };
         let before = state(-1.0);
         let head = CarrierAround { poses: [Isometry3::identity(); 5], velocity: &|_| Vector3::zeros() };
         MovingGuide::new(rod, (!first).then_some(&before), [&state(0.0), &state(1.0)], &head, INTERVAL)
@@ -335,7 +349,7 @@ mod tests {
     #[test]
     fn the_tip_moves_as_it_does_where_the_velocity_of_the_head_jumps() {
         let (rod, q) = Rod::bent_sample();
-        let still = GuideFrame { q: q.clone(), midway: q.clone(), level: 0 };
+        let still = GuideFrame { q: q.clone(), midway: q.clone(), level: 0, reaction: None };
         let tip = |rate: &[f64]| points(&rod, &q, rate)[rod.points() - 2];
         let across = tip(&vec![0.0; q.len()])[0].cross(&Vector3::x()).normalize();
         // The head starts to move by 17 cm per frame at the frame, or half a frame later, and carries the
@@ -355,7 +369,8 @@ mod tests {
     #[test]
     fn a_cubic_in_time_is_met_between_frames_with_its_rate() {
         let cubic = |t: f64| (2.0 - 3.0 * t + 5.0 * t * t - 4.0 * t * t * t, -3.0 + 10.0 * t - 12.0 * t * t);
-        let state = |t: f64| MovingGuide { q: vec![cubic(t).0], rate: vec![cubic(t).1], level: 0 };
+        let state =
+            |t: f64| MovingGuide { q: vec![cubic(t).0], rate: vec![cubic(t).1], level: 0, reaction: None };
         let from = 0.3;
         for u in [0.0, 0.25, 0.5, 0.999, 1.0] {
             let found = MovingGuide::between(&state(from), &state(from + INTERVAL), u, INTERVAL);

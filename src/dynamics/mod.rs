@@ -19,6 +19,7 @@ mod hair_volume;
 mod integrator;
 pub mod model;
 pub mod pinch;
+pub mod reaction;
 pub mod sag_free;
 pub mod simulation;
 pub mod step_record;

@@ -144,6 +144,7 @@ fn guide(anim: &Anim, density: &HairDensity, r: &GuideRod) -> GuideModel {
         scheme: anim.settings.scheme,
         friction: [r.material.friction, at_tip],
         friction_across: r.material.friction_across,
+        records_reaction: anim.settings.reactions,
         goal: goal(&r.rod, &shape, r.material.goal),
         ..GuideModel::new(r.rod.clone(), drag, r.material.friction)
     }

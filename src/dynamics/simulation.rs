@@ -104,6 +104,8 @@ pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &
     let span = [state.taken, state.taken + 1].map(|taken| model.time_after(taken));
     env.bodies.prepare(span);
     state.guides.iter_mut().for_each(GuideState::clear_hair_force);
+    // What is not stepped has none.
+    state.guides.iter_mut().for_each(GuideState::clear_reaction);
     if let Some(friction) = &model.wisp_friction {
         let (head, wisps) = (CarrierVelocity::of_head(env, span[0]), &state.wisps);
         let carrier = |i: usize| match &model.guides[i].skin {
@@ -149,7 +151,7 @@ fn advance(model: &Model, env: &Environment, state: &mut State, span: [f64; 2]) 
     records.fill(StepRecord::default());
     let mut observe = |t: f64, guides: &[GuideState]| {
         if writes {
-            path.push(SolverStep::new(t, guides));
+            path.push(SolverStep::new(t, &model.guides, guides));
         }
     };
     match strand_contacts {
@@ -321,6 +323,7 @@ impl<'a> Simulation<'a> {
             q: state.q[0].clone(),
             midway: state.midway.clone(),
             level: level(i),
+            reaction: self.model.guides[i].reaction(state),
         };
         self.state.guides.iter().enumerate().map(frame).collect()
     }

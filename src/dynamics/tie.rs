@@ -26,12 +26,19 @@ pub struct Tie {
     pub goal: Vector3<f64>,
     /// First and last time of the tie, s.
     pub times: [f64; 2],
+    /// Number of the tie of the animation that it is of: index into [`Anim::ties`].
+    pub of: usize,
 }
 
 impl Tie {
     /// The held point on the contact polyline `x`.
     pub fn place(&self, x: &[Vector3<f64>]) -> Vector3<f64> {
         x[self.segment] * (1.0 - self.u) + x[self.segment + 1] * self.u
+    }
+
+    /// True if it holds at time `t`, s.
+    pub fn holds_at(&self, t: f64) -> bool {
+        (self.times[0]..=self.times[1]).contains(&t)
     }
 
     /// Target at the end, at time `t`, s, of a step of `h`, s, that starts with the point at `from`, world,
@@ -44,7 +51,7 @@ impl Tie {
         from: &Vector3<f64>,
         poses: [Isometry3<f64>; 2],
     ) -> Option<Vector3<f64>> {
-        if t < self.times[0] || t > self.times[1] {
+        if !self.holds_at(t) {
             return None;
         }
         let goal = (poses[1] * nalgebra::Point3::from(self.goal)).coords;
@@ -59,7 +66,7 @@ pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
     let mut out = vec![Vec::new(); rods.len()];
     let drawn: Vec<Vec<Vector3<f64>>> = rods.iter().map(drawn).collect();
     let curves = &groom.guides.curves;
-    for tie in &anim.ties {
+    for (of, tie) in anim.ties.iter().enumerate() {
         let centre = tie.bundle.or(tie.within).map(|(centre, _)| centre);
         let mut held: Vec<(usize, usize, f64)> = Vec::new();
         for (i, (r, points)) in rods.iter().zip(&drawn).enumerate() {
@@ -92,7 +99,7 @@ pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
                     (segment, u) = at_arc(&rods[i], least).unwrap_or((segment, u));
                 }
             }
-            out[i].push(Tie { segment, u, body: tie.body, goal, times: tie.times });
+            out[i].push(Tie { segment, u, body: tie.body, goal, times: tie.times, of });
         }
     }
     out

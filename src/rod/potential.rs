@@ -54,6 +54,8 @@ pub struct Load<F = f64> {
     pub(super) inertia: F,
     /// One spring for each point but the root.
     pub(super) springs: Vec<PointSpring<F>>,
+    /// Force on the root point, which is not free: it enters reactions alone, N.
+    pub(super) root_force: V3<F>,
     /// Constant generalised force, N·m².
     pub(super) force: Vec<F>,
     /// Springs on the unknowns, one for each; empty if there are none.
@@ -78,7 +80,14 @@ impl Default for Load {
 impl<F: Real> Load<F> {
     /// No loads, on no rod yet.
     pub(super) fn empty(zero: F) -> Self {
-        Load { hat: Vec::new(), inertia: zero, springs: Vec::new(), force: Vec::new(), holds: Vec::new() }
+        Load {
+            hat: Vec::new(),
+            inertia: zero,
+            springs: Vec::new(),
+            root_force: V3::all(zero),
+            force: Vec::new(),
+            holds: Vec::new(),
+        }
     }
 }
 
@@ -102,13 +111,17 @@ impl Load {
         core.add_elastic(&rod.damping, 1.0 / h, past, &mut self.force);
         self.holds.clear();
         self.springs.clear();
-        for (point, (weight, mass)) in points.zip(rod.weight.iter().zip(&rod.mass)).skip(1) {
+        for (k, (point, (weight, mass))) in points.zip(rod.weight.iter().zip(&rod.mass)).enumerate() {
             let (inertia, drag) = (mass / (h * h), point.drag * weight / h);
             let along = 0.5 * drag;
             let advected = point.previous + point.air * h;
             let t = &point.tangent;
             let force =
                 gravity * *mass + point.inertial * inertia + advected * drag - t * (along * t.dot(&advected));
+            if k == 0 {
+                self.root_force = force.into();
+                continue;
+            }
             let alpha = inertia + drag;
             let target = (force + t * (along / (alpha - along) * t.dot(&force))) / alpha;
             self.springs.push(PointSpring { alpha, u: (t * along.sqrt()).into(), target: target.into() });
@@ -116,9 +129,11 @@ impl Load {
     }
 
     /// Adds a spring of `stiffness`, N/m, from point `k` to `goal` (relative to the root at the end of the
-    /// step, world axes, m). It has no effect on the root.
+    /// step, world axes, m). At the root it acts on the clamp alone.
     pub fn add_spring(&mut self, k: usize, goal: &Vector3<f64>, stiffness: f64) {
-        if let Some(spring) = k.checked_sub(1).and_then(|i| self.springs.get_mut(i)) {
+        if k == 0 {
+            self.root_force += V3::from(*goal) * stiffness;
+        } else if let Some(spring) = self.springs.get_mut(k - 1) {
             // The new target is B⁻¹ times the force that both springs exert at the origin.
             let u = spring.u;
             let force = spring.target * spring.alpha - u * u.dot(spring.target) + V3::from(*goal) * stiffness;
@@ -133,14 +148,29 @@ impl Load {
         self.holds.extend(springs);
     }
 
-    /// Adds the constant force `f`, N, world axes, at point `k`. It has no effect on the root.
+    /// Adds the constant force `f`, N, world axes, at point `k`. At the root it acts on the clamp alone.
     pub fn add_force(&mut self, k: usize, f: &Vector3<f64>) {
-        if let Some(spring) = k.checked_sub(1).and_then(|i| self.springs.get_mut(i)) {
+        if k == 0 {
+            self.root_force += (*f).into();
+        } else if let Some(spring) = self.springs.get_mut(k - 1) {
             // The target moves by B⁻¹ f.
             let (u, f) = (spring.u, (*f).into());
             let along = u.dot(f) / (spring.alpha - u.dot(u));
             spring.target += (f + u * along) * (1.0 / spring.alpha);
         }
+    }
+
+    /// Sum of all forces on the points of a rod in `shape`, N, inertia included, and their moment about the
+    /// root, N·m; world axes. Elasticity, internal damping and the springs on the unknowns act within the rod
+    /// and add nothing.
+    pub fn resultant(&self, shape: &RodShape) -> [Vector3<f64>; 2] {
+        let (mut force, mut moment) = (self.root_force, V3::all(0.0));
+        for (spring, g) in self.springs.iter().zip(&shape.pose[1..]) {
+            let f = spring.force(g.p);
+            force += f;
+            moment += g.p.cross(f);
+        }
+        [force.into(), moment.into()]
     }
 }
 

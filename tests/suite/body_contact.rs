@@ -234,7 +234,7 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
     let mut model = GuideModel::new(rod, drag, 0.3);
     let mut state = GuideState::new(&model, &[], &env, 0.0, h);
     let goal = Vector3::new(0.04, -0.05, 0.02);
-    model.ties = vec![Tie { segment: 28, u: 0.6, body: 0, goal, times: [0.0, 2.0] }];
+    model.ties = vec![Tie { segment: 28, u: 0.6, body: 0, goal, times: [0.0, 2.0], of: 0 }];
     let mut scratch = GuideScratch::default();
     let away = |state: &GuideState, t: f64| {
         (tied(&model, state) - (carrier(0, t) * nalgebra::Point3::from(goal)).coords).norm()
@@ -307,7 +307,7 @@ fn a_tie_gives_way_by_its_compliance() {
     let half = 2 * rod.points() - 3;
     let mut model = GuideModel::new(rod, drag, 0.3);
     let mut state = GuideState::new(&model, &[], &env, 0.0, h);
-    model.ties = vec![Tie { segment: half, u: 1.0, body: 0, goal: points[1], times: [0.0, 10.0] }];
+    model.ties = vec![Tie { segment: half, u: 1.0, body: 0, goal: points[1], times: [0.0, 10.0], of: 0 }];
     take_steps(&model, &env, &mut state, h, 400);
     let given = points[1] - tied(&model, &state);
     let compliance = 0.1;

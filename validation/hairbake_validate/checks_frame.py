@@ -24,7 +24,7 @@ COVERAGE = Check(
 )
 SIZES = Check(
     "sizes",
-    "points, velocities, accelerations, extents and levels have the size that the topology requires",
+    "points, velocities, accelerations, extents, levels and reactions have the size that topology requires",
     "bake these frames again with the groom that the topology layer was written from",
 )
 FINITE = Check(

@@ -7,7 +7,17 @@ import numpy as np
 from pxr import Sdf, UsdGeom
 
 from . import tolerances
-from .cache import GUIDES, GUIDES_PER_STRAND, HAIR, Cache, Curves, attribute_value
+from .cache import (
+    CLAMPS,
+    GUIDES,
+    GUIDES_PER_STRAND,
+    HAIR,
+    TIE_FORCE,
+    TIES,
+    Cache,
+    Curves,
+    attribute_value,
+)
 from .report import Check, Finding
 
 TOPOLOGY = Check(
@@ -25,6 +35,11 @@ FOLLOWING = Check(
     "strands name guides of the cache, with weights that sum to 1",
     "normalize groom_guide_weights, and name guides by their groom_id",
     tolerance=tolerances.WEIGHT_SUM,
+)
+REACTIONS = Check(
+    "reactions",
+    "forces and moments that hold guides have their types, and those of ties name guides of the cache",
+    "write the reactions as docs/cache.md describes them",
 )
 IDS = Check(
     "ids",
@@ -131,6 +146,32 @@ def following(cache: Cache) -> Iterator[Finding]:
             yield Finding(FOLLOWING, message=message, prim=HAIR)
 
 
+def reactions(cache: Cache) -> Iterator[Finding]:
+    """Checks declarations of reactions, and what those of ties are of."""
+    prim = cache.stage.GetPrimAtPath(GUIDES)
+    found = [name for name in (*CLAMPS, TIE_FORCE, *TIES) if prim and prim.HasAttribute(name)]
+    if not found:
+        return
+    api = UsdGeom.PrimvarsAPI(prim)
+    ties = (TIE_FORCE, *TIES) if TIE_FORCE in found or TIES[0] in found else ()
+    for name in (*CLAMPS, *ties):
+        kind = Sdf.ValueTypeNames.IntArray if name in TIES else Sdf.ValueTypeNames.Vector3fArray
+        expected = (kind, "uniform" if name in CLAMPS else "constant")
+        primvar = api.GetPrimvar(name.removeprefix("primvars:"))
+        declared = (primvar.GetTypeName(), primvar.GetInterpolation()) if primvar else "missing"
+        if declared != expected:
+            message = f"{name} is {declared}, expected {expected}"
+            yield Finding(REACTIONS, message=message, prim=GUIDES)
+    guides, numbers = (attribute_value(cache, GUIDES, name) for name in TIES)
+    if len(guides) != len(numbers):
+        message = f"{len(guides)} guides of ties, {len(numbers)} numbers of ties"
+        yield Finding(REACTIONS, message=message, prim=GUIDES)
+    unknown = set(guides) - set(attribute_value(cache, GUIDES, "primvars:groom_id"))
+    if unknown:
+        message = f"guide {min(unknown)} of a tie is not in the cache ({len(unknown)} unknown guides)"
+        yield Finding(REACTIONS, message=message, prim=GUIDES)
+
+
 def ids(cache: Cache) -> Iterator[Finding]:
     """Checks that no two curves share an id."""
     for curves in cache.curves:
@@ -147,6 +188,7 @@ CURVE_DATA: dict[Check, Callable[[Cache], Iterator[Finding]]] = {
     TOPOLOGY: topology,
     PRIMVARS: primvars,
     FOLLOWING: following,
+    REACTIONS: reactions,
     IDS: ids,
 }
 """The checks of static data and their functions, in the order of the report."""

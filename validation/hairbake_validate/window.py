@@ -8,11 +8,14 @@ import numpy as np
 
 from .cache import (
     ACCELERATIONS,
+    CLAMPS,
     GUIDES,
     GUIDES_PER_STRAND,
     HAIR,
     HEAD,
     LEVEL,
+    TIE_FORCE,
+    TIES,
     TRANSFORM,
     Cache,
     CacheError,
@@ -311,6 +314,10 @@ def expected_shapes(cache: Cache) -> dict[str, tuple[int, ...]]:
                 shapes[f"{curves.path}.{name}"] = (len(curves.rest), 3)
             shapes[f"{curves.path}.extent"] = (2, 3)
             shapes[f"{curves.path}.{LEVEL}"] = (len(curves.counts),)
+            for name in CLAMPS:
+                shapes[f"{curves.path}.{name}"] = (len(curves.counts), 3)
+            ties = len(attribute_value(cache, curves.path, TIES[0]))
+            shapes[f"{curves.path}.{TIE_FORCE}"] = (ties, 3)
     for mesh in cache.colliders:
         if mesh.deforms:
             shapes[f"{mesh.path}.points"] = mesh.points.shape

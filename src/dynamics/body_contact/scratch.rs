@@ -102,7 +102,9 @@ impl BodyContactScratch {
     }
 
     /// Segment, position on it, and force (world, N) of each contact and tie.
-    pub(in crate::dynamics) fn world_forces(&self) -> impl Iterator<Item = (usize, f64, Vector3<f64>)> {
+    pub(in crate::dynamics) fn world_forces(
+        &self,
+    ) -> impl Iterator<Item = (usize, f64, Vector3<f64>)> + Clone {
         let forces = self.reactions.forces.chunks_exact(3);
         self.problem.frames.iter().zip(forces).map(|(frame, r)| {
             let [n, t1, t2] = frame.axes;

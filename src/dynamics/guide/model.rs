@@ -29,6 +29,8 @@ pub struct GuideModel {
     pub animated_goal: Option<AnimatedGoal>,
     /// Places of the strand that are held to bodies.
     pub ties: Vec<Tie>,
+    /// Whether its steps record what holds it ([`GuideModel::reaction`]).
+    pub records_reaction: bool,
     /// The place of a skin that carries the root; `None` if the head does.
     pub skin: Option<RootBinding>,
 }
@@ -68,6 +70,7 @@ impl GuideModel {
             goal: Vec::new(),
             animated_goal: None,
             ties: Vec::new(),
+            records_reaction: false,
             skin: None,
         }
     }

@@ -6,6 +6,7 @@ use crate::dynamics::clearance::{Clearance, GroomPose};
 use crate::dynamics::contact_polyline::with_midpoints;
 use crate::dynamics::environment::{Environment, SkinsAtRest};
 use crate::dynamics::integrator::DifferenceFormula;
+use crate::dynamics::reaction::GuideReaction;
 use crate::math::se3::Pose;
 use crate::rod::RodShape;
 use crate::rod::contact_load::ContactLoad;
@@ -77,6 +78,8 @@ struct SolveRate {
 pub(super) struct Transient {
     /// Force of other hair on each point over the coming sub-step, N, world; empty if there is none.
     pub hair_force: Vec<Vector3<f64>>,
+    /// What holds the guide at the end of the last step, if that is recorded and known.
+    pub reaction: Option<GuideReaction>,
     /// Where bodies were last found: shortens searches and changes no result.
     pub contact_cache: crate::contact::ContactCache,
 }
@@ -197,6 +200,11 @@ impl GuideState {
     /// True if bodies have closed on the strand and leave it less room than it is to keep.
     pub fn is_pinched(&self) -> bool {
         self.pinched
+    }
+
+    /// Forgets what holds the guide.
+    pub(in crate::dynamics) fn clear_reaction(&mut self) {
+        self.transient.reaction = None;
     }
 
     /// Forgets the forces of other hair.
@@ -346,6 +354,7 @@ impl GuideState {
     }
 
     fn forget_history(&mut self) {
+        self.clear_reaction();
         for SolveRate { rate, .. } in &mut self.history.rates {
             rate.fill(0.0);
         }

@@ -6,6 +6,7 @@ use super::state::GuideState;
 use crate::dynamics::air_drag;
 use crate::dynamics::environment::Environment;
 use crate::dynamics::integrator::DifferenceFormula;
+use crate::dynamics::reaction::GuideReaction;
 use crate::dynamics::step_record::StepRecord;
 use crate::math::se3::Pose;
 use crate::rod::potential::PointLoad;
@@ -133,6 +134,7 @@ impl GuideModel {
         record.truncated += u32::from(outcome.converged && !clear);
         scratch.contact.stats.enter(record);
         if outcome.converged {
+            self.record_reaction(state, t1, scratch.contact.world_forces(), scratch);
             state.commit(&root, t1 - t0, &formula, (&scratch.q, &scratch.solver.shape));
             state.contact_loads.clear();
             if clear {
@@ -178,6 +180,43 @@ impl GuideModel {
         scratch.q.clone_from(&scratch.free_q);
         scratch.solver.shape.update(&self.rod, &root.r, &scratch.q);
         false
+    }
+
+    /// Records, if asked to, what the clamp and the ties exert at the end `t`, s, of the prepared step, whose
+    /// shape the solver holds: what balances all loads, inertia included (`docs/theory.md` eq. 4.7). `forces`
+    /// are those of bodies and ties in the order of the contact problem, then those of other guides: segment,
+    /// fraction of it, force, N, world.
+    pub(in crate::dynamics) fn record_reaction(
+        &self,
+        state: &mut GuideState,
+        t: f64,
+        forces: impl Iterator<Item = (usize, f64, Vector3<f64>)> + Clone,
+        scratch: &GuideScratch,
+    ) {
+        if !self.records_reaction {
+            return;
+        }
+        let GuideScratch { solver, load, contact, inputs, .. } = scratch;
+        let [force, moment] = load.resultant(&solver.shape);
+        let mut reaction =
+            GuideReaction { force: -force, moment: -moment, ..GuideReaction::none(self.ties.len()) };
+        for (k, s, force) in forces.clone() {
+            reaction.force -= force;
+            reaction.moment -= solver.shape.curve_point(&self.rod, k, s).cross(&force);
+        }
+        let contacts = (contact.reactions.forces.len() / 3).saturating_sub(inputs.ties.len());
+        let holding = (0..self.ties.len()).filter(|&tie| self.ties[tie].holds_at(t));
+        for (tie, (_, _, force)) in holding.zip(forces.skip(contacts)) {
+            reaction.ties[tie] = force;
+        }
+        state.transient.reaction = Some(reaction);
+    }
+
+    /// What the clamp and the ties exert on the guide at the end of the last step, if that is recorded; zero if
+    /// it is not stepped, or its step had no solution.
+    pub fn reaction(&self, state: &GuideState) -> Option<GuideReaction> {
+        let known = || state.transient.reaction.clone();
+        self.records_reaction.then(|| known().unwrap_or_else(|| GuideReaction::none(self.ties.len())))
     }
 
     /// The difference formula of the next step, of `h`, s.

@@ -111,6 +111,7 @@ impl CoupledGuide {
         self.root = model.reopen(env, state, t, &mut self.scratch);
         self.uncoupled_q.clone_from(&self.scratch.q);
         self.update_curve(model);
+        self.forces.clear();
         self.is_coupled = true;
         self.needs_round = true;
         self.accepted_shortfall = 0.0;
@@ -259,6 +260,15 @@ impl CoupledGuide {
         if !model.may_rest_on_head(env, state, t, &mut self.scratch) {
             self.end_uncoupled(model);
         }
+    }
+
+    /// Ends its coupled sub-step from `t[0]` to `t[1]`, s.
+    pub fn close(&self, model: &GuideModel, state: &mut GuideState, t: [f64; 2]) {
+        // That of an uncoupled end is known.
+        if self.end_state == EndState::Coupled {
+            model.record_reaction(state, t[1], self.forces.iter().copied(), &self.scratch);
+        }
+        model.close(state, &self.root, t[1] - t[0], &self.scratch);
     }
 
     /// True if its motion cannot be truncated further.

@@ -322,7 +322,7 @@ impl StrandContacts {
             if guide.end_state == EndState::AtRestOnHead {
                 state.rest_on_head(model, env, t);
             } else if guide.is_coupled {
-                model.close(state, &guide.root, t[1] - t[0], &guide.scratch);
+                guide.close(model, state, t);
             }
         });
         self.pushed.fill(false);

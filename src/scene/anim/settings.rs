@@ -31,6 +31,8 @@ pub struct Settings {
     pub shutter: f64,
     /// Whether accelerations are written in addition to velocities.
     pub accelerations: bool,
+    /// Whether the forces and moments that hold the guides are written.
+    pub reactions: bool,
 }
 
 /// Which guides are simulated.
@@ -136,6 +138,7 @@ impl Default for Settings {
             samples: 1,
             shutter: 0.5,
             accelerations: false,
+            reactions: false,
         }
     }
 }

@@ -49,6 +49,9 @@ pub struct SettingsFile {
     /// Whether accelerations are written in addition to velocities, for renderers that use them for motion
     /// blur. Files are half as large again.
     pub accelerations: bool,
+    /// Whether the force and moment of the clamp of each guide and the force of each tie are written, N and
+    /// N m. Guides that follow a wisp have none; use `resolution` "full". Not with `curves` "strands".
+    pub reactions: bool,
 }
 
 impl Default for SettingsFile {
@@ -72,6 +75,7 @@ impl From<Settings> for SettingsFile {
             samples: s.samples,
             shutter: s.shutter,
             accelerations: s.accelerations,
+            reactions: s.reactions,
         }
     }
 }
@@ -91,6 +95,7 @@ impl From<SettingsFile> for Settings {
             samples: s.samples,
             shutter: s.shutter,
             accelerations: s.accelerations,
+            reactions: s.reactions,
         }
     }
 }

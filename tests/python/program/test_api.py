@@ -13,7 +13,19 @@ from scipy.spatial.transform import Rotation
 
 import hairbake
 from hairbake.program import as_arguments
-from hairbake.rods import DOWN, HORIZONTAL, Rod, Scene, Strand, quaternion, simulate, straight
+from hairbake.rods import (
+    DOWN,
+    GRAVITY,
+    HORIZONTAL,
+    Motion,
+    Rod,
+    Scene,
+    Strand,
+    bake_scene,
+    quaternion,
+    simulate,
+    straight,
+)
 from support import HAIRBAKE, ROOT, needs_hairbake, run_command
 
 SAMPLE = ROOT / "samples/short"
@@ -96,6 +108,41 @@ def test_what_is_wrong_is_told_as_on_the_command_line(cache: hairbake.Cache, tmp
     with pytest.raises(hairbake.HairbakeError, match="scheme") as error:
         hairbake.bake(*scene, tmp_path / "out", set=wrong)
     assert error.value.code == 65 and not (tmp_path / "out").exists()
+
+
+@needs_hairbake
+def test_a_bake_tells_what_holds_its_strands(tmp_path: Path) -> None:
+    rod = Rod(length=0.1, damping=0.02).with_weight(2.0)
+    angles = np.linspace(0, np.pi / 2, 60)
+    arc = 2 * rod.length / np.pi * np.stack([np.sin(angles), 1 - np.cos(angles), 0 * angles], axis=1)
+    strands = [
+        Strand(rod, straight(rod, (0, -1, 0)), DOWN),
+        Strand(rod, straight(rod, (1, 0, 0)), HORIZONTAL),
+        Strand(rod, arc, HORIZONTAL),
+    ]
+    tie = {"name": "tip", "body": "floor", "ids": [2], "arc_m": 0.1 - 1e-9}
+    settings = {"reactions": True, "resolution": "full", "scheme": "backward-euler"}
+    scene = Scene(strands, frames=3, preroll=60.0, substeps=1, fps=1.0, ties=[tie], settings=settings)
+    cache = hairbake.open(bake_scene(scene, tmp_path))
+    motion = Motion.read(cache)
+    forces, moments, ties = motion.clamp_forces, motion.clamp_moments, motion.tie_forces
+    assert forces is not None and moments is not None and ties is not None
+    frames = len(cache.frames)
+    assert (forces.shape, moments.shape, ties.shape) == ((frames, 3, 3), (frames, 3, 3), (frames, 1, 3))
+    assert (cache.guides.tie_guides.tolist(), cache.guides.tie_numbers.tolist()) == ([2], [0])
+    stage = Usd.Stage.Open(str(cache.directory / "hair.usda"))
+    prim = stage.GetPrimAtPath("/groom/guides")
+    for name, array in (("clamp_force", forces), ("clamp_moment", moments), ("tie_force", ties)):
+        value = np.array(prim.GetAttribute(f"primvars:groom_{name}").Get(1))
+        assert np.array_equal(value, array[cache.frames.index(1)]), name
+    weight = rod.line_density * rod.length * GRAVITY
+    held = forces[-1].astype(float)
+    held[2] += ties[-1, 0]
+    assert np.abs(held - [0, weight, 0]).max() < 1e-6 * weight
+    assert np.abs(moments[-1, 0]).max() < 1e-6 * weight * rod.length
+    # A straight strand bears its weight at its middle if it does not sag; sagging by Γ/8 shortens the arm.
+    assert 0.9 < moments[-1, 1, 2] / (weight * rod.length / 2) < 1.0
+    assert np.linalg.norm(ties[-1, 0]) > 0.1 * weight
 
 
 def test_options_become_arguments() -> None:

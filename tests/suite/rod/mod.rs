@@ -2,5 +2,7 @@
 
 mod allocations;
 mod dynamics;
+mod planar;
+mod reactions;
 mod robustness;
 mod statics;

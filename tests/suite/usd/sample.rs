@@ -44,7 +44,14 @@ pub fn frame(header: &Header, frame: i32) -> Frame {
         });
         let level = header.levels.then(|| (0..curves.counts.len() as i32).map(|i| i % 3).collect());
         let accelerations = header.accelerations.then(|| vec![[0.0, -9.81, time]; points.len()]);
-        CurveFrame { velocities: vec![velocity; points.len()], points, accelerations, extent, level }
+        CurveFrame {
+            velocities: vec![velocity; points.len()],
+            points,
+            accelerations,
+            extent,
+            level,
+            reactions: None,
+        }
     };
     // A quarter turn about z and a translation: not its own transpose.
     let turned = |x: f64| {

@@ -1,0 +1,32 @@
+//! Reactions at what holds a guide: the clamp at its root and its ties (`docs/theory.md` §4.8).
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// What the clamp and the ties exert on a guide at the end of a step, world axes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GuideReaction {
+    /// Force of the clamp, N.
+    pub force: Vector3<f64>,
+    /// Moment of the clamp about the root, N·m.
+    pub moment: Vector3<f64>,
+    /// Force of each tie of the guide, N; zero while it does not hold.
+    pub ties: Vec<Vector3<f64>>,
+}
+
+impl GuideReaction {
+    /// No reaction at the clamp and `ties` ties.
+    pub fn none(ties: usize) -> Self {
+        let zero = Vector3::zeros();
+        GuideReaction { force: zero, moment: zero, ties: vec![zero; ties] }
+    }
+
+    /// Linear between two reactions at the share `u` of the way.
+    pub fn lerp(&self, other: &Self, u: f64) -> Self {
+        GuideReaction {
+            force: self.force.lerp(&other.force, u),
+            moment: self.moment.lerp(&other.moment, u),
+            ties: self.ties.iter().zip(&other.ties).map(|(a, b)| a.lerp(b, u)).collect(),
+        }
+    }
+}
