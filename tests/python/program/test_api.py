@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Usd, UsdGeom
+from pxr import Usd, UsdGeom, UsdSkel
 from scipy.spatial.transform import Rotation
 
 import hairbake
@@ -206,6 +206,20 @@ def test_the_example_plots_a_wedge(tmp_path: Path) -> None:
     done = example("wedge.py", *scene, "-o", plot, "--frames", "1001-1003")
     assert done.returncode == 0, done.stderr
     assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_example_raises_brows_where_it_paints_them(tmp_path: Path) -> None:
+    usd = tmp_path / "brows.usda"
+    done = example("raise_brows.py", SAMPLE / "head.obj", "-o", usd)
+    assert done.returncode == 0, done.stderr
+    stage = Usd.Stage.Open(str(usd))
+    face = stage.GetPrimAtPath("/head/face")
+    offsets = np.array(UsdSkel.BlendShape.Get(stage, "/head/face/raised").GetOffsetsAttr().Get())
+    painted = np.array(UsdGeom.PrimvarsAPI(face).GetPrimvar("brows").Get()) > 0.5
+    assert painted.any() and offsets[painted, 1].min() > 5e-3
+    weights = UsdSkel.Animation.Get(stage, "/head/skeleton/animation").GetBlendShapeWeightsAttr()
+    at = [weights.Get(frame)[0] for frame in (1001, 1013, 1024)]
+    assert at == pytest.approx([0, 1, 0], abs=1e-6)
 
 
 @needs_hairbake
