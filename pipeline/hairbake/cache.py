@@ -214,6 +214,10 @@ class Curves:
         """Level of the wisp of each curve, 0 for the coarsest, in adaptive caches; `n` or `frames × n`."""
         return self.cache.moving(f"{self.name}.levels", frames)
 
+    def normals(self, frames: Frames = None) -> FloatArray:
+        """First axis of the section at each point of guides, shaped as `points`, in caches with `normals`."""
+        return self.cache.moving(f"{self.name}.normals", frames)
+
     def clamp_forces(self, frames: Frames = None) -> FloatArray:
         """Force of the clamp on each guide, N, `n × 3` or `frames × n × 3`, in caches with `reactions`."""
         return self.cache.moving(f"{self.name}.clamp_forces", frames)

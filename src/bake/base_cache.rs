@@ -77,6 +77,7 @@ impl BaseCache {
         mismatches.unless_same("fps", old.fps, header.fps);
         mismatches.unless_same("levels of wisps written", old.levels, header.levels);
         mismatches.unless_same("accelerations", old.accelerations, header.accelerations);
+        mismatches.unless_same("normals", old.normals, header.normals);
         let skins =
             |header: &Header| skins(header).map(|(_, skin)| &*skin.name).collect::<Vec<_>>().join(", ");
         mismatches.unless_same("skins", skins(old), skins(header));
@@ -284,8 +285,9 @@ fn complete(sources: &[CurveSource], baked: &mut CurveFrame, base: &CurveFrame, 
     let points = array(|f| Some(&f.points)).unwrap_or_default();
     let velocities = array(|f| Some(&f.velocities)).unwrap_or_default();
     let accelerations = array(|f| f.accelerations.as_ref());
+    let normals = array(|f| f.normals.as_ref());
     let level = |source: &CurveSource| of(source).level.as_ref().map(|level| level[source.curve]);
     let level = sources.iter().map(level).collect();
     let extent = extent(&points, &set.widths);
-    *baked = CurveFrame { extent, points, velocities, accelerations, level, reactions: None };
+    *baked = CurveFrame { extent, points, velocities, accelerations, level, normals, reactions: None };
 }

@@ -92,6 +92,7 @@ impl<'a> CacheContent<'a> {
             colliders: anim.colliders.iter().enumerate().map(collider).collect(),
             levels: anim.settings.resolution() != Resolution::Full,
             accelerations: anim.settings.accelerations,
+            normals: anim.settings.normals && anim.settings.curves != OutputCurves::Strands,
             reactions: self.held.clone(),
             ..Header::default()
         }

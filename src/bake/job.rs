@@ -189,6 +189,7 @@ fn settings(anim: &Anim, set: &[Override]) -> Value {
         "samples": anim.settings.samples,
         "shutter": anim.settings.shutter,
         "accelerations": anim.settings.accelerations,
+        "normals": anim.settings.normals,
         "reactions": anim.settings.reactions,
         "gravity_m_s2": [anim.gravity.x, anim.gravity.y, anim.gravity.z],
     });

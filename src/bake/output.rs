@@ -261,6 +261,7 @@ impl<'a> Output<'a> {
                 velocities,
                 accelerations: None,
                 level,
+                normals: None,
                 reactions: None,
             }
         });
@@ -352,7 +353,8 @@ impl<'a> Output<'a> {
             return CurveFrame::default();
         }
         let carriers = self.carriers(&[], t);
-        let per_guide: Vec<Vec<([f32; 3], [f32; 3])>> = motion
+        let axes = self.convention.to_y_up().inverse();
+        let (moving, normals): (Vec<Vec<_>>, Vec<Vec<_>>) = motion
             .par_iter()
             .enumerate()
             .map_init(Default::default, |(shape, sensitivity): &mut (RodShape, Sensitivity), (i, motion)| {
@@ -374,12 +376,16 @@ impl<'a> Output<'a> {
                     v.push(m[1].0);
                 }
                 let written = |(x, v)| (single(&(to_scene * (root + x))), single(&(to_scene * v)));
-                shape.refined_curve(rod, q).zip(v).map(written).collect()
+                let normals =
+                    shape.refined_normals(rod, q).take(if self.header.normals { v.len() } else { 0 });
+                let normals = normals.map(|d| single(&(axes * d))).collect();
+                (shape.refined_curve(rod, q).zip(v).map(written).collect(), normals)
             })
-            .collect();
-        let (points, velocities): (Vec<_>, Vec<_>) = per_guide.into_iter().flatten().unzip();
+            .unzip();
+        let (points, velocities): (Vec<_>, Vec<_>) = moving.into_iter().flatten().unzip();
+        let normals = self.header.normals.then(|| normals.concat());
         let extent = extent(&points, &self.header.guides.widths);
-        CurveFrame { extent, points, velocities, accelerations: None, level, reactions: None }
+        CurveFrame { extent, points, velocities, accelerations: None, level, normals, reactions: None }
     }
 
     /// What holds the guides, if it is written: in the axes of the cache, N and N·m.

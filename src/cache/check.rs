@@ -76,6 +76,11 @@ impl Frame {
             frame.check(curves, header)?;
         }
         let guides = header.guides.counts.len();
+        match &self.guides.normals {
+            Some(normals) if header.normals => same("normals", normals.len(), header.guides.rest.len())?,
+            None if !header.normals || guides == 0 => {}
+            _ => return Err("only one of frame and header has normals".into()),
+        }
         match (&self.guides.reactions, &header.reactions) {
             (Some(Reactions { clamp_force, clamp_moment, tie_force }), Some(held)) => {
                 same("clamp forces", clamp_force.len(), guides)?;

@@ -25,6 +25,8 @@ pub struct Header {
     pub levels: bool,
     /// Whether frames include accelerations.
     pub accelerations: bool,
+    /// Whether frames include the normals of guides.
+    pub normals: bool,
     /// What holds the guides, if frames include its reactions.
     pub reactions: Option<HeldGuides>,
 }

@@ -193,6 +193,10 @@ fn animated<'a>(header: &Header, part: Part) -> Vec<Attribute<'a>> {
             if header.accelerations {
                 attributes.push(Attribute::new("accelerations", "vector3f[]"));
             }
+            if header.normals && matches!(part, Part::Guides) {
+                let normals = Attribute::new("normals", "normal3f[]");
+                attributes.push(normals.with_metadata("interpolation", Value::token("vertex")));
+            }
             if let (Part::Guides, Some(held)) = (part, &header.reactions) {
                 let clamps = [(CLAMP_FORCE, "uniform"), (CLAMP_MOMENT, "uniform")];
                 let ties = (!held.guide.is_empty()).then_some((TIE_FORCE, "constant"));
@@ -210,6 +214,7 @@ fn moving_curves(curves: &CurveFrame) -> Vec<Value<'_>> {
     let arrays: [&[[f32; 3]]; 3] = [&curves.points, &curves.velocities, &curves.extent];
     let level = curves.level.iter().map(|level| Value::Ints(Cow::Borrowed(level)));
     let accelerations = curves.accelerations.iter().map(|array| Value::Float3s(Cow::Borrowed(array)));
+    let normals = curves.normals.iter().map(|array| Value::Float3s(Cow::Borrowed(array)));
     let reactions = curves.reactions.iter().flat_map(|Reactions { clamp_force, clamp_moment, tie_force }| {
         [clamp_force, clamp_moment, tie_force].map(|array| Value::Float3s(Cow::Borrowed(array)))
     });
@@ -218,6 +223,7 @@ fn moving_curves(curves: &CurveFrame) -> Vec<Value<'_>> {
         .into_iter()
         .chain(level)
         .chain(accelerations)
+        .chain(normals)
         .chain(reactions)
         .collect()
 }

@@ -113,6 +113,7 @@ impl Source {
         let guides = if has_guides { self.curves(GUIDES)? } else { CurveSet::default() };
         let [levels, accelerations] =
             [LEVEL, "accelerations"].map(|name| self.has(if has_guides { GUIDES } else { HAIR }, name));
+        let normals = self.has(GUIDES, "normals");
         let reactions = if self.has(GUIDES, CLAMP_FORCE) { Some(self.held_guides()?) } else { None };
         let names = self
             .layer
@@ -131,6 +132,7 @@ impl Source {
             colliders,
             levels,
             accelerations,
+            normals,
             reactions,
         };
         header.check().map_err(|what| self.damaged(what))?;
@@ -150,7 +152,11 @@ impl Source {
                     Some(held) => Some(self.reactions(time, held)?),
                     None => None,
                 };
-                CurveFrame { reactions, ..self.moving_curves(GUIDES, time, header)? }
+                let normals = match header.normals {
+                    true => Some(self.take(GUIDES, "normals", Some(time), float3s)?),
+                    false => None,
+                };
+                CurveFrame { normals, reactions, ..self.moving_curves(GUIDES, time, header)? }
             }
         };
         let head = self.transform("/groom/head", time)?;
@@ -216,6 +222,7 @@ impl Source {
                 true => Some(self.take(prim, "accelerations", Some(time), float3s)?),
                 false => None,
             },
+            normals: None,
             reactions: None,
         })
     }

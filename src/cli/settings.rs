@@ -68,6 +68,12 @@ pub struct SettingsArguments {
     /// that blur by them.
     #[arg(long, help_heading = HEADING)]
     accelerations: bool,
+    /// Write the normals of the guides as well
+    ///
+    /// The first axis of the section at each point, which with the tangent gives the material frame. Not with
+    /// --curves strands.
+    #[arg(long, help_heading = HEADING)]
+    normals: bool,
     /// Write the forces and moments that hold the guides as well
     ///
     /// The force and moment of the clamp of each guide, and the force of each tie, in newtons and newton
@@ -131,11 +137,12 @@ impl SettingsArguments {
         settings.samples = self.samples.unwrap_or(settings.samples);
         settings.shutter = self.shutter.unwrap_or(settings.shutter);
         settings.accelerations |= self.accelerations;
+        settings.normals |= self.normals;
         settings.reactions |= self.reactions;
     }
 
     /// Every setting, with its value in `settings`.
-    fn each(&self, settings: &Settings) -> [Setting; 13] {
+    fn each(&self, settings: &Settings) -> [Setting; 14] {
         fn of(
             option: &'static str,
             key: &'static str,
@@ -160,6 +167,7 @@ impl SettingsArguments {
             of("samples", "samples", self.samples, settings.samples),
             of("shutter", "shutter", self.shutter, settings.shutter),
             of("accelerations", "accelerations", self.accelerations.then_some(""), settings.accelerations),
+            of("normals", "normals", self.normals.then_some(""), settings.normals),
             of("reactions", "reactions", self.reactions.then_some(""), settings.reactions),
         ]
     }
@@ -240,7 +248,7 @@ mod tests {
         use clap::CommandFactory;
         let command = Line::command();
         let each = parsed(&[]).each(&Settings::default());
-        let flags = ["accelerations", "reactions"];
+        let flags = ["accelerations", "normals", "reactions"];
         for Setting { option, value, .. } in each.into_iter().filter(|s| !flags.contains(&s.option)) {
             let argument = command.get_arguments().find(|a| a.get_long() == Some(option)).unwrap();
             let value = if option == "resolution" { "auto".into() } else { value };

@@ -74,6 +74,7 @@ const VALIDATOR: Package = python_package!(
         "checks_frame.py",
         "checks_goals.py",
         "checks_motion.py",
+        "checks_normals.py",
         "checks_over.py",
         "checks_placement.py",
         "checks_stage.py",

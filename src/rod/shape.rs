@@ -72,22 +72,28 @@ impl RodShape {
     /// half Magnus steps, forwards from its start and backwards from its end, of the strain that is linear
     /// through the Gauss points.
     pub fn midpoint(&self, rod: &Rod, k: usize, q: &[f64]) -> Vector3<f64> {
+        let [forwards, backwards] = self.half_steps(rod, k, q);
+        (Vector3::from(forwards.p) + Vector3::from(backwards.p)) / 2.0
+    }
+
+    /// The poses in the middle of segment `k`, reached from its start and from its end.
+    fn half_steps(&self, rod: &Rod, k: usize, q: &[f64]) -> [lanes::Pose<f64>; 2] {
         let segment = &rod.core.segments[k];
         let d = deviation(segment, q);
         let [first, second] = [segment.strain[0] + d[0], segment.strain[1] + d[1]];
         let slope = (second - first) * 3_f64.sqrt();
         let mean = (first + second) * 0.5;
-        let half_step = |from: &lanes::Pose<f64>, h: f64, at: [f64; 2]| -> Vector3<f64> {
+        let half_step = |from: &lanes::Pose<f64>, h: f64, at: [f64; 2]| {
             let [first, second] = at.map(|u| mean + slope * (u - 0.5));
             let commutator = first.cross(second) * (h * h * COMMUTATOR);
             let e = (first - second) * (h * h * COMMUTATOR);
             let psi = Twist { w: (first + second) * (0.5 * h) + commutator, v: V3([e.0[1], -e.0[0], h]) };
-            from.compose(&se3::exp(&psi, &Coefficients::of(&psi))).p.into()
+            from.compose(&se3::exp(&psi, &Coefficients::of(&psi)))
         };
         let h = 0.5 * segment.h;
         let forwards = half_step(&self.pose[k], h, GAUSS.map(|u| 0.5 * u));
         let backwards = half_step(&self.pose[k + 1], -h, GAUSS.map(|u| 1.0 - 0.5 * u));
-        (forwards + backwards) / 2.0
+        [forwards, backwards]
     }
 
     /// The points with the [midpoint](RodShape::midpoint) of every segment between them, m, relative to the
@@ -100,6 +106,21 @@ impl RodShape {
     ) -> impl Iterator<Item = Vector3<f64>> + 'a {
         let next = move |k: usize| [self.midpoint(rod, k, q), self.x(k + 1)];
         std::iter::once(self.x(0)).chain((0..rod.points() - 1).flat_map(next))
+    }
+
+    /// The unit vectors d1 of the material frame at the points of [`RodShape::refined_curve`]
+    /// (`docs/theory.md` eq. 3.4); `q` are the unknowns of this shape.
+    pub fn refined_normals<'a>(
+        &'a self,
+        rod: &'a Rod,
+        q: &'a [f64],
+    ) -> impl Iterator<Item = Vector3<f64>> + 'a {
+        let at = |pose: &lanes::Pose<f64>| Vector3::from(pose.r.0[0]);
+        let next = move |k: usize| {
+            let [forwards, backwards] = self.half_steps(rod, k, q);
+            [(at(&forwards) + at(&backwards)).normalize(), at(&self.pose[k + 1])]
+        };
+        std::iter::once(at(&self.pose[0])).chain((0..rod.points() - 1).flat_map(next))
     }
 
     /// The place at fraction `s` (0..=1) of segment `k` on the polyline of [`RodShape::refined_curve`], as a

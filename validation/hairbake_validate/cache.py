@@ -30,6 +30,7 @@ LEVEL = "primvars:groom_level"
 GUIDES_PER_STRAND = 3
 """Number of guides that a cache names for each render strand."""
 ACCELERATIONS = "accelerations"
+NORMALS = "normals"
 CLAMPS = ("primvars:groom_clamp_force", "primvars:groom_clamp_moment")
 """What the clamp exerts on each guide."""
 TIE_FORCE = "primvars:groom_tie_force"
@@ -207,7 +208,7 @@ class Cache:
         paths += [
             f"{curves.path}.{name}"
             for curves in self.curves
-            for name in (LEVEL, ACCELERATIONS, *CLAMPS, TIE_FORCE)
+            for name in (LEVEL, ACCELERATIONS, NORMALS, *CLAMPS, TIE_FORCE)
             if self.stage.GetPrimAtPath(curves.path).GetAttribute(name).IsAuthored()
         ]
         deforming = [mesh.path for mesh in self.colliders if mesh.deforms]

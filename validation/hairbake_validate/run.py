@@ -12,6 +12,7 @@ from .checks_files import CHECKSUMS, FILES, checksums
 from .checks_frame import FRAME, FRAMES
 from .checks_goals import GOAL, goal
 from .checks_motion import MOTION
+from .checks_normals import NORMAL_CHECKS
 from .checks_over import OVER, OVER_FRAME, OVER_FRAMES
 from .checks_placement import PLACEMENTS
 from .checks_stage import STAGE
@@ -31,7 +32,7 @@ STATIC = {
 }
 """The checks of static data and their functions, without CHECKSUMS."""
 
-MOVING = {**FRAME, **MOTION, **OVER_FRAME}
+MOVING = {**FRAME, **MOTION, **NORMAL_CHECKS, **OVER_FRAME}
 """The checks of frames and their functions."""
 
 CHECKS: list[Check] = [*STATIC, CHECKSUMS, *MOVING, GOAL]

@@ -65,6 +65,18 @@ DEFORM_M = 1e-6
 # 32 bits. It covers vertices that the bake joins by their 64-bit positions.
 SKIN_ROOT_OFFSET_M = 1e-5
 
+# Length of a normal, minus 1, and its cosine with the tangent of the curve, which is that of the parabola
+# through the neighbouring points: where a curve turns by 0.4 rad from point to point it is off by 0.03.
+NORMAL = 0.1
+
+# Turn of normals about the curve from one point to the next, rad, beyond parallel transport. Guides have a
+# segment for each 0.4 rad of their natural shape, and points in its middle.
+NORMAL_TWIST = 1.0
+
+# Turn of a root's normal from where the head carries that of the first frame, rad. Both are rounded to 32
+# bits.
+ROOT_NORMAL = 1e-4
+
 # Distance of points outside their extent, m: one rounding of its corners.
 EXTENT_EXCESS_M = 1e-6
 

@@ -14,6 +14,7 @@ from .cache import (
     HAIR,
     HEAD,
     LEVEL,
+    NORMALS,
     TIE_FORCE,
     TIES,
     TRANSFORM,
@@ -310,7 +311,7 @@ def expected_shapes(cache: Cache) -> dict[str, tuple[int, ...]]:
         shapes[f"{path}.{TRANSFORM}"] = (4, 4)
     for curves in cache.curves:
         if curves.consistent:
-            for name in ("points", "velocities", ACCELERATIONS):
+            for name in ("points", "velocities", ACCELERATIONS, NORMALS):
                 shapes[f"{curves.path}.{name}"] = (len(curves.rest), 3)
             shapes[f"{curves.path}.extent"] = (2, 3)
             shapes[f"{curves.path}.{LEVEL}"] = (len(curves.counts),)

@@ -31,6 +31,8 @@ pub struct Settings {
     pub shutter: f64,
     /// Whether accelerations are written in addition to velocities.
     pub accelerations: bool,
+    /// Whether the normals of the guides, a section axis of their material frames, are written.
+    pub normals: bool,
     /// Whether the forces and moments that hold the guides are written.
     pub reactions: bool,
 }
@@ -138,6 +140,7 @@ impl Default for Settings {
             samples: 1,
             shutter: 0.5,
             accelerations: false,
+            normals: false,
             reactions: false,
         }
     }

@@ -49,6 +49,9 @@ pub struct SettingsFile {
     /// Whether accelerations are written in addition to velocities, for renderers that use them for motion
     /// blur. Files are half as large again.
     pub accelerations: bool,
+    /// Whether the normals of the guides are written: the first axis of their section at each point, which turns
+    /// with twist. Files of guides are half as large again. Not with `curves` "strands".
+    pub normals: bool,
     /// Whether the force and moment of the clamp of each guide and the force of each tie are written, N and
     /// N m. Guides that follow a wisp have none; use `resolution` "full". Not with `curves` "strands".
     pub reactions: bool,
@@ -75,6 +78,7 @@ impl From<Settings> for SettingsFile {
             samples: s.samples,
             shutter: s.shutter,
             accelerations: s.accelerations,
+            normals: s.normals,
             reactions: s.reactions,
         }
     }
@@ -95,6 +99,7 @@ impl From<SettingsFile> for Settings {
             samples: s.samples,
             shutter: s.shutter,
             accelerations: s.accelerations,
+            normals: s.normals,
             reactions: s.reactions,
         }
     }

@@ -145,6 +145,34 @@ def test_a_bake_tells_what_holds_its_strands(tmp_path: Path) -> None:
     assert np.linalg.norm(ties[-1, 0]) > 0.1 * weight
 
 
+@needs_hairbake
+def test_normals_turn_with_twist(tmp_path: Path) -> None:
+    turn = 2.0
+    rod = Rod(length=0.1, damping=0.02, natural=(0.0, 0.0, turn / 0.1))
+    settings = {"normals": True, "resolution": "full", "scheme": "backward-euler"}
+    strand = Strand(rod, straight(rod, (1, 0, 0)), HORIZONTAL)
+    scene = Scene(
+        [strand],
+        frames=2,
+        preroll=60.0,
+        substeps=1,
+        fps=1.0,
+        gravity=(0, 0, 0),
+        settings=settings,
+    )
+    cache = hairbake.open(bake_scene(scene, tmp_path))
+    normals, turned = cache.guides.normals(1), turn * cache.guides.points(1)[:, 0] / rod.length
+    # The first axis is along -z at the clamp, and turns about the tangent, x.
+    expected = np.stack([0 * turned, np.sin(turned), -np.cos(turned)], axis=1)
+    assert np.abs(normals - expected).max() < 1e-4
+    stage = Usd.Stage.Open(str(cache.directory / "hair.usda"))
+    prim = UsdGeom.BasisCurves(stage.GetPrimAtPath("/groom/guides"))
+    assert np.array_equal(np.array(prim.GetNormalsAttr().Get(1)), normals)
+    assert prim.GetNormalsInterpolation() == "vertex"
+    done = run_command(HAIRBAKE, "validate", cache.directory)
+    assert done.returncode == 0, done.stdout
+
+
 def test_options_become_arguments() -> None:
     options: dict[str, hairbake.Option] = {
         "split_tolerance": 0.02,

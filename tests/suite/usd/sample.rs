@@ -50,6 +50,7 @@ pub fn frame(header: &Header, frame: i32) -> Frame {
             accelerations,
             extent,
             level,
+            normals: None,
             reactions: None,
         }
     };
