@@ -1,7 +1,7 @@
 //! The record of a frame, as in the manifest and the report.
 
 use crate::dynamics::simulation::{Simulation, SubstepRecord};
-use crate::strands::{Depths, RigidMotion};
+use crate::strands::{Depths, Jumps, RigidMotion};
 use serde::{Deserialize, Serialize};
 
 /// Record of one frame. Independent of the number of threads; timings are kept apart.
@@ -114,6 +114,10 @@ pub struct FrameRecord {
     pub hair_penetration_m: f64,
     /// Written render strands that are deeper than 2 mm.
     pub hair_inside: u32,
+    /// Written render strands with a vertex that contact moves by more than 5 cm from the frame to the next.
+    pub hair_jumped: u32,
+    /// Largest way by which contact moves a vertex of them, m.
+    pub hair_jump_m: f64,
     /// Written guides whose velocities are limited, or not fitted to the motion of their points; 0 until they
     /// are written.
     pub limited_rates: u32,
@@ -124,6 +128,8 @@ pub struct FrameRecord {
 pub struct WrittenMeasures {
     /// Depths of the guides and render strands.
     pub depths: Depths,
+    /// How far contact moves the render strands from the frame to the next.
+    pub jumps: Jumps,
     /// Number of guides with limited rates ([`MovingGuide`](crate::dynamics::guide_frame::MovingGuide)).
     pub limited_rates: u32,
 }
@@ -161,11 +167,13 @@ impl FrameRecord {
     }
 
     /// The record with what is measured of the written frame.
-    pub fn with_written(&self, WrittenMeasures { depths, limited_rates }: WrittenMeasures) -> Self {
+    pub fn with_written(&self, WrittenMeasures { depths, jumps, limited_rates }: WrittenMeasures) -> Self {
         FrameRecord {
             penetration_m: self.penetration_m.max(depths.guides),
             hair_penetration_m: depths.strands,
             hair_inside: depths.inside,
+            hair_jumped: jumps.strands,
+            hair_jump_m: jumps.largest,
             pinched_penetration_m: depths.pinched,
             pinched_colliders: depths.pinched_bodies.into_iter().collect(),
             limited_rates,

@@ -168,11 +168,12 @@ impl<'a> FrameWriter<'a> {
         let steps = &self.states[&(frame + 1)].state.steps;
         let (arrays, depths) = self.output.frame(frame, states, steps, settled, known)?;
         let overs = self.over.as_ref().map(|over| over.frame(&self.job.anim, &arrays));
+        let jumps = self.output.jumps([settled[1], settled[2]]);
         seconds.interpolate = start.elapsed().as_secs_f64();
         let start = Instant::now();
         let file = self.writer.write_frame(&arrays)?;
         let over = overs.map(|moments| self.writer.write_over_frame(&moments)).transpose()?;
-        let written = WrittenFrame { file, over, measures: WrittenMeasures { depths, limited_rates } };
+        let written = WrittenFrame { file, over, measures: WrittenMeasures { depths, jumps, limited_rates } };
         self.job.work.mark_done(frame, &written)?;
         seconds.write = start.elapsed().as_secs_f64();
         Ok(written)

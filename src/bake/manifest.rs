@@ -78,6 +78,8 @@ fn totals(finished: &[Finished]) -> Map<String, Value> {
         "exempt_penetration_m": worst(|f| f.exempt_penetration_m),
         "pinched_penetration_m": worst(|f| f.pinched_penetration_m),
         "hair_penetration_m": worst(|f| f.hair_penetration_m),
+        "hair_jumped": sum(|f| f.hair_jumped),
+        "hair_jump_m": worst(|f| f.hair_jump_m),
         "limited_rates": sum(|f| f.limited_rates),
         "length_drift": worst(|f| f.length_drift),
         "speed_max_m_s": worst(|f| f.speed_max_m_s),

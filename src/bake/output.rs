@@ -12,7 +12,7 @@ use crate::geometry::Deformation;
 use crate::rod::{Rod, RodShape, Sensitivity};
 use crate::scene::{Anim, Collider, Convention, Groom, RootBinding};
 use crate::strands::{
-    AroundFrame, Carriers, Deflection, DeflectionAt, Depths, GuideDepths, GuideMotion, Interpolator,
+    AroundFrame, Carriers, Deflection, DeflectionAt, Depths, GuideDepths, GuideMotion, Interpolator, Jumps,
     Obstacles, PosedGuides, RigidMotion, StrandMotion,
 };
 use nalgebra::{Isometry3, Matrix3, Matrix4, Vector3};
@@ -230,6 +230,11 @@ impl<'a> Output<'a> {
         depths.truncate(written);
         self.base.map_or(Ok(()), |base| base.complete(&mut moments, &self.header))?;
         Ok((moments, depths.into_iter().fold(Depths::default(), Depths::max)))
+    }
+
+    /// How far settled deflections at two consecutive frames move the strands between them.
+    pub fn jumps(&self, settled: [&[Deflection]; 2]) -> Jumps {
+        self.strands.as_ref().map_or_else(Jumps::default, |strands| strands.jumps(settled))
     }
 
     /// The cache's arrays at `offset` frames after `frame`, and the depths of guides and strands.

@@ -329,6 +329,12 @@ pub fn warnings(summary: &BakeSummary) -> Vec<Warning> {
             "; more guides may help there",
             |f| count(f.hair_inside),
         ),
+        warning(
+            frames,
+            "strands between the guides slip off a body within one frame, and jump by more than 5 cm",
+            "; more guides may help there",
+            |f| (f.hair_jumped > 0).then(|| format!("{}, {:.0} cm", f.hair_jumped, 1e2 * f.hair_jump_m)),
+        ),
         summary.manifest.as_ref().and_then(|manifest| limited(frames, manifest.summary.guides.0)),
     ]
     .into_iter()

@@ -6,6 +6,7 @@ use super::deflection::{Deflection, FILTER_SPAN, between, filtered};
 use super::depths::{Depths, INSIDE, in_metres};
 use super::free_chain::{Lay, lay};
 use super::guide_weights::GuideWeights;
+use super::jumps::Jumps;
 use super::moment::{Carriers, GuideMotion};
 use super::obstacles::Obstacles;
 use super::posed_guide::{PosedGuide, PosedGuides};
@@ -274,6 +275,16 @@ impl Interpolator {
                 Depths { guides: 0.0, strands, inside, pinched, pinched_bodies }
             })
             .reduce(Depths::default, |a, b| Depths { inside: a.inside + b.inside, ..a.max(b) })
+    }
+
+    /// How far settled deflections at two consecutive frames move the strands between them.
+    pub fn jumps(&self, frames: [&[Deflection]; 2]) -> Jumps {
+        self.strands
+            .par_iter()
+            .zip(self.offsets.par_windows(2))
+            .with_min_len(64)
+            .map(|(strand, w)| Jumps::of_strand(strand, frames.map(|frame| &frame[w[0]..w[1]])))
+            .reduce(Jumps::default, Jumps::and)
     }
 
     /// Points and velocities in parts, one per strand.

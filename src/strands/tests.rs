@@ -3,6 +3,7 @@
 use super::deflection::Deflection;
 use super::guide_weights::{Membership, guide_weights};
 use super::interpolator::{DeflectionAt, Interpolator};
+use super::jumps::Jumps;
 use super::moment::{Carriers, GuideMotion, RigidMotion};
 use super::obstacles::Obstacles;
 use crate::contact::Bodies;
@@ -515,4 +516,29 @@ fn strand_has_the_same_bits_alone_and_in_any_pack() {
         [[p, one[0].clone()].concat(), [v, one[1].clone()].concat()]
     });
     assert_eq!(run(&strands), alone);
+}
+
+#[test]
+fn a_jump_is_the_way_by_which_deflections_move_a_strand() {
+    let line = |z: f64| (0..11).map(|i| Vector3::new(0.01 * f64::from(i), 0.0, z)).collect::<Vec<_>>();
+    let r = rod(&line(0.0));
+    let c = curves(&[line(0.0), line(0.01)]);
+    let interpolator = interpolator(&c, &[&r], &Bodies::from_shapes(&[]), &[]);
+    let straight = vec![[0.0; 3]; 22];
+    // All edges of the second strand turn by an angle; its tip moves along a chord of 10 cm radius.
+    let turned = |angle: f32| {
+        let mut by = straight.clone();
+        by[12..].fill([0.0, angle, 0.0]);
+        by
+    };
+    assert_eq!(interpolator.jumps([&straight, &straight]), Jumps::default());
+    for (angle, strands) in [(0.4, 0), (1.2, 1)] {
+        let jumps = interpolator.jumps([&turned(-angle), &turned(angle)]);
+        let way = 0.2 * f64::from(angle).sin();
+        assert!((jumps.largest - way).abs() < 1e-6, "{jumps:?}, {way}");
+        assert_eq!(jumps.strands, 1);
+        let half = interpolator.jumps([&straight, &turned(angle)]);
+        assert!((half.largest - 0.2 * f64::from(0.5 * angle).sin()).abs() < 1e-6);
+        assert_eq!(half.strands, strands);
+    }
 }
