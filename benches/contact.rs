@@ -75,7 +75,7 @@ fn each_guide(bencher: Bencher, mut work: impl FnMut(&Scene, &MovingPolyline, &m
     bencher.bench_local(|| {
         let mut found = 0;
         for (([x0, x1], clearance), cache) in scene.guides.iter().zip(&scene.clearances).zip(&mut caches) {
-            found += work(&scene, &MovingPolyline { x0, x1, clearance }, cache);
+            found += work(&scene, &MovingPolyline { x0, x1, clearance, by_part: false }, cache);
         }
         assert!(found > 0, "no contacts: not the expected scene");
         found

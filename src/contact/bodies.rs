@@ -1,5 +1,6 @@
 //! The bodies of a scene.
 
+use super::pinch;
 use crate::geometry::{Deformation, Friction, Shape, Solid, SurfacePoint};
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -61,6 +62,18 @@ impl Bodies {
     /// [`Solid::closest`] of a body.
     pub fn closest(&self, body: usize, t: f64, p: &Vector3<f64>, max_distance: f64) -> Option<SurfacePoint> {
         self.bodies[body].solid.closest(t, p, max_distance)
+    }
+
+    /// [`Solid::facing`] of a body: the part of its surface that faces the part `from`, the nearest to `p`.
+    pub fn facing(
+        &self,
+        body: usize,
+        t: f64,
+        p: &Vector3<f64>,
+        from: &SurfacePoint,
+        max_distance: f64,
+    ) -> Option<SurfacePoint> {
+        self.bodies[body].solid.facing(t, p, from, -pinch::FACING, max_distance)
     }
 
     /// [`Solid::distance_bounds`] of a body.

@@ -12,6 +12,7 @@
 
 use super::bodies::Bodies;
 use super::cache::ContactCache;
+use super::pinch;
 use super::polyline::{BodyMotion, Contact, LocalContact, MovingPolyline, is_exempt};
 use crate::geometry::{
     Bounds, Convex, Feature, MovingSurface, SolidMesh, SurfacePoint, closest_on_triangle, segment_segment,
@@ -20,6 +21,9 @@ use nalgebra::Vector3;
 
 /// Inner points of a segment closer to an end than this fraction are left to the vertex there.
 const END: f64 = 1e-6;
+
+/// Depth in a part of a mesh, m, to which contact finds it where another part of the mesh is nearer.
+const PART_DEPTH: f64 = 0.01;
 
 impl Bodies {
     /// Appends to `out` the contacts of `line` at the end of the step with a gap below `reach`, m, positive;
@@ -42,14 +46,17 @@ impl Bodies {
                 if is_exempt(&clearance) {
                     continue;
                 }
-                let near = reach + clearance[0].abs().max(clearance[1].abs());
+                let near = reach
+                    + clearance[0].abs().max(clearance[1].abs())
+                    + if line.by_part { PART_DEPTH } else { 0.0 };
                 let [x0, x1] = cache.segment(k);
                 if cache.is_beyond(&body.solid, b * segments + k, &[(motion.times[1], x1)], near) {
                     continue;
                 }
                 let travel = body.solid.max_travel(motion.times[1]) - body.solid.max_travel(motion.times[0]);
                 let first = k == 0 || is_exempt(&clearances[k - 1]);
-                let search = Search { clearance, segment: k, first, x0, x1, near, reach, travel };
+                let by_part = line.by_part;
+                let search = Search { clearance, segment: k, first, x0, x1, near, reach, travel, by_part };
                 let emit = |found: LocalContact| out.push(found.into_world(b, body.friction, motion, line));
                 match body.solid.surface_over(motion.times) {
                     MovingSurface::Convex(convex) => search.on_convex(convex, emit),
@@ -80,6 +87,8 @@ struct Search {
     reach: f64,
     /// Upper bound on the displacement of any surface point in the step, body frame, m.
     travel: f64,
+    /// [`MovingPolyline::by_part`].
+    by_part: bool,
 }
 
 impl Search {
@@ -155,7 +164,48 @@ impl Search {
         }
         self.inner_points_on_mesh(meshes, triangles, &mut emit);
         for u in self.vertices() {
-            self.vertex_on_mesh(meshes, triangles, u, &mut emit);
+            if self.by_part {
+                self.vertex_on_parts(meshes, triangles, u, &mut emit);
+            } else {
+                self.vertex_on_mesh(meshes, triangles, u, &mut emit);
+            }
+        }
+    }
+
+    /// The contacts of a vertex with the parts of a mesh that overlap: with all in front of which it is, and of
+    /// those behind which it is with as many of the least deep as it is inside. The last may be the other
+    /// side of a thin solid.
+    fn vertex_on_parts(
+        &self,
+        [start, mesh]: [&SolidMesh; 2],
+        triangles: &[u32],
+        u: f64,
+        emit: &mut impl FnMut(LocalContact),
+    ) {
+        let x = self.end(u);
+        let contact = |s: &SurfacePoint| self.contact(u, s, mesh.material_point(&s.point, s.feature, start));
+        let local_minima = || {
+            triangles.iter().filter_map(|&t| {
+                let (point, local) = closest_on_triangle(&x, mesh.triangle(t));
+                let s = mesh.surface_point(&x, &point, mesh.feature(t, local));
+                (mesh.owns(t, local) && mesh.in_normal_cone(s.feature, &s.normal)).then_some(s)
+            })
+        };
+        let shallowest = |wanted: &dyn Fn(&SurfacePoint) -> bool| {
+            let behind = local_minima().filter(|s| s.distance < 0.0 && s.distance > -self.near && wanted(s));
+            behind.max_by(|a, b| a.distance.total_cmp(&b.distance))
+        };
+        local_minima()
+            .filter(|s| s.distance >= 0.0 && self.within_reach(u, s))
+            .for_each(|s| emit(contact(&s)));
+        let Some(first) = shallowest(&|_| true) else { return };
+        let times_inside = mesh.winding_number(&x);
+        if times_inside > 0.5 && self.within_reach(u, &first) {
+            emit(contact(&first));
+        }
+        if times_inside > 1.5 {
+            let faces = |s: &SurfacePoint| s.normal.dot(&first.normal) < -pinch::FACING;
+            shallowest(&faces).filter(|s| self.within_reach(u, s)).iter().for_each(|s| emit(contact(s)));
         }
     }
 

@@ -26,6 +26,9 @@ pub struct MovingPolyline<'a> {
     /// between. Negative while a part is brought out of the body. A segment with an end at −∞ is exempt from
     /// contact with it.
     pub clearance: &'a [[f64; 2]],
+    /// Whether parts of one mesh close on the polyline, or overlap where it is. Each part then tells its own
+    /// side, for the nearest surface tells that of one alone.
+    pub by_part: bool,
 }
 
 /// A place where a polyline must keep its distance from a body.

@@ -87,7 +87,7 @@ fn check_impacts_over(
         let throw = random.vector() * 0.08 - start;
         let x1: Vec<_> = x0.iter().map(|x| x + throw + random.vector() * 0.02).collect();
         let clearance = [[1e-3; 2]; 3];
-        let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &clearance };
+        let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &clearance, by_part: false };
         let shape = &bodies.bodies[0].solid;
         let inside = x0.iter().any(|x| shape.contains(times[0], x));
         if inside || sampled_distance(shape, &motion, &line, 0.0, 0.0, 1) <= 1e-6 {
@@ -149,7 +149,7 @@ fn head_on_impacts_have_exact_time_and_feature() {
     let drop = |a: Vector3<f64>, b: Vector3<f64>, fall: Vector3<f64>| {
         let (x0, x1) = ([a, b], [a + fall, b + fall]);
         let mut contacts = Vec::new();
-        let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &d };
+        let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &d, by_part: false };
         let toi = body.impacts(&[still()], &line, &mut ContactCache::default(), &mut contacts);
         assert_eq!(contacts.len(), 1);
         (toi, contacts[0])
@@ -179,7 +179,7 @@ fn a_jump_of_the_head_causes_an_impact() {
         UnitQuaternion::from_scaled_axis(Vector3::new(0.0, 127f64.to_radians(), 0.0)),
     );
     let motion = BodyMotion { times: [0.0, 1.0], start: Isometry3::identity(), end: pop };
-    let line = MovingPolyline { x0: &x0, x1: &x0, clearance: &[[1e-4; 2]; 16] };
+    let line = MovingPolyline { x0: &x0, x1: &x0, clearance: &[[1e-4; 2]; 16], by_part: false };
     let toi = body.impacts(&[motion], &line, &mut ContactCache::default(), &mut Vec::new());
     assert!(toi > 0.0 && toi < 1.0);
     assert!(sampled_distance(&body.bodies[0].solid, &motion, &line, 0.0, toi, 400) > 0.0);
@@ -201,7 +201,7 @@ fn cached_bounds_change_no_contact() {
             UnitQuaternion::from_scaled_axis(random.vector() * 0.02) * pose.rotation,
         );
         let motions = [BodyMotion { times: [0.0, 1.0], start: pose, end }; 2];
-        let line = MovingPolyline { x0: &x, x1: &x1, clearance: &[[1e-3; 2]; 22] };
+        let line = MovingPolyline { x0: &x, x1: &x1, clearance: &[[1e-3; 2]; 22], by_part: false };
         let all = |cache: &mut ContactCache| {
             let mut contacts = Vec::new();
             bodies.candidates(&motions, &line, 2e-3, cache, &mut contacts);
@@ -223,7 +223,7 @@ fn a_segment_at_rest_on_a_plane_has_contacts_at_both_ends() {
     let plane = Shape::Plane { point: Vector3::zeros(), normal: Vector3::y() };
     let bodies = Bodies::from_shapes(&[plane]);
     let x = [Vector3::new(0.0, 1e-3, 0.0), Vector3::new(0.1, 1e-3, 0.0)];
-    let line = MovingPolyline { x0: &x, x1: &x, clearance: &[[1e-3; 2]] };
+    let line = MovingPolyline { x0: &x, x1: &x, clearance: &[[1e-3; 2]], by_part: false };
     let mut contacts = Vec::new();
     bodies.candidates(&[still()], &line, 1e-4, &mut ContactCache::default(), &mut contacts);
     assert_eq!(contacts.iter().map(|c| c.u).collect::<Vec<_>>(), [0.0, 1.0]);
@@ -238,7 +238,7 @@ fn a_vertex_in_a_crease_touches_both_walls() {
     let triangles = vec![[0, 1, 3], [0, 3, 2], [0, 4, 5], [0, 5, 1]];
     let bodies = Bodies::from_shapes(&[mesh_shape(&TriMesh { vertices, triangles })]);
     let x = [Vector3::new(0.001, 0.5, 0.2), Vector3::new(0.001, 0.01, 0.2)];
-    let line = MovingPolyline { x0: &x, x1: &x, clearance: &[[1e-3; 2]] };
+    let line = MovingPolyline { x0: &x, x1: &x, clearance: &[[1e-3; 2]], by_part: false };
     let mut contacts = Vec::new();
     bodies.candidates(&[still()], &line, 0.01, &mut ContactCache::default(), &mut contacts);
     assert_eq!(contacts.len(), 2);
@@ -257,7 +257,7 @@ fn a_vertex_inside_a_thin_plate_leaves_on_the_side_it_entered() {
     let plate = TriMesh { vertices: box_vertices, triangles };
     let bodies = Bodies::from_shapes(&[mesh_shape(&plate)]);
     let at = |y: f64| [Vector3::new(0.01, y + 0.01, 0.0), Vector3::new(0.01, y, 0.0)];
-    let line = MovingPolyline { x0: &at(0.003), x1: &at(-0.0007), clearance: &[[1e-4; 2]] };
+    let line = MovingPolyline { x0: &at(0.003), x1: &at(-0.0007), clearance: &[[1e-4; 2]], by_part: false };
     let mut contacts = Vec::new();
     bodies.candidates(&[still()], &line, 2e-3, &mut ContactCache::default(), &mut contacts);
     assert_eq!(contacts.len(), 1, "{contacts:?}");
@@ -271,7 +271,7 @@ fn exempt_segments_have_no_contact_and_negative_clearances_are_kept() {
     let x: Vec<_> = (0..4).map(|k| Vector3::new(0.0, 0.08 + 0.02 * k as f64, 0.0)).collect();
     let mut contacts = Vec::new();
     let exempt = [[f64::NEG_INFINITY; 2], [f64::NEG_INFINITY, 1e-3], [1e-3; 2]];
-    let line = MovingPolyline { x0: &x, x1: &x, clearance: &exempt };
+    let line = MovingPolyline { x0: &x, x1: &x, clearance: &exempt, by_part: false };
     let mut cache = ContactCache::default();
     bodies.candidates(&[still()], &line, 5e-3, &mut cache, &mut contacts);
     assert!(contacts.iter().all(|c| c.segment + usize::from(c.u == 1.0) >= 2));
@@ -279,7 +279,7 @@ fn exempt_segments_have_no_contact_and_negative_clearances_are_kept() {
     // A vertex 30 mm deep that must now be no deeper than 25 mm.
     contacts.clear();
     let gentle = [[-0.025; 2], [f64::NEG_INFINITY; 2], [f64::NEG_INFINITY; 2]];
-    let line = MovingPolyline { x0: &x, x1: &x, clearance: &gentle };
+    let line = MovingPolyline { x0: &x, x1: &x, clearance: &gentle, by_part: false };
     bodies.candidates(&[still()], &line, 5e-3, &mut cache, &mut contacts);
     assert_eq!(contacts.len(), 1);
     let depth = bodies.closest(0, 0.0, &x[0], 1.0).unwrap().distance;
@@ -297,7 +297,7 @@ fn an_inner_point_that_started_inside_has_a_contact() {
     let bodies = Bodies::from_shapes(&[mesh_shape(&roof)]);
     let x = [Vector3::new(-0.05, 0.097, 0.013), Vector3::new(0.05, 0.097, 0.013)];
     assert!(x.iter().all(|x| bodies.closest(0, 0.0, x, 1.0).unwrap().distance > 0.03));
-    let line = MovingPolyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]] };
+    let line = MovingPolyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]], by_part: false };
     let mut contacts = Vec::new();
     bodies.candidates(&[still()], &line, 5e-3, &mut ContactCache::default(), &mut contacts);
     assert_eq!(contacts.len(), 1, "{contacts:?}");

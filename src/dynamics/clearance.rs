@@ -25,6 +25,9 @@ use serde::{Deserialize, Serialize};
 /// Distance up to which bodies are searched in the groom's pose, m; deeper points count as this deep.
 const SEARCH_RADIUS: f64 = 0.3;
 
+/// Distance up to which other parts of a root's own skin are searched, m.
+const FOLD_RADIUS: f64 = 0.1;
+
 /// Largest requested clearance over arc length from the root: a strand drawn flat in the surface cannot rise
 /// steeply.
 const MAX_SLOPE: f64 = 0.25;
@@ -42,6 +45,9 @@ pub struct Clearance {
     to: Vec<[f64; 2]>,
     /// Signed distance of the root from each body in the groom's pose, m, at most [`SEARCH_RADIUS`].
     root_distance: Vec<f64>,
+    /// Distance of the root from the part of each body that faces the one it is on, m, as it is drawn; empty
+    /// unless [`Clearance::measure_folds`] is called.
+    fold_distance: Vec<f64>,
     /// Segments next to the root that meet no body.
     held: usize,
 }
@@ -207,7 +213,7 @@ impl GroomPose<'_> {
                 _ => EXEMPT,
             })
             .collect();
-        let line = MovingPolyline { x0: self.x, x1: self.x, clearance: &touching };
+        let line = MovingPolyline { x0: self.x, x1: self.x, clearance: &touching, by_part: false };
         static_contacts(self.bodies, self.t, self.poses, self.thickness, &line)
     }
 
@@ -268,7 +274,19 @@ impl Clearance {
             *ends = ends.map(|from| from.min(cut));
         }
         let to = start.clearances(&points, &passages, |point| point.keep);
-        Clearance { from, to, root_distance, held: 0 }
+        Clearance { from, to, root_distance, fold_distance: Vec::new(), held: 0 }
+    }
+
+    /// Measures how far the root is from other parts of the skin that it is on, in the pose `drawn`.
+    pub fn measure_folds(&mut self, drawn: &GroomPose) {
+        let GroomPose { bodies, t, poses, x, .. } = *drawn;
+        let distance = |(b, pose): (usize, &Isometry3<f64>)| {
+            let root = pose.inverse_transform_point(&x[0].into()).coords;
+            let on = bodies.closest(b, t, &root, SEARCH_RADIUS)?;
+            Some(bodies.facing(b, t, &root, &on, FOLD_RADIUS)?.distance)
+        };
+        let far = |found: Option<f64>| found.unwrap_or(SEARCH_RADIUS);
+        self.fold_distance = poses.iter().enumerate().map(distance).map(far).collect();
     }
 
     /// Takes the first `held` segments out of contact with all bodies.
@@ -293,6 +311,11 @@ impl Clearance {
     /// Signed distance of the root from each body in the groom's pose, m, at most [`SEARCH_RADIUS`].
     pub(super) fn root_distance(&self) -> &[f64] {
         &self.root_distance
+    }
+
+    /// Distance of the root from the part of `body` that faces the one it is on, m, as it is drawn.
+    pub(super) fn fold_distance(&self, body: usize) -> f64 {
+        self.fold_distance.get(body).copied().unwrap_or(SEARCH_RADIUS)
     }
 
     /// Clearances at `share` (0..=1) of the push-out.
@@ -413,7 +436,7 @@ mod tests {
         // The next segment holds the end of the exempt one.
         let mut pushed = x;
         pushed[2] = at(-0.0099);
-        let line = MovingPolyline { x0: &x, x1: &pushed, clearance: &kept };
+        let line = MovingPolyline { x0: &x, x1: &pushed, clearance: &kept, by_part: false };
         let found = static_contacts(&bodies, 0.0, &[Isometry3::identity()], &[5e-4], &line);
         assert!(found.iter().any(|c| (c.segment, c.u) == (2, 0.0) && c.gap < 0.0), "{found:?}");
     }

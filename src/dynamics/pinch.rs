@@ -1,8 +1,9 @@
 //! Guides between bodies that leave no room for them: the distances that are left, and where.
 
+use super::clearance::Clearance;
 use super::simulation::Simulation;
 use crate::contact::{Bodies, BodyMotion, pinch};
-use crate::geometry::SurfacePoint;
+use crate::geometry::{MovingSurface, SurfacePoint};
 use crate::math::se3::Pose;
 use nalgebra::{Isometry3, Vector3};
 
@@ -26,8 +27,17 @@ pub(super) struct Pinch<'a> {
     pub x0: &'a [Vector3<f64>],
     /// Root at the end of the step, world.
     pub root: &'a Pose,
-    /// Signed distance of the root from each body in the groom's pose, m.
-    pub root_distance: &'a [f64],
+    /// Where the root is among the bodies in the groom's pose.
+    pub at_rest: &'a Clearance,
+}
+
+/// What room bodies leave for a guide.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Room {
+    /// Whether it is less than the distances to keep ask for.
+    pub lacks: bool,
+    /// Whether parts of one body bound it, or a part of the guide is in one of them.
+    pub by_part: bool,
 }
 
 /// The surface nearest to a place.
@@ -37,46 +47,68 @@ struct Surface {
     distance: f64,
     /// Outward normal, world.
     normal: Vector3<f64>,
-    /// How the body moves there over the step, m.
+    /// How the surface moves there over the step, m.
     moved: Vector3<f64>,
+}
+
+/// Start or end of the step.
+#[derive(Debug, Clone, Copy)]
+enum Moment {
+    Start,
+    End,
 }
 
 impl Pinch<'_> {
     /// Lowers `clearance` ([`MovingPolyline::clearance`](crate::contact::MovingPolyline)) to the distances
-    /// that the bodies leave room for at the end of the step. Returns whether any is lowered.
-    pub fn lower(&self, clearance: &mut [[f64; 2]]) -> bool {
+    /// that the bodies leave room for at the end of the step.
+    pub fn lower(&self, clearance: &mut [[f64; 2]]) -> Room {
         let asked = clearance.to_vec();
+        let mut by_part = false;
         for b in 0..self.motions.len() {
-            self.lower_beside_root(b, clearance);
+            by_part |= self.lower_beside_root(b, clearance);
         }
-        self.lower_between(&asked, clearance);
-        asked != clearance
+        by_part |= self.lower_between(&asked, clearance);
+        Room { lacks: asked != clearance, by_part }
     }
 
-    /// Lowers the distances from body `b` near a root that the body has swallowed.
-    fn lower_beside_root(&self, b: usize, clearance: &mut [[f64; 2]]) {
-        let motion = &self.motions[b];
-        let Some(at) = self.surface(b, motion.times[1], &motion.end, &self.root.p) else { return };
-        if at.distance > self.root_distance[b] - APPROACH {
-            return;
+    /// Lowers the distances from body `b` near a root that the body has swallowed. Returns whether a part of
+    /// the skin that the root is on has done so.
+    fn lower_beside_root(&self, b: usize, clearance: &mut [[f64; 2]]) -> bool {
+        let root = &self.root.p;
+        let Some(on) = self.closest(b, Moment::End, root) else { return false };
+        let at = self.surface(b, Moment::End, &on);
+        if at.distance <= self.at_rest.root_distance()[b] - APPROACH {
+            self.lower_along(b, &at, clearance);
         }
-        let sine = at.normal.dot(&self.root.r.column(2));
+        let Some(part) = self.facing(b, Moment::End, root, &on) else { return false };
+        let swallows = part.distance <= self.at_rest.fold_distance(b) - APPROACH;
+        swallows && self.lower_along(b, &part, clearance)
+    }
+
+    /// Lowers the distances from body `b` to those of a hair that leaves the surface `from` at its root.
+    /// Returns whether any is lowered.
+    fn lower_along(&self, b: usize, from: &Surface, clearance: &mut [[f64; 2]]) -> bool {
+        let sine = from.normal.dot(&self.root.r.column(2));
         let segments = self.x0.len() - 1;
-        let mut s = 0.0;
+        let (mut s, mut lowered) = (0.0, false);
         for (ends, x) in clearance[b * segments..][..segments].iter_mut().zip(self.x0.windows(2)) {
             let places = [s, s + (x[1] - x[0]).norm()];
             for (keep, s) in ends.iter_mut().zip(places) {
-                *keep = keep.min(pinch::leaving(at.distance, sine, s));
+                let left = pinch::leaving(from.distance, sine, s);
+                lowered |= left < *keep;
+                *keep = keep.min(left);
             }
             s = places[1];
         }
+        lowered
     }
 
-    /// Lowers the distances from bodies that face each other across a segment from those that are `asked`.
-    fn lower_between(&self, asked: &[[f64; 2]], clearance: &mut [[f64; 2]]) {
+    /// Lowers the distances from surfaces that face each other across a segment from those that are `asked`.
+    /// Returns whether parts of one body do, and lack room or have a place of the guide in them.
+    fn lower_between(&self, asked: &[[f64; 2]], clearance: &mut [[f64; 2]]) -> bool {
         let segments = self.x0.len() - 1;
         let mut beyond = vec![0.0; self.motions.len()];
-        let (mut near, mut last) = (Vec::new(), self.x0[0]);
+        let (mut near, mut last, mut by_part) = (Vec::new(), self.x0[0], false);
         for k in 0..segments {
             let ends = [self.x0[k], self.x0[k + 1]];
             let middle = 0.5 * (ends[0] + ends[1]);
@@ -88,15 +120,26 @@ impl Pinch<'_> {
                 if *beyond > NEAR || exempt {
                     continue;
                 }
-                let motion = &self.motions[b];
-                match self.surface(b, motion.times[0], &motion.start, &middle) {
-                    Some(surface) if surface.distance <= NEAR => near.push((b, surface)),
-                    found => *beyond = found.map_or(SEARCH_RADIUS, |surface| surface.distance),
+                match self.closest(b, Moment::Start, &middle) {
+                    Some(found) if found.distance <= NEAR => {
+                        let surface = self.surface(b, Moment::Start, &found);
+                        near.push((b, surface));
+                        let Some(part) = self.facing(b, Moment::Start, &middle, &found) else { continue };
+                        by_part |= surface.distance.min(part.distance) < 0.0;
+                        let keep = asked[b * segments + k];
+                        let yielded = self.yielded([(b, surface), (b, part)], [keep; 2], ends);
+                        if yielded > 0.0 {
+                            by_part = true;
+                            let slots = b * segments..(b + 1) * segments;
+                            lower_segment(&asked[slots.clone()], &mut clearance[slots], k, yielded);
+                        }
+                    }
+                    found => *beyond = found.map_or(SEARCH_RADIUS, |found| found.distance),
                 }
             }
             for (i, first) in near.iter().enumerate() {
                 for second in &near[i + 1..] {
-                    let pair = [first, second];
+                    let pair = [*first, *second];
                     let yielded = self.yielded(pair, pair.map(|(b, _)| asked[b * segments + k]), ends);
                     for (b, _) in pair.iter().filter(|_| yielded > 0.0) {
                         let slots = b * segments..(b + 1) * segments;
@@ -105,12 +148,13 @@ impl Pinch<'_> {
                 }
             }
         }
+        by_part
     }
 
-    /// [`pinch::yielded`] by two bodies at the end of the step, the most along the segment with these `ends`,
-    /// m, world, at its start. The surfaces are those near its middle then.
-    fn yielded(&self, pair: [&(usize, Surface); 2], keep: [[f64; 2]; 2], ends: [Vector3<f64>; 2]) -> f64 {
-        let [(_, a), (_, b)] = pair;
+    /// [`pinch::yielded`] by two surfaces at the end of the step, the most along the segment with these
+    /// `ends`, m, world, at its start. The surfaces, of two bodies or of one, are those near its middle then.
+    fn yielded(&self, pair: [(usize, Surface); 2], keep: [[f64; 2]; 2], ends: [Vector3<f64>; 2]) -> f64 {
+        let [(first, a), (second, b)] = pair;
         let slack = (a.moved - b.moved).norm() + (ends[1] - ends[0]).norm();
         let most = keep.iter().map(|ends| ends[0].max(ends[1])).sum::<f64>() + pinch::PLAY;
         if a.distance + b.distance > most + slack {
@@ -118,28 +162,67 @@ impl Pinch<'_> {
         }
         // What lies between two bodies moves as both do on average; the room is the same across the gap.
         let carried = 0.5 * (a.moved + b.moved);
+        let at_end = |x: &Vector3<f64>| {
+            let found = self.closest(first, Moment::End, x)?;
+            let a = self.surface(first, Moment::End, &found);
+            let b = match first == second {
+                true => self.facing(first, Moment::End, x, &found)?,
+                false => self.surface(second, Moment::End, &self.closest(second, Moment::End, x)?),
+            };
+            Some([a, b])
+        };
         let at = |u: f64| {
-            let x = ends[0].lerp(&ends[1], u) + carried;
-            let end =
-                pair.map(|(b, _)| self.surface(*b, self.motions[*b].times[1], &self.motions[*b].end, &x));
-            let [Some(a), Some(b)] = end else { return 0.0 };
+            let Some([a, b]) = at_end(&(ends[0].lerp(&ends[1], u) + carried)) else { return 0.0 };
             let keep = keep.map(|[from, to]| from + (to - from) * u);
             pinch::yielded(keep, [a.distance, b.distance], a.normal.dot(&b.normal))
         };
         PLACES.map(at).into_iter().fold(0.0, f64::max)
     }
 
-    /// The surface of body `b` nearest to `x`, m, world, at time `t`, s, with the body at `pose`.
-    fn surface(&self, b: usize, t: f64, pose: &Isometry3<f64>, x: &Vector3<f64>) -> Option<Surface> {
+    /// Time, s, and pose of body `b` at a moment.
+    fn body(&self, b: usize, moment: Moment) -> (f64, &Isometry3<f64>) {
         let motion = &self.motions[b];
-        let found: SurfacePoint =
-            self.bodies.closest(b, t, &pose.inverse_transform_point(&(*x).into()).coords, SEARCH_RADIUS)?;
-        let at = |pose: &Isometry3<f64>| pose.transform_point(&found.point.into());
-        Some(Surface {
+        match moment {
+            Moment::Start => (motion.times[0], &motion.start),
+            Moment::End => (motion.times[1], &motion.end),
+        }
+    }
+
+    /// The surface of body `b` nearest to `x`, m, world, in the frame of the body.
+    fn closest(&self, b: usize, moment: Moment, x: &Vector3<f64>) -> Option<SurfacePoint> {
+        let (t, pose) = self.body(b, moment);
+        self.bodies.closest(b, t, &pose.inverse_transform_point(&(*x).into()).coords, SEARCH_RADIUS)
+    }
+
+    /// The part of a deforming body `b` near `x`, m, world, that faces `from`, the nearest surface there.
+    /// Between parts of a rigid one the groom has room.
+    fn facing(&self, b: usize, moment: Moment, x: &Vector3<f64>, from: &SurfacePoint) -> Option<Surface> {
+        if !self.bodies.bodies[b].solid.deforms() {
+            return None;
+        }
+        let (t, pose) = self.body(b, moment);
+        let local = pose.inverse_transform_point(&(*x).into()).coords;
+        let found = self.bodies.facing(b, t, &local, from, NEAR)?;
+        Some(self.surface(b, moment, &found))
+    }
+
+    /// A place on the surface of body `b`, found at a moment.
+    fn surface(&self, b: usize, moment: Moment, found: &SurfacePoint) -> Surface {
+        let motion = &self.motions[b];
+        let (t, pose) = self.body(b, moment);
+        let solid = &self.bodies.bodies[b].solid;
+        let [start, end] = match (solid.surface_over(motion.times), solid.surface_over([t, t])) {
+            (MovingSurface::Mesh(meshes), MovingSurface::Mesh([here, _])) => {
+                meshes.map(|mesh| here.material_point(&found.point, found.feature, mesh))
+            }
+            _ => [found.point; 2],
+        };
+        let at = |pose: &Isometry3<f64>, point: Vector3<f64>| pose.transform_point(&point.into());
+        Surface {
             distance: found.distance,
             normal: pose.rotation * found.normal,
-            moved: at(&motion.end) - at(&motion.start),
-        })
+            moved: at(&motion.end, end) - at(&motion.start, start),
+        }
     }
 }
 
@@ -171,9 +254,8 @@ impl Simulation<'_> {
             guide.clearance.at((self.env.push_out)(t), &mut asked);
             lowered.clone_from(&asked);
             let root = self.model.guides[i].root(&self.env, t);
-            let root_distance = guide.clearance.root_distance();
-            let x0 = &self.polyline(i);
-            Pinch { bodies: &self.env.bodies, motions: &motions, x0, root: &root, root_distance }
+            let (x0, at_rest) = (&self.polyline(i), &guide.clearance);
+            Pinch { bodies: &self.env.bodies, motions: &motions, x0, root: &root, at_rest }
                 .lower(&mut lowered);
             let inside = |(asked, lowered): &(&[f64; 2], &[f64; 2])| {
                 asked != lowered && lowered[0].min(lowered[1]) < 0.0

@@ -93,6 +93,26 @@ impl Solid {
         }
     }
 
+    /// Whether its surface moves in its frame.
+    pub fn deforms(&self) -> bool {
+        matches!(self, Solid::Deforming(_))
+    }
+
+    /// [`SolidMesh::facing`] of a mesh at time `t`, s; `None` for a convex shape.
+    pub fn facing(
+        &self,
+        t: f64,
+        p: &Vector3<f64>,
+        from: &SurfacePoint,
+        cosine: f64,
+        max_distance: f64,
+    ) -> Option<SurfacePoint> {
+        match self.surface_over([t, t]) {
+            MovingSurface::Convex(_) => None,
+            MovingSurface::Mesh([mesh, _]) => mesh.facing(p, from, cosine, max_distance),
+        }
+    }
+
     /// Lower bound on the signed distance of `p`, body frame, and upper bound on its magnitude, m, without a
     /// search.
     pub fn distance_bounds(&self, p: &Vector3<f64>) -> [f64; 2] {

@@ -2,8 +2,12 @@
 
 use super::clearances::{Clearances, DistanceBounds, SEARCH_RADIUS};
 use crate::contact::{Bodies, pinch};
+use crate::geometry::SurfacePoint;
 use nalgebra::{Isometry3, Vector3};
 use std::collections::BTreeSet;
+
+/// Distance up to which a part of a body is searched that faces another, m.
+const PART_RADIUS: f64 = 0.1;
 
 /// The bodies at one moment.
 #[derive(Debug, Clone, Copy)]
@@ -87,9 +91,13 @@ impl Obstacles<'_> {
         bounds.reset(self.poses.len());
         let (mut last, mut s, mut found) = (None, 0.0, Vec::new());
         let mut swallowed: Option<Swallowed> = None;
+        let (mut first, mut by_part): ([Vector3<f64>; 2], Vec<Option<Swallowed>>) = Default::default();
         for (vertex, x) in points.enumerate() {
             let moved = last.replace(x).map_or(0.0, |last: Vector3<f64>| (x - last).norm());
             s += moved;
+            if vertex < 2 {
+                first[vertex] = x;
+            }
             let violation = if is_clear(vertex, &x) {
                 bounds.move_by(moved);
                 Violation::default()
@@ -101,11 +109,25 @@ impl Obstacles<'_> {
                 continue;
             }
             if vertex == 0 {
-                swallowed = Some(Swallowed { root: x, violation, sine: 0.0 });
+                swallowed = Some(Swallowed { violation, sine: 0.0 });
             }
-            let rooted = swallowed.as_mut().is_some_and(|root| root.holds(vertex, &violation, &x, s));
+            let rooted = swallowed.as_mut().is_some_and(|root| {
+                if vertex == 1 {
+                    root.leave_along(&(x - first[0]));
+                }
+                root.holds(&violation, s)
+            });
+            let mut rooted_by_part = || {
+                by_part.resize_with(self.poses.len(), || None);
+                let known = &mut by_part[violation.body];
+                known
+                    .get_or_insert_with(|| self.swallowed_by_part(violation.body, &first))
+                    .holds(&violation, s)
+            };
             let pinched_by = match violation.depth > pinch::MIN_DEPTH {
-                true if rooted => BTreeSet::from([violation.body as u32]),
+                true if rooted || self.faced_by_part(&violation, &x) || vertex > 0 && rooted_by_part() => {
+                    BTreeSet::from([violation.body as u32])
+                }
                 true => {
                     let pair = |other: usize| BTreeSet::from([other, violation.body].map(|b| b as u32));
                     self.faced(&violation, &x).map(pair).unwrap_or_default()
@@ -133,6 +155,36 @@ impl Obstacles<'_> {
                 })
         };
         others.find(faces).map(|(b, _)| b)
+    }
+
+    /// Whether another part of a deforming body faces the way out of it from `x`, m, world.
+    fn faced_by_part(&self, inside: &Violation, x: &Vector3<f64>) -> bool {
+        let out = x + inside.normal * inside.depth;
+        self.part_facing(inside.body, &out).is_some_and(|part| part.distance <= pinch::ROOM)
+    }
+
+    /// How the root of a strand with this first edge, m, world, is inside another part of the deforming body
+    /// that it is on.
+    fn swallowed_by_part(&self, body: usize, [root, next]: &[Vector3<f64>; 2]) -> Swallowed {
+        let part = self.part_facing(body, root);
+        let violation = part.map_or(Violation::default(), |part| Violation {
+            depth: (-part.distance).max(0.0),
+            normal: self.poses[body].rotation * part.normal,
+            body,
+        });
+        let mut swallowed = Swallowed { violation, sine: 0.0 };
+        swallowed.leave_along(&(next - root));
+        swallowed
+    }
+
+    /// The part of a deforming body that faces the surface nearest to `x`, m, world; body frame.
+    fn part_facing(&self, body: usize, x: &Vector3<f64>) -> Option<SurfacePoint> {
+        if !self.bodies.bodies[body].solid.deforms() {
+            return None;
+        }
+        let local = self.poses[body].inverse_transform_point(&(*x).into()).coords;
+        let on = self.bodies.closest(body, self.time, &local, SEARCH_RADIUS)?;
+        self.bodies.facing(body, self.time, &local, &on, PART_RADIUS)
     }
 
     /// `x` (m, world) moved out of one body after the other until `vertex` violates its clearance by at most
@@ -171,9 +223,8 @@ impl Obstacles<'_> {
 }
 
 /// A root inside a body that the groom places outside.
+#[derive(Debug, Clone, Copy)]
 struct Swallowed {
-    /// The root, m, world.
-    root: Vector3<f64>,
     /// How it is inside.
     violation: Violation,
     /// Sine of the angle between the body's surface and the strand at its root.
@@ -181,13 +232,15 @@ struct Swallowed {
 }
 
 impl Swallowed {
-    /// Whether a strand whose root is here cannot have left the body yet at `vertex`, at `x`, m, world, and
-    /// the arc length `s`, m.
-    fn holds(&mut self, vertex: usize, inside: &Violation, x: &Vector3<f64>, s: f64) -> bool {
-        if vertex == 1 {
-            self.sine = self.violation.normal.dot(&(x - self.root)) / s.max(f64::MIN_POSITIVE);
-        }
+    /// Sets the first edge of the strand, m, world.
+    fn leave_along(&mut self, edge: &Vector3<f64>) {
+        self.sine = self.violation.normal.dot(edge) / edge.norm().max(f64::MIN_POSITIVE);
+    }
+
+    /// Whether a strand from this root, which is `inside` a body at the arc length `s`, m, cannot have left
+    /// the body yet.
+    fn holds(&self, inside: &Violation, s: f64) -> bool {
         let least = pinch::leaving(-self.violation.depth, self.sine, s) - pinch::ROOM;
-        inside.body == self.violation.body && -inside.depth >= least
+        inside.body == self.violation.body && self.violation.depth > 0.0 && -inside.depth >= least
     }
 }

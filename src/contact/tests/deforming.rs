@@ -43,7 +43,7 @@ fn a_moving_triangle_has_an_impact_with_a_segment() {
         let mut bodies = deforming(&triangle, 2, |p, i| p + offsets[i][corner(p)] + throw * i as f64);
         bodies.prepare([0.0, 1.0]);
         let x = [random.vector() * 0.02 - Vector3::y() * 0.04, random.vector() * 0.02 - Vector3::y() * 0.04];
-        let line = MovingPolyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]] };
+        let line = MovingPolyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]], by_part: false };
         let shape = &bodies.bodies[0].solid;
         if sampled_distance(shape, &still(), &line, 0.0, 0.0, 1) < 1e-4 {
             continue;
@@ -95,7 +95,7 @@ fn contacts_carry_the_material_point_at_both_ends() {
             a = mesh.vertex(k / 2 % 60) * 2.0;
         }
         let (x0, x1) = ([a, a * 1.2], [a * (0.51 + 0.2 * random.draw().max(0.0)), a]);
-        let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &[[1e-3; 2]] };
+        let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &[[1e-3; 2]], by_part: false };
         let (mut cache, mut contacts) = (ContactCache::default(), Vec::new());
         bodies.candidates(&[still()], &line, 5e-3, &mut cache, &mut contacts);
         bodies.impacts(&[still()], &line, &mut cache, &mut contacts);
@@ -126,7 +126,7 @@ fn rotating_vertices_are_equivalent_to_a_rotating_body() {
     for _ in 0..300 {
         let a = random.vector().normalize() * 0.16;
         let (x0, x1) = ([a, a * 1.2], [a * (0.55 + 0.1 * random.draw()), a]);
-        let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &[[1e-3; 2]] };
+        let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &[[1e-3; 2]], by_part: false };
         let find = |bodies: &Bodies, motion: BodyMotion| {
             let mut contacts = Vec::new();
             bodies.candidates(&[motion], &line, 2e-3, &mut ContactCache::default(), &mut contacts);
@@ -167,7 +167,7 @@ fn cached_bounds_change_no_contact_with_a_deforming_mesh() {
         let parts: &[[f64; 2]] = if i % 2 == 0 { &[[0.0, 1.0]] } else { &[[0.0, 0.5], [0.5, 1.0]] };
         for part in parts {
             let x1: Vec<_> = home.iter().map(|v| v + random.vector() * 4e-4).collect();
-            let line = MovingPolyline { x0: &x, x1: &x1, clearance: &[[1e-3; 2]; 11] };
+            let line = MovingPolyline { x0: &x, x1: &x1, clearance: &[[1e-3; 2]; 11], by_part: false };
             let motion = BodyMotion { times: part.map(|u| start + u), ..still() };
             let all = |cache: &mut ContactCache| {
                 let mut contacts = Vec::new();

@@ -93,7 +93,7 @@ mod tests {
         };
         let other = Contact { feature: Feature::Face(3), ..impact };
         let x = [Vector3::x() * -0.01, Vector3::x() * 0.01];
-        let line = MovingPolyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]] };
+        let line = MovingPolyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]], by_part: false };
         let mut impacts = Impacts::default();
         let mut appended = |impact| {
             let mut contacts = vec![other];

@@ -24,6 +24,8 @@ pub(in crate::dynamics) struct BodyContact<'a> {
     pub motions: &'a [BodyMotion],
     /// Clearance from body b at both ends of segment k of the contact polyline, at `b * segments + k`, m.
     pub clearance: &'a [[f64; 2]],
+    /// [`MovingPolyline::by_part`].
+    pub by_part: bool,
     /// True while clearances from bodies that the groom is drawn in still rise, slowly enough for the tip.
     pub pushed_out: bool,
     /// Contact polyline at the start of the step
@@ -69,7 +71,7 @@ pub(super) fn target_distance(line: &MovingPolyline, contact: &Contact) -> f64 {
 impl BodyContact<'_> {
     /// The contact polyline moving from the start of the step to `x1`, world, m.
     pub(super) fn line<'b>(&'b self, x1: &'b [Vector3<f64>]) -> MovingPolyline<'b> {
-        MovingPolyline { x0: self.x0, x1, clearance: self.clearance }
+        MovingPolyline { x0: self.x0, x1, clearance: self.clearance, by_part: self.by_part }
     }
 
     /// Computes L⁻¹Jᵀ and the free displacements in the axes of each contact, then of each tie.

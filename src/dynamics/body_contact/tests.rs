@@ -35,6 +35,7 @@ fn in_step<R>(
         bodies,
         motions,
         clearance,
+        by_part: false,
         pushed_out: false,
         x0,
         fastest: 0.0,
@@ -68,7 +69,7 @@ fn over_a_plane_at<R>(
     let motion = BodyMotion { times: [0.0, h], start: Isometry3::identity(), end: Isometry3::identity() };
     let at = |y: f64| -> Vec<_> { (0..segment + 2).map(|k| Vector3::new(0.01 * k as f64, y, 0.0)).collect() };
     let (x0, x1, clearance) = (at(before), at(now), vec![[keep; 2]; segment + 1]);
-    let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &clearance };
+    let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &clearance, by_part: false };
     let mut contact = Contact {
         segment,
         u: 0.5,

@@ -7,7 +7,7 @@ use crate::contact::BodyMotion;
 use crate::dynamics::body_contact::{BodyContact, BodyContactScratch};
 use crate::dynamics::contact_polyline::with_midpoints;
 use crate::dynamics::environment::Environment;
-use crate::dynamics::pinch::Pinch;
+use crate::dynamics::pinch::{Pinch, Room};
 use crate::math::se3::Pose;
 use crate::rod::newton::Solver;
 use nalgebra::Vector3;
@@ -96,15 +96,15 @@ impl GuideModel {
         let push_out = (env.push_out)(t1);
         inputs.pushed_out = push_out < 1.0;
         state.clearance.at(push_out, &mut inputs.clearance);
-        inputs.pinched = state.pinched
-            && Pinch {
-                bodies: &env.bodies,
-                motions: &inputs.motions,
-                x0: &inputs.polyline,
-                root: &self.root(env, t1),
-                root_distance: state.clearance.root_distance(),
-            }
-            .lower(&mut inputs.clearance);
+        let pinch = Pinch {
+            bodies: &env.bodies,
+            motions: &inputs.motions,
+            x0: &inputs.polyline,
+            root: &self.root(env, t1),
+            at_rest: &state.clearance,
+        };
+        let room = if state.pinched { pinch.lower(&mut inputs.clearance) } else { Room::default() };
+        (inputs.pinched, inputs.by_part) = (room.lacks || room.by_part, room.by_part);
     }
 
     /// The contact problem of the prepared step, and what its solution changes.
@@ -133,6 +133,7 @@ impl GuideModel {
             bodies: &env.bodies,
             motions: &inputs.motions,
             clearance: &inputs.clearance,
+            by_part: inputs.by_part,
             pushed_out: inputs.pushed_out,
             x0: &inputs.polyline,
             fastest,

@@ -39,6 +39,8 @@ pub(super) struct ContactInputs {
     pub clearance: Vec<[f64; 2]>,
     /// True if bodies leave no room for some of these distances, which are lowered.
     pub pinched: bool,
+    /// [`MovingPolyline::by_part`](crate::contact::MovingPolyline).
+    pub by_part: bool,
     /// Contact polyline at the start of the step, m, world.
     pub polyline: Vec<Vector3<f64>>,
     /// True while the distances to keep from bodies that the groom is drawn in still rise to their own.

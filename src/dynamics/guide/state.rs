@@ -137,7 +137,9 @@ impl GuideState {
             (Some(skins), Some(_)) => {
                 let poses = skins.poses_around(&model.carrier(env, t), &poses);
                 let as_drawn = GroomPose { bodies: &skins.bodies, poses: &poses, x: drawn_x, ..in_bodies };
-                Clearance::carried(&in_bodies, &as_drawn, led)
+                let mut clearance = Clearance::carried(&in_bodies, &as_drawn, led);
+                clearance.measure_folds(&as_drawn);
+                clearance
             }
             _ if led => Clearance::carried(&in_bodies, &GroomPose { x: drawn_x, ..in_bodies }, led),
             _ => Clearance::new(&in_bodies),

@@ -17,6 +17,9 @@ use std::sync::{Arc, OnceLock};
 /// Below this length, m, a difference of coordinates is rounding and has no direction.
 const ROUNDING: f64 = 1e-12;
 
+/// Distance from a surface, m, below which a place is taken to be in front of it.
+const ON_SURFACE: f64 = 1e-4;
+
 /// A triangle mesh in one configuration, open or closed, with a bounding volume hierarchy over its triangles.
 /// Holes, such as that at the neck of a head, are closed.
 ///
@@ -271,6 +274,43 @@ impl SolidMesh {
                 })
             })?;
         Some((triangle, point, local))
+    }
+
+    /// The point nearest to `p` of a part of the surface that faces the part `from`, the surface nearest to
+    /// `p`: the cosine of the angle between their outward normals is below `cosine`. Either part tells its own
+    /// side of `p`. `None` if the point is `max_distance`, m, away or more, or lies on the other side of the
+    /// thin solid in front of which, or in which, `p` is.
+    pub fn facing(
+        &self,
+        p: &Vector3<f64>,
+        from: &SurfacePoint,
+        cosine: f64,
+        max_distance: f64,
+    ) -> Option<SurfacePoint> {
+        let faces = |t: u32| self.normals.faces[t as usize].dot(&from.normal) < cosine;
+        let (triangle, point, local) = self.nearest(p, max_distance, faces)?;
+        let feature = self.feature(triangle, local);
+        let found = self.surface_point_of_part(p, &point, feature);
+        let in_front = from.distance.abs() < ON_SURFACE;
+        let behind = u32::from(found.distance < 0.0) + u32::from(from.distance < 0.0 && !in_front);
+        let place = if in_front { p + from.normal * (ON_SURFACE - from.distance) } else { *p };
+        // Behind both sides of a single solid, a place is inside once; behind one of them, it is outside.
+        (behind == 0 || self.winding_number(&place) > f64::from(behind) - 0.5).then_some(found)
+    }
+
+    /// [`SolidMesh::surface_point`] of a part of the surface alone, wherever other parts put `p`.
+    fn surface_point_of_part(
+        &self,
+        p: &Vector3<f64>,
+        point: &Vector3<f64>,
+        feature: Feature,
+    ) -> SurfacePoint {
+        let offset = p - point;
+        let distance = offset.norm();
+        let pseudonormal = self.pseudonormal(feature);
+        let sign = if offset.dot(&pseudonormal) >= 0.0 { 1.0 } else { -1.0 };
+        let normal = if distance > ROUNDING { offset * (sign / distance) } else { pseudonormal };
+        SurfacePoint { distance: sign * distance, normal, point: *point, feature }
     }
 
     /// First intersection of the segment from `a` to `b` with the surface: the fraction of the segment, and
