@@ -230,3 +230,42 @@ fn first_intersection_is_the_first_sign_change_of_the_distance() {
     }
     assert!(hits > 300);
 }
+
+#[test]
+fn parts_of_a_mesh_face_each_other_across_a_gap_and_an_overlap_but_not_through_a_solid() {
+    // Two balls on the z axis whose surfaces are `gap` apart, in one mesh; and a lens.
+    let balls = |gap: f64| {
+        let [mut balls, other] = [1.0, -1.0].map(|side| {
+            let centre = Vector3::z() * (side * (0.05 + 0.5 * gap));
+            Shape::Sphere { centre, radius: 0.05 }.tessellate()
+        });
+        let first = balls.vertices.len() as u32;
+        balls.vertices.extend(other.vertices);
+        balls.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + first)));
+        balls
+    };
+    let radii = Vector3::new(0.05, 0.05, 0.004);
+    let rotation = UnitQuaternion::identity();
+    let lens = Shape::Ellipsoid { centre: Vector3::zeros(), radii, rotation }.tessellate();
+    let facing = |mesh: &TriMesh, height: f64| {
+        let mesh = SolidMesh::new(&mesh.vertices, &mesh.triangles);
+        let p = Vector3::new(2e-4, 1e-4, height);
+        let on = mesh.closest(&p, 1.0).unwrap();
+        mesh.facing(&p, &on, -0.5, 1.0).map(|part| [on.distance, part.distance])
+    };
+    for gap in [2e-3, -0.01] {
+        let balls = balls(gap);
+        for share in [-0.9, -0.3, 0.4, 0.8] {
+            let [on, part] = facing(&balls, 0.5 * gap * share).unwrap();
+            assert!((on + part - gap).abs() < 2e-4, "{on} and {part} of {gap}");
+            let nearest = 0.5 * (gap.abs() * (1.0 - share.abs())).copysign(gap);
+            assert!((on - nearest).abs() < 2e-4, "{on} is not {nearest}");
+        }
+    }
+    // In front of a part that another overlaps: inside that one, and outside the nearest.
+    let [on, part] = facing(&balls(-0.01), 0.0055).unwrap();
+    assert!(on > 0.0 && (on + part + 0.01).abs() < 2e-4, "{on} and {part}");
+    for height in [0.006, 0.0041, 0.003, 0.0, -0.003, -0.006] {
+        assert_eq!(facing(&lens, height), None, "{height} m above the middle of a lens");
+    }
+}

@@ -173,6 +173,45 @@ fn a_strand_between_closing_bodies_stays_calm_and_is_reported() {
     assert!(drift < 1e-3);
 }
 
+/// Two rolls of one mesh beside a hanging strand close on it, overlap by 1 cm, and part again.
+#[test]
+fn a_strand_between_parts_of_one_mesh_stays_between_them() {
+    const RADIUS: f64 = 0.04;
+    let roll = |side: f64| {
+        let ends = [-0.2, 0.2].map(|x| Vector3::new(x, -0.12, side * 0.06));
+        Shape::Capsule { ends, radius: RADIUS }.tessellate()
+    };
+    let (mut rolls, other) = (roll(-1.0), roll(1.0));
+    let first = rolls.vertices.len() as u32;
+    rolls.vertices.extend(other.vertices);
+    rolls.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + first)));
+    let share = |t: f64| t.clamp(0.0, 1.0).powi(2) * (3.0 - 2.0 * t.clamp(0.0, 1.0));
+    let beside = |t: f64| RADIUS + 0.01 - 0.015 * (share((t - 0.8) / 0.3) - share((t - 1.4) / 0.3));
+    let motion = moving(&rolls, 2.0, |p, t| p + Vector3::z() * ((beside(t) - 0.06) * p.z.signum()));
+    let (mut deepest, mut speed, mut halvings) = (0.0_f64, 0.0_f64, 0);
+    let mut shallow = 0.0;
+    let colliders = [collider(Shape::Mesh(rolls), Some(motion))];
+    run(&colliders, &|_, _| Vector3::zeros(), 2.0, |guide, t, record| {
+        assert_eq!((record.unconverged, record.truncated, record.crossed), (0, 0, 0), "at {t} s");
+        halvings += record.halvings;
+        let overlap = (RADIUS - beside(t)).max(0.0);
+        let depth = |x: &Vector3<f64>| {
+            let rolls =
+                [-1.0, 1.0].map(|side| RADIUS - (x - Vector3::new(0.0, -0.12, side * beside(t))).yz().norm());
+            rolls[0].max(rolls[1])
+        };
+        shallow = guide.x.iter().map(depth).fold(f64::NEG_INFINITY, f64::max);
+        // Never deeper than the middle between the two, whichever way they move.
+        assert!(shallow < overlap + 1.2e-3, "{} mm deep in an overlap of {overlap} at {t} s", 1e3 * shallow);
+        deepest = deepest.max(shallow);
+        speed = if t > 0.7 { speed.max(fastest(guide)) } else { 0.0 };
+    });
+    assert!(deepest > 2e-3, "only {} mm deep", 1e3 * deepest);
+    assert!(shallow < 2e-4, "left {} mm inside", 1e3 * shallow);
+    assert!(speed < 1.0, "thrown at {speed} m/s");
+    assert!(halvings < 20, "{halvings} halvings");
+}
+
 /// Long hair on a shoulder: a bodysuit that breathes, twists and shrugs, from its own sequence of files to
 /// the cache.
 #[test]

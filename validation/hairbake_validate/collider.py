@@ -142,6 +142,36 @@ class Collider:
             normal[block] = away / np.where(signed == 0, 1, signed)[:, None]
         return distance, normal
 
+    def facing(
+        self, points: FloatArray, normals: FloatArray, least: float, front: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Signed distance of places on the surface from the part of it that faces each, and its normals.
+
+        Infinite where no part does, or where it is but the other side of the solid that the place is on.
+
+        Args:
+            points: The places, `N × 3`.
+            normals: Outward normals there.
+            least: Cosine of the angle between outward normals, negated, from which parts face each other.
+            front: How far in front of its place a point is told to be inside or outside.
+        """
+        distance, away = np.full(len(points), np.inf), np.zeros((len(points), 3))
+        for k, (point, normal) in enumerate(zip(points, normals, strict=True)):
+            faces = np.flatnonzero(self.normals[:, FACE] @ normal < -least)
+            if len(faces):
+                run = Runs.adjacent(faces, np.array([len(faces)]))
+                signed, offset, *_ = self._signed_distance(point[None], run)
+                if signed[0] >= 0 or self.winding(point + front * normal) > 0.5:
+                    distance[k], away[k] = signed[0], offset[0] / (signed[0] or 1)
+        return distance, away
+
+    def winding(self, point: FloatArray) -> float:
+        """How many times the mesh winds about a point (Van Oosterom and Strackee 1983)."""
+        a, b, c = (self.corners[:, k] - point for k in range(3))
+        la, lb, lc = norms(a), norms(b), norms(c)
+        below = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
+        return float(np.arctan2(dot(a, cross(b, c)), below).sum() / (2 * np.pi))
+
     def _cells(self, points: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
         """Points within the root cell, their finest cells, `3 × n`, and distances from the cells' centres."""
         count = 2**self.levels

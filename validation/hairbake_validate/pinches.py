@@ -6,6 +6,7 @@ outside is free, a bake cannot be right, and must say so. Found here from the co
 - The shortest way out of a collider leads to another that faces it, within `tolerances.PINCH_ROOM_M`.
 - The root itself is inside, and the point follows it without a break, no deeper than a hair that leaves the
   collider in a curve of radius `tolerances.PINCH_RADIUS_M`, up to a slope of `tolerances.PINCH_RISE`.
+- The same, by another part of the same collider, if it deforms: that its parts leave room is then not given.
 - The point is next to such a point on its curve.
 - The point is so held in the collider that it is deepest in: out of another it would only get deeper there.
 
@@ -50,6 +51,10 @@ def pinched_in(
     out = places[inside] + normals * depth[inside][:, None]
     found[inside] = faced(window, mesh, out, normals)
     found |= swallowed(window.cache.metres_per_unit, curves, places, depth, solid)
+    if mesh.deforms:
+        left = inside[~found[inside]]
+        found[left] = faced_by_part(window.cache.metres_per_unit, places[left], depth[left], solid)
+        found |= swallowed_by_part(window.cache.metres_per_unit, curves, places, depth * ~found, solid)
     return (found | neighbours_on_curve(found, curves)) & (depth > 0)
 
 
@@ -87,6 +92,48 @@ def swallowed(
         least = leaving(-float(depth[start]) * metres, sine, s) - tolerances.PINCH_ROOM_M
         found[run] = -depth[run] * metres >= least
     return found
+
+
+def faced_by_part(
+    metres: float, points: FloatArray, depth: FloatArray, solid: tuple[Collider, FloatArray]
+) -> BoolArray:
+    """Which points inside a collider have another part of it before them where they would leave it."""
+    _, normals = surface(solid, points)
+    distance, _ = part_facing(metres, points + normals * depth[:, None], solid)
+    found: BoolArray = distance <= tolerances.PINCH_ROOM_M / metres
+    return found
+
+
+def swallowed_by_part(
+    metres: float, curves: Curves, points: FloatArray, depth: FloatArray, solid: tuple[Collider, FloatArray]
+) -> BoolArray:
+    """Which points cannot be out of a part of a collider in which their root is, on another part of it."""
+    found = np.zeros(len(depth), bool)
+    deep = np.unique(curves.curve_of_point[depth * metres > tolerances.PINCH_DEPTH_M])
+    roots = points[curves.starts[deep]]
+    distance, normal = part_facing(metres, roots, solid)
+    for curve, root, away in zip(deep, distance, normal, strict=True):
+        if root < 0:
+            run = slice(curves.starts[curve], curves.starts[curve] + curves.counts[curve])
+            edges = np.diff(points[run], axis=0)
+            s = np.concatenate([[0], np.cumsum(norms(edges))]) * metres
+            sine = float(edges[0] @ away / max(np.linalg.norm(edges[0]), np.finfo(float).tiny))
+            least = leaving(float(root) * metres, sine, s) - tolerances.PINCH_ROOM_M
+            found[run] = (depth[run] > 0) & (-depth[run] * metres >= least)
+    return found
+
+
+def part_facing(
+    metres: float, points: FloatArray, solid: tuple[Collider, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Signed distance of places on a collider from the part of it that faces each, and the normals there."""
+    collider, matrix = solid
+    local = transformed(points, np.linalg.inv(matrix))
+    _, normals = collider.surface(local)
+    front = tolerances.PINCH_IN_FRONT_M / metres
+    distance, away = collider.facing(local, normals, tolerances.PINCH_FACING, front)
+    distance[np.abs(distance) > tolerances.PINCH_PART_M / metres] = np.inf
+    return distance, away @ matrix[:3, :3]
 
 
 def deep_roots(curves: Curves, depth: FloatArray) -> Iterator[tuple[int, int]]:

@@ -163,6 +163,10 @@ HAIR_PENETRATION_M = 2e-3
 PINCH_ROOM_M = 2e-3
 PINCH_FACING = 0.5
 
+# Distance in front of one part of a mesh, m, from which another part is looked at, and up to which.
+PINCH_IN_FRONT_M = 1e-4
+PINCH_PART_M = 0.1
+
 # A hair whose root is inside a body leaves it along a curve of this radius, m, up to this slope.
 PINCH_RADIUS_M = 0.01
 PINCH_RISE = 0.5

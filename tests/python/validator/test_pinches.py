@@ -1,5 +1,6 @@
 """Hair that bodies leave no room for: told apart from hair that is inside although it could be outside."""
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,6 +9,7 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from hairbake_validate import pinches
+from hairbake_validate.collider import Collider
 from hairbake_validate.geometry import Array, BoolArray, FloatArray
 from hairbake_validate.run import validate
 from validator.defects import MIDDLE, failed, move_points
@@ -16,6 +18,7 @@ from validator.good_cache import (
     GUIDES,
     POINTS,
     RADIUS,
+    SKULL,
     CacheBuilder,
     head_matrix,
     sphere_mesh,
@@ -72,6 +75,39 @@ def add_a_hand(cache: CacheBuilder, place: FloatArray, gap: float) -> None:
     cache.add_attribute(f"{HAND}.xformOp:transform", Sdf.ValueTypeNames.Matrix4d, sample)
 
 
+def add_a_hand_to_the_skull(cache: CacheBuilder, place: FloatArray, gap: float) -> None:
+    """Adds the same ball to the mesh of the skull, which then deforms."""
+    points, triangles = sphere_mesh()
+    facet = points[triangles[40]].mean(axis=0)
+
+    def with_hand(at: FloatArray) -> Vt.Vec3fArray:
+        return Vt.Vec3fArray.FromNumpy(np.concatenate([points, at - points]).astype(np.float32))
+
+    away = with_hand(np.array([0.0, 9.0, 0.0]))
+    here = with_hand(place[0] + facet + gap * place[1])
+    indices = np.concatenate([triangles, triangles[:, ::-1] + len(points)])
+
+    def edit(stage: Usd.Stage) -> None:
+        mesh = UsdGeom.Mesh(stage.GetPrimAtPath(SKULL))
+        for name in ("points", "extent"):
+            mesh.GetPrim().GetAttribute(name).Clear()
+        mesh.CreateFaceVertexCountsAttr([3] * len(indices))
+        mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(indices.ravel().astype(np.int32)))
+        UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("rest", Sdf.ValueTypeNames.Point3fArray, "vertex").Set(away)
+
+    cache.edit_topology(edit)
+
+    def sample(_layer: Sdf.Layer, frame: int, _time: float) -> Vt.Vec3fArray:
+        return here if frame == MIDDLE else away
+
+    cache.add_attribute(f"{SKULL}.points", Sdf.ValueTypeNames.Point3fArray, sample)
+    cache.add_attribute(
+        f"{SKULL}.extent",
+        Sdf.ValueTypeNames.Float3Array,
+        lambda *of: UsdGeom.PointBased.ComputeExtent(sample(*of)),
+    )
+
+
 def record(cache: CacheBuilder, depth: float) -> None:
     """Records pinched hair in the middle frame."""
 
@@ -98,12 +134,17 @@ def record(cache: CacheBuilder, depth: float) -> None:
         (-2 * DEPTH, 0.5 * DEPTH, {"pinches"}),
     ],
 )
+@pytest.mark.parametrize("add", [add_a_hand, add_a_hand_to_the_skull])
 def test_only_hair_without_room_outside_is_pinched(
-    good_cache: CacheBuilder, gap: float | None, recorded: float, expected: set[str]
+    good_cache: CacheBuilder,
+    add: Callable[[CacheBuilder, FloatArray, float], None],
+    gap: float | None,
+    recorded: float,
+    expected: set[str],
 ) -> None:
     place = press_a_tip(good_cache)
     if gap is not None:
-        add_a_hand(good_cache, place, gap)
+        add(good_cache, place, gap)
     record(good_cache, recorded)
     report = validate(good_cache.directory)
     assert failed(report) & PATHS == expected, report.as_text()
@@ -126,3 +167,21 @@ def test_what_is_held_where_it_is_deepest_is_held_in_every_collider(monkeypatch:
     curves: Any = SimpleNamespace(path="hair")
     found = {path: flags.tolist() for path, flags in pinches.pinched(window, curves, 0).items()}
     assert found == {"first": held["first"], "second": [True, False, False, False]}
+
+
+def test_a_place_is_faced_by_another_part_of_a_collider_and_not_by_its_other_side() -> None:
+    points, triangles = sphere_mesh()
+    facet = points[triangles[40]].mean(axis=0)
+    out = facet / np.linalg.norm(facet)
+    for gap in (1e-3, -4e-3):
+        both = np.concatenate([points, 2 * facet + gap * out - points])
+        parts = Collider(both, np.concatenate([triangles, triangles[:, ::-1] + len(points)]))
+        distance, normal = parts.facing(facet[None], out[None], 0.5, 1e-4)
+        assert distance == pytest.approx(gap, abs=1e-5)
+        assert normal[0] @ out < -0.99
+    # A plate 2 mm thick.
+    plate = Collider(points * np.where(np.arange(3) == 1, 1e-3 / RADIUS, 1), triangles)
+    top = np.array([[1e-4, 1e-3, 2e-4]])
+    place = top - plate.surface(top)[0] * plate.surface(top)[1]
+    distance, _ = plate.facing(place, plate.surface(top)[1], 0.5, 1e-4)
+    assert np.isinf(distance).all()
