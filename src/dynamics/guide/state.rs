@@ -146,9 +146,7 @@ impl GuideState {
         };
         clearance.hold(segments_within(model.rod.held_length(), &x));
         let before = StartPose::new(model, env, t - h, model.start_unknowns(t - h));
-        // Parts of a skin may overlap already, and hair in them is not found by contact.
-        let pinched = skins.is_some() && model.skin.is_some();
-        GuideState { pinched, ..Self::between(before, start, clearance, h) }
+        Self::between(before, start, clearance, h)
     }
 
     /// The groom's pose, carried rigidly, at time `t`, s, without distances from bodies.
