@@ -236,6 +236,20 @@ def test_the_example_plots_a_wedge(tmp_path: Path) -> None:
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
+@needs_hairbake
+@pytest.mark.slow
+def test_the_example_draws_the_figures_of_the_paper(tmp_path: Path) -> None:
+    done = example("paper.py", "-o", tmp_path)
+    assert done.returncode == 0, done.stderr
+    for name in ("hair", "ball", "wisp"):
+        assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    cache = hairbake.open(tmp_path / "ball" / "cache")
+    centre, radius = np.array([0.02, -0.075, 0.0]), 0.05
+    # The hair lies on the ball, whose facets are a fraction of a millimetre below its radius.
+    distance = np.linalg.norm(cache.guides.points(24) - centre, axis=1).min()
+    assert radius < distance < radius + 1e-3
+
+
 def test_the_example_raises_brows_where_it_paints_them(tmp_path: Path) -> None:
     usd = tmp_path / "brows.usda"
     done = example("raise_brows.py", SAMPLE / "head.obj", "-o", usd)
