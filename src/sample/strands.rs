@@ -27,8 +27,8 @@ const APART: (f64, f64) = (3.0, 0.02);
 const DEEP: f64 = 0.004;
 /// Number of guides with the nearest roots among which a strand finds one that it runs along.
 const COMPANIONS: usize = 6;
-/// Height below which a strand keeps to its companion, m: that of the chin, above the shoulders.
-const SHOULDERS: f64 = 0.0;
+/// Depth from which hair hangs before the face, m: no strand is led there that would not fall there by itself.
+const FACE: f64 = 0.08;
 /// Points before the place where a strand would leave its companion, along which it turns to run beside it.
 const JOIN: usize = 8;
 /// Shares of its distance at which a course runs on beside its companion, the first that the body allows.
@@ -142,7 +142,7 @@ fn together(course: &[V], to: &[V]) -> usize {
 /// Lets a course that leaves its companion `to` after `along` points run on beside it, as near as the body
 /// demands: over a shoulder all hairs of a wisp fall on the same side.
 fn keep_along(course: &mut [V], to: &[V], along: usize) {
-    if along < JOIN || along == course.len() || course[along].y > SHOULDERS {
+    if along < JOIN || along == course.len() {
         return;
     }
     let (join, beside) = (along - JOIN, beside(course, to));
@@ -151,7 +151,8 @@ fn keep_along(course: &mut [V], to: &[V], along: usize) {
     for apart in APARTS {
         let kept = |j: usize| course[j].lerp(&(beside[j] + offset * apart), share(j));
         let kept: Vec<V> = (join..course.len()).map(kept).collect();
-        if kept.iter().all(|x| head::height(*x).0 > -DEEP) {
+        let clear = |(x, own): (&V, &V)| head::height(*x).0 > -DEEP && x.z < own.z.max(FACE);
+        if kept.iter().zip(&course[join..]).all(clear) {
             course[join..].copy_from_slice(&kept);
             break;
         }
