@@ -77,8 +77,8 @@ pub struct SettingsArguments {
     /// Write the forces and moments that hold the guides as well
     ///
     /// The force and moment of the clamp of each guide, and the force of each tie, in newtons and newton
-    /// metres. Guides that follow a wisp have none: use --resolution full. Not with --curves strands or
-    /// --base.
+    /// metres. All guides are stepped for it, unless --resolution asks for less: those that follow a wisp
+    /// have none. Not with --curves strands or --base.
     #[arg(long, help_heading = HEADING)]
     reactions: bool,
     /// Override a value of an input file; may be repeated

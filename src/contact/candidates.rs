@@ -184,13 +184,8 @@ impl Search {
     ) {
         let x = self.end(u);
         let contact = |s: &SurfacePoint| self.contact(u, s, mesh.material_point(&s.point, s.feature, start));
-        let local_minima = || {
-            triangles.iter().filter_map(|&t| {
-                let (point, local) = closest_on_triangle(&x, mesh.triangle(t));
-                let s = mesh.surface_point(&x, &point, mesh.feature(t, local));
-                (mesh.owns(t, local) && mesh.in_normal_cone(s.feature, &s.normal)).then_some(s)
-            })
-        };
+        let each = || triangles.iter().map(|&t| closest_of(mesh, t, &x));
+        let local_minima = || each().filter_map(|(s, is_minimum)| is_minimum.then_some(s));
         let shallowest = |wanted: &dyn Fn(&SurfacePoint) -> bool| {
             let behind = local_minima().filter(|s| s.distance < 0.0 && s.distance > -self.near && wanted(s));
             behind.max_by(|a, b| a.distance.total_cmp(&b.distance))
@@ -256,23 +251,18 @@ impl Search {
     ) {
         let x = self.end(u);
         let before = |s: &SurfacePoint| mesh.material_point(&s.point, s.feature, start);
-        let closest_on = |t: u32| {
-            let (point, local) = closest_on_triangle(&x, mesh.triangle(t));
-            (local, mesh.surface_point(&x, &point, mesh.feature(t, local)))
-        };
         let mut closest: Option<SurfacePoint> = None;
         let mut shallowest: Option<SurfacePoint> = None;
         let shallower = |s: &SurfacePoint, than: &Option<SurfacePoint>| {
             than.is_none_or(|other| s.distance.abs() < other.distance.abs())
         };
         for &t in triangles {
-            let (local, s) = closest_on(t);
-            let local_minimum = mesh.owns(t, local) && mesh.in_normal_cone(s.feature, &s.normal);
-            if s.distance >= 0.0 && local_minimum && self.within_reach(u, &s) {
+            let (s, is_minimum) = closest_of(mesh, t, &x);
+            if s.distance >= 0.0 && is_minimum && self.within_reach(u, &s) {
                 emit(self.contact(u, &s, before(&s)));
             }
             if s.distance < 0.0
-                && local_minimum
+                && is_minimum
                 && self.started_outside_plane(u, &s, &before(&s))
                 && shallower(&s, &shallowest)
             {
@@ -293,4 +283,12 @@ impl Search {
             emit(self.contact(u, &s, before(&s)));
         }
     }
+}
+
+/// The point of a triangle of a mesh nearest to `x`, body frame, m, and whether the distance from the mesh has a
+/// minimum there that counts for this triangle.
+fn closest_of(mesh: &SolidMesh, triangle: u32, x: &Vector3<f64>) -> (SurfacePoint, bool) {
+    let (point, local) = closest_on_triangle(x, mesh.triangle(triangle));
+    let s = mesh.surface_point(x, &point, mesh.feature(triangle, local));
+    (s, mesh.owns(triangle, local) && mesh.in_normal_cone(s.feature, &s.normal))
 }

@@ -156,6 +156,26 @@ mod tests {
     }
 
     #[test]
+    fn strands_fall_where_guides_beside_them_do() {
+        let (groom, _) =
+            groom(Style::Long, Size { wisps: Some(300), strands: Some(1500), ..Size::default() });
+        let (guides, strands) = (&groom.guides.curves, &groom.strands.curves);
+        let ends = |curves: &crate::scene::Curves, i: usize| {
+            let points = curves.curve(i);
+            [points[0], points[points.len() - 1]]
+        };
+        let all: Vec<_> = (0..guides.len()).map(|g| ends(guides, g)).collect();
+        for i in 0..strands.len() {
+            let [root, tip] = ends(strands, i);
+            let mut near: Vec<_> = all.iter().map(|[r, t]| ((r - root).norm(), (t - tip).norm())).collect();
+            near.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let away = near[..12].iter().map(|(_, away)| *away).fold(f64::INFINITY, f64::min);
+            // Over a shoulder, the two sides are twice as far apart.
+            assert!(away < 0.08, "strand {i} ends {away} m off the guides beside it");
+        }
+    }
+
+    #[test]
     fn a_ponytail_passes_through_its_tie() {
         let size = Size { wisps: Some(60), strands: Some(200), head_subdivisions: 2 };
         let (groom, _) = groom(Style::Ponytail, size);

@@ -106,8 +106,11 @@ impl Settings {
     /// Which guides are simulated; never [`Resolution::Auto`].
     pub fn resolution(&self) -> Resolution {
         match self.resolution {
+            // Guides that follow a wisp are not held by their own clamps, and meet no bundles.
             Resolution::Auto
-                if self.contact == ContactSetting::Full || self.curves == OutputCurves::Steps =>
+                if self.contact == ContactSetting::Full
+                    || self.curves == OutputCurves::Steps
+                    || self.reactions =>
             {
                 Resolution::Full
             }
@@ -163,6 +166,10 @@ mod tests {
         ] {
             let settings = Settings { resolution, contact, curves, ..Settings::default() };
             assert_eq!(settings.resolution(), resolved, "{resolution:?} {contact:?} {curves:?}");
+            // What follows a wisp has no reactions.
+            let settings = Settings { reactions: true, ..settings };
+            let resolved = if resolution == Resolution::Auto { Resolution::Full } else { resolved };
+            assert_eq!(settings.resolution(), resolved, "{resolution:?} with reactions");
         }
     }
 }

@@ -53,7 +53,8 @@ pub struct SettingsFile {
     /// with twist. Files of guides are half as large again. Not with `curves` "strands".
     pub normals: bool,
     /// Whether the force and moment of the clamp of each guide and the force of each tie are written, N and
-    /// N m. Guides that follow a wisp have none; use `resolution` "full". Not with `curves` "strands".
+    /// N m. Guides that follow a wisp, with `resolution` "adaptive" or "coarse", have none. Not with `curves`
+    /// "strands".
     pub reactions: bool,
 }
 

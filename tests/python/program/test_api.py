@@ -121,7 +121,7 @@ def test_a_bake_tells_what_holds_its_strands(tmp_path: Path) -> None:
         Strand(rod, arc, HORIZONTAL),
     ]
     tie = {"name": "tip", "body": "floor", "ids": [2], "arc_m": 0.1 - 1e-9}
-    settings = {"reactions": True, "resolution": "full", "scheme": "backward-euler"}
+    settings = {"reactions": True, "scheme": "backward-euler"}
     scene = Scene(strands, frames=3, preroll=60.0, substeps=1, fps=1.0, ties=[tie], settings=settings)
     cache = hairbake.open(bake_scene(scene, tmp_path))
     motion = Motion.read(cache)
