@@ -12,7 +12,6 @@
 
 use super::bodies::Bodies;
 use super::cache::ContactCache;
-use super::pinch;
 use super::polyline::{BodyMotion, Contact, LocalContact, MovingPolyline, is_exempt};
 use crate::geometry::{
     Bounds, Convex, Feature, MovingSurface, SolidMesh, SurfacePoint, closest_on_triangle, segment_segment,
@@ -172,9 +171,9 @@ impl Search {
         }
     }
 
-    /// The contacts of a vertex with the parts of a mesh that overlap: with all in front of which it is, and of
-    /// those behind which it is with as many of the least deep as it is inside. The last may be the other
-    /// side of a thin solid.
+    /// The contacts of a vertex with the parts of a mesh that overlap: with all in front of which it is, and,
+    /// if it is inside the mesh, with that behind which it is least deep. Outside, it is behind a part as well
+    /// where that is thin.
     fn vertex_on_parts(
         &self,
         [start, mesh]: [&SolidMesh; 2],
@@ -183,25 +182,23 @@ impl Search {
         emit: &mut impl FnMut(LocalContact),
     ) {
         let x = self.end(u);
-        let contact = |s: &SurfacePoint| self.contact(u, s, mesh.material_point(&s.point, s.feature, start));
-        let each = || triangles.iter().map(|&t| closest_of(mesh, t, &x));
-        let local_minima = || each().filter_map(|(s, is_minimum)| is_minimum.then_some(s));
-        let shallowest = |wanted: &dyn Fn(&SurfacePoint) -> bool| {
-            let behind = local_minima().filter(|s| s.distance < 0.0 && s.distance > -self.near && wanted(s));
-            behind.max_by(|a, b| a.distance.total_cmp(&b.distance))
+        let mut shallowest: Option<SurfacePoint> = None;
+        let mut touch = |s: &SurfacePoint| {
+            if self.within_reach(u, s) {
+                emit(self.contact(u, s, mesh.material_point(&s.point, s.feature, start)));
+            }
         };
-        local_minima()
-            .filter(|s| s.distance >= 0.0 && self.within_reach(u, s))
-            .for_each(|s| emit(contact(&s)));
-        let Some(first) = shallowest(&|_| true) else { return };
-        let times_inside = mesh.winding_number(&x);
-        if times_inside > 0.5 && self.within_reach(u, &first) {
-            emit(contact(&first));
+        for (s, is_minimum) in triangles.iter().map(|&t| closest_of(mesh, t, &x)) {
+            if is_minimum && s.distance >= 0.0 {
+                touch(&s);
+            } else if is_minimum
+                && s.distance > -self.near
+                && shallowest.is_none_or(|other| s.distance > other.distance)
+            {
+                shallowest = Some(s);
+            }
         }
-        if times_inside > 1.5 {
-            let faces = |s: &SurfacePoint| s.normal.dot(&first.normal) < -pinch::FACING;
-            shallowest(&faces).filter(|s| self.within_reach(u, s)).iter().for_each(|s| emit(contact(s)));
-        }
+        shallowest.filter(|_| mesh.winding_number(&x) > 0.5).iter().for_each(touch);
     }
 
     fn inner_points_on_mesh(

@@ -67,7 +67,7 @@ impl Bodies {
                             body.solid.max_travel(motion.times[1]) - body.solid.max_travel(motion.times[0]);
                         let margin = (SEPARATION + TOLERANCE) * span.clearance + travel;
                         meshes[1].triangles_in(&path.bounds(margin), &mut cache.triangles);
-                        path.first_on_mesh(meshes, &cache.triangles, span.clearance, line.by_part)
+                        path.first_on_mesh(meshes, &cache.triangles, span.clearance)
                     }
                 };
                 if let Some(Impact { time, u, normal, point, feature }) = impact {
@@ -206,13 +206,7 @@ impl MovingSegment {
         Some(Impact { time, u, normal: s.normal, point: [s.point; 2], feature: s.feature })
     }
 
-    fn first_on_mesh(
-        &self,
-        meshes: [&SolidMesh; 2],
-        triangles: &[u32],
-        clearance: f64,
-        by_part: bool,
-    ) -> Option<Impact> {
+    fn first_on_mesh(&self, meshes: [&SolidMesh; 2], triangles: &[u32], clearance: f64) -> Option<Impact> {
         let margin = (SEPARATION + TOLERANCE) * clearance;
         let mut first: Option<Impact> = None;
         for &t in triangles {
@@ -227,9 +221,6 @@ impl MovingSegment {
                 self.advance(clearance, until, |ends, _| obstacle.separation(ends))
             };
             let impact = time.map(|time| obstacle.impact(&self.at(time), time));
-            // In front of its nearest part, the polyline may be behind another, which it is free to leave.
-            let impact =
-                impact.filter(|hit| !by_part || hit.normal.dot(&meshes[1].pseudonormal(hit.feature)) >= 0.0);
             // Only a start outside can have an impact. Impacts are few, so this is tested last.
             first = impact.filter(|hit| self.starts_outside(meshes[0], hit)).or(first);
         }

@@ -3,7 +3,7 @@
 use super::clearance::Clearance;
 use super::simulation::Simulation;
 use crate::contact::{Bodies, BodyMotion, pinch};
-use crate::geometry::{MovingSurface, SurfacePoint};
+use crate::geometry::SurfacePoint;
 use crate::math::se3::Pose;
 use nalgebra::{Isometry3, Vector3};
 
@@ -47,7 +47,7 @@ struct Surface {
     distance: f64,
     /// Outward normal, world.
     normal: Vector3<f64>,
-    /// How the surface moves there over the step, m.
+    /// How the surface moves there with its body over the step, m.
     moved: Vector3<f64>,
 }
 
@@ -76,13 +76,21 @@ impl Pinch<'_> {
     fn lower_beside_root(&self, b: usize, clearance: &mut [[f64; 2]]) -> bool {
         let root = &self.root.p;
         let Some(on) = self.closest(b, Moment::End, root) else { return false };
-        let at = self.surface(b, Moment::End, &on);
-        if at.distance <= self.at_rest.root_distance()[b] - APPROACH {
-            self.lower_along(b, &at, clearance);
+        let (mut own, mut other) =
+            (self.surface(b, Moment::End, &on), self.facing(b, Moment::End, root, &on));
+        let at_rest = self.at_rest.root_distance()[b];
+        let approached = |surface: &Surface| (surface.distance - at_rest).abs();
+        if let Some(part) = &mut other
+            && approached(part) < approached(&own)
+        {
+            // Another part may be nearer to the root than that which it is on.
+            std::mem::swap(part, &mut own);
         }
-        let Some(part) = self.facing(b, Moment::End, root, &on) else { return false };
-        let swallows = part.distance <= self.at_rest.fold_distance(b) - APPROACH;
-        swallows && self.lower_along(b, &part, clearance)
+        if own.distance <= at_rest - APPROACH {
+            self.lower_along(b, &own, clearance);
+        }
+        let swallows = |part: &Surface| part.distance <= self.at_rest.fold_distance(b) - APPROACH;
+        other.filter(swallows).is_some_and(|part| self.lower_along(b, &part, clearance))
     }
 
     /// Lowers the distances from body `b` to those of a hair that leaves the surface `from` at its root.
@@ -209,19 +217,12 @@ impl Pinch<'_> {
     /// A place on the surface of body `b`, found at a moment.
     fn surface(&self, b: usize, moment: Moment, found: &SurfacePoint) -> Surface {
         let motion = &self.motions[b];
-        let (t, pose) = self.body(b, moment);
-        let solid = &self.bodies.bodies[b].solid;
-        let [start, end] = match (solid.surface_over(motion.times), solid.surface_over([t, t])) {
-            (MovingSurface::Mesh(meshes), MovingSurface::Mesh([here, _])) => {
-                meshes.map(|mesh| here.material_point(&found.point, found.feature, mesh))
-            }
-            _ => [found.point; 2],
-        };
-        let at = |pose: &Isometry3<f64>, point: Vector3<f64>| pose.transform_point(&point.into());
+        let (_, pose) = self.body(b, moment);
+        let at = |pose: &Isometry3<f64>| pose.transform_point(&found.point.into());
         Surface {
             distance: found.distance,
             normal: pose.rotation * found.normal,
-            moved: at(&motion.end, end) - at(&motion.start, start),
+            moved: at(&motion.end) - at(&motion.start),
         }
     }
 }

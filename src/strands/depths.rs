@@ -108,8 +108,43 @@ pub(super) fn in_metres(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Shape;
+    use crate::contact::Body;
+    use crate::geometry::{Deformation, Shape};
     use nalgebra::Isometry3;
+    use std::sync::Arc;
+
+    /// Depths of a guide in two balls of one skin with these centres, m, and radii, m, that are out of its way
+    /// at rest. The guide is a line through the origin with points 1 mm apart, the first at `from`, m.
+    fn in_skin(balls: [(f64, f64); 2], direction: Vector3<f64>, from: f64) -> Depths {
+        let ball = |(y, radius)| Shape::Sphere { centre: Vector3::y() * y, radius }.tessellate();
+        let [mut mesh, other] = balls.map(ball);
+        let first = mesh.vertices.len() as u32;
+        mesh.vertices.extend(other.vertices);
+        mesh.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + first)));
+        let deformation = Deformation { start: 0.0, rate: 1.0, samples: vec![mesh.vertices.clone(); 2] };
+        let skin = Body::new(&Shape::Mesh(mesh), Some(&Arc::new(deformation)), None);
+        let mut bodies = Bodies::new([skin]);
+        bodies.prepare([0.0, 0.0]);
+        let points: Vec<_> = (0..101).map(|i| direction * (1e-3 * f64::from(i) + from)).collect();
+        let written: Vec<_> = points.iter().map(|p| [p.x as f32, p.y as f32, p.z as f32]).collect();
+        let rest: Vec<_> = points.iter().map(|p| p + Vector3::z()).collect();
+        let depths = GuideDepths::new(&rest, std::iter::once(0..points.len()).collect(), &bodies, &[5e-4]);
+        let obstacles = Obstacles { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] };
+        depths.measure(&obstacles, &written, &Matrix3::identity())
+    }
+
+    #[test]
+    fn parts_of_a_skin_that_leave_no_room_are_told_from_a_guide_that_is_inside() {
+        // In the middle of an overlap of 1 cm; in one ball alone; and from the root, which a small ball bears,
+        // out of a large one that has swallowed it, where the small one is far.
+        let overlap = in_skin([(-0.045, 0.05), (0.045, 0.05)], Vector3::x(), -0.05);
+        assert!((overlap.pinched - 0.005).abs() < 5e-4 && overlap.guides < 1e-4, "{overlap:?}");
+        let inside = in_skin([(-0.3, 0.05), (0.045, 0.05)], Vector3::x(), -0.05);
+        assert!((inside.guides - 0.005).abs() < 5e-4 && inside.pinched == 0.0, "{inside:?}");
+        let swallowed =
+            in_skin([(-0.0045, 0.004), (0.042, 0.05)], Vector3::new(0.75_f64.sqrt(), -0.5, 0.0), 0.0);
+        assert!(swallowed.pinched > 1e-3 && swallowed.guides < 1e-4, "{swallowed:?}");
+    }
 
     #[test]
     fn bodies_that_leave_no_room_are_named_whatever_their_number() {

@@ -157,10 +157,10 @@ impl Obstacles<'_> {
         others.find(faces).map(|(b, _)| b)
     }
 
-    /// Whether another part of a deforming body faces the way out of it from `x`, m, world.
+    /// Whether another part of a deforming body faces the way out of it from `x`, m, world. It is looked for at
+    /// `x`: on the surface, rounding would decide of how many parts the place is inside.
     fn faced_by_part(&self, inside: &Violation, x: &Vector3<f64>) -> bool {
-        let out = x + inside.normal * inside.depth;
-        self.part_facing(inside.body, &out).is_some_and(|part| part.distance <= pinch::ROOM)
+        self.part_facing(inside.body, x).is_some_and(|part| part.distance - inside.depth <= pinch::ROOM)
     }
 
     /// How the root of a strand with this first edge, m, world, is inside another part of the deforming body

@@ -185,3 +185,33 @@ fn cached_bounds_change_no_contact_with_a_deforming_mesh() {
     }
     assert!(found > 50 && skipped > 300, "{found} contacts, {skipped} searches skipped");
 }
+
+#[test]
+fn where_parts_overlap_a_vertex_is_out_of_that_which_it_is_least_deep_in() {
+    // Two slabs, the upper thin: the lower ends at y = 0 and the upper is from y = -1.5 to 1.5 mm.
+    let (mut mesh, thin) = (slab([-0.1, 0.0]), slab([-1.5e-3, 1.5e-3]));
+    let first = mesh.vertices.len() as u32;
+    mesh.vertices.extend(thin.vertices);
+    mesh.triangles.extend(thin.triangles.iter().map(|t| t.map(|v| v + first)));
+    let mut bodies = deforming(&mesh, 2, |p, _| *p);
+    bodies.prepare([0.0, 1.0]);
+    let found = |y: f64| {
+        let x = [Vector3::new(0.01, y, 0.02), Vector3::new(0.01, y + 0.05, 0.02)];
+        let line = MovingPolyline { x0: &x, x1: &x, clearance: &[[5e-4; 2]], by_part: true };
+        let mut contacts = Vec::new();
+        bodies.candidates(&[still()], &line, 2e-3, &mut ContactCache::default(), &mut contacts);
+        let mut planes: Vec<_> =
+            contacts.iter().filter(|c| c.u == 0.0).map(|c| (c.normal.y, c.gap)).collect();
+        planes.sort_by(|a, b| a.1.total_cmp(&b.1));
+        planes
+    };
+    let near = |found: &[(f64, f64)], expected: &[(f64, f64)]| {
+        let same = |(a, b): (&(f64, f64), &(f64, f64))| (a.0 - b.0).abs() + (a.1 - b.1).abs() < 1e-9;
+        assert!(found.len() == expected.len() && found.iter().zip(expected).all(same), "{found:?}");
+    };
+    // Above both: in front of the upper sides of both, and behind the lower side of the thin slab only by its
+    // being thin. In the thin slab: out of it, above the lower one. In both: out of the lower one.
+    near(&found(2e-3), &[(1.0, 0.0), (1.0, 1.5e-3)]);
+    near(&found(1e-3), &[(1.0, -1e-3), (1.0, 5e-4)]);
+    near(&found(-2e-4), &[(1.0, -7e-4)]);
+}
