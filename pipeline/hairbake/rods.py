@@ -123,6 +123,8 @@ class Scene:
     """Bodies besides "clamp" and "floor" that carry colliders, by name."""
     ties: Sequence[dict[str, Any]] = ()
     """Ties as in anim.json; strands have their index as id."""
+    loads: Sequence[dict[str, Any]] = ()
+    """Loads as in anim.json."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Further settings, as in anim.json."""
 
@@ -184,6 +186,8 @@ class Scene:
         }
         if self.ties:
             anim["ties"] = list(self.ties)
+        if self.loads:
+            anim["loads"] = list(self.loads)
         if self.wind is not None:
             anim["wind"] = [{"velocity_m_s": list(self.wind)}]
         if self.force is not None:

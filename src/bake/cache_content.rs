@@ -90,7 +90,7 @@ impl<'a> CacheContent<'a> {
                 }
             },
             colliders: anim.colliders.iter().enumerate().map(collider).collect(),
-            levels: anim.settings.resolution() != Resolution::Full,
+            levels: anim.resolution() != Resolution::Full,
             accelerations: anim.settings.accelerations,
             normals: anim.settings.normals && anim.settings.curves != OutputCurves::Strands,
             reactions: self.held.clone(),

@@ -137,7 +137,7 @@ fn required_guides(
         ContactSetting::Bodies | ContactSetting::Penalty => false,
     };
     // Leaders exchange friction with other guides, which may have further leaders.
-    if meets_hair || friction && settings.resolution() != Resolution::Full {
+    if meets_hair || friction && anim.resolution() != Resolution::Full {
         return vec![true; rods.simulated.len()];
     }
     let mut required = vec![false; rods.simulated.len()];
@@ -181,7 +181,7 @@ fn settings(anim: &Anim, set: &[Override]) -> Value {
         "preroll_s": anim.settings.preroll,
         "nodes": anim.settings.nodes,
         "scheme": anim.settings.scheme,
-        "resolution": anim.settings.resolution(),
+        "resolution": anim.resolution(),
         "split_tolerance": anim.settings.split_tolerance,
         "contact": anim.settings.contact,
         "curves": anim.settings.curves,

@@ -201,7 +201,7 @@ impl SceneArguments {
             let names = [Some(key), scene::former_name("settings", key)];
             names.into_iter().flatten().any(|name| file["settings"].get(name).is_some())
         };
-        let mut rows = self.settings.explained(&scene.anim.settings, &name, in_file);
+        let mut rows = self.settings.explained(&scene.anim, &name, in_file);
         if let Some(only) = &scene.only {
             for (name, value) in
                 [("groups", only.groups.join(", ")), ("base", only.base.display().to_string())]
@@ -289,7 +289,7 @@ impl Scene {
             return Err(Error::Usage(message.into()));
         }
         let frames_only =
-            settings.samples > 1 || settings.resolution() != Resolution::Full || self.only.is_some();
+            settings.samples > 1 || self.anim.resolution() != Resolution::Full || self.only.is_some();
         if settings.curves == OutputCurves::Steps && frames_only {
             let message = "--curves steps needs --resolution full and --samples 1, and excludes --base";
             return Err(Error::Usage(message.into()));

@@ -1,8 +1,8 @@
 //! The settings of a bake as options, which override those of the animation.
 
 use super::values;
-use crate::scene::Override;
 use crate::scene::anim::{ContactSetting, OutputCurves, Resolution, Scheme, Settings};
+use crate::scene::{Anim, Override};
 use clap::{Args, ValueEnum};
 
 const HEADING: &str = "Settings (override those of ANIM)";
@@ -141,8 +141,8 @@ impl SettingsArguments {
         settings.reactions |= self.reactions;
     }
 
-    /// Every setting, with its value in `settings`.
-    fn each(&self, settings: &Settings) -> [Setting; 14] {
+    /// Every setting, with its value in `settings`, where `resolution` comes of it.
+    fn each(&self, settings: &Settings, resolution: Resolution) -> [Setting; 14] {
         fn of(
             option: &'static str,
             key: &'static str,
@@ -160,7 +160,7 @@ impl SettingsArguments {
             of("nodes", "nodes", self.nodes, settings.nodes),
             named("scheme", self.scheme.as_ref(), &settings.scheme),
             named("contact", self.contact.as_ref(), &settings.contact),
-            named("resolution", self.resolution.as_ref(), &settings.resolution()),
+            named("resolution", self.resolution.as_ref(), &resolution),
             of("split-tolerance", "split_tolerance", self.split_tolerance, settings.split_tolerance),
             named("curves", self.curves.as_ref(), &settings.curves),
             of("keep", "keep", self.keep, settings.keep),
@@ -172,14 +172,9 @@ impl SettingsArguments {
         ]
     }
 
-    /// Every setting with its value in `settings` and its origin; `in_file` tells whether the animation
+    /// Every setting with its value in `anim` and its origin; `in_file` tells whether the animation
     /// `file` has a key.
-    pub fn explained(
-        &self,
-        settings: &Settings,
-        file: &str,
-        in_file: impl Fn(&str) -> bool,
-    ) -> Vec<Explained> {
+    pub fn explained(&self, anim: &Anim, file: &str, in_file: impl Fn(&str) -> bool) -> Vec<Explained> {
         let overridden = |key: &str| self.set.iter().any(|o| o.name() == format!("anim.settings.{key}"));
         let setting = |setting: Setting| {
             let Setting { option, key, given, value } = setting;
@@ -194,13 +189,13 @@ impl SettingsArguments {
         let others = self.set.iter().filter(|o| !o.name().starts_with("anim.settings."));
         let others =
             others.map(|o| Explained { name: o.name(), value: o.value.to_string(), origin: "--set".into() });
-        self.each(settings).into_iter().map(setting).chain(others).collect()
+        self.each(&anim.settings, anim.resolution()).into_iter().map(setting).chain(others).collect()
     }
 
     /// The options that give the same settings again.
     pub fn to_words(&self) -> Vec<String> {
         let mut words = Vec::new();
-        for Setting { option, given, .. } in self.each(&Settings::default()) {
+        for Setting { option, given, .. } in self.each(&Settings::default(), Resolution::Auto) {
             let Some(value) = given else { continue };
             words.push(format!("--{option}"));
             words.extend(Some(value).filter(|value| !value.is_empty()));
@@ -247,11 +242,10 @@ mod tests {
     fn the_help_states_the_defaults() {
         use clap::CommandFactory;
         let command = Line::command();
-        let each = parsed(&[]).each(&Settings::default());
+        let each = parsed(&[]).each(&Settings::default(), Resolution::Auto);
         let flags = ["accelerations", "normals", "reactions"];
         for Setting { option, value, .. } in each.into_iter().filter(|s| !flags.contains(&s.option)) {
             let argument = command.get_arguments().find(|a| a.get_long() == Some(option)).unwrap();
-            let value = if option == "resolution" { "auto".into() } else { value };
             let help = argument.get_help().unwrap().to_string();
             assert!(help.ends_with(&format!("[default: {value}]")), "{option}: {help}");
         }

@@ -3,6 +3,7 @@
 use super::air_drag::HairDensity;
 use super::guide_frame::GuideFrame;
 use super::hair_volume;
+use super::load;
 use super::sag_free::{self, SagFreeReport};
 use crate::rod::{Rod, RodShape, SegmentSize};
 use crate::scene::anim::ContactSetting;
@@ -32,7 +33,8 @@ impl GuideRods {
     /// The rods of `groom`, which must have its trees. Segments are coarse if nothing is touched.
     pub fn new(groom: &Groom, anim: &Anim) -> Self {
         let contact = anim.settings.contact;
-        let mut simulated = wisp::guide_rods(groom, SegmentSize::FINE);
+        let tip_strain = load::bends_tips(anim);
+        let mut simulated = wisp::guide_rods(groom, SegmentSize::FINE, tip_strain);
         let density =
             HairDensity::new(simulated.iter().map(|r| (groom.guides.curves.curve(r.guide), r.hairs)));
         let guides_only = groom.strands.curves.is_empty();
@@ -44,7 +46,8 @@ impl GuideRods {
             && sampling.is_none();
         let mut fine = Vec::new();
         if alone {
-            fine = std::mem::replace(&mut simulated, wisp::guide_rods(groom, SegmentSize::COARSE));
+            fine =
+                std::mem::replace(&mut simulated, wisp::guide_rods(groom, SegmentSize::COARSE, tip_strain));
         }
         let report = sag_free::apply(&mut simulated, &groom.guides.curves.skin, anim);
         let required = vec![true; simulated.len()];

@@ -17,6 +17,7 @@ pub mod guide_frame;
 pub mod guide_rods;
 mod hair_volume;
 mod integrator;
+pub mod load;
 pub mod model;
 pub mod pinch;
 pub mod reaction;

@@ -7,6 +7,7 @@ use super::environment::Environment;
 use super::goal::AnimatedGoal;
 use super::guide::{ContactMode, GoalSpring, GuideModel};
 use super::guide_rods::GuideRods;
+use super::load;
 use super::strand_contact::BundleProperties;
 use super::tie;
 use super::wisp_friction::{FrictionSampler, WispFriction};
@@ -51,7 +52,10 @@ impl<'a> Model<'a> {
         for (guide, ties) in guides.iter_mut().zip(tie::ties(groom, anim, rods)) {
             guide.ties = ties;
         }
-        let adaptive = anim.settings.resolution() == Resolution::Adaptive;
+        for (guide, loads) in guides.iter_mut().zip(load::loads(groom, anim, rods)) {
+            guide.loads = loads;
+        }
+        let adaptive = anim.resolution() == Resolution::Adaptive;
         Model {
             anim,
             guides,

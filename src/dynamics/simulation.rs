@@ -244,7 +244,7 @@ impl<'a> Simulation<'a> {
         let guides: Vec<GuideState> = model.guides.par_iter().map(start).collect();
         let lengths = |(state, guide): (&GuideState, _)| state.segment_lengths(guide);
         let initial_lengths = guides.iter().zip(&model.guides).map(lengths).collect();
-        let wisps = match anim.settings.resolution() {
+        let wisps = match anim.resolution() {
             Resolution::Full => None,
             _ => {
                 let pull = (env.head)(t).rotation.inverse() * (env.gravity)(t);

@@ -2,7 +2,7 @@
 
 use super::contact_polyline::{on_rod, with_midpoints};
 use crate::rod::RodShape;
-use crate::scene::anim::TiePoint;
+use crate::scene::anim::{GuideSelection, TiePoint};
 use crate::scene::{Anim, Groom};
 use crate::wisp::GuideRod;
 use nalgebra::{Isometry3, Vector3};
@@ -65,16 +65,11 @@ impl Tie {
 pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
     let mut out = vec![Vec::new(); rods.len()];
     let drawn: Vec<Vec<Vector3<f64>>> = rods.iter().map(drawn).collect();
-    let curves = &groom.guides.curves;
     for (of, tie) in anim.ties.iter().enumerate() {
-        let centre = tie.bundle.or(tie.within).map(|(centre, _)| centre);
+        let centre = tie.bundle.or(tie.guides.within).map(|(centre, _)| centre);
         let mut held: Vec<(usize, usize, f64)> = Vec::new();
         for (i, (r, points)) in rods.iter().zip(&drawn).enumerate() {
-            let group = &groom.groups[curves.group[r.guide] as usize].name;
-            let chosen = tie.ids.as_ref().is_none_or(|ids| ids.contains(&curves.id[r.guide]))
-                && tie.group.as_ref().is_none_or(|name| name == group)
-                && tie.within.is_none_or(|(centre, radius)| nearest(points, &centre).2 <= radius);
-            if !chosen {
+            if !selects(&tie.guides, groom, r, points) {
                 continue;
             }
             let place = match (tie.point, centre) {
@@ -105,8 +100,17 @@ pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
     out
 }
 
+/// True if `guides` selects the guide `r` of `groom`, with these points and midpoints in the groom's pose, m.
+pub(super) fn selects(guides: &GuideSelection, groom: &Groom, r: &GuideRod, points: &[Vector3<f64>]) -> bool {
+    let curves = &groom.guides.curves;
+    let group = &groom.groups[curves.group[r.guide] as usize].name;
+    guides.ids.as_ref().is_none_or(|ids| ids.contains(&curves.id[r.guide]))
+        && guides.group.as_ref().is_none_or(|name| name == group)
+        && guides.within.is_none_or(|(centre, radius)| nearest(points, &centre).2 <= radius)
+}
+
 /// Points and midpoints in the groom's pose, rest space, m.
-fn drawn(r: &GuideRod) -> Vec<Vector3<f64>> {
+pub(super) fn drawn(r: &GuideRod) -> Vec<Vector3<f64>> {
     let (mut shape, mut line) = (RodShape::default(), Vec::new());
     shape.update(&r.rod, &r.rod.root.r, &r.rod.initial_q);
     with_midpoints(&r.rod.arc, |k| shape.x(k) + r.rod.root.p, |k| shape.tangent(k), &mut line);

@@ -34,8 +34,10 @@ impl<F: Real> Symmetric<F> {
 struct Composite<F> {
     /// Σ f.
     force: V3<F>,
-    /// Σ x fᵀ.
+    /// Σ x fᵀ, the forces included that exert moments.
     moment: M3<F>,
+    /// Stiffness of moments against rotations.
+    turning: M3<F>,
     /// Σ JᵀBJ with J = (−[x]×, 1), by blocks.
     tt: Symmetric<F>,
     tp: M3<F>,
@@ -49,6 +51,7 @@ impl<F: Real> Composite<F> {
         Composite {
             force: V3::all(zero),
             moment: m,
+            turning: m,
             tt: Symmetric([zero; 6]),
             tp: m,
             pp: Symmetric([zero; 6]),
@@ -72,7 +75,7 @@ impl<F: Real> Composite<F> {
     fn response(&self, geometric: F) -> Response<F> {
         let carried = self.moment - M3::diagonal(self.moment.trace());
         Response {
-            tt: self.tt.full() - carried * geometric,
+            tt: self.tt.full() - (carried - self.turning) * geometric,
             tp: self.tp + M3::hat(self.force) * geometric,
             pt: self.tp,
             pp: self.pp.full(),
@@ -195,6 +198,12 @@ pub(super) fn hessian<F: Real>(
     let mut block = ElementBlock::new(zero);
     for k in (0..core.segments.len()).rev() {
         downstream.add(shape.pose[k + 1].p, &load.springs[k]);
+        if let Some(moment) = load.moments.get(k) {
+            let r = &shape.pose[k + 1].r;
+            let turned = moment.at(r);
+            downstream.moment = downstream.moment + turned.outer(r);
+            downstream.turning = downstream.turning + turned.stiffness();
+        }
         let response = downstream.response(geometric);
         let (segment, psi) = (&core.segments[k], &shape.exponent[k].psi);
         let first = 3 * segment.element;

@@ -53,7 +53,7 @@ impl LumpedSensitivity {
             }
             start = end;
         }
-        twists.pop();
+        twists.truncate(rod.unknowns() / 3);
         let twists = twists.into_iter().map(|[rotation, translation]| NodeTwist { rotation, translation });
         LumpedSensitivity { nodes, twists: twists.collect() }
     }

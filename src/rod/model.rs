@@ -37,6 +37,8 @@ pub struct RodSource<'a> {
     pub natural_strain: Option<Vector3<f64>>,
     /// Bounds on the segments.
     pub segment_size: SegmentSize,
+    /// Whether the tip node has unknowns: a moment there bends and twists it.
+    pub tip_strain: bool,
 }
 
 impl<'a> RodSource<'a> {
@@ -56,6 +58,7 @@ impl<'a> RodSource<'a> {
             taper: Taper::NONE,
             natural_strain: None,
             segment_size: SegmentSize::FINE,
+            tip_strain: false,
         }
     }
 }
@@ -183,13 +186,14 @@ impl Rod {
             weight * source.line_density * lerp_from_one(taper.radius, s / length).powi(2)
         });
         let mass: Vec<f64> = mass.collect();
+        let count = if source.tip_strain { nodes.len() } else { nodes.len() - 1 };
         let initial_q = match source.natural_strain {
-            Some(_) => project(&nodes, &segments, &deviation),
-            None => vec![0.0; 3 * (nodes.len() - 1)],
+            Some(_) => project(&nodes, count, &segments, &deviation),
+            None => vec![0.0; 3 * count],
         };
         let profile = Profile { taper: source.taper, damping: source.damping };
         let core = RodCore {
-            hat: hat_matrix(&nodes, |u| profile.sigma(u)),
+            hat: hat_matrix(&nodes, count, |u| profile.sigma(u)),
             stiffness: source.stiffness,
             prebend: vec![0.0; initial_q.len()],
             length,
@@ -197,7 +201,7 @@ impl Rod {
             mass: mass.iter().sum(),
             segments,
         };
-        let damping = hat_matrix(&nodes, |u| profile.sigma(u) * profile.tau(u));
+        let damping = hat_matrix(&nodes, count, |u| profile.sigma(u) * profile.tau(u));
         Some(Rod { damping, root, arc, mass, weight, initial_q, nodes, core, profile })
     }
 
@@ -213,9 +217,9 @@ impl Rod {
         (3.0 * one.max(two) * SKIN_COMPLIANCE).cbrt()
     }
 
-    /// Number of unknowns: three per node except the tip, where a free end has no deviation.
+    /// Number of unknowns: three per node, except at a tip that bears no moment, where there is no deviation.
     pub fn unknowns(&self) -> usize {
-        3 * (self.nodes.len() - 1)
+        self.core.unknowns()
     }
 
     /// Number of points of the polyline: the number of segments plus one.
@@ -290,9 +294,9 @@ impl Rod {
     /// Multiplies the stiffness given to [`Rod::new`], and the damping with it, by `factor` at each
     /// arc-length fraction.
     pub fn stiffen(&mut self, factor: impl Fn(f64) -> f64) {
-        let profile = self.profile;
-        self.core.hat = hat_matrix(&self.nodes, |u| profile.sigma(u) * factor(u));
-        self.damping = hat_matrix(&self.nodes, |u| profile.sigma(u) * profile.tau(u) * factor(u));
+        let (profile, count) = (self.profile, self.core.hat.len());
+        self.core.hat = hat_matrix(&self.nodes, count, |u| profile.sigma(u) * factor(u));
+        self.damping = hat_matrix(&self.nodes, count, |u| profile.sigma(u) * profile.tau(u) * factor(u));
     }
 
     /// Offsets the natural strain by `strain` (at the nodes, 1/m) from that given to [`Rod::new`].
@@ -303,17 +307,16 @@ impl Rod {
     }
 }
 
-/// L2 projection of a strain given at the Gauss points onto the hat functions of all nodes but the tip.
-fn project(nodes: &[f64], segments: &[Segment<f64>], strain: &[[Vector3<f64>; 2]]) -> Vec<f64> {
-    let n = nodes.len() - 1;
-    let mut rhs = vec![Vector3::zeros(); n + 1];
+/// L2 projection of a strain given at the Gauss points onto the hat functions of the first `n` nodes.
+fn project(nodes: &[f64], n: usize, segments: &[Segment<f64>], strain: &[[Vector3<f64>; 2]]) -> Vec<f64> {
+    let mut rhs = vec![Vector3::zeros(); nodes.len()];
     for (segment, w) in segments.iter().zip(strain) {
         for (w, hat) in w.iter().zip(segment.hat) {
             rhs[segment.element] += w * (hat * segment.h / 2.0);
             rhs[segment.element + 1] += w * ((1.0 - hat) * segment.h / 2.0);
         }
     }
-    solve_hat(&hat_matrix(nodes, |_| 1.0), &mut rhs[..n]);
+    solve_hat(&hat_matrix(nodes, n, |_| 1.0), &mut rhs[..n]);
     rhs[..n].iter().flat_map(|w| [w.x, w.y, w.z]).collect()
 }
 

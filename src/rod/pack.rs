@@ -6,7 +6,7 @@
 
 use super::model::Rod;
 use super::newton::{NewtonOutcome, Solver};
-use super::potential::{Load, PointSpring, StrainSpring};
+use super::potential::{Load, PointMoment, PointSpring, StrainSpring};
 use super::segment::{RodCore, Segment};
 use super::shape::{MagnusExponent, RodShape};
 use crate::math::lanes::{self, Lane, M3, MAX_LANES, Real, Twist, V3};
@@ -206,6 +206,18 @@ impl<F: Real> LaneRods<F> {
             for (into, hold) in load.holds.iter_mut().zip(&task(i).load.holds) {
                 into.stiffness.set(i, hold.stiffness);
                 into.target.set(i, hold.target);
+            }
+        }
+        load.moments.clear();
+        if (0..F::LANES).any(|i| !task(i).load.moments.is_empty()) {
+            load.moments.resize(self.core.segments.len(), PointMoment::none(zero));
+        }
+        for (i, own) in self.own.iter().enumerate() {
+            for (&k, PointMoment { frame: M3([a, b, c]), moment }) in own.iter().zip(&task(i).load.moments) {
+                let PointMoment { frame: M3([x, y, z]), moment: sum } = &mut load.moments[k];
+                for (into, from) in [(x, a), (y, b), (z, c), (sum, moment)] {
+                    (0..3).for_each(|c| into.0[c].set(i, from.0[c]));
+                }
             }
         }
         for (into, from) in [(&mut load.force, 0), (&mut *q, 1), (&mut *other, 2)] {
@@ -418,6 +430,9 @@ mod tests {
         let n = rods[0].unknowns();
         for load in loads.iter_mut().skip(1).step_by(4) {
             load.hold((0..n).map(|a| StrainSpring { stiffness: 1e-8 * (a % 3) as f64, target: a as f64 }));
+        }
+        for (rod, load) in rods.iter().zip(&mut loads).step_by(3) {
+            load.add_moment(rod.points() - 1, &rod.root.r, &Vector3::new(1e-8, -2e-8, 3e-8));
         }
         let (mut solver, mut alone) = (Solver::default(), Vec::new());
         for (rod, load) in rods.iter().zip(&loads) {

@@ -2,14 +2,14 @@
 //!
 //! Inertia, weight and drag are quadratic in the position of a point, so together they act as one spring from
 //! the point to a target: Φ = ½ Σ (x − x̂)ᵀB(x − x̂) + ½ (1 + τ/h) qᵀ𝐊q − force·q, up to a constant. Animated
-//! goals add ½ Σ k (q − q̂)² over the unknowns.
+//! goals add ½ Σ k (q − q̂)² over the unknowns, and moments their work over the rotation in the step (eq. 4.9).
 
 use super::model::Rod;
 use super::segment::RodCore;
 use super::sensitivity::{Sensitivity, exponent_derivatives};
 use super::shape::RodShape;
-use crate::math::lanes::{Real, Twist, V3};
-use nalgebra::Vector3;
+use crate::math::lanes::{M3, Real, Twist, V3};
+use nalgebra::{Matrix3, Vector3};
 
 /// Inertia and drag of one point over a step. Positions relative to the root at the end of the step, world
 /// axes.
@@ -60,6 +60,95 @@ pub struct Load<F = f64> {
     pub(super) force: Vec<F>,
     /// Springs on the unknowns, one for each; empty if there are none.
     pub(super) holds: Vec<StrainSpring<F>>,
+    /// Moments, one for each point but the root; empty if there are none.
+    pub(super) moments: Vec<PointMoment<F>>,
+    /// Moment on the root point, which enters reactions alone, N·m.
+    pub(super) root_moment: V3<F>,
+}
+
+/// A moment on a point that is exact while the point has the frame `frame`: the force that belongs to the
+/// rotation vector from there (`docs/theory.md` eq. 4.9).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PointMoment<F> {
+    pub frame: M3<F>,
+    /// N·m.
+    pub moment: V3<F>,
+}
+
+/// A [`PointMoment`] at another frame.
+pub(super) struct Turned<F> {
+    /// Unit vector of the rotation to there times its sine.
+    axis: V3<F>,
+    /// Angle over sine of the rotation, γ, and its derivatives by 1 minus the cosine.
+    gamma: [F; 3],
+    /// Moment along `axis`.
+    along: F,
+    /// Derivative of `along` by rotations, N·m.
+    slope: V3<F>,
+    /// Forces at the ends of the vectors of the frame that exert the moment, N·m.
+    forces: [V3<F>; 3],
+}
+
+impl<F: Real> PointMoment<F> {
+    pub fn none(zero: F) -> Self {
+        PointMoment { frame: M3::diagonal(zero), moment: V3::all(zero) }
+    }
+
+    /// The moment at the frame `r`.
+    #[inline(always)]
+    pub fn at(&self, r: &M3<F>) -> Turned<F> {
+        let [a, b, c] = self.frame.0;
+        let [p, q, s] = r.0;
+        let half = a.0[0].same(0.5);
+        let axis = (a.cross(p) + b.cross(q) + c.cross(s)) * half;
+        let u = (-(a.dot(p) + b.dot(q) + c.dot(s)) + 3.0) * 0.5;
+        // The series of the angle over its sine, to the fourth order.
+        let gamma = [
+            (((u * (8.0 / 315.0) + 2.0 / 35.0) * u + 2.0 / 15.0) * u + 1.0 / 3.0) * u + 1.0,
+            ((u * (32.0 / 315.0) + 6.0 / 35.0) * u + 4.0 / 15.0) * u + 1.0 / 3.0,
+            (u * (96.0 / 315.0) + 12.0 / 35.0) * u + 4.0 / 15.0,
+        ];
+        let m = self.moment;
+        let across = [m.cross(a) * half, m.cross(b) * half, m.cross(c) * half];
+        let slope = p.cross(across[0]) + q.cross(across[1]) + s.cross(across[2]);
+        let along = m.dot(axis);
+        let pull = along * gamma[1] * -0.5;
+        let forces = [
+            across[0] * gamma[0] + a * pull,
+            across[1] * gamma[0] + b * pull,
+            across[2] * gamma[0] + c * pull,
+        ];
+        Turned { axis, gamma, along, slope, forces }
+    }
+}
+
+impl<F: Real> Turned<F> {
+    /// Work, J, up to a constant.
+    #[inline(always)]
+    pub fn work(&self) -> F {
+        self.along * self.gamma[0]
+    }
+
+    /// Moment, N·m.
+    #[inline(always)]
+    pub fn moment(&self) -> V3<F> {
+        self.slope * self.gamma[0] + self.axis * (self.along * self.gamma[1])
+    }
+
+    /// Σ a fᵀ over the vectors a of the frame `r` and the forces f at their ends.
+    #[inline(always)]
+    pub fn outer(&self, r: &M3<F>) -> M3<F> {
+        let [a, b, c] = self.forces;
+        M3::outer(r.0[0], a) + M3::outer(r.0[1], b) + M3::outer(r.0[2], c)
+    }
+
+    /// Stiffness against rotations because these forces change, N·m.
+    #[inline(always)]
+    pub fn stiffness(&self) -> M3<F> {
+        let Turned { axis, gamma, along, slope, .. } = *self;
+        let both = M3::outer(slope, axis) + M3::outer(axis, slope);
+        (both * gamma[1] + M3::outer(axis, axis) * (along * gamma[2])) * -gamma[0].same(1.0)
+    }
 }
 
 /// A spring that pulls one unknown to a target.
@@ -87,6 +176,8 @@ impl<F: Real> Load<F> {
             root_force: V3::all(zero),
             force: Vec::new(),
             holds: Vec::new(),
+            moments: Vec::new(),
+            root_moment: V3::all(zero),
         }
     }
 }
@@ -110,6 +201,8 @@ impl Load {
         self.force.clone_from(&core.prebend);
         core.add_elastic(&rod.damping, 1.0 / h, past, &mut self.force);
         self.holds.clear();
+        self.moments.clear();
+        self.root_moment = V3::all(0.0);
         self.springs.clear();
         for (k, (point, (weight, mass))) in points.zip(rod.weight.iter().zip(&rod.mass)).enumerate() {
             let (inertia, drag) = (mass / (h * h), point.drag * weight / h);
@@ -160,15 +253,30 @@ impl Load {
         }
     }
 
+    /// Adds the moment `moment`, N·m, world axes, at point `k`. It is exact where the frame of the point is
+    /// `frame`, the same for all moments there, at the end of the step. At the root it acts on the clamp alone.
+    pub fn add_moment(&mut self, k: usize, frame: &Matrix3<f64>, moment: &Vector3<f64>) {
+        let Some(i) = k.checked_sub(1) else {
+            self.root_moment += (*moment).into();
+            return;
+        };
+        self.moments.resize(self.springs.len(), PointMoment::none(0.0));
+        let PointMoment { frame: at, moment: sum } = &mut self.moments[i];
+        (*at, *sum) = (M3::from(*frame), *sum + (*moment).into());
+    }
+
     /// Sum of all forces on the points of a rod in `shape`, N, inertia included, and their moment about the
     /// root, N·m; world axes. Elasticity, internal damping and the springs on the unknowns act within the rod
     /// and add nothing.
     pub fn resultant(&self, shape: &RodShape) -> [Vector3<f64>; 2] {
-        let (mut force, mut moment) = (self.root_force, V3::all(0.0));
+        let (mut force, mut moment) = (self.root_force, self.root_moment);
         for (spring, g) in self.springs.iter().zip(&shape.pose[1..]) {
             let f = spring.force(g.p);
             force += f;
             moment += g.p.cross(f);
+        }
+        for (of, g) in self.moments.iter().zip(&shape.pose[1..]) {
+            moment += of.at(&g.r).moment();
         }
         [force.into(), moment.into()]
     }
@@ -199,6 +307,9 @@ pub(super) fn energy<F: Real>(
     for (q, hold) in q.iter().zip(&load.holds) {
         let off = *q - hold.target;
         e += hold.stiffness * off * off;
+    }
+    for (moment, g) in load.moments.iter().zip(&shape.pose[1..]) {
+        e += moment.at(&g.r).work() * -2.0;
     }
     e * 0.5
 }
@@ -231,6 +342,9 @@ pub(super) fn gradient<F: Real>(
         let f = load.springs[k].force(x);
         force += f;
         torque += x.cross(f);
+        if let Some(moment) = load.moments.get(k) {
+            torque += moment.at(&shape.pose[k + 1].r).moment();
+        }
         let rotational = jacobian.j.transposed(torque) + jacobian.q.transposed(force);
         let translational = jacobian.j.transposed(force);
         wrench[k] = Twist { w: rotational, v: translational };

@@ -47,7 +47,7 @@ pub(super) struct Segment<F> {
 pub(super) struct RodCore<F> {
     /// Segments, root first.
     pub segments: Vec<Segment<F>>,
-    /// ∫ N_i N_i σ ds and ∫ N_i N_{i+1} σ ds for every node i but the tip, m; σ is the stiffness relative to
+    /// ∫ N_i N_i σ ds and ∫ N_i N_{i+1} σ ds for every node i with unknowns, m; σ is the stiffness relative to
     /// the root.
     pub hat: Vec<[F; 2]>,
     /// (E I1, E I2, G J) at the root, N·m².

@@ -63,6 +63,11 @@ impl RodShape {
         self.pose[k].r.0[2].into()
     }
 
+    /// Frame at point `k`: columns d1, d2, d3.
+    pub fn frame(&self, k: usize) -> Matrix3<f64> {
+        self.pose[k].r.into()
+    }
+
     /// Frame and position of every point.
     pub fn poses(&self) -> impl Iterator<Item = Pose> + '_ {
         self.pose.iter().map(|g| Pose { r: g.r.into(), p: g.p.into() })
@@ -193,7 +198,7 @@ impl<F: Real> RodShape<F> {
     }
 }
 
-/// Unknowns of node `i`; zero at the tip.
+/// Unknowns of node `i`; zero at a tip without any.
 #[inline(always)]
 fn node<F: Real>(q: &[F], i: usize) -> V3<F> {
     match q.get(3 * i..3 * i + 3) {

@@ -85,6 +85,9 @@ fn load(rod: &Rod, h: f64) -> Load {
     load.set(rod, h, &Vector3::new(0.3, -9.81, 0.1), &past, points);
     let hold = |i: usize| StrainSpring { stiffness: 1e-9 * (i % 4) as f64, target: 3.0 - i as f64 };
     load.hold((0..rod.unknowns()).map(hold));
+    for k in [1, rod.points() / 2, rod.points() - 1] {
+        load.add_moment(k, &rod.root.r, &(wave(k, 0.7) * 1e-4));
+    }
     load
 }
 

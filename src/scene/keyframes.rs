@@ -43,6 +43,16 @@ impl<const D: usize> Keyframes<D> {
         value.zip_zip_map(&a, &b, |x, a, b| x.max(a.min(b)).min(a.max(b)))
     }
 
+    /// The value at time `t`, s, linear between the keys.
+    pub fn linear_at(&self, t: f64) -> SVector<f64, D> {
+        let (i, n) = (self.times.partition_point(|&key| key <= t), self.times.len());
+        if i == 0 || i == n {
+            return self.values[i.min(n - 1)];
+        }
+        let [a, b] = [self.times[i - 1], self.times[i]];
+        self.values[i - 1].lerp(&self.values[i], (t - a) / (b - a))
+    }
+
     /// Slope at key `i`, 1/s times the unit of the values.
     fn slope(&self, i: usize) -> SVector<f64, D> {
         if i == 0 || i + 1 == self.times.len() {
@@ -70,7 +80,10 @@ mod tests {
         let wind = keyframes(&[(0.0, 1.0), (1.0, 4.0), (1.5, 2.0), (4.0, 2.0)]);
         for (t, value) in wind.times.iter().zip(&wind.values) {
             assert_relative_eq!(wind.at(*t), *value, epsilon = 1e-15);
+            assert_relative_eq!(wind.linear_at(*t), *value, epsilon = 1e-15);
         }
+        assert_relative_eq!(wind.linear_at(1.125), Vector3::new(3.5, -3.5, 1.0), epsilon = 1e-15);
+        assert_eq!([wind.linear_at(-9.0), wind.linear_at(9.0)], [wind.values[0], wind.values[3]]);
         assert_eq!(wind.at(-9.0), wind.values[0]);
         assert_eq!(wind.at(9.0), wind.values[3]);
         assert_eq!(Keyframes::constant(Vector3::x()).at(3.0), Vector3::x());

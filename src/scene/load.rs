@@ -1,7 +1,7 @@
 //! Loads and checks grooms and animations.
 
 use super::anim::file::AnimFile;
-use super::anim::model::Anim;
+use super::anim::model::{Anim, LoadPlace};
 use super::anim::read as anim_reader;
 use super::format::Format;
 use super::goal;
@@ -16,6 +16,7 @@ use super::load_options::LoadOptions;
 use super::placement;
 use super::skin;
 use crate::error::{Diagnostic, Error, Result};
+use crate::math::polyline;
 use std::path::Path;
 
 /// Loads and checks a groom.
@@ -56,7 +57,7 @@ pub fn load_with(groom: &Path, anim: &Path, options: &LoadOptions) -> Result<(Gr
     let loaded_anim = anim_document.and_then(read_anim);
     match (loaded_groom, loaded_anim) {
         (Ok(mut loaded_groom), Ok(mut loaded_anim)) => {
-            let mut diagnostics = check_ties(&loaded_groom, &loaded_anim, anim);
+            let mut diagnostics = check_selections(&loaded_groom, &loaded_anim, anim);
             diagnostics.extend(place(&mut loaded_groom, &mut loaded_anim, anim));
             Error::if_any(diagnostics)?;
             Ok((loaded_groom, loaded_anim))
@@ -99,24 +100,43 @@ fn check_order(first: &Document, groom: &Path, second: &Document, anim: &Path) -
     }
 }
 
-/// Reports the guides and groups that the ties of `anim`, read from `file`, name but `groom` does not have.
-fn check_ties(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
+/// Reports the guides and groups that ties and loads of `anim`, read from `file`, name but `groom` does not
+/// have, and loads beyond the tips of all guides.
+fn check_selections(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
     let mut diagnostics = Vec::new();
-    for (i, tie) in anim.ties.iter().enumerate() {
+    let ties = anim.ties.iter().enumerate().map(|(i, tie)| (format!("ties[{i}]"), &tie.guides));
+    let loads = anim.loads.iter().enumerate().map(|(i, load)| (format!("loads[{i}]"), &load.guides));
+    for (key, guides) in ties.chain(loads) {
         let mut report = |name: &str, message: String, allowed: String, help: &str| {
-            diagnostics.push(Diagnostic::new(file, format!("ties[{i}].{name}"), message, allowed, help));
+            diagnostics.push(Diagnostic::new(file, format!("{key}.{name}"), message, allowed, help));
         };
         let unknown = |id: &&i32| !groom.guides.curves.id.contains(id);
-        let ids: Vec<String> = tie.ids.iter().flatten().filter(unknown).map(i32::to_string).collect();
+        let ids: Vec<String> = guides.ids.iter().flatten().filter(unknown).map(i32::to_string).collect();
         if !ids.is_empty() {
             let message = format!("the groom has no guides with ids {}", ids.join(", "));
             report("ids", message, "ids of guides of the groom".into(), "correct or remove them");
         }
-        if let Some(name) = tie.group.as_ref().filter(|name| groom.groups.iter().all(|g| g.name != **name)) {
+        if let Some(name) = guides.group.as_ref().filter(|name| groom.groups.iter().all(|g| g.name != **name))
+        {
             let message = format!("the groom has no group \"{name}\"");
             let names: Vec<&str> = groom.groups.iter().map(|g| g.name.as_str()).collect();
             let allowed = format!("a group of the groom: \"{}\"", names.join("\", \""));
             report("group", message, allowed, "correct the name");
+        }
+    }
+    let all = &groom.guides.curves;
+    let longest = (0..all.len()).map(|guide| polyline::length(all.curve(guide))).fold(0.0, f64::max);
+    for (i, load) in anim.loads.iter().enumerate() {
+        let (name, from) = match load.place {
+            LoadPlace::Arc(arc) => ("arc_m", arc),
+            LoadPlace::Span([from, _]) => ("span_m", from),
+            LoadPlace::Share(_) | LoadPlace::SpanShare(_) => continue,
+        };
+        if from > longest {
+            let message = format!("{from} m is beyond the tips of all guides");
+            let allowed = format!("up to {longest:.4} m, the length of the longest guide");
+            let help = "correct it, or give it as a share of the length";
+            diagnostics.push(Diagnostic::new(file, format!("loads[{i}].{name}"), message, allowed, help));
         }
     }
     diagnostics

@@ -20,8 +20,8 @@ pub struct GuideRod {
 }
 
 /// The rods of all guides of a groom, in the order of the guides, with a strain node at every section of
-/// their tree.
-pub fn guide_rods(groom: &Groom, segment_size: SegmentSize) -> Vec<GuideRod> {
+/// their tree; with `tip_strain` they may bear moments at their tips.
+pub fn guide_rods(groom: &Groom, segment_size: SegmentSize, tip_strain: bool) -> Vec<GuideRod> {
     let leaves = groom.trees.iter().enumerate().flat_map(|(t, tree)| {
         tree.wisps
             .iter()
@@ -31,7 +31,8 @@ pub fn guide_rods(groom: &Groom, segment_size: SegmentSize) -> Vec<GuideRod> {
     let mut leaves: Vec<_> = leaves.collect();
     leaves.sort_unstable();
     // A validated groom has no guide of zero length, so none is dropped.
-    leaves.into_par_iter().filter_map(|(guide, leaf)| guide_rod(groom, guide, leaf, segment_size)).collect()
+    let rod = |(guide, leaf)| guide_rod(groom, guide, leaf, (segment_size, tip_strain));
+    leaves.into_par_iter().filter_map(rod).collect()
 }
 
 /// The rod of a guide of the wisp `leaf`; `None` if the guide has zero length.
@@ -39,7 +40,7 @@ fn guide_rod(
     groom: &Groom,
     guide: usize,
     leaf: (usize, usize),
-    segment_size: SegmentSize,
+    (segment_size, tip_strain): (SegmentSize, bool),
 ) -> Option<GuideRod> {
     let tree = &groom.trees[leaf.0];
     let wisp = &tree.wisps[leaf.1];
@@ -54,6 +55,7 @@ fn guide_rod(
         taper: Taper { stiffness: m.stiffness_at_tip, radius: m.radius_at_tip, damping: m.damping_at_tip },
         natural_strain: m.natural,
         segment_size,
+        tip_strain,
     })?;
     let hairs = f64::from(wisp.strand_count) / wisp.guides.len() as f64;
     Some(GuideRod { guide, leaf, hairs, material: m, rod })

@@ -10,7 +10,7 @@ use hairbake::dynamics::tie::{self, Tie};
 use hairbake::geometry::Shape;
 use hairbake::rod::{Rod, RodSource, SegmentSize};
 use hairbake::sample::{self, Size, Style};
-use hairbake::scene::anim::TiePoint;
+use hairbake::scene::anim::{GuideSelection, TiePoint};
 use hairbake::scene::{self, Tree};
 use nalgebra::{Isometry3, Vector3};
 
@@ -264,9 +264,7 @@ fn a_tie_holds_hair_at_a_length_that_reaches_it() {
     anim.ties = vec![hairbake::scene::anim::Tie {
         name: "ponytail".into(),
         body: 0,
-        ids: None,
-        group: None,
-        within: None,
+        guides: GuideSelection::default(),
         point: TiePoint::Nearest,
         bundle: Some(bundle),
         times: [f64::NEG_INFINITY, f64::INFINITY],

@@ -205,7 +205,7 @@ fn what_joins_goes_on_as_it_moved() {
 #[test]
 fn every_guide_is_led_by_those_of_coarser_wisps() {
     let (groom, _) = scene(Style::Long, 0);
-    let rods = wisp::guide_rods(&groom, SegmentSize::COARSE);
+    let rods = wisp::guide_rods(&groom, SegmentSize::COARSE, false);
     let drag: Vec<_> = rods.iter().map(|r| vec![1e-5; r.rod.points()]).collect();
     let hierarchy = Hierarchy::new(&groom, &rods, &Vector3::new(0.0, -9.81, 0.0), |i| &drag[i]);
     let coarse = |i: &usize| hierarchy.leaders[*i].is_empty();

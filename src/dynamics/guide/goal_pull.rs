@@ -84,7 +84,7 @@ impl GuideModel {
         if let Some(goal) = &self.animated_goal {
             let (mut pose, weight) = (Vec::new(), goal.weight(t));
             goal.unknowns(t, &mut pose);
-            for (i, s) in self.rod.nodes[..self.rod.nodes.len() - 1].iter().enumerate() {
+            for (i, s) in self.rod.nodes[..q.len() / 3].iter().enumerate() {
                 let weight = weight(s / self.rod.length());
                 (3 * i..3 * i + 3).for_each(|a| q[a] += (pose[a] - q[a]) * weight);
             }
@@ -92,9 +92,9 @@ impl GuideModel {
         q
     }
 
-    /// True if an animated goal has pulled the guide at any time before `t`, s.
+    /// True if the guide has a load, or an animated goal has pulled it at any time before `t`, s.
     pub(in crate::dynamics) fn was_pulled(&self, t: f64) -> bool {
-        self.animated_goal.as_ref().is_some_and(|goal| goal.has_pulled(t))
+        !self.loads.is_empty() || self.animated_goal.as_ref().is_some_and(|goal| goal.has_pulled(t))
     }
 
     /// Adds the pull of the animated goal to the load of the step from `t0` to `t1`, s, that ends with the

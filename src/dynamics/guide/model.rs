@@ -2,6 +2,7 @@
 
 use crate::dynamics::environment::Environment;
 use crate::dynamics::goal::AnimatedGoal;
+use crate::dynamics::load::GuideLoad;
 use crate::dynamics::tie::Tie;
 use crate::geometry::Friction;
 use crate::math::se3::Pose;
@@ -29,6 +30,8 @@ pub struct GuideModel {
     pub animated_goal: Option<AnimatedGoal>,
     /// Places of the strand that are held to bodies.
     pub ties: Vec<Tie>,
+    /// Forces and moments on it.
+    pub loads: Vec<GuideLoad>,
     /// Whether its steps record what holds it ([`GuideModel::reaction`]).
     pub records_reaction: bool,
     /// The place of a skin that carries the root; `None` if the head does.
@@ -70,6 +73,7 @@ impl GuideModel {
             goal: Vec::new(),
             animated_goal: None,
             ties: Vec::new(),
+            loads: Vec::new(),
             records_reaction: false,
             skin: None,
         }

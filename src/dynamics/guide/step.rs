@@ -6,6 +6,7 @@ use super::state::GuideState;
 use crate::dynamics::air_drag;
 use crate::dynamics::environment::Environment;
 use crate::dynamics::integrator::DifferenceFormula;
+use crate::dynamics::load::GuideLoad;
 use crate::dynamics::reaction::GuideReaction;
 use crate::dynamics::step_record::StepRecord;
 use crate::math::se3::Pose;
@@ -253,7 +254,18 @@ impl GuideModel {
             load.add_spring(k, &(root.r * spring.anchor), stiffness);
         }
         state.transient.hair_force.iter().enumerate().for_each(|(k, f)| load.add_force(k, f));
+        self.add_loads(state, t1, &root, scratch);
         root
+    }
+
+    /// Adds the forces and moments on the guide to the load of a step that ends at time `t`, s, with the root at
+    /// `root`. Where they turn with the rod, it is as at the start of the step, carried by the root.
+    fn add_loads(&self, state: &GuideState, t: f64, root: &Pose, scratch: &mut GuideScratch) {
+        let GuideScratch { solver, load, .. } = scratch;
+        if self.loads.iter().any(GuideLoad::needs_frames) {
+            solver.shape.update(&self.rod, &root.r, &state.q[0]);
+        }
+        self.loads.iter().for_each(|of| of.add(t, &solver.shape, load));
     }
 
     /// Returns to the start of the sub-step from `t[0]` to `t[1]`, s, that was just taken whole, and reopens

@@ -93,8 +93,8 @@ impl AdaptiveTree {
         self.packs.len() as u32
     }
 
-    /// True if an animated goal has pulled guide `i`, or one that it would follow, at any time before `t`, s:
-    /// it must move by itself. Leaders that are led tell nothing of the motion of one that is not.
+    /// True if guide `i`, or one that it would follow, has a load, or an animated goal has pulled it at any time
+    /// before `t`, s: it must move by itself. Leaders that are led tell nothing of the motion of one that is not.
     fn is_led(&self, models: &[GuideModel], i: usize, t: f64) -> bool {
         let mut guides = self.motion.hierarchy.leaders[i].iter().map(|(leader, _)| *leader).chain([i]);
         guides.any(|guide| models[guide].was_pulled(t))

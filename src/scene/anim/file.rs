@@ -53,6 +53,9 @@ pub struct AnimFile {
     /// Ties that hold hair to bodies: hair ties, clips, ends of braids.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ties: Vec<TieFile>,
+    /// Forces and moments on guides.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub loads: Vec<LoadFile>,
     /// Animated curves that guides are pulled to.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub goals: Vec<GoalFile>,
@@ -249,6 +252,62 @@ pub struct TieFile {
     /// First and last frame at which the tie holds; may be fractional. Default: always.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<[f64; 2]>,
+}
+
+/// A force and a moment on each of some guides, at a place or spread over a part of the length. Selects the
+/// guides that match all of `ids`, `group` and `within` that are given; all guides if none is. They act on a
+/// guide as a single hair. A guide with a load moves by itself and follows no wisp.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct LoadFile {
+    /// Unique name.
+    pub name: String,
+    /// Selects guides by their ids.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ids: Option<Vec<i32>>,
+    /// Selects the guides of a group, by its name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub group: Option<String>,
+    /// Selects the guides that enter a ball in the groom's pose.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub within: Option<BallFile>,
+    /// Where a point load acts: arc length from the root, m. Shorter guides bear none. Default, without the
+    /// other places: the tip.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
+    pub arc_m: Option<f64>,
+    /// The same place as a share of the length from the root; 1 is the tip.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub arc_share: Option<f64>,
+    /// Where a spread load acts: from one arc length to another, m. Ends at the tip of shorter guides.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(inner(range(min = 0.0)))]
+    pub span_m: Option<[f64; 2]>,
+    /// The same part as shares of the length.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
+    pub span_share: Option<[f64; 2]>,
+    /// Force, N; of a spread load, N/m. Linear between the keys. Default 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub force_n: Option<KeyframesFile>,
+    /// Moment, N m; of a spread load, N m per m. Linear between the keys. Default 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moment_n_m: Option<KeyframesFile>,
+    /// Axes of force and moment. Default "world".
+    #[serde(default)]
+    pub axes: LoadAxes,
+}
+
+/// Axes of a load.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum LoadAxes {
+    /// Those of this file, which do not turn with the hair.
+    #[default]
+    World,
+    /// The two axes of the section and the tangent, at the place of the load: it turns with the hair.
+    Material,
 }
 
 /// A ball in the rest space of the groom, scene units.
@@ -470,6 +529,7 @@ impl AnimFile {
             colliders: Vec::new(),
             skins: Vec::new(),
             ties: Vec::new(),
+            loads: Vec::new(),
             goals: Vec::new(),
             gravity_m_s2: None,
             wind: Vec::new(),

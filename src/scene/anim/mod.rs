@@ -10,7 +10,9 @@ pub mod settings_file;
 
 pub use super::keyframes::Keyframes;
 pub use super::track::Track;
-pub use file::{AnimFile, GoalSpace};
+pub use file::{AnimFile, GoalSpace, LoadAxes};
 pub use goal::{Goal, GoalCurves, GoalPull};
-pub use model::{Anim, Body, Collider, GRAVITY, MAX_FRAMES, Tie, TiePoint, Wind};
+pub use model::{
+    Anim, Body, Collider, GRAVITY, GuideSelection, Load, LoadPlace, MAX_FRAMES, Tie, TiePoint, Wind,
+};
 pub use settings::{ContactSetting, OutputCurves, Resolution, Scheme, Settings};

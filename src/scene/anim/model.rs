@@ -1,7 +1,8 @@
 //! The animation: bodies on tracks, colliders, ties, wind, forces, settings. SI units, Y up, world space.
 
+use super::file::LoadAxes;
 use super::goal::Goal;
-use super::settings::Settings;
+use super::settings::{Resolution, Settings};
 use crate::geometry::{Deformation, Friction, Shape};
 use crate::scene::keyframes::Keyframes;
 use crate::scene::origin::Origin;
@@ -37,6 +38,8 @@ pub struct Anim {
     pub reference: Option<Track>,
     /// Ties that hold guides to bodies: hair ties, clips, ends of braids.
     pub ties: Vec<Tie>,
+    /// Forces and moments on guides.
+    pub loads: Vec<Load>,
     /// Animated curves that guides are pulled to.
     pub goals: Vec<Goal>,
     /// Gravity, m/s².
@@ -49,6 +52,17 @@ pub struct Anim {
     pub over: Option<OverSource>,
     /// Simulation settings.
     pub settings: Settings,
+}
+
+impl Anim {
+    /// Which guides are simulated; never [`Resolution::Auto`].
+    pub fn resolution(&self) -> Resolution {
+        match self.settings.resolution {
+            // Strands that follow a wisp do not bend at their tips.
+            Resolution::Auto if self.loads.iter().any(Load::has_moment) => Resolution::Full,
+            _ => self.settings.resolution(),
+        }
+    }
 }
 
 /// A rigid body on a track. A point p of rest space is at [`Track::pose`] · p in the world.
@@ -86,13 +100,8 @@ pub struct Tie {
     pub name: String,
     /// Body that holds the guides: index into [`Anim::bodies`].
     pub body: usize,
-    /// Ids of the guides selected; `None` for all.
-    pub ids: Option<Vec<i32>>,
-    /// Group of the guides selected; `None` for all.
-    pub group: Option<String>,
-    /// Selects the guides that enter this ball in the groom's pose: centre and radius, m, rest space; `None`
-    /// for all.
-    pub within: Option<(Vector3<f64>, f64)>,
+    /// The guides.
+    pub guides: GuideSelection,
     /// The point of each guide that is held.
     pub point: TiePoint,
     /// Bundle in which the held points are gathered: centre and radius, m, rest space of the body; `None`
@@ -100,6 +109,54 @@ pub struct Tie {
     pub bundle: Option<(Vector3<f64>, f64)>,
     /// First and last time at which it holds, s.
     pub times: [f64; 2],
+}
+
+/// Some guides: those that match all that is given.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct GuideSelection {
+    /// Their ids; `None` for all.
+    pub ids: Option<Vec<i32>>,
+    /// Their group; `None` for all.
+    pub group: Option<String>,
+    /// A ball that they enter in the groom's pose: centre and radius, m, rest space; `None` for all.
+    pub within: Option<(Vector3<f64>, f64)>,
+}
+
+/// A force and a moment on each of some guides.
+#[derive(Debug, Clone)]
+pub struct Load {
+    /// Unique name.
+    pub name: String,
+    /// The guides.
+    pub guides: GuideSelection,
+    /// Where it acts.
+    pub place: LoadPlace,
+    /// Force over time, N, or N/m of a spread load.
+    pub force: Keyframes,
+    /// Moment over time, N·m, or N of a spread load.
+    pub moment: Keyframes,
+    /// Axes of both.
+    pub axes: LoadAxes,
+}
+
+impl Load {
+    /// True if its moment is not always zero.
+    pub fn has_moment(&self) -> bool {
+        self.moment.values.iter().any(|value| *value != Vector3::zeros())
+    }
+}
+
+/// Where on a guide a load acts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LoadPlace {
+    /// At an arc length from the root, m.
+    Arc(f64),
+    /// At a share of the length.
+    Share(f64),
+    /// Spread from one arc length to another, m.
+    Span([f64; 2]),
+    /// Spread from one share of the length to another.
+    SpanShare([f64; 2]),
 }
 
 /// The point of a guide that a tie holds.

@@ -173,6 +173,38 @@ def test_normals_turn_with_twist(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout
 
 
+@needs_hairbake
+def test_loads_act_on_the_strands_that_they_name(tmp_path: Path) -> None:
+    rod = Rod(length=0.1, damping=0.02)
+    strands = [Strand(rod, straight(rod, (1, 0, 0)), HORIZONTAL)] * 3
+    circle = 2 * np.pi * rod.bending[0] / rod.length
+    pull = 2 * rod.bending[0] / rod.length**2
+    ramp = {"frames": [-40, -20], "values": [[0, 0, 0], [0, 0, circle]]}
+    loads = [
+        {"name": "roll", "ids": [0], "moment_n_m": ramp},
+        {"name": "rest", "group": "g1", "span_share": [0, 1], "force_n": [0, -pull / rod.length, 0]},
+    ]
+    settings = {"reactions": True, "resolution": "full", "scheme": "backward-euler"}
+    scene = Scene(
+        strands,
+        frames=2,
+        preroll=60.0,
+        substeps=1,
+        fps=1.0,
+        gravity=(0, 0, 0),
+        loads=loads,
+        settings=settings,
+    )
+    motion = simulate(scene)
+    tips = np.array([points[-1, -1] for points in motion.points])
+    assert np.linalg.norm(tips[0]) < 1e-4 * rod.length
+    assert tips[1, 1] < -0.2 * rod.length
+    assert np.allclose(tips[2], [rod.length, 0, 0], atol=1e-7)
+    assert motion.clamp_forces is not None and motion.clamp_moments is not None
+    assert np.abs(motion.clamp_moments[-1, 0] + [0, 0, circle]).max() < 1e-5 * circle
+    assert np.abs(motion.clamp_forces[-1, 1] - [0, pull, 0]).max() < 1e-5 * pull
+
+
 def test_options_become_arguments() -> None:
     options: dict[str, hairbake.Option] = {
         "split_tolerance": 0.02,

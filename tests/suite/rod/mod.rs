@@ -2,6 +2,7 @@
 
 mod allocations;
 mod dynamics;
+mod loads;
 mod planar;
 mod reactions;
 mod robustness;

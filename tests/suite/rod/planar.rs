@@ -20,6 +20,8 @@ pub struct PlanarRod {
 pub struct PlanarState {
     /// Position, m.
     pub x: Vector2<f64>,
+    /// Angle of the tangent, rad.
+    pub angle: f64,
     /// Moment that the part beyond exerts, N·m.
     pub moment: f64,
 }
@@ -28,7 +30,7 @@ impl PlanarRod {
     /// The tip where the clamp sees the moment `moment`, N·m, of the rod, and the tip the force `end`, N:
     /// θ' = κ + m/EI, m' = n × t with n = T − w (L − s) e_y, by the Runge-Kutta method.
     pub fn tip(&self, moment: f64, end: Vector2<f64>) -> PlanarState {
-        const STEPS: usize = 2000;
+        const STEPS: usize = 400;
         let slope = |s: f64, y: [f64; 4]| {
             let [_, _, angle, moment] = y;
             let t = Vector2::new(angle.cos(), angle.sin());
@@ -46,17 +48,22 @@ impl PlanarRod {
             let d = slope(s + h, moved(y, c, h));
             y = std::array::from_fn(|i| y[i] + h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i]));
         }
-        PlanarState { x: Vector2::new(y[0], y[1]), moment: y[3] }
+        PlanarState { x: Vector2::new(y[0], y[1]), angle: y[2], moment: y[3] }
     }
 
     /// Moment at the clamp, N·m, and the tip of a rod with the force `end`, N, and the moment `end_moment`, N·m,
     /// at its tip.
     pub fn loaded(&self, end: Vector2<f64>, end_moment: f64) -> (f64, PlanarState) {
-        let off = |m: &DVector<f64>| {
-            let unit = self.bending / self.length;
-            DVector::from_vec(vec![(self.tip(m[0] * unit, end).moment - end_moment) / unit])
-        };
-        let moment = root(DVector::zeros(1), off)[0] * self.bending / self.length;
+        const PARTS: i32 = 10;
+        let unit = self.bending / self.length;
+        let mut moment = DVector::zeros(1);
+        for part in (1..=PARTS).map(|k| f64::from(k) / f64::from(PARTS)) {
+            moment = root(moment, |m| {
+                let tip = self.tip(m[0] * unit, end * part);
+                DVector::from_vec(vec![tip.moment / unit - end_moment / unit * part])
+            });
+        }
+        let moment = moment[0] * unit;
         (moment, self.tip(moment, end))
     }
 

@@ -1,5 +1,7 @@
 //! What the readers of all sections share.
 
+use crate::scene::anim::file::BallFile;
+use crate::scene::anim::model::GuideSelection;
 use crate::scene::convention::Convention;
 use crate::scene::json::buffers::Buffers;
 use crate::scene::json::diagnostics::Diagnostics;
@@ -43,6 +45,19 @@ impl Context<'_> {
             self.diagnostics.add(key, message, allowed, "correct the name, or add the body");
         }
         found
+    }
+
+    /// The guides that these keys select.
+    pub fn selection(
+        &self,
+        ids: Option<Vec<i32>>,
+        group: Option<String>,
+        within: Option<BallFile>,
+    ) -> GuideSelection {
+        let ball = |BallFile { centre, radius }| {
+            (self.convention.length_in(centre.into()), radius * self.convention.metres_per_unit)
+        };
+        GuideSelection { ids, group, within: within.map(ball) }
     }
 
     /// The unit quaternion at `key`.

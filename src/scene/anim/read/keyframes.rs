@@ -5,12 +5,23 @@ use crate::scene::anim::file::{KeyframesFile, NumberKeyframesFile, RampFile};
 use crate::scene::json::diagnostics::MAX_REPORTED;
 use crate::scene::json::key::Key;
 use crate::scene::keyframes::Keyframes;
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector3};
 
-/// The vector over time at `key`.
+/// The vector over time at `key`, in the axes of the file.
 pub fn keyframes(context: &mut Context, key: &Key, file: KeyframesFile) -> Option<Keyframes> {
-    let (convention, fps) = (context.convention, context.fps);
-    let value = |v: [f64; 3]| convention.direction_in(v.into());
+    let convention = context.convention;
+    vectors(context, key, file, |v| convention.direction_in(v))
+}
+
+/// The vector over time at `key`, each value converted by `value`.
+pub fn vectors(
+    context: &mut Context,
+    key: &Key,
+    file: KeyframesFile,
+    value: impl Fn(Vector3<f64>) -> Vector3<f64>,
+) -> Option<Keyframes> {
+    let fps = context.fps;
+    let value = |v: [f64; 3]| value(v.into());
     match file {
         KeyframesFile::Constant(v) => Some(Keyframes::constant(value(v))),
         KeyframesFile::Keys { frames, values } => {

@@ -7,6 +7,7 @@ mod context;
 mod deformation;
 mod goals;
 mod keyframes;
+mod loads;
 mod samples;
 mod ties;
 mod track;
@@ -37,6 +38,7 @@ pub const DEPENDENCIES: &[(&str, &str)] = &[
     ("colliders", "bodies"),
     ("skins", "colliders"),
     ("ties", "bodies"),
+    ("loads", "fps"),
     ("goals", "buffers"),
     ("goals", "fps"),
     ("goals", "frames"),
@@ -69,6 +71,7 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
     let colliders = colliders::colliders(&mut context, file.colliders, &names, head);
     let skins = skins(&mut context, &file.skins, &collider_names, &colliders);
     let ties = ties::ties(&mut context, file.ties, &names, head);
+    let loads = loads::loads(&mut context, file.loads);
     let goals = goals::goals(&mut context, file.goals);
     let wind: Vec<_> = file
         .wind
@@ -106,6 +109,7 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
         skins: skins?,
         reference: None,
         ties: ties.into_iter().collect::<Option<_>>()?,
+        loads: loads.into_iter().collect::<Option<_>>()?,
         goals: goals.into_iter().collect::<Option<_>>()?,
         gravity: file.gravity_m_s2.map_or(Vector3::y() * -GRAVITY, |g| convention.direction_in(g.into())),
         wind: wind.into_iter().collect::<Option<_>>()?,

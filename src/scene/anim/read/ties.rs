@@ -35,9 +35,7 @@ pub fn ties(
         Some(Tie {
             name: file.name,
             body: body?,
-            ids: file.ids,
-            group: file.group,
-            within: file.within.map(|within| ball(within.centre, within.radius)),
+            guides: context.selection(file.ids, file.group, file.within),
             point,
             bundle: file.at.map(|at| ball(at, file.radius)),
             times: file.frames.map_or(always, |frames| frames.map(|frame| frame / context.fps)),
