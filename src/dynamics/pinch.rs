@@ -19,6 +19,13 @@ const PLACES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 /// How much nearer than in the groom a root is to a body that swallows it, m: bodies that carry roots stay.
 const APPROACH: f64 = 1e-3;
 
+/// What may lack of a distance, m: contact removes this much by itself.
+const SMALL: f64 = 2e-5;
+
+/// Time constant in which a guide that a step has left inside a body comes out, s. Sooner it is thrown; later,
+/// it is inside for longer.
+const RETURN: f64 = 0.05;
+
 /// A guide among bodies that move over a step.
 pub(super) struct Pinch<'a> {
     pub bodies: &'a Bodies,
@@ -69,6 +76,39 @@ impl Pinch<'_> {
         }
         by_part |= self.lower_between(&asked, clearance);
         Room { lacks: asked != clearance, by_part }
+    }
+
+    /// Lowers `clearance` where the guide is nearer to a body that deforms, or to any if it is `pinched`, or deeper
+    /// in it, than that: to where it is at the start of the step, and from there a share of the way that is the step's share of [`RETURN`]. Returns
+    /// whether any is lowered.
+    pub fn lower_where_inside(&self, pinched: bool, by_part: bool, clearance: &mut [[f64; 2]]) -> bool {
+        let segments = self.x0.len() - 1;
+        let mut lowered = false;
+        for (b, motion) in self.motions.iter().enumerate() {
+            if !(pinched || self.bodies.bodies[b].solid.deforms()) {
+                continue;
+            }
+            let share = ((motion.times[1] - motion.times[0]) / RETURN).min(1.0);
+            let of_body = &mut clearance[b * segments..][..segments];
+            for (i, x) in self.x0.iter().enumerate() {
+                // The ends of the segments that meet there.
+                let mut ends = of_body.as_flattened_mut();
+                ends = &mut ends[(2 * i).saturating_sub(1)..(2 * i + 1).min(2 * segments)];
+                let asked = ends.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                if asked == f64::NEG_INFINITY {
+                    continue;
+                }
+                let Some(on) = self.closest(b, Moment::Start, x) else { continue };
+                let part = if by_part { self.facing(b, Moment::Start, x, &on) } else { None };
+                let distance = part.map_or(on.distance, |part| part.distance.min(on.distance));
+                if distance < asked - SMALL {
+                    lowered = true;
+                    let keep = distance + share * (asked - distance);
+                    ends.iter_mut().for_each(|end| *end = end.min(keep));
+                }
+            }
+        }
+        lowered
     }
 
     /// Lowers the distances from body `b` near a root that the body has swallowed. Returns whether a part of
@@ -264,5 +304,46 @@ impl Simulation<'_> {
             asked.iter().zip(&lowered).filter(inside).count()
         };
         self.active().filter(|&i| self.state.guides[i].pinched).map(segments).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dynamics::clearance::GroomPose;
+    use crate::geometry::Shape;
+
+    #[test]
+    fn a_guide_inside_keeps_the_depth_that_it_has_and_comes_out_in_time() {
+        let bodies = Bodies::from_shapes(&[Shape::Plane { point: Vector3::zeros(), normal: Vector3::y() }]);
+        let line = |heights: [f64; 5]| {
+            let point = |(k, y): (usize, &f64)| Vector3::new(0.01 * k as f64, *y, 0.0);
+            heights.iter().enumerate().map(point).collect::<Vec<_>>()
+        };
+        let (keep, poses) = (5e-4, &[Isometry3::identity()]);
+        let drawn = GroomPose { bodies: &bodies, t: 0.0, poses, thickness: &[keep], x: &line([1e-3; 5]) };
+        // Beside, at the distance to keep up to rounding, nearer, and inside.
+        let x = line([1e-3, keep - 1e-9, 2e-4, -3e-3, 1e-3]);
+        let asked = [[f64::NEG_INFINITY; 2], [keep; 2], [keep; 2], [keep; 2]];
+        let lowered_if = |pinched: bool, x: &[Vector3<f64>], h: f64| {
+            let motion =
+                BodyMotion { times: [0.0, h], start: Isometry3::identity(), end: Isometry3::identity() };
+            let root = Pose { r: nalgebra::Matrix3::identity(), p: x[0] };
+            let at_rest = &Clearance::new(&drawn);
+            let pinch = Pinch { bodies: &bodies, motions: &[motion], x0: x, root: &root, at_rest };
+            let mut clearance = asked;
+            pinch.lower_where_inside(pinched, false, &mut clearance).then_some(clearance)
+        };
+        let lowered = |x: &[Vector3<f64>], h: f64| lowered_if(true, x, h);
+        assert_eq!(lowered(&line([1e-3; 5]), 0.005), None);
+        // A rigid body that does not pinch it is kept out of.
+        assert_eq!(lowered_if(false, &x, 0.005), None);
+        let found = lowered(&x, 0.1 * RETURN).unwrap();
+        let (near, deep) = (2e-4 + 0.1 * 3e-4, -3e-3 + 0.1 * 3.5e-3);
+        let expected = [asked[0], [keep, near], [near, deep], [deep, keep]];
+        let off = |(a, b): (&f64, &f64)| if a == b { 0.0 } else { (a - b).abs() };
+        let worst = found.as_flattened().iter().zip(expected.as_flattened()).map(off).fold(0.0, f64::max);
+        assert!(worst < 1e-12, "{found:?}");
+        assert_eq!(lowered(&x, 2.0 * RETURN), Some(asked));
     }
 }

@@ -21,8 +21,8 @@ pub(super) use scratch::BodyContactScratch;
 pub(super) use tolerances::{GAP_TOLERANCE, MAX_MOVE};
 use tolerances::{REACTION_TOLERANCE, SPRING_COMPLIANCE, SPRING_TOLERANCE};
 
-/// Rounds of detection, solve and motion in one step.
-const MAX_ROUNDS: u32 = 30;
+/// Rounds of detection, solve and motion in one step: if it can be halved, and if it can not.
+const MAX_ROUNDS: [u32; 2] = [30, 60];
 
 /// Rounds after which contacts stay in the problem, new ones are only added, and the motion must decrease the
 /// potential. Contacts that turn, appear or vanish every round may never converge.
@@ -46,6 +46,9 @@ const UNLIMITED_ROUNDS: u32 = 20;
 
 /// Largest residual of the reactions at convergence: after a first converged round, and after a second.
 const MAX_RESIDUALS: [f64; 2] = [3e-6, 1e-4];
+
+/// Residual of the reactions above which a step is halved.
+const HALVED_RESIDUAL: f64 = 1e-3;
 
 /// Convergence of the rounds of one step.
 struct Convergence {
@@ -96,7 +99,8 @@ impl BodyContact<'_> {
         scratch: &mut BodyContactScratch,
     ) -> bool {
         let mut state = Convergence::new();
-        for round in 0..=MAX_ROUNDS {
+        let rounds = MAX_ROUNDS[usize::from(last)];
+        for round in 0..=rounds {
             scratch.detection.frozen = round >= FREEZE_ROUNDS;
             let clear = self.find(solver, contact_cache, scratch);
             let at_rest = state.at_rest();
@@ -109,7 +113,7 @@ impl BodyContact<'_> {
             let enough = kept || at_rest && bearable;
             let accurate = scratch.stats.residual <= MAX_RESIDUALS[usize::from(state.converged)];
             state.converged = at_rest;
-            if round == MAX_ROUNDS || (clear && settled && accurate && enough) {
+            if round == rounds || (clear && settled && accurate && enough) {
                 self.record(scratch);
                 let acceptable = (free || settled) && bearable;
                 let taken = clear && acceptable && (settled && lawful || self.gains_no_speed(scratch));
@@ -118,7 +122,8 @@ impl BodyContact<'_> {
                     // The last residual belongs to the start of the round.
                     scratch.stats.residual = self.residual(q, solver, scratch);
                 }
-                return taken && (settled || last);
+                let accurate = scratch.stats.residual <= HALVED_RESIDUAL;
+                return taken && (settled && accurate || last);
             }
             scratch.stats.rounds = round + 1;
             if !self.solve_round(free, q, solver, scratch) {

@@ -7,7 +7,7 @@ use crate::contact::BodyMotion;
 use crate::dynamics::body_contact::{BodyContact, BodyContactScratch};
 use crate::dynamics::contact_polyline::with_midpoints;
 use crate::dynamics::environment::Environment;
-use crate::dynamics::pinch::{Pinch, Room};
+use crate::dynamics::pinch::Pinch;
 use crate::math::se3::Pose;
 use crate::rod::newton::Solver;
 use nalgebra::Vector3;
@@ -103,8 +103,13 @@ impl GuideModel {
             root: &self.root(env, t1),
             at_rest: &state.clearance,
         };
-        let room = if state.pinched { pinch.lower(&mut inputs.clearance) } else { Room::default() };
-        (inputs.pinched, inputs.by_part) = (room.lacks || room.by_part, room.by_part);
+        (inputs.pinched, inputs.by_part) = (false, false);
+        if state.pinched {
+            let room = pinch.lower(&mut inputs.clearance);
+            let pinched = room.lacks || state.transient.was_pinched;
+            let inside = pinch.lower_where_inside(pinched, room.by_part, &mut inputs.clearance);
+            (inputs.pinched, inputs.by_part) = (room.lacks || room.by_part || inside, room.by_part);
+        }
     }
 
     /// The contact problem of the prepared step, and what its solution changes.

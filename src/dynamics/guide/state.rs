@@ -82,6 +82,8 @@ pub(super) struct Transient {
     pub reaction: Option<GuideReaction>,
     /// Where bodies were last found: shortens searches and changes no result.
     pub contact_cache: crate::contact::ContactCache,
+    /// [`GuideState::is_pinched`] at the start of the sub-step.
+    pub was_pinched: bool,
 }
 
 /// A pose in which a guide may start.
@@ -236,6 +238,7 @@ impl GuideState {
         let [now, one, two] = &mut self.q;
         two.copy_from_slice(one);
         one.copy_from_slice(now);
+        self.transient.was_pinched = self.pinched;
     }
 
     /// Adds the end of sub-step `k` of the `n` of a frame, from 1, to the unknowns half-way through it.
