@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -180,7 +181,7 @@ def test_loads_act_on_the_strands_that_they_name(tmp_path: Path) -> None:
     circle = 2 * np.pi * rod.bending[0] / rod.length
     pull = 2 * rod.bending[0] / rod.length**2
     ramp = {"frames": [-40, -20], "values": [[0, 0, 0], [0, 0, circle]]}
-    loads = [
+    loads: list[dict[str, Any]] = [
         {"name": "roll", "ids": [0], "moment_n_m": ramp},
         {"name": "rest", "group": "g1", "span_share": [0, 1], "force_n": [0, -pull / rod.length, 0]},
     ]
