@@ -151,7 +151,7 @@ fn coulomb(bencher: Bencher, n: usize) {
     let b: Vec<f64> = (0..rows).map(|i| (0..freedoms).map(|j| entry(i, j) * entry(j, 7)).sum()).collect();
     let laws = vec![Law::Coulomb(0.3.into()); n];
     let problem = FrictionProblem { w: &w, b: &b, laws: &laws };
-    let tolerance = FrictionTolerance { residual: 1e-6, sweeps: 500 };
+    let tolerance = FrictionTolerance { residual: 1e-6, sweeps: 500, continuation: true };
     let (mut r, mut scratch) = (vec![0.0; rows], FrictionScratch::default());
     bencher.bench_local(|| {
         r.fill(0.0);

@@ -12,6 +12,7 @@
 //! Both depend only on where the bodies are, and continuously so: nothing snaps when a body closes or opens.
 
 use crate::math::smoothstep;
+use nalgebra::Vector3;
 
 /// Cosine of the angle between two outward normals, negated: surfaces that hair can leave sideways, as in a
 /// groove, up to the first, and opposite surfaces from the second.
@@ -36,8 +37,21 @@ const RADIUS: f64 = 0.01;
 /// Sine of the angle to the surface at which it then leaves.
 const RISE: f64 = 0.5;
 
+/// Least share of a unit normal across the strand that counts as a direction: what is pressed on its tip has
+/// none.
+const ACROSS: f64 = 0.3;
+
+/// Cosine of the angle between two unit `normals`, or between them as seen along a strand in the direction
+/// `along`, of any length, whichever is less: a strand that runs out of a groove cannot leave it that way.
+pub fn cosine(along: &Vector3<f64>, normals: [&Vector3<f64>; 2]) -> f64 {
+    let t = along.try_normalize(0.0).unwrap_or_default();
+    let [a, b] = normals.map(|n| n - t * n.dot(&t));
+    let across = a.dot(&b) / (a.norm().max(ACROSS) * b.norm().max(ACROSS));
+    across.min(normals[0].dot(normals[1]))
+}
+
 /// What each of two surfaces yields of the distances to `keep` from them, m, ≥ 0, at a place with these
-/// signed distances, m. `cosine` is that of the angle between their outward normals.
+/// signed distances, m. `cosine` is that of the angle between their outward normals ([`cosine`]).
 pub fn yielded(keep: [f64; 2], distance: [f64; 2], cosine: f64) -> f64 {
     let lack = keep[0] + keep[1] + PLAY - distance[0] - distance[1];
     0.5 * lack.max(0.0) * smoothstep(OPPOSITE, -cosine)
@@ -67,6 +81,21 @@ mod tests {
         }
         // A place in both of two bodies that face the same way has a way out.
         assert_eq!(yielded(keep, [-0.01, -0.01], 0.3), 0.0);
+    }
+
+    #[test]
+    fn a_strand_does_not_leave_a_groove_that_it_runs_out_of() {
+        let (a, b) = (Vector3::new(0.8, 0.6, 0.0), Vector3::new(0.8, -0.6, 0.0));
+        let of = |along: Vector3<f64>| cosine(&along, [&a, &b]);
+        // Out of the groove between the two, in it, and in no direction.
+        assert!((of(Vector3::x() * 3.0) + 1.0).abs() < 1e-12);
+        assert!((of(Vector3::z()) - 0.28).abs() < 1e-12);
+        assert_eq!(of(Vector3::zeros()), a.dot(&b));
+        // From one surface to the other, which has no direction across it.
+        assert_eq!(cosine(&Vector3::x(), [&Vector3::x(), &-Vector3::x()]), -1.0);
+        // Pressed on its tip, it has next to none.
+        let end_on = [Vector3::new(0.999, 0.045, 0.0), Vector3::new(0.999, -0.045, 0.0)];
+        assert!(cosine(&Vector3::x(), [&end_on[0], &end_on[1]]) > -0.03);
     }
 
     #[test]

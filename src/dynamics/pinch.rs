@@ -22,9 +22,9 @@ const APPROACH: f64 = 1e-3;
 /// What may lack of a distance, m: contact removes this much by itself.
 const SMALL: f64 = 2e-5;
 
-/// Time constant in which a guide that a step has left inside a body comes out, s. Sooner it is thrown; later,
-/// it is inside for longer.
-const RETURN: f64 = 0.05;
+/// Time constant in which a guide that a step has left inside a body comes out, s: half a frame. Sooner it is
+/// thrown; later, it is still inside when the bodies have parted.
+const RETURN: f64 = 0.02;
 
 /// A guide among bodies that move over a step.
 pub(super) struct Pinch<'a> {
@@ -78,9 +78,9 @@ impl Pinch<'_> {
         Room { lacks: asked != clearance, by_part }
     }
 
-    /// Lowers `clearance` where the guide is nearer to a body that deforms, or to any if it is `pinched`, or deeper
-    /// in it, than that: to where it is at the start of the step, and from there a share of the way that is the step's share of [`RETURN`]. Returns
-    /// whether any is lowered.
+    /// Lowers `clearance` where the guide is nearer to a body that deforms than that, or deeper in it; to any
+    /// body if it is `pinched`. What is left is its distance at the start of the step, and of what lacks the
+    /// step's share of [`RETURN`]. Returns whether any is lowered.
     pub fn lower_where_inside(&self, pinched: bool, by_part: bool, clearance: &mut [[f64; 2]]) -> bool {
         let segments = self.x0.len() - 1;
         let mut lowered = false;
@@ -210,6 +210,7 @@ impl Pinch<'_> {
         }
         // What lies between two bodies moves as both do on average; the room is the same across the gap.
         let carried = 0.5 * (a.moved + b.moved);
+        let along = ends[1] - ends[0];
         let at_end = |x: &Vector3<f64>| {
             let found = self.closest(first, Moment::End, x)?;
             let a = self.surface(first, Moment::End, &found);
@@ -222,7 +223,7 @@ impl Pinch<'_> {
         let at = |u: f64| {
             let Some([a, b]) = at_end(&(ends[0].lerp(&ends[1], u) + carried)) else { return 0.0 };
             let keep = keep.map(|[from, to]| from + (to - from) * u);
-            pinch::yielded(keep, [a.distance, b.distance], a.normal.dot(&b.normal))
+            pinch::yielded(keep, [a.distance, b.distance], pinch::cosine(&along, [&a.normal, &b.normal]))
         };
         PLACES.map(at).into_iter().fold(0.0, f64::max)
     }

@@ -93,7 +93,8 @@ impl Obstacles<'_> {
         let mut swallowed: Option<Swallowed> = None;
         let (mut first, mut by_part): ([Vector3<f64>; 2], Vec<Option<Swallowed>>) = Default::default();
         for (vertex, x) in points.enumerate() {
-            let moved = last.replace(x).map_or(0.0, |last: Vector3<f64>| (x - last).norm());
+            let along = last.replace(x).map_or(Vector3::zeros(), |last: Vector3<f64>| x - last);
+            let moved = along.norm();
             s += moved;
             if vertex < 2 {
                 first[vertex] = x;
@@ -130,7 +131,7 @@ impl Obstacles<'_> {
                 }
                 true => {
                     let pair = |other: usize| BTreeSet::from([other, violation.body].map(|b| b as u32));
-                    self.faced(&violation, &x).map(pair).unwrap_or_default()
+                    self.faced(&violation, &x, &along).map(pair).unwrap_or_default()
                 }
                 false => BTreeSet::new(),
             };
@@ -139,8 +140,8 @@ impl Obstacles<'_> {
         found
     }
 
-    /// Another body that faces the way out of a body from `x`, m, world.
-    fn faced(&self, inside: &Violation, x: &Vector3<f64>) -> Option<usize> {
+    /// Another body that faces the way out of a body from `x`, m, world, for a strand in the direction `along`.
+    fn faced(&self, inside: &Violation, x: &Vector3<f64>, along: &Vector3<f64>) -> Option<usize> {
         let out = x + inside.normal * inside.depth;
         let mut others = self.poses.iter().enumerate().filter(|(b, _)| *b != inside.body);
         let faces = |(b, pose): &(usize, &Isometry3<f64>)| {
@@ -150,8 +151,8 @@ impl Obstacles<'_> {
             let near = || self.bodies.closest(b, self.time, &local, f64::INFINITY);
             least <= pinch::ROOM
                 && near().is_some_and(|surface| {
-                    let facing = -inside.normal.dot(&(pose.rotation * surface.normal));
-                    surface.distance <= pinch::ROOM && facing > pinch::FACING
+                    let normals = [&inside.normal, &(pose.rotation * surface.normal)];
+                    surface.distance <= pinch::ROOM && pinch::cosine(along, normals) < -pinch::FACING
                 })
         };
         others.find(faces).map(|(b, _)| b)

@@ -18,17 +18,28 @@ const STEP: f64 = 1.0 / 192.0;
 /// How two rolls lie at a time, s: their centres, m.
 type Centres = dyn Fn(f64) -> [Vector3<f64>; 2] + Sync;
 
-/// A hair of 20 cm along x, clamped at the origin, among two rolls along x, of this half
-/// length, m, for 2 s. Calls `each` after every step.
-fn run(half: f64, centres: &Centres, mut each: impl FnMut(&GuideState, [Vector3<f64>; 2], StepRecord)) {
-    let roll = Shape::Capsule { ends: [-half, half].map(|x| Vector3::x() * x), radius: RADIUS };
+/// A hair of 20 cm along x, clamped at the origin, among two rolls of this half axis, m, for 2 s. Calls `each` after every step.
+fn run(half: Vector3<f64>, centres: &Centres, each: impl FnMut(&GuideState, [Vector3<f64>; 2], StepRecord)) {
+    run_moved(half, 0.3, &|_| Vector3::zeros(), centres, each);
+}
+
+/// [`run`] with this friction, and the clamp at `root`, m, at a time, s.
+fn run_moved(
+    half: Vector3<f64>,
+    friction: f64,
+    root: &(dyn Fn(f64) -> Vector3<f64> + Sync),
+    centres: &Centres,
+    mut each: impl FnMut(&GuideState, [Vector3<f64>; 2], StepRecord),
+) {
+    let roll = Shape::Capsule { ends: [-half, half], radius: RADIUS };
     let env = Environment {
+        head: Box::new(|t| Isometry3::from(root(t))),
         body: Box::new(|b, t| Isometry3::translation(centres(t)[b].x, centres(t)[b].y, centres(t)[b].z)),
         ..Environment::at_rest(Bodies::from_shapes(&[roll.clone(), roll]))
     };
     let rod = hair(0.2, SegmentSize::FINE);
     let drag = vec![2e-5; rod.points()];
-    let model = GuideModel::new(rod, drag, 0.3);
+    let model = GuideModel::new(rod, drag, friction);
     let mut state = GuideState::new(&model, &[THICKNESS; 2], &env, 0.0, STEP);
     let mut scratch = GuideScratch::default();
     for i in 0..(2.0 / STEP) as u32 {
@@ -38,13 +49,15 @@ fn run(half: f64, centres: &Centres, mut each: impl FnMut(&GuideState, [Vector3<
     }
 }
 
+/// From 0 to 1 in 0.3 s from time `from`, s.
+fn ramp(from: f64, t: f64) -> f64 {
+    let u = ((t - from) / 0.3).clamp(0.0, 1.0);
+    u * u * (3.0 - 2.0 * u)
+}
+
 /// From 0 to 1 between 0.8 and 1.1 s, and back to 0 between 1.4 and 1.7 s.
 fn closed(t: f64) -> f64 {
-    let ramp = |from: f64| {
-        let u = ((t - from) / 0.3).clamp(0.0, 1.0);
-        u * u * (3.0 - 2.0 * u)
-    };
-    ramp(0.8) - ramp(1.4)
+    ramp(0.8, t) - ramp(1.4, t)
 }
 
 #[test]
@@ -57,7 +70,7 @@ fn a_strand_between_bodies_that_close_and_open_stays_between_them() {
     let (mut deepest, mut fastest, mut halvings): (f64, f64, u32) = (0.0, 0.0, 0);
     let mut shallow: f64 = 0.0;
     // Long rolls, which hair cannot leave sideways.
-    run(0.2, &centres, |state, centres, record| {
+    run(Vector3::x() * 0.2, &centres, |state, centres, record| {
         assert_eq!((record.truncated, record.crossed, record.unconverged), (0, 0, 0), "{record:?}");
         halvings += record.halvings;
         let overlap = (2.0 * RADIUS - (centres[1] - centres[0]).norm()).max(0.0);
@@ -85,11 +98,33 @@ fn a_strand_between_bodies_that_close_and_open_stays_between_them() {
 }
 
 #[test]
+fn a_strand_is_drawn_out_from_between_bodies_that_leave_no_room() {
+    // Rolls across it close to an overlap of 2 cm, from which it runs out of a wedge on both sides.
+    for (friction, place) in [(0.3, 0.1), (1.0, 0.1), (1.0, 0.05)] {
+        let root = |t: f64| Vector3::x() * -0.1 * ramp(1.1, t);
+        let centres = move |t: f64| {
+            let beside = RADIUS + 0.02 - 0.03 * ramp(0.4, t);
+            [-1.0, 1.0].map(|side| Vector3::new(place, -0.02 + side * beside, 0.0))
+        };
+        let (mut fastest, mut tips): (f64, Vec<f64>) = (0.0, Vec::new());
+        run_moved(Vector3::z() * 0.2, friction, &root, &centres, |state, _, record| {
+            assert_eq!((record.truncated, record.crossed, record.unconverged), (0, 0, 0), "{record:?}");
+            fastest = fastest.max(state.v.iter().map(|v| v.norm()).fold(0.0, f64::max));
+            tips.push(state.x[state.x.len() - 1].x);
+        });
+        assert!(fastest < 3.0, "{fastest}");
+        // At 1.1 s and in the end.
+        let [before, after] = [(1.1 / STEP) as usize, tips.len() - 1].map(|i| tips[i]);
+        assert!(before - after > 0.03, "{before} {after}");
+    }
+}
+
+#[test]
 fn a_body_that_swallows_a_root_leaves_the_strand_with_it() {
     // A roll rises from under the root until the root is 8 mm inside; the other is far away.
     let centres = |t: f64| [Vector3::y() * (-0.05 - RADIUS + 0.058 * closed(t)), Vector3::repeat(5.0)];
     let (mut swallowed, mut fastest): (f64, f64) = (0.0, 0.0);
-    run(1e-6, &centres, |state, [centre, _], record| {
+    run(Vector3::x() * 1e-6, &centres, |state, [centre, _], record| {
         assert_eq!((record.truncated, record.crossed, record.unconverged), (0, 0, 0), "{record:?}");
         let depth = |x: &Vector3<f64>| RADIUS - (x - centre).norm();
         let root = depth(&state.x[0]);

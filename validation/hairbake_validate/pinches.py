@@ -3,7 +3,8 @@
 Bodies of an animation close on hair and overlap where it is, and carry roots into each other. Where no place
 outside is free, a bake cannot be right, and must say so. Found here from the colliders and the points alone:
 
-- The shortest way out of a collider leads to another that faces it, within `tolerances.PINCH_ROOM_M`.
+- The shortest way out of a collider leads to another that faces it, alone or as seen along the curve, within
+  `tolerances.PINCH_ROOM_M`.
 - The root itself is inside, and the point follows it without a break, no deeper than a hair that leaves the
   collider in a curve of radius `tolerances.PINCH_RADIUS_M`, up to a slope of `tolerances.PINCH_RISE`.
 - The same, by another part of the same collider, if it deforms: that its parts leave room is then not given.
@@ -49,7 +50,9 @@ def pinched_in(
     places = points.astype(float)
     _, normals = surface(solid, places[inside])
     out = places[inside] + normals * depth[inside][:, None]
-    found[inside] = faced(window, mesh, out, normals)
+    along = np.diff(places, axis=0, prepend=places[:1])
+    along[curves.starts] = 0
+    found[inside] = faced(window, mesh, out, normals, along[inside])
     found |= swallowed(window.cache.metres_per_unit, curves, places, depth, solid)
     if mesh.deforms:
         left = inside[~found[inside]]
@@ -58,8 +61,11 @@ def pinched_in(
     return (found | neighbours_on_curve(found, curves)) & (depth > 0)
 
 
-def faced(window: Window, mesh: Mesh, out: FloatArray, normals: FloatArray) -> BoolArray:
-    """Which places on a collider's surface, with outward normals, have another before them that faces it."""
+def faced(window: Window, mesh: Mesh, out: FloatArray, normals: FloatArray, along: FloatArray) -> BoolArray:
+    """Which places on a collider's surface, with outward normals, have another before them that faces it.
+
+    `along` is the direction of the curve there, of any length; zero for none.
+    """
     room = tolerances.PINCH_ROOM_M / window.cache.metres_per_unit
     found = np.zeros(len(out), bool)
     for other, at_first in window.reference.colliders:
@@ -72,8 +78,20 @@ def faced(window: Window, mesh: Mesh, out: FloatArray, normals: FloatArray) -> B
         near = np.flatnonzero((offset <= collider.size / 2 + room) & ~found)
         if len(near):
             distance, against = surface(solid, out[near])
-            facing = -dot(normals[near], against) > tolerances.PINCH_FACING
+            facing = -cosine(along[near], normals[near], against) > tolerances.PINCH_FACING
             found[near] = (distance <= room) & facing
+    return found
+
+
+def cosine(along: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cosine of the angle between unit normals, or between them as seen along a curve, whichever is less.
+
+    A curve that runs out of a groove cannot leave it that way (docs/theory.md eq. 5.8).
+    """
+    t = along / np.maximum(norms(along), np.finfo(float).tiny)[:, None]
+    across = [n - t * dot(n, t)[:, None] for n in (a, b)]
+    lengths = [np.maximum(norms(n), tolerances.PINCH_ACROSS) for n in across]
+    found: FloatArray = np.minimum(dot(*across) / (lengths[0] * lengths[1]), dot(a, b))
     return found
 
 

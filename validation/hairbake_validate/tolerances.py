@@ -162,6 +162,8 @@ HAIR_PENETRATION_M = 2e-3
 # which they do (120 degrees: out of a more open groove hair can be squeezed sideways).
 PINCH_ROOM_M = 2e-3
 PINCH_FACING = 0.5
+# Least share of a unit normal across the curve that counts as a direction.
+PINCH_ACROSS = 0.3
 
 # Distance in front of one part of a mesh, m, from which another part is looked at, and up to which.
 PINCH_IN_FRONT_M = 1e-4

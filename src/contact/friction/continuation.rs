@@ -6,9 +6,10 @@
 //! finds no solution. So it is followed along its own length, in x and ln τ (H. B. Keller, "Numerical
 //! solution of bifurcation and nonlinear eigenvalue problems", 1977: pseudo-arclength continuation).
 
+use super::budget::SystemBudget;
 use super::problem::FrictionProblem;
 use super::regularised::COMPLIANCE;
-use super::smoothed_problem::{Evaluation, SYSTEMS_PER_SUBSTEP, SmoothedProblem};
+use super::smoothed_problem::{Evaluation, SmoothedProblem};
 use nalgebra::DVector;
 
 /// τ at the start of the path.
@@ -33,15 +34,15 @@ const ON_PATH: f64 = 1e-6;
 const ROUNDING: f64 = 1e-11;
 
 /// Improves `r` if the path leads to a solution with a smaller residual, and stops at a residual of
-/// `tolerance`. Counts the `systems` that it solves, and solves none beyond [`SYSTEMS_PER_SUBSTEP`].
+/// `tolerance`. Takes the systems that it solves from `budget`.
 pub(super) fn follow(
     smoothed: &SmoothedProblem,
     problem: &FrictionProblem,
     tolerance: f64,
     r: &mut [f64],
-    systems: &mut u32,
+    budget: &mut SystemBudget,
 ) {
-    let Some(mut path) = Path::enter(smoothed, systems) else { return };
+    let Some(mut path) = Path::enter(smoothed, budget) else { return };
     let mut best = problem.compliant_residual(r, COMPLIANCE);
     let mut trial = r.to_vec();
     while best > tolerance && path.step() {
@@ -63,24 +64,22 @@ pub(super) struct Path<'a> {
     pub tangent: DVector<f64>,
     /// Length of the next step.
     length: f64,
-    /// Systems solved in the sub-step.
-    systems: &'a mut u32,
-    /// Their number at which the path ends.
-    end: u32,
+    /// Systems that the sub-step may still solve, and that the path may.
+    budget: &'a mut SystemBudget,
+    left: u32,
 }
 
 impl<'a> Path<'a> {
     /// The point of the path at τ = [`ENTRY`], by Newton's method.
-    pub fn enter(smoothed: &'a SmoothedProblem, systems: &'a mut u32) -> Option<Self> {
+    pub fn enter(smoothed: &'a SmoothedProblem, budget: &'a mut SystemBudget) -> Option<Self> {
         let n = smoothed.len();
         let mut at = DVector::zeros(n + 1);
         at[n] = ENTRY.ln();
         let mut tangent = DVector::zeros(n + 1);
         tangent[n] = -1.0;
-        let end = (*systems + SYSTEMS).min(SYSTEMS_PER_SUBSTEP);
-        let mut path = Path { smoothed, at, tangent, length: LENGTH, systems, end };
+        let mut path = Path { smoothed, at, tangent, length: LENGTH, budget, left: SYSTEMS };
         loop {
-            let point = path.evaluate(&path.at)?;
+            let point = path.evaluate(&path.at.clone())?;
             if path.is_on(&point.f, path.at[n]) {
                 return Some(path);
             }
@@ -89,7 +88,6 @@ impl<'a> Path<'a> {
             let x = path.at.rows(0, n).into_owned();
             let (fraction, _) = smoothed.line_search(&x, &step, &point);
             path.at.rows_mut(0, n).copy_from(&(x - step * fraction));
-            *path.systems += 1;
         }
     }
 
@@ -119,7 +117,6 @@ impl<'a> Path<'a> {
         let mut at = predicted;
         for corrections in 0..=CORRECTIONS {
             let point = self.evaluate(&at)?;
-            *self.systems += 1;
             let is_on = self.is_on(&point.f, at[n]);
             let right = if is_on { DVector::zeros(n).push(1.0) } else { point.f.push(0.0) };
             let change = self.smoothed.solve_bordered(&point, right, &self.tangent)?;
@@ -131,13 +128,14 @@ impl<'a> Path<'a> {
         None
     }
 
-    /// The laws at x and ln τ; `None` if these are out of range, or its [`SYSTEMS`] are solved.
-    fn evaluate(&self, at: &DVector<f64>) -> Option<Evaluation> {
+    /// The laws at x and ln τ, for one more system; `None` if these are out of range, or its [`SYSTEMS`] are solved.
+    fn evaluate(&mut self, at: &DVector<f64>) -> Option<Evaluation> {
         let n = self.smoothed.len();
         let tau = at[n].exp();
-        if *self.systems >= self.end || !(tau.is_normal() && at.iter().all(|x| x.is_finite())) {
+        if self.left == 0 || !(tau.is_normal() && at.iter().all(|x| x.is_finite())) || !self.budget.take() {
             return None;
         }
+        self.left -= 1;
         Some(self.smoothed.evaluate(&at.rows(0, n).into_owned(), tau))
     }
 

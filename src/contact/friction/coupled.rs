@@ -4,6 +4,7 @@
 //! products for each contact that shares a strand with one, usually few; by way of the strands' unknowns, w =
 //! Y r, it would cost six for each unknown. Checks of all contacts use w.
 
+use super::budget::SystemBudget;
 use super::coupled_problem::CoupledFrictionProblem;
 use super::delassus::SparseDelassus;
 use super::gauss_seidel::{FrictionOutcome, FrictionScratch, FrictionTolerance, System, solve_by_sweeps};
@@ -44,7 +45,7 @@ pub fn solve_coupled(
             break;
         }
         let before = network.r.to_vec();
-        network.solve_worst(tolerance.residual);
+        network.solve_worst(tolerance);
         let FrictionOutcome { sweeps, residual } = solve_by_sweeps(&mut network, tolerance, true, scratch);
         outcome.sweeps += sweeps;
         if residual >= outcome.residual {
@@ -72,7 +73,7 @@ struct Network<'a> {
 impl Network<'_> {
     /// Solves by Newton's method for the contacts with the largest errors and their neighbours, with all
     /// other impulses fixed.
-    fn solve_worst(&mut self, tolerance: f64) {
+    fn solve_worst(&mut self, tolerance: FrictionTolerance) {
         let selected = self.worst();
         let mut impulses: Vec<f64> =
             selected.iter().flat_map(|&i| <[f64; 3]>::from(self.impulse(i))).collect();
@@ -80,7 +81,7 @@ impl Network<'_> {
         let (w, b) = self.assemble(&selected);
         let problem = FrictionProblem { w: &w, b: &b, laws: &laws };
         if problem.residual(&impulses) > COMPLIANCE {
-            newton::improve(&problem, tolerance, &mut impulses, &mut 0);
+            newton::improve(&problem, tolerance, &mut impulses, &mut SystemBudget::default());
             for (&i, impulse) in selected.iter().zip(impulses.chunks_exact(3)) {
                 self.set_impulse(i, Vector3::from_column_slice(impulse));
             }

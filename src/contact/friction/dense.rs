@@ -18,7 +18,7 @@ pub fn solve(
     if outcome.residual <= tolerance.residual {
         return outcome;
     }
-    let residual = newton::improve(problem, tolerance.residual, r, &mut scratch.systems);
+    let residual = newton::improve(problem, tolerance, r, &mut scratch.budget);
     FrictionOutcome { residual, ..outcome }
 }
 

@@ -1,10 +1,10 @@
 //! Nonsmooth block Gauss-Seidel over contacts, optionally accelerated.
 
 use super::anderson::Anderson;
+use super::budget::SystemBudget;
 use super::law::Law;
 use super::local::LocalSolver;
 use super::residual::Residual;
-use super::smoothed_problem::SYSTEMS_PER_SUBSTEP;
 use nalgebra::{Matrix3, Vector3};
 
 /// Sweeps between two checks of all contacts.
@@ -22,13 +22,16 @@ pub struct FrictionTolerance {
     pub residual: f64,
     /// Maximum number of sweeps. Friction couples contacts: a strand with tens of them may need hundreds.
     pub sweeps: usize,
+    /// Whether, for one strand, the path of solutions is followed where Newton's method fails: it takes hundreds
+    /// of systems.
+    pub continuation: bool,
 }
 
 impl Default for FrictionTolerance {
     /// 1e-8 and 1000 sweeps: far below the error of a step's linearisation, usually reached in tens of
     /// sweeps.
     fn default() -> Self {
-        FrictionTolerance { residual: 1e-8, sweeps: 1000 }
+        FrictionTolerance { residual: 1e-8, sweeps: 1000, continuation: true }
     }
 }
 
@@ -75,21 +78,8 @@ pub struct FrictionScratch {
     anderson: Anderson,
     /// Impulses at the check with the smallest residual.
     best: Vec<Vector3<f64>>,
-    /// Systems of Newton's method solved since [`FrictionScratch::begin_substep`].
-    pub(super) systems: u32,
-}
-
-impl FrictionScratch {
-    /// Begins to count the systems of Newton's method that the solves of one sub-step of a strand take.
-    /// Bodies that leave no room for the strand would cost a thousand times a step; so there is a limit.
-    pub fn begin_substep(&mut self) {
-        self.systems = 0;
-    }
-
-    /// True if the limit is reached: sweeps alone are left.
-    pub fn is_exhausted(&self) -> bool {
-        self.systems >= SYSTEMS_PER_SUBSTEP
-    }
+    /// Systems of Newton's method that may still be solved in the sub-step.
+    pub budget: SystemBudget,
 }
 
 /// Sweeps until the residual is small.

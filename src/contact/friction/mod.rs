@@ -20,6 +20,7 @@
 //! operations depends on the contacts alone, so results have the same bits on any number of threads.
 
 mod anderson;
+mod budget;
 mod continuation;
 mod coupled;
 mod coupled_problem;
@@ -35,6 +36,7 @@ mod residual;
 mod smoothed_law;
 mod smoothed_problem;
 
+pub use budget::SystemBudget;
 pub use coupled::solve_coupled;
 pub use coupled_problem::{CoupledFrictionProblem, StrandRows};
 pub use dense::solve;

@@ -4,10 +4,12 @@
 //! The smoothing parameter τ decreases from step to step. Where the path of solutions turns back as τ
 //! decreases, the iteration fails; then the path is followed along its length ([`continuation`]).
 
+use super::budget::SystemBudget;
 use super::continuation;
+use super::gauss_seidel::FrictionTolerance;
 use super::problem::FrictionProblem;
 use super::regularised::COMPLIANCE;
-use super::smoothed_problem::{SYSTEMS_PER_SUBSTEP, SmoothedProblem};
+use super::smoothed_problem::SmoothedProblem;
 use nalgebra::DVector;
 
 /// Maximum number of steps.
@@ -17,18 +19,23 @@ const STEPS: u32 = 60;
 const GOOD: f64 = 0.3;
 const FAIR: f64 = 0.7;
 
-/// Improves the impulses `r` of `problem` and returns its residual, which never increases. Counts the
-/// `systems` that it solves, and solves none beyond [`SYSTEMS_PER_SUBSTEP`].
+/// Improves the impulses `r` of `problem` and returns its residual, which never increases. Takes
+/// the systems that it solves from `budget`.
 ///
-/// What is solved, to a residual of `tolerance`, is the problem with [`COMPLIANCE`], so that the residual of
+/// What is solved, to the residual of `tolerance`, is the problem with [`COMPLIANCE`], so that the residual of
 /// `problem` itself does not fall below about that value. Without compliance, impulses that balance each
 /// other and move next to nothing would be of any magnitude, for contacts wedge a strand at its root.
-pub(super) fn improve(problem: &FrictionProblem, tolerance: f64, r: &mut [f64], systems: &mut u32) -> f64 {
+pub(super) fn improve(
+    problem: &FrictionProblem,
+    tolerance: FrictionTolerance,
+    r: &mut [f64],
+    budget: &mut SystemBudget,
+) -> f64 {
     let mut compliant = r.to_vec();
     if let Some(smoothed) = SmoothedProblem::new(problem, r) {
-        let residual = descend(&smoothed, problem, tolerance, &mut compliant, systems);
-        if residual > tolerance.max(COMPLIANCE) {
-            continuation::follow(&smoothed, problem, tolerance, &mut compliant, systems);
+        let residual = descend(&smoothed, problem, tolerance.residual, &mut compliant, budget);
+        if tolerance.continuation && residual > tolerance.residual.max(COMPLIANCE) {
+            continuation::follow(&smoothed, problem, tolerance.residual, &mut compliant, budget);
         }
     }
     let [before, after] = [&*r, &compliant].map(|r| problem.residual(r));
@@ -44,7 +51,7 @@ pub(super) fn descend(
     problem: &FrictionProblem,
     tolerance: f64,
     r: &mut [f64],
-    systems: &mut u32,
+    budget: &mut SystemBudget,
 ) -> f64 {
     let mut best = problem.compliant_residual(r, COMPLIANCE);
     let mut x = smoothed.scaled(r);
@@ -55,10 +62,9 @@ pub(super) fn descend(
     border[n] = 1.0;
     let mut tau = 1.0;
     for _ in 0..STEPS {
-        if best <= tolerance || *systems >= SYSTEMS_PER_SUBSTEP {
+        if best <= tolerance || !budget.take() {
             break;
         }
-        *systems += 1;
         let point = smoothed.evaluate(&x, tau);
         let Some(step) = smoothed.solve_bordered(&point, point.f.push(0.0), &border) else { break };
         let step = step.remove_row(n);

@@ -6,10 +6,6 @@ use super::regularised::{BorderedSystem, RegularisedDelassus};
 use super::smoothed_law::SmoothedLaw;
 use nalgebra::{DVector, Vector3};
 
-/// Maximum number of systems that a strand may have solved in one sub-step, over all its parts and rounds. A
-/// system of 64 contacts takes some 0.2 ms.
-pub(super) const SYSTEMS_PER_SUBSTEP: u32 = 2000;
-
 /// Smallest fraction of a Newton step in the line search.
 const MIN_FRACTION: f64 = 1e-3;
 

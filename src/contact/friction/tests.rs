@@ -135,7 +135,7 @@ fn solutions_obey_the_law_at_every_contact() {
             let mut r = vec![0.0; 3 * contacts];
             let outcome = solve(
                 &problem,
-                FrictionTolerance { residual: 1e-12, sweeps: 5000 },
+                FrictionTolerance { residual: 1e-12, sweeps: 5000, continuation: true },
                 &mut r,
                 &mut FrictionScratch::default(),
             );
@@ -154,7 +154,7 @@ fn problems_with_more_contacts_than_freedoms_converge() {
         let mut r = vec![0.0; 30];
         let outcome = solve(
             &problem,
-            FrictionTolerance { residual: 1e-8, sweeps: 20_000 },
+            FrictionTolerance { residual: 1e-8, sweeps: 20_000, continuation: true },
             &mut r,
             &mut FrictionScratch::default(),
         );
@@ -230,7 +230,7 @@ fn bilateral_contacts_do_not_move() {
         laws[5] = Law::Bilateral;
         let problem = FrictionProblem { w: &w, b: &b, laws: &laws };
         let mut r = vec![0.0; 18];
-        let tolerance = FrictionTolerance { residual: 1e-12, sweeps: 5000 };
+        let tolerance = FrictionTolerance { residual: 1e-12, sweeps: 5000, continuation: true };
         let outcome = solve(&problem, tolerance, &mut r, &mut FrictionScratch::default());
         assert!(outcome.residual <= 1e-12, "{outcome:?}");
         check_law(&problem, &r, 1e-9);
@@ -337,7 +337,7 @@ fn coupled_solutions_obey_the_law_of_the_assembled_problem() {
     let coupled = CoupledFrictionProblem { strands: &sides, rows: &rows, b: &b, laws: &laws(&mu) };
     let outcome = solve_coupled(
         &coupled,
-        FrictionTolerance { residual: 1e-11, sweeps: 20_000 },
+        FrictionTolerance { residual: 1e-11, sweeps: 20_000, continuation: true },
         &mut r,
         &mut moved,
         &mut FrictionScratch::default(),
@@ -419,7 +419,7 @@ fn a_string_sliding_over_an_arc_obeys_the_capstan_equation() {
         let w = &rope.j * h.solve(&rope.j.transpose());
         let laws = vec![coulomb(mu); nodes];
         let problem = FrictionProblem { w: w.as_slice(), b: b.as_slice(), laws: &laws };
-        let tolerance = FrictionTolerance { residual: 1e-6, sweeps: 100 };
+        let tolerance = FrictionTolerance { residual: 1e-6, sweeps: 100, continuation: true };
         let mut r = vec![0.0; 3 * nodes];
         let sweeps = solve_by_sweeps(
             &mut Dense { problem: &problem, r: &mut r },
@@ -457,7 +457,7 @@ fn wedged_contacts_that_sweeps_do_not_solve_converge() {
             let laws = vec![coulomb(mu); contacts];
             let problem = CoupledFrictionProblem { strands: &sides, rows: &rows, b: &b, laws: &laws };
             let (mut r, mut moved) = (vec![0.0; 3 * contacts], vec![0.0; n]);
-            let tolerance = FrictionTolerance { residual: 1e-6, sweeps: 200 };
+            let tolerance = FrictionTolerance { residual: 1e-6, sweeps: 200, continuation: true };
             let outcome =
                 solve_coupled(&problem, tolerance, &mut r, &mut moved, &mut FrictionScratch::default());
             assert!(outcome.residual <= 1e-6, "{contacts} contacts, case {case}: {outcome:?}");

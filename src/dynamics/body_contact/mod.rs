@@ -13,7 +13,7 @@ mod stats;
 mod tolerances;
 mod truncate;
 
-use crate::contact::ContactCache;
+use crate::contact::{ContactCache, FrictionTolerance};
 use crate::math::cholesky::solve_upper;
 use crate::rod::newton::Solver;
 pub(super) use problem::{BodyContact, rows_at};
@@ -163,7 +163,9 @@ impl BodyContact<'_> {
         }
         self.update_rows(solver, scratch);
         self.assemble(scratch);
-        self.solve_reactions(REACTION_TOLERANCE, solver, scratch);
+        // Early contacts still change too much to be worth the path of solutions.
+        let tolerance = FrictionTolerance { continuation: !early, ..REACTION_TOLERANCE };
+        self.solve_reactions(tolerance, solver, scratch);
         solver.direction.iter().all(|d| d.is_finite())
     }
 

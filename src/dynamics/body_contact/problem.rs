@@ -24,6 +24,8 @@ pub(in crate::dynamics) struct BodyContact<'a> {
     pub motions: &'a [BodyMotion],
     /// Clearance from body b at both ends of segment k of the contact polyline, at `b * segments + k`, m.
     pub clearance: &'a [[f64; 2]],
+    /// Whether the strand slides on each body without friction.
+    pub slides: &'a [bool],
     /// [`MovingPolyline::by_part`].
     pub by_part: bool,
     /// True while clearances from bodies that the groom is drawn in still rise, slowly enough for the tip.
@@ -148,6 +150,9 @@ impl BodyContact<'_> {
 
     /// Friction of a contact.
     pub(super) fn friction_at(&self, contact: &Contact) -> Friction {
+        if self.slides[contact.body] {
+            return 0.0.into();
+        }
         let (k, s) = on_rod(contact.segment, contact.u);
         let own = || Friction::lerp(self.friction, self.rod.arc_fraction(k, s));
         contact.friction.unwrap_or_else(own)

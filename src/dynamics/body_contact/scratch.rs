@@ -4,7 +4,7 @@ use super::impacts::Impacts;
 use super::midpoints::Midpoints;
 use super::stats::ContactStats;
 use crate::contact::Contact;
-use crate::contact::friction::{FrictionScratch, Law};
+use crate::contact::friction::{FrictionScratch, Law, SystemBudget};
 use crate::rod::contact_load::{ContactLoad, ContactLoadBuffers};
 use nalgebra::Vector3;
 
@@ -80,14 +80,9 @@ pub(in crate::dynamics) struct Reactions {
 }
 
 impl BodyContactScratch {
-    /// Begins a sub-step, whose parts share a limit on what the friction solver may take.
-    pub(in crate::dynamics) fn begin_substep(&mut self) {
-        self.reactions.friction.begin_substep();
-    }
-
-    /// True if that limit is reached.
-    pub(in crate::dynamics) fn is_exhausted(&self) -> bool {
-        self.reactions.friction.is_exhausted()
+    /// What the friction solver may still take in the sub-step.
+    pub(in crate::dynamics) fn budget(&mut self) -> &mut SystemBudget {
+        &mut self.reactions.friction.budget
     }
 
     /// Clears the previous step, possibly of another guide.

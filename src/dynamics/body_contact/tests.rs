@@ -35,6 +35,7 @@ fn in_step<R>(
         bodies,
         motions,
         clearance,
+        slides: &vec![false; bodies.bodies.len()],
         by_part: false,
         pushed_out: false,
         x0,

@@ -74,7 +74,9 @@ pub(super) const SPRING_COMPLIANCE: f64 = 1.0;
 pub(super) const SLIDING_TOLERANCE: f64 = 1e-9;
 
 /// Tolerance for the forces of springs.
-pub(super) const SPRING_TOLERANCE: FrictionTolerance = FrictionTolerance { residual: 1e-2, sweeps: 20 };
+pub(super) const SPRING_TOLERANCE: FrictionTolerance =
+    FrictionTolerance { residual: 1e-2, sweeps: 20, continuation: true };
 
 /// Tolerance for the reactions: the residual multiplies the displacements of a step, about 0.1 mm.
-pub(super) const REACTION_TOLERANCE: FrictionTolerance = FrictionTolerance { residual: 1e-6, sweeps: 100 };
+pub(super) const REACTION_TOLERANCE: FrictionTolerance =
+    FrictionTolerance { residual: 1e-6, sweeps: 100, continuation: true };

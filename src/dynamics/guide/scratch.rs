@@ -39,6 +39,8 @@ pub(super) struct ContactInputs {
     pub clearance: Vec<[f64; 2]>,
     /// True if bodies leave no room for some of these distances, which are lowered.
     pub pinched: bool,
+    /// Whether the guide slides on each body without friction.
+    pub slides: Vec<bool>,
     /// [`MovingPolyline::by_part`](crate::contact::MovingPolyline).
     pub by_part: bool,
     /// Contact polyline at the start of the step, m, world.

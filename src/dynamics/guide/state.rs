@@ -38,6 +38,8 @@ pub struct GuideState {
     ///
     /// [`Pinch`]: crate::dynamics::pinch::Pinch
     pub(in crate::dynamics) pinched: bool,
+    /// True while it slides on these bodies without friction: with friction a step has had no solution.
+    pub(super) slides: bool,
     /// Values that speed up or feed one sub-step; no later sub-step depends on them.
     #[serde(skip)]
     pub(super) transient: Transient,
@@ -177,6 +179,7 @@ impl GuideState {
             contact_loads: Vec::new(),
             stuck: false,
             pinched: false,
+            slides: false,
             transient: Transient::default(),
         }
     }
@@ -400,7 +403,7 @@ impl GuideState {
         self.history.last_step = h;
         self.contact_loads.clear();
         self.transient.hair_force.clear();
-        (self.stuck, self.pinched) = (false, false);
+        (self.stuck, self.pinched, self.slides) = (false, false, false);
     }
 
     /// Distance that each place must keep from each body, m, −∞ if exempt; at body b and place k at `b *
@@ -452,6 +455,7 @@ impl Checkpoint for GuideState {
             contact_loads,
             stuck,
             pinched,
+            slides,
             transient: _,
         } = self;
         GuideState {
@@ -465,6 +469,7 @@ impl Checkpoint for GuideState {
             contact_loads: contact_loads.clone(),
             stuck: *stuck,
             pinched: *pinched,
+            slides: *slides,
             transient: Transient::default(),
         }
     }

@@ -3,6 +3,7 @@
 use super::model::{ContactMode, GuideModel};
 use super::scratch::{FreeSolve, GuideScratch};
 use super::state::GuideState;
+use crate::contact::friction::SystemBudget;
 use crate::dynamics::air_drag;
 use crate::dynamics::environment::Environment;
 use crate::dynamics::integrator::DifferenceFormula;
@@ -47,7 +48,7 @@ impl GuideModel {
         scratch: &mut GuideScratch,
     ) -> StepRecord {
         state.begin_substep();
-        scratch.contact.begin_substep();
+        *scratch.contact.budget() = SystemBudget::default();
         let mut record = StepRecord::default();
         let coupled = mode == ContactMode::Coupled;
         let depth = if coupled { MAX_HALVINGS } else { 0 };
@@ -56,6 +57,7 @@ impl GuideModel {
             state.stuck = record.truncated > record.halvings;
         }
         state.pinched &= scratch.inputs.pinched;
+        state.slides &= state.pinched;
         if state.clearance.counts().1 > 0 && (env.push_out)(span[1]) >= 1.0 {
             // Segments still inside at the end of the push-out are drawn through the body: they stay exempt.
             let poses = env.body_poses(span[1]);
@@ -77,7 +79,9 @@ impl GuideModel {
         scratch: &mut GuideScratch,
         record: &mut StepRecord,
     ) {
-        let last = state.stuck || depth >= MAX_HALVINGS || scratch.contact.is_exhausted();
+        let last = state.stuck || depth >= MAX_HALVINGS || scratch.contact.budget().is_exhausted();
+        // Attempts at the whole leave as much for its halves.
+        let kept = if last { 0 } else { scratch.contact.budget().keep_half() };
         let mut formula = self.difference_formula(state, t1 - t0);
         let (mut root, mut outcome, mut clear);
         loop {
@@ -112,23 +116,20 @@ impl GuideModel {
             }
             formula = DifferenceFormula::new(self.scheme, t1 - t0, 0.0);
         }
-        if outcome.converged && !clear && !state.pinched && mode != ContactMode::Springs {
-            // The step may have no solution: bodies may leave no room for one.
-            state.pinched = true;
-            self.prepare_contact(env, state, [t0, t1], &mut scratch.inputs);
-            state.pinched = scratch.inputs.pinched;
-            if state.pinched {
-                return self.step_part(None, env, state, [t0, t1], (mode, depth), scratch, record);
-            }
+        scratch.contact.budget().release(kept);
+        let unsolved = outcome.converged && !clear && mode != ContactMode::Springs;
+        if unsolved && self.gives_way(env, state, [t0, t1], scratch) {
+            return self.step_part(None, env, state, [t0, t1], (mode, depth), scratch, record);
         }
         let coupled = mode == ContactMode::Coupled;
         let whole = clear || coupled || depth >= MAX_HALVINGS || last && outcome.converged;
         if !whole {
             record.halvings += 1;
             let middle = 0.5 * (t0 + t1);
-            for part in [[t0, middle], [middle, t1]] {
-                self.step_part(None, env, state, part, (mode, depth + 1), scratch, record);
-            }
+            let kept = scratch.contact.budget().keep_half();
+            self.step_part(None, env, state, [t0, middle], (mode, depth + 1), scratch, record);
+            scratch.contact.budget().release(kept);
+            self.step_part(None, env, state, [middle, t1], (mode, depth + 1), scratch, record);
             return;
         }
         record.unconverged += u32::from(!outcome.converged);
@@ -147,6 +148,24 @@ impl GuideModel {
         } else {
             state.carry_rigidly(&self.root(env, t0), &root);
         }
+    }
+
+    /// Lets a guide whose step from `t[0]` to `t[1]`, s, is unsolved give way, if bodies leave no room for a
+    /// solution: first to the distances that they leave, then without friction on them. Returns whether it does.
+    fn gives_way(
+        &self,
+        env: &Environment,
+        state: &mut GuideState,
+        t: [f64; 2],
+        scratch: &mut GuideScratch,
+    ) -> bool {
+        if state.pinched {
+            return !std::mem::replace(&mut state.slides, true);
+        }
+        state.pinched = true;
+        self.prepare_contact(env, state, t, &mut scratch.inputs);
+        state.pinched = scratch.inputs.pinched;
+        state.pinched
     }
 
     /// Solves the step of a strand in contact from the extrapolated state with the last contact loads;

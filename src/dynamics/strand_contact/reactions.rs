@@ -15,8 +15,8 @@ use nalgebra::UnitQuaternion;
 /// Tolerances of the first round, whose linearisation is coarse, and of later ones. The residual multiplies
 /// displacements of a step of some 0.1 to 1 mm.
 const TOLERANCES: [FrictionTolerance; 2] = [
-    FrictionTolerance { residual: 1e-4, sweeps: 60 },
-    FrictionTolerance { residual: RESIDUAL_TOLERANCE, sweeps: 200 },
+    FrictionTolerance { residual: 1e-4, sweeps: 60, continuation: true },
+    FrictionTolerance { residual: RESIDUAL_TOLERANCE, sweeps: 200, continuation: true },
 ];
 
 /// Reactions of an island.

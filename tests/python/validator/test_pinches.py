@@ -169,6 +169,12 @@ def test_what_is_held_where_it_is_deepest_is_held_in_every_collider(monkeypatch:
     assert found == {"first": held["first"], "second": [True, False, False, False]}
 
 
+def test_a_curve_does_not_leave_a_groove_that_it_runs_out_of() -> None:
+    a, b = (np.array([[0.8, side * 0.6, 0.0]] * 3) for side in (1, -1))
+    along = np.array([[3.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
+    np.testing.assert_allclose(pinches.cosine(along, a, b), [-1.0, 0.28, 0.28], atol=1e-12)
+
+
 def test_a_place_is_faced_by_another_part_of_a_collider_and_not_by_its_other_side() -> None:
     points, triangles = sphere_mesh()
     facet = points[triangles[40]].mean(axis=0)

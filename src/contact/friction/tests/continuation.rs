@@ -1,11 +1,12 @@
 //! Newton's method and continuation on the smoothed law.
 
+use super::super::budget::SystemBudget;
 use super::super::continuation::{Path, follow};
 use super::super::dense::{Dense, solve};
 use super::super::gauss_seidel::{FrictionScratch, FrictionTolerance, solve_by_sweeps};
 use super::super::newton::{descend, improve};
 use super::super::regularised::COMPLIANCE;
-use super::super::smoothed_problem::{SYSTEMS_PER_SUBSTEP, SmoothedProblem};
+use super::super::smoothed_problem::SmoothedProblem;
 use super::*;
 
 /// Contacts along a chain with half as many unknowns as the contacts have components, and a small compliance
@@ -25,6 +26,7 @@ fn wedged(random: &mut Random, contacts: usize) -> (Vec<f64>, Vec<f64>) {
 #[test]
 fn continuation_finds_solutions_that_descent_in_tau_does_not() {
     let mut random = Random::new(12);
+    let tolerance = FrictionTolerance { residual: 1e-6, ..FrictionTolerance::default() };
     let (mut failed, mut turned_back) = (0, 0);
     for case in 0..240 {
         let contacts = 8 + case % 12;
@@ -33,16 +35,16 @@ fn continuation_finds_solutions_that_descent_in_tau_does_not() {
         let problem = FrictionProblem { w: &w, b: &b, laws: &laws };
         let mut r = vec![0.0; 3 * contacts];
         let smoothed = SmoothedProblem::new(&problem, &r).unwrap();
-        failed += u32::from(descend(&smoothed, &problem, 1e-8, &mut r, &mut 0) > 1e-5);
+        failed += u32::from(descend(&smoothed, &problem, 1e-8, &mut r, &mut SystemBudget::default()) > 1e-5);
         r.fill(0.0);
-        follow(&smoothed, &problem, 1e-8, &mut r, &mut 0);
+        follow(&smoothed, &problem, 1e-8, &mut r, &mut SystemBudget::default());
         let residual = problem.compliant_residual(&r, COMPLIANCE);
         assert!(residual <= 1e-8, "case {case}: {residual}");
         r.fill(0.0);
-        let improved = improve(&problem, 1e-6, &mut r, &mut 0);
+        let improved = improve(&problem, tolerance, &mut r, &mut SystemBudget::default());
         assert!(improved <= 1e-5, "case {case}: {improved}");
-        let mut systems = 0;
-        let mut path = Path::enter(&smoothed, &mut systems).unwrap();
+        let mut budget = SystemBudget::default();
+        let mut path = Path::enter(&smoothed, &mut budget).unwrap();
         let n = smoothed.len();
         turned_back += u32::from((0..60).any(|_| path.step() && path.tangent[n] > 0.0));
     }
@@ -55,7 +57,7 @@ fn continuation_finds_solutions_that_descent_in_tau_does_not() {
 #[test]
 fn a_strand_takes_no_more_systems_than_its_sub_step_may() {
     let mut random = Random::new(14);
-    let tolerance = FrictionTolerance { residual: 1e-15, sweeps: 20 };
+    let tolerance = FrictionTolerance { residual: 1e-15, sweeps: 20, continuation: true };
     let mut scratch = FrictionScratch::default();
     let mut improved = 0;
     let mut solve_wedged = |scratch: &mut FrictionScratch| {
@@ -73,14 +75,14 @@ fn a_strand_takes_no_more_systems_than_its_sub_step_may() {
         outcome.residual < sweeps.residual
     };
     for _ in 0..400 {
-        let may = !scratch.is_exhausted();
+        let left = scratch.budget.left();
         let better = solve_wedged(&mut scratch);
         improved += u32::from(better);
-        assert!(may || !better);
-        assert!(scratch.systems <= SYSTEMS_PER_SUBSTEP, "{}", scratch.systems);
+        assert!(left > 0 || !better);
+        assert!(scratch.budget.left() <= left);
     }
-    assert!(scratch.is_exhausted() && improved > 0);
-    scratch.begin_substep();
+    assert!(scratch.budget.is_exhausted() && improved > 0);
+    scratch.budget = SystemBudget::default();
     assert!((0..10).any(|_| solve_wedged(&mut scratch)));
 }
 
@@ -91,8 +93,8 @@ fn the_frictionless_path_is_monotonic_in_tau() {
         let (w, b) = wedged(&mut random, 10);
         let problem = FrictionProblem { w: &w, b: &b, laws: &[Law::Coulomb(0.0.into()); 10] };
         let smoothed = SmoothedProblem::new(&problem, &[0.0; 30]).unwrap();
-        let mut systems = 0;
-        let mut path = Path::enter(&smoothed, &mut systems).unwrap();
+        let mut budget = SystemBudget::default();
+        let mut path = Path::enter(&smoothed, &mut budget).unwrap();
         while path.at[smoothed.len()] > 1e-6_f64.ln() {
             assert!(path.step() && path.tangent[smoothed.len()] < 0.0);
         }
