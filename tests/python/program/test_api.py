@@ -185,7 +185,7 @@ def test_loads_act_on_the_strands_that_they_name(tmp_path: Path) -> None:
         {"name": "roll", "ids": [0], "moment_n_m": ramp},
         {"name": "rest", "group": "g1", "span_share": [0, 1], "force_n": [0, -pull / rod.length, 0]},
     ]
-    settings = {"reactions": True, "resolution": "full", "scheme": "backward-euler"}
+    settings = {"reactions": True, "scheme": "backward-euler"}
     scene = Scene(
         strands,
         frames=2,
