@@ -10,13 +10,22 @@ use hairbake::scene::anim::{ContactSetting, Resolution};
 use hairbake::scene::{self, Anim, Groom};
 use hairbake::wisp::{self, Hierarchy};
 use nalgebra::Vector3;
+use serde_json::{Value, json};
 
 /// A head of hair that is shaken for two seconds and held still for `still` frames.
 fn scene(style: Style, still: i32) -> (Groom, Anim) {
+    scene_with(style, still, json!([]))
+}
+
+/// [`scene`] with these loads.
+fn scene_with(style: Style, still: i32, loads: Value) -> (Groom, Anim) {
     let folder = tempfile::tempdir().unwrap();
     let size = Size { wisps: Some(40), strands: Some(0), head_subdivisions: 4 };
     sample::write(style, size, folder.path()).unwrap();
     let shake = folder.path().join("shake.json");
+    let mut file: Value = serde_json::from_slice(&std::fs::read(&shake).unwrap()).unwrap();
+    file["loads"] = loads;
+    std::fs::write(&shake, file.to_string()).unwrap();
     let (groom, mut anim) = scene::load(&folder.path().join("groom.json"), &shake).unwrap();
     anim.settings.preroll = 0.5;
     anim.settings.substeps = 4;
@@ -114,6 +123,26 @@ fn what_follows_swings_otherwise_than_its_leaders() {
     let off = apart(&full, &coarse);
     // As its leaders do on average alone it would be off by 0.024.
     assert!(off < 0.018, "{off}");
+}
+
+#[test]
+fn a_guide_with_a_load_moves_by_itself() {
+    let (groom, mut anim) = scene(Style::Short, 0);
+    let last = anim.frames.0 + 4;
+    let ids = &groom.guides.curves.id;
+    let loaded = ids.len() - 1;
+    let load = json!([{ "name": "aside", "ids": [ids[loaded]], "force_n": [1e-4, 0, 0] }]);
+    let loads = scene_with(Style::Short, 0, load).1.loads;
+    let mut tip = |resolution, loads: &[_]| {
+        (anim.settings.resolution, anim.settings.split_tolerance) = (resolution, 1.0);
+        anim.loads = loads.to_vec();
+        let (guides, _) = run(&groom, &anim, last).pop().unwrap();
+        guides[loaded][guides[loaded].len() - 1]
+    };
+    let free = tip(Resolution::Adaptive, &[]);
+    let [adaptive, full] = [Resolution::Adaptive, Resolution::Full].map(|of| tip(of, &loads));
+    let (moved, off) = ((full - free).norm(), (adaptive - full).norm());
+    assert!(moved > 0.01 && off < 1e-3 * moved, "{moved} {off}");
 }
 
 #[test]
