@@ -236,4 +236,36 @@ mod tests {
             assert_eq!(sum(|r| r.active) > 0, length > 1e-3, "{length} m");
         }
     }
+
+    #[test]
+    fn a_pinched_guide_inside_a_body_keeps_its_depth_and_comes_out() {
+        let plane = Shape::Plane { point: Vector3::zeros(), normal: Vector3::y() };
+        let rod = Rod::new(&RodSource::hair(&[Vector3::zeros(), Vector3::x() * 0.1], &Tree::default_arc(8)));
+        let rod = rod.unwrap();
+        let model = GuideModel::new(rod.clone(), vec![2e-5; rod.points()], 0.3);
+        let (keep, depth, h) = (5e-4, 2e-3, 1e-3);
+        let inputs = |pinched: bool, slides: bool, push_out: f64| {
+            let env = Environment {
+                // Rises through the guide after the groom's pose.
+                body: Box::new(move |_, t| {
+                    Isometry3::translation(0.0, if t > 0.5 { depth } else { -depth }, 0.0)
+                }),
+                push_out: Box::new(move |_| push_out),
+                ..Environment::at_rest(Bodies::from_shapes(std::slice::from_ref(&plane)))
+            };
+            let mut state = GuideState::new(&model, &[keep], &env, 0.0, h);
+            (state.pinched, state.slides) = (pinched, slides);
+            state.begin_substep();
+            let mut inputs = ContactInputs::default();
+            model.prepare_contact(&env, &state, [1.0, 1.0 + h], &mut inputs);
+            inputs
+        };
+        let tip = |inputs: &ContactInputs| inputs.clearance[inputs.clearance.len() - 1][1];
+        assert_eq!((tip(&inputs(false, true, 1.0)), inputs(false, true, 1.0).slides[0]), (keep, false));
+        let pinched = inputs(true, false, 1.0);
+        assert!(tip(&pinched) > -depth && tip(&pinched) < 0.0 && pinched.pinched && !pinched.slides[0]);
+        assert!(inputs(true, true, 1.0).slides[0]);
+        // The push-out raises the distances at its own pace.
+        assert_eq!(tip(&inputs(true, false, 0.5)), keep);
+    }
 }
