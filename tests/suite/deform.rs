@@ -193,11 +193,9 @@ fn a_part_that_swallows_a_root_leaves_the_strand_with_it() {
     let balls = one_mesh([ball(RADIUS + THICKNESS), ball(lower)]);
     let motion = moving(&balls, 2.0, |p, t| p + Vector3::y() * if p.y < 0.0 { risen(t) } else { 0.0 });
     let colliders = [collider(Shape::Mesh(balls), Some(motion))];
-    let (mut swallowed, mut truncated): (f64, u32) = (0.0, 0);
+    let mut swallowed: f64 = 0.0;
     run(&colliders, &|_, _| Vector3::zeros(), 2.0, |guide, t, record| {
-        assert_eq!(record.unconverged, 0, "at {t} s");
-        // The ball reaches the root and pushes the strand out of its way within a step or two.
-        truncated += record.truncated;
+        assert_eq!((record.unconverged, record.truncated), (0, 0), "at {t} s");
         let centre = Vector3::y() * (lower + risen(t));
         let depth = |x: &Vector3<f64>| RADIUS - (x - centre).norm();
         let root = depth(&guide.x[0]);
@@ -210,7 +208,7 @@ fn a_part_that_swallows_a_root_leaves_the_strand_with_it() {
             assert!(depth(&x[1]) < allowed, "{} of {root} at {s} m, {t} s", depth(&x[1]));
         }
     });
-    assert!(swallowed > 7e-3 && truncated <= 4, "{swallowed} {truncated}");
+    assert!(swallowed > 7e-3, "{swallowed}");
 }
 
 /// Two rolls of one mesh beside a hanging strand close on it, overlap by 1 cm, and part again.
