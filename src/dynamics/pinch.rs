@@ -66,15 +66,14 @@ enum Moment {
 }
 
 impl Pinch<'_> {
-    /// Lowers `clearance` ([`MovingPolyline::clearance`](crate::contact::MovingPolyline)) to the distances
-    /// that the bodies leave room for at the end of the step.
-    pub fn lower(&self, clearance: &mut [[f64; 2]]) -> Room {
-        let asked = clearance.to_vec();
+    /// Lowers `clearance` ([`MovingPolyline::clearance`](crate::contact::MovingPolyline)), which starts as those
+    /// that are `asked`, to the distances that the bodies leave room for at the end of the step.
+    pub fn lower(&self, asked: &[[f64; 2]], clearance: &mut [[f64; 2]]) -> Room {
         let mut by_part = false;
         for b in 0..self.motions.len() {
             by_part |= self.lower_beside_root(b, clearance);
         }
-        by_part |= self.lower_between(&asked, clearance);
+        by_part |= self.lower_between(asked, clearance);
         Room { lacks: asked != clearance, by_part }
     }
 
@@ -298,7 +297,7 @@ impl Simulation<'_> {
             let root = self.model.guides[i].root(&self.env, t);
             let (x0, at_rest) = (&self.polyline(i), &guide.clearance);
             Pinch { bodies: &self.env.bodies, motions: &motions, x0, root: &root, at_rest }
-                .lower(&mut lowered);
+                .lower(&asked, &mut lowered);
             let inside = |(asked, lowered): &(&[f64; 2], &[f64; 2])| {
                 asked != lowered && lowered[0].min(lowered[1]) < 0.0
             };

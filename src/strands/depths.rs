@@ -150,13 +150,17 @@ mod tests {
     fn bodies_that_leave_no_room_are_named_whatever_their_number() {
         let balls = vec![Shape::Sphere { centre: Vector3::zeros(), radius: 0.05 }; 70];
         let bodies = Bodies::from_shapes(&balls);
-        // At rest all are far away; then the last two overlap by 1 cm where a guide passes.
+        // At rest all are far away; then the last two overlap by 1 cm where a guide passes, or by 4 cm, with open
+        // wedges in which it runs in and out.
         let far: Vec<_> =
             (0..70).map(|b| Isometry3::translation(0.0, 1.0 + 0.2 * f64::from(b), 0.0)).collect();
-        let mut poses = far.clone();
-        for (pose, side) in poses[68..].iter_mut().zip([1.0, -1.0]) {
-            *pose = Isometry3::translation(0.0, 0.045 * side, 0.0);
-        }
+        let overlapping = |overlap: f64| {
+            let mut poses = far.clone();
+            for (pose, side) in poses[68..].iter_mut().zip([1.0, -1.0]) {
+                *pose = Isometry3::translation(0.0, (0.05 - 0.5 * overlap) * side, 0.0);
+            }
+            poses
+        };
         let points: Vec<_> = (0..21).map(|i| Vector3::new(0.005 * f64::from(i) - 0.05, 0.0, 0.0)).collect();
         let written: Vec<_> = points.iter().map(|p| [p.x as f32, p.y as f32, p.z as f32]).collect();
         let all = std::iter::once(0..points.len()).collect();
@@ -167,8 +171,10 @@ mod tests {
             depths.measure(&obstacles, &written, &Matrix3::identity())
         };
         assert_eq!(measured(&far), Depths::default());
-        let depths = measured(&poses);
-        assert!((depths.pinched - 0.005).abs() < 1e-6 && depths.guides < 1e-4, "{depths:?}");
-        assert_eq!(depths.pinched_bodies, BTreeSet::from([68, 69]));
+        for overlap in [0.01, 0.04] {
+            let depths = measured(&overlapping(overlap));
+            assert!((depths.pinched - 0.5 * overlap).abs() < 1e-6 && depths.guides < 1e-4, "{depths:?}");
+            assert_eq!(depths.pinched_bodies, BTreeSet::from([68, 69]));
+        }
     }
 }

@@ -64,7 +64,7 @@ pub(super) struct Path<'a> {
     pub tangent: DVector<f64>,
     /// Length of the next step.
     length: f64,
-    /// Systems that the sub-step may still solve, and that the path may.
+    /// Systems that the sub-step may still solve, and number that the path may.
     budget: &'a mut SystemBudget,
     left: u32,
 }
@@ -128,7 +128,7 @@ impl<'a> Path<'a> {
         None
     }
 
-    /// The laws at x and ln τ, for one more system; `None` if these are out of range, or its [`SYSTEMS`] are solved.
+    /// The laws at x and ln τ, for one more system; `None` if these are out of range, or no system is left.
     fn evaluate(&mut self, at: &DVector<f64>) -> Option<Evaluation> {
         let n = self.smoothed.len();
         let tau = at[n].exp();

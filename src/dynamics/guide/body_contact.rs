@@ -107,15 +107,15 @@ impl GuideModel {
         inputs.slides.clear();
         inputs.slides.resize(env.bodies.len(), false);
         if state.pinched {
-            let asked = inputs.clearance.clone();
-            let room = pinch.lower(&mut inputs.clearance);
+            inputs.asked.clone_from(&inputs.clearance);
+            let room = pinch.lower(&inputs.asked, &mut inputs.clearance);
             let pinched = room.lacks || state.transient.was_pinched;
             // The push-out raises the distances at its own pace.
             let inside =
                 !inputs.pushed_out && pinch.lower_where_inside(pinched, room.by_part, &mut inputs.clearance);
             (inputs.pinched, inputs.by_part) = (room.lacks || room.by_part || inside, room.by_part);
             let segments = inputs.polyline.len() - 1;
-            let of_bodies = asked.chunks_exact(segments).zip(inputs.clearance.chunks_exact(segments));
+            let of_bodies = inputs.asked.chunks_exact(segments).zip(inputs.clearance.chunks_exact(segments));
             for (slides, (asked, left)) in inputs.slides.iter_mut().zip(of_bodies) {
                 *slides = state.slides && asked != left;
             }

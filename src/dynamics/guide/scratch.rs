@@ -37,6 +37,8 @@ pub(super) struct ContactInputs {
     pub motions: Vec<BodyMotion>,
     /// Distance to keep from body b at both ends of half segment k, m, at `b * halves + k`.
     pub clearance: Vec<[f64; 2]>,
+    /// The same before they are lowered to what bodies leave room for.
+    pub asked: Vec<[f64; 2]>,
     /// True if bodies leave no room for some of these distances, which are lowered.
     pub pinched: bool,
     /// Whether the guide slides on each body without friction.
