@@ -179,6 +179,11 @@ class Curves:
         return self.cache.fixed(f"{self.name}.root_uv")
 
     @cached_property
+    def arc(self) -> FloatArray:
+        """Arc length of the rod from the root to each point, `N`, units, the same at all times; of guides."""
+        return self.cache.fixed(f"{self.name}.arc")
+
+    @cached_property
     def closest_guides(self) -> IntArray:
         """Ids of the guides that each render strand follows, `n × 3`."""
         return self.cache.fixed(f"{self.name}.closest_guides")

@@ -132,14 +132,16 @@ pub fn weights_of(groom: &Groom, strands: &Strands, rods: &[(&Rod, Membership)])
 /// The guides as written: the points of the rods and the midpoints between them.
 fn guide_set(groom: &Groom, rods: &[(&Rod, Membership)]) -> CurveSet {
     let mut curves = Curves { offsets: vec![0], points: Vec::new(), ..groom.guides.curves.clone() };
+    let mut arc = Vec::new();
     for (rod, _) in rods {
         let mut shape = RodShape::default();
         shape.update(rod, &rod.root.r, &rod.initial_q);
         curves.points.extend(shape.refined_curve(rod, &rod.initial_q).map(|x| x + rod.root.p));
+        arc.extend(rod.refined_arc().map(|s| (s / groom.convention.metres_per_unit) as f32));
         curves.offsets.push(curves.points.len());
     }
     let points = std::mem::take(&mut curves.points);
-    curve_set(groom, &curves, points, (1, &[]))
+    CurveSet { arc, ..curve_set(groom, &curves, points, (1, &[])) }
 }
 
 /// `guide` is 1 for guides; `width_factors` scale the width of each group.
@@ -163,6 +165,7 @@ fn curve_set(
     CurveSet {
         counts: curves.offsets.windows(2).map(|w| (w[1] - w[0]) as i32).collect(),
         rest: points.iter().map(|p| single(&out.length_out(*p))).collect(),
+        arc: Vec::new(),
         widths,
         id: curves.id.clone(),
         group: curves.group.iter().map(|g| *g as i32).collect(),

@@ -5,9 +5,10 @@ use super::{CurveFrame, CurveSet, Frame, Header, HeldGuides};
 /// The curves that have arrays.
 pub const CURVES: [&str; 2] = ["hair", "guides"];
 /// Arrays of curves that do not move, with what they hold.
-pub const FIXED: [(&str, &str); 11] = [
+pub const FIXED: [(&str, &str); 12] = [
     ("counts", "number of points of each curve"),
     ("rest", "points in rest space, units"),
+    ("arc", "arc length of the rod from the root to each point, units, of guides"),
     ("widths", "diameter at each point, units"),
     ("ids", "id of each curve"),
     ("groups", "group of each curve"),
@@ -131,6 +132,7 @@ fn fixed(set: &CurveSet, held: Option<&HeldGuides>, name: &str) -> Option<Array>
     let array = match name {
         "counts" => Array::integers(&set.counts),
         "rest" => Array::vectors(&set.rest),
+        "arc" => Array::floats(&set.arc),
         "widths" => Array::floats(&set.widths),
         "ids" => Array::integers(&set.id),
         "groups" => Array::integers(&set.group),
@@ -185,6 +187,7 @@ mod tests {
         let set = CurveSet {
             counts: vec![2],
             rest: vec![[0.0; 3]; 2],
+            arc: vec![0.0, 1.0],
             widths: vec![1.0; 2],
             id: vec![5],
             group: vec![0],

@@ -25,6 +25,7 @@ impl CurveSet {
         let points: i64 = self.counts.iter().map(|&count| i64::from(count)).sum();
         let (n, points) = (self.counts.len(), usize::try_from(points).unwrap_or_default());
         same("rest points", self.rest.len(), points)?;
+        same("arc lengths", self.arc.len(), if self.arc.is_empty() { 0 } else { points })?;
         same("widths", self.widths.len(), points)?;
         same("ids", self.id.len(), n)?;
         same("groups", self.group.len(), n)?;

@@ -57,6 +57,8 @@ pub struct CurveSet {
     pub counts: Vec<i32>,
     /// Points in rest space, scene units; `N`.
     pub rest: Vec<[f32; 3]>,
+    /// Arc length from the root to each point, scene units, the same at all times; `N`. Empty for strands.
+    pub arc: Vec<f32>,
     /// Diameter at each point, scene units; `N`.
     pub widths: Vec<f32>,
     /// Unique id of each curve; `n`.

@@ -8,7 +8,7 @@ use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header, HeldGu
 use super::manifest::Manifest;
 use super::material;
 use super::names::{
-    CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLIP_MANIFEST, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, PLANE, SKIN,
+    ARC, CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLIP_MANIFEST, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, PLANE, SKIN,
     TIE_FORCE, TIE_GUIDE, TIE_NUMBER, TOPOLOGY, clip_template, clips, collider_prim_names,
     frames_with_handles, up_axis,
 };
@@ -277,6 +277,10 @@ fn curves(curves: &CurveSet, basis: Basis, colour: [f32; 3]) -> Vec<Attribute<'_
         ),
         interpolated("primvars:rest", "point3f[]", "vertex", Value::Float3s(Cow::Borrowed(&curves.rest))),
     ];
+    if !curves.arc.is_empty() {
+        let arc = Value::Floats(Cow::Borrowed(&curves.arc));
+        attributes.push(interpolated(ARC, "float[]", "vertex", arc));
+    }
     let ClosestGuides { guides, weights } = &curves.closest;
     if !guides.is_empty() {
         let weights = Value::Floats(Cow::Borrowed(weights));

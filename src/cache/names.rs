@@ -27,6 +27,8 @@ pub const MANIFEST: &str = "manifest.json";
 pub(super) const CLOSEST_GUIDES: &str = "primvars:groom_closest_guides";
 /// Weights of these guides, under the name that Unreal reads.
 pub(super) const GUIDE_WEIGHTS: &str = "primvars:groom_guide_weights";
+/// Arc length of each point of a guide.
+pub(super) const ARC: &str = "primvars:groom_arc";
 /// Triangles that close the holes of a collider.
 pub(super) const CAPS: &str = "primvars:groom_caps";
 /// Marks a collider that roots ride on.

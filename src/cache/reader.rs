@@ -5,7 +5,7 @@ use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header, HeldGu
 use super::layers::transposed;
 use super::manifest::Manifest;
 use super::names::{
-    CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, MANIFEST, PLANE, SKIN, TIE_FORCE,
+    ARC, CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, MANIFEST, PLANE, SKIN, TIE_FORCE,
     TIE_GUIDE, TIE_NUMBER, TOPOLOGY, collider_prim_names, frame_file_name, frames_on_disk,
 };
 use crate::usd::{Layer, Value, crate_file};
@@ -177,6 +177,7 @@ impl Source {
         Ok(CurveSet {
             counts: self.take(prim, "curveVertexCounts", None, ints)?,
             rest: self.take(prim, "primvars:rest", None, float3s)?,
+            arc: if self.has(prim, ARC) { self.take(prim, ARC, None, floats)? } else { Vec::new() },
             widths: self.take(prim, "widths", None, floats)?,
             id: self.take(prim, "primvars:groom_id", None, ints)?,
             group: self.take(prim, "primvars:groom_group_id", None, ints)?,

@@ -24,7 +24,7 @@ Arrays:
   guides.normals, guides.clamp_forces, guides.clamp_moments, guides.tie_forces: frames first
   hair.counts, hair.rest, hair.widths, hair.ids, hair.groups, hair.guide, hair.root_uv,
   hair.closest_guides, hair.guide_weights: do not move
-  The same of guides, such as guides.points; guides.tie_guides, guides.tie_numbers.";
+  The same of guides, such as guides.points; guides.arc, guides.tie_guides, guides.tie_numbers.";
 
 /// `hairbake read` as it is typed.
 #[derive(Debug, Args)]

@@ -248,6 +248,12 @@ impl Rod {
         (self.arc[k] + (self.arc[k + 1] - self.arc[k]) * u) / self.length()
     }
 
+    /// Arc lengths of the points of [`RodShape::refined_curve`](super::RodShape::refined_curve), m.
+    pub fn refined_arc(&self) -> impl Iterator<Item = f64> + '_ {
+        let next = |s: &[f64]| [0.5 * (s[0] + s[1]), s[1]];
+        std::iter::once(self.arc[0]).chain(self.arc.windows(2).flat_map(next))
+    }
+
     /// Stiffness matrix 𝐊 = ∫ N_i K N_j ds, row-major n × n, N·m³.
     pub fn elastic_matrix(&self) -> Vec<f64> {
         self.assemble(&self.core.hat)

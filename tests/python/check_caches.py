@@ -76,6 +76,11 @@ def check_curves(curves: UsdGeom.BasisCurves, expected: Values, basis: str) -> N
         assert primvar.GetTypeName() == Sdf.ValueTypeNames.Find(type_name), name
         assert primvar.GetInterpolation() == interpolation, name
         assert_same(primvar.Get(), expected[key])
+    arc = primvars.GetPrimvar("groom_arc")
+    assert bool(arc) == bool(expected["arc"])
+    if arc:
+        assert arc.GetTypeName() == Sdf.ValueTypeNames.FloatArray and arc.GetInterpolation() == "vertex"
+        assert_same(arc.Get(), expected["arc"])
     assert primvars.GetPrimvar("displayColor").GetInterpolation() == "constant"
     assert len(curves.GetDisplayColorAttr().Get()) == 1
 

@@ -54,6 +54,8 @@ class Curves:
     """Points of the rest pose in the space of the groom, f32, `N × 3`, stage units."""
     widths: FloatArray
     """Diameters, f32, `N`, stage units."""
+    arc: FloatArray = field(default_factory=lambda: np.empty(0, np.float32))
+    """Arc length from the root to each point of a guide, f32, `N`, stage units; empty for strands."""
 
     @cached_property
     def consistent(self) -> bool:
@@ -83,6 +85,13 @@ class Curves:
         last = np.zeros(len(self.rest), dtype=bool)
         last[self.starts + self.counts - 1] = True
         return np.flatnonzero(~last)
+
+    @cached_property
+    def rods(self) -> FloatArray | None:
+        """Length of each segment along the rod of a guide; None without valid arc lengths."""
+        if self.arc.shape != (len(self.rest),) or not np.isfinite(self.arc).all():
+            return None
+        return np.diff(self.arc.astype(float))[self.segments]
 
     @cached_property
     def rest_chords(self) -> FloatArray:
@@ -255,12 +264,14 @@ class Cache:
 
     def _read_curves(self, path: str) -> Curves:
         prim = self.stage.GetPrimAtPath(path)
-        curves = UsdGeom.BasisCurves(prim)
+        curves, primvars = UsdGeom.BasisCurves(prim), UsdGeom.PrimvarsAPI(prim)
+        arc = primvars.GetPrimvar("groom_arc")
         return Curves(
             path=path,
             counts=array(curves.GetCurveVertexCountsAttr().Get(), int, 1),
-            rest=array(UsdGeom.PrimvarsAPI(prim).GetPrimvar("rest").Get(), np.float32, 2),
+            rest=array(primvars.GetPrimvar("rest").Get(), np.float32, 2),
             widths=array(curves.GetWidthsAttr().Get(), np.float32, 1),
+            arc=array(arc.Get() if arc else None, np.float32, 1),
         )
 
     def _collider_prims(self) -> list[Usd.Prim]:

@@ -240,36 +240,41 @@ def segments(window: Window) -> Iterator[Finding]:
 
 
 def guide_segments(window: Window) -> Iterator[Finding]:
-    """Measures the change of guides' arcs, beyond the error of the interpolating cubics."""
-    for curves, rest, now, rounding in guide_arcs(window):
-        floor = rounding + rest.error + now.error
+    """Measures by how much guides' arcs are longer or shorter than their rods."""
+    for curves, (least, most), now, rounding in guide_arcs(window):
+        outside = np.maximum(now.length - most, least - now.length) - now.error - rounding
         drift = np.zeros(len(curves.rest))
-        drift[curves.segments] = np.maximum(0, np.abs(now.length - rest.length) - floor) / np.maximum(
-            rest.length, rounding
-        )
+        drift[curves.segments] = np.maximum(0, outside) / np.maximum(most, rounding)
         yield worst(window, GUIDE_SEGMENTS, curves, drift)
 
 
 def guide_length(window: Window) -> Iterator[Finding]:
     """Measures the change of guides' total length, the sum of their arcs."""
-    for curves, rest, now, rounding in guide_arcs(window):
+    for curves, bounds, now, rounding in guide_arcs(window):
         first = np.cumsum(curves.counts - 1) - (curves.counts - 1)
-        total = np.add.reduceat(rest.length, first)
-        drift = np.abs(np.add.reduceat(now.length, first) - total) - np.add.reduceat(
-            rest.error + now.error + rounding, first
+        least, most, length, error = (
+            np.add.reduceat(each, first) for each in (*bounds, now.length, now.error + rounding)
         )
-        share = np.maximum(0, drift) / np.maximum(total, rounding)
-        yield worst(window, GUIDE_LENGTH, curves, share, per_curve=True)
+        outside = np.maximum(length - most, least - length) - error
+        yield worst(window, GUIDE_LENGTH, curves, np.maximum(0, outside) / most, per_curve=True)
 
 
-def guide_arcs(window: Window) -> Iterator[tuple[Curves, Arcs, Arcs, float]]:
-    """Guides, their arcs at rest and in the frame, and the rounding error of an arc."""
+def guide_arcs(
+    window: Window,
+) -> Iterator[tuple[Curves, tuple[FloatArray, FloatArray], Arcs, float]]:
+    """Guides, bounds of their arcs, their arcs in the frame, and the rounding error of an arc.
+
+    An arc is as long as the rod. A cubic does not see a bend within a segment, as at a kink of the groom, and
+    may be as much shorter than the rod as at rest.
+    """
     rest_arcs = window.reference.rest_arcs
     for curves in window.cache.curves:
         found = window.once(arcs_in_frame, curves) if curves.path == GUIDES else None
-        if rest_arcs is not None and found is not None:
+        if rest_arcs is not None and curves.rods is not None and found is not None:
             arcs, spaced = found
-            yield curves, rest_arcs, arcs, float(np.sqrt(3)) * (spacing(curves.rest) + spaced)
+            least = np.minimum(rest_arcs.length - rest_arcs.error, curves.rods)
+            rounding = float(np.sqrt(3)) * (spacing(curves.rest) + spaced) + spacing(curves.arc)
+            yield curves, (least, curves.rods), arcs, rounding
 
 
 def arcs_in_frame(window: Window, curves: Curves, offset: int) -> tuple[Arcs, float] | None:

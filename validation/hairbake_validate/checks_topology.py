@@ -18,6 +18,7 @@ from .cache import (
     Curves,
     attribute_value,
 )
+from .geometry import spacing
 from .report import Check, Finding
 
 TOPOLOGY = Check(
@@ -35,6 +36,13 @@ FOLLOWING = Check(
     "strands name guides of the cache, with weights that sum to 1",
     "normalize groom_guide_weights, and name guides by their groom_id",
     tolerance=tolerances.WEIGHT_SUM,
+)
+ARCS = Check(
+    "arcs",
+    "arc lengths of guides start at 0 and fit the rest points",
+    "write groom_arc as docs/cache.md describes it",
+    tolerance=tolerances.ARC_OVER_CHORD,
+    unit="relative",
 )
 REACTIONS = Check(
     "reactions",
@@ -88,6 +96,8 @@ def expected_primvars(curves: Curves) -> list[tuple[str, Any, str, int | None]]:
         ("groom_root_uv", types.TexCoord2fArray, "uniform", count),
         ("rest", types.Point3fArray, "vertex", None),
     ]
+    if curves.path == GUIDES:
+        expected.append(("groom_arc", types.FloatArray, "vertex", len(curves.rest)))
     if curves.path == HAIR:
         expected.append(("groom_closest_guides", types.IntArray, "uniform", GUIDES_PER_STRAND * count))
         expected.append(("groom_guide_weights", types.FloatArray, "uniform", GUIDES_PER_STRAND * count))
@@ -119,6 +129,27 @@ def width_errors(prim: Any, curves: Curves) -> Iterator[str]:
         yield f"{len(curves.widths)} widths, expected {total}, one for each point"
     elif not (np.isfinite(curves.widths) & (curves.widths > 0)).all():
         yield "widths are not all finite and above 0"
+
+
+def arcs(cache: Cache) -> Iterator[Finding]:
+    """Compares the length of each segment of a guide along the rod with its chord at rest."""
+    for curves in cache.curves:
+        if curves.path != GUIDES or not curves.consistent or curves.rods is None:
+            continue
+        if curves.arc[curves.starts].any():
+            yield Finding(ARCS, message="arc lengths do not start at 0", prim=curves.path)
+        rounding = np.sqrt(3) * spacing(curves.rest) + spacing(curves.arc)
+        excess = curves.rods - curves.rest_chords
+        curve_of_segment = curves.curve_of_point[curves.segments]
+        short = np.flatnonzero(excess < -rounding)
+        if short.size:
+            message = f"{short.size} segments are shorter than their chords"
+            curve = int(curve_of_segment[short[0]])
+            yield Finding(ARCS, message=message, prim=curves.path, curve=curve)
+        share = (excess - rounding) / np.maximum(curves.rest_chords, rounding)
+        most = int(share.argmax())
+        value, curve = max(0.0, float(share[most])), int(curve_of_segment[most])
+        yield Finding(ARCS, value=value, prim=curves.path, curve=curve)
 
 
 def following(cache: Cache) -> Iterator[Finding]:
@@ -187,6 +218,7 @@ def ids(cache: Cache) -> Iterator[Finding]:
 CURVE_DATA: dict[Check, Callable[[Cache], Iterator[Finding]]] = {
     TOPOLOGY: topology,
     PRIMVARS: primvars,
+    ARCS: arcs,
     FOLLOWING: following,
     REACTIONS: reactions,
     IDS: ids,

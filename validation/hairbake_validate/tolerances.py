@@ -12,6 +12,10 @@ WIDTH_M = (5e-6, 2e-3)
 # construction; 1e-4 is below what is visible and below what length-preserving groom tools resolve.
 SEGMENT_DRIFT = 1e-4
 
+# Length of a guide's segment along the rod over its chord at rest, minus 1. A segment is half of one that
+# turns by at most 0.4 rad: 0.2²/24 on a circle; at a kink of the groom it may be all of it, 0.4²/24 = 0.0067.
+ARC_OVER_CHORD = 0.01
+
 # Guides lie on smooth inextensible curves: arcs keep their length, chords do not. The arc is measured on the
 # cubic through four neighbouring points. Its relative error is below ARC_ERROR × κ²(κ² + τ²)s⁴ for curvature
 # κ, torsion τ and the longest segment s of the four points. The largest factor measured on helices is 0.0264

@@ -261,6 +261,11 @@ class CacheBuilder:
             weights = primvars.CreatePrimvar("groom_guide_weights", types.FloatArray, "uniform", 3)
             weights.Set([1.0, 0.0, 0.0] * count)
         rest = rest_points(count).reshape(-1, 3).astype(np.float32)
+        if path == GUIDES:
+            arc = primvars.CreatePrimvar("groom_arc", types.FloatArray, "vertex")
+            arc.Set(
+                Vt.FloatArray.FromNumpy(np.tile(LENGTH * np.linspace(0, 1, POINTS), count).astype(np.float32))
+            )
         primvars.CreatePrimvar("rest", types.Point3fArray, "vertex").Set(Vt.Vec3fArray.FromNumpy(rest))
 
     def _write_manifest(self) -> None:

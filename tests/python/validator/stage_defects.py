@@ -3,8 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
+from hairbake_validate.geometry import FloatArray
 from validator.defects import defect
 from validator.good_cache import CURVES, GUIDE_COUNT, GUIDES, HAIR, MATERIAL, POINTS, SKULL, CacheBuilder
 
@@ -148,6 +150,41 @@ def index_without_point(cache: CacheBuilder) -> None:
 
 def edit_primvar(cache: CacheBuilder, name: str, change: Callable[[UsdGeom.Primvar], Any]) -> None:
     edit_hair(cache, lambda curves: change(UsdGeom.PrimvarsAPI(curves).GetPrimvar(name)))
+
+
+def edit_arcs(cache: CacheBuilder, change: Callable[[FloatArray], FloatArray]) -> None:
+    """Changes the arc lengths of the guides, `GUIDE_COUNT × POINTS`."""
+
+    def edit(stage: Usd.Stage) -> None:
+        primvar = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(GUIDES)).GetPrimvar("groom_arc")
+        arcs = change(np.array(primvar.Get()).reshape(-1, POINTS))
+        primvar.Set(Vt.FloatArray.FromNumpy(arcs.ravel().astype(np.float32)))
+
+    cache.edit_topology(edit)
+
+
+@defect("arcs")
+def arc_lengths_from_the_second_point(cache: CacheBuilder) -> None:
+    edit_arcs(cache, lambda arcs: arcs - arcs[:, 1:2])
+
+
+@defect("arcs")
+def arc_lengths_in_another_unit(cache: CacheBuilder) -> None:
+    edit_arcs(cache, lambda arcs: 100 * arcs)
+
+
+@defect("arcs", "guide_segments")
+def segment_shorter_than_its_chord(cache: CacheBuilder) -> None:
+    def change(arcs: FloatArray) -> FloatArray:
+        arcs[1, 4] -= 0.005 * (arcs[1, 4] - arcs[1, 3])
+        return arcs
+
+    edit_arcs(cache, change)
+
+
+@defect("primvars")
+def guides_without_arc_lengths(cache: CacheBuilder) -> None:
+    cache.edit_topology(lambda stage: stage.GetPrimAtPath(GUIDES).RemoveProperty("primvars:groom_arc"))
 
 
 @defect("primvars")

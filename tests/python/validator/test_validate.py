@@ -7,13 +7,15 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
+from pxr import Usd, UsdGeom, Vt
 
 from hairbake_validate.run import CHECKS, validate
 from support import ROOT
 from validator import file_defects, frame_defects, motion_defects
 from validator.defects import DEFECTS, MIDDLE, Defect, failed
-from validator.good_cache import HAIR, CacheBuilder
+from validator.good_cache import GUIDES, HAIR, POINTS, CacheBuilder
 
 for module in ("stage_defects", "placement_defects"):
     import_module(f"validator.{module}")  # Registers its defects.
@@ -30,6 +32,18 @@ def test_defect_fails_its_own_check(good_cache: CacheBuilder, checks: list[str],
     report = validate(good_cache.directory)
     assert failed(report) == set(checks), report.as_text()
     assert report.passed == (report.outcomes[checks[0]].status == "warn")
+
+
+def test_a_bend_within_a_segment_at_rest_may_straighten(good_cache: CacheBuilder) -> None:
+    def shorten(stage: Usd.Stage) -> None:
+        primvar = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(GUIDES)).GetPrimvar("rest")
+        rest = np.array(primvar.Get()).reshape(-1, POINTS, 3)
+        rest[1, 4:] -= 0.004 * (rest[1, 4] - rest[1, 3])
+        primvar.Set(Vt.Vec3fArray.FromNumpy(rest.reshape(-1, 3)))
+
+    good_cache.edit_topology(shorten)
+    report = validate(good_cache.directory)
+    assert failed(report) == set(), report.as_text()
 
 
 def test_every_check_has_a_defect() -> None:

@@ -63,7 +63,7 @@ fn usd_core_resolves_every_value_at_every_frame() {
 
 fn header_json(header: &Header) -> Value {
     let curves = |prim: &str, c: &hairbake::cache::CurveSet| {
-        json!({"prim": prim, "counts": c.counts, "rest": c.rest, "widths": c.widths, "id": c.id,
+        json!({"prim": prim, "counts": c.counts, "rest": c.rest, "arc": c.arc, "widths": c.widths, "id": c.id,
                "group": c.group, "group_name": c.group_name, "guide": c.guide, "root_uv": c.root_uv})
     };
     let sets: Vec<Value> = (header.hair.iter().map(|c| curves("/groom/hair", c)))

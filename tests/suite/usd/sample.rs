@@ -78,6 +78,7 @@ fn curves(count: i32, guide: i32) -> CurveSet {
     let total: i32 = counts.iter().sum();
     CurveSet {
         rest: (0..total).map(|i| [i as f32 * 0.1, (i % 7) as f32, -(i as f32) / 3.0]).collect(),
+        arc: (0..if guide == 1 { total } else { 0 }).map(|i| i as f32 * 0.125).collect(),
         widths: (0..total).map(|i| 0.01 + i as f32 * 1e-5).collect(),
         id: (0..count).map(|c| 1000 * (guide + 1) + 7 * c).collect(),
         group: (0..count).map(|c| c / 10).collect(),
