@@ -64,7 +64,7 @@ impl Bodies {
         self.bodies[body].solid.closest(t, p, max_distance)
     }
 
-    /// [`Solid::facing`] of a body: the part of its surface that faces the part `from`, the nearest to `p`.
+    /// [`SolidMesh::facing`] of a body at time `t`, s; `None` for a convex shape.
     pub fn facing(
         &self,
         body: usize,
@@ -73,7 +73,19 @@ impl Bodies {
         from: &SurfacePoint,
         max_distance: f64,
     ) -> Option<SurfacePoint> {
-        self.bodies[body].solid.facing(t, p, from, -pinch::FACING, max_distance)
+        self.bodies[body].solid.mesh(t)?.facing(p, from, -pinch::FACING, max_distance)
+    }
+
+    /// [`SolidMesh::facing_or_around`] of a body at time `t`, s; `None` for a convex shape.
+    pub fn facing_or_around(
+        &self,
+        body: usize,
+        t: f64,
+        p: &Vector3<f64>,
+        from: &SurfacePoint,
+        max_distance: f64,
+    ) -> Option<SurfacePoint> {
+        self.bodies[body].solid.mesh(t)?.facing_or_around(p, from, -pinch::FACING, max_distance)
     }
 
     /// [`Solid::distance_bounds`] of a body.

@@ -283,7 +283,7 @@ impl Clearance {
         let distance = |(b, pose): (usize, &Isometry3<f64>)| {
             let root = pose.inverse_transform_point(&x[0].into()).coords;
             let on = bodies.closest(b, t, &root, SEARCH_RADIUS)?;
-            Some(bodies.facing(b, t, &root, &on, FOLD_RADIUS)?.distance)
+            Some(bodies.facing_or_around(b, t, &root, &on, FOLD_RADIUS)?.distance)
         };
         let far = |found: Option<f64>| found.unwrap_or(SEARCH_RADIUS);
         self.fold_distance = poses.iter().enumerate().map(distance).map(far).collect();

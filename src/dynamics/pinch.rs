@@ -98,7 +98,7 @@ impl Pinch<'_> {
                     continue;
                 }
                 let Some(on) = self.closest(b, Moment::Start, x) else { continue };
-                let part = if by_part { self.facing(b, Moment::Start, x, &on) } else { None };
+                let part = if by_part { self.other_part(b, Moment::Start, x, &on) } else { None };
                 let distance = part.map_or(on.distance, |part| part.distance.min(on.distance));
                 if distance < asked - SMALL {
                     lowered = true;
@@ -116,7 +116,7 @@ impl Pinch<'_> {
         let root = &self.root.p;
         let Some(on) = self.closest(b, Moment::End, root) else { return false };
         let (mut own, mut other) =
-            (self.surface(b, Moment::End, &on), self.facing(b, Moment::End, root, &on));
+            (self.surface(b, Moment::End, &on), self.other_part(b, Moment::End, root, &on));
         let at_rest = self.at_rest.root_distance()[b];
         let approached = |surface: &Surface| (surface.distance - at_rest).abs();
         if let Some(part) = &mut other
@@ -171,7 +171,7 @@ impl Pinch<'_> {
                     Some(found) if found.distance <= NEAR => {
                         let surface = self.surface(b, Moment::Start, &found);
                         near.push((b, surface));
-                        let Some(part) = self.facing(b, Moment::Start, &middle, &found) else { continue };
+                        let Some(part) = self.other_part(b, Moment::Start, &middle, &found) else { continue };
                         by_part |= surface.distance.min(part.distance) < 0.0;
                         let keep = asked[b * segments + k];
                         let yielded = self.yielded([(b, surface), (b, part)], [keep; 2], ends);
@@ -214,7 +214,7 @@ impl Pinch<'_> {
             let found = self.closest(first, Moment::End, x)?;
             let a = self.surface(first, Moment::End, &found);
             let b = match first == second {
-                true => self.facing(first, Moment::End, x, &found)?,
+                true => self.other_part(first, Moment::End, x, &found)?,
                 false => self.surface(second, Moment::End, &self.closest(second, Moment::End, x)?),
             };
             Some([a, b])
@@ -242,15 +242,15 @@ impl Pinch<'_> {
         self.bodies.closest(b, t, &pose.inverse_transform_point(&(*x).into()).coords, SEARCH_RADIUS)
     }
 
-    /// The part of a deforming body `b` near `x`, m, world, that faces `from`, the nearest surface there.
-    /// Between parts of a rigid one the groom has room.
-    fn facing(&self, b: usize, moment: Moment, x: &Vector3<f64>, from: &SurfacePoint) -> Option<Surface> {
+    /// The part of a deforming body `b` near `x`, m, world, that faces `from`, the nearest surface there, or
+    /// that `x` is inside. Between parts of a rigid one the groom has room.
+    fn other_part(&self, b: usize, moment: Moment, x: &Vector3<f64>, from: &SurfacePoint) -> Option<Surface> {
         if !self.bodies.bodies[b].solid.deforms() {
             return None;
         }
         let (t, pose) = self.body(b, moment);
         let local = pose.inverse_transform_point(&(*x).into()).coords;
-        let found = self.bodies.facing(b, t, &local, from, NEAR)?;
+        let found = self.bodies.facing_or_around(b, t, &local, from, NEAR)?;
         Some(self.surface(b, moment, &found))
     }
 

@@ -98,18 +98,11 @@ impl Solid {
         matches!(self, Solid::Deforming(_))
     }
 
-    /// [`SolidMesh::facing`] of a mesh at time `t`, s; `None` for a convex shape.
-    pub fn facing(
-        &self,
-        t: f64,
-        p: &Vector3<f64>,
-        from: &SurfacePoint,
-        cosine: f64,
-        max_distance: f64,
-    ) -> Option<SurfacePoint> {
+    /// The mesh at time `t`, s; `None` of a convex shape.
+    pub fn mesh(&self, t: f64) -> Option<&SolidMesh> {
         match self.surface_over([t, t]) {
             MovingSurface::Convex(_) => None,
-            MovingSurface::Mesh([mesh, _]) => mesh.facing(p, from, cosine, max_distance),
+            MovingSurface::Mesh([mesh, _]) => Some(mesh),
         }
     }
 

@@ -161,13 +161,17 @@ impl Obstacles<'_> {
     /// Whether another part of a deforming body faces the way out of it from `x`, m, world. It is looked for at
     /// `x`: on the surface, rounding would decide of how many parts the place is inside.
     fn faced_by_part(&self, inside: &Violation, x: &Vector3<f64>) -> bool {
-        self.part_facing(inside.body, x).is_some_and(|part| part.distance - inside.depth <= pinch::ROOM)
+        let Some((local, on)) = self.on_deforming(inside.body, x) else { return false };
+        let part = self.bodies.facing(inside.body, self.time, &local, &on, PART_RADIUS);
+        part.is_some_and(|part| part.distance - inside.depth <= pinch::ROOM)
     }
 
     /// How the root of a strand with this first edge, m, world, is inside another part of the deforming body
     /// that it is on.
     fn swallowed_by_part(&self, body: usize, [root, next]: &[Vector3<f64>; 2]) -> Swallowed {
-        let part = self.part_facing(body, root);
+        let part = self.on_deforming(body, root).and_then(|(local, on)| {
+            self.bodies.facing_or_around(body, self.time, &local, &on, PART_RADIUS)
+        });
         let violation = part.map_or(Violation::default(), |part| Violation {
             depth: (-part.distance).max(0.0),
             normal: self.poses[body].rotation * part.normal,
@@ -178,14 +182,13 @@ impl Obstacles<'_> {
         swallowed
     }
 
-    /// The part of a deforming body that faces the surface nearest to `x`, m, world; body frame.
-    fn part_facing(&self, body: usize, x: &Vector3<f64>) -> Option<SurfacePoint> {
+    /// `x`, m, world, in the frame of a body that deforms, and the nearest point of its surface.
+    fn on_deforming(&self, body: usize, x: &Vector3<f64>) -> Option<(Vector3<f64>, SurfacePoint)> {
         if !self.bodies.bodies[body].solid.deforms() {
             return None;
         }
         let local = self.poses[body].inverse_transform_point(&(*x).into()).coords;
-        let on = self.bodies.closest(body, self.time, &local, SEARCH_RADIUS)?;
-        self.bodies.facing(body, self.time, &local, &on, PART_RADIUS)
+        Some((local, self.bodies.closest(body, self.time, &local, SEARCH_RADIUS)?))
     }
 
     /// `x` (m, world) moved out of one body after the other until `vertex` violates its clearance by at most

@@ -87,11 +87,26 @@ class Curves:
         return np.flatnonzero(~last)
 
     @cached_property
+    def pairs(self) -> IntArray:
+        """Index among `segments` of the first of two segments of a curve; a last one is alone.
+
+        Every second point of a guide is one of its rod. Those in between are where a smooth curve would be,
+        and may be off along it next to a kink.
+        """
+        within = self.segments - self.starts[self.curve_of_point[self.segments]]
+        return np.flatnonzero(within % 2 == 0)
+
+    @cached_property
     def rods(self) -> FloatArray | None:
-        """Length of each segment along the rod of a guide; None without valid arc lengths."""
+        """Length of each pair of segments along the rod of a guide; None without valid arc lengths."""
         if self.arc.shape != (len(self.rest),) or not np.isfinite(self.arc).all():
             return None
-        return np.diff(self.arc.astype(float))[self.segments]
+        return self.of_pairs(np.diff(self.arc.astype(float))[self.segments])
+
+    def of_pairs(self, lengths: FloatArray) -> FloatArray:
+        """Sums of the lengths of segments over pairs."""
+        sums: FloatArray = np.add.reduceat(lengths, self.pairs)
+        return sums
 
     @cached_property
     def rest_chords(self) -> FloatArray:

@@ -69,7 +69,7 @@ SEGMENTS = Check(
 )
 GUIDE_SEGMENTS = Check(
     "guide_segments",
-    "arcs between points of a guide keep their rest length",
+    "arcs between points of a guide keep the length of the rod",
     "remove edits that stretch guides after the bake, or bake these frames with more substeps or nodes",
     tolerances.GUIDE_SEGMENT_DRIFT,
     "relative",
@@ -240,41 +240,40 @@ def segments(window: Window) -> Iterator[Finding]:
 
 
 def guide_segments(window: Window) -> Iterator[Finding]:
-    """Measures by how much guides' arcs are longer or shorter than their rods."""
-    for curves, (least, most), now, rounding in guide_arcs(window):
-        outside = np.maximum(now.length - most, least - now.length) - now.error - rounding
+    """Measures by how much the arcs of pairs of segments of guides are longer or shorter than their rods."""
+    for curves, (least, most), now in guide_arcs(window):
+        outside = np.maximum(now.length - most, least - now.length) - now.error
         drift = np.zeros(len(curves.rest))
-        drift[curves.segments] = np.maximum(0, outside) / np.maximum(most, rounding)
+        drift[curves.segments[curves.pairs]] = np.maximum(0, outside) / np.maximum(most, now.error)
         yield worst(window, GUIDE_SEGMENTS, curves, drift)
 
 
 def guide_length(window: Window) -> Iterator[Finding]:
     """Measures the change of guides' total length, the sum of their arcs."""
-    for curves, bounds, now, rounding in guide_arcs(window):
-        first = np.cumsum(curves.counts - 1) - (curves.counts - 1)
+    for curves, bounds, now in guide_arcs(window):
+        first = np.flatnonzero(np.diff(curves.curve_of_point[curves.segments[curves.pairs]], prepend=-1))
         least, most, length, error = (
-            np.add.reduceat(each, first) for each in (*bounds, now.length, now.error + rounding)
+            np.add.reduceat(each, first) for each in (*bounds, now.length, now.error)
         )
         outside = np.maximum(length - most, least - length) - error
         yield worst(window, GUIDE_LENGTH, curves, np.maximum(0, outside) / most, per_curve=True)
 
 
-def guide_arcs(
-    window: Window,
-) -> Iterator[tuple[Curves, tuple[FloatArray, FloatArray], Arcs, float]]:
-    """Guides, bounds of their arcs, their arcs in the frame, and the rounding error of an arc.
+def guide_arcs(window: Window) -> Iterator[tuple[Curves, tuple[FloatArray, FloatArray], Arcs]]:
+    """Guides, bounds of the arcs of pairs of their segments, and the arcs in the frame.
 
     An arc is as long as the rod. A cubic does not see a bend within a segment, as at a kink of the groom, and
-    may be as much shorter than the rod as at rest.
+    may be as much shorter than the rod as at rest. The errors include rounding.
     """
     rest_arcs = window.reference.rest_arcs
     for curves in window.cache.curves:
         found = window.once(arcs_in_frame, curves) if curves.path == GUIDES else None
         if rest_arcs is not None and curves.rods is not None and found is not None:
             arcs, spaced = found
-            least = np.minimum(rest_arcs.length - rest_arcs.error, curves.rods)
+            least = np.minimum(curves.of_pairs(rest_arcs.length - rest_arcs.error), curves.rods)
             rounding = float(np.sqrt(3)) * (spacing(curves.rest) + spaced) + spacing(curves.arc)
-            yield curves, (least, curves.rods), arcs, rounding
+            now = Arcs(curves.of_pairs(arcs.length), curves.of_pairs(arcs.error) + rounding)
+            yield curves, (least, curves.rods), now
 
 
 def arcs_in_frame(window: Window, curves: Curves, offset: int) -> tuple[Arcs, float] | None:

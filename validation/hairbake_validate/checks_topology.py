@@ -132,23 +132,23 @@ def width_errors(prim: Any, curves: Curves) -> Iterator[str]:
 
 
 def arcs(cache: Cache) -> Iterator[Finding]:
-    """Compares the length of each segment of a guide along the rod with its chord at rest."""
+    """Compares the rods of guides with their chords at rest."""
     for curves in cache.curves:
         if curves.path != GUIDES or not curves.consistent or curves.rods is None:
             continue
         if curves.arc[curves.starts].any():
             yield Finding(ARCS, message="arc lengths do not start at 0", prim=curves.path)
         rounding = np.sqrt(3) * spacing(curves.rest) + spacing(curves.arc)
-        excess = curves.rods - curves.rest_chords
-        curve_of_segment = curves.curve_of_point[curves.segments]
+        chords = curves.of_pairs(curves.rest_chords)
+        excess = curves.rods - chords
+        curve_of_pair = curves.curve_of_point[curves.segments[curves.pairs]]
         short = np.flatnonzero(excess < -rounding)
         if short.size:
-            message = f"{short.size} segments are shorter than their chords"
-            curve = int(curve_of_segment[short[0]])
-            yield Finding(ARCS, message=message, prim=curves.path, curve=curve)
-        share = (excess - rounding) / np.maximum(curves.rest_chords, rounding)
+            message = f"the rod is shorter than its chords in {short.size} places"
+            yield Finding(ARCS, message=message, prim=curves.path, curve=int(curve_of_pair[short[0]]))
+        share = (excess - rounding) / np.maximum(chords, rounding)
         most = int(share.argmax())
-        value, curve = max(0.0, float(share[most])), int(curve_of_segment[most])
+        value, curve = max(0.0, float(share[most])), int(curve_of_pair[most])
         yield Finding(ARCS, value=value, prim=curves.path, curve=curve)
 
 

@@ -165,6 +165,34 @@ class Collider:
                     distance[k], away[k] = signed[0], offset[0] / (signed[0] or 1)
         return distance, away
 
+    def around(
+        self, points: FloatArray, normals: FloatArray, bent: float, ahead: float, front: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Signed distance of places on the surface from the part of it that each is inside, and its normals.
+
+        Infinite where a place is inside no other part.
+
+        Args:
+            points: The places, `N × 3`.
+            normals: Outward normals there.
+            bent: Cosine of the angle between outward normals above which a face is of the part of the place.
+            ahead: Least cosine of the angle between the way out of a part and its normal.
+            front: How far in front of its place a point is told to be inside or outside.
+        """
+        distance, away = np.full(len(points), np.inf), np.zeros((len(points), 3))
+        for k, (point, normal) in enumerate(zip(points, normals, strict=True)):
+            if self.winding(point + front * normal) <= 0.5:
+                continue
+            faces = np.flatnonzero(self.normals[:, FACE] @ normal < bent)
+            each = Runs(faces, np.arange(len(faces)), np.ones(len(faces), int))
+            signed, offset, *_ = self._signed_distance(np.tile(point, (len(faces), 1)), each)
+            cosine = dot(-offset, self.normals[faces, FACE]) / np.maximum(norms(offset), np.finfo(float).tiny)
+            signed = np.where((cosine > ahead) & (signed < 0), signed, -np.inf)
+            best = int(signed.argmax()) if len(faces) else 0
+            if len(faces) and signed[best] > -np.inf:
+                distance[k], away[k] = signed[best], offset[best] / signed[best]
+        return distance, away
+
     def winding(self, point: FloatArray) -> float:
         """How many times the mesh winds about a point (Van Oosterom and Strackee 1983)."""
         a, b, c = (self.corners[:, k] - point for k in range(3))

@@ -130,6 +130,8 @@ def swallowed_by_part(
     deep = np.unique(curves.curve_of_point[depth * metres > tolerances.PINCH_DEPTH_M])
     roots = points[curves.starts[deep]]
     distance, normal = part_facing(metres, roots, solid)
+    left = np.flatnonzero(distance >= 0)
+    distance[left], normal[left] = part_around(metres, roots[left], solid)
     for curve, root, away in zip(deep, distance, normal, strict=True):
         if root < 0:
             run = slice(curves.starts[curve], curves.starts[curve] + curves.counts[curve])
@@ -150,6 +152,19 @@ def part_facing(
     _, normals = collider.surface(local)
     front = tolerances.PINCH_IN_FRONT_M / metres
     distance, away = collider.facing(local, normals, tolerances.PINCH_FACING, front)
+    distance[np.abs(distance) > tolerances.PINCH_PART_M / metres] = np.inf
+    return distance, away @ matrix[:3, :3]
+
+
+def part_around(
+    metres: float, points: FloatArray, solid: tuple[Collider, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """The same of the part at any other angle that each is inside."""
+    collider, matrix = solid
+    local = transformed(points, np.linalg.inv(matrix))
+    _, normals = collider.surface(local)
+    front = tolerances.PINCH_IN_FRONT_M / metres
+    distance, away = collider.around(local, normals, tolerances.PINCH_BENT, tolerances.PINCH_AHEAD, front)
     distance[np.abs(distance) > tolerances.PINCH_PART_M / metres] = np.inf
     return distance, away @ matrix[:3, :3]
 

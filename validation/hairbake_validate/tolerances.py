@@ -12,8 +12,8 @@ WIDTH_M = (5e-6, 2e-3)
 # construction; 1e-4 is below what is visible and below what length-preserving groom tools resolve.
 SEGMENT_DRIFT = 1e-4
 
-# Length of a guide's segment along the rod over its chord at rest, minus 1. A segment is half of one that
-# turns by at most 0.4 rad: 0.2²/24 on a circle; at a kink of the groom it may be all of it, 0.4²/24 = 0.0067.
+# Length of a guide's rod over its chords at rest, minus 1. Between two points a rod turns by at most 0.2 rad
+# on a circle, 0.2²/24; at a kink of the groom it may be the 0.4 rad between three, 0.4²/24 = 0.0067.
 ARC_OVER_CHORD = 0.01
 
 # Guides lie on smooth inextensible curves: arcs keep their length, chords do not. The arc is measured on the
@@ -168,6 +168,11 @@ PINCH_ROOM_M = 2e-3
 PINCH_FACING = 0.5
 # Least share of a unit normal across the curve that counts as a direction.
 PINCH_ACROSS = 0.3
+
+# Parts of a mesh at an angle: cosine of that between outward normals above which the part is the same, and
+# the least of that between the way out of a part and its normal.
+PINCH_BENT = 0.5
+PINCH_AHEAD = 0.5
 
 # Distance in front of one part of a mesh, m, from which another part is looked at, and up to which.
 PINCH_IN_FRONT_M = 1e-4

@@ -20,6 +20,13 @@ const ROUNDING: f64 = 1e-12;
 /// Distance from a surface, m, below which a place is taken to be in front of it.
 const ON_SURFACE: f64 = 1e-4;
 
+/// Cosine of the angle between outward normals above which a place is of the same part, which bends.
+const BENT: f64 = 0.5;
+
+/// Least cosine of the angle between the way out of a part and its outward normal. The nearest points of faces
+/// that bend away are on their edges.
+const AHEAD: f64 = 0.5;
+
 /// A triangle mesh in one configuration, open or closed, with a bounding volume hierarchy over its triangles.
 /// Holes, such as that at the neck of a head, are closed.
 ///
@@ -288,29 +295,57 @@ impl SolidMesh {
         max_distance: f64,
     ) -> Option<SurfacePoint> {
         let faces = |t: u32| self.normals.faces[t as usize].dot(&from.normal) < cosine;
-        let (triangle, point, local) = self.nearest(p, max_distance, faces)?;
-        let feature = self.feature(triangle, local);
-        let found = self.surface_point_of_part(p, &point, feature);
-        let in_front = from.distance.abs() < ON_SURFACE;
-        let behind = u32::from(found.distance < 0.0) + u32::from(from.distance < 0.0 && !in_front);
-        let place = if in_front { p + from.normal * (ON_SURFACE - from.distance) } else { *p };
+        let found = self.nearest_of_part(p, max_distance, faces)?;
+        let behind = usize::from(found.distance < 0.0) + usize::from(is_behind(from));
         // Behind both sides of a single solid, a place is inside once; behind one of them, it is outside.
-        (behind == 0 || self.winding_number(&place) > f64::from(behind) - 0.5).then_some(found)
+        (behind == 0 || self.is_inside(p, from, behind)).then_some(found)
     }
 
-    /// [`SolidMesh::surface_point`] of a part of the surface alone, wherever other parts put `p`.
-    fn surface_point_of_part(
+    /// [`SolidMesh::facing`], or, if `p` is inside a part at another angle, the point of that nearest to `p`.
+    pub fn facing_or_around(
         &self,
         p: &Vector3<f64>,
-        point: &Vector3<f64>,
-        feature: Feature,
-    ) -> SurfacePoint {
+        from: &SurfacePoint,
+        cosine: f64,
+        max_distance: f64,
+    ) -> Option<SurfacePoint> {
+        let facing = self.facing(p, from, cosine, max_distance);
+        let is_inside = facing.is_some_and(|found| found.distance < 0.0);
+        if is_inside || !self.is_inside(p, from, 1 + usize::from(is_behind(from))) {
+            return facing;
+        }
+        let is_ahead = |t: u32| {
+            let normal = &self.normals.faces[t as usize];
+            let out = closest_on_triangle(p, self.triangle(t)).0 - p;
+            normal.dot(&from.normal) < BENT && out.dot(normal) > AHEAD * out.norm()
+        };
+        self.nearest_of_part(p, max_distance, is_ahead).filter(|found| found.distance < 0.0).or(facing)
+    }
+
+    /// Whether the mesh winds `times` or more about `p`, near the surface point `from`; on the surface, about
+    /// the place in front.
+    fn is_inside(&self, p: &Vector3<f64>, from: &SurfacePoint, times: usize) -> bool {
+        let near = from.distance.abs() < ON_SURFACE;
+        let place = if near { p + from.normal * (ON_SURFACE - from.distance) } else { *p };
+        self.winding_number(&place) > times as f64 - 0.5
+    }
+
+    /// The point nearest to `p` of a part of the surface alone, wherever other parts put `p`: of the triangles
+    /// that are `wanted`, less than `max_distance`, m, away.
+    fn nearest_of_part(
+        &self,
+        p: &Vector3<f64>,
+        max_distance: f64,
+        wanted: impl Fn(u32) -> bool,
+    ) -> Option<SurfacePoint> {
+        let (triangle, point, local) = self.nearest(p, max_distance, wanted)?;
+        let feature = self.feature(triangle, local);
         let offset = p - point;
         let distance = offset.norm();
         let pseudonormal = self.pseudonormal(feature);
         let sign = if offset.dot(&pseudonormal) >= 0.0 { 1.0 } else { -1.0 };
         let normal = if distance > ROUNDING { offset * (sign / distance) } else { pseudonormal };
-        SurfacePoint { distance: sign * distance, normal, point: *point, feature }
+        Some(SurfacePoint { distance: sign * distance, normal, point, feature })
     }
 
     /// First intersection of the segment from `a` to `b` with the surface: the fraction of the segment, and
@@ -344,6 +379,11 @@ impl SolidMesh {
         let mesh = Triangles { vertices: &self.vertices, triangles: &self.topology.triangles };
         self.winding.get_or_init(|| WindingTree::new(mesh)).number(mesh, p)
     }
+}
+
+/// Whether the place of which `from` is the nearest surface point is behind that, and not on it.
+fn is_behind(from: &SurfacePoint) -> bool {
+    from.distance <= -ON_SURFACE
 }
 
 impl Pseudonormals {
