@@ -5,8 +5,8 @@ use super::header::{Basis, ClosestGuides, ColliderMesh, CurveSet, Header, HeldGu
 use super::layers::transposed;
 use super::manifest::Manifest;
 use super::names::{
-    ARC, CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, MANIFEST, PLANE, SKIN, TIE_FORCE,
-    TIE_GUIDE, TIE_NUMBER, TOPOLOGY, collider_prim_names, frame_file_name, frames_on_disk,
+    ARC, CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, MANIFEST, PLANE, SKIN,
+    TIE_FORCE, TIE_GUIDE, TIE_NUMBER, TOPOLOGY, collider_prim_names, frame_file_name, frames_on_disk,
 };
 use crate::usd::{Layer, Value, crate_file};
 use crate::{Error, Result};

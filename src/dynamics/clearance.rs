@@ -357,9 +357,17 @@ impl Clearance {
     }
 
     /// Ends the push-out with the points at `x`, m, world, and the bodies at time `t`, s, at `pose`. Segments
-    /// still in a body become exempt.
-    pub fn end_push_out(&mut self, bodies: &Bodies, t: f64, pose: &[Isometry3<f64>], x: &[Vector3<f64>]) {
+    /// still in a rigid body are drawn through it, and become exempt. A body that deforms may have closed on
+    /// them since. Returns whether there are any of these.
+    pub fn end_push_out(
+        &mut self,
+        bodies: &Bodies,
+        t: f64,
+        pose: &[Isometry3<f64>],
+        x: &[Vector3<f64>],
+    ) -> bool {
         let segments = x.len() - 1;
+        let mut closed_on = false;
         for (i, (from, to)) in self.from.iter_mut().zip(&mut self.to).enumerate() {
             if from == to {
                 continue;
@@ -367,10 +375,14 @@ impl Clearance {
             let (b, k) = (i / segments, i % segments);
             let ends = [x[k], x[k + 1]].map(|x| pose[b].inverse_transform_point(&x.into()).coords);
             if ends.iter().any(|y| bodies.contains(b, t, y)) || passes_through(bodies, b, t, &ends) {
-                *to = EXEMPT;
+                match bodies.bodies[b].solid.deforms() {
+                    true => closed_on = true,
+                    false => *to = EXEMPT,
+                }
             }
             *from = *to;
         }
+        closed_on
     }
 }
 

@@ -269,3 +269,37 @@ fn parts_of_a_mesh_face_each_other_across_a_gap_and_an_overlap_but_not_through_a
         assert_eq!(facing(&lens, height), None, "{height} m above the middle of a lens");
     }
 }
+
+#[test]
+fn a_place_on_a_part_of_a_mesh_is_inside_another_part_at_any_angle() {
+    // Two blocks: the side of the second, at x = 0, stands on the top of the first, at y = 0.
+    let block = |lo: [f64; 3], hi: [f64; 3]| {
+        let corner = |i: usize| Vector3::from_fn(|k, _| if i >> k & 1 == 1 { hi[k] } else { lo[k] });
+        let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        let triangles = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        TriMesh { vertices: (0..8).map(corner).collect(), triangles }
+    };
+    let mut blocks = block([-0.1, -0.05, -0.1], [0.1, 0.0, 0.1]);
+    let wall = block([0.0, -0.02, -0.04], [0.06, 0.05, 0.04]);
+    let first = blocks.vertices.len() as u32;
+    blocks.vertices.extend(wall.vertices);
+    blocks.triangles.extend(wall.triangles.iter().map(|t| t.map(|v| v + first)));
+    let mesh = SolidMesh::new(&blocks.vertices, &blocks.triangles);
+    let found = |x: f64, y: f64| {
+        let p = Vector3::new(x, y, 3e-3);
+        let on = mesh.closest(&p, 1.0).unwrap();
+        (mesh.is_in_another_part(&p, &on), mesh.facing_or_around(&p, &on, -0.5, 0.03))
+    };
+    // On the top of the first block, and above it: 5 mm behind the side of the second.
+    for y in [0.0, 2e-3] {
+        let (inside, part) = found(5e-3, y);
+        let part = part.unwrap();
+        assert!(inside && (part.distance + 5e-3).abs() < 1e-12, "{y}: {}", part.distance);
+        assert!((part.normal + Vector3::x()).norm() < 1e-9);
+    }
+    // In front of the side, and inside the first block alone.
+    for (x, y) in [(-5e-3, 0.0), (-5e-3, 2e-3), (-5e-3, -2e-3)] {
+        let (inside, part) = found(x, y);
+        assert!(!inside && part.is_none(), "{x} {y}: {part:?}");
+    }
+}

@@ -169,9 +169,9 @@ impl Obstacles<'_> {
     /// How the root of a strand with this first edge, m, world, is inside another part of the deforming body
     /// that it is on.
     fn swallowed_by_part(&self, body: usize, [root, next]: &[Vector3<f64>; 2]) -> Swallowed {
-        let part = self.on_deforming(body, root).and_then(|(local, on)| {
-            self.bodies.facing_or_around(body, self.time, &local, &on, PART_RADIUS)
-        });
+        let part = self
+            .on_deforming(body, root)
+            .and_then(|(local, on)| self.bodies.facing_or_around(body, self.time, &local, &on, PART_RADIUS));
         let violation = part.map_or(Violation::default(), |part| Violation {
             depth: (-part.distance).max(0.0),
             normal: self.poses[body].rotation * part.normal,

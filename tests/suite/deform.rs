@@ -182,21 +182,35 @@ fn one_mesh(shapes: [Shape; 2]) -> TriMesh {
     mesh
 }
 
-/// Two balls of one mesh: the root is on the upper, and the lower rises until the root is 8 mm inside.
+/// Two balls of one mesh: the root is under one, and the other comes from below until the root is 8 mm inside.
 #[test]
 fn a_part_that_swallows_a_root_leaves_the_strand_with_it() {
+    assert_eq!(swallow_root(-Vector3::y()), 0);
+}
+
+/// The other comes from the side, where no surface faces that of the first.
+#[test]
+fn a_part_that_swallows_a_root_at_an_angle_leaves_the_strand_with_it() {
+    // In the step in which the root comes inside.
+    assert!(swallow_root(-Vector3::z()) <= 1);
+}
+
+/// The other ball comes from the side `from`, a unit vector. Returns the number of truncated motions.
+fn swallow_root(from: Vector3<f64>) -> u32 {
     const RADIUS: f64 = 0.04;
-    let ball = |y: f64| Shape::Sphere { centre: Vector3::y() * y, radius: RADIUS };
+    let ball = |centre: Vector3<f64>| Shape::Sphere { centre, radius: RADIUS };
     let share = |t: f64| t.clamp(0.0, 1.0).powi(2) * (3.0 - 2.0 * t.clamp(0.0, 1.0));
-    let risen = |t: f64| 0.058 * (share((t - 0.2) / 0.8) - share((t - 1.1) / 0.8));
-    let lower = -0.05 - RADIUS;
-    let balls = one_mesh([ball(RADIUS + THICKNESS), ball(lower)]);
-    let motion = moving(&balls, 2.0, |p, t| p + Vector3::y() * if p.y < 0.0 { risen(t) } else { 0.0 });
+    let near = |t: f64| 0.058 * (share((t - 0.2) / 0.8) - share((t - 1.1) / 0.8));
+    let start = from * (0.05 + RADIUS);
+    let balls = one_mesh([ball(Vector3::y() * (RADIUS + THICKNESS)), ball(start)]);
+    let moves = |p: &Vector3<f64>| (p - start).norm() < 1.01 * RADIUS;
+    let motion = moving(&balls, 2.0, |p, t| if moves(p) { p - from * near(t) } else { *p });
     let colliders = [collider(Shape::Mesh(balls), Some(motion))];
-    let mut swallowed: f64 = 0.0;
+    let (mut swallowed, mut truncated) = (0.0_f64, 0);
     run(&colliders, &|_, _| Vector3::zeros(), 2.0, |guide, t, record| {
-        assert_eq!((record.unconverged, record.truncated), (0, 0), "at {t} s");
-        let centre = Vector3::y() * (lower + risen(t));
+        assert_eq!(record.unconverged, 0, "at {t} s");
+        truncated += record.truncated;
+        let centre = start - from * near(t);
         let depth = |x: &Vector3<f64>| RADIUS - (x - centre).norm();
         let root = depth(&guide.x[0]);
         swallowed = swallowed.max(root);
@@ -209,6 +223,7 @@ fn a_part_that_swallows_a_root_leaves_the_strand_with_it() {
         }
     });
     assert!(swallowed > 7e-3, "{swallowed}");
+    truncated
 }
 
 /// Two rolls of one mesh beside a hanging strand close on it, overlap by 1 cm, and part again.

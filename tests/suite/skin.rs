@@ -209,6 +209,51 @@ fn roots_ride_on_the_nearest_of_several_skins() {
     }
 }
 
+/// A floor and a wall of one mesh. The hair stands on the floor; at rest the wall is 10 cm away, and in the
+/// whole shot its side is 8 mm in front of the root, so that it has swallowed it.
+#[test]
+fn hair_that_a_part_of_its_skin_closes_on_before_the_shot_leaves_that() {
+    const FRONT: f64 = -0.008;
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let write = |name: String, front: f64| {
+        let blocks = [
+            [V::new(-0.1, -0.03, -0.1), V::new(0.1, 0.0, 0.1)],
+            [V::new(front, -0.01, -0.05), V::new(front + 0.05, 0.06, 0.05)],
+        ];
+        let corner = |i: usize| V::from_fn(|k, _| blocks[i / 8][i >> k & 1][k]);
+        let vertices = (0..16).map(corner).map(|x| format!("v {:.9} {:.9} {:.9}\n", x.x, x.y, x.z));
+        let faces = (0..2).flat_map(|b| quads.map(|quad| quad.map(|i| 8 * b + i + 1)));
+        let faces = faces.map(|[a, b, c, d]| format!("f {a} {b} {c} {d}\n"));
+        std::fs::write(folder.join(name), vertices.chain(faces).collect::<String>()).unwrap();
+    };
+    write("body.obj".into(), 0.1);
+    for frame in FRAMES[0] - 2..=FRAMES[1] + 2 {
+        write(format!("body.{frame:04}.obj"), FRONT);
+    }
+    let points: Vec<[f64; 3]> = (0..8).map(|k| [0.0, 0.025 * f64::from(k) / 7.0, 0.0]).collect();
+    let groom = json!({
+        "format": "hairbake-groom", "version": 1,
+        "materials": [{ "name": "fur", "sag_free": 1.0 }],
+        "guides": { "vertices": 8, "points": points },
+    });
+    let anim = json!({
+        "format": "hairbake-anim", "version": 1, "fps": 24, "frames": FRAMES, "skins": ["body"],
+        "colliders": [{ "name": "body", "shape": { "type": "mesh", "file": "body.obj", "sequence": "body.####.obj" } }],
+        "settings": { "preroll_s": 0.5 },
+    });
+    let paths = ["groom.json", "anim.json"].map(|name| folder.join(name));
+    std::fs::write(&paths[0], groom.to_string()).unwrap();
+    std::fs::write(&paths[1], anim.to_string()).unwrap();
+    let cache = bake_files(folder, paths);
+    let guides = cache.read_frame(FRAMES[1]).unwrap().guides;
+    let depth = |p: &[f32; 3]| f64::from(p[0]) - FRONT;
+    let (root, tip) = (&guides.points[0], guides.points.last().unwrap());
+    assert!((depth(root) - 8e-3).abs() < 1e-4, "the root is {} m deep", depth(root));
+    assert!(depth(tip) < 5e-4, "the tip is {} m inside", depth(tip));
+}
+
 #[test]
 fn a_skin_that_deforms_goes_with_its_body() {
     let folder = tempfile::tempdir().unwrap();

@@ -129,9 +129,7 @@ def swallowed_by_part(
     found = np.zeros(len(depth), bool)
     deep = np.unique(curves.curve_of_point[depth * metres > tolerances.PINCH_DEPTH_M])
     roots = points[curves.starts[deep]]
-    distance, normal = part_facing(metres, roots, solid)
-    left = np.flatnonzero(distance >= 0)
-    distance[left], normal[left] = part_around(metres, roots[left], solid)
+    distance, normal = part_around(metres, roots, solid)
     for curve, root, away in zip(deep, distance, normal, strict=True):
         if root < 0:
             run = slice(curves.starts[curve], curves.starts[curve] + curves.counts[curve])
@@ -159,7 +157,7 @@ def part_facing(
 def part_around(
     metres: float, points: FloatArray, solid: tuple[Collider, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """The same of the part at any other angle that each is inside."""
+    """The same of the part, at any angle, that each is inside: infinite where there is none."""
     collider, matrix = solid
     local = transformed(points, np.linalg.inv(matrix))
     _, normals = collider.surface(local)

@@ -59,10 +59,10 @@ impl GuideModel {
         state.pinched &= scratch.inputs.pinched;
         state.slides &= state.pinched;
         if state.clearance.counts().1 > 0 && (env.push_out)(span[1]) >= 1.0 {
-            // Segments still inside at the end of the push-out are drawn through the body: they stay exempt.
             let poses = env.body_poses(span[1]);
             state.contact_polyline(self, &mut scratch.inputs.polyline);
-            state.clearance.end_push_out(&env.bodies, span[1], &poses, &scratch.inputs.polyline);
+            state.pinched |=
+                state.clearance.end_push_out(&env.bodies, span[1], &poses, &scratch.inputs.polyline);
         }
         record
     }

@@ -301,7 +301,8 @@ impl SolidMesh {
         (behind == 0 || self.is_inside(p, from, behind)).then_some(found)
     }
 
-    /// [`SolidMesh::facing`], or, if `p` is inside a part at another angle, the point of that nearest to `p`.
+    /// [`SolidMesh::facing`], or, if `p` is inside another part than `from`, at any angle, the nearest place where
+    /// it leaves that.
     pub fn facing_or_around(
         &self,
         p: &Vector3<f64>,
@@ -309,17 +310,22 @@ impl SolidMesh {
         cosine: f64,
         max_distance: f64,
     ) -> Option<SurfacePoint> {
-        let facing = self.facing(p, from, cosine, max_distance);
-        let is_inside = facing.is_some_and(|found| found.distance < 0.0);
-        if is_inside || !self.is_inside(p, from, 1 + usize::from(is_behind(from))) {
-            return facing;
-        }
         let is_ahead = |t: u32| {
             let normal = &self.normals.faces[t as usize];
             let out = closest_on_triangle(p, self.triangle(t)).0 - p;
             normal.dot(&from.normal) < BENT && out.dot(normal) > AHEAD * out.norm()
         };
-        self.nearest_of_part(p, max_distance, is_ahead).filter(|found| found.distance < 0.0).or(facing)
+        let around = if self.is_in_another_part(p, from) {
+            self.nearest_of_part(p, max_distance, is_ahead)
+        } else {
+            None
+        };
+        around.filter(|found| found.distance < 0.0).or_else(|| self.facing(p, from, cosine, max_distance))
+    }
+
+    /// Whether `p`, near the surface point `from`, is inside a part of the mesh that this does not bound.
+    pub fn is_in_another_part(&self, p: &Vector3<f64>, from: &SurfacePoint) -> bool {
+        self.is_inside(p, from, 1 + usize::from(is_behind(from)))
     }
 
     /// Whether the mesh winds `times` or more about `p`, near the surface point `from`; on the surface, about
