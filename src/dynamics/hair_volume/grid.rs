@@ -34,6 +34,7 @@ pub(super) struct Grid {
 }
 
 /// The 27 nodes around a point, with the shape functions along each axis.
+#[derive(Debug, Clone, Default)]
 pub(super) struct Stencil {
     nodes: [u32; 27],
     weight: [[f64; 3]; 3],
@@ -84,23 +85,20 @@ impl Grid {
     /// The stencil of point `x`, m, or of the point of the box next to it. Makes the blocks that it lies in.
     pub fn touch(&mut self, x: &Vector3<f64>) -> Stencil {
         let (base, weight, slope) = self.shape(x);
+        // Along each axis: the block of each of the three nodes, and the node within it.
+        let along = |c: usize, blocks: usize, nodes: usize| -> [(usize, usize); 3] {
+            [0, 1, 2].map(|i| base[c] + i).map(|at| (at / EDGE * blocks, at % EDGE * nodes))
+        };
+        let x = along(0, self.size[1] * self.size[2], EDGE * EDGE);
+        let (y, z) = (along(1, self.size[2], EDGE), along(2, 1, 1));
         let nodes = std::array::from_fn(|i| {
-            let (block, node) = self.place(&base, i);
-            if self.table[block] == ABSENT {
-                self.table[block] = self.nodes.len() as u32;
+            let (x, y, z) = (x[i / 9], y[i / 3 % 3], z[i % 3]);
+            let first = &mut self.table[x.0 + y.0 + z.0];
+            if *first == ABSENT {
+                *first = self.nodes.len() as u32;
                 self.nodes.resize(self.nodes.len() + BLOCK, [0.0; 8]);
             }
-            self.table[block] + node
-        });
-        Stencil { nodes, weight, slope }
-    }
-
-    /// The stencil of point `x`, m, whose blocks [`Grid::touch`] has made.
-    pub fn stencil(&self, x: &Vector3<f64>) -> Stencil {
-        let (base, weight, slope) = self.shape(x);
-        let nodes = std::array::from_fn(|i| {
-            let (block, node) = self.place(&base, i);
-            self.table[block] + node
+            *first + (x.1 + y.1 + z.1) as u32
         });
         Stencil { nodes, weight, slope }
     }
@@ -120,14 +118,6 @@ impl Grid {
             slope[c] = [f - 1.5, 2.0 - 2.0 * f, f - 0.5].map(|w| w / self.spacing);
         }
         (base, weight, slope)
-    }
-
-    /// Block of node `i` of a stencil, and the node within it.
-    fn place(&self, base: &[usize; 3], i: usize) -> (usize, u32) {
-        let at = [base[0] + i / 9, base[1] + i / 3 % 3, base[2] + i % 3];
-        let block = (at[0] / EDGE * self.size[1] + at[1] / EDGE) * self.size[2] + at[2] / EDGE;
-        let node = (at[0] % EDGE * EDGE + at[1] % EDGE) * EDGE + at[2] % EDGE;
-        (block, node as u32)
     }
 
     /// Adds `values` to the nodes of a stencil, by their weights.
@@ -158,15 +148,17 @@ impl Grid {
         values
     }
 
-    /// The gradient of the sum of `entries`, each times its factor, at the point of a stencil, per m.
-    pub fn gradient(&self, stencil: &Stencil, entries: [(usize, f64); 2]) -> Vector3<f64> {
+    /// The gradient of `value` of the nodes at the point of a stencil, per m.
+    pub fn gradient(&self, stencil: &Stencil, value: impl Fn(&Node) -> f64) -> Vector3<f64> {
         let ([x, y, z], [dx, dy, dz]) = (stencil.weight, stencil.slope);
         let mut sum = Vector3::zeros();
-        for (i, &node) in stencil.nodes.iter().enumerate() {
-            let (a, b, c) = (i / 9, i / 3 % 3, i % 3);
-            let node = &self.nodes[node as usize];
-            let value: f64 = entries.iter().map(|(entry, factor)| node[*entry] * factor).sum();
-            sum += Vector3::new(dx[a] * y[b] * z[c], x[a] * dy[b] * z[c], x[a] * y[b] * dz[c]) * value;
+        for (i, nodes) in stencil.nodes.chunks_exact(3).enumerate() {
+            let (a, b) = (i / 3, i % 3);
+            let (along_x, along_y, across) = (dx[a] * y[b], x[a] * dy[b], x[a] * y[b]);
+            for (c, &node) in nodes.iter().enumerate() {
+                let slopes = Vector3::new(along_x * z[c], along_y * z[c], across * dz[c]);
+                sum += slopes * value(&self.nodes[node as usize]);
+            }
         }
         sum
     }
