@@ -36,7 +36,8 @@ pub(super) struct Grid {
 /// The 27 nodes around a point, with the shape functions along each axis.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Stencil {
-    nodes: [u32; 27],
+    /// Along x, y and z.
+    nodes: [[[u32; 3]; 3]; 3],
     weight: [[f64; 3]; 3],
     /// Derivatives of the weights, 1/m.
     slope: [[f64; 3]; 3],
@@ -91,16 +92,18 @@ impl Grid {
         };
         let x = along(0, self.size[1] * self.size[2], EDGE * EDGE);
         let (y, z) = (along(1, self.size[2], EDGE), along(2, 1, 1));
-        let nodes = std::array::from_fn(|i| {
-            let (x, y, z) = (x[i / 9], y[i / 3 % 3], z[i % 3]);
-            let first = &mut self.table[x.0 + y.0 + z.0];
-            if *first == ABSENT {
-                *first = self.nodes.len() as u32;
-                self.nodes.resize(self.nodes.len() + BLOCK, [0.0; 8]);
-            }
-            *first + (x.1 + y.1 + z.1) as u32
-        });
+        let nodes = x.map(|x| y.map(|y| z.map(|z| self.block(x.0 + y.0 + z.0) + (x.1 + y.1 + z.1) as u32)));
         Stencil { nodes, weight, slope }
+    }
+
+    /// First node of a block, which is made if it is missing.
+    fn block(&mut self, block: usize) -> u32 {
+        let Grid { table, nodes, .. } = self;
+        if table[block] == ABSENT {
+            table[block] = nodes.len() as u32;
+            nodes.resize(nodes.len() + BLOCK, [0.0; 8]);
+        }
+        table[block]
     }
 
     /// Lowest node of the stencil around `x`, counted from the first block, and the shape functions.
@@ -110,9 +113,8 @@ impl Grid {
         for c in 0..3 {
             let nodes = (self.size[c] * EDGE) as f64;
             let u = (x[c] / self.spacing - self.first[c] * EDGE as f64).clamp(0.5, nodes - 2.0);
-            let lowest = (u - 0.5).floor();
-            let f = u - lowest;
-            base[c] = lowest as usize;
+            base[c] = (u - 0.5) as usize;
+            let f = u - base[c] as f64;
             weight[c] =
                 [0.5 * (1.5 - f) * (1.5 - f), 0.75 - (f - 1.0) * (f - 1.0), 0.5 * (f - 0.5) * (f - 0.5)];
             slope[c] = [f - 1.5, 2.0 - 2.0 * f, f - 0.5].map(|w| w / self.spacing);
@@ -122,29 +124,26 @@ impl Grid {
 
     /// Adds `values` to the nodes of a stencil, by their weights.
     pub fn add(&mut self, stencil: &Stencil, values: &Node) {
-        for (node, weight) in stencil.weights() {
-            let node = &mut self.nodes[node];
-            for (sum, value) in node.iter_mut().zip(values) {
+        stencil.for_each(|node, weight| {
+            for (sum, value) in self.nodes[node].iter_mut().zip(values) {
                 *sum += weight * value;
             }
-        }
+        });
     }
 
     /// Adds `value` to one entry of the nodes of a stencil, by their weights.
     pub fn add_entry(&mut self, stencil: &Stencil, entry: usize, value: f64) {
-        for (node, weight) in stencil.weights() {
-            self.nodes[node][entry] += weight * value;
-        }
+        stencil.for_each(|node, weight| self.nodes[node][entry] += weight * value);
     }
 
     /// The values at the point of a stencil.
     pub fn values(&self, stencil: &Stencil) -> Node {
         let mut values = [0.0; 8];
-        for (node, weight) in stencil.weights() {
+        stencil.for_each(|node, weight| {
             for (sum, value) in values.iter_mut().zip(&self.nodes[node]) {
                 *sum += weight * value;
             }
-        }
+        });
         values
     }
 
@@ -152,12 +151,13 @@ impl Grid {
     pub fn gradient(&self, stencil: &Stencil, value: impl Fn(&Node) -> f64) -> Vector3<f64> {
         let ([x, y, z], [dx, dy, dz]) = (stencil.weight, stencil.slope);
         let mut sum = Vector3::zeros();
-        for (i, nodes) in stencil.nodes.chunks_exact(3).enumerate() {
-            let (a, b) = (i / 3, i % 3);
-            let (along_x, along_y, across) = (dx[a] * y[b], x[a] * dy[b], x[a] * y[b]);
-            for (c, &node) in nodes.iter().enumerate() {
-                let slopes = Vector3::new(along_x * z[c], along_y * z[c], across * dz[c]);
-                sum += slopes * value(&self.nodes[node as usize]);
+        for (plane, (x, dx)) in stencil.nodes.iter().zip(x.iter().zip(dx)) {
+            for (row, (y, dy)) in plane.iter().zip(y.iter().zip(dy)) {
+                let (along_x, along_y, across) = (dx * y, x * dy, x * y);
+                for (node, (z, dz)) in row.iter().zip(z.iter().zip(dz)) {
+                    let slopes = Vector3::new(along_x * z, along_y * z, across * dz);
+                    sum += slopes * value(&self.nodes[*node as usize]);
+                }
             }
         }
         sum
@@ -165,9 +165,15 @@ impl Grid {
 }
 
 impl Stencil {
-    /// The nodes and their weights, which add up to 1.
-    fn weights(&self) -> impl Iterator<Item = (usize, f64)> {
+    /// Calls `then` with each node and its weight. The weights add up to 1.
+    #[inline(always)]
+    fn for_each(&self, mut then: impl FnMut(usize, f64)) {
         let [x, y, z] = &self.weight;
-        self.nodes.iter().enumerate().map(|(i, &node)| (node as usize, x[i / 9] * y[i / 3 % 3] * z[i % 3]))
+        for (plane, x) in self.nodes.iter().zip(x) {
+            for (row, y) in plane.iter().zip(y) {
+                let across = x * y;
+                row.iter().zip(z).for_each(|(node, z)| then(*node as usize, across * z));
+            }
+        }
     }
 }

@@ -253,12 +253,13 @@ impl HairVolume {
         let to_world = (env.head)(t).rotation;
         let volume = &*self;
         states.par_iter_mut().enumerate().filter(|(i, _)| active(*i)).for_each(|(i, state)| {
-            let rod = &models[i].rod;
-            let force = |piece: usize| {
+            let (rod, forces) = (&models[i].rod, state.hair_force_mut());
+            for piece in volume.first[i]..volume.first[i + 1] {
                 let [pressure, acceleration] = volume.force(piece, h).map(|f| to_world * f);
-                volume.parts[piece].points.clone().map(move |k| pressure * rod.weight[k] + acceleration * rod.mass[k])
-            };
-            state.add_hair_force((volume.first[i]..volume.first[i + 1]).flat_map(force));
+                for k in volume.parts[piece].points.clone() {
+                    forces[k] += pressure * rod.weight[k] + acceleration * rod.mass[k];
+                }
+            }
         });
         self.record()
     }
@@ -266,15 +267,20 @@ impl HairVolume {
     /// How the hair is, once its pressure is found.
     fn record(&mut self) -> HairRecord {
         let fraction_p95 = self.fraction_p95();
-        let pieces = &self.pieces;
-        let sum = |of: fn(&Piece) -> f64| pieces.iter().map(|piece| of(piece) * piece.volume).sum::<f64>();
-        let volume = sum(|_| 1.0);
-        let [slip, speed] =
-            [sum(|piece| piece.slip.norm_squared()), sum(|piece| piece.v.norm_squared())].map(f64::sqrt);
+        let (mut volume, mut softened, mut slip, mut square_speed) = (0.0, 0.0, 0.0, 0.0);
+        let mut largest: f64 = 0.0;
+        for piece in &self.pieces {
+            volume += piece.volume;
+            softened += f64::from(u8::from(piece.softened)) * piece.volume;
+            slip += piece.slip.norm_squared() * piece.volume;
+            square_speed += piece.v.norm_squared() * piece.volume;
+            largest = largest.max(piece.fraction);
+        }
+        let (slip, speed) = (slip.sqrt(), square_speed.sqrt());
         HairRecord {
-            softened: sum(|piece| f64::from(u8::from(piece.softened))) / volume,
+            softened: softened / volume,
             crowding_p95: fraction_p95 / self.dense,
-            crowding_max: pieces.iter().map(|piece| piece.fraction).fold(0.0, f64::max) / self.dense,
+            crowding_max: largest / self.dense,
             slip: if speed > SLOW * volume.sqrt() { slip / speed } else { 0.0 },
         }
     }
@@ -312,9 +318,10 @@ impl HairVolume {
                 of[points.clone()].iter().zip(&*shares).map(|(v, share)| v * *share).sum::<Vector3<f64>>()
             };
             let (x, v, tangent) = (mean(&state.x), mean(&state.v), mean(&state.tangent));
+            let x = head.to_head(&x);
             *piece = Piece {
-                x: head.to_head(&x),
-                v: head.relative_velocity(&x, &v),
+                x,
+                v: head.relative_velocity_at(&x, &v),
                 tangent: head.rotate_to_head(&tangent),
                 volume: hairs[*guide].area * *length,
                 ..Piece::default()
