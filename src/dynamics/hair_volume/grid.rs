@@ -92,7 +92,14 @@ impl Grid {
         };
         let x = along(0, self.size[1] * self.size[2], EDGE * EDGE);
         let (y, z) = (along(1, self.size[2], EDGE), along(2, 1, 1));
-        let nodes = x.map(|x| y.map(|y| z.map(|z| self.block(x.0 + y.0 + z.0) + (x.1 + y.1 + z.1) as u32)));
+        let mut nodes = [[[0; 3]; 3]; 3];
+        for (plane, x) in nodes.iter_mut().zip(x) {
+            for (row, y) in plane.iter_mut().zip(y) {
+                for (node, z) in row.iter_mut().zip(z) {
+                    *node = self.block(x.0 + y.0 + z.0) + (x.1 + y.1 + z.1) as u32;
+                }
+            }
+        }
         Stencil { nodes, weight, slope }
     }
 
