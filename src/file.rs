@@ -69,16 +69,23 @@ pub fn sha256(bytes: &[u8]) -> String {
 /// # Errors
 /// [`Error::Io`] with `path`. Then no temporary file remains, and the previous file at `path` is unchanged.
 pub fn write_file(path: &Path, parts: &[impl AsRef<[u8]>]) -> Result<FileRecord> {
-    write(path, parts, true).map_err(|e| Error::io(path, e))
+    let (mut hasher, mut bytes) = (Sha256::new(), 0);
+    let hash = |block: &[u8]| {
+        hasher.update(block);
+        bytes += block.len() as u64;
+    };
+    write(path, parts, true, hash).map_err(|e| Error::io(path, e))?;
+    Ok(FileRecord { file: name(path), sha256: hex(hasher.finalize().as_slice()), bytes })
 }
 
-/// [`write_file`] without syncing to disk: after a crash of the machine the file may be damaged unless
-/// [`sync_files`] has synced it. For files that are checked when read and can be made again.
+/// [`write_file`] without a record, for files that contain their own checksum or key. One that is not
+/// `durable` is not synced to disk: after a crash of the machine it may be damaged unless [`sync_files`] has
+/// synced it. That is for files that are checked when read and can be made again.
 ///
 /// # Errors
 /// As [`write_file`].
-pub fn write_file_unsynced(path: &Path, parts: &[impl AsRef<[u8]>]) -> Result<FileRecord> {
-    write(path, parts, false).map_err(|e| Error::io(path, e))
+pub fn write_file_unrecorded(path: &Path, parts: &[impl AsRef<[u8]>], durable: bool) -> Result<()> {
+    write(path, parts, durable, |_| ()).map_err(|e| Error::io(path, e))
 }
 
 /// Syncs files of one folder, and the folder, to disk. Missing files are ignored: they were replaced or are
@@ -159,15 +166,13 @@ pub fn remove_stale_temporaries(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-fn write(path: &Path, parts: &[impl AsRef<[u8]>], sync: bool) -> io::Result<FileRecord> {
+/// Calls `then` for each block of the parts when it is written.
+fn write(path: &Path, parts: &[impl AsRef<[u8]>], sync: bool, mut then: impl FnMut(&[u8])) -> io::Result<()> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut temp = temporary(folder)?;
-    let mut hasher = Sha256::new();
-    let mut bytes = 0;
     for block in parts.iter().flat_map(|part| part.as_ref().chunks(BLOCK_LEN)) {
-        hasher.update(block);
+        then(block);
         temp.write_all(block)?;
-        bytes += block.len() as u64;
     }
     if sync {
         temp.as_file().sync_all()?;
@@ -177,7 +182,7 @@ fn write(path: &Path, parts: &[impl AsRef<[u8]>], sync: bool) -> io::Result<File
         // The name is durable only after the folder is synced.
         File::open(folder)?.sync_all()?;
     }
-    Ok(FileRecord { file: name(path), sha256: hex(hasher.finalize().as_slice()), bytes })
+    Ok(())
 }
 
 /// A locked temporary file, which [`remove_stale_temporaries`] skips.
@@ -256,6 +261,18 @@ mod tests {
             std::fs::read_dir(folder.path()).unwrap().map(|e| name(&e.unwrap().path())).collect();
         left.sort();
         assert_eq!(left, [&name(alive.path()), ".hidden.tmp", "hair.usda"]);
+    }
+
+    #[test]
+    fn the_record_of_a_write_is_that_of_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        // More than one block, and parts that end within blocks.
+        let parts = [vec![7; BLOCK_LEN + 3], Vec::new(), (0..=u8::MAX).collect()];
+        let written = write_file(&path, &parts).unwrap();
+        assert_eq!(written, record_of(&path).unwrap());
+        assert_eq!(written.sha256, sha256(&parts.concat()));
+        assert_eq!(read_file(&path).unwrap(), parts.concat());
     }
 
     #[test]

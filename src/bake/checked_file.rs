@@ -3,7 +3,7 @@
 //! One line of text, `hairbake KIND VERSION KEY SHA256`, then the value in postcard's encoding; the hash is
 //! of the value.
 
-use crate::file::{read_file, sha256, write_file, write_file_unsynced};
+use crate::file::{read_file, sha256, write_file_unrecorded};
 use crate::{Error, Result};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -42,8 +42,7 @@ pub enum FileFault {
 pub fn write(path: &Path, kind: Kind, key: &str, value: &impl Serialize) -> Result<()> {
     let body = postcard::to_stdvec(value).map_err(|e| Error::Internal(e.to_string()))?;
     let head = format!("hairbake {} {} {key} {}\n", kind.name, kind.version, sha256(&body));
-    let parts = [head.into_bytes(), body];
-    if kind.durable { write_file(path, &parts) } else { write_file_unsynced(path, &parts) }.map(drop)
+    write_file_unrecorded(path, &[head.into_bytes(), body], kind.durable)
 }
 
 /// Reads a value of the bake `key`.

@@ -17,7 +17,7 @@ use super::frame_state::FrameState;
 use crate::cache::{frame_file_name, over_frame_file_name};
 use crate::dynamics::simulation::SimulationState;
 use crate::file::{
-    self, FileRecord, read_file, record_of, remove_file, write_file_if_changed, write_file_unsynced,
+    self, FileRecord, read_file, record_of, remove_file, write_file_if_changed, write_file_unrecorded,
 };
 use crate::strands::Deflection;
 use crate::{Error, Result};
@@ -220,7 +220,7 @@ impl WorkDir {
     pub fn mark_done(&self, frame: i32, written: &WrittenFrame) -> Result<()> {
         let mark = Mark { key: self.key.clone(), frame: written.clone() };
         let json = serde_json::to_vec(&mark).map_err(|e| Error::Internal(e.to_string()))?;
-        write_file_unsynced(&self.mark_path(frame), &[json]).map(drop)
+        write_file_unrecorded(&self.mark_path(frame), &[json], false)
     }
 
     /// Deflections of the strands at a frame, one per vertex, if another task has written them.

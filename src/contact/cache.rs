@@ -23,13 +23,15 @@ pub(super) struct SegmentBound {
     ends: [Vector3<f64>; 2],
     /// Lower bound on the distance of every point of the segment, m; 0 if unknown.
     distance: f64,
+    /// Upper bound on the distance of its midpoint, m; infinite if unknown.
+    middle: f64,
     /// [`Solid::max_travel`] at that time, m.
     travel: f64,
 }
 
 impl Default for SegmentBound {
     fn default() -> Self {
-        SegmentBound { ends: [Vector3::zeros(); 2], distance: 0.0, travel: 0.0 }
+        SegmentBound { ends: [Vector3::zeros(); 2], distance: 0.0, middle: f64::INFINITY, travel: 0.0 }
     }
 }
 
@@ -40,16 +42,22 @@ impl SegmentBound {
         // A search beyond the motion of a few steps has no use, and its cost grows with the distance.
         let horizon = half + 8.0 * reach;
         let middle = 0.5 * (ends[0] + ends[1]);
-        let distance = match solid.surface_over([t, t]) {
+        let found = match solid.surface_over([t, t]) {
             // Contacts with a convex shape exist at any depth: only outside is the distance a bound.
-            MovingSurface::Convex(convex) => convex.closest(&middle).distance,
-            MovingSurface::Mesh([mesh, _]) => {
-                mesh.closest(&middle, horizon).map_or(horizon, |s| s.distance.abs())
-            }
+            MovingSurface::Convex(convex) => Some(convex.closest(&middle).distance),
+            MovingSurface::Mesh([mesh, _]) => mesh.closest(&middle, horizon).map(|s| s.distance.abs()),
         };
         // The margins cover rounding.
-        let distance = (distance - half) * (1.0 - 1e-9) - 1e-12;
-        SegmentBound { ends, distance, travel: solid.max_travel(t) }
+        let distance = (found.unwrap_or(horizon) - half) * (1.0 - 1e-9) - 1e-12;
+        SegmentBound { ends, distance, middle: found.unwrap_or(f64::INFINITY), travel: solid.max_travel(t) }
+    }
+
+    /// Whether a search for the segment with these `ends` at time `t`, s, certainly finds it within `reach`,
+    /// m, of the surface: its midpoint has come no farther from it than it and the surface have moved.
+    fn falls_short(&self, solid: &Solid, t: f64, ends: &[Vector3<f64>; 2], reach: f64) -> bool {
+        let moved = 0.5 * (ends[0] + ends[1] - self.ends[0] - self.ends[1]).norm();
+        let surface = (solid.max_travel(t) - self.travel).abs();
+        self.middle + moved + surface < reach + 0.5 * (ends[1] - ends[0]).norm()
     }
 
     /// Whether the segment is certainly farther than `reach`, m, at all of `places` and on linear motions
@@ -92,7 +100,7 @@ impl ContactCache {
 
     /// Whether the segment in `slot` is certainly farther than `reach`, m, from the surface at all of
     /// `places` (time, s, and ends, body frame) and between them: by its cached bound, or by that of one new
-    /// search.
+    /// search, unless that is known to find it near.
     pub(super) fn is_beyond(
         &mut self,
         solid: &Solid,
@@ -105,7 +113,41 @@ impl ContactCache {
             return true;
         }
         let (t, ends) = places[0];
+        if bound.falls_short(solid, t, &ends, reach) {
+            return false;
+        }
         *bound = SegmentBound::search(solid, t, ends, reach);
         bound.exceeds(solid, places, reach)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Shape;
+    use proptest::prelude::*;
+
+    /// Ends near a ball of 5 cm.
+    fn ends() -> impl Strategy<Value = [[f64; 3]; 2]> {
+        prop::array::uniform2(prop::array::uniform3(-0.06..0.06_f64))
+    }
+
+    proptest! {
+        #[test]
+        fn a_search_that_is_left_out_would_have_found_the_segment_near(
+            before in ends(), by in ends(), share in 0.0..0.1_f64, reach in 1e-4..0.01_f64
+        ) {
+            let ball = Shape::Sphere { centre: Vector3::zeros(), radius: 0.05 };
+            let before = before.map(Vector3::from);
+            let after = [0, 1].map(|i| before[i] + Vector3::from(by[i]) * share);
+            for shape in [Shape::Mesh(ball.tessellate()), ball] {
+                let solid = Solid::new(&shape, None);
+                let bound = SegmentBound::search(&solid, 0.0, before, reach);
+                if bound.falls_short(&solid, 0.0, &after, reach) {
+                    let found = SegmentBound::search(&solid, 0.0, after, reach);
+                    prop_assert!(!found.exceeds(&solid, &[(0.0, after)], reach));
+                }
+            }
+        }
     }
 }

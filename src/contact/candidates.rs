@@ -188,7 +188,7 @@ impl Search {
                 emit(self.contact(u, s, mesh.material_point(&s.point, s.feature, start)));
             }
         };
-        for (s, is_minimum) in triangles.iter().map(|&t| closest_of(mesh, t, &x)) {
+        for (s, is_minimum) in triangles.iter().filter_map(|&t| self.closest_of(mesh, t, &x)) {
             if is_minimum && s.distance >= 0.0 {
                 touch(&s);
             } else if is_minimum
@@ -223,7 +223,7 @@ impl Search {
                     },
                     _ => Feature::Edge(e),
                 };
-                let s = mesh.surface_point(&x, &edge[0].lerp(edge[1], v), feature);
+                let Some(s) = self.near_point(mesh, &x, &edge[0].lerp(edge[1], v), feature) else { continue };
                 let before = mesh.material_point(&s.point, feature, start);
                 let accepted = self.within_reach(u, &s)
                     && s.distance > -self.near
@@ -253,8 +253,7 @@ impl Search {
         let shallower = |s: &SurfacePoint, than: &Option<SurfacePoint>| {
             than.is_none_or(|other| s.distance.abs() < other.distance.abs())
         };
-        for &t in triangles {
-            let (s, is_minimum) = closest_of(mesh, t, &x);
+        for (s, is_minimum) in triangles.iter().filter_map(|&t| self.closest_of(mesh, t, &x)) {
             if s.distance >= 0.0 && is_minimum && self.within_reach(u, &s) {
                 emit(self.contact(u, &s, before(&s)));
             }
@@ -280,12 +279,25 @@ impl Search {
             emit(self.contact(u, &s, before(&s)));
         }
     }
-}
 
-/// The point of a triangle of a mesh nearest to `x`, body frame, m, and whether the distance from the mesh has a
-/// minimum there that counts for this triangle.
-fn closest_of(mesh: &SolidMesh, triangle: u32, x: &Vector3<f64>) -> (SurfacePoint, bool) {
-    let (point, local) = closest_on_triangle(x, mesh.triangle(triangle));
-    let s = mesh.surface_point(x, &point, mesh.feature(triangle, local));
-    (s, mesh.owns(triangle, local) && mesh.in_normal_cone(s.feature, &s.normal))
+    /// The point of a triangle of a mesh nearest to `x`, body frame, m, and whether the distance from the mesh
+    /// has a minimum there that counts for this triangle; `None` if it is too far away for a contact.
+    fn closest_of(&self, mesh: &SolidMesh, triangle: u32, x: &Vector3<f64>) -> Option<(SurfacePoint, bool)> {
+        let (point, local) = closest_on_triangle(x, mesh.triangle(triangle));
+        let s = self.near_point(mesh, x, &point, mesh.feature(triangle, local))?;
+        Some((s, mesh.owns(triangle, local) && mesh.in_normal_cone(s.feature, &s.normal)))
+    }
+
+    /// [`SolidMesh::surface_point`], unless it is too far away for a contact.
+    fn near_point(
+        &self,
+        mesh: &SolidMesh,
+        x: &Vector3<f64>,
+        point: &Vector3<f64>,
+        feature: Feature,
+    ) -> Option<SurfacePoint> {
+        // The margin covers rounding.
+        let near = self.near * (1.0 + 1e-9);
+        ((x - point).norm_squared() < near * near).then(|| mesh.surface_point(x, point, feature))
+    }
 }

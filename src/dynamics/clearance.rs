@@ -347,13 +347,14 @@ impl Clearance {
     /// The guide's points are at `x`, m, world, the bodies at time `t`, s, at `pose`.
     pub fn exempt_depth(&self, bodies: &Bodies, t: f64, pose: &[Isometry3<f64>], x: &[Vector3<f64>]) -> f64 {
         let segments = x.len() - 1;
-        let depth = |(i, _): (usize, &[f64; 2])| {
+        let exempt = self.to.iter().enumerate().filter(|(_, ends)| **ends == EXEMPT);
+        exempt.fold(0.0, |deepest, (i, _)| {
             let (b, tip) = (i / segments, i % segments + 1);
             let y = pose[b].inverse_transform_point(&x[tip].into()).coords;
-            let nearest = bodies.closest(b, t, &y, SEARCH_RADIUS).filter(|_| bodies.contains(b, t, &y));
-            nearest.map_or(0.0, |surface| surface.distance.abs())
-        };
-        self.to.iter().enumerate().filter(|(_, ends)| **ends == EXEMPT).map(depth).fold(0.0, f64::max)
+            let depth = bodies.closest(b, t, &y, SEARCH_RADIUS).map_or(0.0, |s| s.distance.abs());
+            // Only for a deeper point does it matter whether it is inside, which is expensive to tell.
+            if depth > deepest && bodies.contains(b, t, &y) { depth } else { deepest }
+        })
     }
 
     /// Ends the push-out with the points at `x`, m, world, and the bodies at time `t`, s, at `pose`. Segments

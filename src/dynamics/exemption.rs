@@ -40,6 +40,9 @@ impl Simulation<'_> {
     /// Depth of the deepest point of an exempt segment inside the body that it is exempt from, m; 0 if none
     /// is inside. Roots do not count: they lie in the skin.
     pub fn exempt_depth(&self) -> f64 {
+        if self.env.bodies.is_empty() {
+            return 0.0;
+        }
         let t = self.time();
         let poses = self.env.body_poses(t);
         let simulated: Vec<_> = self.simulated().collect();

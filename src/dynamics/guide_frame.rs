@@ -234,13 +234,12 @@ fn velocity_in_head(
     head: &CarrierAround,
     differences: &Differences,
 ) -> (Vector3<f64>, f64) {
-    let difference = |weights: &[f64; 5], place: &dyn Fn(usize) -> Vector3<f64>| -> Vector3<f64> {
-        weights.iter().enumerate().map(|(i, weight)| place(i) * *weight).sum()
-    };
-    let in_world = |i: usize| head.poses[i] * Point3::from(places[i]);
-    let origin = in_world(2);
-    let [over_a_frame, correction, mean] = [OVER_A_FRAME, differences.correction, differences.mean]
-        .map(|weights| difference(&weights, &|i| in_world(i) - origin));
+    let in_world: [Point3<f64>; 5] = std::array::from_fn(|i| head.poses[i] * Point3::from(places[i]));
+    let from_now = in_world.map(|place| place - in_world[2]);
+    let [over_a_frame, correction, mean] =
+        [OVER_A_FRAME, differences.correction, differences.mean].map(|weights| {
+            from_now.iter().zip(weights).map(|(place, weight)| place * weight).sum::<Vector3<f64>>()
+        });
     let velocity = over_a_frame + correction * share_of_correction(correction.norm(), over_a_frame.norm());
     let of_head = (head.velocity)(&places[2]);
     let limit = of_head.norm().max(STEEPEST * mean.norm());

@@ -5,7 +5,7 @@ use super::environment::Environment;
 use super::guide::GuideState;
 use crate::math;
 use crate::rod::Rod;
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use rayon::prelude::*;
 
 /// Friction between the guides of each coarse wisp.
@@ -179,7 +179,12 @@ impl CarrierVelocity {
 
     /// Velocity `v`, m/s, of a point at `x`, m, relative to the carrier, in its frame.
     pub fn relative_velocity(&self, x: &Vector3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
-        let local = self.pose.inverse_transform_point(&(*x).into());
+        self.relative_velocity_at(&self.to_head(x), v)
+    }
+
+    /// The same for a point at `place`, m, in its frame.
+    pub fn relative_velocity_at(&self, place: &Vector3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
+        let local = Point3::from(*place);
         let carried =
             (self.neighbours[0] * local - self.neighbours[1] * local) / (2.0 * CarrierVelocity::DELTA);
         self.pose.rotation.inverse() * (v - carried)

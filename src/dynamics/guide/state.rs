@@ -221,8 +221,13 @@ impl GuideState {
 
     /// Adds forces of other hair over the coming sub-step, N, world, one per point.
     pub(in crate::dynamics) fn add_hair_force(&mut self, force: impl Iterator<Item = Vector3<f64>>) {
+        self.hair_force_mut().iter_mut().zip(force).for_each(|(sum, f)| *sum += f);
+    }
+
+    /// Forces of other hair over the coming sub-step, N, world, one per point.
+    pub(in crate::dynamics) fn hair_force_mut(&mut self) -> &mut [Vector3<f64>] {
         self.transient.hair_force.resize(self.x.len(), Vector3::zeros());
-        self.transient.hair_force.iter_mut().zip(force).for_each(|(sum, f)| *sum += f);
+        &mut self.transient.hair_force
     }
 
     /// Forces of other hair over the coming sub-step, N, world, per point; empty if there are none.

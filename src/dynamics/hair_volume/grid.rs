@@ -34,8 +34,10 @@ pub(super) struct Grid {
 }
 
 /// The 27 nodes around a point, with the shape functions along each axis.
+#[derive(Debug, Clone, Default)]
 pub(super) struct Stencil {
-    nodes: [u32; 27],
+    /// Along x, y and z.
+    nodes: [[[u32; 3]; 3]; 3],
     weight: [[f64; 3]; 3],
     /// Derivatives of the weights, 1/m.
     slope: [[f64; 3]; 3],
@@ -84,25 +86,31 @@ impl Grid {
     /// The stencil of point `x`, m, or of the point of the box next to it. Makes the blocks that it lies in.
     pub fn touch(&mut self, x: &Vector3<f64>) -> Stencil {
         let (base, weight, slope) = self.shape(x);
-        let nodes = std::array::from_fn(|i| {
-            let (block, node) = self.place(&base, i);
-            if self.table[block] == ABSENT {
-                self.table[block] = self.nodes.len() as u32;
-                self.nodes.resize(self.nodes.len() + BLOCK, [0.0; 8]);
+        // Along each axis: the block of each of the three nodes, and the node within it.
+        let along = |c: usize, blocks: usize, nodes: usize| -> [(usize, usize); 3] {
+            [0, 1, 2].map(|i| base[c] + i).map(|at| (at / EDGE * blocks, at % EDGE * nodes))
+        };
+        let x = along(0, self.size[1] * self.size[2], EDGE * EDGE);
+        let (y, z) = (along(1, self.size[2], EDGE), along(2, 1, 1));
+        let mut nodes = [[[0; 3]; 3]; 3];
+        for (plane, x) in nodes.iter_mut().zip(x) {
+            for (row, y) in plane.iter_mut().zip(y) {
+                for (node, z) in row.iter_mut().zip(z) {
+                    *node = self.block(x.0 + y.0 + z.0) + (x.1 + y.1 + z.1) as u32;
+                }
             }
-            self.table[block] + node
-        });
+        }
         Stencil { nodes, weight, slope }
     }
 
-    /// The stencil of point `x`, m, whose blocks [`Grid::touch`] has made.
-    pub fn stencil(&self, x: &Vector3<f64>) -> Stencil {
-        let (base, weight, slope) = self.shape(x);
-        let nodes = std::array::from_fn(|i| {
-            let (block, node) = self.place(&base, i);
-            self.table[block] + node
-        });
-        Stencil { nodes, weight, slope }
+    /// First node of a block, which is made if it is missing.
+    fn block(&mut self, block: usize) -> u32 {
+        let Grid { table, nodes, .. } = self;
+        if table[block] == ABSENT {
+            table[block] = nodes.len() as u32;
+            nodes.resize(nodes.len() + BLOCK, [0.0; 8]);
+        }
+        table[block]
     }
 
     /// Lowest node of the stencil around `x`, counted from the first block, and the shape functions.
@@ -112,9 +120,8 @@ impl Grid {
         for c in 0..3 {
             let nodes = (self.size[c] * EDGE) as f64;
             let u = (x[c] / self.spacing - self.first[c] * EDGE as f64).clamp(0.5, nodes - 2.0);
-            let lowest = (u - 0.5).floor();
-            let f = u - lowest;
-            base[c] = lowest as usize;
+            base[c] = (u - 0.5) as usize;
+            let f = u - base[c] as f64;
             weight[c] =
                 [0.5 * (1.5 - f) * (1.5 - f), 0.75 - (f - 1.0) * (f - 1.0), 0.5 * (f - 0.5) * (f - 0.5)];
             slope[c] = [f - 1.5, 2.0 - 2.0 * f, f - 0.5].map(|w| w / self.spacing);
@@ -122,60 +129,58 @@ impl Grid {
         (base, weight, slope)
     }
 
-    /// Block of node `i` of a stencil, and the node within it.
-    fn place(&self, base: &[usize; 3], i: usize) -> (usize, u32) {
-        let at = [base[0] + i / 9, base[1] + i / 3 % 3, base[2] + i % 3];
-        let block = (at[0] / EDGE * self.size[1] + at[1] / EDGE) * self.size[2] + at[2] / EDGE;
-        let node = (at[0] % EDGE * EDGE + at[1] % EDGE) * EDGE + at[2] % EDGE;
-        (block, node as u32)
-    }
-
     /// Adds `values` to the nodes of a stencil, by their weights.
     pub fn add(&mut self, stencil: &Stencil, values: &Node) {
-        for (node, weight) in stencil.weights() {
-            let node = &mut self.nodes[node];
-            for (sum, value) in node.iter_mut().zip(values) {
+        stencil.for_each(|node, weight| {
+            for (sum, value) in self.nodes[node].iter_mut().zip(values) {
                 *sum += weight * value;
             }
-        }
+        });
     }
 
     /// Adds `value` to one entry of the nodes of a stencil, by their weights.
     pub fn add_entry(&mut self, stencil: &Stencil, entry: usize, value: f64) {
-        for (node, weight) in stencil.weights() {
-            self.nodes[node][entry] += weight * value;
-        }
+        stencil.for_each(|node, weight| self.nodes[node][entry] += weight * value);
     }
 
     /// The values at the point of a stencil.
     pub fn values(&self, stencil: &Stencil) -> Node {
         let mut values = [0.0; 8];
-        for (node, weight) in stencil.weights() {
+        stencil.for_each(|node, weight| {
             for (sum, value) in values.iter_mut().zip(&self.nodes[node]) {
                 *sum += weight * value;
             }
-        }
+        });
         values
     }
 
-    /// The gradient of the sum of `entries`, each times its factor, at the point of a stencil, per m.
-    pub fn gradient(&self, stencil: &Stencil, entries: [(usize, f64); 2]) -> Vector3<f64> {
+    /// The gradient of `value` of the nodes at the point of a stencil, per m.
+    pub fn gradient(&self, stencil: &Stencil, value: impl Fn(&Node) -> f64) -> Vector3<f64> {
         let ([x, y, z], [dx, dy, dz]) = (stencil.weight, stencil.slope);
         let mut sum = Vector3::zeros();
-        for (i, &node) in stencil.nodes.iter().enumerate() {
-            let (a, b, c) = (i / 9, i / 3 % 3, i % 3);
-            let node = &self.nodes[node as usize];
-            let value: f64 = entries.iter().map(|(entry, factor)| node[*entry] * factor).sum();
-            sum += Vector3::new(dx[a] * y[b] * z[c], x[a] * dy[b] * z[c], x[a] * y[b] * dz[c]) * value;
+        for (plane, (x, dx)) in stencil.nodes.iter().zip(x.iter().zip(dx)) {
+            for (row, (y, dy)) in plane.iter().zip(y.iter().zip(dy)) {
+                let (along_x, along_y, across) = (dx * y, x * dy, x * y);
+                for (node, (z, dz)) in row.iter().zip(z.iter().zip(dz)) {
+                    let slopes = Vector3::new(along_x * z, along_y * z, across * dz);
+                    sum += slopes * value(&self.nodes[*node as usize]);
+                }
+            }
         }
         sum
     }
 }
 
 impl Stencil {
-    /// The nodes and their weights, which add up to 1.
-    fn weights(&self) -> impl Iterator<Item = (usize, f64)> {
+    /// Calls `then` with each node and its weight. The weights add up to 1.
+    #[inline(always)]
+    fn for_each(&self, mut then: impl FnMut(usize, f64)) {
         let [x, y, z] = &self.weight;
-        self.nodes.iter().enumerate().map(|(i, &node)| (node as usize, x[i / 9] * y[i / 3 % 3] * z[i % 3]))
+        for (plane, x) in self.nodes.iter().zip(x) {
+            for (row, y) in plane.iter().zip(y) {
+                let across = x * y;
+                row.iter().zip(z).for_each(|(node, z)| then(*node as usize, across * z));
+            }
+        }
     }
 }

@@ -86,7 +86,8 @@ impl Assembly {
     /// Coefficients of friction for slip across and along a fibre that slips at `slip`, m/s: force per length
     /// and speed, N·s/m². Coulomb's law, regularised.
     pub fn friction(&self, fibre: &Fibre, slip: f64) -> [f64; 2] {
-        self.friction_bounds(fibre).map(|bound| bound / slip.hypot(STICK_SPEED))
+        let speed = slip.hypot(STICK_SPEED);
+        self.friction_bounds(fibre).map(|bound| bound / speed)
     }
 }
 

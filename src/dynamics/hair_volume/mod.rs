@@ -14,8 +14,9 @@ use super::environment::Environment;
 use super::guide::{GuideModel, GuideState};
 use super::step_record::HairRecord;
 use super::wisp_friction::CarrierVelocity;
+use crate::rod::Rod;
 use crate::wisp::GuideRod;
-use grid::{Grid, Node};
+use grid::{Grid, Node, Stencil};
 use law::{Assembly, Fibre};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -51,8 +52,7 @@ const PIECE: f64 = 0.6;
 /// The hair of a groom as a fibre assembly, in pieces: consecutive points of a guide, with all its hairs.
 pub(super) struct HairVolume {
     hairs: Vec<Hairs>,
-    /// The points of each piece.
-    points: Vec<Range<usize>>,
+    parts: Vec<Part>,
     /// Index of the first piece of each guide, then the number of pieces.
     first: Vec<usize>,
     /// Volume fraction around each piece in the groom's pose.
@@ -63,6 +63,8 @@ pub(super) struct HairVolume {
     framed: Vec<Vector3<f64>>,
     followers: Vec<Follower>,
     pieces: Vec<Piece>,
+    /// The nodes around each piece.
+    stencils: Vec<Stencil>,
     /// Volume fraction and volume of each piece, in the order in which the percentile was looked for.
     ranked: Vec<[f64; 2]>,
     grid: Grid,
@@ -79,6 +81,18 @@ struct Hairs {
     shielding: f64,
     /// Drag of an isolated hair, N·s/m².
     drag: f64,
+}
+
+/// What does not change of a piece.
+struct Part {
+    guide: usize,
+    points: Range<usize>,
+    /// The length that each point stands for, as a share of that of the piece.
+    shares: Vec<f64>,
+    /// m
+    length: f64,
+    /// Mass of one hair, kg.
+    mass: f64,
 }
 
 /// A guide that moves with another.
@@ -107,6 +121,8 @@ struct Piece {
     softened: bool,
     /// Volume fraction of the hair around it.
     fraction: f64,
+    /// Mean of the unit tangents of the hair around it.
+    direction: Vector3<f64>,
     /// Velocity against that of the hair around it, m/s.
     slip: Vector3<f64>,
 }
@@ -142,25 +158,27 @@ impl HairVolume {
         t: f64,
     ) -> Self {
         let grid = Grid::new(root_spacing(rods).max(MIN_SPACING), reach(rods));
-        let (mut points, mut first) = (Vec::new(), vec![0]);
-        for model in models {
-            points.extend(pieces_of(&model.rod.weight, PIECE * grid.spacing()));
-            first.push(points.len());
+        let (mut parts, mut first) = (Vec::new(), vec![0]);
+        for (guide, model) in models.iter().enumerate() {
+            let pieces = pieces_of(&model.rod.weight, PIECE * grid.spacing());
+            parts.extend(pieces.into_iter().map(|points| Part::new(guide, &model.rod, points)));
+            first.push(parts.len());
         }
         let mut volume = HairVolume {
             hairs: rods.iter().map(|r| Hairs::new(r, sampling)).collect(),
             first,
             rest: Vec::new(),
             dense: 0.0,
-            framed: vec![Vector3::zeros(); points.len()],
+            framed: vec![Vector3::zeros(); parts.len()],
             followers: Vec::new(),
-            pieces: vec![Piece::default(); points.len()],
-            ranked: Vec::with_capacity(points.len()),
-            points,
+            pieces: vec![Piece::default(); parts.len()],
+            stencils: vec![Stencil::default(); parts.len()],
+            ranked: Vec::with_capacity(parts.len()),
+            parts,
             grid,
         };
-        volume.deposit(models, states, env, t);
-        volume.rest = volume.pieces.iter().map(|piece| volume.assembly(piece).fraction).collect();
+        volume.deposit(states, env, t);
+        volume.rest = (0..volume.parts.len()).map(|i| volume.assembly(i).fraction).collect();
         volume.pieces.iter_mut().zip(&volume.rest).for_each(|(piece, rest)| piece.fraction = *rest);
         volume.dense = volume.fraction_p95();
         volume
@@ -176,7 +194,7 @@ impl HairVolume {
         env: &Environment,
         t: f64,
     ) {
-        self.locate(models, states, env, t);
+        self.locate(states, env, t);
         self.framed.iter_mut().zip(&self.pieces).for_each(|(framed, piece)| *framed = piece.x);
         self.set_leaders(models, leader);
     }
@@ -186,10 +204,10 @@ impl HairVolume {
         // Arc length in the middle of each piece of a guide, as a share of the guide's length.
         let middles = |i: usize| {
             let rod = &models[i].rod;
-            let middle = |points: &Range<usize>| {
+            let middle = |Part { points, .. }: &Part| {
                 0.5 * (rod.arc[points.start] + rod.arc[points.end - 1]) / rod.length()
             };
-            self.points[self.first[i]..self.first[i + 1]].iter().map(middle).collect::<Vec<f64>>()
+            self.parts[self.first[i]..self.first[i + 1]].iter().map(middle).collect::<Vec<f64>>()
         };
         let follower = |(guide, leader): (usize, usize)| {
             let other = middles(leader);
@@ -230,20 +248,18 @@ impl HairVolume {
         env: &Environment,
         [t, h]: [f64; 2],
     ) -> HairRecord {
-        self.deposit(models, states, env, t);
+        self.deposit(states, env, t);
         self.pressurise(h);
         let to_world = (env.head)(t).rotation;
         let volume = &*self;
         states.par_iter_mut().enumerate().filter(|(i, _)| active(*i)).for_each(|(i, state)| {
-            let rod = &models[i].rod;
-            let force = |piece: usize| {
-                let points = &volume.points[piece];
-                let [length, mass] = [&rod.weight, &rod.mass].map(|of| of[points.clone()].iter().sum());
-                let [pressure, acceleration] =
-                    volume.force(i, piece, [length, mass], h).map(|f| to_world * f);
-                points.clone().map(move |k| pressure * rod.weight[k] + acceleration * rod.mass[k])
-            };
-            state.add_hair_force((volume.first[i]..volume.first[i + 1]).flat_map(force));
+            let (rod, forces) = (&models[i].rod, state.hair_force_mut());
+            for piece in volume.first[i]..volume.first[i + 1] {
+                let [pressure, acceleration] = volume.force(piece, h).map(|f| to_world * f);
+                for k in volume.parts[piece].points.clone() {
+                    forces[k] += pressure * rod.weight[k] + acceleration * rod.mass[k];
+                }
+            }
         });
         self.record()
     }
@@ -251,15 +267,20 @@ impl HairVolume {
     /// How the hair is, once its pressure is found.
     fn record(&mut self) -> HairRecord {
         let fraction_p95 = self.fraction_p95();
-        let pieces = &self.pieces;
-        let sum = |of: fn(&Piece) -> f64| pieces.iter().map(|piece| of(piece) * piece.volume).sum::<f64>();
-        let volume = sum(|_| 1.0);
-        let [slip, speed] =
-            [sum(|piece| piece.slip.norm_squared()), sum(|piece| piece.v.norm_squared())].map(f64::sqrt);
+        let (mut volume, mut softened, mut slip, mut square_speed) = (0.0, 0.0, 0.0, 0.0);
+        let mut largest: f64 = 0.0;
+        for piece in &self.pieces {
+            volume += piece.volume;
+            softened += f64::from(u8::from(piece.softened)) * piece.volume;
+            slip += piece.slip.norm_squared() * piece.volume;
+            square_speed += piece.v.norm_squared() * piece.volume;
+            largest = largest.max(piece.fraction);
+        }
+        let (slip, speed) = (slip.sqrt(), square_speed.sqrt());
         HairRecord {
-            softened: sum(|piece| f64::from(u8::from(piece.softened))) / volume,
+            softened: softened / volume,
             crowding_p95: fraction_p95 / self.dense,
-            crowding_max: pieces.iter().map(|piece| piece.fraction).fold(0.0, f64::max) / self.dense,
+            crowding_max: largest / self.dense,
             slip: if speed > SLOW * volume.sqrt() { slip / speed } else { 0.0 },
         }
     }
@@ -288,33 +309,30 @@ impl HairVolume {
     }
 
     /// Finds the pieces of all guides as they are at time `t`, s.
-    fn locate(&mut self, models: &[GuideModel], states: &[GuideState], env: &Environment, t: f64) {
-        let HairVolume { hairs, points, first, pieces, .. } = self;
+    fn locate(&mut self, states: &[GuideState], env: &Environment, t: f64) {
+        let HairVolume { hairs, parts, pieces, .. } = self;
         let head = CarrierVelocity::of_head(env, t);
-        for (i, (model, state)) in models.iter().zip(states).enumerate() {
-            let range = first[i]..first[i + 1];
-            for (piece, points) in pieces[range.clone()].iter_mut().zip(&points[range]) {
-                let weight = &model.rod.weight[points.clone()];
-                let length: f64 = weight.iter().sum();
-                let mean = |of: &[Vector3<f64>]| {
-                    of[points.clone()].iter().zip(weight).map(|(v, w)| v * (w / length)).sum::<Vector3<f64>>()
-                };
-                let (x, v, tangent) = (mean(&state.x), mean(&state.v), mean(&state.tangent));
-                *piece = Piece {
-                    x: head.to_head(&x),
-                    v: head.relative_velocity(&x, &v),
-                    tangent: head.rotate_to_head(&tangent),
-                    volume: hairs[i].area * length,
-                    ..Piece::default()
-                };
-            }
+        for (piece, Part { guide, points, shares, length, .. }) in pieces.iter_mut().zip(parts) {
+            let state = &states[*guide];
+            let mean = |of: &[Vector3<f64>]| {
+                of[points.clone()].iter().zip(&*shares).map(|(v, share)| v * *share).sum::<Vector3<f64>>()
+            };
+            let (x, v, tangent) = (mean(&state.x), mean(&state.v), mean(&state.tangent));
+            let x = head.to_head(&x);
+            *piece = Piece {
+                x,
+                v: head.relative_velocity_at(&x, &v),
+                tangent: head.rotate_to_head(&tangent),
+                volume: hairs[*guide].area * *length,
+                ..Piece::default()
+            };
         }
     }
 
     /// Puts all hair on the grid as it is at time `t`, s.
-    fn deposit(&mut self, models: &[GuideModel], states: &[GuideState], env: &Environment, t: f64) {
-        self.locate(models, states, env, t);
-        let HairVolume { first, framed, followers, pieces, grid, .. } = self;
+    fn deposit(&mut self, states: &[GuideState], env: &Environment, t: f64) {
+        self.locate(states, env, t);
+        let HairVolume { first, framed, followers, pieces, stencils, grid, .. } = self;
         // Since the end of the frame followers have moved as their leaders.
         for Follower { guide, leader, places } in followers {
             for (k, (before, beyond)) in places.iter().enumerate() {
@@ -328,45 +346,45 @@ impl HairVolume {
             }
         }
         grid.clear();
-        for piece in pieces {
-            let fraction = piece.volume / grid.cell_volume();
+        let cell_volume = grid.cell_volume();
+        for (piece, stencil) in pieces.iter().zip(stencils) {
+            let fraction = piece.volume / cell_volume;
             let (v, d) = (piece.v * fraction, piece.tangent * fraction);
-            let stencil = grid.touch(&piece.x);
-            grid.add(&stencil, &[fraction, v.x, v.y, v.z, d.x, d.y, d.z, 0.0]);
+            *stencil = grid.touch(&piece.x);
+            grid.add(stencil, &[fraction, v.x, v.y, v.z, d.x, d.y, d.z, 0.0]);
         }
     }
 
     /// Finds the pressure of the hair on the grid for a step of `h`, s.
     fn pressurise(&mut self, h: f64) {
         let max_speed = law::max_wave_speed(self.grid.spacing(), h);
-        let HairVolume { hairs, first, rest, pieces, grid, .. } = self;
-        let fibre = |i: usize| &hairs[first.partition_point(|first| *first <= i) - 1].fibre;
-        pieces.par_iter_mut().zip(&*rest).enumerate().for_each(|(i, (piece, rest))| {
-            let values = grid.values(&grid.stencil(&piece.x));
+        let HairVolume { hairs, parts, rest, pieces, stencils, grid, .. } = self;
+        let constants = parts.par_iter().zip(&*rest).zip(&*stencils);
+        pieces.par_iter_mut().zip(constants).for_each(|(piece, ((part, rest), stencil))| {
+            let (fibre, values) = (&hairs[part.guide].fibre, grid.values(stencil));
             let assembly = assembly(&values);
-            piece.fraction = assembly.fraction;
             piece.slip = piece.v - Vector3::new(values[1], values[2], values[3]) / assembly.fraction;
-            piece.energy_slope = assembly.energy_slope(fibre(i), *rest, max_speed);
-            piece.softened = piece.energy_slope > 0.0 && assembly.wave_speed(fibre(i)) > max_speed;
+            piece.energy_slope = assembly.energy_slope(fibre, *rest, max_speed);
+            piece.softened = piece.energy_slope > 0.0 && assembly.wave_speed(fibre) > max_speed;
+            (piece.fraction, piece.direction) = (assembly.fraction, assembly.direction);
         });
-        for piece in pieces.iter().filter(|piece| piece.energy_slope > 0.0) {
-            let stencil = grid.stencil(&piece.x);
-            grid.add_entry(&stencil, PRESSURE, piece.energy_slope * piece.volume / grid.cell_volume());
+        let cell_volume = grid.cell_volume();
+        for (piece, stencil) in pieces.iter().zip(stencils).filter(|(piece, _)| piece.energy_slope > 0.0) {
+            grid.add_entry(stencil, PRESSURE, piece.energy_slope * piece.volume / cell_volume);
         }
     }
 
-    /// The hair around a piece.
-    fn assembly(&self, piece: &Piece) -> Assembly {
-        assembly(&self.grid.values(&self.grid.stencil(&piece.x)))
+    /// The hair around piece `i`.
+    fn assembly(&self, i: usize) -> Assembly {
+        assembly(&self.grid.values(&self.stencils[i]))
     }
 
-    /// Pressure per length, N/m, and friction per mass, m/s², on a hair of guide `i` in a piece of `length`,
-    /// m, and `mass`, kg, over a step of `h`, s; head axes.
-    fn force(&self, i: usize, piece: usize, [length, mass]: [f64; 2], h: f64) -> [Vector3<f64>; 2] {
-        let (hairs, piece) = (&self.hairs[i], &self.pieces[piece]);
-        let stencil = self.grid.stencil(&piece.x);
-        let values = self.grid.values(&stencil);
-        let hair = assembly(&values);
+    /// Pressure per length, N/m, and friction per mass, m/s², on a hair in piece `i` over a step of `h`, s;
+    /// head axes.
+    fn force(&self, i: usize, h: f64) -> [Vector3<f64>; 2] {
+        let (part, piece) = (&self.parts[i], &self.pieces[i]);
+        let hairs = &self.hairs[part.guide];
+        let hair = Assembly { fraction: piece.fraction, direction: piece.direction };
         let slip = piece.slip;
         // The air between hairs moves with them.
         let shielded = air_drag::shielded_share(hair.fraction * hairs.length_density);
@@ -374,13 +392,24 @@ impl HairVolume {
         let [across, along] = hair.friction(&hairs.fibre, slip.norm());
         // Share of the slip that is lost: exact for a constant coefficient, so that friction never reverses
         // it.
-        let loss = |coefficient: f64| -(-coefficient * length / mass * h).exp_m1();
+        let loss = |coefficient: f64| -(-coefficient * part.length / part.mass * h).exp_m1();
         let tangent = piece.tangent.try_normalize(0.0).unwrap_or_default();
         let slip_along = tangent * tangent.dot(&slip);
         let lost = (slip - slip_along) * loss(across + air) + slip_along * loss(along + 0.5 * air);
         // −∂/∂x of the energy Σ V u(φ), as deposited.
-        let gradient = self.grid.gradient(&stencil, [(FRACTION, piece.energy_slope), (PRESSURE, 1.0)]);
+        let energy = |node: &Node| node[FRACTION] * piece.energy_slope + node[PRESSURE];
+        let gradient = self.grid.gradient(&self.stencils[i], energy);
         [gradient * -hairs.fibre.area, lost * (-1.0 / h)]
+    }
+}
+
+impl Part {
+    /// The piece of a guide with these points of its `rod`.
+    fn new(guide: usize, rod: &Rod, points: Range<usize>) -> Self {
+        let weight = &rod.weight[points.clone()];
+        let length: f64 = weight.iter().sum();
+        let shares = weight.iter().map(|w| w / length).collect();
+        Part { guide, shares, length, mass: rod.mass[points.clone()].iter().sum(), points }
     }
 }
 

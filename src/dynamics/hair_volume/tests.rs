@@ -133,11 +133,11 @@ fn pressure_is_the_derivative_of_an_energy_and_keeps_momentum() {
     };
     // k E of each piece as the forces take it: they leave out that it changes with the mean direction.
     let fibre = &hair.volume.hairs[0].fibre;
-    let stiffness = |piece: &Piece| {
+    let stiffness = |piece: usize| {
         let hair = hair.volume.assembly(piece);
         hair.energy_slope(fibre, 0.0, f64::INFINITY) / hair.fraction
     };
-    let stiffness: Vec<f64> = hair.volume.pieces.iter().map(stiffness).collect();
+    let stiffness: Vec<f64> = (0..hair.volume.parts.len()).map(stiffness).collect();
     let mut energy = |step: f64| {
         let moved: Vec<Vec<V>> = places
             .iter()
@@ -149,10 +149,10 @@ fn pressure_is_the_derivative_of_an_energy_and_keeps_momentum() {
                 *x = turning(0.0) * nalgebra::Point3::from(*m) - nalgebra::Point3::origin();
             }
         }
-        hair.volume.deposit(&hair.models, &hair.states, &hair.env, 0.0);
+        hair.volume.deposit(&hair.states, &hair.env, 0.0);
         let volume = &hair.volume;
         let of = |(i, piece): (usize, &Piece)| {
-            let (fraction, rest) = (volume.assembly(piece).fraction, volume.rest[i]);
+            let (fraction, rest) = (volume.assembly(i).fraction, volume.rest[i]);
             // ∫ k (φ³ − φ0³)/φ² dφ from φ0.
             let u = |phi: f64| 0.5 * phi * phi + rest.powi(3) / phi;
             let excess = if fraction > rest { u(fraction) - u(rest) } else { 0.0 };
@@ -222,13 +222,13 @@ fn the_air_between_hairs_moves_with_them() {
     let mut largest: f64 = 0.0;
     for (i, forces) in forces.iter().enumerate() {
         for piece in volume.first[i]..volume.first[i + 1] {
-            let values = volume.grid.values(&volume.grid.stencil(&volume.pieces[piece].x));
+            let values = volume.grid.values(&volume.stencils[piece]);
             let slip = volume.pieces[piece].v.z - values[3] / values[FRACTION];
             // The drag of an isolated hair, N·s/m², as far as this hair takes it away from that against the
             // wind.
             let length_density = values[FRACTION] / (PI * 4e-5 * 4e-5);
             let drag = 2.07e-4 * 0.9 * length_density / (length_density + 1e5);
-            for k in volume.points[piece].clone() {
+            for k in volume.parts[piece].points.clone() {
                 let [length, mass] = [&hair.models[i].rod.weight, &hair.models[i].rod.mass].map(|of| of[k]);
                 let expected = -slip * mass / H * (1.0 - (-drag * length / mass * H).exp());
                 assert!((forces[k].z - expected).abs() < 1e-6 * expected.abs() + 1e-15, "{i} {k}");
@@ -268,7 +268,7 @@ fn a_follower_is_where_its_leader_carries_it() {
     let shift = V::new(0.01, -0.002, 0.003);
     let moves = |i: usize| if i < 2 { shift * (1.0 + i as f64) } else { V::zeros() };
     hair.set(|i, x| (x + moves(i), V::new(0.0, 0.1, 0.0)));
-    hair.volume.deposit(&hair.models, &hair.states, &hair.env, 0.0);
+    hair.volume.deposit(&hair.states, &hair.env, 0.0);
     for i in 0..hair.models.len() {
         let range = hair.volume.first[i]..hair.volume.first[i + 1];
         for (piece, before) in hair.volume.pieces[range.clone()].iter().zip(&before[range]) {
