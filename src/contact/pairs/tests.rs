@@ -4,28 +4,31 @@ use crate::geometry::segment_segment;
 use crate::math::random::Random;
 use nalgebra::Vector3;
 
-/// Strands of four vertices each in a cube of `edge`, m, that move by up to `motion`, m. Segments that share
-/// no vertex may meet.
+/// Strands of four vertices each in a cube of `edge`, m, that move by up to `motion`, m.
 fn random_strands(
     count: u32,
     edge: f64,
     motion: f64,
     seed: u64,
-) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>, Vec<u32>, Vec<f64>) {
+) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>, Vec<u32>) {
     let mut random = Random::new(seed);
     let mut vector = |scale: f64| random.vector() * (0.5 * scale);
-    let (mut x0, mut x1, mut strand, mut arc) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut x0, mut x1, mut strand) = (Vec::new(), Vec::new(), Vec::new());
     for s in 0..count {
         let mut x = vector(edge);
-        for k in 0..4 {
+        for _ in 0..4 {
             x += vector(0.04);
             x0.push(x);
             x1.push(x + vector(motion));
             strand.push(s);
-            arc.push(f64::from(k));
         }
     }
-    (x0, x1, strand, arc)
+    (x0, x1, strand)
+}
+
+/// Arc lengths by which segments of one of these strands meet if they share no vertex.
+fn arc(strand: &[u32]) -> Vec<f64> {
+    (0..strand.len()).map(|k| (k % 4) as f64).collect()
 }
 
 fn all_pairs(strands: &MovingStrands) -> Vec<SegmentPair> {
@@ -45,7 +48,8 @@ fn all_pairs(strands: &MovingStrands) -> Vec<SegmentPair> {
 #[test]
 fn broad_phase_agrees_with_brute_force() {
     for (seed, motion) in [(1, 0.0), (2, 0.01), (3, 0.2)] {
-        let (x0, x1, strand, arc) = random_strands(60, 0.3, motion, seed);
+        let (x0, x1, strand) = random_strands(60, 0.3, motion, seed);
+        let arc = arc(&strand);
         let strands = MovingStrands { x0: &x0, x1: &x1, strand: &strand, arc: &arc };
         let reach = 0.004;
         let boxes = |k: u32| strands.bounds(k as usize, 0.5 * reach);
@@ -61,7 +65,8 @@ fn impacts_agree_with_sampled_distances() {
     let clearance: f64 = 0.002;
     let mut hits = 0;
     for seed in 0..40 {
-        let (x0, x1, strand, arc) = random_strands(6, 0.05, 0.08, seed);
+        let (x0, x1, strand) = random_strands(6, 0.05, 0.08, seed);
+        let arc = arc(&strand);
         let strands = MovingStrands { x0: &x0, x1: &x1, strand: &strand, arc: &arc };
         for pair in all_pairs(&strands) {
             let closest = strands.closest_pair(pair);
@@ -126,7 +131,8 @@ fn rotation_past_a_near_segment_is_no_crossing() {
 fn crossings_agree_with_fine_samples_of_the_side() {
     let mut counts = [0; 2];
     for seed in 0..60 {
-        let (x0, x1, strand, arc) = random_strands(6, 0.05, 0.08, seed);
+        let (x0, x1, strand) = random_strands(6, 0.05, 0.08, seed);
+        let arc = arc(&strand);
         let strands = MovingStrands { x0: &x0, x1: &x1, strand: &strand, arc: &arc };
         for pair in all_pairs(&strands) {
             // While the closest points are interior to both segments, the side of the second segment changes
