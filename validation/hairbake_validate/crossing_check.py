@@ -1,8 +1,8 @@
 """Counts crossings in a cache: `python -m hairbake_validate.crossing_check out/`.
 
 Between successive samples, handles included, guides are tested against each collider in the collider's own
-space, and against each other in the space of the head. Bake with `--curves steps` to test every step of the
-solver.
+space, and against each other and themselves in the space of the head. Bake with `--curves steps` to test
+every step of the solver.
 
 A collider cannot keep out a guide that is drawn through it, and roots lie in the scalp: for each collider,
 segments that pierce it at rest are excluded, and so are all between such a segment and the root. Their number
@@ -45,7 +45,7 @@ class Count:
     body_pairs: int = 0
     """Pairs of a segment and a triangle whose boxes intersect, over all intervals."""
     strand_pairs: int = 0
-    """Pairs of segments of two guides whose boxes intersect, over all intervals."""
+    """Pairs of segments of guides whose boxes intersect, over all intervals."""
     excluded: int = 0
     """Pairs of a segment and a collider that are excluded."""
     events: list[Event] = field(default_factory=list)
@@ -83,7 +83,7 @@ class Sample:
 
 
 def count(cache: Cache, strands: bool = True) -> Count:
-    """Counts crossings of guides with colliders and, if `strands` is set, with each other."""
+    """Counts crossings of guides with colliders and, if `strands` is set, with each other and themselves."""
     guides = next(curves for curves in cache.curves if curves.path == GUIDES)
     first = guides.segments
     ends = np.stack([first, first + 1], axis=1)
@@ -158,7 +158,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Prints the crossings. Exit code: 0 for none, 1 for some, 2 if the cache cannot be read."""
     parser = argparse.ArgumentParser(
         prog="python -m hairbake_validate.crossing_check",
-        description="Count crossings of guides with colliders and each other, between a cache's samples.",
+        description="Count crossings of guides with colliders and guides, between a cache's samples.",
     )
     parser.add_argument("cache", type=Path, help="folder of the cache")
     parser.add_argument("--bodies-only", action="store_true", help="do not test guides against each other")

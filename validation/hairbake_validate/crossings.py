@@ -210,9 +210,13 @@ def boxes(start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def strand_strand(start: FloatArray, end: FloatArray, strand: IntArray) -> Crossings:
-    """Crossings of segments (`n × 2 × 3`) of different strands; `strand` is the strand of each segment."""
+    """Crossings of segments (`n × 2 × 3`) that do not follow each other on a strand.
+
+    They are in order along their strands; `strand` is the strand of each.
+    """
     pairs = meeting_boxes(*boxes(start, end))
-    pairs = pairs[strand[pairs[:, 0]] != strand[pairs[:, 1]]]
+    a, b = pairs.T
+    pairs = pairs[(strand[a] != strand[b]) | (np.abs(a - b) > 1)]
     a, b = pairs.T
     hit = first_hits(
         np.concatenate([start[a], start[b]], axis=1), np.concatenate([end[a], end[b]], axis=1), segments_meet

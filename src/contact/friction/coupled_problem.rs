@@ -22,7 +22,7 @@ pub struct StrandRows {
 /// strand.
 #[derive(Debug, Clone, Copy)]
 pub struct CoupledFrictionProblem<'a> {
-    /// The strands of each contact, c; one if the other side is a body.
+    /// The strands of each contact, c; one if the other side is a body, one twice if a strand meets itself.
     pub strands: &'a [[Option<StrandRows>; 2]],
     /// Rows of Yᵀ = JL⁻ᵀ, one after another.
     pub rows: &'a [f64],

@@ -55,8 +55,8 @@ impl Grid {
 }
 
 impl MovingStrands<'_> {
-    /// Pairs of segments of different strands that may come within `reach`, m, of each other during the
-    /// sub-step, in ascending order: those whose swept bounding boxes, grown by half of it, intersect.
+    /// Pairs of segments that may meet and come within `reach`, m, of each other during the sub-step, in
+    /// ascending order: those whose swept bounding boxes, grown by half of it, intersect.
     ///
     /// Uses a uniform grid. A pair is reported once, by the cell of the lower corner of the boxes'
     /// intersection.
@@ -79,9 +79,8 @@ impl MovingStrands<'_> {
                     cell[i + 1..].iter().filter_map(move |&(_, b)| {
                         let (k, l) = (segments[a as usize], segments[b as usize]);
                         let (p, q) = (&boxes[a as usize], &boxes[b as usize]);
-                        let different = self.strand[k as usize] != self.strand[l as usize];
                         let reported_here = || grid.cell_of(&p.min.sup(&q.min)) == here;
-                        (different && p.overlaps(q) && reported_here()).then_some((k, l))
+                        (self.may_meet(k, l) && p.overlaps(q) && reported_here()).then_some((k, l))
                     })
                 })
             })

@@ -2,7 +2,7 @@
 //!
 //! All strands of a scene move over a sub-step in a common frame. The frame of the head is best: motion that
 //! the head carries along is no relative motion of strands. Every vertex moves linearly in that frame. A
-//! strand does not touch itself.
+//! strand meets itself where its segments are far enough apart along it.
 
 mod broad_phase;
 mod impact;

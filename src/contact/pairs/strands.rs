@@ -13,9 +13,11 @@ pub struct MovingStrands<'a> {
     pub x1: &'a [Vector3<f64>],
     /// Strand of each vertex, ascending.
     pub strand: &'a [u32],
+    /// Arc length of each vertex along its strand, over the length within which a strand does not meet itself.
+    pub arc: &'a [f64],
 }
 
-/// Two segments of different strands, by their first vertices, the lower first.
+/// Two segments that may meet, by their first vertices, the lower first.
 pub type SegmentPair = (u32, u32);
 
 /// The closest points of two segments at the start of the sub-step.
@@ -48,6 +50,12 @@ impl MovingStrands<'_> {
     /// Whether a segment starts at vertex `k`.
     pub(super) fn is_segment(&self, k: usize) -> bool {
         self.strand.get(k + 1) == Some(&self.strand[k])
+    }
+
+    /// Whether segments `k` < `l` may meet: those of different strands, and those far enough apart along one.
+    pub(super) fn may_meet(&self, k: u32, l: u32) -> bool {
+        let (k, l) = (k as usize, l as usize);
+        self.strand[k] != self.strand[l] || self.arc[l] - self.arc[k + 1] >= 1.0
     }
 
     /// Ends of segment `k` of the vertices `x`.

@@ -26,13 +26,18 @@ fn random_strands(
     (x0, x1, strand)
 }
 
+/// Arc lengths by which segments of one of these strands meet if they share no vertex.
+fn arc(strand: &[u32]) -> Vec<f64> {
+    (0..strand.len()).map(|k| (k % 4) as f64).collect()
+}
+
 fn all_pairs(strands: &MovingStrands) -> Vec<SegmentPair> {
     let n = strands.strand.len();
     let segments: Vec<usize> = (0..n).filter(|&k| strands.is_segment(k)).collect();
     let mut out = Vec::new();
     for (i, &k) in segments.iter().enumerate() {
         for &l in &segments[i + 1..] {
-            if strands.strand[k] != strands.strand[l] {
+            if strands.strand[k] != strands.strand[l] || l > k + 1 {
                 out.push((k as u32, l as u32));
             }
         }
@@ -44,7 +49,8 @@ fn all_pairs(strands: &MovingStrands) -> Vec<SegmentPair> {
 fn broad_phase_agrees_with_brute_force() {
     for (seed, motion) in [(1, 0.0), (2, 0.01), (3, 0.2)] {
         let (x0, x1, strand) = random_strands(60, 0.3, motion, seed);
-        let strands = MovingStrands { x0: &x0, x1: &x1, strand: &strand };
+        let arc = arc(&strand);
+        let strands = MovingStrands { x0: &x0, x1: &x1, strand: &strand, arc: &arc };
         let reach = 0.004;
         let boxes = |k: u32| strands.bounds(k as usize, 0.5 * reach);
         let expected: Vec<SegmentPair> =
@@ -60,14 +66,15 @@ fn impacts_agree_with_sampled_distances() {
     let mut hits = 0;
     for seed in 0..40 {
         let (x0, x1, strand) = random_strands(6, 0.05, 0.08, seed);
-        let strands = MovingStrands { x0: &x0, x1: &x1, strand: &strand };
+        let arc = arc(&strand);
+        let strands = MovingStrands { x0: &x0, x1: &x1, strand: &strand, arc: &arc };
         for pair in all_pairs(&strands) {
             let closest = strands.closest_pair(pair);
             let least = (0..=400)
                 .map(|i| {
                     let t = f64::from(i) / 400.0;
                     let x: Vec<_> = x0.iter().zip(&x1).map(|(a, b)| a.lerp(b, t)).collect();
-                    MovingStrands { x0: &x, x1: &x, strand: &strand }.closest_pair(pair).distance
+                    MovingStrands { x0: &x, x1: &x, strand: &strand, arc: &arc }.closest_pair(pair).distance
                 })
                 .fold(f64::INFINITY, f64::min);
             assert!(least >= strands.distance_lower_bound(&closest));
@@ -94,7 +101,7 @@ fn crossings_differ_from_near_misses() {
     let needle = |x: f64, y: [f64; 2]| [Vector3::new(x, y[0], -1.0), Vector3::new(x, y[1], 1.0)];
     let crosses = |a: [Vector3<f64>; 2], b: [Vector3<f64>; 2]| {
         let (x0, x1) = ([still, a].concat(), [still, b].concat());
-        MovingStrands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1] }.crosses((0, 2))
+        MovingStrands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1], arc: &[0.0; 4] }.crosses((0, 2))
     };
     for depth in [1e-9, 1e-3, 1.0] {
         assert!(crosses(needle(0.3, [1e-6, 1e-6]), needle(0.3, [-depth, -depth])));
@@ -112,7 +119,7 @@ fn rotation_past_a_near_segment_is_no_crossing() {
     let rotated = |y: f64, z: f64| [Vector3::new(-1.0, -y, z), Vector3::new(1.0, y, z)];
     let crosses = |z: [f64; 2]| {
         let (x0, x1) = ([still, rotated(1e-3, z[0])].concat(), [still, rotated(-2e-3, z[1])].concat());
-        MovingStrands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1] }.crosses((0, 2))
+        MovingStrands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1], arc: &[0.0; 4] }.crosses((0, 2))
     };
     for z in [1e-6, 1e-5, 0.1] {
         assert!(!crosses([z, z]) && !crosses([-z, -0.5 * z]));
@@ -125,7 +132,8 @@ fn crossings_agree_with_fine_samples_of_the_side() {
     let mut counts = [0; 2];
     for seed in 0..60 {
         let (x0, x1, strand) = random_strands(6, 0.05, 0.08, seed);
-        let strands = MovingStrands { x0: &x0, x1: &x1, strand: &strand };
+        let arc = arc(&strand);
+        let strands = MovingStrands { x0: &x0, x1: &x1, strand: &strand, arc: &arc };
         for pair in all_pairs(&strands) {
             // While the closest points are interior to both segments, the side of the second segment changes
             // at a crossing, and only there.
@@ -159,7 +167,7 @@ fn fast_crossings_have_an_impact() {
         let mut x1 = x0;
         x1[2].y = -1.0;
         x1[3].y = -1.0;
-        let strands = MovingStrands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1] };
+        let strands = MovingStrands { x0: &x0, x1: &x1, strand: &[0, 0, 1, 1], arc: &[0.0; 4] };
         let (hit, _) = strands.impact(&strands.closest_pair((0, 2)), 1e-4).expect("an impact");
         assert!(hit.normal.y < -0.99 && hit.distance < -0.9, "{hit:?}");
         assert!(strands.crosses((0, 2)));

@@ -24,6 +24,8 @@ impl Checkpoint for StrandContacts {
         let ContactPairs {
             bundles: _,
             near_root: _,
+            half_turns: _,
+            drawn: _,
             guide: _,
             first: _,
             x: [x, _],

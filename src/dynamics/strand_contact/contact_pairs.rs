@@ -34,6 +34,10 @@ const MAX_SLIDE: f64 = 2.0;
 /// Distance within which an impact is a consequence of an earlier one, in segments summed over both guides.
 const CONSEQUENCE_DISTANCE: f64 = 3.0;
 
+/// Arc length within which a guide does not meet itself, over the largest distance that it must keep from
+/// itself: half a turn as tight as that distance allows.
+const HALF_TURN: f64 = std::f64::consts::FRAC_PI_2;
+
 /// Distance within which two contacts may be equivalent, in segments summed over both guides.
 const DUPLICATE_DISTANCE: f64 = 0.3;
 
@@ -62,6 +66,10 @@ pub(super) struct ContactPairs {
     pub bundles: Vec<BundleProperties>,
     /// Whether each point is within [`ROOT_LENGTH`] of the root.
     pub near_root: Vec<bool>,
+    /// Arc length of each point from the root, over that within which its guide does not meet itself.
+    pub half_turns: Vec<f64>,
+    /// Points in the groom's pose, m, each guide relative to its root.
+    pub drawn: Vec<Vector3<f64>>,
     /// Guide of each point.
     pub guide: Vec<u32>,
     /// First point of each guide; for a guide without points, that of the next.
@@ -88,9 +96,15 @@ impl ContactPairs {
             let between = s.windows(2).flat_map(|s| [0.5 * (s[0] + s[1]), s[1]]);
             s.iter().take(1).copied().chain(between).collect()
         };
+        let half_turns = |(s, bundle): (&&[f64], &BundleProperties)| {
+            let half_turn = HALF_TURN * 2.0 * (bundle.hair_radius + bundle.bundle_radius);
+            with_midpoints(s).into_iter().map(move |s| s / half_turn)
+        };
         ContactPairs {
-            bundles,
             near_root: arc.iter().flat_map(with_midpoints).map(|s| s < ROOT_LENGTH).collect(),
+            half_turns: arc.iter().zip(&bundles).flat_map(half_turns).collect(),
+            drawn: Vec::new(),
+            bundles,
             guide: points.clone().enumerate().flat_map(|(g, n)| std::iter::repeat_n(g as u32, n)).collect(),
             first: points.scan(0, |at, n| Some(std::mem::replace(at, *at + n as u32))).collect(),
             x: [Vec::new(), Vec::new()],
@@ -114,7 +128,7 @@ impl ContactPairs {
         1.0 / self.bundles[self.guides(contact)[side]].hairs
     }
 
-    /// The two guides of a pair.
+    /// The two guides of a pair: one and the same where a guide meets itself.
     pub fn guides_of(&self, pair: SegmentPair) -> [usize; 2] {
         [pair.0, pair.1].map(|k| self.guide[k as usize] as usize)
     }
@@ -159,7 +173,12 @@ impl ContactPairs {
     }
 
     fn strands(&self) -> MovingStrands<'_> {
-        MovingStrands { x0: &self.x[0], x1: &self.x[1], strand: &self.guide }
+        self.moving([&self.x[0], &self.x[1]])
+    }
+
+    /// The guides on the way from the points `x[0]` to `x[1]`.
+    fn moving<'a>(&'a self, [x0, x1]: [&'a [Vector3<f64>]; 2]) -> MovingStrands<'a> {
+        MovingStrands { x0, x1, strand: &self.guide, arc: &self.half_turns }
     }
 
     /// Slip of the first guide of a contact relative to the second, m.
@@ -232,7 +251,8 @@ impl ContactPairs {
         let mut impacts = self.impacts();
         self.crossing.clear();
         self.crossing.extend(impacts.iter().filter(|h| h.crosses).map(|h| h.contact.pair));
-        let strands = MovingStrands { x0: &self.x[0], x1: &self.x[1], strand: &self.guide };
+        let [x0, x1] = &self.x;
+        let strands = MovingStrands { x0, x1, strand: &self.guide, arc: &self.half_turns };
         self.contacts.par_iter_mut().for_each(|p| p.contact.distance = strands.distance(&p.contact));
         impacts.sort_by(|a, b| a.guides.cmp(&b.guides).then(a.time.total_cmp(&b.time)));
         let mut known: Vec<([usize; 2], ContactPair)> =
@@ -279,12 +299,19 @@ impl ContactPairs {
         BundlePair::new(self.guides_of(pair).map(|g| self.bundles[g]), self.strands().directions(pair))
     }
 
+    /// Distance of two segments of one guide in the groom's pose, m: there it is at rest. Infinite for segments
+    /// of different guides.
+    fn drawn(&self, pair: SegmentPair) -> f64 {
+        let [a, b] = self.guides_of(pair);
+        if a == b { self.moving([&self.drawn; 2]).closest_pair(pair).distance } else { f64::INFINITY }
+    }
+
     fn new_contact(&self, contact: SegmentContact) -> ContactPair {
         let before = self.strands().closest_pair(contact.pair).distance;
         let known = self.find_history(&contact);
         let limit = known.map_or(before, |k| k.limit.max(before));
         let bundles = self.bundle_pair(contact.pair);
-        let lawful = bundles.required_distance().min(limit.max(MIN_REQUIRED));
+        let lawful = bundles.required_distance().min(limit.max(MIN_REQUIRED)).min(self.drawn(contact.pair));
         let missing = (lawful - before).max(0.0);
         let recovered = missing * -(-self.duration / RECOVERY_TIME).exp_m1();
         ContactPair {
@@ -331,7 +358,7 @@ impl ContactPairs {
     /// Slip of a contact in the sub-step that has just ended, m.
     #[cfg(test)]
     pub fn last_slip(&self, contact: &ContactPair) -> Vector3<f64> {
-        MovingStrands { x0: &self.x[1], x1: &self.x[0], strand: &self.guide }.slip(&contact.contact)
+        self.moving([&self.x[1], &self.x[0]]).slip(&contact.contact)
     }
 }
 

@@ -25,8 +25,8 @@ pub(in crate::dynamics) struct StrandContacts {
     pub(super) active: Vec<usize>,
     pub(super) pairs: ContactPairs,
     pub(super) guides: Vec<CoupledGuide>,
-    /// Guides that others pushed in the sub-step before. They are coupled from the start: uncoupled, they
-    /// would fall through what supports them.
+    /// Guides that others, or they themselves, pushed in the sub-step before. They are coupled from the start:
+    /// uncoupled, they would fall through what supports them.
     pub(super) pushed: Vec<bool>,
 }
 
@@ -79,6 +79,7 @@ impl StrandContacts {
             }
         }
         self.pairs.rebuild(&arc, bundles);
+        self.pairs.drawn = drawn_curves(models, &self.active);
         self.pairs.x[0] = head_frame_curves(models, states, &self.active, env, t);
     }
 
@@ -346,6 +347,16 @@ fn island_guides<'a>(
     islands.iter().flat_map(|island| &island.guides).for_each(|&g| chosen[g] = true);
     let all = guides.par_iter_mut().zip(models).zip(states).zip(chosen).filter(|(_, chosen)| *chosen);
     all.map(|(((guide, model), state), _)| (guide, model, state))
+}
+
+/// The curves of the active guides in the groom's pose relative to their roots, m, concatenated.
+fn drawn_curves(models: &[GuideModel], active: &[usize]) -> Vec<Vector3<f64>> {
+    let of = |shape: &mut RodShape, &g: &usize| -> Vec<Vector3<f64>> {
+        let rod = &models[g].rod;
+        shape.update(rod, &rod.root.r, &rod.initial_q);
+        shape.refined_curve(rod, &rod.initial_q).collect()
+    };
+    active.par_iter().map_init(RodShape::default, of).collect::<Vec<_>>().concat()
 }
 
 /// The curves of the active guides at time `t`, s, in the frame of the head, m, concatenated.

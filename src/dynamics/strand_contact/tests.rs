@@ -2,17 +2,19 @@
 
 mod bundles;
 mod impacts;
+mod itself;
 
 use super::contact_pairs::ContactPairs;
 use super::coupled_guide::{CoupledGuide, EndState};
 use super::{BundleProperties, StrandContacts};
-use crate::contact::Bodies;
+use crate::contact::{Bodies, Body};
 use crate::dynamics::batch::Batches;
 use crate::dynamics::coupled_substep::CoupledSubstep;
 use crate::dynamics::environment::Environment;
 use crate::dynamics::guide::{ContactMode, ContactSolve, GuideModel, GuideScratch, GuideState};
+use crate::dynamics::load::GuideLoad;
 use crate::dynamics::step_record::StepRecord;
-use crate::geometry::Shape;
+use crate::geometry::{Shape, segment_segment};
 use crate::math::random;
 use crate::rod::{Rod, RodShape, RodSource};
 use crate::scene::Tree;
@@ -59,8 +61,13 @@ struct Scene<'a> {
     drag: Vec<f64>,
     head: &'a (dyn Fn(f64) -> Isometry3<f64> + Sync),
     field: &'a (dyn Fn(f64) -> V + Sync),
-    /// Bodies attached to the head.
     bodies: Vec<Shape>,
+    /// Motion of the bodies; without it they are attached to the head.
+    body: Option<&'a (dyn Fn(f64) -> Isometry3<f64> + Sync)>,
+    /// Friction of the bodies; without it that of the strands.
+    body_friction: Option<f64>,
+    /// Loads of each strand.
+    loads: Vec<GuideLoad>,
 }
 
 /// A scene in motion.
@@ -87,22 +94,28 @@ impl Scene<'_> {
             head: STILL,
             field: &|_| V::y() * -9.81,
             bodies: Vec::new(),
+            body: None,
+            body_friction: None,
+            loads: Vec::new(),
         }
     }
 
     /// Steps through `seconds`, calling `each` after every sub-step with the time.
     fn run(&self, seconds: f64, mut each: impl FnMut(f64, &Motion)) -> Motion {
+        let body = |shape| Body::new(shape, None, self.body_friction.map(Into::into));
         let env = Environment {
             head: Box::new(self.head),
             gravity: Box::new(self.field),
-            body: Box::new(|_, t| (self.head)(t)),
-            ..Environment::at_rest(Bodies::from_shapes(&self.bodies))
+            body: Box::new(|_, t| self.body.unwrap_or(self.head)(t)),
+            ..Environment::at_rest(Bodies::new(self.bodies.iter().map(body)))
         };
         let model = |(rod, drag): (&Rod, &f64)| {
-            GuideModel::new(rod.clone(), vec![*drag; rod.points()], self.friction)
+            let loads = self.loads.clone();
+            GuideModel { loads, ..GuideModel::new(rod.clone(), vec![*drag; rod.points()], self.friction) }
         };
         let models: Vec<GuideModel> = self.rods.iter().zip(&self.drag).map(model).collect();
-        let state = |model: &GuideModel| GuideState::new(model, &[5e-4], &env, 0.0, self.h);
+        let state =
+            |model: &GuideModel| GuideState::new(model, &vec![5e-4; self.bodies.len()], &env, 0.0, self.h);
         let guides: Vec<GuideState> = models.iter().map(state).collect();
         let batches = Batches::new(&models, |_| true);
         let mut strand_contacts = StrandContacts::new(self.bundles.clone());
@@ -144,7 +157,7 @@ impl Motion {
         self.records.iter().map(|r| r.strands.truncated + r.strands.uncoupled).sum()
     }
 
-    /// Pairs of segments of different strands that cross in the last sub-step, except near the roots.
+    /// Pairs of segments that cross in the last sub-step, except near the roots.
     fn crossings(&self) -> usize {
         self.x.windows(2).map(|x| self.crossings_between([&x[0], &x[1]])).sum()
     }
@@ -154,9 +167,11 @@ impl Motion {
         let rooted = |g: usize, half: usize| arc[g][half / 2] < 0.01;
         let mut count = 0;
         for a in 0..self.guides.len() {
-            for b in a + 1..self.guides.len() {
+            for b in a..self.guides.len() {
                 for i in 0..x[0][a].len() - 1 {
-                    for j in 0..x[0][b].len() - 1 {
+                    // Segments next to each other share a point.
+                    let first = if a == b { i + 2 } else { 0 };
+                    for j in first..x[0][b].len() - 1 {
                         if rooted(a, i) && rooted(b, j) {
                             continue;
                         }

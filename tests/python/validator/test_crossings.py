@@ -63,6 +63,14 @@ def test_nearly_parallel_segments_that_swap_sides_cross(slope: float) -> None:
             assert hit.time == pytest.approx([0.25])
 
 
+def test_strand_through_itself_crosses_where_its_segments_do_not_follow_each_other() -> None:
+    root = np.array([[-0.1, 0.0, 0.0], [0.1, 0.0, 0.0]])
+    between, tip = np.array([root[1], [0.0, 1.0, -0.1]]), np.array([[0.0, 1.0, -0.1], [0.0, 1.0, 0.1]])
+    start = np.array([root, between, tip])
+    stop = start - [0, 2, 0] * (start[:, :, 1:2] > 0)
+    assert strand_strand(start, stop, np.zeros(3, int)).pairs.tolist() == [[0, 2]]
+
+
 @pytest.mark.parametrize("target", ["face", "edge", "vertex"])
 def test_tip_that_enters_a_mesh_crosses(target: str) -> None:
     corners = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1.0, 1, 0], [0, 1, 0], [1, 0, 0]]])

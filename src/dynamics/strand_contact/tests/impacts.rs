@@ -19,15 +19,18 @@ fn crossed_cantilevers(
     Scene { friction: 0.0, bundles: vec![bundle; 2], drag: vec![0.0; 2], ..Scene::new(rods) }
 }
 
-/// Two single hairs of 4 cm, half a millimetre apart.
-fn crossed_hairs(steps: f64) -> Scene<'static> {
-    let rod = |from, to| Rod::new(&RodSource::hair(&[from, to], &Tree::default_arc(8))).unwrap();
+/// Two single hairs of 4 cm, half a millimetre apart, with a relaxation time of `damping`, s.
+fn crossed_hairs(steps: f64, damping: f64) -> Scene<'static> {
+    let rod = |from, to| {
+        let (line, arc) = ([from, to], Tree::default_arc(8));
+        Rod::new(&RodSource { damping, ..RodSource::hair(&line, &arc) }).unwrap()
+    };
     let bundle = BundleProperties { bundle_radius: 5.2e-5, ..BUNDLE };
     Scene { h: 1.0 / steps, ..crossed_cantilevers(0.04, 0.5e-3, [&rod; 2], bundle) }
 }
 
 /// Kinetic, elastic and gravitational energy of all strands, J.
-fn energy(scene: &Scene, motion: &Motion) -> f64 {
+pub(super) fn energy(scene: &Scene, motion: &Motion) -> f64 {
     let mut sum = 0.0;
     for (model, state) in motion.models.iter().zip(&motion.guides) {
         let (rod, q) = (&model.rod, &state.q[0]);
@@ -51,7 +54,7 @@ fn least_distance(motion: &Motion) -> f64 {
 #[test]
 fn hairs_that_fall_on_each_other_gain_no_energy_and_keep_their_distance_at_any_step() {
     for steps in [500.0, 1000.0, 2000.0, 4000.0, 8000.0, 16000.0] {
-        let scene = crossed_hairs(steps);
+        let scene = crossed_hairs(steps, 0.0);
         let (mut start, mut last, mut least, mut work, mut pushes) = (None, 0.0, f64::INFINITY, 0.0, 0);
         scene.run(0.1, |t, m| {
             let now = energy(&scene, m);
@@ -69,6 +72,30 @@ fn hairs_that_fall_on_each_other_gain_no_energy_and_keep_their_distance_at_any_s
             "{steps} steps a second: work of {work} J"
         );
     }
+}
+
+#[test]
+fn damped_hairs_lose_as_much_in_an_impact_at_any_step() {
+    let loss = |steps: f64| {
+        let scene = crossed_hairs(steps, 0.005);
+        // Time, s, and energy, J, at the end of the last sub-step without contact, and kinetic energy there.
+        let (mut before, mut touched, mut left) = ([0.0; 3], false, f64::NAN);
+        scene.run(0.015, |t, m| {
+            let now = energy(&scene, m);
+            touched |= m.active() > 0;
+            if !touched {
+                let moving =
+                    m.models.iter().zip(&m.guides).flat_map(|(model, g)| model.rod.mass.iter().zip(&g.v));
+                before = [t, now, moving.map(|(mass, v)| 0.5 * mass * v.norm_squared()).sum()];
+            } else if left.is_nan() && t > before[0] + 2e-3 - 1e-9 {
+                left = now;
+            }
+        });
+        (before[1] - left) / before[2]
+    };
+    let losses = [1000.0, 4000.0, 16000.0].map(loss);
+    let (least, most) = losses.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), x| (x.min(a), x.max(b)));
+    assert!(least > 0.6 && most - least < 0.03, "{losses:?}");
 }
 
 #[test]
