@@ -279,8 +279,8 @@ fn a_place_on_a_part_of_a_mesh_is_inside_another_part_at_any_angle() {
         let triangles = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
         TriMesh { vertices: (0..8).map(corner).collect(), triangles }
     };
-    let mut blocks = block([-0.1, -0.05, -0.1], [0.1, 0.0, 0.1]);
-    let wall = block([0.0, -0.02, -0.04], [0.06, 0.05, 0.04]);
+    let mut blocks = block([-0.1, -0.06, -0.1], [0.1, 0.0, 0.1]);
+    let wall = block([0.0, -0.04, -0.04], [0.06, 0.05, 0.04]);
     let first = blocks.vertices.len() as u32;
     blocks.vertices.extend(wall.vertices);
     blocks.triangles.extend(wall.triangles.iter().map(|t| t.map(|v| v + first)));
@@ -288,6 +288,7 @@ fn a_place_on_a_part_of_a_mesh_is_inside_another_part_at_any_angle() {
     let found = |x: f64, y: f64| {
         let p = Vector3::new(x, y, 3e-3);
         let on = mesh.closest(&p, 1.0).unwrap();
+        assert_eq!(mesh.facing(&p, &on, -0.5, 0.03), None);
         (mesh.is_in_another_part(&p, &on), mesh.facing_or_around(&p, &on, -0.5, 0.03))
     };
     // On the top of the first block, and above it: 5 mm behind the side of the second.

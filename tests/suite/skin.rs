@@ -209,18 +209,27 @@ fn roots_ride_on_the_nearest_of_several_skins() {
     }
 }
 
-/// A floor and a wall of one mesh. The hair stands on the floor; at rest the wall is 10 cm away, and in the
-/// whole shot its side is 8 mm in front of the root, so that it has swallowed it.
+/// A wall that has come over the root of upright hair, or in front of it where it leans.
 #[test]
 fn hair_that_a_part_of_its_skin_closes_on_before_the_shot_leaves_that() {
-    const FRONT: f64 = -0.008;
+    for (front, along) in [(-0.008, V::y()), (0.008, V::new(0.9, 0.44, 0.0))] {
+        let [root, tip] = depths_in_wall(front, along);
+        assert!((root + front).abs() < 1e-4, "the root is {root} m deep, not {}", -front);
+        assert!(tip < 5e-4, "the tip is {tip} m inside");
+    }
+}
+
+/// A floor and a wall of one mesh: the hair of 2.5 cm is on the floor, in the direction `along`. At rest the
+/// wall is 10 cm away; in the whole shot its side is at x = `front`, m, where the root is at 0. Returns how
+/// far root and tip are inside it at the end, m.
+fn depths_in_wall(front: f64, along: V) -> [f64; 2] {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
     let write = |name: String, front: f64| {
         let blocks = [
-            [V::new(-0.1, -0.03, -0.1), V::new(0.1, 0.0, 0.1)],
-            [V::new(front, -0.01, -0.05), V::new(front + 0.05, 0.06, 0.05)],
+            [V::new(-0.1, -0.06, -0.1), V::new(0.1, 0.0, 0.1)],
+            [V::new(front, -0.04, -0.05), V::new(front + 0.05, 0.06, 0.05)],
         ];
         let corner = |i: usize| V::from_fn(|k, _| blocks[i / 8][i >> k & 1][k]);
         let vertices = (0..16).map(corner).map(|x| format!("v {:.9} {:.9} {:.9}\n", x.x, x.y, x.z));
@@ -230,9 +239,9 @@ fn hair_that_a_part_of_its_skin_closes_on_before_the_shot_leaves_that() {
     };
     write("body.obj".into(), 0.1);
     for frame in FRAMES[0] - 2..=FRAMES[1] + 2 {
-        write(format!("body.{frame:04}.obj"), FRONT);
+        write(format!("body.{frame:04}.obj"), front);
     }
-    let points: Vec<[f64; 3]> = (0..8).map(|k| [0.0, 0.025 * f64::from(k) / 7.0, 0.0]).collect();
+    let points: Vec<[f64; 3]> = (0..8).map(|k| (along * (0.025 * f64::from(k) / 7.0)).into()).collect();
     let groom = json!({
         "format": "hairbake-groom", "version": 1,
         "materials": [{ "name": "fur", "sag_free": 1.0 }],
@@ -248,10 +257,7 @@ fn hair_that_a_part_of_its_skin_closes_on_before_the_shot_leaves_that() {
     std::fs::write(&paths[1], anim.to_string()).unwrap();
     let cache = bake_files(folder, paths);
     let guides = cache.read_frame(FRAMES[1]).unwrap().guides;
-    let depth = |p: &[f32; 3]| f64::from(p[0]) - FRONT;
-    let (root, tip) = (&guides.points[0], guides.points.last().unwrap());
-    assert!((depth(root) - 8e-3).abs() < 1e-4, "the root is {} m deep", depth(root));
-    assert!(depth(tip) < 5e-4, "the tip is {} m inside", depth(tip));
+    [0, guides.points.len() - 1].map(|k| f64::from(guides.points[k][0]) - front)
 }
 
 #[test]

@@ -129,7 +129,9 @@ def swallowed_by_part(
     found = np.zeros(len(depth), bool)
     deep = np.unique(curves.curve_of_point[depth * metres > tolerances.PINCH_DEPTH_M])
     roots = points[curves.starts[deep]]
-    distance, normal = part_around(metres, roots, solid)
+    distance, normal = part_facing(metres, roots, solid)
+    left = np.flatnonzero(distance >= 0)
+    distance[left], normal[left] = part_around(metres, roots[left], solid)
     for curve, root, away in zip(deep, distance, normal, strict=True):
         if root < 0:
             run = slice(curves.starts[curve], curves.starts[curve] + curves.counts[curve])

@@ -301,8 +301,8 @@ impl SolidMesh {
         (behind == 0 || self.is_inside(p, from, behind)).then_some(found)
     }
 
-    /// [`SolidMesh::facing`], or, if `p` is inside another part than `from`, at any angle, the nearest place where
-    /// it leaves that.
+    /// [`SolidMesh::facing`], or, if `p` is inside a part at another angle, the nearest place where it leaves
+    /// that.
     pub fn facing_or_around(
         &self,
         p: &Vector3<f64>,
@@ -310,17 +310,17 @@ impl SolidMesh {
         cosine: f64,
         max_distance: f64,
     ) -> Option<SurfacePoint> {
+        let facing = self.facing(p, from, cosine, max_distance);
+        let is_inside = facing.is_some_and(|found| found.distance < 0.0);
+        if is_inside || !self.is_in_another_part(p, from) {
+            return facing;
+        }
         let is_ahead = |t: u32| {
             let normal = &self.normals.faces[t as usize];
             let out = closest_on_triangle(p, self.triangle(t)).0 - p;
             normal.dot(&from.normal) < BENT && out.dot(normal) > AHEAD * out.norm()
         };
-        let around = if self.is_in_another_part(p, from) {
-            self.nearest_of_part(p, max_distance, is_ahead)
-        } else {
-            None
-        };
-        around.filter(|found| found.distance < 0.0).or_else(|| self.facing(p, from, cosine, max_distance))
+        self.nearest_of_part(p, max_distance, is_ahead).filter(|found| found.distance < 0.0).or(facing)
     }
 
     /// Whether `p`, near the surface point `from`, is inside a part of the mesh that this does not bound.
