@@ -268,6 +268,8 @@ class Motion:
     """Moment of the clamp on each strand about its root, `frames × strands × 3`, N·m."""
     tie_forces: FloatArray | None = None
     """Force of each tie on a strand, `frames × ties × 3`, N, strand after strand."""
+    tie_moments: FloatArray | None = None
+    """Moment of each tie on a strand about the place that it holds, shaped as `tie_forces`, N·m."""
 
     @classmethod
     def read(cls, cache: Cache) -> "Motion":
@@ -286,6 +288,7 @@ class Motion:
             clamp_forces=reactions("clamp_forces"),
             clamp_moments=reactions("clamp_moments"),
             tie_forces=reactions("tie_forces"),
+            tie_moments=reactions("tie_moments"),
         )
 
 

@@ -1,6 +1,7 @@
 //! Linearisation of a rod under contact forces: the forces move with the rod, so they are part of its
 //! stiffness.
 
+use super::held_frame::HoldingMoment;
 use super::hessian::hessian;
 use super::model::Rod;
 use super::newton::Solver;
@@ -30,6 +31,8 @@ pub struct ContactLoad {
     pub normal: Vector3<f64>,
     /// Whether the contact constrains all directions (sticking friction, attachment).
     pub sticks: bool,
+    /// Moment that holds the frame there, if one does.
+    pub moment: Option<HoldingMoment>,
 }
 
 impl ContactLoad {
@@ -64,8 +67,8 @@ pub struct ContactLoadBuffers {
 
 impl Solver {
     /// [`Solver::linearise`] of a rod under `contacts` (`docs/theory.md` §5). The Hessian includes their
-    /// geometric stiffness; the direction excludes their forces, which are the unknowns of the contact
-    /// problem. If they make the Hessian indefinite (a strand buckled against a wall), it is stiffened along
+    /// geometric stiffness; the direction excludes their forces and moments, which are the unknowns of the
+    /// contact problem. If they make the Hessian indefinite (a strand buckled against a wall), it is stiffened along
     /// the constrained directions, which does not affect motions that satisfy the constraints. If that does
     /// not suffice, the contacts are ignored.
     pub fn linearise_loaded(
@@ -85,17 +88,24 @@ impl Solver {
         for contact in contacts {
             for (k, weight) in contact.points() {
                 loaded.add_force(k, &(contact.force * weight));
+                if let Some(HoldingMoment { frame, moment }) = &contact.moment {
+                    loaded.add_moment(k, frame, &(moment * weight));
+                }
             }
         }
         self.sensitivity.update(rod, &self.shape, q);
         let (core, shape, sensitivity) = (&rod.core, &self.shape, &self.sensitivity);
         gradient(core, loaded, shape, sensitivity, q, &mut self.direction, wrench);
         hessian(core, loaded, shape, sensitivity, wrench, 1.0, matrix);
-        for d in &mut self.direction {
-            *d = -*d;
-        }
-        for contact in contacts {
-            contact.add_row(&-contact.force, &self.shape, &self.sensitivity, &mut self.direction);
+        if contacts.iter().any(|contact| contact.moment.is_some()) {
+            // Moments of different frames at one point are exact in none.
+            gradient(core, load, shape, sensitivity, q, &mut self.direction, wrench);
+            self.direction.iter_mut().for_each(|d| *d = -*d);
+        } else {
+            self.direction.iter_mut().for_each(|d| *d = -*d);
+            for contact in contacts {
+                contact.add_row(&-contact.force, &self.shape, &self.sensitivity, &mut self.direction);
+            }
         }
         self.factor.clone_from(matrix);
         if cholesky::factor(&mut self.factor, n) != 1 {
@@ -197,6 +207,7 @@ mod tests {
             force,
             normal: Vector3::y(),
             sticks: false,
+            moment: None,
         });
         // −gradient of Φ minus the work of the contact forces.
         let gradient = |q: &[f64]| {
@@ -243,7 +254,14 @@ mod tests {
         let tip = rod.points() - 2;
         // Above the buckling load of a column with a free end, below that with a pinned end.
         let along = Vector3::new(0.1, 0.15, 0.03).normalize();
-        let contact = ContactLoad { segment: tip, u: 1.0, force: along * -2e-6, normal: along, sticks: true };
+        let contact = ContactLoad {
+            segment: tip,
+            u: 1.0,
+            force: along * -2e-6,
+            normal: along,
+            sticks: true,
+            moment: None,
+        };
         let (held, _) = linearised(&rod, &load, &[contact], &q);
         let (free, _) = linearised(&rod, &load, &[], &q);
         // The compliance of the held tip is far below that of the free one.

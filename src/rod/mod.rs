@@ -23,6 +23,7 @@
 //! | [`potential`], `hessian` | incremental potential Φ of one implicit step; its minimum is the new state |
 //! | [`newton`] | [`Solver`](newton::Solver): minimises Φ |
 //! | [`contact_load`] | linearisation of Φ under contact forces |
+//! | `held_frame` | material frames at places of a rod that are held |
 //! | [`Fit`] | unknowns at which a rod passes near given points |
 //! | [`pack`] | several rods at once, one per SIMD lane |
 
@@ -30,6 +31,7 @@ pub mod contact_load;
 mod drawn;
 mod fit;
 mod hat;
+mod held_frame;
 mod hessian;
 mod lumped;
 mod model;
@@ -42,6 +44,7 @@ mod sensitivity;
 mod shape;
 
 pub use fit::Fit;
+pub use held_frame::HoldingMoment;
 pub use lumped::LumpedSensitivity;
 pub use model::{Rod, RodSource, Taper};
 pub use segment::SegmentSize;

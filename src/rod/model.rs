@@ -217,6 +217,12 @@ impl Rod {
         (3.0 * one.max(two) * SKIN_COMPLIANCE).cbrt()
     }
 
+    /// The force of the rod's own making, N: its weight, and its bending stiffness over the square of its length.
+    pub fn own_force(&self) -> f64 {
+        let [one, two, _] = self.core.stiffness;
+        self.core.mass * STANDARD_GRAVITY + one.max(two) / (self.length() * self.length())
+    }
+
     /// Number of unknowns: three per node, except at a tip that bears no moment, where there is no deviation.
     pub fn unknowns(&self) -> usize {
         self.core.unknowns()

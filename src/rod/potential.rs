@@ -123,6 +123,12 @@ impl<F: Real> PointMoment<F> {
 }
 
 impl<F: Real> Turned<F> {
+    /// Rotation vector to there.
+    #[inline(always)]
+    pub fn rotation(&self) -> V3<F> {
+        self.axis * self.gamma[0]
+    }
+
     /// Work, J, up to a constant.
     #[inline(always)]
     pub fn work(&self) -> F {

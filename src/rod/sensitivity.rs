@@ -132,6 +132,14 @@ impl Sensitivity {
         }
     }
 
+    /// Adds `a` · `d`ᵀ ∂θ/∂q to `row`, with θ the rotation of the frame at point `k`, world axes.
+    pub(super) fn add_turn_row(&self, k: usize, d: &Vector3<f64>, a: f64, row: &mut [f64]) {
+        let wrench = Twist { w: (d * a).into(), v: Vector3::zeros().into() };
+        for (r, t) in row.iter_mut().zip(self.twists_at(k)) {
+            *r += wrench.dot(t);
+        }
+    }
+
     /// Velocity, m/s, and angular velocity, rad/s, at rates `qdot` (1/(m·s)) of a place fixed to the frame at
     /// point `k`, world axes, relative to the root. `x` is the place relative to the root, m.
     pub fn velocity(&self, k: usize, x: &Vector3<f64>, qdot: &[f64]) -> (Vector3<f64>, Vector3<f64>) {

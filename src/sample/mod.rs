@@ -78,7 +78,10 @@ fn ties(style: Style) -> Vec<TieFile> {
         at: Some(at.into()),
         radius,
         arc_m: None,
+        arc_share: None,
         arc_by_distance: None,
+        orientation: None,
+        slides: false,
         frames: None,
     };
     if style == Style::Ponytail { vec![tie] } else { Vec::new() }

@@ -1,7 +1,7 @@
 //! Loads and checks grooms and animations.
 
 use super::anim::file::AnimFile;
-use super::anim::model::{Anim, LoadPlace};
+use super::anim::model::{Anim, GuideSelection, LoadPlace, TiePoint};
 use super::anim::read as anim_reader;
 use super::format::Format;
 use super::goal;
@@ -101,7 +101,7 @@ fn check_order(first: &Document, groom: &Path, second: &Document, anim: &Path) -
 }
 
 /// Reports the guides and groups that ties and loads of `anim`, read from `file`, name but `groom` does not
-/// have, and loads beyond the tips of all guides.
+/// have, and places beyond the tips of all guides that they name.
 fn check_selections(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
     let mut diagnostics = Vec::new();
     let ties = anim.ties.iter().enumerate().map(|(i, tie)| (format!("ties[{i}]"), &tie.guides));
@@ -124,22 +124,44 @@ fn check_selections(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> 
             report("group", message, allowed, "correct the name");
         }
     }
-    let all = &groom.guides.curves;
-    let longest = (0..all.len()).map(|guide| polyline::length(all.curve(guide))).fold(0.0, f64::max);
-    for (i, load) in anim.loads.iter().enumerate() {
+    diagnostics.extend(places_beyond_tips(groom, anim, file));
+    diagnostics
+}
+
+/// Reports places of ties and loads of `anim`, read from `file`, that are beyond the tips of all their guides.
+fn places_beyond_tips(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
+    let ties = anim.ties.iter().enumerate().filter_map(|(i, tie)| match tie.point {
+        TiePoint::Arc(arc) => Some((format!("ties[{i}].arc_m"), &tie.guides, arc)),
+        TiePoint::Nearest | TiePoint::Share(_) | TiePoint::Distance(_) => None,
+    });
+    let loads = anim.loads.iter().enumerate().filter_map(|(i, load)| {
         let (name, from) = match load.place {
             LoadPlace::Arc(arc) => ("arc_m", arc),
             LoadPlace::Span([from, _]) => ("span_m", from),
-            LoadPlace::Share(_) | LoadPlace::SpanShare(_) => continue,
+            LoadPlace::Share(_) | LoadPlace::SpanShare(_) => return None,
         };
-        if from > longest {
-            let message = format!("{from} m is beyond the tips of all guides");
-            let allowed = format!("up to {longest:.4} m, the length of the longest guide");
-            let help = "correct it, or give it as a share of the length";
-            diagnostics.push(Diagnostic::new(file, format!("loads[{i}].{name}"), message, allowed, help));
-        }
-    }
-    diagnostics
+        Some((format!("loads[{i}].{name}"), &load.guides, from))
+    });
+    let curves = &groom.guides.curves;
+    let length = |guide: usize| polyline::length(curves.curve(guide));
+    let beyond = |(key, guides, from): (String, &GuideSelection, f64)| {
+        let chosen = (0..curves.len()).filter(|&guide| names(guides, groom, guide));
+        let longest = chosen.map(length).fold(0.0, f64::max);
+        // That the names are wrong is an error of its own.
+        (longest > 0.0 && from > longest).then(|| {
+            let message = format!("{from} m is beyond the tips of all guides that it names");
+            let allowed = format!("up to {longest:.4} m, the length of the longest of them");
+            Diagnostic::new(file, key, message, allowed, "correct it, or name longer guides")
+        })
+    };
+    ties.chain(loads).filter_map(beyond).collect()
+}
+
+/// True if the ids and the group of `guides` are those of a guide.
+fn names(guides: &GuideSelection, groom: &Groom, guide: usize) -> bool {
+    let curves = &groom.guides.curves;
+    guides.ids.as_ref().is_none_or(|ids| ids.contains(&curves.id[guide]))
+        && guides.group.as_ref().is_none_or(|name| *name == groom.groups[curves.group[guide] as usize].name)
 }
 
 /// All errors in the files `paths`, grooms and animations in any order, distinguished by their `format`. If

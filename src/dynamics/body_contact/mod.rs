@@ -10,6 +10,7 @@ mod problem;
 mod reactions;
 mod scratch;
 mod stats;
+mod ties;
 mod tolerances;
 mod truncate;
 

@@ -212,7 +212,8 @@ pub struct ColliderFile {
 }
 
 /// Holds one point of each of some guides to a body: a hair tie, a clip, the end of a braid. Hair drawn
-/// elsewhere moves there at 0.5 m/s at most; the pre-roll must be long enough for that. Selects the guides
+/// elsewhere moves there at 0.5 m/s and turns there at 5 rad/s at most; the pre-roll must be long enough for
+/// that. Selects the guides
 /// that match all of `ids`, `group` and `within` that are given; all guides if none is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
@@ -243,15 +244,48 @@ pub struct TieFile {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub arc_m: Option<f64>,
+    /// The same place as a share of the length from the root; 1 is the tip.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub arc_share: Option<f64>,
     /// The same arc length, as a multiple of the distance from the root to `at`. Higher leaves more slack:
-    /// 1.3 lets hair pass around the head. Default, without `arc_m`: the point drawn nearest to `at`, but at
+    /// 1.3 lets hair pass around the head. Default, without the other places: the point drawn nearest to `at`, but at
     /// least 1.1 times the distance, or the point drawn nearest to the centre of `within`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1.0, max = 10.0))]
     pub arc_by_distance: Option<f64>,
+    /// Whether the material frame of the held place turns with the body, as in a second clamp. Default: it turns
+    /// freely.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub orientation: Option<TieOrientationFile>,
+    /// Whether the strand slides along its axis through the held place, without friction, as through a ring, or
+    /// with `orientation` a sleeve. Default: it does not.
+    #[serde(default)]
+    pub slides: bool,
     /// First and last frame at which the tie holds; may be fractional. Default: always.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<[f64; 2]>,
+}
+
+/// The material frame that a tie holds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum TieOrientationFile {
+    /// A word.
+    Word(TieOrientationWord),
+    /// The frame as a unit quaternion (w, x, y, z): it turns the axes x, y and z of the rest space of the body
+    /// to the two axes of the section and the tangent.
+    Frame([f64; 4]),
+}
+
+/// The material frame that a tie holds, by a word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum TieOrientationWord {
+    /// None: the place turns freely.
+    Free,
+    /// That in which the hair is drawn.
+    Drawn,
 }
 
 /// A force and a moment on each of some guides, at a place or spread over a part of the length. Selects the

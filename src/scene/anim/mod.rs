@@ -13,6 +13,7 @@ pub use super::track::Track;
 pub use file::{AnimFile, GoalSpace, LoadAxes};
 pub use goal::{Goal, GoalCurves, GoalPull};
 pub use model::{
-    Anim, Body, Collider, GRAVITY, GuideSelection, Load, LoadPlace, MAX_FRAMES, Tie, TiePoint, Wind,
+    Anim, Body, Collider, GRAVITY, GuideSelection, Load, LoadPlace, MAX_FRAMES, Tie, TieOrientation,
+    TiePoint, Wind,
 };
 pub use settings::{ContactSetting, OutputCurves, Resolution, Scheme, Settings};

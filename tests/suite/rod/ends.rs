@@ -1,0 +1,179 @@
+//! Ends of a rod and driven places: against beams, twisted rods, and the balance of forces.
+
+use hairbake::contact::Bodies;
+use hairbake::dynamics::environment::Environment;
+use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideScratch, GuideState};
+use hairbake::dynamics::reaction::GuideReaction;
+use hairbake::dynamics::tie::Tie;
+use hairbake::rod::{Rod, RodShape, RodSource, SegmentSize};
+use hairbake::scene::anim::Scheme;
+use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
+
+const LENGTH: f64 = 0.1;
+const BENDING: f64 = 7.8e-9;
+const TORSION: f64 = 3.6e-9;
+
+/// A guide through `points` with `nodes` evenly spaced strain nodes and this weight per length, N/m.
+fn guide(points: &[Vector3<f64>], nodes: usize, weight: f64) -> GuideModel {
+    let arc: Vec<f64> = (0..nodes).map(|i| i as f64 / (nodes - 1) as f64).collect();
+    let rod = Rod::new(&RodSource {
+        stiffness: [BENDING, BENDING, TORSION],
+        line_density: weight / 9.81,
+        segment_size: SegmentSize { max_length: 0.005, ..SegmentSize::FINE },
+        tip_strain: true,
+        ..RodSource::hair(points, &arc)
+    });
+    let rod = rod.unwrap();
+    let drag = vec![0.0; rod.points()];
+    GuideModel { scheme: Scheme::BackwardEuler, records_reaction: true, ..GuideModel::new(rod, drag, 0.3) }
+}
+
+fn straight(nodes: usize, weight: f64) -> GuideModel {
+    guide(&[Vector3::zeros(), Vector3::x() * LENGTH], nodes, weight)
+}
+
+/// A tie of the tip of `rod` at `goal`, m.
+fn tip_tie(rod: &Rod, goal: Vector3<f64>) -> Tie {
+    Tie {
+        segment: 2 * rod.points() - 3,
+        u: 1.0,
+        body: 0,
+        goal,
+        frame: None,
+        slides: false,
+        times: [f64::NEG_INFINITY, f64::INFINITY],
+        of: 0,
+    }
+}
+
+fn drawn_tip_frame(rod: &Rod) -> Matrix3<f64> {
+    let mut shape = RodShape::default();
+    shape.update(rod, &rod.root.r, &rod.initial_q);
+    shape.frame(rod.points() - 1)
+}
+
+struct Run {
+    state: GuideState,
+    shape: RodShape,
+    held: GuideReaction,
+    slack: f64,
+}
+
+/// `model` after `steps` steps of `h`, s.
+fn run(model: &GuideModel, env: &Environment, h: f64, steps: u32) -> Run {
+    let mut state = GuideState::new(model, &[], env, 0.0, h);
+    let (mut scratch, mut slack) = (GuideScratch::default(), 0.0);
+    for i in 0..steps {
+        let span = [f64::from(i) * h, f64::from(i + 1) * h];
+        let record = model.step(env, &mut state, span, ContactMode::Bodies, &mut scratch);
+        assert_eq!((record.unconverged, record.truncated, record.unsettled), (0, 0, 0), "step {i}");
+        slack = record.tie_slack;
+    }
+    let mut shape = RodShape::default();
+    assert!(shape.update(&model.rod, &model.rod.root.r, &state.q[0]));
+    let held = model.reaction(&state).unwrap();
+    Run { state, shape, held, slack }
+}
+
+fn quasi_static(model: &GuideModel) -> Run {
+    run(model, &Environment::at_rest(Bodies::default()), 100.0, 20)
+}
+
+#[test]
+fn a_beam_clamped_at_both_ends_sags_as_beams_do() {
+    let weight = 1e-3 * BENDING / LENGTH.powi(3);
+    let errors = |nodes: usize| {
+        let mut model = straight(nodes, weight);
+        let frame = Some(drawn_tip_frame(&model.rod));
+        model.ties = vec![Tie { frame, slides: true, ..tip_tie(&model.rod, Vector3::x() * LENGTH) }];
+        let Run { shape, held, slack, .. } = quasi_static(&model);
+        assert!(slack < 1e-15, "{slack}");
+        let sag = weight * LENGTH.powi(4) / (384.0 * BENDING);
+        let end = weight * LENGTH * LENGTH / 12.0;
+        let tie = held.ties[0];
+        [
+            -shape.x((model.rod.points() - 1) / 2).y / sag - 1.0,
+            held.moment.z / end - 1.0,
+            -tie.moment.z / end - 1.0,
+            tie.force.y / (0.5 * weight * LENGTH) - 1.0,
+        ]
+    };
+    let (coarse, fine) = (errors(17), errors(33));
+    println!("{coarse:?} {fine:?}");
+    assert!(fine.iter().all(|e| e.abs() < 1e-6), "{fine:?}");
+}
+
+#[test]
+fn a_propped_beam_rests_on_its_prop_exactly() {
+    let weight = 1e-3 * BENDING / LENGTH.powi(3);
+    let mut model = straight(33, weight);
+    model.ties = vec![Tie { slides: true, ..tip_tie(&model.rod, Vector3::x() * LENGTH) }];
+    let Run { held, slack, .. } = quasi_static(&model);
+    let borne = held.ties[0].force.y / (0.375 * weight * LENGTH) - 1.0;
+    println!("{borne} {slack}");
+    assert!(borne.abs() < 1e-6 && slack < 1e-15, "{borne} {slack}");
+}
+
+/// Turns the tip of a straight rod without weight, pulled by nothing, by `turn`, rad, within the first
+/// second, and lets it come to rest; returns it and how far its middle is from the axis, m.
+fn twisted(turn: f64) -> (Run, f64) {
+    let mut model = straight(33, 1e-3 * BENDING / LENGTH.powi(3));
+    let frame = Some(drawn_tip_frame(&model.rod));
+    model.ties = vec![Tie { frame, slides: true, ..tip_tie(&model.rod, Vector3::x() * LENGTH) }];
+    let angle = move |t: f64| turn * (t / 40.0).min(1.0);
+    let env = Environment {
+        gravity: Box::new(|t| Vector3::y() * if t < 40.0 { -1e-3 } else { 0.0 }),
+        carrier: Box::new(move |_, t| {
+            Isometry3::from_parts(
+                Vector3::zeros().into(),
+                UnitQuaternion::from_axis_angle(&Vector3::x_axis(), angle(t)),
+            )
+        }),
+        ..Environment::at_rest(Bodies::default())
+    };
+    let run = run(&model, &env, 0.5, 400);
+    let middle = run.shape.x((model.rod.points() - 1) / 2);
+    let off = middle.yz().norm();
+    (run, off)
+}
+
+#[test]
+fn a_twisted_rod_between_clamps_buckles_at_the_torque_of_greenhill() {
+    // M L / EI = 8.9868 with both ends clamped and no tension (Love 1927, §272; the root of tan(x/2) = x/2).
+    let critical = 8.986_818_9 * BENDING / TORSION;
+    let (below, off) = twisted(0.97 * critical);
+    println!("below {off} {:?}", below.held);
+    let torque = below.held.ties[0].moment.x / (0.97 * critical * TORSION / LENGTH) - 1.0;
+    assert!(torque.abs() < 1e-6 && off < 1e-4 * LENGTH, "{torque} {off}");
+    assert!((below.held.moment.x + below.held.ties[0].moment.x).abs() < 1e-9 * BENDING / LENGTH);
+    let (above, off) = twisted(1.03 * critical);
+    println!("above {off} {:?}", above.held);
+    assert!(off > 0.03 * LENGTH, "{off}");
+}
+
+#[test]
+fn a_strand_slides_through_a_ring_without_friction() {
+    let points = [Vector3::zeros(), Vector3::new(0.05, 0.01, 0.0), Vector3::new(LENGTH, 0.0, 0.0)];
+    let mut model = guide(&points, 33, 2.0 * BENDING / LENGTH.powi(3));
+    let goal = Vector3::new(0.06, 0.0, 0.01);
+    model.ties = vec![Tie { slides: true, segment: 20, u: 0.5, ..tip_tie(&model.rod, goal) }];
+    let Run { state, held, slack, .. } = quasi_static(&model);
+    let mut line = Vec::new();
+    state.contact_polyline(&model, &mut line);
+    let (k, _) = model.ties[0].position(&line, &goal);
+    let tangent = (line[k + 1] - line[k]).normalize();
+    let force = held.ties[0].force;
+    println!("{force} {tangent} {slack}");
+    assert!(slack < 1e-12 && force.dot(&tangent).abs() < 1e-9 * force.norm(), "{slack}");
+    assert!(force.y > 0.3 * 2.0 * BENDING / LENGTH.powi(2), "{force}");
+}
+
+#[test]
+fn a_tie_out_of_reach_pulls_without_end_and_upsets_nothing() {
+    let mut model = straight(17, BENDING / LENGTH.powi(3));
+    model.ties = vec![tip_tie(&model.rod, Vector3::new(LENGTH, 0.02, 0.0))];
+    let Run { state, slack, .. } = quasi_static(&model);
+    let (tip, goal) = (state.x[state.x.len() - 1], model.ties[0].goal);
+    println!("{tip} {slack}");
+    assert!((slack - (goal.norm() - LENGTH)).abs() < 1e-4 * LENGTH, "{tip} {slack}");
+}
