@@ -15,6 +15,9 @@ const REACH: f64 = 1.1;
 const MAX_GATHER_SPEED: f64 = 0.5;
 /// Largest angular velocity at which a frame is turned to its goal, rad/s.
 const MAX_GATHER_TURN: f64 = 5.0;
+/// Largest distance of a place from the root, as a share of its arc length, at which a tie holds it, unless it
+/// is drawn farther.
+const WITHIN_REACH: f64 = 0.999;
 /// Share of its length by which a place may be beyond the tip for rounding.
 const ROUNDING: f64 = 1e-6;
 
@@ -34,6 +37,9 @@ pub struct Tie {
     pub frame: Option<Matrix3<f64>>,
     /// True if the strand slides along its axis through the goal: what is held is the place nearest to it.
     pub slides: bool,
+    /// Largest distance from the root at which it is held, m, short of the place's arc length: a strand that is
+    /// pulled straight would be without bound on the force. Infinite for a strand that slides.
+    pub reach: f64,
     /// First and last time of the tie, s.
     pub times: [f64; 2],
     /// Number of the tie of the animation that it is of: index into [`Anim::ties`].
@@ -47,6 +53,8 @@ pub struct ActiveTie {
     pub tie: Tie,
     /// Where its place is to be, world, m.
     pub target: Vector3<f64>,
+    /// How far that is from where it would be if it were within reach, m.
+    pub short: f64,
     /// The material frame that its place is to have, world; `None` if it may turn.
     pub frame: Option<Matrix3<f64>>,
 }
@@ -85,12 +93,11 @@ impl ActiveTie {
         let (segment, u) = on_rod(k, u);
         HeldPlace { segment, u, directions, held, off: directions.map(|d| d.dot(&off)) }
     }
-}
 
-impl HeldPlace {
-    /// Distance from the target, m.
-    pub fn slack(&self) -> f64 {
-        self.off[..self.held].iter().map(|off| off * off).sum::<f64>().sqrt()
+    /// How far the place that it holds on the contact polyline `x`, m, is from where it should be, m.
+    pub fn slack(&self, x: &[Vector3<f64>]) -> f64 {
+        let place = self.held(x);
+        place.off[..place.held].iter().map(|off| off * off).sum::<f64>().sqrt() + self.short
     }
 }
 
@@ -110,13 +117,14 @@ impl Tie {
     }
 
     /// What it holds at the end, at time `t`, s, of a step of `h`, s, that starts with the contact polyline `x`,
-    /// world, m, and the frames of `shape`. `poses` are the body's poses (rest space to world) at start and end.
+    /// world, m, and the frames of `shape`, and ends with the root at `root`, world, m. `poses` are the body's poses (rest space to world) at start and end.
     /// `None` if it does not hold at `t`.
     pub fn active(
         &self,
         [t, h]: [f64; 2],
         x: &[Vector3<f64>],
         shape: &RodShape,
+        root: &Vector3<f64>,
         poses: [Isometry3<f64>; 2],
     ) -> Option<ActiveTie> {
         if !self.holds_at(t) {
@@ -127,10 +135,12 @@ impl Tie {
         let from = x[k] * (1.0 - u) + x[k + 1] * u;
         let carried = (poses[1] * poses[0].inverse_transform_point(&from.into())).coords;
         let offset = goal - carried;
-        let target = carried + offset * (MAX_GATHER_SPEED * h / offset.norm()).min(1.0);
+        let free = carried + offset * (MAX_GATHER_SPEED * h / offset.norm()).min(1.0);
+        let from_root = free - root;
+        let target = root + from_root * (self.reach / from_root.norm()).min(1.0);
         let (segment, s) = on_rod(k, u);
         let frame = self.frame.map(|frame| target_frame(h, &frame, &shape.frame_between(segment, s), poses));
-        Some(ActiveTie { tie: self.clone(), target, frame })
+        Some(ActiveTie { tie: self.clone(), target, short: (free - target).norm(), frame })
     }
 }
 
@@ -193,6 +203,11 @@ pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
                 TieOrientation::Drawn => Some(drawn_frame()),
                 TieOrientation::Frame(frame) => Some(frame),
             };
+            let drawn_distance = (at(&(i, segment, u)) - drawn[i][0]).norm();
+            let reach = match tie.slides {
+                true => f64::INFINITY,
+                false => (WITHIN_REACH * arc_of(&rods[i], segment, u)).max(drawn_distance),
+            };
             out[i].push(Tie {
                 segment,
                 u,
@@ -200,6 +215,7 @@ pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
                 goal,
                 frame,
                 slides: tie.slides,
+                reach,
                 times: tie.times,
                 of,
             });

@@ -1,7 +1,7 @@
 //! Loads and checks grooms and animations.
 
-use super::anim::file::AnimFile;
-use super::anim::model::{Anim, GuideSelection, LoadPlace, TiePoint};
+use super::anim::file::{AnimFile, RootHold};
+use super::anim::model::{Anim, GuideSelection, LoadPlace, Roots, TiePoint};
 use super::anim::read as anim_reader;
 use super::format::Format;
 use super::goal;
@@ -78,7 +78,27 @@ fn place(groom: &mut Groom, anim: &mut Anim, file: &Path) -> Vec<Diagnostic> {
         return misplaced;
     }
     let unbound = skin::bind(groom, anim, file);
-    if unbound.is_empty() { goal::bind(groom, anim, file) } else { unbound }
+    if !unbound.is_empty() {
+        return unbound;
+    }
+    let mut diagnostics = goal::bind(groom, anim, file);
+    diagnostics.extend(pinned_roots_with_goals(groom, anim, file));
+    diagnostics
+}
+
+/// Reports pinned roots of `anim`, read from `file`, of guides that a goal leads: it prescribes their frames.
+fn pinned_roots_with_goals(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
+    let pinned = anim.roots.iter().enumerate().filter(|(_, roots)| roots.hold == RootHold::Pinned);
+    let led = |(i, roots): (usize, &Roots)| {
+        let goal = anim
+            .goals
+            .iter()
+            .find(|goal| goal.guides.iter().any(|&guide| names(&roots.guides, groom, guide)))?;
+        let message = format!("pins roots of guides that the goal \"{}\" leads", goal.name);
+        let help = "leave the guides out of one of them";
+        Some(Diagnostic::new(file, format!("roots[{i}]"), message, "guides without goals", help))
+    };
+    pinned.filter_map(led).collect()
 }
 
 /// Checks that the first file is no animation and the second no groom.
@@ -100,13 +120,14 @@ fn check_order(first: &Document, groom: &Path, second: &Document, anim: &Path) -
     }
 }
 
-/// Reports the guides and groups that ties and loads of `anim`, read from `file`, name but `groom` does not
+/// Reports the guides and groups that roots, ties and loads of `anim`, read from `file`, name but `groom` does not
 /// have, and places beyond the tips of all guides that they name.
 fn check_selections(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
     let mut diagnostics = Vec::new();
+    let roots = anim.roots.iter().enumerate().map(|(i, roots)| (format!("roots[{i}]"), &roots.guides));
     let ties = anim.ties.iter().enumerate().map(|(i, tie)| (format!("ties[{i}]"), &tie.guides));
     let loads = anim.loads.iter().enumerate().map(|(i, load)| (format!("loads[{i}]"), &load.guides));
-    for (key, guides) in ties.chain(loads) {
+    for (key, guides) in roots.chain(ties).chain(loads) {
         let mut report = |name: &str, message: String, allowed: String, help: &str| {
             diagnostics.push(Diagnostic::new(file, format!("{key}.{name}"), message, allowed, help));
         };

@@ -10,8 +10,8 @@ use hairbake::dynamics::tie::{self, Tie};
 use hairbake::geometry::Shape;
 use hairbake::rod::{Rod, RodSource, SegmentSize};
 use hairbake::sample::{self, Size, Style};
+use hairbake::scene;
 use hairbake::scene::anim::{GuideSelection, TieOrientation, TiePoint};
-use hairbake::scene::{self, Tree};
 use nalgebra::{Isometry3, Vector3};
 
 const RADIUS: f64 = 0.04;
@@ -243,6 +243,7 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
         goal,
         frame: None,
         slides: false,
+        reach: f64::INFINITY,
         times: [0.0, 2.0],
         of: 0,
     }];

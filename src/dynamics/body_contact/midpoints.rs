@@ -87,6 +87,7 @@ mod tests {
             force: Vector3::y(),
             normal: Vector3::y(),
             sticks: false,
+            slides_along: None,
             moment: None,
         };
         assert_eq!(kept([0.0; 5], &[load]), [0.0, 2.0, 3.0, 4.0, 2.3]);

@@ -86,6 +86,7 @@ impl BodyContact<'_> {
                     force: frame.world(r),
                     normal: contact.normal,
                     sticks: (r[1].hypot(r[2]) / most - 1.0).abs() > SLIDING_TOLERANCE,
+                    slides_along: None,
                     moment: None,
                 });
             }
@@ -116,7 +117,7 @@ impl BodyContact<'_> {
     pub fn record(&self, scratch: &mut BodyContactScratch) {
         let detection = &scratch.detection;
         let forces = &scratch.reactions.forces;
-        let slacks = self.ties.iter().map(|tie| tie.held(&detection.x1).slack());
+        let slacks = self.ties.iter().map(|tie| tie.slack(&detection.x1));
         let slack = slacks.fold(0.0, f64::max);
         let line = self.line(&detection.x1);
         scratch.stats.measure(&line, &detection.found, forces, slack);

@@ -135,6 +135,7 @@ impl TieSystem {
                 force: wrench.force,
                 normal: Vector3::zeros(),
                 sticks: true,
+                slides_along: (place.held == 2).then_some(place.directions[2]),
                 moment: tie.frame.map(|frame| HoldingMoment { frame, moment: wrench.moment }),
             });
         }

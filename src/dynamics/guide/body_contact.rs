@@ -86,9 +86,10 @@ impl GuideModel {
         if self.ties.iter().any(|tie| tie.frame.is_some()) {
             inputs.shape.update(&self.rod, &self.root(env, t0).r, &state.q[0]);
         }
+        let root = self.root(env, t1);
         inputs.ties.extend(self.ties.iter().filter_map(|tie| {
             let poses = [(env.carrier)(tie.body, t0), (env.carrier)(tie.body, t1)];
-            tie.active([t1, t1 - t0], &inputs.polyline, &inputs.shape, poses)
+            tie.active([t1, t1 - t0], &inputs.polyline, &inputs.shape, &root.p, poses)
         }));
         inputs.motions.clear();
         inputs.motions.extend((0..env.bodies.len()).map(|b| BodyMotion {
@@ -103,7 +104,7 @@ impl GuideModel {
             bodies: &env.bodies,
             motions: &inputs.motions,
             x0: &inputs.polyline,
-            root: &self.root(env, t1),
+            root: &root,
             at_rest: &state.clearance,
         };
         (inputs.pinched, inputs.by_part) = (false, false);

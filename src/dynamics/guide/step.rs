@@ -107,6 +107,11 @@ impl GuideModel {
                 break;
             }
             scratch.contact.clear();
+            if self.ties.iter().any(|tie| tie.frame.is_some() && tie.holds_at(t1)) {
+                // The motion without ties unwinds what they have wound up.
+                scratch.q.clone_from(&state.q[0]);
+                scratch.solver.shape.update(&self.rod, &root.r, &scratch.q);
+            }
             clear =
                 outcome.converged && self.resolve_contact(env, state, &root, [t0, t1], (true, last), scratch);
             // A contact stops a motion within one step; a formula that looks further back would throw it

@@ -50,6 +50,9 @@ pub struct AnimFile {
     /// the shapes of the meshes for which the groom was drawn. Default: the head carries all roots.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub skins: Vec<String>,
+    /// How the roots of some guides are held. Default: clamped.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub roots: Vec<RootsFile>,
     /// Ties that hold hair to bodies: hair ties, clips, ends of braids.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ties: Vec<TieFile>,
@@ -209,6 +212,37 @@ pub struct ColliderFile {
     #[serde(default = "thickness")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub thickness_m: f64,
+}
+
+/// How the roots of some guides are held. Selects the guides that match all of `ids`, `group` and `within` that are
+/// given; all guides if none is. Of several entries for a guide the last one counts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct RootsFile {
+    /// Unique name.
+    pub name: String,
+    /// Selects guides by their ids.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ids: Option<Vec<i32>>,
+    /// Selects the guides of a group, by its name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub group: Option<String>,
+    /// Selects the guides that enter a ball in the groom's pose.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub within: Option<BallFile>,
+    /// How they are held.
+    pub hold: RootHold,
+}
+
+/// How a root is held.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum RootHold {
+    /// Position and frame follow the head or the skin.
+    #[default]
+    Clamped,
+    /// The position follows, and the frame turns freely, as in a ball joint: chains, beads, tassels.
+    Pinned,
 }
 
 /// Holds one point of each of some guides to a body: a hair tie, a clip, the end of a braid. Hair drawn
@@ -562,6 +596,7 @@ impl AnimFile {
             bodies: Vec::new(),
             colliders: Vec::new(),
             skins: Vec::new(),
+            roots: Vec::new(),
             ties: Vec::new(),
             loads: Vec::new(),
             goals: Vec::new(),

@@ -10,10 +10,10 @@ pub mod settings_file;
 
 pub use super::keyframes::Keyframes;
 pub use super::track::Track;
-pub use file::{AnimFile, GoalSpace, LoadAxes};
+pub use file::{AnimFile, GoalSpace, LoadAxes, RootHold};
 pub use goal::{Goal, GoalCurves, GoalPull};
 pub use model::{
-    Anim, Body, Collider, GRAVITY, GuideSelection, Load, LoadPlace, MAX_FRAMES, Tie, TieOrientation,
+    Anim, Body, Collider, GRAVITY, GuideSelection, Load, LoadPlace, MAX_FRAMES, Roots, Tie, TieOrientation,
     TiePoint, Wind,
 };
 pub use settings::{ContactSetting, OutputCurves, Resolution, Scheme, Settings};

@@ -1,6 +1,6 @@
 //! The animation: bodies on tracks, colliders, ties, wind, forces, settings. SI units, Y up, world space.
 
-use super::file::LoadAxes;
+use super::file::{LoadAxes, RootHold};
 use super::goal::Goal;
 use super::settings::{Resolution, Settings};
 use crate::geometry::{Deformation, Friction, Shape};
@@ -36,6 +36,8 @@ pub struct Anim {
     pub skins: Vec<usize>,
     /// The motion that stands for that of the head where skins carry the roots of a head without a track.
     pub reference: Option<Track>,
+    /// How the roots of some guides are held; the others are clamped.
+    pub roots: Vec<Roots>,
     /// Ties that hold guides to bodies: hair ties, clips, ends of braids.
     pub ties: Vec<Tie>,
     /// Forces and moments on guides.
@@ -58,10 +60,15 @@ impl Anim {
     /// Which guides are simulated; never [`Resolution::Auto`].
     pub fn resolution(&self) -> Resolution {
         match self.settings.resolution {
-            // Strands that follow a wisp do not bend at their tips.
-            Resolution::Auto if self.has_moments() => Resolution::Full,
+            // Strands that follow a wisp do not bend at their tips, and their roots are clamped.
+            Resolution::Auto if self.has_moments() || self.pins_roots() => Resolution::Full,
             _ => self.settings.resolution(),
         }
+    }
+
+    /// True if some roots are pinned.
+    pub fn pins_roots(&self) -> bool {
+        self.roots.iter().any(|roots| roots.hold == RootHold::Pinned)
     }
 
     /// True if loads or ties exert moments.
@@ -97,6 +104,17 @@ pub struct Collider {
     pub friction: Option<Friction>,
     /// Distance kept between the shape and the strands, m.
     pub thickness: f64,
+}
+
+/// How the roots of some guides are held. Of several for a guide the last one counts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Roots {
+    /// Unique name.
+    pub name: String,
+    /// The guides.
+    pub guides: GuideSelection,
+    /// How they are held.
+    pub hold: RootHold,
 }
 
 /// Holds one point of each of some guides to a body.

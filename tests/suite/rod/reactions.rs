@@ -95,6 +95,7 @@ fn clamp_and_tie_bear_the_weight_as_statics_shares_it() {
         goal: tip,
         frame: None,
         slides: false,
+        reach: f64::INFINITY,
         times: [0.0, f64::INFINITY],
         of: 0,
     };
