@@ -121,6 +121,8 @@ class Scene:
     """Colliders, on the body "floor", which stands still, unless they name another."""
     bodies: dict[str, Track] = field(default_factory=dict)
     """Bodies besides "clamp" and "floor" that carry colliders, by name."""
+    roots: Sequence[dict[str, Any]] = ()
+    """How roots are held, as in anim.json; strands have their index as id."""
     ties: Sequence[dict[str, Any]] = ()
     """Ties as in anim.json; strands have their index as id."""
     loads: Sequence[dict[str, Any]] = ()
@@ -184,6 +186,8 @@ class Scene:
             "gravity_m_s2": list(self.gravity),
             "settings": settings,
         }
+        if self.roots:
+            anim["roots"] = list(self.roots)
         if self.ties:
             anim["ties"] = list(self.ties)
         if self.loads:
