@@ -256,8 +256,8 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
         let record = model.step(&env, &mut state, [t0, t1], ContactMode::Bodies, &mut scratch);
         assert_eq!((record.unconverged, record.unsettled, record.truncated), (0, 0, 0), "{t1} s");
         if (0.5..2.0).contains(&t1) {
-            assert!(away(&state, t1) < 1e-8, "{t1} s: {} m away", away(&state, t1));
-            assert!(record.tie_slack < 1e-8);
+            assert!(away(&state, t1) < 1e-7, "{t1} s: {} m away", away(&state, t1));
+            assert!(record.tie_slack < 1e-7);
         }
     }
     assert!(away(&state, 3.0) > 0.05, "not let go: {} m", away(&state, 3.0));

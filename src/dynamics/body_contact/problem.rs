@@ -1,8 +1,7 @@
-//! The linearised contact problem of one guide: rows, Delassus matrix, friction laws, compliance.
+//! The linearised contact problem of one guide: rows, Delassus matrix, friction, compliance.
 
 use super::scratch::{BodyContactScratch, ContactFrame};
 use super::tolerances::{CONTACT_COMPLIANCE, MAX_COMPRESSION, MAX_TOLERATED_SHARE, RIGID_FORCE};
-use crate::contact::friction::Law;
 use crate::contact::{Bodies, BodyMotion, Contact, MovingPolyline};
 use crate::dynamics::contact_polyline::on_rod;
 use crate::dynamics::tie::ActiveTie;
@@ -83,7 +82,7 @@ impl BodyContact<'_> {
         problem.rows.clear();
         problem.rows.resize(3 * contacts.len() * n, 0.0);
         problem.free_displacement.clear();
-        problem.laws.clear();
+        problem.friction.clear();
         problem.frames.clear();
         for (contact, rows) in contacts.iter().zip(problem.rows.chunks_exact_mut(3 * n)) {
             let (k, u) = (contact.segment, contact.u);
@@ -97,7 +96,7 @@ impl BodyContact<'_> {
                 let now = if j == 0 { contact.gap } else { slip.dot(d) };
                 problem.free_displacement.push(now + dot(row, &solver.direction));
             }
-            problem.laws.push(Law::Coulomb(self.friction_at(contact)));
+            problem.friction.push(self.friction_at(contact));
         }
         scratch.ties.constrain(n, &mut problem.rows);
     }

@@ -9,7 +9,7 @@ use crate::rod::contact_load::ContactLoad;
 use crate::rod::newton::Solver;
 
 fn friction_problem(problem: &ContactRows) -> FrictionProblem<'_> {
-    FrictionProblem { w: &problem.delassus, b: &problem.free_displacement, laws: &problem.laws }
+    FrictionProblem { w: &problem.delassus, b: &problem.free_displacement, friction: &problem.friction }
 }
 
 impl BodyContact<'_> {

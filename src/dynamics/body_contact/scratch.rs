@@ -5,7 +5,8 @@ use super::midpoints::Midpoints;
 use super::stats::ContactStats;
 use super::ties::TieSystem;
 use crate::contact::Contact;
-use crate::contact::friction::{FrictionScratch, Law, SystemBudget};
+use crate::contact::friction::{FrictionScratch, SystemBudget};
+use crate::geometry::Friction;
 use crate::rod::contact_load::{ContactLoad, ContactLoadBuffers};
 use nalgebra::Vector3;
 
@@ -56,7 +57,7 @@ pub(in crate::dynamics) struct ContactRows {
     pub(super) delassus: Vec<f64>,
     /// Relative displacement without reactions, three components each, m.
     pub(in crate::dynamics) free_displacement: Vec<f64>,
-    pub(in crate::dynamics) laws: Vec<Law>,
+    pub(in crate::dynamics) friction: Vec<Friction>,
     pub(super) frames: Vec<ContactFrame>,
 }
 

@@ -94,6 +94,12 @@ impl GuideModel {
                 }
             };
             record.iterations += outcome.iterations;
+            let turned = self.ties.iter().any(|tie| tie.frame.is_some() && tie.holds_at(t1));
+            if turned {
+                // The motion without ties unwinds what they have wound up.
+                scratch.q.clone_from(&state.q[0]);
+                outcome.converged = scratch.solver.shape.update(&self.rod, &root.r, &scratch.q);
+            }
             if mode == ContactMode::Springs {
                 clear = outcome.converged;
                 scratch.contact.clear();
@@ -107,10 +113,8 @@ impl GuideModel {
                 break;
             }
             scratch.contact.clear();
-            if self.ties.iter().any(|tie| tie.frame.is_some() && tie.holds_at(t1)) {
-                // The motion without ties unwinds what they have wound up.
-                scratch.q.clone_from(&state.q[0]);
-                scratch.solver.shape.update(&self.rod, &root.r, &scratch.q);
+            if turned {
+                scratch.contact.reactions.contact_loads.clone_from(&state.contact_loads);
             }
             clear =
                 outcome.converged && self.resolve_contact(env, state, &root, [t0, t1], (true, last), scratch);

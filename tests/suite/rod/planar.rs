@@ -81,7 +81,7 @@ impl PlanarRod {
             let away = (tip.x - x) / self.length;
             DVector::from_vec(vec![tip.moment / force / self.length, away.x, away.y])
         };
-        let u = root(DVector::from_vec(vec![-0.8, 0.3, 0.5]), off);
+        let u = root(DVector::from_vec(vec![-1.3, -0.3, 0.5]), off);
         (u[0], Vector2::new(u[1], u[2]) * force)
     }
 
