@@ -117,8 +117,8 @@ impl Tie {
     }
 
     /// What it holds at the end, at time `t`, s, of a step of `h`, s, that starts with the contact polyline `x`,
-    /// world, m, and the frames of `shape`, and ends with the root at `root`, world, m. `poses` are the body's poses (rest space to world) at start and end.
-    /// `None` if it does not hold at `t`.
+    /// world, m, and the frames of `shape`, and ends with the root at `root`, world, m. `poses` are the body's
+    /// poses (rest space to world) at start and end. `None` if it does not hold at `t`.
     pub fn active(
         &self,
         [t, h]: [f64; 2],

@@ -188,8 +188,8 @@ impl<F: Real> ElementBlock<F> {
 }
 
 /// Sets the lower triangle of `hessian` (row-major n × n, N·m³) to that of Φ. `wrench` is from
-/// [`gradient`](super::potential::gradient), `q` are the unknowns. `geometric` scales the geometric stiffness: 1 gives the Hessian,
-/// 0 a positive definite approximation.
+/// [`gradient`](super::potential::gradient), `q` are the unknowns. `geometric` scales the geometric stiffness: 1
+/// gives the Hessian, 0 a positive definite approximation.
 #[allow(clippy::too_many_arguments)] // A kernel: all that it reads, and its output.
 #[inline(always)]
 pub(super) fn hessian<F: Real>(

@@ -8,7 +8,8 @@
 //! |---|---|---|---|
 //! | s, L | `nodes`, `length` | arc length | m |
 //! | Ω, Ω̄ | strain, natural strain | (κ1, κ2, τ) along d1, d2, d3 | 1/m |
-//! | q | `q[3 i + c]` | deviation Ω − Ω̄ at node i, axis c; zero at a tip without moment. A pinned root adds its rotation vector, rad, before the first | 1/m |
+//! | q | `q[3 i + c]` | deviation Ω − Ω̄ at node i, axis c; zero at a tip without moment | 1/m |
+//! | θ | `q[..3]` of a pinned root, before the nodes | rotation vector of its frame | rad |
 //! | ψ | `Twist` | Magnus exponent of one segment | rad, m |
 //! | T, S | `Twist` | world twist of everything downstream per unit of an unknown | rad·m, m² |
 //! | K | `stiffness` | (E I1, E I2, G J) | N·m² |

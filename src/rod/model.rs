@@ -12,9 +12,9 @@ use nalgebra::{UnitQuaternion, Vector3};
 /// Gravity of the Earth, m/s².
 const STANDARD_GRAVITY: f64 = 9.81;
 
-/// Friction of a pinned root as a Kelvin-Voigt time: of the moment that a rod bent into a circle would exert by
-/// its damping, s. It keeps a straight rod from spinning about itself, for which it has no inertia.
-const JOINT_DAMPING: f64 = 1e-10;
+/// Rate at which friction in a pinned root slows the swing of a rod at most, 1/s. It keeps a straight rod from
+/// spinning about itself, for which it has no inertia.
+const JOINT_DAMPING: f64 = 1e-6;
 
 /// How far skin gives way to a fibre that presses on it, m/N.
 const SKIN_COMPLIANCE: f64 = 0.05;
@@ -217,7 +217,10 @@ impl Rod {
         core.pinned = true;
         core.segments.iter_mut().for_each(|segment| segment.element += 1);
         core.hat.insert(0, [0.0; 2]);
-        self.damping.insert(0, [JOINT_DAMPING / self.nodes[self.nodes.len() - 1], 0.0]);
+        // Of the rod as a stiff one, m L²/3; the moment is the stiffness times this.
+        let inertia = core.mass * core.length * core.length / 3.0;
+        let stiffest = core.stiffness.iter().fold(0.0_f64, |a, b| a.max(*b));
+        self.damping.insert(0, [JOINT_DAMPING * inertia / stiffest, 0.0]);
         for of_unknowns in [&mut core.prebend, &mut self.initial_q] {
             of_unknowns.splice(0..0, [0.0; 3]);
         }

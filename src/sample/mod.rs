@@ -18,7 +18,7 @@ mod surface_nets;
 
 use crate::file::write_file;
 use crate::import::{BuildOptions, BuildReport, Generation, HierarchyShape, RenderStrands, Resample, build};
-use crate::scene::anim::file::TieFile;
+use crate::scene::anim::ends_file::TieFile;
 use crate::scene::{Convention, Groom};
 use crate::{Error, Result};
 pub use creature::{FurSize, write_creature};

@@ -1,6 +1,7 @@
 //! Loads and checks grooms and animations.
 
-use super::anim::file::{AnimFile, RootHold};
+use super::anim::ends_file::RootHold;
+use super::anim::file::AnimFile;
 use super::anim::model::{Anim, GuideSelection, LoadPlace, Roots, TiePoint};
 use super::anim::read as anim_reader;
 use super::format::Format;

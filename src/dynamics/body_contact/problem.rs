@@ -76,7 +76,7 @@ impl BodyContact<'_> {
     /// Adds what the ties do to the solver's direction, and computes L⁻¹Jᵀ, less what ties prevent, and the free
     /// displacements in the axes of each contact.
     pub fn update_rows(&self, solver: &mut Solver, scratch: &mut BodyContactScratch) {
-        self.eliminate_ties(solver, scratch);
+        scratch.ties.eliminate(self.ties, self.rod, &scratch.detection.x1, solver);
         let (detection, problem) = (&scratch.detection, &mut scratch.problem);
         let (n, contacts) = (self.rod.unknowns(), &detection.contacts);
         problem.rows.clear();

@@ -6,8 +6,11 @@ use super::stats::ContactStats;
 use super::ties::TieSystem;
 use crate::contact::Contact;
 use crate::contact::friction::{FrictionScratch, SystemBudget};
+use crate::dynamics::tie::ActiveTie;
 use crate::geometry::Friction;
+use crate::rod::Rod;
 use crate::rod::contact_load::{ContactLoad, ContactLoadBuffers};
+use crate::rod::newton::Solver;
 use nalgebra::Vector3;
 
 /// Buffers of [`BodyContact`](super::BodyContact), kept between steps.
@@ -94,6 +97,20 @@ impl BodyContactScratch {
     /// What the friction solver may still take in the sub-step.
     pub(in crate::dynamics) fn budget(&mut self) -> &mut SystemBudget {
         &mut self.reactions.friction.budget
+    }
+
+    /// Sets the constraint forces of `ties` under the last reactions of bodies and the forces `others`:
+    /// segment, fraction of it, force, N, world. The solver is that of the linearisation.
+    pub(in crate::dynamics) fn balance_ties(
+        &mut self,
+        ties: &[ActiveTie],
+        rod: &Rod,
+        solver: &Solver,
+        others: impl Iterator<Item = (usize, f64, Vector3<f64>)>,
+    ) {
+        let bodies = self.problem.frames.iter().zip(self.reactions.forces.chunks_exact(3));
+        let bodies = bodies.map(|(frame, r)| (frame.segment, frame.u, frame.world(r)));
+        self.ties.balance(ties, rod, solver, bodies.chain(others));
     }
 
     /// Clears the previous step, possibly of another guide.

@@ -1,8 +1,6 @@
 //! Ties within a step: they are eliminated from the linearised rod, exactly, before contacts are solved
 //! (`docs/theory.md` §4.10).
 
-use super::problem::BodyContact;
-use super::scratch::BodyContactScratch;
 use crate::dynamics::tie::{ActiveTie, HeldPlace};
 use crate::math::cholesky::{dot, factor_semidefinite, solve, solve_lower};
 use crate::rod::contact_load::ContactLoad;
@@ -77,6 +75,62 @@ impl TieSystem {
         self.loads.iter().filter_map(work).sum()
     }
 
+    /// Adds what the ties do to the solver's direction, L⁻¹ times all other forces but those of contacts.
+    /// Without contacts the linearised rod then reaches its targets. `x` is the contact polyline, world, m.
+    pub(super) fn eliminate(
+        &mut self,
+        ties: &[ActiveTie],
+        rod: &Rod,
+        x: &[Vector3<f64>],
+        solver: &mut Solver,
+    ) {
+        self.clear();
+        if ties.is_empty() {
+            return;
+        }
+        let n = rod.unknowns();
+        let TieSystem { places, rows, alone, factor, .. } = self;
+        for tie in ties {
+            let place = tie.held(x);
+            let (k, s) = (place.segment, place.u);
+            let points = solver.shape.blend_points(rod, k, s);
+            for (d, off) in place.directions.iter().zip(place.off).take(place.held) {
+                let at = rows.len();
+                rows.resize(at + n, 0.0);
+                for (point, (share, x)) in (k..).zip(&points) {
+                    solver.sensitivity.add_row(point, x, d, *share, &mut rows[at..]);
+                }
+                alone.push(off);
+            }
+            places.push(place);
+            let Some(frame) = &tie.frame else { continue };
+            for d in AXES {
+                let at = rows.len();
+                rows.resize(at + n, 0.0);
+                solver.sensitivity.add_rotation_row(&solver.shape, (k, s), frame, &d, &mut rows[at..]);
+            }
+            alone.extend(solver.shape.rotation_from(k, s, frame).iter());
+        }
+        let m = alone.len();
+        rows.chunks_exact_mut(n).for_each(|row| solve_lower(&solver.factor, n, row));
+        factor.resize(m * m, 0.0);
+        for (a, row) in rows.chunks_exact(n).enumerate() {
+            alone[a] = -(alone[a] + dot(row, &solver.direction));
+            for (b, other) in rows.chunks_exact(n).enumerate().take(a + 1) {
+                factor[a * m + b] = dot(row, other);
+            }
+        }
+        factor_semidefinite(factor, m, DEPENDENT);
+        solve(factor, m, alone);
+        if self.limit(ties, rod) {
+            self.factor.clear();
+        }
+        self.along.resize(m, 0.0);
+        for (force, row) in self.alone.iter().zip(self.rows.chunks_exact(n)) {
+            solver.direction.iter_mut().zip(row).for_each(|(d, r)| *d += force * r);
+        }
+    }
+
     /// Removes what the ties prevent from `rows`, L⁻¹Jᵀ of contacts with `n` entries each.
     pub(in crate::dynamics) fn constrain(&mut self, n: usize, rows: &mut [f64]) {
         if self.factor.is_empty() {
@@ -96,7 +150,7 @@ impl TieSystem {
 
     /// Sets the constraint forces under the forces `contacts` of contacts: segment, fraction of it, force, N,
     /// world. The solver holds the shape and the factor of the linearisation.
-    fn balance(
+    pub(super) fn balance(
         &mut self,
         ties: &[ActiveTie],
         rod: &Rod,
@@ -171,74 +225,5 @@ impl Wrench {
         let sum = |(d, r): (&Vector3<f64>, &f64)| d * *r;
         let force = place.directions.iter().zip(force).map(sum).sum();
         Wrench { force, moment: AXES.iter().zip(moment).map(sum).sum() }
-    }
-}
-
-impl BodyContact<'_> {
-    /// Adds what the ties do to the solver's direction, L⁻¹ times all other forces but those of contacts.
-    /// Without contacts the linearised rod then reaches its targets.
-    pub(super) fn eliminate_ties(&self, solver: &mut Solver, scratch: &mut BodyContactScratch) {
-        let BodyContactScratch { detection, ties: system, .. } = scratch;
-        system.clear();
-        if self.ties.is_empty() {
-            return;
-        }
-        let (n, rod) = (self.rod.unknowns(), self.rod);
-        let TieSystem { places, rows, alone, .. } = system;
-        for tie in self.ties {
-            let place = tie.held(&detection.x1);
-            let (k, s) = (place.segment, place.u);
-            let points = solver.shape.blend_points(rod, k, s);
-            for (d, off) in place.directions.iter().zip(place.off).take(place.held) {
-                let at = rows.len();
-                rows.resize(at + n, 0.0);
-                for (point, (share, x)) in (k..).zip(&points) {
-                    solver.sensitivity.add_row(point, x, d, *share, &mut rows[at..]);
-                }
-                alone.push(off);
-            }
-            places.push(place);
-            let Some(frame) = &tie.frame else { continue };
-            for d in AXES {
-                let at = rows.len();
-                rows.resize(at + n, 0.0);
-                solver.sensitivity.add_rotation_row(&solver.shape, (k, s), frame, &d, &mut rows[at..]);
-            }
-            alone.extend(solver.shape.rotation_from(k, s, frame).iter());
-        }
-        let m = alone.len();
-        rows.chunks_exact_mut(n).for_each(|row| solve_lower(&solver.factor, n, row));
-        system.factor.resize(m * m, 0.0);
-        for (a, row) in rows.chunks_exact(n).enumerate() {
-            alone[a] = -(alone[a] + dot(row, &solver.direction));
-            for (b, other) in rows.chunks_exact(n).enumerate().take(a + 1) {
-                system.factor[a * m + b] = dot(row, other);
-            }
-        }
-        factor_semidefinite(&mut system.factor, m, DEPENDENT);
-        solve(&system.factor, m, alone);
-        if system.limit(self.ties, rod) {
-            system.factor.clear();
-        }
-        system.along.resize(m, 0.0);
-        for (force, row) in system.alone.iter().zip(system.rows.chunks_exact(n)) {
-            solver.direction.iter_mut().zip(row).for_each(|(d, r)| *d += force * r);
-        }
-    }
-}
-
-impl BodyContactScratch {
-    /// Sets the constraint forces of `ties` under the last reactions of bodies and the forces `others`:
-    /// segment, fraction of it, force, N, world. The solver is that of the linearisation.
-    pub(in crate::dynamics) fn balance_ties(
-        &mut self,
-        ties: &[ActiveTie],
-        rod: &Rod,
-        solver: &Solver,
-        others: impl Iterator<Item = (usize, f64, Vector3<f64>)>,
-    ) {
-        let bodies = self.problem.frames.iter().zip(self.reactions.forces.chunks_exact(3));
-        let bodies = bodies.map(|(frame, r)| (frame.segment, frame.u, frame.world(r)));
-        self.ties.balance(ties, rod, solver, bodies.chain(others));
     }
 }

@@ -1,6 +1,7 @@
 //! The animation: bodies on tracks, colliders, ties, wind, forces, settings. SI units, Y up, world space.
 
-use super::file::{LoadAxes, RootHold};
+use super::ends_file::RootHold;
+use super::file::LoadAxes;
 use super::goal::Goal;
 use super::settings::{Resolution, Settings};
 use crate::geometry::{Deformation, Friction, Shape};

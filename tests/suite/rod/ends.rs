@@ -156,7 +156,7 @@ fn a_twisted_rod_between_clamps_buckles_at_the_torque_of_greenhill() {
     let (below, off) = twisted(0.97 * critical);
     assert_eq!(below.failed, 0);
     let torque = below.held.ties[0].moment.x / (0.97 * critical * TORSION / LENGTH) - 1.0;
-    assert!(torque.abs() < 1e-6 && off < 1e-4 * LENGTH, "{torque} {off}");
+    assert!(torque.abs() < 1e-5 && off < 1e-3 * LENGTH, "{torque} {off}");
     assert!((below.held.moment.x + below.held.ties[0].moment.x).abs() < 1e-9 * BENDING / LENGTH);
     let (above, off) = twisted(1.03 * critical);
     println!("{off} m aside, {} parts of steps without a solution", above.failed);

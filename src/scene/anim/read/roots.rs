@@ -1,7 +1,7 @@
 //! How roots are held.
 
 use super::context::Context;
-use crate::scene::anim::file::RootsFile;
+use crate::scene::anim::ends_file::RootsFile;
 use crate::scene::anim::model::Roots;
 
 /// How some roots are held.

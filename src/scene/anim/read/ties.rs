@@ -1,7 +1,7 @@
 //! Ties.
 
 use super::context::Context;
-use crate::scene::anim::file::{TieFile, TieOrientationFile, TieOrientationWord};
+use crate::scene::anim::ends_file::{TieFile, TieOrientationFile, TieOrientationWord};
 use crate::scene::anim::model::{Tie, TieOrientation, TiePoint};
 use crate::scene::json::diagnostics::Diagnostics;
 use crate::scene::json::key::Key;
