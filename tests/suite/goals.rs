@@ -485,6 +485,10 @@ fn goals_that_cannot_be_followed_are_refused() {
             &["goals[1]: the guide of id 0 is in the goal \"hair\", too"],
         ),
         (
+            refused(|anim| anim["roots"] = json!([{ "name": "pins", "hold": "pinned" }]), |_| {}),
+            &["roots[0]: pins roots of guides that the goal \"hair\" leads"],
+        ),
+        (
             refused(|anim| anim["goals"][0]["sequence"] = json!("hair.obj"), |_| {}),
             &["goals[0].sequence: \"hair.obj\" is not a numbered file name"],
         ),
