@@ -4,7 +4,6 @@
 //! Skipped without the data (`HAIRBAKE_DATA`, or `../shared/data`).
 
 use divan::Bencher;
-use hairbake::contact::friction::Law;
 use hairbake::contact::{
     Bodies, BodyMotion, ContactCache, FrictionProblem, FrictionScratch, FrictionTolerance, MovingPolyline,
     solve,
@@ -149,8 +148,8 @@ fn coulomb(bencher: Bencher, n: usize) {
         })
         .collect();
     let b: Vec<f64> = (0..rows).map(|i| (0..freedoms).map(|j| entry(i, j) * entry(j, 7)).sum()).collect();
-    let laws = vec![Law::Coulomb(0.3.into()); n];
-    let problem = FrictionProblem { w: &w, b: &b, laws: &laws };
+    let friction = vec![0.3.into(); n];
+    let problem = FrictionProblem { w: &w, b: &b, friction: &friction };
     let tolerance = FrictionTolerance { residual: 1e-6, sweeps: 500, continuation: true };
     let (mut r, mut scratch) = (vec![0.0; rows], FrictionScratch::default());
     bencher.bench_local(|| {

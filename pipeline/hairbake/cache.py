@@ -235,6 +235,10 @@ class Curves:
         """Force of each tie on a guide, N, by `tie_guides` and `tie_numbers`."""
         return self.cache.moving(f"{self.name}.tie_forces", frames)
 
+    def tie_moments(self, frames: Frames = None) -> FloatArray:
+        """Moment of each tie on a guide about the place that it holds, N·m, shaped as `tie_forces`."""
+        return self.cache.moving(f"{self.name}.tie_moments", frames)
+
     def split(self, array: Array) -> list[Array]:
         """Parts of an array over points, one for each curve: views with as many points as it has."""
         axis = -2 if array.ndim > 1 else -1

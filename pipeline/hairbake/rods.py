@@ -121,6 +121,8 @@ class Scene:
     """Colliders, on the body "floor", which stands still, unless they name another."""
     bodies: dict[str, Track] = field(default_factory=dict)
     """Bodies besides "clamp" and "floor" that carry colliders, by name."""
+    roots: Sequence[dict[str, Any]] = ()
+    """How roots are held, as in anim.json; strands have their index as id."""
     ties: Sequence[dict[str, Any]] = ()
     """Ties as in anim.json; strands have their index as id."""
     loads: Sequence[dict[str, Any]] = ()
@@ -184,6 +186,8 @@ class Scene:
             "gravity_m_s2": list(self.gravity),
             "settings": settings,
         }
+        if self.roots:
+            anim["roots"] = list(self.roots)
         if self.ties:
             anim["ties"] = list(self.ties)
         if self.loads:
@@ -268,6 +272,8 @@ class Motion:
     """Moment of the clamp on each strand about its root, `frames × strands × 3`, N·m."""
     tie_forces: FloatArray | None = None
     """Force of each tie on a strand, `frames × ties × 3`, N, strand after strand."""
+    tie_moments: FloatArray | None = None
+    """Moment of each tie on a strand about the place that it holds, shaped as `tie_forces`, N·m."""
 
     @classmethod
     def read(cls, cache: Cache) -> "Motion":
@@ -286,6 +292,7 @@ class Motion:
             clamp_forces=reactions("clamp_forces"),
             clamp_moments=reactions("clamp_moments"),
             tie_forces=reactions("tie_forces"),
+            tie_moments=reactions("tie_moments"),
         )
 
 

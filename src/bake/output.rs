@@ -399,10 +399,12 @@ impl<'a> Output<'a> {
         let axes = self.convention.to_y_up().inverse();
         let written = |v: &Vector3<f64>| single(&(axes * v));
         let each = || guides.iter().filter_map(|guide| guide.reaction.as_ref());
+        let ties = || each().flat_map(|reaction| &reaction.ties);
         Some(Reactions {
             clamp_force: each().map(|reaction| written(&reaction.force)).collect(),
             clamp_moment: each().map(|reaction| written(&reaction.moment)).collect(),
-            tie_force: each().flat_map(|reaction| reaction.ties.iter().map(written)).collect(),
+            tie_force: ties().map(|tie| written(&tie.force)).collect(),
+            tie_moment: ties().map(|tie| written(&tie.moment)).collect(),
         })
     }
 

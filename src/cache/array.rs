@@ -20,7 +20,7 @@ pub const FIXED: [(&str, &str); 12] = [
     ("tie_numbers", "numbers of the ties in the animation, from 0"),
 ];
 /// Arrays of curves that move, with what they hold.
-pub const MOVING: [(&str, &str); 8] = [
+pub const MOVING: [(&str, &str); 9] = [
     ("points", "points, world, units"),
     ("velocities", "velocities, units per second"),
     ("accelerations", "accelerations, units per second squared, in caches that have them"),
@@ -29,6 +29,7 @@ pub const MOVING: [(&str, &str); 8] = [
     ("clamp_forces", "force of the clamp on each guide, world, N, in caches that have them"),
     ("clamp_moments", "moment of the clamp on each guide about its root, N m"),
     ("tie_forces", "force of each tie on a guide, N"),
+    ("tie_moments", "moment of each tie on a guide about the place that it holds, N m"),
 ];
 /// The transform of the head, which moves.
 pub const HEAD: (&str, &str) = ("head", "transform of the head, rest space to world, for column vectors");
@@ -157,6 +158,7 @@ fn moving(set: &CurveFrame, name: &str) -> Option<Array> {
         "clamp_forces" => Array::vectors(&set.reactions.as_ref()?.clamp_force),
         "clamp_moments" => Array::vectors(&set.reactions.as_ref()?.clamp_moment),
         "tie_forces" => Array::vectors(&set.reactions.as_ref()?.tie_force),
+        "tie_moments" => Array::vectors(&set.reactions.as_ref()?.tie_moment),
         _ => return None,
     };
     Some(array).filter(|array| array.shape[0] > 0)
@@ -218,6 +220,7 @@ mod tests {
                 clamp_force: vec![[0.0; 3]],
                 clamp_moment: vec![[0.0; 3]],
                 tie_force: vec![[0.0; 3]],
+                tie_moment: vec![[0.0; 3]],
             }),
             ..CurveFrame::default()
         };

@@ -83,10 +83,11 @@ impl Frame {
             _ => return Err("only one of frame and header has normals".into()),
         }
         match (&self.guides.reactions, &header.reactions) {
-            (Some(Reactions { clamp_force, clamp_moment, tie_force }), Some(held)) => {
+            (Some(Reactions { clamp_force, clamp_moment, tie_force, tie_moment }), Some(held)) => {
                 same("clamp forces", clamp_force.len(), guides)?;
                 same("clamp moments", clamp_moment.len(), guides)?;
                 same("tie forces", tie_force.len(), held.guide.len())?;
+                same("tie moments", tie_moment.len(), held.guide.len())?;
             }
             (None, None) => {}
             (None, Some(_)) if guides == 0 => {}

@@ -54,4 +54,6 @@ pub struct Reactions {
     pub clamp_moment: Vec<[f32; 3]>,
     /// Force of each tie of the header on its guide, N.
     pub tie_force: Vec<[f32; 3]>,
+    /// Moment of each of these about the place that it holds, N·m.
+    pub tie_moment: Vec<[f32; 3]>,
 }

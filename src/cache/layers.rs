@@ -9,7 +9,7 @@ use super::manifest::Manifest;
 use super::material;
 use super::names::{
     ARC, CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLIP_MANIFEST, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, PLANE, SKIN,
-    TIE_FORCE, TIE_GUIDE, TIE_NUMBER, TOPOLOGY, clip_template, clips, collider_prim_names,
+    TIE_FORCE, TIE_GUIDE, TIE_MOMENT, TIE_NUMBER, TOPOLOGY, clip_template, clips, collider_prim_names,
     frames_with_handles, up_axis,
 };
 use crate::usd::{Attribute, Layer, Metadata, Prim, Specifier, Value};
@@ -199,7 +199,8 @@ fn animated<'a>(header: &Header, part: Part) -> Vec<Attribute<'a>> {
             }
             if let (Part::Guides, Some(held)) = (part, &header.reactions) {
                 let clamps = [(CLAMP_FORCE, "uniform"), (CLAMP_MOMENT, "uniform")];
-                let ties = (!held.guide.is_empty()).then_some((TIE_FORCE, "constant"));
+                let ties = [(TIE_FORCE, "constant"), (TIE_MOMENT, "constant")];
+                let ties = ties.into_iter().filter(|_| !held.guide.is_empty());
                 attributes.extend(clamps.into_iter().chain(ties).map(|(name, interpolation)| {
                     Attribute::new(name, "vector3f[]")
                         .with_metadata("interpolation", Value::token(interpolation))
@@ -215,9 +216,11 @@ fn moving_curves(curves: &CurveFrame) -> Vec<Value<'_>> {
     let level = curves.level.iter().map(|level| Value::Ints(Cow::Borrowed(level)));
     let accelerations = curves.accelerations.iter().map(|array| Value::Float3s(Cow::Borrowed(array)));
     let normals = curves.normals.iter().map(|array| Value::Float3s(Cow::Borrowed(array)));
-    let reactions = curves.reactions.iter().flat_map(|Reactions { clamp_force, clamp_moment, tie_force }| {
-        [clamp_force, clamp_moment, tie_force].map(|array| Value::Float3s(Cow::Borrowed(array)))
-    });
+    let reactions =
+        curves.reactions.iter().flat_map(|Reactions { clamp_force, clamp_moment, tie_force, tie_moment }| {
+            let arrays = [clamp_force, clamp_moment, tie_force, tie_moment];
+            arrays.map(|array| Value::Float3s(Cow::Borrowed(array)))
+        });
     arrays
         .map(|array| Value::Float3s(Cow::Borrowed(array)))
         .into_iter()

@@ -41,6 +41,8 @@ pub(super) const CLAMP_FORCE: &str = "primvars:groom_clamp_force";
 pub(super) const CLAMP_MOMENT: &str = "primvars:groom_clamp_moment";
 /// Force of each tie of a guide.
 pub(super) const TIE_FORCE: &str = "primvars:groom_tie_force";
+/// Moment of each tie of a guide.
+pub(super) const TIE_MOMENT: &str = "primvars:groom_tie_moment";
 /// Guide of each of these.
 pub(super) const TIE_GUIDE: &str = "primvars:groom_tie_guide";
 /// Number of the tie in the animation of each of these.

@@ -6,7 +6,8 @@ use super::layers::transposed;
 use super::manifest::Manifest;
 use super::names::{
     ARC, CAPS, CLAMP_FORCE, CLAMP_MOMENT, CLOSEST_GUIDES, GUIDE_WEIGHTS, LEVEL, MANIFEST, PLANE, SKIN,
-    TIE_FORCE, TIE_GUIDE, TIE_NUMBER, TOPOLOGY, collider_prim_names, frame_file_name, frames_on_disk,
+    TIE_FORCE, TIE_GUIDE, TIE_MOMENT, TIE_NUMBER, TOPOLOGY, collider_prim_names, frame_file_name,
+    frames_on_disk,
 };
 use crate::usd::{Layer, Value, crate_file};
 use crate::{Error, Result};
@@ -239,13 +240,15 @@ impl Source {
     }
 
     fn reactions(&mut self, time: f64, held: &HeldGuides) -> Result<Reactions> {
+        let mut of_ties = |name: &str| match held.guide.is_empty() {
+            true => Ok(Vec::new()),
+            false => self.take(GUIDES, name, Some(time), float3s),
+        };
         Ok(Reactions {
+            tie_force: of_ties(TIE_FORCE)?,
+            tie_moment: of_ties(TIE_MOMENT)?,
             clamp_force: self.take(GUIDES, CLAMP_FORCE, Some(time), float3s)?,
             clamp_moment: self.take(GUIDES, CLAMP_MOMENT, Some(time), float3s)?,
-            tie_force: match held.guide.is_empty() {
-                true => Vec::new(),
-                false => self.take(GUIDES, TIE_FORCE, Some(time), float3s)?,
-            },
         })
     }
 

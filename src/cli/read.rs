@@ -21,7 +21,8 @@ Examples:
 
 Arrays:
   hair.points, hair.velocities, hair.accelerations, hair.levels, head: frames first
-  guides.normals, guides.clamp_forces, guides.clamp_moments, guides.tie_forces: frames first
+  guides.normals, guides.clamp_forces, guides.clamp_moments, guides.tie_forces,
+  guides.tie_moments: frames first
   hair.counts, hair.rest, hair.widths, hair.ids, hair.groups, hair.guide, hair.root_uv,
   hair.closest_guides, hair.guide_weights: do not move
   The same of guides, such as guides.points; guides.arc, guides.tie_guides, guides.tie_numbers.";

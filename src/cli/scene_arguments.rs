@@ -121,6 +121,7 @@ impl SceneArguments {
             anim.frames = frames;
         }
         self.settings.apply(&mut anim.settings);
+        check_resolution(&anim_file, &anim)?;
         let over = match (over, anim.over.take()) {
             (None, _) if self.no_over => None,
             (None, Some(_)) if !over::moves_all(&anim.settings) => {
@@ -343,6 +344,17 @@ fn over_plan(
         Err(Error::BadInput(found)) => Err(Error::BadInput(with_help(found))),
         Err(error) => Err(error),
     }
+}
+
+/// Checks that `anim`, read from `file`, steps guides whose roots are pinned.
+fn check_resolution(file: &Path, anim: &Anim) -> Result<()> {
+    let resolution = anim.resolution();
+    if !anim.pins_roots() || resolution == Resolution::Full {
+        return Ok(());
+    }
+    let message = format!("is {}, and some roots are pinned", values::name(&resolution));
+    let help = "leave it out, or remove the pinned roots";
+    Err(Error::from(Diagnostic::new(file, "settings.resolution", message, "full, or auto", help)))
 }
 
 fn check_frames(file: &Path, (first, last): (i32, i32), shot: (i32, i32)) -> Result<()> {

@@ -58,7 +58,7 @@ impl Batches {
             }
         };
         for (i, model) in models.iter().enumerate().filter(|(i, _)| active[*i]) {
-            let unlike = rods.first().is_some_and(|first: &&Rod| first.unknowns() != model.rod.unknowns());
+            let unlike = rods.first().is_some_and(|first: &&Rod| !first.is_like(&model.rod));
             if unlike || rods.len() == Pack::width() {
                 close(&mut rods, start..i);
                 start = i;

@@ -5,8 +5,9 @@ use super::guide_frame::GuideFrame;
 use super::hair_volume;
 use super::load;
 use super::sag_free::{self, SagFreeReport};
+use super::tie;
 use crate::rod::{Rod, RodShape, SegmentSize};
-use crate::scene::anim::ContactSetting;
+use crate::scene::anim::{ContactSetting, RootHold, Roots};
 use crate::scene::{Anim, Groom};
 use crate::wisp::{self, GuideRod};
 use rayon::prelude::*;
@@ -49,6 +50,9 @@ impl GuideRods {
             fine =
                 std::mem::replace(&mut simulated, wisp::guide_rods(groom, SegmentSize::COARSE, tip_strain));
         }
+        for rods in [&mut simulated, &mut fine] {
+            pin_roots(groom, anim, rods);
+        }
         let report = sag_free::apply(&mut simulated, &groom.guides.curves.skin, anim);
         let required = vec![true; simulated.len()];
         let fine = fine.into_iter().map(|r| r.rod).collect();
@@ -77,4 +81,18 @@ impl GuideRods {
         let each: Vec<f64> = each.collect();
         [each.iter().sum::<f64>() / each.len().max(1) as f64, each.iter().copied().fold(0.0, f64::max)]
     }
+}
+
+/// Pins the roots of `rods` that `anim` has pinned.
+fn pin_roots(groom: &Groom, anim: &Anim, rods: &mut [GuideRod]) {
+    if !anim.pins_roots() {
+        return;
+    }
+    rods.par_iter_mut().for_each(|r| {
+        let drawn = tie::drawn(r);
+        let of = |roots: &&Roots| tie::selects(&roots.guides, groom, r, &drawn);
+        if anim.roots.iter().rfind(of).is_some_and(|roots| roots.hold == RootHold::Pinned) {
+            r.rod.pin();
+        }
+    });
 }

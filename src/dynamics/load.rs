@@ -105,9 +105,10 @@ fn basis(arc: &[f64], around: std::ops::Range<usize>, k: usize, s: f64) -> f64 {
     around.filter(|j| *j != k).map(|j| (s - arc[j]) / (arc[k] - arc[j])).product()
 }
 
-/// True if a load has a moment, which may act at a tip. Followers and their leaders have no unknowns there.
+/// True if a load or a tie exerts a moment, which may act at a tip. Followers and their leaders have no unknowns
+/// there.
 pub fn bends_tips(anim: &Anim) -> bool {
-    anim.resolution() == Resolution::Full && anim.loads.iter().any(anim::Load::has_moment)
+    anim.resolution() == Resolution::Full && anim.has_moments()
 }
 
 /// The loads of each of `rods`.

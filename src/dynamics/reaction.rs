@@ -10,15 +10,28 @@ pub struct GuideReaction {
     pub force: Vector3<f64>,
     /// Moment of the clamp about the root, N·m.
     pub moment: Vector3<f64>,
-    /// Force of each tie of the guide, N; zero while it does not hold.
-    pub ties: Vec<Vector3<f64>>,
+    /// That of each tie of the guide; zero while it does not hold.
+    pub ties: Vec<TieReaction>,
+}
+
+/// What a tie exerts on a guide at the end of a step, world axes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TieReaction {
+    /// Force, N.
+    pub force: Vector3<f64>,
+    /// Moment about the place that it holds, N·m; zero if that may turn.
+    pub moment: Vector3<f64>,
 }
 
 impl GuideReaction {
     /// No reaction at the clamp and `ties` ties.
     pub fn none(ties: usize) -> Self {
         let zero = Vector3::zeros();
-        GuideReaction { force: zero, moment: zero, ties: vec![zero; ties] }
+        GuideReaction {
+            force: zero,
+            moment: zero,
+            ties: vec![TieReaction { force: zero, moment: zero }; ties],
+        }
     }
 
     /// Linear between two reactions at the share `u` of the way.
@@ -28,5 +41,12 @@ impl GuideReaction {
             moment: self.moment.lerp(&other.moment, u),
             ties: self.ties.iter().zip(&other.ties).map(|(a, b)| a.lerp(b, u)).collect(),
         }
+    }
+}
+
+impl TieReaction {
+    fn lerp(&self, other: &Self, u: f64) -> Self {
+        let (force, moment) = (self.force.lerp(&other.force, u), self.moment.lerp(&other.moment, u));
+        TieReaction { force, moment }
     }
 }

@@ -1,17 +1,25 @@
-//! Ties: points of guides that a body holds in all directions.
+//! Ties: places of guides that a body holds, and turns with it where asked (`docs/theory.md` §4.10).
 
 use super::contact_polyline::{on_rod, with_midpoints};
+use crate::math::frame::any_frame;
 use crate::rod::RodShape;
-use crate::scene::anim::{GuideSelection, TiePoint};
+use crate::scene::anim::{GuideSelection, TieOrientation, TiePoint};
 use crate::scene::{Anim, Groom};
 use crate::wisp::GuideRod;
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Vector3};
 
 /// Least length from the root to the held point, relative to the distance of the root from the goal: a
 /// shorter one cannot reach it around the head.
 const REACH: f64 = 1.1;
 /// Largest speed at which a point is moved to its goal, m/s.
 const MAX_GATHER_SPEED: f64 = 0.5;
+/// Largest angular velocity at which a frame is turned to its goal, rad/s.
+const MAX_GATHER_TURN: f64 = 5.0;
+/// Largest distance of a place from the root, as a share of its arc length, at which a tie holds it, unless it
+/// is drawn farther.
+const WITHIN_REACH: f64 = 0.999;
+/// Share of its length by which a place may be beyond the tip for rounding.
+const ROUNDING: f64 = 1e-6;
 
 /// A held point of a guide.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,16 +32,83 @@ pub struct Tie {
     pub body: usize,
     /// Goal in the rest space of the body, m.
     pub goal: Vector3<f64>,
+    /// Material frame that it holds there, rest space of the body: columns d1, d2, d3. `None` if the place may
+    /// turn.
+    pub frame: Option<Matrix3<f64>>,
+    /// True if the strand slides along its axis through the goal: what is held is the place nearest to it.
+    pub slides: bool,
+    /// Largest distance from the root at which it is held, m, short of the place's arc length: a strand that is
+    /// pulled straight would be without bound on the force. Infinite for a strand that slides.
+    pub reach: f64,
     /// First and last time of the tie, s.
     pub times: [f64; 2],
     /// Number of the tie of the animation that it is of: index into [`Anim::ties`].
     pub of: usize,
 }
 
+/// A tie that holds at the end of a step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ActiveTie {
+    /// The tie.
+    pub tie: Tie,
+    /// Where its place is to be, world, m.
+    pub target: Vector3<f64>,
+    /// How far that is from where it would be if it were within reach, m.
+    pub short: f64,
+    /// The material frame that its place is to have, world; `None` if it may turn.
+    pub frame: Option<Matrix3<f64>>,
+}
+
+/// The place of a rod that a tie holds.
+#[derive(Debug, Clone, Copy)]
+pub struct HeldPlace {
+    /// Segment of the rod.
+    pub segment: usize,
+    /// Fraction of it, 0..=1.
+    pub u: f64,
+    /// Axes, world, of which it is held along the first `held`.
+    pub directions: [Vector3<f64>; 3],
+    /// Number of directions in which it is held.
+    pub held: usize,
+    /// How far it is from the target along these axes, m.
+    pub off: [f64; 3],
+}
+
+impl ActiveTie {
+    /// The place that it holds on the contact polyline `x`, world, m.
+    ///
+    /// A strand that slides is held across its axis alone: that of the frame, or its tangent. Where it has been
+    /// drawn out, it is held as if it went on straight beyond its tip.
+    pub fn held(&self, x: &[Vector3<f64>]) -> HeldPlace {
+        let (k, u) = self.tie.position(x, &self.target);
+        let off = x[k].lerp(&x[k + 1], u) - self.target;
+        let (directions, held) = match (self.tie.slides, &self.frame) {
+            (false, _) => ([Vector3::x(), Vector3::y(), Vector3::z()], 3),
+            (true, Some(frame)) => ([0, 1, 2].map(|d| frame.column(d).into()), 2),
+            (true, None) => {
+                let frame = any_frame(&(x[k + 1] - x[k]).normalize());
+                ([0, 1, 2].map(|d| frame.column(d).into()), 2)
+            }
+        };
+        let (segment, u) = on_rod(k, u);
+        HeldPlace { segment, u, directions, held, off: directions.map(|d| d.dot(&off)) }
+    }
+
+    /// How far the place that it holds on the contact polyline `x`, m, is from where it should be, m.
+    pub fn slack(&self, x: &[Vector3<f64>]) -> f64 {
+        let place = self.held(x);
+        place.off[..place.held].iter().map(|off| off * off).sum::<f64>().sqrt() + self.short
+    }
+}
+
 impl Tie {
-    /// The held point on the contact polyline `x`.
-    pub fn place(&self, x: &[Vector3<f64>]) -> Vector3<f64> {
-        x[self.segment] * (1.0 - self.u) + x[self.segment + 1] * self.u
+    /// Segment of the contact polyline `x`, m, and position on it (0..=1) that is to be at `goal`, m.
+    pub fn position(&self, x: &[Vector3<f64>], goal: &Vector3<f64>) -> (usize, f64) {
+        if self.slides {
+            let (segment, u, _) = nearest(x, goal);
+            return (segment, u);
+        }
+        (self.segment, self.u)
     }
 
     /// True if it holds at time `t`, s.
@@ -41,24 +116,47 @@ impl Tie {
         (self.times[0]..=self.times[1]).contains(&t)
     }
 
-    /// Target at the end, at time `t`, s, of a step of `h`, s, that starts with the point at `from`, world,
-    /// m. `poses` are the body's poses (rest space to world) at start and end. `None` if the tie is not
-    /// active at `t`.
-    pub fn target(
+    /// What it holds at the end, at time `t`, s, of a step of `h`, s, that starts with the contact polyline `x`,
+    /// world, m, and the frames of `shape`, and ends with the root at `root`, world, m. `poses` are the body's
+    /// poses (rest space to world) at start and end. `None` if it does not hold at `t`.
+    pub fn active(
         &self,
-        t: f64,
-        h: f64,
-        from: &Vector3<f64>,
+        [t, h]: [f64; 2],
+        x: &[Vector3<f64>],
+        shape: &RodShape,
+        root: &Vector3<f64>,
         poses: [Isometry3<f64>; 2],
-    ) -> Option<Vector3<f64>> {
+    ) -> Option<ActiveTie> {
         if !self.holds_at(t) {
             return None;
         }
-        let goal = (poses[1] * nalgebra::Point3::from(self.goal)).coords;
-        let carried = (poses[1] * poses[0].inverse_transform_point(&(*from).into())).coords;
+        let [before, goal] = poses.map(|pose| (pose * Point3::from(self.goal)).coords);
+        let (k, u) = self.position(x, &before);
+        let from = x[k] * (1.0 - u) + x[k + 1] * u;
+        let carried = (poses[1] * poses[0].inverse_transform_point(&from.into())).coords;
         let offset = goal - carried;
-        Some(carried + offset * (MAX_GATHER_SPEED * h / offset.norm()).min(1.0))
+        let free = carried + offset * (MAX_GATHER_SPEED * h / offset.norm()).min(1.0);
+        let from_root = free - root;
+        let target = root + from_root * (self.reach / from_root.norm()).min(1.0);
+        let (segment, s) = on_rod(k, u);
+        let frame = self.frame.map(|frame| target_frame(h, &frame, &shape.frame_between(segment, s), poses));
+        Some(ActiveTie { tie: self.clone(), target, short: (free - target).norm(), frame })
     }
+}
+
+/// The frame at the end of a step of `h`, s, that starts with the frame `from`, world, on its way to `goal` in the
+/// rest space of a body with these poses at start and end.
+fn target_frame(
+    h: f64,
+    goal: &Matrix3<f64>,
+    from: &Matrix3<f64>,
+    poses: [Isometry3<f64>; 2],
+) -> Matrix3<f64> {
+    let [start, end] = poses.map(|pose| *pose.rotation.to_rotation_matrix().matrix());
+    let (goal, carried) = (end * goal, end * start.transpose() * from);
+    let offset = Rotation3::from_matrix_unchecked(goal * carried.transpose());
+    let rest = (1.0 - MAX_GATHER_TURN * h / offset.angle()).max(0.0);
+    if rest > 0.0 { offset.powf(-rest) * goal } else { goal }
 }
 
 /// Returns the ties of each of `rods`.
@@ -74,6 +172,7 @@ pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
             }
             let place = match (tie.point, centre) {
                 (TiePoint::Arc(arc), _) => at_arc(r, arc),
+                (TiePoint::Share(share), _) => at_arc(r, share * r.rod.length()),
                 (TiePoint::Distance(factor), Some(at)) => at_arc(r, factor * (points[0] - at).norm()),
                 (TiePoint::Nearest, Some(at)) => Some(nearest(points, &at)).map(|(k, u, _)| (k, u)),
                 (_, None) => None,
@@ -94,7 +193,32 @@ pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
                     (segment, u) = at_arc(&rods[i], least).unwrap_or((segment, u));
                 }
             }
-            out[i].push(Tie { segment, u, body: tie.body, goal, times: tie.times, of });
+            let drawn_frame = || {
+                let (mut shape, (k, s)) = (RodShape::default(), on_rod(segment, u));
+                shape.update(&rods[i].rod, &rods[i].rod.root.r, &rods[i].rod.initial_q);
+                shape.frame_between(k, s)
+            };
+            let frame = match tie.orientation {
+                TieOrientation::Free => None,
+                TieOrientation::Drawn => Some(drawn_frame()),
+                TieOrientation::Frame(frame) => Some(frame),
+            };
+            let drawn_distance = (at(&(i, segment, u)) - drawn[i][0]).norm();
+            let reach = match tie.slides {
+                true => f64::INFINITY,
+                false => (WITHIN_REACH * arc_of(&rods[i], segment, u)).max(drawn_distance),
+            };
+            out[i].push(Tie {
+                segment,
+                u,
+                body: tie.body,
+                goal,
+                frame,
+                slides: tie.slides,
+                reach,
+                times: tie.times,
+                of,
+            });
         }
     }
     out
@@ -133,9 +257,11 @@ fn arc_of(r: &GuideRod, segment: usize, u: f64) -> f64 {
     r.rod.arc[k] + share * (r.rod.arc[k + 1] - r.rod.arc[k])
 }
 
-/// Segment and position on it at an arc length, m; `None` beyond the tip.
+/// Segment and position on it at an arc length, m; `None` beyond the tip, but for rounding.
 fn at_arc(r: &GuideRod, arc: f64) -> Option<(usize, f64)> {
     let s = &r.rod.arc;
+    let tip = s[s.len() - 1];
+    let arc = if arc <= tip * (1.0 + ROUNDING) { arc.min(tip) } else { arc };
     let k = s.windows(2).position(|s| arc <= s[1])?;
     let halves = 2.0 * (arc - s[k]) / (s[k + 1] - s[k]);
     Some(if halves < 1.0 { (2 * k, halves) } else { (2 * k + 1, halves - 1.0) })

@@ -27,6 +27,21 @@ pub fn factor<F: Real>(a: &mut [F], n: usize) -> Mask {
     positive
 }
 
+/// [`factor`] of a positive semi-definite matrix. A row that depends on those before it, up to `share` of its
+/// diagonal, is left out: [`solve`] sets its unknown to zero.
+pub fn factor_semidefinite(a: &mut [f64], n: usize, share: f64) {
+    debug_assert_eq!(a.len(), n * n);
+    for j in 0..n {
+        let (above, below) = a.split_at_mut((j + 1) * n);
+        let row = &mut above[j * n..j * n + j + 1];
+        let d = less_dot(row[j], &row[..j], &row[..j]);
+        row[j] = if d > share * row[j] { 1.0 / d.sqrt() } else { 0.0 };
+        for other in below.chunks_exact_mut(n) {
+            other[j] = less_dot(other[j], &other[..j], &row[..j]) * row[j];
+        }
+    }
+}
+
 /// Solves L Lᵀ x = b in place, with `a` from [`factor`].
 #[inline(always)]
 pub fn solve<F: Real>(a: &[F], n: usize, b: &mut [F]) {
@@ -81,6 +96,19 @@ pub fn less_dot<F: Real>(x: F, a: &[F], b: &[F]) -> F {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rows_that_depend_on_others_are_left_out() {
+        let g = nalgebra::DMatrix::from_fn(5, 4, |i, j| ((i * j * 7 + i * 3 + j * 11) as f64).sin());
+        let spsd = &g * g.transpose();
+        let x = nalgebra::DVector::from_column_slice(&[1.0, -2.0, 0.5, 3.0, 0.0]);
+        let b = &spsd * &x;
+        let mut a = spsd.as_slice().to_vec();
+        factor_semidefinite(&mut a, 5, 1e-10);
+        let mut found = b.as_slice().to_vec();
+        solve(&a, 5, &mut found);
+        assert!((nalgebra::DVector::from_vec(found) - x).norm() < 1e-9);
+    }
 
     #[test]
     fn solutions_satisfy_the_system() {

@@ -1,6 +1,7 @@
 //! Linearisation of a rod under contact forces: the forces move with the rod, so they are part of its
 //! stiffness.
 
+use super::held_frame::HoldingMoment;
 use super::hessian::hessian;
 use super::model::Rod;
 use super::newton::Solver;
@@ -8,6 +9,7 @@ use super::potential::{Load, gradient};
 use super::sensitivity::Sensitivity;
 use super::shape::RodShape;
 use crate::math::cholesky;
+use crate::math::frame::any_frame;
 use crate::math::lanes::Twist;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -16,6 +18,9 @@ use serde::{Deserialize, Serialize};
 /// if the contact forces make the Hessian indefinite. It affects the convergence of the contact rounds, not
 /// their result.
 const STIFFENING: f64 = 100.0;
+
+const AXES: [Vector3<f64>; 3] =
+    [Vector3::new(1.0, 0.0, 0.0), Vector3::new(0.0, 1.0, 0.0), Vector3::new(0.0, 0.0, 1.0)];
 
 /// A contact force at a place of a rod.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -30,6 +35,10 @@ pub struct ContactLoad {
     pub normal: Vector3<f64>,
     /// Whether the contact constrains all directions (sticking friction, attachment).
     pub sticks: bool,
+    /// Unit axis along which one that sticks nevertheless slides, if any: a tie.
+    pub slides_along: Option<Vector3<f64>>,
+    /// Moment that holds the frame there, if one does.
+    pub moment: Option<HoldingMoment>,
 }
 
 impl ContactLoad {
@@ -47,9 +56,15 @@ impl ContactLoad {
 
     /// Directions that the contact constrains.
     fn constrained(&self) -> impl Iterator<Item = Vector3<f64>> {
-        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
-        let (all, one) = if self.sticks { (3, 0) } else { (0, 1) };
-        axes.into_iter().take(all).chain(std::iter::once(self.normal).take(one))
+        let (axes, count) = match (self.sticks, &self.slides_along) {
+            (true, None) => (AXES, 3),
+            (true, Some(axis)) => {
+                let frame = any_frame(axis);
+                ([0, 1, 2].map(|d| frame.column(d).into()), 2)
+            }
+            (false, _) => ([self.normal; 3], 1),
+        };
+        axes.into_iter().take(count)
     }
 }
 
@@ -64,8 +79,8 @@ pub struct ContactLoadBuffers {
 
 impl Solver {
     /// [`Solver::linearise`] of a rod under `contacts` (`docs/theory.md` §5). The Hessian includes their
-    /// geometric stiffness; the direction excludes their forces, which are the unknowns of the contact
-    /// problem. If they make the Hessian indefinite (a strand buckled against a wall), it is stiffened along
+    /// geometric stiffness; the direction excludes their forces and moments, which are the unknowns of the
+    /// contact problem. If they make the Hessian indefinite (a strand buckled against a wall), it is stiffened along
     /// the constrained directions, which does not affect motions that satisfy the constraints. If that does
     /// not suffice, the contacts are ignored.
     pub fn linearise_loaded(
@@ -85,17 +100,24 @@ impl Solver {
         for contact in contacts {
             for (k, weight) in contact.points() {
                 loaded.add_force(k, &(contact.force * weight));
+                if let Some(HoldingMoment { frame, moment }) = &contact.moment {
+                    loaded.add_moment(k, frame, &(moment * weight));
+                }
             }
         }
         self.sensitivity.update(rod, &self.shape, q);
         let (core, shape, sensitivity) = (&rod.core, &self.shape, &self.sensitivity);
         gradient(core, loaded, shape, sensitivity, q, &mut self.direction, wrench);
-        hessian(core, loaded, shape, sensitivity, wrench, 1.0, matrix);
-        for d in &mut self.direction {
-            *d = -*d;
-        }
-        for contact in contacts {
-            contact.add_row(&-contact.force, &self.shape, &self.sensitivity, &mut self.direction);
+        hessian(core, loaded, shape, sensitivity, wrench, q, 1.0, matrix);
+        if contacts.iter().any(|contact| contact.moment.is_some()) {
+            // Moments of different frames at one point are exact in none.
+            gradient(core, load, shape, sensitivity, q, &mut self.direction, wrench);
+            self.direction.iter_mut().for_each(|d| *d = -*d);
+        } else {
+            self.direction.iter_mut().for_each(|d| *d = -*d);
+            for contact in contacts {
+                contact.add_row(&-contact.force, &self.shape, &self.sensitivity, &mut self.direction);
+            }
         }
         self.factor.clone_from(matrix);
         if cholesky::factor(&mut self.factor, n) != 1 {
@@ -104,6 +126,13 @@ impl Solver {
                     row.clear();
                     row.resize(n, 0.0);
                     contact.add_row(&d, &self.shape, &self.sensitivity, row);
+                    add_spring(row, STIFFENING, matrix);
+                }
+                let place = (contact.segment, contact.u);
+                for (moment, d) in contact.moment.iter().flat_map(|moment| AXES.map(|d| (moment, d))) {
+                    row.clear();
+                    row.resize(n, 0.0);
+                    self.sensitivity.add_rotation_row(&self.shape, place, &moment.frame, &d, row);
                     add_spring(row, STIFFENING, matrix);
                 }
             }
@@ -197,6 +226,8 @@ mod tests {
             force,
             normal: Vector3::y(),
             sticks: false,
+            slides_along: None,
+            moment: None,
         });
         // −gradient of Φ minus the work of the contact forces.
         let gradient = |q: &[f64]| {
@@ -243,7 +274,15 @@ mod tests {
         let tip = rod.points() - 2;
         // Above the buckling load of a column with a free end, below that with a pinned end.
         let along = Vector3::new(0.1, 0.15, 0.03).normalize();
-        let contact = ContactLoad { segment: tip, u: 1.0, force: along * -2e-6, normal: along, sticks: true };
+        let contact = ContactLoad {
+            segment: tip,
+            u: 1.0,
+            force: along * -2e-6,
+            normal: along,
+            sticks: true,
+            slides_along: None,
+            moment: None,
+        };
         let (held, _) = linearised(&rod, &load, &[contact], &q);
         let (free, _) = linearised(&rod, &load, &[], &q);
         // The compliance of the held tip is far below that of the free one.

@@ -2,6 +2,7 @@
 //! composite bodies (Featherstone 2008, ch. 6), geometric stiffness included. Exact between segments; within
 //! one segment to third order in its rotation.
 
+use super::joint::Joint;
 use super::potential::{Load, PointSpring};
 use super::segment::{RodCore, Segment};
 use super::sensitivity::Sensitivity;
@@ -68,6 +69,13 @@ impl<F: Real> Composite<F> {
         self.pp.add(spring.alpha, none, none, spring.u);
         self.tp = self.tp + (M3::hat(ax) - M3::outer(c, spring.u));
         self.tt.add(x.dot(ax), ax, x, c);
+    }
+
+    /// Σ x × f, with the moments.
+    #[inline(always)]
+    fn torque(&self) -> V3<F> {
+        let [x, y, z] = self.moment.0;
+        V3([z.0[1] - y.0[2], x.0[2] - z.0[0], y.0[0] - x.0[1]])
     }
 
     /// The response of everything downstream to twists, with its geometric stiffness scaled by `geometric`.
@@ -180,8 +188,9 @@ impl<F: Real> ElementBlock<F> {
 }
 
 /// Sets the lower triangle of `hessian` (row-major n × n, N·m³) to that of Φ. `wrench` is from
-/// [`gradient`](super::potential::gradient). `geometric` scales the geometric stiffness: 1 gives the Hessian,
-/// 0 a positive definite approximation.
+/// [`gradient`](super::potential::gradient), `q` are the unknowns. `geometric` scales the geometric stiffness: 1
+/// gives the Hessian, 0 a positive definite approximation.
+#[allow(clippy::too_many_arguments)] // A kernel: all that it reads, and its output.
 #[inline(always)]
 pub(super) fn hessian<F: Real>(
     core: &RodCore<F>,
@@ -189,6 +198,7 @@ pub(super) fn hessian<F: Real>(
     shape: &RodShape<F>,
     sensitivity: &Sensitivity<F>,
     wrench: &[Twist<F>],
+    q: &[F],
     geometric: F,
     hessian: &mut Vec<F>,
 ) {
@@ -228,6 +238,19 @@ pub(super) fn hessian<F: Real>(
                 }
             }
             block.clear(zero);
+        }
+    }
+    if core.pinned {
+        let (response, joint) = (downstream.response(geometric), Joint::new(q));
+        let torque = shape.pose[0].r.transposed(downstream.torque());
+        let turning = joint.stiffness(torque) * geometric;
+        let twists = &sensitivity.total[..3];
+        let responses = [response.to(&twists[0]), response.to(&twists[1]), response.to(&twists[2])];
+        for a in 0..3 {
+            for b in 0..=a {
+                let rigid = twists[a].dot(&responses[b]) + twists[b].dot(&responses[a]);
+                hessian[a * n + b] += rigid * zero.same(0.5) - turning.0[b].0[a];
+            }
         }
     }
 }

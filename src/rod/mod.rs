@@ -9,6 +9,7 @@
 //! | s, L | `nodes`, `length` | arc length | m |
 //! | Ω, Ω̄ | strain, natural strain | (κ1, κ2, τ) along d1, d2, d3 | 1/m |
 //! | q | `q[3 i + c]` | deviation Ω − Ω̄ at node i, axis c; zero at a tip without moment | 1/m |
+//! | θ | `q[..3]` of a pinned root, before the nodes | rotation vector of its frame | rad |
 //! | ψ | `Twist` | Magnus exponent of one segment | rad, m |
 //! | T, S | `Twist` | world twist of everything downstream per unit of an unknown | rad·m, m² |
 //! | K | `stiffness` | (E I1, E I2, G J) | N·m² |
@@ -23,6 +24,8 @@
 //! | [`potential`], `hessian` | incremental potential Φ of one implicit step; its minimum is the new state |
 //! | [`newton`] | [`Solver`](newton::Solver): minimises Φ |
 //! | [`contact_load`] | linearisation of Φ under contact forces |
+//! | `joint` | the rotation of a pinned root |
+//! | `held_frame` | material frames at places of a rod that are held |
 //! | [`Fit`] | unknowns at which a rod passes near given points |
 //! | [`pack`] | several rods at once, one per SIMD lane |
 
@@ -30,7 +33,9 @@ pub mod contact_load;
 mod drawn;
 mod fit;
 mod hat;
+mod held_frame;
 mod hessian;
+mod joint;
 mod lumped;
 mod model;
 pub mod newton;
@@ -42,6 +47,7 @@ mod sensitivity;
 mod shape;
 
 pub use fit::Fit;
+pub use held_frame::HoldingMoment;
 pub use lumped::LumpedSensitivity;
 pub use model::{Rod, RodSource, Taper};
 pub use segment::SegmentSize;

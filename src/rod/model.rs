@@ -12,6 +12,10 @@ use nalgebra::{UnitQuaternion, Vector3};
 /// Gravity of the Earth, m/s².
 const STANDARD_GRAVITY: f64 = 9.81;
 
+/// Rate at which friction in a pinned root slows the swing of a rod at most, 1/s. It keeps a straight rod from
+/// spinning about itself, for which it has no inertia.
+const JOINT_DAMPING: f64 = 1e-6;
+
 /// How far skin gives way to a fibre that presses on it, m/N.
 const SKIN_COMPLIANCE: f64 = 0.05;
 
@@ -200,9 +204,36 @@ impl Rod {
             longest: segments.iter().map(|s: &Segment<f64>| s.h).fold(0.0, f64::max),
             mass: mass.iter().sum(),
             segments,
+            pinned: false,
         };
         let damping = hat_matrix(&nodes, count, |u| profile.sigma(u) * profile.tau(u));
         Some(Rod { damping, root, arc, mass, weight, initial_q, nodes, core, profile })
+    }
+
+    /// Frees the rotation of the root: the rod then turns about it, at the cost of three unknowns more. Before the
+    /// natural shape is changed.
+    pub fn pin(&mut self) {
+        let core = &mut self.core;
+        core.pinned = true;
+        core.segments.iter_mut().for_each(|segment| segment.element += 1);
+        core.hat.insert(0, [0.0; 2]);
+        // Of the rod as a stiff one, m L²/3; the moment is the stiffness times this.
+        let inertia = core.mass * core.length * core.length / 3.0;
+        let stiffest = core.stiffness.iter().fold(0.0_f64, |a, b| a.max(*b));
+        self.damping.insert(0, [JOINT_DAMPING * inertia / stiffest, 0.0]);
+        for of_unknowns in [&mut core.prebend, &mut self.initial_q] {
+            of_unknowns.splice(0..0, [0.0; 3]);
+        }
+    }
+
+    /// True if the root turns freely.
+    pub fn is_pinned(&self) -> bool {
+        self.core.pinned
+    }
+
+    /// True if another rod has the same unknowns: as many nodes, and the same root.
+    pub fn is_like(&self, other: &Rod) -> bool {
+        self.unknowns() == other.unknowns() && self.is_pinned() == other.is_pinned()
     }
 
     /// Arc length L, m.
@@ -217,7 +248,14 @@ impl Rod {
         (3.0 * one.max(two) * SKIN_COMPLIANCE).cbrt()
     }
 
-    /// Number of unknowns: three per node, except at a tip that bears no moment, where there is no deviation.
+    /// The force of the rod's own making, N: its weight, and its bending stiffness over the square of its length.
+    pub fn own_force(&self) -> f64 {
+        let [one, two, _] = self.core.stiffness;
+        self.core.mass * STANDARD_GRAVITY + one.max(two) / (self.length() * self.length())
+    }
+
+    /// Number of unknowns: three per node, except at a tip that bears no moment, where there is no deviation; and
+    /// three of a pinned root.
     pub fn unknowns(&self) -> usize {
         self.core.unknowns()
     }
@@ -229,7 +267,7 @@ impl Rod {
 
     /// Index of the point at node `node`.
     pub fn node_point(&self, node: usize) -> usize {
-        self.core.segments.partition_point(|segment| segment.element < node)
+        self.core.segments.partition_point(|segment| segment.element < node + self.core.joints())
     }
 
     /// Arc length lumped at a node: half of both adjacent elements, m.

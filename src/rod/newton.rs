@@ -315,12 +315,12 @@ impl<F: Real> Solver<F> {
         if needed == 0 {
             return 0;
         }
-        self.sensitivity.update_twists(core, q);
+        self.sensitivity.update_twists(core, &self.shape, q);
         let one = load.inertia.same(1.0);
         let mut geometric = one;
         let positive = loop {
             let (shape, wrench) = (&self.shape, &self.wrench);
-            hessian(core, load, shape, &self.sensitivity, wrench, geometric, &mut self.next_factor);
+            hessian(core, load, shape, &self.sensitivity, wrench, q, geometric, &mut self.next_factor);
             let positive = needed & cholesky::factor(&mut self.next_factor, q.len());
             let without = needed & geometric.below(one);
             if positive | without == needed {
@@ -348,7 +348,8 @@ impl<F: Real> Solver<F> {
         self.trial.shape.integrate(core, root, &self.trial.q)
     }
 
-    /// Largest fraction of the direction, at most 1, that turns no segment by more than [`MAX_TURN`].
+    /// Largest fraction of the direction, at most 1, that turns no segment and no joint by more than
+    /// [`MAX_TURN`].
     #[inline(always)]
     fn max_fraction(&self, core: &RodCore<F>) -> F {
         let mut bend = core.length.same(0.0);
@@ -356,7 +357,11 @@ impl<F: Real> Solver<F> {
             bend = bend.max(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
         }
         let one = bend.same(1.0);
-        let turn = bend.sqrt() * core.longest * (1.0 / MAX_TURN);
+        let mut turn = bend.sqrt() * core.longest * (1.0 / MAX_TURN);
+        if core.pinned {
+            let d = &self.direction[..3];
+            turn = turn.max((d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt() * (1.0 / MAX_TURN));
+        }
         one / one.max(turn)
     }
 }

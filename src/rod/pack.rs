@@ -54,7 +54,7 @@ impl Pack {
         Arch::new().dispatch(Width)
     }
 
-    /// Packs one to [`Pack::width`] rods with the same number of nodes.
+    /// Packs one to [`Pack::width`] rods that are [alike](Rod::is_like).
     pub fn new(rods: &[&Rod]) -> Pack {
         Arch::new().dispatch(Gather(rods))
     }
@@ -171,6 +171,7 @@ impl<F: Real> LaneRods<F> {
             length: gather(zero, |i| cores[i].length),
             longest: gather(zero, |i| cores[i].longest),
             mass: gather(zero, |i| cores[i].mass),
+            pinned: cores[0].pinned,
         };
         LaneRods { core, own }
     }
@@ -423,7 +424,13 @@ mod tests {
 
     #[test]
     fn rod_has_the_same_bits_alone_and_in_any_pack() {
-        let rods = hairs(12);
+        same_bits(&hairs(12));
+        let mut pinned = hairs(12);
+        pinned.iter_mut().for_each(Rod::pin);
+        same_bits(&pinned);
+    }
+
+    fn same_bits(rods: &[Rod]) {
         // Some roots jump far enough for an indefinite Hessian and short steps, some hardly move.
         let mut loads: Vec<Load> =
             rods.iter().enumerate().map(|(i, r)| load(r, [1e-4, 0.05, 0.4, 2.0, 1e-3][i % 5])).collect();

@@ -4,6 +4,7 @@
 //! the point to a target: Φ = ½ Σ (x − x̂)ᵀB(x − x̂) + ½ (1 + τ/h) qᵀ𝐊q − force·q, up to a constant. Animated
 //! goals add ½ Σ k (q − q̂)² over the unknowns, and moments their work over the rotation in the step (eq. 4.9).
 
+use super::joint::Joint;
 use super::model::Rod;
 use super::segment::RodCore;
 use super::sensitivity::{Sensitivity, exponent_derivatives};
@@ -123,6 +124,12 @@ impl<F: Real> PointMoment<F> {
 }
 
 impl<F: Real> Turned<F> {
+    /// Rotation vector to there.
+    #[inline(always)]
+    pub fn rotation(&self) -> V3<F> {
+        self.axis * self.gamma[0]
+    }
+
     /// Work, J, up to a constant.
     #[inline(always)]
     pub fn work(&self) -> F {
@@ -356,6 +363,12 @@ pub(super) fn gradient<F: Real>(
             for (slope, a) in slope.iter_mut().zip(along.0) {
                 *slope -= a;
             }
+        }
+    }
+    if core.pinned {
+        let turned = Joint::new(q).jacobian().transposed(shape.pose[0].r.transposed(torque));
+        for (slope, a) in gradient.iter_mut().zip(turned.0) {
+            *slope -= a;
         }
     }
 }

@@ -27,7 +27,8 @@ impl SegmentSize {
 /// One Magnus step of the natural shape.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Segment<F> {
-    /// Index of the element that contains it: between nodes `element` and `element + 1`.
+    /// Index of the element that contains it: between nodes `element` and `element + 1`, counted with the joint of
+    /// a pinned root as the first.
     pub element: usize,
     /// Length h, m.
     pub h: F,
@@ -61,6 +62,8 @@ pub(super) struct RodCore<F> {
     pub longest: F,
     /// Mass, kg.
     pub mass: F,
+    /// True if the root turns freely: its joint has the first three unknowns.
+    pub pinned: bool,
 }
 
 impl<F: Real> RodCore<F> {
@@ -68,6 +71,12 @@ impl<F: Real> RodCore<F> {
     #[inline(always)]
     pub fn unknowns(&self) -> usize {
         3 * self.hat.len()
+    }
+
+    /// Number of unknowns of the joint at the root, over three.
+    #[inline(always)]
+    pub fn joints(&self) -> usize {
+        usize::from(self.pinned)
     }
 
     /// Number of points.

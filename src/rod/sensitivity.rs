@@ -1,5 +1,6 @@
 //! Exact derivatives of a rod's shape by its unknowns.
 
+use super::joint::Joint;
 use super::model::Rod;
 use super::segment::{RodCore, Segment};
 use super::shape::{COMMUTATOR, RodShape, deviation};
@@ -75,9 +76,9 @@ impl<F: Real> Sensitivity<F> {
         }
     }
 
-    /// Sets the twists to those at unknowns `q`, for which the Jacobians are current.
+    /// Sets the twists to those at unknowns `q`, whose shape is `shape` and for which the Jacobians are current.
     #[inline(always)]
-    pub(super) fn update_twists(&mut self, core: &RodCore<F>, q: &[F]) {
+    pub(super) fn update_twists(&mut self, core: &RodCore<F>, shape: &RodShape<F>, q: &[F]) {
         let (none, n) = (Twist::none(core.length.same(0.0)), core.segments.len());
         if self.own.len() != n || self.total.len() != core.unknowns() + 3 {
             self.own.resize(n, [none; 6]);
@@ -86,6 +87,12 @@ impl<F: Real> Sensitivity<F> {
             self.total.resize(core.unknowns() + 3, none);
         }
         self.total.fill(none);
+        if core.pinned {
+            let turns = shape.pose[0].r * Joint::new(q).jacobian();
+            for (total, w) in self.total.iter_mut().zip(turns.0) {
+                total.w = w;
+            }
+        }
         for (k, segment) in core.segments.iter().enumerate() {
             let (jacobian, own) = (&self.jacobian[k], &mut self.own[k]);
             for (side, derivative) in exponent_derivatives(segment, q).iter().enumerate() {
@@ -111,7 +118,7 @@ impl Sensitivity {
     /// Sets the derivatives to those at unknowns `q` (1/m), whose shape is `shape`.
     pub fn update(&mut self, rod: &Rod, shape: &RodShape, q: &[f64]) {
         self.update_jacobians(shape);
-        self.update_twists(&rod.core, q);
+        self.update_twists(&rod.core, shape, q);
     }
 
     /// Twists of the unknowns that move point `k`, in their order.
@@ -127,6 +134,14 @@ impl Sensitivity {
     /// fixed to the frame at point `k`. `x` is the place relative to the root, m.
     pub fn add_row(&self, k: usize, x: &Vector3<f64>, d: &Vector3<f64>, a: f64, row: &mut [f64]) {
         let wrench = Twist { w: (x.cross(d) * a).into(), v: (d * a).into() };
+        for (r, t) in row.iter_mut().zip(self.twists_at(k)) {
+            *r += wrench.dot(t);
+        }
+    }
+
+    /// Adds `a` · `d`ᵀ ∂θ/∂q to `row`, with θ the rotation of the frame at point `k`, world axes.
+    pub(super) fn add_turn_row(&self, k: usize, d: &Vector3<f64>, a: f64, row: &mut [f64]) {
+        let wrench = Twist { w: (d * a).into(), v: Vector3::zeros().into() };
         for (r, t) in row.iter_mut().zip(self.twists_at(k)) {
             *r += wrench.dot(t);
         }

@@ -1,5 +1,6 @@
 //! Forward kinematics: frames and points of a rod from its unknowns.
 
+use super::joint::Joint;
 use super::model::Rod;
 use super::segment::{GAUSS, RodCore, Segment};
 use crate::math::lanes::{self, M3, Mask, Real, Twist, V3};
@@ -162,6 +163,12 @@ impl<F: Real> RodShape<F> {
         let zero = core.length.same(0.0);
         let mut most = zero;
         let mut g = lanes::Pose { r: root, p: V3::all(zero) };
+        if core.pinned {
+            let joint = Joint::new(q);
+            g.r = root * joint.rotation();
+            // A joint may turn by twice as much as a segment.
+            most = joint.squared_angle() * 0.25;
+        }
         if self.exponent.len() != core.segments.len() || self.pose.len() != core.points() {
             self.pose.resize(core.points(), g);
             self.exponent.resize(core.segments.len(), MagnusExponent::new(Twist::none(zero)));

@@ -18,7 +18,7 @@ mod surface_nets;
 
 use crate::file::write_file;
 use crate::import::{BuildOptions, BuildReport, Generation, HierarchyShape, RenderStrands, Resample, build};
-use crate::scene::anim::file::TieFile;
+use crate::scene::anim::ends_file::TieFile;
 use crate::scene::{Convention, Groom};
 use crate::{Error, Result};
 pub use creature::{FurSize, write_creature};
@@ -78,7 +78,10 @@ fn ties(style: Style) -> Vec<TieFile> {
         at: Some(at.into()),
         radius,
         arc_m: None,
+        arc_share: None,
         arc_by_distance: None,
+        orientation: None,
+        slides: false,
         frames: None,
     };
     if style == Style::Ponytail { vec![tie] } else { Vec::new() }

@@ -1,7 +1,8 @@
 //! Loads and checks grooms and animations.
 
+use super::anim::ends_file::RootHold;
 use super::anim::file::AnimFile;
-use super::anim::model::{Anim, LoadPlace};
+use super::anim::model::{Anim, GuideSelection, LoadPlace, Roots, TiePoint};
 use super::anim::read as anim_reader;
 use super::format::Format;
 use super::goal;
@@ -78,7 +79,27 @@ fn place(groom: &mut Groom, anim: &mut Anim, file: &Path) -> Vec<Diagnostic> {
         return misplaced;
     }
     let unbound = skin::bind(groom, anim, file);
-    if unbound.is_empty() { goal::bind(groom, anim, file) } else { unbound }
+    if !unbound.is_empty() {
+        return unbound;
+    }
+    let mut diagnostics = goal::bind(groom, anim, file);
+    diagnostics.extend(pinned_roots_with_goals(groom, anim, file));
+    diagnostics
+}
+
+/// Reports pinned roots of `anim`, read from `file`, of guides that a goal leads: it prescribes their frames.
+fn pinned_roots_with_goals(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
+    let pinned = anim.roots.iter().enumerate().filter(|(_, roots)| roots.hold == RootHold::Pinned);
+    let led = |(i, roots): (usize, &Roots)| {
+        let goal = anim
+            .goals
+            .iter()
+            .find(|goal| goal.guides.iter().any(|&guide| names(&roots.guides, groom, guide)))?;
+        let message = format!("pins roots of guides that the goal \"{}\" leads", goal.name);
+        let help = "leave the guides out of one of them";
+        Some(Diagnostic::new(file, format!("roots[{i}]"), message, "guides without goals", help))
+    };
+    pinned.filter_map(led).collect()
 }
 
 /// Checks that the first file is no animation and the second no groom.
@@ -100,13 +121,14 @@ fn check_order(first: &Document, groom: &Path, second: &Document, anim: &Path) -
     }
 }
 
-/// Reports the guides and groups that ties and loads of `anim`, read from `file`, name but `groom` does not
-/// have, and loads beyond the tips of all guides.
+/// Reports the guides and groups that roots, ties and loads of `anim`, read from `file`, name but `groom` does not
+/// have, and places beyond the tips of all guides that they name.
 fn check_selections(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
     let mut diagnostics = Vec::new();
+    let roots = anim.roots.iter().enumerate().map(|(i, roots)| (format!("roots[{i}]"), &roots.guides));
     let ties = anim.ties.iter().enumerate().map(|(i, tie)| (format!("ties[{i}]"), &tie.guides));
     let loads = anim.loads.iter().enumerate().map(|(i, load)| (format!("loads[{i}]"), &load.guides));
-    for (key, guides) in ties.chain(loads) {
+    for (key, guides) in roots.chain(ties).chain(loads) {
         let mut report = |name: &str, message: String, allowed: String, help: &str| {
             diagnostics.push(Diagnostic::new(file, format!("{key}.{name}"), message, allowed, help));
         };
@@ -124,22 +146,44 @@ fn check_selections(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> 
             report("group", message, allowed, "correct the name");
         }
     }
-    let all = &groom.guides.curves;
-    let longest = (0..all.len()).map(|guide| polyline::length(all.curve(guide))).fold(0.0, f64::max);
-    for (i, load) in anim.loads.iter().enumerate() {
+    diagnostics.extend(places_beyond_tips(groom, anim, file));
+    diagnostics
+}
+
+/// Reports places of ties and loads of `anim`, read from `file`, that are beyond the tips of all their guides.
+fn places_beyond_tips(groom: &Groom, anim: &Anim, file: &Path) -> Vec<Diagnostic> {
+    let ties = anim.ties.iter().enumerate().filter_map(|(i, tie)| match tie.point {
+        TiePoint::Arc(arc) => Some((format!("ties[{i}].arc_m"), &tie.guides, arc)),
+        TiePoint::Nearest | TiePoint::Share(_) | TiePoint::Distance(_) => None,
+    });
+    let loads = anim.loads.iter().enumerate().filter_map(|(i, load)| {
         let (name, from) = match load.place {
             LoadPlace::Arc(arc) => ("arc_m", arc),
             LoadPlace::Span([from, _]) => ("span_m", from),
-            LoadPlace::Share(_) | LoadPlace::SpanShare(_) => continue,
+            LoadPlace::Share(_) | LoadPlace::SpanShare(_) => return None,
         };
-        if from > longest {
-            let message = format!("{from} m is beyond the tips of all guides");
-            let allowed = format!("up to {longest:.4} m, the length of the longest guide");
-            let help = "correct it, or give it as a share of the length";
-            diagnostics.push(Diagnostic::new(file, format!("loads[{i}].{name}"), message, allowed, help));
-        }
-    }
-    diagnostics
+        Some((format!("loads[{i}].{name}"), &load.guides, from))
+    });
+    let curves = &groom.guides.curves;
+    let length = |guide: usize| polyline::length(curves.curve(guide));
+    let beyond = |(key, guides, from): (String, &GuideSelection, f64)| {
+        let chosen = (0..curves.len()).filter(|&guide| names(guides, groom, guide));
+        let longest = chosen.map(length).fold(0.0, f64::max);
+        // That the names are wrong is an error of its own.
+        (longest > 0.0 && from > longest).then(|| {
+            let message = format!("{from} m is beyond the tips of all guides that it names");
+            let allowed = format!("up to {longest:.4} m, the length of the longest of them");
+            Diagnostic::new(file, key, message, allowed, "correct it, or name longer guides")
+        })
+    };
+    ties.chain(loads).filter_map(beyond).collect()
+}
+
+/// True if the ids and the group of `guides` are those of a guide.
+fn names(guides: &GuideSelection, groom: &Groom, guide: usize) -> bool {
+    let curves = &groom.guides.curves;
+    guides.ids.as_ref().is_none_or(|ids| ids.contains(&curves.id[guide]))
+        && guides.group.as_ref().is_none_or(|name| *name == groom.groups[curves.group[guide] as usize].name)
 }
 
 /// All errors in the files `paths`, grooms and animations in any order, distinguished by their `format`. If

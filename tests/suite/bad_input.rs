@@ -93,6 +93,21 @@ fn frames_outside_the_shot_are_rejected() {
 }
 
 #[test]
+fn pinned_roots_follow_no_wisp() {
+    let scene = Scene::import();
+    let read = |path: &Path| serde_json::from_slice::<Value>(&crate::common::here(path)).unwrap();
+    let mut anim = read(&scene.anim);
+    anim["roots"] = json!([{ "name": "pins", "hold": "pinned" }]);
+    std::fs::write(&scene.anim, anim.to_string()).unwrap();
+    let out = scene.folder.path().join("out");
+    let assert = bake(&scene.groom, &scene.anim, &out).args(["--resolution", "coarse"]).assert().code(65);
+    let text = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
+    says(&text, &["settings.resolution", "coarse", "roots are pinned", "full, or auto"]);
+    assert!(!out.exists());
+    bake(&scene.groom, &scene.anim, &out).args(["--frames", "1001-1001"]).assert().success();
+}
+
+#[test]
 fn empty_wisps_and_zero_length_strands_are_rejected() {
     let one_guide = |points: Value| json!({ "format": "hairbake-groom", "version": 1, "guides": { "points": points, "vertices": [3] } });
     let text = refused(|groom, _| *groom = one_guide(json!([[0, 0, 0], [0, 0, 0], [0, 0, 0]])));

@@ -392,7 +392,7 @@ fn goals_that_cannot_be_followed_are_refused() {
         (FRAMES[0] - 8..=FRAMES[1] + 2).for_each(|frame| spoilt(folder, frame, GUIDES, change));
     };
     let keep = |_: &mut Value| {};
-    let cases: [(String, &[&str]); 15] = [
+    let cases: [(String, &[&str]); 16] = [
         (
             refused(keep, |f| std::fs::remove_file(goal_path(f, 1005)).unwrap()),
             &["goals[0].sequence: \"hair.####.obj\" has no file for frame 1005"],
@@ -483,6 +483,10 @@ fn goals_that_cannot_be_followed_are_refused() {
                 |_| {},
             ),
             &["goals[1]: the guide of id 0 is in the goal \"hair\", too"],
+        ),
+        (
+            refused(|anim| anim["roots"] = json!([{ "name": "pins", "hold": "pinned" }]), |_| {}),
+            &["roots[0]: pins roots of guides that the goal \"hair\" leads"],
         ),
         (
             refused(|anim| anim["goals"][0]["sequence"] = json!("hair.obj"), |_| {}),

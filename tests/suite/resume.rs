@@ -5,7 +5,9 @@ use hairbake::dynamics::checkpoint::Checkpoint;
 use hairbake::dynamics::guide_rods::GuideRods;
 use hairbake::dynamics::simulation::Simulation;
 use hairbake::sample::{self, Size, Style};
-use hairbake::scene::anim::{ContactSetting, Resolution};
+use hairbake::scene::anim::{
+    ContactSetting, GuideSelection, Resolution, RootHold, Roots, Tie, TieOrientation, TiePoint,
+};
 use hairbake::scene::{self, Anim, Groom};
 use serde_json::json;
 use std::path::Path;
@@ -107,6 +109,48 @@ fn a_resumed_simulation_has_the_same_bits() {
         assert!(bodies > 0, "nothing touched a body");
         assert_eq!(splits > 0, resolution == Resolution::Adaptive);
         assert_eq!(strands > 0, contact == ContactSetting::Full, "{strands} contacts of strands");
+    }
+}
+
+#[test]
+fn a_resumed_simulation_of_driven_and_pinned_guides_has_the_same_bits() {
+    for contact in [ContactSetting::Bodies, ContactSetting::Full] {
+        let folder = tempfile::tempdir().unwrap();
+        let (groom, mut anim) = scene(folder.path(), contact, false);
+        let some = |remainder: i32| GuideSelection {
+            ids: Some(groom.guides.curves.id.iter().copied().filter(|id| id % 3 == remainder).collect()),
+            ..GuideSelection::default()
+        };
+        anim.roots = vec![Roots { name: "pins".into(), guides: some(0), hold: RootHold::Pinned }];
+        let tie = |name: &str, remainder: i32, orientation: TieOrientation, slides: bool| Tie {
+            name: name.into(),
+            body: 0,
+            guides: some(remainder),
+            point: TiePoint::Share(0.7),
+            bundle: None,
+            orientation,
+            slides,
+            times: [f64::NEG_INFINITY, f64::INFINITY],
+        };
+        anim.ties =
+            vec![tie("clamp", 1, TieOrientation::Drawn, false), tie("ring", 2, TieOrientation::Free, true)];
+        let rods = GuideRods::new(&groom, &anim);
+        let mut whole = Simulation::new(&groom, &anim, &rods);
+        for cut in [1, 40] {
+            while whole.taken() < cut {
+                whole.step();
+            }
+            let state = bytes(&whole);
+            let mut resumed = Simulation::new(&groom, &anim, &rods);
+            resumed.restore(postcard::from_bytes(&state).unwrap()).unwrap();
+            for i in 0..6 {
+                let (step, again) = (whole.step(), resumed.step());
+                assert_eq!(step.guides, again.guides, "{contact:?}, {i} sub-steps after {cut}");
+                let failed: u32 = step.guides.iter().map(|r| r.unconverged).sum();
+                assert_eq!(failed, 0, "{contact:?}, {i} sub-steps after {cut}");
+            }
+            assert_eq!(bytes(&whole), bytes(&resumed), "{contact:?}, after {cut}");
+        }
     }
 }
 

@@ -33,9 +33,10 @@ ACCELERATIONS = "accelerations"
 NORMALS = "normals"
 CLAMPS = ("primvars:groom_clamp_force", "primvars:groom_clamp_moment")
 """What the clamp exerts on each guide."""
-TIE_FORCE = "primvars:groom_tie_force"
+HELD = ("primvars:groom_tie_force", "primvars:groom_tie_moment")
+"""What each tie exerts on its guide."""
 TIES = ("primvars:groom_tie_guide", "primvars:groom_tie_number")
-"""What each tie force is of."""
+"""What these are of."""
 
 
 class CacheError(Exception):
@@ -232,7 +233,7 @@ class Cache:
         paths += [
             f"{curves.path}.{name}"
             for curves in self.curves
-            for name in (LEVEL, ACCELERATIONS, NORMALS, *CLAMPS, TIE_FORCE)
+            for name in (LEVEL, ACCELERATIONS, NORMALS, *CLAMPS, *HELD)
             if self.stage.GetPrimAtPath(curves.path).GetAttribute(name).IsAuthored()
         ]
         deforming = [mesh.path for mesh in self.colliders if mesh.deforms]

@@ -12,7 +12,7 @@ from .cache import (
     GUIDES,
     GUIDES_PER_STRAND,
     HAIR,
-    TIE_FORCE,
+    HELD,
     TIES,
     Cache,
     Curves,
@@ -181,11 +181,11 @@ def following(cache: Cache) -> Iterator[Finding]:
 def reactions(cache: Cache) -> Iterator[Finding]:
     """Checks declarations of reactions, and what those of ties are of."""
     prim = cache.stage.GetPrimAtPath(GUIDES)
-    found = [name for name in (*CLAMPS, TIE_FORCE, *TIES) if prim and prim.HasAttribute(name)]
+    found = [name for name in (*CLAMPS, *HELD, *TIES) if prim and prim.HasAttribute(name)]
     if not found:
         return
     api = UsdGeom.PrimvarsAPI(prim)
-    ties = (TIE_FORCE, *TIES) if TIE_FORCE in found or TIES[0] in found else ()
+    ties = (*HELD, *TIES) if HELD[0] in found or TIES[0] in found else ()
     for name in (*CLAMPS, *ties):
         kind = Sdf.ValueTypeNames.IntArray if name in TIES else Sdf.ValueTypeNames.Vector3fArray
         expected = (kind, "uniform" if name in CLAMPS else "constant")

@@ -13,9 +13,9 @@ from .cache import (
     GUIDES_PER_STRAND,
     HAIR,
     HEAD,
+    HELD,
     LEVEL,
     NORMALS,
-    TIE_FORCE,
     TIES,
     TRANSFORM,
     Cache,
@@ -318,7 +318,8 @@ def expected_shapes(cache: Cache) -> dict[str, tuple[int, ...]]:
             for name in CLAMPS:
                 shapes[f"{curves.path}.{name}"] = (len(curves.counts), 3)
             ties = len(attribute_value(cache, curves.path, TIES[0]))
-            shapes[f"{curves.path}.{TIE_FORCE}"] = (ties, 3)
+            for name in HELD:
+                shapes[f"{curves.path}.{name}"] = (ties, 3)
     for mesh in cache.colliders:
         if mesh.deforms:
             shapes[f"{mesh.path}.points"] = mesh.points.shape

@@ -8,11 +8,11 @@ use super::budget::SystemBudget;
 use super::coupled_problem::CoupledFrictionProblem;
 use super::delassus::SparseDelassus;
 use super::gauss_seidel::{FrictionOutcome, FrictionScratch, FrictionTolerance, System, solve_by_sweeps};
-use super::law::Law;
 use super::newton;
 use super::problem::{FrictionProblem, at};
 use super::regularised::COMPLIANCE;
 use super::residual::Residual;
+use crate::geometry::Friction;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -77,9 +77,9 @@ impl Network<'_> {
         let selected = self.worst();
         let mut impulses: Vec<f64> =
             selected.iter().flat_map(|&i| <[f64; 3]>::from(self.impulse(i))).collect();
-        let laws: Vec<Law> = selected.iter().map(|&i| self.law(i)).collect();
+        let friction: Vec<Friction> = selected.iter().map(|&i| self.friction(i)).collect();
         let (w, b) = self.assemble(&selected);
-        let problem = FrictionProblem { w: &w, b: &b, laws: &laws };
+        let problem = FrictionProblem { w: &w, b: &b, friction: &friction };
         if problem.residual(&impulses) > COMPLIANCE {
             newton::improve(&problem, tolerance, &mut impulses, &mut SystemBudget::default());
             for (&i, impulse) in selected.iter().zip(impulses.chunks_exact(3)) {
@@ -112,7 +112,7 @@ impl Network<'_> {
         let error = |i: usize| {
             let mut residual = Residual::default();
             let (u, r) = (self.velocity(i), self.impulse(i));
-            residual.add(self.block(i).trace(), u, &r, &self.free(i), self.law(i));
+            residual.add(self.block(i).trace(), u, &r, &self.free(i), self.friction(i));
             residual.error
         };
         let mut errors: Vec<(usize, f64)> =
@@ -136,7 +136,7 @@ impl Network<'_> {
 
 impl System for Network<'_> {
     fn contacts(&self) -> usize {
-        self.problem.laws.len()
+        self.problem.friction.len()
     }
 
     fn block(&self, i: usize) -> Matrix3<f64> {
@@ -147,8 +147,8 @@ impl System for Network<'_> {
         at(self.problem.b, i)
     }
 
-    fn law(&self, i: usize) -> Law {
-        self.problem.laws[i]
+    fn friction(&self, i: usize) -> Friction {
+        self.problem.friction[i]
     }
 
     fn impulse(&self, i: usize) -> Vector3<f64> {

@@ -1,7 +1,7 @@
 //! The frictional contact problem of many strands, with W in factored form.
 
-use super::law::Law;
 use super::problem::at;
+use crate::geometry::Friction;
 use crate::math::cholesky::dot;
 use nalgebra::{Matrix3, Vector3};
 
@@ -28,8 +28,8 @@ pub struct CoupledFrictionProblem<'a> {
     pub rows: &'a [f64],
     /// b, 3c: gap and slip without reactions.
     pub b: &'a [f64],
-    /// Law of each contact, c.
-    pub laws: &'a [Law],
+    /// Coefficients of each contact, c.
+    pub friction: &'a [Friction],
 }
 
 impl CoupledFrictionProblem<'_> {

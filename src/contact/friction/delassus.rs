@@ -38,7 +38,7 @@ impl SparseDelassus {
         };
         let lines: Vec<_> = contacts.par_iter().map(line).collect();
         let mut delassus = SparseDelassus { contacts: contacts.to_vec(), ..SparseDelassus::default() };
-        delassus.line.resize(problem.laws.len(), Self::NONE);
+        delassus.line.resize(problem.friction.len(), Self::NONE);
         delassus.start.push(0);
         for (k, (&i, line)) in contacts.iter().zip(lines).enumerate() {
             delassus.line[i as usize] = k as u32;

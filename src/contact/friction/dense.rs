@@ -1,9 +1,9 @@
 //! Solver for one strand: sweeps, then Newton's method.
 
 use super::gauss_seidel::{FrictionOutcome, FrictionScratch, FrictionTolerance, System, solve_by_sweeps};
-use super::law::Law;
 use super::newton;
 use super::problem::{FrictionProblem, at};
+use crate::geometry::Friction;
 use nalgebra::{Matrix3, Vector3};
 
 /// Solves `problem` for the impulses `r` (3c), starting from their values (zero, or those of the last step):
@@ -41,8 +41,8 @@ impl System for Dense<'_> {
         self.problem.free(i)
     }
 
-    fn law(&self, i: usize) -> Law {
-        self.problem.laws[i]
+    fn friction(&self, i: usize) -> Friction {
+        self.problem.friction[i]
     }
 
     fn impulse(&self, i: usize) -> Vector3<f64> {

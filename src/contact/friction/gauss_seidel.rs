@@ -2,9 +2,9 @@
 
 use super::anderson::Anderson;
 use super::budget::SystemBudget;
-use super::law::Law;
 use super::local::LocalSolver;
 use super::residual::Residual;
+use crate::geometry::Friction;
 use nalgebra::{Matrix3, Vector3};
 
 /// Sweeps between two checks of all contacts.
@@ -51,7 +51,7 @@ pub(super) trait System {
     fn block(&self, i: usize) -> Matrix3<f64>;
     /// Free velocity b of a contact.
     fn free(&self, i: usize) -> Vector3<f64>;
-    fn law(&self, i: usize) -> Law;
+    fn friction(&self, i: usize) -> Friction;
     fn impulse(&self, i: usize) -> Vector3<f64>;
     /// Computes u of all contacts under the current impulses.
     fn velocities(&mut self, u: &mut Vec<Vector3<f64>>);
@@ -142,9 +142,9 @@ impl<S: System> GaussSeidel<'_, S> {
             is_active.resize(locals.len(), false);
         }
         for (i, (local, u)) in locals.iter().zip(&*velocities).enumerate() {
-            let (r, law) = (self.system.impulse(i), self.system.law(i));
-            residual.add(local.w.trace(), *u, &r, &self.system.free(i), law);
-            if acts(u, &r, law) && !is_active[i] {
+            let (r, friction) = (self.system.impulse(i), self.system.friction(i));
+            residual.add(local.w.trace(), *u, &r, &self.system.free(i), friction);
+            if acts(u, &r) && !is_active[i] {
                 is_active[i] = true;
                 active.push(i as u32);
             }
@@ -203,10 +203,10 @@ impl<S: System> GaussSeidel<'_, S> {
         let (mut moved, mut impulse) = (0.0, 0.0);
         for &i in &*active {
             let (i, local) = (i as usize, &mut locals[i as usize]);
-            let (u, old, law) = (self.system.velocity(i), self.system.impulse(i), self.system.law(i));
-            if acts(&u, &old, law) {
+            let (u, old) = (self.system.velocity(i), self.system.impulse(i));
+            if acts(&u, &old) {
                 let before = local.w * old;
-                let new = local.solve(&(u - before), law);
+                let new = local.solve(&(u - before), self.system.friction(i));
                 moved += (local.w * new - before).norm_squared();
                 impulse += (new * (local.w.trace() / 3.0)).norm_squared();
                 self.system.set_impulse(i, new);
@@ -222,8 +222,7 @@ impl<S: System> GaussSeidel<'_, S> {
         anderson.accelerate(before, after);
         for (&i, x) in active.iter().zip(after.chunks_exact(3)) {
             let (i, scale) = (i as usize, locals[i as usize].w.trace().sqrt());
-            let acting = self.system.impulse(i) != Vector3::zeros() || self.system.law(i) == Law::Bilateral;
-            if scale > 0.0 && acting {
+            if scale > 0.0 && self.system.impulse(i) != Vector3::zeros() {
                 self.system.set_impulse(i, Vector3::from_column_slice(x) / scale);
             }
         }
@@ -231,8 +230,8 @@ impl<S: System> GaussSeidel<'_, S> {
 }
 
 /// Whether a contact has an impulse `r`, or would need one at velocity `u`.
-fn acts(u: &Vector3<f64>, r: &Vector3<f64>, law: Law) -> bool {
-    u.x < 0.0 || *r != Vector3::zeros() || law == Law::Bilateral
+fn acts(u: &Vector3<f64>, r: &Vector3<f64>) -> bool {
+    u.x < 0.0 || *r != Vector3::zeros()
 }
 
 /// Collects the impulses of the `active` contacts, times the square roots of their mobilities: sums over

@@ -1,6 +1,5 @@
-//! Exact solution of one contact: u = W r + q with Signorini's condition and Coulomb's law, or bilateral.
+//! Exact solution of one contact: u = W r + q with Signorini's condition and Coulomb's law.
 
-use super::law::Law;
 use crate::geometry::Friction;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
@@ -14,8 +13,8 @@ const NEGLIGIBLE: f64 = 1e-7;
 const ITERATIONS: usize = 200;
 
 /// Impulse r of one contact with Delassus block `w` (symmetric positive semi-definite) and free velocity `q`.
-pub fn solve_local(w: &Matrix3<f64>, q: &Vector3<f64>, law: Law) -> Vector3<f64> {
-    LocalSolver::new(w).solve(q, law)
+pub fn solve_local(w: &Matrix3<f64>, q: &Vector3<f64>, friction: Friction) -> Vector3<f64> {
+    LocalSolver::new(w).solve(q, friction)
 }
 
 /// Solver of one contact, prepared for many free velocities.
@@ -59,10 +58,7 @@ impl LocalSolver {
     }
 
     /// Impulse for free velocity `q`.
-    pub fn solve(&mut self, q: &Vector3<f64>, law: Law) -> Vector3<f64> {
-        let Law::Coulomb(Friction { mu_s, mu_k }) = law else {
-            return self.w.cholesky().map_or_else(Vector3::zeros, |w| -w.solve(q));
-        };
+    pub fn solve(&mut self, q: &Vector3<f64>, Friction { mu_s, mu_k }: Friction) -> Vector3<f64> {
         if q.x >= 0.0 || self.normal == 0.0 {
             return Vector3::zeros();
         }

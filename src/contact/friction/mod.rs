@@ -27,7 +27,6 @@ mod coupled_problem;
 mod delassus;
 mod dense;
 mod gauss_seidel;
-mod law;
 mod local;
 mod newton;
 mod problem;
@@ -41,7 +40,6 @@ pub use coupled::solve_coupled;
 pub use coupled_problem::{CoupledFrictionProblem, StrandRows};
 pub use dense::solve;
 pub use gauss_seidel::{FrictionOutcome, FrictionScratch, FrictionTolerance};
-pub use law::Law;
 pub use local::solve_local;
 pub use problem::FrictionProblem;
 

@@ -1,7 +1,7 @@
 //! The frictional contact problem with an explicit Delassus operator.
 
-use super::law::Law;
 use super::residual::Residual;
+use crate::geometry::Friction;
 use nalgebra::{Matrix3, Vector3};
 
 /// A frictional contact problem of c contacts; symbols as in the [module](super).
@@ -11,19 +11,19 @@ pub struct FrictionProblem<'a> {
     pub w: &'a [f64],
     /// b, 3c.
     pub b: &'a [f64],
-    /// Law of each contact, c.
-    pub laws: &'a [Law],
+    /// Coefficients of each contact, c.
+    pub friction: &'a [Friction],
 }
 
 impl FrictionProblem<'_> {
     /// Number of contacts c.
     pub fn len(&self) -> usize {
-        self.laws.len()
+        self.friction.len()
     }
 
     /// Whether there are no contacts.
     pub fn is_empty(&self) -> bool {
-        self.laws.is_empty()
+        self.friction.is_empty()
     }
 
     /// Free velocity b of contact `i`.
@@ -61,7 +61,7 @@ impl FrictionProblem<'_> {
         for i in 0..self.len() {
             let (trace, b, own) = (self.block(i).trace(), self.free(i), at(r, i));
             let u = self.velocity(r, i) + own * (compliance / 3.0 * trace);
-            residual.add(trace * (1.0 + compliance), u, &own, &b, self.laws[i]);
+            residual.add(trace * (1.0 + compliance), u, &own, &b, self.friction[i]);
         }
         residual.relative()
     }

@@ -1,6 +1,6 @@
 //! Residual of the laws.
 
-use super::law::Law;
+use crate::geometry::Friction;
 use nalgebra::Vector3;
 
 /// Sums of squares over contacts that make up the relative residual.
@@ -16,22 +16,24 @@ pub(super) struct Residual {
 
 impl Residual {
     /// Adds a contact with `trace` of W_ii, velocity `u`, impulse `r` and free velocity `b`.
-    pub fn add(&mut self, trace: f64, u: Vector3<f64>, r: &Vector3<f64>, b: &Vector3<f64>, law: Law) {
+    pub fn add(
+        &mut self,
+        trace: f64,
+        u: Vector3<f64>,
+        r: &Vector3<f64>,
+        b: &Vector3<f64>,
+        friction: Friction,
+    ) {
         if trace <= 0.0 {
             return;
         }
         let rho = 3.0 / trace;
         let r = r / rho;
-        self.error += match law {
-            Law::Coulomb(friction) => {
-                // An impulse outside the kinetic cone must stick.
-                let sliding = r.yz().norm() <= friction.mu_k * r.x * (1.0 + 1e-12);
-                let mu = if sliding { friction.mu_k } else { friction.mu_s };
-                let changed = Vector3::new(u.x + mu * u.yz().norm(), u.y, u.z);
-                (r - project_on_cone(r - changed, mu)).norm_squared()
-            }
-            Law::Bilateral => u.norm_squared(),
-        };
+        // An impulse outside the kinetic cone must stick.
+        let sliding = r.yz().norm() <= friction.mu_k * r.x * (1.0 + 1e-12);
+        let mu = if sliding { friction.mu_k } else { friction.mu_s };
+        let changed = Vector3::new(u.x + mu * u.yz().norm(), u.y, u.z);
+        self.error += (r - project_on_cone(r - changed, mu)).norm_squared();
         self.impulse += r.norm_squared();
         self.free += b.norm_squared();
     }

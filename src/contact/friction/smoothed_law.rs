@@ -21,11 +21,6 @@ pub(super) struct SmoothedLaw {
 }
 
 impl SmoothedLaw {
-    /// Of a bilateral constraint: its velocity `u` vanishes.
-    pub fn bilateral(u: &Vector3<f64>) -> Self {
-        SmoothedLaw { value: *u, by_r: Matrix3::zeros(), by_u: Matrix3::identity(), by_tau: Vector3::zeros() }
-    }
-
     /// Of a contact without friction, with impulse `r` and velocity `u`.
     pub fn frictionless(r: &Vector3<f64>, u: &Vector3<f64>, tau: f64) -> Self {
         let [part, slope, by_tau] = positive_part(r.x - u.x, tau);

@@ -1,6 +1,5 @@
 //! The smoothed laws of all contacts of a problem, and their linearisation.
 
-use super::law::Law;
 use super::problem::{FrictionProblem, at};
 use super::regularised::{BorderedSystem, RegularisedDelassus};
 use super::smoothed_law::SmoothedLaw;
@@ -18,7 +17,6 @@ const FRICTIONLESS: f64 = 1e-6;
 /// The law of a contact of the problem, with its coefficient chosen.
 #[derive(Clone, Copy)]
 enum Kind {
-    Bilateral,
     Frictionless,
     Coulomb(f64),
 }
@@ -52,14 +50,11 @@ impl SmoothedProblem {
         let traces: Vec<f64> = (0..problem.len()).map(|i| problem.block(i).trace()).collect();
         let least = RIGID * traces.iter().fold(0.0, |a: f64, b| a.max(*b));
         let contacts: Vec<usize> = (0..problem.len()).filter(|&i| traces[i] > least).collect();
-        let kind = |i: &usize| match problem.laws[*i] {
-            Law::Bilateral => Kind::Bilateral,
-            Law::Coulomb(friction) => {
-                let r = at(r, *i);
-                let sticks = r.yz().norm() > friction.mu_k * r.x * (1.0 + 1e-12);
-                let mu = if sticks { friction.mu_s } else { friction.mu_k };
-                if mu < FRICTIONLESS { Kind::Frictionless } else { Kind::Coulomb(mu) }
-            }
+        let kind = |i: &usize| {
+            let (friction, r) = (problem.friction[*i], at(r, *i));
+            let sticks = r.yz().norm() > friction.mu_k * r.x * (1.0 + 1e-12);
+            let mu = if sticks { friction.mu_s } else { friction.mu_k };
+            if mu < FRICTIONLESS { Kind::Frictionless } else { Kind::Coulomb(mu) }
         };
         // Omitted contacts keep their impulses.
         let mut omitted = r.to_vec();
@@ -110,7 +105,6 @@ impl SmoothedProblem {
         let law = |(k, kind): (usize, &Kind)| {
             let [r, u] = [x, &u].map(|v| Vector3::new(v[3 * k], v[3 * k + 1], v[3 * k + 2]));
             match kind {
-                Kind::Bilateral => SmoothedLaw::bilateral(&u),
                 Kind::Frictionless => SmoothedLaw::frictionless(&r, &u, tau),
                 Kind::Coulomb(mu) => SmoothedLaw::coulomb(&r, &u, *mu, tau),
             }

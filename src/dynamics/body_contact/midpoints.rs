@@ -81,8 +81,15 @@ mod tests {
         // As near as the neighbours, nearer than one of them only, or violated within the tolerance.
         assert_eq!(kept([0.0; 5], &[]), [0.0, 2.0, 4.0, 2.3]);
         assert_eq!(kept([2e-4, 1e-4, 0.0, -0.9e-5, 0.0], &[]), [0.0, 2.0, 4.0, 2.3]);
-        let load =
-            ContactLoad { segment: 1, u: 0.5, force: Vector3::y(), normal: Vector3::y(), sticks: false };
+        let load = ContactLoad {
+            segment: 1,
+            u: 0.5,
+            force: Vector3::y(),
+            normal: Vector3::y(),
+            sticks: false,
+            slides_along: None,
+            moment: None,
+        };
         assert_eq!(kept([0.0; 5], &[load]), [0.0, 2.0, 3.0, 4.0, 2.3]);
         assert_eq!(kept([2e-4, 1e-4, 2e-4, 0.0, 0.0], &[]), [0.0, 1.0, 2.0, 3.0, 4.0, 2.3]);
         // A midpoint that was kept stays for the step.

@@ -10,6 +10,7 @@ mod problem;
 mod reactions;
 mod scratch;
 mod stats;
+mod ties;
 mod tolerances;
 mod truncate;
 
@@ -156,7 +157,8 @@ impl BodyContact<'_> {
     ) -> bool {
         let reactions = &mut scratch.reactions;
         // Early reactions on the way from a free motion do not belong to the current shape.
-        let early = free && !scratch.detection.frozen;
+        let turned = self.ties.iter().any(|tie| tie.frame.is_some());
+        let early = free && !turned && !scratch.detection.frozen;
         let loads = if early { &[][..] } else { &reactions.contact_loads };
         if !solver.linearise_loaded(self.rod, self.load, loads, q, &mut reactions.load_buffers) {
             return false;
@@ -190,7 +192,7 @@ impl BodyContact<'_> {
         self.update_rows(solver, scratch);
         self.assemble(scratch);
         let problem = &mut scratch.problem;
-        let (stride, normals) = (3 * problem.laws.len(), 3 * scratch.detection.contacts.len());
+        let (stride, normals) = (3 * problem.friction.len(), 3 * scratch.detection.contacts.len());
         (0..normals).step_by(3).for_each(|i| problem.delassus[i * stride + i] += SPRING_COMPLIANCE);
         self.solve_reactions(SPRING_TOLERANCE, solver, scratch);
         scratch.reactions.contact_loads.clear();

@@ -1,13 +1,10 @@
-//! The linearised contact problem of one guide: rows, Delassus matrix, friction laws, compliance.
+//! The linearised contact problem of one guide: rows, Delassus matrix, friction, compliance.
 
 use super::scratch::{BodyContactScratch, ContactFrame};
-use super::tolerances::{
-    CONTACT_COMPLIANCE, MAX_COMPRESSION, MAX_TOLERATED_SHARE, RIGID_FORCE, TIE_COMPLIANCE,
-};
-use crate::contact::friction::Law;
+use super::tolerances::{CONTACT_COMPLIANCE, MAX_COMPRESSION, MAX_TOLERATED_SHARE, RIGID_FORCE};
 use crate::contact::{Bodies, BodyMotion, Contact, MovingPolyline};
 use crate::dynamics::contact_polyline::on_rod;
-use crate::dynamics::tie::Tie;
+use crate::dynamics::tie::ActiveTie;
 use crate::geometry::Friction;
 use crate::math::cholesky::{dot, solve_lower};
 use crate::math::frame::frame_towards;
@@ -35,8 +32,8 @@ pub(in crate::dynamics) struct BodyContact<'a> {
     pub x0: &'a [Vector3<f64>],
     /// Speed of the fastest point at the start of the step plus the speed gained by falling during it, m/s.
     pub fastest: f64,
-    /// Ties and their targets, world, m.
-    pub ties: &'a [(Tie, Vector3<f64>)],
+    /// Ties that hold at the end of the step.
+    pub ties: &'a [ActiveTie],
     /// Friction of the strand along itself, at root and tip, used where the body has none.
     pub friction: [Friction; 2],
     /// Ratio of the friction across the strand to the friction along it.
@@ -76,17 +73,18 @@ impl BodyContact<'_> {
         MovingPolyline { x0: self.x0, x1, clearance: self.clearance, by_part: self.by_part }
     }
 
-    /// Computes L⁻¹Jᵀ and the free displacements in the axes of each contact, then of each tie.
-    pub fn update_rows(&self, solver: &Solver, scratch: &mut BodyContactScratch) {
+    /// Adds what the ties do to the solver's direction, and computes L⁻¹Jᵀ, less what ties prevent, and the free
+    /// displacements in the axes of each contact.
+    pub fn update_rows(&self, solver: &mut Solver, scratch: &mut BodyContactScratch) {
+        scratch.ties.eliminate(self.ties, self.rod, &scratch.detection.x1, solver);
         let (detection, problem) = (&scratch.detection, &mut scratch.problem);
         let (n, contacts) = (self.rod.unknowns(), &detection.contacts);
         problem.rows.clear();
-        problem.rows.resize(3 * (contacts.len() + self.ties.len()) * n, 0.0);
+        problem.rows.resize(3 * contacts.len() * n, 0.0);
         problem.free_displacement.clear();
-        problem.laws.clear();
+        problem.friction.clear();
         problem.frames.clear();
-        let (contact_rows, tie_rows) = problem.rows.split_at_mut(3 * contacts.len() * n);
-        for (contact, rows) in contacts.iter().zip(contact_rows.chunks_exact_mut(3 * n)) {
+        for (contact, rows) in contacts.iter().zip(problem.rows.chunks_exact_mut(3 * n)) {
             let (k, u) = (contact.segment, contact.u);
             let at = |x: &[Vector3<f64>]| x[k] * (1.0 - u) + x[k + 1] * u;
             let slip = at(&detection.x1) - at(self.x0) - (contact.point[1] - contact.point[0]);
@@ -98,26 +96,16 @@ impl BodyContact<'_> {
                 let now = if j == 0 { contact.gap } else { slip.dot(d) };
                 problem.free_displacement.push(now + dot(row, &solver.direction));
             }
-            problem.laws.push(Law::Coulomb(self.friction_at(contact)));
+            problem.friction.push(self.friction_at(contact));
         }
-        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
-        for ((tie, target), rows) in self.ties.iter().zip(tie_rows.chunks_exact_mut(3 * n)) {
-            let gap = tie.place(&detection.x1) - target;
-            let (k, s) = on_rod(tie.segment, tie.u);
-            problem.frames.push(ContactFrame { segment: k, u: s, axes });
-            rows_at(solver, k, solver.shape.blend_points(self.rod, k, s), &axes, rows);
-            for (gap, row) in gap.iter().zip(rows.chunks_exact(n)) {
-                problem.free_displacement.push(gap + dot(row, &solver.direction));
-            }
-            problem.laws.push(Law::Bilateral);
-        }
+        scratch.ties.constrain(n, &mut problem.rows);
     }
 
     /// Computes the Delassus matrix with compliance at the reactions the solve starts from.
     pub(super) fn assemble_delassus(&self, scratch: &mut BodyContactScratch) {
         let (detection, problem) = (&scratch.detection, &mut scratch.problem);
         let line = self.line(&detection.x1);
-        let (n, c) = (self.rod.unknowns(), detection.contacts.len() + self.ties.len());
+        let (n, c) = (self.rod.unknowns(), detection.contacts.len());
         problem.delassus.clear();
         problem.delassus.resize(9 * c * c, 0.0);
         for a in 0..3 * c {
@@ -126,16 +114,13 @@ impl BodyContact<'_> {
                 problem.delassus[a * 3 * c + b] = w;
                 problem.delassus[b * 3 * c + a] = w;
             }
-            problem.delassus[a * 3 * c + a] += match detection.contacts.get(a / 3) {
-                Some(contact) if a % 3 == 0 => {
-                    let force = scratch.reactions.forces[a];
-                    let per_length = (1.0 - RIGID_FORCE / force.max(RIGID_FORCE)) * CONTACT_COMPLIANCE;
-                    let stiffening = 1.0 + per_length / MAX_COMPRESSION * force;
-                    per_length * self.compressible(&line, contact) / stiffening
-                }
-                Some(_) => 0.0,
-                None => TIE_COMPLIANCE,
-            };
+            if a % 3 == 0 {
+                let force = scratch.reactions.forces[a];
+                let per_length = (1.0 - RIGID_FORCE / force.max(RIGID_FORCE)) * CONTACT_COMPLIANCE;
+                let stiffening = 1.0 + per_length / MAX_COMPRESSION * force;
+                let compliance = per_length * self.compressible(&line, &detection.contacts[a / 3]);
+                problem.delassus[a * 3 * c + a] += compliance / stiffening;
+            }
         }
     }
 

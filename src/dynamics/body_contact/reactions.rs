@@ -1,21 +1,19 @@
-//! Reactions of contacts and ties: warm start, solve, and the motion they cause.
+//! Reactions of contacts: warm start, solve, and the motion that they and the ties cause.
 
 use super::problem::BodyContact;
 use super::scratch::{BodyContactScratch, ContactRows};
 use super::tolerances::{SAME_NORMAL, SLIDING_TOLERANCE};
 use crate::contact::{FrictionProblem, FrictionTolerance, friction};
-use crate::dynamics::tie::Tie;
 use crate::rod::RodShape;
 use crate::rod::contact_load::ContactLoad;
 use crate::rod::newton::Solver;
-use nalgebra::Vector3;
 
 fn friction_problem(problem: &ContactRows) -> FrictionProblem<'_> {
-    FrictionProblem { w: &problem.delassus, b: &problem.free_displacement, laws: &problem.laws }
+    FrictionProblem { w: &problem.delassus, b: &problem.free_displacement, friction: &problem.friction }
 }
 
 impl BodyContact<'_> {
-    /// Starts the reactions of the current contacts and ties from the last contact loads, then computes the
+    /// Starts the reactions of the current contacts from the last contact loads, then computes the
     /// Delassus matrix.
     pub(super) fn assemble(&self, scratch: &mut BodyContactScratch) {
         self.warm_start(scratch);
@@ -25,9 +23,8 @@ impl BodyContact<'_> {
     fn warm_start(&self, scratch: &mut BodyContactScratch) {
         let reactions = &mut scratch.reactions;
         reactions.forces.clear();
-        for (i, frame) in scratch.problem.frames.iter().enumerate() {
-            let contact = scratch.detection.contacts.get(i);
-            let normal = contact.map_or_else(Vector3::zeros, |c| c.normal);
+        for (frame, contact) in scratch.problem.frames.iter().zip(&scratch.detection.contacts) {
+            let normal = contact.normal;
             let same = |p: &&ContactLoad| {
                 p.segment == frame.segment && (p.normal == normal || p.normal.dot(&normal) > SAME_NORMAL)
             };
@@ -72,6 +69,7 @@ impl BodyContact<'_> {
                 }
             }
         }
+        scratch.balance_ties(self.ties, self.rod, solver, std::iter::empty());
         self.update_contact_loads(scratch);
     }
 
@@ -79,21 +77,21 @@ impl BodyContact<'_> {
         let (reactions, contacts) = (&mut scratch.reactions, &scratch.detection.contacts);
         reactions.contact_loads.clear();
         let forces = reactions.forces.chunks_exact(3);
-        for (i, (frame, r)) in scratch.problem.frames.iter().zip(forces).enumerate() {
-            let [n, t1, t2] = frame.axes;
-            let force = n * r[0] + t1 * r[1] + t2 * r[2];
-            let (normal, sticks) = match contacts.get(i) {
-                Some(contact) => {
-                    let most = self.friction_at(contact).mu_k * r[0];
-                    (contact.normal, (r[1].hypot(r[2]) / most - 1.0).abs() > SLIDING_TOLERANCE)
-                }
-                None => (Vector3::zeros(), true),
-            };
-            if i >= contacts.len() || r[0] > 0.0 {
-                let (segment, u) = (frame.segment, frame.u);
-                reactions.contact_loads.push(ContactLoad { segment, u, force, normal, sticks });
+        for ((frame, contact), r) in scratch.problem.frames.iter().zip(contacts).zip(forces) {
+            if r[0] > 0.0 {
+                let most = self.friction_at(contact).mu_k * r[0];
+                reactions.contact_loads.push(ContactLoad {
+                    segment: frame.segment,
+                    u: frame.u,
+                    force: frame.world(r),
+                    normal: contact.normal,
+                    sticks: (r[1].hypot(r[2]) / most - 1.0).abs() > SLIDING_TOLERANCE,
+                    slides_along: None,
+                    moment: None,
+                });
             }
         }
+        reactions.contact_loads.extend_from_slice(&scratch.ties.loads);
     }
 
     /// Moves `q` under the last reactions, held constant, as far as the potential decreases and no point
@@ -110,7 +108,7 @@ impl BodyContact<'_> {
             for (k, s, force) in scratch.world_forces() {
                 sum += force.dot(&shape.curve_point(self.rod, k, s));
             }
-            sum
+            sum + scratch.ties.work_of_moments(shape)
         };
         solver.advance_loaded(self.rod, &self.root.r, self.load, q, external_work, most)
     }
@@ -119,10 +117,9 @@ impl BodyContact<'_> {
     pub fn record(&self, scratch: &mut BodyContactScratch) {
         let detection = &scratch.detection;
         let forces = &scratch.reactions.forces;
-        let contacts = (forces.len() / 3).saturating_sub(self.ties.len());
-        let slack = |(tie, target): &(Tie, Vector3<f64>)| (tie.place(&detection.x1) - target).norm();
-        let slack = self.ties.iter().map(slack).fold(0.0, f64::max);
+        let slacks = self.ties.iter().map(|tie| tie.slack(&detection.x1));
+        let slack = slacks.fold(0.0, f64::max);
         let line = self.line(&detection.x1);
-        scratch.stats.measure(&line, &detection.found, &forces[..3 * contacts], slack);
+        scratch.stats.measure(&line, &detection.found, forces, slack);
     }
 }

@@ -3,9 +3,14 @@
 use super::impacts::Impacts;
 use super::midpoints::Midpoints;
 use super::stats::ContactStats;
+use super::ties::TieSystem;
 use crate::contact::Contact;
-use crate::contact::friction::{FrictionScratch, Law, SystemBudget};
+use crate::contact::friction::{FrictionScratch, SystemBudget};
+use crate::dynamics::tie::ActiveTie;
+use crate::geometry::Friction;
+use crate::rod::Rod;
 use crate::rod::contact_load::{ContactLoad, ContactLoadBuffers};
+use crate::rod::newton::Solver;
 use nalgebra::Vector3;
 
 /// Buffers of [`BodyContact`](super::BodyContact), kept between steps.
@@ -14,6 +19,7 @@ pub(in crate::dynamics) struct BodyContactScratch {
     pub(in crate::dynamics) detection: Detection,
     pub(in crate::dynamics) problem: ContactRows,
     pub(in crate::dynamics) reactions: Reactions,
+    pub(in crate::dynamics) ties: TieSystem,
     /// Unknowns at the end of a motion before it is truncated, 1/m.
     pub(super) full_q: Vec<f64>,
     pub(in crate::dynamics) stats: ContactStats,
@@ -45,20 +51,20 @@ pub(in crate::dynamics) struct Detection {
     pub(in crate::dynamics) frozen: bool,
 }
 
-/// The linearised contact problem: contacts first, then ties.
+/// The linearised contact problem.
 #[derive(Debug, Default)]
 pub(in crate::dynamics) struct ContactRows {
-    /// L⁻¹Jᵀ, one row for each contact or tie and direction.
+    /// L⁻¹Jᵀ less what ties prevent, one row for each contact and direction.
     pub(in crate::dynamics) rows: Vec<f64>,
     /// Delassus matrix with compliance, row-major, m/N.
     pub(super) delassus: Vec<f64>,
     /// Relative displacement without reactions, three components each, m.
     pub(in crate::dynamics) free_displacement: Vec<f64>,
-    pub(in crate::dynamics) laws: Vec<Law>,
+    pub(in crate::dynamics) friction: Vec<Friction>,
     pub(super) frames: Vec<ContactFrame>,
 }
 
-/// Position and axes of a contact or tie.
+/// Position and axes of a contact.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ContactFrame {
     /// Segment of the rod.
@@ -68,7 +74,15 @@ pub(super) struct ContactFrame {
     pub axes: [Vector3<f64>; 3],
 }
 
-/// Reactions of the contacts, then of the ties.
+impl ContactFrame {
+    /// The force with the components `r` in these axes, N, world.
+    pub fn world(&self, r: &[f64]) -> Vector3<f64> {
+        let [n, t1, t2] = self.axes;
+        n * r[0] + t1 * r[1] + t2 * r[2]
+    }
+}
+
+/// Reactions of the contacts.
 #[derive(Debug, Default)]
 pub(in crate::dynamics) struct Reactions {
     /// Components in the axes of each contact, N.
@@ -85,6 +99,20 @@ impl BodyContactScratch {
         &mut self.reactions.friction.budget
     }
 
+    /// Sets the constraint forces of `ties` under the last reactions of bodies and the forces `others`:
+    /// segment, fraction of it, force, N, world. The solver is that of the linearisation.
+    pub(in crate::dynamics) fn balance_ties(
+        &mut self,
+        ties: &[ActiveTie],
+        rod: &Rod,
+        solver: &Solver,
+        others: impl Iterator<Item = (usize, f64, Vector3<f64>)>,
+    ) {
+        let bodies = self.problem.frames.iter().zip(self.reactions.forces.chunks_exact(3));
+        let bodies = bodies.map(|(frame, r)| (frame.segment, frame.u, frame.world(r)));
+        self.ties.balance(ties, rod, solver, bodies.chain(others));
+    }
+
     /// Clears the previous step, possibly of another guide.
     pub(in crate::dynamics) fn clear(&mut self) {
         self.detection.contacts.clear();
@@ -93,17 +121,16 @@ impl BodyContactScratch {
         self.detection.frozen = false;
         self.reactions.forces.clear();
         self.reactions.contact_loads.clear();
+        self.ties.clear();
         self.stats = ContactStats::default();
     }
 
-    /// Segment, position on it, and force (world, N) of each contact and tie.
+    /// Segment, position on it, and force (world, N) of each contact, then of each tie.
     pub(in crate::dynamics) fn world_forces(
         &self,
     ) -> impl Iterator<Item = (usize, f64, Vector3<f64>)> + Clone {
-        let forces = self.reactions.forces.chunks_exact(3);
-        self.problem.frames.iter().zip(forces).map(|(frame, r)| {
-            let [n, t1, t2] = frame.axes;
-            (frame.segment, frame.u, n * r[0] + t1 * r[1] + t2 * r[2])
-        })
+        let contacts = self.problem.frames.iter().zip(self.reactions.forces.chunks_exact(3));
+        let contacts = contacts.map(|(frame, r)| (frame.segment, frame.u, frame.world(r)));
+        contacts.chain(self.ties.world_forces())
     }
 }

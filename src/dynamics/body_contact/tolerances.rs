@@ -49,10 +49,6 @@ pub(super) const SAME_NORMAL: f64 = 0.9;
 /// Depth in a surface that counts as on it, m: a fortieth of a hair's radius.
 pub(super) const SURFACE_TOLERANCE: f64 = 1e-6;
 
-/// Compliance of a tie, m/N: the weight of a hair moves it by less than 1e-5 m, and the force of a tie that
-/// cannot reach its target stays bounded.
-pub(super) const TIE_COMPLIANCE: f64 = 0.1;
-
 /// Initial compliance of a contact beyond [`RIGID_FORCE`], as a share of its clearance per newton, as of skin
 /// under a fibre: it bounds the forces on a strand wedged where there is no room for it.
 pub(super) const CONTACT_COMPLIANCE: f64 = 5.0;

@@ -83,9 +83,13 @@ impl GuideModel {
         state.contact_polyline(self, &mut inputs.polyline);
         inputs.falling_speed = (env.gravity)(t1).norm() * (t1 - t0);
         inputs.ties.clear();
+        if self.ties.iter().any(|tie| tie.frame.is_some()) {
+            inputs.shape.update(&self.rod, &self.root(env, t0).r, &state.q[0]);
+        }
+        let root = self.root(env, t1);
         inputs.ties.extend(self.ties.iter().filter_map(|tie| {
             let poses = [(env.carrier)(tie.body, t0), (env.carrier)(tie.body, t1)];
-            Some((tie.clone(), tie.target(t1, t1 - t0, &tie.place(&inputs.polyline), poses)?))
+            tie.active([t1, t1 - t0], &inputs.polyline, &inputs.shape, &root.p, poses)
         }));
         inputs.motions.clear();
         inputs.motions.extend((0..env.bodies.len()).map(|b| BodyMotion {
@@ -100,7 +104,7 @@ impl GuideModel {
             bodies: &env.bodies,
             motions: &inputs.motions,
             x0: &inputs.polyline,
-            root: &self.root(env, t1),
+            root: &root,
             at_rest: &state.clearance,
         };
         (inputs.pinched, inputs.by_part) = (false, false);

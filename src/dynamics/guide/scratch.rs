@@ -3,10 +3,11 @@
 use super::goal_scratch::GoalScratch;
 use crate::contact::BodyMotion;
 use crate::dynamics::body_contact::BodyContactScratch;
-use crate::dynamics::tie::Tie;
+use crate::dynamics::tie::ActiveTie;
 use crate::math::se3::Pose;
 use crate::rod::newton::{NewtonOutcome, Solver};
 use crate::rod::potential::Load;
+use crate::rod::{Rod, RodShape};
 use nalgebra::Vector3;
 
 /// Buffers of the steps of one thread. They carry nothing from one step to the next.
@@ -30,6 +31,18 @@ pub struct GuideScratch {
     pub(in crate::dynamics) contact: BodyContactScratch,
 }
 
+impl GuideScratch {
+    /// Sets what the ties exert under the last reactions of bodies and the forces `others`: segment, fraction of
+    /// it, force, N, world. The solver is that of the last linearisation.
+    pub(in crate::dynamics) fn balance_ties(
+        &mut self,
+        rod: &Rod,
+        others: impl Iterator<Item = (usize, f64, Vector3<f64>)>,
+    ) {
+        self.contact.balance_ties(&self.inputs.ties, rod, &self.solver, others);
+    }
+}
+
 /// What a guide meets in one step.
 #[derive(Debug, Default)]
 pub(super) struct ContactInputs {
@@ -51,8 +64,10 @@ pub(super) struct ContactInputs {
     pub pushed_out: bool,
     /// Speed gained from gravity and force fields in the step, m/s.
     pub falling_speed: f64,
-    /// Active ties with their targets, m, world.
-    pub ties: Vec<(Tie, Vector3<f64>)>,
+    /// Ties that hold at the end of the step.
+    pub ties: Vec<ActiveTie>,
+    /// The rod at the start of the step, where ties hold its frame.
+    pub shape: RodShape,
 }
 
 /// The solved motion of a step without contact.

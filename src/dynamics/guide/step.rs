@@ -8,7 +8,7 @@ use crate::dynamics::air_drag;
 use crate::dynamics::environment::Environment;
 use crate::dynamics::integrator::DifferenceFormula;
 use crate::dynamics::load::GuideLoad;
-use crate::dynamics::reaction::GuideReaction;
+use crate::dynamics::reaction::{GuideReaction, TieReaction};
 use crate::dynamics::step_record::StepRecord;
 use crate::math::se3::Pose;
 use crate::rod::potential::PointLoad;
@@ -94,6 +94,12 @@ impl GuideModel {
                 }
             };
             record.iterations += outcome.iterations;
+            let turned = self.ties.iter().any(|tie| tie.frame.is_some() && tie.holds_at(t1));
+            if turned {
+                // The motion without ties unwinds what they have wound up.
+                scratch.q.clone_from(&state.q[0]);
+                outcome.converged = scratch.solver.shape.update(&self.rod, &root.r, &scratch.q);
+            }
             if mode == ContactMode::Springs {
                 clear = outcome.converged;
                 scratch.contact.clear();
@@ -107,6 +113,9 @@ impl GuideModel {
                 break;
             }
             scratch.contact.clear();
+            if turned {
+                scratch.contact.reactions.contact_loads.clone_from(&state.contact_loads);
+            }
             clear =
                 outcome.converged && self.resolve_contact(env, state, &root, [t0, t1], (true, last), scratch);
             // A contact stops a motion within one step; a formula that looks further back would throw it
@@ -204,30 +213,30 @@ impl GuideModel {
 
     /// Records, if asked to, what the clamp and the ties exert at the end `t`, s, of the prepared step, whose
     /// shape the solver holds: what balances all loads, inertia included (`docs/theory.md` eq. 4.7). `forces`
-    /// are those of bodies and ties in the order of the contact problem, then those of other guides: segment,
-    /// fraction of it, force, N, world.
+    /// are those of bodies, ties and other guides: segment, fraction of it, force, N, world.
     pub(in crate::dynamics) fn record_reaction(
         &self,
         state: &mut GuideState,
         t: f64,
-        forces: impl Iterator<Item = (usize, f64, Vector3<f64>)> + Clone,
+        forces: impl Iterator<Item = (usize, f64, Vector3<f64>)>,
         scratch: &GuideScratch,
     ) {
         if !self.records_reaction {
             return;
         }
-        let GuideScratch { solver, load, contact, inputs, .. } = scratch;
+        let GuideScratch { solver, load, contact, .. } = scratch;
         let [force, moment] = load.resultant(&solver.shape);
         let mut reaction =
             GuideReaction { force: -force, moment: -moment, ..GuideReaction::none(self.ties.len()) };
-        for (k, s, force) in forces.clone() {
+        for (k, s, force) in forces {
             reaction.force -= force;
             reaction.moment -= solver.shape.curve_point(&self.rod, k, s).cross(&force);
         }
-        let contacts = (contact.reactions.forces.len() / 3).saturating_sub(inputs.ties.len());
+        let held = contact.ties.world_forces().zip(contact.ties.world_moments(&solver.shape));
         let holding = (0..self.ties.len()).filter(|&tie| self.ties[tie].holds_at(t));
-        for (tie, (_, _, force)) in holding.zip(forces.skip(contacts)) {
-            reaction.ties[tie] = force;
+        for (tie, ((_, _, force), moment)) in holding.zip(held) {
+            reaction.moment -= moment;
+            reaction.ties[tie] = TieReaction { force, moment };
         }
         state.transient.reaction = Some(reaction);
     }

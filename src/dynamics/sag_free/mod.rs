@@ -43,13 +43,14 @@ pub struct SagFreeReport {
     pub sagging: u32,
 }
 
-/// Makes the groom's pose an equilibrium, by the share that each guide's material sets. `roots` are the
+/// Makes the groom's pose an equilibrium, by the share that each clamped guide's material sets. `roots` are the
 /// places of skins that carry the groom's guides; empty if the head does.
 pub fn apply(rods: &mut [GuideRod], roots: &[RootBinding], anim: &Anim) -> SagFreeReport {
     let surroundings = Surroundings::new(anim);
     let each = rods.par_iter_mut().filter_map(|r| {
         let (share, mu) = (r.material.sag_free, r.material.friction.mu_s);
-        (share > 0.0).then(|| {
+        // No pose of a pinned guide but hanging is at rest.
+        (share > 0.0 && !r.rod.is_pinned()).then(|| {
             let supports = surroundings.supports(&r.rod, roots.get(r.guide), mu);
             apply_to_rod(&mut r.rod, share, &anim.gravity, &supports)
         })

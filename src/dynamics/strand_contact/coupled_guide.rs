@@ -1,5 +1,6 @@
 //! A guide in the coupled solve.
 
+use super::contact_pair::ContactPair;
 use super::contact_pairs::ContactPairs;
 use crate::dynamics::body_contact::{MAX_MOVE, rows_at};
 use crate::dynamics::environment::Environment;
@@ -166,6 +167,7 @@ impl CoupledGuide {
         let (contact, ContactSolve { solver, scratch, .. }) =
             model.body_contact(env, state, &self.root, &mut self.scratch);
         contact.update_rows(solver, scratch);
+        scratch.ties.constrain(n, &mut self.rows);
     }
 
     /// Moves by the solver's direction, L⁻¹ times all forces, and finds the contacts with bodies there.
@@ -181,11 +183,12 @@ impl CoupledGuide {
             self.needs_round = false;
             return;
         }
-        self.collect_forces(pairs, to_world);
-        let GuideScratch { solver, load, q, .. } = &mut self.scratch;
+        self.collect_forces(model, pairs, to_world);
+        let GuideScratch { solver, load, q, contact, .. } = &mut self.scratch;
         let forces = &self.forces;
         let work = |shape: &RodShape| {
-            forces.iter().map(|(k, s, f)| f.dot(&shape.curve_point(&model.rod, *k, *s))).sum::<f64>()
+            let of_forces = forces.iter().map(|(k, s, f)| f.dot(&shape.curve_point(&model.rod, *k, *s)));
+            of_forces.sum::<f64>() + contact.ties.work_of_moments(shape)
         };
         self.displacement = solver.advance_loaded(&model.rod, &self.root.r, load, q, work, MAX_MOVE);
         self.update_curve(model);
@@ -200,16 +203,20 @@ impl CoupledGuide {
         self.needs_round |= violated && self.displacement > STALLED_DISPLACEMENT;
     }
 
-    fn collect_forces(&mut self, pairs: &ContactPairs, to_world: &UnitQuaternion<f64>) {
+    fn collect_forces(&mut self, model: &GuideModel, pairs: &ContactPairs, to_world: &UnitQuaternion<f64>) {
         self.forces.clear();
+        let on_rod = |of: fn(&ContactPair) -> Vector3<f64>| {
+            self.sides.iter().map(move |&(i, side)| {
+                let pair = &pairs.contacts[i];
+                let share = pairs.hair_share(&pair.contact, side);
+                let (k, s) = pairs.position_on_rod(&pair.contact, side);
+                (k, s, to_world * of(pair) * if side == 0 { share } else { -share })
+            })
+        };
+        // Cohesion is among the forces that the ties bear without contacts.
+        self.scratch.balance_ties(&model.rod, on_rod(|pair| pair.reaction));
         self.forces.extend(self.scratch.contact.world_forces());
-        for &(i, side) in &self.sides {
-            let pair = &pairs.contacts[i];
-            let share = pairs.hair_share(&pair.contact, side);
-            let force = to_world * pair.force() * if side == 0 { share } else { -share };
-            let (k, s) = pairs.position_on_rod(&pair.contact, side);
-            self.forces.push((k, s, force));
-        }
+        self.forces.extend(on_rod(ContactPair::force));
     }
 
     /// Updates the curve from the solver's shape.

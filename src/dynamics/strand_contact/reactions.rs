@@ -5,7 +5,7 @@ use super::coupled_guide::{CoupledGuide, RESIDUAL_TOLERANCE};
 use super::island::Island;
 use crate::contact::FrictionTolerance;
 use crate::contact::friction::{
-    CoupledFrictionProblem, FrictionOutcome, FrictionScratch, Law, StrandRows, solve_coupled,
+    CoupledFrictionProblem, FrictionOutcome, FrictionScratch, StrandRows, solve_coupled,
 };
 use crate::dynamics::guide::GuideModel;
 use crate::geometry::Friction;
@@ -37,7 +37,7 @@ struct System {
     strands: Vec<[Option<StrandRows>; 2]>,
     rows: Vec<f64>,
     b: Vec<f64>,
-    laws: Vec<Law>,
+    friction: Vec<Friction>,
     forces: Vec<f64>,
     unknowns: usize,
 }
@@ -56,9 +56,9 @@ impl Reactions {
         for (&i, strands) in island.contacts.iter().zip(strands) {
             system.add_contact(i, strands, models, guides, pairs, to_world);
         }
-        let System { strands, rows, b, laws, mut forces, unknowns } = system;
+        let System { strands, rows, b, friction, mut forces, unknowns } = system;
         let mut pushes = vec![0.0; unknowns];
-        let problem = CoupledFrictionProblem { strands: &strands, rows: &rows, b: &b, laws: &laws };
+        let problem = CoupledFrictionProblem { strands: &strands, rows: &rows, b: &b, friction: &friction };
         let first = island.guides.iter().all(|&g| guides[g].rounds == 0);
         let tolerance = TOLERANCES[usize::from(!first)];
         let outcome =
@@ -68,7 +68,7 @@ impl Reactions {
             let hairs = pairs.bundles[g].hairs;
             let (push, next_pushes) = pushes_left.split_at_mut(models[g].rod.unknowns());
             push.iter_mut().for_each(|w| *w /= hairs.sqrt());
-            let body_forces = 3 * guides[g].scratch.contact.problem.laws.len();
+            let body_forces = 3 * guides[g].scratch.contact.problem.friction.len();
             let (of_bodies, next_forces) = forces_left.split_at_mut(body_forces);
             of_bodies.iter_mut().for_each(|r| *r /= hairs);
             (pushes_left, forces_left) = (next_pushes, next_forces);
@@ -94,7 +94,7 @@ impl System {
             let hairs = pairs.bundles[g].hairs;
             let first_unknown = self.unknowns;
             let rows_of = |j: usize| StrandRows { first_unknown, unknowns: n, offset: at + 3 * n * j };
-            let bodies = body_contact.problem.laws.len();
+            let bodies = body_contact.problem.friction.len();
             for (j, &(i, side)) in guide.sides.iter().enumerate() {
                 if let Ok(contact) = island.contacts.binary_search(&i) {
                     contact_strands[contact][side] = Some(rows_of(bodies + j));
@@ -102,7 +102,7 @@ impl System {
             }
             self.strands.extend((0..bodies).map(|j| [Some(rows_of(j)), None]));
             self.b.extend_from_slice(&body_contact.problem.free_displacement);
-            self.laws.extend_from_slice(&body_contact.problem.laws);
+            self.friction.extend_from_slice(&body_contact.problem.friction);
             self.forces.extend(body_contact.reactions.forces.iter().map(|r| r * hairs));
             self.forces.resize(3 * self.strands.len(), 0.0);
             self.rows
@@ -140,7 +140,7 @@ impl System {
             let (model, (k, u)) = (&models[its_guides[side]], pairs.position_on_rod(&pair.contact, side));
             Friction::lerp(model.friction, model.rod.arc_fraction(k, u))
         };
-        self.laws.push(Law::Coulomb(Friction::lerp([friction(0), friction(1)], 0.5)));
+        self.friction.push(Friction::lerp([friction(0), friction(1)], 0.5));
         let force = to_world * pair.reaction;
         let [n, along, across] = axes.map(|d| force.dot(&d) / d.norm_squared());
         self.forces.extend([n.max(0.0), along, across]);

@@ -189,7 +189,7 @@ impl StrandContacts {
                 let (push, next_pushes) = pushes.split_at(direction.len());
                 direction.iter_mut().zip(push).for_each(|(d, w)| *d += w);
                 let body_contact = &mut guide.scratch.contact;
-                let (body_forces, next_forces) = forces.split_at(3 * body_contact.problem.laws.len());
+                let (body_forces, next_forces) = forces.split_at(3 * body_contact.problem.friction.len());
                 body_contact.reactions.forces.clear();
                 body_contact.reactions.forces.extend_from_slice(body_forces);
                 guide.residual = outcome.residual;

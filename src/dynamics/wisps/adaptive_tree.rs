@@ -138,7 +138,7 @@ impl AdaptiveTree {
         let packs_of = |level: u32| {
             let guides: Vec<usize> =
                 (0..models.len()).filter(|i| self.motion.may_follow_at(level, *i)).collect();
-            let alike = guides.chunk_by(|a, b| models[*a].rod.unknowns() == models[*b].rod.unknowns());
+            let alike = guides.chunk_by(|a, b| models[*a].rod.is_like(&models[*b].rod));
             let packs = alike.flat_map(|alike| alike.chunks(Pack::width()));
             packs.map(|guides| FollowerPack::new(guides, models)).collect()
         };

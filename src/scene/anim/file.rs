@@ -1,6 +1,7 @@
 //! The structure of `anim.json`. These structs are the only description of the format: its JSON Schema is
 //! derived from them, and their doc comments are the descriptions in the schema.
 
+use super::ends_file::{BallFile, RootsFile, TieFile};
 use super::settings_file::SettingsFile;
 use crate::error::Result;
 use crate::scene::convention::UpAxis;
@@ -50,6 +51,9 @@ pub struct AnimFile {
     /// the shapes of the meshes for which the groom was drawn. Default: the head carries all roots.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub skins: Vec<String>,
+    /// How the roots of some guides are held. Default: clamped.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub roots: Vec<RootsFile>,
     /// Ties that hold hair to bodies: hair ties, clips, ends of braids.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ties: Vec<TieFile>,
@@ -211,49 +215,6 @@ pub struct ColliderFile {
     pub thickness_m: f64,
 }
 
-/// Holds one point of each of some guides to a body: a hair tie, a clip, the end of a braid. Hair drawn
-/// elsewhere moves there at 0.5 m/s at most; the pre-roll must be long enough for that. Selects the guides
-/// that match all of `ids`, `group` and `within` that are given; all guides if none is.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[schemars(deny_unknown_fields)]
-pub struct TieFile {
-    /// Unique name.
-    pub name: String,
-    /// Name of the body that holds the hair. Default: the head.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub body: Option<String>,
-    /// Selects guides by their ids.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub ids: Option<Vec<i32>>,
-    /// Selects the guides of a group, by its name.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub group: Option<String>,
-    /// Selects the guides that enter a ball in the groom's pose.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub within: Option<BallFile>,
-    /// Where the held points are gathered in a bundle of `radius`, scene units, rest space of the body.
-    /// Default: each point stays where it was drawn.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub at: Option<[f64; 3]>,
-    /// Radius of the bundle, scene units. Higher is a looser tie. Default 0: all in one point.
-    #[serde(default)]
-    #[schemars(range(min = 0.0))]
-    pub radius: f64,
-    /// The point of each guide that is held: its arc length from the root, m. Shorter guides are not held.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 0.0))]
-    pub arc_m: Option<f64>,
-    /// The same arc length, as a multiple of the distance from the root to `at`. Higher leaves more slack:
-    /// 1.3 lets hair pass around the head. Default, without `arc_m`: the point drawn nearest to `at`, but at
-    /// least 1.1 times the distance, or the point drawn nearest to the centre of `within`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 1.0, max = 10.0))]
-    pub arc_by_distance: Option<f64>,
-    /// First and last frame at which the tie holds; may be fractional. Default: always.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub frames: Option<[f64; 2]>,
-}
-
 /// A force and a moment on each of some guides, at a place or spread over a part of the length. Selects the
 /// guides that match all of `ids`, `group` and `within` that are given; all guides if none is. They act on a
 /// guide as a single hair. A guide with a load moves by itself and follows no wisp.
@@ -308,17 +269,6 @@ pub enum LoadAxes {
     World,
     /// The two axes of the section and the tangent, at the place of the load: it turns with the hair.
     Material,
-}
-
-/// A ball in the rest space of the groom, scene units.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[schemars(deny_unknown_fields)]
-pub struct BallFile {
-    /// Centre.
-    pub centre: [f64; 3],
-    /// Radius.
-    #[schemars(range(min = 1e-6))]
-    pub radius: f64,
 }
 
 /// Animated curves that guides are pulled to: those of an animator, or the guides of an earlier bake. A guide
@@ -528,6 +478,7 @@ impl AnimFile {
             bodies: Vec::new(),
             colliders: Vec::new(),
             skins: Vec::new(),
+            roots: Vec::new(),
             ties: Vec::new(),
             loads: Vec::new(),
             goals: Vec::new(),

@@ -1,5 +1,6 @@
 //! The animation: bodies on tracks, colliders, ties, wind, forces, settings. SI units, Y up, world space.
 
+use super::ends_file::RootHold;
 use super::file::LoadAxes;
 use super::goal::Goal;
 use super::settings::{Resolution, Settings};
@@ -9,7 +10,7 @@ use crate::scene::origin::Origin;
 use crate::scene::over_target::OverSource;
 use crate::scene::root_binding::RootBinding;
 use crate::scene::track::Track;
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Vector3};
 use std::sync::Arc;
 
 /// Gravity of the Earth, m/s²: along −Y if an animation gives none.
@@ -36,6 +37,8 @@ pub struct Anim {
     pub skins: Vec<usize>,
     /// The motion that stands for that of the head where skins carry the roots of a head without a track.
     pub reference: Option<Track>,
+    /// How the roots of some guides are held; the others are clamped.
+    pub roots: Vec<Roots>,
     /// Ties that hold guides to bodies: hair ties, clips, ends of braids.
     pub ties: Vec<Tie>,
     /// Forces and moments on guides.
@@ -58,10 +61,21 @@ impl Anim {
     /// Which guides are simulated; never [`Resolution::Auto`].
     pub fn resolution(&self) -> Resolution {
         match self.settings.resolution {
-            // Strands that follow a wisp do not bend at their tips.
-            Resolution::Auto if self.loads.iter().any(Load::has_moment) => Resolution::Full,
+            // Strands that follow a wisp do not bend at their tips, and their roots are clamped.
+            Resolution::Auto if self.has_moments() || self.pins_roots() => Resolution::Full,
             _ => self.settings.resolution(),
         }
+    }
+
+    /// True if some roots are pinned.
+    pub fn pins_roots(&self) -> bool {
+        self.roots.iter().any(|roots| roots.hold == RootHold::Pinned)
+    }
+
+    /// True if loads or ties exert moments.
+    pub fn has_moments(&self) -> bool {
+        self.loads.iter().any(Load::has_moment)
+            || self.ties.iter().any(|tie| tie.orientation != TieOrientation::Free)
     }
 }
 
@@ -93,6 +107,17 @@ pub struct Collider {
     pub thickness: f64,
 }
 
+/// How the roots of some guides are held. Of several for a guide the last one counts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Roots {
+    /// Unique name.
+    pub name: String,
+    /// The guides.
+    pub guides: GuideSelection,
+    /// How they are held.
+    pub hold: RootHold,
+}
+
 /// Holds one point of each of some guides to a body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tie {
@@ -107,8 +132,24 @@ pub struct Tie {
     /// Bundle in which the held points are gathered: centre and radius, m, rest space of the body; `None`
     /// keeps each where it was drawn.
     pub bundle: Option<(Vector3<f64>, f64)>,
+    /// The material frame that it holds.
+    pub orientation: TieOrientation,
+    /// Whether strands slide along their axes through it.
+    pub slides: bool,
     /// First and last time at which it holds, s.
     pub times: [f64; 2],
+}
+
+/// The material frame that a tie holds: columns d1, d2, d3.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum TieOrientation {
+    /// None: the place turns freely.
+    #[default]
+    Free,
+    /// That of the groom's pose, carried by the body.
+    Drawn,
+    /// This one in the rest space of the body.
+    Frame(Matrix3<f64>),
 }
 
 /// Some guides: those that match all that is given.
@@ -167,6 +208,8 @@ pub enum TiePoint {
     Nearest,
     /// The point at an arc length from the root, m.
     Arc(f64),
+    /// The point at a share of the length.
+    Share(f64),
     /// The point whose arc length is this multiple of the distance from the root to the centre of the bundle.
     Distance(f64),
 }

@@ -123,7 +123,7 @@ def test_a_bake_tells_what_holds_its_strands(tmp_path: Path) -> None:
         Strand(rod, straight(rod, (1, 0, 0)), HORIZONTAL),
         Strand(rod, arc, HORIZONTAL),
     ]
-    tie = {"name": "tip", "body": "floor", "ids": [2], "arc_m": 0.1 - 1e-9}
+    tie = {"name": "tip", "body": "floor", "ids": [2], "arc_share": 1}
     settings = {"reactions": True, "scheme": "backward-euler"}
     scene = Scene(strands, frames=3, preroll=60.0, substeps=1, fps=1.0, ties=[tie], settings=settings)
     cache = hairbake.open(bake_scene(scene, tmp_path))
@@ -146,6 +146,33 @@ def test_a_bake_tells_what_holds_its_strands(tmp_path: Path) -> None:
     # A straight strand bears its weight at its middle if it does not sag; sagging by Γ/8 shortens the arm.
     assert 0.9 < moments[-1, 1, 2] / (weight * rod.length / 2) < 1.0
     assert np.linalg.norm(ties[-1, 0]) > 0.1 * weight
+
+
+@needs_hairbake
+def test_ends_are_pinned_or_clamped_twice(tmp_path: Path) -> None:
+    rod = Rod(length=0.1, damping=0.02).with_weight(0.01)
+    sideways = Strand(rod, straight(rod, (1, 0, 0)), HORIZONTAL)
+    ends = [
+        {"name": "clamp", "ids": [0], "orientation": "drawn"},
+        {"name": "prop", "ids": [1], "orientation": "free"},
+    ]
+    scene = Scene(
+        [sideways, sideways],
+        frames=3,
+        preroll=60.0,
+        substeps=1,
+        fps=1.0,
+        nodes=24,
+        roots=[{"name": "pin", "ids": [1], "hold": "pinned"}],
+        ties=[{**end, "body": "floor", "arc_share": 1, "slides": True} for end in ends],
+        settings={"reactions": True, "scheme": "backward-euler"},
+    )
+    motion = Motion.read(hairbake.open(bake_scene(scene, tmp_path)))
+    assert motion.clamp_moments is not None and motion.tie_moments is not None
+    unit = rod.line_density * rod.length * GRAVITY * rod.length
+    roots, tips = motion.clamp_moments[-1, :, 2] / unit, motion.tie_moments[-1, :, 2] / unit
+    assert np.allclose(roots, [1 / 12, 0], atol=1e-6)
+    assert np.allclose(tips, [-1 / 12, 0], atol=1e-6)
 
 
 @needs_hairbake

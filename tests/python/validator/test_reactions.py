@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, Vt
 
-from hairbake_validate.cache import CLAMPS, GUIDES, TIE_FORCE, TIES
+from hairbake_validate.cache import CLAMPS, GUIDES, HELD, TIES
 from hairbake_validate.run import validate
 from validator.defects import MIDDLE, Defect, failed
 from validator.good_cache import CacheBuilder
 
-FORCE, TIE = f"{GUIDES}.{CLAMPS[0]}", f"{GUIDES}.{TIE_FORCE}"
+FORCE, TIE = f"{GUIDES}.{CLAMPS[0]}", f"{GUIDES}.{HELD[0]}"
 TIE_COUNT = 2
 
 
@@ -25,13 +25,15 @@ def add_reactions(cache: CacheBuilder) -> None:
         api = primvars(stage)
         for name in CLAMPS:
             api.CreatePrimvar(name.removeprefix("primvars:"), types.Vector3fArray, "uniform")
-        api.CreatePrimvar(TIE_FORCE.removeprefix("primvars:"), types.Vector3fArray, "constant")
+        for name in HELD:
+            api.CreatePrimvar(name.removeprefix("primvars:"), types.Vector3fArray, "constant")
         known = api.GetPrimvar("groom_id").Get()[0]
         for name, value in zip(TIES, ([known] * TIE_COUNT, range(TIE_COUNT)), strict=True):
             api.CreatePrimvar(name.removeprefix("primvars:"), types.IntArray, "constant").Set(list(value))
 
     cache.edit_topology(declare)
-    for name, count in [(name, cache.counts[GUIDES]) for name in CLAMPS] + [(TIE_FORCE, TIE_COUNT)]:
+    counts = dict.fromkeys(CLAMPS, cache.counts[GUIDES]) | dict.fromkeys(HELD, TIE_COUNT)
+    for name, count in counts.items():
         values = Vt.Vec3fArray.FromNumpy(np.full((count, 3), 1e-5, np.float32))
         cache.add_attribute(f"{GUIDES}.{name}", types.Vector3fArray, lambda *_, values=values: values)
 

@@ -2,6 +2,7 @@
 
 mod allocations;
 mod dynamics;
+mod ends;
 mod loads;
 mod planar;
 mod reactions;

@@ -30,6 +30,11 @@ impl PlanarRod {
     /// The tip where the clamp sees the moment `moment`, N·m, of the rod, and the tip the force `end`, N:
     /// θ' = κ + m/EI, m' = n × t with n = T − w (L − s) e_y, by the Runge-Kutta method.
     pub fn tip(&self, moment: f64, end: Vector2<f64>) -> PlanarState {
+        self.tip_from(0.0, moment, end)
+    }
+
+    /// The same of a rod whose root has the tangent angle `angle`, rad.
+    fn tip_from(&self, angle: f64, moment: f64, end: Vector2<f64>) -> PlanarState {
         const STEPS: usize = 400;
         let slope = |s: f64, y: [f64; 4]| {
             let [_, _, angle, moment] = y;
@@ -39,7 +44,7 @@ impl PlanarRod {
         };
         let h = self.length / STEPS as f64;
         let moved = |y: [f64; 4], d: [f64; 4], h: f64| std::array::from_fn(|i| y[i] + d[i] * h);
-        let mut y = [0.0, 0.0, 0.0, moment];
+        let mut y = [0.0, 0.0, angle, moment];
         for i in 0..STEPS {
             let s = h * i as f64;
             let a = slope(s, y);
@@ -65,6 +70,19 @@ impl PlanarRod {
         }
         let moment = moment[0] * unit;
         (moment, self.tip(moment, end))
+    }
+
+    /// Angle of the tangent at the root, rad, and force at the tip, N, of a rod between two pins, at the origin
+    /// and at `x`, m, that sags.
+    pub fn hung(&self, x: Vector2<f64>) -> (f64, Vector2<f64>) {
+        let force = self.weight * self.length;
+        let off = |u: &DVector<f64>| {
+            let tip = self.tip_from(u[0], 0.0, Vector2::new(u[1], u[2]) * force);
+            let away = (tip.x - x) / self.length;
+            DVector::from_vec(vec![tip.moment / force / self.length, away.x, away.y])
+        };
+        let u = root(DVector::from_vec(vec![-1.3, -0.3, 0.5]), off);
+        (u[0], Vector2::new(u[1], u[2]) * force)
     }
 
     /// Moment at the clamp, N·m, and force at the tip, N, of a rod whose tip is held at `x`, m, free to turn.

@@ -88,16 +88,26 @@ fn clamp_and_tie_bear_the_weight_as_statics_shares_it() {
     let mut model = guide(&points);
     let last = 2 * model.rod.points() - 3;
     let tip = points[200];
-    let tie = Tie { segment: last, u: 1.0, body: 0, goal: tip, times: [0.0, f64::INFINITY], of: 0 };
+    let tie = Tie {
+        segment: last,
+        u: 1.0,
+        body: 0,
+        goal: tip,
+        frame: None,
+        slides: false,
+        reach: f64::INFINITY,
+        times: [0.0, f64::INFINITY],
+        of: 0,
+    };
     // The second does not hold yet.
     model.ties = vec![Tie { times: [1e9, 2e9], ..tie.clone() }, tie];
     let found = at_rest(model);
-    assert_eq!(found.ties[0], Vector3::zeros());
-    let sum = found.force + found.ties[1] - Vector3::y() * WEIGHT;
+    assert_eq!([found.ties[0].force, found.ties[0].moment], [Vector3::zeros(); 2]);
+    let sum = found.force + found.ties[1].force - Vector3::y() * WEIGHT;
     assert!(sum.norm() < 1e-6 * WEIGHT, "{sum}");
     let rod = PlanarRod { length: LENGTH, bending: BENDING, natural: 1.0 / radius, weight: WEIGHT / LENGTH };
     let (moment, force) = rod.held(tip.xy());
-    let error = (found.ties[1].xy() - force).norm() / WEIGHT;
+    let error = (found.ties[1].force.xy() - force).norm() / WEIGHT;
     let of_moment = (found.moment.z + moment).abs() / (WEIGHT * LENGTH);
     assert!(error < 1e-4 && of_moment < 1e-4, "{error} {of_moment}: {found:?} {force} {moment}");
 }

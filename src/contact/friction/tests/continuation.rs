@@ -31,8 +31,8 @@ fn continuation_finds_solutions_that_descent_in_tau_does_not() {
     for case in 0..240 {
         let contacts = 8 + case % 12;
         let (w, b) = wedged(&mut random, contacts);
-        let laws = vec![Law::Coulomb(0.3.into()); contacts];
-        let problem = FrictionProblem { w: &w, b: &b, laws: &laws };
+        let friction = vec![0.3.into(); contacts];
+        let problem = FrictionProblem { w: &w, b: &b, friction: &friction };
         let mut r = vec![0.0; 3 * contacts];
         let smoothed = SmoothedProblem::new(&problem, &r).unwrap();
         failed += u32::from(descend(&smoothed, &problem, 1e-8, &mut r, &mut SystemBudget::default()) > 1e-5);
@@ -62,7 +62,7 @@ fn a_strand_takes_no_more_systems_than_its_sub_step_may() {
     let mut improved = 0;
     let mut solve_wedged = |scratch: &mut FrictionScratch| {
         let (w, b) = wedged(&mut random, 12);
-        let problem = FrictionProblem { w: &w, b: &b, laws: &[Law::Coulomb(0.3.into()); 12] };
+        let problem = FrictionProblem { w: &w, b: &b, friction: &[0.3.into(); 12] };
         let mut by_sweeps = vec![0.0; 36];
         let sweeps = solve_by_sweeps(
             &mut Dense { problem: &problem, r: &mut by_sweeps },
@@ -91,7 +91,7 @@ fn the_frictionless_path_is_monotonic_in_tau() {
     let mut random = Random::new(13);
     for _ in 0..20 {
         let (w, b) = wedged(&mut random, 10);
-        let problem = FrictionProblem { w: &w, b: &b, laws: &[Law::Coulomb(0.0.into()); 10] };
+        let problem = FrictionProblem { w: &w, b: &b, friction: &[0.0.into(); 10] };
         let smoothed = SmoothedProblem::new(&problem, &[0.0; 30]).unwrap();
         let mut budget = SystemBudget::default();
         let mut path = Path::enter(&smoothed, &mut budget).unwrap();

@@ -1,6 +1,6 @@
 //! What the readers of all sections share.
 
-use crate::scene::anim::file::BallFile;
+use crate::scene::anim::ends_file::BallFile;
 use crate::scene::anim::model::GuideSelection;
 use crate::scene::convention::Convention;
 use crate::scene::json::buffers::Buffers;

@@ -8,6 +8,7 @@ mod deformation;
 mod goals;
 mod keyframes;
 mod loads;
+mod roots;
 mod samples;
 mod ties;
 mod track;
@@ -70,6 +71,7 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
     let collider_names: Vec<String> = file.colliders.iter().map(|collider| collider.name.clone()).collect();
     let colliders = colliders::colliders(&mut context, file.colliders, &names, head);
     let skins = skins(&mut context, &file.skins, &collider_names, &colliders);
+    let roots = roots::roots(&mut context, file.roots);
     let ties = ties::ties(&mut context, file.ties, &names, head);
     let loads = loads::loads(&mut context, file.loads);
     let goals = goals::goals(&mut context, file.goals);
@@ -108,6 +110,7 @@ pub fn anim(file: AnimFile, doc: &mut Document) -> Option<Anim> {
         colliders,
         skins: skins?,
         reference: None,
+        roots,
         ties: ties.into_iter().collect::<Option<_>>()?,
         loads: loads.into_iter().collect::<Option<_>>()?,
         goals: goals.into_iter().collect::<Option<_>>()?,

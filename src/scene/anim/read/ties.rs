@@ -1,10 +1,11 @@
 //! Ties.
 
 use super::context::Context;
-use crate::scene::anim::file::TieFile;
-use crate::scene::anim::model::{Tie, TiePoint};
+use crate::scene::anim::ends_file::{TieFile, TieOrientationFile, TieOrientationWord};
+use crate::scene::anim::model::{Tie, TieOrientation, TiePoint};
 use crate::scene::json::diagnostics::Diagnostics;
 use crate::scene::json::key::Key;
+use nalgebra::Matrix3;
 
 /// The ties to the bodies `bodies`; `None` for those with errors.
 pub fn ties(
@@ -26,6 +27,16 @@ pub fn ties(
             None => head,
         };
         let point = tie_point(context.diagnostics, &key, &file)?;
+        let orientation = match file.orientation {
+            None | Some(TieOrientationFile::Word(TieOrientationWord::Free)) => TieOrientation::Free,
+            Some(TieOrientationFile::Word(TieOrientationWord::Drawn)) => TieOrientation::Drawn,
+            Some(TieOrientationFile::Frame(wxyz)) => {
+                let frame = context.quaternion(&key.name("orientation"), wxyz)?;
+                let columns = *frame.to_rotation_matrix().matrix();
+                let in_metres = |d: usize| convention.direction_in(columns.column(d).into());
+                TieOrientation::Frame(Matrix3::from_columns(&[0, 1, 2].map(in_metres)))
+            }
+        };
         if let Some([on, off]) = file.frames.filter(|[on, off]| on > off) {
             let message = format!("first frame {on} is after last frame {off}");
             let allowed = "[first, last] with first ≤ last";
@@ -38,6 +49,8 @@ pub fn ties(
             guides: context.selection(file.ids, file.group, file.within),
             point,
             bundle: file.at.map(|at| ball(at, file.radius)),
+            orientation,
+            slides: file.slides,
             times: file.frames.map_or(always, |frames| frames.map(|frame| frame / context.fps)),
         })
     };
@@ -46,28 +59,34 @@ pub fn ties(
 
 /// The point of a guide that the tie at `key` holds.
 fn tie_point(diagnostics: &mut Diagnostics, key: &Key, file: &TieFile) -> Option<TiePoint> {
-    let (key, message, allowed, help) = match (file.arc_m, file.arc_by_distance) {
-        (Some(_), Some(_)) => (
-            key.name("arc_m"),
-            "is given together with `arc_by_distance`",
-            "`arc_m` or `arc_by_distance`, not both",
+    let places = [
+        ("arc_m", file.arc_m.map(TiePoint::Arc)),
+        ("arc_share", file.arc_share.map(TiePoint::Share)),
+        ("arc_by_distance", file.arc_by_distance.map(TiePoint::Distance)),
+    ];
+    let mut given = places.into_iter().filter_map(|(name, point)| Some((name, point?)));
+    let (first, second) = (given.next(), given.next());
+    let (key, message, allowed, help) = match (first, second) {
+        (Some((name, _)), Some((other, _))) => (
+            key.name(other),
+            format!("is given together with `{name}`"),
+            "one of `arc_m`, `arc_share` and `arc_by_distance`",
             "remove one of them",
         ),
-        (Some(arc), None) => return Some(TiePoint::Arc(arc)),
-        (None, Some(_)) if file.at.is_none() => (
-            key.name("arc_by_distance"),
-            "is given without `at`",
+        (Some((name, TiePoint::Distance(_))), None) if file.at.is_none() => (
+            key.name(name),
+            "is given without `at`".into(),
             "together with `at`, the point from which the distance is measured",
             "add `at`, or use `arc_m`",
         ),
-        (None, Some(factor)) => return Some(TiePoint::Distance(factor)),
-        (None, None) if file.at.is_none() && file.within.is_none() => (
+        (Some((_, point)), None) => return Some(point),
+        _ if file.at.is_none() && file.within.is_none() => (
             key.clone(),
-            "does not say which point of a guide it holds",
-            "`arc_m`, `at` or `within`",
+            "does not say which point of a guide it holds".into(),
+            "`arc_m`, `arc_share`, `at` or `within`",
             "add one of them",
         ),
-        (None, None) => return Some(TiePoint::Nearest),
+        _ => return Some(TiePoint::Nearest),
     };
     diagnostics.add(&key, message, allowed, help);
     None

@@ -1,0 +1,284 @@
+//! Ends of a rod and driven places: against beams, twisted rods, and the balance of forces.
+
+use super::planar::PlanarRod;
+use hairbake::contact::Bodies;
+use hairbake::dynamics::environment::Environment;
+use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideScratch, GuideState};
+use hairbake::dynamics::reaction::GuideReaction;
+use hairbake::dynamics::tie::Tie;
+use hairbake::rod::{Rod, RodShape, RodSource, SegmentSize};
+use hairbake::scene::anim::Scheme;
+use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
+
+const LENGTH: f64 = 0.1;
+const BENDING: f64 = 7.8e-9;
+const TORSION: f64 = 3.6e-9;
+
+/// A guide through `points` with `nodes` evenly spaced strain nodes and this weight per length, N/m.
+fn guide(points: &[Vector3<f64>], nodes: usize, weight: f64) -> GuideModel {
+    let arc: Vec<f64> = (0..nodes).map(|i| i as f64 / (nodes - 1) as f64).collect();
+    let rod = Rod::new(&RodSource {
+        stiffness: [BENDING, BENDING, TORSION],
+        line_density: weight / 9.81,
+        segment_size: SegmentSize { max_length: 0.005, ..SegmentSize::FINE },
+        tip_strain: true,
+        ..RodSource::hair(points, &arc)
+    });
+    let rod = rod.unwrap();
+    let drag = vec![0.0; rod.points()];
+    GuideModel { scheme: Scheme::BackwardEuler, records_reaction: true, ..GuideModel::new(rod, drag, 0.3) }
+}
+
+fn straight(nodes: usize, weight: f64) -> GuideModel {
+    guide(&[Vector3::zeros(), Vector3::x() * LENGTH], nodes, weight)
+}
+
+/// A tie of the tip of `rod` at `goal`, m.
+fn tip_tie(rod: &Rod, goal: Vector3<f64>) -> Tie {
+    Tie {
+        segment: 2 * rod.points() - 3,
+        u: 1.0,
+        body: 0,
+        goal,
+        frame: None,
+        slides: false,
+        reach: f64::INFINITY,
+        times: [f64::NEG_INFINITY, f64::INFINITY],
+        of: 0,
+    }
+}
+
+fn drawn_tip_frame(rod: &Rod) -> Matrix3<f64> {
+    let mut shape = RodShape::default();
+    shape.update(rod, &rod.root.r, &rod.initial_q);
+    shape.frame(rod.points() - 1)
+}
+
+struct Run {
+    state: GuideState,
+    shape: RodShape,
+    held: GuideReaction,
+    slack: f64,
+    /// Parts of steps without a solution.
+    failed: u32,
+    /// Largest distance of a point from the x axis on the way, m.
+    widest: f64,
+}
+
+/// `model` after `steps` steps of `h`, s, all of which have a solution.
+fn run(model: &GuideModel, env: &Environment, h: f64, steps: u32) -> Run {
+    let run = run_through(model, env, h, steps);
+    assert_eq!(run.failed, 0);
+    run
+}
+
+/// `model` after `steps` steps of `h`, s.
+fn run_through(model: &GuideModel, env: &Environment, h: f64, steps: u32) -> Run {
+    let mut state = GuideState::new(model, &[], env, 0.0, h);
+    let (mut scratch, mut slack, mut failed, mut widest) = (GuideScratch::default(), 0.0, 0, 0.0);
+    for i in 0..steps {
+        let span = [f64::from(i) * h, f64::from(i + 1) * h];
+        let record = model.step(env, &mut state, span, ContactMode::Bodies, &mut scratch);
+        failed += record.unconverged + record.truncated + record.unsettled;
+        slack = record.tie_slack;
+        widest = state.x.iter().map(|x| x.yz().norm()).fold(widest, f64::max);
+    }
+    let mut shape = RodShape::default();
+    assert!(shape.update(&model.rod, &model.rod.root.r, &state.q[0]));
+    let held = model.reaction(&state).unwrap();
+    Run { state, shape, held, slack, failed, widest }
+}
+
+fn quasi_static(model: &GuideModel) -> Run {
+    run(model, &Environment::at_rest(Bodies::default()), 100.0, 20)
+}
+
+#[test]
+fn a_beam_clamped_at_both_ends_sags_as_beams_do() {
+    let weight = 1e-3 * BENDING / LENGTH.powi(3);
+    let errors = |nodes: usize| {
+        let mut model = straight(nodes, weight);
+        let frame = Some(drawn_tip_frame(&model.rod));
+        model.ties = vec![Tie { frame, slides: true, ..tip_tie(&model.rod, Vector3::x() * LENGTH) }];
+        let Run { shape, held, slack, .. } = quasi_static(&model);
+        assert!(slack < 1e-15, "{slack}");
+        let sag = weight * LENGTH.powi(4) / (384.0 * BENDING);
+        let end = weight * LENGTH * LENGTH / 12.0;
+        let tie = held.ties[0];
+        [
+            -shape.x((model.rod.points() - 1) / 2).y / sag - 1.0,
+            held.moment.z / end - 1.0,
+            -tie.moment.z / end - 1.0,
+            tie.force.y / (0.5 * weight * LENGTH) - 1.0,
+        ]
+    };
+    let (coarse, fine) = (errors(17), errors(33));
+    println!("{coarse:?} {fine:?}");
+    assert!(fine.iter().all(|e| e.abs() < 1e-6), "{fine:?}");
+}
+
+#[test]
+fn a_propped_beam_rests_on_its_prop_exactly() {
+    let weight = 1e-3 * BENDING / LENGTH.powi(3);
+    let mut model = straight(33, weight);
+    model.ties = vec![Tie { slides: true, ..tip_tie(&model.rod, Vector3::x() * LENGTH) }];
+    let Run { held, slack, .. } = quasi_static(&model);
+    let borne = held.ties[0].force.y / (0.375 * weight * LENGTH) - 1.0;
+    println!("{borne} {slack}");
+    assert!(borne.abs() < 1e-6 && slack < 1e-15, "{borne} {slack}");
+}
+
+/// Turns the tip of a straight rod without weight, pulled by nothing, by `turn`, rad, within 40 s, pushes it
+/// aside a little and lets it come to rest; returns it and how far its middle is from the axis, m.
+fn twisted(turn: f64) -> (Run, f64) {
+    // So heavy, what grows takes seconds to do so. Longer steps would damp it.
+    let mut model = straight(33, 5e3 * BENDING / LENGTH.powi(3));
+    let frame = Some(drawn_tip_frame(&model.rod));
+    model.ties = vec![Tie { frame, slides: true, ..tip_tie(&model.rod, Vector3::x() * LENGTH) }];
+    let angle = move |t: f64| turn * (t / 40.0).min(1.0);
+    let env = Environment {
+        gravity: Box::new(|t| Vector3::y() * if t < 40.0 { -1e-3 } else { 0.0 }),
+        carrier: Box::new(move |_, t| {
+            Isometry3::from_parts(
+                Vector3::zeros().into(),
+                UnitQuaternion::from_axis_angle(&Vector3::x_axis(), angle(t)),
+            )
+        }),
+        ..Environment::at_rest(Bodies::default())
+    };
+    let run = run_through(&model, &env, 0.5, 120);
+    let middle = run.shape.x((model.rod.points() - 1) / 2);
+    let off = middle.yz().norm();
+    (run, off)
+}
+
+#[test]
+fn a_twisted_rod_between_clamps_buckles_at_the_torque_of_greenhill() {
+    // M L / EI = 8.9868 with both ends clamped and no tension (Love 1927, §272; the root of tan(x/2) = x/2).
+    let critical = 8.986_818_9 * BENDING / TORSION;
+    let (below, off) = twisted(0.97 * critical);
+    assert_eq!(below.failed, 0);
+    let torque = below.held.ties[0].moment.x / (0.97 * critical * TORSION / LENGTH) - 1.0;
+    assert!(torque.abs() < 1e-5 && off < 1e-3 * LENGTH, "{torque} {off}");
+    assert!((below.held.moment.x + below.held.ties[0].moment.x).abs() < 1e-9 * BENDING / LENGTH);
+    // Beyond, it throws a loop. Nothing holds the ends apart, nor the loop off itself, so that it may pass over an
+    // end and take two turns with it.
+    let (above, _) = twisted(1.03 * critical);
+    println!("{} m aside, {} parts of steps without a solution", above.widest, above.failed);
+    println!("turns {}", above.held.ties[0].moment.x * LENGTH / TORSION / std::f64::consts::TAU);
+    assert!(above.widest > 0.1 * LENGTH, "{}", above.widest);
+}
+
+#[test]
+fn a_strand_slides_through_a_ring_without_friction() {
+    let points = [Vector3::zeros(), Vector3::new(0.05, 0.01, 0.0), Vector3::new(LENGTH, 0.0, 0.0)];
+    let mut model = guide(&points, 33, 2.0 * BENDING / LENGTH.powi(3));
+    let goal = Vector3::new(0.06, 0.0, 0.01);
+    model.ties = vec![Tie { slides: true, segment: 20, u: 0.5, ..tip_tie(&model.rod, goal) }];
+    let Run { state, held, slack, .. } = quasi_static(&model);
+    let mut line = Vec::new();
+    state.contact_polyline(&model, &mut line);
+    let (k, _) = model.ties[0].position(&line, &goal);
+    let tangent = (line[k + 1] - line[k]).normalize();
+    let force = held.ties[0].force;
+    println!("{force} {tangent} {slack}");
+    assert!(slack < 1e-12 && force.dot(&tangent).abs() < 1e-5 * force.norm(), "{slack}");
+    assert!(force.y > 0.1 * 2.0 * BENDING / LENGTH.powi(2), "{force}");
+}
+
+#[test]
+fn a_tie_out_of_reach_pulls_a_strand_nearly_straight() {
+    let mut model = straight(17, BENDING / LENGTH.powi(3));
+    let tie = tip_tie(&model.rod, Vector3::new(LENGTH, 0.02, 0.0));
+    model.ties = vec![Tie { reach: 0.999 * LENGTH, ..tie }];
+    let Run { state, slack, .. } = quasi_static(&model);
+    let (tip, goal) = (state.x[state.x.len() - 1], model.ties[0].goal);
+    println!("{tip} {slack}");
+    assert!((slack - (goal.norm() - 0.999 * LENGTH)).abs() < 1e-6 * LENGTH, "{tip} {slack}");
+}
+
+#[test]
+fn a_strand_drawn_straight_between_its_ends_stays_so() {
+    let mut model = straight(17, BENDING / LENGTH.powi(3));
+    model.ties = vec![Tie { reach: LENGTH, ..tip_tie(&model.rod, Vector3::x() * LENGTH) }];
+    let Run { state, slack, .. } = quasi_static(&model);
+    let sag = state.x.iter().map(|x| x.y.abs()).fold(0.0, f64::max);
+    println!("{sag} {slack}");
+    assert!(sag < 1e-3 * LENGTH && slack < 1e-6 * LENGTH, "{sag} {slack}");
+}
+
+/// A straight guide along `direction` with a pinned root, this weight per length, N/m, and bending stiffness, N·m².
+fn pinned(direction: Vector3<f64>, weight: f64, bending: f64) -> GuideModel {
+    let arc: Vec<f64> = (0..33).map(|i| f64::from(i) / 32.0).collect();
+    let mut rod = Rod::new(&RodSource {
+        stiffness: [bending, bending, bending],
+        line_density: weight / 9.81,
+        segment_size: SegmentSize { max_length: 0.005, ..SegmentSize::FINE },
+        ..RodSource::hair(&[Vector3::zeros(), direction * LENGTH], &arc)
+    })
+    .unwrap();
+    rod.pin();
+    let drag = vec![0.0; rod.points()];
+    GuideModel { records_reaction: true, ..GuideModel::new(rod, drag, 0.3) }
+}
+
+#[test]
+fn a_stiff_rod_on_a_pinned_root_swings_as_a_compound_pendulum() {
+    let tilt: f64 = 0.02;
+    let model = pinned(Vector3::new(tilt.sin(), -tilt.cos(), 0.0), 1e-3, 1.0);
+    let env = Environment::at_rest(Bodies::default());
+    let (h, mut scratch) = (5e-4, GuideScratch::default());
+    let mut state = GuideState::new(&model, &[], &env, 0.0, h);
+    let (mut crossings, mut before, mut largest) = (Vec::new(), 0.0_f64, 0.0_f64);
+    for i in 0..6000 {
+        let span = [f64::from(i) * h, f64::from(i + 1) * h];
+        let record = model.step(&env, &mut state, span, ContactMode::Bodies, &mut scratch);
+        assert_eq!((record.unconverged, record.halvings), (0, 0), "step {i}");
+        let tip = state.x[state.x.len() - 1];
+        if before > 0.0 && tip.x <= 0.0 {
+            crossings.push(span[0] + h * before / (before - tip.x));
+        }
+        before = tip.x;
+        largest = if i > 5000 { largest.max(tip.x.abs()) } else { 0.0 };
+        let held = model.reaction(&state).unwrap();
+        assert!(held.moment.norm() < 1e-4 * 1e-3 * LENGTH * LENGTH, "step {i}: {}", held.moment);
+    }
+    let periods = crossings.len() - 1;
+    let period = (crossings[periods] - crossings[0]) / periods as f64;
+    let wanted =
+        std::f64::consts::TAU * (2.0 * LENGTH / (3.0 * 9.81_f64)).sqrt() * (1.0 + tilt * tilt / 16.0);
+    println!("{} {}", period / wanted - 1.0, largest / (LENGTH * tilt.sin()) - 1.0);
+    assert!((period / wanted - 1.0).abs() < 1e-4, "{period} {wanted}");
+    assert!((largest / (LENGTH * tilt.sin()) - 1.0).abs() < 1e-3, "{largest}");
+}
+
+#[test]
+fn a_pinned_rod_falls_and_comes_to_hang() {
+    // From beside to below its root, with damping of the air.
+    let mut model = pinned(Vector3::x(), 6.6e-6 * 9.81, BENDING);
+    model.drag.fill(2e-4);
+    let run = run(&model, &Environment::at_rest(Bodies::default()), 1e-3, 4000);
+    let tip = run.shape.x(model.rod.points() - 1);
+    println!("{tip} {:?}", run.held);
+    assert!((tip + Vector3::y() * LENGTH).norm() < 1e-4 * LENGTH, "{tip}");
+    let weight = 6.6e-6 * 9.81 * LENGTH;
+    assert!((run.held.force - Vector3::y() * weight).norm() < 1e-3 * weight, "{:?}", run.held);
+}
+
+#[test]
+fn a_catenary_with_bending_between_two_pins_is_that_of_theory() {
+    let (weight, goal) = (20.0 * BENDING / LENGTH.powi(3), Vector3::new(0.07, -0.02, 0.0));
+    let mut model = pinned(Vector3::x(), weight, BENDING);
+    model.scheme = Scheme::BackwardEuler;
+    model.ties = vec![Tie { reach: 0.999 * LENGTH, ..tip_tie(&model.rod, goal) }];
+    let Run { shape, held, slack, .. } = run(&model, &Environment::at_rest(Bodies::default()), 100.0, 60);
+    let reference = PlanarRod { length: LENGTH, bending: BENDING, natural: 0.0, weight };
+    let (angle, force) = reference.hung(goal.xy());
+    let t = shape.tangent(0);
+    let off = [t.y.atan2(t.x) - angle, (held.ties[0].force.xy() - force).norm() / (weight * LENGTH)];
+    println!("{angle} {force} {off:?} {slack} {:?}", held.moment);
+    assert!(off.iter().all(|off| off.abs() < 1e-4) && slack < 1e-10, "{off:?} {slack}");
+    assert!(held.moment.norm() < 1e-7 * weight * LENGTH * LENGTH, "{}", held.moment);
+    let sum = held.force + held.ties[0].force - Vector3::y() * (weight * LENGTH);
+    assert!(sum.norm() < 1e-9 * weight * LENGTH, "{sum}");
+}
