@@ -30,6 +30,7 @@ impl Shot {
         let hair = CurveSet {
             counts: vec![points as i32; curves],
             rest: (0..total).map(|i| [i as f32 * 0.1, 1.0, (i % points) as f32]).collect(),
+            arc: Vec::new(),
             widths: vec![0.008; total],
             id: (0..curves as i32).collect(),
             group: vec![0; curves],
