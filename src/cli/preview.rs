@@ -63,7 +63,7 @@ pub struct PreviewArguments {
     /// Views of the first frame in a row above, twice as large, as azimuths [default: 0,40,145; none with
     /// --pictures, --azimuth or several caches]
     ///
-    /// They are seen from in front of the head, however it is turned.
+    /// They are seen from in front of the head, however it is turned, and upright.
     #[arg(long, value_name = "DEGREES", value_delimiter = ',', value_parser = values::angle, allow_hyphen_values = true)]
     views: Option<Vec<f64>>,
     /// Size of one picture in pixels: one number for a square, or WIDTHxHEIGHT [default: 480, or 320 below

@@ -70,15 +70,18 @@ impl<'a, S: Shot> Renderer<'a, S> {
         Ok(renderer)
     }
 
-    /// Prepares to draw one frame from several azimuths in the frame of the head, at one scale.
+    /// Prepares to draw one frame from several azimuths from the front of the head, upright, at one scale.
     ///
     /// # Errors
     /// As [`Renderer::new`].
     pub fn views(shot: &'a S, options: &Options, frame: i32, azimuths: &[f64]) -> Result<Vec<Self>> {
-        let from = |azimuth_deg: &f64| {
-            let options = Options { azimuth_deg: *azimuth_deg, follow: Follow::Head, ..options.clone() };
+        let from = |azimuth_deg: f64| {
+            let options = Options { azimuth_deg, follow: Follow::Position, ..options.clone() };
             Renderer::new(shot, options, &[frame])
         };
+        let first = from(0.0)?;
+        let heading = first.heading(&first.read(frame)?);
+        let from = |azimuth: &f64| from(azimuth + heading);
         let mut views: Vec<Self> = azimuths.iter().map(from).collect::<Result<_>>()?;
         let distance = views.iter().map(|view| view.framing.distance()).reduce(f32::max);
         views.iter_mut().for_each(|view| view.distance = distance);
@@ -245,13 +248,23 @@ impl<'a, S: Shot> Renderer<'a, S> {
             Follow::World => (axes, Vector3::zeros()),
             Follow::Position => (axes, place),
             Follow::Head => {
-                let turn = |v: Vector3<f32>| {
-                    self.y_up(head.transform_vector(&self.y_up_inverse(v).cast()).cast::<f32>().into())
-                        .normalize()
-                };
+                let turn = |v| self.turned_with_head(frame, v);
                 (Axes { right: turn(axes.right), up: turn(axes.up), back: turn(axes.back) }, place)
             }
         }
+    }
+
+    /// A unit vector in picture space as the head turns it from rest at a frame.
+    fn turned_with_head(&self, frame: &Frame, v: Vector3<f32>) -> Vector3<f32> {
+        let turned = matrix(&frame.head).transform_vector(&self.y_up_inverse(v).cast());
+        self.y_up(turned.cast::<f32>().into()).normalize()
+    }
+
+    /// Azimuth of the front of the head at a frame, degrees: of the rotation about the vertical that is nearest
+    /// to its own. A joint may have any axes, and a head may lie.
+    fn heading(&self, frame: &Frame) -> f64 {
+        let [x, z] = [Vector3::x(), Vector3::z()].map(|axis| self.turned_with_head(frame, axis));
+        f64::from(z.x - x.z).atan2(f64::from(x.x + z.z)).to_degrees()
     }
 
     fn meshes(&self, frame: &Frame) -> Vec<scene::DrawnMesh<'a>> {

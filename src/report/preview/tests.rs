@@ -156,6 +156,14 @@ fn views_are_of_the_head_however_it_is_turned() {
     assert!(off < 1.0, "{off}");
     let side = mean_difference(&page(&head_of_hair(200, 1), &[90.0]), &front);
     assert!(side > 4.0, "{side}");
+    // A joint with other axes, which carries nothing: the picture stays upright.
+    let mut other_axes = head_of_hair(200, 1);
+    for frame in &mut other_axes.frames {
+        frame.head =
+            [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+    }
+    let off = mean_difference(&page(&other_axes, &[0.0]), &front);
+    assert!(off < 1.0, "{off}");
 }
 
 #[test]
