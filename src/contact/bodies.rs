@@ -64,7 +64,8 @@ impl Bodies {
         self.bodies[body].solid.closest(t, p, max_distance)
     }
 
-    /// [`SolidMesh::facing`] of a body at time `t`, s; `None` for a convex shape.
+    /// [`SolidMesh::facing`](crate::geometry::SolidMesh::facing) of a body at time `t`, s; `None` for a convex
+    /// shape.
     pub fn facing(
         &self,
         body: usize,
@@ -76,7 +77,8 @@ impl Bodies {
         self.bodies[body].solid.mesh(t)?.facing(p, from, -pinch::FACING, max_distance)
     }
 
-    /// [`SolidMesh::facing_or_around`] of a body at time `t`, s; `None` for a convex shape.
+    /// [`SolidMesh::facing_or_around`](crate::geometry::SolidMesh::facing_or_around) of a body at time `t`, s;
+    /// `None` for a convex shape.
     pub fn facing_or_around(
         &self,
         body: usize,
