@@ -414,7 +414,9 @@ fn static_contacts(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Shape, TriMesh};
+    use crate::contact::Body;
+    use crate::geometry::{Deformation, Shape, TriMesh};
+    use std::sync::Arc;
 
     /// The clearance of a polyline among bodies at the origin.
     fn clearance(bodies: &Bodies, x: &[Vector3<f64>]) -> Clearance {
@@ -529,7 +531,7 @@ mod tests {
     #[test]
     fn a_point_that_starts_inside_is_pushed_out_or_becomes_exempt() {
         let ball = Shape::Sphere { centre: Vector3::zeros(), radius: 0.01 };
-        let bodies = Bodies::from_shapes(&[ball]);
+        let bodies = Bodies::from_shapes(std::slice::from_ref(&ball));
         let x = [0.03, 0.015, 0.008, 0.015, 0.03].map(|y| Vector3::new(0.0, y, 0.0));
         let clearance = clearance(&bodies, &x);
         let mut kept = Vec::new();
@@ -538,16 +540,24 @@ mod tests {
         assert!((kept[1][1] - 0.5 * (5e-4 - 2e-3)).abs() < 1e-12, "{kept:?}");
         assert_eq!(kept[1][1], kept[2][0]);
         assert_eq!(clearance.counts(), (0, 2));
-        let arrive = |beside: f64| {
+        let arrive = |bodies: &Bodies, beside: f64| {
             let (mut arrived, mut kept) = (clearance.clone(), Vec::new());
             let moved = x.map(|p| p + Vector3::x() * beside);
-            arrived.end_push_out(&bodies, 0.0, &[Isometry3::identity()], &moved);
+            let closed_on = arrived.end_push_out(bodies, 0.0, &[Isometry3::identity()], &moved);
             arrived.at(1.0, &mut kept);
-            kept
+            (closed_on, kept)
         };
-        assert_eq!(arrive(0.0), [[5e-4; 2], EXEMPT, EXEMPT, [5e-4; 2]]);
+        let free = vec![[5e-4; 2]; 4];
+        assert_eq!(arrive(&bodies, 0.0), (false, vec![[5e-4; 2], EXEMPT, EXEMPT, [5e-4; 2]]));
         // Outside the ball, but nearer than its clearance.
-        assert_eq!(arrive(0.0101), [[5e-4; 2]; 4]);
+        assert_eq!(arrive(&bodies, 0.0101), (false, free.clone()));
+        // A ball that deforms has closed on what is inside it.
+        let mesh = ball.tessellate();
+        let samples = vec![mesh.vertices.clone(); 2];
+        let deformation = Arc::new(Deformation { start: 0.0, rate: 1.0, samples });
+        let bodies = Bodies::new([Body::new(&Shape::Mesh(mesh), Some(&deformation), None)]);
+        assert_eq!(arrive(&bodies, 0.0), (true, free.clone()));
+        assert_eq!(arrive(&bodies, 0.0101), (false, free));
     }
 
     #[test]

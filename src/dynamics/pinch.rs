@@ -1,8 +1,6 @@
 //! Guides between bodies that leave no room for them: the distances that are left, and where.
 
 use super::clearance::Clearance;
-use super::environment::Environment;
-use super::guide::GuideModel;
 use super::simulation::Simulation;
 use crate::contact::{Bodies, BodyMotion, pinch};
 use crate::geometry::SurfacePoint;
@@ -281,19 +279,6 @@ fn lower_segment(asked: &[[f64; 2]], clearance: &mut [[f64; 2]], k: usize, yield
     }
     if k + 1 < asked.len() {
         lower(k + 1, 0);
-    }
-}
-
-impl GuideModel {
-    /// Whether the root is inside another part of the skin that it is on at time `t`, s.
-    pub(super) fn is_swallowed_by_skin(&self, env: &Environment, t: f64) -> bool {
-        let Some(b) = self.skin.as_ref().map(|root| root.collider) else { return false };
-        let solid = &env.bodies.bodies[b].solid;
-        let mesh = if solid.deforms() { solid.mesh(t) } else { None };
-        mesh.is_some_and(|mesh| {
-            let root = (env.body)(b, t).inverse_transform_point(&self.root(env, t).p.into()).coords;
-            mesh.closest(&root, SEARCH_RADIUS).is_some_and(|on| mesh.is_in_another_part(&root, &on))
-        })
     }
 }
 

@@ -119,9 +119,6 @@ pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &
         state.record.hair =
             volume.apply(&model.guides, &mut state.guides, |i| state.record.active[i], env, step);
     }
-    if model.is_at_frame(state.taken) {
-        look_for_parts(model, env, state, span[0]);
-    }
     advance(model, env, state, span);
     state.taken += 1;
     for (guide, active) in state.guides.iter_mut().zip(&state.record.active) {
@@ -137,16 +134,6 @@ pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &
     let active = (0..state.guides.len()).filter(|&i| state.is_active(model, i));
     state.record.active_nodes = active.map(|i| model.guides[i].rod.unknowns() as u32 / 3).sum();
     &state.record
-}
-
-/// Lets active guides yield to parts of their skin that their roots are inside of. Hair that lies along its own
-/// part has contact with that alone, and its steps have solutions.
-fn look_for_parts(model: &Model, env: &Environment, state: &mut State, t: f64) {
-    if model.contact_mode() != ContactMode::Springs {
-        let guides = state.guides.par_iter_mut().zip(&model.guides).zip(&state.record.active);
-        let active = guides.filter(|(_, active)| **active).map(|(guide, _)| guide);
-        active.for_each(|(state, guide)| state.pinched |= guide.is_swallowed_by_skin(env, t));
-    }
 }
 
 /// Adds the end of a sub-step, after `taken` of them, to the unknowns of a guide half-way through its frame.

@@ -312,7 +312,8 @@ impl SolidMesh {
     ) -> Option<SurfacePoint> {
         let facing = self.facing(p, from, cosine, max_distance);
         let is_inside = facing.is_some_and(|found| found.distance < 0.0);
-        if is_inside || !self.is_in_another_part(p, from) {
+        // Of as many parts a place is inside as the nearest surface tells, and of another.
+        if is_inside || !self.is_inside(p, from, 1 + usize::from(is_behind(from))) {
             return facing;
         }
         let is_ahead = |t: u32| {
@@ -321,11 +322,6 @@ impl SolidMesh {
             normal.dot(&from.normal) < BENT && out.dot(normal) > AHEAD * out.norm()
         };
         self.nearest_of_part(p, max_distance, is_ahead).filter(|found| found.distance < 0.0).or(facing)
-    }
-
-    /// Whether `p`, near the surface point `from`, is inside a part of the mesh that this does not bound.
-    pub fn is_in_another_part(&self, p: &Vector3<f64>, from: &SurfacePoint) -> bool {
-        self.is_inside(p, from, 1 + usize::from(is_behind(from)))
     }
 
     /// Whether the mesh winds `times` or more about `p`, near the surface point `from`; on the surface, about
