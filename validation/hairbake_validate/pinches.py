@@ -131,7 +131,7 @@ def swallowed_by_part(
     roots = points[curves.starts[deep]]
     distance, normal = part_facing(metres, roots, solid)
     left = np.flatnonzero(distance >= 0)
-    distance[left], normal[left] = part_around(metres, roots[left], solid)
+    distance[left], normal[left] = part_facing(metres, roots[left], solid, around=True)
     for curve, root, away in zip(deep, distance, normal, strict=True):
         if root < 0:
             run = slice(curves.starts[curve], curves.starts[curve] + curves.counts[curve])
@@ -144,27 +144,20 @@ def swallowed_by_part(
 
 
 def part_facing(
-    metres: float, points: FloatArray, solid: tuple[Collider, FloatArray]
+    metres: float, points: FloatArray, solid: tuple[Collider, FloatArray], around: bool = False
 ) -> tuple[FloatArray, FloatArray]:
-    """Signed distance of places on a collider from the part of it that faces each, and the normals there."""
+    """Signed distance of places on a collider from the part of it that faces each, and the normals there.
+
+    With `around`, from the part at any angle that each is inside. Infinite where there is none.
+    """
     collider, matrix = solid
     local = transformed(points, np.linalg.inv(matrix))
     _, normals = collider.surface(local)
     front = tolerances.PINCH_IN_FRONT_M / metres
-    distance, away = collider.facing(local, normals, tolerances.PINCH_FACING, front)
-    distance[np.abs(distance) > tolerances.PINCH_PART_M / metres] = np.inf
-    return distance, away @ matrix[:3, :3]
-
-
-def part_around(
-    metres: float, points: FloatArray, solid: tuple[Collider, FloatArray]
-) -> tuple[FloatArray, FloatArray]:
-    """The same of the part, at any angle, that each is inside: infinite where there is none."""
-    collider, matrix = solid
-    local = transformed(points, np.linalg.inv(matrix))
-    _, normals = collider.surface(local)
-    front = tolerances.PINCH_IN_FRONT_M / metres
-    distance, away = collider.around(local, normals, tolerances.PINCH_BENT, tolerances.PINCH_AHEAD, front)
+    if around:
+        distance, away = collider.around(local, normals, tolerances.PINCH_BENT, tolerances.PINCH_AHEAD, front)
+    else:
+        distance, away = collider.facing(local, normals, tolerances.PINCH_FACING, front)
     distance[np.abs(distance) > tolerances.PINCH_PART_M / metres] = np.inf
     return distance, away @ matrix[:3, :3]
 
