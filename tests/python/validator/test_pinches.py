@@ -191,3 +191,17 @@ def test_a_place_is_faced_by_another_part_of_a_collider_and_not_by_its_other_sid
     place = top - plate.surface(top)[0] * plate.surface(top)[1]
     distance, _ = plate.facing(place, plate.surface(top)[1], 0.5, 1e-4)
     assert np.isinf(distance).all()
+
+
+def test_a_place_is_inside_another_part_of_a_collider_at_any_angle() -> None:
+    # Two blocks: the side of the second, at x = 0, stands on the top of the first, at y = 0.
+    ends = np.array([[[-0.1, -0.06, -0.1], [0.1, 0.0, 0.1]], [[0.0, -0.04, -0.04], [0.06, 0.05, 0.04]]])
+    points = np.array([[block[i >> k & 1, k] for k in range(3)] for block in ends for i in range(8)])
+    quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]]
+    block = np.array([triangle for a, b, c, d in quads for triangle in ([a, b, c], [a, c, d])])
+    collider = Collider(points, np.concatenate([block, block + 8]))
+    top = np.array([[5e-3, 0.0, 3e-3], [-5e-3, 0.0, 3e-3]])
+    up = np.array([[0.0, 1.0, 0.0]] * 2)
+    distance, normal = collider.around(top, up, 0.5, 0.5, 1e-4)
+    np.testing.assert_allclose(distance, [-5e-3, np.inf], atol=1e-12)
+    np.testing.assert_allclose(normal[0], [-1.0, 0.0, 0.0], atol=1e-12)
