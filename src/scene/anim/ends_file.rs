@@ -1,4 +1,4 @@
-//! Ends and driven places of guides in `anim.json`, and how it selects guides by a ball.
+//! How `anim.json` holds roots and other places of guides.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -14,8 +14,8 @@ pub struct BallFile {
     pub radius: f64,
 }
 
-/// How the roots of some guides are held. Selects the guides that match all of `ids`, `group` and `within` that are
-/// given; all guides if none is. Of several entries for a guide the last one counts.
+/// How the roots of some guides are held. Selects the guides that match all of `ids`, `group` and `within`
+/// that are given; all guides if none is. Of several entries for a guide the last one counts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
 pub struct RootsFile {
@@ -47,8 +47,7 @@ pub enum RootHold {
 
 /// Holds one point of each of some guides to a body: a hair tie, a clip, the end of a braid. Hair drawn
 /// elsewhere moves there at 0.5 m/s and turns there at 5 rad/s at most; the pre-roll must be long enough for
-/// that. Selects the guides
-/// that match all of `ids`, `group` and `within` that are given; all guides if none is.
+/// that. Selects the guides that match all of `ids`, `group` and `within` that are given; all guides if none is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
 pub struct TieFile {
