@@ -90,6 +90,11 @@ impl Bodies {
         self.bodies[body].solid.mesh(t)?.facing_or_around(p, from, -pinch::FACING, max_distance)
     }
 
+    /// [`SolidMesh::in_other_part`](crate::geometry::SolidMesh::in_other_part) of a body at time `t`, s.
+    pub fn in_other_part(&self, body: usize, t: f64, p: &Vector3<f64>, from: &SurfacePoint) -> bool {
+        self.bodies[body].solid.mesh(t).is_some_and(|mesh| mesh.in_other_part(p, from))
+    }
+
     /// [`Solid::distance_bounds`] of a body.
     pub fn distance_bounds(&self, body: usize, p: &Vector3<f64>) -> [f64; 2] {
         self.bodies[body].solid.distance_bounds(p)

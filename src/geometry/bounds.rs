@@ -30,11 +30,6 @@ impl Bounds {
         (0..3).all(|i| self.min[i] <= other.max[i] && other.min[i] <= self.max[i])
     }
 
-    /// Whether the closed box contains `p`.
-    pub(super) fn contains(&self, p: &Vector3<f64>) -> bool {
-        (0..3).all(|i| !(p[i] < self.min[i] || p[i] > self.max[i]))
-    }
-
     /// Whether the box intersects that of a node of a bounding volume hierarchy.
     pub(super) fn overlaps_node(&self, node: &BvhNode) -> bool {
         let (lo, hi) = (node.mins(), node.maxs());

@@ -75,23 +75,50 @@ fn winding_number_equals_the_sum_of_solid_angles() {
         n % 3 != 0
     });
     let mesh = SolidMesh::new(&soup.vertices, &soup.triangles);
-    let direct = |p: &Vector3<f64>| {
-        let half_angle = |t: u32| {
-            let [a, b, c] = mesh.triangle(t).map(|v| v - p);
-            let [la, lb, lc] = [a, b, c].map(|v| v.norm());
-            let cos = la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb;
-            a.dot(&b.cross(&c)).atan2(cos)
-        };
-        (0..mesh.triangle_count() as u32).map(half_angle).sum::<f64>() / std::f64::consts::TAU
-    };
     let (mut random, mut most) = (Random::new(3), [0.0_f64; 2]);
     for _ in 0..2000 {
         let p = random.vector() * 0.15;
         let w = mesh.winding_number(&p);
-        assert!((w - direct(&p)).abs() < 1e-12, "{p}: {w}");
+        assert!((w - sum_of_solid_angles(&mesh, &p)).abs() < 1e-12, "{p}: {w}");
         most = [most[0].min(w), most[1].max(w)];
     }
     assert!(most[0] < -0.01 && most[1] > 1.2, "{most:?}");
+}
+
+#[test]
+fn winding_number_is_exact_where_edges_and_vertices_are_right_above() {
+    // Two blobs that overlap, on a grid of coordinates: below, above and between their vertices and edges.
+    let [mut soup, other] = [blob(6, 0.1), blob(7, 0.08)];
+    soup.triangles.extend(other.triangles.iter().map(|t| t.map(|i| i + soup.vertices.len() as u32)));
+    soup.vertices.extend(other.vertices.iter().map(|v| v + Vector3::new(0.05, 0.03, 0.02)));
+    let on_grid = |v: &Vector3<f64>| v.map(|x| (x * 128.0).round() / 128.0);
+    soup.vertices.iter_mut().for_each(|v| *v = on_grid(v));
+    let mesh = SolidMesh::new(&soup.vertices, &soup.triangles);
+    let with_midpoints = |t: u32| {
+        let [a, b, c] = mesh.triangle(t);
+        [*a, *b, *c, 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)]
+    };
+    let places = (0..mesh.triangle_count() as u32).flat_map(with_midpoints);
+    let mut seen = [0; 3];
+    for p in places.flat_map(|x| (-12..12).map(move |k| x + Vector3::z() * (f64::from(k) + 0.37) / 64.0)) {
+        let w = sum_of_solid_angles(&mesh, &p);
+        if mesh.closest(&p, 1.0).unwrap().distance.abs() > 1e-9 {
+            assert_eq!(mesh.winding_number(&p), w.round(), "{p}");
+            seen[w.round() as usize] += 1;
+        }
+    }
+    assert!(seen.iter().all(|n| *n > 500), "{seen:?}");
+}
+
+/// The winding number of a mesh about `p`, by its definition.
+fn sum_of_solid_angles(mesh: &SolidMesh, p: &Vector3<f64>) -> f64 {
+    let half_angle = |t: u32| {
+        let [a, b, c] = mesh.triangle(t).map(|v| v - p);
+        let [la, lb, lc] = [a, b, c].map(|v| v.norm());
+        let cos = la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb;
+        a.dot(&b.cross(&c)).atan2(cos)
+    };
+    (0..mesh.triangle_count() as u32).map(half_angle).sum::<f64>() / std::f64::consts::TAU
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The bodies that strands stay out of, at one moment.
 
+use super::chain::Vertex;
 use super::clearances::{Clearances, DistanceBounds, SEARCH_RADIUS};
 use crate::contact::{Bodies, pinch};
 use crate::geometry::SurfacePoint;
@@ -31,6 +32,24 @@ pub(super) struct InsidePoint {
     pub pinched_by: BTreeSet<u32>,
 }
 
+/// How a strand leaves another part of the deforming body that it is on, which has swallowed its root.
+#[derive(Debug, Clone)]
+pub(super) struct Leaving {
+    /// The body.
+    pub body: usize,
+    /// Distance from the part that each vertex need not fall below, m.
+    pub least: Vec<f64>,
+}
+
+/// Distances that the vertices of a strand keep from bodies at one moment.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Keep<'a> {
+    /// Those of the groom.
+    pub clearances: &'a Clearances,
+    /// The parts that have swallowed its root, at most one of each body.
+    pub leaving: &'a [Leaving],
+}
+
 /// A violation of the distance to keep from a body.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Violation {
@@ -42,12 +61,40 @@ pub(super) struct Violation {
     pub body: usize,
 }
 
+impl Keep<'_> {
+    /// How the strand leaves another part of `body`.
+    fn leaving(&self, body: usize) -> Option<&Leaving> {
+        self.leaving.iter().find(|leaving| leaving.body == body)
+    }
+
+    /// Distance that `vertex` keeps from `body`, m.
+    fn distance(&self, body: usize, vertex: usize) -> f64 {
+        let least = self.leaving(body).map_or(f64::INFINITY, |leaving| leaving.least[vertex]);
+        self.clearances.get(body, vertex).min(least)
+    }
+}
+
 impl Obstacles<'_> {
-    /// Largest violation at `x` (m, world) of the distance to `keep` from each body, m. `x` lies `moved`, m,
+    /// Largest violation by `vertex` at `x`, m, world, of the distances to `keep`, m. `x` lies `moved`, m,
     /// from the place that `bounds` are for; they are updated to `x`.
     pub(super) fn violation(
         &self,
+        keep: &Keep,
+        vertex: usize,
+        x: &Vector3<f64>,
+        moved: f64,
+        bounds: &mut DistanceBounds,
+    ) -> Violation {
+        let by_part = |body| keep.leaving(body).is_some();
+        self.violation_of(|body| keep.distance(body, vertex), by_part, x, moved, bounds)
+    }
+
+    /// The same of the distance to `keep` from each body. Of those of which `by_part` holds, another part that
+    /// `x` is deeper in counts than the surface nearest to it.
+    fn violation_of(
+        &self,
         keep: impl Fn(usize) -> f64,
+        by_part: impl Fn(usize) -> bool,
         x: &Vector3<f64>,
         moved: f64,
         bounds: &mut DistanceBounds,
@@ -69,7 +116,11 @@ impl Obstacles<'_> {
             let closest = |radius| self.bodies.closest(b, self.time, &local, radius);
             let radius = most.min(moved + SEARCH_RADIUS);
             // Farther from the surface than that, only a full search tells whether it is outside.
-            let Some(surface) = closest(radius).or_else(|| closest(f64::INFINITY)) else { continue };
+            let Some(mut surface) = closest(radius).or_else(|| closest(f64::INFINITY)) else { continue };
+            if by_part(b) {
+                let part = self.bodies.facing_or_around(b, self.time, &local, &surface, PART_RADIUS);
+                surface = part.filter(|part| part.distance < surface.distance).unwrap_or(surface);
+            }
             *bound = surface.distance;
             if keep - surface.distance > worst.depth {
                 let normal = pose.rotation * surface.normal;
@@ -103,7 +154,7 @@ impl Obstacles<'_> {
                 bounds.move_by(moved);
                 Violation::default()
             } else {
-                self.violation(|body| clearances.surface(body, vertex), &x, moved, bounds)
+                self.violation_of(|body| clearances.surface(body, vertex), |_| false, &x, moved, bounds)
             };
             if violation.depth == 0.0 {
                 swallowed = None;
@@ -166,6 +217,26 @@ impl Obstacles<'_> {
         part.is_some_and(|part| part.distance - inside.depth <= pinch::ROOM)
     }
 
+    /// How a strand with these vertices leaves the parts of deforming bodies that have swallowed its root.
+    pub(super) fn leaving(&self, vertices: &[Vertex]) -> Vec<Leaving> {
+        let [root, next, ..] = vertices else { return Vec::new() };
+        let first = [root.x, next.x];
+        let of_body = |body| {
+            let (local, on) = self.on_deforming(body, &root.x)?;
+            if !self.bodies.in_other_part(body, self.time, &local, &on) {
+                return None;
+            }
+            let swallowed = self.swallowed_by_part(body, &first);
+            let arc = vertices.windows(2).scan(0.0, |s, edge| {
+                *s += (edge[1].x - edge[0].x).norm();
+                Some(*s)
+            });
+            let least = std::iter::once(0.0).chain(arc).map(|s| swallowed.least(s)).collect();
+            (swallowed.violation.depth > 0.0).then_some(Leaving { body, least })
+        };
+        (0..self.poses.len()).filter_map(of_body).collect()
+    }
+
     /// How the root of a strand with this first edge, m, world, is inside another part of the deforming body
     /// that it is on.
     fn swallowed_by_part(&self, body: usize, [root, next]: &[Vector3<f64>; 2]) -> Swallowed {
@@ -191,17 +262,17 @@ impl Obstacles<'_> {
         Some((local, self.bodies.closest(body, self.time, &local, SEARCH_RADIUS)?))
     }
 
-    /// `x` (m, world) moved out of one body after the other until `vertex` violates its clearance by at most
-    /// `allowed`, m.
+    /// `x` (m, world) moved out of one body after the other until `vertex` violates the distances to `keep` by
+    /// at most `allowed`, m.
     pub(super) fn push_out(
         &self,
-        clearances: &Clearances,
+        keep: &Keep,
         vertex: usize,
         x: &Vector3<f64>,
         allowed: f64,
     ) -> Vector3<f64> {
         self.poses.iter().enumerate().fold(*x, |x, (b, pose)| {
-            let keep = clearances.get(b, vertex) - allowed;
+            let keep = keep.distance(b, vertex) - allowed;
             let local = pose.inverse_transform_point(&x.into()).coords;
             match self.bodies.closest(b, self.time, &local, SEARCH_RADIUS) {
                 Some(s) if s.distance < keep => x + pose.rotation * s.normal * (keep - s.distance),
@@ -244,7 +315,12 @@ impl Swallowed {
     /// Whether a strand from this root, which is `inside` a body at the arc length `s`, m, cannot have left
     /// the body yet.
     fn holds(&self, inside: &Violation, s: f64) -> bool {
-        let least = pinch::leaving(-self.violation.depth, self.sine, s) - pinch::ROOM;
+        let least = self.least(s) - pinch::ROOM;
         inside.body == self.violation.body && self.violation.depth > 0.0 && -inside.depth >= least
+    }
+
+    /// Distance that the strand need not fall below at the arc length `s`, m.
+    fn least(&self, s: f64) -> f64 {
+        pinch::leaving(-self.violation.depth, self.sine, s)
     }
 }

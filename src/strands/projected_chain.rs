@@ -1,7 +1,7 @@
 //! The projected chain: edges laid along targets, each rotated until its end is outside of all bodies.
 
-use super::clearances::{Clearances, DistanceBounds};
-use super::obstacles::{Obstacles, Violation};
+use super::clearances::DistanceBounds;
+use super::obstacles::{Keep, Obstacles, Violation};
 use nalgebra::Vector3;
 
 /// Largest number of rotations of one edge: a curved surface recedes as the edge rotates.
@@ -40,7 +40,7 @@ impl ProjectedChain {
     pub fn append(
         &mut self,
         obstacles: &Obstacles,
-        clearances: &Clearances,
+        keep: &Keep,
         edge: &NextEdge,
         is_clear: impl Fn(&Vector3<f64>) -> bool,
         bounds: &mut DistanceBounds,
@@ -57,7 +57,7 @@ impl ProjectedChain {
             return 0.0;
         }
         let (direction, violation) =
-            rotate_out(obstacles, clearances, (*vertex, &self.end, *length), direction, bounds);
+            rotate_out(obstacles, keep, (*vertex, &self.end, *length), direction, bounds);
         self.end += direction * *length;
         violation
     }
@@ -67,7 +67,7 @@ impl ProjectedChain {
 /// as far as possible. Returns the new direction and the remaining violation, m.
 fn rotate_out(
     obstacles: &Obstacles,
-    clearances: &Clearances,
+    keep: &Keep,
     (vertex, x, length): (usize, &Vector3<f64>, f64),
     mut direction: Vector3<f64>,
     bounds: &mut DistanceBounds,
@@ -77,9 +77,8 @@ fn rotate_out(
     let mut end = *x;
     for _ in 0..MAX_ROTATIONS {
         let next = x + direction * length;
-        let keep = |body| clearances.get(body, vertex);
         let Violation { depth: violation, normal, .. } =
-            obstacles.violation(keep, &next, (next - end).norm(), bounds);
+            obstacles.violation(keep, vertex, &next, (next - end).norm(), bounds);
         end = next;
         if violation < best.0 {
             best = (violation, direction);

@@ -7,7 +7,7 @@ use super::deflection::{Deflection, deflected, deflection};
 use super::fabrik::relax;
 use super::free_chain::{Lay, lay, rotations};
 use super::guide_place::GuidePlace;
-use super::obstacles::{InsidePoint, Obstacles};
+use super::obstacles::{InsidePoint, Keep, Leaving, Obstacles};
 use super::posed_guide::{PosedGuide, PosedGuides};
 use super::projected_chain::{NextEdge, ProjectedChain};
 use super::rest_guide::RestGuide;
@@ -49,6 +49,8 @@ pub(super) struct StrandState {
     is_projected: bool,
     /// Distance of each vertex of the free chain from its place on the guide, m.
     guide_distance: Vec<f64>,
+    /// How it leaves parts that have swallowed its root.
+    leaving: Vec<Leaving>,
     /// Vertices that violate a clearance by more than [`MAX_VIOLATION`].
     violating: Vec<usize>,
     bounds: Bounds,
@@ -141,6 +143,7 @@ impl Strand {
         if obstacles.poses.is_empty() {
             return;
         }
+        state.leaving = obstacles.leaving(&state.free);
         self.required_retractions(obstacles, &guides.guides[self.chain.main], state);
         if state.retraction.iter().any(|fraction| *fraction > 0.0) {
             self.spread(state);
@@ -175,6 +178,7 @@ impl Strand {
         let edges: Vec<_> = self.deflected(filtered.iter().map(|by| [*by, Vector3::zeros()])).collect();
         let chain = Lay { chain: &self.chain, deflected: &edges };
         lay(iter::once(chain), guides, false, slice::from_mut(&mut state.free));
+        state.leaving = obstacles.leaving(&state.free);
         state.clear_retraction(out.len());
         self.lay(obstacles, guides, state);
         if state.is_projected {
@@ -256,7 +260,8 @@ impl Strand {
     /// Sets the result in `state` from its free chain and retractions.
     fn lay(&self, obstacles: &Obstacles, guides: &PosedGuides, state: &mut StrandState) {
         let guide = &guides.guides[self.chain.main];
-        let StrandState { free, retraction, vertices, violating, bounds, .. } = state;
+        let StrandState { free, retraction, vertices, violating, bounds, leaving, .. } = state;
+        let keep = Keep { clearances: &self.clearances, leaving };
         bounds.free.reset(obstacles.poses.len());
         bounds.projected.reset(obstacles.poses.len());
         let mut projected: Option<ProjectedChain> = None;
@@ -268,14 +273,16 @@ impl Strand {
             let [start, Vertex { x: end, v }] = [free[j], free[j + 1]];
             let start = start.x;
             let (length, to, vertex) = (edge.length(), edge.beside, j + 1);
-            let is_clear = |x: &Vector3<f64>| guide.is_clear(to, x, self.clearances.largest());
+            let is_clear = |x: &Vector3<f64>| {
+                // A guide in front of its part of the skin may be inside another, too.
+                keep.leaving.is_empty() && guide.is_clear(to, x, self.clearances.largest())
+            };
             if projected.is_none() {
                 let violates = if is_clear(&end) {
                     bounds.free.move_by(length);
                     false
                 } else {
-                    let keep = |body| self.clearances.get(body, vertex);
-                    obstacles.violation(keep, &end, length, &mut bounds.free).depth > 0.0
+                    obstacles.violation(&keep, vertex, &end, length, &mut bounds.free).depth > 0.0
                 };
                 projected = (violates || retraction[vertex] > 0.0).then_some(ProjectedChain { end: start });
             }
@@ -292,7 +299,7 @@ impl Strand {
                 let direction = direction.unwrap_or_default();
                 let next = NextEdge { vertex, length, direction, target: target[0] };
                 let bounds = &mut bounds.projected;
-                if chain.append(obstacles, &self.clearances, &next, is_clear, bounds) > MAX_VIOLATION {
+                if chain.append(obstacles, &keep, &next, is_clear, bounds) > MAX_VIOLATION {
                     violating.push(vertex);
                 }
                 chain.end
@@ -307,7 +314,8 @@ impl Strand {
     fn relax(&self, obstacles: &Obstacles, state: &mut StrandState) {
         let Some(&last) = state.violating.last() else { return };
         let mut x: Vec<_> = state.vertices.iter().map(|vertex| vertex.x).collect();
-        let push = |k: usize, x: &Vector3<f64>| obstacles.push_out(&self.clearances, k, x, MAX_VIOLATION);
+        let keep = Keep { clearances: &self.clearances, leaving: &state.leaving };
+        let push = |k: usize, x: &Vector3<f64>| obstacles.push_out(&keep, k, x, MAX_VIOLATION);
         let length: Vec<f64> = self.chain.edges.iter().map(Edge::length).collect();
         relax(&mut x, &length, last, push);
         state.vertices.iter_mut().zip(x).for_each(|(vertex, x)| vertex.x = x);

@@ -2,7 +2,7 @@
 //! "Signed distance computation using the angle weighted pseudonormal", 2005).
 
 use super::topology::Topology;
-use super::winding::{Triangles, WindingTree};
+use super::winding::{Ray, turns};
 use crate::geometry::bounds::Bounds;
 use crate::geometry::distance::triangle::{
     TriangleFeature, barycentric, barycentric_point, closest_on_triangle,
@@ -12,7 +12,7 @@ use crate::math::polyline::closest_on_segment;
 use nalgebra::Vector3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhLeafCost, BvhNode};
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 /// Below this length, m, a difference of coordinates is rounding and has no direction.
 const ROUNDING: f64 = 1e-12;
@@ -39,8 +39,6 @@ pub struct SolidMesh {
     pub(super) vertices: Vec<Vector3<f64>>,
     normals: Pseudonormals,
     bvh: Bvh,
-    /// Built on first use: few configurations of a deforming mesh need it.
-    winding: OnceLock<WindingTree>,
 }
 
 /// Unit pseudonormals of the features of a mesh; zero if the normals of adjacent faces cancel.
@@ -85,7 +83,7 @@ impl SolidMesh {
 
     fn assemble(topology: Arc<Topology>, vertices: Vec<Vector3<f64>>, bvh: Bvh) -> Self {
         let normals = Pseudonormals::new(&topology, &vertices);
-        SolidMesh { topology, vertices, normals, bvh, winding: OnceLock::new() }
+        SolidMesh { topology, vertices, normals, bvh }
     }
 
     /// The bounding box of its vertices, m.
@@ -312,8 +310,7 @@ impl SolidMesh {
     ) -> Option<SurfacePoint> {
         let facing = self.facing(p, from, cosine, max_distance);
         let is_inside = facing.is_some_and(|found| found.distance < 0.0);
-        // Of as many parts a place is inside as the nearest surface tells, and of another.
-        if is_inside || !self.is_inside(p, from, 1 + usize::from(is_behind(from))) {
+        if is_inside || !self.in_other_part(p, from) {
             return facing;
         }
         let is_ahead = |t: u32| {
@@ -322,6 +319,12 @@ impl SolidMesh {
             normal.dot(&from.normal) < BENT && out.dot(normal) > AHEAD * out.norm()
         };
         self.nearest_of_part(p, max_distance, is_ahead).filter(|found| found.distance < 0.0).or(facing)
+    }
+
+    /// Whether `p` is inside another part of the surface than `from`, the surface nearest to `p`: it is inside
+    /// of one more than that tells.
+    pub fn in_other_part(&self, p: &Vector3<f64>, from: &SurfacePoint) -> bool {
+        self.is_inside(p, from, 1 + usize::from(is_behind(from)))
     }
 
     /// Whether the mesh winds `times` or more about `p`, near the surface point `from`; on the surface, about
@@ -378,8 +381,13 @@ impl SolidMesh {
     /// Generalised winding number about `p`, the sum of the triangles' solid angles over 4π: 1 inside a
     /// closed mesh, 0 outside, in between near the opening of an open one.
     pub fn winding_number(&self, p: &Vector3<f64>) -> f64 {
-        let mesh = Triangles { vertices: &self.vertices, triangles: &self.topology.triangles };
-        self.winding.get_or_init(|| WindingTree::new(mesh)).number(mesh, p)
+        let from_p = |ids: [u32; 3]| ids.map(|v| self.vertices[v as usize] - p);
+        let crossings = |ids: [u32; 3]| Ray::crossings(ids, from_p(ids).each_ref());
+        let above = Bounds { min: *p, max: Vector3::new(p.x, p.y, f64::INFINITY) };
+        let crossed = self.bvh.leaves(|node| above.overlaps_node(node));
+        let of_mesh: i32 = crossed.map(|t| crossings(self.corners(t))).sum();
+        let closed = |ids: &[u32; 3]| turns(from_p(*ids).each_ref()) - f64::from(crossings(*ids));
+        f64::from(of_mesh) + self.topology.boundary_fan.iter().map(closed).sum::<f64>()
     }
 }
 

@@ -1,6 +1,7 @@
 //! Topology of a triangle soup: welding, closing of holes, consistent orientation, adjacency.
 
 use super::holes::{BoundaryEdge, caps};
+use super::winding::boundary_fan;
 use nalgebra::Vector3;
 use std::cmp::Ordering;
 
@@ -62,6 +63,8 @@ pub struct Topology {
     pub vertex_on_boundary: Vec<bool>,
     /// Whether each vertex is one of a cap, or shares an edge with one.
     pub vertex_near_cap: Vec<bool>,
+    /// Triangles with the boundary of an open mesh ([`boundary_fan`]).
+    pub boundary_fan: Vec<[u32; 3]>,
 }
 
 impl Topology {
@@ -116,6 +119,7 @@ impl Topology {
             ring.get(v).iter().for_each(|&next| vertex_near_cap[next as usize] = true);
         }
         Topology {
+            boundary_fan: boundary_fan(&triangles),
             edge_on_boundary,
             vertex_near_cap,
             vertex_on_boundary,
