@@ -87,12 +87,12 @@ impl DistanceBounds {
     /// Nothing is known about `bodies` bodies.
     pub fn reset(&mut self, bodies: usize) {
         self.0.clear();
-        self.0.resize(bodies, 0.0);
+        self.0.resize(bodies, f64::NEG_INFINITY);
     }
 
     /// Nothing is known about any body.
     pub fn forget(&mut self) {
-        self.0.fill(0.0);
+        self.0.fill(f64::NEG_INFINITY);
     }
 
     /// The place has moved by `distance`, m.

@@ -281,7 +281,8 @@ impl Obstacles<'_> {
         })
     }
 
-    /// Distance of `x` (m, world) from the closest body, m, at most `radius`; negative inside a body.
+    /// Distance of `x` (m, world) from the closest body, m, at most `radius`; negative inside a body, and inside
+    /// a part of a deforming one.
     pub(super) fn distance(&self, x: &Vector3<f64>, radius: f64) -> f64 {
         let distance = |(b, pose): (usize, &Isometry3<f64>)| {
             let local = pose.inverse_transform_point(&(*x).into()).coords;
@@ -291,7 +292,12 @@ impl Obstacles<'_> {
             let [least, _] = self.bodies.distance_bounds(b, &local);
             let may_be_deep = least.is_finite() && least <= -radius;
             let deep = || if may_be_deep { closest(f64::INFINITY) } else { None };
-            closest(radius).or_else(deep).map_or(radius, |s| s.distance.min(radius))
+            let Some(surface) = closest(radius).or_else(deep) else { return radius };
+            let deforms = self.bodies.bodies[b].solid.deforms();
+            match deforms && self.bodies.in_other_part(b, self.time, &local, &surface) {
+                true => -surface.distance.abs(),
+                false => surface.distance.min(radius),
+            }
         };
         self.poses.iter().enumerate().map(distance).fold(radius, f64::min)
     }

@@ -273,10 +273,7 @@ impl Strand {
             let [start, Vertex { x: end, v }] = [free[j], free[j + 1]];
             let start = start.x;
             let (length, to, vertex) = (edge.length(), edge.beside, j + 1);
-            let is_clear = |x: &Vector3<f64>| {
-                // A guide in front of its part of the skin may be inside another, too.
-                keep.leaving.is_empty() && guide.is_clear(to, x, self.clearances.largest())
-            };
+            let is_clear = |x: &Vector3<f64>| guide.is_clear(to, x, self.clearances.largest());
             if projected.is_none() {
                 let violates = if is_clear(&end) {
                     bounds.free.move_by(length);
