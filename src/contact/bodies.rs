@@ -90,6 +90,24 @@ impl Bodies {
         self.bodies[body].solid.mesh(t)?.facing_or_around(p, from, -pinch::FACING, max_distance)
     }
 
+    /// [`SolidMesh::around`](crate::geometry::SolidMesh::around) of a body at time `t`, s; `None` for a convex
+    /// shape.
+    pub fn around(
+        &self,
+        body: usize,
+        t: f64,
+        p: &Vector3<f64>,
+        from: &SurfacePoint,
+        max_distance: f64,
+    ) -> Option<SurfacePoint> {
+        self.bodies[body].solid.mesh(t)?.around(p, from, max_distance)
+    }
+
+    /// [`SolidMesh::winds_past`](crate::geometry::SolidMesh::winds_past) of a body at time `t`, s.
+    pub fn winds_past(&self, body: usize, t: f64, p: &Vector3<f64>) -> bool {
+        self.bodies[body].solid.mesh(t).is_some_and(|mesh| mesh.winds_past(p))
+    }
+
     /// [`SolidMesh::in_other_part`](crate::geometry::SolidMesh::in_other_part) of a body at time `t`, s.
     pub fn in_other_part(&self, body: usize, t: f64, p: &Vector3<f64>, from: &SurfacePoint) -> bool {
         self.bodies[body].solid.mesh(t).is_some_and(|mesh| mesh.in_other_part(p, from))

@@ -142,7 +142,7 @@ impl Obstacles<'_> {
         bounds.reset(self.poses.len());
         let (mut last, mut s, mut found) = (None, 0.0, Vec::new());
         let mut swallowed: Option<Swallowed> = None;
-        let (mut first, mut by_part): ([Vector3<f64>; 2], Vec<Option<Swallowed>>) = Default::default();
+        let (mut first, mut by_part): ([Vector3<f64>; 2], Vec<Option<Vec<Swallowed>>>) = Default::default();
         for (vertex, x) in points.enumerate() {
             let along = last.replace(x).map_or(Vector3::zeros(), |last: Vector3<f64>| x - last);
             let moved = along.norm();
@@ -156,7 +156,7 @@ impl Obstacles<'_> {
             } else {
                 self.violation_of(|body| clearances.surface(body, vertex), |_| false, &x, moved, bounds)
             };
-            if violation.depth == 0.0 {
+            if violation.depth == 0.0 || self.is_turned(&violation, &x) {
                 swallowed = None;
                 continue;
             }
@@ -172,9 +172,8 @@ impl Obstacles<'_> {
             let mut rooted_by_part = || {
                 by_part.resize_with(self.poses.len(), || None);
                 let known = &mut by_part[violation.body];
-                known
-                    .get_or_insert_with(|| self.swallowed_by_part(violation.body, &first))
-                    .holds(&violation, s)
+                let known = known.get_or_insert_with(|| self.swallowed_by_parts(violation.body, &first));
+                known.iter().any(|part| part.holds(&violation, s))
             };
             let pinched_by = match violation.depth > pinch::MIN_DEPTH {
                 true if rooted || self.faced_by_part(&violation, &x) || vertex > 0 && rooted_by_part() => {
@@ -222,35 +221,45 @@ impl Obstacles<'_> {
         let [root, next, ..] = vertices else { return Vec::new() };
         let first = [root.x, next.x];
         let of_body = |body| {
-            let (local, on) = self.on_deforming(body, &root.x)?;
-            if !self.bodies.in_other_part(body, self.time, &local, &on) {
-                return None;
-            }
-            let swallowed = self.swallowed_by_part(body, &first);
+            let [swallowed, ..] = &self.swallowed_by_parts(body, &first)[..] else { return None };
             let arc = vertices.windows(2).scan(0.0, |s, edge| {
                 *s += (edge[1].x - edge[0].x).norm();
                 Some(*s)
             });
             let least = std::iter::once(0.0).chain(arc).map(|s| swallowed.least(s)).collect();
-            (swallowed.violation.depth > 0.0).then_some(Leaving { body, least })
+            Some(Leaving { body, least })
         };
         (0..self.poses.len()).filter_map(of_body).collect()
     }
 
     /// How the root of a strand with this first edge, m, world, is inside another part of the deforming body
-    /// that it is on.
-    fn swallowed_by_part(&self, body: usize, [root, next]: &[Vector3<f64>; 2]) -> Swallowed {
-        let part = self
-            .on_deforming(body, root)
-            .and_then(|(local, on)| self.bodies.facing_or_around(body, self.time, &local, &on, PART_RADIUS));
-        let violation = part.map_or(Violation::default(), |part| Violation {
-            depth: (-part.distance).max(0.0),
-            normal: self.poses[body].rotation * part.normal,
-            body,
-        });
-        let mut swallowed = Swallowed { violation, sine: 0.0 };
-        swallowed.leave_along(&(next - root));
-        swallowed
+    /// that it is on: a part that faces its own, and the nearest at any angle.
+    fn swallowed_by_parts(&self, body: usize, [root, next]: &[Vector3<f64>; 2]) -> Vec<Swallowed> {
+        let Some((local, on)) = self.on_deforming(body, root) else { return Vec::new() };
+        if !self.bodies.in_other_part(body, self.time, &local, &on) {
+            return Vec::new();
+        }
+        let facing = self.bodies.facing(body, self.time, &local, &on, PART_RADIUS);
+        let around = self.bodies.around(body, self.time, &local, &on, PART_RADIUS);
+        let parts = [facing, around].into_iter().flatten().filter(|part| part.distance < 0.0);
+        let swallowed = |part: SurfacePoint| {
+            let normal = self.poses[body].rotation * part.normal;
+            let mut swallowed =
+                Swallowed { violation: Violation { depth: -part.distance, normal, body }, sine: 0.0 };
+            swallowed.leave_along(&(next - root));
+            swallowed
+        };
+        parts.map(swallowed).collect()
+    }
+
+    /// Whether what looks like the inside of a deforming body at `x`, m, world, is a place outside of it beside
+    /// skin that is turned inside out, as in a fold that the skin cannot follow.
+    fn is_turned(&self, inside: &Violation, x: &Vector3<f64>) -> bool {
+        let body = inside.body;
+        let local = || self.poses[body].inverse_transform_point(&(*x).into()).coords;
+        inside.depth > pinch::MIN_DEPTH
+            && self.bodies.bodies[body].solid.deforms()
+            && self.bodies.winds_past(body, self.time, &local())
     }
 
     /// `x`, m, world, in the frame of a body that deforms, and the nearest point of its surface.

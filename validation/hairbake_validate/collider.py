@@ -95,6 +95,8 @@ class Collider:
         # Texture seams split vertices; pseudonormals need them joined.
         points, index = np.unique(points, axis=0, return_inverse=True)
         triangles = index.reshape(-1)[triangles]
+        self.closed = is_closed(triangles)
+        """Whether it has no boundary."""
         corners = points[triangles]
         area = norms(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
         triangles, corners = triangles[area > 0], corners[area > 0]
@@ -391,6 +393,14 @@ def near_each_other(points: FloatArray, most: int = 32) -> list[IntArray]:
         along = points[block, np.ptp(points[block], axis=0).argmax()]
         left += np.split(block[np.argpartition(along, len(block) // 2)], [len(block) // 2])
     return blocks
+
+
+def is_closed(triangles: IntArray) -> bool:
+    """Whether each edge is followed as often one way as the other."""
+    start, end = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)
+    count = int(triangles.max(initial=0)) + 1
+    edges, index = np.unique(np.minimum(start, end) * count + np.maximum(start, end), return_inverse=True)
+    return not np.bincount(index.reshape(-1), np.sign(end - start), len(edges)).any()
 
 
 def pseudonormals(triangles: IntArray, corners: FloatArray, vertices: int) -> FloatArray:

@@ -8,6 +8,7 @@ outside is free, a bake cannot be right, and must say so. Found here from the co
 - The root itself is inside, and the point follows it without a break, no deeper than a hair that leaves the
   collider in a curve of radius `tolerances.PINCH_RADIUS_M`, up to a slope of `tolerances.PINCH_RISE`.
 - The same, by another part of the same collider, if it deforms: that its parts leave room is then not given.
+  A root may be inside a part that faces its own, and another at an angle may be nearer: either is a way out.
 - The point is next to such a point on its curve.
 - The point is so held in the collider that it is deepest in: out of another it would only get deeper there.
 
@@ -129,17 +130,16 @@ def swallowed_by_part(
     found = np.zeros(len(depth), bool)
     deep = np.unique(curves.curve_of_point[depth * metres > tolerances.PINCH_DEPTH_M])
     roots = points[curves.starts[deep]]
-    distance, normal = part_facing(metres, roots, solid)
-    left = np.flatnonzero(distance >= 0)
-    distance[left], normal[left] = part_facing(metres, roots[left], solid, around=True)
-    for curve, root, away in zip(deep, distance, normal, strict=True):
-        if root < 0:
-            run = slice(curves.starts[curve], curves.starts[curve] + curves.counts[curve])
-            edges = np.diff(points[run], axis=0)
-            s = np.concatenate([[0], np.cumsum(norms(edges))]) * metres
-            sine = float(edges[0] @ away / max(np.linalg.norm(edges[0]), np.finfo(float).tiny))
-            least = leaving(float(root) * metres, sine, s) - tolerances.PINCH_ROOM_M
-            found[run] = (depth[run] > 0) & (-depth[run] * metres >= least)
+    for around in (False, True):
+        distance, normal = part_facing(metres, roots, solid, around)
+        for curve, root, away in zip(deep, distance, normal, strict=True):
+            if root < 0:
+                run = slice(curves.starts[curve], curves.starts[curve] + curves.counts[curve])
+                edges = np.diff(points[run], axis=0)
+                s = np.concatenate([[0], np.cumsum(norms(edges))]) * metres
+                sine = float(edges[0] @ away / max(np.linalg.norm(edges[0]), np.finfo(float).tiny))
+                least = leaving(float(root) * metres, sine, s) - tolerances.PINCH_ROOM_M
+                found[run] |= (depth[run] > 0) & (-depth[run] * metres >= least)
     return found
 
 

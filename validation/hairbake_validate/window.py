@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from . import tolerances
 from .cache import (
     ACCELERATIONS,
     CLAMPS,
@@ -289,6 +290,11 @@ class Window:
             outside = self.reference.outside[path, mesh.path]
             depth = np.zeros(len(outside))
             depth[outside] = collider.depth(local)
+            if mesh.deforms and collider.closed:
+                # Skin that a fold has turned inside out does not tell the side.
+                deep = depth * self.cache.metres_per_unit > tolerances.PINCH_DEPTH_M
+                wound = [collider.winding(point) > 0.5 for point in local[deep[outside]]]
+                depth[deep] *= wound
             yield path, depth
 
     def _is_valid(self, path: str, value: Array | None) -> bool:

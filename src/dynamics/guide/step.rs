@@ -23,6 +23,9 @@ pub(in crate::dynamics) const MAX_HALVINGS: u32 = 5;
 /// loads: beyond it the strand soon meets other surfaces than those it touched.
 const MAX_WARM_START: f64 = 0.02;
 
+/// Distance from a skin up to which a root is on it, m.
+const ROOTED: f64 = 2e-3;
+
 impl GuideModel {
     /// Advances `state` over `span`, its start and end time, s: one sub-step, halved where the solver needs
     /// it.
@@ -64,7 +67,19 @@ impl GuideModel {
             state.pinched |=
                 state.clearance.end_push_out(&env.bodies, span[1], &poses, &scratch.inputs.polyline);
         }
+        state.pinched |= self.is_swallowed(env, span[1]);
         record
+    }
+
+    /// Whether the skin has closed over the root at time `t`, s.
+    fn is_swallowed(&self, env: &Environment, t: f64) -> bool {
+        let swallows = |b: &usize| {
+            let root = (env.body)(*b, t).inverse_transform_point(&self.root(env, t).p.into()).coords;
+            let on = env.bodies.closest(*b, t, &root, ROOTED);
+            on.is_some_and(|on| env.bodies.in_other_part(*b, t, &root, &on))
+        };
+        let deforms = |b: &usize| env.bodies.bodies[*b].solid.deforms();
+        (0..env.bodies.len()).filter(deforms).any(|b| swallows(&b))
     }
 
     /// Takes a part of a sub-step that was halved `depth` times.

@@ -299,8 +299,7 @@ impl SolidMesh {
         (behind == 0 || self.is_inside(p, from, behind)).then_some(found)
     }
 
-    /// [`SolidMesh::facing`], or, if `p` is inside a part at another angle, the nearest place where it leaves
-    /// that.
+    /// [`SolidMesh::facing`], or, if `p` is inside a part at another angle, [`SolidMesh::around`].
     pub fn facing_or_around(
         &self,
         p: &Vector3<f64>,
@@ -309,16 +308,30 @@ impl SolidMesh {
         max_distance: f64,
     ) -> Option<SurfacePoint> {
         let facing = self.facing(p, from, cosine, max_distance);
-        let is_inside = facing.is_some_and(|found| found.distance < 0.0);
-        if is_inside || !self.in_other_part(p, from) {
+        if facing.is_some_and(|found| found.distance < 0.0) {
             return facing;
+        }
+        self.around(p, from, max_distance).or(facing)
+    }
+
+    /// The nearest place, less than `max_distance`, m, away, where `p` leaves a part at any angle that it is
+    /// inside of, but for the part `from`, the surface nearest to `p`. `None` if it is inside no other part.
+    pub fn around(&self, p: &Vector3<f64>, from: &SurfacePoint, max_distance: f64) -> Option<SurfacePoint> {
+        if !self.in_other_part(p, from) {
+            return None;
         }
         let is_ahead = |t: u32| {
             let normal = &self.normals.faces[t as usize];
             let out = closest_on_triangle(p, self.triangle(t)).0 - p;
             normal.dot(&from.normal) < BENT && out.dot(normal) > AHEAD * out.norm()
         };
-        self.nearest_of_part(p, max_distance, is_ahead).filter(|found| found.distance < 0.0).or(facing)
+        self.nearest_of_part(p, max_distance, is_ahead).filter(|found| found.distance < 0.0)
+    }
+
+    /// Whether the mesh is closed and does not wind about `p`: the nearest surface is turned inside out there
+    /// if `p` is behind it.
+    pub fn winds_past(&self, p: &Vector3<f64>) -> bool {
+        self.topology.boundary_fan.is_empty() && self.winding_number(p) <= 0.5
     }
 
     /// Whether `p` is inside another part of the surface than `from`, the surface nearest to `p`: it is inside
