@@ -147,6 +147,30 @@ mod tests {
     }
 
     #[test]
+    fn skin_that_is_turned_inside_out_does_not_tell_the_side() {
+        // A ball that a deformation mirrors, and a guide that passes 5 mm before it or through it.
+        let mesh = Shape::Sphere { centre: Vector3::zeros(), radius: 0.05 }.tessellate();
+        let mirrored: Vec<_> = mesh.vertices.iter().map(|x| Vector3::new(-x.x, x.y, x.z)).collect();
+        for (samples, y, inside) in [
+            (mesh.vertices.clone(), 0.045, true),
+            (mesh.vertices.clone(), 0.055, false),
+            (mirrored, 0.055, false),
+        ] {
+            let deformation = Deformation { start: 0.0, rate: 1.0, samples: vec![samples; 2] };
+            let mut bodies =
+                Bodies::new([Body::new(&Shape::Mesh(mesh.clone()), Some(&Arc::new(deformation)), None)]);
+            let points: Vec<_> = (-9..10).map(|i| Vector3::new(1e-3 * f64::from(i), y, 0.0)).collect();
+            let rest: Vec<_> = points.iter().map(|p| p + Vector3::z()).collect();
+            let depths = GuideDepths::new(&rest, std::iter::once(0..rest.len()).collect(), &bodies, &[5e-4]);
+            bodies.prepare([0.0, 0.0]);
+            let obstacles = Obstacles { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] };
+            let written: Vec<_> = points.iter().map(|p| [p.x as f32, p.y as f32, p.z as f32]).collect();
+            let found = depths.measure(&obstacles, &written, &Matrix3::identity());
+            assert_eq!(found.guides.max(found.pinched) > 4e-3, inside, "{y}: {found:?}");
+        }
+    }
+
+    #[test]
     fn bodies_that_leave_no_room_are_named_whatever_their_number() {
         let balls = vec![Shape::Sphere { centre: Vector3::zeros(), radius: 0.05 }; 70];
         let bodies = Bodies::from_shapes(&balls);

@@ -288,6 +288,43 @@ fn projected_strand_stays_out_of_a_body_with_exact_lengths() {
 }
 
 #[test]
+fn a_strand_leaves_a_part_of_the_skin_that_has_swallowed_its_root() {
+    use crate::contact::{Body, pinch};
+    use crate::geometry::{Deformation, Shape};
+    use std::sync::Arc;
+    // On the top of a small ball, out of which guide and strand grow; a large one, far at rest, comes down on
+    // it, so that the shortest way out leads back down.
+    let (depth, radius) = (0.008, 0.05);
+    let ball = |y: f64, radius| Shape::Sphere { centre: Vector3::y() * y, radius }.tessellate();
+    let [mut mesh, large] = [ball(-0.0045, 0.004), ball(radius - depth, radius)];
+    let first = mesh.vertices.len() as u32;
+    mesh.triangles.extend(large.triangles.iter().map(|t| t.map(|v| v + first)));
+    let closed: Vec<_> = mesh.vertices.iter().chain(&large.vertices).copied().collect();
+    mesh.vertices.extend(large.vertices.iter().map(|x| x + Vector3::y()));
+    let deformation = Deformation { start: 0.0, rate: 1.0, samples: vec![closed; 2] };
+    let skin = Body::new(&Shape::Mesh(mesh), Some(&Arc::new(deformation)), None);
+    let mut bodies = Bodies::new([skin]);
+    let line = |x: f64| -> Vec<_> { (0..21).map(|i| Vector3::new(x, 1.5e-3 * f64::from(i), 0.0)).collect() };
+    let (guide, strands) = (rod(&line(1e-4)), curves(&[line(0.0)]));
+    let interpolator = interpolator(&strands, &[&guide], &bodies, &[5e-4]);
+    bodies.prepare([0.0, 0.0]);
+    let obstacles = Obstacles { bodies: &bodies, time: 0.0, poses: &[Isometry3::identity()] };
+    let moment = Moment { carriers: Carriers::Head(still()), obstacles };
+    let rate = vec![0.0; guide.initial_q.len()];
+    let motion = [GuideMotion { rod: &guide, q: &guide.initial_q, rate: &rate }];
+    let [points, _] = evaluated(&interpolator, &moment, &motion);
+    let outside = |p: &[f32; 3]| (wide(p) - Vector3::y() * (radius - depth)).norm() - radius;
+    for (p, s) in points.iter().zip((0..).map(|i| 1.5e-3 * f64::from(i))) {
+        let least = pinch::leaving(-depth, -1.0, s);
+        assert!(outside(p) > least - 1.6e-3, "{} of {least} m at {s} m", outside(p));
+    }
+    assert!(outside(&points[20]) > -0.01, "free, the tip is 38 mm inside");
+    let posed = interpolator.pose(moment.carriers.clone(), Some(&obstacles), &motion);
+    let depths = interpolator.depths(&obstacles, &posed, &points, &Matrix3::identity());
+    assert!(depths.strands < 1e-4 && depths.pinched > 0.003, "{depths:?}");
+}
+
+#[test]
 fn velocities_of_projected_strands_match_differences_between_frames() {
     use crate::geometry::Shape;
     let bent = Bent::new();

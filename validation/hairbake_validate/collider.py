@@ -195,6 +195,13 @@ class Collider:
                 distance[k], away[k] = signed[best], offset[best] / signed[best]
         return distance, away
 
+    def winds_past(self, points: FloatArray) -> BoolArray:
+        """Which points (`N × 3`) the mesh is closed and does not wind about.
+
+        The surface nearest to such a point is turned inside out if the point is behind it.
+        """
+        return np.array([self.closed and self.winding(point) <= 0.5 for point in points], bool)
+
     def winding(self, point: FloatArray) -> float:
         """How many times the mesh winds about a point (Van Oosterom and Strackee 1983)."""
         a, b, c = (self.corners[:, k] - point for k in range(3))

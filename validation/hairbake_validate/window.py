@@ -290,11 +290,10 @@ class Window:
             outside = self.reference.outside[path, mesh.path]
             depth = np.zeros(len(outside))
             depth[outside] = collider.depth(local)
-            if mesh.deforms and collider.closed:
+            if mesh.deforms:
                 # Skin that a fold has turned inside out does not tell the side.
                 deep = depth * self.cache.metres_per_unit > tolerances.PINCH_DEPTH_M
-                wound = [collider.winding(point) > 0.5 for point in local[deep[outside]]]
-                depth[deep] *= wound
+                depth[deep] *= ~collider.winds_past(local[deep[outside]])
             yield path, depth
 
     def _is_valid(self, path: str, value: Array | None) -> bool:

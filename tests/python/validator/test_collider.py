@@ -63,6 +63,20 @@ def test_open_sheet_has_an_inside_below_and_none_beyond_its_boundary() -> None:
     np.testing.assert_allclose(sheet.depth(points), [0.01, 0, 0], atol=1e-12)
 
 
+def test_a_closed_mesh_tells_where_its_surface_is_turned_inside_out() -> None:
+    points, triangles = sphere_mesh()
+    # Beside the sphere a smaller one, turned inside out, too small to turn the whole around.
+    both = np.concatenate([points, points / 4 + [2 * RADIUS, 0, 0]])
+    triangles = np.concatenate([triangles, triangles[:, ::-1] + len(points)])
+    places = np.array([[0.0, 0, 0], [2.3 * RADIUS, 0, 0], [2 * RADIUS, 0, 0], [0, 2 * RADIUS, 0]])
+    turned = Collider(both, triangles)
+    distance, _ = turned.surface(places)
+    assert (distance < 0).tolist() == [True, True, False, False]
+    assert turned.winds_past(places).tolist() == [False, True, True, True]
+    # An open one does not tell.
+    assert not Collider(both, triangles[:-1]).winds_past(places).any()
+
+
 def test_octree_around_the_queries_alone_gives_the_same_depths() -> None:
     rng = np.random.default_rng(5)
     points = rng.uniform(-1.2 * RADIUS, 1.2 * RADIUS, (3000, 3))
