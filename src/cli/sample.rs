@@ -18,7 +18,7 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub struct SampleArguments {
-    /// Hair style: short, short-curly, long, long-curly, bob, ponytail, coils or buzz; all, each in its own
+    /// Hair style: short, short-curly, long, long-curly, bob, ponytail, braid, coils or buzz; all, each in its own
     /// folder; or creature, a furry quadruped that walks
     #[arg(value_parser = subject)]
     style: Subject,

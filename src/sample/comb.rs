@@ -1,5 +1,6 @@
 //! Hair that grows on the scalp, is combed, falls around the head and is cut.
 
+use super::braid::braid;
 use super::head;
 use super::scalp::{Chance, Root};
 use super::style::{Comb, Cut};
@@ -21,7 +22,9 @@ const WHORL_RADIUS: f64 = 0.030;
 /// Where a ponytail is tied, m, and its radius there.
 pub(super) const TIE: (V, f64) = (V::new(0.0, 0.176, -0.112), 0.011);
 /// Length over which a ponytail bends down, m.
-const TAIL_BEND: f64 = 0.045;
+pub(super) const TAIL_BEND: f64 = 0.045;
+/// Roots within this distance of the middle go into the middle strand of a braid, m.
+const MIDDLE: f64 = 0.03;
 /// How far inside the hairline hair has its full length where it is shorter at the line, rad.
 const FADE: f64 = 0.7;
 /// Height of the lowest roots over that of the centre of the head, as a share of their distance from it.
@@ -89,6 +92,12 @@ pub(super) fn course(cut: &Cut, root: &Root, stray: f64) -> Vec<V> {
         let lift = (least_height(grown) - height).max(0.0);
         x += normal * lift;
         out.push(x);
+        if cut.comb == Comb::Braided && x.z < TIE.0.z {
+            let strand = if root.x.x.abs() < MIDDLE { 0.0 } else { root.x.x.signum() };
+            let shorter = cut.uneven * root.random(Chance::Shorter);
+            braid(&mut out, strand, &hair.place, shorter, step);
+            break;
+        }
         let hem = if hair.fringe { FRINGE.0 + FRINGE.1 * root.normal(Chance::Hem) } else { hem };
         if x.y < hem && i >= 3 && hair.may_be_cut(x) {
             break;
@@ -156,7 +165,7 @@ impl<'a> Hair<'a> {
                 skin + (x - head::CENTRE).normalize() * 0.8
             }
             Comb::Whorl => whorl(x, up) * led + down * (1.0 - 0.8 * top * led),
-            Comb::Gathered => self.gathered(x),
+            Comb::Gathered | Comb::Braided => self.gathered(x),
             Comb::Fringe(_) if self.fringe => V::new(6.0 * x.x, 0.0, 1.0) * (top * led) + down,
             Comb::Parted(_) | Comb::Fringe(_) => {
                 let front = smoothstep([WHORL.z - 0.01, WHORL.z + 0.04], self.root.x.z);
@@ -188,7 +197,7 @@ impl<'a> Hair<'a> {
 
     /// Whether the hem may cut the hair at `x`: not before it has passed the tie.
     fn may_be_cut(&self, x: V) -> bool {
-        self.cut.comb != Comb::Gathered || x.z < TIE.0.z
+        !matches!(self.cut.comb, Comb::Gathered | Comb::Braided) || x.z < TIE.0.z
     }
 }
 

@@ -6,6 +6,7 @@
 //! `strands`. What tells styles apart is the table in `style`. [`write_creature`] writes a furry creature that
 //! walks.
 
+mod braid;
 mod comb;
 mod creature;
 pub mod head;
@@ -84,7 +85,7 @@ fn ties(style: Style) -> Vec<TieFile> {
         slides: false,
         frames: None,
     };
-    if style == Style::Ponytail { vec![tie] } else { Vec::new() }
+    if matches!(style, Style::Ponytail | Style::Braid) { vec![tie] } else { Vec::new() }
 }
 
 /// Writes a sample to `folder`, which is created if necessary: `groom.json` with `groom.bin`, `head.obj`,
@@ -179,16 +180,51 @@ mod tests {
     }
 
     #[test]
-    fn a_ponytail_passes_through_its_tie() {
+    fn gathered_hair_passes_through_its_tie() {
         let size = Size { wisps: Some(60), strands: Some(200), head_subdivisions: 2 };
-        let (groom, _) = groom(Style::Ponytail, size);
-        let (at, radius) = comb::TIE;
-        for curves in [&groom.guides.curves, &groom.strands.curves] {
-            let far = |i: usize| crate::math::polyline::distance(&at, curves.curve(i)) > 1.5 * radius;
-            let stray = (0..curves.len()).filter(|i| far(*i)).count();
-            assert!(20 * stray <= curves.len(), "{stray} of {}", curves.len());
+        for style in [Style::Ponytail, Style::Braid] {
+            let (groom, _) = groom(style, size);
+            let (at, radius) = comb::TIE;
+            for curves in [&groom.guides.curves, &groom.strands.curves] {
+                let far = |i: usize| crate::math::polyline::distance(&at, curves.curve(i)) > 1.5 * radius;
+                let stray = (0..curves.len()).filter(|i| far(*i)).count();
+                assert!(20 * stray <= curves.len(), "{style}: {stray} of {}", curves.len());
+            }
+            assert_eq!(ties(style).len(), 1);
         }
-        assert_eq!(ties(Style::Ponytail).len(), 1);
+    }
+
+    #[test]
+    fn strands_of_a_braid_pass_across_each_other() {
+        let size = Size { wisps: Some(120), strands: Some(0), head_subdivisions: 2 };
+        let (groom, _) = groom(Style::Braid, size);
+        let guides = &groom.guides.curves;
+        // The order from left to right of the means of the three strands, at heights behind the neck.
+        let at = |points: &[Vector3<f64>], height: f64| {
+            let falls =
+                |pair: &&[Vector3<f64>]| pair[0].y >= height && pair[1].y < height && pair[0].z < -0.11;
+            points.windows(2).find(falls).map(|pair| pair[0].x)
+        };
+        let strand = |root: &Vector3<f64>| 1 + i8::from(root.x > 0.03) - i8::from(root.x < -0.03);
+        let mut orders = Vec::new();
+        for height in (0..40).map(|k| 0.10 - 0.005 * f64::from(k)) {
+            let mut sums = [[0.0, 0.0]; 3];
+            for points in (0..guides.len()).map(|g| guides.curve(g)) {
+                if let Some(x) = at(points, height) {
+                    let sum = &mut sums[strand(&points[0]) as usize];
+                    *sum = [sum[0] + x, sum[1] + 1.0];
+                }
+            }
+            let mut order = [0, 1, 2];
+            order.sort_by(|a, b| (sums[*a][0] / sums[*a][1]).total_cmp(&(sums[*b][0] / sums[*b][1])));
+            orders.push(order);
+        }
+        orders.dedup();
+        assert!((12..17).contains(&orders.len()), "{orders:?}");
+        // Neighbours change places, and all orders occur.
+        let swap = |pair: &[[usize; 3]]| (0..3).filter(|k| pair[0][*k] != pair[1][*k]).count() == 2;
+        assert!(orders.windows(2).all(swap), "{orders:?}");
+        assert_eq!(orders.iter().collect::<std::collections::BTreeSet<_>>().len(), 6, "{orders:?}");
     }
 
     #[test]

@@ -19,6 +19,8 @@ pub enum Style {
     Bob,
     /// Hair gathered at the back of the head in a tie.
     Ponytail,
+    /// Hair gathered in a tie and braided from there, in three strands.
+    Braid,
     /// Tight coils that stand around the head.
     Coils,
     /// Hair cut to less than a centimetre.
@@ -36,6 +38,8 @@ pub(super) enum Comb {
     Fringe(f64),
     /// To a tie at the back of the head.
     Gathered,
+    /// The same, and braided from there.
+    Braided,
     /// Straight out of the scalp.
     Out,
 }
@@ -102,13 +106,14 @@ const SHORT: Cut = Cut {
 
 impl Style {
     /// All styles; the first four in the order of the figure.
-    pub const ALL: [Style; 8] = [
+    pub const ALL: [Style; 9] = [
         Style::Short,
         Style::ShortCurly,
         Style::Long,
         Style::LongCurly,
         Style::Bob,
         Style::Ponytail,
+        Style::Braid,
         Style::Coils,
         Style::Buzz,
     ];
@@ -213,6 +218,24 @@ impl Style {
                 stray: 0.05,
                 ..SHORT
             },
+            Style::Braid => Cut {
+                wisps: 300,
+                coarse: 10,
+                levels: 3,
+                sections: 40,
+                vertices: [110, 80],
+                comb: Comb::Braided,
+                length: [0.55, 0.48],
+                uneven: 0.1,
+                hem: -0.5,
+                body: 0.007,
+                bend: 0.012,
+                curl: [0.0008, 0.12],
+                guide_curl: 0.0008,
+                clump: [0.2, 0.3],
+                stray: 0.04,
+                ..SHORT
+            },
             Style::Coils => Cut {
                 wisps: 600,
                 coarse: 30,
@@ -261,6 +284,7 @@ impl fmt::Display for Style {
             Style::LongCurly => "long-curly",
             Style::Bob => "bob",
             Style::Ponytail => "ponytail",
+            Style::Braid => "braid",
             Style::Coils => "coils",
             Style::Buzz => "buzz",
         })

@@ -460,7 +460,7 @@ fn samples_are_written() {
         .arg(&out)
         .assert()
         .success();
-    let styles = ["bob", "buzz", "coils", "long", "long-curly", "ponytail", "short", "short-curly"];
+    let styles = ["bob", "braid", "buzz", "coils", "long", "long-curly", "ponytail", "short", "short-curly"];
     assert_eq!(entries(&out), styles);
     let (meshes, motions) =
         (["bust.obj", "groom.bin", "groom.json", "head.obj"], ["jump", "look", "nod", "shake", "turn"]);
