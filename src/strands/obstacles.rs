@@ -141,6 +141,7 @@ impl Obstacles<'_> {
     ) -> Vec<InsidePoint> {
         bounds.reset(self.poses.len());
         let (mut last, mut s, mut found) = (None, 0.0, Vec::new());
+        let mut hidden = false;
         let mut swallowed: Option<Swallowed> = None;
         let (mut first, mut by_part): ([Vector3<f64>; 2], Vec<Option<Vec<Swallowed>>>) = Default::default();
         for (vertex, x) in points.enumerate() {
@@ -149,6 +150,13 @@ impl Obstacles<'_> {
             s += moved;
             if vertex < 2 {
                 first[vertex] = x;
+            }
+            if vertex == 0 {
+                hidden = (0..self.poses.len()).any(|body| self.is_in_other_part(body, &x));
+            }
+            if hidden {
+                // Between two parts the side changes without a surface.
+                bounds.forget();
             }
             let violation = if is_clear(vertex, &x) {
                 bounds.move_by(moved);
@@ -208,12 +216,13 @@ impl Obstacles<'_> {
         others.find(faces).map(|(b, _)| b)
     }
 
-    /// Whether another part of a deforming body faces the way out of it from `x`, m, world. It is looked for at
-    /// `x`: on the surface, rounding would decide of how many parts the place is inside.
+    /// Whether another part of a deforming body faces the way out of it from `x`, m, world. It is looked for just
+    /// in front: on the surface, rounding would decide of how many parts the place is inside.
     fn faced_by_part(&self, inside: &Violation, x: &Vector3<f64>) -> bool {
-        let Some((local, on)) = self.on_deforming(inside.body, x) else { return false };
+        let out = x + inside.normal * (inside.depth + pinch::MIN_DEPTH);
+        let Some((local, on)) = self.on_deforming(inside.body, &out) else { return false };
         let part = self.bodies.facing(inside.body, self.time, &local, &on, PART_RADIUS);
-        part.is_some_and(|part| part.distance - inside.depth <= pinch::ROOM)
+        part.is_some_and(|part| part.distance <= pinch::ROOM)
     }
 
     /// How a strand with these vertices leaves the parts of deforming bodies that have swallowed its root.
@@ -221,7 +230,11 @@ impl Obstacles<'_> {
         let [root, next, ..] = vertices else { return Vec::new() };
         let first = [root.x, next.x];
         let of_body = |body| {
-            let [swallowed, ..] = &self.swallowed_by_parts(body, &first)[..] else { return None };
+            if !self.is_in_other_part(body, &root.x) {
+                return None;
+            }
+            let parts = self.swallowed_by_parts(body, &first);
+            let swallowed = parts.iter().find(|part| part.violation.depth > 0.0)?;
             let arc = vertices.windows(2).scan(0.0, |s, edge| {
                 *s += (edge[1].x - edge[0].x).norm();
                 Some(*s)
@@ -232,20 +245,24 @@ impl Obstacles<'_> {
         (0..self.poses.len()).filter_map(of_body).collect()
     }
 
+    /// Whether `x`, m, world, which is on or near the deforming body `body`, is inside another part of it.
+    fn is_in_other_part(&self, body: usize, x: &Vector3<f64>) -> bool {
+        let on = self.on_deforming(body, x);
+        on.is_some_and(|(local, on)| self.bodies.in_other_part(body, self.time, &local, &on))
+    }
+
     /// How the root of a strand with this first edge, m, world, is inside another part of the deforming body
-    /// that it is on: a part that faces its own, and the nearest at any angle.
+    /// that it is on, or has none of [`pinch::ROOM`] before it: a part that faces its own, and the nearest at
+    /// any angle that it is inside of.
     fn swallowed_by_parts(&self, body: usize, [root, next]: &[Vector3<f64>; 2]) -> Vec<Swallowed> {
         let Some((local, on)) = self.on_deforming(body, root) else { return Vec::new() };
-        if !self.bodies.in_other_part(body, self.time, &local, &on) {
-            return Vec::new();
-        }
         let facing = self.bodies.facing(body, self.time, &local, &on, PART_RADIUS);
         let around = self.bodies.around(body, self.time, &local, &on, PART_RADIUS);
-        let parts = [facing, around].into_iter().flatten().filter(|part| part.distance < 0.0);
+        let parts = [facing, around].into_iter().flatten().filter(|part| part.distance <= pinch::ROOM);
         let swallowed = |part: SurfacePoint| {
             let normal = self.poses[body].rotation * part.normal;
-            let mut swallowed =
-                Swallowed { violation: Violation { depth: -part.distance, normal, body }, sine: 0.0 };
+            let violation = Violation { depth: -part.distance, normal, body };
+            let mut swallowed = Swallowed { violation, sine: 0.0 };
             swallowed.leave_along(&(next - root));
             swallowed
         };
@@ -331,7 +348,7 @@ impl Swallowed {
     /// the body yet.
     fn holds(&self, inside: &Violation, s: f64) -> bool {
         let least = self.least(s) - pinch::ROOM;
-        inside.body == self.violation.body && self.violation.depth > 0.0 && -inside.depth >= least
+        inside.body == self.violation.body && -inside.depth >= least
     }
 
     /// Distance that the strand need not fall below at the arc length `s`, m.

@@ -9,6 +9,7 @@ outside is free, a bake cannot be right, and must say so. Found here from the co
   collider in a curve of radius `tolerances.PINCH_RADIUS_M`, up to a slope of `tolerances.PINCH_RISE`.
 - The same, by another part of the same collider, if it deforms: that its parts leave room is then not given.
   A root may be inside a part that faces its own, and another at an angle may be nearer: either is a way out.
+  A part that faces the root within `tolerances.PINCH_ROOM_M` counts too.
 - The point is next to such a point on its curve.
 - The point is so held in the collider that it is deepest in: out of another it would only get deeper there.
 
@@ -133,7 +134,7 @@ def swallowed_by_part(
     for around in (False, True):
         distance, normal = part_facing(metres, roots, solid, around)
         for curve, root, away in zip(deep, distance, normal, strict=True):
-            if root < 0:
+            if root * metres <= tolerances.PINCH_ROOM_M:
                 run = slice(curves.starts[curve], curves.starts[curve] + curves.counts[curve])
                 edges = np.diff(points[run], axis=0)
                 s = np.concatenate([[0], np.cumsum(norms(edges))]) * metres
