@@ -129,7 +129,7 @@ impl Bodies {
         self.bodies[body].solid.first_intersection(t, a, b)
     }
 
-    /// [`Solid::contains`] of a body; expensive for a mesh.
+    /// [`Solid::contains`] of a body.
     pub fn contains(&self, body: usize, t: f64, p: &Vector3<f64>) -> bool {
         self.bodies[body].solid.contains(t, p)
     }

@@ -145,8 +145,7 @@ impl Solid {
         }
     }
 
-    /// Whether `p`, body frame, is inside the solid at time `t`, s. Uses the winding number of a mesh, which
-    /// is expensive: for set-up only.
+    /// Whether `p`, body frame, is inside the solid at time `t`, s. Uses the winding number of a mesh.
     pub fn contains(&self, t: f64, p: &Vector3<f64>) -> bool {
         match self.surface_over([t, t]) {
             MovingSurface::Convex(convex) => convex.closest(p).distance < 0.0,
