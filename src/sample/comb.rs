@@ -1,9 +1,9 @@
 //! Hair that grows on the scalp, is combed, falls around the head and is cut.
 
-use super::braid::braid;
 use super::head;
 use super::scalp::{Chance, Root};
 use super::style::{Comb, Cut};
+use super::tail::{TAIL_BEND, TIE, braid};
 use crate::math::frame::rotation_minimising;
 use crate::math::smoothstep;
 use crate::math::spline::ArcSpline;
@@ -19,10 +19,6 @@ const STEP: (f64, f64) = (0.001, 0.006);
 const WHORL: V = V::new(0.014, 0.232, -0.052);
 /// Distance from the whorl within which hair turns around it, m.
 const WHORL_RADIUS: f64 = 0.030;
-/// Where a ponytail is tied, m, and its radius there.
-pub(super) const TIE: (V, f64) = (V::new(0.0, 0.176, -0.112), 0.011);
-/// Length over which a ponytail bends down, m.
-pub(super) const TAIL_BEND: f64 = 0.045;
 /// Roots within this distance of the middle go into the middle strand of a braid, m.
 const MIDDLE: f64 = 0.03;
 /// How far inside the hairline hair has its full length where it is shorter at the line, rad.

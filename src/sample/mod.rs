@@ -2,11 +2,10 @@
 //!
 //! [`groom`] makes one of several hair styles on a head, [`Motion`] moves the head and the bust that it turns
 //! on, and [`write()`] writes both to a folder that can be baked. The head is a `solid`, meshed by
-//! `surface_nets`; hair grows above the hairline of the `scalp`, where a `comb` leads it, into a `braid` too, and
+//! `surface_nets`; hair grows above the hairline of the `scalp`, where a `comb` leads it, into a `tail` too, and
 //! comes together in `strands`. What tells styles apart is the table in `style`. [`write_creature`] writes a furry
 //! creature that walks.
 
-mod braid;
 mod comb;
 mod creature;
 pub mod head;
@@ -16,6 +15,7 @@ mod solid;
 mod strands;
 mod style;
 mod surface_nets;
+mod tail;
 
 use crate::file::write_file;
 use crate::import::{BuildOptions, BuildReport, Generation, HierarchyShape, RenderStrands, Resample, build};
@@ -69,7 +69,7 @@ pub fn groom(style: Style, size: Size) -> (Groom, BuildReport) {
 
 /// The ties of a style.
 fn ties(style: Style) -> Vec<TieFile> {
-    let (at, radius) = comb::TIE;
+    let (at, radius) = tail::TIE;
     let tie = TieFile {
         name: "ponytail".into(),
         body: None,
@@ -184,7 +184,7 @@ mod tests {
         let size = Size { wisps: Some(60), strands: Some(200), head_subdivisions: 2 };
         for style in [Style::Ponytail, Style::Braid] {
             let (groom, _) = groom(style, size);
-            let (at, radius) = comb::TIE;
+            let (at, radius) = tail::TIE;
             for curves in [&groom.guides.curves, &groom.strands.curves] {
                 let far = |i: usize| crate::math::polyline::distance(&at, curves.curve(i)) > 1.5 * radius;
                 let stray = (0..curves.len()).filter(|i| far(*i)).count();

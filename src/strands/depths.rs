@@ -147,6 +147,18 @@ mod tests {
     }
 
     #[test]
+    fn a_hair_cannot_turn_away_from_a_part_that_is_right_before_its_root() {
+        // Obliquely from a small ball into a large one, 1 mm or 4 mm before the root. The way out beside the
+        // root leads past the small ball.
+        let before =
+            |gap: f64| in_skin([(-0.0045, 0.004), (0.05 + gap, 0.05)], Vector3::new(0.8, 0.6, 0.0), 0.0);
+        let near = before(1e-3);
+        assert!(near.pinched > 2e-3 && near.guides > near.pinched, "{near:?}");
+        let far = before(4e-3);
+        assert!(far.pinched == 0.0 && far.guides > 2e-3, "{far:?}");
+    }
+
+    #[test]
     fn skin_that_is_turned_inside_out_does_not_tell_the_side() {
         // A ball that a deformation mirrors, and a guide that passes 5 mm before it or through it.
         let mesh = Shape::Sphere { centre: Vector3::zeros(), radius: 0.05 }.tessellate();

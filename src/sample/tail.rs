@@ -1,12 +1,15 @@
-//! A braid of three strands.
+//! Hair that is tied at the back of the head: where, and a braid of three strands from there.
 
-use super::comb::{TAIL_BEND, TIE};
 use crate::math::smoothstep;
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
 type V = Vector3<f64>;
 
+/// Where a ponytail is tied, m, and its radius there.
+pub(super) const TIE: (V, f64) = (V::new(0.0, 0.176, -0.112), 0.011);
+/// Length over which a ponytail bends down, m.
+pub(super) const TAIL_BEND: f64 = 0.045;
 /// Length from the tie to where the braid is bound, and of the tuft beyond, m.
 const LENGTH: (f64, f64) = (0.30, 0.06);
 /// Length in which a strand passes across both others and back, m.
