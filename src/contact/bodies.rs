@@ -1,7 +1,6 @@
 //! The bodies of a scene.
 
-use super::pinch;
-use crate::geometry::{Deformation, Friction, Shape, Solid, SurfacePoint};
+use crate::geometry::{Deformation, Friction, Shape, Solid, SolidMesh, SurfacePoint};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -64,53 +63,9 @@ impl Bodies {
         self.bodies[body].solid.closest(t, p, max_distance)
     }
 
-    /// [`SolidMesh::facing`](crate::geometry::SolidMesh::facing) of a body at time `t`, s; `None` for a convex
-    /// shape.
-    pub fn facing(
-        &self,
-        body: usize,
-        t: f64,
-        p: &Vector3<f64>,
-        from: &SurfacePoint,
-        max_distance: f64,
-    ) -> Option<SurfacePoint> {
-        self.bodies[body].solid.mesh(t)?.facing(p, from, -pinch::FACING, max_distance)
-    }
-
-    /// [`SolidMesh::facing_or_around`](crate::geometry::SolidMesh::facing_or_around) of a body at time `t`, s;
-    /// `None` for a convex shape.
-    pub fn facing_or_around(
-        &self,
-        body: usize,
-        t: f64,
-        p: &Vector3<f64>,
-        from: &SurfacePoint,
-        max_distance: f64,
-    ) -> Option<SurfacePoint> {
-        self.bodies[body].solid.mesh(t)?.facing_or_around(p, from, -pinch::FACING, max_distance)
-    }
-
-    /// [`SolidMesh::around`](crate::geometry::SolidMesh::around) of a body at time `t`, s; `None` for a convex
-    /// shape.
-    pub fn around(
-        &self,
-        body: usize,
-        t: f64,
-        p: &Vector3<f64>,
-        from: &SurfacePoint,
-        max_distance: f64,
-    ) -> Option<SurfacePoint> {
-        self.bodies[body].solid.mesh(t)?.around(p, from, max_distance)
-    }
-
-    /// [`SolidMesh::winds_past`](crate::geometry::SolidMesh::winds_past) of a body at time `t`, s.
-    pub fn winds_past(&self, body: usize, t: f64, p: &Vector3<f64>) -> bool {
-        self.bodies[body].solid.mesh(t).is_some_and(|mesh| mesh.winds_past(p))
-    }
-
-    /// [`SolidMesh::in_other_part`](crate::geometry::SolidMesh::in_other_part) of a body at time `t`, s.
-    pub fn in_other_part(&self, body: usize, t: f64, p: &Vector3<f64>, from: &SurfacePoint) -> bool {
-        self.bodies[body].solid.mesh(t).is_some_and(|mesh| mesh.in_other_part(p, from))
+    /// [`Solid::mesh`] of a body.
+    pub fn mesh(&self, body: usize, t: f64) -> Option<&SolidMesh> {
+        self.bodies[body].solid.mesh(t)
     }
 
     /// [`Solid::distance_bounds`] of a body.

@@ -18,7 +18,7 @@
 //! Next to its root a hair is stiffer than skin, which gives way to it: there it meets no body at all
 //! ([`Clearance::hold`]).
 
-use crate::contact::{Bodies, BodyMotion, Contact, ContactCache, MovingPolyline};
+use crate::contact::{Bodies, BodyMotion, Contact, ContactCache, MovingPolyline, pinch};
 use nalgebra::{Isometry3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -283,7 +283,8 @@ impl Clearance {
         let distance = |(b, pose): (usize, &Isometry3<f64>)| {
             let root = pose.inverse_transform_point(&x[0].into()).coords;
             let on = bodies.closest(b, t, &root, SEARCH_RADIUS)?;
-            Some(bodies.facing_or_around(b, t, &root, &on, FOLD_RADIUS)?.distance)
+            let part = bodies.mesh(b, t)?.facing_or_around(&root, &on, -pinch::FACING, FOLD_RADIUS);
+            Some(part?.distance)
         };
         let far = |found: Option<f64>| found.unwrap_or(SEARCH_RADIUS);
         self.fold_distance = poses.iter().enumerate().map(distance).map(far).collect();

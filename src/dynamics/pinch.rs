@@ -250,7 +250,7 @@ impl Pinch<'_> {
         }
         let (t, pose) = self.body(b, moment);
         let local = pose.inverse_transform_point(&(*x).into()).coords;
-        let found = self.bodies.facing_or_around(b, t, &local, from, NEAR)?;
+        let found = self.bodies.mesh(b, t)?.facing_or_around(&local, from, -pinch::FACING, NEAR)?;
         Some(self.surface(b, moment, &found))
     }
 

@@ -3,7 +3,7 @@
 use super::chain::Vertex;
 use super::clearances::{Clearances, DistanceBounds, SEARCH_RADIUS};
 use crate::contact::{Bodies, pinch};
-use crate::geometry::SurfacePoint;
+use crate::geometry::{SolidMesh, SurfacePoint};
 use nalgebra::{Isometry3, Vector3};
 use std::collections::BTreeSet;
 
@@ -118,7 +118,9 @@ impl Obstacles<'_> {
             // Farther from the surface than that, only a full search tells whether it is outside.
             let Some(mut surface) = closest(radius).or_else(|| closest(f64::INFINITY)) else { continue };
             if by_part(b) {
-                let part = self.bodies.facing_or_around(b, self.time, &local, &surface, PART_RADIUS);
+                let mesh = self.bodies.mesh(b, self.time);
+                let part = mesh
+                    .and_then(|mesh| mesh.facing_or_around(&local, &surface, -pinch::FACING, PART_RADIUS));
                 surface = part.filter(|part| part.distance < surface.distance).unwrap_or(surface);
             }
             *bound = surface.distance;
@@ -220,8 +222,8 @@ impl Obstacles<'_> {
     /// in front: on the surface, rounding would decide of how many parts the place is inside.
     fn faced_by_part(&self, inside: &Violation, x: &Vector3<f64>) -> bool {
         let out = x + inside.normal * (inside.depth + pinch::MIN_DEPTH);
-        let Some((local, on)) = self.on_deforming(inside.body, &out) else { return false };
-        let part = self.bodies.facing(inside.body, self.time, &local, &on, PART_RADIUS);
+        let Some((mesh, local, on)) = self.on_deforming(inside.body, &out) else { return false };
+        let part = mesh.facing(&local, &on, -pinch::FACING, PART_RADIUS);
         part.is_some_and(|part| part.distance <= pinch::ROOM)
     }
 
@@ -248,16 +250,16 @@ impl Obstacles<'_> {
     /// Whether `x`, m, world, which is on or near the deforming body `body`, is inside another part of it.
     fn is_in_other_part(&self, body: usize, x: &Vector3<f64>) -> bool {
         let on = self.on_deforming(body, x);
-        on.is_some_and(|(local, on)| self.bodies.in_other_part(body, self.time, &local, &on))
+        on.is_some_and(|(mesh, local, on)| mesh.in_other_part(&local, &on))
     }
 
     /// How the root of a strand with this first edge, m, world, is inside another part of the deforming body
     /// that it is on, or has none of [`pinch::ROOM`] before it: a part that faces its own, and the nearest at
     /// any angle that it is inside of.
     fn swallowed_by_parts(&self, body: usize, [root, next]: &[Vector3<f64>; 2]) -> Vec<Swallowed> {
-        let Some((local, on)) = self.on_deforming(body, root) else { return Vec::new() };
-        let facing = self.bodies.facing(body, self.time, &local, &on, PART_RADIUS);
-        let around = self.bodies.around(body, self.time, &local, &on, PART_RADIUS);
+        let Some((mesh, local, on)) = self.on_deforming(body, root) else { return Vec::new() };
+        let facing = mesh.facing(&local, &on, -pinch::FACING, PART_RADIUS);
+        let around = mesh.around(&local, &on, PART_RADIUS);
         let parts = [facing, around].into_iter().flatten().filter(|part| part.distance <= pinch::ROOM);
         let swallowed = |part: SurfacePoint| {
             let normal = self.poses[body].rotation * part.normal;
@@ -272,20 +274,25 @@ impl Obstacles<'_> {
     /// Whether what looks like the inside of a deforming body at `x`, m, world, is a place outside of it beside
     /// skin that is turned inside out, as in a fold that the skin cannot follow.
     fn is_turned(&self, inside: &Violation, x: &Vector3<f64>) -> bool {
-        let body = inside.body;
-        let local = || self.poses[body].inverse_transform_point(&(*x).into()).coords;
-        inside.depth > pinch::MIN_DEPTH
-            && self.bodies.bodies[body].solid.deforms()
-            && self.bodies.winds_past(body, self.time, &local())
+        let winds_past = |(mesh, local): (&SolidMesh, Vector3<f64>)| mesh.winds_past(&local);
+        inside.depth > pinch::MIN_DEPTH && self.deforming(inside.body, x).is_some_and(winds_past)
     }
 
-    /// `x`, m, world, in the frame of a body that deforms, and the nearest point of its surface.
-    fn on_deforming(&self, body: usize, x: &Vector3<f64>) -> Option<(Vector3<f64>, SurfacePoint)> {
-        if !self.bodies.bodies[body].solid.deforms() {
-            return None;
-        }
-        let local = self.poses[body].inverse_transform_point(&(*x).into()).coords;
-        Some((local, self.bodies.closest(body, self.time, &local, SEARCH_RADIUS)?))
+    /// The mesh of a body that deforms, and `x`, m, world, in its frame.
+    fn deforming(&self, body: usize, x: &Vector3<f64>) -> Option<(&SolidMesh, Vector3<f64>)> {
+        let mesh = self.bodies.mesh(body, self.time)?;
+        let deforms = self.bodies.bodies[body].solid.deforms();
+        deforms.then(|| (mesh, self.poses[body].inverse_transform_point(&(*x).into()).coords))
+    }
+
+    /// The same, and the point of its surface that is nearest.
+    fn on_deforming(
+        &self,
+        body: usize,
+        x: &Vector3<f64>,
+    ) -> Option<(&SolidMesh, Vector3<f64>, SurfacePoint)> {
+        let (mesh, local) = self.deforming(body, x)?;
+        Some((mesh, local, mesh.closest(&local, SEARCH_RADIUS)?))
     }
 
     /// `x` (m, world) moved out of one body after the other until `vertex` violates the distances to `keep` by
@@ -319,8 +326,8 @@ impl Obstacles<'_> {
             let may_be_deep = least.is_finite() && least <= -radius;
             let deep = || if may_be_deep { closest(f64::INFINITY) } else { None };
             let Some(surface) = closest(radius).or_else(deep) else { return radius };
-            let deforms = self.bodies.bodies[b].solid.deforms();
-            match deforms && self.bodies.in_other_part(b, self.time, &local, &surface) {
+            let mesh = self.deforming(b, x).map(|(mesh, _)| mesh);
+            match mesh.is_some_and(|mesh| mesh.in_other_part(&local, &surface)) {
                 true => -surface.distance.abs(),
                 false => surface.distance.min(radius),
             }

@@ -75,11 +75,11 @@ impl GuideModel {
     fn is_swallowed(&self, env: &Environment, t: f64) -> bool {
         let swallows = |b: &usize| {
             let root = (env.body)(*b, t).inverse_transform_point(&self.root(env, t).p.into()).coords;
-            let on = env.bodies.closest(*b, t, &root, ROOTED);
-            on.is_some_and(|on| env.bodies.in_other_part(*b, t, &root, &on))
+            let mesh = env.bodies.mesh(*b, t)?;
+            Some(mesh.in_other_part(&root, &mesh.closest(&root, ROOTED)?))
         };
         let deforms = |b: &usize| env.bodies.bodies[*b].solid.deforms();
-        (0..env.bodies.len()).filter(deforms).any(|b| swallows(&b))
+        (0..env.bodies.len()).filter(deforms).any(|b| swallows(&b) == Some(true))
     }
 
     /// Takes a part of a sub-step that was halved `depth` times.
