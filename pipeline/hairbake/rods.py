@@ -56,6 +56,13 @@ class Rod:
     """Natural strain (κ1, κ2, τ), 1/m; None: that of the drawn shape."""
     friction: float = 0.3
     """Coulomb friction coefficient."""
+    friction_parallel: float = 0.5
+    """Friction along parallel strands relative to that of crossing ones."""
+    cohesion: float = 0.0
+    """Force per length between parallel strands that touch, N/m."""
+    radius: float = 4e-5
+    """Semi-axis of the section along d1, m; the moduli follow from it. Strands keep a distance that grows
+    with it."""
 
     def with_weight(self, gamma: float) -> "Rod":
         """The same rod with the density that gives Γ = ρSgL³/EI1."""
@@ -65,7 +72,7 @@ class Rod:
         """The material in groom.json: an elliptic section and moduli that give these stiffnesses."""
         ei1, ei2 = self.bending
         # EI1 / EI2 = (a2 / a1)²; the size of the section is free.
-        a1 = 4e-5
+        a1 = self.radius
         a2 = a1 * math.sqrt(ei1 / ei2)
         polar = math.pi * (a1 * a2) ** 3 / (a1**2 + a2**2)
         entry = {
@@ -79,6 +86,8 @@ class Rod:
             "drag": self.drag,
             "shielding": 0.0,
             "friction": self.friction,
+            "friction_parallel": self.friction_parallel,
+            "cohesion_n_m": self.cohesion,
         }
         if self.natural is not None:
             entry["natural_curvature_per_m"] = list(self.natural)
@@ -94,6 +103,8 @@ class Strand:
     """Drawn shape, `n × 3`, m, from root to tip; the root's tangent is the direction of the clamp."""
     frame: Quaternion = (1.0, 0.0, 0.0, 0.0)
     """Clamp frame (d1, d2, tangent)."""
+    hairs: int = 1
+    """Number of hairs that it represents, in scenes with `arc`."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +168,7 @@ class Scene:
         return {
             "parent": [-1] * n,
             "length": [s.rod.length for s in self.strands],
-            "strand_count": [1] * n,
+            "strand_count": [s.hairs for s in self.strands],
             "sections": [len(arc)] * n,
             "arc": arc * n,
             "centre": centre,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from hairbake.rods import Motion, Scene, bake_scene
-from hairbake_validate.cache import GUIDES, Cache, read_frame
+from hairbake_validate.cache import CLAMPS, GUIDES, Cache, read_frame
 
 from .arrays import FloatArray
 
@@ -67,4 +67,6 @@ def read_bake(out: Path) -> Motion:
         return np.split(values * cache.metres_per_unit, np.cumsum(counts)[:-1], axis=1)
 
     figures = [frame["figures"] for frame in cache.record["frames"]]
-    return Motion(np.array(cache.frames) / cache.fps, split("points"), split("velocities"), figures)
+    clamp = f"{GUIDES}.{CLAMPS[0]}"
+    forces = np.array([frame[clamp] for frame in frames], dtype=float) if clamp in frames[0] else None
+    return Motion(np.array(cache.frames) / cache.fps, split("points"), split("velocities"), figures, forces)

@@ -2,7 +2,19 @@
 
 from collections.abc import Callable
 
-from . import air, buckling, cantilever, capstan, energy, friction, helix, symmetries, vibration, whip
+from . import (
+    air,
+    buckling,
+    cantilever,
+    capstan,
+    energy,
+    friction,
+    helix,
+    ropes,
+    symmetries,
+    vibration,
+    whip,
+)
 from .program import Hairbake
 from .study import Study
 
@@ -20,4 +32,5 @@ STUDIES: dict[str, Callable[[Hairbake], Study]] = {
     "stick-slip": friction.stick_slip,
     "incline": friction.incline,
     "capstan": capstan.study,
+    "rope-on-rope": ropes.study,
 }

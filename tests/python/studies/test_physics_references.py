@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from hairbake.rods import GRAVITY
 from physics import capstan, tension
-from physics.reference import column, drape, kirchhoff, modes, planar, stability
+from physics.reference import column, crossing, drape, kirchhoff, modes, planar, stability
 from physics.signal import poles
 
 ELASTICA = {0.1: 0.012500, 1: 0.124562, 10: 1.066802, 100: 5.888105, 1000: 21.335440}
@@ -120,3 +121,54 @@ def test_poles_of_two_damped_oscillations() -> None:
     t = np.linspace(0.0, 3.0, 300)
     values = np.exp(-0.3 * t) * np.cos(7 * t) + 0.1 * np.exp(-1.0 * t) * np.sin(19 * t)
     assert poles(t, values, 2) == pytest.approx([0.3 + 7j, 1.0 + 19j], abs=1e-6)
+
+
+def crossed(weight: float, stiffness: float, lower_stiffness: float, height: float) -> crossing.Crossing:
+    """A rod of length 1 at a `height`, across one of length ½ at three quarters of both, 0.01 apart."""
+    lower = crossing.RoundRod(np.zeros(3), np.array([1.0, 0, 0]), 0.5, lower_stiffness, weight)
+    root = np.array([0.375, height, -0.75])
+    upper = crossing.RoundRod(root, np.array([0, 0, 1.0]), 1.0, stiffness, weight)
+    return crossing.rest(lower, upper, lambda _: 0.01, (0.375, 0.75))
+
+
+def test_force_between_crossed_rods_is_that_of_beams() -> None:
+    weight = 1e-4
+
+    def sag(x: float, length: float, stiffness: float) -> float:
+        """Deflection of a heavy cantilever."""
+        return weight * x**2 * (6 * length**2 - 4 * length * x + x**2) / (24 * stiffness)
+
+    # Drawn at the distance that they keep: both contact points sag alike.
+    missing = sag(0.75, 1.0, 1.0) - sag(0.375, 0.5, 3.0)
+    force = missing / (0.75**3 / 3 + 0.375**3 / 9)
+    assert crossed(weight, 1.0, 3.0, 0.01).force == pytest.approx(force, rel=1e-5)
+
+
+def test_rod_that_just_touches_another_is_the_elastica() -> None:
+    shape = planar.equilibrium(1.0)
+    x, y = shape.at(np.linspace(0.5, 1.0, 5001))[4:]
+
+    def clearance(height: float) -> float:
+        """Least distance from the lower rod, which is stiff, of the free upper one, less 0.01."""
+        return float(np.hypot(x - 0.75, y + height).min()) - 0.01
+
+    across = -float(np.interp(0.75, x, y))
+    height = brentq(clearance, across, across + 0.1)
+    touching = crossed(1.0, 1.0, 1e8, height - 1e-6)
+    assert 0 < touching.force < 1e-3
+    tip = touching.upper.at(np.array([1.0]))[0] - [0.375, height, -0.75]
+    assert [tip[2], tip[1]] == pytest.approx(shape.tip, abs=1e-5)
+
+
+def test_crossed_rods_lie_at_the_distance_along_their_common_normal() -> None:
+    found = crossed(3.0, 1.0, 5.0, 0.1)
+    one, other = (part.at(np.array([part.contact]))[0] for part in (found.lower, found.upper))
+    tangents = [
+        part.at(np.array([part.contact + 1e-6]))[0] - part.at(np.array([part.contact - 1e-6]))[0]
+        for part in (found.lower, found.upper)
+    ]
+    apart = other - one
+    assert np.linalg.norm(apart) == pytest.approx(0.01, rel=1e-6)
+    assert [apart @ t for t in tangents] == pytest.approx([0.0, 0.0], abs=1e-11)
+    assert np.cross(apart, found.upper.force) == pytest.approx(np.zeros(3), abs=1e-8)
+    assert found.lower.force == pytest.approx(-found.upper.force)

@@ -16,6 +16,7 @@ from physics import (
     friction,
     helix,
     page,
+    ropes,
     symmetries,
     vibration,
     whip,
@@ -39,6 +40,7 @@ SHORT: dict[str, Callable[[Hairbake], Study]] = {
     "stick-slip": lambda h: friction.stick_slip(h, shortenings=(0.04, 0.16), steps=200),
     "incline": lambda h: friction.incline(h, ratios=(0.99, 1.2), substeps=8),
     "capstan": lambda h: capstan.study(h, cases=((0.3, 10.0), (1.0, 10.0)), frames=72),
+    "rope-on-rope": lambda h: ropes.study(h, shares=(0.1,), nodes=8),
 }
 
 
