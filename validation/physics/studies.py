@@ -11,6 +11,7 @@ from . import (
     friction,
     helix,
     ropes,
+    strand_friction,
     symmetries,
     vibration,
     whip,
@@ -33,4 +34,5 @@ STUDIES: dict[str, Callable[[Hairbake], Study]] = {
     "incline": friction.incline,
     "capstan": capstan.study,
     "rope-on-rope": ropes.study,
+    "strand-friction": strand_friction.study,
 }

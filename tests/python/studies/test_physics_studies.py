@@ -17,6 +17,7 @@ from physics import (
     helix,
     page,
     ropes,
+    strand_friction,
     symmetries,
     vibration,
     whip,
@@ -41,6 +42,9 @@ SHORT: dict[str, Callable[[Hairbake], Study]] = {
     "incline": lambda h: friction.incline(h, ratios=(0.99, 1.2), substeps=8),
     "capstan": lambda h: capstan.study(h, cases=((0.3, 10.0), (1.0, 10.0)), frames=72),
     "rope-on-rope": lambda h: ropes.study(h, shares=(0.1,), nodes=8),
+    "strand-friction": lambda h: strand_friction.study(
+        h, cases=strand_friction.CASES[2:4], substeps=16, others=()
+    ),
 }
 
 
