@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-def total_energy(points: FloatArray, velocities: FloatArray, rod: Rod) -> FloatArray:
+def total_energy(
+    points: FloatArray, velocities: FloatArray, rod: Rod, gravity: float = GRAVITY
+) -> FloatArray:
     """Kinetic, potential and bending energy of every frame, J, by splines through the points of the cache."""
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points[0], axis=0), axis=1))])
     s *= rod.length / s[-1]
@@ -25,7 +27,7 @@ def total_energy(points: FloatArray, velocities: FloatArray, rod: Rod) -> FloatA
         return float(CubicSpline(s, values).integrate(0.0, rod.length))
 
     kinetic = [0.5 * rod.line_density * integral((v**2).sum(axis=1)) for v in velocities]
-    potential = [rod.line_density * GRAVITY * integral(x[:, 1]) for x in points]
+    potential = [rod.line_density * gravity * integral(x[:, 1]) for x in points]
     fine = np.linspace(0.0, rod.length, 400)
     bending = [
         0.5 * rod.bending[0] * np.trapezoid((CubicSpline(s, x)(fine, 2) ** 2).sum(axis=1), fine)

@@ -10,6 +10,7 @@ from . import (
     energy,
     friction,
     helix,
+    impact,
     ropes,
     strand_friction,
     symmetries,
@@ -35,4 +36,5 @@ STUDIES: dict[str, Callable[[Hairbake], Study]] = {
     "capstan": capstan.study,
     "rope-on-rope": ropes.study,
     "strand-friction": strand_friction.study,
+    "crossed-cantilevers": impact.study,
 }

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from hairbake.rods import GRAVITY
 from physics import capstan, tension
-from physics.reference import column, crossing, drape, kirchhoff, modes, planar, stability
+from physics.reference import column, crossing, drape, impact, kirchhoff, modes, planar, stability
 from physics.signal import poles
 
 ELASTICA = {0.1: 0.012500, 1: 0.124562, 10: 1.066802, 100: 5.888105, 1000: 21.335440}
@@ -172,3 +172,43 @@ def test_crossed_rods_lie_at_the_distance_along_their_common_normal() -> None:
     assert [apart @ t for t in tangents] == pytest.approx([0.0, 0.0], abs=1e-11)
     assert np.cross(apart, found.upper.force) == pytest.approx(np.zeros(3), abs=1e-8)
     assert found.lower.force == pytest.approx(-found.upper.force)
+
+
+def test_modes_of_a_cantilever_match_textbook_values() -> None:
+    found = impact.Modes.of(impact.Cantilever(2.0, 3.0, 5.0, 0.0, 2.0), 30)
+    roots = np.array([1.87510407, 4.69409113, 7.85475744])
+    assert found.frequency[:3] == pytest.approx(roots**2 * np.sqrt(3.0 / 80.0), rel=1e-8)
+    # Of unit mean square the tips are at 2, and the mean is 0.7830, 0.4339, 0.2544 (Blevins 1979).
+    assert np.abs(found.at_tip) == pytest.approx(2 / np.sqrt(10.0), rel=1e-9)
+    assert found.mean[:3] * np.sqrt(10.0) == pytest.approx([0.7830, 0.4339, 0.2544], abs=1e-4)
+    # All of them add up to the deflection under a force at the tip, F L³/3EI.
+    assert (found.at_tip**2 / found.frequency**2).sum() == pytest.approx(8.0 / 9.0, rel=1e-5)
+
+
+def crossed_cantilevers(damping: float, gap: float, seconds: float, step: float, modes: int) -> impact.Swing:
+    """Cantilevers of lengths 1 and ½ that cross at three quarters, of unit stiffness and density."""
+    upper = impact.Cantilever(1.0, 1.0, 1.0, damping, 0.75)
+    lower = impact.Cantilever(0.5, 1.0, 1.0, damping, 0.375)
+    times = np.linspace(0.0, seconds, 101)
+    return impact.swing((upper, lower), gap, 1.0, times, step=step, modes=modes)
+
+
+def test_cantilevers_come_to_rest_on_each_other_as_beams_do() -> None:
+    def sag(x: float, length: float) -> float:
+        """Deflection of a heavy cantilever."""
+        return x**2 * (6 * length**2 - 4 * length * x + x**2) / 24
+
+    found = crossed_cantilevers(0.2, 0.01, 20.0, 1e-3, 24)
+    force = (sag(0.75, 1.0) - sag(0.375, 0.5) - 0.01) / ((0.75**3 + 0.375**3) / 3)
+    tip = sag(1.0, 1.0) - force * 0.75**2 * (3 - 0.75) / 6
+    assert found.upper[-1] == pytest.approx(-tip, rel=1e-3)
+    assert found.gap[-1] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_cantilevers_that_meet_lose_energy_and_those_that_do_not_keep_it() -> None:
+    free = crossed_cantilevers(0.0, 1.0, 2.0, 1e-3, 12)
+    assert free.touched == np.inf
+    assert np.abs(free.energy).max() < 1e-12 and free.kinetic.max() > 1e-3
+    met = crossed_cantilevers(0.0, 0.01, 2.0, 1e-4, 12)
+    assert met.touched < 1.0 and met.gap.min() > -1e-5
+    assert np.diff(met.energy).max() < 1e-9 and met.energy[-1] < -0.1 * met.kinetic.max()

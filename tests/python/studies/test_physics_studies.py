@@ -15,6 +15,7 @@ from physics import (
     energy,
     friction,
     helix,
+    impact,
     page,
     ropes,
     strand_friction,
@@ -45,6 +46,7 @@ SHORT: dict[str, Callable[[Hairbake], Study]] = {
     "strand-friction": lambda h: strand_friction.study(
         h, cases=strand_friction.CASES[2:4], substeps=16, others=()
     ),
+    "crossed-cantilevers": lambda h: impact.study(h, steps=(1000, 4000, 16000), nodes=8),
 }
 
 
