@@ -181,9 +181,9 @@ def study(
 friction, a quarter of gravity). Theory: {MODES} modes of each cantilever, each solved exactly over steps of
 1 µs, with Moreau's unilateral contact that restores nothing. With damping of {1e3 * DAMPING:g} ms it has
 converged to 1e-4 in modes and steps. Without damping the hairs hit each other many times: theory has
-converged to 1e-3 up to {1e3 * SOON:g} ms, and to 3 % up to {1e3 * SECONDS:g} ms, so that the later motion is
-for information. Energies are read from the cache by splines; its velocities are differences over a frame, which
-next to an impact are off by some 1e-3 of the kinetic energy before it.</p>"""
+converged to 1e-3 up to {1e3 * SOON:g} ms, and to 3 % up to {1e3 * SECONDS:g} ms, so that the later motion
+is for information. Energies are read from the cache by splines; its velocities are differences over a frame,
+which next to an impact are off by some 1e-3 of the kinetic energy before it.</p>"""
     plots = [
         Plot(f"With damping of {1e3 * DAMPING:g} ms.", motion(damped, damped_falls)),
         Plot("Without damping.", motion(undamped, undamped_falls)),

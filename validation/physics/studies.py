@@ -11,6 +11,7 @@ from . import (
     friction,
     helix,
     impact,
+    layer,
     ropes,
     strand_friction,
     symmetries,
@@ -37,4 +38,5 @@ STUDIES: dict[str, Callable[[Hairbake], Study]] = {
     "rope-on-rope": ropes.study,
     "strand-friction": strand_friction.study,
     "crossed-cantilevers": impact.study,
+    "hair-layer": layer.study,
 }

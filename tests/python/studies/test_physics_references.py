@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from hairbake.rods import GRAVITY
 from physics import capstan, tension
-from physics.reference import column, crossing, drape, impact, kirchhoff, modes, planar, stability
+from physics.reference import assembly, column, crossing, drape, impact, kirchhoff, modes, planar, stability
 from physics.signal import poles
 
 ELASTICA = {0.1: 0.012500, 1: 0.124562, 10: 1.066802, 100: 5.888105, 1000: 21.335440}
@@ -212,3 +212,32 @@ def test_cantilevers_that_meet_lose_energy_and_those_that_do_not_keep_it() -> No
     met = crossed_cantilevers(0.0, 0.01, 2.0, 1e-4, 12)
     assert met.touched < 1.0 and met.gap.min() > -1e-5
     assert np.diff(met.energy).max() < 1e-9 and met.energy[-1] < -0.1 * met.kinetic.max()
+
+
+def test_layer_without_pressure_at_rest_has_the_height_of_the_closed_form() -> None:
+    # With φ0 = 0: 3/2 M^(2/3) (K/g)^(1/3) / ρ.
+    height = assembly.layer_height(3.0, 1300.0, 0.0, 4e5, 9.81)
+    assert height == pytest.approx(1.5 * 3.0 ** (2 / 3) * (4e5 / 9.81) ** (1 / 3) / 1300.0, rel=1e-12)
+    # Of stiff hair it is that as drawn; softer, the sum of its slices.
+    assert assembly.layer_height(3.0, 1300.0, 0.02, 1e12, 9.81) == pytest.approx(3.0 / 26.0, rel=1e-4)
+    masses = (np.arange(20000) + 0.5) * 3.0 / 20000
+    fraction = np.cbrt(9.81 * masses / 4e5 + 0.02**3)
+    slices = 3.0 / 20000 / (1300.0 * fraction)
+    assert assembly.layer_height(3.0, 1300.0, 0.02, 4e5, 9.81) == pytest.approx(slices.sum(), rel=1e-6)
+    assert assembly.pressure(fraction, 0.02, 4e5) == pytest.approx(9.81 * masses, rel=1e-9)
+
+
+def test_volume_fraction_and_disorder_of_a_lattice_of_strands() -> None:
+    places = (np.arange(16) + 0.5) * 0.005 - 0.04
+    line = np.linspace(-0.05, 0.05, 41)[:, None] * [1.0, 0.0, 0.0]
+    strands = [line + [0.0, y, z] for y in places for z in places]
+    middle = np.array([[0.001, 0.002, -0.001], [0.0, -0.04, 0.0]])
+    fraction, disorder = assembly.Fibres.of(strands, 1e-6).around(middle, 0.01)
+    # Half of it at an edge.
+    assert fraction == pytest.approx([0.04, 0.02], rel=1e-3)
+    assert disorder == pytest.approx([0.0, 0.0], abs=1e-9)
+    crossed = [*strands, *(x[:, [1, 0, 2]] for x in strands)]
+    fraction, disorder = assembly.Fibres.of(crossed, 1e-6).around(middle[:1], 0.01)
+    # Half along x, half along y: the square of the mean tangent is ½.
+    assert (fraction[0], disorder[0]) == pytest.approx((0.08, 1.0), rel=1e-3)
+    assert assembly.stiffness(np.array([0.0, 1.0])) == pytest.approx([1e-4, 1e-3])

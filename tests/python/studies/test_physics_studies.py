@@ -16,6 +16,7 @@ from physics import (
     friction,
     helix,
     impact,
+    layer,
     page,
     ropes,
     strand_friction,
@@ -47,6 +48,7 @@ SHORT: dict[str, Callable[[Hairbake], Study]] = {
         h, cases=strand_friction.CASES[2:4], substeps=16, others=()
     ),
     "crossed-cantilevers": lambda h: impact.study(h, steps=(1000, 4000, 16000), nodes=8),
+    "hair-layer": lambda h: layer.study(h, layer.Box(columns=4, seconds=0.6, nodes=6), goal=0.2),
 }
 
 
