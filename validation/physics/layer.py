@@ -187,8 +187,9 @@ def study(hairbake: Hairbake, box: Box | None = None, goal: float = GOAL) -> Stu
 law p = k E (φ³ − φ0³), with k by the disorder of the hair as the theory page has it, bears the weight above.
 φ, the disorder and the weight follow from the points of the cache, φ by the B-splines of (5.14), averaged
 over where nodes may be. Within two nodes of the floor and of the top, 2 cm, the grid does not resolve φ: at
-the floor and the walls it sees half of the hair, which therefore crowds there. Inner heights exclude these; the
-height of the whole layer includes them, is outside of what the grid resolves, and is for information.</p>"""
+the floor and the walls it sees half of the hair, which therefore crowds there. Inner heights exclude these;
+the height of the whole layer includes them, is outside of what the grid resolves, and is for
+information.</p>"""
     plots = [
         Plot("Pressure by volume fraction.", draw_law),
         Plot("Pressure by height; shaded: inner heights.", draw_profile),

@@ -15,6 +15,7 @@ from . import (
     ropes,
     strand_friction,
     symmetries,
+    tufts,
     vibration,
     whip,
 )
@@ -39,4 +40,5 @@ STUDIES: dict[str, Callable[[Hairbake], Study]] = {
     "strand-friction": strand_friction.study,
     "crossed-cantilevers": impact.study,
     "hair-layer": layer.study,
+    "tufts": tufts.study,
 }
