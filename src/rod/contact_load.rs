@@ -11,7 +11,7 @@ use super::shape::RodShape;
 use crate::math::cholesky;
 use crate::math::frame::any_frame;
 use crate::math::lanes::Twist;
-use nalgebra::Vector3;
+use nalgebra::{DMatrix, SymmetricEigen, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Stiffness added at a contact along its constrained directions, relative to the rod's own stiffness there,
@@ -21,6 +21,9 @@ const STIFFENING: f64 = 100.0;
 
 const AXES: [Vector3<f64>; 3] =
     [Vector3::new(1.0, 0.0, 0.0), Vector3::new(0.0, 1.0, 0.0), Vector3::new(0.0, 0.0, 1.0)];
+
+/// Most iterations for each eigenvalue of a geometric stiffness.
+const EIGEN_ITERATIONS: usize = 50;
 
 /// A contact force at a place of a rod.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -146,6 +149,55 @@ impl Solver {
     }
 }
 
+impl Solver {
+    /// [`Solver::linearise`] of a rod under `forces`: segment, fraction of it, force, N, world. The Hessian
+    /// includes the part of their geometric stiffness that stiffens the rod (`docs/theory.md` §5.2); the direction
+    /// excludes the forces.
+    pub fn linearise_stiffened(
+        &mut self,
+        rod: &Rod,
+        load: &Load,
+        forces: &[(usize, f64, Vector3<f64>)],
+        q: &[f64],
+        buffers: &mut ContactLoadBuffers,
+    ) -> bool {
+        if forces.is_empty() {
+            return self.linearise(rod, load, q);
+        }
+        let ContactLoadBuffers { load: loaded, wrench, hessian: matrix, .. } = buffers;
+        let n = q.len();
+        loaded.clone_from(load);
+        for (k, u, force) in forces {
+            loaded.add_force(*k, &(force * (1.0 - u)));
+            loaded.add_force(k + 1, &(force * *u));
+        }
+        self.sensitivity.update(rod, &self.shape, q);
+        let (core, shape, sensitivity) = (&rod.core, &self.shape, &self.sensitivity);
+        gradient(core, loaded, shape, sensitivity, q, &mut self.direction, wrench);
+        hessian(core, loaded, shape, sensitivity, wrench, q, 1.0, matrix);
+        gradient(core, load, shape, sensitivity, q, &mut self.direction, wrench);
+        hessian(core, load, shape, sensitivity, wrench, q, 1.0, &mut self.factor);
+        let entry = |a: usize, b: usize| a.max(b) * n + a.min(b);
+        let geometric = DMatrix::from_fn(n, n, |a, b| matrix[entry(a, b)] - self.factor[entry(a, b)]);
+        let Some(modes) = SymmetricEigen::try_new(geometric, f64::EPSILON, EIGEN_ITERATIONS * n) else {
+            return self.linearise(rod, load, q);
+        };
+        for (stiffness, mode) in modes.eigenvalues.iter().zip(modes.eigenvectors.column_iter()) {
+            for a in (0..n).filter(|_| *stiffness > 0.0) {
+                for b in 0..=a {
+                    self.factor[a * n + b] += stiffness * mode[a] * mode[b];
+                }
+            }
+        }
+        if cholesky::factor(&mut self.factor, n) != 1 {
+            return self.linearise(rod, load, q);
+        }
+        self.direction.iter_mut().for_each(|d| *d = -*d);
+        cholesky::solve_lower(&self.factor, n, &mut self.direction);
+        true
+    }
+}
+
 /// Adds a spring along `row` to the lower triangle of `hessian`, `stiffening` times as stiff as its diagonal
 /// along `row`.
 fn add_spring(row: &[f64], stiffening: f64, hessian: &mut [f64]) {
@@ -264,6 +316,43 @@ mod tests {
             }
         }
         assert!(worst < 1e-4 * geometric && geometric > 1e-3 * largest, "{worst} {geometric} {largest}");
+    }
+
+    #[test]
+    fn forces_stiffen_a_rod_that_they_draw_out_and_do_not_soften_one_that_they_press() {
+        let ends = [Vector3::zeros(), Vector3::new(0.0, 0.2, 0.0)];
+        let rod = Rod::new(&RodSource::hair(&ends, &[0.0, 0.2, 0.5, 1.0])).unwrap();
+        let load = at_rest(&rod, 0.1);
+        let tip = rod.points() - 2;
+        let factor = |force: f64| {
+            let mut solver = Solver::default();
+            solver.shape.update(&rod, &rod.root.r, &rod.initial_q);
+            let forces = [(tip, 1.0, Vector3::y() * force)];
+            let buffers = &mut ContactLoadBuffers::default();
+            assert!(solver.linearise_stiffened(&rod, &load, &forces, &rod.initial_q, buffers));
+            (solver.factor, solver.direction)
+        };
+        let contact = ContactLoad {
+            segment: tip,
+            u: 1.0,
+            force: Vector3::y() * 1e-5,
+            normal: Vector3::y(),
+            sticks: false,
+            slides_along: None,
+            moment: None,
+        };
+        let [(exact, _), (alone, _)] = [&[contact][..], &[]].map(|contacts| {
+            let (solver, slope) = linearised(&rod, &load, contacts, &rod.initial_q);
+            (solver.factor, slope)
+        });
+        let n = rod.unknowns();
+        let distance = |a: &[f64], b: &[f64]| {
+            let lower = (0..n).flat_map(|i| (0..=i).map(move |j| i * n + j));
+            lower.map(|k| (a[k] - b[k]).abs() / b[k].abs().max(1e-3 * b[n * n - 1].abs())).fold(0.0, f64::max)
+        };
+        assert!(distance(&factor(1e-5).0, &exact) < 1e-6, "{}", distance(&factor(1e-5).0, &exact));
+        assert!(distance(&factor(-1e-5).0, &alone) < 1e-6, "{}", distance(&factor(-1e-5).0, &alone));
+        assert!(distance(&exact, &alone) > 1e-2, "{}", distance(&exact, &alone));
     }
 
     #[test]

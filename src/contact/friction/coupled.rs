@@ -41,7 +41,7 @@ pub fn solve_coupled(
     let mut network = Network { problem, diagonal, delassus: SparseDelassus::default(), r, w };
     let mut outcome = solve_by_sweeps(&mut network, tolerance, true, scratch);
     for _ in 0..NEWTON_SOLVES {
-        if outcome.residual <= tolerance.residual {
+        if outcome.residual <= tolerance.residual || !tolerance.continuation {
             break;
         }
         let before = network.r.to_vec();

@@ -22,8 +22,8 @@ pub struct FrictionTolerance {
     pub residual: f64,
     /// Maximum number of sweeps. Friction couples contacts: a strand with tens of them may need hundreds.
     pub sweeps: usize,
-    /// Whether, for one strand, the path of solutions is followed where Newton's method fails: it takes hundreds
-    /// of systems.
+    /// Whether what is hard to solve is worth many systems: for one strand, the path of solutions where Newton's
+    /// method fails; for coupled strands, Newton's method for wedged contacts.
     pub continuation: bool,
 }
 

@@ -90,7 +90,7 @@ pub(in crate::dynamics) struct Reactions {
     pub(super) friction: FrictionScratch,
     /// Nonzero reactions as loads on the rod; they start the next solve.
     pub(in crate::dynamics) contact_loads: Vec<ContactLoad>,
-    pub(super) load_buffers: ContactLoadBuffers,
+    pub(in crate::dynamics) load_buffers: ContactLoadBuffers,
 }
 
 impl BodyContactScratch {

@@ -12,12 +12,17 @@ use crate::geometry::Friction;
 use crate::math::cholesky::dot;
 use nalgebra::UnitQuaternion;
 
-/// Tolerances of the first round, whose linearisation is coarse, and of later ones. The residual multiplies
-/// displacements of a step of some 0.1 to 1 mm.
-const TOLERANCES: [FrictionTolerance; 2] = [
-    FrictionTolerance { residual: 1e-4, sweeps: 60, continuation: true },
-    FrictionTolerance { residual: RESIDUAL_TOLERANCE, sweeps: 200, continuation: true },
-];
+/// Displacement of a point in a round, m, above which the next is one on the way in a large island; in a small
+/// one only the first is. A round more costs more than an accurate solve of a small island.
+const PROVISIONAL_DISPLACEMENT: f64 = 3e-4;
+
+/// Number of contacts of a large island.
+const LARGE: usize = 500;
+
+/// Tolerances of rounds on the way, which the next linearisation corrects, and of later ones. The residual multiplies displacements of a step of some 0.1 to 1 mm.
+const PROVISIONAL: FrictionTolerance = FrictionTolerance { residual: 1e-4, sweeps: 60, continuation: false };
+const FINAL: FrictionTolerance =
+    FrictionTolerance { residual: RESIDUAL_TOLERANCE, sweeps: 200, continuation: true };
 
 /// Reactions of an island.
 pub(super) struct Reactions {
@@ -27,6 +32,8 @@ pub(super) struct Reactions {
     /// the axes of the contacts, N.
     pub forces: Vec<f64>,
     pub outcome: FrictionOutcome,
+    /// True if they were solved for on the way only.
+    pub provisional: bool,
 }
 
 /// The coupled friction problem of an island. A bundle of n hairs is n times as stiff and heavy as its rod
@@ -59,8 +66,12 @@ impl Reactions {
         let System { strands, rows, b, friction, mut forces, unknowns } = system;
         let mut pushes = vec![0.0; unknowns];
         let problem = CoupledFrictionProblem { strands: &strands, rows: &rows, b: &b, friction: &friction };
-        let first = island.guides.iter().all(|&g| guides[g].rounds == 0);
-        let tolerance = TOLERANCES[usize::from(!first)];
+        let moves = |most: f64| island.guides.iter().any(|&g| guides[g].displacement > most);
+        let provisional = match island.contacts.len() {
+            0..LARGE => moves(f64::MAX),
+            _ => moves(PROVISIONAL_DISPLACEMENT),
+        };
+        let tolerance = if provisional { PROVISIONAL } else { FINAL };
         let outcome =
             solve_coupled(&problem, tolerance, &mut forces, &mut pushes, &mut FrictionScratch::default());
         let (mut pushes_left, mut forces_left) = (&mut pushes[..], &mut forces[..]);
@@ -73,7 +84,7 @@ impl Reactions {
             of_bodies.iter_mut().for_each(|r| *r /= hairs);
             (pushes_left, forces_left) = (next_pushes, next_forces);
         }
-        Reactions { pushes, forces, outcome }
+        Reactions { pushes, forces, outcome, provisional }
     }
 }
 

@@ -1,6 +1,7 @@
 //! The coupled solve of one sub-step.
 
 use super::contact_law::BundleProperties;
+use super::contact_pair::ContactPair;
 use super::contact_pairs::{ContactPairs, MARGIN};
 use super::coupled_guide::{CoupledGuide, EndState};
 use super::island::{DisjointSets, Island};
@@ -15,6 +16,12 @@ use std::collections::BTreeSet;
 
 /// Most rounds of solving, moving and detecting in one sub-step.
 const MAX_ROUNDS: u32 = 16;
+
+/// Displacement of a point by which a guide may close contacts in its first round, m.
+const FIRST_DISPLACEMENT: f64 = 1.5e-4;
+
+/// Number of displacements like that of the last round by which a guide may close contacts in the next.
+const FORESEEN_ROUNDS: f64 = 2.0;
 
 /// Contact between the active guides of a simulation, each with the hairs of its followers.
 #[derive(Debug)]
@@ -123,7 +130,18 @@ impl StrandContacts {
         self.finish(models, states, env, t);
     }
 
-    /// Couples all guides connected, over contacts, with a guide that is in a violated or cohesive contact,
+    /// Whether a contact may have a reaction in the next round: one that has, or pulls, or that its guides may
+    /// come to violate. Another that they violate nevertheless takes part in the round after.
+    fn may_act(&self, pair: &ContactPair) -> bool {
+        let closes = |g: usize| match &self.guides[g] {
+            guide if guide.rounds == 0 => FIRST_DISPLACEMENT,
+            guide => FORESEEN_ROUNDS * guide.displacement,
+        };
+        let [a, b] = self.pairs.guides(&pair.contact);
+        pair.is_active() || pair.cohesion > 0.0 || pair.gap() < closes(a) + closes(b)
+    }
+
+    /// Couples all guides connected, over contacts that may act, with a guide that is in a violated or cohesive contact,
     /// was pushed before, or is already coupled; returns their islands. Guides whose uncoupled step did not
     /// converge stay where they are.
     fn couple_islands(
@@ -136,9 +154,10 @@ impl StrandContacts {
         let converged = |g: usize| self.guides[g].converged;
         let mut sets = DisjointSets::new(models.len());
         let mut wanted = self.pushed.clone();
-        for pair in &self.pairs.contacts {
+        let acting: Vec<bool> = self.pairs.contacts.iter().map(|pair| self.may_act(pair)).collect();
+        for (pair, acts) in self.pairs.contacts.iter().zip(&acting) {
             let [a, b] = self.pairs.guides(&pair.contact);
-            if converged(a) && converged(b) {
+            if *acts && converged(a) && converged(b) {
                 sets.unite(a, b);
             }
             if pair.needs_coupling() {
@@ -149,7 +168,8 @@ impl StrandContacts {
         let wanted = (0..models.len()).filter(|&g| converged(g) && (wanted[g] || self.guides[g].is_coupled));
         let (mut islands, island_of) = Island::from_sets(sets, models.len(), wanted);
         self.guides.iter_mut().for_each(|guide| guide.sides.clear());
-        for (i, pair) in self.pairs.contacts.iter().enumerate() {
+        let may_act = self.pairs.contacts.iter().enumerate().filter(|(i, _)| acting[*i]);
+        for (i, pair) in may_act {
             for (side, g) in self.pairs.guides(&pair.contact).into_iter().enumerate() {
                 let Some(island) = island_of[g] else { continue };
                 if islands[island].contacts.last() != Some(&i) {
@@ -181,7 +201,7 @@ impl StrandContacts {
             .par_iter()
             .map(|island| Reactions::solve(island, models, guides, pairs, to_world))
             .collect();
-        for (island, Reactions { pushes, forces, outcome }) in islands.iter().zip(&reactions) {
+        for (island, Reactions { pushes, forces, outcome, provisional }) in islands.iter().zip(&reactions) {
             let (mut pushes, mut forces) = (&pushes[..], &forces[..]);
             for &g in &island.guides {
                 let guide = &mut guides[g];
@@ -193,6 +213,7 @@ impl StrandContacts {
                 body_contact.reactions.forces.clear();
                 body_contact.reactions.forces.extend_from_slice(body_forces);
                 guide.residual = outcome.residual;
+                guide.provisional = *provisional;
                 guide.rounds += 1;
                 (pushes, forces) = (next_pushes, next_forces);
             }
@@ -237,7 +258,7 @@ impl StrandContacts {
         self.pairs.detect();
         for (i, pair) in self.pairs.contacts.iter().enumerate() {
             for g in self.pairs.guides(&pair.contact) {
-                self.guides[g].needs_round |= i >= old;
+                self.guides[g].needs_round |= i >= old && pair.needs_round();
                 self.guides[g].request_round_if(pair.needs_round());
             }
         }
