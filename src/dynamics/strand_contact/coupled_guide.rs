@@ -14,8 +14,8 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 pub(super) const RESIDUAL_TOLERANCE: f64 = 1e-6;
 
 /// Displacement of a point in a round below which the guide has converged, m: the next round would move it by
-/// about the square of this over the radius of a bend, some hundredths of a micrometre. What is left of the slip of a
-/// sticking contact is there again in the next sub-step, and adds up.
+/// about the square of this over the radius of a bend, some hundredths of a micrometre. What is left of the slip
+/// of a sticking contact is there again in the next sub-step, and adds up.
 const CONVERGED_DISPLACEMENT: f64 = 1e-5;
 
 /// Displacement of a point in a round that counts as none, m: further rounds would not resolve a violated

@@ -19,7 +19,8 @@ const PROVISIONAL_DISPLACEMENT: f64 = 3e-4;
 /// Number of contacts of a large island.
 const LARGE: usize = 500;
 
-/// Tolerances of rounds on the way, which the next linearisation corrects, and of later ones. The residual multiplies displacements of a step of some 0.1 to 1 mm.
+/// Tolerances of rounds on the way, which the next linearisation corrects, and of later ones. The residual
+/// multiplies displacements of a step of some 0.1 to 1 mm.
 const PROVISIONAL: FrictionTolerance = FrictionTolerance { residual: 1e-4, sweeps: 60, continuation: false };
 const FINAL: FrictionTolerance =
     FrictionTolerance { residual: RESIDUAL_TOLERANCE, sweeps: 200, continuation: true };
@@ -66,11 +67,11 @@ impl Reactions {
         let System { strands, rows, b, friction, mut forces, unknowns } = system;
         let mut pushes = vec![0.0; unknowns];
         let problem = CoupledFrictionProblem { strands: &strands, rows: &rows, b: &b, friction: &friction };
-        let moves = |most: f64| island.guides.iter().any(|&g| guides[g].displacement > most);
-        let provisional = match island.contacts.len() {
-            0..LARGE => moves(f64::MAX),
-            _ => moves(PROVISIONAL_DISPLACEMENT),
+        let large = island.contacts.len() >= LARGE;
+        let is_on_the_way = |guide: &CoupledGuide| {
+            guide.rounds == 0 || large && guide.displacement > PROVISIONAL_DISPLACEMENT
         };
+        let provisional = island.guides.iter().any(|&g| is_on_the_way(&guides[g]));
         let tolerance = if provisional { PROVISIONAL } else { FINAL };
         let outcome =
             solve_coupled(&problem, tolerance, &mut forces, &mut pushes, &mut FrictionScratch::default());

@@ -45,9 +45,7 @@ SHORT: dict[str, Callable[[Hairbake], Study]] = {
     "incline": lambda h: friction.incline(h, ratios=(0.99, 1.2), substeps=8),
     "capstan": lambda h: capstan.study(h, cases=((0.3, 10.0), (1.0, 10.0)), frames=72),
     "rope-on-rope": lambda h: ropes.study(h, shares=(0.1,), nodes=8),
-    "strand-friction": lambda h: strand_friction.study(
-        h, cases=strand_friction.CASES[2:4], substeps=16, others=()
-    ),
+    "strand-friction": lambda h: strand_friction.study(h, cases=strand_friction.CASES[2:4], others=()),
     "crossed-cantilevers": lambda h: impact.study(h, steps=(1000, 4000, 16000), nodes=8),
     "hair-layer": lambda h: layer.study(h, layer.Box(columns=4, seconds=0.6, nodes=6), goal=0.2),
     "tufts": lambda h: tufts.study(h, cases=(tufts.CASES[0], tufts.CASES[2]), substeps=(64,)),
