@@ -9,7 +9,7 @@ use super::environment::{Environment, SkinsAtRest};
 use super::guide::{ContactMode, GuideState};
 use super::guide_frame::{GuideFrame, SolverStep};
 use super::guide_rods::GuideRods;
-use super::hair_volume::HairVolume;
+use super::hair_volume::{HairVolume, HairVolumeState};
 use super::model::Model;
 use super::step_record::{HairRecord, StepRecord};
 use super::strand_contact::{RECOVERY_SPEED, StrandContacts};
@@ -116,8 +116,10 @@ pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &
     }
     if let Some(volume) = &mut state.hair_volume {
         let step = [span[0], span[1] - span[0]];
-        state.record.hair =
-            volume.apply(&model.guides, &mut state.guides, |i| state.record.active[i], env, step);
+        // Hair starts where it lies without friction, however it came there.
+        let rubs = !model.is_in_preroll(state.taken);
+        let active = |i: usize| state.record.active[i];
+        state.record.hair = volume.apply(&model.guides, &mut state.guides, active, env, step, rubs);
     }
     advance(model, env, state, span);
     state.taken += 1;
@@ -264,7 +266,7 @@ impl<'a> Simulation<'a> {
             // Hair is at rest at the groom's own density, wherever a goal first holds it.
             let drawn = |guide| GuideState::drawn(guide, &env, t, h);
             let drawn: Vec<GuideState> = model.guides.par_iter().map(drawn).collect();
-            HairVolume::new(&rods.simulated, sampling, &model.guides, &drawn, &env, t)
+            HairVolume::new(&rods.simulated, sampling, &model.guides, &drawn, &env, [t, h])
         });
         let mut state = State {
             guides,
@@ -374,8 +376,7 @@ pub struct SimulationState {
     pub guides: Vec<GuideState>,
     strand_contacts: <Option<StrandContacts> as Checkpoint>::State,
     wisps: Option<super::wisps::WispsState>,
-    /// Of [`HairVolume`]; empty without it.
-    framed: Vec<Vector3<f64>>,
+    hair_volume: Option<HairVolumeState>,
     path: Vec<SolverStep>,
 }
 
@@ -390,7 +391,7 @@ impl Checkpoint for Simulation<'_> {
             guides: guides.state(),
             strand_contacts: strand_contacts.state(),
             wisps: wisps.as_ref().map(AdaptiveTree::state),
-            framed: hair_volume.iter().flat_map(HairVolume::framed).copied().collect(),
+            hair_volume: hair_volume.as_ref().map(HairVolume::state),
             path: path.clone(),
         }
     }
@@ -405,9 +406,10 @@ impl Checkpoint for Simulation<'_> {
             wisps.restore(saved, &model.guides, &state.guides)?;
             state.rebuild(model, env);
         }
-        if let Some(volume) = &mut state.hair_volume {
-            StateMismatch::unless_same("hair points", saved.framed.len(), volume.framed().len())?;
-            volume.restore(saved.framed, &model.guides, |i| leader(&state.wisps, i));
+        let found = saved.hair_volume.iter().count();
+        StateMismatch::unless_same("volumes of hair", found, state.hair_volume.iter().count())?;
+        if let (Some(volume), Some(saved)) = (&mut state.hair_volume, saved.hair_volume) {
+            volume.restore(saved, &model.guides, |i| leader(&state.wisps, i))?;
         }
         state.strand_contacts.restore(saved.strand_contacts)
     }

@@ -17,8 +17,9 @@ const PARALLEL_SHARE: f64 = 0.1;
 /// pressure is explicit in time.
 const MAX_COURANT: f64 = 0.8;
 
-/// Slip at which friction is at 1/√2 of its bound, m/s: it is regularised below.
-const STICK_SPEED: f64 = 0.01;
+/// Most Newton iterations for the speed of a slip. Each comes nearer, and is exact where friction is the same
+/// along and across.
+const MAX_ITERATIONS: usize = 20;
 
 /// The hair around a point.
 pub(super) struct Assembly {
@@ -75,19 +76,62 @@ impl Assembly {
     /// Bounds of the friction per length on a fibre, N/m, for slip across and along it. Fibres under pressure
     /// p touch each other with the force 3π d p per length: the virial of contacts d/(2φ) apart (van Wyk
     /// 1946).
-    fn friction_bounds(&self, fibre: &Fibre) -> [f64; 2] {
+    pub fn friction_bounds(&self, fibre: &Fibre) -> [f64; 2] {
         let diameter = 2.0 * (fibre.area / PI).sqrt();
         let pressure = self.stiffness(fibre) * self.fraction.powi(3);
         let load = 3.0 * PI * diameter * pressure + fibre.cohesion * (1.0 - self.disorder());
         let along = fibre.parallel_friction + (1.0 - fibre.parallel_friction) * self.disorder();
         [fibre.friction_across, along].map(|share| share * fibre.friction * load)
     }
+}
 
-    /// Coefficients of friction for slip across and along a fibre that slips at `slip`, m/s: force per length
-    /// and speed, N·s/m². Coulomb's law, regularised.
-    pub fn friction(&self, fibre: &Fibre, slip: f64) -> [f64; 2] {
-        let speed = slip.hypot(STICK_SPEED);
-        self.friction_bounds(fibre).map(|bound| bound / speed)
+/// What opposes slip over a step: across a fibre, and along it.
+pub(super) struct Resistance {
+    /// Slip that friction takes away at most, m/s.
+    pub friction: [f64; 2],
+    /// Share of what is left of the slip that drag takes away.
+    pub drag: [f64; 2],
+}
+
+impl Resistance {
+    /// What is left of the `slip`, m/s, of a hair along `tangent`.
+    pub fn slip_left(&self, slip: &Vector3<f64>, tangent: &Vector3<f64>) -> Vector3<f64> {
+        let tangent = tangent.try_normalize(0.0).unwrap_or_default();
+        let along = tangent * tangent.dot(slip);
+        let across = slip - along;
+        let [share_across, share_along] = self.left([across.norm(), along.norm()]);
+        across * share_across + along * share_along
+    }
+
+    /// The shares that are left of slips across and along a fibre, m/s, that would be without the resistance:
+    /// 1/(1 + drag + friction/σ), where σ is the speed that is left of both; zero where friction holds.
+    fn left(&self, slip: [f64; 2]) -> [f64; 2] {
+        let Resistance { friction, drag } = self;
+        // The components at σ are slip · σ/(…); their squares add up to σ².
+        let pull = |c: usize| (slip[c].abs() - friction[c]) / (1.0 + drag[c]);
+        let mut speed = pull(0).max(pull(1)).max(0.0);
+        let sums = |speed: f64| {
+            let term = |c: usize| {
+                let (slope, whole) = (1.0 + drag[c], (1.0 + drag[c]) * speed + friction[c]);
+                let square = if slip[c] == 0.0 { 0.0 } else { (slip[c] / whole).powi(2) };
+                [square, if square == 0.0 { 0.0 } else { square * slope / whole }]
+            };
+            let [[a, a_slope], [b, b_slope]] = [0, 1].map(term);
+            [a + b, a_slope + b_slope]
+        };
+        for _ in 0..MAX_ITERATIONS {
+            let [sum, slope] = sums(speed);
+            if sum <= 1.0 {
+                break;
+            }
+            // Newton's method on 1/√sum − 1, which is concave: it does not overshoot.
+            let step = sum * (sum.sqrt() - 1.0) / slope;
+            speed += step;
+            if step <= 1e-12 * speed {
+                break;
+            }
+        }
+        [0, 1].map(|c| if speed == 0.0 { 0.0 } else { 1.0 / (1.0 + drag[c] + friction[c] / speed) })
     }
 }
 
@@ -132,9 +176,9 @@ mod tests {
     fn parallel_fibres_are_softer_than_crossed_ones_and_slide_along() {
         let [crossed, parallel] = [0.5, 1.0].map(|order| hair(0.01, order));
         assert!(pressure(&crossed, 0.0) > 5.0 * pressure(&parallel, 0.0));
-        let [across, along] = parallel.friction(&FIBRE, 1.0);
+        let [across, along] = parallel.friction_bounds(&FIBRE);
         assert!((along / across - 0.5).abs() < 1e-12);
-        let [across, along] = crossed.friction(&FIBRE, 1.0);
+        let [across, along] = crossed.friction_bounds(&FIBRE);
         assert!((along / across - 1.0).abs() < 1e-12);
     }
 
@@ -143,9 +187,42 @@ mod tests {
         let hair = hair(0.01, 0.0);
         let diameter = 2.0 * (FIBRE.area / PI).sqrt();
         let bound = 0.3 * 3.0 * PI * diameter * pressure(&hair, 0.0);
-        for slip in [1e-4, 0.01, 1.0, 100.0] {
-            let force = hair.friction(&FIBRE, slip)[0] * slip;
-            assert!(force < bound && force > bound * (0.6 * slip / STICK_SPEED).min(0.7), "{slip}");
+        assert!(hair.friction_bounds(&FIBRE).iter().all(|b| (b / bound - 1.0).abs() < 1e-12));
+    }
+
+    #[test]
+    fn slip_is_held_up_to_the_bound_of_friction_and_loses_it_beyond() {
+        let dry = Resistance { friction: [0.2, 0.1], drag: [0.0; 2] };
+        // In the ellipse of the bounds.
+        assert_eq!(dry.left([0.12, 0.079]), [0.0; 2]);
+        assert_eq!(dry.left([0.0; 2]), [0.0; 2]);
+        assert!((dry.left([0.5, 0.0])[0] - 0.6).abs() < 1e-12);
+        assert!((dry.left([0.0, -0.5])[1] - 0.8).abs() < 1e-12);
+        let air = Resistance { friction: [0.0; 2], drag: [0.5, 1.0] };
+        let [across, along] = air.left([1e-3, 7.0]);
+        assert!((across - 1.0 / 1.5).abs() < 1e-12 && (along - 0.5).abs() < 1e-12);
+    }
+
+    /// Friction has the direction of the slip that is left, and drag is in proportion to it.
+    #[test]
+    fn what_is_left_of_a_slip_balances_what_it_lost() {
+        let draw = |i: u64, n: u64| crate::math::random::unit(n, i);
+        for i in 0..2000 {
+            let wide = |n: u64| 10_f64.powf(8.0 * draw(i, n) - 6.0);
+            let resistance = Resistance { friction: [wide(0), wide(1)], drag: [wide(2), wide(3)] };
+            let slip = [wide(4), -wide(5)];
+            let left = resistance.left(slip);
+            let end = [slip[0] * left[0], slip[1] * left[1]];
+            let speed = end[0].hypot(end[1]);
+            if speed == 0.0 {
+                let share = (slip[0] / resistance.friction[0]).hypot(slip[1] / resistance.friction[1]);
+                assert!(share <= 1.0 + 1e-12, "{share}");
+                continue;
+            }
+            for c in 0..2 {
+                let lost = resistance.friction[c] * end[c] / speed + resistance.drag[c] * end[c];
+                assert!((slip[c] - end[c] - lost).abs() < 1e-9 * slip[c].abs(), "{i}: {slip:?} {left:?}");
+            }
         }
     }
 

@@ -2,7 +2,7 @@
 //! grid in the frame of the head; where it is denser than in the groom's pose it is under pressure, and what
 //! slips past its neighbours is dragged along with them by friction and by the air between them.
 //!
-//! The forces of a sub-step follow from the state at its start.
+//! The forces of a sub-step follow from the state at its start, and from what the last one did.
 
 mod grid;
 mod law;
@@ -10,6 +10,7 @@ mod law;
 mod tests;
 
 use super::air_drag::{self, HairDensity};
+use super::checkpoint::StateMismatch;
 use super::environment::Environment;
 use super::guide::{GuideModel, GuideState};
 use super::step_record::HairRecord;
@@ -17,9 +18,10 @@ use super::wisp_friction::CarrierVelocity;
 use crate::rod::Rod;
 use crate::wisp::GuideRod;
 use grid::{Grid, Node, Stencil};
-use law::{Assembly, Fibre};
+use law::{Assembly, Fibre, Resistance};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// Mean volume fraction of human hair on a head. A groom with fewer strands is taken as a sample of as much
@@ -61,7 +63,11 @@ pub(super) struct HairVolume {
     dense: f64,
     /// Places of the pieces at the end of the last frame, head space, m.
     framed: Vec<Vector3<f64>>,
+    /// Of each piece; without meaning for those of followers.
+    history: Vec<History>,
     followers: Vec<Follower>,
+    /// The active guide that each guide moves with.
+    leaders: Vec<usize>,
     pieces: Vec<Piece>,
     /// The nodes around each piece.
     stencils: Vec<Stencil>,
@@ -81,6 +87,24 @@ struct Hairs {
     shielding: f64,
     /// Drag of an isolated hair, N·s/m².
     drag: f64,
+}
+
+/// What a checkpoint holds of a [`HairVolume`], per piece.
+#[derive(Serialize, Deserialize)]
+pub(super) struct HairVolumeState {
+    framed: Vec<Vector3<f64>>,
+    history: Vec<History>,
+}
+
+/// What the next sub-step needs of the last one, of a piece, relative to the head.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+struct History {
+    /// Velocity at its start, m/s.
+    before: Vector3<f64>,
+    /// Velocity at its end if its neighbours' drag alone had acted, m/s.
+    unforced: Vector3<f64>,
+    /// η of its difference formula, s.
+    eta: f64,
 }
 
 /// What does not change of a piece.
@@ -111,6 +135,15 @@ struct Piece {
     x: Vector3<f64>,
     /// Mean velocity relative to the head, m/s.
     v: Vector3<f64>,
+    /// [`History::before`], m/s.
+    before: Vector3<f64>,
+    /// Acceleration in the last sub-step by all but its neighbours' drag, m/s².
+    acceleration: Vector3<f64>,
+    /// Velocity at the end of the sub-step without its neighbours' drag, m/s: what else acts is taken to do as
+    /// in the last one.
+    undragged: Vector3<f64>,
+    /// η of the sub-step's difference formula, s.
+    eta: f64,
     /// Mean unit tangent.
     tangent: Vector3<f64>,
     /// Volume of the hairs, m³.
@@ -121,10 +154,10 @@ struct Piece {
     softened: bool,
     /// Volume fraction of the hair around it.
     fraction: f64,
-    /// Mean of the unit tangents of the hair around it.
-    direction: Vector3<f64>,
-    /// Velocity against that of the hair around it, m/s.
+    /// Velocity against that of the hair around it that is left at the end of the sub-step, m/s.
     slip: Vector3<f64>,
+    /// Acceleration by its neighbours' drag over the sub-step, m/s².
+    drag: Vector3<f64>,
 }
 
 /// Entry of a node for φ, and for the sum of φ u′, Pa. Between them are φ v and φ times the tangent.
@@ -148,14 +181,14 @@ pub(super) fn sampling(rods: &[GuideRod], density: &HairDensity, guides_only: bo
 
 impl HairVolume {
     /// The hair of guides with the rods `rods`, whose `states` are the groom's pose at time `t`, s. Each hair
-    /// stands for `sampling` hairs.
+    /// stands for `sampling` hairs; `h`, s, is the sub-step.
     pub fn new(
         rods: &[GuideRod],
         sampling: f64,
         models: &[GuideModel],
         states: &[GuideState],
         env: &Environment,
-        t: f64,
+        [t, h]: [f64; 2],
     ) -> Self {
         let grid = Grid::new(root_spacing(rods).max(MIN_SPACING), reach(rods));
         let (mut parts, mut first) = (Vec::new(), vec![0]);
@@ -170,14 +203,19 @@ impl HairVolume {
             rest: Vec::new(),
             dense: 0.0,
             framed: vec![Vector3::zeros(); parts.len()],
+            history: Vec::new(),
             followers: Vec::new(),
+            leaders: (0..models.len()).collect(),
             pieces: vec![Piece::default(); parts.len()],
             stencils: vec![Stencil::default(); parts.len()],
             ranked: Vec::with_capacity(parts.len()),
             parts,
             grid,
         };
-        volume.deposit(states, env, t);
+        volume.locate(states, env, t);
+        let at_rest = |piece: &Piece| History { before: piece.v, unforced: piece.v, eta: h };
+        volume.history = volume.pieces.iter().map(at_rest).collect();
+        volume.deposit(models, states, env, [t, h]);
         volume.rest = (0..volume.parts.len()).map(|i| volume.assembly(i).fraction).collect();
         volume.pieces.iter_mut().zip(&volume.rest).for_each(|(piece, rest)| piece.fraction = *rest);
         volume.dense = volume.fraction_p95();
@@ -194,8 +232,17 @@ impl HairVolume {
         env: &Environment,
         t: f64,
     ) {
+        // What becomes active keeps the acceleration that it had as a follower.
+        self.follow(states, env, t);
+        let followed = self.pieces.clone();
         self.locate(states, env, t);
-        self.framed.iter_mut().zip(&self.pieces).for_each(|(framed, piece)| *framed = piece.x);
+        let HairVolume { framed, history, pieces, .. } = self;
+        let all = pieces.iter().zip(followed).zip(framed.iter_mut().zip(history));
+        for ((piece, followed), (framed, history)) in all {
+            let before = piece.v + (followed.before - followed.v);
+            let unforced = piece.v - followed.acceleration * history.eta;
+            (*framed, *history) = (piece.x, History { before, unforced, ..*history });
+        }
         self.set_leaders(models, leader);
     }
 
@@ -218,28 +265,35 @@ impl HairVolume {
             };
             Follower { guide, leader, places: middles(guide).iter().map(place).collect() }
         };
-        let leaders = (0..models.len()).map(|i| (i, leader(i)));
-        self.followers = leaders.filter(|(guide, leader)| guide != leader).map(follower).collect();
+        let leaders: Vec<usize> = (0..models.len()).map(leader).collect();
+        let pairs = leaders.iter().copied().enumerate();
+        self.followers = pairs.filter(|(guide, leader)| guide != leader).map(follower).collect();
+        self.leaders = leaders;
     }
 
-    /// Places at the end of the last frame, for a checkpoint.
-    pub fn framed(&self) -> &[Vector3<f64>] {
-        &self.framed
+    /// What a checkpoint holds.
+    pub fn state(&self) -> HairVolumeState {
+        HairVolumeState { framed: self.framed.clone(), history: self.history.clone() }
     }
 
-    /// Returns to a checkpoint with the places `framed` at the end of the last frame.
+    /// Returns to a checkpoint.
     pub fn restore(
         &mut self,
-        framed: Vec<Vector3<f64>>,
+        saved: HairVolumeState,
         models: &[GuideModel],
         leader: impl Fn(usize) -> usize,
-    ) {
-        self.framed = framed;
+    ) -> Result<(), StateMismatch> {
+        for found in [saved.framed.len(), saved.history.len()] {
+            StateMismatch::unless_same("hair points", found, self.parts.len())?;
+        }
+        (self.framed, self.history) = (saved.framed, saved.history);
         self.set_leaders(models, leader);
+        Ok(())
     }
 
     /// Adds to the guides for which `active` holds the forces of the hair around them over a step of `h`, s,
-    /// from time `t`, s. Returns how the hair is at its start.
+    /// from time `t`, s; without `rubs` hair slides on hair without friction. Returns how the hair is at its
+    /// start.
     pub fn apply(
         &mut self,
         models: &[GuideModel],
@@ -247,15 +301,16 @@ impl HairVolume {
         active: impl Fn(usize) -> bool + Sync,
         env: &Environment,
         [t, h]: [f64; 2],
+        rubs: bool,
     ) -> HairRecord {
-        self.deposit(states, env, t);
-        self.pressurise(h);
+        self.deposit(models, states, env, [t, h]);
+        self.press_and_drag(h, rubs);
         let to_world = (env.head)(t).rotation;
         let volume = &*self;
         states.par_iter_mut().enumerate().filter(|(i, _)| active(*i)).for_each(|(i, state)| {
             let (rod, forces) = (&models[i].rod, state.hair_force_mut());
             for piece in volume.first[i]..volume.first[i + 1] {
-                let [pressure, acceleration] = volume.force(piece, h).map(|f| to_world * f);
+                let [pressure, acceleration] = volume.force(piece).map(|f| to_world * f);
                 for k in volume.parts[piece].points.clone() {
                     forces[k] += pressure * rod.weight[k] + acceleration * rod.mass[k];
                 }
@@ -329,11 +384,15 @@ impl HairVolume {
         }
     }
 
-    /// Puts all hair on the grid as it is at time `t`, s.
-    fn deposit(&mut self, states: &[GuideState], env: &Environment, t: f64) {
+    /// Finds the pieces as they are at time `t`, s; since the end of the frame followers have moved as their
+    /// leaders.
+    fn follow(&mut self, states: &[GuideState], env: &Environment, t: f64) {
         self.locate(states, env, t);
-        let HairVolume { first, framed, followers, pieces, stencils, grid, .. } = self;
-        // Since the end of the frame followers have moved as their leaders.
+        let HairVolume { first, framed, history, followers, pieces, .. } = self;
+        for (piece, history) in pieces.iter_mut().zip(history) {
+            piece.before = history.before;
+            piece.acceleration = (piece.v - history.unforced) / history.eta;
+        }
         for Follower { guide, leader, places } in followers {
             for (k, (before, beyond)) in places.iter().enumerate() {
                 let own = first[*guide] + k;
@@ -341,32 +400,60 @@ impl HairVolume {
                 let next = (other + 1).min(first[*leader + 1] - 1);
                 let between = |of: &dyn Fn(usize) -> Vector3<f64>| of(other).lerp(&of(next), *beyond);
                 let moved = between(&|j| pieces[j].x - framed[j]);
-                let (v, tangent) = (between(&|j| pieces[j].v), between(&|j| pieces[j].tangent));
-                pieces[own] = Piece { x: framed[own] + moved, v, tangent, ..pieces[own] };
+                pieces[own] = Piece {
+                    x: framed[own] + moved,
+                    v: between(&|j| pieces[j].v),
+                    tangent: between(&|j| pieces[j].tangent),
+                    before: between(&|j| pieces[j].before),
+                    acceleration: between(&|j| pieces[j].acceleration),
+                    ..pieces[own]
+                };
             }
         }
+    }
+
+    /// Puts all hair on the grid as it is at time `t`, s, with the velocities that it would have at the end of a
+    /// step of `h`, s, without its neighbours' drag.
+    fn deposit(&mut self, models: &[GuideModel], states: &[GuideState], env: &Environment, [t, h]: [f64; 2]) {
+        self.follow(states, env, t);
+        let HairVolume { leaders, parts, pieces, stencils, grid, .. } = self;
         grid.clear();
         let cell_volume = grid.cell_volume();
-        for (piece, stencil) in pieces.iter().zip(stencils) {
+        for ((piece, part), stencil) in pieces.iter_mut().zip(parts).zip(stencils) {
+            let leader = leaders[part.guide];
+            let formula = models[leader].difference_formula(&states[leader], h);
+            piece.eta = formula.eta;
+            piece.undragged = formula.y_star(piece.v, piece.before) + piece.acceleration * piece.eta;
             let fraction = piece.volume / cell_volume;
-            let (v, d) = (piece.v * fraction, piece.tangent * fraction);
+            let (v, d) = (piece.undragged * fraction, piece.tangent * fraction);
             *stencil = grid.touch(&piece.x);
             grid.add(stencil, &[fraction, v.x, v.y, v.z, d.x, d.y, d.z, 0.0]);
         }
     }
 
-    /// Finds the pressure of the hair on the grid for a step of `h`, s.
-    fn pressurise(&mut self, h: f64) {
+    /// Finds the pressure of the hair on the grid and the drag of neighbours, with friction if it `rubs`, over a
+    /// step of `h`, s.
+    fn press_and_drag(&mut self, h: f64, rubs: bool) {
         let max_speed = law::max_wave_speed(self.grid.spacing(), h);
-        let HairVolume { hairs, parts, rest, pieces, stencils, grid, .. } = self;
+        let HairVolume { hairs, parts, rest, history, pieces, stencils, grid, .. } = self;
         let constants = parts.par_iter().zip(&*rest).zip(&*stencils);
-        pieces.par_iter_mut().zip(constants).for_each(|(piece, ((part, rest), stencil))| {
-            let (fibre, values) = (&hairs[part.guide].fibre, grid.values(stencil));
+        let all = pieces.par_iter_mut().zip(history).zip(constants);
+        all.for_each(|((piece, history), ((part, rest), stencil))| {
+            let (hairs, values) = (&hairs[part.guide], grid.values(stencil));
             let assembly = assembly(&values);
-            piece.slip = piece.v - Vector3::new(values[1], values[2], values[3]) / assembly.fraction;
-            piece.energy_slope = assembly.energy_slope(fibre, *rest, max_speed);
-            piece.softened = piece.energy_slope > 0.0 && assembly.wave_speed(fibre) > max_speed;
-            (piece.fraction, piece.direction) = (assembly.fraction, assembly.direction);
+            let mean = Vector3::new(values[1], values[2], values[3]) / assembly.fraction;
+            piece.energy_slope = assembly.energy_slope(&hairs.fibre, *rest, max_speed);
+            piece.softened = piece.energy_slope > 0.0 && assembly.wave_speed(&hairs.fibre) > max_speed;
+            piece.fraction = assembly.fraction;
+            let slip = piece.undragged - mean;
+            let resistance = hairs.resistance(&assembly, piece.eta * part.length / part.mass, rubs);
+            piece.slip = resistance.slip_left(&slip, &piece.tangent);
+            piece.drag = (piece.slip - slip) / piece.eta;
+            *history = History {
+                before: piece.v,
+                unforced: piece.undragged + (piece.drag - piece.acceleration) * piece.eta,
+                eta: piece.eta,
+            };
         });
         let cell_volume = grid.cell_volume();
         for (piece, stencil) in pieces.iter().zip(stencils).filter(|(piece, _)| piece.energy_slope > 0.0) {
@@ -379,27 +466,13 @@ impl HairVolume {
         assembly(&self.grid.values(&self.stencils[i]))
     }
 
-    /// Pressure per length, N/m, and friction per mass, m/s², on a hair in piece `i` over a step of `h`, s;
-    /// head axes.
-    fn force(&self, i: usize, h: f64) -> [Vector3<f64>; 2] {
-        let (part, piece) = (&self.parts[i], &self.pieces[i]);
-        let hairs = &self.hairs[part.guide];
-        let hair = Assembly { fraction: piece.fraction, direction: piece.direction };
-        let slip = piece.slip;
-        // The air between hairs moves with them.
-        let shielded = air_drag::shielded_share(hair.fraction * hairs.length_density);
-        let air = hairs.drag * hairs.shielding * shielded;
-        let [across, along] = hair.friction(&hairs.fibre, slip.norm());
-        // Share of the slip that is lost: exact for a constant coefficient, so that friction never reverses
-        // it.
-        let loss = |coefficient: f64| -(-coefficient * part.length / part.mass * h).exp_m1();
-        let tangent = piece.tangent.try_normalize(0.0).unwrap_or_default();
-        let slip_along = tangent * tangent.dot(&slip);
-        let lost = (slip - slip_along) * loss(across + air) + slip_along * loss(along + 0.5 * air);
+    /// Pressure per length, N/m, and drag per mass, m/s², on a hair in piece `i`, head axes.
+    fn force(&self, i: usize) -> [Vector3<f64>; 2] {
+        let piece = &self.pieces[i];
         // −∂/∂x of the energy Σ V u(φ), as deposited.
         let energy = |node: &Node| node[FRACTION] * piece.energy_slope + node[PRESSURE];
         let gradient = self.grid.gradient(&self.stencils[i], energy);
-        [gradient * -hairs.fibre.area, lost * (-1.0 / h)]
+        [gradient * -self.hairs[self.parts[i].guide].fibre.area, piece.drag]
     }
 }
 
@@ -448,6 +521,16 @@ impl Hairs {
             shielding: material.shielding,
             drag: air_drag::ISOLATED_DRAG * material.drag,
         }
+    }
+
+    /// What opposes the slip of a hair in an assembly over a step: the air, and friction if it `rubs`.
+    /// `mobility` is η over the mass per length, s·m/kg.
+    fn resistance(&self, assembly: &Assembly, mobility: f64, rubs: bool) -> Resistance {
+        // The air between hairs moves with them.
+        let shielded = air_drag::shielded_share(assembly.fraction * self.length_density);
+        let air = mobility * self.drag * self.shielding * shielded;
+        let bounds = if rubs { assembly.friction_bounds(&self.fibre) } else { [0.0; 2] };
+        Resistance { friction: bounds.map(|bound| mobility * bound), drag: [air, 0.5 * air] }
     }
 }
 
