@@ -82,11 +82,6 @@ impl<'a> Model<'a> {
         taken == self.preroll
     }
 
-    /// True if the sub-step after `taken` others belongs to the pre-roll.
-    pub(super) fn is_in_preroll(&self, taken: i64) -> bool {
-        taken < self.preroll
-    }
-
     /// True if a frame ends after `taken` sub-steps.
     pub(super) fn is_at_frame(&self, taken: i64) -> bool {
         let after_preroll = taken - self.preroll;

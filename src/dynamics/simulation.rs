@@ -116,10 +116,8 @@ pub fn step<'s>(model: &Model, env: &mut Environment, state: &'s mut State) -> &
     }
     if let Some(volume) = &mut state.hair_volume {
         let step = [span[0], span[1] - span[0]];
-        // Hair starts where it lies without friction, however it came there.
-        let rubs = !model.is_in_preroll(state.taken);
         let active = |i: usize| state.record.active[i];
-        state.record.hair = volume.apply(&model.guides, &mut state.guides, active, env, step, rubs);
+        state.record.hair = volume.apply(&model.guides, &mut state.guides, active, env, step);
     }
     advance(model, env, state, span);
     state.taken += 1;
@@ -172,7 +170,7 @@ fn advance(model: &Model, env: &Environment, state: &mut State, span: [f64; 2]) 
 /// Makes the followers at the end of the pre-roll; from then on, at the end of every frame, places them, and
 /// splits and merges guides.
 fn adapt(model: &Model, env: &mut Environment, state: &mut State) {
-    let State { guides, wisps, taken, record, .. } = state;
+    let State { guides, hair_volume, wisps, taken, record, .. } = state;
     let SubstepRecord { changes, catch_up, .. } = record;
     *changes = WispChanges::default();
     catch_up.clear();
@@ -186,7 +184,7 @@ fn adapt(model: &Model, env: &mut Environment, state: &mut State) {
         wisps.advance_modes(&model.guides, env, frame);
         for level in 0..wisps.levels() {
             let split = wisps.place_and_split(level, &model.guides, guides, env, frame);
-            catch_up_split(model, env, guides, &split, first..*taken, catch_up);
+            catch_up_split(model, env, guides, hair_volume, &split, first..*taken, catch_up);
             wisps.record_level(level, &model.guides, guides);
             changes.splits += split.len() as u32;
         }
@@ -202,12 +200,13 @@ fn adapt(model: &Model, env: &mut Environment, state: &mut State) {
 }
 
 /// Steps the guides `split` through the sub-steps of a frame that the active guides have already taken.
-/// Each is stepped alone: it meets other guides from the next frame on. Adds to `records` what each sub-step
-/// did.
+/// Each is stepped alone: it meets other guides from the next frame on, and `hair` acts on it as on the
+/// follower that it was in the last sub-step. Adds to `records` what each sub-step did.
 fn catch_up_split(
     model: &Model,
     env: &mut Environment,
     guides: &mut [GuideState],
+    hair: &Option<HairVolume>,
     split: &[usize],
     substeps: Range<i64>,
     records: &mut Vec<(usize, StepRecord)>,
@@ -225,6 +224,12 @@ fn catch_up_split(
     for substep in substeps {
         let span = [substep, substep + 1].map(|taken| model.time_after(taken));
         env.bodies.prepare(span);
+        if let Some(hair) = hair {
+            for &i in &split {
+                guides[i].clear_hair_force();
+                hair.add_force(i, &model.guides[i], &mut guides[i], env, span[0]);
+            }
+        }
         batches.step(&model.guides, env, guides, span, mode, &mut of_all);
         for &i in &split {
             record_midway(model, &mut guides[i], substep + 1);

@@ -73,9 +73,8 @@ impl Assembly {
         softening * self.stiffness(fibre) * excess.max(0.0) / square
     }
 
-    /// Bounds of the friction per length on a fibre, N/m, for slip across and along it. Fibres under pressure
-    /// p touch each other with the force 3π d p per length: the virial of contacts d/(2φ) apart (van Wyk
-    /// 1946).
+    /// Bounds of the friction per length on a fibre, N/m, for slip across and along it (5.17): pressure p loads
+    /// its contacts with 3π d p per length.
     pub fn friction_bounds(&self, fibre: &Fibre) -> [f64; 2] {
         let diameter = 2.0 * (fibre.area / PI).sqrt();
         let pressure = self.stiffness(fibre) * self.fraction.powi(3);
@@ -103,8 +102,8 @@ impl Resistance {
         across * share_across + along * share_along
     }
 
-    /// The shares that are left of slips across and along a fibre, m/s, that would be without the resistance:
-    /// 1/(1 + drag + friction/σ), where σ is the speed that is left of both; zero where friction holds.
+    /// The shares that are left of slips across and along a fibre, m/s, that would be without the resistance
+    /// (5.19); zero where friction holds.
     fn left(&self, slip: [f64; 2]) -> [f64; 2] {
         let Resistance { friction, drag } = self;
         // The components at σ are slip · σ/(…); their squares add up to σ².

@@ -105,6 +105,9 @@ struct History {
     unforced: Vector3<f64>,
     /// η of its difference formula, s.
     eta: f64,
+    /// Of a follower: acceleration by all but its neighbours' drag beyond that of its leader, m/s², since it
+    /// follows: it keeps its own shape, and the load that this takes.
+    beyond_leader: Vector3<f64>,
 }
 
 /// What does not change of a piece.
@@ -126,6 +129,32 @@ struct Follower {
     /// For each piece, the leader's piece before it at the same share of the length, and how far (0..=1) it
     /// is towards the next.
     places: Vec<(usize, f64)>,
+}
+
+impl Follower {
+    /// The index of each of its pieces, and where on its leader this is; `first` is [`HairVolume::first`].
+    fn pieces(&self, first: &[usize]) -> impl Iterator<Item = (usize, Between)> {
+        let (own, leader) = (first[self.guide], first[self.leader]..first[self.leader + 1]);
+        self.places.iter().enumerate().map(move |(k, (before, share))| {
+            let before = leader.start + before;
+            (own + k, Between { before, next: (before + 1).min(leader.end - 1), share: *share })
+        })
+    }
+}
+
+/// A place between two pieces of a guide.
+struct Between {
+    before: usize,
+    next: usize,
+    /// How far (0..=1) it is towards the next.
+    share: f64,
+}
+
+impl Between {
+    /// The mean there of what the pieces have.
+    fn mean(&self, of: impl Fn(usize) -> Vector3<f64>) -> Vector3<f64> {
+        of(self.before).lerp(&of(self.next), self.share)
+    }
 }
 
 /// A piece of a guide with all its hairs, in head space.
@@ -213,7 +242,12 @@ impl HairVolume {
             grid,
         };
         volume.locate(states, env, t);
-        let at_rest = |piece: &Piece| History { before: piece.v, unforced: piece.v, eta: h };
+        let at_rest = |piece: &Piece| History {
+            before: piece.v,
+            unforced: piece.v,
+            eta: h,
+            beyond_leader: Vector3::zeros(),
+        };
         volume.history = volume.pieces.iter().map(at_rest).collect();
         volume.deposit(models, states, env, [t, h]);
         volume.rest = (0..volume.parts.len()).map(|i| volume.assembly(i).fraction).collect();
@@ -232,18 +266,24 @@ impl HairVolume {
         env: &Environment,
         t: f64,
     ) {
-        // What becomes active keeps the acceleration that it had as a follower.
         self.follow(states, env, t);
         let followed = self.pieces.clone();
-        self.locate(states, env, t);
-        let HairVolume { framed, history, pieces, .. } = self;
-        let all = pieces.iter().zip(followed).zip(framed.iter_mut().zip(history));
-        for ((piece, followed), (framed, history)) in all {
-            let before = piece.v + (followed.before - followed.v);
-            let unforced = piece.v - followed.acceleration * history.eta;
-            (*framed, *history) = (piece.x, History { before, unforced, ..*history });
-        }
         self.set_leaders(models, leader);
+        self.locate(states, env, t);
+        // What follows now, or does no more, keeps the acceleration that it had.
+        let HairVolume { framed, history, pieces, .. } = self;
+        let all = pieces.iter().zip(&followed).zip(framed.iter_mut().zip(&mut *history));
+        for ((piece, followed), (framed, history)) in all {
+            *framed = piece.x;
+            history.before = piece.v + (followed.before - followed.v);
+            history.unforced = piece.v - followed.acceleration * history.eta;
+        }
+        for follower in &self.followers {
+            for (own, between) in follower.pieces(&self.first) {
+                let of_leader = between.mean(|j| followed[j].acceleration);
+                history[own].beyond_leader = followed[own].acceleration - of_leader;
+            }
+        }
     }
 
     /// Sets which active guide each guide moves with: `leader`.
@@ -292,8 +332,7 @@ impl HairVolume {
     }
 
     /// Adds to the guides for which `active` holds the forces of the hair around them over a step of `h`, s,
-    /// from time `t`, s; without `rubs` hair slides on hair without friction. Returns how the hair is at its
-    /// start.
+    /// from time `t`, s. Returns how the hair is at its start.
     pub fn apply(
         &mut self,
         models: &[GuideModel],
@@ -301,22 +340,25 @@ impl HairVolume {
         active: impl Fn(usize) -> bool + Sync,
         env: &Environment,
         [t, h]: [f64; 2],
-        rubs: bool,
     ) -> HairRecord {
         self.deposit(models, states, env, [t, h]);
-        self.press_and_drag(h, rubs);
-        let to_world = (env.head)(t).rotation;
+        self.press_and_drag(h);
         let volume = &*self;
-        states.par_iter_mut().enumerate().filter(|(i, _)| active(*i)).for_each(|(i, state)| {
-            let (rod, forces) = (&models[i].rod, state.hair_force_mut());
-            for piece in volume.first[i]..volume.first[i + 1] {
-                let [pressure, acceleration] = volume.force(piece).map(|f| to_world * f);
-                for k in volume.parts[piece].points.clone() {
-                    forces[k] += pressure * rod.weight[k] + acceleration * rod.mass[k];
-                }
-            }
-        });
+        let of_active = states.par_iter_mut().enumerate().filter(|(i, _)| active(*i));
+        of_active.for_each(|(i, state)| volume.add_force(i, &models[i], state, env, t));
         self.record()
+    }
+
+    /// Adds to guide `i` the forces of the hair around it in the last sub-step, with the head as at time `t`, s.
+    pub fn add_force(&self, i: usize, model: &GuideModel, state: &mut GuideState, env: &Environment, t: f64) {
+        let to_world = (env.head)(t).rotation;
+        let (rod, forces) = (&model.rod, state.hair_force_mut());
+        for piece in self.first[i]..self.first[i + 1] {
+            let [pressure, acceleration] = self.force(piece).map(|f| to_world * f);
+            for k in self.parts[piece].points.clone() {
+                forces[k] += pressure * rod.weight[k] + acceleration * rod.mass[k];
+            }
+        }
     }
 
     /// How the hair is, once its pressure is found.
@@ -389,23 +431,20 @@ impl HairVolume {
     fn follow(&mut self, states: &[GuideState], env: &Environment, t: f64) {
         self.locate(states, env, t);
         let HairVolume { first, framed, history, followers, pieces, .. } = self;
-        for (piece, history) in pieces.iter_mut().zip(history) {
+        for (piece, history) in pieces.iter_mut().zip(&*history) {
             piece.before = history.before;
             piece.acceleration = (piece.v - history.unforced) / history.eta;
         }
-        for Follower { guide, leader, places } in followers {
-            for (k, (before, beyond)) in places.iter().enumerate() {
-                let own = first[*guide] + k;
-                let other = first[*leader] + before;
-                let next = (other + 1).min(first[*leader + 1] - 1);
-                let between = |of: &dyn Fn(usize) -> Vector3<f64>| of(other).lerp(&of(next), *beyond);
-                let moved = between(&|j| pieces[j].x - framed[j]);
+        for follower in followers {
+            for (own, between) in follower.pieces(first) {
+                let moved = between.mean(|j| pieces[j].x - framed[j]);
+                let acceleration = between.mean(|j| pieces[j].acceleration) + history[own].beyond_leader;
                 pieces[own] = Piece {
                     x: framed[own] + moved,
-                    v: between(&|j| pieces[j].v),
-                    tangent: between(&|j| pieces[j].tangent),
-                    before: between(&|j| pieces[j].before),
-                    acceleration: between(&|j| pieces[j].acceleration),
+                    v: between.mean(|j| pieces[j].v),
+                    tangent: between.mean(|j| pieces[j].tangent),
+                    before: between.mean(|j| pieces[j].before),
+                    acceleration,
                     ..pieces[own]
                 };
             }
@@ -431,9 +470,8 @@ impl HairVolume {
         }
     }
 
-    /// Finds the pressure of the hair on the grid and the drag of neighbours, with friction if it `rubs`, over a
-    /// step of `h`, s.
-    fn press_and_drag(&mut self, h: f64, rubs: bool) {
+    /// Finds the pressure of the hair on the grid and the drag of neighbours over a step of `h`, s.
+    fn press_and_drag(&mut self, h: f64) {
         let max_speed = law::max_wave_speed(self.grid.spacing(), h);
         let HairVolume { hairs, parts, rest, history, pieces, stencils, grid, .. } = self;
         let constants = parts.par_iter().zip(&*rest).zip(&*stencils);
@@ -446,14 +484,12 @@ impl HairVolume {
             piece.softened = piece.energy_slope > 0.0 && assembly.wave_speed(&hairs.fibre) > max_speed;
             piece.fraction = assembly.fraction;
             let slip = piece.undragged - mean;
-            let resistance = hairs.resistance(&assembly, piece.eta * part.length / part.mass, rubs);
+            let resistance = hairs.resistance(&assembly, piece.eta * part.length / part.mass);
             piece.slip = resistance.slip_left(&slip, &piece.tangent);
             piece.drag = (piece.slip - slip) / piece.eta;
-            *history = History {
-                before: piece.v,
-                unforced: piece.undragged + (piece.drag - piece.acceleration) * piece.eta,
-                eta: piece.eta,
-            };
+            history.before = piece.v;
+            history.unforced = piece.undragged + (piece.drag - piece.acceleration) * piece.eta;
+            history.eta = piece.eta;
         });
         let cell_volume = grid.cell_volume();
         for (piece, stencil) in pieces.iter().zip(stencils).filter(|(piece, _)| piece.energy_slope > 0.0) {
@@ -523,14 +559,13 @@ impl Hairs {
         }
     }
 
-    /// What opposes the slip of a hair in an assembly over a step: the air, and friction if it `rubs`.
-    /// `mobility` is η over the mass per length, s·m/kg.
-    fn resistance(&self, assembly: &Assembly, mobility: f64, rubs: bool) -> Resistance {
+    /// What opposes the slip of a hair in an assembly over a step: friction and the air. `mobility` is η over the mass per length, s·m/kg.
+    fn resistance(&self, assembly: &Assembly, mobility: f64) -> Resistance {
         // The air between hairs moves with them.
         let shielded = air_drag::shielded_share(assembly.fraction * self.length_density);
         let air = mobility * self.drag * self.shielding * shielded;
-        let bounds = if rubs { assembly.friction_bounds(&self.fibre) } else { [0.0; 2] };
-        Resistance { friction: bounds.map(|bound| mobility * bound), drag: [air, 0.5 * air] }
+        let friction = assembly.friction_bounds(&self.fibre).map(|bound| mobility * bound);
+        Resistance { friction, drag: [air, 0.5 * air] }
     }
 }
 

@@ -77,14 +77,15 @@ impl Curtain {
             }
         }
         self.volume.locate(&self.states, &self.env, 0.0);
-        let history = |piece: &Piece| History { before: piece.v, unforced: piece.v, eta: H };
+        let history =
+            |piece: &Piece| History { before: piece.v, unforced: piece.v, eta: H, beyond_leader: V::zeros() };
         self.volume.history = self.volume.pieces.iter().map(history).collect();
     }
 
     /// The record of a sub-step.
     fn record(&mut self) -> HairRecord {
         self.states.iter_mut().for_each(GuideState::clear_hair_force);
-        self.volume.apply(&self.models, &mut self.states, |_| true, &self.env, [0.0, H], true)
+        self.volume.apply(&self.models, &mut self.states, |_| true, &self.env, [0.0, H])
     }
 
     /// The forces on the points of each guide, N, head axes.
@@ -203,7 +204,7 @@ fn pulled(load: f64) -> Vec<f64> {
     let step = |n: u32| {
         let t = [f64::from(n) * h, f64::from(n + 1) * h];
         hair.states.iter_mut().for_each(GuideState::clear_hair_force);
-        hair.volume.apply(&hair.models, &mut hair.states, |_| true, &hair.env, [t[0], h], true);
+        hair.volume.apply(&hair.models, &mut hair.states, |_| true, &hair.env, [t[0], h]);
         for (i, (model, state)) in hair.models.iter().zip(&mut hair.states).enumerate() {
             let sign = if i % 2 == 0 { load } else { -load };
             for piece in hair.volume.first[i]..hair.volume.first[i + 1] {
@@ -335,8 +336,17 @@ fn a_follower_is_where_its_leader_carries_it() {
     assert!(volume.pieces[of_last.clone()].iter().all(is_pushed));
     volume.end_frame(models, states, |i| i, env, 0.0);
     volume.deposit(models, states, env, [0.0, H]);
-    assert!(volume.pieces[of_last].iter().all(is_pushed));
-    assert!(volume.pieces[..volume.first[1]].iter().all(|piece| piece.acceleration.norm() < 1e-6));
+    assert!(volume.pieces[of_last.clone()].iter().all(is_pushed));
+    let is_free = |piece: &Piece| piece.acceleration.norm() < 1e-6;
+    assert!(volume.pieces[..volume.first[1]].iter().all(is_free));
+    // Behind a leader that is not pushed it keeps its own load, and the leader's changes are added.
+    volume.end_frame(models, states, |i| if i == 15 { 0 } else { i }, env, 0.0);
+    volume.deposit(models, states, env, [0.0, H]);
+    assert!(volume.pieces[..volume.first[1]].iter().all(is_free));
+    assert!(volume.pieces[of_last.clone()].iter().all(is_pushed));
+    (volume.first[0]..volume.first[1]).for_each(|piece| volume.history[piece].unforced += push * H);
+    volume.deposit(models, states, env, [0.0, H]);
+    assert!(volume.pieces[of_last].iter().all(is_free));
 }
 
 #[test]

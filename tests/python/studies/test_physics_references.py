@@ -243,16 +243,6 @@ def test_volume_fraction_and_disorder_of_a_lattice_of_strands() -> None:
     assert assembly.stiffness(np.array([0.0, 1.0])) == pytest.approx([1e-4, 1e-3])
 
 
-def test_contact_load_carries_the_pressure_by_the_virial_theorem() -> None:
-    # A square lattice of parallel fibres that touch: the stress is the load per length over the diameter
-    # along each of two axes, and nothing along the fibres; p is the mean.
-    diameter, load = 8e-5, 0.02
-    fraction = 0.25 * np.pi
-    pressure = 2 / 3 * load / diameter
-    # Each fibre has four neighbours.
-    assert assembly.contact_load(diameter, fraction, pressure) == pytest.approx(4 * load)
-
-
 def test_friction_bound_adds_cohesion_to_the_load() -> None:
     assert assembly.friction_bound(0.3, 8e-5, 0.0, 0.1) == pytest.approx(0.03)
     assert assembly.friction_bound(0.3, 1 / (3 * np.pi), 2.0, 0.0) == pytest.approx(0.6)

@@ -27,16 +27,6 @@ def friction_bound(mu: float, diameter: float, pressure: float, cohesion: float)
     return mu * (3 * np.pi * diameter * pressure + cohesion)
 
 
-def contact_load(diameter: float, fraction: float, pressure: float) -> float:
-    """Force per length that fibres in contact press on each other, by the virial theorem.
-
-    Contacts that bear F, n in a volume, with the axes a diameter d apart, carry p = n F d/3. Fibres have the
-    length 4φ/(π d²) in a volume; a contact belongs to two. So the force per length is 3π d p/(2φ), however
-    far contacts are apart.
-    """
-    return 3 * np.pi * diameter * pressure / (2 * fraction)
-
-
 def layer_height(mass: float, density: float, rest: float, modulus: float, gravity: float) -> float:
     """Height of a layer of fibres under its own weight, of `mass` per area: ∫ dm/(ρ φ) with p = g (mass − m).
 
