@@ -19,8 +19,13 @@ fn scene(style: Style, still: i32) -> (Groom, Anim) {
 
 /// [`scene`] with these loads.
 fn scene_with(style: Style, still: i32, loads: Value) -> (Groom, Anim) {
+    sized_scene(style, 40, still, loads)
+}
+
+/// The same of this many wisps.
+fn sized_scene(style: Style, wisps: usize, still: i32, loads: Value) -> (Groom, Anim) {
     let folder = tempfile::tempdir().unwrap();
-    let size = Size { wisps: Some(40), strands: Some(0), head_subdivisions: 4 };
+    let size = Size { wisps: Some(wisps), strands: Some(0), head_subdivisions: 4 };
     sample::write(style, size, folder.path()).unwrap();
     let shake = folder.path().join("shake.json");
     let mut file: Value = serde_json::from_slice(&std::fs::read(&shake).unwrap()).unwrap();
@@ -324,4 +329,25 @@ fn what_comes_away_divides_its_sub_steps_for_itself_until_it_is_there() {
     let caught_up: Vec<&StepRecord> = seen.iter().flat_map(|s| &s.caught_up).collect();
     assert!(caught_up.iter().any(|r| r.halvings > 0), "of {}", caught_up.len());
     assert!(caught_up.iter().all(|r| r.strands == Default::default()));
+}
+
+/// Root mean square speed of the guides, m/s, in the first frame after the pre-roll, while the head is still.
+fn speed_after_preroll(resolution: Resolution) -> f64 {
+    let (groom, mut anim) = sized_scene(Style::Long, 200, 0, json!([]));
+    (anim.settings.preroll, anim.settings.resolution) = (1.0, resolution);
+    anim.settings.split_tolerance = 1e-9;
+    assert_eq!(anim.settings.contact, ContactSetting::Volume);
+    let seen = run(&groom, &anim, anim.frames.0);
+    let [before, after] = [0, 1].map(|frame: usize| seen[frame].0.iter().flatten());
+    let moved: Vec<f64> = before.zip(after).map(|(a, b)| (a - b).norm_squared()).collect();
+    (moved.iter().sum::<f64>() / moved.len() as f64).sqrt() * anim.fps
+}
+
+#[test]
+fn hair_that_its_neighbours_hold_stays_when_wisps_form() {
+    let [full, coarse] = [Resolution::Full, Resolution::Coarse].map(speed_after_preroll);
+    assert!(coarse < 2.0 * full, "{coarse} {full} m/s");
+    // All guides come away again in the first frame.
+    let adaptive = speed_after_preroll(Resolution::Adaptive);
+    assert!(adaptive < 2.0 * full, "{adaptive} {full} m/s");
 }
