@@ -44,11 +44,11 @@ class Box:
     columns: int = 8
     length: float = 0.3
     """m"""
-    seconds: float = 2.0
+    seconds: float = 4.0
     nodes: int = 8
 
     def rod(self) -> Rod:
-        """A hair. Friction within the assembly is low, so that the layer settles."""
+        """A hair that settles slowly in the air, without friction, which would carry part of the weight."""
         bending = MODULUS * 0.25 * math.pi * RADIUS**4
         return Rod(
             length=self.length,
@@ -56,8 +56,8 @@ class Box:
             torsion=0.5 * bending,
             line_density=DENSITY * SECTION,
             damping=0.005,
-            drag=1.0,
-            friction=0.05,
+            drag=10.0,
+            friction=0.0,
             radius=RADIUS,
         )
 

@@ -47,7 +47,7 @@ SHORT: dict[str, Callable[[Hairbake], Study]] = {
     "rope-on-rope": lambda h: ropes.study(h, shares=(0.1,), nodes=8),
     "strand-friction": lambda h: strand_friction.study(h, cases=strand_friction.CASES[2:4], others=()),
     "crossed-cantilevers": lambda h: impact.study(h, steps=(1000, 4000, 16000), nodes=8),
-    "hair-layer": lambda h: layer.study(h, layer.Box(columns=4, seconds=0.6, nodes=6), goal=0.2),
+    "hair-layer": lambda h: layer.study(h, layer.Box(columns=4, nodes=6), goal=0.15),
     "tufts": lambda h: tufts.study(h, cases=tufts.CASES[:1], substeps=(4,)),
 }
 
