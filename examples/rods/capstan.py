@@ -1,7 +1,7 @@
 """A strand slides over a drum: the tension grows with the angle, e^(µφ) (Euler 1769, Eytelwein 1808).
 
-A stiff strand stands off the drum at both ends (Stuart 1961). With β = EI/2R² the elastica leaves it at an angle
-δ to the pull T, 1 − cos δ = β/T, and presses on it there with T sin δ, so that
+A stiff strand stands off the drum at both ends (Stuart 1961). With β = EI/2R² the elastica leaves it at an
+angle δ to the pull T, 1 − cos δ = β/T, and presses on it there with T sin δ, so that
 (T₁ − β + µ T₁ sin δ₁) e^(µ(φ − δ₁ − δ₂)) = T₂ − β − µ T₂ sin δ₂.
 
 python examples/rods/capstan.py -o capstan.png

@@ -13,6 +13,7 @@ from support import HAIRBAKE, ROOT, needs_hairbake
 
 STUDIES = ROOT / "examples/rods"
 NAMES = sorted(path.stem for path in STUDIES.glob("*.py"))
+QUICK = {"circle", "elastica"}
 NUMBER = r"(-?[\d.]+(?:e[+-]\d+)?)"
 
 BOUNDS = {
@@ -40,8 +41,9 @@ def run_study(name: str, plot: Path) -> str:
 
 
 @needs_hairbake
-@pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in QUICK else pytest.mark.slow) for name in NAMES]
+)
 def test_a_study_agrees_with_theory_and_draws_its_plot(name: str, tmp_path: Path) -> None:
     plot = tmp_path / f"{name}.png"
     printed = run_study(name, plot)
