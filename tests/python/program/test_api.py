@@ -281,14 +281,6 @@ def example(
 
 
 @needs_hairbake
-def test_the_rod_of_the_example_agrees_with_the_elastica() -> None:
-    done = example("elastica.py")
-    assert done.returncode == 0, done.stderr
-    errors = [float(line.split()[-3]) for line in done.stdout.splitlines()]
-    assert len(errors) == 3 and max(errors) < 1e-4
-
-
-@needs_hairbake
 @pytest.mark.slow
 def test_the_example_plots_a_wedge(tmp_path: Path) -> None:
     plot = tmp_path / "wedge.png"
