@@ -163,10 +163,10 @@ def study(hairbake: Hairbake, cases: Sequence[Case] = CASES, substeps: Sequence[
         axes.set(xlabel="t, ms", ylabel="way of a tuft, mm")
         axes.legend(fontsize=6)
 
-    text = f"""<p>Two tufts of parallel hair (µ = {FRICTION:g}, φ = {FRACTION:.3f} together), mixed like the
-fields of a chessboard, are drawn across each other by opposite loads on all hairs (<code>--contact
-volume</code>), which rise evenly to twice what friction holds. Their mean stands still, so each hair slips
-against it by its own velocity. Theory: friction per length is at most b = µ (3π d k E φ³ + c), with van Wyk's k
-of parallel hair, (5.17). Up to b a tuft is held; what the load is above b accelerates it. In the middle, which
-is measured, hair is neither bent nor loses density.</p>"""
+    text = f"""<p>Two tufts of parallel hair (µ = {FRICTION:g}, φ = {FRACTION:.3f} together), mixed like
+the fields of a chessboard, are drawn across each other by opposite loads on all hairs (<code>--contact
+volume</code>), which rise evenly to twice what friction holds. Their mean stands still, so each hair
+slips against it by its own velocity. Theory: friction per length is at most b = µ (3π d k E φ³ + c), with
+van Wyk's k of parallel hair, (5.17). Up to b a tuft is held; what the load is above b accelerates it. In
+the middle, which is measured, hair is neither bent nor loses density.</p>"""
     return Study("A tuft drawn through another", text, rows, [Plot("Solid, thin: theory.", draw)])
