@@ -33,7 +33,7 @@ FPS = 192.0
 FRAMES = 24
 """The load rises in proportion to time, to twice the bound of friction."""
 GOAL = 0.05
-"""Goal for the load at which a tuft slips, and for its way: some per cent of forces are lost between nodes."""
+"""Goal for the load at which a tuft slips, and for its way: some forces are lost between nodes."""
 HELD = 1e-4
 """Goal for the way of a tuft while friction holds it, m: a thousandth of that without friction."""
 
