@@ -559,7 +559,8 @@ impl Hairs {
         }
     }
 
-    /// What opposes the slip of a hair in an assembly over a step: friction and the air. `mobility` is η over the mass per length, s·m/kg.
+    /// What opposes the slip of a hair in an assembly over a step: friction and the air. `mobility` is η over
+    /// the mass per length, s·m/kg.
     fn resistance(&self, assembly: &Assembly, mobility: f64) -> Resistance {
         // The air between hairs moves with them.
         let shielded = air_drag::shielded_share(assembly.fraction * self.length_density);

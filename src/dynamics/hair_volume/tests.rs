@@ -192,8 +192,8 @@ fn slip_past_the_neighbours_is_lost_and_the_common_motion_kept() {
     }
 }
 
-/// Speed, m/s, at which two hairs in the middle of others slip past each other, every other one pulled along z by
-/// `load`, times the friction that holds it, after each of some steps.
+/// Speed, m/s, at which two hairs in the middle of others slip past each other, every other one pulled along z
+/// by `load`, times the friction that holds it, after each of some steps.
 fn pulled(load: f64) -> Vec<f64> {
     let mut hair = curtain(8, 0.004);
     hair.env = Environment { gravity: Box::new(|_| V::zeros()), ..Environment::at_rest(Bodies::default()) };
