@@ -140,7 +140,7 @@ impl Cost {
 
 /// Number of hairs with 8 nodes that are simulated in real time at 25 steps per second.
 fn real_time() {
-    for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
+    for scheme in [Scheme::BackwardEuler, Scheme::Bdf2, Scheme::FourStep] {
         let count = 2000;
         let cost = Scene::shaken(hairs(8, count), scheme, 25.0).run(50);
         println!(
@@ -161,7 +161,7 @@ fn cantilevers() {
     for nodes in [3, 4, 5, 8] {
         let straight = [Vector3::zeros(), Vector3::x() * length];
         let rods = (0..200).map(|_| rod(&straight, nodes, line_density)).collect();
-        let mut scene = Scene::new(rods, Scheme::Bdf2, &|_| Vector3::zeros(), 2e-6, 1.0 / 240.0);
+        let mut scene = Scene::new(rods, Scheme::default(), &|_| Vector3::zeros(), 2e-6, 1.0 / 240.0);
         let frames = 48;
         let cost = scene.run(10 * frames);
         scene.run(2400);
@@ -181,7 +181,7 @@ fn nodes() {
     let mut last: Option<(f64, f64)> = None;
     for nodes in [4, 8, 16, 32, 64] {
         // About 5 s of CPU time for 64 nodes, 0.5 s for 8: the CPU clock has a resolution of 0.01 s.
-        let mut scene = Scene::shaken(hairs(nodes, 256), Scheme::Bdf2, 192.0);
+        let mut scene = Scene::shaken(hairs(nodes, 256), Scheme::default(), 192.0);
         let cost = scene.run(96);
         print!(
             "{nodes:>6} nodes: {:>8.2} us of CPU and {:.2} Newton iterations per step",
@@ -196,7 +196,7 @@ fn nodes() {
 fn strands() {
     let mut last: Option<(f64, f64)> = None;
     for count in [1, 10, 100, 1000, 10_000, 20_000] {
-        let mut scene = Scene::shaken(hairs(8, count), Scheme::Bdf2, 25.0);
+        let mut scene = Scene::shaken(hairs(8, count), Scheme::default(), 25.0);
         let mut wall = 0.0;
         let mut taken = 0.0;
         // One second of motion, repeated until the time is measurable.
@@ -222,7 +222,7 @@ fn threads() {
     let all = rayon::current_num_threads();
     let cost = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let cost = pool.install(|| Scene::shaken(hairs(8, 2000), Scheme::Bdf2, 25.0).run(50));
+        let cost = pool.install(|| Scene::shaken(hairs(8, 2000), Scheme::default(), 25.0).run(50));
         [cost.wall, cost.cpu]
     };
     // Interleaved, so that other load affects both.

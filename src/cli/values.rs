@@ -27,7 +27,8 @@ macro_rules! value_enum {
 }
 
 value_enum! { Scheme:
-    Bdf2, "bdf2", "Second order, with little numerical damping";
+    FourStep, "four-step", "Second order, with next to no numerical damping";
+    Bdf2, "bdf2", "Second order, with little numerical damping and 2.5 times the error";
     BackwardEuler, "backward-euler", "First order: cheaper in contact, damps swinging hair more than air and hair do";
 }
 value_enum! { ContactSetting:

@@ -188,7 +188,7 @@ mod tests {
         let head = |t: f64| Isometry3::translation(0.0, 0.05 + 0.03 * (40.0 * t).sin(), -0.06);
         let env = Environment { head: Box::new(head), ..Environment::at_rest(bodies) };
         let h = 1.0 / 96.0;
-        for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
+        for scheme in [Scheme::BackwardEuler, Scheme::Bdf2, Scheme::FourStep] {
             let model = |i| {
                 let rod = hair(i);
                 let drag = vec![2e-5; rod.points()];

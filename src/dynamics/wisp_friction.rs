@@ -351,7 +351,12 @@ mod tests {
 
     #[test]
     fn relative_motion_decreases_with_friction_and_is_stable_at_any_rate() {
-        for (scheme, h) in [(Scheme::Bdf2, H), (Scheme::BackwardEuler, H), (Scheme::Bdf2, 1.0 / 24.0)] {
+        for (scheme, h) in [
+            (Scheme::FourStep, H),
+            (Scheme::Bdf2, H),
+            (Scheme::BackwardEuler, H),
+            (Scheme::FourStep, 1.0 / 24.0),
+        ] {
             let runs = [0.0, 5.0, 50.0, 1e6].map(|rate| deviation_energy(rate, h, scheme));
             assert!(runs.windows(2).all(|r| r[1].0 < 0.9 * r[0].0), "{scheme:?} {h}: {runs:?}");
             assert!(runs.iter().all(|(_, fastest)| *fastest < 1.1 * runs[0].1), "{scheme:?} {h}: {runs:?}");

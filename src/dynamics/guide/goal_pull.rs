@@ -51,8 +51,14 @@ struct Motion<T> {
 
 impl SpringStep<'_> {
     /// The spring of weight `weight` that pulls a quantity, at most `most` times as stiff as at weight ½.
-    /// `goal` is the goal at the start of the step and one step before.
-    fn spring<T>(&self, weight: f64, most: f64, guide: &Motion<T>, goal: [T; 2]) -> GoalSpringStep<T>
+    /// `goal` is the goal at the start of the step and of the steps before, newest first.
+    fn spring<T>(
+        &self,
+        weight: f64,
+        most: f64,
+        guide: &Motion<T>,
+        goal: [T; DifferenceFormula::PAST],
+    ) -> GoalSpringStep<T>
     where
         T: Copy + Add<Output = T> + Sub<Output = T> + Mul<f64, Output = T>,
     {
@@ -71,7 +77,7 @@ impl SpringStep<'_> {
         let firm = firm / (1.0 + firm);
         // Damping of the motion relative to the goal.
         let damped = 2.0 * pull.damping / (omega * formula.eta);
-        let star = guide.star - formula.y_star(goal[0], goal[1]);
+        let star = guide.star - formula.y_star(goal);
         let target = (dying * firm + star * damped) * (1.0 / (1.0 + damped));
         GoalSpringStep { stiffness: stiffness * (1.0 + damped), target, firm }
     }
@@ -118,7 +124,9 @@ impl GuideModel {
             return false;
         }
         let step = SpringStep { goal, formula, h: t1 - t0, before: state.solve_step() };
-        let times = [t1, t0, t0 - step.before];
+        // A formula that looks back over more than one step is one of equal steps.
+        let back = step.before;
+        let times = [t1, t0, t0 - back, t0 - 2.0 * back, t0 - 3.0 * back];
         for (pose, t) in poses.iter_mut().zip(times) {
             goal.unknowns(t, &mut pose.q);
         }
@@ -130,7 +138,7 @@ impl GuideModel {
             pose.x.clear();
             pose.x.extend((0..rod.points()).map(|k| shape.x(k) + (root_then.p - root.p)));
         }
-        let [end, start, back] = &*poses;
+        let [end, past @ ..] = &*poses;
         for (k, of_point) in weights.iter().enumerate().skip(1) {
             let motion = Motion {
                 now: state.x[k] - root.p,
@@ -138,7 +146,7 @@ impl GuideModel {
                 star: state.formula_values(k, formula, &root.p).1,
             };
             let GoalSpringStep { stiffness, target, .. } =
-                step.spring(*of_point, STIFFEST_POINT, &motion, [start.x[k], back.x[k]]);
+                step.spring(*of_point, STIFFEST_POINT, &motion, past.each_ref().map(|pose| pose.x[k]));
             let own = rod.mass[k] * goal.pull.omega.powi(2);
             scratch.load.add_spring(k, &(end.x[k] + target), own * stiffness);
         }
@@ -148,7 +156,7 @@ impl GuideModel {
             let weight = weight(rod.nodes[a / 3] / rod.length());
             let motion = Motion { now: *now, back: *back_q, star: *star };
             let GoalSpringStep { stiffness, target, firm } =
-                step.spring(weight, STIFFEST_STRAIN, &motion, [start.q[a], back.q[a]]);
+                step.spring(weight, STIFFEST_STRAIN, &motion, past.each_ref().map(|pose| pose.q[a]));
             let target = end.q[a] + target;
             // The solve starts near its end.
             *q += (target - *q) * firm;

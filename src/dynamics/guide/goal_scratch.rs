@@ -1,13 +1,15 @@
 //! Buffers of the pull of an animated goal.
 
+use crate::dynamics::integrator::DifferenceFormula;
 use crate::rod::RodShape;
 use nalgebra::Vector3;
 
 /// The goal pose over a step.
 #[derive(Debug, Clone, Default)]
 pub(in crate::dynamics) struct GoalScratch {
-    /// At the end and the start of the step, and one step before.
-    pub poses: [GoalPose; 3],
+    /// At the end and the start of the step, and at the starts of the steps before that a difference formula
+    /// may use.
+    pub poses: [GoalPose; DifferenceFormula::PAST + 1],
     /// The guide one step before.
     pub guide: GoalPose,
     /// The rod in one of them.

@@ -48,11 +48,13 @@ pub struct GuideState {
 /// The solves that led to a state.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct History {
-    /// The configuration at the start of the last solve.
-    previous: Configuration,
-    /// Length of the step that led here, s; 0 if the next step must not use `previous` (restart with backward
-    /// Euler).
-    last_step: f64,
+    /// The configurations at the starts of the last solves, newest first.
+    previous: [Configuration; DifferenceFormula::PAST - 1],
+    /// Unit tangents at the start of the last solve.
+    tangent: Vec<Vector3<f64>>,
+    /// Lengths of the steps that led here from `previous`, s, newest first; 0 from the first that the next step
+    /// must not look back over. All are 0 where the scheme starts anew, with backward Euler.
+    steps: [f64; DifferenceFormula::PAST - 1],
     /// The last solve and the one before it.
     rates: [SolveRate; 2],
 }
@@ -63,7 +65,6 @@ struct Configuration {
     q: Vec<f64>,
     x: Vec<Vector3<f64>>,
     v: Vec<Vector3<f64>>,
-    tangent: Vec<Vector3<f64>>,
 }
 
 /// Mean rate of the unknowns over one solve.
@@ -167,13 +168,13 @@ impl GuideState {
         let tangent: Vec<Vector3<f64>> = poses.iter().map(|g| g.r.column(2).into()).collect();
         let rate: Vec<f64> = q.iter().zip(&before.q).map(|(q, before)| (q - before) / h).collect();
         let rates = std::array::from_fn(|_| SolveRate { step: h, rate: rate.clone() });
-        let previous = Configuration { q: q.clone(), x: x.clone(), v: v.clone(), tangent: tangent.clone() };
+        let previous = std::array::from_fn(|_| Configuration { q: q.clone(), x: x.clone(), v: v.clone() });
         GuideState {
             clearance,
             x,
             v,
+            history: History { previous, tangent: tangent.clone(), steps: Default::default(), rates },
             tangent,
-            history: History { previous, last_step: 0.0, rates },
             q: [q.clone(), q.clone(), q.clone()],
             midway: q,
             contact_loads: Vec::new(),
@@ -194,14 +195,15 @@ impl GuideState {
         self.history.rates[0].step
     }
 
-    /// Length of the step that led here, s; 0 if the next step must not look back.
-    pub(super) fn last_step(&self) -> f64 {
-        self.history.last_step
+    /// Lengths of the steps that the next one may look back over, s, newest first; 0 from the first that it
+    /// must not.
+    pub(super) fn last_steps(&self) -> &[f64; DifferenceFormula::PAST - 1] {
+        &self.history.steps
     }
 
     /// Makes the next step start anew with backward Euler.
     pub(super) fn restart_scheme(&mut self) {
-        self.history.last_step = 0.0;
+        self.history.steps.fill(0.0);
     }
 
     /// True if bodies have closed on the strand and leave it less room than it is to keep.
@@ -267,16 +269,19 @@ impl GuideState {
         formula: &DifferenceFormula,
         root: &Vector3<f64>,
     ) -> (Vector3<f64>, Vector3<f64>, Vector3<f64>) {
-        let before = &self.history.previous;
-        let x_star = formula.y_star(self.x[k], before.x[k]) - root;
-        let inertial = x_star + formula.y_star(self.v[k], before.v[k]) * formula.eta;
-        let tangent = (self.tangent[k] + (self.tangent[k] - before.tangent[k]) * formula.ratio).normalize();
+        let History { previous: [one, two, three], tangent: before, .. } = &self.history;
+        let x_star = formula.y_star([self.x[k], one.x[k], two.x[k], three.x[k]]) - root;
+        let v_star = formula.y_star([self.v[k], one.v[k], two.v[k], three.v[k]]);
+        let inertial = x_star + v_star * formula.eta;
+        let tangent = (self.tangent[k] + (self.tangent[k] - before[k]) * formula.ratio).normalize();
         (inertial, x_star, tangent)
     }
 
     /// q* of a difference formula, 1/m.
     pub(super) fn q_star(&self, formula: &DifferenceFormula) -> impl Iterator<Item = f64> {
-        self.q[0].iter().zip(&self.history.previous.q).map(|(q, before)| formula.y_star(*q, *before))
+        let [one, two, three] = &self.history.previous;
+        let past = self.q[0].iter().zip(&one.q).zip(&two.q).zip(&three.q);
+        past.map(|(((now, one), two), three)| formula.y_star([*now, *one, *two, *three]))
     }
 
     /// Extrapolates the unknowns by `h`, s, with the parabola through the last three states (Newton's divided
@@ -297,39 +302,44 @@ impl GuideState {
         formula: &DifferenceFormula,
         (q, shape): (&[f64], &RodShape),
     ) {
-        let History { previous, rates, last_step } = &mut self.history;
-        previous.q.clone_from(&self.q[0]);
+        let History { previous, tangent, rates, steps } = &mut self.history;
         rates.swap(0, 1);
         let SolveRate { step, rate } = &mut rates[0];
         *step = h;
-        for ((rate, q), new) in rate.iter_mut().zip(&mut self.q[0]).zip(q) {
-            *rate = (new - *q) / h;
-            *q = *new;
+        for ((rate, before), new) in rate.iter_mut().zip(&self.q[0]).zip(q) {
+            *rate = (new - before) / h;
         }
+        // The new configuration takes the place of the oldest, then that of the current one.
+        let [one, two, oldest] = previous;
+        oldest.q.copy_from_slice(q);
         for k in 0..self.x.len() {
             let x = root.p + shape.x(k);
-            let v = (x - formula.y_star(self.x[k], previous.x[k])) / formula.eta;
-            previous.v[k] = std::mem::replace(&mut self.v[k], v);
-            previous.x[k] = std::mem::replace(&mut self.x[k], x);
-            previous.tangent[k] = std::mem::replace(&mut self.tangent[k], shape.tangent(k));
+            let x_star = formula.y_star([self.x[k], one.x[k], two.x[k], oldest.x[k]]);
+            (oldest.x[k], oldest.v[k]) = (x, (x - x_star) / formula.eta);
+            tangent[k] = std::mem::replace(&mut self.tangent[k], shape.tangent(k));
         }
-        *last_step = h;
+        previous.rotate_right(1);
+        std::mem::swap(&mut self.q[0], &mut previous[0].q);
+        std::mem::swap(&mut self.x, &mut previous[0].x);
+        std::mem::swap(&mut self.v, &mut previous[0].v);
+        steps.rotate_right(1);
+        steps[0] = h;
     }
 
-    /// Returns to the start of the last step; `history.previous` then holds its end. Only valid directly
+    /// Returns to the start of the last step; `history.previous[0]` then holds its end. Only valid directly
     /// after a step that was taken whole.
     pub(super) fn swap_with_previous(&mut self) {
-        let History { previous, rates, .. } = &mut self.history;
-        std::mem::swap(&mut self.q[0], &mut previous.q);
-        std::mem::swap(&mut self.x, &mut previous.x);
-        std::mem::swap(&mut self.v, &mut previous.v);
-        std::mem::swap(&mut self.tangent, &mut previous.tangent);
+        let History { previous, tangent, rates, .. } = &mut self.history;
+        std::mem::swap(&mut self.q[0], &mut previous[0].q);
+        std::mem::swap(&mut self.x, &mut previous[0].x);
+        std::mem::swap(&mut self.v, &mut previous[0].v);
+        std::mem::swap(&mut self.tangent, tangent);
         rates.swap(0, 1);
     }
 
     /// Unknowns of the previous configuration, 1/m.
     pub(super) fn previous_q(&self) -> &Vec<f64> {
-        &self.history.previous.q
+        &self.history.previous[0].q
     }
 
     /// Carries the rod rigidly with its root from one pose to another, with its velocity rotated and halved:
@@ -371,12 +381,12 @@ impl GuideState {
         for SolveRate { rate, .. } in &mut self.history.rates {
             rate.fill(0.0);
         }
-        self.history.previous = Configuration {
-            q: self.q[0].clone(),
-            x: self.x.clone(),
-            v: self.v.clone(),
-            tangent: self.tangent.clone(),
-        };
+        for Configuration { q, x, v } in &mut self.history.previous {
+            q.clone_from(&self.q[0]);
+            x.clone_from(&self.x);
+            v.clone_from(&self.v);
+        }
+        self.history.tangent.clone_from(&self.tangent);
         self.contact_loads.clear();
         self.restart_scheme();
     }
@@ -391,21 +401,21 @@ impl GuideState {
             shape.poses().map(|g| Pose { r: g.r, p: g.p + root.p }).collect()
         };
         let [now, one, two] = [0, 1, 2].map(&mut poses);
-        let previous = &mut self.history.previous;
+        let History { previous: [previous, ..], tangent, rates, steps } = &mut self.history;
         for k in 0..self.x.len() {
             let [x, x1, x2] = [now[k].p, one[k].p, two[k].p];
             (self.x[k], self.v[k]) = (x, (x * 3.0 - x1 * 4.0 + x2) / (2.0 * h));
             self.tangent[k] = now[k].r.column(2).into();
             (previous.x[k], previous.v[k]) = (x1, (x - x2) / (2.0 * h));
-            previous.tangent[k] = one[k].r.column(2).into();
+            tangent[k] = one[k].r.column(2).into();
         }
         let rate = |a: &[f64], b: &[f64]| {
             let rate = a.iter().zip(b).map(|(a, b)| (a - b) / h).collect();
             SolveRate { step: h, rate }
         };
-        self.history.rates = [rate(&self.q[0], &self.q[1]), rate(&self.q[1], &self.q[2])];
+        *rates = [rate(&self.q[0], &self.q[1]), rate(&self.q[1], &self.q[2])];
         previous.q.clone_from(&self.q[1]);
-        self.history.last_step = h;
+        *steps = [h, 0.0, 0.0];
         self.contact_loads.clear();
         self.transient.hair_force.clear();
         (self.stuck, self.pinched, self.slides) = (false, false, false);
@@ -481,7 +491,7 @@ impl Checkpoint for GuideState {
 
     fn restore(&mut self, state: GuideState) -> Result<(), StateMismatch> {
         let (points, unknowns) = (self.x.len(), self.q[0].len());
-        let History { previous, rates, .. } = &state.history;
+        let History { previous: [one, two, three], tangent, rates, .. } = &state.history;
         for (what, found, expected) in [
             ("clearances", state.clearance.len(), self.clearance.len()),
             ("unknowns", state.q[0].len(), unknowns),
@@ -491,10 +501,16 @@ impl Checkpoint for GuideState {
             ("points", state.x.len(), points),
             ("velocities", state.v.len(), points),
             ("tangents", state.tangent.len(), points),
-            ("previous unknowns", previous.q.len(), unknowns),
-            ("previous points", previous.x.len(), points),
-            ("previous velocities", previous.v.len(), points),
-            ("previous tangents", previous.tangent.len(), points),
+            ("unknowns one solve back", one.q.len(), unknowns),
+            ("unknowns two solves back", two.q.len(), unknowns),
+            ("unknowns three solves back", three.q.len(), unknowns),
+            ("points one solve back", one.x.len(), points),
+            ("points two solves back", two.x.len(), points),
+            ("points three solves back", three.x.len(), points),
+            ("velocities one solve back", one.v.len(), points),
+            ("velocities two solves back", two.v.len(), points),
+            ("velocities three solves back", three.v.len(), points),
+            ("previous tangents", tangent.len(), points),
             ("rates", rates[0].rate.len(), unknowns),
             ("previous rates", rates[1].rate.len(), unknowns),
         ] {

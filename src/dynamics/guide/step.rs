@@ -12,7 +12,6 @@ use crate::dynamics::reaction::{GuideReaction, TieReaction};
 use crate::dynamics::step_record::StepRecord;
 use crate::math::se3::Pose;
 use crate::rod::potential::PointLoad;
-use crate::scene::anim::Scheme;
 use nalgebra::Vector3;
 
 /// Times a step is halved before a solve that does not converge is replaced by rigid motion with the root, or
@@ -119,7 +118,7 @@ impl GuideModel {
                 clear = outcome.converged;
                 scratch.contact.clear();
                 if clear && self.push_out_by_springs(env, state, &root, [t0, t1], scratch) {
-                    formula = DifferenceFormula::new(self.scheme, t1 - t0, 0.0);
+                    formula = DifferenceFormula::backward_euler(t1 - t0);
                 }
                 break;
             }
@@ -138,7 +137,7 @@ impl GuideModel {
             if !(formula.looks_back() && scratch.contact.stats.touched()) {
                 break;
             }
-            formula = DifferenceFormula::new(self.scheme, t1 - t0, 0.0);
+            formula = DifferenceFormula::backward_euler(t1 - t0);
         }
         scratch.contact.budget().release(kept);
         let unsolved = outcome.converged && !clear && mode != ContactMode::Springs;
@@ -265,7 +264,7 @@ impl GuideModel {
 
     /// The difference formula of the next step, of `h`, s.
     pub(in crate::dynamics) fn difference_formula(&self, state: &GuideState, h: f64) -> DifferenceFormula {
-        DifferenceFormula::new(self.scheme, h, state.last_step())
+        DifferenceFormula::new(self.scheme, h, state.last_steps())
     }
 
     /// Fills the load of a step and the unknowns to start its solve from; returns the root's pose at its end.
@@ -322,7 +321,7 @@ impl GuideModel {
         scratch: &mut GuideScratch,
     ) -> Pose {
         state.swap_with_previous();
-        let formula = DifferenceFormula::new(Scheme::BackwardEuler, t[1] - t[0], 0.0);
+        let formula = DifferenceFormula::backward_euler(t[1] - t[0]);
         let root = self.prepare(env, state, t, &formula, scratch);
         scratch.q.clone_from(state.previous_q());
         scratch.solver.shape.update(&self.rod, &root.r, &scratch.q);
@@ -339,7 +338,7 @@ impl GuideModel {
         h: f64,
         scratch: &GuideScratch,
     ) {
-        let formula = DifferenceFormula::new(Scheme::BackwardEuler, h, 0.0);
+        let formula = DifferenceFormula::backward_euler(h);
         state.commit(root, h, &formula, (&scratch.q, &scratch.solver.shape));
         // Loads of bodies alone are no start among other guides.
         state.contact_loads.clear();

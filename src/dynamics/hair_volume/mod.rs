@@ -13,6 +13,7 @@ use super::air_drag::{self, HairDensity};
 use super::checkpoint::StateMismatch;
 use super::environment::Environment;
 use super::guide::{GuideModel, GuideState};
+use super::integrator::DifferenceFormula;
 use super::step_record::HairRecord;
 use super::wisp_friction::CarrierVelocity;
 use crate::rod::Rod;
@@ -96,11 +97,14 @@ pub(super) struct HairVolumeState {
     history: Vec<History>,
 }
 
+/// Velocities at the starts of the last sub-steps, newest first, m/s.
+type PastVelocities = [Vector3<f64>; DifferenceFormula::PAST - 1];
+
 /// What the next sub-step needs of the last one, of a piece, relative to the head.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct History {
-    /// Velocity at its start, m/s.
-    before: Vector3<f64>,
+    /// Velocities at its start and at those of the sub-steps before, newest first, m/s.
+    before: PastVelocities,
     /// Velocity at its end if its neighbours' drag alone had acted, m/s.
     unforced: Vector3<f64>,
     /// η of its difference formula, s.
@@ -165,7 +169,7 @@ struct Piece {
     /// Mean velocity relative to the head, m/s.
     v: Vector3<f64>,
     /// [`History::before`], m/s.
-    before: Vector3<f64>,
+    before: PastVelocities,
     /// Acceleration in the last sub-step by all but its neighbours' drag, m/s².
     acceleration: Vector3<f64>,
     /// Velocity at the end of the sub-step without its neighbours' drag, m/s: what else acts is taken to do as
@@ -243,7 +247,7 @@ impl HairVolume {
         };
         volume.locate(states, env, t);
         let at_rest = |piece: &Piece| History {
-            before: piece.v,
+            before: [piece.v; DifferenceFormula::PAST - 1],
             unforced: piece.v,
             eta: h,
             beyond_leader: Vector3::zeros(),
@@ -275,7 +279,7 @@ impl HairVolume {
         let all = pieces.iter().zip(&followed).zip(framed.iter_mut().zip(&mut *history));
         for ((piece, followed), (framed, history)) in all {
             *framed = piece.x;
-            history.before = piece.v + (followed.before - followed.v);
+            history.before = followed.before.map(|before| piece.v + (before - followed.v));
             history.unforced = piece.v - followed.acceleration * history.eta;
         }
         for follower in &self.followers {
@@ -443,7 +447,7 @@ impl HairVolume {
                     x: framed[own] + moved,
                     v: between.mean(|j| pieces[j].v),
                     tangent: between.mean(|j| pieces[j].tangent),
-                    before: between.mean(|j| pieces[j].before),
+                    before: std::array::from_fn(|back| between.mean(|j| pieces[j].before[back])),
                     acceleration,
                     ..pieces[own]
                 };
@@ -462,7 +466,8 @@ impl HairVolume {
             let leader = leaders[part.guide];
             let formula = models[leader].difference_formula(&states[leader], h);
             piece.eta = formula.eta;
-            piece.undragged = formula.y_star(piece.v, piece.before) + piece.acceleration * piece.eta;
+            let [one, two, three] = piece.before;
+            piece.undragged = formula.y_star([piece.v, one, two, three]) + piece.acceleration * piece.eta;
             let fraction = piece.volume / cell_volume;
             let (v, d) = (piece.undragged * fraction, piece.tangent * fraction);
             *stencil = grid.touch(&piece.x);
@@ -487,7 +492,8 @@ impl HairVolume {
             let resistance = hairs.resistance(&assembly, piece.eta * part.length / part.mass);
             piece.slip = resistance.slip_left(&slip, &piece.tangent);
             piece.drag = (piece.slip - slip) / piece.eta;
-            history.before = piece.v;
+            let [one, two, _] = piece.before;
+            history.before = [piece.v, one, two];
             history.unforced = piece.undragged + (piece.drag - piece.acceleration) * piece.eta;
             history.eta = piece.eta;
         });

@@ -77,8 +77,12 @@ impl Curtain {
             }
         }
         self.volume.locate(&self.states, &self.env, 0.0);
-        let history =
-            |piece: &Piece| History { before: piece.v, unforced: piece.v, eta: H, beyond_leader: V::zeros() };
+        let history = |piece: &Piece| History {
+            before: [piece.v; 3],
+            unforced: piece.v,
+            eta: H,
+            beyond_leader: V::zeros(),
+        };
         self.volume.history = self.volume.pieces.iter().map(history).collect();
     }
 

@@ -152,7 +152,7 @@ fn kinds() -> Vec<(&'static str, Hair)> {
 fn straight_hanging_hair_stays_at_rest() {
     // In exact equilibrium the gradient is zero.
     let points: Vec<_> = (0..=20).map(|i| Vector3::y() * (-0.25 * f64::from(i) / 20.0)).collect();
-    for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
+    for scheme in [Scheme::BackwardEuler, Scheme::Bdf2, Scheme::FourStep] {
         let (record, fastest, _) = HAIR.run_along(&points, scheme, &|_| Isometry3::identity());
         assert_eq!((record.unconverged, record.halvings), (0, 0), "{scheme:?}");
         assert!(fastest < 1e-9, "{scheme:?}: {fastest} m/s");
@@ -187,7 +187,7 @@ fn coarse_segments_resolve_a_bend_between_nodes() {
 
 #[test]
 fn unusual_rods_converge_on_a_shaken_head() {
-    for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
+    for scheme in [Scheme::BackwardEuler, Scheme::Bdf2, Scheme::FourStep] {
         for (name, hair) in kinds() {
             let (record, fastest, _) = hair.run(scheme, &shaken);
             assert_eq!(record.unconverged, 0, "{name}, {scheme:?}");
@@ -200,7 +200,7 @@ fn unusual_rods_converge_on_a_shaken_head() {
 /// weightless in air. Solves that fail are recorded, and the thread neither stretches nor flies off.
 #[test]
 fn thread_too_thin_to_solve_is_carried_and_recorded() {
-    for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
+    for scheme in [Scheme::BackwardEuler, Scheme::Bdf2, Scheme::FourStep] {
         let (record, fastest, _) = Hair { radius: [4e-7, 4e-7], ..HAIR }.run(scheme, &shaken);
         assert!(record.unconverged > 0 && fastest < 20.0, "{scheme:?}: {record:?}, {fastest} m/s");
     }
@@ -208,7 +208,7 @@ fn thread_too_thin_to_solve_is_carried_and_recorded() {
 
 #[test]
 fn unusual_rods_survive_a_teleport() {
-    for scheme in [Scheme::BackwardEuler, Scheme::Bdf2] {
+    for scheme in [Scheme::BackwardEuler, Scheme::Bdf2, Scheme::FourStep] {
         for (name, hair) in kinds() {
             let (record, _, calm) = hair.run(scheme, &teleported);
             // Few solves fail, and they are recorded. 0.3 s later hair is no faster than in free fall.
