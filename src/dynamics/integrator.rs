@@ -55,7 +55,7 @@ impl DifferenceFormula {
         }
     }
 
-    /// The formula of `steps` equal steps, one behind the other, before this one (`docs/theory.md` eq. 4.6).
+    /// The formula of `steps` equal steps, one behind the other, before this one (`docs/theory.md` §4.6).
     fn of_equal_steps(h: f64, steps: usize) -> Self {
         let [b3, b4] = HIGHER_DIFFERENCES[steps - 1];
         let now = 1.5 + b3 + b4;

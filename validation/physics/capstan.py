@@ -73,7 +73,7 @@ def scene(cases: Sequence[tuple[float, float]], frames: int, nodes: int) -> Scen
         force={"frames": [-60, -20], "values": [[0, 0, 0], [0, -GRAVITY, 0]]},
         motion=pulled,
         colliders=[{"name": "cylinder", "shape": shape, "thickness_m": THICKNESS}],
-        settings={"scheme": SCHEMES[1]},
+        settings={"scheme": SCHEMES[-1]},
     )
 
 

@@ -9,8 +9,8 @@ import numpy as np
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SCHEMES = ("backward-euler", "bdf2")
-"""Time schemes of hairbake (`settings.scheme`)."""
+SCHEMES = ("backward-euler", "bdf2", "four-step")
+"""Time schemes of hairbake (`settings.scheme`); the last is the default."""
 
 AT_REST: dict[str, Any] = {
     "fps": 1.0,
