@@ -1,6 +1,6 @@
 """Small free vibrations: frequencies, and the loss by the time schemes, the material and the air."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
