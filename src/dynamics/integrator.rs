@@ -5,7 +5,7 @@ use crate::scene::anim::Scheme;
 /// Largest ratio of successive steps at which BDF2 is used; it is stable below 1 + √2.
 const MAX_RATIO: f64 = 2.0;
 
-/// Largest difference between steps that count as equal, as a share of them: differences of times are rounded.
+/// Largest difference between steps that count as equal, as a share of them: times are rounded.
 const EQUAL_STEPS: f64 = 1e-6;
 
 /// Weights of ∇³ and ∇⁴ in h D = ∇ + ∇²/2 + b₃ ∇³ + b₄ ∇⁴, where ∇y = y − yⁿ, by the number of steps behind,
@@ -28,8 +28,8 @@ impl DifferenceFormula {
     /// Number of past values that a formula may use.
     pub const PAST: usize = 4;
 
-    /// The formula of a step of `h`, s, after steps of `last`, s, newest first. A step of 0 and those before it
-    /// are not used: with none, as at the start, the formula is backward Euler's.
+    /// The formula of a step of `h`, s, after steps of `last`, s, newest first. A step of 0 and those before
+    /// it are not used: with none, as at the start, the formula is backward Euler's.
     pub fn new(scheme: Scheme, h: f64, last: &[f64; Self::PAST - 1]) -> Self {
         let equal = last.iter().take_while(|last| (*last - h).abs() <= EQUAL_STEPS * h).count();
         match scheme {

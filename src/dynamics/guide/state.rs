@@ -52,8 +52,8 @@ struct History {
     previous: [Configuration; DifferenceFormula::PAST - 1],
     /// Unit tangents at the start of the last solve.
     tangent: Vec<Vector3<f64>>,
-    /// Lengths of the steps that led here from `previous`, s, newest first; 0 from the first that the next step
-    /// must not look back over. All are 0 where the scheme starts anew, with backward Euler.
+    /// Lengths of the steps that led here from `previous`, s, newest first; 0 from the first that the next
+    /// step must not look back over. All are 0 where the scheme starts anew, with backward Euler.
     steps: [f64; DifferenceFormula::PAST - 1],
     /// The last solve and the one before it.
     rates: [SolveRate; 2],
@@ -312,11 +312,11 @@ impl GuideState {
         // The new configuration takes the place of the oldest, then that of the current one.
         let [one, two, oldest] = previous;
         oldest.q.copy_from_slice(q);
-        for k in 0..self.x.len() {
+        for (k, tangent) in tangent.iter_mut().enumerate() {
             let x = root.p + shape.x(k);
             let x_star = formula.y_star([self.x[k], one.x[k], two.x[k], oldest.x[k]]);
             (oldest.x[k], oldest.v[k]) = (x, (x - x_star) / formula.eta);
-            tangent[k] = std::mem::replace(&mut self.tangent[k], shape.tangent(k));
+            *tangent = std::mem::replace(&mut self.tangent[k], shape.tangent(k));
         }
         previous.rotate_right(1);
         std::mem::swap(&mut self.q[0], &mut previous[0].q);
