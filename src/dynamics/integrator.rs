@@ -12,6 +12,9 @@ const EQUAL_STEPS: f64 = 1e-6;
 /// from one: BDF2, then the formulas of three and four steps.
 const HIGHER_DIFFERENCES: [[f64; 2]; DifferenceFormula::PAST - 1] = [[0.0, 0.0], [0.16, 0.0], [0.2, 0.07]];
 
+/// Values at the starts of the steps before this one, newest first.
+pub(super) type Past<T> = [T; DifferenceFormula::PAST - 1];
+
 /// The difference formula of one step: the rate of any quantity y at its end is (y − y*)/η, with y* a sum of
 /// values of y at the starts of this step and of those before.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,7 +33,7 @@ impl DifferenceFormula {
 
     /// The formula of a step of `h`, s, after steps of `last`, s, newest first. A step of 0 and those before
     /// it are not used: with none, as at the start, the formula is backward Euler's.
-    pub fn new(scheme: Scheme, h: f64, last: &[f64; Self::PAST - 1]) -> Self {
+    pub fn new(scheme: Scheme, h: f64, last: &Past<f64>) -> Self {
         let equal = last.iter().take_while(|last| (*last - h).abs() <= EQUAL_STEPS * h).count();
         match scheme {
             Scheme::BackwardEuler => Self::two_step(h, 0.0),

@@ -5,7 +5,7 @@ use crate::dynamics::checkpoint::{Checkpoint, StateMismatch};
 use crate::dynamics::clearance::{Clearance, GroomPose};
 use crate::dynamics::contact_polyline::with_midpoints;
 use crate::dynamics::environment::{Environment, SkinsAtRest};
-use crate::dynamics::integrator::DifferenceFormula;
+use crate::dynamics::integrator::{DifferenceFormula, Past};
 use crate::dynamics::reaction::GuideReaction;
 use crate::math::se3::Pose;
 use crate::rod::RodShape;
@@ -49,12 +49,12 @@ pub struct GuideState {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct History {
     /// The configurations at the starts of the last solves, newest first.
-    previous: [Configuration; DifferenceFormula::PAST - 1],
+    previous: Past<Configuration>,
     /// Unit tangents at the start of the last solve.
     tangent: Vec<Vector3<f64>>,
     /// Lengths of the steps that led here from `previous`, s, newest first; 0 from the first that the next
     /// step must not look back over. All are 0 where the scheme starts anew, with backward Euler.
-    steps: [f64; DifferenceFormula::PAST - 1],
+    steps: Past<f64>,
     /// The last solve and the one before it.
     rates: [SolveRate; 2],
 }
@@ -197,7 +197,7 @@ impl GuideState {
 
     /// Lengths of the steps that the next one may look back over, s, newest first; 0 from the first that it
     /// must not.
-    pub(super) fn last_steps(&self) -> &[f64; DifferenceFormula::PAST - 1] {
+    pub(super) fn last_steps(&self) -> &Past<f64> {
         &self.history.steps
     }
 

@@ -13,7 +13,7 @@ use super::air_drag::{self, HairDensity};
 use super::checkpoint::StateMismatch;
 use super::environment::Environment;
 use super::guide::{GuideModel, GuideState};
-use super::integrator::DifferenceFormula;
+use super::integrator::Past;
 use super::step_record::HairRecord;
 use super::wisp_friction::CarrierVelocity;
 use crate::rod::Rod;
@@ -97,14 +97,11 @@ pub(super) struct HairVolumeState {
     history: Vec<History>,
 }
 
-/// Velocities at the starts of the last sub-steps, newest first, m/s.
-type PastVelocities = [Vector3<f64>; DifferenceFormula::PAST - 1];
-
 /// What the next sub-step needs of the last one, of a piece, relative to the head.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct History {
     /// Velocities at its start and at those of the sub-steps before, newest first, m/s.
-    before: PastVelocities,
+    before: Past<Vector3<f64>>,
     /// Velocity at its end if its neighbours' drag alone had acted, m/s.
     unforced: Vector3<f64>,
     /// η of its difference formula, s.
@@ -169,7 +166,7 @@ struct Piece {
     /// Mean velocity relative to the head, m/s.
     v: Vector3<f64>,
     /// [`History::before`], m/s.
-    before: PastVelocities,
+    before: Past<Vector3<f64>>,
     /// Acceleration in the last sub-step by all but its neighbours' drag, m/s².
     acceleration: Vector3<f64>,
     /// Velocity at the end of the sub-step without its neighbours' drag, m/s: what else acts is taken to do as
@@ -246,12 +243,9 @@ impl HairVolume {
             grid,
         };
         volume.locate(states, env, t);
-        let at_rest = |piece: &Piece| History {
-            before: [piece.v; DifferenceFormula::PAST - 1],
-            unforced: piece.v,
-            eta: h,
-            beyond_leader: Vector3::zeros(),
-        };
+        let beyond_leader = Vector3::zeros();
+        let at_rest =
+            |piece: &Piece| History { before: [piece.v; 3], unforced: piece.v, eta: h, beyond_leader };
         volume.history = volume.pieces.iter().map(at_rest).collect();
         volume.deposit(models, states, env, [t, h]);
         volume.rest = (0..volume.parts.len()).map(|i| volume.assembly(i).fraction).collect();
@@ -492,8 +486,7 @@ impl HairVolume {
             let resistance = hairs.resistance(&assembly, piece.eta * part.length / part.mass);
             piece.slip = resistance.slip_left(&slip, &piece.tangent);
             piece.drag = (piece.slip - slip) / piece.eta;
-            let [one, two, _] = piece.before;
-            history.before = [piece.v, one, two];
+            history.before = [piece.v, piece.before[0], piece.before[1]];
             history.unforced = piece.undragged + (piece.drag - piece.acceleration) * piece.eta;
             history.eta = piece.eta;
         });
