@@ -136,6 +136,8 @@ impl Batch {
         for ((model, state), buffer) in self.active(models.iter().zip(states.iter())).zip(&mut *buffers) {
             let formula = model.difference_formula(state, span[1] - span[0]);
             let root = model.prepare(env, state, *span, &formula, buffer);
+            // A guide whose step is solved once more, or halved, is solved on its own.
+            buffer.solver.reserve(&model.rod, &buffer.load);
             solved.push(FreeSolve { root, outcome: NewtonOutcome::default() });
         }
         {

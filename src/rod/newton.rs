@@ -128,6 +128,27 @@ impl Solver {
         self.solve(&rod.core, M3::from(*root), load, q, other)[0]
     }
 
+    /// Sizes all buffers for solves of `rod`, under a load like `load`, so that they allocate nothing.
+    pub fn reserve(&mut self, rod: &Rod, load: &Load) {
+        let (points, unknowns) = (rod.points(), rod.unknowns());
+        let shape = &self.trial.shape.pose;
+        let square = unknowns * unknowns;
+        if self.secants.room() >= unknowns
+            && shape.capacity() >= points
+            && self.next_factor.capacity() >= square
+        {
+            return;
+        }
+        self.secants.reserve(unknowns, 0.0);
+        let q = &rod.initial_q;
+        self.trial.q.clone_from(q);
+        self.shape.update(rod, &rod.root.r, q);
+        self.trial.shape.update(rod, &rod.root.r, q);
+        energy(&rod.core, load, &self.shape, q, &mut self.scratch);
+        // The factor and the buffer for the next.
+        (0..2).for_each(|_| _ = self.linearise(rod, load, q));
+    }
+
     /// Linearises Φ at `q`, whose shape is [`Solver::shape`]: sets [`Solver::sensitivity`],
     /// [`Solver::factor`] to L, and [`Solver::direction`] to L⁻¹(−gradient). Omits the geometric stiffness if
     /// the Hessian is indefinite. Returns `false` only if a number is not finite.
@@ -201,6 +222,7 @@ impl<F: Real> Solver<F> {
     ) -> [NewtonOutcome; MAX_LANES] {
         let mut outcomes = [NewtonOutcome::default(); MAX_LANES];
         let problem = Problem { core, root, load };
+        self.secants.reserve(q.len(), load.inertia.same(0.0));
         let mut phi = self.start(&problem, q, other);
         let zero = phi.same(0.0);
         let tolerance = Tolerance::new(core, load);

@@ -3,6 +3,7 @@
 
 #![allow(clippy::needless_range_loop)] // Several arrays share one index.
 
+use super::newton::MAX_ITERATIONS;
 use crate::math::cholesky;
 use crate::math::lanes::{Mask, Real};
 
@@ -20,18 +21,20 @@ struct SecantPair<F> {
 /// Secant pairs since the last factorisation.
 #[derive(Debug, Clone)]
 pub(super) struct Secants<F> {
-    /// Buffers; the first `count` pairs are in use.
+    /// Buffers, one for each iteration; the first `count` pairs are in use.
     pairs: Vec<SecantPair<F>>,
     count: usize,
     /// −gradient of Φ at the start of the last step.
     downhill: Vec<F>,
     /// The last step.
     step: Vec<F>,
+    /// [`Secants::room`].
+    room: usize,
 }
 
 impl<F> Default for Secants<F> {
     fn default() -> Self {
-        Secants { pairs: Vec::new(), count: 0, downhill: Vec::new(), step: Vec::new() }
+        Secants { pairs: Vec::new(), count: 0, downhill: Vec::new(), step: Vec::new(), room: 0 }
     }
 }
 
@@ -43,6 +46,23 @@ impl<F: Real> Secants<F> {
         for (step, d) in self.step.iter_mut().zip(direction) {
             *step = *d * t;
         }
+    }
+
+    /// Makes room for all pairs of a solve for `unknowns` unknowns. Solves of as many or fewer then allocate
+    /// nothing, however many iterations they take.
+    #[inline(always)]
+    pub fn reserve(&mut self, unknowns: usize, zero: F) {
+        if self.room < unknowns {
+            let sized = || Vec::with_capacity(unknowns);
+            let pair = || SecantPair { step: sized(), change: sized(), inverse: zero, alpha: zero };
+            self.pairs = (0..MAX_ITERATIONS).map(|_| pair()).collect();
+            (self.count, self.downhill, self.step, self.room) = (0, sized(), sized(), unknowns);
+        }
+    }
+
+    /// Number of unknowns that there is room for.
+    pub fn room(&self) -> usize {
+        self.room
     }
 
     /// Adds the pair of the last step in the lanes `kept`, which keep their factor; the other lanes drop all
@@ -57,9 +77,6 @@ impl<F: Real> Secants<F> {
         }
         for pair in &mut self.pairs[..self.count] {
             pair.inverse = pair.inverse.or(kept, zero);
-        }
-        if self.count == self.pairs.len() {
-            self.pairs.push(SecantPair { step: Vec::new(), change: Vec::new(), inverse: zero, alpha: zero });
         }
         let pair = &mut self.pairs[self.count];
         self.count += 1;
