@@ -8,6 +8,11 @@ const MAX_RATIO: f64 = 2.0;
 /// Largest difference between steps that count as equal, as a share of them: times are rounded.
 const EQUAL_STEPS: f64 = 1e-6;
 
+/// Largest second difference ∇²x of the positions of a rod's points, as a share of its length, over which a
+/// formula looks back further than to the previous step. A rod that turns by a radian or more per step may
+/// go on so for ever with the formulas of three and four steps; it comes to rest with BDF2.
+pub(super) const MAX_BEND: f64 = 0.2;
+
 /// Weights of ∇³ and ∇⁴ in h D = ∇ + ∇²/2 + b₃ ∇³ + b₄ ∇⁴, where ∇y = y − yⁿ, by the number of steps behind,
 /// from one: BDF2, then the formulas of three and four steps.
 const HIGHER_DIFFERENCES: [[f64; 2]; DifferenceFormula::PAST - 1] = [[0.0, 0.0], [0.16, 0.0], [0.2, 0.07]];
@@ -69,6 +74,11 @@ impl DifferenceFormula {
     /// True if the formula uses the previous step.
     pub fn looks_back(&self) -> bool {
         self.ratio > 0.0
+    }
+
+    /// True if the formula uses more steps than the previous one.
+    pub fn looks_far_back(&self) -> bool {
+        self.weights[2] != 0.0
     }
 
     /// y*, from y at the start of this step and of those before, newest first.

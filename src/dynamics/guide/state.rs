@@ -206,6 +206,20 @@ impl GuideState {
         self.history.steps.fill(0.0);
     }
 
+    /// Largest second difference of the positions of a point, m, over a step to `shape` on the root's pose `root`
+    /// and the step before.
+    pub(super) fn second_difference(&self, root: &Pose, shape: &RodShape) -> f64 {
+        let before = self.history.previous[0].x.iter().zip(&self.x);
+        let bends =
+            before.enumerate().map(|(k, (one, x))| (root.p + shape.x(k) - x * 2.0 + one).norm_squared());
+        bends.fold(0.0, f64::max).sqrt()
+    }
+
+    /// Makes the next step look back over the last step alone.
+    pub(super) fn shorten_history(&mut self) {
+        self.history.steps[1..].fill(0.0);
+    }
+
     /// True if bodies have closed on the strand and leave it less room than it is to keep.
     pub fn is_pinched(&self) -> bool {
         self.pinched

@@ -6,12 +6,13 @@ use super::state::GuideState;
 use crate::contact::friction::SystemBudget;
 use crate::dynamics::air_drag;
 use crate::dynamics::environment::Environment;
-use crate::dynamics::integrator::DifferenceFormula;
+use crate::dynamics::integrator::{DifferenceFormula, MAX_BEND};
 use crate::dynamics::load::GuideLoad;
 use crate::dynamics::reaction::{GuideReaction, TieReaction};
 use crate::dynamics::step_record::StepRecord;
 use crate::math::se3::Pose;
 use crate::rod::potential::PointLoad;
+use crate::scene::anim::Scheme;
 use nalgebra::Vector3;
 
 /// Times a step is halved before a solve that does not converge is replaced by rigid motion with the root, or
@@ -108,6 +109,11 @@ impl GuideModel {
                 }
             };
             record.iterations += outcome.iterations;
+            // Nor does a formula look back over more than one step where motion turns within few.
+            if outcome.converged && formula.looks_far_back() && self.is_unresolved(state, &root, scratch) {
+                formula = DifferenceFormula::new(Scheme::Bdf2, t1 - t0, state.last_steps());
+                continue;
+            }
             let turned = self.ties.iter().any(|tie| tie.frame.is_some() && tie.holds_at(t1));
             if turned {
                 // The motion without ties unwinds what they have wound up.
@@ -160,6 +166,7 @@ impl GuideModel {
         scratch.contact.stats.enter(record);
         if outcome.converged {
             self.record_reaction(state, t1, scratch.contact.world_forces(), scratch);
+            let unresolved = self.is_unresolved(state, &root, scratch);
             state.commit(&root, t1 - t0, &formula, (&scratch.q, &scratch.solver.shape));
             state.contact_loads.clear();
             if clear {
@@ -167,10 +174,18 @@ impl GuideModel {
             }
             if scratch.contact.stats.touched() {
                 state.restart_scheme();
+            } else if unresolved {
+                state.shorten_history();
             }
         } else {
             state.carry_rigidly(&self.root(env, t0), &root);
         }
+    }
+
+    /// Whether the rod moves so differently in the solved step, which ends with the root at `root`, than in the
+    /// last that no formula may look back over both and further ([`MAX_BEND`]).
+    fn is_unresolved(&self, state: &GuideState, root: &Pose, scratch: &GuideScratch) -> bool {
+        state.second_difference(root, &scratch.solver.shape) > MAX_BEND * self.rod.length()
     }
 
     /// Lets a guide whose step from `t[0]` to `t[1]`, s, is unsolved give way, if bodies leave no room for a
