@@ -139,7 +139,7 @@ impl Solver {
         {
             return;
         }
-        self.secants.reserve(unknowns, 0.0);
+        self.secants.reserve(unknowns, MAX_ITERATIONS, 0.0);
         let q = &rod.initial_q;
         self.trial.q.clone_from(q);
         self.shape.update(rod, &rod.root.r, q);
@@ -222,7 +222,7 @@ impl<F: Real> Solver<F> {
     ) -> [NewtonOutcome; MAX_LANES] {
         let mut outcomes = [NewtonOutcome::default(); MAX_LANES];
         let problem = Problem { core, root, load };
-        self.secants.reserve(q.len(), load.inertia.same(0.0));
+        self.secants.reserve(q.len(), MAX_ITERATIONS, load.inertia.same(0.0));
         let mut phi = self.start(&problem, q, other);
         let zero = phi.same(0.0);
         let tolerance = Tolerance::new(core, load);

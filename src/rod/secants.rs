@@ -3,7 +3,6 @@
 
 #![allow(clippy::needless_range_loop)] // Several arrays share one index.
 
-use super::newton::MAX_ITERATIONS;
 use crate::math::cholesky;
 use crate::math::lanes::{Mask, Real};
 
@@ -48,14 +47,14 @@ impl<F: Real> Secants<F> {
         }
     }
 
-    /// Makes room for all pairs of a solve for `unknowns` unknowns. Solves of as many or fewer then allocate
-    /// nothing, however many iterations they take.
+    /// Makes room for solves for `unknowns` unknowns with at most `iterations` iterations, always the same
+    /// number: they then allocate nothing.
     #[inline(always)]
-    pub fn reserve(&mut self, unknowns: usize, zero: F) {
+    pub fn reserve(&mut self, unknowns: usize, iterations: u32, zero: F) {
         if self.room < unknowns {
             let sized = || Vec::with_capacity(unknowns);
             let pair = || SecantPair { step: sized(), change: sized(), inverse: zero, alpha: zero };
-            self.pairs = (0..MAX_ITERATIONS).map(|_| pair()).collect();
+            self.pairs = (0..iterations).map(|_| pair()).collect();
             (self.count, self.downhill, self.step, self.room) = (0, sized(), sized(), unknowns);
         }
     }
