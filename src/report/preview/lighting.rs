@@ -122,7 +122,8 @@ impl Lighting {
     }
 
     /// The shade at `p` of a body with normal `n`. Maps tell which lamps it sees past bodies, for cells are
-    /// coarser than a face; only the sky is shaded by cells, from above the surface, against shadows of its own.
+    /// coarser than a face; only the sky is shaded by cells, from above the surface, against shadows of its
+    /// own.
     pub fn shade_on_body(&self, p: Vector3<f32>, n: Vector3<f32>) -> Shade {
         let [_, hair, bodies] = &self.fields;
         let [by_hair, above] = [(hair, p), (bodies, p + n * (2.0 * self.grid.cell()))]

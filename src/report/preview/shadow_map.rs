@@ -4,7 +4,8 @@
 
 use nalgebra::Vector3;
 
-/// The heights of the surfaces nearest to a distant lamp, on a grid across its direction. Lengths are in texels.
+/// The heights of the surfaces nearest to a distant lamp, on a grid across its direction. Lengths are in
+/// texels.
 pub struct ShadowMap {
     /// Two unit vectors across the direction of the lamp, and that direction.
     axes: [Vector3<f32>; 3],
@@ -33,8 +34,8 @@ const AWAY: f32 = -0.2;
 const SAMPLES: [usize; 2] = [16, 32];
 
 impl ShadowMap {
-    /// Of `triangles`, over the box from `low` to `high`, with `texels` along its longer side, for a lamp in the
-    /// unit direction `lamp` that is seen at twice the angle with the tangent `spread`.
+    /// Of `triangles`, over the box from `low` to `high`, with `texels` along its longer side, for a lamp in
+    /// the unit direction `lamp` that is seen at twice the angle with the tangent `spread`.
     pub fn new(
         lamp: Vector3<f32>,
         spread: f32,
@@ -105,8 +106,8 @@ impl ShadowMap {
         }
     }
 
-    /// The share of the lamp that is seen from a point of a surface with the unit normal `n`; 0 where it faces away
-    /// from it, farther than light goes around the surface of skin.
+    /// The share of the lamp that is seen from a point of a surface with the unit normal `n`; 0 where it faces
+    /// away from it, farther than light goes around the surface of skin.
     pub fn light(&self, p: Vector3<f32>, n: Vector3<f32>) -> f32 {
         let [u, w, h] = self.place(p + n * (RAISED * self.texel));
         // The tangent plane shades no point of itself.
@@ -143,8 +144,8 @@ impl ShadowMap {
     }
 }
 
-/// The whole number below. Faster than `f32::floor`, which is a call where the processor is not known to have an
-/// instruction for it.
+/// The whole number below. Faster than `f32::floor`, which is a call where the processor is not known to have
+/// an instruction for it.
 fn floor(x: f32) -> i32 {
     let towards_zero = x as i32;
     towards_zero - i32::from(x < towards_zero as f32)
