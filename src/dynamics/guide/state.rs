@@ -381,9 +381,9 @@ impl GuideState {
         self.restart_scheme();
     }
 
-    /// Starts to move actively at time `t`, s, from the unknowns `q` set for now and for one and two
-    /// sub-steps of `h`, s, ago.
-    pub(in crate::dynamics) fn resume(&mut self, model: &GuideModel, env: &Environment, t: f64, h: f64) {
+    /// Places the points, with their velocities, at time `t`, s, by the unknowns `q` for now and for one and
+    /// two sub-steps of `h`, s, ago.
+    pub(in crate::dynamics) fn place(&mut self, model: &GuideModel, env: &Environment, t: f64, h: f64) {
         let mut shape = RodShape::default();
         let mut poses = |back: usize| -> Vec<Pose> {
             let root = model.root(env, t - back as f64 * h);
@@ -399,12 +399,18 @@ impl GuideState {
             (previous.x[k], previous.v[k]) = (x1, (x - x2) / (2.0 * h));
             previous.tangent[k] = one[k].r.column(2).into();
         }
+    }
+
+    /// Starts to move actively at time `t`, s, from the unknowns `q` set for now and for one and two
+    /// sub-steps of `h`, s, ago.
+    pub(in crate::dynamics) fn resume(&mut self, model: &GuideModel, env: &Environment, t: f64, h: f64) {
+        self.place(model, env, t, h);
         let rate = |a: &[f64], b: &[f64]| {
             let rate = a.iter().zip(b).map(|(a, b)| (a - b) / h).collect();
             SolveRate { step: h, rate }
         };
         self.history.rates = [rate(&self.q[0], &self.q[1]), rate(&self.q[1], &self.q[2])];
-        previous.q.clone_from(&self.q[1]);
+        self.history.previous.q.clone_from(&self.q[1]);
         self.history.last_step = h;
         self.contact_loads.clear();
         self.transient.hair_force.clear();
