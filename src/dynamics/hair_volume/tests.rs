@@ -364,7 +364,7 @@ fn a_leader_moves_under_the_mean_of_the_forces_on_its_wisp() {
     hair.set(|_, x| (*x, V::zeros()));
     let Curtain { models, states, volume, env } = &mut hair;
     volume.end_frame(models, states, |i| i % 2, env, 0.0);
-    let squeeze = |i: usize, x: &V| (x * 0.7, V::new(0.0, 0.0, if i % 2 == 0 { 0.2 } else { -0.2 }));
+    let squeeze = |i: usize, x: &V| (x * 0.7, V::new(0.0, 0.0, if i.is_multiple_of(2) { 0.2 } else { -0.2 }));
     hair.set(squeeze);
     // What guide 2 bears beyond its leader.
     let beyond = V::new(0.0, 0.3, 0.0);
