@@ -18,7 +18,7 @@ use super::wisps::{AdaptiveTree, WispChanges};
 use crate::contact::{Bodies, Body};
 use crate::scene::anim::{ContactSetting, Resolution};
 use crate::scene::{Anim, Collider, Groom};
-use crate::wisp::Hierarchy;
+use crate::wisp::{Hierarchy, NeighbourDrag};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -181,7 +181,9 @@ fn adapt(model: &Model, env: &mut Environment, state: &mut State) {
     } else {
         let first = *taken - i64::from(model.anim.settings.substeps);
         let frame = [first, *taken].map(|taken| model.time_after(taken));
-        wisps.advance_modes(&model.guides, env, frame);
+        let hair_volume = hair_volume.as_ref();
+        let hair = |i: usize| hair_volume.map_or_else(NeighbourDrag::default, |volume| volume.opposition(i));
+        wisps.advance_modes(&model.guides, hair, env, frame);
         for level in 0..wisps.levels() {
             let split = wisps.place_and_split(level, &model.guides, guides, env, frame);
             catch_up_split(model, env, guides, hair_volume, &split, first..*taken, catch_up);
@@ -195,7 +197,14 @@ fn adapt(model: &Model, env: &mut Environment, state: &mut State) {
     }
     let State { guides, hair_volume, wisps, taken, .. } = state;
     if let Some(volume) = hair_volume {
-        volume.end_frame(&model.guides, guides, |i| leader(wisps, i), env, model.time_after(*taken));
+        let t = model.time_after(*taken);
+        let following = guides
+            .par_iter_mut()
+            .zip(&model.guides)
+            .enumerate()
+            .filter(|(i, _)| !wisps.as_ref().is_none_or(|wisps| wisps.is_active(*i)));
+        following.for_each(|(_, (guide, of_model))| guide.place(of_model, env, t, model.substep()));
+        volume.end_frame(&model.guides, guides, |i| leader(wisps, i), env, t);
     }
 }
 
@@ -206,7 +215,7 @@ fn catch_up_split(
     model: &Model,
     env: &mut Environment,
     guides: &mut [GuideState],
-    hair: &Option<HairVolume>,
+    hair: Option<&HairVolume>,
     split: &[usize],
     substeps: Range<i64>,
     records: &mut Vec<(usize, StepRecord)>,

@@ -213,16 +213,15 @@ fn whorl(x: V, up: V) -> V {
     away * (1.0 - 0.6 * turn) + up.cross(&away) * (1.4 * turn)
 }
 
-/// Winds a course into a helix of about the radius `radius`, m, with `vertices` points. The hair of a wisp,
-/// of which the first root is that of its guide, winds together, but for what is the hair's own. Curls open
-/// from the root.
-pub(super) fn curl(course: &[V], cut: &Cut, [wisp, own]: [&Root; 2], radius: f64, vertices: usize) -> Vec<V> {
+/// Winds a course into a helix of about the radius `radius`, m, with `vertices` points. Hairs with
+/// the same first root wind together, but for what is the hair's own. Curls open from the root.
+pub(super) fn curl(course: &[V], cut: &Cut, [with, own]: [&Root; 2], radius: f64, vertices: usize) -> Vec<V> {
     let Some(spline) = ArcSpline::through(course) else { return course.to_vec() };
     let s: Vec<f64> = (0..vertices).map(|v| spline.length() * v as f64 / (vertices - 1) as f64).collect();
-    let phase = TAU * wisp.random(Chance::Phase) + 0.5 * own.normal(Chance::OwnPhase);
+    let phase = TAU * with.random(Chance::Phase) + 0.5 * own.normal(Chance::OwnPhase);
     let radius = radius * (0.75 + 0.5 * own.random(Chance::OwnRadius));
     let pitch =
-        cut.curl[1] * (0.85 + 0.3 * wisp.random(Chance::Pitch)) * (1.0 + 0.02 * own.normal(Chance::OwnPitch));
+        cut.curl[1] * (0.85 + 0.3 * with.random(Chance::Pitch)) * (1.0 + 0.02 * own.normal(Chance::OwnPitch));
     let open = (1.5 * cut.curl[1]).min(0.05);
     let wind = |(frame, &s): (&nalgebra::UnitQuaternion<f64>, &f64)| {
         let (sin, cos) = (phase + TAU * s / pitch).sin_cos();

@@ -106,12 +106,15 @@ pub(super) fn strands(cut: &Cut, count: usize, guides: &Hair) -> Curves {
         for (_, tuft) in tuft {
             gather(&mut course, &hair.courses[tufts[tuft]], cut.clump[1] * together);
         }
-        let mut wisp = root;
+        let mut winds_with = root;
         if let Some((guide, _)) = guides.companion(&course) {
             gather(&mut course, &guides.courses[guide], cut.clump[0] * together);
-            wisp = &guides.roots[guide];
+            // Turns in step side by side make stripes, unless the whole wisp is one lock.
+            if cut.guide_curl == cut.curl[0] {
+                winds_with = &guides.roots[guide];
+            }
         }
-        comb::curl(&course, cut, [wisp, root], cut.curl[0], cut.vertices[1])
+        comb::curl(&course, cut, [winds_with, root], cut.curl[0], cut.vertices[1])
     })
 }
 

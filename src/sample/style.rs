@@ -74,7 +74,7 @@ pub(super) struct Cut {
     /// Radius of the curls, and length of the course per turn.
     pub(super) curl: [f64; 2],
     /// Radius of the curls that guides make: that of the strands, or less where their strands coil around
-    /// them.
+    /// them, each by itself.
     pub(super) guide_curl: f64,
     /// How far tips of a wisp, and of the tufts within it, come together: 0 to 1.
     pub(super) clump: [f64; 2],
@@ -249,8 +249,8 @@ impl Style {
                 body: 0.1,
                 curl: [0.0035, 0.0065],
                 guide_curl: 0.0008,
-                clump: [0.3, 0.7],
-                stray: 0.25,
+                clump: [0.05, 0.35],
+                stray: 0.3,
                 ..SHORT
             },
             Style::Buzz => Cut {

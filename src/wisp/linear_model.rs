@@ -49,6 +49,11 @@ impl<'a> LinearModel<'a> {
         self.rod.unknowns()
     }
 
+    /// Lumped mass of a node, kg.
+    pub fn node_mass(&self, node: usize) -> f64 {
+        self.rod.lumped_mass(node)
+    }
+
     /// Length of the guide, m.
     pub fn length(&self) -> f64 {
         self.rod.length()

@@ -13,13 +13,31 @@ use serde::{Deserialize, Serialize};
 /// Number of modes, the slowest: about two per order.
 const MODES: usize = 6;
 
+/// Share of the trace that regularises the projection of leaders' modes: those that displace nothing have none.
+const REGULARISATION: f64 = 1e-6;
+
 /// Response of a guide to the motion of the head in its slowest modes (`docs/theory.md` §8.2).
 #[derive(Debug, Clone, Default)]
 pub struct ModalResponse {
     modes: Vec<Mode>,
     states: Vec<ModeState>,
     deflection: Deflection,
+    /// For each guide that this one would follow: the rates of its modes that those of the leader amount to,
+    /// as a matrix, times the leader's share.
+    leaders: Vec<(usize, [[f64; MODES]; MODES])>,
 }
+
+/// What opposes the motion of a guide relative to the hair around it.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NeighbourDrag {
+    /// Bound of friction per mass, m/s².
+    pub friction: f64,
+    /// Drag of the air between hairs, 1/s.
+    pub air: f64,
+}
+
+/// Rates of the modes of a guide; zero beyond its last mode.
+pub type ModalRates = [f64; MODES];
 
 /// z̈ + c ż + ω² z = f.
 #[derive(Debug, Clone)]
@@ -34,6 +52,8 @@ struct Mode {
     stiffness: f64,
     /// f per component of a [`HeadExcitation`].
     force: [f64; HeadExcitation::COMPONENTS],
+    /// f per acceleration that acts along the displacement everywhere.
+    grip: f64,
 }
 
 /// State of a mode.
@@ -58,27 +78,66 @@ impl ModalResponse {
         let pendulum = gravity.norm() / rod.length();
         let modes = modes(&LinearModel::new(rod, q, drag, gravity), pendulum, kinematics).unwrap_or_default();
         let states = vec![ModeState::default(); modes.len()];
-        ModalResponse { states, modes, deflection: Deflection::zeros(q.len()) }
+        ModalResponse { states, modes, deflection: Deflection::zeros(q.len()), leaders: Vec::new() }
     }
 
-    /// Takes one BDF2 step of `h`, s, for each excitation: that at the end of the step, relative to rest.
-    pub fn advance(&mut self, excitations: &[HeadExcitation], h: f64) {
+    /// Sets the guides that this one would follow: the index of each, its share and its response.
+    pub fn set_leaders<'a>(&mut self, leaders: impl Iterator<Item = (usize, f64, &'a ModalResponse)>) {
+        let product = |a: &Mode, b: &Mode| cholesky::dot(&a.displacement, &b.displacement);
+        let n = self.modes.len();
+        let mut gram: Vec<f64> =
+            (0..n * n).map(|at| product(&self.modes[at / n], &self.modes[at % n])).collect();
+        let trace: f64 = (0..n).map(|k| gram[k * n + k]).sum();
+        (0..n).for_each(|k| gram[k * n + k] += REGULARISATION * trace + f64::MIN_POSITIVE);
+        if cholesky::factor(&mut gram, n) != 1 {
+            return;
+        }
+        let matrix = |(leader, share, response): (usize, f64, &ModalResponse)| {
+            let mut matrix = [[0.0; MODES]; MODES];
+            for (j, mode) in response.modes.iter().enumerate() {
+                let mut column: Vec<f64> = self.modes.iter().map(|own| product(own, mode) * share).collect();
+                cholesky::solve(&gram, n, &mut column);
+                column.iter().enumerate().for_each(|(k, c)| matrix[k][j] = *c);
+            }
+            (leader, matrix)
+        };
+        self.leaders = leaders.map(matrix).collect();
+    }
+
+    /// Takes one BDF2 step of `h`, s, under the `excitation` at its end, relative to rest, where `hair`
+    /// opposes what it moves relative to its leaders. `rates` are those of all guides at the end of the step,
+    /// as far as they lead it.
+    pub fn step(&mut self, excitation: &HeadExcitation, h: f64, hair: &NeighbourDrag, rates: &[ModalRates]) {
         let eta = 2.0 / 3.0 * h;
-        for (mode, state) in self.modes.iter().zip(&mut self.states) {
-            for excitation in excitations {
-                let f: f64 = mode.force.iter().zip(excitation.components()).map(|(f, x)| f * x).sum();
-                let past = |now: f64, before: f64| (4.0 * now - before) / 3.0;
-                let ([z, before, _], [rate, rate_before]) = (state.z, state.rate);
-                let (from, rate_from) = (past(z, before), past(rate, rate_before));
-                let next = (rate_from + eta * (f - mode.stiffness * from))
-                    / (1.0 + eta * (mode.damping + eta * mode.stiffness));
-                *state = ModeState { z: [from + eta * next, z, before], rate: [next, rate] };
+        let mut led = ModalRates::default();
+        for (leader, matrix) in &self.leaders {
+            for (led, row) in led.iter_mut().zip(matrix) {
+                *led += cholesky::dot(row, &rates[*leader]);
             }
         }
-        self.update_deflection();
+        for ((mode, state), led) in self.modes.iter().zip(&mut self.states).zip(led) {
+            let f: f64 = mode.force.iter().zip(excitation.components()).map(|(f, x)| f * x).sum();
+            let past = |now: f64, before: f64| (4.0 * now - before) / 3.0;
+            let ([z, before, _], [rate, rate_before]) = (state.z, state.rate);
+            let (from, rate_from) = (past(z, before), past(rate, rate_before));
+            let inertia = 1.0 + eta * (mode.damping + eta * mode.stiffness);
+            let mut next = (rate_from + eta * (f - mode.stiffness * from)) / inertia;
+            if !self.leaders.is_empty() && hair.friction + hair.air > 0.0 {
+                let pull = inertia * (next - led);
+                let slips = (pull.abs() - eta * hair.friction * mode.grip).max(0.0);
+                next = led + slips.copysign(pull) / (inertia + eta * hair.air);
+            }
+            *state = ModeState { z: [from + eta * next, z, before], rate: [next, rate] };
+        }
     }
 
-    fn update_deflection(&mut self) {
+    /// Rates of the modes.
+    pub fn rates(&self) -> ModalRates {
+        std::array::from_fn(|k| self.states.get(k).map_or(0.0, |state| state.rate[0]))
+    }
+
+    /// Finds the deflection of the states.
+    pub fn update_deflection(&mut self) {
         self.deflection.fill_zero();
         for (mode, ModeState { z, .. }) in self.modes.iter().zip(&self.states) {
             let parts = [
@@ -149,7 +208,17 @@ fn modes(linear: &LinearModel, pendulum: f64, kinematics: &LinearKinematics) -> 
         let displacement = numbers(kinematics.displacements(strain.iter().copied()).map(|(x, _)| x));
         let strain = numbers(strain.into_iter());
         let force = std::array::from_fn(|k| cholesky::dot(&forces[k], &q));
-        Mode { strain, displacement, damping, stiffness: (1.0 / eigenvalue - shift).max(pendulum), force }
+        let of_node =
+            |(node, x): (usize, &[f64])| linear.node_mass(node) * x.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let grip = linear.length() * (1..).zip(displacement.chunks_exact(3)).map(of_node).sum::<f64>();
+        Mode {
+            strain,
+            displacement,
+            damping,
+            stiffness: (1.0 / eigenvalue - shift).max(pendulum),
+            force,
+            grip,
+        }
     };
     Some(order.into_iter().take(MODES).filter(|k| eigen.eigenvalues[*k] > 0.0).map(mode).collect())
 }
@@ -228,7 +297,10 @@ mod tests {
             let mut factor = linear.stiffness.clone();
             assert_eq!(cholesky::factor(&mut factor, n), 1);
             cholesky::solve(&factor, n, &mut q);
-            response.advance(&[excitation; 4000], 0.05);
+            for _ in 0..4000 {
+                response.step(&excitation, 0.05, &NeighbourDrag::default(), &[]);
+            }
+            response.update_deflection();
             let expected = linear.normalised_strain(&q);
             let size = expected.iter().map(|strain| strain.norm()).fold(1e-3, f64::max);
             let close = |found: &[f64], expected: Vector3<f64>| {
@@ -242,5 +314,70 @@ mod tests {
                 found.strain(back).chunks_exact(3).zip(&expected).for_each(|(x, y)| close(x, *y));
             }
         }
+    }
+
+    /// A leader and a guide that would follow it, stiffer by half.
+    fn led() -> [ModalResponse; 2] {
+        let [leader, mut own] = [1e-9, 1.5e-9].map(|stiffness| {
+            let rod = hair(6, stiffness);
+            let nodes: Vec<_> = rod.nodes.iter().map(|s| Vector3::y() * -s).collect();
+            let kinematics = LinearKinematics::new(&nodes, &rod.nodes);
+            ModalResponse::new(&rod, &rod.initial_q, &kinematics, &vec![1e-5; rod.points()], &GRAVITY)
+        });
+        own.set_leaders([(0, 1.0, &leader)].into_iter());
+        [leader, own]
+    }
+
+    /// Displacements of the leader and the other, after a quarter of a second of a head that accelerates.
+    fn displaced(hair: NeighbourDrag) -> [Vec<f64>; 2] {
+        let mut responses = led();
+        let mut rates = [ModalRates::default(); 2];
+        for _ in 0..48 {
+            for (i, response) in responses.iter_mut().enumerate() {
+                response.step(&HeadExcitation::unit(0), 1.0 / 192.0, &hair, &rates);
+                rates[i] = response.rates();
+            }
+        }
+        responses.map(|mut response| {
+            response.update_deflection();
+            response.deflection().displacement().to_vec()
+        })
+    }
+
+    fn norm(x: impl Iterator<Item = f64>) -> f64 {
+        x.map(|x| x * x).sum::<f64>().sqrt()
+    }
+
+    #[test]
+    fn hair_opposes_what_a_guide_moves_relative_to_its_leader() {
+        let slip = |friction: f64, air: f64| {
+            let [leader, own] = displaced(NeighbourDrag { friction, air });
+            let apart = norm(leader.iter().zip(&own).map(|(a, b)| a - b));
+            apart / norm(leader.into_iter())
+        };
+        let free = slip(0.0, 0.0);
+        assert!(free > 0.02, "{free}");
+        // Held, it moves as its leader in all its modes; the two shapes differ by little.
+        let held = slip(1e3, 0.0);
+        assert!(held < 0.1 * free, "{held} {free}");
+        // The more it is opposed, the less it slips.
+        let slips = [slip(0.01, 0.0), slip(0.03, 0.0), slip(0.0, 30.0)];
+        assert!(slips.iter().all(|slip| *slip < 0.95 * free && *slip > held), "{slips:?} {free}");
+        assert!(slips[1] < slips[0]);
+    }
+
+    #[test]
+    fn friction_of_the_bound_slows_a_mode_steadily() {
+        let [_, mut own] = led();
+        let (h, hair) = (1e-5, NeighbourDrag { friction: 0.2, air: 0.0 });
+        let (k, rate) = (0, 1e-4);
+        own.states[k] = ModeState { z: [0.0, -h * rate, -2.0 * h * rate], rate: [rate; 2] };
+        let still = HeadExcitation::unit(0).minus(&HeadExcitation::unit(0));
+        for _ in 0..100 {
+            own.step(&still, h, &hair, &[ModalRates::default()]);
+        }
+        let slowed = rate - own.states[k].rate[0];
+        let expected = 100.0 * h * (hair.friction * own.modes[k].grip + own.modes[k].damping * rate);
+        assert!((slowed / expected - 1.0).abs() < 0.05, "{slowed} {expected}");
     }
 }

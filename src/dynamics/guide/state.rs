@@ -405,9 +405,9 @@ impl GuideState {
         self.restart_scheme();
     }
 
-    /// Starts to move actively at time `t`, s, from the unknowns `q` set for now and for one and two
-    /// sub-steps of `h`, s, ago.
-    pub(in crate::dynamics) fn resume(&mut self, model: &GuideModel, env: &Environment, t: f64, h: f64) {
+    /// Places the points, with their velocities, at time `t`, s, by the unknowns `q` for now and for one and
+    /// two sub-steps of `h`, s, ago.
+    pub(in crate::dynamics) fn place(&mut self, model: &GuideModel, env: &Environment, t: f64, h: f64) {
         let mut shape = RodShape::default();
         let mut poses = |back: usize| -> Vec<Pose> {
             let root = model.root(env, t - back as f64 * h);
@@ -415,7 +415,7 @@ impl GuideState {
             shape.poses().map(|g| Pose { r: g.r, p: g.p + root.p }).collect()
         };
         let [now, one, two] = [0, 1, 2].map(&mut poses);
-        let History { previous: [previous, ..], tangent, rates, steps } = &mut self.history;
+        let History { previous: [previous, ..], tangent, .. } = &mut self.history;
         for k in 0..self.x.len() {
             let [x, x1, x2] = [now[k].p, one[k].p, two[k].p];
             (self.x[k], self.v[k]) = (x, (x * 3.0 - x1 * 4.0 + x2) / (2.0 * h));
@@ -423,13 +423,19 @@ impl GuideState {
             (previous.x[k], previous.v[k]) = (x1, (x - x2) / (2.0 * h));
             tangent[k] = one[k].r.column(2).into();
         }
+    }
+
+    /// Starts to move actively at time `t`, s, from the unknowns `q` set for now and for one and two
+    /// sub-steps of `h`, s, ago.
+    pub(in crate::dynamics) fn resume(&mut self, model: &GuideModel, env: &Environment, t: f64, h: f64) {
+        self.place(model, env, t, h);
         let rate = |a: &[f64], b: &[f64]| {
             let rate = a.iter().zip(b).map(|(a, b)| (a - b) / h).collect();
             SolveRate { step: h, rate }
         };
-        *rates = [rate(&self.q[0], &self.q[1]), rate(&self.q[1], &self.q[2])];
-        previous.q.clone_from(&self.q[1]);
-        *steps = [h, 0.0, 0.0];
+        self.history.rates = [rate(&self.q[0], &self.q[1]), rate(&self.q[1], &self.q[2])];
+        self.history.previous[0].q.clone_from(&self.q[1]);
+        self.history.steps = [h, 0.0, 0.0];
         self.contact_loads.clear();
         self.transient.hair_force.clear();
         (self.stuck, self.pinched, self.slides) = (false, false, false);

@@ -4,12 +4,14 @@
 //!
 //! The forces of a sub-step follow from the state at its start, and from what the last one did.
 
+mod follower;
 mod grid;
 mod law;
+mod sampling;
 #[cfg(test)]
 mod tests;
 
-use super::air_drag::{self, HairDensity};
+use super::air_drag;
 use super::checkpoint::StateMismatch;
 use super::environment::Environment;
 use super::guide::{GuideModel, GuideState};
@@ -17,34 +19,19 @@ use super::integrator::Past;
 use super::step_record::HairRecord;
 use super::wisp_friction::CarrierVelocity;
 use crate::rod::Rod;
-use crate::wisp::GuideRod;
+use crate::wisp::{GuideRod, NeighbourDrag};
+use follower::{Follower, WispForce};
 use grid::{Grid, Node, Stencil};
 use law::{Assembly, Fibre, Resistance};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use sampling::root_spacing;
+pub(super) use sampling::sampling;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// Mean volume fraction of human hair on a head. A groom with fewer strands is taken as a sample of as much
-/// hair.
-const HAIR_FRACTION: f64 = 0.005;
-
-/// The most hairs that one hair of a groom stands for. Strands that are sparser are single ones, which do not
-/// meet.
-const MAX_SAMPLING: f64 = 100.0;
-
-/// Largest mean distance of strands, m, at which they stand for a head of hair: the density of strands that
-/// are farther apart than its cells does not tell how far.
-const MAX_DISTANCE: f64 = 0.02;
-
-/// Hairs that grow on a scalp, 1/m²: what guides without strands stand for.
-const ROOT_DENSITY: f64 = 2e6;
-
 /// Smallest distance between nodes of the grid, m.
 const MIN_SPACING: f64 = 0.01;
-
-/// Roots whose distance to the nearest other one is measured.
-const SPACING_SAMPLES: usize = 300;
 
 /// Root mean square speed of hair in head space, m/s, below which its slip is not recorded.
 const SLOW: f64 = 0.05;
@@ -62,8 +49,8 @@ pub(super) struct HairVolume {
     rest: Vec<f64>,
     /// 95th percentile of it, by volume.
     dense: f64,
-    /// Places of the pieces at the end of the last frame, head space, m.
-    framed: Vec<Vector3<f64>>,
+    /// The pieces at the end of the last frame.
+    framed: Vec<Placed>,
     /// Of each piece; without meaning for those of followers.
     history: Vec<History>,
     followers: Vec<Follower>,
@@ -93,8 +80,17 @@ struct Hairs {
 /// What a checkpoint holds of a [`HairVolume`], per piece.
 #[derive(Serialize, Deserialize)]
 pub(super) struct HairVolumeState {
-    framed: Vec<Vector3<f64>>,
+    framed: Vec<Placed>,
     history: Vec<History>,
+}
+
+/// Where a piece is, head space.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+struct Placed {
+    /// Mean position, m.
+    x: Vector3<f64>,
+    /// Mean unit tangent.
+    tangent: Vector3<f64>,
 }
 
 /// What the next sub-step needs of the last one, of a piece, relative to the head.
@@ -102,13 +98,15 @@ pub(super) struct HairVolumeState {
 struct History {
     /// Velocities at its start and at those of the sub-steps before, newest first, m/s.
     before: Past<Vector3<f64>>,
-    /// Velocity at its end if its neighbours' drag alone had acted, m/s.
+    /// Velocity at its end if [`Piece::load`] alone had acted, m/s.
     unforced: Vector3<f64>,
     /// η of its difference formula, s.
     eta: f64,
-    /// Of a follower: acceleration by all but its neighbours' drag beyond that of its leader, m/s², since it
-    /// follows: it keeps its own shape, and the load that this takes.
+    /// Of a follower: acceleration that its neighbours' drag balanced when it began to follow, beyond that of
+    /// its leader, m/s²: it keeps its own shape, and the load that this takes.
     beyond_leader: Vector3<f64>,
+    /// Of a follower: force per length of the pressure when it began to follow, beyond that of its leader, N/m.
+    pressure_beyond_leader: Vector3<f64>,
 }
 
 /// What does not change of a piece.
@@ -121,41 +119,6 @@ struct Part {
     length: f64,
     /// Mass of one hair, kg.
     mass: f64,
-}
-
-/// A guide that moves with another.
-struct Follower {
-    guide: usize,
-    leader: usize,
-    /// For each piece, the leader's piece before it at the same share of the length, and how far (0..=1) it
-    /// is towards the next.
-    places: Vec<(usize, f64)>,
-}
-
-impl Follower {
-    /// The index of each of its pieces, and where on its leader this is; `first` is [`HairVolume::first`].
-    fn pieces(&self, first: &[usize]) -> impl Iterator<Item = (usize, Between)> {
-        let (own, leader) = (first[self.guide], first[self.leader]..first[self.leader + 1]);
-        self.places.iter().enumerate().map(move |(k, (before, share))| {
-            let before = leader.start + before;
-            (own + k, Between { before, next: (before + 1).min(leader.end - 1), share: *share })
-        })
-    }
-}
-
-/// A place between two pieces of a guide.
-struct Between {
-    before: usize,
-    next: usize,
-    /// How far (0..=1) it is towards the next.
-    share: f64,
-}
-
-impl Between {
-    /// The mean there of what the pieces have.
-    fn mean(&self, of: impl Fn(usize) -> Vector3<f64>) -> Vector3<f64> {
-        of(self.before).lerp(&of(self.next), self.share)
-    }
 }
 
 /// A piece of a guide with all its hairs, in head space.
@@ -188,26 +151,19 @@ struct Piece {
     slip: Vector3<f64>,
     /// Acceleration by its neighbours' drag over the sub-step, m/s².
     drag: Vector3<f64>,
+    /// Force per length of the pressure, N/m.
+    pressure: Vector3<f64>,
+    /// What opposes slip across it.
+    opposition: NeighbourDrag,
+    /// `drag`, with the mean of what acts beyond it on all hair that moves with the piece, m/s².
+    load: Vector3<f64>,
+    /// The forces on all hair that moves with it.
+    wisp: WispForce,
 }
 
 /// Entry of a node for φ, and for the sum of φ u′, Pa. Between them are φ v and φ times the tangent.
 const FRACTION: usize = 0;
 const PRESSURE: usize = 7;
-
-/// How many hairs each hair of a groom stands for; `None` if its strands are too sparse to meet. `density` is
-/// that of the guides `rods` with their strands, of which there are none if `guides_only`.
-pub(super) fn sampling(rods: &[GuideRod], density: &HairDensity, guides_only: bool) -> Option<f64> {
-    let mean = |of: fn(&GuideRod) -> f64| rods.iter().map(of).sum::<f64>() / rods.len() as f64;
-    let hairs = mean(|r| r.hairs);
-    let distance = root_spacing(rods) / hairs.sqrt();
-    let sampling = if guides_only && hairs <= 1.0 {
-        Some(ROOT_DENSITY * distance * distance)
-    } else {
-        let area = mean(|r| r.material.section.area());
-        Some(HAIR_FRACTION / (density.mean() * area)).filter(|sampling| *sampling <= MAX_SAMPLING)
-    };
-    sampling.filter(|_| rods.len() > 1 && distance <= MAX_DISTANCE).map(|sampling| sampling.max(1.0))
-}
 
 impl HairVolume {
     /// The hair of guides with the rods `rods`, whose `states` are the groom's pose at time `t`, s. Each hair
@@ -232,7 +188,7 @@ impl HairVolume {
             first,
             rest: Vec::new(),
             dense: 0.0,
-            framed: vec![Vector3::zeros(); parts.len()],
+            framed: vec![Placed::default(); parts.len()],
             history: Vec::new(),
             followers: Vec::new(),
             leaders: (0..models.len()).collect(),
@@ -243,9 +199,13 @@ impl HairVolume {
             grid,
         };
         volume.locate(states, env, t);
-        let beyond_leader = Vector3::zeros();
-        let at_rest =
-            |piece: &Piece| History { before: [piece.v; 3], unforced: piece.v, eta: h, beyond_leader };
+        let at_rest = |piece: &Piece| History {
+            before: [piece.v; 3],
+            unforced: piece.v,
+            eta: h,
+            beyond_leader: Vector3::zeros(),
+            pressure_beyond_leader: Vector3::zeros(),
+        };
         volume.history = volume.pieces.iter().map(at_rest).collect();
         volume.deposit(models, states, env, [t, h]);
         volume.rest = (0..volume.parts.len()).map(|i| volume.assembly(i).fraction).collect();
@@ -254,8 +214,8 @@ impl HairVolume {
         volume
     }
 
-    /// Notes where the guides are at the end of a frame, at time `t`, s, and which active guide each moves
-    /// with: `leader`.
+    /// Notes where the guides, followers included, are at the end of a frame, at time `t`, s, and which active
+    /// guide each moves with: `leader`.
     pub fn end_frame(
         &mut self,
         models: &[GuideModel],
@@ -264,6 +224,17 @@ impl HairVolume {
         env: &Environment,
         t: f64,
     ) {
+        // What each bears of the hair around it, as drag and as pressure.
+        let [mut borne, mut pressed]: [Vec<Vector3<f64>>; 2] =
+            [|piece: &Piece| -piece.load, |piece: &Piece| piece.pressure]
+                .map(|of: fn(&Piece) -> Vector3<f64>| self.pieces.iter().map(of).collect());
+        for follower in &self.followers {
+            for (own, between) in follower.pieces(&self.first) {
+                let history = &self.history[own];
+                borne[own] = between.mean(|j| borne[j]) + history.beyond_leader;
+                pressed[own] = between.mean(|j| pressed[j]) + history.pressure_beyond_leader;
+            }
+        }
         self.follow(states, env, t);
         let followed = self.pieces.clone();
         self.set_leaders(models, leader);
@@ -272,14 +243,14 @@ impl HairVolume {
         let HairVolume { framed, history, pieces, .. } = self;
         let all = pieces.iter().zip(&followed).zip(framed.iter_mut().zip(&mut *history));
         for ((piece, followed), (framed, history)) in all {
-            *framed = piece.x;
+            *framed = Placed { x: piece.x, tangent: piece.tangent };
             history.before = followed.before.map(|before| piece.v + (before - followed.v));
             history.unforced = piece.v - followed.acceleration * history.eta;
         }
         for follower in &self.followers {
             for (own, between) in follower.pieces(&self.first) {
-                let of_leader = between.mean(|j| followed[j].acceleration);
-                history[own].beyond_leader = followed[own].acceleration - of_leader;
+                history[own].beyond_leader = borne[own] - between.mean(|j| borne[j]);
+                history[own].pressure_beyond_leader = pressed[own] - between.mean(|j| pressed[j]);
             }
         }
     }
@@ -295,13 +266,7 @@ impl HairVolume {
             self.parts[self.first[i]..self.first[i + 1]].iter().map(middle).collect::<Vec<f64>>()
         };
         let follower = |(guide, leader): (usize, usize)| {
-            let other = middles(leader);
-            let place = |s: &f64| {
-                let k = other.partition_point(|o| o <= s).clamp(1, (other.len() - 1).max(1)) - 1;
-                let next = other.get(k + 1).unwrap_or(&f64::INFINITY);
-                (k, ((s - other[k]) / (next - other[k])).clamp(0.0, 1.0))
-            };
-            Follower { guide, leader, places: middles(guide).iter().map(place).collect() }
+            Follower::new([guide, leader], &middles(guide), &middles(leader))
         };
         let leaders: Vec<usize> = (0..models.len()).map(leader).collect();
         let pairs = leaders.iter().copied().enumerate();
@@ -347,16 +312,28 @@ impl HairVolume {
         self.record()
     }
 
-    /// Adds to guide `i` the forces of the hair around it in the last sub-step, with the head as at time `t`, s.
+    /// Adds to guide `i` the forces of the hair around it, and around what follows it, in the last sub-step, with the head as at time `t`, s.
     pub fn add_force(&self, i: usize, model: &GuideModel, state: &mut GuideState, env: &Environment, t: f64) {
         let to_world = (env.head)(t).rotation;
         let (rod, forces) = (&model.rod, state.hair_force_mut());
         for piece in self.first[i]..self.first[i + 1] {
-            let [pressure, acceleration] = self.force(piece).map(|f| to_world * f);
+            let Piece { pressure, load, .. } = &self.pieces[piece];
+            let [pressure, acceleration] = [pressure, load].map(|f| to_world * f);
             for k in self.parts[piece].points.clone() {
                 forces[k] += pressure * rod.weight[k] + acceleration * rod.mass[k];
             }
         }
+    }
+
+    /// What opposed slip across guide `i` in the last sub-step, in the mean along it.
+    pub fn opposition(&self, i: usize) -> NeighbourDrag {
+        let pieces = self.first[i]..self.first[i + 1];
+        let of_guide = || self.pieces[pieces.clone()].iter().zip(&self.parts[pieces.clone()]);
+        let mass: f64 = of_guide().map(|(_, part)| part.mass).sum();
+        let mean = |of: fn(&NeighbourDrag) -> f64| {
+            of_guide().map(|(piece, part)| of(&piece.opposition) * part.mass).sum::<f64>() / mass
+        };
+        NeighbourDrag { friction: mean(|of| of.friction), air: mean(|of| of.air) }
     }
 
     /// How the hair is, once its pressure is found.
@@ -435,12 +412,13 @@ impl HairVolume {
         }
         for follower in followers {
             for (own, between) in follower.pieces(first) {
-                let moved = between.mean(|j| pieces[j].x - framed[j]);
+                let moved = between.mean(|j| pieces[j].x - framed[j].x);
+                let turned = between.mean(|j| pieces[j].tangent - framed[j].tangent);
                 let acceleration = between.mean(|j| pieces[j].acceleration) + history[own].beyond_leader;
                 pieces[own] = Piece {
-                    x: framed[own] + moved,
+                    x: framed[own].x + moved,
                     v: between.mean(|j| pieces[j].v),
-                    tangent: between.mean(|j| pieces[j].tangent),
+                    tangent: framed[own].tangent + turned,
                     before: std::array::from_fn(|back| between.mean(|j| pieces[j].before[back])),
                     acceleration,
                     ..pieces[own]
@@ -472,10 +450,10 @@ impl HairVolume {
     /// Finds the pressure of the hair on the grid and the drag of neighbours over a step of `h`, s.
     fn press_and_drag(&mut self, h: f64) {
         let max_speed = law::max_wave_speed(self.grid.spacing(), h);
-        let HairVolume { hairs, parts, rest, history, pieces, stencils, grid, .. } = self;
+        let HairVolume { hairs, parts, rest, pieces, stencils, grid, .. } = self;
         let constants = parts.par_iter().zip(&*rest).zip(&*stencils);
-        let all = pieces.par_iter_mut().zip(history).zip(constants);
-        all.for_each(|((piece, history), ((part, rest), stencil))| {
+        let all = pieces.par_iter_mut().zip(constants);
+        all.for_each(|(piece, ((part, rest), stencil))| {
             let (hairs, values) = (&hairs[part.guide], grid.values(stencil));
             let assembly = assembly(&values);
             let mean = Vector3::new(values[1], values[2], values[3]) / assembly.fraction;
@@ -484,30 +462,52 @@ impl HairVolume {
             piece.fraction = assembly.fraction;
             let slip = piece.undragged - mean;
             let resistance = hairs.resistance(&assembly, piece.eta * part.length / part.mass);
+            let [friction, air] = [resistance.friction[0], resistance.drag[0]].map(|of| of / piece.eta);
+            piece.opposition = NeighbourDrag { friction, air };
             piece.slip = resistance.slip_left(&slip, &piece.tangent);
             piece.drag = (piece.slip - slip) / piece.eta;
-            history.before = [piece.v, piece.before[0], piece.before[1]];
-            history.unforced = piece.undragged + (piece.drag - piece.acceleration) * piece.eta;
-            history.eta = piece.eta;
         });
         let cell_volume = grid.cell_volume();
         for (piece, stencil) in pieces.iter().zip(stencils).filter(|(piece, _)| piece.energy_slope > 0.0) {
             grid.add_entry(stencil, PRESSURE, piece.energy_slope * piece.volume / cell_volume);
+        }
+        self.sum_wisps();
+    }
+
+    /// Finds the forces on wisps: a guide that leads others moves as they do on average, under the mean of
+    /// the forces on all of them.
+    fn sum_wisps(&mut self) {
+        let HairVolume { hairs, parts, first, history, followers, pieces, stencils, grid, .. } = self;
+        let places = parts.par_iter().zip(&*stencils);
+        pieces.par_iter_mut().zip(places).for_each(|(piece, (part, stencil))| {
+            // −∂/∂x of the energy Σ V u(φ), as deposited.
+            let energy = |node: &Node| node[FRACTION] * piece.energy_slope + node[PRESSURE];
+            piece.pressure = grid.gradient(stencil, energy) * -hairs[part.guide].fibre.area;
+            piece.wisp = WispForce::of_leader(piece.volume);
+        });
+        for follower in followers {
+            for (own, between) in follower.pieces(first) {
+                let Piece { volume, pressure, drag, .. } = pieces[own];
+                let borne = between.mean(|j| pieces[j].pressure) + history[own].pressure_beyond_leader;
+                let pressure = pressure - borne;
+                let load = drag + history[own].beyond_leader - between.mean(|j| pieces[j].drag);
+                for (of_leader, share) in between.shares() {
+                    pieces[of_leader].wisp.add(share * volume, &pressure, &load);
+                }
+            }
+        }
+        for (piece, history) in pieces.iter_mut().zip(history) {
+            let [pressure, load] = piece.wisp.means();
+            (piece.pressure, piece.load) = (piece.pressure + pressure, piece.drag + load);
+            history.before = [piece.v, piece.before[0], piece.before[1]];
+            history.unforced = piece.undragged + (piece.load - piece.acceleration) * piece.eta;
+            history.eta = piece.eta;
         }
     }
 
     /// The hair around piece `i`.
     fn assembly(&self, i: usize) -> Assembly {
         assembly(&self.grid.values(&self.stencils[i]))
-    }
-
-    /// Pressure per length, N/m, and drag per mass, m/s², on a hair in piece `i`, head axes.
-    fn force(&self, i: usize) -> [Vector3<f64>; 2] {
-        let piece = &self.pieces[i];
-        // −∂/∂x of the energy Σ V u(φ), as deposited.
-        let energy = |node: &Node| node[FRACTION] * piece.energy_slope + node[PRESSURE];
-        let gradient = self.grid.gradient(&self.stencils[i], energy);
-        [gradient * -self.hairs[self.parts[i].guide].fibre.area, piece.drag]
     }
 }
 
@@ -583,16 +583,4 @@ fn reach(rods: &[GuideRod]) -> [Vector3<f64>; 2] {
         let (root, length) = (r.rod.root.p, Vector3::repeat(r.rod.length()));
         [low.inf(&(root - length)), high.sup(&(root + length))]
     })
-}
-
-/// Mean distance of a root to the nearest other one, m; 0 for a single root.
-fn root_spacing(rods: &[GuideRod]) -> f64 {
-    let root = |i: usize| rods[i].rod.root.p;
-    let nearest = |i: usize| {
-        let others = (0..rods.len()).filter(|j| *j != i);
-        others.map(|j| (root(i) - root(j)).norm_squared()).fold(f64::INFINITY, f64::min).sqrt()
-    };
-    let sampled = (0..rods.len()).step_by(rods.len().div_ceil(SPACING_SAMPLES).max(1));
-    let distances: Vec<f64> = sampled.map(nearest).filter(|d| d.is_finite()).collect();
-    distances.iter().sum::<f64>() / distances.len().max(1) as f64
 }

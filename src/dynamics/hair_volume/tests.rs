@@ -1,5 +1,6 @@
 use super::*;
 use crate::contact::Bodies;
+use crate::dynamics::air_drag::HairDensity;
 use crate::dynamics::guide::{ContactMode, GuideModel, GuideScratch};
 use crate::rod::RodSource;
 use crate::scene::{Material, Tree};
@@ -82,6 +83,7 @@ impl Curtain {
             unforced: piece.v,
             eta: H,
             beyond_leader: V::zeros(),
+            pressure_beyond_leader: V::zeros(),
         };
         self.volume.history = self.volume.pieces.iter().map(history).collect();
     }
@@ -341,6 +343,8 @@ fn a_follower_is_where_its_leader_carries_it() {
     volume.end_frame(models, states, |i| i, env, 0.0);
     volume.deposit(models, states, env, [0.0, H]);
     assert!(volume.pieces[of_last.clone()].iter().all(is_pushed));
+    // Its neighbours balance that.
+    of_last.clone().for_each(|piece| volume.pieces[piece].load = -push);
     let is_free = |piece: &Piece| piece.acceleration.norm() < 1e-6;
     assert!(volume.pieces[..volume.first[1]].iter().all(is_free));
     // Behind a leader that is not pushed it keeps its own load, and the leader's changes are added.
@@ -351,6 +355,51 @@ fn a_follower_is_where_its_leader_carries_it() {
     (volume.first[0]..volume.first[1]).for_each(|piece| volume.history[piece].unforced += push * H);
     volume.deposit(models, states, env, [0.0, H]);
     assert!(volume.pieces[of_last].iter().all(is_free));
+}
+
+#[test]
+fn a_leader_moves_under_the_mean_of_the_forces_on_its_wisp() {
+    // Two guides lead the others, all of one shape and crowded towards the middle.
+    let mut hair = curtain(4, 0.004);
+    hair.set(|_, x| (*x, V::zeros()));
+    let Curtain { models, states, volume, env } = &mut hair;
+    volume.end_frame(models, states, |i| i % 2, env, 0.0);
+    let squeeze = |i: usize, x: &V| (x * 0.7, V::new(0.0, 0.0, if i.is_multiple_of(2) { 0.2 } else { -0.2 }));
+    hair.set(squeeze);
+    // What guide 2 bears beyond its leader.
+    let beyond = V::new(0.0, 0.3, 0.0);
+    (hair.volume.first[2]..hair.volume.first[3])
+        .for_each(|piece| hair.volume.history[piece].beyond_leader = beyond);
+    let forces = hair.forces();
+    assert!(largest(&forces) > 0.0);
+    let volume = &hair.volume;
+    for leader in [0, 1] {
+        let range = |i: usize| volume.first[i]..volume.first[i + 1];
+        for (k, own) in range(leader).enumerate() {
+            let wisp = (leader..16).step_by(2).map(|i| range(i).start + k);
+            let whole: f64 = wisp.clone().map(|j| volume.pieces[j].volume).sum();
+            let mean = |of: &dyn Fn(usize) -> V| {
+                wisp.clone().map(|j| of(j) * volume.pieces[j].volume).sum::<V>() / whole
+            };
+            // What the piece itself is under comes from the grid.
+            let gradient = |j: usize| {
+                let piece = &volume.pieces[j];
+                let energy = |node: &Node| node[FRACTION] * piece.energy_slope + node[PRESSURE];
+                volume.grid.gradient(&volume.stencils[j], energy) * -volume.hairs[0].fibre.area
+            };
+            let pressure = mean(&gradient);
+            let load = mean(&|j| {
+                let beyond = if range(2).contains(&j) { beyond } else { V::zeros() };
+                volume.pieces[j].drag + beyond
+            });
+            let (model, points) = (&hair.models[leader], &volume.parts[own].points);
+            for point in points.clone() {
+                let expected = pressure * model.rod.weight[point] + load * model.rod.mass[point];
+                let found = forces[leader][point];
+                assert!((found - expected).norm() < 1e-9 * largest(&forces), "{found} {expected}");
+            }
+        }
+    }
 }
 
 #[test]

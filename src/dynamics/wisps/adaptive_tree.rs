@@ -15,7 +15,7 @@ use crate::dynamics::guide::{GuideModel, GuideState};
 use crate::math::lanes::MAX_LANES;
 use crate::rod::pack::Pack;
 use crate::scene::anim::GRAVITY;
-use crate::wisp::Hierarchy;
+use crate::wisp::{Hierarchy, NeighbourDrag};
 use rayon::prelude::*;
 
 /// Share of the split tolerance below which a guide may merge again.
@@ -121,8 +121,8 @@ impl AdaptiveTree {
             ),
         };
         self.set_rest(models, models.par_iter().zip(states).map(rest).collect());
-        let LeaderMotion { rest, h, .. } = &self.motion;
-        self.motion.modal = ModalCorrection::new(models, rest, env, t, *h);
+        let LeaderMotion { hierarchy, rest, h, .. } = &self.motion;
+        self.motion.modal = ModalCorrection::new(models, hierarchy, rest, env, [t, *h]);
         for i in 0..models.len() {
             self.followers[i].follows = !self.motion.hierarchy.leaders[i].is_empty()
                 && models[i].ties.is_empty()
@@ -146,10 +146,16 @@ impl AdaptiveTree {
     }
 
     /// Advances the modal responses through the frame from time `t[0]` to `t[1]`, s, before followers are
-    /// placed.
-    pub fn advance_modes(&mut self, models: &[GuideModel], env: &Environment, t: [f64; 2]) {
-        let h = self.motion.h;
-        self.motion.modal.advance(models, env, t, h);
+    /// placed. `hair` opposes what a guide moves relative to its leaders.
+    pub fn advance_modes(
+        &mut self,
+        models: &[GuideModel],
+        hair: impl Fn(usize) -> NeighbourDrag + Sync,
+        env: &Environment,
+        t: [f64; 2],
+    ) {
+        let LeaderMotion { hierarchy, modal, h, .. } = &mut self.motion;
+        modal.advance(models, hierarchy, hair, env, t, *h);
     }
 
     /// Places the followers of a level at the end of the frame from time `t[0]` to `t[1]`, s, and splits

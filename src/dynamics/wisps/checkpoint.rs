@@ -2,6 +2,7 @@
 
 use super::adaptive_tree::AdaptiveTree;
 use super::follower::Follower;
+use super::leader_motion::LeaderMotion;
 use super::modal_correction::{ModalCorrection, ModalCorrectionState};
 use super::rest_shape::RestState;
 use crate::dynamics::checkpoint::StateMismatch;
@@ -51,7 +52,8 @@ impl AdaptiveTree {
             }
             self.set_rest(models, state.rest);
         }
-        self.motion.modal = ModalCorrection::restored(state.modal, models, &self.motion.rest)?;
+        let LeaderMotion { hierarchy, rest, .. } = &self.motion;
+        self.motion.modal = ModalCorrection::restored(state.modal, models, hierarchy, rest)?;
         Ok(())
     }
 }

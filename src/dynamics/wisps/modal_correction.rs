@@ -6,7 +6,9 @@ use crate::dynamics::checkpoint::StateMismatch;
 use crate::dynamics::environment::Environment;
 use crate::dynamics::guide::GuideModel;
 use crate::scene::RootBinding;
-use crate::wisp::{Deflection, HeadExcitation, ModalResponse, ModeState};
+use crate::wisp::{
+    Deflection, HeadExcitation, Hierarchy, ModalRates, ModalResponse, ModeState, NeighbourDrag,
+};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -48,25 +50,53 @@ fn roots(models: &[GuideModel]) -> Vec<Option<&RootBinding>> {
 
 impl ModalCorrection {
     /// The responses of guides that rest at time `t`, s, in shapes `rest`; `h` is the sub-step, s.
-    pub fn new(models: &[GuideModel], rest: &[RestShape], env: &Environment, t: f64, h: f64) -> Self {
+    pub fn new(
+        models: &[GuideModel],
+        hierarchy: &Hierarchy,
+        rest: &[RestShape],
+        env: &Environment,
+        [t, h]: [f64; 2],
+    ) -> Self {
         let at_rest = |root: Option<&RootBinding>| RestExcitation {
             gravity: env.carried(root, t).rotation.inverse() * (env.gravity)(t),
             excitation: excitation(env, root, t, h),
         };
-        ModalCorrection::at_rest(models, rest, roots(models).into_par_iter().map(at_rest).collect())
+        let references = roots(models).into_par_iter().map(at_rest).collect();
+        ModalCorrection::at_rest(models, hierarchy, rest, references)
     }
 
-    fn at_rest(models: &[GuideModel], rest: &[RestShape], references: Vec<RestExcitation>) -> Self {
+    fn at_rest(
+        models: &[GuideModel],
+        hierarchy: &Hierarchy,
+        rest: &[RestShape],
+        references: Vec<RestExcitation>,
+    ) -> Self {
         let response = |(i, (model, rest)): (usize, (&GuideModel, &RestShape))| {
             let gravity = &references[i.min(references.len() - 1)].gravity;
             ModalResponse::new(&model.rod, &rest.state.q, &rest.kinematics, &model.drag, gravity)
         };
-        let responses = models.par_iter().zip(rest).enumerate().map(response).collect();
+        let uncoupled: Vec<ModalResponse> = models.par_iter().zip(rest).enumerate().map(response).collect();
+        let coupled = |(i, response): (usize, &ModalResponse)| {
+            let mut response = response.clone();
+            let leaders = hierarchy.leaders[i].iter();
+            response.set_leaders(leaders.map(|(leader, share)| (*leader, *share, &uncoupled[*leader])));
+            response
+        };
+        let responses = uncoupled.par_iter().enumerate().map(coupled).collect();
         ModalCorrection { responses, references }
     }
 
-    /// Advances all responses from time `t[0]` to `t[1]`, s, in steps of `h`, s.
-    pub fn advance(&mut self, models: &[GuideModel], env: &Environment, t: [f64; 2], h: f64) {
+    /// Advances all responses from time `t[0]` to `t[1]`, s, in steps of `h`, s. `hair` opposes what a guide
+    /// moves relative to its leaders.
+    pub fn advance(
+        &mut self,
+        models: &[GuideModel],
+        hierarchy: &Hierarchy,
+        hair: impl Fn(usize) -> NeighbourDrag + Sync,
+        env: &Environment,
+        t: [f64; 2],
+        h: f64,
+    ) {
         let steps = ((t[1] - t[0]) / h).round() as u32;
         let of = |(root, rest): (Option<&RootBinding>, &RestExcitation)| -> Vec<HeadExcitation> {
             let at =
@@ -74,18 +104,23 @@ impl ModalCorrection {
             (1..=steps).map(at).collect()
         };
         let ModalCorrection { references, responses } = self;
-        match (&roots(models)[..], &references[..]) {
-            ([root], [rest]) => {
-                let excitations = of((*root, rest));
-                responses.par_iter_mut().for_each(|response| response.advance(&excitations, h));
-            }
-            (roots, references) => {
-                let each = roots.par_iter().copied().zip(references);
-                responses.par_iter_mut().zip(each).for_each(|(response, of_root)| {
-                    response.advance(&of(of_root), h);
+        let excitations: Vec<Vec<HeadExcitation>> =
+            roots(models).into_par_iter().zip(&*references).map(of).collect();
+        let level = &hierarchy.level;
+        let deepest = level.iter().copied().max().unwrap_or(0);
+        let mut rates = vec![ModalRates::default(); responses.len()];
+        for k in 0..steps as usize {
+            for l in 0..=deepest {
+                let of_level = responses.par_iter_mut().enumerate().filter(|(i, _)| level[*i] == l);
+                of_level.for_each(|(i, response)| {
+                    let of_root = &excitations[i.min(excitations.len() - 1)];
+                    response.step(&of_root[k], h, &hair(i), &rates);
                 });
+                let of_level = rates.iter_mut().zip(&*responses).zip(level).filter(|(_, at)| **at == l);
+                of_level.for_each(|((rates, response), _)| *rates = response.rates());
             }
         }
+        responses.par_iter_mut().for_each(ModalResponse::update_deflection);
     }
 
     /// The modal response of guide `i`.
@@ -108,6 +143,7 @@ impl ModalCorrection {
     pub fn restored(
         state: ModalCorrectionState,
         models: &[GuideModel],
+        hierarchy: &Hierarchy,
         rest: &[RestShape],
     ) -> Result<Self, StateMismatch> {
         StateMismatch::unless_same("modal responses", state.modes.len(), rest.len())?;
@@ -115,7 +151,7 @@ impl ModalCorrection {
             return Ok(ModalCorrection::default());
         }
         StateMismatch::unless_same("excitations", state.references.len(), roots(models).len())?;
-        let mut correction = ModalCorrection::at_rest(models, rest, state.references);
+        let mut correction = ModalCorrection::at_rest(models, hierarchy, rest, state.references);
         for (response, modes) in correction.responses.iter_mut().zip(state.modes) {
             StateMismatch::unless_same("modes", modes.len(), response.mode_states().len())?;
             response.restore(modes);

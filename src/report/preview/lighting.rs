@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::camera::Axes;
 use super::light::{Rgb, decay};
+use super::shadow_map::{GOLDEN, ShadowMap};
 use super::volume::{Fields, Volume};
 
 /// How finely light is sampled.
@@ -15,6 +16,8 @@ pub struct Sampling {
     pub lamp: usize,
     /// Directions to the sky.
     pub sky: usize,
+    /// Texels along the longer side of a map of the shadows that bodies cast on bodies.
+    pub map: usize,
 }
 
 /// A distant lamp.
@@ -48,15 +51,35 @@ pub struct Lighting {
     grid: Volume,
     /// Depths by hair and bodies, by hair alone, and by bodies alone.
     fields: [Fields<3>; 3],
+    /// What each lamp sees of bodies.
+    maps: [ShadowMap; 3],
 }
 
-/// Half the angle at which a lamp is seen, rad, where it has several directions.
+/// What casts shadows.
+pub struct Casters<T> {
+    /// Extinction of hair and of bodies, on the same cells.
+    pub hair: Volume,
+    pub bodies: Volume,
+    /// Triangles of bodies, in the box in which they are to cast shadows on each other.
+    pub triangles: T,
+    pub around: [Vector3<f32>; 2],
+}
+
+/// Half the angle at which the key and the rim light are seen, rad, where they have several directions.
 const LAMP: f32 = 0.13;
+/// The same of the fill light.
+const FILL: f32 = 0.4;
+/// Share of a lamp that shines through bodies: light that goes around within them.
+const THROUGH: f32 = 0.04;
 
 impl Lighting {
     /// The key light is over the left shoulder of the viewer, the fill light on the other side, the rim light
-    /// behind the subject; `hair` and `bodies`, on the same cells, cast shadows.
-    pub fn new(axes: Axes, hair: Volume, bodies: &Volume, sampling: Sampling) -> Self {
+    /// behind the subject.
+    pub fn new<T>(axes: Axes, casters: Casters<T>, sampling: Sampling) -> Self
+    where
+        T: Iterator<Item = [Vector3<f32>; 3]> + Clone + Sync,
+    {
+        let Casters { hair, bodies, triangles, around } = casters;
         let lamp = |right: f32, up: f32, back: f32, colour: [f32; 3]| Lamp {
             direction: axes.vector(Vector3::new(right, up, back)).normalize(),
             colour: colour.into(),
@@ -78,10 +101,14 @@ impl Lighting {
             );
             [key, rim, sky]
         };
-        let (by_hair, by_bodies) = rayon::join(|| depths(&hair), || depths(bodies));
+        let (by_hair, by_bodies) = rayon::join(|| depths(&hair), || depths(&bodies));
         let together = std::array::from_fn(|k| by_hair[k].with(&by_bodies[k]));
         let fields = [together, by_hair, by_bodies].map(Fields::new);
-        Lighting { lamps, grid: hair, fields }
+        let maps = std::array::from_fn(|k| {
+            let reach = if k == 1 { FILL } else { LAMP };
+            ShadowMap::new(lamps[k].direction, reach.tan(), around, sampling.map, triangles.clone())
+        });
+        Lighting { lamps, grid: hair, fields, maps }
     }
 
     /// The shade of hair and bodies at `p`.
@@ -94,22 +121,21 @@ impl Lighting {
         decay(self.shade(p).sky)
     }
 
-    /// The shade at `p` of a body with normal `n`. Bodies shade from above the surface, against shadows of
-    /// their own cells.
+    /// The shade at `p` of a body with normal `n`. Maps tell which lamps it sees past bodies, for cells are
+    /// coarser than a face; only the sky is shaded by cells, from above the surface, against shadows of its
+    /// own.
     pub fn shade_on_body(&self, p: Vector3<f32>, n: Vector3<f32>) -> Shade {
         let [_, hair, bodies] = &self.fields;
         let [by_hair, above] = [(hair, p), (bodies, p + n * (2.0 * self.grid.cell()))]
             .map(|(fields, p)| Shade::new(self.grid.at(fields, p)));
+        let past_bodies = |map: &ShadowMap| -map.light(p, n).max(THROUGH).ln();
         Shade {
-            lamps: std::array::from_fn(|k| by_hair.lamps[k] + above.lamps[k]),
+            lamps: std::array::from_fn(|k| by_hair.lamps[k] + past_bodies(&self.maps[k])),
             // Half of the sky is below the surface.
             sky: by_hair.sky + 0.5 * above.sky,
         }
     }
 }
-
-/// The golden angle, rad.
-const GOLDEN: f32 = 2.399_963_2;
 
 /// `n` directions, evenly in a cone of half angle `reach` rad around `axis`; the axis for one.
 fn cone(axis: Vector3<f32>, reach: f32, n: usize) -> Vec<Vector3<f32>> {

@@ -11,6 +11,7 @@ mod options;
 mod raster;
 mod renderer;
 mod scene;
+mod shadow_map;
 mod sheet;
 mod shot;
 mod strand;

@@ -52,8 +52,8 @@ impl Quality {
     /// How finely light is sampled.
     pub(super) fn sampling(self) -> Sampling {
         match self {
-            Quality::Quick => Sampling { cells: 400_000, lamp: 1, sky: 8 },
-            Quality::Beauty => Sampling { cells: 3_000_000, lamp: 12, sky: 48 },
+            Quality::Quick => Sampling { cells: 400_000, lamp: 1, sky: 8, map: 768 },
+            Quality::Beauty => Sampling { cells: 3_000_000, lamp: 12, sky: 48, map: 2048 },
         }
     }
 }

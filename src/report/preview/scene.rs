@@ -7,7 +7,7 @@ use super::body::{Roots, Surface, bare, lit};
 use super::camera::{Camera, Projected};
 use super::hair::{Look, crowding_colour, group_colour, level_colour, mean_colour};
 use super::light::Rgb;
-use super::lighting::{Lighting, Sampling};
+use super::lighting::{Casters, Lighting, Sampling};
 use super::raster::{self, Ribbon, Triangle};
 use super::strand::{self, Piece};
 use super::volume::Volume;
@@ -62,8 +62,8 @@ pub struct DrawnMesh<'a> {
 const GAIN: f32 = 0.55;
 /// Optical depth of the surface of a mesh: dark with soft shadow edges.
 const SOLID: f32 = 1.65;
-/// How far bodies cast shadows beyond the box of the hair, of its longest side.
-const AROUND: f32 = 0.2;
+/// How far bodies cast shadows beyond the box of the hair, of its longest side: on hair, and on bodies.
+const AROUND: [f32; 2] = [0.2, 1.0];
 
 /// Draws one picture of `size` pixels, supersampled `fine` times; `camera` projects to fine pixels.
 pub fn draw(
@@ -77,7 +77,12 @@ pub fn draw(
     let cut: Vec<Vec<Piece>> =
         strands.iter().map(|s| strand::pieces(s.set, s.basis, &s.points, camera, fine as f32)).collect();
     let [hair, bodies] = extinction(strands, &cut, meshes, sampling.cells);
-    let light = Lighting::new(camera.axes, hair, &bodies, sampling);
+    let triangles = meshes
+        .iter()
+        .filter(|mesh| !mesh.is_plane)
+        .flat_map(|mesh| mesh.triangles.iter().map(|t| t.map(|i| mesh.points[i as usize])));
+    let around = region(strands, meshes, AROUND[1]);
+    let light = Lighting::new(camera.axes, Casters { hair, bodies, triangles, around }, sampling);
     let mut ribbons: Vec<Ribbon> = Vec::new();
     for (s, pieces) in strands.iter().zip(&cut) {
         let looks: Vec<Look> = s.set.id.iter().map(|id| Look::own(*id)).collect();
@@ -111,15 +116,10 @@ fn scalp(strands: &[DrawnCurves]) -> Option<Roots> {
     Roots::new(&natural.iter().flat_map(roots).collect::<Vec<_>>(), mean_colour())
 }
 
-/// The extinction of hair and of bodies, on the same cells around the hair.
-fn extinction(
-    strands: &[DrawnCurves],
-    cut: &[Vec<Piece>],
-    meshes: &[DrawnMesh],
-    cells: usize,
-) -> [Volume; 2] {
+/// The box of the hair, and of bodies no farther than `around` beyond it, of its longest side.
+fn region(strands: &[DrawnCurves], meshes: &[DrawnMesh], around: f32) -> [Vector3<f32>; 2] {
     let [low, high] = finite_box(strands.iter().flat_map(|s| &s.points)).unwrap_or_default();
-    let around = Vector3::repeat(AROUND * (high - low).max());
+    let around = Vector3::repeat(around * (high - low).max());
     let (mut lowest, mut highest) = (low, high);
     for p in meshes.iter().filter(|mesh| !mesh.is_plane).flat_map(|mesh| &mesh.points) {
         if p.iter().all(|x| x.is_finite()) {
@@ -127,7 +127,18 @@ fn extinction(
             (lowest, highest) = (lowest.inf(&within), highest.sup(&within));
         }
     }
-    let mut hair = Volume::new(lowest, highest, cells);
+    [lowest, highest]
+}
+
+/// The extinction of hair and of bodies, on the same cells around the hair.
+fn extinction(
+    strands: &[DrawnCurves],
+    cut: &[Vec<Piece>],
+    meshes: &[DrawnMesh],
+    cells: usize,
+) -> [Volume; 2] {
+    let [low, high] = region(strands, meshes, AROUND[0]);
+    let mut hair = Volume::new(low, high, cells);
     let mut bodies = hair.emptied();
     for (s, pieces) in strands.iter().zip(cut) {
         for p in pieces {

@@ -85,13 +85,19 @@ const PER_POINT: usize = 250;
 const PER_SAMPLE: usize = 20;
 /// Memory per cell of the volume of shadows: extinction, depths, and those of the directions in work, bytes.
 const PER_CELL: usize = 160;
+/// Memory per texel of the maps of shadows, bytes.
+const PER_TEXEL: usize = 4;
 
 /// Memory that a frame takes while it is drawn, bytes.
 fn memory<S: Shot>(shot: &S, options: &Options) -> usize {
     let ((width, height), fine) = (options.size, options.supersampling as usize);
     let samples = width as usize * height as usize * fine * fine;
-    let cells = options.quality.sampling().cells;
-    PER_POINT * points_of_a_frame(shot.header()) + PER_SAMPLE * samples + PER_CELL * cells
+    let sampling = options.quality.sampling();
+    let (cells, texels) = (sampling.cells, 3 * sampling.map * sampling.map);
+    PER_POINT * points_of_a_frame(shot.header())
+        + PER_SAMPLE * samples
+        + PER_CELL * cells
+        + PER_TEXEL * texels
 }
 
 /// Draws a contact sheet of several shots, one row each. Pictures are labelled with the frame number at the

@@ -304,6 +304,23 @@ def test_the_example_draws_the_figures_of_the_paper(tmp_path: Path) -> None:
     assert radius < distance < radius + 1e-3
 
 
+@needs_hairbake
+@pytest.mark.slow
+def test_the_example_lets_a_lock_fall_on_another(tmp_path: Path) -> None:
+    done = example("hair_contact.py", "locks", "-o", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "locks.png").read_bytes().startswith(b"\x89PNG")
+
+    def heights(contact: str) -> list[float]:
+        """Mean heights of the tips of the lock that falls and of the one that is held."""
+        cache = hairbake.open(tmp_path / "locks" / contact)
+        tips = cache.guides.points(1020).reshape(32, -1, 3)[:, -1, 1]
+        return [float(tips[:16].mean()), float(tips[16:].mean())]
+
+    # Rigid bundles carry the lock that falls, which presses the other down.
+    assert heights("full")[1] < heights("bodies")[1] - 0.003
+
+
 def test_the_example_raises_brows_where_it_paints_them(tmp_path: Path) -> None:
     usd = tmp_path / "brows.usda"
     done = example("raise_brows.py", SAMPLE / "head.obj", "-o", usd)
