@@ -312,7 +312,8 @@ impl HairVolume {
         self.record()
     }
 
-    /// Adds to guide `i` the forces of the hair around it, and around what follows it, in the last sub-step, with the head as at time `t`, s.
+    /// Adds to guide `i` the forces of the last sub-step of the hair around it and, where it leads, around what
+    /// follows it, with the head as at time `t`, s.
     pub fn add_force(&self, i: usize, model: &GuideModel, state: &mut GuideState, env: &Environment, t: f64) {
         let to_world = (env.head)(t).rotation;
         let (rod, forces) = (&model.rod, state.hair_force_mut());

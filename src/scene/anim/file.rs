@@ -154,7 +154,8 @@ pub struct TrackFile {
     pub origin: Option<Origin>,
     /// Cutoff of the low-pass filter against tracker noise, Hz: half of the amplitude passes at this
     /// frequency. Lower is smoother and rounds sharp turns. Default 12, which keeps head motion and removes
-    /// the jitter of motion capture. 0, or a cutoff not below half the sample rate, turns the filter off.
+    /// the jitter of motion capture. 0, or a cutoff not below half the sample rate, turns the filter off; one
+    /// below 1/292 of the sample rate counts as that.
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub smoothing_hz: f64,
     /// What to do with pops: samples that jump as no head can move, for up to a quarter of a second or for

@@ -12,9 +12,13 @@ use nalgebra::SVector;
 /// Coefficients of the third difference.
 const DELTA3: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
 
-/// The λ for which half of the amplitude passes at the frequency `f`, cycles per sample, below ½.
+/// Largest λ: a larger one would lose the weights in rounding. It is that of a wave of 292 samples.
+const MAX_PENALTY: f64 = 1e10;
+
+/// The λ for which half of the amplitude passes at the frequency `f`, cycles per sample, below ½. Slower
+/// frequencies are taken as the slowest that can be solved.
 pub fn penalty(f: f64) -> f64 {
-    (2.0 * (std::f64::consts::PI * f).sin()).powi(-6)
+    (2.0 * (std::f64::consts::PI * f).sin()).powi(-6).min(MAX_PENALTY)
 }
 
 /// The filtered sequence. `weights`: one per value, not negative, at least three positive. Fewer than four

@@ -133,6 +133,16 @@ fn result_is_independent_of_frames() {
 }
 
 #[test]
+fn the_slowest_filter_leaves_a_parabola_as_it_is() {
+    for n in [4_u32, 40, 400] {
+        let parabola = |k: u32| Vector1::new((2.0 * f64::from(k) / f64::from(n) - 0.7).powi(2));
+        let y: Vec<_> = (0..n).map(parabola).collect();
+        let z = whittaker(&y, &vec![1.0; y.len()], penalty(1e-5));
+        assert!(z.iter().zip(&y).all(|(z, y)| (z - y).norm() < 1e-5), "{n}");
+    }
+}
+
+#[test]
 fn filter_gain_is_one_half_at_the_cutoff_and_one_below() {
     let gain = |f: f64| {
         let n = 4000;
