@@ -182,7 +182,7 @@ def test_the_references_of_the_theory_are_cited_and_known() -> None:
     listed = []
     for entry in re.findall(r"^- (.*(?:\n  .*)*)", references, re.M):
         text = " ".join(entry.split())
-        names = re.match(r"(.*?)\. (?=[A-Z*])", re.sub(r"\b(?:[A-Z]\.[ -]?)+", "", text))
+        names = re.match(r"(.*?)\. (?=[A-ZÀ-Þ*])", re.sub(r"\b(?:[A-Z]\.[ -]?)+", "", text))
         date = re.search(r"(\d{4})\.$", text)
         assert names and date, text
         listed.append((names[1].split(",")[0].strip(), date[1]))
