@@ -128,3 +128,87 @@ fn what_the_sub_step_softens_is_recorded_and_warned_of() {
             .all(|t| page.contains(t))
     );
 }
+
+/// Guides of a lock.
+const LOCK: usize = 16;
+
+/// Two locks of parallel hair: one of soft hair, held at one end, falls on one of stiff hair beneath that it
+/// crosses at this `angle`, rad.
+fn crossing_locks(angle: f64) -> (Groom, Anim) {
+    let hairs = |count: usize| {
+        // In a disc of 6 mm, by the golden angle.
+        let place = move |n: usize| {
+            let (r, turn) = (0.006 * ((n as f64 + 0.5) / count as f64).sqrt(), 2.4 * n as f64);
+            [r * turn.cos(), r * turn.sin()]
+        };
+        let lock = move |[root, course]: [Vector3<f64>; 2]| {
+            let aside = course.cross(&Vector3::y());
+            (0..count).map(place).flat_map(move |[a, b]| {
+                let from = root + aside * a + Vector3::y() * b;
+                (0..=16).map(move |k| json!((from + course * (0.01 * f64::from(k))).as_slice()))
+            })
+        };
+        let course = Vector3::new(angle.cos(), 0.0, angle.sin());
+        let falls = [Vector3::new(0.03, 0.03, 0.01) - course * 0.05, course];
+        let held = [Vector3::new(-0.07, 0.0, 0.01), Vector3::x()];
+        lock(falls).chain(lock(held)).collect::<Vec<Value>>()
+    };
+    let groups = |count: usize| [vec![0; count], vec![1; count]].concat();
+    let strands = 15 * LOCK;
+    let groom = json!({
+        "format": "hairbake-groom", "version": 1,
+        "materials": [
+            { "name": "soft", "sag_free": 0.0 },
+            { "name": "stiff", "sag_free": 1.0, "young_modulus_pa": 4e10, "shear_modulus_pa": 1e10 }
+        ],
+        "groups": [{ "name": "falls", "material": 0 }, { "name": "held", "material": 1 }],
+        "guides": { "vertices": 17, "points": hairs(LOCK), "group": groups(LOCK) },
+        "strands": {
+            "vertices": 17, "points": hairs(strands), "group": groups(strands),
+            "wisp": (0..2 * strands).map(|n| n % LOCK + n / strands * LOCK).collect::<Vec<_>>()
+        }
+    });
+    let anim = json!({
+        "format": "hairbake-anim", "version": 1, "fps": 24, "frames": [1, 20],
+        "bodies": [{ "name": "clamp", "track": { "translation": [[0, 0, 0]] } }],
+        "settings": { "preroll_s": 0 }
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let paths = ["groom.json", "anim.json"].map(|name| folder.path().join(name));
+    std::fs::write(&paths[0], groom.to_string()).unwrap();
+    std::fs::write(&paths[1], anim.to_string()).unwrap();
+    let (groom, anim) = scene::load(&paths[0], &paths[1]).unwrap();
+    (groom.with_default_trees(anim.settings.nodes), anim)
+}
+
+/// How far the first of two lines is above the other where they cross, seen from above, m.
+fn above(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> Option<f64> {
+    let flat = |v: Vector3<f64>, w: Vector3<f64>| v.x * w.z - v.z * w.x;
+    a.windows(2).find_map(|a| {
+        b.windows(2).find_map(|b| {
+            let (along_a, along_b, between) = (a[1] - a[0], b[1] - b[0], b[0] - a[0]);
+            let area = flat(along_a, along_b);
+            let [s, t] = [flat(between, along_b) / area, flat(between, along_a) / area];
+            let crosses = [s, t].iter().all(|share| (0.0..=1.0).contains(share));
+            crosses.then(|| (a[0] + along_a * s - b[0] - along_b * t).y)
+        })
+    })
+}
+
+/// By then the hair has come to rest, but for its creep.
+#[test]
+fn a_lock_does_not_fall_through_one_that_it_crosses() {
+    for angle in [90.0_f64, 45.0] {
+        let (groom, anim) = crossing_locks(angle.to_radians());
+        let rods = GuideRods::new(&groom, &anim);
+        let mut simulation = Simulation::new(&groom, &anim, &rods);
+        let end = simulation.time() + 0.8;
+        while simulation.time() < end {
+            simulation.step();
+        }
+        let (falls, held) = simulation.state.guides.split_at(LOCK);
+        let pairs = falls.iter().flat_map(|a| held.iter().map(|b| above(&a.x, &b.x)));
+        let through = pairs.filter(|above| above.is_none_or(|above| above < 0.0)).count();
+        assert!(through <= LOCK * LOCK / 50, "{through} of {} pairs at {angle} degrees", LOCK * LOCK);
+    }
+}

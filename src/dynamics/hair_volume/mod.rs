@@ -4,6 +4,7 @@
 //!
 //! The forces of a sub-step follow from the state at its start, and from what the last one did.
 
+mod crossing;
 mod follower;
 mod grid;
 mod law;
@@ -462,10 +463,12 @@ impl HairVolume {
             piece.softened = piece.energy_slope > 0.0 && assembly.wave_speed(&hairs.fibre) > max_speed;
             piece.fraction = assembly.fraction;
             let slip = piece.undragged - mean;
-            let resistance = hairs.resistance(&assembly, piece.eta * part.length / part.mass);
+            let mut resistance = hairs.resistance(&assembly, piece.eta * part.length / part.mass);
             let [friction, air] = [resistance.friction[0], resistance.drag[0]].map(|of| of / piece.eta);
             piece.opposition = NeighbourDrag { friction, air };
-            piece.slip = resistance.slip_left(&slip, &piece.tangent);
+            let stopped = crossing::stopped((grid, stencil), &assembly, &piece.tangent, &slip, piece.eta);
+            resistance.press(stopped.norm() * hairs.fibre.friction);
+            piece.slip = resistance.slip_left(&(slip - stopped), &piece.tangent);
             piece.drag = (piece.slip - slip) / piece.eta;
         });
         let cell_volume = grid.cell_volume();
@@ -573,7 +576,12 @@ impl Hairs {
 /// The hair at a place with these values of the grid.
 fn assembly(values: &Node) -> Assembly {
     let fraction = values[FRACTION];
-    Assembly { fraction, direction: Vector3::new(values[4], values[5], values[6]) / fraction }
+    Assembly { fraction, direction: direction(values) / fraction }
+}
+
+/// φ times the mean tangent, of a node or of the values at a place.
+fn direction(values: &Node) -> Vector3<f64> {
+    Vector3::new(values[4], values[5], values[6])
 }
 
 /// The box, in head space, m, that hair cannot leave: no point is farther from its root than the guide is

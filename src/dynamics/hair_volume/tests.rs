@@ -239,6 +239,54 @@ fn friction_holds_what_is_pulled_with_less_than_its_bound() {
     assert!(share > 0.5 * 1.0 / 19.0 && share < 2.0 * 1.0 / 19.0, "{share}");
 }
 
+/// Two layers of hair, 8 mm apart, at this `angle`, rad, to each other; the upper one falls on the other at
+/// `speed`, m/s. Returns the mean velocity that the hair around the middle of each has at the end of a step by
+/// its neighbours' drag, lower layer first, m/s, and the share of the momentum exchanged that is lost.
+fn meeting(angle: f64, speed: f64) -> ([V; 2], f64) {
+    let dry = Material { drag: 0.0, ..frictionless() };
+    let roots = square(8, 0.004);
+    let mut hair = curtain_of(&roots, &dry);
+    let layer = |i: usize| i % 2;
+    let course = |i: usize| V::new((angle * layer(i) as f64).cos(), 0.0, (angle * layer(i) as f64).sin());
+    hair.set(|i, x| {
+        let aside = V::y().cross(&course(i)) * (0.002 * ((i / 2) as f64 - 15.5));
+        let upper = layer(i) as f64;
+        let along = course(i) * (roots[i].y - x.y - 0.055);
+        (along + aside + V::y() * (0.008 * upper), V::y() * (-speed * upper))
+    });
+    for (i, state) in hair.states.iter_mut().enumerate() {
+        state.tangent.fill(turning(0.0) * course(i));
+    }
+    hair.record();
+    let [mut sums, mut counts] = [[V::zeros(); 2], [V::zeros(); 2]];
+    let (mut exchanged, mut lost) = (0.0, V::zeros());
+    for (piece, part) in hair.volume.pieces.iter().zip(&hair.volume.parts) {
+        if piece.x.x.hypot(piece.x.z) < 0.01 {
+            sums[layer(part.guide)] += piece.v + piece.drag * piece.eta;
+            counts[layer(part.guide)] += V::repeat(1.0);
+        }
+        exchanged += (piece.drag * piece.volume).norm();
+        lost += piece.drag * piece.volume;
+    }
+    ([0, 1].map(|k| sums[k].component_div(&counts[k])), lost.norm() / f64::max(exchanged, f64::MIN_POSITIVE))
+}
+
+#[test]
+fn hair_stops_where_it_meets_hair_that_crosses_and_leaves_freely() {
+    // Each comes to the mean velocity of the hair where it is; half of the way between them is left.
+    let ([lower, upper], lost) = meeting(PI / 2.0, 0.5);
+    assert!((0.1..0.25).contains(&(lower.y - upper.y)), "{lower} {upper}");
+    assert!((0.1..0.2).contains(&-lower.y), "{lower}");
+    assert!(lost < 0.2, "{lost}");
+    let free = |angle: f64, speed: f64| {
+        let ([lower, upper], _) = meeting(angle, speed);
+        assert!((lower - upper + V::y() * -speed).norm() < 0.01 * speed.abs(), "{angle}: {lower} {upper}");
+    };
+    // Leaving, and parallel.
+    free(PI / 2.0, -0.5);
+    free(0.0, 0.5);
+}
+
 #[test]
 fn crowding_and_slip_are_recorded() {
     // Nothing takes slip away.
@@ -270,8 +318,9 @@ fn crowding_and_slip_are_recorded() {
 fn the_air_between_hairs_moves_with_them() {
     let material = Material { shielding: 0.9, ..frictionless() };
     let mut hair = curtain_of(&square(6, 0.004), &material);
-    // Across the hairs, which lie in planes of equal z.
+    // Across the hairs, which are parallel.
     hair.set(|i, x| (*x, V::new(0.0, 0.0, if i.is_multiple_of(3) { 0.3 } else { 0.0 })));
+    hair.states.iter_mut().for_each(|state| state.tangent.fill(turning(0.0) * -V::y()));
     let forces = hair.forces();
     let volume = &hair.volume;
     let mut largest: f64 = 0.0;
