@@ -11,7 +11,7 @@ from hairbake.rods import GRAVITY, HORIZONTAL, Motion, Rod, Scene, Strand, strai
 
 from .arrays import FloatArray
 from .program import Hairbake
-from .reference.assembly import Fibres, layer_height, pressure, stiffness
+from .reference.assembly import STIFFNESS, Fibres, layer_height, pressure
 from .study import Plot, Row, Study, absolute, relative
 
 if TYPE_CHECKING:
@@ -103,8 +103,6 @@ class Profile:
     heights: FloatArray
     """m"""
     fraction: FloatArray
-    modulus: FloatArray
-    """k E by the disorder, Pa."""
     weight: FloatArray
     """Weight above, per area, Pa."""
     pressure: FloatArray
@@ -119,15 +117,14 @@ class Profile:
         heights = np.arange(-3 * CELL, 0.2, 0.25 * CELL)
         across = [(x, z) for x in np.linspace(*INNER, 8) for z in (-0.5 * CELL, 0.5 * CELL)]
         points = np.array([(x, y, z) for x, z in across for y in heights])
-        fraction, disorder = (v.reshape(len(across), -1) for v in fibres.around(points, CELL))
-        modulus = MODULUS * stiffness(disorder)
+        fraction = fibres.around(points, CELL).reshape(len(across), -1)
         slices = DENSITY * GRAVITY * fraction.mean(axis=0) * (heights[1] - heights[0])
         weight = np.cumsum(slices[::-1])[::-1] - 0.5 * slices
-        law = pressure(fraction, REST, modulus).mean(axis=0)
+        law = pressure(fraction, REST, STIFFNESS * MODULUS).mean(axis=0)
         mean = fraction.mean(axis=0)
         top = heights[np.flatnonzero(mean > REST)[-1]]
         inner = (heights >= 2 * CELL) & (heights <= top - 2 * CELL)
-        return cls(heights, mean, modulus.mean(axis=0), weight, law, inner)
+        return cls(heights, mean, weight, law, inner)
 
 
 def top_height(bake: Motion, box: Box) -> float:
@@ -146,7 +143,7 @@ def study(hairbake: Hairbake, box: Box | None = None, goal: float = GOAL) -> Stu
     weight, law = profile.weight[inner], profile.pressure[inner]
     share = float(law.sum() / weight.sum())
     mass = DENSITY * REST * box.layers * APART
-    modulus = float(profile.modulus[inner].mean())
+    modulus = STIFFNESS * MODULUS
     height = layer_height(mass, DENSITY, REST, modulus, GRAVITY)
     softened = max(float(frame["hair_softened"]) for frame in bake.figures[1:])
     rows = [
@@ -184,12 +181,11 @@ def study(hairbake: Hairbake, box: Box | None = None, goal: float = GOAL) -> Stu
     text = f"""<p>{box.layers * box.columns} strands that stand for {HAIRS} hairs each lie in a box, φ =
 {REST:.3f} as drawn, and settle under their weight for {box.seconds:g} s (<code>--contact volume</code>,
 {STEPS} steps a second), which presses the layer to about half its height. Theory: the pressure of van Wyk's
-law p = k E (φ³ − φ0³), with k by the disorder of the hair as the theory page has it, bears the weight above.
-φ, the disorder and the weight follow from the points of the cache, φ by the B-splines of (5.14), averaged
-over where nodes may be. Within two nodes of the floor and of the top, 2 cm, the grid does not resolve φ: at
-the floor and the walls it sees half of the hair, which therefore crowds there. Inner heights exclude these;
-the height of the whole layer includes them, is outside of what the grid resolves, and is for
-information.</p>"""
+law p = k E (φ³ − φ0³), with k as the theory page has it, bears the weight above. φ and the weight follow from
+the points of the cache, φ by the B-splines of (5.14), averaged over where nodes may be. Within two nodes of
+the floor and of the top, 2 cm, the grid does not resolve φ: at the floor and the walls it sees half of the
+hair, which therefore crowds there. Inner heights exclude these; the height of the whole layer includes them,
+is outside of what the grid resolves, and is for information.</p>"""
     plots = [
         Plot("Pressure by volume fraction.", draw_law),
         Plot("Pressure by height; shaded: inner heights.", draw_profile),

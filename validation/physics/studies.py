@@ -12,6 +12,7 @@ from . import (
     helix,
     impact,
     layer,
+    locks,
     ropes,
     strand_friction,
     symmetries,
@@ -41,4 +42,5 @@ STUDIES: dict[str, Callable[[Hairbake], Study]] = {
     "crossed-cantilevers": impact.study,
     "hair-layer": layer.study,
     "tufts": tufts.study,
+    "locks": locks.study,
 }

@@ -11,7 +11,7 @@ from hairbake.rods import HORIZONTAL, Motion, Rod, Scene, Strand, straight
 
 from .arrays import FloatArray
 from .program import Hairbake
-from .reference.assembly import PARALLEL, friction_bound
+from .reference.assembly import STIFFNESS, friction_bound
 from .study import Plot, Row, Study, absolute, relative
 
 if TYPE_CHECKING:
@@ -49,12 +49,12 @@ class Case:
     @property
     def cohesion_n_m(self) -> float:
         """Cohesion, N/m."""
-        return self.cohesion * friction_bound(1.0, 2 * RADIUS, PARALLEL * MODULUS * FRACTION**3, 0.0)
+        return self.cohesion * friction_bound(1.0, 2 * RADIUS, STIFFNESS * MODULUS * FRACTION**3, 0.0)
 
     @property
     def bound(self) -> float:
         """Most friction per length of a hair, N/m."""
-        pressure = PARALLEL * MODULUS * FRACTION**3
+        pressure = STIFFNESS * MODULUS * FRACTION**3
         return friction_bound(FRICTION, 2 * RADIUS, pressure, self.cohesion_n_m)
 
 

@@ -7,13 +7,8 @@ from scipy.interpolate import BSpline
 
 from ..arrays import FloatArray
 
-RANDOM, PARALLEL = 1e-3, 1e-4
-"""k of random and of parallel fibres (docs/theory.md §5.3)."""
-
-
-def stiffness(disorder: FloatArray) -> FloatArray:
-    """The factor k by the disorder ω, 0 for parallel and 1 for random fibres."""
-    return PARALLEL + (RANDOM - PARALLEL) * disorder
+STIFFNESS = 1e-4
+"""k of hair (docs/theory.md §5.3)."""
 
 
 def pressure(fraction: FloatArray, rest: float, modulus: FloatArray | float) -> FloatArray:
@@ -42,8 +37,6 @@ class Fibres:
 
     places: FloatArray
     """Their middles, `n × 3`, m."""
-    tangents: FloatArray
-    """Unit tangents, `n × 3`."""
     volumes: FloatArray
     """Volumes of the fibres, m³."""
 
@@ -53,22 +46,19 @@ class Fibres:
         edges = np.concatenate([np.diff(x, axis=0) for x in strands])
         lengths = np.linalg.norm(edges, axis=1)
         places = np.concatenate([0.5 * (x[1:] + x[:-1]) for x in strands])
-        return cls(places, edges / lengths[:, None], area * lengths)
+        return cls(places, area * lengths)
 
-    def around(self, points: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
-        """Volume fraction φ and disorder ω at points, `m × 3`.
+    def around(self, points: FloatArray, spacing: float) -> FloatArray:
+        """Volume fraction φ at points, `m × 3`.
 
         (5.14) puts fibres on nodes `spacing`, m, apart by quadratic B-splines, and reads φ by the same: on
         average over positions of the nodes, by their convolution, the quintic B-spline.
         """
         kernel = BSpline.basis_element(np.arange(-3.0, 4.0), extrapolate=False)
-        fraction, order = np.zeros(len(points)), np.zeros((len(points), 3))
+        fraction = np.zeros(len(points))
         for i, x in enumerate(points):
             near = np.flatnonzero((np.abs(self.places - x) < 3 * spacing).all(axis=1))
             away = (self.places[near] - x) / spacing
             weight = self.volumes[near] * np.nan_to_num(kernel(away)).prod(axis=1) / spacing**3
             fraction[i] = weight.sum()
-            order[i] = weight @ self.tangents[near]
-        mean = order / np.maximum(fraction, 1e-30)[:, None]
-        disorder: FloatArray = np.clip(2 - 2 * (mean**2).sum(axis=1), 0.0, 1.0)
-        return fraction, disorder
+        return fraction
