@@ -46,7 +46,7 @@ class Case:
     radius: float = 0.006
     """Of each lock, m."""
     seconds: float = SECONDS
-    goal: float | None = None
+    goal: float = GOAL
 
     @property
     def name(self) -> str:
@@ -55,13 +55,13 @@ class Case:
 
 
 CASES = (
-    Case(goal=GOAL),
-    Case(angle=45.0, goal=GOAL),
+    Case(),
+    Case(angle=45.0),
     Case(angle=30.0),
-    Case(guides=5, radius=0.004, goal=GOAL),
-    Case(guides=40, radius=0.01, goal=GOAL),
+    Case(guides=5, radius=0.004),
+    Case(guides=40, radius=0.01),
     Case(steps=96),
-    Case(steps=384, goal=GOAL),
+    Case(steps=384),
     Case(seconds=5.0),
 )
 
@@ -155,9 +155,9 @@ def study(
         axes.set(xlabel="t, s", ylabel="pairs that passed, %", ylim=(-2, 102))
         axes.legend(fontsize=6)
 
-    text = f"""<p>A lock of soft hair, held at one end, falls from {100 * ABOVE:g} cm on a stiff one. Counted are
-pairs of guides, one of each lock, in which the one that fell is no longer above the other. With bodies alone
-all pass; rigid bundles (<code>--contact full</code>) are the reference. The volume knows of hair that crosses
-by means over cells of 1 cm and by velocities alone: single guides may pass where locks cross at a small
-angle, where hair moves by a cell in a step, and in time.</p>"""
+    text = f"""<p>A lock of soft hair, held at one end, falls from {100 * ABOVE:g} cm on a stiff one.
+Counted are pairs of guides, one of each lock, in which the one that fell is no longer above the other. With
+bodies alone all pass; rigid bundles (<code>--contact full</code>) are the reference. The volume knows of hair
+that crosses by means over cells of 1 cm and by velocities alone: guides may pass where locks are thinner than
+a cell, where hair moves by a good part of a cell in a step, and in time.</p>"""
     return Study("A lock that falls across another", text, rows, [Plot("Pairs that passed, volume.", draw)])

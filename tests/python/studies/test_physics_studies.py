@@ -50,7 +50,7 @@ SHORT: dict[str, Callable[[Hairbake], Study]] = {
     "crossed-cantilevers": lambda h: impact.study(h, steps=(1000, 4000, 16000), nodes=8),
     "hair-layer": lambda h: layer.study(h, layer.Box(columns=4, nodes=6), goal=0.15),
     "tufts": lambda h: tufts.study(h, cases=tufts.CASES[:1], substeps=(4,)),
-    "locks": lambda h: locks.study(h, cases=locks.CASES[:1], contacts=("volume",)),
+    "locks": lambda h: locks.study(h, cases=(locks.Case(steps=384),), contacts=("volume",)),
 }
 
 
