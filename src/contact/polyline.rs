@@ -84,7 +84,7 @@ impl MovingPolyline<'_> {
         from + (to - from) * contact.u
     }
 
-    /// Whether the place of `contact` must end the step in front of the surface ([`least_in_front`]).
+    /// Whether the place of `contact` must end the step in front of the surface.
     pub fn stays_in_front(&self, contact: &Contact) -> bool {
         let [from, to] = self.clearances(contact.body)[contact.segment];
         from + (to - from) * contact.u >= least_in_front(&[from, to])
