@@ -27,7 +27,7 @@ pub struct SettingsArguments {
     /// From 2 to 256. More nodes resolve finer bends and cost more.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=256), help_heading = HEADING)]
     nodes: Option<u32>,
-    /// Time integration scheme [default: bdf2]
+    /// Time integration scheme [default: four-step]
     #[arg(long, value_name = "NAME", value_enum, help_heading = HEADING)]
     scheme: Option<Scheme>,
     /// What the hair collides with [default: volume]

@@ -16,7 +16,7 @@
 
 use super::bodies::Bodies;
 use super::cache::ContactCache;
-use super::polyline::{BodyMotion, Contact, LocalContact, MovingPolyline, is_exempt};
+use super::polyline::{BodyMotion, Contact, LocalContact, MovingPolyline, is_exempt, least_in_front};
 use crate::geometry::{
     Bounds, ClosestPoints, Convex, Feature, MovingSurface, SolidMesh, barycentric, barycentric_point,
     segment_triangle,
@@ -38,7 +38,7 @@ impl Bodies {
     /// normal just before the impact. Returns the earliest time of impact as a fraction of the step, 1 if
     /// there is none.
     ///
-    /// Only parts with positive clearance are tested, and only from outside a body.
+    /// Only parts that stay in front of a body are tested, and only from outside a body.
     pub fn impacts(
         &self,
         motions: &[BodyMotion],
@@ -82,7 +82,7 @@ impl Bodies {
     }
 }
 
-/// The part of a segment with positive clearance, as parameters on it, and its largest clearance, m.
+/// The part of a segment that stays in front of a body, as parameters on it, and its largest clearance, m.
 struct TestedSpan {
     from: f64,
     to: f64,
@@ -92,11 +92,13 @@ struct TestedSpan {
 impl TestedSpan {
     fn new(clearance: &[f64; 2]) -> Option<Self> {
         let [a, b] = *clearance;
-        if is_exempt(clearance) || a.max(b) <= 0.0 {
+        let least = least_in_front(clearance);
+        if is_exempt(clearance) || a.max(b) <= least {
             return None;
         }
-        let from = if a < 0.0 { a / (a - b) } else { 0.0 };
-        let to = if b < 0.0 { a / (a - b) } else { 1.0 };
+        let at_least = (least - a) / (b - a);
+        let from = if a < least { at_least } else { 0.0 };
+        let to = if b < least { at_least } else { 1.0 };
         Some(TestedSpan { from, to, clearance: a.max(b) })
     }
 

@@ -26,7 +26,7 @@ mod proximity;
 pub use bodies::{Bodies, Body};
 pub use cache::ContactCache;
 pub use friction::{FrictionOutcome, FrictionProblem, FrictionScratch, FrictionTolerance, solve};
-pub use polyline::{BodyMotion, Contact, MovingPolyline};
+pub use polyline::{BodyMotion, Contact, GAP_TOLERANCE, MovingPolyline};
 pub use proximity::ProximityCache;
 
 #[cfg(test)]

@@ -3,6 +3,9 @@
 use crate::geometry::{Feature, Friction};
 use nalgebra::{Isometry3, Vector3};
 
+/// Accepted violation of a clearance, m: a tenth of a hair's diameter, a fiftieth of the usual clearance.
+pub const GAP_TOLERANCE: f64 = 1e-5;
+
 /// Motion of a body over a sub-step.
 #[derive(Debug, Clone, Copy)]
 pub struct BodyMotion {
@@ -80,6 +83,19 @@ impl MovingPolyline<'_> {
         let [from, to] = self.clearances(contact.body)[contact.segment];
         from + (to - from) * contact.u
     }
+
+    /// Whether the place of `contact` must end the step in front of the surface.
+    pub fn stays_in_front(&self, contact: &Contact) -> bool {
+        let [from, to] = self.clearances(contact.body)[contact.segment];
+        from + (to - from) * contact.u >= least_in_front(&[from, to])
+    }
+}
+
+/// Clearance, m, from which a place on a segment with these clearances at its ends stays in front of the
+/// surface. A segment with a negative one passes through the surface where its clearance is 0. Clearances are
+/// kept to [`GAP_TOLERANCE`], so that a place may end behind the surface as long as its own is less.
+pub(super) fn least_in_front(clearance: &[f64; 2]) -> f64 {
+    if clearance.iter().any(|end| *end < 0.0) { GAP_TOLERANCE } else { 0.0 }
 }
 
 /// Whether a segment with these clearances at its ends is exempt from contact.

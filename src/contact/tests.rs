@@ -292,6 +292,32 @@ fn exempt_segments_have_no_contact_and_negative_clearances_are_kept() {
 }
 
 #[test]
+fn a_segment_that_passes_through_a_surface_stays_in_front_where_it_keeps_more_than_the_tolerance() {
+    let plane = Shape::Plane { point: Vector3::zeros(), normal: Vector3::y() };
+    let bodies = Bodies::from_shapes(&[plane]);
+    // From the distance to keep at both ends of the step, or where that is negative from the surface on.
+    let line = |from: f64| [Vector3::new(0.0, from, 0.0), Vector3::new(0.01, 1e-3, 0.0)];
+    let first = |x0: [Vector3<f64>; 2], sinks: f64, clearance: [f64; 2]| {
+        let x1 = x0.map(|x| x - Vector3::y() * sinks);
+        let line = MovingPolyline { x0: &x0, x1: &x1, clearance: &[clearance], by_part: false };
+        let mut impacts = Vec::new();
+        bodies.impacts(&[still()], &line, &mut ContactCache::default(), &mut impacts);
+        impacts.first().map(|impact| (impact.u, line.stays_in_front(impact)))
+    };
+    let passing = [-1e-3, 1e-3];
+    let at = |clearance: f64| 0.5 * (1.0 + clearance / 1e-3);
+    assert_eq!(first(line(2e-6), 1e-6, passing), None);
+    let (u, stays) = first(line(-1e-3 + 2e-5), 1e-3, passing).unwrap();
+    assert!((u - at(GAP_TOLERANCE)).abs() < 1e-9 && stays, "{u}");
+    // One that keeps as little all along is stopped nevertheless.
+    assert_eq!(
+        first([Vector3::y() * 2e-6, Vector3::new(0.01, 2e-6, 0.0)], 1e-3, [1e-6; 2]),
+        Some((0.0, true))
+    );
+    assert_eq!(first([Vector3::y() * 2e-6, Vector3::new(0.01, 2e-6, 0.0)], 1e-3, [-1e-3, 9e-6]), None);
+}
+
+#[test]
 fn an_inner_point_that_started_inside_has_a_contact() {
     // A roof with its ridge along z; the segment goes through it, 3 mm below the ridge.
     let end = |z: f64| [(0.0, 0.1), (-0.1, 0.0), (0.1, 0.0)].map(|(x, y)| Vector3::new(x, y, z));

@@ -110,8 +110,8 @@ impl Pinch<'_> {
         lowered
     }
 
-    /// Lowers the distances from body `b` near a root that the body has swallowed. Returns whether a part of
-    /// the skin that the root is on has done so.
+    /// Lowers the distance from body `b` at the root to what that has, and those near a root that the body has
+    /// swallowed. Returns whether a part of the skin that the root is on has done so.
     fn lower_beside_root(&self, b: usize, clearance: &mut [[f64; 2]]) -> bool {
         let root = &self.root.p;
         let Some(on) = self.closest(b, Moment::End, root) else { return false };
@@ -125,6 +125,9 @@ impl Pinch<'_> {
             // Another part may be nearer to the root than that which it is on.
             std::mem::swap(part, &mut own);
         }
+        // No force moves the root: it keeps the distance to which it is carried.
+        let at_root = &mut clearance[b * (self.x0.len() - 1)][0];
+        *at_root = other.iter().map(|part| part.distance).fold(at_root.min(own.distance), f64::min);
         if own.distance <= at_rest - APPROACH {
             self.lower_along(b, &own, clearance);
         }
@@ -345,5 +348,30 @@ mod tests {
         let worst = found.as_flattened().iter().zip(expected.as_flattened()).map(off).fold(0.0, f64::max);
         assert!(worst < 1e-12, "{found:?}");
         assert_eq!(lowered(&x, 2.0 * RETURN), Some(asked));
+    }
+
+    #[test]
+    fn a_root_keeps_the_distance_to_which_it_is_carried() {
+        let bodies = Bodies::from_shapes(&[Shape::Plane { point: Vector3::zeros(), normal: Vector3::y() }]);
+        let x = [0.0, 0.01, 0.02].map(|s| Vector3::new(s, 1e-3, 0.0));
+        let poses = &[Isometry3::identity()];
+        let drawn = GroomPose { bodies: &bodies, t: 0.0, poses, thickness: &[5e-4], x: &x };
+        let at_rest = &Clearance::new(&drawn);
+        let asked = [[5e-4; 2]; 2];
+        // The plane rises to the distance `left` from the root, less far than to swallow it.
+        let lowered = |left: f64| {
+            let end = Isometry3::translation(0.0, 1e-3 - left, 0.0);
+            let motion = BodyMotion { times: [0.0, 0.005], start: Isometry3::identity(), end };
+            let root = Pose { r: nalgebra::Matrix3::identity(), p: x[0] };
+            let pinch = Pinch { bodies: &bodies, motions: &[motion], x0: &x, root: &root, at_rest };
+            let mut clearance = asked;
+            assert_eq!(pinch.lower(&asked, &mut clearance).lacks, asked != clearance);
+            clearance
+        };
+        assert_eq!(lowered(8e-4), asked);
+        for left in [2e-4, 1e-6] {
+            let [[root, rest @ ..], others] = lowered(left);
+            assert!((root - left).abs() < 1e-12 && (rest, others) == ([5e-4], [5e-4; 2]), "{root}");
+        }
     }
 }

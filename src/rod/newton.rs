@@ -193,15 +193,20 @@ impl Solver {
         let phi = energy(&rod.core, load, &self.shape, q, &mut self.scratch) - work(&self.shape);
         let rounding = load.inertia * rod.core.length * rod.core.length * 1e-18 + phi.abs() * 1e-13;
         let mut t = self.max_fraction(&rod.core);
+        // Largest fraction tried that moves no point too far. Forces between bodies that leave a rod no room
+        // make directions so long that it alone is below `MIN_FRACTION`.
+        let mut allowed = None;
         for _ in 0..MAX_SHORTENINGS {
             let sound = self.evaluate_trial(&rod.core, M3::from(*root), q, t) == 1;
             let Trial { shape, q: trial_q } = &self.trial;
             let moved = self.shape.distance(shape);
-            let trial = energy(&rod.core, load, shape, trial_q, &mut self.scratch) - work(shape);
-            let decreases = moved <= most && trial <= phi + t * slope * ARMIJO + rounding;
-            if sound && (decreases || t < MIN_FRACTION) {
-                self.accept_trial(q);
-                return moved;
+            if sound && moved <= most {
+                let trial = energy(&rod.core, load, shape, trial_q, &mut self.scratch) - work(shape);
+                let decreases = trial <= phi + t * slope * ARMIJO + rounding;
+                if decreases || t < MIN_FRACTION * *allowed.get_or_insert(t) {
+                    self.accept_trial(q);
+                    return moved;
+                }
             }
             t *= (0.9 * most / moved).min(0.5);
         }

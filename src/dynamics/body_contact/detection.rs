@@ -52,7 +52,7 @@ impl BodyContact<'_> {
             let distance = line.gap(c) + line.clearance_at(c);
             distance >= -SURFACE_TOLERANCE
                 || distance >= self.initial_distance(&line, c)
-                || line.clearance_at(c) < 0.0
+                || !line.stays_in_front(c)
         };
         let clear = detection.new_impacts.iter().chain(&detection.found).all(in_front);
         detection.new_impacts.drain(..).for_each(|impact| detection.impacts.insert(impact));

@@ -1,12 +1,10 @@
 //! Constants shared by detection, the contact problem and the rounds.
 
 use crate::contact::FrictionTolerance;
+pub(in crate::dynamics) use crate::contact::GAP_TOLERANCE;
 
 /// Distance from a surface, at the end of a step, below which a strand is in the contact problem, m.
 pub(super) const DETECTION_DISTANCE: f64 = 1e-3;
-
-/// Accepted violation of a clearance, m: a tenth of a hair's diameter, a fiftieth of the usual clearance.
-pub(in crate::dynamics) const GAP_TOLERANCE: f64 = 1e-5;
 
 /// Largest displacement of a point in one round, m; the linearisation is useless beyond it.
 pub(in crate::dynamics) const MAX_MOVE: f64 = 0.01;

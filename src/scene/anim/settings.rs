@@ -98,11 +98,11 @@ pub enum Scheme {
     BackwardEuler,
     /// Second order: the two-step backward differentiation formula. Hardly damps slow oscillations; damps
     /// those too fast for the step as backward Euler does. A step with contacts uses backward Euler.
-    #[default]
     Bdf2,
     /// Second order: a backward differentiation formula of four steps, with two fifths of the error of BDF2
     /// and a twelfth of its damping of slow oscillations. It starts with backward Euler, BDF2 and a formula
     /// of three steps; a step with contacts uses backward Euler.
+    #[default]
     FourStep,
 }
 
