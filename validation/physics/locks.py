@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hairbake.rods import HORIZONTAL, Motion, Rod, Scene, Strand, straight
+from hairbake.rods import Motion, Rod, Scene, Strand, quaternion, straight
 
 from .arrays import FloatArray
 from .program import Hairbake
@@ -28,7 +28,6 @@ PLACE = np.array([0.1, 0.0, 0.0])
 """Where they cross: from the root of the lock that is held, m."""
 WAY = 0.05
 """From the root of the other to there, m."""
-SECONDS = 1.5
 GOAL = 0.02
 """Goal for the share of the pairs of guides that have passed each other."""
 
@@ -45,8 +44,7 @@ class Case:
     """Of each lock."""
     radius: float = 0.006
     """Of each lock, m."""
-    seconds: float = SECONDS
-    goal: float = GOAL
+    seconds: float = 1.5
 
     @property
     def name(self) -> str:
@@ -72,15 +70,13 @@ def scene(case: Case, contact: str) -> Scene:
     def lock(rod: Rod, root: FloatArray, angle: float) -> list[Strand]:
         course = np.array([math.cos(angle), 0.0, math.sin(angle)])
         aside = np.array([-math.sin(angle), 0.0, math.cos(angle)])
-        turn = (math.cos(angle / 2), 0.0, -math.sin(angle / 2), 0.0)
+        frame = quaternion(np.stack([-aside, [0.0, 1.0, 0.0], course], axis=1))
         strands = []
         for n in range(case.guides):
             # By the golden angle.
             place = case.radius * math.sqrt((n + 0.5) / case.guides) * np.exp(2.4j * n)
             at = root + place.real * aside + [0.0, place.imag, 0.0]
-            strands.append(
-                Strand(rod, straight(rod, list(course), list(at)), product(turn, HORIZONTAL), HAIRS)
-            )
+            strands.append(Strand(rod, straight(rod, list(course), list(at)), frame, HAIRS))
         return strands
 
     angle = math.radians(case.angle)
@@ -93,13 +89,6 @@ def scene(case: Case, contact: str) -> Scene:
         arc=list(np.linspace(0, 1, 8)),
         settings={"contact": contact},
     )
-
-
-def product(p: Sequence[float], q: Sequence[float]) -> tuple[float, float, float, float]:
-    """Product of two quaternions (w, x, y, z)."""
-    (a, u), (b, v) = ((x[0], np.asarray(x[1:], float)) for x in (p, q))
-    x, y, z = a * v + b * u + np.cross(u, v)
-    return a * b - float(u @ v), float(x), float(y), float(z)
 
 
 def height(a: FloatArray, b: FloatArray) -> float:
@@ -144,7 +133,7 @@ def study(
         for contact in contacts:
             bake = hairbake.bake(scene(case, contact))
             shares = passed(bake, case.guides)
-            goal = case.goal if contact == "volume" else None
+            goal = GOAL if contact == "volume" else None
             rows.append(absolute(f"{case.name}: pairs that passed, {contact}", float(shares[-1]), goal))
             if contact == "volume":
                 curves.append((case, bake.times, shares))

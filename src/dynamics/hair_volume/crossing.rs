@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 
 /// Acceleration, m/s², by which hair that crosses a hair stops it, over χ³. Higher stops faster locks, and
 /// stiffens hair whose strands are a little at angles, which then keeps apart. Locks that fall on each other at
-/// a right angle (χ = 0.5) are stopped with 2500 m/s², strands that are 15° apart (χ = 0.02) with 0.1 m/s².
+/// a right angle (χ = 0.5) are stopped with 2500 m/s², strands that are 15° apart (χ = 0.017) with 0.1 m/s².
 const STOPPING: f64 = 2e4;
 
 /// Least χ that counts, for speed: the acceleration is a hundredth of gravity there.

@@ -1,6 +1,7 @@
 //! Hair against hair as a fibre assembly (`docs/theory.md` §5.3), the default. All hair is deposited on a
-//! grid in the frame of the head; where it is denser than in the groom's pose it is under pressure, and what
-//! slips past its neighbours is dragged along with them by friction and by the air between them.
+//! grid in the frame of the head; where it is denser than in the groom's pose it is under pressure, what slips
+//! past its neighbours is dragged along with them by friction and by the air between them, and it does not move
+//! into hair that crosses it.
 //!
 //! The forces of a sub-step follow from the state at its start, and from what the last one did.
 
