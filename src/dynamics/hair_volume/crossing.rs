@@ -1,42 +1,71 @@
 //! Hair does not pass through hair that crosses it (`docs/theory.md` §5.3).
 
 use super::grid::{Grid, Stencil};
-use super::law::Assembly;
+use super::law::{Assembly, Fibre};
 use super::{FRACTION, direction};
 use nalgebra::Vector3;
 
+/// k of hair that crosses: that of van Wyk (1946) for random fibres. Higher keeps locks that cross farther
+/// apart; swinging locks do not change from a tenth of it to ten times it, but long hair then takes more space.
+const STIFFNESS: f64 = 1e-2;
+
 /// Acceleration, m/s², by which hair that crosses a hair stops it, over χ³. Higher stops faster locks, and
 /// stiffens hair whose strands are a little at angles, which then keeps apart. Locks that fall on each other at
-/// a right angle (χ = 0.5) are stopped with 2500 m/s², strands that are 15° apart (χ = 0.017) with 0.1 m/s².
-const STOPPING: f64 = 2e4;
+/// a right angle (χ = 0.5) are stopped with 600 m/s², strands that are 15° apart (χ = 0.017) with 0.025 m/s².
+const STOPPING: f64 = 5e3;
 
-/// Least χ that counts, for speed: the acceleration is a hundredth of gravity there.
+/// Least χ that counts: that of strands that are 15° apart.
 const LEAST: f64 = 0.017;
 
-/// Norm of the mean tangent of a piece below which it winds too tightly to have a direction.
+/// Norm of the mean tangent of a turn of hair below which it winds too tightly to have a direction.
 const TIGHT: f64 = 0.1;
 
-/// The part of the `slip`, m/s, of a piece of hair that is lost over a step whose η is `eta`, s, because it
-/// leads into hair that crosses the piece. `tangent` is the piece's mean unit tangent, `hair` what is around it.
-pub(super) fn stopped(
-    (grid, stencil): (&Grid, &Stencil),
-    hair: &Assembly,
-    tangent: &Vector3<f64>,
-    slip: &Vector3<f64>,
-    eta: f64,
-) -> Vector3<f64> {
-    let straightness = tangent.norm();
-    if straightness < TIGHT {
-        return Vector3::zeros();
+/// The hair that crosses a piece of hair.
+pub(super) struct Crossing {
+    /// χ: its share of the hair around the piece.
+    share: f64,
+    /// φ χ: its volume fraction.
+    pub fraction: f64,
+    /// Gradient of that across the piece, 1/m.
+    gradient: Vector3<f64>,
+}
+
+impl Crossing {
+    /// Where the assembly is `hair`, and the mean unit tangent of a turn of the piece `axis`; `None` where too
+    /// little crosses it.
+    pub fn of((grid, stencil): (&Grid, &Stencil), hair: &Assembly, axis: &Vector3<f64>) -> Option<Self> {
+        let straightness = axis.norm();
+        if straightness < TIGHT {
+            return None;
+        }
+        // Hair that winds as much as this has the direction t̄, not a unit one.
+        let course = axis / (straightness * straightness);
+        let share = 1.0 - hair.direction.dot(&course);
+        if share < LEAST {
+            return None;
+        }
+        let ahead = grid.gradient(stencil, |node| node[FRACTION] - direction(node).dot(&course));
+        let gradient = ahead - course * axis.dot(&ahead);
+        Some(Crossing { share, fraction: hair.fraction * share, gradient })
     }
-    // Hair that winds as much as this has the direction t̄, not a unit one.
-    let course = tangent / (straightness * straightness);
-    let crossing = 1.0 - hair.direction.dot(&course);
-    if crossing < LEAST {
-        return Vector3::zeros();
+
+    /// Force per volume of the piece, N/m³, by which it keeps out of the hair that crosses it, where this had
+    /// the volume fraction `rest` in the groom's pose. Its wave speed is at most `max_speed`, m/s.
+    pub fn repulsion(&self, fibre: &Fibre, rest: f64, max_speed: f64) -> Vector3<f64> {
+        let around = self.fraction / self.share;
+        let rest = rest.max(LEAST * around);
+        if self.fraction <= rest {
+            return Vector3::zeros();
+        }
+        let softest = fibre.density * max_speed * max_speed / around;
+        let stiffness = (STIFFNESS * fibre.modulus * around).min(softest);
+        self.gradient * (stiffness * (rest / self.fraction - 1.0))
     }
-    let ahead = grid.gradient(stencil, |node| node[FRACTION] - direction(node).dot(&course));
-    let across = ahead - course * tangent.dot(&ahead);
-    let into = across.try_normalize(0.0).unwrap_or_default();
-    into * slip.dot(&into).clamp(0.0, STOPPING * crossing.powi(3) * eta)
+
+    /// The part of the `slip`, m/s, of the piece that is lost over a step whose η is `eta`, s, because it leads
+    /// into the hair that crosses it.
+    pub fn stopped(&self, slip: &Vector3<f64>, eta: f64) -> Vector3<f64> {
+        let into = self.gradient.try_normalize(0.0).unwrap_or_default();
+        into * slip.dot(&into).clamp(0.0, STOPPING * self.share.powi(3) * eta)
+    }
 }

@@ -9,6 +9,7 @@ mod crossing;
 mod follower;
 mod grid;
 mod law;
+mod part;
 mod sampling;
 #[cfg(test)]
 mod tests;
@@ -20,17 +21,17 @@ use super::guide::{GuideModel, GuideState};
 use super::integrator::Past;
 use super::step_record::HairRecord;
 use super::wisp_friction::CarrierVelocity;
-use crate::rod::Rod;
 use crate::wisp::{GuideRod, NeighbourDrag};
+use crossing::Crossing;
 use follower::{Follower, WispForce};
 use grid::{Grid, Node, Stencil};
 use law::{Assembly, Fibre, Resistance};
 use nalgebra::Vector3;
+use part::Part;
 use rayon::prelude::*;
 use sampling::root_spacing;
 pub(super) use sampling::sampling;
 use serde::{Deserialize, Serialize};
-use std::ops::Range;
 
 /// Smallest distance between nodes of the grid, m.
 const MIN_SPACING: f64 = 0.01;
@@ -47,9 +48,9 @@ pub(super) struct HairVolume {
     parts: Vec<Part>,
     /// Index of the first piece of each guide, then the number of pieces.
     first: Vec<usize>,
-    /// Volume fraction around each piece in the groom's pose.
-    rest: Vec<f64>,
-    /// 95th percentile of it, by volume.
+    /// The hair around each piece in the groom's pose.
+    rest: Vec<Rest>,
+    /// 95th percentile of its volume fraction, by volume.
     dense: f64,
     /// The pieces at the end of the last frame.
     framed: Vec<Placed>,
@@ -59,6 +60,8 @@ pub(super) struct HairVolume {
     /// The active guide that each guide moves with.
     leaders: Vec<usize>,
     pieces: Vec<Piece>,
+    /// Mean unit tangent of each piece over a turn.
+    axes: Vec<Vector3<f64>>,
     /// The nodes around each piece.
     stencils: Vec<Stencil>,
     /// Volume fraction and volume of each piece, in the order in which the percentile was looked for.
@@ -111,16 +114,13 @@ struct History {
     pressure_beyond_leader: Vector3<f64>,
 }
 
-/// What does not change of a piece.
-struct Part {
-    guide: usize,
-    points: Range<usize>,
-    /// The length that each point stands for, as a share of that of the piece.
-    shares: Vec<f64>,
-    /// m
-    length: f64,
-    /// Mass of one hair, kg.
-    mass: f64,
+/// The hair around a piece in the groom's pose.
+#[derive(Default)]
+struct Rest {
+    /// Volume fraction.
+    fraction: f64,
+    /// Volume fraction of what crosses the piece.
+    crossing: f64,
 }
 
 /// A piece of a guide with all its hairs, in head space.
@@ -153,7 +153,9 @@ struct Piece {
     slip: Vector3<f64>,
     /// Acceleration by its neighbours' drag over the sub-step, m/s².
     drag: Vector3<f64>,
-    /// Force per length of the pressure, N/m.
+    /// Force per volume by which it keeps out of hair that crosses it, N/m³.
+    repulsion: Vector3<f64>,
+    /// Force per length of the pressure, with the repulsion, N/m.
     pressure: Vector3<f64>,
     /// What opposes slip across it.
     opposition: NeighbourDrag,
@@ -179,12 +181,7 @@ impl HairVolume {
         [t, h]: [f64; 2],
     ) -> Self {
         let grid = Grid::new(root_spacing(rods).max(MIN_SPACING), reach(rods));
-        let (mut parts, mut first) = (Vec::new(), vec![0]);
-        for (guide, model) in models.iter().enumerate() {
-            let pieces = pieces_of(&model.rod.weight, PIECE * grid.spacing());
-            parts.extend(pieces.into_iter().map(|points| Part::new(guide, &model.rod, points)));
-            first.push(parts.len());
-        }
+        let (parts, first) = Part::of_guides(models, PIECE * grid.spacing());
         let mut volume = HairVolume {
             hairs: rods.iter().map(|r| Hairs::new(r, sampling)).collect(),
             first,
@@ -195,6 +192,7 @@ impl HairVolume {
             followers: Vec::new(),
             leaders: (0..models.len()).collect(),
             pieces: vec![Piece::default(); parts.len()],
+            axes: vec![Vector3::zeros(); parts.len()],
             stencils: vec![Stencil::default(); parts.len()],
             ranked: Vec::with_capacity(parts.len()),
             parts,
@@ -210,8 +208,8 @@ impl HairVolume {
         };
         volume.history = volume.pieces.iter().map(at_rest).collect();
         volume.deposit(models, states, env, [t, h]);
-        volume.rest = (0..volume.parts.len()).map(|i| volume.assembly(i).fraction).collect();
-        volume.pieces.iter_mut().zip(&volume.rest).for_each(|(piece, rest)| piece.fraction = *rest);
+        volume.rest = (0..volume.parts.len()).map(|i| volume.rest_of(i)).collect();
+        volume.pieces.iter_mut().zip(&volume.rest).for_each(|(piece, rest)| piece.fraction = rest.fraction);
         volume.dense = volume.fraction_p95();
         volume
     }
@@ -434,7 +432,9 @@ impl HairVolume {
     /// step of `h`, s, without its neighbours' drag.
     fn deposit(&mut self, models: &[GuideModel], states: &[GuideState], env: &Environment, [t, h]: [f64; 2]) {
         self.follow(states, env, t);
-        let HairVolume { leaders, parts, pieces, stencils, grid, .. } = self;
+        let HairVolume { leaders, parts, pieces, axes, stencils, grid, .. } = self;
+        let constants = axes.par_iter_mut().zip(&*parts);
+        constants.for_each(|(axis, part)| *axis = part.mean_over_turn(|piece| pieces[piece].tangent));
         grid.clear();
         let cell_volume = grid.cell_volume();
         for ((piece, part), stencil) in pieces.iter_mut().zip(parts).zip(stencils) {
@@ -453,24 +453,31 @@ impl HairVolume {
     /// Finds the pressure of the hair on the grid and the drag of neighbours over a step of `h`, s.
     fn press_and_drag(&mut self, h: f64) {
         let max_speed = law::max_wave_speed(self.grid.spacing(), h);
-        let HairVolume { hairs, parts, rest, pieces, stencils, grid, .. } = self;
-        let constants = parts.par_iter().zip(&*rest).zip(&*stencils);
+        let HairVolume { hairs, parts, rest, pieces, axes, stencils, grid, .. } = self;
+        let constants = parts.par_iter().zip(&*rest).zip(&*stencils).zip(&*axes);
         let all = pieces.par_iter_mut().zip(constants);
-        all.for_each(|(piece, ((part, rest), stencil))| {
+        all.for_each(|(piece, (((part, rest), stencil), axis))| {
             let (hairs, values) = (&hairs[part.guide], grid.values(stencil));
             let assembly = assembly(&values);
             let mean = Vector3::new(values[1], values[2], values[3]) / assembly.fraction;
-            piece.energy_slope = assembly.energy_slope(&hairs.fibre, *rest, max_speed);
+            piece.energy_slope = assembly.energy_slope(&hairs.fibre, rest.fraction, max_speed);
             piece.softened = piece.energy_slope > 0.0 && assembly.wave_speed(&hairs.fibre) > max_speed;
             piece.fraction = assembly.fraction;
-            let slip = piece.undragged - mean;
-            let mut resistance = hairs.resistance(&assembly, piece.eta * part.length / part.mass);
+            let mut slip = piece.undragged - mean;
+            let mobility = piece.eta * part.length / part.mass;
+            let mut resistance = hairs.resistance(&assembly, mobility);
             let [friction, air] = [resistance.friction[0], resistance.drag[0]].map(|of| of / piece.eta);
             piece.opposition = NeighbourDrag { friction, air };
-            let stopped = crossing::stopped((grid, stencil), &assembly, &piece.tangent, &slip, piece.eta);
-            resistance.press(stopped.norm() * hairs.fibre.friction);
-            piece.slip = resistance.slip_left(&(slip - stopped), &piece.tangent);
-            piece.drag = (piece.slip - slip) / piece.eta;
+            let unopposed = slip;
+            if let Some(crossing) = Crossing::of((grid, stencil), &assembly, axis) {
+                piece.repulsion = crossing.repulsion(&hairs.fibre, rest.crossing, max_speed);
+                let stopped = crossing.stopped(&slip, piece.eta);
+                let pressed = stopped.norm() + mobility * hairs.fibre.area * piece.repulsion.norm();
+                resistance.press(pressed * hairs.fibre.friction);
+                slip -= stopped;
+            }
+            piece.slip = resistance.slip_left(&slip, &piece.tangent);
+            piece.drag = (piece.slip - unopposed) / piece.eta;
         });
         let cell_volume = grid.cell_volume();
         for (piece, stencil) in pieces.iter().zip(stencils).filter(|(piece, _)| piece.energy_slope > 0.0) {
@@ -487,7 +494,8 @@ impl HairVolume {
         pieces.par_iter_mut().zip(places).for_each(|(piece, (part, stencil))| {
             // −∂/∂x of the energy Σ V u(φ), as deposited.
             let energy = |node: &Node| node[FRACTION] * piece.energy_slope + node[PRESSURE];
-            piece.pressure = grid.gradient(stencil, energy) * -hairs[part.guide].fibre.area;
+            let force = piece.repulsion - grid.gradient(stencil, energy);
+            piece.pressure = force * hairs[part.guide].fibre.area;
             piece.wisp = WispForce::of_leader(piece.volume);
         });
         for follower in followers {
@@ -510,36 +518,17 @@ impl HairVolume {
         }
     }
 
+    /// The hair around piece `i`, in the groom's pose.
+    fn rest_of(&self, i: usize) -> Rest {
+        let hair = self.assembly(i);
+        let crossing = Crossing::of((&self.grid, &self.stencils[i]), &hair, &self.axes[i]);
+        Rest { fraction: hair.fraction, crossing: crossing.map_or(0.0, |crossing| crossing.fraction) }
+    }
+
     /// The hair around piece `i`.
     fn assembly(&self, i: usize) -> Assembly {
         assembly(&self.grid.values(&self.stencils[i]))
     }
-}
-
-impl Part {
-    /// The piece of a guide with these points of its `rod`.
-    fn new(guide: usize, rod: &Rod, points: Range<usize>) -> Self {
-        let weight = &rod.weight[points.clone()];
-        let length: f64 = weight.iter().sum();
-        let shares = weight.iter().map(|w| w / length).collect();
-        Part { guide, shares, length, mass: rod.mass[points.clone()].iter().sum(), points }
-    }
-}
-
-/// The points of the pieces of a guide whose points stand for the lengths `weight`, m: each piece is at least
-/// `least` long, m, if the guide is.
-fn pieces_of(weight: &[f64], least: f64) -> Vec<Range<usize>> {
-    let mut pieces = Vec::new();
-    let (mut start, mut length, mut left) = (0, 0.0, weight.iter().sum::<f64>());
-    for (k, w) in weight.iter().enumerate() {
-        length += w;
-        left -= w;
-        if length >= least && left >= least || k + 1 == weight.len() {
-            pieces.push(start..k + 1);
-            (start, length) = (k + 1, 0.0);
-        }
-    }
-    pieces
 }
 
 impl Hairs {

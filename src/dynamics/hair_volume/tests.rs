@@ -126,7 +126,15 @@ fn pressure_is_the_derivative_of_an_energy_and_keeps_momentum() {
     let mut hair = curtain(14, 0.004);
     let squeeze = |x: &V, by: f64| V::new(x.x * (1.0 - by), x.y, x.z * (1.0 - 0.5 * by));
     hair.set(|_, x| (squeeze(x, 0.4), V::zeros()));
-    let forces = hair.forces();
+    let mut forces = hair.forces();
+    // Without what keeps hair out of hair that crosses it.
+    let HairVolume { hairs: kinds, parts, pieces, .. } = &hair.volume;
+    for (piece, part) in pieces.iter().zip(parts) {
+        for k in part.points.clone() {
+            let length = hair.models[part.guide].rod.weight[k];
+            forces[part.guide][k] -= piece.repulsion * kinds[part.guide].fibre.area * length;
+        }
+    }
     let size = hair.sum(&forces, |i, k| forces[i][k].try_normalize(0.0).unwrap_or_default());
     assert!(size > 0.0);
     // To the variation of the shape functions between nodes.
@@ -166,7 +174,7 @@ fn pressure_is_the_derivative_of_an_energy_and_keeps_momentum() {
         hair.volume.deposit(&hair.models, &hair.states, &hair.env, [0.0, H]);
         let volume = &hair.volume;
         let of = |(i, piece): (usize, &Piece)| {
-            let (fraction, rest) = (volume.assembly(i).fraction, volume.rest[i]);
+            let (fraction, rest) = (volume.assembly(i).fraction, volume.rest[i].fraction);
             // ∫ k (φ³ − φ0³)/φ² dφ from φ0.
             let u = |phi: f64| 0.5 * phi * phi + rest.powi(3) / phi;
             let excess = if fraction > rest { u(fraction) - u(rest) } else { 0.0 };
@@ -239,14 +247,12 @@ fn friction_holds_what_is_pulled_with_less_than_its_bound() {
     assert!(share > 0.5 * 1.0 / 19.0 && share < 2.0 * 1.0 / 19.0, "{share}");
 }
 
-/// Two layers of hair, 8 mm apart, at this `angle`, rad, to each other; the upper one falls on the other at
-/// `speed`, m/s. Returns the mean velocity that the hair around the middle of each has at the end of a step by
-/// its neighbours' drag, lower layer first, m/s, and the share of the momentum exchanged that is lost.
-fn meeting(angle: f64, speed: f64) -> ([V; 2], f64) {
+/// Two layers of hair, 8 mm apart, at this `angle`, rad, to each other, after a step; the upper one falls on the
+/// other at `speed`, m/s.
+fn layers(angle: f64, speed: f64) -> Curtain {
     let dry = Material { drag: 0.0, ..frictionless() };
     let roots = square(8, 0.004);
     let mut hair = curtain_of(&roots, &dry);
-    let layer = |i: usize| i % 2;
     let course = |i: usize| V::new((angle * layer(i) as f64).cos(), 0.0, (angle * layer(i) as f64).sin());
     hair.set(|i, x| {
         let aside = V::y().cross(&course(i)) * (0.002 * ((i / 2) as f64 - 15.5));
@@ -258,33 +264,66 @@ fn meeting(angle: f64, speed: f64) -> ([V; 2], f64) {
         state.tangent.fill(turning(0.0) * course(i));
     }
     hair.record();
+    hair
+}
+
+/// The layer of guide `i`: the lower one is 0.
+fn layer(i: usize) -> usize {
+    i % 2
+}
+
+/// What `of` gives for the pieces, in the mean over those around the middle of each layer, lower one first, and
+/// the norm of its sum over all hair, by volume, over the sum of the norms.
+fn means(hair: &Curtain, of: impl Fn(&Piece) -> V) -> ([V; 2], f64) {
     let [mut sums, mut counts] = [[V::zeros(); 2], [V::zeros(); 2]];
-    let (mut exchanged, mut lost) = (0.0, V::zeros());
+    let (mut norms, mut sum) = (0.0, V::zeros());
     for (piece, part) in hair.volume.pieces.iter().zip(&hair.volume.parts) {
         if piece.x.x.hypot(piece.x.z) < 0.01 {
-            sums[layer(part.guide)] += piece.v + piece.drag * piece.eta;
+            sums[layer(part.guide)] += of(piece);
             counts[layer(part.guide)] += V::repeat(1.0);
         }
-        exchanged += (piece.drag * piece.volume).norm();
-        lost += piece.drag * piece.volume;
+        norms += (of(piece) * piece.volume).norm();
+        sum += of(piece) * piece.volume;
     }
-    ([0, 1].map(|k| sums[k].component_div(&counts[k])), lost.norm() / f64::max(exchanged, f64::MIN_POSITIVE))
+    ([0, 1].map(|k| sums[k].component_div(&counts[k])), sum.norm() / f64::max(norms, f64::MIN_POSITIVE))
 }
 
 #[test]
 fn hair_stops_where_it_meets_hair_that_crosses_and_leaves_freely() {
+    // The mean velocity after the step, by the drag of neighbours alone.
+    let meeting = |angle, speed| {
+        let hair = layers(angle, speed);
+        let ([lower, upper], _) = means(&hair, |piece| piece.v + piece.drag * piece.eta);
+        (lower, upper, means(&hair, |piece| piece.drag).1)
+    };
     // Each comes to the mean velocity of the hair where it is; half of the way between them is left.
-    let ([lower, upper], lost) = meeting(PI / 2.0, 0.5);
+    let (lower, upper, lost) = meeting(PI / 2.0, 0.5);
     assert!((0.1..0.25).contains(&(lower.y - upper.y)), "{lower} {upper}");
     assert!((0.1..0.2).contains(&-lower.y), "{lower}");
     assert!(lost < 0.2, "{lost}");
     let free = |angle: f64, speed: f64| {
-        let ([lower, upper], _) = meeting(angle, speed);
+        let (lower, upper, _) = meeting(angle, speed);
         assert!((lower - upper + V::y() * -speed).norm() < 0.01 * speed.abs(), "{angle}: {lower} {upper}");
     };
     // Leaving, and parallel.
     free(PI / 2.0, -0.5);
     free(0.0, 0.5);
+}
+
+#[test]
+fn hair_keeps_out_of_hair_that_crosses_it_whatever_its_velocity() {
+    let weight = 9.81 * Material::default().density;
+    for angle in [20.0_f64, 45.0, 90.0] {
+        let hair = layers(angle.to_radians(), 0.0);
+        let ([lower, upper], lost) = means(&hair, |piece| piece.repulsion);
+        assert!(upper.y > 0.0 && lower.y < 0.0, "{angle}°: {lower} {upper}");
+        assert!(lower.xz().norm().max(upper.xz().norm()) < 0.2 * upper.y, "{angle}°: {lower} {upper}");
+        assert!(angle < 90.0 || upper.y > 2.0 * weight, "{upper}");
+        assert!(lost < 0.25, "{angle}°: {lost}");
+    }
+    let ([lower, upper], _) = means(&layers(0.0, 0.0), |piece| piece.repulsion);
+    assert_eq!(lower, V::zeros());
+    assert_eq!(upper, V::zeros());
 }
 
 #[test]
@@ -434,7 +473,8 @@ fn a_leader_moves_under_the_mean_of_the_forces_on_its_wisp() {
             let gradient = |j: usize| {
                 let piece = &volume.pieces[j];
                 let energy = |node: &Node| node[FRACTION] * piece.energy_slope + node[PRESSURE];
-                volume.grid.gradient(&volume.stencils[j], energy) * -volume.hairs[0].fibre.area
+                let force = piece.repulsion - volume.grid.gradient(&volume.stencils[j], energy);
+                force * volume.hairs[0].fibre.area
             };
             let pressure = mean(&gradient);
             let load = mean(&|j| {
@@ -472,12 +512,4 @@ fn single_strands_do_not_meet() {
     assert!(alone.is_some_and(|hairs| (hairs - 450.0).abs() < 10.0), "{alone:?}");
     assert_eq!(sampling(0.03, 1.0, true), None);
     assert_eq!(sampling(0.015, 10.0, true), sample);
-}
-
-#[test]
-fn pieces_have_all_points_and_a_least_length() {
-    let weights = [0.002, 0.004, 0.004, 0.001, 0.008, 0.002];
-    assert_eq!(pieces_of(&weights, 0.006), [0..2, 2..6]);
-    assert_eq!(pieces_of(&weights, 0.004), [0..2, 2..3, 3..6]);
-    assert_eq!(pieces_of(&weights, 1.0).len(), 1);
 }
