@@ -146,7 +146,7 @@ def study(
 
     text = f"""<p>A lock of soft hair, held at one end, falls from {100 * ABOVE:g} cm on a stiff one.
 Counted are pairs of guides, one of each lock, in which the one that fell is no longer above the other. With
-bodies alone all pass; rigid bundles (<code>--contact full</code>) are the reference. The volume knows of hair
-that crosses by means over cells of 1 cm and by velocities alone: guides may pass where locks are thinner than
-a cell, where hair moves by a good part of a cell in a step, and in time.</p>"""
+bodies alone all pass; rigid bundles (<code>--contact full</code>) are the reference. The volume knows where
+hair of another direction is, by means over cells of 1 cm: guides may pass where locks are thinner than
+a cell, and where hair moves by a good part of a cell in a step.</p>"""
     return Study("A lock that falls across another", text, rows, [Plot("Pairs that passed, volume.", draw)])
