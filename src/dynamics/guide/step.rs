@@ -8,6 +8,7 @@ use crate::dynamics::air_drag;
 use crate::dynamics::environment::Environment;
 use crate::dynamics::integrator::{DifferenceFormula, MAX_BEND};
 use crate::dynamics::load::GuideLoad;
+use crate::dynamics::pinch::{SEARCH_RADIUS, approaches};
 use crate::dynamics::reaction::{GuideReaction, TieReaction};
 use crate::dynamics::step_record::StepRecord;
 use crate::math::se3::Pose;
@@ -51,6 +52,7 @@ impl GuideModel {
         scratch: &mut GuideScratch,
     ) -> StepRecord {
         state.begin_substep();
+        state.pinched |= self.is_swallowed(env, state, span[1]);
         *scratch.contact.budget() = SystemBudget::default();
         let mut record = StepRecord::default();
         let coupled = mode == ContactMode::Coupled;
@@ -67,19 +69,25 @@ impl GuideModel {
             state.pinched |=
                 state.clearance.end_push_out(&env.bodies, span[1], &poses, &scratch.inputs.polyline);
         }
-        state.pinched |= self.is_swallowed(env, span[1]);
         record
     }
 
-    /// Whether the skin has closed over the root at time `t`, s.
-    fn is_swallowed(&self, env: &Environment, t: f64) -> bool {
-        let swallows = |b: &usize| {
-            let root = (env.body)(*b, t).inverse_transform_point(&self.root(env, t).p.into()).coords;
-            let mesh = env.bodies.mesh(*b, t)?;
-            Some(mesh.in_other_part(&root, &mesh.closest(&root, ROOTED)?))
+    /// Whether a body has come so near to the root at time `t`, s, that the hair cannot keep its distance from it
+    /// but by a kink, which throws the tip; or whether the skin has closed over the root.
+    fn is_swallowed(&self, env: &Environment, state: &GuideState, t: f64) -> bool {
+        let root = self.root(env, t).p;
+        let swallows = |(b, drawn): (usize, &f64)| {
+            let local = (env.body)(b, t).inverse_transform_point(&root.into()).coords;
+            let solid = &env.bodies.bodies[b].solid;
+            if !(solid.deforms() || approaches(solid.distance_lower_bound(&local), *drawn)) {
+                return false;
+            }
+            let Some(on) = solid.closest(t, &local, SEARCH_RADIUS) else { return false };
+            let part = || solid.mesh(t).is_some_and(|mesh| mesh.in_other_part(&local, &on));
+            approaches(on.distance, *drawn) && on.distance < state.clearance.greatest(b)
+                || solid.deforms() && on.distance.abs() < ROOTED && part()
         };
-        let deforms = |b: &usize| env.bodies.bodies[*b].solid.deforms();
-        (0..env.bodies.len()).filter(deforms).any(|b| swallows(&b) == Some(true))
+        state.clearance.root_distance().iter().enumerate().any(swallows)
     }
 
     /// Takes a part of a sub-step that was halved `depth` times.
