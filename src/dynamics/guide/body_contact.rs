@@ -8,6 +8,7 @@ use crate::dynamics::body_contact::{BodyContact, BodyContactScratch};
 use crate::dynamics::contact_polyline::with_midpoints;
 use crate::dynamics::environment::Environment;
 use crate::dynamics::pinch::Pinch;
+use crate::dynamics::tie::Anchor;
 use crate::math::se3::Pose;
 use crate::rod::newton::Solver;
 use nalgebra::Vector3;
@@ -87,9 +88,14 @@ impl GuideModel {
             inputs.shape.update(&self.rod, &self.root(env, t0).r, &state.q[0]);
         }
         let root = self.root(env, t1);
+        let mut anchor = Anchor { arc: 0.0, drawn: self.rod.root.p, x: root.p };
         inputs.ties.extend(self.ties.iter().filter_map(|tie| {
             let poses = [(env.carrier)(tie.body, t0), (env.carrier)(tie.body, t1)];
-            tie.active([t1, t1 - t0], &inputs.polyline, &inputs.shape, &root.p, poses)
+            let active = tie.active([t1, t1 - t0], &inputs.polyline, &inputs.shape, &anchor, poses)?;
+            if !tie.slides {
+                anchor = tie.anchor(active.target);
+            }
+            Some(active)
         }));
         inputs.motions.clear();
         inputs.motions.extend((0..env.bodies.len()).map(|b| BodyMotion {
