@@ -3,7 +3,7 @@
 use super::contact_polyline::{on_rod, with_midpoints};
 use crate::math::frame::any_frame;
 use crate::rod::{Rod, RodShape};
-use crate::scene::anim::{GuideSelection, TieOrientation, TiePoint};
+use crate::scene::anim::{self, GuideSelection, TieOrientation, TiePoint};
 use crate::scene::{Anim, Groom};
 use crate::wisp::GuideRod;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Vector3};
@@ -18,6 +18,9 @@ const MAX_GATHER_TURN: f64 = 5.0;
 /// Largest distance of a place from the one held before it, as a share of the arc length between them, at which a
 /// tie holds it, unless it is drawn farther.
 const WITHIN_REACH: f64 = 0.999;
+/// Distance along the axis of a ring, m, from which a tip has left it, and within which of the axis it was in it: what a
+/// tie is off, and more.
+const OUT: f64 = 1e-5;
 /// Share of its length by which a place may be beyond the tip for rounding.
 const ROUNDING: f64 = 1e-6;
 
@@ -37,6 +40,8 @@ pub struct Tie {
     pub frame: Option<Matrix3<f64>>,
     /// True if the strand slides along its axis through the goal: what is held is the place nearest to it.
     pub slides: bool,
+    /// True if it lets the strand go for good that slides out of it.
+    pub releases: bool,
     /// Arc length of the place from the root, m.
     pub arc: f64,
     /// The place as it is drawn, rest space of the guide, m.
@@ -126,6 +131,7 @@ impl Tie {
             goal,
             frame: None,
             slides: false,
+            releases: false,
             arc: rod.arc[k] + share * (rod.arc[k + 1] - rod.arc[k]),
             drawn: x[segment].lerp(&x[segment + 1], u),
             times: [f64::NEG_INFINITY, f64::INFINITY],
@@ -161,20 +167,29 @@ impl Tie {
         (self.times[0]..=self.times[1]).contains(&t)
     }
 
-    /// What it holds at the end, at time `t`, s, of a step of `h`, s, that starts with the contact polyline `x`,
-    /// world, m, and the frames of `shape`, within reach of `anchor`. `poses` are the body's poses (rest space to
-    /// world) at start and end. `None` if it does not hold at `t`.
+    /// True if a strand with the contact polyline `x`, world, m, has just slid out of it: its tip is short of the ring
+    /// or sleeve, on the axis. `pose` is that of the body, rest space to world.
+    pub fn is_left_by(&self, x: &[Vector3<f64>], pose: &Isometry3<f64>) -> bool {
+        let tip = x.len() - 1;
+        let axis = match &self.frame {
+            Some(frame) => pose.rotation * Vector3::from(frame.column(2)),
+            None => (x[tip] - x[tip - 1]).normalize(),
+        };
+        let beyond = (pose * Point3::from(self.goal)).coords - x[tip];
+        let along = beyond.dot(&axis);
+        self.slides && along > OUT && (beyond - axis * along).norm() < OUT
+    }
+
+    /// What it holds at the end of a step of `h`, s, that starts with the contact polyline `x`, world, m, and the frames
+    /// of `shape`, within reach of `anchor`. `poses` are the body's poses (rest space to world) at start and end.
     pub fn active(
         &self,
-        [t, h]: [f64; 2],
+        h: f64,
         x: &[Vector3<f64>],
         shape: &RodShape,
         anchor: &Anchor,
         poses: [Isometry3<f64>; 2],
-    ) -> Option<ActiveTie> {
-        if !self.holds_at(t) {
-            return None;
-        }
+    ) -> ActiveTie {
         let [before, goal] = poses.map(|pose| (pose * Point3::from(self.goal)).coords);
         let (k, u) = self.position(x, &before);
         let from = x[k] * (1.0 - u) + x[k + 1] * u;
@@ -185,7 +200,7 @@ impl Tie {
         let target = anchor.x + offset * (self.reach(anchor) / offset.norm()).min(1.0);
         let (segment, s) = on_rod(k, u);
         let frame = self.frame.map(|frame| target_frame(h, &frame, &shape.frame_between(segment, s), poses));
-        Some(ActiveTie { tie: self.clone(), target, short: (free - target).norm(), frame })
+        ActiveTie { tie: self.clone(), target, short: (free - target).norm(), frame }
     }
 }
 
@@ -249,7 +264,8 @@ pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
                 TieOrientation::Frame(frame) => Some(frame),
             };
             let held = Tie::new(&rods[i].rod, segment, u, goal);
-            out[i].push(Tie { body: tie.body, frame, slides: tie.slides, times: tie.times, of, ..held });
+            let anim::Tie { body, slides, releases, times, .. } = *tie;
+            out[i].push(Tie { body, frame, slides, releases, times, of, ..held });
         }
     }
     out.iter_mut().for_each(|ties| ties.sort_by(|a, b| a.arc.total_cmp(&b.arc)));

@@ -271,6 +271,7 @@ fn a_tie_holds_hair_at_a_length_that_reaches_it() {
         bundle: Some(bundle),
         orientation: TieOrientation::Free,
         slides: false,
+        releases: false,
         times: [f64::NEG_INFINITY, f64::INFINITY],
     }];
     let rods = GuideRods::new(&groom, &anim);

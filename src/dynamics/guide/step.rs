@@ -8,7 +8,6 @@ use crate::dynamics::air_drag;
 use crate::dynamics::environment::Environment;
 use crate::dynamics::integrator::{DifferenceFormula, MAX_BEND};
 use crate::dynamics::load::GuideLoad;
-use crate::dynamics::pinch::{SEARCH_RADIUS, approaches};
 use crate::dynamics::reaction::{GuideReaction, TieReaction};
 use crate::dynamics::step_record::StepRecord;
 use crate::math::se3::Pose;
@@ -23,9 +22,6 @@ pub(in crate::dynamics) const MAX_HALVINGS: u32 = 5;
 /// Largest motion of a point, m, in a step that starts from the extrapolated state with the last contact
 /// loads: beyond it the strand soon meets other surfaces than those it touched.
 const MAX_WARM_START: f64 = 0.02;
-
-/// Distance from a skin up to which a root is on it, m.
-const ROOTED: f64 = 2e-3;
 
 impl GuideModel {
     /// Advances `state` over `span`, its start and end time, s: one sub-step, halved where the solver needs
@@ -52,6 +48,7 @@ impl GuideModel {
         scratch: &mut GuideScratch,
     ) -> StepRecord {
         state.begin_substep();
+        self.release_ties(env, state, span[0], &mut scratch.inputs.polyline);
         state.pinched |= self.is_swallowed(env, state, span[1]);
         *scratch.contact.budget() = SystemBudget::default();
         let mut record = StepRecord::default();
@@ -70,24 +67,6 @@ impl GuideModel {
                 state.clearance.end_push_out(&env.bodies, span[1], &poses, &scratch.inputs.polyline);
         }
         record
-    }
-
-    /// Whether a body has come so near to the root at time `t`, s, that the hair cannot keep its distance from it
-    /// but by a kink, which throws the tip; or whether the skin has closed over the root.
-    fn is_swallowed(&self, env: &Environment, state: &GuideState, t: f64) -> bool {
-        let root = self.root(env, t).p;
-        let swallows = |(b, drawn): (usize, &f64)| {
-            let local = (env.body)(b, t).inverse_transform_point(&root.into()).coords;
-            let solid = &env.bodies.bodies[b].solid;
-            if !(solid.deforms() || approaches(solid.distance_lower_bound(&local), *drawn)) {
-                return false;
-            }
-            let Some(on) = solid.closest(t, &local, SEARCH_RADIUS) else { return false };
-            let part = || solid.mesh(t).is_some_and(|mesh| mesh.in_other_part(&local, &on));
-            approaches(on.distance, *drawn) && on.distance < state.clearance.greatest(b)
-                || solid.deforms() && on.distance.abs() < ROOTED && part()
-        };
-        state.clearance.root_distance().iter().enumerate().any(swallows)
     }
 
     /// Takes a part of a sub-step that was halved `depth` times.
@@ -122,7 +101,7 @@ impl GuideModel {
                 formula = DifferenceFormula::new(Scheme::Bdf2, t1 - t0, state.last_steps());
                 continue;
             }
-            let turned = self.ties.iter().any(|tie| tie.frame.is_some() && tie.holds_at(t1));
+            let turned = self.holding_ties(state, t1).any(|(_, tie)| tie.frame.is_some());
             if turned {
                 // The motion without ties unwinds what they have wound up.
                 scratch.q.clone_from(&state.q[0]);
@@ -270,8 +249,7 @@ impl GuideModel {
             reaction.moment -= solver.shape.curve_point(&self.rod, k, s).cross(&force);
         }
         let held = contact.ties.world_forces().zip(contact.ties.world_moments(&solver.shape));
-        let holding = (0..self.ties.len()).filter(|&tie| self.ties[tie].holds_at(t));
-        for (tie, ((_, _, force), moment)) in holding.zip(held) {
+        for ((tie, _), ((_, _, force), moment)) in self.holding_ties(state, t).zip(held) {
             reaction.moment -= moment;
             reaction.ties[tie] = TieReaction { force, moment };
         }
