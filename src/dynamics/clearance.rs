@@ -309,6 +309,16 @@ impl Clearance {
         self.to.chunks_exact(self.segments()).map(|of_body| &of_body[self.held..])
     }
 
+    /// The greatest distance to keep from `body`, m; −∞ if none is.
+    pub(super) fn greatest(&self, body: usize) -> f64 {
+        let segments = self.segments();
+        self.to[body * segments..][..segments]
+            .as_flattened()
+            .iter()
+            .copied()
+            .fold(f64::NEG_INFINITY, f64::max)
+    }
+
     /// Signed distance of the root from each body in the groom's pose, m, at most [`SEARCH_RADIUS`].
     pub(super) fn root_distance(&self) -> &[f64] {
         &self.root_distance

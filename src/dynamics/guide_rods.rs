@@ -89,7 +89,7 @@ fn pin_roots(groom: &Groom, anim: &Anim, rods: &mut [GuideRod]) {
         return;
     }
     rods.par_iter_mut().for_each(|r| {
-        let drawn = tie::drawn(r);
+        let drawn = tie::drawn(&r.rod);
         let of = |roots: &&Roots| tie::selects(&roots.guides, groom, r, &drawn);
         if anim.roots.iter().rfind(of).is_some_and(|roots| roots.hold == RootHold::Pinned) {
             r.rod.pin();

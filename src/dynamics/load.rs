@@ -114,7 +114,7 @@ pub fn bends_tips(anim: &Anim) -> bool {
 /// The loads of each of `rods`.
 pub fn loads(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<GuideLoad>> {
     let of = |r: &GuideRod| {
-        let drawn = tie::drawn(r);
+        let drawn = tie::drawn(&r.rod);
         let chosen = anim.loads.iter().filter(|load| tie::selects(&load.guides, groom, r, &drawn));
         chosen.filter_map(|load| GuideLoad::new(&r.rod, load)).collect()
     };

@@ -8,7 +8,7 @@ use crate::math::se3::Pose;
 use nalgebra::{Isometry3, Vector3};
 
 /// Distance up to which surfaces are searched, m: deeper places have no near side.
-const SEARCH_RADIUS: f64 = 0.1;
+pub(super) const SEARCH_RADIUS: f64 = 0.1;
 
 /// Distance from a body, m, beyond which a segment is not between it and another.
 const NEAR: f64 = 0.03;
@@ -25,6 +25,11 @@ const SMALL: f64 = 2e-5;
 /// Time constant in which a guide that a step has left inside a body comes out, s: half a frame. Sooner it is
 /// thrown; later, it is still inside when the bodies have parted.
 const RETURN: f64 = 0.02;
+
+/// Whether a body at the signed distance `now`, m, from a root has come nearer to it than it is as `drawn`.
+pub(super) fn approaches(now: f64, drawn: f64) -> bool {
+    now <= drawn - APPROACH
+}
 
 /// A guide among bodies that move over a step.
 pub(super) struct Pinch<'a> {
@@ -128,10 +133,10 @@ impl Pinch<'_> {
         // No force moves the root: it keeps the distance to which it is carried.
         let at_root = &mut clearance[b * (self.x0.len() - 1)][0];
         *at_root = other.iter().map(|part| part.distance).fold(at_root.min(own.distance), f64::min);
-        if own.distance <= at_rest - APPROACH {
+        if approaches(own.distance, at_rest) {
             self.lower_along(b, &own, clearance);
         }
-        let swallows = |part: &Surface| part.distance <= self.at_rest.fold_distance(b) - APPROACH;
+        let swallows = |part: &Surface| approaches(part.distance, self.at_rest.fold_distance(b));
         other.filter(swallows).is_some_and(|part| self.lower_along(b, &part, clearance))
     }
 

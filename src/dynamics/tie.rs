@@ -2,8 +2,8 @@
 
 use super::contact_polyline::{on_rod, with_midpoints};
 use crate::math::frame::any_frame;
-use crate::rod::RodShape;
-use crate::scene::anim::{GuideSelection, TieOrientation, TiePoint};
+use crate::rod::{Rod, RodShape};
+use crate::scene::anim::{self, GuideSelection, TieOrientation, TiePoint};
 use crate::scene::{Anim, Groom};
 use crate::wisp::GuideRod;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Vector3};
@@ -15,9 +15,12 @@ const REACH: f64 = 1.1;
 const MAX_GATHER_SPEED: f64 = 0.5;
 /// Largest angular velocity at which a frame is turned to its goal, rad/s.
 const MAX_GATHER_TURN: f64 = 5.0;
-/// Largest distance of a place from the root, as a share of its arc length, at which a tie holds it, unless it
-/// is drawn farther.
+/// Largest distance of a place from the one held before it, as a share of the arc length between them, at which a
+/// tie holds it, unless it is drawn farther.
 const WITHIN_REACH: f64 = 0.999;
+/// Distance along the axis of a ring, m, from which a tip has left it, and within which of the axis it was in it: what a
+/// tie is off, and more.
+const OUT: f64 = 1e-5;
 /// Share of its length by which a place may be beyond the tip for rounding.
 const ROUNDING: f64 = 1e-6;
 
@@ -37,13 +40,28 @@ pub struct Tie {
     pub frame: Option<Matrix3<f64>>,
     /// True if the strand slides along its axis through the goal: what is held is the place nearest to it.
     pub slides: bool,
-    /// Largest distance from the root at which it is held, m, short of the place's arc length: a strand that is
-    /// pulled straight would be without bound on the force. Infinite for a strand that slides.
-    pub reach: f64,
+    /// True if it lets the strand go for good that slides out of it.
+    pub releases: bool,
+    /// Arc length of the place from the root, m.
+    pub arc: f64,
+    /// The place as it is drawn, rest space of the guide, m.
+    pub drawn: Vector3<f64>,
     /// First and last time of the tie, s.
     pub times: [f64; 2],
     /// Number of the tie of the animation that it is of: index into [`Anim::ties`].
     pub of: usize,
+}
+
+/// What holds a strand before the place of a tie, on the way from its root: the root, or the last tie through which it
+/// does not slide.
+#[derive(Debug, Clone, Copy)]
+pub struct Anchor {
+    /// Arc length from the root, m.
+    pub arc: f64,
+    /// As it is drawn, rest space of the guide, m.
+    pub drawn: Vector3<f64>,
+    /// Where it is at the end of the step, world, m.
+    pub x: Vector3<f64>,
 }
 
 /// A tie that holds at the end of a step.
@@ -102,6 +120,39 @@ impl ActiveTie {
 }
 
 impl Tie {
+    /// A tie that always holds, at `goal`, m, in the rest space of the first body, the place at `u` (0..=1) on
+    /// `segment` of the contact polyline of `rod`, which may turn.
+    pub fn new(rod: &Rod, segment: usize, u: f64, goal: Vector3<f64>) -> Self {
+        let (x, (k, share)) = (drawn(rod), on_rod(segment, u));
+        Tie {
+            segment,
+            u,
+            body: 0,
+            goal,
+            frame: None,
+            slides: false,
+            releases: false,
+            arc: rod.arc[k] + share * (rod.arc[k + 1] - rod.arc[k]),
+            drawn: x[segment].lerp(&x[segment + 1], u),
+            times: [f64::NEG_INFINITY, f64::INFINITY],
+            of: 0,
+        }
+    }
+
+    /// The anchor of the next tie, if this one holds its place at `target`, world, m.
+    pub fn anchor(&self, target: Vector3<f64>) -> Anchor {
+        Anchor { arc: self.arc, drawn: self.drawn, x: target }
+    }
+
+    /// Largest distance, m, from `anchor` at which the place is held: short of the arc length between them, for a
+    /// strand that is pulled straight would be without bound on the force.
+    fn reach(&self, anchor: &Anchor) -> f64 {
+        if self.slides {
+            return f64::INFINITY;
+        }
+        (WITHIN_REACH * (self.arc - anchor.arc)).max((self.drawn - anchor.drawn).norm())
+    }
+
     /// Segment of the contact polyline `x`, m, and position on it (0..=1) that is to be at `goal`, m.
     pub fn position(&self, x: &[Vector3<f64>], goal: &Vector3<f64>) -> (usize, f64) {
         if self.slides {
@@ -116,31 +167,40 @@ impl Tie {
         (self.times[0]..=self.times[1]).contains(&t)
     }
 
-    /// What it holds at the end, at time `t`, s, of a step of `h`, s, that starts with the contact polyline `x`,
-    /// world, m, and the frames of `shape`, and ends with the root at `root`, world, m. `poses` are the body's
-    /// poses (rest space to world) at start and end. `None` if it does not hold at `t`.
+    /// True if a strand with the contact polyline `x`, world, m, has just slid out of it: its tip is short of the ring
+    /// or sleeve, on the axis. `pose` is that of the body, rest space to world.
+    pub fn is_left_by(&self, x: &[Vector3<f64>], pose: &Isometry3<f64>) -> bool {
+        let tip = x.len() - 1;
+        let axis = match &self.frame {
+            Some(frame) => pose.rotation * Vector3::from(frame.column(2)),
+            None => (x[tip] - x[tip - 1]).normalize(),
+        };
+        let beyond = (pose * Point3::from(self.goal)).coords - x[tip];
+        let along = beyond.dot(&axis);
+        self.slides && along > OUT && (beyond - axis * along).norm() < OUT
+    }
+
+    /// What it holds at the end of a step of `h`, s, that starts with the contact polyline `x`, world, m, and the frames
+    /// of `shape`, within reach of `anchor`. `poses` are the body's poses (rest space to world) at start and end.
     pub fn active(
         &self,
-        [t, h]: [f64; 2],
+        h: f64,
         x: &[Vector3<f64>],
         shape: &RodShape,
-        root: &Vector3<f64>,
+        anchor: &Anchor,
         poses: [Isometry3<f64>; 2],
-    ) -> Option<ActiveTie> {
-        if !self.holds_at(t) {
-            return None;
-        }
+    ) -> ActiveTie {
         let [before, goal] = poses.map(|pose| (pose * Point3::from(self.goal)).coords);
         let (k, u) = self.position(x, &before);
         let from = x[k] * (1.0 - u) + x[k + 1] * u;
         let carried = (poses[1] * poses[0].inverse_transform_point(&from.into())).coords;
         let offset = goal - carried;
         let free = carried + offset * (MAX_GATHER_SPEED * h / offset.norm()).min(1.0);
-        let from_root = free - root;
-        let target = root + from_root * (self.reach / from_root.norm()).min(1.0);
+        let offset = free - anchor.x;
+        let target = anchor.x + offset * (self.reach(anchor) / offset.norm()).min(1.0);
         let (segment, s) = on_rod(k, u);
         let frame = self.frame.map(|frame| target_frame(h, &frame, &shape.frame_between(segment, s), poses));
-        Some(ActiveTie { tie: self.clone(), target, short: (free - target).norm(), frame })
+        ActiveTie { tie: self.clone(), target, short: (free - target).norm(), frame }
     }
 }
 
@@ -159,10 +219,10 @@ fn target_frame(
     if rest > 0.0 { offset.powf(-rest) * goal } else { goal }
 }
 
-/// Returns the ties of each of `rods`.
+/// Returns the ties of each of `rods`, from root to tip.
 pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
     let mut out = vec![Vec::new(); rods.len()];
-    let drawn: Vec<Vec<Vector3<f64>>> = rods.iter().map(drawn).collect();
+    let drawn: Vec<Vec<Vector3<f64>>> = rods.iter().map(|r| drawn(&r.rod)).collect();
     for (of, tie) in anim.ties.iter().enumerate() {
         let centre = tie.bundle.or(tie.guides.within).map(|(centre, _)| centre);
         let mut held: Vec<(usize, usize, f64)> = Vec::new();
@@ -203,24 +263,12 @@ pub fn ties(groom: &Groom, anim: &Anim, rods: &[GuideRod]) -> Vec<Vec<Tie>> {
                 TieOrientation::Drawn => Some(drawn_frame()),
                 TieOrientation::Frame(frame) => Some(frame),
             };
-            let drawn_distance = (at(&(i, segment, u)) - drawn[i][0]).norm();
-            let reach = match tie.slides {
-                true => f64::INFINITY,
-                false => (WITHIN_REACH * arc_of(&rods[i], segment, u)).max(drawn_distance),
-            };
-            out[i].push(Tie {
-                segment,
-                u,
-                body: tie.body,
-                goal,
-                frame,
-                slides: tie.slides,
-                reach,
-                times: tie.times,
-                of,
-            });
+            let held = Tie::new(&rods[i].rod, segment, u, goal);
+            let anim::Tie { body, slides, releases, times, .. } = *tie;
+            out[i].push(Tie { body, frame, slides, releases, times, of, ..held });
         }
     }
+    out.iter_mut().for_each(|ties| ties.sort_by(|a, b| a.arc.total_cmp(&b.arc)));
     out
 }
 
@@ -234,10 +282,10 @@ pub(super) fn selects(guides: &GuideSelection, groom: &Groom, r: &GuideRod, poin
 }
 
 /// Points and midpoints in the groom's pose, rest space, m.
-pub(super) fn drawn(r: &GuideRod) -> Vec<Vector3<f64>> {
+pub(super) fn drawn(rod: &Rod) -> Vec<Vector3<f64>> {
     let (mut shape, mut line) = (RodShape::default(), Vec::new());
-    shape.update(&r.rod, &r.rod.root.r, &r.rod.initial_q);
-    with_midpoints(&r.rod.arc, |k| shape.x(k) + r.rod.root.p, |k| shape.tangent(k), &mut line);
+    shape.update(rod, &rod.root.r, &rod.initial_q);
+    with_midpoints(&rod.arc, |k| shape.x(k) + rod.root.p, |k| shape.tangent(k), &mut line);
     line
 }
 

@@ -83,6 +83,7 @@ fn ties(style: Style) -> Vec<TieFile> {
         arc_by_distance: None,
         orientation: None,
         slides: false,
+        releases: false,
         frames: None,
     };
     if matches!(style, Style::Ponytail | Style::Braid) { vec![tie] } else { Vec::new() }

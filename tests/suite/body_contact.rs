@@ -236,17 +236,7 @@ fn a_tie_brings_a_place_to_a_body_and_holds_it_until_it_is_opened() {
     let mut model = GuideModel::new(rod, drag, 0.3);
     let mut state = GuideState::new(&model, &[], &env, 0.0, h);
     let goal = Vector3::new(0.04, -0.05, 0.02);
-    model.ties = vec![Tie {
-        segment: 28,
-        u: 0.6,
-        body: 0,
-        goal,
-        frame: None,
-        slides: false,
-        reach: f64::INFINITY,
-        times: [0.0, 2.0],
-        of: 0,
-    }];
+    model.ties = vec![Tie { times: [0.0, 2.0], ..Tie::new(&model.rod, 28, 0.6, goal) }];
     let mut scratch = GuideScratch::default();
     let away = |state: &GuideState, t: f64| {
         (tied(&model, state) - (carrier(0, t) * nalgebra::Point3::from(goal)).coords).norm()
@@ -281,6 +271,7 @@ fn a_tie_holds_hair_at_a_length_that_reaches_it() {
         bundle: Some(bundle),
         orientation: TieOrientation::Free,
         slides: false,
+        releases: false,
         times: [f64::NEG_INFINITY, f64::INFINITY],
     }];
     let rods = GuideRods::new(&groom, &anim);

@@ -8,26 +8,36 @@ use hairbake::dynamics::guide::{ContactMode, GuideModel, GuideScratch, GuideStat
 use hairbake::dynamics::step_record::StepRecord;
 use hairbake::geometry::Shape;
 use hairbake::rod::SegmentSize;
+use hairbake::scene::anim::Scheme;
 use nalgebra::{Isometry3, Vector3};
 use serde_json::{Value, json};
 
 const RADIUS: f64 = 0.04;
 const THICKNESS: f64 = 5e-4;
 const STEP: f64 = 1.0 / 192.0;
+const SCHEMES: [Scheme; 3] = [Scheme::BackwardEuler, Scheme::Bdf2, Scheme::FourStep];
 
 /// How two rolls lie at a time, s: their centres, m.
 type Centres = dyn Fn(f64) -> [Vector3<f64>; 2] + Sync;
 
-/// A hair of 20 cm along x, clamped at the origin, among two rolls of this half axis, m, for 2 s. Calls `each` after every step.
-fn run(half: Vector3<f64>, centres: &Centres, each: impl FnMut(&GuideState, [Vector3<f64>; 2], StepRecord)) {
-    run_moved(half, 0.3, &|_| Vector3::zeros(), centres, each);
+/// How a hair is stepped.
+struct Hair {
+    scheme: Scheme,
+    friction: f64,
+    /// Where its clamp is at a time, s, m.
+    root: fn(f64) -> Vector3<f64>,
 }
 
-/// [`run`] with this friction, and the clamp at `root`, m, at a time, s.
-fn run_moved(
+impl Default for Hair {
+    fn default() -> Self {
+        Self { scheme: Scheme::default(), friction: 0.3, root: |_| Vector3::zeros() }
+    }
+}
+
+/// A hair of 20 cm along x among two rolls of this half axis, m, for 2 s. Calls `each` after every step.
+fn run(
+    Hair { scheme, friction, root }: Hair,
     half: Vector3<f64>,
-    friction: f64,
-    root: &(dyn Fn(f64) -> Vector3<f64> + Sync),
     centres: &Centres,
     mut each: impl FnMut(&GuideState, [Vector3<f64>; 2], StepRecord),
 ) {
@@ -39,7 +49,7 @@ fn run_moved(
     };
     let rod = hair(0.2, SegmentSize::FINE);
     let drag = vec![2e-5; rod.points()];
-    let model = GuideModel::new(rod, drag, friction);
+    let model = GuideModel { scheme, ..GuideModel::new(rod, drag, friction) };
     let mut state = GuideState::new(&model, &[THICKNESS; 2], &env, 0.0, STEP);
     let mut scratch = GuideScratch::default();
     for i in 0..(2.0 / STEP) as u32 {
@@ -70,7 +80,7 @@ fn a_strand_between_bodies_that_close_and_open_stays_between_them() {
     let (mut deepest, mut fastest, mut halvings): (f64, f64, u32) = (0.0, 0.0, 0);
     let mut shallow: f64 = 0.0;
     // Long rolls, which hair cannot leave sideways.
-    run(Vector3::x() * 0.2, &centres, |state, centres, record| {
+    run(Hair::default(), Vector3::x() * 0.2, &centres, |state, centres, record| {
         assert_eq!((record.truncated, record.crossed, record.unconverged), (0, 0, 0), "{record:?}");
         halvings += record.halvings;
         let overlap = (2.0 * RADIUS - (centres[1] - centres[0]).norm()).max(0.0);
@@ -107,7 +117,8 @@ fn a_strand_is_drawn_out_from_between_bodies_that_leave_no_room() {
             [-1.0, 1.0].map(|side| Vector3::new(place, -0.02 + side * beside, 0.0))
         };
         let (mut fastest, mut tips): (f64, Vec<f64>) = (0.0, Vec::new());
-        run_moved(Vector3::z() * 0.2, friction, &root, &centres, |state, _, record| {
+        let hair = Hair { friction, root, ..Hair::default() };
+        run(hair, Vector3::z() * 0.2, &centres, |state, _, record| {
             assert_eq!((record.truncated, record.crossed, record.unconverged), (0, 0, 0), "{record:?}");
             fastest = fastest.max(state.v.iter().map(|v| v.norm()).fold(0.0, f64::max));
             tips.push(state.x[state.x.len() - 1].x);
@@ -119,13 +130,26 @@ fn a_strand_is_drawn_out_from_between_bodies_that_leave_no_room() {
     }
 }
 
+/// A ball comes from below, or also from the side, until the root is some 8 mm inside. Where it passes the root
+/// within a step, and with which motion, differs with its travel and the scheme: it may end a step just inside, just
+/// outside, or at the distance that hair keeps.
 #[test]
 fn a_body_that_swallows_a_root_leaves_the_strand_with_it() {
-    // A roll rises from under the root until the root is 8 mm inside; the other is far away.
-    let centres = |t: f64| [Vector3::y() * (-0.05 - RADIUS + 0.058 * closed(t)), Vector3::repeat(5.0)];
+    for from in [-Vector3::y(), (Vector3::z() - Vector3::y()).normalize()] {
+        for travel in [0.0577, 0.058, 0.0588] {
+            SCHEMES.iter().for_each(|scheme| swallow_root(*scheme, from, travel));
+        }
+    }
+}
+
+/// A ball comes from the side `from`, a unit vector, by `travel`, m, and leaves again.
+fn swallow_root(scheme: Scheme, from: Vector3<f64>, travel: f64) {
+    let centres = move |t: f64| [from * (0.05 + RADIUS - travel * closed(t)), Vector3::repeat(5.0)];
     let (mut swallowed, mut fastest): (f64, f64) = (0.0, 0.0);
-    run(Vector3::x() * 1e-6, &centres, |state, [centre, _], record| {
-        assert_eq!((record.truncated, record.crossed, record.unconverged), (0, 0, 0), "{record:?}");
+    let hair = Hair { scheme, ..Hair::default() };
+    run(hair, Vector3::x() * 1e-6, &centres, |state, [centre, _], record| {
+        let case = || format!("{scheme:?}, {travel} m: {record:?}");
+        assert_eq!((record.truncated, record.crossed, record.unconverged), (0, 0, 0), "{}", case());
         let depth = |x: &Vector3<f64>| RADIUS - (x - centre).norm();
         let root = depth(&state.x[0]);
         swallowed = swallowed.max(root);
@@ -134,12 +158,14 @@ fn a_body_that_swallows_a_root_leaves_the_strand_with_it() {
             s += (x[1] - x[0]).norm();
             // Out of the body within a few centimetres, and never much deeper than the root.
             let allowed = if s > 0.06 { 5e-4 } else { root.max(0.0) + 2e-3 };
-            assert!(depth(&x[1]) < allowed, "{} of {root} at {s}", depth(&x[1]));
+            assert!(depth(&x[1]) < allowed, "{} of {root} at {s}, {}", depth(&x[1]), case());
         }
-        fastest = fastest.max(state.v.iter().map(|v| v.norm()).fold(0.0, f64::max));
+        if root > -0.01 {
+            fastest = fastest.max(state.v.iter().map(|v| v.norm()).fold(0.0, f64::max));
+        }
     });
     assert!(swallowed > 7e-3, "{swallowed}");
-    assert!(fastest < 2.5, "{fastest}");
+    assert!(fastest < 1.5, "{fastest} m/s: {scheme:?}, {travel} m from {from:?}");
 }
 
 #[test]

@@ -130,6 +130,7 @@ fn a_resumed_simulation_of_driven_and_pinned_guides_has_the_same_bits() {
             bundle: None,
             orientation,
             slides,
+            releases: slides,
             times: [f64::NEG_INFINITY, f64::INFINITY],
         };
         anim.ties =

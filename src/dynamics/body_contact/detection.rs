@@ -29,6 +29,7 @@ impl BodyContact<'_> {
         detection.found.clear();
         let line = self.line(&detection.x1);
         self.bodies.candidates(self.motions, &line, DETECTION_DISTANCE, contact_cache, &mut detection.found);
+        detection.found.retain(|c| !self.is_held(c));
     }
 
     /// Finds the contacts at the solver's shape and the impacts of the motion; returns whether the motion
@@ -48,6 +49,7 @@ impl BodyContact<'_> {
         let line = self.line(&detection.x1);
         detection.new_impacts.clear();
         self.bodies.impacts(self.motions, &line, contact_cache, &mut detection.new_impacts);
+        detection.new_impacts.retain(|c| !self.is_held(c));
         let in_front = |c: &Contact| {
             let distance = line.gap(c) + line.clearance_at(c);
             distance >= -SURFACE_TOLERANCE
@@ -115,6 +117,13 @@ impl BodyContact<'_> {
         }
         detection.contacts.truncate(MAX_CONTACTS);
         violated
+    }
+
+    /// Whether the place of `contact` is so near to the root that skin gives way to the rod there. The reaction
+    /// that moves such a place has no bound; it would move nothing else, and spoil the Hessian.
+    fn is_held(&self, contact: &Contact) -> bool {
+        let (k, s) = on_rod(contact.segment, contact.u);
+        self.rod.arc_fraction(k, s) * self.rod.length() < self.rod.held_length()
     }
 
     /// Gap that is tolerated because it existed before the step, m, ≤ 0.

@@ -7,7 +7,8 @@ use crate::contact::BodyMotion;
 use crate::dynamics::body_contact::{BodyContact, BodyContactScratch};
 use crate::dynamics::contact_polyline::with_midpoints;
 use crate::dynamics::environment::Environment;
-use crate::dynamics::pinch::Pinch;
+use crate::dynamics::pinch::{Pinch, SEARCH_RADIUS, approaches};
+use crate::dynamics::tie::Anchor;
 use crate::math::se3::Pose;
 use crate::rod::newton::Solver;
 use nalgebra::Vector3;
@@ -23,6 +24,9 @@ pub(in crate::dynamics) struct ContactSolve<'a> {
     /// Buffers.
     pub scratch: &'a mut BodyContactScratch,
 }
+
+/// Distance from a skin up to which a root is on it, m.
+const ROOTED: f64 = 2e-3;
 
 impl GuideModel {
     /// Resolves contact from time `t[0]` to `t[1]`, s. `free` says that `scratch` holds the solution without
@@ -87,9 +91,14 @@ impl GuideModel {
             inputs.shape.update(&self.rod, &self.root(env, t0).r, &state.q[0]);
         }
         let root = self.root(env, t1);
-        inputs.ties.extend(self.ties.iter().filter_map(|tie| {
+        let mut anchor = Anchor { arc: 0.0, drawn: self.rod.root.p, x: root.p };
+        inputs.ties.extend(self.holding_ties(state, t1).map(|(_, tie)| {
             let poses = [(env.carrier)(tie.body, t0), (env.carrier)(tie.body, t1)];
-            tie.active([t1, t1 - t0], &inputs.polyline, &inputs.shape, &root.p, poses)
+            let active = tie.active(t1 - t0, &inputs.polyline, &inputs.shape, &anchor, poses);
+            if !tie.slides {
+                anchor = tie.anchor(active.target);
+            }
+            active
         }));
         inputs.motions.clear();
         inputs.motions.extend((0..env.bodies.len()).map(|b| BodyMotion {
@@ -124,6 +133,24 @@ impl GuideModel {
                 *slides = state.slides && asked != left;
             }
         }
+    }
+
+    /// Whether a body has come so near to the root at time `t`, s, that the hair cannot keep its distance from it
+    /// but by a kink, which throws the tip; or whether the skin has closed over the root.
+    pub(super) fn is_swallowed(&self, env: &Environment, state: &GuideState, t: f64) -> bool {
+        let root = self.root(env, t).p;
+        let swallows = |(b, drawn): (usize, &f64)| {
+            let local = (env.body)(b, t).inverse_transform_point(&root.into()).coords;
+            let solid = &env.bodies.bodies[b].solid;
+            if !(solid.deforms() || approaches(solid.distance_lower_bound(&local), *drawn)) {
+                return false;
+            }
+            let Some(on) = solid.closest(t, &local, SEARCH_RADIUS) else { return false };
+            let part = || solid.mesh(t).is_some_and(|mesh| mesh.in_other_part(&local, &on));
+            approaches(on.distance, *drawn) && on.distance < state.clearance.greatest(b)
+                || solid.deforms() && on.distance.abs() < ROOTED && part()
+        };
+        state.clearance.root_distance().iter().enumerate().any(swallows)
     }
 
     /// The contact problem of the prepared step, and what its solution changes.

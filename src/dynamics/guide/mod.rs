@@ -8,6 +8,7 @@ mod model;
 mod scratch;
 mod state;
 mod step;
+mod ties;
 
 pub(super) use body_contact::ContactSolve;
 pub use model::{ContactMode, GoalSpring, GuideModel};

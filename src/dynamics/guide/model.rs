@@ -28,7 +28,7 @@ pub struct GuideModel {
     pub goal: Vec<GoalSpring>,
     /// The animated goal; `None` for a guide without one.
     pub animated_goal: Option<AnimatedGoal>,
-    /// Places of the strand that are held to bodies.
+    /// Places of the strand that are held to bodies, from root to tip.
     pub ties: Vec<Tie>,
     /// Forces and moments on it.
     pub loads: Vec<GuideLoad>,

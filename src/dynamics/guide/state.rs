@@ -40,6 +40,8 @@ pub struct GuideState {
     pub(in crate::dynamics) pinched: bool,
     /// True while it slides on these bodies without friction: with friction a step has had no solution.
     pub(super) slides: bool,
+    /// Indices of the ties that have let the strand go for good.
+    pub(super) released: Vec<usize>,
     /// Values that speed up or feed one sub-step; no later sub-step depends on them.
     #[serde(skip)]
     pub(super) transient: Transient,
@@ -181,6 +183,7 @@ impl GuideState {
             stuck: false,
             pinched: false,
             slides: false,
+            released: Vec::new(),
             transient: Transient::default(),
         }
     }
@@ -491,6 +494,7 @@ impl Checkpoint for GuideState {
             stuck,
             pinched,
             slides,
+            released,
             transient: _,
         } = self;
         GuideState {
@@ -505,6 +509,7 @@ impl Checkpoint for GuideState {
             stuck: *stuck,
             pinched: *pinched,
             slides: *slides,
+            released: released.clone(),
             transient: Transient::default(),
         }
     }

@@ -23,9 +23,6 @@ pub(in crate::dynamics) const MAX_HALVINGS: u32 = 5;
 /// loads: beyond it the strand soon meets other surfaces than those it touched.
 const MAX_WARM_START: f64 = 0.02;
 
-/// Distance from a skin up to which a root is on it, m.
-const ROOTED: f64 = 2e-3;
-
 impl GuideModel {
     /// Advances `state` over `span`, its start and end time, s: one sub-step, halved where the solver needs
     /// it.
@@ -51,6 +48,8 @@ impl GuideModel {
         scratch: &mut GuideScratch,
     ) -> StepRecord {
         state.begin_substep();
+        self.release_ties(env, state, span[0], &mut scratch.inputs.polyline);
+        state.pinched |= self.is_swallowed(env, state, span[1]);
         *scratch.contact.budget() = SystemBudget::default();
         let mut record = StepRecord::default();
         let coupled = mode == ContactMode::Coupled;
@@ -67,19 +66,7 @@ impl GuideModel {
             state.pinched |=
                 state.clearance.end_push_out(&env.bodies, span[1], &poses, &scratch.inputs.polyline);
         }
-        state.pinched |= self.is_swallowed(env, span[1]);
         record
-    }
-
-    /// Whether the skin has closed over the root at time `t`, s.
-    fn is_swallowed(&self, env: &Environment, t: f64) -> bool {
-        let swallows = |b: &usize| {
-            let root = (env.body)(*b, t).inverse_transform_point(&self.root(env, t).p.into()).coords;
-            let mesh = env.bodies.mesh(*b, t)?;
-            Some(mesh.in_other_part(&root, &mesh.closest(&root, ROOTED)?))
-        };
-        let deforms = |b: &usize| env.bodies.bodies[*b].solid.deforms();
-        (0..env.bodies.len()).filter(deforms).any(|b| swallows(&b) == Some(true))
     }
 
     /// Takes a part of a sub-step that was halved `depth` times.
@@ -114,7 +101,7 @@ impl GuideModel {
                 formula = DifferenceFormula::new(Scheme::Bdf2, t1 - t0, state.last_steps());
                 continue;
             }
-            let turned = self.ties.iter().any(|tie| tie.frame.is_some() && tie.holds_at(t1));
+            let turned = self.holding_ties(state, t1).any(|(_, tie)| tie.frame.is_some());
             if turned {
                 // The motion without ties unwinds what they have wound up.
                 scratch.q.clone_from(&state.q[0]);
@@ -262,8 +249,7 @@ impl GuideModel {
             reaction.moment -= solver.shape.curve_point(&self.rod, k, s).cross(&force);
         }
         let held = contact.ties.world_forces().zip(contact.ties.world_moments(&solver.shape));
-        let holding = (0..self.ties.len()).filter(|&tie| self.ties[tie].holds_at(t));
-        for (tie, ((_, _, force), moment)) in holding.zip(held) {
+        for ((tie, _), ((_, _, force), moment)) in self.holding_ties(state, t).zip(held) {
             reaction.moment -= moment;
             reaction.ties[tie] = TieReaction { force, moment };
         }

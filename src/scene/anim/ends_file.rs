@@ -95,6 +95,10 @@ pub struct TieFile {
     /// with `orientation` a sleeve. Default: it does not.
     #[serde(default)]
     pub slides: bool,
+    /// With `slides`: whether a strand that is drawn out, with its tip, is let go for good. Default: it is held on as if
+    /// it went on straight beyond its tip.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub releases: bool,
     /// First and last frame at which the tie holds; may be fractional. Default: always.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<[f64; 2]>,

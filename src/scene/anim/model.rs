@@ -136,6 +136,8 @@ pub struct Tie {
     pub orientation: TieOrientation,
     /// Whether strands slide along their axes through it.
     pub slides: bool,
+    /// Whether it lets strands go for good that slide out of it.
+    pub releases: bool,
     /// First and last time at which it holds, s.
     pub times: [f64; 2],
 }

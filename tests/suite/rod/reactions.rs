@@ -88,17 +88,7 @@ fn clamp_and_tie_bear_the_weight_as_statics_shares_it() {
     let mut model = guide(&points);
     let last = 2 * model.rod.points() - 3;
     let tip = points[200];
-    let tie = Tie {
-        segment: last,
-        u: 1.0,
-        body: 0,
-        goal: tip,
-        frame: None,
-        slides: false,
-        reach: f64::INFINITY,
-        times: [0.0, f64::INFINITY],
-        of: 0,
-    };
+    let tie = Tie::new(&model.rod, last, 1.0, tip);
     // The second does not hold yet.
     model.ties = vec![Tie { times: [1e9, 2e9], ..tie.clone() }, tie];
     let found = at_rest(model);

@@ -37,6 +37,15 @@ pub fn ties(
                 TieOrientation::Frame(Matrix3::from_columns(&[0, 1, 2].map(in_metres)))
             }
         };
+        if file.releases && !file.slides {
+            let allowed = "together with `slides`: no strand slides out of what holds one place of it";
+            context.diagnostics.add(
+                &key.name("releases"),
+                "is given without `slides`",
+                allowed,
+                "add `slides`",
+            );
+        }
         if let Some([on, off]) = file.frames.filter(|[on, off]| on > off) {
             let message = format!("first frame {on} is after last frame {off}");
             let allowed = "[first, last] with first ≤ last";
@@ -51,6 +60,7 @@ pub fn ties(
             bundle: file.at.map(|at| ball(at, file.radius)),
             orientation,
             slides: file.slides,
+            releases: file.releases,
             times: file.frames.map_or(always, |frames| frames.map(|frame| frame / context.fps)),
         })
     };
