@@ -10,8 +10,9 @@ use super::volume::{Fields, Volume};
 const SKIN: Rgb = Rgb::new(0.53, 0.355, 0.27);
 /// Colour of planes.
 const GROUND: Rgb = Rgb::new(0.25, 0.26, 0.28);
-/// How far light goes around the surface of skin: red goes deepest.
-const WRAP: Rgb = Rgb::new(0.20, 0.11, 0.07);
+/// Half the width of the border of light and shade on skin, as cosines of the inclination of the light: over a
+/// curved surface light spreads within skin, red the farthest (E. Penner, "Pre-integrated skin shading", 2011).
+const SPREAD: Rgb = Rgb::new(0.20, 0.12, 0.09);
 /// Light of the sky, and what comes back from below.
 const SKY: Rgb = Rgb::new(0.44, 0.43, 0.43);
 const BELOW: Rgb = Rgb::new(0.21, 0.175, 0.155);
@@ -33,7 +34,7 @@ pub fn lit(surface: &Surface, colour: Rgb, light: &Lighting) -> Rgb {
     let mut sum = Rgb::zeros();
     for (lamp, depth) in light.lamps.iter().zip(lamps) {
         let l = lamp.direction;
-        let diffuse = WRAP.map(|w| ((n.dot(&l) + w) / (1.0 + w)).max(0.0));
+        let diffuse = SPREAD.map(|spread| spread_cosine(n.dot(&l), spread));
         let half = (l + viewer).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
         // A faint sheen, stronger at grazing angles.
         let grazing = (1.0 - half.dot(viewer)).max(0.0).powi(5);
@@ -43,6 +44,12 @@ pub fn lit(surface: &Surface, colour: Rgb, light: &Lighting) -> Rgb {
     }
     let around = BELOW.lerp(&SKY, 0.5 + 0.5 * n.y) * decay(sky);
     sum + around.component_mul(&colour)
+}
+
+/// The part of `cosine` above zero, averaged over `spread` to either side.
+fn spread_cosine(cosine: f32, spread: f32) -> f32 {
+    let within = (cosine + spread).clamp(0.0, 2.0 * spread);
+    within * within / (4.0 * spread) + (cosine - spread).max(0.0)
 }
 
 /// How densely hair grows, on a grid around its roots.
