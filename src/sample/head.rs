@@ -129,12 +129,19 @@ pub fn height(x: V) -> (f64, V) {
     super::solid::height(whole, x)
 }
 
+/// How far off the head a point may be, m.
+const ON_THE_HEAD: f64 = 1e-10;
+
 /// The point of the head in the unit direction `d` from its centre, m.
 pub fn point(d: V) -> V {
     let mut reach = 0.0;
     // The head is star-shaped about its centre but for the ears, which a ray from within leaves once.
     for _ in 0..60 {
-        reach -= head(CENTRE + d * reach);
+        let ahead = head(CENTRE + d * reach);
+        reach -= ahead;
+        if ahead.abs() < ON_THE_HEAD {
+            break;
+        }
     }
     CENTRE + d * reach
 }
@@ -145,7 +152,7 @@ const CELL: f64 = 0.136;
 const BUST_CELL: f64 = 0.190;
 const FINE: f64 = 0.040;
 
-/// Most that a face is off the solid without subdivisions, m: those of lids and lips are made smaller.
+/// How far the edges of faces may be off the solid without subdivisions, m: those of lids and lips are bisected.
 const TOLERANCE: f64 = 0.07;
 
 /// The head as a mesh; each of `subdivisions` makes four times as many triangles.
@@ -161,12 +168,9 @@ pub fn mesh(subdivisions: usize) -> TriMesh {
 pub fn bust_mesh(subdivisions: usize) -> TriMesh {
     let finer = f64::from(1 << subdivisions);
     let cell = BUST_CELL / finer;
-    let grid = [(-0.24, 0.24), (-0.27, 0.12), (-0.22, 0.16)];
-    refined(
-        bust,
-        surface(bust, &grid.map(|(start, end)| planes(&[(start, cell)], end))),
-        TOLERANCE / (finer * finer),
-    )
+    let grid =
+        [(-0.24, 0.24), (-0.27, 0.12), (-0.22, 0.16)].map(|(start, end)| planes(&[(start, cell)], end));
+    refined(bust, surface(bust, &grid), TOLERANCE / (finer * finer))
 }
 
 /// The text of a Wavefront OBJ file of the part `name`, metres, Y up.

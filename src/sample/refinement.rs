@@ -88,3 +88,38 @@ fn parts([a, b, c]: [u32; 3], new: &BTreeMap<Edge, u32>) -> Vec<[u32; 3]> {
     };
     [(b, c), (c, a)].into_iter().flat_map(half).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::solid::{sphere, union};
+    use crate::sample::surface_nets::{planes, surface};
+
+    #[test]
+    fn a_refined_mesh_is_closed_and_near_its_solid_with_most_faces_where_it_is_curved() {
+        // A large ball, and a small one.
+        let solid =
+            |x: Vector3<f64>| union(sphere(x, [0.0; 3], 0.1), sphere(x, [0.0, 0.105, 0.0], 0.012), 0.004);
+        let grid = [0, 1, 2].map(|_| planes(&[(-0.13, 0.012)], 0.14));
+        let coarse = surface(solid, &grid);
+        let tolerance = 2.5e-4;
+        let fine = refined(solid, coarse.clone(), tolerance);
+        let mut edges: BTreeMap<[u32; 2], usize> = BTreeMap::new();
+        for [a, b, c] in &fine.triangles {
+            for (from, to) in [(*a, *b), (*b, *c), (*c, *a)] {
+                assert_ne!(from, to);
+                *edges.entry([from, to]).or_default() += 1;
+            }
+        }
+        assert!(edges.iter().all(|([a, b], n)| *n == 1 && edges.get(&[*b, *a]) == Some(&1)));
+        let middle = |[a, b]: &[u32; 2]| 0.5 * (fine.vertices[*a as usize] + fine.vertices[*b as usize]);
+        // The rounds end before the last edges in the groove between the balls are short enough.
+        let mut off: Vec<f64> = edges.keys().map(|e| height(solid, middle(e)).0.abs()).collect();
+        off.sort_by(f64::total_cmp);
+        assert!(off[off.len() * 95 / 100] < tolerance, "{} m", off[off.len() * 95 / 100]);
+        let on_top = |mesh: &TriMesh| mesh.vertices.iter().filter(|x| x.y > 0.1).count() as f64;
+        let share = |mesh: &TriMesh| on_top(mesh) / mesh.vertices.len() as f64;
+        assert!(share(&fine) > 2.0 * share(&coarse), "{} of {}", share(&fine), share(&coarse));
+        assert!(fine.triangles.len() < 2 * coarse.triangles.len());
+    }
+}

@@ -13,7 +13,7 @@ const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 /// How far a root is from its point of the Fibonacci sphere, as a share of the distance between points: no
 /// rows.
 const SCATTER: f64 = 0.6;
-/// Of so many roots one is left out at most, where there are too many.
+/// Of so many roots one may be left out, where there are too many.
 const TOO_MANY: usize = 50;
 /// Distance that roots keep from the ears, m.
 const AROUND_EARS: f64 = 0.004;
@@ -134,17 +134,17 @@ pub(super) fn roots(count: usize, family: u64) -> Vec<Root> {
         (0..points).into_par_iter().filter_map(root).collect()
     };
     let mut points = 2 * count;
+    let n = on_scalp(points).len();
+    if n > count + count / TOO_MANY {
+        points = points * (count + count / (2 * TOO_MANY)) / n;
+    }
     loop {
         let found = on_scalp(points);
-        let n = found.len();
-        if n < count {
-            points += (count - n).max(1);
-        } else if n <= count + count / TOO_MANY + 1 {
+        if found.len() >= count {
             // Points follow each other from the crown to the nape: the last ones are all of the nape.
-            return (0..count).map(|i| found[i * n / count]).collect();
-        } else {
-            points = points * count / n;
+            return (0..count).map(|i| found[i * found.len() / count]).collect();
         }
+        points += (count - found.len()).max(1);
     }
 }
 

@@ -143,6 +143,17 @@ mod tests {
     }
 
     #[test]
+    fn light_on_skin_fades_without_an_edge_and_is_the_cosine_away_from_the_border() {
+        for spread in [0.05, 0.2] {
+            assert_eq!((spread_cosine(-spread, spread), spread_cosine(-1.0, spread)), (0.0, 0.0));
+            assert!((spread_cosine(0.7, spread) - 0.7).abs() < 1e-6);
+            let slope = |x: f32| (spread_cosine(x + 1e-3, spread) - spread_cosine(x - 1e-3, spread)) / 2e-3;
+            let slopes: Vec<f32> = (-40..=40).map(|i| slope(0.01 * i as f32)).collect();
+            assert!(slopes.windows(2).all(|pair| (-1e-3..0.11).contains(&(pair[1] - pair[0]))), "{slopes:?}");
+        }
+    }
+
+    #[test]
     fn a_single_root_tints_nothing() {
         let root = Vector3::zeros();
         assert!(Roots::new(&[], SKIN).is_none() && Roots::new(&[root], SKIN).is_none());
