@@ -31,8 +31,8 @@ pub(super) fn head(x: V) -> f64 {
     let mid_face = ellipsoid(m, [0.0, 0.098, 0.040], [0.0575, 0.082, 0.053]);
     let jaw = limb(m, [[0.0500, 0.080, 0.008], [0.016, 0.026, 0.070]], [0.0175, 0.0160]);
     let bone = union(union(skull, mid_face, 0.025), jaw, 0.03);
-    // It ends in a ball about the pivot, so that it turns and nods within the neck of the bust: what else there
-    // is of the head goes over into it above.
+    // It ends in a ball about the pivot, so that it turns and nods within the neck of the bust: what else
+    // there is of the head goes over into it above.
     let neck = limb(m, [[0.0, 0.090, -0.018], [0.0, 0.050, -0.018]], [0.0486, 0.0480]);
     let nape = limb(m, [[0.0, 0.110, -0.052], [0.0, 0.060, -0.030]], [0.036, 0.030]);
     let soft = smoothstep([PIVOT.y, PIVOT.y + 0.025], m.y).max(1e-3);
@@ -146,13 +146,14 @@ pub fn point(d: V) -> V {
     CENTRE + d * reach
 }
 
-/// Spacing of the grids of head and bust without subdivisions, m; and of the former down the mouth and the eyes,
-/// where grooves are narrow.
+/// Spacing of the grids of head and bust without subdivisions, m; and of the former down the mouth and the
+/// eyes, where grooves are narrow.
 const CELL: f64 = 0.136;
 const BUST_CELL: f64 = 0.190;
 const FINE: f64 = 0.040;
 
-/// How far the edges of faces may be off the solid without subdivisions, m: those of lids and lips are bisected.
+/// How far the edges of faces may be off the solid without subdivisions, m: those of lids and lips are
+/// bisected.
 const TOLERANCE: f64 = 0.07;
 
 /// The head as a mesh; each of `subdivisions` makes four times as many triangles.

@@ -1,6 +1,6 @@
-//! Finer meshes where a solid is strongly curved: triangles are bisected at their longest edges (M.-C. Rivara,
-//! "Algorithms for refining triangular grids suitable for adaptive and multigrid techniques", 1984), which keeps
-//! them from becoming thin.
+//! Finer meshes where a solid is strongly curved: triangles are bisected at their longest edges (M.-C.
+//! Rivara, "Algorithms for refining triangular grids suitable for adaptive and multigrid techniques", 1984),
+//! which keeps them from becoming thin.
 
 use super::solid::height;
 use super::surface_nets::settled;
@@ -78,8 +78,8 @@ fn longest_first(mesh: &TriMesh, [a, b, c]: [u32; 3]) -> [u32; 3] {
     }
 }
 
-/// The parts of a triangle, the first edge of which is its longest, between its corners and the new vertices on
-/// its edges.
+/// The parts of a triangle, the first edge of which is its longest, between its corners and the new vertices
+/// on its edges.
 fn parts([a, b, c]: [u32; 3], new: &BTreeMap<Edge, u32>) -> Vec<[u32; 3]> {
     let Some(&m) = new.get(&edge(a, b)) else { return vec![[a, b, c]] };
     let half = |(p, q): (u32, u32)| match new.get(&edge(p, q)) {

@@ -39,8 +39,8 @@ pub(super) fn line(x: V, ends: [[f64; 3]; 2]) -> f64 {
     limb(x, ends, [0.0; 2])
 }
 
-/// A solid with a smooth groove of the depth `depth`, m, within `width`, m, of a line of its surface from which `x`
-/// is `from`: without edges or undercuts, which a mesh would tear.
+/// A solid with a smooth groove of the depth `depth`, m, within `width`, m, of a line of its surface from
+/// which `x` is `from`: without edges or undercuts, which a mesh would tear.
 pub(super) fn dented(solid: f64, from: f64, width: f64, depth: f64) -> f64 {
     let beside = 1.0 - (from / width).min(1.0).powi(2);
     solid + depth * beside * beside

@@ -10,8 +10,9 @@ use super::volume::{Fields, Volume};
 const SKIN: Rgb = Rgb::new(0.53, 0.355, 0.27);
 /// Colour of planes.
 const GROUND: Rgb = Rgb::new(0.25, 0.26, 0.28);
-/// Half the width of the border of light and shade on skin, as cosines of the inclination of the light: over a
-/// curved surface light spreads within skin, red the farthest (E. Penner, "Pre-integrated skin shading", 2011).
+/// Half the width of the border of light and shade on skin, as cosines of the inclination of the light: over
+/// a curved surface light spreads within skin, red the farthest (E. Penner, "Pre-integrated skin shading",
+/// 2011).
 const SPREAD: Rgb = Rgb::new(0.20, 0.12, 0.09);
 /// Light of the sky, and what comes back from below.
 const SKY: Rgb = Rgb::new(0.44, 0.43, 0.43);

@@ -62,8 +62,8 @@ pub struct DrawnMesh<'a> {
 const GAIN: f32 = 0.55;
 /// Optical depth of the surface of a mesh: dark with soft shadow edges.
 const SOLID: f32 = 1.65;
-/// How far behind the surface of a body hair is still seen to lie on it, pixels: nearer, a picture does not tell
-/// strands that are interpolated from facets that stand for a smooth skin.
+/// How far behind the surface of a body hair is still seen to lie on it, pixels: nearer, a picture does not
+/// tell strands that are interpolated from facets that stand for a smooth skin.
 const LYING: f32 = 2.0;
 /// How far bodies cast shadows beyond the box of the hair, of its longest side: on hair, and on bodies.
 const AROUND: [f32; 2] = [0.2, 1.0];
@@ -246,8 +246,8 @@ impl Face {
 
 /// The triangles of a mesh that are before the camera.
 fn faces(mesh: &DrawnMesh, camera: &Camera) -> Vec<Face> {
-    // Weighted by the angles of the faces, so that it does not matter how the surface is cut into them (G. Thürmer
-    // and C. A. Wüthrich, "Computing vertex normals from polygonal facets", 1998).
+    // Weighted by the angles of the faces, so that it does not matter how the surface is cut into them (G.
+    // Thürmer and C. A. Wüthrich, "Computing vertex normals from polygonal facets", 1998).
     let mut normals = vec![Vector3::zeros(); mesh.points.len()];
     for t in mesh.triangles {
         let [a, b, c] = t.map(|i| mesh.points[i as usize]);
