@@ -7,7 +7,7 @@ use super::tail::{TAIL_BEND, TIE, braid};
 use crate::math::frame::rotation_minimising;
 use crate::math::smoothstep;
 use crate::math::spline::ArcSpline;
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 use std::f64::consts::TAU;
 
 type V = Vector3<f64>;
@@ -32,7 +32,7 @@ const HEM_SPREAD: f64 = 0.06;
 /// Height of the fringe and its standard deviation, m: just above the brows.
 const FRINGE: (f64, f64) = (0.150, 0.004);
 /// Roots of the fringe lie in front of the first of these depths and within the second from the middle, m.
-const FRINGE_ROOTS: (f64, f64) = (0.045, 0.048);
+const FRINGE_ROOTS: (f64, f64) = (0.020, 0.053);
 /// Standard deviation of the places at which hair is parted, on the scalp, m.
 const PARTING_SPREAD: f64 = 0.003;
 /// Most steps that lift a point out of the body.
@@ -100,7 +100,8 @@ pub(super) fn course(cut: &Cut, root: &Root, stray: f64) -> Vec<V> {
         }
         let over_layer = height + lift - LEAST_HEIGHT.max(layer * smoothstep([0.0, RISE], grown));
         let led = smoothstep([REACH, 0.0], over_layer);
-        let mut direction = hair.direction(x, normal, led) + hair.stray * (0.3 + 0.7 * led);
+        let stray = Rotation3::new(up * (TAU * grown / cut.wander)) * hair.stray;
+        let mut direction = hair.direction(x, normal, led) + stray * (0.3 + 0.7 * led);
         if over_layer < NEAR {
             // Slide along the surface and rise to the layer.
             direction -= normal * direction.dot(&normal).min(0.0);

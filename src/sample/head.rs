@@ -4,9 +4,11 @@
 //! halfway between chin and crown, the nose down to the middle between brows and chin, ears as high as the
 //! nose.
 
-use super::solid::{difference, ellipsoid, limb, sphere, turned, union};
+use super::refinement::refined;
+use super::solid::{dented, difference, ellipsoid, limb, line, sphere, turned, union};
 use super::surface_nets::{planes, surface};
 use crate::geometry::TriMesh;
+use crate::math::smoothstep;
 use nalgebra::Vector3;
 
 type V = Vector3<f64>;
@@ -29,10 +31,12 @@ pub(super) fn head(x: V) -> f64 {
     let mid_face = ellipsoid(m, [0.0, 0.098, 0.040], [0.0575, 0.082, 0.053]);
     let jaw = limb(m, [[0.0500, 0.080, 0.008], [0.016, 0.026, 0.070]], [0.0175, 0.0160]);
     let bone = union(union(skull, mid_face, 0.025), jaw, 0.03);
-    // It ends in a ball about the pivot, so that it turns and nods within the neck of the bust.
+    // It ends in a ball about the pivot, so that it turns and nods within the neck of the bust: what else
+    // there is of the head goes over into it above.
     let neck = limb(m, [[0.0, 0.090, -0.018], [0.0, 0.050, -0.018]], [0.0486, 0.0480]);
-    let nape = limb(m, [[0.0, 0.110, -0.052], [0.0, 0.050, -0.034]], [0.036, 0.032]);
-    let bone = union(bone, union(neck, nape, 0.01), 0.022);
+    let nape = limb(m, [[0.0, 0.110, -0.052], [0.0, 0.060, -0.030]], [0.036, 0.030]);
+    let soft = smoothstep([PIVOT.y, PIVOT.y + 0.025], m.y).max(1e-3);
+    let bone = union(bone, union(neck, nape, 0.03 * soft), 0.022 * soft);
     let face = if x.z > BEHIND_THE_FACE { face(m, bone) } else { bone };
     union(face, ear(m), 0.010)
 }
@@ -53,9 +57,9 @@ fn eye(m: V, face: f64) -> f64 {
     let ball = ellipsoid(m, [0.0325, 0.1170, 0.0755], [0.0180, 0.0125, 0.0145]);
     let [inner, middle, outer] =
         [[0.0175, 0.1145, 0.0850], [0.0315, 0.1112, 0.0885], [0.0465, 0.1140, 0.0832]];
-    let lashes = limb(m, [inner, middle], [0.0009, 0.0013]).min(limb(m, [middle, outer], [0.0013, 0.0009]));
+    let lashes = line(m, [inner, middle]).min(line(m, [middle, outer]));
     let lids = union(difference(face, socket, 0.012), ball, 0.0045);
-    difference(lids, lashes, 0.003)
+    dented(lids, lashes, 0.0034, 0.0014)
 }
 
 fn nose(m: V, face: f64) -> f64 {
@@ -72,10 +76,12 @@ fn mouth(m: V, face: f64) -> f64 {
     let upper = ellipsoid(upper, [0.007, 0.0592, 0.0925], [0.0155, 0.0055, 0.0078]);
     let lower = ellipsoid(m, [0.0, 0.0495, 0.0905], [0.0165, 0.0066, 0.0082]);
     let lips = union(union(union(face, teeth, 0.014), upper, 0.004), lower, 0.005);
-    let line = limb(m, [[0.0, 0.0546, 0.0995], [0.0235, 0.0550, 0.0890]], [0.0013, 0.0011]);
+    // From the front: lips are not straight.
+    let between = line(V::new(m.x, m.y, 0.0), [[0.0, 0.0546, 0.0], [0.0225, 0.0552, 0.0]]);
     let philtrum = limb(m, [[0.0, 0.073, 0.1000], [0.0, 0.0665, 0.1005]], [0.0018, 0.0022]);
     let under = ellipsoid(m, [0.0, 0.0385, 0.0980], [0.015, 0.0050, 0.0070]);
-    difference(difference(difference(lips, line, 0.0035), philtrum, 0.004), under, 0.009)
+    let chin = difference(difference(lips, philtrum, 0.004), under, 0.009);
+    dented(chin, between, 0.0040, 0.0022)
 }
 
 /// Signed distance of `x` from the nearer ear, m.
@@ -123,40 +129,49 @@ pub fn height(x: V) -> (f64, V) {
     super::solid::height(whole, x)
 }
 
+/// How far off the head a point may be, m.
+const ON_THE_HEAD: f64 = 1e-10;
+
 /// The point of the head in the unit direction `d` from its centre, m.
 pub fn point(d: V) -> V {
     let mut reach = 0.0;
     // The head is star-shaped about its centre but for the ears, which a ray from within leaves once.
     for _ in 0..60 {
-        reach -= head(CENTRE + d * reach);
+        let ahead = head(CENTRE + d * reach);
+        reach -= ahead;
+        if ahead.abs() < ON_THE_HEAD {
+            break;
+        }
     }
     CENTRE + d * reach
 }
 
-/// Spacing of the grid without subdivisions, m: over most of the head; over face and ears across, and down
-/// and deep, where lids and lips are narrow.
-const CELL: [f64; 3] = [0.184, 0.096, 0.045];
-
-/// Spacing of the grid of the bust without subdivisions, m.
+/// Spacing of the grids of head and bust without subdivisions, m; and of the former down the mouth and the
+/// eyes, where grooves are narrow.
+const CELL: f64 = 0.136;
 const BUST_CELL: f64 = 0.190;
+const FINE: f64 = 0.040;
+
+/// How far the edges of faces may be off the solid without subdivisions, m: those of lids and lips are
+/// bisected.
+const TOLERANCE: f64 = 0.07;
 
 /// The head as a mesh; each of `subdivisions` makes four times as many triangles.
 pub fn mesh(subdivisions: usize) -> TriMesh {
-    let [coarse, across, fine] = CELL.map(|cell| cell / f64::from(1 << subdivisions));
-    let x = [(-0.115, coarse), (-0.094, fine), (-0.068, across), (0.068, fine), (0.094, coarse)];
-    // Mouth and eyes.
-    let y =
-        [(-0.030, coarse), (0.016, across), (0.044, fine), (0.068, across), (0.106, fine), (0.122, across)];
-    let y = [&y[..], &[(0.152, coarse)]].concat();
-    let z = [(-0.130, coarse), (-0.048, across), (0.080, fine)];
-    surface(head, &[planes(&x, 0.115), planes(&y, 0.265), planes(&z, 0.130)])
+    let finer = f64::from(1 << subdivisions);
+    let [cell, fine] = [CELL, FINE].map(|cell| cell / finer);
+    let y = [(-0.030, cell), (0.046, fine), (0.063, cell), (0.106, fine), (0.121, cell)];
+    let grid = [planes(&[(-0.115, cell)], 0.115), planes(&y, 0.265), planes(&[(-0.130, cell)], 0.130)];
+    refined(head, surface(head, &grid), TOLERANCE / (finer * finer))
 }
 
 /// The bust as a mesh; see [`mesh`].
 pub fn bust_mesh(subdivisions: usize) -> TriMesh {
-    let cell = BUST_CELL / f64::from(1 << subdivisions);
-    let grid = [(-0.24, 0.24), (-0.27, 0.12), (-0.22, 0.16)];
-    surface(bust, &grid.map(|(start, end)| planes(&[(start, cell)], end)))
+    let finer = f64::from(1 << subdivisions);
+    let cell = BUST_CELL / finer;
+    let grid =
+        [(-0.24, 0.24), (-0.27, 0.12), (-0.22, 0.16)].map(|(start, end)| planes(&[(start, cell)], end));
+    refined(bust, surface(bust, &grid), TOLERANCE / (finer * finer))
 }
 
 /// The text of a Wavefront OBJ file of the part `name`, metres, Y up.

@@ -2,14 +2,15 @@
 //!
 //! [`groom`] makes one of several hair styles on a head, [`Motion`] moves the head and the bust that it turns
 //! on, and [`write()`] writes both to a folder that can be baked. The head is a `solid`, meshed by
-//! `surface_nets`; hair grows above the hairline of the `scalp`, where a `comb` leads it, into a `tail` too, and
-//! comes together in `strands`. What tells styles apart is the table in `style`. [`write_creature`] writes a furry
-//! creature that walks.
+//! `surface_nets` and finer where `refinement` is needed; hair grows above the hairline of the `scalp`, where
+//! a `comb` leads it, into a `tail` too, and comes together in `strands`. What tells styles apart is the
+//! table in `style`. [`write_creature`] writes a furry creature that walks.
 
 mod comb;
 mod creature;
 pub mod head;
 mod motion;
+mod refinement;
 mod scalp;
 mod solid;
 mod strands;

@@ -1,8 +1,9 @@
 //! Where hair grows: roots on the skin of the head above the hairline.
 
 use super::head;
-use crate::math::random;
+use crate::math::{random, smoothstep};
 use nalgebra::Vector3;
+use rayon::prelude::*;
 use std::f64::consts::PI;
 
 type V = Vector3<f64>;
@@ -12,6 +13,8 @@ const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 /// How far a root is from its point of the Fibonacci sphere, as a share of the distance between points: no
 /// rows.
 const SCATTER: f64 = 0.6;
+/// Of so many roots one may be left out, where there are too many.
+const TOO_MANY: usize = 50;
 /// Distance that roots keep from the ears, m.
 const AROUND_EARS: f64 = 0.004;
 
@@ -109,9 +112,13 @@ const HAIRLINE: [[f64; 2]; 9] = [
     [1.45, -0.02],
     [1.75, -0.06],
     [2.05, -0.50],
-    [2.50, -0.90],
+    [2.50, -0.78],
 ];
-const NAPE: f64 = -0.94;
+const NAPE: f64 = -0.82;
+/// Width over which hair becomes dense at the hairline, rad: over the face, and at the nape.
+const SOFT: [f64; 2] = [0.05, 0.14];
+/// Azimuths between which the one passes into the other, rad.
+const BEHIND_EARS: [f64; 2] = [1.6, 2.4];
 
 fn hairline(azimuth: f64) -> f64 {
     let k = HAIRLINE.partition_point(|[a, _]| *a <= azimuth).max(1);
@@ -123,14 +130,19 @@ fn hairline(azimuth: f64) -> f64 {
 /// Roots of another `family` are others.
 pub(super) fn roots(count: usize, family: u64) -> Vec<Root> {
     let on_scalp = |points: usize| -> Vec<Root> {
-        (0..points).filter_map(|i| root(i, points, random::bits(family, i as u64))).collect()
+        let root = |i: usize| root(i, points, random::bits(family, i as u64));
+        (0..points).into_par_iter().filter_map(root).collect()
     };
     let mut points = 2 * count;
+    let n = on_scalp(points).len();
+    if n > count + count / TOO_MANY {
+        points = points * (count + count / (2 * TOO_MANY)) / n;
+    }
     loop {
-        let mut found = on_scalp(points);
+        let found = on_scalp(points);
         if found.len() >= count {
-            found.truncate(count);
-            return found;
+            // Points follow each other from the crown to the nape: the last ones are all of the nape.
+            return (0..count).map(|i| found[i * found.len() / count]).collect();
         }
         points += (count - found.len()).max(1);
     }
@@ -148,10 +160,27 @@ fn root(i: usize, points: usize, seed: u64) -> Option<Root> {
     let (d, azimuth) = (root.direction, root.direction.x.abs().atan2(root.direction.z));
     // No hairline is a line.
     let waves = 0.03 * (11.0 * azimuth + 0.7 * d.x.signum()).sin() + 0.02 * (23.0 * azimuth).sin();
-    root.inside = d.y.asin() - hairline(azimuth) - waves - 0.05 * (root.random(Chance::Hairline) - 0.3);
+    let soft = SOFT[0] + (SOFT[1] - SOFT[0]) * smoothstep(BEHIND_EARS, azimuth);
+    root.inside = d.y.asin() - hairline(azimuth) - waves - soft * (root.random(Chance::Hairline) - 0.3);
     if root.inside < 0.0 {
         return None;
     }
     root.x = head::point(d);
     (head::ear(root.x) > AROUND_EARS).then_some(root)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn roots_are_as_many_as_asked_and_reach_from_the_forehead_to_the_nape() {
+        for count in [1, 7, 88, 2000] {
+            let roots = roots(count, 0);
+            assert_eq!(roots.len(), count);
+            let at_nape = roots.iter().filter(|root| root.x.z < -0.04 && root.x.y < 0.12).count();
+            let before = roots.iter().filter(|root| root.x.z > 0.04).count();
+            assert!(count < 50 || 20 * at_nape.min(before) > count, "{at_nape} and {before} of {count}");
+        }
+    }
 }

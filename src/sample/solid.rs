@@ -34,6 +34,18 @@ pub(super) fn limb(x: V, ends: [[f64; 3]; 2], radii: [f64; 2]) -> f64 {
     (x - from - axis * u).norm() - (radii[0] + (radii[1] - radii[0]) * u)
 }
 
+/// Distance to a line between `ends`.
+pub(super) fn line(x: V, ends: [[f64; 3]; 2]) -> f64 {
+    limb(x, ends, [0.0; 2])
+}
+
+/// A solid with a smooth groove of the depth `depth`, m, within `width`, m, of a line of its surface from
+/// which `x` is `from`: without edges or undercuts, which a mesh would tear.
+pub(super) fn dented(solid: f64, from: f64, width: f64, depth: f64) -> f64 {
+    let beside = 1.0 - (from / width).min(1.0).powi(2);
+    solid + depth * beside * beside
+}
+
 /// Union of two solids, with a fillet of the width `fillet`, m.
 pub(super) fn union(a: f64, b: f64, fillet: f64) -> f64 {
     let h = (0.5 + 0.5 * (b - a) / fillet).clamp(0.0, 1.0);

@@ -80,6 +80,8 @@ pub(super) struct Cut {
     pub(super) clump: [f64; 2],
     /// Directions of strands that stray: standard deviation, rad.
     pub(super) stray: f64,
+    /// Length along which the direction in which a strand strays turns once around the root's normal.
+    pub(super) wander: f64,
 }
 
 /// Hair that is short and straight: what the other styles are told apart from.
@@ -102,6 +104,7 @@ const SHORT: Cut = Cut {
     guide_curl: 0.0012,
     clump: [0.35, 0.5],
     stray: 0.10,
+    wander: f64::INFINITY,
 };
 
 impl Style {
@@ -249,8 +252,9 @@ impl Style {
                 body: 0.1,
                 curl: [0.0035, 0.0065],
                 guide_curl: 0.0008,
-                clump: [0.05, 0.35],
-                stray: 0.3,
+                clump: [0.0, 0.25],
+                stray: 1.2,
+                wander: 0.09,
                 ..SHORT
             },
             Style::Buzz => Cut {

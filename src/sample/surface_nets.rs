@@ -94,7 +94,7 @@ pub(super) fn surface(solid: impl Fn(V) -> f64 + Sync, grid: &[Vec<f64>; 3]) -> 
 
 /// The point of the surface of `solid` near `x` within the box from `low` to `high`. Vertices that stay in
 /// their cells keep faces from crossing.
-fn settled(solid: impl Fn(V) -> f64, mut x: V, low: V, high: V) -> V {
+pub(super) fn settled(solid: impl Fn(V) -> f64, mut x: V, low: V, high: V) -> V {
     for _ in 0..NEWTON_STEPS {
         let (distance, normal) = height(&solid, x);
         x = (x - normal * distance).sup(&low).inf(&high);

@@ -10,8 +10,10 @@ use super::volume::{Fields, Volume};
 const SKIN: Rgb = Rgb::new(0.53, 0.355, 0.27);
 /// Colour of planes.
 const GROUND: Rgb = Rgb::new(0.25, 0.26, 0.28);
-/// How far light goes around the surface of skin: red goes deepest.
-const WRAP: Rgb = Rgb::new(0.20, 0.11, 0.07);
+/// Half the width of the border of light and shade on skin, as cosines of the inclination of the light: over
+/// a curved surface light spreads within skin, red the farthest (E. Penner, "Pre-integrated skin shading",
+/// 2011).
+const SPREAD: Rgb = Rgb::new(0.20, 0.12, 0.09);
 /// Light of the sky, and what comes back from below.
 const SKY: Rgb = Rgb::new(0.44, 0.43, 0.43);
 const BELOW: Rgb = Rgb::new(0.21, 0.175, 0.155);
@@ -33,7 +35,7 @@ pub fn lit(surface: &Surface, colour: Rgb, light: &Lighting) -> Rgb {
     let mut sum = Rgb::zeros();
     for (lamp, depth) in light.lamps.iter().zip(lamps) {
         let l = lamp.direction;
-        let diffuse = WRAP.map(|w| ((n.dot(&l) + w) / (1.0 + w)).max(0.0));
+        let diffuse = SPREAD.map(|spread| spread_cosine(n.dot(&l), spread));
         let half = (l + viewer).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
         // A faint sheen, stronger at grazing angles.
         let grazing = (1.0 - half.dot(viewer)).max(0.0).powi(5);
@@ -43,6 +45,12 @@ pub fn lit(surface: &Surface, colour: Rgb, light: &Lighting) -> Rgb {
     }
     let around = BELOW.lerp(&SKY, 0.5 + 0.5 * n.y) * decay(sky);
     sum + around.component_mul(&colour)
+}
+
+/// The part of `cosine` above zero, averaged over `spread` to either side.
+fn spread_cosine(cosine: f32, spread: f32) -> f32 {
+    let within = (cosine + spread).clamp(0.0, 2.0 * spread);
+    within * within / (4.0 * spread) + (cosine - spread).max(0.0)
 }
 
 /// How densely hair grows, on a grid around its roots.
@@ -133,6 +141,17 @@ mod tests {
         let over: Vec<f32> = (0..10).map(|i| at(0.05, 0.09 + 0.003 * i as f32)).collect();
         assert!(over.is_sorted() && over.windows(2).all(|pair| pair[1] - pair[0] < 0.6), "{over:?}");
         assert!(at(0.05, 0.13) > 0.98 && at(0.5, 0.5) == 1.0 && at(0.05, -9.0) == 1.0);
+    }
+
+    #[test]
+    fn light_on_skin_fades_without_an_edge_and_is_the_cosine_away_from_the_border() {
+        for spread in [0.05, 0.2] {
+            assert_eq!((spread_cosine(-spread, spread), spread_cosine(-1.0, spread)), (0.0, 0.0));
+            assert!((spread_cosine(0.7, spread) - 0.7).abs() < 1e-6);
+            let slope = |x: f32| (spread_cosine(x + 1e-3, spread) - spread_cosine(x - 1e-3, spread)) / 2e-3;
+            let slopes: Vec<f32> = (-40..=40).map(|i| slope(0.01 * i as f32)).collect();
+            assert!(slopes.windows(2).all(|pair| (-1e-3..0.11).contains(&(pair[1] - pair[0]))), "{slopes:?}");
+        }
     }
 
     #[test]

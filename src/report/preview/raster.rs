@@ -50,13 +50,14 @@ struct Band<'a> {
 
 /// Draws a picture of `size` final pixels, supersampled `fine` times in each direction, over `background`
 /// (linear colour at a position in fractions of the picture). `skin` is the linear colour of a triangle at the
-/// point with these weights of its corners; it is asked once for each pixel and triangle. The picture does not
-/// depend on the number of threads.
+/// point with these weights of its corners; it is asked once for each pixel and triangle. Triangles hide
+/// ribbons that are farther than `hides` of their distance behind them. The picture does not depend on the
+/// number of threads.
 pub fn draw(
     size: (u32, u32),
     fine: u32,
     background: impl Fn(f32, f32) -> Rgb + Sync,
-    triangles: &[Triangle],
+    (triangles, hides): (&[Triangle], f32),
     skin: impl Fn(u32, [f32; 3]) -> Rgb + Sync,
     ribbons: &[Ribbon],
 ) -> Image {
@@ -94,6 +95,7 @@ pub fn draw(
         let triangles = &triangles_by_band[k];
         triangles.iter().zip(1..).for_each(|(t, place)| band.triangle(t, place));
         band.shade(triangles, fine, &skin);
+        band.pixels.iter_mut().for_each(|pixel| pixel[3] /= 1.0 + hides);
         let ribbons = &ribbons_by_band[k];
         far_to_near(ribbons, order);
         order.iter().for_each(|key| band.ribbon(&ribbons[*key as u32 as usize]));
@@ -382,7 +384,7 @@ mod tests {
 
     fn area_of(ends: [Projected; 2], width: f32, fine: u32) -> f64 {
         let ribbon = Ribbon { ends, width, colours: [Rgb::repeat(GREY); 2] };
-        total(&draw((64, 64), fine, black, &[], green, &[ribbon])) / f64::from(GREY)
+        total(&draw((64, 64), fine, black, (&[], 0.0), green, &[ribbon])) / f64::from(GREY)
     }
 
     #[test]
@@ -411,8 +413,12 @@ mod tests {
         let parts: Vec<Ribbon> = (0..17)
             .map(|i| Ribbon { ends: [cut(i as f32 / 17.0), cut((i + 1) as f32 / 17.0)], ..whole })
             .collect();
-        let one = total(&draw((64, 64), 1, black, &[], green, &[whole]));
-        assert_relative_eq!(total(&draw((64, 64), 1, black, &[], green, &parts)), one, max_relative = 0.005);
+        let one = total(&draw((64, 64), 1, black, (&[], 0.0), green, &[whole]));
+        assert_relative_eq!(
+            total(&draw((64, 64), 1, black, (&[], 0.0), green, &parts)),
+            one,
+            max_relative = 0.005
+        );
     }
 
     #[test]
@@ -425,7 +431,7 @@ mod tests {
         let (red, blue) = (Rgb::new(0.5, 0.0, 0.0), Rgb::new(0.0, 0.0, 0.5));
         let (near, far) = (bar(2.0, red), bar(1.0, blue));
         for ribbons in [[near, far], [far, near]] {
-            let [r, _, b] = draw((32, 32), 2, black, &[], green, &ribbons).get(8, 8);
+            let [r, _, b] = draw((32, 32), 2, black, (&[], 0.0), green, &ribbons).get(8, 8);
             assert!(r > 100 && b == 0, "red {r}, blue {b}");
         }
         let wall = |inverse_depth| Triangle {
@@ -436,8 +442,9 @@ mod tests {
             ],
             id: 0,
         };
-        let seen = |depth| draw((32, 32), 2, black, &[wall(depth)], green, &[near]).get(8, 8);
+        let seen = |depth| draw((32, 32), 2, black, (&[wall(depth)], 0.1), green, &[near]).get(8, 8);
         assert_eq!(seen(3.0)[0], 0, "behind the wall");
+        assert!(seen(2.1)[0] > 100 && seen(2.3)[0] == 0, "a little behind it");
         assert!(seen(1.5)[0] > 100 && seen(1.5)[1] == 0, "before the wall");
     }
 
@@ -445,7 +452,7 @@ mod tests {
     fn triangles_with_a_common_edge_leave_no_gap() {
         let corners = [at(2.0, 3.0, 1.0), at(30.0, 1.0, 1.0), at(28.0, 29.0, 1.0), at(1.0, 31.0, 1.0)];
         let half = |k: [usize; 3]| Triangle { corners: k.map(|i| corners[i]), id: 0 };
-        let image = draw((32, 32), 1, black, &[half([0, 1, 2]), half([0, 3, 2])], green, &[]);
+        let image = draw((32, 32), 1, black, (&[half([0, 1, 2]), half([0, 3, 2])], 0.0), green, &[]);
         let grey = image.get(16, 16);
         assert!(grey[1] > 100);
         assert!((4..28).all(|i| image.get(i, i) == grey), "a gap along the shared edge");
@@ -476,10 +483,10 @@ mod tests {
             ribbon(3.0, -90.0, 4.0, -50.0),
             ribbon(3.0, 60.0, 4.0, 1e30),
         ];
-        assert_eq!(total(&draw((32, 32), 1, black, &[], green, &off)), 0.0);
+        assert_eq!(total(&draw((32, 32), 1, black, (&[], 0.0), green, &off)), 0.0);
         let across = ribbon(-100.0, 16.0, 100.0, 16.0);
         assert_relative_eq!(
-            total(&draw((32, 32), 1, black, &[], green, &[across])) / f64::from(GREY),
+            total(&draw((32, 32), 1, black, (&[], 0.0), green, &[across])) / f64::from(GREY),
             96.0,
             max_relative = 0.01
         );

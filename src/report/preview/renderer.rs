@@ -91,7 +91,7 @@ impl<'a, S: Shot> Renderer<'a, S> {
     /// The framing of what is to be seen of a frame: its curves, and what bodies have around their roots: of a
     /// short cut the whole face.
     fn framed(&self, frame: i32) -> Result<Framing> {
-        const AROUND: f32 = 0.35;
+        const AROUND: f32 = 0.5;
         let frame = self.read(frame)?;
         let (axes, followed) = self.view(&frame);
         let mut framing = Framing::new(Field::new(self.options.fov_deg, self.options.size));

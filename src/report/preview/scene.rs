@@ -62,6 +62,9 @@ pub struct DrawnMesh<'a> {
 const GAIN: f32 = 0.55;
 /// Optical depth of the surface of a mesh: dark with soft shadow edges.
 const SOLID: f32 = 1.65;
+/// How far behind the surface of a body hair is still seen to lie on it, pixels: nearer, a picture does not
+/// tell strands that are interpolated from facets that stand for a smooth skin.
+const LYING: f32 = 2.0;
 /// How far bodies cast shadows beyond the box of the hair, of its longest side: on hair, and on bodies.
 const AROUND: [f32; 2] = [0.2, 1.0];
 
@@ -103,7 +106,8 @@ pub fn draw(
         let colour = tint.as_ref().filter(|_| !face.is_plane);
         lit(&surface, colour.map_or(bare, |roots| roots.tinted(bare, surface.point)), &light)
     };
-    raster::draw(size, fine, backdrop, &triangles, skin, &ribbons)
+    let hides = LYING * fine as f32 / camera.focal;
+    raster::draw(size, fine, backdrop, (&triangles, hides), skin, &ribbons)
 }
 
 /// How the scalp is tinted: only under hair in its natural colours.
@@ -242,10 +246,14 @@ impl Face {
 
 /// The triangles of a mesh that are before the camera.
 fn faces(mesh: &DrawnMesh, camera: &Camera) -> Vec<Face> {
+    // Weighted by the angles of the faces, so that it does not matter how the surface is cut into them (G.
+    // Thürmer and C. A. Wüthrich, "Computing vertex normals from polygonal facets", 1998).
     let mut normals = vec![Vector3::zeros(); mesh.points.len()];
     for t in mesh.triangles {
         let [a, b, c] = t.map(|i| mesh.points[i as usize]);
-        t.iter().for_each(|i| normals[*i as usize] += (b - a).cross(&(c - a)));
+        let Some(across) = (b - a).cross(&(c - a)).try_normalize(0.0) else { continue };
+        let angles = [(b - a).angle(&(c - a)), (c - b).angle(&(a - b)), (a - c).angle(&(b - c))];
+        t.iter().zip(angles).for_each(|(i, angle)| normals[*i as usize] += across * angle);
     }
     normals.iter_mut().for_each(|n| *n = n.try_normalize(0.0).unwrap_or_else(Vector3::zeros));
     let seen: Vec<_> = mesh.points.iter().map(|p| camera.project(*p)).collect();
