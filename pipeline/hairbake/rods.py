@@ -139,7 +139,8 @@ class Scene:
     loads: Sequence[dict[str, Any]] = ()
     """Loads as in anim.json."""
     settings: dict[str, Any] = field(default_factory=dict)
-    """Further settings, as in anim.json."""
+    """Further settings, as in anim.json. Unless they say otherwise contact is with bodies alone: strands are
+    rods of their own, not hair of one head."""
 
     def groom(self) -> dict[str, Any]:
         """Content of groom.json."""
@@ -180,7 +181,8 @@ class Scene:
 
     def anim(self, origin: FloatArray) -> dict[str, Any]:
         """Content of anim.json, with the point `origin` of the world moved to zero."""
-        settings = {"substeps": self.substeps, "preroll_s": self.preroll, **self.settings}
+        rods = {"substeps": self.substeps, "preroll_s": self.preroll, "contact": "bodies"}
+        settings = {**rods, **self.settings}
         if self.nodes is not None:
             settings["nodes"] = self.nodes
         motions = {"clamp": self.motion, "floor": None, **self.bodies}

@@ -93,6 +93,7 @@ class Box:
                 }
                 for name, (point, normal) in planes.items()
             ],
+            settings={"contact": "volume"},
         )
 
 

@@ -97,6 +97,7 @@ def scene(case: Case, substeps: int) -> Scene:
         arc=list(np.linspace(0, 1, 6)),
         gravity=(0.0, 0.0, 0.0),
         loads=loads,
+        settings={"contact": "volume"},
     )
 
 
