@@ -326,6 +326,38 @@ fn hair_keeps_out_of_hair_that_crosses_it_whatever_its_velocity() {
     assert_eq!(upper, V::zeros());
 }
 
+/// Their pieces point everywhere, and the mean of each over a turn along the axis that all have.
+#[test]
+fn curls_that_lie_side_by_side_do_not_keep_apart() {
+    let mut hair = curtain(6, 0.004);
+    hair.set(|_, x| (*x, V::zeros()));
+    for (i, (state, model)) in hair.states.iter_mut().zip(&hair.models).enumerate() {
+        for (tangent, arc) in state.tangent.iter_mut().zip(&model.rod.arc) {
+            let phase = 2.4 * i as f64 + 2.0 * PI * arc / 0.05;
+            *tangent = turning(0.0) * V::new(0.8 * phase.cos(), -0.6, 0.8 * phase.sin());
+        }
+    }
+    hair.record();
+    let HairVolume { pieces, parts, first, .. } = &hair.volume;
+    let crossing = |own: bool| {
+        let of = |(i, piece): (usize, &Piece)| {
+            let axis = if own { piece.tangent } else { hair.volume.axes[i] };
+            Crossing::of((&hair.volume.grid, &hair.volume.stencils[i]), &hair.volume.assembly(i), &axis)
+                .map_or(0.0, |crossing| crossing.fraction / piece.fraction)
+        };
+        // Where a whole turn is around the piece.
+        let whole = |i: usize| {
+            let guide = first[parts[i].guide]..first[parts[i].guide + 1];
+            let before: f64 = parts[guide.start..i].iter().map(|part| part.length).sum();
+            let after: f64 = parts[i + 1..guide.end].iter().map(|part| part.length).sum();
+            before.min(after) > 0.025
+        };
+        let shares: Vec<f64> = pieces.iter().enumerate().filter(|(i, _)| whole(*i)).map(of).collect();
+        shares.iter().sum::<f64>() / shares.len() as f64
+    };
+    assert!(crossing(false) < 0.2 * crossing(true), "{} {}", crossing(false), crossing(true));
+}
+
 #[test]
 fn crowding_and_slip_are_recorded() {
     // Nothing takes slip away.
